@@ -246,6 +246,20 @@ impl Scene {
         Ok(Arc::clone(known.insert(Arc::new(found))))
     }
 
+    /// The rest pose of `built`, this scene as a model sees it: its own where the physics is the
+    /// same.
+    pub(crate) fn rest_of(
+        &self,
+        built: &selvedge_cloth::Scene,
+        teller: &mut Teller<'_>,
+    ) -> Result<Arc<SaggedRest>, physics::RestPoseError> {
+        if built.physics == self.loaded.scene.physics {
+            return self.found_rest(teller);
+        }
+        let found = physics::rest_pose(built, &mut |event| teller.hear(event))?;
+        Ok(Arc::new(found))
+    }
+
     fn copy(&self) -> LoadedScene {
         let mut loaded = self.loaded.clone();
         loaded.warnings.clear();

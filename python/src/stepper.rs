@@ -467,10 +467,12 @@ fn on_scene(
     let settings = guarding::settings(guard)?;
     let stop = Stop::default();
     let mut teller = Teller::new(progress, &stop);
-    let built = Arc::new(scene.loaded.scene.clone());
+    let mut loaded = scene.loaded.clone();
+    start::take_learned_law(&mut loaded);
+    let built = Arc::new(loaded.scene);
     let named = model.named();
     let made = beside(py, &stop, || {
-        let rest = scene.found_rest(&mut teller).map_err(told)?;
+        let rest = scene.rest_of(&built, &mut teller).map_err(told)?;
         start::guarded(&built, &rest.positions, &named, &Machine::Cpu, settings).map_err(told)
     })??;
     let course = course_of(&built, 1)?;

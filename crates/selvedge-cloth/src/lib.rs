@@ -94,9 +94,9 @@ pub use motion::{
 pub use obstacle::{Obstacle, ObstacleError, ObstaclePath, RigidKey};
 pub use pattern::{EdgeSide, NumberedPattern, Pattern, PatternError, PatternPoint};
 pub use physics::{
-    AdaptiveSubsteps, AirLaw, BendingLaw, ConjugateGradients, GeneralisedAlpha, HandleConstraint,
+    AdaptiveSubsteps, AirLaw, ConjugateGradients, ElasticLaw, GeneralisedAlpha, HandleConstraint,
     Integrator, LinearSolver, Newton, PhysicsError, PhysicsMode, PhysicsSettings, SagMethod,
-    SagSettings, StretchLookup, Substepping,
+    SagSettings, Substepping,
 };
 pub use scene::{DEFAULT_FRAME_RATE, Scene, SceneError};
 pub use schedule::{HandleSchedule, Release, ScheduleError};

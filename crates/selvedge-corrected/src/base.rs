@@ -1,10 +1,14 @@
 //! A scene by the cheap physics of a model, and its cloth as the model's columns see it.
 
-use selvedge_cloth::{Cloth, Environment, Integrator, Scene, Substepping};
+use selvedge_cloth::{Cloth, ElasticLaw, Environment, Scene, Substepping};
 use selvedge_model::{ClothGraph, GraphError, PhysicsBase, Stiffness};
 
-/// `scene` by the physics that a model corrects. Materials are damped as the converged physics
-/// needs it, whatever the formula, so that both obey the same equations. Free flight leaves out
+/// Stiffness-proportional damping of the physics that shipped models correct `[s]`.
+const DAMPING: f64 = 2e-4;
+
+/// `scene` by the physics that a model corrects: with the measured law, as when the shipped models
+/// learned. Materials are damped alike whatever the formula, so that model and teacher obey the same
+/// equations. Free flight leaves out
 /// what it cannot have: contact and obstacles, limits of strain, and springs of the handles.
 #[must_use]
 pub fn base_scene(scene: &Scene, base: PhysicsBase) -> Scene {
@@ -13,8 +17,8 @@ pub fn base_scene(scene: &Scene, base: PhysicsBase) -> Scene {
     physics.integrator = base.integrator;
     physics.substeps = base.substeps;
     physics.substepping = Substepping::Fixed;
-    let damping = Integrator::default().least_damping();
-    physics.least_damping.get_or_insert(damping);
+    physics.law = ElasticLaw::Measured;
+    physics.least_damping.get_or_insert(DAMPING);
     if base.flies() {
         physics.fit_to_flight();
         scene.contact = None;

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::Vec3;
-use selvedge_cloth::{Cloth, HandlePath, Integrator, Scene, StepError, Stepper};
+use selvedge_cloth::{Cloth, ElasticLaw, HandlePath, Integrator, Scene, StepError, Stepper};
 use selvedge_corrected::cloth_graph;
 use selvedge_data::{Drive, record};
 use selvedge_model::{ClothGraph, GraphError, Model, ModelFileError};
@@ -173,9 +173,10 @@ pub fn truth_scene(scene: &Scene, model: &Model) -> Scene {
     let mut scene = scene.clone();
     if model.spec().base.is_some() {
         let physics = &mut scene.physics;
-        physics.integrator = Integrator::default();
+        physics.integrator = Integrator::SecondOrder;
         physics.substeps = physics.substeps.max(CONVERGED);
-        let damping = physics.integrator.least_damping();
+        physics.law = ElasticLaw::Measured;
+        let damping = physics.damping(0.0);
         physics.least_damping.get_or_insert(damping);
     }
     scene
@@ -220,7 +221,7 @@ mod tests {
         let finer = truth_scene(&of_scene, &open("corrected")).physics;
         assert_eq!(
             (finer.integrator, finer.substeps),
-            (Integrator::default(), CONVERGED)
+            (Integrator::SecondOrder, CONVERGED)
         );
         assert!(finer.validate().is_ok());
         of_scene.physics.substeps = 20;

@@ -7,7 +7,7 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use selvedge_cloth::{Cloth, ClothError, Scene};
+use selvedge_cloth::{Cloth, ClothError, ElasticLaw, Scene};
 use selvedge_data::{LoadedScene, SavedState, StartSpec};
 use selvedge_guard::{Guard, GuardError, GuardSettings};
 use selvedge_model::Model;
@@ -105,10 +105,19 @@ fn at_rest(scene: &Scene, on_event: &mut OnEvent<'_>) -> Result<Start, StartErro
     }
 }
 
-/// Lets a scene start in its sagged rest pose, the only start of a model. Returns what the scene
+/// Gives a scene the elastic law from which all models so far have learned, the measured one. They
+/// know cloth by its rest pose, and that of another law is another cloth to them.
+pub fn take_learned_law(loaded: &mut LoadedScene) {
+    loaded.scene.physics.law = ElasticLaw::Measured;
+    loaded.spec.setting.physics.law = ElasticLaw::Measured;
+}
+
+/// Lets a scene start in its sagged rest pose, the only start of a model, by the law that models
+/// learned ([`take_learned_law`]). Returns what the scene
 /// asks for and `model` does not do; the scene's own list of warnings has it from then on.
 pub fn for_model(loaded: &mut LoadedScene, model: &Model) -> Vec<&'static str> {
     let mut warnings = Vec::new();
+    take_learned_law(loaded);
     if loaded.spec.start != StartSpec::Rest {
         warnings.push(
             "start: a rollout and its truth start in the sagged rest pose, and not as the scene says: take `selvedge simulate` for that",

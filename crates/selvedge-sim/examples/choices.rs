@@ -17,9 +17,9 @@ use glam::{DVec3, Vec3};
 use selvedge_cloth::generate::{SquareSpec, square};
 use selvedge_cloth::motion::named::by_name;
 use selvedge_cloth::{
-    AdaptiveSubsteps, BendingLaw, ConjugateGradients, Environment, GeneralisedAlpha,
-    HandleConstraint, HandleSchedule, Handles, Integrator, LinearSolver, Newton, PhysicsMode,
-    PhysicsSettings, SagSettings, Scene, StepError, Stepper, StretchLookup, Substepping,
+    AdaptiveSubsteps, ElasticLaw, Environment, HandleConstraint, HandleSchedule, Handles,
+    Integrator, LinearSolver, Newton, PhysicsMode, PhysicsSettings, SagSettings, Scene, StepError,
+    Stepper, Substepping,
 };
 use selvedge_sim::{Simulator, sag};
 
@@ -71,11 +71,10 @@ fn choices() -> Vec<(&'static str, PhysicsSettings)> {
         max_change: 0.02,
         ..AdaptiveSubsteps::default()
     });
-    let solver = LinearSolver::ConjugateGradients(ConjugateGradients::default());
-    let (handles, bending) = (HandleConstraint::Spring, BendingLaw::Arcsim);
-    let stretch_lookup = StretchLookup::Exact;
-    let less_damped = PhysicsSettings {
-        integrator: Integrator::GeneralisedAlpha(GeneralisedAlpha::default()),
+    let solver = LinearSolver::Cholesky;
+    let (handles, law) = (HandleConstraint::Spring, ElasticLaw::Measured);
+    let bdf2 = PhysicsSettings {
+        integrator: Integrator::SecondOrder,
         ..usual
     };
     let undamped = PhysicsSettings {
@@ -83,11 +82,11 @@ fn choices() -> Vec<(&'static str, PhysicsSettings)> {
         ..usual
     };
     vec![
-        ("default: second order, 2 substeps", usual),
+        ("default: generalised-alpha, 2 substeps", usual),
         ("1 substep", one),
         ("4 substeps", substeps(4)),
         ("8 substeps", substeps(8)),
-        ("generalised-alpha", less_damped),
+        ("BDF2", bdf2),
         ("Newton", newton(usual, Integrator::SecondOrderNewton)),
         ("first order, 1 substep", first_order(1)),
         ("first order, 2 substeps", first_order(2)),
@@ -103,16 +102,9 @@ fn choices() -> Vec<(&'static str, PhysicsSettings)> {
             PhysicsSettings { substepping, ..one },
         ),
         ("no damping", undamped),
-        ("conjugate gradients", PhysicsSettings { solver, ..usual }),
+        ("Cholesky", PhysicsSettings { solver, ..usual }),
         ("spring handles", PhysicsSettings { handles, ..usual }),
-        ("one-sided bending", PhysicsSettings { bending, ..usual }),
-        (
-            "exact look-up",
-            PhysicsSettings {
-                stretch_lookup,
-                ..usual
-            },
-        ),
+        ("measured law", PhysicsSettings { law, ..usual }),
     ]
 }
 

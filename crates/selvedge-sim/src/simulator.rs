@@ -357,6 +357,17 @@ impl Simulator {
             .sum()
     }
 
+    /// Energy of the cloth in its elements and in gravity, -Σ m g·x, `[J]`; none with a law that
+    /// has no energy. Contact, springs of handles and the air are not in it.
+    #[must_use]
+    pub fn potential_energy(&self) -> Option<f64> {
+        let positions = &self.state.positions;
+        let gravity = self.scene.environment.gravity;
+        let masses = self.vertex_mass().iter().zip(positions);
+        let lifted: f64 = masses.map(|(mass, x)| -mass * gravity.dot(*x)).sum();
+        Some(self.active.system.elastic_energy(positions)? + lifted)
+    }
+
     /// Substeps so far by what they came to; all 0 with an integrator of first order.
     #[must_use]
     pub fn substep_counts(&self) -> SubstepCounts {

@@ -146,19 +146,45 @@ fn wrong_settings_are_named() {
 fn a_mode_is_its_settings() {
     let arcsim = PhysicsSettings::in_mode(PhysicsMode::Arcsim);
     assert_eq!(arcsim.handles, HandleConstraint::Spring);
-    assert_eq!(arcsim.bending, BendingLaw::Arcsim);
-    assert_eq!(arcsim.stretch_lookup, StretchLookup::Grid);
+    assert_eq!(arcsim.law, ElasticLaw::Arcsim);
     let own = PhysicsSettings::in_mode(PhysicsMode::default());
     assert_eq!(own, PhysicsSettings::default());
 }
 
 #[test]
+fn laws_of_before_are_read() {
+    let read = |text: &str| toml::from_str::<PhysicsSettings>(text).map(|settings| settings.law);
+    for (text, law) in [
+        ("", ElasticLaw::Energy),
+        ("bending = \"symmetric\"", ElasticLaw::Energy),
+        ("bending = \"arcsim\"", ElasticLaw::Arcsim),
+        ("stretch_lookup = \"grid\"", ElasticLaw::Measured),
+        (
+            "law = \"arcsim\"\nbending = \"symmetric\"",
+            ElasticLaw::Measured,
+        ),
+        (
+            "bending = \"symmetric\"\nstretch_lookup = \"grid\"",
+            ElasticLaw::Measured,
+        ),
+        (
+            "bending = \"arcsim\"\nstretch_lookup = \"grid\"",
+            ElasticLaw::Arcsim,
+        ),
+    ] {
+        assert_eq!(read(text), Ok(law), "{text}");
+    }
+    let gone = read("stretch_lookup = \"exact\"").unwrap_err().to_string();
+    assert!(gone.contains("law = \"energy\""), "{gone}");
+}
+
+#[test]
 fn toml_keeps_defaults_and_names_unknown_keys() {
-    let text = "handles = \"spring\"\nbending = \"arcsim\"";
+    let text = "handles = \"spring\"\nlaw = \"arcsim\"";
     let settings: PhysicsSettings = toml::from_str(text).unwrap();
     assert_eq!(settings.substeps, PhysicsSettings::default().substeps);
     assert_eq!(settings.handles, HandleConstraint::Spring);
-    assert_eq!(settings.bending, BendingLaw::Arcsim);
+    assert_eq!(settings.law, ElasticLaw::Arcsim);
     let text = toml::to_string(&settings).unwrap();
     assert_eq!(toml::from_str::<PhysicsSettings>(&text).unwrap(), settings);
     for (text, named) in [

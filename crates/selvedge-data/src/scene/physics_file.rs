@@ -36,7 +36,7 @@ impl TryFrom<Value> for PhysicsFile {
 
 #[cfg(test)]
 mod tests {
-    use selvedge_cloth::{BendingLaw, HandleConstraint, StretchLookup};
+    use selvedge_cloth::{ElasticLaw, HandleConstraint};
 
     use super::*;
 
@@ -75,18 +75,15 @@ mod tests {
             ..PhysicsSettings::default()
         };
         assert_eq!(read("physics.handles = \"spring\""), Ok(alone));
-        let bending = BendingLaw::Arcsim;
+        let law = ElasticLaw::Measured;
         let alone = PhysicsSettings {
-            bending,
+            law,
             ..PhysicsSettings::default()
         };
-        assert_eq!(read("physics.bending = \"arcsim\""), Ok(alone));
-        let stretch_lookup = StretchLookup::Exact;
-        let alone = PhysicsSettings {
-            stretch_lookup,
-            ..arcsim
-        };
-        let text = "physics = { mode = \"arcsim\", stretch_lookup = \"exact\" }";
+        assert_eq!(read("physics.law = \"measured\""), Ok(alone));
+        // Keys of before.
+        let alone = PhysicsSettings { law, ..arcsim };
+        let text = "physics = { mode = \"arcsim\", bending = \"symmetric\" }";
         assert_eq!(read(text), Ok(alone));
     }
 

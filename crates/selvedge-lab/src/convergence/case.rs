@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use selvedge_cloth::{Integrator, Scene, Substepping};
+use selvedge_cloth::{Integrator, PhysicsSettings, Scene, Substepping};
 use selvedge_data::{LoadedScene, SavedState, SceneFileError, SceneSpec, StartSpec};
 use selvedge_model::Aspect;
 
@@ -43,8 +43,11 @@ impl Case {
         for physics in [&mut loaded.scene.physics, &mut loaded.spec.setting.physics] {
             physics.substepping = Substepping::Fixed;
             // The same equations for every integrator.
-            let damping = Integrator::default().least_damping();
-            physics.least_damping.get_or_insert(damping);
+            let usual = PhysicsSettings {
+                integrator: Integrator::default(),
+                ..*physics
+            };
+            physics.least_damping = Some(usual.damping(0.0));
         }
         Self {
             name: loaded.spec.name.clone(),

@@ -129,7 +129,7 @@ impl Method {
         Self {
             integrator: NamedIntegrator {
                 name,
-                integrator: base.map_or(Integrator::default(), |base| base.integrator),
+                integrator: base.map_or(Integrator::SecondOrder, |base| base.integrator),
                 model: Some(model),
                 instructions,
             },

@@ -171,7 +171,7 @@ impl Run {
         let lead = rng.random_range(0..=cfg.samples.lead.min(lasts));
         let base = cfg.model.base.ok_or("model.base is missing")?;
         let leading = PhysicsBase {
-            integrator: Integrator::default(),
+            integrator: Integrator::SecondOrder,
             substeps: 2,
             forgets: false,
             differences: Differences::default(),

@@ -16,8 +16,8 @@ pub(crate) const LEAST_LATENT: usize = 8;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PhysicsBase {
-    /// Formula of a substep.
-    #[serde(default)]
+    /// Formula of a substep; BDF2 if it is not said.
+    #[serde(default = "bdf2")]
     pub integrator: Integrator,
     /// Implicit solves per frame, at least 1.
     pub substeps: u32,
@@ -28,6 +28,10 @@ pub struct PhysicsBase {
     /// The differences of the motion that the network is shown.
     #[serde(default, skip_serializing_if = "Differences::are_over_frames")]
     pub differences: Differences,
+}
+
+fn bdf2() -> Integrator {
+    Integrator::SecondOrder
 }
 
 /// Lengths of a frame and of a substep.
@@ -122,7 +126,7 @@ mod tests {
             (20, 24, 6)
         );
         let base = spec.base.expect("a base");
-        assert_eq!(base.integrator, Integrator::default());
+        assert_eq!(base.integrator, Integrator::SecondOrder);
         assert!(!base.forgets);
         let text = serde_json::to_string(&spec).expect("JSON");
         assert_eq!(serde_json::from_str::<ModelSpec>(&text).ok(), Some(spec));

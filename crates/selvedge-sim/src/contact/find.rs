@@ -348,6 +348,14 @@ impl Contact {
         }
     }
 
+    /// Drops the touches that pulled in the last solve, whose ends are certified or not. Returns
+    /// true if there were some.
+    pub(super) fn release(&self, touches: &mut Touches) -> bool {
+        let count = touches.list.len();
+        touches.list.retain(|touch| !touch.pulls(|v| self.end[v]));
+        touches.list.len() < count
+    }
+
     /// Lets pairs that failed push in the next solve, harder than in the last. Returns false if
     /// none of them can.
     ///
@@ -356,8 +364,6 @@ impl Contact {
     /// What was caught before and pulls is let go.
     pub(super) fn catch(&mut self, touches: &mut Touches) -> bool {
         let (mut caught, mut new) = (false, Vec::new());
-        let end = &self.end;
-        touches.list.retain(|touch| !touch.pulls(|v| end[v]));
         let mut met = vec![0; self.mass.len()];
         let count = touches.list.len();
         let mut failed: Vec<_> = self.failed().collect();

@@ -36,12 +36,9 @@ use memory::Held;
 pub(crate) use memory::Memory;
 pub(crate) use touches::{Touches, to_single};
 
-/// Times that a solve is repeated with pairs that met unexpectedly, at most.
-const REPEATS: usize = 3;
-/// Pairs without a certificate from which on a solve is repeated once only, and the rest pushed
-/// apart: something has struck the cloth, and each repeat ends far from the last one. With half as
-/// many, cloth that folds and crumples was pushed too.
-const STRUCK: usize = 40;
+/// Times that a solve is repeated, at most, with pairs that met unexpectedly and without those that
+/// pulled.
+const REPEATS: usize = 8;
 
 /// Distance that points may stray from their expected way, as a part of the thickness.
 const SLACK: f64 = 2.0;
@@ -333,11 +330,14 @@ impl Contact {
             self.put_start(&state.positions, now, span.to);
             let mut is_limited = self.solve(left, span, active, state, history)?;
             let mut repeats = 0;
-            while !self.certify_solve(span.threads, &state.positions)
-                && (repeats == 0 || repeats < REPEATS && self.failed().count() < STRUCK)
-                && self.arcsim.is_none()
-                && self.catch(&mut active.system.touches)
-            {
+            let mut is_certified = self.certify_solve(span.threads, &state.positions);
+            while repeats < REPEATS && self.arcsim.is_none() {
+                let touches = &mut active.system.touches;
+                let has_released = self.release(touches);
+                let has_caught = !is_certified && self.catch(touches);
+                if !(has_released || has_caught) {
+                    break;
+                }
                 repeats += 1;
                 self.counts.repeated += 1;
                 history.forget();
@@ -345,6 +345,7 @@ impl Contact {
                 active.system.repeat_start();
                 active.advance_first_order_unlimited(left, state, span.targets)?;
                 is_limited = false;
+                is_certified = self.certify_solve(span.threads, &state.positions);
             }
             let touches = &active.system.touches;
             self.received

@@ -6,6 +6,10 @@ use super::barrier::{Barrier, Tangent};
 use super::friction::{along_surface, drag, outer};
 use super::keys::Key;
 
+/// Pull from which a touch is released, as a part of its inertial stiffness times the thickness: it
+/// would move the pair alone by a tenth of the thickness.
+const PULL: f64 = 0.1;
+
 /// A pair that pushes, frozen for a substep: its direction and weights stay.
 #[derive(Clone, Debug)]
 pub(crate) struct Touch {
@@ -92,11 +96,16 @@ impl Touch {
         sum
     }
 
-    /// Returns true if a touch that was caught pulled at the end of the last solve, where the
-    /// points are at `place` `[m]`.
+    /// Returns true if the touch pulled in the last solve, at whose end the points are at `place`
+    /// `[m]`.
+    ///
+    /// The tangent of a push goes on below zero. A pair that ends farther apart than it was
+    /// expected to would be held like glue, and many of them, as on a body of fine faces, would
+    /// strain the cloth without bound.
     pub(super) fn pulls(&self, place: impl Fn(usize) -> DVec3) -> bool {
         let gap = self.gap + self.normal.dot(self.displacement(place));
-        self.at.is_some() && self.response.tangent.force_at(gap) < 0.0
+        let least = PULL * self.response.grip * self.thickness;
+        self.response.tangent.force_at(gap) < -least
     }
 
     /// Returns true if it couples vertices that the matrix of the cloth does not.

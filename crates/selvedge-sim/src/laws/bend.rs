@@ -3,13 +3,14 @@
 //!
 //! The four corners of an edge are its ends 0 → 1 (counter-clockwise in the left face), the
 //! opposite vertex of the left face, and that of the right face. The angle θ is positive if the
-//! wings rise towards the normals; θ₀ is the rest angle. Bending stiffness and edge length are held
-//! constant when differentiating. Degenerate faces (height below 10⁻³ of the edge) count as if they
+//! wings rise towards the normals; θ₀ is the rest angle. With [`ElasticLaw::Energy`] the force is the
+//! gradient of an energy of θ alone; the other laws read the edge's length now, and hold stiffness
+//! and length constant when differentiating. Degenerate faces (height below 10⁻³ of the edge) count as if they
 //! had that height.
 
 use glam::{DMat3, DVec2, DVec3};
 use selvedge_cloth::geometry::{dihedral_angle, signed_area_2d};
-use selvedge_cloth::{BendTable, BendingLaw};
+use selvedge_cloth::{BendTable, ElasticLaw};
 
 /// An interior edge's rest shape and its row of the material's table.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,6 +19,8 @@ pub struct BendElement {
     stiffness: [f64; 5],
     /// Material area of the two faces together `[m²]`.
     area: f64,
+    /// Length of the edge in the pattern `[m]`.
+    length: f64,
     /// Angle without torque θ₀ `[rad]`.
     rest_angle: f64,
 }
@@ -40,8 +43,11 @@ pub struct BendResponse {
     pub gradient: [DVec3; 4],
     /// Signed dihedral angle beyond the rest angle, θ - θ₀ `[rad]`.
     pub angle: f64,
-    /// Stiffness of the hinge, coeff/2 = ke l²/(4 (a_A + a_B)) `[N·m]`.
+    /// Stiffness of the hinge, coeff/2 = ke l²/(4 (a_A + a_B)) `[N·m]`: the torque over the angle.
     pub stiffness: f64,
+    /// The torque's derivative by the angle `[N·m]`, never negative. Laws without an energy hold
+    /// the stiffness constant.
+    pub tangent: f64,
 }
 
 /// Columns of the bending table.
@@ -58,6 +64,7 @@ impl BendElement {
         Self {
             stiffness: stiffness_along(table, to - from),
             area: signed_area_2d(from, to, left).abs() + signed_area_2d(from, right, to).abs(),
+            length: from.distance(to),
             rest_angle: 0.0,
         }
     }
@@ -68,9 +75,11 @@ impl BendElement {
     #[must_use]
     pub fn across(sides: [HingeSide<'_>; 2]) -> Self {
         let [left, right] = sides.map(|side| stiffness_along(side.table, side.along));
+        let lengths = sides.map(|side| side.along.length());
         Self {
             stiffness: std::array::from_fn(|column| 0.5 * (left[column] + right[column])),
             area: sides[0].area + sides[1].area,
+            length: 0.5 * (lengths[0] + lengths[1]),
             rest_angle: 0.0,
         }
     }
@@ -102,24 +111,72 @@ impl BendElement {
 
     /// Force and Jacobian at these corner positions `[m]`.
     ///
-    /// coeff = ke l²/(2 (a_A + a_B)), ke read at 0.1 (θ - θ₀) l/(a_A + a_B), l the current length;
-    /// [`BendingLaw::Symmetric`] reads it at |θ - θ₀|. `[eq:bend-stiffness]`
+    /// coeff = ke l²/(2 (a_A + a_B)), ke read at 0.1 |θ - θ₀| l/(a_A + a_B), l the edge's length in
+    /// the pattern. [`ElasticLaw::Measured`] takes the length now, and so does
+    /// [`ElasticLaw::Arcsim`], which reads ke at θ - θ₀ whatever its sign. `[eq:bend-stiffness]`
     #[must_use]
     #[inline(always)]
-    pub fn respond(&self, law: BendingLaw, corners: [DVec3; 4]) -> BendResponse {
+    pub fn respond(&self, law: ElasticLaw, corners: [DVec3; 4]) -> BendResponse {
         let [from, to, left, right] = corners;
         let angle = beyond(dihedral_angle(from, to, left, right), self.rest_angle);
-        let length = from.distance(to);
-        let read_at = match law {
-            BendingLaw::Symmetric => angle.abs(),
-            BendingLaw::Arcsim => angle,
+        let length = match law {
+            ElasticLaw::Energy => self.length,
+            ElasticLaw::Measured | ElasticLaw::Arcsim => from.distance(to),
         };
-        let ke = self.stiffness_at(0.1 * read_at * length / self.area);
+        let read_at = match law {
+            ElasticLaw::Energy | ElasticLaw::Measured => angle.abs(),
+            ElasticLaw::Arcsim => angle,
+        };
+        let curvature = 0.1 * read_at * length / self.area;
+        let ke = self.stiffness_at(curvature);
+        let growth = match law {
+            ElasticLaw::Energy => curvature * self.slope_at(curvature),
+            ElasticLaw::Measured | ElasticLaw::Arcsim => 0.0,
+        };
+        let scale = length * length / (4.0 * self.area);
         BendResponse {
             gradient: angle_gradient(corners),
             angle,
-            stiffness: ke * length * length / (4.0 * self.area),
+            stiffness: ke * scale,
+            tangent: (ke + growth).max(0.0) * scale,
         }
+    }
+
+    /// d ke/d value at a dimensionless curvature that is not negative.
+    #[inline(always)]
+    fn slope_at(&self, curvature: f64) -> f64 {
+        let low = curvature.min((COLUMNS - 1) as f64) as usize;
+        match low < COLUMNS - 1 {
+            true => self.stiffness[low + 1] - self.stiffness[low],
+            false => 0.0,
+        }
+    }
+
+    /// Energy of [`ElasticLaw::Energy`] at these corner positions `[J]`: ∫ coeff/2 φ dφ from 0 to
+    /// |θ - θ₀|, in closed form between two columns of the table. `[eq:bend-energy]`
+    #[must_use]
+    pub fn energy(&self, corners: [DVec3; 4]) -> f64 {
+        let [from, to, left, right] = corners;
+        let angle = beyond(dihedral_angle(from, to, left, right), self.rest_angle).abs();
+        // The curvature is this many times the angle.
+        let rate = 0.1 * self.length / self.area;
+        let end = rate * angle;
+        // ∫ (k + s (u - low)) u du.
+        let integral = |low: usize, k: f64, slope: f64| {
+            let (from, to) = (low as f64, end.min((low + 1) as f64));
+            let (k, cubes) = (k - slope * from, (to.powi(3) - from.powi(3)) / 3.0);
+            0.5 * k * (to * to - from * from) + slope * cubes
+        };
+        let columns = (0..COLUMNS - 1).take_while(|low| end > *low as f64);
+        let table: f64 = columns
+            .map(|low| {
+                let k = self.stiffness[low];
+                integral(low, k, self.stiffness[low + 1] - k)
+            })
+            .sum();
+        let last = (COLUMNS - 1) as f64;
+        let beyond = 0.5 * self.stiffness[COLUMNS - 1] * (end * end - last * last).max(0.0);
+        self.length * self.length / (4.0 * self.area) * (table + beyond) / (rate * rate)
     }
 }
 
@@ -161,7 +218,7 @@ impl BendResponse {
     #[must_use]
     #[inline(always)]
     pub fn negative_jacobian(&self, row: usize, column: usize) -> DMat3 {
-        let left = self.gradient[row] * self.stiffness;
+        let left = self.gradient[row] * self.tangent;
         let right = self.gradient[column];
         DMat3::from_cols(left * right.x, left * right.y, left * right.z)
     }
@@ -170,7 +227,7 @@ impl BendResponse {
     #[must_use]
     #[inline(always)]
     pub fn negative_jacobian_times(&self, vectors: [DVec3; 4]) -> [DVec3; 4] {
-        let scale = self.stiffness * self.rate(vectors);
+        let scale = self.tangent * self.rate(vectors);
         self.gradient.map(|gradient| gradient * scale)
     }
 
@@ -264,7 +321,7 @@ mod tests {
 
     #[test]
     fn wings_that_rise_towards_the_normals_are_pushed_back() {
-        let response = BendElement::new(&TABLE, REST).respond(BendingLaw::Symmetric, folded());
+        let response = BendElement::new(&TABLE, REST).respond(ElasticLaw::Measured, folded());
         assert!(response.angle > 0.0);
         let force = response.force();
         // Normals are near +z here: the wings are pushed down, the edge up.
@@ -275,7 +332,7 @@ mod tests {
     fn forces_make_no_momentum() {
         let corners = folded();
         let force = BendElement::new(&TABLE, REST)
-            .respond(BendingLaw::Arcsim, corners)
+            .respond(ElasticLaw::Arcsim, corners)
             .force();
         let largest = force.iter().map(|f| f.length()).fold(0.0, f64::max);
         let torque: DVec3 = corners.iter().zip(force).map(|(x, f)| x.cross(f)).sum();
@@ -288,16 +345,16 @@ mod tests {
         let element = BendElement::new(&TABLE, REST);
         let mirrored = folded().map(|x| DVec3::new(x.x, x.y, -x.z));
         let (one, other) = (
-            element.respond(BendingLaw::Symmetric, folded()),
-            element.respond(BendingLaw::Symmetric, mirrored),
+            element.respond(ElasticLaw::Measured, folded()),
+            element.respond(ElasticLaw::Measured, mirrored),
         );
         assert_eq!(one.angle, -other.angle);
         assert_eq!(one.stiffness, other.stiffness);
         for (one, other) in one.force().iter().zip(other.force()) {
             assert_eq!(*one, DVec3::new(other.x, other.y, -other.z));
         }
-        let positive = element.respond(BendingLaw::Arcsim, folded());
-        let negative = element.respond(BendingLaw::Arcsim, mirrored);
+        let positive = element.respond(ElasticLaw::Arcsim, folded());
+        let negative = element.respond(ElasticLaw::Arcsim, mirrored);
         assert_eq!(positive.stiffness, one.stiffness);
         assert!((negative.stiffness - one.stiffness).abs() > 1e-3 * one.stiffness);
     }
@@ -329,7 +386,7 @@ mod tests {
 
     #[test]
     fn jacobian_is_the_outer_product_of_the_gradient() {
-        let response = BendElement::new(&TABLE, REST).respond(BendingLaw::Symmetric, folded());
+        let response = BendElement::new(&TABLE, REST).respond(ElasticLaw::Measured, folded());
         let vectors = [DVec3::X, DVec3::new(0.2, -1.0, 0.5), DVec3::Z, -DVec3::ONE];
         let product = response.negative_jacobian_times(vectors);
         let mut form = 0.0;
@@ -349,12 +406,12 @@ mod tests {
         let theta = angle(folded());
         let resting = flat
             .resting_at(theta)
-            .respond(BendingLaw::Symmetric, folded());
+            .respond(ElasticLaw::Measured, folded());
         assert_eq!(resting.angle, 0.0);
         assert_eq!(resting.force(), [DVec3::ZERO; 4]);
         // The energy k/2 (θ - θ₀)² has the force as its negative gradient; k is held constant.
         let element = flat.resting_at(-0.3);
-        let response = element.respond(BendingLaw::Symmetric, folded());
+        let response = element.respond(ElasticLaw::Measured, folded());
         assert!((response.angle - theta - 0.3).abs() < 1e-15);
         let energy = |corners| 0.5 * response.stiffness * (angle(corners) + 0.3).powi(2);
         let h = 1e-7;
@@ -408,10 +465,10 @@ mod tests {
     fn flat_and_folded_shut_are_finite() {
         let element = BendElement::new(&TABLE, REST);
         let flat = REST.map(|c| c.extend(0.0));
-        assert_eq!(element.respond(BendingLaw::Symmetric, flat).angle, 0.0);
+        assert_eq!(element.respond(ElasticLaw::Measured, flat).angle, 0.0);
         let collapsed = [flat[0], flat[1], flat[0], flat[0]];
         for corners in [collapsed, [flat[0], flat[1], flat[2], flat[2]]] {
-            let response = element.respond(BendingLaw::Symmetric, corners);
+            let response = element.respond(ElasticLaw::Measured, corners);
             assert!(response.force().iter().all(|f| f.is_finite()));
         }
     }

@@ -6,4 +6,5 @@ pub mod external;
 pub mod strain;
 pub(crate) mod strain_limit;
 pub mod stretch;
+pub mod stretch_energy;
 pub mod stretch_table;

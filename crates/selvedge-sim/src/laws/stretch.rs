@@ -1,17 +1,34 @@
-//! Resistance to stretching, per face, of the data-driven model of Wang, O'Brien and Ramamoorthi
-//! 2011 as ARCSim integrates it.
+//! Resistance to stretching, per face: force and Jacobian from a law's stress and tangent.
 //!
 //! With F = ∂x/∂(u, v) (columns f_u, f_v), G = (FᵀF - I)/2 and the shape derivatives d_u, d_v of
-//! the three corners, force and Jacobian are those of an anisotropic Green strain energy whose
-//! stiffness k(G) is held constant when differentiating. The part of the Jacobian that stems from
-//! the stress counts only tension, and so stays positive semidefinite if k0 k2 ≥ k1². The look-up
-//! of k is in [`crate::laws::stretch_table`].
+//! the three corners, the force is that of the second Piola-Kirchhoff stress S(G). The Jacobian has
+//! two parts: the tangent of the law, and the stress that turns with the cloth, of which only a
+//! positive semidefinite part counts. The laws are [`crate::laws::stretch_energy`] and
+//! [`crate::laws::stretch_table`].
 
 use glam::{DMat3, DVec2, DVec3};
 use selvedge_cloth::geometry::signed_area_2d;
 
 use crate::laws::strain::Strain;
-use crate::laws::stretch_table::{StiffnessGrowth, StretchStiffness};
+
+/// A law of stretching.
+pub trait StretchLaw {
+    /// Stress and tangent at `strain`. `stiffening` asks a law whose tangent is not exact for one
+    /// that knows how the stiffness grows with strain.
+    fn at(&self, strain: Strain, stiffening: bool) -> Elastic;
+}
+
+/// A law's answer at one strain.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Elastic {
+    /// S00, S11 and S01 `[N/m]`. Where there is an energy, ∂W/∂G00, ∂W/∂G11 and half of ∂W/∂G01.
+    pub stress: Strain,
+    /// ∂(S00, S11, 2 S01)/∂(G00, G11, G01) `[N/m]`, symmetric: its entries 00, 01, 11, 22, 02, 12.
+    pub tangent: [f64; 6],
+    /// The part of the stress that counts in the Jacobian: T00, T11, T01 `[N/m]`, positive
+    /// semidefinite.
+    pub tension: [f64; 3],
+}
 
 /// A face's rest shape, which turns corner positions into a deformation gradient.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -30,9 +47,7 @@ pub struct StretchResponse {
     pub(crate) element: StretchElement,
     pub(crate) along_u: DVec3,
     pub(crate) along_v: DVec3,
-    pub(crate) stiffness: [f64; 4],
-    stress: Strain,
-    pub(crate) tension: DVec2,
+    pub(crate) elastic: Elastic,
 }
 
 impl StretchElement {
@@ -71,70 +86,21 @@ impl StretchElement {
         green_strain(along_u, along_v)
     }
 
-    /// Force and Jacobian at these corner positions `[m]`.
+    /// Force and Jacobian at these corner positions `[m]`, as [`StretchLaw::at`] has them.
     #[must_use]
     #[inline(always)]
     pub fn respond(
         &self,
-        stiffness: &impl StretchStiffness,
+        law: &impl StretchLaw,
+        stiffening: bool,
         corners: [DVec3; 3],
     ) -> StretchResponse {
         let (along_u, along_v) = self.gradient(corners);
-        let strain = green_strain(along_u, along_v);
-        self.response(along_u, along_v, strain, stiffness.at(strain))
-    }
-
-    /// As [`Self::respond`], with a Jacobian that knows how the stiffness grows with strain: in
-    /// place of k it has k + dk/ds, no less than k on the diagonal, and positive semidefinite.
-    /// `[eq:stretch-growth]`
-    ///
-    /// A linear solve far from its end needs that: with k alone, the Jacobian of a fabric that
-    /// stiffens is too small by half and more.
-    #[must_use]
-    #[inline(always)]
-    pub fn respond_stiffening(
-        &self,
-        stiffness: &impl StretchStiffness,
-        corners: [DVec3; 3],
-    ) -> StretchResponse {
-        let (along_u, along_v) = self.gradient(corners);
-        let strain = green_strain(along_u, along_v);
-        let StiffnessGrowth { stiffness, growth } = stiffness.with_growth(strain);
-        let grown = |index: usize| stiffness[index] + growth[index].max(0.0);
-        let (k0, k2) = (grown(0), grown(2));
-        let most = (k0 * k2).sqrt();
-        // Not `clamp`, which panics where `most` is NaN: the solve names what is not finite.
-        let k1 = (stiffness[1] + growth[1]).max(-most).min(most);
-        StretchResponse {
-            stiffness: [k0, k1, k2, grown(3)],
-            ..self.response(along_u, along_v, strain, stiffness)
-        }
-    }
-
-    #[inline(always)]
-    fn response(
-        &self,
-        along_u: DVec3,
-        along_v: DVec3,
-        strain: Strain,
-        stiffness: [f64; 4],
-    ) -> StretchResponse {
-        let [k0, k1, k2, k3] = stiffness;
-        let positive = DVec2::new(strain.uu.max(0.0), strain.vv.max(0.0));
         StretchResponse {
             element: *self,
             along_u,
             along_v,
-            stiffness: [k0, k1, k2, k3],
-            stress: Strain {
-                uu: k0 * strain.uu + k1 * strain.vv,
-                vv: k2 * strain.vv + k1 * strain.uu,
-                uv: k3 * strain.uv,
-            },
-            tension: DVec2::new(
-                k0 * positive.x + k1 * positive.y,
-                k2 * positive.y + k1 * positive.x,
-            ),
+            elastic: law.at(green_strain(along_u, along_v), stiffening),
         }
     }
 }
@@ -149,42 +115,38 @@ fn green_strain(along_u: DVec3, along_v: DVec3) -> Strain {
 }
 
 impl StretchResponse {
-    /// Force on the three corners `[N]`:
-    /// F = -a [(k0 G00 + k1 G11) g_uu + (k2 G11 + k1 G00) g_vv + 2 k3 G01 g_uv] with
+    /// Force on the three corners `[N]`: F = -a [S00 g_uu + S11 g_vv + 2 S01 g_uv] with
     /// g_uu = d_u ⊗ f_u, g_vv = d_v ⊗ f_v, g_uv = (d_u ⊗ f_v + d_v ⊗ f_u)/2. `[eq:stretch-force]`
     #[must_use]
     #[inline(always)]
     pub fn force(&self) -> [DVec3; 3] {
-        let (stress, area) = (self.stress, self.element.area);
+        let (stress, area) = (self.elastic.stress, self.element.area);
         let by_u = (self.along_u * stress.uu + self.along_v * stress.uv) * -area;
         let by_v = (self.along_v * stress.vv + self.along_u * stress.uv) * -area;
         self.spread(by_u, by_v)
     }
 
-    /// Block (`row`, `column`) of the negative Jacobian -J `[N/m]`, `[3, 3]`:
-    /// -J = a [k0 g_uu g_uuᵀ + k2 g_vv g_vvᵀ + k1 (g_uu g_vvᵀ + g_vv g_uuᵀ) + 2 k3 g_uv g_uvᵀ +
-    /// (k0 G00⁺ + k1 G11⁺) d_u d_uᵀ ⊗ I + (k2 G11⁺ + k1 G00⁺) d_v d_vᵀ ⊗ I].
+    /// Block (`row`, `column`) of the negative Jacobian `[N/m]`, `[3, 3]`: with the tangent H and
+    /// g = (g_uu, g_vv, g_uv),
+    /// -J = a [Σ H_ij g_i g_jᵀ + (T00 d_u d_uᵀ + T11 d_v d_vᵀ + T01 (d_u d_vᵀ + d_v d_uᵀ)) ⊗ I].
     /// `[eq:stretch-jacobian]`
     #[must_use]
     #[inline(always)]
     pub fn negative_jacobian(&self, row: usize, column: usize) -> DMat3 {
         let element = &self.element;
-        let [k0, k1, k2, k3] = self.stiffness;
-        let [k0, k1, k2, k3] = [
-            k0 * element.area,
-            k1 * element.area,
-            k2 * element.area,
-            k3 * element.area,
-        ];
+        let [k0, k1, k2, k3, u3, v3] = self.elastic.tangent.map(|k| k * element.area);
+        let (shear, u3, v3) = (0.25 * k3, 0.5 * u3, 0.5 * v3);
         let (row_u, row_v) = (element.shape_u[row], element.shape_v[row]);
         let (column_u, column_v) = (element.shape_u[column], element.shape_v[column]);
         let (uu, vv) = (row_u * column_u, row_v * column_v);
         let (uv, vu) = (row_u * column_v, row_v * column_u);
-        let shear = 0.5 * k3;
         // Left factor of f_uᵀ and of f_vᵀ.
-        let left_u = self.along_u * (k0 * uu + shear * vv) + self.along_v * (k1 * vu + shear * uv);
-        let left_v = self.along_u * (k1 * uv + shear * vu) + self.along_v * (k2 * vv + shear * uu);
-        let diagonal = element.area * (self.tension.x * uu + self.tension.y * vv);
+        let left_u = self.along_u * (k0 * uu + shear * vv + u3 * (uv + vu))
+            + self.along_v * (k1 * vu + shear * uv + (u3 * uu + v3 * vv));
+        let left_v = self.along_u * (k1 * uv + shear * vu + (u3 * uu + v3 * vv))
+            + self.along_v * (k2 * vv + shear * uu + v3 * (uv + vu));
+        let [t0, t1, t2] = self.elastic.tension;
+        let diagonal = element.area * (t0 * uu + t1 * vv + t2 * (uv + vu));
         let column = |u: f64, v: f64| left_u * u + left_v * v;
         DMat3::from_cols(
             column(self.along_u.x, self.along_v.x) + DVec3::new(diagonal, 0.0, 0.0),
@@ -202,13 +164,19 @@ impl StretchResponse {
         let (first, second) = (b - a, c - a);
         let rate_u = first * element.shape_u[1] + second * element.shape_u[2];
         let rate_v = first * element.shape_v[1] + second * element.shape_v[2];
-        let [k0, k1, k2, k3] = self.stiffness;
+        let [k0, k1, k2, k3, u3, v3] = self.elastic.tangent;
         let (uu, vv) = (self.along_u.dot(rate_u), self.along_v.dot(rate_v));
-        let shear = 0.5 * k3 * (self.along_v.dot(rate_u) + self.along_u.dot(rate_v));
-        let by_u =
-            self.along_u * (k0 * uu + k1 * vv) + self.along_v * shear + rate_u * self.tension.x;
-        let by_v =
-            self.along_v * (k2 * vv + k1 * uu) + self.along_u * shear + rate_v * self.tension.y;
+        let uv = self.along_v.dot(rate_u) + self.along_u.dot(rate_v);
+        let shear = 0.25 * k3 * uv + 0.5 * (u3 * uu + v3 * vv);
+        let [t0, t1, t2] = self.elastic.tension;
+        let by_u = self.along_u * (k0 * uu + k1 * vv + 0.5 * u3 * uv)
+            + self.along_v * shear
+            + rate_u * t0
+            + rate_v * t2;
+        let by_v = self.along_v * (k2 * vv + k1 * uu + 0.5 * v3 * uv)
+            + self.along_u * shear
+            + rate_v * t1
+            + rate_u * t2;
         self.spread(by_u * element.area, by_v * element.area)
     }
 
@@ -227,15 +195,18 @@ mod tests {
     /// A stiffness that does not depend on strain.
     struct Constant([f64; 4]);
 
-    impl StretchStiffness for Constant {
-        fn at(&self, _: Strain) -> [f64; 4] {
-            self.0
-        }
-
-        fn with_growth(&self, _: Strain) -> StiffnessGrowth {
-            StiffnessGrowth {
-                stiffness: self.0,
-                growth: [0.0; 4],
+    impl StretchLaw for Constant {
+        fn at(&self, strain: Strain, _: bool) -> Elastic {
+            let [k0, k1, k2, k3] = self.0;
+            let (uu, vv) = (strain.uu.max(0.0), strain.vv.max(0.0));
+            Elastic {
+                stress: Strain {
+                    uu: k0 * strain.uu + k1 * strain.vv,
+                    vv: k2 * strain.vv + k1 * strain.uu,
+                    uv: k3 * strain.uv,
+                },
+                tangent: [k0, k1, k2, 2.0 * k3, 0.0, 0.0],
+                tension: [k0 * uu + k1 * vv, k2 * vv + k1 * uu, 0.0],
             }
         }
     }
@@ -278,7 +249,7 @@ mod tests {
         for value in [f64::NAN, f64::INFINITY, 1e300] {
             let mut corners = deformed();
             corners[1] = DVec3::new(value, -value, value);
-            let response = StretchElement::new(REST).respond_stiffening(&law, corners);
+            let response = StretchElement::new(REST).respond(&law, true, corners);
             assert!(response.force().iter().any(|force| !force.is_finite()));
         }
     }
@@ -298,7 +269,7 @@ mod tests {
     #[test]
     fn force_is_the_negative_gradient_of_the_energy() {
         let element = StretchElement::new(REST);
-        let force = element.respond(&LAW, deformed()).force();
+        let force = element.respond(&LAW, false, deformed()).force();
         let h = 1e-6;
         for (corner, force) in force.iter().enumerate() {
             for axis in 0..3 {
@@ -316,15 +287,15 @@ mod tests {
         let element = StretchElement::new(REST);
         let (u, v) = (DVec3::new(0.0, 1.2, 0.0), DVec3::new(0.0, 0.0, 1.1));
         let corners = REST.map(|c| u * c.x + v * c.y);
-        let response = element.respond(&LAW, corners);
+        let response = element.respond(&LAW, false, corners);
         let h = 1e-6;
         for column in 0..3 {
             for axis in 0..3 {
                 let up = element
-                    .respond(&LAW, shifted(corners, column, axis, h))
+                    .respond(&LAW, false, shifted(corners, column, axis, h))
                     .force();
                 let down = element
-                    .respond(&LAW, shifted(corners, column, axis, -h))
+                    .respond(&LAW, false, shifted(corners, column, axis, -h))
                     .force();
                 for row in 0..3 {
                     let measured = (down[row] - up[row]) / (2.0 * h);
@@ -338,7 +309,7 @@ mod tests {
     #[test]
     fn jacobian_is_symmetric_and_positive_semidefinite() {
         let element = StretchElement::new(REST);
-        let response = element.respond(&LAW, deformed());
+        let response = element.respond(&LAW, false, deformed());
         for (row, column) in [(0, 0), (0, 1), (1, 2), (2, 2)] {
             let difference = response.negative_jacobian(row, column)
                 - response.negative_jacobian(column, row).transpose();
@@ -356,7 +327,7 @@ mod tests {
 
     #[test]
     fn jacobian_times_is_the_sum_of_its_blocks() {
-        let response = StretchElement::new(REST).respond(&LAW, deformed());
+        let response = StretchElement::new(REST).respond(&LAW, false, deformed());
         let vectors = [
             DVec3::new(1.0, -2.0, 0.5),
             DVec3::new(0.3, 0.7, -1.1),
@@ -374,7 +345,9 @@ mod tests {
     #[test]
     fn forces_make_no_momentum() {
         let corners = deformed();
-        let force = StretchElement::new(REST).respond(&LAW, corners).force();
+        let force = StretchElement::new(REST)
+            .respond(&LAW, false, corners)
+            .force();
         let torque: DVec3 = corners.iter().zip(force).map(|(x, f)| x.cross(f)).sum();
         assert!(force.iter().sum::<DVec3>().length() < 1e-13 && torque.length() < 1e-13);
     }
@@ -382,13 +355,15 @@ mod tests {
     #[test]
     fn order_of_the_corners_does_not_matter() {
         let corners = deformed();
-        let force = StretchElement::new(REST).respond(&LAW, corners).force();
+        let force = StretchElement::new(REST)
+            .respond(&LAW, false, corners)
+            .force();
         let [a, b, c] = REST;
         let turned = StretchElement::new([c, a, b])
-            .respond(&LAW, [corners[2], corners[0], corners[1]])
+            .respond(&LAW, false, [corners[2], corners[0], corners[1]])
             .force();
         let flipped = StretchElement::new([b, a, c])
-            .respond(&LAW, [corners[1], corners[0], corners[2]])
+            .respond(&LAW, false, [corners[1], corners[0], corners[2]])
             .force();
         for k in 0..3 {
             assert!(turned[(k + 1) % 3].distance(force[k]) < 1e-12);

@@ -1,40 +1,27 @@
-//! Look-up of a measured fabric's in-plane stiffness k = (k0, k1, k2, k3) at a strain (Wang,
-//! O'Brien and Ramamoorthi 2011), from the table itself or from ARCSim's 30³ samples of it.
+//! The measured stretch law (Wang, O'Brien and Ramamoorthi 2011): the stress of an anisotropic Green
+//! strain energy whose stiffness k = (k0, k1, k2, k3) is looked up at the strain, and held constant
+//! when differentiating. [`measured_stiffness`] is the look-up in the table itself,
+//! [`GridStiffness`] that in ARCSim's 30³ samples of it.
 //!
 //! Conventions: k in N/m after the law's factor 2, never negative; the sign of the shear does not
-//! matter. No sample is at zero strain, so the two differ even at rest. ARCSim takes two absolute
-//! values in single precision, of a sample's direction and of the shear in a look-up. With these
-//! roundings its numbers are met to 2e-15, without them to 2e-8.
+//! matter. No sample of the grid is at zero strain, so the two differ even at rest. ARCSim takes
+//! two absolute values in single precision, of a sample's direction and of the shear in a look-up.
+//! With these roundings its numbers are met to 2e-15, without them to 2e-8.
 
 use std::f64::consts::PI;
 
 use selvedge_cloth::StretchTable;
 
 use crate::laws::strain::Strain;
-
-/// A law of in-plane stiffness.
-pub trait StretchStiffness {
-    /// Stiffness (k0, k1, k2, k3) `[N/m]` at `strain`.
-    fn at(&self, strain: Strain) -> [f64; 4];
-
-    /// Stiffness `[N/m]` at `strain`, and its growth dk/ds at s = 0 as the strain grows to (1 + s)
-    /// times itself. `[eq:stretch-growth]`
-    fn with_growth(&self, strain: Strain) -> StiffnessGrowth;
-}
+use crate::laws::stretch::{Elastic, StretchLaw};
 
 /// A stiffness and its growth with strain.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct StiffnessGrowth {
+struct StiffnessGrowth {
     /// k `[N/m]`.
-    pub stiffness: [f64; 4],
-    /// dk/ds `[N/m]`.
-    pub growth: [f64; 4],
-}
-
-/// The table, evaluated at the exact strain.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ExactStiffness {
-    table: StretchTable,
+    stiffness: [f64; 4],
+    /// dk/ds `[N/m]` at s = 0, as the strain grows to (1 + s) times itself.
+    growth: [f64; 4],
 }
 
 /// The table sampled on a grid of strains and read trilinearly.
@@ -54,47 +41,15 @@ const INDEX_MARGIN: f64 = 1e-5;
 /// Margin that keeps an index below the last row.
 const ROW_MARGIN: f64 = 1e-6;
 
-impl ExactStiffness {
-    /// The law of `table`.
-    #[must_use]
-    pub fn new(table: StretchTable) -> Self {
-        Self { table }
-    }
-}
-
-impl StretchStiffness for ExactStiffness {
-    /// For C = 2G + I with largest eigenpair (λ, V): w = clamp(6(√λ - 1), 0, 1 - 10⁻⁶),
-    /// a = clamp(8|∠V|/π, 0, 4 - 10⁻⁶), k = 2 max(0, (1 - w) row 0 + w (linear in a between rows
-    /// 1 + ⌊a⌋ and 2 + ⌊a⌋)). `[eq:stretch-table]`
-    fn at(&self, strain: Strain) -> [f64; 4] {
-        let (largest, direction) = principal(strain);
-        between_rows(&self.table, largest, direction)
-    }
-
-    /// As G grows, the eigenvectors of C stay and λ - 1 grows with it: dw/ds = 3 (λ - 1)/√λ where w
-    /// is within its bounds.
-    fn with_growth(&self, strain: Strain) -> StiffnessGrowth {
-        let (largest, direction) = principal(strain);
-        let stiffness = between_rows(&self.table, largest, direction);
-        let root = largest.max(0.0).sqrt();
-        let weight = 6.0 * (root - 1.0);
-        if !(weight > 0.0 && weight < 1.0 - ROW_MARGIN) {
-            return StiffnessGrowth {
-                stiffness,
-                growth: [0.0; 4],
-            };
-        }
-        let slope = 3.0 * (largest - 1.0) / root;
-        let growth = std::array::from_fn(|column| {
-            // k is linear in w from row 0 on, so its slope is that of the chord.
-            let start = 2.0 * self.table.0[0][column];
-            match stiffness[column] > 0.0 {
-                true => slope * (stiffness[column] - start) / weight,
-                false => 0.0,
-            }
-        });
-        StiffnessGrowth { stiffness, growth }
-    }
+/// Stiffness (k0, k1, k2, k3) `[N/m]` of the table itself at `strain`.
+///
+/// For C = 2G + I with largest eigenpair (λ, V): w = clamp(6(√λ - 1), 0, 1 - 10⁻⁶),
+/// a = clamp(8|∠V|/π, 0, 4 - 10⁻⁶), k = 2 max(0, (1 - w) row 0 + w (linear in a between rows
+/// 1 + ⌊a⌋ and 2 + ⌊a⌋)). `[eq:stretch-table]`
+#[must_use]
+pub fn measured_stiffness(table: &StretchTable, strain: Strain) -> [f64; 4] {
+    let (largest, direction) = principal(strain);
+    between_rows(table, largest, direction)
 }
 
 /// Largest eigenvalue of C = 2G + I, and the direction of its vector as a part of π, from 0 to 1/2.
@@ -148,11 +103,50 @@ impl GridStiffness {
     }
 }
 
-impl StretchStiffness for GridStiffness {
-    /// Trilinear between the samples at (G00, G11, |G01| in single precision); beyond the grid,
-    /// that of its rim. `[eq:stretch-grid]`
+impl StretchLaw for GridStiffness {
+    /// The stress of k held constant, and a Jacobian that counts only tension: it is positive
+    /// semidefinite if k0 k2 ≥ k1². With `stiffening` the Jacobian has k + dk/ds in place of k, no
+    /// less than k on the diagonal, and is positive semidefinite: a linear solve far from its end
+    /// needs that, since with k alone the Jacobian of a fabric that stiffens is too small by half
+    /// and more. `[eq:stretch-growth]`
     #[inline(always)]
-    fn at(&self, strain: Strain) -> [f64; 4] {
+    fn at(&self, strain: Strain, stiffening: bool) -> Elastic {
+        if !stiffening {
+            let k = self.stiffness(strain);
+            return elastic(strain, k, k);
+        }
+        let StiffnessGrowth { stiffness, growth } = self.with_growth(strain);
+        let grown = |index: usize| stiffness[index] + growth[index].max(0.0);
+        let (k0, k2) = (grown(0), grown(2));
+        let most = (k0 * k2).sqrt();
+        // Not `clamp`, which panics where `most` is NaN: the solve names what is not finite.
+        let k1 = (stiffness[1] + growth[1]).max(-most).min(most);
+        elastic(strain, stiffness, [k0, k1, k2, grown(3)])
+    }
+}
+
+/// Stress of `stiffness`, with a Jacobian of `grown`.
+#[inline(always)]
+fn elastic(strain: Strain, stiffness: [f64; 4], grown: [f64; 4]) -> Elastic {
+    let [k0, k1, k2, k3] = stiffness;
+    let (uu, vv) = (strain.uu.max(0.0), strain.vv.max(0.0));
+    Elastic {
+        stress: Strain {
+            uu: k0 * strain.uu + k1 * strain.vv,
+            vv: k2 * strain.vv + k1 * strain.uu,
+            uv: k3 * strain.uv,
+        },
+        tangent: [grown[0], grown[1], grown[2], 2.0 * grown[3], 0.0, 0.0],
+        tension: [k0 * uu + k1 * vv, k2 * vv + k1 * uu, 0.0],
+    }
+}
+
+impl GridStiffness {
+    /// Stiffness (k0, k1, k2, k3) `[N/m]` at `strain`. Trilinear between the samples at (G00, G11, |G01| in single precision); beyond the grid,
+    /// that of its rim. `[eq:stretch-grid]`
+    #[must_use]
+    #[inline(always)]
+    pub fn stiffness(&self, strain: Strain) -> [f64; 4] {
         let (i, s) = place((strain.uu - GRID_START) * SAMPLES_PER_STRAIN);
         let (j, t) = place((strain.vv - GRID_START) * SAMPLES_PER_STRAIN);
         let (k, r) = place(single(strain.uv) * SAMPLES_PER_STRAIN);
@@ -251,11 +245,11 @@ mod tests {
 
     #[test]
     fn table_is_met_at_its_own_strains() {
-        let exact = ExactStiffness::new(TABLE);
+        let exact = |strain| measured_stiffness(&TABLE, strain);
         let doubled = |row: usize| TABLE.0[row].map(|k| 2.0 * k.max(0.0));
-        assert_eq!(exact.at(Strain::default()), doubled(0));
+        assert_eq!(exact(Strain::default()), doubled(0));
         for (row, degrees) in [(1, 0.0), (2, 22.5), (3, 45.0), (4, 67.5), (5, 90.0)] {
-            for (found, expected) in exact.at(stretched(degrees)).iter().zip(doubled(row)) {
+            for (found, expected) in exact(stretched(degrees)).iter().zip(doubled(row)) {
                 // Both indices stop short of the next row by up to 1e-6.
                 assert!((found - expected).abs() < 3e-6 * 600.0, "{degrees}°");
             }
@@ -264,10 +258,11 @@ mod tests {
 
     #[test]
     fn growth_is_the_derivative_along_the_strain() {
-        fn check(law: &impl StretchStiffness, strain: Strain) {
+        let law = GridStiffness::new(TABLE);
+        let check = |strain: Strain| {
             let found = law.with_growth(strain);
             let scaled = |s: f64| {
-                law.at(Strain {
+                law.stiffness(Strain {
                     uu: (1.0 + s) * strain.uu,
                     vv: (1.0 + s) * strain.vv,
                     uv: (1.0 + s) * strain.uv,
@@ -285,8 +280,7 @@ mod tests {
                     found.growth[c]
                 );
             }
-        }
-        let (exact, grid) = (ExactStiffness::new(TABLE), GridStiffness::new(TABLE));
+        };
         let strains = [
             [0.06, 0.02, 0.01],
             [0.12, -0.06, 0.03],
@@ -295,35 +289,38 @@ mod tests {
             [0.9, 0.11, 0.02],
         ];
         for [uu, vv, uv] in strains {
-            check(&exact, Strain { uu, vv, uv });
-            check(&grid, Strain { uu, vv, uv });
+            check(Strain { uu, vv, uv });
         }
         // It does grow: these fabrics stiffen.
         let half = Strain {
             uu: 0.5 * stretched(0.0).uu,
             ..Strain::default()
         };
-        let some = exact.with_growth(half);
+        let some = law.with_growth(half);
         assert!(some.growth[0] > 0.3 * some.stiffness[0]);
     }
 
     #[test]
     fn grid_is_exact_at_its_samples_and_linear_between() {
-        let (exact, grid) = (ExactStiffness::new(TABLE), GridStiffness::new(TABLE));
+        let exact = |strain| measured_stiffness(&TABLE, strain);
+        let grid = GridStiffness::new(TABLE);
         let sample = |i: f64, j: f64, k: f64| Strain {
             uu: -0.25 + i / 30.0,
             vv: -0.25 + j / 30.0,
             uv: k / 30.0,
         };
         for (i, j, k) in [(0.0, 0.0, 0.0), (8.0, 11.0, 2.0), (20.0, 5.0, 28.0)] {
-            let pairs = grid.at(sample(i, j, k)).into_iter();
-            for (found, expected) in pairs.zip(exact.at(sample(i, j, k))) {
+            let pairs = grid.stiffness(sample(i, j, k)).into_iter();
+            for (found, expected) in pairs.zip(exact(sample(i, j, k))) {
                 // Directions and shears in single precision: 6e-8 of a step of at most 830 N/m
                 // between two rows (of 8 to the half turn) or two samples (of 30 to one).
                 assert!((found - expected).abs() < 6e-8 * 30.0 * 830.0);
             }
-            let (low, high) = (grid.at(sample(i, j, k)), grid.at(sample(i + 1.0, j, k)));
-            let middle = grid.at(sample(i + 0.5, j, k));
+            let (low, high) = (
+                grid.stiffness(sample(i, j, k)),
+                grid.stiffness(sample(i + 1.0, j, k)),
+            );
+            let middle = grid.stiffness(sample(i + 0.5, j, k));
             for c in 0..4 {
                 assert!((middle[c] - 0.5 * (low[c] + high[c])).abs() < 1e-9);
             }
@@ -340,7 +337,7 @@ mod tests {
                 uv: -0.5 + 0.003 * s,
             };
             let t = f64::from(t);
-            let (before, after) = (grid.at(along(t)), grid.at(along(t + 1e-6)));
+            let (before, after) = (grid.stiffness(along(t)), grid.stiffness(along(t + 1e-6)));
             for c in 0..4 {
                 // No sample differs from its neighbour by more than 830 N/m.
                 assert!((before[c] - after[c]).abs() < 3.0 * 830.0 * 30.0 * 5e-9);
@@ -357,20 +354,21 @@ mod tests {
             vv: -0.25,
             uv: 29.0 / 30.0,
         };
-        for (far, rim) in grid.at(far).iter().zip(grid.at(rim)) {
+        for (far, rim) in grid.stiffness(far).iter().zip(grid.stiffness(rim)) {
             assert!((far - rim).abs() < 1e-5 * 830.0 * 2.0);
         }
     }
 
     #[test]
     fn sign_of_the_shear_does_not_matter() {
-        let (exact, grid) = (ExactStiffness::new(TABLE), GridStiffness::new(TABLE));
+        let exact = |strain| measured_stiffness(&TABLE, strain);
+        let grid = GridStiffness::new(TABLE);
         let strain = stretched(30.0);
         let mirrored = Strain {
             uv: -strain.uv,
             ..strain
         };
-        assert_eq!(exact.at(strain), exact.at(mirrored));
-        assert_eq!(grid.at(strain), grid.at(mirrored));
+        assert_eq!(exact(strain), exact(mirrored));
+        assert_eq!(grid.stiffness(strain), grid.stiffness(mirrored));
     }
 }

@@ -109,8 +109,8 @@ struct SingleFace {
     along: [Vec3A; 2],
     shape_u: [f32; 3],
     shape_v: [f32; 3],
-    stiffness: [f32; 4],
-    tension: [f32; 2],
+    tangent: [f32; 6],
+    tension: [f32; 3],
     air_normal: Vec3A,
     /// Resistance of the air across the normal, and its excess along the normal.
     air: [f32; 2],
@@ -125,15 +125,6 @@ impl Singles {
         }
     }
 
-    /// Stiffness of bending relative to the mean mass of a vertex: the trace of a hinge's
-    /// contribution to the diagonal block of an opposite vertex, averaged over all hinges; 0
-    /// without hinges.
-    pub(crate) fn bending(&self) -> f64 {
-        let trace = |hinge: &[Vec3A; 4]| hinge[2].length_squared() + hinge[3].length_squared();
-        let sum: f64 = self.hinges.iter().map(|h| f64::from(trace(h))).sum();
-        sum / (2 * self.hinges.len()).max(1) as f64
-    }
-
     fn take(&mut self, threads: Threads, elements: &Elements, scale: f64) {
         let ninth = elements.time_step() * scale / 9.0;
         threads.each(&mut self.faces, |k, single| {
@@ -141,7 +132,7 @@ impl Singles {
         });
         threads.each(&mut self.hinges, |k, single| {
             let HingeResponse { bend, jacobian } = &elements.hinges.responses[k];
-            let root = (bend.stiffness * (jacobian * scale)).sqrt();
+            let root = (bend.tangent * (jacobian * scale)).sqrt();
             *single = bend.gradient.map(|g| (g * root).as_vec3a());
         });
     }
@@ -161,8 +152,8 @@ impl SingleFace {
             along: [stretch.along_u.as_vec3a(), stretch.along_v.as_vec3a()],
             shape_u: stretch.element.shape_u.map(|d| d as f32),
             shape_v: stretch.element.shape_v.map(|d| d as f32),
-            stiffness: stretch.stiffness.map(|k| (k * scale) as f32),
-            tension: stretch.tension.to_array().map(|t| (t * scale) as f32),
+            tangent: stretch.elastic.tangent.map(|k| (k * scale) as f32),
+            tension: stretch.elastic.tension.map(|t| (t * scale) as f32),
             air_normal: air.normal.as_vec3a(),
             air: [across as f32, (through - across) as f32],
         }
@@ -171,17 +162,21 @@ impl SingleFace {
     #[inline]
     fn add_to(&self, sum: &mut Mat3A, row: usize, column: usize) {
         let [along_u, along_v] = self.along;
-        let [k0, k1, k2, k3] = self.stiffness;
+        let [k0, k1, k2, k3, u3, v3] = self.tangent;
+        let (shear, u3, v3) = (0.25 * k3, 0.5 * u3, 0.5 * v3);
         let (row_u, row_v) = (self.shape_u[row], self.shape_v[row]);
         let (column_u, column_v) = (self.shape_u[column], self.shape_v[column]);
         let (uu, vv) = (row_u * column_u, row_v * column_v);
         let (uv, vu) = (row_u * column_v, row_v * column_u);
-        let shear = 0.5 * k3;
-        let left_u = along_u * (k0 * uu + shear * vv) + along_v * (k1 * vu + shear * uv);
-        let left_v = along_u * (k1 * uv + shear * vu) + along_v * (k2 * vv + shear * uu);
+        let (both, mixed) = (uv + vu, u3 * uu + v3 * vv);
+        let left_u =
+            along_u * (k0 * uu + shear * vv + u3 * both) + along_v * (k1 * vu + shear * uv + mixed);
+        let left_v =
+            along_u * (k1 * uv + shear * vu + mixed) + along_v * (k2 * vv + shear * uu + v3 * both);
         add_outer(sum, left_u, along_u);
         add_outer(sum, left_v, along_v);
-        let diagonal = self.tension[0] * uu + self.tension[1] * vv + self.air[0];
+        let [t0, t1, t2] = self.tension;
+        let diagonal = t0 * uu + t1 * vv + t2 * both + self.air[0];
         sum.x_axis.x += diagonal;
         sum.y_axis.y += diagonal;
         sum.z_axis.z += diagonal;
@@ -226,25 +221,4 @@ fn contributions<const N: usize>(
         }
     }
     pairs
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn bending_is_the_mean_over_opposite_vertices() {
-        let hinge = |left: Vec3A, right: Vec3A| [Vec3A::splat(9.0), Vec3A::splat(9.0), left, right];
-        let singles = |hinges: Vec<[Vec3A; 4]>| Singles {
-            faces: Vec::new(),
-            hinges,
-        };
-        let two = vec![
-            hinge(Vec3A::X * 2.0, Vec3A::Y * 3.0),
-            hinge(Vec3A::Z, Vec3A::ZERO),
-        ];
-        // Traces of g gᵀ: 4, 9, 1, 0.
-        assert_eq!(singles(two).bending(), 3.5);
-        assert_eq!(singles(Vec::new()).bending(), 0.0);
-    }
 }

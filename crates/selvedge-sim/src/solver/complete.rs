@@ -1,17 +1,15 @@
-//! What is left where conjugate gradients with touches do not converge: the whole matrix, its
-//! pattern with all that touches, factorised completely.
+//! The whole matrix, its pattern with all that touches, factorised completely: for a direct solver,
+//! and what is left where conjugate gradients with touches do not converge.
 //!
-//! Touches that couple vertices are not in the complete factor that preconditions the iteration of
-//! a small cloth. Where many of them lie side by side, stiff against what holds their pairs
-//! together, that takes hundreds of iterations. The factor of the whole takes as long as about
-//! sixty, most of it for its new pattern.
+//! Where many touches lie side by side, stiff against what holds their pairs together, those take
+//! hundreds of iterations. The factor of the whole takes as long as about sixty, most of it for its
+//! new pattern.
 
 use glam::DVec3;
 
 use crate::contact::Touches;
 use crate::solver::cholesky::FactorError;
-use crate::solver::coupled::Springs;
-use crate::solver::direct::Direct;
+use crate::solver::direct::{Direct, Springs};
 use crate::solver::elements::Elements;
 use crate::solver::ordering::Ordering;
 use crate::solver::pattern::Pattern;

@@ -1,5 +1,5 @@
 //! Conjugate gradients (Hestenes and Stiefel 1952) for the system of a large cloth, preconditioned
-//! by [`crate::solver::incomplete`], or where things touch by [`crate::solver::woven`].
+//! by [`crate::solver::gauss_seidel`], or where things touch by [`crate::solver::woven`].
 //!
 //! The iteration runs in f32 on the scaled matrix. From time to time the residual is computed anew
 //! in f64, without a matrix, and the iteration continues from it with the same direction (Clark et
@@ -13,7 +13,7 @@ use thiserror::Error;
 use crate::contact::{Touches, to_single};
 use crate::solver::blocks::{Contributions, Singles};
 use crate::solver::elements::Elements;
-use crate::solver::incomplete::{Incomplete, part_taken, tile_of};
+use crate::solver::gauss_seidel::{GaussSeidel, tile_of};
 use crate::solver::pattern::Pattern;
 use crate::solver::woven::Woven;
 use crate::threads::Threads;
@@ -63,8 +63,10 @@ pub(crate) struct ConjugateGradients {
     blocks: Vec<Mat3A>,
     /// The same without what touches.
     untouched: Vec<Mat3A>,
-    incomplete: Incomplete,
-    /// Factor in the place of `incomplete` where touches couple vertices that the pattern does not.
+    gauss_seidel: GaussSeidel,
+    /// False after a matrix whose diagonal has shown that it is not positive definite.
+    is_definite: bool,
+    /// Factor in the place of `gauss_seidel` where touches couple vertices that the pattern does not.
     woven: Woven,
     is_woven: bool,
     /// Scale of the matrix in f32: 1 / the mean mass of a vertex `[1/kg]`.
@@ -130,7 +132,8 @@ impl ConjugateGradients {
             singles: Singles::new(elements),
             blocks: vec![Mat3A::ZERO; pattern.slot_count()],
             untouched: Vec::new(),
-            incomplete: Incomplete::new(tile_of(pattern.unknown_count()), pattern),
+            gauss_seidel: GaussSeidel::new(tile_of(pattern.unknown_count()), pattern),
+            is_definite: true,
             scale: elements.mass.len() as f64 / mass,
             vectors: Vectors {
                 solution: zeros(),
@@ -163,7 +166,7 @@ impl ConjugateGradients {
     }
 
     /// Gathers the matrix from evaluated elements, with springs (vertex, `[kg]`) on its diagonal,
-    /// and factorises it incompletely. Without those it is that of the last time, but for what
+    /// and its preconditioner. Without those it is that of the last time, but for what
     /// touches; something touched then.
     pub(crate) fn prepare(
         &mut self,
@@ -209,8 +212,7 @@ impl ConjugateGradients {
             self.woven
                 .factorise(pattern, &self.blocks, couplings, scale);
         } else {
-            let taken = part_taken(self.singles.bending());
-            self.incomplete.factorise(threads, &self.blocks, taken);
+            self.is_definite = self.gauss_seidel.take(threads, &self.blocks);
         }
     }
 
@@ -228,6 +230,9 @@ impl ConjugateGradients {
         mut residual_of: impl FnMut(&[DVec3], &mut [DVec3]),
     ) -> Result<(), IterationError> {
         self.iterations = 0;
+        if !(self.is_woven || self.is_definite) {
+            return Err(IterationError::Indefinite { iterations: 0 });
+        }
         // In the scaled space a residual of this size is an error of 1 m/s everywhere.
         let unit = changes.len() as f64;
         let goal = self.settings.tolerance * self.settings.tolerance * unit;
@@ -342,10 +347,10 @@ impl ConjugateGradients {
         if self.is_woven {
             self.woven.solve_lower(entries);
         } else {
-            for (entry, scaling) in entries.iter_mut().zip(self.incomplete.scaling()) {
+            for (entry, scaling) in entries.iter_mut().zip(self.gauss_seidel.scaling()) {
                 *entry = *scaling * *entry;
             }
-            self.incomplete.solve_lower(threads, entries);
+            self.gauss_seidel.solve_lower(threads, entries);
         }
         length_squared(entries)
     }
@@ -371,7 +376,7 @@ impl ConjugateGradients {
         if self.is_woven {
             self.woven.solve_upper(solved);
         } else {
-            self.incomplete.solve_upper(threads, solved);
+            self.gauss_seidel.solve_upper(threads, solved);
         }
     }
 
@@ -389,7 +394,7 @@ impl ConjugateGradients {
         if self.is_woven {
             self.woven.multiply(solved, product);
         } else {
-            self.incomplete
+            self.gauss_seidel
                 .multiply(threads, direction, solved, product);
         }
         let curvature = dot(direction, product);
@@ -417,8 +422,8 @@ impl ConjugateGradients {
         if self.is_woven {
             self.woven.solve_upper(solution);
         } else {
-            self.incomplete.solve_upper(threads, solution);
-            for (entry, scaling) in solution.iter_mut().zip(self.incomplete.scaling()) {
+            self.gauss_seidel.solve_upper(threads, solution);
+            for (entry, scaling) in solution.iter_mut().zip(self.gauss_seidel.scaling()) {
                 *entry = scaling.transpose() * *entry;
             }
         }

@@ -1,14 +1,30 @@
 //! The matrix of a cloth factorised completely.
 
 use glam::{DMat3, DVec3};
+use selvedge_cloth::VertexId;
 
 use crate::contact::Touches;
 use crate::solver::blocks::Contributions;
 use crate::solver::cholesky::{Cholesky, FactorError};
-use crate::solver::coupled::{Factor, Springs};
 use crate::solver::elements::Elements;
 use crate::solver::pattern::Pattern;
 use crate::threads::Threads;
+
+/// Springs of handles, on the diagonal of A.
+#[derive(Clone, Copy)]
+pub(super) struct Springs<'a> {
+    pub(super) vertices: &'a [VertexId],
+    /// dt² k `[kg]`.
+    pub(super) stiffness: f64,
+}
+
+impl<'a> Springs<'a> {
+    /// Each vertex with its spring `[kg]`.
+    pub(super) fn stiff(self) -> impl Iterator<Item = (u32, f64)> + 'a {
+        let vertices = self.vertices.iter();
+        vertices.map(move |v| (v.0, self.stiffness))
+    }
+}
 
 /// A complete factor, with the room to gather its matrix.
 pub(super) struct Direct {
@@ -102,19 +118,14 @@ impl Direct {
             changes[vertex as usize] = DVec3::from_slice(entry);
         }
     }
-}
 
-impl Factor for Direct {
-    fn solve(
+    /// As [`Self::solve`], with the factor of its last call.
+    pub(super) fn solve_again(
         &mut self,
         pattern: &Pattern,
         impulses: &[DVec3],
         changes: &mut [DVec3],
-    ) -> Result<(), FactorError> {
-        self.solve(pattern, impulses, changes)
-    }
-
-    fn solve_again(&mut self, pattern: &Pattern, impulses: &[DVec3], changes: &mut [DVec3]) {
+    ) {
         self.take(pattern, impulses);
         self.cholesky.solve_again(&mut self.solution);
         self.give(pattern, changes);

@@ -5,12 +5,13 @@
 //! number of threads gives the same bytes. Nothing is allocated after construction.
 
 use glam::{DVec2, DVec3};
-use selvedge_cloth::{BendingLaw, EdgeSide, Environment, Material, Mesh, Scene, StretchLookup};
+use selvedge_cloth::{EdgeSide, ElasticLaw, Environment, Material, Mesh, Scene};
 
 use crate::laws::bend::{BendElement, BendResponse, HingeSide};
 use crate::laws::external::{AirResistance, AirResponse, air_response};
-use crate::laws::stretch::{StretchElement, StretchResponse};
-use crate::laws::stretch_table::{ExactStiffness, GridStiffness, StretchStiffness};
+use crate::laws::stretch::{StretchElement, StretchLaw, StretchResponse};
+use crate::laws::stretch_energy::StretchEnergy;
+use crate::laws::stretch_table::GridStiffness;
 use crate::lists::Lists;
 use crate::threads::Threads;
 
@@ -32,7 +33,7 @@ pub(crate) struct Hinge {
 
 /// A law for each material.
 enum StretchLaws {
-    Exact(Vec<ExactStiffness>),
+    Energy(Vec<StretchEnergy>),
     Grid(Vec<GridStiffness>),
 }
 
@@ -105,7 +106,7 @@ pub(crate) struct Hinges {
     pub(crate) responses: Vec<HingeResponse>,
     /// Impulse of a hinge along its angle's gradient.
     impulses: Vec<f64>,
-    law: BendingLaw,
+    law: ElasticLaw,
 }
 
 /// All elements of a cloth.
@@ -160,13 +161,15 @@ impl Elements {
                 responses: vec![HingeResponse::default(); hinges.len()],
                 impulses: vec![0.0; hinges.len()],
                 hinges,
-                law: scene.physics.bending,
+                law: scene.physics.law,
             },
-            stretch_laws: match scene.physics.stretch_lookup {
-                StretchLookup::Exact => {
-                    StretchLaws::Exact(tables.map(ExactStiffness::new).collect())
+            stretch_laws: match scene.physics.law {
+                ElasticLaw::Energy => {
+                    StretchLaws::Energy(tables.map(|t| StretchEnergy::new(&t)).collect())
                 }
-                StretchLookup::Grid => StretchLaws::Grid(tables.map(GridStiffness::new).collect()),
+                ElasticLaw::Measured | ElasticLaw::Arcsim => {
+                    StretchLaws::Grid(tables.map(GridStiffness::new).collect())
+                }
             },
             environment: scene.environment,
             mass: scene.rest_shape().vertex_mass,
@@ -196,8 +199,7 @@ impl Elements {
         let air = &self.environment;
         let faces = &mut self.faces;
         match (&self.stretch_laws, at.stiffening) {
-            (StretchLaws::Exact(laws), false) => faces.evaluate::<_, false>(laws, threads, air, at),
-            (StretchLaws::Exact(laws), true) => faces.evaluate::<_, true>(laws, threads, air, at),
+            (StretchLaws::Energy(laws), _) => faces.evaluate::<_, true>(laws, threads, air, at),
             (StretchLaws::Grid(laws), false) => faces.evaluate::<_, false>(laws, threads, air, at),
             (StretchLaws::Grid(laws), true) => faces.evaluate::<_, true>(laws, threads, air, at),
         }
@@ -241,12 +243,27 @@ impl Elements {
         threads.each(&mut self.hinges.impulses, |k, push| {
             let HingeResponse { bend, jacobian } = &bent[k];
             let rate = bend.rate(select(vector, &hinges[k].corners));
-            *push = bend.stiffness * jacobian * rate;
+            *push = bend.tangent * jacobian * rate;
         });
         let this = &*self;
         threads.each(product, |v, product| {
             *product = vector[v] * this.mass[v] + this.gathered(v);
         });
+    }
+
+    /// Energy of stretching and bending at `positions` `[m]`, `[vertices]`, in J; none if the law
+    /// has no energy.
+    pub(crate) fn elastic_energy(&self, positions: &[DVec3]) -> Option<f64> {
+        let StretchLaws::Energy(laws) = &self.stretch_laws else {
+            return None;
+        };
+        let stretched = self.faces.faces.iter().map(|face| {
+            let strain = face.element.strain(select(positions, &face.corners));
+            face.element.area * laws[face.material as usize].energy(strain)
+        });
+        let hinges = self.hinges.hinges.iter();
+        let bent = hinges.map(|hinge| hinge.element.energy(select(positions, &hinge.corners)));
+        Some(stretched.sum::<f64>() + bent.sum::<f64>())
     }
 
     /// dt of the last evaluation `[s]`.
@@ -266,7 +283,9 @@ impl Hinges {
             } = &hinges[k];
             let bend = element.respond(law, select(at.positions, corners));
             let rate = bend.rate(select(at.rates, corners));
-            *push = -bend.stiffness * (at.dt * bend.angle + at.rate(*damping) * rate);
+            let damped = at.rate(*damping) * rate;
+            *push = -bend.stiffness * (at.dt * bend.angle + damped)
+                - (bend.tangent - bend.stiffness) * damped;
             *bent = HingeResponse {
                 bend,
                 jacobian: at.jacobian(*damping),
@@ -277,7 +296,7 @@ impl Hinges {
 
 impl Faces {
     /// Evaluates the faces; with a Jacobian that knows how the stiffness grows if `STIFFENING`.
-    fn evaluate<L: StretchStiffness + Sync, const STIFFENING: bool>(
+    fn evaluate<L: StretchLaw + Sync, const STIFFENING: bool>(
         &mut self,
         laws: &[L],
         threads: Threads,
@@ -296,11 +315,7 @@ impl Faces {
                 } = &faces[k];
                 let (law, damping) = (&laws[*material as usize], damping[*material as usize]);
                 let places = select(at.positions, corners);
-                let stretch = if STIFFENING {
-                    element.respond_stiffening(law, places)
-                } else {
-                    element.respond(law, places)
-                };
+                let stretch = element.respond(law, STIFFENING, places);
                 let air = air_response(
                     environment,
                     at.air_resistance,

@@ -1,19 +1,17 @@
 //! The linear system of a time step and its solvers.
 //!
 //! [`elements`] evaluates the laws on every face and hinge. [`system`] assembles and solves the
-//! equations of a [`stage`]. A small cloth is factorised completely ([`direct`], [`pattern`],
-//! [`ordering`], [`blocks`], [`cholesky`]), a large one iterated ([`conjugate_gradients`],
-//! [`incomplete`], [`woven`]). Touches are iterated ([`coupled`]), and where that fails factorised
-//! ([`complete`]).
+//! equations of a [`stage`]: by [`conjugate_gradients`] with the preconditioners [`gauss_seidel`], or
+//! where contact couples vertices [`woven`]; or by a complete factor ([`direct`], [`pattern`],
+//! [`ordering`], [`blocks`], [`cholesky`]), where contact couples vertices [`complete`].
 
 mod blocks;
 mod cholesky;
 mod complete;
 mod conjugate_gradients;
-mod coupled;
 mod direct;
 mod elements;
-mod incomplete;
+mod gauss_seidel;
 mod ordering;
 mod pattern;
 mod solve_error;

@@ -15,7 +15,7 @@ pub(crate) enum Ordering {
     /// Little fill in a complete factorisation (approximate minimum degree; Amestoy, Davis and Duff
     /// 1996).
     MinimumDegree,
-    /// Neighbours near each other: an incomplete factorisation loses little, and memory is read in
+    /// Neighbours near each other: a preconditioner by tiles loses little, and memory is read in
     /// order (Cuthill and McKee 1969, reversed).
     Banded,
 }

@@ -5,7 +5,6 @@ use thiserror::Error;
 
 use super::cholesky::FactorError;
 use super::conjugate_gradients::IterationError;
-use super::coupled::CoupledError;
 
 /// Reason for a failed solve.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -34,13 +33,4 @@ pub(crate) enum SolveError {
         /// Largest residual allowed `[m/s]`.
         tolerance: f64,
     },
-}
-
-impl From<CoupledError> for SolveError {
-    fn from(error: CoupledError) -> Self {
-        match error {
-            CoupledError::Factor(error) => Self::Factor(error),
-            CoupledError::Iteration(error) => Self::Iteration(error),
-        }
-    }
 }

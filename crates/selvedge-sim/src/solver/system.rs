@@ -11,7 +11,7 @@
 
 use glam::DVec3;
 use selvedge_cloth::{
-    AirLaw, ContactLaw, Environment, HandleConstraint, Handles, LinearSolver, Scene, Stop, VertexId,
+    AirLaw, Environment, HandleConstraint, Handles, LinearSolver, Scene, Stop, VertexId,
 };
 
 use crate::contact::Touches;
@@ -19,8 +19,7 @@ use crate::laws::external::AirResistance;
 use crate::solver::cholesky::FactorError;
 use crate::solver::complete::{Complete, Coupling};
 use crate::solver::conjugate_gradients::{ConjugateGradients, IterationError};
-use crate::solver::coupled::{Factor as _, Springs, Whole, solve_coupled};
-use crate::solver::direct::Direct;
+use crate::solver::direct::{Direct, Springs};
 use crate::solver::elements::{Elements, Linearisation, hinge_stencils};
 use crate::solver::ordering::Ordering;
 use crate::solver::pattern::Pattern;
@@ -32,20 +31,9 @@ use crate::threads::Threads;
 /// Stiffness of a spring handle, per axis `[N/m]`.
 pub(crate) const HANDLE_STIFFNESS: f64 = 1e3;
 
-/// Number of vertices from which the automatic choice is conjugate gradients. They are quicker at
-/// any size (`docs/src/concepts/physics.md`); a small cloth is solved exactly all the same, because
-/// closed forms are tested on it to the last digits, and so that data sets made of it stay what
-/// they are.
-const ITERATIVE_FROM: usize = 600;
-
-/// The same for solves in which something touches by the barrier: they are repeated while something
-/// strikes the cloth. Closed forms of contact are tested on 289 vertices and fewer.
-const ITERATIVE_WITH_TOUCHES_FROM: usize = 300;
-
 /// Tolerance of the automatic choice in first and second order `[m/s]`. That of first order is from
 /// before there was a second, and stays so that data sets do. A thousandth of a millimetre per
-/// second is a thousandth of a substep's error; a tenth of that costs half as many iterations more
-/// and changes nothing that is seen.
+/// second is a thousandth of a substep's error.
 const AUTOMATIC_TOLERANCE: [f64; 2] = [1e-7, 1e-6];
 
 /// The system of a cloth, assembled and solved again and again.
@@ -68,9 +56,8 @@ pub(crate) struct System {
     saved_changes: (Vec<DVec3>, f64),
     smoothing: smooth::Smoothing,
     solver: Solver,
-    /// Solver in the place of `solver` where something touches.
-    touching: Option<Box<Touching>>,
-    /// A factor of the whole, where conjugate gradients with touches do not converge.
+    /// A factor of the whole, for a direct solver whose touches couple vertices that its pattern does
+    /// not, and where conjugate gradients with touches do not converge.
     complete: Complete,
     /// Pairs that push in the solves that follow.
     pub(crate) touches: Touches,
@@ -97,12 +84,6 @@ enum Solver {
     Iterative(Box<ConjugateGradients>),
 }
 
-/// Conjugate gradients for solves in which something touches, with a pattern in their order.
-struct Touching {
-    pattern: Pattern,
-    solver: ConjugateGradients,
-}
-
 impl System {
     /// The system of a validated scene, with the solver of its settings.
     pub(crate) fn new(scene: &Scene) -> Result<Self, FactorError> {
@@ -120,7 +101,8 @@ impl System {
         };
         let settings = match solver {
             LinearSolver::Cholesky => None,
-            LinearSolver::Automatic if vertex_count < ITERATIVE_FROM => None,
+            // Newton's method ends below the tolerance of the automatic choice.
+            LinearSolver::Automatic if scene.physics.integrator.newton().is_some() => None,
             LinearSolver::Automatic => Some(automatic(scene)),
             LinearSolver::ConjugateGradients(settings) => Some(settings),
         };
@@ -132,20 +114,7 @@ impl System {
         let hinges = hinge_stencils(mesh);
         let pattern = Pattern::new(ordering, &held, &triangles, &hinges)?;
         let elements = Elements::new(scene);
-        let touches_by_barrier = scene.contact.is_some_and(|c| c.law == ContactLaw::Barrier);
-        let iterates_touches = touches_by_barrier
-            && solver == LinearSolver::Automatic
-            && (ITERATIVE_WITH_TOUCHES_FROM..ITERATIVE_FROM).contains(&vertex_count);
-        let touching = match iterates_touches {
-            false => None,
-            true => {
-                let pattern = Pattern::new(Ordering::Banded, &held, &triangles, &hinges)?;
-                let solver = ConjugateGradients::new(automatic(scene), &pattern, &elements);
-                Some(Box::new(Touching { pattern, solver }))
-            }
-        };
         Ok(Self {
-            touching,
             solver: match settings {
                 None => Solver::Direct(Box::new(Direct::new(&pattern, &elements)?)),
                 Some(settings) => Solver::Iterative(Box::new(ConjugateGradients::new(
@@ -182,9 +151,6 @@ impl System {
 
     /// Lets long solves end with an error from when `stop` is wanted.
     pub(crate) fn stop_by(&mut self, stop: Stop) {
-        if let Some(touching) = &mut self.touching {
-            touching.solver.stop_by(stop.clone());
-        }
         if let Solver::Iterative(solver) = &mut self.solver {
             solver.stop_by(stop);
         }
@@ -193,10 +159,7 @@ impl System {
     /// Returns true once a solve was to stop.
     pub(crate) fn is_stopped(&self) -> bool {
         match &self.solver {
-            Solver::Direct(_) => {
-                let touching = self.touching.as_ref();
-                touching.is_some_and(|touching| touching.solver.is_stopped())
-            }
+            Solver::Direct(_) => false,
             Solver::Iterative(solver) => solver.is_stopped(),
         }
     }
@@ -319,6 +282,12 @@ impl System {
         }
     }
 
+    /// Energy of stretching and bending at `positions` `[m]`, `[vertices]`, in J; none if the law
+    /// has no energy.
+    pub(crate) fn elastic_energy(&self, positions: &[DVec3]) -> Option<f64> {
+        self.elements.elastic_energy(positions)
+    }
+
     /// The assembled right side b `[N s]`, `[vertices]`; without meaning at held vertices.
     pub(crate) fn impulses(&self) -> &[DVec3] {
         &self.impulses
@@ -344,7 +313,10 @@ impl System {
     /// about within `span` `[s]`, which scales the last solution to a first guess.
     pub(crate) fn solve(&mut self, span: f64) -> Result<(), SolveError> {
         self.check_impulses()?;
-        if self.touches.are_exact() && self.touches.couple_at_all() {
+        let is_direct = matches!(self.solver, Solver::Direct(_));
+        if is_direct && self.touches.couple()
+            || self.touches.are_exact() && self.touches.couple_at_all()
+        {
             self.solve_whole()?;
         } else {
             match self.solve_as_set(span) {
@@ -378,31 +350,15 @@ impl System {
     fn solve_as_set(&mut self, span: f64) -> Result<(), SolveError> {
         let dt = self.elements.time_step();
         let springs = springs(self.constraint, &self.handles, dt);
-        let (mut pattern, impulses, changes) = (&self.pattern, &self.impulses, &mut self.changes);
+        let (pattern, impulses, changes) = (&self.pattern, &self.impulses, &mut self.changes);
         let (threads, touches) = (self.threads, &self.touches);
         let elements = &mut self.elements;
-        let touching = self.touching.as_mut().filter(|_| !touches.is_empty());
-        let solver = match (&mut self.solver, touching) {
-            (Solver::Iterative(solver), _) => solver.as_mut(),
-            (Solver::Direct(_), Some(touching)) => {
-                pattern = &touching.pattern;
-                &mut touching.solver
-            }
-            (Solver::Direct(direct), None) => {
+        let solver = match &mut self.solver {
+            Solver::Iterative(solver) => solver.as_mut(),
+            Solver::Direct(direct) => {
                 direct.gather(threads, pattern, elements, springs);
                 direct.add(pattern, touches);
-                if touches.couple() {
-                    let mut whole = Whole {
-                        threads,
-                        elements,
-                        springs,
-                        touches,
-                    };
-                    solve_coupled(direct.as_mut(), pattern, &mut whole, impulses, changes)?;
-                } else {
-                    direct.solve(pattern, impulses, changes)?;
-                }
-                return Ok(());
+                return Ok(direct.solve(pattern, impulses, changes)?);
             }
         };
         // A change of velocity is about an acceleration times its span.
@@ -440,20 +396,15 @@ impl System {
             return false;
         }
         let (threads, pattern) = (self.threads, &self.pattern);
-        let touching = self.touching.as_mut().filter(|_| !self.touches.is_empty());
         let solver = &mut self.solver;
         let mass = &self.elements.mass;
         self.smoothing
-            .smooth(field, mass, |right, smoothed| match (solver, touching) {
-                (Solver::Direct(direct), None) => {
+            .smooth(field, mass, |right, smoothed| match solver {
+                Solver::Direct(direct) => {
                     direct.solve_again(pattern, right, smoothed);
                     true
                 }
-                (Solver::Iterative(solver), _) => {
-                    solver.smooth(threads, pattern, right, smoothed).is_ok()
-                }
-                (Solver::Direct(_), Some(touching)) => {
-                    let Touching { pattern, solver } = touching.as_mut();
+                Solver::Iterative(solver) => {
                     solver.smooth(threads, pattern, right, smoothed).is_ok()
                 }
             })
@@ -485,7 +436,7 @@ impl System {
     /// Changes of velocity from which the next solve starts `[m/s]`, `[vertices]`, and their time
     /// `[s]`; none if it starts from nothing.
     pub(crate) fn last_changes(&self) -> Option<(&[DVec3], f64)> {
-        let iterates = matches!(self.solver, Solver::Iterative(_)) || self.touching.is_some();
+        let iterates = matches!(self.solver, Solver::Iterative(_));
         let starts = iterates && self.solved_span > 0.0;
         starts.then_some((self.changes.as_slice(), self.solved_span))
     }

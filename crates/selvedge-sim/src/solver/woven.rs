@@ -9,12 +9,12 @@
 //! (Ajiz and Jennings 1984), so that pivots stay positive however stiff a contact is. `[eq:woven]`
 //!
 //! A product with the matrix costs as much as both triangular solves: there is no trick that saves
-//! it, as for [`crate::solver::incomplete`].
+//! it, as for [`crate::solver::gauss_seidel`].
 
 use glam::{DMat3, Mat3A, Vec3A};
 
 use crate::contact::to_single;
-use crate::solver::incomplete::inverse_root;
+use crate::solver::gauss_seidel::inverse_root;
 use crate::solver::pattern::Pattern;
 
 /// Smallest ratio of a pivot to its diagonal entry: rounding is below. Below it, the block of the

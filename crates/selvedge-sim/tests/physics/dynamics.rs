@@ -245,7 +245,7 @@ fn folded_hinge(integrator: Integrator, start: f64) -> (Scene, f64, f64) {
     let element = BendElement::new(&scene.material.bend, corners);
     let flat = corners.map(|c| c.extend(0.0));
     let stiffness = element
-        .respond(selvedge_cloth::BendingLaw::Symmetric, flat)
+        .respond(selvedge_cloth::ElasticLaw::Energy, flat)
         .stiffness;
     (scene, stiffness, height)
 }
@@ -386,7 +386,7 @@ pub(crate) fn energy(scene: &Scene, simulator: &Simulator) -> f64 {
             let [from, to] = edge.vertices;
             let corners = [from, to, edge.opposite.0, edge.opposite.1?].map(|v| v.index());
             let element = BendElement::new(&scene.material.bend, corners.map(|v| uv[v]));
-            let law = selvedge_cloth::BendingLaw::Symmetric;
+            let law = selvedge_cloth::ElasticLaw::Energy;
             let response = element.respond(law, corners.map(|v| x[v]));
             Some(0.5 * response.stiffness * response.angle.powi(2))
         })

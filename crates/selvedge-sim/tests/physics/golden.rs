@@ -8,11 +8,13 @@
 use std::fmt::Write as _;
 
 use glam::{DVec2, DVec3};
-use selvedge_cloth::{BendingLaw, HandleConstraint, Material, PhysicsMode, PhysicsSettings};
+use selvedge_cloth::{
+    ElasticLaw, HandleConstraint, LinearSolver, Material, PhysicsMode, PhysicsSettings,
+};
 use selvedge_sim::Simulator;
 use selvedge_sim::laws::bend::BendElement;
 use selvedge_sim::laws::strain::Strain;
-use selvedge_sim::laws::stretch_table::{GridStiffness, StretchStiffness};
+use selvedge_sim::laws::stretch_table::GridStiffness;
 
 use crate::scenes::{CAMEL, DENIM, GRAY, NAVY, hanging, material, noise};
 
@@ -54,14 +56,14 @@ fn stretch_look_ups_are_arcsims() {
         if kind != "stretch" {
             continue;
         }
-        let stiffness = GridStiffness::new(fabric(name).stretch);
+        let law = GridStiffness::new(fabric(name).stretch);
         let strain = Strain {
             uu: numbers[0],
             vv: numbers[1],
             uv: numbers[2],
         };
         let what = format!("{name} at {strain:?}");
-        for (found, expected) in stiffness.at(strain).into_iter().zip(&numbers[3..]) {
+        for (found, expected) in law.stiffness(strain).into_iter().zip(&numbers[3..]) {
             assert_close(found, *expected, &what);
         }
         checked += 1;
@@ -98,7 +100,8 @@ fn substeps_are_as_they_were() {
     let mut scene = hanging(5);
     scene.physics = PhysicsSettings::in_mode(PhysicsMode::FirstOrder);
     scene.physics.handles = HandleConstraint::Spring;
-    scene.physics.bending = BendingLaw::Arcsim;
+    scene.physics.law = ElasticLaw::Arcsim;
+    scene.physics.solver = LinearSolver::Cholesky;
     let moved = |scale: f64| {
         let positions = scene.mesh.positions().iter();
         positions

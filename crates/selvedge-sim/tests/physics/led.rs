@@ -107,7 +107,7 @@ fn gaps_of_vertices_are_to_what_is_near() {
 #[test]
 fn a_body_receives_the_momentum_that_it_gives() {
     // A ball is led into a sheet that lies in empty space, for a while faster than its substeps
-    // foresee, so that pushes of the projection count too.
+    // foresee, so that solves are repeated.
     for friction in [0.0, 0.5] {
         let mut scene = first_order(lying(12, |p| p));
         scene.environment.gravity = DVec3::ZERO;
@@ -129,7 +129,7 @@ fn a_body_receives_the_momentum_that_it_gives() {
             received += simulator.obstacle_impulses()[0];
         }
         let counts = simulator.contact_counts();
-        assert!(counts.repeated > 0 && counts.projected > 0, "{counts:?}");
+        assert!(counts.repeated > 0, "{counts:?}");
         assert_eq!((counts.held_back, counts.divisions), (0, 0), "{counts:?}");
         let moving = simulator.vertex_mass().iter();
         let moving = moving.zip(simulator.velocities_f64());

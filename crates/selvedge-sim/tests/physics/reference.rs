@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use glam::{DVec2, DVec3};
 use selvedge_cloth::{
-    BendingLaw, ContactLaw, ContactSettings, HandleConstraint, Handles, Mesh, PhysicsMode,
+    ContactLaw, ContactSettings, ElasticLaw, HandleConstraint, Handles, Mesh, PhysicsMode,
     PhysicsSettings, Scene,
 };
 use selvedge_contact::{Surface, intersections};
@@ -66,7 +66,7 @@ fn scene(run: &Path, fabric: &str) -> Scene {
     scene.material = material(fabric);
     scene.physics = PhysicsSettings::in_mode(PhysicsMode::FirstOrder);
     scene.physics.handles = HandleConstraint::Spring;
-    scene.physics.bending = BendingLaw::Arcsim;
+    scene.physics.law = ElasticLaw::Arcsim;
     scene
 }
 

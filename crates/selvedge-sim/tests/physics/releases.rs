@@ -199,6 +199,7 @@ fn gusts_are_those_of_the_frame_and_a_run_can_be_taken_up_again() {
         seed: 3,
     });
     scene.physics = PhysicsSettings::in_mode(PhysicsMode::FirstOrder);
+    scene.physics.solver = LinearSolver::Cholesky;
     let mut whole = Simulator::new(&scene).unwrap();
     run(&mut whole, &scene, 12);
     // Frame by frame in the constant wind of each.

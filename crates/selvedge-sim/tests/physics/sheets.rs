@@ -2,8 +2,8 @@
 
 use glam::{DVec2, DVec3};
 use selvedge_cloth::{
-    Environment, HandleSchedule, Handles, Isotropic, Material, Mesh, Motion, PhysicsSettings,
-    SagSettings, Scene,
+    Environment, HandleSchedule, Handles, Isotropic, LinearSolver, Material, Mesh, Motion,
+    PhysicsSettings, SagSettings, Scene,
 };
 
 /// A sheet of thickness 1 mm made of `isotropic`, of `density` [kg/m²].
@@ -35,7 +35,10 @@ pub(crate) fn scene(mesh: Mesh, material: Material, handles: &[u32]) -> Scene {
             ..Environment::default()
         },
         motion: Motion::still(1.0),
-        physics: PhysicsSettings::default(),
+        physics: PhysicsSettings {
+            solver: LinearSolver::Cholesky,
+            ..PhysicsSettings::default()
+        },
         sag: SagSettings {
             bulge: 0.0,
             ..SagSettings::default()

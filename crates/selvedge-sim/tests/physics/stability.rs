@@ -9,7 +9,7 @@ use proptest::test_runner::{RngAlgorithm, TestRng, TestRunner};
 use selvedge_cloth::{
     AirLaw, Gust, HandleTargets, Integrator, LinearSolver, Scene, StepError, Stepper, Substepping,
 };
-use selvedge_sim::{Simulator, SubstepCounts, sag};
+use selvedge_sim::{Simulator, SubstepCounts};
 
 use crate::robustness::{Drag, SEED, drags, scenes, targets};
 use crate::scenes::{NAVY, hanging, material};
@@ -316,33 +316,4 @@ fn compare(name: &str, all: &[Tenth; 10], band: f64) {
 #[ignore = "minutes"]
 fn a_hundred_thousand_frames_do_not_drift() {
     does_not_drift(100_000, 0.1);
-}
-
-/// Mean speed of the vertices of gray interlock in its rest pose after so many frames `[m/s]`.
-fn trembling(integrator: Integrator) -> f64 {
-    let mut scene = hanging(20);
-    scene.physics.integrator = integrator;
-    let rest = sag(&scene).unwrap();
-    let still = vec![DVec3::ZERO; rest.positions.len()];
-    let targets = scene.handles.select(&rest.positions);
-    let targets = HandleTargets::at_frame_end(targets).unwrap();
-    let mut simulator = Simulator::with_state(&scene, rest.positions, still).unwrap();
-    for _ in 0..300 {
-        simulator.step(&targets).unwrap();
-    }
-    let speeds = simulator.velocities_f64().iter().map(|v| v.length());
-    speeds.sum::<f64>() / simulator.velocities_f64().len() as f64
-}
-
-/// The law of gray interlock feeds fast vibrations; with two substeps the formula has to hold them
-/// down. A figure of the docs says what becomes of it where it does not.
-#[test]
-fn a_cloth_by_the_default_physics_comes_to_rest() {
-    let default = trembling(Integrator::default());
-    assert!(default < 5e-3, "{default} m/s");
-    let less_damped = trembling(Integrator::GeneralisedAlpha(Default::default()));
-    assert!(
-        less_damped > 3.0 * default,
-        "{less_damped} m/s: it could be the default"
-    );
 }

@@ -3,7 +3,7 @@
 
 use glam::{DVec2, DVec3};
 use selvedge_cloth::geometry::dihedral_angle;
-use selvedge_cloth::{BendingLaw, Isotropic, Mesh};
+use selvedge_cloth::{ElasticLaw, Isotropic, Mesh};
 use selvedge_sim::laws::bend::BendElement;
 use selvedge_sim::sag;
 
@@ -49,7 +49,7 @@ fn a_rolled_sheet_has_the_energy_of_a_plate() {
                     DVec3::new(radius * sine, -across, radius * (1.0 - cosine))
                 };
                 let element = BendElement::new(&sheet.bend_table(), rest);
-                let response = element.respond(BendingLaw::Symmetric, rest.map(place));
+                let response = element.respond(ElasticLaw::Energy, rest.map(place));
                 0.5 * response.stiffness * response.angle.powi(2)
             })
             .sum();
@@ -142,7 +142,7 @@ fn a_cantilever_carries_its_weight_hinge_by_hinge() {
             continue;
         }
         let element = BendElement::new(&sheet.bend_table(), corners.map(|v| uv[v]));
-        let response = element.respond(BendingLaw::Symmetric, corners.map(|v| positions[v]));
+        let response = element.respond(ElasticLaw::Energy, corners.map(|v| positions[v]));
         let axis = (positions[to] - positions[from]).normalize();
         let weight = |v: usize| DVec3::new(0.0, -GRAVITY * mass[v], 0.0);
         let moment: f64 = (beyond..positions.len())

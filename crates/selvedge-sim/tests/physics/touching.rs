@@ -7,7 +7,7 @@ use selvedge_cloth::{
 use selvedge_contact::{Candidates, Reach, Surface, Ways, gap};
 use selvedge_sim::Simulator;
 
-use crate::scenes::{GRAY, hanging, material, square_mesh};
+use crate::scenes::{GRAY, by_default, material, square_mesh};
 
 pub(crate) const GRAVITY: f64 = 9.8;
 
@@ -94,7 +94,7 @@ pub(crate) fn lying(side: usize, place: impl Fn(DVec3) -> DVec3) -> Scene {
         .collect();
     let coordinates = mesh.material_coordinates().to_vec();
     let faces = mesh.topology().face_indices();
-    let mut scene = hanging(side);
+    let mut scene = by_default(side);
     scene.name = "lying".to_owned();
     scene.mesh = Mesh::new(&faces, coordinates, positions).unwrap();
     scene.handles = Handles::new(&[], side * side).unwrap();

@@ -10,6 +10,7 @@ use selvedge_lab::folder;
 use selvedge_lab::folder_kind::{FolderKind, REFERENCES};
 use selvedge_lab::machine::{DeviceName, Machine, PrecisionName};
 use selvedge_lab::models::NamedModel;
+use selvedge_lab::start;
 use serde::Serialize;
 
 use crate::cli::ConvergenceArgs;
@@ -55,7 +56,10 @@ struct TimeAnswer {
 pub(crate) fn run(args: &ConvergenceArgs) -> anyhow::Result<Answer> {
     folder::check_kind(&args.out, Some(FolderKind::Convergence))?;
     let opened = args.scenes.iter().map(|scene| scenes::open(scene));
-    let opened: Vec<LoadedScene> = opened.collect::<anyhow::Result<_>>()?;
+    let mut opened: Vec<LoadedScene> = opened.collect::<anyhow::Result<_>>()?;
+    if !args.named_models().is_empty() {
+        opened.iter_mut().for_each(start::take_learned_law);
+    }
     let shipped = materials().iter().map(|material| material.0);
     let materials = expanded(&args.materials, "all", shipped.collect());
     let motions = expanded(&args.motions, "test", named::test());

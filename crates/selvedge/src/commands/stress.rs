@@ -5,12 +5,12 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use selvedge_lab::models::NamedModel;
-use selvedge_lab::parts;
 use selvedge_lab::stress::{
     self, Driven, KeptRun, MeshChoice, StressError, StressPlan, StressRun, StressStage,
     StressSummary, quantile, summary,
 };
 use selvedge_lab::watched::{DIVERGED_FRAMES, DIVERGED_STRAIN};
+use selvedge_lab::{parts, start};
 use selvedge_model::Aspect;
 use serde::Serialize;
 
@@ -54,7 +54,10 @@ pub(crate) fn run(args: &StressArgs) -> anyhow::Result<Answer> {
         density: args.density,
         seed: args.mesh_seed,
     };
-    let loaded = scenes::open(&args.scene)?;
+    let mut loaded = scenes::open(&args.scene)?;
+    if matches!(driven, Driven::Model(_)) {
+        start::take_learned_law(&mut loaded);
+    }
     let stages =
         stress::stages(&args.scene, loaded, &meshes, &mut progress::listener()).map_err(usage)?;
     stress::check_rate(&driven, &stages)?;

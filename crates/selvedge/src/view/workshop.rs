@@ -16,7 +16,7 @@ use selvedge_data::{
 use selvedge_lab::fitting::{self, FittedCloth};
 use selvedge_lab::machine::Machine;
 use selvedge_lab::models::NamedModel;
-use selvedge_lab::{assets, domain, physics, rest_pose};
+use selvedge_lab::{assets, domain, physics, rest_pose, start};
 use selvedge_live::{Catalogue, MeshOrder, Order, PrepareError, ReadyCloth, Workshop};
 use selvedge_model::Model;
 use selvedge_sim::{FitProgress, SagError};
@@ -95,6 +95,7 @@ impl ViewWorkshop {
         let model = model.ok_or_else(|| anyhow!("there is no model {:?} here", order.model))?;
         let (name, model) = (model.name.clone(), Arc::clone(&model.model));
         let mut loaded = scenes::open(&order.scene)?;
+        start::take_learned_law(&mut loaded);
         let mut remarks = std::mem::take(&mut loaded.warnings);
         change(&mut loaded, order, &mut remarks)?;
         bodies::put(&mut loaded, order)?;

@@ -5,7 +5,7 @@ use glam::{DVec2, DVec3};
 use selvedge_cloth::geometry::dihedral_angle;
 use selvedge_cloth::{
     BendTable, Environment, FaceFabrics, HandleSchedule, Handles, Material, Mesh, Motion,
-    PhysicsSettings, SagSettings, Scene, StretchLookup, StretchTable,
+    PhysicsSettings, SagSettings, Scene, StretchTable,
 };
 
 use super::*;
@@ -90,10 +90,7 @@ fn sewn(longer: f64, rest_angles: [f64; 9], positions: Vec<DVec3>) -> Scene {
             ..Environment::default()
         },
         motion: Motion::still(1.0),
-        physics: PhysicsSettings {
-            stretch_lookup: StretchLookup::Exact,
-            ..PhysicsSettings::default()
-        },
+        physics: PhysicsSettings::default(),
         sag: SagSettings::default(),
         frame_rate: 60.0,
         contact: None,
@@ -141,8 +138,9 @@ struct Bent {
     energy: f64,
 }
 
-/// Energy of each hinge: k (θ - θ₀)²/2 with k = ke l²/(4 (a_A + a_B)) held at `start`.
-fn bend_energies(scene: &Scene, start: &[DVec3], positions: &[DVec3]) -> Vec<Bent> {
+/// Energy of each hinge: k (θ - θ₀)²/2 with k = ke l²/(4 (a_A + a_B)), l the mean of the edge's
+/// lengths in the two faces' patterns.
+fn bend_energies(scene: &Scene, positions: &[DVec3]) -> Vec<Bent> {
     let (topology, pattern) = (scene.mesh.topology(), scene.mesh.pattern());
     let fabric = |face: selvedge_cloth::FaceId| match face.0 < 2 {
         true => &scene.material,
@@ -156,11 +154,13 @@ fn bend_energies(scene: &Scene, start: &[DVec3], positions: &[DVec3]) -> Vec<Ben
         };
         let [a, b] = edge.vertices;
         let [left, right] = [edge.faces.0, edge.faces.1.unwrap()];
-        let [ke, other] = [left, right].map(|face| {
+        let along = [left, right].map(|face| {
             let vertices = topology.faces()[face.index()];
             let place = |v| pattern.face(face)[vertices.iter().position(|w| *w == v).unwrap()];
-            stiffness(fabric(face), place(b) - place(a))
+            place(b) - place(a)
         });
+        let ke = stiffness(fabric(left), along[0]);
+        let other = stiffness(fabric(right), along[1]);
         let factor = if left.0 < 2 && right.0 >= 2 {
             SEAM_STIFFNESS
         } else {
@@ -169,7 +169,7 @@ fn bend_energies(scene: &Scene, start: &[DVec3], positions: &[DVec3]) -> Vec<Ben
         let faces = [left, right].map(selvedge_cloth::FaceId::index);
         let area = scene.rest_shape().face_area[left.index()]
             + scene.rest_shape().face_area[right.index()];
-        let length = start[a.index()].distance(start[b.index()]);
+        let length = 0.5 * (along[0].length() + along[1].length());
         let k = factor * 0.5 * (ke + other) * length.powi(2) / (4.0 * area);
         let [from, to, left, right] =
             [a, b, edge.opposite.0, opposite].map(|v| positions[v.index()]);
@@ -215,7 +215,7 @@ fn forces_across_a_seam_are_the_gradient_of_the_energy() {
             let energy = |by: f64| {
                 let mut moved = start.clone();
                 moved[vertex][axis] += by;
-                let bent = bend_energies(&scene, &start, &moved);
+                let bent = bend_energies(&scene, &moved);
                 let bent: f64 = bent.iter().map(|bent| bent.energy).sum();
                 stretch_energies(&scene, &moved).iter().sum::<f64>() + bent
             };
@@ -262,7 +262,7 @@ fn curvature(scene: &Scene, weights: [f64; 2], vectors: &[DVec3]) -> Vec<DVec3> 
     let energy = |places: &[DVec3]| {
         let faces = stretch_energies(scene, places).into_iter().enumerate();
         let faces: f64 = faces.map(|(face, energy)| weight(face) * energy).sum();
-        let bent = bend_energies(scene, start, places);
+        let bent = bend_energies(scene, places);
         let bent = bent.iter().map(|bent| {
             let [left, right] = bent.faces.map(weight);
             0.5 * (left + right) * bent.energy

@@ -1,0 +1,122 @@
+//! Energy of the default physics: it falls while nothing drives the cloth, and a cloth that is held
+//! still, or has swung, comes to rest.
+
+use glam::DVec3;
+use selvedge_cloth::{ElasticLaw, HandleTargets, Isotropic, Scene, Stepper};
+use selvedge_sim::{Simulator, sag};
+
+use crate::scenes::{CAMEL, DENIM, GRAY, NAVY, by_default, material};
+
+/// The shipped fabrics and an isotropic sheet, hanging from two corners.
+fn fabrics(side: usize) -> Vec<Scene> {
+    let isotropic = Isotropic {
+        youngs_modulus: 1e5,
+        poissons_ratio: 0.3,
+        thickness: 5e-4,
+    };
+    let mut scenes: Vec<Scene> = [GRAY, CAMEL, DENIM, NAVY]
+        .iter()
+        .map(|text| Scene {
+            material: material(text),
+            ..by_default(side)
+        })
+        .collect();
+    let mut sheet = by_default(side);
+    sheet.material.name = "isotropic".to_owned();
+    sheet.material.stretch = isotropic.stretch_table();
+    sheet.material.bend = isotropic.bend_table();
+    scenes.push(sheet);
+    scenes
+}
+
+/// Mean speed of the vertices `[m/s]`.
+fn mean_speed(simulator: &Simulator) -> f64 {
+    let speeds = simulator.velocities_f64().iter().map(|v| v.length());
+    speeds.sum::<f64>() / simulator.velocities_f64().len() as f64
+}
+
+/// A flat sheet is let go, held at two corners. Gives the largest kinetic energies of the first and
+/// of the last of four seconds `[J]`, and the largest rise of the whole energy in a frame `[J]`.
+fn fall(scene: &Scene) -> [f64; 3] {
+    let start = scene.mesh.positions().to_vec();
+    let targets = HandleTargets::at_frame_end(scene.handles.select(&start)).unwrap();
+    let mut simulator = Simulator::new(scene).unwrap();
+    let mut peaks = [0.0_f64; 4];
+    let mut rise = 0.0_f64;
+    let mut last = simulator.potential_energy();
+    for frame in 0..240 {
+        simulator.step(&targets).unwrap();
+        let kinetic = simulator.kinetic_energy();
+        peaks[frame / 60] = peaks[frame / 60].max(kinetic);
+        let now = simulator.potential_energy().map(|energy| energy + kinetic);
+        if let (Some(last), Some(now)) = (last, now) {
+            rise = rise.max(now - last);
+        }
+        last = now;
+    }
+    [peaks[0], peaks[3], rise]
+}
+
+#[test]
+fn a_sheet_that_falls_flat_loses_energy_in_every_frame() {
+    for substeps in [1, 2] {
+        for mut scene in fabrics(10) {
+            scene.physics.substeps = substeps;
+            let [first, last, rise] = fall(&scene);
+            let name = &scene.material.name;
+            assert!(rise < 1e-3 * first, "{name}: {rise} J of {first} J");
+            assert!(last < first, "{name}: {first} J, then {last} J");
+        }
+    }
+}
+
+/// Why the default law is not the measured one.
+#[test]
+fn by_the_measured_law_gray_interlock_gains_energy_where_the_default_loses_it() {
+    let mut scene = by_default(20);
+    let [first, last, _] = fall(&scene);
+    assert!(last < 0.7 * first, "{first} J, then {last} J");
+    scene.physics.law = ElasticLaw::Measured;
+    let [first, last, _] = fall(&scene);
+    assert!(last > 0.9 * first, "{first} J, then {last} J");
+}
+
+#[test]
+fn a_cloth_that_is_held_still_is_still() {
+    for substeps in [1, 2] {
+        for mut scene in fabrics(12) {
+            scene.physics.substeps = substeps;
+            let rest = sag(&scene).unwrap();
+            let still = vec![DVec3::ZERO; rest.positions.len()];
+            let targets = scene.handles.select(&rest.positions);
+            let targets = HandleTargets::at_frame_end(targets).unwrap();
+            let mut simulator = Simulator::with_state(&scene, rest.positions, still).unwrap();
+            for _ in 0..300 {
+                simulator.step(&targets).unwrap();
+            }
+            let speed = mean_speed(&simulator);
+            assert!(speed < 1e-4, "{}: {speed} m/s", scene.material.name);
+        }
+    }
+}
+
+/// Half a metre there and back in 1.2 s, then a minute of stillness.
+#[test]
+#[ignore = "minutes"]
+fn a_cloth_that_has_swung_comes_to_rest_within_a_minute() {
+    for scene in fabrics(20) {
+        let rest = sag(&scene).unwrap();
+        let still = vec![DVec3::ZERO; rest.positions.len()];
+        let held = scene.handles.select(&rest.positions);
+        let mut simulator = Simulator::with_state(&scene, rest.positions, still).unwrap();
+        for frame in 1..=72 + 3600 {
+            let part = f64::from(frame.min(72)) / 72.0;
+            let aside = DVec3::X * (0.25 * (1.0 - (std::f64::consts::TAU * part).cos()));
+            let targets = held.iter().map(|place| *place + aside).collect();
+            let targets = HandleTargets::at_frame_end(targets).unwrap();
+            simulator.step(&targets).unwrap();
+        }
+        let speed = mean_speed(&simulator);
+        assert!(speed < 4e-3, "{}: {speed} m/s", scene.material.name);
+    }
+}
