@@ -63,6 +63,12 @@ pub struct Simulator {
     contact: Option<Box<Contact>>,
 }
 
+/// Position `[m]` and velocity `[m/s]` of a vertex.
+struct VertexState {
+    position: DVec3,
+    velocity: DVec3,
+}
+
 /// The parts that undo a step beside the saved state.
 struct Undo {
     /// The active handles before, where they were others.
@@ -308,20 +314,33 @@ impl Simulator {
         let vertices = self.rounded.len();
         check_state("positions", "position", positions, vertices)?;
         check_state("velocities", "velocity", velocities, vertices)?;
-        let substeps = f64::from(self.scene.physics.substeps);
-        let part = (substeps - 1.0) / substeps;
-        let (now, before) = (&mut self.state, &mut self.history.before);
-        for (now, before, to) in [
-            (&mut now.positions, &mut before.positions, positions),
-            (&mut now.velocities, &mut before.velocities, velocities),
-        ] {
-            for ((now, before), to) in now.iter_mut().zip(before).zip(to) {
-                *before += part * (*to - *now);
-                *now = *to;
-            }
+        let part = self.before_last_substep();
+        self.shift([part, part], |v, _| (positions[v], velocities[v]));
+        Ok(())
+    }
+
+    /// Part of the frame that had passed before the last substep.
+    fn before_last_substep(&self) -> f64 {
+        1.0 - self.history.last_substep().unwrap_or(0.0) * self.scene.frame_rate
+    }
+
+    /// Moves the newest state to what `to` gives for a vertex and its state: a position
+    /// `[m]` and a velocity `[m/s]`. The state one substep ago takes these
+    /// `parts` of the change of positions and velocities.
+    fn shift(&mut self, parts: [f64; 2], to: impl Fn(usize, &VertexState) -> (DVec3, DVec3)) {
+        let before = &mut self.history.before;
+        for v in 0..self.rounded.len() {
+            let now = VertexState {
+                position: self.state.positions[v],
+                velocity: self.state.velocities[v],
+            };
+            let (position, velocity) = to(v, &now);
+            before.positions[v] += parts[0] * (position - now.position);
+            before.velocities[v] += parts[1] * (velocity - now.velocity);
+            self.state.positions[v] = position;
+            self.state.velocities[v] = velocity;
         }
         self.round();
-        Ok(())
     }
 
     /// Sets the threads of the steps that follow. The default is [`Threads::Pool`].
@@ -407,6 +426,7 @@ impl Simulator {
         }
         self.save();
         self.undo = None;
+        self.update_wind();
         self.active.put_targets(&mut self.targets, |h| targets[h]);
         let threads = self.enter();
         self.enter_frame();

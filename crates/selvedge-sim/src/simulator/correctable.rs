@@ -21,22 +21,18 @@ impl Simulator {
 }
 
 /// A frame that is replaced moves at the velocities of before, plus that of the way from the old
-/// places to the new ones in one frame. One that is taken moves as it came from the frame before.
+/// places to the new ones in one frame; the state one substep ago takes its part of that way. One that is taken moves as it came from the frame before.
 /// Where the scene has contact, a frame in which something meets is refused.
 impl Correctable for Simulator {
     fn replace_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
         self.check_frame(self.frame, positions)?;
         let rate = self.scene.frame_rate;
-        let State {
-            positions: x,
-            velocities: v,
-        } = &mut self.state;
-        for ((x, v), to) in x.iter_mut().zip(v).zip(positions) {
-            let to = to.as_dvec3();
-            *v += rate * (to - *x);
-            *x = to;
-        }
-        self.round();
+        // As if the cloth had come to the new places at the new velocities.
+        let parts = [self.before_last_substep(), 1.0];
+        self.shift(parts, |v, now| {
+            let to = positions[v].as_dvec3();
+            (to, now.velocity + rate * (to - now.position))
+        });
         Ok(())
     }
 

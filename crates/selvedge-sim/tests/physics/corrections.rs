@@ -1,10 +1,10 @@
 //! States that are corrected from outside between two frames.
 
-use glam::DVec3;
-use selvedge_cloth::{HandleTargets, Integrator, PhysicsSettings, Scene, Stepper};
+use glam::{DVec3, Vec3};
+use selvedge_cloth::{Correctable, HandleTargets, Integrator, PhysicsSettings, Scene, Stepper};
 use selvedge_sim::{Simulator, SimulatorError};
 
-use crate::scenes::{hanging, largest_distance, noise};
+use crate::scenes::{floating, hanging, largest_distance, noise};
 
 /// A hanging cloth by physics of second order.
 fn scene(substeps: u32) -> Scene {
@@ -68,6 +68,36 @@ fn the_state_one_substep_ago_takes_its_part_of_a_correction() {
             (&after.velocities, sum(&before.velocities, &dv, part)),
         ] {
             assert!(largest_distance(found, &expected) < 1e-14, "{substeps}");
+        }
+    }
+}
+
+/// The formula looks back: were the state one substep ago left where it was, the next substep would
+/// take a replaced frame for motion.
+#[test]
+fn a_replaced_frame_is_not_taken_for_motion() {
+    for integrator in [Integrator::SecondOrder, Integrator::default()] {
+        let mut scene = floating(4);
+        scene.physics.integrator = integrator;
+        let mut simulator = Simulator::new(&scene).unwrap();
+        let none = HandleTargets::at_frame_end(Vec::new()).unwrap();
+        for _ in 0..3 {
+            simulator.step(&none).unwrap();
+        }
+        // The whole cloth 6 cm aside: the velocity that goes with it is 3.6 m/s, and nothing acts.
+        let aside = Vec3::new(0.06, 0.0, 0.0);
+        let moved: Vec<Vec3> = simulator.positions().iter().map(|p| *p + aside).collect();
+        simulator.replace_frame(&moved).unwrap();
+        let first = simulator.velocities_f64()[0];
+        assert!((first.x - 3.6).abs() < 1e-5, "{first}");
+        for _ in 0..3 {
+            simulator.step(&none).unwrap();
+            for velocity in simulator.velocities_f64() {
+                assert!(
+                    velocity.distance(first) < 1e-4,
+                    "{integrator:?}: {velocity}"
+                );
+            }
         }
     }
 }

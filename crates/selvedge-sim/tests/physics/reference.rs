@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 
 use glam::{DVec2, DVec3};
 use selvedge_cloth::{
-    ContactLaw, ContactSettings, ElasticLaw, HandleConstraint, Handles, Mesh, PhysicsMode,
-    PhysicsSettings, Scene,
+    ContactLaw, ContactSettings, ElasticLaw, HandleConstraint, Handles, LinearSolver, Mesh,
+    PhysicsMode, PhysicsSettings, Scene,
 };
 use selvedge_contact::{Surface, intersections};
 use selvedge_sim::{Simulator, sag};
@@ -67,6 +67,7 @@ fn scene(run: &Path, fabric: &str) -> Scene {
     scene.physics = PhysicsSettings::in_mode(PhysicsMode::FirstOrder);
     scene.physics.handles = HandleConstraint::Spring;
     scene.physics.law = ElasticLaw::Arcsim;
+    scene.physics.solver = LinearSolver::Cholesky;
     scene
 }
 

@@ -190,6 +190,30 @@ fn a_sheet_that_nothing_holds_rests_where_it_starts() {
 }
 
 #[test]
+fn a_substep_after_a_step_has_the_wind_of_its_own_frame() {
+    let mut scene = hanging(4);
+    scene.environment.gust = Some(Gust {
+        speed: DVec3::new(4.0, 0.0, 0.0),
+        period: 0.2,
+        seed: 5,
+    });
+    let still = scene.handles.select(scene.mesh.positions());
+    let mut simulator = Simulator::new(&scene).unwrap();
+    run(&mut simulator, &scene, 1);
+    let (x, v) = (
+        simulator.positions_f64().to_vec(),
+        simulator.velocities_f64().to_vec(),
+    );
+    let mut fresh = Simulator::with_state(&scene, x, v).unwrap().at_frame(1);
+    simulator.forget_previous();
+    for simulator in [&mut simulator, &mut fresh] {
+        simulator.substep(1.0 / 120.0, &still).unwrap();
+    }
+    let apart = largest_distance(simulator.positions_f64(), fresh.positions_f64());
+    assert!(apart < 1e-12, "{apart}");
+}
+
+#[test]
 fn gusts_are_those_of_the_frame_and_a_run_can_be_taken_up_again() {
     let mut scene = hanging(5);
     scene.environment.wind = DVec3::new(2.0, 0.0, 1.0);

@@ -108,7 +108,7 @@ pub(crate) struct ConvergenceArgs {
         long,
         value_name = "NAMES",
         value_delimiter = ',',
-        default_value = "linearised,second-order"
+        default_value = "linearised,generalised-alpha"
     )]
     integrators: Vec<NamedIntegrator>,
     /// Their numbers of substeps per frame, separated by commas.
@@ -134,7 +134,7 @@ pub(crate) struct ConvergenceArgs {
     #[arg(long)]
     whole: bool,
     /// The integrator of the truth.
-    #[arg(long, value_name = "NAME", default_value = "second-order")]
+    #[arg(long, value_name = "NAME", default_value = "generalised-alpha")]
     reference_integrator: NamedIntegrator,
     /// The truth's substeps per frame, an even number.
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(2..=1000))]
