@@ -24,8 +24,8 @@ pub use self::markdown::{
     Cells, ablation_table, failures, horizon_table, mesh_table, motion_table, summary_table, table,
 };
 pub use self::page::{Page, TABLES};
-pub(crate) use self::plots::both_forms;
-pub use self::plots::{Measure, Plot, bars, by_cost, horizons_plot, over_time};
+pub(crate) use self::plots::drawn;
+pub use self::plots::{Measure, bars, by_cost, horizons_plot, over_time};
 pub use self::training::{ReadLogError, TrainingLog, training_chart};
 
 use crate::evaluation::{Row, Who};
