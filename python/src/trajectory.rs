@@ -95,7 +95,7 @@ impl Trajectory {
     ) -> PyResult<Self> {
         let material = arrays::pairs(&material, "material")?;
         match positions.shape() {
-            [1.., found, 3] if *found == material.len() => {}
+            [(1..), found, 3] if *found == material.len() => {}
             found => {
                 let count = material.len();
                 return Err(wrong(format!(

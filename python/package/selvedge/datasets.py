@@ -337,11 +337,21 @@ def _of_record(where, data, meta, density, rest, up) -> tuple[Trajectory, np.nda
         low, high = material.min(0), material.max(0)
         flat = [np.zeros(count), material[:, 1] - high[1], material[:, 0] - (low[0] + high[0]) / 2]
         rest = np.stack(flat, axis=1) if rest == "flat" else positions[0]
+    if np.shape(rest) != (count, 3):
+        raise ValueError(f"rest has the shape {np.shape(rest)}, expected {(count, 3)}")
     handles = np.flatnonzero(types == _HANDLE).tolist()
-    made = Trajectory(
-        positions, arrays["cells"].tolist(), material, handles, 1 / meta["dt"], density=density, rest=np.asarray(rest)
+    made = _made(
+        where, positions, arrays["cells"].tolist(), material, handles, 1 / meta["dt"], density=density, rest=np.asarray(rest)
     )
     return made, material
+
+
+def _made(where: str, *parts: Any, **options: Any) -> Trajectory:
+    """A trajectory of arrays; an error says where they are from."""
+    try:
+        return Trajectory(*parts, **options)
+    except SelvedgeError as error:
+        raise SelvedgeError(f"{where}: {error}") from error
 
 
 def _check_faces(where: str, what: str, faces: np.ndarray, count: int) -> None:
@@ -418,7 +428,8 @@ def _of_folder(folder, handles, rate, material, up) -> tuple[Trajectory, np.ndar
     if len(material) != count:
         raise ValueError(f"material is for {len(material)} vertices, but there are {count}")
     material = np.asarray(material, np.float64)
-    made = Trajectory(
+    made = _made(
+        str(folder),
         _upright(positions, up),
         faces.astype(np.int64).tolist(),
         material,

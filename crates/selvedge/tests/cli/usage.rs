@@ -115,28 +115,6 @@ fn the_version_is_that_of_the_package_with_its_commit() {
     assert!(commit.is_empty() || is_commit(commit), "{said}");
 }
 
-/// Commands of the book are asked about, without running them.
-#[test]
-fn words_are_checked_and_not_run() {
-    let desk = Desk::new();
-    let good = desk.run("reference -- rollout --frames 3 --out there");
-    assert_eq!((good.code, good.err.as_str()), (Some(0), ""));
-    let help = desk.run("reference -- help rollout");
-    assert_eq!(help.code, Some(0));
-    let bad = desk.run("reference -- rollout --frame 3");
-    assert_eq!(bad.code, Some(2));
-    assert!(
-        bad.err.contains("unexpected argument '--frame'"),
-        "{}",
-        bad.err
-    );
-    let lacks = desk.run("reference -- simulate default");
-    assert!(lacks.err.contains("required arguments were not provided"));
-    let lacks = desk.run("reference -- dataset");
-    assert!(lacks.err.contains("subcommand is required"));
-    assert_eq!(desk.names(), Vec::<String>::new());
-}
-
 #[test]
 fn every_command_has_help() {
     let desk = Desk::new();

@@ -68,7 +68,7 @@ fn say(path: &Path) -> anyhow::Result<Answer> {
         Some("json") => inspect_scene(&scenes::open(&name)?, &name),
         Some("obj") => mesh::inspect(&read_mesh(path, MeshOptions::default())?, path, false),
         Some("npz") => inspect_trajectory(&exported::read_npz(path)?, path),
-        Some("glb" | "usda" | "usdc" | "usdz" | "usd" | "abc" | "mdd") => {
+        Some("glb" | "usda" | "usdc" | "usdz" | "usd") => {
             match read_mesh(path, MeshOptions::default()) {
                 Ok(read) => mesh::inspect(&read, path, true),
                 Err(error) if matches!(error.source, MeshFileError::Read(_)) => Err(error.into()),
@@ -81,6 +81,8 @@ fn say(path: &Path) -> anyhow::Result<Answer> {
                 }
             }
         }
+        // Refused, with what to export instead.
+        Some("abc" | "mdd") => exported::inspect_rig(path),
         _ => bail!(
             "{name}: not a kind of file that is known: trajectories and models end in .safetensors, scenes, presets and training configurations in .toml, scenes of ARCSim in .json, meshes in .obj, exported runs in .npz, nodes in .glb, .usda, .usdc or .usdz, and a data set, a training and a study are folders"
         ),
