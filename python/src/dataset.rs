@@ -71,6 +71,10 @@ impl Dataset {
     /// gives each trajectory of the names in `train` and `test` when it is wanted.
     #[staticmethod]
     #[pyo3(signature = (folder, name, train, test, read, config=None))]
+    #[allow(
+        clippy::too_many_arguments,
+        reason = "each has a name and a default in Python"
+    )]
     fn write(
         py: Python<'_>,
         folder: PathBuf,

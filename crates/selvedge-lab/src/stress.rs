@@ -24,12 +24,12 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::cause::chain;
+use crate::csv::Csv;
 use crate::domain::{self, Beyond, DomainError};
 use crate::event::{OnEvent, Reporter, Task};
 use crate::machine::{Machine, Mover};
 use crate::models::{NamedModel, SceneGraphError, StartModelError, graph_of_scene};
 use crate::physics::{self, RestPoseError};
-use crate::report::Csv;
 use crate::watched::{DIVERGED_FRAMES, DIVERGED_STRAIN, GuardSummary, WatchError, WatchedModel};
 use crate::workers::{self, Crew, Packing, WorkerError};
 

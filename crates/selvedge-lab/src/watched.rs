@@ -11,9 +11,9 @@ use selvedge_model::Aspect;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::csv::Csv;
 use crate::domain::Beyond;
 use crate::machine::Mover;
-use crate::report::Csv;
 
 /// Strain (l - l₀)/l₀ of an edge, against the material, over which a run diverges ...
 pub const DIVERGED_STRAIN: f64 = 0.3;

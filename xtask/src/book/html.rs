@@ -10,7 +10,8 @@ use std::process::Command;
 
 use anyhow::{Context, Result, bail};
 
-use super::{PAGES, SUMMARY, markdown};
+use super::markdown;
+use super::places::{PAGES, SUMMARY};
 use crate::tree::{TextFile, Tree, folder_of, resolve};
 
 /// Folder of the copy, relative to the root.

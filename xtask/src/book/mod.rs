@@ -7,6 +7,7 @@
 mod html;
 mod links;
 mod markdown;
+mod places;
 mod quick;
 mod quotes;
 mod summary;
@@ -18,11 +19,6 @@ use anyhow::{Result, bail};
 
 use crate::metadata;
 use crate::tree::Tree;
-
-/// Folder of the book's pages.
-const PAGES: &str = "docs/src/";
-/// List of the book's pages, in their order.
-const SUMMARY: &str = "docs/src/SUMMARY.md";
 
 /// Checks the book and builds it.
 ///

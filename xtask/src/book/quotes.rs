@@ -6,7 +6,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 
-use super::PAGES;
+use super::places::PAGES;
 use crate::tree::Tree;
 use crate::violation::Violation;
 

@@ -1,6 +1,7 @@
 //! Every page of the book stands in its summary, once.
 
-use super::{PAGES, SUMMARY, markdown};
+use super::markdown;
+use super::places::{PAGES, SUMMARY};
 use crate::tree::{Tree, folder_of, resolve};
 use crate::violation::Violation;
 

@@ -17,7 +17,6 @@ use std::path::{Path, PathBuf};
 use selvedge_data::{WriteError, write_atomically};
 use thiserror::Error;
 
-pub(crate) use self::csv::Csv;
 pub use self::csv::curves_csv;
 pub use self::evaluated::{Heading, evaluation_page};
 pub use self::markdown::{
