@@ -2,7 +2,7 @@
 
 A square sheet of 1 m and 400 vertices hangs from its two upper corners, vertices 380 and 399. It
 settles for three seconds. Then an empty, to which the corners are hooked, moves it for four
-seconds, and stands still for one. Each motion becomes an Alembic file of 301 frames at 60 per
+seconds, and stands still for one. Each motion becomes a USD file of 301 frames at 60 per
 second. All begin with the same frame. Texture coordinates are the flat sheet's, in metres.
 
     pip install bpy==5.0.1          # Python 3.11
@@ -111,13 +111,12 @@ def make(name, folder):
     animate(hand, MOTIONS[name])
     for frame in range(1, last + 1):  # in order, for the cloth's cache
         scene.frame_set(frame)
-    bpy.ops.wm.alembic_export(
-        filepath=os.path.join(folder, name + ".abc"),
-        start=1 + SETTLING,
-        end=last,
-        flatten=True,
-        normals=False,
-        as_background_job=False,
+    scene.frame_start = 1 + SETTLING
+    bpy.ops.wm.usd_export(
+        filepath=os.path.join(folder, name + ".usdc"),
+        export_animation=True,
+        export_normals=False,
+        export_materials=False,
     )
     print(f"{name}: {time.time() - began:.1f} s", flush=True)
 

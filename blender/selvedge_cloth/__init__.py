@@ -160,7 +160,7 @@ def prepare(context, folder):
 def command(settings, folder, frames):
     """The call of the program."""
     call = [program(settings), "simulate", str(folder / "scene.toml"), "--out", str(folder / "run.safetensors")]
-    call += ["--frames", str(len(frames) - 1), "--export", str(folder / "cloth.mdd")]
+    call += ["--frames", str(len(frames) - 1), "--export", str(folder / "cloth.pc2")]
     return call + (["--from-start"] if settings.from_start else [])
 
 
@@ -176,8 +176,8 @@ def load(context, folder, frames):
     context.scene.collection.objects.link(item)
     item.matrix_world = TURN
     cache = item.modifiers.new("Selvedge", "MESH_CACHE")
-    cache.cache_format = "MDD"
-    cache.filepath = str(folder / "cloth.mdd")
+    cache.cache_format = "PC2"
+    cache.filepath = str(folder / "cloth.pc2")
     cache.frame_start = frames[0]
     source.hide_set(True)
     source.hide_render = True

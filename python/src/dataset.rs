@@ -6,7 +6,11 @@ use std::sync::Arc;
 use numpy::{IntoPyArray, PyArray2, PyArrayMethods};
 use pyo3::exceptions::{PyIndexError, PyKeyError};
 use pyo3::prelude::*;
-use selvedge_data::{Dataset as Folder, DatasetPreset, Split as Part};
+use selvedge_data::{
+    Dataset as Folder, DatasetPlan, DatasetPreset, DatasetWriter, SectionRule, Split as Part,
+};
+use selvedge_lab::folder;
+use selvedge_lab::folder_kind::FolderKind;
 use selvedge_lab::generation::{self, Order};
 use selvedge_lab::workers::Crew;
 
@@ -60,6 +64,54 @@ impl Dataset {
             let made = generation::generate(order, &crew, &mut |event| teller.hear(event));
             made.map_err(told)
         })??;
+        Self::new(py, folder)
+    }
+
+    /// Writes a data set in `folder`, or goes on with one of the same `config`: `read(split, name)`
+    /// gives each trajectory of the names in `train` and `test` when it is wanted.
+    #[staticmethod]
+    #[pyo3(signature = (folder, name, train, test, read, config=None))]
+    #[allow(
+        clippy::too_many_arguments,
+        reason = "each has a name and a default in Python"
+    )]
+    fn write(
+        py: Python<'_>,
+        folder: PathBuf,
+        name: &str,
+        train: Vec<String>,
+        test: Vec<String>,
+        read: Py<PyAny>,
+        config: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let config: serde_json::Value =
+            config.map_or(Ok(serde_json::Value::Null), json::from_python)?;
+        let plan = DatasetPlan {
+            name: name.to_owned(),
+            config: serde_json::json!({ "name": name, "import": config }),
+            train,
+            test,
+            sections: SectionRule::Whole,
+        };
+        let _claimed = folder::claim_folder(&folder, FolderKind::DataSet).map_err(told)?;
+        let mut writer = DatasetWriter::open(&folder, plan.clone()).map_err(told)?;
+        for (split, part) in [("train", Part::Train), ("test", Part::Test)] {
+            for name in plan.motions(part) {
+                if writer.written(part, name).is_some() {
+                    continue;
+                }
+                py.check_signals()?;
+                let added = read.call1(py, (split, name.as_str())).and_then(|made| {
+                    let made = made.bind(py).cast::<Trajectory>()?.get();
+                    writer.add(part, name, &made.inner).map_err(told)
+                });
+                if let Err(error) = added {
+                    writer.withdraw();
+                    return Err(error);
+                }
+            }
+        }
+        writer.finish().map_err(told)?;
         Self::new(py, folder)
     }
 

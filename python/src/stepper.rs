@@ -188,16 +188,17 @@ impl Stepper {
     /// (samples, handles, 3) at equally spaced times of which the last is its end. Handles in
     /// `released`, (handles,) of bool, are let go during this frame; networks that carry
     /// a rest pose along with the handles, as `small`, cannot. Without targets the handles follow
-    /// the scene's motion. Returns `positions`.
+    /// the scene's motion. Returns the new positions [m], (n, 3), float32, in an array of their
+    /// own.
     ///
     /// Raises `FrameError`; the cloth is then as it was before.
     #[pyo3(signature = (targets=None, released=None))]
-    fn step(
+    fn step<'py>(
         &self,
-        py: Python<'_>,
+        py: Python<'py>,
         targets: Option<Numbers<'_>>,
         released: Option<Vec<bool>>,
-    ) -> PyResult<Py<PyAny>> {
+    ) -> PyResult<Bound<'py, PyArray2<f32>>> {
         let targets = match &targets {
             Some(numbers) => self.targets_of(numbers)?,
             None => {
@@ -212,7 +213,9 @@ impl Stepper {
             None => targets,
         };
         self.move_on(py, &targets)?;
-        Ok(self.shown.clone_ref(py))
+        let numbers = arrays::flat(self.free()?.kind.positions()).to_vec();
+        let count = numbers.len() / 3;
+        numbers.into_pyarray(py).reshape([count, 3])
     }
 
     /// Follows the scene's motion for `frames` steps and returns all positions [m], (frames + 1, n,
@@ -265,7 +268,7 @@ impl Stepper {
     }
 
     /// Positions of the newest frame [m], (n, 3), float32. It is the same array for the whole life
-    /// of the stepper, and cannot be written; take a copy of a frame that is to be kept.
+    /// of the stepper, and cannot be written; `step` returns a copy.
     #[getter]
     fn positions(&self, py: Python<'_>) -> Py<PyAny> {
         self.shown.clone_ref(py)
@@ -444,14 +447,14 @@ pub(crate) fn begin(
 
 /// A trained model on the cloth of a scene, from its sagged rest pose.
 ///
-/// `LearnedStepper(scene, model, guard="none")`; the guard is none, limit, physics or
+/// `LearnedStepper(scene, model, guard="limit")`; the guard is none, limit, physics or
 /// physics-always.
 #[pyclass(frozen, extends = Stepper, module = "selvedge")]
 pub(crate) struct LearnedStepper;
 
 /// A model that corrects physics on the cloth of a scene, from its sagged rest pose.
 ///
-/// `CorrectedStepper(scene, model, guard="none")`; the guard is none, limit, physics or
+/// `CorrectedStepper(scene, model, guard="limit")`; the guard is none, limit, physics or
 /// physics-always.
 #[pyclass(frozen, extends = Stepper, module = "selvedge")]
 pub(crate) struct CorrectedStepper;
@@ -483,7 +486,7 @@ fn on_scene(
 impl LearnedStepper {
     /// Puts `model` on the cloth of `scene`; `guard` is none, limit, physics or physics-always.
     #[new]
-    #[pyo3(signature = (scene, model, guard="none", progress=None))]
+    #[pyo3(signature = (scene, model, guard="limit", progress=None))]
     fn new(
         py: Python<'_>,
         scene: &Scene,
@@ -505,7 +508,7 @@ impl LearnedStepper {
 impl CorrectedStepper {
     /// Puts `model` on the cloth of `scene`; `guard` is none, limit, physics or physics-always.
     #[new]
-    #[pyo3(signature = (scene, model, guard="none", progress=None))]
+    #[pyo3(signature = (scene, model, guard="limit", progress=None))]
     fn new(
         py: Python<'_>,
         scene: &Scene,

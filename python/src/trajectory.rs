@@ -4,22 +4,25 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use selvedge_data::Trajectory as Recorded;
+use selvedge_data::foreign::{TrajectoryParts, Weight};
 use selvedge_data::{UpAxis, write_atomically};
 use selvedge_lab::comparison;
 use selvedge_lab::pictures::{self, Show};
 use selvedge_view::StillSettings;
 
-use crate::arrays;
-use crate::errors::told;
+use crate::arrays::{self, Numbers};
+use crate::errors::{told, wrong};
 use crate::exporting;
 use crate::json;
 use crate::long::{Stop, Teller, beside};
 use crate::picture::Picture;
 
 /// A cloth and its positions over time: what simulations, rollouts and data sets are made of.
+///
+/// `Trajectory(positions, faces, material, handles, frame_rate, ...)` makes one of arrays.
 #[pyclass(frozen, module = "selvedge")]
 pub(crate) struct Trajectory {
     pub(crate) inner: Arc<Recorded>,
@@ -68,6 +71,62 @@ impl Trajectory {
 
 #[pymethods]
 impl Trajectory {
+    /// Makes a trajectory of arrays in metres, y up: `positions` (frames, n, 3); `faces` (f, 3);
+    /// `material`, (n, 2), the flat, unstrained cloth; `handles`, the numbers of the held vertices.
+    /// It weighs `density` [kg/m²], or has `masses`, (n,), and `areas` of the faces, (f,). `rest`,
+    /// (n, 3), is the rest pose, the first frame without.
+    #[new]
+    #[pyo3(signature = (positions, faces, material, handles, frame_rate, *, density=None, masses=None, areas=None, rest=None))]
+    #[allow(
+        clippy::too_many_arguments,
+        reason = "each has a name and a default in Python"
+    )]
+    fn new(
+        py: Python<'_>,
+        positions: Numbers<'_>,
+        faces: Vec<[u32; 3]>,
+        material: Numbers<'_>,
+        handles: Vec<u32>,
+        frame_rate: f64,
+        density: Option<f64>,
+        masses: Option<Vec<f32>>,
+        areas: Option<Vec<f32>>,
+        rest: Option<Numbers<'_>>,
+    ) -> PyResult<Self> {
+        let material = arrays::pairs(&material, "material")?;
+        match positions.shape() {
+            [(1..), found, 3] if *found == material.len() => {}
+            found => {
+                let count = material.len();
+                return Err(wrong(format!(
+                    "positions must have the shape (frames, {count}, 3), found {found:?}"
+                )));
+            }
+        }
+        let positions = arrays::triples(&positions);
+        let rest = match &rest {
+            Some(rest) => arrays::positions(rest, "rest")?,
+            None => positions[..material.len()].to_vec(),
+        };
+        let weight = match (density, masses, areas) {
+            (Some(density), None, None) => Weight::Density(density),
+            (None, Some(mass), Some(area)) => Weight::Given { mass, area },
+            _ => return Err(wrong("give either density, or masses and areas")),
+        };
+        let parts = TrajectoryParts {
+            faces,
+            material,
+            rest,
+            positions,
+            handles,
+            weight,
+            frame_rate,
+            made_by: "from arrays".to_owned(),
+        };
+        let made = py.detach(|| parts.trajectory()).map_err(told)?;
+        Self::of(py, made)
+    }
+
     /// Reads a trajectory (.safetensors).
     #[staticmethod]
     fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
@@ -168,9 +227,7 @@ impl Trajectory {
             "z" => UpAxis::Z,
             "y" => UpAxis::Y,
             _ => {
-                return Err(crate::errors::wrong(format!(
-                    "up must be y or z, found {up:?}"
-                )));
+                return Err(wrong(format!("up must be y or z, found {up:?}")));
             }
         };
         let options = exporting::options(&path, frames, every, up)?;

@@ -72,7 +72,6 @@ def test_the_environment_reaches_a_pose(small):
         missing = observation["goal"][small.handles] - observation["handles"]
         observation, reward, done, cut, info = env.step(missing / env._step_length)
     assert done and info["distance"] < 0.03 < start
-    gym.register()
     made = gymnasium.make("selvedge/ReachPose-v0", scene=small)
     assert made.observation_space["positions"].shape == (36, 3)
 

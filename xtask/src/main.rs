@@ -1,8 +1,8 @@
 //! The house's own chores: `cargo xtask tidy` checks what no compiler checks (see [`tidy`]),
 //! `cargo xtask book` checks the documents against the program (see [`book`]),
-//! `cargo xtask ci` runs everything that must hold before a change is taken, `cargo xtask fuzz`,
-//! `guided`, `faults`, `kill`, `soak` and `load` the trials that take longer, of the crate
-//! `selvedge-trials`, `cargo xtask sanitize` and `miri` tests under nightly's checks,
+//! `cargo xtask ci` runs everything that must hold before a change is taken, `cargo xtask nightly`
+//! what takes longer: the commands of the book, and the trials of the crate `selvedge-trials`,
+//! `fuzz`, `faults`, `kill`, `soak` and `load`, which are commands, too, `cargo xtask sanitize` and `miri` tests under nightly's checks,
 //! `cargo xtask header` makes the header of the library for C (see [`header`]).
 //!
 //! The steps of `ci` are listed in one place, `.ci/run`, which this program only starts.
@@ -18,6 +18,7 @@ mod nightly;
 mod rust;
 mod tidy;
 mod tree;
+mod violation;
 
 use std::path::Path;
 use std::process::{Command, ExitCode};
@@ -29,18 +30,17 @@ use nightly::Sanitizer;
 const HELP: &str = "\
 usage: cargo xtask COMMAND
 
-  ci      run every step of .ci/run: tests, format, lints, docs, tidy
-  tidy    check dependencies, circles, signatures, sizes, openings, prose, equation labels, marks,
-          cards and documents
-  book    check README and book: links, summary, quotes, commands, which are parsed and, where
-          quick, run; build HTML where mdbook is installed
-            --write          bring quotes and the commands reference up to date
-            --no-run         parse the quick commands, too, instead of running them
-            --program PATH   ask this program instead of building one
+  ci      run every step of .ci/run: format, tidy, lints, tests
+  nightly the quick commands of the book, and every trial below, for an hour
+  tidy    check dependencies, circles of imports, manifests, packages, equation labels, cards of
+          models and the page of the viewer
+  book    check links, summary and quotes of the documents; build HTML where mdbook is installed
+            --write   bring quotes and the commands reference up to date
+            --run     run the quick commands
   header  check that the header of the library for C is what its sources make, by cbindgen
             --write          write it
-  fuzz    damaged files for every reader (--for 10m; see docs/src/contributing/trials.md)
-  guided  the same with libFuzzer, which keeps inputs that reach new code
+  fuzz    damaged files for every reader, by libFuzzer (--for 10m; see
+          docs/src/contributing/trials.md)
   faults  calls on files, and for memory, that fail under every command
   kill    long commands, or one of their ranks, ended at random times
   soak    steppers and the viewer for a long time
@@ -58,20 +58,17 @@ fn main() -> ExitCode {
         ["ci"] => ci(),
         ["tidy"] => tidy::run(),
         [
-            trial @ ("fuzz" | "guided" | "faults" | "kill" | "soak" | "load"),
+            trial @ ("fuzz" | "faults" | "kill" | "soak" | "load"),
             options @ ..,
         ] => trials(trial, options),
+        ["nightly"] => long(),
         ["header"] => header::run(false),
         ["header", "--write"] => header::run(true),
         ["miri", tests @ ..] => nightly::miri(tests),
         ["sanitize", name, tests @ ..] if let Some(one) = Sanitizer::named(name) => one.run(tests),
-        ["book", options @ ..] => match book::Options::parse(options) {
-            Some(options) => book::run(&options),
-            None => {
-                eprintln!("{HELP}");
-                return ExitCode::from(2);
-            }
-        },
+        ["book"] => book::check(),
+        ["book", "--write"] => book::write(),
+        ["book", "--run"] => book::run(),
         ["help" | "--help" | "-h"] => {
             println!("{HELP}");
             Ok(())
@@ -113,6 +110,30 @@ fn trials(trial: &str, options: &[&str]) -> Result<()> {
     let run = ["run", "--quiet", "-p", "selvedge-trials", "--", trial];
     if !is_built || !cargo(&[&run[..], options].concat())? {
         bail!("the trial failed");
+    }
+    Ok(())
+}
+
+/// Runs what takes longer than a change should wait; all of it, and then says what failed.
+fn long() -> Result<()> {
+    let mut failed = Vec::new();
+    if let Err(error) = book::run() {
+        failed.push(format!("book --run: {error:#}"));
+    }
+    for (trial, options) in [
+        ("fuzz", ["--for", "60s"]),
+        ("faults", ["--faults", "20"]),
+        ("kill", ["--kills", "20"]),
+        ("soak", ["--steps", "20000"]),
+        ("load", ["--pages", "30"]),
+    ] {
+        println!("\n== {trial} {}", options.join(" "));
+        if let Err(error) = trials(trial, &options) {
+            failed.push(format!("{trial}: {error:#}"));
+        }
+    }
+    if !failed.is_empty() {
+        bail!("{}", failed.join("\n"));
     }
     Ok(())
 }

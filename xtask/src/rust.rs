@@ -1,13 +1,10 @@
-//! The Rust files of the tree, parsed: functions with their signatures, and paths between modules.
+//! The Rust files of the tree, parsed: paths between modules.
 //!
 //! Modules that exist only for tests, files in `tests`, `benches` and `examples` folders and files
 //! called `tests.rs` or `test_*.rs` are left out. Macro calls are not looked into.
 
-use proc_macro2::Span;
 use syn::visit::{self, Visit};
-use syn::{
-    Attribute, Block, ImplItemFn, Item, ItemFn, ItemMod, ItemUse, Signature, TraitItemFn, UseTree,
-};
+use syn::{Attribute, Item, ItemMod, ItemUse, UseTree};
 
 use crate::tree::Tree;
 
@@ -15,22 +12,8 @@ use crate::tree::Tree;
 pub(crate) struct RustFile {
     /// Path relative to the root.
     pub(crate) path: String,
-    /// Functions of the file that are not tests, in their order.
-    pub(crate) functions: Vec<Function>,
     /// Imports and paths of the file, those of its inline modules included.
     pub(crate) paths: Vec<ModulePath>,
-}
-
-/// A function with a body or without.
-pub(crate) struct Function {
-    /// Name.
-    pub(crate) name: String,
-    /// Line of its `fn`, from 1.
-    pub(crate) line: usize,
-    /// Lines from its `fn` to the end of its body.
-    pub(crate) lines: usize,
-    /// Signature.
-    pub(crate) signature: Signature,
 }
 
 /// A path of an import, an expression or a type.
@@ -57,7 +40,6 @@ pub(crate) fn parse(tree: &Tree) -> (Vec<RustFile>, Vec<(String, String)>) {
                 reader.visit_file(&parsed);
                 files.push(RustFile {
                     path: text.path.clone(),
-                    functions: reader.functions,
                     paths: reader.paths,
                 });
             }
@@ -81,22 +63,10 @@ fn is_product(path: &str) -> bool {
 #[derive(Default)]
 struct Reader {
     within: Vec<String>,
-    functions: Vec<Function>,
     paths: Vec<ModulePath>,
 }
 
 impl Reader {
-    fn add_function(&mut self, signature: &Signature, body: Option<&Block>) {
-        let line = line_of(signature.fn_token.span);
-        let end = body.map_or(line, |body| line_of(body.brace_token.span.close()));
-        self.functions.push(Function {
-            name: signature.ident.to_string(),
-            line,
-            lines: end + 1 - line,
-            signature: signature.clone(),
-        });
-    }
-
     fn add_import(&mut self, tree: &UseTree, before: &[String], public: bool) {
         let mut segments = before.to_vec();
         match tree {
@@ -152,21 +122,6 @@ impl<'ast> Visit<'ast> for Reader {
         self.add_import(&item.tree, &[], public);
     }
 
-    fn visit_item_fn(&mut self, item: &'ast ItemFn) {
-        self.add_function(&item.sig, Some(&item.block));
-        visit::visit_item_fn(self, item);
-    }
-
-    fn visit_impl_item_fn(&mut self, item: &'ast ImplItemFn) {
-        self.add_function(&item.sig, Some(&item.block));
-        visit::visit_impl_item_fn(self, item);
-    }
-
-    fn visit_trait_item_fn(&mut self, item: &'ast TraitItemFn) {
-        self.add_function(&item.sig, item.default.as_ref());
-        visit::visit_trait_item_fn(self, item);
-    }
-
     fn visit_path(&mut self, path: &'ast syn::Path) {
         let segments: Vec<String> = path.segments.iter().map(|s| s.ident.to_string()).collect();
         if segments.len() > 1 {
@@ -178,10 +133,6 @@ impl<'ast> Visit<'ast> for Reader {
         }
         visit::visit_path(self, path);
     }
-}
-
-fn line_of(span: Span) -> usize {
-    span.start().line
 }
 
 fn attributes_of(item: &Item) -> &[Attribute] {
@@ -214,17 +165,17 @@ mod tests {
     use crate::tree::tree_of;
 
     #[test]
-    fn functions_are_read_with_their_lines_but_not_those_of_tests() {
-        let text = "//! A.\n\n/// Doc.\nfn a(x: u8) {\n    x;\n}\nimpl B { fn c() {} }\n\
-                    #[cfg(test)]\nmod tests { fn d() {} }\n#[test]\nfn e() {}\n";
+    fn paths_are_read_but_not_those_of_tests() {
+        let text = "use a::b;\nfn f() { c::d(); }\n\
+                    #[cfg(test)]\nmod tests { use e::f; }\n#[test]\nfn t() { g::h(); }\n";
         let (files, refused) = parse(&tree_of(&[("crates/x/src/a.rs", text)]));
         assert!(refused.is_empty());
         let found: Vec<_> = files[0]
-            .functions
+            .paths
             .iter()
-            .map(|f| (&*f.name, f.line, f.lines))
+            .map(|p| p.segments.join("::"))
             .collect();
-        assert_eq!(found, [("a", 4, 3), ("c", 7, 1)]);
+        assert_eq!(found, ["a::b", "c::d"]);
     }
 
     #[test]

@@ -99,6 +99,26 @@ impl Tree {
     }
 }
 
+/// Folder of a path; empty at the root.
+pub(crate) fn folder_of(path: &str) -> &str {
+    path.rsplit_once('/').map_or("", |(folder, _)| folder)
+}
+
+/// `target` seen from `folder`, both relative to the root; none when it leads outside.
+pub(crate) fn resolve(folder: &str, target: &str) -> Option<String> {
+    let mut parts: Vec<&str> = folder.split('/').filter(|part| !part.is_empty()).collect();
+    for part in target.split('/') {
+        match part {
+            "" | "." => {}
+            ".." => {
+                parts.pop()?;
+            }
+            name => parts.push(name),
+        }
+    }
+    Some(parts.join("/"))
+}
+
 /// Builds a tree from (path, text) pairs.
 #[cfg(test)]
 pub(crate) fn tree_of(files: &[(&str, &str)]) -> Tree {

@@ -50,6 +50,7 @@ pub mod cache;
 pub mod cause;
 pub mod comparison;
 pub mod convergence;
+mod csv;
 pub mod domain;
 pub mod evaluation;
 pub mod event;

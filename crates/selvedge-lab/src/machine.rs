@@ -141,25 +141,24 @@ pub enum Machine {
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum MachineError {
     #[error(
-        "--precision {}: the processor multiplies in full precision here: name a GPU with --device, \
-         or leave out --precision",
+        "precision {}: the processor multiplies in full precision here: take a GPU as device, or full \
+         precision",
         precision.name()
     )]
     Precision { precision: PrecisionName },
     #[error(
-        "--precision half: this processor has no products of bf16 (AVX512-BF16): leave out \
-         --precision"
+        "precision half: this processor has no products of bf16 (AVX512-BF16): take full precision"
     )]
     NoHalf,
     #[error(
-        "--device: this selvedge was built without GPUs: build it with cargo build --release \
-         --features gpu, or leave out --device"
+        "device: this selvedge was built without GPUs: build it with the feature gpu, or take the \
+         processor"
     )]
     BuiltWithout,
-    #[error("--device cpu is no GPU")]
+    #[error("device cpu is no GPU")]
     Processor,
     #[cfg(feature = "gpu")]
-    #[error("--device {name}: {source}")]
+    #[error("device {name}: {source}")]
     Device {
         name: DeviceName,
         source: DeviceError,
@@ -354,6 +353,20 @@ mod tests {
                 problem.contains("there are cpu, cuda and cuda:N"),
                 "{problem}"
             );
+        }
+    }
+
+    /// Their reader may be a program in Python or C#, which has no command line.
+    #[test]
+    fn errors_name_no_options_of_the_command_line() {
+        let precision = PrecisionName::Tensor;
+        for error in [
+            MachineError::Precision { precision },
+            MachineError::NoHalf,
+            MachineError::BuiltWithout,
+            MachineError::Processor,
+        ] {
+            assert!(!error.to_string().contains("--"), "{error}");
         }
     }
 

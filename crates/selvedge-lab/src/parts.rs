@@ -25,7 +25,7 @@ pub enum PartsError {
         path: PathBuf,
         source: std::io::Error,
     },
-    #[error("{}: is no part that `--shard I/N --part FILE` has written: {problem}", path.display())]
+    #[error("{}: is no part of an evaluation or a stress test: {problem}", path.display())]
     NoPart { path: PathBuf, problem: String },
     #[error("{}: is a part of another call: give the models, data and options of this one", path.display())]
     OtherCall { path: PathBuf },

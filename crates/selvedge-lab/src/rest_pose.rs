@@ -46,7 +46,7 @@ impl FoundRest {
             .filter(|seconds| *seconds >= WORTH_A_WORD)?;
         let vertices = self.rest.positions.len();
         Some(format!(
-            "the rest pose of {vertices} vertices is known from before (a search of {seconds:.0} s; --no-cache searches again)"
+            "the rest pose of {vertices} vertices is known from before (a search of {seconds:.0} s)"
         ))
     }
 }

@@ -36,11 +36,11 @@ pub struct Start {
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum StartError {
     #[error(
-        "scene {scene:?} has no handles, so that nothing holds the cloth: let it fall with --from-start (start = \"mesh\" in the scene)"
+        "scene {scene:?} has no handles, so that nothing holds the cloth: let it fall (start = \"mesh\" in the scene)"
     )]
     NothingHolds { scene: String },
     #[error(
-        "the run was to start in its rest pose, and can start where the mesh stands instead (--from-start, or start = \"mesh\" in the scene), or relaxed from there into its pattern (--fit)"
+        "the run was to start in its rest pose, and can start where the mesh stands instead (start = \"mesh\" in the scene), or relaxed from there into its pattern (start = \"fit\")"
     )]
     Rest(#[source] RestPoseError),
     #[error(transparent)]
@@ -129,10 +129,10 @@ pub fn for_model(loaded: &mut LoadedScene, model: &Model) -> Vec<&'static str> {
         let base = model.spec().base.filter(|base| !base.flies());
         warnings.push(match base {
             None => {
-                "contact: a learned model does not see obstacles, nor where the cloth touches itself: the guard pushes its frames apart (with --guard none its cloth passes through both)"
+                "contact: a learned model does not see obstacles, nor where the cloth touches itself: the guard pushes its frames apart (without a guard its cloth passes through both)"
             }
             Some(_) => {
-                "contact: the physics that the model corrects sees obstacles, and where the cloth touches itself, its network does not: the guard pushes apart what a correction drives together (with --guard none such frames stay)"
+                "contact: the physics that the model corrects sees obstacles, and where the cloth touches itself, its network does not: the guard pushes apart what a correction drives together (without a guard such frames stay)"
             }
         });
     }

@@ -24,6 +24,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::cause::chain;
+use crate::csv::Csv;
 use crate::domain::{self, Beyond, DomainError};
 use crate::event::{OnEvent, Reporter, Task};
 use crate::machine::{Machine, Mover};
@@ -247,7 +248,7 @@ fn sheets(names: &[String]) -> Result<Vec<NamedSheet>, StressChoiceError> {
             let known: Vec<&str> = named_sheets().iter().map(|sheet| sheet.name).collect();
             let known = known.join(", ");
             StressChoiceError(format!(
-                "--mesh: no mesh is called {name:?}; known are {known}"
+                "mesh: no mesh is called {name:?}; known are {known}"
             ))
         })
     };
@@ -463,31 +464,29 @@ pub fn quantile(mut values: Vec<f64>, share: f64) -> Option<f64> {
 /// # Errors
 /// A file that cannot be written.
 pub fn write_runs(path: &Path, runs: &[StressRun]) -> Result<(), WriteError> {
-    write_atomically(path, |out| {
-        writeln!(
-            out,
-            "run,mesh,diverged_frame,largest_strain,frames,corrected,lost,largest_correction,ms_per_frame,failure"
-        )?;
-        for run in runs {
-            let GuardSummary {
-                frames,
-                corrected,
-                lost,
-                largest_correction,
-                ..
-            } = run.guarded;
-            let text = |value: Option<String>| value.unwrap_or_default();
-            let diverged = text(run.diverged_frame.map(|frame| frame.to_string()));
-            let strain = text(run.largest_strain.map(|strain| strain.to_string()));
-            let failure = text(run.failure.as_ref().map(|f| f.replace('"', "'")));
-            writeln!(
-                out,
-                "{},\"{}\",{diverged},{strain},{frames},{corrected},{lost},{largest_correction},{},\"{failure}\"",
-                run.number, run.mesh, run.ms_per_frame
-            )?;
-        }
-        Ok(())
-    })
+    let text = runs_csv(runs);
+    write_atomically(path, |out| out.write_all(text.as_bytes()))
+}
+
+fn runs_csv(runs: &[StressRun]) -> String {
+    let mut csv = Csv::new(
+        "run,mesh,diverged_frame,largest_strain,frames,corrected,lost,largest_correction,ms_per_frame,failure",
+    );
+    for run in runs {
+        let guarded = &run.guarded;
+        csv.number(Some(run.number as f64));
+        csv.texts([&run.mesh]);
+        csv.number(run.diverged_frame.map(|frame| frame as f64));
+        csv.number(run.largest_strain);
+        csv.number(Some(guarded.frames as f64));
+        csv.number(Some(guarded.corrected as f64));
+        csv.number(Some(guarded.lost as f64));
+        csv.number(Some(guarded.largest_correction));
+        csv.number(Some(run.ms_per_frame));
+        csv.texts([run.failure.as_deref().unwrap_or_default()]);
+        csv.end();
+    }
+    csv.text()
 }
 
 #[cfg(test)]
@@ -514,6 +513,16 @@ mod tests {
             failure: None,
             ms_per_frame: 1.0,
         }
+    }
+
+    #[test]
+    fn names_and_failures_with_commas_and_quotes_are_quoted() {
+        let mut one = run(3, "a, \"b\".obj", Some(0.5));
+        one.failure = Some("frame 2: \"x\", lost".to_owned());
+        let text = runs_csv(&[one]);
+        let line = text.lines().nth(1).unwrap();
+        let expected = "3,\"a, \"\"b\"\".obj\",,0.5,10,2,1,0.003,1,\"frame 2: \"\"x\"\", lost\"";
+        assert_eq!(line, expected);
     }
 
     #[test]

@@ -6,13 +6,12 @@ use std::sync::Arc;
 
 use selvedge_cloth::{Cloth, HandleTargets, Scene, StepError, Stepper};
 use selvedge_data::{WriteError, write_atomically};
-use selvedge_guard::{
-    Guard, GuardError, GuardSettings, Measured, PhysicsFailure, Replacement, Tally, Trust,
-};
+use selvedge_guard::{Guard, GuardError, GuardSettings, PhysicsFailure, Replacement, Tally, Trust};
 use selvedge_model::Aspect;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::csv::Csv;
 use crate::domain::Beyond;
 use crate::machine::Mover;
 
@@ -23,7 +22,7 @@ pub const DIVERGED_FRAMES: usize = 10;
 
 /// A cloth that cannot be guarded.
 #[derive(Debug, Error)]
-#[error("the guard (--guard none does without): {0}")]
+#[error("the guard (the guard \"none\" does without): {0}")]
 pub struct WatchError(#[from] GuardError);
 
 /// A model under a guard.
@@ -179,38 +178,33 @@ impl Stepper for WatchedModel {
 /// # Errors
 /// A file that cannot be written.
 pub fn write_trust(path: &Path, log: &[Trust], beyond: Option<&Beyond>) -> Result<(), WriteError> {
-    write_atomically(path, |out| {
-        writeln!(
-            out,
-            "frame,verdict,largest_strain,smallest_strain,strain_rms,kinetic_energy,largest_speed,predicted_strain,correction_rms,correction_largest,replaced_by,physics_failed,contact,beyond"
-        )?;
-        for (frame, trust) in log.iter().enumerate() {
-            let beyond = match beyond {
-                Some(beyond) => names(beyond.by_frame.get(frame).map_or(&[], Vec::as_slice)),
-                None => "unknown".to_owned(),
-            };
-            let Measured {
-                largest_strain,
-                smallest_strain,
-                strain_rms,
-                kinetic_energy,
-                largest_speed,
-            } = trust.given;
-            let text = |value: Option<f64>| value.map_or_else(String::new, |v| v.to_string());
-            let predicted = text(trust.predicted.map(|m| m.largest_strain));
-            let rms = text(trust.correction.map(|m| m.rms));
-            let largest = text(trust.correction.map(|m| m.largest));
-            let verdict = trust.verdict.name();
-            let replaced_by = trust.verdict.replaced_by().map_or("", Replacement::name);
-            let (failed, contact) = (trust.physics_failed, trust.contact.name());
-            writeln!(
-                out,
-                "{},{verdict},{largest_strain},{smallest_strain},{strain_rms},{kinetic_energy},{largest_speed},{predicted},{rms},{largest},{replaced_by},{failed},{contact},{beyond}",
-                trust.frame
-            )?;
-        }
-        Ok(())
-    })
+    let mut csv = Csv::new(
+        "frame,verdict,largest_strain,smallest_strain,strain_rms,kinetic_energy,largest_speed,predicted_strain,correction_rms,correction_largest,replaced_by,physics_failed,contact,beyond",
+    );
+    for (frame, trust) in log.iter().enumerate() {
+        let beyond = match beyond {
+            Some(beyond) => names(beyond.by_frame.get(frame).map_or(&[], Vec::as_slice)),
+            None => "unknown".to_owned(),
+        };
+        let given = &trust.given;
+        csv.number(Some(trust.frame as f64));
+        csv.texts([trust.verdict.name()]);
+        csv.numbers(Some([
+            given.largest_strain,
+            given.smallest_strain,
+            given.strain_rms,
+            given.kinetic_energy,
+            given.largest_speed,
+        ]));
+        csv.number(trust.predicted.map(|m| m.largest_strain));
+        csv.numbers(trust.correction.map(|m| [m.rms, m.largest]));
+        let replaced_by = trust.verdict.replaced_by().map_or("", Replacement::name);
+        let failed = trust.physics_failed.to_string();
+        csv.texts([replaced_by, &failed, trust.contact.name(), &beyond]);
+        csv.end();
+    }
+    let text = csv.text();
+    write_atomically(path, |out| out.write_all(text.as_bytes()))
 }
 
 fn names(aspects: &[Aspect]) -> String {

@@ -1,4 +1,4 @@
-//! Options of a trial: `--name value` pairs and lone flags.
+//! Options of a trial: `--name value` pairs.
 
 use std::time::Duration;
 
@@ -8,41 +8,25 @@ use selvedge_lab::span;
 /// The options that were given, in order.
 pub(crate) struct Arguments {
     pairs: Vec<(String, String)>,
-    flags: Vec<String>,
 }
 
 impl Arguments {
-    /// Splits `words` into pairs, called `pairs`, and flags, called `flags`.
+    /// Splits `words` into pairs of these `names` and their values.
     ///
     /// # Errors
-    /// A word that is neither, or a name without its value.
-    pub(crate) fn parse(words: &[String], pairs: &[&str], flags: &[&str]) -> Result<Self> {
-        let mut parsed = Self {
-            pairs: Vec::new(),
-            flags: Vec::new(),
-        };
+    /// Another name, or a name without its value.
+    pub(crate) fn parse(words: &[String], names: &[&str]) -> Result<Self> {
+        let mut pairs = Vec::new();
         let mut words = words.iter();
         while let Some(word) = words.next() {
-            if flags.contains(&word.as_str()) {
-                parsed.flags.push(word.clone());
-            } else if pairs.contains(&word.as_str()) {
-                let value = words.next();
-                let value = value.with_context(|| format!("{word} needs a value"))?;
-                parsed.pairs.push((word.clone(), value.clone()));
-            } else {
-                bail!(
-                    "{word:?} is no option here: {} {}",
-                    pairs.join(" "),
-                    flags.join(" ")
-                );
+            if !names.contains(&word.as_str()) {
+                bail!("{word:?} is no option here: {}", names.join(" "));
             }
+            let value = words.next();
+            let value = value.with_context(|| format!("{word} needs a value"))?;
+            pairs.push((word.clone(), value.clone()));
         }
-        Ok(parsed)
-    }
-
-    /// Returns true if the flag was given.
-    pub(crate) fn has(&self, flag: &str) -> bool {
-        self.flags.iter().any(|given| given == flag)
+        Ok(Self { pairs })
     }
 
     /// All values of `name`.

@@ -37,7 +37,7 @@ struct Tally {
 /// # Errors
 /// Options that make no sense, or a program that cannot be built.
 pub(crate) fn run(options: &[String]) -> Result<bool> {
-    let options = Arguments::parse(options, &["--for", "--target"], &[])?;
+    let options = Arguments::parse(options, &["--for", "--target"])?;
     let span = options.span("--for")?.unwrap_or(Duration::from_secs(60));
     let wanted = options.all("--target");
     let names = fuzz::names();

@@ -17,7 +17,7 @@ use selvedge_data::{Dataset, Trajectory};
 use selvedge_model::Model;
 
 use crate::arguments::Arguments;
-use crate::program::{Program, copy_folder};
+use crate::program::Program;
 
 /// A command that takes its time.
 struct Case {
@@ -65,8 +65,12 @@ const CASES: [Case; 5] = [
     },
     Case {
         name: "import",
-        prepare: &[],
-        command: "dataset import flag-simple flag --density 0.5 --out imported",
+        prepare: &[
+            "simulate push.toml --from-start --out run.safetensors",
+            "export run.safetensors --to caches/a.usdc",
+            "export run.safetensors --to caches/b.usdc --frames 10..",
+        ],
+        command: "dataset import cache caches --density 0.2 --frame-rate 60 --handles found --out imported",
         resumes: false,
         shares: false,
         is_whole: false,
@@ -114,7 +118,7 @@ struct Order {
 /// Options that make no sense, a program that is missing, or what did not hold.
 pub(crate) fn run(options: &[String]) -> Result<bool> {
     let pairs = ["--kills", "--command", "--seed", "--ranks"];
-    let options = Arguments::parse(options, &pairs, &[])?;
+    let options = Arguments::parse(options, &pairs)?;
     let order = Order {
         kills: u32::try_from(options.number("--kills")?.unwrap_or(20))?,
         seed: options.number("--seed")?.unwrap_or(1),
@@ -347,8 +351,7 @@ fn prepare(folder: &Path, ranks: usize) -> Result<()> {
     fs::write(folder.join("push.toml"), crate::fuzz::SCENE)?;
     fs::write(folder.join("study.toml"), STUDY)?;
     fs::write(folder.join("many.toml"), many(&root)?)?;
-    let flag = root.join("crates/selvedge-data/tests/fixtures/foreign/flag_simple");
-    copy_folder(&flag, &folder.join("flag"))?;
+    fs::create_dir(folder.join("caches"))?;
     Ok(())
 }
 

@@ -1,5 +1,5 @@
-//! Trials that take minutes or hours, each a command: `fuzz` gives damaged files to every reader,
-//! `guided` the same with inputs kept by the code they reach, `faults` has calls of the system fail
+//! Trials that take minutes or hours, each a command: `fuzz` gives damaged files to every reader
+//! under libFuzzer, `faults` has calls of the system fail
 //! under every command, `kill` ends long commands at random times, `soak`
 //! runs steppers and the viewer for long, `load` puts many connections on the viewer.
 //!
@@ -24,19 +24,12 @@ use std::process::ExitCode;
 
 use anyhow::Result;
 
-pub use fuzz::Guided;
+pub use fuzz::{Guided, Replayed, replay};
 
 const HELP: &str = "\
-usage: cargo xtask fuzz|guided|faults|kill|soak|load [OPTIONS]
+usage: cargo xtask fuzz|faults|kill|soak|load [OPTIONS]
 
-  fuzz    damaged files, texts and messages for every reader
-            --for SPAN       share this time among the targets (30s, 10m, 2h; 30s if not said)
-            --inputs N       instead: so many inputs for every target
-            --target NAME    only this target (repeat for several)
-            --seed N         another sequence of inputs (1 if not said)
-            --from N         the first number of an input: with --inputs 1, repeats a finding
-            --list           names of the targets
-  guided  the same with libFuzzer, which keeps inputs that reach new code
+  fuzz    damaged files, texts and messages for every reader, by libFuzzer
             --for SPAN       for every target (60s if not said)
             --target NAME    only this target (repeat for several)
   faults  calls on files, and for memory, that fail under every command; cuts of the power
@@ -69,8 +62,7 @@ pub fn run(words: &[String]) -> ExitCode {
         return ExitCode::from(2);
     };
     let outcome: Result<bool> = match command.as_str() {
-        "fuzz" => fuzz::run(options),
-        "guided" => guided::run(options),
+        "fuzz" => guided::run(options),
         "faults" => faults::run(options),
         "kill" => kill::run(options),
         "soak" => soak::run(options),

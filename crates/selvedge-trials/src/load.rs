@@ -37,7 +37,7 @@ struct Load {
 /// # Errors
 /// Options that make no sense, or a viewer that failed.
 pub(crate) fn run(options: &[String]) -> Result<bool> {
-    let options = Arguments::parse(options, &["--half-open", "--pages", "--seed"], &[])?;
+    let options = Arguments::parse(options, &["--half-open", "--pages", "--seed"])?;
     let half_open = usize::try_from(options.number("--half-open")?.unwrap_or(400))?;
     let pages = u32::try_from(options.number("--pages")?.unwrap_or(30))?;
     let seed = options.number("--seed")?.unwrap_or(1);

@@ -33,6 +33,11 @@ impl Program {
         Ok(Self(path))
     }
 
+    /// The program at `path`.
+    pub(crate) fn at(path: &Path) -> Self {
+        Self(path.to_owned())
+    }
+
     /// Its path.
     pub(crate) fn path(&self) -> &Path {
         &self.0

@@ -61,7 +61,7 @@ impl Curve {
 /// Options that make no sense, or a run that failed.
 pub(crate) fn run(options: &[String]) -> Result<bool> {
     let pairs = ["--steps", "--span", "--pages", "--seed", "--only"];
-    let options = Arguments::parse(options, &pairs, &[])?;
+    let options = Arguments::parse(options, &pairs)?;
     let steps = options.number("--steps")?.unwrap_or(20_000);
     let span = options.span("--span")?.unwrap_or(Duration::from_secs(30));
     let pages = options.number("--pages")?.unwrap_or(30);

@@ -2,11 +2,15 @@
 
 mod bench;
 mod device;
+#[cfg(test)]
+mod documents;
 mod evaluate;
 mod export;
 mod guard;
 mod import;
 mod parts;
+#[cfg(test)]
+mod reference;
 mod study;
 mod view;
 
@@ -35,7 +39,8 @@ use crate::output::Reader;
 /// A learned cloth simulator.
 ///
 /// Give it a cloth and the motion of a few handles; it answers with the motion of the whole cloth,
-/// from a graph network that was trained on its own physics simulator.
+/// from cheap physics that a network corrects, or from a graph network alone. Both were trained on
+/// its own physics simulator.
 #[derive(Debug, Parser)]
 #[command(name = "selvedge", version = env!("SELVEDGE_VERSION"))]
 #[command(propagate_version = true, after_help = OVERVIEW)]
@@ -111,9 +116,6 @@ pub(crate) enum Command {
     Presets,
     Completions(CompletionsArgs),
     Manual(ManualArgs),
-    /// Print this reference as Markdown, for the book.
-    #[command(hide = true)]
-    Reference(ReferenceArgs),
 }
 
 /// Print what a shell needs to complete commands and options.
@@ -136,14 +138,6 @@ pub(crate) struct ManualArgs {
     /// The folder, made if it is not there.
     #[arg(value_name = "FOLDER")]
     pub(crate) folder: PathBuf,
-}
-
-/// Arguments of the hidden command that serves the book.
-#[derive(Debug, Args)]
-pub(crate) struct ReferenceArgs {
-    /// Check that these words are a command, instead, and do not run it.
-    #[arg(last = true, value_name = "WORDS")]
-    pub(crate) words: Vec<String>,
 }
 
 /// Run a trained model on a scene, beside the physics.
@@ -197,7 +191,7 @@ pub(crate) struct RolloutArgs {
     #[arg(long)]
     no_clip: bool,
     /// Also write the model's run in the format of another program, as its name ends: .usda, .usdc,
-    /// .usdz, .abc, .glb, .pc2, .mdd, .npz, .gif or .mp4; may stand several times (`selvedge
+    /// .usdz, .abc, .glb, .pc2, .npz, .gif or .mp4; may stand several times (`selvedge
     /// export` has more).
     #[arg(long, value_name = "FILE")]
     pub(crate) export: Vec<PathBuf>,
@@ -278,7 +272,7 @@ pub(crate) struct SimulateArgs {
     #[arg(long, value_name = "FILE")]
     pub(crate) states: Option<PathBuf>,
     /// Also write the run in the format of another program, as its name ends: .usda, .usdc, .usdz,
-    /// .abc, .glb, .pc2, .mdd, .npz, .gif or .mp4; may stand several times (`selvedge export` has
+    /// .abc, .glb, .pc2, .npz, .gif or .mp4; may stand several times (`selvedge export` has
     /// more).
     #[arg(long, value_name = "FILE")]
     pub(crate) export: Vec<PathBuf>,
@@ -490,7 +484,7 @@ pub(crate) struct CompareArgs {
 /// Say what a file or folder is and what is in it.
 ///
 /// Knows trajectories, states, models, checkpoints, scenes, presets, training configurations,
-/// studies, meshes, exported arrays (.npz), nodes of other programs (.glb, USD, .abc), and the
+/// studies, meshes, exported arrays (.npz), nodes of other programs (.glb, USD), and the
 /// folders
 /// of data sets, trainings and studies.
 #[derive(Debug, Args)]
@@ -504,7 +498,7 @@ Examples:
 pub(crate) struct InspectArgs {
     /// A file, a folder, or the name of a shipped scene.
     pub(crate) path: PathBuf,
-    /// Also draw it (.png; curves also .svg): a run with its strain, a mesh or a scene as it
+    /// Also draw it (.png; curves .svg): a run with its strain, a mesh or a scene as it
     /// stands, a training as the curves of its loss, a data set and a model as histograms, states
     /// as speeds.
     #[arg(long, value_name = "FILE")]

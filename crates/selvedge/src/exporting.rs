@@ -62,16 +62,23 @@ impl Wish {
         let extension = path.extension().and_then(|e| e.to_str());
         let named = extension.and_then(FormatName::of_extension);
         let Some(format) = format.or(named) else {
+            if extension.is_some_and(|e| e.eq_ignore_ascii_case("mdd")) {
+                return Err(WrongUsage::new(format!(
+                    "{}: .mdd is not written: take .pc2, which the same programs read",
+                    path.display()
+                ))
+                .into());
+            }
             return Err(WrongUsage::new(format!(
-                "{}: the name must end in .usda, .usdc, .usdz, .abc, .glb, .pc2, .mdd, .npz, .obj, .png, .gif or .mp4; for a folder of frames say --format obj or --format png",
+                "{}: the name must end in .usda, .usdc, .usdz, .abc, .glb, .pc2, .npz, .obj, .png, .gif or .mp4; for a folder of frames say --format obj or --format png",
                 path.display()
             ))
             .into());
         };
-        let is_cache = matches!(format, FormatName::Pc2 | FormatName::Mdd);
+        let is_cache = format == FormatName::Pc2;
         if is_cache && extension.is_some_and(|e| e.eq_ignore_ascii_case("obj")) {
             return Err(WrongUsage::new(format!(
-                "{}: a point cache gets its mesh beside it, as .obj of the same name, which would take its place: let the name end in .pc2 or .mdd",
+                "{}: a point cache gets its mesh beside it, as .obj of the same name, which would take its place: let the name end in .pc2",
                 path.display()
             ))
             .into());
@@ -83,7 +90,6 @@ impl Wish {
             FormatName::Usdz => Kind::Numbers(ExportFormat::Usdz),
             FormatName::Glb => Kind::Numbers(ExportFormat::Glb),
             FormatName::Pc2 => Kind::Numbers(ExportFormat::Pc2),
-            FormatName::Mdd => Kind::Numbers(ExportFormat::Mdd),
             FormatName::Abc => Kind::Numbers(ExportFormat::Abc),
             FormatName::Npz => Kind::Numbers(ExportFormat::Npz),
             FormatName::Obj if is_folder => Kind::Numbers(ExportFormat::ObjSequence),
@@ -168,7 +174,7 @@ impl Wish {
     /// All that is written whatever the trajectory has beside its cloth.
     pub(crate) fn outputs(&self) -> Vec<PathBuf> {
         let mut outputs = vec![self.path.clone()];
-        if let Kind::Numbers(ExportFormat::Pc2 | ExportFormat::Mdd) = self.kind {
+        if let Kind::Numbers(ExportFormat::Pc2) = self.kind {
             outputs.push(self.path.with_extension("obj"));
         }
         outputs

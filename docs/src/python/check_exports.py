@@ -3,7 +3,7 @@
     python docs/src/python/check_exports.py out/rollout.safetensors exports
 
 The folder has what `selvedge export` made of that run: any of cloth.usda, cloth.usdc, cloth.usdz, cloth-z.usda (--up z),
-cloth.abc, cloth.glb, cloth.pc2 and cloth.mdd (with cloth.obj), cloth.npz, frames (--format obj) and thin.glb, thin.usda,
+cloth.abc, cloth.glb, cloth.pc2 (with cloth.obj), cloth.npz, frames (--format obj) and thin.glb, thin.usda,
 thin.abc (--frames 10.. --every 4).
 docs/src/guides/export.md has the commands. Needs numpy, and what there is of
 
@@ -284,14 +284,13 @@ def check_blender(check):
             corner = sheet().data.loops[0].vertex_index
             check.expect(name, "texture", np.allclose(uv[0].uv, check.material[corner], rtol=0, atol=1e-6))
             check.expect(name, "two-sided", not sheet().material_slots[0].material.use_backface_culling)
-    for name in ["cloth.pc2", "cloth.mdd"]:
-        if path := check.path(name):
-            fresh()
-            bpy.ops.wm.obj_import(filepath=check.path("cloth.obj"))
-            cache = sheet().modifiers.new("cloth", "MESH_CACHE")
-            cache.cache_format = name[-3:].upper()
-            cache.filepath = path
-            follow(name, check.frames)
+    if path := check.path("cloth.pc2"):
+        fresh()
+        bpy.ops.wm.obj_import(filepath=check.path("cloth.obj"))
+        cache = sheet().modifiers.new("cloth", "MESH_CACHE")
+        cache.cache_format = "PC2"
+        cache.filepath = path
+        follow("cloth.pc2", check.frames)
 
 
 def main():

@@ -114,13 +114,13 @@ class Simulator(Stepper):
 @final
 class LearnedStepper(Stepper):
     def __new__(
-        cls, scene: Scene, model: Model, guard: str = "none", progress: _Progress | None = None
+        cls, scene: Scene, model: Model, guard: str = "limit", progress: _Progress | None = None
     ) -> LearnedStepper: ...
 
 @final
 class CorrectedStepper(Stepper):
     def __new__(
-        cls, scene: Scene, model: Model, guard: str = "none", progress: _Progress | None = None
+        cls, scene: Scene, model: Model, guard: str = "limit", progress: _Progress | None = None
     ) -> CorrectedStepper: ...
 
 @final
@@ -133,6 +133,19 @@ class RigidStepper(Stepper):
 
 @final
 class Trajectory:
+    def __new__(
+        cls,
+        positions: ArrayLike,
+        faces: ArrayLike,
+        material: ArrayLike,
+        handles: Sequence[int],
+        frame_rate: float,
+        *,
+        density: float | None = None,
+        masses: ArrayLike | None = None,
+        areas: ArrayLike | None = None,
+        rest: ArrayLike | None = None,
+    ) -> Trajectory: ...
     @staticmethod
     def read(path: _Path) -> Trajectory: ...
     def write(self, path: _Path) -> None: ...
@@ -233,6 +246,15 @@ class Dataset:
         folder: _Path,
         threads: int | None = None,
         progress: _Progress | None = None,
+    ) -> Dataset: ...
+    @staticmethod
+    def write(
+        folder: _Path,
+        name: str,
+        train: Sequence[str],
+        test: Sequence[str],
+        read: Callable[[str, str], Trajectory],
+        config: dict[str, Any] | None = None,
     ) -> Dataset: ...
     @property
     def name(self) -> str: ...

@@ -142,5 +142,9 @@ class ReachPose(gymnasium.Env):
 
 
 def register() -> None:
-    """Makes the environment known to Gymnasium as "selvedge/ReachPose-v0"."""
-    gymnasium.register("selvedge/ReachPose-v0", entry_point="selvedge.gym:ReachPose")
+    """Makes the environment known to Gymnasium as "selvedge/ReachPose-v0"; importing this does so."""
+    if "selvedge/ReachPose-v0" not in gymnasium.registry:
+        gymnasium.register("selvedge/ReachPose-v0", entry_point="selvedge.gym:ReachPose")
+
+
+register()

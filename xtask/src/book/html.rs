@@ -10,9 +10,9 @@ use std::process::Command;
 
 use anyhow::{Context, Result, bail};
 
+use super::markdown;
 use super::places::{PAGES, SUMMARY};
-use super::{links, markdown};
-use crate::tree::{TextFile, Tree};
+use crate::tree::{TextFile, Tree, folder_of, resolve};
 
 /// Folder of the copy, relative to the root.
 const COPY: &str = "target/book/source";
@@ -84,11 +84,11 @@ fn make_folder_of(file: &Path) -> Result<()> {
 
 /// Files and folders outside of the book that a page links to.
 fn outside_of(page: &TextFile) -> Vec<String> {
-    let folder = links::folder_of(&page.path);
+    let folder = folder_of(&page.path);
     let found = markdown::links(&markdown::page(&page.text));
     let paths = found.iter().filter(|link| !link.path.is_empty());
     paths
-        .filter_map(|link| links::resolve(folder, link.path))
+        .filter_map(|link| resolve(folder, link.path))
         .filter(|path| !path.starts_with(PAGES))
         .collect()
 }
@@ -101,11 +101,11 @@ fn copy_of(path: &str) -> String {
 /// A page whose links to files outside of the book lead to their copies, and those to a folder's
 /// `README.md` to the page that mdBook makes of it.
 fn redirected(page: &TextFile) -> String {
-    let folder = links::folder_of(&page.path);
+    let folder = folder_of(&page.path);
     let up = "../".repeat(folder.matches('/').count().saturating_sub(1));
     let mut text = page.text.clone();
     for link in markdown::links(&markdown::page(&page.text)) {
-        let resolved = links::resolve(folder, link.path);
+        let resolved = resolve(folder, link.path);
         let Some(path) = resolved.filter(|_| !link.path.is_empty()) else {
             continue;
         };

@@ -1,13 +1,19 @@
-//! Every relative link and image of every document leads to a file, and its anchor to a heading.
+//! Every relative link and image of every document leads to a file, and its anchor to a heading;
+//! every path in backticks that means a file of this repository is there.
 
 use std::collections::BTreeMap;
 
-use super::fault::Fault;
 use super::markdown;
-use crate::tree::{TextFile, Tree};
+use crate::tree::{TextFile, Tree, folder_of, resolve};
+use crate::violation::Violation;
 
-/// Links that lead nowhere.
-pub(super) fn check(tree: &Tree) -> Vec<Fault> {
+/// Beginnings of a path in backticks that means a file of this repository.
+const PATHS: [&str; 6] = ["crates/", "xtask/", "docs/", "assets/", "web/", ".ci/"];
+/// Remedy for all of them.
+const MEND: &str = "mend the link";
+
+/// Links and paths that lead nowhere.
+pub(super) fn check(tree: &Tree) -> Vec<Violation> {
     let documents = || tree.texts.iter().filter(|file| file.path.ends_with(".md"));
     let anchors: BTreeMap<&str, Vec<String>> = documents()
         .map(|file| {
@@ -24,16 +30,25 @@ fn check_document(
     file: &TextFile,
     tree: &Tree,
     anchors: &BTreeMap<&str, Vec<String>>,
-) -> Vec<Fault> {
+) -> Vec<Violation> {
     let mut found = Vec::new();
-    for link in markdown::links(&markdown::page(&file.text)) {
+    let page = markdown::page(&file.text);
+    for span in markdown::code_spans(&page) {
+        let is_path = PATHS.iter().any(|start| span.text.starts_with(start))
+            && !span.text.contains(['*', '<', '{', '…', ' ', ':']);
+        if is_path && !tree.contains(span.text.trim_end_matches('/')) {
+            let what = format!("there is no {}", span.text);
+            found.push(Violation::new(&file.path, span.number, what, MEND));
+        }
+    }
+    for link in markdown::links(&page) {
         let path = match link.path {
             "" => Some(file.path.clone()),
             path => resolve(folder_of(&file.path), path),
         };
         let Some(path) = path.filter(|path| tree.contains(path)) else {
             let what = format!("the link to {} leads nowhere", link.path);
-            found.push(Fault::new(&file.path, link.line, what));
+            found.push(Violation::new(&file.path, link.line, what, MEND));
             continue;
         };
         let (Some(anchor), Some(known)) = (link.anchor, anchors.get(path.as_str())) else {
@@ -41,30 +56,10 @@ fn check_document(
         };
         if !known.iter().any(|heading| heading == anchor) {
             let what = format!("{path} has no heading #{anchor}");
-            found.push(Fault::new(&file.path, link.line, what));
+            found.push(Violation::new(&file.path, link.line, what, MEND));
         }
     }
     found
-}
-
-/// Folder of a path; empty at the root.
-pub(super) fn folder_of(path: &str) -> &str {
-    path.rsplit_once('/').map_or("", |(folder, _)| folder)
-}
-
-/// `target` seen from `folder`, both relative to the root; none when it leads outside.
-pub(super) fn resolve(folder: &str, target: &str) -> Option<String> {
-    let mut parts: Vec<&str> = folder.split('/').filter(|part| !part.is_empty()).collect();
-    for part in target.split('/') {
-        match part {
-            "" | "." => {}
-            ".." => {
-                parts.pop()?;
-            }
-            _ => parts.push(part),
-        }
-    }
-    Some(parts.join("/"))
 }
 
 #[cfg(test)]
@@ -91,5 +86,11 @@ mod tests {
         let found = whats("[c](b/c.md#three)");
         assert_eq!(found, ["docs/src/b/c.md has no heading #three"]);
         assert_eq!(whats("[c](#three)").len(), 1);
+    }
+
+    #[test]
+    fn paths_in_backticks_exist() {
+        assert!(whats("`docs/src/a.md` `docs/` `docs/*.md` `crates/<name>` `other/x`").is_empty());
+        assert_eq!(whats("see `crates/x.rs`"), ["there is no crates/x.rs"]);
     }
 }

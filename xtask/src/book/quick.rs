@@ -1,161 +1,106 @@
 //! Runs the quick commands of the book, page by page, each page in an empty folder with `assets`
-//! and `docs` beside it.
+//! and `docs` beside it. A shell runs a block, and ends at the first command that fails.
 //!
 //! A block marked `toml file=NAME` is written to that file where it stands.
 
-use std::fs;
 use std::path::Path;
+use std::process::Command;
 use std::time::Instant;
+use std::{env, fs};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 
-use super::commands::{self, Command};
-use super::fault::Fault;
 use super::markdown::{self, Block};
 use super::places::PAGES;
-use super::program::Program;
+use crate::metadata;
 use crate::tree::{TextFile, Tree};
 
 /// Folder in which pages are tried, relative to the root.
 const FOLDER: &str = "target/book/run";
 /// Folders of the repository that commands may name.
 const BESIDE: [&str; 2] = ["assets", "docs"];
-/// Beginning of the attribute that names the file of a block.
-const FILE: &str = "file=";
 
-/// Outcome of a run.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Outcome {
-    /// Commands that ran.
-    pub(super) count: usize,
-    /// Commands that failed, or do not say how long they take.
-    pub(super) faults: Vec<Fault>,
-}
+/// Builds the program and runs the quick commands of all pages with it.
+pub(super) fn run(root: &Path, tree: &Tree) -> Result<()> {
+    let mut build = Command::new(env!("CARGO"));
+    build.args(["build", "--quiet", "--package", "selvedge"]);
+    if !build.current_dir(root).status()?.success() {
+        bail!("the program could not be built");
+    }
+    let mut path = metadata::target_folder(root)?
+        .join("debug")
+        .into_os_string();
+    path.push(":");
+    path.push(env::var_os("PATH").unwrap_or_default());
 
-/// Runs the quick commands of all pages and prints how long each takes.
-///
-/// # Errors
-/// When a folder cannot be made or the program cannot be started.
-pub(super) fn run(root: &Path, tree: &Tree, program: &Program) -> Result<Outcome> {
-    let mut outcome = Outcome::default();
     let folder = root.join(FOLDER);
     if folder.exists() {
         fs::remove_dir_all(&folder).context("cannot empty the folder of the last run")?;
     }
+    let mut failed = 0;
     for file in tree.texts.iter().filter(|file| is_tried(file)) {
         let folder = folder.join(file.path.replace(['/', '.'], "-"));
         fs::create_dir_all(&folder)?;
         for name in BESIDE {
-            beside(&root.join(name), &folder.join(name))?;
+            #[cfg(unix)]
+            std::os::unix::fs::symlink(root.join(name), folder.join(name))?;
         }
-        try_page(file, &folder, program, &mut outcome)?;
-    }
-    Ok(outcome)
-}
-
-fn is_tried(file: &TextFile) -> bool {
-    let is_page = file.path == "README.md" || file.path.starts_with(PAGES);
-    is_page
-        && commands::of_page(file)
-            .iter()
-            .any(|command| command.is_quick)
-}
-
-#[cfg(unix)]
-fn beside(from: &Path, to: &Path) -> Result<()> {
-    std::os::unix::fs::symlink(from, to).with_context(|| format!("cannot make {}", to.display()))
-}
-
-#[cfg(not(unix))]
-fn beside(from: &Path, to: &Path) -> Result<()> {
-    fs::create_dir_all(to)?;
-    for entry in fs::read_dir(from)? {
-        let entry = entry?;
-        let target = to.join(entry.file_name());
-        if entry.file_type()?.is_dir() {
-            beside(&entry.path(), &target)?;
-        } else {
-            fs::copy(entry.path(), target)?;
-        }
-    }
-    Ok(())
-}
-
-fn try_page(
-    file: &TextFile,
-    folder: &Path,
-    program: &Program,
-    outcome: &mut Outcome,
-) -> Result<()> {
-    let page = markdown::page(&file.text);
-    for block in &page.blocks {
-        if let Some(name) = file_of(block) {
-            let lines: Vec<&str> = block.lines.iter().map(|line| line.text).collect();
-            fs::write(folder.join(name), lines.join("\n") + "\n")?;
-        }
-        for command in commands::of_block(&file.path, block) {
-            if command.is_quick {
-                outcome.count += 1;
-                outcome
-                    .faults
-                    .extend(try_command(&command, folder, program)?);
+        for block in &markdown::page(&file.text).blocks {
+            if let Some(name) = file_of(block) {
+                fs::write(folder.join(name), text_of(block))?;
+            }
+            if is_quick(block) {
+                let began = Instant::now();
+                let mut shell = Command::new("bash");
+                shell.args(["-euxo", "pipefail", "-c", &text_of(block)]);
+                let is_done = shell
+                    .current_dir(&folder)
+                    .env("PATH", &path)
+                    .status()?
+                    .success();
+                let (path, line) = (&file.path, block.opens_at);
+                let seconds = began.elapsed().as_secs_f64();
+                let how = if is_done { "done" } else { "FAILED" };
+                println!("{how}: {path}:{line} ({seconds:.1} s)");
+                failed += usize::from(!is_done);
             }
         }
     }
+    if failed > 0 {
+        bail!("{failed} blocks of commands failed");
+    }
     Ok(())
+}
+
+fn is_tried(file: &TextFile) -> bool {
+    let is_page = file.path == "README.md"
+        || file.path.starts_with(PAGES) && !file.path.contains("/notebook/");
+    is_page && markdown::page(&file.text).blocks.iter().any(is_quick)
+}
+
+fn is_quick(block: &Block<'_>) -> bool {
+    block.info.contains(&"quick")
 }
 
 /// Name of the file that a block is.
 fn file_of<'a>(block: &Block<'a>) -> Option<&'a str> {
-    block.info.iter().find_map(|word| word.strip_prefix(FILE))
+    block
+        .info
+        .iter()
+        .find_map(|word| word.strip_prefix("file="))
 }
 
-fn try_command(command: &Command, folder: &Path, program: &Program) -> Result<Option<Fault>> {
-    let call = command.words.join(" ");
-    let began = Instant::now();
-    let output = program.run(folder, &command.words)?;
-    let seconds = began.elapsed().as_secs_f64();
-    println!(
-        "{seconds:7.1} s, said {:>8}: selvedge {call}",
-        command.comment
-    );
-    let what = if !output.status.success() {
-        let message = String::from_utf8_lossy(&output.stderr);
-        let last = message.lines().rev().find(|line| line.contains("error"));
-        format!("selvedge {call} failed: {}", last.unwrap_or_default())
-    } else if !is_duration(&command.comment) {
-        format!("selvedge {call} does not say how long it takes")
-    } else {
-        return Ok(None);
-    };
-    Ok(Some(Fault::new(&command.path, command.line, what)))
-}
-
-/// True where a comment begins with a duration, as `at once`, `3 s` or `1.4 s until it moves`.
-fn is_duration(comment: &str) -> bool {
-    let mut words = comment.split([' ', ',', ':']);
-    match (words.next(), words.next()) {
-        (Some("at"), Some("once")) => true,
-        (Some(number), Some(unit)) => {
-            number.parse::<f64>().is_ok() && ["ms", "s", "min", "h"].contains(&unit)
-        }
-        _ => false,
-    }
+fn text_of(block: &Block<'_>) -> String {
+    block
+        .lines
+        .iter()
+        .map(|line| format!("{}\n", line.text))
+        .collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_duration_is_a_number_with_its_unit() {
-        for good in ["at once", "3 s", "1.4 s until it moves", "2 min, once"] {
-            assert!(is_duration(good), "{good}");
-        }
-        for bad in ["", "soon", "3", "3 frames", "at last"] {
-            assert!(!is_duration(bad), "{bad}");
-        }
-    }
 
     #[test]
     fn pages_with_quick_blocks_are_tried() {
@@ -165,6 +110,7 @@ mod tests {
         };
         let quick = "```console quick\nselvedge presets\n```\n";
         assert!(is_tried(&file("docs/src/a.md", quick)));
+        assert!(!is_tried(&file("docs/src/notebook/a.md", quick)));
         assert!(!is_tried(&file("other/a.md", quick)));
         assert!(!is_tried(&file(
             "docs/src/a.md",
@@ -176,6 +122,7 @@ mod tests {
     fn a_block_names_its_file() {
         let page = markdown::page("```toml file=a.toml\nname = 1\n```\n```toml\n```\n");
         assert_eq!(file_of(&page.blocks[0]), Some("a.toml"));
+        assert_eq!(text_of(&page.blocks[0]), "name = 1\n");
         assert_eq!(file_of(&page.blocks[1]), None);
     }
 }

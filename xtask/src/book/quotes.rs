@@ -6,21 +6,26 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 
-use super::fault::Fault;
 use super::places::PAGES;
 use crate::tree::Tree;
+use crate::violation::Violation;
 
 const OPENING: &str = "<!-- quote ";
 const CLOSING: &str = " -->";
 
 /// Quotes that are not their files.
-pub(super) fn check(tree: &Tree) -> Vec<Fault> {
+pub(super) fn check(tree: &Tree) -> Vec<Violation> {
     let mut found = Vec::new();
     for page in pages(tree) {
         let (text, faults) = quoted(&page.path, &page.text, tree);
         if faults.is_empty() && text != page.text {
-            let what = "a quote is not its file: cargo xtask book --write";
-            found.push(Fault::new(&page.path, 0, what));
+            let what = "a quote is not its file";
+            found.push(Violation::new(
+                &page.path,
+                0,
+                what,
+                "cargo xtask book --write",
+            ));
         }
         found.extend(faults);
     }
@@ -48,7 +53,7 @@ fn pages(tree: &Tree) -> impl Iterator<Item = &crate::tree::TextFile> {
 }
 
 /// A page's text with every quote taken from its file, and the quotes whose file is missing.
-fn quoted(path: &str, text: &str, tree: &Tree) -> (String, Vec<Fault>) {
+fn quoted(path: &str, text: &str, tree: &Tree) -> (String, Vec<Violation>) {
     let mut out = String::new();
     let mut faults = Vec::new();
     let mut lines = text.lines().enumerate().peekable();
@@ -59,7 +64,8 @@ fn quoted(path: &str, text: &str, tree: &Tree) -> (String, Vec<Fault>) {
             continue;
         };
         let Some(file) = tree.text(name) else {
-            faults.push(Fault::new(path, index + 1, format!("there is no {name}")));
+            let what = format!("there is no {name}");
+            faults.push(Violation::new(path, index + 1, what, "mend the quote"));
             continue;
         };
         while lines.next_if(|(_, line)| line.is_empty()).is_some() {}

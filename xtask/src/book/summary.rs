@@ -1,19 +1,22 @@
 //! Every page of the book stands in its summary, once.
 
-use super::fault::Fault;
+use super::markdown;
 use super::places::{PAGES, SUMMARY};
-use super::{links, markdown};
-use crate::tree::Tree;
+use crate::tree::{Tree, folder_of, resolve};
+use crate::violation::Violation;
+
+/// Remedy.
+const LIST: &str = "list it there once";
 
 /// Pages that the summary lacks or has twice.
-pub(super) fn check(tree: &Tree) -> Vec<Fault> {
+pub(super) fn check(tree: &Tree) -> Vec<Violation> {
     let Some(summary) = tree.text(SUMMARY) else {
-        return vec![Fault::new(SUMMARY, 0, "is missing")];
+        return vec![Violation::new(SUMMARY, 0, "is missing", "write it")];
     };
     let page = markdown::page(&summary.text);
     let listed: Vec<String> = markdown::links(&page)
         .iter()
-        .filter_map(|link| links::resolve(links::folder_of(SUMMARY), link.path))
+        .filter_map(|link| resolve(folder_of(SUMMARY), link.path))
         .collect();
     let mut found = Vec::new();
     for file in &tree.texts {
@@ -23,8 +26,13 @@ pub(super) fn check(tree: &Tree) -> Vec<Fault> {
         }
         match listed.iter().filter(|path| **path == file.path).count() {
             1 => {}
-            0 => found.push(Fault::new(&file.path, 0, "is not in the summary")),
-            _ => found.push(Fault::new(&file.path, 0, "is in the summary twice")),
+            0 => found.push(Violation::new(&file.path, 0, "is not in the summary", LIST)),
+            _ => found.push(Violation::new(
+                &file.path,
+                0,
+                "is in the summary twice",
+                LIST,
+            )),
         }
     }
     found

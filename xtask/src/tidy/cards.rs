@@ -1,8 +1,8 @@
 //! Every model that is handed out has a card beside it that says where it comes from and what it
 //! cannot do; and what the repository carries along stays small enough to clone.
 
-use super::violation::Violation;
 use crate::tree::Tree;
+use crate::violation::Violation;
 
 /// Headings that a card has at least.
 const HEADINGS: [&str; 7] = [

@@ -6,8 +6,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::violation::Violation;
 use crate::rust::{ModulePath, RustFile};
+use crate::violation::Violation;
 
 /// Files that may need each other in a circle.
 const LARGEST: usize = 3;

@@ -3,8 +3,8 @@
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
-use super::violation::Violation;
 use crate::metadata::Graph;
+use crate::violation::Violation;
 
 /// Pairs (from, to) that must not be joined by any path of normal dependencies.
 const FORBIDDEN: [(&str, &str); 30] = [

@@ -7,8 +7,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::violation::Violation;
 use crate::tree::Tree;
+use crate::violation::Violation;
 
 const DOCUMENT: &str = "docs/src/reference/equations.md";
 const OPENING: &str = concat!("[", "eq:");

@@ -4,8 +4,8 @@
 //! Manifests are read by line: in this repository a member's dependency is always `name.workspace`,
 //! in a table of its own. Code names a dependency by its name with `_` for `-`, as a word.
 
-use super::violation::Violation;
 use crate::tree::{TextFile, Tree};
+use crate::violation::Violation;
 
 const ROOT: &str = "Cargo.toml";
 

@@ -1,22 +1,16 @@
-//! `cargo xtask tidy`: what the house has promised in ARCHITECTURE.md and no compiler checks.
+//! `cargo xtask tidy`: the promises of ARCHITECTURE.md that no compiler checks.
 //!
-//! Each check is a pure function from the files ([`Tree`]) or the package graph ([`Graph`]) to a
-//! list of [`Violation`]s, one line each: where, what, and what to do about it. A check never stops
-//! at its first violation.
+//! Each check is a function from the files ([`Tree`]) or the package graph ([`Graph`]) to a list of
+//! [`Violation`]s, one line each: where, what, and the remedy. No check stops at its first
+//! violation.
 
 mod cards;
 mod circles;
 mod dependencies;
 mod equations;
 mod manifests;
-mod map;
-mod marks;
 mod packages;
 mod page;
-mod prose;
-mod signatures;
-mod sizes;
-mod violation;
 
 use std::path::Path;
 
@@ -25,8 +19,7 @@ use anyhow::{Result, bail};
 use crate::metadata::{self, Graph};
 use crate::rust;
 use crate::tree::Tree;
-
-use violation::Violation;
+use crate::violation::Violation;
 
 /// Runs every check on the workspace of the current directory.
 ///
@@ -36,9 +29,6 @@ pub(crate) fn run() -> Result<()> {
     let root = metadata::workspace_root()?;
     let tree = Tree::read(Path::new(&root))?;
     let graph = metadata::graph()?;
-    for note in sizes::notes(&tree) {
-        println!("note: {note}");
-    }
     let violations = violations(&tree, &graph);
     for violation in &violations {
         println!("{violation}");
@@ -56,22 +46,17 @@ pub(crate) fn run() -> Result<()> {
 
 fn violations(tree: &Tree, graph: &Graph) -> Vec<Violation> {
     let mut all = dependencies::check(graph);
-    all.extend(sizes::check(tree));
     all.extend(manifests::check(tree));
     all.extend(packages::check(tree));
     all.extend(equations::check(tree));
-    all.extend(marks::check(tree));
     all.extend(cards::check(tree));
     all.extend(page::check(tree));
-    all.extend(map::check(tree, &graph.members));
-    all.extend(prose::check(tree));
     let (files, refused) = rust::parse(tree);
     all.extend(
         refused.iter().map(|(path, why)| {
             Violation::new(path, 0, format!("does not parse: {why}"), "mend it")
         }),
     );
-    all.extend(signatures::check(&files));
     all.extend(circles::check(&files));
     all.sort();
     all

@@ -2,9 +2,9 @@
 //! Rust that is tested, and every member that is published has a README, words and categories, and
 //! compiles in no file from outside its folder, which its package would not have.
 
-use super::map::resolve;
-use super::violation::Violation;
+use crate::tree::resolve;
 use crate::tree::{TextFile, Tree};
+use crate::violation::Violation;
 
 const ROOT: &str = "Cargo.toml";
 const TOOLCHAIN: &str = "rust-toolchain.toml";

@@ -5,8 +5,8 @@
 
 use std::collections::BTreeMap;
 
-use super::violation::Violation;
 use crate::tree::Tree;
+use crate::violation::Violation;
 
 const NOTES: &str = "crates/selvedge-live/page/sources.txt";
 const SOURCES: &str = "web/";

@@ -1,5 +1,5 @@
-//! A trajectory in the formats of other programs: .usda, .usdc, .usdz, .abc, .glb, .pc2 or .mdd
-//! with an .obj, .obj by the frame, .npz. One file per format; all of them write a [`Take`], frames
+//! A trajectory in the formats of other programs: .usda, .usdc, .usdz, .abc, .glb, .pc2 with
+//! an .obj, .obj by the frame, .npz. One file per format; all of them write a [`Take`], frames
 //! of the trajectory as they are wanted.
 //!
 //! Frames are streamed: beside the trajectory, memory holds a frame or two. Files are written
@@ -29,7 +29,6 @@ pub use self::frame_span::{FrameSpan, FrameSpanError};
 pub use self::npz::NpzTrajectoryError;
 pub(crate) use self::npz::{BodyPoints, body_points, handle_positions};
 pub use self::obstacles::files_beside;
-use self::options::PointCache;
 pub use self::options::{ExportFormat, ExportOptions, Normals, Velocities};
 pub use self::outcome::ExportError;
 use self::outcome::{Pulse, is_stop};
@@ -62,8 +61,7 @@ pub fn export(
         ExportFormat::Usdc => usd::write_crate(&take, path, &mut pulse),
         ExportFormat::Usdz => usd::write_package(&take, path, &mut pulse),
         ExportFormat::Glb => glb::write(&take, path, &mut pulse),
-        ExportFormat::Pc2 => point_cache::write(PointCache::Pc2, &take, path, &mut pulse),
-        ExportFormat::Mdd => point_cache::write(PointCache::Mdd, &take, path, &mut pulse),
+        ExportFormat::Pc2 => point_cache::write(&take, path, &mut pulse),
         ExportFormat::Obj => obj::write_one(&take, path, &mut pulse),
         ExportFormat::ObjSequence => obj::write_all(&take, path, &mut pulse),
         ExportFormat::Abc => abc::write(&take, path, &mut pulse),
@@ -87,8 +85,7 @@ pub fn planned_bytes(
     let take = Take::new(trajectory, options)?;
     Ok(match options.format {
         ExportFormat::Glb => Some(glb::planned_bytes(&take)),
-        ExportFormat::Pc2 => Some(point_cache::planned_bytes(PointCache::Pc2, &take)),
-        ExportFormat::Mdd => Some(point_cache::planned_bytes(PointCache::Mdd, &take)),
+        ExportFormat::Pc2 => Some(point_cache::planned_bytes(&take)),
         ExportFormat::Usda
         | ExportFormat::Usdc
         | ExportFormat::Usdz

@@ -27,18 +27,18 @@ impl<'a> Take<'a> {
 /// for point caches their caches and the cloth's mesh.
 #[must_use]
 pub fn files_beside(trajectory: &Trajectory, format: ExportFormat, path: &Path) -> Vec<PathBuf> {
-    let cache = format.point_cache();
-    if cache.is_none() && format != ExportFormat::Obj {
+    let is_cache = format == ExportFormat::Pc2;
+    if !is_cache && format != ExportFormat::Obj {
         return Vec::new();
     }
     let mut files = Vec::new();
-    if cache.is_some() {
+    if is_cache {
         files.push(path.with_extension("obj"));
     }
     for obstacle in TakenObstacle::all(trajectory) {
         files.push(obstacle.beside(path, "obj"));
-        if let Some(cache) = cache.filter(|_| !obstacle.is_still()) {
-            files.push(obstacle.beside(path, cache.extension()));
+        if is_cache && !obstacle.is_still() {
+            files.push(obstacle.beside(path, "pc2"));
         }
     }
     files

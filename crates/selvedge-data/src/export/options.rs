@@ -16,8 +16,6 @@ pub enum ExportFormat {
     Glb,
     /// A point cache of all frames, and the mesh of the first beside it (.obj).
     Pc2,
-    /// LightWave's point cache, and the mesh of the first frame beside it (.obj).
-    Mdd,
     /// One frame as a mesh.
     Obj,
     /// A folder with a mesh per frame.
@@ -39,7 +37,6 @@ impl ExportFormat {
             | Self::Usdz
             | Self::Glb
             | Self::Pc2
-            | Self::Mdd
             | Self::ObjSequence
             | Self::Abc
             | Self::Npz => false,
@@ -51,33 +48,7 @@ impl ExportFormat {
     pub fn has_velocities(self) -> bool {
         match self {
             Self::Usda | Self::Usdc | Self::Usdz | Self::Abc => true,
-            Self::Glb | Self::Pc2 | Self::Mdd | Self::Obj | Self::ObjSequence | Self::Npz => false,
-        }
-    }
-
-    /// The kind of point cache that it is.
-    pub(super) fn point_cache(self) -> Option<PointCache> {
-        match self {
-            Self::Pc2 => Some(PointCache::Pc2),
-            Self::Mdd => Some(PointCache::Mdd),
-            _ => None,
-        }
-    }
-}
-
-/// A kind of point cache.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum PointCache {
-    Pc2,
-    Mdd,
-}
-
-impl PointCache {
-    /// The ending of a file of its kind.
-    pub(super) fn extension(self) -> &'static str {
-        match self {
-            Self::Pc2 => "pc2",
-            Self::Mdd => "mdd",
+            Self::Glb | Self::Pc2 | Self::Obj | Self::ObjSequence | Self::Npz => false,
         }
     }
 }
@@ -122,18 +93,18 @@ impl ExportOptions {
     /// All frames with y up, and what who opens such a file expects in it.
     #[must_use]
     pub fn usual(format: ExportFormat) -> Self {
-        use ExportFormat::{Abc, Glb, Mdd, Npz, Obj, ObjSequence, Pc2, Usda, Usdc, Usdz};
+        use ExportFormat::{Abc, Glb, Npz, Obj, ObjSequence, Pc2, Usda, Usdc, Usdz};
         Self {
             format,
             frames: FrameSpan::default(),
             up: UpAxis::default(),
             normals: match format {
                 Glb => Normals::Written,
-                Usda | Usdc | Usdz | Pc2 | Mdd | Obj | ObjSequence | Abc | Npz => Normals::LeftOut,
+                Usda | Usdc | Usdz | Pc2 | Obj | ObjSequence | Abc | Npz => Normals::LeftOut,
             },
             velocities: match format {
                 Abc | Usdc | Usdz => Velocities::Written,
-                Usda | Glb | Pc2 | Mdd | Obj | ObjSequence | Npz => Velocities::LeftOut,
+                Usda | Glb | Pc2 | Obj | ObjSequence | Npz => Velocities::LeftOut,
             },
         }
     }
@@ -141,14 +112,13 @@ impl ExportOptions {
     /// The usual options of the format whose files end in `.ending`; none for an ending of none.
     #[must_use]
     pub fn of_ending(ending: &str) -> Option<Self> {
-        use ExportFormat::{Abc, Glb, Mdd, Npz, Obj, Pc2, Usda, Usdc, Usdz};
+        use ExportFormat::{Abc, Glb, Npz, Obj, Pc2, Usda, Usdc, Usdz};
         let formats = [
             ("usda", Usda),
             ("usdc", Usdc),
             ("usdz", Usdz),
             ("glb", Glb),
             ("pc2", Pc2),
-            ("mdd", Mdd),
             ("obj", Obj),
             ("abc", Abc),
             ("npz", Npz),

@@ -6,7 +6,6 @@ use selvedge_cloth::{Cloth, ClothArrays, Handles, Mesh};
 use serde_json::Value;
 
 use super::error::ForeignProblem;
-use super::options::ForeignFormat;
 use crate::trajectory::{Provenance, Trajectory};
 
 /// Largest difference of the sum of given areas from that in material space, as a share.
@@ -14,31 +13,47 @@ const AREA_TOLERANCE: f64 = 0.01;
 /// Largest distance of a cloth from the origin along an axis `[m]`: `f32` steps by 6 cm there.
 const FARTHEST: f64 = 1e6;
 
-/// Parts of a foreign trajectory, y up, in metres.
-pub(super) struct Parts {
-    pub(super) format: ForeignFormat,
-    pub(super) faces: Vec<[u32; 3]>,
-    /// `[vertices]`.
-    pub(super) material: Vec<DVec2>,
-    /// `[vertices]`.
-    pub(super) rest: Vec<DVec3>,
-    /// `[frames * vertices]`.
-    pub(super) positions: Vec<DVec3>,
-    pub(super) handles: Vec<u32>,
-    pub(super) weight: Weight,
-    pub(super) frame_rate: f64,
+/// The parts of a trajectory.
+#[derive(Clone, Debug)]
+pub struct TrajectoryParts {
+    /// Corners of the faces, all turned one way in material space.
+    pub faces: Vec<[u32; 3]>,
+    /// Material coordinates `[m]`.
+    pub material: Vec<DVec2>,
+    /// Rest positions `[m]`.
+    pub rest: Vec<DVec3>,
+    /// Positions by frame and vertex `[m]`.
+    pub positions: Vec<DVec3>,
+    /// Held vertices, in the order of their targets.
+    pub handles: Vec<u32>,
+    /// Weight of the cloth.
+    pub weight: Weight,
+    /// Frames per second.
+    pub frame_rate: f64,
+    /// Where the parts are from, as "imported from a cache".
+    pub made_by: String,
 }
 
-/// Weight of the cloth.
-pub(super) enum Weight {
-    /// `[kg/m²]`.
+/// Weight of a cloth.
+#[derive(Clone, Debug)]
+pub enum Weight {
+    /// Mass per area `[kg/m²]`.
     Density(f64),
-    /// `[kg]`, `[vertices]`, and `[m²]`, `[faces]`.
-    Given { mass: Vec<f32>, area: Vec<f32> },
+    /// Mass of each vertex `[kg]` and area of each face `[m²]`.
+    Given {
+        /// Masses.
+        mass: Vec<f32>,
+        /// Areas.
+        area: Vec<f32>,
+    },
 }
 
-impl Parts {
-    pub(super) fn trajectory(self) -> Result<Trajectory, ForeignProblem> {
+impl TrajectoryParts {
+    /// The trajectory, with every part checked against the others.
+    ///
+    /// # Errors
+    /// [`ForeignProblem`] names the face, vertex or frame that does not fit.
+    pub fn trajectory(self) -> Result<Trajectory, ForeignProblem> {
         let vertices = self.material.len();
         self.check()?;
         let handles = Handles::new(&self.handles, vertices)?;
@@ -66,15 +81,10 @@ impl Parts {
         let cloth = Cloth::new(mesh.topology().clone(), handles, arrays)?;
         let positions: Vec<Vec3> = self.positions.iter().map(|p| p.as_vec3()).collect();
         let program = concat!("selvedge ", env!("CARGO_PKG_VERSION"));
-        let format = match self.format {
-            ForeignFormat::FlagSimple => "flag-simple",
-            ForeignFormat::Released => "released",
-            ForeignFormat::Cache => "a cache",
-        };
         let provenance = Provenance {
             frame_rate: self.frame_rate,
             scene: Value::Null,
-            made_by: format!("{program}, imported from {format}"),
+            made_by: format!("{program}, {}", self.made_by),
         };
         Ok(Trajectory::new(cloth, positions, provenance)?)
     }

@@ -1,5 +1,4 @@
-//! Errors of foreign data: always with the file, and within it the record and byte, or
-//! the array.
+//! Errors of foreign data: always with the file.
 
 use std::path::PathBuf;
 
@@ -7,7 +6,6 @@ use glam::DVec3;
 use selvedge_cloth::{ClothError, HandleError, MeshError};
 use thiserror::Error;
 
-use crate::formats::npy::NpyError;
 use crate::formats::polygons::ReadMeshError;
 use crate::trajectory::TrajectoryError;
 
@@ -36,30 +34,11 @@ pub enum ForeignProblem {
         option: &'static str,
         hint: &'static str,
     },
-    #[error("the data say {what} themselves: leave {option} out")]
-    Superfluous {
-        what: &'static str,
-        option: &'static str,
-    },
     #[error("{option} must be {expected}, found {found}")]
     Option {
         option: &'static str,
         expected: &'static str,
         found: String,
-    },
-    #[error("record {record}, byte {offset}: {problem}")]
-    Record {
-        record: usize,
-        offset: u64,
-        problem: RecordProblem,
-    },
-    #[error("{0}")]
-    Npy(#[from] NpyError),
-    #[error("element {element} is {found}: {why}")]
-    Element {
-        element: usize,
-        found: String,
-        why: &'static str,
     },
     #[error("{what} is for {found} {unit}, but there are {expected}")]
     Count {
@@ -101,31 +80,4 @@ pub enum ForeignProblem {
     Cloth(#[from] ClothError),
     #[error(transparent)]
     Obj(#[from] ReadMeshError),
-}
-
-/// A problem of a record of a TFRecord file.
-#[derive(Clone, Debug, Error, PartialEq, Eq)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum RecordProblem {
-    #[error("the file ends within {what}: {found} of {expected} bytes are there")]
-    Truncated {
-        what: &'static str,
-        expected: u64,
-        found: u64,
-    },
-    #[error(
-        "the checksum of {what} is {found:#010x}, the file says {expected:#010x}: it is damaged"
-    )]
-    Checksum {
-        what: &'static str,
-        expected: u32,
-        found: u32,
-    },
-    #[error("is no tf.train.Example: {0}")]
-    Example(String),
-    #[error("feature {feature}: {problem}")]
-    Feature {
-        feature: &'static str,
-        problem: String,
-    },
 }

@@ -2,25 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::error::{ForeignError, ForeignProblem};
 use crate::UpAxis;
 use crate::formats::hash::hash;
 use crate::formats::input::read_file;
-
-/// A format that can be imported.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum ForeignFormat {
-    /// DeepMind's `flag_simple` (Pfaff et al. 2021): meta.json and TFRecord files.
-    FlagSimple,
-    /// The released code of Libao et al. 2023: a folder of .npy files per trajectory.
-    Released,
-    /// Caches of other programs: a file per trajectory.
-    Cache,
-}
 
 /// Source of the rest pose.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -38,7 +25,7 @@ pub enum RestSource {
 pub enum HandleSource {
     /// These, numbered from 0, in the order of their targets.
     Vertices(Vec<u32>),
-    /// Those that go with nodes of these names, node by node. Of caches with nodes (.abc, USD,
+    /// Those that go with nodes of these names, node by node. Of caches with nodes (USD,
     /// .glb).
     Nodes(Vec<String>),
     /// Those that stand still, or keep their distances from each other, through all frames. Of
@@ -72,36 +59,25 @@ pub enum Purpose {
 pub struct ImportOptions {
     /// Name of the data set; else that of the folder.
     pub name: Option<String>,
-    /// Mass per area `[kg/m²]`. `flag_simple` and caches have neither masses nor a material:
-    /// required there. The released code's folders have masses: not allowed there.
+    /// Mass per area `[kg/m²]`: required.
     pub density: Option<f64>,
-    /// Frames per second. `flag_simple` has a time step: not allowed there. The released folders:
-    /// by default 60 (Libao et al. 2023, section 3), or the `dt` of their meta.json. Caches:
-    /// required, frames are taken at this rate.
+    /// Frames per second at which frames are taken: required.
     pub frame_rate: Option<f64>,
-    /// The held vertices. `flag_simple` has node types: not allowed there. The released folders do
-    /// not say: numbers are required there. Caches: required.
+    /// The held vertices: required.
     pub handles: Option<HandleSource>,
-    /// Name of the mesh that is the cloth, of caches; by default the only one, or the one called
-    /// `sheet`. Not allowed for other formats.
+    /// Name of the mesh that is the cloth; by default the only one, or the one called `sheet`.
     pub object: Option<String>,
-    /// The rest pose. `flag_simple` has none: by default [`RestSource::Flat`], the mesh space in
-    /// which MeshGraphNets measures rest lengths (Pfaff et al. 2021, appendix A.1). The released
-    /// folders have rest.obj: not allowed there. Caches: by default the first frame.
+    /// The rest pose; by default the first frame.
     pub rest: Option<RestSource>,
-    /// A mesh file whose material coordinates are taken, for released folders whose rest.obj is
-    /// sagged and has no texture coordinates, and for caches without them. `flag_simple` has its
-    /// own: not allowed there.
+    /// A mesh file whose material coordinates are taken, where the file has none.
     pub flat: Option<PathBuf>,
-    /// Axis that points up. By default z for `flag_simple`, as in ARCSim, which made it (Narain et
-    /// al. 2012), and y for the released folders (Libao et al. 2023, section 5.4: the local frame
-    /// turns about y). Of caches those that do not say it: by default y.
+    /// Axis that points up in files that do not say it; by default y.
     pub up: Option<UpAxis>,
     /// Largest number of trajectories of each split.
     pub limit: Option<usize>,
     /// Choice of the trajectories that are imported.
     pub purpose: Purpose,
-    /// Trajectories to test on, by name, for released folders and caches that are not already in
+    /// Trajectories to test on, by name, for caches that are not already in
     /// `train` and `test`.
     pub test: Vec<String>,
 }
@@ -125,18 +101,6 @@ pub(super) fn describe_file(path: &Path) -> Result<Value, ForeignError> {
     })?;
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     Ok(json!({ "file": name, "blake3": hash(&bytes) }))
-}
-
-/// An option that must not be given, because the data say it.
-pub(super) fn refuse<T>(
-    value: Option<&T>,
-    what: &'static str,
-    option: &'static str,
-) -> Result<(), ForeignProblem> {
-    match value {
-        Some(_) => Err(ForeignProblem::Superfluous { what, option }),
-        None => Ok(()),
-    }
 }
 
 /// A positive number, where one is given.

@@ -1,7 +1,6 @@
 //! Reading of input files: regular files only. A pipe or a device may never end, and a read of it
 //! cannot be interrupted.
 
-use std::fs::File;
 use std::io;
 use std::path::Path;
 
@@ -21,15 +20,6 @@ pub fn read_file(path: &Path) -> io::Result<Vec<u8>> {
 pub fn read_text(path: &Path) -> io::Result<String> {
     check(path)?;
     std::fs::read_to_string(path)
-}
-
-/// Opens a file to read from.
-///
-/// # Errors
-/// As for [`read_file`].
-pub(crate) fn open_file(path: &Path) -> io::Result<File> {
-    check(path)?;
-    File::open(path)
 }
 
 /// Checks that `path` is a file that ends. The system has its own words for a folder.
@@ -70,7 +60,7 @@ mod tests {
         for path in [pipe.as_path(), Path::new("/dev/zero")] {
             let error = read_file(path).unwrap_err().to_string();
             assert!(error.contains("a pipe or a device"), "{error}");
-            assert!(read_text(path).is_err() && open_file(path).is_err());
+            assert!(read_text(path).is_err());
         }
     }
 }

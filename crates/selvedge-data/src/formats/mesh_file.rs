@@ -7,6 +7,7 @@ use glam::DVec3;
 use super::obj::parse_obj_polygons;
 use super::polygons::{MeshFileError, MeshOptions, ReadMesh, ReadMeshError, Sewing, assemble, sew};
 use crate::formats::input::read_file;
+use crate::formats::retired::retired;
 use crate::rig::mesh::polygons;
 use crate::rig::{RigError, RigFormat};
 
@@ -14,7 +15,7 @@ use crate::rig::{RigError, RigFormat};
 /// precision at some ten roundings.
 const COINCIDENT: f64 = 1e-6;
 
-/// Reads a mesh from a file (.obj, .glb, USD, .abc), as `options` say.
+/// Reads a mesh from a file (.obj, .glb, USD), as `options` say.
 ///
 /// # Errors
 /// [`ReadMeshError`] names the file, and the line, face or vertex that cannot be used.
@@ -45,9 +46,8 @@ pub(crate) fn parse_mesh_bytes(
             return assemble(polygons, options).map_err(|error| error.of_sewn(is_sewn));
         }
         (Some(_), None) => {
-            let problem =
-                "is no kind of mesh that can be read: .obj, .glb, .usda, .usdc, .usdz or .abc";
-            let problem = problem.to_owned();
+            let known = "is no kind of mesh that can be read: .obj, .glb, .usda, .usdc or .usdz";
+            let problem = retired(path).unwrap_or(known).to_owned();
             return Err(MeshFileError::Content { problem });
         }
     };

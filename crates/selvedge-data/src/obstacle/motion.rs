@@ -52,7 +52,7 @@ pub struct ObstacleKeyframes {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NodeFile {
-    /// Path of the .glb, USD or .abc file, relative to the scene's folder.
+    /// Path of the .glb or USD file, relative to the scene's folder.
     pub path: String,
     /// BLAKE3 hash of its bytes, in hexadecimal.
     pub blake3: String,
@@ -169,7 +169,7 @@ impl FramesFile {
             return self.sequence(&sequence, folder, frame_rate);
         }
         let kind = Kind::of(&self.path);
-        let has_times = matches!(kind, Some(Kind::Rig(_) | Kind::Mdd));
+        let has_times = matches!(kind, Some(Kind::Rig(_)));
         if has_times && self.rate.is_some() {
             return wrong(format!("{}: it has times, leave rate out", self.path));
         }

@@ -1,4 +1,4 @@
-//! Bodies in the files of rigs (USD, .glb, .abc): all meshes together as they move, baked frame
+//! Bodies in the files of rigs (USD, .glb): all meshes together as they move, baked frame
 //! by frame into our world.
 
 use glam::DVec3;
@@ -7,7 +7,7 @@ use super::error::RigError;
 use super::mesh_motion::MeshMotion;
 use super::moving_mesh::MovingMesh;
 use super::node::Rig;
-use super::{RigFormat, abc, glb, usda};
+use super::{RigFormat, glb, usda};
 
 /// Frames at most that a body may move.
 const MOST_FRAMES: usize = 100_000;
@@ -39,8 +39,7 @@ pub(crate) fn read_body(
         (RigFormat::Glb, Some(name)) => glb::parse_bodies(bytes, glb::Chosen::Named(name))?,
         (RigFormat::Glb, None) => glb::parse_bodies(bytes, glb::Chosen::Only)?,
         (RigFormat::Usd, None) => usda::parse_bodies(bytes)?,
-        (RigFormat::Alembic, None) => abc::parse_bodies(bytes)?,
-        (RigFormat::Usd | RigFormat::Alembic, Some(name)) => {
+        (RigFormat::Usd, Some(name)) => {
             return Err(RigError::NoAnimation {
                 name: name.to_owned(),
                 known: "only a .glb has animations with names".to_owned(),

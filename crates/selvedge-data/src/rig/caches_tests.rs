@@ -14,9 +14,6 @@ use crate::trajectory::test_square::moving_square;
 
 /// A grid of two quads that rises by a metre in three frames of 1/24 s while the node that it hangs
 /// in moves by (1, 2, 3), all in Blender's axes; exported by Blender 5.0.1.
-const BLENDER_ABC: &[u8] = include_bytes!("../../tests/fixtures/caches/blender.abc");
-
-/// The same as binary USD.
 const BLENDER_USDC: &[u8] = include_bytes!("../../tests/fixtures/caches/blender.usdc");
 
 fn check_blender(bytes: &[u8], format: RigFormat) {
@@ -52,16 +49,6 @@ fn check_blender(bytes: &[u8], format: RigFormat) {
     }
 }
 
-#[test]
-fn an_archive_of_blender_is_read() {
-    check_blender(BLENDER_ABC, RigFormat::Alembic);
-    let rig = abc::parse(BLENDER_ABC).unwrap();
-    let hand = rig.find("hand").unwrap();
-    let place = |time| rig.placement(hand, time).transform_point3(DVec3::ZERO);
-    assert!(place(0.0).length() < 1e-6);
-    assert!(place(3.0 / 24.0).distance(DVec3::new(1.0, 3.0, -2.0)) < 1e-6);
-}
-
 fn trajectory() -> Trajectory {
     moving_square(60.0)
 }
@@ -90,10 +77,6 @@ fn exported(format: ExportFormat, up: UpAxis, frames: &str) -> Vec<u8> {
 fn check_ours(format: ExportFormat, rig_format: RigFormat, up: UpAxis) {
     let trajectory = trajectory();
     let bytes = exported(format, up, "0..4");
-    let ours = |p: DVec3| match rig_format {
-        RigFormat::Alembic => up.to_ours(p),
-        _ => p,
-    };
     let body = read_body(&bytes, rig_format, None, false).unwrap();
     let frames = body.frames(30.0, 0.0).unwrap();
     assert_eq!(frames.len(), 3);
@@ -103,7 +86,7 @@ fn check_ours(format: ExportFormat, rig_format: RigFormat, up: UpAxis) {
             points
                 .iter()
                 .zip(expected)
-                .all(|(p, e)| ours(*p).distance(e.as_dvec3()) < 1e-12)
+                .all(|(p, e)| p.distance(e.as_dvec3()) < 1e-12)
         );
     }
     assert_eq!(body.faces().unwrap(), [[0, 1, 2], [0, 2, 3]]);
@@ -126,22 +109,21 @@ fn check_ours(format: ExportFormat, rig_format: RigFormat, up: UpAxis) {
 }
 
 #[test]
-fn our_archives_come_back() {
-    check_ours(ExportFormat::Abc, RigFormat::Alembic, UpAxis::Y);
-    check_ours(ExportFormat::Abc, RigFormat::Alembic, UpAxis::Z);
-    let rig = abc::parse(&exported(ExportFormat::Abc, UpAxis::Y, "0..4")).unwrap();
-    let node = rig.find("handle_1").unwrap();
-    for frame in [0, 2, 4] {
-        let found = rig
-            .placement(node, frame as f64 / 60.0)
-            .transform_point3(DVec3::ZERO);
-        assert_eq!(found, trajectory().frame(frame)[2].as_dvec3());
-    }
-    // One frame does not move.
-    let one = exported(ExportFormat::Abc, UpAxis::Y, "3");
-    let body = read_body(&one, RigFormat::Alembic, None, false).unwrap();
+fn one_frame_does_not_move() {
+    let one = exported(ExportFormat::Usdc, UpAxis::Y, "3");
+    let body = read_body(&one, RigFormat::Usd, None, false).unwrap();
     assert_eq!(body.span(), None);
     assert_eq!(body.positions(9.0)[0], trajectory().frame(3)[0].as_dvec3());
+}
+
+#[test]
+fn archives_of_alembic_are_refused_with_what_to_export() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.abc");
+    std::fs::write(&path, exported(ExportFormat::Abc, UpAxis::Y, "0..4")).unwrap();
+    let error = Rig::read(&path).unwrap_err().to_string();
+    assert!(error.contains("a.abc: is an Alembic archive"), "{error}");
+    assert!(error.contains("export USD (.usdc)"), "{error}");
 }
 
 /// Reads `bytes` with every byte changed in some ways: no panic.
@@ -216,21 +198,9 @@ fn damaged_binary_usd_is_an_error_or_another_stage() {
 }
 
 #[test]
-fn damaged_archives_are_errors_or_other_meshes() {
-    damage(BLENDER_ABC, RigFormat::Alembic);
-    damage(
-        &exported(ExportFormat::Abc, UpAxis::Y, "0..4"),
-        RigFormat::Alembic,
-    );
-    let text = read_body(b"\x89HDF\r\n\x1a\n", RigFormat::Alembic, None, true).unwrap_err();
-    assert!(text.to_string().contains("abcconvert"), "{text}");
-}
-
-#[test]
 fn what_a_cache_has_can_be_told() {
     let folder = tempfile::tempdir().unwrap();
     for (format, ending) in [
-        (ExportFormat::Abc, "abc"),
         (ExportFormat::Usda, "usda"),
         (ExportFormat::Usdc, "usdc"),
         (ExportFormat::Glb, "glb"),
@@ -248,16 +218,10 @@ fn what_a_cache_has_can_be_told() {
             "{ending}"
         );
     }
-    for (bytes, ending) in [(BLENDER_ABC, "abc"), (BLENDER_USDC, "usdc")] {
-        let path = folder.path().join(format!("blender.{ending}"));
-        std::fs::write(&path, bytes).unwrap();
-        let meshes = Rig::read_meshes(&path).unwrap();
-        assert_eq!(
-            (meshes[0].points, meshes[0].times.len()),
-            (6, 4),
-            "{ending}"
-        );
-        assert!((meshes[0].frame_rate().unwrap() - 24.0).abs() < 1e-3);
-        assert_eq!(meshes.len(), 1);
-    }
+    let path = folder.path().join("blender.usdc");
+    std::fs::write(&path, BLENDER_USDC).unwrap();
+    let meshes = Rig::read_meshes(&path).unwrap();
+    assert_eq!((meshes[0].points, meshes[0].times.len()), (6, 4));
+    assert!((meshes[0].frame_rate().unwrap() - 24.0).abs() < 1e-3);
+    assert_eq!(meshes.len(), 1);
 }

@@ -16,7 +16,7 @@ pub enum RigError {
     },
     #[error("could not be read: {0}")]
     Read(#[source] std::io::Error),
-    #[error("the name must end in .glb, .usda, .usdc, .usdz, .usd or .abc")]
+    #[error("the name must end in .glb, .usda, .usdc, .usdz or .usd")]
     Extension,
     #[error("{0}")]
     Archive(String),

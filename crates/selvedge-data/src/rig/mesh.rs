@@ -1,4 +1,4 @@
-//! Meshes in the files of rigs (USD, .glb, .abc), as polygons in our world: every node's mesh,
+//! Meshes in the files of rigs (USD, .glb), as polygons in our world: every node's mesh,
 //! placed as the node stands at the start.
 //!
 //! glTF, and some writers of USD, split vertices along seams; [`polygons`] leaves them so, and the
@@ -10,7 +10,7 @@ use glam::DMat4;
 use super::error::RigError;
 use super::node::Rig;
 use super::node_mesh::NodeMesh;
-use super::{RigFormat, abc, glb, usda};
+use super::{RigFormat, glb, usda};
 use crate::formats::polygons::{Corner, Place, Polygon, Polygons};
 
 /// The polygons of all meshes in the bytes of a file; `format` says which kind it is of.
@@ -18,7 +18,6 @@ pub(crate) fn polygons(bytes: &[u8], format: RigFormat) -> Result<Polygons, RigE
     let (rig, meshes) = match format {
         RigFormat::Glb => glb::parse_meshes(bytes)?,
         RigFormat::Usd => usda::parse_meshes(bytes)?,
-        RigFormat::Alembic => abc::parse_meshes(bytes)?,
     };
     if meshes.is_empty() {
         return Err(RigError::NoMesh);

@@ -37,7 +37,7 @@ impl MeshMotion {
 }
 
 impl Rig {
-    /// The meshes in a .glb, USD (.usda, .usdc, .usdz) or .abc file, and when they move; a .glb
+    /// The meshes in a .glb or USD (.usda, .usdc, .usdz) file, and when they move; a .glb
     /// with several animations has its meshes as they stand.
     ///
     /// # Errors

@@ -1,12 +1,10 @@
-//! A rig: nodes that move, from the file of another program (.glb, USD, .abc), for handles to
-//! follow.
+//! A rig: nodes that move, from the file of another program (.glb, USD), for handles to follow.
 //!
 //! Nodes are placed in each other; a node's transform is the product of its operations, from the
 //! outermost to the innermost, after that of its parent. Everything is brought into our world:
 //! metres, y up, seconds. What else is in the file (materials, lights) is passed over; [`mesh`]
 //! reads its meshes, where a scene asks for one.
 
-mod abc;
 mod bodies;
 mod drive;
 mod error;
@@ -22,6 +20,7 @@ mod usda;
 use std::path::Path;
 
 use crate::formats::input::read_file;
+use crate::formats::retired::retired;
 use glam::DMat4;
 
 pub(crate) use self::bodies::{MovingBody, read_body};
@@ -35,7 +34,6 @@ pub use self::node::{Rig, RigNode};
 pub(crate) enum RigFormat {
     Glb,
     Usd,
-    Alembic,
 }
 
 impl RigFormat {
@@ -44,14 +42,13 @@ impl RigFormat {
         match extension {
             "glb" => Some(Self::Glb),
             "usda" | "usdc" | "usdz" | "usd" => Some(Self::Usd),
-            "abc" => Some(Self::Alembic),
             _ => None,
         }
     }
 }
 
 impl Rig {
-    /// Reads a .glb, USD (.usda, .usdc, .usdz) or .abc file.
+    /// Reads a .glb or USD (.usda, .usdc, .usdz) file.
     ///
     /// # Errors
     /// [`RigError`] names the file, and what in it cannot be understood.
@@ -64,7 +61,6 @@ impl Rig {
         match format {
             RigFormat::Glb => glb::parse(bytes),
             RigFormat::Usd => usda::parse(bytes),
-            RigFormat::Alembic => abc::parse(bytes),
         }
     }
 
@@ -74,7 +70,12 @@ impl Rig {
         read: impl Fn(&[u8], RigFormat) -> Result<T, RigError>,
     ) -> Result<T, RigError> {
         let extension = path.extension().and_then(|e| e.to_str());
-        let format = extension.and_then(RigFormat::of).ok_or(RigError::Extension);
+        let format = extension
+            .and_then(RigFormat::of)
+            .ok_or(match retired(path) {
+                Some(words) => RigError::Archive(words.to_owned()),
+                None => RigError::Extension,
+            });
         let made = format.and_then(|format| {
             let bytes = read_file(path).map_err(RigError::Read)?;
             read(&bytes, format)

@@ -29,7 +29,7 @@ pub enum MotionSource {
     File(PathBuf),
     /// A file with one position per handle and frame: CSV, or NumPy's .npz.
     Recorded(PathBuf),
-    /// A file of another program (.glb, USD, .abc) with nodes that the handles follow.
+    /// A file of another program (.glb, USD) with nodes that the handles follow.
     Rig(RigMotion),
     /// Keyframes for groups of handles, by name.
     Groups(GroupMotion),

@@ -5,7 +5,6 @@
 mod dataset;
 mod example;
 mod export;
-mod foreign;
 mod garments;
 mod metrics;
 mod obj;

@@ -2,6 +2,7 @@
 //! comma, a quote or a line break stands is quoted; a number that is not there is an empty field.
 
 use super::{Contest, Subject};
+use crate::csv::Csv;
 use crate::evaluation::{Horizon, Measures, Row, Timing, Who, summary};
 use crate::watched::GuardSummary;
 
@@ -36,7 +37,7 @@ pub(super) fn means_csv(contest: &Contest<'_>) -> String {
         }
         add("all", &subject.rows);
     }
-    csv.text
+    csv.text()
 }
 
 /// A line per contestant and motion.
@@ -55,7 +56,7 @@ pub(super) fn motions_csv(contest: &Contest<'_>) -> String {
         csv.texts([row.failure.as_deref().unwrap_or_default()]);
         csv.end();
     });
-    csv.text
+    csv.text()
 }
 
 /// A line per contestant, motion and k; the motion "all" is their mean.
@@ -80,7 +81,7 @@ pub(super) fn steps_csv(contest: &Contest<'_>) -> String {
             add([&name, "all", "all"], horizon);
         }
     }
-    csv.text
+    csv.text()
 }
 
 /// A line per contestant, motion and frame, but for the truth.
@@ -103,7 +104,7 @@ pub fn curves_csv(contest: &Contest<'_>) -> String {
             csv.end();
         }
     });
-    csv.text
+    csv.text()
 }
 
 /// A line per contestant and mesh.
@@ -114,7 +115,7 @@ pub(super) fn times_csv(timings: &[Timing]) -> String {
         csv.number(Some(timing.ms_per_frame));
         csv.end();
     }
-    csv.text
+    csv.text()
 }
 
 fn each(contest: &Contest<'_>, mut row: impl FnMut(&str, &Row)) {
@@ -123,47 +124,7 @@ fn each(contest: &Contest<'_>, mut row: impl FnMut(&str, &Row)) {
     }
 }
 
-/// A file under way.
-pub(crate) struct Csv {
-    text: String,
-}
-
 impl Csv {
-    /// A file with this line of headings.
-    pub(crate) fn new(head: &str) -> Self {
-        Self {
-            text: format!("{head}\n"),
-        }
-    }
-
-    fn field(&mut self, text: &str) {
-        self.text.push_str(text);
-        self.text.push(',');
-    }
-
-    /// Adds fields of text.
-    pub(crate) fn texts<const N: usize>(&mut self, texts: [&str; N]) {
-        for text in texts {
-            if text.contains([',', '"', '\n', '\r']) {
-                self.field(&format!("\"{}\"", text.replace('"', "\"\"")));
-            } else {
-                self.field(text);
-            }
-        }
-    }
-
-    /// Adds a number, or an empty field.
-    pub(crate) fn number(&mut self, value: Option<f64>) {
-        self.field(&value.map_or_else(String::new, |value| value.to_string()));
-    }
-
-    /// Adds numbers, or as many empty fields.
-    pub(crate) fn numbers<const N: usize>(&mut self, values: Option<[f64; N]>) {
-        for place in 0..N {
-            self.number(values.map(|values| values[place]));
-        }
-    }
-
     fn measures(&mut self, measures: Option<&Measures>) {
         match measures {
             Some(measures) => measures.values().for_each(|value| self.number(Some(value))),
@@ -176,15 +137,5 @@ impl Csv {
         self.number(guarded.map(|g| g.corrected as f64));
         self.number(guarded.map(|g| g.lost as f64));
         self.number(guarded.map(|g| g.largest_correction));
-    }
-
-    /// Ends the line, which has at least one field.
-    pub(crate) fn end(&mut self) {
-        self.text.pop();
-        self.text.push('\n');
-    }
-    /// The file.
-    pub(crate) fn text(self) -> String {
-        self.text
     }
 }

@@ -17,15 +17,14 @@ use std::path::{Path, PathBuf};
 use selvedge_data::{WriteError, write_atomically};
 use thiserror::Error;
 
-pub(crate) use self::csv::Csv;
 pub use self::csv::curves_csv;
 pub use self::evaluated::{Heading, evaluation_page};
 pub use self::markdown::{
     Cells, ablation_table, failures, horizon_table, mesh_table, motion_table, summary_table, table,
 };
 pub use self::page::{Page, TABLES};
-pub(crate) use self::plots::both_forms;
-pub use self::plots::{Measure, Plot, bars, by_cost, horizons_plot, over_time};
+pub(crate) use self::plots::drawn;
+pub use self::plots::{Measure, bars, by_cost, horizons_plot, over_time};
 pub use self::training::{ReadLogError, TrainingLog, training_chart};
 
 use crate::evaluation::{Row, Who};

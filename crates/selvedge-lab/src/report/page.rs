@@ -2,7 +2,7 @@
 
 use selvedge_view::plot::PlotError;
 
-use super::{Contest, Plot, Report, by_cost, csv, markdown};
+use super::{Contest, Report, by_cost, csv, markdown};
 use crate::evaluation::Timing;
 use crate::folder_kind::MEANS;
 
@@ -49,13 +49,12 @@ impl Page {
     }
 
     /// Shows a plot, where there is one, which goes to `file` (.svg), with a number where another
-    /// has that name, and beside it as .png.
-    pub fn plot(&mut self, file: &str, alternative: &str, plot: Option<Plot>) {
+    /// has that name.
+    pub fn plot(&mut self, file: &str, alternative: &str, plot: Option<String>) {
         if let Some(plot) = plot {
             let stem = self.free_stem(file.strip_suffix(".svg").unwrap_or(file));
             self.say(&format!("![{alternative}]({stem}.svg)"));
-            self.report.add(format!("{stem}.png"), plot.png);
-            self.report.add(format!("{stem}.svg"), plot.svg);
+            self.report.add(format!("{stem}.svg"), plot);
         }
     }
 
@@ -100,8 +99,7 @@ impl Page {
         self.say_of_times(&format!("{PER_FRAME}\n{table}"));
         if let Some(plot) = by_cost(contest, timings)? {
             self.say_of_times("![errors by the time of a frame](times.svg)");
-            self.report.add("times.png", plot.png);
-            self.report.add("times.svg", plot.svg);
+            self.report.add("times.svg", plot);
         }
         let mut report = self.report;
         let tables = [

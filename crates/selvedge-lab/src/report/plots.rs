@@ -1,7 +1,6 @@
 //! The plots of the paper: errors by steps (figure 3a), by time (figure 3b), and of whole runs side
 //! by side (figures 3c and 5). None where there is nothing to show.
 
-use selvedge_view::Image;
 use selvedge_view::plot::{Axis, Bar, BarChart, BarGroup, Line, LineChart, PlotError, Role, Scale};
 
 use super::{Contest, Subject};
@@ -18,14 +17,6 @@ pub enum Measure {
     Position,
     /// Of the lengths of edges.
     EdgeLength,
-}
-
-/// A plot in both forms.
-pub struct Plot {
-    /// For the page.
-    pub svg: String,
-    /// For what shows no SVG.
-    pub png: Vec<u8>,
 }
 
 impl Measure {
@@ -65,7 +56,7 @@ fn runners<'a>(contest: &'a Contest<'a>) -> impl Iterator<Item = (&'a Subject<'a
 ///
 /// # Errors
 /// A value that is not finite.
-pub fn horizons_plot(contest: &Contest<'_>) -> Result<Option<Plot>, PlotError> {
+pub fn horizons_plot(contest: &Contest<'_>) -> Result<Option<String>, PlotError> {
     let line = |(subject, name): (&Subject<'_>, String)| {
         let horizons = summary(&subject.rows).horizons;
         let point = |h: &crate::evaluation::Horizon| [h.steps as f64, 1e3 * h.position_rmse];
@@ -81,7 +72,7 @@ pub fn horizons_plot(contest: &Contest<'_>) -> Result<Option<Plot>, PlotError> {
         y: axis("position RMSE (mm)".to_owned(), Scale::Logarithmic),
         lines: runners(contest).map(line).collect(),
     };
-    both_forms(&chart)
+    drawn(&chart)
 }
 
 /// Error of whole runs by time: along one motion, or √(mean of squares) over all.
@@ -92,7 +83,7 @@ pub fn over_time(
     contest: &Contest<'_>,
     measure: Measure,
     motion: Option<(&str, &str)>,
-) -> Result<Option<Plot>, PlotError> {
+) -> Result<Option<String>, PlotError> {
     let is_along = |row: &&&Row| motion.is_none_or(|m| m == (&row.data, &row.motion));
     let line = |(subject, name): (&Subject<'_>, String)| {
         let rows: Vec<&Row> = subject.rows.iter().filter(is_along).copied().collect();
@@ -110,7 +101,7 @@ pub fn over_time(
         y: axis(format!("{} (mm)", measure.name()), scale_of(&lines)),
         lines,
     };
-    both_forms(&chart)
+    drawn(&chart)
 }
 
 /// Error of whole runs by the time that a frame takes: a point for each model, a line through the
@@ -119,7 +110,7 @@ pub fn over_time(
 ///
 /// # Errors
 /// A value that is not finite.
-pub fn by_cost(contest: &Contest<'_>, timings: &[Timing]) -> Result<Option<Plot>, PlotError> {
+pub fn by_cost(contest: &Contest<'_>, timings: &[Timing]) -> Result<Option<String>, PlotError> {
     let mut lines: Vec<Line> = Vec::new();
     let mut physics: Vec<[f64; 2]> = Vec::new();
     for subject in contest.subjects() {
@@ -151,7 +142,7 @@ pub fn by_cost(contest: &Contest<'_>, timings: &[Timing]) -> Result<Option<Plot>
         role: Role::Rival,
         points: physics,
     });
-    both_forms(&LineChart {
+    drawn(&LineChart {
         title: "Position error of whole runs by the time of a frame".to_owned(),
         x: axis("time of a frame (ms)".to_owned(), Scale::Linear),
         y: axis("position RMSE (mm)".to_owned(), Scale::Linear),
@@ -207,7 +198,7 @@ fn scale_of(lines: &[Line]) -> Scale {
 ///
 /// # Errors
 /// A value that is not finite.
-pub fn bars(contest: &Contest<'_>, measure: Measure) -> Result<Option<Plot>, PlotError> {
+pub fn bars(contest: &Contest<'_>, measure: Measure) -> Result<Option<String>, PlotError> {
     let bar = |subject: &Subject<'_>| {
         let value = summary(&subject.rows).measures.map(|m| match measure {
             Measure::Position => m.position_rmse,
@@ -233,32 +224,23 @@ pub fn bars(contest: &Contest<'_>, measure: Measure) -> Result<Option<Plot>, Plo
         axis: format!("{} (mm)", measure.name()),
         groups: groups.collect(),
     };
-    both(&chart.title, chart.to_svg(), || chart.to_image())
+    unless_empty(chart.to_svg())
 }
 
-/// Both forms of a chart; none where there is nothing to show.
-fn both(
-    title: &str,
-    svg: Result<String, PlotError>,
-    image: impl FnOnce() -> Result<Image, PlotError>,
-) -> Result<Option<Plot>, PlotError> {
-    let svg = match svg {
-        Err(PlotError::Empty { .. }) => return Ok(None),
-        result => result?,
-    };
-    let png = image()?.to_png().map_err(|error| PlotError::Drawing {
-        title: title.to_owned(),
-        problem: error.to_string(),
-    })?;
-    Ok(Some(Plot { svg, png }))
+/// The plot; none where there is nothing to show.
+fn unless_empty(svg: Result<String, PlotError>) -> Result<Option<String>, PlotError> {
+    match svg {
+        Err(PlotError::Empty { .. }) => Ok(None),
+        result => result.map(Some),
+    }
 }
 
-/// Both forms of lines over an axis; none where there is nothing to show.
+/// Lines over an axis; none where there is nothing to show.
 ///
 /// # Errors
 /// A value that is not finite.
-pub(crate) fn both_forms(chart: &LineChart) -> Result<Option<Plot>, PlotError> {
-    both(&chart.title, chart.to_svg(), || chart.to_image())
+pub(crate) fn drawn(chart: &LineChart) -> Result<Option<String>, PlotError> {
+    unless_empty(chart.to_svg())
 }
 
 fn capital(text: &str) -> String {

@@ -201,7 +201,7 @@ fn make(
     let made = generation::open(folder)?;
     if let Some(difference) = plan.difference(made.index()) {
         return Err(StudyError::new(format!(
-            "{}: the data set that is there was not made from the preset {name}, since it {difference}: remove the folder, or choose another --out",
+            "{}: the data set that is there was not made from the preset {name}, since it {difference}: remove the folder, or choose another",
             folder.display()
         )));
     }

@@ -30,7 +30,7 @@ impl Refusal {
     pub(crate) fn text(self) -> &'static str {
         match self {
             Self::Host => {
-                "this name is not known here: use an address in numbers, or --allow-host NAME"
+                "this name is not known here: use an address in numbers, or have the viewer started with it as an allowed host"
             }
             Self::Origin => "only the viewer's own page may open a socket",
         }

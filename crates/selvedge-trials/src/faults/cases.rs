@@ -12,7 +12,7 @@ pub(super) struct Case {
     pub(super) holds_one_run: bool,
 }
 
-pub(super) const CASES: [Case; 21] = [
+pub(super) const CASES: [Case; 20] = [
     of(
         "trajectory",
         "simulate push.toml --from-start --frames 3 --out out/a.safetensors",
@@ -54,11 +54,6 @@ pub(super) const CASES: [Case; 21] = [
         "export run.safetensors --to out/a.usdz",
     ),
     of(
-        "mdd",
-        "export short.safetensors --to out/a.mdd",
-        "export run.safetensors --to out/a.mdd",
-    ),
-    of(
         "abc",
         "export short.safetensors --to out/a.abc",
         "export run.safetensors --to out/a.abc",
@@ -92,7 +87,7 @@ pub(super) const CASES: [Case; 21] = [
     Case {
         name: "import",
         old: None,
-        new: "dataset import flag-simple flag --density 0.5 --out out",
+        new: "dataset import cache caches --density 0.2 --frame-rate 60 --handles found --out out",
         holds_one_run: false,
     },
     Case {

@@ -20,7 +20,7 @@ use self::desk::Desk;
 use self::side::Side;
 use crate::arguments::Arguments;
 use crate::fuzz::{SCENE, TRAINING};
-use crate::program::{Program, copy_folder};
+use crate::program::Program;
 
 /// Injects the faults that `options` ask for; returns false where something did not hold.
 ///
@@ -28,7 +28,7 @@ use crate::program::{Program, copy_folder};
 /// Options that make no sense, a missing program or compiler.
 pub(crate) fn run(options: &[String]) -> Result<bool> {
     let pairs = ["--faults", "--of", "--command", "--seed"];
-    let options = Arguments::parse(options, &pairs, &[])?;
+    let options = Arguments::parse(options, &pairs)?;
     let faults = options.number("--faults")?.unwrap_or(50);
     let seed = options.number("--seed")?.unwrap_or(1);
     let sides = Side::named(&options.all("--of"))?;
@@ -131,12 +131,13 @@ fn prepare(program: &Program, folder: &Path) -> Result<()> {
         root.join("assets/materials").join(material),
         folder.join(material),
     )?;
-    let flag = root.join("crates/selvedge-data/tests/fixtures/foreign/flag_simple");
-    copy_folder(&flag, &folder.join("flag"))?;
+    fs::create_dir(folder.join("caches"))?;
     for command in [
         "simulate push.toml --from-start --out run.safetensors",
         "simulate push.toml --from-start --frames 3 --out short.safetensors",
         "export run.safetensors --to square.obj --frames 0",
+        "export run.safetensors --to caches/run.usdc",
+        "export short.safetensors --to caches/short.usdc",
         "dataset generate tiny --out tiny",
         "train moment.toml --data tiny --out trained",
     ] {

@@ -28,13 +28,6 @@ impl Bench {
         let bench = |name: &str| folder.join(name);
         copy_folder(&seeds.made.join("tiny"), &bench("tiny"))?;
         copy_folder(&seeds.made.join("tiny"), &bench("indexed"))?;
-        let foreign = seeds
-            .root
-            .join("crates/selvedge-data/tests/fixtures/foreign");
-        copy_folder(&foreign.join("flag_simple"), &bench("flag"))?;
-        copy_folder(&foreign.join("flag_simple"), &bench("flag-meta"))?;
-        copy_folder(&foreign.join("released"), &bench("released"))?;
-        copy_folder(&foreign.join("released"), &bench("released-faces"))?;
         fs::create_dir(bench("poses"))?;
         let arcsim = seeds.root.join("crates/selvedge/tests/arcsim");
         fs::copy(arcsim.join("square.obj"), bench("square.obj"))?;
@@ -49,12 +42,7 @@ impl Bench {
                 format!("{head}\n[motion]\n{source}\n"),
             )?;
         }
-        for (kind, mesh) in [
-            ("abc", "cache.abc"),
-            ("usdc", "cache.usdc"),
-            ("pc2", "run.obj"),
-            ("mdd", "run.obj"),
-        ] {
+        for (kind, mesh) in [("usdc", "cache.usdc"), ("pc2", "run.obj")] {
             // Far from the cloth.
             let obstacle = format!(
                 "[[obstacles]]\nname = \"o\"\nmesh = \"{mesh}\"\nmotion = \"cache.{kind}\"\ntransform = {{ translation = [0, 0, 50] }}\n"

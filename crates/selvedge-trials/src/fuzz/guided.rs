@@ -4,14 +4,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 
 use super::bench::Bench;
 use super::examples::written_examples;
 use super::seeds::Seeds;
 use super::targets::{TARGETS, Target};
-use super::{is_too_long, mutate};
+use super::{is_too_long, mend};
 use crate::program::Program;
 
 /// A reader that is given one input after another.
@@ -73,14 +71,15 @@ impl Guided {
         }
     }
 
-    /// `input` damaged by what it is made of, as `seed` decides.
+    /// `input` with a part of it damaged by `damage`, as `seed` chooses, and its lengths and
+    /// checksums mended; none where it has none.
     #[must_use]
-    pub fn damaged(&self, input: &[u8], seed: u32) -> Vec<u8> {
-        let mut rng = ChaCha8Rng::seed_from_u64(seed.into());
-        let other = self
-            .examples
-            .get(rng.random_range(0..self.examples.len().max(1)));
-        let other = other.map_or(&[][..], Vec::as_slice);
-        mutate::mutate(self.target.make, input, other, &mut rng)
+    pub fn damaged(
+        &self,
+        input: &[u8],
+        seed: u32,
+        damage: &mut dyn FnMut(&[u8]) -> Vec<u8>,
+    ) -> Option<Vec<u8>> {
+        mend::damaged(self.target.make, input, seed as usize / 4, damage)
     }
 }

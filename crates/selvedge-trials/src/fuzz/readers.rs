@@ -4,7 +4,6 @@ use std::fs;
 use std::path::Path;
 
 use selvedge_data::export::FrameSpan;
-use selvedge_data::foreign::{ForeignFormat, ForeignSource, HandleSource, ImportOptions};
 use selvedge_data::{
     Dataset, DatasetPreset, MeshOptions, RestPoseFolder, Rig, SavedState, SceneSpec, StateChoice,
     StateRun, Trajectory, open_scene, parse_obj_with, parse_recorded_csv, read_mesh,
@@ -91,41 +90,6 @@ pub(super) fn state_npz(bench: &Bench, _: &Path, _: &[u8]) -> Verdict {
     SavedState::read(&bench.folder, "state.npz", &choice, 16)
         .map(drop)
         .map_err(said)
-}
-
-fn read_all(source: &ForeignSource) -> Verdict {
-    for run in source.runs() {
-        finite(&source.read(run).map_err(said)?);
-    }
-    Ok(())
-}
-
-pub(super) fn released(bench: &Bench, path: &Path, _: &[u8]) -> Verdict {
-    let first = path.strip_prefix(&bench.folder).map_err(said)?;
-    let folder = bench.folder.join(first.iter().next().unwrap_or_default());
-    let options = ImportOptions {
-        handles: Some(HandleSource::Vertices(vec![6, 8])),
-        ..ImportOptions::default()
-    };
-    let source = ForeignSource::open(ForeignFormat::Released, &folder, &options);
-    read_all(&source.map_err(said)?)
-}
-
-fn flag_in(folder: &Path) -> Verdict {
-    let options = ImportOptions {
-        density: Some(0.5),
-        ..ImportOptions::default()
-    };
-    let source = ForeignSource::open(ForeignFormat::FlagSimple, folder, &options);
-    read_all(&source.map_err(said)?)
-}
-
-pub(super) fn flag(bench: &Bench, _: &Path, _: &[u8]) -> Verdict {
-    flag_in(&bench.folder.join("flag"))
-}
-
-pub(super) fn flag_meta(bench: &Bench, _: &Path, _: &[u8]) -> Verdict {
-    flag_in(&bench.folder.join("flag-meta"))
 }
 
 pub(super) fn obj(_: &Bench, _: &Path, bytes: &[u8]) -> Verdict {

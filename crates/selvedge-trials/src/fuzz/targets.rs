@@ -6,11 +6,11 @@ use std::path::Path;
 use anyhow::Result;
 
 use super::bench::Bench;
-use super::mutate::Make;
+use super::mend::Make;
 use super::readers::{
-    Verdict, by_cache, by_material, by_motion, checkpoint, flag, flag_meta, index, log, mesh_file,
-    model, motion_csv, obj, options, preset, released, rest_pose, rig, scene, scene_json, socket,
-    state_npz, states, study_file, training, trajectory,
+    Verdict, by_cache, by_material, by_motion, checkpoint, index, log, mesh_file, model,
+    motion_csv, obj, options, preset, rest_pose, rig, scene, scene_json, socket, state_npz, states,
+    study_file, training, trajectory,
 };
 use super::seeds::Seeds;
 
@@ -76,11 +76,10 @@ const fn of_file(
     }
 }
 
-const BLENDER_ABC: &str = "/crates/selvedge-data/tests/fixtures/caches/blender.abc";
 const BLENDER_USDC: &str = "/crates/selvedge-data/tests/fixtures/caches/blender.usdc";
 
 /// All readers.
-pub(super) const TARGETS: [Target; 37] = [
+pub(super) const TARGETS: [Target; 29] = [
     of_bytes(
         "trajectory",
         Make::Safetensors,
@@ -103,98 +102,48 @@ pub(super) const TARGETS: [Target; 37] = [
     ),
     of_file("rest-pose", Make::Safetensors, "poses/x", &[], rest_pose),
     of_file("state-npz", Make::Npz, "state.npz", &[], state_npz),
-    of_file(
-        "npy",
-        Make::Npy,
-        "released/side/cloth_pos.npy",
-        &["/crates/selvedge-data/tests/fixtures/foreign/released/side/cloth_pos.npy"],
-        released,
-    ),
-    of_file(
-        "npy-faces",
-        Make::Npy,
-        "released-faces/forward/face.npy",
-        &["/crates/selvedge-data/tests/fixtures/foreign/released/forward/face.npy"],
-        released,
-    ),
-    of_file(
-        "tfrecord",
-        Make::Records,
-        "flag/train.tfrecord",
-        &["/crates/selvedge-data/tests/fixtures/foreign/flag_simple/train.tfrecord"],
-        flag,
-    ),
-    of_file(
-        "flag-meta",
-        Make::Json,
-        "flag-meta/meta.json",
-        &["/crates/selvedge-data/tests/fixtures/foreign/flag_simple/meta.json"],
-        flag_meta,
-    ),
     of_bytes(
         "obj",
-        Make::Text,
+        Make::Plain,
         &["run.obj", "/crates/selvedge/tests/arcsim/square.obj"],
         obj,
     ),
     of_file("glb-mesh", Make::Glb, "mesh.glb", &["run.glb"], mesh_file),
     of_file(
         "usda-mesh",
-        Make::Text,
+        Make::Plain,
         "mesh.usda",
         &["run.usda"],
         mesh_file,
     ),
     of_file("glb-rig", Make::Glb, "rig.glb", &["run.glb"], rig),
-    of_file("usda-rig", Make::Text, "rig.usda", &["run.usda"], rig),
-    of_file(
-        "abc-mesh",
-        Make::Binary,
-        "mesh.abc",
-        &["run.abc", BLENDER_ABC],
-        mesh_file,
-    ),
-    of_file(
-        "abc-rig",
-        Make::Binary,
-        "rig.abc",
-        &["run.abc", BLENDER_ABC],
-        rig,
-    ),
-    of_file(
-        "abc-cache",
-        Make::Binary,
-        "cache.abc",
-        &["run.abc", BLENDER_ABC],
-        by_cache,
-    ),
+    of_file("usda-rig", Make::Plain, "rig.usda", &["run.usda"], rig),
     of_file(
         "usdc-mesh",
-        Make::Binary,
+        Make::Plain,
         "mesh.usdc",
         &["run.usdc", BLENDER_USDC],
         mesh_file,
     ),
     of_file(
         "usdc-rig",
-        Make::Binary,
+        Make::Plain,
         "rig.usdc",
         &["run.usdc", BLENDER_USDC],
         rig,
     ),
     of_file(
         "usdc-cache",
-        Make::Binary,
+        Make::Plain,
         "cache.usdc",
         &["run.usdc", BLENDER_USDC],
         by_cache,
     ),
-    of_file("usdz", Make::Binary, "rig.usdz", &["run.usdz"], rig),
-    of_file("pc2", Make::Binary, "cache.pc2", &["run.pc2"], by_cache),
-    of_file("mdd", Make::Binary, "cache.mdd", &["run.mdd"], by_cache),
+    of_file("usdz", Make::Plain, "rig.usdz", &["run.usdz"], rig),
+    of_file("pc2", Make::Plain, "cache.pc2", &["run.pc2"], by_cache),
     of_file(
         "scene",
-        Make::Toml,
+        Make::Plain,
         "scene.toml",
         &[
             "push.toml",
@@ -205,57 +154,57 @@ pub(super) const TARGETS: [Target; 37] = [
     ),
     of_file(
         "arcsim",
-        Make::Json,
+        Make::Plain,
         "arcsim.json",
         &["/crates/selvedge/tests/arcsim/scene.json"],
         scene,
     ),
-    of_bytes("scene-json", Make::Json, &[], scene_json),
+    of_bytes("scene-json", Make::Plain, &[], scene_json),
     of_file(
         "material",
-        Make::Toml,
+        Make::Plain,
         "own-material.toml",
         &["/assets/materials"],
         by_material,
     ),
     of_file(
         "motion",
-        Make::Toml,
+        Make::Plain,
         "motion.toml",
         &["/assets/motions"],
         by_motion,
     ),
-    of_bytes("motion-csv", Make::Text, &[], motion_csv),
+    of_bytes("motion-csv", Make::Plain, &[], motion_csv),
     of_file(
         "preset",
-        Make::Toml,
+        Make::Plain,
         "preset.toml",
         &["/assets/datasets/tiny.toml"],
         preset,
     ),
     of_file(
         "index",
-        Make::Json,
+        Make::Plain,
         "indexed/index.json",
         &["tiny/index.json"],
         index,
     ),
     of_bytes(
         "training",
-        Make::Toml,
+        Make::Plain,
         &["moment.toml", "/assets/training"],
         training,
     ),
     of_file(
         "study",
-        Make::Toml,
+        Make::Plain,
         "study.toml",
         &["/assets/studies"],
         study_file,
     ),
-    of_file("log", Make::JsonLines, "log.jsonl", &["run/log.jsonl"], log),
-    of_bytes("socket", Make::Message, &[], socket),
-    of_bytes("options", Make::Text, &[], options),
+    of_file("log", Make::Plain, "log.jsonl", &["run/log.jsonl"], log),
+    of_bytes("socket", Make::Plain, &[], socket),
+    of_bytes("options", Make::Plain, &[], options),
 ];
 
 #[cfg(test)]

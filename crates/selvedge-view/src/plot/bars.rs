@@ -7,7 +7,6 @@ use super::canvas::{
 };
 use super::lines::Role;
 use super::ticks::{self, Ticks};
-use crate::Image;
 
 /// Width of the picture [pixels].
 const WIDTH: f64 = 860.0;
@@ -82,14 +81,6 @@ impl BarChart {
     /// [`PlotError`] where there is no bar, or one that is not finite.
     pub fn to_svg(&self) -> Result<String, PlotError> {
         canvas::svg(&self.drawing()?)
-    }
-
-    /// The picture as an image, two pixels for each of the SVG's.
-    ///
-    /// # Errors
-    /// As for [`Self::to_svg`].
-    pub fn to_image(&self) -> Result<Image, PlotError> {
-        canvas::image(&self.drawing()?)
     }
 
     fn drawing(&self) -> Result<BarDrawing<'_>, PlotError> {

@@ -1,12 +1,9 @@
 //! The canvas of both charts: a picture in pixels from the top left corner, with its colours and
-//! texts, as SVG by `plotters` or as an image by our own raster and font.
+//! texts, as SVG by `plotters`.
 //!
 //! `plotters` counts in whole units, which would make curves jagged: everything is drawn [`UNIT`]
 //! times too large and the picture is shown so much smaller.
 
-use std::cell::RefCell;
-
-use glam::Vec2;
 use plotters::coord::Shift;
 use plotters::prelude::{
     Circle, DashedLineSeries, DrawingArea, DrawingAreaErrorKind, FontDesc, FontFamily, FontStyle,
@@ -16,18 +13,9 @@ use plotters::style::Color;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::PlotError;
-use crate::image::stroke::{Segment, between, stroke};
-use crate::text::{self, Align, Reading, draw_text_read};
-use crate::{Image, Rgb};
 
 /// Units of the drawing in one pixel of the picture.
 const UNIT: f64 = 8.0;
-
-/// Dots of an image in one pixel of the picture, so that it is sharp on fine screens too.
-const DOTS: f64 = 2.0;
-
-/// Height of capitals of our font as a part of the size of a text.
-const CAPITALS: f64 = 0.65;
 
 /// Width of dashed lines, and radius of marks [pixels].
 const DASHED: f64 = 1.5;
@@ -122,14 +110,8 @@ pub(super) type Point = [f64; 2];
 
 /// A picture under way.
 pub(super) struct Canvas<'a> {
-    pen: Pen<'a>,
+    area: DrawingArea<SVGBackend<'a>, Shift>,
     title: &'a str,
-}
-
-/// The means of drawing.
-enum Pen<'a> {
-    Svg(DrawingArea<SVGBackend<'a>, Shift>),
-    Raster(RefCell<Image>),
 }
 
 /// A drawing of some size [pixels].
@@ -149,41 +131,16 @@ pub(super) fn svg(drawing: &impl Drawing) -> Result<String, PlotError> {
     let mut svg = String::new();
     let area = SVGBackend::with_string(&mut svg, units.into()).into_drawing_area();
     let canvas = Canvas {
-        pen: Pen::Svg(area),
+        area,
         title: drawing.title(),
     };
-    if let Pen::Svg(area) = &canvas.pen {
-        canvas.check(area.fill(&WHITE))?;
-    }
+    canvas.check(canvas.area.fill(&WHITE))?;
     canvas.draw(drawing)?;
-    if let Pen::Svg(area) = &canvas.pen {
-        canvas.check(area.present())?;
-    }
+    canvas.check(canvas.area.present())?;
     drop(canvas);
     let drawn = format!("width=\"{}\" height=\"{}\"", units[0], units[1]);
     let shown = format!("width=\"{}\" height=\"{}\"", size[0], size[1]);
     Ok(svg.replacen(&drawn, &shown, 1))
-}
-
-/// The image of a drawing, in our own font.
-pub(super) fn image(drawing: &impl Drawing) -> Result<Image, PlotError> {
-    let fail = |problem: crate::ViewError| PlotError::Drawing {
-        title: drawing.title().to_owned(),
-        problem: problem.to_string(),
-    };
-    let [width, height] = drawing.size().map(|pixels| (pixels * DOTS).round() as u32);
-    let blank = Image::filled(width, height, [255; 3]).map_err(fail)?;
-    let canvas = Canvas {
-        pen: Pen::Raster(RefCell::new(blank)),
-        title: drawing.title(),
-    };
-    canvas.draw(drawing)?;
-    match canvas.pen {
-        Pen::Raster(image) => Ok(image.into_inner()),
-        Pen::Svg(_) => Err(PlotError::Empty {
-            title: drawing.title().to_owned(),
-        }),
-    }
 }
 
 impl Canvas<'_> {
@@ -199,22 +156,6 @@ impl Canvas<'_> {
 
     /// Writes `text` at `at`.
     pub(super) fn text(&self, text: &str, at: Point, style: TextStyle) -> Result<(), PlotError> {
-        match &self.pen {
-            Pen::Svg(area) => self.svg_text(area, text, at, style),
-            Pen::Raster(image) => {
-                raster_text(&mut image.borrow_mut(), text, at, style);
-                Ok(())
-            }
-        }
-    }
-
-    fn svg_text(
-        &self,
-        area: &DrawingArea<SVGBackend<'_>, Shift>,
-        text: &str,
-        at: Point,
-        style: TextStyle,
-    ) -> Result<(), PlotError> {
         let weight = match style.weight {
             Weight::Normal => FontStyle::Normal,
             Weight::Bold => FontStyle::Bold,
@@ -230,7 +171,7 @@ impl Canvas<'_> {
         let style = plotters::style::TextStyle::from(font)
             .color(&style.colour)
             .pos(Pos::new(across, VPos::Center));
-        self.check(area.draw_text(text, &style, units(at)))
+        self.check(self.area.draw_text(text, &style, units(at)))
     }
 
     /// Draws a line through `points`.
@@ -240,20 +181,9 @@ impl Canvas<'_> {
         colour: RGBColor,
         width: f64,
     ) -> Result<(), PlotError> {
-        match &self.pen {
-            Pen::Svg(area) => {
-                let style = colour.stroke_width((width * UNIT).round() as u32);
-                let points: Vec<(i32, i32)> = points.into_iter().map(units).collect();
-                self.check(area.draw(&PathElement::new(points, style)))
-            }
-            Pen::Raster(image) => {
-                let points: Vec<Vec2> = points.into_iter().map(dots).collect();
-                let segments: Vec<Segment> = between(&points).collect();
-                let width = (width * DOTS) as f32;
-                stroke(&mut image.borrow_mut(), &segments, width, rgb(colour));
-                Ok(())
-            }
-        }
+        let style = colour.stroke_width((width * UNIT).round() as u32);
+        let points: Vec<(i32, i32)> = points.into_iter().map(units).collect();
+        self.check(self.area.draw(&PathElement::new(points, style)))
     }
 
     /// Draws a line of dashes through `points`.
@@ -263,65 +193,28 @@ impl Canvas<'_> {
         colour: RGBColor,
         pattern: Dashes,
     ) -> Result<(), PlotError> {
-        match &self.pen {
-            Pen::Svg(area) => {
-                let style = colour.stroke_width((DASHED * UNIT).round() as u32);
-                let points: Vec<(i32, i32)> = points.into_iter().map(units).collect();
-                let [dash, gap] =
-                    [pattern.dash, pattern.gap].map(|pixels| (pixels * UNIT).round() as u32);
-                let series = DashedLineSeries::new(points, dash, gap, style);
-                for piece in series {
-                    self.check(area.draw(&piece))?;
-                }
-            }
-            Pen::Raster(image) => {
-                let points: Vec<Vec2> = points.into_iter().map(dots).collect();
-                let width = (DASHED * DOTS) as f32;
-                let (dash, gap) = (pattern.dash * DOTS, pattern.gap * DOTS);
-                let pieces = dashed(&points, dash as f32, gap as f32);
-                stroke(&mut image.borrow_mut(), &pieces, width, rgb(colour));
-            }
+        let style = colour.stroke_width((DASHED * UNIT).round() as u32);
+        let points: Vec<(i32, i32)> = points.into_iter().map(units).collect();
+        let [dash, gap] = [pattern.dash, pattern.gap].map(|pixels| (pixels * UNIT).round() as u32);
+        for piece in DashedLineSeries::new(points, dash, gap, style) {
+            self.check(self.area.draw(&piece))?;
         }
         Ok(())
     }
 
     /// Marks a point.
     pub(super) fn dot(&self, at: Point, colour: RGBColor) -> Result<(), PlotError> {
-        match &self.pen {
-            Pen::Svg(area) => {
-                let radius = (DOT * UNIT).round() as i32;
-                self.check(area.draw(&Circle::new(units(at), radius, colour.filled())))
-            }
-            Pen::Raster(image) => {
-                let width = (2.0 * DOT * DOTS) as f32;
-                stroke(
-                    &mut image.borrow_mut(),
-                    &[[dots(at); 2]],
-                    width,
-                    rgb(colour),
-                );
-                Ok(())
-            }
-        }
+        let radius = (DOT * UNIT).round() as i32;
+        self.check(
+            self.area
+                .draw(&Circle::new(units(at), radius, colour.filled())),
+        )
     }
 
     /// Fills the rectangle between two corners.
     pub(super) fn rectangle(&self, corners: [Point; 2], colour: RGBColor) -> Result<(), PlotError> {
-        match &self.pen {
-            Pen::Svg(area) => {
-                let shape = Rectangle::new(corners.map(units), colour.filled());
-                self.check(area.draw(&shape))
-            }
-            Pen::Raster(image) => {
-                let [from, to] = corners.map(|corner| dots(corner).round());
-                let size = (to - from).max(Vec2::ZERO).as_uvec2();
-                let place = from.max(Vec2::ZERO).as_uvec2();
-                image
-                    .borrow_mut()
-                    .fill(place.to_array(), size.to_array(), rgb(colour));
-                Ok(())
-            }
-        }
+        let shape = Rectangle::new(corners.map(units), colour.filled());
+        self.check(self.area.draw(&shape))
     }
 
     fn check<E: std::error::Error + Send + Sync>(
@@ -333,67 +226,6 @@ impl Canvas<'_> {
             problem: error.to_string(),
         })
     }
-}
-
-fn raster_text(image: &mut Image, text: &str, at: Point, style: TextStyle) {
-    let height = (style.size * CAPITALS * DOTS) as f32;
-    let (align, reading) = match style.anchor {
-        Anchor::Left => (Align::Left, Reading::Across),
-        Anchor::Middle => (Align::Centre, Reading::Across),
-        Anchor::Right => (Align::Right, Reading::Across),
-        Anchor::Upwards => (Align::Centre, Reading::Upwards),
-    };
-    let down = match reading {
-        Reading::Across => Vec2::Y,
-        Reading::Upwards => Vec2::X,
-    };
-    let place = dots(at) + 0.5 * height * down;
-    let style = text::TextStyle {
-        height,
-        weight: match style.weight {
-            Weight::Normal => 0.12,
-            Weight::Bold => 0.17,
-        },
-        colour: rgb(style.colour),
-        align,
-    };
-    draw_text_read(image, text, place.to_array(), &style, reading);
-}
-
-/// The dashes of a line through `points`, so long and so far apart.
-pub(super) fn dashed(points: &[Vec2], dash: f32, gap: f32) -> Vec<Segment> {
-    let mut pieces = Vec::new();
-    // How far the line is into a dash and the gap after it.
-    let mut phase = 0.0;
-    for [start, end] in between(points) {
-        let length = start.distance(end);
-        let mut at = 0.0;
-        while at < length {
-            let is_dash = phase < dash;
-            let limit = if is_dash { dash } else { dash + gap };
-            let step = (limit - phase).min(length - at);
-            if is_dash {
-                let place = |along: f32| start.lerp(end, along / length);
-                pieces.push([place(at), place(at + step)]);
-            }
-            at += step;
-            phase = if limit - phase <= step {
-                limit % (dash + gap)
-            } else {
-                phase + step
-            };
-        }
-    }
-    pieces
-}
-
-fn rgb(colour: RGBColor) -> Rgb {
-    [colour.0, colour.1, colour.2]
-}
-
-fn dots(point: Point) -> Vec2 {
-    let [x, y] = point.map(|pixels| (pixels * DOTS) as f32);
-    Vec2::new(x, y)
 }
 
 fn units(point: Point) -> (i32, i32) {

@@ -6,7 +6,6 @@ use super::canvas::{
     colour, text_width,
 };
 use super::ticks::{self, Ticks};
-use crate::Image;
 
 /// Size of the picture [pixels].
 const SIZE: Point = [860.0, 460.0];
@@ -138,14 +137,6 @@ impl LineChart {
     /// [`PlotError`] where there is no point that can be shown, or one that is not finite.
     pub fn to_svg(&self) -> Result<String, PlotError> {
         canvas::svg(&self.drawing()?)
-    }
-
-    /// The picture as an image, two pixels for each of the SVG's.
-    ///
-    /// # Errors
-    /// As for [`Self::to_svg`].
-    pub fn to_image(&self) -> Result<Image, PlotError> {
-        canvas::image(&self.drawing()?)
     }
 
     fn drawing(&self) -> Result<LineDrawing<'_>, PlotError> {

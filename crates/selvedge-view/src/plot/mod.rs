@@ -1,7 +1,6 @@
-//! Plots of numbers as SVG and as images: lines over an axis, and bars beside each other, in the
-//! manner of figures 3 and 5 of Libao et al. 2023; and pages of histograms, as images. SVG is drawn
-//! by `plotters` without a font: the reader's browser has one. Images are drawn by our own raster,
-//! in our own font.
+//! Plots of numbers as SVG: lines over an axis, and bars beside each other, in the manner of figures
+//! 3 and 5 of Libao et al. 2023, drawn by `plotters` without a font: the reader's browser has one.
+//! Pages of histograms are images.
 //!
 //! Every line and bar has its name beside it in its own colour, so that no legend has to be looked
 //! up; the same names in the same order have the same colours. A chart is a pure function of its

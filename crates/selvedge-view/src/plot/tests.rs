@@ -107,62 +107,6 @@ fn points_are_where_their_values_say() {
 }
 
 #[test]
-fn an_image_has_its_lines_and_bars_where_the_svg_has_them() {
-    let blue = Some([0, 114, 178]);
-    let chart = chart(vec![[0.0, 0.0], [1.0, 5.0], [2.0, 10.0]]);
-    let image = chart.to_image().unwrap();
-    assert_eq!([image.width(), image.height()], [2 * 860, 2 * 460]);
-    assert_eq!(image, chart.to_image().unwrap());
-    for [x, y] in polyline(&chart.to_svg().unwrap(), "16") {
-        // Eight units of the SVG are one of its pixels, which is two of the image's.
-        let at = [x, y].map(|units| (units / 4.0) as u32);
-        assert_eq!(image.pixel(at[0], at[1]), blue);
-    }
-    let bar = |value| Bar {
-        name: "a".to_owned(),
-        role: Role::Subject,
-        value: Some(value),
-        text: String::new(),
-    };
-    let bars = BarChart {
-        title: String::new(),
-        axis: String::new(),
-        groups: vec![BarGroup {
-            heading: String::new(),
-            bars: vec![bar(10.0), bar(4.0)],
-        }],
-    };
-    let image = bars.to_image().unwrap();
-    let row = |y: u32| {
-        (0..image.width())
-            .filter(|&x| image.pixel(x, y) == blue)
-            .count()
-    };
-    // The middles of the first and the second row, two pixels each.
-    let widths = [2 * (40 + 12), 2 * (40 + 36)].map(row);
-    assert!(
-        widths[0] > 100 && (widths[0] * 2).abs_diff(widths[1] * 5) <= 5,
-        "{widths:?}"
-    );
-}
-
-#[test]
-fn dashes_are_as_long_as_asked_and_go_around_corners() {
-    let points = [[0.0, 0.0], [10.0, 0.0], [10.0, 10.0]].map(glam::Vec2::from_array);
-    let pieces = canvas::dashed(&points, 6.0, 3.0);
-    let expected = [
-        [[0.0, 0.0], [6.0, 0.0]],
-        [[9.0, 0.0], [10.0, 0.0]],
-        [[10.0, 0.0], [10.0, 5.0]],
-        [[10.0, 8.0], [10.0, 10.0]],
-    ];
-    assert_eq!(
-        pieces,
-        expected.map(|piece| piece.map(glam::Vec2::from_array))
-    );
-}
-
-#[test]
 fn a_logarithmic_axis_leaves_out_what_has_no_place() {
     let mut chart = chart(vec![[0.0, 0.0], [1.0, 1.0], [2.0, 10.0], [3.0, 100.0]]);
     chart.y.scale = Scale::Logarithmic;

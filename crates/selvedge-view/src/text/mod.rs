@@ -45,29 +45,9 @@ pub fn text_width(text: &str, height: f32) -> f32 {
     (units - SPACING).max(0.0) * height / CAPITAL_HEIGHT
 }
 
-/// The direction in which a text is read.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Reading {
-    /// From left to right.
-    Across,
-    /// From below.
-    Upwards,
-}
-
 /// Draws one line of `text`, its base line at `place` (x, y) `[pixels]`. Parts outside the image
 /// are cut off.
 pub fn draw_text(image: &mut Image, text: &str, place: [f32; 2], style: &TextStyle) {
-    draw_text_read(image, text, place, style, Reading::Across);
-}
-
-/// As [`draw_text`], turned about its place.
-pub(crate) fn draw_text_read(
-    image: &mut Image,
-    text: &str,
-    place: [f32; 2],
-    style: &TextStyle,
-    reading: Reading,
-) {
     let unit = style.height / CAPITAL_HEIGHT;
     let width = text_width(text, style.height);
     let start = match style.align {
@@ -81,12 +61,10 @@ pub(crate) fn draw_text_read(
     for character in text.chars() {
         let glyph = glyph(character);
         let mut segments = segments(glyph.strokes, origin, unit);
-        for point in segments.iter_mut().flatten() {
-            *point = match reading {
-                Reading::Across => place + *point,
-                Reading::Upwards => place + Vec2::new(point.y, -point.x),
-            };
-        }
+        segments
+            .iter_mut()
+            .flatten()
+            .for_each(|point| *point += place);
         stroke(image, &segments, pen, style.colour);
         origin.x += (f32::from(glyph.width) + SPACING) * unit;
     }

@@ -51,6 +51,17 @@ impl DeviceArgs {
         self.device == DeviceName::Cpu
     }
 
+    /// The arithmetic that results depend on: the kind of the device, whichever of several it is,
+    /// and the precision.
+    pub(crate) fn arithmetic(&self) -> (&'static str, PrecisionName) {
+        let kind = match self.device {
+            DeviceName::Cpu => "cpu",
+            DeviceName::Cuda(_) => "cuda",
+            DeviceName::Host => "host",
+        };
+        (kind, self.precision())
+    }
+
     /// The precision that is asked for.
     pub(crate) fn precision(&self) -> PrecisionName {
         self.precision.name()

@@ -26,7 +26,7 @@ Examples:
   selvedge evaluate --model a.safetensors --data data/wide --data data/long --steps 1,20 --no-mirror
   selvedge evaluate --model a.safetensors --data data/first --physics 1,2,8 --report report
 
-With --report the folder gets report.md, its plots (.svg and .png) and all numbers (.csv).")]
+With --report the folder gets report.md, its plots (.svg) and all numbers (.csv).")]
 pub(crate) struct EvaluateArgs {
     /// A model's weights; the name is for tables. May stand several times.
     #[arg(long = "model", value_name = "[NAME=]FILE", required = true)]

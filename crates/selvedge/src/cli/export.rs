@@ -9,7 +9,7 @@ use selvedge_data::export::{FrameSpan, Normals, Velocities};
 /// Write a trajectory in the format of another program.
 ///
 /// The format follows from the ending of the name: .usda, .usdc or .usdz (USD), .abc (Alembic),
-/// .glb (glTF), .pc2 or .mdd (a point cache, with the mesh beside it as .obj), .npz (NumPy), .gif,
+/// .glb (glTF), .pc2 (a point cache, with the mesh beside it as .obj), .npz (NumPy), .gif,
 /// .mp4 (by ffmpeg, where that is installed), or .obj and .png for one frame. With --format obj or
 /// png the name is that of a new folder, which gets a file per frame. Lengths are metres; the first
 /// exported frame is at time 0. Ctrl-C leaves nothing behind.
@@ -66,8 +66,6 @@ pub(crate) enum FormatName {
     Glb,
     /// A point cache with its mesh (.obj).
     Pc2,
-    /// LightWave's point cache with its mesh (.obj).
-    Mdd,
     /// Alembic, with samples.
     Abc,
     /// A folder of meshes, or one mesh (.obj).

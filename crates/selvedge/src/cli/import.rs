@@ -1,29 +1,27 @@
-//! The call of `selvedge dataset import`: many options, because foreign data lack many things.
+//! The call of `selvedge dataset import`: many options, because caches lack many things.
 
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use selvedge_cloth::PhysicsSettings;
 use selvedge_data::UpAxis;
-use selvedge_data::foreign::{ForeignFormat, HandleSource, ImportOptions, Purpose, RestSource};
+use selvedge_data::foreign::{HandleSource, ImportOptions, Purpose, RestSource};
 
-/// Make a data set from data of another project.
+use crate::failure::WrongUsage;
+
+/// Make a data set from simulation caches of another program.
 ///
-/// flag-simple is DeepMind's folder of meta.json and TFRecord files; released is the folder of the
-/// code that came with MeshGraphNetRP, one folder of .npy files per trajectory; cache is a folder
-/// of simulation caches of other programs, one file per trajectory (.abc, .usda, .usdc, .usdz,
-/// .glb, or .pc2, .mdd, .npz with the mesh beside it as .obj). What the data do not say must be
-/// said here; what they say themselves must not. An interrupted import goes on when it is started
-/// again.
+/// A folder has one file per trajectory: .usda, .usdc, .usdz, .glb, or .pc2, .npz with the mesh
+/// beside it as .obj. What the data do not say must be said here. An interrupted import goes on when
+/// it is started again. Data sets of other projects (DeepMind's flag_simple, the folders of the code
+/// that came with MeshGraphNetRP) are read by the Python package, `selvedge.datasets`.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  selvedge dataset import flag-simple flag_simple --density 0.15 --limit 20 --out data/flag
-  selvedge dataset import released runs --handles 0,30 --test test1,test2 --out data/released
   selvedge dataset import cache shots --density 0.2 --frame-rate 60 --handles 0,19 --out data/shots
   selvedge dataset import cache shots --density 0.2 --frame-rate 60 --handles found --out data/shots
 
-docs/src/guides/data.md says what each format lacks, what is taken by default, and why.")]
+docs/src/guides/data.md says what caches lack, what is taken by default, and why.")]
 pub(crate) struct ImportArgs {
     /// The format of the data.
     #[arg(value_enum)]
@@ -36,38 +34,33 @@ pub(crate) struct ImportArgs {
     /// The name of the data set [default: that of the folder].
     #[arg(long)]
     pub(crate) name: Option<String>,
-    /// Mass per area in kg/m² (flag-simple, cache: required).
+    /// Mass per area in kg/m² (required).
     #[arg(long, value_name = "NUMBER")]
     pub(crate) density: Option<f64>,
-    /// Frames per second [default for released: 1/dt of meta.json, or 60; cache:
-    /// required, frames are taken at this rate].
+    /// Frames per second at which frames are taken (required).
     #[arg(long, value_name = "NUMBER")]
     pub(crate) frame_rate: Option<f64>,
-    /// The held vertices in the order of their targets, from 0, separated by commas (released,
-    /// cache: required). Of a cache also `found`, those that stand still or keep their distances
-    /// from each other in all frames, or the names of nodes that they go with.
+    /// The held vertices in the order of their targets, from 0, separated by commas (required); or
+    /// `found`, those that stand still or keep their distances from each other in all frames; or the
+    /// names of nodes that they go with.
     #[arg(long, value_name = "WHICH", value_parser = handles)]
     pub(crate) handles: Option<HandleSource>,
-    /// The mesh that is the cloth, by name [default for cache: the only one, or sheet].
+    /// The mesh that is the cloth, by name [default: the only one, or sheet].
     #[arg(long, value_name = "NAME")]
     pub(crate) object: Option<String>,
-    /// The rest pose: flat, first-frame, or a mesh (.obj, y up) [default for flag-simple: flat, for
-    /// cache: first-frame].
+    /// The rest pose: flat, first-frame, or a mesh (.obj, y up) [default: first-frame].
     #[arg(long, value_name = "WHICH")]
     pub(crate) rest: Option<String>,
-    /// A mesh (.obj) whose material coordinates are taken (released, where rest.obj has none;
-    /// cache, where the file has none).
+    /// A mesh (.obj) whose material coordinates are taken where the file has none.
     #[arg(long, value_name = "FILE")]
     pub(crate) flat: Option<PathBuf>,
-    /// The axis that points up [default: z for flag-simple, y for released and for caches that
-    /// do not say it].
+    /// The axis that points up in files that do not say it [default: y].
     #[arg(long, value_enum)]
     pub(crate) up: Option<UpName>,
     /// At most so many trajectories of each split.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) limit: Option<u32>,
-    /// Trajectories to test on, separated by commas (released and cache, without folders train
-    /// and test).
+    /// Trajectories to test on, separated by commas (without folders train and test).
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub(crate) test: Vec<String>,
     /// The largest strain of an edge that is taken for that of a cloth.
@@ -81,11 +74,11 @@ pub(crate) struct ImportArgs {
 /// A format of another project.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum FormatName {
-    /// DeepMind's flag_simple: meta.json and TFRecord.
+    #[value(hide = true)]
     FlagSimple,
-    /// The released code of MeshGraphNetRP: folders of .npy.
+    #[value(hide = true)]
     Released,
-    /// Caches of other programs: Alembic, USD, glTF, point caches.
+    /// Caches of other programs: USD, glTF, point caches.
     Cache,
 }
 
@@ -125,13 +118,20 @@ fn strain(text: &str) -> Result<f64, String> {
 }
 
 impl ImportArgs {
-    /// The format, as the data crate calls it.
-    pub(crate) fn format(&self) -> ForeignFormat {
-        match self.format {
-            FormatName::FlagSimple => ForeignFormat::FlagSimple,
-            FormatName::Released => ForeignFormat::Released,
-            FormatName::Cache => ForeignFormat::Cache,
-        }
+    /// Checks that the format is read here.
+    ///
+    /// # Errors
+    /// Wrong usage, with the call in Python, for one that is read there.
+    pub(crate) fn check(&self) -> Result<(), WrongUsage> {
+        let function = match self.format {
+            FormatName::Cache => return Ok(()),
+            FormatName::FlagSimple => "flag_simple",
+            FormatName::Released => "released",
+        };
+        Err(WrongUsage::new(format!(
+            "such data are read in Python: pip install pyselvedge, then selvedge.datasets.import_{function}({:?}, {:?}, …) (see guides/data.md)",
+            self.source, self.out
+        )))
     }
 
     /// All that is said about the data.

@@ -1,4 +1,4 @@
-//! `selvedge dataset import`: data of other projects as a data set.
+//! `selvedge dataset import`: caches of other programs as a data set.
 //!
 //! Every trajectory is read, checked and written by itself, so that an import of many gigabytes
 //! needs the memory of one trajectory, and an interrupted one goes on.
@@ -41,7 +41,8 @@ struct Report {
 /// What of the options, the data or the folder went wrong.
 pub(crate) fn run(args: &ImportArgs) -> anyhow::Result<Answer> {
     let started = Instant::now();
-    let source = ForeignSource::open(args.format(), &args.source, &args.options())?;
+    args.check()?;
+    let source = ForeignSource::open(&args.source, &args.options())?;
     let plan = source.plan();
     let (name, train, test) = (plan.name.clone(), plan.train.len(), plan.test.len());
     let _claimed = folder::claim_folder(&args.out, FolderKind::DataSet)?;

@@ -173,6 +173,7 @@ fn call(args: &EvaluateArgs, plan: &EvaluationPlan<'_>) -> anyhow::Result<String
         &args.motions,
         plan.horizons,
         args.guards(),
+        args.machine.arithmetic(),
     );
     let mut files = Vec::new();
     for model in args.models.iter().map(|text| part(text).1) {

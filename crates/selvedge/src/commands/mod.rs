@@ -16,7 +16,6 @@ mod export;
 mod inspect;
 mod manual;
 mod presets;
-mod reference;
 mod rollout;
 mod sag;
 mod simulate;
@@ -60,7 +59,6 @@ pub(crate) fn run(command: &Command) -> anyhow::Result<Answer> {
         Command::Presets => presets::run(),
         Command::Completions(args) => completions::run(args),
         Command::Manual(args) => manual::run(args),
-        Command::Reference(args) => reference::run(args),
         Command::Bench(BenchCommand::Engine(args)) => bench::engine::run(args),
         Command::Bench(BenchCommand::Scale(args)) => bench::scale::run(args),
         Command::Bench(BenchCommand::Gpu(args)) => bench::gpu(args),

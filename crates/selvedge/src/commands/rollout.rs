@@ -353,7 +353,7 @@ fn text(report: &RolloutReport) -> Facts {
     facts.add("vertices", report.vertices);
     facts.add("frames", report.frames);
     facts.add(
-        "model",
+        "time of the model",
         format!("{:.2} ms per frame", report.model_ms_per_frame),
     );
     if let (Some(ms), Some(substeps)) = (report.truth_ms_per_frame, report.truth_substeps) {

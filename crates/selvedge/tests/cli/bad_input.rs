@@ -90,7 +90,7 @@ fn a_motion_that_is_not_finite_is_refused() {
 #[test]
 fn a_scene_without_handles_says_how_to_run_it() {
     let desk = desk_with("label = \"upper-corners\"", "vertices = []");
-    refuses(&desk, &["no handles", "--from-start"]);
+    refuses(&desk, &["no handles", "start = \"mesh\""]);
     desk.json("simulate scene.toml --out run.safetensors --from-start --frames 2");
 }
 
@@ -101,7 +101,7 @@ fn a_sag_that_does_not_come_to_rest_says_what_to_change() {
         "name = \"push\"\nsag = { max_steps = 3 }",
     );
     refuses(&desk, &["sag.max_steps", "push"]);
-    refuses(&desk, &["--from-start", "start = \"mesh\""]);
+    refuses(&desk, &["start = \"mesh\"", "start = \"fit\""]);
     // Where the rest pose is not needed for the run, it goes on without.
     let report = desk.json("simulate scene.toml --out run.safetensors --from-start --frames 2");
     assert!(report["sag_solves"].is_null());

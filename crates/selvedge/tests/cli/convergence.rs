@@ -48,7 +48,7 @@ fn a_study_writes_its_files_and_errors_fall_with_substeps() {
     ] {
         assert!(page.contains(text), "{text}\n{page}");
     }
-    for file in ["substeps-1.svg", "time-1.png", "times.csv"] {
+    for file in ["substeps-1.svg", "time-1.svg", "times.csv"] {
         assert!(!desk.read(&format!("c/{file}")).is_empty());
     }
     // Three methods and the second reference run, in two horizons: of the case and of all.

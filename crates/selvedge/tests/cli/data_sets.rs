@@ -134,48 +134,66 @@ fn inspection_counts_every_number_and_draws_every_trajectory() {
     assert!(said.out.contains("bending angle"), "{}", said.out);
 }
 
+/// A folder `caches` with a run of the scene `push.toml` and a part of it.
+fn caches(desk: &Desk) {
+    desk.write("push.toml", PUSH);
+    desk.json("simulate push.toml --from-start --out run.safetensors");
+    std::fs::create_dir(desk.path("caches")).unwrap();
+    desk.json("export run.safetensors --to caches/one.usdc");
+    desk.json("export run.safetensors --to caches/two.usdc --frames 5..");
+}
+
 #[test]
-fn foreign_data_become_a_data_set() {
+fn caches_become_a_data_set() {
     let desk = Desk::new();
-    let fixtures = concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../selvedge-data/tests/fixtures/foreign"
-    );
-    let flag = format!("dataset import flag-simple {fixtures}/flag_simple --out flag");
-    desk.fails(&flag, 1, &["what the cloth weighs", "--density"]);
-    let report = desk.json(&format!("{flag} --density 0.5"));
-    assert_eq!(
-        (number(&report, "/train"), number(&report, "/test")),
-        (2.0, 1.0)
-    );
-    assert_eq!(number(&report, "/samples"), 2.0);
-    let again = desk.json(&format!("{flag} --density 0.5"));
-    assert_eq!(number(&again, "/trajectories_kept"), 3.0);
-    desk.fails(
-        &format!("{flag} --density 0.6"),
-        1,
-        &["another configuration"],
-    );
-    assert_eq!(desk.json("dataset inspect flag")["kind"], "dataset");
-    let released = format!("dataset import released {fixtures}/released --out released");
-    desk.fails(&released, 1, &["--handles"]);
-    let report = desk.json(&format!("{released} --handles 6,8 --test side"));
+    caches(&desk);
+    let import = "dataset import cache caches --frame-rate 60 --handles found";
+    let lacks = format!("{import} --out set");
+    desk.fails(&lacks, 1, &["what the cloth weighs", "density"]);
+    let import = format!("{import} --test two");
+    let report = desk.json(&format!("{import} --density 0.2 --out set"));
     assert_eq!(
         (number(&report, "/train"), number(&report, "/test")),
         (1.0, 1.0)
     );
+    assert!(number(&report, "/samples") > 0.0);
+    let again = desk.json(&format!("{import} --density 0.2 --out set"));
+    assert_eq!(number(&again, "/trajectories_kept"), 2.0);
+    let other = format!("{import} --density 0.6 --out set");
+    desk.fails(&other, 1, &["another configuration"]);
+    assert_eq!(desk.json("dataset inspect set")["kind"], "dataset");
     desk.model();
-    let evaluate = "evaluate --model run/model.safetensors --data flag";
-    desk.json(evaluate);
+    desk.json("evaluate --model run/model.safetensors --data set");
     // To measure with, a set needs nothing to train on.
-    let all = format!("{released}-all --handles 6,8 --test side,forward");
-    desk.fails(&all, 1, &["nothing to train on", "--test-only"]);
+    let all = format!("{import},one --density 0.2 --out all");
+    desk.fails(
+        &all,
+        1,
+        &["nothing to train on", "only what there is to test"],
+    );
     let report = desk.json(&format!("{all} --test-only"));
     assert_eq!(
         (number(&report, "/train"), number(&report, "/test")),
         (0.0, 2.0)
     );
-    desk.json("evaluate --model run/model.safetensors --data released-all");
+    desk.json("evaluate --model run/model.safetensors --data all");
+}
+
+#[test]
+fn data_of_other_projects_are_read_in_python() {
+    let desk = Desk::new();
+    for (format, function) in [("flag-simple", "flag_simple"), ("released", "released")] {
+        let words = [
+            "pip install pyselvedge",
+            &format!("import_{function}(\"there\", \"set\""),
+        ];
+        desk.fails(
+            &format!("dataset import {format} there --out set"),
+            2,
+            &words,
+        );
+    }
+    assert!(!desk.path("set").exists());
 }
 
 #[test]
@@ -184,7 +202,7 @@ fn the_handles_of_a_cache_are_found_or_named() {
     desk.write("push.toml", PUSH);
     desk.json("simulate push.toml --out run.safetensors");
     let held = numbers(&desk.json("inspect run.safetensors")["handles"]);
-    for ending in ["abc", "usdc", "glb", "mdd"] {
+    for ending in ["usda", "usdc", "glb", "pc2"] {
         std::fs::create_dir(desk.path(ending)).unwrap();
         desk.json(&format!(
             "export run.safetensors --to {ending}/run.{ending}"
@@ -194,8 +212,8 @@ fn the_handles_of_a_cache_are_found_or_named() {
         let report = desk.json(&format!("{import} --handles found --out {ending}-found"));
         assert_eq!(numbers(&report["handles"]["run"]), held, "{ending}");
         let named = format!("{import} --handles handle_1,handle_0 --out {ending}-named");
-        if ending == "mdd" {
-            desk.fails(&named, 1, &["run.mdd", "without nodes"]);
+        if ending == "pc2" {
+            desk.fails(&named, 1, &["run.pc2", "without nodes"]);
             continue;
         }
         // Both corners move alike, so that each node has both; the nearest comes first.
@@ -209,7 +227,7 @@ fn the_handles_of_a_cache_are_found_or_named() {
         let rate = number(&seen, "/meshes/0/frame_rate");
         assert!((rate - 60.0).abs() < 1e-2, "{ending}: {rate}");
     }
-    let import = "dataset import cache abc --density 0.2 --frame-rate 60 --out new --handles";
+    let import = "dataset import cache usdc --density 0.2 --frame-rate 60 --out new --handles";
     desk.fails(&format!("{import} 0,left"), 2, &["not both"]);
     desk.fails(&format!("{import} 0.5,1"), 2, &["whole numbers"]);
     desk.fails(
@@ -217,8 +235,6 @@ fn the_handles_of_a_cache_are_found_or_named() {
         1,
         &["\"hem\"", "sheet"],
     );
-    let released = "dataset import released abc --out new --handles found";
-    desk.fails(released, 1, &["--handles", "numbers"]);
 }
 
 /// The numbers in a list.
@@ -230,66 +246,41 @@ fn numbers(list: &serde_json::Value) -> Vec<f64> {
 #[test]
 fn an_import_that_fails_at_once_leaves_nothing_behind() {
     let desk = Desk::new();
-    let fixtures = concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../selvedge-data/tests/fixtures/foreign/released"
-    );
-    std::fs::create_dir(desk.path("foreign")).unwrap();
-    for motion in ["forward", "side"] {
-        let to = desk.path(&format!("foreign/{motion}"));
-        std::fs::create_dir(&to).unwrap();
-        for entry in std::fs::read_dir(format!("{fixtures}/{motion}")).unwrap() {
-            let path = entry.unwrap().path();
-            std::fs::copy(&path, to.join(path.file_name().unwrap())).unwrap();
-        }
-    }
-    let import = "dataset import released foreign --handles 6,8 --out sets/new";
+    caches(&desk);
+    let import =
+        "dataset import cache caches --density 0.2 --frame-rate 60 --handles found --out sets/new";
     // The second of two: what was written before it is kept.
-    desk.write("foreign/side/face.npy", "no array");
-    desk.fails(import, 1, &["side/face.npy"]);
-    assert!(desk.path("sets/new/train/forward.safetensors").is_file());
+    desk.write("caches/two.usdc", "no stage");
+    desk.fails(import, 1, &["caches/two.usdc"]);
+    assert!(desk.path("sets/new/train/one.safetensors").is_file());
     let words = ["not complete", "dataset generate", "dataset import"];
     desk.fails("dataset inspect sets/new", 1, &words);
     std::fs::remove_dir_all(desk.path("sets")).unwrap();
-    desk.write("foreign/forward/face.npy", "no array");
-    desk.fails(import, 1, &["forward/face.npy"]);
+    desk.write("caches/one.usdc", "no stage");
+    desk.fails(import, 1, &["caches/one.usdc"]);
     assert!(!desk.path("sets").exists());
 }
 
 #[test]
 fn frames_beyond_what_cloth_does_are_not_imported() {
     let desk = Desk::new();
-    let fixtures = concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../selvedge-data/tests/fixtures/foreign"
-    );
-    // Their edges are strained by 3 % at most.
-    for (import, first) in [
-        ("flag-simple", "flag_simple --density 0.5", "train-0000"),
-        ("released", "released --handles 6,8", "forward"),
-    ]
-    .map(|(format, rest, first)| (format!("dataset import {format} {fixtures}/{rest}"), first))
-    {
-        let words = [
-            first,
-            "from frame 2",
-            "bound of 0.01",
-            "by 0.031",
-            "--max-strain",
-        ];
-        desk.fails(
-            &format!("{import} --max-strain 0.01 --out small"),
-            1,
-            &words,
-        );
-        assert!(!desk.path("small").exists());
-        for bad in ["nan", "0", "-1", "inf", "much"] {
-            let command = format!("{import} --max-strain {bad} --out bad");
-            desk.fails(&command, 2, &["--max-strain", bad, "above 0"]);
-        }
-        let taken = format!("{import} --max-strain 0.04 --out {first}");
-        assert!(number(&desk.json(&taken), "/samples") > 0.0);
+    caches(&desk);
+    let import = "dataset import cache caches --density 0.2 --frame-rate 60 --handles found";
+    let words = [
+        "trajectory one",
+        "from frame",
+        "bound of 0.000001",
+        "--max-strain",
+    ];
+    let small = format!("{import} --max-strain 0.000001 --out small");
+    desk.fails(&small, 1, &words);
+    assert!(!desk.path("small").exists());
+    for bad in ["nan", "0", "-1", "inf", "much"] {
+        let command = format!("{import} --max-strain {bad} --out bad");
+        desk.fails(&command, 2, &["--max-strain", bad, "above 0"]);
     }
+    let taken = desk.json(&format!("{import} --max-strain 0.2 --out taken"));
+    assert!(number(&taken, "/samples") > 0.0);
 }
 
 #[test]

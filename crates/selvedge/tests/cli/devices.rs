@@ -44,11 +44,11 @@ fn the_processor_has_no_tensor_products_and_trains_in_full() {
     desk.fails(
         "rollout push.toml --precision tensor",
         1,
-        &["--precision tensor", "--device"],
+        &["precision tensor", "GPU as device"],
     );
     for precision in ["tensor", "half"] {
         let call = format!("train moment.toml --data nowhere --out run --precision {precision}");
-        desk.fails(&call, 1, &["--precision", precision, "--device"]);
+        desk.fails(&call, 1, &["precision", precision, "device"]);
     }
     assert_eq!(desk.names(), ["moment.toml", "push.toml"]);
 }
@@ -199,7 +199,7 @@ show = ["table"]
         "budget in time",
         "begun on \"cpu\"",
         "this machine",
-        "--device",
+        "the device and precision",
     ];
     desk.fails("study study.toml --out t --device host", 1, &words);
 }

@@ -28,7 +28,6 @@ fn a_run_goes_to_other_programs_and_its_handles_come_back() {
         ("cloth.npz", r#"{ recorded = "cloth.npz" }"#),
         ("turned.npz --up z", r#"{ recorded = "turned.npz" }"#),
         ("cloth.usda --up z", r#"{ rig = { file = "cloth.usda" } }"#),
-        ("cloth.abc", r#"{ rig = { file = "cloth.abc" } }"#),
         ("cloth.usdc", r#"{ rig = { file = "cloth.usdc" } }"#),
         ("cloth.usdz --up z", r#"{ rig = { file = "cloth.usdz" } }"#),
         (
@@ -201,7 +200,7 @@ fn bad_calls_are_told_and_leave_nothing() {
         ("--to full --format glb", 1, &["full", "is a folder"]),
         ("--to push.toml --format png", 1, &["file of this name"]),
         ("--to cloth.obj --format pc2", 2, &["point cache"]),
-        ("--to cloth.obj --format mdd", 2, &["point cache"]),
+        ("--to cloth.mdd", 2, &[".mdd is not written", ".pc2"]),
         (
             "--to cloth.glb --velocities yes",
             2,
@@ -323,9 +322,7 @@ fn every_file_can_be_looked_at() {
         ("run.npz", "b.png"),
         ("rest.obj", "c.png"),
         ("push.toml", "d.png"),
-        ("states.safetensors", "e.png"),
         ("states.safetensors", "e.svg"),
-        ("run", "f.png"),
         ("run", "f.svg"),
         ("run/model.safetensors", "g.png"),
         ("tiny", "h.png"),
@@ -350,6 +347,10 @@ fn every_file_can_be_looked_at() {
         2,
         &["x.svg", ".png"],
     );
+    for curves in ["run", "states.safetensors"] {
+        let call = format!("inspect {curves} --picture x.png");
+        desk.fails(&call, 2, &["x.png", ".svg"]);
+    }
     desk.fails(
         "inspect run.safetensors --picture x.jpg",
         2,

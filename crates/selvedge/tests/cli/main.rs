@@ -8,6 +8,7 @@ mod bad_input;
 mod common;
 mod convergence;
 mod convert;
+mod corpus;
 mod corrected;
 mod data_sets;
 mod devices;

@@ -253,7 +253,7 @@ fn a_data_set_of_another_preset_is_not_taken_for_the_same() {
         ("\"tiny\"", "\"large\"", "called \"tiny\", not \"large\""),
     ] {
         desk.write("own.toml", tiny.replace(from, to));
-        let words = ["data set \"tiny\"", word, "remove the folder", "--out"];
+        let words = ["data set \"tiny\"", word, "remove the folder", "another"];
         desk.fails("study study.toml --out s", 1, &words);
         assert!(!desk.path("s/trainings").exists());
     }

@@ -40,7 +40,6 @@ fn wrong_calls_exit_with_2_and_say_why() {
     assert_eq!(desk.names(), Vec::<String>::new());
 }
 
-/// The page of the book that lists the commands.
 /// A scene or a preset goes by its shipped name first. So does a model, unless the folder could be
 /// meant.
 #[test]
@@ -71,22 +70,6 @@ fn a_folder_hides_nothing_that_is_shipped() {
 }
 
 #[test]
-fn the_book_has_every_command_as_it_is() {
-    let made = Desk::new().run("reference");
-    assert_eq!((made.code, made.err.as_str()), (Some(0), ""));
-    let path = concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../../docs/src/reference/commands.md"
-    );
-    let kept = std::fs::read_to_string(path).unwrap();
-    assert!(
-        kept == made.out,
-        "docs/src/reference/commands.md is of another version: write it anew with \
-         `cargo xtask book --write`"
-    );
-}
-
-#[test]
 fn every_shell_has_a_script_that_knows_the_commands() {
     let desk = Desk::new();
     for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
@@ -113,7 +96,6 @@ fn every_command_has_a_manual_page() {
     // Roff has hyphens escaped.
     assert!(rollout.contains("\\-\\-frames") && rollout.contains("Run a trained model"));
     assert!(page("selvedge-dataset-generate.1").contains("\\-\\-threads"));
-    assert!(!folder.join("selvedge-reference.1").exists());
     let words = ["man/man1/selvedge.1", "a file is there", "another name"];
     desk.fails("manual man/man1/selvedge.1", 1, &words);
 }
@@ -131,28 +113,6 @@ fn the_version_is_that_of_the_package_with_its_commit() {
     };
     // Without a repository there is none.
     assert!(commit.is_empty() || is_commit(commit), "{said}");
-}
-
-/// Commands of the book are asked about, without running them.
-#[test]
-fn words_are_checked_and_not_run() {
-    let desk = Desk::new();
-    let good = desk.run("reference -- rollout --frames 3 --out there");
-    assert_eq!((good.code, good.err.as_str()), (Some(0), ""));
-    let help = desk.run("reference -- help rollout");
-    assert_eq!(help.code, Some(0));
-    let bad = desk.run("reference -- rollout --frame 3");
-    assert_eq!(bad.code, Some(2));
-    assert!(
-        bad.err.contains("unexpected argument '--frame'"),
-        "{}",
-        bad.err
-    );
-    let lacks = desk.run("reference -- simulate default");
-    assert!(lacks.err.contains("required arguments were not provided"));
-    let lacks = desk.run("reference -- dataset");
-    assert!(lacks.err.contains("subcommand is required"));
-    assert_eq!(desk.names(), Vec::<String>::new());
 }
 
 #[test]

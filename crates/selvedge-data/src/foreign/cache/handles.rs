@@ -31,7 +31,7 @@ pub(super) fn held(
         HandleSource::Nodes(names) => match format {
             Some(format) => with_nodes(names, bytes, format, span),
             None => Err(
-                "is a cache of points, without nodes to name: number the held vertices (--handles 0,30), or let them be found (--handles found)"
+                "is a cache of points, without nodes to name: number the held vertices (`handles` 0,30), or let them be found (`handles` found)"
                     .to_owned(),
             ),
         },

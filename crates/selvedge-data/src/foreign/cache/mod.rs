@@ -1,5 +1,5 @@
-//! Caches of other programs, a file per trajectory: .abc, .usda, .usdc, .usdz and .glb have the
-//! mesh and its points over time; .pc2, .mdd and .npz have the points, and the mesh is the .obj of
+//! Caches of other programs, a file per trajectory: .usda, .usdc, .usdz and .glb have the
+//! mesh and its points over time; .pc2 and .npz have the points, and the mesh is the .obj of
 //! the same name beside them.
 //!
 //! A file has one cloth: the mesh that is named, its only one, or the one called `sheet`, as our
@@ -15,11 +15,9 @@ use std::path::{Path, PathBuf};
 use glam::{DVec2, DVec3};
 use serde_json::{Value, json};
 
-use super::assemble::{Parts, Weight, hanging};
+use super::assemble::{TrajectoryParts, Weight, hanging};
 use super::error::{ForeignError, ForeignProblem};
-use super::options::{
-    ForeignFormat, HandleSource, ImportOptions, RestSource, describe_file, positive,
-};
+use super::options::{HandleSource, ImportOptions, RestSource, describe_file, positive};
 use crate::UpAxis;
 use crate::formats::input::read_file;
 use crate::formats::obj::{parse_obj_polygons, read_obj, read_obj_positions};
@@ -29,8 +27,8 @@ use crate::rig::RigFormat;
 use crate::rig::mesh::polygons;
 
 /// Endings of caches that are read.
-const WITH_MESH: [&str; 6] = ["abc", "usda", "usdc", "usdz", "usd", "glb"];
-const POINTS_ONLY: [&str; 3] = ["pc2", "mdd", "npz"];
+const WITH_MESH: [&str; 5] = ["usda", "usdc", "usdz", "usd", "glb"];
+const POINTS_ONLY: [&str; 2] = ["pc2", "npz"];
 
 /// The cloth among several meshes.
 const SHEET: &str = "sheet";
@@ -73,19 +71,19 @@ impl Caches {
     pub(super) fn new(options: &ImportOptions) -> Result<Self, ForeignProblem> {
         let missing = |what, option, hint| ForeignProblem::Missing { what, option, hint };
         Ok(Self {
-            density: positive(options.density, "--density")?.ok_or(missing(
+            density: positive(options.density, "density")?.ok_or(missing(
                 "what the cloth weighs",
-                "--density",
+                "density",
                 "in kg/m², as 0.15",
             ))?,
-            frame_rate: positive(options.frame_rate, "--frame-rate")?.ok_or(missing(
+            frame_rate: positive(options.frame_rate, "frame_rate")?.ok_or(missing(
                 "how many frames per second to take",
-                "--frame-rate",
+                "frame_rate",
                 "as 60",
             ))?,
             handles: options.handles.clone().ok_or(missing(
                 "which vertices are held",
-                "--handles",
+                "handles",
                 "numbers from 0, as 0,30, nodes of the file, as left,right, or found",
             ))?,
             object: options.object.clone(),
@@ -98,7 +96,7 @@ impl Caches {
     /// The resolved options.
     pub(super) fn describe(&self) -> Result<Value, ForeignError> {
         let mut import = json!({
-            "format": ForeignFormat::Cache,
+            "format": "cache",
             "density": self.density,
             "frame_rate": self.frame_rate,
             "handles": self.handles.describe(),
@@ -115,7 +113,7 @@ impl Caches {
     }
 
     /// The parts of the trajectory in a file.
-    pub(super) fn read(&self, path: &Path) -> Result<Parts, ForeignError> {
+    pub(super) fn read(&self, path: &Path) -> Result<TrajectoryParts, ForeignError> {
         let layout = |problem: String| at(path, ForeignProblem::Layout(problem));
         let bytes = read_file(path).map_err(|e| at(path, ForeignProblem::Read(e)))?;
         let format = RigFormat::of(ending_of(path));
@@ -146,8 +144,8 @@ impl Caches {
         let material = self
             .material(&mesh, span)
             .map_err(|problem| at(path, problem))?;
-        Ok(Parts {
-            format: ForeignFormat::Cache,
+        Ok(TrajectoryParts {
+            made_by: "imported from a cache".to_owned(),
             faces,
             rest: self.rest(path, &material, &frames)?,
             material,
@@ -211,7 +209,7 @@ impl Caches {
             let found = mesh.texture[texture];
             if known.is_some_and(|known| known.distance(found) > SAME) {
                 return layout(format!(
-                    "has a seam at vertex {own}, where it has two texture coordinates: name a flat mesh of the same vertices (--flat)"
+                    "has a seam at vertex {own}, where it has two texture coordinates: name a flat mesh of the same vertices (option `flat`)"
                 ));
             }
             *known = Some(found);
@@ -219,7 +217,7 @@ impl Caches {
         match material.into_iter().collect::<Option<Vec<DVec2>>>() {
             Some(material) => Ok(material),
             None => layout(
-                "has no texture coordinates, which are the flat, unstrained cloth in metres: name a flat mesh of the same vertices (--flat)"
+                "has no texture coordinates, which are the flat, unstrained cloth in metres: name a flat mesh of the same vertices (option `flat`)"
                     .to_owned(),
             ),
         }
@@ -256,7 +254,7 @@ fn cloth_of(mesh: &Polygons, object: Option<&str>) -> Result<[usize; 2], String>
         match object {
             Some(object) => format!("has no mesh called {object:?}, but [{names}]"),
             None => format!(
-                "has {} meshes, [{names}]: name the one that is the cloth (--object)",
+                "has {} meshes, [{names}]: name the one that is the cloth (option `object`)",
                 mesh.parts.len()
             ),
         }

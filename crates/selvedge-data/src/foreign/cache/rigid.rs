@@ -39,7 +39,7 @@ pub(super) fn found(frames: &[Vec<DVec3>], faces: &[[u32; 3]]) -> Result<Vec<u32
     let count = frames.len();
     if count < LEAST_FRAMES {
         return Err(format!(
-            "has {count} frames, too few to find the held vertices from: number them (--handles 0,30)"
+            "has {count} frames, too few to find the held vertices from: number them (`handles` 0,30)"
         ));
     }
     let motion = Motion::new(frames);
@@ -79,12 +79,12 @@ pub(super) fn found(frames: &[Vec<DVec3>], faces: &[[u32; 3]]) -> Result<Vec<u32
     let tolerance = motion.tolerance;
     if held.is_empty() {
         return Err(format!(
-            "has no vertex that stands still and no two that keep their distance to {tolerance:.1e} m in all {count} frames: number the held vertices (--handles 0,30), or name nodes that they go with (--handles left,right); one that is moved alone cannot be found"
+            "has no vertex that stands still and no two that keep their distance to {tolerance:.1e} m in all {count} frames: number the held vertices (`handles` 0,30), or name nodes that they go with (`handles` left,right); one that is moved alone cannot be found"
         ));
     }
     if held.len() == vertices {
         return Err(format!(
-            "moves as if all its {vertices} vertices were held: they keep their distances to {tolerance:.1e} m in all {count} frames; number those that are (--handles 0,30)"
+            "moves as if all its {vertices} vertices were held: they keep their distances to {tolerance:.1e} m in all {count} frames; number those that are (`handles` 0,30)"
         ));
     }
     Ok(held.into_iter().collect())
@@ -242,7 +242,7 @@ mod tests {
         ] {
             let error = found(&frames(&held, lift), &faces()).unwrap_err();
             assert!(
-                error.contains(word) && error.contains("--handles"),
+                error.contains(word) && error.contains("`handles`"),
                 "{error}"
             );
         }

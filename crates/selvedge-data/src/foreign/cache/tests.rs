@@ -40,7 +40,7 @@ fn options(rate: f64) -> ImportOptions {
 }
 
 fn import(folder: &Path, rate: f64) -> Result<Trajectory, ForeignError> {
-    let source = ForeignSource::open(ForeignFormat::Cache, folder, &options(rate))?;
+    let source = ForeignSource::open(folder, &options(rate))?;
     source.read(&source.runs()[0])
 }
 
@@ -48,13 +48,11 @@ fn import(folder: &Path, rate: f64) -> Result<Trajectory, ForeignError> {
 fn every_cache_that_is_written_can_be_learned_from() {
     let expected = trajectory();
     for (format, ending) in [
-        (ExportFormat::Abc, "abc"),
         (ExportFormat::Usda, "usda"),
         (ExportFormat::Usdc, "usdc"),
         (ExportFormat::Usdz, "usdz"),
         (ExportFormat::Glb, "glb"),
         (ExportFormat::Pc2, "pc2"),
-        (ExportFormat::Mdd, "mdd"),
     ] {
         let folder = exported(format, ending);
         let read = import(folder.path(), 30.0).unwrap();
@@ -76,7 +74,7 @@ fn every_cache_that_is_written_can_be_learned_from() {
 
 #[test]
 fn frames_are_taken_at_the_rate_that_is_asked_for() {
-    for (format, ending) in [(ExportFormat::Mdd, "mdd"), (ExportFormat::Abc, "abc")] {
+    for (format, ending) in [(ExportFormat::Glb, "glb"), (ExportFormat::Usdc, "usdc")] {
         let folder = exported(format, ending);
         let twice = import(folder.path(), 60.0).unwrap();
         assert_eq!(twice.frame_count(), 9, "{ending}");
@@ -92,28 +90,28 @@ fn frames_are_taken_at_the_rate_that_is_asked_for() {
 
 #[test]
 fn what_is_missing_is_named() {
-    let folder = exported(ExportFormat::Mdd, "mdd");
+    let folder = exported(ExportFormat::Pc2, "pc2");
     std::fs::remove_file(folder.path().join("a.obj")).unwrap();
     let error = import(folder.path(), 30.0).unwrap_err().to_string();
     assert!(error.contains("a.obj"), "{error}");
     for (options, word) in [
-        (ImportOptions::default(), "--density"),
+        (ImportOptions::default(), "density"),
         (
             ImportOptions {
                 frame_rate: None,
                 ..options(1.0)
             },
-            "--frame-rate",
+            "frame_rate",
         ),
         (
             ImportOptions {
                 handles: None,
                 ..options(1.0)
             },
-            "--handles",
+            "handles",
         ),
     ] {
-        let error = ForeignSource::open(ForeignFormat::Cache, folder.path(), &options);
+        let error = ForeignSource::open(folder.path(), &options);
         let error = error.unwrap_err().to_string();
         assert!(error.contains(word), "{error}");
     }
@@ -123,11 +121,18 @@ fn what_is_missing_is_named() {
     std::fs::write(empty.path().join("a.fbx"), "").unwrap();
     let error = import(empty.path(), 30.0).unwrap_err().to_string();
     assert!(error.contains("a.fbx"), "{error}");
+    std::fs::remove_file(empty.path().join("a.fbx")).unwrap();
+    for (name, remedy) in [("a.abc", "export USD"), ("a.mdd", "export .pc2")] {
+        std::fs::write(empty.path().join(name), "").unwrap();
+        let error = import(empty.path(), 30.0).unwrap_err().to_string();
+        assert!(error.contains(name) && error.contains(remedy), "{error}");
+        std::fs::remove_file(empty.path().join(name)).unwrap();
+    }
 }
 
 /// The handles of an import with these options.
 fn handles(folder: &Path, options: &ImportOptions) -> Result<Vec<u32>, String> {
-    let source = ForeignSource::open(ForeignFormat::Cache, folder, options);
+    let source = ForeignSource::open(folder, options);
     let source = source.map_err(|error| error.to_string())?;
     let read = source
         .read(&source.runs()[0])
@@ -147,7 +152,6 @@ fn named(names: &[&str]) -> ImportOptions {
 #[test]
 fn handles_are_those_that_go_with_nodes() {
     for (format, ending) in [
-        (ExportFormat::Abc, "abc"),
         (ExportFormat::Usda, "usda"),
         (ExportFormat::Usdc, "usdc"),
         (ExportFormat::Glb, "glb"),
@@ -163,17 +167,17 @@ fn handles_are_those_that_go_with_nodes() {
             "{error}"
         );
     }
-    let folder = exported(ExportFormat::Mdd, "mdd");
+    let folder = exported(ExportFormat::Pc2, "pc2");
     let error = handles(folder.path(), &named(&["handle_0"])).unwrap_err();
     assert!(
-        error.contains("a.mdd") && error.contains("without nodes"),
+        error.contains("a.pc2") && error.contains("without nodes"),
         "{error}"
     );
 }
 
 #[test]
 fn a_cloth_of_which_nothing_is_held_says_so() {
-    for (format, ending) in [(ExportFormat::Abc, "abc"), (ExportFormat::Pc2, "pc2")] {
+    for (format, ending) in [(ExportFormat::Usdc, "usdc"), (ExportFormat::Pc2, "pc2")] {
         let folder = exported(format, ending);
         let found = ImportOptions {
             handles: Some(HandleSource::Found),
@@ -181,7 +185,7 @@ fn a_cloth_of_which_nothing_is_held_says_so() {
         };
         let error = handles(folder.path(), &found).unwrap_err();
         assert!(
-            error.contains(ending) && error.contains("--handles 0,30"),
+            error.contains(ending) && error.contains("`handles` 0,30"),
             "{error}"
         );
     }
@@ -229,7 +233,7 @@ fn one_cloth_of_several_is_named() {
     assert_eq!(handles(folder.path(), &of(Some("left"))).unwrap(), [0, 2]);
     let error = handles(folder.path(), &of(None)).unwrap_err();
     assert!(
-        error.contains("[left, right]") && error.contains("--object"),
+        error.contains("[left, right]") && error.contains("`object`"),
         "{error}"
     );
     let error = handles(folder.path(), &of(Some("middle"))).unwrap_err();

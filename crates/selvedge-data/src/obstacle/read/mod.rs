@@ -1,6 +1,5 @@
 //! Readers of bodies and of their points over time. Every file is read whole and checked.
 
-mod cache;
 mod sequence;
 
 use std::path::Path;
@@ -14,7 +13,9 @@ use crate::export::{BodyPoints, body_points};
 use crate::formats::hash::hash;
 use crate::formats::input::read_file;
 use crate::formats::obj::parse_obj_polygons;
+use crate::formats::pc2;
 use crate::formats::polygons::triangles_in_space;
+use crate::formats::retired::retired;
 use crate::rig::{RigFormat, read_body};
 
 pub(super) use self::sequence::Sequence;
@@ -30,8 +31,7 @@ pub(super) enum Kind {
     Obj,
     /// With nodes and meshes.
     Rig(RigFormat),
-    Cache,
-    Mdd,
+    Pc2,
     Npz,
 }
 
@@ -44,8 +44,7 @@ impl Kind {
         let ending = Path::new(path).extension()?.to_str()?;
         match ending.to_ascii_lowercase().as_str() {
             "obj" => Some(Self::Obj),
-            "pc2" => Some(Self::Cache),
-            "mdd" => Some(Self::Mdd),
+            "pc2" => Some(Self::Pc2),
             "npz" => Some(Self::Npz),
             other => RigFormat::of(other).map(Self::Rig),
         }
@@ -109,9 +108,8 @@ pub(super) fn mesh(path: &str, bytes: &[u8]) -> Result<Body, Problem> {
             (body.positions(0.0), faces)
         }
         _ => {
-            return Err(wrong(
-                "must end in .obj, .glb, .usda, .usdc, .usdz or .abc".to_owned(),
-            ));
+            let known = "must end in .obj, .glb, .usda, .usdc or .usdz";
+            return Err(wrong(retired(Path::new(path)).unwrap_or(known).to_owned()));
         }
     };
     let mut faces = Vec::with_capacity(2 * polygons.len());
@@ -192,13 +190,9 @@ impl Moving<'_> {
                 let frames = body.frames(self.rate, self.from);
                 return Ok((self.rate, frames.map_err(|error| wrong(error.to_string()))?));
             }
-            Some(kind @ (Kind::Cache | Kind::Mdd)) => {
-                let cache = match kind {
-                    Kind::Mdd => cache::parse_mdd(self.bytes),
-                    _ => cache::parse(self.bytes),
-                };
-                let cache = cache.map_err(wrong)?;
-                (cache.step.rate(self.rate), cache.frames)
+            Some(Kind::Pc2) => {
+                let cache = pc2::parse(self.bytes).map_err(wrong)?;
+                (self.rate / cache.every, cache.frames)
             }
             Some(Kind::Npz) => {
                 let BodyPoints { frames, frame_rate } =
@@ -206,8 +200,10 @@ impl Moving<'_> {
                 (frame_rate.unwrap_or(self.rate), frames)
             }
             Some(Kind::Obj) | None => {
-                let problem = "must end in .obj (with {frame} in its name), .pc2, .mdd, .npz, .usda, .usdc, .usdz, .abc or .glb";
-                return Err(wrong(problem.to_owned()));
+                let known = "must end in .obj (with {frame} in its name), .pc2, .npz, .usda, .usdc, .usdz or .glb";
+                return Err(wrong(
+                    retired(Path::new(self.path)).unwrap_or(known).to_owned(),
+                ));
             }
         };
         let skipped = (self.from * rate).round() as usize;

@@ -1,40 +1,8 @@
-//! Caches for artists: what they hold, read by small readers of this file, and velocities.
+//! Caches for artists: velocities, and what binds a mesh to a material.
 
 use glam::DVec3;
 
 use super::*;
-
-fn float_be(bytes: &[u8], at: usize) -> f32 {
-    f32::from_be_bytes(bytes[at..at + 4].try_into().unwrap())
-}
-
-#[test]
-fn a_mdd_has_every_position_at_its_time() {
-    let (trajectory, folder) = (trajectory(), tempfile::tempdir().unwrap());
-    let path = folder.path().join("a.mdd");
-    let thin = ExportOptions {
-        frames: odd(),
-        ..options(ExportFormat::Mdd)
-    };
-    write(&trajectory, &path, &thin);
-    let bytes = std::fs::read(&path).unwrap();
-    assert_eq!(
-        planned_bytes(&trajectory, &thin).unwrap(),
-        Some(bytes.len() as u64)
-    );
-    assert_eq!(bytes[..8], [0, 0, 0, 3, 0, 0, 0, VERTICES as u8]);
-    for (number, at) in [8, 12, 16].into_iter().enumerate() {
-        assert_eq!(float_be(&bytes, at), (2.0 * number as f64 / 60.0) as f32);
-    }
-    let values: Vec<f32> = (20..bytes.len())
-        .step_by(4)
-        .map(|at| float_be(&bytes, at))
-        .collect();
-    let expected = [1, 3, 5].map(|frame| trajectory.frame(frame)).concat();
-    assert_eq!(points(&values), expected);
-    let mesh = read_obj(&folder.path().join("a.obj")).unwrap().mesh;
-    assert_eq!(mesh.positions()[0].as_vec3(), trajectory.frame(1)[0]);
-}
 
 /// The velocity of vertex `v` in `frame` by differences of the positions, as far as they are good
 /// to the second order.
@@ -120,7 +88,7 @@ fn velocities_of_a_parabola_are_exact_to_rounding() {
 #[test]
 fn velocities_are_refused_by_formats_without_them() {
     let (trajectory, folder) = (trajectory(), tempfile::tempdir().unwrap());
-    for format in [ExportFormat::Glb, ExportFormat::Pc2, ExportFormat::Mdd] {
+    for format in [ExportFormat::Glb, ExportFormat::Pc2] {
         let with = ExportOptions {
             velocities: Velocities::Written,
             ..options(format)

@@ -354,7 +354,6 @@ fn what_is_interrupted_leaves_nothing() {
         ("a.usda", ExportFormat::Usda),
         ("a.glb", ExportFormat::Glb),
         ("a.pc2", ExportFormat::Pc2),
-        ("a.mdd", ExportFormat::Mdd),
         ("a.usdc", ExportFormat::Usdc),
         ("a.usdz", ExportFormat::Usdz),
         ("a.abc", ExportFormat::Abc),

@@ -4,7 +4,7 @@ use super::super::deviation::Deviation;
 use super::super::method::Method;
 use super::super::outcome::{Outcome, Series};
 use super::super::whole::WholeRun;
-use crate::report::Csv;
+use crate::csv::Csv;
 
 /// A line per case, method and horizon; the case "all" is their mean, and the method that has half
 /// the reference's substeps is the second reference run.

@@ -4,36 +4,36 @@ use selvedge_view::plot::{Axis, Line, LineChart, PlotError, Role, Scale};
 
 use super::super::outcome::{Measure, Outcome};
 use super::reading::{Family, families, own};
-use crate::report::{Plot, both_forms};
+use crate::report::drawn;
 
 /// Position errors at the horizon of this number by substeps, beside the reference's own.
 ///
 /// # Errors
 /// A value that is not finite.
-pub(super) fn by_substeps(outcome: &Outcome, number: usize) -> Result<Option<Plot>, PlotError> {
+pub(super) fn by_substeps(outcome: &Outcome, number: usize) -> Result<Option<String>, PlotError> {
     let price = |rival: usize| Some(f64::from(outcome.settings.rivals[rival].substeps));
     let mut chart = chart(outcome, number, price);
     "substeps per frame".clone_into(&mut chart.x.label);
     chart.title.push_str(" by substeps");
-    both_forms(&chart)
+    drawn(&chart)
 }
 
 /// Position errors at the horizon of this number by the time of a frame.
 ///
 /// # Errors
 /// A value that is not finite.
-pub(super) fn by_time(outcome: &Outcome, number: usize) -> Result<Option<Plot>, PlotError> {
+pub(super) fn by_time(outcome: &Outcome, number: usize) -> Result<Option<String>, PlotError> {
     let mut chart = chart(outcome, number, |rival| outcome.ms_per_frame(rival));
     "time of a frame (ms)".clone_into(&mut chart.x.label);
     chart.title.push_str(" by the time of a frame");
-    both_forms(&chart)
+    drawn(&chart)
 }
 
 /// Position errors of whole runs by the time of a frame; none where none were asked for.
 ///
 /// # Errors
 /// A value that is not finite.
-pub(super) fn wholes(outcome: &Outcome) -> Result<Option<Plot>, PlotError> {
+pub(super) fn wholes(outcome: &Outcome) -> Result<Option<String>, PlotError> {
     let error = |rival| Some(1e3 * outcome.whole(rival)?.position_rmse);
     let lines = lines(outcome, |rival| outcome.ms_per_frame(rival), error);
     by_time_of(
@@ -47,7 +47,7 @@ pub(super) fn wholes(outcome: &Outcome) -> Result<Option<Plot>, PlotError> {
 ///
 /// # Errors
 /// A value that is not finite.
-pub(super) fn folds(outcome: &Outcome) -> Result<Option<Plot>, PlotError> {
+pub(super) fn folds(outcome: &Outcome) -> Result<Option<String>, PlotError> {
     let horizons = &outcome.settings.horizons;
     let (Some(last), Some(k)) = (horizons.len().checked_sub(1), horizons.last()) else {
         return Ok(None);
@@ -60,7 +60,7 @@ pub(super) fn folds(outcome: &Outcome) -> Result<Option<Plot>, PlotError> {
 ///
 /// # Errors
 /// A value that is not finite.
-pub(super) fn whole_folds(outcome: &Outcome) -> Result<Option<Plot>, PlotError> {
+pub(super) fn whole_folds(outcome: &Outcome) -> Result<Option<String>, PlotError> {
     let ratio = |rival| outcome.whole(rival)?.fold_ratio();
     fold_chart(outcome, ratio, "Folds of whole runs")
 }
@@ -69,7 +69,7 @@ fn fold_chart(
     outcome: &Outcome,
     ratio: impl Fn(usize) -> Option<f64>,
     title: &str,
-) -> Result<Option<Plot>, PlotError> {
+) -> Result<Option<String>, PlotError> {
     let mut lines = lines(outcome, |rival| outcome.ms_per_frame(rival), ratio);
     across(&mut lines, "the truth", Some(1.0));
     let y = Axis {
@@ -79,11 +79,11 @@ fn fold_chart(
     by_time_of(lines, title, y)
 }
 
-fn by_time_of(lines: Vec<Line>, title: &str, y: Axis) -> Result<Option<Plot>, PlotError> {
+fn by_time_of(lines: Vec<Line>, title: &str, y: Axis) -> Result<Option<String>, PlotError> {
     if lines.iter().all(|line| line.points.is_empty()) {
         return Ok(None);
     }
-    both_forms(&LineChart {
+    drawn(&LineChart {
         title: format!("{title} by the time of a frame"),
         x: logarithmic("time of a frame (ms)"),
         y,

@@ -6,7 +6,7 @@ use selvedge_view::plot::{Axis, Line, LineChart, PlotError, Role, Scale};
 use super::super::method::Method;
 use super::super::outcome::Outcome;
 use super::tables::{DASH, significant};
-use crate::report::{Cells, Plot, both_forms, table};
+use crate::report::{Cells, drawn, table};
 
 /// Groups of runs, by the part of the vertices that was familiar.
 const GROUPS: usize = 5;
@@ -44,7 +44,7 @@ pub(super) fn tables(outcome: &Outcome) -> String {
 ///
 /// # Errors
 /// A value that is not finite.
-pub(super) fn plot(outcome: &Outcome) -> Result<Option<Plot>, PlotError> {
+pub(super) fn plot(outcome: &Outcome) -> Result<Option<String>, PlotError> {
     let settings = &outcome.settings;
     for method in &settings.rivals {
         let lines = settings
@@ -62,7 +62,7 @@ pub(super) fn plot(outcome: &Outcome) -> Result<Option<Plot>, PlotError> {
             });
         let lines: Vec<Line> = lines.filter(|line| !line.points.is_empty()).collect();
         if !lines.is_empty() {
-            return both_forms(&LineChart {
+            return drawn(&LineChart {
                 title: format!("Errors of {method} by trust"),
                 x: Axis {
                     label: "vertices that the network does not know (%)".to_owned(),

@@ -1,5 +1,4 @@
-//! Files for and of other programs: archives of arrays (.npz), and nodes that move (.glb, USD,
-//! .abc).
+//! Files for and of other programs: archives of arrays (.npz), and nodes that move (.glb, USD).
 
 use std::path::Path;
 

@@ -2,7 +2,7 @@
 //! like.
 //!
 //! What it is taken for follows from its name and from what it says itself: a folder by the files
-//! in it, `.obj` is a mesh, `.npz` an exported run, `.glb`, `.usda` and `.abc` nodes that move; a
+//! in it, `.obj` is a mesh, `.npz` an exported run, `.glb` and `.usda` nodes that move; a
 //! `.safetensors` file says whether it is a trajectory, a model, states or a checkpoint; a `.toml`
 //! file is a data set's preset if it has a `setting`, a study if it has a `question`, a training
 //! configuration if it has a `batch`, and a scene if it has none of these; `.json` is a scene of
@@ -68,7 +68,7 @@ fn say(path: &Path) -> anyhow::Result<Answer> {
         Some("json") => inspect_scene(&scenes::open(&name)?, &name),
         Some("obj") => mesh::inspect(&read_mesh(path, MeshOptions::default())?, path, false),
         Some("npz") => inspect_trajectory(&exported::read_npz(path)?, path),
-        Some("glb" | "usda" | "usdc" | "usdz" | "usd" | "abc") => {
+        Some("glb" | "usda" | "usdc" | "usdz" | "usd") => {
             match read_mesh(path, MeshOptions::default()) {
                 Ok(read) => mesh::inspect(&read, path, true),
                 Err(error) if matches!(error.source, MeshFileError::Read(_)) => Err(error.into()),
@@ -81,8 +81,10 @@ fn say(path: &Path) -> anyhow::Result<Answer> {
                 }
             }
         }
+        // Refused, with what to export instead.
+        Some("abc" | "mdd") => exported::inspect_rig(path),
         _ => bail!(
-            "{name}: not a kind of file that is known: trajectories and models end in .safetensors, scenes, presets and training configurations in .toml, scenes of ARCSim in .json, meshes in .obj, exported runs in .npz, nodes in .glb, .usda, .usdc, .usdz or .abc, and a data set, a training and a study are folders"
+            "{name}: not a kind of file that is known: trajectories and models end in .safetensors, scenes, presets and training configurations in .toml, scenes of ARCSim in .json, meshes in .obj, exported runs in .npz, nodes in .glb, .usda, .usdc or .usdz, and a data set, a training and a study are folders"
         ),
     }
 }

@@ -25,7 +25,7 @@ use crate::commands::dataset_inspect;
 use crate::failure::WrongUsage;
 use crate::{pictures, scenes};
 
-/// Draws what `path` is to the file `to` (.png; curves also .svg).
+/// Draws what `path` is to the file `to` (.png; curves .svg).
 ///
 /// # Errors
 /// When there is nothing to draw, or it cannot be read or written.
@@ -189,9 +189,13 @@ fn write_image(to: &Path, image: &Image) -> anyhow::Result<()> {
 }
 
 fn write_chart(to: &Path, chart: &LineChart) -> anyhow::Result<()> {
-    let bytes = match to.extension().and_then(|e| e.to_str()) {
-        Some("svg") => chart.to_svg()?.into_bytes(),
-        _ => chart.to_image()?.to_png()?,
-    };
-    Ok(write_atomically(to, |out| out.write_all(&bytes))?)
+    if to.extension().is_none_or(|extension| extension != "svg") {
+        let problem = format!(
+            "--picture {}: curves are drawn as .svg: take that",
+            to.display()
+        );
+        return Err(WrongUsage::new(problem).into());
+    }
+    let svg = chart.to_svg()?;
+    Ok(write_atomically(to, |out| out.write_all(svg.as_bytes()))?)
 }

@@ -1,57 +1,22 @@
-//! `selvedge reference` (hidden): every command with its options and defaults, as a page of
-//! Markdown.
-//!
-//! The page is made of what clap knows, so that it says the same as `--help`. With words after `--`
-//! it says only whether they are a command. `cargo xtask book` asks so for every command of the
-//! book.
+//! Every command with its options and defaults, as a page of Markdown: the commands reference of
+//! the book. It is made of what clap knows, so that it says the same as `--help`.
 
-use clap::error::ErrorKind;
-use clap::{Arg, ArgAction, Command, CommandFactory, Parser};
-use serde_json::json;
+use clap::{Arg, ArgAction, Command, CommandFactory};
 
-use crate::cli::{Cli, ReferenceArgs};
-use crate::failure::WrongUsage;
-use crate::output::Answer;
+use super::Cli;
 
 /// Columns of a line of the page.
 const COLUMNS: usize = 100;
 
-/// Returns the page, or nothing where there are words that are a command.
-///
-/// # Errors
-/// When the words are no command, or the answer cannot be written as JSON.
-pub(crate) fn run(args: &ReferenceArgs) -> anyhow::Result<Answer> {
-    let text = if args.words.is_empty() {
-        page()
-    } else {
-        check(&args.words)?;
-        String::new()
-    };
-    Answer::new(&text, &json!({ "markdown": text }))
-}
-
-/// Checks that words are a command.
-fn check(words: &[String]) -> Result<(), WrongUsage> {
-    let program = std::iter::once("selvedge").chain(words.iter().map(String::as_str));
-    match Cli::try_parse_from(program) {
-        Err(error) if error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
-            Err(WrongUsage::new("a subcommand is required"))
-        }
-        Err(error) if error.use_stderr() => {
-            let message = error.to_string();
-            Err(WrongUsage::new(message.trim_start_matches("error: ")))
-        }
-        _ => Ok(()),
-    }
-}
-
-fn page() -> String {
+/// Returns the page.
+pub(super) fn page() -> String {
     let mut program = Cli::command().term_width(COLUMNS);
     program.build();
     let mut page = Page::default();
     page.line("# Commands");
     page.paragraph(
-        "This page is made by `cargo xtask book` from what `selvedge --help` says; do not edit it.",
+        "This page is made by `cargo xtask book --write` from what `selvedge --help` says; do not \
+         edit it.",
     );
     page.help(&program);
     page.options("Every command takes these options:", &program, |arg| {

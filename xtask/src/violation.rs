@@ -5,17 +5,17 @@ use std::fmt;
 /// A broken promise.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Violation {
-    pub(super) path: String,
+    pub(crate) path: String,
     /// Counted from 1; 0 when the file as a whole is meant.
-    pub(super) line: usize,
+    pub(crate) line: usize,
     /// Fault.
-    pub(super) what: String,
+    pub(crate) what: String,
     /// Remedy.
-    pub(super) remedy: String,
+    pub(crate) remedy: String,
 }
 
 impl Violation {
-    pub(super) fn new(
+    pub(crate) fn new(
         path: &str,
         line: usize,
         what: impl Into<String>,

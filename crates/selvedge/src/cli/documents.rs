@@ -1,0 +1,138 @@
+//! README and book against the command line: every command that they show is understood, and the
+//! commands reference is what the program says of itself.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use clap::Parser;
+use clap::error::ErrorKind;
+
+use super::{Cli, reference};
+
+/// Variable that has the commands reference written anew (`cargo xtask book --write`).
+const WRITE: &str = "SELVEDGE_WRITE";
+
+#[test]
+fn the_book_has_every_command_as_it_is() {
+    let path = root().join("docs/src/reference/commands.md");
+    let page = reference::page();
+    if std::env::var_os(WRITE).is_some() {
+        fs::write(&path, &page).unwrap();
+    }
+    let is_same = fs::read_to_string(&path).unwrap() == page;
+    assert!(is_same, "{}: cargo xtask book --write", path.display());
+}
+
+#[test]
+fn every_command_of_readme_and_book_is_understood() {
+    let mut pages = vec![root().join("README.md")];
+    collect(&root().join("docs/src"), &mut pages);
+    let (mut count, mut faults) = (0, Vec::new());
+    for path in &pages {
+        for call in calls(&fs::read_to_string(path).unwrap()) {
+            count += 1;
+            if let Some(why) = refusal(&call) {
+                faults.push(format!("{}: {}: {why}", path.display(), call.text));
+            }
+        }
+    }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+    assert!(count > 100, "only {count} commands were found");
+}
+
+#[test]
+fn commands_are_found_in_blocks_and_sentences() {
+    let page = "run `selvedge inspect` or `other`, `selvedge x <FILE>`\n\n```console quick\n\
+        selvedge train x --set \"a = b\" \\\n    --steps 3    # 2 s\nother\n```\n\n\
+        ```toml\nselvedge no\n```\n\n```sh\ncargo run --release -- rollout\n```\n";
+    let found: Vec<_> = calls(page)
+        .into_iter()
+        .map(|call| (call.text, call.is_whole))
+        .collect();
+    let expected = [
+        ("inspect", false),
+        ("train x --set \"a = b\" --steps 3", true),
+        ("rollout", true),
+    ];
+    assert_eq!(
+        found,
+        expected.map(|(text, is_whole)| (text.to_owned(), is_whole))
+    );
+}
+
+/// A command of a page, without the program's name.
+struct Call {
+    text: String,
+    /// False in a sentence, which may name a part of a command.
+    is_whole: bool,
+}
+
+/// The commands of a page: those of its console blocks and those in backticks.
+fn calls(page: &str) -> Vec<Call> {
+    let mut found = Vec::new();
+    let mut block: Option<bool> = None;
+    let mut joined = String::new();
+    for line in page.lines() {
+        let line = line.trim();
+        if let Some(info) = line.strip_prefix("```") {
+            let language = info.split_whitespace().next();
+            let is_console = matches!(language, Some("console" | "sh"));
+            block = block.is_none().then_some(is_console);
+        } else if block == Some(true) {
+            joined.push_str(line);
+            if joined.ends_with('\\') {
+                joined.pop();
+                continue;
+            }
+            found.extend(call(&joined, true));
+            joined.clear();
+        } else if block.is_none() {
+            // A span that goes on in the next line is left out.
+            let parts: Vec<&str> = line.split('`').collect();
+            let closed = parts.iter().take(parts.len() - 1);
+            let spans = closed.skip(1).step_by(2);
+            found.extend(spans.filter_map(|span| call(span, false)));
+        }
+    }
+    found
+}
+
+/// The command in `text`; none in a pattern such as `selvedge export <FILE>`.
+fn call(text: &str, is_whole: bool) -> Option<Call> {
+    let starts = ["selvedge ", "cargo run --release -- "];
+    let rest = starts.iter().find_map(|start| text.strip_prefix(start))?;
+    let rest = rest.split(" #").next().unwrap_or_default().trim();
+    let is_pattern = rest.contains(['<', '[', '…']);
+    (!is_pattern).then(|| Call {
+        text: rest.to_owned(),
+        is_whole,
+    })
+}
+
+/// The program's message where it does not understand a command.
+fn refusal(call: &Call) -> Option<String> {
+    let words = shlex::split(&call.text).unwrap_or_default();
+    let error = Cli::try_parse_from(std::iter::once("selvedge".to_owned()).chain(words)).err()?;
+    let is_partial = matches!(
+        error.kind(),
+        ErrorKind::MissingRequiredArgument | ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand
+    );
+    let is_fine = !error.use_stderr() || is_partial && !call.is_whole;
+    (!is_fine).then(|| error.to_string())
+}
+
+/// Adds the pages of the book below `folder`; the notebook keeps the commands of its day.
+fn collect(folder: &Path, pages: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() && !path.ends_with("notebook") {
+            collect(&path, pages);
+        } else if path.extension().is_some_and(|ending| ending == "md") {
+            pages.push(path);
+        }
+    }
+}
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
