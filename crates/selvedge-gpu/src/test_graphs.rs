@@ -141,12 +141,7 @@ pub(crate) fn full_specs() -> Vec<ModelSpec> {
             NodeFeature::ExpectedMove,
             NodeFeature::RestOffset,
         ]);
-        spec.edge_features.extend([
-            EdgeFeature::MaterialVector,
-            EdgeFeature::CoarseVector,
-            EdgeFeature::CoarseRestVector,
-        ]);
-        spec.coarse_levels = 1;
+        spec.edge_features.insert(EdgeFeature::MaterialVector);
         spec.filter_modes = 5;
         spec.tokens = 4;
         spec.integration = integration;

@@ -43,9 +43,9 @@
 //!
 //! # Terms
 //!
-//! - **Node** and **arc**: a vertex of the mesh, and one direction of an edge of the mesh or of a
-//!   **link** of a coarse level, in the graph. [`Connectivity`] holds the arcs of one cloth or of
-//!   several side by side, a disjoint **union**.
+//! - **Node** and **arc**: a vertex of the mesh, and one direction of an edge of the mesh, in the
+//!   graph. [`Connectivity`] holds the arcs of one cloth or of several side by side, a disjoint
+//!   **union**.
 //! - **Feature**: a group of columns of a node or of an arc ([`NodeFeature`], [`EdgeFeature`]).
 //!   [`node_columns`] and [`edge_columns`] list them. A [`Window`] holds the features of the frames
 //!   that the encoder sees, and a [`Normalizer`] scales them.
@@ -92,8 +92,7 @@ pub use features::{
     node_columns, node_features, node_features_backward, node_groups,
 };
 pub use graph::{
-    ClothGraph, ClothSize, Connectivity, FILTER_TIMES, GraphError, Hinge, Link, LocalFrame, Yaw,
-    geometry,
+    ClothGraph, ClothSize, Connectivity, FILTER_TIMES, GraphError, Hinge, LocalFrame, Yaw, geometry,
 };
 pub use kernels::dropout::Dropout;
 pub use kernels::gates::{Gate, GateLayout};

@@ -334,15 +334,6 @@ impl Statics {
                 self.arc_material[3 * arc..][..3].copy_from_slice(&material);
             }
         }
-        // A negative length in the flat cloth marks a link: no edge has one.
-        for link in graph.links() {
-            for (arc, sign) in link.arcs.into_iter().zip([1.0, -1.0]) {
-                let (arc, rest) = (first + arc as usize, sign * link.rest_vector);
-                let length = rest.length();
-                self.arc_rest[4 * arc..][..4].copy_from_slice(&[rest.x, rest.y, rest.z, length]);
-                self.arc_material[3 * arc + 2] = -1.0;
-            }
-        }
         for hinge in graph.hinges() {
             let corners = [hinge.from, hinge.to, hinge.left, hinge.right];
             for arc in graph.edge_arcs()[hinge.edge as usize] {

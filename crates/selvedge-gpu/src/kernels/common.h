@@ -128,9 +128,3 @@ INNER Vector reference(const double *carries, Vector before, Vector now, Vector 
     return before;
 #endif
 }
-
-// 1 for an arc of a coarse level, whose length in the flat cloth is given as -1; 0 for an arc of
-// the mesh.
-INNER float is_link(const float *arc_material, unsigned arc) {
-    return arc_material[3 * (size_t)arc + 2] < 0.0f ? 1.0f : 0.0f;
-}

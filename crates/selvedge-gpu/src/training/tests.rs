@@ -28,12 +28,7 @@ fn everything(encoder: Encoder) -> ModelSpec {
         NodeFeature::ExpectedMove,
         NodeFeature::RestOffset,
     ]);
-    spec.edge_features.extend([
-        EdgeFeature::MaterialVector,
-        EdgeFeature::CoarseVector,
-        EdgeFeature::CoarseRestVector,
-    ]);
-    spec.coarse_levels = 2;
+    spec.edge_features.insert(EdgeFeature::MaterialVector);
     spec.filter_modes = 6;
     spec.tokens = 4;
     spec.integration = Integration::Carried {

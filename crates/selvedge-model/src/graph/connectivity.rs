@@ -5,7 +5,6 @@ use std::ops::Range;
 
 use selvedge_cloth::Topology;
 
-use crate::graph::levels::Arcs;
 use crate::graph::mode_table::ModeTable;
 use crate::graph::partition::{Partition, partitions};
 
@@ -37,16 +36,51 @@ pub struct ClothSize {
     pub arcs: usize,
 }
 
+/// All arcs of a cloth, by receiver and sender.
+pub(crate) struct Arcs {
+    pub(crate) senders: Vec<u32>,
+    pub(crate) receivers: Vec<u32>,
+    /// Number of the edge of each arc.
+    pub(crate) numbers: Vec<u32>,
+    /// Arcs of each edge: the arc that its first vertex sends, and its reverse.
+    pub(crate) pairs: Vec<[u32; 2]>,
+}
+
+impl Arcs {
+    /// The arcs of a mesh.
+    pub(crate) fn new(topology: &Topology) -> Self {
+        let edges = topology.edges().iter();
+        let ends: Vec<[u32; 2]> = edges.map(|edge| edge.vertices.map(|v| v.0)).collect();
+        let mut arcs: Vec<[u32; 3]> = ends
+            .iter()
+            .zip(0u32..)
+            .flat_map(|(&[a, b], number)| [[b, a, number], [a, b, number]])
+            .collect();
+        arcs.sort_unstable();
+        let mut pairs = vec![[0; 2]; ends.len()];
+        for (&[_, sender, number], arc) in arcs.iter().zip(0u32..) {
+            let reverse = sender != ends[number as usize][0];
+            pairs[number as usize][usize::from(reverse)] = arc;
+        }
+        Self {
+            receivers: arcs.iter().map(|arc| arc[0]).collect(),
+            senders: arcs.iter().map(|arc| arc[1]).collect(),
+            numbers: arcs.iter().map(|arc| arc[2]).collect(),
+            pairs,
+        }
+    }
+}
+
 impl Connectivity {
-    /// The arcs of a mesh, without coarse levels. Its vertices have equal shares of the area.
+    /// The arcs of a mesh. Its vertices have equal shares of the area.
     #[must_use]
     pub fn of(topology: &Topology) -> Self {
-        let arcs = Arcs::new(topology, &[]);
+        let arcs = Arcs::new(topology);
         let count = topology.vertex_count();
         Self::of_arcs(count, arcs.senders, arcs.receivers, &arcs.pairs)
     }
 
-    /// Arcs from `senders` to `receivers`, and the two arcs of every edge and link.
+    /// Arcs from `senders` to `receivers`, and the two arcs of every edge.
     pub(crate) fn of_arcs(
         vertex_count: usize,
         senders: Vec<u32>,
@@ -140,7 +174,7 @@ impl Connectivity {
         self.vertex_count
     }
 
-    /// Number of arcs, two per edge and two per link.
+    /// Number of arcs, two per edge.
     #[must_use]
     pub fn arc_count(&self) -> usize {
         self.senders.len()
@@ -164,7 +198,7 @@ impl Connectivity {
         &self.first_arc
     }
 
-    /// Reverse of each arc, the same edge or link the other way, `[arcs]`.
+    /// Reverse of each arc, the same edge the other way, `[arcs]`.
     #[must_use]
     pub fn reverse_arcs(&self) -> &[u32] {
         &self.reverse_arcs

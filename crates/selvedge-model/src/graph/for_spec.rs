@@ -4,10 +4,9 @@ use crate::graph::cloth_graph::ClothGraph;
 use crate::spec::ModelSpec;
 
 impl ClothGraph {
-    /// The same cloth with the coarse levels and the modes of networks of this spec.
+    /// The same cloth with the modes of networks of this spec.
     #[must_use]
     pub fn for_spec(self, spec: &ModelSpec) -> Self {
-        self.with_coarse_levels(spec.coarse_levels)
-            .with_modes(spec.filter_modes)
+        self.with_modes(spec.filter_modes)
     }
 }

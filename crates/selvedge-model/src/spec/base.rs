@@ -150,7 +150,7 @@ mod tests {
     #[test]
     fn a_spec_with_a_base_that_says_more_names_the_field() {
         type Edit = fn(&mut ModelSpec);
-        let edits: [(&str, Edit); 11] = [
+        let edits: [(&str, Edit); 10] = [
             (
                 "model.base.differences = \"substeps\" needs the state one substep ago",
                 |spec| {
@@ -176,9 +176,6 @@ mod tests {
             }),
             ("model.encoder must be left out", |spec| {
                 spec.encoder = Encoder::Gru { window: 2 };
-            }),
-            ("model.coarse_levels must be left out", |spec| {
-                spec.coarse_levels = 1
             }),
             (
                 "model.filter_modes must be left out where the network corrects physics (model.base): there are no blocks",

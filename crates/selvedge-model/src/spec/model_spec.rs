@@ -29,10 +29,6 @@ pub struct ModelSpec {
     /// Number of message-passing blocks. A network that corrects physics can do without: each
     /// vertex then knows its neighbours by sums over the arcs that arrive there.
     pub blocks: usize,
-    /// Number of coarse levels, each of a quarter of the vertices of the level before. Their links
-    /// pass messages beside the edges of the mesh. The paper has none.
-    #[serde(default, skip_serializing_if = "is_zero")]
-    pub coarse_levels: usize,
     /// Number of the cloth's longest waves through which every block filters the latent nodes, so
     /// that each vertex sees the whole cloth at once. The paper has none.
     #[serde(default, skip_serializing_if = "is_zero")]
@@ -91,11 +87,6 @@ pub enum EdgeFeature {
     /// Signed bending angle of an edge between two faces `[rad]`, 1 column: the negative of
     /// [`selvedge_cloth::geometry::dihedral_angle`], 0 on the boundary.
     BendingAngle,
-    /// The vector of a link of a coarse level and its length `[m]`, 4 columns; 0 for an edge of the
-    /// mesh. All columns above are 0 for a link.
-    CoarseVector,
-    /// The same in the sagged rest pose `[m]`, 4 columns.
-    CoarseRestVector,
 }
 
 /// Encoder of features to latent vectors.
@@ -207,10 +198,6 @@ pub enum SpecError {
         found: f64,
     },
     #[error(
-        "model.edge_features contains \"{feature}\", but there are no coarse levels: give model.coarse_levels, or take it out"
-    )]
-    NoLevels { feature: &'static str },
-    #[error(
         "model.{field} must be left out where the network corrects physics (model.base): {reason}"
     )]
     WithBase {
@@ -248,7 +235,6 @@ impl ModelSpec {
             encoder,
             latent,
             blocks,
-            coarse_levels: 0,
             filter_modes: 0,
             tokens: 0,
             integration: Integration::default(),
@@ -266,7 +252,6 @@ impl ModelSpec {
             encoder: Encoder::MLP,
             latent,
             blocks,
-            coarse_levels: 0,
             filter_modes: 0,
             tokens: 0,
             integration: Integration::default(),
@@ -304,7 +289,6 @@ impl ModelSpec {
             ("latent", self.latent, 4, 4096),
             ("blocks", self.blocks, least_blocks, 256),
             ("encoder.window", self.window(), 1, 64),
-            ("coarse_levels", self.coarse_levels, 0, 8),
             ("filter_modes", self.filter_modes, 0, 1024),
             ("tokens", self.tokens, 0, 256),
         ];
@@ -323,7 +307,6 @@ impl ModelSpec {
             ("node_features", !self.node_features.is_empty(), columns),
             ("edge_features", !self.edge_features.is_empty(), columns),
             ("encoder", self.encoder != Encoder::MLP, "it sees one frame"),
-            ("coarse_levels", self.coarse_levels > 0, columns),
             (
                 "filter_modes",
                 self.filter_modes > 0 && self.blocks == 0,
@@ -362,18 +345,7 @@ impl ModelSpec {
         if !self.edge_features.contains(&EdgeFeature::Vector) {
             return missing("edge_features", "vector");
         }
-        let coarse = [
-            (EdgeFeature::CoarseVector, "coarse-vector"),
-            (EdgeFeature::CoarseRestVector, "coarse-rest-vector"),
-        ];
-        let found = |feature| self.edge_features.contains(feature);
-        if self.coarse_levels > 0 && !found(&coarse[0].0) {
-            return missing("edge_features", coarse[0].1);
-        }
-        match coarse.iter().find(|(feature, _)| found(feature)) {
-            Some(&(_, feature)) if self.coarse_levels == 0 => Err(SpecError::NoLevels { feature }),
-            _ => Ok(()),
-        }
+        Ok(())
     }
 
     /// Returns true if handles may let go: nothing that the model has of them is a rest pose that

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use selvedge_model::{EdgeFeature, Encoder};
+use selvedge_model::Encoder;
 
 use super::*;
 use crate::schedule::TruthProbability;
@@ -111,7 +111,7 @@ fn unknown_keys_and_missing_files_are_named() {
 #[test]
 fn values_out_of_range_are_named() {
     type Edit = fn(&mut TrainConfig);
-    let cases: [(Edit, &str); 25] = [
+    let cases: [(Edit, &str); 22] = [
         (
             |c| c.steps = 0,
             "steps must be between 1 and 1000000000, found 0",
@@ -218,20 +218,6 @@ fn values_out_of_range_are_named() {
         (
             |c| c.model.latent = 1,
             "model.latent must be between 4 and 4096, found 1",
-        ),
-        (
-            |c| c.model.coarse_levels = 2,
-            "model.edge_features must contain \"coarse-vector\"",
-        ),
-        (
-            |c| {
-                c.model.edge_features.insert(EdgeFeature::CoarseRestVector);
-            },
-            "model.edge_features contains \"coarse-rest-vector\", but there are no coarse levels: give model.coarse_levels, or take it out",
-        ),
-        (
-            |c| c.model.coarse_levels = 9,
-            "model.coarse_levels must be between 0 and 8, found 9",
         ),
     ];
     for (edit, expected) in cases {

@@ -12,7 +12,7 @@ use crate::features::normalizer::Normalizer;
 use crate::network::Network;
 use crate::rollout::model::Normalizers;
 use crate::spec::integration::Integration;
-use crate::spec::{EdgeFeature, Encoder, ModelSpec, NodeFeature};
+use crate::spec::{Encoder, ModelSpec, NodeFeature};
 use crate::test_cloth::{Hanging, parts, shaken, turn};
 
 /// Statistics as of a cloth that swings by centimetres per frame.
@@ -61,10 +61,6 @@ fn specs() -> [ModelSpec; 4] {
         damping: 0.03,
         stiffness: 0.003,
     };
-    carried.coarse_levels = 2;
-    carried
-        .edge_features
-        .extend([EdgeFeature::CoarseVector, EdgeFeature::CoarseRestVector]);
     [
         ModelSpec::physical(Encoder::MLP, 8, 2),
         ModelSpec::physical(Encoder::Gru { window: 5 }, 8, 2),
