@@ -92,7 +92,7 @@ pub use features::{
     node_columns, node_features, node_features_backward, node_groups,
 };
 pub use graph::{
-    ClothGraph, ClothSize, Connectivity, FILTER_TIMES, GraphError, Hinge, LocalFrame, Yaw, geometry,
+    ClothGraph, ClothSize, Connectivity, GraphError, Hinge, LocalFrame, Yaw, geometry,
 };
 pub use kernels::dropout::Dropout;
 pub use kernels::gates::{Gate, GateLayout};

@@ -68,7 +68,6 @@ fn cloth() -> ClothGraph {
 
 fn model(encoder: Encoder) -> Model {
     let mut spec = ModelSpec::physical(encoder, 16, 2);
-    spec.tokens = 3;
     spec.integration = Integration::Carried {
         damping: 0.03,
         stiffness: 0.003,

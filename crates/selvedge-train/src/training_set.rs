@@ -185,11 +185,11 @@ impl TrainingSet {
                 let path = HandleTrack::of(&image);
                 is_tested.push(tests.iter().any(|test| path.goes_as(test)));
                 let graph = graph_in(&entry.motion, &image, environment)?;
-                let graph = graph.for_spec(spec).with_long_modes(long_modes);
+                let graph = graph.with_long_modes(long_modes);
                 images.push(Motion::new(graph, image, &images));
             }
             let graph = graph_in(&entry.motion, &trajectory, environment)?;
-            let graph = graph.for_spec(spec).with_long_modes(long_modes);
+            let graph = graph.with_long_modes(long_modes);
             motions.push(Motion::new(graph, trajectory, &motions));
         }
         let mut sections = dataset.sections().to_vec();

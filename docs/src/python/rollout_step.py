@@ -5,7 +5,7 @@
 
 Needs torch, numpy and safetensors from PyPI. From each frame (and those before it that the model looks at) the next
 one is predicted with features, network and integration written here anew, after docs/src/reference/equations.md, for whatever the
-spec in the model file asks for but streams, filters and tokens, and compared with the next frame of the file. Handles are taken from the file: they
+spec in the model file asks for but streams, and compared with the next frame of the file. Handles are taken from the file: they
 are given.
 """
 

@@ -70,10 +70,6 @@ class Network(nn.Module):
 
     def __init__(self, spec, node_width, edge_width):
         super().__init__()
-        if spec.get("filter_modes"):
-            raise NotImplementedError("filters over the whole cloth (filter_modes) are not in this module")
-        if spec.get("tokens"):
-            raise NotImplementedError("tokens of the whole cloth (tokens) are not in this module")
         latent, kind = spec["latent"], spec["encoder"]["kind"]
 
         # "node-gru" sees the window of vertices and the newest frame of arcs.

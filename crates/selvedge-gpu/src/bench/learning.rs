@@ -257,7 +257,7 @@ mod tests {
     #[test]
     fn two_steps_are_those_of_the_cpu() {
         let device = device();
-        let graph = squares(&[30], 0);
+        let graph = squares(&[30]);
         let counts = [graph.vertex_count(), graph.arc_count()];
         let spec = &specs()[5];
         let network = Network::new(spec).expect("a spec");

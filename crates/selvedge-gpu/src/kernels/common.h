@@ -32,9 +32,6 @@
 // Added to a variance before its root, as in PyTorch.
 #define NORM_EPSILON 1e-5f
 
-// Added to the share of a cloth that a token stands for before it is divided by.
-#define LEAST_SIZE 1e-6f
-
 INNER float relu(float x) { return x > 0.0f ? x : 0.0f; }
 
 // e^{-x} overflows to infinity where x is very negative, and the quotient is 0 then, as it should

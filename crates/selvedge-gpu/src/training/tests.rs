@@ -29,8 +29,6 @@ fn everything(encoder: Encoder) -> ModelSpec {
         NodeFeature::RestOffset,
     ]);
     spec.edge_features.insert(EdgeFeature::MaterialVector);
-    spec.filter_modes = 6;
-    spec.tokens = 4;
     spec.integration = Integration::Carried {
         damping: 0.05,
         stiffness: 0.01,
@@ -86,7 +84,6 @@ fn plans_read_what_they_wrote_whatever_the_encoder_and_the_frames() {
         vertices: 13,
         arcs: 52,
         faces: 16,
-        modes: 6,
     };
     for (encoder, frames) in encoders().into_iter().flat_map(|e| [(e, 1), (e, 3)]) {
         let cfg = busy(everything(encoder), frames);

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use selvedge_model::{Encoder, ModelSpec, Network, Normalizer, Normalizers};
+use selvedge_model::{Network, Normalizer, Normalizers};
 
 use super::*;
 
@@ -63,8 +63,7 @@ pub(crate) fn model() -> Arc<Model> {
 
 fn scenes() -> TeachingScenes {
     let names = ["tiny".to_owned()];
-    let spec = ModelSpec::physical(Encoder::MLP, 8, 1);
-    let opened = TeachingScenes::open(&names, &spec, &mut |_| ControlFlow::Continue(()));
+    let opened = TeachingScenes::open(&names, &mut |_| ControlFlow::Continue(()));
     opened.unwrap().unwrap()
 }
 
@@ -169,8 +168,7 @@ fn a_stop_may_come_at_any_moment() {
 #[test]
 fn a_preset_that_is_not_there_is_named() {
     let names = ["nowhere".to_owned()];
-    let spec = ModelSpec::physical(Encoder::MLP, 8, 1);
-    let opened = TeachingScenes::open(&names, &spec, &mut |_| ControlFlow::Continue(()));
+    let opened = TeachingScenes::open(&names, &mut |_| ControlFlow::Continue(()));
     let error = opened.err().unwrap().to_string();
     assert!(error.starts_with("teacher.scenes: "), "{error}");
     assert!(error.contains("nowhere"), "{error}");
@@ -211,8 +209,7 @@ fn drawn_cloths_teach_with_handles_that_let_go() {
     let path = folder.path().join("drawn.toml");
     std::fs::write(&path, DRAWN).unwrap();
     let names = [path.to_str().unwrap().to_owned()];
-    let spec = ModelSpec::physical(Encoder::MLP, 8, 1);
-    let opened = TeachingScenes::open(&names, &spec, &mut |_| ControlFlow::Continue(()));
+    let opened = TeachingScenes::open(&names, &mut |_| ControlFlow::Continue(()));
     let scenes = opened.unwrap().unwrap();
     assert_eq!(scenes.scenes.len(), 12);
     for taught in &scenes.scenes {

@@ -11,7 +11,6 @@ use thiserror::Error;
 
 use crate::graph::connectivity::{Arcs, Connectivity};
 use crate::graph::frame::LocalFrame;
-use crate::graph::mode_table::ModeTable;
 
 /// An edge between two faces. `from` → `to` runs counter-clockwise in the face of `left`, and
 /// `from` is the smaller vertex, so that a hinge does not depend on the order of the faces.
@@ -97,8 +96,7 @@ impl ClothGraph {
                 arcs.senders,
                 arcs.receivers,
                 &arcs.pairs,
-            )
-            .with_shares(shares_of_area(cloth)),
+            ),
             arc_edges: arcs.numbers,
             edge_arcs: arcs.pairs,
             hinges: hinges(topology),
@@ -109,13 +107,6 @@ impl ClothGraph {
             environment,
             frame_rate,
         })
-    }
-
-    /// The same cloth with its `count` longest waves, for the filters of a network.
-    #[must_use]
-    pub fn with_modes(mut self, count: usize) -> Self {
-        self.connectivity.modes = ModeTable::of(&self.cloth, count);
-        self
     }
 
     /// The same cloth with its `count` longest waves, for measures of what is in the others; none
@@ -285,18 +276,6 @@ impl ClothGraph {
     pub fn rest_lengths(&self) -> &[f32] {
         &self.rest_lengths
     }
-}
-
-/// Share of each vertex in the area of the cloth: a third of every face around it.
-fn shares_of_area(cloth: &Cloth) -> Vec<f32> {
-    let mut areas = vec![0.0; cloth.vertex_count()];
-    for (face, &area) in cloth.topology().faces().iter().zip(cloth.face_area()) {
-        for vertex in face {
-            areas[vertex.index()] += f64::from(area) / 3.0;
-        }
-    }
-    let total: f64 = areas.iter().sum();
-    areas.iter().map(|area| (area / total) as f32).collect()
 }
 
 fn hinges(topology: &Topology) -> Vec<Hinge> {

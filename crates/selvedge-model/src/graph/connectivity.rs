@@ -1,11 +1,8 @@
 //! The graph as the network sees it: arcs sorted by receiver, as plain arrays, for one cloth or
 //! for several side by side (a disjoint union).
 
-use std::ops::Range;
-
 use selvedge_cloth::Topology;
 
-use crate::graph::mode_table::ModeTable;
 use crate::graph::partition::{Partition, partitions};
 
 /// Arcs of one or several cloths. Arc `a` goes from `senders[a]` to `receivers[a]`; those into
@@ -20,11 +17,6 @@ pub struct Connectivity {
     pub(crate) reverse_arcs: Vec<u32>,
     pub(crate) partitions: Vec<Partition>,
     cloths: Vec<ClothSize>,
-    /// First vertex of each cloth, and the number of vertices, `[cloths + 1]`.
-    first_vertex: Vec<usize>,
-    /// Share of each vertex in the area of its cloth, `[vertices]`.
-    shares: Vec<f32>,
-    pub(crate) modes: ModeTable,
 }
 
 /// Size of one cloth of a graph.
@@ -72,7 +64,7 @@ impl Arcs {
 }
 
 impl Connectivity {
-    /// The arcs of a mesh. Its vertices have equal shares of the area.
+    /// The arcs of a mesh.
     #[must_use]
     pub fn of(topology: &Topology) -> Self {
         let arcs = Arcs::new(topology);
@@ -110,24 +102,11 @@ impl Connectivity {
             }],
             first_arc,
             reverse_arcs,
-            first_vertex: vec![0, vertex_count],
-            shares: vec![1.0 / vertex_count as f32; vertex_count],
-            modes: ModeTable::default(),
         }
-    }
-
-    /// The same arcs with each vertex's share in the area of its cloth.
-    pub(crate) fn with_shares(mut self, shares: Vec<f32>) -> Self {
-        assert_eq!(shares.len(), self.vertex_count, "shares of vertices");
-        self.shares = shares;
-        self
     }
 
     /// Several graphs as one without arcs between them: vertices and arcs of the parts follow
     /// each other in order.
-    ///
-    /// # Panics
-    /// When the parts have modes, but not as many.
     #[must_use]
     pub fn union<'a>(parts: impl IntoIterator<Item = &'a Self>) -> Self {
         let mut whole = Self {
@@ -138,9 +117,6 @@ impl Connectivity {
             reverse_arcs: Vec::new(),
             partitions: Vec::new(),
             cloths: Vec::new(),
-            first_vertex: vec![0],
-            shares: Vec::new(),
-            modes: ModeTable::default(),
         };
         for part in parts {
             let (vertices, arcs) = (whole.vertex_count as u32, whole.arc_count() as u32);
@@ -155,11 +131,6 @@ impl Connectivity {
                 .first_arc
                 .extend(part.first_arc[1..].iter().map(|a| a + arcs));
             whole.cloths.extend(&part.cloths);
-            whole
-                .first_vertex
-                .extend(part.first_vertex[1..].iter().map(|v| v + vertices as usize));
-            whole.shares.extend(&part.shares);
-            whole.modes.append(&part.modes);
             whole
                 .reverse_arcs
                 .extend(part.reverse_arcs.iter().map(|a| a + arcs));
@@ -202,56 +173,6 @@ impl Connectivity {
     #[must_use]
     pub fn reverse_arcs(&self) -> &[u32] {
         &self.reverse_arcs
-    }
-
-    /// The number of modes of each cloth, 0 where none were asked for.
-    #[must_use]
-    pub fn mode_count(&self) -> usize {
-        self.modes.count
-    }
-
-    /// Modes at the vertices, and the same times the share of each vertex in the area of its cloth,
-    /// `[vertices, modes]`.
-    #[must_use]
-    pub fn modes(&self) -> [&[f32]; 2] {
-        [&self.modes.values, &self.modes.weighted]
-    }
-
-    /// Part of each mode of each cloth that heat leaves, `[cloths, modes, times]`.
-    #[must_use]
-    pub fn mode_decays(&self) -> &[f32] {
-        &self.modes.decays
-    }
-
-    /// Share of each vertex in the area of its cloth, `[vertices]`: the sum is 1 over a cloth.
-    #[must_use]
-    pub fn shares(&self) -> &[f32] {
-        &self.shares
-    }
-
-    /// First vertex of each cloth, and the number of vertices, `[cloths + 1]`.
-    #[must_use]
-    pub fn first_vertices(&self) -> &[usize] {
-        &self.first_vertex
-    }
-
-    /// The parts of a range of vertices that lie in one cloth, with the number of the cloth.
-    pub(crate) fn by_cloth(
-        &self,
-        vertices: Range<usize>,
-    ) -> impl Iterator<Item = (usize, Range<usize>)> {
-        let starts = &self.first_vertex;
-        let first = starts
-            .partition_point(|&start| start <= vertices.start)
-            .max(1)
-            - 1;
-        let ends = starts[first + 1..].iter().copied().enumerate();
-        let mut at = vertices.start;
-        ends.map_while(move |(number, end)| {
-            let part = at..end.min(vertices.end);
-            at = part.end;
-            (!part.is_empty()).then_some((first + number, part))
-        })
     }
 
     /// Sizes of the cloths, in order.

@@ -3,14 +3,11 @@
 
 pub(crate) mod cloth_graph;
 pub(crate) mod connectivity;
-mod for_spec;
 pub(crate) mod frame;
 pub mod geometry;
-pub(crate) mod mode_table;
 pub(crate) mod partition;
 pub(crate) mod share;
 
 pub use cloth_graph::{ClothGraph, GraphError, Hinge};
 pub use connectivity::{ClothSize, Connectivity};
 pub use frame::{LocalFrame, Yaw};
-pub use mode_table::FILTER_TIMES;

@@ -49,10 +49,6 @@ pub fn flops(spec: &ModelSpec, first: FirstEdgeLayer) -> Flops {
     }
     let [nodes, edges] = spec.encoder.rows();
     let decoder = 2 * square + latent * spec.outputs() as u64;
-    // The sums over the vertices, and the way back; what is done to the modes is shared by all.
-    vertex += 2 * spec.filter_modes as u64 * latent;
-    // The weights over the tokens, the sums, and the way back.
-    vertex += 3 * spec.tokens as u64 * latent;
     let looks_at_arcs = u64::from(blocks > 0);
     Flops {
         vertex: 2 * (encoder(spec, nodes, spec.node_width()) + blocks * vertex + decoder),
@@ -113,11 +109,6 @@ pub fn activations(spec: &ModelSpec) -> Activations {
         Encoder::StreamingGru { .. } => 2 * latent,
         _ => 0,
     };
-    // The weights of every block and the gradients of one; the share of area.
-    let of_tokens = match spec.tokens as u64 {
-        0 => 0,
-        tokens => (blocks + 1) * tokens + 1,
-    };
     let decoder = 2 * latent;
     let looks_at_arcs = u64::from(blocks > 0);
     Activations {
@@ -128,8 +119,6 @@ pub fn activations(spec: &ModelSpec) -> Activations {
             + decoder
             + 5 * latent
             + spec.outputs() as u64
-            + 2 * spec.filter_modes as u64
-            + of_tokens
             + carried,
         // The latent arcs and the gradients of their first layer.
         arc: looks_at_arcs * of_arc + blocks * (latent + perceptron) + 2 * latent + carried,
@@ -150,17 +139,15 @@ mod tests {
         for (side, seed) in [(3, 1), (5, 2)] {
             let graph = parts(side, seed).graph();
             let (vertices, arcs) = (graph.vertex_count(), graph.arc_count());
-            for (encoder, tokens) in [
-                (Encoder::MLP, 0),
-                (Encoder::MLP, 3),
-                (Encoder::Mlp { window: 3 }, 0),
-                (Encoder::Gru { window: 2 }, 0),
-                (Encoder::Gru { window: 5 }, 5),
-                (Encoder::NodeGru { window: 3 }, 0),
-                (Encoder::StreamingGru { window: 2 }, 0),
+            for encoder in [
+                Encoder::MLP,
+                Encoder::Mlp { window: 3 },
+                Encoder::Gru { window: 2 },
+                Encoder::Gru { window: 5 },
+                Encoder::NodeGru { window: 3 },
+                Encoder::StreamingGru { window: 2 },
             ] {
-                let mut spec = ModelSpec::physical(encoder, 4 + seed as usize, 1 + side);
-                spec.tokens = tokens;
+                let spec = ModelSpec::physical(encoder, 4 + seed as usize, 1 + side);
                 let network = Network::new(&spec).expect("a network");
                 let weights = network.initialise(&mut || 0.5);
                 let [node_width, edge_width] = [spec.node_width(), spec.edge_width()];

@@ -11,12 +11,10 @@ use crate::kernels::real::Real;
 use crate::network::arguments::{Carried, Pass};
 use crate::network::definition::{ARC_ENCODER, FIRST_BLOCK, NODE_ENCODER, Network};
 use crate::network::layers::block::BlockInput;
-use crate::network::layers::block_rows::{ArcRows, BeforeBlock, NodeRows};
+use crate::network::layers::block_rows::{ArcRows, NodeRows};
 use crate::network::layers::encoder::{EncoderInput, EncoderRecordRows, EncoderRows};
 use crate::network::layers::mlp::MlpRows;
-use crate::network::layers::per_cloth::OfVertices;
 use crate::network::layers::scratch::Scratch;
-use crate::network::layers::whole_cloth::WholeSums;
 use crate::network::packed::PackedWeights;
 use crate::network::workspace::{Windows, Workspace};
 
@@ -24,8 +22,8 @@ split_rows! {
     /// Rows of vertices that the encoders write.
     struct EncodedNodes<'a, T> {
         encoder: EncoderRows<'a, T>,
-        /// For the first block.
-        first: BeforeBlock<'a, T>,
+        /// Endpoint products for the first block, `[vertices, 2 latent]`.
+        products: Rows<'a, T>,
     }
 }
 
@@ -33,7 +31,8 @@ split_rows! {
     /// Rows of vertices that a block writes, and the products or the decoder after it.
     struct ProcessedNodes<'a, T> {
         block: NodeRows<'a, T>,
-        next: BeforeBlock<'a, T>,
+        /// Endpoint products for the next block, `[vertices, 2 latent]`.
+        next: Rows<'a, T>,
         /// `[vertices, outputs]`, from the last block only.
         output: Rows<'a, T>,
         decoder: MlpRows<'a, T>,
@@ -52,11 +51,6 @@ impl Network {
         assert_eq!(weights.flat.len(), self.parameter_count(), "packed weights");
         let state = carried.state;
         assert!(state.is_zero() || self.streams(), "a state to carry");
-        assert_eq!(
-            graph.mode_count(),
-            self.spec.filter_modes,
-            "modes of a cloth"
-        );
         let windows = self.windows(graph, carried);
         workspace.fit(self, graph, pass, windows);
         self.encode(weights, graph, carried, windows, workspace);
@@ -64,7 +58,6 @@ impl Network {
             self.decode_all(weights, graph, workspace);
         }
         for number in 0..self.blocks.len() {
-            self.see_cloths(weights, number, workspace);
             self.run_block(weights, graph, number, workspace);
         }
     }
@@ -133,7 +126,6 @@ impl Network {
             }
         }
         let [first_products, _] = &mut w.endpoint_products;
-        let (first_slices, _) = slices_in_turn(&mut w.slices, 0, self.spec.tokens);
         let share = Share {
             vertices: EncodedNodes {
                 encoder: EncoderRows {
@@ -141,7 +133,7 @@ impl Network {
                     end: w.end.nodes.each_mut().map(|s| Rows::new(s, latent)),
                     record: node_record,
                 },
-                first: BeforeBlock::new(first_products, first_slices, latent),
+                products: Rows::new(first_products, 2 * latent),
             },
             arcs: EncoderRows {
                 out: Rows::new(&mut w.arcs, latent),
@@ -149,10 +141,10 @@ impl Network {
                 record: arc_record,
             },
         };
-        let (scratch, whole, stop) = (&w.scratch, &w.whole, &w.stop);
+        let (scratch, stop) = (&w.scratch, &w.stop);
         let work = |partitions: &[Partition],
                     share: Share<EncodedNodes<'_, T>, EncoderRows<'_, T>>,
-                    sums: &mut WholeSums<T>| {
+                    (): &mut ()| {
             let [partition] = partitions else { return };
             if stop.is_wanted() {
                 return;
@@ -168,12 +160,11 @@ impl Network {
                 }
                 if let Some(block) = self.blocks.first() {
                     let layer = weights.layer(FIRST_BLOCK);
-                    let of = OfVertices::new(graph, partition, &rows.encoder.out);
-                    block.begin(layer, whole, of, &mut rows.first, sums);
+                    block.endpoint_products(layer, &rows.encoder.out, &mut rows.products);
                 }
             });
         };
-        share.among(&graph.partitions, &mut w.whole_sums, &work);
+        share.among(&graph.partitions, &mut one_each(graph), &work);
     }
 
     /// One block, and the endpoint products for the next one, or the decoder after the last.
@@ -192,14 +183,13 @@ impl Network {
             decoder = w.decoder.rows(&self.decoder);
         }
         let (products, next_products) = in_turn(&mut w.endpoint_products, number);
-        let (next_slices, slices) = slices_in_turn(&mut w.slices, number + 1, self.spec.tokens);
         let share = Share {
             vertices: ProcessedNodes {
                 block: NodeRows {
                     nodes: Rows::new(&mut w.nodes, latent),
                     record: node_record,
                 },
-                next: BeforeBlock::new(next_products, next_slices, latent),
+                next: Rows::new(next_products, 2 * latent),
                 output: Rows::new(&mut w.output, self.spec.outputs()),
                 decoder,
             },
@@ -208,10 +198,10 @@ impl Network {
                 record: arc_record,
             },
         };
-        let (scratch, whole, stop) = (&w.scratch, &w.whole, &w.stop);
+        let (scratch, stop) = (&w.scratch, &w.stop);
         let work = |partitions: &[Partition],
                     share: Share<ProcessedNodes<'_, T>, ArcRows<'_, T>>,
-                    sums: &mut WholeSums<T>| {
+                    (): &mut ()| {
             let [partition] = partitions else { return };
             if stop.is_wanted() {
                 return;
@@ -221,8 +211,6 @@ impl Network {
                 graph,
                 partition,
                 endpoint_products: products,
-                whole,
-                slices,
             };
             Workspace::with_scratch(scratch, |scratch| {
                 let layer = weights.layer(FIRST_BLOCK + number);
@@ -231,24 +219,10 @@ impl Network {
                     return self.decode(weights, rows, scratch);
                 };
                 let layer = weights.layer(FIRST_BLOCK + number + 1);
-                let of = OfVertices::new(graph, partition, &rows.block.nodes);
-                next.begin(layer, whole, of, &mut rows.next, sums);
+                next.endpoint_products(layer, &rows.block.nodes, &mut rows.next);
             });
         };
-        share.among(&graph.partitions, &mut w.whole_sums, &work);
-    }
-
-    /// From the sums over all partitions to what block `number` sees of the cloths as wholes.
-    fn see_cloths<T: Real>(&self, weights: &PackedWeights<T>, number: usize, w: &mut Workspace<T>) {
-        let (block, layer) = (&self.blocks[number], weights.layer(FIRST_BLOCK + number));
-        if let Some(filter) = &block.filter {
-            let sums = w.whole_sums.iter().map(|sums| &sums.modes);
-            filter.room_forward(layer, number, sums, &mut w.whole.filter);
-        }
-        if let Some(tokens) = &block.tokens {
-            let sums = w.whole_sums.iter().map(|sums| &sums.tokens);
-            tokens.update(layer, number, sums, &mut w.whole.tokens);
-        }
+        share.among(&graph.partitions, &mut one_each(graph), &work);
     }
 
     /// Latent nodes to the output, where there is no block that does so at its end.
@@ -268,7 +242,7 @@ impl Network {
                     nodes: Rows::new(&mut w.nodes, self.spec.latent),
                     record: Default::default(),
                 },
-                next: BeforeBlock::default(),
+                next: Rows::default(),
                 output: Rows::new(&mut w.output, self.spec.outputs()),
                 decoder,
             },
@@ -307,28 +281,6 @@ fn in_turn<T>(products: &mut [Aligned<T>; 2], number: usize) -> (&[T], &mut Alig
         (&*even, odd)
     } else {
         (&*odd, even)
-    }
-}
-
-/// The weights over the tokens that belong to block `number`, to be written, and those of the block
-/// before, where there is one. `slices` has room for all blocks, or for two in turn.
-fn slices_in_turn<T: Default>(
-    slices: &mut [Aligned<T>],
-    number: usize,
-    tokens: usize,
-) -> (Rows<'_, T>, &[T]) {
-    let count = slices.len().max(1);
-    if slices.len() < 2 {
-        return match slices.first_mut() {
-            None => (Rows::default(), &[]),
-            Some(only) if number == 0 => (Rows::new(only, tokens), &[]),
-            Some(only) => (Rows::default(), only),
-        };
-    }
-    let (now, before) = (number % count, (number + count - 1) % count);
-    match slices.get_disjoint_mut([now, before]) {
-        Ok([now, before]) => (Rows::new(now, tokens), before),
-        Err(_) => (Rows::default(), &[]),
     }
 }
 

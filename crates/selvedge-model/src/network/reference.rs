@@ -72,73 +72,6 @@ impl Weights<'_> {
         inputs.pop().unwrap_or_default()
     }
 
-    /// The filter of a block over each cloth; nothing where it has none.
-    fn filtered(&self, block: usize, graph: &Connectivity, nodes: &Rows) -> Rows {
-        let weight = self.get(&format!("processor.{block}.filter.weight"));
-        let (modes, latent) = (graph.mode_count(), self.network.spec().latent);
-        if modes == 0 {
-            return Rows::new();
-        }
-        let times = weight.len() / latent;
-        let [values, weighted] = graph.modes();
-        let at = |array: &[f32], vertex, mode| f64::from(array[vertex * modes + mode]);
-        let mut out = vec![vec![0.0; latent]; nodes.len()];
-        for (cloth, ends) in graph.first_vertices().windows(2).enumerate() {
-            for mode in 0..modes {
-                let decays = &graph.mode_decays()[(cloth * modes + mode) * times..][..times];
-                for channel in 0..latent {
-                    let heat = (ends[0]..ends[1])
-                        .map(|vertex| at(weighted, vertex, mode) * nodes[vertex][channel])
-                        .sum::<f64>();
-                    let weights = weight[channel * times..].iter().zip(decays);
-                    let response: f64 = weights.map(|(w, &d)| w * f64::from(d)).sum();
-                    let rows = out.iter_mut().enumerate().take(ends[1]).skip(ends[0]);
-                    for (vertex, row) in rows {
-                        row[channel] += at(values, vertex, mode) * response * heat;
-                    }
-                }
-            }
-        }
-        out
-    }
-
-    /// Mixtures of tokens that the vertices of each cloth read in a block; nothing without tokens.
-    fn read(&self, block: usize, graph: &Connectivity, nodes: &Rows) -> Rows {
-        let path = format!("processor.{block}.tokens");
-        let count = self.network.spec().tokens;
-        if count == 0 {
-            return Rows::new();
-        }
-        let latent = self.network.spec().latent;
-        let mut out = Rows::new();
-        for ends in graph.first_vertices().windows(2) {
-            let (mut sums, mut sizes) = (vec![vec![0.0; latent]; count], vec![0.0; count]);
-            let slices: Rows = (ends[0]..ends[1])
-                .map(|v| softmax(self.linear(&format!("{path}.slice"), "", &nodes[v])))
-                .collect();
-            for (vertex, slice) in (ends[0]..ends[1]).zip(&slices) {
-                let share = f64::from(graph.shares()[vertex]);
-                for (token, weight) in slice.iter().enumerate() {
-                    sizes[token] += share * weight;
-                    for (sum, x) in sums[token].iter_mut().zip(&nodes[vertex]) {
-                        *sum += share * weight * x;
-                    }
-                }
-            }
-            for (token, size) in sums.iter_mut().zip(sizes) {
-                token.iter_mut().for_each(|x| *x /= size + 1e-6);
-                let update = self.normalised_mlp(&format!("{path}.update"), token);
-                token.iter_mut().zip(update).for_each(|(x, u)| *x += u);
-            }
-            out.extend(slices.iter().map(|slice| {
-                let mixture =
-                    |channel: usize| slice.iter().zip(&sums).map(|(w, t)| w * t[channel]).sum();
-                (0..latent).map(mixture).collect()
-            }));
-        }
-        out
-    }
-
     fn encode(
         &self,
         path: &str,
@@ -167,13 +100,6 @@ impl Weights<'_> {
             })
             .collect()
     }
-}
-
-fn softmax(x: Vec<f64>) -> Vec<f64> {
-    let largest = x.iter().fold(f64::NEG_INFINITY, |most, &x| most.max(x));
-    let powers: Vec<f64> = x.iter().map(|x| (x - largest).exp()).collect();
-    let sum: f64 = powers.iter().sum();
-    powers.iter().map(|x| x / sum).collect()
 }
 
 /// Normalised accelerations `[vertices, 3]`, as [`Network::forward`] gives them. A recurrent
@@ -209,12 +135,8 @@ pub fn forward(
                 edge[k] += update[k];
             }
         }
-        let filtered = weights.filtered(block, graph, &nodes);
-        let read = weights.read(block, graph, &nodes);
-        for (row, (node, incoming)) in nodes.iter_mut().zip(&incoming).enumerate() {
-            let mut joined = [&**node, &**incoming].concat();
-            joined.extend(filtered.get(row).into_iter().flatten());
-            joined.extend(read.get(row).into_iter().flatten());
+        for (node, incoming) in nodes.iter_mut().zip(&incoming) {
+            let joined = [&**node, &**incoming].concat();
             let update = weights.normalised_mlp(&format!("processor.{block}.node"), &joined);
             for (x, u) in node.iter_mut().zip(update) {
                 *x += u;

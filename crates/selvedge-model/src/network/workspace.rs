@@ -21,7 +21,6 @@ use crate::network::layers::block::BlockRecord;
 use crate::network::layers::encoder::EncoderRecord;
 use crate::network::layers::mlp::MlpRecord;
 use crate::network::layers::scratch::{GroupScratch, GroupWork, Scratch};
-use crate::network::layers::whole_cloth::{WholeRoom, WholeSums};
 use crate::network::packed::PackedWeights;
 use crate::network::parameters::ModuleGradient;
 use crate::spec::Encoder;
@@ -42,14 +41,6 @@ pub struct Workspace<T> {
     pub(crate) arcs: Aligned<T>,
     /// Endpoint products for the even blocks and for the odd ones, `[vertices, 2 latent]`.
     pub(crate) endpoint_products: [Aligned<T>; 2],
-    pub(crate) whole: WholeRoom<T>,
-    /// Sums of each partition over its vertices, for filter and tokens of the next block.
-    pub(crate) whole_sums: Vec<WholeSums<T>>,
-    /// Weights of the vertices over the tokens, `[vertices, tokens]`: of all blocks where they are
-    /// kept, else of two in turn.
-    pub(crate) slices: Vec<Aligned<T>>,
-    /// Gradients of the weights over the tokens of one block, `[vertices, tokens]`.
-    pub(crate) by_slices: Aligned<T>,
     pub(crate) node_encoder: EncoderRecord<T>,
     pub(crate) arc_encoder: EncoderRecord<T>,
     pub(crate) blocks: Vec<BlockRecord<T>>,
@@ -112,7 +103,6 @@ impl<T: Real> Workspace<T> {
             &self.arcs,
             &self.pre_activation,
             &self.output,
-            &self.by_slices,
             even,
             odd,
         ];
@@ -120,11 +110,9 @@ impl<T: Real> Workspace<T> {
         encoders.iter().map(|e| e.number_count()).sum::<usize>()
             + blocks.sum::<usize>()
             + self.decoder.number_count()
-            + self.whole.number_count()
             + flat
                 .into_iter()
                 .chain(states)
-                .chain(&self.slices)
                 .map(|array| array.len())
                 .sum::<usize>()
     }
@@ -162,13 +150,6 @@ impl<T: Real> Workspace<T> {
             products.resize(vertices * 2 * latent);
         }
         self.output.resize(vertices * network.spec().outputs());
-        let blocks = &network.blocks;
-        let tokens = blocks.first().and_then(|block| block.tokens.as_ref());
-        let (whole, count) = (&mut self.whole, blocks.len());
-        whole.fit(graph, latent, tokens, count, self.kept);
-        self.whole_sums
-            .resize_with(graph.partitions.len(), WholeSums::default);
-        self.fit_slices(network, vertices);
         if network.streams() {
             self.end.fit(vertices, arcs, latent);
         }
@@ -182,22 +163,6 @@ impl<T: Real> Workspace<T> {
         if self.kept {
             self.fit_records(network, graph, windows);
         }
-    }
-
-    /// Makes room for weights over tokens.
-    fn fit_slices(&mut self, network: &Network, vertices: usize) {
-        let (tokens, blocks) = (network.spec().tokens, network.blocks.len());
-        let arrays = match (tokens, self.kept) {
-            (0, _) => 0,
-            (_, true) => blocks,
-            (_, false) => blocks.min(2),
-        };
-        self.slices.resize_with(arrays, Aligned::default);
-        for slices in &mut self.slices {
-            slices.resize(vertices * tokens);
-        }
-        let back = if self.kept { vertices * tokens } else { 0 };
-        self.by_slices.resize(back);
     }
 
     /// Prepares the masks of rows with that many values in all frames.

@@ -93,7 +93,6 @@ impl Corrector {
         stiffness: impl Fn(FaceId) -> Stiffness,
     ) -> Result<Self, NoBase> {
         let base = model.spec().base.ok_or(NoBase)?;
-        let graph = graph.for_spec(model.spec());
         let columns = CorrectionColumns::of_faces(
             &graph,
             stiffness,

@@ -110,7 +110,6 @@ impl LearnedStepper {
             return Err(RolloutError::NeedsPhysics);
         }
         let vertices = graph.vertex_count();
-        let graph = graph.for_spec(model.spec());
         let history = opening_frames(model.spec(), vertices, start)?;
         let hands = Hands::on_paths(graph.handles(), &history[history.len() - 1]);
         Ok(Self {

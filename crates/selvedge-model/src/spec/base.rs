@@ -150,7 +150,7 @@ mod tests {
     #[test]
     fn a_spec_with_a_base_that_says_more_names_the_field() {
         type Edit = fn(&mut ModelSpec);
-        let edits: [(&str, Edit); 10] = [
+        let edits: [(&str, Edit); 8] = [
             (
                 "model.base.differences = \"substeps\" needs the state one substep ago",
                 |spec| {
@@ -177,14 +177,6 @@ mod tests {
             ("model.encoder must be left out", |spec| {
                 spec.encoder = Encoder::Gru { window: 2 };
             }),
-            (
-                "model.filter_modes must be left out where the network corrects physics (model.base): there are no blocks",
-                |spec| (spec.blocks, spec.filter_modes) = (0, 8),
-            ),
-            (
-                "model.tokens must be left out where the network corrects physics (model.base): there are no blocks",
-                |spec| (spec.blocks, spec.tokens) = (0, 8),
-            ),
             ("model.integration must be left out", |spec| {
                 spec.integration = Integration::Carried {
                     damping: 0.1,

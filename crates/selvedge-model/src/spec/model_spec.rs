@@ -29,14 +29,6 @@ pub struct ModelSpec {
     /// Number of message-passing blocks. A network that corrects physics can do without: each
     /// vertex then knows its neighbours by sums over the arcs that arrive there.
     pub blocks: usize,
-    /// Number of the cloth's longest waves through which every block filters the latent nodes, so
-    /// that each vertex sees the whole cloth at once. The paper has none.
-    #[serde(default, skip_serializing_if = "is_zero")]
-    pub filter_modes: usize,
-    /// Number of learned tokens of a cloth, which in every block all its vertices write to and read
-    /// from, so that each vertex hears of the whole cloth at once. The paper has none.
-    #[serde(default, skip_serializing_if = "is_zero")]
-    pub tokens: usize,
     /// Motion of the cloth without the network.
     #[serde(default)]
     pub integration: Integration,
@@ -130,10 +122,6 @@ pub(crate) enum RowEncoder {
 
 fn one() -> usize {
     1
-}
-
-fn is_zero(count: &usize) -> bool {
-    *count == 0
 }
 
 /// Reads a list without repetitions.
@@ -235,8 +223,6 @@ impl ModelSpec {
             encoder,
             latent,
             blocks,
-            filter_modes: 0,
-            tokens: 0,
             integration: Integration::default(),
             edge_limits: None,
             base: None,
@@ -252,8 +238,6 @@ impl ModelSpec {
             encoder: Encoder::MLP,
             latent,
             blocks,
-            filter_modes: 0,
-            tokens: 0,
             integration: Integration::default(),
             edge_limits: None,
             base: None,
@@ -289,8 +273,6 @@ impl ModelSpec {
             ("latent", self.latent, 4, 4096),
             ("blocks", self.blocks, least_blocks, 256),
             ("encoder.window", self.window(), 1, 64),
-            ("filter_modes", self.filter_modes, 0, 1024),
-            ("tokens", self.tokens, 0, 256),
         ];
         check_each_size(&sizes)
     }
@@ -307,16 +289,6 @@ impl ModelSpec {
             ("node_features", !self.node_features.is_empty(), columns),
             ("edge_features", !self.edge_features.is_empty(), columns),
             ("encoder", self.encoder != Encoder::MLP, "it sees one frame"),
-            (
-                "filter_modes",
-                self.filter_modes > 0 && self.blocks == 0,
-                "there are no blocks to filter in",
-            ),
-            (
-                "tokens",
-                self.tokens > 0 && self.blocks == 0,
-                "there are no blocks to write to them in",
-            ),
             (
                 "integration",
                 self.integration != Integration::default(),

@@ -1,12 +1,11 @@
 //! The forward pass: normalised features to normalised accelerations or corrections.
 //!
-//! `encoder` takes features to latent rows, `block` passes messages, `tokens` lets vertices see
-//! their whole cloth, `mlp` has the perceptrons and the decoder.
+//! `encoder` takes features to latent rows, `block` passes messages, `mlp` has the perceptrons and
+//! the decoder.
 
 mod block;
 mod encoder;
 mod mlp;
-mod tokens;
 
 use selvedge_model::Network;
 
@@ -58,7 +57,6 @@ pub fn forward(plan: &mut Plan, schedule: &mut Schedule, pass: ForwardPass<'_>) 
         schedule,
         weights: pass.weights,
         latent,
-        tokens: spec.tokens,
         keep: pass.keep,
     };
     let outputs = graph.vertices * spec.outputs();
@@ -91,8 +89,6 @@ struct Lower<'a> {
     schedule: &'a mut Schedule,
     weights: &'a WeightArrays,
     latent: usize,
-    /// Tokens of each cloth.
-    tokens: usize,
     keep: Keep,
 }
 

@@ -17,7 +17,6 @@ use super::encoder::{
 };
 use super::mlp::{Mlp, MlpGradients, MlpRecord};
 use super::scratch::{GroupScratch, GroupWork, Scratch};
-use super::whole_cloth::WholeRoom;
 use crate::graph::connectivity::Connectivity;
 use crate::graph::share::Rows;
 use crate::kernels::gemm::{Columns, Epilogue, multiply};
@@ -336,11 +335,10 @@ fn block_rows<'a, T: Real>(
     (nodes, arcs)
 }
 
-fn block_nodes<'a, T: Default>(nodes: &'a mut [T], sums: &'a mut [T]) -> NodeGradients<'a, T> {
+fn block_nodes<'a, T>(nodes: &'a mut [T], sums: &'a mut [T]) -> NodeGradients<'a, T> {
     NodeGradients {
         nodes: Rows::new(nodes, 5),
         sums: Rows::new(sums, 10),
-        slices: Rows::default(),
     }
 }
 
@@ -377,13 +375,10 @@ fn block_case<T: Real>() {
     let mut record = BlockRecord::default();
     record.fit(&block, graph.vertex_count(), graph.arc_count());
     let (mut node_rows, arc_rows) = block_rows(&block, &mut record, &mut nodes, &mut edges);
-    let whole = &WholeRoom::default();
     let input = BlockInput {
         graph: &graph,
         partition,
         endpoint_products: &products,
-        whole,
-        slices: &[],
     };
     block.forward(weights, input, &mut node_rows, arc_rows, &mut scratch());
     case.compare("nodes", &nodes, &case.tensor("output.nodes"));
@@ -400,8 +395,6 @@ fn block_case<T: Real>() {
         graph: &graph,
         partition,
         record: &record,
-        whole,
-        slices: &[],
     };
     let by_nodes = block_nodes(&mut nodes, &mut products);
     let by_arcs = block_arcs(&mut edges, &mut pre_activation);
