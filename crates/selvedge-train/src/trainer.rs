@@ -423,12 +423,7 @@ pub(crate) fn prepare(
     let network = Network::new(&cfg.model)?;
     let need = Need::before_reading(cfg, &network, dataset, on);
     need.check(cfg)?;
-    let set = TrainingSet::load(
-        dataset,
-        &cfg.model,
-        cfg.losses.long_modes(),
-        cfg.mirror_images,
-    )?;
+    let set = TrainingSet::load(dataset, cfg.mirror_images)?;
     need.with_slots(cfg, &set, on).check(cfg)?;
     Ok((set, network))
 }

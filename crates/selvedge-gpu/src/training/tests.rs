@@ -136,21 +136,6 @@ fn slots_hold_the_largest_cloth_and_one_vertex_more_where_cloths_differ() {
 }
 
 #[test]
-fn a_loss_that_no_kernel_computes_is_named() {
-    let data = two_cloths();
-    let mut cfg = config(everything(Encoder::MLP));
-    cfg.losses.short_waves = 1.0;
-    let engine = OnDevice {
-        device: device(),
-        precision: Precision::Full,
-    };
-    let refused = Trainer::new(cfg, &data.dataset, &engine);
-    let message = refused.err().map(|error| error.to_string());
-    let message = message.expect("no engine");
-    assert!(message.contains("losses.short_waves is not 0"), "{message}");
-}
-
-#[test]
 fn a_step_has_the_loss_and_the_gradient_of_the_cpu() {
     let data = two_cloths();
     for encoder in encoders() {

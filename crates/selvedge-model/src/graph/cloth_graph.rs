@@ -6,7 +6,7 @@
 //! or several, is in `connectivity`.
 
 use glam::{Vec2, Vec3};
-use selvedge_cloth::{Cloth, Environment, EnvironmentError, Handles, Modes, Topology, VertexId};
+use selvedge_cloth::{Cloth, Environment, EnvironmentError, Handles, Topology, VertexId};
 use thiserror::Error;
 
 use crate::graph::connectivity::{Arcs, Connectivity};
@@ -42,7 +42,6 @@ pub struct ClothGraph {
     pub(crate) hinges: Vec<Hinge>,
     pub(crate) rest_vectors: Vec<Vec3>,
     pub(crate) rest_lengths: Vec<f32>,
-    long_modes: Option<Modes>,
 }
 
 /// An environment or a frame rate that the features cannot express.
@@ -102,25 +101,10 @@ impl ClothGraph {
             hinges: hinges(topology),
             rest_lengths: rest_vectors.iter().map(|d| d.length()).collect(),
             rest_vectors,
-            long_modes: None,
             cloth: cloth.clone(),
             environment,
             frame_rate,
         })
-    }
-
-    /// The same cloth with its `count` longest waves, for measures of what is in the others; none
-    /// where that is 0.
-    #[must_use]
-    pub fn with_long_modes(mut self, count: usize) -> Self {
-        self.long_modes = (count > 0).then(|| Modes::of(&self.cloth, count));
-        self
-    }
-
-    /// The longest waves, if there are any.
-    #[must_use]
-    pub fn long_modes(&self) -> Option<&Modes> {
-        self.long_modes.as_ref()
     }
 
     /// The cloth.

@@ -64,7 +64,7 @@ fn a_decaying_offset_keeps_its_part_of_what_is_smooth() {
 fn an_offset_and_its_velocity_are_seen_from_the_truth() {
     let data = swinging(&[("a", 12, 20)], SectionRule::Whole);
     let mut cfg = config(Encoder::MLP);
-    let set = TrainingSet::load(&data.dataset, &cfg.model, 0, false).expect("a set");
+    let set = TrainingSet::load(&data.dataset, false).expect("a set");
     let (_, section) = set.sample(0);
     let motion = set.motion(section.trajectory);
     let (now, before) = (Vec3::new(0.01, 0.0, 0.02), Vec3::new(0.004, 0.0, 0.0));

@@ -3,14 +3,9 @@
 use std::collections::BTreeSet;
 
 use selvedge_data::SectionRule;
-use selvedge_model::Encoder;
 
 use super::*;
 use crate::test_data::{Plan, swinging, two_cloths};
-
-fn spec() -> ModelSpec {
-    ModelSpec::physical(Encoder::MLP, 8, 1)
-}
 
 #[test]
 fn the_papers_6550_samples_are_drawn_each_once() {
@@ -18,7 +13,7 @@ fn the_papers_6550_samples_are_drawn_each_once() {
     let names = selvedge_cloth::motion::named::training();
     let plans: Vec<Plan<'_>> = names.into_iter().map(|name| (name, 4, 1261)).collect();
     let data = swinging(&plans, SectionRule::Paper);
-    let set = TrainingSet::load(&data.dataset, &spec(), 0, false).expect("a set");
+    let set = TrainingSet::load(&data.dataset, false).expect("a set");
     assert_eq!(set.sample_count(), 6550);
     let drawn: Vec<Sample> = (0..6550).map(|number| set.sample(number).0).collect();
     assert_eq!(drawn, data.dataset.samples().collect::<Vec<_>>());
@@ -48,7 +43,7 @@ fn a_section_has_the_frames_between_its_ends() {
 #[test]
 fn before_its_first_frame_a_cloth_stood_still() {
     let data = two_cloths();
-    let set = TrainingSet::load(&data.dataset, &spec(), 0, false).expect("a set");
+    let set = TrainingSet::load(&data.dataset, false).expect("a set");
     let motion = set.motion(1);
     assert_eq!(motion.frame(-7), motion.frame(0));
     assert_ne!(motion.frame(1), motion.frame(0));
@@ -61,7 +56,7 @@ fn before_its_first_frame_a_cloth_stood_still() {
 fn trajectories_of_one_cloth_share_its_graph() {
     let plans = [("a", 9, 5), ("b", 12, 5), ("c", 9, 6)];
     let data = swinging(&plans, SectionRule::Whole);
-    let set = TrainingSet::load(&data.dataset, &spec(), 0, false).expect("a set");
+    let set = TrainingSet::load(&data.dataset, false).expect("a set");
     let graphs = [0, 1, 2].map(|t| &set.motion(t).graph);
     assert!(Arc::ptr_eq(graphs[0], graphs[2]));
     assert!(!Arc::ptr_eq(graphs[0], graphs[1]));
@@ -70,7 +65,7 @@ fn trajectories_of_one_cloth_share_its_graph() {
 #[test]
 fn a_set_without_anything_to_train_on_is_refused() {
     let data = swinging(&[], SectionRule::Whole);
-    let error = TrainingSet::load(&data.dataset, &spec(), 0, false)
+    let error = TrainingSet::load(&data.dataset, false)
         .err()
         .expect("no samples");
     assert!(matches!(error, TrainingSetError::NoSamples));
@@ -103,8 +98,8 @@ fn the_environment_is_that_of_the_scene() {
 fn mirror_images_follow_the_trajectories() {
     let plans = [("a", 9, 5), ("b", 12, 6)];
     let data = swinging(&plans, SectionRule::Whole);
-    let alone = TrainingSet::load(&data.dataset, &spec(), 0, false).expect("a set");
-    let both = TrainingSet::load(&data.dataset, &spec(), 0, true).expect("a set");
+    let alone = TrainingSet::load(&data.dataset, false).expect("a set");
+    let both = TrainingSet::load(&data.dataset, true).expect("a set");
     let samples = alone.sample_count();
     assert_eq!(both.sample_count(), 2 * samples);
     let mirrored = |p: &Vec3| Vec3::new(p.x, p.y, -p.z);
@@ -137,9 +132,9 @@ fn an_image_that_moves_as_a_test_does_is_left_out() {
     let cloth = image.cloth().clone();
     let test = Trajectory::new(cloth, turned, image.provenance().clone()).expect("a trajectory");
     let data = crate::test_data::swinging_and_tested(&plans, &[("test", test)]);
-    let alone = TrainingSet::load(&data.dataset, &spec(), 0, false).expect("a set");
+    let alone = TrainingSet::load(&data.dataset, false).expect("a set");
     assert!(alone.images_left_out().is_empty());
-    let both = TrainingSet::load(&data.dataset, &spec(), 0, true).expect("a set");
+    let both = TrainingSet::load(&data.dataset, true).expect("a set");
     assert_eq!(both.images_left_out(), ["b"]);
     assert_eq!(both.sample_count(), 28 + 29 + 30 + 28 + 30);
     let (last, _) = both.sample(both.sample_count() - 1);
