@@ -4,8 +4,7 @@ use selvedge_cloth::{Cloth, Environment, Integrator, Scene, Substepping};
 use selvedge_model::{ClothGraph, GraphError, PhysicsBase, Stiffness};
 
 /// `scene` by the physics that a model corrects. Materials are damped as the converged physics
-/// needs it, whatever the formula, so that both obey the same equations. Free flight leaves out
-/// what it cannot have: contact and obstacles, limits of strain, and springs of the handles.
+/// needs it, whatever the formula, so that both obey the same equations.
 #[must_use]
 pub fn base_scene(scene: &Scene, base: PhysicsBase) -> Scene {
     let mut scene = scene.clone();
@@ -15,15 +14,6 @@ pub fn base_scene(scene: &Scene, base: PhysicsBase) -> Scene {
     physics.substepping = Substepping::Fixed;
     let damping = Integrator::default().least_damping();
     physics.least_damping.get_or_insert(damping);
-    if base.flies() {
-        physics.fit_to_flight();
-        scene.contact = None;
-        scene.obstacles.clear();
-        scene.material.strain_limits = None;
-        for fabric in scene.fabrics.values_mut() {
-            fabric.strain_limits = None;
-        }
-    }
     scene
 }
 

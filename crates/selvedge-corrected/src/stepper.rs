@@ -66,13 +66,11 @@ fn is_beyond(trained: &Domain, scene: &Scene) -> bool {
     })
 }
 
-/// A cloth that cheap physics moves and a network corrects, or that a network moves by all forces
-/// from free flight.
+/// A cloth that cheap physics moves and a network corrects.
 ///
 /// Where the scene's own motion goes beyond what the model was trained on ([`goes_without`]), the
 /// physics moves all of the run: a cloth still swings as it was never seen to when its hands are
-/// slow again. Hands that go elsewhere are watched frame by frame. Free flight is no motion of
-/// cloth to fall back to: a model of all forces gives every frame.
+/// slow again. Hands that go elsewhere are watched frame by frame.
 pub struct CorrectedStepper {
     base: PhysicsBase,
     scene: Scene,
@@ -124,8 +122,7 @@ impl CorrectedStepper {
         let scene = base_scene(scene, base);
         let rest = scene.mesh.positions().iter().map(|p| p.as_vec3());
         let cloth = Cloth::of_scene(&scene, rest.collect())?;
-        // There is nothing to leave a frame in free flight to.
-        let domain = model.domain().filter(|_| !base.flies());
+        let domain = model.domain();
         let beyond = domain
             .as_ref()
             .is_some_and(|trained| is_beyond(trained, &scene));

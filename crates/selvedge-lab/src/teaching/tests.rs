@@ -315,8 +315,6 @@ fn a_teacher_that_is_the_base_adds_nothing_where_handles_let_go_and_take_hold() 
 fn a_run_of_own_frames_ends_where_it_is_farther_than_wanted() {
     let mut cfg = config();
     cfg.samples.frames = 40;
-    let base = cfg.model.base.as_mut().unwrap();
-    base.integrator = selvedge_cloth::Integrator::FreeFlight;
     let spec = cfg.model.clone();
     let mut rng = ChaCha8Rng::seed_from_u64(6);
     let network = Network::new(&spec).unwrap();
@@ -333,12 +331,12 @@ fn a_run_of_own_frames_ends_where_it_is_farther_than_wanted() {
         });
         teaching.gone_astray()
     };
-    // The model leaves the cloth to its fall, which is 1.4 mm a frame.
-    let fallen = astray(Some(5e-4), Some(&model));
+    // One long solve leads elsewhere than the many of the teacher.
+    let short = astray(Some(1e-9), Some(&model));
     let kept = astray(Some(0.02), Some(&model));
-    assert!(fallen > 5, "{fallen}");
+    assert!(short > 5, "{short}");
     assert_eq!(kept, astray(None, Some(&model)));
-    assert!(kept < fallen, "{kept} {fallen}");
+    assert!(kept < short, "{kept} {short}");
     // Frames of the teacher are as far as they may be.
     assert_eq!(astray(Some(1e-9), None), 0);
 }

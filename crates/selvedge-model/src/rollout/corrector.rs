@@ -2,8 +2,7 @@
 //! the network, and its corrections of positions and velocities.
 //!
 //! Where the input is unlike what the model was trained on, its corrections fade to nothing, and
-//! the frame stays the physics' own. Those of free flight are whole: they are all forces that there
-//! are.
+//! the frame stays the physics' own.
 
 use std::sync::Arc;
 
@@ -18,7 +17,7 @@ use crate::network::packed::{PackedWeights, Purpose};
 use crate::network::workspace::Workspace;
 use crate::network::{Carried, EncoderState, Input, Pass};
 use crate::rollout::model::Model;
-use crate::spec::PhysicsBase;
+use crate::spec::{MOST_DEVIATIONS, PhysicsBase};
 
 /// Deviations from the mean within which training has seen a column often.
 const FAMILIAR: f32 = 6.0;
@@ -61,7 +60,7 @@ pub struct Corrector {
     /// The network on another machine, if it does not run here.
     elsewhere: Option<Box<dyn CorrectionNetwork>>,
     rows: Vec<f32>,
-    /// Part of the correction that each vertex gets but in free flight, `[vertices]`.
+    /// Part of the correction that each vertex gets, `[vertices]`.
     shares: Vec<f32>,
 }
 
@@ -188,23 +187,18 @@ impl Corrector {
         normalizers.nodes.normalize(&mut columns.nodes);
         normalizers.edges.normalize(&mut columns.arcs);
         find_shares(&self.graph, columns, &mut self.shares);
-        let most = self.base.most_deviations();
-        cut(&mut columns.nodes, most);
-        cut(&mut columns.arcs, most);
+        cut(&mut columns.nodes, MOST_DEVIATIONS);
+        cut(&mut columns.arcs, MOST_DEVIATIONS);
         self.run_network()?;
-        if let Some(most) = self.base.most_corrected() {
-            cut(&mut self.rows, most);
-        }
-        let flies = self.base.flies();
+        cut(&mut self.rows, MOST_DEVIATIONS);
         let normalizers = self.model.normalizers();
         normalizers.acceleration.denormalize(&mut self.rows);
         self.columns.to_metres(&mut self.rows);
         let mut result = Familiarity::default();
         let rows = self.rows.as_chunks_mut::<6>().0.iter_mut();
         for ((row, &share), &held) in rows.zip(&self.shares).zip(frame.held) {
-            let given = if flies { 1.0 } else { share };
             // What is dropped need not be a number.
-            let part = |x: f32| if given == 0.0 || held { 0.0 } else { given * x };
+            let part = |x: f32| if share == 0.0 || held { 0.0 } else { share * x };
             row.iter_mut().for_each(|x| *x = part(*x));
             let moved = row[..3].iter().map(|x| x * x).sum::<f32>().sqrt();
             result.largest = result.largest.max(moved.into());

@@ -5,14 +5,11 @@ use serde::{Deserialize, Serialize};
 
 /// Deviations to which inputs and outputs are cut where a network corrects physics of cloth.
 pub const MOST_DEVIATIONS: f32 = 10.0;
-/// Deviations to which inputs are cut where a network corrects free flight.
-const MOST_IN_FLIGHT: f32 = 100.0;
 
 /// Least latent width of a network that corrects physics: that of its outputs.
 pub(crate) const LEAST_LATENT: usize = 8;
 
-/// Cheap physics that predicts a frame, to which the network adds what truncation lost; or free
-/// flight, to which it adds all forces of cloth and air.
+/// Cheap physics that predicts a frame, to which the network adds what truncation lost.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PhysicsBase {
@@ -61,13 +58,6 @@ impl Differences {
 }
 
 impl PhysicsBase {
-    /// Returns true where the base has no forces of cloth, so that the network is all of the motion
-    /// and there is nothing to leave a frame to.
-    #[must_use]
-    pub fn flies(&self) -> bool {
-        self.integrator.flies()
-    }
-
     /// Returns true where the physics keeps the state one substep ago as it was.
     pub(crate) fn keeps_states(&self) -> bool {
         use Integrator::{SecondOrder, SecondOrderNewton};
@@ -81,24 +71,6 @@ impl PhysicsBase {
             frame: 1.0 / frame_rate,
             substep: 1.0 / (frame_rate * f64::from(self.substeps)),
         }
-    }
-
-    /// Deviations to which normalised inputs are cut, in training and in use. In free flight what
-    /// the handles do is a jump from one vertex to the next, far beyond what most arcs see, and it
-    /// is not to be lost.
-    #[must_use]
-    pub fn most_deviations(&self) -> f32 {
-        match self.flies() {
-            true => MOST_IN_FLIGHT,
-            false => MOST_DEVIATIONS,
-        }
-    }
-
-    /// Deviations to which normalised targets and corrections are cut; none for free flight, whose
-    /// corrections are whole.
-    #[must_use]
-    pub fn most_corrected(&self) -> Option<f32> {
-        (!self.flies()).then_some(MOST_DEVIATIONS)
     }
 }
 
@@ -156,7 +128,7 @@ mod tests {
                 |spec| {
                     let base = spec.base.as_mut().expect("a base");
                     base.differences = Differences::Substeps;
-                    base.integrator = Integrator::FreeFlight;
+                    base.integrator = Integrator::Linearised;
                 },
             ),
             (

@@ -111,30 +111,15 @@ impl Desk {
     /// Puts the columns and the target of `sample` in deviations, cut as in use.
     fn put(&mut self, lesson: Lesson<'_>, sample: &CorrectionSample) {
         let normalizers = lesson.normalizers;
-        let base = lesson.network.spec().base;
-        let most = base.map_or(MOST_DEVIATIONS, |base| base.most_deviations());
-        let most_corrected = base.and_then(|base| base.most_corrected());
-        for (to, from, normalizer, most) in [
-            (
-                &mut self.nodes,
-                &sample.nodes,
-                &normalizers.nodes,
-                Some(most),
-            ),
-            (&mut self.arcs, &sample.arcs, &normalizers.edges, Some(most)),
-            (
-                &mut self.target,
-                &sample.target,
-                &normalizers.acceleration,
-                most_corrected,
-            ),
+        for (to, from, normalizer) in [
+            (&mut self.nodes, &sample.nodes, &normalizers.nodes),
+            (&mut self.arcs, &sample.arcs, &normalizers.edges),
+            (&mut self.target, &sample.target, &normalizers.acceleration),
         ] {
             to.clear();
             to.extend_from_slice(from);
             normalizer.normalize(to);
-            if let Some(most) = most {
-                cut(to, most);
-            }
+            cut(to, MOST_DEVIATIONS);
         }
     }
 }
