@@ -60,10 +60,10 @@ pub(crate) fn specs() -> Vec<ModelSpec> {
     vec![
         ModelSpec::mesh_graph_nets(16, 2),
         physical(Encoder::MLP, 32, 3),
-        physical(Encoder::Mlp { window: 3 }, 20, 1),
+        physical(Encoder::MLP, 20, 1),
         physical(Encoder::Gru { window: 1 }, 12, 1),
         physical(Encoder::Gru { window: 4 }, 24, 2),
-        physical(Encoder::NodeGru { window: 3 }, 36, 2),
+        physical(Encoder::Gru { window: 3 }, 36, 2),
         physical(Encoder::StreamingGru { window: 2 }, 16, 2),
     ]
 }
@@ -119,7 +119,7 @@ pub(crate) fn full_specs() -> Vec<ModelSpec> {
     let mut specs = specs();
     for (encoder, integration) in [
         (Encoder::Gru { window: 3 }, Integration::default()),
-        (Encoder::NodeGru { window: 2 }, carried),
+        (Encoder::MLP, carried),
         (Encoder::StreamingGru { window: 2 }, carried),
     ] {
         let mut spec = ModelSpec::physical(encoder, 12, 1);

@@ -113,6 +113,7 @@ pub use rollout::{
     TwoFrames, WeightType, advance, advance_backward, cut, opening_frames, target_acceleration,
 };
 pub use spec::{
-    Carries, Carry, Differences, EdgeFeature, EdgeLimits, Encoder, FrameTimes, Integration,
-    LastFrames, MOST_DEVIATIONS, ModelSpec, NodeFeature, PhysicsBase, ReferenceSlope, SpecError,
+    Carries, Carry, CurrentFrame, Differences, EdgeFeature, EdgeLimits, Encoder, FrameTimes,
+    Integration, LastFrames, MOST_DEVIATIONS, ModelSpec, NodeFeature, PhysicsBase, ReferenceSlope,
+    SpecError,
 };

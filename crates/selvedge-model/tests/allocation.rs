@@ -99,9 +99,8 @@ fn frames_after_the_first_allocate_nothing() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build();
     let pool = pool.expect("a pool");
     for encoder in [
-        Encoder::Mlp { window: 2 },
+        Encoder::MLP,
         Encoder::Gru { window: 3 },
-        Encoder::NodeGru { window: 3 },
         Encoder::StreamingGru { window: 3 },
     ] {
         let graph = cloth();

@@ -273,9 +273,7 @@ class Model:
         yaw = cloth.yaw(current[cloth.handles])
         window = range(len(frames) - self.spec["encoder"].get("window", 1), len(frames))
         nodes = [node_columns(self.spec, cloth, frames, k, yaw, next_handles) for k in window]
-        # "node-gru" sees the newest frame of arcs only.
-        seen = window[-1:] if self.spec["encoder"]["kind"] == "node-gru" else window
-        edges = [edge_columns(self.spec, cloth, frames[k], yaw) for k in seen]
+        edges = [edge_columns(self.spec, cloth, frames[k], yaw) for k in window]
         nodes, edges = self.normalised("nodes", np.array(nodes)), self.normalised("edges", np.array(edges))
         senders, receivers = torch.from_numpy(cloth.arcs.T.copy())
         with torch.no_grad():

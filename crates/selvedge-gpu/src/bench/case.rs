@@ -60,7 +60,7 @@ impl NetworkArrays {
         let spec = network.spec();
         let graph = GraphArrays::new(plan, sizes.vertices, sizes.arcs);
         let steps = match extent {
-            Extent::Whole => [spec.node_window(), spec.edge_window()],
+            Extent::Whole => [spec.window(); 2],
             Extent::Newest => [1, 1],
         };
         Self {

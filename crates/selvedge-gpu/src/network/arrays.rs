@@ -97,7 +97,7 @@ impl InputArrays {
     /// Room for the features of a whole window.
     pub fn whole(plan: &mut Plan, network: &Network, graph: &GraphArrays) -> Self {
         let spec = network.spec();
-        let steps = [spec.node_window(), spec.edge_window()];
+        let steps = [spec.window(); 2];
         Self::new(plan, network, graph, steps)
     }
 }

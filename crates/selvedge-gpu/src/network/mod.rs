@@ -16,7 +16,7 @@ mod weights;
 pub use arrays::{GraphArrays, InputArrays, StateArrays};
 pub use backward::{BackwardPass, backward};
 pub use dropout::{Dropout, DropoutSizes};
-pub use forward::{ForwardPass, Keep, RowEncoder, forward, row_encoders};
+pub use forward::{ForwardPass, Keep, forward};
 pub use record::{BlockRecord, EncoderRecord, GruRecord, MlpRecord, Record};
 pub use weights::WeightArrays;
 

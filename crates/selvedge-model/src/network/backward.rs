@@ -210,10 +210,10 @@ impl Network {
         gradients: Gradients<'_, T>,
         w: &mut Workspace<T>,
     ) {
-        let (spec, latent, windows) = (&self.spec, self.spec.latent, self.windows(graph, carried));
-        let inputs = self.encoder_inputs(carried, windows, &w.dropout);
-        let node_width = windows.nodes * spec.node_width();
-        let arc_width = windows.arcs * spec.edge_width();
+        let (spec, latent, frames) = (&self.spec, self.spec.latent, self.frames(graph, carried));
+        let inputs = self.encoder_inputs(carried, frames, &w.dropout);
+        let node_width = frames * spec.node_width();
+        let arc_width = frames * spec.edge_width();
         let (vertices, arc_count) = (graph.vertex_count(), graph.arc_count());
         let wanted = usize::from(gradients.input.is_some());
         let [to_nodes, to_arcs] = &mut w.input_gradient;
@@ -258,8 +258,8 @@ impl Network {
         share.among(&graph.partitions, &mut w.groups, &work);
         add_groups(&w.groups, &mut gradients.weights[range]);
         if let Some(to) = gradients.input {
-            frame_by_frame(to_nodes, spec.node_width(), windows.nodes, to.nodes);
-            frame_by_frame(to_arcs, spec.edge_width(), windows.arcs, to.arcs);
+            frame_by_frame(to_nodes, spec.node_width(), frames, to.nodes);
+            frame_by_frame(to_arcs, spec.edge_width(), frames, to.arcs);
         }
     }
 

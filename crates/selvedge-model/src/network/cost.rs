@@ -5,7 +5,7 @@
 //! Features, activations, normalisation and sums of messages, a few percent, are left out. The
 //! memory counts all that a [`Workspace`](crate::Workspace) holds.
 
-use crate::spec::{Encoder, ModelSpec, RowEncoder};
+use crate::spec::{Encoder, ModelSpec};
 
 /// Floating-point operations of one frame, for each vertex and each arc.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,23 +47,22 @@ pub fn flops(spec: &ModelSpec, first: FirstEdgeLayer) -> Flops {
             arc += square;
         }
     }
-    let [nodes, edges] = spec.encoder.rows();
     let decoder = 2 * square + latent * spec.outputs() as u64;
     let looks_at_arcs = u64::from(blocks > 0);
     Flops {
-        vertex: 2 * (encoder(spec, nodes, spec.node_width()) + blocks * vertex + decoder),
-        arc: 2 * (looks_at_arcs * encoder(spec, edges, spec.edge_width()) + blocks * arc),
+        vertex: 2 * (encoder(spec, spec.node_width()) + blocks * vertex + decoder),
+        arc: 2 * (looks_at_arcs * encoder(spec, spec.edge_width()) + blocks * arc),
     }
 }
 
 /// Multiplications that encode one row of `width` columns per frame of the window; a state that is
 /// carried over spares all but one frame.
-fn encoder(spec: &ModelSpec, rows: RowEncoder, width: usize) -> u64 {
+fn encoder(spec: &ModelSpec, width: usize) -> u64 {
     let (latent, width) = (spec.latent as u64, width as u64);
     let square = latent * latent;
-    match rows {
-        RowEncoder::Mlp(window) => window as u64 * width * latent + 2 * square,
-        RowEncoder::Gru => {
+    match spec.encoder {
+        Encoder::Mlp { .. } => width * latent + 2 * square,
+        Encoder::Gru { .. } | Encoder::StreamingGru { .. } => {
             let first = 3 * latent * (width + latent);
             let second = 3 * latent * (latent + latent);
             let steps = match spec.encoder {
@@ -99,12 +98,12 @@ pub fn activations(spec: &ModelSpec) -> Activations {
     let (latent, blocks, window) = (spec.latent as u64, spec.blocks as u64, spec.window() as u64);
     // Two hidden layers, the normalised output and its deviation.
     let perceptron = 3 * latent + 1;
-    let [of_vertex, of_arc] = spec.encoder.rows().map(|rows| match rows {
-        RowEncoder::Mlp(_) => perceptron,
+    let encoded = match spec.encoder.is_recurrent() {
+        false => perceptron,
         // Of each of two layers the states and four gates; what is dropped between them; the
         // output.
-        RowEncoder::Gru => (2 * (window + 1 + 4 * window) + window + 1) * latent + 1,
-    });
+        true => (2 * (window + 1 + 4 * window) + window + 1) * latent + 1,
+    };
     let carried = match spec.encoder {
         Encoder::StreamingGru { .. } => 2 * latent,
         _ => 0,
@@ -114,14 +113,14 @@ pub fn activations(spec: &ModelSpec) -> Activations {
     Activations {
         // A block keeps its input, the sums of messages and its perceptron. Beside the blocks: the
         // latent vertices, what two blocks' arcs gather of them, the output.
-        vertex: of_vertex
+        vertex: encoded
             + blocks * (2 * latent + perceptron)
             + decoder
             + 5 * latent
             + spec.outputs() as u64
             + carried,
         // The latent arcs and the gradients of their first layer.
-        arc: looks_at_arcs * of_arc + blocks * (latent + perceptron) + 2 * latent + carried,
+        arc: looks_at_arcs * encoded + blocks * (latent + perceptron) + 2 * latent + carried,
     }
 }
 
@@ -141,18 +140,16 @@ mod tests {
             let (vertices, arcs) = (graph.vertex_count(), graph.arc_count());
             for encoder in [
                 Encoder::MLP,
-                Encoder::Mlp { window: 3 },
                 Encoder::Gru { window: 2 },
                 Encoder::Gru { window: 5 },
-                Encoder::NodeGru { window: 3 },
                 Encoder::StreamingGru { window: 2 },
             ] {
                 let spec = ModelSpec::physical(encoder, 4 + seed as usize, 1 + side);
                 let network = Network::new(&spec).expect("a network");
                 let weights = network.initialise(&mut || 0.5);
                 let [node_width, edge_width] = [spec.node_width(), spec.edge_width()];
-                let nodes = vec![0.1_f32; spec.node_window() * vertices * node_width];
-                let edges = vec![0.1_f32; spec.edge_window() * arcs * edge_width];
+                let nodes = vec![0.1_f32; spec.window() * vertices * node_width];
+                let edges = vec![0.1_f32; spec.window() * arcs * edge_width];
                 let input = Input {
                     nodes: &nodes,
                     arcs: &edges,

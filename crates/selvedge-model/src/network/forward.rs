@@ -16,7 +16,7 @@ use crate::network::layers::encoder::{EncoderInput, EncoderRecordRows, EncoderRo
 use crate::network::layers::mlp::MlpRows;
 use crate::network::layers::scratch::Scratch;
 use crate::network::packed::PackedWeights;
-use crate::network::workspace::{Windows, Workspace};
+use crate::network::workspace::Workspace;
 
 split_rows! {
     /// Rows of vertices that the encoders write.
@@ -51,9 +51,9 @@ impl Network {
         assert_eq!(weights.flat.len(), self.parameter_count(), "packed weights");
         let state = carried.state;
         assert!(state.is_zero() || self.streams(), "a state to carry");
-        let windows = self.windows(graph, carried);
-        workspace.fit(self, graph, pass, windows);
-        self.encode(weights, graph, carried, windows, workspace);
+        let frames = self.frames(graph, carried);
+        workspace.fit(self, graph, pass, frames);
+        self.encode(weights, graph, carried, frames, workspace);
         if self.blocks.is_empty() {
             self.decode_all(weights, graph, workspace);
         }
@@ -62,43 +62,39 @@ impl Network {
         }
     }
 
-    /// Frames of nodes and of arcs in the input.
-    pub(super) fn windows<T>(&self, graph: &Connectivity, carried: Carried<'_, T>) -> Windows {
+    /// Frames in the input.
+    pub(super) fn frames<T>(&self, graph: &Connectivity, carried: Carried<'_, T>) -> usize {
         let (spec, input) = (&self.spec, carried.input);
-        let windows = if carried.state.nodes[0].is_empty() {
-            Windows {
-                nodes: spec.node_window(),
-                arcs: spec.edge_window(),
-            }
-        } else {
-            Windows { nodes: 1, arcs: 1 }
+        let frames = match carried.state.nodes[0].is_empty() {
+            true => spec.window(),
+            false => 1,
         };
         let expected = [
-            windows.nodes * graph.vertex_count() * spec.node_width(),
-            windows.arcs * graph.arc_count() * spec.edge_width(),
+            frames * graph.vertex_count() * spec.node_width(),
+            frames * graph.arc_count() * spec.edge_width(),
         ];
         assert_eq!([input.nodes.len(), input.arcs.len()], expected, "input");
-        windows
+        frames
     }
 
     /// The inputs of the encoders of nodes and of arcs.
     pub(super) fn encoder_inputs<'a, T>(
         &self,
         carried: Carried<'a, T>,
-        windows: Windows,
+        frames: usize,
         masks: &'a [RowMasks; 2],
     ) -> [EncoderInput<'a, T>; 2] {
         let [of_nodes, of_arcs] = masks;
         let Carried { input, state } = carried;
         let nodes = EncoderInput {
-            window: windows.nodes,
+            window: frames,
             features: input.nodes,
             width: self.spec.node_width(),
             dropout: of_nodes.active(),
             start: state.nodes.each_ref().map(|s| &**s),
         };
         let arcs = EncoderInput {
-            window: windows.arcs,
+            window: frames,
             features: input.arcs,
             width: self.spec.edge_width(),
             dropout: of_arcs.active(),
@@ -113,11 +109,11 @@ impl Network {
         weights: &PackedWeights<T>,
         graph: &Connectivity,
         carried: Carried<'_, T>,
-        windows: Windows,
+        frames: usize,
         w: &mut Workspace<T>,
     ) {
         let latent = self.spec.latent;
-        let [nodes, arcs] = self.encoder_inputs(carried, windows, &w.dropout);
+        let [nodes, arcs] = self.encoder_inputs(carried, frames, &w.dropout);
         let (mut node_record, mut arc_record) = <(EncoderRecordRows<'_, T>, _)>::default();
         if w.kept {
             node_record = w.node_encoder.rows(&self.node_encoder);

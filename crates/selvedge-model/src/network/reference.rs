@@ -5,7 +5,7 @@
 
 use crate::graph::connectivity::Connectivity;
 use crate::network::{Input, Network};
-use crate::spec::RowEncoder;
+use crate::spec::Encoder;
 
 type Rows = Vec<Vec<f64>>;
 
@@ -72,24 +72,14 @@ impl Weights<'_> {
         inputs.pop().unwrap_or_default()
     }
 
-    fn encode(
-        &self,
-        path: &str,
-        encoder: RowEncoder,
-        input: &[f64],
-        width: usize,
-        rows: usize,
-    ) -> Rows {
+    fn encode(&self, path: &str, input: &[f64], width: usize, rows: usize) -> Rows {
         let latent = self.network.spec().latent;
         (0..rows)
             .map(|row| {
                 let at = |step: usize| &input[(step * rows + row) * width..][..width];
-                match encoder {
-                    RowEncoder::Mlp(window) => {
-                        let joined: Vec<f64> = (0..window).flat_map(at).copied().collect();
-                        self.normalised_mlp(path, &joined)
-                    }
-                    RowEncoder::Gru => {
+                match self.network.spec().encoder {
+                    Encoder::Mlp { .. } => self.normalised_mlp(path, at(0)),
+                    Encoder::Gru { .. } | Encoder::StreamingGru { .. } => {
                         let frames = input.len() / (rows * width);
                         let window: Vec<&[f64]> = (0..frames).map(at).collect();
                         let last = self.gru(&format!("{path}.gru"), &window, latent);
@@ -118,12 +108,11 @@ pub fn forward(
         values: weights,
     };
     let (vertices, arcs) = (graph.vertex_count(), graph.arc_count());
-    let [of_nodes, of_arcs] = spec.encoder.rows();
     let width = spec.node_width();
-    let mut nodes = weights.encode("encoder.nodes", of_nodes, input.nodes, width, vertices);
+    let mut nodes = weights.encode("encoder.nodes", input.nodes, width, vertices);
     let width = spec.edge_width();
     let arcs = if spec.blocks > 0 { arcs } else { 0 };
-    let mut latent_arcs = weights.encode("encoder.edges", of_arcs, input.arcs, width, arcs);
+    let mut latent_arcs = weights.encode("encoder.edges", input.arcs, width, arcs);
     for block in 0..spec.blocks {
         let mut incoming = vec![vec![0.0; spec.latent]; vertices];
         for (arc, edge) in latent_arcs.iter_mut().enumerate() {

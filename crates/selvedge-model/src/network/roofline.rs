@@ -13,7 +13,7 @@ use crate::kernels::gemm::{Columns, Epilogue, Slot, Term, multiply};
 use crate::kernels::outer::{Sums, add_outer};
 use crate::kernels::simd::Instructions;
 use crate::network::packed::Purpose;
-use crate::spec::{Encoder, ModelSpec, RowEncoder};
+use crate::spec::{Encoder, ModelSpec};
 
 /// Some products of one shape.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -84,13 +84,13 @@ pub fn bare_products(
     };
     let seen = arcs * usize::from(spec.blocks > 0);
     let kinds = [(vertices, spec.node_width()), (seen, spec.edge_width())];
-    for ((rows, width), encoder) in kinds.into_iter().zip(spec.encoder.rows()) {
-        match encoder {
-            RowEncoder::Mlp(window) => {
-                add(rows, window * width, latent, 1, true);
+    for (rows, width) in kinds {
+        match spec.encoder {
+            Encoder::Mlp { .. } => {
+                add(rows, width, latent, 1, true);
                 add(rows, latent, latent, 2, false);
             }
-            RowEncoder::Gru => {
+            Encoder::Gru { .. } | Encoder::StreamingGru { .. } => {
                 let (steps, states) = match spec.encoder {
                     Encoder::StreamingGru { .. } => (1, 1),
                     _ => (spec.window(), spec.window() - 1),
@@ -233,9 +233,7 @@ mod tests {
         let (vertices, arcs) = (30, 140);
         for encoder in [
             Encoder::MLP,
-            Encoder::Mlp { window: 3 },
             Encoder::Gru { window: 4 },
-            Encoder::NodeGru { window: 4 },
             Encoder::StreamingGru { window: 4 },
         ] {
             let spec = ModelSpec::physical(encoder, 8, 3);
@@ -247,7 +245,6 @@ mod tests {
             // Two products of each row with a zero state, where a window begins with one.
             let rows = match encoder {
                 Encoder::Gru { .. } => vertices + arcs,
-                Encoder::NodeGru { .. } => vertices,
                 _ => 0,
             };
             let zero = (2 * 2 * rows * 8 * 24) as u64;

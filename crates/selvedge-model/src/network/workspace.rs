@@ -23,7 +23,6 @@ use crate::network::layers::mlp::MlpRecord;
 use crate::network::layers::scratch::{GroupScratch, GroupWork, Scratch};
 use crate::network::packed::PackedWeights;
 use crate::network::parameters::ModuleGradient;
-use crate::spec::Encoder;
 
 /// Groups of partitions, each with a sum of gradients of its own. More groups are more sums to add,
 /// fewer keep fewer threads busy.
@@ -134,16 +133,12 @@ impl<T: Real> Workspace<T> {
         network: &Network,
         graph: &Connectivity,
         pass: Pass<'_>,
-        windows: Windows,
+        frames: usize,
     ) {
         let latent = network.spec().latent;
         let (vertices, arcs) = (graph.vertex_count(), graph.arc_count());
         self.kept = matches!(pass, Pass::Training(_));
-        self.fit_dropout(
-            graph,
-            pass,
-            [windows.nodes, windows.arcs].map(|n| n * latent),
-        );
+        self.fit_dropout(graph, pass, [frames * latent; 2]);
         self.nodes.resize(vertices * latent);
         self.arcs.resize(arcs * latent);
         for products in &mut self.endpoint_products {
@@ -161,7 +156,7 @@ impl<T: Real> Workspace<T> {
             scratch.fit(latent, widths.joined, widths.states);
         }
         if self.kept {
-            self.fit_records(network, graph, windows);
+            self.fit_records(network, graph, frames);
         }
     }
 
@@ -188,18 +183,14 @@ impl<T: Real> Workspace<T> {
     }
 
     /// Makes room for the activations of every layer.
-    fn fit_records(&mut self, network: &Network, graph: &Connectivity, windows: Windows) {
+    fn fit_records(&mut self, network: &Network, graph: &Connectivity, frames: usize) {
         let (vertices, arcs) = (graph.vertex_count(), graph.arc_count());
         let [of_nodes, of_arcs] = &self.dropout;
-        self.node_encoder.fit(
-            &network.node_encoder,
-            vertices,
-            windows.nodes,
-            of_nodes.active(),
-        );
+        self.node_encoder
+            .fit(&network.node_encoder, vertices, frames, of_nodes.active());
         if let Some(encoder) = &network.arc_encoder {
             self.arc_encoder
-                .fit(encoder, arcs, windows.arcs, of_arcs.active());
+                .fit(encoder, arcs, frames, of_arcs.active());
         }
         self.blocks
             .resize_with(network.blocks.len(), BlockRecord::default);
@@ -248,13 +239,6 @@ impl<T: Real> Group<T> {
     }
 }
 
-/// Frames of nodes and of arcs in an input.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Windows {
-    pub(crate) nodes: usize,
-    pub(crate) arcs: usize,
-}
-
 /// Widths of rows of scratch.
 struct ScratchWidths {
     /// Frames of a window side by side.
@@ -265,12 +249,11 @@ struct ScratchWidths {
 
 fn scratch_widths(network: &Network) -> ScratchWidths {
     let spec = network.spec();
-    let nodes = spec.node_window() * spec.node_width();
     ScratchWidths {
-        joined: nodes.max(spec.edge_window() * spec.edge_width()),
-        states: match spec.encoder {
-            Encoder::Mlp { .. } => 0,
-            _ => spec.latent,
+        joined: spec.window() * spec.node_width().max(spec.edge_width()),
+        states: match spec.encoder.is_recurrent() {
+            true => spec.latent,
+            false => 0,
         },
     }
 }

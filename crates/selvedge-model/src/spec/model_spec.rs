@@ -85,22 +85,16 @@ pub enum EdgeFeature {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Encoder {
-    /// A multi-layer perceptron on the frames of the window side by side.
+    /// A multi-layer perceptron on the current frame, as in MeshGraphNets.
     Mlp {
-        /// Frames in the window, at least 1; the paper's has 1.
-        #[serde(default = "one")]
-        window: usize,
+        /// The frame that it sees: files say 1.
+        #[serde(default)]
+        window: CurrentFrame,
     },
     /// A recurrent network of two layers of gated recurrent units over a window of frames, the
     /// current one last.
     Gru {
         /// Frames in the window, at least 1.
-        window: usize,
-    },
-    /// The recurrent network for nodes only. The arcs, six times as many, go through the perceptron
-    /// with their current frame.
-    NodeGru {
-        /// Frames in the window of the vertices, at least 1.
         window: usize,
     },
     /// The recurrent network with states that are carried from frame to frame, not begun anew for
@@ -111,17 +105,28 @@ pub enum Encoder {
     },
 }
 
-/// Encoder of the rows of one kind, nodes or arcs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum RowEncoder {
-    /// A perceptron on that many frames side by side.
-    Mlp(usize),
-    /// A recurrent network over any number of frames.
-    Gru,
+/// The window of an encoder that sees the current frame alone: 1 in a file, and no other number.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "usize", into = "usize")]
+pub struct CurrentFrame;
+
+impl From<CurrentFrame> for usize {
+    fn from(_: CurrentFrame) -> Self {
+        1
+    }
 }
 
-fn one() -> usize {
-    1
+impl TryFrom<usize> for CurrentFrame {
+    type Error = String;
+
+    fn try_from(frames: usize) -> Result<Self, String> {
+        match frames {
+            1 => Ok(Self),
+            _ => Err(format!(
+                "model.encoder.window of the kind \"mlp\" must be 1, found {frames}: choose the kind \"gru\" for several frames"
+            )),
+        }
+    }
 }
 
 /// Reads a list without repetitions.
@@ -143,26 +148,23 @@ where
 
 impl Encoder {
     /// A perceptron on the current frame, as in MeshGraphNets.
-    pub const MLP: Self = Self::Mlp { window: 1 };
+    pub const MLP: Self = Self::Mlp {
+        window: CurrentFrame,
+    };
 
     /// Frames in its window.
     #[must_use]
     pub fn window(self) -> usize {
         match self {
-            Self::Mlp { window }
-            | Self::Gru { window }
-            | Self::NodeGru { window }
-            | Self::StreamingGru { window } => window,
+            Self::Mlp { .. } => 1,
+            Self::Gru { window } | Self::StreamingGru { window } => window,
         }
     }
 
-    /// The encoders of nodes and of arcs.
-    pub(crate) fn rows(self) -> [RowEncoder; 2] {
-        match self {
-            Self::Mlp { window } => [RowEncoder::Mlp(window); 2],
-            Self::Gru { .. } | Self::StreamingGru { .. } => [RowEncoder::Gru; 2],
-            Self::NodeGru { .. } => [RowEncoder::Gru, RowEncoder::Mlp(1)],
-        }
+    /// Returns true for a recurrent network.
+    #[must_use]
+    pub fn is_recurrent(self) -> bool {
+        !matches!(self, Self::Mlp { .. })
     }
 }
 
@@ -332,21 +334,6 @@ impl ModelSpec {
     #[must_use]
     pub fn window(&self) -> usize {
         self.encoder.window()
-    }
-
-    /// Frames of vertices that the encoder sees.
-    #[must_use]
-    pub fn node_window(&self) -> usize {
-        self.window()
-    }
-
-    /// Frames of arcs that the encoder sees, the latest ones of the window.
-    #[must_use]
-    pub fn edge_window(&self) -> usize {
-        match self.encoder {
-            Encoder::NodeGru { .. } => 1,
-            _ => self.window(),
-        }
     }
 
     /// Frames of positions that the features of a window are made from: the window, the frame

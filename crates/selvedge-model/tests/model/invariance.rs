@@ -20,7 +20,7 @@ use selvedge_model::{
 
 /// Every feature over a window of two frames, carried.
 fn spec() -> ModelSpec {
-    let mut spec = ModelSpec::physical(Encoder::Mlp { window: 2 }, 4, 1);
+    let mut spec = ModelSpec::physical(Encoder::Gru { window: 2 }, 4, 1);
     spec.node_features.extend([
         NodeFeature::Acceleration,
         NodeFeature::ExpectedMove,

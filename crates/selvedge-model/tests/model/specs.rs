@@ -9,8 +9,6 @@ pub(crate) fn specs() -> Vec<ModelSpec> {
         ModelSpec::physical(Encoder::Gru { window: 4 }, 6, 2),
         ModelSpec::physical(Encoder::Gru { window: 1 }, 5, 1),
         ModelSpec::mesh_graph_nets(7, 2),
-        ModelSpec::physical(Encoder::Mlp { window: 3 }, 6, 1),
-        ModelSpec::physical(Encoder::NodeGru { window: 3 }, 6, 1),
         ModelSpec::physical(Encoder::StreamingGru { window: 2 }, 17, 1),
         correcting(8, 2),
         correcting(9, 0),

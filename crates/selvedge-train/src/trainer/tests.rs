@@ -20,12 +20,10 @@ fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
     pool.expect("a pool").install(work)
 }
 
-fn encoders() -> [Encoder; 5] {
+fn encoders() -> [Encoder; 3] {
     [
         Encoder::MLP,
-        Encoder::Mlp { window: 3 },
         Encoder::Gru { window: 3 },
-        Encoder::NodeGru { window: 3 },
         Encoder::StreamingGru { window: 3 },
     ]
 }
@@ -272,7 +270,7 @@ fn statistics_have_streams_of_their_own_within_all_bounds() {
 #[test]
 fn a_lane_in_a_run_goes_where_the_rollout_goes() {
     let data = swinging(&[("a", 9, 14)], SectionRule::Whole);
-    let mut carried = config(Encoder::Mlp { window: 2 });
+    let mut carried = config(Encoder::Gru { window: 2 });
     carried
         .model
         .node_features

@@ -50,9 +50,8 @@ pub(crate) fn run() -> anyhow::Result<Answer> {
     ]);
     for row in &rows {
         let encoder = match row.encoder {
-            Encoder::Mlp { window } => format!("mlp {window}"),
+            Encoder::Mlp { .. } => "mlp".to_owned(),
             Encoder::Gru { window } => format!("gru {window}"),
-            Encoder::NodeGru { window } => format!("node-gru {window}"),
             Encoder::StreamingGru { window } => format!("streaming-gru {window}"),
         };
         table.row([

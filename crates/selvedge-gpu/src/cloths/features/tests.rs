@@ -146,7 +146,7 @@ fn a_window_of_several_cloths_is_that_of_the_cpu() {
             ClothGraph::new(&free, vacuum, 60.0).expect("a graph"),
         ];
         let cloths = graphs.map(|graph| Moving::new(graph, spec.history()));
-        let whole = [spec.node_window(), spec.edge_window()];
+        let whole = [spec.window(); 2];
         for (extent, steps) in [(Extent::Whole, whole), (Extent::Newest, [1, 1])] {
             let window = of_cpu(&spec, &cloths, extent, &norms);
             let [nodes, arcs] = of_device(&spec, &cloths, steps, &norms);

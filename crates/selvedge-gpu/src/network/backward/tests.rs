@@ -65,7 +65,7 @@ impl Lowered {
         let graph = GraphArrays::new(&mut plan, counts[0], counts[1]);
         let spec = network.spec();
         let steps = match start {
-            Start::Zero => [spec.node_window(), spec.edge_window()],
+            Start::Zero => [spec.window(); 2],
             Start::Carried => [1, 1],
         };
         let [input, to_input] =

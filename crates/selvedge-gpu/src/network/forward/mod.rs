@@ -17,8 +17,6 @@ use super::weights::WeightArrays;
 use crate::schedule::Schedule;
 use crate::schedule::plan::Plan;
 
-pub use encoder::{RowEncoder, row_encoders};
-
 /// The results of a forward pass that later schedules may read.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Keep {

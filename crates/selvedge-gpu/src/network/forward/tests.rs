@@ -66,8 +66,8 @@ impl Lowered {
 }
 
 fn features(spec: &ModelSpec, graph: &Connectivity) -> [Vec<f32>; 2] {
-    let nodes = spec.node_window() * graph.vertex_count() * spec.node_width();
-    let edges = spec.edge_window() * graph.arc_count() * spec.edge_width();
+    let nodes = spec.window() * graph.vertex_count() * spec.node_width();
+    let edges = spec.window() * graph.arc_count() * spec.edge_width();
     [numbers(nodes, 1.5, 1), numbers(edges, 1.5, 2)]
 }
 

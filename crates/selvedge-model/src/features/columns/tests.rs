@@ -385,7 +385,7 @@ fn acceleration_is_the_second_difference_of_positions_in_the_local_frame() {
 
 #[test]
 fn accelerations_need_one_more_frame() {
-    let mut spec = ModelSpec::physical(Encoder::Mlp { window: 3 }, 8, 1);
+    let mut spec = ModelSpec::physical(Encoder::Gru { window: 3 }, 8, 1);
     assert_eq!((spec.window(), spec.history()), (3, 4));
     spec.node_features.insert(NodeFeature::Acceleration);
     assert_eq!((spec.window(), spec.history()), (3, 5));

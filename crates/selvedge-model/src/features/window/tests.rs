@@ -154,7 +154,7 @@ fn the_gradient_of_every_feature_matches_finite_differences() {
     };
     let specs = [Integration::Inertial {}, carried]
         .into_iter()
-        .flat_map(|integration| each_feature(Encoder::Mlp { window: 2 }, integration));
+        .flat_map(|integration| each_feature(Encoder::Gru { window: 2 }, integration));
     for spec in specs {
         let frames = &frames[..spec.history()];
         let at = |positions: &[Vec<Vec3>]| {

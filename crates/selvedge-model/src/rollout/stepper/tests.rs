@@ -55,7 +55,7 @@ fn constant(spec: &ModelSpec, mean: DVec3) -> Arc<Model> {
 }
 
 fn specs() -> [ModelSpec; 4] {
-    let mut carried = ModelSpec::physical(Encoder::Mlp { window: 2 }, 8, 2);
+    let mut carried = ModelSpec::physical(Encoder::Gru { window: 2 }, 8, 2);
     carried.node_features.insert(NodeFeature::Acceleration);
     carried.integration = Integration::Carried {
         damping: 0.03,

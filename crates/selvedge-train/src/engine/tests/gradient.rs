@@ -31,7 +31,6 @@ fn grouping_changes_nothing_but_rounding() {
     for (encoder, frames) in [
         (Encoder::MLP, 1),
         (Encoder::Gru { window: 3 }, 1),
-        (Encoder::NodeGru { window: 2 }, 1),
         (Encoder::Gru { window: 3 }, 2),
         (Encoder::StreamingGru { window: 2 }, 2),
     ] {

@@ -86,9 +86,7 @@ fn the_gradient_goes_through_every_frame() {
     };
     for encoder in [
         Encoder::MLP,
-        Encoder::Mlp { window: 2 },
         Encoder::Gru { window: 3 },
-        Encoder::NodeGru { window: 3 },
         Encoder::StreamingGru { window: 2 },
     ] {
         for (integration, offset) in [

@@ -372,7 +372,7 @@ fn drawn(network: &Network, graph: &Connectivity) -> (Extent, [Vec<f32>; 2]) {
     let (extent, [of_nodes, of_edges]) = if network.streams() {
         (Extent::Newest, [1, 1])
     } else {
-        (Extent::Whole, [spec.node_window(), spec.edge_window()])
+        (Extent::Whole, [spec.window(); 2])
     };
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let mut numbers = |count: usize| -> Vec<f32> {

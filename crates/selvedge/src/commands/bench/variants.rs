@@ -29,7 +29,6 @@ pub(crate) fn all() -> Vec<Variant> {
     vec![
         of("gru-10", Encoder::Gru { window: 10 }),
         of("gru-5", Encoder::Gru { window: 5 }),
-        of("node-gru-10", Encoder::NodeGru { window: 10 }),
         of("streaming-gru", Encoder::StreamingGru { window: 10 }),
         of("mlp", Encoder::MLP),
         Variant {
@@ -121,7 +120,7 @@ impl Engine {
         let [node_frames, edge_frames] = if network.streams() {
             [1, 1]
         } else {
-            [spec.node_window(), spec.edge_window()]
+            [spec.window(); 2]
         };
         let nodes = numbers(node_frames * vertices * spec.node_width());
         let edges = numbers(edge_frames * arcs * spec.edge_width());

@@ -95,8 +95,8 @@ fn gradients(
             .map(|_| 3.0 * rng.random::<f32>() - 1.5)
             .collect()
     };
-    let nodes = numbers(spec.node_window() * graph.vertex_count() * spec.node_width());
-    let edges = numbers(spec.edge_window() * graph.arc_count() * spec.edge_width());
+    let nodes = numbers(spec.window() * graph.vertex_count() * spec.node_width());
+    let edges = numbers(spec.window() * graph.arc_count() * spec.edge_width());
     let target = numbers(3 * graph.vertex_count());
     let input = Input {
         nodes: &nodes,
@@ -151,7 +151,6 @@ fn worst_array(network: &Network, found: &[f32], expected: &[f32]) -> f64 {
 fn trainings() -> anyhow::Result<Vec<(String, TrainConfig)>> {
     let encoders = [
         ("gru", Encoder::Gru { window: 5 }, 1),
-        ("node-gru", Encoder::NodeGru { window: 5 }, 3),
         ("streaming-gru", Encoder::StreamingGru { window: 5 }, 3),
         ("mlp", Encoder::MLP, 3),
     ];
