@@ -228,7 +228,6 @@ fn learn(
         });
     };
     trainer.stop_by(listener.stop.flag().into());
-    training::warn_of_data(&trainer);
     teller.begin("training", Some(steps - trainer.steps_done().min(steps)));
     let end = selvedge_train::run(&mut trainer, data, asked.out, asked.limits, &mut |step| {
         // Whoever wants to stop is heard by the listener too.

@@ -60,9 +60,6 @@ pub struct TrainConfig {
     /// Probability that a value between the recurrent layers is dropped; 0 where there are none.
     #[serde(default)]
     pub dropout: f64,
-    /// Learn from the mirror image of every trajectory as well.
-    #[serde(default)]
-    pub mirror_images: bool,
     /// Samples of a step.
     pub batch: BatchConfig,
     /// Noise on ground truth.

@@ -360,23 +360,6 @@ impl Trainer {
         self.set.sample_count()
     }
 
-    /// The motions whose mirror images are not learned from, although `mirror_images` is set: their
-    /// handles would go as in a motion to test on.
-    #[must_use]
-    pub fn images_left_out(&self) -> &[String] {
-        self.set.images_left_out()
-    }
-
-    /// Fewest vertices of a cloth that is learned from.
-    #[must_use]
-    pub fn fewest_vertices(&self) -> usize {
-        let counts = self.set.graphs().map(|graph| graph.topology());
-        counts
-            .map(|topology| topology.vertex_count())
-            .min()
-            .unwrap_or(0)
-    }
-
     /// The trainings whose weights this one began with, the first one first; none where it began
     /// with its own.
     #[must_use]
@@ -423,7 +406,7 @@ pub(crate) fn prepare(
     let network = Network::new(&cfg.model)?;
     let need = Need::before_reading(cfg, &network, dataset, on);
     need.check(cfg)?;
-    let set = TrainingSet::load(dataset, cfg.mirror_images)?;
+    let set = TrainingSet::load(dataset)?;
     need.with_slots(cfg, &set, on).check(cfg)?;
     Ok((set, network))
 }

@@ -44,12 +44,11 @@ fn encoders() -> [Encoder; 3] {
     ]
 }
 
-/// Noise, mirror images, a mean of the weights, clipping, the model's own predictions, and dropout
+/// Noise, a mean of the weights, clipping, the model's own predictions, and dropout
 /// where there is something to drop; through so many frames at a time.
 fn busy(model: ModelSpec, frames: usize) -> TrainConfig {
     let mut cfg = config(model);
     cfg.noise.deviation = 0.003;
-    cfg.mirror_images = true;
     cfg.weight_average = Some(0.9);
     cfg.gradient_clip = Some(1.0);
     cfg.loss_cap = Some(50.0);

@@ -30,7 +30,7 @@ fn a_decaying_offset_keeps_its_part_of_what_is_smooth() {
 fn an_offset_is_seen_from_the_truth() {
     let data = swinging(&[("a", 12, 20)], SectionRule::Whole);
     let cfg = config(Encoder::MLP);
-    let set = TrainingSet::load(&data.dataset, false).expect("a set");
+    let set = TrainingSet::load(&data.dataset).expect("a set");
     let (_, section) = set.sample(0);
     let motion = set.motion(section.trajectory);
     let now = Vec3::new(0.01, 0.0, 0.02);

@@ -13,7 +13,7 @@ fn the_papers_6550_samples_are_drawn_each_once() {
     let names = selvedge_cloth::motion::named::training();
     let plans: Vec<Plan<'_>> = names.into_iter().map(|name| (name, 4, 1261)).collect();
     let data = swinging(&plans, SectionRule::Paper);
-    let set = TrainingSet::load(&data.dataset, false).expect("a set");
+    let set = TrainingSet::load(&data.dataset).expect("a set");
     assert_eq!(set.sample_count(), 6550);
     let drawn: Vec<Sample> = (0..6550).map(|number| set.sample(number).0).collect();
     assert_eq!(drawn, data.dataset.samples().collect::<Vec<_>>());
@@ -43,7 +43,7 @@ fn a_section_has_the_frames_between_its_ends() {
 #[test]
 fn before_its_first_frame_a_cloth_stood_still() {
     let data = two_cloths();
-    let set = TrainingSet::load(&data.dataset, false).expect("a set");
+    let set = TrainingSet::load(&data.dataset).expect("a set");
     let motion = set.motion(1);
     assert_eq!(motion.frame(-7), motion.frame(0));
     assert_ne!(motion.frame(1), motion.frame(0));
@@ -56,7 +56,7 @@ fn before_its_first_frame_a_cloth_stood_still() {
 fn trajectories_of_one_cloth_share_its_graph() {
     let plans = [("a", 9, 5), ("b", 12, 5), ("c", 9, 6)];
     let data = swinging(&plans, SectionRule::Whole);
-    let set = TrainingSet::load(&data.dataset, false).expect("a set");
+    let set = TrainingSet::load(&data.dataset).expect("a set");
     let graphs = [0, 1, 2].map(|t| &set.motion(t).graph);
     assert!(Arc::ptr_eq(graphs[0], graphs[2]));
     assert!(!Arc::ptr_eq(graphs[0], graphs[1]));
@@ -65,9 +65,7 @@ fn trajectories_of_one_cloth_share_its_graph() {
 #[test]
 fn a_set_without_anything_to_train_on_is_refused() {
     let data = swinging(&[], SectionRule::Whole);
-    let error = TrainingSet::load(&data.dataset, false)
-        .err()
-        .expect("no samples");
+    let error = TrainingSet::load(&data.dataset).err().expect("no samples");
     assert!(matches!(error, TrainingSetError::NoSamples));
 }
 
@@ -83,7 +81,7 @@ fn the_environment_is_that_of_the_scene() {
         Trajectory::new(plain.cloth().clone(), positions, provenance).expect("a trajectory")
     };
     let windy = Environment {
-        wind: DVec3::new(1.0, 0.0, 2.0),
+        wind: glam::DVec3::new(1.0, 0.0, 2.0),
         ..Environment::default()
     };
     let trajectory = with(serde_json::to_value(windy).expect("plain"));
@@ -92,75 +90,4 @@ fn the_environment_is_that_of_the_scene() {
     let error = graph_of("a", &with(serde_json::json!({"wind": "strong"}))).expect_err("no wind");
     let text = error.to_string();
     assert!(text.starts_with("training trajectory a: the environment of its scene: "));
-}
-
-#[test]
-fn mirror_images_follow_the_trajectories() {
-    let plans = [("a", 9, 5), ("b", 12, 6)];
-    let data = swinging(&plans, SectionRule::Whole);
-    let alone = TrainingSet::load(&data.dataset, false).expect("a set");
-    let both = TrainingSet::load(&data.dataset, true).expect("a set");
-    let samples = alone.sample_count();
-    assert_eq!(both.sample_count(), 2 * samples);
-    let mirrored = |p: &Vec3| Vec3::new(p.x, p.y, -p.z);
-    for number in 0..samples {
-        let (sample, section) = alone.sample(number);
-        assert_eq!(both.sample(number), (sample, section));
-        let (image, image_section) = both.sample(samples + number);
-        assert_eq!(image.current, sample.current);
-        assert_eq!(image.trajectory, sample.trajectory + 2);
-        assert!(both.has(image_section));
-        let (of, truth) = (
-            both.motion(image.trajectory),
-            alone.motion(sample.trajectory),
-        );
-        let frame = sample.current as i64;
-        let expected: Vec<Vec3> = truth.frame(frame).iter().map(mirrored).collect();
-        assert_eq!(of.frame(frame), expected);
-        let rest = truth.graph.rest_positions().iter().map(mirrored);
-        assert!(rest.eq(of.graph.rest_positions().iter().copied()));
-    }
-}
-
-#[test]
-fn an_image_that_moves_as_a_test_does_is_left_out() {
-    let plans = [("a", 9, 30), ("b", 9, 31), ("c", 12, 32)];
-    let half_turn = |p: &Vec3| Vec3::new(-p.x, p.y, -p.z);
-    // The image of b, seen from behind.
-    let image = crate::test_data::trajectory(plans[1], 1).mirrored();
-    let turned = image.frames().iter().flatten().map(half_turn).collect();
-    let cloth = image.cloth().clone();
-    let test = Trajectory::new(cloth, turned, image.provenance().clone()).expect("a trajectory");
-    let data = crate::test_data::swinging_and_tested(&plans, &[("test", test)]);
-    let alone = TrainingSet::load(&data.dataset, false).expect("a set");
-    assert!(alone.images_left_out().is_empty());
-    let both = TrainingSet::load(&data.dataset, true).expect("a set");
-    assert_eq!(both.images_left_out(), ["b"]);
-    assert_eq!(both.sample_count(), 28 + 29 + 30 + 28 + 30);
-    let (last, _) = both.sample(both.sample_count() - 1);
-    assert_eq!((last.trajectory, last.current), (5, 30));
-    let samples = (0..both.sample_count()).map(|number| both.sample(number).0.trajectory);
-    assert!(!samples.into_iter().any(|trajectory| trajectory == 4));
-}
-
-#[test]
-fn wind_is_mirrored_and_gusts_are_refused() {
-    let wind = DVec3::new(1.0, 2.0, 3.0);
-    let windy = Environment {
-        wind,
-        ..Environment::default()
-    };
-    let image = mirrored("a", windy).expect("an image");
-    assert_eq!(image.wind, DVec3::new(1.0, 2.0, -3.0));
-    assert_eq!(image.gravity, windy.gravity);
-    let gusty = Environment {
-        gust: Some(selvedge_cloth::Gust {
-            speed: DVec3::ONE,
-            period: 2.0,
-            seed: 1,
-        }),
-        ..windy
-    };
-    let error = mirrored("a", gusty).expect_err("no image");
-    assert!(error.to_string().contains("leave out mirror_images"));
 }

@@ -133,7 +133,7 @@ fn whole(encoder: Encoder) -> Whole {
     };
     let trainer = Trainer::new(cfg.clone(), &data.dataset, &ENGINE).expect("a training");
     let model = trainer.model(String::new()).expect("a model");
-    let set = TrainingSet::load(&data.dataset, false).expect("a set");
+    let set = TrainingSet::load(&data.dataset).expect("a set");
     let mut shown = ShownSample::default();
     let mut rng = rng_of(cfg.seed, 0, 0, 1);
     Slot::new().show(&cfg, &set, &mut rng, &mut shown);

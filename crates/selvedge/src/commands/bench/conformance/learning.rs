@@ -146,7 +146,7 @@ fn worst_array(network: &Network, found: &[f32], expected: &[f32]) -> f64 {
     worst(0.0, of_arrays)
 }
 
-/// Small trainings in which everything plays a part that can: noise, mirror images, clipping, a
+/// Small trainings in which everything plays a part that can: noise, clipping, a
 /// mean of the weights, dropout, the model's own predictions, and several frames at a time.
 fn trainings() -> anyhow::Result<Vec<(String, TrainConfig)>> {
     let encoders = [
@@ -195,7 +195,6 @@ log_every = 10
 gradient_clip = 1.0
 loss_cap = 100.0
 weight_average = 0.99
-mirror_images = true
 
 [model]
 node_features = ["velocity", "node-type"]
