@@ -98,15 +98,15 @@ pub use kernels::dropout::Dropout;
 pub use kernels::gates::{Gate, GateLayout};
 pub use kernels::real::Real;
 pub use kernels::simd::Instructions;
-pub use network::cost::{Activations, FirstEdgeLayer, Flops, activations, flops};
+pub use network::activations::{Activations, activations};
 pub use network::packed::{PackedWeights, Purpose};
 pub use network::parameters::{Parameter, Start};
+pub use network::reference;
 pub use network::workspace::Workspace;
 pub use network::{
     Carried, EncoderState, Gradients, Input, InputGradient, Network, NetworkScalar, Pass,
     StateGradients,
 };
-pub use network::{reference, roofline};
 pub use rollout::{
     CorrectionError, CorrectionNetwork, Corrector, Familiarity, LearnedStepper, LocalAcceleration,
     MODEL_FORMAT, Model, ModelError, ModelFileError, NoBase, NonFinite, Normalizers, RolloutError,

@@ -55,7 +55,8 @@ struct Hanging {
 }
 
 impl TeachingScenes {
-    /// Opens the presets `names` and finds the rest pose of every cloth; none where an end is asked for.
+    /// Opens the presets `names` and finds the rest pose of every cloth; none where an end is asked
+    /// for.
     ///
     /// # Errors
     /// A preset that is not there, a cloth that comes to no rest.

@@ -2,11 +2,12 @@
 
 use anyhow::Context;
 use selvedge_lab::assets;
-use selvedge_model::{Encoder, FirstEdgeLayer, Flops, Network, flops};
+use selvedge_model::{Encoder, Network};
 use selvedge_train::{CorrectionConfig, TrainConfig};
 use serde::Serialize;
 use serde_json::json;
 
+use super::flops::{FirstEdgeLayer, Flops, flops};
 use crate::output::{Answer, Table};
 
 /// The cloth that a frame is counted for: the paper's, 2949 edges.

@@ -18,8 +18,7 @@ use selvedge_gpu::device::{Device, Precision};
 use selvedge_gpu::rollout::{Opening, Rollout};
 use selvedge_lab::machine::{self, DeviceName};
 use selvedge_model::{
-    ClothGraph, Connectivity, Extent, FirstEdgeLayer, Input, Model, ModelSpec, Network, Normalizer,
-    Normalizers, flops,
+    ClothGraph, Connectivity, Extent, Input, Model, ModelSpec, Network, Normalizer, Normalizers,
 };
 use serde::Serialize;
 use serde_json::json;
@@ -29,6 +28,7 @@ use super::peer::Peer;
 use super::variants::{Variant, named};
 use super::{median, time};
 use crate::cli::{Cloths, GpuArgs};
+use crate::commands::flops::{FirstEdgeLayer, flops};
 use crate::interrupt;
 use crate::output::{Answer, End};
 

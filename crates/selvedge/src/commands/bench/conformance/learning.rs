@@ -146,8 +146,8 @@ fn worst_array(network: &Network, found: &[f32], expected: &[f32]) -> f64 {
     worst(0.0, of_arrays)
 }
 
-/// Small trainings in which everything plays a part that can: noise, clipping, a
-/// mean of the weights, dropout, the model's own predictions, and several frames at a time.
+/// Small trainings in which everything plays a part that can: noise, clipping, a mean of the
+/// weights, dropout, the model's own predictions, and several frames at a time.
 fn trainings() -> anyhow::Result<Vec<(String, TrainConfig)>> {
     let encoders = [
         ("gru", Encoder::Gru { window: 5 }, 1),
