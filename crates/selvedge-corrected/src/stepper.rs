@@ -218,9 +218,6 @@ impl CorrectedStepper {
 
     /// Predicts a frame by physics.
     fn predict(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
-        if self.base.forgets {
-            self.simulator.forget_previous();
-        }
         let earlier = self.simulator.substep_before();
         self.knows_earlier = earlier.is_some();
         if let Some((positions, velocities)) = earlier {
@@ -293,7 +290,6 @@ impl CorrectedStepper {
         self.spare.copy_of(&self.simulator);
         let environment = self.scene.environment;
         let environment = environment.during_step(frame, self.scene.frame_rate);
-        let has_before = self.knows_before && !self.base.forgets;
         let substeps = self.simulator.substep_before();
         let substeps = substeps.map(|(positions, velocities)| FrameSubsteps {
             earlier: self.knows_earlier.then(|| self.earlier.as_motion()),
@@ -306,7 +302,7 @@ impl CorrectedStepper {
             fell_back: self.fell_back,
         });
         let predicted = PredictedFrame {
-            before: has_before.then(|| self.before.as_motion()),
+            before: self.knows_before.then(|| self.before.as_motion()),
             substeps,
             last: self.now.as_motion(),
             predicted: MotionState {

@@ -50,22 +50,20 @@ fn gusty() -> Scene {
     scene
 }
 
-fn bases() -> [PhysicsBase; 6] {
-    let base = |integrator, substeps, forgets| PhysicsBase {
+fn bases() -> [PhysicsBase; 5] {
+    let base = |integrator, substeps| PhysicsBase {
         integrator,
         substeps,
-        forgets,
         differences: Differences::Frames,
     };
     let over_substeps = |substeps| PhysicsBase {
         differences: Differences::Substeps,
-        ..base(Integrator::SecondOrder, substeps, false)
+        ..base(Integrator::SecondOrder, substeps)
     };
     [
-        base(Integrator::Linearised, 1, false),
-        base(Integrator::SecondOrder, 1, false),
-        base(Integrator::SecondOrder, 2, false),
-        base(Integrator::SecondOrder, 1, true),
+        base(Integrator::Linearised, 1),
+        base(Integrator::SecondOrder, 1),
+        base(Integrator::SecondOrder, 2),
         over_substeps(1),
         over_substeps(2),
     ]
@@ -139,9 +137,6 @@ fn a_model_that_corrects_nothing_leaves_its_base() {
         let mut none = stepper(&scene, base, 0.0).at_frame(10);
         let mut some = stepper(&scene, base, SMALL).at_frame(10);
         for frame in 11..16 {
-            if base.forgets {
-                alone.forget_previous();
-            }
             alone.step(&targets).unwrap();
             none.step(&targets).unwrap();
             some.step(&targets).unwrap();

@@ -22,7 +22,7 @@ const ASTRAY: f64 = 0.05;
 /// Frames of the teacher between two runs of the model, at most.
 const MOST_TAUGHT: usize = 20;
 /// Part of the frames before which the frame before is forgotten, as at the start of a run.
-const FORGETFUL: f64 = 0.02;
+pub(super) const FORGETFUL: f64 = 0.02;
 
 type Problem = Box<dyn Error + Send + Sync>;
 
@@ -35,6 +35,8 @@ pub(super) struct Lesson<'a> {
     pub(super) model: Option<&'a Arc<Model>>,
     /// Its frames in a row, with the one that the sample is of.
     pub(super) own_frames: usize,
+    /// Part of the frames before which the frame before is forgotten.
+    pub(super) forgetful: f64,
     pub(super) stop: &'a Stop,
 }
 
@@ -147,7 +149,7 @@ impl TaughtCloth {
         let scene = &lesson.scenes.scenes[run.scene];
         run.left -= 1;
         run.choose(lesson.model, lesson.own_frames, &mut self.rng);
-        let sample = run.advance(scene, lesson.model, &mut self.rng)?;
+        let sample = run.advance(scene, lesson, &mut self.rng)?;
         // The frame of a network that was stopped means nothing.
         let sample = sample.filter(|_| !lesson.stop.is_wanted());
         if sample.is_some() {
@@ -173,7 +175,6 @@ impl Run {
         let leading = PhysicsBase {
             integrator: Integrator::default(),
             substeps: 2,
-            forgets: false,
             differences: Differences::default(),
         };
         let still = vec![DVec3::ZERO; rest.len()];
@@ -239,12 +240,11 @@ impl Run {
     fn advance(
         &mut self,
         scene: &TeachingScene,
-        model: Option<&Arc<Model>>,
+        lesson: Lesson<'_>,
         rng: &mut ChaCha8Rng,
     ) -> Result<Option<CorrectionSample>, Problem> {
         let frame = self.cheap.frame();
-        let forgets = rng.random::<f64>() < FORGETFUL;
-        if forgets || self.base.forgets {
+        if rng.random::<f64>() < lesson.forgetful {
             self.cheap.forget_previous();
             self.before = None;
         }
@@ -280,7 +280,7 @@ impl Run {
             over: rng.random(),
         };
         let sample = self.write(scene, &predicted, turns);
-        let next = match model.filter(|_| self.follows_model) {
+        let next = match lesson.model.filter(|_| self.follows_model) {
             Some(model) => self.corrected(scene, model, predicted)?,
             None => state_of(&self.teacher),
         };

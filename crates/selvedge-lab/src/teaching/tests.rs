@@ -291,9 +291,10 @@ fn a_teacher_that_is_the_base_adds_nothing_where_handles_let_go_and_take_hold() 
     cfg.teacher.substeps = 2;
     cfg.samples.cloths = 8;
     cfg.samples.frames = 40;
-    let base = cfg.model.base.as_mut().unwrap();
-    (base.substeps, base.forgets) = (2, true);
+    cfg.model.base.as_mut().unwrap().substeps = 2;
     let mut teaching = Teaching::new(letting_go(), cfg, 0);
+    // The teacher begins every frame anew, and so does the base then.
+    teaching.forgetful = 1.0;
     let mut held_so_often = [0; 3];
     for _ in 0..50 {
         for sample in teaching.samples(None, 1).unwrap().unwrap() {

@@ -18,10 +18,6 @@ pub struct PhysicsBase {
     pub integrator: Integrator,
     /// Implicit solves per frame, at least 1.
     pub substeps: u32,
-    /// Every frame starts anew, without the substep before it: a formula of second order then takes
-    /// one solve more.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub forgets: bool,
     /// The differences of the motion that the network is shown.
     #[serde(default, skip_serializing_if = "Differences::are_over_frames")]
     pub differences: Differences,
@@ -95,7 +91,6 @@ mod tests {
         );
         let base = spec.base.expect("a base");
         assert_eq!(base.integrator, Integrator::default());
-        assert!(!base.forgets);
         let text = serde_json::to_string(&spec).expect("JSON");
         assert_eq!(serde_json::from_str::<ModelSpec>(&text).ok(), Some(spec));
         let unknown = text.replace("\"substeps\"", "\"steps\"");

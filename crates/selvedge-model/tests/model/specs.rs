@@ -23,7 +23,6 @@ pub(crate) fn correcting(latent: usize, blocks: usize) -> ModelSpec {
         base: Some(PhysicsBase {
             integrator: Default::default(),
             substeps: 1,
-            forgets: false,
             differences: Default::default(),
         }),
         ..ModelSpec::physical(Encoder::MLP, latent, blocks)

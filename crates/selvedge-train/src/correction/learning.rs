@@ -144,7 +144,6 @@ pub(super) mod tests {
             base: Some(PhysicsBase {
                 integrator: Default::default(),
                 substeps: 1,
-                forgets: false,
                 differences: Default::default(),
             }),
             node_features: Default::default(),
