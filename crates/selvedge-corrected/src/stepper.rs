@@ -388,9 +388,10 @@ impl Stepper for CorrectedStepper {
             self.familiarity = Familiarity::default();
         } else if let Err(error) = self.correct(frame) {
             self.simulator.undo_step();
-            return Err(StepError::Device {
-                frame: frame + 1,
-                reason: error.to_string(),
+            let frame = frame + 1;
+            return Err(match error {
+                CorrectionError::Stopped(_) => StepError::Stopped { frame },
+                CorrectionError::Device(reason) => StepError::Device { frame, reason },
             });
         }
         if self.stop.is_wanted() {

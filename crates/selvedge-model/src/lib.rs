@@ -105,7 +105,7 @@ pub use network::reference;
 pub use network::workspace::Workspace;
 pub use network::{
     Carried, EncoderState, Gradients, Input, InputGradient, Network, NetworkScalar, Pass,
-    StateGradients,
+    StateGradients, Stopped,
 };
 pub use rollout::{
     CorrectionError, CorrectionNetwork, Corrector, Familiarity, LearnedStepper, LocalAcceleration,

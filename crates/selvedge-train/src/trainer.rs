@@ -283,6 +283,7 @@ impl Trainer {
     /// step, but the slots have moved on: resume from a checkpoint.
     pub fn step(&mut self) -> Result<StepReport, TrainError> {
         let step = self.step;
+        // Frames of a history are shared: none of their positions is copied.
         let slots = self.slots.clone();
         let frames = self.cfg.unroll.at(step);
         let setup = Setup {
@@ -296,12 +297,7 @@ impl Trainer {
         };
         let batch = Batch::new(setup, &mut self.slots, step, frames);
         let terms = self.engine.learn(batch)?;
-        let is_given_up = match self.ranks.are_several() {
-            // As all of them have agreed: a wish of after that is heard by the next step.
-            true => terms.is_empty(),
-            false => self.stop.is_wanted(),
-        };
-        if is_given_up {
+        if terms.is_empty() {
             self.slots = slots;
             return Err(TrainError::Stopped { step: step + 1 });
         }

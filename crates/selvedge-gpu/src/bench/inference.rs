@@ -190,6 +190,7 @@ mod tests {
             };
             let pass = Pass::Inference;
             let expected = network.forward_carried(&packed, &graph, given, pass, &mut workspace);
+            let expected = expected.expect("nobody stops it");
             let case = NetworkCase {
                 network: &network,
                 weights: &weights,

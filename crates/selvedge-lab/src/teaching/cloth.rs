@@ -9,8 +9,8 @@ use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::{HandlePath, Integrator, Scene, Stepper, Stop};
 use selvedge_corrected::{FrameState, base_scene};
 use selvedge_model::{
-    ClothGraph, CorrectionColumns, Corrector, Differences, FrameSubsteps, HalfTurns, Model,
-    MotionState, PhysicsBase, PredictedFrame, Stiffness, rough_fields,
+    ClothGraph, CorrectionColumns, CorrectionError, Corrector, Differences, FrameSubsteps,
+    HalfTurns, Model, MotionState, PhysicsBase, PredictedFrame, Stiffness, rough_fields,
 };
 use selvedge_sim::{Simulator, SimulatorError, Threads};
 use selvedge_train::{CorrectionConfig, CorrectionSample};
@@ -150,8 +150,6 @@ impl TaughtCloth {
         run.left -= 1;
         run.choose(lesson.model, lesson.own_frames, &mut self.rng);
         let sample = run.advance(scene, lesson, &mut self.rng)?;
-        // The frame of a network that was stopped means nothing.
-        let sample = sample.filter(|_| !lesson.stop.is_wanted());
         if sample.is_some() {
             self.run = Some(run);
         }
@@ -281,7 +279,10 @@ impl Run {
         };
         let sample = self.write(scene, &predicted, turns);
         let next = match lesson.model.filter(|_| self.follows_model) {
-            Some(model) => self.corrected(scene, model, predicted)?,
+            Some(model) => match self.corrected(scene, model, predicted)? {
+                Some(next) => next,
+                None => return Ok(None),
+            },
             None => state_of(&self.teacher),
         };
         if self.is_astray(&next.positions)
@@ -362,13 +363,13 @@ impl Run {
         }
     }
 
-    /// The state that `model` makes of a predicted one.
+    /// The state that `model` makes of a predicted one; none where a stop is wanted.
     fn corrected(
         &mut self,
         scene: &TeachingScene,
         model: &Arc<Model>,
         predicted: FrameState,
-    ) -> Result<FrameState, Problem> {
+    ) -> Result<Option<FrameState>, Problem> {
         let corrector = match &mut self.corrector {
             Some(corrector) => corrector,
             none => {
@@ -390,8 +391,10 @@ impl Run {
             predicted: predicted.as_motion(),
             ..frame_of(scene, self.cheap.frame() - 1, &self.held)
         };
-        corrector.correct(&frame, &mut next.positions, &mut next.velocities)?;
-        Ok(next)
+        match corrector.correct(&frame, &mut next.positions, &mut next.velocities) {
+            Err(CorrectionError::Stopped(_)) => Ok(None),
+            corrected => Ok(corrected.map(|_| Some(next))?),
+        }
     }
 }
 

@@ -17,7 +17,7 @@ mod passes;
 pub mod reference;
 pub(crate) mod workspace;
 
-pub use arguments::{Carried, Gradients, Input, InputGradient, Pass, StateGradients};
+pub use arguments::{Carried, Gradients, Input, InputGradient, Pass, StateGradients, Stopped};
 pub use definition::Network;
 pub use encoder_state::EncoderState;
 pub use passes::NetworkScalar;

@@ -76,8 +76,8 @@ impl<T: Real> Workspace<T> {
         Self::default()
     }
 
-    /// Lets passes end early from when `stop` is wanted. What they give then means nothing: whoever
-    /// runs them looks at `stop` before using it.
+    /// Lets [`Network::forward_carried`] and [`Network::backward_carried`] end early, with an error,
+    /// from when `stop` is wanted.
     pub fn stop_by(&mut self, stop: Stop) {
         self.stop = stop;
     }

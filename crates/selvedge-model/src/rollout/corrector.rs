@@ -15,7 +15,7 @@ use crate::graph::ClothGraph;
 use crate::kernels::simd::Instructions;
 use crate::network::packed::{PackedWeights, Purpose};
 use crate::network::workspace::Workspace;
-use crate::network::{Carried, EncoderState, Input, Pass};
+use crate::network::{Carried, EncoderState, Input, Pass, Stopped};
 use crate::rollout::model::Model;
 use crate::spec::{MOST_DEVIATIONS, PhysicsBase};
 
@@ -44,10 +44,16 @@ pub trait CorrectionNetwork: Send {
     ) -> Result<(), CorrectionError>;
 }
 
-/// A network that could not be run, with what failed.
+/// A frame that a network did not correct.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
-#[error("{0}")]
-pub struct CorrectionError(pub String);
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum CorrectionError {
+    /// What failed of the machine that runs the network.
+    #[error("{0}")]
+    Device(String),
+    #[error(transparent)]
+    Stopped(#[from] Stopped),
+}
 
 /// A model that corrects the frames of one cloth.
 pub struct Corrector {
@@ -112,8 +118,7 @@ impl Corrector {
         })
     }
 
-    /// Lets the network end early from when `stop` is wanted. What [`Self::correct`] gives then
-    /// means nothing.
+    /// Lets [`Self::correct`] end early, with an error, from when `stop` is wanted.
     pub fn stop_by(&mut self, stop: Stop) {
         self.workspace.stop_by(stop);
     }
@@ -171,7 +176,7 @@ impl Corrector {
     /// predicted ones of `frame`.
     ///
     /// # Errors
-    /// [`CorrectionError`] of a network that runs elsewhere; positions and velocities stay.
+    /// [`CorrectionError`]; positions and velocities stay.
     ///
     /// # Panics
     /// When a slice does not have the size of the cloth.
@@ -225,7 +230,7 @@ impl Corrector {
             },
             Pass::Inference,
             &mut self.workspace,
-        );
+        )?;
         self.rows.clear();
         self.rows.extend_from_slice(out);
         Ok(())

@@ -18,7 +18,7 @@ use crate::graph::frame::Yaw;
 use crate::kernels::simd::Instructions;
 use crate::network::packed::{PackedWeights, Purpose};
 use crate::network::workspace::Workspace;
-use crate::network::{Carried, EncoderState, Input, Pass};
+use crate::network::{Carried, EncoderState, Input, Pass, Stopped};
 use crate::rollout::advance::{LocalAcceleration, NonFinite, TwoFrames, advance, require_finite};
 use crate::rollout::hands::Hands;
 use crate::rollout::model::Model;
@@ -49,7 +49,6 @@ pub struct LearnedStepper {
     /// step is known to be good.
     state: EncoderState<f32>,
     acceleration: Vec<f32>,
-    stop: Stop,
 }
 
 /// Reason why a rollout cannot start.
@@ -130,7 +129,6 @@ impl LearnedStepper {
             workspace: Workspace::new(),
             state: EncoderState::new(),
             acceleration: Vec::new(),
-            stop: Stop::default(),
             model,
             graph,
         })
@@ -161,7 +159,8 @@ impl LearnedStepper {
         }
     }
 
-    fn predict(&mut self, next_handles: &[Vec3], yaw: Yaw) {
+    /// Sets the acceleration of frame `frame`.
+    fn predict(&mut self, frame: usize, next_handles: &[Vec3], yaw: Yaw) -> Result<(), StepError> {
         let (spec, place) = (self.model.spec(), Place::alone(&self.graph));
         let frames = Frames {
             positions: &self.history,
@@ -192,9 +191,11 @@ impl LearnedStepper {
             Pass::Inference,
             &mut self.workspace,
         );
+        let out = out.map_err(|Stopped| StepError::Stopped { frame })?;
         self.acceleration.clear();
         self.acceleration.extend_from_slice(out);
         normalizers.acceleration.denormalize(&mut self.acceleration);
+        Ok(())
     }
 }
 
@@ -230,10 +231,9 @@ impl Stepper for LearnedStepper {
         let mut next_handles = std::mem::take(&mut self.next_handles);
         next_handles.clear();
         next_handles.extend(self.hands[1].places());
-        self.predict(&next_handles, yaw);
-        if self.stop.is_wanted() {
+        if let Err(error) = self.predict(frame, &next_handles, yaw) {
             self.next_handles = next_handles;
-            return Err(StepError::Stopped { frame });
+            return Err(error);
         }
         let newest = self.history.len() - 1;
         let spec = self.model.spec();
@@ -270,8 +270,7 @@ impl Stepper for LearnedStepper {
 
     /// Heard within the network.
     fn stop_by(&mut self, stop: Stop) {
-        self.workspace.stop_by(stop.clone());
-        self.stop = stop;
+        self.workspace.stop_by(stop);
     }
 }
 

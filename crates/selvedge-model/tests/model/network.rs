@@ -3,9 +3,10 @@
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use selvedge_cloth::Stop;
 use selvedge_model::{
     Carried, Connectivity, Dropout, Encoder, EncoderState, Gradients, Input, InputGradient,
-    Instructions, Model, ModelSpec, Network, PackedWeights, Pass, Purpose, StateGradients,
+    Instructions, Model, ModelSpec, Network, PackedWeights, Pass, Purpose, StateGradients, Stopped,
     Workspace, reference,
 };
 
@@ -394,7 +395,8 @@ impl Stream {
                 state: &state,
             };
             self.begun
-                .forward_carried(&self.packed, graph, carried, pass, &mut workspace);
+                .forward_carried(&self.packed, graph, carried, pass, &mut workspace)
+                .expect("nobody stops it");
             let after = workspace.end_state().clone();
             (workspace, std::mem::replace(&mut state, after))
         };
@@ -425,6 +427,7 @@ fn a_stream_is_a_window_that_grows() {
     let found = stream
         .begun
         .forward_carried(&stream.packed, &whole.graph, carried, pass, last);
+    let found = found.expect("nobody stops it");
     // The same arithmetic in the same order.
     assert_eq!(found, expected);
 }
@@ -467,7 +470,8 @@ fn the_gradient_of_a_stream_is_that_of_the_window() {
         let carried = Carried { input, state };
         stream
             .begun
-            .backward_carried(&stream.packed, graph, carried, gradients, workspace);
+            .backward_carried(&stream.packed, graph, carried, gradients, workspace)
+            .expect("nobody stops it");
         later = earlier;
     }
     for (found, expected) in found.iter().zip(&expected) {
@@ -531,6 +535,37 @@ fn threads_change_no_bit() {
         assert_eq!(one, run(2));
         assert_eq!(one, run(3));
     }
+}
+
+#[test]
+fn a_pass_that_is_stopped_gives_nothing() {
+    let stream = Stream::new();
+    let graph = &stream.whole.graph;
+    let [input, ..] = stream.inputs();
+    let state = &EncoderState::new();
+    let carried = Carried { input, state };
+    let pass = Pass::Training(None);
+    let (network, weights) = (&stream.begun, &stream.packed);
+    let stop = Stop::default();
+    let mut workspace = Workspace::new();
+    workspace.stop_by(stop.clone());
+    let out = network.forward_carried(weights, graph, carried, pass, &mut workspace);
+    let output = vec![1.0; out.expect("nobody stops it yet").len()];
+    stop.ask();
+    let mut gradient = vec![0.0; stream.whole.weights.len()];
+    let gradients = Gradients::new(&output, &mut gradient);
+    let back = network.backward_carried(weights, graph, carried, gradients, &mut workspace);
+    assert_eq!(back, Err(Stopped));
+    let out = network.forward_carried(weights, graph, carried, pass, &mut workspace);
+    assert_eq!(out, Err(Stopped));
+    // Those that cannot say so do not hear it.
+    let found = network
+        .forward_packed(weights, graph, input, pass, &mut workspace)
+        .to_vec();
+    let expected = network
+        .forward_packed(weights, graph, input, pass, &mut Workspace::new())
+        .to_vec();
+    assert_eq!(found, expected);
 }
 
 #[test]

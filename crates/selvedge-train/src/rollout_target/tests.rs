@@ -1,5 +1,7 @@
 //! What is left of an offset: its closed form, and what is taken for smooth.
 
+use std::sync::Arc;
+
 use glam::{DVec3, Vec2, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -34,7 +36,10 @@ fn an_offset_is_seen_from_the_truth() {
     let (_, section) = set.sample(0);
     let motion = set.motion(section.trajectory);
     let now = Vec3::new(0.01, 0.0, 0.02);
-    let shifted = |frame: i64| motion.frame(frame).iter().map(|p| *p + now).collect();
+    let shifted = |frame: i64| {
+        let frame = motion.frame(frame).iter();
+        Arc::new(frame.map(|p| *p + now).collect::<Vec<Vec3>>())
+    };
     let mut slot = Slot::new();
     slot.section = *section;
     slot.current = 6;

@@ -242,7 +242,8 @@ fn on_cpu<T: NetworkScalar>(
         input,
         state: &state,
     };
-    network.forward_carried(&packed, graph, carried, pass, &mut workspace);
+    let out = network.forward_carried(&packed, graph, carried, pass, &mut workspace);
+    out.expect("nobody stops it");
     let mut all = vec![
         vec![T::ZERO; given.weights.len()],
         vec![T::ZERO; given.nodes.len()],
@@ -263,7 +264,8 @@ fn on_cpu<T: NetworkScalar>(
         input: Some(InputGradient { nodes, arcs: edges }),
         states,
     };
-    network.backward_carried(&packed, graph, carried, gradients, &mut workspace);
+    let back = network.backward_carried(&packed, graph, carried, gradients, &mut workspace);
+    back.expect("nobody stops it");
     if carries {
         all.extend(by_start.arrays().map(<[T]>::to_vec));
     }

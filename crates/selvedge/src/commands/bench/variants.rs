@@ -162,8 +162,11 @@ impl Engine {
             input,
             state: &self.state,
         };
-        self.network
-            .forward_carried(&self.used, &self.graph, given, Pass::Inference, workspace);
+        let pass = Pass::Inference;
+        let done = self
+            .network
+            .forward_carried(&self.used, &self.graph, given, pass, workspace);
+        debug_assert!(done.is_ok(), "nobody stops it");
     }
 
     /// Makes what [`Self::step`] needs.
@@ -200,13 +203,16 @@ impl Engine {
             state: &self.state,
         };
         let out = network.forward_carried(&learning.weights, &self.graph, given, pass, workspace);
+        let Ok(out) = out else { return };
         let scale = 2.0 / out.len() as f32;
         for ((to, x), y) in learning.by_output.iter_mut().zip(out).zip(&self.target) {
             *to = scale * (x - y);
         }
         learning.gradient.fill(0.0);
         let gradients = Gradients::new(&learning.by_output, &mut learning.gradient);
-        network.backward_carried(&learning.weights, &self.graph, given, gradients, workspace);
+        let back =
+            network.backward_carried(&learning.weights, &self.graph, given, gradients, workspace);
+        debug_assert!(back.is_ok(), "nobody stops it");
         let adam = &mut learning.adam;
         adam.step(&mut self.weights, &learning.gradient, 1e-5);
     }
