@@ -120,6 +120,7 @@ impl Slot {
         }
         let next = motion.frame(self.current as i64 + 1);
         shown.next_handles = graph.handles().select(next);
+        shown.yaw = motion.yaw(self.current);
         self.to_local(cfg, graph, &target, shown);
     }
 
@@ -135,7 +136,7 @@ impl Slot {
         self.history = frames.map(|f| Arc::new(motion.frame(f).to_vec())).collect();
     }
 
-    /// Sets reference, current and target positions, and the local frame of the current ones.
+    /// Sets reference, current and target positions, in the local frame of the current ones.
     fn to_local(
         &self,
         cfg: &TrainConfig,
@@ -146,7 +147,7 @@ impl Slot {
         let count = self.history.len();
         let current = &self.history[count - 1];
         let handles = graph.handles().select(current);
-        let yaw = graph.frame().yaw(&handles, graph.frame().rest_yaw());
+        let yaw = shown.yaw;
         let last = LastFrames {
             graph,
             previous: &self.history[count - 2],
@@ -164,7 +165,6 @@ impl Slot {
         to_current.extend(current.iter().map(|p| local(p.as_dvec3())));
         to_target.clear();
         to_target.extend(target.iter().map(|&p| local(p)));
-        shown.yaw = yaw;
     }
 
     /// Offset of the current positions from the truth, in local axes `[m]`, `[vertices]`.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::Vec3;
 use selvedge_cloth::{Environment, Material};
 use selvedge_data::{Dataset, DatasetError, Sample, Section, Split, Trajectory};
-use selvedge_model::{ClothGraph, Connectivity, Domain, GraphError};
+use selvedge_model::{ClothGraph, Connectivity, Domain, GraphError, Yaw};
 use serde_json::Value;
 use thiserror::Error;
 
@@ -13,21 +13,27 @@ use thiserror::Error;
 pub(crate) struct Motion {
     pub(crate) graph: Arc<ClothGraph>,
     pub(crate) connectivity: Arc<Connectivity>,
+    /// The local frame of each frame, as a rollout from the first one has it: handles without a
+    /// direction keep the one before.
+    yaws: Vec<Yaw>,
     trajectory: Trajectory,
 }
 
 impl Motion {
     /// A trajectory with its graph, which those of one cloth share.
     fn new(graph: ClothGraph, trajectory: Trajectory, others: &[Self]) -> Self {
+        let yaws = yaws(&graph, &trajectory);
         match others.iter().find(|motion| *motion.graph == graph) {
             Some(same) => Self {
                 graph: Arc::clone(&same.graph),
                 connectivity: Arc::clone(&same.connectivity),
+                yaws,
                 trajectory,
             },
             None => Self {
                 connectivity: Arc::new(graph.connectivity().clone()),
                 graph: Arc::new(graph),
+                yaws,
                 trajectory,
             },
         }
@@ -37,6 +43,24 @@ impl Motion {
     pub(crate) fn frame(&self, frame: i64) -> &[Vec3] {
         self.trajectory.frame(frame.max(0) as usize)
     }
+
+    /// The local frame of the handles in `frame`.
+    pub(crate) fn yaw(&self, frame: usize) -> Yaw {
+        self.yaws[frame]
+    }
+}
+
+/// The local frames of a trajectory, each with the one before to fall back to.
+fn yaws(graph: &ClothGraph, trajectory: &Trajectory) -> Vec<Yaw> {
+    let mut yaw = graph.frame().rest_yaw();
+    let frames = 0..trajectory.frame_count();
+    frames
+        .map(|frame| {
+            let handles = graph.handles().select(trajectory.frame(frame));
+            yaw = graph.frame().yaw(&handles, yaw);
+            yaw
+        })
+        .collect()
 }
 
 /// The trajectories that a training learns from.

@@ -91,3 +91,59 @@ fn the_environment_is_that_of_the_scene() {
     let text = error.to_string();
     assert!(text.starts_with("training trajectory a: the environment of its scene: "));
 }
+
+/// Handles above each other have no direction: a sample has then that of the frame before, as a
+/// rollout has.
+#[test]
+fn a_sample_without_a_direction_keeps_the_one_before() {
+    let plain = crate::test_data::trajectory(("a", 9, 5), 0);
+    let handles = plain.handles().vertices().to_vec();
+    let [first, last] = [handles[0].index(), handles[handles.len() - 1].index()];
+    assert_eq!(handles.len(), 2);
+    let ways = [Vec3::Z, Vec3::new(1.0, 0.0, 1.0), Vec3::X, Vec3::Y, Vec3::Y];
+    let frames = (0..5).flat_map(|frame| {
+        let mut positions = plain.frame(frame).to_vec();
+        positions[first] = 0.5 * ways[frame];
+        positions[last] = -0.5 * ways[frame];
+        positions
+    });
+    let (cloth, provenance) = (plain.cloth().clone(), plain.provenance().clone());
+    let trajectory = Trajectory::new(cloth, frames.collect(), provenance).expect("a trajectory");
+    let graph = graph_of("a", &trajectory).expect("a graph");
+    let mut yaw = graph.frame().rest_yaw();
+    let expected: Vec<Yaw> = (0..5)
+        .map(|frame| {
+            let places = graph.handles().select(trajectory.frame(frame));
+            yaw = graph.frame().yaw(&places, yaw);
+            yaw
+        })
+        .collect();
+    assert_eq!([expected[3], expected[4]], [expected[2]; 2]);
+    assert_ne!(expected[2], graph.frame().rest_yaw());
+    let section = Section {
+        trajectory: 0,
+        start: 0,
+        end: 5,
+    };
+    let set = TrainingSet {
+        motions: vec![Motion::new(graph, trajectory, &[])],
+        sections: vec![section],
+        first_sample: vec![0, 3],
+        domain: None,
+    };
+    let mut cfg = crate::test_data::config(selvedge_model::Encoder::MLP);
+    cfg.noise.deviation = 0.0;
+    let mut seen = BTreeSet::new();
+    for seed in 0..40 {
+        let (mut slot, mut shown) = (crate::slot::Slot::new(), Default::default());
+        slot.show(
+            &cfg,
+            &set,
+            &mut crate::slot::rng_of(seed, 0, 0, 1),
+            &mut shown,
+        );
+        assert_eq!(shown.yaw, expected[slot.current]);
+        seen.insert(slot.current);
+    }
+    assert_eq!(seen, BTreeSet::from([1, 2, 3]));
+}
