@@ -12,6 +12,7 @@ use selvedge_cloth::{
 };
 use thiserror::Error;
 
+use crate::features::finite::first_non_finite;
 use crate::features::{Extent, Frames, Place, Window};
 use crate::graph::ClothGraph;
 use crate::graph::frame::Yaw;
@@ -181,9 +182,13 @@ impl LearnedStepper {
             nodes: &self.features.nodes,
             arcs: &self.features.arcs,
         };
+        let connectivity = self.graph.connectivity();
+        if let Some(vertex) = first_non_finite(spec, connectivity, input) {
+            return Err(StepError::NonFinite { frame, vertex });
+        }
         let out = self.model.network().forward_carried(
             &self.weights,
-            self.graph.connectivity(),
+            connectivity,
             Carried {
                 input,
                 state: &self.state,

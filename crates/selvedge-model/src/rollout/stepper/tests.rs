@@ -459,3 +459,25 @@ fn a_frame_that_is_taken_is_one_that_was_stepped_to() {
         }
     }
 }
+
+/// The energy of such a velocity is beyond the largest number of 32 bits, while the positions of
+/// the next frame are not. A ReLU would make 0 of what follows from it, on some processors.
+#[test]
+fn an_input_that_is_no_number_is_an_error_of_the_frame() {
+    let parts = parts(4, 1);
+    let rest = parts.cloth.rest_positions().to_vec();
+    let mut fast = rest.clone();
+    let free = (0..rest.len()).find(|v| !parts.cloth.handles().mask(rest.len())[*v]);
+    let free = free.expect("a free vertex");
+    fast[free].x += 1e20;
+    let spec = ModelSpec::physical(Encoder::MLP, 8, 2);
+    let model = model(&spec, acceleration(DVec3::ZERO, 1e-3));
+    let targets = targets(swing(&parts, 0));
+    let mut stepper = stepper(&model, parts, &[rest, fast]);
+    let error = stepper.step(&targets).expect_err("no number");
+    assert!(
+        matches!(error, StepError::NonFinite { frame: 1, .. }),
+        "{error}"
+    );
+    assert_eq!(stepper.frame(), 0);
+}
