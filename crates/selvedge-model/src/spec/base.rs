@@ -93,8 +93,20 @@ mod tests {
         assert_eq!(base.integrator, Integrator::default());
         let text = serde_json::to_string(&spec).expect("JSON");
         assert_eq!(serde_json::from_str::<ModelSpec>(&text).ok(), Some(spec));
-        let unknown = text.replace("\"substeps\"", "\"steps\"");
-        assert!(serde_json::from_str::<ModelSpec>(&unknown).is_err());
+        for (instead, expected) in [
+            ("\"steps\"", "unknown field `steps`, expected one of"),
+            ("\"forgets\": true, \"substeps\"", "unknown field `forgets`"),
+            (
+                "\"integrator\": \"free-flight\", \"substeps\"",
+                "unknown variant `free-flight`, expected one of",
+            ),
+        ] {
+            let text = r#"{"encoder": {"kind": "mlp"}, "latent": 8, "blocks": 2,
+                "base": {"substeps": 1}}"#;
+            let text = text.replace("\"substeps\"", instead);
+            let error = serde_json::from_str::<ModelSpec>(&text).expect_err(expected);
+            assert!(error.to_string().contains(expected), "{error}");
+        }
     }
 
     #[test]

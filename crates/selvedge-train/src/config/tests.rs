@@ -292,6 +292,50 @@ fn settings_that_do_not_fit_are_named() {
 }
 
 #[test]
+fn keys_that_are_gone_are_named() {
+    let gone = [
+        (
+            "model.coarse_levels=2",
+            "unknown field `coarse_levels`, expected one of",
+        ),
+        (
+            "model.filter_modes=8",
+            "unknown field `filter_modes`, expected one of",
+        ),
+        ("model.tokens=4", "unknown field `tokens`, expected one of"),
+        (
+            "model.edge_features=[\"vector\", \"coarse-vector\"]",
+            "unknown variant `coarse-vector`, expected one of",
+        ),
+        (
+            "model.encoder={ kind = \"node-gru\", window = 3 }",
+            "unknown variant `node-gru`, expected one of",
+        ),
+        (
+            "model.encoder={ kind = \"mlp\", window = 2 }",
+            "model.encoder.window of the kind \"mlp\" must be 1, found 2: choose the kind \"gru\"",
+        ),
+        (
+            "losses.short_waves=1.0",
+            "unknown field `short_waves`, expected one of",
+        ),
+        (
+            "scheduled_sampling.offset={ kind = \"decaying\" }",
+            "unknown field `offset`, expected one of",
+        ),
+        (
+            "mirror_images=true",
+            "unknown field `mirror_images`, expected one of",
+        ),
+    ];
+    for (setting, expected) in gone {
+        let found = with(&[setting]).expect_err(expected);
+        assert!(found.starts_with("training.toml with "), "{found}");
+        assert!(found.contains(expected), "{setting}: {found}");
+    }
+}
+
+#[test]
 fn a_key_of_earlier_versions_is_read_and_means_nothing() {
     let text = |batch: &str| {
         let text = toml::to_string(&config(Encoder::MLP)).expect("plain");
