@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 pub use self::error::{ConfigError, InvalidConfig, SettingError};
 use self::error::{count, positive, require};
-pub use self::sampling::{BatchConfig, NoiseConfig, NoiseUnit, ScheduledSampling};
+pub use self::sampling::{BatchConfig, NoiseConfig, NoiseUnit, OffsetRule, ScheduledSampling};
 pub use self::setting::Setting;
 pub(crate) use self::setting::changed_text as changed;
 use crate::losses::LossWeights;

@@ -120,8 +120,8 @@ mod training_set;
 
 pub use checkpoint::{CHECKPOINT_FORMAT, ContentProblem, ResumeError};
 pub use config::{
-    BatchConfig, ConfigError, InvalidConfig, NoiseConfig, NoiseUnit, ScheduledSampling, Setting,
-    SettingError, TrainConfig,
+    BatchConfig, ConfigError, InvalidConfig, NoiseConfig, NoiseUnit, OffsetRule, ScheduledSampling,
+    Setting, SettingError, TrainConfig,
 };
 pub use correction::{
     CORRECTION_FORMAT, CorrectionConfig, CorrectionEvent, CorrectionReport, CorrectionSample,

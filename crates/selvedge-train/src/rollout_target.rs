@@ -1,12 +1,19 @@
-//! Targets of a rollout that starts off the truth: the truth, shifted by the rest of the offset:
-//! (1 - γ)^k S e after k frames, with S e the offset smoothed over a few edges.
+//! Targets of a rollout that starts off the truth: the truth, shifted by the rest of the offset.
+//!
+//! *Decaying*: (1 - γ)^k S e after k frames, with S e the offset smoothed over a few edges,
+//! whatever the velocity. The first frame has to end a difference of velocities, and wrinkles, at
+//! once, which no cloth can.
+//!
+//! *Swinging* `[eq:swinging-offset]`: the motion of a cloth that hangs aside. The smooth part of
+//! the offset swings about the truth as a damped pendulum: u = S(e⁰ - e⁻¹) at first, then u ← (1 -
+//! d) u - s e and e ← e + u. The rest, wrinkles in other places, decays by w a frame.
 //!
 //! Offsets are in the local axes of the frame that they were seen in and turn with the handles.
 
 use glam::DVec3;
 use selvedge_model::{ClothGraph, Yaw};
 
-use crate::config::TrainConfig;
+use crate::config::{OffsetRule, TrainConfig};
 use crate::slot::Slot;
 use crate::training_set::TrainingSet;
 
@@ -15,36 +22,92 @@ const SMOOTHINGS: usize = 16;
 
 /// The offset of one rollout, frame by frame, in local axes `[m]`, `[vertices]`.
 pub(crate) struct RolloutTarget {
-    /// The smooth part of the offset at the start.
-    start: Vec<DVec3>,
-    /// The part of it that is left after a frame, 1 - γ.
-    kept: f64,
-    /// Frames since the start.
-    frames: i32,
-    /// The rest after so many frames.
+    rule: Rule,
+    /// The rest k frames after the start.
     now: Vec<DVec3>,
+}
+
+enum Rule {
+    Decaying {
+        start: Vec<DVec3>,
+        kept: f64,
+        frames: i32,
+    },
+    Swinging {
+        damping: f64,
+        stiffness: f64,
+        kept: f64,
+        smooth: Vec<DVec3>,
+        velocity: Vec<DVec3>,
+        wrinkles: Vec<DVec3>,
+    },
 }
 
 impl RolloutTarget {
     /// The targets of a rollout that starts at the sample of `slot`, in the local frame `yaw`.
     pub(crate) fn of_slot(cfg: &TrainConfig, set: &TrainingSet, slot: &Slot, yaw: Yaw) -> Self {
+        let correction = slot.correction(cfg);
         let graph = &*set.motion(slot.section.trajectory).graph;
-        let mut start = slot.offset(set, yaw);
-        smoothen(graph, &mut start);
-        Self {
-            now: start.clone(),
-            start,
-            kept: 1.0 - slot.correction(cfg),
-            frames: 0,
-        }
+        let offset = slot.offset(set, yaw);
+        let mut smooth = offset.clone();
+        smoothen(graph, &mut smooth);
+        let rule = match cfg.scheduled_sampling.offset {
+            OffsetRule::Decaying {} => Rule::Decaying {
+                start: smooth,
+                kept: 1.0 - correction,
+                frames: 0,
+            },
+            OffsetRule::Swinging {
+                damping,
+                stiffness,
+                wrinkles,
+            } => {
+                let mut velocity = slot.offset_velocity(set, yaw);
+                smoothen(graph, &mut velocity);
+                let apart = offset.iter().zip(&smooth);
+                Rule::Swinging {
+                    damping,
+                    stiffness,
+                    kept: 1.0 - wrinkles,
+                    wrinkles: apart.map(|(all, smooth)| *all - *smooth).collect(),
+                    smooth,
+                    velocity,
+                }
+            }
+        };
+        Self { rule, now: offset }
     }
 
     /// The rest of the offset one frame later.
     pub(crate) fn next_offset(&mut self) -> &[DVec3] {
-        self.frames += 1;
-        let part = self.kept.powi(self.frames);
-        let rows = self.now.iter_mut().zip(&self.start);
-        rows.for_each(|(now, start)| *now = part * *start);
+        match &mut self.rule {
+            Rule::Decaying {
+                start,
+                kept,
+                frames,
+            } => {
+                *frames += 1;
+                let part = kept.powi(*frames);
+                let rows = self.now.iter_mut().zip(start);
+                rows.for_each(|(now, start)| *now = part * *start);
+            }
+            Rule::Swinging {
+                damping,
+                stiffness,
+                kept,
+                smooth,
+                velocity,
+                wrinkles,
+            } => {
+                let rows = smooth.iter_mut().zip(velocity).zip(wrinkles);
+                for (now, ((e, u), w)) in self.now.iter_mut().zip(rows) {
+                    *u = (1.0 - *damping) * *u - *stiffness * *e;
+                    *e += *u;
+                    *w *= *kept;
+                    *now = *e + *w;
+                }
+            }
+        }
         &self.now
     }
 }

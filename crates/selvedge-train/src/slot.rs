@@ -176,6 +176,25 @@ impl Slot {
             .collect()
     }
 
+    /// Change of the offset since the frame before, in local axes `[m/frame]`, `[vertices]`; 0 for
+    /// a sample of ground truth, with or without noise.
+    pub(crate) fn offset_velocity(&self, set: &TrainingSet, yaw: Yaw) -> Vec<DVec3> {
+        let motion = set.motion(self.section.trajectory);
+        if self.run == 0 {
+            return vec![DVec3::ZERO; motion.graph.vertex_count()];
+        }
+        let (count, frame) = (self.history.len(), self.current as i64);
+        let apart = |positions: &[Vec3], frame: i64| -> Vec<DVec3> {
+            let rows = positions.iter().zip(motion.frame(frame));
+            rows.map(|(p, q)| p.as_dvec3() - q.as_dvec3()).collect()
+        };
+        let now = apart(&self.history[count - 1], frame);
+        let before = apart(&self.history[count - 2], frame - 1);
+        let rows = now.iter().zip(before);
+        rows.map(|(now, before)| yaw.to_local_f64(*now - before))
+            .collect()
+    }
+
     /// Makes the truth plus `offset` (local `[m]`) the target of the sample.
     pub(crate) fn set_target(&self, set: &TrainingSet, offset: &[DVec3], shown: &mut ShownSample) {
         let motion = set.motion(self.section.trajectory);

@@ -79,6 +79,31 @@ pub struct ScheduledSampling {
     /// The part of the distance to the truth that the target takes back in one frame: 1 aims at
     /// the truth itself, as in the paper; less aims at the motion of the truth, shifted.
     pub correction: f64,
+    /// Course of that distance in the targets of several frames in a row.
+    pub offset: OffsetRule,
+}
+
+/// The course of an offset from the truth in the targets of a rollout.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum OffsetRule {
+    /// A part of its smooth part is taken back every frame (`correction`).
+    Decaying {},
+    /// It swings about the truth.
+    Swinging {
+        /// Part of its velocity that is lost per frame, d.
+        damping: f64,
+        /// Part of the way back that is gone per frame squared, s.
+        stiffness: f64,
+        /// Part of its wrinkles that is lost per frame, w.
+        wrinkles: f64,
+    },
+}
+
+impl Default for OffsetRule {
+    fn default() -> Self {
+        Self::Decaying {}
+    }
 }
 
 impl Default for NoiseConfig {
@@ -100,6 +125,7 @@ impl Default for ScheduledSampling {
             longest: 30,
             farthest: 1e3,
             correction: 1.0,
+            offset: OffsetRule::default(),
         }
     }
 }
@@ -125,6 +151,17 @@ impl ScheduledSampling {
         let (longest, most) = (self.longest.into(), MOST_IN_A_ROW.into());
         count("scheduled_sampling.longest", longest, most)?;
         positive("scheduled_sampling.farthest", self.farthest)?;
-        part("scheduled_sampling.correction", self.correction)
+        part("scheduled_sampling.correction", self.correction)?;
+        if let OffsetRule::Swinging {
+            damping,
+            stiffness,
+            wrinkles,
+        } = self.offset
+        {
+            part("scheduled_sampling.offset.damping", damping)?;
+            part("scheduled_sampling.offset.stiffness", stiffness)?;
+            part("scheduled_sampling.offset.wrinkles", wrinkles)?;
+        }
+        Ok(())
     }
 }

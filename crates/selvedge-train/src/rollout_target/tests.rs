@@ -1,4 +1,4 @@
-//! What is left of an offset: its closed form, and what is taken for smooth.
+//! What is left of an offset: closed forms of both rules, and what is taken for smooth.
 
 use std::sync::Arc;
 
@@ -14,37 +14,71 @@ use super::*;
 use crate::test_data::{config, swinging};
 
 #[test]
+fn a_swinging_offset_is_a_damped_oscillation() {
+    let (damping, stiffness, kept) = (0.1, 0.02, 0.8);
+    let (e, u, w) = (
+        DVec3::new(0.01, -0.02, 0.0),
+        DVec3::X * 1e-3,
+        DVec3::Y * 0.005,
+    );
+    let mut target = RolloutTarget {
+        rule: Rule::Swinging {
+            damping,
+            stiffness,
+            kept,
+            smooth: vec![e],
+            velocity: vec![u],
+            wrinkles: vec![w],
+        },
+        now: vec![e + w],
+    };
+    // e(k+1) = (2 - d - s) e(k) - (1 - d) e(k-1): r^k (a cos kθ + b sin kθ).
+    let radius = f64::sqrt(1.0 - damping);
+    let angle = ((2.0 - damping - stiffness) / (2.0 * radius)).acos();
+    let before = e - u;
+    let b = (e * angle.cos() - radius * before) / angle.sin();
+    for k in 1..=100 {
+        let turn = f64::from(k) * angle;
+        let swing = radius.powi(k) * (e * turn.cos() + b * turn.sin());
+        let expected = swing + kept.powi(k) * w;
+        assert!(target.next_offset()[0].distance(expected) < 1e-14, "{k}");
+    }
+}
+
+#[test]
 fn a_decaying_offset_keeps_its_part_of_what_is_smooth() {
     let start = vec![DVec3::new(0.01, 0.0, -0.03)];
     let mut target = RolloutTarget {
         now: start.clone(),
-        start: start.clone(),
-        kept: 0.9,
-        frames: 0,
+        rule: Rule::Decaying {
+            start: start.clone(),
+            kept: 0.9,
+            frames: 0,
+        },
     };
     for k in 1..=20 {
         assert!(target.next_offset()[0].distance(0.9_f64.powi(k) * start[0]) < 1e-17);
     }
 }
 
-/// A slot in the middle of a run that is `now` off the truth.
+/// A slot in the middle of a run that is `now` off the truth, and was `before` a frame earlier.
 #[test]
-fn an_offset_is_seen_from_the_truth() {
+fn an_offset_and_its_velocity_are_seen_from_the_truth() {
     let data = swinging(&[("a", 12, 20)], SectionRule::Whole);
-    let cfg = config(Encoder::MLP);
+    let mut cfg = config(Encoder::MLP);
     let set = TrainingSet::load(&data.dataset).expect("a set");
     let (_, section) = set.sample(0);
     let motion = set.motion(section.trajectory);
-    let now = Vec3::new(0.01, 0.0, 0.02);
-    let shifted = |frame: i64| {
+    let (now, before) = (Vec3::new(0.01, 0.0, 0.02), Vec3::new(0.004, 0.0, 0.0));
+    let shifted = |frame: i64, by: Vec3| {
         let frame = motion.frame(frame).iter();
-        Arc::new(frame.map(|p| *p + now).collect::<Vec<Vec3>>())
+        Arc::new(frame.map(|p| *p + by).collect::<Vec<Vec3>>())
     };
     let mut slot = Slot::new();
     slot.section = *section;
     slot.current = 6;
     slot.run = 3;
-    slot.history = vec![shifted(5), shifted(6)];
+    slot.history = vec![shifted(5, before), shifted(6, now)];
     assert_eq!(slot.history.len(), cfg.model.history());
     let yaw = Yaw::from_angle(0.7);
     let is_close = |found: &[DVec3], expected: Vec3| {
@@ -53,6 +87,29 @@ fn an_offset_is_seen_from_the_truth() {
         found.iter().all(|e| e.distance(expected) < 3e-7)
     };
     assert!(is_close(&slot.offset(&set, yaw), now));
+    assert!(is_close(&slot.offset_velocity(&set, yaw), now - before));
+    // Wrinkles and what is smooth are all of it.
+    cfg.scheduled_sampling.offset = OffsetRule::Swinging {
+        damping: 0.0,
+        stiffness: 0.0,
+        wrinkles: 0.0,
+    };
+    let mut target = RolloutTarget::of_slot(&cfg, &set, &slot, yaw);
+    let Rule::Swinging { velocity, .. } = &target.rule else {
+        unreachable!("it swings")
+    };
+    let moved: Vec<DVec3> = velocity.clone();
+    let next = target.next_offset();
+    for ((e, u), offset) in next.iter().zip(moved).zip(slot.offset(&set, yaw)) {
+        assert!(e.distance(offset + u) < 1e-15);
+    }
+    // What is shown from the truth has no velocity, whatever its noise.
+    slot.run = 0;
+    assert!(
+        slot.offset_velocity(&set, yaw)
+            .iter()
+            .all(|u| *u == DVec3::ZERO)
+    );
 }
 
 #[test]

@@ -6,6 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use selvedge_data::SectionRule;
 use selvedge_model::{EdgeFeature, Encoder, Integration, NodeFeature};
 
+use crate::config::OffsetRule;
 use crate::config::TrainConfig;
 use crate::schedule::UnrollFrames;
 use crate::test_data::{ENGINE, Swinging, busy, config, swinging, two_cloths};
@@ -17,6 +18,14 @@ fn unrolled(encoder: Encoder, frames: usize) -> TrainConfig {
     cfg.losses.kinetic_energy = 0.0;
     cfg.batch.samples = 2;
     cfg
+}
+
+fn swinging_back() -> OffsetRule {
+    OffsetRule::Swinging {
+        damping: 0.03,
+        stiffness: 0.004,
+        wrinkles: 0.1,
+    }
 }
 
 /// Loss and mean gradient of the first step with `weights`, or with the first ones.
@@ -80,9 +89,13 @@ fn the_gradient_goes_through_every_frame() {
         Encoder::Gru { window: 3 },
         Encoder::StreamingGru { window: 2 },
     ] {
-        for integration in [Integration::Inertial {}, carried] {
+        for (integration, offset) in [
+            (Integration::Inertial {}, OffsetRule::default()),
+            (carried, swinging_back()),
+        ] {
             let mut cfg = unrolled(encoder, 4);
             cfg.model.integration = integration;
+            cfg.scheduled_sampling.offset = offset;
             cfg.model.node_features.extend([
                 NodeFeature::Acceleration,
                 NodeFeature::ExpectedMove,
