@@ -101,4 +101,4 @@ pub const TRAININGS: &[(&str, &str)] = texts!("training":
 
 /// Studies.
 pub const STUDIES: &[(&str, &str)] =
-    texts!("studies": "choices", "coarse", "equal-time", "small", "figures", "table1");
+    texts!("studies": "choices", "equal-time", "small", "figures", "table1");

@@ -228,7 +228,6 @@ fn learn(
         });
     };
     trainer.stop_by(listener.stop.flag().into());
-    training::warn_of_data(&trainer);
     teller.begin("training", Some(steps - trainer.steps_done().min(steps)));
     let end = selvedge_train::run(&mut trainer, data, asked.out, asked.limits, &mut |step| {
         // Whoever wants to stop is heard by the listener too.
@@ -266,9 +265,7 @@ fn correct(
     let mut trainer = corrector(asked, cfg, &checkpoint)?;
     trainer.stop_by(listener.stop.flag().into());
     let cfg = trainer.config().clone();
-    let scenes = TeachingScenes::open(&cfg.teacher.scenes, &cfg.model, &mut |event| {
-        teller.hear(event)
-    });
+    let scenes = TeachingScenes::open(&cfg.teacher.scenes, &mut |event| teller.hear(event));
     let mut end = RunEnd::Stopped;
     if let Some(scenes) = scenes.map_err(told)? {
         let mut teaching = Teaching::new(scenes, cfg.clone(), trainer.steps_done());

@@ -176,16 +176,6 @@ impl Cloth {
         Self::with_corners(self.topology, self.handles, arrays, self.corners)
     }
 
-    /// The image of the cloth in a mirror at z = 0.
-    #[must_use]
-    pub fn mirrored(&self) -> Self {
-        let mut image = self.clone();
-        for position in &mut image.arrays.rest_positions {
-            position.z = -position.z;
-        }
-        image
-    }
-
     /// The mesh that starts at the rest positions.
     ///
     /// # Errors
@@ -392,13 +382,6 @@ mod tests {
         let held = cloth().with_handles(fewer.clone()).unwrap();
         assert_eq!(held.handles(), &fewer);
         assert_eq!(held.arrays(), cloth().arrays());
-    }
-
-    #[test]
-    fn two_mirrors_show_the_cloth_itself() {
-        let image = cloth().mirrored();
-        assert_eq!(image.rest_positions()[2], Vec3::new(1.0, 1.0, -0.5));
-        assert_eq!(image.mirrored(), cloth());
     }
 
     #[test]

@@ -30,8 +30,7 @@ pub struct PhysicsSettings {
     pub substepping: Substepping,
     /// Largest strain l/l₀ - 1 of an edge at the end of a frame, edges between handles apart. An
     /// edge that is beyond it already may only become shorter. A frame beyond it is computed again
-    /// with more substeps, as far as [`Self::most_substeps`], and is then an error. Free flight has
-    /// no such bound.
+    /// with more substeps, as far as [`Self::most_substeps`], and is then an error.
     #[serde(skip_serializing_if = "is_default_strain")]
     pub max_strain: f64,
     /// Solver of linear systems.
@@ -128,26 +127,16 @@ pub enum Integrator {
     /// The generalised-α method by one linear solve at a predicted state: second order for the
     /// same price as BDF2 with a smaller error in motion, because it damps less.
     GeneralisedAlpha(GeneralisedAlpha),
-    /// Free flight: gravity alone moves the vertices that no handle holds, without forces of cloth
-    /// or air, and without a solve. It is the base of models that give all forces.
-    FreeFlight,
 }
 
 impl Integrator {
-    /// Order of the error in the substep. Free flight counts as first: it is exact for a throw, but
-    /// it is no motion of cloth, however short its substeps.
+    /// Order of the error in the substep.
     #[must_use]
     pub fn order(self) -> u32 {
         match self {
-            Self::Linearised | Self::Newton(_) | Self::FreeFlight => 1,
+            Self::Linearised | Self::Newton(_) => 1,
             Self::SecondOrder | Self::SecondOrderNewton(_) | Self::GeneralisedAlpha(_) => 2,
         }
-    }
-
-    /// Returns true where no forces of cloth or air act.
-    #[must_use]
-    pub fn flies(self) -> bool {
-        self == Self::FreeFlight
     }
 
     fn validate(self) -> Result<(), PhysicsError> {
@@ -176,9 +165,7 @@ impl Integrator {
     #[must_use]
     pub fn newton(self) -> Option<Newton> {
         match self {
-            Self::Linearised | Self::SecondOrder | Self::GeneralisedAlpha(_) | Self::FreeFlight => {
-                None
-            }
+            Self::Linearised | Self::SecondOrder | Self::GeneralisedAlpha(_) => None,
             Self::Newton(newton) | Self::SecondOrderNewton(newton) => Some(newton),
         }
     }
@@ -440,7 +427,6 @@ impl PhysicsSettings {
                 found: "\"explicit\"".to_owned(),
             });
         }
-        self.validate_flight()?;
         if let Substepping::Adaptive(adaptive) = &self.substepping {
             check_positive(
                 "physics.substepping.adaptive.max_change",
@@ -472,51 +458,6 @@ impl PhysicsSettings {
             }
         }
         Ok(())
-    }
-
-    /// Checks that nothing is asked of free flight that it does not have: handles are exact, and
-    /// nothing keeps the cloth from straining.
-    fn validate_flight(&self) -> Result<(), PhysicsError> {
-        if !self.integrator.flies() {
-            return Ok(());
-        }
-        let error = |field, expected, found: &str| PhysicsError {
-            field,
-            expected,
-            found: found.to_owned(),
-        };
-        if self.handles == HandleConstraint::Spring {
-            return Err(error(
-                "physics.handles",
-                "\"exact\" with the integrator \"free-flight\", which has no springs",
-                "\"spring\"",
-            ));
-        }
-        if self.substepping != Substepping::Fixed {
-            return Err(error(
-                "physics.substepping",
-                "\"fixed\" with the integrator \"free-flight\", which is exact with any substeps",
-                "\"adaptive\"",
-            ));
-        }
-        if !is_default_strain(&self.max_strain) {
-            return Err(error(
-                "physics.max_strain",
-                "left out with the integrator \"free-flight\", in which nothing keeps edges short",
-                &self.max_strain.to_string(),
-            ));
-        }
-        Ok(())
-    }
-
-    /// Takes out what does not go with free flight, where that is the integrator: springs of the
-    /// handles, division of substeps, and the bound on strains.
-    pub fn fit_to_flight(&mut self) {
-        if self.integrator.flies() {
-            self.handles = HandleConstraint::Exact;
-            self.substepping = Substepping::Fixed;
-            self.max_strain = DEFAULT_MAX_STRAIN;
-        }
     }
 }
 

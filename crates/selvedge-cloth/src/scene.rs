@@ -70,10 +70,6 @@ pub enum SceneError {
     )]
     ContactLaw,
     #[error(
-        "{field} does not go with the integrator \"free-flight\", which has no forces of cloth: remove {field}, or physics.integrator"
-    )]
-    FreeFlightContact { field: &'static str },
-    #[error(
         "fabrics: no face of the mesh has a fabric named {name:?}; it has [{known}], the names of its usemtl statements"
     )]
     Fabric { name: String, known: String },
@@ -99,7 +95,6 @@ impl Scene {
         self.environment.validate()?;
         self.physics.validate()?;
         self.sag.validate()?;
-        self.validate_flight()?;
         match &self.contact {
             Some(contact) => {
                 contact.validate()?;
@@ -118,25 +113,6 @@ impl Scene {
         }
         self.check_gusts()?;
         self.handle_path()?;
-        Ok(())
-    }
-
-    /// Checks that nothing is to hold back a cloth in free flight.
-    fn validate_flight(&self) -> Result<(), SceneError> {
-        if !self.physics.integrator.flies() {
-            return Ok(());
-        }
-        let (materials, _) = self.materials();
-        let limited = materials.iter().any(|m| m.strain_limits.is_some());
-        for (is_there, field) in [
-            (self.contact.is_some(), "contact"),
-            (!self.obstacles.is_empty(), "obstacles"),
-            (limited, "material.strain_limits"),
-        ] {
-            if is_there {
-                return Err(SceneError::FreeFlightContact { field });
-            }
-        }
         Ok(())
     }
 

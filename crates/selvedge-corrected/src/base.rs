@@ -8,8 +8,7 @@ const DAMPING: f64 = 2e-4;
 
 /// `scene` by the physics that a model corrects: with the measured law, as when the shipped models
 /// learned. Materials are damped alike whatever the formula, so that model and teacher obey the same
-/// equations. Free flight leaves out
-/// what it cannot have: contact and obstacles, limits of strain, and springs of the handles.
+/// equations.
 #[must_use]
 pub fn base_scene(scene: &Scene, base: PhysicsBase) -> Scene {
     let mut scene = scene.clone();
@@ -19,15 +18,6 @@ pub fn base_scene(scene: &Scene, base: PhysicsBase) -> Scene {
     physics.substepping = Substepping::Fixed;
     physics.law = ElasticLaw::Measured;
     physics.least_damping.get_or_insert(DAMPING);
-    if base.flies() {
-        physics.fit_to_flight();
-        scene.contact = None;
-        scene.obstacles.clear();
-        scene.material.strain_limits = None;
-        for fabric in scene.fabrics.values_mut() {
-            fabric.strain_limits = None;
-        }
-    }
     scene
 }
 

@@ -6,9 +6,6 @@
 //! and a small network that was taught by converged physics adds most of it back
 //! ([`CorrectedStepper`]).
 //!
-//! With free flight as the physics (`model.base.integrator = "free-flight"`) the network gives all
-//! forces of cloth and air: a purely learned model, made and run by the same machinery.
-//!
 //! This crate alone joins `selvedge-sim` and `selvedge-model`, which do not know each other.
 
 mod base;

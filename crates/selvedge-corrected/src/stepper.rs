@@ -66,13 +66,11 @@ fn is_beyond(trained: &Domain, scene: &Scene) -> bool {
     })
 }
 
-/// A cloth that cheap physics moves and a network corrects, or that a network moves by all forces
-/// from free flight.
+/// A cloth that cheap physics moves and a network corrects.
 ///
 /// Where the scene's own motion goes beyond what the model was trained on ([`goes_without`]), the
 /// physics moves all of the run: a cloth still swings as it was never seen to when its hands are
-/// slow again. Hands that go elsewhere are watched frame by frame. Free flight is no motion of
-/// cloth to fall back to: a model of all forces gives every frame.
+/// slow again. Hands that go elsewhere are watched frame by frame.
 pub struct CorrectedStepper {
     base: PhysicsBase,
     scene: Scene,
@@ -124,8 +122,7 @@ impl CorrectedStepper {
         let scene = base_scene(scene, base);
         let rest = scene.mesh.positions().iter().map(|p| p.as_vec3());
         let cloth = Cloth::of_scene(&scene, rest.collect())?;
-        // There is nothing to leave a frame in free flight to.
-        let domain = model.domain().filter(|_| !base.flies());
+        let domain = model.domain();
         let beyond = domain
             .as_ref()
             .is_some_and(|trained| is_beyond(trained, &scene));
@@ -221,9 +218,6 @@ impl CorrectedStepper {
 
     /// Predicts a frame by physics.
     fn predict(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
-        if self.base.forgets {
-            self.simulator.forget_previous();
-        }
         let earlier = self.simulator.substep_before();
         self.knows_earlier = earlier.is_some();
         if let Some((positions, velocities)) = earlier {
@@ -296,7 +290,6 @@ impl CorrectedStepper {
         self.spare.copy_of(&self.simulator);
         let environment = self.scene.environment;
         let environment = environment.during_step(frame, self.scene.frame_rate);
-        let has_before = self.knows_before && !self.base.forgets;
         let substeps = self.simulator.substep_before();
         let substeps = substeps.map(|(positions, velocities)| FrameSubsteps {
             earlier: self.knows_earlier.then(|| self.earlier.as_motion()),
@@ -309,7 +302,7 @@ impl CorrectedStepper {
             fell_back: self.fell_back,
         });
         let predicted = PredictedFrame {
-            before: has_before.then(|| self.before.as_motion()),
+            before: self.knows_before.then(|| self.before.as_motion()),
             substeps,
             last: self.now.as_motion(),
             predicted: MotionState {
@@ -395,9 +388,11 @@ impl Stepper for CorrectedStepper {
             self.familiarity = Familiarity::default();
         } else if let Err(error) = self.correct(frame) {
             self.simulator.undo_step();
-            return Err(StepError::Device {
-                frame: frame + 1,
-                reason: error.to_string(),
+            let frame = frame + 1;
+            return Err(match error {
+                CorrectionError::Stopped(_) => StepError::Stopped { frame },
+                CorrectionError::NonFinite { vertex } => StepError::NonFinite { frame, vertex },
+                CorrectionError::Device(reason) => StepError::Device { frame, reason },
             });
         }
         if self.stop.is_wanted() {

@@ -15,8 +15,8 @@ use selvedge_model::{
 use crate::device::Device;
 use crate::device::host::Host;
 
-/// The arcs of squares of so many vertices, side by side, and some modes of each.
-pub(crate) fn squares(counts: &[usize], modes: usize) -> Connectivity {
+/// The arcs of squares of so many vertices, side by side.
+pub(crate) fn squares(counts: &[usize]) -> Connectivity {
     let parts: Vec<Connectivity> = counts
         .iter()
         .map(|&vertices| {
@@ -29,7 +29,7 @@ pub(crate) fn squares(counts: &[usize], modes: usize) -> Connectivity {
             let handles = Handles::new(&[0], vertices).expect("a handle");
             let cloth = Cloth::of_mesh(&sheet.mesh, 0.15, handles).expect("a cloth");
             let graph = ClothGraph::new(&cloth, Environment::default(), 60.0);
-            let graph = graph.expect("a graph").with_modes(modes);
+            let graph = graph.expect("a graph");
             graph.connectivity().clone()
         })
         .collect();
@@ -60,24 +60,11 @@ pub(crate) fn specs() -> Vec<ModelSpec> {
     vec![
         ModelSpec::mesh_graph_nets(16, 2),
         physical(Encoder::MLP, 32, 3),
-        physical(Encoder::Mlp { window: 3 }, 20, 1),
+        physical(Encoder::MLP, 20, 1),
         physical(Encoder::Gru { window: 1 }, 12, 1),
         physical(Encoder::Gru { window: 4 }, 24, 2),
-        physical(Encoder::NodeGru { window: 3 }, 36, 2),
+        physical(Encoder::Gru { window: 3 }, 36, 2),
         physical(Encoder::StreamingGru { window: 2 }, 16, 2),
-        ModelSpec {
-            filter_modes: 7,
-            ..physical(Encoder::NodeGru { window: 2 }, 20, 2)
-        },
-        ModelSpec {
-            tokens: 5,
-            ..physical(Encoder::MLP, 32, 2)
-        },
-        ModelSpec {
-            filter_modes: 4,
-            tokens: 3,
-            ..physical(Encoder::NodeGru { window: 2 }, 20, 2)
-        },
     ]
 }
 
@@ -132,7 +119,7 @@ pub(crate) fn full_specs() -> Vec<ModelSpec> {
     let mut specs = specs();
     for (encoder, integration) in [
         (Encoder::Gru { window: 3 }, Integration::default()),
-        (Encoder::NodeGru { window: 2 }, carried),
+        (Encoder::MLP, carried),
         (Encoder::StreamingGru { window: 2 }, carried),
     ] {
         let mut spec = ModelSpec::physical(encoder, 12, 1);
@@ -141,14 +128,7 @@ pub(crate) fn full_specs() -> Vec<ModelSpec> {
             NodeFeature::ExpectedMove,
             NodeFeature::RestOffset,
         ]);
-        spec.edge_features.extend([
-            EdgeFeature::MaterialVector,
-            EdgeFeature::CoarseVector,
-            EdgeFeature::CoarseRestVector,
-        ]);
-        spec.coarse_levels = 1;
-        spec.filter_modes = 5;
-        spec.tokens = 4;
+        spec.edge_features.insert(EdgeFeature::MaterialVector);
         spec.integration = integration;
         specs.push(spec);
     }

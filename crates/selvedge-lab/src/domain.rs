@@ -90,7 +90,7 @@ pub fn of_dataset(dataset: &Dataset) -> Result<Domain, DomainError> {
 
 fn checked(model: &Model, trained: &Domain, found: &Domain) -> Result<Vec<Departure>, DomainError> {
     let mut departures = trained.departures(found);
-    if model.spec().base.is_some_and(|base| !base.flies()) {
+    if model.spec().base.is_some() {
         let uncorrected = departures.iter_mut().filter(|d| goes_without(d.aspect));
         uncorrected.for_each(|departure| departure.words += ": moved by physics alone");
     }

@@ -126,8 +126,7 @@ pub fn for_model(loaded: &mut LoadedScene, model: &Model) -> Vec<&'static str> {
         loaded.state = None;
     }
     if loaded.scene.contact.is_some() {
-        let base = model.spec().base.filter(|base| !base.flies());
-        warnings.push(match base {
+        warnings.push(match model.spec().base {
             None => {
                 "contact: a learned model does not see obstacles, nor where the cloth touches itself: the guard pushes its frames apart (without a guard its cloth passes through both)"
             }

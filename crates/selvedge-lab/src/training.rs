@@ -6,27 +6,6 @@ use selvedge_train::{EngineMaker, TrainConfig, TrainError, Trainer};
 use crate::event::{OnEvent, Reporter};
 use crate::models::NamedModel;
 
-/// Says whose mirror images are not learned from, where there are some, and that a cloth has fewer
-/// vertices than the network filters through.
-pub fn warn_of_data(trainer: &Trainer) {
-    let (modes, vertices) = (
-        trainer.config().model.filter_modes,
-        trainer.fewest_vertices(),
-    );
-    if modes > vertices {
-        tracing::warn!(
-            "model.filter_modes is {modes}, but a cloth here has {vertices} vertices and no more modes: the weights of the others learn nothing from it"
-        );
-    }
-    let left_out = trainer.images_left_out();
-    if !left_out.is_empty() {
-        tracing::warn!(
-            "mirror_images: not of {}, whose handles would go as in a motion to test on",
-            left_out.join(", ")
-        );
-    }
-}
-
 /// A training at its beginning, with its statistics gathered. None where an end was asked for.
 ///
 /// # Errors

@@ -43,9 +43,9 @@
 //!
 //! # Terms
 //!
-//! - **Node** and **arc**: a vertex of the mesh, and one direction of an edge of the mesh or of a
-//!   **link** of a coarse level, in the graph. [`Connectivity`] holds the arcs of one cloth or of
-//!   several side by side, a disjoint **union**.
+//! - **Node** and **arc**: a vertex of the mesh, and one direction of an edge of the mesh, in the
+//!   graph. [`Connectivity`] holds the arcs of one cloth or of several side by side, a disjoint
+//!   **union**.
 //! - **Feature**: a group of columns of a node or of an arc ([`NodeFeature`], [`EdgeFeature`]).
 //!   [`node_columns`] and [`edge_columns`] list them. A [`Window`] holds the features of the frames
 //!   that the encoder sees, and a [`Normalizer`] scales them.
@@ -92,28 +92,28 @@ pub use features::{
     node_columns, node_features, node_features_backward, node_groups,
 };
 pub use graph::{
-    ClothGraph, ClothSize, Connectivity, FILTER_TIMES, GraphError, Hinge, Link, LocalFrame, Yaw,
-    geometry,
+    ClothGraph, ClothSize, Connectivity, GraphError, Hinge, LocalFrame, Yaw, geometry,
 };
 pub use kernels::dropout::Dropout;
 pub use kernels::gates::{Gate, GateLayout};
 pub use kernels::real::Real;
 pub use kernels::simd::Instructions;
-pub use network::cost::{Activations, FirstEdgeLayer, Flops, activations, flops};
+pub use network::activations::{Activations, activations};
 pub use network::packed::{PackedWeights, Purpose};
 pub use network::parameters::{Parameter, Start};
+pub use network::reference;
 pub use network::workspace::Workspace;
 pub use network::{
     Carried, EncoderState, Gradients, Input, InputGradient, Network, NetworkScalar, Pass,
-    StateGradients,
+    StateGradients, Stopped,
 };
-pub use network::{reference, roofline};
 pub use rollout::{
     CorrectionError, CorrectionNetwork, Corrector, Familiarity, LearnedStepper, LocalAcceleration,
     MODEL_FORMAT, Model, ModelError, ModelFileError, NoBase, NonFinite, Normalizers, RolloutError,
     TwoFrames, WeightType, advance, advance_backward, cut, opening_frames, target_acceleration,
 };
 pub use spec::{
-    Carries, Carry, Differences, EdgeFeature, EdgeLimits, Encoder, FrameTimes, Integration,
-    LastFrames, MOST_DEVIATIONS, ModelSpec, NodeFeature, PhysicsBase, ReferenceSlope, SpecError,
+    Carries, Carry, CurrentFrame, Differences, EdgeFeature, EdgeLimits, Encoder, FrameTimes,
+    Integration, LastFrames, MOST_DEVIATIONS, ModelSpec, NodeFeature, PhysicsBase, ReferenceSlope,
+    SpecError,
 };

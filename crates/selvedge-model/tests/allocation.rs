@@ -68,7 +68,6 @@ fn cloth() -> ClothGraph {
 
 fn model(encoder: Encoder) -> Model {
     let mut spec = ModelSpec::physical(encoder, 16, 2);
-    spec.tokens = 3;
     spec.integration = Integration::Carried {
         damping: 0.03,
         stiffness: 0.003,
@@ -100,9 +99,8 @@ fn frames_after_the_first_allocate_nothing() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build();
     let pool = pool.expect("a pool");
     for encoder in [
-        Encoder::Mlp { window: 2 },
+        Encoder::MLP,
         Encoder::Gru { window: 3 },
-        Encoder::NodeGru { window: 3 },
         Encoder::StreamingGru { window: 3 },
     ] {
         let graph = cloth();

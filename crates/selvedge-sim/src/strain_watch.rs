@@ -49,10 +49,7 @@ impl StrainWatch {
                 Substepping::Fixed => None,
                 Substepping::Adaptive(adaptive) => Some(adaptive.max_change),
             },
-            max_strain: match settings.integrator.flies() {
-                true => f64::INFINITY,
-                false => settings.max_strain,
-            },
+            max_strain: settings.max_strain,
             edges: WatchedEdges::new(mesh, handles),
         }
     }

@@ -88,7 +88,8 @@ impl Trainer {
             .filter(|(_, slot)| !slot.history.is_empty())
             .map(|(number, slot)| {
                 let shape = vec![slot.history.len(), slot.history[0].len(), 3];
-                let values = slot.history.iter().flatten().flat_map(|p| p.to_array());
+                let values = slot.history.iter().flat_map(|frame| frame.iter());
+                let values = values.flat_map(|p| p.to_array());
                 (history_name(number), shape, values.collect())
             })
             .collect()

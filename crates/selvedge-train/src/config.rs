@@ -6,7 +6,7 @@ mod setting;
 
 use std::path::Path;
 
-use selvedge_model::{Encoder, ModelSpec};
+use selvedge_model::ModelSpec;
 use serde::{Deserialize, Serialize};
 
 pub use self::error::{ConfigError, InvalidConfig, SettingError};
@@ -60,9 +60,6 @@ pub struct TrainConfig {
     /// Probability that a value between the recurrent layers is dropped; 0 where there are none.
     #[serde(default)]
     pub dropout: f64,
-    /// Learn from the mirror image of every trajectory as well.
-    #[serde(default)]
-    pub mirror_images: bool,
     /// Samples of a step.
     pub batch: BatchConfig,
     /// Noise on ground truth.
@@ -191,7 +188,7 @@ impl TrainConfig {
         let kept = (0.0..1.0).contains(&self.dropout);
         let expected = "at least 0 and below 1";
         require(kept, "dropout", expected, self.dropout)?;
-        let recurrent = !matches!(self.model.encoder, Encoder::Mlp { .. });
+        let recurrent = self.model.encoder.is_recurrent();
         let expected = "0 where model.encoder is no gru: it acts between recurrent layers";
         let has_place = recurrent || self.dropout == 0.0;
         require(has_place, "dropout", expected, self.dropout)?;

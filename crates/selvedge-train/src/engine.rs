@@ -55,8 +55,8 @@ impl Learned {
 /// The arithmetic of a training.
 pub trait Engine: Send {
     /// Takes every slot of the batch through its frames and keeps the gradient of the mean of the
-    /// slots' losses. Returns the terms of each slot; none where one of several ranks gave the step
-    /// up. Neither means anything where the setup's `stop` is wanted.
+    /// slots' losses. Returns the terms of each slot; none where the step was given up, by this
+    /// engine or by one of several ranks, and then there is no gradient.
     ///
     /// # Errors
     /// When the machine that computes fails.
@@ -147,8 +147,8 @@ pub struct Setup<'a> {
     pub statistics: &'a LossStatistics,
     /// Weights and optimiser as they are now.
     pub learned: &'a Learned,
-    /// Wanted where the step is to be given up: an engine may then leave its work undone, and
-    /// nothing uses what it gives.
+    /// Wanted where the step is to be given up: an engine may then leave its work undone, and gives
+    /// no terms.
     pub stop: &'a Stop,
     pub(crate) set: &'a TrainingSet,
 }

@@ -66,7 +66,6 @@ impl Need {
     ) -> Self {
         let entries = dataset.entries(Split::Train).iter();
         let positions: f64 = entries.map(|e| e.frames as f64 * e.vertices as f64).sum();
-        let images = if cfg.mirror_images { 2.0 } else { 1.0 };
         // Weights, their mean, their gradient and two moments, and three where a checkpoint is
         // written; on the processor three packed for the engine, and the gradients of the
         // micro-batches.
@@ -77,7 +76,7 @@ impl Need {
             Arithmetic::OnDevice => 5.0 + 3.0,
         };
         Self {
-            trajectories: images * POSITION * positions,
+            trajectories: POSITION * positions,
             weights: NUMBER * copies * network.parameter_count() as f64,
             slots: 0.0,
         }

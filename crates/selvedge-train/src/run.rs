@@ -118,12 +118,6 @@ struct LogLine {
     edge_vector: Option<f64>,
     edge_length: Option<f64>,
     bending_angle: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    bending_spread: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    short_waves: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    compression: Option<f64>,
     gradient_norm: f64,
     learning_rate: f64,
     truth_probability: f64,
@@ -250,9 +244,6 @@ impl LogLine {
             edge_vector,
             edge_length,
             bending_angle,
-            bending_spread,
-            short_waves,
-            compression,
         } = LossTerms::mean(steps.iter().map(|step| &step.terms));
         let norms: f64 = steps.iter().map(|step| step.gradient_norm).sum();
         Some(Self {
@@ -263,9 +254,6 @@ impl LogLine {
             edge_vector,
             edge_length,
             bending_angle,
-            bending_spread,
-            short_waves,
-            compression,
             gradient_norm: norms / steps.len() as f64,
             learning_rate: last.learning_rate,
             truth_probability: last.truth_probability,

@@ -8,6 +8,8 @@
 //!
 //! Every random number follows from (seed, step, slot) alone.
 
+use std::sync::Arc;
+
 use glam::{DVec3, Vec3};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -28,8 +30,8 @@ pub(crate) struct Slot {
     /// Predictions in a row so far; 0: the next sample is drawn afresh.
     pub(crate) run: u32,
     /// World positions of the frame before the window and of the window, oldest first `[m]`;
-    /// empty while `run` is 0.
-    pub(crate) history: Vec<Vec<Vec3>>,
+    /// empty while `run` is 0. Copies of the slot share them.
+    pub(crate) history: Vec<Arc<Vec<Vec3>>>,
 }
 
 /// A sample as the network and the losses see it.
@@ -103,17 +105,22 @@ impl Slot {
             .collect();
         if self.run == 0 {
             let newest = self.history.len() - 1;
-            add_noise(cfg, graph, rng, &mut self.history[newest], &mut target);
+            let newest = Arc::make_mut(&mut self.history[newest]);
+            add_noise(cfg, graph, rng, newest, &mut target);
         } else {
             let shift = 1.0 - cfg.scheduled_sampling.correction;
             let newest = &self.history[self.history.len() - 1];
-            for ((target, now), truth) in target.iter_mut().zip(newest).zip(truth) {
+            for ((target, now), truth) in target.iter_mut().zip(newest.iter()).zip(truth) {
                 *target += shift * (now.as_dvec3() - truth.as_dvec3());
             }
         }
-        shown.frames.clone_from(&self.history);
+        shown.frames.resize_with(self.history.len(), Vec::new);
+        for (to, frame) in shown.frames.iter_mut().zip(&self.history) {
+            to.clone_from(frame);
+        }
         let next = motion.frame(self.current as i64 + 1);
         shown.next_handles = graph.handles().select(next);
+        shown.yaw = motion.yaw(self.current);
         self.to_local(cfg, graph, &target, shown);
     }
 
@@ -126,10 +133,10 @@ impl Slot {
         let motion = set.motion(sample.trajectory);
         let first = sample.current as i64 + 1 - cfg.model.history() as i64;
         let frames = first..=sample.current as i64;
-        self.history = frames.map(|f| motion.frame(f).to_vec()).collect();
+        self.history = frames.map(|f| Arc::new(motion.frame(f).to_vec())).collect();
     }
 
-    /// Sets reference, current and target positions, and the local frame of the current ones.
+    /// Sets reference, current and target positions, in the local frame of the current ones.
     fn to_local(
         &self,
         cfg: &TrainConfig,
@@ -140,7 +147,7 @@ impl Slot {
         let count = self.history.len();
         let current = &self.history[count - 1];
         let handles = graph.handles().select(current);
-        let yaw = graph.frame().yaw(&handles, graph.frame().rest_yaw());
+        let yaw = shown.yaw;
         let last = LastFrames {
             graph,
             previous: &self.history[count - 2],
@@ -158,7 +165,6 @@ impl Slot {
         to_current.extend(current.iter().map(|p| local(p.as_dvec3())));
         to_target.clear();
         to_target.extend(target.iter().map(|&p| local(p)));
-        shown.yaw = yaw;
     }
 
     /// Offset of the current positions from the truth, in local axes `[m]`, `[vertices]`.
@@ -241,7 +247,7 @@ impl Slot {
         }
         let motion = set.motion(self.section.trajectory);
         let newest = self.history.len() - 1;
-        let mut predicted = std::mem::take(&mut self.history[0]);
+        let mut predicted = vec![Vec3::ZERO; motion.graph.vertex_count()];
         let frames = TwoFrames {
             graph: &motion.graph,
             reference: &sample.reference,
@@ -261,7 +267,7 @@ impl Slot {
             return false;
         }
         self.history.rotate_left(1);
-        self.history[newest] = predicted;
+        self.history[newest] = Arc::new(predicted);
         self.current = next;
         self.run += 1;
         true

@@ -90,37 +90,22 @@ pub(crate) fn trajectory((_, vertices, frames): Plan<'_>, number: usize) -> Traj
 /// Writes the trajectories, one section each or as the paper cuts them.
 pub(crate) fn swinging(plans: &[Plan<'_>], sections: SectionRule) -> Swinging {
     let folder = tempfile::tempdir().expect("a folder");
-    let dataset = write(folder.path(), plans, &[], sections);
+    let dataset = write(folder.path(), plans, sections);
     Swinging { folder, dataset }
 }
 
-/// The same with trajectories to test on.
-pub(crate) fn swinging_and_tested(plans: &[Plan<'_>], tests: &[(&str, Trajectory)]) -> Swinging {
-    let folder = tempfile::tempdir().expect("a folder");
-    let dataset = write(folder.path(), plans, tests, SectionRule::Whole);
-    Swinging { folder, dataset }
-}
-
-fn write(
-    folder: &Path,
-    plans: &[Plan<'_>],
-    tests: &[(&str, Trajectory)],
-    sections: SectionRule,
-) -> Dataset {
+fn write(folder: &Path, plans: &[Plan<'_>], sections: SectionRule) -> Dataset {
     let plan = DatasetPlan {
         name: "swinging".to_owned(),
         config: json!(null),
         train: plans.iter().map(|plan| plan.0.to_owned()).collect(),
-        test: tests.iter().map(|test| test.0.to_owned()).collect(),
+        test: Vec::new(),
         sections,
     };
     let mut writer = DatasetWriter::open(folder, plan).expect("an empty folder");
     for (number, &plan) in plans.iter().enumerate() {
         let trajectory = trajectory(plan, number);
         writer.add(Split::Train, plan.0, &trajectory).expect("room");
-    }
-    for (name, trajectory) in tests {
-        writer.add(Split::Test, name, trajectory).expect("room");
     }
     writer.finish().expect("a data set")
 }
@@ -161,12 +146,11 @@ pub(crate) fn config(encoder: Encoder) -> TrainConfig {
     cfg
 }
 
-/// The same, in which noise, dropout, mirror images, a mean of the weights and the model's own
-/// predictions all play a part.
+/// The same, in which noise, dropout, a mean of the weights and the model's own predictions all
+/// play a part.
 pub(crate) fn busy(encoder: Encoder) -> TrainConfig {
     let mut cfg = config(encoder);
     cfg.noise.deviation = 0.003;
-    cfg.mirror_images = true;
     cfg.weight_average = Some(0.9);
     if matches!(encoder, Encoder::Gru { .. }) {
         cfg.dropout = 0.2;

@@ -283,6 +283,7 @@ impl Trainer {
     /// step, but the slots have moved on: resume from a checkpoint.
     pub fn step(&mut self) -> Result<StepReport, TrainError> {
         let step = self.step;
+        // Frames of a history are shared: none of their positions is copied.
         let slots = self.slots.clone();
         let frames = self.cfg.unroll.at(step);
         let setup = Setup {
@@ -296,12 +297,7 @@ impl Trainer {
         };
         let batch = Batch::new(setup, &mut self.slots, step, frames);
         let terms = self.engine.learn(batch)?;
-        let is_given_up = match self.ranks.are_several() {
-            // As all of them have agreed: a wish of after that is heard by the next step.
-            true => terms.is_empty(),
-            false => self.stop.is_wanted(),
-        };
-        if is_given_up {
+        if terms.is_empty() {
             self.slots = slots;
             return Err(TrainError::Stopped { step: step + 1 });
         }
@@ -360,23 +356,6 @@ impl Trainer {
         self.set.sample_count()
     }
 
-    /// The motions whose mirror images are not learned from, although `mirror_images` is set: their
-    /// handles would go as in a motion to test on.
-    #[must_use]
-    pub fn images_left_out(&self) -> &[String] {
-        self.set.images_left_out()
-    }
-
-    /// Fewest vertices of a cloth that is learned from.
-    #[must_use]
-    pub fn fewest_vertices(&self) -> usize {
-        let counts = self.set.graphs().map(|graph| graph.topology());
-        counts
-            .map(|topology| topology.vertex_count())
-            .min()
-            .unwrap_or(0)
-    }
-
     /// The trainings whose weights this one began with, the first one first; none where it began
     /// with its own.
     #[must_use]
@@ -423,12 +402,7 @@ pub(crate) fn prepare(
     let network = Network::new(&cfg.model)?;
     let need = Need::before_reading(cfg, &network, dataset, on);
     need.check(cfg)?;
-    let set = TrainingSet::load(
-        dataset,
-        &cfg.model,
-        cfg.losses.long_modes(),
-        cfg.mirror_images,
-    )?;
+    let set = TrainingSet::load(dataset)?;
     need.with_slots(cfg, &set, on).check(cfg)?;
     Ok((set, network))
 }

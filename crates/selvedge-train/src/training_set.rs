@@ -2,36 +2,38 @@
 
 use std::sync::Arc;
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 use selvedge_cloth::{Environment, Material};
 use selvedge_data::{Dataset, DatasetError, Sample, Section, Split, Trajectory};
-use selvedge_model::{ClothGraph, Connectivity, Domain, GraphError, ModelSpec};
+use selvedge_model::{ClothGraph, Connectivity, Domain, GraphError, Yaw};
 use serde_json::Value;
 use thiserror::Error;
-
-use self::handle_track::HandleTrack;
-
-mod handle_track;
 
 /// One trajectory with its graph.
 pub(crate) struct Motion {
     pub(crate) graph: Arc<ClothGraph>,
     pub(crate) connectivity: Arc<Connectivity>,
+    /// The local frame of each frame, as a rollout from the first one has it: handles without a
+    /// direction keep the one before.
+    yaws: Vec<Yaw>,
     trajectory: Trajectory,
 }
 
 impl Motion {
     /// A trajectory with its graph, which those of one cloth share.
     fn new(graph: ClothGraph, trajectory: Trajectory, others: &[Self]) -> Self {
+        let yaws = yaws(&graph, &trajectory);
         match others.iter().find(|motion| *motion.graph == graph) {
             Some(same) => Self {
                 graph: Arc::clone(&same.graph),
                 connectivity: Arc::clone(&same.connectivity),
+                yaws,
                 trajectory,
             },
             None => Self {
                 connectivity: Arc::new(graph.connectivity().clone()),
                 graph: Arc::new(graph),
+                yaws,
                 trajectory,
             },
         }
@@ -41,6 +43,24 @@ impl Motion {
     pub(crate) fn frame(&self, frame: i64) -> &[Vec3] {
         self.trajectory.frame(frame.max(0) as usize)
     }
+
+    /// The local frame of the handles in `frame`.
+    pub(crate) fn yaw(&self, frame: usize) -> Yaw {
+        self.yaws[frame]
+    }
+}
+
+/// The local frames of a trajectory, each with the one before to fall back to.
+fn yaws(graph: &ClothGraph, trajectory: &Trajectory) -> Vec<Yaw> {
+    let mut yaw = graph.frame().rest_yaw();
+    let frames = 0..trajectory.frame_count();
+    frames
+        .map(|frame| {
+            let handles = graph.handles().select(trajectory.frame(frame));
+            yaw = graph.frame().yaw(&handles, yaw);
+            yaw
+        })
+        .collect()
 }
 
 /// The trajectories that a training learns from.
@@ -49,8 +69,6 @@ pub(crate) struct TrainingSet {
     sections: Vec<Section>,
     /// Samples before each section, and in all.
     first_sample: Vec<usize>,
-    /// Motions whose mirror images are left out.
-    images_left_out: Vec<String>,
     /// Of all trajectories.
     domain: Option<Domain>,
 }
@@ -69,10 +87,6 @@ pub enum TrainingSetError {
         source: serde_json::Error,
     },
     #[error(
-        "training trajectory {motion}: its wind has gusts, of which there is no mirror image: leave out mirror_images or the trajectory"
-    )]
-    MirroredGust { motion: String },
-    #[error(
         "the data set has no samples: it has nothing to train on, give one with training trajectories"
     )]
     NoSamples,
@@ -84,7 +98,12 @@ pub enum TrainingSetError {
 /// # Errors
 /// [`TrainingSetError`] when the scene's environment cannot be read, or the parts do not fit.
 pub fn graph_of(motion: &str, trajectory: &Trajectory) -> Result<ClothGraph, TrainingSetError> {
-    graph_in(motion, trajectory, environment_of(motion, trajectory)?)
+    let environment = environment_of(motion, trajectory)?;
+    let cloth = trajectory.cloth();
+    ClothGraph::new(cloth, environment, trajectory.frame_rate()).map_err(|source| {
+        let motion = motion.to_owned();
+        TrainingSetError::Graph { motion, source }
+    })
 }
 
 /// The domain of a trajectory: its handles frame by frame, its cloth and, where its scene is known,
@@ -122,89 +141,18 @@ fn environment_of(motion: &str, trajectory: &Trajectory) -> Result<Environment, 
     }
 }
 
-/// The image of an environment in a mirror at z = 0.
-fn mirrored(motion: &str, environment: Environment) -> Result<Environment, TrainingSetError> {
-    if environment.gust.is_some() {
-        let motion = motion.to_owned();
-        return Err(TrainingSetError::MirroredGust { motion });
-    }
-    let side = DVec3::new(1.0, 1.0, -1.0);
-    Ok(Environment {
-        gravity: environment.gravity * side,
-        wind: environment.wind * side,
-        ..environment
-    })
-}
-
-fn graph_in(
-    motion: &str,
-    trajectory: &Trajectory,
-    environment: Environment,
-) -> Result<ClothGraph, TrainingSetError> {
-    let cloth = trajectory.cloth();
-    ClothGraph::new(cloth, environment, trajectory.frame_rate()).map_err(|source| {
-        let motion = motion.to_owned();
-        TrainingSetError::Graph { motion, source }
-    })
-}
-
-/// Paths of the handles in the trajectories of a split.
-fn handle_tracks(dataset: &Dataset, split: Split) -> Result<Vec<HandleTrack>, TrainingSetError> {
-    let entries = dataset.entries(split).iter();
-    entries
-        .map(|entry| Ok(HandleTrack::of(&dataset.read(entry)?)))
-        .collect()
-}
-
 impl TrainingSet {
-    /// Reads the training split of `dataset`, of cloths as networks of `spec` see them, and as
-    /// losses do that need so many long modes. With `mirror_images` the trajectories are followed
-    /// by their mirror images. Those whose handles go as in a trajectory to test on have no
-    /// sections: on its cloth they would be that test, buckled to the other side.
-    pub(crate) fn load(
-        dataset: &Dataset,
-        spec: &ModelSpec,
-        long_modes: usize,
-        mirror_images: bool,
-    ) -> Result<Self, TrainingSetError> {
-        let tests = match mirror_images {
-            true => handle_tracks(dataset, Split::Test)?,
-            false => Vec::new(),
-        };
+    /// Reads the training split of `dataset`.
+    pub(crate) fn load(dataset: &Dataset) -> Result<Self, TrainingSetError> {
         let mut motions: Vec<Motion> = Vec::new();
-        let mut images = Vec::new();
-        let mut is_tested = Vec::new();
         let mut domain: Option<Domain> = None;
         for entry in dataset.entries(Split::Train) {
             let trajectory = dataset.read(entry)?;
-            let environment = environment_of(&entry.motion, &trajectory)?;
             Domain::widen(&mut domain, domain_of(&entry.motion, &trajectory)?);
-            if mirror_images {
-                let environment = mirrored(&entry.motion, environment)?;
-                let image = trajectory.mirrored();
-                let path = HandleTrack::of(&image);
-                is_tested.push(tests.iter().any(|test| path.goes_as(test)));
-                let graph = graph_in(&entry.motion, &image, environment)?;
-                let graph = graph.for_spec(spec).with_long_modes(long_modes);
-                images.push(Motion::new(graph, image, &images));
-            }
-            let graph = graph_in(&entry.motion, &trajectory, environment)?;
-            let graph = graph.for_spec(spec).with_long_modes(long_modes);
+            let graph = graph_of(&entry.motion, &trajectory)?;
             motions.push(Motion::new(graph, trajectory, &motions));
         }
-        let mut sections = dataset.sections().to_vec();
-        // An image has the same number whichever others are learned from: checkpoints name it so.
-        let of_image = |section: &Section| Section {
-            trajectory: section.trajectory + motions.len(),
-            ..*section
-        };
-        let learned = |section: &&Section| is_tested.get(section.trajectory) == Some(&false);
-        let shown = dataset.sections().iter().filter(learned);
-        sections.extend(shown.map(of_image));
-        let pairs = dataset.entries(Split::Train).iter().zip(&is_tested);
-        let left_out = pairs.filter(|(_, is_tested)| **is_tested);
-        let images_left_out = left_out.map(|(entry, _)| entry.motion.clone()).collect();
-        motions.append(&mut images);
+        let sections = dataset.sections().to_vec();
         let mut first_sample = vec![0];
         for section in &sections {
             let before = first_sample[first_sample.len() - 1];
@@ -217,14 +165,8 @@ impl TrainingSet {
             motions,
             sections,
             first_sample,
-            images_left_out,
             domain,
         })
-    }
-
-    /// The motions whose mirror images are left out, because their handles would go as in a test.
-    pub(crate) fn images_left_out(&self) -> &[String] {
-        &self.images_left_out
     }
 
     /// The domain of what is learned from; none without trajectories.

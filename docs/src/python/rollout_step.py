@@ -5,7 +5,7 @@
 
 Needs torch, numpy and safetensors from PyPI. From each frame (and those before it that the model looks at) the next
 one is predicted with features, network and integration written here anew, after docs/src/reference/equations.md, for whatever the
-spec in the model file asks for but streams, coarse levels, filters and tokens, and compared with the next frame of the file. Handles are taken from the file: they
+spec in the model file asks for but streams, and compared with the next frame of the file. Handles are taken from the file: they
 are given.
 """
 
@@ -273,9 +273,7 @@ class Model:
         yaw = cloth.yaw(current[cloth.handles])
         window = range(len(frames) - self.spec["encoder"].get("window", 1), len(frames))
         nodes = [node_columns(self.spec, cloth, frames, k, yaw, next_handles) for k in window]
-        # "node-gru" sees the newest frame of arcs only.
-        seen = window[-1:] if self.spec["encoder"]["kind"] == "node-gru" else window
-        edges = [edge_columns(self.spec, cloth, frames[k], yaw) for k in seen]
+        edges = [edge_columns(self.spec, cloth, frames[k], yaw) for k in window]
         nodes, edges = self.normalised("nodes", np.array(nodes)), self.normalised("edges", np.array(edges))
         senders, receivers = torch.from_numpy(cloth.arcs.T.copy())
         with torch.no_grad():

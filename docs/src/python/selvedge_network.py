@@ -38,13 +38,13 @@ class GruEncoder(nn.Module):
 
 
 class MlpEncoder(nn.Sequential):
-    """A perceptron on the frames of the window side by side."""
+    """A perceptron on the current frame."""
 
-    def __init__(self, window, width, latent):
-        super().__init__(*perceptron(window * width, latent, latent, norm=True))
+    def __init__(self, width, latent):
+        super().__init__(*perceptron(width, latent, latent, norm=True))
 
-    def forward(self, window, state=None):  # [window, rows, width]
-        return super().forward(torch.cat(list(window), dim=-1))
+    def forward(self, window, state=None):  # [1, rows, width]
+        return super().forward(window[-1])
 
 
 class Block(nn.Module):
@@ -70,23 +70,11 @@ class Network(nn.Module):
 
     def __init__(self, spec, node_width, edge_width):
         super().__init__()
-        if spec.get("filter_modes"):
-            raise NotImplementedError("filters over the whole cloth (filter_modes) are not in this module")
-        if spec.get("tokens"):
-            raise NotImplementedError("tokens of the whole cloth (tokens) are not in this module")
         latent, kind = spec["latent"], spec["encoder"]["kind"]
 
-        # "node-gru" sees the window of vertices and the newest frame of arcs.
-        recurrent = {"mlp": (), "node-gru": ("nodes",)}.get(kind, ("nodes", "edges"))
-
-        def encoder(rows, width):
-            if rows in recurrent:
-                return GruEncoder(width, latent)
-            window = 1 if kind == "node-gru" else spec["encoder"].get("window", 1)
-            return MlpEncoder(window, width, latent)
-
+        encoder = MlpEncoder if kind == "mlp" else GruEncoder
         widths = {"nodes": node_width, "edges": edge_width}
-        self.encoder = nn.ModuleDict({rows: encoder(rows, width) for rows, width in widths.items()})
+        self.encoder = nn.ModuleDict({rows: encoder(width, latent) for rows, width in widths.items()})
         self.processor = nn.ModuleList(Block(latent) for _ in range(spec["blocks"]))
         self.decoder = perceptron(latent, latent, 3, norm=False)
 

@@ -50,23 +50,20 @@ fn gusty() -> Scene {
     scene
 }
 
-fn bases() -> [PhysicsBase; 7] {
-    let base = |integrator, substeps, forgets| PhysicsBase {
+fn bases() -> [PhysicsBase; 5] {
+    let base = |integrator, substeps| PhysicsBase {
         integrator,
         substeps,
-        forgets,
         differences: Differences::Frames,
     };
     let over_substeps = |substeps| PhysicsBase {
         differences: Differences::Substeps,
-        ..base(Integrator::SecondOrder, substeps, false)
+        ..base(Integrator::SecondOrder, substeps)
     };
     [
-        base(Integrator::Linearised, 1, false),
-        base(Integrator::SecondOrder, 1, false),
-        base(Integrator::SecondOrder, 2, false),
-        base(Integrator::SecondOrder, 1, true),
-        base(Integrator::FreeFlight, 1, false),
+        base(Integrator::Linearised, 1),
+        base(Integrator::SecondOrder, 1),
+        base(Integrator::SecondOrder, 2),
         over_substeps(1),
         over_substeps(2),
     ]
@@ -140,9 +137,6 @@ fn a_model_that_corrects_nothing_leaves_its_base() {
         let mut none = stepper(&scene, base, 0.0).at_frame(10);
         let mut some = stepper(&scene, base, SMALL).at_frame(10);
         for frame in 11..16 {
-            if base.forgets {
-                alone.forget_previous();
-            }
             alone.step(&targets).unwrap();
             none.step(&targets).unwrap();
             some.step(&targets).unwrap();
@@ -254,76 +248,6 @@ fn a_run_is_taken_up_with_its_handles_as_they_hold() {
         }
         run.step(&path.targets(frame, 2).unwrap()).unwrap();
     }
-}
-
-/// A model of all forces gives each of them, of whatever size and however strange the cloth is,
-/// where one that corrects physics holds back; what flies has no contact to be checked for.
-#[test]
-fn free_flight_is_corrected_whole_however_strange_and_without_contact() {
-    const DEVIATION: f64 = 1e-4;
-    // Beyond what outputs of a model that corrects physics are cut to.
-    const BIAS: f32 = 20.0;
-    let base = |integrator| PhysicsBase {
-        integrator,
-        substeps: 1,
-        forgets: false,
-        differences: Differences::Frames,
-    };
-    let even_model = |base: PhysicsBase| {
-        let none = model(base, 0.0);
-        let network = Network::new(none.spec()).unwrap();
-        let mut weights = none.weights().to_vec();
-        let parameters = network.parameters();
-        let last = parameters.iter().find(|p| p.name == "decoder.4.bias");
-        // Corrections along the normals alone, of positions.
-        weights[last.unwrap().range.clone()][2] = BIAS;
-        let normalizers = none.normalizers().clone();
-        let made = Model::new(none.spec(), weights, normalizers, String::new()).unwrap();
-        let still = Domain::of_scene(&hanging(), 10).unwrap();
-        Arc::new(made.with_domain(&still))
-    };
-    let mut strange = hanging();
-    strange.contact = Some(Default::default());
-    strange.physics.max_strain = 0.5;
-    strange.environment.wind = DVec3::new(0.0, 0.0, 12.0);
-    let mut start = at_rest(&strange);
-    let mut rng = ChaCha8Rng::seed_from_u64(1);
-    for velocity in &mut start.velocities {
-        *velocity = DVec3::from_array([0; 3].map(|_| 900.0 * (rng.random::<f64>() - 0.5)));
-    }
-    let run = |base: PhysicsBase| {
-        let mut alone = Simulator::with_state(
-            &base_scene(&strange, base),
-            start.positions.clone(),
-            start.velocities.clone(),
-        )
-        .unwrap();
-        let mut stepper = CorrectedStepper::new(even_model(base), &strange, start.clone()).unwrap();
-        let targets = still(&strange);
-        alone.step(&targets).unwrap();
-        stepper.step(&targets).unwrap();
-        let now = stepper.state().positions.iter().zip(alone.positions_f64());
-        let moved: Vec<f64> = now.map(|(p, q)| p.distance(*q)).collect();
-        (moved, stepper.familiarity())
-    };
-    let (moved, familiarity) = run(base(Integrator::FreeFlight));
-    assert!(familiarity.familiar < 1.0, "{familiarity:?}");
-    let held = strange.handles.mask(moved.len());
-    let whole = f64::from(BIAS) * DEVIATION;
-    for (v, (moved, held)) in moved.iter().zip(held).enumerate() {
-        let expected = if held { 0.0 } else { whole };
-        assert!((moved - expected).abs() < 1e-6, "{v}: {moved} {expected}");
-    }
-    // The same in physics of cloth: a scene of such wind is left to it.
-    strange.contact = None;
-    strange.physics.max_strain = 1e6;
-    let run = |start: &FrameState| {
-        let base = base(Integrator::Linearised);
-        let mut stepper = CorrectedStepper::new(even_model(base), &strange, start.clone()).unwrap();
-        stepper.step(&still(&strange)).unwrap();
-        stepper.familiarity()
-    };
-    assert_eq!(run(&at_rest(&strange)), Familiarity::default());
 }
 
 #[test]

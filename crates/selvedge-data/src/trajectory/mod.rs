@@ -125,19 +125,6 @@ impl Trajectory {
         &self.obstacles
     }
 
-    /// Returns the image of the trajectory in a mirror at z = 0: the motion of a cloth that bends
-    /// alike to both sides under mirrored handles and wind. The scene stays that of the original.
-    #[must_use]
-    pub fn mirrored(&self) -> Self {
-        let mirrored = |p: &Vec3| Vec3::new(p.x, p.y, -p.z);
-        Self {
-            cloth: self.cloth.mirrored(),
-            positions: self.positions.iter().map(mirrored).collect(),
-            provenance: self.provenance.clone(),
-            obstacles: self.obstacles.iter().map(ObstacleTrack::mirrored).collect(),
-        }
-    }
-
     /// Number of frames, the start included.
     #[must_use]
     pub fn frame_count(&self) -> usize {

@@ -174,34 +174,6 @@ impl ObstacleTrack {
         }
     }
 
-    /// Returns the image in a mirror at z = 0.
-    pub(super) fn mirrored(&self) -> Self {
-        let mirrored = |p: &Vec3| Vec3::new(p.x, p.y, -p.z);
-        let all = |points: &Vec<Vec3>| points.iter().map(mirrored).collect();
-        let motion = match &self.motion {
-            TrackMotion::Still(points) => TrackMotion::Still(all(points)),
-            TrackMotion::Rigid(points, poses) => {
-                let pose = |pose: &Pose| Pose {
-                    // A turn about x and y goes the other way round in the mirror.
-                    rotation: Quat::from_xyzw(
-                        -pose.rotation.x,
-                        -pose.rotation.y,
-                        pose.rotation.z,
-                        pose.rotation.w,
-                    ),
-                    translation: mirrored(&pose.translation),
-                };
-                TrackMotion::Rigid(all(points), poses.iter().map(pose).collect())
-            }
-            TrackMotion::Points(frames) => TrackMotion::Points(frames.iter().map(all).collect()),
-        };
-        Self {
-            faces: self.faces.iter().map(|&[a, b, c]| [a, c, b]).collect(),
-            motion,
-            ..self.clone()
-        }
-    }
-
     /// Checks that it has `frames` frames, finite, of the same points, which the faces name.
     pub(super) fn check(&self, frames: usize) -> Result<(), TrajectoryError> {
         let wrong = |problem: String| TrajectoryError::Obstacle {

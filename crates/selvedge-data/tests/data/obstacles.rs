@@ -98,20 +98,6 @@ fn what_is_written_is_read_back() {
 }
 
 #[test]
-fn the_mirror_image_of_a_rigid_body_moves_as_its_points_do() {
-    let trajectory = with_obstacles(0);
-    let mirrored = trajectory.mirrored();
-    for (image, track) in mirrored.obstacles().iter().zip(trajectory.obstacles()) {
-        for frame in 0..4 {
-            for (found, p) in image.frame(frame).iter().zip(track.frame(frame).iter()) {
-                assert!(found.distance(Vec3::new(p.x, p.y, -p.z)) < 1e-6);
-            }
-        }
-    }
-    assert_eq!(mirrored.mirrored(), trajectory);
-}
-
-#[test]
 fn what_does_not_fit_or_is_damaged_is_named() {
     let track = |frames| ObstacleTrack::of(&obstacles()[1], 10.0, 0, frames);
     let error = trajectory(4).with_obstacles(vec![track(3)]).unwrap_err();

@@ -29,8 +29,6 @@ impl NetworkCase<'_> {
         GraphSizes {
             vertices: self.graph.vertex_count(),
             arcs: self.graph.arc_count(),
-            cloths: self.graph.cloths().len(),
-            modes: self.graph.mode_count(),
         }
     }
 }
@@ -40,9 +38,6 @@ impl NetworkCase<'_> {
 pub(super) struct GraphSizes {
     pub(super) vertices: usize,
     pub(super) arcs: usize,
-    pub(super) cloths: usize,
-    /// Modes of each cloth.
-    pub(super) modes: usize,
 }
 
 /// The arrays of a case in the arena.
@@ -63,10 +58,9 @@ impl NetworkArrays {
         extent: Extent,
     ) -> Self {
         let spec = network.spec();
-        let graph = GraphArrays::new(plan, sizes.vertices, sizes.arcs, sizes.cloths)
-            .with_modes(plan, sizes.modes);
+        let graph = GraphArrays::new(plan, sizes.vertices, sizes.arcs);
         let steps = match extent {
-            Extent::Whole => [spec.node_window(), spec.edge_window()],
+            Extent::Whole => [spec.window(); 2],
             Extent::Newest => [1, 1],
         };
         Self {
@@ -173,8 +167,6 @@ mod tests {
         let sizes = GraphSizes {
             vertices: 100,
             arcs: 550,
-            cloths: 1,
-            modes: 0,
         };
         let fit = |free: usize| vertices_that_fit(sizes, free, bytes);
         // 60 vertices have 330 arcs.

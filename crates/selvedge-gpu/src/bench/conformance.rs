@@ -58,9 +58,6 @@ fn loss_apart(expected: &StepReport, found: &StepReport) -> f64 {
             edge_vector,
             edge_length,
             bending_angle,
-            bending_spread,
-            short_waves,
-            compression,
         } = report.terms;
         [
             Some(total),
@@ -69,9 +66,6 @@ fn loss_apart(expected: &StepReport, found: &StepReport) -> f64 {
             edge_vector,
             edge_length,
             bending_angle,
-            bending_spread,
-            short_waves,
-            compression,
         ]
     };
     let pairs = terms(expected).into_iter().zip(terms(found));

@@ -257,13 +257,13 @@ mod tests {
     #[test]
     fn two_steps_are_those_of_the_cpu() {
         let device = device();
-        let graph = squares(&[30], 0);
+        let graph = squares(&[30]);
         let counts = [graph.vertex_count(), graph.arc_count()];
         let spec = &specs()[5];
         let network = Network::new(spec).expect("a spec");
         let mut expected = weights(&network, 3);
-        let nodes = numbers(spec.node_window() * counts[0] * spec.node_width(), 1.5, 1);
-        let edges = numbers(spec.edge_window() * counts[1] * spec.edge_width(), 1.5, 2);
+        let nodes = numbers(spec.window() * counts[0] * spec.node_width(), 1.5, 1);
+        let edges = numbers(spec.window() * counts[1] * spec.edge_width(), 1.5, 2);
         let target = numbers(counts[0] * OUTPUTS, 1.0, 4);
         let input = Input {
             nodes: &nodes,

@@ -122,7 +122,6 @@ impl FrameBack<'_> {
             first_arc: graph.first_arc,
             senders: graph.senders,
             reverse_arcs: graph.reverse_arcs,
-            arc_material: cloths.arc_material,
             corner_ends: losses.corner_ends,
             hinge_corners: losses.corners,
             by_hinge: step.arcs.map(|_| step.by_hinge),

@@ -94,7 +94,7 @@ impl FrameArrays {
             slots,
             newest: plan.indices("newest frame", 1),
             numbers: plan.floats("local frames", sizes.cloths * CLOTH_NUMBERS),
-            carries: plan.doubles("motions of handles", spec.node_window() * per_step),
+            carries: plan.doubles("motions of handles", spec.window() * per_step),
             last: plan.doubles("next motion of handles", sizes.cloths * CARRIES),
             targets: plan.floats("targets of handles", 3 * sizes.handles),
             per_step,

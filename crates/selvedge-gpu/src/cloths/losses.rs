@@ -31,8 +31,6 @@ pub struct SlotSizes {
     pub arcs: usize,
     /// Faces.
     pub faces: usize,
-    /// Modes.
-    pub modes: usize,
 }
 
 impl SlotSizes {

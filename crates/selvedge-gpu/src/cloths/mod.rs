@@ -37,8 +37,6 @@ pub struct UnionSizes {
     pub handles: usize,
     /// The most colours that the edges of a cloth need.
     pub colours: usize,
-    /// Modes of each cloth.
-    pub modes: usize,
 }
 
 impl UnionSizes {
@@ -47,9 +45,6 @@ impl UnionSizes {
     pub fn of(graphs: &[&ClothGraph]) -> Self {
         let mut sizes = Self {
             cloths: graphs.len(),
-            modes: graphs
-                .first()
-                .map_or(0, |graph| graph.connectivity().mode_count()),
             ..Self::default()
         };
         for graph in graphs {
@@ -115,12 +110,11 @@ impl ClothArrays {
             edges,
             faces,
             colours,
-            modes,
             ..
         } = sizes;
         Self {
             sizes,
-            graph: GraphArrays::new(plan, vertices, arcs, cloths).with_modes(plan, modes),
+            graph: GraphArrays::new(plan, vertices, arcs),
             cloth_of: plan.indices("cloths of vertices", vertices),
             handle_of: plan.indices("handles of vertices", vertices),
             mass: plan.floats("masses", vertices),
@@ -155,7 +149,7 @@ impl ClothArrays {
     /// The arrays that [`Self::upload`] writes.
     #[must_use]
     pub fn regions(&self) -> Vec<Region> {
-        let mut regions = self.graph.regions();
+        let mut regions = self.graph.regions().to_vec();
         regions.extend(self.indices());
         regions.extend(self.floats());
         regions
@@ -332,15 +326,6 @@ impl Statics {
                 self.arc_rest[4 * arc..][..4].copy_from_slice(&[rest.x, rest.y, rest.z, length]);
                 let material = [flat.x, flat.y, flat.length()];
                 self.arc_material[3 * arc..][..3].copy_from_slice(&material);
-            }
-        }
-        // A negative length in the flat cloth marks a link: no edge has one.
-        for link in graph.links() {
-            for (arc, sign) in link.arcs.into_iter().zip([1.0, -1.0]) {
-                let (arc, rest) = (first + arc as usize, sign * link.rest_vector);
-                let length = rest.length();
-                self.arc_rest[4 * arc..][..4].copy_from_slice(&[rest.x, rest.y, rest.z, length]);
-                self.arc_material[3 * arc + 2] = -1.0;
             }
         }
         for hinge in graph.hinges() {

@@ -10,8 +10,4 @@ part!("backward.cu":
     GATES_BACKWARD = "gates_backward",
     GATE_BIASES = "gate_biases",
     ADD = "add",
-    FILTER_WEIGHTS = "filter_weights",
-    TOKEN_MEANS_BACKWARD = "token_means_backward",
-    SLICE_GRADIENTS = "slice_gradients",
-    SOFTMAX_BACKWARD = "softmax_backward",
 );

@@ -32,9 +32,6 @@
 // Added to a variance before its root, as in PyTorch.
 #define NORM_EPSILON 1e-5f
 
-// Added to the share of a cloth that a token stands for before it is divided by.
-#define LEAST_SIZE 1e-6f
-
 INNER float relu(float x) { return x > 0.0f ? x : 0.0f; }
 
 // e^{-x} overflows to infinity where x is very negative, and the quotient is 0 then, as it should
@@ -127,10 +124,4 @@ INNER Vector reference(const double *carries, Vector before, Vector now, Vector 
     (void)carries, (void)now, (void)rest;
     return before;
 #endif
-}
-
-// 1 for an arc of a coarse level, whose length in the flat cloth is given as -1; 0 for an arc of
-// the mesh.
-INNER float is_link(const float *arc_material, unsigned arc) {
-    return arc_material[3 * (size_t)arc + 2] < 0.0f ? 1.0f : 0.0f;
 }

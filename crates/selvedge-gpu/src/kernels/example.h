@@ -2,7 +2,7 @@
 // itself. Devices get those of their own network from the program.
 #define LATENT 12
 #define NODE_WIDTH 25
-#define EDGE_WIDTH 21
+#define EDGE_WIDTH 13
 #define WEIGHT_RESET 0
 #define WEIGHT_UPDATE 1
 #define WEIGHT_NEW 2
@@ -27,8 +27,6 @@
 #define EDGE_MATERIAL_VECTOR 8
 #define EDGE_ELONGATION 11
 #define EDGE_BENDING_ANGLE 12
-#define EDGE_COARSE_VECTOR 13
-#define EDGE_COARSE_REST_VECTOR 17
 #define CARRIED 1
 #define DAMPING 3e-2
 #define STIFFNESS 3e-3

@@ -121,26 +121,17 @@ KERNEL(edge_features, ELEMENT,
     const float *at_rest = arc_rest + 4 * (size_t)arc;
     float *row = out + (size_t)ELEMENT * EDGE_WIDTH;
     const Vector local = to_local(yaw, apart);
-#ifdef EDGE_COARSE_VECTOR
-    const float link = is_link(arc_material, arc), edge = 1.0f - link;
-    put_with_length(row, shift, scale, EDGE_COARSE_VECTOR, times(link, local), link * length(local));
-#else
-    const float edge = 1.0f;
-#endif
-#ifdef EDGE_COARSE_REST_VECTOR
-    put_with_length(row, shift, scale, EDGE_COARSE_REST_VECTOR, times(link, vector(at_rest)), link * at_rest[3]);
-#endif
 #ifdef EDGE_VECTOR
-    put_with_length(row, shift, scale, EDGE_VECTOR, times(edge, local), edge * length(local));
+    put_with_length(row, shift, scale, EDGE_VECTOR, local, length(local));
 #endif
 #ifdef EDGE_REST_VECTOR
-    put_with_length(row, shift, scale, EDGE_REST_VECTOR, times(edge, vector(at_rest)), edge * at_rest[3]);
+    put_with_length(row, shift, scale, EDGE_REST_VECTOR, vector(at_rest), at_rest[3]);
 #endif
 #ifdef EDGE_MATERIAL_VECTOR
-    put_vector(row, shift, scale, EDGE_MATERIAL_VECTOR, times(edge, vector(arc_material + 3 * (size_t)arc)));
+    put_vector(row, shift, scale, EDGE_MATERIAL_VECTOR, vector(arc_material + 3 * (size_t)arc));
 #endif
 #ifdef EDGE_ELONGATION
-    put(row, shift, scale, EDGE_ELONGATION, edge * (length(apart) - at_rest[3]));
+    put(row, shift, scale, EDGE_ELONGATION, length(apart) - at_rest[3]);
 #endif
 #ifdef EDGE_BENDING_ANGLE
     const unsigned *hinge = hinges + 4 * (size_t)arc;

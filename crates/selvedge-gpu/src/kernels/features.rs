@@ -57,7 +57,5 @@ pub(super) fn edge_name(feature: EdgeFeature) -> &'static str {
         EdgeFeature::MaterialVector => "EDGE_MATERIAL_VECTOR",
         EdgeFeature::Elongation => "EDGE_ELONGATION",
         EdgeFeature::BendingAngle => "EDGE_BENDING_ANGLE",
-        EdgeFeature::CoarseVector => "EDGE_COARSE_VECTOR",
-        EdgeFeature::CoarseRestVector => "EDGE_COARSE_REST_VECTOR",
     }
 }

@@ -89,7 +89,7 @@ KERNEL(positions_backward, ELEMENT,
        FRAME, unsigned back, unsigned step, unsigned steps, FORCES,
        const float *nodes EACH(NODE_WIDTH), const float *node_scale ALL(NODE_WIDTH),
        MAYBE const float *edges, const float *edge_scale ALL(EDGE_WIDTH),
-       const unsigned *first_arc, const unsigned *senders, const unsigned *reverse_arcs, const float *arc_material,
+       const unsigned *first_arc, const unsigned *senders, const unsigned *reverse_arcs,
        const unsigned *corner_ends EACH(2), const unsigned *hinge_corners, MAYBE const double *by_hinge,
        float *gradient ALL(3 * slots * vertices)) {
     const Ring ring = {positions, newest[0], slots, vertices};
@@ -148,23 +148,14 @@ KERNEL(positions_backward, ELEMENT,
             const Vector along = unit(minus(p, vector(now + 3 * (size_t)senders[arc])));
             float by_length = 0.0f;
             (void)here, (void)there;
-#ifdef EDGE_COARSE_VECTOR
-            const float link = is_link(arc_material, (unsigned)arc), edge = 1.0f - link;
-            const Vector coarse = minus(row_vector(there, edge_scale, EDGE_COARSE_VECTOR), row_vector(here, edge_scale, EDGE_COARSE_VECTOR));
-            by_now = plus(by_now, times(link, to_world(cloth.numbers, coarse)));
-            by_length += link * (there[EDGE_COARSE_VECTOR + 3] + here[EDGE_COARSE_VECTOR + 3]) * edge_scale[EDGE_COARSE_VECTOR + 3];
-#else
-            const float edge = 1.0f;
-#endif
 #ifdef EDGE_VECTOR
             const Vector local = minus(row_vector(there, edge_scale, EDGE_VECTOR), row_vector(here, edge_scale, EDGE_VECTOR));
-            by_now = plus(by_now, times(edge, to_world(cloth.numbers, local)));
-            by_length += edge * (there[EDGE_VECTOR + 3] + here[EDGE_VECTOR + 3]) * edge_scale[EDGE_VECTOR + 3];
+            by_now = plus(by_now, to_world(cloth.numbers, local));
+            by_length += (there[EDGE_VECTOR + 3] + here[EDGE_VECTOR + 3]) * edge_scale[EDGE_VECTOR + 3];
 #endif
 #ifdef EDGE_ELONGATION
-            by_length += edge * (there[EDGE_ELONGATION] + here[EDGE_ELONGATION]) * edge_scale[EDGE_ELONGATION];
+            by_length += (there[EDGE_ELONGATION] + here[EDGE_ELONGATION]) * edge_scale[EDGE_ELONGATION];
 #endif
-            (void)edge;
             by_now = plus(by_now, times(by_length, along));
         }
         for (size_t i = corner_ends[2 * (size_t)ELEMENT]; i < corner_ends[2 * (size_t)ELEMENT + 1]; ++i) {

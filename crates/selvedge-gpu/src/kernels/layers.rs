@@ -11,9 +11,4 @@ part!("layers.cu":
     NORM_MESSAGES = "norm_messages",
     GATES = "gates",
     DROPOUT = "dropout",
-    MODE_SUMS = "mode_sums",
-    ADD_MODES = "add_modes",
-    FILTER_MODES = "filter_modes",
-    SLICE_WEIGHTS = "slice_weights",
-    TOKEN_MEANS = "token_means",
 );

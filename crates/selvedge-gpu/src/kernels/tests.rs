@@ -75,20 +75,15 @@ fn node_has_gradient(feature: NodeFeature) -> bool {
 /// As [`node_has_gradient`]; rest poses are given.
 fn edge_has_gradient(feature: EdgeFeature) -> bool {
     match feature {
-        EdgeFeature::RestVector | EdgeFeature::MaterialVector | EdgeFeature::CoarseRestVector => {
-            false
-        }
-        EdgeFeature::Vector
-        | EdgeFeature::Elongation
-        | EdgeFeature::BendingAngle
-        | EdgeFeature::CoarseVector => true,
+        EdgeFeature::RestVector | EdgeFeature::MaterialVector => false,
+        EdgeFeature::Vector | EdgeFeature::Elongation | EdgeFeature::BendingAngle => true,
     }
 }
 
 #[test]
 fn every_feature_is_in_the_kernels_there_and_back() {
     let spec = full_specs().pop().expect("a spec");
-    assert_eq!((spec.node_features.len(), spec.edge_features.len()), (7, 7));
+    assert_eq!((spec.node_features.len(), spec.edge_features.len()), (7, 5));
     let nodes = spec.node_features.iter();
     let nodes = nodes.map(|f| (features::node_name(*f), node_has_gradient(*f)));
     let edges = spec.edge_features.iter();

@@ -13,11 +13,11 @@ mod linear;
 mod record;
 mod weights;
 
-pub use arrays::{ClothPlaces, GraphArrays, InputArrays, ModeArrays, StateArrays};
+pub use arrays::{GraphArrays, InputArrays, StateArrays};
 pub use backward::{BackwardPass, backward};
 pub use dropout::{Dropout, DropoutSizes};
-pub use forward::{ForwardPass, Keep, RowEncoder, forward, row_encoders};
-pub use record::{BlockRecord, EncoderRecord, GruRecord, MlpRecord, Record, TokenRecord};
+pub use forward::{ForwardPass, Keep, forward};
+pub use record::{BlockRecord, EncoderRecord, GruRecord, MlpRecord, Record};
 pub use weights::WeightArrays;
 
 /// Columns of the output of a network that learns here: an acceleration.

@@ -43,25 +43,6 @@ pub enum EncoderRecord {
     Gru(GruRecord),
 }
 
-/// Tokens of a block.
-#[derive(Clone, Debug)]
-pub struct TokenRecord {
-    /// Tokens of each cloth.
-    pub count: usize,
-    /// Weights of the vertices over the tokens, `[vertices, tokens]`.
-    pub slices: Region,
-    /// The same times the share of each vertex in the area of its cloth.
-    pub weighted: Region,
-    /// Means of the latent vertices, `[cloths, tokens, latent]`.
-    pub means: Region,
-    /// Share of its cloth that each token stands for, `[cloths, tokens]`.
-    pub sizes: Region,
-    /// Activations of the update.
-    pub update: MlpRecord,
-    /// Tokens after the update, `[cloths, tokens, latent]`.
-    pub updated: Region,
-}
-
 /// Activations of a block.
 #[derive(Clone, Debug)]
 pub struct BlockRecord {
@@ -71,11 +52,6 @@ pub struct BlockRecord {
     pub after: [Region; 2],
     /// Sums of the messages that arrive, `[vertices, latent]`.
     pub incoming: Region,
-    /// Sums of the cloths' modes over the latent vertices, `[cloths, modes, latent]`, where the
-    /// block has a filter.
-    pub mode_sums: Option<Region>,
-    /// The tokens, where the block has some.
-    pub tokens: Option<TokenRecord>,
     /// Activations of the perceptron of arcs.
     pub arc: MlpRecord,
     /// Activations of the perceptron of vertices.

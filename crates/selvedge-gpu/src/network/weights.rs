@@ -77,15 +77,6 @@ impl WeightArrays {
         Matrix::new(self.flat.part(range), columns)
     }
 
-    /// The last columns of the first layer of a block's node update, as many as a latent vector has
-    /// numbers: those for what a vertex reads of the tokens.
-    #[must_use]
-    pub fn last_columns(&self, block: usize, latent: usize) -> Matrix {
-        let name = format!("processor.{block}.node.0.weight");
-        let (_, columns) = self.place(&name);
-        self.matrix(&name).from_column(columns - latent)
-    }
-
     /// The packed first edge layer of a block, for sender and receiver, `[2 latent, latent]`.
     #[must_use]
     pub fn ends(&self, block: usize) -> Matrix {

@@ -66,7 +66,7 @@ impl CorrectionNetwork for GpuCorrections {
         arcs: &[f32],
         rows: &mut Vec<f32>,
     ) -> Result<(), CorrectionError> {
-        let failed = |error: DeviceError| CorrectionError(error.to_string());
+        let failed = |error: DeviceError| CorrectionError::Device(error.to_string());
         *rows = self.pass(Input { nodes, arcs }).map_err(failed)?;
         Ok(())
     }

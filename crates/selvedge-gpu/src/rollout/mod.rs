@@ -194,7 +194,7 @@ impl Rollout {
         self.undo = None;
         assert_eq!(targets.len(), self.cloths.len(), "targets of every cloth");
         let steps = match self.next {
-            Next::Whole => self.model.spec().node_window(),
+            Next::Whole => self.model.spec().window(),
             Next::FromState(_) => 1,
         };
         self.numbers.clear();

@@ -104,12 +104,7 @@ fn found(model: &Model, cloths: &[Cloth], output: &[f32]) -> Vec<Vec3> {
             next: &cloth.next_handles,
             yaw: cloth.yaw,
         };
-        numbers.add(
-            model.spec(),
-            &cloth.graph,
-            handles,
-            model.spec().node_window(),
-        );
+        numbers.add(model.spec(), &cloth.graph, handles, model.spec().window());
     }
     let uploaded = numbers.upload(&mut *loaded, &plan.frames, history - 1);
     uploaded.expect("room");

@@ -73,7 +73,6 @@ pub(super) fn open(
     let mut frames = vec![Vec::new(); model.spec().history()];
     let mut cloths = Vec::with_capacity(openings.len());
     for (number, Opening { graph, start }) in openings.into_iter().enumerate() {
-        let graph = graph.for_spec(model.spec());
         let vertices = graph.vertex_count();
         let own = opening_frames(model.spec(), vertices, start).map_err(|source| {
             let cloth = number;

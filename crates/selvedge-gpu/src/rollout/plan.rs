@@ -65,7 +65,7 @@ impl RolloutPlan {
             changed,
         };
         built.weights.pack(&mut built.pack);
-        let steps = [spec.node_window(), spec.edge_window()];
+        let steps = [spec.window(); 2];
         if network.streams() {
             let states =
                 [0, 1].map(|_| StateArrays::new(&mut built.plan, network, &built.cloths.graph));

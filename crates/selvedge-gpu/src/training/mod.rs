@@ -292,21 +292,9 @@ impl EngineMaker for OnDevice<'_> {
     }
 
     fn make(&self, setup: Setup<'_>) -> Result<Box<dyn Engine>, EngineError> {
-        if let Some(key) = setup.cfg.losses.of_folds() {
-            return Err(EngineError(Box::new(OnProcessorOnly { key })));
-        }
         let training = Training::new(self.device, self.precision, setup).map_err(failed)?;
         Ok(Box::new(training))
     }
-}
-
-/// A loss term that the kernels have not.
-#[derive(Debug, thiserror::Error)]
-#[error(
-    "{key} is not 0, but a device does not compute it: leave it out, or train on the processor (without --device)"
-)]
-struct OnProcessorOnly {
-    key: &'static str,
 }
 
 fn failed(error: DeviceError) -> EngineError {

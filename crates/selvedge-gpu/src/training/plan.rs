@@ -205,7 +205,7 @@ impl TrainingPlan {
         let (plan, graph, sizes) = (&mut self.plan, self.cloths.graph, self.cloths.sizes);
         let steps = match start {
             Some(_) => [1, 1],
-            None => [spec.node_window(), spec.edge_window()],
+            None => [spec.window(); 2],
         };
         let slot = self.losses.slot;
         let dropout = DropoutSizes {

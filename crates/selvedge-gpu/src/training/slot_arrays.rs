@@ -25,7 +25,6 @@ pub(super) fn sizes_of<'a>(graphs: impl IntoIterator<Item = &'a Arc<ClothGraph>>
             vertices: graph.vertex_count(),
             arcs: graph.arc_count(),
             faces: graph.topology().faces().len(),
-            modes: graph.connectivity().mode_count(),
         })
         .collect();
     let most = |of: fn(&SlotSizes) -> usize| sizes.iter().map(of).max().unwrap_or(0);
@@ -33,7 +32,6 @@ pub(super) fn sizes_of<'a>(graphs: impl IntoIterator<Item = &'a Arc<ClothGraph>>
         vertices: most(|s| s.vertices),
         arcs: most(|s| s.arcs),
         faces: most(|s| s.faces),
-        modes: most(|s| s.modes),
     };
     let same = sizes.iter().all(|sizes| *sizes == most);
     SlotSizes {
@@ -50,7 +48,6 @@ pub(super) fn union_sizes(slots: usize, slot: SlotSizes) -> UnionSizes {
         vertices: slots * slot.vertices,
         arcs: slots * slot.arcs,
         faces: slots * slot.faces,
-        modes: slot.modes,
         ..UnionSizes::default()
     }
 }
@@ -132,8 +129,6 @@ impl SlotArrays<'_> {
             self.faces(graph),
             self.arcs(graph),
             self.connectivity(connectivity),
-            self.places(connectivity),
-            self.modes(connectivity),
             self.edges(graph),
             self.hinges(graph),
         ];
@@ -219,34 +214,6 @@ impl SlotArrays<'_> {
             Part::indices(graph.receivers, receivers, arcs, vertices),
             Part::indices(graph.reverse_arcs, reverse_arcs, arcs, arcs),
             Part::indices(graph.first_arc, first_arc, vertices, arcs),
-        ]
-    }
-
-    /// The place of a cloth; vertices of the padding have no share of its area.
-    fn places(&self, connectivity: &Connectivity) -> Vec<Part> {
-        let (places, vertices) = (self.cloths.graph.places, self.losses.slot.vertices);
-        let shares = connectivity.shares().to_vec();
-        vec![
-            // With the end of the slot, which is the next one's first vertex.
-            Part::indices(places.first_vertex, vec![0, vertices as u32], 1, vertices),
-            Part::indices(places.cloth_of, vec![0; vertices], vertices, 1),
-            Part::floats(places.shares, shares, vertices, 0.0),
-        ]
-    }
-
-    /// The modes of a cloth; vertices of the padding have none.
-    fn modes(&self, connectivity: &Connectivity) -> Vec<Part> {
-        let Some(arrays) = &self.cloths.graph.modes else {
-            return Vec::new();
-        };
-        let vertices = self.losses.slot.vertices;
-        let [values, weighted] = connectivity.modes();
-        let decays = connectivity.mode_decays().to_vec();
-        let (wide, of_cloth) = (vertices * arrays.count, decays.len());
-        vec![
-            Part::floats(arrays.values, values.to_vec(), wide, 0.0),
-            Part::floats(arrays.weighted, weighted.to_vec(), wide, 0.0),
-            Part::floats(arrays.decays, decays, of_cloth, 0.0),
         ]
     }
 

@@ -138,12 +138,10 @@ impl Method {
     }
 
     /// The physics that a model corrects, alone: with its own substeps, and with one more, which
-    /// costs about what the model does; none for others, and none for free flight, which is no
-    /// motion of cloth.
+    /// costs about what the model does; none for others.
     #[must_use]
     pub fn bases(&self) -> Option<[Self; 2]> {
-        let base = self.integrator.corrector()?.spec().base;
-        let base = base.filter(|base| !base.flies())?;
+        let base = self.integrator.corrector()?.spec().base?;
         let with = |substeps| Self {
             integrator: NamedIntegrator::of(base.integrator),
             substeps,

@@ -40,9 +40,6 @@ pub struct LogRow {
     edge_vector: Option<f64>,
     edge_length: Option<f64>,
     bending_angle: Option<f64>,
-    bending_spread: Option<f64>,
-    short_waves: Option<f64>,
-    compression: Option<f64>,
 }
 
 impl TrainingLog {
@@ -79,15 +76,12 @@ impl TrainingLog {
 /// their weights.
 pub fn training_chart(name: &str, log: &TrainingLog) -> LineChart {
     type Part = fn(&LogRow) -> Option<f64>;
-    let parts: [(&str, Part); 8] = [
+    let parts: [(&str, Part); 5] = [
         ("acceleration", |row| row.acceleration),
         ("kinetic energy", |row| row.kinetic_energy),
         ("edge vector", |row| row.edge_vector),
         ("edge length", |row| row.edge_length),
         ("bending angle", |row| row.bending_angle),
-        ("bending spread", |row| row.bending_spread),
-        ("short waves", |row| row.short_waves),
-        ("compression", |row| row.compression),
     ];
     let line = |name: &str, of: Part| {
         let points = log

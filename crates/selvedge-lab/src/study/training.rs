@@ -158,7 +158,6 @@ pub(super) fn train(desk: &Desk<'_>, entry: &Training) -> Result<Option<Record>,
     let Some(mut trainer) = trainer(desk, entry, cfg, data)? else {
         return Ok(None);
     };
-    training::warn_of_data(&trainer);
     record.parameters = trainer.parameter_count();
     kept::write(&path, &record)?;
     let task = begin(desk, &entry.name, &trainer, &record);

@@ -9,8 +9,8 @@ use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::{HandlePath, Integrator, Scene, Stepper, Stop};
 use selvedge_corrected::{FrameState, base_scene};
 use selvedge_model::{
-    ClothGraph, CorrectionColumns, Corrector, Differences, FrameSubsteps, HalfTurns, Model,
-    MotionState, PhysicsBase, PredictedFrame, Stiffness, rough_fields,
+    ClothGraph, CorrectionColumns, CorrectionError, Corrector, Differences, FrameSubsteps,
+    HalfTurns, Model, MotionState, PhysicsBase, PredictedFrame, Stiffness, rough_fields,
 };
 use selvedge_sim::{Simulator, SimulatorError, Threads};
 use selvedge_train::{CorrectionConfig, CorrectionSample};
@@ -22,7 +22,7 @@ const ASTRAY: f64 = 0.05;
 /// Frames of the teacher between two runs of the model, at most.
 const MOST_TAUGHT: usize = 20;
 /// Part of the frames before which the frame before is forgotten, as at the start of a run.
-const FORGETFUL: f64 = 0.02;
+pub(super) const FORGETFUL: f64 = 0.02;
 
 type Problem = Box<dyn Error + Send + Sync>;
 
@@ -35,6 +35,8 @@ pub(super) struct Lesson<'a> {
     pub(super) model: Option<&'a Arc<Model>>,
     /// Its frames in a row, with the one that the sample is of.
     pub(super) own_frames: usize,
+    /// Part of the frames before which the frame before is forgotten.
+    pub(super) forgetful: f64,
     pub(super) stop: &'a Stop,
 }
 
@@ -147,9 +149,7 @@ impl TaughtCloth {
         let scene = &lesson.scenes.scenes[run.scene];
         run.left -= 1;
         run.choose(lesson.model, lesson.own_frames, &mut self.rng);
-        let sample = run.advance(scene, lesson.model, &mut self.rng)?;
-        // The frame of a network that was stopped means nothing.
-        let sample = sample.filter(|_| !lesson.stop.is_wanted());
+        let sample = run.advance(scene, lesson, &mut self.rng)?;
         if sample.is_some() {
             self.run = Some(run);
         }
@@ -173,7 +173,6 @@ impl Run {
         let leading = PhysicsBase {
             integrator: Integrator::SecondOrder,
             substeps: 2,
-            forgets: false,
             differences: Differences::default(),
         };
         let still = vec![DVec3::ZERO; rest.len()];
@@ -239,12 +238,11 @@ impl Run {
     fn advance(
         &mut self,
         scene: &TeachingScene,
-        model: Option<&Arc<Model>>,
+        lesson: Lesson<'_>,
         rng: &mut ChaCha8Rng,
     ) -> Result<Option<CorrectionSample>, Problem> {
         let frame = self.cheap.frame();
-        let forgets = rng.random::<f64>() < FORGETFUL;
-        if forgets || self.base.forgets {
+        if rng.random::<f64>() < lesson.forgetful {
             self.cheap.forget_previous();
             self.before = None;
         }
@@ -280,8 +278,11 @@ impl Run {
             over: rng.random(),
         };
         let sample = self.write(scene, &predicted, turns);
-        let next = match model.filter(|_| self.follows_model) {
-            Some(model) => self.corrected(scene, model, predicted)?,
+        let next = match lesson.model.filter(|_| self.follows_model) {
+            Some(model) => match self.corrected(scene, model, predicted)? {
+                Some(next) => next,
+                None => return Ok(None),
+            },
             None => state_of(&self.teacher),
         };
         if self.is_astray(&next.positions)
@@ -362,13 +363,13 @@ impl Run {
         }
     }
 
-    /// The state that `model` makes of a predicted one.
+    /// The state that `model` makes of a predicted one; none where a stop is wanted.
     fn corrected(
         &mut self,
         scene: &TeachingScene,
         model: &Arc<Model>,
         predicted: FrameState,
-    ) -> Result<FrameState, Problem> {
+    ) -> Result<Option<FrameState>, Problem> {
         let corrector = match &mut self.corrector {
             Some(corrector) => corrector,
             none => {
@@ -390,8 +391,10 @@ impl Run {
             predicted: predicted.as_motion(),
             ..frame_of(scene, self.cheap.frame() - 1, &self.held)
         };
-        corrector.correct(&frame, &mut next.positions, &mut next.velocities)?;
-        Ok(next)
+        match corrector.correct(&frame, &mut next.positions, &mut next.velocities) {
+            Err(CorrectionError::Stopped(_)) => Ok(None),
+            corrected => Ok(corrected.map(|_| Some(next))?),
+        }
     }
 }
 

@@ -17,13 +17,15 @@ use selvedge_train::{CorrectionConfig, CorrectionSample, SampleSource};
 
 pub use self::scenes::{TeachingScenes, TeachingScenesError};
 
-use self::cloth::{Lesson, TaughtCloth};
+use self::cloth::{FORGETFUL, Lesson, TaughtCloth};
 
 /// Cloths that move at once, and their teacher.
 pub struct Teaching {
     scenes: TeachingScenes,
     cfg: CorrectionConfig,
     cloths: Vec<TaughtCloth>,
+    /// Part of the frames before which the frame before is forgotten.
+    forgetful: f64,
     stop: Stop,
 }
 
@@ -36,6 +38,7 @@ impl Teaching {
             cloths: (0..cfg.samples.cloths).map(cloth).collect(),
             scenes,
             cfg,
+            forgetful: FORGETFUL,
             stop: Stop::default(),
         }
     }
@@ -58,6 +61,7 @@ impl SampleSource for Teaching {
             cfg: &self.cfg,
             model,
             own_frames,
+            forgetful: self.forgetful,
             stop: &self.stop,
         };
         let cloths = self.cloths.par_iter_mut();

@@ -7,7 +7,7 @@ use glam::DVec3;
 use selvedge_cloth::{Cloth, ClothError, Scene, SceneError};
 use selvedge_corrected::cloth_graph;
 use selvedge_data::{DatasetPreset, SceneFileError, SceneSpecError, Setting, Split, StartSpec};
-use selvedge_model::{ClothGraph, Domain, GraphError, ModelSpec};
+use selvedge_model::{ClothGraph, Domain, GraphError};
 use thiserror::Error;
 
 use crate::event::{OnEvent, Reporter};
@@ -55,14 +55,13 @@ struct Hanging {
 }
 
 impl TeachingScenes {
-    /// Opens the presets `names` and finds the rest pose of every cloth, as networks of `spec` see
-    /// it; none where an end is asked for.
+    /// Opens the presets `names` and finds the rest pose of every cloth; none where an end is asked
+    /// for.
     ///
     /// # Errors
     /// A preset that is not there, a cloth that comes to no rest.
     pub fn open(
         names: &[String],
-        spec: &ModelSpec,
         on_event: &mut OnEvent<'_>,
     ) -> Result<Option<Self>, TeachingScenesError> {
         let reporter = Reporter::new(on_event);
@@ -87,7 +86,7 @@ impl TeachingScenes {
                 let place = match place {
                     Some(place) => place,
                     None => {
-                        match hanging(setting, start, &scene, spec, &reporter) {
+                        match hanging(setting, start, &scene, &reporter) {
                             Err(_) if reporter.is_stopped() => return Ok(None),
                             cloth => known.push(cloth?),
                         }
@@ -110,7 +109,6 @@ fn hanging(
     setting: Setting,
     start: StartSpec,
     scene: &Scene,
-    spec: &ModelSpec,
     reporter: &Reporter<'_>,
 ) -> Result<Hanging, TeachingScenesError> {
     let rest = match start {
@@ -129,7 +127,7 @@ fn hanging(
     Ok(Hanging {
         setting,
         start,
-        graph: Arc::new(graph.for_spec(spec)),
+        graph: Arc::new(graph),
         rest: Arc::new(rest),
     })
 }

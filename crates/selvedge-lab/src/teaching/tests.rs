@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use selvedge_model::{Encoder, ModelSpec, Network, Normalizer, Normalizers};
+use selvedge_model::{Network, Normalizer, Normalizers};
 
 use super::*;
 
@@ -63,8 +63,7 @@ pub(crate) fn model() -> Arc<Model> {
 
 fn scenes() -> TeachingScenes {
     let names = ["tiny".to_owned()];
-    let spec = ModelSpec::physical(Encoder::MLP, 8, 1);
-    let opened = TeachingScenes::open(&names, &spec, &mut |_| ControlFlow::Continue(()));
+    let opened = TeachingScenes::open(&names, &mut |_| ControlFlow::Continue(()));
     opened.unwrap().unwrap()
 }
 
@@ -169,8 +168,7 @@ fn a_stop_may_come_at_any_moment() {
 #[test]
 fn a_preset_that_is_not_there_is_named() {
     let names = ["nowhere".to_owned()];
-    let spec = ModelSpec::physical(Encoder::MLP, 8, 1);
-    let opened = TeachingScenes::open(&names, &spec, &mut |_| ControlFlow::Continue(()));
+    let opened = TeachingScenes::open(&names, &mut |_| ControlFlow::Continue(()));
     let error = opened.err().unwrap().to_string();
     assert!(error.starts_with("teacher.scenes: "), "{error}");
     assert!(error.contains("nowhere"), "{error}");
@@ -211,8 +209,7 @@ fn drawn_cloths_teach_with_handles_that_let_go() {
     let path = folder.path().join("drawn.toml");
     std::fs::write(&path, DRAWN).unwrap();
     let names = [path.to_str().unwrap().to_owned()];
-    let spec = ModelSpec::physical(Encoder::MLP, 8, 1);
-    let opened = TeachingScenes::open(&names, &spec, &mut |_| ControlFlow::Continue(()));
+    let opened = TeachingScenes::open(&names, &mut |_| ControlFlow::Continue(()));
     let scenes = opened.unwrap().unwrap();
     assert_eq!(scenes.scenes.len(), 12);
     for taught in &scenes.scenes {
@@ -294,9 +291,10 @@ fn a_teacher_that_is_the_base_adds_nothing_where_handles_let_go_and_take_hold() 
     cfg.teacher.substeps = 2;
     cfg.samples.cloths = 8;
     cfg.samples.frames = 40;
-    let base = cfg.model.base.as_mut().unwrap();
-    (base.substeps, base.forgets) = (2, true);
+    cfg.model.base.as_mut().unwrap().substeps = 2;
     let mut teaching = Teaching::new(letting_go(), cfg, 0);
+    // The teacher begins every frame anew, and so does the base then.
+    teaching.forgetful = 1.0;
     let mut held_so_often = [0; 3];
     for _ in 0..50 {
         for sample in teaching.samples(None, 1).unwrap().unwrap() {
@@ -318,8 +316,6 @@ fn a_teacher_that_is_the_base_adds_nothing_where_handles_let_go_and_take_hold() 
 fn a_run_of_own_frames_ends_where_it_is_farther_than_wanted() {
     let mut cfg = config();
     cfg.samples.frames = 40;
-    let base = cfg.model.base.as_mut().unwrap();
-    base.integrator = selvedge_cloth::Integrator::FreeFlight;
     let spec = cfg.model.clone();
     let mut rng = ChaCha8Rng::seed_from_u64(6);
     let network = Network::new(&spec).unwrap();
@@ -336,12 +332,12 @@ fn a_run_of_own_frames_ends_where_it_is_farther_than_wanted() {
         });
         teaching.gone_astray()
     };
-    // The model leaves the cloth to its fall, which is 1.4 mm a frame.
-    let fallen = astray(Some(5e-4), Some(&model));
+    // One long solve leads elsewhere than the many of the teacher.
+    let short = astray(Some(1e-9), Some(&model));
     let kept = astray(Some(0.02), Some(&model));
-    assert!(fallen > 5, "{fallen}");
+    assert!(short > 5, "{short}");
     assert_eq!(kept, astray(None, Some(&model)));
-    assert!(kept < fallen, "{kept} {fallen}");
+    assert!(kept < short, "{kept} {short}");
     // Frames of the teacher are as far as they may be.
     assert_eq!(astray(Some(1e-9), None), 0);
 }

@@ -110,10 +110,7 @@ pub fn edge_features_backward(
         };
         match feature {
             EdgeFeature::Vector => vector(graph, pose, rows, to),
-            EdgeFeature::CoarseVector => coarse_vector(graph, pose, rows, to),
-            EdgeFeature::RestVector
-            | EdgeFeature::MaterialVector
-            | EdgeFeature::CoarseRestVector => {}
+            EdgeFeature::RestVector | EdgeFeature::MaterialVector => {}
             EdgeFeature::Elongation => elongation(graph, pose, rows, to),
             EdgeFeature::BendingAngle => bending(graph, pose, rows, to),
         }
@@ -171,28 +168,19 @@ fn kinetic_energy(graph: &ClothGraph, pose: Pose<'_>, rows: Rows<'_>, to: &mut P
     }
 }
 
+/// The vector between the two vertices of each edge and its length, in both arcs.
 fn vector(graph: &ClothGraph, pose: Pose<'_>, rows: Rows<'_>, to: &mut [Vec3]) {
     let edges = graph.topology().edges().iter();
     for (edge, &arcs) in edges.zip(graph.edge_arcs()) {
-        vector_of(edge.vertices.map(|v| v.index()), arcs, pose, rows, to);
+        let ends = edge.vertices.map(|v| v.index());
+        let [forward, back] = arcs.map(|arc| arc as usize);
+        let by_difference = rows.vector(forward) - rows.vector(back);
+        let by_length = rows.get(forward, 3) + rows.get(back, 3);
+        let along = (pose.current[ends[0]] - pose.current[ends[1]]).normalize_or_zero();
+        let by_edge = pose.yaw.to_world(by_difference) + by_length * along;
+        to[ends[0]] += by_edge;
+        to[ends[1]] -= by_edge;
     }
-}
-
-fn coarse_vector(graph: &ClothGraph, pose: Pose<'_>, rows: Rows<'_>, to: &mut [Vec3]) {
-    for link in graph.links() {
-        vector_of(link.ends.map(|v| v as usize), link.arcs, pose, rows, to);
-    }
-}
-
-/// The vector between two vertices and its length, in both arcs.
-fn vector_of(ends: [usize; 2], arcs: [u32; 2], pose: Pose<'_>, rows: Rows<'_>, to: &mut [Vec3]) {
-    let [forward, back] = arcs.map(|arc| arc as usize);
-    let by_difference = rows.vector(forward) - rows.vector(back);
-    let by_length = rows.get(forward, 3) + rows.get(back, 3);
-    let along = (pose.current[ends[0]] - pose.current[ends[1]]).normalize_or_zero();
-    let by_edge = pose.yaw.to_world(by_difference) + by_length * along;
-    to[ends[0]] += by_edge;
-    to[ends[1]] -= by_edge;
 }
 
 fn elongation(graph: &ClothGraph, pose: Pose<'_>, rows: Rows<'_>, to: &mut [Vec3]) {

@@ -74,10 +74,6 @@ impl EdgeFeature {
             }
             Self::Elongation => columns!["m": "elongation"],
             Self::BendingAngle => columns!["rad": "bending angle"],
-            Self::CoarseVector => columns!["m": "coarse vector x", "coarse vector y",
-                "coarse vector z", "coarse length"],
-            Self::CoarseRestVector => columns!["m": "coarse rest vector x",
-                "coarse rest vector y", "coarse rest vector z", "coarse rest length"],
         }
     }
 
@@ -189,8 +185,7 @@ pub fn node_features(spec: &ModelSpec, graph: &ClothGraph, pose: Pose<'_>, out: 
 /// Fills `out` (`[arcs, edge_width]`) with the features of every arc, in the graph's order.
 ///
 /// # Panics
-/// When a slice does not have the size of the cloth, or the cloth has other coarse levels than the
-/// spec.
+/// When a slice does not have the size of the cloth.
 pub fn edge_features(spec: &ModelSpec, graph: &ClothGraph, pose: Pose<'_>, out: &mut [f32]) {
     let width = spec.edge_width();
     assert_eq!(
@@ -199,10 +194,6 @@ pub fn edge_features(spec: &ModelSpec, graph: &ClothGraph, pose: Pose<'_>, out: 
         "current positions"
     );
     assert_eq!(out.len(), graph.arc_count() * width, "edge features");
-    assert_eq!(graph.coarse_levels(), spec.coarse_levels, "coarse levels");
-    if spec.coarse_levels > 0 {
-        out.fill(0.0);
-    }
     let mut first = 0;
     for &feature in &spec.edge_features {
         let columns = FeatureColumns {
@@ -216,8 +207,6 @@ pub fn edge_features(spec: &ModelSpec, graph: &ClothGraph, pose: Pose<'_>, out: 
             EdgeFeature::MaterialVector => material_vector(graph, columns),
             EdgeFeature::Elongation => elongation(graph, pose, columns),
             EdgeFeature::BendingAngle => bending(graph, pose, columns),
-            EdgeFeature::CoarseVector => coarse_vector(graph, pose, columns),
-            EdgeFeature::CoarseRestVector => coarse_rest_vector(graph, columns),
         }
         first += feature.width();
     }
@@ -362,21 +351,6 @@ fn bending(graph: &ClothGraph, pose: Pose<'_>, mut out: FeatureColumns<'_>) {
         for arc in graph.edge_arcs()[hinge.edge as usize] {
             out.put(arc as usize, [angle]);
         }
-    }
-}
-
-fn coarse_vector(graph: &ClothGraph, pose: Pose<'_>, mut out: FeatureColumns<'_>) {
-    for link in graph.links() {
-        let [a, b] = link.ends.map(|v| pose.current[v as usize]);
-        let d = pose.yaw.to_local(a - b);
-        put_vector(&mut out, link.arcs, d, d.length());
-    }
-}
-
-fn coarse_rest_vector(graph: &ClothGraph, mut out: FeatureColumns<'_>) {
-    for link in graph.links() {
-        let d = link.rest_vector;
-        put_vector(&mut out, link.arcs, d, d.length());
     }
 }
 

@@ -5,6 +5,7 @@ pub(crate) mod backward;
 pub(crate) mod columns;
 mod compared;
 pub(crate) mod correction;
+pub(crate) mod finite;
 pub(crate) mod frames;
 pub(crate) mod normalizer;
 pub(crate) mod window;

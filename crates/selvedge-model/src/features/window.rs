@@ -98,7 +98,7 @@ impl Window {
     /// Frames of nodes and of arcs.
     fn counts(&self, spec: &ModelSpec) -> [usize; 2] {
         match self.extent {
-            Extent::Whole => [spec.node_window(), spec.edge_window()],
+            Extent::Whole => [spec.window(); 2],
             Extent::Newest => [1, 1],
         }
     }

@@ -6,13 +6,11 @@
 //! or several, is in `connectivity`.
 
 use glam::{Vec2, Vec3};
-use selvedge_cloth::{Cloth, Environment, EnvironmentError, Handles, Modes, Topology, VertexId};
+use selvedge_cloth::{Cloth, Environment, EnvironmentError, Handles, Topology, VertexId};
 use thiserror::Error;
 
-use crate::graph::connectivity::Connectivity;
+use crate::graph::connectivity::{Arcs, Connectivity};
 use crate::graph::frame::LocalFrame;
-use crate::graph::levels::{Arcs, Link, links};
-use crate::graph::mode_table::ModeTable;
 
 /// An edge between two faces. `from` → `to` runs counter-clockwise in the face of `left`, and
 /// `from` is the smaller vertex, so that a hinge does not depend on the order of the faces.
@@ -44,9 +42,6 @@ pub struct ClothGraph {
     pub(crate) hinges: Vec<Hinge>,
     pub(crate) rest_vectors: Vec<Vec3>,
     pub(crate) rest_lengths: Vec<f32>,
-    pub(crate) links: Vec<Link>,
-    coarse_levels: usize,
-    long_modes: Option<Modes>,
 }
 
 /// An environment or a frame rate that the features cannot express.
@@ -83,7 +78,7 @@ impl ClothGraph {
         let (topology, rest) = (cloth.topology(), cloth.rest_positions());
         let frame = LocalFrame::new(&cloth.handles().select(rest));
         let yaw = frame.rest_yaw();
-        let arcs = Arcs::new(topology, &[]);
+        let arcs = Arcs::new(topology);
         let rest_vectors: Vec<Vec3> = topology
             .edges()
             .iter()
@@ -100,91 +95,16 @@ impl ClothGraph {
                 arcs.senders,
                 arcs.receivers,
                 &arcs.pairs,
-            )
-            .with_shares(shares_of_area(cloth)),
+            ),
             arc_edges: arcs.numbers,
             edge_arcs: arcs.pairs,
             hinges: hinges(topology),
             rest_lengths: rest_vectors.iter().map(|d| d.length()).collect(),
             rest_vectors,
-            links: Vec::new(),
-            coarse_levels: 0,
-            long_modes: None,
             cloth: cloth.clone(),
             environment,
             frame_rate,
         })
-    }
-
-    /// The same cloth with up to `levels` coarse levels, whose links are arcs too. A cloth with too
-    /// few vertices for a level gets fewer.
-    #[must_use]
-    pub fn with_coarse_levels(mut self, levels: usize) -> Self {
-        let topology = self.cloth.topology();
-        let handles: Vec<u32> = self
-            .cloth
-            .handles()
-            .vertices()
-            .iter()
-            .map(|v| v.0)
-            .collect();
-        let flat = self.material_vectors();
-        let length = |[along, back]: &[Vec2; 2]| 0.5 * (along.length() + back.length());
-        let mut lengths: Vec<f32> = flat.iter().map(length).collect();
-        if lengths.iter().all(|&length| length == 0.0) {
-            // The flat coordinates are unknown.
-            lengths.copy_from_slice(&self.rest_lengths);
-        }
-        let links = links(topology, &lengths, &handles, levels);
-        let arcs = Arcs::new(topology, &links);
-        let (of_edges, of_links) = arcs.pairs.split_at(topology.edges().len());
-        let yaw = self.frame.rest_yaw();
-        let rest = |v: u32| self.cloth.rest_positions()[v as usize];
-        self.links = links
-            .iter()
-            .zip(of_links)
-            .map(|(&(ends, level), &arcs)| Link {
-                ends,
-                level,
-                arcs,
-                rest_vector: yaw.to_local(rest(ends[0]) - rest(ends[1])),
-            })
-            .collect();
-        self.coarse_levels = levels;
-        self.edge_arcs = of_edges.to_vec();
-        let modes = std::mem::take(&mut self.connectivity.modes);
-        let shares = self.connectivity.shares().to_vec();
-        self.connectivity = Connectivity::of_arcs(
-            topology.vertex_count(),
-            arcs.senders,
-            arcs.receivers,
-            &arcs.pairs,
-        )
-        .with_shares(shares);
-        self.connectivity.modes = modes;
-        self.arc_edges = arcs.numbers;
-        self
-    }
-
-    /// The same cloth with its `count` longest waves, for the filters of a network.
-    #[must_use]
-    pub fn with_modes(mut self, count: usize) -> Self {
-        self.connectivity.modes = ModeTable::of(&self.cloth, count);
-        self
-    }
-
-    /// The same cloth with its `count` longest waves, for measures of what is in the others; none
-    /// where that is 0.
-    #[must_use]
-    pub fn with_long_modes(mut self, count: usize) -> Self {
-        self.long_modes = (count > 0).then(|| Modes::of(&self.cloth, count));
-        self
-    }
-
-    /// The longest waves, if there are any.
-    #[must_use]
-    pub fn long_modes(&self) -> Option<&Modes> {
-        self.long_modes.as_ref()
     }
 
     /// The cloth.
@@ -292,7 +212,7 @@ impl ClothGraph {
         self.cloth.topology().vertex_count()
     }
 
-    /// Number of arcs, two per edge and two per link.
+    /// Number of arcs, two per edge.
     #[must_use]
     pub fn arc_count(&self) -> usize {
         self.connectivity.arc_count()
@@ -310,7 +230,7 @@ impl ClothGraph {
         self.connectivity.receivers()
     }
 
-    /// Edge of each arc, `[arcs]`. Numbers from the number of edges on mean links.
+    /// Edge of each arc, `[arcs]`.
     #[must_use]
     pub fn arc_edges(&self) -> &[u32] {
         &self.arc_edges
@@ -328,18 +248,6 @@ impl ClothGraph {
         &self.hinges
     }
 
-    /// Number of coarse levels that were asked for.
-    #[must_use]
-    pub fn coarse_levels(&self) -> usize {
-        self.coarse_levels
-    }
-
-    /// The edges of the coarse levels, level by level; none before [`Self::with_coarse_levels`].
-    #[must_use]
-    pub fn links(&self) -> &[Link] {
-        &self.links
-    }
-
     /// `vertices[0]` - `vertices[1]` of each edge at rest, in the rest pose's local frame `[m]`,
     /// `[edges]`.
     #[must_use]
@@ -352,18 +260,6 @@ impl ClothGraph {
     pub fn rest_lengths(&self) -> &[f32] {
         &self.rest_lengths
     }
-}
-
-/// Share of each vertex in the area of the cloth: a third of every face around it.
-fn shares_of_area(cloth: &Cloth) -> Vec<f32> {
-    let mut areas = vec![0.0; cloth.vertex_count()];
-    for (face, &area) in cloth.topology().faces().iter().zip(cloth.face_area()) {
-        for vertex in face {
-            areas[vertex.index()] += f64::from(area) / 3.0;
-        }
-    }
-    let total: f64 = areas.iter().sum();
-    areas.iter().map(|area| (area / total) as f32).collect()
 }
 
 fn hinges(topology: &Topology) -> Vec<Hinge> {
@@ -410,6 +306,9 @@ mod tests {
                 assert_eq!(graph.arc_edges()[arc as usize] as usize, number);
             }
         }
+        let arcs = graph.topology().arcs().iter();
+        let ends = graph.senders().iter().zip(graph.receivers());
+        assert!(arcs.map(|arc| (&arc.sender.0, &arc.receiver.0)).eq(ends));
         let interior = edges.iter().filter(|edge| !edge.is_boundary()).count();
         assert_eq!(graph.hinges().len(), interior);
         assert!(graph.hinges().iter().all(|hinge| hinge.from < hinge.to));
@@ -491,13 +390,5 @@ mod tests {
         for (number, [there, again]) in graph.material_vectors().into_iter().enumerate() {
             assert!(number == seam || there == -again);
         }
-        // Coarse levels measure seams by the mean of both sides, and nothing is lost to a NaN.
-        let coarse = graph.with_coarse_levels(1);
-        assert!(
-            coarse
-                .links()
-                .iter()
-                .all(|link| link.rest_vector.is_finite())
-        );
     }
 }

@@ -1,12 +1,8 @@
 //! The graph as the network sees it: arcs sorted by receiver, as plain arrays, for one cloth or
 //! for several side by side (a disjoint union).
 
-use std::ops::Range;
-
 use selvedge_cloth::Topology;
 
-use crate::graph::levels::Arcs;
-use crate::graph::mode_table::ModeTable;
 use crate::graph::partition::{Partition, partitions};
 
 /// Arcs of one or several cloths. Arc `a` goes from `senders[a]` to `receivers[a]`; those into
@@ -21,11 +17,6 @@ pub struct Connectivity {
     pub(crate) reverse_arcs: Vec<u32>,
     pub(crate) partitions: Vec<Partition>,
     cloths: Vec<ClothSize>,
-    /// First vertex of each cloth, and the number of vertices, `[cloths + 1]`.
-    first_vertex: Vec<usize>,
-    /// Share of each vertex in the area of its cloth, `[vertices]`.
-    shares: Vec<f32>,
-    pub(crate) modes: ModeTable,
 }
 
 /// Size of one cloth of a graph.
@@ -37,16 +28,51 @@ pub struct ClothSize {
     pub arcs: usize,
 }
 
+/// All arcs of a cloth, by receiver and sender.
+pub(crate) struct Arcs {
+    pub(crate) senders: Vec<u32>,
+    pub(crate) receivers: Vec<u32>,
+    /// Number of the edge of each arc.
+    pub(crate) numbers: Vec<u32>,
+    /// Arcs of each edge: the arc that its first vertex sends, and its reverse.
+    pub(crate) pairs: Vec<[u32; 2]>,
+}
+
+impl Arcs {
+    /// The arcs of a mesh.
+    pub(crate) fn new(topology: &Topology) -> Self {
+        let edges = topology.edges().iter();
+        let ends: Vec<[u32; 2]> = edges.map(|edge| edge.vertices.map(|v| v.0)).collect();
+        let mut arcs: Vec<[u32; 3]> = ends
+            .iter()
+            .zip(0u32..)
+            .flat_map(|(&[a, b], number)| [[b, a, number], [a, b, number]])
+            .collect();
+        arcs.sort_unstable();
+        let mut pairs = vec![[0; 2]; ends.len()];
+        for (&[_, sender, number], arc) in arcs.iter().zip(0u32..) {
+            let reverse = sender != ends[number as usize][0];
+            pairs[number as usize][usize::from(reverse)] = arc;
+        }
+        Self {
+            receivers: arcs.iter().map(|arc| arc[0]).collect(),
+            senders: arcs.iter().map(|arc| arc[1]).collect(),
+            numbers: arcs.iter().map(|arc| arc[2]).collect(),
+            pairs,
+        }
+    }
+}
+
 impl Connectivity {
-    /// The arcs of a mesh, without coarse levels. Its vertices have equal shares of the area.
+    /// The arcs of a mesh.
     #[must_use]
     pub fn of(topology: &Topology) -> Self {
-        let arcs = Arcs::new(topology, &[]);
+        let arcs = Arcs::new(topology);
         let count = topology.vertex_count();
         Self::of_arcs(count, arcs.senders, arcs.receivers, &arcs.pairs)
     }
 
-    /// Arcs from `senders` to `receivers`, and the two arcs of every edge and link.
+    /// Arcs from `senders` to `receivers`, and the two arcs of every edge.
     pub(crate) fn of_arcs(
         vertex_count: usize,
         senders: Vec<u32>,
@@ -76,24 +102,11 @@ impl Connectivity {
             }],
             first_arc,
             reverse_arcs,
-            first_vertex: vec![0, vertex_count],
-            shares: vec![1.0 / vertex_count as f32; vertex_count],
-            modes: ModeTable::default(),
         }
-    }
-
-    /// The same arcs with each vertex's share in the area of its cloth.
-    pub(crate) fn with_shares(mut self, shares: Vec<f32>) -> Self {
-        assert_eq!(shares.len(), self.vertex_count, "shares of vertices");
-        self.shares = shares;
-        self
     }
 
     /// Several graphs as one without arcs between them: vertices and arcs of the parts follow
     /// each other in order.
-    ///
-    /// # Panics
-    /// When the parts have modes, but not as many.
     #[must_use]
     pub fn union<'a>(parts: impl IntoIterator<Item = &'a Self>) -> Self {
         let mut whole = Self {
@@ -104,9 +117,6 @@ impl Connectivity {
             reverse_arcs: Vec::new(),
             partitions: Vec::new(),
             cloths: Vec::new(),
-            first_vertex: vec![0],
-            shares: Vec::new(),
-            modes: ModeTable::default(),
         };
         for part in parts {
             let (vertices, arcs) = (whole.vertex_count as u32, whole.arc_count() as u32);
@@ -122,11 +132,6 @@ impl Connectivity {
                 .extend(part.first_arc[1..].iter().map(|a| a + arcs));
             whole.cloths.extend(&part.cloths);
             whole
-                .first_vertex
-                .extend(part.first_vertex[1..].iter().map(|v| v + vertices as usize));
-            whole.shares.extend(&part.shares);
-            whole.modes.append(&part.modes);
-            whole
                 .reverse_arcs
                 .extend(part.reverse_arcs.iter().map(|a| a + arcs));
         }
@@ -140,7 +145,7 @@ impl Connectivity {
         self.vertex_count
     }
 
-    /// Number of arcs, two per edge and two per link.
+    /// Number of arcs, two per edge.
     #[must_use]
     pub fn arc_count(&self) -> usize {
         self.senders.len()
@@ -164,60 +169,10 @@ impl Connectivity {
         &self.first_arc
     }
 
-    /// Reverse of each arc, the same edge or link the other way, `[arcs]`.
+    /// Reverse of each arc, the same edge the other way, `[arcs]`.
     #[must_use]
     pub fn reverse_arcs(&self) -> &[u32] {
         &self.reverse_arcs
-    }
-
-    /// The number of modes of each cloth, 0 where none were asked for.
-    #[must_use]
-    pub fn mode_count(&self) -> usize {
-        self.modes.count
-    }
-
-    /// Modes at the vertices, and the same times the share of each vertex in the area of its cloth,
-    /// `[vertices, modes]`.
-    #[must_use]
-    pub fn modes(&self) -> [&[f32]; 2] {
-        [&self.modes.values, &self.modes.weighted]
-    }
-
-    /// Part of each mode of each cloth that heat leaves, `[cloths, modes, times]`.
-    #[must_use]
-    pub fn mode_decays(&self) -> &[f32] {
-        &self.modes.decays
-    }
-
-    /// Share of each vertex in the area of its cloth, `[vertices]`: the sum is 1 over a cloth.
-    #[must_use]
-    pub fn shares(&self) -> &[f32] {
-        &self.shares
-    }
-
-    /// First vertex of each cloth, and the number of vertices, `[cloths + 1]`.
-    #[must_use]
-    pub fn first_vertices(&self) -> &[usize] {
-        &self.first_vertex
-    }
-
-    /// The parts of a range of vertices that lie in one cloth, with the number of the cloth.
-    pub(crate) fn by_cloth(
-        &self,
-        vertices: Range<usize>,
-    ) -> impl Iterator<Item = (usize, Range<usize>)> {
-        let starts = &self.first_vertex;
-        let first = starts
-            .partition_point(|&start| start <= vertices.start)
-            .max(1)
-            - 1;
-        let ends = starts[first + 1..].iter().copied().enumerate();
-        let mut at = vertices.start;
-        ends.map_while(move |(number, end)| {
-            let part = at..end.min(vertices.end);
-            at = part.end;
-            (!part.is_empty()).then_some((first + number, part))
-        })
     }
 
     /// Sizes of the cloths, in order.

@@ -1,18 +1,13 @@
 //! The cloth as the network sees it: the graph of its vertices and arcs, its partition among
-//! threads, its levels, and the local frame that its vectors are turned into.
+//! threads, and the local frame that its vectors are turned into.
 
 pub(crate) mod cloth_graph;
 pub(crate) mod connectivity;
-mod for_spec;
 pub(crate) mod frame;
 pub mod geometry;
-pub(crate) mod levels;
-pub(crate) mod mode_table;
 pub(crate) mod partition;
 pub(crate) mod share;
 
 pub use cloth_graph::{ClothGraph, GraphError, Hinge};
 pub use connectivity::{ClothSize, Connectivity};
 pub use frame::{LocalFrame, Yaw};
-pub use levels::Link;
-pub use mode_table::FILTER_TIMES;

@@ -10,4 +10,3 @@ pub(crate) mod outer;
 pub(crate) mod real;
 pub(crate) mod rows;
 pub(crate) mod simd;
-pub(crate) mod softmax;

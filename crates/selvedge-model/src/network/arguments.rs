@@ -1,6 +1,8 @@
 //! The arguments of a pass through the network: its input, its purpose, and the derivatives that a
 //! backward pass takes and leaves.
 
+use thiserror::Error;
+
 use crate::kernels::dropout::Dropout;
 use crate::network::encoder_state::EncoderState;
 
@@ -22,6 +24,11 @@ pub struct Carried<'a, T> {
     /// The encoders' state after the frame before.
     pub state: &'a EncoderState<T>,
 }
+
+/// A pass that ended before it was done, as was asked. What it left is nothing to use.
+#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
+#[error("the pass was stopped, as was asked")]
+pub struct Stopped;
 
 /// Purpose of a pass through the network.
 #[derive(Clone, Copy, Debug, PartialEq)]

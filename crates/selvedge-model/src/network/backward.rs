@@ -23,7 +23,6 @@ use crate::network::layers::gru::States;
 use crate::network::layers::mlp::MlpGradients;
 use crate::network::layers::scratch::GroupWork;
 use crate::network::packed::{LayerWeights, PackedWeights, Purpose};
-use crate::network::parameters::ModuleGradient;
 use crate::network::workspace::{Group, Workspace};
 
 impl Network {
@@ -113,11 +112,7 @@ impl Network {
         w: &mut Workspace<T>,
     ) {
         let module = FIRST_BLOCK + number;
-        if let Some(tokens) = &self.blocks[number].tokens {
-            tokens.prepare_backward(weights.layer(module), number, &mut w.whole.tokens);
-        }
         self.updates_backward(weights, graph, number, w);
-        self.cloths_backward(weights, number, gradient, w);
         self.endpoints_backward(weights, graph, number, w);
         add_groups(&w.groups, &mut gradient[self.weights_of(module, module)]);
     }
@@ -132,14 +127,12 @@ impl Network {
     ) {
         let (latent, module) = (self.spec.latent, FIRST_BLOCK + number);
         let (layer, range) = (weights.layer(module), self.weights_of(module, module));
-        let (block, record, whole) = (&self.blocks[number], &w.blocks[number], &w.whole);
-        let (slices, stop) = (slices_of(&w.slices, number), &w.stop);
+        let (block, record, stop) = (&self.blocks[number], &w.blocks[number], &w.stop);
         w.pre_activation.resize(w.arcs.len());
         let share = Share {
             vertices: NodeGradients {
                 nodes: Rows::new(&mut w.nodes, latent),
                 sums: Rows::new(&mut w.endpoint_products[0], 2 * latent),
-                slices: Rows::new(&mut w.by_slices, self.spec.tokens),
             },
             arcs: ArcGradients {
                 arcs: Rows::new(&mut w.arcs, latent),
@@ -151,9 +144,6 @@ impl Network {
                     group: &mut Group<T>| {
             let start = &partitions[0];
             let mut group = group.begin(&range);
-            let end = partitions[partitions.len() - 1].vertices.end;
-            let vertices = start.vertices.start..end;
-            block.begin_sums(graph, &vertices, &mut group.scratch.whole_sums);
             for partition in partitions {
                 if stop.is_wanted() {
                     return;
@@ -166,40 +156,11 @@ impl Network {
                     graph,
                     partition,
                     record,
-                    whole,
-                    slices,
                 };
                 block.backward(layer, kept, nodes, arcs, &mut group);
             }
         };
         share.among(&graph.partitions, &mut w.groups, &work);
-    }
-
-    /// Through filter and tokens, from the gradients of what they give to the node updates to those
-    /// of the sums that they are made of.
-    fn cloths_backward<T: Real>(
-        &self,
-        weights: &PackedWeights<T>,
-        number: usize,
-        gradient: &mut [T],
-        w: &mut Workspace<T>,
-    ) {
-        let (block, module) = (&self.blocks[number], FIRST_BLOCK + number);
-        let (layer, range) = (weights.layer(module), self.weights_of(module, module));
-        let mut gradient = ModuleGradient::new(&mut gradient[range.clone()], range.start);
-        let whole = &mut w.whole;
-        whole.filter.clear_sums();
-        whole.tokens.clear_sums();
-        for group in &w.groups {
-            let sums = &group.scratch.whole_sums;
-            if block.filter.is_some() {
-                whole.filter.add_sums(&sums.modes);
-            }
-            if block.tokens.is_some() {
-                whole.tokens.add_sums(&sums.tokens.rows);
-            }
-        }
-        block.cloths_backward(layer, number, whole, &mut gradient);
     }
 
     /// Through the endpoint products, which need the arcs of all partitions.
@@ -212,13 +173,11 @@ impl Network {
     ) {
         let (latent, module) = (self.spec.latent, FIRST_BLOCK + number);
         let (layer, range) = (weights.layer(module), self.weights_of(module, module));
-        let (block, record, whole) = (&self.blocks[number], &w.blocks[number], &w.whole);
-        let slices = slices_of(&w.slices, number);
+        let (block, record) = (&self.blocks[number], &w.blocks[number]);
         let share = Share {
             vertices: NodeGradients {
                 nodes: Rows::new(&mut w.nodes, latent),
                 sums: Rows::new(&mut w.endpoint_products[0], 2 * latent),
-                slices: Rows::new(&mut w.by_slices, self.spec.tokens),
             },
             arcs: (),
         };
@@ -235,8 +194,6 @@ impl Network {
                     graph,
                     partition,
                     record,
-                    whole,
-                    slices,
                 };
                 block.endpoints_backward(layer, kept, of_arcs, nodes, &mut group);
             }
@@ -253,10 +210,10 @@ impl Network {
         gradients: Gradients<'_, T>,
         w: &mut Workspace<T>,
     ) {
-        let (spec, latent, windows) = (&self.spec, self.spec.latent, self.windows(graph, carried));
-        let inputs = self.encoder_inputs(carried, windows, &w.dropout);
-        let node_width = windows.nodes * spec.node_width();
-        let arc_width = windows.arcs * spec.edge_width();
+        let (spec, latent, frames) = (&self.spec, self.spec.latent, self.frames(graph, carried));
+        let inputs = self.encoder_inputs(carried, frames, &w.dropout);
+        let node_width = frames * spec.node_width();
+        let arc_width = frames * spec.edge_width();
         let (vertices, arc_count) = (graph.vertex_count(), graph.arc_count());
         let wanted = usize::from(gradients.input.is_some());
         let [to_nodes, to_arcs] = &mut w.input_gradient;
@@ -301,8 +258,8 @@ impl Network {
         share.among(&graph.partitions, &mut w.groups, &work);
         add_groups(&w.groups, &mut gradients.weights[range]);
         if let Some(to) = gradients.input {
-            frame_by_frame(to_nodes, spec.node_width(), windows.nodes, to.nodes);
-            frame_by_frame(to_arcs, spec.edge_width(), windows.arcs, to.arcs);
+            frame_by_frame(to_nodes, spec.node_width(), frames, to.nodes);
+            frame_by_frame(to_arcs, spec.edge_width(), frames, to.arcs);
         }
     }
 
@@ -331,11 +288,6 @@ impl Network {
         });
         (of_nodes, of_arcs)
     }
-}
-
-/// The weights over the tokens of a block; nothing where it has no tokens.
-fn slices_of<T>(slices: &[Aligned<T>], number: usize) -> &[T] {
-    slices.get(number).map_or(&[], |slices| slices)
 }
 
 /// The gradients at both ends of an encoder.

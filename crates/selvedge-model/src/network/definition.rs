@@ -62,15 +62,14 @@ impl Network {
             ends: vec![0],
         };
         let latent = spec.latent;
-        let [of_nodes, of_arcs] = spec.encoder.rows();
         let width = spec.node_width();
         let node_encoder = modules
-            .add(|module| EncoderLayers::new(module, "encoder.nodes", of_nodes, width, latent));
+            .add(|module| EncoderLayers::new(module, "encoder.nodes", spec.encoder, width, latent));
         let width = spec.edge_width();
         let looks_at_arcs = spec.blocks > 0;
         let arc_encoder = modules.add(|module| {
             looks_at_arcs
-                .then(|| EncoderLayers::new(module, "encoder.edges", of_arcs, width, latent))
+                .then(|| EncoderLayers::new(module, "encoder.edges", spec.encoder, width, latent))
         });
         let mut blocks = Vec::with_capacity(spec.blocks);
         for number in 0..spec.blocks {

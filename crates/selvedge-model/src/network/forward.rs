@@ -11,21 +11,19 @@ use crate::kernels::real::Real;
 use crate::network::arguments::{Carried, Pass};
 use crate::network::definition::{ARC_ENCODER, FIRST_BLOCK, NODE_ENCODER, Network};
 use crate::network::layers::block::BlockInput;
-use crate::network::layers::block_rows::{ArcRows, BeforeBlock, NodeRows};
+use crate::network::layers::block_rows::{ArcRows, NodeRows};
 use crate::network::layers::encoder::{EncoderInput, EncoderRecordRows, EncoderRows};
 use crate::network::layers::mlp::MlpRows;
-use crate::network::layers::per_cloth::OfVertices;
 use crate::network::layers::scratch::Scratch;
-use crate::network::layers::whole_cloth::WholeSums;
 use crate::network::packed::PackedWeights;
-use crate::network::workspace::{Windows, Workspace};
+use crate::network::workspace::Workspace;
 
 split_rows! {
     /// Rows of vertices that the encoders write.
     struct EncodedNodes<'a, T> {
         encoder: EncoderRows<'a, T>,
-        /// For the first block.
-        first: BeforeBlock<'a, T>,
+        /// Endpoint products for the first block, `[vertices, 2 latent]`.
+        products: Rows<'a, T>,
     }
 }
 
@@ -33,7 +31,8 @@ split_rows! {
     /// Rows of vertices that a block writes, and the products or the decoder after it.
     struct ProcessedNodes<'a, T> {
         block: NodeRows<'a, T>,
-        next: BeforeBlock<'a, T>,
+        /// Endpoint products for the next block, `[vertices, 2 latent]`.
+        next: Rows<'a, T>,
         /// `[vertices, outputs]`, from the last block only.
         output: Rows<'a, T>,
         decoder: MlpRows<'a, T>,
@@ -52,60 +51,50 @@ impl Network {
         assert_eq!(weights.flat.len(), self.parameter_count(), "packed weights");
         let state = carried.state;
         assert!(state.is_zero() || self.streams(), "a state to carry");
-        assert_eq!(
-            graph.mode_count(),
-            self.spec.filter_modes,
-            "modes of a cloth"
-        );
-        let windows = self.windows(graph, carried);
-        workspace.fit(self, graph, pass, windows);
-        self.encode(weights, graph, carried, windows, workspace);
+        let frames = self.frames(graph, carried);
+        workspace.fit(self, graph, pass, frames);
+        self.encode(weights, graph, carried, frames, workspace);
         if self.blocks.is_empty() {
             self.decode_all(weights, graph, workspace);
         }
         for number in 0..self.blocks.len() {
-            self.see_cloths(weights, number, workspace);
             self.run_block(weights, graph, number, workspace);
         }
     }
 
-    /// Frames of nodes and of arcs in the input.
-    pub(super) fn windows<T>(&self, graph: &Connectivity, carried: Carried<'_, T>) -> Windows {
+    /// Frames in the input.
+    pub(super) fn frames<T>(&self, graph: &Connectivity, carried: Carried<'_, T>) -> usize {
         let (spec, input) = (&self.spec, carried.input);
-        let windows = if carried.state.nodes[0].is_empty() {
-            Windows {
-                nodes: spec.node_window(),
-                arcs: spec.edge_window(),
-            }
-        } else {
-            Windows { nodes: 1, arcs: 1 }
+        let frames = match carried.state.nodes[0].is_empty() {
+            true => spec.window(),
+            false => 1,
         };
         let expected = [
-            windows.nodes * graph.vertex_count() * spec.node_width(),
-            windows.arcs * graph.arc_count() * spec.edge_width(),
+            frames * graph.vertex_count() * spec.node_width(),
+            frames * graph.arc_count() * spec.edge_width(),
         ];
         assert_eq!([input.nodes.len(), input.arcs.len()], expected, "input");
-        windows
+        frames
     }
 
     /// The inputs of the encoders of nodes and of arcs.
     pub(super) fn encoder_inputs<'a, T>(
         &self,
         carried: Carried<'a, T>,
-        windows: Windows,
+        frames: usize,
         masks: &'a [RowMasks; 2],
     ) -> [EncoderInput<'a, T>; 2] {
         let [of_nodes, of_arcs] = masks;
         let Carried { input, state } = carried;
         let nodes = EncoderInput {
-            window: windows.nodes,
+            window: frames,
             features: input.nodes,
             width: self.spec.node_width(),
             dropout: of_nodes.active(),
             start: state.nodes.each_ref().map(|s| &**s),
         };
         let arcs = EncoderInput {
-            window: windows.arcs,
+            window: frames,
             features: input.arcs,
             width: self.spec.edge_width(),
             dropout: of_arcs.active(),
@@ -120,11 +109,11 @@ impl Network {
         weights: &PackedWeights<T>,
         graph: &Connectivity,
         carried: Carried<'_, T>,
-        windows: Windows,
+        frames: usize,
         w: &mut Workspace<T>,
     ) {
         let latent = self.spec.latent;
-        let [nodes, arcs] = self.encoder_inputs(carried, windows, &w.dropout);
+        let [nodes, arcs] = self.encoder_inputs(carried, frames, &w.dropout);
         let (mut node_record, mut arc_record) = <(EncoderRecordRows<'_, T>, _)>::default();
         if w.kept {
             node_record = w.node_encoder.rows(&self.node_encoder);
@@ -133,7 +122,6 @@ impl Network {
             }
         }
         let [first_products, _] = &mut w.endpoint_products;
-        let (first_slices, _) = slices_in_turn(&mut w.slices, 0, self.spec.tokens);
         let share = Share {
             vertices: EncodedNodes {
                 encoder: EncoderRows {
@@ -141,7 +129,7 @@ impl Network {
                     end: w.end.nodes.each_mut().map(|s| Rows::new(s, latent)),
                     record: node_record,
                 },
-                first: BeforeBlock::new(first_products, first_slices, latent),
+                products: Rows::new(first_products, 2 * latent),
             },
             arcs: EncoderRows {
                 out: Rows::new(&mut w.arcs, latent),
@@ -149,10 +137,10 @@ impl Network {
                 record: arc_record,
             },
         };
-        let (scratch, whole, stop) = (&w.scratch, &w.whole, &w.stop);
+        let (scratch, stop) = (&w.scratch, &w.stop);
         let work = |partitions: &[Partition],
                     share: Share<EncodedNodes<'_, T>, EncoderRows<'_, T>>,
-                    sums: &mut WholeSums<T>| {
+                    (): &mut ()| {
             let [partition] = partitions else { return };
             if stop.is_wanted() {
                 return;
@@ -168,12 +156,11 @@ impl Network {
                 }
                 if let Some(block) = self.blocks.first() {
                     let layer = weights.layer(FIRST_BLOCK);
-                    let of = OfVertices::new(graph, partition, &rows.encoder.out);
-                    block.begin(layer, whole, of, &mut rows.first, sums);
+                    block.endpoint_products(layer, &rows.encoder.out, &mut rows.products);
                 }
             });
         };
-        share.among(&graph.partitions, &mut w.whole_sums, &work);
+        share.among(&graph.partitions, &mut one_each(graph), &work);
     }
 
     /// One block, and the endpoint products for the next one, or the decoder after the last.
@@ -192,14 +179,13 @@ impl Network {
             decoder = w.decoder.rows(&self.decoder);
         }
         let (products, next_products) = in_turn(&mut w.endpoint_products, number);
-        let (next_slices, slices) = slices_in_turn(&mut w.slices, number + 1, self.spec.tokens);
         let share = Share {
             vertices: ProcessedNodes {
                 block: NodeRows {
                     nodes: Rows::new(&mut w.nodes, latent),
                     record: node_record,
                 },
-                next: BeforeBlock::new(next_products, next_slices, latent),
+                next: Rows::new(next_products, 2 * latent),
                 output: Rows::new(&mut w.output, self.spec.outputs()),
                 decoder,
             },
@@ -208,10 +194,10 @@ impl Network {
                 record: arc_record,
             },
         };
-        let (scratch, whole, stop) = (&w.scratch, &w.whole, &w.stop);
+        let (scratch, stop) = (&w.scratch, &w.stop);
         let work = |partitions: &[Partition],
                     share: Share<ProcessedNodes<'_, T>, ArcRows<'_, T>>,
-                    sums: &mut WholeSums<T>| {
+                    (): &mut ()| {
             let [partition] = partitions else { return };
             if stop.is_wanted() {
                 return;
@@ -221,8 +207,6 @@ impl Network {
                 graph,
                 partition,
                 endpoint_products: products,
-                whole,
-                slices,
             };
             Workspace::with_scratch(scratch, |scratch| {
                 let layer = weights.layer(FIRST_BLOCK + number);
@@ -231,24 +215,10 @@ impl Network {
                     return self.decode(weights, rows, scratch);
                 };
                 let layer = weights.layer(FIRST_BLOCK + number + 1);
-                let of = OfVertices::new(graph, partition, &rows.block.nodes);
-                next.begin(layer, whole, of, &mut rows.next, sums);
+                next.endpoint_products(layer, &rows.block.nodes, &mut rows.next);
             });
         };
-        share.among(&graph.partitions, &mut w.whole_sums, &work);
-    }
-
-    /// From the sums over all partitions to what block `number` sees of the cloths as wholes.
-    fn see_cloths<T: Real>(&self, weights: &PackedWeights<T>, number: usize, w: &mut Workspace<T>) {
-        let (block, layer) = (&self.blocks[number], weights.layer(FIRST_BLOCK + number));
-        if let Some(filter) = &block.filter {
-            let sums = w.whole_sums.iter().map(|sums| &sums.modes);
-            filter.room_forward(layer, number, sums, &mut w.whole.filter);
-        }
-        if let Some(tokens) = &block.tokens {
-            let sums = w.whole_sums.iter().map(|sums| &sums.tokens);
-            tokens.update(layer, number, sums, &mut w.whole.tokens);
-        }
+        share.among(&graph.partitions, &mut one_each(graph), &work);
     }
 
     /// Latent nodes to the output, where there is no block that does so at its end.
@@ -268,7 +238,7 @@ impl Network {
                     nodes: Rows::new(&mut w.nodes, self.spec.latent),
                     record: Default::default(),
                 },
-                next: BeforeBlock::default(),
+                next: Rows::default(),
                 output: Rows::new(&mut w.output, self.spec.outputs()),
                 decoder,
             },
@@ -307,28 +277,6 @@ fn in_turn<T>(products: &mut [Aligned<T>; 2], number: usize) -> (&[T], &mut Alig
         (&*even, odd)
     } else {
         (&*odd, even)
-    }
-}
-
-/// The weights over the tokens that belong to block `number`, to be written, and those of the block
-/// before, where there is one. `slices` has room for all blocks, or for two in turn.
-fn slices_in_turn<T: Default>(
-    slices: &mut [Aligned<T>],
-    number: usize,
-    tokens: usize,
-) -> (Rows<'_, T>, &[T]) {
-    let count = slices.len().max(1);
-    if slices.len() < 2 {
-        return match slices.first_mut() {
-            None => (Rows::default(), &[]),
-            Some(only) if number == 0 => (Rows::new(only, tokens), &[]),
-            Some(only) => (Rows::default(), only),
-        };
-    }
-    let (now, before) = (number % count, (number + count - 1) % count);
-    match slices.get_disjoint_mut([now, before]) {
-        Ok([now, before]) => (Rows::new(now, tokens), before),
-        Err(_) => (Rows::default(), &[]),
     }
 }
 

@@ -4,9 +4,9 @@
 //! `reference.rs` is the readable twin of this engine: the equations as they are written, in `f64`,
 //! without tiles, packing or threads. Read it first; the tests compare the engine with it.
 
+pub(crate) mod activations;
 pub(crate) mod arguments;
 mod backward;
-pub(crate) mod cost;
 mod definition;
 pub(crate) mod encoder_state;
 mod forward;
@@ -15,10 +15,9 @@ pub(crate) mod packed;
 pub(crate) mod parameters;
 mod passes;
 pub mod reference;
-pub mod roofline;
 pub(crate) mod workspace;
 
-pub use arguments::{Carried, Gradients, Input, InputGradient, Pass, StateGradients};
+pub use arguments::{Carried, Gradients, Input, InputGradient, Pass, StateGradients, Stopped};
 pub use definition::Network;
 pub use encoder_state::EncoderState;
 pub use passes::NetworkScalar;

@@ -130,11 +130,6 @@ impl Piece {
         Self::new(size, linear, 0, linear.inputs)
     }
 
-    /// The first of the input columns.
-    pub(crate) fn first(&self) -> usize {
-        self.first
-    }
-
     pub(crate) fn pack<T: Real>(&self, packer: &mut Packer<'_, T>) {
         let Self {
             weight,

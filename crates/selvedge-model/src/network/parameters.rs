@@ -127,14 +127,6 @@ impl LayoutBuilder {
         }
     }
 
-    /// A filter over the whole cloth, `[latent, times]`: uniform in ±1/√times.
-    pub(crate) fn filter(&mut self, path: &str, latent: usize, times: usize) -> usize {
-        let start = Start::Uniform {
-            bound: (times as f64).sqrt().recip(),
-        };
-        self.add(format!("{path}.weight"), &[latent, times], start)
-    }
-
     /// A layer normalisation.
     pub(crate) fn layer_norm(&mut self, path: &str, width: usize) -> LayerNorm {
         let constant = |value| Start::Constant { value };

@@ -7,7 +7,7 @@
 use crate::graph::connectivity::Connectivity;
 use crate::kernels::real::Real;
 use crate::kernels::simd::Instructions;
-use crate::network::arguments::{Carried, Gradients, Input, Pass};
+use crate::network::arguments::{Carried, Gradients, Input, Pass, Stopped};
 use crate::network::definition::Network;
 use crate::network::encoder_state::EncoderState;
 use crate::network::packed::{PackedWeights, Purpose};
@@ -146,11 +146,18 @@ impl Network {
         workspace: &'w mut Workspace<T>,
     ) -> &'w [T] {
         let state = &EncoderState::new();
-        self.forward_carried(weights, graph, Carried { input, state }, pass, workspace)
+        let carried = Carried { input, state };
+        let stop = std::mem::take(&mut workspace.stop);
+        T::forward(self, weights, graph, carried, pass, workspace);
+        workspace.stop = stop;
+        &workspace.output
     }
 
     /// [`Self::forward_packed`] for a network that streams, from the encoders' state of the frame
     /// before. [`Workspace::end_state`] returns the state after the frame.
+    ///
+    /// # Errors
+    /// [`Stopped`] where the stop of [`Workspace::stop_by`] is wanted.
     ///
     /// # Panics
     /// When the lengths of the input or of the state are not those of the spec and the graph.
@@ -161,9 +168,13 @@ impl Network {
         carried: Carried<'_, T>,
         pass: Pass<'_>,
         workspace: &'w mut Workspace<T>,
-    ) -> &'w [T] {
+    ) -> Result<&'w [T], Stopped> {
         T::forward(self, weights, graph, carried, pass, workspace);
-        &workspace.output
+        if workspace.stop.is_wanted() {
+            workspace.kept = false;
+            return Err(Stopped);
+        }
+        Ok(&workspace.output)
     }
 
     /// Derivatives of Σ `gradients.output` ∘ out, where out is the output of the last
@@ -205,10 +216,15 @@ impl Network {
     ) {
         let state = &EncoderState::new();
         let carried = Carried { input, state };
-        self.backward_carried(weights, graph, carried, gradients, workspace);
+        let stop = std::mem::take(&mut workspace.stop);
+        T::backward(self, weights, graph, carried, gradients, workspace);
+        workspace.stop = stop;
     }
 
     /// [`Self::backward_packed`] after [`Self::forward_carried`], with the gradients of the states.
+    ///
+    /// # Errors
+    /// As [`Self::forward_carried`]; the gradients are then of a part of the network.
     ///
     /// # Panics
     /// As [`Self::backward_packed`].
@@ -219,7 +235,11 @@ impl Network {
         carried: Carried<'_, T>,
         gradients: Gradients<'_, T>,
         workspace: &mut Workspace<T>,
-    ) {
+    ) -> Result<(), Stopped> {
         T::backward(self, weights, graph, carried, gradients, workspace);
+        match workspace.stop.is_wanted() {
+            true => Err(Stopped),
+            false => Ok(()),
+        }
     }
 }

@@ -5,7 +5,7 @@
 
 use crate::graph::connectivity::Connectivity;
 use crate::network::{Input, Network};
-use crate::spec::RowEncoder;
+use crate::spec::Encoder;
 
 type Rows = Vec<Vec<f64>>;
 
@@ -72,91 +72,14 @@ impl Weights<'_> {
         inputs.pop().unwrap_or_default()
     }
 
-    /// The filter of a block over each cloth; nothing where it has none.
-    fn filtered(&self, block: usize, graph: &Connectivity, nodes: &Rows) -> Rows {
-        let weight = self.get(&format!("processor.{block}.filter.weight"));
-        let (modes, latent) = (graph.mode_count(), self.network.spec().latent);
-        if modes == 0 {
-            return Rows::new();
-        }
-        let times = weight.len() / latent;
-        let [values, weighted] = graph.modes();
-        let at = |array: &[f32], vertex, mode| f64::from(array[vertex * modes + mode]);
-        let mut out = vec![vec![0.0; latent]; nodes.len()];
-        for (cloth, ends) in graph.first_vertices().windows(2).enumerate() {
-            for mode in 0..modes {
-                let decays = &graph.mode_decays()[(cloth * modes + mode) * times..][..times];
-                for channel in 0..latent {
-                    let heat = (ends[0]..ends[1])
-                        .map(|vertex| at(weighted, vertex, mode) * nodes[vertex][channel])
-                        .sum::<f64>();
-                    let weights = weight[channel * times..].iter().zip(decays);
-                    let response: f64 = weights.map(|(w, &d)| w * f64::from(d)).sum();
-                    let rows = out.iter_mut().enumerate().take(ends[1]).skip(ends[0]);
-                    for (vertex, row) in rows {
-                        row[channel] += at(values, vertex, mode) * response * heat;
-                    }
-                }
-            }
-        }
-        out
-    }
-
-    /// Mixtures of tokens that the vertices of each cloth read in a block; nothing without tokens.
-    fn read(&self, block: usize, graph: &Connectivity, nodes: &Rows) -> Rows {
-        let path = format!("processor.{block}.tokens");
-        let count = self.network.spec().tokens;
-        if count == 0 {
-            return Rows::new();
-        }
-        let latent = self.network.spec().latent;
-        let mut out = Rows::new();
-        for ends in graph.first_vertices().windows(2) {
-            let (mut sums, mut sizes) = (vec![vec![0.0; latent]; count], vec![0.0; count]);
-            let slices: Rows = (ends[0]..ends[1])
-                .map(|v| softmax(self.linear(&format!("{path}.slice"), "", &nodes[v])))
-                .collect();
-            for (vertex, slice) in (ends[0]..ends[1]).zip(&slices) {
-                let share = f64::from(graph.shares()[vertex]);
-                for (token, weight) in slice.iter().enumerate() {
-                    sizes[token] += share * weight;
-                    for (sum, x) in sums[token].iter_mut().zip(&nodes[vertex]) {
-                        *sum += share * weight * x;
-                    }
-                }
-            }
-            for (token, size) in sums.iter_mut().zip(sizes) {
-                token.iter_mut().for_each(|x| *x /= size + 1e-6);
-                let update = self.normalised_mlp(&format!("{path}.update"), token);
-                token.iter_mut().zip(update).for_each(|(x, u)| *x += u);
-            }
-            out.extend(slices.iter().map(|slice| {
-                let mixture =
-                    |channel: usize| slice.iter().zip(&sums).map(|(w, t)| w * t[channel]).sum();
-                (0..latent).map(mixture).collect()
-            }));
-        }
-        out
-    }
-
-    fn encode(
-        &self,
-        path: &str,
-        encoder: RowEncoder,
-        input: &[f64],
-        width: usize,
-        rows: usize,
-    ) -> Rows {
+    fn encode(&self, path: &str, input: &[f64], width: usize, rows: usize) -> Rows {
         let latent = self.network.spec().latent;
         (0..rows)
             .map(|row| {
                 let at = |step: usize| &input[(step * rows + row) * width..][..width];
-                match encoder {
-                    RowEncoder::Mlp(window) => {
-                        let joined: Vec<f64> = (0..window).flat_map(at).copied().collect();
-                        self.normalised_mlp(path, &joined)
-                    }
-                    RowEncoder::Gru => {
+                match self.network.spec().encoder {
+                    Encoder::Mlp { .. } => self.normalised_mlp(path, at(0)),
+                    Encoder::Gru { .. } | Encoder::StreamingGru { .. } => {
                         let frames = input.len() / (rows * width);
                         let window: Vec<&[f64]> = (0..frames).map(at).collect();
                         let last = self.gru(&format!("{path}.gru"), &window, latent);
@@ -167,13 +90,6 @@ impl Weights<'_> {
             })
             .collect()
     }
-}
-
-fn softmax(x: Vec<f64>) -> Vec<f64> {
-    let largest = x.iter().fold(f64::NEG_INFINITY, |most, &x| most.max(x));
-    let powers: Vec<f64> = x.iter().map(|x| (x - largest).exp()).collect();
-    let sum: f64 = powers.iter().sum();
-    powers.iter().map(|x| x / sum).collect()
 }
 
 /// Normalised accelerations `[vertices, 3]`, as [`Network::forward`] gives them. A recurrent
@@ -192,12 +108,11 @@ pub fn forward(
         values: weights,
     };
     let (vertices, arcs) = (graph.vertex_count(), graph.arc_count());
-    let [of_nodes, of_arcs] = spec.encoder.rows();
     let width = spec.node_width();
-    let mut nodes = weights.encode("encoder.nodes", of_nodes, input.nodes, width, vertices);
+    let mut nodes = weights.encode("encoder.nodes", input.nodes, width, vertices);
     let width = spec.edge_width();
     let arcs = if spec.blocks > 0 { arcs } else { 0 };
-    let mut latent_arcs = weights.encode("encoder.edges", of_arcs, input.arcs, width, arcs);
+    let mut latent_arcs = weights.encode("encoder.edges", input.arcs, width, arcs);
     for block in 0..spec.blocks {
         let mut incoming = vec![vec![0.0; spec.latent]; vertices];
         for (arc, edge) in latent_arcs.iter_mut().enumerate() {
@@ -209,12 +124,8 @@ pub fn forward(
                 edge[k] += update[k];
             }
         }
-        let filtered = weights.filtered(block, graph, &nodes);
-        let read = weights.read(block, graph, &nodes);
-        for (row, (node, incoming)) in nodes.iter_mut().zip(&incoming).enumerate() {
-            let mut joined = [&**node, &**incoming].concat();
-            joined.extend(filtered.get(row).into_iter().flatten());
-            joined.extend(read.get(row).into_iter().flatten());
+        for (node, incoming) in nodes.iter_mut().zip(&incoming) {
+            let joined = [&**node, &**incoming].concat();
             let update = weights.normalised_mlp(&format!("processor.{block}.node"), &joined);
             for (x, u) in node.iter_mut().zip(update) {
                 *x += u;

@@ -21,10 +21,8 @@ use crate::network::layers::block::BlockRecord;
 use crate::network::layers::encoder::EncoderRecord;
 use crate::network::layers::mlp::MlpRecord;
 use crate::network::layers::scratch::{GroupScratch, GroupWork, Scratch};
-use crate::network::layers::whole_cloth::{WholeRoom, WholeSums};
 use crate::network::packed::PackedWeights;
 use crate::network::parameters::ModuleGradient;
-use crate::spec::Encoder;
 
 /// Groups of partitions, each with a sum of gradients of its own. More groups are more sums to add,
 /// fewer keep fewer threads busy.
@@ -42,14 +40,6 @@ pub struct Workspace<T> {
     pub(crate) arcs: Aligned<T>,
     /// Endpoint products for the even blocks and for the odd ones, `[vertices, 2 latent]`.
     pub(crate) endpoint_products: [Aligned<T>; 2],
-    pub(crate) whole: WholeRoom<T>,
-    /// Sums of each partition over its vertices, for filter and tokens of the next block.
-    pub(crate) whole_sums: Vec<WholeSums<T>>,
-    /// Weights of the vertices over the tokens, `[vertices, tokens]`: of all blocks where they are
-    /// kept, else of two in turn.
-    pub(crate) slices: Vec<Aligned<T>>,
-    /// Gradients of the weights over the tokens of one block, `[vertices, tokens]`.
-    pub(crate) by_slices: Aligned<T>,
     pub(crate) node_encoder: EncoderRecord<T>,
     pub(crate) arc_encoder: EncoderRecord<T>,
     pub(crate) blocks: Vec<BlockRecord<T>>,
@@ -86,8 +76,8 @@ impl<T: Real> Workspace<T> {
         Self::default()
     }
 
-    /// Lets passes end early from when `stop` is wanted. What they give then means nothing: whoever
-    /// runs them looks at `stop` before using it.
+    /// Lets [`Network::forward_carried`] and [`Network::backward_carried`] end early, with an error,
+    /// from when `stop` is wanted.
     pub fn stop_by(&mut self, stop: Stop) {
         self.stop = stop;
     }
@@ -112,7 +102,6 @@ impl<T: Real> Workspace<T> {
             &self.arcs,
             &self.pre_activation,
             &self.output,
-            &self.by_slices,
             even,
             odd,
         ];
@@ -120,11 +109,9 @@ impl<T: Real> Workspace<T> {
         encoders.iter().map(|e| e.number_count()).sum::<usize>()
             + blocks.sum::<usize>()
             + self.decoder.number_count()
-            + self.whole.number_count()
             + flat
                 .into_iter()
                 .chain(states)
-                .chain(&self.slices)
                 .map(|array| array.len())
                 .sum::<usize>()
     }
@@ -146,29 +133,18 @@ impl<T: Real> Workspace<T> {
         network: &Network,
         graph: &Connectivity,
         pass: Pass<'_>,
-        windows: Windows,
+        frames: usize,
     ) {
         let latent = network.spec().latent;
         let (vertices, arcs) = (graph.vertex_count(), graph.arc_count());
         self.kept = matches!(pass, Pass::Training(_));
-        self.fit_dropout(
-            graph,
-            pass,
-            [windows.nodes, windows.arcs].map(|n| n * latent),
-        );
+        self.fit_dropout(graph, pass, [frames * latent; 2]);
         self.nodes.resize(vertices * latent);
         self.arcs.resize(arcs * latent);
         for products in &mut self.endpoint_products {
             products.resize(vertices * 2 * latent);
         }
         self.output.resize(vertices * network.spec().outputs());
-        let blocks = &network.blocks;
-        let tokens = blocks.first().and_then(|block| block.tokens.as_ref());
-        let (whole, count) = (&mut self.whole, blocks.len());
-        whole.fit(graph, latent, tokens, count, self.kept);
-        self.whole_sums
-            .resize_with(graph.partitions.len(), WholeSums::default);
-        self.fit_slices(network, vertices);
         if network.streams() {
             self.end.fit(vertices, arcs, latent);
         }
@@ -180,24 +156,8 @@ impl<T: Real> Workspace<T> {
             scratch.fit(latent, widths.joined, widths.states);
         }
         if self.kept {
-            self.fit_records(network, graph, windows);
+            self.fit_records(network, graph, frames);
         }
-    }
-
-    /// Makes room for weights over tokens.
-    fn fit_slices(&mut self, network: &Network, vertices: usize) {
-        let (tokens, blocks) = (network.spec().tokens, network.blocks.len());
-        let arrays = match (tokens, self.kept) {
-            (0, _) => 0,
-            (_, true) => blocks,
-            (_, false) => blocks.min(2),
-        };
-        self.slices.resize_with(arrays, Aligned::default);
-        for slices in &mut self.slices {
-            slices.resize(vertices * tokens);
-        }
-        let back = if self.kept { vertices * tokens } else { 0 };
-        self.by_slices.resize(back);
     }
 
     /// Prepares the masks of rows with that many values in all frames.
@@ -223,18 +183,14 @@ impl<T: Real> Workspace<T> {
     }
 
     /// Makes room for the activations of every layer.
-    fn fit_records(&mut self, network: &Network, graph: &Connectivity, windows: Windows) {
+    fn fit_records(&mut self, network: &Network, graph: &Connectivity, frames: usize) {
         let (vertices, arcs) = (graph.vertex_count(), graph.arc_count());
         let [of_nodes, of_arcs] = &self.dropout;
-        self.node_encoder.fit(
-            &network.node_encoder,
-            vertices,
-            windows.nodes,
-            of_nodes.active(),
-        );
+        self.node_encoder
+            .fit(&network.node_encoder, vertices, frames, of_nodes.active());
         if let Some(encoder) = &network.arc_encoder {
             self.arc_encoder
-                .fit(encoder, arcs, windows.arcs, of_arcs.active());
+                .fit(encoder, arcs, frames, of_arcs.active());
         }
         self.blocks
             .resize_with(network.blocks.len(), BlockRecord::default);
@@ -283,13 +239,6 @@ impl<T: Real> Group<T> {
     }
 }
 
-/// Frames of nodes and of arcs in an input.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Windows {
-    pub(crate) nodes: usize,
-    pub(crate) arcs: usize,
-}
-
 /// Widths of rows of scratch.
 struct ScratchWidths {
     /// Frames of a window side by side.
@@ -300,12 +249,11 @@ struct ScratchWidths {
 
 fn scratch_widths(network: &Network) -> ScratchWidths {
     let spec = network.spec();
-    let nodes = spec.node_window() * spec.node_width();
     ScratchWidths {
-        joined: nodes.max(spec.edge_window() * spec.edge_width()),
-        states: match spec.encoder {
-            Encoder::Mlp { .. } => 0,
-            _ => spec.latent,
+        joined: spec.window() * spec.node_width().max(spec.edge_width()),
+        states: match spec.encoder.is_recurrent() {
+            true => spec.latent,
+            false => 0,
         },
     }
 }

@@ -2,23 +2,23 @@
 //! the network, and its corrections of positions and velocities.
 //!
 //! Where the input is unlike what the model was trained on, its corrections fade to nothing, and
-//! the frame stays the physics' own. Those of free flight are whole: they are all forces that there
-//! are.
+//! the frame stays the physics' own.
 
 use std::sync::Arc;
 
 use glam::DVec3;
-use selvedge_cloth::{FaceId, Stop};
+use selvedge_cloth::{FaceId, Stop, VertexId};
 use thiserror::Error;
 
 use crate::features::correction::{CorrectionColumns, HalfTurns, PredictedFrame, Stiffness};
+use crate::features::finite::first_non_finite;
 use crate::graph::ClothGraph;
 use crate::kernels::simd::Instructions;
 use crate::network::packed::{PackedWeights, Purpose};
 use crate::network::workspace::Workspace;
-use crate::network::{Carried, EncoderState, Input, Pass};
+use crate::network::{Carried, EncoderState, Input, Pass, Stopped};
 use crate::rollout::model::Model;
-use crate::spec::PhysicsBase;
+use crate::spec::{MOST_DEVIATIONS, PhysicsBase};
 
 /// Deviations from the mean within which training has seen a column often.
 const FAMILIAR: f32 = 6.0;
@@ -45,10 +45,18 @@ pub trait CorrectionNetwork: Send {
     ) -> Result<(), CorrectionError>;
 }
 
-/// A network that could not be run, with what failed.
+/// A frame that a network did not correct.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
-#[error("{0}")]
-pub struct CorrectionError(pub String);
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum CorrectionError {
+    /// What failed of the machine that runs the network.
+    #[error("{0}")]
+    Device(String),
+    #[error("what the network would see of vertex {vertex} is not finite")]
+    NonFinite { vertex: VertexId },
+    #[error(transparent)]
+    Stopped(#[from] Stopped),
+}
 
 /// A model that corrects the frames of one cloth.
 pub struct Corrector {
@@ -61,7 +69,7 @@ pub struct Corrector {
     /// The network on another machine, if it does not run here.
     elsewhere: Option<Box<dyn CorrectionNetwork>>,
     rows: Vec<f32>,
-    /// Part of the correction that each vertex gets but in free flight, `[vertices]`.
+    /// Part of the correction that each vertex gets, `[vertices]`.
     shares: Vec<f32>,
 }
 
@@ -93,7 +101,6 @@ impl Corrector {
         stiffness: impl Fn(FaceId) -> Stiffness,
     ) -> Result<Self, NoBase> {
         let base = model.spec().base.ok_or(NoBase)?;
-        let graph = graph.for_spec(model.spec());
         let columns = CorrectionColumns::of_faces(
             &graph,
             stiffness,
@@ -114,8 +121,7 @@ impl Corrector {
         })
     }
 
-    /// Lets the network end early from when `stop` is wanted. What [`Self::correct`] gives then
-    /// means nothing.
+    /// Lets [`Self::correct`] end early, with an error, from when `stop` is wanted.
     pub fn stop_by(&mut self, stop: Stop) {
         self.workspace.stop_by(stop);
     }
@@ -173,7 +179,7 @@ impl Corrector {
     /// predicted ones of `frame`.
     ///
     /// # Errors
-    /// [`CorrectionError`] of a network that runs elsewhere; positions and velocities stay.
+    /// [`CorrectionError`]; positions and velocities stay.
     ///
     /// # Panics
     /// When a slice does not have the size of the cloth.
@@ -188,24 +194,27 @@ impl Corrector {
         let normalizers = self.model.normalizers();
         normalizers.nodes.normalize(&mut columns.nodes);
         normalizers.edges.normalize(&mut columns.arcs);
-        find_shares(&self.graph, columns, &mut self.shares);
-        let most = self.base.most_deviations();
-        cut(&mut columns.nodes, most);
-        cut(&mut columns.arcs, most);
-        self.run_network()?;
-        if let Some(most) = self.base.most_corrected() {
-            cut(&mut self.rows, most);
+        let input = Input {
+            nodes: &columns.nodes,
+            arcs: &columns.arcs,
+        };
+        let (spec, graph) = (self.model.spec(), self.graph.connectivity());
+        if let Some(vertex) = first_non_finite(spec, graph, input) {
+            return Err(CorrectionError::NonFinite { vertex });
         }
-        let flies = self.base.flies();
+        find_shares(&self.graph, columns, &mut self.shares);
+        cut(&mut columns.nodes, MOST_DEVIATIONS);
+        cut(&mut columns.arcs, MOST_DEVIATIONS);
+        self.run_network()?;
+        cut(&mut self.rows, MOST_DEVIATIONS);
         let normalizers = self.model.normalizers();
         normalizers.acceleration.denormalize(&mut self.rows);
         self.columns.to_metres(&mut self.rows);
         let mut result = Familiarity::default();
         let rows = self.rows.as_chunks_mut::<6>().0.iter_mut();
         for ((row, &share), &held) in rows.zip(&self.shares).zip(frame.held) {
-            let given = if flies { 1.0 } else { share };
             // What is dropped need not be a number.
-            let part = |x: f32| if given == 0.0 || held { 0.0 } else { given * x };
+            let part = |x: f32| if share == 0.0 || held { 0.0 } else { share * x };
             row.iter_mut().for_each(|x| *x = part(*x));
             let moved = row[..3].iter().map(|x| x * x).sum::<f32>().sqrt();
             result.largest = result.largest.max(moved.into());
@@ -232,7 +241,7 @@ impl Corrector {
             },
             Pass::Inference,
             &mut self.workspace,
-        );
+        )?;
         self.rows.clear();
         self.rows.extend_from_slice(out);
         Ok(())

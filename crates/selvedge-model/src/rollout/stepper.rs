@@ -12,13 +12,14 @@ use selvedge_cloth::{
 };
 use thiserror::Error;
 
+use crate::features::finite::first_non_finite;
 use crate::features::{Extent, Frames, Place, Window};
 use crate::graph::ClothGraph;
 use crate::graph::frame::Yaw;
 use crate::kernels::simd::Instructions;
 use crate::network::packed::{PackedWeights, Purpose};
 use crate::network::workspace::Workspace;
-use crate::network::{Carried, EncoderState, Input, Pass};
+use crate::network::{Carried, EncoderState, Input, Pass, Stopped};
 use crate::rollout::advance::{LocalAcceleration, NonFinite, TwoFrames, advance, require_finite};
 use crate::rollout::hands::Hands;
 use crate::rollout::model::Model;
@@ -49,7 +50,6 @@ pub struct LearnedStepper {
     /// step is known to be good.
     state: EncoderState<f32>,
     acceleration: Vec<f32>,
-    stop: Stop,
 }
 
 /// Reason why a rollout cannot start.
@@ -110,7 +110,6 @@ impl LearnedStepper {
             return Err(RolloutError::NeedsPhysics);
         }
         let vertices = graph.vertex_count();
-        let graph = graph.for_spec(model.spec());
         let history = opening_frames(model.spec(), vertices, start)?;
         let hands = Hands::on_paths(graph.handles(), &history[history.len() - 1]);
         Ok(Self {
@@ -131,7 +130,6 @@ impl LearnedStepper {
             workspace: Workspace::new(),
             state: EncoderState::new(),
             acceleration: Vec::new(),
-            stop: Stop::default(),
             model,
             graph,
         })
@@ -162,7 +160,8 @@ impl LearnedStepper {
         }
     }
 
-    fn predict(&mut self, next_handles: &[Vec3], yaw: Yaw) {
+    /// Sets the acceleration of frame `frame`.
+    fn predict(&mut self, frame: usize, next_handles: &[Vec3], yaw: Yaw) -> Result<(), StepError> {
         let (spec, place) = (self.model.spec(), Place::alone(&self.graph));
         let frames = Frames {
             positions: &self.history,
@@ -183,9 +182,13 @@ impl LearnedStepper {
             nodes: &self.features.nodes,
             arcs: &self.features.arcs,
         };
+        let connectivity = self.graph.connectivity();
+        if let Some(vertex) = first_non_finite(spec, connectivity, input) {
+            return Err(StepError::NonFinite { frame, vertex });
+        }
         let out = self.model.network().forward_carried(
             &self.weights,
-            self.graph.connectivity(),
+            connectivity,
             Carried {
                 input,
                 state: &self.state,
@@ -193,9 +196,11 @@ impl LearnedStepper {
             Pass::Inference,
             &mut self.workspace,
         );
+        let out = out.map_err(|Stopped| StepError::Stopped { frame })?;
         self.acceleration.clear();
         self.acceleration.extend_from_slice(out);
         normalizers.acceleration.denormalize(&mut self.acceleration);
+        Ok(())
     }
 }
 
@@ -231,10 +236,9 @@ impl Stepper for LearnedStepper {
         let mut next_handles = std::mem::take(&mut self.next_handles);
         next_handles.clear();
         next_handles.extend(self.hands[1].places());
-        self.predict(&next_handles, yaw);
-        if self.stop.is_wanted() {
+        if let Err(error) = self.predict(frame, &next_handles, yaw) {
             self.next_handles = next_handles;
-            return Err(StepError::Stopped { frame });
+            return Err(error);
         }
         let newest = self.history.len() - 1;
         let spec = self.model.spec();
@@ -271,8 +275,7 @@ impl Stepper for LearnedStepper {
 
     /// Heard within the network.
     fn stop_by(&mut self, stop: Stop) {
-        self.workspace.stop_by(stop.clone());
-        self.stop = stop;
+        self.workspace.stop_by(stop);
     }
 }
 

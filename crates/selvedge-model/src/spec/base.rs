@@ -5,14 +5,11 @@ use serde::{Deserialize, Serialize};
 
 /// Deviations to which inputs and outputs are cut where a network corrects physics of cloth.
 pub const MOST_DEVIATIONS: f32 = 10.0;
-/// Deviations to which inputs are cut where a network corrects free flight.
-const MOST_IN_FLIGHT: f32 = 100.0;
 
 /// Least latent width of a network that corrects physics: that of its outputs.
 pub(crate) const LEAST_LATENT: usize = 8;
 
-/// Cheap physics that predicts a frame, to which the network adds what truncation lost; or free
-/// flight, to which it adds all forces of cloth and air.
+/// Cheap physics that predicts a frame, to which the network adds what truncation lost.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PhysicsBase {
@@ -21,10 +18,6 @@ pub struct PhysicsBase {
     pub integrator: Integrator,
     /// Implicit solves per frame, at least 1.
     pub substeps: u32,
-    /// Every frame starts anew, without the substep before it: a formula of second order then takes
-    /// one solve more.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub forgets: bool,
     /// The differences of the motion that the network is shown.
     #[serde(default, skip_serializing_if = "Differences::are_over_frames")]
     pub differences: Differences,
@@ -65,13 +58,6 @@ impl Differences {
 }
 
 impl PhysicsBase {
-    /// Returns true where the base has no forces of cloth, so that the network is all of the motion
-    /// and there is nothing to leave a frame to.
-    #[must_use]
-    pub fn flies(&self) -> bool {
-        self.integrator.flies()
-    }
-
     /// Returns true where the physics keeps the state one substep ago as it was.
     pub(crate) fn keeps_states(&self) -> bool {
         use Integrator::{SecondOrder, SecondOrderNewton};
@@ -85,24 +71,6 @@ impl PhysicsBase {
             frame: 1.0 / frame_rate,
             substep: 1.0 / (frame_rate * f64::from(self.substeps)),
         }
-    }
-
-    /// Deviations to which normalised inputs are cut, in training and in use. In free flight what
-    /// the handles do is a jump from one vertex to the next, far beyond what most arcs see, and it
-    /// is not to be lost.
-    #[must_use]
-    pub fn most_deviations(&self) -> f32 {
-        match self.flies() {
-            true => MOST_IN_FLIGHT,
-            false => MOST_DEVIATIONS,
-        }
-    }
-
-    /// Deviations to which normalised targets and corrections are cut; none for free flight, whose
-    /// corrections are whole.
-    #[must_use]
-    pub fn most_corrected(&self) -> Option<f32> {
-        (!self.flies()).then_some(MOST_DEVIATIONS)
     }
 }
 
@@ -127,11 +95,22 @@ mod tests {
         );
         let base = spec.base.expect("a base");
         assert_eq!(base.integrator, Integrator::SecondOrder);
-        assert!(!base.forgets);
         let text = serde_json::to_string(&spec).expect("JSON");
         assert_eq!(serde_json::from_str::<ModelSpec>(&text).ok(), Some(spec));
-        let unknown = text.replace("\"substeps\"", "\"steps\"");
-        assert!(serde_json::from_str::<ModelSpec>(&unknown).is_err());
+        for (instead, expected) in [
+            ("\"steps\"", "unknown field `steps`, expected one of"),
+            ("\"forgets\": true, \"substeps\"", "unknown field `forgets`"),
+            (
+                "\"integrator\": \"free-flight\", \"substeps\"",
+                "unknown variant `free-flight`, expected one of",
+            ),
+        ] {
+            let text = r#"{"encoder": {"kind": "mlp"}, "latent": 8, "blocks": 2,
+                "base": {"substeps": 1}}"#;
+            let text = text.replace("\"substeps\"", instead);
+            let error = serde_json::from_str::<ModelSpec>(&text).expect_err(expected);
+            assert!(error.to_string().contains(expected), "{error}");
+        }
     }
 
     #[test]
@@ -154,13 +133,13 @@ mod tests {
     #[test]
     fn a_spec_with_a_base_that_says_more_names_the_field() {
         type Edit = fn(&mut ModelSpec);
-        let edits: [(&str, Edit); 11] = [
+        let edits: [(&str, Edit); 8] = [
             (
                 "model.base.differences = \"substeps\" needs the state one substep ago",
                 |spec| {
                     let base = spec.base.as_mut().expect("a base");
                     base.differences = Differences::Substeps;
-                    base.integrator = Integrator::FreeFlight;
+                    base.integrator = Integrator::Linearised;
                 },
             ),
             (
@@ -181,17 +160,6 @@ mod tests {
             ("model.encoder must be left out", |spec| {
                 spec.encoder = Encoder::Gru { window: 2 };
             }),
-            ("model.coarse_levels must be left out", |spec| {
-                spec.coarse_levels = 1
-            }),
-            (
-                "model.filter_modes must be left out where the network corrects physics (model.base): there are no blocks",
-                |spec| (spec.blocks, spec.filter_modes) = (0, 8),
-            ),
-            (
-                "model.tokens must be left out where the network corrects physics (model.base): there are no blocks",
-                |spec| (spec.blocks, spec.tokens) = (0, 8),
-            ),
             ("model.integration must be left out", |spec| {
                 spec.integration = Integration::Carried {
                     damping: 0.1,

@@ -9,5 +9,4 @@ mod model_spec;
 pub use base::{Differences, FrameTimes, MOST_DEVIATIONS, PhysicsBase};
 pub use integration::{Carries, Carry, Integration, LastFrames, ReferenceSlope};
 pub use limits::EdgeLimits;
-pub(crate) use model_spec::RowEncoder;
-pub use model_spec::{EdgeFeature, Encoder, ModelSpec, NodeFeature, SpecError};
+pub use model_spec::{CurrentFrame, EdgeFeature, Encoder, ModelSpec, NodeFeature, SpecError};

@@ -29,18 +29,6 @@ pub struct ModelSpec {
     /// Number of message-passing blocks. A network that corrects physics can do without: each
     /// vertex then knows its neighbours by sums over the arcs that arrive there.
     pub blocks: usize,
-    /// Number of coarse levels, each of a quarter of the vertices of the level before. Their links
-    /// pass messages beside the edges of the mesh. The paper has none.
-    #[serde(default, skip_serializing_if = "is_zero")]
-    pub coarse_levels: usize,
-    /// Number of the cloth's longest waves through which every block filters the latent nodes, so
-    /// that each vertex sees the whole cloth at once. The paper has none.
-    #[serde(default, skip_serializing_if = "is_zero")]
-    pub filter_modes: usize,
-    /// Number of learned tokens of a cloth, which in every block all its vertices write to and read
-    /// from, so that each vertex hears of the whole cloth at once. The paper has none.
-    #[serde(default, skip_serializing_if = "is_zero")]
-    pub tokens: usize,
     /// Motion of the cloth without the network.
     #[serde(default)]
     pub integration: Integration,
@@ -91,33 +79,22 @@ pub enum EdgeFeature {
     /// Signed bending angle of an edge between two faces `[rad]`, 1 column: the negative of
     /// [`selvedge_cloth::geometry::dihedral_angle`], 0 on the boundary.
     BendingAngle,
-    /// The vector of a link of a coarse level and its length `[m]`, 4 columns; 0 for an edge of the
-    /// mesh. All columns above are 0 for a link.
-    CoarseVector,
-    /// The same in the sagged rest pose `[m]`, 4 columns.
-    CoarseRestVector,
 }
 
 /// Encoder of features to latent vectors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Encoder {
-    /// A multi-layer perceptron on the frames of the window side by side.
+    /// A multi-layer perceptron on the current frame, as in MeshGraphNets.
     Mlp {
-        /// Frames in the window, at least 1; the paper's has 1.
-        #[serde(default = "one")]
-        window: usize,
+        /// The frame that it sees: files say 1.
+        #[serde(default)]
+        window: CurrentFrame,
     },
     /// A recurrent network of two layers of gated recurrent units over a window of frames, the
     /// current one last.
     Gru {
         /// Frames in the window, at least 1.
-        window: usize,
-    },
-    /// The recurrent network for nodes only. The arcs, six times as many, go through the perceptron
-    /// with their current frame.
-    NodeGru {
-        /// Frames in the window of the vertices, at least 1.
         window: usize,
     },
     /// The recurrent network with states that are carried from frame to frame, not begun anew for
@@ -128,21 +105,28 @@ pub enum Encoder {
     },
 }
 
-/// Encoder of the rows of one kind, nodes or arcs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum RowEncoder {
-    /// A perceptron on that many frames side by side.
-    Mlp(usize),
-    /// A recurrent network over any number of frames.
-    Gru,
+/// The window of an encoder that sees the current frame alone: 1 in a file, and no other number.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "usize", into = "usize")]
+pub struct CurrentFrame;
+
+impl From<CurrentFrame> for usize {
+    fn from(_: CurrentFrame) -> Self {
+        1
+    }
 }
 
-fn one() -> usize {
-    1
-}
+impl TryFrom<usize> for CurrentFrame {
+    type Error = String;
 
-fn is_zero(count: &usize) -> bool {
-    *count == 0
+    fn try_from(frames: usize) -> Result<Self, String> {
+        match frames {
+            1 => Ok(Self),
+            _ => Err(format!(
+                "model.encoder.window of the kind \"mlp\" must be 1, found {frames}: choose the kind \"gru\" for several frames"
+            )),
+        }
+    }
 }
 
 /// Reads a list without repetitions.
@@ -164,26 +148,23 @@ where
 
 impl Encoder {
     /// A perceptron on the current frame, as in MeshGraphNets.
-    pub const MLP: Self = Self::Mlp { window: 1 };
+    pub const MLP: Self = Self::Mlp {
+        window: CurrentFrame,
+    };
 
     /// Frames in its window.
     #[must_use]
     pub fn window(self) -> usize {
         match self {
-            Self::Mlp { window }
-            | Self::Gru { window }
-            | Self::NodeGru { window }
-            | Self::StreamingGru { window } => window,
+            Self::Mlp { .. } => 1,
+            Self::Gru { window } | Self::StreamingGru { window } => window,
         }
     }
 
-    /// The encoders of nodes and of arcs.
-    pub(crate) fn rows(self) -> [RowEncoder; 2] {
-        match self {
-            Self::Mlp { window } => [RowEncoder::Mlp(window); 2],
-            Self::Gru { .. } | Self::StreamingGru { .. } => [RowEncoder::Gru; 2],
-            Self::NodeGru { .. } => [RowEncoder::Gru, RowEncoder::Mlp(1)],
-        }
+    /// Returns true for a recurrent network.
+    #[must_use]
+    pub fn is_recurrent(self) -> bool {
+        !matches!(self, Self::Mlp { .. })
     }
 }
 
@@ -206,10 +187,6 @@ pub enum SpecError {
         expected: &'static str,
         found: f64,
     },
-    #[error(
-        "model.edge_features contains \"{feature}\", but there are no coarse levels: give model.coarse_levels, or take it out"
-    )]
-    NoLevels { feature: &'static str },
     #[error(
         "model.{field} must be left out where the network corrects physics (model.base): {reason}"
     )]
@@ -248,9 +225,6 @@ impl ModelSpec {
             encoder,
             latent,
             blocks,
-            coarse_levels: 0,
-            filter_modes: 0,
-            tokens: 0,
             integration: Integration::default(),
             edge_limits: None,
             base: None,
@@ -266,9 +240,6 @@ impl ModelSpec {
             encoder: Encoder::MLP,
             latent,
             blocks,
-            coarse_levels: 0,
-            filter_modes: 0,
-            tokens: 0,
             integration: Integration::default(),
             edge_limits: None,
             base: None,
@@ -304,9 +275,6 @@ impl ModelSpec {
             ("latent", self.latent, 4, 4096),
             ("blocks", self.blocks, least_blocks, 256),
             ("encoder.window", self.window(), 1, 64),
-            ("coarse_levels", self.coarse_levels, 0, 8),
-            ("filter_modes", self.filter_modes, 0, 1024),
-            ("tokens", self.tokens, 0, 256),
         ];
         check_each_size(&sizes)
     }
@@ -323,17 +291,6 @@ impl ModelSpec {
             ("node_features", !self.node_features.is_empty(), columns),
             ("edge_features", !self.edge_features.is_empty(), columns),
             ("encoder", self.encoder != Encoder::MLP, "it sees one frame"),
-            ("coarse_levels", self.coarse_levels > 0, columns),
-            (
-                "filter_modes",
-                self.filter_modes > 0 && self.blocks == 0,
-                "there are no blocks to filter in",
-            ),
-            (
-                "tokens",
-                self.tokens > 0 && self.blocks == 0,
-                "there are no blocks to write to them in",
-            ),
             (
                 "integration",
                 self.integration != Integration::default(),
@@ -362,18 +319,7 @@ impl ModelSpec {
         if !self.edge_features.contains(&EdgeFeature::Vector) {
             return missing("edge_features", "vector");
         }
-        let coarse = [
-            (EdgeFeature::CoarseVector, "coarse-vector"),
-            (EdgeFeature::CoarseRestVector, "coarse-rest-vector"),
-        ];
-        let found = |feature| self.edge_features.contains(feature);
-        if self.coarse_levels > 0 && !found(&coarse[0].0) {
-            return missing("edge_features", coarse[0].1);
-        }
-        match coarse.iter().find(|(feature, _)| found(feature)) {
-            Some(&(_, feature)) if self.coarse_levels == 0 => Err(SpecError::NoLevels { feature }),
-            _ => Ok(()),
-        }
+        Ok(())
     }
 
     /// Returns true if handles may let go: nothing that the model has of them is a rest pose that
@@ -388,21 +334,6 @@ impl ModelSpec {
     #[must_use]
     pub fn window(&self) -> usize {
         self.encoder.window()
-    }
-
-    /// Frames of vertices that the encoder sees.
-    #[must_use]
-    pub fn node_window(&self) -> usize {
-        self.window()
-    }
-
-    /// Frames of arcs that the encoder sees, the latest ones of the window.
-    #[must_use]
-    pub fn edge_window(&self) -> usize {
-        match self.encoder {
-            Encoder::NodeGru { .. } => 1,
-            _ => self.window(),
-        }
     }
 
     /// Frames of positions that the features of a window are made from: the window, the frame

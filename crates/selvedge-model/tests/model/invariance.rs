@@ -18,10 +18,9 @@ use selvedge_model::{
     Yaw,
 };
 
-/// Every feature but those of coarse levels (whose vertices are chosen by their numbers where they
-/// are as far), over a window of two frames, carried.
+/// Every feature over a window of two frames, carried.
 fn spec() -> ModelSpec {
-    let mut spec = ModelSpec::physical(Encoder::Mlp { window: 2 }, 4, 1);
+    let mut spec = ModelSpec::physical(Encoder::Gru { window: 2 }, 4, 1);
     spec.node_features.extend([
         NodeFeature::Acceleration,
         NodeFeature::ExpectedMove,
@@ -307,7 +306,6 @@ fn signs_of_reversal() -> Vec<f32> {
         EdgeFeature::Vector | EdgeFeature::RestVector => vec![-1.0, -1.0, -1.0, 1.0],
         EdgeFeature::MaterialVector => vec![-1.0, -1.0, 1.0],
         EdgeFeature::Elongation | EdgeFeature::BendingAngle => vec![1.0],
-        EdgeFeature::CoarseVector | EdgeFeature::CoarseRestVector => vec![-1.0, -1.0, -1.0, 1.0],
     });
     signs.collect()
 }
@@ -320,7 +318,6 @@ fn signs_of_turning_over() -> Vec<f32> {
         EdgeFeature::MaterialVector => vec![1.0; 3],
         EdgeFeature::Elongation => vec![1.0],
         EdgeFeature::BendingAngle => vec![-1.0],
-        EdgeFeature::CoarseVector | EdgeFeature::CoarseRestVector => vec![1.0; 4],
     });
     signs.collect()
 }

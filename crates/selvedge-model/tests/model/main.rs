@@ -5,4 +5,3 @@ mod invariance;
 mod network;
 mod specs;
 mod strip;
-mod whole_cloth;

@@ -2,41 +2,17 @@
 
 use selvedge_model::{Encoder, ModelSpec, PhysicsBase};
 
-/// One of every encoder and of every way to see the whole cloth.
+/// One of every encoder, and of networks that correct physics.
 pub(crate) fn specs() -> Vec<ModelSpec> {
     vec![
         ModelSpec::physical(Encoder::MLP, 8, 3),
         ModelSpec::physical(Encoder::Gru { window: 4 }, 6, 2),
         ModelSpec::physical(Encoder::Gru { window: 1 }, 5, 1),
         ModelSpec::mesh_graph_nets(7, 2),
-        ModelSpec::physical(Encoder::Mlp { window: 3 }, 6, 1),
-        ModelSpec::physical(Encoder::NodeGru { window: 3 }, 6, 1),
         ModelSpec::physical(Encoder::StreamingGru { window: 2 }, 17, 1),
         correcting(8, 2),
         correcting(9, 0),
-        whole(
-            ModelSpec::physical(Encoder::NodeGru { window: 2 }, 9, 3),
-            5,
-            0,
-        ),
-        whole(correcting(8, 2), 7, 0),
-        whole(ModelSpec::physical(Encoder::MLP, 9, 1), 0, 5),
-        whole(
-            ModelSpec::physical(Encoder::NodeGru { window: 2 }, 8, 3),
-            4,
-            3,
-        ),
-        whole(correcting(8, 2), 0, 6),
     ]
-}
-
-/// The same with filters over the whole cloth and tokens for it.
-pub(crate) fn whole(spec: ModelSpec, filter_modes: usize, tokens: usize) -> ModelSpec {
-    ModelSpec {
-        filter_modes,
-        tokens,
-        ..spec
-    }
 }
 
 /// A network that corrects physics.
@@ -47,7 +23,6 @@ pub(crate) fn correcting(latent: usize, blocks: usize) -> ModelSpec {
         base: Some(PhysicsBase {
             integrator: Default::default(),
             substeps: 1,
-            forgets: false,
             differences: Default::default(),
         }),
         ..ModelSpec::physical(Encoder::MLP, latent, blocks)

@@ -2,10 +2,10 @@
 
 use glam::DVec2;
 use selvedge_cloth::{Cloth, Environment, Handles, Mesh};
-use selvedge_model::{ClothGraph, Connectivity, ModelSpec};
+use selvedge_model::{ClothGraph, Connectivity};
 
 /// A strip of `columns` × 2 quads: interior and boundary edges, vertices of several degrees.
-pub(crate) fn strip(columns: u32, spec: &ModelSpec) -> Connectivity {
+pub(crate) fn strip(columns: u32) -> Connectivity {
     let mut faces = Vec::new();
     for c in 0..columns {
         for row in 0..2 {
@@ -23,5 +23,5 @@ pub(crate) fn strip(columns: u32, spec: &ModelSpec) -> Connectivity {
     let handles = Handles::new(&[0], count).expect("a handle");
     let cloth = Cloth::of_mesh(&mesh, 0.2, handles).expect("a cloth");
     let graph = ClothGraph::new(&cloth, Environment::default(), 60.0).expect("a graph");
-    graph.with_modes(spec.filter_modes).connectivity().clone()
+    graph.connectivity().clone()
 }

@@ -125,7 +125,6 @@ case("block", Block(5), block, inputs, judged)
 
 # The widths of the paper's features: 16 columns of a vertex, 10 of an arc.
 for name, encoder in [
-    ("network-mlp", {"kind": "mlp", "window": 2}),
     ("network-gru", {"kind": "gru", "window": 3}),
 ]:
     window = encoder["window"]

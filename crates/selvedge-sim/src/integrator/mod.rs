@@ -1,9 +1,8 @@
 //! Formulas of a substep: backward Euler ([`System::advance`], or [`newton`] for its full
 //! equations), and the [`second_order`] with its coefficients ([`two_step`]) and the [`history`]
-//! that it needs. [`free_flight`] has no forces of cloth and solves nothing.
+//! that it needs.
 
 mod edge_projection;
-mod free_flight;
 mod history;
 mod newton;
 mod second_order;
@@ -15,7 +14,6 @@ use selvedge_cloth::{Integrator, Scene};
 use crate::solver::{SolveError, System};
 use crate::state::State;
 
-use free_flight::FreeFlight;
 pub(crate) use history::History;
 pub use history::SubstepCounts;
 pub(crate) use newton::Newton;
@@ -26,7 +24,6 @@ use two_step::TwoStep;
 pub(crate) struct Formula {
     newton: Option<Newton>,
     second_order: Option<SecondOrder>,
-    free_flight: Option<FreeFlight>,
 }
 
 impl Formula {
@@ -37,7 +34,7 @@ impl Formula {
         Self {
             newton: integrator.newton().map(|s| Newton::new(s, vertices)),
             second_order: match integrator {
-                Integrator::Linearised | Integrator::Newton(_) | Integrator::FreeFlight => None,
+                Integrator::Linearised | Integrator::Newton(_) => None,
                 Integrator::SecondOrder | Integrator::SecondOrderNewton(_) => {
                     Some(SecondOrder::new(scene, TwoStep::BDF2))
                 }
@@ -45,7 +42,6 @@ impl Formula {
                     Some(SecondOrder::new(scene, TwoStep::of(settings)))
                 }
             },
-            free_flight: integrator.flies().then(FreeFlight::default),
         }
     }
 
@@ -65,10 +61,6 @@ impl Formula {
         history: &mut History,
         targets: &[DVec3],
     ) -> Result<f64, SolveError> {
-        if let Some(free_flight) = &mut self.free_flight {
-            free_flight.advance(system, dt, state, targets)?;
-            return Ok(dt);
-        }
         match &mut self.second_order {
             None => self.advance_first_order(system, dt, state, targets),
             Some(second_order) => second_order.advance(

@@ -177,11 +177,6 @@ impl Elements {
         }
     }
 
-    /// Gravity of the evaluations that follow `[m/s²]`.
-    pub(crate) fn gravity(&self) -> DVec3 {
-        self.environment.gravity
-    }
-
     /// Sets gravity and air for the evaluations that follow.
     pub(crate) fn set_environment(&mut self, environment: Environment) {
         self.environment = environment;

@@ -27,7 +27,6 @@ fn the_simulator_conforms() {
         with(|physics| physics.integrator = Integrator::Newton(Newton::default())),
         with(|physics| physics.integrator = Integrator::SecondOrderNewton(Newton::default())),
         with(|physics| physics.integrator = Integrator::GeneralisedAlpha(Default::default())),
-        with(|physics| physics.integrator = Integrator::FreeFlight),
         with(|physics| {
             physics.substepping = Substepping::Adaptive(AdaptiveSubsteps::default());
         }),

@@ -2,10 +2,7 @@
 //! order of the integrator, mirror symmetry.
 
 use glam::{DVec2, DVec3};
-use selvedge_cloth::{
-    HandleConstraint, HandleTargets, Integrator, Isotropic, Material, Mesh, Scene, Stepper,
-    StrainLimits, Substepping,
-};
+use selvedge_cloth::{Integrator, Isotropic, Material, Mesh, Scene};
 use selvedge_sim::Simulator;
 use selvedge_sim::laws::bend::BendElement;
 use selvedge_sim::laws::stretch::StretchElement;
@@ -32,96 +29,6 @@ fn angular_momentum(simulator: &Simulator) -> DVec3 {
 
 fn still(scene: &Scene) -> Vec<DVec3> {
     scene.handles.select(scene.mesh.positions())
-}
-
-/// A flat sheet of 16 vertices that two of its corners hold, in free flight.
-fn thrown() -> Scene {
-    let mesh = grid(3, 3, 0.1, |p| DVec3::new(p.x, 0.0, p.y));
-    let mut scene = scene(mesh, material(GRAY), &[0, 3]);
-    scene.physics.integrator = Integrator::FreeFlight;
-    scene
-}
-
-/// A throw is x + t v + t² g/2 and v + t g at every vertex, however long the frame and whatever the
-/// substeps, the fabric or the air; a handle is where it is led, at the speed of its last substep.
-#[test]
-fn free_flight_is_a_throw_and_handles_go_where_they_are_led() {
-    let start = noise(16, 3.0);
-    for substeps in [1, 3] {
-        let mut scene = thrown();
-        scene.physics.substeps = substeps;
-        scene.environment.wind = DVec3::new(5.0, 0.0, 2.0);
-        let gravity = scene.environment.gravity;
-        let places = scene.mesh.positions().to_vec();
-        let mut simulator = Simulator::with_state(&scene, places.clone(), start.clone()).unwrap();
-        let held = scene.handles.vertices().to_vec();
-        let led = |frame: u32| {
-            let shift = DVec3::new(0.1, 0.02, -0.3) * f64::from(frame);
-            still(&scene).iter().map(|p| *p + shift).collect::<Vec<_>>()
-        };
-        let frames = 30;
-        for frame in 1..=frames {
-            let targets = HandleTargets::at_frame_end(led(frame)).unwrap();
-            simulator.step(&targets).unwrap();
-        }
-        let t = f64::from(frames) / scene.frame_rate;
-        for (v, (x, u)) in places.iter().zip(&start).enumerate() {
-            let [now, speed] = [simulator.positions_f64()[v], simulator.velocities_f64()[v]];
-            let handle = held.iter().position(|vertex| vertex.index() == v);
-            let (place, velocity) = match handle {
-                Some(handle) => (
-                    led(frames)[handle],
-                    DVec3::new(0.1, 0.02, -0.3) * scene.frame_rate,
-                ),
-                None => (*x + *u * t + gravity * (0.5 * t * t), *u + gravity * t),
-            };
-            assert!(now.distance(place) < 1e-12, "{v}: {now} {place}");
-            assert!(speed.distance(velocity) < 1e-9, "{v}: {speed} {velocity}");
-        }
-        // A handle that lets go is thrown at the speed it had.
-        let all = HandleTargets::at_frame_end(led(frames)).unwrap();
-        let one = all.releasing(vec![true, false]).unwrap();
-        let before = [
-            simulator.positions_f64()[held[0].index()],
-            simulator.velocities_f64()[held[0].index()],
-        ];
-        simulator.step(&one).unwrap();
-        let h = 1.0 / scene.frame_rate;
-        let thrown = before[0] + before[1] * h + gravity * (0.5 * h * h);
-        let now = simulator.positions_f64()[held[0].index()];
-        assert!(now.distance(thrown) < 1e-12, "{now} {thrown}");
-    }
-}
-
-/// Contact, limits, springs and the like are named, with what to do about them.
-#[test]
-fn free_flight_refuses_what_would_hold_the_cloth_back() {
-    type Edit = fn(&mut Scene);
-    let edits: [(&str, Edit); 5] = [
-        (
-            "contact does not go with the integrator \"free-flight\", which has no forces of cloth: remove contact",
-            |scene| scene.contact = Some(Default::default()),
-        ),
-        ("material.strain_limits does not go", |scene| {
-            scene.material.strain_limits = Some(StrainLimits { min: 0.9, max: 1.1 });
-        }),
-        ("physics.handles must be \"exact\" with", |scene| {
-            scene.physics.handles = HandleConstraint::Spring;
-        }),
-        ("physics.substepping must be \"fixed\" with", |scene| {
-            scene.physics.substepping = Substepping::Adaptive(Default::default());
-        }),
-        ("physics.max_strain must be left out with", |scene| {
-            scene.physics.max_strain = 0.5;
-        }),
-    ];
-    for (expected, edit) in edits {
-        let mut scene = thrown();
-        assert!(Simulator::new(&scene).is_ok());
-        edit(&mut scene);
-        let error = Simulator::new(&scene).err().expect(expected).to_string();
-        assert!(error.starts_with(expected), "{error}");
-    }
 }
 
 /// A stiff triangle of height 0.5 m held by its upper edge, turned out of rest by `start` `[rad]`.

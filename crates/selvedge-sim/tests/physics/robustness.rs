@@ -311,10 +311,9 @@ fn a_scene_comes_to_its_end_or_says_in_which_frame_and_why_not() {
 impl Tally {
     fn count(&mut self, integrator: Integrator, error: Option<StepError>) {
         let [all, ended] = match integrator {
-            Integrator::Linearised
-            | Integrator::SecondOrder
-            | Integrator::GeneralisedAlpha(_)
-            | Integrator::FreeFlight => &mut self.linear,
+            Integrator::Linearised | Integrator::SecondOrder | Integrator::GeneralisedAlpha(_) => {
+                &mut self.linear
+            }
             Integrator::Newton(_) | Integrator::SecondOrderNewton(_) => &mut self.newton,
         };
         *all += 1;

@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use glam::Vec3;
 use safetensors::{Dtype, SafeTensors};
@@ -250,7 +251,7 @@ impl<'a> CheckpointFile<'a> {
                 .collect();
             history = positions
                 .chunks_exact(vertices)
-                .map(<[_]>::to_vec)
+                .map(|frame| Arc::new(frame.to_vec()))
                 .collect();
         }
         Ok(Slot {

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use selvedge_model::{EdgeFeature, Encoder};
+use selvedge_model::Encoder;
 
 use super::*;
 use crate::schedule::TruthProbability;
@@ -111,7 +111,7 @@ fn unknown_keys_and_missing_files_are_named() {
 #[test]
 fn values_out_of_range_are_named() {
     type Edit = fn(&mut TrainConfig);
-    let cases: [(Edit, &str); 25] = [
+    let cases: [(Edit, &str); 22] = [
         (
             |c| c.steps = 0,
             "steps must be between 1 and 1000000000, found 0",
@@ -219,20 +219,6 @@ fn values_out_of_range_are_named() {
             |c| c.model.latent = 1,
             "model.latent must be between 4 and 4096, found 1",
         ),
-        (
-            |c| c.model.coarse_levels = 2,
-            "model.edge_features must contain \"coarse-vector\"",
-        ),
-        (
-            |c| {
-                c.model.edge_features.insert(EdgeFeature::CoarseRestVector);
-            },
-            "model.edge_features contains \"coarse-rest-vector\", but there are no coarse levels: give model.coarse_levels, or take it out",
-        ),
-        (
-            |c| c.model.coarse_levels = 9,
-            "model.coarse_levels must be between 0 and 8, found 9",
-        ),
     ];
     for (edit, expected) in cases {
         let mut cfg = config(Encoder::MLP);
@@ -264,7 +250,7 @@ fn settings_change_what_they_name_and_nothing_else() {
         "model.latent=32",
     ]);
     assert_eq!(found.as_ref(), Ok(&expected));
-    expected.model.encoder = Encoder::Mlp { window: 3 };
+    expected.model.encoder = Encoder::StreamingGru { window: 3 };
     expected.name = "another".to_owned();
     // A plain word is a text, as every shell leaves it.
     let found = with(&[
@@ -272,7 +258,7 @@ fn settings_change_what_they_name_and_nothing_else() {
         "gradient_clip=2.5",
         "losses.bending_angle=0",
         "learning_rate.rate=1e-2",
-        "model.encoder.kind=mlp",
+        "model.encoder.kind=streaming-gru",
         "name=another",
     ]);
     assert_eq!(found, Ok(expected));
@@ -301,6 +287,50 @@ fn settings_that_do_not_fit_are_named() {
     ];
     for (setting, expected) in cases {
         let found = with(&[setting]).expect_err(expected);
+        assert!(found.contains(expected), "{setting}: {found}");
+    }
+}
+
+#[test]
+fn keys_that_are_gone_are_named() {
+    let gone = [
+        (
+            "model.coarse_levels=2",
+            "unknown field `coarse_levels`, expected one of",
+        ),
+        (
+            "model.filter_modes=8",
+            "unknown field `filter_modes`, expected one of",
+        ),
+        ("model.tokens=4", "unknown field `tokens`, expected one of"),
+        (
+            "model.edge_features=[\"vector\", \"coarse-vector\"]",
+            "unknown variant `coarse-vector`, expected one of",
+        ),
+        (
+            "model.encoder={ kind = \"node-gru\", window = 3 }",
+            "unknown variant `node-gru`, expected one of",
+        ),
+        (
+            "model.encoder={ kind = \"mlp\", window = 2 }",
+            "model.encoder.window of the kind \"mlp\" must be 1, found 2: choose the kind \"gru\"",
+        ),
+        (
+            "losses.short_waves=1.0",
+            "unknown field `short_waves`, expected one of",
+        ),
+        (
+            "scheduled_sampling.offset={ kind = \"decaying\" }",
+            "unknown field `offset`, expected one of",
+        ),
+        (
+            "mirror_images=true",
+            "unknown field `mirror_images`, expected one of",
+        ),
+    ];
+    for (setting, expected) in gone {
+        let found = with(&[setting]).expect_err(expected);
+        assert!(found.starts_with("training.toml with "), "{found}");
         assert!(found.contains(expected), "{setting}: {found}");
     }
 }

@@ -3,7 +3,7 @@
 use selvedge_cloth::Stop;
 use selvedge_model::{
     Carried, EncoderState, Gradients, Input, MOST_DEVIATIONS, Network, Normalizers, PackedWeights,
-    Pass, Workspace, cut,
+    Pass, Stopped, Workspace, cut,
 };
 
 use super::store::CorrectionSample;
@@ -17,7 +17,6 @@ pub(super) struct Desk {
     by_output: Vec<f32>,
     /// Gradient of the sample's part of the loss, laid out like the weights.
     pub(super) gradient: Vec<f32>,
-    stop: Stop,
 }
 
 /// The parts that all samples of a step share.
@@ -42,23 +41,22 @@ impl Desk {
             target: Vec::new(),
             by_output: Vec::new(),
             gradient: vec![0.0; weights],
-            stop: Stop::default(),
         }
     }
 
-    /// Lets [`Self::learn`] end early from when `stop` is wanted; what it gives then means nothing.
+    /// Lets [`Self::learn`] end early, with an error, from when `stop` is wanted.
     pub(super) fn stop_by(&mut self, stop: Stop) {
-        self.workspace.stop_by(stop.clone());
-        self.stop = stop;
+        self.workspace.stop_by(stop);
     }
 
     /// Leaves the gradient of the loss of `sample`, and gives the loss: the mean over free vertices
     /// and outputs of the squared difference from the target, both in deviations and cut
     /// `[eq:correction-loss]`.
-    pub(super) fn learn(&mut self, lesson: Lesson<'_>, sample: &CorrectionSample) -> f64 {
-        if self.stop.is_wanted() {
-            return 0.0;
-        }
+    pub(super) fn learn(
+        &mut self,
+        lesson: Lesson<'_>,
+        sample: &CorrectionSample,
+    ) -> Result<f64, Stopped> {
         self.put(lesson, sample);
         let graph = sample.graph.connectivity();
         let state = EncoderState::new();
@@ -76,7 +74,7 @@ impl Desk {
             carried,
             pass,
             &mut self.workspace,
-        );
+        )?;
         let outputs = lesson.network.spec().outputs();
         let free = sample.weights.iter().filter(|w| **w > 0.0).count();
         let scale = 1.0 / (outputs * free.max(1)) as f64;
@@ -104,37 +102,22 @@ impl Desk {
             carried,
             gradients,
             &mut self.workspace,
-        );
-        loss
+        )?;
+        Ok(loss)
     }
 
     /// Puts the columns and the target of `sample` in deviations, cut as in use.
     fn put(&mut self, lesson: Lesson<'_>, sample: &CorrectionSample) {
         let normalizers = lesson.normalizers;
-        let base = lesson.network.spec().base;
-        let most = base.map_or(MOST_DEVIATIONS, |base| base.most_deviations());
-        let most_corrected = base.and_then(|base| base.most_corrected());
-        for (to, from, normalizer, most) in [
-            (
-                &mut self.nodes,
-                &sample.nodes,
-                &normalizers.nodes,
-                Some(most),
-            ),
-            (&mut self.arcs, &sample.arcs, &normalizers.edges, Some(most)),
-            (
-                &mut self.target,
-                &sample.target,
-                &normalizers.acceleration,
-                most_corrected,
-            ),
+        for (to, from, normalizer) in [
+            (&mut self.nodes, &sample.nodes, &normalizers.nodes),
+            (&mut self.arcs, &sample.arcs, &normalizers.edges),
+            (&mut self.target, &sample.target, &normalizers.acceleration),
         ] {
             to.clear();
             to.extend_from_slice(from);
             normalizer.normalize(to);
-            if let Some(most) = most {
-                cut(to, most);
-            }
+            cut(to, MOST_DEVIATIONS);
         }
     }
 }
@@ -159,7 +142,6 @@ pub(super) mod tests {
             base: Some(PhysicsBase {
                 integrator: Default::default(),
                 substeps: 1,
-                forgets: false,
                 differences: Default::default(),
             }),
             node_features: Default::default(),
@@ -218,7 +200,7 @@ pub(super) mod tests {
                 cap: None,
                 part: 1.0,
             };
-            let loss = desk.learn(lesson, &sample);
+            let loss = desk.learn(lesson, &sample).expect("nobody stops it");
             (loss, desk.gradient.clone())
         };
         let (_, gradient) = loss(&weights);

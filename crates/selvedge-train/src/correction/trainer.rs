@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use selvedge_cloth::Stop;
 use selvedge_model::{
     Instructions, Model, ModelError, Network, Normalizers, PackedWeights, Purpose,
-    RunningStatistics, SpecError,
+    RunningStatistics, SpecError, Stopped,
 };
 use thiserror::Error;
 
@@ -31,7 +31,6 @@ pub struct CorrectionTrainer {
     packed: PackedWeights<f32>,
     desks: Vec<Desk>,
     gradient: Vec<f32>,
-    stop: Stop,
 }
 
 /// Report of a step.
@@ -93,7 +92,6 @@ impl CorrectionTrainer {
             packed: network.pack(&learned.weights, Purpose::Training, using),
             desks: (0..cfg.batch.samples).map(|_| Desk::new(count)).collect(),
             gradient: vec![0.0; count],
-            stop: Stop::default(),
             normalizers: None,
             step: 0,
             store: Store::default(),
@@ -177,7 +175,6 @@ impl CorrectionTrainer {
         for desk in &mut self.desks {
             desk.stop_by(stop.clone());
         }
-        self.stop = stop;
     }
 
     /// One step.
@@ -208,13 +205,13 @@ impl CorrectionTrainer {
             part: 1.0 / picks.len() as f64,
         };
         let desks = self.desks.par_iter_mut().zip(&picks);
-        let losses: Vec<f64> = desks
+        let losses: Result<Vec<f64>, Stopped> = desks
             .map(|(desk, &pick)| desk.learn(lesson, &store[pick]))
             .collect();
-        if self.stop.is_wanted() {
+        let Ok(losses) = losses else {
             let step = self.step + 1;
             return Err(CorrectionTrainError::Stopped { step });
-        }
+        };
         self.drawn += picks.len() as u64;
         self.gradient.fill(0.0);
         for desk in &self.desks {

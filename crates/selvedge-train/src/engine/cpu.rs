@@ -103,6 +103,9 @@ impl Engine for CpuEngine {
             .zip(&mut self.batches)
             .for_each(|(slots, batch)| batch.learn(&shared, slots));
         self.is_summed = false;
+        if self.batches.iter().any(|batch| batch.terms().is_empty()) {
+            return Ok(Vec::new());
+        }
         let terms = self.batches.iter().flat_map(MicroBatch::terms);
         Ok(terms.copied().collect())
     }

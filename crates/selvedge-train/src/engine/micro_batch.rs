@@ -6,15 +6,14 @@
 //! becomes the next frame's positions; the gradient of every frame's loss goes back through the
 //! features and the integration into all predictions before it.
 
-use std::convert::Infallible;
 use std::ops::Range;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 use selvedge_model::{
     Carried, ClothGraph, Connectivity, Dropout, EncoderState, Extent, Gradients, Input,
-    InputGradient, LastFrames, PackedWeights, Pass, Place, StateGradients, Window, Workspace,
-    advance_backward,
+    InputGradient, LastFrames, PackedWeights, Pass, Place, StateGradients, Stopped, Window,
+    Workspace, advance_backward,
 };
 
 use super::{FramePasses, Setup, SlotRun, run_slots};
@@ -118,11 +117,8 @@ impl MicroBatch {
     }
 
     /// Takes the slots through the frames of a step and back: all together where there is one
-    /// frame, else one after the other.
+    /// frame, else one after the other. There are no terms where the step is given up.
     pub(super) fn learn(&mut self, shared: &Shared<'_>, slots: &mut [SlotRun<'_>]) {
-        if shared.setup.stop.is_wanted() {
-            return;
-        }
         self.gradient.fill(0.0);
         self.terms.clear();
         for frame in &mut self.frames {
@@ -131,16 +127,21 @@ impl MicroBatch {
         let together = if shared.frames == 1 { slots.len() } else { 1 };
         for slots in slots.chunks_mut(together.max(1)) {
             let batch = &mut *self;
-            let Ok(terms) = run_slots(&mut Passes { batch, shared }, slots);
-            self.terms.extend(terms);
+            match run_slots(&mut Passes { batch, shared }, slots) {
+                Ok(terms) if !terms.is_empty() => self.terms.extend(terms),
+                _ => {
+                    self.terms.clear();
+                    return;
+                }
+            }
         }
     }
 }
 
 impl FramePasses for Passes<'_, '_> {
-    type Error = Infallible;
+    type Error = Stopped;
 
-    fn forward(&mut self, frame: usize, slots: &mut [SlotRun<'_>]) -> Result<(), Infallible> {
+    fn forward(&mut self, frame: usize, slots: &mut [SlotRun<'_>]) -> Result<(), Stopped> {
         let Self { batch, shared } = self;
         if frame == 0 {
             batch.union.join(slots);
@@ -158,25 +159,24 @@ impl FramePasses for Passes<'_, '_> {
         }
         buffers.keep_samples(slots);
         buffers.write_window(shared, &batch.union);
-        buffers.forward(shared, &batch.union);
+        buffers.forward(shared, &batch.union)?;
         buffers.judge(shared, &batch.union, &mut batch.losses, slots);
         Ok(())
     }
 
-    fn backward(&mut self, weights: &[Vec<f64>]) -> Result<(), Infallible> {
+    fn backward(&mut self, weights: &[Vec<f64>]) -> Result<(), Stopped> {
         match self.shared.frames {
             1 => self.back_through_one(weights),
             _ => weights
                 .iter()
-                .for_each(|weights| self.back_through_all(weights)),
+                .try_for_each(|weights| self.back_through_all(weights)),
         }
-        Ok(())
     }
 }
 
 impl Passes<'_, '_> {
     /// The way back through single predictions.
-    fn back_through_one(&mut self, weights: &[Vec<f64>]) {
+    fn back_through_one(&mut self, weights: &[Vec<f64>]) -> Result<(), Stopped> {
         let Self { batch, shared } = self;
         let frame = &mut batch.frames[0];
         for (slot, weights) in weights.iter().enumerate() {
@@ -185,14 +185,14 @@ impl Passes<'_, '_> {
             frame.by_output[rows].iter_mut().for_each(|g| *g *= weight);
         }
         let states = StateGradients::default();
-        frame.network_backward(shared, &batch.union, &mut batch.gradient, None, states);
+        frame.network_backward(shared, &batch.union, &mut batch.gradient, None, states)
     }
 
     /// The way back through the frames of one slot, which have these weights, latest frame first.
     ///
     /// The union is of that slot's cloth alone, as [`MicroBatch::learn`] makes it in a step of
     /// several frames: the gradient of a position is that of the only sample.
-    fn back_through_all(&mut self, weights: &[f64]) {
+    fn back_through_all(&mut self, weights: &[f64]) -> Result<(), Stopped> {
         let Self { batch, shared } = self;
         debug_assert_eq!(
             batch.union.graphs.len(),
@@ -209,9 +209,6 @@ impl Passes<'_, '_> {
             row.resize(vertices, Vec3::ZERO);
         }
         for (number, &weight) in weights.iter().enumerate().rev() {
-            if shared.setup.stop.is_wanted() {
-                return;
-            }
             let frame = &mut batch.frames[number];
             let positions = &mut batch.by_position[number..=number + history];
             let by_next = &mut positions[history];
@@ -228,9 +225,10 @@ impl Passes<'_, '_> {
                     start: (carries && number > 0).then_some(before),
                 },
             };
-            frame.backward(shared, &batch.union, gradients);
+            frame.backward(shared, &batch.union, gradients)?;
             batch.by_state.swap(0, 1);
         }
+        Ok(())
     }
 }
 
@@ -297,7 +295,7 @@ impl FrameBuffers {
             .normalize(&normalizers.nodes, &normalizers.edges);
     }
 
-    fn forward(&mut self, shared: &Shared<'_>, union: &Union) {
+    fn forward(&mut self, shared: &Shared<'_>, union: &Union) -> Result<(), Stopped> {
         let samples = self.samples.iter();
         let seeds: Vec<u64> = samples.map(|sample| sample.dropout_seed).collect();
         let dropout = Dropout {
@@ -313,9 +311,10 @@ impl FrameBuffers {
             },
             Pass::Training(Some(dropout)),
             &mut self.workspace,
-        );
+        )?;
         self.output.clear();
         self.output.extend_from_slice(out);
+        Ok(())
     }
 
     /// Computes the losses of the predictions and their gradients, and hands both to the slots.
@@ -364,7 +363,12 @@ impl FrameBuffers {
     }
 
     /// From `by_output` to the weights and, where the positions before are predictions, to those.
-    fn backward(&mut self, shared: &Shared<'_>, union: &Union, to: FrameGradients<'_>) {
+    fn backward(
+        &mut self,
+        shared: &Shared<'_>,
+        union: &Union,
+        to: FrameGradients<'_>,
+    ) -> Result<(), Stopped> {
         let FrameGradients {
             weights,
             input,
@@ -372,12 +376,11 @@ impl FrameBuffers {
             states,
         } = to;
         let Some(input) = input else {
-            self.network_backward(shared, union, weights, None, states);
-            return;
+            return self.network_backward(shared, union, weights, None, states);
         };
         input.nodes.resize(self.window.nodes.len(), 0.0);
         input.arcs.resize(self.window.arcs.len(), 0.0);
-        self.network_backward(shared, union, weights, Some(input.gradient()), states);
+        self.network_backward(shared, union, weights, Some(input.gradient()), states)?;
         let normalizers = shared.setup.normalizers;
         normalizers.nodes.scale_gradient(&mut input.nodes);
         normalizers.edges.scale_gradient(&mut input.arcs);
@@ -397,6 +400,7 @@ impl FrameBuffers {
         };
         let (previous, current) = (&mut earlier[newest - 1], &mut current[0]);
         advance_backward(spec.integration, &frames, &by_next[0], previous, current);
+        Ok(())
     }
 
     fn network_backward(
@@ -406,7 +410,7 @@ impl FrameBuffers {
         weights: &mut [f32],
         input: Option<InputGradient<'_, f32>>,
         states: StateGradients<'_, f32>,
-    ) {
+    ) -> Result<(), Stopped> {
         let gradients = Gradients {
             output: &self.by_output,
             weights,
@@ -423,7 +427,7 @@ impl FrameBuffers {
             carried,
             gradients,
             &mut self.workspace,
-        );
+        )
     }
 }
 

@@ -1,5 +1,7 @@
 //! Slots as bytes, to travel from the rank that moves them to the one that writes checkpoints.
 
+use std::sync::Arc;
+
 use glam::Vec3;
 use selvedge_data::Section;
 
@@ -16,7 +18,7 @@ pub(crate) fn pack_slots(slots: &[Slot]) -> Vec<u8> {
             end,
         } = slot.section;
         let run = slot.run as usize;
-        let rows = slot.history.first().map_or(0, Vec::len);
+        let rows = slot.history.first().map_or(0, |frame| frame.len());
         for number in [
             trajectory,
             start,
@@ -28,7 +30,7 @@ pub(crate) fn pack_slots(slots: &[Slot]) -> Vec<u8> {
         ] {
             put(&mut bytes, number);
         }
-        for point in slot.history.iter().flatten() {
+        for point in slot.history.iter().flat_map(|frame| frame.iter()) {
             let numbers = point.to_array();
             bytes.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
         }
@@ -66,7 +68,10 @@ pub(crate) fn unpack_slots(mut bytes: &[u8]) -> Option<Vec<Slot>> {
             },
             current,
             run: u32::try_from(run).ok()?,
-            history: points.chunks(rows.max(1)).map(<[Vec3]>::to_vec).collect(),
+            history: points
+                .chunks(rows.max(1))
+                .map(|frame| Arc::new(frame.to_vec()))
+                .collect(),
         });
     }
     Some(slots)
@@ -84,7 +89,7 @@ mod tests {
         (moving.current, moving.run) = (17, 5);
         let point = |frame: i32, row: i32| Vec3::new(frame as f32, row as f32 / 3.0, -0.0);
         moving.history = (0..4)
-            .map(|f| (0..9).map(|r| point(f, r)).collect())
+            .map(|f| Arc::new((0..9).map(|r| point(f, r)).collect()))
             .collect();
         let slots = [Slot::new(), moving, Slot::new()];
         let bytes = pack_slots(&slots);

@@ -6,7 +6,7 @@ use serde_json::json;
 use super::*;
 use crate::test_data::{ENGINE, busy, two_cloths};
 
-const MLP: Encoder = Encoder::Mlp { window: 1 };
+const MLP: Encoder = Encoder::MLP;
 
 /// The model of five steps, with an account of its training.
 fn learned(data: &Dataset, account: &str) -> Model {

@@ -1,7 +1,6 @@
 //! The loss of a prediction (Libao et al. 2023, §5.3) and its gradient, for one sample:
 //!
-//! L = L_acc + λ_KE L_KE + λ_ev L_ev + λ_el L_el + λ_θ L_θ `[eq:total-loss]`, and the terms of
-//! `folds`, which the paper has not.
+//! L = L_acc + λ_KE L_KE + λ_ev L_ev + λ_el L_el + λ_θ L_θ `[eq:total-loss]`.
 //!
 //! The prediction is a normalised acceleration. It gives positions p̄ as in a rollout
 //! ([`selvedge_model::TwoFrames::moved`]); handles take their target instead. Kinetic energy, edge
@@ -10,7 +9,6 @@
 //! the local frame of its current positions. Everything inside is f64; a component that never
 //! varied is not compared.
 
-mod folds;
 mod statistics;
 #[cfg(test)]
 mod tests;
@@ -23,7 +21,6 @@ use selvedge_model::{ClothGraph, Hinge, Normalizer, Real, TwoFrames};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use folds::LONG_MODES;
 pub use statistics::{LossStatistics, RunningLossStatistics};
 
 /// Weights of the loss terms beside the acceleration, whose weight is 1. A term of weight 0 is off.
@@ -38,19 +35,6 @@ pub struct LossWeights {
     pub edge_length: f64,
     /// λ_θ.
     pub bending_angle: f64,
-    /// λ_σ, of how far the cloth is bent as a whole.
-    #[serde(skip_serializing_if = "is_zero")]
-    pub bending_spread: f64,
-    /// λ_w, of the amplitude of the cloth's short waves.
-    #[serde(skip_serializing_if = "is_zero")]
-    pub short_waves: f64,
-    /// λ_c, of how far edges are pressed together.
-    #[serde(skip_serializing_if = "is_zero")]
-    pub compression: f64,
-}
-
-fn is_zero(weight: &f64) -> bool {
-    *weight == 0.0
 }
 
 /// A weight that no loss can have.
@@ -69,9 +53,6 @@ impl Default for LossWeights {
             edge_vector: 30.0,
             edge_length: 30.0,
             bending_angle: 0.5,
-            bending_spread: 0.0,
-            short_waves: 0.0,
-            compression: 0.0,
         }
     }
 }
@@ -83,9 +64,6 @@ impl LossWeights {
         edge_vector: 0.0,
         edge_length: 0.0,
         bending_angle: 0.0,
-        bending_spread: 0.0,
-        short_waves: 0.0,
-        compression: 0.0,
     };
 
     /// Checks that every weight is finite and none negative.
@@ -98,45 +76,18 @@ impl LossWeights {
             edge_vector,
             edge_length,
             bending_angle,
-            bending_spread,
-            short_waves,
-            compression,
         } = *self;
         for (field, found) in [
             ("kinetic_energy", kinetic_energy),
             ("edge_vector", edge_vector),
             ("edge_length", edge_length),
             ("bending_angle", bending_angle),
-            ("bending_spread", bending_spread),
-            ("short_waves", short_waves),
-            ("compression", compression),
         ] {
             if !(found.is_finite() && found >= 0.0) {
                 return Err(LossWeightsError { field, found });
             }
         }
         Ok(())
-    }
-
-    /// Modes of a cloth that the terms need to know its short waves.
-    pub(crate) fn long_modes(&self) -> usize {
-        if self.short_waves > 0.0 {
-            LONG_MODES
-        } else {
-            0
-        }
-    }
-
-    /// The first of the terms that see folds whose weight is not 0: the name of its key.
-    #[must_use]
-    pub fn of_folds(&self) -> Option<&'static str> {
-        let terms = [
-            ("losses.bending_spread", self.bending_spread),
-            ("losses.short_waves", self.short_waves),
-            ("losses.compression", self.compression),
-        ];
-        let weighted = terms.into_iter().find(|(_, weight)| *weight > 0.0);
-        weighted.map(|(key, _)| key)
     }
 }
 
@@ -188,8 +139,7 @@ impl Triplet<'_> {
 pub enum ComputedTerms {
     /// Terms with a positive weight.
     Weighted,
-    /// Terms of weight 0 as well, for a report; they do not enter total or gradient. Of the terms
-    /// that see folds, still only the weighted ones.
+    /// Terms of weight 0 as well, for a report; they do not enter total or gradient.
     Every,
 }
 
@@ -207,24 +157,15 @@ pub struct LossTerms {
     pub edge_length: Option<f64>,
     /// L_θ.
     pub bending_angle: Option<f64>,
-    /// L_σ.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub bending_spread: Option<f64>,
-    /// L_w.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub short_waves: Option<f64>,
-    /// L_c.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub compression: Option<f64>,
     /// The weighted sum.
     pub total: f64,
 }
 
 /// Bytes of the terms of one slot.
-const ROW: usize = 9 * 8 + 2;
+const ROW: usize = 6 * 8 + 1;
 
 impl LossTerms {
-    /// Nine numbers, NaN for a term that there is not; then two bytes that say which there are.
+    /// Six numbers, NaN for a term that there is not; then a byte that says which there are.
     pub(crate) fn to_bytes(self) -> Vec<u8> {
         let terms = [
             Some(self.total),
@@ -233,15 +174,11 @@ impl LossTerms {
             self.edge_vector,
             self.edge_length,
             self.bending_angle,
-            self.bending_spread,
-            self.short_waves,
-            self.compression,
         ];
         let numbers = terms.iter().map(|term| term.unwrap_or(f64::NAN));
         let mut bytes: Vec<u8> = numbers.flat_map(f64::to_le_bytes).collect();
         let there = terms.iter().enumerate();
-        let flags: u16 = there.map(|(k, term)| u16::from(term.is_some()) << k).sum();
-        bytes.extend(flags.to_le_bytes());
+        bytes.push(there.map(|(k, term)| u8::from(term.is_some()) << k).sum());
         bytes
     }
 
@@ -250,8 +187,7 @@ impl LossTerms {
         let (rows, rest) = bytes.as_chunks::<ROW>();
         let term = |row: &[u8; ROW], k: usize| {
             let number = f64::from_le_bytes(row[8 * k..8 * k + 8].try_into().ok()?);
-            let flags = u16::from_le_bytes(row[ROW - 2..].try_into().ok()?);
-            (flags >> k & 1 == 1).then_some(number)
+            (row[ROW - 1] >> k & 1 == 1).then_some(number)
         };
         let all = rows.iter().map(|row| {
             Some(Self {
@@ -261,16 +197,13 @@ impl LossTerms {
                 edge_vector: term(row, 3),
                 edge_length: term(row, 4),
                 bending_angle: term(row, 5),
-                bending_spread: term(row, 6),
-                short_waves: term(row, 7),
-                compression: term(row, 8),
             })
         });
         if rest.is_empty() { all.collect() } else { None }
     }
 
     /// The terms of acceleration, kinetic energy, edge vector, edge length and bending angle, in
-    /// this order; those of weight 0 are left out, and so are the terms that see folds.
+    /// this order; those of weight 0 are left out.
     #[must_use]
     pub fn weighted(weights: &LossWeights, terms: [f64; 5]) -> Self {
         let [acceleration, rest @ ..] = terms;
@@ -289,9 +222,6 @@ impl LossTerms {
             edge_vector,
             edge_length,
             bending_angle,
-            bending_spread: None,
-            short_waves: None,
-            compression: None,
             total: acceleration + counted.map(|(w, l)| w * l).sum::<f64>(),
         }
     }
@@ -318,9 +248,6 @@ impl LossTerms {
             edge_vector: sum_some(|t| t.edge_vector),
             edge_length: sum_some(|t| t.edge_length),
             bending_angle: sum_some(|t| t.bending_angle),
-            bending_spread: sum_some(|t| t.bending_spread),
-            short_waves: sum_some(|t| t.short_waves),
-            compression: sum_some(|t| t.compression),
             total: sum(|t| t.total),
         }
     }
@@ -383,7 +310,6 @@ impl LossEvaluator {
         let bending_angle = self.term(weights.bending_angle, |this, weight| {
             this.bending_angle(triplet, &statistics.bending_angle, weight)
         });
-        let [bending_spread, short_waves, compression] = self.folds(triplet, statistics);
         let acceleration =
             self.acceleration(triplet, &statistics.acceleration, predicted, gradient);
         let weighted = [
@@ -391,9 +317,6 @@ impl LossEvaluator {
             (weights.edge_vector, edge_vector),
             (weights.edge_length, edge_length),
             (weights.bending_angle, bending_angle),
-            (weights.bending_spread, bending_spread),
-            (weights.short_waves, short_waves),
-            (weights.compression, compression),
         ];
         let counted = weighted.iter().filter(|(weight, _)| *weight > 0.0);
         LossTerms {
@@ -402,9 +325,6 @@ impl LossEvaluator {
             edge_vector,
             edge_length,
             bending_angle,
-            bending_spread,
-            short_waves,
-            compression,
             total: acceleration + counted.map(|(w, l)| w * l.unwrap_or(0.0)).sum::<f64>(),
         }
     }

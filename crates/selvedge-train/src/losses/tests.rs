@@ -6,7 +6,6 @@ use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::generate::{SquareSpec, square};
 use selvedge_cloth::{Cloth, ClothArrays, Environment, Handles};
 
-use super::folds::LONG_MODES;
 use super::*;
 
 /// An irregular cloth with two handles, and three frames of it in motion.
@@ -51,7 +50,7 @@ fn sample(vertices: usize) -> Sample {
         |size: f64| DVec3::from_array([(); 3].map(|()| size * (2.0 * rng.random::<f64>() - 1.0)));
     let current: Vec<DVec3> = rest.iter().map(|&p| p + draw(0.01)).collect();
     Sample {
-        graph: graph.expect("a graph").with_long_modes(LONG_MODES),
+        graph: graph.expect("a graph"),
         previous: current.iter().map(|&p| p + draw(0.02)).collect(),
         target: current.iter().map(|&p| p + draw(0.02)).collect(),
         current,
@@ -92,7 +91,7 @@ fn evaluate(weights: LossWeights, sample: &Sample, predicted: &[f64]) -> (LossTe
 
 const OFF: LossWeights = LossWeights::ACCELERATION_ONLY;
 
-fn cases() -> [(&'static str, LossWeights); 9] {
+fn cases() -> [(&'static str, LossWeights); 6] {
     let weight = 7.0;
     [
         ("acceleration", OFF),
@@ -124,39 +123,8 @@ fn cases() -> [(&'static str, LossWeights); 9] {
                 ..OFF
             },
         ),
-        (
-            "bending spread",
-            LossWeights {
-                bending_spread: weight,
-                ..OFF
-            },
-        ),
-        (
-            "short waves",
-            LossWeights {
-                short_waves: weight,
-                ..OFF
-            },
-        ),
-        (
-            "compression",
-            LossWeights {
-                compression: weight,
-                ..OFF
-            },
-        ),
-        ("all", all()),
+        ("all", LossWeights::default()),
     ]
-}
-
-/// Every term.
-fn all() -> LossWeights {
-    LossWeights {
-        bending_spread: 0.7,
-        short_waves: 3.0,
-        compression: 0.2,
-        ..LossWeights::default()
-    }
 }
 
 #[test]
@@ -201,7 +169,7 @@ fn a_perfect_prediction_costs_nothing_and_has_no_gradient() {
     let sample = sample(40);
     let triplet = sample.triplet();
     let predicted = perfect(&triplet, &statistics(&triplet));
-    let (terms, gradient) = evaluate(all(), &sample, &predicted);
+    let (terms, gradient) = evaluate(LossWeights::default(), &sample, &predicted);
     // Squares of roundings of 1e-16 m in 1e-2 m.
     assert!(terms.total < 1e-20, "{terms:?}");
     assert!(gradient.iter().all(|g| g.abs() < 1e-9));
@@ -267,89 +235,11 @@ fn a_uniform_stretch_of_the_cloth_costs_what_it_says() {
     assert!(terms.bending_angle.expect("reported") < 1e-20);
 }
 
-/// Terms for a prediction of `positions`, none of which is a handle's.
-fn terms_of(sample: &Sample, positions: &[DVec3]) -> LossTerms {
-    let triplet = sample.triplet();
-    let statistics = statistics(&triplet);
-    let deviation = vector(statistics.acceleration.deviation());
-    let moves = positions.iter().zip(&sample.target).map(|(p, q)| *p - *q);
-    let rows = perfect(&triplet, &statistics);
-    let rows = rows.chunks(3).zip(moves);
-    let predicted: Vec<f64> = rows
-        .flat_map(|(row, moved)| (vector(row) + moved / deviation).to_array())
-        .collect();
-    evaluate(all(), sample, &predicted).0
-}
-
-#[test]
-fn folds_count_wherever_they_are_and_only_folds() {
-    let mut sample = sample(40);
-    sample.graph = free(&sample.graph).with_long_modes(LONG_MODES);
-    let target = &sample.target;
-    let given = |term: Option<f64>| term.expect("weighted");
-    // The mirror image: every ridge is a valley, and there are as many.
-    let mirrored: Vec<DVec3> = target
-        .iter()
-        .map(|p| *p * DVec3::new(-1.0, 1.0, 1.0))
-        .collect();
-    let terms = terms_of(&sample, &mirrored);
-    assert!(given(terms.bending_spread) < 1e-18, "{terms:?}");
-    assert!(given(terms.short_waves) < 1e-18, "{terms:?}");
-    assert!(given(terms.compression) < 1e-18, "{terms:?}");
-    assert!(given(terms.bending_angle) > 0.1, "{terms:?}");
-    // Half as much again of the short waves, and a wave as long as the cloth.
-    let modes = sample.graph.long_modes().expect("modes");
-    let rest = folds::without_long_waves(modes, target);
-    let rows = modes.values.chunks_exact(modes.count());
-    let moved: Vec<DVec3> = target
-        .iter()
-        .zip(&rest)
-        .zip(rows)
-        .map(|((p, short), row)| *p + 0.5 * *short + DVec3::new(0.1 * row[1], 0.2, 0.0))
-        .collect();
-    let terms = terms_of(&sample, &moved);
-    assert!((given(terms.short_waves) - 0.25).abs() < 1e-9, "{terms:?}");
-    // A stretched cloth is pressed together nowhere: what the target has is missed.
-    let wide: Vec<DVec3> = target.iter().map(|p| *p * 10.0).collect();
-    let statistics = statistics(&sample.triplet());
-    let edges = sample
-        .graph
-        .topology()
-        .edges()
-        .iter()
-        .zip(sample.graph.rest_lengths());
-    let squares: Vec<f64> = edges
-        .map(|(edge, &rest)| {
-            let [a, b] = edge.vertices.map(|v| target[v.index()]);
-            let pressed = (a.distance(b) - f64::from(rest)).min(0.0);
-            (pressed / statistics.edge_length.deviation()[0]).powi(2)
-        })
-        .collect();
-    let expected = squares.iter().sum::<f64>() / squares.len() as f64;
-    assert!(expected > 1e-3, "{expected}");
-    let found = given(terms_of(&sample, &wide).compression);
-    assert!((found / expected - 1.0).abs() < 1e-9, "{found} {expected}");
-}
-
-#[test]
-fn a_flat_cloth_has_terms_and_no_slope_of_its_spread() {
-    let mut sample = sample(40);
-    sample.graph = free(&sample.graph).with_long_modes(LONG_MODES);
-    let flat: Vec<DVec3> = sample
-        .target
-        .iter()
-        .map(|p| *p * DVec3::new(0.0, 1.0, 1.0))
-        .collect();
-    let terms = terms_of(&sample, &flat);
-    assert!(terms.total.is_finite(), "{terms:?}");
-    assert!(terms.bending_spread.expect("weighted") > 0.1, "{terms:?}");
-}
-
 #[test]
 fn terms_go_to_other_ranks_and_back() {
     let sample = sample(40);
     let predicted = numbers(3 * 40, 2);
-    let both = [all(), OFF].map(|weights| {
+    let both = [LossWeights::default(), OFF].map(|weights| {
         let triplet = sample.triplet();
         let mut gradient = vec![0.0; predicted.len()];
         let mut evaluator = LossEvaluator::new(weights, ComputedTerms::Weighted);
@@ -468,15 +358,11 @@ fn weights_are_checked_and_their_names_too() {
         message,
         "losses.edge_length must be finite and not negative, found -1"
     );
-    let folds = weights("short_waves = 2.0").expect("a number");
-    assert_eq!(
-        (folds.short_waves, folds.of_folds()),
-        (2.0, Some("losses.short_waves"))
+    let removed = weights("short_waves = 2.0").expect_err("a term of before");
+    assert!(
+        removed.to_string().contains("unknown field `short_waves`"),
+        "{removed}"
     );
-    assert_eq!(LossWeights::default().of_folds(), None);
-    // A configuration without them is kept as it was before there were any.
     let text = toml::to_string(&LossWeights::default()).expect("TOML");
     assert_eq!(text.lines().count(), 4, "{text}");
-    let text = toml::to_string(&folds).expect("TOML");
-    assert_eq!(toml::from_str::<LossWeights>(&text).ok(), Some(folds));
 }

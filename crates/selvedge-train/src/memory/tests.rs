@@ -14,7 +14,7 @@ fn slots(micro_batch: usize, change: impl Fn(&mut TrainConfig)) -> f64 {
     let mut cfg = config(Encoder::Gru { window: 3 });
     change(&mut cfg);
     let data = two_cloths();
-    let set = TrainingSet::load(&data.dataset, &cfg.model, 0, false).expect("a set");
+    let set = TrainingSet::load(&data.dataset).expect("a set");
     Need::default()
         .with_slots(&cfg, &set, Arithmetic::OnProcessor { micro_batch })
         .slots
@@ -33,8 +33,7 @@ fn slots_need_as_much_as_there_are_samples_and_as_the_largest_cloth_takes() {
     );
     let of = |plans: &[crate::test_data::Plan<'_>]| {
         let data = swinging(plans, SectionRule::Whole);
-        let set =
-            TrainingSet::load(&data.dataset, &config(Encoder::MLP).model, 0, false).expect("a set");
+        let set = TrainingSet::load(&data.dataset).expect("a set");
         let need = Need::default().with_slots(&config(Encoder::MLP), &set, ON_PROCESSOR);
         need.slots
     };
@@ -86,8 +85,7 @@ fn a_network_of_known_size_needs_what_a_hand_counts() {
 #[test]
 fn what_a_device_keeps_is_not_reckoned_here() {
     let data = two_cloths();
-    let set =
-        TrainingSet::load(&data.dataset, &config(Encoder::MLP).model, 0, false).expect("a set");
+    let set = TrainingSet::load(&data.dataset).expect("a set");
     let needed = |change: fn(&mut TrainConfig)| {
         let mut cfg = config(Encoder::Gru { window: 3 });
         cfg.batch.samples = 4;

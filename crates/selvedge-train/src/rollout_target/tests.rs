@@ -1,5 +1,7 @@
 //! What is left of an offset: closed forms of both rules, and what is taken for smooth.
 
+use std::sync::Arc;
+
 use glam::{DVec3, Vec2, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -64,11 +66,14 @@ fn a_decaying_offset_keeps_its_part_of_what_is_smooth() {
 fn an_offset_and_its_velocity_are_seen_from_the_truth() {
     let data = swinging(&[("a", 12, 20)], SectionRule::Whole);
     let mut cfg = config(Encoder::MLP);
-    let set = TrainingSet::load(&data.dataset, &cfg.model, 0, false).expect("a set");
+    let set = TrainingSet::load(&data.dataset).expect("a set");
     let (_, section) = set.sample(0);
     let motion = set.motion(section.trajectory);
     let (now, before) = (Vec3::new(0.01, 0.0, 0.02), Vec3::new(0.004, 0.0, 0.0));
-    let shifted = |frame: i64, by: Vec3| motion.frame(frame).iter().map(|p| *p + by).collect();
+    let shifted = |frame: i64, by: Vec3| {
+        let frame = motion.frame(frame).iter();
+        Arc::new(frame.map(|p| *p + by).collect::<Vec<Vec3>>())
+    };
     let mut slot = Slot::new();
     slot.section = *section;
     slot.current = 6;

@@ -25,7 +25,7 @@ fn case(edit: impl FnOnce(&mut TrainConfig)) -> Case {
     let mut cfg = config(Encoder::Gru { window: 3 });
     edit(&mut cfg);
     Case {
-        set: TrainingSet::load(&data.dataset, &cfg.model, 0, false).expect("a set"),
+        set: TrainingSet::load(&data.dataset).expect("a set"),
         cfg,
         _data: data,
     }

@@ -3,14 +3,9 @@
 use std::collections::BTreeSet;
 
 use selvedge_data::SectionRule;
-use selvedge_model::Encoder;
 
 use super::*;
 use crate::test_data::{Plan, swinging, two_cloths};
-
-fn spec() -> ModelSpec {
-    ModelSpec::physical(Encoder::MLP, 8, 1)
-}
 
 #[test]
 fn the_papers_6550_samples_are_drawn_each_once() {
@@ -18,7 +13,7 @@ fn the_papers_6550_samples_are_drawn_each_once() {
     let names = selvedge_cloth::motion::named::training();
     let plans: Vec<Plan<'_>> = names.into_iter().map(|name| (name, 4, 1261)).collect();
     let data = swinging(&plans, SectionRule::Paper);
-    let set = TrainingSet::load(&data.dataset, &spec(), 0, false).expect("a set");
+    let set = TrainingSet::load(&data.dataset).expect("a set");
     assert_eq!(set.sample_count(), 6550);
     let drawn: Vec<Sample> = (0..6550).map(|number| set.sample(number).0).collect();
     assert_eq!(drawn, data.dataset.samples().collect::<Vec<_>>());
@@ -48,7 +43,7 @@ fn a_section_has_the_frames_between_its_ends() {
 #[test]
 fn before_its_first_frame_a_cloth_stood_still() {
     let data = two_cloths();
-    let set = TrainingSet::load(&data.dataset, &spec(), 0, false).expect("a set");
+    let set = TrainingSet::load(&data.dataset).expect("a set");
     let motion = set.motion(1);
     assert_eq!(motion.frame(-7), motion.frame(0));
     assert_ne!(motion.frame(1), motion.frame(0));
@@ -61,7 +56,7 @@ fn before_its_first_frame_a_cloth_stood_still() {
 fn trajectories_of_one_cloth_share_its_graph() {
     let plans = [("a", 9, 5), ("b", 12, 5), ("c", 9, 6)];
     let data = swinging(&plans, SectionRule::Whole);
-    let set = TrainingSet::load(&data.dataset, &spec(), 0, false).expect("a set");
+    let set = TrainingSet::load(&data.dataset).expect("a set");
     let graphs = [0, 1, 2].map(|t| &set.motion(t).graph);
     assert!(Arc::ptr_eq(graphs[0], graphs[2]));
     assert!(!Arc::ptr_eq(graphs[0], graphs[1]));
@@ -70,9 +65,7 @@ fn trajectories_of_one_cloth_share_its_graph() {
 #[test]
 fn a_set_without_anything_to_train_on_is_refused() {
     let data = swinging(&[], SectionRule::Whole);
-    let error = TrainingSet::load(&data.dataset, &spec(), 0, false)
-        .err()
-        .expect("no samples");
+    let error = TrainingSet::load(&data.dataset).err().expect("no samples");
     assert!(matches!(error, TrainingSetError::NoSamples));
 }
 
@@ -88,7 +81,7 @@ fn the_environment_is_that_of_the_scene() {
         Trajectory::new(plain.cloth().clone(), positions, provenance).expect("a trajectory")
     };
     let windy = Environment {
-        wind: DVec3::new(1.0, 0.0, 2.0),
+        wind: glam::DVec3::new(1.0, 0.0, 2.0),
         ..Environment::default()
     };
     let trajectory = with(serde_json::to_value(windy).expect("plain"));
@@ -99,73 +92,58 @@ fn the_environment_is_that_of_the_scene() {
     assert!(text.starts_with("training trajectory a: the environment of its scene: "));
 }
 
+/// Handles above each other have no direction: a sample has then that of the frame before, as a
+/// rollout has.
 #[test]
-fn mirror_images_follow_the_trajectories() {
-    let plans = [("a", 9, 5), ("b", 12, 6)];
-    let data = swinging(&plans, SectionRule::Whole);
-    let alone = TrainingSet::load(&data.dataset, &spec(), 0, false).expect("a set");
-    let both = TrainingSet::load(&data.dataset, &spec(), 0, true).expect("a set");
-    let samples = alone.sample_count();
-    assert_eq!(both.sample_count(), 2 * samples);
-    let mirrored = |p: &Vec3| Vec3::new(p.x, p.y, -p.z);
-    for number in 0..samples {
-        let (sample, section) = alone.sample(number);
-        assert_eq!(both.sample(number), (sample, section));
-        let (image, image_section) = both.sample(samples + number);
-        assert_eq!(image.current, sample.current);
-        assert_eq!(image.trajectory, sample.trajectory + 2);
-        assert!(both.has(image_section));
-        let (of, truth) = (
-            both.motion(image.trajectory),
-            alone.motion(sample.trajectory),
+fn a_sample_without_a_direction_keeps_the_one_before() {
+    let plain = crate::test_data::trajectory(("a", 9, 5), 0);
+    let handles = plain.handles().vertices().to_vec();
+    let [first, last] = [handles[0].index(), handles[handles.len() - 1].index()];
+    assert_eq!(handles.len(), 2);
+    let ways = [Vec3::Z, Vec3::new(1.0, 0.0, 1.0), Vec3::X, Vec3::Y, Vec3::Y];
+    let frames = (0..5).flat_map(|frame| {
+        let mut positions = plain.frame(frame).to_vec();
+        positions[first] = 0.5 * ways[frame];
+        positions[last] = -0.5 * ways[frame];
+        positions
+    });
+    let (cloth, provenance) = (plain.cloth().clone(), plain.provenance().clone());
+    let trajectory = Trajectory::new(cloth, frames.collect(), provenance).expect("a trajectory");
+    let graph = graph_of("a", &trajectory).expect("a graph");
+    let mut yaw = graph.frame().rest_yaw();
+    let expected: Vec<Yaw> = (0..5)
+        .map(|frame| {
+            let places = graph.handles().select(trajectory.frame(frame));
+            yaw = graph.frame().yaw(&places, yaw);
+            yaw
+        })
+        .collect();
+    assert_eq!([expected[3], expected[4]], [expected[2]; 2]);
+    assert_ne!(expected[2], graph.frame().rest_yaw());
+    let section = Section {
+        trajectory: 0,
+        start: 0,
+        end: 5,
+    };
+    let set = TrainingSet {
+        motions: vec![Motion::new(graph, trajectory, &[])],
+        sections: vec![section],
+        first_sample: vec![0, 3],
+        domain: None,
+    };
+    let mut cfg = crate::test_data::config(selvedge_model::Encoder::MLP);
+    cfg.noise.deviation = 0.0;
+    let mut seen = BTreeSet::new();
+    for seed in 0..40 {
+        let (mut slot, mut shown) = (crate::slot::Slot::new(), Default::default());
+        slot.show(
+            &cfg,
+            &set,
+            &mut crate::slot::rng_of(seed, 0, 0, 1),
+            &mut shown,
         );
-        let frame = sample.current as i64;
-        let expected: Vec<Vec3> = truth.frame(frame).iter().map(mirrored).collect();
-        assert_eq!(of.frame(frame), expected);
-        let rest = truth.graph.rest_positions().iter().map(mirrored);
-        assert!(rest.eq(of.graph.rest_positions().iter().copied()));
+        assert_eq!(shown.yaw, expected[slot.current]);
+        seen.insert(slot.current);
     }
-}
-
-#[test]
-fn an_image_that_moves_as_a_test_does_is_left_out() {
-    let plans = [("a", 9, 30), ("b", 9, 31), ("c", 12, 32)];
-    let half_turn = |p: &Vec3| Vec3::new(-p.x, p.y, -p.z);
-    // The image of b, seen from behind.
-    let image = crate::test_data::trajectory(plans[1], 1).mirrored();
-    let turned = image.frames().iter().flatten().map(half_turn).collect();
-    let cloth = image.cloth().clone();
-    let test = Trajectory::new(cloth, turned, image.provenance().clone()).expect("a trajectory");
-    let data = crate::test_data::swinging_and_tested(&plans, &[("test", test)]);
-    let alone = TrainingSet::load(&data.dataset, &spec(), 0, false).expect("a set");
-    assert!(alone.images_left_out().is_empty());
-    let both = TrainingSet::load(&data.dataset, &spec(), 0, true).expect("a set");
-    assert_eq!(both.images_left_out(), ["b"]);
-    assert_eq!(both.sample_count(), 28 + 29 + 30 + 28 + 30);
-    let (last, _) = both.sample(both.sample_count() - 1);
-    assert_eq!((last.trajectory, last.current), (5, 30));
-    let samples = (0..both.sample_count()).map(|number| both.sample(number).0.trajectory);
-    assert!(!samples.into_iter().any(|trajectory| trajectory == 4));
-}
-
-#[test]
-fn wind_is_mirrored_and_gusts_are_refused() {
-    let wind = DVec3::new(1.0, 2.0, 3.0);
-    let windy = Environment {
-        wind,
-        ..Environment::default()
-    };
-    let image = mirrored("a", windy).expect("an image");
-    assert_eq!(image.wind, DVec3::new(1.0, 2.0, -3.0));
-    assert_eq!(image.gravity, windy.gravity);
-    let gusty = Environment {
-        gust: Some(selvedge_cloth::Gust {
-            speed: DVec3::ONE,
-            period: 2.0,
-            seed: 1,
-        }),
-        ..windy
-    };
-    let error = mirrored("a", gusty).expect_err("no image");
-    assert!(error.to_string().contains("leave out mirror_images"));
+    assert_eq!(seen, BTreeSet::from([1, 2, 3]));
 }

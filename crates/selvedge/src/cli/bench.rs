@@ -32,8 +32,8 @@ The other program gets one line of JSON on its standard input: spec, vertices, n
 senders, receivers, threads. It answers \"ready\"; then, for each line \"frame\" or \"step\", it runs one and
 answers with the milliseconds that it took.")]
 pub(crate) struct EngineArgs {
-    /// One of gru-10, gru-5, node-gru-10, streaming-gru, mlp, meshgraphnets, small; may stand
-    /// several times [default: all].
+    /// One of gru-10, gru-5, streaming-gru, mlp, meshgraphnets, small; may stand several times
+    /// [default: all].
     #[arg(long, value_name = "NAME")]
     pub(crate) variant: Vec<String>,
     /// Runs of each; before each, after a rest, some that do not count.

@@ -48,8 +48,7 @@ pub(super) fn run(args: &TrainArgs, text: &str) -> anyhow::Result<Answer> {
     let _claimed = folder::claim_folder(&args.out, FolderKind::Training)?;
     let mut trainer = trainer(cfg, args)?;
     let cfg = trainer.config().clone();
-    let (names, spec) = (&cfg.teacher.scenes, &cfg.model);
-    let scenes = TeachingScenes::open(names, spec, &mut progress::listener())?;
+    let scenes = TeachingScenes::open(&cfg.teacher.scenes, &mut progress::listener())?;
     let started = Instant::now();
     let (end, loss) = match scenes {
         None => (End::Interrupted, None),

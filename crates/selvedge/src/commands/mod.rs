@@ -13,6 +13,7 @@ mod dataset_merge;
 mod dataset_plan;
 mod evaluate;
 mod export;
+mod flops;
 mod inspect;
 mod manual;
 mod presets;

@@ -151,7 +151,6 @@ fn untrained(name: &str, model: &Model, now: &Domain) -> Option<String> {
     });
     let words: Vec<String> = words.collect();
     let then = match model.spec().base {
-        Some(base) if base.flies() => "shows now is a guess, and the physics knows better",
         None => "shows now is a guess, and the physics knows better",
         Some(_) if departures.iter().any(|found| goes_without(found.aspect)) => {
             "adds to the physics is left out there: the physics moves it alone"

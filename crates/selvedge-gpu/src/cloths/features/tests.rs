@@ -145,9 +145,8 @@ fn a_window_of_several_cloths_is_that_of_the_cpu() {
             cloth(4, 4),
             ClothGraph::new(&free, vacuum, 60.0).expect("a graph"),
         ];
-        let graphs = graphs.map(|graph| graph.with_coarse_levels(spec.coarse_levels));
         let cloths = graphs.map(|graph| Moving::new(graph, spec.history()));
-        let whole = [spec.node_window(), spec.edge_window()];
+        let whole = [spec.window(); 2];
         for (extent, steps) in [(Extent::Whole, whole), (Extent::Newest, [1, 1])] {
             let window = of_cpu(&spec, &cloths, extent, &norms);
             let [nodes, arcs] = of_device(&spec, &cloths, steps, &norms);

@@ -2,10 +2,7 @@
 //! arcs.
 
 use super::Back;
-use selvedge_model::FILTER_TIMES;
-
-use crate::kernels::backward::{FILTER_WEIGHTS, GATHER_INCOMING, SUM_ENDS};
-use crate::kernels::layers::{ADD_MODES, FILTER_MODES, MODE_SUMS};
+use crate::kernels::backward::{GATHER_INCOMING, SUM_ENDS};
 use crate::network::linear::Rows;
 use crate::network::record::BlockRecord;
 use crate::schedule::plan::Region;
@@ -48,7 +45,6 @@ impl Back<'_> {
         self.mlp(&path, rows, first, other, &record.node);
         let name = format!("{path}.0.weight");
         let (gradient, weight) = (self.matrix_of(&name), self.pass.weights.matrix(&name));
-        let pre_activation = first;
         let first = Rows::new(first, latent);
         for (column, x) in [(0, record.before[0]), (latent, record.incoming)] {
             let (x, gradient) = (Rows::new(x, latent), gradient.from_column(column));
@@ -58,76 +54,6 @@ impl Back<'_> {
         self.through(rows, first, weight, to, Onto::Add);
         let to = Rows::new(incoming, latent);
         self.through(rows, first, weight.from_column(latent), to, Onto::Set);
-        if let Some(sums) = record.mode_sums {
-            self.filter(number, sums, pre_activation, nodes);
-        }
-        self.tokens(number, record, pre_activation, nodes);
-    }
-
-    /// Takes the pre-activation gradient of a node update's first layer through the filter to the
-    /// latent vertices, and adds the gradients of the weights on the way.
-    fn filter(&mut self, number: usize, sums: Region, pre_activation: Region, nodes: Region) {
-        let Some(modes) = self.pass.graph.modes else {
-            return;
-        };
-        let (latent, rows) = (self.latent, modes.rows());
-        let [of_modes, filtered, by_sums] = ["modes in a first layer", "filtered modes", "modes"]
-            .map(|name| {
-                self.plan
-                    .floats(format!("gradient of {name}"), rows * latent)
-            });
-        let arguments = args! {
-            modes: modes.values,
-            rows: pre_activation,
-            first_vertex: self.pass.graph.places.first_vertex,
-            per_cloth: modes.count,
-            sums: of_modes,
-        };
-        self.schedule.launch(&MODE_SUMS, rows, arguments);
-        // The filtered modes themselves, again: they are not kept.
-        self.filter_modes(number, sums, filtered);
-        let name = format!("processor.{number}.node.0.weight");
-        let gradient = self.matrix_of(&name).from_column(2 * latent);
-        let [g, x] = [of_modes, filtered].map(|region| Rows::new(region, latent));
-        self.add_to_weight(rows, g, x, gradient);
-        let weight = self.pass.weights.matrix(&name).from_column(2 * latent);
-        self.through(rows, g, weight, x, Onto::Set);
-        let by_weight = self.gradient_of(&format!("processor.{number}.filter.weight"));
-        let arguments = args! {
-            gradient: filtered,
-            before: sums,
-            decays: modes.decays,
-            modes: rows,
-            times: FILTER_TIMES,
-            by_weight,
-        };
-        self.schedule
-            .launch(&FILTER_WEIGHTS, by_weight.count(), arguments);
-        self.filter_modes(number, filtered, by_sums);
-        let arguments = args! {
-            modes: modes.weighted,
-            of_modes: by_sums,
-            cloth_of: self.pass.graph.places.cloth_of,
-            per_cloth: modes.count,
-            rows: nodes,
-        };
-        self.schedule
-            .launch(&ADD_MODES, self.pass.graph.vertices, arguments);
-    }
-
-    fn filter_modes(&mut self, number: usize, before: Region, after: Region) {
-        let Some(modes) = self.pass.graph.modes else {
-            return;
-        };
-        let weight = format!("processor.{number}.filter.weight");
-        let arguments = args! {
-            before,
-            decays: modes.decays,
-            weight: self.pass.weights.get(&weight),
-            times: FILTER_TIMES,
-            after,
-        };
-        self.schedule.launch(&FILTER_MODES, modes.rows(), arguments);
     }
 
     /// The gradients of the messages, from those of the arcs and of the sums of messages.

@@ -97,13 +97,9 @@ impl Back<'_> {
         let name = format!("{}.0.weight", kind.path);
         let (to_weight, weight) = (self.matrix_of(&name), self.pass.weights.matrix(&name));
         let first = Rows::new(gradient, latent);
-        for step in 0..kind.steps {
-            let (x, column) = (kind.frame(kind.input, step), step * kind.width);
-            self.add_to_weight(rows, first, x, to_weight.from_column(column));
-            if let Some(to) = kind.to_input {
-                let (weight, to) = (weight.from_column(column), kind.frame(to, step));
-                self.through(rows, first, weight, to, Onto::Set);
-            }
+        self.add_to_weight(rows, first, kind.frame(kind.input, 0), to_weight);
+        if let Some(to) = kind.to_input {
+            self.through(rows, first, weight, kind.frame(to, 0), Onto::Set);
         }
     }
 

@@ -7,7 +7,6 @@
 mod block;
 mod encoder;
 mod mlp;
-mod tokens;
 
 use selvedge_model::Network;
 

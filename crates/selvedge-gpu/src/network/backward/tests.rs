@@ -62,12 +62,10 @@ impl Lowered {
         let gradient = plan.floats("gradient", network.parameter_count());
         let counts = [graph.vertex_count(), graph.arc_count()];
         let ones = plan.floats("ones", counts[0].max(counts[1]));
-        let cloths = graph.cloths().len();
-        let graph = GraphArrays::new(&mut plan, counts[0], counts[1], cloths)
-            .with_modes(&mut plan, graph.mode_count());
+        let graph = GraphArrays::new(&mut plan, counts[0], counts[1]);
         let spec = network.spec();
         let steps = match start {
-            Start::Zero => [spec.node_window(), spec.edge_window()],
+            Start::Zero => [spec.window(); 2],
             Start::Carried => [1, 1],
         };
         let [input, to_input] =
@@ -244,7 +242,8 @@ fn on_cpu<T: NetworkScalar>(
         input,
         state: &state,
     };
-    network.forward_carried(&packed, graph, carried, pass, &mut workspace);
+    let out = network.forward_carried(&packed, graph, carried, pass, &mut workspace);
+    out.expect("nobody stops it");
     let mut all = vec![
         vec![T::ZERO; given.weights.len()],
         vec![T::ZERO; given.nodes.len()],
@@ -265,7 +264,8 @@ fn on_cpu<T: NetworkScalar>(
         input: Some(InputGradient { nodes, arcs: edges }),
         states,
     };
-    network.backward_carried(&packed, graph, carried, gradients, &mut workspace);
+    let back = network.backward_carried(&packed, graph, carried, gradients, &mut workspace);
+    back.expect("nobody stops it");
     if carries {
         all.extend(by_start.arrays().map(<[T]>::to_vec));
     }
@@ -326,7 +326,7 @@ fn compare(network: &Network, graph: &Connectivity, (start, drops): (Start, bool
 #[test]
 fn gradients_of_weights_and_features_are_those_of_the_cpu() {
     for spec in specs() {
-        let graph = squares(&[30, 17], spec.filter_modes);
+        let graph = squares(&[30, 17]);
         let network = Network::new(&spec).expect("a spec");
         compare(&network, &graph, (Start::Zero, false));
     }
@@ -336,7 +336,7 @@ fn gradients_of_weights_and_features_are_those_of_the_cpu() {
 fn the_same_values_are_dropped_as_on_the_cpu() {
     // Several leaves and several chunks; slots of one size.
     for spec in specs().into_iter().filter(|spec| spec.window() > 1) {
-        let graph = squares(&[150; CLOTHS], spec.filter_modes);
+        let graph = squares(&[150; CLOTHS]);
         let network = Network::new(&spec).expect("a spec");
         compare(&network, &graph, (Start::Zero, true));
     }
@@ -344,7 +344,7 @@ fn the_same_values_are_dropped_as_on_the_cpu() {
 
 #[test]
 fn gradients_go_through_carried_states_as_on_the_cpu() {
-    let graph = squares(&[25; CLOTHS], 0);
+    let graph = squares(&[25; CLOTHS]);
     let streaming = specs()
         .into_iter()
         .map(|spec| Network::new(&spec).expect("a spec"));

@@ -2,10 +2,8 @@
 //! its arcs is one product per vertex, the *endpoint products*, gathered per arc.
 
 use super::Lower;
-use selvedge_model::FILTER_TIMES;
-
-use crate::kernels::layers::{ADD_MODES, FILTER_MODES, GATHER_ENDS, MODE_SUMS, NORM_MESSAGES};
-use crate::network::arrays::{GraphArrays, ModeArrays};
+use crate::kernels::layers::{GATHER_ENDS, NORM_MESSAGES};
+use crate::network::arrays::GraphArrays;
 use crate::network::linear::{Linear, Rows};
 use crate::network::record::BlockRecord;
 use crate::schedule::plan::Region;
@@ -48,11 +46,6 @@ impl Lower<'_> {
             incoming: self
                 .plan
                 .floats(format!("{name}, incoming"), graph.vertices * self.latent),
-            mode_sums: graph.modes.map(|modes| {
-                let count = modes.rows() * self.latent;
-                self.plan.floats(format!("{name}, modes"), count)
-            }),
-            tokens: self.token_record(&name, graph),
             arc: self.mlp_record(&format!("{name}, arcs"), graph.arcs),
             node: self.mlp_record(&format!("{name}, vertices"), graph.vertices),
         }
@@ -111,67 +104,11 @@ impl Lower<'_> {
         let out = Rows::new(record.node.hidden1, latent);
         let x = Rows::new(before, latent);
         self.linear(Linear::new(rows, x, weight, out));
-        if let Some(modes) = &graph.modes {
-            self.filter(number, modes, graph, record);
-        }
-        self.tokens(number, graph, record);
         let x = Rows::new(record.incoming, latent);
         let epilogue = self.first_epilogue(&path);
         let incoming = Linear::new(rows, x, weight.from_column(latent), out);
         self.linear(incoming.onto(Onto::Add).then(epilogue));
         self.mlp_rest(&path, rows, &record.node);
         self.mlp_norm(&path, rows, &record.node, Some(before), after);
-    }
-
-    /// Adds the filter over each cloth to the first layer of a node update.
-    fn filter(
-        &mut self,
-        number: usize,
-        modes: &ModeArrays,
-        graph: &GraphArrays,
-        record: &BlockRecord,
-    ) {
-        let Some(sums) = record.mode_sums else {
-            return;
-        };
-        let latent = self.latent;
-        let arguments = args! {
-            modes: modes.weighted,
-            rows: record.before[0],
-            first_vertex: graph.places.first_vertex,
-            per_cloth: modes.count,
-            sums,
-        };
-        self.schedule.launch(&MODE_SUMS, modes.rows(), arguments);
-        let mark = self.plan.mark();
-        let [filtered, of_modes] = ["filtered modes", "modes in a first layer"]
-            .map(|name| self.plan.floats(name, modes.rows() * latent));
-        let arguments = args! {
-            before: sums,
-            decays: modes.decays,
-            weight: self.weights.get(&format!("processor.{number}.filter.weight")),
-            times: FILTER_TIMES,
-            after: filtered,
-        };
-        self.schedule.launch(&FILTER_MODES, modes.rows(), arguments);
-        let weight = self
-            .weights
-            .matrix(&format!("processor.{number}.node.0.weight"));
-        let [x, out] = [filtered, of_modes].map(|region| Rows::new(region, latent));
-        self.linear(Linear::new(
-            modes.rows(),
-            x,
-            weight.from_column(2 * latent),
-            out,
-        ));
-        let arguments = args! {
-            modes: modes.values,
-            of_modes,
-            cloth_of: graph.places.cloth_of,
-            per_cloth: modes.count,
-            rows: record.node.hidden1,
-        };
-        self.schedule.launch(&ADD_MODES, graph.vertices, arguments);
-        self.plan.release(mark);
     }
 }

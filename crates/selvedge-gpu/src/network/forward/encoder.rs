@@ -1,9 +1,7 @@
-//! The encoders of vertices and of arcs: normalised features of a window to latent rows. An encoder
-//! is a perceptron on the frames side by side, or a recurrent network of two layers.
+//! The encoders of vertices and of arcs: normalised features to latent rows. An encoder is a
+//! perceptron on the current frame, or a recurrent network of two layers on a window.
 
 use std::ops::Range;
-
-use selvedge_model::{Encoder, ModelSpec};
 
 use super::mlp::Normed;
 use super::{ForwardPass, Keep, Lower};
@@ -12,31 +10,12 @@ use crate::network::arrays::StateArrays;
 use crate::network::dropout::drop_out;
 use crate::network::linear::{Linear, Rows};
 use crate::network::record::{EncoderRecord, GruRecord};
+use crate::schedule::args;
 use crate::schedule::plan::{Plan, Region};
-use crate::schedule::{Epilogue, Onto, args};
 
 /// The most pre-activations of gates that are in memory at a time: 256 MiB. A larger limit makes
 /// fewer and larger products.
 const MOST_SUMS: usize = 64 << 20;
-
-/// The kind of encoder of the vertices or of the arcs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum RowEncoder {
-    /// A perceptron on the frames of the window side by side.
-    Mlp,
-    /// A recurrent network.
-    Gru,
-}
-
-/// The encoders of the vertices and of the arcs of a spec.
-#[must_use]
-pub fn row_encoders(spec: &ModelSpec) -> [RowEncoder; 2] {
-    match spec.encoder {
-        Encoder::Mlp { .. } => [RowEncoder::Mlp; 2],
-        Encoder::Gru { .. } | Encoder::StreamingGru { .. } => [RowEncoder::Gru; 2],
-        Encoder::NodeGru { .. } => [RowEncoder::Gru, RowEncoder::Mlp],
-    }
-}
 
 /// The rows that one encoder takes, vertices or arcs.
 struct Encoded<'a> {
@@ -117,9 +96,9 @@ impl Lower<'_> {
                 end: end.as_ref(),
             };
             let mark = self.plan.mark();
-            let record = match row_encoders(spec)[kind] {
-                RowEncoder::Mlp => self.encode_mlp(&of),
-                RowEncoder::Gru => EncoderRecord::Gru(self.encode_gru(&of)),
+            let record = match spec.encoder.is_recurrent() {
+                false => self.encode_mlp(&of),
+                true => EncoderRecord::Gru(self.encode_gru(&of)),
             };
             if !self.keeps() {
                 self.plan.release(mark);
@@ -133,18 +112,9 @@ impl Lower<'_> {
         let record = self.mlp_record(path, of.rows);
         let weight = self.weights.matrix(&format!("{path}.0.weight"));
         let out = Rows::new(record.hidden1, latent);
-        for step in 0..of.steps {
-            let last = step + 1 == of.steps;
-            let epilogue = if last {
-                self.first_epilogue(path)
-            } else {
-                Epilogue::Nothing
-            };
-            let onto = if step == 0 { Onto::Set } else { Onto::Add };
-            let columns = weight.from_column(step * of.width);
-            let layer = Linear::new(of.rows, of.frames(step..step + 1), columns, out);
-            self.linear(layer.onto(onto).then(epilogue));
-        }
+        let layer = Linear::new(of.rows, of.frames(0..1), weight, out);
+        let epilogue = self.first_epilogue(path);
+        self.linear(layer.then(epilogue));
         self.mlp_rest(path, of.rows, &record);
         self.mlp_norm(path, of.rows, &record, None, of.out);
         EncoderRecord::Mlp(record)

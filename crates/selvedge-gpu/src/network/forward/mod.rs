@@ -1,12 +1,11 @@
 //! The forward pass: normalised features to normalised accelerations or corrections.
 //!
-//! `encoder` takes features to latent rows, `block` passes messages, `tokens` lets vertices see
-//! their whole cloth, `mlp` has the perceptrons and the decoder.
+//! `encoder` takes features to latent rows, `block` passes messages, `mlp` has the perceptrons and
+//! the decoder.
 
 mod block;
 mod encoder;
 mod mlp;
-mod tokens;
 
 use selvedge_model::Network;
 
@@ -17,8 +16,6 @@ use super::record::Record;
 use super::weights::WeightArrays;
 use crate::schedule::Schedule;
 use crate::schedule::plan::Plan;
-
-pub use encoder::{RowEncoder, row_encoders};
 
 /// The results of a forward pass that later schedules may read.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,7 +55,6 @@ pub fn forward(plan: &mut Plan, schedule: &mut Schedule, pass: ForwardPass<'_>) 
         schedule,
         weights: pass.weights,
         latent,
-        tokens: spec.tokens,
         keep: pass.keep,
     };
     let outputs = graph.vertices * spec.outputs();
@@ -91,8 +87,6 @@ struct Lower<'a> {
     schedule: &'a mut Schedule,
     weights: &'a WeightArrays,
     latent: usize,
-    /// Tokens of each cloth.
-    tokens: usize,
     keep: Keep,
 }
 

@@ -30,10 +30,7 @@ impl Lowered {
         let mut program = Program::new(Sizes::of(network.spec()));
         program.add(&layers::PART);
         let weights = WeightArrays::new(&mut plan, network);
-        let cloths = graph.cloths().len();
-        let modes = graph.mode_count();
-        let graph = GraphArrays::new(&mut plan, graph.vertex_count(), graph.arc_count(), cloths)
-            .with_modes(&mut plan, modes);
+        let graph = GraphArrays::new(&mut plan, graph.vertex_count(), graph.arc_count());
         let input = InputArrays::whole(&mut plan, network, &graph);
         let mut pack = Schedule::new("pack");
         weights.pack(&mut pack);
@@ -69,8 +66,8 @@ impl Lowered {
 }
 
 fn features(spec: &ModelSpec, graph: &Connectivity) -> [Vec<f32>; 2] {
-    let nodes = spec.node_window() * graph.vertex_count() * spec.node_width();
-    let edges = spec.edge_window() * graph.arc_count() * spec.edge_width();
+    let nodes = spec.window() * graph.vertex_count() * spec.node_width();
+    let edges = spec.window() * graph.arc_count() * spec.edge_width();
     [numbers(nodes, 1.5, 1), numbers(edges, 1.5, 2)]
 }
 
@@ -82,7 +79,7 @@ fn worst(found: &[f32], expected: impl IntoIterator<Item = f64>) -> f64 {
 #[test]
 fn schedules_read_what_they_wrote_and_stay_within_their_regions() {
     for spec in specs() {
-        let graph = squares(&[30, 17], spec.filter_modes);
+        let graph = squares(&[30, 17]);
         let network = Network::new(&spec).expect("a spec");
         for keep in [Keep::Output, Keep::Activations(None)] {
             let lowered = Lowered::new(&network, &graph, keep);
@@ -107,7 +104,7 @@ fn schedules_read_what_they_wrote_and_stay_within_their_regions() {
 
 #[test]
 fn to_keep_nothing_takes_memory_that_does_not_grow_with_blocks() {
-    let graph = squares(&[30], 0);
+    let graph = squares(&[30]);
     let words = |blocks| {
         let spec = ModelSpec::physical(selvedge_model::Encoder::MLP, 16, blocks);
         let network = Network::new(&spec).expect("a spec");
@@ -123,7 +120,7 @@ fn to_keep_nothing_takes_memory_that_does_not_grow_with_blocks() {
 fn the_forward_pass_is_that_of_the_cpu_and_of_the_equations() {
     let device = device();
     for spec in specs() {
-        let graph = squares(&[30, 17], spec.filter_modes);
+        let graph = squares(&[30, 17]);
         let network = Network::new(&spec).expect("a spec");
         let (weights, [nodes, edges]) = (weights(&network, 3), features(&spec, &graph));
         let input = Input {

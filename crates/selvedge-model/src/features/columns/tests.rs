@@ -172,43 +172,6 @@ fn the_two_arcs_of_an_edge_see_opposite_vectors_and_the_same_scalars() {
 }
 
 #[test]
-fn links_see_their_own_vectors_and_edges_none_of_them() {
-    let graph = graph(parts(6, 3)).with_coarse_levels(2);
-    let (previous, current) = moving(graph.rest_positions());
-    let pose = pose(&previous, &current, Yaw::from_angle(0.4));
-    let mut spec = everything();
-    spec.coarse_levels = 2;
-    let coarse = [EdgeFeature::CoarseVector, EdgeFeature::CoarseRestVector];
-    spec.edge_features.extend(coarse);
-    let arcs = features(&spec, &graph, pose).arcs;
-    let row = |arc: u32| arcs[arc as usize * 21..][..21].split_at(13);
-    let rest_yaw = graph.frame().rest_yaw();
-    assert!(!graph.links().is_empty());
-    for link in graph.links() {
-        for (arc, ends) in link
-            .arcs
-            .into_iter()
-            .zip([link.ends, [link.ends[1], link.ends[0]]])
-        {
-            let (fine, coarse) = row(arc);
-            assert!(fine.iter().all(|&x| x == 0.0));
-            for (positions, yaw, found) in [
-                (&current[..], pose.yaw, &coarse[..4]),
-                (graph.rest_positions(), rest_yaw, &coarse[4..]),
-            ] {
-                let [a, b] = ends.map(|v| positions[v as usize]);
-                let local = yaw.to_local(a - b);
-                assert_eq!(found, [local.x, local.y, local.z, local.length()]);
-            }
-        }
-    }
-    for &arc in graph.edge_arcs().as_flattened() {
-        let (fine, coarse) = row(arc);
-        assert!(fine[3] > 0.0 && coarse.iter().all(|&x| x == 0.0));
-    }
-}
-
-#[test]
 fn the_rest_pose_at_rest_has_no_elongation_and_its_own_vectors() {
     let graph = graph(parts(6, 4));
     let rest = graph.rest_positions();
@@ -422,7 +385,7 @@ fn acceleration_is_the_second_difference_of_positions_in_the_local_frame() {
 
 #[test]
 fn accelerations_need_one_more_frame() {
-    let mut spec = ModelSpec::physical(Encoder::Mlp { window: 3 }, 8, 1);
+    let mut spec = ModelSpec::physical(Encoder::Gru { window: 3 }, 8, 1);
     assert_eq!((spec.window(), spec.history()), (3, 4));
     spec.node_features.insert(NodeFeature::Acceleration);
     assert_eq!((spec.window(), spec.history()), (3, 5));

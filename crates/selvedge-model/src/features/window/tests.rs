@@ -112,7 +112,6 @@ fn coefficient(k: usize) -> f32 {
 fn each_feature(encoder: Encoder, integration: Integration) -> Vec<ModelSpec> {
     let start = ModelSpec {
         integration,
-        coarse_levels: 1,
         ..ModelSpec::physical(encoder, 4, 1)
     };
     let nodes = [
@@ -127,7 +126,6 @@ fn each_feature(encoder: Encoder, integration: Integration) -> Vec<ModelSpec> {
         EdgeFeature::Vector,
         EdgeFeature::Elongation,
         EdgeFeature::BendingAngle,
-        EdgeFeature::CoarseVector,
     ];
     let of_node = nodes.map(|feature| ModelSpec {
         node_features: [feature].into(),
@@ -145,7 +143,6 @@ fn each_feature(encoder: Encoder, integration: Integration) -> Vec<ModelSpec> {
 #[test]
 fn the_gradient_of_every_feature_matches_finite_differences() {
     let (graph, frames) = cloth(4, 4);
-    let graph = graph.with_coarse_levels(1);
     let handles = graph.handles().vertices();
     let next_handles: Vec<Vec3> = handles
         .iter()
@@ -157,7 +154,7 @@ fn the_gradient_of_every_feature_matches_finite_differences() {
     };
     let specs = [Integration::Inertial {}, carried]
         .into_iter()
-        .flat_map(|integration| each_feature(Encoder::Mlp { window: 2 }, integration));
+        .flat_map(|integration| each_feature(Encoder::Gru { window: 2 }, integration));
     for spec in specs {
         let frames = &frames[..spec.history()];
         let at = |positions: &[Vec<Vec3>]| {

@@ -1,14 +1,11 @@
 //! One message-passing block (Pfaff et al. 2021) `[eq:graph-block]`: e' = MLP([v_s, v_r, e]),
 //! v' = MLP([v, Σ_{arcs into v} e']), then e ← e + e', v ← v + v'. The sum is of e' before the
-//! residual is added. With a filter over the whole cloth, or with tokens, v' is of [v, Σ e',
-//! filtered v, what v reads of the tokens].
+//! residual is added.
 //!
 //! The first arc layer is split exactly: W [v_s, v_r, e] = A v_s + B v_r + C e, with A and B
 //! applied once per vertex instead of once per arc. These **endpoint products** of all vertices
 //! must be there before a block begins; then one thread takes a partition through all of it. The
 //! tests compare the split update with the update on concatenated rows.
-
-use std::ops::Range;
 
 use crate::graph::connectivity::Connectivity;
 use crate::graph::partition::{Partition, chunks, counted_from, of_rows};
@@ -21,16 +18,11 @@ use crate::kernels::rows::{
     ColumnBlock, OutgoingArcs, Receivers, gather_receivers, sum_incoming, sum_outgoing,
 };
 use crate::network::layers::block_rows::{
-    ArcGradients, ArcRecordRows, ArcRows, BeforeBlock, NodeGradients, NodeRecordRows, NodeRows,
+    ArcGradients, ArcRecordRows, ArcRows, NodeGradients, NodeRecordRows, NodeRows,
 };
-use crate::network::layers::filter::{Filter, Through};
 use crate::network::layers::mlp::{Mlp, MlpGradients, MlpRecord};
-use crate::network::layers::per_cloth::OfVertices;
 use crate::network::layers::scratch::{GroupWork, Scratch, pick};
-use crate::network::layers::tokens::{Tokens, WriteBack};
-use crate::network::layers::whole_cloth::{WholeRoom, WholeSums};
 use crate::network::packed::{LayerWeights, ModuleBuilder, Packer, Piece};
-use crate::network::parameters::ModuleGradient;
 use crate::spec::ModelSpec;
 
 /// Places of the weights of a block.
@@ -48,10 +40,6 @@ pub(crate) struct Block {
     of_node: Piece,
     /// The first node layer's columns for Σ e'.
     of_incoming: Piece,
-    /// The filter over the whole cloth, if there is one.
-    pub(crate) filter: Option<Filter>,
-    /// The tokens, if there are any.
-    pub(crate) tokens: Option<Tokens>,
 }
 
 /// Activations of one block, kept for the backward pass.
@@ -74,10 +62,6 @@ pub(crate) struct BlockInput<'a, T> {
     pub(crate) partition: &'a Partition,
     /// Endpoint products of all vertices, `[all vertices, 2 latent]`.
     pub(crate) endpoint_products: &'a [T],
-    /// The matrices of filter and tokens, where the block has them.
-    pub(crate) whole: &'a WholeRoom<T>,
-    /// Weights of all vertices over the tokens, `[all vertices, tokens]`.
-    pub(crate) slices: &'a [T],
 }
 
 /// A partition after the forward pass of a block.
@@ -86,10 +70,6 @@ pub(crate) struct BlockKept<'a, T> {
     pub(crate) graph: &'a Connectivity,
     pub(crate) partition: &'a Partition,
     pub(crate) record: &'a BlockRecord<T>,
-    /// The matrices of filter and tokens, where the block has them.
-    pub(crate) whole: &'a WholeRoom<T>,
-    /// Weights of all vertices over the tokens, `[all vertices, tokens]`.
-    pub(crate) slices: &'a [T],
 }
 
 impl<T: Real> BlockRecord<T> {
@@ -129,18 +109,9 @@ impl<T: Real> BlockRecord<T> {
 
 impl Block {
     pub(crate) fn new(module: &mut ModuleBuilder, path: &str, spec: &ModelSpec) -> Self {
-        let (latent, is_filtered) = (spec.latent, spec.filter_modes > 0);
+        let latent = spec.latent;
         let arc = Mlp::normalised(module, &format!("{path}.edge"), 3 * latent, latent);
-        let of_tokens = (2 + usize::from(is_filtered)) * latent;
-        let has_tokens = spec.tokens > 0;
-        let of_node = of_tokens + usize::from(has_tokens) * latent;
-        let node = Mlp::normalised(module, &format!("{path}.node"), of_node, latent);
-        let filter = is_filtered
-            .then(|| Filter::new(module, &format!("{path}.filter"), latent, &node.first));
-        let tokens = has_tokens.then(|| {
-            let path = format!("{path}.tokens");
-            Tokens::new(module, &path, spec.tokens, &node.first, of_tokens)
-        });
+        let node = Mlp::normalised(module, &format!("{path}.node"), 2 * latent, latent);
         let size = &mut module.size;
         Self {
             arc,
@@ -150,8 +121,6 @@ impl Block {
             of_arc: Piece::new(size, &arc.first, 2 * latent, latent),
             of_node: Piece::new(size, &node.first, 0, latent),
             of_incoming: Piece::new(size, &node.first, latent, latent),
-            filter,
-            tokens,
         }
     }
 
@@ -165,12 +134,6 @@ impl Block {
         }
         for piece in [&self.of_arc, &self.of_node, &self.of_incoming] {
             piece.pack(packer);
-        }
-        if let Some(filter) = &self.filter {
-            filter.of_filtered.pack(packer);
-        }
-        if let Some(tokens) = &self.tokens {
-            tokens.pack(packer);
         }
         let (latent, flat) = (self.latent(), packer.flat);
         let weight = &flat[self.arc.first.weight_range()];
@@ -203,29 +166,6 @@ impl Block {
             epilogue,
             products,
         );
-    }
-
-    /// Sets what must be there of a partition before the block begins: from its latent vertices
-    /// their endpoint products, their weights over the tokens, and sums for filter and tokens.
-    pub(crate) fn begin<T: Real>(
-        &self,
-        weights: LayerWeights<'_, T>,
-        whole: &WholeRoom<T>,
-        of: OfVertices<'_, T>,
-        rows: &mut BeforeBlock<'_, T>,
-        sums: &mut WholeSums<T>,
-    ) {
-        self.endpoint_products(weights, of.rows, &mut rows.products);
-        if self.filter.is_some() {
-            let (modes, count) = (&mut sums.modes, of.graph.mode_count());
-            modes.begin(of.graph, of.vertices, count, self.latent());
-            let filter = &whole.filter;
-            filter.add(weights.instructions, Through::Weighted, of, modes);
-        }
-        if let Some(tokens) = &self.tokens {
-            let (slices, sums) = (&mut rows.slices, &mut sums.tokens);
-            tokens.write(weights, &whole.tokens, of, slices, sums);
-        }
     }
 
     /// Updates the latent vectors of a partition in place.
@@ -268,56 +208,16 @@ impl Block {
         if !record.before.is_empty() {
             record.before.copy_from_slice(nodes);
         }
-        let vertices = &input.partition.vertices;
-        for (cloth, part) in self.parts(input.graph, vertices) {
-            let local = counted_from(&part, vertices.start);
-            let rows = of_rows(&local, self.latent());
-            let kept = record.mlp.part(&local);
-            let mut tile = scratch.tiles.tile(kept, local.len(), self.latent());
-            let of_node = self.of_node.times(weights, &nodes[rows.clone()]);
-            let of_incoming = self.of_incoming.times(weights, &incoming[rows.clone()]);
-            let epilogue = self.node.first_epilogue(weights);
-            let mut terms = [of_node, of_incoming, of_node, of_node];
-            let count = 2 + self.of_cloth(input, cloth, &part, &mut terms[2..]);
-            let terms = &terms[..count];
-            self.node.first_layer(weights, terms, epilogue, &mut tile);
-            self.node
-                .forward(weights, tile, Normalised::Add(&mut nodes[rows]));
-        }
-    }
-
-    /// Sets what part of a partition sees of its cloth in the first node layer: as many terms as
-    /// this returns.
-    fn of_cloth<'a, T: Real>(
-        &self,
-        input: BlockInput<'a, T>,
-        cloth: usize,
-        part: &Range<usize>,
-        terms: &mut [Term<'a, T>],
-    ) -> usize {
-        let filtered = self
-            .filter
-            .map(|_| input.whole.filter.term(cloth, part, Through::Values));
-        let read = self.tokens.map(|tokens| {
-            let slices = &input.slices[of_rows(part, tokens.count())];
-            input.whole.tokens.term(cloth, slices)
-        });
-        let seen = filtered.into_iter().chain(read);
-        let places = terms.iter_mut().zip(seen);
-        places.map(|(to, term)| *to = term).count()
-    }
-
-    /// The parts of a partition that have one matrix each, and the number of the matrix: all of it
-    /// without a filter and tokens, else those that belong to one cloth.
-    fn parts(
-        &self,
-        graph: &Connectivity,
-        vertices: &Range<usize>,
-    ) -> impl Iterator<Item = (usize, Range<usize>)> {
-        let divides = self.filter.is_some() || self.tokens.is_some();
-        let whole = (!divides).then(|| (0, vertices.clone()));
-        let by_cloth = divides.then(|| graph.by_cloth(vertices.clone()));
-        whole.into_iter().chain(by_cloth.into_iter().flatten())
+        let count = nodes.len() / self.latent();
+        let kept = record.mlp.part(&(0..count));
+        let mut tile = scratch.tiles.tile(kept, count, self.latent());
+        let terms = &[
+            self.of_node.times(weights, nodes),
+            self.of_incoming.times(weights, incoming),
+        ];
+        let epilogue = self.node.first_epilogue(weights);
+        self.node.first_layer(weights, terms, epilogue, &mut tile);
+        self.node.forward(weights, tile, Normalised::Add(nodes));
     }
 
     /// Takes the gradients of a partition's latent vectors from after the block to before it,
@@ -392,7 +292,7 @@ impl Block {
         gradients: &mut NodeGradients<'_, T>,
         group: &mut GroupWork<'_, T>,
     ) {
-        let NodeGradients { nodes, slices, .. } = gradients;
+        let nodes = &mut gradients.nodes;
         let (latent, using) = (self.latent(), weights.instructions);
         let (scratch, gradient) = (&mut *group.scratch, &mut group.gradient);
         let (record, vertices) = (kept.record, &kept.partition.vertices);
@@ -415,18 +315,6 @@ impl Block {
             self.node
                 .first_backward(weights, number * latent, left, right, gradient);
         }
-        let (of, whole) = (
-            OfVertices::new(kept.graph, kept.partition, pre_activation),
-            kept.whole,
-        );
-        let WholeSums { modes, tokens } = &mut scratch.whole_sums;
-        if self.filter.is_some() {
-            whole.filter.add(using, Through::Values, of, modes);
-        }
-        if self.tokens.is_some() {
-            let sums = &mut tokens.rows;
-            whole.tokens.add_read(using, kept.slices, of, slices, sums);
-        }
         let term = self.of_node.back(weights, pre_activation);
         multiply(using, &[term], latent, Epilogue::Add, nodes);
         let term = self.of_incoming.back(weights, pre_activation);
@@ -434,47 +322,8 @@ impl Block {
         multiply(using, &[term], latent, Epilogue::Set, incoming);
     }
 
-    /// Begins the sums that [`Self::backward`] adds to, for a range of vertices.
-    pub(crate) fn begin_sums<T: Real>(
-        &self,
-        graph: &Connectivity,
-        vertices: &Range<usize>,
-        sums: &mut WholeSums<T>,
-    ) {
-        let latent = self.latent();
-        if self.filter.is_some() {
-            let modes = graph.mode_count();
-            sums.modes.begin(graph, vertices, modes, latent);
-        }
-        if let Some(tokens) = &self.tokens {
-            let rows = &mut sums.tokens.rows;
-            rows.begin(graph, vertices, tokens.count(), latent);
-        }
-    }
-
-    /// From the gradients of what filter and tokens give to the node updates of block `number`,
-    /// summed over all vertices, to those of the sums that they are made of, whose matrices are
-    /// packed. Adds those of the weights.
-    pub(crate) fn cloths_backward<T: Real>(
-        &self,
-        weights: LayerWeights<'_, T>,
-        number: usize,
-        whole: &mut WholeRoom<T>,
-        gradient: &mut ModuleGradient<'_, T>,
-    ) {
-        if let Some(filter) = &self.filter {
-            let room = &mut whole.filter;
-            filter.room_backward(weights, &self.node, number, room, gradient);
-        }
-        if let Some(tokens) = &self.tokens {
-            let room = &mut whole.tokens;
-            tokens.backward(weights, &self.node, number, room, gradient);
-        }
-    }
-
     /// The gradient of the nodes through A and B, after [`Self::backward`] of all partitions left
-    /// the pre-activation gradients `[all arcs, latent]`, and through filter and tokens, whose
-    /// matrices are those of the way back by then.
+    /// the pre-activation gradients `[all arcs, latent]`.
     pub(crate) fn endpoints_backward<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
@@ -488,7 +337,6 @@ impl Block {
         let NodeGradients {
             mut nodes,
             mut sums,
-            mut slices,
         } = rows;
         let arcs = OutgoingArcs {
             first_arc: &graph.first_arc[vertices.start..=vertices.end],
@@ -508,24 +356,5 @@ impl Block {
             packed: self.endpoints_backward.of(&weights.module.backward),
         };
         multiply(using, &[term], latent, Epilogue::Add, &mut nodes);
-        if self.filter.is_some() {
-            for (cloth, part) in graph.by_cloth(vertices.clone()) {
-                let rows = of_rows(&counted_from(&part, vertices.start), latent);
-                let term = kept.whole.filter.term(cloth, &part, Through::Weighted);
-                multiply(using, &[term], latent, Epilogue::Add, &mut nodes[rows]);
-            }
-        }
-        if let Some(tokens) = &self.tokens {
-            let back = WriteBack {
-                slices: &kept.slices[of_rows(vertices, tokens.count())],
-                by_slices: &mut slices,
-                nodes: &mut nodes,
-            };
-            let (of, room) = (
-                OfVertices::new(graph, kept.partition, before),
-                &kept.whole.tokens,
-            );
-            tokens.write_backward(weights, room, of, back, group);
-        }
     }
 }

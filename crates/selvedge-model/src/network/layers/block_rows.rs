@@ -4,16 +4,6 @@ use crate::graph::share::{Rows, split_rows};
 use crate::network::layers::mlp::MlpRows;
 
 split_rows! {
-    /// Rows of vertices that must be there before a block begins.
-    pub(crate) struct BeforeBlock<'a, T> {
-        /// Endpoint products, `[vertices, 2 latent]`.
-        pub(super) products: Rows<'a, T>,
-        /// Weights over the tokens, `[vertices, tokens]`.
-        pub(super) slices: Rows<'a, T>,
-    }
-}
-
-split_rows! {
     /// Rows of vertices that a block writes.
     pub(crate) struct NodeRows<'a, T> {
         /// Latent nodes, updated, `[vertices, latent]`.
@@ -56,8 +46,6 @@ split_rows! {
         /// Out: sums of the pre-activation gradients over the arcs that leave a vertex, then over
         /// the arcs that arrive, `[vertices, 2 latent]`.
         pub(crate) sums: Rows<'a, T>,
-        /// Gradients of the weights over the tokens from what is read, `[vertices, tokens]`.
-        pub(crate) slices: Rows<'a, T>,
     }
 }
 
@@ -68,14 +56,5 @@ split_rows! {
         pub(crate) arcs: Rows<'a, T>,
         /// Out: pre-activation gradient of the first arc layer, `[arcs, latent]`.
         pub(crate) pre_activation: Rows<'a, T>,
-    }
-}
-
-impl<'a, T> BeforeBlock<'a, T> {
-    pub(crate) fn new(products: &'a mut [T], slices: Rows<'a, T>, latent: usize) -> Self {
-        Self {
-            products: Rows::new(products, 2 * latent),
-            slices,
-        }
     }
 }

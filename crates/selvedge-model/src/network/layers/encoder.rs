@@ -1,5 +1,5 @@
-//! The encoder of nodes or of arcs: normalised features of a window of frames to latent rows, by a
-//! perceptron on the frames side by side, or by a recurrent network.
+//! The encoder of nodes or of arcs: normalised features to latent rows, by a perceptron on the
+//! current frame, or by a recurrent network on a window of frames.
 
 use std::ops::Range;
 
@@ -15,7 +15,7 @@ use crate::network::layers::gru::{
 use crate::network::layers::mlp::{Mlp, MlpGradients, MlpRecord, MlpRows};
 use crate::network::layers::scratch::{GroupWork, Scratch};
 use crate::network::packed::{LayerWeights, ModuleBuilder, Packer, Piece};
-use crate::spec::RowEncoder;
+use crate::spec::Encoder;
 
 /// Places of the weights of an encoder.
 #[derive(Clone, Copy, Debug)]
@@ -137,16 +137,18 @@ impl EncoderLayers {
     pub(crate) fn new(
         module: &mut ModuleBuilder,
         path: &str,
-        encoder: RowEncoder,
+        encoder: Encoder,
         width: usize,
         latent: usize,
     ) -> Self {
         match encoder {
-            RowEncoder::Mlp(window) => {
-                let mlp = Mlp::normalised(module, path, window * width, latent);
+            Encoder::Mlp { .. } => {
+                let mlp = Mlp::normalised(module, path, width, latent);
                 Self::Mlp(mlp, Piece::whole(&mut module.size, &mlp.first))
             }
-            RowEncoder::Gru => Self::Gru(GruEncoder::new(module, path, width, latent)),
+            Encoder::Gru { .. } | Encoder::StreamingGru { .. } => {
+                Self::Gru(GruEncoder::new(module, path, width, latent))
+            }
         }
     }
 
@@ -174,7 +176,7 @@ impl EncoderLayers {
             let rows = rows.part(&counted_from(&chunk, range.start));
             match self {
                 Self::Mlp(mlp, first) => {
-                    let features = join(input, &chunk, &mut scratch.joined);
+                    let features = &input.features[of_rows(&chunk, input.width)];
                     let mut tile = scratch.tiles.tile(rows.record.mlp, chunk.len(), latent);
                     let terms = &[first.times(weights, features)];
                     mlp.first_layer(weights, terms, mlp.first_epilogue(weights), &mut tile);
@@ -217,7 +219,7 @@ impl EncoderLayers {
                     };
                     let activations = kept.record.mlp.tile(mlp, &chunk);
                     mlp.backward(weights, activations, through, gradient);
-                    let features = join(input, &chunk, &mut scratch.joined);
+                    let features = &input.features[of_rows(&chunk, input.width)];
                     let left = Columns::all(pre_activation, latent);
                     let right = Columns::all(features, width);
                     mlp.first_backward(weights, 0, left, right, gradient);
@@ -247,25 +249,4 @@ impl EncoderLayers {
 /// The rows `rows` of an array, or nothing of an empty one.
 fn part<'a, T>(array: &'a [T], rows: &Range<usize>, width: usize) -> &'a [T] {
     array.get(of_rows(rows, width)).unwrap_or_default()
-}
-
-/// A chunk of a perceptron's input: the frames of the window side by side, `[rows, window width]`.
-fn join<'a, T: Real>(
-    input: EncoderInput<'a, T>,
-    rows: &Range<usize>,
-    room: &'a mut [T],
-) -> &'a [T] {
-    let (features, window, width) = (input.features, input.window, input.width);
-    if window == 1 {
-        return &features[of_rows(rows, width)];
-    }
-    let size = features.len() / window;
-    let room = &mut room[..rows.len() * window * width];
-    for (frame, features) in features.chunks_exact(size).enumerate() {
-        let from = features[of_rows(rows, width)].chunks_exact(width);
-        for (to, from) in room.chunks_exact_mut(window * width).zip(from) {
-            to[frame * width..(frame + 1) * width].copy_from_slice(from);
-        }
-    }
-    room
 }

@@ -6,14 +6,10 @@
 pub(crate) mod block;
 pub(crate) mod block_rows;
 pub(crate) mod encoder;
-pub(crate) mod filter;
 pub(crate) mod gru;
 mod gru_layer;
 pub(crate) mod mlp;
-pub(crate) mod per_cloth;
 pub(crate) mod scratch;
-pub(crate) mod tokens;
-pub(crate) mod whole_cloth;
 
 #[cfg(test)]
 mod pytorch;

@@ -5,7 +5,6 @@ use crate::kernels::aligned::Aligned;
 use crate::kernels::norm::NormRows;
 use crate::kernels::real::Real;
 use crate::network::layers::mlp::{MlpRows, MlpTile};
-use crate::network::layers::whole_cloth::WholeSums;
 use crate::network::parameters::ModuleGradient;
 
 /// Room for the values of a partition's forward pass that no later pass reads; one for each thread.
@@ -102,8 +101,6 @@ pub(crate) struct GroupScratch<T> {
     pub(crate) states: [Aligned<T>; 2],
     /// Sums of columns of `gates` of both layers, `[4 latent]`.
     pub(crate) biases: [Aligned<T>; 2],
-    /// Gradients of what the group's cloths as wholes give to a node update.
-    pub(crate) whole_sums: WholeSums<T>,
 }
 
 impl<T: Real> GroupScratch<T> {

@@ -21,7 +21,6 @@ fn spec() -> ModelSpec {
         base: Some(PhysicsBase {
             integrator: Default::default(),
             substeps: 1,
-            forgets: false,
             differences: Default::default(),
         }),
         ..ModelSpec::physical(Encoder::MLP, 8, 1)

@@ -38,7 +38,6 @@ fn specs() -> [ModelSpec; 4] {
             base: Some(PhysicsBase {
                 integrator: Integrator::SecondOrder,
                 substeps: 3,
-                forgets: true,
                 differences: Default::default(),
             }),
             ..ModelSpec::physical(Encoder::MLP, 8, 1)

@@ -1,7 +1,6 @@
-//! Parts of a system that others read: its vertices, their masses, its handles and its gravity.
+//! Parts of a system that others read: its vertices, their masses and its handles.
 
 use glam::DVec3;
-use selvedge_cloth::VertexId;
 
 use super::System;
 use crate::state::State;
@@ -10,16 +9,6 @@ impl System {
     /// Mass of each vertex `[kg]`, `[vertices]`.
     pub(crate) fn mass(&self) -> &[f64] {
         &self.elements.mass
-    }
-
-    /// Gravity of the solves that follow `[m/s²]`.
-    pub(crate) fn gravity(&self) -> DVec3 {
-        self.elements.gravity()
-    }
-
-    /// The vertices of the active handles, in the order of their targets.
-    pub(crate) fn held(&self) -> &[VertexId] {
-        self.handles.vertices()
     }
 
     /// Vertices that are unknowns.

@@ -31,7 +31,6 @@ fn grouping_changes_nothing_but_rounding() {
     for (encoder, frames) in [
         (Encoder::MLP, 1),
         (Encoder::Gru { window: 3 }, 1),
-        (Encoder::NodeGru { window: 2 }, 1),
         (Encoder::Gru { window: 3 }, 2),
         (Encoder::StreamingGru { window: 2 }, 2),
     ] {
@@ -128,14 +127,13 @@ fn whole(encoder: Encoder) -> Whole {
     let data = swinging(&[("a", 9, 20)], SectionRule::Whole);
     let mut cfg = config(encoder);
     cfg.noise.deviation = 0.003;
-    (cfg.losses.bending_spread, cfg.losses.compression) = (2.0, 3.0);
     cfg.model = ModelSpec {
         latent: 6,
         ..cfg.model
     };
     let trainer = Trainer::new(cfg.clone(), &data.dataset, &ENGINE).expect("a training");
     let model = trainer.model(String::new()).expect("a model");
-    let set = TrainingSet::load(&data.dataset, &cfg.model, 0, false).expect("a set");
+    let set = TrainingSet::load(&data.dataset).expect("a set");
     let mut shown = ShownSample::default();
     let mut rng = rng_of(cfg.seed, 0, 0, 1);
     Slot::new().show(&cfg, &set, &mut rng, &mut shown);

@@ -225,8 +225,8 @@ impl Conformance<'_> {
                 .map(|_| 3.0 * rng.random::<f32>() - 1.5)
                 .collect()
         };
-        let nodes = numbers(spec.node_window() * arcs.vertex_count() * spec.node_width());
-        let edges = numbers(spec.edge_window() * arcs.arc_count() * spec.edge_width());
+        let nodes = numbers(spec.window() * arcs.vertex_count() * spec.node_width());
+        let edges = numbers(spec.window() * arcs.arc_count() * spec.edge_width());
         let input = Input {
             nodes: &nodes,
             arcs: &edges,

@@ -4,16 +4,16 @@
 use std::thread::sleep;
 use std::time::Duration;
 
-use selvedge_model::roofline::bare_products;
-use selvedge_model::{Connectivity, FirstEdgeLayer, ModelSpec, Purpose, flops};
+use selvedge_model::{Connectivity, ModelSpec, Purpose};
 use serde::Serialize;
 use serde_json::json;
 
 use super::peer::Peer;
-use super::products::Products;
+use super::products::{Products, bare_products};
 use super::variants::{Engine, Variant, cloth, named};
 use super::{median, median_ratio, threads, time};
 use crate::cli::EngineArgs;
+use crate::commands::flops::{FirstEdgeLayer, flops};
 use crate::interrupt;
 use crate::output::{Answer, End, Table, percent};
 use crate::progress::Progress;
@@ -29,10 +29,9 @@ struct Row {
     /// Arithmetic as `selvedge presets` counts it; three times as much in a step.
     gflop: f64,
     gflop_per_second: f64,
-    /// Of the products alone, by our kernel and by faer.
+    /// Of the products alone, by faer.
     products_ms: f64,
-    faer_ms: f64,
-    /// Median over the runs of the faster of the two to what the engine took.
+    /// Median over the runs of that to what the engine took.
     share_of_roofline: f64,
     peer_ms: Option<f64>,
     times_faster_than_peer: Option<f64>,
@@ -104,8 +103,8 @@ pub(crate) fn run(args: &EngineArgs) -> anyhow::Result<Answer> {
         End::Complete
     };
     let mut note = format!(
-        "{threads} threads, {} cloths in a pass, medians of {} runs. products: the matrix products alone, by our kernel; \
-         faer: the same by faer; share: the faster of the two to ours, run by run.",
+        "{threads} threads, {} cloths in a pass, medians of {} runs. products: the matrix products alone, by faer; \
+         share: that to ours, run by run.",
         args.cloths, args.runs
     );
     for pair in &pairs {
@@ -142,7 +141,7 @@ fn rested(mut run: impl FnMut() -> anyhow::Result<f64>) -> anyhow::Result<f64> {
 }
 
 /// Frames whose times are of interest beside each other.
-const PAIRS: [[&str; 2]; 2] = [["node-gru-10", "gru-10"], ["streaming-gru", "mlp"]];
+const PAIRS: [[&str; 2]; 1] = [["streaming-gru", "mlp"]];
 
 /// The time of a frame of one variant beside one of another, run by run.
 #[derive(Serialize)]
@@ -217,17 +216,15 @@ fn measure(
                     What::Step => engine.step(),
                 }))
             })?,
-            rested(|| Ok(time(|| products.ours())))?,
-            rested(|| Ok(time(|| products.faer())))?,
+            rested(|| Ok(time(|| products.run())))?,
         ];
         progress.count();
         let peers = peer.as_mut().map(|peer| rested(|| peer.run(what.name())));
         Ok((elapsed, peers.transpose()?))
     })?;
-    let [ours, bare, faer, peers] = runs;
-    let fastest: Vec<f64> = bare.iter().zip(&faer).map(|(a, b)| a.min(*b)).collect();
+    let [ours, bare, peers] = runs;
     let gflop = what.times() * arithmetic(spec, vertices, arcs);
-    let share_of_roofline = median_ratio(&fastest, &ours);
+    let share_of_roofline = median_ratio(&bare, &ours);
     let times_faster = (!peers.is_empty()).then(|| median_ratio(&peers, &ours));
     let elapsed_ms = median(ours);
     Ok(Row {
@@ -239,20 +236,19 @@ fn measure(
         gflop,
         gflop_per_second: 1e3 * gflop / elapsed_ms,
         products_ms: median(bare),
-        faer_ms: median(faer),
         share_of_roofline,
         times_faster_than_peer: times_faster,
         peer_ms: times_faster.map(|_| median(peers)),
     })
 }
 
-/// Times of so many rounds `[ms]`: of a pass, of its products by our kernel and by faer, and of
-/// another program where there is one. Ends early where an end is asked for.
+/// Times of so many rounds `[ms]`: of a pass, of its products, and of another program where there
+/// is one. Ends early where an end is asked for.
 fn in_turn(
     rounds: u16,
-    mut round: impl FnMut() -> anyhow::Result<([f64; 3], Option<f64>)>,
-) -> anyhow::Result<[Vec<f64>; 4]> {
-    let mut times: [Vec<f64>; 4] = Default::default();
+    mut round: impl FnMut() -> anyhow::Result<([f64; 2], Option<f64>)>,
+) -> anyhow::Result<[Vec<f64>; 3]> {
+    let mut times: [Vec<f64>; 3] = Default::default();
     for _ in 0..rounds {
         if interrupt::requested() {
             break;
@@ -267,8 +263,8 @@ fn in_turn(
 
 fn table(rows: &[Row]) -> Table {
     let mut table = Table::new([
-        "variant", "what", "vertices", "arcs", "ms", "GFLOP", "GFLOP/s", "products", "faer",
-        "share", "other", "ratio",
+        "variant", "what", "vertices", "arcs", "ms", "GFLOP", "GFLOP/s", "products", "share",
+        "other", "ratio",
     ]);
     for row in rows {
         let or_dash = |x: Option<f64>, text: fn(f64) -> String| x.map_or("-".to_owned(), text);
@@ -281,7 +277,6 @@ fn table(rows: &[Row]) -> Table {
             format!("{:.2}", row.gflop),
             format!("{:.0}", row.gflop_per_second),
             format!("{:.2}", row.products_ms),
-            format!("{:.2}", row.faer_ms),
             percent(row.share_of_roofline),
             or_dash(row.peer_ms, |x| format!("{x:.2}")),
             or_dash(row.times_faster_than_peer, |x| format!("{x:.2}")),

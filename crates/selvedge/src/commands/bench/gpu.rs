@@ -18,8 +18,7 @@ use selvedge_gpu::device::{Device, Precision};
 use selvedge_gpu::rollout::{Opening, Rollout};
 use selvedge_lab::machine::{self, DeviceName};
 use selvedge_model::{
-    ClothGraph, Connectivity, Extent, FirstEdgeLayer, Input, Model, ModelSpec, Network, Normalizer,
-    Normalizers, flops,
+    ClothGraph, Connectivity, Extent, Input, Model, ModelSpec, Network, Normalizer, Normalizers,
 };
 use serde::Serialize;
 use serde_json::json;
@@ -29,6 +28,7 @@ use super::peer::Peer;
 use super::variants::{Variant, named};
 use super::{median, time};
 use crate::cli::{Cloths, GpuArgs};
+use crate::commands::flops::{FirstEdgeLayer, flops};
 use crate::interrupt;
 use crate::output::{Answer, End};
 
@@ -372,7 +372,7 @@ fn drawn(network: &Network, graph: &Connectivity) -> (Extent, [Vec<f32>; 2]) {
     let (extent, [of_nodes, of_edges]) = if network.streams() {
         (Extent::Newest, [1, 1])
     } else {
-        (Extent::Whole, [spec.node_window(), spec.edge_window()])
+        (Extent::Whole, [spec.window(); 2])
     };
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let mut numbers = |count: usize| -> Vec<f32> {

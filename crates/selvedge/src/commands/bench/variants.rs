@@ -29,7 +29,6 @@ pub(crate) fn all() -> Vec<Variant> {
     vec![
         of("gru-10", Encoder::Gru { window: 10 }),
         of("gru-5", Encoder::Gru { window: 5 }),
-        of("node-gru-10", Encoder::NodeGru { window: 10 }),
         of("streaming-gru", Encoder::StreamingGru { window: 10 }),
         of("mlp", Encoder::MLP),
         Variant {
@@ -121,7 +120,7 @@ impl Engine {
         let [node_frames, edge_frames] = if network.streams() {
             [1, 1]
         } else {
-            [spec.node_window(), spec.edge_window()]
+            [spec.window(); 2]
         };
         let nodes = numbers(node_frames * vertices * spec.node_width());
         let edges = numbers(edge_frames * arcs * spec.edge_width());
@@ -163,8 +162,11 @@ impl Engine {
             input,
             state: &self.state,
         };
-        self.network
-            .forward_carried(&self.used, &self.graph, given, Pass::Inference, workspace);
+        let pass = Pass::Inference;
+        let done = self
+            .network
+            .forward_carried(&self.used, &self.graph, given, pass, workspace);
+        debug_assert!(done.is_ok(), "nobody stops it");
     }
 
     /// Makes what [`Self::step`] needs.
@@ -201,13 +203,16 @@ impl Engine {
             state: &self.state,
         };
         let out = network.forward_carried(&learning.weights, &self.graph, given, pass, workspace);
+        let Ok(out) = out else { return };
         let scale = 2.0 / out.len() as f32;
         for ((to, x), y) in learning.by_output.iter_mut().zip(out).zip(&self.target) {
             *to = scale * (x - y);
         }
         learning.gradient.fill(0.0);
         let gradients = Gradients::new(&learning.by_output, &mut learning.gradient);
-        network.backward_carried(&learning.weights, &self.graph, given, gradients, workspace);
+        let back =
+            network.backward_carried(&learning.weights, &self.graph, given, gradients, workspace);
+        debug_assert!(back.is_ok(), "nobody stops it");
         let adam = &mut learning.adam;
         adam.step(&mut self.weights, &learning.gradient, 1e-5);
     }

@@ -176,7 +176,6 @@ fn inspect_training(cfg: &TrainConfig, name: &str) -> anyhow::Result<Answer> {
     facts.add("encoder", serde_json::to_string(&cfg.model.encoder)?);
     facts.add("latent", cfg.model.latent);
     facts.add("blocks", cfg.model.blocks);
-    facts.add("coarse levels", cfg.model.coarse_levels);
     let report = json!({ "kind": "training", "file": name, "config": cfg });
     Answer::new(facts, &report)
 }
@@ -315,7 +314,6 @@ fn inspect_model(model: &Model, path: &Path) -> anyhow::Result<Answer> {
     facts.add("encoder", serde_json::to_string(&spec.encoder)?);
     facts.add("latent", spec.latent);
     facts.add("blocks", spec.blocks);
-    facts.add("coarse levels", spec.coarse_levels);
     facts.add(
         "vertex features",
         serde_json::to_string(&spec.node_features)?,

@@ -20,8 +20,8 @@ use selvedge_gpu::bench::conformance::training;
 use selvedge_gpu::bench::learning::Learning;
 use selvedge_gpu::device::{Device, Precision};
 use selvedge_model::{
-    ClothGraph, Connectivity, EdgeFeature, Encoder, Extent, Gradients, Input, Integration,
-    ModelSpec, Network, NodeFeature, Pass, Workspace,
+    ClothGraph, Connectivity, Encoder, Extent, Gradients, Input, Integration, ModelSpec, Network,
+    NodeFeature, Pass, Workspace,
 };
 use selvedge_train::{EngineMaker, TrainConfig, Trainer, TruthProbability, UnrollFrames};
 use serde_json::json;
@@ -37,10 +37,6 @@ const GRADIENT: f64 = 1e-4;
 
 /// Most that a loss may be off, in parts of it.
 const LOSS: f64 = 0.02;
-
-/// Steps of a training with coarse levels: after a hundred, two of the processor that only add in
-/// another order are a percent apart.
-const COARSE_STEPS: usize = 20;
 
 /// Vertices of the cloths that are learned from.
 const VERTICES: [usize; 2] = [100, 81];
@@ -70,10 +66,7 @@ pub(super) fn check(
             return Ok(());
         }
         let mut make = |engine: &dyn EngineMaker| Trainer::new(cfg.clone(), &data, engine);
-        let mut steps = usize::from(args.steps);
-        if cfg.model.coarse_levels > 0 {
-            steps = steps.min(COARSE_STEPS);
-        }
+        let steps = usize::from(args.steps);
         let (gradient, losses) = match training(device, precision, &mut make, steps) {
             Ok(found) => (Ok(found.gradient), Ok(found.losses)),
             Err(error) => (Err(error.into()), Err(anyhow!("there is no training"))),
@@ -102,8 +95,8 @@ fn gradients(
             .map(|_| 3.0 * rng.random::<f32>() - 1.5)
             .collect()
     };
-    let nodes = numbers(spec.node_window() * graph.vertex_count() * spec.node_width());
-    let edges = numbers(spec.edge_window() * graph.arc_count() * spec.edge_width());
+    let nodes = numbers(spec.window() * graph.vertex_count() * spec.node_width());
+    let edges = numbers(spec.window() * graph.arc_count() * spec.edge_width());
     let target = numbers(3 * graph.vertex_count());
     let input = Input {
         nodes: &nodes,
@@ -153,52 +146,42 @@ fn worst_array(network: &Network, found: &[f32], expected: &[f32]) -> f64 {
     worst(0.0, of_arrays)
 }
 
-/// Small trainings in which everything plays a part that can: noise, mirror images, clipping, a
-/// mean of the weights, dropout, coarse levels, the model's own predictions, and several frames at
-/// a time.
+/// Small trainings in which everything plays a part that can: noise, clipping, a mean of the
+/// weights, dropout, the model's own predictions, and several frames at a time.
 fn trainings() -> anyhow::Result<Vec<(String, TrainConfig)>> {
     let encoders = [
-        ("gru", Encoder::Gru { window: 5 }, 1, 0),
-        ("node-gru", Encoder::NodeGru { window: 5 }, 3, 0),
-        ("streaming-gru", Encoder::StreamingGru { window: 5 }, 3, 0),
-        ("mlp", Encoder::MLP, 3, 0),
-        ("mlp and coarse levels", Encoder::MLP, 1, 2),
+        ("gru", Encoder::Gru { window: 5 }, 1),
+        ("streaming-gru", Encoder::StreamingGru { window: 5 }, 3),
+        ("mlp", Encoder::MLP, 3),
     ];
-    let all = encoders
-        .into_iter()
-        .map(|(name, encoder, frames, coarse_levels)| {
-            let mut cfg = TrainConfig::parse(CONFIG, Path::new("conformance"))?;
-            cfg.model = ModelSpec::physical(encoder, 32, 3);
-            if encoder != (Encoder::Gru { window: 5 }) {
-                cfg.model.node_features.extend([
-                    NodeFeature::Acceleration,
-                    NodeFeature::ExpectedMove,
-                    NodeFeature::RestOffset,
-                ]);
-                cfg.model.integration = Integration::Carried {
-                    damping: 0.05,
-                    stiffness: 0.01,
-                };
-            }
-            cfg.model.coarse_levels = coarse_levels;
-            if coarse_levels > 0 {
-                let coarse = [EdgeFeature::CoarseVector, EdgeFeature::CoarseRestVector];
-                cfg.model.edge_features.extend(coarse);
-            }
-            if encoder != Encoder::MLP {
-                cfg.dropout = 0.1;
-            }
-            if frames > 1 {
-                cfg.losses.kinetic_energy = 0.0;
-            }
-            cfg.unroll = UnrollFrames::Constant { frames };
-            cfg.scheduled_sampling.truth = TruthProbability::Linear {
-                start: 1,
-                end: 10,
-                probability: 0.3,
+    let all = encoders.into_iter().map(|(name, encoder, frames)| {
+        let mut cfg = TrainConfig::parse(CONFIG, Path::new("conformance"))?;
+        cfg.model = ModelSpec::physical(encoder, 32, 3);
+        if encoder != (Encoder::Gru { window: 5 }) {
+            cfg.model.node_features.extend([
+                NodeFeature::Acceleration,
+                NodeFeature::ExpectedMove,
+                NodeFeature::RestOffset,
+            ]);
+            cfg.model.integration = Integration::Carried {
+                damping: 0.05,
+                stiffness: 0.01,
             };
-            Ok((format!("{name}, {frames} at a time"), cfg))
-        });
+        }
+        if encoder != Encoder::MLP {
+            cfg.dropout = 0.1;
+        }
+        if frames > 1 {
+            cfg.losses.kinetic_energy = 0.0;
+        }
+        cfg.unroll = UnrollFrames::Constant { frames };
+        cfg.scheduled_sampling.truth = TruthProbability::Linear {
+            start: 1,
+            end: 10,
+            probability: 0.3,
+        };
+        Ok((format!("{name}, {frames} at a time"), cfg))
+    });
     all.collect()
 }
 
@@ -212,7 +195,6 @@ log_every = 10
 gradient_clip = 1.0
 loss_cap = 100.0
 weight_average = 0.99
-mirror_images = true
 
 [model]
 node_features = ["velocity", "node-type"]
