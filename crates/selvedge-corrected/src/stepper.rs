@@ -391,7 +391,6 @@ impl Stepper for CorrectedStepper {
             let frame = frame + 1;
             return Err(match error {
                 CorrectionError::Stopped(_) => StepError::Stopped { frame },
-                CorrectionError::NonFinite { vertex } => StepError::NonFinite { frame, vertex },
                 CorrectionError::Device(reason) => StepError::Device { frame, reason },
             });
         }

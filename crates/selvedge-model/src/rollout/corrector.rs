@@ -7,11 +7,10 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use selvedge_cloth::{FaceId, Stop, VertexId};
+use selvedge_cloth::{FaceId, Stop};
 use thiserror::Error;
 
 use crate::features::correction::{CorrectionColumns, HalfTurns, PredictedFrame, Stiffness};
-use crate::features::finite::first_non_finite;
 use crate::graph::ClothGraph;
 use crate::kernels::simd::Instructions;
 use crate::network::packed::{PackedWeights, Purpose};
@@ -52,8 +51,6 @@ pub enum CorrectionError {
     /// What failed of the machine that runs the network.
     #[error("{0}")]
     Device(String),
-    #[error("what the network would see of vertex {vertex} is not finite")]
-    NonFinite { vertex: VertexId },
     #[error(transparent)]
     Stopped(#[from] Stopped),
 }
@@ -194,14 +191,6 @@ impl Corrector {
         let normalizers = self.model.normalizers();
         normalizers.nodes.normalize(&mut columns.nodes);
         normalizers.edges.normalize(&mut columns.arcs);
-        let input = Input {
-            nodes: &columns.nodes,
-            arcs: &columns.arcs,
-        };
-        let (spec, graph) = (self.model.spec(), self.graph.connectivity());
-        if let Some(vertex) = first_non_finite(spec, graph, input) {
-            return Err(CorrectionError::NonFinite { vertex });
-        }
         find_shares(&self.graph, columns, &mut self.shares);
         cut(&mut columns.nodes, MOST_DEVIATIONS);
         cut(&mut columns.arcs, MOST_DEVIATIONS);

@@ -320,10 +320,6 @@ fn keys_that_are_gone_are_named() {
             "unknown field `short_waves`, expected one of",
         ),
         (
-            "scheduled_sampling.offset={ kind = \"decaying\" }",
-            "unknown field `offset`, expected one of",
-        ),
-        (
             "mirror_images=true",
             "unknown field `mirror_images`, expected one of",
         ),

@@ -166,7 +166,7 @@ fn statistics_can_be_interrupted() {
     desk.tiny();
     desk.write("moment.toml", TRAINING);
     // Hours of them, if it went on.
-    let train = "train moment.toml --data tiny --out run --set statistics_samples=1000000 --set model.encoder.window=64";
+    let train = "train moment.toml --data tiny --out run --set statistics_samples=1000000000";
     let mut train = desk.start(&format!("{train} --json"));
     train.wait_for("gathering statistics: begun");
     assert!(desk.path("run").is_dir());
@@ -247,7 +247,8 @@ fn a_model_is_measured_beside_its_rivals() {
 fn a_rollout_stands_beside_the_truth() {
     let desk = Desk::new();
     desk.model();
-    desk.write("push.toml", PUSH);
+    // A rollout takes the law from which models learn.
+    desk.write("push.toml", &format!("physics.law = \"measured\"{PUSH}"));
     let report = desk.json("rollout push.toml --model run/model.safetensors --out out");
     let names = [
         "clip.gif",
