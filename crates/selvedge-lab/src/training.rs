@@ -6,6 +6,20 @@ use selvedge_train::{EngineMaker, TrainConfig, TrainError, Trainer};
 use crate::event::{OnEvent, Reporter};
 use crate::models::NamedModel;
 
+/// Says which weights begin with random numbers although the training began with a model.
+fn say_what_is_fresh(trainer: &Trainer) {
+    let fresh = trainer.fresh_tensors();
+    if fresh.is_empty() {
+        return;
+    }
+    let all = trainer.tensor_count();
+    tracing::warn!(
+        "{} of {all} tensors are as they were there; new, with random numbers: {}",
+        all - fresh.len(),
+        fresh.join(", ")
+    );
+}
+
 /// A training at its beginning, with its statistics gathered. None where an end was asked for.
 ///
 /// # Errors
@@ -32,7 +46,9 @@ pub fn from_model(
 ) -> Result<Option<Trainer>, TrainError> {
     let reporter = Reporter::new(on_event);
     let task = reporter.count("gathering statistics", cfg.statistics_samples, "samples");
-    Trainer::from_model(cfg, data, engine, &model.model, &mut |_| task.advance())
+    let trainer = Trainer::from_model(cfg, data, engine, &model.model, &mut |_| task.advance())?;
+    trainer.iter().for_each(say_what_is_fresh);
+    Ok(trainer)
 }
 
 /// As [`fresh`], within a longer operation.

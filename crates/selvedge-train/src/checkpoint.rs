@@ -11,8 +11,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use selvedge_data::{Dataset, WriteError};
+use selvedge_model::Network;
 
-pub(crate) use self::differences::{differences, differences_of_networks};
+pub(crate) use self::differences::{differences, differences_but_encoder};
 pub use self::error::{ContentProblem, ResumeError};
 pub use self::file::CHECKPOINT_FORMAT;
 use self::file::{Bytes, CheckpointFile, SlotEntry, State, VERSION, history_name};
@@ -20,6 +21,7 @@ use self::fingerprint::{fingerprint, name_in};
 use crate::config::TrainConfig;
 use crate::engine::{EngineMaker, Learned};
 use crate::fit_normalizers::Statistics;
+use crate::from_model::TakenWeights;
 use crate::optimizer::Adam;
 use crate::origin::Origin;
 use crate::trainer::{Parts, TrainError, Trainer, prepare};
@@ -151,7 +153,8 @@ impl Trainer {
 impl Trainer {
     /// A new training from its first step, but with the weights and the statistics of the
     /// checkpoint at `path`, which may be of another configuration and other data; only `model`
-    /// must be the same, except its edge limits.
+    /// must be the same, except its edge limits and its encoder: weights that the checkpoint has
+    /// none for are fresh ([`Self::fresh_tensors`]).
     ///
     /// # Errors
     /// [`ResumeError`] names the file and what does not fit.
@@ -175,13 +178,17 @@ impl Trainer {
             steps_done: state.step,
             dataset: name_in(file.metadata.get("dataset").map_or("", String::as_str)),
         });
-        let weights = file.numbers("weights", network.parameter_count())?;
+        let of_file = Network::new(&made.model).map_err(TrainError::from)?;
+        let weights = file.numbers("weights", of_file.parameter_count())?;
+        let taken = TakenWeights::new(&cfg, &network, &of_file, &weights);
         let statistics = Statistics {
             inputs: state.inputs,
             targets: state.targets,
         };
-        let parts = Parts::at_first_step(&cfg, network, weights, statistics, origins)?;
-        Ok(Self::assemble(cfg, set, engine, parts)?)
+        let parts = Parts::at_first_step(&cfg, network, taken.weights, statistics, origins)?;
+        let mut trainer = Self::assemble(cfg, set, engine, parts)?;
+        trainer.fresh_tensors = taken.fresh;
+        Ok(trainer)
     }
 }
 

@@ -3,15 +3,15 @@
 use std::ops::ControlFlow;
 
 use selvedge_data::Dataset;
-use selvedge_model::{Model, RunningStatistics, edge_groups, node_groups};
+use selvedge_model::{Model, Network, RunningStatistics, edge_groups, node_groups};
 use serde::Deserialize;
 
-use crate::checkpoint::differences_of_networks;
+use crate::checkpoint::differences_but_encoder;
 use crate::config::TrainConfig;
 use crate::engine::EngineMaker;
 use crate::fit_normalizers::{FitProgress, NormalizerFit, Statistics};
 use crate::origin::Origin;
-use crate::trainer::{Parts, TrainError, Trainer, prepare};
+use crate::trainer::{Parts, TrainError, Trainer, first_weights, prepare};
 
 /// The account of a training, as far as it is one.
 #[derive(Default, Deserialize)]
@@ -30,7 +30,8 @@ impl Trainer {
     /// A new training from its first step, but with the weights of `model` and the statistics of
     /// its inputs and its output. What the losses are measured by is from samples of `dataset`;
     /// `observe` hears of each and may stop there, which gives no training. Only the network must
-    /// be that of the configuration.
+    /// be that of the configuration, except its encoder: weights that the model has none for are
+    /// fresh ([`Self::fresh_tensors`]).
     ///
     /// # Errors
     /// As [`Self::new`], and [`TrainError::OtherModel`].
@@ -42,7 +43,7 @@ impl Trainer {
         observe: &mut dyn FnMut(FitProgress) -> ControlFlow<()>,
     ) -> Result<Option<Self>, TrainError> {
         let differences =
-            differences_of_networks(model.spec(), &cfg.model).map_err(TrainError::Json)?;
+            differences_but_encoder(model.spec(), &cfg.model).map_err(TrainError::Json)?;
         if !differences.is_empty() {
             return Err(TrainError::OtherModel { differences });
         }
@@ -58,10 +59,45 @@ impl Trainer {
             ],
             targets: fitted.targets.with_acceleration(&normalizers.acceleration),
         };
-        let weights = model.weights().to_vec();
+        let of_model = Network::new(model.spec())?;
+        let taken = TakenWeights::new(&cfg, &network, &of_model, model.weights());
         let origins = origins(&model.training);
-        let parts = Parts::at_first_step(&cfg, network, weights, statistics, origins)?;
-        Self::assemble(cfg, set, engine, parts).map(Some)
+        let parts = Parts::at_first_step(&cfg, network, taken.weights, statistics, origins)?;
+        let mut trainer = Self::assemble(cfg, set, engine, parts)?;
+        trainer.fresh_tensors = taken.fresh;
+        Ok(Some(trainer))
+    }
+}
+
+/// Weights of which a part comes from another network.
+pub(crate) struct TakenWeights {
+    pub(crate) weights: Vec<f32>,
+    /// Names of the tensors that the other network has not, in this shape.
+    pub(crate) fresh: Vec<String>,
+}
+
+impl TakenWeights {
+    /// The weights of `network`: those of `other` where that has a tensor of the same name and
+    /// shape, else as a training that begins with nothing has them.
+    pub(crate) fn new(
+        cfg: &TrainConfig,
+        network: &Network,
+        other: &Network,
+        other_weights: &[f32],
+    ) -> Self {
+        let mut weights = first_weights(cfg, network);
+        let mut fresh = Vec::new();
+        for parameter in network.parameters() {
+            let same = other.parameters().iter().find(|theirs| {
+                (&theirs.name, &theirs.shape) == (&parameter.name, &parameter.shape)
+            });
+            match same {
+                Some(theirs) => weights[parameter.range.clone()]
+                    .copy_from_slice(&other_weights[theirs.range.clone()]),
+                None => fresh.push(parameter.name.clone()),
+            }
+        }
+        Self { weights, fresh }
     }
 }
 

@@ -39,6 +39,7 @@ pub struct Trainer {
     pub(crate) slots: Vec<Slot>,
     pub(crate) step: u64,
     pub(crate) origins: Vec<Origin>,
+    pub(crate) fresh_tensors: Vec<String>,
     /// Steps since the last line of the log, which a checkpoint keeps.
     pub(crate) since_line: Vec<StepReport>,
     engine: Box<dyn Engine>,
@@ -163,8 +164,7 @@ impl Trainer {
         network: Network,
         statistics: Statistics,
     ) -> Result<Self, TrainError> {
-        let mut rng = ChaCha8Rng::seed_from_u64(cfg.seed);
-        let weights = network.initialise(&mut || rng.random::<f64>());
+        let weights = first_weights(&cfg, &network);
         let parts = Parts::at_first_step(&cfg, network, weights, statistics, Vec::new())?;
         Self::assemble(cfg, set, engine, parts)
     }
@@ -203,6 +203,7 @@ impl Trainer {
             slots: parts.slots,
             step: parts.step,
             origins: parts.origins,
+            fresh_tensors: Vec::new(),
             since_line: parts.since_line,
             set,
             statistics,
@@ -350,6 +351,12 @@ impl Trainer {
         self.learned.weights.len()
     }
 
+    /// Number of tensors of weights.
+    #[must_use]
+    pub fn tensor_count(&self) -> usize {
+        self.network.parameters().len()
+    }
+
     /// Number of samples in the sections of the data set.
     #[must_use]
     pub fn sample_count(&self) -> usize {
@@ -361,6 +368,13 @@ impl Trainer {
     #[must_use]
     pub fn origins(&self) -> &[Origin] {
         &self.origins
+    }
+
+    /// Names of the tensors that the training or the model that this one began with has not, so
+    /// that they begin with random numbers; none where it has them all, and none after a resume.
+    #[must_use]
+    pub fn fresh_tensors(&self) -> &[String] {
+        &self.fresh_tensors
     }
 
     /// The domain of what is learned from.
@@ -389,6 +403,12 @@ impl Trainer {
         let normalizers = self.normalizers.clone();
         Ok(Model::new(&self.cfg.model, weights, normalizers, training)?)
     }
+}
+
+/// The weights of a training that begins with nothing.
+pub(crate) fn first_weights(cfg: &TrainConfig, network: &Network) -> Vec<f32> {
+    let mut rng = ChaCha8Rng::seed_from_u64(cfg.seed);
+    network.initialise(&mut || rng.random::<f64>())
 }
 
 /// Reads the data and builds the network, after checking the configuration and the memory of this

@@ -442,8 +442,8 @@ pub(crate) struct TrainArgs {
     #[arg(long)]
     pub(crate) resume: bool,
     /// Start with the weights and the statistics of a run, by its folder, or of a model, by its
-    /// file or the name of a shipped one. The network must be the same; all else, from the steps to
-    /// the data, is this training's own.
+    /// file or the name of a shipped one. The network must be the same but for its encoder, which
+    /// is new where it differs; all else, from the steps to the data, is this training's own.
     #[arg(long, value_name = "RUN|MODEL", conflicts_with = "resume")]
     pub(crate) from: Option<PathBuf>,
     /// Change a value of the configuration, by its dotted path and as in TOML; may stand several

@@ -145,7 +145,6 @@ fn vertices_that_fit(
     let part = |vertices: usize| GraphSizes {
         vertices,
         arcs: (sizes.arcs * vertices).div_ceil(sizes.vertices.max(1)),
-        ..sizes
     };
     let fits = |vertices: usize| bytes(part(vertices)) <= free;
     match largest_fit(sizes.vertices, fits) {

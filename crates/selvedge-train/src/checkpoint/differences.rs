@@ -10,16 +10,16 @@ pub(crate) struct Difference {
     pub(crate) now: String,
 }
 
-/// The places where two networks differ, in words; none where they are the same. Edge limits may
-/// differ: they are no part of the network.
-pub(crate) fn differences_of_networks(
+/// The places where two networks differ but for their encoders, in words; none where they are the
+/// same. Edge limits may differ: they are no part of the network.
+pub(crate) fn differences_but_encoder(
     made: &ModelSpec,
     now: &ModelSpec,
 ) -> Result<String, serde_json::Error> {
     let network = |spec: &ModelSpec| {
-        let edge_limits = None;
         serde_json::to_value(ModelSpec {
-            edge_limits,
+            edge_limits: None,
+            encoder: now.encoder,
             ..spec.clone()
         })
     };

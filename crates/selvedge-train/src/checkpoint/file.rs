@@ -10,7 +10,7 @@ use selvedge_data::{Dataset, Section, read_header};
 use selvedge_model::RunningStatistics;
 use serde::{Deserialize, Serialize};
 
-use super::differences::{differences, differences_of_networks};
+use super::differences::{differences, differences_but_encoder};
 use super::error::{ContentProblem, ResumeError};
 use super::fingerprint::{fingerprint, name_in};
 use super::parts;
@@ -162,13 +162,13 @@ impl<'a> CheckpointFile<'a> {
         Ok(())
     }
 
-    /// Checks that the network is the same; the limits of edges may differ.
+    /// Checks that the network is the same; its encoder and the limits of edges may differ.
     pub(super) fn check_network(
         &self,
         made: &TrainConfig,
         cfg: &TrainConfig,
     ) -> Result<(), ResumeError> {
-        let differences = differences_of_networks(&made.model, &cfg.model)
+        let differences = differences_but_encoder(&made.model, &cfg.model)
             .map_err(|error| self.content("config", error))?;
         if differences.is_empty() {
             return Ok(());

@@ -183,13 +183,17 @@ fn another_model_is_refused_by_all_its_fields() {
     let cfg = trainer.config().clone();
     let on = Trainer::resume(cfg, &data.dataset, &kept, &ENGINE);
     assert_eq!(on.expect("the same").origins(), [origin]);
+    assert!(trainer.fresh_tensors().is_empty());
+    let gru = from(|cfg| cfg.model.encoder = Encoder::Gru { window: 3 });
+    let gru = gru.expect("all but its encoder");
+    assert_eq!(gru.fresh_tensors().len(), 24);
     let text = from(|cfg| {
         cfg.model.latent = 16;
         cfg.model.blocks = 3;
         cfg.model.encoder = Encoder::Gru { window: 4 };
     });
     let text = text.err().expect("another network");
-    let expected = "is of another model: model.blocks is 2 there, 3 here; model.encoder.window is 2 there, 4 here; model.latent is 8 there, 16 here: set these values as they are there, or train without it";
+    let expected = "is of another model: model.blocks is 2 there, 3 here; model.latent is 8 there, 16 here: set these values as they are there, or train without it";
     assert!(text.ends_with(expected), "{text}");
     assert!(!text.contains('\n'));
 }

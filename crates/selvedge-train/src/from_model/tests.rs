@@ -68,6 +68,50 @@ fn a_training_begins_as_the_model_is() {
     assert_ne!(learned.weights(), model.weights());
 }
 
+/// The tensors of a network whose names begin like this.
+fn named<'a>(network: &Network, weights: &'a [f32], start: &str) -> Vec<&'a [f32]> {
+    let all = network.parameters().iter();
+    all.filter(|parameter| parameter.name.starts_with(start))
+        .map(|parameter| &weights[parameter.range.clone()])
+        .collect()
+}
+
+#[test]
+fn a_new_encoder_joins_the_rest_of_a_model() {
+    let data = two_cloths();
+    let model = learned(&data.dataset, "a perceptron");
+    let gru = || busy(Encoder::Gru { window: 3 });
+    let trainer = started(gru(), &data.dataset, &model).expect("all but its encoder");
+    let fresh = trainer.fresh_tensors();
+    assert!(fresh.iter().all(|name| name.starts_with("encoder.")));
+    // Of nodes and of edges two layers of four tensors, a linear layer and a norm.
+    assert_eq!(fresh.len(), 24);
+    let [ours, theirs] =
+        [&gru().model, model.spec()].map(|spec| Network::new(spec).expect("a network"));
+    let begun = trainer.model(String::new()).expect("a model");
+    let nothing = Trainer::new(gru(), &data.dataset, &ENGINE).expect("a training");
+    let nothing = nothing.model(String::new()).expect("a model");
+    assert_eq!(
+        named(&ours, begun.weights(), "encoder."),
+        named(&ours, nothing.weights(), "encoder.")
+    );
+    for start in ["processor.", "decoder."] {
+        let taken = named(&ours, begun.weights(), start);
+        assert_eq!(taken, named(&theirs, model.weights(), start));
+        assert!(!taken.is_empty());
+    }
+    assert_eq!(
+        begun.normalizers().nodes.mean(),
+        model.normalizers().nodes.mean()
+    );
+    // A longer window has no other weights.
+    let longer = busy(Encoder::Gru { window: 5 });
+    let trainer = started(longer, &data.dataset, &begun).expect("the same tensors");
+    assert!(trainer.fresh_tensors().is_empty());
+    let longer = trainer.model(String::new()).expect("a model");
+    assert_eq!(longer.weights(), begun.weights());
+}
+
 #[test]
 fn another_network_is_refused_and_an_observer_may_stop_it() {
     let data = two_cloths();

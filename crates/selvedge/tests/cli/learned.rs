@@ -248,7 +248,7 @@ fn a_rollout_stands_beside_the_truth() {
     let desk = Desk::new();
     desk.model();
     // A rollout takes the law from which models learn.
-    desk.write("push.toml", &format!("physics.law = \"measured\"{PUSH}"));
+    desk.write("push.toml", format!("physics.law = \"measured\"{PUSH}"));
     let report = desk.json("rollout push.toml --model run/model.safetensors --out out");
     let names = [
         "clip.gif",
