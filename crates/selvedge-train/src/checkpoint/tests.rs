@@ -154,9 +154,9 @@ fn another_configuration_is_refused_by_its_field() {
 #[test]
 fn another_model_is_refused_by_all_its_fields() {
     let data = two_cloths();
-    let (path, _) = five(busy(Encoder::Gru { window: 2 }), &data);
+    let (path, _) = five(busy(Encoder::MLP), &data);
     let from = |edit: fn(&mut TrainConfig)| {
-        let mut cfg = busy(Encoder::Gru { window: 2 });
+        let mut cfg = busy(Encoder::MLP);
         edit(&mut cfg);
         Trainer::start_from(cfg, &data.dataset, &path, &ENGINE).map_err(|error| error.to_string())
     };
