@@ -9,7 +9,7 @@
 //!
 //! an orthotropic quadratic form, and ramps along directions a_j in the space of strains that
 //! stiffen up to a span m, with weights w_j ≥ 0. It is convex in G whatever the weights, and its
-//! stress and tangent are exact. C and w are the least-squares fit ([`fit`]) to the measured
+//! stress and tangent are exact. C and w are the least-squares fit to the measured
 //! stress. `[eq:stretch-energy]`
 
 mod fit;
