@@ -253,7 +253,7 @@ fn roll(asked: &Asked<'_>, stop: &Stop, teller: &mut Teller<'_>) -> PyResult<Mad
         None => built.frame_count().map_err(told)?,
     };
     let beyond = domain::of_scene(&model.model, &built, frames).map_err(told)?;
-    let rest = scene.found_rest(teller).map_err(told)?;
+    let rest = scene.rest_of(&built, teller).map_err(told)?;
     let rest = &rest.positions;
     let path = built.handle_path().map_err(told)?;
     let guard = start::guarded(&built, rest, &model.named(), &Machine::Cpu, asked.guard);

@@ -25,6 +25,7 @@ handles.vertices = {handles}
 material = "gray-interlock"
 motion.named = "forward"
 environment = {{ air_density = 1.0, air_drag = 0.0 }}
+physics.law = "measured"
 """
 
 
