@@ -59,7 +59,7 @@ fn falling(stiffness: f64, level: u32) -> Scene {
 #[test]
 fn an_impact_strains_no_more_than_its_wave_on_a_body_of_any_fineness() {
     // The sheet meets the ball at 1.4 m/s; its waves run at 73 and at 16 m/s. Before pulls were
-    // released the finest ball strained the soft sheet by more than a half.
+    // released, a sheet of gray interlock was strained by 0.62 on a ball with edges of 1 cm.
     for (stiffness, most) in [(2e6, 0.12), (1e5, 0.12)] {
         for level in [2, 4] {
             let [strain, _] = run(&falling(stiffness, level), 30);
