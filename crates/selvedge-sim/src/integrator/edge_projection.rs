@@ -104,7 +104,9 @@ impl EdgeProjection {
                 self.shifts.fill(DVec3::ZERO);
                 asked = true;
             }
-            let excess = way * (1.0 - (limit / squared).sqrt());
+            // 1 - √(limit/squared) to first order, without its root (Jakobsen 2001): the passes
+            // end at the same lengths.
+            let excess = way * ((squared - limit) / (squared + limit));
             self.shifts[a] += excess * edge.parts[0];
             self.shifts[b] -= excess * edge.parts[1];
         }

@@ -28,6 +28,18 @@ pub struct StretchEnergy {
     /// (C0, C1, C2, C3) `[N/m]`: G·C·G = C0 G00² + 2 C1 G00 G11 + C2 G11² + 2 C3 G01².
     constant: [f64; 4],
     ramps: Vec<Ramp>,
+    /// The ramps again, as [`StretchLaw::at`] takes them.
+    lanes: Vec<Lanes>,
+}
+
+/// Ramps that are evaluated side by side.
+const LANES: usize = 2;
+
+/// As many ramps as are evaluated side by side; those that are missing have no weight.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Lanes {
+    direction: [[f64; LANES]; 3],
+    weight: [f64; LANES],
 }
 
 /// A ramp of stiffness along a direction of strains.
@@ -45,6 +57,24 @@ impl StretchEnergy {
     #[must_use]
     pub fn new(table: &StretchTable) -> Self {
         fit::fit(table)
+    }
+
+    fn of(constant: [f64; 4], ramps: Vec<Ramp>) -> Self {
+        let lanes = ramps.chunks(LANES).map(|chunk| {
+            let mut lanes = Lanes::default();
+            for (lane, ramp) in chunk.iter().enumerate() {
+                for (of_axis, along) in lanes.direction.iter_mut().zip(ramp.direction) {
+                    of_axis[lane] = along;
+                }
+                lanes.weight[lane] = ramp.weight;
+            }
+            lanes
+        });
+        Self {
+            constant,
+            lanes: lanes.collect(),
+            ramps,
+        }
     }
 
     /// Energy density `[J/m²]` at `strain`.
@@ -68,30 +98,42 @@ impl StretchLaw for StretchEnergy {
     #[inline(always)]
     fn at(&self, strain: Strain, _stiffening: bool) -> Elastic {
         let [c0, c1, c2, c3] = self.constant;
-        let mut stress = [
-            c0 * strain.uu + c1 * strain.vv,
-            c2 * strain.vv + c1 * strain.uu,
-            2.0 * c3 * strain.uv,
-        ];
-        let mut tangent = [c0, c1, c2, 2.0 * c3, 0.0, 0.0];
-        for ramp in &self.ramps {
-            let along = ramp.along(strain);
-            // Not `clamp`: a NaN must stay one.
-            let part = if along > SPAN { SPAN } else { along.max(0.0) };
-            let slope = ramp.weight * (part * part / (2.0 * SPAN) + (along - part).max(0.0));
-            let stiffness = ramp.weight * part / SPAN;
-            let [a0, a1, a2] = ramp.direction;
-            let (b0, b1, b2) = (stiffness * a0, stiffness * a1, stiffness * a2);
-            stress[0] += slope * a0;
-            stress[1] += slope * a1;
-            stress[2] += slope * a2;
-            tangent[0] += b0 * a0;
-            tangent[1] += b0 * a1;
-            tangent[2] += b1 * a1;
-            tangent[3] += b2 * a2;
-            tangent[4] += b0 * a2;
-            tangent[5] += b1 * a2;
+        // Three sums of the stress and six of the tangent.
+        let mut sums = [[0.0; LANES]; 9];
+        for Lanes { direction, weight } in &self.lanes {
+            for lane in 0..LANES {
+                let [a0, a1, a2] = direction.map(|along| along[lane]);
+                let along = a0 * strain.uu + a1 * strain.vv + a2 * strain.uv;
+                // Not `clamp`: a NaN must stay one.
+                let rise = if along < 0.0 { 0.0 } else { along };
+                let part = if rise > SPAN { SPAN } else { rise };
+                let stiffness = weight[lane] * (1.0 / SPAN) * part;
+                // weight (part²/(2 SPAN) + rise - part), which is the same within and beyond.
+                let slope = stiffness * (rise - 0.5 * part);
+                let (b0, b1, b2) = (stiffness * a0, stiffness * a1, stiffness * a2);
+                let terms = [
+                    slope * a0,
+                    slope * a1,
+                    slope * a2,
+                    b0 * a0,
+                    b0 * a1,
+                    b1 * a1,
+                    b2 * a2,
+                    b0 * a2,
+                    b1 * a2,
+                ];
+                for (sum, term) in sums.iter_mut().zip(terms) {
+                    sum[lane] += term;
+                }
+            }
         }
+        let [s0, s1, s2, t0, t1, t2, t3, t4, t5] = sums.map(|lanes| lanes.iter().sum::<f64>());
+        let stress = [
+            c0 * strain.uu + c1 * strain.vv + s0,
+            c2 * strain.vv + c1 * strain.uu + s1,
+            2.0 * c3 * strain.uv + s2,
+        ];
+        let tangent = [c0 + t0, c1 + t1, c2 + t2, 2.0 * c3 + t3, t4, t5];
         let stress = Strain {
             uu: stress[0],
             vv: stress[1],
@@ -118,7 +160,8 @@ impl Ramp {
 fn positive_part(stress: Strain) -> [f64; 3] {
     let Strain { uu, vv, uv } = stress;
     let mean = 0.5 * (uu + vv);
-    let radius = (0.5 * (uu - vv)).hypot(uv);
+    let difference = 0.5 * (uu - vv);
+    let radius = (difference * difference + uv * uv).sqrt();
     if mean - radius >= 0.0 {
         return [uu, vv, uv];
     }

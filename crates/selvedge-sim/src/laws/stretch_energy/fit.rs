@@ -26,10 +26,7 @@ enum Term {
 /// The energy whose stress is nearest to that of `table`.
 pub(super) fn fit(table: &StretchTable) -> StretchEnergy {
     if let Some(constant) = constant(table) {
-        return StretchEnergy {
-            constant,
-            ramps: Vec::new(),
-        };
+        return StretchEnergy::of(constant, Vec::new());
     }
     let terms = terms();
     let samples = samples();
@@ -51,16 +48,13 @@ pub(super) fn fit(table: &StretchTable) -> StretchEnergy {
         }
     }
     let weights = non_negative_least_squares(&gram, &right);
-    let mut energy = StretchEnergy {
-        constant: [0.0; 4],
-        ramps: Vec::new(),
-    };
+    let (mut constant, mut ramps) = ([0.0; 4], Vec::new());
     for (term, weight) in terms.iter().zip(weights) {
         if weight > 0.0 {
-            term.add_to(&mut energy, weight);
+            term.add_to(&mut constant, &mut ramps, weight);
         }
     }
-    energy
+    StretchEnergy::of(constant, ramps)
 }
 
 /// Stiffness of a fabric that is the same at all strains; none of one that changes, or whose
@@ -185,17 +179,16 @@ impl Term {
         }
     }
 
-    fn add_to(&self, energy: &mut StretchEnergy, weight: f64) {
+    fn add_to(&self, constant: &mut [f64; 4], ramps: &mut Vec<Ramp>, weight: f64) {
         match self {
-            Self::Constant(None) => energy.constant[3] += weight,
+            Self::Constant(None) => constant[3] += weight,
             Self::Constant(Some([a0, a1])) => {
-                energy.constant[0] += weight * a0 * a0;
-                energy.constant[1] += weight * a0 * a1;
-                energy.constant[2] += weight * a1 * a1;
+                constant[0] += weight * a0 * a0;
+                constant[1] += weight * a0 * a1;
+                constant[2] += weight * a1 * a1;
             }
             Self::Ramp(direction) => {
-                let ramps = mirrored(*direction).map(|direction| Ramp { direction, weight });
-                energy.ramps.extend(ramps);
+                ramps.extend(mirrored(*direction).map(|direction| Ramp { direction, weight }));
             }
         }
     }
