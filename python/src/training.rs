@@ -227,6 +227,7 @@ fn learn(
             parameters: 0,
         });
     };
+    training::with_expert(&mut trainer, data).map_err(told)?;
     trainer.stop_by(listener.stop.flag().into());
     teller.begin("training", Some(steps - trainer.steps_done().min(steps)));
     let end = selvedge_train::run(&mut trainer, data, asked.out, asked.limits, &mut |step| {

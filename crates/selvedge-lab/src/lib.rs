@@ -54,6 +54,7 @@ mod csv;
 pub mod domain;
 pub mod evaluation;
 pub mod event;
+pub mod expert;
 pub mod fitting;
 pub mod folder;
 pub mod folder_kind;

@@ -1,9 +1,10 @@
 //! The beginning of a training, which may be stopped.
 
 use selvedge_data::Dataset;
-use selvedge_train::{EngineMaker, TrainConfig, TrainError, Trainer};
+use selvedge_train::{EngineMaker, Labels, TrainConfig, TrainError, Trainer};
 
 use crate::event::{OnEvent, Reporter};
+use crate::expert::{ExpertError, PhysicsExpert};
 use crate::models::NamedModel;
 
 /// Says which weights begin with random numbers although the training began with a model.
@@ -49,6 +50,17 @@ pub fn from_model(
     let trainer = Trainer::from_model(cfg, data, engine, &model.model, &mut |_| task.advance())?;
     trainer.iter().for_each(say_what_is_fresh);
     Ok(trainer)
+}
+
+/// Gives `trainer` the physics of `data`, where its configuration asks for expert labels.
+///
+/// # Errors
+/// Where a trajectory of the data set has no scene that can be made.
+pub fn with_expert(trainer: &mut Trainer, data: &Dataset) -> Result<(), ExpertError> {
+    if trainer.config().scheduled_sampling.labels == Labels::Expert {
+        trainer.ask(Box::new(PhysicsExpert::new(data)?));
+    }
+    Ok(())
 }
 
 /// As [`fresh`], within a longer operation.

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 pub use self::error::{ConfigError, InvalidConfig, SettingError};
 use self::error::{count, positive, require};
-pub use self::sampling::{BatchConfig, NoiseConfig, NoiseUnit, OffsetRule, ScheduledSampling};
+pub use self::sampling::{BatchConfig, Labels, NoiseConfig, NoiseUnit, ScheduledSampling};
 pub use self::setting::Setting;
 pub(crate) use self::setting::changed_text as changed;
 use crate::losses::LossWeights;
@@ -78,6 +78,11 @@ pub struct TrainConfig {
 }
 
 impl TrainConfig {
+    /// True where the physics labels the model's own states.
+    pub(crate) fn asks_expert(&self) -> bool {
+        self.scheduled_sampling.labels == Labels::Expert
+    }
+
     /// Reads and checks the TOML file at `path`.
     ///
     /// # Errors

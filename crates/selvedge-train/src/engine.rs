@@ -25,6 +25,7 @@ pub use self::over_ranks::{OverRanks, OverRanksError};
 pub(crate) use self::slot_bytes::{pack_slots, unpack_slots};
 pub use self::slot_run::{FramePasses, SlotRun, run_slots};
 use crate::config::TrainConfig;
+use crate::expert::Expert;
 use crate::losses::{LossStatistics, LossTerms};
 use crate::memory::Arithmetic;
 use crate::optimizer::Adam;
@@ -150,6 +151,8 @@ pub struct Setup<'a> {
     /// Wanted where the step is to be given up: an engine may then leave its work undone, and gives
     /// no terms.
     pub stop: &'a Stop,
+    /// The physics that labels own states, where the configuration asks for it.
+    pub(crate) expert: Option<&'a dyn Expert>,
     pub(crate) set: &'a TrainingSet,
 }
 

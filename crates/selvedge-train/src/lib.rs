@@ -8,8 +8,9 @@
 //! - A **rollout slot** is one place of the batch. It shows the network one **sample** per frame:
 //!   ground truth with noise, or the model's own prediction of the frame before (scheduled
 //!   sampling). All that is drawn by chance follows from (seed, step, slot).
-//! - A **rollout target** is the truth, shifted by the rest of the offset that a rollout started
-//!   with. It judges the predictions of several frames in a row.
+//! - A **rollout target** judges the predictions of several frames in a row: the recorded motion,
+//!   or where asked for the frames that an [`Expert`], the physics of the data set, makes of a
+//!   state that the model led to.
 //! - The **losses** ([`LossEvaluator`]) compare accelerations, kinetic energies, edges and bending
 //!   angles with the target's, in units of their deviations.
 //! - An **engine** ([`Engine`]) does the arithmetic: forward, backward, and the update by [`Adam`].
@@ -103,6 +104,7 @@ mod checkpoint;
 mod config;
 mod correction;
 mod engine;
+mod expert;
 mod fit_normalizers;
 mod from_model;
 mod losses;
@@ -120,7 +122,7 @@ mod training_set;
 
 pub use checkpoint::{CHECKPOINT_FORMAT, ContentProblem, ResumeError};
 pub use config::{
-    BatchConfig, ConfigError, InvalidConfig, NoiseConfig, NoiseUnit, OffsetRule, ScheduledSampling,
+    BatchConfig, ConfigError, InvalidConfig, Labels, NoiseConfig, NoiseUnit, ScheduledSampling,
     Setting, SettingError, TrainConfig,
 };
 pub use correction::{
@@ -132,6 +134,7 @@ pub use engine::{
     Batch, Engine, EngineError, EngineMaker, FramePasses, Learned, OnProcessor, OverRanks,
     OverRanksError, Setup, SlotRun, Update, run_slots,
 };
+pub use expert::{Expert, ExpertState};
 pub use fit_normalizers::FitProgress;
 pub use losses::{
     ComputedTerms, LossEvaluator, LossStatistics, LossTerms, LossWeights, LossWeightsError,

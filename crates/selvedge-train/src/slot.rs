@@ -18,6 +18,7 @@ use selvedge_data::Section;
 use selvedge_model::{ClothGraph, Frames, LastFrames, LocalAcceleration, TwoFrames, Yaw, advance};
 
 use crate::config::{NoiseConfig, NoiseUnit, TrainConfig};
+use crate::expert::ExpertState;
 use crate::losses::Triplet;
 use crate::training_set::TrainingSet;
 
@@ -176,27 +177,13 @@ impl Slot {
             .collect()
     }
 
-    /// Change of the offset since the frame before, in local axes `[m/frame]`, `[vertices]`; 0 for
-    /// a sample of ground truth, with or without noise.
-    pub(crate) fn offset_velocity(&self, set: &TrainingSet, yaw: Yaw) -> Vec<DVec3> {
-        let motion = set.motion(self.section.trajectory);
-        if self.run == 0 {
-            return vec![DVec3::ZERO; motion.graph.vertex_count()];
-        }
-        let (count, frame) = (self.history.len(), self.current as i64);
-        let apart = |positions: &[Vec3], frame: i64| -> Vec<DVec3> {
-            let rows = positions.iter().zip(motion.frame(frame));
-            rows.map(|(p, q)| p.as_dvec3() - q.as_dvec3()).collect()
-        };
-        let now = apart(&self.history[count - 1], frame);
-        let before = apart(&self.history[count - 2], frame - 1);
-        let rows = now.iter().zip(before);
-        rows.map(|(now, before)| yaw.to_local_f64(*now - before))
-            .collect()
-    }
-
     /// Makes the truth plus `offset` (local `[m]`) the target of the sample.
-    pub(crate) fn set_target(&self, set: &TrainingSet, offset: &[DVec3], shown: &mut ShownSample) {
+    pub(crate) fn show_shifted(
+        &self,
+        set: &TrainingSet,
+        offset: &[DVec3],
+        shown: &mut ShownSample,
+    ) {
         let motion = set.motion(self.section.trajectory);
         let current = &self.history[self.history.len() - 1];
         let handles = motion.graph.handles().select(current);
@@ -206,6 +193,36 @@ impl Slot {
         let [_, _, target] = &mut shown.local;
         target.clear();
         target.extend(truth.map(|(p, e)| yaw.to_local_f64(p.as_dvec3() - origin) + *e));
+    }
+
+    /// True where the sample is off the recorded motion: led there by the model, or by noise.
+    pub(crate) fn is_off(&self, cfg: &TrainConfig) -> bool {
+        self.run > 0 || cfg.noise.deviation > 0.0
+    }
+
+    /// The state of the sample, for the physics.
+    pub(crate) fn expert_state<'a>(&'a self, set: &'a TrainingSet) -> ExpertState<'a> {
+        let motion = set.motion(self.section.trajectory);
+        let count = self.history.len();
+        let frame = self.current as i64;
+        ExpertState {
+            trajectory: self.section.trajectory,
+            frame: self.current,
+            positions: [&self.history[count - 2], &self.history[count - 1]],
+            recorded: [-2, -1, 0, 1].map(|after| motion.frame(frame + after)),
+        }
+    }
+
+    /// Makes `label` (world positions `[m]`) the target of the sample.
+    pub(crate) fn show_label(&self, set: &TrainingSet, label: &[DVec3], shown: &mut ShownSample) {
+        let motion = set.motion(self.section.trajectory);
+        let current = &self.history[self.history.len() - 1];
+        let handles = motion.graph.handles().select(current);
+        let origin = handles.first().map_or(DVec3::ZERO, |p| p.as_dvec3());
+        let yaw = shown.yaw;
+        let [_, _, target] = &mut shown.local;
+        target.clear();
+        target.extend(label.iter().map(|&p| yaw.to_local_f64(p - origin)));
     }
 
     /// The part of the distance to the truth that the target of the sample takes back.
@@ -231,14 +248,16 @@ impl Slot {
     }
 
     /// Goes on from `sample` with the prediction `acceleration` (local, `[m/frame²]`,
-    /// `[vertices, 3]`). At the end of the section or too far from the truth the slot starts afresh
-    /// instead. Returns whether it went on.
+    /// `[vertices, 3]`). At the end of the section, or too far from `label` (world positions `[m]`)
+    /// or where there is none from the recorded motion, the slot starts afresh instead. Returns
+    /// whether it went on.
     pub(crate) fn follow(
         &mut self,
         cfg: &TrainConfig,
         set: &TrainingSet,
         sample: &ShownSample,
         acceleration: &[f32],
+        label: Option<&[DVec3]>,
     ) -> bool {
         let next = self.current + 1;
         if !TrainingSet::section_has(&self.section, next) {
@@ -260,9 +279,17 @@ impl Slot {
         let (spec, handles) = (&cfg.model, &sample.next_handles);
         let is_finite = advance(spec, &frames, handles, acceleration, &mut predicted).is_ok();
         let farthest = cfg.scheduled_sampling.farthest as f32;
-        let truth = motion.frame(next as i64);
-        let mut distances = predicted.iter().zip(truth).map(|(p, q)| p.distance(*q));
-        if !is_finite || !distances.all(|distance| distance <= farthest) {
+        let is_near = match label {
+            Some(label) => {
+                let mut rows = predicted.iter().zip(label);
+                rows.all(|(p, q)| p.distance(q.as_vec3()) <= farthest)
+            }
+            None => {
+                let mut rows = predicted.iter().zip(motion.frame(next as i64));
+                rows.all(|(p, q)| p.distance(*q) <= farthest)
+            }
+        };
+        if !is_finite || !is_near {
             self.start_afresh();
             return false;
         }

@@ -18,6 +18,7 @@ use crate::config::{InvalidConfig, TrainConfig};
 use crate::engine::{
     Batch, Engine, EngineError, EngineMaker, Learned, Setup, Update, pack_slots, unpack_slots,
 };
+use crate::expert::Expert;
 use crate::fit_normalizers::{FitProgress, NormalizerFit, Statistics};
 use crate::losses::{LossStatistics, LossTerms, RunningLossStatistics};
 use crate::memory::{Arithmetic, MemoryError, Need};
@@ -44,6 +45,7 @@ pub struct Trainer {
     pub(crate) since_line: Vec<StepReport>,
     engine: Box<dyn Engine>,
     stop: Stop,
+    expert: Option<Box<dyn Expert>>,
     /// The ranks of the engine, and the slots that this one moves.
     ranks: Ranks,
     own: Range<usize>,
@@ -110,6 +112,10 @@ pub enum TrainError {
     Json(serde_json::Error),
     #[error("step {step}: the loss is not finite: lower learning_rate or set gradient_clip")]
     NotFinite { step: u64 },
+    #[error(
+        "scheduled_sampling.labels is \"expert\", but the training was given no physics to ask: call `Trainer::ask` before the first step"
+    )]
+    NoExpert,
     #[error("step {step} was given up, as was asked")]
     Stopped { step: u64 },
 }
@@ -189,6 +195,7 @@ impl Trainer {
             statistics: &statistics,
             learned: &parts.learned,
             stop: &Stop::default(),
+            expert: None,
             set: &set,
         };
         let (ranks, own) = (engine.ranks(), engine.own_slots(cfg.batch.samples));
@@ -210,6 +217,7 @@ impl Trainer {
             normalizers,
             engine,
             stop: Stop::default(),
+            expert: None,
             cfg,
         })
     }
@@ -276,6 +284,12 @@ impl Trainer {
         self.stop = stop;
     }
 
+    /// Gives the training the physics that made its data, which labels the model's own states
+    /// (`scheduled_sampling.labels = "expert"`).
+    pub fn ask(&mut self, expert: Box<dyn Expert>) {
+        self.expert = Some(expert);
+    }
+
     /// Learns from one batch.
     ///
     /// # Errors
@@ -284,6 +298,9 @@ impl Trainer {
     /// step, but the slots have moved on: resume from a checkpoint.
     pub fn step(&mut self) -> Result<StepReport, TrainError> {
         let step = self.step;
+        if self.expert.is_none() && self.cfg.asks_expert() {
+            return Err(TrainError::NoExpert);
+        }
         // Frames of a history are shared: none of their positions is copied.
         let slots = self.slots.clone();
         let frames = self.cfg.unroll.at(step);
@@ -294,6 +311,7 @@ impl Trainer {
             statistics: &self.statistics,
             learned: &self.learned,
             stop: &self.stop,
+            expert: self.expert.as_deref().filter(|_| self.cfg.asks_expert()),
             set: &self.set,
         };
         let batch = Batch::new(setup, &mut self.slots, step, frames);

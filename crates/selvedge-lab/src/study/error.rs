@@ -39,6 +39,7 @@ macro_rules! passed_on {
 
 passed_on!(
     crate::evaluation::EvaluateError,
+    crate::expert::ExpertError,
     crate::folder::FolderError,
     crate::generation::GenerateError,
     crate::generation::OpenDatasetError,

@@ -288,18 +288,20 @@ fn trainer(
 ) -> Result<Option<Trainer>, StudyError> {
     let engine = desk.machine.engine(MICRO_BATCH);
     let own = folder(desk, &entry.name).join(files::CHECKPOINT);
-    if own.is_file() {
-        return Ok(Some(Trainer::resume(cfg, &data.set, &own, &*engine)?));
-    }
-    match &entry.after {
+    let mut trainer = match &entry.after {
+        _ if own.is_file() => Trainer::resume(cfg, &data.set, &own, &*engine)?,
         Some(before) => {
             let checkpoint = folder(desk, before).join(files::CHECKPOINT);
-            let trainer = Trainer::resume(cfg, &data.set, &checkpoint, &*engine)
-                .of(|| format!("going on after training {before:?}"))?;
-            Ok(Some(trainer))
+            Trainer::resume(cfg, &data.set, &checkpoint, &*engine)
+                .of(|| format!("going on after training {before:?}"))?
         }
-        None => Ok(training::begin(cfg, &data.set, &*engine, desk.reporter)?),
-    }
+        None => match training::begin(cfg, &data.set, &*engine, desk.reporter)? {
+            Some(trainer) => trainer,
+            None => return Ok(None),
+        },
+    };
+    training::with_expert(&mut trainer, &data.set)?;
+    Ok(Some(trainer))
 }
 
 /// Surroundings of a training.

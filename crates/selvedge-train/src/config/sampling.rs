@@ -74,36 +74,27 @@ pub struct ScheduledSampling {
     /// Predictions in a row, at most, before an unrolling begins; one that has begun goes to its
     /// end.
     pub longest: u32,
-    /// A run ends when a vertex is farther from the truth than this `[m]`.
+    /// A run ends when a vertex is farther than this from its target `[m]`: from the recorded
+    /// motion, or from what the expert labels a rollout with.
     pub farthest: f64,
+    /// Where the targets of the model's own states come from.
+    #[serde(default)]
+    pub labels: Labels,
     /// The part of the distance to the truth that the target takes back in one frame: 1 aims at
     /// the truth itself, as in the paper; less aims at the motion of the truth, shifted.
     pub correction: f64,
-    /// Course of that distance in the targets of several frames in a row.
-    pub offset: OffsetRule,
 }
 
-/// The course of an offset from the truth in the targets of a rollout.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
-pub enum OffsetRule {
-    /// A part of its smooth part is taken back every frame (`correction`).
-    Decaying {},
-    /// It swings about the truth.
-    Swinging {
-        /// Part of its velocity that is lost per frame, d.
-        damping: f64,
-        /// Part of the way back that is gone per frame squared, s.
-        stiffness: f64,
-        /// Part of its wrinkles that is lost per frame, w.
-        wrinkles: f64,
-    },
-}
-
-impl Default for OffsetRule {
-    fn default() -> Self {
-        Self::Decaying {}
-    }
+/// Targets of states that are off the recorded motion: those that the model has led to, and those
+/// with noise on them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Labels {
+    /// The recorded motion, less a part of the distance to it (`correction`), as in the paper.
+    #[default]
+    Recorded,
+    /// What the physics of the data set makes of the state ([`crate::Expert`]).
+    Expert,
 }
 
 impl Default for NoiseConfig {
@@ -124,8 +115,8 @@ impl Default for ScheduledSampling {
             truth: TruthProbability::Always {},
             longest: 30,
             farthest: 1e3,
+            labels: Labels::default(),
             correction: 1.0,
-            offset: OffsetRule::default(),
         }
     }
 }
@@ -152,16 +143,6 @@ impl ScheduledSampling {
         count("scheduled_sampling.longest", longest, most)?;
         positive("scheduled_sampling.farthest", self.farthest)?;
         part("scheduled_sampling.correction", self.correction)?;
-        if let OffsetRule::Swinging {
-            damping,
-            stiffness,
-            wrinkles,
-        } = self.offset
-        {
-            part("scheduled_sampling.offset.damping", damping)?;
-            part("scheduled_sampling.offset.stiffness", stiffness)?;
-            part("scheduled_sampling.offset.wrinkles", wrinkles)?;
-        }
         Ok(())
     }
 }

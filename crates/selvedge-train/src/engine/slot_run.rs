@@ -4,8 +4,7 @@
 //! the slot moves on with its prediction to the next frame. Then the losses of its frames are
 //! weighed and the engine goes back through all of them.
 //!
-//! Frame k of a rollout, from 1, is judged by the truth plus what is left of the offset that the
-//! start had from it ([`RolloutTarget`]). A constant error of the acceleration moves the k-th
+//! Frame k of a rollout, from 1, is judged by its [`RolloutTarget`]. A constant error of the acceleration moves the k-th
 //! positions by k²/2 of it, so the loss of frame k counts 1/k² in a weighted mean
 //! `[eq:unrolled-loss]`.
 
@@ -19,6 +18,9 @@ use crate::config::TrainConfig;
 use crate::losses::LossTerms;
 use crate::rollout_target::RolloutTarget;
 use crate::slot::{ShownSample, Slot, SlotRandom};
+
+/// States in a row that the expert cannot go on from before one is shown with its recorded target.
+const MOST_REFUSALS: usize = 10;
 
 /// The passes of an engine through the network, frame by frame.
 pub trait FramePasses {
@@ -156,16 +158,42 @@ impl<'a> SlotRun<'a> {
 
     /// Prepares the sample of the next frame.
     fn show(&mut self) {
-        let (cfg, set) = (self.setup.cfg, self.setup.set);
-        self.slot
-            .show(cfg, set, &mut self.random.rng, &mut self.sample);
-        if self.frames > 1 {
-            let (slot, sample) = (&*self.slot, &mut self.sample);
-            let target = self
-                .target
-                .get_or_insert_with(|| RolloutTarget::of_slot(cfg, set, slot, sample.yaw));
-            slot.set_target(set, target.next_offset(), sample);
+        self.show_sample();
+        if self.terms.is_empty() {
+            self.target = self.first_target();
         }
+        if let Some(target) = &mut self.target {
+            target.show_next(self.setup.set, self.slot, &mut self.sample);
+        }
+    }
+
+    fn show_sample(&mut self) {
+        let (cfg, set) = (self.setup.cfg, self.setup.set);
+        let rng = &mut self.random.rng;
+        self.slot.show(cfg, set, rng, &mut self.sample);
+    }
+
+    /// The targets from the sample on that is shown; none where the slot shows its own, that of a
+    /// single prediction. A state that the expert cannot go on from gives way to a sample of ground
+    /// truth.
+    fn first_target(&mut self) -> Option<RolloutTarget> {
+        let (cfg, set) = (self.setup.cfg, self.setup.set);
+        if let Some(expert) = self.setup.expert {
+            for _ in 0..MOST_REFUSALS {
+                if !self.slot.is_off(cfg) {
+                    break;
+                }
+                let left = self.slot.section.end - 1 - self.slot.current;
+                let state = self.slot.expert_state(set);
+                if let Some(frames) = expert.label(state, left.min(self.frames)) {
+                    return Some(RolloutTarget::labels(frames));
+                }
+                self.slot.start_afresh();
+                self.show_sample();
+            }
+        }
+        let yaw = self.sample.yaw;
+        (self.frames > 1).then(|| RolloutTarget::recorded(cfg, set, self.slot, yaw))
     }
 
     /// Moves the slot on after a prediction.
@@ -174,16 +202,17 @@ impl<'a> SlotRun<'a> {
         let normalizer = &self.setup.normalizers.acceleration;
         normalizer.denormalize(&mut self.output);
         let (sample, acceleration) = (&self.sample, &self.output[..]);
+        let label = self.target.as_ref().and_then(RolloutTarget::label);
         if self.frames == 1 {
             if self.slot.returns_to_truth(cfg, &mut self.random) {
                 self.slot.start_afresh();
             } else {
-                self.slot.follow(cfg, set, sample, acceleration);
+                self.slot.follow(cfg, set, sample, acceleration, label);
             }
             self.is_going = false;
             return;
         }
-        let went_on = self.slot.follow(cfg, set, sample, acceleration);
+        let went_on = self.slot.follow(cfg, set, sample, acceleration, label);
         self.is_going = went_on && self.terms.len() < self.frames;
         if !self.is_going && self.slot.returns_to_truth(cfg, &mut self.random) {
             self.slot.start_afresh();

@@ -62,7 +62,7 @@ impl Case {
         if slot.returns_to_truth(&self.cfg, &mut random) {
             slot.start_afresh();
         } else {
-            slot.follow(&self.cfg, &self.set, shown, acceleration);
+            slot.follow(&self.cfg, &self.set, shown, acceleration, None);
         }
     }
 

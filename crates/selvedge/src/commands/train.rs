@@ -89,6 +89,7 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
         };
         return Ok(Answer::new(stopped(steps), &report)?.ended(End::Interrupted));
     };
+    training::with_expert(&mut trainer, &data)?;
     let (started, first) = (Instant::now(), trainer.steps_done());
     let before = ranks.traffic();
     let (end, loss) = steps_until_end(&mut trainer, &data, args)?;

@@ -1,16 +1,20 @@
 //! The gradient through several frames against finite differences of their loss, features,
 //! integration and all; and against the plain step where there is one frame.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use selvedge_data::SectionRule;
 use selvedge_model::{EdgeFeature, Encoder, Integration, NodeFeature};
 
-use crate::config::OffsetRule;
-use crate::config::TrainConfig;
-use crate::schedule::UnrollFrames;
+use crate::config::{Labels, TrainConfig};
+use crate::expert::{Expert, ExpertState};
+use crate::schedule::{TruthProbability, UnrollFrames};
 use crate::test_data::{ENGINE, Swinging, busy, config, swinging, two_cloths};
-use crate::trainer::Trainer;
+use crate::trainer::{TrainError, Trainer};
 
 fn unrolled(encoder: Encoder, frames: usize) -> TrainConfig {
     let mut cfg = config(encoder);
@@ -18,14 +22,6 @@ fn unrolled(encoder: Encoder, frames: usize) -> TrainConfig {
     cfg.losses.kinetic_energy = 0.0;
     cfg.batch.samples = 2;
     cfg
-}
-
-fn swinging_back() -> OffsetRule {
-    OffsetRule::Swinging {
-        damping: 0.03,
-        stiffness: 0.004,
-        wrinkles: 0.1,
-    }
 }
 
 /// Loss and mean gradient of the first step with `weights`, or with the first ones.
@@ -89,13 +85,9 @@ fn the_gradient_goes_through_every_frame() {
         Encoder::Gru { window: 3 },
         Encoder::StreamingGru { window: 2 },
     ] {
-        for (integration, offset) in [
-            (Integration::Inertial {}, OffsetRule::default()),
-            (carried, swinging_back()),
-        ] {
+        for integration in [Integration::Inertial {}, carried] {
             let mut cfg = unrolled(encoder, 4);
             cfg.model.integration = integration;
-            cfg.scheduled_sampling.offset = offset;
             cfg.model.node_features.extend([
                 NodeFeature::Acceleration,
                 NodeFeature::ExpectedMove,
@@ -149,4 +141,94 @@ fn runs_go_on_over_steps_and_threads_do_not_show() {
     let frames: Vec<usize> = one.0.iter().map(|step| step.0).collect();
     assert_eq!(frames, [1, 1, 2, 2, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3]);
     assert!(one.1 > Some(3), "a run longer than one step: {:?}", one.1);
+}
+
+/// An expert by whom a cloth is next where it was recorded in frame 3 of four, the next one, or
+/// another of them; or who refuses.
+struct ByRecord {
+    refuses: bool,
+    frame: usize,
+    asked: Arc<AtomicUsize>,
+}
+
+impl Expert for ByRecord {
+    fn label(&self, state: ExpertState<'_>, frames: usize) -> Option<Vec<Vec<DVec3>>> {
+        self.asked.fetch_add(1, Ordering::Relaxed);
+        let next: Vec<DVec3> = state.recorded[self.frame]
+            .iter()
+            .map(|p| p.as_dvec3())
+            .collect();
+        (!self.refuses).then(|| vec![next; frames])
+    }
+}
+
+/// Questions that the expert heard in twelve steps that begin off the recorded motion, and the
+/// longest run of own states.
+fn with_expert(expert: Option<ByRecord>) -> Result<(usize, u32), TrainError> {
+    let data = two_cloths();
+    let mut cfg = unrolled(Encoder::MLP, 3);
+    cfg.noise.deviation = 0.0;
+    cfg.scheduled_sampling.labels = Labels::Expert;
+    cfg.scheduled_sampling.truth = TruthProbability::Linear {
+        start: 0,
+        end: 1,
+        probability: 0.0,
+    };
+    let mut trainer = Trainer::new(cfg, &data.dataset, &ENGINE).expect("a training");
+    let asked = expert.as_ref().map(|expert| Arc::clone(&expert.asked));
+    if let Some(expert) = expert {
+        trainer.ask(Box::new(expert));
+    }
+    let mut longest = 0;
+    for _ in 0..12 {
+        trainer.step()?;
+        let runs = trainer.slots.iter().map(|slot| slot.run);
+        longest = longest.max(runs.max().unwrap_or(0));
+    }
+    Ok((
+        asked.map_or(0, |asked| asked.load(Ordering::Relaxed)),
+        longest,
+    ))
+}
+
+fn expert(refuses: bool) -> ByRecord {
+    ByRecord {
+        refuses,
+        frame: 3,
+        asked: Arc::default(),
+    }
+}
+
+#[test]
+fn own_states_are_labelled_by_the_expert() {
+    let (asked, longest) = with_expert(Some(expert(false))).expect("twelve steps");
+    assert!(asked > 8 && longest > 3, "{asked} {longest}");
+    // What the expert cannot go on from gives way to the truth: no run is longer than a step.
+    let (asked, longest) = with_expert(Some(expert(true))).expect("twelve steps");
+    assert!(asked > 8 && longest == 3, "{asked} {longest}");
+    let message = with_expert(None).expect_err("no expert").to_string();
+    assert!(message.contains("scheduled_sampling.labels"), "{message}");
+}
+
+/// Noise that the target takes back at once asks for the recorded frame, as this expert does.
+#[test]
+fn a_label_is_the_target() {
+    let data = swinging(&[("a", 12, 20)], SectionRule::Whole);
+    let mut cfg = config(Encoder::MLP);
+    cfg.noise.deviation = 1e-3;
+    cfg.noise.correction = 1.0;
+    let loss = |labels: Labels, frame: usize| {
+        let mut cfg = cfg.clone();
+        cfg.scheduled_sampling.labels = labels;
+        let mut trainer = Trainer::new(cfg, &data.dataset, &ENGINE).expect("a training");
+        trainer.ask(Box::new(ByRecord {
+            frame,
+            ..expert(false)
+        }));
+        trainer.step().expect("a step").terms.total
+    };
+    let recorded = loss(Labels::Recorded, 3);
+    let [next, present] = [3, 2].map(|frame| loss(Labels::Expert, frame) / recorded);
+    assert!((next - 1.0).abs() < 1e-6, "{next}");
+    assert!((present - 1.0).abs() > 0.1, "{present}");
 }

@@ -1,0 +1,102 @@
+//! Labels of recorded states are the recorded frames.
+
+use std::ops::ControlFlow;
+
+use selvedge_data::{
+    DatasetPlan, DatasetPreset, DatasetWriter, Provenance, SectionRule, Trajectory, shipped_presets,
+};
+use serde_json::json;
+use tempfile::TempDir;
+
+use super::*;
+use crate::generation::{Order, generate};
+use crate::workers::Crew;
+
+/// The preset `tiny` by the physics of this name.
+fn made_by(physics: &str) -> (TempDir, Dataset) {
+    let folder = tempfile::tempdir().unwrap();
+    let (_, text) = shipped_presets()
+        .iter()
+        .find(|(name, _)| *name == "tiny")
+        .unwrap();
+    let changed = text.replace("[setting]", &format!("[setting]\nphysics = {physics:?}"));
+    let preset = DatasetPreset::parse(&changed, folder.path()).unwrap();
+    let order = Order {
+        preset: &preset,
+        folder: &folder.path().join("data"),
+        part: None,
+    };
+    let crew = Crew::of_threads(Some(1));
+    generate(order, &crew, &mut |_| ControlFlow::Continue(())).unwrap();
+    let data = Dataset::open(order.folder).unwrap();
+    (folder, data)
+}
+
+/// RMS acceleration of the recorded frames `[m/frame²]`, and RMS error of the first label and of the
+/// fifth `[m]`.
+fn errors(physics: &str) -> [f64; 3] {
+    let (_folder, data) = made_by(physics);
+    let expert = PhysicsExpert::new(&data).unwrap();
+    let truth = data.read(&data.entries(Split::Train)[0]).unwrap();
+    let (mut sums, mut count) = ([0.0; 3], 0.0);
+    for frame in 20..60 {
+        let recorded = |after: i64| truth.frame((frame as i64 + after) as usize);
+        let state = ExpertState {
+            trajectory: 0,
+            frame,
+            positions: [-1, 0].map(recorded),
+            recorded: [-2, -1, 0, 1].map(recorded),
+        };
+        let labels = expert.label(state, 5).unwrap();
+        assert_eq!(labels.len(), 5);
+        for v in 0..truth.cloth().topology().vertex_count() {
+            let p = |after: i64| recorded(after)[v].as_dvec3();
+            sums[0] += (p(1) - 2.0 * p(0) + p(-1)).length_squared();
+            sums[1] += labels[0][v].distance_squared(p(1));
+            sums[2] += labels[4][v].distance_squared(p(5));
+            count += 1.0;
+        }
+    }
+    sums.map(|sum| f64::sqrt(sum / count))
+}
+
+#[test]
+fn labels_of_recorded_states_are_the_recorded_frames() {
+    for physics in ["first-order", "selvedge"] {
+        let [acceleration, first, fifth] = errors(physics);
+        assert!(acceleration > 2e-4, "{acceleration}");
+        assert!(first < 0.05 * acceleration, "{first} of {acceleration}");
+        assert!(fifth < 0.1 * acceleration, "{fifth} of {acceleration}");
+    }
+}
+
+#[test]
+fn a_trajectory_without_a_scene_is_named() {
+    let (_folder, data) = made_by("first-order");
+    let entry = &data.entries(Split::Train)[0];
+    let truth = data.read(entry).unwrap();
+    let positions = (0..truth.frame_count())
+        .flat_map(|frame| truth.frame(frame))
+        .copied();
+    let provenance = Provenance {
+        scene: json!(null),
+        ..truth.provenance().clone()
+    };
+    let bare = Trajectory::new(truth.cloth().clone(), positions.collect(), provenance).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let plan = DatasetPlan {
+        name: "bare".to_owned(),
+        config: json!({}),
+        sections: SectionRule::Whole,
+        train: vec!["push".to_owned()],
+        test: Vec::new(),
+    };
+    let mut writer = DatasetWriter::open(folder.path(), plan).unwrap();
+    writer.add(Split::Train, "push", &bare).unwrap();
+    let bare = writer.finish().unwrap();
+    let error = PhysicsExpert::new(&bare).err().unwrap().to_string();
+    assert!(
+        error.contains("push") && error.contains("need the scene"),
+        "{error}"
+    );
+}
