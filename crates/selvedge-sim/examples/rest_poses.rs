@@ -1,5 +1,5 @@
 //! Solves to the rest pose of 48 squares: the four fabrics, 400 and 1024 vertices, three meshes,
-//! both sides. The table of `docs/src/notebook/2026-11-22-rest-pose-acceleration.md`.
+//! both sides. The table of `notebook/2026-11-22-rest-pose-acceleration.md`.
 //!
 //! `cargo run --release -p selvedge-sim --example rest_poses -- [POSES]` with a file of poses,
 //! which is written where there is none. Where there is one, each pose's distance to it is printed:

@@ -73,8 +73,7 @@ pub(super) fn run(root: &Path, tree: &Tree) -> Result<()> {
 }
 
 fn is_tried(file: &TextFile) -> bool {
-    let is_page = file.path == "README.md"
-        || file.path.starts_with(PAGES) && !file.path.contains("/notebook/");
+    let is_page = file.path == "README.md" || file.path.starts_with(PAGES);
     is_page && markdown::page(&file.text).blocks.iter().any(is_quick)
 }
 
@@ -110,7 +109,7 @@ mod tests {
         };
         let quick = "```console quick\nselvedge presets\n```\n";
         assert!(is_tried(&file("docs/src/a.md", quick)));
-        assert!(!is_tried(&file("docs/src/notebook/a.md", quick)));
+        assert!(!is_tried(&file("notebook/a.md", quick)));
         assert!(!is_tried(&file("other/a.md", quick)));
         assert!(!is_tried(&file(
             "docs/src/a.md",

@@ -121,11 +121,11 @@ fn refusal(call: &Call) -> Option<String> {
     (!is_fine).then(|| error.to_string())
 }
 
-/// Adds the pages of the book below `folder`; the notebook keeps the commands of its day.
+/// Adds the pages of the book below `folder`.
 fn collect(folder: &Path, pages: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
-        if path.is_dir() && !path.ends_with("notebook") {
+        if path.is_dir() {
             collect(&path, pages);
         } else if path.extension().is_some_and(|ending| ending == "md") {
             pages.push(path);

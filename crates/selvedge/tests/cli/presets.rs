@@ -3,7 +3,7 @@
 //!
 //! `SELVEDGE_LEARN=all cargo test --release -p selvedge --test cli -- --ignored --nocapture learns`
 //! trains each for some hundred steps at reduced size and prints the table of
-//! docs/src/notebook/2026-11-21-presets.md.
+//! notebook/2026-11-21-presets.md.
 
 // What is measured is there to be read.
 #![allow(clippy::print_stdout)]
