@@ -68,7 +68,6 @@ pub const DATASETS: &[(&str, &str)] = texts!("datasets":
 /// Models by their names, in the files that `selvedge train` writes; first the one that
 /// `selvedge rollout` takes.
 pub const MODELS: &[(&str, &[u8])] = &[
-    ("corrected", include_bytes!("models/corrected.safetensors")),
     ("general", include_bytes!("models/general.safetensors")),
     ("small", SMALL),
 ];
@@ -95,7 +94,6 @@ pub const TRAININGS: &[(&str, &str)] = texts!("training":
     "rp-without-bending",
     "rp-without-physics",
     "rp-gru10-better",
-    "corrected",
     "general",
 );
 

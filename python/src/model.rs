@@ -22,7 +22,7 @@ use crate::json;
 /// A trained model: a network, its weights and the statistics of its inputs and its output.
 ///
 /// `Model(name_or_file)` opens a model file (.safetensors) or a shipped model by its name, by
-/// default "corrected".
+/// default "general".
 #[pyclass(frozen, module = "selvedge")]
 pub(crate) struct Model {
     pub(crate) name: String,
@@ -41,7 +41,7 @@ impl Model {
 #[pymethods]
 impl Model {
     /// Opens a model file (.safetensors), or a shipped model by its name, by default
-    /// "corrected".
+    /// "general".
     #[new]
     #[pyo3(signature = (name_or_file=None))]
     fn new(py: Python<'_>, name_or_file: Option<PathBuf>) -> PyResult<Self> {

@@ -30,7 +30,7 @@ motion.named = "forward"
     assert made.to_bytes() == selvedge.simulate(small, frames=40).to_bytes()
 
 
-@pytest.mark.parametrize("name", ["small", "corrected"])
+@pytest.mark.parametrize("name", ["small", "general"])
 def test_a_rollout_with_its_truth_and_trust(program, scene, tmp_path, name):
     out = tmp_path / "cli"
     trust = tmp_path / "cli.csv"

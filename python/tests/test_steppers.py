@@ -62,7 +62,7 @@ def test_handles_are_where_the_targets_are(scene, model):
     for stepper in [
         selvedge.Simulator(scene),
         selvedge.LearnedStepper(scene, model, guard="limit"),
-        selvedge.CorrectedStepper(scene, selvedge.Model("corrected")),
+        selvedge.CorrectedStepper(scene, selvedge.Model("general")),
         selvedge.RigidStepper(scene),
     ]:
         targets = stepper.positions[stepper.handles] + np.array([0.002, 0.0, 0.001])
@@ -108,7 +108,7 @@ def test_models_say_which_stepper_is_theirs(scene, model):
     with pytest.raises(ValueError, match="make a LearnedStepper"):
         selvedge.CorrectedStepper(scene, model)
     with pytest.raises(ValueError, match="make a CorrectedStepper"):
-        selvedge.LearnedStepper(scene, selvedge.Model("corrected"))
+        selvedge.LearnedStepper(scene, selvedge.Model("general"))
     with pytest.raises(ValueError, match="guard must be none, limit"):
         selvedge.LearnedStepper(scene, model, guard="strong")
 

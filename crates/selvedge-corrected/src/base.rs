@@ -1,6 +1,6 @@
 //! A scene by the cheap physics of a model, and its cloth as the model's columns see it.
 
-use selvedge_cloth::{Cloth, ElasticLaw, Environment, Scene, Substepping};
+use selvedge_cloth::{Cloth, ElasticLaw, Environment, Integrator, Scene, Substepping};
 use selvedge_model::{ClothGraph, GraphError, PhysicsBase, Stiffness};
 
 /// Stiffness-proportional damping of the physics that shipped models correct `[s]`.
@@ -13,7 +13,7 @@ const DAMPING: f64 = 2e-4;
 pub fn base_scene(scene: &Scene, base: PhysicsBase) -> Scene {
     let mut scene = scene.clone();
     let physics = &mut scene.physics;
-    physics.integrator = base.integrator;
+    physics.integrator = Integrator::SecondOrder;
     physics.substeps = base.substeps;
     physics.substepping = Substepping::Fixed;
     physics.law = ElasticLaw::Measured;

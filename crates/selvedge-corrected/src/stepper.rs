@@ -9,9 +9,8 @@ use selvedge_cloth::{
     Topology, VertexId,
 };
 use selvedge_model::{
-    Aspect, ClothGraph, CorrectionError, CorrectionNetwork, Corrector, Differences, Domain,
-    DomainWatch, Familiarity, FrameSubsteps, GraphError, Instructions, Model, MotionState, NoBase,
-    PhysicsBase, PredictedFrame, rough_fields,
+    Aspect, ClothGraph, Corrector, Domain, DomainWatch, Familiarity, FrameSubsteps, GraphError,
+    Instructions, Model, MotionState, NoBase, PhysicsBase, PredictedFrame, Stopped, rough_fields,
 };
 use selvedge_sim::{Simulator, SimulatorError, Threads};
 use thiserror::Error;
@@ -78,24 +77,20 @@ pub struct CorrectedStepper {
     corrector: Corrector,
     /// The state before the next step.
     now: FrameState,
-    /// The state one frame before, where it is known.
-    before: FrameState,
-    /// True where it is known; the model is told where it is not.
-    knows_before: bool,
-    /// The state before that, while the last step can be undone; the next one is made in it.
+    /// The state one frame before, while the last step can be undone; the next one is made in it.
     spare: FrameState,
     /// The state one substep before that of now, as the physics has it while it makes a frame.
     earlier: FrameState,
     /// True where there is one.
     knows_earlier: bool,
-    /// Differences of the frame through the matrix of its last solve, where the model sees them.
+    /// Differences of the frame through the matrix of its last solve.
     smoothed: [Vec<DVec3>; 2],
     /// Part of the substeps of the frame that fell back to first order.
     fell_back: f32,
     /// True where there was a factor of that.
     is_smoothed: bool,
-    /// While the last step can be undone: true where `spare` was known.
-    undo: Option<bool>,
+    /// True while the last step can be undone.
+    can_undo: bool,
     /// True for each vertex that a handle holds, `[vertices]`.
     held: Vec<bool>,
     /// True where the scene's own motion goes beyond what the model was trained on: physics moves
@@ -137,8 +132,6 @@ impl CorrectedStepper {
             base,
             simulator: Simulator::with_state(&scene, positions, velocities)?,
             corrector,
-            before: start.clone(),
-            knows_before: false,
             spare: start.clone(),
             earlier: start.clone(),
             knows_earlier: false,
@@ -146,7 +139,7 @@ impl CorrectedStepper {
             fell_back: 0.0,
             is_smoothed: false,
             now: start,
-            undo: None,
+            can_undo: false,
             beyond,
             watched: domain.map(|trained| {
                 Box::new(Watched {
@@ -186,13 +179,6 @@ impl CorrectedStepper {
         self
     }
 
-    /// The same with its network run by `network`, which has the model's weights.
-    #[must_use]
-    pub fn with_network(mut self, network: Box<dyn CorrectionNetwork>) -> Self {
-        self.corrector = self.corrector.with_network(network);
-        self
-    }
-
     /// The graph of the cloth, as the network sees it.
     #[must_use]
     pub fn graph(&self) -> &ClothGraph {
@@ -229,9 +215,7 @@ impl CorrectedStepper {
         let after = self.simulator.substep_counts();
         let all = (after.all - before.all).max(1) as f32;
         self.fell_back = (after.fell_back - before.fell_back) as f32 / all;
-        if self.base.differences == Differences::Substeps {
-            self.smooth();
-        }
+        self.smooth();
         Ok(())
     }
 
@@ -278,32 +262,31 @@ impl CorrectedStepper {
         !departures.iter().any(|found| goes_without(found.aspect))
     }
 
-    /// Returns true where the network is to see a substep that the physics did not take: strain
-    /// limits or contact divided the frame otherwise.
-    fn lacks_substep(&self) -> bool {
-        let lacks = self.simulator.substep_before().is_none() || !self.is_smoothed;
-        self.base.differences == Differences::Substeps && lacks
-    }
-
-    /// Makes the next state in `spare`, of the one that physics predicted.
-    fn correct(&mut self, frame: usize) -> Result<(), CorrectionError> {
+    /// Makes the next state in `spare`, of the one that physics predicted: its own where there is a
+    /// substep that the physics did not take, because strain limits or contact divided the frame
+    /// otherwise.
+    fn correct(&mut self, frame: usize) -> Result<(), Stopped> {
         self.spare.copy_of(&self.simulator);
+        self.familiarity = Familiarity::default();
+        let Some((positions, velocities)) = self.simulator.substep_before() else {
+            return Ok(());
+        };
+        if !self.is_smoothed {
+            return Ok(());
+        }
         let environment = self.scene.environment;
         let environment = environment.during_step(frame, self.scene.frame_rate);
-        let substeps = self.simulator.substep_before();
-        let substeps = substeps.map(|(positions, velocities)| FrameSubsteps {
-            earlier: self.knows_earlier.then(|| self.earlier.as_motion()),
-            middle: MotionState {
-                positions,
-                velocities,
-            },
-            part: 1.0 / f64::from(self.base.substeps),
-            smoothed: &self.smoothed,
-            fell_back: self.fell_back,
-        });
         let predicted = PredictedFrame {
-            before: self.knows_before.then(|| self.before.as_motion()),
-            substeps,
+            substeps: FrameSubsteps {
+                earlier: self.knows_earlier.then(|| self.earlier.as_motion()),
+                middle: MotionState {
+                    positions,
+                    velocities,
+                },
+                part: 1.0 / f64::from(self.base.substeps),
+                smoothed: &self.smoothed,
+                fell_back: self.fell_back,
+            },
             last: self.now.as_motion(),
             predicted: MotionState {
                 positions: self.simulator.positions_f64(),
@@ -379,20 +362,16 @@ impl Stepper for CorrectedStepper {
     }
 
     fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
-        self.undo = None;
+        self.can_undo = false;
         let frame = self.frame();
         self.predict(targets)?;
         self.hold(targets);
-        if !self.is_within(targets, frame) || self.lacks_substep() {
+        if !self.is_within(targets, frame) {
             self.spare.copy_of(&self.simulator);
             self.familiarity = Familiarity::default();
-        } else if let Err(error) = self.correct(frame) {
+        } else if self.correct(frame).is_err() {
             self.simulator.undo_step();
-            let frame = frame + 1;
-            return Err(match error {
-                CorrectionError::Stopped(_) => StepError::Stopped { frame },
-                CorrectionError::Device(reason) => StepError::Device { frame, reason },
-            });
+            return Err(StepError::Stopped { frame: frame + 1 });
         }
         if self.stop.is_wanted() {
             self.simulator.undo_step();
@@ -408,10 +387,8 @@ impl Stepper for CorrectedStepper {
             let frame = frame + 1;
             return Err(StepError::NonFinite { frame, vertex });
         }
-        // The next state becomes that of now, which becomes that before, which becomes the spare.
         mem::swap(&mut self.now, &mut self.spare);
-        mem::swap(&mut self.before, &mut self.spare);
-        self.undo = Some(mem::replace(&mut self.knows_before, true));
+        self.can_undo = true;
         Ok(())
     }
 
@@ -432,20 +409,16 @@ impl Correctable for CorrectedStepper {
 
     fn take_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
         self.simulator.take_frame(positions)?;
-        self.undo = None;
+        self.can_undo = false;
         self.now.copy_of(&self.simulator);
-        self.knows_before = false;
         Ok(())
     }
 
     fn undo_step(&mut self) {
-        let Some(knew_before) = self.undo.take() else {
-            return;
-        };
-        self.simulator.undo_step();
-        mem::swap(&mut self.before, &mut self.spare);
-        mem::swap(&mut self.now, &mut self.spare);
-        self.knows_before = knew_before;
+        if mem::take(&mut self.can_undo) {
+            self.simulator.undo_step();
+            mem::swap(&mut self.now, &mut self.spare);
+        }
     }
 }
 

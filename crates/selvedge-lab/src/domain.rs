@@ -134,7 +134,7 @@ mod tests {
     #[test]
     fn a_model_that_corrects_physics_says_what_moves_the_cloth_beyond_its_training() {
         let mut scene = hanging();
-        let model = NamedModel::open(Some("corrected".as_ref())).unwrap().model;
+        let model = NamedModel::open(Some("general".as_ref())).unwrap().model;
         let model = Model::clone(&model).with_domain(&Domain::of_scene(&scene, 5).unwrap());
         scene.environment.wind.x = 6.0;
         let beyond = of_scene(&model, &scene, 3).unwrap().unwrap();

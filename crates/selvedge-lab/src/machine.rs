@@ -13,7 +13,7 @@ use selvedge_corrected::{CorrectedError, CorrectedStepper, FrameState};
 #[cfg(feature = "gpu")]
 use selvedge_gpu::device::{Device, DeviceError, Precision, cuda::Cuda, host::Host};
 #[cfg(feature = "gpu")]
-use selvedge_gpu::rollout::{CorrectionsError, GpuCorrections, OpeningError, stepper::GpuStepper};
+use selvedge_gpu::rollout::{OpeningError, stepper::GpuStepper};
 use selvedge_model::{
     ClothGraph, Instructions, LearnedStepper, Model, RolloutError, opening_frames,
 };
@@ -179,7 +179,8 @@ pub enum StartError {
     #[cfg(feature = "gpu")]
     Gpu(#[from] OpeningError),
     #[cfg(feature = "gpu")]
-    Corrections(#[from] Box<CorrectionsError>),
+    #[error("a model that corrects physics runs on the processor: leave out --device")]
+    OnlyProcessor,
 }
 
 impl Machine {
@@ -273,13 +274,7 @@ impl Machine {
                 Ok(stepper.with_instructions(self.instructions()))
             }
             #[cfg(feature = "gpu")]
-            Self::Gpu(device, precision) => {
-                let stepper = CorrectedStepper::new(Arc::clone(&model), scene, state)?;
-                let (device, graph) = (device.as_ref(), stepper.graph());
-                let network =
-                    GpuCorrections::new(device, &model, graph, *precision).map_err(Box::new)?;
-                Ok(stepper.with_network(Box::new(network)))
-            }
+            Self::Gpu(..) => Err(StartError::OnlyProcessor),
         }
     }
 
@@ -384,48 +379,18 @@ mod tests {
         }
     }
 
-    /// The network of corrected physics on a device gives the motion that the processor gives, and
-    /// one without blocks is refused.
     #[cfg(feature = "gpu")]
     #[test]
-    fn corrections_on_a_device_are_those_of_the_processor() {
-        use selvedge_model::{Model, ModelSpec, Network};
-
+    fn a_device_runs_no_model_that_corrects_physics() {
         let scene = selvedge_data::open_scene("default").unwrap().scene;
-        let path = scene.handle_path().unwrap();
         let rest: Vec<Vec3> = scene.mesh.positions().iter().map(|p| p.as_vec3()).collect();
-        let shipped = crate::models::NamedModel::open(Some("corrected".as_ref())).unwrap();
+        let shipped = crate::models::NamedModel::open(Some("general".as_ref())).unwrap();
         let cloth = selvedge_cloth::Cloth::of_scene(&scene, rest.clone()).unwrap();
         let graph = selvedge_corrected::cloth_graph(&scene, &cloth).unwrap();
         let host = Machine::open(DeviceName::Host, PrecisionName::Full).unwrap();
-        let [here, there] = [&Machine::Cpu, &host].map(|machine| {
-            let (start, scene) = ([rest.as_slice()], Some(&scene));
-            let started = machine.start(&shipped.model, graph.clone(), &start, scene);
-            let mut mover = started.unwrap();
-            for frame in 0..4 {
-                mover.step(&path.targets(frame, 1).unwrap()).unwrap();
-            }
-            mover.positions().to_vec()
-        });
-        let apart = here.iter().zip(&there).map(|(p, q)| p.distance(*q));
-        let apart = apart.fold(0.0_f32, f32::max);
-        assert!(apart < 1e-6, "{apart}");
-        assert!(here[200].distance(rest[200]) > 1e-3, "the cloth has moved");
-
-        let spec = ModelSpec {
-            blocks: 0,
-            ..shipped.model.spec().clone()
-        };
-        let network = Network::new(&spec).unwrap();
-        let mut numbers = shipped.model.normalizers().clone();
-        let weights = network.initialise(&mut || 0.5);
-        let [nodes, edges] = [spec.node_width(), spec.edge_width()]
-            .map(|width| selvedge_model::Normalizer::new(vec![0.0; width], vec![1.0; width]));
-        (numbers.nodes, numbers.edges) = (nodes.unwrap(), edges.unwrap());
-        let model = Model::new(&spec, weights, numbers, String::new()).unwrap();
-        let refused = host.start(&Arc::new(model), graph, &[&rest], Some(&scene));
+        let refused = host.start(&shipped.model, graph, &[&rest], Some(&scene));
         let said = refused.err().unwrap().to_string();
-        assert!(said.contains("model.blocks"), "{said}");
+        assert!(said.contains("leave out --device"), "{said}");
     }
 
     #[test]

@@ -218,14 +218,14 @@ mod tests {
         of_scene.physics.integrator = Integrator::Linearised;
         let kept = truth_scene(&of_scene, &open("small")).physics;
         assert_eq!(kept, of_scene.physics);
-        let finer = truth_scene(&of_scene, &open("corrected")).physics;
+        let finer = truth_scene(&of_scene, &open("general")).physics;
         assert_eq!(
             (finer.integrator, finer.substeps),
             (Integrator::SecondOrder, CONVERGED)
         );
         assert!(finer.validate().is_ok());
         of_scene.physics.substeps = 20;
-        let kept = truth_scene(&of_scene, &open("corrected")).physics;
+        let kept = truth_scene(&of_scene, &open("general")).physics;
         assert_eq!(kept.substeps, 20);
     }
 }

@@ -202,7 +202,7 @@ mod tests {
         for (name, expected) in [
             ("small", "contact: a learned model does not see obstacles"),
             (
-                "corrected",
+                "general",
                 "contact: the physics that the model corrects sees obstacles",
             ),
         ] {

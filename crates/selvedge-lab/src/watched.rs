@@ -282,8 +282,8 @@ mod tests {
         let oracle = Simulator::new(&scene).unwrap();
         let mut without = scene.clone();
         (without.contact, without.obstacles) = (None, Vec::new());
-        let mut held = watched_by("corrected", scene.clone(), Correction::default());
-        let mut through = watched_by("corrected", without, Correction::default());
+        let mut held = watched_by("general", scene.clone(), Correction::default());
+        let mut through = watched_by("general", without, Correction::default());
         let mut passes_through = 0;
         for frame in 1..=60 {
             let targets = led(&scene, frame);

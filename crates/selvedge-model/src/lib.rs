@@ -83,8 +83,8 @@ mod test_cloth;
 
 pub use domain::{Aspect, Bounds, Departure, Domain, DomainWatch, FabricBounds};
 pub use features::correction::{
-    ColumnSet, CorrectionColumns, FrameSubsteps, HalfTurns, MotionState, Neighbours,
-    PredictedFrame, Stiffness, rough_fields,
+    CorrectionColumns, FrameSubsteps, HalfTurns, MotionState, PredictedFrame, Stiffness,
+    correction_groups, rough_fields,
 };
 pub use features::{
     Column, Extent, Frames, Normalizer, NormalizerError, Place, Pose, PoseGradient,
@@ -108,12 +108,11 @@ pub use network::{
     StateGradients, Stopped,
 };
 pub use rollout::{
-    CorrectionError, CorrectionNetwork, Corrector, Familiarity, LearnedStepper, LocalAcceleration,
-    MODEL_FORMAT, Model, ModelError, ModelFileError, NoBase, NonFinite, Normalizers, RolloutError,
-    TwoFrames, WeightType, advance, advance_backward, cut, opening_frames, target_acceleration,
+    Corrector, Familiarity, LearnedStepper, LocalAcceleration, MODEL_FORMAT, Model, ModelError,
+    ModelFileError, NoBase, NonFinite, Normalizers, RolloutError, TwoFrames, WeightType, advance,
+    advance_backward, cut, opening_frames, target_acceleration,
 };
 pub use spec::{
-    Carries, Carry, CurrentFrame, Differences, EdgeFeature, EdgeLimits, Encoder, FrameTimes,
-    Integration, LastFrames, MOST_DEVIATIONS, ModelSpec, NodeFeature, PhysicsBase, ReferenceSlope,
-    SpecError,
+    Carries, Carry, CurrentFrame, EdgeFeature, EdgeLimits, Encoder, FrameTimes, Integration,
+    LastFrames, MOST_DEVIATIONS, ModelSpec, NodeFeature, PhysicsBase, ReferenceSlope, SpecError,
 };

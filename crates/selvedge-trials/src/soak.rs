@@ -85,7 +85,7 @@ pub(crate) fn run(options: &[String]) -> Result<bool> {
         );
         holds &= level;
     };
-    for name in ["physics", "model", "guard", "corrected"] {
+    for name in ["physics", "model", "guard", "general"] {
         if is_wanted(name) {
             let started = Instant::now();
             let curve = stepper(name, &program, folder, steps)?;
@@ -131,7 +131,7 @@ fn learned(
 ) -> Result<Box<dyn Stepper>> {
     let model = match name {
         "guard" => NamedModel::open(Some(Path::new("small")))?,
-        "corrected" => NamedModel::open(Some(Path::new(name)))?,
+        "general" => NamedModel::open(Some(Path::new(name)))?,
         _ => {
             program.run(folder, "dataset generate tiny --out tiny")?;
             program.run(folder, "train moment.toml --data tiny --out run")?;

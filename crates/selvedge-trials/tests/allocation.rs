@@ -82,8 +82,8 @@ fn frames_after_the_first_allocate_nothing() {
     for (name, is_guarded) in [
         ("small", false),
         ("small", true),
-        ("corrected", false),
-        ("corrected", true),
+        ("general", false),
+        ("general", true),
     ] {
         let model = NamedModel::open(Some(Path::new(name))).unwrap();
         let graph = models::graph_of_scene(scene, &cloth, &model.model).unwrap();

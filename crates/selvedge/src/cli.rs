@@ -160,8 +160,8 @@ pub(crate) struct RolloutArgs {
     /// A scene: a TOML file, or the name of a shipped one.
     #[arg(default_value = "default")]
     pub(crate) scene: String,
-    /// The model's weights: a file, or the name of a shipped one, `corrected`, `general` or
-    /// `small` [default: corrected].
+    /// The model's weights: a file, or the name of a shipped one, `general` or `small`
+    /// [default: general].
     #[arg(long, value_name = "FILE")]
     pub(crate) model: Option<PathBuf>,
     /// The folder to write into; it is made.

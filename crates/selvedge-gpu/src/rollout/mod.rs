@@ -4,7 +4,6 @@
 //! the next positions of the handles and a few numbers that follow from them, and downloads the
 //! positions. A frame that is not finite is rejected: the cloths stay as they were.
 
-mod corrections;
 mod opening;
 mod plan;
 pub mod stepper;
@@ -23,7 +22,6 @@ use crate::device::{Device, DeviceError, Loaded, Precision, Prepared, require_me
 
 use opening::{Cloth, open};
 
-pub use corrections::{CorrectionsError, GpuCorrections};
 pub use opening::{Opening, OpeningError};
 pub use plan::RolloutPlan;
 

@@ -129,7 +129,7 @@ impl Method {
         Self {
             integrator: NamedIntegrator {
                 name,
-                integrator: base.map_or(Integrator::SecondOrder, |base| base.integrator),
+                integrator: Integrator::SecondOrder,
                 model: Some(model),
                 instructions,
             },
@@ -143,7 +143,7 @@ impl Method {
     pub fn bases(&self) -> Option<[Self; 2]> {
         let base = self.integrator.corrector()?.spec().base?;
         let with = |substeps| Self {
-            integrator: NamedIntegrator::of(base.integrator),
+            integrator: NamedIntegrator::of(Integrator::SecondOrder),
             substeps,
         };
         Some([with(base.substeps), with(base.substeps + 1)])

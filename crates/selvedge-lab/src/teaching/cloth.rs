@@ -6,11 +6,11 @@ use std::sync::Arc;
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use selvedge_cloth::{HandlePath, Integrator, Scene, Stepper, Stop};
+use selvedge_cloth::{HandlePath, Scene, Stepper, Stop};
 use selvedge_corrected::{FrameState, base_scene};
 use selvedge_model::{
-    ClothGraph, CorrectionColumns, CorrectionError, Corrector, Differences, FrameSubsteps,
-    HalfTurns, Model, MotionState, PhysicsBase, PredictedFrame, Stiffness, rough_fields,
+    ClothGraph, CorrectionColumns, Corrector, FrameSubsteps, HalfTurns, Model, MotionState,
+    PhysicsBase, PredictedFrame, Stiffness, Stopped, rough_fields,
 };
 use selvedge_sim::{Simulator, SimulatorError, Threads};
 use selvedge_train::{CorrectionConfig, CorrectionSample};
@@ -64,7 +64,6 @@ struct Run {
     farthest: Option<f64>,
     held: Vec<bool>,
     now: FrameState,
-    before: Option<FrameState>,
     seen: SeenSubsteps,
     /// Frames until the next motion.
     left: usize,
@@ -87,6 +86,7 @@ struct SeenSubsteps {
 }
 
 impl SeenSubsteps {
+    /// What the model sees; none where the physics divided the frame otherwise.
     fn of_frame(&self, base: PhysicsBase) -> Option<FrameSubsteps<'_>> {
         Some(FrameSubsteps {
             earlier: self.earlier.as_ref().map(FrameState::as_motion),
@@ -170,11 +170,7 @@ impl Run {
         let lasts = path.frame_count();
         let lead = rng.random_range(0..=cfg.samples.lead.min(lasts));
         let base = cfg.model.base.ok_or("model.base is missing")?;
-        let leading = PhysicsBase {
-            integrator: Integrator::SecondOrder,
-            substeps: 2,
-            differences: Differences::default(),
-        };
+        let leading = PhysicsBase { substeps: 2 };
         let still = vec![DVec3::ZERO; rest.len()];
         let at_rest = FrameState {
             positions: rest.to_vec(),
@@ -190,7 +186,6 @@ impl Run {
         let now = state_of(&leader);
         let teacher = PhysicsBase {
             substeps: cfg.teacher.substeps,
-            ..leading
         };
         Ok(Some(Self {
             scene: number,
@@ -200,7 +195,6 @@ impl Run {
                 graph,
                 Stiffness::of(&scene.material),
                 1.0 / scene.frame_rate,
-                cfg.model.correction_columns(),
             ),
             corrector: None,
             stop: stop.clone(),
@@ -210,7 +204,6 @@ impl Run {
             held: graph.handle_mask().to_vec(),
             path,
             now,
-            before: None,
             seen: SeenSubsteps::default(),
             left: rng.random_range(1..=cfg.samples.frames),
             until_change: 0,
@@ -244,7 +237,6 @@ impl Run {
         let frame = self.cheap.frame();
         if rng.random::<f64>() < lesson.forgetful {
             self.cheap.forget_previous();
-            self.before = None;
         }
         let FrameState {
             positions,
@@ -270,7 +262,7 @@ impl Run {
         self.seen.fell_back = (after.fell_back - counts.fell_back) as f32 / all;
         let predicted = state_of(&self.cheap);
         self.seen.middle = substep_before(&self.cheap);
-        if self.base.differences == Differences::Substeps && !self.smooth(scene, &predicted) {
+        if !self.smooth(scene, &predicted) {
             return Ok(None);
         }
         let turns = HalfTurns {
@@ -293,8 +285,8 @@ impl Run {
         {
             return Ok(None);
         }
-        self.before = Some(std::mem::replace(&mut self.now, next));
-        Ok(Some(sample))
+        self.now = next;
+        Ok(sample)
     }
 
     /// Finds the differences that are smoothed by the matrix of the last solve. Returns false where
@@ -333,20 +325,18 @@ impl Run {
         sum > farthest * f64::from(count)
     }
 
-    /// The sample of the cheap frame `predicted`, in columns of the cloth turned by `turns`.
+    /// The sample of the cheap frame `predicted`, in columns of the cloth turned by `turns`; none
+    /// where there are no substeps to see.
     fn write(
         &mut self,
         scene: &TeachingScene,
         predicted: &FrameState,
         turns: HalfTurns,
-    ) -> CorrectionSample {
-        let frame = PredictedFrame {
-            before: self.before.as_ref().map(FrameState::as_motion),
-            substeps: self.seen.of_frame(self.base),
-            last: self.now.as_motion(),
-            predicted: predicted.as_motion(),
-            ..frame_of(scene, self.cheap.frame() - 1, &self.held)
-        };
+    ) -> Option<CorrectionSample> {
+        let number = self.cheap.frame() - 1;
+        let states = [&self.now, predicted];
+        let substeps = self.seen.of_frame(self.base)?;
+        let frame = frame_of(scene, number, substeps, states, &self.held);
         self.columns.write(&scene.graph, &frame, turns);
         let truth = MotionState {
             positions: self.teacher.positions_f64(),
@@ -354,13 +344,12 @@ impl Run {
         };
         let mut target = Vec::new();
         self.columns.target(frame.predicted, truth, &mut target);
-        CorrectionSample {
+        Some(CorrectionSample {
             graph: Arc::clone(&scene.graph),
             nodes: self.columns.nodes.clone(),
-            arcs: self.columns.arcs.clone(),
             target,
             weights: loss_weights(self.columns.scales(), &self.held),
-        }
+        })
     }
 
     /// The state that `model` makes of a predicted one; none where a stop is wanted.
@@ -384,16 +373,15 @@ impl Run {
         };
         corrector.set_model(model)?;
         let mut next = predicted.clone();
-        let frame = PredictedFrame {
-            before: self.before.as_ref().map(FrameState::as_motion),
-            substeps: self.seen.of_frame(self.base),
-            last: self.now.as_motion(),
-            predicted: predicted.as_motion(),
-            ..frame_of(scene, self.cheap.frame() - 1, &self.held)
+        let number = self.cheap.frame() - 1;
+        let states = [&self.now, &predicted];
+        let Some(substeps) = self.seen.of_frame(self.base) else {
+            return Ok(None);
         };
+        let frame = frame_of(scene, number, substeps, states, &self.held);
         match corrector.correct(&frame, &mut next.positions, &mut next.velocities) {
-            Err(CorrectionError::Stopped(_)) => Ok(None),
-            corrected => Ok(corrected.map(|_| Some(next))?),
+            Err(Stopped) => Ok(None),
+            Ok(_) => Ok(Some(next)),
         }
     }
 }
@@ -414,19 +402,20 @@ fn simulator(
     Ok(made)
 }
 
-/// Frame number `frame` of a scene, but for the states, which stay empty.
-fn frame_of<'a>(scene: &TeachingScene, frame: usize, held: &'a [bool]) -> PredictedFrame<'a> {
-    let nothing = MotionState {
-        positions: &[],
-        velocities: &[],
-    };
+/// Frame `number` of a scene between two states.
+fn frame_of<'a>(
+    scene: &TeachingScene,
+    number: usize,
+    substeps: FrameSubsteps<'a>,
+    [last, predicted]: [&'a FrameState; 2],
+    held: &'a [bool],
+) -> PredictedFrame<'a> {
     let rate = scene.scene.frame_rate;
-    let environment = scene.scene.environment.during_step(frame, rate);
+    let environment = scene.scene.environment.during_step(number, rate);
     PredictedFrame {
-        before: None,
-        substeps: None,
-        last: nothing,
-        predicted: nothing,
+        substeps,
+        last: last.as_motion(),
+        predicted: predicted.as_motion(),
         wind: environment.wind,
         gravity: environment.gravity,
         held,

@@ -33,7 +33,7 @@ frames = 4
 [model]
 encoder = { kind = "mlp" }
 latent = 8
-blocks = 1
+blocks = 0
 base = { substeps = 1 }
 "#;
 
@@ -94,11 +94,9 @@ fn samples_have_their_sizes_and_threads_change_none() {
     for sample in &alone {
         assert_eq!(sample.graph.vertex_count(), VERTICES);
         assert_eq!(sample.nodes.len(), VERTICES * spec.node_width());
-        let arcs = sample.graph.arc_count();
-        assert_eq!(sample.arcs.len(), arcs * spec.edge_width());
         assert_eq!(sample.target.len(), VERTICES * spec.outputs());
         assert_eq!((sample.weights.len(), held(sample)), (VERTICES, 2));
-        let all = [&sample.nodes, &sample.arcs, &sample.target];
+        let all = [&sample.nodes, &sample.target];
         assert!(all.iter().all(|rows| rows.iter().all(|x| x.is_finite())));
         // The handles are where both have them; some of the others are not.
         for (v, row) in sample.target.as_chunks::<6>().0.iter().enumerate() {
@@ -116,10 +114,7 @@ fn samples_have_their_sizes_and_threads_change_none() {
         let [one, two] = [1, 2].map(|threads| samples(threads, model));
         assert_eq!(one.len(), two.len());
         for (a, b) in one.iter().zip(&two) {
-            assert_eq!(
-                (&a.nodes, &a.arcs, &a.target),
-                (&b.nodes, &b.arcs, &b.target)
-            );
+            assert_eq!((&a.nodes, &a.target), (&b.nodes, &b.target));
         }
         // A model leads the cloths elsewhere.
         let same = one.iter().zip(&alone).all(|(a, b)| a.nodes == b.nodes);
@@ -256,8 +251,7 @@ fn letting_go() -> TeachingScenes {
 #[test]
 fn samples_of_differences_over_substeps_are_weighted_by_their_scales() {
     let mut cfg = config();
-    let base = cfg.model.base.as_mut().unwrap();
-    (base.substeps, base.differences) = (2, selvedge_model::Differences::Substeps);
+    cfg.model.base.as_mut().unwrap().substeps = 2;
     let width = cfg.model.node_width();
     let mut teaching = Teaching::new(scenes(), cfg, 0);
     let (mut known, mut count) = (0, 0);

@@ -7,31 +7,27 @@
 //! Differences along an arc are divided by its length in the material, so that columns of a smooth
 //! motion do not depend on the fineness of the mesh.
 //!
-//! The motion is shown as differences over frames, or over substeps, of which the error of a
-//! formula is made. The latter are divided by a scale of the vertex, so that slow and fast motions
-//! have the same columns, and corrections in proportion ([`Differences`]).
-//!
-//! A network with blocks sees every arc. One without sees sums over the arcs of a vertex, weighted
-//! by circular functions of their directions in the material: gradients and second derivatives of
-//! the motion, for a fraction of the price ([`Neighbours`]).
+//! The motion is shown as differences over substeps, of which the error of a formula is made,
+//! divided by a scale of the vertex, so that slow and fast motions have the same columns, and
+//! corrections in proportion. Beside its own a vertex sees sums over the arcs that arrive there,
+//! weighted by circular functions of their directions in the material: gradients and second
+//! derivatives of the motion.
 
 use glam::{DVec3, Mat3, Vec3};
 use selvedge_cloth::{FaceId, Material};
 
 use crate::graph::ClothGraph;
-use crate::spec::Differences;
 
-#[cfg(test)]
-use column_set::NODE_COLUMNS;
-use column_set::{
-    ARC_COLUMNS, SCALAR_WEIGHTS, STILL_COLUMNS, SUM_COLUMNS, SUMMED_SCALARS, SUMMED_VECTORS,
+pub(crate) use columns::NODE_COLUMNS;
+pub use columns::correction_groups;
+use columns::{
+    OWN_COLUMNS, SCALAR_WEIGHTS, STILL_COLUMNS, SUM_COLUMNS, SUMMED_SCALARS, SUMMED_VECTORS,
     VECTOR_WEIGHTS,
 };
-pub use column_set::{ColumnSet, Neighbours};
 use differences::SUBSTEP_VECTORS;
 pub use differences::{FrameSubsteps, rough_fields};
 
-pub(crate) mod column_set;
+mod columns;
 mod differences;
 
 /// Positions `[m]` and velocities `[m/s]`, `[vertices]` each.
@@ -46,10 +42,8 @@ pub struct MotionState<'a> {
 /// A frame that physics predicted, and what led there.
 #[derive(Clone, Copy, Debug)]
 pub struct PredictedFrame<'a> {
-    /// The state one frame before the last; none at the start of a run.
-    pub before: Option<MotionState<'a>>,
-    /// Its substeps, where the columns have differences over them.
-    pub substeps: Option<FrameSubsteps<'a>>,
+    /// Its substeps.
+    pub substeps: FrameSubsteps<'a>,
     /// The state at the start of the frame.
     pub last: MotionState<'a>,
     /// The state at its end, by physics.
@@ -107,16 +101,13 @@ pub struct CorrectionColumns {
     /// Bending angle of each edge now and as predicted `[rad]`, `[edges]`.
     angles: Vec<[f32; 2]>,
     moves: Vec<Moves>,
-    /// Scale of each vertex `[m]`; 1 where differences are over frames, `[vertices]`.
+    /// Scale of each vertex `[m]`, `[vertices]`.
     scales: Vec<f32>,
-    of_model: ColumnSet,
-    /// Weights of the two arcs of each edge in the sums over the arcs of their receivers, where
-    /// there are sums, `[edges, 2]`.
+    /// Weights of the two arcs of each edge in the sums over the arcs of their receivers,
+    /// `[edges, 2]`.
     weights: Vec<[[f32; VECTOR_WEIGHTS]; 2]>,
     /// Columns of the vertices, `[vertices, columns]`.
     pub nodes: Vec<f32>,
-    /// Columns of the arcs, `[arcs, columns]`; empty where vertices have sums in place of them.
-    pub arcs: Vec<f32>,
 }
 
 /// Turns of the frames about their own axes by half a turn, which a woven or knitted material does
@@ -149,33 +140,23 @@ struct OfEdge {
 struct Moves {
     /// h v `[m]`, h the length of a frame.
     velocity: Vec3,
-    /// Two that are compared along arcs: x̂ - x - h v and h (v̂ - v) `[m]`; or second and third
-    /// differences over the scale.
+    /// Two that are compared along arcs: second and third differences of velocity `[m]`.
     compared: [Vec3; 2],
-    /// The vertex's own: those that are compared and the same of the frame before `[m]`; or
-    /// those over substeps, over the scale.
+    /// The vertex's own, over its scale.
     own: [Vec3; SUBSTEP_VECTORS],
 }
-
-/// A vertex's own vectors over frames, of which [`Moves::own`] has the first so many.
-const FRAME_VECTORS: usize = 4;
 
 impl CorrectionColumns {
     /// Columns of the cloth of `graph`, whose material has `stiffness`; a frame lasts `dt` `[s]`.
     #[must_use]
-    pub fn new(graph: &ClothGraph, stiffness: Stiffness, dt: f64, of_model: ColumnSet) -> Self {
-        Self::of_faces(graph, |_| stiffness, dt, of_model)
+    pub fn new(graph: &ClothGraph, stiffness: Stiffness, dt: f64) -> Self {
+        Self::of_faces(graph, |_| stiffness, dt)
     }
 
     /// As [`Self::new`], of a cloth whose faces have a `stiffness` each; an arc has that of the
     /// face to its left, as it has its rest shape, and at a border that of its only face.
     #[must_use]
-    pub fn of_faces(
-        graph: &ClothGraph,
-        stiffness: impl Fn(FaceId) -> Stiffness,
-        dt: f64,
-        of_model: ColumnSet,
-    ) -> Self {
+    pub fn of_faces(graph: &ClothGraph, stiffness: impl Fn(FaceId) -> Stiffness, dt: f64) -> Self {
         let pattern = graph.cloth().pattern();
         let lengths: Vec<f32> = pattern.edge_lengths().iter().map(|&l| l as f32).collect();
         let edges = graph.topology().edges().iter().zip(&lengths);
@@ -217,42 +198,25 @@ impl CorrectionColumns {
             angles: vec![[0.0; 2]; graph.topology().edges().len()],
             moves: vec![Moves::default(); vertices],
             scales: vec![1.0; vertices],
-            weights: match of_model.neighbours {
-                Neighbours::Arcs => Vec::new(),
-                Neighbours::Sums => sum_weights(graph),
-            },
-            of_model,
-            nodes: vec![0.0; vertices * of_model.node_columns()],
-            arcs: vec![0.0; graph.arc_count() * of_model.arc_columns()],
+            weights: sum_weights(graph),
+            nodes: vec![0.0; vertices * NODE_COLUMNS],
         }
     }
 
-    /// Kind of these columns.
-    #[must_use]
-    pub fn of_model(&self) -> ColumnSet {
-        self.of_model
-    }
-
     /// Scale of each vertex at the latest [`Self::write`] `[m]`, by which its corrections are
-    /// measured; 1 where differences are over frames.
+    /// measured.
     #[must_use]
     pub fn scales(&self) -> &[f32] {
         &self.scales
     }
 
-    /// Fills [`Self::nodes`] and [`Self::arcs`].
+    /// Fills [`Self::nodes`].
     pub fn write(&mut self, graph: &ClothGraph, frame: &PredictedFrame<'_>, turns: HalfTurns) {
         self.find_frames(graph, frame.predicted.positions, turns);
-        match self.of_model.differences {
-            Differences::Frames => self.find_moves(frame),
-            Differences::Substeps => self.find_differences(graph, frame),
-        }
+        self.find_differences(graph, frame);
         self.find_angles(graph, frame);
         self.write_nodes(frame);
-        match self.of_model.neighbours {
-            Neighbours::Arcs => self.write_arcs(graph, frame, turns),
-            Neighbours::Sums => self.write_sums(graph, frame, turns),
-        }
+        self.write_sums(graph, frame, turns);
     }
 
     /// The frames `[eq:thread-frame]`: n is the mean normal of the faces of a vertex, t their mean
@@ -282,30 +246,6 @@ impl CorrectionColumns {
         }
     }
 
-    fn find_moves(&mut self, frame: &PredictedFrame<'_>) {
-        let h = self.dt;
-        let (last, next) = (frame.last, frame.predicted);
-        for (v, moves) in self.moves.iter_mut().enumerate() {
-            let velocity = h * last.velocities[v];
-            let shift = (next.positions[v] - last.positions[v] - velocity).as_vec3();
-            let change = (h * next.velocities[v] - velocity).as_vec3();
-            let mut earlier = [Vec3::ZERO; 2];
-            if let Some(before) = frame.before {
-                let velocity = h * before.velocities[v];
-                let shift = last.positions[v] - before.positions[v] - velocity;
-                let change = h * last.velocities[v] - velocity;
-                earlier = [shift.as_vec3(), change.as_vec3()];
-            }
-            let mut own = [Vec3::ZERO; SUBSTEP_VECTORS];
-            own[..FRAME_VECTORS].copy_from_slice(&[shift, change, earlier[0], earlier[1]]);
-            *moves = Moves {
-                velocity: velocity.as_vec3(),
-                compared: [shift, change],
-                own,
-            };
-        }
-    }
-
     fn find_angles(&mut self, graph: &ClothGraph, frame: &PredictedFrame<'_>) {
         for hinge in graph.hinges() {
             let ends = [hinge.from, hinge.to, hinge.left, hinge.right].map(|v| v as usize);
@@ -321,33 +261,23 @@ impl CorrectionColumns {
         let h = self.dt;
         let gravity = (h * h * frame.gravity).as_vec3();
         let wind = (h * frame.wind).as_vec3();
-        let (count, knows_before) = match self.of_model.differences {
-            Differences::Frames => (FRAME_VECTORS, frame.before.is_some()),
-            Differences::Substeps => {
-                let substeps = frame.substeps.as_ref();
-                (
-                    SUBSTEP_VECTORS,
-                    substeps.is_some_and(|s| s.earlier.is_some()),
-                )
-            }
-        };
-        let fell_back = frame.substeps.as_ref().map_or(0.0, |s| s.fell_back);
-        let rows = self.nodes.chunks_exact_mut(self.of_model.node_columns());
+        let FrameSubsteps {
+            earlier, fell_back, ..
+        } = frame.substeps;
+        let rows = self.nodes.chunks_exact_mut(NODE_COLUMNS);
         for (v, row) in rows.enumerate() {
             let moves = &self.moves[v];
             let axes = self.frames[v].transpose();
             let of_air = [wind - moves.velocity, gravity];
-            let vectors = moves.own[..count].iter().chain(&of_air);
-            let (of_vectors, rest) = row.split_at_mut(3 * (count + 2));
+            let vectors = moves.own.iter().chain(&of_air);
+            let (of_vectors, rest) = row.split_at_mut(3 * (SUBSTEP_VECTORS + 2));
             for (to, vector) in of_vectors.as_chunks_mut::<3>().0.iter_mut().zip(vectors) {
                 *to = (axes * *vector).to_array();
             }
             rest[0] = f32::from(u8::from(frame.held[v]));
-            rest[1] = f32::from(u8::from(knows_before));
-            if self.of_model.differences == Differences::Substeps {
-                rest[2] = self.scales[v].ln();
-                rest[3] = fell_back;
-            }
+            rest[1] = f32::from(u8::from(earlier.is_some()));
+            rest[2] = self.scales[v].ln();
+            rest[3] = fell_back;
         }
     }
 
@@ -372,58 +302,11 @@ impl CorrectionColumns {
         }
     }
 
-    /// The factor of the differences along edge `number` of what is compared, in columns of
-    /// `receiver`: over the scale there and not over the length of the edge, or 1.
-    fn inverse_of_compared(&self, number: usize, receiver: usize) -> f32 {
-        match self.of_model.differences {
-            Differences::Frames => 1.0,
-            Differences::Substeps => self.lengths[number] / self.scales[receiver],
-        }
-    }
-
-    fn write_arcs(&mut self, graph: &ClothGraph, frame: &PredictedFrame<'_>, turns: HalfTurns) {
-        let edges = graph.topology().edges().iter().zip(graph.edge_arcs());
-        let side = turns.side();
-        for (number, (edge, arcs)) in edges.enumerate() {
-            let [a, b] = edge.vertices.map(|v| v.index());
-            let OfEdge { vectors, strains } = self.of_edge(number, [a, b], frame);
-            let [bent, bends] = self.angles[number].map(|angle| side * angle);
-            // The first arc comes from a and arrives at b.
-            let both = [(a, b, 1.0), (b, a, -1.0)];
-            let inverses = both.map(|(_, receiver, _)| self.inverse_of_compared(number, receiver));
-            let rows = self.arcs.as_chunks_mut::<ARC_COLUMNS>().0;
-            for (((&arc, still), (sender, receiver, sign)), inverse) in
-                arcs.iter().zip(&self.still[number]).zip(both).zip(inverses)
-            {
-                let row = &mut rows[arc as usize];
-                let axes = self.frames[receiver].transpose();
-                let factors = [1.0, 1.0, inverse, inverse].map(|factor| sign * factor);
-                for ((to, vector), factor) in row
-                    .as_chunks_mut::<3>()
-                    .0
-                    .iter_mut()
-                    .zip(vectors)
-                    .zip(factors)
-                {
-                    *to = (axes * (factor * vector)).to_array();
-                }
-                row[12..15].copy_from_slice(&(axes * self.frames[sender].z_axis).to_array());
-                row[15..17].copy_from_slice(&strains);
-                row[17] = bends;
-                row[18] = bends - bent;
-                row[19..24].copy_from_slice(still);
-                row[20] *= side;
-            }
-        }
-    }
-
     /// The sums over the arcs that arrive at each vertex `[eq:arc-sums]`: in the world first, then
     /// turned into the frames.
     fn write_sums(&mut self, graph: &ClothGraph, frame: &PredictedFrame<'_>, turns: HalfTurns) {
-        let columns = self.of_model.node_columns();
-        let own = self.of_model.own_columns();
-        for row in self.nodes.chunks_exact_mut(columns) {
-            row[own..].fill(0.0);
+        for row in self.nodes.chunks_exact_mut(NODE_COLUMNS) {
+            row[OWN_COLUMNS..].fill(0.0);
         }
         let side = turns.side();
         for (number, edge) in graph.topology().edges().iter().enumerate() {
@@ -436,9 +319,10 @@ impl CorrectionColumns {
                 .zip(&self.still[number])
                 .zip([(b, 1.0), (a, -1.0)])
             {
-                let inverse = self.inverse_of_compared(number, receiver);
+                // Over the scale of the receiver, not over the length of the edge.
+                let inverse = self.lengths[number] / self.scales[receiver];
                 let factors = [1.0, 1.0, inverse, inverse].map(|factor| sign * factor);
-                let row = &mut self.nodes[receiver * columns + own..][..SUM_COLUMNS];
+                let row = &mut self.nodes[receiver * NODE_COLUMNS + OWN_COLUMNS..][..SUM_COLUMNS];
                 let (of_vectors, rest) = row.split_at_mut(3 * SUMMED_VECTORS * VECTOR_WEIGHTS);
                 let (of_scalars, means) = rest.split_at_mut(SUMMED_SCALARS * SCALAR_WEIGHTS);
                 let to = of_vectors
@@ -474,11 +358,10 @@ impl CorrectionColumns {
         // Half a turn of the frame takes φ to φ + π, a cloth turned over takes it to -φ.
         let (along, side) = (if turns.along { -1.0 } else { 1.0 }, turns.side());
         let signs = [along, along * side, 1.0, 1.0, side];
-        let own = self.of_model.own_columns();
-        let rows = self.nodes.chunks_exact_mut(self.of_model.node_columns());
+        let rows = self.nodes.chunks_exact_mut(NODE_COLUMNS);
         for (row, axes) in rows.zip(&self.frames) {
             let axes = axes.transpose();
-            let row = &mut row[own..];
+            let row = &mut row[OWN_COLUMNS..];
             let (of_vectors, rest) = row.split_at_mut(3 * SUMMED_VECTORS * VECTOR_WEIGHTS);
             for (k, to) in of_vectors.as_chunks_mut::<3>().0.iter_mut().enumerate() {
                 let vector = axes * Vec3::from_array(*to);
@@ -493,9 +376,6 @@ impl CorrectionColumns {
 
     /// Takes corrections in scales of their vertices, `[vertices, 6]`, to metres.
     pub fn to_metres(&self, rows: &mut [f32]) {
-        if self.of_model.differences == Differences::Frames {
-            return;
-        }
         for (row, scale) in rows.as_chunks_mut::<6>().0.iter_mut().zip(&self.scales) {
             row.iter_mut().for_each(|x| *x *= scale);
         }

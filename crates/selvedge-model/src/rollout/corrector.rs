@@ -10,7 +10,9 @@ use glam::DVec3;
 use selvedge_cloth::{FaceId, Stop};
 use thiserror::Error;
 
-use crate::features::correction::{CorrectionColumns, HalfTurns, PredictedFrame, Stiffness};
+use crate::features::correction::{
+    CorrectionColumns, HalfTurns, NODE_COLUMNS, PredictedFrame, Stiffness,
+};
 use crate::graph::ClothGraph;
 use crate::kernels::simd::Instructions;
 use crate::network::packed::{PackedWeights, Purpose};
@@ -29,32 +31,6 @@ const UNLIKE: f32 = 12.0;
 #[error("the model moves the cloth by itself: it corrects no physics")]
 pub struct NoBase;
 
-/// The network of a model that corrects physics, on another machine than this processor.
-pub trait CorrectionNetwork: Send {
-    /// Takes normalised columns of vertices and arcs, `[vertices, columns]` and `[arcs, columns]`,
-    /// to normalised corrections, which `rows` has then, `[vertices, 6]`.
-    ///
-    /// # Errors
-    /// What of the machine failed, for people.
-    fn run(
-        &mut self,
-        nodes: &[f32],
-        arcs: &[f32],
-        rows: &mut Vec<f32>,
-    ) -> Result<(), CorrectionError>;
-}
-
-/// A frame that a network did not correct.
-#[derive(Clone, Debug, Error, PartialEq, Eq)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum CorrectionError {
-    /// What failed of the machine that runs the network.
-    #[error("{0}")]
-    Device(String),
-    #[error(transparent)]
-    Stopped(#[from] Stopped),
-}
-
 /// A model that corrects the frames of one cloth.
 pub struct Corrector {
     model: Arc<Model>,
@@ -63,8 +39,6 @@ pub struct Corrector {
     columns: CorrectionColumns,
     weights: PackedWeights<f32>,
     workspace: Workspace<f32>,
-    /// The network on another machine, if it does not run here.
-    elsewhere: Option<Box<dyn CorrectionNetwork>>,
     rows: Vec<f32>,
     /// Part of the correction that each vertex gets, `[vertices]`.
     shares: Vec<f32>,
@@ -98,18 +72,12 @@ impl Corrector {
         stiffness: impl Fn(FaceId) -> Stiffness,
     ) -> Result<Self, NoBase> {
         let base = model.spec().base.ok_or(NoBase)?;
-        let columns = CorrectionColumns::of_faces(
-            &graph,
-            stiffness,
-            1.0 / graph.frame_rate(),
-            model.spec().correction_columns(),
-        );
+        let columns = CorrectionColumns::of_faces(&graph, stiffness, 1.0 / graph.frame_rate());
         let (purpose, using) = (Purpose::Inference, Instructions::Detected);
         Ok(Self {
             columns,
             weights: model.network().pack(model.weights(), purpose, using),
             workspace: Workspace::new(),
-            elsewhere: None,
             rows: Vec::new(),
             shares: vec![1.0; graph.vertex_count()],
             model,
@@ -131,14 +99,7 @@ impl Corrector {
         self
     }
 
-    /// The same with its network run by `network`, which has the model's weights.
-    #[must_use]
-    pub fn with_network(mut self, network: Box<dyn CorrectionNetwork>) -> Self {
-        self.elsewhere = Some(network);
-        self
-    }
-
-    /// Corrects with another model from now on, of the same network, on this processor.
+    /// Corrects with another model from now on, of the same network.
     ///
     /// # Errors
     /// [`NoBase`].
@@ -154,7 +115,6 @@ impl Corrector {
         }
         assert_eq!(model.spec(), self.model.spec(), "network");
         self.model = Arc::clone(model);
-        self.elsewhere = None;
         let network = self.model.network();
         network.repack(self.model.weights(), &mut self.weights);
         Ok(())
@@ -176,7 +136,7 @@ impl Corrector {
     /// predicted ones of `frame`.
     ///
     /// # Errors
-    /// [`CorrectionError`]; positions and velocities stay.
+    /// [`Stopped`]; positions and velocities stay.
     ///
     /// # Panics
     /// When a slice does not have the size of the cloth.
@@ -185,15 +145,13 @@ impl Corrector {
         frame: &PredictedFrame<'_>,
         positions: &mut [DVec3],
         velocities: &mut [DVec3],
-    ) -> Result<Familiarity, CorrectionError> {
+    ) -> Result<Familiarity, Stopped> {
         let columns = &mut self.columns;
         columns.write(&self.graph, frame, HalfTurns::default());
         let normalizers = self.model.normalizers();
         normalizers.nodes.normalize(&mut columns.nodes);
-        normalizers.edges.normalize(&mut columns.arcs);
-        find_shares(&self.graph, columns, &mut self.shares);
+        find_shares(&columns.nodes, &mut self.shares);
         cut(&mut columns.nodes, MOST_DEVIATIONS);
-        cut(&mut columns.arcs, MOST_DEVIATIONS);
         self.run_network()?;
         cut(&mut self.rows, MOST_DEVIATIONS);
         let normalizers = self.model.normalizers();
@@ -216,16 +174,15 @@ impl Corrector {
     }
 
     /// Takes the columns to normalised corrections in `rows`.
-    fn run_network(&mut self) -> Result<(), CorrectionError> {
-        let CorrectionColumns { nodes, arcs, .. } = &self.columns;
-        if let Some(network) = &mut self.elsewhere {
-            return network.run(nodes, arcs, &mut self.rows);
-        }
+    fn run_network(&mut self) -> Result<(), Stopped> {
         let out = self.model.network().forward_carried(
             &self.weights,
             self.graph.connectivity(),
             Carried {
-                input: Input { nodes, arcs },
+                input: Input {
+                    nodes: &self.columns.nodes,
+                    arcs: &[],
+                },
                 state: &EncoderState::new(),
             },
             Pass::Inference,
@@ -237,20 +194,13 @@ impl Corrector {
     }
 }
 
-/// The part of its correction that each vertex gets: all of it where its columns and those of the
-/// arcs that arrive there are within [`FAMILIAR`] deviations, none beyond [`UNLIKE`]
-/// `[eq:familiar]`.
-fn find_shares(graph: &ClothGraph, columns: &CorrectionColumns, shares: &mut [f32]) {
+/// The part of its correction that each vertex gets: all of it where its normalised columns are
+/// within [`FAMILIAR`] deviations, none beyond [`UNLIKE`] `[eq:familiar]`.
+fn find_shares(nodes: &[f32], shares: &mut [f32]) {
     // Of two numbers `max` gives the one that is a number: those that are none are the farthest.
     let size = |x: &f32| if x.is_nan() { f32::INFINITY } else { x.abs() };
-    let most = |row: &[f32]| row.iter().map(size).fold(0.0, f32::max);
-    let first = graph.connectivity().first_arc();
-    let of_model = columns.of_model();
-    let nodes = columns.nodes.chunks_exact(of_model.node_columns());
-    let width = of_model.arc_columns();
-    for (v, (row, share)) in nodes.zip(shares).enumerate() {
-        let [from, to] = [first[v], first[v + 1]].map(|arc| arc as usize * width);
-        let far = most(row).max(most(&columns.arcs[from..to]));
+    for (row, share) in nodes.chunks_exact(NODE_COLUMNS).zip(shares) {
+        let far = row.iter().map(size).fold(0.0, f32::max);
         let far = (far - FAMILIAR) / (UNLIKE - FAMILIAR);
         *share = 1.0 - far.clamp(0.0, 1.0);
     }

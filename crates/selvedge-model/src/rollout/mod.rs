@@ -13,7 +13,7 @@ mod stepper;
 pub use advance::{
     LocalAcceleration, NonFinite, TwoFrames, advance, advance_backward, target_acceleration,
 };
-pub use corrector::{CorrectionError, CorrectionNetwork, Corrector, Familiarity, NoBase, cut};
+pub use corrector::{Corrector, Familiarity, NoBase, cut};
 pub use half::WeightType;
 pub use model::{Model, ModelError, Normalizers};
 pub use model_file::{MODEL_FORMAT, ModelFileError};

@@ -1,6 +1,5 @@
 //! The physics whose frames a network corrects.
 
-use selvedge_cloth::Integrator;
 use serde::{Deserialize, Serialize};
 
 /// Deviations to which inputs and outputs are cut where a network corrects physics of cloth.
@@ -9,22 +8,12 @@ pub const MOST_DEVIATIONS: f32 = 10.0;
 /// Least latent width of a network that corrects physics: that of its outputs.
 pub(crate) const LEAST_LATENT: usize = 8;
 
-/// Cheap physics that predicts a frame, to which the network adds what truncation lost.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+/// Cheap physics that predicts a frame, BDF2, to which the network adds what truncation lost.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PhysicsBase {
-    /// Formula of a substep; BDF2 if it is not said.
-    #[serde(default = "bdf2")]
-    pub integrator: Integrator,
     /// Implicit solves per frame, at least 1.
     pub substeps: u32,
-    /// The differences of the motion that the network is shown.
-    #[serde(default, skip_serializing_if = "Differences::are_over_frames")]
-    pub differences: Differences,
-}
-
-fn bdf2() -> Integrator {
-    Integrator::SecondOrder
 }
 
 /// Lengths of a frame and of a substep.
@@ -36,34 +25,7 @@ pub struct FrameTimes {
     pub substep: f64,
 }
 
-/// Differences of the motion that a network which corrects physics is shown, and the unit of its
-/// corrections.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Differences {
-    /// Changes over the frame and over the one before it; corrections in metres.
-    #[default]
-    Frames,
-    /// Changes over substeps, with the last one of the frame before, over a scale of the vertex
-    /// `[eq:substep-differences]`; two of them also smoothed by the matrix of the last solve, so
-    /// that a vertex sees as far as the solve does `[eq:smoothed-differences]`. Corrections are in
-    /// that scale.
-    Substeps,
-}
-
-impl Differences {
-    fn are_over_frames(&self) -> bool {
-        *self == Self::Frames
-    }
-}
-
 impl PhysicsBase {
-    /// Returns true where the physics keeps the state one substep ago as it was.
-    pub(crate) fn keeps_states(&self) -> bool {
-        use Integrator::{SecondOrder, SecondOrderNewton};
-        matches!(self.integrator, SecondOrder | SecondOrderNewton(_))
-    }
-
     /// Lengths of a frame and a substep where there are `frame_rate` frames per second.
     #[must_use]
     pub fn times(&self, frame_rate: f64) -> FrameTimes {
@@ -76,11 +38,10 @@ impl PhysicsBase {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::spec::{EdgeFeature, EdgeLimits, Encoder, Integration, ModelSpec, NodeFeature};
 
     fn spec() -> ModelSpec {
-        let text = r#"{"encoder": {"kind": "mlp"}, "latent": 8, "blocks": 2,
+        let text = r#"{"encoder": {"kind": "mlp"}, "latent": 8, "blocks": 0,
             "base": {"substeps": 1}}"#;
         serde_json::from_str(text).expect("a spec")
     }
@@ -91,21 +52,19 @@ mod tests {
         assert_eq!(spec.validate(), Ok(()));
         assert_eq!(
             (spec.node_width(), spec.edge_width(), spec.outputs()),
-            (20, 24, 6)
+            (109, 0, 6)
         );
-        let base = spec.base.expect("a base");
-        assert_eq!(base.integrator, Integrator::SecondOrder);
         let text = serde_json::to_string(&spec).expect("JSON");
         assert_eq!(serde_json::from_str::<ModelSpec>(&text).ok(), Some(spec));
         for (instead, expected) in [
             ("\"steps\"", "unknown field `steps`, expected one of"),
             ("\"forgets\": true, \"substeps\"", "unknown field `forgets`"),
             (
-                "\"integrator\": \"free-flight\", \"substeps\"",
-                "unknown variant `free-flight`, expected one of",
+                "\"differences\": \"frames\", \"substeps\"",
+                "unknown field `differences`",
             ),
         ] {
-            let text = r#"{"encoder": {"kind": "mlp"}, "latent": 8, "blocks": 2,
+            let text = r#"{"encoder": {"kind": "mlp"}, "latent": 8, "blocks": 0,
                 "base": {"substeps": 1}}"#;
             let text = text.replace("\"substeps\"", instead);
             let error = serde_json::from_str::<ModelSpec>(&text).expect_err(expected);
@@ -114,34 +73,12 @@ mod tests {
     }
 
     #[test]
-    fn differences_over_substeps_have_columns_of_their_own() {
-        let mut spec = spec();
-        let base = spec.base.as_mut().expect("a base");
-        base.differences = Differences::Substeps;
-        assert_eq!(spec.validate(), Ok(()));
-        assert_eq!((spec.node_width(), spec.edge_width()), (34, 24));
-        let text = serde_json::to_string(&spec).expect("JSON");
-        assert!(text.contains(r#""differences":"substeps""#), "{text}");
-        assert_eq!(
-            serde_json::from_str::<ModelSpec>(&text).as_ref().ok(),
-            Some(&spec)
-        );
-        spec.blocks = 0;
-        assert_eq!((spec.node_width(), spec.edge_width()), (34 + 75, 0));
-    }
-
-    #[test]
     fn a_spec_with_a_base_that_says_more_names_the_field() {
         type Edit = fn(&mut ModelSpec);
         let edits: [(&str, Edit); 8] = [
-            (
-                "model.base.differences = \"substeps\" needs the state one substep ago",
-                |spec| {
-                    let base = spec.base.as_mut().expect("a base");
-                    base.differences = Differences::Substeps;
-                    base.integrator = Integrator::Linearised;
-                },
-            ),
+            ("model.blocks must be between 0 and 0, found 1", |spec| {
+                spec.blocks = 1
+            }),
             (
                 "model.base.substeps must be between 1 and 1000, found 0",
                 |spec| {

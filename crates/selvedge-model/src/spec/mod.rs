@@ -6,7 +6,7 @@ pub(crate) mod integration;
 pub(crate) mod limits;
 mod model_spec;
 
-pub use base::{Differences, FrameTimes, MOST_DEVIATIONS, PhysicsBase};
+pub use base::{FrameTimes, MOST_DEVIATIONS, PhysicsBase};
 pub use integration::{Carries, Carry, Integration, LastFrames, ReferenceSlope};
 pub use limits::EdgeLimits;
 pub use model_spec::{CurrentFrame, EdgeFeature, Encoder, ModelSpec, NodeFeature, SpecError};

@@ -6,8 +6,8 @@ use std::collections::BTreeSet;
 use serde::{Deserialize, Deserializer, Serialize};
 use thiserror::Error;
 
-use crate::features::correction::{ColumnSet, Neighbours};
-use crate::spec::base::{Differences, LEAST_LATENT, PhysicsBase};
+use crate::features::correction::NODE_COLUMNS;
+use crate::spec::base::{LEAST_LATENT, PhysicsBase};
 use crate::spec::integration::Integration;
 use crate::spec::limits::EdgeLimits;
 
@@ -194,10 +194,6 @@ pub enum SpecError {
         field: &'static str,
         reason: &'static str,
     },
-    #[error(
-        "model.base.differences = \"substeps\" needs the state one substep ago, which only \"second-order\" and \"second-order-newton\" keep: choose one of them as model.base.integrator, or leave differences out"
-    )]
-    NoSubsteps,
     #[error("model.{field} must contain \"{needed}\"")]
     Missing {
         field: &'static str,
@@ -270,10 +266,13 @@ impl ModelSpec {
     }
 
     fn check_sizes(&self) -> Result<(), SpecError> {
-        let least_blocks = usize::from(self.base.is_none());
+        let blocks = match self.base {
+            None => [1, 256],
+            Some(_) => [0, 0],
+        };
         let sizes = [
             ("latent", self.latent, 4, 4096),
-            ("blocks", self.blocks, least_blocks, 256),
+            ("blocks", self.blocks, blocks[0], blocks[1]),
             ("encoder.window", self.window(), 1, 64),
         ];
         check_each_size(&sizes)
@@ -301,9 +300,6 @@ impl ModelSpec {
             if is_given {
                 return Err(SpecError::WithBase { field, reason });
             }
-        }
-        if base.differences == Differences::Substeps && !base.keeps_states() {
-            return Err(SpecError::NoSubsteps);
         }
         Ok(())
     }
@@ -354,29 +350,11 @@ impl ModelSpec {
         }
     }
 
-    /// The columns by which a network that corrects physics knows the neighbours of a vertex.
-    #[must_use]
-    pub fn neighbours(&self) -> Neighbours {
-        match self.blocks {
-            0 => Neighbours::Sums,
-            _ => Neighbours::Arcs,
-        }
-    }
-
-    /// The columns of a network that corrects physics.
-    #[must_use]
-    pub fn correction_columns(&self) -> ColumnSet {
-        ColumnSet {
-            neighbours: self.neighbours(),
-            differences: self.base.map(|base| base.differences).unwrap_or_default(),
-        }
-    }
-
     /// Columns of a vertex.
     #[must_use]
     pub fn node_width(&self) -> usize {
         if self.base.is_some() {
-            return self.correction_columns().node_columns();
+            return NODE_COLUMNS;
         }
         self.node_features.iter().map(|f| f.width()).sum()
     }
@@ -385,7 +363,7 @@ impl ModelSpec {
     #[must_use]
     pub fn edge_width(&self) -> usize {
         if self.base.is_some() {
-            return self.correction_columns().arc_columns();
+            return 0;
         }
         self.edge_features.iter().map(|f| f.width()).sum()
     }

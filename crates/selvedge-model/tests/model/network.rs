@@ -513,7 +513,7 @@ fn a_frame_in_f32_is_the_same_bytes_on_any_number_of_threads() {
 #[test]
 fn threads_change_no_bit() {
     let plain = ModelSpec::physical(Encoder::Gru { window: 2 }, 16, 2);
-    for spec in [plain, correcting(8, 3)] {
+    for spec in [plain, correcting(8)] {
         let case = case(&spec, 150, 8);
         let run = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();

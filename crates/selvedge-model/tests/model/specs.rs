@@ -10,21 +10,16 @@ pub(crate) fn specs() -> Vec<ModelSpec> {
         ModelSpec::physical(Encoder::Gru { window: 1 }, 5, 1),
         ModelSpec::mesh_graph_nets(7, 2),
         ModelSpec::physical(Encoder::StreamingGru { window: 2 }, 17, 1),
-        correcting(8, 2),
-        correcting(9, 0),
+        correcting(9),
     ]
 }
 
 /// A network that corrects physics.
-pub(crate) fn correcting(latent: usize, blocks: usize) -> ModelSpec {
+pub(crate) fn correcting(latent: usize) -> ModelSpec {
     ModelSpec {
         node_features: Default::default(),
         edge_features: Default::default(),
-        base: Some(PhysicsBase {
-            integrator: Default::default(),
-            substeps: 1,
-            differences: Default::default(),
-        }),
-        ..ModelSpec::physical(Encoder::MLP, latent, blocks)
+        base: Some(PhysicsBase { substeps: 1 }),
+        ..ModelSpec::physical(Encoder::MLP, latent, 0)
     }
 }

@@ -12,7 +12,6 @@ use super::store::CorrectionSample;
 pub(super) struct Desk {
     workspace: Workspace<f32>,
     nodes: Vec<f32>,
-    arcs: Vec<f32>,
     target: Vec<f32>,
     by_output: Vec<f32>,
     /// Gradient of the sample's part of the loss, laid out like the weights.
@@ -37,7 +36,6 @@ impl Desk {
         Self {
             workspace: Workspace::new(),
             nodes: Vec::new(),
-            arcs: Vec::new(),
             target: Vec::new(),
             by_output: Vec::new(),
             gradient: vec![0.0; weights],
@@ -63,7 +61,7 @@ impl Desk {
         let carried = Carried {
             input: Input {
                 nodes: &self.nodes,
-                arcs: &self.arcs,
+                arcs: &[],
             },
             state: &state,
         };
@@ -111,7 +109,6 @@ impl Desk {
         let normalizers = lesson.normalizers;
         for (to, from, normalizer) in [
             (&mut self.nodes, &sample.nodes, &normalizers.nodes),
-            (&mut self.arcs, &sample.arcs, &normalizers.edges),
             (&mut self.target, &sample.target, &normalizers.acceleration),
         ] {
             to.clear();
@@ -139,14 +136,10 @@ pub(super) mod tests {
     /// The spec of a small network that corrects one substep.
     pub(in crate::correction) fn spec() -> ModelSpec {
         ModelSpec {
-            base: Some(PhysicsBase {
-                integrator: Default::default(),
-                substeps: 1,
-                differences: Default::default(),
-            }),
+            base: Some(PhysicsBase { substeps: 1 }),
             node_features: Default::default(),
             edge_features: Default::default(),
-            ..ModelSpec::physical(Encoder::MLP, 8, 2)
+            ..ModelSpec::physical(Encoder::MLP, 8, 0)
         }
     }
 
@@ -166,7 +159,6 @@ pub(super) mod tests {
         let spec = spec();
         CorrectionSample {
             nodes: draw(16 * spec.node_width()),
-            arcs: draw(graph.arc_count() * spec.edge_width()),
             target: draw(16 * spec.outputs()),
             weights: graph
                 .handle_mask()

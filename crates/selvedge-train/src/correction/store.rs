@@ -11,8 +11,6 @@ pub struct CorrectionSample {
     pub graph: Arc<ClothGraph>,
     /// Columns of the vertices, `[vertices, node width]`.
     pub nodes: Vec<f32>,
-    /// Columns of the arcs, `[arcs, edge width]`.
-    pub arcs: Vec<f32>,
     /// Corrections that lead to the teacher's frame, `[vertices, 6]`.
     pub target: Vec<f32>,
     /// Weight of each vertex in the loss, 0 where it is not corrected, `[vertices]`: the square of

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use selvedge_cloth::Stop;
 use selvedge_model::{
     Instructions, Model, ModelError, Network, Normalizers, PackedWeights, Purpose,
-    RunningStatistics, SpecError, Stopped,
+    RunningStatistics, SpecError, Stopped, correction_groups,
 };
 use thiserror::Error;
 
@@ -151,21 +151,19 @@ impl CorrectionTrainer {
     }
 
     fn statistics(&self) -> Normalizers {
-        let groups = self.cfg.model.correction_columns().groups();
-        let mut all = groups.map(|groups| RunningStatistics::new(&groups));
-        let [nodes, arcs, targets] = &mut all;
+        let mut all = correction_groups().map(|groups| RunningStatistics::new(&groups));
+        let [nodes, targets] = &mut all;
         for sample in self.store.samples() {
             nodes.add(&sample.nodes);
-            arcs.add(&sample.arcs);
             let rows = sample.target.chunks_exact(self.cfg.model.outputs());
             for (row, _) in rows.zip(&sample.weights).filter(|(_, w)| **w > 0.0) {
                 targets.add(row);
             }
         }
-        let [nodes, edges, acceleration] = all.map(|statistics| statistics.freeze());
+        let [nodes, acceleration] = all.map(|statistics| statistics.freeze());
         Normalizers {
             nodes,
-            edges,
+            edges: RunningStatistics::new(&[]).freeze(),
             acceleration,
         }
     }

@@ -65,7 +65,7 @@ pub(crate) struct StressArgs {
     /// A scene: a TOML file, or the name of a shipped one. Its motion is not used.
     #[arg(default_value = "default")]
     pub(crate) scene: String,
-    /// The model's weights: a file, or the name of a shipped one, `corrected`, `general` or
+    /// The model's weights: a file, or the name of a shipped one, `general` or
     /// `small` [default: corrected].
     #[arg(long, value_name = "FILE")]
     pub(crate) model: Option<PathBuf>,

@@ -239,7 +239,7 @@ fn strains<'a>(summaries: impl Iterator<Item = &'a StressSummary>) -> Table {
         "runs",
         "stable",
         "lost frames",
-        "corrected",
+        "general",
         "least",
         "1/4",
         "median",

@@ -64,17 +64,13 @@ fn another_mesh_has_its_own_handles_and_is_said_to_be_beyond_training() {
 
 #[test]
 fn hands_beyond_training_are_said_while_the_model_moves_the_cloth() {
-    let models = ["corrected"].map(PathBuf::from);
+    let models = ["general"].map(PathBuf::from);
     let mut workshop = ViewWorkshop::new("default", &models, Machine::Cpu).unwrap();
     let catalogue = workshop.catalogue();
-    assert_eq!(
-        catalogue.models,
-        ["corrected", "general", "small"],
-        "each once"
-    );
+    assert_eq!(catalogue.models, ["general", "small"], "each once");
     for (name, then) in [
         ("small", "physics knows better"),
-        ("corrected", "the physics moves it alone"),
+        ("general", "the physics moves it alone"),
     ] {
         let order = Order {
             model: name.to_owned(),

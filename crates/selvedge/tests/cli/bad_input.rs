@@ -33,7 +33,7 @@ fn a_missing_scene_is_named_with_those_that_are_shipped() {
     let known = [
         "none.safetensors",
         "no such file",
-        "are: corrected, general, small",
+        "are: general, small",
     ];
     desk.fails("rollout --model none.safetensors", 1, &known);
     assert_eq!(desk.names(), Vec::<String>::new());

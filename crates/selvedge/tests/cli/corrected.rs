@@ -24,7 +24,7 @@ lead = 3
 [model]
 encoder = { kind = "mlp" }
 latent = 8
-blocks = 1
+blocks = 0
 base = { substeps = 1 }
 "#;
 

@@ -321,7 +321,7 @@ fn without_arguments_the_shipped_model_runs_the_shipped_scene() {
     let desk = Desk::new();
     let report = desk.json("rollout --frames 4");
     assert_eq!(report["scene"], "default");
-    assert_eq!(report["model"], "corrected");
+    assert_eq!(report["model"], "general");
     let names = [
         "clip.gif",
         "rollout.safetensors",

@@ -39,7 +39,7 @@ const OWN: [&str; 3] = ["first", "small", "rp-gru10-better"];
 
 /// Those of models that correct physics, which learn from a teacher, with the parameters of their
 /// networks.
-const CORRECTIONS: [(&str, usize); 2] = [("corrected", 15_798), ("general", 11_286)];
+const CORRECTIONS: [(&str, usize); 1] = [("general", 11_286)];
 
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/training")

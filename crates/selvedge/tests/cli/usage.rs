@@ -45,7 +45,7 @@ fn wrong_calls_exit_with_2_and_say_why() {
 #[test]
 fn a_folder_hides_nothing_that_is_shipped() {
     let desk = Desk::new();
-    for name in ["default", "small", "tiny", "corrected", "mine"] {
+    for name in ["default", "small", "tiny", "general", "mine"] {
         std::fs::create_dir(desk.path(name)).unwrap();
     }
     desk.json("simulate default --from-start --frames 1 --out run.safetensors");
@@ -56,13 +56,13 @@ fn a_folder_hides_nothing_that_is_shipped() {
     desk.json(&format!("{rollout} small"));
     let a_folder = ["mine: is a folder", "name the model in it, mine/model.safe"];
     desk.fails(&format!("{rollout} mine"), 1, &a_folder);
-    desk.write("corrected/model.safetensors", "a model of the user's");
+    desk.write("general/model.safetensors", "a model of the user's");
     let both = [
-        "corrected: is a folder",
-        "corrected/model.safetensors",
+        "general: is a folder",
+        "general/model.safetensors",
         "for the shipped model of this name, start from another folder",
     ];
-    desk.fails(&format!("{rollout} corrected"), 1, &both);
+    desk.fails(&format!("{rollout} general"), 1, &both);
     // What the program made in a folder is what the folder stands for.
     std::fs::rename(desk.path("default"), desk.path("empty")).unwrap();
     std::fs::rename(desk.path("set"), desk.path("default")).unwrap();

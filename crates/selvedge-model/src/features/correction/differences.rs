@@ -48,11 +48,8 @@ pub fn rough_fields(states: [MotionState<'_>; 3], times: FrameTimes, fields: &mu
 impl CorrectionColumns {
     /// Finds the vectors of a frame, and the scales by which they are divided
     /// `[eq:substep-differences]`.
-    ///
-    /// # Panics
-    /// When the frame does not have its substeps.
     pub(super) fn find_differences(&mut self, graph: &ClothGraph, frame: &PredictedFrame<'_>) {
-        let substeps = frame.substeps.expect("substeps");
+        let substeps = frame.substeps;
         let (last, middle, next) = (frame.last, substeps.middle, frame.predicted);
         let h = self.dt;
         let change = |from: MotionState<'_>, to: MotionState<'_>, v: usize| {

@@ -65,19 +65,12 @@ impl Shape {
     }
 }
 
-/// The columns over frames.
-pub(crate) fn of_frames(neighbours: Neighbours) -> ColumnSet {
-    ColumnSet {
-        neighbours,
-        differences: Differences::Frames,
-    }
-}
-
 /// A predicted frame with the states before it, and the truth.
 struct Case {
     graph: ClothGraph,
-    /// Before, last, predicted, true.
-    shapes: [Shape; 4],
+    /// One substep before the frame, at its start, one before its end, at its end, and in truth.
+    shapes: [Shape; 5],
+    smoothed: [Vec<DVec3>; 2],
     wind: DVec3,
     gravity: DVec3,
 }
@@ -90,7 +83,8 @@ fn case(side: usize, seed: u64) -> Case {
         .map(|p| p.as_dvec3())
         .collect();
     Case {
-        shapes: [10, 11, 12, 13].map(|of| Shape::near(&rest, 0.01, seed + of)),
+        shapes: [9, 10, 11, 12, 13].map(|of| Shape::near(&rest, 0.01, seed + of)),
+        smoothed: [14, 15].map(|of| Shape::near(&rest, 0.01, seed + of).velocities),
         wind: DVec3::new(0.4, 0.1, -0.7),
         gravity: DVec3::new(0.0, -9.81, 0.0),
         graph,
@@ -100,10 +94,15 @@ fn case(side: usize, seed: u64) -> Case {
 impl Case {
     fn frame(&self) -> PredictedFrame<'_> {
         PredictedFrame {
-            before: Some(self.shapes[0].as_motion()),
-            substeps: None,
+            substeps: FrameSubsteps {
+                earlier: Some(self.shapes[0].as_motion()),
+                middle: self.shapes[2].as_motion(),
+                part: 0.5,
+                smoothed: &self.smoothed,
+                fell_back: 0.5,
+            },
             last: self.shapes[1].as_motion(),
-            predicted: self.shapes[2].as_motion(),
+            predicted: self.shapes[3].as_motion(),
             wind: self.wind,
             gravity: self.gravity,
             held: self.graph.handle_mask(),
@@ -111,20 +110,16 @@ impl Case {
     }
 
     fn columns(&self, turns: HalfTurns) -> CorrectionColumns {
-        self.columns_of(Neighbours::Arcs, turns)
-    }
-
-    fn columns_of(&self, neighbours: Neighbours, turns: HalfTurns) -> CorrectionColumns {
-        let mut columns =
-            CorrectionColumns::new(&self.graph, SOFT, 1.0 / 60.0, of_frames(neighbours));
+        let mut columns = CorrectionColumns::new(&self.graph, SOFT, 1.0 / 60.0);
         columns.write(&self.graph, &self.frame(), turns);
         columns
     }
 
     fn target(&self, columns: &CorrectionColumns) -> Vec<f32> {
         let mut rows = Vec::new();
-        let [_, _, predicted, truth] = &self.shapes;
+        let [.., predicted, truth] = &self.shapes;
         columns.target(predicted.as_motion(), truth.as_motion(), &mut rows);
+        columns.to_metres(&mut rows);
         rows
     }
 }
@@ -153,6 +148,7 @@ proptest! {
         let turned = Case {
             graph: case.graph.clone(),
             shapes: case.shapes.each_ref().map(|s| s.turned(by, DVec3::new(3.0, -2.0, 5.0))),
+            smoothed: case.smoothed.each_ref().map(|rows| rows.iter().map(|x| by * *x).collect()),
             wind: by * case.wind,
             gravity: by * case.gravity,
         };
@@ -160,7 +156,6 @@ proptest! {
         let here = case.columns(HalfTurns::default());
         // Rounding of f32 in frames, strains and angles of edges of a third of a metre.
         assert_near(&there.nodes, &here.nodes, 1e-5);
-        assert_near(&there.arcs, &here.arcs, 1e-5);
         // Columns that see nothing would not change either.
         let wind = Case { wind: turned.wind + DVec3::splat(5.0), ..turned };
         let moved = wind.columns(HalfTurns::default());
@@ -169,7 +164,7 @@ proptest! {
         let rows = case.target(&here);
         assert_near(&wind.target(&there), &rows, 1e-6);
         let apply = |case: &Case, columns: &CorrectionColumns| {
-            let Shape { mut positions, mut velocities } = case.shapes[2].clone();
+            let Shape { mut positions, mut velocities } = case.shapes[3].clone();
             columns.apply(&rows, case.graph.handle_mask(), &mut positions, &mut velocities);
             Shape { positions, velocities }
         };
@@ -185,7 +180,7 @@ proptest! {
 }
 
 #[test]
-fn half_turns_change_the_signs_of_components_only() {
+fn half_turns_change_signs_only() {
     let case = case(4, 5);
     let straight = case.columns(HalfTurns::default());
     let straight_target = case.target(&straight);
@@ -193,22 +188,17 @@ fn half_turns_change_the_signs_of_components_only() {
         let columns = case.columns(turns);
         let [x, z] = [turns.along, turns.over].map(|turn| if turn { -1.0 } else { 1.0 });
         let axes = [x, x * z, z];
+        // Of cos φ, sin φ, 1, cos 2φ, sin 2φ.
+        let weights = [x, x * z, 1.0, 1.0, z];
         let mut nodes = straight.nodes.clone();
         for row in nodes.as_chunks_mut::<NODE_COLUMNS>().0 {
-            (0..18).for_each(|k| row[k] *= axes[k % 3]);
+            (0..30).for_each(|k| row[k] *= axes[k % 3]);
+            let sums = &mut row[OWN_COLUMNS..];
+            (0..60).for_each(|k| sums[k] *= axes[k % 3] * weights[k / 3 % 5]);
+            // Strains, then the two angles, whose sign is that of the side.
+            (0..12).for_each(|k| sums[60 + k] *= weights[2 + k % 3] * if k < 6 { 1.0 } else { z });
         }
         assert_near(&columns.nodes, &nodes, 1e-6);
-        let mut arcs = straight.arcs.clone();
-        for row in arcs.as_chunks_mut::<ARC_COLUMNS>().0 {
-            (0..12).for_each(|k| row[k] *= axes[k % 3]);
-            // The sender's normal is turned as well as the axes it is written in.
-            (12..15).for_each(|k| row[k] *= z * axes[k % 3]);
-            // Both bending angles, and sin 2φ.
-            for k in [17, 18, 20] {
-                row[k] *= z;
-            }
-        }
-        assert_near(&columns.arcs, &arcs, 1e-6);
         let mut target = straight_target.clone();
         for row in target.as_chunks_mut::<6>().0 {
             (0..6).for_each(|k| row[k] *= axes[k % 3]);
@@ -217,35 +207,60 @@ fn half_turns_change_the_signs_of_components_only() {
     }
 }
 
-/// The sums over the arcs of each vertex from the columns of the arcs themselves, in the order in
-/// which the vertex has them.
-fn sums_by_hand(graph: &ClothGraph, arcs: &[f32]) -> Vec<Vec<f32>> {
+/// The sums over the arcs of each vertex, arc by arc, from positions, velocities and angles.
+fn sums_by_hand(case: &Case, columns: &CorrectionColumns) -> Vec<Vec<f32>> {
+    let graph = &case.graph;
+    let [earlier, last, middle, predicted, _] = &case.shapes;
     let mut sums = vec![vec![0.0_f64; SUM_COLUMNS]; graph.vertex_count()];
     let mut counts = vec![0.0; graph.vertex_count()];
     let vectors = graph.material_vectors();
-    for (edge, both) in graph.edge_arcs().iter().enumerate() {
-        for (side, &arc) in both.iter().enumerate() {
-            let receiver = graph.receivers()[arc as usize] as usize;
-            let row = &arcs[arc as usize * ARC_COLUMNS..][..ARC_COLUMNS];
-            let angle = f64::from(vectors[edge][side].to_angle());
-            let (double_cosine, double_sine) = ((2.0 * angle).cos(), (2.0 * angle).sin());
-            let of_vectors = [angle.cos(), angle.sin(), 1.0, double_cosine, double_sine];
+    let h = 1.0 / 60.0;
+    let second = |v: usize| h * (predicted.velocities[v] - middle.velocities[v]);
+    let third = |v: usize| second(v) - h * (middle.velocities[v] - last.velocities[v]);
+    assert_eq!(earlier.positions.len(), sums.len());
+    for (number, edge) in graph.topology().edges().iter().enumerate() {
+        let [a, b] = edge.vertices.map(|v| v.index());
+        let length = f64::from(columns.lengths[number]);
+        for (side, (sender, receiver)) in [(a, b), (b, a)].into_iter().enumerate() {
+            let axes = columns.frames[receiver].as_dmat3().transpose();
+            let scale = f64::from(columns.scales[receiver]);
+            let along = |x: DVec3, y: DVec3, unit: f64| axes * (x - y) / unit;
+            let of_arc = [
+                along(
+                    predicted.positions[sender],
+                    predicted.positions[receiver],
+                    length,
+                ),
+                along(
+                    h * last.velocities[sender],
+                    h * last.velocities[receiver],
+                    length,
+                ),
+                along(second(sender), second(receiver), scale),
+                along(third(sender), third(receiver), scale),
+            ];
+            let strain =
+                |shape: &Shape| shape.positions[a].distance(shape.positions[b]) / length - 1.0;
+            let [bent, bends] = columns.angles[number].map(f64::from);
+            let scalars = [strain(last), strain(predicted), bends, bends - bent];
+            let angle = f64::from(vectors[number][side].to_angle());
+            let (double_sine, double_cosine) = (2.0 * angle).sin_cos();
+            let weights = [angle.cos(), angle.sin(), 1.0, double_cosine, double_sine];
             let sum = &mut sums[receiver];
-            for field in 0..4 {
-                for (k, weight) in of_vectors.iter().enumerate() {
+            for (field, vector) in of_arc.iter().enumerate() {
+                for (k, weight) in weights.iter().enumerate() {
                     for axis in 0..3 {
-                        sum[(5 * field + k) * 3 + axis] +=
-                            weight * f64::from(row[3 * field + axis]);
+                        sum[(5 * field + k) * 3 + axis] += weight * vector[axis];
                     }
                 }
             }
-            for scalar in 0..4 {
-                for (k, weight) in of_vectors[2..].iter().enumerate() {
-                    sum[60 + 3 * scalar + k] += weight * f64::from(row[15 + scalar]);
+            for (field, scalar) in scalars.iter().enumerate() {
+                for (k, weight) in weights[2..].iter().enumerate() {
+                    sum[60 + 3 * field + k] += weight * scalar;
                 }
             }
             for k in 0..3 {
-                sum[72 + k] += f64::from(row[21 + k]);
+                sum[72 + k] += f64::from(columns.still[number][side][2 + k]);
             }
             counts[receiver] += 1.0;
         }
@@ -257,57 +272,23 @@ fn sums_by_hand(graph: &ClothGraph, arcs: &[f32]) -> Vec<Vec<f32>> {
 }
 
 #[test]
-fn sums_are_those_of_the_columns_of_the_arcs() {
+fn sums_are_over_the_arcs_of_a_vertex() {
     let case = case(4, 3);
-    let straight = HalfTurns::default();
-    let arcs = case.columns(straight);
-    let sums = case.columns_of(Neighbours::Sums, straight);
-    assert!(sums.arcs.is_empty());
-    let expected = sums_by_hand(&case.graph, &arcs.arcs);
-    let rows = sums
-        .nodes
-        .chunks_exact(of_frames(Neighbours::Sums).node_columns());
-    let own = arcs.nodes.as_chunks::<NODE_COLUMNS>().0;
-    for ((row, own), expected) in rows.zip(own).zip(&expected) {
-        assert_eq!(&row[..NODE_COLUMNS], own);
+    let columns = case.columns(HalfTurns::default());
+    let expected = sums_by_hand(&case, &columns);
+    let rows = columns.nodes.as_chunks::<NODE_COLUMNS>().0;
+    for (row, expected) in rows.iter().zip(&expected) {
         // Rounding of f32 in sums of about six arcs.
-        assert_near(&row[NODE_COLUMNS..], expected, 1e-5);
+        assert_near(&row[OWN_COLUMNS..], expected, 2e-5);
     }
-    let widths = of_frames(Neighbours::Sums)
-        .groups()
-        .map(|groups| groups.iter().sum::<usize>());
-    assert_eq!(widths, [of_frames(Neighbours::Sums).node_columns(), 0, 6]);
-}
-
-#[test]
-fn half_turns_change_the_signs_of_sums_only() {
-    let case = case(4, 5);
-    let straight = case.columns_of(Neighbours::Sums, HalfTurns::default());
-    for turns in TURNS {
-        let [x, z] = [turns.along, turns.over].map(|turn| if turn { -1.0 } else { 1.0 });
-        let axes = [x, x * z, z];
-        // Of cos φ, sin φ, 1, cos 2φ, sin 2φ.
-        let weights = [x, x * z, 1.0, 1.0, z];
-        let mut nodes = straight.nodes.clone();
-        for row in nodes.chunks_exact_mut(of_frames(Neighbours::Sums).node_columns()) {
-            (0..18).for_each(|k| row[k] *= axes[k % 3]);
-            let sums = &mut row[NODE_COLUMNS..];
-            (0..60).for_each(|k| sums[k] *= axes[k % 3] * weights[k / 3 % 5]);
-            // Strains, then the two angles, whose sign is that of the side.
-            (0..12).for_each(|k| sums[60 + k] *= weights[2 + k % 3] * if k < 6 { 1.0 } else { z });
-        }
-        assert_near(
-            &case.columns_of(Neighbours::Sums, turns).nodes,
-            &nodes,
-            1e-6,
-        );
-    }
+    let widths = correction_groups().map(|groups| groups.iter().sum::<usize>());
+    assert_eq!(widths, [NODE_COLUMNS, 6]);
 }
 
 #[test]
 fn a_target_leads_to_the_truth_and_held_vertices_stay() {
     let case = case(4, 9);
-    let [_, _, predicted, truth] = &case.shapes;
+    let [.., predicted, truth] = &case.shapes;
     let held = case.graph.handle_mask();
     assert_eq!(held.iter().filter(|held| **held).count(), 2);
     for turns in TURNS {
@@ -352,39 +333,32 @@ fn the_frames_of_a_flat_sheet_lie_along_its_threads() {
         velocities: vec![DVec3::ZERO; 16],
     };
     let gravity = DVec3::new(0.0, -9.81, 0.0);
+    let smoothed = [0; 2].map(|_| vec![DVec3::ZERO; 16]);
     let frame = PredictedFrame {
-        before: None,
-        substeps: None,
+        substeps: FrameSubsteps {
+            earlier: None,
+            middle: flat.as_motion(),
+            part: 0.5,
+            smoothed: &smoothed,
+            fell_back: 0.0,
+        },
         last: flat.as_motion(),
         predicted: flat.as_motion(),
         wind: DVec3::ZERO,
         gravity,
         held: &[false; 16],
     };
-    let mut columns = CorrectionColumns::new(&graph, SOFT, 1.0 / 60.0, of_frames(Neighbours::Arcs));
+    let mut columns = CorrectionColumns::new(&graph, SOFT, 1.0 / 60.0);
     columns.write(&graph, &frame, HalfTurns::default());
     let normal = u.cross(w);
     let down = gravity / 3600.0;
     for row in columns.nodes.as_chunks::<NODE_COLUMNS>().0 {
         let expected = [u, w, normal].map(|axis| axis.dot(down) as f32);
-        assert_near(&row[15..18], &expected, 1e-6);
-        assert_near(&row[..15], &[0.0; 15], 1e-7);
-        assert_near(&row[18..], &[0.0, 0.0], 0.0);
-    }
-    // Vectors along arcs are those of the pattern, and nothing is strained or bent.
-    for (&arcs, edge) in graph.edge_arcs().iter().zip(graph.topology().edges()) {
-        let [a, b] = edge.vertices.map(|v| uv[v.index()]);
-        let d = (a - b).normalize();
-        let rows = columns.arcs.as_chunks::<ARC_COLUMNS>().0;
-        for (arc, sign) in arcs.iter().zip([1.0, -1.0]) {
-            let row = &rows[*arc as usize];
-            assert_near(&row[..3], &[sign * d.x, sign * d.y, 0.0], 1e-5);
-            assert_near(&row[12..15], &[0.0, 0.0, 1.0], 1e-6);
-            assert_near(&row[15..19], &[0.0; 4], 1e-5);
-            let double = [d.x * d.x - d.y * d.y, 2.0 * d.x * d.y];
-            assert_near(&row[19..21], &double, 1e-5);
-            assert_near(&row[21..22], &[(a - b).length().ln()], 1e-5);
-        }
+        assert_near(&row[27..30], &expected, 1e-6);
+        assert_near(&row[..27], &[0.0; 27], 1e-7);
+        assert_near(&row[30..32], &[0.0, 0.0], 0.0);
+        // Nothing is strained or bent.
+        assert_near(&row[OWN_COLUMNS + 60..][..12], &[0.0; 12], 1e-5);
     }
 }
 
@@ -403,34 +377,21 @@ fn an_arc_has_the_stiffness_of_the_face_to_its_left() {
             SOFT
         }
     };
-    let arcs = |stiffness: &dyn Fn(FaceId) -> Stiffness| {
-        let mut columns = CorrectionColumns::of_faces(
-            &case.graph,
-            stiffness,
-            1.0 / 60.0,
-            of_frames(Neighbours::Arcs),
-        );
-        columns.write(&case.graph, &case.frame(), HalfTurns::default());
-        columns.arcs
+    let still = |stiffness: &dyn Fn(FaceId) -> Stiffness| {
+        CorrectionColumns::of_faces(&case.graph, stiffness, 1.0 / 60.0).still
     };
-    let [mixed, all_stiff, all_soft] = [arcs(&of), arcs(&|_| stiff), arcs(&|_| SOFT)];
-    assert_eq!(all_soft, case.columns(HalfTurns::default()).arcs);
-    let row = |arcs: &[f32], arc: u32| arcs.as_chunks::<ARC_COLUMNS>().0[arc as usize];
-    for (&pair, edge) in case
-        .graph
-        .edge_arcs()
-        .iter()
-        .zip(case.graph.topology().edges())
-    {
+    let [mixed, all_stiff, all_soft] = [still(&of), still(&|_| stiff), still(&|_| SOFT)];
+    assert_eq!(all_soft, case.columns(HalfTurns::default()).still);
+    for (number, edge) in case.graph.topology().edges().iter().enumerate() {
         let faces = [edge.faces.0, edge.faces.1.unwrap_or(edge.faces.0)];
-        for (arc, face) in pair.into_iter().zip(faces) {
+        for (side, face) in faces.into_iter().enumerate() {
             let own = if of(face) == stiff {
                 &all_stiff
             } else {
                 &all_soft
             };
-            assert_eq!(row(&mixed, arc), row(own, arc));
-            assert_ne!(row(&all_stiff, arc), row(&all_soft, arc));
+            assert_eq!(mixed[number][side], own[number][side]);
+            assert_ne!(all_stiff[number][side], all_soft[number][side]);
         }
     }
 }

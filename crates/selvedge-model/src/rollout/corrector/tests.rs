@@ -5,12 +5,10 @@ use rand_chacha::ChaCha8Rng;
 
 use super::*;
 use crate::features::Normalizer;
-use crate::features::correction::column_set::{ARC_COLUMNS, NODE_COLUMNS};
 use crate::features::correction::tests::{SOFT, Shape};
-use crate::features::correction::{ColumnSet, Neighbours};
+use crate::features::correction::{FrameSubsteps, MotionState};
 use crate::network::Network;
 use crate::rollout::{LearnedStepper, Normalizers, RolloutError};
-use crate::spec::Differences;
 use crate::spec::{Encoder, ModelSpec};
 use crate::test_cloth::parts;
 
@@ -18,12 +16,8 @@ fn spec() -> ModelSpec {
     ModelSpec {
         node_features: Default::default(),
         edge_features: Default::default(),
-        base: Some(PhysicsBase {
-            integrator: Default::default(),
-            substeps: 1,
-            differences: Default::default(),
-        }),
-        ..ModelSpec::physical(Encoder::MLP, 8, 1)
+        base: Some(PhysicsBase { substeps: 2 }),
+        ..ModelSpec::physical(Encoder::MLP, 8, 0)
     }
 }
 
@@ -44,30 +38,20 @@ fn model(deviation: f64) -> Arc<Model> {
     Arc::new(Model::new(&spec, weights, normalizers, String::new()).expect("a model"))
 }
 
-fn columns(graph: &ClothGraph) -> CorrectionColumns {
-    CorrectionColumns::new(
-        graph,
-        SOFT,
-        1.0 / 60.0,
-        ColumnSet {
-            neighbours: Neighbours::Arcs,
-            differences: Differences::Frames,
-        },
-    )
+/// Substeps of a frame that stood still until its last one.
+fn substeps<'a>(last: MotionState<'a>, smoothed: &'a [Vec<DVec3>; 2]) -> FrameSubsteps<'a> {
+    FrameSubsteps {
+        earlier: None,
+        middle: last,
+        part: 0.5,
+        smoothed,
+        fell_back: 0.0,
+    }
 }
 
 #[test]
 fn shares_fade_from_six_to_twelve_deviations() {
-    let graph = parts(3, 1).graph();
-    let mut columns = columns(&graph);
     let mut shares = vec![0.5; 9];
-    // Sure values: none of the cloth's own.
-    columns.arcs.fill(0.0);
-    let arc = graph
-        .receivers()
-        .iter()
-        .position(|&v| v == 8)
-        .expect("an arc");
     for (value, expected) in [
         (6.0, 1.0),
         (-9.0, 0.5),
@@ -76,12 +60,11 @@ fn shares_fade_from_six_to_twelve_deviations() {
         (f32::INFINITY, 0.0),
         (f32::NAN, 0.0),
     ] {
-        columns.nodes.fill(-1.0);
-        columns.nodes[3 * NODE_COLUMNS + 7] = value;
-        columns.arcs[arc * ARC_COLUMNS + 2] = value;
-        find_shares(&graph, &columns, &mut shares);
+        let mut nodes = vec![-1.0; 9 * NODE_COLUMNS];
+        nodes[3 * NODE_COLUMNS + 7] = value;
+        find_shares(&nodes, &mut shares);
         for (v, &share) in shares.iter().enumerate() {
-            let expected = if v == 3 || v == 8 { expected } else { 1.0 };
+            let expected = if v == 3 { expected } else { 1.0 };
             assert!(
                 (share - expected).abs() < 1e-6,
                 "{value}: vertex {v}: {share}"
@@ -106,9 +89,9 @@ fn corrected(
     let [last, predicted] = shapes;
     let mut next = predicted.clone();
     let held = graph.handle_mask().to_vec();
+    let smoothed = [0; 2].map(|_| vec![DVec3::ZERO; held.len()]);
     let frame = PredictedFrame {
-        before: None,
-        substeps: None,
+        substeps: substeps(last.as_motion(), &smoothed),
         last: last.as_motion(),
         predicted: predicted.as_motion(),
         wind: DVec3::ZERO,
@@ -174,7 +157,7 @@ fn a_corrector_takes_no_other_kind_of_model_and_follows_a_new_one() {
     assert!(matches!(stepper, Err(RolloutError::NeedsPhysics)));
     let before = model(100.0);
     let mut corrector = Corrector::new(Arc::clone(&before), graph(), SOFT).expect("a corrector");
-    assert_eq!(corrector.base().substeps, 1);
+    assert_eq!(corrector.base().substeps, 2);
     let weights = before.weights().iter().map(|w| 0.5 * w).collect();
     let statistics = before.normalizers().clone();
     let after = Model::new(before.spec(), weights, statistics, String::new());
@@ -182,9 +165,9 @@ fn a_corrector_takes_no_other_kind_of_model_and_follows_a_new_one() {
     let run = |corrector: &mut Corrector| {
         let rest: Vec<DVec3> = start.iter().map(|p| p.as_dvec3()).collect();
         let state = Shape::near(&rest, 0.005, 1);
+        let smoothed = [0; 2].map(|_| vec![DVec3::ZERO; 9]);
         let frame = PredictedFrame {
-            before: None,
-            substeps: None,
+            substeps: substeps(state.as_motion(), &smoothed),
             last: state.as_motion(),
             predicted: state.as_motion(),
             wind: DVec3::ZERO,

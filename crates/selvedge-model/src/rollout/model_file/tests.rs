@@ -2,7 +2,6 @@
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use selvedge_cloth::Integrator;
 use serde_json::{Value, json};
 
 use super::*;
@@ -35,12 +34,8 @@ fn specs() -> [ModelSpec; 4] {
         ModelSpec {
             node_features: Default::default(),
             edge_features: Default::default(),
-            base: Some(PhysicsBase {
-                integrator: Integrator::SecondOrder,
-                substeps: 3,
-                differences: Default::default(),
-            }),
-            ..ModelSpec::physical(Encoder::MLP, 8, 1)
+            base: Some(PhysicsBase { substeps: 3 }),
+            ..ModelSpec::physical(Encoder::MLP, 8, 0)
         },
     ]
 }
