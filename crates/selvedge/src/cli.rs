@@ -1,6 +1,5 @@
 //! The commands with their arguments, and the help that teaches them.
 
-mod bench;
 mod device;
 #[cfg(test)]
 mod documents;
@@ -23,9 +22,6 @@ use selvedge_cluster::Shard;
 use selvedge_lab::span;
 use selvedge_train::Setting;
 
-#[cfg(feature = "gpu")]
-pub(crate) use self::bench::Cloths;
-pub(crate) use self::bench::{BenchCommand, ConformanceArgs, EngineArgs, GpuArgs, ScaleArgs};
 pub(crate) use self::device::DeviceArgs;
 pub(crate) use self::evaluate::EvaluateArgs;
 pub(crate) use self::export::{ExportArgs, FormatName};
@@ -107,8 +103,6 @@ pub(crate) enum Command {
     Export(ExportArgs),
     Inspect(InspectArgs),
     Convert(ConvertArgs),
-    #[command(subcommand)]
-    Bench(BenchCommand),
     /// List the shipped training configurations: their networks, and what these cost.
     ///
     /// Operations per vertex, per arc and per frame of a cloth of 1024 vertices and 5898 arcs (the

@@ -1,6 +1,5 @@
 //! One file per command: each takes its arguments and gives its [`Answer`].
 
-mod bench;
 mod compare;
 mod completions;
 mod convergence;
@@ -25,7 +24,7 @@ mod study;
 mod train;
 mod view;
 
-use crate::cli::{BenchCommand, Command, DatasetCommand};
+use crate::cli::{Command, DatasetCommand};
 use crate::output::Answer;
 
 /// Returns true for a command that several ranks can share.
@@ -60,10 +59,6 @@ pub(crate) fn run(command: &Command) -> anyhow::Result<Answer> {
         Command::Presets => presets::run(),
         Command::Completions(args) => completions::run(args),
         Command::Manual(args) => manual::run(args),
-        Command::Bench(BenchCommand::Engine(args)) => bench::engine::run(args),
-        Command::Bench(BenchCommand::Scale(args)) => bench::scale::run(args),
-        Command::Bench(BenchCommand::Gpu(args)) => bench::gpu(args),
-        Command::Bench(BenchCommand::Conformance(args)) => bench::conformance(args),
         Command::Rollout(args) => rollout::run(args),
         Command::View(args) => view::run(args),
         Command::Train(args) => train::run(args),

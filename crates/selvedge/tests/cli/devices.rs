@@ -19,8 +19,6 @@ fn a_gpu_that_cannot_be_had_is_said_before_anything_is_written() {
         "evaluate --model nothing.safetensors --data nowhere --report report",
         "study small --out study",
         "view",
-        "bench gpu",
-        "bench conformance",
     ] {
         let said = desk.run(&format!("{call} --device cuda"));
         // Where there is a GPU it works, and there is nothing to say.
@@ -32,8 +30,6 @@ fn a_gpu_that_cannot_be_had_is_said_before_anything_is_written() {
         assert!(is_said, "{call}: {}", said.err);
     }
     assert_eq!(desk.names(), ["moment.toml", "push.toml"]);
-    desk.fails("bench gpu", 1, &["cpu", "--device cuda"]);
-    desk.fails("bench conformance", 1, &["cpu", "--device cuda"]);
 }
 
 #[test]

@@ -131,11 +131,6 @@ fn every_command_has_help() {
         "evaluate",
         "compare",
         "inspect",
-        "bench",
-        "bench engine",
-        "bench scale",
-        "bench gpu",
-        "bench conformance",
     ] {
         let said = desk.run(&format!("{call} --help"));
         assert_eq!(said.code, Some(0), "{call}");
