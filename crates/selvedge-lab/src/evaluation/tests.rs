@@ -1,6 +1,7 @@
 //! Evaluations of a small scene: against its converged physics, along a recorded run of it, and in
 //! random motions.
 
+use std::ops::ControlFlow;
 use std::path::Path;
 
 use selvedge_data::{LoadedScene, StateRun, parse_scene};
@@ -9,6 +10,7 @@ use selvedge_guard::{Correction, GuardSettings};
 use super::*;
 use crate::event::Event;
 use crate::machine::Machine;
+use crate::workers::Crew;
 
 /// A square of 16 vertices that is pushed for a third of a second.
 const PUSH: &str = r#"
@@ -164,7 +166,7 @@ fn threads_and_a_kept_reference_change_nothing() {
     other.positions[20].x += 1e-9;
     let provenance = selvedge_data::Provenance {
         frame_rate: 60.0,
-        scene: serde_json::Value::Null,
+        scene: Value::Null,
         made_by: String::new(),
     };
     other.write(&path, &provenance).unwrap();
