@@ -159,7 +159,7 @@ def prepare(context, folder):
 
 def command(settings, folder, frames):
     """The call of the program."""
-    call = [program(settings), "simulate", str(folder / "scene.toml"), "--out", str(folder / "run.safetensors")]
+    call = [program(settings), "run", str(folder / "scene.toml"), "-o", str(folder / "run.safetensors")]
     call += ["--frames", str(len(frames) - 1), "--export", str(folder / "cloth.pc2")]
     return call + (["--from-start"] if settings.from_start else [])
 

@@ -38,7 +38,7 @@ impl Dataset {
     }
 
     /// Makes the data set of a `preset` (a shipped name or a TOML file) in `folder`, or goes on
-    /// with it, as `selvedge dataset generate` does. After Ctrl-C the same call goes on.
+    /// with it, as `selvedge data generate` does. After Ctrl-C the same call goes on.
     #[staticmethod]
     #[pyo3(signature = (preset, folder, threads=None, progress=None))]
     fn generate(

@@ -1,19 +1,17 @@
 //! Evaluations of models along the trajectories of data sets.
 
-use std::io::Write;
 use std::path::PathBuf;
 
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use selvedge_data::write_atomically;
 use selvedge_guard::GuardSettings;
 use selvedge_lab::evaluation::{
-    Contestant, Evaluation as Outcome, EvaluationPlan, Horizons, Racer, TestData, Who,
-    check_horizons, evaluate as measure, summary,
+    Case, Evaluation as Outcome, EvaluationPlan, Horizons, Method, Mover, PhysicsMethod, Run, check,
+    evaluate as measure, summaries,
 };
 use selvedge_lab::folder_kind::FolderKind;
 use selvedge_lab::machine::Machine;
-use selvedge_lab::report::{self, Contest, Heading};
+use selvedge_lab::report::{self, Heading};
 use selvedge_lab::workers::Crew;
 use selvedge_lab::{End, folder};
 use serde_json::{Value, json};
@@ -37,32 +35,21 @@ pub(crate) struct Evaluation {
 
 #[pymethods]
 impl Evaluation {
-    /// One contestant along one trajectory each, as dictionaries; measures are in SI units.
+    /// One run each, as dictionaries; measures are in SI units. Frames of whole runs are summed up.
     #[getter]
-    fn rows<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let rows: Result<Vec<Value>, _> =
-            self.outcome.rows.iter().map(serde_json::to_value).collect();
-        let mut rows = rows.map_err(told)?;
-        for row in rows.iter_mut().filter_map(Value::as_object_mut) {
-            row.remove("curves");
-        }
-        python::to_python(py, &rows)
+    fn runs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let runs: Result<Vec<Value>, _> = self.outcome.runs.iter().map(shortened).collect();
+        python::to_python(py, &runs.map_err(told)?)
     }
 
-    /// Means of every contestant over all motions.
+    /// Means of every method over starts and cases.
     #[getter]
     fn means<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let contest = Contest::of(&self.outcome.rows);
-        let mut means = Vec::new();
-        for subject in contest.subjects() {
-            let mut mean = serde_json::to_value(summary(&subject.rows)).map_err(told)?;
-            mean["name"] = json!(subject.label);
-            means.push(mean);
-        }
-        python::to_python(py, &means)
+        let all: Vec<&Run> = self.outcome.runs.iter().collect();
+        python::to_python(py, &summaries(&all))
     }
 
-    /// Times of a frame by mesh and contestant [ms].
+    /// Times of a frame by mesh and method [ms].
     #[getter]
     fn timings<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         python::to_python(py, &self.outcome.timings)
@@ -74,53 +61,62 @@ impl Evaluation {
         self.is_complete
     }
 
-    /// The errors of every frame as text (.csv), as `selvedge evaluate --curves` writes them.
-    fn curves_csv(&self) -> String {
-        report::curves_csv(&Contest::of(&self.outcome.rows))
+    /// All errors as text (.csv), as `selvedge eval -o` writes them.
+    fn errors_csv(&self) -> String {
+        String::from_utf8_lossy(&report::errors_csv(&self.outcome.runs)).into_owned()
     }
 
-    /// Writes the errors of every frame (.csv).
-    fn write_curves(&self, path: PathBuf) -> PyResult<()> {
-        let text = self.curves_csv();
-        write_atomically(&path, |out| out.write_all(text.as_bytes())).map_err(told)
+    /// Writes all errors (.csv).
+    fn write_errors(&self, path: PathBuf) -> PyResult<()> {
+        report::write_errors(&path, &self.outcome.runs).map_err(told)
     }
 
-    /// Writes tables and plots into a folder, as `selvedge evaluate --report` does.
+    /// Writes tables and plots into a folder, as `selvedge eval -o` does.
     fn write_report(&self, py: Python<'_>, folder: PathBuf) -> PyResult<Vec<PathBuf>> {
         py.detach(|| {
             let _claimed = folder::claim_folder(&folder, FolderKind::Evaluation).map_err(told)?;
-            let contest = Contest::of(&self.outcome.rows);
-            let heading = Heading {
-                title: &format!("Evaluation, {} split", self.split),
-                note: match self.is_complete {
-                    false => "**Interrupted: only the runs until then are here.**",
-                    true => "",
-                },
-                models: self.models.clone(),
+            let mut heading = Heading {
+                title: format!("Evaluation, {} split", self.split),
+                times: vec![format!("Models ran on: {}.", Machine::Cpu.name())],
+                ..Heading::default()
             };
-            let mut page = report::evaluation_page(heading, &contest).map_err(told)?;
-            page.say_of_times(&format!("Models ran on: {}.", Machine::Cpu.name()));
-            let report = page.finish(&contest, &self.outcome.timings).map_err(told)?;
-            report.write(&folder).map_err(told)
+            if !self.is_complete {
+                heading.note = "**Interrupted: only the starts until then are here.**".to_owned();
+            }
+            if !self.models.is_empty() {
+                let table = report::table(&["model", "file", "parameters"], &self.models);
+                heading.tables.push(table);
+            }
+            report::write(&folder, &heading, &self.outcome).map_err(told)
         })
     }
 
     fn __repr__(&self) -> String {
-        format!("Evaluation({} rows)", self.outcome.rows.len())
+        format!("Evaluation({} runs)", self.outcome.runs.len())
     }
 }
 
-/// Runs models and their naive rivals along the trajectories of data sets, as `selvedge evaluate`
+/// A run as JSON; a whole run with its frames as one.
+fn shortened(run: &Run) -> Result<Value, serde_json::Error> {
+    let mut value = serde_json::to_value(run)?;
+    if let (true, Some(fields)) = (run.is_whole, value.as_object_mut()) {
+        fields.remove("frames");
+        fields.insert("whole".to_owned(), serde_json::to_value(run.over_time())?);
+    }
+    Ok(value)
+}
+
+/// Runs models, physics and baselines along the trajectories of data sets, as `selvedge eval --data`
 /// does. `models` are models by their names in tables; `guards` are none, limit, physics or
-/// physics-always; `steps` are horizons and `starts` the true frames from which they start;
-/// `mirror=False` leaves out the dearest rival; `physics` are substeps of physics that runs too.
+/// physics-always; `horizons` are frames after true states and `starts` how many of these there are;
+/// `baselines` are rigid and mirror; `physics` are substeps of physics that runs too.
 ///
 /// # Errors
-/// What of a model or a data set went wrong. A run that fails is a row that says so.
+/// What of a model or a data set went wrong. A run that fails is one that says so.
 #[pyfunction]
 #[pyo3(signature = (models, data, *, guards=vec!["limit".to_owned()], split="test",
-    motions=Vec::new(), steps=None, starts=8, mirror=true, physics=Vec::new(), threads=None,
-    progress=None))]
+    motions=Vec::new(), horizons=None, starts=8, baselines=vec!["rigid".to_owned()],
+    physics=Vec::new(), threads=None, progress=None))]
 #[allow(
     clippy::too_many_arguments,
     reason = "each has a name and a default in Python"
@@ -132,43 +128,44 @@ pub(crate) fn evaluate(
     guards: Vec<String>,
     split: &str,
     motions: Vec<String>,
-    steps: Option<Vec<usize>>,
+    horizons: Option<Vec<usize>>,
     starts: usize,
-    mirror: bool,
+    baselines: Vec<String>,
     physics: Vec<u32>,
     threads: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Evaluation> {
-    let (files, mut contestants) = entrants(models, &guards)?;
-    contestants.extend(physics.into_iter().map(Contestant::physics));
-    let rivals = Contestant::rivals().into_iter();
-    contestants.extend(rivals.filter(|rival| mirror || rival.who() != Who::Mirror));
+    let (files, mut methods) = entrants(models, &guards)?;
+    methods.extend(physics.into_iter().map(|substeps| {
+        let integrator = None;
+        Method::physics(PhysicsMethod { integrator, substeps })
+    }));
+    for name in &baselines {
+        let baseline = Method::baseline(name);
+        let unknown = || wrong(format!("baselines: {name:?} is none of rigid, mirror"));
+        methods.push(baseline.ok_or_else(unknown)?);
+    }
     let part = split_named(split)?;
-    let mut tests = Vec::with_capacity(data.len());
+    let mut cases = Vec::new();
     for folder in &data {
-        let folder = folder.get().inner.as_ref().clone();
-        let name = folder.index().name.clone();
-        tests.push(TestData::new(name, folder, part, &motions).map_err(told)?);
+        let folder = folder.get().inner.as_ref();
+        let name = &folder.index().name;
+        cases.extend(Case::recorded(name, folder, part, &motions).map_err(told)?);
     }
-    let are_asked = steps.is_some();
-    let steps = steps.unwrap_or_else(|| Horizons::USUAL.to_vec());
-    if steps.contains(&0) || starts == 0 {
-        return Err(wrong("steps and starts must be at least 1"));
-    }
-    let horizons = Horizons::new(steps.into_iter(), starts);
-    if are_asked {
-        check_horizons(&tests, &horizons).map_err(told)?;
-    }
+    let are_asked = horizons.is_some();
+    let horizons = horizons.unwrap_or_else(|| Horizons::USUAL.to_vec());
+    let horizons = Horizons::new(horizons, starts);
+    let plan = EvaluationPlan {
+        cases: &cases,
+        methods: &methods,
+        horizons: &horizons,
+        references: None,
+        crew: Crew::of_threads(threads),
+    };
+    check(&plan, are_asked).map_err(|error| wrong(error.to_string()))?;
     let stop = Stop::default();
     let mut teller = Teller::new(progress, &stop);
     let measured = beside(py, &stop, || {
-        let plan = EvaluationPlan {
-            data: &tests,
-            contestants: &contestants,
-            horizons: &horizons,
-            crew: Crew::of_threads(threads),
-            part: None,
-        };
         measure(&plan, &mut |event| teller.hear(event))
     })?;
     let (outcome, end) = measured.map_err(told)?;
@@ -180,31 +177,31 @@ pub(crate) fn evaluate(
     })
 }
 
-type Entrants = (Vec<Vec<String>>, Vec<Contestant>);
+type Entrants = (Vec<Vec<String>>, Vec<Method>);
 
 /// The models by their names, each once for every guard.
 fn entrants(models: &Bound<'_, PyDict>, guards: &[String]) -> PyResult<Entrants> {
-    let (mut files, mut contestants) = (Vec::new(), Vec::new());
+    let (mut files, mut methods) = (Vec::new(), Vec::new());
     let settings: PyResult<Vec<GuardSettings>> =
         guards.iter().map(|name| guarding::settings(name)).collect();
     let settings = settings?;
     for (name, model) in models.iter() {
         let name: String = name.extract()?;
-        if Contestant::rivals().iter().any(|rival| rival.name == name) {
-            return Err(wrong(format!("models: {name} is the name of a rival")));
+        if Method::BASELINES.contains(&name.as_str()) {
+            return Err(wrong(format!("models: {name} is the name of a baseline")));
         }
         let model = model.cast::<Model>()?.get();
         let count = model.model.weights().len().to_string();
         files.push(vec![name.clone(), model.name.clone(), count]);
         for (guard, settings) in guards.iter().zip(&settings) {
-            contestants.push(Contestant {
+            methods.push(Method {
                 name: match guards.len() {
                     1 => name.clone(),
                     _ => format!("{name} ({guard})"),
                 },
-                racer: Racer::Model(model.model.clone(), *settings, Machine::Cpu),
+                mover: Mover::Model(model.model.clone(), *settings, Machine::Cpu),
             });
         }
     }
-    Ok((files, contestants))
+    Ok((files, methods))
 }

@@ -86,7 +86,7 @@ impl Rollout {
         self.is_complete
     }
 
-    /// Writes the guard's words (.csv), as `selvedge rollout --trust` does.
+    /// Writes the guard's words (.csv), as `selvedge run --trust` does.
     fn write_trust(&self, path: PathBuf) -> PyResult<()> {
         watched::write_trust(&path, &self.log, self.beyond.as_ref()).map_err(told)
     }
@@ -134,7 +134,7 @@ fn trajectory_of(
     Recorded::new(cloth, positions, provenance).map_err(told)
 }
 
-/// Simulates a scene by the reference physics, as `selvedge simulate` does: from where the scene
+/// Simulates a scene by the reference physics, as `selvedge run` does: from where the scene
 /// says, or from `positions` (n, 3) [m] and `velocities` (n, 3) [m/s]. Ctrl-C stops within a
 /// substep; an answer `False` of `progress(task, done, goal)` keeps the frames until then.
 ///
@@ -196,7 +196,7 @@ struct Asked<'a> {
     has_truth: bool,
 }
 
-/// Runs a model on a scene from its rest pose, as `selvedge rollout` does, with the `guard` none,
+/// Runs a model on a scene from its rest pose, as `selvedge run --model` does, with the `guard` none,
 /// limit, physics or physics-always. `truth=True` also runs the physics. `progress(task, done,
 /// goal)` hears of every frame; its answer `False` keeps the frames until then.
 ///

@@ -24,7 +24,7 @@ material = "gray-interlock"
 motion.named = "forward"
 """
     )
-    program("simulate", scene, "--frames", 40, "--out", tmp_path / "cli.safetensors")
+    program("run", scene, "--frames", 40, "-o", tmp_path / "cli.safetensors")
     made = selvedge.simulate(selvedge.Scene(str(scene)), frames=40)
     assert made.to_bytes() == (tmp_path / "cli.safetensors").read_bytes()
     assert made.to_bytes() == selvedge.simulate(small, frames=40).to_bytes()
@@ -34,8 +34,8 @@ motion.named = "forward"
 def test_a_rollout_with_its_truth_and_trust(program, scene, tmp_path, name):
     out = tmp_path / "cli"
     trust = tmp_path / "cli.csv"
-    arguments = ["--model", name, "--frames", 25, "--no-clip", "--trust", trust, "--out", out]
-    program("rollout", "default", *arguments)
+    arguments = ["--model", name, "--frames", 25, "--no-clip", "--trust", trust, "-o", out]
+    program("run", "default", "--compare", *arguments)
     made = selvedge.rollout(scene, selvedge.Model(name), frames=25, truth=True)
     assert made.trajectory.to_bytes() == (out / "rollout.safetensors").read_bytes()
     assert made.truth.to_bytes() == (out / "truth.safetensors").read_bytes()
@@ -51,7 +51,7 @@ def test_a_rollout_with_its_truth_and_trust(program, scene, tmp_path, name):
 
 
 def test_a_data_set(program, data, tmp_path):
-    program("dataset", "generate", "tiny", "--out", tmp_path / "tiny")
+    program("data", "generate", "tiny", "-o", tmp_path / "tiny")
     folder = pathlib.Path(tmp_path / "tiny")
     assert json.loads((folder / "index.json").read_text()) == data.index
     for split in (data.train, data.test):
@@ -63,10 +63,10 @@ def test_a_data_set(program, data, tmp_path):
 
 def trained(program, data, tmp_path):
     folder = tmp_path / "tiny"
-    program("dataset", "generate", "tiny", "--out", folder)
+    program("data", "generate", "tiny", "-o", folder)
     arguments = [x for k, v in SETTINGS.items() for x in ("--set", f"{k}={v}")]
     out = tmp_path / "cli"
-    program("train", "small", "--data", folder, "--steps", 4, "--out", out, *arguments)
+    program("train", "small", "--data", folder, "--steps", 4, "-o", out, *arguments)
     return out
 
 
@@ -84,17 +84,17 @@ def test_a_training_and_an_evaluation(program, data, tmp_path):
 
     model = out / "model.safetensors"
     answer = program(
-        "--json", "evaluate", "--model", f"m={model}", "--data", tmp_path / "tiny", "--no-mirror",
-        "--steps", "1,5", "--curves", tmp_path / "cli.csv", "--report", tmp_path / "report",
+        "--json", "eval", "--model", f"m={model}", "--data", tmp_path / "tiny",
+        "--horizons", "1,5", "-o", tmp_path / "report",
     )
-    found = selvedge.evaluate({"m": selvedge.Model(model)}, [data], mirror=False, steps=[1, 5])
-    assert found.rows == json.loads(answer.stdout)["rows"]
-    assert found.curves_csv().encode() == (tmp_path / "cli.csv").read_bytes()
+    found = selvedge.evaluate({"m": selvedge.Model(model)}, [data], horizons=[1, 5])
+    assert found.runs == json.loads(answer.stdout)["runs"]
+    assert found.errors_csv().encode() == (tmp_path / "report" / "errors.csv").read_bytes()
     found.write_report(tmp_path / "own")
     for table in (tmp_path / "report").glob("*.svg"):
         assert (tmp_path / "own" / table.name).read_bytes() == table.read_bytes(), table.name
-    assert {row["who"] for row in found.rows} == {"model", "rigid", "truth"}
-    assert found.means[0]["name"] == "m"
+    assert {run["kind"] for run in found.runs} == {"model", "baseline"}
+    assert found.means[0]["method"] == "m"
 
 
 def test_a_training_that_is_stopped_goes_on_to_the_same_model(data, tmp_path):
@@ -178,7 +178,7 @@ base = { substeps = 1 }
 def test_a_training_of_a_correction(program, data, scene, tmp_path):
     config = tmp_path / "correction.toml"
     config.write_text(CORRECTION)
-    program("train", config, "--out", tmp_path / "cli")
+    program("train", config, "-o", tmp_path / "cli")
     heard = []
     with pytest.raises(ValueError, match="this one asks a teacher; leave them out"):
         selvedge.train(str(config), data, out=tmp_path / "python")

@@ -2,7 +2,7 @@
 //!
 //! `include/selvedge.h` declares what stands here, made by `cargo xtask header`. The program
 //! `selvedge` composes the same library functions, so that a stepper has the positions that
-//! `selvedge simulate` and `selvedge rollout` write, to the bit.
+//! `selvedge run` and `selvedge run --model` write, to the bit.
 //!
 //! - A **handle** is a number with a kind and a generation, and not an address: one that was freed,
 //!   or that is of another kind, is an error and no crash.

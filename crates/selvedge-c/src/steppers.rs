@@ -23,7 +23,7 @@ pub use read::*;
 /// Handle of a stepper, a cloth that moves one frame at a time; 0 is none.
 pub type SelvedgeStepper = u64;
 
-/// Makes a stepper of the physics of a scene, where the scene starts: what `selvedge simulate`
+/// Makes a stepper of the physics of a scene, where the scene starts: what `selvedge run`
 /// runs. A rest pose is searched for first, which may take a while; it is kept for the other
 /// steppers of the scene.
 ///
@@ -48,7 +48,7 @@ pub unsafe extern "C" fn selvedge_stepper_physics(
 }
 
 /// Makes a stepper of a model on a scene, from the rest pose of the scene on: what
-/// `selvedge rollout` runs. A model that corrects physics brings its physics along. `guard` is a
+/// `selvedge run --model` runs. A model that corrects physics brings its physics along. `guard` is a
 /// `SelvedgeGuard`; 0 is that of the command line.
 ///
 /// # Safety

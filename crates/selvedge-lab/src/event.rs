@@ -108,11 +108,6 @@ impl Task<'_, '_> {
         self.reporter.tell(Event::Advanced)
     }
 
-    /// Counts so many more.
-    pub(crate) fn advance_by(&self, units: u32) -> ControlFlow<()> {
-        (0..units).try_for_each(|_| self.advance())
-    }
-
     /// Returns `true` when the listener asks to stop.
     pub(crate) fn is_stopped(&self) -> bool {
         self.reporter.is_stopped()

@@ -16,8 +16,6 @@ pub enum FolderKind {
     Study,
     /// The report of an evaluation.
     Evaluation,
-    /// A study of convergence, with its references.
-    Convergence,
     /// The run of a model on a scene.
     Rollout,
 }
@@ -26,25 +24,22 @@ pub enum FolderKind {
 pub const TRAININGS: &str = "trainings";
 /// The folder of a study with its evaluations.
 pub const EVALUATIONS: &str = "evaluations";
-/// The folder of a study of convergence with its references.
+/// The folder of an evaluation with its converged runs.
 pub const REFERENCES: &str = "references";
 /// The folder of a study with its report.
 pub const REPORT: &str = "report";
-/// The first table of the report of an evaluation.
-pub const MEANS: &str = "means.csv";
-/// The first table of the report of a study of convergence.
-pub const CONVERGENCE: &str = "convergence.csv";
+/// The table of the report of an evaluation.
+pub const ERRORS: &str = "errors.csv";
 /// The trajectory of a rollout.
 pub const ROLLOUT: &str = "rollout.safetensors";
 
 impl FolderKind {
     /// All kinds.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 5] = [
         Self::DataSet,
         Self::Training,
         Self::Study,
         Self::Evaluation,
-        Self::Convergence,
         Self::Rollout,
     ];
 
@@ -55,8 +50,7 @@ impl FolderKind {
             Self::DataSet => &["index.json", "index.partial.json"],
             Self::Training => &[files::LOG, files::CHECKPOINT],
             Self::Study => &[TRAININGS, EVALUATIONS],
-            Self::Evaluation => &[MEANS],
-            Self::Convergence => &[CONVERGENCE, REFERENCES],
+            Self::Evaluation => &[ERRORS, REFERENCES],
             Self::Rollout => &[ROLLOUT],
         }
     }
@@ -67,8 +61,8 @@ impl FolderKind {
         match self {
             Self::DataSet => &["train", "test"],
             Self::Study => &[EVALUATIONS, REPORT],
-            Self::Convergence => &[REFERENCES],
-            Self::Training | Self::Evaluation | Self::Rollout => &[],
+            Self::Evaluation => &[REFERENCES],
+            Self::Training | Self::Rollout => &[],
         }
     }
 
@@ -94,7 +88,6 @@ impl fmt::Display for FolderKind {
             Self::Training => "a training",
             Self::Study => "a study",
             Self::Evaluation => "the report of an evaluation",
-            Self::Convergence => "a study of convergence",
             Self::Rollout => "a rollout",
         })
     }

@@ -65,8 +65,8 @@ pub enum GenerateError {
 pub enum OpenDatasetError {
     #[error(
         "{}: this data set is not complete: run again the command that began it, \
-         `selvedge dataset generate` or `selvedge dataset import`; parts are joined by \
-         `selvedge dataset merge`: {source}",
+         `selvedge data generate` or `selvedge data import`; parts are joined by \
+         `selvedge data merge`: {source}",
         folder.display()
     )]
     Incomplete {

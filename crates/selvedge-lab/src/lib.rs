@@ -3,13 +3,11 @@
 //! A **machine** ([`machine`]) runs models, on the processor or on a GPU. The two engines are the
 //! physics ([`physics`]) and a **model** with its name ([`models`]); a model under a guard keeps
 //! the guard's word on every frame ([`watched`]). [`start`] makes a scene ready for either. An
-//! **evaluation** ([`evaluation`]) runs
-//! *contestants* along the *trajectories* of data sets: models, their naive *rivals*, and the
-//! physics itself. A **report** ([`report`]) makes tables, CSV and plots of it. A **study**
-//! ([`study`]) is a file that says what to train, what to measure and what to ask; its folder keeps
-//! what is done. A **stress test** ([`stress`]) drives a model through random motions without a
-//! truth. A convergence study ([`convergence`]) measures the physics against its own converged
-//! motion. [`generation`] makes data sets.
+//! **evaluation** ([`evaluation`]) runs **methods** (models, physics, baselines) on **cases**:
+//! recorded trajectories, scenes against their own converged physics, random motions. A **report**
+//! ([`report`]) makes a page, plots and one table of it. A **study** ([`study`]) is a file with a
+//! list of trainings and one evaluation; its folder keeps what is done. [`generation`] makes data
+//! sets.
 //!
 //! Long operations call a listener ([`OnEvent`]) for every [`Event`] and stop when it breaks. Every
 //! operation has an error type of its own; [`cause::chain`] tells an error with its causes in one
@@ -49,8 +47,6 @@ pub mod assets;
 pub mod cache;
 pub mod cause;
 pub mod comparison;
-pub mod convergence;
-mod csv;
 pub mod domain;
 pub mod evaluation;
 pub mod event;
@@ -63,7 +59,6 @@ pub mod generation;
 pub mod machine;
 pub mod models;
 pub mod numbers;
-pub mod parts;
 pub mod physics;
 pub mod pictures;
 pub mod report;
@@ -72,7 +67,6 @@ pub mod rigid;
 pub mod span;
 pub mod start;
 pub mod state_log;
-pub mod stress;
 pub mod study;
 pub mod teaching;
 #[cfg(test)]

@@ -17,6 +17,7 @@ use selvedge_gpu::rollout::{OpeningError, stepper::GpuStepper};
 use selvedge_model::{
     ClothGraph, Instructions, LearnedStepper, Model, RolloutError, opening_frames,
 };
+use selvedge_sim::Threads;
 use selvedge_train::{EngineMaker, OnProcessor};
 use thiserror::Error;
 
@@ -111,9 +112,9 @@ impl PrecisionName {
     /// The name as the command line has it.
     pub fn name(self) -> &'static str {
         match self {
-            Self::Full => "full",
-            Self::Tensor => "tensor",
-            Self::Half => "half",
+            Self::Full => "f32",
+            Self::Tensor => "tf32",
+            Self::Half => "bf16",
         }
     }
 }
@@ -141,14 +142,12 @@ pub enum Machine {
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum MachineError {
     #[error(
-        "precision {}: the processor multiplies in full precision here: take a GPU as device, or full \
-         precision",
+        "precision {}: the processor multiplies in f32 here: take a GPU as device, or precision \
+         f32",
         precision.name()
     )]
     Precision { precision: PrecisionName },
-    #[error(
-        "precision half: this processor has no products of bf16 (AVX512-BF16): take full precision"
-    )]
+    #[error("precision bf16: this processor has no products of bf16 (AVX512-BF16): take f32")]
     NoHalf,
     #[error(
         "device: this selvedge was built without GPUs: build it with the feature gpu, or take the \
@@ -268,11 +267,30 @@ impl Machine {
         let scene = scene.ok_or(StartError::NoScene)?;
         let frames = opening_frames(model.spec(), scene.mesh.positions().len(), start)?;
         let state = FrameState::of_frames(&frames, scene.frame_rate);
+        self.with_instructions_of(CorrectedStepper::new(model, scene, state)?)
+    }
+
+    /// Starts a `model` that corrects physics in this state of `frame` of the scene's own motion, on
+    /// one thread.
+    pub(crate) fn start_in(
+        &self,
+        model: Arc<Model>,
+        scene: &Scene,
+        state: FrameState,
+        frame: usize,
+    ) -> Result<CorrectedStepper, StartError> {
+        let mut stepper = CorrectedStepper::new(model, scene, state)?.taken_up_at(frame)?;
+        stepper.set_threads(Threads::One);
+        self.with_instructions_of(stepper)
+    }
+
+    /// `stepper` with the products of this machine.
+    fn with_instructions_of(
+        &self,
+        stepper: CorrectedStepper,
+    ) -> Result<CorrectedStepper, StartError> {
         match self {
-            Self::Cpu | Self::CpuHalf => {
-                let stepper = CorrectedStepper::new(model, scene, state)?;
-                Ok(stepper.with_instructions(self.instructions()))
-            }
+            Self::Cpu | Self::CpuHalf => Ok(stepper.with_instructions(self.instructions())),
             #[cfg(feature = "gpu")]
             Self::Gpu(..) => Err(StartError::OnlyProcessor),
         }
@@ -295,13 +313,13 @@ impl Machine {
     pub fn name(&self) -> String {
         match self {
             Self::Cpu => PROCESSOR.to_owned(),
-            Self::CpuHalf => format!("{PROCESSOR}, precision half"),
+            Self::CpuHalf => format!("{PROCESSOR}, precision bf16"),
             #[cfg(feature = "gpu")]
             Self::Gpu(device, Precision::Full) => device.name(),
             #[cfg(feature = "gpu")]
-            Self::Gpu(device, Precision::Tensor) => format!("{}, precision tensor", device.name()),
+            Self::Gpu(device, Precision::Tensor) => format!("{}, precision tf32", device.name()),
             #[cfg(feature = "gpu")]
-            Self::Gpu(device, Precision::Half) => format!("{}, precision half", device.name()),
+            Self::Gpu(device, Precision::Half) => format!("{}, precision bf16", device.name()),
         }
     }
 }

@@ -25,7 +25,7 @@ pub struct Show<'a> {
 /// The label over a model's run.
 pub const MODEL: &str = "model";
 /// The label over a run of the physics.
-pub const PHYSICS: &str = "physics";
+const PHYSICS: &str = "physics";
 
 /// A contact sheet (.png) of moments in motion; beside a truth, the model's run once more in the
 /// colours of its error.

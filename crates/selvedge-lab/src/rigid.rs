@@ -1,4 +1,4 @@
-//! The naive rival: the rest pose as a rigid body that follows its handles, translated with their
+//! A baseline: the rest pose as a rigid body that follows its handles, translated with their
 //! centroid and turned by their yaw. Whoever predicts less well than this has learned nothing of
 //! the motion of cloth.
 //!

@@ -120,7 +120,7 @@ pub fn for_model(loaded: &mut LoadedScene, model: &Model) -> Vec<&'static str> {
     take_learned_law(loaded);
     if loaded.spec.start != StartSpec::Rest {
         warnings.push(
-            "start: a rollout and its truth start in the sagged rest pose, and not as the scene says: take `selvedge simulate` for that",
+            "start: a rollout and its truth start in the sagged rest pose, and not as the scene says: take `selvedge run` for that",
         );
         loaded.spec.start = StartSpec::Rest;
         loaded.state = None;

@@ -11,7 +11,6 @@ use selvedge_model::Aspect;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::csv::Csv;
 use crate::domain::Beyond;
 use crate::machine::Mover;
 
@@ -178,34 +177,60 @@ impl Stepper for WatchedModel {
 /// # Errors
 /// A file that cannot be written.
 pub fn write_trust(path: &Path, log: &[Trust], beyond: Option<&Beyond>) -> Result<(), WriteError> {
-    let mut csv = Csv::new(
-        "frame,verdict,largest_strain,smallest_strain,strain_rms,kinetic_energy,largest_speed,predicted_strain,correction_rms,correction_largest,replaced_by,physics_failed,contact,beyond",
-    );
+    let mut csv = csv::Writer::from_writer(Vec::new());
+    let mut record = |fields: Vec<String>| {
+        // Writing to memory cannot fail, nor can rows of one length.
+        let _ = csv.write_record(fields);
+    };
+    record(TRUST.map(str::to_owned).to_vec());
     for (frame, trust) in log.iter().enumerate() {
         let beyond = match beyond {
             Some(beyond) => names(beyond.by_frame.get(frame).map_or(&[], Vec::as_slice)),
             None => "unknown".to_owned(),
         };
+        let number = |value: Option<f64>| value.map_or_else(String::new, |x| x.to_string());
         let given = &trust.given;
-        csv.number(Some(trust.frame as f64));
-        csv.texts([trust.verdict.name()]);
-        csv.numbers(Some([
-            given.largest_strain,
-            given.smallest_strain,
-            given.strain_rms,
-            given.kinetic_energy,
-            given.largest_speed,
-        ]));
-        csv.number(trust.predicted.map(|m| m.largest_strain));
-        csv.numbers(trust.correction.map(|m| [m.rms, m.largest]));
-        let replaced_by = trust.verdict.replaced_by().map_or("", Replacement::name);
-        let failed = trust.physics_failed.to_string();
-        csv.texts([replaced_by, &failed, trust.contact.name(), &beyond]);
-        csv.end();
+        record(vec![
+            trust.frame.to_string(),
+            trust.verdict.name().to_owned(),
+            given.largest_strain.to_string(),
+            given.smallest_strain.to_string(),
+            given.strain_rms.to_string(),
+            given.kinetic_energy.to_string(),
+            given.largest_speed.to_string(),
+            number(trust.predicted.map(|m| m.largest_strain)),
+            number(trust.correction.map(|m| m.rms)),
+            number(trust.correction.map(|m| m.largest)),
+            trust
+                .verdict
+                .replaced_by()
+                .map_or("", Replacement::name)
+                .to_owned(),
+            trust.physics_failed.to_string(),
+            trust.contact.name().to_owned(),
+            beyond,
+        ]);
     }
-    let text = csv.text();
-    write_atomically(path, |out| out.write_all(text.as_bytes()))
+    let text = csv.into_inner().unwrap_or_default();
+    write_atomically(path, |out| out.write_all(&text))
 }
+
+const TRUST: [&str; 14] = [
+    "frame",
+    "verdict",
+    "largest_strain",
+    "smallest_strain",
+    "strain_rms",
+    "kinetic_energy",
+    "largest_speed",
+    "predicted_strain",
+    "correction_rms",
+    "correction_largest",
+    "replaced_by",
+    "physics_failed",
+    "contact",
+    "beyond",
+];
 
 fn names(aspects: &[Aspect]) -> String {
     let names: Vec<&str> = aspects.iter().map(|aspect| aspect.name()).collect();

@@ -38,8 +38,8 @@ struct Case {
 const CASES: [Case; 5] = [
     Case {
         name: "train",
-        prepare: &["dataset generate tiny --out tiny"],
-        command: "train long.toml --data tiny --out run --checkpoint-every 1s",
+        prepare: &["data generate tiny -o tiny"],
+        command: "train long.toml --data tiny -o run --checkpoint-every 1s",
         resumes: true,
         shares: true,
         is_whole: false,
@@ -48,7 +48,7 @@ const CASES: [Case; 5] = [
     Case {
         name: "generate",
         prepare: &[],
-        command: "dataset generate many.toml --out many",
+        command: "data generate many.toml -o many",
         resumes: false,
         shares: true,
         is_whole: false,
@@ -56,8 +56,8 @@ const CASES: [Case; 5] = [
     },
     Case {
         name: "study",
-        prepare: &["dataset generate tiny --out tiny"],
-        command: "study study.toml --out study",
+        prepare: &["data generate tiny -o tiny"],
+        command: "study study.toml -o study",
         resumes: false,
         shares: true,
         is_whole: false,
@@ -66,11 +66,11 @@ const CASES: [Case; 5] = [
     Case {
         name: "import",
         prepare: &[
-            "simulate push.toml --from-start --out run.safetensors",
-            "export run.safetensors --to caches/a.usdc",
-            "export run.safetensors --to caches/b.usdc --frames 10..",
+            "run push.toml --start mesh -o run.safetensors",
+            "export run.safetensors -o caches/a.usdc",
+            "export run.safetensors -o caches/b.usdc --frames 10..",
         ],
-        command: "dataset import cache caches --density 0.2 --frame-rate 60 --handles found --out imported",
+        command: "data import cache caches --density 0.2 --frame-rate 60 --handles found -o imported",
         resumes: false,
         shares: false,
         is_whole: false,
@@ -78,8 +78,8 @@ const CASES: [Case; 5] = [
     },
     Case {
         name: "export",
-        prepare: &["simulate push.toml --from-start --out run.safetensors"],
-        command: "export run.safetensors --to frames --format obj",
+        prepare: &["run push.toml --start mesh -o run.safetensors"],
+        command: "export run.safetensors -o frames --format obj",
         resumes: false,
         shares: false,
         is_whole: true,
@@ -396,8 +396,8 @@ budget = { steps = 60 }
 tiny = { folder = "tiny" }
 
 [evaluation]
-steps = [1, 5]
-rivals = ["rigid"]
+horizons = [1, 5]
+baselines = ["rigid"]
 
 [[train]]
 name = "one"
@@ -407,9 +407,4 @@ config = "short.toml"
 name = "other"
 config = "short.toml"
 set = ["seed=2"]
-
-[[question]]
-title = "Which one?"
-models = ["one", "other"]
-show = ["table"]
 "#;

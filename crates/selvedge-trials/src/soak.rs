@@ -133,8 +133,8 @@ fn learned(
         "guard" => NamedModel::open(Some(Path::new("small")))?,
         "general" => NamedModel::open(Some(Path::new(name)))?,
         _ => {
-            program.run(folder, "dataset generate tiny --out tiny")?;
-            program.run(folder, "train moment.toml --data tiny --out run")?;
+            program.run(folder, "data generate tiny -o tiny")?;
+            program.run(folder, "train moment.toml --data tiny -o run")?;
             NamedModel::open(Some(&folder.join("run/model.safetensors")))?
         }
     };

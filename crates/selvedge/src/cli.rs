@@ -1,21 +1,22 @@
 //! The commands with their arguments, and the help that teaches them.
 
-mod bench;
 mod device;
 #[cfg(test)]
 mod documents;
-mod evaluate;
+mod eval;
 mod export;
 mod guard;
 mod import;
-mod parts;
+mod old;
 #[cfg(test)]
 mod reference;
+mod run;
 mod study;
 mod view;
 
+use std::ffi::OsString;
 use std::num::NonZeroUsize;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
@@ -23,16 +24,13 @@ use selvedge_cluster::Shard;
 use selvedge_lab::span;
 use selvedge_train::Setting;
 
-#[cfg(feature = "gpu")]
-pub(crate) use self::bench::Cloths;
-pub(crate) use self::bench::{BenchCommand, ConformanceArgs, EngineArgs, GpuArgs, ScaleArgs};
 pub(crate) use self::device::DeviceArgs;
-pub(crate) use self::evaluate::EvaluateArgs;
+pub(crate) use self::eval::EvalArgs;
 pub(crate) use self::export::{ExportArgs, FormatName};
-pub(crate) use self::guard::{GuardName, StressArgs};
+pub(crate) use self::guard::GuardName;
 pub(crate) use self::import::ImportArgs;
-pub(crate) use self::parts::PartArgs;
-pub(crate) use self::study::{ConvergenceArgs, StudyArgs, StudyCommand, StudyFileArgs};
+pub(crate) use self::run::{RunArgs, StartChoice};
+pub(crate) use self::study::StudyArgs;
 pub(crate) use self::view::{Shown, ViewArgs};
 use crate::output::Reader;
 
@@ -63,6 +61,16 @@ pub(crate) struct Cli {
 }
 
 impl Cli {
+    /// Reads the call of the program. An old name of a command is told on standard error with the
+    /// new one.
+    pub(crate) fn read(call: impl IntoIterator<Item = OsString>) -> Self {
+        let (call, note) = old::renewed(call.into_iter().collect());
+        if let Some(note) = note {
+            eprintln!("{note}");
+        }
+        Self::parse_from(call)
+    }
+
     /// The reader of the answer.
     pub(crate) fn reader(&self) -> Reader {
         if self.json {
@@ -78,43 +86,37 @@ const MOST_FRAMES: i64 = 100_000;
 
 const OVERVIEW: &str = "\
 Start here:
-  selvedge rollout
-      run the shipped model on the shipped scene; pictures and a clip go to out/
+  selvedge run --model general --compare
+      run the shipped model on the shipped scene beside the physics; pictures and a clip go to out/
   selvedge view --open
       take hold of the cloth in the browser
-  selvedge simulate default --out truth.safetensors
-      the same scene by the physics
-  selvedge inspect truth.safetensors
+  selvedge run default -o truth.safetensors
+      the same scene by the physics alone
+  selvedge info truth.safetensors
       what is in a file
 
-Exit codes: 0 done, 1 failed or interrupted, 2 wrong usage.
+Exit codes: 0 done, 1 failed, 2 wrong usage, 130 interrupted.
 Ctrl-C finishes the files that can be finished; a second one stops at once.";
 
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    Rollout(RolloutArgs),
+    Run(RunArgs),
     View(ViewArgs),
-    Simulate(SimulateArgs),
-    Sag(SagArgs),
-    #[command(subcommand)]
-    Dataset(DatasetCommand),
-    Train(TrainArgs),
-    Evaluate(EvaluateArgs),
-    Study(StudyArgs),
-    Stress(StressArgs),
-    Compare(CompareArgs),
     Export(ExportArgs),
-    Inspect(InspectArgs),
-    Convert(ConvertArgs),
+    Compare(CompareArgs),
     #[command(subcommand)]
-    Bench(BenchCommand),
-    /// List the shipped training configurations: their networks, and what these cost.
-    ///
-    /// Operations per vertex, per arc and per frame of a cloth of 1024 vertices and 5898 arcs (the
-    /// paper's), counted from the spec: two for each multiplication with its addition in a product.
-    Presets,
+    Data(DataCommand),
+    Train(TrainArgs),
+    Eval(EvalArgs),
+    Study(StudyArgs),
+    Info(InfoArgs),
+    List(ListArgs),
+    #[command(subcommand)]
+    Model(ModelCommand),
+    #[command(hide = true)]
     Completions(CompletionsArgs),
+    #[command(hide = true)]
     Manual(ManualArgs),
 }
 
@@ -140,209 +142,12 @@ pub(crate) struct ManualArgs {
     pub(crate) folder: PathBuf,
 }
 
-/// Run a trained model on a scene, beside the physics.
-///
-/// The cloth first sags to its rest pose; then the model moves it frame by frame while the handles
-/// follow the scene's motion. The physics runs the same scene, and both are drawn side by side.
-#[derive(Debug, Args)]
-#[command(after_help = "\
-Examples:
-  selvedge rollout
-  selvedge rollout square-1024 --frames 300 --no-truth
-  selvedge rollout my-scene.toml --model my-model.safetensors --out my-run
-  selvedge rollout --export cloth.glb --export cloth.usda
-  selvedge rollout --guard none --trust trust.csv
-  selvedge rollout my-large-scene.toml --model small --device cuda
-
-Writes into the folder: rollout.safetensors and truth.safetensors (trajectories), sheet.png (a
-contact sheet) and clip.gif. Files of these names from an earlier rollout are removed first.")]
-pub(crate) struct RolloutArgs {
-    /// A scene: a TOML file, or the name of a shipped one.
-    #[arg(default_value = "default")]
-    pub(crate) scene: String,
-    /// The model's weights: a file, or the name of a shipped one, `general` or `small`
-    /// [default: general].
-    #[arg(long, value_name = "FILE")]
-    pub(crate) model: Option<PathBuf>,
-    /// The folder to write into; it is made.
-    #[arg(long, value_name = "FOLDER", default_value = "out")]
-    pub(crate) out: PathBuf,
-    /// Number of frames [default: as long as the scene's motion].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=MOST_FRAMES))]
-    pub(crate) frames: Option<u32>,
-    /// Correction of frames that no cloth could have.
-    #[arg(long, value_enum, default_value_t = GuardName::Limit)]
-    pub(crate) guard: GuardName,
-    /// The machine of the model.
-    #[command(flatten)]
-    pub(crate) machine: DeviceArgs,
-    /// Write how far each frame can be trusted to this file (.csv): verdict, strains, energy,
-    /// speed, correction.
-    #[arg(long, value_name = "FILE")]
-    pub(crate) trust: Option<PathBuf>,
-    /// Also simulate the truth and compare with it (the default): the physics of the scene, or with
-    /// at least eight substeps for a model that corrects physics.
-    #[arg(long, conflicts_with = "no_truth")]
-    truth: bool,
-    /// Do not simulate the truth.
-    #[arg(long)]
-    no_truth: bool,
-    /// Do not make a clip.
-    #[arg(long)]
-    no_clip: bool,
-    /// Also write the model's run in the format of another program, as its name ends: .usda, .usdc,
-    /// .usdz, .abc, .glb, .pc2, .npz, .gif or .mp4; may stand several times (`selvedge
-    /// export` has more).
-    #[arg(long, value_name = "FILE")]
-    pub(crate) export: Vec<PathBuf>,
-}
-
-/// A wish.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Wanted {
-    /// It is.
-    Yes,
-    /// It is not.
-    No,
-}
-
-impl Wanted {
-    fn unless(refused: bool) -> Self {
-        if refused { Self::No } else { Self::Yes }
-    }
-}
-
-impl RolloutArgs {
-    /// The wish for a run of the physics.
-    pub(crate) fn truth(&self) -> Wanted {
-        Wanted::unless(self.no_truth && !self.truth)
-    }
-
-    /// The wish for a clip.
-    pub(crate) fn clip(&self) -> Wanted {
-        Wanted::unless(self.no_clip)
-    }
-}
-
-/// Run the physics on a scene.
-///
-/// The cloth starts where the scene says, by default in its sagged rest pose; the handles follow
-/// the scene's motion. Ctrl-C writes the frames so far. A scene of ARCSim (.json) is run as ARCSim
-/// runs it.
-#[derive(Debug, Args)]
-#[command(after_help = "\
-Examples:
-  selvedge simulate default --out truth.safetensors
-  selvedge simulate my-scene.toml --out run.safetensors --frames 120
-  selvedge simulate my-scene.toml --out fall.safetensors --from-start --clip fall.gif
-  selvedge simulate arcsim-scene.json --out run.safetensors --states states.safetensors
-  selvedge simulate my-scene.toml --out on.safetensors --state states.safetensors --state-frame 60
-
-A state is read from .safetensors or .npz: the arrays positions and velocities, or ckpt_x and ckpt_v,
-[vertices, 3] or [states, vertices, 3] with the frame of each in frames or ckpt_frames.")]
-pub(crate) struct SimulateArgs {
-    /// A scene: a TOML file, a JSON file of ARCSim, or the name of a shipped one.
-    pub(crate) scene: String,
-    /// The trajectory to write (.safetensors).
-    #[arg(long, value_name = "FILE")]
-    pub(crate) out: PathBuf,
-    /// Number of frames [default: as long as the scene's motion].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=MOST_FRAMES))]
-    pub(crate) frames: Option<u32>,
-    /// Also draw the run as a clip (.gif), in real time.
-    #[arg(long, value_name = "FILE")]
-    pub(crate) clip: Option<PathBuf>,
-    /// Start in the sagged rest pose.
-    #[arg(long, conflicts_with_all = ["from_start", "fit", "state"])]
-    from_rest: bool,
-    /// Start where the mesh's vertices stand, as a flat sheet that falls.
-    #[arg(long, conflicts_with_all = ["fit", "state"])]
-    from_start: bool,
-    /// Start where the mesh's vertices stand, relaxed from there into the pattern: for garments
-    /// that are strained as they stand.
-    #[arg(long, conflicts_with = "state")]
-    fit: bool,
-    /// Start in a state that was saved: positions and velocities (.safetensors, .npz).
-    #[arg(long, value_name = "FILE")]
-    state: Option<PathBuf>,
-    /// The frame of the state [default: 0, or the only one in the file].
-    #[arg(long, value_name = "N", requires = "state")]
-    state_frame: Option<usize>,
-    /// Also keep positions and velocities of every frame in double precision (.safetensors).
-    #[arg(long, value_name = "FILE")]
-    pub(crate) states: Option<PathBuf>,
-    /// Also write the run in the format of another program, as its name ends: .usda, .usdc, .usdz,
-    /// .abc, .glb, .pc2, .npz, .gif or .mp4; may stand several times (`selvedge export` has
-    /// more).
-    #[arg(long, value_name = "FILE")]
-    pub(crate) export: Vec<PathBuf>,
-}
-
-/// The start of a simulation.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Start<'a> {
-    /// As the scene says.
-    Scene,
-    /// The sagged rest pose.
-    Rest,
-    /// The positions of the mesh.
-    Mesh,
-    /// The mesh, relaxed into its pattern.
-    Fit,
-    /// A saved state: its file, and its frame where one is named.
-    State(&'a Path, Option<usize>),
-}
-
-impl<'a> Start<'a> {
-    /// The file of the saved state.
-    pub(crate) fn file(self) -> Option<&'a Path> {
-        match self {
-            Self::State(path, _) => Some(path),
-            Self::Scene | Self::Rest | Self::Mesh | Self::Fit => None,
-        }
-    }
-}
-
-impl SimulateArgs {
-    /// The start that is asked for.
-    pub(crate) fn start(&self) -> Start<'_> {
-        match &self.state {
-            Some(path) => Start::State(path, self.state_frame),
-            None if self.from_start => Start::Mesh,
-            None if self.fit => Start::Fit,
-            None if self.from_rest => Start::Rest,
-            None => Start::Scene,
-        }
-    }
-}
-
-/// Find the sagged rest pose of a scene: how the cloth hangs from its still handles.
-#[derive(Debug, Args)]
-#[command(after_help = "\
-Examples:
-  selvedge sag default --out rest.safetensors
-  selvedge sag my-scene.toml --out rest.obj
-  selvedge sag arcsim-scene.json --out rest.obj --by-motion")]
-pub(crate) struct SagArgs {
-    /// A scene: a TOML file, a JSON file of ARCSim, or the name of a shipped one.
-    pub(crate) scene: String,
-    /// The file to write: a trajectory of one frame (.safetensors) or a mesh (.obj).
-    #[arg(long, value_name = "FILE")]
-    pub(crate) out: PathBuf,
-    /// Let the cloth move until it comes to rest, as a simulation would: slower, but where there
-    /// are several rest poses this is the one that it reaches.
-    #[arg(long)]
-    pub(crate) by_motion: bool,
-}
-
-/// Make data to learn from, or look at it.
+/// Make data sets to learn from (`selvedge info` looks at them).
 #[derive(Debug, Subcommand)]
-pub(crate) enum DatasetCommand {
-    Plan(PlanArgs),
+pub(crate) enum DataCommand {
     Generate(GenerateArgs),
-    Merge(MergeArgs),
     Import(ImportArgs),
-    Inspect(DatasetInspectArgs),
+    Merge(MergeArgs),
 }
 
 /// Simulate all motions of a preset.
@@ -352,21 +157,22 @@ pub(crate) enum DatasetCommand {
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  selvedge dataset generate first --out data/first
-  selvedge dataset generate my-preset.toml --out data/mine --threads 4
-  selvedge dataset generate paper --out parts/3 --shard 3/8
+  selvedge data generate first -o data/first
+  selvedge data generate my-preset.toml -o data/mine -j 4
+  selvedge data generate paper -o parts/3 --shard 3/8
 
 With --shard the folder gets the third of eight parts, by a command that needs no other: for the
-array jobs of a cluster. `selvedge dataset merge` makes the parts one.")]
+array jobs of a cluster. `selvedge data merge` makes the parts one.
+`selvedge info PRESET` says what a preset will make.")]
 pub(crate) struct GenerateArgs {
-    /// A preset: a TOML file, or the name of a shipped one.
+    /// A preset: a TOML file, or the name of a shipped one (`selvedge list presets`).
     pub(crate) preset: String,
     /// The folder of the data set; it is made.
-    #[arg(long, value_name = "FOLDER")]
-    pub(crate) out: PathBuf,
+    #[arg(short, long, alias = "out", value_name = "FOLDER")]
+    pub(crate) output: PathBuf,
     /// Scenes that are simulated at once [default: as many as there are processors].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    pub(crate) threads: Option<u16>,
+    #[arg(short, long, alias = "threads", value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub(crate) jobs: Option<u16>,
     /// Make only part I of N, counted from 1.
     #[arg(long, value_name = "I/N")]
     pub(crate) shard: Option<Shard>,
@@ -379,42 +185,14 @@ pub(crate) struct GenerateArgs {
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Example:
-  selvedge dataset merge parts/1 parts/2 parts/3 --out data/mine")]
+  selvedge data merge parts/1 parts/2 parts/3 -o data/mine")]
 pub(crate) struct MergeArgs {
     /// The folders of the parts, in any order.
     #[arg(required = true, value_name = "FOLDER")]
     pub(crate) parts: Vec<PathBuf>,
     /// The folder of the data set; it is made.
-    #[arg(long, value_name = "FOLDER")]
-    pub(crate) out: PathBuf,
-}
-
-/// Say what a preset will make, without making it: trajectories, frames, sections, samples.
-#[derive(Debug, Args)]
-#[command(after_help = "\
-Examples:
-  selvedge dataset plan paper
-  selvedge dataset plan my-preset.toml --json")]
-pub(crate) struct PlanArgs {
-    /// A preset: a TOML file, or the name of a shipped one.
-    pub(crate) preset: String,
-}
-
-/// Say what is in a data set, and check every file against its hash.
-#[derive(Debug, Args)]
-#[command(after_help = "\
-Examples:
-  selvedge dataset inspect data/first
-  selvedge dataset inspect data/first --pictures pictures
-
-With --pictures the folder gets histograms.png and one contact sheet per trajectory, as
-train-forward.png.")]
-pub(crate) struct DatasetInspectArgs {
-    /// The folder of the data set.
-    pub(crate) folder: PathBuf,
-    /// A folder for pictures; it is made.
-    #[arg(long, value_name = "FOLDER")]
-    pub(crate) pictures: Option<PathBuf>,
+    #[arg(short, long, alias = "out", value_name = "FOLDER")]
+    pub(crate) output: PathBuf,
 }
 
 /// Train a model on a data set, or one that corrects physics by a teacher.
@@ -424,17 +202,17 @@ pub(crate) struct DatasetInspectArgs {
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  selvedge train first --data data/first --out runs/first --for 30m
-  selvedge train first --data data/first --out runs/first --resume
-  selvedge train rp-gru10 --data data/first --out runs/gpu --device cuda --for 8m
-  selvedge train rp-gru10 --data data/first --out runs/small --set model.latent=32 --set model.blocks=4
-  selvedge train corrected --out runs/corrected")]
+  selvedge train first --data data/first -o runs/first --for 30m
+  selvedge train first --data data/first -o runs/first --resume
+  selvedge train rp-gru10 --data data/first -o runs/gpu --device cuda --for 8m
+  selvedge train rp-gru10 --data data/first -o runs/small --set model.latent=32 --set model.blocks=4
+  selvedge train corrected -o runs/corrected")]
 pub(crate) struct TrainArgs {
-    /// A configuration: a TOML file, or the name of a shipped one (`selvedge presets` lists them).
+    /// A configuration: a TOML file, or the name of a shipped one (`selvedge list configs`).
     pub(crate) config: String,
     /// The folder of the run: checkpoints, log, model.
-    #[arg(long, value_name = "FOLDER")]
-    pub(crate) out: PathBuf,
+    #[arg(short, long, alias = "out", value_name = "FOLDER")]
+    pub(crate) output: PathBuf,
     /// The folder of the data set; none for a model that corrects physics, which asks a teacher.
     #[arg(long, value_name = "FOLDER")]
     pub(crate) data: Option<PathBuf>,
@@ -483,26 +261,64 @@ pub(crate) struct CompareArgs {
 
 /// Say what a file or folder is and what is in it.
 ///
-/// Knows trajectories, states, models, checkpoints, scenes, presets, training configurations,
-/// studies, meshes, exported arrays (.npz), nodes of other programs (.glb, USD), and the
-/// folders
-/// of data sets, trainings and studies.
+/// Knows trajectories, states, models, checkpoints, scenes, presets (what they will make, without
+/// making it), training configurations, studies, meshes, exported arrays (.npz), nodes of other
+/// programs (.glb, USD), and the folders of data sets (of which every file is checked against its
+/// hash), trainings and studies.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  selvedge inspect out/rollout.safetensors
-  selvedge inspect data/first
-  selvedge inspect my-scene.toml
-  selvedge inspect out/rollout.safetensors --picture strain.png
-  selvedge inspect runs/first --picture loss.svg")]
-pub(crate) struct InspectArgs {
-    /// A file, a folder, or the name of a shipped scene.
+  selvedge info out/rollout.safetensors
+  selvedge info data/first
+  selvedge info my-scene.toml
+  selvedge info out/rollout.safetensors --picture strain.png
+  selvedge info runs/first --picture loss.svg
+  selvedge info data/first --picture pictures/")]
+pub(crate) struct InfoArgs {
+    /// A file, a folder, or the name of a shipped scene or preset.
     pub(crate) path: PathBuf,
-    /// Also draw it (.png; curves .svg): a run with its strain, a mesh or a scene as it
-    /// stands, a training as the curves of its loss, a data set and a model as histograms, states
-    /// as speeds.
-    #[arg(long, value_name = "FILE")]
+    /// Also draw it (.png; curves .svg): a run with its strain, a mesh or a scene as it stands, a
+    /// training as the curves of its loss, a data set and a model as histograms, states as speeds.
+    /// A name without an ending is a folder, which gets the histograms of a data set and a contact
+    /// sheet of every trajectory.
+    #[arg(long, alias = "pictures", value_name = "FILE|FOLDER")]
     pub(crate) picture: Option<PathBuf>,
+}
+
+/// List what ships with the program.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Example:
+  selvedge list models")]
+pub(crate) struct ListArgs {
+    /// The kind of things.
+    #[arg(value_enum)]
+    pub(crate) what: Shipped,
+}
+
+/// A kind of things that ship with the program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Shipped {
+    /// Scenes, for `run`, `view` and `eval`.
+    Scenes,
+    /// Fabrics, for scenes.
+    Materials,
+    /// Models, for `--model`.
+    Models,
+    /// Motions of the handles, for scenes.
+    Motions,
+    /// Configurations of trainings, for `train`, with their networks.
+    Configs,
+    /// Presets of data sets, for `data generate`.
+    Presets,
+    /// Studies, for `study`.
+    Studies,
+}
+
+/// Work on the files of models.
+#[derive(Debug, Subcommand)]
+pub(crate) enum ModelCommand {
+    Convert(ConvertArgs),
 }
 
 /// Write a model with its weights in half precision, in half the bytes.
@@ -511,7 +327,7 @@ pub(crate) struct InspectArgs {
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Example:
-  selvedge convert my-model.safetensors --weights f16 --out my-model-half.safetensors")]
+  selvedge model convert my-model.safetensors --weights f16 -o my-model-half.safetensors")]
 pub(crate) struct ConvertArgs {
     /// The model (.safetensors).
     pub(crate) model: PathBuf,
@@ -524,8 +340,8 @@ pub(crate) struct ConvertArgs {
     #[arg(long, value_name = "FOLDER")]
     pub(crate) trained_on: Option<PathBuf>,
     /// The file to write (.safetensors).
-    #[arg(long, value_name = "FILE")]
-    pub(crate) out: PathBuf,
+    #[arg(short, long, alias = "out", value_name = "FILE")]
+    pub(crate) output: PathBuf,
 }
 
 /// A number format of weights.

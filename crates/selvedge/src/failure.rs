@@ -4,8 +4,7 @@
 use std::fmt;
 use std::io::Write;
 
-use selvedge_lab::convergence::ChoiceError;
-use selvedge_lab::evaluation::SelectionError;
+use selvedge_lab::evaluation::ChoiceError;
 
 /// Failed.
 const FAILED: u8 = 1;
@@ -33,8 +32,7 @@ impl std::error::Error for WrongUsage {}
 
 /// The exit code of the program.
 pub(crate) fn exit_code(error: &anyhow::Error) -> u8 {
-    let is_wrong_usage =
-        error.is::<WrongUsage>() || error.is::<SelectionError>() || error.is::<ChoiceError>();
+    let is_wrong_usage = error.is::<WrongUsage>() || error.is::<ChoiceError>();
     if is_wrong_usage { WRONG_USAGE } else { FAILED }
 }
 

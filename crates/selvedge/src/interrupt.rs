@@ -26,8 +26,8 @@ const PATIENCE: Duration = Duration::from_millis(500);
 /// Between two looks at whether the program can end.
 const LOOK: Duration = Duration::from_millis(20);
 
-/// The exit code after an interruption.
-pub(crate) const EXIT_CODE: u8 = 1;
+/// The exit code after an interruption, as shells have it.
+pub(crate) const EXIT_CODE: u8 = 130;
 
 /// Starts to listen for presses.
 ///

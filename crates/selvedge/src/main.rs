@@ -1,7 +1,7 @@
 //! `selvedge`, the command line: reads what is asked, composes the crates that do it, prints a
 //! table for people or one JSON object for programs.
 //!
-//! Exit codes: 0 done, 1 failed (or interrupted: what was written is whole), 2 wrong usage. What a
+//! Exit codes: 0 done, 1 failed, 2 wrong usage, 130 interrupted (what was written is whole). What a
 //! command answers goes to standard output, everything else to standard error.
 
 mod cli;
@@ -20,14 +20,13 @@ mod view;
 
 use std::process::ExitCode;
 
-use clap::Parser;
 use tracing_subscriber::filter::LevelFilter;
 
 use crate::cli::Cli;
 use crate::output::End;
 
 fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = Cli::read(std::env::args_os());
     listen_to_traces(cli.verbose);
     if cli.quiet {
         progress::be_quiet();
@@ -36,6 +35,7 @@ fn main() -> ExitCode {
     let code = match &answered {
         Ok(End::Complete) => 0,
         Ok(End::Interrupted) => interrupt::EXIT_CODE,
+        Err(_) if interrupt::requested() => interrupt::EXIT_CODE,
         Err(error) => failure::exit_code(error),
     };
     let of_others = ranks::leave(answered.as_ref().err());

@@ -123,7 +123,6 @@ impl Answer {
 /// Rows of text in aligned columns: the first to the left, the others to the right.
 pub(crate) struct Table {
     rows: Vec<Vec<String>>,
-    rules: Vec<usize>,
 }
 
 impl Table {
@@ -131,18 +130,12 @@ impl Table {
     pub(crate) fn new<'a>(headings: impl IntoIterator<Item = &'a str>) -> Self {
         Self {
             rows: vec![headings.into_iter().map(str::to_owned).collect()],
-            rules: vec![1],
         }
     }
 
     /// Adds a row.
     pub(crate) fn row(&mut self, cells: impl IntoIterator<Item = String>) {
         self.rows.push(cells.into_iter().collect());
-    }
-
-    /// Draws a line under what is there.
-    pub(crate) fn rule(&mut self) {
-        self.rules.push(self.rows.len());
     }
 
     fn widths(&self) -> Vec<usize> {
@@ -160,7 +153,7 @@ impl Display for Table {
         let widths = self.widths();
         let across = widths.iter().sum::<usize>() + 2 * widths.len().saturating_sub(1);
         for (number, row) in self.rows.iter().enumerate() {
-            if self.rules.contains(&number) {
+            if number == 1 {
                 writeln!(f, "{}", "-".repeat(across))?;
             }
             let mut line = String::new();
@@ -210,12 +203,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn columns_are_aligned_and_rules_as_wide_as_the_table() {
+    fn columns_are_aligned_and_the_rule_is_as_wide_as_the_table() {
         let mut table = Table::new(["motion", "error"]);
         table.row(["forward".to_owned(), "1.50 mm".to_owned()]);
-        table.rule();
         table.row(["mean".to_owned(), "12.00 mm".to_owned()]);
-        let expected = "motion      error\n-----------------\nforward   1.50 mm\n-----------------\nmean     12.00 mm\n";
+        let expected =
+            "motion      error\n-----------------\nforward   1.50 mm\nmean     12.00 mm\n";
         assert_eq!(table.to_string(), expected);
     }
 

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use selvedge_data::{Trajectory, write_atomically};
 use selvedge_lab::pictures;
-pub(crate) use selvedge_lab::pictures::{MODEL, PHYSICS, Show, run_of_frames};
+pub(crate) use selvedge_lab::pictures::{MODEL, Show, run_of_frames};
 use selvedge_view::ClipEnd;
 
 use crate::interrupt;

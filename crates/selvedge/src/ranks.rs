@@ -31,8 +31,8 @@ pub(crate) fn open(shares: bool) -> anyhow::Result<()> {
     match shares {
         true => Ok(()),
         false => Err(WrongUsage::new(
-            "this command is of one rank: start it without mpirun; dataset generate, train, \
-             evaluate, study and stress run on several",
+            "this command is of one rank: start it without mpirun; data generate, train, \
+             eval and study run on several",
         )
         .into()),
     }

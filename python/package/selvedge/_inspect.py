@@ -15,7 +15,7 @@ MOST_HEADER = 100_000_000
 def inspect(path: str | pathlib.Path) -> dict[str, Any]:
     """Says what `path` is: a trajectory, a model, a data set or a scene, with its main numbers.
 
-    Other files are known to `selvedge inspect` on the command line.
+    Other files are known to `selvedge info` on the command line.
     """
     path = pathlib.Path(path)
     if path.is_dir():

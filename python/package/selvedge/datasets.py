@@ -4,7 +4,7 @@
 `import_released` reads the folders of the code that came with MeshGraphNetRP (Libao et al. 2023):
 cloth_pos.npy (frames, n, 3) [m], cloth_m.npy (n, 1) [kg], cloth_f_area.npy (f, 1) [m²], face.npy
 (f, 3), rest.obj (the sagged rest pose; its texture coordinates are the flat cloth [m]) and, if it is
-there, meta.json, whose dt [s] is used. Both write as `selvedge dataset import` does, one trajectory
+there, meta.json, whose dt [s] is used. Both write as `selvedge data import` does, one trajectory
 at a time; after an interruption the same call goes on. What the data do not say is an argument.
 """
 

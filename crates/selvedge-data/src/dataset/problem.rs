@@ -96,7 +96,7 @@ pub enum PartsProblem {
     #[error("name the folders of the parts")]
     None,
     #[error(
-        "{}: is no part of a data set: `selvedge dataset generate --shard I/N` makes one",
+        "{}: is no part of a data set: `selvedge data generate --shard I/N` makes one",
         folder.display()
     )]
     NoPart { folder: PathBuf },

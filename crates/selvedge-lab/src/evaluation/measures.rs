@@ -1,143 +1,316 @@
-//! Measures of a run, and its course frame by frame. The formulas are in `selvedge_data::metrics`;
-//! all are against the recorded truth.
+//! Measures of a frame against the true one, and their means over frames and over runs.
 
-use glam::Vec3;
-use selvedge_data::metrics::{self, Character, MetricError};
-use selvedge_data::{Frames, FramesError, Trajectory};
+use glam::{DVec2, DVec3};
+use selvedge_cloth::geometry::dihedral_angle;
+use selvedge_cloth::{Cloth, Topology};
+use selvedge_data::metrics;
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
-/// A run is stable up to the first frame in which an edge strains more, (l - l₀)/l₀ against the
-/// material.
-pub const STRAIN_LIMIT: f64 = 0.2;
-
-/// A run that cannot be measured: of another mesh, or with no frames.
-#[derive(Debug, Error)]
-#[error(transparent)]
-#[allow(missing_docs, reason = "the messages are those of the parts")]
-pub enum MeasureError {
-    Frames(#[from] FramesError),
-    Metric(#[from] MetricError),
+/// How the measures of the frames of a run become one.
+#[derive(Clone, Copy)]
+enum Pooling {
+    /// √(mean of squares).
+    Square,
+    Mean,
+    Largest,
 }
 
-/// A run beside its truth, as the formulas of the table see it.
-struct Compared<'a> {
-    truth: &'a Trajectory,
-    expected: Frames<'a>,
-    found: Frames<'a>,
-}
-
-/// Makes [`Measures`] of the table of measures: its fields, its names, its values and its mean.
-macro_rules! measures {
-    ($($(#[$doc:meta])* $name:ident = $formula:expr;)+) => {
-        /// Measures of a whole run.
+/// Makes [`Errors`] of the table of measures: its fields, its names and its values.
+macro_rules! errors {
+    ($($(#[$doc:meta])* $name:ident: $pooling:ident;)+) => {
+        /// Measures of a frame against the true one, or means of several.
         #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
         #[serde(deny_unknown_fields)]
-        pub struct Measures {
+        pub struct Errors {
             $($(#[$doc])* pub $name: f64,)+
         }
 
-        impl Measures {
+        impl Errors {
             /// Names of the measures, as JSON and CSV have them.
             pub const NAMES: &'static [&'static str] = &[$(stringify!($name)),+];
 
+            const POOLING: &'static [Pooling] = &[$(Pooling::$pooling),+];
+
             /// Values in the order of [`Self::NAMES`].
-            pub fn values(&self) -> impl Iterator<Item = f64> {
-                [$(self.$name),+].into_iter()
+            #[must_use]
+            pub fn values(&self) -> Vec<f64> {
+                vec![$(self.$name),+]
             }
 
-            fn compute(run: &Compared<'_>) -> Result<Self, MeasureError> {
-                $(let $name: fn(&Compared<'_>) -> Result<f64, MetricError> = $formula;)+
-                Ok(Self { $($name: $name(run)?,)+ })
-            }
-
-            /// Mean of each measure over `all`; none where there are none.
-            pub fn mean<'a>(all: impl Iterator<Item = &'a Self> + Clone) -> Option<Self> {
-                let count = all.clone().count();
-                let mean = |of: fn(&Self) -> f64| all.clone().map(of).sum::<f64>() / count as f64;
-                (count > 0).then(|| Self { $($name: mean(|m| m.$name),)+ })
+            fn of(values: impl IntoIterator<Item = f64>) -> Self {
+                let mut values = values.into_iter();
+                Self { $($name: values.next().unwrap_or(f64::NAN),)+ }
             }
         }
     };
 }
 
-measures! {
-    /// √(mean over frames and vertices of the squared distance to the truth) `[m]`.
-    position_rmse = |run| metrics::position_rmse(run.expected, run.found);
-    /// Mean over frames and vertices of the distance to the truth `[m]`.
-    mean_vertex_error = |run| metrics::mean_vertex_error(run.expected, run.found);
+errors! {
+    /// √(mean over vertices of the squared distance to the truth) `[m]`.
+    position_rmse: Square;
+    /// Mean over vertices of the distance to the truth `[m]`.
+    mean_vertex_error: Mean;
     /// The largest distance of a vertex to the truth `[m]`.
-    largest_vertex_error = |run| metrics::max_vertex_error(run.expected, run.found);
-    /// e₃D: mean over frames of ‖error‖/‖truth‖.
-    relative_error = |run| metrics::relative_error(run.expected, run.found);
-    /// √(mean over frames and edges of the squared difference of lengths) `[m]`.
-    edge_length_rmse =
-        |run| metrics::edge_length_rmse(run.expected, run.found, run.truth.topology());
-    /// The largest (l - l₀)/l₀ against the material.
-    largest_strain = |run| {
-        let strains = strains(run.truth, run.found)?;
-        Ok(strains.into_iter().fold(f64::NEG_INFINITY, f64::max))
-    };
-    /// Settling: mean speed of the vertices in the last second `[m/s]`.
-    final_speed = |run| metrics::final_speed(run.found, run.truth.frame_rate());
+    largest_vertex_error: Largest;
+    /// e₃D: ‖error‖/‖truth‖.
+    relative_error: Mean;
+    /// √(mean over edges of the squared difference of lengths) `[m]`.
+    edge_length_rmse: Square;
+    /// √(mean over inner edges of the squared difference of bending angles) `[rad]`.
+    fold_rmse: Square;
+    /// Mean size of the bending angles `[rad]`.
+    folds: Mean;
+    /// The truth's `[rad]`.
+    true_folds: Mean;
+    /// The truth's largest strain of an edge, (l - l₀)/l₀ against the material.
+    true_largest_strain: Largest;
 }
 
-/// A run frame by frame, `[frames]` each.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+/// A frame of a run, a whole run, or the mean of several.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Curves {
-    /// `[m]`
-    pub position_rmse: Vec<f64>,
-    /// `[m]`
-    pub edge_length_rmse: Vec<f64>,
-    /// Of an edge, against the material.
-    pub largest_strain: Vec<f64>,
+pub struct FrameErrors {
+    /// Frames after the start.
+    pub frame: usize,
+    /// The largest strain of an edge, (l - l₀)/l₀ against the material.
+    pub largest_strain: f64,
+    /// Against the truth; none where nobody knows it.
+    pub errors: Option<Errors>,
 }
 
-impl Measures {
-    /// The measures of a run's `positions` `[m]`, `[frames * vertices]`.
-    ///
-    /// # Errors
-    /// When the run is of another mesh.
-    pub fn of(truth: &Trajectory, positions: &[Vec3]) -> Result<Self, MeasureError> {
-        Self::compute(&Compared {
-            truth,
-            expected: truth.frames(),
-            found: Frames::new(positions, truth.vertex_count())?,
-        })
+impl Errors {
+    /// Folds as a part of the truth's; none where that is flat.
+    #[must_use]
+    pub fn fold_ratio(&self) -> Option<f64> {
+        (self.true_folds > 0.0).then(|| self.folds / self.true_folds)
+    }
+
+    fn pooled(all: &[Self], of: impl Fn(&[f64], Pooling) -> f64) -> Option<Self> {
+        let values: Vec<Vec<f64>> = all.iter().map(Self::values).collect();
+        let places = Self::POOLING.iter().enumerate();
+        let pooled = places.map(|(place, pooling)| {
+            let column: Vec<f64> = values.iter().map(|row| row[place]).collect();
+            of(&column, *pooling)
+        });
+        (!all.is_empty()).then(|| Self::of(pooled))
     }
 }
 
-impl Curves {
-    /// The course of a run's `positions` `[m]`, `[frames * vertices]`, which may end early.
-    ///
-    /// # Errors
-    /// When the run is of another mesh.
-    pub fn of(truth: &Trajectory, positions: &[Vec3]) -> Result<Self, MeasureError> {
-        let (a, b) = (
-            truth.frames(),
-            Frames::new(positions, truth.vertex_count())?,
+impl FrameErrors {
+    /// Frames of one run as one, called by the last of them.
+    pub(super) fn over_time(frames: &[Self]) -> Option<Self> {
+        Self::pooled(frames, |values, pooling| match pooling {
+            Pooling::Square => rms(values.iter().copied()),
+            Pooling::Mean => mean(values),
+            Pooling::Largest => largest(values),
+        })
+    }
+
+    /// Runs as one: the mean of errors, the largest of extremes.
+    #[must_use]
+    pub fn over_runs(runs: &[Self]) -> Option<Self> {
+        Self::pooled(runs, |values, pooling| match pooling {
+            Pooling::Square | Pooling::Mean => mean(values),
+            Pooling::Largest => largest(values),
+        })
+    }
+
+    fn pooled(all: &[Self], of: impl Fn(&[f64], Pooling) -> f64) -> Option<Self> {
+        let strains: Vec<f64> = all.iter().map(|at| at.largest_strain).collect();
+        let errors: Option<Vec<Errors>> = all.iter().map(|at| at.errors).collect();
+        Some(Self {
+            frame: all.last()?.frame,
+            largest_strain: largest(&strains),
+            errors: errors.and_then(|errors| Errors::pooled(&errors, of)),
+        })
+    }
+
+    pub(super) fn is_finite(&self) -> bool {
+        let errors = self.errors.iter().flat_map(Errors::values);
+        errors
+            .chain([self.largest_strain])
+            .all(|value| value.is_finite())
+    }
+}
+
+/// A cloth as the measures need it.
+pub(super) struct Gauge<'a> {
+    topology: &'a Topology,
+    /// `[m]`, `[edges]`
+    material_length: Vec<f64>,
+}
+
+impl<'a> Gauge<'a> {
+    pub(super) fn of(cloth: &'a Cloth) -> Self {
+        Self {
+            topology: cloth.topology(),
+            material_length: metrics::material_edge_lengths(cloth),
+        }
+    }
+
+    /// Measures the positions `found` in frame `frame` after the start, against `truth`.
+    pub(super) fn measure(
+        &self,
+        frame: usize,
+        found: &[DVec3],
+        truth: Option<&[DVec3]>,
+    ) -> FrameErrors {
+        FrameErrors {
+            frame,
+            largest_strain: self.largest_strain(found),
+            errors: truth.map(|truth| self.errors(truth, found)),
+        }
+    }
+
+    fn errors(&self, truth: &[DVec3], found: &[DVec3]) -> Errors {
+        let pairs = truth.iter().zip(found);
+        let distances: Vec<f64> = pairs.map(|(a, b)| a.distance(*b)).collect();
+        let [true_angles, angles] = [truth, found].map(|positions| self.angles(positions));
+        let [true_lengths, lengths] = [truth, found].map(|positions| self.lengths(positions));
+        let bends = true_angles.iter().zip(&angles).map(|(a, b)| turned(b - a));
+        let stretches = true_lengths.iter().zip(&lengths).map(|(a, b)| b - a);
+        let size = |angles: &[f64]| mean(&angles.iter().map(|a| a.abs()).collect::<Vec<_>>());
+        let true_square: f64 = truth.iter().map(|p| p.length_squared()).sum();
+        let square: f64 = distances.iter().map(|d| d * d).sum();
+        Errors {
+            position_rmse: rms(distances.iter().copied()),
+            mean_vertex_error: mean(&distances),
+            largest_vertex_error: largest(&distances),
+            relative_error: (square / true_square).sqrt(),
+            edge_length_rmse: rms(stretches),
+            fold_rmse: rms(bends),
+            folds: size(&angles),
+            true_folds: size(&true_angles),
+            true_largest_strain: self.largest_strain(truth),
+        }
+    }
+
+    fn largest_strain(&self, positions: &[DVec3]) -> f64 {
+        let lengths = self.lengths(positions);
+        let pairs = lengths.iter().zip(&self.material_length);
+        let strains: Vec<f64> = pairs.map(|(l, l0)| (l - l0) / l0).collect();
+        largest(&strains)
+    }
+
+    /// The bending angle of each inner edge `[rad]`.
+    fn angles(&self, positions: &[DVec3]) -> Vec<f64> {
+        let edges = self.topology.edges().iter();
+        let angle = |edge: &selvedge_cloth::Edge| {
+            let [from, to] = edge.vertices.map(|v| positions[v.index()]);
+            let (left, right) = edge.opposite;
+            let [left, right] = [left, right?].map(|v| positions[v.index()]);
+            Some(dihedral_angle(from, to, left, right))
+        };
+        edges.filter_map(angle).collect()
+    }
+
+    fn lengths(&self, positions: &[DVec3]) -> Vec<f64> {
+        let edges = self.topology.edges().iter();
+        let ends = edges.map(|edge| edge.vertices.map(|v| positions[v.index()]));
+        ends.map(|[a, b]| a.distance(b)).collect()
+    }
+}
+
+/// √(mean of squares); 0 of none.
+fn rms(values: impl Iterator<Item = f64>) -> f64 {
+    // The sum of squares, and how many.
+    let sum = values.fold(DVec2::ZERO, |sum, value| {
+        sum + DVec2::new(value * value, 1.0)
+    });
+    (sum.x / sum.y.max(1.0)).sqrt()
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+/// The largest; NaN where one of them is.
+fn largest(values: &[f64]) -> f64 {
+    values.iter().fold(f64::NEG_INFINITY, |most, &value| {
+        if most.is_nan() || value.is_nan() {
+            f64::NAN
+        } else {
+            most.max(value)
+        }
+    })
+}
+
+/// A difference of two angles by the shorter way round `[rad]`: a fold of nearly π may go on as one
+/// of nearly -π.
+fn turned(angle: f64) -> f64 {
+    use std::f64::consts::{PI, TAU};
+    match angle {
+        a if a > PI => a - TAU,
+        a if a < -PI => a + TAU,
+        a => a,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::PI;
+
+    use selvedge_cloth::{Handles, Mesh};
+
+    use super::*;
+
+    #[test]
+    fn a_case_made_by_hand_has_its_closed_form() {
+        // A square metre of two triangles that share a diagonal of length √2.
+        let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(DVec2::from);
+        let flat = corners.map(|p| p.extend(0.0));
+        let mesh = Mesh::new(&[[0, 1, 2], [0, 2, 3]], corners.to_vec(), flat.to_vec()).unwrap();
+        let cloth = Cloth::of_mesh(&mesh, 0.1, Handles::new(&[0], 4).unwrap()).unwrap();
+        let gauge = Gauge::of(&cloth);
+        // Everything lifted by 3 m and one corner by 4 m more, about the diagonal of the other two.
+        let mut lifted: Vec<DVec3> = flat.iter().map(|p| *p + DVec3::Y * 3.0).collect();
+        lifted[1] += DVec3::Z * 4.0;
+        let at = gauge.measure(7, &lifted, Some(&flat));
+        let errors = at.errors.unwrap();
+        let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-6 * b.abs().max(1.0), "{a} {b}");
+        near(errors.position_rmse, ((3.0 * 9.0 + 25.0) / 4.0_f64).sqrt());
+        near(errors.mean_vertex_error, 14.0 / 4.0);
+        near(errors.largest_vertex_error, 5.0);
+        near(errors.relative_error, (52.0_f64 / 4.0).sqrt());
+        // The corner is √½ from the hinge and 4 m above it.
+        let angle = 4.0_f64.atan2(0.5_f64.sqrt());
+        near(errors.fold_rmse, angle);
+        near(errors.folds, angle);
+        assert_eq!((errors.true_folds, errors.fold_ratio()), (0.0, None));
+        // Two of five edges have become √(1 + 16) long.
+        let longer = 17.0_f64.sqrt() - 1.0;
+        near(
+            errors.edge_length_rmse,
+            (2.0 * longer * longer / 5.0).sqrt(),
         );
-        let topology = truth.topology();
-        Ok(Self {
-            position_rmse: metrics::per_frame_rmse(a, b)?,
-            edge_length_rmse: metrics::per_frame_edge_length_rmse(a, b, topology)?,
-            largest_strain: strains(truth, b)?,
-        })
+        near(at.largest_strain, longer);
+        near(errors.true_largest_strain, 0.0);
+        assert_eq!(gauge.measure(0, &lifted, None).errors, None);
     }
-}
 
-/// The character of a run's `positions` `[m]`, `[frames * vertices]`.
-///
-/// # Errors
-/// When the run is of another mesh.
-pub(super) fn character(truth: &Trajectory, positions: &[Vec3]) -> Result<Character, MeasureError> {
-    let frames = Frames::new(positions, truth.vertex_count())?;
-    Ok(Character::of(frames, truth.cloth(), truth.frame_rate())?)
-}
+    #[test]
+    fn angles_are_compared_by_the_shorter_way() {
+        assert!((turned((PI - 0.1) - (0.1 - PI)) + 0.2).abs() < 1e-14);
+        assert!((turned((0.1 - PI) - (PI - 0.1)) - 0.2).abs() < 1e-14);
+        assert_eq!(turned(1.0), 1.0);
+    }
 
-/// The largest strain of each of `frames` against the material of the truth's cloth.
-fn strains(truth: &Trajectory, frames: Frames<'_>) -> Result<Vec<f64>, MetricError> {
-    let lengths = metrics::material_edge_lengths(truth.cloth());
-    metrics::largest_strain(frames, truth.topology(), &lengths)
+    #[test]
+    fn frames_and_runs_are_pooled_each_in_its_way() {
+        let at = |frame: usize, error: f64| FrameErrors {
+            frame,
+            largest_strain: error,
+            errors: Some(Errors::of(vec![error; Errors::NAMES.len()])),
+        };
+        let over_time = FrameErrors::over_time(&[at(1, 3.0), at(2, 4.0)]).unwrap();
+        let errors = over_time.errors.unwrap();
+        assert_eq!(errors.position_rmse, 12.5_f64.sqrt());
+        assert_eq!(errors.mean_vertex_error, 3.5);
+        assert_eq!((over_time.frame, over_time.largest_strain), (2, 4.0));
+        let over_runs = FrameErrors::over_runs(&[at(2, 3.0), at(2, 4.0)]).unwrap();
+        assert_eq!(over_runs.errors.unwrap().position_rmse, 3.5);
+        assert_eq!(over_runs.errors.unwrap().largest_vertex_error, 4.0);
+        assert_eq!(FrameErrors::over_runs(&[]), None);
+        assert!(!at(1, f64::NAN).is_finite());
+    }
 }

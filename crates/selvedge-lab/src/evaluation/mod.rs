@@ -1,191 +1,65 @@
-//! Errors of models, and of their naive rivals, along recorded trajectories: whole runs, and runs
-//! of k steps from the truth.
+//! One way of measuring methods: every [`Method`] runs on every [`Case`], from true states spread
+//! over its motion, and from its first frame to its last.
 //!
-//! Everyone is a `Stepper`, starts from the trajectory's first frame or from a rest pose of its
-//! own, and runs with the handles where they were recorded. Every run is the work of one thread
-//! from its start to its end, so that the numbers are the same for any number of threads; only the
-//! time of a frame depends on the machine and is taken afterwards, from runs that have it for
-//! themselves.
+//! A case is a recorded trajectory, a scene whose converged physics is the truth, or a random
+//! motion without a truth. The **error after k frames** is that at the k-th frame of a run that
+//! started in a true state (and, for a network, with the true frames before it); where several k
+//! are asked for they are taken from the same runs. A **whole run** starts in the first frame and is
+//! measured in every frame. Runs become rows of one table, `errors.csv`; [`summaries`] are their
+//! means over starts and then over cases.
 //!
-//! What is measured stands in `measures`, errors over k steps in `horizons`, who runs in
-//! `contestant`, means over motions in `summary`.
+//! Each run is the work of one thread, so that the numbers are the same for any number of threads;
+//! only the time of a frame depends on the machine, and is taken afterwards on one thread from runs
+//! that have the machine for themselves.
 
-mod contestant;
+mod case;
+mod course;
+mod error;
 mod horizons;
 mod measures;
-mod meshes;
+mod method;
+mod plan;
+mod run;
+mod runner;
 mod summary;
-mod timing;
+#[cfg(test)]
+mod tests;
+mod truth;
+mod watch;
 
-use std::ops::ControlFlow;
-use std::sync::Arc;
-
+use glam::DVec3;
+use rayon::prelude::*;
 use selvedge_cloth::Scene;
-use selvedge_cluster::{Ranks, Shard};
-use selvedge_data::metrics::Character;
-use selvedge_data::{Dataset, DatasetError, Entry, RecordingEnd, Split, Trajectory, metrics};
-use serde::{Deserialize, Serialize};
-use thiserror::Error;
+use serde_json::Value;
 
-pub use self::contestant::{Contestant, ContestantError, Racer, Who};
-pub(crate) use self::horizons::spread;
-pub use self::horizons::{Horizon, Horizons};
-pub use self::measures::{Curves, MeasureError, Measures, STRAIN_LIMIT};
-pub use self::summary::{Summary, summary};
-pub use self::timing::Timing;
+pub use self::case::{Case, RandomCases};
+pub use self::error::{ChoiceError, EvaluateError};
+pub use self::horizons::Horizons;
+pub use self::measures::{Errors, FrameErrors};
+pub use self::method::{Kind, Method, Mover, PhysicsMethod};
+pub use self::plan::{EvaluationPlan, check};
+pub use self::run::{Evaluation, Run, Timing};
+pub use self::summary::{Summary, richardson, summaries, time_of};
 
-use self::contestant::{Course, Mirror, Mirrors, Scenes};
-use self::meshes::Meshes;
+use self::case::{Meshes, Source};
+use self::course::{Course, Span};
+use self::horizons::Starts;
+use self::measures::Gauge;
+use self::runner::Runner;
+use self::truth::{Prepared, Reference, Truth};
+use self::watch::Watch;
 use crate::cause::chain;
-use crate::event::{End, OnEvent, Reporter, Task};
-use crate::watched::{DIVERGED_FRAMES, DIVERGED_STRAIN, GuardSummary};
-use crate::workers::{self, Crew, Packing, WorkerError};
+use crate::event::{End, OnEvent, Reporter};
+use crate::folder;
+use crate::physics;
+use crate::workers::{self, Packing};
 
-/// A choice of motions or of numbers of steps that the data do not have.
-#[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("{0}")]
-pub struct SelectionError(pub String);
-
-/// An evaluation that failed as a whole.
-#[derive(Debug, Error)]
-#[error(transparent)]
-#[allow(missing_docs, reason = "the messages are those of the parts")]
-pub enum EvaluateError {
-    Read(#[from] DatasetError),
-    Threads(#[from] WorkerError),
-}
-
-/// Trajectories of a data set to run along.
-pub struct TestData {
-    /// Its name in tables.
-    pub name: String,
-    data: Dataset,
-    entries: Vec<Entry>,
-}
-
-/// Contestants and the trajectories that they run along.
-pub struct EvaluationPlan<'a> {
-    /// One after another.
-    pub data: &'a [TestData],
-    /// In the order of a table.
-    pub contestants: &'a [Contestant],
-    /// Runs of k steps.
-    pub horizons: &'a Horizons,
-    /// Those who share the runs. Rank 0 has the outcome.
-    pub crew: Crew,
-    /// The part of the runs to be made, the first of which takes the times; all without one.
-    pub part: Option<Shard>,
-}
-
-/// The outcome of an evaluation.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Evaluation {
-    /// By data set, motion and contestant.
-    pub rows: Vec<Row>,
-    /// By mesh and contestant.
-    pub timings: Vec<Timing>,
-}
-
-/// One contestant along one trajectory.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Row {
-    /// The data set.
-    pub data: String,
-    /// The mesh, in words.
-    pub mesh: String,
-    /// The motion.
-    pub motion: String,
-    /// The contestant's name.
-    pub name: String,
-    /// The kind of the contestant.
-    pub who: Who,
-    /// Frames per second.
-    pub frame_rate: f64,
-    /// Of the whole run; none where it failed.
-    pub measures: Option<Measures>,
-    /// The first frame in which an edge strains over [`STRAIN_LIMIT`], or that was not reached.
-    pub unstable_frame: Option<usize>,
-    /// The first of more than ten frames in a row in which some edge strains over 30 %, or the
-    /// first that was not reached.
-    pub diverged_frame: Option<usize>,
-    /// Counts of the guard in the whole run; none without a guard.
-    pub guarded: Option<GuardSummary>,
-    /// Errors over k steps from the truth.
-    pub horizons: Vec<Horizon>,
-    /// The character of the run's motion, and of its truth's; none where it failed.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub character: Option<(Character, Character)>,
-    /// Parts of the motion that a model was not trained on, in words, if its file says so much.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub beyond: Vec<String>,
-    /// The reason where there are no measures.
-    pub failure: Option<String>,
-    /// Frame by frame, as far as the run went.
-    pub curves: Curves,
-}
-
-/// A trajectory to run along, its mesh in words, and the mirror of its scene where somebody runs
-/// there.
-struct Trial<'a> {
-    data: &'a TestData,
-    entry: &'a Entry,
-    mesh: String,
-    mirror: Option<Result<Mirror, ContestantError>>,
-    scene: Option<Arc<Scene>>,
-}
-
-impl Trial<'_> {
-    fn course<'a>(&'a self, truth: &'a Trajectory) -> Course<'a> {
-        Course {
-            motion: &self.entry.motion,
-            truth,
-            mirror: self.mirror.as_ref(),
-            scene: self.scene.as_ref(),
-        }
-    }
-}
-
-impl TestData {
-    /// The trajectories of `split`, or those of `motions` where there are any.
-    ///
-    /// # Errors
-    /// Wrong usage where there is no such motion, or none at all.
-    pub fn new(
-        name: String,
-        data: Dataset,
-        split: Split,
-        motions: &[String],
-    ) -> Result<Self, SelectionError> {
-        let entries = data.entries(split);
-        for motion in motions {
-            if !entries.iter().any(|entry| entry.motion == *motion) {
-                let known: Vec<&str> = entries.iter().map(|e| e.motion.as_str()).collect();
-                let known = known.join(", ");
-                let problem = format!("motion {motion}: the split of data set {name} has {known}");
-                return Err(SelectionError(problem));
-            }
-        }
-        let is_chosen = |entry: &&Entry| motions.is_empty() || motions.contains(&entry.motion);
-        let entries: Vec<Entry> = entries.iter().filter(is_chosen).cloned().collect();
-        if entries.is_empty() {
-            let problem = format!("data set {name}: the split has no trajectories");
-            return Err(SelectionError(problem));
-        }
-        Ok(Self {
-            name,
-            data,
-            entries,
-        })
-    }
-}
-
-/// Runs every contestant along every trajectory. An interrupted evaluation has the rows of the runs
-/// that were done.
+/// Runs every method on every case. An interrupted evaluation has the starts from which every method
+/// has run.
 ///
 /// # Errors
-/// A trajectory that cannot be read. A run that fails is a row that says so.
+/// A plan that makes no sense, a trajectory that cannot be read, a scene that comes to no rest, a
+/// reference run that fails.
 pub fn evaluate(
     plan: &EvaluationPlan<'_>,
     on_event: &mut OnEvent<'_>,
@@ -198,232 +72,283 @@ pub(crate) fn measure(
     plan: &EvaluationPlan<'_>,
     reporter: &Reporter<'_>,
 ) -> Result<(Evaluation, End), EvaluateError> {
-    let trials = trials(plan, reporter)?;
-    let jobs: Vec<(&Trial<'_>, &Contestant)> = trials
-        .iter()
-        .flat_map(|trial| plan.contestants.iter().map(move |who| (trial, who)))
-        .enumerate()
-        .filter(|(job, _)| plan.part.is_none_or(|part| part.has(*job)))
-        .map(|(_, job)| job)
-        .collect();
-    let steps = jobs.iter().map(|(trial, contestant)| {
-        let runs_from_truth = contestant.who() == Who::Model;
-        let more = if runs_from_truth {
-            plan.horizons.steps_in(trial.entry.frames)
-        } else {
-            0
-        };
-        trial.entry.frames.saturating_sub(1) + more
-    });
+    check(plan, false)?;
+    if let Some(folder) = &plan.references {
+        folder::make_folder(folder)?;
+    }
+    let interrupted = |runs| {
+        let timings = Vec::new();
+        Ok((Evaluation { runs, timings }, End::Interrupted))
+    };
+    let Some(prepared) = prepare(plan, reporter)? else {
+        return interrupted(Vec::new());
+    };
     let ranks = &plan.crew.ranks;
     // The share of a rank, about.
-    let frames = steps.sum::<usize>().div_ceil(ranks.count());
+    let frames = frames(plan, &prepared)?.div_ceil(ranks.count());
     let task = reporter.count("evaluating", frames, "frames");
-    let rows = workers::share_with(&plan.crew, &jobs, &PACKING, |(trial, contestant)| {
-        task.note(&format!("{}, {}", contestant.name, trial.entry.motion));
-        let work = Work { task: &task, ranks };
-        run(trial, contestant, plan.horizons, work)
+    let watch = Watch { task: &task, ranks };
+    let runs = workers::share_with(&plan.crew, &prepared, &PACKING, |prepared| {
+        task.note(&prepared.case.name);
+        let runs = on_case(plan, prepared, watch)?;
+        Ok::<_, EvaluateError>(Some(runs).filter(|_| !ranks.is_halted()))
     })?;
     drop(task);
     if !ranks.is_first() {
         return Ok((Evaluation::default(), End::Complete));
     }
-    let are_all = rows.iter().all(Option::is_some);
-    let rows: Vec<Row> = rows.into_iter().flatten().collect();
+    let are_all = runs.iter().all(Option::is_some);
+    let runs: Vec<Run> = runs.into_iter().flatten().flatten().collect();
     if reporter.is_stopped() || !are_all {
-        let timings = Vec::new();
-        return Ok((Evaluation { rows, timings }, End::Interrupted));
+        return interrupted(runs);
     }
-    let timings = match plan.part {
-        Some(part) if part.number() > 1 => Vec::new(),
-        _ => timings(plan, &trials, reporter)?,
-    };
-    if reporter.is_stopped() {
-        // The last of them is of fewer frames than it should be.
-        let timings = Vec::new();
-        return Ok((Evaluation { rows, timings }, End::Interrupted));
-    }
-    Ok((Evaluation { rows, timings }, End::Complete))
-}
-
-/// Checks that every k fits into at least one trajectory.
-///
-/// # Errors
-/// Wrong usage, with the longest k that there may be.
-pub fn check_horizons(data: &[TestData], horizons: &Horizons) -> Result<(), SelectionError> {
-    let frames = data.iter().flat_map(|data| &data.entries).map(|e| e.frames);
-    let most = frames.max().unwrap_or(0).saturating_sub(1);
-    match horizons.steps.iter().find(|steps| **steps > most) {
-        None => Ok(()),
-        Some(steps) => {
-            let problem =
-                format!("steps: {steps} fit into no trajectory: the longest has {most} steps");
-            Err(SelectionError(problem))
-        }
+    match timings(plan, &prepared, reporter)? {
+        Some(timings) => Ok((Evaluation { runs, timings }, End::Complete)),
+        None => interrupted(runs),
     }
 }
 
-fn trials<'a>(
+/// Names meshes, finds the starts of references that are to be made, and the mirrored buckling
+/// modes. None where an end is asked for.
+fn prepare<'a>(
     plan: &EvaluationPlan<'a>,
     reporter: &Reporter<'_>,
-) -> Result<Vec<Trial<'a>>, EvaluateError> {
-    let is_mirror = |contestant: &Contestant| contestant.who() == Who::Mirror;
-    let with_mirror = plan.contestants.iter().any(is_mirror);
-    let with_scene = plan.contestants.iter().any(Contestant::wants_scene);
-    let (mut mirrors, mut scenes) = (Mirrors::default(), Scenes::default());
+) -> Result<Option<Vec<Prepared<'a>>>, EvaluateError> {
+    let is_mirror = |method: &Method| matches!(method.mover, Mover::Mirror);
+    let with_mirror = plan.horizons.whole && plan.methods.iter().any(is_mirror);
     let mut meshes = Meshes::default();
-    let mut trials = Vec::new();
-    for data in plan.data {
-        for entry in &data.entries {
-            // Read here for its mesh and scene, and again where it is run along: all may not fit.
-            let truth = data.data.read(entry)?;
-            let mirror = with_mirror.then(|| mirrors.of(&truth, reporter));
-            trials.push(Trial {
-                data,
-                entry,
-                mesh: meshes.name(&truth),
-                mirror,
-                scene: with_scene.then(|| scenes.of(&truth)).flatten(),
-            });
+    // Rest poses in the mirrored mode, by the setting of the scene.
+    let mut mirrored_rests: Vec<(Value, Vec<DVec3>)> = Vec::new();
+    let mut all: Vec<Prepared<'a>> = Vec::with_capacity(plan.cases.len());
+    for case in plan.cases {
+        let (cloth, spec, start) = match &case.source {
+            Source::Recorded(data, entry) => {
+                let truth = data.read(entry)?;
+                let spec = truth.provenance().scene.clone();
+                (Some(truth.cloth().clone()), spec, None)
+            }
+            Source::Random(loaded, ..) => {
+                let spec = loaded.spec.to_json().map_err(EvaluateError::Scene)?;
+                (truth::standing(&loaded.scene), spec, None)
+            }
+            Source::Converged(loaded, method) => {
+                let reference = Reference {
+                    case,
+                    loaded,
+                    method,
+                    last: plan.horizons.on(case)?.span[1],
+                };
+                let is_kept = match &plan.references {
+                    Some(folder) => reference.is_kept(folder)?,
+                    None => false,
+                };
+                let start = match is_kept {
+                    true => None,
+                    false => match Case::start(loaded, reporter) {
+                        Err(_) if reporter.is_stopped() => return Ok(None),
+                        start => Some(start?),
+                    },
+                };
+                let spec = loaded.spec.to_json().map_err(EvaluateError::Scene)?;
+                (truth::standing(&loaded.scene), spec, start)
+            }
+        };
+        let mirror = with_mirror.then(|| {
+            let known = mirrored_rests
+                .iter()
+                .find(|known| known.0 == spec["setting"]);
+            let found = mirrored(case, known.map(|known| known.1.clone()), reporter);
+            if let (None, Ok((_, rest))) = (known, &found) {
+                mirrored_rests.push((spec["setting"].clone(), rest.clone()));
+            }
+            found
+        });
+        if reporter.is_stopped() {
+            return Ok(None);
         }
+        let mesh = cloth.map(|cloth| meshes.name(&cloth, &spec));
+        all.push(Prepared {
+            case,
+            mesh: mesh.unwrap_or_default(),
+            start,
+            mirror,
+        });
     }
-    Ok(trials)
+    Ok(Some(all))
 }
 
-/// Rows travel between ranks as they are kept in files.
-const PACKING: Packing<Row> = Packing {
-    pack: |row| serde_json::to_vec(row).unwrap_or_default(),
+/// The scene of a case in the mirrored buckling mode: with the sign of its bulge turned, and its
+/// rest pose, where that is not `known`.
+fn mirrored(
+    case: &Case,
+    known: Option<Vec<DVec3>>,
+    reporter: &Reporter<'_>,
+) -> Result<(Scene, Vec<DVec3>), String> {
+    let mut scene = match &case.source {
+        Source::Converged(loaded, _) | Source::Random(loaded, ..) => loaded.scene.clone(),
+        Source::Recorded(data, entry) => {
+            let trajectory = data.read(entry).map_err(|error| chain(&error))?;
+            truth::built(&truth::spec_of(&trajectory)?, &trajectory)?
+        }
+    };
+    scene.sag.bulge = -scene.sag.bulge;
+    if let Some(rest) = known {
+        return Ok((scene, rest));
+    }
+    let rest = physics::find_rest_pose(&scene, reporter).map_err(|error| chain(&error))?;
+    Ok((scene, rest.positions))
+}
+
+/// Frames of all runs that are to be made.
+fn frames(plan: &EvaluationPlan<'_>, prepared: &[Prepared<'_>]) -> Result<usize, ChoiceError> {
+    let mut count = 0;
+    for job in prepared {
+        let on = plan.horizons.on(job.case)?;
+        let whole = on.span[1] - on.span[0];
+        let starts = on.starts.len() * on.frames.last().copied().unwrap_or(0);
+        let runs = starts + usize::from(is_whole(plan, job.case)) * whole;
+        count += runs * plan.methods.len() + job.start.as_ref().map_or(0, |_| whole);
+    }
+    Ok(count)
+}
+
+fn is_whole(plan: &EvaluationPlan<'_>, case: &Case) -> bool {
+    plan.horizons.whole || !case.has_truth()
+}
+
+/// Runs of a case travel between ranks as they are kept in files.
+const PACKING: Packing<Vec<Run>> = Packing {
+    pack: |runs| serde_json::to_vec(runs).unwrap_or_default(),
     unpack: |bytes| serde_json::from_slice(bytes).ok(),
 };
 
-/// Runs under way on a rank.
-#[derive(Clone, Copy)]
-struct Work<'a, 't, 'l> {
-    task: &'a Task<'t, 'l>,
-    ranks: &'a Ranks,
-}
-
-impl Work<'_, '_, '_> {
-    fn is_stopped(self) -> bool {
-        self.task.is_stopped() || self.ranks.is_halted()
+/// Every method from every start of a case, and its whole runs.
+fn on_case(
+    plan: &EvaluationPlan<'_>,
+    prepared: &Prepared<'_>,
+    watch: Watch<'_, '_, '_>,
+) -> Result<Vec<Run>, EvaluateError> {
+    let on = plan.horizons.on(prepared.case)?;
+    let methods = methods_on(plan, prepared.case);
+    if watch.task.is_stopped() {
+        return Ok(Vec::new());
     }
-
-    fn advance(self) -> ControlFlow<()> {
-        match self.ranks.is_halted() {
-            true => ControlFlow::Break(()),
-            false => self.task.advance(),
-        }
-    }
-}
-
-/// One contestant along one trajectory; none where an end was asked for.
-fn run(
-    trial: &Trial<'_>,
-    contestant: &Contestant,
-    horizons: &Horizons,
-    work: Work<'_, '_, '_>,
-) -> Result<Option<Row>, EvaluateError> {
-    let truth = trial.data.data.read(trial.entry)?;
-    let on_frame = &mut || work.advance();
-    let mut row = Row {
-        data: trial.data.name.clone(),
-        mesh: trial.mesh.clone(),
-        motion: trial.entry.motion.clone(),
-        name: contestant.name.clone(),
-        who: contestant.who(),
-        frame_rate: truth.frame_rate(),
-        measures: None,
-        unstable_frame: None,
-        diverged_frame: None,
-        guarded: None,
-        horizons: Vec::new(),
-        character: None,
-        beyond: Vec::new(),
-        failure: None,
-        curves: Curves::default(),
+    let [first, last] = on.span;
+    let Some(truth) = truth_of(plan, prepared, &on, watch)? else {
+        return Ok(Vec::new());
     };
-    let told = fill(&mut row, trial, contestant, &truth, horizons, on_frame);
-    if let Err(error) = told {
-        row.failure = Some(chain(&error));
-    }
-    Ok((!work.is_stopped()).then_some(row))
-}
-
-fn fill(
-    row: &mut Row,
-    trial: &Trial<'_>,
-    contestant: &Contestant,
-    truth: &Trajectory,
-    horizons: &Horizons,
-    on_frame: &mut dyn FnMut() -> ControlFlow<()>,
-) -> Result<(), ContestantError> {
-    let course = trial.course(truth);
-    row.beyond = contestant.beyond(&course)?;
-    let mut runner = contestant.runner(&course, 0)?;
-    let recording = runner.run(truth.frame_count() - 1, on_frame);
-    row.guarded = runner.guarded();
-    row.curves = Curves::of(truth, &recording.positions)?;
-    let reached = row.curves.position_rmse.len();
-    let strained = metrics::first_strained_frame(&row.curves.largest_strain, STRAIN_LIMIT);
-    let strains = &row.curves.largest_strain;
-    row.diverged_frame = metrics::diverged_frame(strains, DIVERGED_STRAIN, DIVERGED_FRAMES);
-    match recording.end {
-        RecordingEnd::Failed(error) => {
-            row.diverged_frame = row.diverged_frame.or(Some(reached));
-            row.unstable_frame = Some(strained.unwrap_or(reached));
-            row.failure = Some(format!("frame {reached}: {}", chain(&error)));
-        }
-        RecordingEnd::Complete | RecordingEnd::Stopped => {
-            row.unstable_frame = strained;
-            row.measures = Some(Measures::of(truth, &recording.positions)?);
-            let its = measures::character(truth, &recording.positions)?;
-            row.character = Some((its, measures::character(truth, truth.positions())?));
-        }
-    }
-    row.horizons = match contestant.who() {
-        Who::Truth => Vec::new(),
-        Who::Rigid | Who::Mirror | Who::Physics => {
-            horizons.of_whole_run(&row.curves, truth.frame_count())
-        }
-        Who::Model => horizons.over_true_starts(truth, |start, steps| {
-            let mut runner = contestant.runner(&course, start)?;
-            Ok::<_, ContestantError>(runner.run(steps, on_frame).positions)
-        })?,
+    let course = Course {
+        prepared,
+        truth: &truth,
+        gauge: Gauge::of(truth.trajectory.cloth()),
+        watch,
     };
-    Ok(())
+    let mut jobs: Vec<(usize, Span<'_>)> = Vec::new();
+    jobs.extend(on.starts.iter().map(|&start| (start, Span::At(&on.frames))));
+    jobs.extend(is_whole(plan, prepared.case).then_some((first, Span::Whole(last - first))));
+    // A start counts when all methods have run from it.
+    let of_start = |&(start, span): &(usize, Span<'_>)| -> Option<Vec<Run>> {
+        let runs_here = |(method, _): &&(Method, Kind)| {
+            !matches!((&method.mover, span), (Mover::Mirror, Span::At(_)))
+        };
+        let methods = methods.iter().filter(runs_here);
+        let runs = methods.map(|(method, kind)| course.run(method, *kind, start, span));
+        runs.collect()
+    };
+    let runs: Vec<Option<Vec<Run>>> = jobs.par_iter().map(of_start).collect();
+    Ok(runs.into_iter().flatten().flatten().collect())
 }
 
-/// The time of a frame, of each contestant on the first trajectory of each mesh.
+/// The methods, and for a converged case the reference's with half its substeps.
+fn methods_on(plan: &EvaluationPlan<'_>, case: &Case) -> Vec<(Method, Kind)> {
+    let own = plan.methods.iter();
+    let mut all: Vec<(Method, Kind)> = own.map(|m| (m.clone(), m.kind())).collect();
+    if let Source::Converged(_, reference) = &case.source {
+        let half = Method::physics(PhysicsMethod {
+            substeps: reference.substeps / 2,
+            ..reference.clone()
+        });
+        all.push((half, Kind::Reference));
+    }
+    all
+}
+
+fn truth_of(
+    plan: &EvaluationPlan<'_>,
+    prepared: &Prepared<'_>,
+    on: &Starts,
+    watch: Watch<'_, '_, '_>,
+) -> Result<Option<Truth>, EvaluateError> {
+    let with_scene = plan.methods.iter().any(Method::wants_scene);
+    let references = plan.references.as_deref();
+    prepared.truth(on.span[1], with_scene, references, watch)
+}
+
+/// The time of a frame of each method on the first case of each mesh, from its middle on. None where
+/// an end is asked for.
 fn timings(
     plan: &EvaluationPlan<'_>,
-    trials: &[Trial<'_>],
+    prepared: &[Prepared<'_>],
     reporter: &Reporter<'_>,
-) -> Result<Vec<Timing>, EvaluateError> {
+) -> Result<Option<Vec<Timing>>, EvaluateError> {
     let mut found: Vec<Timing> = Vec::new();
-    for trial in trials {
-        let mesh = &trial.mesh;
-        if found.iter().any(|timing| timing.mesh == *mesh) {
-            continue;
-        }
-        let truth = trial.data.data.read(trial.entry)?;
-        for contestant in plan.contestants.iter().filter(|c| c.who() != Who::Truth) {
-            let time = || {
-                let mut runner = contestant.runner(&trial.course(&truth), 0).ok()?;
-                timing::milliseconds(&mut runner, truth.frame_count() - 1, reporter)
+    let mut meshes: Vec<&str> = Vec::new();
+    let first = prepared.iter().filter(|job| {
+        let is_new = !meshes.contains(&job.mesh.as_str());
+        meshes.push(&job.mesh);
+        is_new
+    });
+    let first: Vec<&Prepared<'_>> = first.collect();
+    let task = reporter.count("timing frames", first.len() * plan.methods.len(), "runs");
+    for job in first {
+        let on = plan.horizons.on(job.case)?;
+        let watch = Watch {
+            task: &task,
+            ranks: &plan.crew.ranks,
+        };
+        let Some(truth) = truth_of(plan, job, &on, watch)? else {
+            return Ok(None);
+        };
+        for method in plan.methods {
+            let [first, last] = on.span;
+            let start = match (&method.mover, job.case.has_truth()) {
+                (Mover::Mirror, _) | (_, false) => first,
+                _ => first + (last - first) / 2,
             };
-            // Who cannot run has a row that says why.
-            if let Some(ms_per_frame) = workers::alone(plan.crew.threads, time)? {
+            let time = || {
+                let runner = Runner::start(method, job, &truth, start).ok()?;
+                runner.milliseconds(last - start, reporter)
+            };
+            // A method that cannot run has a row that says why.
+            if let Some(ms_per_frame) = workers::alone(Some(1), time)? {
                 found.push(Timing {
-                    mesh: mesh.clone(),
-                    name: contestant.name.clone(),
-                    who: contestant.who(),
+                    mesh: job.mesh.clone(),
+                    method: method.name.clone(),
+                    kind: method.kind(),
                     ms_per_frame,
                 });
             }
+            if task.advance().is_break() {
+                return Ok(None);
+            }
         }
     }
-    Ok(found)
+    Ok(Some(found))
 }
 
-#[cfg(test)]
-mod tests;
+/// The reference's own position error after each number of frames `[m]`, from a run with half its
+/// substeps; nothing where there is none.
+#[must_use]
+pub fn own_errors(runs: &[Run], order: u32) -> Vec<(usize, f64)> {
+    let half: Vec<&Run> = runs
+        .iter()
+        .filter(|run| run.kind == Kind::Reference)
+        .collect();
+    let summaries = summaries(&half);
+    let after = summaries.iter().flat_map(|summary| &summary.after);
+    let error = |at: &FrameErrors| {
+        let difference = at.errors?.position_rmse;
+        Some((at.frame, richardson(difference, order)))
+    };
+    after.filter_map(error).collect()
+}

@@ -1,82 +1,156 @@
-//! One contestant over several motions: means of its measures, how many runs stayed whole.
+//! The runs of each method, summed up: means over starts and cases, and what became of the runs.
 
 use selvedge_data::metrics::Character;
 use serde::Serialize;
 
-use super::{Horizon, Measures, Row};
+use super::measures::FrameErrors;
+use super::method::Kind;
+use super::run::Run;
 use crate::watched::GuardSummary;
 
-/// One contestant over several motions.
+/// One method over several cases.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
-    /// Motions.
-    pub motions: usize,
-    /// Runs in which no edge strained over the limit.
-    pub stable: usize,
-    /// The earliest frame in which one did.
-    pub unstable_frame: Option<usize>,
-    /// Runs that diverged.
+    /// The method.
+    pub method: String,
+    /// Its kind.
+    pub kind: Kind,
+    /// Whole runs, of one case each.
+    pub whole_runs: usize,
+    /// Whole runs that diverged.
     pub diverged: usize,
-    /// Counts of the guards in all runs; none where a run had no guard.
+    /// Counts of the guards in all whole runs; none where a run had no guard.
     pub guarded: Option<GuardSummary>,
-    /// Means over the motions; none where one run failed: a mean over the others would flatter.
-    pub measures: Option<Measures>,
-    /// The character of the motions, as ratios to their truths in the order of
-    /// [`Character::NAMES`]; none where one run failed.
+    /// After each number of frames from true states: means over starts, then over cases. Those that
+    /// every case has; a number of frames at which a run failed is not here, because a mean over
+    /// the others would flatter.
+    pub after: Vec<FrameErrors>,
+    /// Of whole runs: means over cases; none where a run failed.
+    pub whole: Option<FrameErrors>,
+    /// The character of whole runs, as ratios to their truths in the order of
+    /// [`Character::NAMES`]; none where a run failed, or nobody knows the truth.
     pub ratios: Option<[Option<f64>; Character::COUNT]>,
-    /// Means over the motions, for those k that every motion has.
-    pub horizons: Vec<Horizon>,
 }
 
-/// The rows of one contestant, summed up.
-pub fn summary(rows: &[&Row]) -> Summary {
-    let measured = || rows.iter().filter_map(|row| row.measures.as_ref());
-    let all_measured = measured().count() == rows.len();
-    let unstable = || rows.iter().filter_map(|row| row.unstable_frame);
+/// The methods of `runs`, in the order in which they appear.
+#[must_use]
+pub fn summaries(runs: &[&Run]) -> Vec<Summary> {
+    let mut methods: Vec<(&str, Kind)> = Vec::new();
+    for run in runs {
+        let method = (run.method.as_str(), run.kind);
+        if !methods.contains(&method) {
+            methods.push(method);
+        }
+    }
+    let of = |&(method, kind): &(&str, Kind)| {
+        let own = runs.iter().copied();
+        let own = own.filter(|run| run.method == method && run.kind == kind);
+        summary(method, kind, &own.collect::<Vec<_>>())
+    };
+    methods.iter().map(of).collect()
+}
+
+fn summary(method: &str, kind: Kind, runs: &[&Run]) -> Summary {
+    let whole: Vec<&Run> = runs.iter().copied().filter(|run| run.is_whole).collect();
+    let started: Vec<&Run> = runs.iter().copied().filter(|run| !run.is_whole).collect();
+    let mut frames: Vec<usize> = Vec::new();
+    for at in started.iter().flat_map(|run| &run.frames) {
+        if !frames.contains(&at.frame) {
+            frames.push(at.frame);
+        }
+    }
+    frames.sort_unstable();
+    let all = |values: Vec<Option<FrameErrors>>| {
+        let values: Option<Vec<FrameErrors>> = values.into_iter().collect();
+        FrameErrors::over_runs(&values?)
+    };
+    let after = frames.iter().filter_map(|frame| {
+        let of_case = |own: &Vec<&Run>| {
+            let at = own.iter().map(|run| run.at(*frame));
+            all(at.collect())
+        };
+        all(by_case(&started).iter().map(of_case).collect())
+    });
+    let guarded: Option<Vec<GuardSummary>> = whole.iter().map(|run| run.guarded).collect();
+    let characters: Option<Vec<_>> = whole.iter().map(|run| run.character).collect();
     Summary {
-        motions: rows.len(),
-        stable: rows.len() - unstable().count(),
-        unstable_frame: unstable().min(),
-        diverged: rows
+        method: method.to_owned(),
+        kind,
+        whole_runs: whole.len(),
+        diverged: whole
             .iter()
-            .filter(|row| row.diverged_frame.is_some())
+            .filter(|run| run.diverged_frame.is_some())
             .count(),
-        guarded: {
-            let all: Option<Vec<GuardSummary>> = rows.iter().map(|row| row.guarded).collect();
-            all.map(|all| GuardSummary::sum(all.into_iter()))
-        },
-        measures: if all_measured {
-            Measures::mean(measured())
-        } else {
-            None
-        },
-        ratios: {
-            let pairs: Option<Vec<_>> = rows.iter().map(|row| row.character).collect();
-            pairs.map(|pairs| Character::ratios(&pairs))
-        },
-        horizons: horizons(rows),
+        guarded: guarded
+            .filter(|all| !all.is_empty())
+            .map(|all| GuardSummary::sum(all.into_iter())),
+        after: after.collect(),
+        whole: all(whole.iter().map(|run| run.over_time()).collect()),
+        ratios: characters
+            .filter(|pairs| !pairs.is_empty())
+            .map(|pairs| Character::ratios(&pairs)),
     }
 }
 
-fn horizons(rows: &[&Row]) -> Vec<Horizon> {
-    let Some(first) = rows.first() else {
-        return Vec::new();
-    };
-    let mean = |steps: usize| -> Option<Horizon> {
-        let of_row = |row: &&Row| row.horizons.iter().find(|h| h.steps == steps).copied();
-        let all: Option<Vec<Horizon>> = rows.iter().map(of_row).collect();
-        let all = all?;
-        let mean = |of: fn(&Horizon) -> f64| all.iter().map(of).sum::<f64>() / all.len() as f64;
-        Some(Horizon {
-            steps,
-            position_rmse: mean(|h| h.position_rmse),
-            last_position_rmse: mean(|h| h.last_position_rmse),
-            edge_length_rmse: mean(|h| h.edge_length_rmse),
-        })
-    };
-    first
-        .horizons
-        .iter()
-        .filter_map(|h| mean(h.steps))
-        .collect()
+/// The runs of each case.
+fn by_case<'a>(runs: &[&'a Run]) -> Vec<Vec<&'a Run>> {
+    let mut cases: Vec<Vec<&Run>> = Vec::new();
+    for run in runs {
+        let is_same = |own: &&mut Vec<&Run>| (&own[0].set, &own[0].case) == (&run.set, &run.case);
+        match cases.iter_mut().find(is_same) {
+            Some(own) => own.push(run),
+            None => cases.push(vec![run]),
+        }
+    }
+    cases
+}
+
+/// The error of a run with steps h/2, from its difference to one with steps h, for a method of this
+/// order p: |x_h - x_{h/2}| / (2^p - 1). `[eq:richardson]`
+#[must_use]
+pub fn richardson(difference: f64, order: u32) -> f64 {
+    difference / (2_f64.powi(order as i32) - 1.0)
+}
+
+/// The time at which a method whose `points` are (time, error) has `error`: a straight line
+/// between the two points around it, in logarithms of both. None outside of all of them.
+#[must_use]
+pub fn time_of(points: &[(f64, f64)], error: f64) -> Option<f64> {
+    let is_usable = |(time, error): &&(f64, f64)| *time > 0.0 && *error > 0.0;
+    let points: Vec<(f64, f64)> = points.iter().filter(is_usable).copied().collect();
+    let around = points.windows(2).find(|pair| {
+        let (a, b) = (pair[0].1, pair[1].1);
+        a != b && a.min(b) <= error && error <= a.max(b)
+    })?;
+    let [a, b] = [around[0], around[1]].map(|(time, error)| (time.ln(), error.ln()));
+    let part = (error.ln() - a.1) / (b.1 - a.1);
+    Some((a.0 + part * (b.0 - a.0)).exp())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_runs_tell_the_error_of_the_finer() {
+        // x(h) = x + c hᵖ: the difference is c hᵖ (1 - 2⁻ᵖ), the error of the finer run c hᵖ 2⁻ᵖ.
+        for order in [1, 2] {
+            let error = |h: f64| 0.7 * h.powi(order);
+            let found = richardson(error(0.1) - error(0.05), order as u32);
+            assert!((found - error(0.05)).abs() < 1e-16);
+        }
+    }
+
+    #[test]
+    fn the_time_of_an_error_is_between_those_of_its_neighbours() {
+        // An error of 1/time.
+        let points = [(1.0, 1.0), (2.0, 0.5), (8.0, 0.125)];
+        for error in [1.0, 0.7, 0.5, 0.2, 0.125] {
+            let time = time_of(&points, error).unwrap();
+            assert!((time * error - 1.0).abs() < 1e-14, "{time}");
+        }
+        assert_eq!(time_of(&points, 1.1), None);
+        assert_eq!(time_of(&points, 0.1), None);
+        assert_eq!(time_of(&points[..1], 1.0), None);
+    }
 }

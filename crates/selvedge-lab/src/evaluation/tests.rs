@@ -1,59 +1,373 @@
-//! Rows of contestants whose errors are known.
+//! Evaluations of a small scene: against its converged physics, along a recorded run of it, and in
+//! random motions.
 
-use selvedge_cloth::Handles;
-use selvedge_data::DatasetPreset;
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use selvedge_data::{LoadedScene, StateRun, parse_scene};
+use selvedge_guard::{Correction, GuardSettings};
 
 use super::*;
+use crate::event::Event;
+use crate::machine::Machine;
+use crate::workers::Crew;
 
-#[test]
-fn the_truth_has_no_error_and_meshes_are_told_in_words() {
-    let preset = DatasetPreset::open("tiny").unwrap();
-    let motion = &preset.motions(Split::Test)[0];
-    let loaded = preset.scene(motion).unwrap();
-    let rest: Vec<_> = loaded.scene.mesh.positions().to_vec();
-    let still = crate::physics::rounded(&rest);
-    let frames = 4;
-    let positions = still.repeat(frames);
-    let truth = crate::physics::trajectory(&loaded.spec, &loaded.scene, &rest, positions).unwrap();
-    let mut meshes = Meshes::default();
-    let name = "square, 36 vertices, 2 handles";
-    assert_eq!(meshes.name(&truth), name);
-    // Other handles, and the first again.
-    assert_eq!(
-        meshes.name(&held_by(&truth, &[7])),
-        "square, 36 vertices, 1 handle"
-    );
-    assert_eq!(
-        meshes.name(&held_by(&truth, &[7, 9])),
-        format!("{name} (2)")
-    );
-    assert_eq!(meshes.name(&truth), name);
-    // The truth plays itself, the rigid rest pose stands still with it: both are exact.
-    let course = Course {
-        motion: "m",
-        truth: &truth,
-        mirror: None,
-        scene: None,
-    };
-    for contestant in Contestant::rivals() {
-        if contestant.who() == Who::Mirror {
-            assert!(contestant.runner(&course, 0).is_err());
-            continue;
-        }
-        let mut runner = contestant.runner(&course, 0).unwrap();
-        let recording = runner.run(frames - 1, &mut || ControlFlow::Continue(()));
-        let measures = Measures::of(&truth, &recording.positions).unwrap();
-        // Positions of at most 1 m in f32, turned by a yaw of a few roundings.
-        assert!(measures.largest_vertex_error < 1e-6, "{}", contestant.name);
-        assert!(measures.final_speed < 1e-4);
-        let curves = Curves::of(&truth, &recording.positions).unwrap();
-        assert_eq!(curves.position_rmse.len(), frames);
+/// A square of 16 vertices that is pushed for a third of a second.
+const PUSH: &str = r#"
+name = "push"
+material = "gray-interlock"
+mesh = { generator = { kind = "square", vertices = 16, size = 1.0, seed = 1 } }
+handles = { label = "upper-corners" }
+
+[motion.inline]
+kind = "blocks"
+blocks = [{ duration = 0.35, translations = [{ direction = [1.0, 0.0, 0.5], pace = { distance = 0.1 } }] }]
+"#;
+
+fn push() -> LoadedScene {
+    parse_scene(PUSH, Path::new(""), "push").unwrap()
+}
+
+fn linearised(substeps: u32) -> PhysicsMethod {
+    format!("linearised:{substeps}").parse().unwrap()
+}
+
+fn cases() -> Vec<Case> {
+    Case::converged(&[push()], &[], &[], &linearised(64)).unwrap()
+}
+
+fn methods() -> Vec<Method> {
+    [1, 2, 4].map(|n| Method::physics(linearised(n))).to_vec()
+}
+
+fn model() -> Method {
+    let guard = GuardSettings::with(Correction::None);
+    Method {
+        name: "mine".to_owned(),
+        mover: Mover::Model(crate::teaching::tests::model(), guard, Machine::Cpu),
     }
 }
 
-fn held_by(truth: &Trajectory, vertices: &[u32]) -> Trajectory {
-    let handles = Handles::new(vertices, truth.vertex_count()).unwrap();
-    let cloth = truth.cloth().clone().with_handles(handles).unwrap();
-    let positions = truth.frames().iter().flatten().copied().collect();
-    Trajectory::new(cloth, positions, truth.provenance().clone()).unwrap()
+fn horizons() -> Horizons {
+    Horizons {
+        from: Some(6),
+        ..Horizons::new([5, 1, 5], 3)
+    }
+}
+
+fn plan<'a>(
+    cases: &'a [Case],
+    methods: &'a [Method],
+    horizons: &'a Horizons,
+    folder: &Path,
+) -> EvaluationPlan<'a> {
+    EvaluationPlan {
+        cases,
+        methods,
+        horizons,
+        references: Some(folder.to_owned()),
+        crew: Crew::of_threads(Some(1)),
+    }
+}
+
+fn complete(plan: &EvaluationPlan<'_>) -> Evaluation {
+    let (found, end) = evaluate(plan, &mut |_| ControlFlow::Continue(())).unwrap();
+    assert_eq!(end, End::Complete);
+    found
+}
+
+fn summed(found: &Evaluation) -> Vec<Summary> {
+    summaries(&found.runs.iter().collect::<Vec<_>>())
+}
+
+fn position(at: FrameErrors) -> f64 {
+    at.errors.unwrap().position_rmse
+}
+
+#[test]
+fn starts_are_spread_from_the_first_frame_to_the_last_that_leaves_room() {
+    let case = &cases()[0];
+    let on = |change: fn(&mut Horizons)| {
+        let mut horizons = Horizons::new([1, 5, 500], 3);
+        change(&mut horizons);
+        horizons.on(case).map(|on| (on.starts, on.frames, on.span))
+    };
+    let whole = on(|_| {}).unwrap();
+    assert_eq!(whole, (vec![0, 8, 16], vec![1, 5], [0, 21]));
+    let part = on(|h| (h.from, h.to) = (Some(4), Some(10))).unwrap();
+    assert_eq!(part, (vec![4, 5], vec![1, 5], [0, 10]));
+    // One start is in the middle.
+    assert_eq!(on(|h| h.starts = 1).unwrap().0, [8]);
+    let error = on(|h| h.to = Some(22)).unwrap_err().to_string();
+    assert!(
+        error.contains("push: to: the motion has 21 frames"),
+        "{error}"
+    );
+}
+
+#[test]
+fn errors_fall_with_substeps_and_are_those_of_first_order() {
+    let folder = tempfile::tempdir().unwrap();
+    let (cases, methods, horizons) = (cases(), methods(), horizons());
+    let found = complete(&plan(&cases, &methods, &horizons, folder.path()));
+    let mut starts: Vec<usize> = found.runs.iter().map(|run| run.start).collect();
+    starts.dedup();
+    assert_eq!(starts, [6, 11, 16, 0]);
+    let summaries = summed(&found);
+    let errors: Vec<f64> = summaries.iter().map(|s| position(s.after[1])).collect();
+    assert!(errors[0] > errors[1] && errors[1] > errors[2], "{errors:?}");
+    // Errors c (h - h₀) of first order, h₀ the reference's step. The next terms are of the size of
+    // h in parts of the first: at most a quarter for steps of a quarter and of half a frame.
+    let ratio = errors[1] / errors[2];
+    let expected = (1.0 / 2.0 - 1.0 / 64.0) / (1.0 / 4.0 - 1.0 / 64.0);
+    assert!((ratio / expected - 1.0).abs() < 0.25, "{ratio} {expected}");
+    // The reference's own error by Richardson is that of the same law: c h₀.
+    let own = own_errors(&found.runs, 1)[1];
+    let law = errors[2] / (1.0 / 4.0 - 1.0 / 64.0) / 64.0;
+    assert_eq!(own.0, 5);
+    assert!((own.1 / law - 1.0).abs() < 0.25, "{own:?} {law}");
+    // Over whole runs as well: the motion is too gentle for another buckling mode.
+    let whole: Vec<FrameErrors> = summaries.iter().map(|s| s.whole.unwrap()).collect();
+    assert!(position(whole[0]) > position(whole[1]) && position(whole[1]) > position(whole[2]));
+    let folds = whole[2].errors.unwrap().fold_ratio().unwrap();
+    assert!((folds - 1.0).abs() < 0.1, "{folds}");
+    assert!(found.timings.iter().all(|timing| timing.ms_per_frame > 0.0));
+    assert_eq!(found.timings.len(), 3);
+    let heading = crate::report::Heading {
+        reference_order: Some(1),
+        ..Default::default()
+    };
+    let out = folder.path().join("report");
+    crate::report::write(&out, &heading, &found).unwrap();
+    let page = std::fs::read_to_string(out.join("report.md")).unwrap();
+    for text in [
+        "| linearised, 4 substeps |",
+        "| reference (linearised, 32 substeps) |",
+        "The reference's own error is about",
+        "![errors by frames](after.svg)",
+    ] {
+        assert!(page.contains(text), "{text}\n{page}");
+    }
+}
+
+#[test]
+fn threads_and_a_kept_reference_change_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let (cases, methods, horizons) = (cases(), methods(), horizons());
+    let mut plan = plan(&cases, &methods, &horizons, folder.path());
+    let first = complete(&plan);
+    plan.crew = Crew::of_threads(Some(3));
+    assert_eq!(complete(&plan).runs, first.runs);
+    // A reference that this program does not make is made again.
+    let file = std::fs::read_dir(folder.path()).unwrap().next().unwrap();
+    let path = file.unwrap().path();
+    let bytes = std::fs::read(&path).unwrap();
+    let mut other = StateRun::from_bytes(&bytes).unwrap();
+    other.positions[20].x += 1e-9;
+    let provenance = selvedge_data::Provenance {
+        frame_rate: 60.0,
+        scene: Value::Null,
+        made_by: String::new(),
+    };
+    other.write(&path, &provenance).unwrap();
+    assert_eq!(complete(&plan).runs, first.runs);
+    assert!(bytes == std::fs::read(&path).unwrap());
+}
+
+#[test]
+fn an_end_that_is_asked_for_leaves_the_starts_that_are_done() {
+    let folder = tempfile::tempdir().unwrap();
+    let (cases, methods, horizons) = (cases(), methods(), horizons());
+    let plan = plan(&cases, &methods, &horizons, folder.path());
+    // The reference, and the runs of two starts.
+    let enough = 21 + 2 * 5 * 4;
+    let mut frames = 0;
+    let mut is_running = false;
+    let stopped = evaluate(&plan, &mut |event| {
+        if let Event::Begun { task, .. } = event {
+            is_running = task == "evaluating";
+        }
+        frames += usize::from(is_running && event == Event::Advanced);
+        match frames > enough {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        }
+    });
+    let (found, end) = stopped.unwrap();
+    assert_eq!(end, End::Interrupted);
+    let starts: Vec<usize> = found.runs.iter().map(|run| run.start).collect();
+    assert_eq!(starts, [6, 6, 6, 6, 11, 11, 11, 11]);
+    assert!(found.timings.is_empty());
+}
+
+#[test]
+fn models_and_baselines_run_beside_physics_from_the_same_states() {
+    let folder = tempfile::tempdir().unwrap();
+    let methods = [
+        Method::physics(linearised(1)),
+        model(),
+        Method::baseline("rigid").unwrap(),
+        Method::baseline("mirror").unwrap(),
+    ];
+    let (cases, horizons) = (cases(), horizons());
+    let found = complete(&plan(&cases, &methods, &horizons, folder.path()));
+    for run in &found.runs {
+        assert_eq!(run.failure, None, "{}", run.method);
+    }
+    let summaries = summed(&found);
+    let names: Vec<&str> = summaries.iter().map(|s| s.method.as_str()).collect();
+    let expected = [
+        "linearised, 1 substep",
+        "mine",
+        "rigid",
+        "linearised, 32 substeps",
+        "mirror",
+    ];
+    assert_eq!(names, expected);
+    let own = position(summaries[1].after[1]);
+    assert!(own > 0.0 && own < 0.05, "{own}");
+    // The mirrored mode never starts from a true state.
+    assert!(summaries[4].after.is_empty() && summaries[4].whole.is_some());
+    assert!(summaries[1].ratios.is_some());
+}
+
+#[test]
+fn a_recorded_run_of_a_method_is_followed_by_the_same_method() {
+    let loaded = push();
+    let rest = physics::rest_pose(&loaded.scene, &mut |_| ControlFlow::Continue(())).unwrap();
+    let run = physics::run(
+        &loaded.scene,
+        rest.positions.clone(),
+        12,
+        selvedge_sim::Threads::One,
+        &mut || ControlFlow::Continue(()),
+    );
+    let positions = run.unwrap().positions;
+    let trajectory =
+        physics::trajectory(&loaded.spec, &loaded.scene, &rest.positions, positions).unwrap();
+    let truth = truth::recorded(trajectory.clone(), true).unwrap();
+    // Velocities are those between frames.
+    let state = truth.state(3).unwrap();
+    let rate = trajectory.frame_rate();
+    for (v, (p, q)) in state
+        .velocities
+        .iter()
+        .zip(trajectory.frame(3).iter().zip(trajectory.frame(2)))
+    {
+        assert!((*v - (p.as_dvec3() - q.as_dvec3()) * rate).length() < 1e-12);
+    }
+    assert_eq!(
+        truth.known(3, 2),
+        [trajectory.frame(2), trajectory.frame(3)]
+    );
+    assert_eq!(truth.known(0, 2), [trajectory.frame(0)]);
+    let prepared = Prepared {
+        case: &cases()[0],
+        mesh: String::new(),
+        start: None,
+        mirror: None,
+    };
+    let substeps = loaded.scene.physics.substeps;
+    let same = Method::physics(substeps.to_string().parse().unwrap());
+    let mut runner = Runner::start(&same, &prepared, &truth, 0).unwrap();
+    for frame in 1..=12 {
+        runner.step().unwrap();
+        for (found, expected) in runner.positions().iter().zip(trajectory.frame(frame)) {
+            // Rounded to f32 at its start.
+            assert!(
+                (*found - expected.as_dvec3()).length() < 1e-5,
+                "frame {frame}"
+            );
+        }
+    }
+    // Without its scene there is no physics.
+    let alone = truth::recorded(trajectory, false).unwrap();
+    assert!(Runner::start(&same, &prepared, &alone, 0).is_err());
+    let rigid = Method::baseline("rigid").unwrap();
+    Runner::start(&rigid, &prepared, &alone, 0)
+        .unwrap()
+        .step()
+        .unwrap();
+}
+
+#[test]
+fn random_motions_have_strains_and_no_errors() {
+    let random = RandomCases {
+        numbers: vec![0, 3],
+        frames: 8,
+        seed: 1,
+        speed: 1.0,
+        meshes: Vec::new(),
+        density: 400.0,
+    };
+    let cases = Case::random(&push(), &random, &mut |_| ControlFlow::Continue(())).unwrap();
+    let methods = [model(), Method::physics("1".parse().unwrap())];
+    let horizons = Horizons::new([1], 1);
+    let folder = tempfile::tempdir().unwrap();
+    let found = complete(&plan(&cases, &methods, &horizons, folder.path()));
+    assert_eq!(found.runs.len(), 4);
+    for run in &found.runs {
+        assert_eq!((run.frames.len(), run.diverged_frame), (8, None), "{run:?}");
+        assert!(run.frames.iter().all(|at| at.errors.is_none()));
+    }
+    let summaries = summed(&found);
+    assert_eq!((summaries[0].whole_runs, summaries[0].diverged), (2, 0));
+    assert_eq!(summaries[0].ratios, None);
+    let unknown = RandomCases {
+        meshes: vec!["tent".to_owned()],
+        ..random
+    };
+    let error = Case::random(&push(), &unknown, &mut |_| ControlFlow::Continue(()));
+    assert!(error.err().unwrap().to_string().contains("\"tent\""));
+}
+
+#[test]
+fn what_makes_no_sense_is_named_with_its_remedy() {
+    let folder = Path::new("");
+    let (cases, methods) = (cases(), methods());
+    let told = |cases: &[Case], methods: &[Method], horizons: &Horizons| {
+        let checked = check(&plan(cases, methods, horizons, folder), true);
+        checked.unwrap_err().to_string()
+    };
+    let usual = horizons();
+    let with = |frames: &[usize], starts| Horizons::new(frames.iter().copied(), starts);
+    for (horizons, word) in [
+        (with(&[1], 0), "starts"),
+        (with(&[0, 3], 1), "1 at least"),
+        (
+            with(&[22], 1),
+            "22 frames fit into no case: the longest has 21",
+        ),
+    ] {
+        let error = told(&cases, &methods, &horizons);
+        assert!(error.contains(word), "{error}");
+    }
+    assert!(told(&cases, &[], &usual).contains("name a model or physics"));
+    let twice = [cases[0].clone(), cases[0].clone()];
+    assert!(told(&twice, &methods, &usual).contains("\"push\""));
+    for (substeps, word) in [(15, "even"), (2, "no coarser")] {
+        let cases = Case::converged(&[push()], &[], &[], &linearised(substeps)).unwrap();
+        let error = told(&cases, &methods, &usual);
+        assert!(
+            error.starts_with("reference") && error.contains(word),
+            "{error}"
+        );
+    }
+}
+
+#[test]
+fn scenes_are_varied_by_materials_and_motions() {
+    let scene = selvedge_data::open_scene("default").unwrap();
+    let materials = ["gray-interlock", "11oz-black-denim"].map(str::to_owned);
+    let motions = ["forward", "side"].map(str::to_owned);
+    let all = Case::converged(&[scene], &materials, &motions, &linearised(8)).unwrap();
+    let names: Vec<&str> = all.iter().map(|case| case.name.as_str()).collect();
+    let expected = [
+        "default, gray-interlock, forward",
+        "default, gray-interlock, side",
+        "default, 11oz-black-denim, forward",
+        "default, 11oz-black-denim, side",
+    ];
+    assert_eq!(names, expected);
+    assert_eq!(all[1].slug(), "default-gray-interlock-side");
 }

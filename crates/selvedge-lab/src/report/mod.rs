@@ -1,158 +1,200 @@
-//! Reports of evaluations and trainings: tables in Markdown, all numbers in CSV, plots in SVG and
-//! PNG.
+//! Reports of evaluations and the curves of trainings: a page of Markdown with plots (.svg), and one
+//! table of all numbers (.csv).
 //!
-//! Everything but the times is a pure function of the rows: the same rows, the same bytes. Times
+//! Everything but the times is a pure function of the runs: the same runs, the same bytes. Times
 //! depend on the machine and stand in files of their own.
 
-mod csv;
-mod evaluated;
-mod markdown;
-mod page;
+mod numbers;
 mod plots;
+mod tables;
+#[cfg(test)]
+mod tests;
 mod training;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use selvedge_data::{WriteError, write_atomically};
+use selvedge_view::plot::PlotError;
 use thiserror::Error;
 
-pub use self::csv::curves_csv;
-pub use self::evaluated::{Heading, evaluation_page};
-pub use self::markdown::{
-    Cells, ablation_table, failures, horizon_table, mesh_table, motion_table, summary_table, table,
-};
-pub use self::page::{Page, TABLES};
-pub(crate) use self::plots::drawn;
-pub use self::plots::{Measure, bars, by_cost, horizons_plot, over_time};
+pub use self::numbers::{errors_csv, write_errors};
+pub use self::tables::{Cells, failures, table};
 pub use self::training::{ReadLogError, TrainingLog, training_chart};
 
-use crate::evaluation::{Row, Who};
+use self::plots::{by_frames, by_time, over_time};
+use crate::evaluation::{Evaluation, Run, Summary, own_errors, summaries};
 use crate::folder::{self, FolderError};
+use crate::folder_kind::ERRORS;
 
-/// Contestants to compare, in groups.
-pub struct Contest<'a> {
-    /// From top to bottom.
-    pub groups: Vec<Group<'a>>,
-}
+/// The tables that every report has.
+pub const TABLES: [&str; 2] = [ERRORS, "times.csv"];
 
-/// Contestants that belong together.
-pub struct Group<'a> {
-    /// The heading of the group; may be empty.
-    pub heading: String,
-    /// From top to bottom.
-    pub subjects: Vec<Subject<'a>>,
-}
-
-/// A contestant with its runs.
-pub struct Subject<'a> {
-    /// The label beside its numbers.
-    pub label: String,
-    /// The kind of the contestant.
-    pub who: Who,
-    /// One per motion.
-    pub rows: Vec<&'a Row>,
-}
-
-/// A report that cannot be written.
+/// A report that cannot be made or written.
 #[derive(Debug, Error)]
 #[error(transparent)]
 #[allow(missing_docs, reason = "the messages are those of the parts")]
 pub enum WriteReportError {
     Folder(#[from] FolderError),
     File(#[from] WriteError),
+    Plot(#[from] PlotError),
 }
 
-/// The files of a report, in the order in which they are written.
+/// What a report says beside the numbers.
 #[derive(Default)]
-pub struct Report {
-    files: Vec<(String, Vec<u8>)>,
+pub struct Heading {
+    /// The title.
+    pub title: String,
+    /// A paragraph under it; empty where there is nothing to say.
+    pub note: String,
+    /// Tables under that, such as one of the models.
+    pub tables: Vec<String>,
+    /// The order of the reference's integrator, where there is a reference.
+    pub reference_order: Option<u32>,
+    /// Lines above the times.
+    pub times: Vec<String>,
 }
 
-impl<'a> Contest<'a> {
-    /// All of `rows` in one group, by name in the order in which names appear.
-    pub fn of(rows: &'a [Row]) -> Self {
-        let mut subjects: Vec<Subject<'a>> = Vec::new();
-        for row in rows {
-            let is_same =
-                |subject: &&mut Subject<'a>| subject.label == row.name && subject.who == row.who;
-            match subjects.iter_mut().find(is_same) {
-                Some(subject) => subject.rows.push(row),
-                None => subjects.push(Subject {
-                    label: row.name.clone(),
-                    who: row.who,
-                    rows: vec![row],
-                }),
-            }
+/// The measure that a plot shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Measure {
+    Position,
+    EdgeLength,
+}
+
+/// Writes the report of an evaluation into `folder`, each file whole or not at all and the page
+/// last, and says where they are.
+///
+/// # Errors
+/// A folder or a file that cannot be written, or a value that cannot be drawn.
+pub fn write(
+    folder: &Path,
+    heading: &Heading,
+    evaluation: &Evaluation,
+) -> Result<Vec<PathBuf>, WriteReportError> {
+    let files = files(heading, evaluation)?;
+    folder::make_folder(folder)?;
+    let mut wrote = Vec::with_capacity(files.len());
+    for (name, content) in &files {
+        let path = folder.join(name);
+        write_atomically(&path, |out| out.write_all(content))?;
+        wrote.push(path);
+    }
+    Ok(wrote)
+}
+
+/// Names and contents of the files of a report.
+fn files(heading: &Heading, evaluation: &Evaluation) -> Result<Vec<(String, Vec<u8>)>, PlotError> {
+    let runs: Vec<&Run> = evaluation.runs.iter().collect();
+    let summaries = summaries(&runs);
+    let mut files: Vec<(String, Vec<u8>)> = Vec::new();
+    let mut page = format!("# {}\n", heading.title);
+    say(&mut page, &heading.note);
+    heading
+        .tables
+        .iter()
+        .for_each(|table| say(&mut page, table));
+    say(&mut page, &tables::cases(&evaluation.runs));
+    say(&mut page, "## Errors after k frames");
+    say(&mut page, &tables::after(&summaries));
+    if let Some(order) = heading.reference_order {
+        let own = own_errors(&evaluation.runs, order);
+        say(&mut page, &tables::own_error(&own, order));
+    }
+    let mut plot = |page: &mut String, file: &str, what: &str, svg: Option<String>| {
+        if let Some(svg) = svg {
+            say(page, &format!("![{what}]({file})"));
+            files.push((file.to_owned(), svg.into_bytes()));
         }
-        let heading = String::new();
-        Self {
-            groups: vec![Group { heading, subjects }],
+    };
+    plot(
+        &mut page,
+        "after.svg",
+        "errors by frames",
+        by_frames(&summaries)?,
+    );
+    say(&mut page, "## Whole runs");
+    say(&mut page, &tables::whole(&summaries));
+    for (measure, file) in [
+        (Measure::Position, "time-position.svg"),
+        (Measure::EdgeLength, "time-edge-length.svg"),
+    ] {
+        plot(
+            &mut page,
+            file,
+            "errors by time",
+            over_time(&runs, measure)?,
+        );
+    }
+    say(&mut page, &tables::character(&summaries));
+    for (title, table) in [
+        ("Case by case", tables::by_case(&evaluation.runs)),
+        ("Mesh by mesh", tables::by_mesh(&evaluation.runs)),
+        ("What failed", failures(&evaluation.runs)),
+    ] {
+        if !table.is_empty() {
+            say(&mut page, &format!("## {title}"));
+            say(&mut page, &table);
         }
     }
+    say(&mut page, NOTES);
+    let mut times = TIMES.to_owned();
+    heading.times.iter().for_each(|line| say(&mut times, line));
+    say(&mut times, &tables::times(&evaluation.timings));
+    say(
+        &mut times,
+        &tables::equal_time(&summaries, &evaluation.timings),
+    );
+    plot(
+        &mut times,
+        "times.svg",
+        "errors by the time of a frame",
+        by_time(&summaries, &evaluation.timings)?,
+    );
+    let csv = [
+        errors_csv(&evaluation.runs),
+        numbers::times_csv(&evaluation.timings),
+    ];
+    files.extend(TABLES.map(str::to_owned).into_iter().zip(csv));
+    files.push(("times.md".to_owned(), times.into_bytes()));
+    files.push(("report.md".to_owned(), page.into_bytes()));
+    Ok(files)
+}
 
-    /// Everyone, group after group.
-    pub fn subjects(&self) -> impl Iterator<Item = &Subject<'a>> {
-        self.groups.iter().flat_map(|group| &group.subjects)
-    }
-
-    /// Labels that say the group too, where there are several, in the order of [`Self::subjects`].
-    pub fn names(&self) -> Vec<String> {
-        let name = |group: &Group<'a>, subject: &Subject<'a>| match group.heading.as_str() {
-            "" => subject.label.clone(),
-            heading => format!("{}, {heading}", subject.label),
-        };
-        let groups = self.groups.iter();
-        groups
-            .flat_map(|group| {
-                group
-                    .subjects
-                    .iter()
-                    .map(|s| name(group, s))
-                    .collect::<Vec<_>>()
-            })
-            .collect()
-    }
-
-    /// The different values of `of` in the order in which they appear.
-    pub fn values(&self, of: impl Fn(&Row) -> &str) -> Vec<String> {
-        let mut values: Vec<String> = Vec::new();
-        for row in self.subjects().flat_map(|subject| &subject.rows) {
-            if !values.iter().any(|value| value == of(row)) {
-                values.push(of(row).to_owned());
-            }
-        }
-        values
+/// Adds a paragraph or a table; nothing where there is none.
+fn say(page: &mut String, text: &str) {
+    if !text.trim().is_empty() {
+        page.push('\n');
+        page.push_str(text.trim());
+        page.push('\n');
     }
 }
 
-impl Report {
-    /// Adds a file.
-    pub fn add(&mut self, name: impl Into<String>, content: impl Into<Vec<u8>>) {
-        self.files.push((name.into(), content.into()));
-    }
-
-    /// Writes every file into `folder`, each whole or not at all, and says where they are.
-    ///
-    /// # Errors
-    /// A folder or a file that cannot be written.
-    pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>, WriteReportError> {
-        folder::make_folder(folder)?;
-        let mut wrote = Vec::with_capacity(self.files.len());
-        for (name, content) in &self.files {
-            let path = folder.join(name);
-            write_atomically(&path, |out| out.write_all(content))?;
-            wrote.push(path);
-        }
-        Ok(wrote)
-    }
+/// The times of a frame of a method over all meshes, as their mean `[ms]`.
+fn ms_per_frame(summary: &Summary, timings: &[crate::evaluation::Timing]) -> Option<f64> {
+    let own = timings
+        .iter()
+        .filter(|timing| timing.method == summary.method && timing.kind == summary.kind);
+    let times: Vec<f64> = own.map(|timing| timing.ms_per_frame).collect();
+    (!times.is_empty()).then(|| times.iter().sum::<f64>() / times.len() as f64)
 }
 
-/// A name that a file may have everywhere.
-pub fn slug(text: &str) -> String {
-    let plain = |c: char| if c.is_alphanumeric() { c } else { '-' };
-    text.chars().map(plain).collect()
-}
+const TIMES: &str = "# Times
 
-#[cfg(test)]
-mod tests;
+Milliseconds per frame on one thread: the median over up to 120 frames of a run that has the machine
+for itself, as far as this program is concerned. They depend on the machine.
+";
+
+const NOTES: &str = "## What was measured
+
+The error after k frames is that at the k-th frame of runs that start in true states; means over
+starts, then over cases. Whole runs start in the first frame and are fed with their own output; their
+measures are over all frames, then means over cases. None is given where a run failed: a mean over
+the others would flatter. Baselines: rigid, the rest pose moved with the handles; mirror, the physics
+in the mirrored buckling mode (whole runs only). A run diverges where some edge strains over 30 %
+for more than 10 frames in a row, or where it fails. Folds and the other ratios are parts of the
+truth's: 1 is as the truth. A trajectory has no velocities: physics takes those between the first two
+frames. Where a scene's converged physics is the truth, the method *reference* is a second run with
+half the reference's substeps, whose difference tells the reference's own error. All numbers are in
+errors.csv, in SI units, a row for each run and frame; the time of a frame is in
+[times.md](times.md).";

@@ -1,23 +1,14 @@
-//! The plots of the paper: errors by steps (figure 3a), by time (figure 3b), and of whole runs side
-//! by side (figures 3c and 5). None where there is nothing to show.
+//! Plots: errors by frames from true states, of whole runs by time, and by the time of a frame. None
+//! where there is nothing to show.
 
-use selvedge_view::plot::{Axis, Bar, BarChart, BarGroup, Line, LineChart, PlotError, Role, Scale};
+use selvedge_view::plot::{Axis, Line, LineChart, PlotError, Role, Scale};
 
-use super::{Contest, Subject};
-use crate::evaluation::{Row, Timing, Who, summary};
-use crate::numbers::length;
+use super::tables::named;
+use super::{Measure, ms_per_frame};
+use crate::evaluation::{FrameErrors, Kind, Run, Summary, Timing, summaries};
 
 /// Lines that are so many times apart are drawn by their logarithm.
 const FAR_APART: f64 = 30.0;
-
-/// The error that a plot shows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Measure {
-    /// Of positions.
-    Position,
-    /// Of the lengths of edges.
-    EdgeLength,
-}
 
 impl Measure {
     fn name(self) -> &'static str {
@@ -27,156 +18,157 @@ impl Measure {
         }
     }
 
-    fn curve(self, row: &Row) -> &[f64] {
-        match self {
-            Self::Position => &row.curves.position_rmse,
-            Self::EdgeLength => &row.curves.edge_length_rmse,
-        }
+    /// `[mm]`
+    fn of(self, at: &FrameErrors) -> Option<f64> {
+        let errors = at.errors?;
+        Some(match self {
+            Self::Position => 1e3 * errors.position_rmse,
+            Self::EdgeLength => 1e3 * errors.edge_length_rmse,
+        })
     }
 }
 
-fn role(who: Who) -> Role {
-    match who {
-        Who::Model => Role::Subject,
-        Who::Rigid | Who::Mirror | Who::Physics | Who::Truth => Role::Rival,
+fn role(kind: Kind) -> Role {
+    match kind {
+        Kind::Model => Role::Subject,
+        Kind::Physics | Kind::Baseline | Kind::Reference => Role::Rival,
     }
 }
 
-fn axis(label: String, scale: Scale) -> Axis {
-    Axis { label, scale }
+fn axis(label: &str, scale: Scale) -> Axis {
+    Axis {
+        label: label.to_owned(),
+        scale,
+    }
 }
 
-/// All but the truth, which has no error, with their names.
-fn runners<'a>(contest: &'a Contest<'a>) -> impl Iterator<Item = (&'a Subject<'a>, String)> {
-    let all = contest.subjects().zip(contest.names());
-    all.filter(|(subject, _)| subject.who != Who::Truth)
-}
-
-/// Error over k steps from the truth, by k.
+/// Position errors after k frames, by k.
 ///
 /// # Errors
 /// A value that is not finite.
-pub fn horizons_plot(contest: &Contest<'_>) -> Result<Option<String>, PlotError> {
-    let line = |(subject, name): (&Subject<'_>, String)| {
-        let horizons = summary(&subject.rows).horizons;
-        let point = |h: &crate::evaluation::Horizon| [h.steps as f64, 1e3 * h.position_rmse];
+pub(super) fn by_frames(summaries: &[Summary]) -> Result<Option<String>, PlotError> {
+    let line = |summary: &Summary| {
+        let points = summary.after.iter();
+        let points = points.filter_map(|at| Some([at.frame as f64, Measure::Position.of(at)?]));
         Line {
-            name,
-            role: role(subject.who),
-            points: horizons.iter().map(point).collect(),
+            name: named(summary),
+            role: role(summary.kind),
+            // There is no logarithm of an exact run's error.
+            points: points.filter(|point| point[1] > 0.0).collect(),
         }
     };
-    let chart = LineChart {
-        title: "Position error over k steps from the truth".to_owned(),
-        x: axis("steps k (frames)".to_owned(), Scale::Logarithmic),
-        y: axis("position RMSE (mm)".to_owned(), Scale::Logarithmic),
-        lines: runners(contest).map(line).collect(),
-    };
-    drawn(&chart)
-}
-
-/// Error of whole runs by time: along one motion, or √(mean of squares) over all.
-///
-/// # Errors
-/// A value that is not finite.
-pub fn over_time(
-    contest: &Contest<'_>,
-    measure: Measure,
-    motion: Option<(&str, &str)>,
-) -> Result<Option<String>, PlotError> {
-    let is_along = |row: &&&Row| motion.is_none_or(|m| m == (&row.data, &row.motion));
-    let line = |(subject, name): (&Subject<'_>, String)| {
-        let rows: Vec<&Row> = subject.rows.iter().filter(is_along).copied().collect();
-        Line {
-            name,
-            role: role(subject.who),
-            points: pooled(&rows, measure),
-        }
-    };
-    let lines: Vec<Line> = runners(contest).map(line).collect();
-    let along = motion.map_or("over all motions", |(_, motion)| motion);
-    let chart = LineChart {
-        title: format!("{} of whole runs, {along}", capital(measure.name())),
-        x: axis("time (s)".to_owned(), Scale::Linear),
-        y: axis(format!("{} (mm)", measure.name()), scale_of(&lines)),
-        lines,
-    };
-    drawn(&chart)
-}
-
-/// Error of whole runs by the time that a frame takes: a point for each model, a line through the
-/// physics with more and more substeps. None where nothing was timed, or there is nobody to compare
-/// with.
-///
-/// # Errors
-/// A value that is not finite.
-pub fn by_cost(contest: &Contest<'_>, timings: &[Timing]) -> Result<Option<String>, PlotError> {
-    let mut lines: Vec<Line> = Vec::new();
-    let mut physics: Vec<[f64; 2]> = Vec::new();
-    for subject in contest.subjects() {
-        let mine = timings.iter().filter(|timing| timing.name == subject.label);
-        let times: Vec<f64> = mine.map(|timing| timing.ms_per_frame).collect();
-        let Some(measures) = summary(&subject.rows)
-            .measures
-            .filter(|_| !times.is_empty())
-        else {
-            continue;
-        };
-        let milliseconds = times.iter().sum::<f64>() / times.len() as f64;
-        let point = [milliseconds, 1e3 * measures.position_rmse];
-        match subject.who {
-            Who::Physics => physics.push(point),
-            Who::Model => lines.push(Line {
-                name: subject.label.clone(),
-                role: Role::Subject,
-                points: vec![point],
-            }),
-            Who::Rigid | Who::Mirror | Who::Truth => {}
-        }
-    }
-    if physics.is_empty() {
-        return Ok(None);
-    }
-    lines.push(Line {
-        name: "physics".to_owned(),
-        role: Role::Rival,
-        points: physics,
-    });
     drawn(&LineChart {
-        title: "Position error of whole runs by the time of a frame".to_owned(),
-        x: axis("time of a frame (ms)".to_owned(), Scale::Linear),
-        y: axis("position RMSE (mm)".to_owned(), Scale::Linear),
+        title: "Position error after k frames from true states".to_owned(),
+        x: axis("frames k", Scale::Logarithmic),
+        y: axis("position RMSE (mm)", Scale::Logarithmic),
+        lines: summaries.iter().map(line).collect(),
+    })
+}
+
+/// Errors of whole runs by time: √(mean of squares) over cases.
+///
+/// # Errors
+/// A value that is not finite.
+pub(super) fn over_time(runs: &[&Run], measure: Measure) -> Result<Option<String>, PlotError> {
+    let whole: Vec<&Run> = runs.iter().copied().filter(|run| run.is_whole).collect();
+    let line = |summary: Summary| {
+        let own = whole.iter().copied();
+        let own = own.filter(|run| run.method == summary.method && run.kind == summary.kind);
+        Line {
+            name: named(&summary),
+            role: role(summary.kind),
+            points: pooled(&own.collect::<Vec<_>>(), measure),
+        }
+    };
+    let lines: Vec<Line> = summaries(&whole).into_iter().map(line).collect();
+    let name = measure.name();
+    drawn(&LineChart {
+        title: format!("Whole runs: {name} over all cases"),
+        x: axis("time (s)", Scale::Linear),
+        y: axis(&format!("{name} (mm)"), scale_of(&lines)),
         lines,
     })
 }
 
 /// (time, √(mean of squares over the runs that got so far)) of each frame `[s, mm]`.
-fn pooled(rows: &[&Row], measure: Measure) -> Vec<[f64; 2]> {
-    let Some(rate) = rows.first().map(|row| row.frame_rate) else {
+fn pooled(runs: &[&Run], measure: Measure) -> Vec<[f64; 2]> {
+    let Some(rate) = runs.first().map(|run| run.frame_rate) else {
         return Vec::new();
     };
     // Frames are of the first one's rate; others may have another.
-    let last = |row: &&Row| {
-        let last = measure.curve(row).len().checked_sub(1)?;
-        Some((last as f64 * rate / row.frame_rate + 1e-9) as usize)
-    };
-    let longest = rows
-        .iter()
-        .filter_map(last)
-        .max()
-        .map_or(0, |last| last + 1);
+    let last = |run: &&Run| (run.frames.len() as f64 * rate / run.frame_rate + 1e-9) as usize;
+    let longest = runs.iter().map(last).max().unwrap_or(0);
     let at = |frame: usize| {
-        let nearest = |row: &Row| (frame as f64 * row.frame_rate / rate).round() as usize;
-        let errors = || {
-            let curves = rows.iter();
-            curves.filter_map(|row| measure.curve(row).get(nearest(row)))
-        };
-        let squares: f64 = errors().map(|error| error * error).sum();
-        (squares / errors().count() as f64).sqrt()
+        let nearest = |run: &Run| (frame as f64 * run.frame_rate / rate).round() as usize;
+        let errors = runs.iter().filter_map(|run| {
+            let at = run.frames.get(nearest(run).checked_sub(1)?)?;
+            measure.of(at)
+        });
+        let errors: Vec<f64> = errors.collect();
+        let squares: f64 = errors.iter().map(|error| error * error).sum();
+        let error = (squares / errors.len() as f64).sqrt();
+        (!errors.is_empty()).then_some([frame as f64 / rate, error])
     };
-    (0..longest)
-        .map(|frame| [frame as f64 / rate, 1e3 * at(frame)])
-        .collect()
+    (1..=longest).filter_map(at).collect()
+}
+
+/// Position errors after the most frames, or of whole runs where there are none, by the time that a
+/// frame takes: a point for each model, a line through the physics with more and more substeps. None
+/// where nothing was timed.
+///
+/// # Errors
+/// A value that is not finite.
+pub(super) fn by_time(
+    summaries: &[Summary],
+    timings: &[Timing],
+) -> Result<Option<String>, PlotError> {
+    let longest = summaries.iter().flat_map(|summary| &summary.after);
+    let longest = longest.map(|at| at.frame).max();
+    let point = |summary: &Summary| {
+        let at = match longest {
+            Some(k) => *summary.after.iter().find(|at| at.frame == k)?,
+            None => summary.whole?,
+        };
+        let error = Measure::Position.of(&at)?;
+        (error > 0.0).then_some([ms_per_frame(summary, timings)?, error])
+    };
+    let of_kind = |kind| summaries.iter().filter(move |summary| summary.kind == kind);
+    let model = |summary: &Summary| Line {
+        name: named(summary),
+        role: Role::Subject,
+        points: point(summary).into_iter().collect(),
+    };
+    let mut lines: Vec<Line> = of_kind(Kind::Model).map(model).collect();
+    // The integrator is what stands before the substeps.
+    let family = |summary: &Summary| {
+        let name = summary.method.split(',').next();
+        name.unwrap_or_default().to_owned()
+    };
+    for summary in of_kind(Kind::Physics) {
+        let name = family(summary);
+        match lines
+            .iter_mut()
+            .find(|line| line.role == Role::Rival && line.name == name)
+        {
+            Some(line) => line.points.extend(point(summary)),
+            None => lines.push(Line {
+                name,
+                role: Role::Rival,
+                points: point(summary).into_iter().collect(),
+            }),
+        }
+    }
+    lines.retain(|line| !line.points.is_empty());
+    let what = match longest {
+        Some(k) => format!("after {k} frames"),
+        None => "of whole runs".to_owned(),
+    };
+    drawn(&LineChart {
+        title: format!("Position error {what} by the time of a frame"),
+        x: axis("time of a frame (ms)", Scale::Logarithmic),
+        y: axis("position RMSE (mm)", Scale::Logarithmic),
+        lines,
+    })
 }
 
 /// Logarithmic where the highest points of the lines are far apart.
@@ -194,57 +186,10 @@ fn scale_of(lines: &[Line]) -> Scale {
     }
 }
 
-/// Errors of whole runs, a bar for everyone who did not fail.
-///
-/// # Errors
-/// A value that is not finite.
-pub fn bars(contest: &Contest<'_>, measure: Measure) -> Result<Option<String>, PlotError> {
-    let bar = |subject: &Subject<'_>| {
-        let value = summary(&subject.rows).measures.map(|m| match measure {
-            Measure::Position => m.position_rmse,
-            Measure::EdgeLength => m.edge_length_rmse,
-        });
-        Bar {
-            name: subject.label.clone(),
-            role: role(subject.who),
-            value: value.map(|metres| 1e3 * metres),
-            text: value.map_or_else(|| "failed".to_owned(), length),
-        }
-    };
-    let is_shown = |subject: &&Subject<'_>| subject.who != Who::Truth;
-    let groups = contest.groups.iter().map(|group| BarGroup {
-        heading: group.heading.clone(),
-        bars: group.subjects.iter().filter(is_shown).map(bar).collect(),
-    });
-    let chart = BarChart {
-        title: format!(
-            "{} of whole runs, mean over motions",
-            capital(measure.name())
-        ),
-        axis: format!("{} (mm)", measure.name()),
-        groups: groups.collect(),
-    };
-    unless_empty(chart.to_svg())
-}
-
-/// The plot; none where there is nothing to show.
-fn unless_empty(svg: Result<String, PlotError>) -> Result<Option<String>, PlotError> {
-    match svg {
+/// Lines over an axis; none where there is nothing to show.
+fn drawn(chart: &LineChart) -> Result<Option<String>, PlotError> {
+    match chart.to_svg() {
         Err(PlotError::Empty { .. }) => Ok(None),
         result => result.map(Some),
     }
-}
-
-/// Lines over an axis; none where there is nothing to show.
-///
-/// # Errors
-/// A value that is not finite.
-pub(crate) fn drawn(chart: &LineChart) -> Result<Option<String>, PlotError> {
-    unless_empty(chart.to_svg())
-}
-
-fn capital(text: &str) -> String {
-    let mut characters = text.chars();
-    let first = characters.next().map(|c| c.to_uppercase().to_string());
-    first.unwrap_or_default() + characters.as_str()
 }

@@ -1,4 +1,4 @@
-//! The evaluations of a study: one contestant after another, each kept in a file that says which
+//! The evaluation of a study: one method after another, each kept in a file that says which
 //! model and which data it is of, and made anew where these are others.
 
 use std::path::{Path, PathBuf};
@@ -11,8 +11,7 @@ use super::desk::{Desk, StudyData};
 use super::error::{OfPart, StudyError};
 use super::{kept, training};
 use crate::evaluation::{
-    Contestant, Evaluation, EvaluationPlan, Horizons, Racer, Row, TestData, Timing, check_horizons,
-    measure as measure_plan,
+    self, Case, Evaluation, EvaluationPlan, Horizons, Method, Mover, measure as measure_plan,
 };
 use crate::event::End;
 use crate::folder;
@@ -34,25 +33,19 @@ struct Kept {
 struct Subject {
     /// Version of what is measured.
     version: u32,
-    /// Hash of the model, or what a rival is.
+    /// Hash of the model, or what a baseline is.
     model: String,
     /// Names and hashes of the data sets.
     data: Vec<(String, String)>,
     motions: Vec<String>,
     horizons: Horizons,
-    /// The device, since times depend on it: `cpu` for a rival, and by default.
+    /// The device, since times depend on it: `cpu` for a baseline, and by default.
     #[serde(default = "kept::processor")]
     device: String,
 }
 
 /// Raised where evaluations that are kept would come out differently now.
-const VERSION: u32 = 3;
-
-/// Measures of all contestants, one after another.
-pub(super) struct Results {
-    pub(super) rows: Vec<Row>,
-    pub(super) timings: Vec<Timing>,
-}
+const VERSION: u32 = 4;
 
 /// Fails where something that is to be measured cannot be: before any work is done.
 ///
@@ -67,36 +60,38 @@ pub(super) fn check(desk: &Desk<'_>) -> Result<(), StudyError> {
         let (path, _) = training::model_file(desk, entry)?;
         NamedModel::open(Some(&path)).of(|| format!("model {:?}", entry.name))?;
     }
-    let data = test_data(desk)?;
-    if desk.study.evaluation.steps.is_none() {
-        return Ok(());
-    }
-    check_horizons(&data, &horizons(desk))
+    let cases = cases(desk)?;
+    let rigid: Vec<Method> = Method::baseline("rigid").into_iter().collect();
+    let plan = EvaluationPlan {
+        cases: &cases,
+        methods: &rigid,
+        horizons: &horizons(desk),
+        references: None,
+        crew: desk.crew.clone(),
+    };
+    evaluation::check(&plan, desk.study.evaluation.horizons.is_some())
         .map_err(|error| StudyError::new(format!("evaluation.{error}")))
 }
 
 fn horizons(desk: &Desk<'_>) -> Horizons {
     let asked = &desk.study.evaluation;
-    let steps = asked.steps.as_deref().unwrap_or(&Horizons::USUAL);
-    Horizons::new(steps.iter().copied(), asked.starts)
+    let frames = asked.horizons.as_deref().unwrap_or(&Horizons::USUAL);
+    Horizons::new(frames.iter().copied(), asked.starts)
 }
 
-/// Measures every contestant that is not measured yet. None where the listener asked to stop.
+/// Measures every method that is not measured yet. None where the listener asked to stop.
 ///
 /// # Errors
 /// A model that has vanished, or what of the data or a file went wrong.
-pub(super) fn measure_all(desk: &Desk<'_>) -> Result<Option<Results>, StudyError> {
-    let data = test_data(desk)?;
+pub(super) fn measure_all(desk: &Desk<'_>) -> Result<Option<Evaluation>, StudyError> {
+    let cases = cases(desk)?;
     folder::make_folder(&desk.out.join(EVALUATIONS))?;
-    let mut results = Results {
-        rows: Vec::new(),
-        timings: Vec::new(),
-    };
-    let mut add = |contestant: Waiting| -> Result<bool, StudyError> {
-        let Some(found) = measure(desk, &data, contestant)? else {
+    let mut results = Evaluation::default();
+    let mut add = |method: Waiting| -> Result<bool, StudyError> {
+        let Some(found) = measure(desk, &cases, method)? else {
             return Ok(false);
         };
-        results.rows.extend(found.rows);
+        results.runs.extend(found.runs);
         results.timings.extend(found.timings);
         Ok(true)
     };
@@ -112,11 +107,11 @@ pub(super) fn measure_all(desk: &Desk<'_>) -> Result<Option<Results>, StudyError
             return Ok(None);
         }
     }
-    for rival in desk.study.evaluation.rivals() {
+    for baseline in desk.study.evaluation.baselines() {
         let waiting = Waiting {
-            name: rival.name.clone(),
-            hash: rival.name.clone(),
-            runs: Runs::Rival(rival),
+            name: baseline.name.clone(),
+            hash: baseline.name.clone(),
+            runs: Runs::Baseline(baseline),
         };
         if !add(waiting)? {
             return Ok(None);
@@ -125,17 +120,17 @@ pub(super) fn measure_all(desk: &Desk<'_>) -> Result<Option<Results>, StudyError
     Ok(Some(results))
 }
 
-/// A contestant to be measured, with a hash that changes where it does.
+/// A method to be measured, with a hash that changes where it does.
 struct Waiting {
     name: String,
     hash: String,
     runs: Runs,
 }
 
-/// A contestant to be; a model is opened late, where it must run.
+/// A method to be; a model is opened late, where it must run.
 enum Runs {
     Model(PathBuf),
-    Rival(Contestant),
+    Baseline(Method),
 }
 
 impl Waiting {
@@ -148,25 +143,37 @@ impl Waiting {
     }
 }
 
-fn test_data(desk: &Desk<'_>) -> Result<Vec<TestData>, StudyError> {
+fn cases(desk: &Desk<'_>) -> Result<Vec<Case>, StudyError> {
     let asked = &desk.study.evaluation;
     let is_asked = |name: &String| asked.data.is_empty() || asked.data.contains(name);
     let sets = desk.data.iter().filter(|data| is_asked(&data.name));
-    let open = |data: &StudyData| {
-        let (name, set) = (data.name.clone(), data.set.clone());
-        let test = TestData::new(name, set, Split::Test, &asked.motions);
+    let mut cases = Vec::new();
+    for StudyData { name, set, .. } in sets {
+        let of_set = Case::recorded(name, set, Split::Test, &asked.motions);
         // The study's mistake, not one of the command line.
-        test.map_err(|error| StudyError::new(format!("evaluation.motions: {error}")))
-    };
-    sets.map(open).collect()
+        let told = |error| StudyError::new(format!("evaluation.motions: {error}"));
+        cases.extend(of_set.map_err(told)?);
+    }
+    Ok(cases)
 }
 
-/// The evaluation that is kept of `of`; on ranks other than the first one without rows.
+/// Names and hashes of the data sets of `cases`.
+fn hashes(desk: &Desk<'_>, cases: &[Case]) -> Result<Vec<(String, String)>, StudyError> {
+    let mut hashes: Vec<(String, String)> = Vec::new();
+    for case in cases {
+        if !hashes.iter().any(|known| known.0 == case.set) {
+            hashes.push((case.set.clone(), desk.data(&case.set)?.hash.clone()));
+        }
+    }
+    Ok(hashes)
+}
+
+/// The evaluation that is kept of `of`; on ranks other than the first one without runs.
 fn kept_of(desk: &Desk<'_>, path: &Path, of: &Subject) -> Result<Option<Evaluation>, StudyError> {
     // What failed may have failed by a cause that is gone: it is tried again.
     let is_good = |kept: &Kept| {
-        let mut rows = kept.evaluation.rows.iter();
-        kept.of == *of && rows.all(|row| row.failure.is_none())
+        let mut runs = kept.evaluation.runs.iter();
+        kept.of == *of && runs.all(|run| run.failure.is_none())
     };
     let kept = match desk.crew.ranks.is_first() {
         true => kept::read::<Kept>(path)?.filter(is_good),
@@ -179,22 +186,19 @@ fn kept_of(desk: &Desk<'_>, path: &Path, of: &Subject) -> Result<Option<Evaluati
 
 fn measure(
     desk: &Desk<'_>,
-    data: &[TestData],
+    cases: &[Case],
     waiting: Waiting,
 ) -> Result<Option<Evaluation>, StudyError> {
     let asked = &desk.study.evaluation;
-    let hash_of = |test: &TestData| -> Result<(String, String), StudyError> {
-        Ok((test.name.clone(), desk.data(&test.name)?.hash.clone()))
-    };
     let of = Subject {
         version: VERSION,
         model: waiting.hash,
-        data: data.iter().map(hash_of).collect::<Result<_, _>>()?,
+        data: hashes(desk, cases)?,
         motions: asked.motions.clone(),
         horizons: horizons(desk),
         device: match waiting.runs {
             Runs::Model(_) => desk.machine.name(),
-            Runs::Rival(_) => kept::processor(),
+            Runs::Baseline(_) => kept::processor(),
         },
     };
     let folder = desk.out.join(EVALUATIONS);
@@ -202,11 +206,11 @@ fn measure(
     if let Some(kept) = kept_of(desk, &path, &of)? {
         return Ok(Some(kept));
     }
-    let contestant = match waiting.runs {
-        Runs::Rival(contestant) => contestant,
-        Runs::Model(file) => Contestant {
+    let method = match waiting.runs {
+        Runs::Baseline(method) => method,
+        Runs::Model(file) => Method {
             name: waiting.name,
-            racer: Racer::Model(
+            mover: Mover::Model(
                 NamedModel::open(Some(&file))?.model,
                 GuardSettings::with(Correction::None),
                 desk.machine.clone(),
@@ -214,11 +218,11 @@ fn measure(
         },
     };
     let plan = EvaluationPlan {
-        data,
-        contestants: &[contestant],
+        cases,
+        methods: &[method],
         horizons: &of.horizons,
+        references: None,
         crew: desk.crew.clone(),
-        part: None,
     };
     let (evaluation, end) = measure_plan(&plan, desk.reporter)?;
     // Rank 0 alone knows whether all is there.

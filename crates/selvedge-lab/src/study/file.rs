@@ -11,7 +11,7 @@ use selvedge_train::{Setting, TrainConfig};
 use serde::{Deserialize, Deserializer, Serialize};
 
 use super::error::{OfPart, StudyError};
-use crate::evaluation::{Contestant, Who};
+use crate::evaluation::Method;
 use crate::{assets, span};
 
 /// A study.
@@ -41,8 +41,6 @@ pub struct Study {
     /// Models that are there already.
     #[serde(default)]
     pub(super) model: Vec<Finished>,
-    /// Questions, a section of the report each.
-    pub(super) question: Vec<Question>,
     /// The folder of relative paths.
     #[serde(skip)]
     pub(super) folder: PathBuf,
@@ -79,37 +77,23 @@ pub(super) struct Measured {
     /// Motions; all where none is said.
     #[serde(default)]
     pub(super) motions: Vec<String>,
-    /// k, for errors over k steps from the truth; those of the usual ones that fit where none is
-    /// said.
-    pub(super) steps: Option<Vec<usize>>,
-    /// True frames per trajectory from which these start.
+    /// Frames k from true states after which errors are taken; those of the usual ones that fit
+    /// where none is said.
+    pub(super) horizons: Option<Vec<usize>>,
+    /// True frames per trajectory from which runs start.
     #[serde(default = "usual_starts")]
     pub(super) starts: usize,
-    /// Rivals beside the models.
+    /// Baselines beside the models: `rigid`, `mirror`.
     #[serde(default)]
-    rivals: Vec<Rival>,
-}
-
-/// A rival beside the models.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-enum Rival {
-    /// The rest pose moved rigidly with the handles.
-    Rigid,
-    /// The physics from the other branch of the buckling.
-    Mirror,
-    /// The recorded trajectory itself, without any error.
-    Truth,
+    pub(super) baselines: Vec<String>,
 }
 
 /// A model that is trained.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Training {
-    /// Its name in questions, and of its folder.
+    /// Its name in tables, and of its folder.
     pub(super) name: String,
-    /// The label beside its numbers; by default the name.
-    pub(super) label: Option<String>,
     /// A TOML file, or the name of a shipped configuration.
     pub(super) config: String,
     /// Changed values, as `model.latent=32`.
@@ -126,61 +110,15 @@ pub(super) struct Training {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Finished {
-    /// Its name in questions.
+    /// Its name in tables.
     pub(super) name: String,
-    /// The label beside its numbers; by default the name.
-    pub(super) label: Option<String>,
     /// Its file.
     pub(super) file: PathBuf,
 }
 
-/// A question.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Question {
-    /// The heading.
-    pub(super) title: String,
-    /// Text under the heading.
-    #[serde(default)]
-    pub(super) text: String,
-    /// Names of the models to compare.
-    #[serde(default)]
-    pub(super) models: Vec<String>,
-    /// Instead of `models`: in groups with headings.
-    #[serde(default)]
-    pub(super) groups: Vec<Grouped>,
-    /// Tables and plots, in this order.
-    pub(super) show: Vec<Show>,
-}
-
-/// Models that belong together.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Grouped {
-    /// The heading of the group.
-    pub(super) heading: String,
-    /// Their names.
-    pub(super) models: Vec<String>,
-}
-
-/// A table or a plot.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(super) enum Show {
-    /// A table of everything about whole runs.
-    Table,
-    /// The two errors of the paper's table 1.
-    Ablation,
-    /// Errors over k steps: table and plot (figure 3a).
-    Steps,
-    /// Errors by time (figure 3b).
-    Time,
-    /// Errors of whole runs as bars (figures 3c and 5).
-    Bars,
-    /// A table motion by motion.
-    Motions,
-    /// A table mesh by mesh.
-    Meshes,
+/// Names of the studies that ship.
+pub fn shipped() -> impl Iterator<Item = &'static str> {
+    STUDIES.iter().map(|study| study.0)
 }
 
 /// Opens a study by the path of its file or by the name of a shipped one.
@@ -209,16 +147,11 @@ fn parse(text: &str, folder: &Path, name: &str) -> Result<Study, StudyError> {
 }
 
 impl Measured {
-    /// Rivals beside the models, in the order of a table.
-    pub(super) fn rivals(&self) -> impl Iterator<Item = Contestant> {
-        let asked = self.rivals.iter().map(|rival| match rival {
-            Rival::Rigid => Who::Rigid,
-            Rival::Mirror => Who::Mirror,
-            Rival::Truth => Who::Truth,
-        });
-        let asked: Vec<Who> = asked.collect();
-        let all = Contestant::rivals().into_iter();
-        all.filter(move |rival| asked.contains(&rival.who()))
+    /// Baselines beside the models, in the order of a table.
+    pub(super) fn baselines(&self) -> impl Iterator<Item = Method> {
+        self.baselines
+            .iter()
+            .filter_map(|name| Method::baseline(name))
     }
 }
 
@@ -283,31 +216,6 @@ impl Study {
                 "data: the study has several data sets: say which one it learns from".to_string(),
             )),
         }
-    }
-
-    /// The label of the model or rival of this name; none for an unknown name.
-    pub(super) fn label<'a>(&'a self, name: &'a str) -> Option<&'a str> {
-        let trained = self.train.iter().map(|entry| (&entry.name, &entry.label));
-        let finished = self.model.iter().map(|entry| (&entry.name, &entry.label));
-        let mut models = trained.chain(finished);
-        if let Some((known, label)) = models.find(|entry| entry.0 == name) {
-            return Some(label.as_ref().unwrap_or(known));
-        }
-        let mut rivals = self.evaluation.rivals();
-        rivals.any(|rival| rival.name == name).then_some(name)
-    }
-}
-
-impl Question {
-    /// Names of the models to compare, in groups.
-    pub(super) fn groups(&self) -> Vec<Grouped> {
-        if !self.groups.is_empty() {
-            return self.groups.clone();
-        }
-        vec![Grouped {
-            heading: String::new(),
-            models: self.models.clone(),
-        }]
     }
 }
 

@@ -1,8 +1,7 @@
-//! Studies: trainings, measurements, and questions about their outcome, in one file.
+//! Studies: a list of trainings and one evaluation of all their models, in one file.
 //!
 //! `file` is what a study says, checked; `training` and `evaluation` do the work and keep what is
-//! done in the study's folder, so that a study that was interrupted goes on; `page` answers the
-//! questions. What is kept says what it was made from, and is only taken for that.
+//! done in the study's folder, so that a study that was interrupted goes on. What is kept says what it was made from, and is only taken for that.
 
 mod desk;
 mod error;
@@ -25,10 +24,11 @@ use crate::event::{End, OnEvent, Reporter};
 use crate::folder_kind::REPORT;
 use crate::generation;
 use crate::machine::Machine;
+use crate::report;
 use crate::workers::Crew;
 
 pub use self::error::StudyError;
-pub use self::file::open;
+pub use self::file::{open, shipped};
 
 /// A study to be made.
 #[derive(Clone, Copy)]
@@ -47,7 +47,7 @@ pub struct StudyOrder<'a> {
 pub struct StudyOutcome {
     /// Trainings that are finished.
     pub trained: usize,
-    /// Contestants that are measured.
+    /// Methods that are measured.
     pub measured: usize,
     /// The files of the report; none where it was interrupted.
     pub wrote: Vec<PathBuf>,
@@ -110,10 +110,10 @@ pub fn run(
     let Some(measured) = evaluation::measure_all(&desk)? else {
         return Ok(outcome);
     };
-    outcome.measured = study.train.len() + study.model.len() + study.evaluation.rivals().count();
+    outcome.measured = study.train.len() + study.model.len() + study.evaluation.baselines().count();
     if crew.ranks.is_first() {
-        let report = page::report(study, &trained, &measured)?;
-        outcome.wrote = report.write(&out.join(REPORT))?;
+        let heading = page::heading(study, &trained)?;
+        outcome.wrote = report::write(&out.join(REPORT), &heading, &measured)?;
     }
     outcome.end = End::Complete;
     Ok(outcome)
@@ -144,7 +144,7 @@ fn prepare(
                     let folder = folder.display();
                     return Err(StudyError::new(format!(
                         "{folder}: the data set is not there yet, and a part of a study makes none: make it \
-                         first with `selvedge dataset generate {preset} --out {folder}`"
+                         first with `selvedge data generate {preset} -o {folder}`"
                     )));
                 }
                 let end = make(&preset, &folder, crew, reporter).of(context)?;

@@ -1,104 +1,22 @@
-//! The report of a study: its models, and a section for each question.
-
-use selvedge_view::plot::PlotError;
+//! The report of a study: its models and their trainings above that of its evaluation.
 
 use super::error::StudyError;
-use super::evaluation::Results;
-use super::file::{Budget, Question, Show, Study};
+use super::file::{Budget, Study};
 use super::training::Record;
-use crate::evaluation::Row;
-use crate::report::{self, Cells, Contest, Group, Measure, Page, Report, Subject};
+use crate::report::{self, Cells, Heading};
 
-/// The report of a study of which everything is there.
+/// What the report of a study says beside the numbers.
 ///
 /// # Errors
-/// A question that names nobody, or a value that cannot be drawn.
-pub(super) fn report(
-    study: &Study,
-    trained: &[Record],
-    results: &Results,
-) -> Result<Report, StudyError> {
-    let mut page = Page::new(&study.title);
-    page.say(&study.text);
-    for (number, question) in study.question.iter().enumerate() {
-        page.section(&question.title);
-        page.say(&question.text);
-        let contest = contest(study, question, &results.rows);
-        for show in &question.show {
-            answer(&mut page, &contest, *show, number + 1)?;
-        }
-    }
-    let everyone = Contest::of(&results.rows);
-    let failures = report::failures(&everyone);
-    if !failures.is_empty() {
-        page.section("What failed");
-        page.say(&failures);
-    }
-    page.section("Models");
-    page.say(&models(study, trained)?);
-    page.say(&format!(
-        "Measured on {}; motions: {}.",
-        everyone.values(|row| &row.data).join(", "),
-        everyone.values(|row| &row.motion).len()
-    ));
-    page.say_of_times(&training_times(study, trained));
-    Ok(page.finish(&everyone, &results.timings)?)
-}
-
-/// The contestants that a question compares.
-fn contest<'a>(study: &'a Study, question: &Question, rows: &'a [Row]) -> Contest<'a> {
-    let subject = |name: &String| {
-        let rows: Vec<&Row> = rows.iter().filter(|row| row.name == *name).collect();
-        Some(Subject {
-            label: study.label(name)?.to_owned(),
-            who: rows.first()?.who,
-            rows,
-        })
-    };
-    let groups = question.groups().into_iter().map(|group| Group {
-        subjects: group.models.iter().filter_map(subject).collect(),
-        heading: group.heading,
-    });
-    Contest {
-        groups: groups.collect(),
-    }
-}
-
-fn answer(
-    page: &mut Page,
-    contest: &Contest<'_>,
-    show: Show,
-    number: usize,
-) -> Result<(), PlotError> {
-    let file = |what: &str| format!("question-{number}-{what}.svg");
-    let both = [
-        (Measure::Position, "position"),
-        (Measure::EdgeLength, "edge-length"),
-    ];
-    match show {
-        Show::Table => page.say(&report::summary_table(contest)),
-        Show::Ablation => page.say(&report::ablation_table(contest)),
-        Show::Motions => page.say(&report::motion_table(contest)),
-        Show::Meshes => page.say(&report::mesh_table(contest).unwrap_or_default()),
-        Show::Steps => {
-            page.say(&report::horizon_table(contest));
-            let svg = report::horizons_plot(contest)?;
-            page.plot(&file("steps"), "errors by steps", svg);
-        }
-        Show::Time => {
-            for (measure, name) in both {
-                let svg = report::over_time(contest, measure, None)?;
-                page.plot(&file(&format!("time-{name}")), "errors by time", svg);
-            }
-        }
-        Show::Bars => {
-            for (measure, name) in both {
-                let svg = report::bars(contest, measure)?;
-                page.plot(&file(name), "errors of whole runs", svg);
-            }
-        }
-    }
-    Ok(())
+/// An entry that names no data or budget.
+pub(super) fn heading(study: &Study, trained: &[Record]) -> Result<Heading, StudyError> {
+    Ok(Heading {
+        title: study.title.clone(),
+        note: study.text.clone(),
+        tables: vec![models(study, trained)?],
+        reference_order: None,
+        times: vec![training_times(study, trained)],
+    })
 }
 
 /// A table of the models and of their trainings.
@@ -136,11 +54,11 @@ fn models(study: &Study, trained: &[Record]) -> Result<String, StudyError> {
         cells.extend(vec!["–".to_owned(); 4]);
         rows.push(cells);
     }
-    Ok(report::table(&headings.map(str::to_owned), &rows))
+    Ok(report::table(&headings, &rows))
 }
 
 fn training_times(study: &Study, trained: &[Record]) -> String {
-    let headings = ["training", "begun on", "time (s)", "steps per second"].map(str::to_owned);
+    let headings = ["training", "begun on", "time (s)", "steps per second"];
     let cells = |(entry, record): (&super::file::Training, &Record)| {
         let rate = record.steps_done as f64 / record.seconds.max(1e-9);
         vec![

@@ -133,13 +133,13 @@ fn prepare(program: &Program, folder: &Path) -> Result<()> {
     )?;
     fs::create_dir(folder.join("caches"))?;
     for command in [
-        "simulate push.toml --from-start --out run.safetensors",
-        "simulate push.toml --from-start --frames 3 --out short.safetensors",
-        "export run.safetensors --to square.obj --frames 0",
-        "export run.safetensors --to caches/run.usdc",
-        "export short.safetensors --to caches/short.usdc",
-        "dataset generate tiny --out tiny",
-        "train moment.toml --data tiny --out trained",
+        "run push.toml --start mesh -o run.safetensors",
+        "run push.toml --start mesh --frames 3 -o short.safetensors",
+        "export run.safetensors -o square.obj --frames 0",
+        "export run.safetensors -o caches/run.usdc",
+        "export short.safetensors -o caches/short.usdc",
+        "data generate tiny -o tiny",
+        "train moment.toml --data tiny -o trained",
     ] {
         program.run(folder, command)?;
     }

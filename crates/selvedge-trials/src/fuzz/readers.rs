@@ -236,7 +236,7 @@ pub(super) fn options(_: &Bench, _: &Path, bytes: &[u8]) -> Verdict {
         text.parse::<selvedge_lab::machine::DeviceName>()
             .map(drop)
             .map_err(said),
-        text.parse::<selvedge_lab::convergence::NamedIntegrator>()
+        text.parse::<selvedge_lab::evaluation::PhysicsMethod>()
             .map(drop)
             .map_err(said),
     ];

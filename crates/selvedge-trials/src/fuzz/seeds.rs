@@ -60,16 +60,16 @@ impl Seeds {
         write("push.toml", SCENE)?;
         write("moment.toml", TRAINING)?;
         for command in [
-            "simulate push.toml --from-start --out run.safetensors --states states.safetensors",
-            "export run.safetensors --to run.glb",
-            "export run.safetensors --to run.usda",
-            "export run.safetensors --to run.npz",
-            "export run.safetensors --to run.usdc",
-            "export run.safetensors --to run.usdz",
-            "export run.safetensors --to run.pc2",
-            "export run.safetensors --to run.obj --frames 0",
-            "dataset generate tiny --out tiny",
-            "train moment.toml --data tiny --out run",
+            "run push.toml --start mesh -o run.safetensors --states states.safetensors",
+            "export run.safetensors -o run.glb",
+            "export run.safetensors -o run.usda",
+            "export run.safetensors -o run.npz",
+            "export run.safetensors -o run.usdc",
+            "export run.safetensors -o run.usdz",
+            "export run.safetensors -o run.pc2",
+            "export run.safetensors -o run.obj --frames 0",
+            "data generate tiny -o tiny",
+            "train moment.toml --data tiny -o run",
         ] {
             program.run(folder, command)?;
         }

@@ -1,4 +1,4 @@
-//! The canvas of both charts: a picture in pixels from the top left corner, with its colours and
+//! The canvas of charts: a picture in pixels from the top left corner, with its colours and
 //! texts, as SVG by `plotters`.
 //!
 //! `plotters` counts in whole units, which would make curves jagged: everything is drawn [`UNIT`]
@@ -7,7 +7,7 @@
 use plotters::coord::Shift;
 use plotters::prelude::{
     Circle, DashedLineSeries, DrawingArea, DrawingAreaErrorKind, FontDesc, FontFamily, FontStyle,
-    FontTransform, IntoDrawingArea, PathElement, RGBColor, Rectangle, SVGBackend, WHITE,
+    FontTransform, IntoDrawingArea, PathElement, RGBColor, SVGBackend, WHITE,
 };
 use plotters::style::Color;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -209,12 +209,6 @@ impl Canvas<'_> {
             self.area
                 .draw(&Circle::new(units(at), radius, colour.filled())),
         )
-    }
-
-    /// Fills the rectangle between two corners.
-    pub(super) fn rectangle(&self, corners: [Point; 2], colour: RGBColor) -> Result<(), PlotError> {
-        let shape = Rectangle::new(corners.map(units), colour.filled());
-        self.check(self.area.draw(&shape))
     }
 
     fn check<E: std::error::Error + Send + Sync>(

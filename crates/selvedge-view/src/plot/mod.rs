@@ -1,18 +1,15 @@
-//! Plots of numbers as SVG: lines over an axis, and bars beside each other, in the manner of figures
-//! 3 and 5 of Libao et al. 2023, drawn by `plotters` without a font: the reader's browser has one.
-//! Pages of histograms are images.
+//! Plots of numbers as SVG: lines over an axis, in the manner of figure 3 of Libao et al. 2023, drawn
+//! by `plotters` without a font: the reader's browser has one. Pages of histograms are images.
 //!
-//! Every line and bar has its name beside it in its own colour, so that no legend has to be looked
+//! Every line has its name beside it in its own colour, so that no legend has to be looked
 //! up; the same names in the same order have the same colours. A chart is a pure function of its
 //! values: same values, same bytes.
 
-mod bars;
 mod canvas;
 mod histogram;
 mod lines;
 mod ticks;
 
-pub use bars::{Bar, BarChart, BarGroup};
 pub use histogram::{HistogramPlot, histogram_page};
 pub use lines::{Axis, Line, LineChart, Role, Scale};
 

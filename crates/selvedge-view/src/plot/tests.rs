@@ -119,47 +119,6 @@ fn a_logarithmic_axis_leaves_out_what_has_no_place() {
 }
 
 #[test]
-fn bars_are_as_long_as_their_values() {
-    let bar = |name: &str, value, role| Bar {
-        name: name.to_owned(),
-        role,
-        value,
-        text: "x".to_owned(),
-    };
-    let mut chart = BarChart {
-        title: "t".to_owned(),
-        axis: "mm".to_owned(),
-        groups: vec![BarGroup {
-            heading: "epoch 300".to_owned(),
-            bars: vec![
-                bar("a", Some(2.0), Role::Subject),
-                bar("b", Some(1.0), Role::Rival),
-                bar("c", None, Role::Subject),
-            ],
-        }],
-    };
-    let svg = chart.to_svg().unwrap();
-    // The first rectangle is the background.
-    let widths: Vec<f64> = svg
-        .lines()
-        .filter(|line| line.contains("<rect"))
-        .skip(1)
-        .map(|line| {
-            let width = line.split(" width=\"").nth(1).unwrap();
-            width.split('"').next().unwrap().parse().unwrap()
-        })
-        .collect();
-    assert_eq!(widths.len(), 3);
-    assert!((widths[0] - 2.0 * widths[1]).abs() <= 2.0 && widths[2] == 0.0);
-    assert!(svg.contains("epoch 300"));
-    chart.groups[0].bars[0].value = Some(f64::NAN);
-    let error = chart.to_svg().unwrap_err().to_string();
-    assert!(error.contains("\"a\""), "{error}");
-    chart.groups.clear();
-    assert!(matches!(chart.to_svg(), Err(PlotError::Empty { .. })));
-}
-
-#[test]
 fn a_value_that_is_not_finite_is_named() {
     let error = chart(vec![[0.0, f64::INFINITY]]).to_svg().unwrap_err();
     assert!(error.to_string().contains("ours & theirs"), "{error}");

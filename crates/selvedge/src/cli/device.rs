@@ -14,8 +14,8 @@ pub(crate) struct DeviceArgs {
     /// ranks on a machine take that one and those after it.
     #[arg(long, value_name = "DEVICE", default_value = "cpu", value_parser = DeviceName::from_str)]
     pub(crate) device: DeviceName,
-    /// Precision of products; sums are always in single precision. On a processor `half` needs
-    /// AVX512-BF16, and there is no `tensor`; it trains in `full`.
+    /// Precision of products; sums are always in single precision. On a processor `bf16` needs
+    /// AVX512-BF16, and there is no `tf32`; it trains in `f32`.
     #[arg(long, value_enum, default_value_t = PrecisionFlag::Full)]
     precision: PrecisionFlag,
 }
@@ -51,37 +51,29 @@ impl DeviceArgs {
         self.device == DeviceName::Cpu
     }
 
-    /// The arithmetic that results depend on: the kind of the device, whichever of several it is,
-    /// and the precision.
-    pub(crate) fn arithmetic(&self) -> (&'static str, PrecisionName) {
-        let kind = match self.device {
-            DeviceName::Cpu => "cpu",
-            DeviceName::Cuda(_) => "cuda",
-            DeviceName::Host => "host",
-        };
-        (kind, self.precision())
-    }
-
     /// The precision that is asked for.
-    pub(crate) fn precision(&self) -> PrecisionName {
+    fn precision(&self) -> PrecisionName {
         self.precision.name()
     }
 }
 
 /// A rounding of factors before they are multiplied.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(super) enum PrecisionFlag {
+enum PrecisionFlag {
     /// No rounding.
+    #[value(name = "f32", alias = "full")]
     Full,
-    /// To 10 bits (TF32).
+    /// To 10 bits, on a GPU.
+    #[value(name = "tf32", alias = "tensor")]
     Tensor,
-    /// To 7 bits (bf16).
+    /// To 7 bits.
+    #[value(name = "bf16", alias = "half")]
     Half,
 }
 
 impl PrecisionFlag {
     /// The precision as the laboratory names it.
-    pub(super) fn name(self) -> PrecisionName {
+    fn name(self) -> PrecisionName {
         match self {
             Self::Full => PrecisionName::Full,
             Self::Tensor => PrecisionName::Tensor,

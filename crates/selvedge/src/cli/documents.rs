@@ -42,7 +42,7 @@ fn every_command_of_readme_and_book_is_understood() {
 
 #[test]
 fn commands_are_found_in_blocks_and_sentences() {
-    let page = "run `selvedge inspect` or `other`, `selvedge x <FILE>`\n\n```console quick\n\
+    let page = "run `selvedge info` or `other`, `selvedge x <FILE>`\n\n```console quick\n\
         selvedge train x --set \"a = b\" \\\n    --steps 3    # 2 s\nother\n```\n\n\
         ```toml\nselvedge no\n```\n\n```sh\ncargo run --release -- rollout\n```\n";
     let found: Vec<_> = calls(page)
@@ -50,7 +50,7 @@ fn commands_are_found_in_blocks_and_sentences() {
         .map(|call| (call.text, call.is_whole))
         .collect();
     let expected = [
-        ("inspect", false),
+        ("info", false),
         ("train x --set \"a = b\" --steps 3", true),
         ("rollout", true),
     ];

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use clap::builder::BoolishValueParser;
 use clap::{Args, ValueEnum};
 use selvedge_data::UpAxis;
 use selvedge_data::export::{FrameSpan, Normals, Velocities};
@@ -16,11 +17,11 @@ use selvedge_data::export::{FrameSpan, Normals, Velocities};
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  selvedge export out/rollout.safetensors --to cloth.usda
-  selvedge export out/rollout.safetensors --to cloth.glb --frames 60..180 --every 2
-  selvedge export out/rollout.safetensors --to cloth.pc2 --up z
-  selvedge export out/rollout.safetensors --to cloth.abc
-  selvedge export out/rollout.safetensors --to frames --format png
+  selvedge export out/rollout.safetensors -o cloth.usda
+  selvedge export out/rollout.safetensors -o cloth.glb --frames 60..180 --every 2
+  selvedge export out/rollout.safetensors -o cloth.pc2 --up z
+  selvedge export out/rollout.safetensors -o cloth.abc
+  selvedge export out/rollout.safetensors -o frames --format png
 
 A .glb has a morph target per frame: long runs are lighter as .usda or .pc2, or with --every.
 docs/src/guides/export.md says how Blender, Houdini, Unreal and three.js open these files.")]
@@ -28,8 +29,8 @@ pub(crate) struct ExportArgs {
     /// The trajectory (.safetensors).
     pub(crate) trajectory: PathBuf,
     /// The file to write; with --format obj or png a folder, which must not exist or be empty.
-    #[arg(long, value_name = "FILE_OR_FOLDER")]
-    pub(crate) to: PathBuf,
+    #[arg(short, long, alias = "to", value_name = "FILE|FOLDER")]
+    pub(crate) output: PathBuf,
     /// The format [default: as the name ends].
     #[arg(long, value_enum)]
     pub(crate) format: Option<FormatName>,
@@ -45,12 +46,12 @@ pub(crate) struct ExportArgs {
     up: UpName,
     /// A normal for each vertex and frame [default: yes for .glb, no for all others, whose readers
     /// make their own].
-    #[arg(long, value_enum)]
-    normals: Option<Choosing>,
+    #[arg(long, value_name = "YES|NO", num_args = 0..=1, default_missing_value = "yes", value_parser = BoolishValueParser::new())]
+    normals: Option<bool>,
     /// A velocity for each vertex and frame, in m/s, for motion blur [default: yes for .abc,
     /// .usdc and .usdz, no for .usda; all others have none].
-    #[arg(long, value_enum)]
-    velocities: Option<Choosing>,
+    #[arg(long, value_name = "YES|NO", num_args = 0..=1, default_missing_value = "yes", value_parser = BoolishValueParser::new())]
+    velocities: Option<bool>,
 }
 
 /// A format to write.
@@ -96,15 +97,6 @@ pub(crate) enum UpName {
     Z,
 }
 
-/// The choice of what a format need not have.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Choosing {
-    /// Written.
-    Yes,
-    /// Left out.
-    No,
-}
-
 impl ExportArgs {
     /// The frames that are asked for.
     pub(crate) fn frames(&self) -> FrameSpan {
@@ -125,16 +117,16 @@ impl ExportArgs {
     /// The choice of normals, where there was one.
     pub(crate) fn normals(&self) -> Option<Normals> {
         self.normals.map(|normals| match normals {
-            Choosing::Yes => Normals::Written,
-            Choosing::No => Normals::LeftOut,
+            true => Normals::Written,
+            false => Normals::LeftOut,
         })
     }
 
     /// The choice of velocities, where there was one.
     pub(crate) fn velocities(&self) -> Option<Velocities> {
         self.velocities.map(|velocities| match velocities {
-            Choosing::Yes => Velocities::Written,
-            Choosing::No => Velocities::LeftOut,
+            true => Velocities::Written,
+            false => Velocities::LeftOut,
         })
     }
 }

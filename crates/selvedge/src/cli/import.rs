@@ -1,4 +1,4 @@
-//! The call of `selvedge dataset import`: many options, because caches lack many things.
+//! The call of `selvedge data import`: many options, because caches lack many things.
 
 use std::path::PathBuf;
 
@@ -18,8 +18,8 @@ use crate::failure::WrongUsage;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  selvedge dataset import cache shots --density 0.2 --frame-rate 60 --handles 0,19 --out data/shots
-  selvedge dataset import cache shots --density 0.2 --frame-rate 60 --handles found --out data/shots
+  selvedge data import cache shots --density 0.2 --frame-rate 60 --handles 0,19 -o data/shots
+  selvedge data import cache shots --density 0.2 --frame-rate 60 --handles found -o data/shots
 
 docs/src/guides/data.md says what caches lack, what is taken by default, and why.")]
 pub(crate) struct ImportArgs {
@@ -29,8 +29,8 @@ pub(crate) struct ImportArgs {
     /// The folder of the data.
     pub(crate) source: PathBuf,
     /// The folder of the data set; it is made.
-    #[arg(long, value_name = "FOLDER")]
-    pub(crate) out: PathBuf,
+    #[arg(short, long, alias = "out", value_name = "FOLDER")]
+    pub(crate) output: PathBuf,
     /// The name of the data set [default: that of the folder].
     #[arg(long)]
     pub(crate) name: Option<String>,
@@ -130,7 +130,7 @@ impl ImportArgs {
         };
         Err(WrongUsage::new(format!(
             "such data are read in Python: pip install pyselvedge, then selvedge.datasets.import_{function}({:?}, {:?}, …) (see guides/data.md)",
-            self.source, self.out
+            self.source, self.output
         )))
     }
 

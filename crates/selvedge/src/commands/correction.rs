@@ -45,7 +45,7 @@ pub(super) fn run(args: &TrainArgs, text: &str) -> anyhow::Result<Answer> {
     if let Some(steps) = args.steps {
         cfg.steps = steps;
     }
-    let _claimed = folder::claim_folder(&args.out, FolderKind::Training)?;
+    let _claimed = folder::claim_folder(&args.output, FolderKind::Training)?;
     let mut trainer = trainer(cfg, args)?;
     let cfg = trainer.config().clone();
     let scenes = TeachingScenes::open(&cfg.teacher.scenes, &mut progress::listener())?;
@@ -59,7 +59,7 @@ pub(super) fn run(args: &TrainArgs, text: &str) -> anyhow::Result<Answer> {
     };
     let report = CorrectionReport {
         name: cfg.name,
-        out: args.out.clone(),
+        out: args.output.clone(),
         parameters: trainer.parameter_count(),
         samples: trainer.samples_made(),
         steps_done: trainer.steps_done(),
@@ -95,11 +95,11 @@ fn refuse(args: &TrainArgs) -> anyhow::Result<()> {
 }
 
 fn trainer(cfg: CorrectionConfig, args: &TrainArgs) -> anyhow::Result<CorrectionTrainer> {
-    let checkpoint = args.out.join(files::CHECKPOINT);
+    let checkpoint = args.output.join(files::CHECKPOINT);
     if args.resume {
         return Ok(CorrectionTrainer::resume(cfg, &checkpoint)?);
     }
-    super::train::require_empty(&args.out)?;
+    super::train::require_empty(&args.output)?;
     Ok(CorrectionTrainer::new(cfg)?)
 }
 
@@ -121,7 +121,7 @@ fn steps_until_end(
     let left = usize::try_from(left)?;
     trainer.stop_by(interrupt::flag().into());
     teaching.stop_by(interrupt::flag().into());
-    let end = run_correction(trainer, &mut teaching, &args.out, limits, &mut |event| {
+    let end = run_correction(trainer, &mut teaching, &args.output, limits, &mut |event| {
         match event {
             CorrectionEvent::Samples(made) => {
                 if let Some(progress) = &gathering {
@@ -143,7 +143,7 @@ fn steps_until_end(
         let flow: ControlFlow<()> = interrupt::flow();
         flow
     })
-    .with_context(|| format!("training into {}", args.out.display()))?;
+    .with_context(|| format!("training into {}", args.output.display()))?;
     let end = match end {
         RunEnd::Finished | RunEnd::TimeUp => End::Complete,
         RunEnd::Stopped => End::Interrupted,

@@ -26,7 +26,7 @@ struct Report {
 /// # Errors
 /// What is wrong with the call, the trajectory or the place.
 pub(crate) fn run(args: &ExportArgs) -> anyhow::Result<Answer> {
-    let wish = Wish::new(&args.to, args.format)?.with(Choice {
+    let wish = Wish::new(&args.output, args.format)?.with(Choice {
         frames: args.frames(),
         up: args.up(),
         normals: args.normals(),
@@ -56,7 +56,10 @@ pub(crate) fn run(args: &ExportArgs) -> anyhow::Result<Answer> {
 
 /// Checks that nothing is written over the trajectory or over something else that is written.
 fn check_places(args: &ExportArgs, outputs: &[PathBuf]) -> anyhow::Result<()> {
-    let outputs: Vec<_> = outputs.iter().map(|to| ("--to", to.as_path())).collect();
+    let outputs: Vec<_> = outputs
+        .iter()
+        .map(|to| ("--output", to.as_path()))
+        .collect();
     place::check_outputs(&outputs, &[("the trajectory", args.trajectory.as_path())])
 }
 

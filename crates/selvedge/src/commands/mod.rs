@@ -1,39 +1,33 @@
 //! One file per command: each takes its arguments and gives its [`Answer`].
 
-mod bench;
 mod compare;
 mod completions;
-mod convergence;
-mod convert;
 mod correction;
-mod dataset;
-mod dataset_import;
-mod dataset_inspect;
-mod dataset_merge;
-mod dataset_plan;
-mod evaluate;
+mod data;
+mod data_import;
+mod data_merge;
+mod eval;
 mod export;
-mod flops;
-mod inspect;
+mod info;
+mod list;
 mod manual;
-mod presets;
+mod model;
 mod rollout;
+mod run;
 mod sag;
 mod simulate;
-mod stress;
 mod study;
 mod train;
 mod view;
 
-use crate::cli::{BenchCommand, Command, DatasetCommand};
+use crate::cli::{Command, DataCommand, ModelCommand};
 use crate::output::Answer;
 
 /// Returns true for a command that several ranks can share.
 pub(crate) fn shares(command: &Command) -> bool {
     match command {
-        Command::Dataset(command) => matches!(command, DatasetCommand::Generate(_)),
-        Command::Train(_) | Command::Evaluate(_) | Command::Stress(_) => true,
-        Command::Study(args) => args.command.is_none(),
+        Command::Data(command) => matches!(command, DataCommand::Generate(_)),
+        Command::Train(_) | Command::Eval(_) | Command::Study(_) => true,
         _ => false,
     }
 }
@@ -44,31 +38,20 @@ pub(crate) fn shares(command: &Command) -> bool {
 /// What went wrong, from what was being done to its cause.
 pub(crate) fn run(command: &Command) -> anyhow::Result<Answer> {
     match command {
-        Command::Simulate(args) => simulate::run(args),
-        Command::Sag(args) => sag::run(args),
-        Command::Dataset(DatasetCommand::Generate(args)) => dataset::generate(args),
-        Command::Dataset(DatasetCommand::Plan(args)) => dataset_plan::run(&args.preset),
-        Command::Dataset(DatasetCommand::Merge(args)) => dataset_merge::run(args),
-        Command::Dataset(DatasetCommand::Import(args)) => dataset_import::run(args),
-        Command::Dataset(DatasetCommand::Inspect(args)) => {
-            dataset_inspect::run(&args.folder, args.pictures.as_deref())
-        }
-        Command::Compare(args) => compare::run(args),
+        Command::Run(args) => run::run(args),
+        Command::View(args) => view::run(args),
         Command::Export(args) => export::run(args),
-        Command::Inspect(args) => inspect::run(args),
-        Command::Convert(args) => convert::run(args),
-        Command::Presets => presets::run(),
+        Command::Compare(args) => compare::run(args),
+        Command::Data(DataCommand::Generate(args)) => data::generate(args),
+        Command::Data(DataCommand::Import(args)) => data_import::run(args),
+        Command::Data(DataCommand::Merge(args)) => data_merge::run(args),
+        Command::Train(args) => train::run(args),
+        Command::Eval(args) => eval::run(args),
+        Command::Study(args) => study::run(args),
+        Command::Info(args) => info::run(args),
+        Command::List(args) => list::run(args.what),
+        Command::Model(ModelCommand::Convert(args)) => model::convert(args),
         Command::Completions(args) => completions::run(args),
         Command::Manual(args) => manual::run(args),
-        Command::Bench(BenchCommand::Engine(args)) => bench::engine::run(args),
-        Command::Bench(BenchCommand::Scale(args)) => bench::scale::run(args),
-        Command::Bench(BenchCommand::Gpu(args)) => bench::gpu(args),
-        Command::Bench(BenchCommand::Conformance(args)) => bench::conformance(args),
-        Command::Rollout(args) => rollout::run(args),
-        Command::View(args) => view::run(args),
-        Command::Train(args) => train::run(args),
-        Command::Evaluate(args) => evaluate::run(args),
-        Command::Study(args) => study::run(args),
-        Command::Stress(args) => stress::run(args),
     }
 }

@@ -1,4 +1,4 @@
-//! `selvedge rollout`: a trained model on a scene, beside the physics, as trajectories, a contact
+//! `selvedge run --model`: a trained model on a scene, where asked for beside the physics, as trajectories, a contact
 //! sheet and a clip.
 //!
 //! Each file is written as soon as it is known. Ctrl-C writes what there is of the trajectory under
@@ -28,7 +28,7 @@ use selvedge_model::{Departure, Model};
 use selvedge_sim::{SaggedRest, Threads};
 use serde::Serialize;
 
-use crate::cli::{RolloutArgs, Wanted};
+use crate::cli::RunArgs;
 use crate::exporting::Wish;
 use crate::output::{Answer, End, Facts, length, percent};
 use crate::pictures::{self, Show, write_clip_of, write_sheet};
@@ -42,7 +42,7 @@ const CLIP: &str = "clip.gif";
 const FILES: [&str; 4] = [ROLLOUT, TRUTH, SHEET, CLIP];
 
 /// Text where a model has no domain.
-const NO_DOMAIN: &str = "unknown: the model's file does not say what it was trained on (`selvedge convert --trained-on` writes it there)";
+const NO_DOMAIN: &str = "unknown: the model's file does not say what it was trained on (`selvedge model convert --trained-on` writes it there)";
 
 #[derive(Serialize)]
 struct RolloutReport {
@@ -98,22 +98,22 @@ struct Setup {
 ///
 /// # Errors
 /// What of the scene, the model, a solve or a file went wrong.
-pub(crate) fn run(args: &RolloutArgs) -> anyhow::Result<Answer> {
-    let _claimed = folder::claim_folder(&args.out, FolderKind::Rollout)?;
+pub(crate) fn run(args: &RunArgs, model: &Path) -> anyhow::Result<Answer> {
+    let _claimed = folder::claim_folder(args.folder(), FolderKind::Rollout)?;
     let wishes = exporting::wishes(&args.export)?;
     if let Some(trust) = &args.trust {
         place::check_file(trust, "--trust", &["csv"])?;
     }
     let mut loaded = scenes::open(&args.scene)?;
     check_places(args, &wishes, &loaded)?;
-    let model = NamedModel::open(args.model.as_deref())?;
+    let model = NamedModel::open(Some(model))?;
     adapt(&mut loaded, &model.model, &args.scene);
     let machine = args.machine.open()?;
     let setup = setup(args, loaded, &model.model)?;
     let mut wrote = Vec::new();
     let Prediction { run, log, guarded } = predict(&setup, &model, &machine, args)?;
-    let mut removed = remove_earlier(&args.out)?;
-    write(&run.trajectory, args.out.join(ROLLOUT), &mut wrote)?;
+    let mut removed = remove_earlier(args.folder())?;
+    write(&run.trajectory, args.folder().join(ROLLOUT), &mut wrote)?;
     if let Some(trust) = &args.trust {
         watched::write_trust(trust, &log, setup.beyond.as_ref())?;
         wrote.push(trust.clone());
@@ -177,7 +177,7 @@ fn remove_earlier(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
 }
 
 /// The rest pose of a scene, and the frames that are asked for.
-fn setup(args: &RolloutArgs, loaded: LoadedScene, model: &Model) -> anyhow::Result<Setup> {
+fn setup(args: &RunArgs, loaded: LoadedScene, model: &Model) -> anyhow::Result<Setup> {
     let frames = match args.frames {
         Some(frames) => frames as usize,
         None => loaded.scene.frame_count()?,
@@ -203,15 +203,15 @@ fn diverged_frame(log: &[Trust]) -> Option<usize> {
 fn truth(
     setup: &Setup,
     truth_scene: &Scene,
-    args: &RolloutArgs,
+    args: &RunArgs,
     end: End,
     wrote: &mut Vec<PathBuf>,
 ) -> anyhow::Result<Option<TimedTrajectory>> {
-    if args.truth() == Wanted::No || end == End::Interrupted {
+    if !args.compare || end == End::Interrupted {
         return Ok(None);
     }
     let run = simulate(setup, truth_scene)?;
-    write(&run.trajectory, args.out.join(TRUTH), wrote)?;
+    write(&run.trajectory, args.folder().join(TRUTH), wrote)?;
     Ok(Some(run))
 }
 
@@ -225,18 +225,20 @@ fn adapt(loaded: &mut LoadedScene, model: &Model, name: &str) {
 
 /// Checks that nothing is written over something else that is written, and that nothing that is
 /// read is written over or removed.
-fn check_places(args: &RolloutArgs, wishes: &[Wish], loaded: &LoadedScene) -> anyhow::Result<()> {
+fn check_places(args: &RunArgs, wishes: &[Wish], loaded: &LoadedScene) -> anyhow::Result<()> {
     let wanted = [
-        (ROLLOUT, Wanted::Yes),
-        (TRUTH, args.truth()),
-        (SHEET, Wanted::Yes),
-        (CLIP, args.clip()),
+        (ROLLOUT, true),
+        (TRUTH, args.compare),
+        (SHEET, true),
+        (CLIP, !args.no_clip),
     ];
-    let own = wanted.into_iter().filter(|file| file.1 == Wanted::Yes);
-    let own: Vec<PathBuf> = own.map(|(name, _)| args.out.join(name)).collect();
-    let all = FILES.map(|name| args.out.join(name));
+    let own = wanted.into_iter().filter(|file| file.1);
+    let own: Vec<PathBuf> = own.map(|(name, _)| args.folder().join(name)).collect();
+    let all = FILES.map(|name| args.folder().join(name));
     let exports = exporting::outputs(wishes);
-    let own = own.iter().map(|path| ("a file of --out", path.as_path()));
+    let own = own
+        .iter()
+        .map(|path| ("a file of --output", path.as_path()));
     let mut outputs: Vec<_> = own.collect();
     outputs.extend(args.trust.as_deref().map(|path| ("--trust", path)));
     outputs.extend(exports.iter().map(|path| ("--export", path.as_path())));
@@ -245,7 +247,7 @@ fn check_places(args: &RolloutArgs, wishes: &[Wish], loaded: &LoadedScene) -> an
     place::check_outputs(&outputs, &inputs)?;
     let all: Vec<_> = all
         .iter()
-        .map(|path| ("a file of --out", path.as_path()))
+        .map(|path| ("a file of --output", path.as_path()))
         .collect();
     place::check_outputs(&all, &inputs)
 }
@@ -254,7 +256,7 @@ fn predict(
     setup: &Setup,
     model: &NamedModel,
     machine: &Machine,
-    args: &RolloutArgs,
+    args: &RunArgs,
 ) -> anyhow::Result<Prediction> {
     let scene = &setup.loaded.scene;
     let path = scene.handle_path()?;
@@ -311,14 +313,14 @@ fn write(trajectory: &Trajectory, path: PathBuf, wrote: &mut Vec<PathBuf>) -> an
     Ok(())
 }
 
-fn draw(show: &Show<'_>, args: &RolloutArgs, wrote: &mut Vec<PathBuf>) -> anyhow::Result<End> {
-    let sheet = args.out.join(SHEET);
+fn draw(show: &Show<'_>, args: &RunArgs, wrote: &mut Vec<PathBuf>) -> anyhow::Result<End> {
+    let sheet = args.folder().join(SHEET);
     write_sheet(&sheet, show).context("the contact sheet")?;
     wrote.push(sheet);
-    if args.clip() == Wanted::No {
+    if args.no_clip {
         return Ok(End::Complete);
     }
-    let clip = args.out.join(CLIP);
+    let clip = args.folder().join(CLIP);
     let end = write_clip_of(&clip, show).context("the clip")?;
     wrote.push(clip);
     Ok(end)
@@ -368,10 +370,10 @@ fn text(report: &RolloutReport) -> Facts {
     match &report.beyond {
         Some(departures) => {
             for departure in departures {
-                facts.add("beyond training", departure);
+                facts.add("out of distribution", departure);
             }
         }
-        None => facts.add("beyond training", NO_DOMAIN),
+        None => facts.add("out of distribution", NO_DOMAIN),
     }
     if let Some(frame) = report.diverged_frame {
         facts.add("diverges", format!("from frame {frame} on"));

@@ -1,14 +1,14 @@
-//! `selvedge sag`: the sagged rest pose of a scene, as a trajectory of one frame or as a mesh.
+//! `selvedge run --rest`: the sagged rest pose of a scene, as a trajectory of one frame or as a mesh.
 
 use std::path::{Path, PathBuf};
 
 use glam::{DVec2, DVec3};
-use selvedge_cloth::{SagMethod, Scene};
+use selvedge_cloth::Scene;
 use selvedge_data::{LoadedScene, write_obj};
 use selvedge_lab::physics;
 use serde::Serialize;
 
-use crate::cli::SagArgs;
+use crate::cli::RunArgs;
 use crate::output::{Answer, Facts, length};
 use crate::{place, progress, scenes};
 
@@ -32,20 +32,16 @@ struct Report {
 ///
 /// # Errors
 /// What of the scene, the solve or the file went wrong.
-pub(crate) fn run(args: &SagArgs) -> anyhow::Result<Answer> {
-    place::check_file(&args.out, "--out", &["safetensors", "obj"])?;
-    let mut loaded = scenes::open(&args.scene)?;
-    place::check_outputs(&[("--out", args.out.as_path())], &scenes::inputs(&loaded))?;
-    if args.by_motion {
-        loaded.scene.sag.method = SagMethod::Motion;
-        loaded.spec.setting.sag.method = SagMethod::Motion;
-    }
+pub(crate) fn run(args: &RunArgs) -> anyhow::Result<Answer> {
+    place::check_file(args.file(), "--output", &["safetensors", "obj"])?;
+    let loaded = scenes::open(&args.scene)?;
+    place::check_outputs(&[("--output", args.file())], &scenes::inputs(&loaded))?;
     let scene = &loaded.scene;
     let rest = physics::rest_pose(scene, &mut progress::listener())?;
-    let largest_strain = write(&args.out, &loaded, &rest.positions)?;
+    let largest_strain = write(args.file(), &loaded, &rest.positions)?;
     let report = Report {
         scene: scene.name.clone(),
-        out: args.out.clone(),
+        out: args.file().to_owned(),
         vertices: rest.positions.len(),
         middle_sag: below_handles(scene, rest.positions[middle(scene)]),
         lowest: rest

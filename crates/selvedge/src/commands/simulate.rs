@@ -1,23 +1,20 @@
-//! `selvedge simulate`: the physics on a scene, as a trajectory.
+//! `selvedge run` without a model: the physics on a scene, as a trajectory.
 
 use std::path::{Path, PathBuf};
 
 use selvedge_cloth::Scene;
-use selvedge_data::{
-    LoadedScene, SavedState, StartSpec, StateChoice, StateRun, Trajectory, metrics,
-};
+use selvedge_data::{LoadedScene, SavedState, StartSpec, StateChoice, StateRun, metrics};
 use selvedge_lab::fitting::FittedCloth;
 use selvedge_lab::physics::{self, Keep, Simulated, SimulationError, SimulationPlan, TimedRun};
 use selvedge_lab::start;
 use selvedge_sim::{DividedFrames, SubstepCounts, Threads};
 use serde::Serialize;
 
-use crate::cli::{SimulateArgs, Start};
+use crate::cli::{RunArgs, StartChoice};
 use crate::exporting::Wish;
 use crate::output::{Answer, End, Facts, percent};
-use crate::pictures::Show;
 use crate::progress::{self, Progress};
-use crate::{exporting, interrupt, output, pictures, place, scenes};
+use crate::{exporting, interrupt, output, place, scenes};
 
 mod touched;
 
@@ -44,7 +41,6 @@ struct SimulateReport {
     divided_frames: u64,
     /// Contact in the run; none in a scene without.
     contact: Option<Touched>,
-    clip: Option<PathBuf>,
     exported: Vec<PathBuf>,
     /// Wishes of the scene that cannot be met, or are likely mistakes.
     warnings: Vec<String>,
@@ -80,12 +76,12 @@ const MANY: f64 = 0.1;
 ///
 /// # Errors
 /// What of the scene, the solve or the file went wrong.
-pub(crate) fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
+pub(crate) fn run(args: &RunArgs) -> anyhow::Result<Answer> {
     check_files(args)?;
     let wishes = exporting::wishes(&args.export)?;
     let mut loaded = scenes::open(&args.scene)?;
     check_places(args, &wishes, &loaded)?;
-    choose_start(&mut loaded, args.start())?;
+    choose_start(&mut loaded, args.start.as_ref())?;
     let start = start::find(&loaded, &mut progress::listener())?;
     start.fitted.iter().for_each(tell_of_fit);
     let (rest, state) = (start.rest, start.state);
@@ -100,23 +96,18 @@ pub(crate) fn run(args: &SimulateArgs) -> anyhow::Result<Answer> {
         .map_or(scene.mesh.positions(), |rest| &rest.positions);
     let spec = &loaded.spec;
     let trajectory = physics::trajectory_from(passed, spec, scene, rest_positions, run.positions)?;
-    trajectory.write(&args.out)?;
+    trajectory.write(args.file())?;
     if let (Some(states), Some(path)) = (states, &args.states) {
         states.write(path, trajectory.provenance())?;
     }
     let contact = touched::measure(scene, &trajectory, passed, run.contact);
     let substeps = run.substeps.map(SubstepReport::of);
     warn_of_falls(scene, substeps);
-    let mut end = match &args.clip {
-        Some(clip) if run.end == End::Complete => draw(clip, &scene.name, &trajectory)?,
-        _ => run.end,
-    };
     let mut exported = Vec::new();
-    end = exporting::fulfil(&wishes, &trajectory, end, &mut exported)?;
+    let end = exporting::fulfil(&wishes, &trajectory, run.end, &mut exported)?;
     let report = SimulateReport {
         scene: scene.name.clone(),
-        out: args.out.clone(),
-        clip: args.clip.clone().filter(|_| run.end == End::Complete),
+        out: args.file().to_owned(),
         states: args.states.clone(),
         vertices: trajectory.vertex_count(),
         first_frame: passed,
@@ -174,11 +165,8 @@ fn warn_of_falls(scene: &Scene, substeps: Option<SubstepReport>) {
 }
 
 /// Checks that the files that are asked for can be made.
-fn check_files(args: &SimulateArgs) -> anyhow::Result<()> {
-    place::check_file(&args.out, "--out", &["safetensors"])?;
-    if let Some(clip) = &args.clip {
-        place::check_file(clip, "--clip", &["gif"])?;
-    }
+fn check_files(args: &RunArgs) -> anyhow::Result<()> {
+    place::check_file(args.file(), "--output", &["safetensors"])?;
     if let Some(states) = &args.states {
         place::check_file(states, "--states", &["safetensors"])?;
     }
@@ -188,7 +176,7 @@ fn check_files(args: &SimulateArgs) -> anyhow::Result<()> {
 /// Runs the physics, with the states where they are asked for, and the step that failed after at
 /// least one that did not.
 fn simulate(
-    args: &SimulateArgs,
+    args: &RunArgs,
     scene: &Scene,
     start: SavedState,
     frames: usize,
@@ -219,38 +207,31 @@ fn simulate(
 }
 
 /// Checks that nothing is written over something else that is written, or over what is read.
-fn check_places(args: &SimulateArgs, wishes: &[Wish], loaded: &LoadedScene) -> anyhow::Result<()> {
+fn check_places(args: &RunArgs, wishes: &[Wish], loaded: &LoadedScene) -> anyhow::Result<()> {
     let exports = exporting::outputs(wishes);
-    let mut outputs = vec![("--out", args.out.as_path())];
+    let mut outputs = vec![("--output", args.file())];
     outputs.extend(args.states.as_deref().map(|path| ("--states", path)));
-    outputs.extend(args.clip.as_deref().map(|path| ("--clip", path)));
     outputs.extend(exports.iter().map(|path| ("--export", path.as_path())));
     let mut inputs = scenes::inputs(loaded);
-    inputs.extend(args.start().file().map(|path| ("--state", path)));
+    inputs.extend(
+        args.start
+            .as_ref()
+            .and_then(StartChoice::file)
+            .map(|path| ("--start", path)),
+    );
     place::check_outputs(&outputs, &inputs)
 }
 
-/// Draws the run as a clip.
-fn draw(clip: &Path, title: &str, trajectory: &Trajectory) -> anyhow::Result<End> {
-    let show = Show {
-        title,
-        label: pictures::PHYSICS,
-        prediction: trajectory,
-        truth: None,
-    };
-    pictures::write_clip_of(clip, &show)
-}
-
 /// Puts what the command line says of the start in the place of what the scene says.
-fn choose_start(loaded: &mut LoadedScene, start: Start<'_>) -> anyhow::Result<()> {
+fn choose_start(loaded: &mut LoadedScene, start: Option<&StartChoice>) -> anyhow::Result<()> {
     let (spec, state) = match start {
-        Start::Scene => return Ok(()),
-        Start::Rest => (StartSpec::Rest, None),
-        Start::Mesh => (StartSpec::Mesh, None),
-        Start::Fit => (StartSpec::Fit, None),
-        Start::State(path, frame) => {
+        None => return Ok(()),
+        Some(StartChoice::Rest) => (StartSpec::Rest, None),
+        Some(StartChoice::Mesh) => (StartSpec::Mesh, None),
+        Some(StartChoice::Fit) => (StartSpec::Fit, None),
+        Some(StartChoice::State(path, frame)) => {
             let choice = StateChoice {
-                frame,
+                frame: *frame,
                 frame_rate: Some(loaded.scene.frame_rate),
                 ..StateChoice::default()
             };
@@ -326,9 +307,6 @@ fn text(report: &SimulateReport, wanted: usize, divided: DividedFrames) -> Facts
         contact.add_to(&mut facts);
     }
     facts.add("wrote", report.out.display());
-    if let Some(clip) = &report.clip {
-        facts.add("and", clip.display());
-    }
     if let Some(states) = &report.states {
         facts.add("states", states.display());
     }

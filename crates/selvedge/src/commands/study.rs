@@ -8,9 +8,7 @@ use selvedge_lab::folder_kind::FolderKind;
 use selvedge_lab::study::{self, StudyOrder};
 use serde::Serialize;
 
-use super::convergence;
-use crate::cli::{DeviceArgs, StudyArgs, StudyCommand, StudyFileArgs};
-use crate::failure::WrongUsage;
+use crate::cli::StudyArgs;
 use crate::output::{Answer, End, Facts};
 use crate::{progress, ranks};
 
@@ -28,36 +26,22 @@ struct Answered {
     interrupted: bool,
 }
 
-/// Makes a study.
-///
-/// # Errors
-/// What of the study went wrong.
-pub(crate) fn run(args: &StudyArgs) -> anyhow::Result<Answer> {
-    match (&args.command, &args.file) {
-        (Some(StudyCommand::Convergence(args)), _) => convergence::run(args),
-        (None, Some(file)) => by_file(file, &args.machine),
-        (None, None) => {
-            Err(WrongUsage::new("name a study: a TOML file, or a shipped one, with --out").into())
-        }
-    }
-}
-
 /// Makes a study as a file says, or goes on with one.
 ///
 /// # Errors
 /// What of the study, a training, a model, a data set or a file went wrong.
-fn by_file(args: &StudyFileArgs, device: &DeviceArgs) -> anyhow::Result<Answer> {
+pub(crate) fn run(args: &StudyArgs) -> anyhow::Result<Answer> {
     let study = study::open(&args.study)?;
-    let machine = device.open_to_train()?;
-    let crew = ranks::crew(args.threads);
+    let machine = args.machine.open_to_train()?;
+    let crew = ranks::crew(args.jobs);
     // Parts share the folder, and each training has a lock of its own.
     let _claimed = match crew.ranks.is_first() && args.shard.is_none() {
-        true => Some(folder::claim_folder(&args.out, FolderKind::Study)?),
+        true => Some(folder::claim_folder(&args.output, FolderKind::Study)?),
         false => None,
     };
     let order = StudyOrder {
         study: &study,
-        out: &args.out,
+        out: &args.output,
         machine: &machine,
         part: args.shard,
     };
@@ -66,7 +50,7 @@ fn by_file(args: &StudyFileArgs, device: &DeviceArgs) -> anyhow::Result<Answer> 
     let answered = Answered {
         title: study.title,
         device: machine.name(),
-        out: args.out.clone(),
+        out: args.output.clone(),
         trained: outcome.trained,
         measured: outcome.measured,
         wrote: outcome.wrote,

@@ -71,7 +71,7 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
     let data = data(args)?;
     let ranks = ranks::all();
     let _claimed = match ranks.is_first() {
-        true => Some(folder::claim_folder(&args.out, FolderKind::Training)?),
+        true => Some(folder::claim_folder(&args.output, FolderKind::Training)?),
         false => None,
     };
     let steps = cfg.steps;
@@ -82,7 +82,7 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
     };
     let Some(mut trainer) = trainer(cfg, &data, args, &engine)? else {
         let report = StoppedReport {
-            out: args.out.clone(),
+            out: args.output.clone(),
             steps_done: 0,
             steps,
             interrupted: true,
@@ -100,7 +100,7 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
     let report = TrainReport {
         name: trainer.config().name.clone(),
         device: machine.name(),
-        out: args.out.clone(),
+        out: args.output.clone(),
         parameters: trainer.parameter_count(),
         samples: trainer.sample_count(),
         steps_done: trainer.steps_done(),
@@ -119,7 +119,7 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
 fn data(args: &TrainArgs) -> anyhow::Result<Dataset> {
     let Some(data) = &args.data else {
         bail!(
-            "--data is missing: {} learns from a data set; `selvedge dataset generate` makes one",
+            "--data is missing: {} learns from a data set; `selvedge data generate` makes one",
             args.config
         );
     };
@@ -160,7 +160,7 @@ fn steps_until_end(
     let progress = Progress::new("training", usize::try_from(left)?, "steps").within(args.span);
     let mut loss = None;
     trainer.stop_by(interrupt::flag().into());
-    let end = selvedge_train::run(trainer, data, &args.out, limits, &mut |step| {
+    let end = selvedge_train::run(trainer, data, &args.output, limits, &mut |step| {
         let newest = step.terms.total;
         let mean = loss.map_or(newest, |mean| mean + NEWEST * (newest - mean));
         loss = Some(mean);
@@ -168,7 +168,7 @@ fn steps_until_end(
         progress.advance();
         interrupt::flow()
     })
-    .with_context(|| format!("training into {}", args.out.display()))?;
+    .with_context(|| format!("training into {}", args.output.display()))?;
     let end = match end {
         RunEnd::Finished | RunEnd::TimeUp => End::Complete,
         RunEnd::Stopped => End::Interrupted,
@@ -183,11 +183,11 @@ fn trainer(
     args: &TrainArgs,
     engine: &dyn EngineMaker,
 ) -> anyhow::Result<Option<Trainer>> {
-    let checkpoint = args.out.join(files::CHECKPOINT);
+    let checkpoint = args.output.join(files::CHECKPOINT);
     if args.resume {
         return Ok(Some(Trainer::resume(cfg, data, &checkpoint, engine)?));
     }
-    require_empty(&args.out)?;
+    require_empty(&args.output)?;
     match &args.from {
         Some(folder) if folder.is_dir() => {
             let trainer = Trainer::start_from(cfg, data, &folder.join(files::CHECKPOINT), engine)?;

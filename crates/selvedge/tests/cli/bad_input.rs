@@ -14,7 +14,7 @@ fn desk_with(from: &str, to: &str) -> Desk {
 /// Simulating `scene.toml` must fail with all of `words`, and leave only `names`.
 fn refuses(desk: &Desk, words: &[&str]) {
     let names = desk.names();
-    desk.fails("simulate scene.toml --out run.safetensors", 1, words);
+    desk.fails("run scene.toml -o run.safetensors", 1, words);
     assert_eq!(desk.names(), names);
 }
 
@@ -27,15 +27,11 @@ const SQUARE_OBJ: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n
 fn a_missing_scene_is_named_with_those_that_are_shipped() {
     let desk = Desk::new();
     refuses(&desk, &["scene.toml", "default"]);
-    desk.fails("inspect nothing.safetensors", 1, &["nothing.safetensors"]);
+    desk.fails("info nothing.safetensors", 1, &["nothing.safetensors"]);
     desk.fails("compare a.safetensors b.safetensors", 1, &["a.safetensors"]);
-    desk.fails("dataset generate none --out d", 1, &["none", "tiny"]);
-    let known = [
-        "none.safetensors",
-        "no such file",
-        "are: general, small",
-    ];
-    desk.fails("rollout --model none.safetensors", 1, &known);
+    desk.fails("data generate none -o d", 1, &["none", "tiny"]);
+    let known = ["none.safetensors", "no such file", "are: general, small"];
+    desk.fails("run --compare --model none.safetensors", 1, &known);
     assert_eq!(desk.names(), Vec::<String>::new());
 }
 
@@ -50,7 +46,7 @@ fn an_obj_without_faces_is_refused() {
     let desk = desk_with(GENERATOR, "obj = \"cloth.obj\"");
     desk.write("cloth.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n");
     refuses(&desk, &["scene.toml", "cloth.obj", "no faces"]);
-    desk.fails("inspect cloth.obj", 1, &["cloth.obj", "no faces"]);
+    desk.fails("info cloth.obj", 1, &["cloth.obj", "no faces"]);
 }
 
 #[test]
@@ -91,7 +87,7 @@ fn a_motion_that_is_not_finite_is_refused() {
 fn a_scene_without_handles_says_how_to_run_it() {
     let desk = desk_with("label = \"upper-corners\"", "vertices = []");
     refuses(&desk, &["no handles", "start = \"mesh\""]);
-    desk.json("simulate scene.toml --out run.safetensors --from-start --frames 2");
+    desk.json("run scene.toml -o run.safetensors --start mesh --frames 2");
 }
 
 #[test]
@@ -103,7 +99,7 @@ fn a_sag_that_does_not_come_to_rest_says_what_to_change() {
     refuses(&desk, &["sag.max_steps", "push"]);
     refuses(&desk, &["start = \"mesh\"", "start = \"fit\""]);
     // Where the rest pose is not needed for the run, it goes on without.
-    let report = desk.json("simulate scene.toml --out run.safetensors --from-start --frames 2");
+    let report = desk.json("run scene.toml -o run.safetensors --start mesh --frames 2");
     assert!(report["sag_solves"].is_null());
 }
 
@@ -121,18 +117,13 @@ fn two_outputs_are_never_one_file() {
         #[cfg(unix)]
         "link.safetensors",
     ] {
-        for flag in ["--states", "--state"] {
-            let call = format!("simulate scene.toml --out q.safetensors {flag} {other}");
-            desk.fails(&call, 2, &["--out", flag, "the same file", other]);
+        for flag in ["--states", "--start"] {
+            let call = format!("run scene.toml -o q.safetensors {flag} {other}");
+            desk.fails(&call, 2, &["--output", flag, "the same file", other]);
         }
     }
-    desk.fails(
-        "evaluate --model none --data none --report folder --curves folder/means.csv",
-        2,
-        &["--report", "--curves", "means.csv"],
-    );
     assert_eq!(desk.names(), names);
-    desk.json("simulate scene.toml --out folder/q.safetensors --states q.safetensors --frames 1");
+    desk.json("run scene.toml -o folder/q.safetensors --states q.safetensors --frames 1");
 }
 
 #[test]
@@ -143,10 +134,10 @@ fn no_output_takes_the_place_of_what_is_read() {
     desk.write("scene.toml", scene);
     desk.write("sheet.obj", SQUARE_OBJ);
     desk.write("push.toml", PUSH);
-    desk.json("simulate push.toml --out run.safetensors --frames 2 --states states.safetensors");
+    desk.json("run push.toml -o run.safetensors --frames 2 --states states.safetensors");
     let start = "start = { state = { file = \"states.safetensors\", frame = 2 } }";
     desk.write("on.toml", format!("{start}\n{PUSH}"));
-    desk.json("export run.safetensors --to hands.npz");
+    desk.json("export run.safetensors -o hands.npz");
     let motion = PUSH.find("[motion.inline]").unwrap();
     let hands = "motion = { recorded = \"hands.npz\" }\n";
     desk.write("hands.toml", format!("{}{hands}", &PUSH[..motion]));
@@ -154,23 +145,23 @@ fn no_output_takes_the_place_of_what_is_read() {
     desk.write("out/rollout.safetensors", "a model");
     let before = contents(&desk.path(""));
     for call in [
-        "sag scene.toml --out sheet.obj",
+        "run --rest scene.toml -o sheet.obj",
         // A point cache has its mesh beside it, as .obj.
-        "simulate scene.toml --out x.safetensors --export sheet.pc2",
-        "simulate on.toml --out states.safetensors",
-        "simulate hands.toml --out x.safetensors --export ./hands.npz",
-        "rollout hands.toml --export hands.npz",
-        "rollout push.toml --export out/clip.gif",
-        "rollout push.toml --model out/rollout.safetensors",
+        "run scene.toml -o x.safetensors --export sheet.pc2",
+        "run on.toml -o states.safetensors",
+        "run hands.toml -o x.safetensors --export ./hands.npz",
+        "run --model general --compare hands.toml --export hands.npz",
+        "run --model general --compare push.toml --export out/clip.gif",
+        "run --compare push.toml --model out/rollout.safetensors",
         // A file of an earlier rollout would be removed, written anew or not.
-        "rollout push.toml --no-truth --model out/truth.safetensors",
-        "export run.safetensors --to run.safetensors --format glb",
+        "run push.toml --model out/truth.safetensors",
+        "export run.safetensors -o run.safetensors --format glb",
     ] {
         desk.fails(call, 2, &["the same file", "a name of its own"]);
         assert!(contents(&desk.path("")) == before, "{call}");
     }
     // What is read twice is no reason to refuse.
-    desk.json("simulate on.toml --out x.safetensors --state states.safetensors --state-frame 2");
+    desk.json("run on.toml -o x.safetensors --start states.safetensors:2");
 }
 
 #[test]
@@ -184,7 +175,7 @@ fn more_motions_at_random_than_can_be_meant_are_refused_at_once() {
     );
     desk.write("many.toml", many);
     let words = ["many.toml", "train.random", "100000"];
-    desk.fails("dataset plan many.toml", 1, &words);
+    desk.fails("info many.toml", 1, &words);
 }
 
 #[test]
@@ -197,7 +188,7 @@ fn a_cloth_that_starts_far_from_its_size_is_warned_of() {
     let cloth = "v 0 0 0\nv 2 0 0\nv 2 2 0\nv 0 2 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n\
         f 1/1 2/2 3/3\nf 1/1 3/3 4/4\n";
     desk.write("cloth.obj", cloth);
-    let said = desk.run("simulate scene.toml --out run.safetensors --from-start --frames 1 --json");
+    let said = desk.run("run scene.toml -o run.safetensors --start mesh --frames 1 --json");
     assert_eq!(said.code, Some(0), "{}", said.err);
     for told in [&said.out, &said.err] {
         assert!(told.contains("2.000 × their material length"), "{told}");
@@ -207,7 +198,7 @@ fn a_cloth_that_starts_far_from_its_size_is_warned_of() {
         "scene.toml",
         scene.replace("cloth.obj\"", "cloth.obj\", texture = \"fit\""),
     );
-    let report = desk.json("inspect scene.toml");
+    let report = desk.json("info scene.toml");
     assert_eq!(report["warnings"].as_array().unwrap().len(), 0);
 }
 
@@ -216,7 +207,7 @@ fn files_that_are_cut_short_are_refused() {
     let desk = Desk::new();
     desk.model();
     desk.write("push.toml", PUSH);
-    desk.json("simulate push.toml --out run.safetensors --frames 2");
+    desk.json("run push.toml -o run.safetensors --frames 2");
     for (file, short) in [
         ("run.safetensors", "short.safetensors"),
         ("run/model.safetensors", "weights.safetensors"),
@@ -224,7 +215,7 @@ fn files_that_are_cut_short_are_refused() {
         let bytes = desk.read(file);
         for length in [0, 4, bytes.len() / 2, bytes.len() - 1] {
             desk.write(short, &bytes[..length]);
-            desk.fails(&format!("inspect {short}"), 1, &[short]);
+            desk.fails(&format!("info {short}"), 1, &[short]);
         }
     }
     desk.fails(
@@ -233,12 +224,12 @@ fn files_that_are_cut_short_are_refused() {
         &["short.safetensors"],
     );
     desk.fails(
-        "rollout push.toml --model weights.safetensors --out out",
+        "run --compare push.toml --model weights.safetensors -o out",
         1,
         &["weights.safetensors"],
     );
     desk.fails(
-        "rollout push.toml --model run.safetensors --out out",
+        "run --compare push.toml --model run.safetensors -o out",
         1,
         &["run.safetensors", "selvedge-trajectory", "no model"],
     );
@@ -257,13 +248,9 @@ fn weights_of_another_spec_are_refused() {
     other[at..at + to.len()].copy_from_slice(to);
     desk.write("other.safetensors", other);
     let words = ["other.safetensors", "expected", "spec"];
+    desk.fails("eval --model other.safetensors --data tiny", 1, &words[..1]);
     desk.fails(
-        "evaluate --model other.safetensors --data tiny",
-        1,
-        &words[..1],
-    );
-    desk.fails(
-        "rollout --model other.safetensors --out out",
+        "run --compare --model other.safetensors -o out",
         1,
         &words[..1],
     );
@@ -277,9 +264,7 @@ fn trajectories_of_different_meshes_are_not_compared() {
     desk.write("b.toml", PUSH.replace("vertices = 36", "vertices = 25"));
     desk.write("c.toml", PUSH.replace("seed = 1", "seed = 2"));
     for name in ["a", "b", "c"] {
-        desk.json(&format!(
-            "simulate {name}.toml --out {name}.safetensors --frames 1"
-        ));
+        desk.json(&format!("run {name}.toml -o {name}.safetensors --frames 1"));
     }
     let compare = |other: &str, words: &[&str]| {
         desk.fails(
@@ -303,16 +288,12 @@ fn a_place_that_cannot_be_written_is_found_before_the_work() {
         ("folder.safetensors", "folder"),
         ("file/run.safetensors", "no folder"),
     ] {
-        desk.fails(&format!("simulate scene.toml --out {out}"), 1, &[out, word]);
+        desk.fails(&format!("run scene.toml -o {out}"), 1, &[out, word]);
     }
-    desk.fails("dataset generate tiny --out file/d", 1, &["file/d"]);
+    desk.fails("data generate tiny -o file/d", 1, &["file/d"]);
+    desk.fails("run scene.toml -o run.txt", 2, &["run.txt", ".safetensors"]);
     desk.fails(
-        "simulate scene.toml --out run.txt",
-        2,
-        &["run.txt", ".safetensors"],
-    );
-    desk.fails(
-        "sag scene.toml --out rest.stl",
+        "run --rest scene.toml -o rest.stl",
         2,
         &[".safetensors or .obj"],
     );
@@ -326,7 +307,7 @@ fn a_write_that_fails_at_the_end_says_so() {
     desk.write("scene.toml", PUSH);
     std::os::unix::fs::symlink("/dev/full", desk.path("full.safetensors")).unwrap();
     desk.fails(
-        "simulate scene.toml --out full.safetensors --frames 1",
+        "run scene.toml -o full.safetensors --frames 1",
         1,
         &["full.safetensors", "not a regular file"],
     );
@@ -339,9 +320,9 @@ fn what_is_nothing_of_ours_is_refused() {
     desk.write("a.safetensors", "no tensors");
     desk.write("a.xyz", "1 2 3");
     desk.write("a.toml", "name = [");
-    desk.fails("inspect a.safetensors", 1, &["a.safetensors"]);
-    desk.fails("inspect a.xyz", 1, &["a.xyz", ".safetensors"]);
-    desk.fails("inspect a.toml", 1, &["a.toml", "line 1"]);
+    desk.fails("info a.safetensors", 1, &["a.safetensors"]);
+    desk.fails("info a.xyz", 1, &["a.xyz", ".safetensors"]);
+    desk.fails("info a.toml", 1, &["a.toml", "line 1"]);
 }
 
 #[test]
@@ -349,36 +330,33 @@ fn a_folder_of_results_takes_no_results_of_another_kind() {
     let desk = Desk::new();
     desk.model();
     desk.write("push.toml", PUSH);
-    desk.json("dataset generate tiny --out part --shard 1/1");
+    desk.json("data generate tiny -o part --shard 1/1");
     std::fs::create_dir_all(desk.path("studied/trainings")).unwrap();
     let before = ["tiny", "run", "studied"].map(|folder| contents(&desk.path(folder)));
     let data = "the folder holds a data set (index.json)";
     let run = "the folder holds a training (log.jsonl)";
     for (arguments, held) in [
-        ("train moment.toml --data tiny --out tiny", data),
-        ("train moment.toml --data tiny --out tiny --resume", data),
-        ("train moment.toml --data tiny --out studied", "a study"),
+        ("train moment.toml --data tiny -o tiny", data),
+        ("train moment.toml --data tiny -o tiny --resume", data),
+        ("train moment.toml --data tiny -o studied", "a study"),
         (
-            "rollout push.toml --model run/model.safetensors --out tiny",
+            "run --compare push.toml --model run/model.safetensors -o tiny",
             data,
         ),
         (
-            "rollout push.toml --model run/model.safetensors --out run",
+            "run --compare push.toml --model run/model.safetensors -o run",
             run,
         ),
         (
-            "evaluate --model run/model.safetensors --data tiny --report tiny",
+            "eval --model run/model.safetensors --data tiny -o tiny",
             data,
         ),
-        (
-            "evaluate --model run/model.safetensors --data tiny --report run",
-            run,
-        ),
-        ("dataset generate tiny --out run", run),
-        ("dataset merge part --out run", run),
-        ("dataset inspect tiny --pictures tiny", data),
-        ("dataset inspect tiny --pictures run", run),
-        ("study convergence push.toml --out tiny", data),
+        ("eval --model run/model.safetensors --data tiny -o run", run),
+        ("data generate tiny -o run", run),
+        ("data merge part -o run", run),
+        ("info tiny --picture tiny", data),
+        ("info tiny --picture run", run),
+        ("eval push.toml -o tiny --physics 1", data),
         ("manual run", run),
     ] {
         desk.fails(arguments, 1, &[held, "choose another folder"]);

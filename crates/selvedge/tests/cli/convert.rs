@@ -11,8 +11,9 @@ fn a_model_in_half_precision_is_a_model_of_half_the_size() {
     );
     std::fs::copy(shipped, desk.path("first.safetensors")).unwrap();
     for (name, most) in [("f16", 1e-3), ("bf16", 4e-3)] {
-        let call =
-            format!("convert first.safetensors --weights {name} --out {name}.safetensors --json");
+        let call = format!(
+            "model convert first.safetensors --weights {name} -o {name}.safetensors --json"
+        );
         let said = desk.run(&call);
         assert_eq!(said.code, Some(0), "{}", said.err);
         let report: serde_json::Value = serde_json::from_str(&said.out).unwrap();
@@ -20,13 +21,13 @@ fn a_model_in_half_precision_is_a_model_of_half_the_size() {
             ["bytes", "bytes_before", "change_rms"].map(|key| report[key].as_f64().unwrap());
         assert!(bytes < 0.55 * before, "{bytes} of {before}");
         assert!(change > 0.0 && change < most, "{name}: {change}");
-        let said = desk.run(&format!("inspect {name}.safetensors"));
+        let said = desk.run(&format!("info {name}.safetensors"));
         assert_eq!(said.code, Some(0), "{}", said.err);
     }
-    let again = desk.run("convert f16.safetensors --weights f16 --out again.safetensors");
+    let again = desk.run("model convert f16.safetensors --weights f16 -o again.safetensors");
     assert!(again.out.contains("like this already"), "{}", again.out);
     // What is widened again is the same model.
-    let call = "convert f16.safetensors --weights f32 --out wide.safetensors --json";
+    let call = "model convert f16.safetensors --weights f32 -o wide.safetensors --json";
     let report: serde_json::Value = serde_json::from_str(&desk.run(call).out).unwrap();
     assert_eq!(report["change_rms"], 0.0);
 }
@@ -35,10 +36,10 @@ fn a_model_in_half_precision_is_a_model_of_half_the_size() {
 fn the_model_itself_is_not_overwritten() {
     let desk = Desk::new();
     desk.write("model.safetensors", "no model");
-    let said = desk.run("convert model.safetensors --weights f16 --out ./model.safetensors");
+    let said = desk.run("model convert model.safetensors --weights f16 -o ./model.safetensors");
     assert_eq!(said.code, Some(2));
     assert!(said.err.contains("are the same file"), "{}", said.err);
-    let said = desk.run("convert model.safetensors --weights f16 --out half.safetensors");
+    let said = desk.run("model convert model.safetensors --weights f16 -o half.safetensors");
     assert_eq!(said.code, Some(1));
     assert!(said.err.contains("model.safetensors"), "{}", said.err);
     assert_eq!(desk.names(), ["model.safetensors"]);

@@ -14,9 +14,7 @@ fn tiny_with(sag: &str) -> String {
 fn any_number_of_threads_gives_the_same_bytes() {
     let desk = Desk::new();
     for threads in [1, 3] {
-        desk.json(&format!(
-            "dataset generate tiny --out {threads} --threads {threads}"
-        ));
+        desk.json(&format!("data generate tiny -o {threads} -j {threads}"));
     }
     let [one, three] = ["1", "3"].map(|name| desk.files(name));
     assert_eq!(one.len(), 4);
@@ -29,7 +27,7 @@ fn a_second_run_makes_only_what_is_missing() {
     desk.tiny();
     let whole = contents(&desk.path("tiny"));
     std::fs::remove_file(desk.path("tiny/train/turn.safetensors")).unwrap();
-    let report = desk.json("dataset generate tiny --out tiny");
+    let report = desk.json("data generate tiny -o tiny");
     assert_eq!(number(&report, "/trajectories_kept"), 2.0);
     // The turn lasts one second.
     assert_eq!(number(&report, "/frames_made"), 61.0);
@@ -39,7 +37,7 @@ fn a_second_run_makes_only_what_is_missing() {
 #[test]
 fn a_preset_whose_cloth_finds_no_rest_is_corrected_in_the_same_folder() {
     let desk = Desk::new();
-    let generate = "dataset generate own.toml --out sets/own";
+    let generate = "data generate own.toml -o sets/own";
     desk.write("own.toml", tiny_with("max_steps = 1"));
     desk.fails(generate, 1, &["rest pose", "sag.max_steps"]);
     assert!(!desk.path("sets").exists());
@@ -54,11 +52,11 @@ fn an_interruption_before_the_first_trajectory_leaves_nothing_behind() {
     // Hours of it, if it went on.
     let never = tiny_with("tolerance = 1e-300\nmax_steps = 1000000000");
     desk.write("never.toml", never);
-    let mut generate = desk.start("dataset generate never.toml --out never");
+    let mut generate = desk.start("data generate never.toml -o never");
     generate.wait_for("sagging to rest: begun");
     assert!(desk.path("never/index.partial.json").is_file());
     generate.press();
-    assert_eq!(generate.ended().code, Some(1));
+    assert_eq!(generate.ended().code, Some(130));
     assert!(!desk.path("never").exists());
 }
 
@@ -66,13 +64,13 @@ fn an_interruption_before_the_first_trajectory_leaves_nothing_behind() {
 fn a_data_set_is_told_by_its_folder() {
     let desk = Desk::new();
     desk.tiny();
-    let report = desk.json("inspect tiny");
+    let report = desk.json("info tiny");
     let dataset = Dataset::open(&desk.path("tiny")).unwrap();
     assert_eq!(report["kind"], "dataset");
     let samples = dataset.samples().count() as f64;
     assert_eq!(number(&report, "/statistics/samples"), samples);
     assert_eq!(dataset.entries(Split::Train).len(), 2);
-    assert_eq!(report, desk.json("dataset inspect tiny"));
+    assert_eq!(report, desk.json("info tiny"));
 }
 
 #[test]
@@ -80,13 +78,9 @@ fn a_folder_of_something_else_is_left_alone() {
     let desk = Desk::new();
     std::fs::create_dir_all(desk.path("mine/train")).unwrap();
     desk.write("mine/train/thesis.txt", "precious");
-    desk.fails(
-        "dataset generate tiny --out mine",
-        1,
-        &["mine", "empty folder"],
-    );
+    desk.fails("data generate tiny -o mine", 1, &["mine", "empty folder"]);
     assert_eq!(names_in(&desk.path("mine/train")), ["thesis.txt"]);
-    desk.fails("inspect mine", 1, &["index.json"]);
+    desk.fails("info mine", 1, &["index.json"]);
 }
 
 #[test]
@@ -96,18 +90,14 @@ fn a_changed_file_is_found() {
     let mut bytes = desk.read("tiny/test/lift.safetensors");
     *bytes.last_mut().unwrap() ^= 1;
     desk.write("tiny/test/lift.safetensors", bytes);
-    desk.fails(
-        "dataset inspect tiny",
-        1,
-        &["lift.safetensors", "has changed"],
-    );
+    desk.fails("info tiny", 1, &["lift.safetensors", "has changed"]);
 }
 
 #[test]
 fn inspection_counts_every_number_and_draws_every_trajectory() {
     let desk = Desk::new();
     desk.tiny();
-    let report = desk.json("dataset inspect tiny --pictures seen");
+    let report = desk.json("info tiny --picture seen");
     // 36 vertices of which two are held; runs of 91, 61 and 61 frames.
     let frames = 91.0 + 61.0 + 61.0;
     let count = |name: &str| number(&report, &format!("/distributions/{name}/count"));
@@ -130,24 +120,24 @@ fn inspection_counts_every_number_and_draws_every_trajectory() {
     for name in names {
         assert_eq!(desk.read(&format!("seen/{name}"))[1..4], *b"PNG");
     }
-    let said = desk.run("dataset inspect tiny");
+    let said = desk.run("info tiny");
     assert!(said.out.contains("bending angle"), "{}", said.out);
 }
 
 /// A folder `caches` with a run of the scene `push.toml` and a part of it.
 fn caches(desk: &Desk) {
     desk.write("push.toml", PUSH);
-    desk.json("simulate push.toml --from-start --out run.safetensors");
+    desk.json("run push.toml --start mesh -o run.safetensors");
     std::fs::create_dir(desk.path("caches")).unwrap();
-    desk.json("export run.safetensors --to caches/one.usdc");
-    desk.json("export run.safetensors --to caches/two.usdc --frames 5..");
+    desk.json("export run.safetensors -o caches/one.usdc");
+    desk.json("export run.safetensors -o caches/two.usdc --frames 5..");
 }
 
 #[test]
 fn caches_become_a_data_set() {
     let desk = Desk::new();
     caches(&desk);
-    let import = "dataset import cache caches --frame-rate 60 --handles found";
+    let import = "data import cache caches --frame-rate 60 --handles found";
     let lacks = format!("{import} --out set");
     desk.fails(&lacks, 1, &["what the cloth weighs", "density"]);
     let import = format!("{import} --test two");
@@ -161,9 +151,9 @@ fn caches_become_a_data_set() {
     assert_eq!(number(&again, "/trajectories_kept"), 2.0);
     let other = format!("{import} --density 0.6 --out set");
     desk.fails(&other, 1, &["another configuration"]);
-    assert_eq!(desk.json("dataset inspect set")["kind"], "dataset");
+    assert_eq!(desk.json("info set")["kind"], "dataset");
     desk.model();
-    desk.json("evaluate --model run/model.safetensors --data set");
+    desk.json("eval --model run/model.safetensors --data set");
     // To measure with, a set needs nothing to train on.
     let all = format!("{import},one --density 0.2 --out all");
     desk.fails(
@@ -176,7 +166,7 @@ fn caches_become_a_data_set() {
         (number(&report, "/train"), number(&report, "/test")),
         (0.0, 2.0)
     );
-    desk.json("evaluate --model run/model.safetensors --data all");
+    desk.json("eval --model run/model.safetensors --data all");
 }
 
 #[test]
@@ -187,11 +177,7 @@ fn data_of_other_projects_are_read_in_python() {
             "pip install pyselvedge",
             &format!("import_{function}(\"there\", \"set\""),
         ];
-        desk.fails(
-            &format!("dataset import {format} there --out set"),
-            2,
-            &words,
-        );
+        desk.fails(&format!("data import {format} there -o set"), 2, &words);
     }
     assert!(!desk.path("set").exists());
 }
@@ -200,15 +186,13 @@ fn data_of_other_projects_are_read_in_python() {
 fn the_handles_of_a_cache_are_found_or_named() {
     let desk = Desk::new();
     desk.write("push.toml", PUSH);
-    desk.json("simulate push.toml --out run.safetensors");
-    let held = numbers(&desk.json("inspect run.safetensors")["handles"]);
+    desk.json("run push.toml -o run.safetensors");
+    let held = numbers(&desk.json("info run.safetensors")["handles"]);
     for ending in ["usda", "usdc", "glb", "pc2"] {
         std::fs::create_dir(desk.path(ending)).unwrap();
-        desk.json(&format!(
-            "export run.safetensors --to {ending}/run.{ending}"
-        ));
+        desk.json(&format!("export run.safetensors -o {ending}/run.{ending}"));
         // At another rate than that of the file: what turns is not rigid between its frames.
-        let import = format!("dataset import cache {ending} --density 0.2 --frame-rate 90");
+        let import = format!("data import cache {ending} --density 0.2 --frame-rate 90");
         let report = desk.json(&format!("{import} --handles found --out {ending}-found"));
         assert_eq!(numbers(&report["handles"]["run"]), held, "{ending}");
         let named = format!("{import} --handles handle_1,handle_0 --out {ending}-named");
@@ -220,14 +204,14 @@ fn the_handles_of_a_cache_are_found_or_named() {
         let report = desk.json(&named);
         let turned: Vec<f64> = held.iter().rev().copied().collect();
         assert_eq!(numbers(&report["handles"]["run"]), turned, "{ending}");
-        let seen = desk.json(&format!("inspect {ending}/run.{ending}"));
+        let seen = desk.json(&format!("info {ending}/run.{ending}"));
         assert_eq!(seen["meshes"][0]["name"], "sheet", "{ending}");
         assert_eq!(number(&seen, "/meshes/0/points"), 36.0);
         assert_eq!(number(&seen, "/meshes/0/frames"), (PUSH_FRAMES + 1) as f64);
         let rate = number(&seen, "/meshes/0/frame_rate");
         assert!((rate - 60.0).abs() < 1e-2, "{ending}: {rate}");
     }
-    let import = "dataset import cache usdc --density 0.2 --frame-rate 60 --out new --handles";
+    let import = "data import cache usdc --density 0.2 --frame-rate 60 -o new --handles";
     desk.fails(&format!("{import} 0,left"), 2, &["not both"]);
     desk.fails(&format!("{import} 0.5,1"), 2, &["whole numbers"]);
     desk.fails(
@@ -248,13 +232,13 @@ fn an_import_that_fails_at_once_leaves_nothing_behind() {
     let desk = Desk::new();
     caches(&desk);
     let import =
-        "dataset import cache caches --density 0.2 --frame-rate 60 --handles found --out sets/new";
+        "data import cache caches --density 0.2 --frame-rate 60 --handles found -o sets/new";
     // The second of two: what was written before it is kept.
     desk.write("caches/two.usdc", "no stage");
     desk.fails(import, 1, &["caches/two.usdc"]);
     assert!(desk.path("sets/new/train/one.safetensors").is_file());
-    let words = ["not complete", "dataset generate", "dataset import"];
-    desk.fails("dataset inspect sets/new", 1, &words);
+    let words = ["not complete", "data generate", "data import"];
+    desk.fails("info sets/new", 1, &words);
     std::fs::remove_dir_all(desk.path("sets")).unwrap();
     desk.write("caches/one.usdc", "no stage");
     desk.fails(import, 1, &["caches/one.usdc"]);
@@ -265,7 +249,7 @@ fn an_import_that_fails_at_once_leaves_nothing_behind() {
 fn frames_beyond_what_cloth_does_are_not_imported() {
     let desk = Desk::new();
     caches(&desk);
-    let import = "dataset import cache caches --density 0.2 --frame-rate 60 --handles found";
+    let import = "data import cache caches --density 0.2 --frame-rate 60 --handles found";
     let words = [
         "trajectory one",
         "from frame",
@@ -288,7 +272,7 @@ fn nothing_is_learned_from_a_damaged_data_set() {
     let desk = Desk::new();
     desk.tiny();
     desk.write("moment.toml", crate::common::TRAINING);
-    let train = "train moment.toml --data tiny --out run";
+    let train = "train moment.toml --data tiny -o run";
     let (file, index) = ("tiny/train/push.safetensors", "tiny/index.json");
     let [good, good_index] = [desk.read(file), desk.read(index)];
     let mut altered = good.clone();
@@ -321,13 +305,13 @@ fn nothing_is_learned_from_a_damaged_data_set() {
 #[test]
 fn a_plan_is_told_without_simulating_anything() {
     let desk = Desk::new();
-    let report = desk.json("dataset plan paper");
+    let report = desk.json("info paper");
     assert_eq!(number(&report, "/samples"), 6550.0);
     assert_eq!(number(&report, "/frames"), 31.0 * 1261.0);
     let sections = report["forecast"]["sections"].as_array().unwrap();
     assert_eq!(sections.len(), 42);
     assert!(desk.names().is_empty());
-    desk.fails("dataset plan nothing", 1, &["nothing", "shipped preset"]);
+    desk.fails("info nothing", 1, &["nothing", "preset that ships"]);
 }
 
 #[test]
@@ -351,7 +335,7 @@ kind = "blocks"
 blocks = [{ duration = 0.1, translations = [{ direction = [1, 0, 0], pace = { distance = 0.01 } }] }]
 "#;
     desk.write("two.toml", preset);
-    desk.json("dataset generate two.toml --out two");
+    desk.json("data generate two.toml -o two");
     let dataset = Dataset::open(&desk.path("two")).unwrap();
     let vertices: Vec<usize> = dataset
         .entries(Split::Test)
@@ -366,5 +350,5 @@ blocks = [{ duration = 0.1, translations = [{ direction = [1, 0, 0], pace = { di
         assert_eq!(trajectory.frame_count(), 7);
     }
     desk.write("moment.toml", crate::common::TRAINING);
-    desk.fails("train moment.toml --data two --out run", 1, &["no samples"]);
+    desk.fails("train moment.toml --data two -o run", 1, &["no samples"]);
 }

@@ -14,13 +14,11 @@ fn a_gpu_that_cannot_be_had_is_said_before_anything_is_written() {
         &["built without GPUs"]
     };
     for call in [
-        "rollout push.toml --frames 2 --no-truth --no-clip",
-        "train moment.toml --data nowhere --out run",
-        "evaluate --model nothing.safetensors --data nowhere --report report",
-        "study small --out study",
+        "run --model general push.toml --frames 2 --no-clip",
+        "train moment.toml --data nowhere -o run",
+        "eval --model nothing.safetensors --data nowhere -o report",
+        "study small -o study",
         "view",
-        "bench gpu",
-        "bench conformance",
     ] {
         let said = desk.run(&format!("{call} --device cuda"));
         // Where there is a GPU it works, and there is nothing to say.
@@ -32,8 +30,6 @@ fn a_gpu_that_cannot_be_had_is_said_before_anything_is_written() {
         assert!(is_said, "{call}: {}", said.err);
     }
     assert_eq!(desk.names(), ["moment.toml", "push.toml"]);
-    desk.fails("bench gpu", 1, &["cpu", "--device cuda"]);
-    desk.fails("bench conformance", 1, &["cpu", "--device cuda"]);
 }
 
 #[test]
@@ -42,12 +38,12 @@ fn the_processor_has_no_tensor_products_and_trains_in_full() {
     desk.write("push.toml", PUSH);
     desk.write("moment.toml", TRAINING);
     desk.fails(
-        "rollout push.toml --precision tensor",
+        "run --model general --compare push.toml --precision tf32",
         1,
-        &["precision tensor", "GPU as device"],
+        &["precision tf32", "GPU as device"],
     );
-    for precision in ["tensor", "half"] {
-        let call = format!("train moment.toml --data nowhere --out run --precision {precision}");
+    for precision in ["tf32", "bf16"] {
+        let call = format!("train moment.toml --data nowhere -o run --precision {precision}");
         desk.fails(&call, 1, &["precision", precision, "device"]);
     }
     assert_eq!(desk.names(), ["moment.toml", "push.toml"]);
@@ -57,14 +53,14 @@ fn the_processor_has_no_tensor_products_and_trains_in_full() {
 fn a_rollout_in_half_precision_stays_near_where_the_processor_has_it() {
     let desk = Desk::new();
     desk.write("push.toml", PUSH);
-    let call = "rollout push.toml --model small --frames 10 --no-clip --guard none --no-truth";
+    let call = "run push.toml --model small --frames 10 --no-clip --guard none";
     if !selvedge_model::Instructions::has_half() {
-        desk.fails(&format!("{call} --precision half"), 1, &["AVX512-BF16"]);
+        desk.fails(&format!("{call} --precision bf16"), 1, &["AVX512-BF16"]);
         return;
     }
     desk.json(&format!("{call} --out full"));
-    let report = desk.json(&format!("{call} --precision half --out half"));
-    assert_eq!(report["device"], "cpu, precision half");
+    let report = desk.json(&format!("{call} --precision bf16 --out half"));
+    assert_eq!(report["device"], "cpu, precision bf16");
     let read = |name: &str| {
         let path = desk.path(name).join("rollout.safetensors");
         selvedge_data::Trajectory::read(&path).expect("a rollout")
@@ -83,7 +79,7 @@ fn a_rollout_by_the_kernels_of_a_gpu_is_that_of_the_engine() {
 
     let desk = Desk::new();
     desk.write("push.toml", PUSH);
-    let call = "rollout push.toml --model small --frames 20 --guard none --no-truth --no-clip";
+    let call = "run push.toml --model small --frames 20 --guard none --no-clip";
     desk.json(&format!("{call} --out cpu"));
     let report = desk.json(&format!("{call} --out host --device host"));
     assert!(
@@ -111,7 +107,7 @@ fn a_training_goes_on_from_the_kernels_of_a_gpu_with_the_engine_and_the_other_wa
     desk.model();
     let begun = [("from", "host", "cpu"), ("to", "cpu", "host")];
     for (folder, first, second) in begun {
-        let train = format!("train moment.toml --data tiny --out {folder}");
+        let train = format!("train moment.toml --data tiny -o {folder}");
         for (device, rest) in [(first, "--steps 4"), (second, "--resume")] {
             let report = desk.json(&format!("{train} --device {device} {rest}"));
             let said = report["device"].as_str().unwrap();
@@ -150,22 +146,18 @@ title = "On a device"
 [data]
 tiny = { preset = "tiny" }
 [evaluation]
-rivals = ["rigid"]
-steps = [1]
+baselines = ["rigid"]
+horizons = [1]
 starts = 1
 [[train]]
 name = "moment"
 config = "moment.toml"
 budget = { steps = 4 }
-[[question]]
-title = "What?"
-models = ["moment", "rigid"]
-show = ["table"]
 "#;
     let desk = Desk::new();
     desk.write("moment.toml", TRAINING);
     desk.write("study.toml", STUDY);
-    let study = "study study.toml --out s";
+    let study = "study study.toml -o s";
     let kept = |file: &str| -> Value {
         let bytes = desk.read(&format!("s/{file}"));
         serde_json::from_slice(&bytes).unwrap()
@@ -194,12 +186,12 @@ show = ["table"]
     desk.json(study);
     // Time is another thing on another device.
     desk.write("study.toml", STUDY.replace("steps = 4", "time = \"1s\""));
-    desk.json("study study.toml --out t");
+    desk.json("study study.toml -o t");
     let words = [
         "budget in time",
         "begun on \"cpu\"",
         "this machine",
         "the device and precision",
     ];
-    desk.fails("study study.toml --out t --device host", 1, &words);
+    desk.fails("study study.toml -o t --device host", 1, &words);
 }

@@ -1,6 +1,7 @@
-//! `evaluate`: several models side by side, the same numbers for any number of threads, reports.
+//! `eval`: methods side by side on data sets, on scenes against their converged physics, and in
+//! random motions; the same numbers for any number of threads; reports.
 
-use crate::common::{Desk, names_in, number};
+use crate::common::{Desk, PUSH, names_in, number};
 use serde_json::Value;
 
 /// A desk with the data set `tiny` and two models that have barely learned.
@@ -9,7 +10,7 @@ fn two_models() -> Desk {
     desk.model();
     let other = crate::common::TRAINING.replace("seed = 1", "seed = 2");
     desk.write("other.toml", other);
-    desk.json("train other.toml --data tiny --out other");
+    desk.json("train other.toml --data tiny -o other");
     desk
 }
 
@@ -28,77 +29,73 @@ fn report(desk: &Desk, folder: &str) -> Vec<(String, Vec<u8>)> {
 fn the_numbers_are_the_same_for_any_number_of_threads() {
     let desk = two_models();
     for threads in ["1", "2", "5"] {
-        let call = format!("evaluate {MODELS} --data tiny --report r{threads} --threads {threads}");
+        let call = format!(
+            "eval {MODELS} --data tiny --baselines rigid,mirror -o r{threads} -j {threads}"
+        );
         desk.json(&call);
     }
     let one = report(&desk, "r1");
     assert!(one == report(&desk, "r2") && one == report(&desk, "r5"));
     let names: Vec<&str> = one.iter().map(|(name, _)| name.as_str()).collect();
     let expected = [
-        "curves.csv",
-        "edge-length.svg",
-        "means.csv",
-        "motions.csv",
-        "position.svg",
+        "after.svg",
+        "errors.csv",
         "report.md",
-        "steps.csv",
-        "steps.svg",
         "time-edge-length.svg",
         "time-position.svg",
-        "time-tiny-lift.svg",
     ];
     assert_eq!(names, expected);
     let page = String::from_utf8(desk.read("r1/report.md")).unwrap();
-    for word in ["| run |", "| theirs |", "| rigid |", "| mirror |", "lift"] {
+    for word in ["| run |", "| theirs |", "| rigid |", "| mirror |"] {
         assert!(page.contains(word), "{word} {page}");
     }
+}
+
+/// The runs of an answer, those from true states and the whole ones.
+fn runs(answer: &Value) -> [Vec<&Value>; 2] {
+    let all = || answer["runs"].as_array().unwrap().iter();
+    [false, true].map(|is_whole| all().filter(|run| run["is_whole"] == is_whole).collect())
 }
 
 #[test]
 fn two_models_stand_side_by_side_as_each_stands_alone() {
     let desk = two_models();
-    let both = desk.json(&format!(
-        "evaluate {MODELS} --data tiny --steps 5,1,5 --no-mirror"
-    ));
-    let rows = both["rows"].as_array().unwrap();
-    let names: Vec<&str> = rows
+    let both = desk.json(&format!("eval {MODELS} --data tiny --horizons 5,1,5"));
+    let [started, whole] = runs(&both);
+    let names: Vec<&str> = whole
         .iter()
-        .map(|row| row["name"].as_str().unwrap())
+        .map(|run| run["method"].as_str().unwrap())
         .collect();
-    assert_eq!(names, ["run", "theirs", "rigid", "truth"]);
-    let alone = desk.json(
-        "evaluate --model theirs=other/model.safetensors --data tiny --steps 1,5 --no-mirror",
-    );
-    assert_eq!(rows[1], alone["rows"][0]);
-    let steps = |row: &Value| -> Vec<u64> {
-        let horizons = row["horizons"].as_array().unwrap().iter();
-        horizons.map(|h| h["steps"].as_u64().unwrap()).collect()
-    };
-    assert_eq!(steps(&rows[0]), [1, 5]);
-    // The first step from the truth is the best that a model can do, its only frame the last.
-    let one = number(&rows[0], "/horizons/0/position_rmse");
-    assert_eq!(one, number(&rows[0], "/horizons/0/last_position_rmse"));
-    assert!(one < number(&rows[0], "/horizons/1/position_rmse"));
-    assert_eq!(both["means"][0]["motions"], 1);
-    assert_eq!(both["meshes"][0]["mesh"], "square, 36 vertices, 2 handles");
+    assert_eq!(names, ["run", "theirs", "rigid"]);
+    // Eight starts of each.
+    assert_eq!(started.len(), 3 * 8);
+    let alone = desk.json("eval --model theirs=other/model.safetensors --data tiny --horizons 1,5");
+    assert_eq!(*whole[1], *runs(&alone)[1][0]);
+    let mean = &both["means"][0];
+    let frames = |k: usize| number(mean, &format!("/after/{k}/frame"));
+    assert_eq!([frames(0), frames(1)], [1.0, 5.0]);
+    let error = |k: usize| number(mean, &format!("/after/{k}/errors/position_rmse"));
+    assert!(error(0) < error(1), "{mean}");
+    assert_eq!(mean["whole_runs"], 1);
+    assert_eq!(whole[0]["mesh"], "square, 36 vertices, 2 handles");
+    assert_eq!(number(whole[0], "/whole/frame"), 60.0);
 }
 
 #[test]
 fn the_physics_runs_beside_the_models_with_the_substeps_asked_for() {
     let desk = two_models();
     let answer = desk.json(
-        "evaluate --model run/model.safetensors --data tiny --steps 1 --no-mirror --physics 2,1,2 --report r",
+        "eval --model run/model.safetensors --data tiny --horizons 1 --baselines none --physics 2,1,2 -o r",
     );
-    let rows = answer["rows"].as_array().unwrap();
+    let [_, whole] = runs(&answer);
     let error = |name: &str| {
-        let row = rows.iter().find(|row| row["name"] == name).unwrap();
-        assert_eq!(row["failure"], Value::Null);
-        number(row, "/measures/position_rmse")
+        let run = whole.iter().find(|run| run["method"] == name).unwrap();
+        assert_eq!(run["failure"], Value::Null);
+        number(run, "/whole/errors/position_rmse")
     };
-    let names: Vec<_> = rows.iter().filter(|row| row["who"] == "physics").collect();
-    assert_eq!(names.len(), 2);
+    assert_eq!(whole.len(), 3);
     // The truth was made with two; it starts from the same rest pose, rounded to f32.
-    let (own, coarse) = (error("physics, 2 per frame"), error("physics, 1 per frame"));
+    let (own, coarse) = (error("physics, 2 substeps"), error("physics, 1 substep"));
     assert!(coarse > 1e-4, "{coarse}");
     assert!(own < 1e-2 * coarse, "{own} {coarse}");
     let times = String::from_utf8(desk.read("r/times.md")).unwrap();
@@ -106,22 +103,174 @@ fn the_physics_runs_beside_the_models_with_the_substeps_asked_for() {
     let plot = String::from_utf8(desk.read("r/times.svg")).unwrap();
     assert!(plot.contains("time of a frame (ms)") && plot.contains("physics"));
     desk.fails(
-        "evaluate --model run/model.safetensors --data tiny --physics 0",
+        "eval --model run/model.safetensors --data tiny --physics 0",
         2,
         &["--physics", "0"],
     );
 }
 
 #[test]
+fn guards_stand_side_by_side() {
+    let desk = Desk::new();
+    desk.model();
+    let call = "eval --model run/model.safetensors --data tiny --horizons 1";
+    let answer = desk.json(&format!("{call} --guard none,limit,physics,limit"));
+    let [_, whole] = runs(&answer);
+    let names: Vec<&str> = whole
+        .iter()
+        .map(|run| run["method"].as_str().unwrap())
+        .collect();
+    assert_eq!(
+        names,
+        ["run (none)", "run (limit)", "run (physics)", "rigid"]
+    );
+    assert_eq!(whole[0]["guarded"], Value::Null);
+    for run in &whole[1..3] {
+        assert_eq!(number(run, "/guarded/frames"), 60.0);
+        assert_eq!(run["diverged_frame"], Value::Null);
+        assert!(number(run, "/whole/largest_strain") < 0.2815);
+    }
+    assert_eq!(answer["means"][1]["diverged"], 0);
+    assert_eq!(answer["means"][1]["guarded"], whole[1]["guarded"]);
+    // Limit is what nobody asks for.
+    let usual = desk.json(call);
+    assert_eq!(runs(&usual)[1][0]["whole"], whole[1]["whole"]);
+    assert_eq!(usual["guards"][0], "limit");
+}
+
+/// A moment of a scene against 32 substeps: 2 starts, 5 frames each.
+const SCENE: &str = "eval scene.toml -o c --physics linearised:1,linearised:2,linearised:4 \
+    --baselines none --reference linearised:32 --horizons 1,5 --starts 2 --from 16";
+
+#[test]
+fn errors_against_converged_physics_fall_with_substeps() {
+    let desk = Desk::new();
+    desk.write("scene.toml", PUSH);
+    let answer = desk.json(SCENE);
+    let errors: Vec<f64> = (0..3)
+        .map(|k| number(&answer, &format!("/means/{k}/after/1/errors/position_rmse")))
+        .collect();
+    assert!(
+        errors.is_sorted_by(|a, b| a > b) && errors[2] > 0.0,
+        "{errors:?}"
+    );
+    assert_eq!(answer["means"][3]["kind"], "reference");
+    assert!(number(&answer, "/timings/0/ms_per_frame") > 0.0);
+    let page = String::from_utf8(desk.read("c/report.md")).unwrap();
+    for text in [
+        "The truth is a run by linearised, 32 substeps.",
+        "| position RMSE (mm) | k = 1 | k = 5 | whole runs |",
+        "| linearised, 4 substeps |",
+        "The reference's own error is about",
+    ] {
+        assert!(page.contains(text), "{text}\n{page}");
+    }
+    // Again, with others: the reference is kept, and what was measured is the same.
+    let before = desk.read("c/errors.csv");
+    let reference = names_in(&desk.path("c/references"));
+    assert_eq!(reference.len(), 1);
+    desk.json(&format!("{SCENE} -j 1"));
+    assert!(before == desk.read("c/errors.csv"));
+    let others = desk.json(&SCENE.replace("linearised:1,", ""));
+    assert_eq!(others["means"][0]["after"], answer["means"][1]["after"]);
+    assert_eq!(reference, names_in(&desk.path("c/references")));
+}
+
+#[test]
+fn materials_and_motions_take_the_place_of_the_scenes_own() {
+    let desk = Desk::new();
+    desk.write("scene.toml", PUSH);
+    let answer = desk.json(
+        "eval scene.toml -o c --material gray-interlock,11oz-black-denim --motion forward \
+         --physics 1 --reference 4 --horizons 1 --starts 1 --no-whole --to 64",
+    );
+    let [started, whole] = runs(&answer);
+    let mut names: Vec<&str> = started
+        .iter()
+        .map(|run| run["case"].as_str().unwrap())
+        .collect();
+    names.dedup();
+    let expected = [
+        "push, gray-interlock, forward",
+        "push, 11oz-black-denim, forward",
+    ];
+    assert_eq!(names, expected);
+    assert!(whole.is_empty());
+}
+
+#[test]
+fn random_motions_are_the_same_for_any_number_of_threads() {
+    let desk = Desk::new();
+    desk.model();
+    desk.write("push.toml", PUSH);
+    let drive = "eval push.toml --model run/model.safetensors --random 5 --frames 40";
+    let one = desk.json(&format!("{drive} -j 1"));
+    assert_eq!(one["runs"], desk.json(&format!("{drive} -j 3"))["runs"]);
+    let mean = &one["means"][0];
+    assert_eq!(
+        (&mean["whole_runs"], &mean["diverged"]),
+        (&5.into(), &0.into())
+    );
+    assert_eq!(number(mean, "/guarded/frames"), 200.0);
+    assert!(number(mean, "/whole/largest_strain") < 0.2815);
+    assert_eq!(mean["whole"]["errors"], Value::Null);
+    assert_ne!(one["runs"], desk.json(&format!("{drive} --seed 2"))["runs"]);
+    // By their numbers.
+    let chosen = desk.json(&format!("{drive} --only 4,1,4"));
+    let expected = [1, 4].map(|number: usize| one["runs"][number].clone());
+    assert_eq!(chosen["runs"], Value::from(expected.to_vec()));
+}
+
+#[test]
+fn random_motions_take_cloths_in_turn_and_physics_too() {
+    let desk = Desk::new();
+    desk.write("push.toml", PUSH);
+    let answer = desk.json(
+        "eval push.toml --random 4 --frames 20 --mesh wide,triangle --density 40 --physics 1,4 -o r",
+    );
+    let sets: Vec<&str> = answer["runs"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|run| run["set"].as_str().unwrap())
+        .collect();
+    assert_eq!(sets, ["wide", "wide", "triangle", "triangle"].repeat(2));
+    assert_eq!(answer["means"][0]["method"], "physics, 1 substep");
+    let strain = |k: usize| number(&answer, &format!("/means/{k}/whole/largest_strain"));
+    assert_ne!(strain(0), strain(1));
+    let text = String::from_utf8(desk.read("r/errors.csv")).unwrap();
+    assert_eq!(text.lines().count(), 1 + 4 * 2 * 20);
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_evaluation_leaves_whole_files() {
+    use crate::common::Running;
+
+    let desk = Desk::new();
+    desk.write("scene.toml", PUSH);
+    let call = SCENE.replace("linearised:32", "linearised:1000");
+    for words in ["sagging to rest: begun", Running::HAS_RESULTS] {
+        let mut evaluation = desk.start(&call);
+        evaluation.wait_for(words);
+        evaluation.press();
+        let said = evaluation.ended();
+        assert_eq!(said.code, Some(130), "{words}: {}", said.err);
+    }
+    // What is there is whole: the same call goes on from it.
+    assert_eq!(desk.json(&call)["interrupted"], false);
+}
+
+#[test]
 fn data_sets_that_are_called_alike_are_told_apart_by_their_folders() {
     let desk = Desk::new();
     desk.model();
-    desk.json("dataset generate tiny --out a/tiny");
+    desk.json("data generate tiny -o a/tiny");
     let answer = desk.json(
-        "evaluate --model run/model.safetensors --data a/tiny --data tiny --steps 1 --no-mirror",
+        "eval --model run/model.safetensors --data a/tiny --data tiny --horizons 1 --baselines rigid",
     );
-    let rows = answer["rows"].as_array().unwrap().iter();
-    let mut names: Vec<&str> = rows.map(|row| row["data"].as_str().unwrap()).collect();
+    let runs = answer["runs"].as_array().unwrap().iter();
+    let mut names: Vec<&str> = runs.map(|run| run["set"].as_str().unwrap()).collect();
     names.dedup();
     assert_eq!(names, ["a/tiny", "tiny"]);
 }
@@ -131,38 +280,98 @@ fn calls_that_make_no_sense_are_refused() {
     let desk = two_models();
     let model = "--model run/model.safetensors";
     desk.fails(
-        &format!("evaluate {model} --model a=run/model.safetensors --model a=other/model.safetensors --data tiny"),
+        &format!("eval {model} --model a=run/model.safetensors --model a=other/model.safetensors --data tiny"),
         2,
         &["two are called a", "name"],
     );
     desk.fails(
-        "evaluate --model rigid=run/model.safetensors --data tiny",
+        "eval --model rigid=run/model.safetensors --data tiny",
         2,
         &["rigid"],
     );
     desk.fails(
-        &format!("evaluate {model} --data tiny --steps 1,61"),
+        &format!("eval {model} --data tiny --horizons 1,61"),
         2,
-        &["steps: 61 fit into no trajectory", "60 steps"],
+        &["horizons: 61 frames fit into no case", "the longest has 60"],
     );
     desk.fails(
-        &format!("evaluate {model} --data tiny --data ./tiny"),
+        &format!("eval {model} --data tiny --data ./tiny"),
         2,
         &["--data ./tiny: stands twice"],
     );
+    desk.fails(&format!("eval {model} --data tiny --horizons 0"), 2, &["0"]);
     desk.fails(
-        &format!("evaluate {model} --data tiny --steps 0"),
-        2,
-        &["0"],
-    );
-    desk.fails(
-        "evaluate --model gone.safetensors --data tiny --report r",
+        "eval --model gone.safetensors --data tiny -o r",
         1,
         &["gone.safetensors"],
     );
     desk.fails(
-        &format!("evaluate {model} --data tiny --motions drop"),
+        &format!("eval {model} --data tiny --motion drop"),
         2,
         &["drop", "lift"],
+    );
+    desk.write("push.toml", PUSH);
+    let wrong: [(&str, u8, &[&str]); 12] = [
+        ("eval", 2, &["nothing to measure on", "--data", "--random"]),
+        ("eval push.toml", 2, &["--output", "references"]),
+        (
+            "eval push.toml -o c --horizons 1,40",
+            2,
+            &["horizons", "40 frames", "30"],
+        ),
+        ("eval push.toml -o c --starts 0", 2, &["--starts"]),
+        (
+            "eval push.toml -o c --physics euler:2",
+            2,
+            &["--physics", "\"euler\"", "linearised"],
+        ),
+        (
+            "eval push.toml -o c --physics 64 --reference 64",
+            2,
+            &["reference", "no coarser"],
+        ),
+        (
+            "eval push.toml -o c --physics 1 --reference 33",
+            2,
+            &["reference", "even"],
+        ),
+        (
+            "eval push.toml -o c --physics 1 --to 31",
+            2,
+            &["push: to", "30 frames"],
+        ),
+        (
+            "eval push.toml -o c --physics 1 --material silk",
+            1,
+            &["push: material", "silk"],
+        ),
+        ("eval none.toml -o c", 1, &["none.toml", "default"]),
+        ("eval --random 4 --speed 0", 2, &["above 0"]),
+        (
+            "eval --random 4 --mesh sock",
+            2,
+            &["\"sock\"", "triangle-17"],
+        ),
+    ];
+    for (call, code, words) in wrong {
+        desk.fails(call, code.into(), words);
+    }
+    desk.fails(
+        "eval --random 4 --mesh wide --density=-3",
+        2,
+        &["density", "positive"],
+    );
+    desk.fails("eval --random 4 --density 40", 2, &["--mesh"]);
+    desk.write(
+        "drop.toml",
+        PUSH.replace(
+            "handles = { label = \"upper-corners\" }",
+            "handles = { groups = [{ name = \"left\", select = { vertices = [0] } }, { name = \"right\", select = { vertices = [5] }, released = [{ from = 0.2 }] }] }",
+        ),
+    );
+    desk.fails(
+        "eval drop.toml --random 4",
+        2,
+        &["push", "releases handles"],
     );
 }

@@ -9,7 +9,7 @@ use selvedge_data::Trajectory;
 fn pushed() -> (Desk, Trajectory) {
     let desk = Desk::new();
     desk.write("push.toml", PUSH);
-    desk.json("simulate push.toml --out run.safetensors");
+    desk.json("run push.toml -o run.safetensors");
     let run = Trajectory::read(&desk.path("run.safetensors")).unwrap();
     (desk, run)
 }
@@ -35,10 +35,10 @@ fn a_run_goes_to_other_programs_and_its_handles_come_back() {
             r#"{ rig = { file = "cloth.glb", nodes = ["handle_0", "handle_1"] } }"#,
         ),
     ] {
-        let said = desk.json(&format!("export run.safetensors --to {to}"));
+        let said = desk.json(&format!("export run.safetensors -o {to}"));
         assert_eq!(number(&said, "/frames"), (PUSH_FRAMES + 1) as f64);
         desk.write("again.toml", with_motion(motion));
-        desk.json("simulate again.toml --out again.safetensors");
+        desk.json("run again.toml -o again.safetensors");
         let again = Trajectory::read(&desk.path("again.safetensors")).unwrap();
         assert_eq!(again.frame_count(), run.frame_count(), "{to}");
         for frame in 0..run.frame_count() {
@@ -57,10 +57,10 @@ fn a_run_goes_to_other_programs_and_its_handles_come_back() {
             .map(|(a, b)| a.distance(*b));
         assert!(apart.fold(0.0, f32::max) < 1e-3, "{to}");
     }
-    let said = desk.json("inspect cloth.glb");
+    let said = desk.json("info cloth.glb");
     assert_eq!(said["nodes"][1]["name"], "handle_0");
     assert_eq!(number(&said, "/nodes/1/moves/1"), 0.5);
-    assert_eq!(desk.json("inspect cloth.npz")["vertices"], 36);
+    assert_eq!(desk.json("info cloth.npz")["vertices"], 36);
 }
 
 #[test]
@@ -92,7 +92,7 @@ def Xform "hands"
 }
 "#,
     );
-    desk.json("simulate scene.toml --out run.safetensors");
+    desk.json("run scene.toml -o run.safetensors");
     let run = Trajectory::read(&desk.path("run.safetensors")).unwrap();
     assert_eq!(run.frame_count(), 31);
     for frame in 0..31 {
@@ -110,15 +110,15 @@ def Xform "hands"
         "\"right\"",
         "[left]",
     ];
-    desk.fails("simulate scene.toml --out x.safetensors", 1, &words);
+    desk.fails("run scene.toml -o x.safetensors", 1, &words);
 }
 
 #[test]
 fn simulate_and_rollout_export_as_they_go() {
     let desk = Desk::new();
     desk.write("push.toml", PUSH);
-    let said = desk
-        .json("simulate push.toml --out run.safetensors --frames 4 --export a.glb --export a.pc2");
+    let said =
+        desk.json("run push.toml -o run.safetensors --frames 4 --export a.glb --export a.pc2");
     let exported: Vec<&str> = said["exported"]
         .as_array()
         .unwrap()
@@ -130,7 +130,7 @@ fn simulate_and_rollout_export_as_they_go() {
         desk.names(),
         ["a.glb", "a.obj", "a.pc2", "push.toml", "run.safetensors"]
     );
-    desk.json("export run.safetensors --to b.pc2");
+    desk.json("export run.safetensors -o b.pc2");
     assert_eq!(desk.read("a.pc2"), desk.read("b.pc2"));
     assert_eq!(desk.read("a.pc2").len(), 32 + 12 * 36 * 5);
 }
@@ -138,30 +138,30 @@ fn simulate_and_rollout_export_as_they_go() {
 #[test]
 fn pictures_are_one_per_frame() {
     let (desk, _) = pushed();
-    desk.json("export run.safetensors --to pictures --format png --frames 0..20 --every 10");
+    desk.json("export run.safetensors -o pictures --format png --frames 0..20 --every 10");
     assert_eq!(
         crate::common::names_in(&desk.path("pictures")),
         ["cloth_0000.png", "cloth_0001.png", "cloth_0002.png"]
     );
-    desk.json("export run.safetensors --to one.png --frames 20");
+    desk.json("export run.safetensors -o one.png --frames 20");
     for picture in [desk.read("one.png"), desk.read("pictures/cloth_0002.png")] {
         assert_eq!(&picture[1..4], b"PNG");
         // Width and height stand in the first chunk.
         assert_eq!(picture[16..24], [0, 0, 3, 192, 0, 0, 2, 208]);
     }
-    desk.json("export run.safetensors --to clip.gif --frames ..20");
+    desk.json("export run.safetensors -o clip.gif --frames ..20");
     assert_eq!(&desk.read("clip.gif")[..6], b"GIF89a");
 }
 
 #[test]
 fn a_format_that_is_named_takes_any_other_ending_for_a_folder() {
     let (desk, _) = pushed();
-    desk.json("export run.safetensors --to frames.v2 --format obj --frames ..1");
+    desk.json("export run.safetensors -o frames.v2 --format obj --frames ..1");
     assert_eq!(
         crate::common::names_in(&desk.path("frames.v2")),
         ["cloth_0000.obj", "cloth_0001.obj"]
     );
-    desk.json("export run.safetensors --to one.obj --format obj --frames 1");
+    desk.json("export run.safetensors -o one.obj --format obj --frames 1");
     assert!(desk.path("one.obj").is_file());
 }
 
@@ -170,13 +170,13 @@ fn a_rollout_exports_into_the_folder_that_it_makes() {
     let desk = Desk::new();
     desk.write("push.toml", PUSH);
     desk.json(
-        "rollout push.toml --frames 2 --no-truth --no-clip --export out/a.glb --trust out/t.csv",
+        "run --model general push.toml --frames 2 --no-clip --export out/a.glb --trust out/t.csv",
     );
     assert_eq!(
         crate::common::names_in(&desk.path("out")),
         ["a.glb", "rollout.safetensors", "sheet.png", "t.csv"]
     );
-    let call = "rollout push.toml --out deep/other --export deep/other/a.png";
+    let call = "run --model general --compare push.toml -o deep/other --export deep/other/a.png";
     desk.fails(call, 2, &["a.png", "one frame"]);
     assert!(!desk.path("deep").exists());
 }
@@ -188,38 +188,34 @@ fn bad_calls_are_told_and_leave_nothing() {
     desk.write("full/mine.txt", "mine");
     let names = desk.names();
     for (call, code, words) in [
-        ("--to cloth.fbx", 2, &["cloth.fbx", ".usda", ".glb"][..]),
-        ("--to cloth", 2, &["--format"]),
-        ("--to cloth.obj", 2, &["one frame", "31", "--frames"]),
-        ("--to cloth.glb --up z", 2, &["--up z", "glTF"]),
-        ("--to cloth.gif --normals yes", 2, &["--normals"]),
-        ("--to cloth.usda --frames 31", 2, &["frame 31", "0 to 30"]),
-        ("--to cloth.usda --frames 9..3", 2, &["9..3"]),
-        ("--to none/cloth.usda", 1, &["there is no folder none"]),
-        ("--to full --format obj", 1, &["full", "not empty"]),
-        ("--to full --format glb", 1, &["full", "is a folder"]),
-        ("--to push.toml --format png", 1, &["file of this name"]),
-        ("--to cloth.obj --format pc2", 2, &["point cache"]),
-        ("--to cloth.mdd", 2, &[".mdd is not written", ".pc2"]),
-        (
-            "--to cloth.glb --velocities yes",
-            2,
-            &["--velocities", "USD"],
-        ),
-        ("--to cloth.gif --velocities no", 2, &["--velocities"]),
+        ("-o cloth.fbx", 2, &["cloth.fbx", ".usda", ".glb"][..]),
+        ("-o cloth", 2, &["--format"]),
+        ("-o cloth.obj", 2, &["one frame", "31", "--frames"]),
+        ("-o cloth.glb --up z", 2, &["--up z", "glTF"]),
+        ("-o cloth.gif --normals yes", 2, &["--normals"]),
+        ("-o cloth.usda --frames 31", 2, &["frame 31", "0 to 30"]),
+        ("-o cloth.usda --frames 9..3", 2, &["9..3"]),
+        ("-o none/cloth.usda", 1, &["there is no folder none"]),
+        ("-o full --format obj", 1, &["full", "not empty"]),
+        ("-o full --format glb", 1, &["full", "is a folder"]),
+        ("-o push.toml --format png", 1, &["file of this name"]),
+        ("-o cloth.obj --format pc2", 2, &["point cache"]),
+        ("-o cloth.mdd", 2, &[".mdd is not written", ".pc2"]),
+        ("-o cloth.glb --velocities yes", 2, &["--velocities", "USD"]),
+        ("-o cloth.gif --velocities no", 2, &["--velocities"]),
     ] {
         desk.fails(&format!("export run.safetensors {call}"), code, words);
         assert_eq!(desk.names(), names, "{call}");
     }
     for frames in ["a..b", "-1"] {
         let said = desk.run(&format!(
-            "export run.safetensors --to a.usda --frames {frames}"
+            "export run.safetensors -o a.usda --frames {frames}"
         ));
         assert_eq!(said.code, Some(2), "{}", said.err);
         assert!(said.err.contains("20..80"), "{}", said.err);
     }
-    desk.fails("export push.toml --to a.usda", 1, &["push.toml"]);
-    let wish = "simulate push.toml --out x.safetensors --export";
+    desk.fails("export push.toml -o a.usda", 1, &["push.toml"]);
+    let wish = "run push.toml -o x.safetensors --export";
     desk.fails(&format!("{wish} a.fbx"), 2, &["a.fbx", ".usda"]);
     desk.fails(&format!("{wish} a.png"), 2, &["a.png", "one frame"]);
     desk.fails(&format!("{wish} none/a.glb"), 1, &["none"]);
@@ -229,7 +225,7 @@ fn bad_calls_are_told_and_leave_nothing() {
 #[test]
 fn without_ffmpeg_a_film_is_refused_in_a_clear_word() {
     let (desk, _) = pushed();
-    let mut command = desk.command("export run.safetensors --to film.mp4");
+    let mut command = desk.command("export run.safetensors -o film.mp4");
     let output = command.env("PATH", desk.path("nothing")).output().unwrap();
     let said = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(1));
@@ -258,7 +254,7 @@ fn a_film_is_what_ffmpeg_makes_of_every_pixel() {
         let mut command = desk.command(call);
         command.env("PATH", desk.path("bin")).output().unwrap()
     };
-    let call = "export run.safetensors --to film.mp4 --frames 0..3";
+    let call = "export run.safetensors -o film.mp4 --frames 0..3";
     assert!(run(call).status.success());
     assert_eq!(desk.read("film.mp4").len(), 4 * 960 * 720 * 3);
     desk.write(
@@ -294,15 +290,15 @@ fn a_film_that_is_interrupted_is_no_failure_of_ffmpeg() {
         command.env("PATH", desk.path("bin")).process_group(0);
         let output = command.output().unwrap();
         let said = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(1), "{said}");
+        assert_eq!(output.status.code(), Some(130), "{said}");
         assert!(!said.contains("ffmpeg"), "{said}");
         let report: Value = serde_json::from_slice(&output.stdout).unwrap();
         assert_eq!(report["interrupted"], true, "{report}");
         report
     };
-    let report = interrupted("export run.safetensors --to film.mp4");
+    let report = interrupted("export run.safetensors -o film.mp4");
     assert_eq!(report["wrote"].as_array().map(Vec::len), Some(0));
-    let report = interrupted("simulate push.toml --out again.safetensors --export film.mp4");
+    let report = interrupted("run push.toml -o again.safetensors --export film.mp4");
     assert_eq!(report["exported"].as_array().map(Vec::len), Some(0));
     assert_eq!(
         desk.names(),
@@ -314,8 +310,10 @@ fn a_film_that_is_interrupted_is_no_failure_of_ffmpeg() {
 fn every_file_can_be_looked_at() {
     let desk = Desk::new();
     desk.write("push.toml", PUSH);
-    desk.json("simulate push.toml --out run.safetensors --frames 6 --states states.safetensors --export run.npz");
-    desk.json("sag push.toml --out rest.obj");
+    desk.json(
+        "run push.toml -o run.safetensors --frames 6 --states states.safetensors --export run.npz",
+    );
+    desk.json("run --rest push.toml -o rest.obj");
     desk.model();
     for (file, picture) in [
         ("run.safetensors", "a.png"),
@@ -327,7 +325,7 @@ fn every_file_can_be_looked_at() {
         ("run/model.safetensors", "g.png"),
         ("tiny", "h.png"),
     ] {
-        let said = desk.json(&format!("inspect {file} --picture {picture}"));
+        let said = desk.json(&format!("info {file} --picture {picture}"));
         assert_eq!(said["picture"], picture, "{file}");
         let start: &[u8] = if picture.ends_with("svg") {
             b"<svg"
@@ -336,28 +334,28 @@ fn every_file_can_be_looked_at() {
         };
         assert!(desk.read(picture).starts_with(start), "{file}");
     }
-    assert_eq!(desk.json("inspect run")["kind"], "training-folder");
+    assert_eq!(desk.json("info run")["kind"], "training-folder");
     assert_eq!(
-        desk.json("inspect run/checkpoint.safetensors")["kind"],
+        desk.json("info run/checkpoint.safetensors")["kind"],
         "checkpoint"
     );
     let names = desk.names();
     desk.fails(
-        "inspect run.safetensors --picture x.svg",
+        "info run.safetensors --picture x.svg",
         2,
         &["x.svg", ".png"],
     );
     for curves in ["run", "states.safetensors"] {
-        let call = format!("inspect {curves} --picture x.png");
+        let call = format!("info {curves} --picture x.png");
         desk.fails(&call, 2, &["x.png", ".svg"]);
     }
     desk.fails(
-        "inspect run.safetensors --picture x.jpg",
+        "info run.safetensors --picture x.jpg",
         2,
         &["x.jpg", ".png"],
     );
     desk.fails(
-        "inspect run/checkpoint.safetensors --picture x.png",
+        "info run/checkpoint.safetensors --picture x.png",
         1,
         &["checkpoint", "training"],
     );

@@ -91,12 +91,10 @@ fn make(threads: usize) -> Vec<(&'static str, String)> {
         let said = String::from_utf8_lossy(&output.stderr);
         assert!(output.status.success(), "{arguments}: {said}");
     };
-    run(&format!(
-        "dataset generate tiny --out tiny --threads {threads}"
-    ));
-    run("train steps.toml --data tiny --out run");
-    run("simulate push.toml --out truth.safetensors");
-    run("rollout push.toml --model run/model.safetensors --out rollout --no-clip --frames 20");
+    run(&format!("data generate tiny -o tiny -j {threads}"));
+    run("train steps.toml --data tiny -o run");
+    run("run push.toml -o truth.safetensors");
+    run("run --compare push.toml --model run/model.safetensors -o rollout --no-clip --frames 20");
     let all = [
         ("data set", "tiny"),
         ("simulation", "truth.safetensors"),

@@ -29,7 +29,7 @@ fn interrupted(desk: &Desk, arguments: &str, wait: Duration) -> (String, Duratio
     let pressed = Instant::now();
     let status = Command::new("kill").args(["-INT", &pid]).status().unwrap();
     assert!(status.success());
-    assert_eq!(child.wait().unwrap().code(), Some(1));
+    assert_eq!(child.wait().unwrap().code(), Some(130));
     let mut said = String::new();
     child.stderr.unwrap().read_to_string(&mut said).unwrap();
     (said, pressed.elapsed())
@@ -40,10 +40,7 @@ fn interrupted(desk: &Desk, arguments: &str, wait: Duration) -> (String, Duratio
 fn a_mesh_that_is_being_made_is_given_up_within_a_second() {
     let desk = Desk::new();
     desk.write("large.toml", LARGE);
-    for command in [
-        "inspect large.toml",
-        "simulate large.toml --out x.safetensors",
-    ] {
+    for command in ["info large.toml", "run large.toml -o x.safetensors"] {
         let (said, took) = interrupted(&desk, command, Duration::from_secs(3));
         // A second, and what a busy machine adds.
         assert!(took < Duration::from_secs(4), "{command}: {took:?}: {said}");
@@ -68,15 +65,15 @@ fn a_pipe_or_a_device_is_no_input() {
             .arg(desk.path(name))
             .status();
         assert!(made.unwrap().success());
-        desk.fails(&format!("inspect {name}"), 1, &[name, "a pipe or a device"]);
+        desk.fails(&format!("info {name}"), 1, &[name, "a pipe or a device"]);
     }
     std::os::unix::fs::symlink("/dev/zero", desk.path("zero.toml")).unwrap();
     for command in [
-        "simulate zero.toml --out x.safetensors",
-        "train zero.toml --out run --data tiny",
+        "run zero.toml -o x.safetensors",
+        "train zero.toml -o run --data tiny",
     ] {
         desk.fails(command, 1, &["zero.toml", "a pipe or a device"]);
     }
     desk.write("named.toml", "name = \"n\"\nmaterial = \"gray-interlock\"\nmesh = { obj = \"pipe.obj\" }\nhandles = { vertices = [0] }\nmotion = { inline = { kind = \"blocks\", blocks = [{ duration = 0.1 }] } }\n");
-    desk.fails("inspect named.toml", 1, &["pipe.obj", "a pipe or a device"]);
+    desk.fails("info named.toml", 1, &["pipe.obj", "a pipe or a device"]);
 }

@@ -1,26 +1,21 @@
-//! The learned simulator from the command line: `train`, `evaluate`, `rollout`.
+//! The learned simulator from the command line: `train`, `eval`, `run --model`.
 
 use crate::common::{Desk, PUSH, PUSH_FRAMES, TRAINING, names_in, number};
 use selvedge_data::Trajectory;
 use serde_json::Value;
 
-fn row<'a>(report: &'a Value, who: &str) -> &'a Value {
-    let rows = report["rows"].as_array().unwrap();
-    rows.iter().find(|row| row["who"] == who).unwrap()
-}
-
 #[test]
 fn a_resumed_training_ends_with_the_same_weights() {
     let desk = Desk::new();
     desk.model();
-    let report = desk.json("train moment.toml --data tiny --out halves --steps 2");
+    let report = desk.json("train moment.toml --data tiny -o halves --steps 2");
     assert_eq!(number(&report, "/steps_done"), 2.0);
     desk.fails(
-        "train moment.toml --data tiny --out halves",
+        "train moment.toml --data tiny -o halves",
         1,
         &["halves", "--resume"],
     );
-    desk.json("train moment.toml --data tiny --out halves --resume");
+    desk.json("train moment.toml --data tiny -o halves --resume");
     let names = [
         "checkpoint.safetensors",
         "config.toml",
@@ -34,28 +29,28 @@ fn a_resumed_training_ends_with_the_same_weights() {
         assert!(whole == halves, "{name}");
     }
     desk.fails(
-        "train moment.toml --data tiny --out nothing --resume",
+        "train moment.toml --data tiny -o nothing --resume",
         1,
         &["checkpoint.safetensors"],
     );
     // What failed before it wrote anything leaves no folder behind, nor those above it.
     desk.fails(
-        "train moment.toml --data tiny --out deep/other --from run --set model.latent=16",
+        "train moment.toml --data tiny -o deep/other --from run --set model.latent=16",
         1,
         &["run/checkpoint.safetensors is of another model: model.latent is 8 there, 16 here"],
     );
     // A model will do, by its file or its name, if it is of the same network.
     desk.fails(
-        "train moment.toml --data tiny --out deep/other --from small",
+        "train moment.toml --data tiny -o deep/other --from small",
         1,
         &["--from small", "is another one", "model.latent is 64 there"],
     );
     desk.fails(
-        "train moment.toml --data tiny --out deep/other --from nobody",
+        "train moment.toml --data tiny -o deep/other --from nobody",
         1,
         &["nobody", "small"],
     );
-    desk.json("train moment.toml --data tiny --out on --from run/model.safetensors --steps 2");
+    desk.json("train moment.toml --data tiny -o on --from run/model.safetensors --steps 2");
     assert_eq!(names_in(&desk.path("on")), names);
     for folder in ["nothing", "deep"] {
         assert!(!desk.path(folder).exists(), "{folder}");
@@ -86,7 +81,7 @@ fn a_training_that_is_too_large_is_refused_before_it_takes_any_memory() {
     let desk = Desk::new();
     desk.tiny();
     desk.write("moment.toml", TRAINING);
-    let train = "train moment.toml --data tiny --out run";
+    let train = "train moment.toml --data tiny -o run";
     for (setting, expected) in [
         (
             "batch.samples=1000000000000000",
@@ -130,7 +125,7 @@ fn a_folder_is_trained_into_by_one_run_at_a_time() {
     desk.tiny();
     let long = TRAINING.replace("steps = 6", "steps = 100000000");
     desk.write("long.toml", long);
-    let call = "train long.toml --data tiny --out run --checkpoint-every 1s";
+    let call = "train long.toml --data tiny -o run --checkpoint-every 1s";
     let mut command = desk.command(call);
     command.stdout(Stdio::null()).stderr(Stdio::null());
     let mut first = command.spawn().unwrap();
@@ -139,7 +134,7 @@ fn a_folder_is_trained_into_by_one_run_at_a_time() {
         std::thread::sleep(std::time::Duration::from_millis(20));
     }
     let owner = format!("process {}", first.id());
-    for call in [call, "train long.toml --data tiny --out run --resume"] {
+    for call in [call, "train long.toml --data tiny -o run --resume"] {
         desk.fails(call, 1, &["another run writes", &owner, "another folder"]);
     }
     // Killed, it leaves its lock and perhaps a part of a file; the next run takes over.
@@ -147,7 +142,7 @@ fn a_folder_is_trained_into_by_one_run_at_a_time() {
     first.wait().unwrap();
     assert!(desk.path("run/.selvedge.lock").is_file());
     desk.write("run/.model.safetensors.left.part", "half");
-    let report = desk.json("train long.toml --data tiny --out run --resume --for 1s");
+    let report = desk.json("train long.toml --data tiny -o run --resume --for 1s");
     assert!(number(&report, "/steps_done") > 0.0);
     let names = names_in(&desk.path("run"));
     let kept = [
@@ -170,13 +165,13 @@ fn statistics_can_be_interrupted() {
         TRAINING.replace("encoder = { kind = \"mlp\" }", recurrent),
     );
     // Hours of them, if it went on.
-    let train = "train moment.toml --data tiny --out run --set statistics_samples=1000000";
+    let train = "train moment.toml --data tiny -o run --set statistics_samples=1000000";
     let mut train = desk.start(&format!("{train} --json"));
     train.wait_for("gathering statistics: begun");
     assert!(desk.path("run").is_dir());
     train.press();
     let said = train.ended();
-    assert_eq!(said.code, Some(1));
+    assert_eq!(said.code, Some(130));
     let report: Value = serde_json::from_str(&said.out).unwrap();
     assert_eq!(report["interrupted"], true);
     assert_eq!(number(&report, "/steps_done"), 0.0);
@@ -188,24 +183,23 @@ fn a_span_ends_a_training_cleanly() {
     let desk = Desk::new();
     desk.tiny();
     desk.write("moment.toml", TRAINING);
-    let report = desk.json("train moment.toml --data tiny --out run --steps 1000000 --for 1s");
+    let report = desk.json("train moment.toml --data tiny -o run --steps 1000000 --for 1s");
     let done = number(&report, "/steps_done");
     assert!(done > 0.0 && done < 1e6);
     assert_eq!(report["interrupted"], false);
-    assert_eq!(desk.json("inspect run/model.safetensors")["kind"], "model");
+    assert_eq!(desk.json("info run/model.safetensors")["kind"], "model");
 }
 
 #[test]
-fn a_model_is_measured_beside_its_rivals() {
+fn a_model_is_measured_beside_the_baselines() {
     let desk = Desk::new();
     desk.model();
     let report = desk.json(
-        "evaluate --model run/model.safetensors --data tiny --motions lift --curves curves.csv",
+        "eval --model run/model.safetensors --data tiny --motion lift --horizons 5 --baselines rigid,mirror -o r",
     );
-    assert_eq!(report["rows"].as_array().unwrap().len(), 4);
-    let truth = row(&report, "truth");
-    assert_eq!(number(truth, "/measures/position_rmse"), 0.0);
-    // The rigid rival keeps the rest pose's strain and edges, and stands still at the end.
+    let means = report["means"].as_array().unwrap();
+    let mean = |name: &str| means.iter().find(|mean| mean["method"] == name).unwrap();
+    // The rigid baseline keeps the rest pose's strain.
     let rest = Trajectory::read(&desk.path("tiny/test/lift.safetensors")).unwrap();
     let rest = Trajectory::new(
         rest.cloth().clone(),
@@ -214,34 +208,35 @@ fn a_model_is_measured_beside_its_rivals() {
     )
     .unwrap();
     rest.write(&desk.path("rest.safetensors")).unwrap();
-    let still = desk.json("inspect rest.safetensors");
-    let strain = number(row(&report, "rigid"), "/measures/largest_strain");
+    let still = desk.json("info rest.safetensors");
+    let strain = number(mean("rigid"), "/whole/largest_strain");
     // f32 positions: a relative error of 1e-7 of positions over edges five times shorter.
     assert!((strain - number(&still, "/largest_strain")).abs() < 3e-6);
-    // The mirror branch is as good a cloth as the truth, but another one.
-    let mirror = row(&report, "mirror");
-    assert!(number(mirror, "/measures/position_rmse") > 1e-3);
+    // The mirrored mode is as good a cloth as the truth, but another one.
+    assert!(number(mean("mirror"), "/whole/errors/position_rmse") > 1e-3);
     let timings = report["timings"].as_array().unwrap();
     let names: Vec<&str> = timings
         .iter()
-        .map(|t| t["name"].as_str().unwrap())
+        .map(|t| t["method"].as_str().unwrap())
         .collect();
     assert_eq!(names, ["run", "rigid", "mirror"]);
     assert!(timings.iter().all(|t| number(t, "/ms_per_frame") > 0.0));
-    let curves = String::from_utf8(desk.read("curves.csv")).unwrap();
-    let per_frame: Vec<f64> = curves
+    let text = String::from_utf8(desk.read("r/errors.csv")).unwrap();
+    // Fields before the mesh, whose words have commas, and those after it.
+    let per_frame: Vec<f64> = text
         .lines()
-        .filter(|line| line.starts_with("run,tiny,lift,"))
-        .map(|line| line.split(',').nth(5).unwrap().parse().unwrap())
+        .filter(|line| line.starts_with("tiny,lift,") && line.contains(",run,model,0,true,"))
+        .map(|line| line.split(",true,").nth(1).unwrap())
+        .map(|rest| rest.split(',').nth(2).unwrap().parse().unwrap())
         .collect();
-    assert_eq!(per_frame.len(), 61);
+    assert_eq!(per_frame.len(), 60);
     // All frames have as many vertices: the square of the whole is the mean of the squares.
     let squares: f64 = per_frame.iter().map(|rmse| rmse * rmse).sum();
-    let whole = (squares / 61.0).sqrt();
-    let told = number(row(&report, "model"), "/measures/position_rmse");
+    let whole = (squares / 60.0).sqrt();
+    let told = number(mean("run"), "/whole/errors/position_rmse");
     assert!((whole - told).abs() <= 1e-12 * told);
     desk.fails(
-        "evaluate --model run/model.safetensors --data tiny --motions lift,drop",
+        "eval --model run/model.safetensors --data tiny --motion lift,drop",
         2,
         &["drop", "lift"],
     );
@@ -253,7 +248,7 @@ fn a_rollout_stands_beside_the_truth() {
     desk.model();
     // A rollout takes the law from which models learn.
     desk.write("push.toml", format!("physics.law = \"measured\"{PUSH}"));
-    let report = desk.json("rollout push.toml --model run/model.safetensors --out out");
+    let report = desk.json("run --compare push.toml --model run/model.safetensors -o out");
     let names = [
         "clip.gif",
         "rollout.safetensors",
@@ -262,7 +257,7 @@ fn a_rollout_stands_beside_the_truth() {
     ];
     assert_eq!(names_in(&desk.path("out")), names);
     assert_eq!(report["wrote"].as_array().unwrap().len(), 4);
-    desk.json("simulate push.toml --out simulated.safetensors");
+    desk.json("run push.toml -o simulated.safetensors");
     assert!(desk.read("out/truth.safetensors") == desk.read("simulated.safetensors"));
     let compared = desk.json("compare out/truth.safetensors out/rollout.safetensors");
     let told = number(&report, "/comparison/position_rmse");
@@ -282,9 +277,8 @@ fn what_is_refused_is_not_made() {
     let desk = Desk::new();
     desk.model();
     desk.write("push.toml", PUSH);
-    let report = desk.json(
-        "rollout push.toml --model run/model.safetensors --out out --frames 3 --no-truth --no-clip",
-    );
+    let report =
+        desk.json("run push.toml --model run/model.safetensors -o out --frames 3 --no-clip");
     assert_eq!(
         names_in(&desk.path("out")),
         ["rollout.safetensors", "sheet.png"]
@@ -297,13 +291,13 @@ fn what_is_refused_is_not_made() {
 fn a_rollout_into_a_used_folder_leaves_nothing_of_the_earlier_one() {
     let desk = Desk::new();
     desk.write("push.toml", PUSH);
-    let first = desk.json("rollout push.toml --out out --frames 3");
+    let first = desk.json("run --model general --compare push.toml -o out --frames 3");
     assert_eq!(first["removed"].as_array().unwrap().len(), 0);
     desk.write("out/notes.txt", "mine");
-    let again = desk.json("rollout push.toml --model small --out out --frames 2");
+    let again = desk.json("run --compare push.toml --model small -o out --frames 2");
     assert_eq!(again["model"], "small");
     assert_eq!(again["removed"].as_array().unwrap().len(), 0);
-    let all = desk.run("rollout push.toml --out out --frames 2 --no-truth --no-clip");
+    let all = desk.run("run --model general push.toml -o out --frames 2 --no-clip");
     assert_eq!(all.code, Some(0), "{}", all.err);
     assert_eq!(
         names_in(&desk.path("out")),
@@ -319,7 +313,7 @@ fn a_rollout_into_a_used_folder_leaves_nothing_of_the_earlier_one() {
 #[test]
 fn without_arguments_the_shipped_model_runs_the_shipped_scene() {
     let desk = Desk::new();
-    let report = desk.json("rollout --frames 4");
+    let report = desk.json("run --model general --compare --frames 4");
     assert_eq!(report["scene"], "default");
     assert_eq!(report["model"], "general");
     let names = [

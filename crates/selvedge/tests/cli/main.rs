@@ -6,7 +6,6 @@
 
 mod bad_input;
 mod common;
-mod convergence;
 mod convert;
 mod corpus;
 mod corrected;

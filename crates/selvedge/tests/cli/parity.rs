@@ -68,7 +68,7 @@ fn swing() -> Desk {
 #[test]
 fn a_scene_of_arcsim_runs_from_where_its_mesh_stands() {
     let desk = swing();
-    let said = desk.run("simulate swing.json --out run.safetensors");
+    let said = desk.run("run swing.json -o run.safetensors");
     assert_eq!(said.code, Some(0), "{}", said.err);
     assert!(
         said.err.contains("swing.json: glow is not supported"),
@@ -87,15 +87,15 @@ fn a_scene_of_arcsim_runs_from_where_its_mesh_stands() {
     // g that is accelerated by up to 60 m/s² at most 0.12 mm.
     let [before, after] = [run.frame(0)[6], run.frame(12)[6]];
     assert!((after.z - before.z - 0.1).abs() < 1.2e-4);
-    let report = desk.json("inspect swing.json");
+    let report = desk.json("info swing.json");
     assert_eq!(number(&report, "/frames"), 12.0);
-    desk.json("sag swing.json --out rest.safetensors");
+    desk.json("run --rest swing.json -o rest.safetensors");
     desk.write(
         "bad.json",
         SWING.replace("\"frame_steps\": 4", "\"frame_steps\": \"four\""),
     );
     let words = ["bad.json", "frame_steps: must be a whole number", "four"];
-    desk.fails("simulate bad.json --out run.safetensors", 1, &words);
+    desk.fails("run bad.json -o run.safetensors", 1, &words);
 }
 
 #[test]
@@ -104,10 +104,10 @@ fn a_run_goes_on_from_a_kept_state_bit_for_bit() {
     desk.write("push.toml", PUSH);
     for (scene, frames) in [("push.toml", PUSH_FRAMES), ("swing.json", 12)] {
         desk.json(&format!(
-            "simulate {scene} --out whole.safetensors --states whole-s.safetensors"
+            "run {scene} -o whole.safetensors --states whole-s.safetensors"
         ));
         let on = format!(
-            "simulate {scene} --out on.safetensors --states on-s.safetensors --state whole-s.safetensors --state-frame 7"
+            "run {scene} -o on.safetensors --states on-s.safetensors --start whole-s.safetensors:7"
         );
         let report = desk.json(&on);
         assert_eq!(number(&report, "/first_frame"), 7.0);
@@ -136,22 +136,21 @@ fn a_run_goes_on_from_a_kept_state_bit_for_bit() {
             .map(|name| Trajectory::read(&desk.path(name)).unwrap());
         assert_eq!(short.positions(), &long.positions()[7 * vertices..]);
     }
-    let report = desk.json("inspect whole-s.safetensors");
+    let report = desk.json("info whole-s.safetensors");
     assert_eq!(report["kind"], "states");
-    let wrong =
-        "simulate push.toml --out on.safetensors --state whole-s.safetensors --state-frame 1";
+    let wrong = "run push.toml -o on.safetensors --start whole-s.safetensors:1";
     desk.fails(wrong, 1, &["array positions: expected [36, 3]"]);
-    desk.json("simulate push.toml --out on.safetensors --states own-s.safetensors");
-    let late = "simulate push.toml --out on.safetensors --state own-s.safetensors --state-frame";
-    desk.fails(&format!("{late} 30"), 1, &["30 of them have passed"]);
+    desk.json("run push.toml -o on.safetensors --states own-s.safetensors");
+    let late = "run push.toml -o on.safetensors --start own-s.safetensors";
+    desk.fails(&format!("{late}:30"), 1, &["30 of them have passed"]);
     let words = ["own-s.safetensors", "frames 0, 1, 2"];
-    desk.fails(&format!("{late} 31"), 1, &words);
+    desk.fails(&format!("{late}:31"), 1, &words);
 }
 
 #[test]
 fn a_scene_can_say_where_it_starts() {
     let desk = swing();
-    desk.json("simulate swing.json --out run.safetensors --states states.safetensors");
+    desk.json("run swing.json -o run.safetensors --states states.safetensors");
     let scene = r#"
 name = "on"
 material = "gray-interlock"
@@ -163,8 +162,8 @@ physics = "arcsim"
     let start = "start = { state = { file = \"states.safetensors\", frame = 12 } }\n";
     desk.write("mesh.toml", format!("{scene}start = \"mesh\""));
     desk.write("on.toml", format!("{scene}{start}"));
-    desk.json("simulate mesh.toml --out mesh.safetensors");
-    desk.json("simulate on.toml --out on.safetensors --frames 3");
+    desk.json("run mesh.toml -o mesh.safetensors");
+    desk.json("run on.toml -o on.safetensors --frames 3");
     let [swing, mesh, on] = ["run.safetensors", "mesh.safetensors", "on.safetensors"]
         .map(|name| Trajectory::read(&desk.path(name)).unwrap());
     assert_eq!(mesh.frame(0), swing.frame(0));
@@ -176,5 +175,5 @@ physics = "arcsim"
         "states.safetensors",
         "frames 0, 1, 2",
     ];
-    desk.fails("simulate none.toml --out on.safetensors", 1, &words);
+    desk.fails("run none.toml -o on.safetensors", 1, &words);
 }

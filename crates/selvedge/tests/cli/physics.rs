@@ -13,7 +13,7 @@ fn desk() -> Desk {
 #[test]
 fn a_simulation_starts_at_rest_and_takes_the_handles_along() {
     let desk = desk();
-    let report = desk.json("simulate push.toml --out push.safetensors");
+    let report = desk.json("run push.toml -o push.safetensors");
     let run = Trajectory::read(&desk.path("push.safetensors")).unwrap();
     assert_eq!(run.frame_count(), PUSH_FRAMES + 1);
     assert_eq!(number(&report, "/frames"), run.frame_count() as f64);
@@ -34,7 +34,7 @@ fn a_simulation_starts_at_rest_and_takes_the_handles_along() {
 #[test]
 fn a_run_says_how_many_substeps_fell_back_to_first_order() {
     let desk = desk();
-    let said = desk.run("simulate push.toml --out push.safetensors");
+    let said = desk.run("run push.toml -o push.safetensors");
     assert!(
         said.out.contains("60, 1 started anew, 0 fell back"),
         "{}",
@@ -44,11 +44,11 @@ fn a_run_says_how_many_substeps_fell_back_to_first_order() {
     // 4 m in a quarter of a second, in substeps of a sixtieth.
     let fast = PUSH.replace("distance = 0.2", "distance = 4.0");
     desk.write("fast.toml", format!("{fast}\n[physics]\nsubsteps = 1\n"));
-    let report = desk.json("simulate fast.toml --out fast.safetensors --from-start");
+    let report = desk.json("run fast.toml -o fast.safetensors --start mesh");
     assert_eq!(number(&report, "/substeps/all"), 30.0);
     assert_eq!(number(&report, "/substeps/started_anew"), 1.0);
     assert!(number(&report, "/substeps/fell_back") > 3.0, "{report}");
-    let said = desk.run("simulate fast.toml --out fast.safetensors --from-start");
+    let said = desk.run("run fast.toml -o fast.safetensors --start mesh");
     let words = [
         "of 30 substeps fell back to first order",
         "physics.substeps, 1 now",
@@ -60,7 +60,7 @@ fn a_run_says_how_many_substeps_fell_back_to_first_order() {
     );
     let first = format!("{fast}\n[physics]\nintegrator = \"linearised\"\n");
     desk.write("first.toml", first);
-    let report = desk.json("simulate first.toml --out first.safetensors --from-start");
+    let report = desk.json("run first.toml -o first.safetensors --start mesh");
     assert!(report["substeps"].is_null());
 }
 
@@ -68,7 +68,7 @@ fn a_run_says_how_many_substeps_fell_back_to_first_order() {
 fn shipped_scenes_come_to_rest() {
     let desk = desk();
     for (scene, _) in shipped_scenes() {
-        let report = desk.json(&format!("sag {scene} --out rest.obj"));
+        let report = desk.json(&format!("run --rest {scene} -o rest.obj"));
         assert!(number(&report, "/residual") <= 1e-3, "{scene}");
     }
 }
@@ -76,8 +76,8 @@ fn shipped_scenes_come_to_rest() {
 #[test]
 fn the_same_scene_gives_the_same_bytes() {
     let desk = desk();
-    desk.json("simulate push.toml --out a.safetensors");
-    desk.json("simulate push.toml --out b.safetensors");
+    desk.json("run push.toml -o a.safetensors");
+    desk.json("run push.toml -o b.safetensors");
     assert_eq!(desk.read("a.safetensors"), desk.read("b.safetensors"));
     let report = desk.json("compare a.safetensors b.safetensors");
     assert_eq!(number(&report, "/position_rmse"), 0.0);
@@ -88,8 +88,8 @@ fn the_same_scene_gives_the_same_bytes() {
 #[test]
 fn fewer_frames_are_the_first_of_more() {
     let desk = desk();
-    desk.json("simulate push.toml --out short.safetensors --frames 7");
-    desk.json("simulate push.toml --out long.safetensors");
+    desk.json("run push.toml -o short.safetensors --frames 7");
+    desk.json("run push.toml -o long.safetensors");
     let report = desk.json("compare short.safetensors long.safetensors");
     assert_eq!(number(&report, "/frames"), 8.0);
     assert_eq!(number(&report, "/position_rmse"), 0.0);
@@ -98,7 +98,7 @@ fn fewer_frames_are_the_first_of_more() {
 #[test]
 fn a_cloth_can_be_let_go_where_its_mesh_stands() {
     let desk = desk();
-    desk.json("simulate push.toml --out fall.safetensors --from-start --frames 1");
+    desk.json("run push.toml -o fall.safetensors --start mesh --frames 1");
     let run = Trajectory::read(&desk.path("fall.safetensors")).unwrap();
     let scene = open_scene(desk.path("push.toml").to_str().unwrap())
         .unwrap()
@@ -114,8 +114,8 @@ fn the_rest_pose_is_where_the_cloth_stays() {
     let desk = desk();
     let still = PUSH.replace("distance = 0.2", "distance = 0.0");
     desk.write("still.toml", still);
-    let report = desk.json("sag still.toml --out rest.safetensors");
-    desk.json("simulate still.toml --out still.safetensors");
+    let report = desk.json("run --rest still.toml -o rest.safetensors");
+    desk.json("run still.toml -o still.safetensors");
     let residual = number(&report, "/residual");
     assert!(residual <= 1e-3);
     let run = Trajectory::read(&desk.path("still.safetensors")).unwrap();
@@ -140,7 +140,7 @@ fn the_first_scene_of_the_docs_runs() {
     assert!(scene.contains("wind"), "{scene}");
     let desk = Desk::new();
     desk.write("flag.toml", scene);
-    let report = desk.json("simulate flag.toml --out flag.safetensors --frames 30");
+    let report = desk.json("run flag.toml -o flag.safetensors --frames 30");
     assert!(number(&report, "/sag_residual") <= 1e-3);
     // It hangs still at first and is then blown along x: a speed of the wind's order.
     let run = Trajectory::read(&desk.path("flag.safetensors")).unwrap();
@@ -154,8 +154,8 @@ fn the_first_scene_of_the_docs_runs() {
 #[test]
 fn a_rest_pose_is_the_same_as_a_mesh() {
     let desk = desk();
-    let report = desk.json("sag push.toml --out rest.obj");
-    desk.json("sag push.toml --out rest.safetensors");
+    let report = desk.json("run --rest push.toml -o rest.obj");
+    desk.json("run --rest push.toml -o rest.safetensors");
     let mesh = read_obj(&desk.path("rest.obj")).unwrap().mesh;
     let rest = Trajectory::read(&desk.path("rest.safetensors")).unwrap();
     assert_eq!(mesh.topology(), rest.topology());
@@ -175,7 +175,7 @@ fn the_second_start_takes_the_rest_pose_from_the_cache() {
     let desk = Desk::new();
     let cache = desk.path("cache");
     let sag = |options: &str, cache: &std::path::Path| {
-        let mut command = desk.command(&format!("sag square-1024 {options}"));
+        let mut command = desk.command(&format!("run --rest square-1024 {options}"));
         let output = command.env("SELVEDGE_CACHE", cache).output().unwrap();
         assert!(output.status.success());
     };
@@ -199,14 +199,14 @@ fn the_second_start_takes_the_rest_pose_from_the_cache() {
 #[test]
 fn inspect_says_what_a_file_is() {
     let desk = desk();
-    desk.json("simulate push.toml --out push.safetensors");
-    desk.json("sag push.toml --out rest.obj");
+    desk.json("run push.toml -o push.safetensors");
+    desk.json("run --rest push.toml -o rest.obj");
     for (file, kind) in [
         ("push.toml", "scene"),
         ("push.safetensors", "trajectory"),
         ("rest.obj", "mesh"),
     ] {
-        let report = desk.json(&format!("inspect {file}"));
+        let report = desk.json(&format!("info {file}"));
         assert_eq!(report["kind"], kind);
         assert_eq!(number(&report, "/vertices"), 36.0);
         // Euler: V - E + F = 1 for a sheet without holes.
@@ -214,27 +214,22 @@ fn inspect_says_what_a_file_is() {
             assert_eq!(36 + report["faces"].as_u64().unwrap(), edges + 1);
         }
     }
-    let table = desk.run("inspect push.safetensors");
+    let table = desk.run("info push.safetensors");
     assert!(
         table.out.contains("31 at 60 per second: 0.50 s"),
         "{}",
         table.out
     );
-    assert_eq!(desk.json("inspect default")["kind"], "scene");
+    assert_eq!(desk.json("info default")["kind"], "scene");
 }
 
 #[test]
 fn a_clip_is_drawn_beside_the_trajectory() {
     let desk = desk();
-    let report = desk.json("simulate push.toml --out push.safetensors --frames 3 --clip push.gif");
-    assert_eq!(report["clip"], "push.gif");
+    let report = desk.json("run push.toml -o push.safetensors --frames 3 --export push.gif");
+    assert_eq!(report["exported"][0], "push.gif");
     assert!(desk.read("push.gif").starts_with(b"GIF89a"));
     assert!(number(&report, "/final_speed") >= 0.0);
-    desk.fails(
-        "simulate push.toml --out other.safetensors --clip push.png",
-        2,
-        &["--clip push.png", ".gif"],
-    );
     assert_eq!(desk.names(), ["push.gif", "push.safetensors", "push.toml"]);
 }
 
@@ -247,28 +242,27 @@ fn handles_let_go_where_no_rest_pose_goes_with_them() {
     let scene = PUSH.replace("handles = { label = \"upper-corners\" }", groups);
     assert_ne!(scene, PUSH);
     desk.write("drop.toml", &scene);
-    desk.json("simulate drop.toml --out drop.safetensors --frames 12");
+    desk.json("run drop.toml -o drop.safetensors --frames 12");
     let run = Trajectory::read(&desk.path("drop.safetensors")).unwrap();
     let height = |frame: usize| run.handles().select(run.frame(frame))[0].y;
     assert_eq!(height(3), height(0));
     // Nine frames of free fall would be 0.11 m; the air and the cloth hold it up a little.
     assert!(height(12) < height(3) - 0.02);
     // An inertial network lets go too; the shipped one carries its rest pose along.
-    let command =
-        "rollout drop.toml --model run/model.safetensors --out out --no-truth --frames 12";
+    let command = "run drop.toml --model run/model.safetensors -o out --frames 12";
     desk.json(command);
     let rolled = Trajectory::read(&desk.path("out/rollout.safetensors")).unwrap();
     let corner = |frame: usize| rolled.handles().select(rolled.frame(frame))[0];
     assert_eq!(corner(3), run.handles().select(run.frame(3))[0]);
     assert_ne!(corner(12), corner(3));
-    let carried = "rollout drop.toml --model small --out other --no-truth --frames 12";
+    let carried = "run drop.toml --model small -o other --frames 12";
     desk.fails(carried, 1, &["frame 4", "handle 0 is let go"]);
     let windy = PUSH.replace(
         "name = \"push\"",
         "name = \"push\"\nenvironment = { gust = { speed = [1, 0, 0], period = 2, seed = 1 } }",
     );
     desk.write("windy.toml", windy);
-    desk.json("simulate windy.toml --out windy.safetensors --frames 2");
+    desk.json("run windy.toml -o windy.safetensors --frames 2");
     let command = command.replace("drop.toml", "windy.toml");
     desk.fails(&command, 1, &["environment.gust"]);
 }
@@ -277,7 +271,7 @@ fn handles_let_go_where_no_rest_pose_goes_with_them() {
 fn a_rollout_starts_at_rest_whatever_the_scene_says() {
     let desk = Desk::new();
     desk.write("mesh.toml", format!("start = \"mesh\"\n{PUSH}"));
-    let report = desk.json("rollout mesh.toml --out out --frames 1 --no-clip");
+    let report = desk.json("run --model general --compare mesh.toml -o out --frames 1 --no-clip");
     let warning = report["warnings"][0].as_str().unwrap();
     assert!(warning.contains("sagged rest pose"), "{warning}");
     for name in ["rollout", "truth"] {
@@ -290,15 +284,15 @@ fn a_rollout_starts_at_rest_whatever_the_scene_says() {
 #[test]
 fn a_state_goes_on_at_its_own_frame_rate_only() {
     let desk = desk();
-    desk.json("simulate push.toml --out run.safetensors --states states.safetensors --frames 2");
+    desk.json("run push.toml -o run.safetensors --states states.safetensors --frames 2");
     let fast = format!("frame_rate = 120\n{PUSH}");
     let start = "start = { state = { file = \"states.safetensors\", frame = 2 } }";
     desk.write("fast.toml", &fast);
     desk.write("on.toml", format!("{start}\n{fast}"));
     let words = ["states.safetensors", "was saved at 60", "frame_rate = 60"];
-    let state = "--state states.safetensors --state-frame 2";
+    let state = "--start states.safetensors:2";
     for call in [format!("fast.toml {state}"), "on.toml".to_owned()] {
-        let call = format!("simulate {call} --out on.safetensors");
+        let call = format!("run {call} -o on.safetensors");
         desk.fails(&call, 1, &words);
     }
 }
@@ -324,7 +318,7 @@ group = "middle"
 keyframes = [{ time = 1.0, translation = [0, -0.7, 0] }]
 "#;
     desk.write("led.toml", scene);
-    let call = "simulate led.toml --out led.safetensors --states states.safetensors";
+    let call = "run led.toml -o led.safetensors --states states.safetensors";
     let said = desk.run(call);
     assert_eq!(said.code, Some(1), "{}", said.err);
     for words in ["frame ", "\"ball\"", "the frames before", "led.safetensors"] {
@@ -340,7 +334,7 @@ keyframes = [{ time = 1.0, translation = [0, -0.7, 0] }]
     );
     // They are those of a run that ends there.
     let report = desk.json(&format!(
-        "simulate led.toml --out short.safetensors --frames {}",
+        "run led.toml -o short.safetensors --frames {}",
         kept - 1
     ));
     assert!(

@@ -7,29 +7,23 @@ fn wrong_calls_exit_with_2_and_say_why() {
     let desk = Desk::new();
     for (call, word) in [
         ("", "Usage"),
-        ("simulat", "simulate"),
-        ("simulate default", "--out"),
+        ("exprt", "export"),
+        ("run default --compare", "--model"),
+        ("run default -o a.safetensors --frames 0", "--frames"),
+        ("run default -o a.safetensors --frames many", "--frames"),
         (
-            "simulate default --out a.safetensors --frames 0",
-            "--frames",
+            "run default -o a.safetensors --start rest --start mesh",
+            "--start",
         ),
-        (
-            "simulate default --out a.safetensors --frames many",
-            "--frames",
-        ),
-        (
-            "simulate default --out a.safetensors --from-rest --from-start",
-            "--from-start",
-        ),
-        ("train a.toml --data d --out o --for soon", "1h30m"),
-        ("dataset generate tiny --out d --threads 0", "--threads"),
-        ("rollout --truth --no-truth", "--no-truth"),
+        ("train a.toml --data d -o o --for soon", "1h30m"),
+        ("data generate tiny -o d -j 0", "--jobs"),
+        ("run --model general --states s.safetensors", "--states"),
         ("view default --beside a.safetensors", "--beside"),
         ("view --address here", "--address"),
-        ("rollout --device gpu", "cuda:N"),
-        ("evaluate --model a --data b --device cuda:x", "cuda:N"),
-        ("rollout --precision double", "--precision"),
-        ("sag default --quiet --verbose", "--verbose"),
+        ("run --device gpu", "cuda:N"),
+        ("eval --model a --data b --device cuda:x", "cuda:N"),
+        ("run --precision double", "--precision"),
+        ("run --rest default --quiet --verbose", "--verbose"),
         ("completions tcsh", "bash"),
     ] {
         let said = desk.run(call);
@@ -48,11 +42,11 @@ fn a_folder_hides_nothing_that_is_shipped() {
     for name in ["default", "small", "tiny", "general", "mine"] {
         std::fs::create_dir(desk.path(name)).unwrap();
     }
-    desk.json("simulate default --from-start --frames 1 --out run.safetensors");
-    assert_eq!(desk.json("inspect default")["kind"], "scene");
-    desk.json("dataset generate tiny --out set");
+    desk.json("run default --start mesh --frames 1 -o run.safetensors");
+    assert_eq!(desk.json("info default")["kind"], "scene");
+    desk.json("data generate tiny -o set");
     desk.write("push.toml", PUSH);
-    let rollout = "rollout push.toml --no-truth --no-clip --frames 1 --out out --model";
+    let rollout = "run push.toml --no-clip --frames 1 -o out --model";
     desk.json(&format!("{rollout} small"));
     let a_folder = ["mine: is a folder", "name the model in it, mine/model.safe"];
     desk.fails(&format!("{rollout} mine"), 1, &a_folder);
@@ -66,7 +60,7 @@ fn a_folder_hides_nothing_that_is_shipped() {
     // What the program made in a folder is what the folder stands for.
     std::fs::rename(desk.path("default"), desk.path("empty")).unwrap();
     std::fs::rename(desk.path("set"), desk.path("default")).unwrap();
-    assert_ne!(desk.json("inspect default")["kind"], "scene");
+    assert_ne!(desk.json("info default")["kind"], "scene");
 }
 
 #[test]
@@ -75,7 +69,7 @@ fn every_shell_has_a_script_that_knows_the_commands() {
     for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
         let said = desk.run(&format!("completions {shell}"));
         assert_eq!((said.code, said.err.as_str()), (Some(0), ""), "{shell}");
-        for word in ["selvedge", "rollout", "convergence", "no-clip"] {
+        for word in ["selvedge", "compare", "horizons", "no-clip"] {
             assert!(said.out.contains(word), "{shell} lacks {word}");
         }
     }
@@ -92,10 +86,10 @@ fn every_command_has_a_manual_page() {
     let folder = desk.path("man/man1");
     let page = |name: &str| std::fs::read_to_string(folder.join(name)).unwrap();
     assert!(page("selvedge.1").contains(".TH selvedge 1"));
-    let rollout = page("selvedge-rollout.1");
+    let run = page("selvedge-run.1");
     // Roff has hyphens escaped.
-    assert!(rollout.contains("\\-\\-frames") && rollout.contains("Run a trained model"));
-    assert!(page("selvedge-dataset-generate.1").contains("\\-\\-threads"));
+    assert!(run.contains("\\-\\-frames") && run.contains("by the physics, or by a model"));
+    assert!(page("selvedge-data-generate.1").contains("\\-\\-jobs"));
     let words = ["man/man1/selvedge.1", "a file is there", "another name"];
     desk.fails("manual man/man1/selvedge.1", 1, &words);
 }
@@ -120,22 +114,19 @@ fn every_command_has_help() {
     let desk = Desk::new();
     for call in [
         "",
-        "rollout",
+        "run",
         "view",
-        "simulate",
-        "sag",
-        "dataset",
-        "dataset generate",
-        "dataset inspect",
+        "data",
+        "data generate",
+        "info",
         "train",
-        "evaluate",
+        "eval",
+        "study",
         "compare",
-        "inspect",
-        "bench",
-        "bench engine",
-        "bench scale",
-        "bench gpu",
-        "bench conformance",
+        "export",
+        "list",
+        "model",
+        "model convert",
     ] {
         let said = desk.run(&format!("{call} --help"));
         assert_eq!(said.code, Some(0), "{call}");
@@ -144,13 +135,42 @@ fn every_command_has_help() {
 }
 
 #[test]
+fn old_names_work_for_one_release_and_say_the_new_one() {
+    let desk = Desk::new();
+    desk.write("push.toml", PUSH);
+    let said = desk.run("simulate push.toml --out old.safetensors --frames 2 --from-start");
+    assert_eq!(said.code, Some(0), "{}", said.err);
+    let note = "`selvedge simulate` is called `selvedge run` now";
+    assert!(said.err.contains(note), "{}", said.err);
+    desk.json("run push.toml -o new.safetensors --frames 2 --start mesh");
+    assert!(desk.read("old.safetensors") == desk.read("new.safetensors"));
+}
+
+#[test]
+fn what_ships_is_listed() {
+    let desk = Desk::new();
+    for (what, name) in [
+        ("scenes", "default"),
+        ("materials", "gray-interlock"),
+        ("models", "general"),
+        ("motions", "forward"),
+        ("configs", "first"),
+        ("presets", "tiny"),
+        ("studies", "table1"),
+    ] {
+        let said = desk.run(&format!("list {what}"));
+        assert!(said.out.contains(name), "{what}: {}", said.out);
+    }
+}
+
+#[test]
 fn a_person_gets_a_table_and_a_program_gets_json() {
     let desk = Desk::new();
     desk.write("push.toml", PUSH);
-    let said = desk.run("simulate push.toml --out run.safetensors --frames 2");
+    let said = desk.run("run push.toml -o run.safetensors --frames 2");
     assert_eq!(said.code, Some(0), "{}", said.err);
     assert!(said.out.contains("wrote"), "{}", said.out);
-    let said = desk.run("simulate push.toml --out run.safetensors --frames 2 --json -vv");
+    let said = desk.run("run push.toml -o run.safetensors --frames 2 --json -vv");
     let report: serde_json::Value = serde_json::from_str(&said.out).unwrap();
     assert_eq!(report["out"], "run.safetensors");
     assert!(said.err.contains("found the rest pose"), "{}", said.err);
@@ -168,12 +188,12 @@ mod interrupts {
         // Hours of it, if it went on.
         let never = "[sag]\ntolerance = 1e-300\nmax_steps = 1000000000\n";
         desk.write("never.toml", format!("{PUSH}\n{never}"));
-        let mut rollout = desk.start("rollout never.toml --out run");
+        let mut rollout = desk.start("run --model general --compare never.toml -o run");
         rollout.wait_for("sagging to rest: begun");
         assert!(desk.path("run").is_dir());
         rollout.press();
         let said = rollout.ended();
-        assert_eq!(said.code, Some(1));
+        assert_eq!(said.code, Some(130));
         assert!(said.err.contains("stopped, as was asked"), "{}", said.err);
         assert!(!desk.path("run").exists());
     }
@@ -182,11 +202,11 @@ mod interrupts {
     fn an_interrupted_simulation_writes_the_frames_so_far() {
         let desk = Desk::new();
         desk.write("push.toml", PUSH);
-        let mut run = desk.start("simulate push.toml --out run.safetensors --frames 100000");
+        let mut run = desk.start("run push.toml -o run.safetensors --frames 100000");
         run.wait_for(Running::HAS_RESULTS);
         run.press();
         let Said { code, out, .. } = run.ended();
-        assert_eq!(code, Some(1));
+        assert_eq!(code, Some(130));
         assert!(out.contains("interrupted"), "{out}");
         let run = Trajectory::read(&desk.path("run.safetensors")).unwrap();
         let frames = run.frame_count();
@@ -201,12 +221,13 @@ mod interrupts {
         desk.write("push.toml", PUSH);
         // The earlier one is of another mesh, to be told from the new one however far that comes.
         desk.write("other.toml", PUSH.replace("vertices = 36", "vertices = 25"));
-        desk.json("rollout other.toml --frames 2 --out out");
-        let mut rollout = desk.start("rollout push.toml --frames 100000 --out out");
+        desk.json("run --model general --compare other.toml --frames 2 -o out");
+        let mut rollout =
+            desk.start("run --model general --compare push.toml --frames 100000 -o out");
         rollout.wait_for(Running::HAS_RESULTS);
         rollout.press();
         let Said { code, out, .. } = rollout.ended();
-        assert_eq!(code, Some(1));
+        assert_eq!(code, Some(130));
         assert!(out.contains("interrupted"), "{out}");
         assert_eq!(names_in(&desk.path("out")), ["rollout.safetensors"]);
         let run = Trajectory::read(&desk.path("out/rollout.safetensors")).unwrap();
@@ -232,7 +253,7 @@ mod interrupts {
             handles = { label = "upper-corners" }
         "#;
         desk.write("long.toml", preset);
-        let mut generate = desk.start("dataset generate long.toml --out pieces --threads 2");
+        let mut generate = desk.start("data generate long.toml -o pieces -j 2");
         // Of a set of which nothing was written, nothing would stay.
         let is_made = |name: &String| name.ends_with(".safetensors");
         let train = desk.path("pieces/train");
@@ -242,12 +263,12 @@ mod interrupts {
         }
         generate.press();
         let Said { code, out, .. } = generate.ended();
-        assert_eq!(code, Some(1));
+        assert_eq!(code, Some(130));
         assert!(out.contains("run the same command again"), "{out}");
         assert!(!desk.path("pieces/index.json").exists());
-        desk.fails("inspect pieces", 1, &["not complete", "again"]);
-        desk.json("dataset generate long.toml --out pieces");
-        desk.json("dataset generate long.toml --out whole");
+        desk.fails("info pieces", 1, &["not complete", "again"]);
+        desk.json("data generate long.toml -o pieces");
+        desk.json("data generate long.toml -o whole");
         let bytes = |folder: &str| -> Vec<Vec<u8>> {
             contents(&desk.path(folder))
                 .into_iter()

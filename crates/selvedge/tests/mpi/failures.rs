@@ -26,27 +26,27 @@ struct Case {
 
 const CASES: [Case; 5] = [
     Case {
-        command: "train steps.toml --data many --steps 600 --checkpoint-every 1s --out out",
+        command: "train steps.toml --data many --steps 600 --checkpoint-every 1s -o out",
         resume: "--resume",
         sign: Some("out/checkpoint.safetensors"),
     },
     Case {
-        command: "dataset generate many.toml --out out",
+        command: "data generate many.toml -o out",
         resume: "",
         sign: Some("out/train"),
     },
     Case {
-        command: "study study.toml --out out",
+        command: "study study.toml -o out",
         resume: "",
         sign: Some("out/trainings"),
     },
     Case {
-        command: "evaluate --model model.safetensors --data many --split train --steps 1,5",
+        command: "eval --model model.safetensors --data many --split train --horizons 1,5",
         resume: "",
         sign: None,
     },
     Case {
-        command: "stress --model model.safetensors --runs 200 --frames 60 --mesh square --density 40",
+        command: "eval --model model.safetensors --random 200 --frames 60 --mesh square --density 40",
         resume: "",
         sign: None,
     },
@@ -58,8 +58,8 @@ fn desk() -> Desk {
     desk.write("steps.toml", training());
     desk.write("many.toml", many());
     desk.write("study.toml", crate::STUDY);
-    desk.json_on(1, "dataset generate many.toml --out many");
-    desk.json_on(1, "train steps.toml --data many --steps 5 --out run");
+    desk.json_on(1, "data generate many.toml -o many");
+    desk.json_on(1, "train steps.toml --data many --steps 5 -o run");
     std::fs::copy(
         desk.path("run/model.safetensors"),
         desk.path("model.safetensors"),
@@ -255,8 +255,8 @@ fn many() -> String {
 fn a_press_of_ctrl_c_ends_all_ranks_with_whole_files() {
     let desk = Desk::new();
     desk.write("steps.toml", training());
-    desk.json_on(1, "dataset generate tiny --out tiny");
-    let train = "train steps.toml --data tiny --out out --steps 1000000";
+    desk.json_on(1, "data generate tiny -o tiny");
+    let train = "train steps.toml --data tiny -o out --steps 1000000";
     let mut child = desk.on(2, train).stdout(Stdio::null()).spawn().unwrap();
     let started = Instant::now();
     while ranks_of(child.id()).len() < 2 || !desk.path("out/log.jsonl").exists() {
@@ -272,7 +272,7 @@ fn a_press_of_ctrl_c_ends_all_ranks_with_whole_files() {
         assert!(pressed.elapsed() < PATIENCE);
         thread::sleep(Duration::from_millis(10));
     }
-    let resume = "train steps.toml --data tiny --out out --resume --for 1s --steps 1000000";
+    let resume = "train steps.toml --data tiny -o out --resume --for 1s --steps 1000000";
     let report = desk.json_on(3, resume);
     assert_eq!(report["ranks"], 3);
 }

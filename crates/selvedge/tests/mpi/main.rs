@@ -28,7 +28,7 @@ fn trained(desk: &Desk, folder: &str) -> Vec<Vec<u8>> {
 fn a_training_of_200_steps_has_the_same_bytes_on_1_to_4_ranks() {
     let desk = Desk::new();
     desk.write("steps.toml", training());
-    desk.json_on(1, "dataset generate tiny --out tiny");
+    desk.json_on(1, "data generate tiny -o tiny");
     let train = "train steps.toml --data tiny --out";
     desk.json_on(1, &format!("{train} one --steps 200"));
     let expected = trained(&desk, "one");
@@ -47,10 +47,10 @@ fn a_training_of_200_steps_has_the_same_bytes_on_1_to_4_ranks() {
 #[test]
 fn a_data_set_has_the_same_bytes_and_goes_on() {
     let desk = Desk::new();
-    desk.json_on(1, "dataset generate tiny --out one");
+    desk.json_on(1, "data generate tiny -o one");
     for ranks in [2, 3] {
         let out = format!("on-{ranks}");
-        let generate = format!("dataset generate tiny --out {out}");
+        let generate = format!("data generate tiny -o {out}");
         let report = desk.json_on(ranks, &generate);
         assert_eq!(report["trajectories_missing"], 0);
         assert!(desk.files(&out) == desk.files("one"));
@@ -62,7 +62,7 @@ fn a_data_set_has_the_same_bytes_and_goes_on() {
         );
         assert!(desk.files(&out) == desk.files("one"));
     }
-    let part = desk.json_on(2, "dataset generate tiny --out part --shard 2/2");
+    let part = desk.json_on(2, "data generate tiny -o part --shard 2/2");
     assert_eq!(part["part"], "2/2");
 }
 
@@ -77,11 +77,11 @@ fn take_times(answer: &mut Value) {
 fn evaluations_and_stress_tests_say_the_same() {
     let desk = Desk::new();
     desk.write("steps.toml", training());
-    desk.json_on(1, "dataset generate tiny --out tiny");
-    desk.json_on(1, "train steps.toml --data tiny --out run --steps 5");
+    desk.json_on(1, "data generate tiny -o tiny");
+    desk.json_on(1, "train steps.toml --data tiny -o run --steps 5");
     let model = "--model run/model.safetensors";
-    let evaluate = format!("evaluate {model} --data tiny --split train --steps 1,5");
-    let stress = format!("stress {model} --runs 6 --frames 40 --mesh square --density 40");
+    let evaluate = format!("eval {model} --data tiny --split train --horizons 1,5");
+    let stress = format!("eval {model} --random 6 --frames 40 --mesh square --density 40");
     let without_times = |mut answer: Value| {
         take_times(&mut answer);
         answer
@@ -104,13 +104,13 @@ fn a_study_trains_the_same_models() {
     desk.write("steps.toml", training());
     desk.write("study.toml", STUDY);
     for ranks in [1, 3] {
-        let report = desk.json_on(ranks, &format!("study study.toml --out on-{ranks}"));
+        let report = desk.json_on(ranks, &format!("study study.toml -o on-{ranks}"));
         assert_eq!(
             (&report["trained"], &report["measured"]),
             (&3.into(), &4.into())
         );
         // Once more: all of it is kept.
-        desk.json_on(ranks, &format!("study study.toml --out on-{ranks}"));
+        desk.json_on(ranks, &format!("study study.toml -o on-{ranks}"));
     }
     for name in ["one", "other", "later"] {
         let file = format!("trainings/{name}/model.safetensors");
@@ -130,8 +130,8 @@ budget = { steps = 20 }
 tiny = { preset = "tiny" }
 
 [evaluation]
-steps = [1]
-rivals = ["rigid"]
+horizons = [1]
+baselines = ["rigid"]
 
 [[train]]
 name = "one"
@@ -146,20 +146,15 @@ set = ["seed=2"]
 name = "later"
 config = "steps.toml"
 after = "one"
-
-[[question]]
-title = "Which one?"
-models = ["one", "other", "later"]
-show = ["table"]
 "#;
 
 #[test]
 fn what_cannot_be_shared_is_said() {
     let desk = Desk::new();
     desk.write("steps.toml", training());
-    desk.json_on(1, "dataset generate tiny --out tiny");
-    desk.fails_on(2, "presets", &["one rank", "without mpirun"]);
-    let train = "train steps.toml --data tiny --out run";
+    desk.json_on(1, "data generate tiny -o tiny");
+    desk.fails_on(2, "list configs", &["one rank", "without mpirun"]);
+    let train = "train steps.toml --data tiny -o run";
     let words = [
         "work to 4 of 5 ranks",
         "rank 4 would have none",
@@ -172,12 +167,8 @@ fn what_cannot_be_shared_is_said() {
         "ranks 1 to 2 would have none",
         "--set batch.samples=3",
     ];
-    desk.fails_on(3, "train rp-gru10 --data tiny --out run", &words);
-    desk.fails_on(2, "train corrected --out corrected", &["one rank"]);
-    desk.fails_on(2, "train steps.toml --data none --out run", &["none"]);
-    desk.fails_on(
-        2,
-        "dataset generate tiny --out steps.toml/x",
-        &["steps.toml"],
-    );
+    desk.fails_on(3, "train rp-gru10 --data tiny -o run", &words);
+    desk.fails_on(2, "train corrected -o corrected", &["one rank"]);
+    desk.fails_on(2, "train steps.toml --data none -o run", &["none"]);
+    desk.fails_on(2, "data generate tiny -o steps.toml/x", &["steps.toml"]);
 }

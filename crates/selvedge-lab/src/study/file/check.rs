@@ -2,8 +2,8 @@
 
 use selvedge_train::TrainConfig;
 
-use super::{Question, Study, Training};
-use crate::evaluation::Contestant;
+use super::{Study, Training};
+use crate::evaluation::Method;
 use crate::study::error::{OfPart, StudyError};
 
 impl Study {
@@ -19,10 +19,23 @@ impl Study {
         for name in &self.evaluation.data {
             self.check_data(name).of(|| "evaluation.data".to_owned())?;
         }
+        for name in &self.evaluation.baselines {
+            if Method::baseline(name).is_none() {
+                return Err(StudyError::new(format!(
+                    "evaluation.baselines: there is no baseline {name:?}: there are {}",
+                    Method::BASELINES.join(", ")
+                )));
+            }
+        }
+        if self.train.is_empty() && self.model.is_empty() {
+            return Err(StudyError::new(
+                "there is nothing to measure: write a [[train]] or a [[model]]".to_owned(),
+            ));
+        }
         for (field, bad) in [
             (
-                "steps",
-                self.evaluation.steps.iter().flatten().any(|&k| k == 0),
+                "horizons",
+                self.evaluation.horizons.iter().flatten().any(|&k| k == 0),
             ),
             ("starts", self.evaluation.starts == 0),
         ] {
@@ -35,10 +48,6 @@ impl Study {
         for (number, entry) in self.train.iter().enumerate() {
             self.check_training(entry, &self.train[..number])
                 .of(|| format!("training {:?}", entry.name))?;
-        }
-        for question in &self.question {
-            self.check_question(question)
-                .of(|| format!("question {:?}", question.title))?;
         }
         Ok(())
     }
@@ -80,7 +89,6 @@ impl Study {
 
     fn check_names(&self) -> Result<(), StudyError> {
         let mut seen: Vec<&str> = Vec::new();
-        let rivals = Contestant::rivals().map(|rival| rival.name);
         let trained = self.train.iter().map(|entry| &entry.name);
         let models = trained.chain(self.model.iter().map(|entry| &entry.name));
         for name in models {
@@ -90,9 +98,9 @@ impl Study {
                     "name {name:?}: use letters, digits, - and _, since it is the name of a folder"
                 )));
             }
-            if rivals.contains(name) {
+            if Method::BASELINES.contains(&name.as_str()) {
                 return Err(StudyError::new(format!(
-                    "name {name:?}: a rival has this name: take another"
+                    "name {name:?}: a baseline has this name: take another"
                 )));
             }
             if seen.contains(&name.as_str()) {
@@ -114,30 +122,5 @@ impl Study {
             "there is no data set {name:?}: the study has {}",
             known.join(", ")
         )))
-    }
-
-    fn check_question(&self, question: &Question) -> Result<(), StudyError> {
-        if question.models.is_empty() == question.groups.is_empty() {
-            return Err(StudyError::new("write either models or groups".to_string()));
-        }
-        for group in question.groups() {
-            let mut seen: Vec<&String> = Vec::new();
-            for name in &group.models {
-                if seen.contains(&name) {
-                    return Err(StudyError::new(format!(
-                        "{name:?} stands twice: name everyone once"
-                    )));
-                }
-                seen.push(name);
-            }
-        }
-        for name in question.groups().iter().flat_map(|group| &group.models) {
-            if self.label(name).is_none() {
-                return Err(StudyError::new(format!(
-                    "there is nobody called {name:?}: name trainings, models or rivals of the study"
-                )));
-            }
-        }
-        Ok(())
     }
 }

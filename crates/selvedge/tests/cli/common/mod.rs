@@ -157,14 +157,14 @@ impl Desk {
 
     /// A data set of three short motions, in `tiny`.
     pub(crate) fn tiny(&self) {
-        self.json("dataset generate tiny --out tiny");
+        self.json("data generate tiny -o tiny");
     }
 
     /// A model that has barely learned, in `run/model.safetensors`.
     pub(crate) fn model(&self) {
         self.tiny();
         self.write("moment.toml", TRAINING);
-        self.json("train moment.toml --data tiny --out run");
+        self.json("train moment.toml --data tiny -o run");
     }
 }
 

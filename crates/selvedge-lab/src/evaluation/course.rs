@@ -1,0 +1,170 @@
+//! One run: a method along a case, measured against the truth.
+
+use std::ops::ControlFlow;
+
+use glam::{DVec3, Vec3};
+use selvedge_cloth::Scene;
+use selvedge_data::metrics::{self, Character};
+use selvedge_data::{Frames, Trajectory};
+use selvedge_model::{Departure, Model};
+
+use super::case::{Case, Source};
+use super::measures::Gauge;
+use super::method::{Kind, Method, Mover};
+use super::run::Run;
+use super::runner::Runner;
+use super::truth::{Prepared, Truth};
+use super::watch::Watch;
+use crate::cause::chain;
+use crate::domain::{self, DomainError};
+use crate::physics;
+use crate::watched::{DIVERGED_FRAMES, DIVERGED_STRAIN};
+
+/// Ways in which a case goes beyond the training of a model.
+///
+/// # Errors
+/// A model of another frame rate, or a motion that cannot drive the handles.
+pub(super) fn departures(
+    model: &Model,
+    case: &Case,
+    trajectory: Option<&Trajectory>,
+) -> Result<Vec<Departure>, DomainError> {
+    let of_scene = |scene: &Scene, frames| {
+        let beyond = domain::of_scene(model, scene, frames)?;
+        Ok(beyond.map_or_else(Vec::new, |beyond| beyond.departures))
+    };
+    match (&case.source, trajectory) {
+        (Source::Converged(loaded, _) | Source::Random(loaded, ..), _) => {
+            let frames = case.span().map_or(0, |[_, last]| last);
+            of_scene(&loaded.scene, frames)
+        }
+        (Source::Recorded(..), Some(trajectory)) => {
+            let found = domain::of_trajectory(model, &case.name, trajectory)?;
+            Ok(found.unwrap_or_default())
+        }
+        (Source::Recorded(..), None) => Ok(Vec::new()),
+    }
+}
+
+/// Frames of a run that are measured.
+#[derive(Clone, Copy)]
+pub(super) enum Span<'a> {
+    /// So many frames after the start.
+    At(&'a [usize]),
+    /// Every frame of so many.
+    Whole(usize),
+}
+
+/// A case that is run along.
+pub(super) struct Course<'a, 't, 'l> {
+    pub(super) prepared: &'a Prepared<'a>,
+    pub(super) truth: &'a Truth,
+    pub(super) gauge: Gauge<'a>,
+    pub(super) watch: Watch<'a, 't, 'l>,
+}
+
+impl Course<'_, '_, '_> {
+    /// Runs `method` from the true state of frame `start`. None where an end is asked for.
+    pub(super) fn run(
+        &self,
+        method: &Method,
+        kind: Kind,
+        start: usize,
+        span: Span<'_>,
+    ) -> Option<Run> {
+        let case = self.prepared.case;
+        let mut run = Run {
+            set: case.set.clone(),
+            case: case.name.clone(),
+            mesh: self.prepared.mesh.clone(),
+            method: method.name.clone(),
+            kind,
+            start,
+            is_whole: matches!(span, Span::Whole(_)),
+            frame_rate: self.truth.trajectory.frame_rate(),
+            frames: Vec::new(),
+            diverged_frame: None,
+            guarded: None,
+            character: None,
+            out_of_distribution: Vec::new(),
+            failure: None,
+        };
+        match self.steps(method, span, &mut run) {
+            Ok(ControlFlow::Continue(())) => {}
+            Ok(ControlFlow::Break(())) => return None,
+            Err(problem) => run.failure = Some(problem),
+        }
+        if let Span::Whole(frames) = span {
+            let strains: Vec<f64> = run.frames.iter().map(|at| at.largest_strain).collect();
+            let diverged = metrics::diverged_frame(&strains, DIVERGED_STRAIN, DIVERGED_FRAMES);
+            // The first strain is that after the first step.
+            let diverged = diverged.map(|frame| frame + 1);
+            let lost = (strains.len() < frames).then_some(strains.len() + 1);
+            run.diverged_frame = diverged.or(lost);
+        }
+        Some(run)
+    }
+
+    fn steps(
+        &self,
+        method: &Method,
+        span: Span<'_>,
+        run: &mut Run,
+    ) -> Result<ControlFlow<()>, String> {
+        let (case, truth) = (self.prepared.case, self.truth);
+        if let (Mover::Model(model, ..), true) = (&method.mover, run.is_whole) {
+            let found = departures(model, case, Some(&truth.trajectory));
+            run.out_of_distribution = found.map_err(|error| chain(&error))?;
+        }
+        let mut runner = Runner::start(method, self.prepared, truth, run.start)?;
+        let mut positions: Vec<Vec3> = Vec::new();
+        let mut keep = |now: &[DVec3]| {
+            if run.is_whole && case.has_truth() {
+                positions.extend(physics::rounded(now));
+            }
+        };
+        keep(&runner.positions());
+        let frames = match span {
+            Span::At(frames) => frames.last().copied().unwrap_or(0),
+            Span::Whole(frames) => frames,
+        };
+        for frame in 1..=frames {
+            if self.watch.advance().is_break() {
+                return Ok(ControlFlow::Break(()));
+            }
+            runner
+                .step()
+                .map_err(|problem| format!("frame {}: {problem}", run.start + frame))?;
+            run.guarded = runner.guarded();
+            let is_measured = match span {
+                Span::At(frames) => frames.contains(&frame),
+                Span::Whole(_) => true,
+            };
+            if is_measured {
+                let found = runner.positions();
+                let expected = truth.positions(run.start + frame);
+                let expected = expected.filter(|_| case.has_truth());
+                let at = self.gauge.measure(frame, &found, expected.as_deref());
+                if !at.is_finite() {
+                    return Err(format!("frame {frame} has a measure that is not finite"));
+                }
+                run.frames.push(at);
+                keep(&found);
+            }
+        }
+        if !positions.is_empty() {
+            let trajectory = &truth.trajectory;
+            let from = run.start - truth.first;
+            let true_frames = trajectory.frames().last(trajectory.frame_count() - from);
+            let true_frames = true_frames.first(frames + 1);
+            let found = Frames::new(&positions, trajectory.vertex_count());
+            let found = found.map_err(|error| chain(&error))?;
+            let [found, expected] = [found, true_frames].map(|frames| {
+                let (cloth, rate) = (trajectory.cloth(), trajectory.frame_rate());
+                Character::of(frames, cloth, rate).map_err(|error| chain(&error))
+            });
+            run.character = Some((found?, expected?));
+        }
+        Ok(ControlFlow::Continue(()))
+    }
+}

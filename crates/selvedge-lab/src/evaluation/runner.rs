@@ -1,0 +1,168 @@
+//! A method on its way along a case.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use glam::DVec3;
+use selvedge_cloth::{HandlePath, Stepper};
+use selvedge_guard::Correction;
+use selvedge_sim::Simulator;
+
+use super::method::{Method, Mover};
+use super::truth::{Prepared, Truth, simulator};
+use crate::cause::chain;
+use crate::event::Reporter;
+use crate::rigid::RigidRest;
+use crate::watched::{GuardSummary, WatchedModel};
+
+/// Frames that are timed at most, and the time after which there are enough.
+const TIMED: usize = 120;
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// A cloth on its way from a state of its case.
+pub(super) struct Runner {
+    cloth: Cloth,
+    path: HandlePath,
+    samples_per_frame: usize,
+    frame: usize,
+}
+
+enum Cloth {
+    Watched(Box<WatchedModel>),
+    Physics(Box<Simulator>),
+    Other(Box<dyn Stepper>),
+}
+
+impl Runner {
+    /// Starts `method` in the true state of `frame`, with the true frames before it.
+    ///
+    /// # Errors
+    /// Parts that do not fit, in words.
+    pub(super) fn start(
+        method: &Method,
+        prepared: &Prepared<'_>,
+        truth: &Truth,
+        frame: usize,
+    ) -> Result<Self, String> {
+        let state = || {
+            truth
+                .state(frame)
+                .ok_or("there is no true state to start from")
+        };
+        let scene = || truth.scene.as_ref().map_err(Clone::clone);
+        let (cloth, of_scene, samples_per_frame) = match &method.mover {
+            Mover::Rigid => {
+                let rest = RigidRest::new(truth.trajectory.cloth());
+                (Cloth::Other(Box::new(rest)), false, 1)
+            }
+            Mover::Physics(physics) => {
+                let scene = physics.scene(scene()?);
+                let cloth = simulator(&scene, state()?, frame)?;
+                let samples = physics.substeps as usize;
+                (Cloth::Physics(Box::new(cloth)), true, samples)
+            }
+            Mover::Mirror => {
+                let mirror = prepared.mirror.as_ref();
+                let mirror = mirror.ok_or("the mirrored mode was not asked for")?;
+                let (scene, rest) = mirror.as_ref().map_err(Clone::clone)?;
+                let at_rest = selvedge_corrected::FrameState {
+                    positions: rest.clone(),
+                    velocities: vec![DVec3::ZERO; rest.len()],
+                };
+                let cloth = simulator(scene, at_rest, frame)?;
+                let samples = scene.physics.substeps as usize;
+                (Cloth::Physics(Box::new(cloth)), true, samples)
+            }
+            Mover::Model(model, guard, machine) => {
+                let base = model.spec().base;
+                let stepper: crate::machine::Mover = match base {
+                    Some(_) => Box::new(
+                        machine
+                            .start_in(Arc::clone(model), scene()?, state()?, frame)
+                            .map_err(|error| chain(&error))?,
+                    ),
+                    None => {
+                        let known = truth.known(frame, model.spec().history());
+                        let name = &prepared.case.name;
+                        let graph = selvedge_train::graph_of(name, &truth.trajectory);
+                        let graph = graph.map_err(|error| chain(&error))?;
+                        let started = machine.start(model, graph, &known, None);
+                        started.map_err(|error| chain(&error))?
+                    }
+                };
+                let samples = base.map_or(1, |base| base.substeps as usize);
+                let cloth = match guard.correction {
+                    Correction::None => Cloth::Other(Box::new(stepper)),
+                    _ => {
+                        let (cloth, rate) =
+                            (truth.trajectory.cloth(), truth.trajectory.frame_rate());
+                        let scene = truth.scene.as_ref().ok().map(Arc::clone);
+                        let watched = WatchedModel::new(stepper, cloth, rate, scene, *guard);
+                        Cloth::Watched(Box::new(watched.map_err(|error| chain(&error))?))
+                    }
+                };
+                (cloth, base.is_some(), samples)
+            }
+        };
+        Ok(Self {
+            cloth,
+            path: truth.path(of_scene)?,
+            samples_per_frame,
+            frame,
+        })
+    }
+
+    /// Moves the cloth by a frame.
+    ///
+    /// # Errors
+    /// The step that failed, in words.
+    pub(super) fn step(&mut self) -> Result<(), String> {
+        let targets = self.path.targets(self.frame, self.samples_per_frame);
+        let targets = targets.map_err(|error| error.to_string())?;
+        let stepped = match &mut self.cloth {
+            Cloth::Watched(cloth) => cloth.step(&targets),
+            Cloth::Physics(cloth) => cloth.step(&targets),
+            Cloth::Other(cloth) => cloth.step(&targets),
+        };
+        stepped.map_err(|error| chain(&error))?;
+        self.frame += 1;
+        Ok(())
+    }
+
+    /// Positions now `[m]`, `[vertices]`.
+    pub(super) fn positions(&self) -> Vec<DVec3> {
+        let of = |stepper: &dyn Stepper| stepper.positions().iter().map(|p| p.as_dvec3()).collect();
+        match &self.cloth {
+            Cloth::Watched(cloth) => of(&**cloth),
+            Cloth::Physics(cloth) => cloth.positions_f64().to_vec(),
+            Cloth::Other(cloth) => of(&**cloth),
+        }
+    }
+
+    /// Counts of the guard so far; none without a guard.
+    pub(super) fn guarded(&self) -> Option<GuardSummary> {
+        match &self.cloth {
+            Cloth::Watched(watched) => Some(watched.summary()),
+            Cloth::Physics(_) | Cloth::Other(_) => None,
+        }
+    }
+
+    /// The median time of the next frames, at most so many `[ms]`; none where there was none, or
+    /// an end is asked for.
+    pub(super) fn milliseconds(mut self, frames: usize, reporter: &Reporter<'_>) -> Option<f64> {
+        let begun = Instant::now();
+        let mut times = Vec::with_capacity(TIMED);
+        while times.len() < frames.min(TIMED) && begun.elapsed() < PATIENCE {
+            if reporter.is_stopped() {
+                return None;
+            }
+            let before = Instant::now();
+            if self.step().is_err() {
+                break;
+            }
+            times.push(1e3 * before.elapsed().as_secs_f64());
+        }
+        times.sort_by(f64::total_cmp);
+        times.get(times.len() / 2).copied()
+    }
+}

@@ -1,0 +1,382 @@
+//! The truth of a case: its frames, its scene, and the path of its handles. A converged run is kept
+//! in a file, so that another evaluation of the same scene need not make it again.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
+use selvedge_cloth::{Cloth, HandlePath, Motion, RecordedMotion, Scene, Stepper};
+use selvedge_corrected::FrameState;
+use selvedge_data::{LoadedScene, SavedState, SceneSpec, StartSpec, StateRun, Trajectory};
+use selvedge_sim::{Simulator, Threads};
+
+use super::case::{Case, Source};
+use super::error::EvaluateError;
+use super::method::PhysicsMethod;
+use super::watch::Watch;
+use crate::cause::chain;
+use crate::event::End;
+use crate::physics::{self, Keep, SimulationPlan, rounded};
+use crate::state_log::simulator_in;
+
+/// Frames of a kept run that are made again, to see that the physics still makes it.
+const CHECKED: usize = 5;
+
+/// A case ready to be run along.
+pub(super) struct Truth {
+    /// The true frames from frame `first` on; the rest pose alone where nobody knows them.
+    pub(super) trajectory: Trajectory,
+    /// The same with velocities, in f64, where they are known.
+    states: Option<StateRun>,
+    /// Frames of the motion that have passed in the first of them.
+    pub(super) first: usize,
+    /// The scene with its motion, or why there is none.
+    pub(super) scene: Result<Arc<Scene>, String>,
+    /// The path of the handles as it was recorded; otherwise it is the scene's.
+    pub(super) recorded: Option<HandlePath>,
+}
+
+/// A case with what is found before any run.
+pub(super) struct Prepared<'a> {
+    pub(super) case: &'a Case,
+    /// Its mesh, in words.
+    pub(super) mesh: String,
+    /// The start of a converged run.
+    pub(super) start: Option<SavedState>,
+    /// The mirrored buckling mode of its scene, at rest, where somebody runs there.
+    pub(super) mirror: Option<Result<(Scene, Vec<DVec3>), String>>,
+}
+
+impl Truth {
+    /// True positions in `frame` `[m]`, `[vertices]`.
+    pub(super) fn positions(&self, frame: usize) -> Option<Vec<DVec3>> {
+        let vertices = self.trajectory.vertex_count();
+        let place = frame.checked_sub(self.first)?;
+        if let Some(states) = &self.states {
+            let found = states.positions.chunks(vertices).nth(place);
+            return found.map(<[DVec3]>::to_vec);
+        }
+        let is_there = place < self.trajectory.frame_count();
+        is_there.then(|| widened(self.trajectory.frame(place)))
+    }
+
+    /// The true state in `frame`; where velocities are not known, those from the frame before, or
+    /// none.
+    pub(super) fn state(&self, frame: usize) -> Option<FrameState> {
+        let positions = self.positions(frame)?;
+        let place = frame - self.first;
+        if let Some(states) = &self.states {
+            let velocities = states.velocities.chunks(positions.len()).nth(place)?;
+            return Some(FrameState {
+                positions,
+                velocities: velocities.to_vec(),
+            });
+        }
+        let before = self.positions(frame.saturating_sub(1).max(self.first))?;
+        let moved = positions.iter().zip(&before).map(|(p, q)| *p - *q);
+        let velocities = moved.map(|step| step * self.trajectory.frame_rate());
+        Some(FrameState {
+            velocities: velocities.collect(),
+            positions,
+        })
+    }
+
+    /// At most `count` true frames up to `frame`, the oldest first `[m]`, `[vertices]`.
+    pub(super) fn known(&self, frame: usize, count: usize) -> Vec<&[Vec3]> {
+        let last = frame - self.first;
+        let first = (last + 1).saturating_sub(count);
+        (first..=last).map(|at| self.trajectory.frame(at)).collect()
+    }
+
+    /// The path of the handles for a method that needs the scene, or for one that does not.
+    ///
+    /// # Errors
+    /// A case without a scene, or a motion that cannot drive the handles, in words.
+    pub(super) fn path(&self, of_scene: bool) -> Result<HandlePath, String> {
+        match &self.recorded {
+            Some(path) if !of_scene => Ok(path.clone()),
+            _ => {
+                let scene = self.scene.as_ref().map_err(Clone::clone)?;
+                scene.handle_path().map_err(|error| chain(&error))
+            }
+        }
+    }
+}
+
+fn widened(positions: &[Vec3]) -> Vec<DVec3> {
+    positions.iter().map(|p| p.as_dvec3()).collect()
+}
+
+impl Prepared<'_> {
+    /// Opens the truth up to frame `last`, or makes it. None where an end is asked for.
+    ///
+    /// # Errors
+    /// A file that cannot be read or written, or a converged run that fails.
+    pub(super) fn truth(
+        &self,
+        last: usize,
+        with_scene: bool,
+        references: Option<&Path>,
+        watch: Watch<'_, '_, '_>,
+    ) -> Result<Option<Truth>, EvaluateError> {
+        match &self.case.source {
+            Source::Recorded(data, entry) => recorded(data.read(entry)?, with_scene).map(Some),
+            Source::Random(loaded, rest, _) => {
+                let trajectory = physics::trajectory(
+                    &loaded.spec,
+                    &loaded.scene,
+                    &rest.positions,
+                    rounded(&rest.positions),
+                )?;
+                Ok(Some(Truth {
+                    trajectory,
+                    states: None,
+                    first: 0,
+                    scene: Ok(Arc::new(loaded.scene.clone())),
+                    recorded: None,
+                }))
+            }
+            Source::Converged(loaded, method) => {
+                let reference = Reference {
+                    case: self.case,
+                    loaded,
+                    method,
+                    last,
+                };
+                reference.truth(self.start.as_ref(), references, watch)
+            }
+        }
+    }
+}
+
+pub(super) fn recorded(trajectory: Trajectory, with_scene: bool) -> Result<Truth, EvaluateError> {
+    let held = |frame: usize| widened(&trajectory.handles().select(trajectory.frame(frame)));
+    let positions = (0..trajectory.frame_count()).map(held).collect();
+    let path = Motion::Recorded(RecordedMotion { positions })
+        .bind(&held(0), trajectory.frame_rate())
+        .map_err(EvaluateError::Path)?;
+    let scene = match with_scene {
+        true => scene_of(&trajectory),
+        false => Err("the scene was not asked for".to_owned()),
+    };
+    Ok(Truth {
+        states: None,
+        first: 0,
+        scene: scene.map(Arc::new),
+        recorded: Some(path),
+        trajectory,
+    })
+}
+
+/// The scene that a trajectory says it was made from. Mesh files are looked for from the current
+/// folder.
+fn scene_of(trajectory: &Trajectory) -> Result<Scene, String> {
+    let spec = spec_of(trajectory)?;
+    built(&spec, trajectory)
+}
+
+pub(super) fn spec_of(trajectory: &Trajectory) -> Result<SceneSpec, String> {
+    let json = &trajectory.provenance().scene;
+    if json.is_null() {
+        return Err("the trajectory does not say from which scene it is".to_owned());
+    }
+    SceneSpec::from_json(json).map_err(|error| chain(&error))
+}
+
+/// The scene of `spec`, which is to be of the mesh and the handles of `trajectory`.
+pub(super) fn built(spec: &SceneSpec, trajectory: &Trajectory) -> Result<Scene, String> {
+    let scene = spec.build("".as_ref()).map_err(|error| chain(&error))?;
+    let fits = scene.mesh.topology() == trajectory.topology();
+    if !fits || scene.handles != *trajectory.handles() {
+        return Err("the scene's mesh is not that of the trajectory".to_owned());
+    }
+    Ok(scene)
+}
+
+/// A converged run, kept or to be made.
+pub(super) struct Reference<'a> {
+    pub(super) case: &'a Case,
+    pub(super) loaded: &'a LoadedScene,
+    pub(super) method: &'a PhysicsMethod,
+    /// The last frame that is needed.
+    pub(super) last: usize,
+}
+
+impl Reference<'_> {
+    /// Its scene, and the spec of that.
+    fn scene(&self) -> (Scene, SceneSpec) {
+        let scene = self.method.scene(&self.loaded.scene);
+        let mut spec = self.loaded.spec.clone();
+        spec.setting.physics = scene.physics;
+        (scene, spec)
+    }
+
+    fn truth(
+        &self,
+        start: Option<&SavedState>,
+        references: Option<&Path>,
+        watch: Watch<'_, '_, '_>,
+    ) -> Result<Option<Truth>, EvaluateError> {
+        let (scene, spec) = self.scene();
+        let file = references
+            .map(|folder| self.file(folder, &spec))
+            .transpose()?;
+        let states = match file.as_ref().and_then(|file| self.kept(file, &scene)) {
+            Some(kept) => kept,
+            None => {
+                let start = start.cloned().ok_or_else(|| EvaluateError::Vanished {
+                    case: self.case.name.clone(),
+                })?;
+                let Some(made) = self.made(&scene, start, watch)? else {
+                    return Ok(None);
+                };
+                if let Some(file) = file {
+                    made.write(&file, &physics::provenance(&spec, &scene)?)?;
+                }
+                made
+            }
+        };
+        let vertices = scene.mesh.positions().len();
+        let first = states.frames.first().map_or(0, |frame| *frame as usize);
+        // The rest pose that models compare with.
+        let begins_at_rest = self.loaded.state.is_none() && spec.start == StartSpec::Rest;
+        let rest = match begins_at_rest {
+            true => states.positions[..vertices].to_vec(),
+            false => selvedge_sim::sag(&self.loaded.scene)
+                .map_or_else(|_| scene.mesh.positions().to_vec(), |rest| rest.positions),
+        };
+        let positions = rounded(&states.positions);
+        let own = &self.loaded.scene;
+        let trajectory = physics::trajectory_from(first, &self.loaded.spec, own, &rest, positions)?;
+        Ok(Some(Truth {
+            trajectory,
+            states: Some(states),
+            first,
+            scene: Ok(Arc::new(own.clone())),
+            recorded: None,
+        }))
+    }
+
+    /// Returns true where the run is kept in `folder`.
+    ///
+    /// # Errors
+    /// A scene that cannot be written as JSON.
+    pub(super) fn is_kept(&self, folder: &Path) -> Result<bool, EvaluateError> {
+        let (scene, spec) = self.scene();
+        let file = self.file(folder, &spec)?;
+        Ok(self.kept(&file, &scene).is_some())
+    }
+
+    /// The file of the run in `folder`. Its name tells the scene and the method apart from others.
+    fn file(&self, folder: &Path, spec: &SceneSpec) -> Result<PathBuf, EvaluateError> {
+        let json = spec.to_json().map_err(EvaluateError::Scene)?.to_string();
+        let hash = blake3::hash(json.as_bytes()).to_hex();
+        Ok(folder.join(format!("{}-{}.safetensors", self.case.slug(), &hash[..16])))
+    }
+
+    /// The kept run; none where there is none that fits. One that is there and does not fit is
+    /// warned of.
+    fn kept(&self, file: &Path, scene: &Scene) -> Option<StateRun> {
+        let bytes = selvedge_data::read_file(file).ok()?;
+        let unfit = |problem: String| {
+            tracing::warn!("{}: {problem}: it is made again", file.display());
+            None
+        };
+        let run = match StateRun::from_bytes(&bytes) {
+            Ok(run) => run,
+            Err(error) => return unfit(error.to_string()),
+        };
+        let vertices = scene.mesh.positions().len();
+        if run.positions.len() != vertices * run.frames.len() {
+            return unfit("the kept reference is of another mesh".to_owned());
+        }
+        let first = self.loaded.state.as_ref().map_or(0, |state| state.frame);
+        let mut frames = run.frames.iter().zip(first..);
+        if !frames.all(|(found, expected)| *found as usize == expected) {
+            return unfit("the kept reference lacks frames".to_owned());
+        }
+        // A shorter run served an evaluation of an earlier part of the motion.
+        if first + run.frames.len() <= self.last {
+            return None;
+        }
+        match made_again(&run, first, vertices, scene) {
+            Ok(true) => Some(run),
+            Ok(false) => unfit("this program makes another reference".to_owned()),
+            Err(error) => unfit(error),
+        }
+    }
+
+    fn made(
+        &self,
+        scene: &Scene,
+        start: SavedState,
+        watch: Watch<'_, '_, '_>,
+    ) -> Result<Option<StateRun>, EvaluateError> {
+        let plan = SimulationPlan {
+            frames: self.last.saturating_sub(start.frame),
+            start,
+            keep: Keep::States,
+            threads: Threads::Pool,
+            stop: Arc::default(),
+        };
+        let (run, states) = physics::run_plan(scene, plan, &mut || watch.advance())?.whole()?;
+        Ok(states.filter(|_| run.end == End::Complete))
+    }
+}
+
+/// Makes the first frames of a kept run again and returns true where they are the same.
+fn made_again(
+    run: &StateRun,
+    first: usize,
+    vertices: usize,
+    scene: &Scene,
+) -> Result<bool, String> {
+    let of = |place: usize| {
+        let range = place * vertices..(place + 1) * vertices;
+        (&run.positions[range.clone()], &run.velocities[range])
+    };
+    let (positions, velocities) = of(0);
+    let state = FrameState {
+        positions: positions.to_vec(),
+        velocities: velocities.to_vec(),
+    };
+    let mut simulator = simulator(scene, state, first)?;
+    let path = scene.handle_path().map_err(|error| error.to_string())?;
+    let substeps = scene.physics.substeps as usize;
+    for place in 1..run.frames.len().min(CHECKED + 1) {
+        let targets = path.targets(first + place - 1, substeps);
+        let targets = targets.map_err(|error| error.to_string())?;
+        simulator
+            .step(&targets)
+            .map_err(|error| error.to_string())?;
+        if of(place) != (simulator.positions_f64(), simulator.velocities_f64()) {
+            return Ok(false);
+        }
+    }
+    Ok(true)
+}
+
+/// The physics of `scene` on one thread, in this state in this frame.
+///
+/// # Errors
+/// A state or a scene that cannot be run, in words.
+pub(super) fn simulator(
+    scene: &Scene,
+    state: FrameState,
+    frame: usize,
+) -> Result<Simulator, String> {
+    let saved = SavedState {
+        frame,
+        velocities: state.velocities,
+        ..SavedState::at_rest(state.positions)
+    };
+    let simulator = simulator_in(scene, saved).and_then(|it| it.taken_up_at(frame));
+    let mut simulator = simulator.map_err(|error| chain(&error))?;
+    simulator.set_threads(Threads::One);
+    Ok(simulator)
+}
+
+/// The cloth of a scene where its mesh stands, to tell its mesh by.
+pub(super) fn standing(scene: &Scene) -> Option<Cloth> {
+    Cloth::of_scene(scene, rounded(scene.mesh.positions())).ok()
+}

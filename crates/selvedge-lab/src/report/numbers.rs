@@ -1,0 +1,99 @@
+//! All numbers as CSV: SI units, every digit. A number that is not there is an empty field.
+
+use std::io::Write;
+use std::path::Path;
+
+use selvedge_data::{WriteError, write_atomically};
+
+use crate::evaluation::{Errors, FrameErrors, Run, Timing};
+
+/// A row for each run and frame in which it was measured; one without a frame for a run that failed
+/// before.
+#[must_use]
+pub fn errors_csv(runs: &[Run]) -> Vec<u8> {
+    let mut csv = csv::Writer::from_writer(Vec::new());
+    let head = [
+        "set", "case", "mesh", "method", "kind", "start", "whole", "frame",
+    ];
+    let end = [
+        "diverged_frame",
+        "frames_corrected",
+        "frames_lost",
+        "largest_correction",
+        "failure",
+    ];
+    let measures = Errors::NAMES.iter().copied();
+    let head = head
+        .into_iter()
+        .chain(["largest_strain"])
+        .chain(measures)
+        .chain(end);
+    record(&mut csv, head.map(str::to_owned));
+    for run in runs {
+        match run.frames.is_empty() {
+            true => record(&mut csv, row(run, None)),
+            false => run
+                .frames
+                .iter()
+                .for_each(|at| record(&mut csv, row(run, Some(at)))),
+        }
+    }
+    csv.into_inner().unwrap_or_default()
+}
+
+fn row(run: &Run, at: Option<&FrameErrors>) -> Vec<String> {
+    let number = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
+    let count = |value: Option<usize>| value.map_or_else(String::new, |value| value.to_string());
+    let kind = serde_json::to_value(run.kind).unwrap_or_default();
+    let mut row = vec![
+        run.set.clone(),
+        run.case.clone(),
+        run.mesh.clone(),
+        run.method.clone(),
+        kind.as_str().unwrap_or_default().to_owned(),
+        run.start.to_string(),
+        run.is_whole.to_string(),
+        count(at.map(|at| at.frame)),
+        number(at.map(|at| at.largest_strain)),
+    ];
+    match at.and_then(|at| at.errors) {
+        Some(errors) => row.extend(errors.values().into_iter().map(|value| number(Some(value)))),
+        None => row.extend(vec![String::new(); Errors::NAMES.len()]),
+    }
+    row.extend([
+        count(run.diverged_frame),
+        count(run.guarded.map(|guarded| guarded.corrected)),
+        count(run.guarded.map(|guarded| guarded.lost)),
+        number(run.guarded.map(|guarded| guarded.largest_correction)),
+        run.failure.clone().unwrap_or_default(),
+    ]);
+    row
+}
+
+/// Writes [`errors_csv`].
+///
+/// # Errors
+/// A file that cannot be written.
+pub fn write_errors(path: &Path, runs: &[Run]) -> Result<(), WriteError> {
+    let text = errors_csv(runs);
+    write_atomically(path, |out| out.write_all(&text))
+}
+
+/// A row for each method and mesh.
+pub(super) fn times_csv(timings: &[Timing]) -> Vec<u8> {
+    let mut csv = csv::Writer::from_writer(Vec::new());
+    record(
+        &mut csv,
+        ["method", "mesh", "ms_per_frame"].map(str::to_owned),
+    );
+    for timing in timings {
+        let ms = timing.ms_per_frame.to_string();
+        record(&mut csv, [timing.method.clone(), timing.mesh.clone(), ms]);
+    }
+    csv.into_inner().unwrap_or_default()
+}
+
+/// Writing to memory cannot fail, nor can rows of one length.
+fn record(csv: &mut csv::Writer<Vec<u8>>, fields: impl IntoIterator<Item = String>) {
+    let _ = csv.write_record(fields);
+}

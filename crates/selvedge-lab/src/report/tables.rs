@@ -1,0 +1,308 @@
+//! Tables in Markdown. Lengths are in millimetres with the digits that matter.
+
+use std::fmt::Write;
+
+use selvedge_data::metrics::Character;
+
+use super::ms_per_frame;
+use crate::evaluation::{FrameErrors, Kind, Run, Summary, Timing, summaries, time_of};
+use crate::numbers::percent;
+
+/// A row of a table.
+pub type Cells = Vec<String>;
+
+/// A table: the first column to the left, the others to the right.
+pub fn table<S: AsRef<str>>(headings: &[S], rows: &[Cells]) -> String {
+    let line = |cells: &mut dyn Iterator<Item = &str>| {
+        let escaped: Vec<String> = cells.map(escape).collect();
+        format!("| {} |\n", escaped.join(" | "))
+    };
+    let mut text = line(&mut headings.iter().map(AsRef::as_ref));
+    text.push_str("|---|");
+    text.push_str(&"---:|".repeat(headings.len().saturating_sub(1)));
+    text.push('\n');
+    for row in rows {
+        text.push_str(&line(&mut row.iter().map(String::as_str)));
+    }
+    text
+}
+
+/// A text that is a cell, whatever is in it.
+fn escape(text: &str) -> String {
+    text.replace('|', "\\|").replace('\n', " ")
+}
+
+/// The cases, in words.
+pub(super) fn cases(runs: &[Run]) -> String {
+    let mut sets: Vec<(&str, Vec<&str>)> = Vec::new();
+    for run in runs {
+        match sets.iter_mut().find(|set| set.0 == run.set) {
+            Some((_, cases)) if cases.contains(&run.case.as_str()) => {}
+            Some((_, cases)) => cases.push(&run.case),
+            None => sets.push((&run.set, vec![&run.case])),
+        }
+    }
+    let words = sets.iter().map(|(set, cases)| match cases.len() {
+        1 => format!("{set} (1 case)"),
+        count => format!("{set} ({count} cases)"),
+    });
+    format!("Measured on {}.", words.collect::<Vec<_>>().join(", "))
+}
+
+/// Position errors after each number of frames, and over whole runs.
+pub(super) fn after(summaries: &[Summary]) -> String {
+    let mut frames: Vec<usize> = Vec::new();
+    for at in summaries.iter().flat_map(|summary| &summary.after) {
+        frames.push(at.frame);
+    }
+    frames.sort_unstable();
+    frames.dedup();
+    let mut headings = vec!["position RMSE (mm)".to_owned()];
+    headings.extend(frames.iter().map(|k| format!("k = {k}")));
+    headings.push("whole runs".to_owned());
+    let position = |at: FrameErrors| Some(millimetres(at.errors?.position_rmse));
+    let rows = summaries.iter().map(|summary| {
+        let mut cells = vec![named(summary)];
+        cells.extend(frames.iter().map(|k| {
+            let at = summary.after.iter().find(|at| at.frame == *k).copied();
+            at.and_then(position).unwrap_or_else(dash)
+        }));
+        cells.push(summary.whole.and_then(position).unwrap_or_else(dash));
+        cells
+    });
+    table(&headings, &rows.collect::<Vec<_>>())
+}
+
+/// The reference's own error, in words.
+pub(super) fn own_error(own: &[(usize, f64)], order: u32) -> String {
+    if own.is_empty() {
+        return "The error of the reference is unknown: a run with half its substeps failed."
+            .to_owned();
+    }
+    let errors = own
+        .iter()
+        .map(|(k, error)| format!("{} mm at k = {k}", millimetres(*error)));
+    format!(
+        "The reference's own error is about {}: its difference from a run with half its substeps \
+         from the same starts, over 2ᵖ - 1 with p = {order} (Richardson).",
+        errors.collect::<Vec<_>>().join(", ")
+    )
+}
+
+/// Everything about whole runs.
+pub(super) fn whole(summaries: &[Summary]) -> String {
+    let headings = [
+        "method",
+        "position RMSE (mm)",
+        "mean vertex error (mm)",
+        "largest error (mm)",
+        "e₃D (%)",
+        "edge-length RMSE (mm)",
+        "folds",
+        "largest strain",
+        "the truth's",
+        "runs",
+        "diverged",
+        "frames corrected",
+        "largest correction (mm)",
+    ];
+    let shown = summaries.iter().filter(|summary| summary.whole_runs > 0);
+    let rows = shown.map(|summary| {
+        let mut cells = vec![named(summary)];
+        match summary.whole.map(|at| (at, at.errors)) {
+            Some((at, Some(errors))) => cells.extend([
+                millimetres(errors.position_rmse),
+                millimetres(errors.mean_vertex_error),
+                millimetres(errors.largest_vertex_error),
+                digits(1e2 * errors.relative_error),
+                millimetres(errors.edge_length_rmse),
+                errors.fold_ratio().map_or_else(dash, digits),
+                percent(at.largest_strain),
+                percent(errors.true_largest_strain),
+            ]),
+            Some((at, None)) => {
+                cells.extend(vec![dash(); 6]);
+                cells.extend([percent(at.largest_strain), dash()]);
+            }
+            None => cells.extend(vec!["failed".to_owned(); 8]),
+        }
+        cells.extend([summary.whole_runs.to_string(), summary.diverged.to_string()]);
+        let guarded = summary.guarded.as_ref();
+        cells.push(guarded.map_or_else(dash, |g| percent(g.share())));
+        cells.push(guarded.map_or_else(dash, |g| millimetres(g.largest_correction)));
+        cells
+    });
+    table(&headings, &rows.collect::<Vec<_>>())
+}
+
+/// The character of whole runs, as ratios to their truths; empty where nobody knows them.
+pub(super) fn character(summaries: &[Summary]) -> String {
+    let with = summaries
+        .iter()
+        .filter_map(|summary| Some((summary, summary.ratios?)));
+    let rows = with.map(|(summary, ratios)| {
+        let ratios = ratios.map(|ratio| ratio.map_or_else(dash, digits));
+        std::iter::once(named(summary)).chain(ratios).collect()
+    });
+    let rows: Vec<Cells> = rows.collect();
+    if rows.is_empty() {
+        return String::new();
+    }
+    let headings: Vec<&str> = std::iter::once("ratio to the truth")
+        .chain(Character::NAMES)
+        .collect();
+    table(&headings, &rows)
+}
+
+/// Position / edge-length RMSE of whole runs case by case; empty where there is but one, or no truth.
+pub(super) fn by_case(runs: &[Run]) -> String {
+    both_errors("case", runs, |run| match run.set.as_str() {
+        "scenes" => run.case.clone(),
+        set => format!("{set}: {}", run.case),
+    })
+}
+
+/// The same mesh by mesh.
+pub(super) fn by_mesh(runs: &[Run]) -> String {
+    both_errors("mesh", runs, |run| run.mesh.clone())
+}
+
+fn both_errors(what: &str, runs: &[Run], of: impl Fn(&Run) -> String) -> String {
+    let known = runs
+        .iter()
+        .filter(|run| run.frames.iter().any(|at| at.errors.is_some()));
+    let known: Vec<&Run> = known.filter(|run| run.is_whole).collect();
+    let mut values: Vec<String> = Vec::new();
+    for run in &known {
+        let value = of(run);
+        if !values.contains(&value) {
+            values.push(value);
+        }
+    }
+    if values.len() < 2 {
+        return String::new();
+    }
+    let methods = summaries(&known);
+    let mut headings = vec![what.to_owned()];
+    headings.extend(methods.iter().map(named));
+    let row = |value: &String| {
+        let here: Vec<&Run> = known
+            .iter()
+            .copied()
+            .filter(|run| of(run) == *value)
+            .collect();
+        let here = summaries(&here);
+        let cells = methods.iter().map(|method| {
+            let own = here
+                .iter()
+                .find(|own| own.method == method.method && own.kind == method.kind);
+            let errors = own.and_then(|own| own.whole?.errors);
+            errors.map_or_else(dash, |errors| {
+                let [position, edge] = [errors.position_rmse, errors.edge_length_rmse];
+                format!("{} / {}", millimetres(position), millimetres(edge))
+            })
+        });
+        std::iter::once(value.clone()).chain(cells).collect()
+    };
+    let rows: Vec<Cells> = values.iter().map(row).collect();
+    format!(
+        "Position / edge-length RMSE of whole runs in mm.\n\n{}",
+        table(&headings, &rows)
+    )
+}
+
+/// A list of the runs that failed, and why; empty where none did.
+#[must_use]
+pub fn failures(runs: &[Run]) -> String {
+    let mut text = String::new();
+    for run in runs {
+        if let Some(failure) = &run.failure {
+            let span = match run.is_whole {
+                true => "whole run".to_owned(),
+                false => format!("from frame {}", run.start),
+            };
+            // Writing to a text cannot fail.
+            let _ = writeln!(text, "- {}, {}, {span}: {failure}", run.method, run.case);
+        }
+    }
+    text
+}
+
+/// The time of a frame by mesh and method.
+pub(super) fn times(timings: &[Timing]) -> String {
+    let cells = |t: &Timing| vec![t.method.clone(), t.mesh.clone(), digits(t.ms_per_frame)];
+    let rows: Vec<Cells> = timings.iter().map(cells).collect();
+    table(&["method", "mesh", "time per frame (ms)"], &rows)
+}
+
+/// The time that the physics needs for the error of each model, over the model's own; empty where
+/// there is no model or no physics.
+pub(super) fn equal_time(summaries: &[Summary], timings: &[Timing]) -> String {
+    let physics = summaries
+        .iter()
+        .filter(|summary| summary.kind == Kind::Physics);
+    let physics: Vec<&Summary> = physics.collect();
+    let models = summaries
+        .iter()
+        .filter(|summary| summary.kind == Kind::Model);
+    let models: Vec<&Summary> = models.collect();
+    let frames = models.first().map_or(Vec::new(), |model| {
+        model.after.iter().map(|at| at.frame).collect::<Vec<_>>()
+    });
+    if physics.len() < 2 || frames.is_empty() {
+        return String::new();
+    }
+    let error = |summary: &Summary, frame: usize| {
+        let at = summary.after.iter().find(|at| at.frame == frame)?;
+        Some(at.errors?.position_rmse)
+    };
+    let row = |model: &&Summary| {
+        let own = ms_per_frame(model, timings);
+        let cells = frames.iter().map(|&frame| {
+            let points = physics
+                .iter()
+                .filter_map(|method| Some((ms_per_frame(method, timings)?, error(method, frame)?)));
+            let time = time_of(&points.collect::<Vec<_>>(), error(model, frame)?)?;
+            Some(digits(time / own?))
+        });
+        let cells = cells.map(|cell| cell.unwrap_or_else(dash));
+        std::iter::once(named(model)).chain(cells).collect()
+    };
+    let rows: Vec<Cells> = models.iter().map(row).collect();
+    let mut headings = vec!["run time of physics at equal error, over the model's".to_owned()];
+    headings.extend(frames.iter().map(|k| format!("k = {k}")));
+    format!(
+        "Between numbers of substeps by a straight line in logarithms; \"–\" where no physics here \
+         has so large or so small an error.\n\n{}",
+        table(&headings, &rows)
+    )
+}
+
+/// The name of a method in tables.
+pub(super) fn named(summary: &Summary) -> String {
+    match summary.kind {
+        Kind::Reference => format!("reference ({})", summary.method),
+        _ => summary.method.clone(),
+    }
+}
+
+fn dash() -> String {
+    "–".to_owned()
+}
+
+fn millimetres(metres: f64) -> String {
+    digits(1e3 * metres)
+}
+
+/// A number with three or four digits that matter.
+fn digits(value: f64) -> String {
+    match value.abs() {
+        0.0 => "0".to_owned(),
+        1e5.. => format!("{value:.1e}"),
+        100.0.. => format!("{value:.0}"),
+        10.0.. => format!("{value:.1}"),
+        1.0.. => format!("{value:.2}"),
+        0.01.. => format!("{value:.3}"),
+        _ => format!("{value:.2e}"),
+    }
+}

@@ -1,0 +1,151 @@
+//! `selvedge data import`: caches of other programs as a data set.
+//!
+//! Every trajectory is read, checked and written by itself, so that an import of many gigabytes
+//! needs the memory of one trajectory, and an interrupted one goes on.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::time::Instant;
+
+use anyhow::{Context, bail};
+use selvedge_data::foreign::{ForeignSource, HandleSource};
+use selvedge_data::{DatasetWriter, Trajectory, metrics};
+use selvedge_lab::folder;
+use selvedge_lab::folder_kind::FolderKind;
+use serde::Serialize;
+
+use crate::cli::ImportArgs;
+use crate::interrupt;
+use crate::output::{Answer, End, Facts, folded};
+use crate::progress::Progress;
+
+#[derive(Serialize)]
+struct Report {
+    name: String,
+    source: PathBuf,
+    out: PathBuf,
+    train: usize,
+    test: usize,
+    samples: usize,
+    /// Held vertices of each trajectory that was read, where the call did not number them.
+    handles: BTreeMap<String, Vec<u32>>,
+    trajectories_kept: usize,
+    trajectories_missing: usize,
+    seconds: f64,
+    interrupted: bool,
+}
+
+/// Imports a folder of foreign data, or goes on with it.
+///
+/// # Errors
+/// What of the options, the data or the folder went wrong.
+pub(crate) fn run(args: &ImportArgs) -> anyhow::Result<Answer> {
+    let started = Instant::now();
+    args.check()?;
+    let source = ForeignSource::open(&args.source, &args.options())?;
+    let plan = source.plan();
+    let (name, train, test) = (plan.name.clone(), plan.train.len(), plan.test.len());
+    let _claimed = folder::claim_folder(&args.output, FolderKind::DataSet)?;
+    let mut writer = DatasetWriter::open(&args.output, plan)?;
+    let missing = writer.missing().len();
+    let mut handles = match write(&source, &mut writer, args.max_strain) {
+        Ok(handles) => handles,
+        Err(error) => {
+            writer.withdraw();
+            return Err(error);
+        }
+    };
+    if matches!(args.handles, None | Some(HandleSource::Vertices(_))) {
+        handles.clear();
+    }
+    let trajectories_missing = writer.missing().len();
+    let mut report = Report {
+        name,
+        source: args.source.clone(),
+        out: args.output.clone(),
+        train,
+        test,
+        samples: 0,
+        handles,
+        trajectories_kept: train + test - missing,
+        trajectories_missing,
+        seconds: 0.0,
+        interrupted: trajectories_missing > 0,
+    };
+    let end = if trajectories_missing > 0 {
+        writer.withdraw();
+        End::Interrupted
+    } else {
+        report.samples = writer.finish()?.index().statistics.samples;
+        End::Complete
+    };
+    report.seconds = started.elapsed().as_secs_f64();
+    Ok(Answer::new(text(&report), &report)?.ended(end))
+}
+
+/// Reads and writes what is missing, one trajectory after another, until an end is asked for, and
+/// gives the held vertices of each.
+fn write(
+    source: &ForeignSource,
+    writer: &mut DatasetWriter,
+    max_strain: f64,
+) -> anyhow::Result<BTreeMap<String, Vec<u32>>> {
+    let mut handles = BTreeMap::new();
+    let progress = Progress::new("importing", writer.missing().len(), "trajectories");
+    for run in source.runs() {
+        if interrupt::requested() {
+            break;
+        }
+        if writer.written(run.split, &run.name).is_some() {
+            continue;
+        }
+        let trajectory = source.read(run)?;
+        check_strain(&trajectory, max_strain)
+            .with_context(|| format!("trajectory {}", run.name))?;
+        writer.add(run.split, &run.name, &trajectory)?;
+        let held = trajectory.handles().vertices().iter();
+        handles.insert(run.name.clone(), held.map(|vertex| vertex.0).collect());
+        progress.advance();
+    }
+    Ok(handles)
+}
+
+/// Checks that no edge is strained beyond what cloth can.
+fn check_strain(trajectory: &Trajectory, bound: f64) -> anyhow::Result<()> {
+    let lengths = metrics::material_edge_lengths(trajectory.cloth());
+    let topology = trajectory.topology();
+    let strains = metrics::largest_strain(trajectory.frames(), topology, &lengths)?;
+    let beyond = strains.iter().position(|strain| *strain > bound);
+    let Some(frame) = beyond else {
+        return Ok(());
+    };
+    let most = strains.into_iter().fold(f64::NEG_INFINITY, f64::max);
+    bail!(
+        "from frame {frame} on an edge is strained beyond the bound of {bound}, by {most:.3} at most: cloth does not stretch so far; check the units and the rest pose (--rest, --flat), leave this trajectory out, or raise --max-strain"
+    )
+}
+
+fn text(report: &Report) -> Facts {
+    let mut facts = Facts::new();
+    facts.add("data set", &report.name);
+    let (train, test) = (report.train, report.test);
+    let split = format!("{train} to train on, {test} to test on");
+    facts.add("trajectories", split);
+    if report.trajectories_kept > 0 {
+        facts.add("already there", report.trajectories_kept);
+    }
+    for (name, handles) in &report.handles {
+        facts.add("held", format!("{name}: {}", folded(handles)));
+    }
+    if report.interrupted {
+        let missing = report.trajectories_missing;
+        let problem = format!("{missing} trajectories are missing: run the same command again");
+        facts.add("interrupted", problem);
+    } else {
+        facts.add("samples", report.samples);
+    }
+    if report.trajectories_missing < report.train + report.test {
+        facts.add("wrote", report.out.display());
+    }
+    facts
+}

@@ -1,0 +1,480 @@
+//! `selvedge eval`: models, physics and baselines on recorded trajectories, on scenes against their
+//! own converged physics, or in random motions, as tables, as JSON, and as a report.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::Context;
+use selvedge_cloth::motion::named;
+use selvedge_data::metrics::Character;
+use selvedge_data::{Dataset, LoadedScene, materials};
+use selvedge_lab::evaluation::{
+    self, Case, EvaluateError, Evaluation, EvaluationPlan, Kind, Method, Mover, Run, Summary,
+    Timing, evaluate, summaries,
+};
+use selvedge_lab::folder_kind::{FolderKind, REFERENCES};
+use selvedge_lab::machine::Machine;
+use selvedge_lab::models::NamedModel;
+use selvedge_lab::report::{self, Heading};
+use selvedge_lab::{folder, generation, start};
+use selvedge_model::Aspect;
+use serde::Serialize;
+use serde_json::Value;
+
+use crate::cli::EvalArgs;
+use crate::failure::WrongUsage;
+use crate::output::{Answer, End, Facts, Table, length, percent};
+use crate::{place, progress, ranks, scenes};
+
+#[derive(Serialize)]
+struct Answered {
+    models: Vec<ModelFile>,
+    /// The device of the models.
+    device: String,
+    cases: usize,
+    guards: Vec<&'static str>,
+    /// One for each run: without the frames of whole runs, which are summed up.
+    runs: Vec<Value>,
+    means: Vec<Summary>,
+    timings: Vec<Timing>,
+    wrote: Vec<PathBuf>,
+    interrupted: bool,
+}
+
+/// A model that is measured.
+#[derive(Clone, Debug, Serialize)]
+struct ModelFile {
+    name: String,
+    file: PathBuf,
+    parameters: usize,
+}
+
+/// Evaluates.
+///
+/// # Errors
+/// What of a model, a data set, a scene or a file went wrong.
+pub(crate) fn run(args: &EvalArgs) -> anyhow::Result<Answer> {
+    let machine = args.machine.open()?;
+    let (models, mut methods) = open_models(args, &machine)?;
+    methods.extend(args.others());
+    let opened = open_scenes(args, !models.is_empty())?;
+    check_places(args, &opened)?;
+    let cases = cases(args, &opened)?;
+    let horizons = args.horizons();
+    let references = args.output.as_deref().filter(|_| is_converged(args));
+    let plan = EvaluationPlan {
+        cases: &cases,
+        methods: &methods,
+        horizons: &horizons,
+        references: references.map(|folder| folder.join(REFERENCES)),
+        crew: ranks::crew(args.jobs),
+    };
+    evaluation::check(&plan, args.horizons.is_some())?;
+    let ranks = ranks::all();
+    let _claimed = match &args.output {
+        Some(folder) if ranks.is_first() => {
+            Some(folder::claim_folder(folder, FolderKind::Evaluation)?)
+        }
+        _ => None,
+    };
+    let (found, end) = evaluate(&plan, &mut progress::listener())?;
+    if !ranks.is_first() {
+        return Answer::new("", &serde_json::json!({}));
+    }
+    let wrote = match &args.output {
+        Some(folder) if !found.runs.is_empty() => {
+            let mut heading = heading(args, &models, &machine, end);
+            heading.reference_order = reference_order(args, &opened);
+            report::write(folder, &heading, &found)?
+        }
+        _ => Vec::new(),
+    };
+    let all: Vec<&Run> = found.runs.iter().collect();
+    let answered = Answered {
+        models,
+        device: machine.name(),
+        cases: cases.len(),
+        guards: args.guards().iter().map(|guard| guard.name()).collect(),
+        runs: found.runs.iter().map(shortened).collect::<Result<_, _>>()?,
+        means: summaries(&all),
+        timings: found.timings.clone(),
+        wrote,
+        interrupted: end == End::Interrupted,
+    };
+    let text = text(&answered, &found);
+    Ok(Answer::new(text, &answered)?.ended(end))
+}
+
+/// Returns true where scenes are measured against their converged physics.
+fn is_converged(args: &EvalArgs) -> bool {
+    args.data.is_empty() && args.random.is_none()
+}
+
+/// The scenes that are named, by the law from which models learned where there is one.
+fn open_scenes(args: &EvalArgs, with_models: bool) -> anyhow::Result<Vec<LoadedScene>> {
+    let wrong = |problem: &str| Err(WrongUsage::new(problem.to_owned()).into());
+    let mut names = args.scenes.clone();
+    match (args.random, names.len()) {
+        (Some(_), 0) => names.push("default".to_owned()),
+        (Some(_), 2..) => return wrong("--random: name one scene"),
+        (None, 0) if args.data.is_empty() => {
+            return wrong(
+                "there is nothing to measure on: name scenes, or data sets with --data, or random motions with --random",
+            );
+        }
+        _ => {}
+    }
+    if is_converged(args) && args.output.is_none() {
+        return wrong("--output: scenes need a folder, in which their references are kept");
+    }
+    let opened = names.iter().map(|name| scenes::open(name));
+    let mut opened: Vec<LoadedScene> = opened.collect::<anyhow::Result<_>>()?;
+    if with_models {
+        opened.iter_mut().for_each(start::take_learned_law);
+    }
+    Ok(opened)
+}
+
+/// Checks that no file of the report takes the place of one that is read.
+fn check_places(args: &EvalArgs, opened: &[LoadedScene]) -> anyhow::Result<()> {
+    let Some(folder) = &args.output else {
+        return Ok(());
+    };
+    let written = report::TABLES.map(|name| folder.join(name));
+    let outputs: Vec<(&str, &Path)> = written.iter().map(|p| ("--output", p.as_path())).collect();
+    let inputs: Vec<_> = opened.iter().flat_map(scenes::inputs).collect();
+    place::check_outputs(&outputs, &inputs)
+}
+
+fn cases(args: &EvalArgs, opened: &[LoadedScene]) -> anyhow::Result<Vec<Case>> {
+    if let (Some(count), Some(scene)) = (args.random, opened.first()) {
+        let random = args.random_cases(count);
+        return match Case::random(scene, &random, &mut progress::listener()) {
+            Err(EvaluateError::Choice(choice)) => Err(choice.into()),
+            cases => Ok(cases?),
+        };
+    }
+    if !args.data.is_empty() {
+        let mut cases = Vec::new();
+        for (name, data) in open_data(args)? {
+            let split = args.split.split();
+            cases.extend(Case::recorded(&name, &data, split, &args.motions)?);
+        }
+        return Ok(cases);
+    }
+    let shipped = materials().iter().map(|material| material.0);
+    let materials = expanded(&args.materials, "all", shipped.collect());
+    let motions = expanded(&args.motions, "test", named::test());
+    let motions = expanded(&motions, "unseen", named::unseen());
+    Ok(Case::converged(
+        opened,
+        &materials,
+        &motions,
+        &args.reference,
+    )?)
+}
+
+/// `names` with `word` replaced by what it stands for.
+fn expanded(names: &[String], word: &str, meaning: Vec<&str>) -> Vec<String> {
+    let all = names.iter().flat_map(|name| match name == word {
+        true => meaning.iter().map(|&name| name.to_owned()).collect(),
+        false => vec![name.clone()],
+    });
+    all.collect()
+}
+
+/// The models that are named, each with a name of its own, once for every guard.
+fn open_models(
+    args: &EvalArgs,
+    machine: &Machine,
+) -> anyhow::Result<(Vec<ModelFile>, Vec<Method>)> {
+    let (named, guards) = (args.models(), args.guards());
+    let parted: Vec<(Option<&str>, &Path)> = named.iter().map(|text| part(text)).collect();
+    let short: Vec<String> = parted
+        .iter()
+        .map(|(name, file)| name.map_or_else(|| short_name(file), str::to_owned))
+        .collect();
+    let mut models: Vec<ModelFile> = Vec::with_capacity(named.len());
+    let mut methods = Vec::with_capacity(named.len());
+    for ((given, file), name) in parted.into_iter().zip(&short) {
+        let is_double = short.iter().filter(|other| *other == name).count() > 1;
+        let name = match is_double && given.is_none() {
+            true => file.display().to_string(),
+            false => name.clone(),
+        };
+        let is_baseline = Method::BASELINES.contains(&name.as_str());
+        if is_baseline || models.iter().any(|model| model.name == name) {
+            let problem = format!("--model: two are called {name}: give each a name, as a=FILE");
+            return Err(WrongUsage::new(problem).into());
+        }
+        let model = NamedModel::open(Some(file))?.model;
+        models.push(ModelFile {
+            name: name.clone(),
+            file: file.to_owned(),
+            parameters: model.weights().len(),
+        });
+        for guard in &guards {
+            methods.push(Method {
+                name: match guards.len() {
+                    1 => name.clone(),
+                    _ => format!("{name} ({})", guard.name()),
+                },
+                mover: Mover::Model(Arc::clone(&model), guard.settings(), machine.clone()),
+            });
+        }
+    }
+    Ok((models, methods))
+}
+
+/// Name and file of `NAME=FILE`; no name where all of it is a file.
+fn part(text: &str) -> (Option<&str>, &Path) {
+    match text.split_once('=') {
+        Some((name, file)) if !name.is_empty() && !Path::new(text).exists() => {
+            (Some(name), Path::new(file))
+        }
+        _ => (None, Path::new(text)),
+    }
+}
+
+/// The name of the file, or of its folder where the file is called as all models of trainings are.
+fn short_name(file: &Path) -> String {
+    let of = |name: Option<&std::ffi::OsStr>| name.map(|name| name.to_string_lossy().into_owned());
+    let stem = of(file.file_stem());
+    let folder = of(file.parent().and_then(Path::file_name));
+    match (stem, folder) {
+        (Some(stem), Some(folder)) if stem == "model" => folder,
+        (Some(stem), _) => stem,
+        (None, _) => file.display().to_string(),
+    }
+}
+
+/// The data sets, each with a name of its own: that of its index, its folder where others have that
+/// too.
+fn open_data(args: &EvalArgs) -> anyhow::Result<Vec<(String, Dataset)>> {
+    let mut all: Vec<Dataset> = Vec::with_capacity(args.data.len());
+    let mut seen = Vec::with_capacity(args.data.len());
+    for folder in &args.data {
+        let data = generation::open(folder)?;
+        let place = std::fs::canonicalize(folder)
+            .with_context(|| format!("{}: could not be found", folder.display()))?;
+        if seen.contains(&place) {
+            let problem = format!("--data {}: stands twice", folder.display());
+            return Err(WrongUsage::new(problem).into());
+        }
+        seen.push(place);
+        all.push(data);
+    }
+    let name = |data: &Dataset| {
+        let name = &data.index().name;
+        let is_same = |other: &&Dataset| other.index().name == *name;
+        match all.iter().filter(is_same).count() {
+            1 => name.clone(),
+            _ => data.folder().display().to_string(),
+        }
+    };
+    let named = all.iter().map(|data| (name(data), data.clone()));
+    Ok(named.collect())
+}
+
+fn heading(args: &EvalArgs, models: &[ModelFile], machine: &Machine, end: End) -> Heading {
+    let cells = |m: &ModelFile| {
+        let file = m.file.display().to_string();
+        vec![m.name.clone(), file, m.parameters.to_string()]
+    };
+    let rows: Vec<_> = models.iter().map(cells).collect();
+    let mut heading = Heading {
+        title: match &args.data.is_empty() {
+            true => "Evaluation".to_owned(),
+            false => format!("Evaluation, {} split", args.split.name()),
+        },
+        times: vec![format!("Models ran on: {}.", machine.name())],
+        ..Heading::default()
+    };
+    if end == End::Interrupted {
+        heading.note = "**Interrupted: only the starts until then are here.**".to_owned();
+    }
+    if !rows.is_empty() {
+        let table = report::table(&["model", "file", "parameters"], &rows);
+        heading.tables.push(table);
+    }
+    if is_converged(args) {
+        let reference = &args.reference;
+        heading
+            .tables
+            .push(format!("The truth is a run by {reference}."));
+    }
+    heading
+}
+
+/// The order of the reference's integrator; none where there is no reference.
+fn reference_order(args: &EvalArgs, opened: &[LoadedScene]) -> Option<u32> {
+    let own = opened.first()?.scene.physics.integrator;
+    let named = args.reference.integrator.as_ref();
+    is_converged(args).then(|| named.map_or(own, |known| known.1).order())
+}
+
+/// A run as JSON; a whole run with its frames as one.
+fn shortened(run: &Run) -> Result<Value, serde_json::Error> {
+    let mut value = serde_json::to_value(run)?;
+    if let (true, Some(fields)) = (run.is_whole, value.as_object_mut()) {
+        fields.remove("frames");
+        fields.insert("whole".to_owned(), serde_json::to_value(run.over_time())?);
+    }
+    Ok(value)
+}
+
+fn text(answered: &Answered, found: &Evaluation) -> String {
+    let mut facts = Facts::new();
+    for model in &answered.models {
+        let file = model.file.display();
+        facts.add("model", format!("{} ({file})", model.name));
+    }
+    facts.add("device", &answered.device);
+    facts.add("cases", answered.cases);
+    for (name, words, runs) in out_of_distribution(&found.runs) {
+        let runs = match runs {
+            1 => "1 case".to_owned(),
+            runs => format!("{runs} cases"),
+        };
+        facts.add("out of distribution", format!("{name}: {words} ({runs})"));
+    }
+    if answered.interrupted {
+        facts.add("interrupted", "only the starts until then are here");
+    }
+    for path in &answered.wrote {
+        facts.add("wrote", path.display());
+    }
+    let mut times = Table::new(["time of a frame on", "method", "one thread"]);
+    for timing in &answered.timings {
+        let ms = format!("{:.2} ms", timing.ms_per_frame);
+        times.row([timing.mesh.clone(), timing.method.clone(), ms]);
+    }
+    let tables = [
+        after_table(&answered.means),
+        whole_table(&answered.means),
+        character_table(&answered.means),
+        Some(times),
+    ];
+    let tables = tables
+        .into_iter()
+        .flatten()
+        .map(|table| format!("\n{table}"));
+    let failures = report::failures(&found.runs);
+    format!("{facts}{}\n{failures}", tables.collect::<String>())
+}
+
+/// Departures from the training of each model: its name, the first words, and in how many cases.
+fn out_of_distribution(runs: &[Run]) -> Vec<(String, String, usize)> {
+    let mut found: BTreeMap<(&str, Aspect), (String, usize)> = BTreeMap::new();
+    for run in runs {
+        for departure in &run.out_of_distribution {
+            let first = (departure.words.clone(), 0);
+            let place = (run.method.as_str(), departure.aspect);
+            found.entry(place).or_insert(first).1 += 1;
+        }
+    }
+    let lines = found.into_iter();
+    lines
+        .map(|((name, _), (words, runs))| (name.to_owned(), words, runs))
+        .collect()
+}
+
+fn name_of(mean: &Summary) -> String {
+    match mean.kind {
+        Kind::Reference => format!("reference ({})", mean.method),
+        _ => mean.method.clone(),
+    }
+}
+
+/// Position errors after k frames; none where there were no true states.
+fn after_table(means: &[Summary]) -> Option<Table> {
+    let mut frames: Vec<usize> = Vec::new();
+    frames.extend(
+        means
+            .iter()
+            .flat_map(|mean| mean.after.iter().map(|at| at.frame)),
+    );
+    frames.sort_unstable();
+    frames.dedup();
+    if frames.is_empty() {
+        return None;
+    }
+    let heads: Vec<String> = frames.iter().map(usize::to_string).collect();
+    let heads = heads.iter().map(String::as_str);
+    let mut table = Table::new(std::iter::once("position RMSE after k frames, k =").chain(heads));
+    for mean in means.iter().filter(|mean| !mean.after.is_empty()) {
+        let cell = |k: &usize| {
+            let at = mean.after.iter().find(|at| at.frame == *k);
+            let errors = at.and_then(|at| at.errors);
+            errors.map_or_else(|| "-".to_owned(), |errors| length(errors.position_rmse))
+        };
+        table.row(std::iter::once(name_of(mean)).chain(frames.iter().map(cell)));
+    }
+    Some(table)
+}
+
+/// Whole runs, and what became of them; none where there were none.
+fn whole_table(means: &[Summary]) -> Option<Table> {
+    let shown = means.iter().filter(|mean| mean.whole_runs > 0);
+    let shown: Vec<&Summary> = shown.collect();
+    if shown.is_empty() {
+        return None;
+    }
+    let mut table = Table::new([
+        "whole runs",
+        "position RMSE",
+        "mean error",
+        "edge-length RMSE",
+        "folds",
+        "largest strain",
+        "runs",
+        "diverged",
+        "general",
+        "lost",
+        "largest correction",
+    ]);
+    for mean in shown {
+        let dash = || "-".to_owned();
+        let errors = mean.whole.and_then(|at| at.errors);
+        let strain = mean.whole.map(|at| percent(at.largest_strain));
+        let mut cells = vec![
+            name_of(mean),
+            errors.map_or_else(dash, |errors| length(errors.position_rmse)),
+            errors.map_or_else(dash, |errors| length(errors.mean_vertex_error)),
+            errors.map_or_else(dash, |errors| length(errors.edge_length_rmse)),
+            errors
+                .and_then(|errors| errors.fold_ratio())
+                .map_or_else(dash, |ratio| format!("{ratio:.3}")),
+            strain.unwrap_or_else(|| "failed".to_owned()),
+            mean.whole_runs.to_string(),
+            mean.diverged.to_string(),
+        ];
+        match &mean.guarded {
+            Some(guarded) => cells.extend([
+                percent(guarded.share()),
+                guarded.lost_in_words(),
+                length(guarded.largest_correction),
+            ]),
+            None => cells.extend(std::iter::repeat_with(dash).take(3)),
+        }
+        table.row(cells);
+    }
+    Some(table)
+}
+
+/// The character of the motions, as ratios to their truths; none where nobody knows them.
+fn character_table(means: &[Summary]) -> Option<Table> {
+    let heads = std::iter::once("ratio to the truth").chain(Character::NAMES);
+    let mut table = Table::new(heads);
+    let mut is_empty = true;
+    for mean in means {
+        if let Some(ratios) = mean.ratios {
+            let cell =
+                |ratio: Option<f64>| ratio.map_or_else(|| "-".to_owned(), |r| format!("{r:.3}"));
+            table.row(std::iter::once(name_of(mean)).chain(ratios.map(cell)));
+            is_empty = false;
+        }
+    }
+    (!is_empty).then_some(table)
+}

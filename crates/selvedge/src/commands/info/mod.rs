@@ -1,0 +1,403 @@
+//! `selvedge info`: what a file or folder is, and what is in it; with a picture, what it looks
+//! like.
+//!
+//! What it is taken for follows from its name and from what it says itself: a folder by the files
+//! in it, `.obj` is a mesh, `.npz` an exported run, `.glb` and `.usda` nodes that move; a
+//! `.safetensors` file says whether it is a trajectory, a model, states or a checkpoint; a `.toml`
+//! file is a data set's preset if it has a `setting`, a study if it has an `evaluation`, a training
+//! configuration if it has a `batch`, and a scene if it has none of these; `.json` is a scene of
+//! ARCSim.
+
+mod dataset;
+mod exported;
+mod folders;
+mod mesh;
+mod obstacles;
+mod picture;
+mod plan;
+
+use std::path::Path;
+
+use anyhow::{Context, bail};
+use glam::Vec3;
+use selvedge_cloth::Handles;
+use selvedge_data::{
+    LoadedScene, MeshFileError, MeshOptions, STATES_FORMAT, StateRun, Trajectory,
+    TrajectoryFileError, metrics, read_mesh, shipped_presets, shipped_scenes,
+};
+use selvedge_lab::folder_kind::FolderKind;
+use selvedge_lab::{physics, study};
+use selvedge_model::{MODEL_FORMAT, Model, Network};
+use selvedge_train::{CHECKPOINT_FORMAT, CORRECTION_FORMAT, CorrectionConfig, TrainConfig};
+use serde_json::{Value, json};
+
+use crate::cli::InfoArgs;
+use crate::failure::WrongUsage;
+use crate::output::{Answer, Facts, folded, length, percent};
+use crate::{place, scenes};
+
+/// Says what a path is, and draws it where that is wanted.
+///
+/// # Errors
+/// When it is nothing that Selvedge knows, or is damaged.
+pub(crate) fn run(args: &InfoArgs) -> anyhow::Result<Answer> {
+    let Some(to) = &args.picture else {
+        return say(&args.path);
+    };
+    if to.extension().is_none() {
+        if FolderKind::of(&args.path) == Some(FolderKind::DataSet) {
+            return dataset::run(&args.path, Some(to));
+        }
+        let problem = "--picture: only a data set is drawn into a folder: name a file (.png, .svg)";
+        return Err(WrongUsage::new(problem).into());
+    }
+    place::check_file(to, "--picture", &["png", "svg"])?;
+    let answer = say(&args.path)?;
+    picture::draw(&args.path, to)?;
+    Ok(answer.noting("picture", to))
+}
+
+fn say(path: &Path) -> anyhow::Result<Answer> {
+    let name = path.to_string_lossy();
+    let is_shipped = || shipped_scenes().iter().any(|scene| scene.0 == name);
+    // A folder with nothing of the program's in it hides no scene.
+    let is_other = path.is_dir() && FolderKind::of(path).is_none();
+    if (is_other || !path.exists()) && is_shipped() {
+        return inspect_scene(&scenes::open(&name)?, &name);
+    }
+    let is_preset = || shipped_presets().iter().any(|preset| preset.0 == name);
+    if (is_other || !path.exists()) && is_preset() {
+        return plan::run(&name);
+    }
+    if path.is_dir() {
+        return folders::inspect(path);
+    }
+    if !path.exists() {
+        bail!(
+            "{name}: there is no such file or folder, and no scene or preset that ships has this name"
+        );
+    }
+    match path.extension().and_then(|e| e.to_str()) {
+        Some("safetensors") => inspect_container(path),
+        Some("toml") => inspect_toml(path, &name),
+        Some("json") => inspect_scene(&scenes::open(&name)?, &name),
+        Some("obj") => mesh::inspect(&read_mesh(path, MeshOptions::default())?, path, false),
+        Some("npz") => inspect_trajectory(&exported::read_npz(path)?, path),
+        Some("glb" | "usda" | "usdc" | "usdz" | "usd") => {
+            match read_mesh(path, MeshOptions::default()) {
+                Ok(read) => mesh::inspect(&read, path, true),
+                Err(error) if matches!(error.source, MeshFileError::Read(_)) => Err(error.into()),
+                // What has no mesh to read has nodes, for handles to follow.
+                Err(error) => {
+                    if !error.source.is_without_mesh() {
+                        tracing::warn!("no mesh can be read: {error}");
+                    }
+                    exported::inspect_rig(path)
+                }
+            }
+        }
+        // Refused, with what to export instead.
+        Some("abc" | "mdd") => exported::inspect_rig(path),
+        _ => bail!(
+            "{name}: not a kind of file that is known: trajectories and models end in .safetensors, scenes, presets and training configurations in .toml, scenes of ARCSim in .json, meshes in .obj, exported runs in .npz, nodes in .glb, .usda, .usdc or .usdz, and a data set, a training and a study are folders"
+        ),
+    }
+}
+
+fn inspect_toml(path: &Path, name: &str) -> anyhow::Result<Answer> {
+    let text =
+        selvedge_data::read_text(path).with_context(|| format!("{name}: could not be read"))?;
+    // What is no TOML is a scene that says where it is wrong.
+    let table: toml::Table = toml::from_str(&text).unwrap_or_default();
+    if table.contains_key("setting") {
+        return plan::run(name);
+    }
+    if CorrectionConfig::is_meant(&text) {
+        let cfg = CorrectionConfig::parse_with(&text, path, &[])?;
+        return inspect_correction(&cfg, name);
+    }
+    if table.contains_key("evaluation") {
+        return inspect_study(&table, name);
+    }
+    if table.contains_key("batch") {
+        return inspect_training(&TrainConfig::parse(&text, path)?, name);
+    }
+    inspect_scene(&scenes::open(name)?, name)
+}
+
+/// The file of a study, which is checked as a whole first.
+fn inspect_study(table: &toml::Table, name: &str) -> anyhow::Result<Answer> {
+    let study = study::open(name)?;
+    // An entry is a list, or a table by name.
+    let count = |key: &str| match table.get(key) {
+        Some(toml::Value::Array(list)) => list.len(),
+        Some(toml::Value::Table(named)) => named.len(),
+        _ => 0,
+    };
+    let (data, train) = (count("data"), count("train"));
+    let models = count("model");
+    let mut facts = Facts::new();
+    facts.add("kind", "study, to be made with selvedge study");
+    facts.add("file", name);
+    facts.add("title", &study.title);
+    facts.add("data sets", data);
+    facts.add("trainings", train);
+    facts.add("finished models", models);
+    let report = json!({
+        "kind": "study-file",
+        "file": name,
+        "title": study.title,
+        "data_sets": data,
+        "trainings": train,
+        "finished_models": models,
+    });
+    Answer::new(facts, &report)
+}
+
+/// A configuration of a training that corrects physics.
+fn inspect_correction(cfg: &CorrectionConfig, name: &str) -> anyhow::Result<Answer> {
+    let mut facts = Facts::new();
+    facts.add(
+        "kind",
+        "training configuration, of a model that corrects physics",
+    );
+    facts.add("file", name);
+    facts.add("name", &cfg.name);
+    facts.add("steps", cfg.steps);
+    facts.add("samples per step", cfg.batch.samples);
+    facts.add("parameters", Network::new(&cfg.model)?.parameter_count());
+    facts.add("latent", cfg.model.latent);
+    facts.add("blocks", cfg.model.blocks);
+    facts.add("corrects", serde_json::to_string(&cfg.model.base)?);
+    facts.add(
+        "teacher",
+        format!("{} solves per frame", cfg.teacher.substeps),
+    );
+    facts.add("scenes", folded(&cfg.teacher.scenes));
+    let report = json!({ "kind": "correction-training", "file": name, "config": cfg });
+    Answer::new(facts, &report)
+}
+
+fn inspect_training(cfg: &TrainConfig, name: &str) -> anyhow::Result<Answer> {
+    let mut facts = Facts::new();
+    facts.add("kind", "training configuration");
+    facts.add("file", name);
+    facts.add("name", &cfg.name);
+    facts.add("steps", cfg.steps);
+    facts.add("samples per step", cfg.batch.samples);
+    facts.add("parameters", Network::new(&cfg.model)?.parameter_count());
+    facts.add("encoder", serde_json::to_string(&cfg.model.encoder)?);
+    facts.add("latent", cfg.model.latent);
+    facts.add("blocks", cfg.model.blocks);
+    let report = json!({ "kind": "training", "file": name, "config": cfg });
+    Answer::new(facts, &report)
+}
+
+/// A trajectory, or a model if the file says so.
+fn inspect_container(path: &Path) -> anyhow::Result<Answer> {
+    let bytes = selvedge_data::read_file(path).with_context(|| path.display().to_string())?;
+    match Trajectory::from_bytes(&bytes) {
+        Ok(trajectory) => inspect_trajectory(&trajectory, path),
+        Err(TrajectoryFileError::Metadata { name, found, .. })
+            if name == "format" && found == MODEL_FORMAT =>
+        {
+            let model = Model::from_bytes(&bytes).with_context(|| path.display().to_string())?;
+            inspect_model(&model, path)
+        }
+        Err(TrajectoryFileError::Metadata { name, found, .. })
+            if name == "format" && found == STATES_FORMAT =>
+        {
+            inspect_states(&bytes, path)
+        }
+        Err(TrajectoryFileError::Metadata { name, found, .. })
+            if name == "format"
+                && [CHECKPOINT_FORMAT, CORRECTION_FORMAT].contains(&found.as_str()) =>
+        {
+            inspect_checkpoint(bytes.len(), path)
+        }
+        Err(error) => Err(error).with_context(|| path.display().to_string()),
+    }
+}
+
+/// A checkpoint is read whole only with the data that it was made on.
+fn inspect_checkpoint(size: usize, path: &Path) -> anyhow::Result<Answer> {
+    let mut facts = Facts::new();
+    facts.add("kind", "checkpoint of a training");
+    facts.add("file", path.display());
+    facts.add("size", format!("{size} bytes"));
+    facts.add("use", "selvedge train with --resume goes on from it");
+    let report = json!({ "kind": "checkpoint", "file": path, "bytes": size });
+    Answer::new(facts, &report)
+}
+
+fn inspect_states(bytes: &[u8], path: &Path) -> anyhow::Result<Answer> {
+    let run = StateRun::from_bytes(bytes).with_context(|| path.display().to_string())?;
+    let vertices = run.positions.len() / run.frames.len().max(1);
+    let mut facts = Facts::new();
+    facts.add("kind", "states of a run");
+    facts.add("file", path.display());
+    facts.add("vertices", vertices);
+    facts.add("states", run.frames.len());
+    let span = [run.frames.first(), run.frames.last()];
+    if let [Some(first), Some(last)] = span {
+        facts.add("frames", format!("{first} to {last}"));
+    }
+    let speeds = run.velocities.iter().map(|v| v.length());
+    let fastest = speeds.fold(0.0, f64::max);
+    facts.add("largest speed", format!("{fastest:.3} m/s"));
+    let report = json!({
+        "kind": "states",
+        "file": path,
+        "vertices": vertices,
+        "frames": run.frames,
+        "largest_speed": fastest,
+    });
+    Answer::new(facts, &report)
+}
+
+fn inspect_trajectory(trajectory: &Trajectory, path: &Path) -> anyhow::Result<Answer> {
+    let provenance = trajectory.provenance();
+    let frames = trajectory.frames();
+    let speeds = metrics::speeds(frames, provenance.frame_rate)?;
+    let edge = metrics::mean_edge_length(frames, trajectory.topology())?;
+    let strain = physics::largest_strain(trajectory)?;
+    let (low, high) = box_of(trajectory.positions());
+    let handles = numbers_of(trajectory.handles());
+    let duration = (trajectory.frame_count() - 1) as f64 / provenance.frame_rate;
+    let scene = provenance.scene["name"].as_str().unwrap_or("none");
+    let mut facts = Facts::new();
+    facts.add("kind", "trajectory");
+    facts.add("file", path.display());
+    facts.add("scene", scene);
+    facts.add("made by", &provenance.made_by);
+    facts.add(
+        "frames",
+        format!(
+            "{} at {} per second: {duration:.2} s",
+            trajectory.frame_count(),
+            provenance.frame_rate
+        ),
+    );
+    facts.add("vertices", trajectory.vertex_count());
+    facts.add("faces", trajectory.topology().faces().len());
+    facts.add("edges", trajectory.topology().edges().len());
+    facts.add("handles", folded(&handles));
+    facts.add("from", format!("{low} m"));
+    facts.add("to", format!("{high} m"));
+    facts.add(
+        "speed",
+        format!("mean {:.3} m/s, largest {:.3} m/s", speeds.mean, speeds.max),
+    );
+    facts.add("mean edge", length(edge));
+    facts.add("largest strain", percent(strain));
+    let obstacles = obstacles::run_facts(&mut facts, trajectory.obstacles());
+    let report = json!({
+        "kind": "trajectory",
+        "file": path,
+        "made_by": provenance.made_by,
+        "frames": trajectory.frame_count(),
+        "frame_rate": provenance.frame_rate,
+        "vertices": trajectory.vertex_count(),
+        "faces": trajectory.topology().faces().len(),
+        "edges": trajectory.topology().edges().len(),
+        "handles": handles,
+        "lowest_corner": low.to_array(),
+        "highest_corner": high.to_array(),
+        "mean_speed": speeds.mean,
+        "max_speed": speeds.max,
+        "mean_edge_length": edge,
+        "largest_strain": strain,
+        "obstacles": obstacles,
+        "scene": provenance.scene,
+    });
+    Answer::new(facts, &report)
+}
+
+fn inspect_model(model: &Model, path: &Path) -> anyhow::Result<Answer> {
+    let spec = model.spec();
+    let training: Value = serde_json::from_str(&model.training)
+        .unwrap_or_else(|_| Value::String(model.training.clone()));
+    let weights = model.weights();
+    let largest = weights.iter().fold(0.0_f32, |a, w| a.max(w.abs()));
+    let mut facts = Facts::new();
+    facts.add("kind", "model");
+    facts.add("file", path.display());
+    facts.add("parameters", weights.len());
+    facts.add("largest weight", format!("{largest:.3}"));
+    facts.add("encoder", serde_json::to_string(&spec.encoder)?);
+    facts.add("latent", spec.latent);
+    facts.add("blocks", spec.blocks);
+    facts.add(
+        "vertex features",
+        serde_json::to_string(&spec.node_features)?,
+    );
+    facts.add("edge features", serde_json::to_string(&spec.edge_features)?);
+    facts.add("training", &training);
+    let report = json!({
+        "kind": "model",
+        "file": path,
+        "parameters": weights.len(),
+        "largest_weight": largest,
+        "spec": spec,
+        "training": training,
+    });
+    Answer::new(facts, &report)
+}
+
+fn inspect_scene(loaded: &LoadedScene, name: &str) -> anyhow::Result<Answer> {
+    let scene = &loaded.scene;
+    let frames = scene.frame_count()?;
+    let handles = numbers_of(&scene.handles);
+    let topology = scene.mesh.topology();
+    let mut facts = Facts::new();
+    facts.add("kind", "scene");
+    facts.add("file", name);
+    facts.add("name", &scene.name);
+    facts.add("vertices", topology.vertex_count());
+    facts.add("faces", topology.faces().len());
+    let seen = mesh::facts(&mut facts, &scene.mesh);
+    facts.add("handles", folded(&handles));
+    facts.add(
+        "material",
+        format!("{}, {} kg/m²", scene.material.name, scene.material.density),
+    );
+    facts.add(
+        "motion",
+        format!(
+            "{frames} frames at {} per second: {:.2} s",
+            scene.frame_rate,
+            frames as f64 / scene.frame_rate
+        ),
+    );
+    facts.add(
+        "physics",
+        format!("{} substeps per frame", scene.physics.substeps),
+    );
+    let contact = scene.contact.as_ref();
+    let obstacles = obstacles::scene_facts(&mut facts, contact, &scene.obstacles);
+    let report = json!({
+        "kind": "scene",
+        "file": name,
+        "vertices": topology.vertex_count(),
+        "faces": topology.faces().len(),
+        "frames": frames,
+        "pattern": seen,
+        "obstacles": obstacles,
+        "warnings": loaded.warnings,
+        "scene": loaded.spec.to_json()?,
+    });
+    Answer::new(facts, &report)
+}
+
+/// Numbers of the held vertices.
+fn numbers_of(handles: &Handles) -> Vec<u32> {
+    handles.vertices().iter().map(|vertex| vertex.0).collect()
+}
+
+/// The smallest box with sides along the axes that holds `positions`.
+fn box_of(positions: &[Vec3]) -> (Vec3, Vec3) {
+    let first = positions.first().copied().unwrap_or_default();
+    positions
+        .iter()
+        .fold((first, first), |(low, high), p| (low.min(*p), high.max(*p)))
+}
