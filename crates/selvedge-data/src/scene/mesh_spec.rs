@@ -13,8 +13,8 @@ use crate::formats::hash::hash;
 use crate::formats::input::read_file;
 use crate::formats::mesh_file::parse_mesh_bytes;
 use crate::formats::polygons::{
-    FabricNames, MeshFileError, MeshOptions, PatternSource, ReadMesh, ReadMeshError, RestAngles,
-    Seams, Sewing, TextureUnit,
+    MeshFileError, MeshOptions, PatternSource, ReadMesh, ReadMeshError, RestAngles, Seams, Sewing,
+    TextureUnit,
 };
 
 /// A mesh, resolved: the same spec makes the same mesh.
@@ -78,9 +78,6 @@ pub enum MeshSource {
         /// Distance up to which vertices are one `[m]`.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         weld: Option<f64>,
-        /// Statements that give faces their fabrics.
-        #[serde(default, skip_serializing_if = "is_default")]
-        fabrics: FabricNames,
     },
 }
 
@@ -238,7 +235,6 @@ impl MeshSource {
             pattern: options.pattern,
             thread: options.thread,
             weld: options.weld,
-            fabrics: options.fabrics,
         })
     }
 }
@@ -326,7 +322,6 @@ impl MeshSource {
                 pattern,
                 thread,
                 weld,
-                fabrics,
             } => {
                 let options = MeshOptions {
                     seams: *seams,
@@ -334,7 +329,6 @@ impl MeshSource {
                     pattern: *pattern,
                     thread: *thread,
                     weld: *weld,
-                    fabrics: *fabrics,
                 };
                 let bytes = unchanged(path, blake3, folder)?;
                 let full = folder.join(path);

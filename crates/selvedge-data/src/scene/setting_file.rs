@@ -17,8 +17,7 @@ use super::physics_file::PhysicsFile;
 use super::problem::{SceneProblem, field};
 use super::spec::{SceneSpecError, Setting};
 use crate::formats::polygons::{
-    FabricNames, MeshOptions, PanelPlace, PatternSource, RestAngles, SeamPair, Seams, Sewing,
-    TextureUnit,
+    MeshOptions, PanelPlace, PatternSource, RestAngles, SeamPair, Seams, Sewing, TextureUnit,
 };
 use crate::obstacle::{ObstacleFile, ObstacleSpec};
 
@@ -174,7 +173,6 @@ impl MeshFile {
             pattern: self.pattern.unwrap_or_default(),
             thread: self.thread,
             weld: self.weld,
-            fabrics: FabricNames::default(),
         };
         let for_files = self.seams.is_some()
             || self.texture.is_some()
