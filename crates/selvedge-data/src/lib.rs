@@ -69,9 +69,11 @@ pub use dataset::problem::{FolderProblem, IndexProblem, PartsProblem};
 pub use dataset::sections::{Sample, Section, SectionError, SectionRule};
 pub use dataset::writer::DatasetWriter;
 pub use dataset::{Dataset, DatasetError, DatasetIndex, DatasetStatistics, Entry, Split, Splits};
+pub use formats::arrays::ArrayError;
 pub use formats::atomic::{
     WriteError, is_writing, write_atomically, write_beside, write_folder_atomically,
 };
+pub use formats::file_error::FileError;
 pub use formats::input::{read_file, read_text};
 pub use formats::mesh_file::read_mesh;
 pub use formats::npy::NpyError;
@@ -105,7 +107,7 @@ pub use trajectory::obstacles::ObstacleTrack;
 pub use trajectory::playback::Playback;
 pub use trajectory::record::{Drive, Recording, RecordingEnd, record};
 pub use trajectory::state_file::{
-    LastChanges, PreviousState, PreviousStates, ReadStateError, RunChanges, STATES_FORMAT,
-    SavedState, StateChoice, StateError, StateRun, StateSpec,
+    LastChanges, PreviousState, ReadStateError, STATES_FORMAT, SavedState, StateChoice, StateError,
+    StateRun, StateSpec,
 };
 pub use trajectory::{Provenance, Trajectory, TrajectoryError};

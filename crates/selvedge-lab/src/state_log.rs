@@ -34,7 +34,7 @@ impl StateLog {
     }
 
     fn keep(&mut self) {
-        self.run.push(&saved_state(&self.simulator));
+        self.run.states.push(saved_state(&self.simulator));
     }
 }
 

@@ -26,8 +26,6 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 pub use self::frame_span::{FrameSpan, FrameSpanError};
-pub use self::npz::NpzTrajectoryError;
-pub(crate) use self::npz::{BodyPoints, body_points, handle_positions};
 pub use self::obstacles::files_beside;
 pub use self::options::{ExportFormat, ExportOptions, Normals, Velocities};
 pub use self::outcome::ExportError;

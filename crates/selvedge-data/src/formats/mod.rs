@@ -2,7 +2,9 @@
 //! safetensors, JSON, NumPy arrays and archives, meshes of polygons, Wavefront OBJ, Alembic's
 //! container, the axis that points up.
 
+pub(crate) mod arrays;
 pub(crate) mod atomic;
+pub(crate) mod file_error;
 pub(crate) mod hash;
 pub(crate) mod input;
 pub(crate) mod mesh_file;

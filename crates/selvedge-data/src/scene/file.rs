@@ -179,14 +179,7 @@ pub(super) fn moving_mesh(
     velocities: Option<Vec<DVec3>>,
 ) -> Option<SavedState> {
     let velocities = velocities.filter(|_| *start == StartSpec::Mesh)?;
-    Some(SavedState {
-        positions: mesh.positions().to_vec(),
-        velocities,
-        frame: 0,
-        previous: None,
-        contact: None,
-        changes: None,
-    })
+    Some(SavedState::moving(mesh.positions().to_vec(), velocities))
 }
 
 #[cfg(test)]

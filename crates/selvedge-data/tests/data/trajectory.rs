@@ -104,7 +104,7 @@ fn errors_name_the_file_and_what_is_wrong() {
         ),
         (
             swap("\"version\":\"1\"", "\"version\":\"2\""),
-            "no tensor named pattern_faces",
+            "no array named pattern_faces",
         ),
         (swap("\"made_by\"", "\"made_at\""), "made_at"),
         (
@@ -121,7 +121,7 @@ fn errors_name_the_file_and_what_is_wrong() {
         ),
         (
             swap("\"shape\":[2,4,3]", "\"shape\":[2,3,4]"),
-            "tensor positions: expected F32 [any, any, 3]",
+            "array positions: expected F32 [any, any, 3]",
         ),
         (
             swap("\"shape\":[4,2]", "\"shape\":[2,4]"),
@@ -129,7 +129,7 @@ fn errors_name_the_file_and_what_is_wrong() {
         ),
         (
             swap("\"U32\",\"shape\":[2]", "\"F32\",\"shape\":[2]"),
-            "tensor handles: expected U32 [any]",
+            "array handles: expected U32, I32 or I64, found F32 [2]",
         ),
     ];
     for (message, expected) in cases {

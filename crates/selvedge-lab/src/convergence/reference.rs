@@ -29,18 +29,16 @@ pub(super) struct State<'a> {
 /// States of every frame of a run.
 pub(super) struct Reference {
     run: StateRun,
-    vertices: usize,
 }
 
 impl Reference {
     /// The state of `frame`; none where the run has no such frame.
     pub(super) fn state(&self, frame: usize) -> Option<State<'_>> {
-        let first = *self.run.frames.first()? as usize;
-        let start = frame.checked_sub(first)?.checked_mul(self.vertices)?;
-        let range = start..start.checked_add(self.vertices)?;
+        let first = self.run.states.first()?.frame;
+        let state = self.run.states.get(frame.checked_sub(first)?)?;
         Some(State {
-            positions: self.run.positions.get(range.clone())?,
-            velocities: self.run.velocities.get(range)?,
+            positions: &state.positions,
+            velocities: &state.velocities,
         })
     }
 
@@ -48,12 +46,8 @@ impl Reference {
     pub(super) fn saved(&self, frame: usize) -> Option<SavedState> {
         let state = self.state(frame)?;
         Some(SavedState {
-            positions: state.positions.to_vec(),
-            velocities: state.velocities.to_vec(),
             frame,
-            previous: None,
-            contact: None,
-            changes: None,
+            ..SavedState::moving(state.positions.to_vec(), state.velocities.to_vec())
         })
     }
 }
@@ -85,16 +79,15 @@ pub(super) fn open(path: &Path, case: &Case, method: &Method, last: usize) -> Op
         Ok(run) => run,
         Err(error) => return unfit(error.to_string()),
     };
-    let reference = Reference {
-        vertices: case.scene().mesh.positions().len(),
-        run,
-    };
-    if reference.run.positions.len() != reference.vertices * reference.run.frames.len() {
+    let vertices = case.scene().mesh.positions().len();
+    let reference = Reference { run };
+    let mut states = reference.run.states.iter();
+    if states.any(|state| state.positions.len() != vertices) {
         return unfit("the kept reference is of another mesh".to_owned());
     }
     let first = case.first_frame();
-    let mut frames = reference.run.frames.iter().zip(first..);
-    if !frames.all(|(found, expected)| *found as usize == expected) {
+    let mut states = reference.run.states.iter().zip(first..);
+    if !states.all(|(state, expected)| state.frame == expected) {
         return unfit("the kept reference lacks frames".to_owned());
     }
     // A shorter run served a study of an earlier part of the motion.
@@ -160,10 +153,7 @@ pub(super) fn make(
         made_by: physics::MADE_BY.to_owned(),
     };
     states.write(job.path, &provenance)?;
-    Ok(Some(Reference {
-        run: states,
-        vertices: scene.mesh.positions().len(),
-    }))
+    Ok(Some(Reference { run: states }))
 }
 
 /// A reference run to be made.

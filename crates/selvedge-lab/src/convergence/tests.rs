@@ -112,7 +112,8 @@ fn threads_and_a_kept_reference_change_nothing() {
     let path = file.unwrap().path();
     let bytes = std::fs::read(&path).unwrap();
     let mut other = selvedge_data::StateRun::from_bytes(&bytes).unwrap();
-    other.positions[20].x += 1e-9;
+    let vertices = other.states[0].positions.len();
+    other.states[20 / vertices].positions[20 % vertices].x += 1e-9;
     let provenance = selvedge_data::Provenance {
         frame_rate: 60.0,
         scene: serde_json::Value::Null,

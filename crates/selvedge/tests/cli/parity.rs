@@ -114,24 +114,11 @@ fn a_run_goes_on_from_a_kept_state_bit_for_bit() {
         assert_eq!(number(&report, "/frames"), (frames - 7 + 1) as f64);
         let [whole, on] = ["whole-s.safetensors", "on-s.safetensors"]
             .map(|name| StateRun::from_bytes(&desk.read(name)).unwrap());
-        assert_eq!(on.frames, whole.frames[7..]);
-        let vertices = whole.positions.len() / whole.frames.len();
-        assert_eq!(on.positions, whole.positions[7 * vertices..]);
-        assert_eq!(on.velocities, whole.velocities[7 * vertices..]);
+        assert_eq!(on.states, whole.states[7..]);
+        let vertices = whole.states[0].positions.len();
         // The default looks back at the substep before, ARCSim's mode does not.
         let looks_back = scene == "push.toml";
-        assert_eq!(whole.previous.seconds.is_empty(), !looks_back);
-        if looks_back {
-            assert_eq!(on.previous.seconds, whole.previous.seconds[7..]);
-            assert_eq!(
-                on.previous.positions,
-                whole.previous.positions[7 * vertices..]
-            );
-            assert_eq!(
-                on.previous.velocities,
-                whole.previous.velocities[7 * vertices..]
-            );
-        }
+        assert_eq!(whole.states[7].previous.is_some(), looks_back);
         let [long, short] = ["whole.safetensors", "on.safetensors"]
             .map(|name| Trajectory::read(&desk.path(name)).unwrap());
         assert_eq!(short.positions(), &long.positions()[7 * vertices..]);

@@ -12,7 +12,7 @@ use crate::UpAxis;
 use crate::export::{
     ExportFormat, ExportOptions, FrameSpan, Normals, Velocities, export, files_beside,
 };
-use crate::formats::npz::Npz;
+use crate::formats::arrays::ArrayFile;
 use crate::obstacle::ObstacleFile;
 use crate::trajectory::obstacles::ObstacleTrack;
 use crate::trajectory::{Provenance, Trajectory};
@@ -208,7 +208,7 @@ fn files_beside_are_all_that_is_written_but_the_file_itself() {
 fn an_archive_has_them_as_arrays() {
     let folder = written(ExportFormat::Npz, "x.npz", UpAxis::Y);
     let bytes = std::fs::read(folder.path().join("x.npz")).unwrap();
-    let archive = Npz::open(&bytes).unwrap();
+    let archive = ArrayFile::npz(&bytes).unwrap();
     let trajectory = trajectory();
     for (number, (name, frames)) in [
         ("a_still_one", 1),
@@ -218,18 +218,15 @@ fn an_archive_has_them_as_arrays() {
     .into_iter()
     .enumerate()
     {
-        let array = archive.array(&format!("obstacle_{name}")).unwrap().unwrap();
+        let array = archive.floats(&format!("obstacle_{name}")).unwrap();
         assert_eq!(array.shape, [frames, 3, 3]);
         let track = &trajectory.obstacles()[number];
         let expected: Vec<f64> = (0..frames)
             .flat_map(|frame| track.frame(frame).into_owned())
             .flat_map(|p| p.as_dvec3().to_array())
             .collect();
-        assert_eq!(array.floats().unwrap(), expected);
-        let faces = archive
-            .array(&format!("obstacle_{name}_faces"))
-            .unwrap()
-            .unwrap();
-        assert_eq!(faces.integers().unwrap(), [0, 2, 1]);
+        assert_eq!(array.values, expected);
+        let faces = archive.wholes(&format!("obstacle_{name}_faces")).unwrap();
+        assert_eq!(faces.values, [0, 2, 1]);
     }
 }

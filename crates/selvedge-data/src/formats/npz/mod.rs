@@ -5,12 +5,14 @@
 //! errors. What is written ([`write_archive`]) is for other programs: safetensors is our own
 //! container.
 
+mod points;
 mod write;
 
 use thiserror::Error;
 
 use crate::formats::npy::{Array, NpyError};
 
+pub(crate) use self::points::NpzPoints;
 pub(crate) use self::write::{EntryOut, archive_bytes, write_archive};
 
 /// An archive of arrays.

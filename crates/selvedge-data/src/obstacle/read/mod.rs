@@ -9,9 +9,9 @@ use selvedge_assets::BODIES;
 use selvedge_cloth::bodies::Body;
 
 use super::error::Problem;
-use crate::export::{BodyPoints, body_points};
 use crate::formats::hash::hash;
 use crate::formats::input::read_file;
+use crate::formats::npz::NpzPoints;
 use crate::formats::obj::parse_obj_polygons;
 use crate::formats::pc2;
 use crate::formats::polygons::triangles_in_space;
@@ -195,9 +195,9 @@ impl Moving<'_> {
                 (self.rate / cache.every, cache.frames)
             }
             Some(Kind::Npz) => {
-                let BodyPoints { frames, frame_rate } =
-                    body_points(self.bytes).map_err(|error| wrong(error.to_string()))?;
-                (frame_rate.unwrap_or(self.rate), frames)
+                let read = NpzPoints::read(self.bytes);
+                let read = read.map_err(|error| wrong(error.to_string()))?;
+                (read.frame_rate.unwrap_or(self.rate), read.frames)
             }
             Some(Kind::Obj) | None => {
                 let known = "must end in .obj (with {frame} in its name), .pc2, .npz, .usda, .usdc, .usdz or .glb";
