@@ -65,7 +65,6 @@ pub use dataset::preset::{
     DatasetConfig, DatasetPreset, DrawnSetting, Forecast, NamedCloth, NamedMotion, PlannedRun,
     shipped_presets,
 };
-pub use dataset::problem::{FolderProblem, IndexProblem, PartsProblem};
 pub use dataset::sections::{Sample, Section, SectionError, SectionRule};
 pub use dataset::writer::DatasetWriter;
 pub use dataset::{Dataset, DatasetError, DatasetIndex, DatasetStatistics, Entry, Split, Splits};
@@ -88,8 +87,8 @@ pub use formats::tensor_file::{TensorOut, TensorValues, read_header, write_tenso
 pub use formats::up_axis::UpAxis;
 pub use metrics::distribution::{Distribution, Distributions, Histogram};
 pub use obstacle::{
-    BodySpec, FramesFile, NodeFile, ObstacleKeyframes, ObstacleMotion, ObstacleSpec,
-    ObstacleSpecError, Placement,
+    BodySpec, Capsule, Cuboid, FramesFile, NodeFile, ObstacleKeyframes, ObstacleMotion,
+    ObstacleSpec, ObstacleSpecError, Placement, Plane, Sphere,
 };
 pub use rest_poses::{KeptRestPose, RestPoseFileError, RestPoseFolder};
 pub use rig::{MeshMotion, Rig, RigError, RigNode};

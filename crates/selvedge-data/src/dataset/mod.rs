@@ -11,13 +11,12 @@ pub(crate) mod check;
 pub(crate) mod merge;
 pub(crate) mod plan;
 pub(crate) mod preset;
-pub(crate) mod problem;
 pub(crate) mod sections;
 pub(crate) mod writer;
 
-use crate::dataset::problem::{FolderProblem, IndexProblem, PartsProblem};
 use crate::dataset::sections::{Sample, Section, SectionError};
 use crate::formats::atomic::WriteError;
+use crate::formats::file_error::FileError;
 use crate::formats::hash::hash;
 use crate::formats::input::{read_file, read_text};
 use crate::formats::unique::Unique;
@@ -26,7 +25,7 @@ use crate::trajectory::Trajectory;
 use crate::trajectory::file::{ReadTrajectoryError, TrajectoryFileError};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
@@ -127,11 +126,7 @@ pub enum DatasetError {
         source: std::io::Error,
     },
     #[error("{}: {problem}: restore the index, or make the data set again", path.display())]
-    Index {
-        path: PathBuf,
-        #[source]
-        problem: Box<IndexProblem>,
-    },
+    Index { path: PathBuf, problem: String },
     #[error("{}: the file has changed since the data set was made (its hash is {found}, the index says {expected}): restore it, or make the data set again", path.display())]
     Hash {
         path: PathBuf,
@@ -145,11 +140,7 @@ pub enum DatasetError {
         found: String,
     },
     #[error("{}: {problem}", folder.display())]
-    Folder {
-        folder: PathBuf,
-        #[source]
-        problem: FolderProblem,
-    },
+    Folder { folder: PathBuf, problem: String },
     #[error("motion {motion:?}: {problem}")]
     Motion {
         motion: String,
@@ -160,8 +151,8 @@ pub enum DatasetError {
         entry: Box<Entry>,
         other: Box<Entry>,
     },
-    #[error(transparent)]
-    Parts(Box<PartsProblem>),
+    #[error("{0}")]
+    Parts(String),
     #[error(transparent)]
     Trajectory(#[from] ReadTrajectoryError),
     #[error(transparent)]
@@ -170,12 +161,6 @@ pub enum DatasetError {
     Sections(#[from] SectionError),
     #[error(transparent)]
     Metric(#[from] MetricError),
-}
-
-impl From<PartsProblem> for DatasetError {
-    fn from(problem: PartsProblem) -> Self {
-        Self::Parts(Box::new(problem))
-    }
 }
 
 /// A complete data set.
@@ -199,10 +184,7 @@ impl Dataset {
             folder: folder.to_owned(),
             index,
         };
-        let problem = |problem| DatasetError::Index {
-            path,
-            problem: Box::new(problem),
-        };
+        let problem = |problem| DatasetError::Index { path, problem };
         check::check(folder, &dataset.index).map_err(problem)?;
         Ok(dataset)
     }
@@ -246,10 +228,7 @@ impl Dataset {
     pub fn read(&self, entry: &Entry) -> Result<Trajectory, DatasetError> {
         let path = self.folder.join(&entry.file);
         let bytes = read_checked(&path, entry)?;
-        let trajectory = Trajectory::from_bytes(&bytes).map_err(|source| ReadTrajectoryError {
-            path: path.clone(),
-            source,
-        })?;
+        let trajectory = Trajectory::from_bytes(&bytes).map_err(FileError::at(&path))?;
         let differs = |expected, found| DatasetError::Entry {
             path,
             expected,
@@ -326,35 +305,27 @@ pub(crate) fn read_json<T: DeserializeOwned>(path: &Path, format: &str) -> Resul
         path: path.to_owned(),
         source,
     })?;
-    let problem = |problem| DatasetError::Index {
+    let problem = |problem: String| DatasetError::Index {
         path: path.to_owned(),
-        problem: Box::new(problem),
+        problem,
     };
     let Unique(value) =
-        serde_json::from_str(&text).map_err(|error| problem(IndexProblem::Json(error)))?;
-    if value["format"] != format {
-        return Err(problem(IndexProblem::Format {
-            key: "format",
-            expected: format!("{format:?}"),
-            found: value["format"].clone(),
-        }));
+        serde_json::from_str(&text).map_err(|error| problem(format!("is no JSON: {error}")))?;
+    for (key, expected) in [("format", json!(format)), ("version", json!(VERSION))] {
+        let found = &value[key];
+        if *found != expected {
+            return Err(problem(format!(
+                "{key}: expected {expected}, found {found}"
+            )));
+        }
     }
-    if value["version"] != VERSION {
-        return Err(problem(IndexProblem::Format {
-            key: "version",
-            expected: VERSION.to_string(),
-            found: value["version"].clone(),
-        }));
-    }
-    serde_json::from_value(value).map_err(|error| problem(IndexProblem::Contents(error)))
+    serde_json::from_value(value).map_err(|error| problem(error.to_string()))
 }
 
 /// The bytes of an entry's file, if they are those of the index.
 pub(crate) fn read_checked(path: &Path, entry: &Entry) -> Result<Vec<u8>, DatasetError> {
-    let bytes = read_file(path).map_err(|source| ReadTrajectoryError {
-        path: path.to_owned(),
-        source: TrajectoryFileError::Read(source),
-    })?;
+    let bytes = read_file(path).map_err(TrajectoryFileError::Read);
+    let bytes = bytes.map_err(FileError::at(path))?;
     let found = hash(&bytes);
     if found == entry.blake3 {
         return Ok(bytes);

@@ -9,16 +9,15 @@
 
 use crate::dataset::check::{file_of, folder_of};
 use crate::dataset::plan::{DatasetPlan, sections};
-use crate::dataset::problem::FolderProblem;
 use crate::dataset::sections::Section;
 use crate::dataset::{
     Dataset, DatasetError, DatasetIndex, DatasetStatistics, Entry, FORMAT, INDEX, Split, Splits,
     VERSION, read_checked, read_index, read_json,
 };
 use crate::formats::atomic::write_atomically;
+use crate::formats::file_error::FileError;
 use crate::formats::input::read_file;
 use crate::trajectory::Trajectory;
-use crate::trajectory::file::ReadTrajectoryError;
 use selvedge_cluster::Shard;
 use serde::{Deserialize, Serialize};
 use std::io::Write;
@@ -160,10 +159,8 @@ impl DatasetWriter {
         motion: &str,
         bytes: &[u8],
     ) -> Result<(), DatasetError> {
-        let trajectory = Trajectory::from_bytes(bytes).map_err(|source| ReadTrajectoryError {
-            path: file_of(split, motion).into(),
-            source,
-        })?;
+        let file = file_of(split, motion);
+        let trajectory = Trajectory::from_bytes(bytes).map_err(FileError::at(file.as_ref()))?;
         self.add(split, motion, &trajectory)
     }
 
@@ -232,8 +229,11 @@ impl DatasetWriter {
                 Some(part) => format!("part {part}"),
                 None => "the whole".to_owned(),
             };
-            let (found, asked) = (name(partial.part), name(own));
-            return Err(self.folder_error(FolderProblem::OtherPart { found, asked }));
+            return Err(self.folder_error(format!(
+                "holds {} of this data set, not {}: choose another folder",
+                name(partial.part),
+                name(own)
+            )));
         }
         self.keep(partial.done);
         Ok(())
@@ -249,7 +249,10 @@ impl DatasetWriter {
     fn check_same(&self, difference: Option<String>) -> Result<(), DatasetError> {
         match difference {
             None => Ok(()),
-            Some(difference) => Err(self.folder_error(FolderProblem::Other { difference })),
+            Some(difference) => {
+                let problem = format!("holds a data set that {difference}: choose another folder");
+                Err(self.folder_error(problem))
+            }
         }
     }
 
@@ -272,7 +275,8 @@ impl DatasetWriter {
         for name in [Split::Train, Split::Test].map(folder_of) {
             let inner = std::fs::read_dir(self.folder.join(name));
             if inner.is_ok_and(|mut files| files.next().is_some()) {
-                return Err(self.folder_error(FolderProblem::NoIndex { name }));
+                let problem = format!("has files in {name}/ but no index: choose an empty folder");
+                return Err(self.folder_error(problem));
             }
         }
         Ok(())
@@ -281,12 +285,12 @@ impl DatasetWriter {
     fn make_folders(&self) -> Result<(), DatasetError> {
         for name in [Split::Train, Split::Test].map(folder_of) {
             std::fs::create_dir_all(self.folder.join(name))
-                .map_err(|source| self.folder_error(FolderProblem::Make(source)))?;
+                .map_err(|error| self.folder_error(format!("could not be made: {error}")))?;
         }
         Ok(())
     }
 
-    fn folder_error(&self, problem: FolderProblem) -> DatasetError {
+    fn folder_error(&self, problem: String) -> DatasetError {
         DatasetError::Folder {
             folder: self.folder.clone(),
             problem,

@@ -11,8 +11,6 @@
 mod abc;
 mod frame_span;
 mod glb;
-mod glb_bodies;
-mod glb_json;
 mod npz;
 mod obj;
 mod obstacles;

@@ -6,6 +6,7 @@ use glam::DVec3;
 
 use super::obj::parse_obj_polygons;
 use super::polygons::{MeshFileError, MeshOptions, ReadMesh, ReadMeshError, Sewing, assemble, sew};
+use crate::formats::file_error::FileError;
 use crate::formats::input::read_file;
 use crate::formats::retired::retired;
 use crate::rig::mesh::polygons;
@@ -23,10 +24,7 @@ pub fn read_mesh(path: &Path, options: MeshOptions) -> Result<ReadMesh, ReadMesh
     read_file(path)
         .map_err(MeshFileError::Read)
         .and_then(|bytes| parse_mesh_bytes(path, &bytes, options, &Sewing::default()))
-        .map_err(|source| ReadMeshError {
-            path: path.to_owned(),
-            source,
-        })
+        .map_err(FileError::at(path))
 }
 
 /// Reads a mesh from the bytes of the file at `path`, whose name says its format, and sews it.

@@ -119,7 +119,8 @@ impl Caches {
         let format = RigFormat::of(ending_of(path));
         let mesh = mesh_of(path, &bytes, format)?;
         let name = path.to_string_lossy();
-        let (rate, frames) = moving_points(&name, &bytes, self.frame_rate).map_err(layout)?;
+        let (rate, frames) =
+            moving_points(&name, &bytes, None, 0.0, self.frame_rate).map_err(layout)?;
         let points = mesh.positions.len();
         if let Some(found) = frames.iter().map(Vec::len).find(|&found| found != points) {
             return Err(layout(format!(

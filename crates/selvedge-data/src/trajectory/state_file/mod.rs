@@ -150,8 +150,6 @@ pub enum StateError {
     },
     #[error("array {name}: frame {frame} stands twice: which state is meant cannot be told")]
     RepeatedFrame { name: String, frame: u32 },
-    #[error("has changed since the scene was resolved (hash {found}, expected {expected})")]
-    Changed { expected: String, found: String },
     #[error("metadata {name}: expected {expected}, found {found:?}")]
     Metadata {
         name: &'static str,
@@ -209,33 +207,6 @@ impl SavedState {
             velocities,
         };
         Ok((state, spec))
-    }
-
-    /// Reads the state again that `spec` tells of.
-    ///
-    /// # Errors
-    /// As for [`Self::read`]; also [`StateError::Changed`].
-    pub fn reread(
-        folder: &Path,
-        spec: &StateSpec,
-        vertices: usize,
-    ) -> Result<Self, ReadStateError> {
-        let choice = StateChoice {
-            frame: Some(spec.frame),
-            positions: Some(spec.positions.clone()),
-            velocities: Some(spec.velocities.clone()),
-            frame_rate: None,
-        };
-        let (state, now) = Self::read(folder, &spec.path, &choice, vertices)?;
-        if now.blake3 == spec.blake3 {
-            return Ok(state);
-        }
-        Err(FileError::at(&folder.join(&spec.path))(
-            StateError::Changed {
-                expected: spec.blake3.clone(),
-                found: now.blake3,
-            },
-        ))
     }
 }
 
