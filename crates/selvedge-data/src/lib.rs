@@ -57,6 +57,8 @@ mod obstacle;
 mod rest_poses;
 mod rig;
 mod scene;
+#[cfg(test)]
+mod test_table;
 mod trajectory;
 
 pub use dataset::merge::{DatasetParts, Merged};
@@ -93,8 +95,8 @@ pub use obstacle::{
 pub use rest_poses::{KeptRestPose, RestPoseFileError, RestPoseFolder};
 pub use rig::{MeshMotion, Rig, RigError, RigNode};
 pub use scene::{
-    BuiltMesh, GeneratorError, GeneratorSpec, GroupMotion, GroupMove, HandleGroup, HandleSelection,
-    LoadedScene, MaterialSource, MaterialTable, MeshSource, MeshSpec, MeshSpecError, MotionSource,
+    BuiltMesh, GeneratorSpec, GroupMotion, GroupMove, HandleGroup, HandleSelection, LoadedScene,
+    MaterialSource, MaterialTable, MeshSource, MeshSpec, MeshSpecError, MotionSource,
     RecordedCsvError, ReleaseSpan, RigMotion, Rotate, SceneFileError, SceneProblem, SceneSpec,
     SceneSpecError, Setting, StartSpec, StrainedEdge, Times, Transform, materials, open_scene,
     panel_stretches, parse_recorded_csv, parse_scene, read_scene, shipped_scenes, worst_edges,

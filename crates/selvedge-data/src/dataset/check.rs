@@ -10,11 +10,8 @@ use crate::dataset::sections::{SAMPLE_FRAMES, Section};
 
 /// Checks the index of the data set in `folder`.
 pub(super) fn check(folder: &Path, index: &DatasetIndex) -> Result<(), String> {
-    let splits = [
-        (Split::Train, &index.splits.train),
-        (Split::Test, &index.splits.test),
-    ];
-    for (split, entries) in splits {
+    for split in Split::BOTH {
+        let entries = index.splits.of(split);
         check_names(entries.iter().map(|entry| entry.motion.as_str()))
             .map_err(|(motion, problem)| format!("motion {motion:?} {problem}"))?;
         for entry in entries {
@@ -84,7 +81,7 @@ fn is_inside(file: &Path) -> bool {
 /// Checks that no trajectory is there twice, neither in a split nor in both.
 fn check_once(index: &DatasetIndex) -> Result<(), String> {
     let mut seen: BTreeMap<&str, &Entry> = BTreeMap::new();
-    for entry in index.splits.train.iter().chain(&index.splits.test) {
+    for entry in index.splits.all() {
         if let Some(other) = seen.insert(&entry.blake3, entry) {
             return Err(format!(
                 "files {:?} and {:?} are the same trajectory (hash {})",

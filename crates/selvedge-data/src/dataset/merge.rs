@@ -176,10 +176,6 @@ impl Part {
     }
 
     fn entry(&self, split: Split, motion: &str) -> Option<&Entry> {
-        let entries = match split {
-            Split::Train => &self.done.train,
-            Split::Test => &self.done.test,
-        };
-        entries.iter().find(|entry| entry.motion == motion)
+        self.done.find(split, motion)
     }
 }

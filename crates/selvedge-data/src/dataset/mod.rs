@@ -170,6 +170,32 @@ pub struct Dataset {
     index: DatasetIndex,
 }
 
+impl Split {
+    /// Both parts, in order.
+    pub(crate) const BOTH: [Self; 2] = [Self::Train, Self::Test];
+}
+
+impl Splits {
+    /// The trajectories of a split.
+    #[must_use]
+    pub fn of(&self, split: Split) -> &[Entry] {
+        match split {
+            Split::Train => &self.train,
+            Split::Test => &self.test,
+        }
+    }
+
+    /// All trajectories, those learned from first.
+    pub(crate) fn all(&self) -> impl Iterator<Item = &Entry> {
+        self.train.iter().chain(&self.test)
+    }
+
+    /// The trajectory of a motion.
+    pub(crate) fn find(&self, split: Split, motion: &str) -> Option<&Entry> {
+        self.of(split).iter().find(|entry| entry.motion == motion)
+    }
+}
+
 impl Dataset {
     /// Opens the data set in `folder` and checks its index: format and version, names, files that
     /// exist, trajectories that are there once, sections within them, counts. It does not read the
@@ -204,10 +230,7 @@ impl Dataset {
     /// The trajectories of a split.
     #[must_use]
     pub fn entries(&self, split: Split) -> &[Entry] {
-        match split {
-            Split::Train => &self.index.splits.train,
-            Split::Test => &self.index.splits.test,
-        }
+        self.index.splits.of(split)
     }
 
     /// Sections of the training split to learn from.
@@ -262,12 +285,8 @@ impl Dataset {
     /// # Errors
     /// [`DatasetError::Hash`] for the first file that has changed.
     pub fn verify_hashes(&self) -> Result<(), DatasetError> {
-        let splits = &self.index.splits;
-        splits
-            .train
-            .iter()
-            .chain(&splits.test)
-            .try_for_each(|entry| read_checked(&self.folder.join(&entry.file), entry).map(drop))
+        let mut all = self.index.splits.all();
+        all.try_for_each(|entry| read_checked(&self.folder.join(&entry.file), entry).map(drop))
     }
 }
 

@@ -98,8 +98,7 @@ impl DatasetWriter {
     /// The trajectory of this motion, if it is already written.
     #[must_use]
     pub fn written(&self, split: Split, motion: &str) -> Option<&Entry> {
-        let done = self.entries(split);
-        done.iter().find(|entry| entry.motion == motion)
+        self.done.find(split, motion)
     }
 
     /// The motions that are still to be written, in order; of a part only its own.
@@ -191,7 +190,7 @@ impl DatasetWriter {
                 problem: "has not been written yet",
             });
         }
-        for split in [Split::Train, Split::Test] {
+        for split in Split::BOTH {
             let order = self.plan.motions(split).to_vec();
             let place = |entry: &Entry| order.iter().position(|m| *m == entry.motion);
             self.entries_mut(split).sort_by_key(place);
@@ -210,7 +209,7 @@ impl DatasetWriter {
             return;
         }
         // What cannot be taken away is only untidy.
-        let emptied = [Split::Train, Split::Test].map(|split| {
+        let emptied = Split::BOTH.map(|split| {
             let folder = self.folder.join(folder_of(split));
             std::fs::remove_dir(folder).is_ok()
         });
@@ -272,7 +271,7 @@ impl DatasetWriter {
 
     /// Without an index, what is in the folders is not ours to replace.
     fn check_empty(&self) -> Result<(), DatasetError> {
-        for name in [Split::Train, Split::Test].map(folder_of) {
+        for name in Split::BOTH.map(folder_of) {
             let inner = std::fs::read_dir(self.folder.join(name));
             if inner.is_ok_and(|mut files| files.next().is_some()) {
                 let problem = format!("has files in {name}/ but no index: choose an empty folder");
@@ -283,7 +282,7 @@ impl DatasetWriter {
     }
 
     fn make_folders(&self) -> Result<(), DatasetError> {
-        for name in [Split::Train, Split::Test].map(folder_of) {
+        for name in Split::BOTH.map(folder_of) {
             std::fs::create_dir_all(self.folder.join(name))
                 .map_err(|error| self.folder_error(format!("could not be made: {error}")))?;
         }
@@ -332,15 +331,7 @@ impl DatasetWriter {
 
     /// The trajectory that is written already and has the same bytes.
     fn twin_of(&self, entry: &Entry) -> Option<&Entry> {
-        let mut done = self.done.train.iter().chain(&self.done.test);
-        done.find(|other| other.blake3 == entry.blake3)
-    }
-
-    fn entries(&self, split: Split) -> &[Entry] {
-        match split {
-            Split::Train => &self.done.train,
-            Split::Test => &self.done.test,
-        }
+        self.done.all().find(|other| other.blake3 == entry.blake3)
     }
 
     fn entries_mut(&mut self, split: Split) -> &mut Vec<Entry> {

@@ -25,7 +25,7 @@ use std::path::Path;
 
 pub use self::frame_span::{FrameSpan, FrameSpanError};
 pub use self::obstacles::files_beside;
-pub use self::options::{ExportFormat, ExportOptions, Normals, Velocities};
+pub use self::options::{ExportFormat, ExportOptions};
 pub use self::outcome::ExportError;
 use self::outcome::{Pulse, is_stop};
 pub use self::take::Take;

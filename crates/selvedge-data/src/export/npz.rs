@@ -23,7 +23,6 @@ use std::path::Path;
 
 use glam::Vec3;
 
-use super::obstacles::TakenObstacle;
 use super::outcome::{ExportError, Pulse, check_size};
 use super::take::Take;
 use crate::UpAxis;
@@ -36,8 +35,7 @@ pub(super) fn write(
     path: &Path,
     pulse: &mut Pulse<'_>,
 ) -> Result<(), ExportError> {
-    let obstacles: Vec<_> = take.obstacles().into_iter().map(titled).collect();
-    let entries = entries(take, &obstacles);
+    let entries = entries(take);
     check_size(".npz", archive_bytes(&entries), take.every())?;
     Ok(write_archive_of(&entries, path, pulse)?)
 }
@@ -56,9 +54,9 @@ fn write_archive_of(
     })
 }
 
-fn entries<'a>(take: &'a Take<'_>, obstacles: &'a [TitledObstacle<'_>]) -> Vec<EntryOut<'a>> {
-    let by_frame = |name, of: Box<dyn Fn(usize) -> Vec<u8> + 'a>| EntryOut {
-        name,
+fn entries<'a>(take: &'a Take<'_>) -> Vec<EntryOut<'a>> {
+    let by_frame = |name: &str, of: Box<dyn Fn(usize) -> Vec<u8> + 'a>| EntryOut {
+        name: name.to_owned(),
         kind: "<f4",
         shape: vec![take.len(), take.trajectory().vertex_count(), 3],
         chunks: take.len(),
@@ -70,61 +68,46 @@ fn entries<'a>(take: &'a Take<'_>, obstacles: &'a [TitledObstacle<'_>]) -> Vec<E
         let normals = move |k| floats3(&take.normals_at(&take.positions(k)));
         entries.push(by_frame("normals", Box::new(normals)));
     }
-    entries.extend(unchanging(take));
-    for obstacle in obstacles {
-        let frames = obstacle.frame_count(take);
+    entries.extend(of_cloth(take));
+    for obstacle in take.obstacles() {
+        let (frames, track) = (obstacle.frame_count(take), obstacle.track);
+        let faces = integers(track.faces().as_flattened());
+        let name = format!("obstacle_{}", obstacle.name);
+        let shape = [track.faces().len(), 3];
+        let of_faces = unchanging(&format!("{name}_faces"), "<i4", &shape, faces);
         entries.push(EntryOut {
-            name: &obstacle.title,
+            name,
             kind: "<f4",
-            shape: vec![frames, obstacle.point_count(), 3],
+            shape: vec![frames, track.point_count(), 3],
             chunks: frames,
             chunk: Box::new(move |k| floats3(&obstacle.positions(take, k))),
         });
-        entries.push(EntryOut {
-            name: &obstacle.faces_title,
-            kind: "<i4",
-            shape: vec![obstacle.faces().len(), 3],
-            chunks: 1,
-            chunk: Box::new(move |_| integers(obstacle.faces().as_flattened())),
-        });
+        entries.push(of_faces);
     }
     entries
 }
 
-/// An obstacle with the names of its arrays.
-struct TitledObstacle<'a> {
-    own: TakenObstacle<'a>,
-    title: String,
-    faces_title: String,
-}
-
-impl<'a> std::ops::Deref for TitledObstacle<'a> {
-    type Target = TakenObstacle<'a>;
-
-    fn deref(&self) -> &TakenObstacle<'a> {
-        &self.own
-    }
-}
-
-fn titled(own: TakenObstacle<'_>) -> TitledObstacle<'_> {
-    TitledObstacle {
-        title: format!("obstacle_{}", own.name),
-        faces_title: format!("obstacle_{}_faces", own.name),
-        own,
-    }
-}
-
-/// Arrays that do not change over time.
-fn unchanging(take: &Take<'_>) -> Vec<EntryOut<'static>> {
-    let cloth = take.trajectory().cloth();
-    let (vertices, faces) = (cloth.vertex_mass().len(), cloth.face_area().len());
-    let entry = |name, kind, shape: &[usize], bytes: Vec<u8>| EntryOut {
-        name,
+/// An array that does not change over time.
+fn unchanging(
+    name: &str,
+    kind: &'static str,
+    shape: &[usize],
+    bytes: Vec<u8>,
+) -> EntryOut<'static> {
+    EntryOut {
+        name: name.to_owned(),
         kind,
         shape: shape.to_vec(),
         chunks: 1,
         chunk: Box::new(move |_| bytes.clone()),
-    };
+    }
+}
+
+/// Arrays of the cloth that do not change over time.
+fn of_cloth(take: &Take<'_>) -> Vec<EntryOut<'static>> {
+    let entry = unchanging;
+    let cloth = take.trajectory().cloth();
+    let (vertices, faces) = (cloth.vertex_mass().len(), cloth.face_area().len());
     let corners = cloth.topology().face_indices();
     let rest = floats3(&take.rest_positions());
     let material = floats(

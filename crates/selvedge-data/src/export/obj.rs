@@ -43,11 +43,7 @@ pub(super) fn write_all(
                 out.flush()?;
                 pulse.beat()
             };
-            write().map_err(|source| WriteError {
-                path: path.to_owned(),
-                action: "write into it",
-                source,
-            })?;
+            write().map_err(WriteError::when(path, "write into it"))?;
         }
         for obstacle in take.obstacles() {
             for number in 0..obstacle.frame_count(take) {

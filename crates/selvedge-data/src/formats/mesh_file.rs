@@ -14,7 +14,7 @@ use crate::rig::{RigError, RigFormat};
 
 /// Part of a mesh's extent up to which vertices of formats that split them coincide: single
 /// precision at some ten roundings.
-const COINCIDENT: f64 = 1e-6;
+pub(crate) const COINCIDENT: f64 = 1e-6;
 
 /// Reads a mesh from a file (.obj, .glb, USD), as `options` say.
 ///
@@ -64,7 +64,7 @@ pub(crate) fn parse_mesh_bytes(
 }
 
 /// Longest side of the box around `positions`.
-fn extent(positions: &[DVec3]) -> f64 {
+pub(crate) fn extent(positions: &[DVec3]) -> f64 {
     let first = positions.first().copied().unwrap_or_default();
     let low = positions.iter().fold(first, |low, p| low.min(*p));
     let high = positions.iter().fold(first, |high, p| high.max(*p));

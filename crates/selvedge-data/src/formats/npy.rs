@@ -119,6 +119,7 @@ fn parse_header(text: &str) -> Result<(String, Vec<usize>), NpyError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::test_table::table;
 
     /// A file of version 1 with this header.
     fn file(header: &str, data: &[u8]) -> Vec<u8> {
@@ -143,18 +144,15 @@ mod tests {
 
     #[test]
     fn mistakes_are_named() {
-        for (from, to, expected) in [
-            ("False", "True", "Fortran order"),
-            ("2, 1", "99999999999999999999999, 1", "'shape' is"),
-            ("2, 1", "4611686018427387905, 1", "more than there can be"),
-            (
-                "2, 1",
-                "3, 1",
-                "has 8 bytes of data, but its shape needs 12",
-            ),
-            ("'descr'", "'desc'", "'descr' is missing"),
-            ("'<i4'", "[('a', '<i4')]", "no single type"),
-        ] {
+        let cases = r#"
+            False | True | Fortran order
+            2, 1 | 99999999999999999999999, 1 | 'shape' is
+            2, 1 | 4611686018427387905, 1 | more than there can be
+            2, 1 | 3, 1 | has 8 bytes of data, but its shape needs 12
+            'descr' | 'desc' | 'descr' is missing
+            '<i4' | [('a', '<i4')] | no single type
+        "#;
+        for [from, to, expected] in table(cases) {
             let bytes = file(&HEADER.replace(from, to), &[0; 8]);
             let found = read(&bytes).unwrap_err().to_string();
             assert!(found.contains(expected), "{found} lacks {expected}");

@@ -109,22 +109,10 @@ struct GeneratorFields {
     seed: u64,
 }
 
-/// Keys that do not make a [`GeneratorSpec`].
-#[derive(Clone, Copy, Debug, Error, PartialEq)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum GeneratorError {
-    #[error("density must be finite and positive, found {density} vertices/m²")]
-    Density { density: f64 },
-    #[error("give `vertices` or `density`, not both")]
-    Both,
-    #[error("missing field: `vertices` or `density`")]
-    Neither,
-}
-
 impl TryFrom<GeneratorFields> for GeneratorSpec {
-    type Error = GeneratorError;
+    type Error = String;
 
-    fn try_from(fields: GeneratorFields) -> Result<Self, GeneratorError> {
+    fn try_from(fields: GeneratorFields) -> Result<Self, String> {
         let GeneratorFields {
             kind, size, seed, ..
         } = fields;
@@ -133,9 +121,13 @@ impl TryFrom<GeneratorFields> for GeneratorSpec {
             (None, Some(density)) if density.is_finite() && density > 0.0 => {
                 kind.vertices(size, density)
             }
-            (None, Some(density)) => return Err(GeneratorError::Density { density }),
-            (Some(_), Some(_)) => return Err(GeneratorError::Both),
-            (None, None) => return Err(GeneratorError::Neither),
+            (None, Some(density)) => {
+                return Err(format!(
+                    "density must be finite and positive, found {density} vertices/m²"
+                ));
+            }
+            (Some(_), Some(_)) => return Err("give `vertices` or `density`, not both".to_owned()),
+            (None, None) => return Err("missing field: `vertices` or `density`".to_owned()),
         };
         Ok(Self {
             kind,

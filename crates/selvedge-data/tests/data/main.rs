@@ -13,4 +13,6 @@ mod presets;
 mod scene_parts;
 mod scenes;
 mod sewn;
+#[path = "../../src/test_table.rs"]
+mod table;
 mod trajectory;

@@ -8,6 +8,8 @@ use selvedge_data::{
     MeshFileError, MeshOptions, Seams, TextureUnit, parse_obj, parse_obj_with, read_obj, write_obj,
 };
 
+use crate::table::table;
+
 const QUAD: &str = "v 0 0 0\nv 2 0 0\nv 2 1 0\nv 0 1 0\n";
 
 #[test]
@@ -91,38 +93,23 @@ fn equal_texture_coordinates_with_different_numbers_are_no_seam() {
 
 #[test]
 fn what_is_not_a_cloth_is_named() {
-    let cases = [
-        ("v 0 0 0\nv 1 0\n", "line 2: expected 3 numbers, found 2"),
-        ("v 0 0 zero\n", "line 1: \"zero\" is no finite number"),
-        ("v 0 0 nan\n", "line 1: \"nan\" is no finite number"),
-        ("v 0 0 0\nf 1 1\n", "line 2: a face needs 3 corners"),
-        (
-            "v 0 0 0\nf 1 2 3\n",
-            "line 2: there is no vertex 2 (there are 1 so far)",
-        ),
-        ("v 0 0 0\nf 0 1 1\n", "there is no vertex 0"),
-        ("v 0 0 0\nf -2 1 1\n", "there is no vertex -2"),
-        ("v 0 0 0\nf a 1 1\n", "\"a\" is no number of a vertex"),
-        (
-            "v 0 0 0\nf 1/1 1/1 1/1\n",
-            "there is no texture coordinate 1",
-        ),
-        ("curv 0 1\n", "has no faces"),
-        ("v 0 0 0\n", "has no faces"),
-        (
-            "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1 2 3\nf 1/1 2/1 3/1\n",
-            "line 5: this face has no texture",
-        ),
-        (
-            "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 2\n",
-            "line 4: this face names vertex 2 twice",
-        ),
-        (
-            "v 0 0 0\nv 1 1 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 1\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3 4/4\n",
-            "line 9: this face of 4 corners",
-        ),
-    ];
-    for (text, expected) in cases {
+    let cases = r#"
+        v 0 0 0\nv 1 0\n | line 2: expected 3 numbers, found 2
+        v 0 0 zero\n | line 1: "zero" is no finite number
+        v 0 0 nan\n | line 1: "nan" is no finite number
+        v 0 0 0\nf 1 1\n | line 2: a face needs 3 corners
+        v 0 0 0\nf 1 2 3\n | line 2: there is no vertex 2 (there are 1 so far)
+        v 0 0 0\nf 0 1 1\n | there is no vertex 0
+        v 0 0 0\nf -2 1 1\n | there is no vertex -2
+        v 0 0 0\nf a 1 1\n | "a" is no number of a vertex
+        v 0 0 0\nf 1/1 1/1 1/1\n | there is no texture coordinate 1
+        curv 0 1\n | has no faces
+        v 0 0 0\n | has no faces
+        v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1 2 3\nf 1/1 2/1 3/1\n | line 5: this face has no texture
+        v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 2\n | line 4: this face names vertex 2 twice
+        v 0 0 0\nv 1 1 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 1\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3 4/4\n | line 9: this face of 4 corners
+    "#;
+    for [text, expected] in table(cases) {
         let error = parse_obj(text).unwrap_err().to_string();
         assert!(error.contains(expected), "{error} lacks {expected}");
     }

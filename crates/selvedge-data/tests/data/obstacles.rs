@@ -5,6 +5,8 @@ use selvedge_cloth::{Cloth, ClothArrays, Handles, Obstacle, ObstaclePath, RigidK
 use selvedge_data::{ObstacleTrack, Provenance, Trajectory};
 use serde_json::Value;
 
+use crate::table::table;
+
 fn trajectory(frames: usize) -> Trajectory {
     let arrays = ClothArrays {
         rest_positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
@@ -116,30 +118,15 @@ fn what_does_not_fit_or_is_damaged_is_named() {
         edited.extend(&bytes[8 + length..]);
         Trajectory::from_bytes(&edited).unwrap_err().to_string()
     };
-    for (from, to, named) in [
-        (
-            "\"version\":\"3\"",
-            "\"version\":\"1\"",
-            "expected 3 for a file with obstacles",
-        ),
-        (
-            "\"version\":\"3\"",
-            "\"version\":\"9\"",
-            "expected 1, 2 or 3",
-        ),
-        ("\"obstacles\"", "\"obstickle\"", "metadata obstickle"),
-        ("[\\\"still\\\"", " \\\"still\\\"", "a JSON list of names"),
-        (
-            "\"obstacle_1.poses\"",
-            "\"obstacle_1.prose\"",
-            "obstacle_1.prose, which this version",
-        ),
-        (
-            "\"obstacle_2.faces\"",
-            "\"obstacle_9.faces\"",
-            "obstacle_9.faces, which this version",
-        ),
-    ] {
+    let cases = r#"
+        "version":"3" | "version":"1" | expected 3 for a file with obstacles
+        "version":"3" | "version":"9" | expected 1, 2 or 3
+        "obstacles" | "obstickle" | metadata obstickle
+        [\"still\" |  \"still\" | a JSON list of names
+        "obstacle_1.poses" | "obstacle_1.prose" | obstacle_1.prose, which this version
+        "obstacle_2.faces" | "obstacle_9.faces" | obstacle_9.faces, which this version
+    "#;
+    for [from, to, named] in table(cases) {
         let found = problem(from, to);
         assert!(found.contains(named), "{from}: {found}");
     }

@@ -11,6 +11,8 @@ use selvedge_data::{
     shipped_presets,
 };
 
+use crate::table::table;
+
 /// A preset with these lists, sections, frame rate and own motions.
 fn preset(lists: &str, rule: &str, rate: &str, own: &str) -> Result<DatasetPreset, String> {
     let setting = "material = \"gray-interlock\"\nhandles = { label = \"upper-corners\" }\n\
@@ -42,33 +44,17 @@ fn presets_resolve_to_scenes_and_a_plan() {
 #[test]
 fn mistakes_in_a_preset_are_named() {
     let (_, tiny) = shipped_presets().iter().find(|p| p.0 == "tiny").unwrap();
-    let cases = [
-        (
-            "[\"lift\"]",
-            "[\"lift\", \"nope\"]",
-            "test: no motion is called \"nope\"",
-        ),
-        ("[\"lift\"]", "\"everything\"", "expected a list of motions"),
-        ("\"whole\"", "\"half\"", "unknown variant `half`"),
-        ("[setting]", "[settings]", "unknown field `settings`"),
-        ("duration = 0.25 }", "duration = -1 }", "duration"),
-        (
-            "[\"lift\"]",
-            "[\"lift\", \"turn\"]",
-            "test: \"turn\" is the motion \"turn\" of train",
-        ),
-        (
-            "test = [\"lift\"]",
-            "test = []",
-            "motions: \"lift\" is neither in train nor in test",
-        ),
-        (
-            "train = [\"push\", \"turn\"]",
-            "train = []",
-            "train: is empty: name at least one motion",
-        ),
-    ];
-    for (from, to, expected) in cases {
+    let cases = r#"
+        ["lift"] | ["lift", "nope"] | test: no motion is called "nope"
+        ["lift"] | "everything" | expected a list of motions
+        "whole" | "half" | unknown variant `half`
+        [setting] | [settings] | unknown field `settings`
+        duration = 0.25 } | duration = -1 } | duration
+        ["lift"] | ["lift", "turn"] | test: "turn" is the motion "turn" of train
+        test = ["lift"] | test = [] | motions: "lift" is neither in train nor in test
+        train = ["push", "turn"] | train = [] | train: is empty: name at least one motion
+    "#;
+    for [from, to, expected] in table(cases) {
         let text = tiny.replacen(from, to, 1);
         let error = DatasetPreset::parse(&text, Path::new(""))
             .unwrap_err()

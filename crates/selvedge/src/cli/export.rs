@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use selvedge_data::UpAxis;
-use selvedge_data::export::{FrameSpan, Normals, Velocities};
+use selvedge_data::export::FrameSpan;
 
 /// Write a trajectory in the format of another program.
 ///
@@ -123,18 +123,13 @@ impl ExportArgs {
     }
 
     /// The choice of normals, where there was one.
-    pub(crate) fn normals(&self) -> Option<Normals> {
-        self.normals.map(|normals| match normals {
-            Choosing::Yes => Normals::Written,
-            Choosing::No => Normals::LeftOut,
-        })
+    pub(crate) fn normals(&self) -> Option<bool> {
+        self.normals.map(|normals| normals == Choosing::Yes)
     }
 
     /// The choice of velocities, where there was one.
-    pub(crate) fn velocities(&self) -> Option<Velocities> {
-        self.velocities.map(|velocities| match velocities {
-            Choosing::Yes => Velocities::Written,
-            Choosing::No => Velocities::LeftOut,
-        })
+    pub(crate) fn velocities(&self) -> Option<bool> {
+        self.velocities
+            .map(|velocities| velocities == Choosing::Yes)
     }
 }

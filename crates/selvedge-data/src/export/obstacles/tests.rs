@@ -9,9 +9,7 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 use crate::UpAxis;
-use crate::export::{
-    ExportFormat, ExportOptions, FrameSpan, Normals, Velocities, export, files_beside,
-};
+use crate::export::{ExportFormat, ExportOptions, FrameSpan, export, files_beside};
 use crate::formats::arrays::ArrayFile;
 use crate::obstacle::ObstacleFile;
 use crate::trajectory::obstacles::ObstacleTrack;
@@ -76,11 +74,9 @@ fn written(format: ExportFormat, name: &str, up: UpAxis) -> TempDir {
         _ => FrameSpan::default(),
     };
     let options = ExportOptions {
-        format,
         frames,
         up,
-        normals: Normals::LeftOut,
-        velocities: Velocities::LeftOut,
+        ..ExportOptions::plain(format)
     };
     let path = folder.path().join(name);
     let mut observe = || ControlFlow::Continue(());

@@ -11,7 +11,7 @@ use super::{DIRECTORY, DIRECTORY_LENGTH, END, END_LENGTH, LOCAL, LOCAL_LENGTH};
 /// An array to be written.
 pub(crate) struct EntryOut<'a> {
     /// Name of the entry, without `.npy`.
-    pub(crate) name: &'a str,
+    pub(crate) name: String,
     /// NumPy's name of its type.
     pub(crate) kind: &'a str,
     /// Dimensions, slowest first.
@@ -107,7 +107,7 @@ pub(crate) fn write_archive(
         out.write_all(&entry.header())?;
         for k in 0..entry.chunks {
             out.write_all(&(entry.chunk)(k))?;
-            beat(entry.name)?;
+            beat(&entry.name)?;
         }
         directory.extend(DIRECTORY.to_le_bytes());
         directory.extend([20, 0]);

@@ -9,6 +9,7 @@ use tempfile::TempDir;
 use super::super::file::read_scene;
 use super::super::loaded::LoadedScene;
 use super::super::start::StartSpec;
+use crate::test_table::table;
 
 /// A unit square of two faces, its upper edge held.
 const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n\
@@ -69,12 +70,6 @@ impl Desk {
         assert_ne!(edited, text, "{from}");
         self.read(&edited)
     }
-}
-
-/// Edits of a scene and what is said of each, as `from => to | words`, a line each.
-fn cases(table: &str) -> impl Iterator<Item = (&str, &str)> {
-    let lines = table.lines().map(str::trim).filter(|l| !l.is_empty());
-    lines.map(|line| line.rsplit_once(" | ").unwrap())
 }
 
 #[test]
@@ -185,7 +180,7 @@ fn what_has_no_effect_is_named() {
     // A sheet of two metres whose texture coordinates run from 0 to 1.
     let double = SQUARE.replace("v 1", "v 2").replace(" 1 0\n", " 2 0\n");
     desk.write("double.obj", &double.replace("vt 2 0", "vt 1 0"));
-    let table = r#"
+    let cases = r#"
         "remeshing", "sep => "sep | remeshing is not disabled
         "proximity",  =>  | disable: collision has no effect
         "friction" => "obstacles": [{"mesh": "a"}, {"mesh": "b"}], "friction" | obstacles are left out, 2 of them: proximity and collision are disabled
@@ -193,7 +188,7 @@ fn what_has_no_effect_is_named() {
         square.obj => double.obj | half of the edges start at 2.000 × their material length or more
         felt.json => materials/11oz-black-denim.json | the shipped material 11oz-black-denim
     "#;
-    for (edit, warning) in cases(table) {
+    for [edit, warning] in table(cases) {
         let warnings = desk.edited(SCENE, edit).unwrap().warnings;
         let is_told = warnings.len() == 1 && warnings[0].contains(warning);
         assert!(is_told, "{edit}: {warnings:?}");
@@ -208,7 +203,7 @@ fn what_has_no_effect_is_named() {
 #[test]
 fn unknown_keys_and_wrong_values_are_errors_that_name_file_and_key() {
     let desk = Desk::new();
-    let table = r#"
+    let cases = r#"
         "gravity" => "glow": 1, "gravity" | unknown field `glow`
         "thicken" => "sheen": 1, "thicken" | cloths[0].materials[0].sheen: unknown field `sheen`
         "nodes": [3] => "nodes": [3], "start_time": 2 | handles[0].start_time: unknown field `start_time`
@@ -242,7 +237,7 @@ fn unknown_keys_and_wrong_values_are_errors_that_name_file_and_key() {
         [0, -9.8, 0] => -9.8 | gravity: invalid type: floating point `-9.8`
         "friction": 0.6 => "friction": 0.6, | is no JSON
     "#;
-    for (edit, named) in cases(table) {
+    for [edit, named] in table(cases) {
         let error = desk.edited(SCENE, edit).unwrap_err();
         assert!(error.contains("swing.json"), "{error}");
         assert!(error.contains(named), "{edit}: {error}");
@@ -311,7 +306,7 @@ fn obstacles_and_contact_that_cannot_be_read_are_named() {
         "obs_friction": 0.2 => "obs_friction": -1 | obs_friction: must be between 0 and 100
         2e-3 => 2e3 | magic.repulsion_thickness: must be between
     "#;
-    for (edit, problem) in cases(wrong) {
+    for [edit, problem] in table(wrong) {
         let error = desk.edited(&with_bodies(), edit).unwrap_err();
         let is_named = error.contains("swing.json") && error.contains(problem);
         assert!(is_named, "{edit}: {error}");
@@ -320,7 +315,7 @@ fn obstacles_and_contact_that_cannot_be_read_are_named() {
         "repulsion_thickness" => "collision_stiffness": 1e6, "repulsion_thickness" | magic.collision_stiffness has no effect
         "obs_friction": 0.2 => "obs_friction": 0.9 | a pair has the lesser of two
     "#;
-    for (edit, warning) in cases(told) {
+    for [edit, warning] in table(told) {
         let warnings = desk.edited(&with_bodies(), edit).unwrap().warnings;
         let is_told = warnings.iter().any(|w| w.contains(warning));
         assert!(is_told, "{edit}: {warnings:?}");

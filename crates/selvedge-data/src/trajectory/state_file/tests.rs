@@ -6,6 +6,7 @@ use serde_json::Value;
 use super::*;
 use crate::formats::npz::tests::{archive, floats, npy};
 use crate::formats::tensor_file::TensorValues;
+use crate::test_table::table;
 
 fn provenance() -> Provenance {
     Provenance {
@@ -194,23 +195,18 @@ fn what_is_no_state_is_named() {
         "alone.npz",
         &archive(&[("positions", floats("(1, 3)", &[0.0; 3]))]),
     );
-    for (path, named) in [
-        ("x.txt", "read from .npz or .safetensors"),
-        ("cut.npz", "no complete .npz archive"),
-        ("cut.safetensors", "no complete safetensors"),
-        ("nan.npz", "array positions: the entry of vertex 0 must be"),
-        (
-            "fast.npz",
-            "array velocities: the entry of vertex 0 must be",
-        ),
-        ("few.npz", "array frames: expected <i4 [2]"),
-        ("twice.npz", "array frames: frame 7 stands twice"),
-        (
-            "alone.npz",
-            "no velocities beside positions (found positions)",
-        ),
-        ("none.npz", "could not be read"),
-    ] {
+    let cases = r#"
+        x.txt | read from .npz or .safetensors
+        cut.npz | no complete .npz archive
+        cut.safetensors | no complete safetensors
+        nan.npz | array positions: the entry of vertex 0 must be
+        fast.npz | array velocities: the entry of vertex 0 must be
+        few.npz | array frames: expected <i4 [2]
+        twice.npz | array frames: frame 7 stands twice
+        alone.npz | no velocities beside positions (found positions)
+        none.npz | could not be read
+    "#;
+    for [path, named] in table(cases) {
         let text = error(folder.path(), path, &StateChoice::default(), 1);
         assert!(text.contains(named), "{text}");
     }
