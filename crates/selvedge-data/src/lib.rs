@@ -58,7 +58,7 @@ mod rest_poses;
 mod rig;
 mod scene;
 #[cfg(test)]
-mod test_table;
+mod test_help;
 mod trajectory;
 
 pub use dataset::merge::{DatasetParts, Merged};

@@ -20,3 +20,4 @@ pub(crate) mod retired;
 pub(crate) mod tensor_file;
 pub(crate) mod unique;
 pub(crate) mod up_axis;
+pub(crate) mod zip;

@@ -119,7 +119,7 @@ fn parse_header(text: &str) -> Result<(String, Vec<usize>), NpyError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::test_table::table;
+    use crate::test_help::table;
 
     /// A file of version 1 with this header.
     fn file(header: &str, data: &[u8]) -> Vec<u8> {

@@ -4,26 +4,19 @@
 use std::path::Path;
 
 use glam::{Vec2, Vec3};
-use selvedge_cloth::{Cloth, ClothArrays, Handles, Topology};
 use selvedge_data::{
     Dataset, DatasetError, DatasetPlan, DatasetPreset, DatasetWriter, Provenance, Section,
     SectionRule, Split, Trajectory,
 };
 use serde_json::json;
 
-use crate::table::table;
+use crate::help::{sheet, table};
 
 /// A triangle that moves by `step` [m] per frame at 2 frames per second.
 fn trajectory(frames: usize, step: f32) -> Trajectory {
     let corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
-    let arrays = ClothArrays {
-        rest_positions: corners.to_vec(),
-        material_coordinates: vec![Vec2::ZERO, Vec2::X, Vec2::Y],
-        vertex_mass: vec![0.1; 3],
-        face_area: vec![0.5],
-    };
-    let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
-    let cloth = Cloth::new(topology, Handles::new(&[0], 3).unwrap(), arrays).unwrap();
+    let flat = [Vec2::ZERO, Vec2::X, Vec2::Y];
+    let cloth = sheet(&corners, &flat, &[[0, 1, 2]], &[0]);
     let positions = (0..frames)
         .flat_map(|f| corners.map(|c| c + Vec3::Z * step * f as f32))
         .collect();

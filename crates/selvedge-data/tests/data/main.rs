@@ -6,6 +6,8 @@ mod dataset;
 mod example;
 mod export;
 mod garments;
+#[path = "../../src/test_help.rs"]
+mod help;
 mod metrics;
 mod obj;
 mod obstacles;
@@ -13,6 +15,4 @@ mod presets;
 mod scene_parts;
 mod scenes;
 mod sewn;
-#[path = "../../src/test_table.rs"]
-mod table;
 mod trajectory;

@@ -3,12 +3,11 @@
 
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use proptest::prelude::*;
-use selvedge_cloth::{Cloth, ClothArrays, Handles, Topology};
 use selvedge_data::{
     MeshFileError, MeshOptions, Seams, TextureUnit, parse_obj, parse_obj_with, read_obj, write_obj,
 };
 
-use crate::table::table;
+use crate::help::{sheet, table};
 
 const QUAD: &str = "v 0 0 0\nv 2 0 0\nv 2 1 0\nv 0 1 0\n";
 
@@ -151,22 +150,14 @@ fn faces_that_turn_opposite_ways_are_not_called_curved() {
 
 #[test]
 fn a_written_file_is_read_back_exactly() {
-    let topology = Topology::new(4, &[[0, 1, 2], [0, 2, 3]]).unwrap();
     let coordinates = [(0.0, 0.0), (0.1, 0.0), (0.1, 0.7), (0.0, 0.3)].map(Vec2::from);
     let positions = coordinates.map(|c| Vec3::new(c.x / 3.0, 1e-9, c.y * 1e9));
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.obj");
-    let arrays = ClothArrays {
-        rest_positions: positions.to_vec(),
-        material_coordinates: coordinates.to_vec(),
-        vertex_mass: vec![1.0; 4],
-        face_area: vec![1.0; 2],
-    };
-    let handles = Handles::new(&[], 4).unwrap();
-    let cloth = Cloth::new(topology.clone(), handles, arrays).unwrap();
+    let cloth = sheet(&positions, &coordinates, &[[0, 1, 2], [0, 2, 3]], &[]);
     write_obj(&path, &cloth, &positions).unwrap();
     let mesh = read_obj(&path).unwrap().mesh;
-    assert_eq!(mesh.topology(), &topology);
+    assert_eq!(mesh.topology(), cloth.topology());
     let read: Vec<Vec3> = mesh.positions().iter().map(|p| p.as_vec3()).collect();
     assert_eq!(read, positions);
     let read: Vec<Vec2> = mesh

@@ -1,22 +1,17 @@
 //! Obstacles of trajectories: baked beside the cloth, written and read back, and damage named.
 
-use glam::{DQuat, DVec3, Vec2, Vec3};
-use selvedge_cloth::{Cloth, ClothArrays, Handles, Obstacle, ObstaclePath, RigidKey, Topology};
+use glam::{DQuat, DVec3, Vec2};
+use selvedge_cloth::{Obstacle, ObstaclePath, RigidKey};
 use selvedge_data::{ObstacleTrack, Provenance, Trajectory};
 use serde_json::Value;
 
-use crate::table::table;
+use crate::help::{sheet, table};
 
 fn trajectory(frames: usize) -> Trajectory {
-    let arrays = ClothArrays {
-        rest_positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
-        material_coordinates: vec![Vec2::ZERO, Vec2::X, Vec2::Y],
-        vertex_mass: vec![0.1; 3],
-        face_area: vec![0.5],
-    };
-    let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
-    let cloth = Cloth::new(topology, Handles::new(&[0], 3).unwrap(), arrays).unwrap();
-    let positions = [Vec3::ZERO, Vec3::X, Vec3::Y].repeat(frames);
+    let flat = [Vec2::ZERO, Vec2::X, Vec2::Y];
+    let corners = flat.map(|c| c.extend(0.0));
+    let cloth = sheet(&corners, &flat, &[[0, 1, 2]], &[0]);
+    let positions = corners.repeat(frames);
     let provenance = Provenance {
         frame_rate: 10.0,
         scene: Value::Null,

@@ -11,7 +11,7 @@ use selvedge_data::{
     shipped_presets,
 };
 
-use crate::table::table;
+use crate::help::table;
 
 /// A preset with these lists, sections, frame rate and own motions.
 fn preset(lists: &str, rule: &str, rate: &str, own: &str) -> Result<DatasetPreset, String> {

@@ -7,7 +7,7 @@ use glam::DVec3;
 use selvedge_cloth::{Gust, Isotropic, Motion, Release, StrainLimits};
 use selvedge_data::{DatasetPreset, LoadedScene, SceneSpec, materials, parse_scene};
 
-use crate::table::table;
+use crate::help::table;
 
 const SCENE: &str = r#"
 name = "s"

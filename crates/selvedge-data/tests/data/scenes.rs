@@ -11,7 +11,7 @@ use selvedge_data::{
     shipped_presets, shipped_scenes,
 };
 
-use crate::table::table;
+use crate::help::table;
 
 const SCENE: &str = r#"
 name = "s"

@@ -6,23 +6,18 @@ use std::ops::ControlFlow;
 use glam::{Vec2, Vec3};
 use proptest::prelude::*;
 use selvedge_cloth::conformance::{HandlesEnd, check};
-use selvedge_cloth::{
-    Cloth, ClothArrays, HandleTargets, Handles, Motion, StepError, Stepper, Topology,
-};
+use selvedge_cloth::{Cloth, HandleTargets, Motion, StepError, Stepper};
 use selvedge_data::{
     Drive, Playback, Provenance, RecordingEnd, Trajectory, TrajectoryError, record,
 };
 use serde_json::json;
 
+use crate::help::sheet;
+
 fn cloth() -> Cloth {
-    let arrays = ClothArrays {
-        rest_positions: vec![Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0), Vec3::Y],
-        material_coordinates: vec![Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y],
-        vertex_mass: vec![0.25; 4],
-        face_area: vec![0.5; 2],
-    };
-    let topology = Topology::new(4, &[[0, 1, 2], [0, 2, 3]]).unwrap();
-    Cloth::new(topology, Handles::new(&[3, 2], 4).unwrap(), arrays).unwrap()
+    let flat = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
+    let faces = [[0, 1, 2], [0, 2, 3]];
+    sheet(&flat.map(|c| c.extend(0.0)), &flat, &faces, &[3, 2])
 }
 
 fn provenance() -> Provenance {

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use glam::{DQuat, DVec3, Vec2, Vec3};
-use selvedge_cloth::{Cloth, ClothArrays, Handles, Obstacle, ObstaclePath, RigidKey, Topology};
+use selvedge_cloth::{Obstacle, ObstaclePath, RigidKey};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -12,6 +12,7 @@ use crate::UpAxis;
 use crate::export::{ExportFormat, ExportOptions, FrameSpan, export, files_beside};
 use crate::formats::arrays::ArrayFile;
 use crate::obstacle::ObstacleFile;
+use crate::test_help::sheet;
 use crate::trajectory::obstacles::ObstacleTrack;
 use crate::trajectory::{Provenance, Trajectory};
 
@@ -45,15 +46,10 @@ fn trajectory() -> Trajectory {
         triangle("sheet", 7.0).moving(turning).unwrap(),
         triangle("bending", 9.0).moving(bending).unwrap(),
     ];
-    let arrays = ClothArrays {
-        rest_positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
-        material_coordinates: vec![Vec2::ZERO, Vec2::X, Vec2::Y],
-        vertex_mass: vec![0.1; 3],
-        face_area: vec![0.5],
-    };
-    let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
-    let cloth = Cloth::new(topology, Handles::new(&[0], 3).unwrap(), arrays).unwrap();
-    let at = |frame: usize| [Vec3::ZERO, Vec3::X, Vec3::Y].map(|p| p + Vec3::Z * frame as f32);
+    let flat = [Vec2::ZERO, Vec2::X, Vec2::Y];
+    let corners = flat.map(|c| c.extend(0.0));
+    let cloth = sheet(&corners, &flat, &[[0, 1, 2]], &[0]);
+    let at = |frame: usize| corners.map(|p| p + Vec3::Z * frame as f32);
     let positions = (0..FRAMES).flat_map(at).collect();
     let provenance = Provenance {
         frame_rate: RATE,

@@ -11,7 +11,7 @@ use selvedge_cloth::{Obstacle, ObstaclePath};
 use tempfile::TempDir;
 
 use super::*;
-use crate::test_table::table;
+use crate::test_help::table;
 
 /// A folder with files, in which obstacles are read.
 struct Desk(TempDir);

@@ -5,7 +5,7 @@ use selvedge_cloth::ObstaclePath;
 
 use super::{Desk, assert_near, at, frames};
 use crate::formats::npz::tests::{archive, floats};
-use crate::test_table::table;
+use crate::test_help::table;
 
 const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 

@@ -9,7 +9,7 @@ use tempfile::TempDir;
 use super::super::file::read_scene;
 use super::super::loaded::LoadedScene;
 use super::super::start::StartSpec;
-use crate::test_table::table;
+use crate::test_help::table;
 
 /// A unit square of two faces, its upper edge held.
 const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n\

@@ -6,7 +6,7 @@ use serde_json::Value;
 use super::*;
 use crate::formats::npz::tests::{archive, floats, npy};
 use crate::formats::tensor_file::TensorValues;
-use crate::test_table::table;
+use crate::test_help::table;
 
 fn provenance() -> Provenance {
     Provenance {

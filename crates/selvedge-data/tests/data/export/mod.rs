@@ -8,12 +8,13 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use glam::{Vec2, Vec3};
-use selvedge_cloth::{Cloth, ClothArrays, Handles, Topology};
 use selvedge_data::export::{
     ExportEnd, ExportError, ExportFormat, ExportOptions, FrameSpan, export, planned_bytes,
 };
 use selvedge_data::{Provenance, Trajectory, UpAxis, read_obj};
 use serde_json::Value;
+
+use crate::help::sheet;
 
 const VERTICES: usize = 5;
 const FRAMES: usize = 7;
@@ -29,15 +30,8 @@ fn trajectory() -> Trajectory {
     };
     let positions =
         (0..FRAMES).flat_map(|k| flat.iter().map(move |c| at(k, c)).collect::<Vec<_>>());
-    let arrays = ClothArrays {
-        rest_positions: flat.iter().map(|c| at(0, c)).collect(),
-        material_coordinates: flat.clone(),
-        vertex_mass: vec![0.1; VERTICES],
-        face_area: vec![0.25; 4],
-    };
-    let topology = Topology::new(VERTICES, &faces).unwrap();
-    let handles = Handles::new(&[3, 2], VERTICES).unwrap();
-    let cloth = Cloth::new(topology, handles, arrays).unwrap();
+    let rest: Vec<Vec3> = flat.iter().map(|c| at(0, c)).collect();
+    let cloth = sheet(&rest, &flat, &faces, &[3, 2]);
     let provenance = Provenance {
         frame_rate: 60.0,
         scene: Value::Null,
