@@ -79,7 +79,7 @@ fn write_body(
         for p in obstacle.positions(take, number) {
             writeln!(out, "v {} {} {}", p.x, p.y, p.z)?;
         }
-        for face in obstacle.faces() {
+        for face in obstacle.track.faces() {
             let [a, b, c] = face.map(|point| point + 1);
             writeln!(out, "f {a} {b} {c}")?;
         }

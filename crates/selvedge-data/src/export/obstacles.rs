@@ -78,14 +78,6 @@ impl TakenObstacle<'_> {
         path.with_extension(format!("{}.{extension}", self.name))
     }
 
-    pub(super) fn faces(&self) -> &[[u32; 3]] {
-        self.track.faces()
-    }
-
-    pub(super) fn point_count(&self) -> usize {
-        self.track.point_count()
-    }
-
     pub(super) fn is_still(&self) -> bool {
         self.track.is_still()
     }

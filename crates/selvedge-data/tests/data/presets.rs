@@ -186,30 +186,16 @@ fn mistakes_in_meshes_are_named() {
         .map(|r| r.name.as_str())
         .collect();
     assert_eq!(names, ["disc.bouncy", "quarter.bouncy"]);
-    for (meshes, expected) in [
-        (
-            "names = [\"cube\"]\ndensity = 60.0\nseed = 1",
-            "no mesh is called \"cube\"; known are square, ",
-        ),
-        (
-            "names = []\ndensity = 60.0\nseed = 1",
-            "meshes.names: is empty",
-        ),
-        (
-            "names = [\"disc\", \"disc\"]\ndensity = 60.0\nseed = 1",
-            "has \"disc\" twice",
-        ),
-        (
-            "names = \"some\"\ndensity = 60.0\nseed = 1",
-            "expected a list of meshes, or \"all\"",
-        ),
-        (
-            "names = \"all\"\ndensity = 0.0\nseed = 1",
-            "meshes.density: must be finite and positive",
-        ),
-        ("names = \"all\"\ndensity = 2.0\nseed = 1", "needs at least"),
-        ("names = \"all\"\ndensity = 60.0", "missing field `seed`"),
-    ] {
+    let cases = r#"
+        names = ["cube"]\ndensity = 60.0\nseed = 1 | no mesh is called "cube"; known are square,
+        names = []\ndensity = 60.0\nseed = 1 | meshes.names: is empty
+        names = ["disc", "disc"]\ndensity = 60.0\nseed = 1 | has "disc" twice
+        names = "some"\ndensity = 60.0\nseed = 1 | expected a list of meshes, or "all"
+        names = "all"\ndensity = 0.0\nseed = 1 | meshes.density: must be finite and positive
+        names = "all"\ndensity = 2.0\nseed = 1 | needs at least
+        names = "all"\ndensity = 60.0 | missing field `seed`
+    "#;
+    for [meshes, expected] in table(cases) {
         let error = preset(meshes).unwrap_err();
         assert!(error.contains(expected), "{error} lacks {expected}");
     }

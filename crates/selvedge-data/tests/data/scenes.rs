@@ -77,20 +77,14 @@ fn handles_are_chosen_by_number_label_or_box() {
     let upper = chosen("{ box = { min = [-1, -0.001, -2], max = [1, 1, 2] } }").unwrap();
     assert_eq!(upper, chosen("{ label = \"upper-edge\" }").unwrap());
     assert!(corners.iter().all(|corner| upper.contains(corner)));
-    let cases = [
-        ("{ vertices = [36] }", "handles: handle 0 is vertex 36"),
-        ("{ vertices = [1, 1] }", "vertex 1 is named twice"),
-        (
-            "{ label = \"top\" }",
-            "handles.label: the mesh has no label \"top\"; it has [boundary, ",
-        ),
-        (
-            "{ box = { min = [5, 5, 5], max = [6, 6, 6] } }",
-            "handles.box: no vertex",
-        ),
-        ("{ vertices = [1], label = \"boundary\" }", "handles"),
-    ];
-    for (handles, expected) in cases {
+    let cases = r#"
+        { vertices = [36] } | handles: handle 0 is vertex 36
+        { vertices = [1, 1] } | vertex 1 is named twice
+        { label = "top" } | handles.label: the mesh has no label "top"; it has [boundary,
+        { box = { min = [5, 5, 5], max = [6, 6, 6] } } | handles.box: no vertex
+        { vertices = [1], label = "boundary" } | handles
+    "#;
+    for [handles, expected] in table(cases) {
         let error = chosen(handles).unwrap_err();
         assert!(error.contains(expected), "{error} lacks {expected}");
     }
