@@ -65,8 +65,7 @@ pub const DATASETS: &[(&str, &str)] = texts!("datasets":
     "broad",
 );
 
-/// Models by their names, in the files that `selvedge train` writes; first the one that
-/// `selvedge rollout` takes.
+/// Models by their names, in the files that `selvedge train` writes.
 pub const MODELS: &[(&str, &[u8])] = &[
     ("general", include_bytes!("models/general.safetensors")),
     ("small", SMALL),

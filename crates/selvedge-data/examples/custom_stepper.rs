@@ -13,9 +13,9 @@ use glam::Vec3;
 use selvedge_cloth::generate::{SquareSpec, square};
 use selvedge_cloth::motion::named;
 use selvedge_cloth::{Cloth, HandleError, HandleTargets, Handles, StepError, Stepper, Topology};
-use selvedge_data::export::{ExportFormat, ExportOptions, FrameSpan, Normals, Velocities, export};
+use selvedge_data::export::{ExportFormat, ExportOptions, export};
 use selvedge_data::metrics::{Comparison, compare};
-use selvedge_data::{Drive, Frames, Provenance, Trajectory, UpAxis, record};
+use selvedge_data::{Drive, Frames, Provenance, Trajectory, record};
 
 /// A cloth in which every free vertex moves by the mean move of the handles.
 pub(crate) struct Follower {
@@ -108,13 +108,7 @@ pub(crate) fn run(out: &Path) -> Result<Comparison, Box<dyn Error>> {
     };
     let still = cloth.rest_positions().repeat(121);
     let trajectory = Trajectory::new(cloth, recording.positions, provenance)?;
-    let options = ExportOptions {
-        format: ExportFormat::Usda,
-        frames: FrameSpan::default(),
-        up: UpAxis::Y,
-        normals: Normals::LeftOut,
-        velocities: Velocities::LeftOut,
-    };
+    let options = ExportOptions::plain(ExportFormat::Usda);
     export(
         &trajectory,
         out,

@@ -57,6 +57,8 @@ mod obstacle;
 mod rest_poses;
 mod rig;
 mod scene;
+#[cfg(test)]
+mod test_help;
 mod trajectory;
 
 pub use dataset::merge::{DatasetParts, Merged};
@@ -65,13 +67,14 @@ pub use dataset::preset::{
     DatasetConfig, DatasetPreset, DrawnSetting, Forecast, NamedCloth, NamedMotion, PlannedRun,
     shipped_presets,
 };
-pub use dataset::problem::{FolderProblem, IndexProblem, PartsProblem};
 pub use dataset::sections::{Sample, Section, SectionError, SectionRule};
 pub use dataset::writer::DatasetWriter;
 pub use dataset::{Dataset, DatasetError, DatasetIndex, DatasetStatistics, Entry, Split, Splits};
+pub use formats::arrays::ArrayError;
 pub use formats::atomic::{
     WriteError, is_writing, write_atomically, write_beside, write_folder_atomically,
 };
+pub use formats::file_error::FileError;
 pub use formats::input::{read_file, read_text};
 pub use formats::mesh_file::read_mesh;
 pub use formats::npy::NpyError;
@@ -79,21 +82,21 @@ pub use formats::npz::NpzError;
 pub use formats::obj::{parse_obj, parse_obj_with, read_obj, write_obj};
 pub use formats::parts::remove_parts;
 pub use formats::polygons::{
-    FabricNames, MeshFileError, MeshOptions, PanelPlace, PatternSource, Place, ReadMesh,
-    ReadMeshError, RestAngles, SeamPair, Seams, Sewing, TextureUnit,
+    MeshFileError, MeshOptions, PanelPlace, PatternSource, Place, ReadMesh, ReadMeshError,
+    RestAngles, SeamPair, Seams, Sewing, TextureUnit,
 };
 pub use formats::tensor_file::{TensorOut, TensorValues, read_header, write_tensors};
 pub use formats::up_axis::UpAxis;
 pub use metrics::distribution::{Distribution, Distributions, Histogram};
 pub use obstacle::{
-    BodySpec, FramesFile, NodeFile, ObstacleKeyframes, ObstacleMotion, ObstacleSpec,
-    ObstacleSpecError, Placement,
+    BodySpec, Capsule, Cuboid, FramesFile, NodeFile, ObstacleKeyframes, ObstacleMotion,
+    ObstacleSpec, ObstacleSpecError, Placement, Plane, Sphere,
 };
 pub use rest_poses::{KeptRestPose, RestPoseFileError, RestPoseFolder};
 pub use rig::{MeshMotion, Rig, RigError, RigNode};
 pub use scene::{
-    BuiltMesh, GeneratorError, GeneratorSpec, GroupMotion, GroupMove, HandleGroup, HandleSelection,
-    LoadedScene, MaterialSource, MaterialTable, MeshSource, MeshSpec, MeshSpecError, MotionSource,
+    BuiltMesh, GeneratorSpec, GroupMotion, GroupMove, HandleGroup, HandleSelection, LoadedScene,
+    MaterialSource, MaterialTable, MeshSource, MeshSpec, MeshSpecError, MotionSource,
     RecordedCsvError, ReleaseSpan, RigMotion, Rotate, SceneFileError, SceneProblem, SceneSpec,
     SceneSpecError, Setting, StartSpec, StrainedEdge, Times, Transform, materials, open_scene,
     panel_stretches, parse_recorded_csv, parse_scene, read_scene, shipped_scenes, worst_edges,
@@ -105,7 +108,7 @@ pub use trajectory::obstacles::ObstacleTrack;
 pub use trajectory::playback::Playback;
 pub use trajectory::record::{Drive, Recording, RecordingEnd, record};
 pub use trajectory::state_file::{
-    LastChanges, PreviousState, PreviousStates, ReadStateError, RunChanges, STATES_FORMAT,
-    SavedState, StateChoice, StateError, StateRun, StateSpec,
+    LastChanges, PreviousState, ReadStateError, STATES_FORMAT, SavedState, StateChoice, StateError,
+    StateRun, StateSpec,
 };
 pub use trajectory::{Provenance, Trajectory, TrajectoryError};

@@ -11,13 +11,12 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use glam::DVec3;
-use safetensors::SafeTensors;
-use safetensors::tensor::Dtype;
 use thiserror::Error;
 
+use crate::formats::arrays::{ArrayError, ArrayFile};
 use crate::formats::atomic::WriteError;
 use crate::formats::hash::hash;
-use crate::formats::tensor_file::{TensorOut, TensorValues, read_header, write_tensors};
+use crate::formats::tensor_file::{TensorOut, TensorValues, write_tensors};
 
 /// The format that a file names in its metadata, with its version.
 const FORMAT: &str = "selvedge-rest-pose 1";
@@ -59,7 +58,7 @@ enum RestPoseFileProblem {
     #[error("could not read it: {0}")]
     Read(std::io::Error),
     #[error("it is damaged: {0}")]
-    Container(safetensors::SafeTensorError),
+    Arrays(ArrayError),
     #[error("it is damaged: {0}")]
     Content(&'static str),
     #[error("it has no usable {0:?} in its metadata")]
@@ -116,11 +115,8 @@ impl RestPoseFolder {
     /// # Errors
     /// A folder or a file that cannot be written.
     pub fn keep(&self, content: &str, pose: &KeptRestPose) -> Result<(), WriteError> {
-        fs::create_dir_all(&self.folder).map_err(|source| WriteError {
-            path: self.folder.clone(),
-            action: "create the folder",
-            source,
-        })?;
+        fs::create_dir_all(&self.folder)
+            .map_err(WriteError::when(&self.folder, "create the folder"))?;
         let key = hash(content.as_bytes());
         let numbers: Vec<f64> = pose.positions.iter().flat_map(|p| p.to_array()).collect();
         let metadata = BTreeMap::from([
@@ -176,11 +172,10 @@ impl RestPoseFolder {
 }
 
 fn parse(bytes: &[u8], key: &str, vertices: usize) -> Result<KeptRestPose, RestPoseFileProblem> {
-    use RestPoseFileProblem::{Container, Content, Metadata};
-    let header = read_header(bytes).map_err(Container)?;
-    let metadata = header.metadata().as_ref();
+    use RestPoseFileProblem::{Arrays, Content, Metadata};
+    let (file, metadata) = ArrayFile::safetensors(bytes).map_err(Arrays)?;
     let text = |name: &'static str| {
-        let value = metadata.and_then(|metadata| metadata.get(name));
+        let value = metadata.get(name);
         value.map(String::as_str).ok_or(Metadata(name))
     };
     if text("format")? != FORMAT {
@@ -197,15 +192,9 @@ fn parse(bytes: &[u8], key: &str, vertices: usize) -> Result<KeptRestPose, RestP
             Err(Metadata(name))
         }
     };
-    let file = SafeTensors::deserialize(bytes).map_err(Container)?;
-    let tensor = file.tensor(TENSOR).map_err(Container)?;
-    if tensor.dtype() != Dtype::F64 || tensor.shape() != [vertices, 3] {
-        return Err(Content("its positions are not those of this mesh"));
-    }
-    let entries = tensor.data().chunks_exact(8);
-    let numbers: Vec<f64> = entries
-        .filter_map(|entry| entry.try_into().ok().map(f64::from_le_bytes))
-        .collect();
+    let positions = file.floats(TENSOR).map_err(Arrays)?;
+    let positions = positions.of_shape(&[Some(vertices), Some(3)]);
+    let numbers = positions.map_err(Arrays)?.values;
     if !numbers.iter().all(|number| number.is_finite()) {
         return Err(Content("a position is not finite"));
     }

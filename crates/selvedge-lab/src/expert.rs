@@ -19,7 +19,7 @@ pub enum ExpertError {
     #[error(transparent)]
     Dataset(#[from] DatasetError),
     #[error(
-        "training trajectory {motion}: {source}; expert labels need the scene of every trajectory: make the data set with `selvedge dataset generate`, or set scheduled_sampling.labels to \"recorded\""
+        "training trajectory {motion}: {source}; expert labels need the scene of every trajectory: make the data set with `selvedge data generate`, or set scheduled_sampling.labels to \"recorded\""
     )]
     Scene {
         motion: String,

@@ -34,7 +34,7 @@ impl StateLog {
     }
 
     fn keep(&mut self) {
-        self.run.push(&saved_state(&self.simulator));
+        self.run.states.push(saved_state(&self.simulator));
     }
 }
 
@@ -145,6 +145,7 @@ mod tests {
         let held = scene.handles.select(scene.mesh.positions());
         log.step(&HandleTargets::at_frame_end(held).unwrap())
             .unwrap();
-        assert_eq!(log.into_run().frames, [0, 1]);
+        let frames: Vec<usize> = log.into_run().states.iter().map(|s| s.frame).collect();
+        assert_eq!(frames, [0, 1]);
     }
 }

@@ -4,8 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use selvedge_data::export::{
-    ExportEnd, ExportFormat, ExportOptions, FrameSpan, Normals, Velocities, export, files_beside,
-    planned_bytes,
+    ExportEnd, ExportFormat, ExportOptions, FrameSpan, export, files_beside, planned_bytes,
 };
 use selvedge_data::{Trajectory, UpAxis};
 
@@ -35,9 +34,9 @@ pub(crate) struct Choice {
     /// The axis that points up.
     pub(crate) up: UpAxis,
     /// The choice of normals; none takes what the format has.
-    pub(crate) normals: Option<Normals>,
+    pub(crate) normals: Option<bool>,
     /// The choice of velocities; none takes what the format has.
-    pub(crate) velocities: Option<Velocities>,
+    pub(crate) velocities: Option<bool>,
 }
 
 /// The kind of an export.
@@ -136,8 +135,7 @@ impl Wish {
                 wrong("--up z: glTF has y up, and every reader turns it".to_owned())
             }
             Kind::Numbers(format)
-                if !format.has_velocities()
-                    && self.choice.velocities == Some(Velocities::Written) =>
+                if !format.has_velocities() && self.choice.velocities == Some(true) =>
             {
                 wrong(format!(
                     "--velocities: {} has none; USD and Alembic have them",

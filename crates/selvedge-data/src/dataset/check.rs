@@ -5,23 +5,15 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path};
 
-use super::problem::IndexProblem;
 use super::{DatasetIndex, Entry, Split};
 use crate::dataset::sections::{SAMPLE_FRAMES, Section};
 
 /// Checks the index of the data set in `folder`.
-pub(super) fn check(folder: &Path, index: &DatasetIndex) -> Result<(), IndexProblem> {
-    let splits = [
-        (Split::Train, &index.splits.train),
-        (Split::Test, &index.splits.test),
-    ];
-    for (split, entries) in splits {
-        check_names(entries.iter().map(|entry| entry.motion.as_str())).map_err(
-            |(motion, problem)| IndexProblem::Name {
-                motion: motion.to_owned(),
-                problem,
-            },
-        )?;
+pub(super) fn check(folder: &Path, index: &DatasetIndex) -> Result<(), String> {
+    for split in Split::BOTH {
+        let entries = index.splits.of(split);
+        check_names(entries.iter().map(|entry| entry.motion.as_str()))
+            .map_err(|(motion, problem)| format!("motion {motion:?} {problem}"))?;
         for entry in entries {
             check_file(folder, split, entry)?;
         }
@@ -64,23 +56,21 @@ pub(crate) fn check_names<'a>(
     Ok(())
 }
 
-fn check_file(folder: &Path, split: Split, entry: &Entry) -> Result<(), IndexProblem> {
-    let file = entry.file.clone();
-    if !is_inside(Path::new(&file)) {
-        return Err(IndexProblem::Outside { file });
+fn check_file(folder: &Path, split: Split, entry: &Entry) -> Result<(), String> {
+    let Entry { file, motion, .. } = entry;
+    if !is_inside(Path::new(file)) {
+        return Err(format!("file {file:?} is not inside the data set's folder"));
     }
-    if !folder.join(&file).is_file() {
-        return Err(IndexProblem::Missing { file });
+    if !folder.join(file).is_file() {
+        return Err(format!("file {file:?} is missing"));
     }
-    let expected = file_of(split, &entry.motion);
-    if file == expected {
+    let expected = file_of(split, motion);
+    if *file == expected {
         return Ok(());
     }
-    Err(IndexProblem::OtherMotion {
-        file,
-        motion: entry.motion.clone(),
-        expected,
-    })
+    Err(format!(
+        "file {file:?} is not that of motion {motion:?}, {expected:?}"
+    ))
 }
 
 fn is_inside(file: &Path) -> bool {
@@ -89,21 +79,20 @@ fn is_inside(file: &Path) -> bool {
 }
 
 /// Checks that no trajectory is there twice, neither in a split nor in both.
-fn check_once(index: &DatasetIndex) -> Result<(), IndexProblem> {
+fn check_once(index: &DatasetIndex) -> Result<(), String> {
     let mut seen: BTreeMap<&str, &Entry> = BTreeMap::new();
-    for entry in index.splits.train.iter().chain(&index.splits.test) {
+    for entry in index.splits.all() {
         if let Some(other) = seen.insert(&entry.blake3, entry) {
-            return Err(IndexProblem::Twice {
-                first: other.file.clone(),
-                second: entry.file.clone(),
-                blake3: entry.blake3.clone(),
-            });
+            return Err(format!(
+                "files {:?} and {:?} are the same trajectory (hash {})",
+                other.file, entry.file, entry.blake3
+            ));
         }
     }
     Ok(())
 }
 
-fn check_sections(index: &DatasetIndex) -> Result<(), IndexProblem> {
+fn check_sections(index: &DatasetIndex) -> Result<(), String> {
     for (number, section) in index.sections.iter().enumerate() {
         let &Section {
             trajectory,
@@ -112,19 +101,14 @@ fn check_sections(index: &DatasetIndex) -> Result<(), IndexProblem> {
         } = section;
         let frames = index.splits.train.get(trajectory).map(|entry| entry.frames);
         if start >= end || frames.is_none_or(|frames| end > frames) {
-            return Err(IndexProblem::NoFrames {
-                section: number,
-                trajectory,
-                start,
-                end,
-            });
+            return Err(format!(
+                "section {number}: frames {start}..{end} of training trajectory {trajectory} do not exist"
+            ));
         }
         if end - start < SAMPLE_FRAMES {
-            return Err(IndexProblem::TooShort {
-                section: number,
-                start,
-                end,
-            });
+            return Err(format!(
+                "section {number}: frames {start}..{end} are fewer than the {SAMPLE_FRAMES} of a sample"
+            ));
         }
     }
     // Sections may share the frames at their ends, but not samples, whose frames are one less at
@@ -134,17 +118,16 @@ fn check_sections(index: &DatasetIndex) -> Result<(), IndexProblem> {
     for pair in order.windows(2) {
         let ((first, a), (second, b)) = (pair[0], pair[1]);
         if a.trajectory == b.trajectory && b.start + 2 < a.end {
-            return Err(IndexProblem::Shared {
-                first,
-                second,
-                trajectory: a.trajectory,
-            });
+            return Err(format!(
+                "sections {first} and {second} of training trajectory {} have samples in common",
+                a.trajectory
+            ));
         }
     }
     Ok(())
 }
 
-fn check_counts(index: &DatasetIndex) -> Result<(), IndexProblem> {
+fn check_counts(index: &DatasetIndex) -> Result<(), String> {
     let (splits, statistics) = (&index.splits, &index.statistics);
     // What an index says may be too much for one word.
     let train_frames: u128 = splits.train.iter().map(|entry| entry.frames as u128).sum();
@@ -157,11 +140,9 @@ fn check_counts(index: &DatasetIndex) -> Result<(), IndexProblem> {
         ("samples", statistics.samples, samples),
     ] {
         if said as u128 != counted {
-            return Err(IndexProblem::Count {
-                field,
-                said,
-                counted,
-            });
+            return Err(format!(
+                "statistics.{field} is {said}, but its trajectories and sections have {counted}"
+            ));
         }
     }
     Ok(())

@@ -8,7 +8,6 @@ use std::path::{Path, PathBuf};
 use selvedge_cluster::Shard;
 
 use crate::dataset::plan::DatasetPlan;
-use crate::dataset::problem::PartsProblem;
 use crate::dataset::writer::{DatasetWriter, PARTIAL, PartialIndex};
 use crate::dataset::{Dataset, DatasetError, Entry, Split, Splits, read_checked};
 
@@ -51,21 +50,25 @@ impl DatasetParts {
             }
             part.check_complete()?;
             if let Some(twice) = parts.get(&part.shard.number()) {
-                return Err(PartsProblem::Twice {
-                    first: twice.folder.clone(),
-                    second: part.folder,
-                    part: part.shard.to_string(),
-                }
-                .into());
+                return Err(DatasetError::Parts(format!(
+                    "{} and {} are both part {}",
+                    twice.folder.display(),
+                    part.folder.display(),
+                    part.shard
+                )));
             }
             parts.insert(part.shard.number(), part);
         }
-        let first = parts.values().next().ok_or(PartsProblem::None)?;
+        let none = || DatasetError::Parts("name the folders of the parts".to_owned());
+        let first = parts.values().next().ok_or_else(none)?;
         let (count, plan) = (first.shard.count(), first.plan.clone());
         let missing = (1..=count).filter(|number| !parts.contains_key(number));
         let missing: Vec<String> = missing.map(|number| format!("{number}/{count}")).collect();
         if !missing.is_empty() {
-            return Err(PartsProblem::Missing { missing }.into());
+            return Err(DatasetError::Parts(format!(
+                "parts {} are missing: name their folders, too, or make them",
+                missing.join(", ")
+            )));
         }
         let files = plan.of_part(None).into_iter().enumerate();
         let files = files.filter_map(|(number, (split, motion))| {
@@ -122,12 +125,15 @@ impl DatasetParts {
 
 impl Part {
     fn open(folder: &Path) -> Result<Self, DatasetError> {
-        let no_part = || PartsProblem::NoPart {
-            folder: folder.to_owned(),
+        let no_part = || {
+            DatasetError::Parts(format!(
+                "{}: is no part of a data set: `selvedge data generate --shard I/N` makes one",
+                folder.display()
+            ))
         };
         let path = folder.join(PARTIAL);
         if !path.is_file() {
-            return Err(no_part().into());
+            return Err(no_part());
         }
         let index = PartialIndex::read(&path)?;
         let shard = index.part.and_then(|part| part.parse().ok());
@@ -139,45 +145,37 @@ impl Part {
         })
     }
 
-    fn check_fits(&self, first: &Self) -> Result<(), PartsProblem> {
-        let (folder, first_folder) = (self.folder.clone(), first.folder.clone());
+    fn check_fits(&self, first: &Self) -> Result<(), DatasetError> {
+        let [folder, other] = [self, first].map(|part| part.folder.display());
         if let Some(difference) = first.plan.difference_of_plan(&self.plan) {
-            return Err(PartsProblem::OtherPlan {
-                folder,
-                first: first_folder,
-                difference,
-            });
+            let problem = format!("{folder}: does not fit {other}, since it {difference}");
+            return Err(DatasetError::Parts(problem));
         }
         if self.shard.count() != first.shard.count() {
-            return Err(PartsProblem::OtherCount {
-                folder,
-                part: self.shard.to_string(),
-                first: first_folder,
-                other: first.shard.to_string(),
-            });
+            return Err(DatasetError::Parts(format!(
+                "{folder}: is part {}, and {other} is part {}: take parts of one number",
+                self.shard, first.shard
+            )));
         }
         Ok(())
     }
 
-    fn check_complete(&self) -> Result<(), PartsProblem> {
+    fn check_complete(&self) -> Result<(), DatasetError> {
         let own = self.plan.of_part(Some(self.shard)).into_iter();
         let missing = own.filter(|(split, motion)| self.entry(*split, motion).is_none());
-        let missing: Vec<String> = missing.map(|(_, motion)| motion.to_owned()).collect();
-        if missing.is_empty() {
+        let missing: Vec<&str> = missing.map(|(_, motion)| motion).collect();
+        let Some(first) = missing.first() else {
             return Ok(());
-        }
-        Err(PartsProblem::Incomplete {
-            folder: self.folder.clone(),
-            part: self.shard.to_string(),
-            missing,
-        })
+        };
+        Err(DatasetError::Parts(format!(
+            "{}: part {} lacks {} of its trajectories, as {first:?}: run again the command that makes it",
+            self.folder.display(),
+            self.shard,
+            missing.len()
+        )))
     }
 
     fn entry(&self, split: Split, motion: &str) -> Option<&Entry> {
-        let entries = match split {
-            Split::Train => &self.done.train,
-            Split::Test => &self.done.test,
-        };
-        entries.iter().find(|entry| entry.motion == motion)
+        self.done.find(split, motion)
     }
 }

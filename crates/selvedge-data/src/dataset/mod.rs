@@ -11,13 +11,12 @@ pub(crate) mod check;
 pub(crate) mod merge;
 pub(crate) mod plan;
 pub(crate) mod preset;
-pub(crate) mod problem;
 pub(crate) mod sections;
 pub(crate) mod writer;
 
-use crate::dataset::problem::{FolderProblem, IndexProblem, PartsProblem};
 use crate::dataset::sections::{Sample, Section, SectionError};
 use crate::formats::atomic::WriteError;
+use crate::formats::file_error::FileError;
 use crate::formats::hash::hash;
 use crate::formats::input::{read_file, read_text};
 use crate::formats::unique::Unique;
@@ -26,7 +25,7 @@ use crate::trajectory::Trajectory;
 use crate::trajectory::file::{ReadTrajectoryError, TrajectoryFileError};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
@@ -127,11 +126,7 @@ pub enum DatasetError {
         source: std::io::Error,
     },
     #[error("{}: {problem}: restore the index, or make the data set again", path.display())]
-    Index {
-        path: PathBuf,
-        #[source]
-        problem: Box<IndexProblem>,
-    },
+    Index { path: PathBuf, problem: String },
     #[error("{}: the file has changed since the data set was made (its hash is {found}, the index says {expected}): restore it, or make the data set again", path.display())]
     Hash {
         path: PathBuf,
@@ -145,11 +140,7 @@ pub enum DatasetError {
         found: String,
     },
     #[error("{}: {problem}", folder.display())]
-    Folder {
-        folder: PathBuf,
-        #[source]
-        problem: FolderProblem,
-    },
+    Folder { folder: PathBuf, problem: String },
     #[error("motion {motion:?}: {problem}")]
     Motion {
         motion: String,
@@ -160,8 +151,8 @@ pub enum DatasetError {
         entry: Box<Entry>,
         other: Box<Entry>,
     },
-    #[error(transparent)]
-    Parts(Box<PartsProblem>),
+    #[error("{0}")]
+    Parts(String),
     #[error(transparent)]
     Trajectory(#[from] ReadTrajectoryError),
     #[error(transparent)]
@@ -172,17 +163,37 @@ pub enum DatasetError {
     Metric(#[from] MetricError),
 }
 
-impl From<PartsProblem> for DatasetError {
-    fn from(problem: PartsProblem) -> Self {
-        Self::Parts(Box::new(problem))
-    }
-}
-
 /// A complete data set.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dataset {
     folder: PathBuf,
     index: DatasetIndex,
+}
+
+impl Split {
+    /// Both parts, in order.
+    pub(crate) const BOTH: [Self; 2] = [Self::Train, Self::Test];
+}
+
+impl Splits {
+    /// The trajectories of a split.
+    #[must_use]
+    pub fn of(&self, split: Split) -> &[Entry] {
+        match split {
+            Split::Train => &self.train,
+            Split::Test => &self.test,
+        }
+    }
+
+    /// All trajectories, those learned from first.
+    pub(crate) fn all(&self) -> impl Iterator<Item = &Entry> {
+        self.train.iter().chain(&self.test)
+    }
+
+    /// The trajectory of a motion.
+    pub(crate) fn find(&self, split: Split, motion: &str) -> Option<&Entry> {
+        self.of(split).iter().find(|entry| entry.motion == motion)
+    }
 }
 
 impl Dataset {
@@ -199,10 +210,7 @@ impl Dataset {
             folder: folder.to_owned(),
             index,
         };
-        let problem = |problem| DatasetError::Index {
-            path,
-            problem: Box::new(problem),
-        };
+        let problem = |problem| DatasetError::Index { path, problem };
         check::check(folder, &dataset.index).map_err(problem)?;
         Ok(dataset)
     }
@@ -222,10 +230,7 @@ impl Dataset {
     /// The trajectories of a split.
     #[must_use]
     pub fn entries(&self, split: Split) -> &[Entry] {
-        match split {
-            Split::Train => &self.index.splits.train,
-            Split::Test => &self.index.splits.test,
-        }
+        self.index.splits.of(split)
     }
 
     /// Sections of the training split to learn from.
@@ -246,10 +251,7 @@ impl Dataset {
     pub fn read(&self, entry: &Entry) -> Result<Trajectory, DatasetError> {
         let path = self.folder.join(&entry.file);
         let bytes = read_checked(&path, entry)?;
-        let trajectory = Trajectory::from_bytes(&bytes).map_err(|source| ReadTrajectoryError {
-            path: path.clone(),
-            source,
-        })?;
+        let trajectory = Trajectory::from_bytes(&bytes).map_err(FileError::at(&path))?;
         let differs = |expected, found| DatasetError::Entry {
             path,
             expected,
@@ -283,12 +285,8 @@ impl Dataset {
     /// # Errors
     /// [`DatasetError::Hash`] for the first file that has changed.
     pub fn verify_hashes(&self) -> Result<(), DatasetError> {
-        let splits = &self.index.splits;
-        splits
-            .train
-            .iter()
-            .chain(&splits.test)
-            .try_for_each(|entry| read_checked(&self.folder.join(&entry.file), entry).map(drop))
+        let mut all = self.index.splits.all();
+        all.try_for_each(|entry| read_checked(&self.folder.join(&entry.file), entry).map(drop))
     }
 }
 
@@ -326,35 +324,27 @@ pub(crate) fn read_json<T: DeserializeOwned>(path: &Path, format: &str) -> Resul
         path: path.to_owned(),
         source,
     })?;
-    let problem = |problem| DatasetError::Index {
+    let problem = |problem: String| DatasetError::Index {
         path: path.to_owned(),
-        problem: Box::new(problem),
+        problem,
     };
     let Unique(value) =
-        serde_json::from_str(&text).map_err(|error| problem(IndexProblem::Json(error)))?;
-    if value["format"] != format {
-        return Err(problem(IndexProblem::Format {
-            key: "format",
-            expected: format!("{format:?}"),
-            found: value["format"].clone(),
-        }));
+        serde_json::from_str(&text).map_err(|error| problem(format!("is no JSON: {error}")))?;
+    for (key, expected) in [("format", json!(format)), ("version", json!(VERSION))] {
+        let found = &value[key];
+        if *found != expected {
+            return Err(problem(format!(
+                "{key}: expected {expected}, found {found}"
+            )));
+        }
     }
-    if value["version"] != VERSION {
-        return Err(problem(IndexProblem::Format {
-            key: "version",
-            expected: VERSION.to_string(),
-            found: value["version"].clone(),
-        }));
-    }
-    serde_json::from_value(value).map_err(|error| problem(IndexProblem::Contents(error)))
+    serde_json::from_value(value).map_err(|error| problem(error.to_string()))
 }
 
 /// The bytes of an entry's file, if they are those of the index.
 pub(crate) fn read_checked(path: &Path, entry: &Entry) -> Result<Vec<u8>, DatasetError> {
-    let bytes = read_file(path).map_err(|source| ReadTrajectoryError {
-        path: path.to_owned(),
-        source: TrajectoryFileError::Read(source),
-    })?;
+    let bytes = read_file(path).map_err(TrajectoryFileError::Read);
+    let bytes = bytes.map_err(FileError::at(path))?;
     let found = hash(&bytes);
     if found == entry.blake3 {
         return Ok(bytes);

@@ -37,7 +37,7 @@ impl DatasetPlan {
 
     /// The motions of a part, the training split first; all of them without one.
     pub(super) fn of_part(&self, part: Option<Shard>) -> Vec<(Split, &str)> {
-        [Split::Train, Split::Test]
+        Split::BOTH
             .into_iter()
             .flat_map(|split| self.motions(split).iter().map(move |m| (split, m.as_str())))
             .enumerate()
@@ -85,7 +85,7 @@ impl DatasetPlan {
     }
 
     pub(super) fn validate(&self) -> Result<(), DatasetError> {
-        for split in [Split::Train, Split::Test] {
+        for split in Split::BOTH {
             let motions = self.motions(split).iter().map(String::as_str);
             check_names(motions).map_err(|(motion, problem)| DatasetError::Motion {
                 motion: motion.to_owned(),

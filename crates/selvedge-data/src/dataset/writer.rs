@@ -9,16 +9,15 @@
 
 use crate::dataset::check::{file_of, folder_of};
 use crate::dataset::plan::{DatasetPlan, sections};
-use crate::dataset::problem::FolderProblem;
 use crate::dataset::sections::Section;
 use crate::dataset::{
     Dataset, DatasetError, DatasetIndex, DatasetStatistics, Entry, FORMAT, INDEX, Split, Splits,
     VERSION, read_checked, read_index, read_json,
 };
 use crate::formats::atomic::write_atomically;
+use crate::formats::file_error::FileError;
 use crate::formats::input::read_file;
 use crate::trajectory::Trajectory;
-use crate::trajectory::file::ReadTrajectoryError;
 use selvedge_cluster::Shard;
 use serde::{Deserialize, Serialize};
 use std::io::Write;
@@ -99,8 +98,7 @@ impl DatasetWriter {
     /// The trajectory of this motion, if it is already written.
     #[must_use]
     pub fn written(&self, split: Split, motion: &str) -> Option<&Entry> {
-        let done = self.entries(split);
-        done.iter().find(|entry| entry.motion == motion)
+        self.done.find(split, motion)
     }
 
     /// The motions that are still to be written, in order; of a part only its own.
@@ -160,10 +158,8 @@ impl DatasetWriter {
         motion: &str,
         bytes: &[u8],
     ) -> Result<(), DatasetError> {
-        let trajectory = Trajectory::from_bytes(bytes).map_err(|source| ReadTrajectoryError {
-            path: file_of(split, motion).into(),
-            source,
-        })?;
+        let file = file_of(split, motion);
+        let trajectory = Trajectory::from_bytes(bytes).map_err(FileError::at(file.as_ref()))?;
         self.add(split, motion, &trajectory)
     }
 
@@ -194,7 +190,7 @@ impl DatasetWriter {
                 problem: "has not been written yet",
             });
         }
-        for split in [Split::Train, Split::Test] {
+        for split in Split::BOTH {
             let order = self.plan.motions(split).to_vec();
             let place = |entry: &Entry| order.iter().position(|m| *m == entry.motion);
             self.entries_mut(split).sort_by_key(place);
@@ -213,7 +209,7 @@ impl DatasetWriter {
             return;
         }
         // What cannot be taken away is only untidy.
-        let emptied = [Split::Train, Split::Test].map(|split| {
+        let emptied = Split::BOTH.map(|split| {
             let folder = self.folder.join(folder_of(split));
             std::fs::remove_dir(folder).is_ok()
         });
@@ -232,8 +228,11 @@ impl DatasetWriter {
                 Some(part) => format!("part {part}"),
                 None => "the whole".to_owned(),
             };
-            let (found, asked) = (name(partial.part), name(own));
-            return Err(self.folder_error(FolderProblem::OtherPart { found, asked }));
+            return Err(self.folder_error(format!(
+                "holds {} of this data set, not {}: choose another folder",
+                name(partial.part),
+                name(own)
+            )));
         }
         self.keep(partial.done);
         Ok(())
@@ -249,7 +248,10 @@ impl DatasetWriter {
     fn check_same(&self, difference: Option<String>) -> Result<(), DatasetError> {
         match difference {
             None => Ok(()),
-            Some(difference) => Err(self.folder_error(FolderProblem::Other { difference })),
+            Some(difference) => {
+                let problem = format!("holds a data set that {difference}: choose another folder");
+                Err(self.folder_error(problem))
+            }
         }
     }
 
@@ -269,24 +271,25 @@ impl DatasetWriter {
 
     /// Without an index, what is in the folders is not ours to replace.
     fn check_empty(&self) -> Result<(), DatasetError> {
-        for name in [Split::Train, Split::Test].map(folder_of) {
+        for name in Split::BOTH.map(folder_of) {
             let inner = std::fs::read_dir(self.folder.join(name));
             if inner.is_ok_and(|mut files| files.next().is_some()) {
-                return Err(self.folder_error(FolderProblem::NoIndex { name }));
+                let problem = format!("has files in {name}/ but no index: choose an empty folder");
+                return Err(self.folder_error(problem));
             }
         }
         Ok(())
     }
 
     fn make_folders(&self) -> Result<(), DatasetError> {
-        for name in [Split::Train, Split::Test].map(folder_of) {
+        for name in Split::BOTH.map(folder_of) {
             std::fs::create_dir_all(self.folder.join(name))
-                .map_err(|source| self.folder_error(FolderProblem::Make(source)))?;
+                .map_err(|error| self.folder_error(format!("could not be made: {error}")))?;
         }
         Ok(())
     }
 
-    fn folder_error(&self, problem: FolderProblem) -> DatasetError {
+    fn folder_error(&self, problem: String) -> DatasetError {
         DatasetError::Folder {
             folder: self.folder.clone(),
             problem,
@@ -328,15 +331,7 @@ impl DatasetWriter {
 
     /// The trajectory that is written already and has the same bytes.
     fn twin_of(&self, entry: &Entry) -> Option<&Entry> {
-        let mut done = self.done.train.iter().chain(&self.done.test);
-        done.find(|other| other.blake3 == entry.blake3)
-    }
-
-    fn entries(&self, split: Split) -> &[Entry] {
-        match split {
-            Split::Train => &self.done.train,
-            Split::Test => &self.done.test,
-        }
+        self.done.all().find(|other| other.blake3 == entry.blake3)
     }
 
     fn entries_mut(&mut self, split: Split) -> &mut Vec<Entry> {

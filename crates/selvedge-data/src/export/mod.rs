@@ -11,8 +11,6 @@
 mod abc;
 mod frame_span;
 mod glb;
-mod glb_bodies;
-mod glb_json;
 mod npz;
 mod obj;
 mod obstacles;
@@ -26,10 +24,8 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 pub use self::frame_span::{FrameSpan, FrameSpanError};
-pub use self::npz::NpzTrajectoryError;
-pub(crate) use self::npz::{BodyPoints, body_points, handle_positions};
 pub use self::obstacles::files_beside;
-pub use self::options::{ExportFormat, ExportOptions, Normals, Velocities};
+pub use self::options::{ExportFormat, ExportOptions};
 pub use self::outcome::ExportError;
 use self::outcome::{Pulse, is_stop};
 pub use self::take::Take;

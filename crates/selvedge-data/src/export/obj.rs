@@ -43,11 +43,7 @@ pub(super) fn write_all(
                 out.flush()?;
                 pulse.beat()
             };
-            write().map_err(|source| WriteError {
-                path: path.to_owned(),
-                action: "write into it",
-                source,
-            })?;
+            write().map_err(WriteError::when(path, "write into it"))?;
         }
         for obstacle in take.obstacles() {
             for number in 0..obstacle.frame_count(take) {
@@ -83,7 +79,7 @@ fn write_body(
         for p in obstacle.positions(take, number) {
             writeln!(out, "v {} {} {}", p.x, p.y, p.z)?;
         }
-        for face in obstacle.faces() {
+        for face in obstacle.track.faces() {
             let [a, b, c] = face.map(|point| point + 1);
             writeln!(out, "f {a} {b} {c}")?;
         }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use glam::{Quat, Vec3};
+use glam::Vec3;
 
 use super::options::ExportFormat;
 use super::take::Take;
@@ -13,7 +13,7 @@ use crate::trajectory::obstacles::ObstacleTrack;
 pub(super) struct TakenObstacle<'a> {
     /// Name of letters, digits and underscores, that no other has.
     pub(super) name: String,
-    track: &'a ObstacleTrack,
+    pub(super) track: &'a ObstacleTrack,
 }
 
 impl<'a> Take<'a> {
@@ -78,14 +78,6 @@ impl TakenObstacle<'_> {
         path.with_extension(format!("{}.{extension}", self.name))
     }
 
-    pub(super) fn faces(&self) -> &[[u32; 3]] {
-        self.track.faces()
-    }
-
-    pub(super) fn point_count(&self) -> usize {
-        self.track.point_count()
-    }
-
     pub(super) fn is_still(&self) -> bool {
         self.track.is_still()
     }
@@ -103,16 +95,6 @@ impl TakenObstacle<'_> {
     /// Velocities of its points in the frame taken as `number` `[m/s]`, `[points]`.
     pub(super) fn velocities(&self, take: &Take<'_>, number: usize) -> Vec<Vec3> {
         take.slopes(number, |frame| take.turned(&self.track.frame(frame)))
-    }
-
-    /// Points of a rigid obstacle before it is placed `[m]`, y up.
-    pub(super) fn rigid_points(&self) -> Option<&[Vec3]> {
-        self.track.rigid_points()
-    }
-
-    /// Place of a rigid obstacle in the frame taken as `number`, y up.
-    pub(super) fn pose(&self, take: &Take<'_>, number: usize) -> Option<(Quat, Vec3)> {
-        self.track.pose(take.frame(number))
     }
 }
 

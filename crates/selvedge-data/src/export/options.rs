@@ -30,48 +30,14 @@ impl ExportFormat {
     /// True for a file that holds one frame.
     #[must_use]
     pub fn holds_one_frame(self) -> bool {
-        match self {
-            Self::Obj => true,
-            Self::Usda
-            | Self::Usdc
-            | Self::Usdz
-            | Self::Glb
-            | Self::Pc2
-            | Self::ObjSequence
-            | Self::Abc
-            | Self::Npz => false,
-        }
+        self == Self::Obj
     }
 
     /// True for a file that can hold velocities.
     #[must_use]
     pub fn has_velocities(self) -> bool {
-        match self {
-            Self::Usda | Self::Usdc | Self::Usdz | Self::Abc => true,
-            Self::Glb | Self::Pc2 | Self::Obj | Self::ObjSequence | Self::Npz => false,
-        }
+        matches!(self, Self::Usda | Self::Usdc | Self::Usdz | Self::Abc)
     }
-}
-
-/// Choice of writing a normal for each vertex and frame.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Normals {
-    /// Normals are written: the mean of the normals of the faces by their areas.
-    Written,
-    /// Normals are left out: the other program makes its own.
-    #[default]
-    LeftOut,
-}
-
-/// Choice of writing a velocity for each vertex and frame, for motion blur.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Velocities {
-    /// Velocities are written: the slope of the parabola through the frame and its neighbours in
-    /// the trajectory.
-    Written,
-    /// Velocities are left out.
-    #[default]
-    LeftOut,
 }
 
 /// Options of an export.
@@ -83,29 +49,36 @@ pub struct ExportOptions {
     pub frames: FrameSpan,
     /// Axis that points up in the file; glTF has y up.
     pub up: UpAxis,
-    /// Normals; a point cache has none.
-    pub normals: Normals,
-    /// Velocities, of a format that [can hold](ExportFormat::has_velocities) them.
-    pub velocities: Velocities,
+    /// True for a normal of each vertex and frame, the mean of those of the faces by their areas;
+    /// a point cache has none.
+    pub normals: bool,
+    /// True for a velocity of each vertex and frame, for motion blur: the slope of the parabola
+    /// through the frame and its neighbours in the trajectory. Of a format that [can
+    /// hold](ExportFormat::has_velocities) them.
+    pub velocities: bool,
 }
 
 impl ExportOptions {
-    /// All frames with y up, and what who opens such a file expects in it.
+    /// All frames with y up, without normals and velocities.
     #[must_use]
-    pub fn usual(format: ExportFormat) -> Self {
-        use ExportFormat::{Abc, Glb, Npz, Obj, ObjSequence, Pc2, Usda, Usdc, Usdz};
+    pub fn plain(format: ExportFormat) -> Self {
         Self {
             format,
             frames: FrameSpan::default(),
             up: UpAxis::default(),
-            normals: match format {
-                Glb => Normals::Written,
-                Usda | Usdc | Usdz | Pc2 | Obj | ObjSequence | Abc | Npz => Normals::LeftOut,
-            },
-            velocities: match format {
-                Abc | Usdc | Usdz => Velocities::Written,
-                Usda | Glb | Pc2 | Obj | ObjSequence | Npz => Velocities::LeftOut,
-            },
+            normals: false,
+            velocities: false,
+        }
+    }
+
+    /// All frames with y up, and what who opens such a file expects in it.
+    #[must_use]
+    pub fn usual(format: ExportFormat) -> Self {
+        use ExportFormat::{Abc, Glb, Usdc, Usdz};
+        Self {
+            normals: format == Glb,
+            velocities: matches!(format, Abc | Usdc | Usdz),
+            ..Self::plain(format)
         }
     }
 

@@ -37,7 +37,7 @@ pub(super) fn write(
             continue;
         }
         write_atomically(&obstacle.beside(path, "pc2"), |out| {
-            pc2::write_header(out, take.len(), obstacle.point_count(), take.every())?;
+            pc2::write_header(out, take.len(), obstacle.track.point_count(), take.every())?;
             (0..take.len())
                 .try_for_each(|number| pc2::write_points(out, &obstacle.positions(take, number)))
         })?;

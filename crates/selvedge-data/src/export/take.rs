@@ -1,6 +1,6 @@
 //! Frames of a trajectory as they are exported: which of them, and which axis points up.
 
-use super::options::{ExportFormat, ExportOptions, Normals, Velocities};
+use super::options::{ExportFormat, ExportOptions};
 use super::outcome::ExportError;
 use crate::UpAxis;
 use crate::trajectory::Trajectory;
@@ -13,8 +13,8 @@ pub struct Take<'a> {
     frames: Vec<usize>,
     every: usize,
     up: UpAxis,
-    normals: Normals,
-    velocities: Velocities,
+    normals: bool,
+    velocities: bool,
 }
 
 impl<'a> Take<'a> {
@@ -30,7 +30,7 @@ impl<'a> Take<'a> {
                 return Err(ExportError::OneFrame { frames });
             }
             ExportFormat::Glb if options.up == UpAxis::Z => return Err(ExportError::YUp),
-            format if !format.has_velocities() && options.velocities == Velocities::Written => {
+            format if !format.has_velocities() && options.velocities => {
                 return Err(ExportError::NoVelocities);
             }
             _ => {}
@@ -67,12 +67,12 @@ impl<'a> Take<'a> {
 
     /// Returns true when normals are wanted.
     pub(super) fn has_normals(&self) -> bool {
-        self.normals == Normals::Written
+        self.normals
     }
 
     /// Returns true when velocities are wanted.
     pub(super) fn has_velocities(&self) -> bool {
-        self.velocities == Velocities::Written
+        self.velocities
     }
 
     /// Frames of the trajectory between the first one taken and the one taken as `number`.

@@ -95,11 +95,9 @@ impl TrajectoryParts {
         let corners = self.faces.iter().enumerate();
         let mut corners = corners.flat_map(|(face, corners)| corners.map(|vertex| (face, vertex)));
         if let Some((face, vertex)) = corners.find(|(_, vertex)| *vertex as usize >= vertices) {
-            return Err(ForeignProblem::FaceVertex {
-                face,
-                vertex,
-                vertices,
-            });
+            return Err(ForeignProblem::Layout(format!(
+                "face {face} names vertex {vertex}, but there are {vertices} vertices, numbered from 0"
+            )));
         }
         check_near("the rest pose", &self.rest)?;
         let frames = self.positions.chunks(vertices.max(1)).enumerate();
@@ -116,12 +114,10 @@ fn check_near(place: &str, positions: &[DVec3]) -> Result<(), ForeignProblem> {
     let is_far = |p: &DVec3| p.is_finite() && p.abs().max_element() > FARTHEST;
     match positions.iter().position(is_far) {
         None => Ok(()),
-        Some(vertex) => Err(ForeignProblem::Far {
-            place: place.to_owned(),
-            vertex,
-            position: positions[vertex],
-            farthest: FARTHEST,
-        }),
+        Some(vertex) => Err(ForeignProblem::Layout(format!(
+            "{place}: vertex {vertex} is at {} m, more than {FARTHEST} m from the origin: positions must be in metres",
+            positions[vertex]
+        ))),
     }
 }
 
@@ -149,7 +145,9 @@ fn counter_clockwise(
     };
     let first = faces.first().is_some_and(is_clockwise);
     if let Some(face) = faces.iter().position(|face| is_clockwise(face) != first) {
-        return Err(ForeignProblem::Orientation { face });
+        return Err(ForeignProblem::Layout(format!(
+            "face {face} is clockwise in material space, others are not: turn all one way"
+        )));
     }
     let turn = |[a, b, c]: [u32; 3]| if first { [a, c, b] } else { [a, b, c] };
     Ok(faces.into_iter().map(turn).collect())
@@ -160,7 +158,9 @@ fn check_area(area: &[f32], expected: f64) -> Result<(), ForeignProblem> {
     if (found - expected).abs() <= AREA_TOLERANCE * expected {
         return Ok(());
     }
-    Err(ForeignProblem::Area { expected, found })
+    Err(ForeignProblem::Layout(format!(
+        "the faces have {found} m² in all, but {expected} m² in material space: texture coordinates must be in metres"
+    )))
 }
 
 fn rounded(values: &[f64]) -> Vec<f32> {

@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 
 use super::error::{ForeignError, ForeignProblem};
 use crate::UpAxis;
+use crate::formats::file_error::FileError;
 use crate::formats::hash::hash;
 use crate::formats::input::read_file;
 
@@ -95,10 +96,8 @@ impl RestSource {
 
 /// The file of an option as the configuration names it: with the hash of its bytes.
 pub(super) fn describe_file(path: &Path) -> Result<Value, ForeignError> {
-    let bytes = read_file(path).map_err(|error| ForeignError {
-        path: path.to_owned(),
-        problem: ForeignProblem::Read(error),
-    })?;
+    let bytes = read_file(path).map_err(ForeignProblem::Read);
+    let bytes = bytes.map_err(FileError::at(path))?;
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     Ok(json!({ "file": name, "blake3": hash(&bytes) }))
 }
@@ -109,11 +108,9 @@ pub(super) fn positive(
     option: &'static str,
 ) -> Result<Option<f64>, ForeignProblem> {
     match value {
-        Some(value) if !(value.is_finite() && value > 0.0) => Err(ForeignProblem::Option {
-            option,
-            expected: "finite and positive",
-            found: value.to_string(),
-        }),
+        Some(value) if !(value.is_finite() && value > 0.0) => Err(ForeignProblem::Layout(format!(
+            "{option} must be finite and positive, found {value}"
+        ))),
         other => Ok(other),
     }
 }

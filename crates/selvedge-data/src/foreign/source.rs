@@ -11,6 +11,7 @@ use super::options::{ImportOptions, Purpose};
 use crate::dataset::Split;
 use crate::dataset::plan::DatasetPlan;
 use crate::dataset::sections::SectionRule;
+use crate::formats::file_error::FileError;
 use crate::formats::retired::retired;
 use crate::trajectory::Trajectory;
 
@@ -42,11 +43,8 @@ impl ForeignSource {
     /// # Errors
     /// [`ForeignError`] names the file or the option.
     pub fn open(folder: &Path, options: &ImportOptions) -> Result<Self, ForeignError> {
-        let at_folder = |problem| ForeignError {
-            path: folder.to_owned(),
-            problem,
-        };
-        let caches = Caches::new(options).map_err(at_folder)?;
+        let at_folder = FileError::at(folder);
+        let caches = Caches::new(options).map_err(&at_folder)?;
         let mut runs = runs_in(folder, &options.test)?;
         if options.purpose == Purpose::Testing {
             runs.retain(|run| run.split == Split::Test);
@@ -100,10 +98,7 @@ impl ForeignSource {
     /// [`ForeignError`] names the file, and what in it cannot be used.
     pub fn read(&self, run: &ForeignRun) -> Result<Trajectory, ForeignError> {
         let parts = self.caches.read(&run.path)?;
-        parts.trajectory().map_err(|problem| ForeignError {
-            path: run.path.clone(),
-            problem,
-        })
+        parts.trajectory().map_err(FileError::at(&run.path))
     }
 }
 
@@ -127,10 +122,7 @@ fn check_purpose(purpose: Purpose, runs: &[ForeignRun]) -> Result<(), ForeignPro
 
 /// The trajectories in `folder`; those named in `test` become the test split.
 fn runs_in(folder: &Path, test: &[String]) -> Result<Vec<ForeignRun>, ForeignError> {
-    let wrong = |problem: String| ForeignError {
-        path: folder.to_owned(),
-        problem: ForeignProblem::Layout(problem),
-    };
+    let wrong = |problem: String| FileError::at(folder)(ForeignProblem::Layout(problem));
     let [train_folder, test_folder] = ["train", "test"].map(|name| folder.join(name));
     let mut runs = Vec::new();
     if train_folder.is_dir() || test_folder.is_dir() {
@@ -167,10 +159,9 @@ fn check_alone(folder: &Path) -> Result<(), ForeignError> {
     for path in folders_in(folder)? {
         if !["train", "test"].iter().any(|name| path.ends_with(name)) {
             let problem = "stands beside train and test, and is neither: put what is in it into one of them, or move it elsewhere";
-            return Err(ForeignError {
-                path,
-                problem: ForeignProblem::Layout(problem.to_owned()),
-            });
+            return Err(FileError::at(&path)(ForeignProblem::Layout(
+                problem.to_owned(),
+            )));
         }
     }
     Ok(())
@@ -178,10 +169,7 @@ fn check_alone(folder: &Path) -> Result<(), ForeignError> {
 
 /// The folders in `folder` whose names do not begin with a dot, by name.
 fn folders_in(folder: &Path) -> Result<Vec<PathBuf>, ForeignError> {
-    let read = |source| ForeignError {
-        path: folder.to_owned(),
-        problem: ForeignProblem::Read(source),
-    };
+    let read = |error| FileError::at(folder)(ForeignProblem::Read(error));
     let mut folders = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(read)? {
         let path = entry.map_err(read)?.path();
@@ -197,10 +185,7 @@ fn folders_in(folder: &Path) -> Result<Vec<PathBuf>, ForeignError> {
 /// The caches in `folder`, by name. Meshes (.obj) belong to them; anything else is an error, unless
 /// its name begins with a dot.
 fn caches_in(folder: &Path) -> Result<Vec<PathBuf>, ForeignError> {
-    let read = |source| ForeignError {
-        path: folder.to_owned(),
-        problem: ForeignProblem::Read(source),
-    };
+    let read = |error| FileError::at(folder)(ForeignProblem::Read(error));
     let mut files = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(read)? {
         let path = entry.map_err(read)?.path();
@@ -211,10 +196,7 @@ fn caches_in(folder: &Path) -> Result<Vec<PathBuf>, ForeignError> {
         if path.is_dir() || !is_cache(&path) {
             let known = "is no cache that can be read (.usda, .usdc, .usdz, .glb, .pc2, .npz): move it elsewhere";
             let problem = retired(&path).unwrap_or(known).to_owned();
-            return Err(ForeignError {
-                path,
-                problem: ForeignProblem::Layout(problem),
-            });
+            return Err(FileError::at(&path)(ForeignProblem::Layout(problem)));
         }
         files.push(path);
     }

@@ -31,6 +31,17 @@ pub struct WriteError {
     pub source: io::Error,
 }
 
+impl WriteError {
+    /// The failure of `action` on the file at `path`, for `map_err`.
+    pub(crate) fn when(path: &Path, action: &'static str) -> impl Fn(io::Error) -> Self {
+        move |source| Self {
+            path: path.to_owned(),
+            action,
+            source,
+        }
+    }
+}
+
 /// Links that are followed before they are taken to go round in a circle, as Linux does.
 const MOST_LINKS: usize = 40;
 
@@ -76,13 +87,7 @@ pub fn write_atomically(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
 ) -> Result<(), WriteError> {
-    let fail = |action| {
-        move |source| WriteError {
-            path: path.to_owned(),
-            action,
-            source,
-        }
-    };
+    let fail = |action| WriteError::when(path, action);
     let _writing = Writing::begin();
     let target = target_of(path).map_err(fail("write there"))?;
     let folder = folder_of(&target.path);
@@ -109,13 +114,7 @@ pub fn write_folder_atomically<E: From<WriteError>>(
     path: &Path,
     fill: impl FnOnce(&Path) -> Result<(), E>,
 ) -> Result<(), E> {
-    let fail = |action| {
-        move |source| WriteError {
-            path: path.to_owned(),
-            action,
-            source,
-        }
-    };
+    let fail = |action| WriteError::when(path, action);
     let _writing = Writing::begin();
     let is_free = check_free(path).map_err(fail("make the folder"))?;
     let part = folder_beside(path, folder_of(path)).map_err(fail("make a folder beside it"))?;
@@ -162,13 +161,7 @@ pub fn write_beside<E: From<WriteError>>(
     path: &Path,
     write: impl FnOnce(&Path) -> Result<(), E>,
 ) -> Result<(), E> {
-    let fail = |action| {
-        move |source| WriteError {
-            path: path.to_owned(),
-            action,
-            source,
-        }
-    };
+    let fail = |action| WriteError::when(path, action);
     let _writing = Writing::begin();
     let target = target_of(path).map_err(fail("write there"))?;
     let temporary = file_beside(&target.path, folder_of(&target.path))

@@ -6,6 +6,7 @@ use glam::DVec3;
 
 use super::obj::parse_obj_polygons;
 use super::polygons::{MeshFileError, MeshOptions, ReadMesh, ReadMeshError, Sewing, assemble, sew};
+use crate::formats::file_error::FileError;
 use crate::formats::input::read_file;
 use crate::formats::retired::retired;
 use crate::rig::mesh::polygons;
@@ -13,7 +14,7 @@ use crate::rig::{RigError, RigFormat};
 
 /// Part of a mesh's extent up to which vertices of formats that split them coincide: single
 /// precision at some ten roundings.
-const COINCIDENT: f64 = 1e-6;
+pub(crate) const COINCIDENT: f64 = 1e-6;
 
 /// Reads a mesh from a file (.obj, .glb, USD), as `options` say.
 ///
@@ -23,10 +24,7 @@ pub fn read_mesh(path: &Path, options: MeshOptions) -> Result<ReadMesh, ReadMesh
     read_file(path)
         .map_err(MeshFileError::Read)
         .and_then(|bytes| parse_mesh_bytes(path, &bytes, options, &Sewing::default()))
-        .map_err(|source| ReadMeshError {
-            path: path.to_owned(),
-            source,
-        })
+        .map_err(FileError::at(path))
 }
 
 /// Reads a mesh from the bytes of the file at `path`, whose name says its format, and sews it.
@@ -66,7 +64,7 @@ pub(crate) fn parse_mesh_bytes(
 }
 
 /// Longest side of the box around `positions`.
-fn extent(positions: &[DVec3]) -> f64 {
+pub(crate) fn extent(positions: &[DVec3]) -> f64 {
     let first = positions.first().copied().unwrap_or_default();
     let low = positions.iter().fold(first, |low, p| low.min(*p));
     let high = positions.iter().fold(first, |high, p| high.max(*p));

@@ -2,7 +2,9 @@
 //! safetensors, JSON, NumPy arrays and archives, meshes of polygons, Wavefront OBJ, Alembic's
 //! container, the axis that points up.
 
+pub(crate) mod arrays;
 pub(crate) mod atomic;
+pub(crate) mod file_error;
 pub(crate) mod hash;
 pub(crate) mod input;
 pub(crate) mod mesh_file;
@@ -18,3 +20,4 @@ pub(crate) mod retired;
 pub(crate) mod tensor_file;
 pub(crate) mod unique;
 pub(crate) mod up_axis;
+pub(crate) mod zip;

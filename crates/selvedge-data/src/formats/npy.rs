@@ -1,9 +1,7 @@
 //! One .npy array: a magic number, a version, a header that is a Python dictionary of `descr`,
 //! `fortran_order` and `shape`, and the elements.
 //!
-//! Format: numpy's `numpy/lib/format.py`, versions 1 to 3. Read are little-endian floats and
-//! integers of four and eight bytes in C order; another type is an error only when its numbers are
-//! asked for. A reader of our own: the ones there are bring a parser generator for this one line of
+//! Format: numpy's `numpy/lib/format.py`, versions 1 to 3, in C order. A reader of our own: the ones there are bring a parser generator for this one line of
 //! Python.
 
 use thiserror::Error;
@@ -14,7 +12,7 @@ const MAGIC: &[u8] = b"\x93NUMPY";
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Array {
     /// NumPy's name of the type, such as `<f8`.
-    kind: String,
+    pub(crate) kind: String,
     /// Dimensions, slowest first.
     pub(crate) shape: Vec<usize>,
     /// The elements, row by row.
@@ -35,13 +33,6 @@ pub enum NpyError {
     Dictionary(String),
     #[error("is in Fortran order: save it as numpy.ascontiguousarray(array)")]
     Fortran,
-    #[error("has elements of type {found:?}, expected {expected}")]
-    Type {
-        expected: &'static str,
-        found: String,
-    },
-    #[error("has the shape {found}, expected {expected}")]
-    Shape { expected: String, found: String },
     #[error(
         "has {found} bytes of data, but its shape needs {expected}: it was cut short or changed"
     )]
@@ -74,61 +65,23 @@ impl Array {
         Ok(Self { kind, shape, data })
     }
 
-    /// An error unless the array has this shape, with `None` where any length will do.
-    pub(crate) fn expect_shape(&self, expected: &[Option<usize>]) -> Result<(), NpyError> {
-        let same = |(e, &f): (&Option<usize>, &usize)| e.is_none_or(|e| e == f);
-        if self.shape.len() == expected.len() && expected.iter().zip(&self.shape).all(same) {
-            return Ok(());
+    /// The bytes of the elements, which must be as many as the shape needs. The size of an element
+    /// is known of the types that are read.
+    pub(crate) fn data(&self) -> Result<&[u8], NpyError> {
+        let size = match self.kind.as_str() {
+            "<f8" | "<i8" => 8,
+            "<f4" | "<i4" | "<u4" => 4,
+            _ => return Ok(&self.data),
+        };
+        let mut lengths = self.shape.iter();
+        let count = lengths.try_fold(size, |product: usize, &n| product.checked_mul(n));
+        if count == Some(self.data.len()) {
+            return Ok(&self.data);
         }
-        let lengths = expected
-            .iter()
-            .map(|e| e.map_or_else(|| "any".to_owned(), |e| e.to_string()));
-        Err(NpyError::Shape {
-            expected: format!("[{}]", lengths.collect::<Vec<_>>().join(", ")),
-            found: format!("{:?}", self.shape),
+        Err(NpyError::Length {
+            expected: count.map_or_else(|| "more than there can be".to_owned(), |n| n.to_string()),
+            found: self.data.len(),
         })
-    }
-
-    /// The numbers as f64.
-    pub(crate) fn floats(&self) -> Result<Vec<f64>, NpyError> {
-        match self.kind.as_str() {
-            "<f8" => self.elements::<8, _>(f64::from_le_bytes),
-            "<f4" => self.elements::<4, _>(|b| f64::from(f32::from_le_bytes(b))),
-            _ => Err(self.wrong_type("little-endian floats, <f4 or <f8")),
-        }
-    }
-
-    /// The numbers as integers.
-    pub(crate) fn integers(&self) -> Result<Vec<i64>, NpyError> {
-        match self.kind.as_str() {
-            "<i8" => self.elements::<8, _>(i64::from_le_bytes),
-            "<i4" => self.elements::<4, _>(|b| i64::from(i32::from_le_bytes(b))),
-            "<u4" => self.elements::<4, _>(|b| i64::from(u32::from_le_bytes(b))),
-            _ => Err(self.wrong_type("little-endian integers, <i4, <u4 or <i8")),
-        }
-    }
-
-    fn wrong_type(&self, expected: &'static str) -> NpyError {
-        NpyError::Type {
-            expected,
-            found: self.kind.clone(),
-        }
-    }
-
-    fn elements<const N: usize, T>(&self, read: fn([u8; N]) -> T) -> Result<Vec<T>, NpyError> {
-        let count = self
-            .shape
-            .iter()
-            .try_fold(N, |product, &n| product.checked_mul(n));
-        if count != Some(self.data.len()) {
-            return Err(NpyError::Length {
-                expected: count
-                    .map_or_else(|| "more than there can be".to_owned(), |n| n.to_string()),
-                found: self.data.len(),
-            });
-        }
-        let (elements, _) = self.data.as_chunks::<N>();
-        Ok(elements.iter().copied().map(read).collect())
     }
 }
 
@@ -166,6 +119,7 @@ fn parse_header(text: &str) -> Result<(String, Vec<usize>), NpyError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::test_help::table;
 
     /// A file of version 1 with this header.
     fn file(header: &str, data: &[u8]) -> Vec<u8> {
@@ -175,72 +129,50 @@ mod tests {
 
     const HEADER: &str = "{'descr': '<i4', 'fortran_order': False, 'shape': (2, 1), }";
 
-    fn integers(bytes: &[u8]) -> Result<Vec<i64>, NpyError> {
+    /// Type, shape and number of bytes of an array.
+    fn read(bytes: &[u8]) -> Result<(String, Vec<usize>, usize), NpyError> {
         let array = Array::parse(bytes)?;
-        let integers = array.integers()?;
-        array.expect_shape(&[None, Some(1)])?;
-        Ok(integers)
+        let length = array.data()?.len();
+        Ok((array.kind, array.shape, length))
     }
 
     #[test]
     fn an_array_is_read_as_it_was_written() {
         let bytes = file(HEADER, &[1, 0, 0, 0, 0, 1, 0, 0]);
-        let array = Array::parse(&bytes).unwrap();
-        assert_eq!(array.shape, [2, 1]);
-        assert_eq!(integers(&bytes), Ok(vec![1, 256]));
+        assert_eq!(read(&bytes), Ok(("<i4".to_owned(), vec![2, 1], 8)));
     }
 
     #[test]
     fn mistakes_are_named() {
-        let data = [1, 0, 0, 0, 2, 0, 0, 0];
-        let error = |from: &str, to: &str| {
-            let bytes = file(&HEADER.replace(from, to), &data);
-            integers(&bytes).unwrap_err().to_string()
-        };
-        for (from, to, expected) in [
-            ("False", "True", "Fortran order"),
-            ("<i4", ">i4", "elements of type \">i4\""),
-            (
-                "(2, 1)",
-                "(1, 2)",
-                "has the shape [1, 2], expected [any, 1]",
-            ),
-            ("(2, 1)", "(2,)", "has the shape [2]"),
-            ("(2, 1)", "(99999999999999999999999, 1)", "'shape' is"),
-            (
-                "(2, 1)",
-                "(4611686018427387905, 1)",
-                "more than there can be",
-            ),
-            (
-                "(2, 1)",
-                "(3, 1)",
-                "has 8 bytes of data, but its shape needs 12",
-            ),
-            ("'descr'", "'desc'", "'descr' is missing"),
-            ("'<i4'", "[('a', '<i4')]", "no single type"),
-        ] {
-            let found = error(from, to);
+        let cases = r#"
+            False | True | Fortran order
+            2, 1 | 99999999999999999999999, 1 | 'shape' is
+            2, 1 | 4611686018427387905, 1 | more than there can be
+            2, 1 | 3, 1 | has 8 bytes of data, but its shape needs 12
+            'descr' | 'desc' | 'descr' is missing
+            '<i4' | [('a', '<i4')] | no single type
+        "#;
+        for [from, to, expected] in table(cases) {
+            let bytes = file(&HEADER.replace(from, to), &[0; 8]);
+            let found = read(&bytes).unwrap_err().to_string();
             assert!(found.contains(expected), "{found} lacks {expected}");
         }
-        assert_eq!(Array::parse(b""), Err(NpyError::Magic));
+        assert_eq!(read(b""), Err(NpyError::Magic));
         let version = [MAGIC, &[9, 0]].concat();
-        assert_eq!(Array::parse(&version), Err(NpyError::Version { found: 9 }));
+        assert_eq!(read(&version), Err(NpyError::Version { found: 9 }));
     }
 
     #[test]
     fn any_truncation_is_an_error_and_any_flipped_byte_no_panic() {
-        let bytes = file(&HEADER.replace("<i4", "<f4"), &[0, 0, 128, 63, 0, 0, 0, 64]);
-        let floats = |bytes: &[u8]| Array::parse(bytes)?.floats();
-        assert_eq!(floats(&bytes), Ok(vec![1.0, 2.0]));
+        let bytes = file(HEADER, &[0; 8]);
         for end in 0..bytes.len() {
-            assert!(floats(&bytes[..end]).is_err(), "{end}");
+            assert!(read(&bytes[..end]).is_err(), "{end}");
         }
         for at in 0..bytes.len() {
             for value in 0..=u8::MAX {
                 let mut damaged = bytes.clone();
                 damaged[at] = value;
-                let _ = floats(&damaged);
+                let _ = read(&damaged);
             }
         }
     }

@@ -5,12 +5,10 @@
 //! write (Unix). A part of which nobody holds a lock and that nobody has touched for a while is a
 //! leftover, and goes when a file or folder of its name is written again.
 
-use std::collections::HashMap;
 use std::ffi::OsStr;
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use tempfile::{Builder, NamedTempFile, TempDir};
@@ -19,9 +17,6 @@ use tempfile::{Builder, NamedTempFile, TempDir};
 const ENDING: &str = ".part";
 /// Time in which a writer that has just made its part has locked it.
 const GRACE: Duration = Duration::from_secs(5);
-
-/// Parts that were in a folder when this process first wrote there.
-static FOUND: Mutex<Option<HashMap<PathBuf, Vec<PathBuf>>>> = Mutex::new(None);
 
 /// A folder under way, removed on drop unless it is kept.
 pub(super) struct PartFolder {
@@ -117,28 +112,18 @@ fn lock(part: &File) {
     }
 }
 
-/// Removes what killed writers of `target` left, as far as that can be told and done. A folder is
-/// looked through once.
+/// Removes what killed writers of `target` left, as far as that can be told and done.
 fn remove_leftovers(target: &Path, folder: &Path) {
     if !cfg!(unix) {
         return;
     }
     let prefix = prefix_of(target);
-    let mut found = FOUND.lock().unwrap_or_else(PoisonError::into_inner);
-    let known = found.get_or_insert_default();
-    let parts = known
-        .entry(folder.to_owned())
-        .or_insert_with(|| parts_in(folder).unwrap_or_default());
-    parts.retain(|part| {
-        if !is_of(part, &prefix) {
-            return true;
-        }
-        if is_left_over(part) {
+    for part in parts_in(folder).unwrap_or_default() {
+        if is_of(&part, &prefix) && is_left_over(&part) {
             // What cannot be removed stays, and does no harm.
-            let _ = remove(part);
+            let _ = remove(&part);
         }
-        false
-    });
+    }
 }
 
 /// Returns true for `.NAME.` with a word of letters and digits and the ending after it.

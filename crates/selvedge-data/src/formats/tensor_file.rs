@@ -84,6 +84,43 @@ impl TensorValues<'_> {
     }
 }
 
+/// A tensor with values of its own.
+pub(crate) struct Tensor {
+    name: String,
+    shape: Vec<usize>,
+    values: Values,
+}
+
+/// Elements of a tensor.
+pub(crate) enum Values {
+    F64(Vec<f64>),
+    F32(Vec<f32>),
+    U32(Vec<u32>),
+}
+
+impl Tensor {
+    pub(crate) fn new(name: impl Into<String>, shape: &[usize], values: Values) -> Self {
+        Self {
+            name: name.into(),
+            shape: shape.to_vec(),
+            values,
+        }
+    }
+
+    /// The tensor as it is written.
+    pub(crate) fn out(&self) -> TensorOut<'_> {
+        TensorOut {
+            name: &self.name,
+            shape: self.shape.clone(),
+            values: match &self.values {
+                Values::F64(values) => TensorValues::F64(values),
+                Values::F32(values) => TensorValues::F32(values),
+                Values::U32(values) => TensorValues::U32(values),
+            },
+        }
+    }
+}
+
 /// Writes `tensors` and `metadata` as a safetensors file, all or nothing.
 ///
 /// # Errors

@@ -22,40 +22,13 @@ const CAPSULE_EDGE: f64 = 0.25;
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum BodySpec {
     /// A square of a plane.
-    Plane {
-        /// Direction across it; need not have length one.
-        #[serde(default = "up")]
-        normal: DVec3,
-        /// Distance of the plane from the origin along the normal `[m]`.
-        #[serde(default)]
-        height: f64,
-        /// Side of the square about the point nearest to the origin `[m]`.
-        #[serde(default = "far")]
-        size: f64,
-    },
+    Plane(Plane),
     /// A sphere about the origin.
-    Sphere {
-        /// Radius `[m]`.
-        radius: f64,
-        /// Longest edge of its mesh `[m]`; 0.15 of the radius where none is given.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        edge: Option<f64>,
-    },
+    Sphere(Sphere),
     /// A capsule along y about the origin.
-    Capsule {
-        /// Radius `[m]`.
-        radius: f64,
-        /// Length of its axis, without the round ends `[m]`.
-        length: f64,
-        /// Edges of its mesh `[m]`; 0.25 of the radius where none are given.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        edge: Option<f64>,
-    },
+    Capsule(Capsule),
     /// A box about the origin.
-    Box {
-        /// Its sides along x, y and z `[m]`.
-        size: DVec3,
-    },
+    Box(Cuboid),
     /// A mesh, closed or open.
     Mesh {
         /// Path of the file relative to the scene's folder, or the name of a shipped body.
@@ -63,6 +36,53 @@ pub enum BodySpec {
         /// BLAKE3 hash of its bytes, in hexadecimal.
         blake3: String,
     },
+}
+
+/// A square of a plane.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Plane {
+    /// Direction across it; need not have length one.
+    #[serde(default = "up")]
+    pub normal: DVec3,
+    /// Distance of the plane from the origin along the normal `[m]`.
+    #[serde(default)]
+    pub height: f64,
+    /// Side of the square about the point nearest to the origin `[m]`.
+    #[serde(default = "far")]
+    pub size: f64,
+}
+
+/// A sphere about the origin.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sphere {
+    /// Radius `[m]`.
+    pub radius: f64,
+    /// Longest edge of its mesh `[m]`; 0.15 of the radius where none is given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub edge: Option<f64>,
+}
+
+/// A capsule along y about the origin.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Capsule {
+    /// Radius `[m]`.
+    pub radius: f64,
+    /// Length of its axis, without the round ends `[m]`.
+    pub length: f64,
+    /// Edges of its mesh `[m]`; 0.25 of the radius where none are given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub edge: Option<f64>,
+}
+
+/// A box about the origin.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Cuboid {
+    /// Its sides along x, y and z `[m]`.
+    pub size: DVec3,
 }
 
 fn up() -> DVec3 {
@@ -76,8 +96,12 @@ fn far() -> f64 {
 impl BodySpec {
     /// The mesh in the file at `path`, as it is now, for the obstacle of this name.
     pub(crate) fn mesh(path: String, folder: &Path, name: &str) -> Result<Self, ObstacleSpecError> {
-        let bytes = read::bytes_of("mesh", &path, folder).map_err(|problem| problem.of(name))?;
-        let blake3 = hash(&bytes);
+        Self::mesh_now(path, folder).map_err(|problem| problem.of(name))
+    }
+
+    /// The mesh in the file at `path`, as it is now.
+    pub(super) fn mesh_now(path: String, folder: &Path) -> Result<Self, Problem> {
+        let blake3 = hash(&read::bytes_of("mesh", &path, folder)?);
         Ok(Self::Mesh { path, blake3 })
     }
 
@@ -97,11 +121,11 @@ impl BodySpec {
     /// Makes the body.
     pub(super) fn build(&self, folder: &Path) -> Result<Body, Problem> {
         match self {
-            &Self::Plane {
+            &Self::Plane(Plane {
                 normal,
                 height,
                 size,
-            } => {
+            }) => {
                 let Some(normal) = normal.try_normalize() else {
                     return Err(wrong("plane.normal", "a direction", &normal));
                 };
@@ -116,17 +140,17 @@ impl BodySpec {
                 }
                 Ok(body)
             }
-            &Self::Sphere { radius, edge } => {
+            &Self::Sphere(Sphere { radius, edge }) => {
                 check("sphere.radius", radius)?;
                 let edge = edge.unwrap_or(SPHERE_EDGE * radius);
                 check("sphere.edge", edge)?;
                 Ok(bodies::sphere(radius, edge))
             }
-            &Self::Capsule {
+            &Self::Capsule(Capsule {
                 radius,
                 length,
                 edge,
-            } => {
+            }) => {
                 check("capsule.radius", radius)?;
                 if length != 0.0 {
                     check("capsule.length", length)?;
@@ -135,7 +159,7 @@ impl BodySpec {
                 check("capsule.edge", edge)?;
                 Ok(bodies::capsule(radius, length, edge))
             }
-            Self::Box { size } => {
+            Self::Box(Cuboid { size }) => {
                 for side in size.to_array() {
                     check("box.size", side)?;
                 }
@@ -157,5 +181,5 @@ fn check(field: &'static str, value: f64) -> Result<(), Problem> {
 }
 
 fn wrong(field: &'static str, expected: &str, found: &dyn std::fmt::Display) -> Problem {
-    Problem::Field(field, format!("must be {expected}, found {found}"))
+    Problem(field, format!("must be {expected}, found {found}"))
 }

@@ -14,7 +14,7 @@ mod spec;
 mod weld;
 mod written;
 
-pub use self::body::BodySpec;
+pub use self::body::{BodySpec, Capsule, Cuboid, Plane, Sphere};
 pub use self::error::ObstacleSpecError;
 pub use self::motion::{FramesFile, NodeFile, ObstacleKeyframes, ObstacleMotion};
 pub(crate) use self::random::RandomObstacles;

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::body::BodySpec;
 use super::error::Problem;
-use super::read::{self, Frames, Kind, Moving, Sequence};
+use super::read::{self, Frames, Kind, Sequence, moving_points};
 use crate::rig::{Followers, Rig};
 
 /// Longest motion by keyframes `[s]`, as of handles.
@@ -117,7 +117,7 @@ impl ObstacleMotion {
         };
         if !matches!(body, BodySpec::Mesh { .. }) {
             let problem = "points of a file move a mesh from a file: give mesh, or keyframes";
-            return Err(Problem::Field("motion", problem.to_owned()));
+            return Err(Problem("motion", problem.to_owned()));
         }
         file.frames(folder, frame_rate).map(Some)
     }
@@ -156,7 +156,7 @@ impl FramesFile {
     }
 
     fn frames(&self, folder: &Path, frame_rate: f64) -> Result<Frames, Problem> {
-        let wrong = |problem: String| Err(Problem::Field("motion", problem));
+        let wrong = |problem: String| Err(Problem("motion", problem));
         if let Some(rate) = self.rate.filter(|rate| !(1e-3..=1e5).contains(rate)) {
             return wrong(format!(
                 "rate must be between 0.001 and 100000, found {rate}"
@@ -165,52 +165,24 @@ impl FramesFile {
         if !(self.from.is_finite() && self.from >= 0.0) {
             return wrong(format!("from must not be negative, found {}", self.from));
         }
+        let rate = self.rate.unwrap_or(frame_rate);
+        let within = |problem: String| Problem("motion", format!("{}: {problem}", self.path));
         if let Some(sequence) = Sequence::of(&self.path)? {
-            return self.sequence(&sequence, folder, frame_rate);
+            let read = sequence.read(self.first, folder)?;
+            read::check_hash("motion", &self.path, &self.blake3, read.blake3)?;
+            let frames = read::later(read.frames, self.from, rate).map_err(within)?;
+            return Ok((rate, frames));
         }
-        let kind = Kind::of(&self.path);
-        let has_times = matches!(kind, Some(Kind::Rig(_)));
+        let has_times = matches!(Kind::of(&self.path), Some(Kind::Rig(_)));
         if has_times && self.rate.is_some() {
-            return wrong(format!("{}: it has times, leave rate out", self.path));
+            return Err(within("it has times, leave rate out".to_owned()));
         }
         if self.first.is_some() {
-            return wrong(format!("{}: first is for a sequence of files", self.path));
+            return Err(within("first is for a sequence of files".to_owned()));
         }
         let bytes = read::unchanged("motion", &self.path, &self.blake3, folder)?;
-        let moving = Moving {
-            path: &self.path,
-            bytes: &bytes,
-            animation: self.animation.as_deref(),
-            from: self.from,
-            rate: self.rate.unwrap_or(frame_rate),
-        };
-        moving.frames()
-    }
-
-    fn sequence(
-        &self,
-        sequence: &Sequence<'_>,
-        folder: &Path,
-        frame_rate: f64,
-    ) -> Result<Frames, Problem> {
-        let read = sequence.read(self.first, folder)?;
-        if read.blake3 != self.blake3 {
-            return Err(Problem::Changed {
-                field: "motion",
-                path: self.path.clone(),
-                expected: self.blake3.clone(),
-                found: read.blake3,
-            });
-        }
-        let rate = self.rate.unwrap_or(frame_rate);
-        let skipped = (self.from * rate).round() as usize;
-        let mut frames = read.frames;
-        if skipped >= frames.len() {
-            let problem = format!("{}: from is after its last frame", self.path);
-            return Err(Problem::Field("motion", problem));
-        }
-        frames.drain(..skipped);
-        Ok((rate, frames))
+        let animation = self.animation.as_deref();
+        moving_points(&self.path, &bytes, animation, self.from, rate).map_err(within)
     }
 }
 
@@ -248,7 +220,7 @@ impl NodeFile {
             frame_rate,
         };
         let motion = Rig::read_motion(&folder.join(&self.path), &followers)
-            .map_err(|error| Problem::Field("motion", error.to_string()))?;
+            .map_err(|error| Problem("motion", error.to_string()))?;
         let frames = motion.positions.len();
         let places = |time: f64| {
             let frame = ((time * frame_rate).round() as usize).min(frames - 1);
@@ -263,7 +235,7 @@ impl NodeFile {
                 "{}: node {:?} is scaled: obstacles that follow a node are rigid, bake the points instead",
                 self.path, self.node
             );
-            return Err(Problem::Field("motion", problem));
+            return Err(Problem("motion", problem));
         }
         Ok(ObstaclePath::Rigid(
             reference.keys(&places, last, frame_rate),
@@ -279,7 +251,7 @@ fn splines(
 ) -> Result<ObstaclePath, Problem> {
     let (Some(first), Some(last)) = (keyframes.first(), keyframes.last()) else {
         let problem = "needs at least one keyframe".to_owned();
-        return Err(Problem::Field("motion", problem));
+        return Err(Problem("motion", problem));
     };
     let reference = Reference::about(DVec3::ZERO);
     // A motion of handles is relative to the transform when they are taken; here it is not.
@@ -318,7 +290,7 @@ fn splines(
 
 fn bound(motion: &Motion, reference: &Reference, frame_rate: f64) -> Result<HandlePath, Problem> {
     let path = motion.bind(&reference.0, frame_rate);
-    path.map_err(|error: MotionError| Problem::Field("motion", error.to_string()))
+    path.map_err(|error: MotionError| Problem("motion", error.to_string()))
 }
 
 /// Frames until `last` `[s]`.

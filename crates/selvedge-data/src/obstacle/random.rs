@@ -17,7 +17,7 @@ use selvedge_cloth::bodies::{BodyKind, BodyRanges, DrawnBody, draw};
 use selvedge_cloth::{Keyframe, Scene};
 use serde::Deserialize;
 
-use super::body::BodySpec;
+use super::body::{BodySpec, Capsule, Cuboid, Sphere};
 use super::motion::{ObstacleKeyframes, ObstacleMotion};
 use super::spec::{ObstacleSpec, Placement};
 use crate::scene::Rotate;
@@ -145,18 +145,18 @@ fn spec_of(body: &DrawnBody, number: usize, seconds: f64) -> ObstacleSpec {
     ObstacleSpec {
         name: format!("random {number}"),
         body: match body.kind {
-            BodyKind::Sphere => BodySpec::Sphere {
+            BodyKind::Sphere => BodySpec::Sphere(Sphere {
                 radius: size,
                 edge: None,
-            },
-            BodyKind::Capsule => BodySpec::Capsule {
+            }),
+            BodyKind::Capsule => BodySpec::Capsule(Capsule {
                 radius: size,
                 length: 4.0 * size,
                 edge: None,
-            },
-            BodyKind::Box => BodySpec::Box {
+            }),
+            BodyKind::Box => BodySpec::Box(Cuboid {
                 size: DVec3::splat(2.0 * size),
-            },
+            }),
         },
         transform: Placement {
             rotation: Rotate {

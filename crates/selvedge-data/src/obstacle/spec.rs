@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 use selvedge_cloth::{Obstacle, ObstaclePath};
 use serde::{Deserialize, Serialize};
 
@@ -64,25 +64,27 @@ impl Placement {
         *self == Self::default()
     }
 
-    fn validate(&self) -> Result<(), Problem> {
-        let wrong = |must: &str, found: &dyn std::fmt::Display| {
-            let problem = format!("{must}, found {found}");
-            Err(Problem::Field("transform", problem))
-        };
-        if !(self.scale.is_finite() && self.scale > 0.0) {
-            return wrong("scale must be finite and positive", &self.scale);
-        }
+    /// Checks that it can be used; else the field, what it must be, and what was found.
+    pub(crate) fn check(&self) -> Result<(), (&'static str, &'static str, String)> {
         let Rotate { axis, angle_deg } = self.rotation;
+        if !(self.scale.is_finite() && self.scale > 0.0) {
+            return Err(("scale", "finite and positive", self.scale.to_string()));
+        }
         if axis.try_normalize().is_none() {
-            return wrong("rotation.axis must be a direction", &axis);
+            return Err(("rotation.axis", "a direction", axis.to_string()));
         }
         if !angle_deg.is_finite() {
-            return wrong("rotation.angle_deg must be finite", &angle_deg);
+            return Err(("rotation.angle_deg", "finite", angle_deg.to_string()));
         }
-        if !self.translation.is_finite() {
-            return wrong("translation must be finite", &self.translation);
+        match self.translation {
+            by if by.is_finite() => Ok(()),
+            by => Err(("translation", "finite", by.to_string())),
         }
-        Ok(())
+    }
+
+    /// The place of a point.
+    pub(crate) fn place(&self, point: DVec3) -> DVec3 {
+        self.rotation.turn() * (self.scale * point) + self.translation
     }
 
     /// Places every point.
@@ -90,8 +92,7 @@ impl Placement {
         if self.is_none() {
             return;
         }
-        let Rotate { axis, angle_deg } = self.rotation;
-        let turn = DQuat::from_axis_angle(axis.normalize(), angle_deg.to_radians());
+        let turn = self.rotation.turn();
         for point in points {
             *point = turn * (self.scale * *point) + self.translation;
         }
@@ -112,7 +113,13 @@ impl ObstacleSpec {
     /// [`ObstacleSpecError`] names the obstacle, the field or file and what is wrong.
     pub fn build(&self, folder: &Path, frame_rate: f64) -> Result<Obstacle, ObstacleSpecError> {
         let own = |problem: Problem| problem.of(&self.name);
-        self.transform.validate().map_err(own)?;
+        let placed = self.transform.check().map_err(|(field, expected, found)| {
+            Problem(
+                "transform",
+                format!("{field} must be {expected}, found {found}"),
+            )
+        });
+        placed.map_err(own)?;
         let mut body = self.body.build(folder).map_err(own)?;
         let mut frames = self
             .motion
@@ -126,7 +133,7 @@ impl ObstacleSpec {
                         frame.len(),
                         body.points.len()
                     );
-                    return Err(own(Problem::Field("motion", problem)));
+                    return Err(own(Problem("motion", problem)));
                 }
             }
         }

@@ -4,10 +4,8 @@
 use glam::DVec3;
 use selvedge_cloth::bodies::Body;
 
+use crate::formats::mesh_file::{COINCIDENT, extent};
 use crate::formats::polygons::owners;
-
-/// Part of a body's extent up to which points coincide: single precision at some ten roundings.
-const COINCIDENT: f64 = 1e-6;
 
 /// Welds points that coincide in the mesh and in every one of `frames`. Faces that lose a corner by
 /// it are left out; so are points without a face.
@@ -49,12 +47,4 @@ pub(super) fn weld(body: &mut Body, frames: &mut [Vec<DVec3>]) {
 fn keep(points: &mut Vec<DVec3>, is_used: &[bool]) {
     let mut used = is_used.iter();
     points.retain(|_| used.next().copied().unwrap_or_default());
-}
-
-/// Longest side of the box around `points`.
-fn extent(points: &[DVec3]) -> f64 {
-    let first = points.first().copied().unwrap_or_default();
-    let low = points.iter().fold(first, |low, p| low.min(*p));
-    let high = points.iter().fold(first, |high, p| high.max(*p));
-    (high - low).max_element()
 }

@@ -15,7 +15,7 @@ use glam::DVec3;
 use selvedge_cloth::Keyframe;
 use serde::Deserialize;
 
-use super::body::BodySpec;
+use super::body::{BodySpec, Capsule, Cuboid, Plane, Sphere};
 use super::error::{ObstacleSpecError, Problem};
 use super::motion::{FramesFile, NodeFile, ObstacleKeyframes, ObstacleMotion};
 use super::read;
@@ -27,49 +27,17 @@ use crate::formats::hash::hash;
 #[serde(deny_unknown_fields)]
 pub(crate) struct ObstacleFile {
     pub(super) name: String,
-    plane: Option<PlaneFile>,
-    sphere: Option<SphereFile>,
-    capsule: Option<CapsuleFile>,
+    plane: Option<Plane>,
+    sphere: Option<Sphere>,
+    capsule: Option<Capsule>,
     #[serde(rename = "box")]
-    cuboid: Option<BoxFile>,
+    cuboid: Option<Cuboid>,
     mesh: Option<String>,
     #[serde(default)]
     transform: Placement,
     motion: Option<MotionFile>,
     friction: Option<f64>,
     thickness: Option<f64>,
-}
-
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct PlaneFile {
-    #[serde(default = "up")]
-    normal: DVec3,
-    #[serde(default)]
-    height: f64,
-    #[serde(default = "far")]
-    size: f64,
-}
-
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct SphereFile {
-    radius: f64,
-    edge: Option<f64>,
-}
-
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct CapsuleFile {
-    radius: f64,
-    length: f64,
-    edge: Option<f64>,
-}
-
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct BoxFile {
-    size: DVec3,
 }
 
 /// A file of points, or a table.
@@ -98,16 +66,8 @@ struct MotionTable {
     from: f64,
 }
 
-fn up() -> DVec3 {
-    DVec3::Y
-}
-
-fn far() -> f64 {
-    10.0
-}
-
 fn wrong(field: &'static str, problem: impl Into<String>) -> Problem {
-    Problem::Field(field, problem.into())
+    Problem(field, problem.into())
 }
 
 impl ObstacleFile {
@@ -121,31 +81,14 @@ impl ObstacleFile {
         if self.name.is_empty() {
             return Err(wrong("name", "is empty: give the obstacle a name"));
         }
-        let plane = self.plane.map(|plane| BodySpec::Plane {
-            normal: plane.normal,
-            height: plane.height,
-            size: plane.size,
-        });
-        let sphere = self.sphere.map(|sphere| BodySpec::Sphere {
-            radius: sphere.radius,
-            edge: sphere.edge,
-        });
-        let capsule = self.capsule.map(|capsule| BodySpec::Capsule {
-            radius: capsule.radius,
-            length: capsule.length,
-            edge: capsule.edge,
-        });
-        let cuboid = self
-            .cuboid
-            .map(|cuboid| BodySpec::Box { size: cuboid.size });
-        let mesh = match self.mesh {
-            Some(path) => {
-                let blake3 = hash(&read::bytes_of("mesh", &path, folder)?);
-                Some(BodySpec::Mesh { path, blake3 })
-            }
-            None => None,
-        };
-        let bodies = [plane, sphere, capsule, cuboid, mesh];
+        let mesh = self.mesh.map(|path| BodySpec::mesh_now(path, folder));
+        let bodies = [
+            self.plane.map(BodySpec::Plane),
+            self.sphere.map(BodySpec::Sphere),
+            self.capsule.map(BodySpec::Capsule),
+            self.cuboid.map(BodySpec::Box),
+            mesh.transpose()?,
+        ];
         let mut bodies = bodies.into_iter().flatten();
         let (Some(body), None) = (bodies.next(), bodies.next()) else {
             let problem = "must be one of plane, sphere, capsule, box and mesh";

@@ -9,7 +9,7 @@ use super::moving_mesh::MovingMesh;
 use super::node::Rig;
 use super::{RigFormat, glb, usda};
 
-/// Frames at most that a body may move.
+/// Frames at most that something may move.
 const MOST_FRAMES: usize = 100_000;
 
 /// A key that is so near to a frame is taken to be at it [frames]: glTF has times in single
@@ -127,16 +127,25 @@ impl MovingBody {
     pub(crate) fn frames(&self, frame_rate: f64, from: f64) -> Result<Vec<Vec<DVec3>>, RigError> {
         let [first, last] = self.span().unwrap_or_default();
         let start = first + from;
-        let steps = ((last - start) * frame_rate + SLACK).floor().max(0.0);
-        if steps >= MOST_FRAMES as f64 {
-            return Err(RigError::Long {
-                frames: steps,
-                most: MOST_FRAMES,
-            });
-        }
+        let steps = steps((last - start).max(0.0), frame_rate)?;
         let time = |frame: usize| start + frame as f64 / frame_rate;
-        Ok((0..=steps as usize)
+        Ok((0..=steps)
             .map(|frame| self.positions(time(frame)))
             .collect())
     }
+}
+
+/// The frames of a motion that lasts so many `seconds`.
+///
+/// # Errors
+/// [`RigError::Long`] for more than 100000.
+pub(super) fn steps(seconds: f64, frame_rate: f64) -> Result<usize, RigError> {
+    let frames = (seconds * frame_rate + SLACK).floor();
+    if (0.0..MOST_FRAMES as f64).contains(&frames) {
+        return Ok(frames as usize);
+    }
+    Err(RigError::Long {
+        frames,
+        most: MOST_FRAMES,
+    })
 }

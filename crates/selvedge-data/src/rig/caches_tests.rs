@@ -8,7 +8,7 @@ use glam::{DVec2, DVec3};
 
 use super::*;
 use crate::UpAxis;
-use crate::export::{ExportFormat, ExportOptions, FrameSpan, Normals, Velocities, export};
+use crate::export::{ExportFormat, ExportOptions, FrameSpan, export};
 use crate::trajectory::Trajectory;
 use crate::trajectory::test_square::moving_square;
 
@@ -63,11 +63,8 @@ fn exported(format: ExportFormat, up: UpAxis, frames: &str) -> Vec<u8> {
             ..frames.parse().unwrap()
         },
         up,
-        normals: Normals::Written,
-        velocities: match format {
-            ExportFormat::Glb => Velocities::LeftOut,
-            _ => Velocities::Written,
-        },
+        normals: true,
+        velocities: format != ExportFormat::Glb,
     };
     let mut observe = || ControlFlow::Continue(());
     export(&trajectory(), Path::new(&path), &options, &mut observe).unwrap();

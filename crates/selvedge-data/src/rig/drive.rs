@@ -8,15 +8,9 @@ use std::path::Path;
 use glam::{DMat4, DVec3};
 use selvedge_cloth::RecordedMotion;
 
+use super::bodies::steps;
 use super::error::RigError;
 use super::node::Rig;
-
-/// Frames at most that a rig may last.
-const MOST_FRAMES: usize = 100_000;
-
-/// A key that is so near to a frame is taken to be at it [frames]: glTF has times in single
-/// precision.
-const SLACK: f64 = 1e-2;
 
 /// Handles and what they follow.
 pub(crate) struct Followers<'a> {
@@ -62,13 +56,7 @@ impl Rig {
                 names: unique.join(", "),
             });
         };
-        let steps = ((last - first) * followers.frame_rate + SLACK).floor();
-        if !(0.0..MOST_FRAMES as f64).contains(&steps) {
-            return Err(RigError::Long {
-                frames: steps,
-                most: MOST_FRAMES,
-            });
-        }
+        let steps = steps(last - first, followers.frame_rate)?;
         let back: Vec<DMat4> = nodes
             .iter()
             .zip(names)
@@ -84,7 +72,7 @@ impl Rig {
                 .collect()
         };
         Ok(RecordedMotion {
-            positions: (0..=steps as usize).map(frame).collect(),
+            positions: (0..=steps).map(frame).collect(),
         })
     }
 

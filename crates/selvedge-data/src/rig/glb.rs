@@ -154,6 +154,23 @@ struct Buffer {
     uri: Option<String>,
 }
 
+impl Sampler {
+    /// The values at these times; in a spline each is between its tangents.
+    fn track<T: Value>(&self, times: Vec<f64>, values: Vec<T>) -> Result<Track<T>, &'static str> {
+        let joined = match self.interpolation {
+            Interpolation::Linear => Joined::Linearly,
+            Interpolation::Step => Joined::InSteps,
+            Interpolation::CubicSpline => {
+                let triples = values.chunks_exact(3);
+                let tangents = triples.clone().map(|t| [t[0], t[2]]).collect();
+                let values = triples.map(|t| t[1]).collect();
+                return Track::new(times, values, Joined::BySplines(tangents));
+            }
+        };
+        Track::new(times, values, joined)
+    }
+}
+
 /// A file under way.
 struct File<'a> {
     document: Document,
@@ -187,10 +204,8 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Rig, RigError> {
 pub(super) fn parse_meshes(bytes: &[u8]) -> Result<(Rig, Vec<NodeMesh>), RigError> {
     let file = File::open(bytes)?;
     file.check_compression()?;
-    let nodes = file.document.nodes.iter().enumerate();
-    let meshes = nodes.filter_map(|(node, of)| Some((node, of.mesh?)));
-    let meshes: Result<_, _> = meshes.map(|(node, mesh)| file.mesh(node, mesh)).collect();
-    Ok((file.rig()?, meshes?))
+    let meshes = file.of_nodes(|node, mesh| file.mesh(node, mesh))?;
+    Ok((file.rig()?, meshes))
 }
 
 impl<'a> File<'a> {
@@ -213,18 +228,6 @@ impl<'a> File<'a> {
             }),
         }
     }
-}
-
-fn rig_of(file: &File<'_>) -> Result<Rig, RigError> {
-    let channels = file.channels()?;
-    let parents = file.parents()?;
-    let nodes = (0..file.document.nodes.len())
-        .map(|number| file.node(number, parents[number], &channels))
-        .collect::<Result<_, _>>()?;
-    Ok(Rig {
-        nodes,
-        world: DMat4::IDENTITY,
-    })
 }
 
 /// The JSON and the binary part.
@@ -269,7 +272,23 @@ fn part(what: impl Into<String>, problem: impl Into<String>) -> RigError {
 
 impl File<'_> {
     fn rig(&self) -> Result<Rig, RigError> {
-        rig_of(self)
+        let channels = self.channels()?;
+        let parents = self.parents()?.into_iter().enumerate();
+        let nodes = parents.map(|(number, parent)| self.node(number, parent, &channels));
+        Ok(Rig {
+            nodes: nodes.collect::<Result<_, _>>()?,
+            world: DMat4::IDENTITY,
+        })
+    }
+
+    /// What `read` makes of every node that has a mesh, and of its mesh.
+    fn of_nodes<T>(
+        &self,
+        read: impl Fn(usize, usize) -> Result<T, RigError>,
+    ) -> Result<Vec<T>, RigError> {
+        let nodes = self.document.nodes.iter().enumerate();
+        let meshes = nodes.filter_map(|(node, of)| Some((node, of.mesh?)));
+        meshes.map(|(node, mesh)| read(node, mesh)).collect()
     }
 
     /// The mesh of a node: all its primitives.
@@ -448,18 +467,8 @@ impl File<'_> {
     ) -> Result<Track<T>, RigError> {
         let times = self.numbers(sampler.input, 1)?;
         let output = self.numbers(sampler.output, width)?;
-        let values: Vec<T> = output.chunks_exact(width).map(value).collect();
-        let (values, joined) = match sampler.interpolation {
-            Interpolation::Linear => (values, Joined::Linearly),
-            Interpolation::Step => (values, Joined::InSteps),
-            Interpolation::CubicSpline => {
-                let triples = values.chunks_exact(3);
-                let tangents = triples.clone().map(|t| [t[0], t[2]]).collect();
-                (triples.map(|t| t[1]).collect(), Joined::BySplines(tangents))
-            }
-        };
-        let track = Track::new(times, values, joined);
-        track.map_err(|problem| {
+        let values = output.chunks_exact(width).map(value).collect();
+        sampler.track(times, values).map_err(|problem| {
             let what = format!("animation {:?}", animation.name);
             part(what, format!("a sampler {problem}"))
         })

@@ -66,7 +66,6 @@ fn add(polygons: &mut Polygons, rig: &Rig, mesh: NodeMesh) -> Result<(), RigErro
             place: Place::Face(polygons.polygons.len()),
             corners,
             fabric,
-            label: None,
             part: polygons.parts.len(),
         });
     }

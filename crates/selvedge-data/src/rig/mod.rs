@@ -23,7 +23,7 @@ use crate::formats::input::read_file;
 use crate::formats::retired::retired;
 use glam::DMat4;
 
-pub(crate) use self::bodies::{MovingBody, read_body};
+pub(crate) use self::bodies::read_body;
 pub(crate) use self::drive::Followers;
 pub use self::error::RigError;
 pub use self::mesh_motion::MeshMotion;

@@ -17,17 +17,8 @@ pub(super) struct NodeMesh {
     pub(super) fabrics: Vec<Option<String>>,
 }
 
-/// Order in which a file lists the corners of a face, as ours has them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Corners {
-    /// The same order.
-    AsOurs,
-    /// From the last to the first: the faces were turned round when they were read.
-    Reversed,
-}
-
-/// Texture coordinates of the corners of `faces`, from `values` per corner, in the order that the
-/// file lists them, or per point of `points`; their number says which of the two they are.
+/// Texture coordinates of the corners of `faces`, from `values` per corner or per point of
+/// `points`; their number says which of the two they are.
 ///
 /// # Errors
 /// The defect, as the end of a sentence, where their number is neither.
@@ -35,18 +26,11 @@ pub(super) fn texture_by_corner(
     values: &[DVec2],
     faces: &[Vec<u32>],
     points: usize,
-    order: Corners,
 ) -> Result<Vec<Vec<DVec2>>, String> {
     let corners: usize = faces.iter().map(Vec::len).sum();
     if values.len() == corners {
         let mut values = values.iter().copied();
-        let of = |face: &Vec<u32>| {
-            let mut of: Vec<DVec2> = values.by_ref().take(face.len()).collect();
-            if order == Corners::Reversed {
-                of.reverse();
-            }
-            of
-        };
+        let of = |face: &Vec<u32>| values.by_ref().take(face.len()).collect();
         return Ok(faces.iter().map(of).collect());
     }
     if values.len() != points {

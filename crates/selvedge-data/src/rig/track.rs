@@ -5,6 +5,9 @@
 //! 2s² + s) b₀ + (3s² - 2s³) v₁ + d (s³ - s²) a₁, a and b the tangents into and out of a key.
 //! Before the first and after the last key it stands.
 
+use std::iter::Sum;
+use std::ops::Mul;
+
 use glam::{DMat4, DQuat, DVec3};
 
 /// Interpolation between keys.
@@ -27,11 +30,16 @@ pub(super) struct Track<T> {
 }
 
 /// A value that can be interpolated.
-pub(super) trait Value: Copy {
+pub(super) trait Value: Copy + Mul<f64, Output = Self> + Sum {
     /// The value at a fraction of the way from `self` to `to`.
     fn between(self, to: Self, fraction: f64) -> Self;
     /// The sum of values, each times its weight, as a value of its kind.
-    fn combined(parts: [(Self, f64); 4]) -> Self;
+    fn combined(parts: [(Self, f64); 4]) -> Self {
+        parts
+            .into_iter()
+            .map(|(value, weight)| value * weight)
+            .sum()
+    }
     /// Returns true when all numbers are finite.
     fn is_sound(self) -> bool;
 }
@@ -39,13 +47,6 @@ pub(super) trait Value: Copy {
 impl Value for f64 {
     fn between(self, to: Self, fraction: f64) -> Self {
         self + (to - self) * fraction
-    }
-
-    fn combined(parts: [(Self, f64); 4]) -> Self {
-        parts
-            .into_iter()
-            .map(|(value, weight)| value * weight)
-            .sum()
     }
 
     fn is_sound(self) -> bool {
@@ -56,13 +57,6 @@ impl Value for f64 {
 impl Value for DVec3 {
     fn between(self, to: Self, fraction: f64) -> Self {
         self.lerp(to, fraction)
-    }
-
-    fn combined(parts: [(Self, f64); 4]) -> Self {
-        parts
-            .into_iter()
-            .map(|(value, weight)| value * weight)
-            .sum()
     }
 
     fn is_sound(self) -> bool {
@@ -97,12 +91,6 @@ impl Value for DQuat {
 impl Value for DMat4 {
     fn between(self, to: Self, fraction: f64) -> Self {
         self * (1.0 - fraction) + to * fraction
-    }
-
-    fn combined(parts: [(Self, f64); 4]) -> Self {
-        parts
-            .into_iter()
-            .fold(Self::ZERO, |sum, (matrix, weight)| sum + matrix * weight)
     }
 
     fn is_sound(self) -> bool {

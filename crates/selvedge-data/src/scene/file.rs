@@ -16,54 +16,18 @@
 //! ARCSim.
 
 use super::arcsim::parse_arcsim;
-use super::handle_selection::HandleSelection;
 use super::loaded::LoadedScene;
-use super::material_source::MaterialSource;
-use super::motion_source::{MotionSource, Stand};
-use super::physics_file::PhysicsFile;
-use super::problem::{SceneFileError, SceneProblem};
-use super::setting_file::{FrameRate, MeshFile, ResolvedSetting, SettingFile};
+use super::motion_source::Stand;
+use super::problem::{SceneFileError, SceneProblem, field};
+use super::setting_file::{ResolvedSetting, SettingFile};
 use super::shipped::{shipped_scene_text, shipped_scenes};
 use super::spec::SceneSpec;
 use super::start::StartSpec;
-use super::start_file::StartFile;
 use super::text::{parse_toml, read_text};
-use crate::formats::polygons::SeamPair;
-use crate::obstacle::ObstacleFile;
 use crate::trajectory::state_file::SavedState;
 use glam::DVec3;
-use selvedge_cloth::{ContactSettings, Environment, Mesh, SagSettings};
-use serde::Deserialize;
-use std::collections::BTreeMap;
+use selvedge_cloth::Mesh;
 use std::path::{Path, PathBuf};
-
-/// The file's own words.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct SceneFile {
-    name: String,
-    mesh: MeshFile,
-    handles: HandleSelection,
-    material: MaterialSource,
-    #[serde(default)]
-    fabrics: BTreeMap<String, MaterialSource>,
-    #[serde(default)]
-    seams: Vec<SeamPair>,
-    motion: MotionSource,
-    #[serde(default)]
-    environment: Environment,
-    #[serde(default)]
-    physics: PhysicsFile,
-    #[serde(default)]
-    sag: SagSettings,
-    #[serde(default)]
-    start: StartFile,
-    #[serde(default)]
-    frame_rate: FrameRate,
-    contact: Option<ContactSettings>,
-    #[serde(default)]
-    obstacles: Vec<ObstacleFile>,
-}
 
 /// Remedy for a mesh that starts far from its material size.
 const REMEDY: &str = "set mesh.texture = \"fit\" for an obj, or mesh.transform.material_scale";
@@ -125,20 +89,11 @@ pub fn parse_scene(text: &str, folder: &Path, origin: &str) -> Result<LoadedScen
 }
 
 fn resolve(text: &str, folder: &Path) -> Result<LoadedScene, SceneProblem> {
-    let file: SceneFile = parse_toml(text)?;
-    let setting = SettingFile {
-        mesh: file.mesh,
-        handles: file.handles,
-        material: file.material,
-        fabrics: file.fabrics,
-        seams: file.seams,
-        environment: file.environment,
-        physics: file.physics,
-        sag: file.sag,
-        frame_rate: file.frame_rate,
-        contact: file.contact,
-        obstacles: file.obstacles,
-    };
+    let mut file: SettingFile = parse_toml(text)?;
+    let missing = |key| move || field(key, "is missing");
+    let name = file.name.take().ok_or_else(missing("name"))?;
+    let motion_source = file.motion.take().ok_or_else(missing("motion"))?;
+    let start = file.start.take().unwrap_or_default();
     let mut files = Vec::new();
     let ResolvedSetting {
         setting,
@@ -147,15 +102,15 @@ fn resolve(text: &str, folder: &Path) -> Result<LoadedScene, SceneProblem> {
         velocities,
         loose,
         warnings,
-    } = setting.resolve(folder, &mut files)?;
+    } = file.resolve(folder, &mut files)?;
     let stand = Stand::of(&setting, &mesh, &groups);
-    let motion = file.motion.resolve(folder, &stand)?;
-    files.extend(file.motion.file().map(|file| folder.join(file)));
+    let motion = motion_source.resolve(folder, &stand)?;
+    files.extend(motion_source.file().map(|file| folder.join(file)));
     let vertices = mesh.topology().vertex_count();
-    let (start, state) = file.start.resolve(folder, vertices, setting.frame_rate)?;
+    let (start, state) = start.resolve(folder, vertices, setting.frame_rate)?;
     let state = state.or_else(|| moving_mesh(&start, &mesh, velocities));
     let spec = SceneSpec {
-        name: file.name,
+        name,
         setting,
         motion,
         start,
@@ -179,14 +134,7 @@ pub(super) fn moving_mesh(
     velocities: Option<Vec<DVec3>>,
 ) -> Option<SavedState> {
     let velocities = velocities.filter(|_| *start == StartSpec::Mesh)?;
-    Some(SavedState {
-        positions: mesh.positions().to_vec(),
-        velocities,
-        frame: 0,
-        previous: None,
-        contact: None,
-        changes: None,
-    })
+    Some(SavedState::moving(mesh.positions().to_vec(), velocities))
 }
 
 #[cfg(test)]

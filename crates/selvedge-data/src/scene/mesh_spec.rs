@@ -9,13 +9,15 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::strained::Times;
+use crate::formats::file_error::FileError;
 use crate::formats::hash::hash;
 use crate::formats::input::read_file;
 use crate::formats::mesh_file::parse_mesh_bytes;
 use crate::formats::polygons::{
-    FabricNames, MeshFileError, MeshOptions, PatternSource, ReadMesh, ReadMeshError, RestAngles,
-    Seams, Sewing, TextureUnit,
+    MeshFileError, MeshOptions, PatternSource, ReadMesh, ReadMeshError, RestAngles, Seams, Sewing,
+    TextureUnit,
 };
+use crate::obstacle::Placement;
 
 /// A mesh, resolved: the same spec makes the same mesh.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -78,9 +80,6 @@ pub enum MeshSource {
         /// Distance up to which vertices are one `[m]`.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         weld: Option<f64>,
-        /// Statements that give faces their fabrics.
-        #[serde(default, skip_serializing_if = "is_default")]
-        fabrics: FabricNames,
     },
 }
 
@@ -110,22 +109,10 @@ struct GeneratorFields {
     seed: u64,
 }
 
-/// Keys that do not make a [`GeneratorSpec`].
-#[derive(Clone, Copy, Debug, Error, PartialEq)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum GeneratorError {
-    #[error("density must be finite and positive, found {density} vertices/m²")]
-    Density { density: f64 },
-    #[error("give `vertices` or `density`, not both")]
-    Both,
-    #[error("missing field: `vertices` or `density`")]
-    Neither,
-}
-
 impl TryFrom<GeneratorFields> for GeneratorSpec {
-    type Error = GeneratorError;
+    type Error = String;
 
-    fn try_from(fields: GeneratorFields) -> Result<Self, GeneratorError> {
+    fn try_from(fields: GeneratorFields) -> Result<Self, String> {
         let GeneratorFields {
             kind, size, seed, ..
         } = fields;
@@ -134,9 +121,13 @@ impl TryFrom<GeneratorFields> for GeneratorSpec {
             (None, Some(density)) if density.is_finite() && density > 0.0 => {
                 kind.vertices(size, density)
             }
-            (None, Some(density)) => return Err(GeneratorError::Density { density }),
-            (Some(_), Some(_)) => return Err(GeneratorError::Both),
-            (None, None) => return Err(GeneratorError::Neither),
+            (None, Some(density)) => {
+                return Err(format!(
+                    "density must be finite and positive, found {density} vertices/m²"
+                ));
+            }
+            (Some(_), Some(_)) => return Err("give `vertices` or `density`, not both".to_owned()),
+            (None, None) => return Err("missing field: `vertices` or `density`".to_owned()),
         };
         Ok(Self {
             kind,
@@ -238,7 +229,6 @@ impl MeshSource {
             pattern: options.pattern,
             thread: options.thread,
             weld: options.weld,
-            fabrics: options.fabrics,
         })
     }
 }
@@ -295,7 +285,7 @@ impl MeshSpec {
             Some(loose) => check_units(&loose.mesh(&sheet.mesh)?)?,
             None => check_units(&sheet.mesh)?,
         }
-        let turn = self.transform.turn();
+        let turn = self.transform.rotation.turn();
         let velocities = read.velocities.map(|velocities| {
             let turned = |v: DVec3| turn * (self.transform.scale * v);
             velocities.into_iter().map(turned).collect()
@@ -326,7 +316,6 @@ impl MeshSource {
                 pattern,
                 thread,
                 weld,
-                fabrics,
             } => {
                 let options = MeshOptions {
                     seams: *seams,
@@ -334,13 +323,11 @@ impl MeshSource {
                     pattern: *pattern,
                     thread: *thread,
                     weld: *weld,
-                    fabrics: *fabrics,
                 };
                 let bytes = unchanged(path, blake3, folder)?;
                 let full = folder.join(path);
                 let read = parse_mesh_bytes(&full, &bytes, options, sewing);
-                return read
-                    .map_err(|source| MeshSpecError::Obj(ReadMeshError { path: full, source }));
+                return Ok(read.map_err(FileError::at(&full))?);
             }
         };
         Ok(ReadMesh {
@@ -370,48 +357,45 @@ impl Transform {
     }
 
     fn place(&self, position: DVec3) -> DVec3 {
-        self.turn() * (self.scale * position) + self.translation
+        self.placement().place(position)
     }
 
-    fn turn(&self) -> DQuat {
-        let axis = self.rotation.axis.normalize();
-        DQuat::from_axis_angle(axis, self.rotation.angle_deg.to_radians())
+    fn placement(&self) -> Placement {
+        Placement {
+            scale: self.scale,
+            rotation: self.rotation,
+            translation: self.translation,
+        }
     }
 
     fn validate(&self) -> Result<(), MeshSpecError> {
-        let error = |field, expected, found| MeshSpecError::Transform {
+        let scaled = Placement {
+            scale: self.material_scale,
+            ..Placement::default()
+        };
+        let own = self.placement().check();
+        let scaled = scaled
+            .check()
+            .map_err(|(_, must, found)| ("material_scale", must, found));
+        let checked = own.and(scaled);
+        checked.map_err(|(field, expected, found)| MeshSpecError::Transform {
             field,
             expected,
             found,
-        };
-        for (field, value) in [
-            ("scale", self.scale),
-            ("material_scale", self.material_scale),
-        ] {
-            if !(value.is_finite() && value > 0.0) {
-                return Err(error(field, "finite and positive", value.to_string()));
-            }
-        }
-        let axis = self.rotation.axis;
-        if axis.try_normalize().is_none() {
-            return Err(error("rotation.axis", "a direction", axis.to_string()));
-        }
-        if !self.rotation.angle_deg.is_finite() {
-            let found = self.rotation.angle_deg.to_string();
-            return Err(error("rotation.angle_deg", "finite", found));
-        }
-        if !self.translation.is_finite() {
-            return Err(error("translation", "finite", self.translation.to_string()));
-        }
-        Ok(())
+        })
+    }
+}
+
+impl Rotate {
+    /// The turn; the axis must be a direction.
+    pub(crate) fn turn(&self) -> DQuat {
+        DQuat::from_axis_angle(self.axis.normalize(), self.angle_deg.to_radians())
     }
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, ReadMeshError> {
-    read_file(path).map_err(|source| ReadMeshError {
-        path: path.to_owned(),
-        source: MeshFileError::Read(source),
-    })
+    let bytes = read_file(path).map_err(MeshFileError::Read);
+    bytes.map_err(FileError::at(path))
 }
 
 fn is_default<T: Default + PartialEq>(value: &T) -> bool {

@@ -25,8 +25,7 @@ pub use handle_selection::{HandleGroup, HandleSelection, ReleaseSpan};
 pub use loaded::LoadedScene;
 pub use material_source::{MaterialSource, MaterialTable};
 pub use mesh_spec::{
-    BuiltMesh, GeneratorError, GeneratorSpec, MeshSource, MeshSpec, MeshSpecError, Rotate,
-    Transform,
+    BuiltMesh, GeneratorSpec, MeshSource, MeshSpec, MeshSpecError, Rotate, Transform,
 };
 pub(crate) use motion_source::Stand;
 pub use motion_source::{GroupMotion, GroupMove, MotionSource, RigMotion};

@@ -13,8 +13,8 @@ use super::problem::{SceneProblem, field};
 use super::recorded_csv::parse_recorded_csv;
 use super::spec::Setting;
 use super::text::{parse_toml, read_text};
-use crate::export::handle_positions;
 use crate::formats::input::read_file;
+use crate::formats::npz::NpzPoints;
 use crate::rig::{Followers, Rig};
 
 /// One way to say how the handles move; paths are relative to the file that names them.
@@ -122,13 +122,27 @@ impl RigMotion {
     }
 }
 
+/// The motion in a file: CSV, or an archive with `positions` `[frames, handles, 3]` `[m]`. Where
+/// the archive has `handles`, as in an export, these vertices of `[frames, vertices, 3]` are taken;
+/// a rate in it must be that of the scene.
 fn read_recorded(path: &Path, frame_rate: f64) -> Result<RecordedMotion, String> {
     if path
         .extension()
         .is_some_and(|e| e.eq_ignore_ascii_case("npz"))
     {
         let bytes = read_file(path).map_err(|error| format!("could not be read: {error}"))?;
-        return handle_positions(&bytes, frame_rate).map_err(|error| error.to_string());
+        let read = NpzPoints::read(&bytes).map_err(|error| error.to_string())?;
+        if let Some(found) = read.frame_rate.filter(|&found| found != frame_rate) {
+            return Err(format!(
+                "array fps: expected {frame_rate}, the frame rate of the scene, found {found}"
+            ));
+        }
+        let of_handles = |frame: Vec<DVec3>| match &read.handles {
+            Some(handles) => handles.iter().map(|&h| frame[h as usize]).collect(),
+            None => frame,
+        };
+        let positions = read.frames.into_iter().map(of_handles).collect();
+        return Ok(RecordedMotion { positions });
     }
     let text = read_text(path).map_err(|error| error.to_string())?;
     parse_recorded_csv(&text).map_err(|error| error.to_string())

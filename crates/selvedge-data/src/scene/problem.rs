@@ -28,8 +28,6 @@ pub enum SceneProblem {
     Toml(#[source] Box<toml::de::Error>),
     #[error("is no JSON: {0}")]
     Json(#[source] serde_json::Error),
-    #[error(transparent)]
-    RepeatedKey(serde_json::Error),
     #[error("{key}: {problem}")]
     Key { key: String, problem: String },
     #[error("{field}: {problem}")]

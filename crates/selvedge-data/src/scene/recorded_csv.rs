@@ -12,31 +12,8 @@ const HEADER: [&str; 5] = ["frame", "handle", "x", "y", "z"];
 
 /// Text that is no recorded motion. Lines count from 1.
 #[derive(Clone, Debug, Error, PartialEq)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum RecordedCsvError {
-    #[error("line 1: expected the header frame,handle,x,y,z, found {found:?}")]
-    Header { found: String },
-    #[error("line {line}: expected 5 columns, found {found}")]
-    Columns { line: usize, found: usize },
-    #[error("line {line}: {column} must be {expected}, found {found:?}")]
-    Value {
-        line: usize,
-        column: &'static str,
-        expected: &'static str,
-        found: String,
-    },
-    #[error("line {line}: frame {frame}, handle {handle} was already given in line {first}")]
-    Repeated {
-        line: usize,
-        frame: usize,
-        handle: usize,
-        first: usize,
-    },
-    #[error("there is no row for frame {frame}, handle {handle}")]
-    Missing { frame: usize, handle: usize },
-    #[error("there are no rows")]
-    Empty,
-}
+#[error("{0}")]
+pub struct RecordedCsvError(String);
 
 struct Row {
     line: usize,
@@ -53,9 +30,9 @@ pub fn parse_recorded_csv(text: &str) -> Result<RecordedMotion, RecordedCsvError
     // Spreadsheets put a byte-order mark before the header.
     let header = header.trim_start_matches('\u{feff}');
     if !header.split(',').map(str::trim).eq(HEADER) {
-        return Err(RecordedCsvError::Header {
-            found: header.to_owned(),
-        });
+        return Err(RecordedCsvError(format!(
+            "line 1: expected the header frame,handle,x,y,z, found {header:?}"
+        )));
     }
     let mut rows: HashMap<(usize, usize), Row> = HashMap::new();
     for (number, content) in lines {
@@ -65,12 +42,10 @@ pub fn parse_recorded_csv(text: &str) -> Result<RecordedMotion, RecordedCsvError
         let line = number + 1;
         let (frame, handle, position) = parse_row(line, content)?;
         if let Some(earlier) = rows.insert((frame, handle), Row { line, position }) {
-            return Err(RecordedCsvError::Repeated {
-                line,
-                frame,
-                handle,
-                first: earlier.line,
-            });
+            return Err(RecordedCsvError(format!(
+                "line {line}: frame {frame}, handle {handle} was already given in line {}",
+                earlier.line
+            )));
         }
     }
     collect(&rows)
@@ -79,16 +54,15 @@ pub fn parse_recorded_csv(text: &str) -> Result<RecordedMotion, RecordedCsvError
 fn parse_row(line: usize, content: &str) -> Result<(usize, usize, DVec3), RecordedCsvError> {
     let cells: Vec<&str> = content.split(',').map(str::trim).collect();
     let &[frame, handle, x, y, z] = cells.as_slice() else {
-        return Err(RecordedCsvError::Columns {
-            line,
-            found: cells.len(),
-        });
+        return Err(RecordedCsvError(format!(
+            "line {line}: expected 5 columns, found {}",
+            cells.len()
+        )));
     };
-    let error = |column, expected, found: &str| RecordedCsvError::Value {
-        line,
-        column,
-        expected,
-        found: found.to_owned(),
+    let error = |column: &str, expected: &str, found: &str| {
+        RecordedCsvError(format!(
+            "line {line}: {column} must be {expected}, found {found:?}"
+        ))
     };
     let count = |column, text: &str| {
         text.parse::<usize>()
@@ -105,15 +79,17 @@ fn parse_row(line: usize, content: &str) -> Result<(usize, usize, DVec3), Record
 fn collect(rows: &HashMap<(usize, usize), Row>) -> Result<RecordedMotion, RecordedCsvError> {
     let last = |of: fn(&(usize, usize)) -> usize| rows.keys().map(of).max();
     let (Some(last_frame), Some(last_handle)) = (last(|key| key.0), last(|key| key.1)) else {
-        return Err(RecordedCsvError::Empty);
+        return Err(RecordedCsvError("there are no rows".to_owned()));
     };
     let mut positions = Vec::new();
     for frame in 0..=last_frame {
         let mut of_frame = Vec::new();
         for handle in 0..=last_handle {
-            let row = rows
-                .get(&(frame, handle))
-                .ok_or(RecordedCsvError::Missing { frame, handle })?;
+            let row = rows.get(&(frame, handle)).ok_or_else(|| {
+                RecordedCsvError(format!(
+                    "there is no row for frame {frame}, handle {handle}"
+                ))
+            })?;
             of_frame.push(row.position);
         }
         positions.push(of_frame);

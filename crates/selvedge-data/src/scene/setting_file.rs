@@ -13,46 +13,47 @@ use serde::Deserialize;
 use super::handle_selection::{Groups, HandleSelection, Selected};
 use super::material_source::MaterialSource;
 use super::mesh_spec::{BuiltMesh, GeneratorSpec, MeshSource, MeshSpec, Transform};
+use super::motion_source::MotionSource;
 use super::physics_file::PhysicsFile;
 use super::problem::{SceneProblem, field};
 use super::spec::{SceneSpecError, Setting};
+use super::start_file::StartFile;
 use crate::formats::polygons::{
-    FabricNames, MeshOptions, PanelPlace, PatternSource, RestAngles, SeamPair, Seams, Sewing,
-    TextureUnit,
+    MeshOptions, PanelPlace, PatternSource, RestAngles, SeamPair, Seams, Sewing, TextureUnit,
 };
 use crate::obstacle::{ObstacleFile, ObstacleSpec};
 
-/// A scene without name, motion and start, as a data set's preset has it.
-///
-/// `SceneFile` has the same keys again: flattened into it, they would lose their line numbers in
-/// errors.
+/// A scene as people write it; a data set's preset has one without name, motion and start.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct SettingFile {
-    pub(super) mesh: MeshFile,
-    pub(super) handles: HandleSelection,
-    pub(super) material: MaterialSource,
+    pub(crate) name: Option<String>,
+    pub(crate) motion: Option<MotionSource>,
+    pub(crate) start: Option<StartFile>,
+    mesh: MeshFile,
+    handles: HandleSelection,
+    material: MaterialSource,
     #[serde(default)]
-    pub(super) fabrics: BTreeMap<String, MaterialSource>,
+    fabrics: BTreeMap<String, MaterialSource>,
     #[serde(default)]
-    pub(super) seams: Vec<SeamPair>,
+    seams: Vec<SeamPair>,
     #[serde(default)]
-    pub(super) environment: Environment,
+    environment: Environment,
     #[serde(default)]
-    pub(super) physics: PhysicsFile,
+    physics: PhysicsFile,
     #[serde(default)]
-    pub(super) sag: SagSettings,
+    sag: SagSettings,
     #[serde(default)]
-    pub(super) frame_rate: FrameRate,
-    pub(super) contact: Option<ContactSettings>,
+    frame_rate: FrameRate,
+    contact: Option<ContactSettings>,
     #[serde(default)]
-    pub(super) obstacles: Vec<ObstacleFile>,
+    obstacles: Vec<ObstacleFile>,
 }
 
 /// Frames per second.
 #[derive(Deserialize)]
 #[serde(transparent)]
-pub(crate) struct FrameRate(f64);
+struct FrameRate(f64);
 
 impl Default for FrameRate {
     fn default() -> Self {
@@ -174,7 +175,6 @@ impl MeshFile {
             pattern: self.pattern.unwrap_or_default(),
             thread: self.thread,
             weld: self.weld,
-            fabrics: FabricNames::default(),
         };
         let for_files = self.seams.is_some()
             || self.texture.is_some()

@@ -11,7 +11,7 @@ use crate::trajectory::state_file::{SavedState, StateChoice};
 /// Start of a run, as files have it.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub(super) enum StartFile {
+pub(crate) enum StartFile {
     #[default]
     Rest,
     Mesh,

@@ -13,22 +13,22 @@
 //! they would be lost when the file is written again.
 
 use std::collections::{BTreeMap, HashMap};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use glam::{Vec2, Vec3};
-use safetensors::tensor::{Dtype, Metadata};
-use safetensors::{SafeTensorError, SafeTensors};
 use selvedge_cloth::{
     Cloth, ClothArrays, ClothError, HandleError, Handles, Topology, TopologyError,
 };
+use serde_json::Value;
 use thiserror::Error;
 
+use crate::UpAxis;
+use crate::formats::arrays::{ArrayError, ArrayFile};
 use crate::formats::atomic::WriteError;
+use crate::formats::file_error::FileError;
 use crate::formats::input::read_file;
-use crate::formats::tensor_file::{
-    TensorOut, TensorValues, put_tensors, read_header, write_tensors,
-};
-use crate::trajectory::obstacle_file::{self, ObstacleTensors};
+use crate::formats::tensor_file::{Tensor, TensorOut, Values, put_tensors, write_tensors};
+use crate::trajectory::obstacle_file;
 use crate::trajectory::{Provenance, Trajectory, TrajectoryError};
 
 const FORMAT: &str = "selvedge-trajectory";
@@ -50,15 +50,7 @@ const TENSORS: [&str; 7] = [
 ];
 
 /// A trajectory that could not be read from a file.
-#[derive(Debug, Error)]
-#[error("{}: {source}", path.display())]
-pub struct ReadTrajectoryError {
-    /// The file.
-    pub path: PathBuf,
-    /// The problem.
-    #[source]
-    pub source: TrajectoryFileError,
-}
+pub type ReadTrajectoryError = FileError<TrajectoryFileError>;
 
 /// Bytes that are not a trajectory.
 #[derive(Debug, Error)]
@@ -66,10 +58,6 @@ pub struct ReadTrajectoryError {
 pub enum TrajectoryFileError {
     #[error("could not be read: {0}")]
     Read(#[source] std::io::Error),
-    #[error(
-        "is no complete safetensors file ({0}): it may have been cut short, or be another format"
-    )]
-    Container(#[source] SafeTensorError),
     #[error("is not a trajectory: its metadata has no entry named {name}")]
     MissingMetadata { name: &'static str },
     #[error("metadata {name}: expected {expected}, found {found:?}")]
@@ -78,22 +66,10 @@ pub enum TrajectoryFileError {
         expected: &'static str,
         found: String,
     },
-    #[error("has no tensor named {name} (found {found})")]
-    MissingTensor { name: &'static str, found: String },
     #[error("has a tensor named {name}, which this version does not know")]
     UnknownTensor { name: String },
-    #[error("tensor {name}: expected {expected}, found {found}")]
-    Tensor {
-        name: &'static str,
-        expected: String,
-        found: String,
-    },
-    #[error("tensor {name}: expected {expected}, found {found}")]
-    ObstacleTensor {
-        name: String,
-        expected: String,
-        found: String,
-    },
+    #[error(transparent)]
+    Arrays(#[from] ArrayError),
     #[error(transparent)]
     Topology(#[from] TopologyError),
     #[error(transparent)]
@@ -110,13 +86,9 @@ impl Trajectory {
     /// # Errors
     /// [`ReadTrajectoryError`] names the file, and what in it is missing or wrong.
     pub fn read(path: &Path) -> Result<Self, ReadTrajectoryError> {
-        read_file(path)
-            .map_err(TrajectoryFileError::Read)
-            .and_then(|bytes| Self::from_bytes(&bytes))
-            .map_err(|source| ReadTrajectoryError {
-                path: path.to_owned(),
-                source,
-            })
+        let bytes = read_file(path).map_err(TrajectoryFileError::Read);
+        let read = bytes.and_then(|bytes| Self::from_bytes(&bytes));
+        read.map_err(FileError::at(path))
     }
 
     /// Reads a trajectory from the bytes of its file.
@@ -124,34 +96,46 @@ impl Trajectory {
     /// # Errors
     /// [`TrajectoryFileError`] names what is missing or wrong.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, TrajectoryFileError> {
-        let header = read_header(bytes).map_err(TrajectoryFileError::Container)?;
-        let (provenance, version) = read_provenance(&header)?;
-        let file = SafeTensors::deserialize(bytes).map_err(TrajectoryFileError::Container)?;
-        let names = obstacle_file::names_in(&header)?;
-        if names.is_empty() == (version == Version::Obstacles) {
+        let (file, metadata) = ArrayFile::safetensors(bytes)?;
+        let (provenance, version) = read_provenance(&metadata)?;
+        let obstacles = obstacle_file::names_in(&metadata)?;
+        if obstacles.is_empty() == (version == OBSTACLE_VERSION) {
             return Err(TrajectoryFileError::Metadata {
                 name: "version".to_owned(),
                 expected: "3 for a file with obstacles, and for no other",
-                found: format!("{} obstacles", names.len()),
+                found: format!("{} obstacles", obstacles.len()),
             });
         }
-        let has_pattern = file.names().contains(&PATTERN_FACES);
-        let is_sewn = version == Version::Sewn || version == Version::Obstacles && has_pattern;
-        let is_known = |name: &&str| {
-            TENSORS.contains(name)
-                || is_sewn && *name == PATTERN_FACES
-                || obstacle_file::is_tensor(name, names.len())
+        let names = file.names();
+        let has_pattern = names.iter().any(|name| name == PATTERN_FACES);
+        let is_sewn = version == SEWN_VERSION || version == OBSTACLE_VERSION && has_pattern;
+        let is_known = |name: &str| {
+            TENSORS.contains(&name)
+                || is_sewn && name == PATTERN_FACES
+                || obstacle_file::is_tensor(name, obstacles.len())
         };
-        if let Some(unknown) = file.names().iter().find(|name| !is_known(name)) {
-            return Err(TrajectoryFileError::UnknownTensor {
-                name: (*unknown).to_owned(),
-            });
+        if let Some(unknown) = names.into_iter().find(|name| !is_known(name)) {
+            return Err(TrajectoryFileError::UnknownTensor { name: unknown });
         }
-        let (positions, frame_shape) = read_tensor(&file, "positions", &[None, None, Some(3)])?;
-        let vertices = frame_shape[1];
-        let cloth = read_cloth(&file, vertices, is_sewn)?;
-        let read = Self::new(cloth, vec3s(&floats(positions)), provenance)?;
-        Ok(read.with_obstacles(obstacle_file::read(&file, &names)?)?)
+        let (cloth, positions) = read_cloth(&file, is_sewn, UpAxis::Y)?;
+        let read = Self::new(cloth, positions, provenance)?;
+        Ok(read.with_obstacles(obstacle_file::read(&file, &obstacles)?)?)
+    }
+
+    /// Reads a trajectory from the bytes of an exported archive (.npz); it has no scene.
+    ///
+    /// # Errors
+    /// [`TrajectoryFileError`] names the array that is missing or wrong.
+    pub fn from_npz(bytes: &[u8]) -> Result<Self, TrajectoryFileError> {
+        let file = ArrayFile::npz(bytes)?;
+        let up = file.up_axis()?;
+        let (cloth, positions) = read_cloth(&file, file.has(PATTERN_FACES), up)?;
+        let provenance = Provenance {
+            frame_rate: file.floats("fps")?.of_shape(&[Some(1)])?.values[0],
+            scene: Value::Null,
+            made_by: "an archive of NumPy's".to_owned(),
+        };
+        Ok(Self::new(cloth, positions, provenance)?)
     }
 
     /// Writes the trajectory file, all or nothing.
@@ -175,91 +159,67 @@ impl Trajectory {
     fn encode<R>(&self, put: impl FnOnce(&[TensorOut<'_>], &BTreeMap<&str, String>) -> R) -> R {
         let cloth = self.cloth();
         let (vertices, faces) = (self.vertex_count(), cloth.topology().faces().len());
-        let positions = flat3(self.positions());
-        let face_indices = cloth.topology().face_indices();
-        let rest_positions = flat3(cloth.rest_positions());
-        let coordinates: Vec<f32> = cloth
-            .material_coordinates()
-            .iter()
-            .flat_map(|c| c.to_array())
-            .collect();
+        let coordinates = cloth.material_coordinates();
         let handles: Vec<u32> = cloth.handles().vertices().iter().map(|v| v.0).collect();
+        let corners = cloth.topology().face_indices().as_flattened().to_vec();
+        let flat = coordinates.iter().flat_map(|c| c.to_array()).collect();
         let values = [
-            TensorValues::F32(&positions),
-            TensorValues::U32(face_indices.as_flattened()),
-            TensorValues::F32(&rest_positions),
-            TensorValues::F32(&coordinates),
-            TensorValues::F32(cloth.vertex_mass()),
-            TensorValues::F32(cloth.face_area()),
-            TensorValues::U32(&handles),
+            (
+                &[self.frame_count(), vertices, 3][..],
+                flat3(self.positions()),
+            ),
+            (&[faces, 3], Values::U32(corners)),
+            (&[vertices, 3], flat3(cloth.rest_positions())),
+            (&[coordinates.len(), 2], Values::F32(flat)),
+            (&[vertices], Values::F32(cloth.vertex_mass().to_vec())),
+            (&[faces], Values::F32(cloth.face_area().to_vec())),
+            (&[handles.len()], Values::U32(handles)),
         ];
-        let shapes = [
-            vec![self.frame_count(), vertices, 3],
-            vec![faces, 3],
-            vec![vertices, 3],
-            vec![cloth.material_coordinates().len(), 2],
-            vec![vertices],
-            vec![faces],
-            vec![handles.len()],
-        ];
-        let mut tensors: Vec<TensorOut<'_>> = TENSORS
-            .into_iter()
-            .zip(shapes)
-            .zip(values)
-            .map(|((name, shape), values)| TensorOut {
-                name,
-                shape,
-                values,
-            })
-            .collect();
+        let named = TENSORS.into_iter().zip(values);
+        let tensor = |(name, (shape, values))| Tensor::new(name, shape, values);
+        let mut tensors: Vec<Tensor> = named.map(tensor).collect();
         let pattern = cloth.pattern();
-        let corners = pattern.corners();
         if pattern.is_sewn() {
-            tensors.push(TensorOut {
-                name: PATTERN_FACES,
-                shape: vec![faces, 3],
-                values: TensorValues::U32(corners.as_flattened()),
-            });
+            let corners = pattern.corners().as_flattened().to_vec();
+            tensors.push(Tensor::new(
+                PATTERN_FACES,
+                &[faces, 3],
+                Values::U32(corners),
+            ));
         }
-        let obstacles = ObstacleTensors::of(self.obstacles());
-        tensors.extend(obstacles.tensors());
+        tensors.extend(obstacle_file::tensors(self.obstacles()));
         let version = match (self.obstacles().is_empty(), pattern.is_sewn()) {
             (false, _) => OBSTACLE_VERSION,
             (true, true) => SEWN_VERSION,
             (true, false) => VERSION,
         };
-        let mut metadata = metadata(self.provenance(), version);
-        metadata.extend(obstacles.metadata());
+        let mut metadata = self.provenance().metadata(FORMAT, version);
+        metadata.extend(obstacle_file::metadata(self.obstacles()));
+        let tensors: Vec<TensorOut<'_>> = tensors.iter().map(Tensor::out).collect();
         put(&tensors, &metadata)
     }
 }
 
-fn metadata(provenance: &Provenance, version: &str) -> BTreeMap<&'static str, String> {
-    BTreeMap::from([
-        ("format", FORMAT.to_owned()),
-        ("version", version.to_owned()),
-        ("fps", provenance.frame_rate.to_string()),
-        ("scene", provenance.scene.to_string()),
-        ("made_by", provenance.made_by.clone()),
-    ])
-}
-
-/// Versions of the file.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Version {
-    Plain,
-    Sewn,
-    Obstacles,
+impl Provenance {
+    /// The metadata of a file in this format.
+    pub(super) fn metadata(&self, format: &str, version: &str) -> BTreeMap<&'static str, String> {
+        BTreeMap::from([
+            ("format", format.to_owned()),
+            ("version", version.to_owned()),
+            ("fps", self.frame_rate.to_string()),
+            ("scene", self.scene.to_string()),
+            ("made_by", self.made_by.clone()),
+        ])
+    }
 }
 
 /// The provenance, and the version of the file.
-fn read_provenance(header: &Metadata) -> Result<(Provenance, Version), TrajectoryFileError> {
-    let empty = HashMap::new();
-    let metadata = header.metadata().as_ref().unwrap_or(&empty);
+fn read_provenance(
+    metadata: &HashMap<String, String>,
+) -> Result<(Provenance, &str), TrajectoryFileError> {
     let entry = |name| {
-        metadata
-            .get(name)
-            .ok_or(TrajectoryFileError::MissingMetadata { name })
+        let found = metadata.get(name).map(String::as_str);
+        found.ok_or(TrajectoryFileError::MissingMetadata { name })
     };
     let wrong = |name: &str, expected, found: &str| TrajectoryFileError::Metadata {
         name: name.to_owned(),
@@ -271,118 +231,69 @@ fn read_provenance(header: &Metadata) -> Result<(Provenance, Version), Trajector
         return Err(wrong("format", FORMAT, format));
     }
     let version = entry("version")?;
-    let version = match version.as_str() {
-        VERSION => Version::Plain,
-        SEWN_VERSION => Version::Sewn,
-        OBSTACLE_VERSION => Version::Obstacles,
-        other => return Err(wrong("version", "1, 2 or 3", other)),
-    };
-    if let Some((name, value)) = metadata
-        .iter()
-        .find(|(n, _)| !METADATA.contains(&n.as_str()) && *n != obstacle_file::METADATA)
-    {
+    if ![VERSION, SEWN_VERSION, OBSTACLE_VERSION].contains(&version) {
+        return Err(wrong("version", "1, 2 or 3", version));
+    }
+    let is_known = |name: &str| METADATA.contains(&name) || name == obstacle_file::METADATA;
+    if let Some((name, value)) = metadata.iter().find(|(name, _)| !is_known(name)) {
         return Err(wrong(name, "no entry of this name", value));
     }
-    let fps = entry("fps")?;
-    let scene = entry("scene")?;
+    let (fps, scene) = (entry("fps")?, entry("scene")?);
+    let frame_rate = fps.parse();
     let provenance = Provenance {
-        frame_rate: fps
-            .parse()
-            .map_err(|_| wrong("fps", "a number of frames per second", fps))?,
+        frame_rate: frame_rate.map_err(|_| wrong("fps", "a number of frames per second", fps))?,
         scene: serde_json::from_str(scene).map_err(|_| wrong("scene", "JSON", scene))?,
-        made_by: entry("made_by")?.clone(),
+        made_by: entry("made_by")?.to_owned(),
     };
     Ok((provenance, version))
 }
 
+/// The cloth of a file whose world has this axis up, and its positions `[frames * vertices]`.
 fn read_cloth(
-    file: &SafeTensors<'_>,
-    vertices: usize,
+    file: &ArrayFile<'_>,
     is_sewn: bool,
-) -> Result<Cloth, TrajectoryFileError> {
-    let (faces, _) = read_tensor(file, "faces", &[None, Some(3)])?;
-    let (rest, _) = read_tensor(file, "rest_positions", &[Some(vertices), Some(3)])?;
-    let coordinates = &[(!is_sewn).then_some(vertices), Some(2)];
-    let (coordinates, _) = read_tensor(file, "material_coordinates", coordinates)?;
-    let (mass, _) = read_tensor(file, "vertex_mass", &[Some(vertices)])?;
-    let (handles, _) = read_tensor(file, "handles", &[None])?;
-    let faces = triples(&integers(faces));
-    let (area, _) = read_tensor(file, "face_area", &[Some(faces.len())])?;
-    let arrays = ClothArrays {
-        rest_positions: vec3s(&floats(rest)),
-        material_coordinates: floats(coordinates)
-            .chunks_exact(2)
-            .map(Vec2::from_slice)
-            .collect(),
-        vertex_mass: floats(mass),
-        face_area: floats(area),
+    up: UpAxis,
+) -> Result<(Cloth, Vec<Vec3>), TrajectoryFileError> {
+    let points = |values: &[f32]| {
+        let ours = |p| up.to_ours(Vec3::from_slice(p).as_dvec3()).as_vec3();
+        values.chunks_exact(3).map(ours).collect()
     };
-    let handles = Handles::new(&integers(handles), vertices)?;
+    let positions = file
+        .singles("positions")?
+        .of_shape(&[None, None, Some(3)])?;
+    let vertices = positions.shape[1];
+    let singles = |name: &str, shape: &[Option<usize>]| {
+        Ok::<_, ArrayError>(file.singles(name)?.of_shape(shape)?.values)
+    };
+    let wholes = |name: &str, shape: &[Option<usize>]| {
+        Ok::<_, ArrayError>(file.wholes(name)?.of_shape(shape)?.values)
+    };
+    let faces = triples(&wholes("faces", &[None, Some(3)])?);
+    let rest = singles("rest_positions", &[Some(vertices), Some(3)])?;
+    let coordinates = [(!is_sewn).then_some(vertices), Some(2)];
+    let coordinates = singles("material_coordinates", &coordinates)?;
+    let arrays = ClothArrays {
+        rest_positions: points(&rest),
+        material_coordinates: coordinates.chunks_exact(2).map(Vec2::from_slice).collect(),
+        vertex_mass: singles("vertex_mass", &[Some(vertices)])?,
+        face_area: singles("face_area", &[Some(faces.len())])?,
+    };
+    let handles = Handles::new(&wholes("handles", &[None])?, vertices)?;
     let topology = Topology::new(vertices, &faces)?;
-    if !is_sewn {
-        return Ok(Cloth::new(topology, handles, arrays)?);
-    }
-    let (corners, _) = read_tensor(file, PATTERN_FACES, &[Some(faces.len()), Some(3)])?;
-    let corners = triples(&integers(corners));
-    Ok(Cloth::sewn(topology, handles, arrays, corners)?)
+    let cloth = if is_sewn {
+        let corners = wholes(PATTERN_FACES, &[Some(faces.len()), Some(3)])?;
+        Cloth::sewn(topology, handles, arrays, triples(&corners))?
+    } else {
+        Cloth::new(topology, handles, arrays)?
+    };
+    Ok((cloth, points(&positions.values)))
 }
 
 fn triples(values: &[u32]) -> Vec<[u32; 3]> {
-    let (triples, _) = values.as_chunks::<3>();
-    triples.to_vec()
+    values.as_chunks::<3>().0.to_vec()
 }
 
-/// The bytes of tensor `name` and its shape, which must agree with `shape` where that is `Some`.
-fn read_tensor<'f>(
-    file: &SafeTensors<'f>,
-    name: &'static str,
-    shape: &[Option<usize>],
-) -> Result<(&'f [u8], Vec<usize>), TrajectoryFileError> {
-    let Ok(tensor) = file.tensor(name) else {
-        let mut found = file.names();
-        found.sort_unstable();
-        return Err(TrajectoryFileError::MissingTensor {
-            name,
-            found: found.join(", "),
-        });
-    };
-    let dtype = match name {
-        "faces" | "handles" | PATTERN_FACES => Dtype::U32,
-        _ => Dtype::F32,
-    };
-    let fits = tensor.shape().len() == shape.len()
-        && shape
-            .iter()
-            .zip(tensor.shape())
-            .all(|(expected, found)| expected.is_none_or(|expected| expected == *found));
-    if !fits || tensor.dtype() != dtype {
-        let dimensions: Vec<String> = shape
-            .iter()
-            .map(|d| d.map_or_else(|| "any".to_owned(), |d| d.to_string()))
-            .collect();
-        return Err(TrajectoryFileError::Tensor {
-            name,
-            expected: format!("{dtype} [{}]", dimensions.join(", ")),
-            found: format!("{} {:?}", tensor.dtype(), tensor.shape()),
-        });
-    }
-    Ok((tensor.data(), tensor.shape().to_vec()))
-}
-
-fn floats(bytes: &[u8]) -> Vec<f32> {
-    let (words, _) = bytes.as_chunks::<4>();
-    words.iter().copied().map(f32::from_le_bytes).collect()
-}
-
-fn integers(bytes: &[u8]) -> Vec<u32> {
-    let (words, _) = bytes.as_chunks::<4>();
-    words.iter().copied().map(u32::from_le_bytes).collect()
-}
-
-fn vec3s(values: &[f32]) -> Vec<Vec3> {
-    values.chunks_exact(3).map(Vec3::from_slice).collect()
-}
-
-fn flat3(values: &[Vec3]) -> Vec<f32> {
-    values.iter().flat_map(|p| p.to_array()).collect()
+/// The coordinates of points.
+pub(super) fn flat3(points: &[Vec3]) -> Values {
+    Values::F32(points.iter().flat_map(|p| p.to_array()).collect())
 }

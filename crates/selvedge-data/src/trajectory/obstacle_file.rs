@@ -5,95 +5,54 @@
 //! A rigid one that moves also has `obstacle_k.poses` f32 `[frames, 7]`: its points are turned by
 //! the quaternion x, y, z, w and then moved by x, y, z.
 
-use glam::{Quat, Vec3};
-use safetensors::SafeTensors;
-use safetensors::tensor::{Dtype, Metadata};
+use std::collections::HashMap;
 
-use super::file::TrajectoryFileError;
+use glam::{Quat, Vec3};
+
+use super::file::{TrajectoryFileError, flat3};
 use super::obstacles::{ObstacleTrack, Pose, TrackMotion};
-use crate::formats::tensor_file::{TensorOut, TensorValues};
+use crate::formats::arrays::{ArrayError, ArrayFile};
+use crate::formats::tensor_file::{Tensor, Values};
 
 /// The metadata entry with the names.
 pub(super) const METADATA: &str = "obstacles";
 /// Parts of an obstacle.
 const PARTS: [&str; 3] = ["faces", "points", "poses"];
 
-/// Obstacles as flat arrays.
-pub(super) struct ObstacleTensors {
-    names: Vec<String>,
-    arrays: Vec<Arrays>,
-}
-
-struct Arrays {
-    titles: [String; 3],
-    faces: Vec<u32>,
-    points: Vec<f32>,
-    count: usize,
-    poses: Vec<f32>,
-}
-
-impl ObstacleTensors {
-    pub(super) fn of(obstacles: &[ObstacleTrack]) -> Self {
-        let arrays = obstacles.iter().enumerate().map(|(number, obstacle)| {
-            let flat = |points: &[Vec3]| -> Vec<f32> {
-                points.iter().flat_map(|p| p.to_array()).collect()
-            };
-            let (points, poses) = match &obstacle.motion {
-                TrackMotion::Still(points) => (flat(points), Vec::new()),
-                TrackMotion::Rigid(points, poses) => {
-                    let rows = poses.iter().flat_map(|pose| {
-                        let [x, y, z, w] = pose.rotation.to_array();
-                        let t = pose.translation;
-                        [x, y, z, w, t.x, t.y, t.z]
-                    });
-                    (flat(points), rows.collect())
-                }
-                TrackMotion::Points(frames) => (flat(&frames.concat()), Vec::new()),
-            };
-            Arrays {
-                titles: PARTS.map(|part| title(number, part)),
-                faces: obstacle.faces.as_flattened().to_vec(),
-                points,
-                count: obstacle.points,
-                poses,
+/// The tensors of all obstacles.
+pub(super) fn tensors(obstacles: &[ObstacleTrack]) -> Vec<Tensor> {
+    let mut tensors = Vec::new();
+    for (number, obstacle) in obstacles.iter().enumerate() {
+        let mut add = |part: &str, shape: &[usize], values: Values| {
+            tensors.push(Tensor::new(title(number, part), shape, values));
+        };
+        let faces = obstacle.faces.as_flattened().to_vec();
+        add("faces", &[obstacle.faces.len(), 3], Values::U32(faces));
+        let count = obstacle.points;
+        match &obstacle.motion {
+            TrackMotion::Still(points) => add("points", &[1, count, 3], flat3(points)),
+            TrackMotion::Points(frames) => {
+                add("points", &[frames.len(), count, 3], flat3(&frames.concat()));
             }
-        });
-        Self {
-            names: obstacles.iter().map(|o| o.name.clone()).collect(),
-            arrays: arrays.collect(),
-        }
-    }
-
-    pub(super) fn tensors(&self) -> Vec<TensorOut<'_>> {
-        let mut tensors = Vec::new();
-        for arrays in &self.arrays {
-            let [faces, points, poses] = &arrays.titles;
-            tensors.push(TensorOut {
-                name: faces,
-                shape: vec![arrays.faces.len() / 3, 3],
-                values: TensorValues::U32(&arrays.faces),
-            });
-            let frames = arrays.points.len() / (3 * arrays.count.max(1));
-            tensors.push(TensorOut {
-                name: points,
-                shape: vec![frames, arrays.count, 3],
-                values: TensorValues::F32(&arrays.points),
-            });
-            if !arrays.poses.is_empty() {
-                tensors.push(TensorOut {
-                    name: poses,
-                    shape: vec![arrays.poses.len() / 7, 7],
-                    values: TensorValues::F32(&arrays.poses),
-                });
+            TrackMotion::Rigid(points, poses) => {
+                add("points", &[1, count, 3], flat3(points));
+                let row = |pose: &Pose| {
+                    let [x, y, z, w] = pose.rotation.to_array();
+                    let t = pose.translation;
+                    [x, y, z, w, t.x, t.y, t.z]
+                };
+                let rows = poses.iter().flat_map(row).collect();
+                add("poses", &[poses.len(), 7], Values::F32(rows));
             }
         }
-        tensors
     }
+    tensors
+}
 
-    pub(super) fn metadata(&self) -> Option<(&'static str, String)> {
-        let names = serde_json::json!(self.names).to_string();
-        (!self.names.is_empty()).then_some((METADATA, names))
-    }
+/// The entry with the names of `obstacles`; none where there are none.
+pub(super) fn metadata(obstacles: &[ObstacleTrack]) -> Option<(&'static str, String)> {
+    let names: Vec<&str> = obstacles.iter().map(|o| o.name.as_str()).collect();
+    (!names.is_empty()).then(|| (METADATA, serde_json::json!(names).to_string()))
 }
 
 fn title(number: usize, part: &str) -> String {
@@ -101,9 +60,10 @@ fn title(number: usize, part: &str) -> String {
 }
 
 /// The names of the obstacles of a file.
-pub(super) fn names_in(header: &Metadata) -> Result<Vec<String>, TrajectoryFileError> {
-    let entries = header.metadata().as_ref();
-    let Some(text) = entries.and_then(|entries| entries.get(METADATA)) else {
+pub(super) fn names_in(
+    metadata: &HashMap<String, String>,
+) -> Result<Vec<String>, TrajectoryFileError> {
+    let Some(text) = metadata.get(METADATA) else {
         return Ok(Vec::new());
     };
     serde_json::from_str(text).map_err(|_| TrajectoryFileError::Metadata {
@@ -126,61 +86,35 @@ pub(super) fn is_tensor(name: &str, count: usize) -> bool {
 
 /// The obstacles of these names.
 pub(super) fn read(
-    file: &SafeTensors<'_>,
+    file: &ArrayFile<'_>,
     names: &[String],
-) -> Result<Vec<ObstacleTrack>, TrajectoryFileError> {
+) -> Result<Vec<ObstacleTrack>, ArrayError> {
     let numbered = names.iter().enumerate();
     numbered.map(|(k, name)| read_one(file, k, name)).collect()
 }
 
-fn read_one(
-    file: &SafeTensors<'_>,
-    number: usize,
-    name: &str,
-) -> Result<ObstacleTrack, TrajectoryFileError> {
-    let tensor = |part: &str, dtype: Dtype, rank: usize, last: usize| {
-        let title = title(number, part);
-        let expected = format!("{dtype} of {rank} dimensions, the last of {last}");
-        let found = match file.tensor(&title) {
-            Ok(tensor) => {
-                let shape = tensor.shape().to_vec();
-                if tensor.dtype() == dtype && shape.len() == rank && shape.last() == Some(&last) {
-                    let (words, _) = tensor.data().as_chunks::<4>();
-                    return Ok((words, shape));
-                }
-                format!("{} {shape:?}", tensor.dtype())
-            }
-            Err(_) => "none of this name".to_owned(),
-        };
-        Err(TrajectoryFileError::ObstacleTensor {
-            name: title,
-            expected,
-            found,
-        })
-    };
-    let (faces, _) = tensor("faces", Dtype::U32, 2, 3)?;
-    let faces: Vec<u32> = faces.iter().copied().map(u32::from_le_bytes).collect();
-    let (triples, _) = faces.as_chunks::<3>();
-    let (points, shape) = tensor("points", Dtype::F32, 3, 3)?;
-    let points: Vec<f32> = points.iter().copied().map(f32::from_le_bytes).collect();
-    let all: Vec<Vec3> = points.chunks_exact(3).map(Vec3::from_slice).collect();
-    let has_poses = file.tensor(&title(number, "poses")).is_ok();
-    let (frames, count) = (shape[0], shape[1]);
+fn read_one(file: &ArrayFile<'_>, number: usize, name: &str) -> Result<ObstacleTrack, ArrayError> {
+    let title = |part| title(number, part);
+    let faces = file.wholes(&title("faces"))?.of_shape(&[None, Some(3)])?;
+    let points = file.singles(&title("points"))?;
+    let points = points.of_shape(&[None, None, Some(3)])?;
+    let all: Vec<Vec3> = points
+        .values
+        .chunks_exact(3)
+        .map(Vec3::from_slice)
+        .collect();
+    let has_poses = file.has(&title("poses"));
+    let (frames, count) = (points.shape[0], points.shape[1]);
     if count == 0 || frames == 0 || has_poses && frames != 1 {
-        return Err(TrajectoryFileError::ObstacleTensor {
-            name: title(number, "points"),
-            expected: "points, in one frame where there are poses".to_owned(),
-            found: format!("{frames} frames of {count}"),
-        });
+        return Err(points.wrong("points, in one frame where there are poses"));
     }
     let motion = if has_poses {
-        let (poses, _) = tensor("poses", Dtype::F32, 2, 7)?;
-        let poses: Vec<f32> = poses.iter().copied().map(f32::from_le_bytes).collect();
+        let poses = file.singles(&title("poses"))?.of_shape(&[None, Some(7)])?;
         let pose = |row: &[f32]| Pose {
             rotation: Quat::from_slice(&row[..4]),
             translation: Vec3::from_slice(&row[4..]),
         };
-        TrackMotion::Rigid(all, poses.chunks_exact(7).map(pose).collect())
+        TrackMotion::Rigid(all, poses.values.chunks_exact(7).map(pose).collect())
     } else if frames == 1 {
         TrackMotion::Still(all)
     } else {
@@ -188,7 +122,7 @@ fn read_one(
     };
     Ok(ObstacleTrack {
         name: name.to_owned(),
-        faces: triples.to_vec(),
+        faces: faces.values.as_chunks::<3>().0.to_vec(),
         points: count,
         motion,
     })

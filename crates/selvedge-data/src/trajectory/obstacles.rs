@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use glam::{DQuat, DVec3, Quat, Vec3};
-use selvedge_cloth::{Obstacle, ObstaclePath};
+use selvedge_cloth::{Obstacle, ObstaclePath, RigidKey};
 
 use super::TrajectoryError;
 
@@ -57,7 +57,7 @@ impl ObstacleTrack {
         let at = |time: f64| rounded(obstacle.positions_at(time));
         let motion = match obstacle.path() {
             _ if obstacle.is_still() => TrackMotion::Still(at(0.0)),
-            ObstaclePath::Rigid(_) => Self::rigid(obstacle, &time, frames),
+            ObstaclePath::Rigid(keys) => Self::rigid(obstacle, &keys[0], &time, frames),
             _ => TrackMotion::Points((0..frames).map(|frame| at(time(frame))).collect()),
         };
         Self {
@@ -90,12 +90,13 @@ impl ObstacleTrack {
     }
 
     /// Poses of a rigid body against its own points, which are those of its path.
-    fn rigid(obstacle: &Obstacle, time: &dyn Fn(usize) -> f64, frames: usize) -> TrackMotion {
-        let ObstaclePath::Rigid(keys) = obstacle.path() else {
-            return TrackMotion::Still(rounded(obstacle.positions_at(0.0)));
-        };
+    fn rigid(
+        obstacle: &Obstacle,
+        start: &RigidKey,
+        time: &dyn Fn(usize) -> f64,
+        frames: usize,
+    ) -> TrackMotion {
         // Where the first key holds, its inverse brings the points back to the body's own.
-        let start = &keys[0];
         let own = |p: DVec3| start.rotation.inverse() * (p - start.translation);
         let points = rounded(obstacle.positions_at(start.time).map(own));
         let pose = |frame: usize| {

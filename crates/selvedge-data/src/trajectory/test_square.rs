@@ -1,10 +1,10 @@
 //! A small cloth that moves, for tests of files.
 
 use glam::{Vec2, Vec3};
-use selvedge_cloth::{Cloth, ClothArrays, Handles, Topology};
 use serde_json::Value;
 
 use super::{Provenance, Trajectory};
+use crate::test_help::sheet;
 
 /// A square of two triangles that moves and bends for five frames, held by its vertices 3 and 2.
 pub(crate) fn moving_square(frame_rate: f64) -> Trajectory {
@@ -13,14 +13,7 @@ pub(crate) fn moving_square(frame_rate: f64) -> Trajectory {
         let t = frame as f32;
         flat.map(|c| Vec3::new(c.x + 0.1 * t, c.y * (1.0 - 0.01 * t), 0.05 * t * t * c.x))
     };
-    let arrays = ClothArrays {
-        rest_positions: at(0).to_vec(),
-        material_coordinates: flat.to_vec(),
-        vertex_mass: vec![0.1; 4],
-        face_area: vec![0.5; 2],
-    };
-    let topology = Topology::new(4, &[[0, 1, 2], [0, 2, 3]]).unwrap();
-    let cloth = Cloth::new(topology, Handles::new(&[3, 2], 4).unwrap(), arrays).unwrap();
+    let cloth = sheet(&at(0), &flat, &[[0, 1, 2], [0, 2, 3]], &[3, 2]);
     let provenance = Provenance {
         frame_rate,
         scene: Value::Null,

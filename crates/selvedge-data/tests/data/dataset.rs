@@ -4,24 +4,19 @@
 use std::path::Path;
 
 use glam::{Vec2, Vec3};
-use selvedge_cloth::{Cloth, ClothArrays, Handles, Topology};
 use selvedge_data::{
     Dataset, DatasetError, DatasetPlan, DatasetPreset, DatasetWriter, Provenance, Section,
     SectionRule, Split, Trajectory,
 };
 use serde_json::json;
 
+use crate::help::{sheet, table};
+
 /// A triangle that moves by `step` [m] per frame at 2 frames per second.
 fn trajectory(frames: usize, step: f32) -> Trajectory {
     let corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
-    let arrays = ClothArrays {
-        rest_positions: corners.to_vec(),
-        material_coordinates: vec![Vec2::ZERO, Vec2::X, Vec2::Y],
-        vertex_mass: vec![0.1; 3],
-        face_area: vec![0.5],
-    };
-    let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
-    let cloth = Cloth::new(topology, Handles::new(&[0], 3).unwrap(), arrays).unwrap();
+    let flat = [Vec2::ZERO, Vec2::X, Vec2::Y];
+    let cloth = sheet(&corners, &flat, &[[0, 1, 2]], &[0]);
     let positions = (0..frames)
         .flat_map(|f| corners.map(|c| c + Vec3::Z * step * f as f32))
         .collect();
@@ -206,73 +201,25 @@ fn a_plan_must_have_usable_names_and_be_fulfilled() {
 
 #[test]
 fn an_index_that_is_wrong_is_an_error_that_says_where() {
-    let cases = [
-        ("selvedge-dataset", "other", "format: expected"),
-        (
-            "\"version\": 1",
-            "\"version\": 7",
-            "version: expected 1, found 7",
-        ),
-        ("\"sections\"", "\"section\"", "unknown field `section`"),
-        (
-            "\"end\": 9",
-            "\"end\": 10",
-            "frames 0..10 of training trajectory 1",
-        ),
-        (
-            "\"trajectory\": 1",
-            "\"trajectory\": 2",
-            "trajectory 2 do not exist",
-        ),
-        ("train/b.safetensors", "../b.safetensors", "not inside"),
-        ("train/b.safetensors", "train/c.safetensors", "is missing"),
-        (
-            "train/b.safetensors",
-            "train/a.safetensors",
-            "file \"train/a.safetensors\" is not that of motion \"b\"",
-        ),
-        (
-            "\"motion\": \"b\"",
-            "\"motion\": \"../../evil\"",
-            "motion \"../../evil\" is no name",
-        ),
-        (
-            "\"motion\": \"b\"",
-            "\"motion\": \"a\"",
-            "motion \"a\" is twice in one split",
-        ),
-        (
-            "\"motion\": \"b\"",
-            "\"motion\": \"c\"",
-            "is not that of motion \"c\"",
-        ),
-        (
-            "\"start\": 0,\n      \"end\": 9",
-            "\"start\": 7,\n      \"end\": 9",
-            "section 1: frames 7..9 are fewer than the 3 of a sample",
-        ),
-        (
-            "\"samples\": 8",
-            "\"samples\": 9",
-            "statistics.samples is 9, but its trajectories and sections have 8",
-        ),
-        (
-            "\"train_frames\": 12",
-            "\"train_frames\": 11",
-            "statistics.train_frames is 11",
-        ),
-        (
-            "\"trajectories\": 3",
-            "\"trajectories\": 2",
-            "statistics.trajectories is 2",
-        ),
-        (
-            "\"frames\": 9",
-            "\"frames\": 18446744073709551615",
-            "statistics.train_frames is 12, but its trajectories and sections have 18446744073709551618",
-        ),
-    ];
-    for (from, to, expected) in cases {
+    let cases = r#"
+        selvedge-dataset | other | format: expected
+        "version": 1 | "version": 7 | version: expected 1, found 7
+        "sections" | "section" | unknown field `section`
+        "end": 9 | "end": 10 | frames 0..10 of training trajectory 1
+        "trajectory": 1 | "trajectory": 2 | trajectory 2 do not exist
+        train/b.safetensors | ../b.safetensors | not inside
+        train/b.safetensors | train/c.safetensors | is missing
+        train/b.safetensors | train/a.safetensors | file "train/a.safetensors" is not that of motion "b"
+        "motion": "b" | "motion": "../../evil" | motion "../../evil" is no name
+        "motion": "b" | "motion": "a" | motion "a" is twice in one split
+        "motion": "b" | "motion": "c" | is not that of motion "c"
+        "start": 0,\n      "end": 9 | "start": 7,\n      "end": 9 | section 1: frames 7..9 are fewer than the 3 of a sample
+        "samples": 8 | "samples": 9 | statistics.samples is 9, but its trajectories and sections have 8
+        "train_frames": 12 | "train_frames": 11 | statistics.train_frames is 11
+        "trajectories": 3 | "trajectories": 2 | statistics.trajectories is 2
+        "frames": 9 | "frames": 18446744073709551615 | statistics.train_frames is 12, but its trajectories and sections have 18446744073709551618
+    "#;
+    for [from, to, expected] in table(cases) {
         let folder = tempfile::tempdir().unwrap();
         make(folder.path());
         edit_index(folder.path(), from, to);

@@ -3,7 +3,7 @@
 
 use glam::DVec3;
 use selvedge_cloth::{Cloth, Handles, Mesh};
-use selvedge_data::export::{ExportFormat, ExportOptions, FrameSpan, Normals, Velocities, export};
+use selvedge_data::export::{ExportFormat, ExportOptions, export};
 use selvedge_data::{MeshOptions, Provenance, Trajectory, UpAxis, parse_obj_with, read_mesh};
 use serde_json::Value;
 use std::ops::ControlFlow;
@@ -68,11 +68,8 @@ fn exported(mesh: &Mesh, format: ExportFormat, up: UpAxis, path: &std::path::Pat
     };
     let trajectory = Trajectory::new(cloth, positions, provenance).unwrap();
     let options = ExportOptions {
-        format,
-        frames: FrameSpan::default(),
         up,
-        normals: Normals::LeftOut,
-        velocities: Velocities::LeftOut,
+        ..ExportOptions::plain(format)
     };
     export(&trajectory, path, &options, &mut || {
         ControlFlow::Continue(())

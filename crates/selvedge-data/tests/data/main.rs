@@ -6,6 +6,8 @@ mod dataset;
 mod example;
 mod export;
 mod garments;
+#[path = "../../src/test_help.rs"]
+mod help;
 mod metrics;
 mod obj;
 mod obstacles;

@@ -1,13 +1,15 @@
 //! Closed forms of the metrics: displacements, scalings and speeds whose measures are known.
 
 use glam::{Vec2, Vec3};
-use selvedge_cloth::{Cloth, ClothArrays, Handles, Topology};
+use selvedge_cloth::{Cloth, Topology};
 use selvedge_data::Frames;
 use selvedge_data::metrics::{
     MetricError, compare, edge_length_rmse, final_speed, first_strained_frame, largest_strain,
     material_edge_lengths, mean_edge_length, mean_vertex_error, per_frame_edge_length_rmse,
     per_frame_rmse, position_rmse, relative_error, speeds,
 };
+
+use crate::help::sheet;
 
 /// A unit square of two triangles; four edges of length 1 and a diagonal.
 fn square() -> (Topology, Vec<Vec3>, Vec<Vec2>) {
@@ -27,21 +29,10 @@ fn repeated(positions: &[Vec3], frames: usize, shift: impl Fn(usize) -> Vec3) ->
 /// Sums of numbers that are exact in binary: only the division and the root round.
 const ROUNDING: f64 = 1e-15;
 
-/// A cloth of this pattern.
-fn cloth(topology: &Topology, coordinates: &[Vec2]) -> Cloth {
-    let vertices = topology.vertex_count();
-    let arrays = ClothArrays {
-        rest_positions: coordinates.iter().map(|c| c.extend(0.0)).collect(),
-        material_coordinates: coordinates.to_vec(),
-        vertex_mass: vec![1.0; vertices],
-        face_area: vec![1.0; topology.faces().len()],
-    };
-    Cloth::new(
-        topology.clone(),
-        Handles::new(&[], vertices).unwrap(),
-        arrays,
-    )
-    .unwrap()
+/// A square of this pattern.
+fn cloth(coordinates: &[Vec2]) -> Cloth {
+    let rest: Vec<Vec3> = coordinates.iter().map(|c| c.extend(0.0)).collect();
+    sheet(&rest, coordinates, &[[0, 1, 2], [0, 2, 3]], &[])
 }
 
 #[test]
@@ -89,7 +80,7 @@ fn scaling_by_s_changes_every_edge_by_its_share() {
     assert!((edge_length_rmse(a, b, &topology).unwrap() - expected).abs() < ROUNDING);
     let mean = (4.0 + 2.0_f64.sqrt()) / 5.0;
     assert!((mean_edge_length(a, &topology).unwrap() - mean).abs() < ROUNDING);
-    let rest = material_edge_lengths(&cloth(&topology, &coordinates));
+    let rest = material_edge_lengths(&cloth(&coordinates));
     assert_eq!(largest_strain(a, &topology, &rest).unwrap(), [0.0]);
     assert_eq!(largest_strain(b, &topology, &rest).unwrap(), [1.0]);
 }
@@ -130,7 +121,7 @@ fn a_position_that_is_not_finite_is_never_left_out() {
     let measures = compare(a, b, &topology).unwrap();
     assert!(measures.position_rmse.is_nan());
     assert!(measures.position_max.is_nan());
-    let rest = material_edge_lengths(&cloth(&topology, &coordinates));
+    let rest = material_edge_lengths(&cloth(&coordinates));
     assert!(largest_strain(b, &topology, &rest).unwrap()[0].is_nan());
 }
 
@@ -243,7 +234,7 @@ fn a_slow_second_route_agrees() {
     }
     let [a, b] = [&truth, &run].map(|run| Frames::new(run, 4).unwrap());
     let measures = compare(a, b, &topology).unwrap();
-    let rest = material_edge_lengths(&cloth(&topology, &coordinates));
+    let rest = material_edge_lengths(&cloth(&coordinates));
     let strains = largest_strain(b, &topology, &rest).unwrap();
     let pairs = [
         (measures.position_rmse, (squares / 28.0).sqrt()),

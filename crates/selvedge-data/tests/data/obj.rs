@@ -3,10 +3,11 @@
 
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use proptest::prelude::*;
-use selvedge_cloth::{Cloth, ClothArrays, Handles, Topology};
 use selvedge_data::{
     MeshFileError, MeshOptions, Seams, TextureUnit, parse_obj, parse_obj_with, read_obj, write_obj,
 };
+
+use crate::help::{sheet, table};
 
 const QUAD: &str = "v 0 0 0\nv 2 0 0\nv 2 1 0\nv 0 1 0\n";
 
@@ -91,38 +92,23 @@ fn equal_texture_coordinates_with_different_numbers_are_no_seam() {
 
 #[test]
 fn what_is_not_a_cloth_is_named() {
-    let cases = [
-        ("v 0 0 0\nv 1 0\n", "line 2: expected 3 numbers, found 2"),
-        ("v 0 0 zero\n", "line 1: \"zero\" is no finite number"),
-        ("v 0 0 nan\n", "line 1: \"nan\" is no finite number"),
-        ("v 0 0 0\nf 1 1\n", "line 2: a face needs 3 corners"),
-        (
-            "v 0 0 0\nf 1 2 3\n",
-            "line 2: there is no vertex 2 (there are 1 so far)",
-        ),
-        ("v 0 0 0\nf 0 1 1\n", "there is no vertex 0"),
-        ("v 0 0 0\nf -2 1 1\n", "there is no vertex -2"),
-        ("v 0 0 0\nf a 1 1\n", "\"a\" is no number of a vertex"),
-        (
-            "v 0 0 0\nf 1/1 1/1 1/1\n",
-            "there is no texture coordinate 1",
-        ),
-        ("curv 0 1\n", "has no faces"),
-        ("v 0 0 0\n", "has no faces"),
-        (
-            "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1 2 3\nf 1/1 2/1 3/1\n",
-            "line 5: this face has no texture",
-        ),
-        (
-            "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 2\n",
-            "line 4: this face names vertex 2 twice",
-        ),
-        (
-            "v 0 0 0\nv 1 1 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 1\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3 4/4\n",
-            "line 9: this face of 4 corners",
-        ),
-    ];
-    for (text, expected) in cases {
+    let cases = r#"
+        v 0 0 0\nv 1 0\n | line 2: expected 3 numbers, found 2
+        v 0 0 zero\n | line 1: "zero" is no finite number
+        v 0 0 nan\n | line 1: "nan" is no finite number
+        v 0 0 0\nf 1 1\n | line 2: a face needs 3 corners
+        v 0 0 0\nf 1 2 3\n | line 2: there is no vertex 2 (there are 1 so far)
+        v 0 0 0\nf 0 1 1\n | there is no vertex 0
+        v 0 0 0\nf -2 1 1\n | there is no vertex -2
+        v 0 0 0\nf a 1 1\n | "a" is no number of a vertex
+        v 0 0 0\nf 1/1 1/1 1/1\n | there is no texture coordinate 1
+        curv 0 1\n | has no faces
+        v 0 0 0\n | has no faces
+        v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1 2 3\nf 1/1 2/1 3/1\n | line 5: this face has no texture
+        v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 2\n | line 4: this face names vertex 2 twice
+        v 0 0 0\nv 1 1 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 1\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3 4/4\n | line 9: this face of 4 corners
+    "#;
+    for [text, expected] in table(cases) {
         let error = parse_obj(text).unwrap_err().to_string();
         assert!(error.contains(expected), "{error} lacks {expected}");
     }
@@ -164,22 +150,14 @@ fn faces_that_turn_opposite_ways_are_not_called_curved() {
 
 #[test]
 fn a_written_file_is_read_back_exactly() {
-    let topology = Topology::new(4, &[[0, 1, 2], [0, 2, 3]]).unwrap();
     let coordinates = [(0.0, 0.0), (0.1, 0.0), (0.1, 0.7), (0.0, 0.3)].map(Vec2::from);
     let positions = coordinates.map(|c| Vec3::new(c.x / 3.0, 1e-9, c.y * 1e9));
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.obj");
-    let arrays = ClothArrays {
-        rest_positions: positions.to_vec(),
-        material_coordinates: coordinates.to_vec(),
-        vertex_mass: vec![1.0; 4],
-        face_area: vec![1.0; 2],
-    };
-    let handles = Handles::new(&[], 4).unwrap();
-    let cloth = Cloth::new(topology.clone(), handles, arrays).unwrap();
+    let cloth = sheet(&positions, &coordinates, &[[0, 1, 2], [0, 2, 3]], &[]);
     write_obj(&path, &cloth, &positions).unwrap();
     let mesh = read_obj(&path).unwrap().mesh;
-    assert_eq!(mesh.topology(), &topology);
+    assert_eq!(mesh.topology(), cloth.topology());
     let read: Vec<Vec3> = mesh.positions().iter().map(|p| p.as_vec3()).collect();
     assert_eq!(read, positions);
     let read: Vec<Vec2> = mesh

@@ -1,20 +1,17 @@
 //! Obstacles of trajectories: baked beside the cloth, written and read back, and damage named.
 
-use glam::{DQuat, DVec3, Vec2, Vec3};
-use selvedge_cloth::{Cloth, ClothArrays, Handles, Obstacle, ObstaclePath, RigidKey, Topology};
+use glam::{DQuat, DVec3, Vec2};
+use selvedge_cloth::{Obstacle, ObstaclePath, RigidKey};
 use selvedge_data::{ObstacleTrack, Provenance, Trajectory};
 use serde_json::Value;
 
+use crate::help::{sheet, table};
+
 fn trajectory(frames: usize) -> Trajectory {
-    let arrays = ClothArrays {
-        rest_positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
-        material_coordinates: vec![Vec2::ZERO, Vec2::X, Vec2::Y],
-        vertex_mass: vec![0.1; 3],
-        face_area: vec![0.5],
-    };
-    let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
-    let cloth = Cloth::new(topology, Handles::new(&[0], 3).unwrap(), arrays).unwrap();
-    let positions = [Vec3::ZERO, Vec3::X, Vec3::Y].repeat(frames);
+    let flat = [Vec2::ZERO, Vec2::X, Vec2::Y];
+    let corners = flat.map(|c| c.extend(0.0));
+    let cloth = sheet(&corners, &flat, &[[0, 1, 2]], &[0]);
+    let positions = corners.repeat(frames);
     let provenance = Provenance {
         frame_rate: 10.0,
         scene: Value::Null,
@@ -116,30 +113,15 @@ fn what_does_not_fit_or_is_damaged_is_named() {
         edited.extend(&bytes[8 + length..]);
         Trajectory::from_bytes(&edited).unwrap_err().to_string()
     };
-    for (from, to, named) in [
-        (
-            "\"version\":\"3\"",
-            "\"version\":\"1\"",
-            "expected 3 for a file with obstacles",
-        ),
-        (
-            "\"version\":\"3\"",
-            "\"version\":\"9\"",
-            "expected 1, 2 or 3",
-        ),
-        ("\"obstacles\"", "\"obstickle\"", "metadata obstickle"),
-        ("[\\\"still\\\"", " \\\"still\\\"", "a JSON list of names"),
-        (
-            "\"obstacle_1.poses\"",
-            "\"obstacle_1.prose\"",
-            "obstacle_1.prose, which this version",
-        ),
-        (
-            "\"obstacle_2.faces\"",
-            "\"obstacle_9.faces\"",
-            "obstacle_9.faces, which this version",
-        ),
-    ] {
+    let cases = r#"
+        "version":"3" | "version":"1" | expected 3 for a file with obstacles
+        "version":"3" | "version":"9" | expected 1, 2 or 3
+        "obstacles" | "obstickle" | metadata obstickle
+        [\"still\" |  \"still\" | a JSON list of names
+        "obstacle_1.poses" | "obstacle_1.prose" | obstacle_1.prose, which this version
+        "obstacle_2.faces" | "obstacle_9.faces" | obstacle_9.faces, which this version
+    "#;
+    for [from, to, named] in table(cases) {
         let found = problem(from, to);
         assert!(found.contains(named), "{from}: {found}");
     }

@@ -11,6 +11,8 @@ use selvedge_data::{
     shipped_presets,
 };
 
+use crate::help::table;
+
 /// A preset with these lists, sections, frame rate and own motions.
 fn preset(lists: &str, rule: &str, rate: &str, own: &str) -> Result<DatasetPreset, String> {
     let setting = "material = \"gray-interlock\"\nhandles = { label = \"upper-corners\" }\n\
@@ -42,33 +44,17 @@ fn presets_resolve_to_scenes_and_a_plan() {
 #[test]
 fn mistakes_in_a_preset_are_named() {
     let (_, tiny) = shipped_presets().iter().find(|p| p.0 == "tiny").unwrap();
-    let cases = [
-        (
-            "[\"lift\"]",
-            "[\"lift\", \"nope\"]",
-            "test: no motion is called \"nope\"",
-        ),
-        ("[\"lift\"]", "\"everything\"", "expected a list of motions"),
-        ("\"whole\"", "\"half\"", "unknown variant `half`"),
-        ("[setting]", "[settings]", "unknown field `settings`"),
-        ("duration = 0.25 }", "duration = -1 }", "duration"),
-        (
-            "[\"lift\"]",
-            "[\"lift\", \"turn\"]",
-            "test: \"turn\" is the motion \"turn\" of train",
-        ),
-        (
-            "test = [\"lift\"]",
-            "test = []",
-            "motions: \"lift\" is neither in train nor in test",
-        ),
-        (
-            "train = [\"push\", \"turn\"]",
-            "train = []",
-            "train: is empty: name at least one motion",
-        ),
-    ];
-    for (from, to, expected) in cases {
+    let cases = r#"
+        ["lift"] | ["lift", "nope"] | test: no motion is called "nope"
+        ["lift"] | "everything" | expected a list of motions
+        "whole" | "half" | unknown variant `half`
+        [setting] | [settings] | unknown field `settings`
+        duration = 0.25 } | duration = -1 } | duration
+        ["lift"] | ["lift", "turn"] | test: "turn" is the motion "turn" of train
+        test = ["lift"] | test = [] | motions: "lift" is neither in train nor in test
+        train = ["push", "turn"] | train = [] | train: is empty: name at least one motion
+    "#;
+    for [from, to, expected] in table(cases) {
         let text = tiny.replacen(from, to, 1);
         let error = DatasetPreset::parse(&text, Path::new(""))
             .unwrap_err()
@@ -200,30 +186,16 @@ fn mistakes_in_meshes_are_named() {
         .map(|r| r.name.as_str())
         .collect();
     assert_eq!(names, ["disc.bouncy", "quarter.bouncy"]);
-    for (meshes, expected) in [
-        (
-            "names = [\"cube\"]\ndensity = 60.0\nseed = 1",
-            "no mesh is called \"cube\"; known are square, ",
-        ),
-        (
-            "names = []\ndensity = 60.0\nseed = 1",
-            "meshes.names: is empty",
-        ),
-        (
-            "names = [\"disc\", \"disc\"]\ndensity = 60.0\nseed = 1",
-            "has \"disc\" twice",
-        ),
-        (
-            "names = \"some\"\ndensity = 60.0\nseed = 1",
-            "expected a list of meshes, or \"all\"",
-        ),
-        (
-            "names = \"all\"\ndensity = 0.0\nseed = 1",
-            "meshes.density: must be finite and positive",
-        ),
-        ("names = \"all\"\ndensity = 2.0\nseed = 1", "needs at least"),
-        ("names = \"all\"\ndensity = 60.0", "missing field `seed`"),
-    ] {
+    let cases = r#"
+        names = ["cube"]\ndensity = 60.0\nseed = 1 | no mesh is called "cube"; known are square,
+        names = []\ndensity = 60.0\nseed = 1 | meshes.names: is empty
+        names = ["disc", "disc"]\ndensity = 60.0\nseed = 1 | has "disc" twice
+        names = "some"\ndensity = 60.0\nseed = 1 | expected a list of meshes, or "all"
+        names = "all"\ndensity = 0.0\nseed = 1 | meshes.density: must be finite and positive
+        names = "all"\ndensity = 2.0\nseed = 1 | needs at least
+        names = "all"\ndensity = 60.0 | missing field `seed`
+    "#;
+    for [meshes, expected] in table(cases) {
         let error = preset(meshes).unwrap_err();
         assert!(error.contains(expected), "{error} lacks {expected}");
     }

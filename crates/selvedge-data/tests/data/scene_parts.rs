@@ -7,6 +7,8 @@ use glam::DVec3;
 use selvedge_cloth::{Gust, Isotropic, Motion, Release, StrainLimits};
 use selvedge_data::{DatasetPreset, LoadedScene, SceneSpec, materials, parse_scene};
 
+use crate::help::table;
+
 const SCENE: &str = r#"
 name = "s"
 mesh = { generator = { kind = "square", vertices = 36, size = 1, seed = 1 } }
@@ -188,46 +190,19 @@ fn wrong_groups_are_named() {
         let edited = |text: &str| text.replace(from, to);
         parse(&[GRAY, &edited(GROUPS), &edited(MOVES)]).unwrap_err()
     };
-    for (from, to, expected) in [
-        (
-            "to = 0.75",
-            "to = 0.25",
-            "handles.groups: \"left\": released[0].to must be",
-        ),
-        ("from = 1.5", "from = -1", "released[1].from must be finite"),
-        (
-            "from = 1.5",
-            "from = 0.7",
-            "\"left\": released[1].from is 0.7, before released[0] of the same handle 0 has ended",
-        ),
-        (
-            "\"right\"\nsel",
-            "\"left\"\nsel",
-            "two groups are called \"left\"",
-        ),
-        (
-            "group = \"right\"",
-            "group = \"top\"",
-            "motion.groups.moves.group: no group of handles is called \"top\"; there are [left, right]",
-        ),
-        (
-            "axis = [1, 0, 0]",
-            "axis = [0, 0, 0]",
-            "groups[0].axis must be a direction",
-        ),
-        (
-            "duration = 2",
-            "duration = 0.3337",
-            "duration must be a whole number",
-        ),
-        ("[0, 1, 2]", "[0, 1, 36]", "handles: handle 2 is vertex 36"),
-        (
-            "{ vertices = [0, 1, 2] }",
-            "{ groups = [] }",
-            "selects groups",
-        ),
-        ("time = 1", "time = 3", "keyframes[0].time must be between"),
-    ] {
+    let cases = r#"
+        to = 0.75 | to = 0.25 | handles.groups: "left": released[0].to must be
+        from = 1.5 | from = -1 | released[1].from must be finite
+        from = 1.5 | from = 0.7 | "left": released[1].from is 0.7, before released[0] of the same handle 0 has ended
+        "right"\nsel | "left"\nsel | two groups are called "left"
+        group = "right" | group = "top" | motion.groups.moves.group: no group of handles is called "top"; there are [left, right]
+        axis = [1, 0, 0] | axis = [0, 0, 0] | groups[0].axis must be a direction
+        duration = 2 | duration = 0.3337 | duration must be a whole number
+        [0, 1, 2] | [0, 1, 36] | handles: handle 2 is vertex 36
+        { vertices = [0, 1, 2] } | { groups = [] } | selects groups
+        time = 1 | time = 3 | keyframes[0].time must be between
+    "#;
+    for [from, to, expected] in table(cases) {
         let error = groups(from, to);
         assert!(error.starts_with("s.toml: "), "{error}");
         assert!(error.contains(expected), "{error} lacks {expected}");

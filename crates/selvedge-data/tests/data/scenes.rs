@@ -11,6 +11,8 @@ use selvedge_data::{
     shipped_presets, shipped_scenes,
 };
 
+use crate::help::table;
+
 const SCENE: &str = r#"
 name = "s"
 material = "gray-interlock"
@@ -75,20 +77,14 @@ fn handles_are_chosen_by_number_label_or_box() {
     let upper = chosen("{ box = { min = [-1, -0.001, -2], max = [1, 1, 2] } }").unwrap();
     assert_eq!(upper, chosen("{ label = \"upper-edge\" }").unwrap());
     assert!(corners.iter().all(|corner| upper.contains(corner)));
-    let cases = [
-        ("{ vertices = [36] }", "handles: handle 0 is vertex 36"),
-        ("{ vertices = [1, 1] }", "vertex 1 is named twice"),
-        (
-            "{ label = \"top\" }",
-            "handles.label: the mesh has no label \"top\"; it has [boundary, ",
-        ),
-        (
-            "{ box = { min = [5, 5, 5], max = [6, 6, 6] } }",
-            "handles.box: no vertex",
-        ),
-        ("{ vertices = [1], label = \"boundary\" }", "handles"),
-    ];
-    for (handles, expected) in cases {
+    let cases = r#"
+        { vertices = [36] } | handles: handle 0 is vertex 36
+        { vertices = [1, 1] } | vertex 1 is named twice
+        { label = "top" } | handles.label: the mesh has no label "top"; it has [boundary,
+        { box = { min = [5, 5, 5], max = [6, 6, 6] } } | handles.box: no vertex
+        { vertices = [1], label = "boundary" } | handles
+    "#;
+    for [handles, expected] in table(cases) {
         let error = chosen(handles).unwrap_err();
         assert!(error.contains(expected), "{error} lacks {expected}");
     }
@@ -105,24 +101,13 @@ fn every_shape_can_be_asked_for_by_vertices_or_by_density() {
     assert_eq!(by_density, by_count);
     let json = by_density.spec.to_json().unwrap();
     assert_eq!(SceneSpec::from_json(&json).unwrap(), by_density.spec);
-    for (numbers, expected) in [
-        (
-            "{ kind = \"disc\", size = 1, seed = 1 }",
-            "`vertices` or `density`",
-        ),
-        (
-            "{ kind = \"disc\", vertices = 9, density = 9, size = 1, seed = 1 }",
-            "not both",
-        ),
-        (
-            "{ kind = \"disc\", density = -1, size = 1, seed = 1 }",
-            "density must be finite and positive, found -1",
-        ),
-        (
-            "{ kind = \"disc\", density = 1e300, size = 1, seed = 1 }",
-            "vertices must be at most 1000000",
-        ),
-    ] {
+    let cases = r#"
+        { kind = "disc", size = 1, seed = 1 } | `vertices` or `density`
+        { kind = "disc", vertices = 9, density = 9, size = 1, seed = 1 } | not both
+        { kind = "disc", density = -1, size = 1, seed = 1 } | density must be finite and positive, found -1
+        { kind = "disc", density = 1e300, size = 1, seed = 1 } | vertices must be at most 1000000
+    "#;
+    for [numbers, expected] in table(cases) {
         let error = shape(numbers).unwrap_err();
         assert!(error.contains(expected), "{error} lacks {expected}");
     }
@@ -130,79 +115,27 @@ fn every_shape_can_be_asked_for_by_vertices_or_by_density() {
 
 #[test]
 fn mistakes_are_errors_that_name_file_and_field() {
-    let cases = [
-        (
-            "frame_rate = 30",
-            "framerate = 30",
-            "unknown field `framerate`",
-        ),
-        ("substeps = 2", "substep = 2", "unknown field `substep`"),
-        (
-            "substeps = 2",
-            "substeps = 0",
-            "physics.substeps must be between 1 and 1000",
-        ),
-        (
-            "frame_rate = 30",
-            "frame_rate = 0",
-            "frame_rate must be between",
-        ),
-        ("seed = 1", "sead = 1", "unknown field `sead`"),
-        ("\"square\"", "\"cube\"", "unknown variant `cube`"),
-        (
-            "vertices = 36",
-            "vertices = 2",
-            "mesh.generator: a sheet of this shape needs at least",
-        ),
-        (
-            "generator = {",
-            "obj = \"a.obj\", generator = {",
-            "has both a generator and a file",
-        ),
-        (
-            "\"gray-interlock\"",
-            "\"gray\"",
-            "material: \"gray\" is neither a .toml file nor one of",
-        ),
-        (
-            "\"gray-interlock\"",
-            "\"no.toml\"",
-            "material: no.toml: could not be read",
-        ),
-        (
-            "\"forward\"",
-            "\"forwards\"",
-            "motion.named: no motion is called \"forwards\"",
-        ),
-        (
-            "named = \"forward\"",
-            "file = \"no.toml\"",
-            "motion.file: no.toml: could not be read",
-        ),
-        (
-            "named = \"forward\"",
-            "recorded = \"no.csv\"",
-            "motion.recorded: no.csv: could not",
-        ),
-        ("name = \"s\"", "", "missing field `name`"),
-        (
-            "label = \"upper-corners\"",
-            "label = \"upper-corners\", vertices = [3]",
-            "which vertices are handles in exactly one way: vertices, label, box or groups",
-        ),
-        ("label = \"upper-corners\"", "", "in exactly one way"),
-        (
-            "label = \"upper-corners\"",
-            "label = \"upper-corners\", released = [{ from = 1.0 }]",
-            "released belongs to a group: groups = [{",
-        ),
-        (
-            "label = \"upper-corners\"",
-            "lable = \"upper-corners\"",
-            "unknown field `lable`",
-        ),
-    ];
-    for (from, to, expected) in cases {
+    let cases = r#"
+        frame_rate = 30 | framerate = 30 | unknown field `framerate`
+        substeps = 2 | substep = 2 | unknown field `substep`
+        substeps = 2 | substeps = 0 | physics.substeps must be between 1 and 1000
+        frame_rate = 30 | frame_rate = 0 | frame_rate must be between
+        seed = 1 | sead = 1 | unknown field `sead`
+        "square" | "cube" | unknown variant `cube`
+        vertices = 36 | vertices = 2 | mesh.generator: a sheet of this shape needs at least
+        generator = { | obj = "a.obj", generator = { | has both a generator and a file
+        "gray-interlock" | "gray" | material: "gray" is neither a .toml file nor one of
+        "gray-interlock" | "no.toml" | material: no.toml: could not be read
+        "forward" | "forwards" | motion.named: no motion is called "forwards"
+        named = "forward" | file = "no.toml" | motion.file: no.toml: could not be read
+        named = "forward" | recorded = "no.csv" | motion.recorded: no.csv: could not
+        name = "s" |  | name: is missing
+        label = "upper-corners" | label = "upper-corners", vertices = [3] | which vertices are handles in exactly one way: vertices, label, box or groups
+        label = "upper-corners" |  | in exactly one way
+        label = "upper-corners" | label = "upper-corners", released = [{ from = 1.0 }] | released belongs to a group: groups = [{
+        label = "upper-corners" | lable = "upper-corners" | unknown field `lable`
+    "#;
+    for [from, to, expected] in table(cases) {
         let error = edited(from, to).unwrap_err();
         assert!(error.starts_with("s.toml: "), "{error}");
         assert!(error.contains(expected), "{error} lacks {expected}");

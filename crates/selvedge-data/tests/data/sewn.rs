@@ -3,8 +3,8 @@
 
 use glam::{Vec2, Vec3};
 use selvedge_cloth::{Cloth, ClothArrays, Handles, Topology};
-use selvedge_data::export::{ExportFormat, ExportOptions, FrameSpan, Normals, Velocities, export};
-use selvedge_data::{LoadedScene, Provenance, Trajectory, UpAxis, parse_scene, read_obj};
+use selvedge_data::export::{ExportFormat, ExportOptions, FrameSpan, export};
+use selvedge_data::{LoadedScene, Provenance, Trajectory, parse_scene, read_obj};
 use serde_json::Value;
 use std::path::Path;
 
@@ -59,11 +59,8 @@ fn trajectory() -> Trajectory {
 
 fn exported(format: ExportFormat, frames: FrameSpan, path: &Path) {
     let options = ExportOptions {
-        format,
         frames,
-        up: UpAxis::Y,
-        normals: Normals::LeftOut,
-        velocities: Velocities::LeftOut,
+        ..ExportOptions::plain(format)
     };
     export(&trajectory(), path, &options, &mut || {
         std::ops::ControlFlow::Continue(())

@@ -6,23 +6,18 @@ use std::ops::ControlFlow;
 use glam::{Vec2, Vec3};
 use proptest::prelude::*;
 use selvedge_cloth::conformance::{HandlesEnd, check};
-use selvedge_cloth::{
-    Cloth, ClothArrays, HandleTargets, Handles, Motion, StepError, Stepper, Topology,
-};
+use selvedge_cloth::{Cloth, HandleTargets, Motion, StepError, Stepper};
 use selvedge_data::{
     Drive, Playback, Provenance, RecordingEnd, Trajectory, TrajectoryError, record,
 };
 use serde_json::json;
 
+use crate::help::sheet;
+
 fn cloth() -> Cloth {
-    let arrays = ClothArrays {
-        rest_positions: vec![Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0), Vec3::Y],
-        material_coordinates: vec![Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y],
-        vertex_mass: vec![0.25; 4],
-        face_area: vec![0.5; 2],
-    };
-    let topology = Topology::new(4, &[[0, 1, 2], [0, 2, 3]]).unwrap();
-    Cloth::new(topology, Handles::new(&[3, 2], 4).unwrap(), arrays).unwrap()
+    let flat = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
+    let faces = [[0, 1, 2], [0, 2, 3]];
+    sheet(&flat.map(|c| c.extend(0.0)), &flat, &faces, &[3, 2])
 }
 
 fn provenance() -> Provenance {
@@ -104,7 +99,7 @@ fn errors_name_the_file_and_what_is_wrong() {
         ),
         (
             swap("\"version\":\"1\"", "\"version\":\"2\""),
-            "no tensor named pattern_faces",
+            "no array named pattern_faces",
         ),
         (swap("\"made_by\"", "\"made_at\""), "made_at"),
         (
@@ -121,7 +116,7 @@ fn errors_name_the_file_and_what_is_wrong() {
         ),
         (
             swap("\"shape\":[2,4,3]", "\"shape\":[2,3,4]"),
-            "tensor positions: expected F32 [any, any, 3]",
+            "array positions: expected F32 [any, any, 3]",
         ),
         (
             swap("\"shape\":[4,2]", "\"shape\":[2,4]"),
@@ -129,7 +124,7 @@ fn errors_name_the_file_and_what_is_wrong() {
         ),
         (
             swap("\"U32\",\"shape\":[2]", "\"F32\",\"shape\":[2]"),
-            "tensor handles: expected U32 [any]",
+            "array handles: expected U32, I32 or I64, found F32 [2]",
         ),
     ];
     for (message, expected) in cases {

@@ -163,7 +163,7 @@ fn threads_and_a_kept_reference_change_nothing() {
     let path = file.unwrap().path();
     let bytes = std::fs::read(&path).unwrap();
     let mut other = StateRun::from_bytes(&bytes).unwrap();
-    other.positions[20].x += 1e-9;
+    other.states[1].positions[2].x += 1e-9;
     let provenance = selvedge_data::Provenance {
         frame_rate: 60.0,
         scene: Value::Null,

@@ -50,11 +50,9 @@ pub(super) struct Prepared<'a> {
 impl Truth {
     /// True positions in `frame` `[m]`, `[vertices]`.
     pub(super) fn positions(&self, frame: usize) -> Option<Vec<DVec3>> {
-        let vertices = self.trajectory.vertex_count();
         let place = frame.checked_sub(self.first)?;
         if let Some(states) = &self.states {
-            let found = states.positions.chunks(vertices).nth(place);
-            return found.map(<[DVec3]>::to_vec);
+            return Some(states.states.get(place)?.positions.clone());
         }
         let is_there = place < self.trajectory.frame_count();
         is_there.then(|| widened(self.trajectory.frame(place)))
@@ -66,10 +64,10 @@ impl Truth {
         let positions = self.positions(frame)?;
         let place = frame - self.first;
         if let Some(states) = &self.states {
-            let velocities = states.velocities.chunks(positions.len()).nth(place)?;
+            let velocities = states.states.get(place)?.velocities.clone();
             return Some(FrameState {
                 positions,
-                velocities: velocities.to_vec(),
+                velocities,
             });
         }
         let before = self.positions(frame.saturating_sub(1).max(self.first))?;
@@ -236,16 +234,17 @@ impl Reference<'_> {
                 made
             }
         };
-        let vertices = scene.mesh.positions().len();
-        let first = states.frames.first().map_or(0, |frame| *frame as usize);
+        let start = states.states.first();
+        let first = start.map_or(0, |state| state.frame);
         // The rest pose that models compare with.
         let begins_at_rest = self.loaded.state.is_none() && spec.start == StartSpec::Rest;
-        let rest = match begins_at_rest {
-            true => states.positions[..vertices].to_vec(),
-            false => selvedge_sim::sag(&self.loaded.scene)
+        let rest = match start {
+            Some(start) if begins_at_rest => start.positions.clone(),
+            _ => selvedge_sim::sag(&self.loaded.scene)
                 .map_or_else(|_| scene.mesh.positions().to_vec(), |rest| rest.positions),
         };
-        let positions = rounded(&states.positions);
+        let all = states.states.iter();
+        let positions = all.flat_map(|state| rounded(&state.positions)).collect();
         let own = &self.loaded.scene;
         let trajectory = physics::trajectory_from(first, &self.loaded.spec, own, &rest, positions)?;
         Ok(Some(Truth {
@@ -287,19 +286,20 @@ impl Reference<'_> {
             Err(error) => return unfit(error.to_string()),
         };
         let vertices = scene.mesh.positions().len();
-        if run.positions.len() != vertices * run.frames.len() {
+        let states = &run.states;
+        if states.iter().any(|state| state.positions.len() != vertices) {
             return unfit("the kept reference is of another mesh".to_owned());
         }
         let first = self.loaded.state.as_ref().map_or(0, |state| state.frame);
-        let mut frames = run.frames.iter().zip(first..);
-        if !frames.all(|(found, expected)| *found as usize == expected) {
+        let mut frames = states.iter().zip(first..);
+        if states.is_empty() || !frames.all(|(found, expected)| found.frame == expected) {
             return unfit("the kept reference lacks frames".to_owned());
         }
         // A shorter run served an evaluation of an earlier part of the motion.
-        if first + run.frames.len() <= self.last {
+        if first + states.len() <= self.last {
             return None;
         }
-        match made_again(&run, first, vertices, scene) {
+        match made_again(&run, first, scene) {
             Ok(true) => Some(run),
             Ok(false) => unfit("this program makes another reference".to_owned()),
             Err(error) => unfit(error),
@@ -325,15 +325,12 @@ impl Reference<'_> {
 }
 
 /// Makes the first frames of a kept run again and returns true where they are the same.
-fn made_again(
-    run: &StateRun,
-    first: usize,
-    vertices: usize,
-    scene: &Scene,
-) -> Result<bool, String> {
+fn made_again(run: &StateRun, first: usize, scene: &Scene) -> Result<bool, String> {
     let of = |place: usize| {
-        let range = place * vertices..(place + 1) * vertices;
-        (&run.positions[range.clone()], &run.velocities[range])
+        (
+            &run.states[place].positions[..],
+            &run.states[place].velocities[..],
+        )
     };
     let (positions, velocities) = of(0);
     let state = FrameState {
@@ -343,7 +340,7 @@ fn made_again(
     let mut simulator = simulator(scene, state, first)?;
     let path = scene.handle_path().map_err(|error| error.to_string())?;
     let substeps = scene.physics.substeps as usize;
-    for place in 1..run.frames.len().min(CHECKED + 1) {
+    for place in 1..run.states.len().min(CHECKED + 1) {
         let targets = path.targets(first + place - 1, substeps);
         let targets = targets.map_err(|error| error.to_string())?;
         simulator

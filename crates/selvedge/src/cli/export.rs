@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::builder::BoolishValueParser;
 use clap::{Args, ValueEnum};
 use selvedge_data::UpAxis;
-use selvedge_data::export::{FrameSpan, Normals, Velocities};
+use selvedge_data::export::FrameSpan;
 
 /// Write a trajectory in the format of another program.
 ///
@@ -115,18 +115,12 @@ impl ExportArgs {
     }
 
     /// The choice of normals, where there was one.
-    pub(crate) fn normals(&self) -> Option<Normals> {
-        self.normals.map(|normals| match normals {
-            true => Normals::Written,
-            false => Normals::LeftOut,
-        })
+    pub(crate) fn normals(&self) -> Option<bool> {
+        self.normals
     }
 
     /// The choice of velocities, where there was one.
-    pub(crate) fn velocities(&self) -> Option<Velocities> {
-        self.velocities.map(|velocities| match velocities {
-            true => Velocities::Written,
-            false => Velocities::LeftOut,
-        })
+    pub(crate) fn velocities(&self) -> Option<bool> {
+        self.velocities
     }
 }

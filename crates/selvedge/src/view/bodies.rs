@@ -5,7 +5,9 @@ use std::path::Path;
 
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{ContactSettings, Obstacle, Scene};
-use selvedge_data::{BodySpec, LoadedScene, ObstacleMotion, ObstacleSpec, Placement};
+use selvedge_data::{
+    BodySpec, LoadedScene, ObstacleMotion, ObstacleSpec, Placement, Plane, Sphere,
+};
 use selvedge_lab::physics;
 use selvedge_live::{Body, BodyKind, Order, kind_of};
 
@@ -48,18 +50,18 @@ pub(super) fn put(loaded: &mut LoadedScene, order: &Order) -> anyhow::Result<()>
         let height = low - BELOW * (high - low).max(LEAST_HEIGHT);
         setting.obstacles.push(still(
             "floor",
-            BodySpec::Plane {
+            BodySpec::Plane(Plane {
                 normal: DVec3::Y,
                 height,
                 size: 20.0,
-            },
+            }),
             DVec3::ZERO,
         ));
     }
-    let ball = BodySpec::Sphere {
+    let ball = BodySpec::Sphere(Sphere {
         radius: RADIUS,
         edge: None,
-    };
+    });
     setting.obstacles.push(still(BALL, ball, AWAY));
     let folder = Path::new(&order.scene).parent().unwrap_or(Path::new(""));
     loaded.scene = loaded.spec.build(folder)?;

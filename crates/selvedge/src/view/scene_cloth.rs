@@ -170,14 +170,10 @@ fn moving(frames: &[Vec<Vec3>], rate: f64) -> Result<SavedState, MoverError> {
         count => &frames[count - 2],
     };
     let velocity = |(now, before): (&Vec3, &Vec3)| (now.as_dvec3() - before.as_dvec3()) * rate;
-    Ok(SavedState {
-        positions: last.iter().map(|p| p.as_dvec3()).collect(),
-        velocities: last.iter().zip(before).map(velocity).collect(),
-        frame: 0,
-        previous: None,
-        contact: None,
-        changes: None,
-    })
+    Ok(SavedState::moving(
+        last.iter().map(|p| p.as_dvec3()).collect(),
+        last.iter().zip(before).map(velocity).collect(),
+    ))
 }
 
 #[cfg(test)]

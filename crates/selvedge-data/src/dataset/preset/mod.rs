@@ -185,6 +185,15 @@ impl DatasetPreset {
     /// [`SceneProblem`] names the field and what is wrong.
     pub fn parse(text: &str, folder: &Path) -> Result<Self, SceneProblem> {
         let file: PresetFile = parse_toml(text)?;
+        let of_scene = (
+            &file.setting.name,
+            &file.setting.motion,
+            &file.setting.start,
+        );
+        if !matches!(of_scene, (None, None, None)) {
+            let problem = "has name, motion or start, which only a scene has: take them out";
+            return Err(field("setting", problem));
+        }
         let ResolvedSetting {
             setting,
             mesh,
@@ -269,7 +278,7 @@ impl DatasetPreset {
     /// Every scene, made once to see that it can be, and what comes of it.
     fn foresee(&self) -> Result<Forecast, SceneProblem> {
         let mut runs = Vec::new();
-        for split in [Split::Train, Split::Test] {
+        for split in Split::BOTH {
             for motion in self.motions(split) {
                 let scene = self.scene(motion)?.scene;
                 let frames = scene.frame_count().map_err(SceneError::Motion);

@@ -121,7 +121,7 @@ fn body<W: Write + Seek>(
                 .extend(archive.array(&floats(&velocities))?);
         }
     }
-    let properties = mesh(archive, samples, count, body.faces())?;
+    let properties = mesh(archive, samples, count, body.track.faces())?;
     let shape = geometry(archive, &format!("{}_mesh", body.name), properties)?;
     node(archive, &body.name, None, vec![shape])
 }

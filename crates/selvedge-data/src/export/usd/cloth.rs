@@ -96,13 +96,13 @@ fn obstacles<'a>(take: &'a Take<'a>) -> Option<Prim<'a>> {
     }
     let mut root = Prim::new("obstacles", "Xform");
     root.children
-        .extend(obstacles.into_iter().map(|body| obstacle(take, body)));
+        .extend(obstacles.iter().map(|body| obstacle(take, body)));
     root.children.push(materials("/obstacles", GREY));
     Some(root)
 }
 
-fn obstacle<'a>(take: &'a Take<'a>, body: TakenObstacle<'a>) -> Prim<'a> {
-    let mut mesh = mesh(&body.name, body.faces(), GREY);
+fn obstacle<'a>(take: &'a Take<'a>, body: &TakenObstacle<'a>) -> Prim<'a> {
+    let mut mesh = mesh(&body.name, body.track.faces(), GREY);
     bind(&mut mesh, "/obstacles");
     if body.is_still() {
         let points = body.positions(take, 0);
@@ -111,15 +111,14 @@ fn obstacle<'a>(take: &'a Take<'a>, body: TakenObstacle<'a>) -> Prim<'a> {
         mesh.add("float3[]", "extent", Value::Triples(corners));
         return mesh;
     }
-    let body = std::rc::Rc::new(body);
-    let of = body.clone();
-    let points = frames(move |number| of.positions(take, number));
-    mesh.add("point3f[]", "points", points);
-    let of = body.clone();
-    let boxes = frames(move |number| extent(&of.positions(take, number)).to_vec());
+    let track = body.track;
+    let at = move |number| take.turned(&track.frame(take.frame(number)));
+    mesh.add("point3f[]", "points", frames(at));
+    let boxes = frames(move |number| extent(&at(number)).to_vec());
     mesh.add("float3[]", "extent", boxes);
     if take.has_velocities() {
-        let velocities = frames(move |number| body.velocities(take, number));
+        let points = |frame| take.turned(&track.frame(frame));
+        let velocities = frames(move |number| take.slopes(number, points));
         mesh.add("vector3f[]", "velocities", velocities);
     }
     mesh

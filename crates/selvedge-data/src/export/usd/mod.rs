@@ -75,8 +75,8 @@ fn package_bytes(take: &Take<'_>) -> u64 {
     let handles = take.trajectory().handles().vertices().len() as u64;
     let bodies = take.obstacles();
     let bodies = bodies.iter().map(|body| {
-        let points = 12 * body.point_count() as u64 * (1 + u64::from(take.has_velocities()));
-        body.frame_count(take) as u64 * (points + 200) + 20 * body.faces().len() as u64
+        let points = 12 * body.track.point_count() as u64 * (1 + u64::from(take.has_velocities()));
+        body.frame_count(take) as u64 * (points + 200) + 20 * body.track.faces().len() as u64
     });
     cloth + 40 * handles * take.len() as u64 + bodies.sum::<u64>() + 100 * vertices + (1 << 20)
 }

@@ -8,7 +8,7 @@ use glam::DVec3;
 
 use super::super::options::HandleSource;
 use super::rigid;
-use crate::rig::{MovingBody, Rig, RigFormat, read_body};
+use crate::rig::{Rig, RigFormat, read_body};
 
 /// Roundings of the largest coordinate by which a vertex may stray from a node that it goes with:
 /// nodes turn by numbers in single precision, too.
@@ -40,7 +40,7 @@ pub(super) fn held(
             let frames: Vec<Vec<DVec3>> = match format {
                 Some(format) => {
                     let body = read_body(bytes, format, None, false).map_err(|e| e.to_string())?;
-                    let frames = keys(&body, span).into_iter().map(|time| body.positions(time));
+                    let frames = body.keys_at(span[0]).into_iter().map(|time| body.positions(time));
                     frames.map(|frame| own(&frame)).collect()
                 }
                 None => frames.iter().map(own).collect(),
@@ -48,11 +48,6 @@ pub(super) fn held(
             rigid::found(&frames, faces)
         }
     }
-}
-
-/// The times at which the cloth's points are known.
-fn keys(body: &MovingBody, span: [usize; 2]) -> Vec<f64> {
-    body.keys_at(span[0])
 }
 
 /// The vertices that go with nodes of these names: node by node, each time the nearest first.
@@ -64,7 +59,7 @@ fn with_nodes(
 ) -> Result<Vec<u32>, String> {
     let rig = Rig::parse(bytes, format).map_err(|error| error.to_string())?;
     let body = read_body(bytes, format, None, false).map_err(|error| error.to_string())?;
-    let keys = keys(&body, span);
+    let keys = body.keys_at(span[0]);
     let own = |time: &f64| body.positions(*time)[span[0]..span[1]].to_vec();
     let frames: Vec<Vec<DVec3>> = keys.iter().map(own).collect();
     let (Some(first), Some(&start)) = (frames.first(), keys.first()) else {

@@ -19,6 +19,7 @@ use super::assemble::{TrajectoryParts, Weight, hanging};
 use super::error::{ForeignError, ForeignProblem};
 use super::options::{HandleSource, ImportOptions, RestSource, describe_file, positive};
 use crate::UpAxis;
+use crate::formats::file_error::FileError;
 use crate::formats::input::read_file;
 use crate::formats::obj::{parse_obj_polygons, read_obj, read_obj_positions};
 use crate::formats::polygons::{Polygons, triangles_in_space};
@@ -55,10 +56,7 @@ fn ending_of(path: &Path) -> &str {
 }
 
 fn at(path: &Path, problem: ForeignProblem) -> ForeignError {
-    ForeignError {
-        path: path.to_owned(),
-        problem,
-    }
+    FileError::at(path)(problem)
 }
 
 /// True for a file that is a cache.
@@ -69,23 +67,23 @@ pub(super) fn is_cache(path: &Path) -> bool {
 
 impl Caches {
     pub(super) fn new(options: &ImportOptions) -> Result<Self, ForeignProblem> {
-        let missing = |what, option, hint| ForeignProblem::Missing { what, option, hint };
+        let missing = |what: &str, option: &str, hint: &str| {
+            let problem = format!("the data do not say {what}: give {option} ({hint})");
+            ForeignProblem::Layout(problem)
+        };
         Ok(Self {
-            density: positive(options.density, "density")?.ok_or(missing(
-                "what the cloth weighs",
-                "density",
-                "in kg/m², as 0.15",
-            ))?,
-            frame_rate: positive(options.frame_rate, "frame_rate")?.ok_or(missing(
-                "how many frames per second to take",
-                "frame_rate",
-                "as 60",
-            ))?,
-            handles: options.handles.clone().ok_or(missing(
-                "which vertices are held",
-                "handles",
-                "numbers from 0, as 0,30, nodes of the file, as left,right, or found",
-            ))?,
+            density: positive(options.density, "density")?
+                .ok_or_else(|| missing("what the cloth weighs", "density", "in kg/m², as 0.15"))?,
+            frame_rate: positive(options.frame_rate, "frame_rate")?.ok_or_else(|| {
+                missing("how many frames per second to take", "frame_rate", "as 60")
+            })?,
+            handles: options.handles.clone().ok_or_else(|| {
+                missing(
+                    "which vertices are held",
+                    "handles",
+                    "numbers from 0, as 0,30, nodes of the file, as left,right, or found",
+                )
+            })?,
             object: options.object.clone(),
             rest: options.rest.clone().unwrap_or(RestSource::FirstFrame),
             flat: options.flat.clone(),
@@ -119,7 +117,8 @@ impl Caches {
         let format = RigFormat::of(ending_of(path));
         let mesh = mesh_of(path, &bytes, format)?;
         let name = path.to_string_lossy();
-        let (rate, frames) = moving_points(&name, &bytes, self.frame_rate).map_err(layout)?;
+        let (rate, frames) =
+            moving_points(&name, &bytes, None, 0.0, self.frame_rate).map_err(layout)?;
         let points = mesh.positions.len();
         if let Some(found) = frames.iter().map(Vec::len).find(|&found| found != points) {
             return Err(layout(format!(
@@ -173,13 +172,10 @@ impl Caches {
         if rest.len() == material.len() {
             return Ok(rest);
         }
-        let problem = ForeignProblem::Count {
-            what: "the rest pose".to_owned(),
-            unit: "vertices",
-            expected: material.len(),
-            found: rest.len(),
-        };
-        Err(at(path, problem))
+        Err(at(
+            path,
+            other_count("the rest pose", rest.len(), material.len()),
+        ))
     }
 
     /// Material coordinates of the cloth: of the flat mesh, or the texture coordinates.
@@ -190,12 +186,7 @@ impl Caches {
             if material.len() == end - start {
                 return Ok(material);
             }
-            return Err(ForeignProblem::Count {
-                what: "the flat mesh".to_owned(),
-                unit: "vertices",
-                expected: end - start,
-                found: material.len(),
-            });
+            return Err(other_count("the flat mesh", material.len(), end - start));
         }
         let layout = |problem: String| Err(ForeignProblem::Layout(problem));
         let mut material: Vec<Option<DVec2>> = vec![None; end - start];
@@ -222,6 +213,12 @@ impl Caches {
             ),
         }
     }
+}
+
+fn other_count(what: &str, found: usize, expected: usize) -> ForeignProblem {
+    ForeignProblem::Layout(format!(
+        "{what} is for {found} vertices, but there are {expected}"
+    ))
 }
 
 /// The meshes of a file, or of the .obj beside it.

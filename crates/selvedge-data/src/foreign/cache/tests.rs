@@ -4,7 +4,7 @@
 use std::ops::ControlFlow;
 
 use super::*;
-use crate::export::{ExportFormat, ExportOptions, FrameSpan, Normals, Velocities, export};
+use crate::export::{ExportFormat, ExportOptions, export};
 use crate::foreign::ForeignSource;
 use crate::trajectory::Trajectory;
 use crate::trajectory::test_square::moving_square;
@@ -15,13 +15,7 @@ fn trajectory() -> Trajectory {
 
 fn exported(format: ExportFormat, ending: &str) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
-    let options = ExportOptions {
-        format,
-        frames: FrameSpan::default(),
-        up: UpAxis::Y,
-        normals: Normals::LeftOut,
-        velocities: Velocities::LeftOut,
-    };
+    let options = ExportOptions::plain(format);
     let path = folder.path().join(format!("a.{ending}"));
     export(&trajectory(), &path, &options, &mut || {
         ControlFlow::Continue(())

@@ -5,12 +5,15 @@
 //! errors. What is written ([`write_archive`]) is for other programs: safetensors is our own
 //! container.
 
+mod points;
 mod write;
 
 use thiserror::Error;
 
 use crate::formats::npy::{Array, NpyError};
+use crate::formats::zip::{DIRECTORY, DIRECTORY_LENGTH, END, END_LENGTH, LOCAL, LOCAL_LENGTH};
 
+pub(crate) use self::points::NpzPoints;
 pub(crate) use self::write::{EntryOut, archive_bytes, write_archive};
 
 /// An archive of arrays.
@@ -47,13 +50,6 @@ pub enum NpzError {
     },
 }
 
-const END: u32 = 0x0605_4b50;
-const DIRECTORY: u32 = 0x0201_4b50;
-const LOCAL: u32 = 0x0403_4b50;
-/// Sizes of the fixed parts of the three records.
-const END_LENGTH: usize = 22;
-const DIRECTORY_LENGTH: usize = 46;
-const LOCAL_LENGTH: usize = 30;
 /// A field of this value is elsewhere, in a record for archives over 4 GB.
 const ELSEWHERE: usize = 0xffff_ffff;
 

@@ -1,6 +1,7 @@
 //! Archives made here byte by byte, as NumPy makes them.
 
 use super::*;
+use crate::formats::arrays::ArrayFile;
 
 /// A .npy file of f64 or i64 numbers.
 pub(crate) fn npy(descr: &str, shape: &str, bytes: &[u8]) -> Vec<u8> {
@@ -62,10 +63,7 @@ fn arrays_come_back_with_type_and_shape() {
         .iter()
         .flat_map(|v| v.to_le_bytes())
         .collect();
-    let frames: Vec<u8> = [60_i32, -120]
-        .iter()
-        .flat_map(|v| v.to_le_bytes())
-        .collect();
+    let frames: Vec<u8> = [60_i32, 120].iter().flat_map(|v| v.to_le_bytes()).collect();
     let bytes = archive(&[
         (
             "x",
@@ -75,21 +73,24 @@ fn arrays_come_back_with_type_and_shape() {
         ("frames", npy("<i4", "(2,)", &frames)),
         ("text", npy("<U4", "()", &[0; 16])),
     ]);
-    let npz = Npz::open(&bytes).unwrap();
-    assert_eq!(npz.names(), ["x", "single", "frames", "text"]);
-    let x = npz.array("x").unwrap().unwrap();
+    let file = ArrayFile::npz(&bytes).unwrap();
+    assert_eq!(file.names(), ["frames", "single", "text", "x"]);
+    let x = file.floats("x").unwrap();
     assert_eq!(x.shape, [2, 1, 3]);
-    assert_eq!(x.floats().unwrap(), [0.1, 1e-300, -5.0, 0.2, 7.0, 1.0]);
-    assert!(x.integers().is_err());
-    let of = |name: &str| npz.array(name).unwrap().unwrap();
-    assert_eq!(of("single").floats().unwrap(), [1.5, -2.0]);
-    assert_eq!(of("frames").integers().unwrap(), [60, -120]);
-    let error = of("text").floats().unwrap_err().to_string();
+    assert_eq!(x.values, [0.1, 1e-300, -5.0, 0.2, 7.0, 1.0]);
+    assert!(file.wholes("x").is_err());
+    assert_eq!(file.floats("single").unwrap().values, [1.5, -2.0]);
+    assert_eq!(file.singles("single").unwrap().values, [1.5, -2.0]);
+    assert_eq!(file.wholes("frames").unwrap().values, [60, 120]);
+    let error = |name: &str| file.floats(name).err().unwrap().to_string();
     assert_eq!(
-        error,
-        "has elements of type \"<U4\", expected little-endian floats, <f4 or <f8"
+        error("text"),
+        "array text: expected F64 or F32, found <U4 []"
     );
-    assert!(npz.array("y").unwrap().is_none());
+    assert_eq!(
+        error("y"),
+        "has no array named y (found frames, single, text, x)"
+    );
 }
 
 #[test]
@@ -103,14 +104,13 @@ fn damage_is_an_error_and_no_panic() {
         let mut spoilt = whole.clone();
         spoilt[at] ^= 0xff;
         // Bytes that tell the time or a version have no meaning here; all others show.
-        if let Ok(npz) = Npz::open(&spoilt)
-            && let Ok(Some(array)) = npz.array("x")
+        if let Ok(file) = ArrayFile::npz(&spoilt)
+            && let Ok(array) = file.floats("x")
         {
-            assert_eq!(array.floats().unwrap(), [1.0, 2.0, 3.0]);
+            assert_eq!(array.values, [1.0, 2.0, 3.0]);
         }
     }
     let wrong = archive(&[("x", floats("(4,)", &[1.0]))]);
-    let array = Npz::open(&wrong).unwrap().array("x").unwrap().unwrap();
-    let (expected, found) = ("32".to_owned(), 8);
-    assert_eq!(array.floats(), Err(NpyError::Length { expected, found }));
+    let error = ArrayFile::npz(&wrong).unwrap().floats("x").err().unwrap();
+    assert!(error.to_string().contains("its shape needs 32"), "{error}");
 }

@@ -6,12 +6,12 @@
 
 use std::io::{self, Write};
 
-use super::{DIRECTORY, DIRECTORY_LENGTH, END, END_LENGTH, LOCAL, LOCAL_LENGTH};
+use crate::formats::zip::{self, DIRECTORY_LENGTH, END_LENGTH, LOCAL_LENGTH, Stored};
 
 /// An array to be written.
 pub(crate) struct EntryOut<'a> {
     /// Name of the entry, without `.npy`.
-    pub(crate) name: &'a str,
+    pub(crate) name: String,
     /// NumPy's name of its type.
     pub(crate) kind: &'a str,
     /// Dimensions, slowest first.
@@ -21,9 +21,6 @@ pub(crate) struct EntryOut<'a> {
     /// The bytes of a piece.
     pub(crate) chunk: Box<dyn Fn(usize) -> Vec<u8> + 'a>,
 }
-
-/// 1 January 1980, midnight.
-const DATE: [u8; 4] = [0, 0, 0x21, 0];
 
 impl EntryOut<'_> {
     fn file_name(&self) -> String {
@@ -68,19 +65,6 @@ impl EntryOut<'_> {
         }
         hasher.finalize()
     }
-
-    /// Facts that stand before the array and, again, in the directory.
-    fn facts(&self, checksum: u32) -> Vec<u8> {
-        let length = (self.length() as u32).to_le_bytes();
-        let mut facts = vec![20, 0, 0, 0, 0, 0];
-        facts.extend(DATE);
-        facts.extend(checksum.to_le_bytes());
-        facts.extend(length);
-        facts.extend(length);
-        facts.extend((self.file_name().len() as u16).to_le_bytes());
-        facts.extend([0, 0]);
-        facts
-    }
 }
 
 /// Size of the archive in bytes.
@@ -99,31 +83,23 @@ pub(crate) fn write_archive(
     let mut directory = Vec::new();
     let mut at = 0_u32;
     for entry in entries {
-        let facts = entry.facts(entry.checksum());
         let name = entry.file_name();
-        out.write_all(&LOCAL.to_le_bytes())?;
-        out.write_all(&facts)?;
-        out.write_all(name.as_bytes())?;
+        let stored = Stored {
+            name: &name,
+            version: 20,
+            checksum: entry.checksum(),
+            length: entry.length() as u32,
+        };
+        out.write_all(&stored.local(&[]))?;
         out.write_all(&entry.header())?;
         for k in 0..entry.chunks {
             out.write_all(&(entry.chunk)(k))?;
-            beat(entry.name)?;
+            beat(&entry.name)?;
         }
-        directory.extend(DIRECTORY.to_le_bytes());
-        directory.extend([20, 0]);
-        directory.extend(&facts);
-        directory.extend([0; 10]);
-        directory.extend(at.to_le_bytes());
-        directory.extend(name.as_bytes());
+        directory.extend(stored.directory(at));
         at += (LOCAL_LENGTH + name.len()) as u32 + entry.length() as u32;
     }
-    let count = (entries.len() as u16).to_le_bytes();
     out.write_all(&directory)?;
-    out.write_all(&END.to_le_bytes())?;
-    out.write_all(&[0; 4])?;
-    out.write_all(&count)?;
-    out.write_all(&count)?;
-    out.write_all(&(directory.len() as u32).to_le_bytes())?;
-    out.write_all(&at.to_le_bytes())?;
-    out.write_all(&[0; 2])
+    let (count, length) = (entries.len() as u16, directory.len() as u32);
+    out.write_all(&zip::end(count, length, at))
 }

@@ -19,6 +19,7 @@ use glam::DVec3;
 use selvedge_cloth::generate::Sheet;
 
 use super::polygons::{MeshFileError, MeshOptions, Polygons, ReadMesh, ReadMeshError, assemble};
+use crate::formats::file_error::FileError;
 use crate::formats::input::read_file;
 pub use write::write_obj;
 pub(crate) use write::{ObjFrame, write_obj_frame};
@@ -31,10 +32,7 @@ pub fn read_obj(path: &Path) -> Result<Sheet, ReadMeshError> {
     read_file(path)
         .map_err(MeshFileError::Read)
         .and_then(|bytes| parse_obj(&String::from_utf8_lossy(&bytes)))
-        .map_err(|source| ReadMeshError {
-            path: path.to_owned(),
-            source,
-        })
+        .map_err(FileError::at(path))
 }
 
 /// Reads the vertices of a mesh only `[m]`, `[vertices]`; faces may be of any kind.
@@ -42,10 +40,7 @@ pub(crate) fn read_obj_positions(path: &Path) -> Result<Vec<DVec3>, ReadMeshErro
     let positions = read_file(path)
         .map_err(MeshFileError::Read)
         .and_then(|bytes| Ok(parse::parse(&String::from_utf8_lossy(&bytes))?.positions));
-    positions.map_err(|source| ReadMeshError {
-        path: path.to_owned(),
-        source,
-    })
+    positions.map_err(FileError::at(path))
 }
 
 /// The polygons in the bytes of a file.

@@ -74,7 +74,7 @@ impl Reader {
                 let label = rest.first().ok_or("a label of a face is missing")?;
                 let fabric = polygons.fabric_of(label);
                 let last = polygons.polygons.last_mut();
-                last.ok_or("a label stands before the first face")?.label = Some(fabric);
+                last.ok_or("a label stands before the first face")?.fabric = Some(fabric);
             }
             "o" => {
                 self.object = (!rest.is_empty()).then(|| rest.join(" "));
@@ -145,7 +145,6 @@ impl Reader {
             place: Place::Line(line),
             corners,
             fabric: self.fabric,
-            label: None,
             part: self.polygons.parts.len() - 1,
         });
         Ok(())

@@ -6,11 +6,11 @@ use glam::{DVec2, DVec3};
 use selvedge_cloth::generate::Sheet;
 use selvedge_cloth::{FaceFabrics, FaceId, LoosePanels, Mesh, MeshError, TopologyError, VertexId};
 
-use super::clean::{check_corners, drop_unused, keep_labels};
+use super::clean::{check_corners, drop_unused};
 use super::error::MeshFileError;
 use super::fit::fit;
 use super::flat::planar_coordinates;
-use super::options::{FabricNames, MeshOptions, PatternSource, Seams, TextureUnit};
+use super::options::{MeshOptions, PatternSource, Seams, TextureUnit};
 use super::orient::orient;
 use super::shape::{in_own_plane, own_shape};
 use super::soup::{Place, Polygons, ReadMesh};
@@ -34,9 +34,6 @@ pub(crate) fn assemble(
     }
     check_corners(&polygons)?;
     drop_unused(&mut polygons);
-    if options.fabrics == FabricNames::Labels {
-        keep_labels(&mut polygons);
-    }
     orient(&mut polygons);
     let thread = options.thread.unwrap_or(DVec3::Y);
     if thread.try_normalize().is_none() {
@@ -223,7 +220,7 @@ fn split(
         for triangle in triangles.ok_or(MeshFileError::Polygon { place, corners })? {
             made.faces.push(triangle.map(|k| polygon.corners[k].vertex));
             made.shapes.push(shape(number, triangle));
-            made.fabrics.push(polygon.label.or(polygon.fabric));
+            made.fabrics.push(polygon.fabric);
             made.places.push(place);
             if let [Some(a), Some(b), Some(c)] = triangle.map(|k| polygon.corners[k].loose) {
                 made.loose.push([a, b, c]);

@@ -1,7 +1,7 @@
 //! Mending what has no say in the shape: corners that repeat after welding, and vertices without a
 //! face.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use super::error::MeshFileError;
 use super::soup::{Polygon, Polygons};
@@ -65,36 +65,6 @@ pub(super) fn drop_unnamed(polygons: &mut Polygons) {
     let is_used = used(polygons);
     keep(polygons, &is_used);
     polygons.labels.retain(|_, vertices| !vertices.is_empty());
-}
-
-/// Passes over fabrics that materials of the file name; the labels of faces remain. It is warned of
-/// where faces differ in them.
-pub(super) fn keep_labels(polygons: &mut Polygons) {
-    let passed: BTreeSet<Option<u32>> = polygons.polygons.iter().map(|p| p.fabric).collect();
-    let faces = polygons.polygons.iter();
-    let first = faces.filter(|p| p.fabric.is_some()).map(|p| p.place).next();
-    if let Some(first) = first.filter(|_| passed.len() > 1) {
-        let names = passed.iter().flatten();
-        let names: Vec<String> = names
-            .map(|number| format!("{:?}", polygons.fabrics[*number as usize]))
-            .collect();
-        polygons.warnings.push(format!(
-            "usemtl is passed over, as ARCSim passes over it: {}, the first face at {first}. A face's material is that of its label (fl)",
-            names.join(", ")
-        ));
-    }
-    let labels: BTreeSet<u32> = polygons.polygons.iter().filter_map(|p| p.label).collect();
-    let names = labels
-        .iter()
-        .map(|label| polygons.fabrics[*label as usize].clone());
-    polygons.fabrics = names.collect();
-    for polygon in &mut polygons.polygons {
-        polygon.fabric = None;
-        let number = polygon
-            .label
-            .map(|label| labels.range(..label).count() as u32);
-        polygon.label = number;
-    }
 }
 
 /// True for every vertex that a face has.

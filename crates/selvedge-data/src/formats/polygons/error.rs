@@ -1,22 +1,13 @@
 //! Errors of meshes in files.
 
-use std::path::PathBuf;
-
 use selvedge_cloth::MeshError;
 use thiserror::Error;
 
 use super::soup::Place;
+use crate::formats::file_error::FileError;
 
 /// A file that is not a cloth.
-#[derive(Debug, Error)]
-#[error("{}: {source}", path.display())]
-pub struct ReadMeshError {
-    /// The file.
-    pub path: PathBuf,
-    /// The problem.
-    #[source]
-    pub source: MeshFileError,
-}
+pub type ReadMeshError = FileError<MeshFileError>;
 
 /// Content that is not a cloth. Lines and vertices of an OBJ count from 1, as in the file; in other
 /// formats vertices and faces count from 0.

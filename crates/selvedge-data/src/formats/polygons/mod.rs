@@ -20,7 +20,7 @@ mod weld;
 
 pub(crate) use self::assemble::assemble;
 pub use self::error::{MeshFileError, ReadMeshError};
-pub use self::options::{FabricNames, MeshOptions, PatternSource, RestAngles, Seams, TextureUnit};
+pub use self::options::{MeshOptions, PatternSource, RestAngles, Seams, TextureUnit};
 pub(crate) use self::sew::sew;
 pub use self::sew::{PanelPlace, SeamPair, Sewing};
 pub(crate) use self::soup::{Corner, Polygon, Polygons};

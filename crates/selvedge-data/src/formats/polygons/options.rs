@@ -25,9 +25,6 @@ pub struct MeshOptions {
     /// are welded where they coincide.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub weld: Option<f64>,
-    /// Statements that give faces their fabrics.
-    #[serde(skip_serializing_if = "is_default")]
-    pub fabrics: FabricNames,
 }
 
 fn is_default<T: Default + PartialEq>(value: &T) -> bool {
@@ -46,17 +43,6 @@ pub enum Seams {
     /// The sheet is cut open along the seam: the side that comes later in the file gets vertices of
     /// its own, numbered after those of the file.
     Cut,
-}
-
-/// Statements of a file that give faces their fabrics.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum FabricNames {
-    /// The names of materials (`usemtl`), and the faces' own labels (`fl`), which come first.
-    #[default]
-    All,
-    /// The faces' own labels alone, as ARCSim reads its files.
-    Labels,
 }
 
 /// The unit of texture coordinates.

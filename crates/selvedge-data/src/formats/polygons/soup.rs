@@ -36,10 +36,9 @@ pub(crate) struct Polygons {
 pub(crate) struct Polygon {
     pub(crate) place: Place,
     pub(crate) corners: Vec<Corner>,
-    /// Number of the fabric that a statement before it names among [`Polygons::fabrics`].
+    /// Number of the fabric that its own label or else a statement before it names among
+    /// [`Polygons::fabrics`].
     pub(crate) fabric: Option<u32>,
-    /// Number of the fabric that its own label names, which comes before the other.
-    pub(crate) label: Option<u32>,
     /// Number of its objects and groups among [`Polygons::parts`].
     pub(crate) part: usize,
 }

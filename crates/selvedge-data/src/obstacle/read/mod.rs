@@ -9,9 +9,9 @@ use selvedge_assets::BODIES;
 use selvedge_cloth::bodies::Body;
 
 use super::error::Problem;
-use crate::export::{BodyPoints, body_points};
 use crate::formats::hash::hash;
 use crate::formats::input::read_file;
+use crate::formats::npz::NpzPoints;
 use crate::formats::obj::parse_obj_polygons;
 use crate::formats::pc2;
 use crate::formats::polygons::triangles_in_space;
@@ -65,7 +65,7 @@ pub(super) fn bytes_of(field: &'static str, path: &str, folder: &Path) -> Result
                 names.join(", ")
             ),
         };
-        Problem::Field(field, problem)
+        Problem(field, problem)
     })
 }
 
@@ -77,21 +77,29 @@ pub(super) fn unchanged(
     folder: &Path,
 ) -> Result<Vec<u8>, Problem> {
     let bytes = bytes_of(field, path, folder)?;
-    let found = hash(&bytes);
+    check_hash(field, path, expected, hash(&bytes))?;
+    Ok(bytes)
+}
+
+/// Checks that a file has the hash that it had when the scene was resolved.
+pub(super) fn check_hash(
+    field: &'static str,
+    path: &str,
+    expected: &str,
+    found: String,
+) -> Result<(), Problem> {
     if found == expected {
-        return Ok(bytes);
+        return Ok(());
     }
-    Err(Problem::Changed {
-        field,
-        path: path.to_owned(),
-        expected: expected.to_owned(),
-        found,
-    })
+    let problem = format!(
+        "{path} has changed since the scene was resolved (hash {found}, expected {expected})"
+    );
+    Err(Problem(field, problem))
 }
 
 /// The mesh in the bytes of the file at `path`, as it stands at the start.
 pub(super) fn mesh(path: &str, bytes: &[u8]) -> Result<Body, Problem> {
-    let wrong = |problem: String| Problem::Field("mesh", format!("{path}: {problem}"));
+    let wrong = |problem: String| Problem("mesh", format!("{path}: {problem}"));
     let (points, polygons) = match Kind::of(path) {
         Some(Kind::Obj) => {
             let read = parse_obj_polygons(bytes).map_err(|error| wrong(error.to_string()))?;
@@ -131,90 +139,65 @@ pub(super) fn mesh(path: &str, bytes: &[u8]) -> Result<Body, Problem> {
     Ok(Body { points, faces })
 }
 
-/// Points over time, as a file of any kind but .obj has them.
-pub(super) struct Moving<'a> {
-    /// Path of the file, for messages and for its kind.
-    pub(super) path: &'a str,
-    pub(super) bytes: &'a [u8],
-    /// Name of the animation, of a .glb that has several.
-    pub(super) animation: Option<&'a str>,
-    /// Seconds after the first key at which the motion begins.
-    pub(super) from: f64,
-    /// Frames per second of what has no times of its own; of the scene for what has.
-    pub(super) rate: f64,
-}
-
 /// Frames per second, and the points in every frame.
 pub(crate) type Frames = (f64, Vec<Vec<DVec3>>);
 
-/// The points in a file of any kind but .obj, and their frames per second: `rate` for what has
-/// times of its own or says none.
+/// The points in a file of any kind but .obj, from `from` `[s]` after its first key on, and their
+/// frames per second: `rate` for what has times of its own or says none. Of a .glb with several
+/// animations one is named.
 ///
 /// # Errors
 /// The defect, as a sentence.
-pub(crate) fn moving_points(path: &str, bytes: &[u8], rate: f64) -> Result<Frames, String> {
-    let moving = Moving {
-        path,
-        bytes,
-        animation: None,
-        from: 0.0,
-        rate,
-    };
-    moving.frames().map_err(|problem| match problem {
-        Problem::Field(_, text) => {
-            let own = text
-                .strip_prefix(path)
-                .and_then(|rest| rest.strip_prefix(": "));
-            own.unwrap_or(&text).to_owned()
+pub(crate) fn moving_points(
+    path: &str,
+    bytes: &[u8],
+    animation: Option<&str>,
+    from: f64,
+    rate: f64,
+) -> Result<Frames, String> {
+    let kind = Kind::of(path);
+    if animation.is_some() && kind != Some(Kind::Rig(RigFormat::Glb)) {
+        return Err("only a .glb has animations with names".to_owned());
+    }
+    let (rate, frames) = match kind {
+        Some(Kind::Rig(format)) => {
+            let body = read_body(bytes, format, animation, false);
+            let body = body.map_err(|error| error.to_string())?;
+            if body.span().is_none() {
+                return Err("nothing in it moves: leave motion out, or animate it".to_owned());
+            }
+            let frames = body.frames(rate, from).map_err(|error| error.to_string())?;
+            return Ok((rate, frames));
         }
-        Problem::Changed { .. } => "was changed while it was read".to_owned(),
-    })
+        Some(Kind::Pc2) => {
+            let cache = pc2::parse(bytes)?;
+            (rate / cache.every, cache.frames)
+        }
+        Some(Kind::Npz) => {
+            let read = NpzPoints::read(bytes).map_err(|error| error.to_string())?;
+            (read.frame_rate.unwrap_or(rate), read.frames)
+        }
+        Some(Kind::Obj) | None => {
+            let known = "must end in .obj (with {frame} in its name), .pc2, .npz, .usda, .usdc, .usdz or .glb";
+            return Err(retired(Path::new(path)).unwrap_or(known).to_owned());
+        }
+    };
+    Ok((rate, later(frames, from, rate)?))
 }
 
-impl Moving<'_> {
-    /// The points in every frame.
-    pub(super) fn frames(&self) -> Result<Frames, Problem> {
-        let wrong = |problem: String| Problem::Field("motion", format!("{}: {problem}", self.path));
-        let kind = Kind::of(self.path);
-        if self.animation.is_some() && kind != Some(Kind::Rig(RigFormat::Glb)) {
-            return Err(wrong("only a .glb has animations with names".to_owned()));
-        }
-        let (rate, mut frames) = match kind {
-            Some(Kind::Rig(format)) => {
-                let body = read_body(self.bytes, format, self.animation, false);
-                let body = body.map_err(|error| wrong(error.to_string()))?;
-                if body.span().is_none() {
-                    let problem = "nothing in it moves: leave motion out, or animate it";
-                    return Err(wrong(problem.to_owned()));
-                }
-                let frames = body.frames(self.rate, self.from);
-                return Ok((self.rate, frames.map_err(|error| wrong(error.to_string()))?));
-            }
-            Some(Kind::Pc2) => {
-                let cache = pc2::parse(self.bytes).map_err(wrong)?;
-                (self.rate / cache.every, cache.frames)
-            }
-            Some(Kind::Npz) => {
-                let BodyPoints { frames, frame_rate } =
-                    body_points(self.bytes).map_err(|error| wrong(error.to_string()))?;
-                (frame_rate.unwrap_or(self.rate), frames)
-            }
-            Some(Kind::Obj) | None => {
-                let known = "must end in .obj (with {frame} in its name), .pc2, .npz, .usda, .usdc, .usdz or .glb";
-                return Err(wrong(
-                    retired(Path::new(self.path)).unwrap_or(known).to_owned(),
-                ));
-            }
-        };
-        let skipped = (self.from * rate).round() as usize;
-        if skipped >= frames.len() {
-            let problem = format!(
-                "from is after its end, at {:.3} s",
-                frames.len().saturating_sub(1) as f64 / rate
-            );
-            return Err(wrong(problem));
-        }
-        frames.drain(..skipped);
-        Ok((rate, frames))
+/// The frames from `from` `[s]` on.
+///
+/// # Errors
+/// The defect, as a sentence, where there are none.
+pub(super) fn later(
+    mut frames: Vec<Vec<DVec3>>,
+    from: f64,
+    rate: f64,
+) -> Result<Vec<Vec<DVec3>>, String> {
+    let skipped = (from * rate).round() as usize;
+    if skipped >= frames.len() {
+        let end = frames.len().saturating_sub(1) as f64 / rate;
+        return Err(format!("from is after its end, at {end:.3} s"));
     }
+    Ok(frames.split_off(skipped))
 }

@@ -37,7 +37,7 @@ impl<'a> Sequence<'a> {
         let wrong = || {
             let problem =
                 format!("{path}: write {{frame}}, or {{frame:04}} for numbers of four digits");
-            Problem::Field("motion", problem)
+            Problem("motion", problem)
         };
         let (form, after) = rest.split_once('}').ok_or_else(wrong)?;
         let width = match form.strip_prefix(":0") {
@@ -47,7 +47,7 @@ impl<'a> Sequence<'a> {
         };
         if !after.to_ascii_lowercase().ends_with(".obj") || after.contains('{') {
             let problem = format!("{path}: a sequence of files must be of .obj");
-            return Err(Problem::Field("motion", problem));
+            return Err(Problem("motion", problem));
         }
         Ok(Some(Self {
             before,
@@ -84,13 +84,13 @@ impl<'a> Sequence<'a> {
             let name = self.name(frame);
             if frames.len() == MOST_FRAMES {
                 let problem = format!("{name}: more than {MOST_FRAMES} frames");
-                return Err(Problem::Field("motion", problem));
+                return Err(Problem("motion", problem));
             }
             let bytes = bytes_of("motion", &name, folder)?;
             hashes.push_str(&hash(&bytes));
             let read = parse_obj_polygons(&bytes);
             let read = read
-                .map_err(|error| Problem::Field("motion", format!("{name}: {error}")))?
+                .map_err(|error| Problem("motion", format!("{name}: {error}")))?
                 .positions;
             if let Some(before) = frames.first()
                 && before.len() != read.len()
@@ -101,7 +101,7 @@ impl<'a> Sequence<'a> {
                     self.name(first),
                     before.len()
                 );
-                return Err(Problem::Field("motion", problem));
+                return Err(Problem("motion", problem));
             }
             frames.push(read);
         }
@@ -150,7 +150,7 @@ mod tests {
         assert_ne!(late.blake3, read.blake3);
         assert!(sequence.read(Some(9), folder.path()).is_err());
         write(2, &["0 0 0"]);
-        let Err(Problem::Field(_, problem)) = sequence.read(None, folder.path()) else {
+        let Err(Problem(_, problem)) = sequence.read(None, folder.path()) else {
             panic!("a point is missing");
         };
         assert!(

@@ -11,6 +11,7 @@ use selvedge_cloth::{Obstacle, ObstaclePath};
 use tempfile::TempDir;
 
 use super::*;
+use crate::test_help::table;
 
 /// A folder with files, in which obstacles are read.
 struct Desk(TempDir);
@@ -108,68 +109,27 @@ fn what_is_wrong_is_named_with_the_obstacle() {
     desk.write("far.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n");
     desk.write("nan.obj", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
     desk.write("empty.obj", "v 0 0 0\n");
-    for (text, named) in [
-        ("name = \"\"\nsphere = { radius = 1 }", "name: is empty"),
-        (
-            "name = \"a\"",
-            "obstacles[\"a\"].body: must be one of plane",
-        ),
-        (
-            "name = \"a\"\nsphere = { radius = 1 }\nbox = { size = [1, 1, 1] }",
-            "must be one of",
-        ),
-        (
-            "name = \"a\"\nsphere = { radius = 0 }",
-            "sphere.radius: must be between",
-        ),
-        ("name = \"a\"\nsphere = { radios = 1 }", "radios"),
-        (
-            "name = \"a\"\nplane = { normal = [0, 0, 0] }",
-            "plane.normal",
-        ),
-        (
-            "name = \"a\"\ncapsule = { radius = 1, length = -1 }",
-            "capsule.length",
-        ),
-        (
-            "name = \"a\"\nmesh = \"gone.obj\"",
-            "gone.obj could not be read",
-        ),
-        (
-            "name = \"a\"\nmesh = \"mannekin\"",
-            "neither a shipped body (mannequin)",
-        ),
-        ("name = \"a\"\nmesh = \"flat.obj\"", "face 0 has no area"),
-        (
-            "name = \"a\"\nmesh = \"far.obj\"",
-            "obstacles[\"a\"].mesh: far.obj",
-        ),
-        (
-            "name = \"a\"\nmesh = \"nan.obj\"",
-            "obstacles[\"a\"].mesh: nan.obj",
-        ),
-        ("name = \"a\"\nmesh = \"empty.obj\"", "has no faces"),
-        (
-            "name = \"a\"\nsphere = { radius = 1 }\nfriction = -1",
-            "friction must be not negative",
-        ),
-        (
-            "name = \"a\"\nsphere = { radius = 1 }\nthickness = 2",
-            "thickness must be between",
-        ),
-        (
-            "name = \"a\"\nsphere = { radius = 1 }\ntransform = { scale = 0 }",
-            "transform: scale must be",
-        ),
-        (
-            "name = \"a\"\nsphere = { radius = 1 }\nmotion = { rate = 3 }",
-            "motion: needs keyframes",
-        ),
-        (
-            "name = \"a\"\nsphere = { radius = 1 }\nmotion = { file = \"empty.obj\" }",
-            "motion: points of a file move a mesh",
-        ),
-    ] {
+    let cases = r#"
+        name = ""\nsphere = { radius = 1 } | name: is empty
+        name = "a" | obstacles["a"].body: must be one of plane
+        name = "a"\nsphere = { radius = 1 }\nbox = { size = [1, 1, 1] } | must be one of
+        name = "a"\nsphere = { radius = 0 } | sphere.radius: must be between
+        name = "a"\nsphere = { radios = 1 } | radios
+        name = "a"\nplane = { normal = [0, 0, 0] } | plane.normal
+        name = "a"\ncapsule = { radius = 1, length = -1 } | capsule.length
+        name = "a"\nmesh = "gone.obj" | gone.obj could not be read
+        name = "a"\nmesh = "mannekin" | neither a shipped body (mannequin)
+        name = "a"\nmesh = "flat.obj" | face 0 has no area
+        name = "a"\nmesh = "far.obj" | obstacles["a"].mesh: far.obj
+        name = "a"\nmesh = "nan.obj" | obstacles["a"].mesh: nan.obj
+        name = "a"\nmesh = "empty.obj" | has no faces
+        name = "a"\nsphere = { radius = 1 }\nfriction = -1 | friction must be not negative
+        name = "a"\nsphere = { radius = 1 }\nthickness = 2 | thickness must be between
+        name = "a"\nsphere = { radius = 1 }\ntransform = { scale = 0 } | transform: scale must be
+        name = "a"\nsphere = { radius = 1 }\nmotion = { rate = 3 } | motion: needs keyframes
+        name = "a"\nsphere = { radius = 1 }\nmotion = { file = "empty.obj" } | motion: points of a file move a mesh
+    "#;
+    for [text, named] in table(cases) {
         let problem = desk.problem(text);
         assert!(problem.contains(named), "{named}: {problem}");
     }

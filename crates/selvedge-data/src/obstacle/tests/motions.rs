@@ -5,6 +5,7 @@ use selvedge_cloth::ObstaclePath;
 
 use super::{Desk, assert_near, at, frames};
 use crate::formats::npz::tests::{archive, floats};
+use crate::test_help::table;
 
 const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 
@@ -42,15 +43,12 @@ fn keyframes_move_a_body_smoothly_and_then_it_rests() {
     let turn = DQuat::from_rotation_z(std::f64::consts::FRAC_PI_2);
     let expected: Vec<DVec3> = start.iter().map(|p| turn * *p + DVec3::X * 2.0).collect();
     assert_near(&at(&about, 1.0), &expected, 1e-12);
-    for (from, to, named) in [
-        ("time = 1.0", "time = -1.0", "time must be"),
-        (
-            "translation = [2",
-            "translation = [2e9",
-            "translation must be",
-        ),
-        ("}] }", "}], file = \"a.pc2\" }", "keep one"),
-    ] {
+    let cases = r#"
+        time = 1.0 | time = -1.0 | time must be
+        translation = [2 | translation = [2e9 | translation must be
+        }] } | }], file = "a.pc2" } | keep one
+    "#;
+    for [from, to, named] in table(cases) {
         let problem = desk.problem(&text.replace(from, to));
         assert!(problem.contains(named), "{named}: {problem}");
     }
@@ -136,41 +134,27 @@ fn motions_that_do_not_fit_are_named() {
     desk.write("x.abc", b"");
     desk.write("x.mdd", [0; 7]);
     desk.write("x.fbx", b"");
-    for (motion, named) in [
-        (
-            "\"t{frame}.obj\"",
-            "motion: t1.obj has 2 points, but t0.obj has 3",
-        ),
-        ("\"u{frame}.obj\"", "u1.obj could not be read"),
-        ("\"t{frame:4}.obj\"", "write {frame}"),
-        ("\"quad.npz\"", "frame 0 has 4 points, but the mesh has 3"),
-        ("\"wild.npz\"", "point 1 of frame 0 is not finite"),
-        ("\"flat.npz\"", "face 0 has no area"),
-        ("\"short.pc2\"", "short.pc2: ends at byte 12"),
-        ("\"x.fbx\"", "must end in .obj"),
-        ("\"x.abc\"", "written but not read: export USD (.usdc)"),
-        ("\"x.mdd\"", "not read: export .pc2"),
-        ("\"t.obj\"", "must end in .obj (with {frame}"),
-        ("{ file = \"quad.npz\", rate = 0 }", "rate must be"),
-        ("{ file = \"quad.npz\", from = -1.0 }", "from must not"),
-        (
-            "{ file = \"quad.npz\", from = 9.0 }",
-            "from is after its end",
-        ),
-        (
-            "{ file = \"quad.npz\", first = 2 }",
-            "first is for a sequence",
-        ),
-        (
-            "{ file = \"quad.npz\", animation = \"w\" }",
-            "only a .glb has",
-        ),
-        ("{ node = \"a\" }", "names a node but no file"),
-        (
-            "{ file = \"quad.npz\", axis = [0, 1, 0] }",
-            "axis and centre are for",
-        ),
-    ] {
+    let cases = r#"
+        "t{frame}.obj" | motion: t1.obj has 2 points, but t0.obj has 3
+        "u{frame}.obj" | u1.obj could not be read
+        "t{frame:4}.obj" | write {frame}
+        "quad.npz" | frame 0 has 4 points, but the mesh has 3
+        "wild.npz" | point 1 of frame 0 is not finite
+        "flat.npz" | face 0 has no area
+        "short.pc2" | short.pc2: ends at byte 12
+        "x.fbx" | must end in .obj
+        "x.abc" | written but not read: export USD (.usdc)
+        "x.mdd" | not read: export .pc2
+        "t.obj" | must end in .obj (with {frame}
+        { file = "quad.npz", rate = 0 } | rate must be
+        { file = "quad.npz", from = -1.0 } | from must not
+        { file = "quad.npz", from = 9.0 } | from is after its end
+        { file = "quad.npz", first = 2 } | first is for a sequence
+        { file = "quad.npz", animation = "w" } | only a .glb has
+        { node = "a" } | names a node but no file
+        { file = "quad.npz", axis = [0, 1, 0] } | axis and centre are for
+    "#;
+    for [motion, named] in table(cases) {
         let problem = desk.problem(&format!(
             "name = \"t\"\nmesh = \"t.obj\"\nmotion = {motion}"
         ));

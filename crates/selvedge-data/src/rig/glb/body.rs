@@ -8,7 +8,7 @@ use super::super::error::RigError;
 use super::super::moving_mesh::{MovingMesh, Skin, Target};
 use super::super::node::Rig;
 use super::super::track::Track;
-use super::{File, Interpolation, Joined, Mesh, part};
+use super::{File, Interpolation, Mesh, part};
 
 /// Shares of a point's joints that count as none at all.
 const NO_SHARE: f64 = 1e-6;
@@ -32,10 +32,8 @@ pub(in super::super) fn parse_bodies(
     let mut file = File::open(bytes)?;
     file.choose(animation)?;
     let rig = file.rig()?;
-    let nodes = file.document.nodes.iter().enumerate();
-    let meshes = nodes.filter_map(|(node, of)| Some((node, of.mesh?)));
-    let meshes: Result<_, _> = meshes.map(|(node, mesh)| file.moving(node, mesh)).collect();
-    Ok((rig, meshes?))
+    let meshes = file.of_nodes(|node, mesh| file.moving(node, mesh))?;
+    Ok((rig, meshes))
 }
 
 impl File<'_> {
@@ -69,14 +67,8 @@ impl File<'_> {
     fn moving(&self, node: usize, number: usize) -> Result<MovingMesh, RigError> {
         let made = self.mesh(node, number)?;
         let points = made.positions.len();
-        let what = || format!("mesh {number}");
         let mesh = &self.document.meshes[number];
-        let targets = self
-            .targets(node, mesh, points)
-            .map_err(|error| match error {
-                Problem::Own(problem) => part(what(), problem),
-                Problem::Other(error) => error,
-            })?;
+        let targets = self.targets(node, number, points)?;
         let skin = match self.document.nodes[node].skin {
             None => None,
             Some(skin) => Some(self.skin(skin, mesh, points)?),
@@ -85,15 +77,17 @@ impl File<'_> {
     }
 
     /// The morph targets of all primitives, and their weights.
-    fn targets(&self, node: usize, mesh: &Mesh, points: usize) -> Result<Vec<Target>, Problem> {
+    fn targets(&self, node: usize, number: usize, points: usize) -> Result<Vec<Target>, RigError> {
+        let wrong = |problem: String| part(format!("mesh {number}"), problem);
+        let mesh = &self.document.meshes[number];
         let count = mesh.primitives.first().map_or(0, |p| p.targets.len());
         if mesh.primitives.iter().any(|p| p.targets.len() != count) {
             let problem = "its parts have different numbers of morph targets";
-            return Err(Problem::Own(problem.to_owned()));
+            return Err(wrong(problem.to_owned()));
         }
         let own = self.document.nodes[node].weights.as_deref();
         let still = own.unwrap_or(&mesh.weights);
-        let weights = self.weights(node, count, still)?;
+        let weights = self.weights(node, count, still, &wrong)?;
         let mut targets = Vec::with_capacity(count);
         for (number, weight) in weights.into_iter().enumerate() {
             let mut offsets = Vec::with_capacity(points);
@@ -114,7 +108,7 @@ impl File<'_> {
                         "morph target {number} moves {} points of {vertices}",
                         offsets.len() - before
                     );
-                    return Err(Problem::Own(problem));
+                    return Err(wrong(problem));
                 }
             }
             targets.push(Target { offsets, weight });
@@ -128,7 +122,8 @@ impl File<'_> {
         node: usize,
         count: usize,
         still: &[f64],
-    ) -> Result<Vec<Track<f64>>, Problem> {
+        wrong: &dyn Fn(String) -> RigError,
+    ) -> Result<Vec<Track<f64>>, RigError> {
         let constant = |k| Track::constant(still.get(k).copied().unwrap_or(0.0));
         let mut channels = self.document.animations.iter().flat_map(|animation| {
             let channels = animation.channels.iter();
@@ -140,7 +135,7 @@ impl File<'_> {
         let Some((animation, channel)) = moves else {
             return Ok((0..count).map(constant).collect());
         };
-        let wrong = |problem: &str| Problem::Own(format!("the animation of its weights {problem}"));
+        let wrong = |problem: &str| wrong(format!("the animation of its weights {problem}"));
         let sampler = animation.samplers.get(channel.sampler);
         let sampler = sampler.ok_or_else(|| wrong("has no sampler"))?;
         let times = self.numbers(sampler.input, 1)?;
@@ -155,21 +150,9 @@ impl File<'_> {
             ));
         }
         // By key: tangents in of all targets, values of all, tangents out of all.
-        let column = |target: usize, part: usize| -> Vec<f64> {
-            let rows = output.chunks_exact(count * parts);
-            rows.map(|row| row[part * count + target]).collect()
-        };
         let track = |target: usize| {
-            let (values, joined) = match sampler.interpolation {
-                Interpolation::Linear => (column(target, 0), Joined::Linearly),
-                Interpolation::Step => (column(target, 0), Joined::InSteps),
-                Interpolation::CubicSpline => {
-                    let tangents = column(target, 0).into_iter().zip(column(target, 2));
-                    let tangents = tangents.map(|(a, b)| [a, b]).collect();
-                    (column(target, 1), Joined::BySplines(tangents))
-                }
-            };
-            Track::new(times.clone(), values, joined).map_err(wrong)
+            let own = output.iter().skip(target).step_by(count).copied();
+            sampler.track(times.clone(), own.collect()).map_err(wrong)
         };
         (0..count).map(track).collect()
     }
@@ -247,16 +230,4 @@ fn checked_shares(own: &mut Vec<(usize, f64)>, joints: usize) -> Result<(), Stri
         *share /= sum;
     }
     Ok(())
-}
-
-/// A problem of a mesh, or of a part of the file that says itself what it is.
-enum Problem {
-    Own(String),
-    Other(RigError),
-}
-
-impl From<RigError> for Problem {
-    fn from(error: RigError) -> Self {
-        Self::Other(error)
-    }
 }

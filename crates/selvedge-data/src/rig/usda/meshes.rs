@@ -10,7 +10,7 @@ use glam::{DVec2, DVec3};
 
 use super::super::error::RigError;
 use super::super::moving_mesh::MovingMesh;
-use super::super::node_mesh::{Corners, NodeMesh, texture_by_corner};
+use super::super::node_mesh::{NodeMesh, texture_by_corner};
 use super::prim::Prim;
 
 pub(super) const POINTS: &str = "points";
@@ -156,5 +156,5 @@ fn texture(
         None => Some(values.clone()),
     };
     let values = values.ok_or("an index of its texture coordinates has no value")?;
-    texture_by_corner(&values, faces, points, Corners::AsOurs).map(Some)
+    texture_by_corner(&values, faces, points).map(Some)
 }

@@ -4,8 +4,9 @@
 use glam::DVec3;
 use selvedge_cloth::{ContactMemory, FrictionAnchor, Pushing, Touching};
 
-use super::container::Container;
-use super::error::StateError;
+use super::SavedState;
+use crate::formats::arrays::{ArrayError, ArrayFile};
+use crate::formats::tensor_file::{Tensor, Values};
 
 /// Anchors, features that push, and caught pairs of each state, u32 `[states, 3]`.
 const COUNTS: &str = "contact_counts";
@@ -33,81 +34,82 @@ pub(super) struct Tables {
 
 impl Tables {
     /// Of all states of a run.
-    pub(super) fn of(states: &[ContactMemory]) -> Self {
+    pub(super) fn of(states: &[SavedState]) -> Self {
         let mut tables = Self::default();
+        let nothing = ContactMemory::default();
         for state in states {
-            let counts = [state.anchors.len(), state.pushing.len(), state.caught.len()];
+            let memory = state.contact.as_ref().unwrap_or(&nothing);
+            let counts = [
+                memory.anchors.len(),
+                memory.pushing.len(),
+                memory.caught.len(),
+            ];
             tables.counts.extend(counts.map(|count| count as u32));
-            for anchor in &state.anchors {
+            for anchor in &memory.anchors {
                 tables.anchors.extend(anchor.of.numbers());
                 tables.pulls.extend(anchor.normal.to_array());
                 tables.pulls.extend(anchor.pull.to_array());
             }
-            for pushing in &state.pushing {
+            for pushing in &memory.pushing {
                 tables.pushing.extend(pushing.of.numbers());
                 tables.pushing.push(u32::from(pushing.firmly));
             }
-            for caught in &state.caught {
+            for caught in &memory.caught {
                 tables.caught.extend(caught.numbers());
             }
+        }
+        if tables.counts.iter().all(|count| *count == 0) {
+            tables.counts.clear();
         }
         tables
     }
 
-    /// Returns true if no state has an entry.
-    pub(super) fn is_empty(&self) -> bool {
-        self.counts.iter().all(|count| *count == 0)
-    }
-
-    /// The array of reals, where it has entries: its name, its columns and its values.
-    pub(super) fn reals(&self) -> impl Iterator<Item = (&'static str, usize, &[f64])> {
-        let all = [(PULLS, 6, self.pulls.as_slice())];
-        all.into_iter().filter(|(.., values)| !values.is_empty())
-    }
-
-    /// As [`Self::reals`], of the arrays of whole numbers.
-    pub(super) fn wholes(&self) -> impl Iterator<Item = (&'static str, usize, &[u32])> {
-        let counts = match self.is_empty() {
-            true => &[],
-            false => self.counts.as_slice(),
-        };
-        let all = [
-            (COUNTS, 3, counts),
-            (ANCHORS, 3, self.anchors.as_slice()),
-            (PUSHING, 4, self.pushing.as_slice()),
-            (CAUGHT, 3, self.caught.as_slice()),
+    /// The tensors that have entries: those of reals, and those of whole numbers.
+    pub(super) fn tensors(self) -> [Vec<Tensor>; 2] {
+        let wholes = [
+            (COUNTS, 3, self.counts),
+            (ANCHORS, 3, self.anchors),
+            (PUSHING, 4, self.pushing),
+            (CAUGHT, 3, self.caught),
         ];
-        all.into_iter().filter(|(.., values)| !values.is_empty())
+        let shape = |columns: usize, length: usize| [length / columns, columns];
+        let pulls = (!self.pulls.is_empty())
+            .then(|| Tensor::new(PULLS, &shape(6, self.pulls.len()), Values::F64(self.pulls)));
+        let wholes = wholes.into_iter().filter(|table| !table.2.is_empty());
+        let wholes = wholes.map(|(name, columns, values)| {
+            Tensor::new(name, &shape(columns, values.len()), Values::U32(values))
+        });
+        [pulls.into_iter().collect(), wholes.collect()]
     }
 
     /// Reads those of `states` states; empty where the file has none.
-    pub(super) fn read(container: &Container<'_>, states: usize) -> Result<Self, StateError> {
-        if !container.has(COUNTS) {
+    pub(super) fn read(file: &ArrayFile<'_>, states: usize) -> Result<Self, ArrayError> {
+        if !file.has(COUNTS) {
             return Ok(Self::default());
         }
-        let counts = wholes(container, COUNTS)?;
+        let counts = file.wholes(COUNTS)?.values;
         check_length(COUNTS, counts.len(), 3 * states)?;
         let total = |kind: usize| {
             let own = counts.iter().skip(kind).step_by(3);
             own.fold(0_usize, |sum, count| sum.saturating_add(*count as usize))
         };
         let entries = |name: &'static str, columns: usize, count: usize| {
-            let values = match container.has(name) {
+            let values = match file.has(name) {
                 false => Vec::new(),
-                true => wholes(container, name)?,
+                true => file.wholes(name)?.values,
             };
             check_length(name, values.len(), count.saturating_mul(columns))?;
-            Ok::<_, StateError>(values)
+            Ok::<_, ArrayError>(values)
         };
         let anchors = entries(ANCHORS, 3, total(0))?;
-        let pulls = match container.has(PULLS) {
+        let pulls = match file.has(PULLS) {
             false => Vec::new(),
-            true => container.floats(PULLS)?.values,
+            true => file.floats(PULLS)?.values,
         };
         check_length(PULLS, pulls.len(), 2 * anchors.len())?;
         let is_usable = |value: &f64| value.abs() <= LARGEST_PULL;
         if let Some(value) = pulls.iter().find(|value| !is_usable(value)) {
-            return Err(StateError::Array {
+            return Err(ArrayError::Array {
                 name: PULLS.to_owned(),
                 expected: format!("finite numbers up to {LARGEST_PULL:e}"),
                 found: value.to_string(),
@@ -123,7 +125,7 @@ impl Tables {
     }
 
     /// The entries of state `index`; none where it has no entry.
-    pub(super) fn state(&self, index: usize) -> Result<Option<ContactMemory>, StateError> {
+    pub(super) fn state(&self, index: usize) -> Result<Option<ContactMemory>, ArrayError> {
         let Some(own) = self.counts.chunks_exact(3).nth(index) else {
             return Ok(None);
         };
@@ -149,40 +151,28 @@ impl Tables {
         };
         let caught = |k: usize| touching(CAUGHT, &self.caught[3 * k..3 * (k + 1)]);
         let memory = ContactMemory {
-            anchors: range(0).map(anchor).collect::<Result<_, StateError>>()?,
-            pushing: range(1).map(pushing).collect::<Result<_, StateError>>()?,
-            caught: range(2).map(caught).collect::<Result<_, StateError>>()?,
+            anchors: range(0).map(anchor).collect::<Result<_, ArrayError>>()?,
+            pushing: range(1).map(pushing).collect::<Result<_, ArrayError>>()?,
+            caught: range(2).map(caught).collect::<Result<_, ArrayError>>()?,
         };
         Ok((memory != ContactMemory::default()).then_some(memory))
     }
 }
 
-fn wholes(container: &Container<'_>, name: &str) -> Result<Vec<u32>, StateError> {
-    let whole = |value: i64| {
-        u32::try_from(value).map_err(|_| StateError::Array {
-            name: name.to_owned(),
-            expected: "numbers from 0 to 4294967295".to_owned(),
-            found: value.to_string(),
-        })
-    };
-    let values = container.integers(name)?;
-    values.into_iter().map(whole).collect()
-}
-
-fn check_length(name: &str, found: usize, expected: usize) -> Result<(), StateError> {
+fn check_length(name: &str, found: usize, expected: usize) -> Result<(), ArrayError> {
     if found == expected {
         return Ok(());
     }
-    Err(StateError::Array {
+    Err(ArrayError::Array {
         name: name.to_owned(),
         expected: format!("{expected} numbers, by the states and contact_counts"),
         found: format!("{found} of them"),
     })
 }
 
-fn touching(name: &str, numbers: &[u32]) -> Result<Touching, StateError> {
+fn touching(name: &str, numbers: &[u32]) -> Result<Touching, ArrayError> {
     let numbers = [numbers[0], numbers[1], numbers[2]];
-    Touching::of_numbers(numbers).ok_or_else(|| StateError::Array {
+    Touching::of_numbers(numbers).ok_or_else(|| ArrayError::Array {
         name: name.to_owned(),
         expected: "entries that begin with 0 or 1".to_owned(),
         found: format!("{numbers:?}"),

@@ -7,29 +7,45 @@
 //! frames of a run. For such a file the version is checked too, and its frame rate against that of
 //! the run that continues from it.
 
-mod changes;
 mod contact;
-mod container;
-mod error;
 
-use std::collections::BTreeMap;
+use std::collections::HashMap;
 use std::path::Path;
 
 use glam::DVec3;
 use selvedge_cloth::ContactMemory;
 use serde::{Deserialize, Serialize};
+use thiserror::Error;
 
-use self::changes::{CHANGES, changes, changes_of_run};
-pub use self::changes::{LastChanges, RunChanges};
 use self::contact::Tables;
-pub use self::container::STATES_FORMAT;
-use self::container::{Container, Floats, LARGEST, VERSION, wrong_shape};
-pub use self::error::{ReadStateError, StateError};
+use crate::formats::arrays::{Array, ArrayError, ArrayFile};
 use crate::formats::atomic::WriteError;
+use crate::formats::file_error::FileError;
 use crate::formats::hash::hash;
 use crate::formats::input::read_file;
-use crate::formats::tensor_file::{TensorOut, TensorValues, write_tensors};
+use crate::formats::tensor_file::{Tensor, TensorOut, Values, write_tensors};
 use crate::trajectory::Provenance;
+
+/// The format that a file of states names in its metadata, and its version.
+pub const STATES_FORMAT: &str = "selvedge-states";
+const VERSION: &str = "1";
+
+/// Farthest from the origin `[m]`, and fastest `[m/s]`, that a vertex of a saved state may be.
+const LARGEST: f64 = 1e6;
+
+/// Names of the arrays of positions, velocities and frames: ours, and those of other programs.
+const PAIRS: [[&str; 3]; 2] = [
+    ["positions", "velocities", "frames"],
+    ["ckpt_x", "ckpt_v", "ckpt_frames"],
+];
+/// Names of the arrays of [`PreviousState`]; where a state has none, its seconds are 0.
+const PREVIOUS: [&str; 3] = [
+    "previous_positions",
+    "previous_velocities",
+    "previous_seconds",
+];
+/// Names of the arrays of [`LastChanges`]; where a state has none, its seconds are 0.
+const CHANGES: [&str; 2] = ["changes", "changes_seconds"];
 
 /// A state from which a run can continue.
 #[derive(Clone, Debug, PartialEq)]
@@ -56,6 +72,15 @@ pub struct PreviousState {
     /// Velocities `[m/s]`, `[vertices]`.
     pub velocities: Vec<DVec3>,
     /// Length of the substep that led from there `[s]`.
+    pub seconds: f64,
+}
+
+/// Changes of velocity in the last solve.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LastChanges {
+    /// Changes `[m/s]`, `[vertices]`.
+    pub velocities: Vec<DVec3>,
+    /// Time over which they came about `[s]`.
     pub seconds: f64,
 }
 
@@ -89,53 +114,68 @@ pub struct StateChoice {
     pub frame_rate: Option<f64>,
 }
 
-/// All states of a run.
+/// All states of a run, of the same vertices.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StateRun {
-    /// Positions `[m]`, `[states * vertices]`.
-    pub positions: Vec<DVec3>,
-    /// Velocities `[m/s]`, `[states * vertices]`.
-    pub velocities: Vec<DVec3>,
-    /// Frames of the motion that have passed in each state, `[states]`.
-    pub frames: Vec<u32>,
-    /// States one substep before each; empty if there are none, as in runs of first order.
-    pub previous: PreviousStates,
-    /// Memory of contact of each; empty if nothing ever touched.
-    pub contact: Vec<ContactMemory>,
-    /// The last solve of each; empty if no solver iterates.
-    pub changes: RunChanges,
+    /// The states, in order.
+    pub states: Vec<SavedState>,
 }
 
-/// States one substep before those of a run. Where a state has none, its seconds are 0.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct PreviousStates {
-    /// Positions `[m]`, `[states * vertices]`.
-    pub positions: Vec<DVec3>,
-    /// Velocities `[m/s]`, `[states * vertices]`.
-    pub velocities: Vec<DVec3>,
-    /// Lengths of the substeps that led from there `[s]`, `[states]`.
-    pub seconds: Vec<f64>,
+/// A state that could not be read from a file.
+pub type ReadStateError = FileError<StateError>;
+
+/// Bytes that hold no such state.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum StateError {
+    #[error("could not be read: {0}")]
+    Read(#[source] std::io::Error),
+    #[error("a state is read from .npz or .safetensors")]
+    Kind,
+    #[error(transparent)]
+    Arrays(#[from] ArrayError),
+    #[error(
+        "has no velocities beside positions (found {found}): name both arrays, as positions = \"x\" and velocities = \"v\""
+    )]
+    NoPair { found: String },
+    #[error("has the states of frames {known}: say which, as frame")]
+    Frame { known: String },
+    #[error(
+        "array {name}: the entry of vertex {vertex} must be finite and at most 1e6 long, found {found}"
+    )]
+    Value {
+        name: String,
+        vertex: usize,
+        found: DVec3,
+    },
+    #[error("array {name}: frame {frame} stands twice: which state is meant cannot be told")]
+    RepeatedFrame { name: String, frame: u32 },
+    #[error("metadata {name}: expected {expected}, found {found:?}")]
+    Metadata {
+        name: &'static str,
+        expected: &'static str,
+        found: String,
+    },
+    #[error(
+        "was saved at {found} frames per second, but the scene has {expected}, and the motion would jump: set frame_rate = {found} in the scene, or save the states of a run at {expected}"
+    )]
+    FrameRate { expected: f64, found: f64 },
 }
-
-/// Names of the arrays of [`PreviousStates`].
-const PREVIOUS: [&str; 3] = [
-    "previous_positions",
-    "previous_velocities",
-    "previous_seconds",
-];
-
-const PAIRS: [[&str; 3]; 2] = [
-    ["positions", "velocities", "frames"],
-    ["ckpt_x", "ckpt_v", "ckpt_frames"],
-];
 
 impl SavedState {
     /// At `positions` `[m]`, `[vertices]`, without velocity, before the motion begins.
     #[must_use]
     pub fn at_rest(positions: Vec<DVec3>) -> Self {
+        let velocities = vec![DVec3::ZERO; positions.len()];
+        Self::moving(positions, velocities)
+    }
+
+    /// At `positions` `[m]` with `velocities` `[m/s]`, `[vertices]`, before the motion begins.
+    #[must_use]
+    pub fn moving(positions: Vec<DVec3>, velocities: Vec<DVec3>) -> Self {
         Self {
-            velocities: vec![DVec3::ZERO; positions.len()],
             positions,
+            velocities,
             frame: 0,
             previous: None,
             contact: None,
@@ -155,14 +195,10 @@ impl SavedState {
         vertices: usize,
     ) -> Result<(Self, StateSpec), ReadStateError> {
         let full = folder.join(path);
-        let within = |source| ReadStateError {
-            path: full.clone(),
-            source,
-        };
-        let bytes = read_file(&full).map_err(|e| within(StateError::Read(e)))?;
-        let container = Container::open(&full, &bytes, choice.frame_rate).map_err(within)?;
-        let (state, [positions, velocities]) =
-            select(&container, choice, vertices).map_err(within)?;
+        let within = FileError::at(&full);
+        let bytes = read_file(&full).map_err(|error| within(StateError::Read(error)))?;
+        let file = open(&full, &bytes, choice.frame_rate).map_err(&within)?;
+        let (state, [positions, velocities]) = select(&file, choice, vertices).map_err(&within)?;
         let spec = StateSpec {
             path: path.to_owned(),
             blake3: hash(&bytes),
@@ -172,107 +208,27 @@ impl SavedState {
         };
         Ok((state, spec))
     }
-
-    /// Reads the state again that `spec` tells of.
-    ///
-    /// # Errors
-    /// As for [`Self::read`]; also [`StateError::Changed`].
-    pub fn reread(
-        folder: &Path,
-        spec: &StateSpec,
-        vertices: usize,
-    ) -> Result<Self, ReadStateError> {
-        let choice = StateChoice {
-            frame: Some(spec.frame),
-            positions: Some(spec.positions.clone()),
-            velocities: Some(spec.velocities.clone()),
-            frame_rate: None,
-        };
-        let (state, now) = Self::read(folder, &spec.path, &choice, vertices)?;
-        if now.blake3 == spec.blake3 {
-            return Ok(state);
-        }
-        Err(ReadStateError {
-            path: folder.join(&spec.path),
-            source: StateError::Changed {
-                expected: spec.blake3.clone(),
-                found: now.blake3,
-            },
-        })
-    }
 }
 
 impl StateRun {
-    /// Adds a state.
-    pub fn push(&mut self, state: &SavedState) {
-        self.positions.extend(&state.positions);
-        self.velocities.extend(&state.velocities);
-        self.frames.push(state.frame as u32);
-        let previous = &mut self.previous;
-        if let Some(before) = &state.previous {
-            previous.positions.extend(&before.positions);
-            previous.velocities.extend(&before.velocities);
-            previous.seconds.push(before.seconds);
-        } else {
-            let still = std::iter::repeat_n(DVec3::ZERO, state.positions.len());
-            previous.positions.extend(still.clone());
-            previous.velocities.extend(still);
-            previous.seconds.push(0.0);
-        }
-        self.contact.push(state.contact.clone().unwrap_or_default());
-        let changes = &mut self.changes;
-        if let Some(last) = &state.changes {
-            changes.velocities.extend(&last.velocities);
-            changes.seconds.push(last.seconds);
-        } else {
-            let none = std::iter::repeat_n(DVec3::ZERO, state.positions.len());
-            changes.velocities.extend(none);
-            changes.seconds.push(0.0);
-        }
-    }
-
     /// Reads the states that [`Self::write`] wrote.
     ///
     /// # Errors
     /// [`StateError`] names the array and what is wrong with it.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, StateError> {
-        let container = Container::safetensors(bytes, None)?;
-        let positions = container.floats("positions")?;
-        let states = match positions.shape[..] {
-            [states, vertices, 3] if vertices > 0 => states,
-            _ => {
-                let expected = "[states, vertices, 3] with a vertex at least";
-                return Err(wrong_shape("positions", expected, &positions));
-            }
-        };
-        let velocities = container.floats("velocities")?;
-        check_shape("velocities", &velocities, &positions.shape)?;
-        let number = |frame: i64| {
-            u32::try_from(frame).map_err(|_| StateError::Array {
-                name: "frames".to_owned(),
-                expected: "numbers from 0 to 4294967295".to_owned(),
-                found: frame.to_string(),
-            })
-        };
-        let frames = container.frames("frames", states)?;
-        let frames: Vec<u32> = frames.into_iter().map(number).collect::<Result<_, _>>()?;
-        let shape = &positions.shape;
-        let previous = previous_of_run(&container, shape)?;
-        let changes = changes_of_run(&container, shape)?;
-        let tables = Tables::read(&container, states)?;
-        let contact = match tables.is_empty() {
-            true => Vec::new(),
-            false => (0..states)
-                .map(|k| Ok(tables.state(k)?.unwrap_or_default()))
-                .collect::<Result<_, StateError>>()?,
-        };
+        let (file, metadata) = ArrayFile::safetensors(bytes)?;
+        check_metadata(&metadata, None)?;
+        let [positions, velocities, frames] = PAIRS[0];
+        let pair = [positions, velocities].map(str::to_owned);
+        let arrays = Arrays::read(&file, &pair, None, None)?;
+        if arrays.count.is_none() {
+            return Err(arrays.positions.wrong("[states, vertices, 3]").into());
+        }
+        let frames = read_frames(&file, frames, arrays.count)?;
+        let numbered = frames.into_iter().enumerate();
+        let states = numbered.map(|(index, frame)| arrays.state(index, frame as usize));
         Ok(Self {
-            positions: vectors(positions),
-            velocities: vectors(velocities),
-            frames,
-            previous,
-            contact,
-            changes,
+            states: states.collect::<Result<_, _>>()?,
         })
     }
 
@@ -286,281 +242,292 @@ impl StateRun {
     /// # Errors
     /// [`WriteError`] names the file and what failed.
     pub fn write(&self, path: &Path, provenance: &Provenance) -> Result<(), WriteError> {
-        let vertices = self.positions.len() / self.frames.len().max(1);
-        let flat =
-            |values: &[DVec3]| -> Vec<f64> { values.iter().flat_map(|v| v.to_array()).collect() };
-        let (positions, velocities) = (flat(&self.positions), flat(&self.velocities));
-        let shape = vec![self.frames.len(), vertices, 3];
-        let states = vec![self.frames.len()];
+        let states = &self.states;
+        let vertices = states.first().map_or(0, |state| state.positions.len());
+        let none = vec![DVec3::ZERO; vertices];
+        let vectors = |name: &str, of: fn(&SavedState) -> Option<&Vec<DVec3>>| {
+            let all = states.iter().flat_map(|state| of(state).unwrap_or(&none));
+            let values = all.flat_map(|v| v.to_array()).collect();
+            Tensor::new(name, &[states.len(), vertices, 3], Values::F64(values))
+        };
+        let seconds = |name: &str, of: fn(&SavedState) -> Option<f64>| {
+            let values = states.iter().map(|state| of(state).unwrap_or(0.0));
+            Tensor::new(name, &[states.len()], Values::F64(values.collect()))
+        };
         let mut tensors = vec![
-            ("positions", shape.clone(), TensorValues::F64(&positions)),
-            ("velocities", shape.clone(), TensorValues::F64(&velocities)),
+            vectors(PAIRS[0][0], |state| Some(&state.positions)),
+            vectors(PAIRS[0][1], |state| Some(&state.velocities)),
         ];
-        let previous = &self.previous;
-        let (before, moved) = (flat(&previous.positions), flat(&previous.velocities));
-        if previous.seconds.iter().any(|seconds| *seconds > 0.0) {
+        if states.iter().any(|state| state.previous.is_some()) {
             tensors.extend([
-                (PREVIOUS[0], shape.clone(), TensorValues::F64(&before)),
-                (PREVIOUS[1], shape.clone(), TensorValues::F64(&moved)),
-                (
-                    PREVIOUS[2],
-                    states.clone(),
-                    TensorValues::F64(&previous.seconds),
-                ),
+                vectors(PREVIOUS[0], |s| Some(&s.previous.as_ref()?.positions)),
+                vectors(PREVIOUS[1], |s| Some(&s.previous.as_ref()?.velocities)),
+                seconds(PREVIOUS[2], |s| Some(s.previous.as_ref()?.seconds)),
             ]);
         }
-        let changes = &self.changes;
-        let changed = flat(&changes.velocities);
-        if changes.seconds.iter().any(|seconds| *seconds > 0.0) {
+        if states.iter().any(|state| state.changes.is_some()) {
             tensors.extend([
-                (CHANGES[0], shape, TensorValues::F64(&changed)),
-                (
-                    CHANGES[1],
-                    states.clone(),
-                    TensorValues::F64(&changes.seconds),
-                ),
+                vectors(CHANGES[0], |s| Some(&s.changes.as_ref()?.velocities)),
+                seconds(CHANGES[1], |s| Some(s.changes.as_ref()?.seconds)),
             ]);
         }
-        let tables = Tables::of(&self.contact);
-        for (name, columns, values) in tables.reals() {
-            let shape = vec![values.len() / columns, columns];
-            tensors.push((name, shape, TensorValues::F64(values)));
+        let [reals, wholes] = Tables::of(states).tensors();
+        tensors.extend(reals);
+        let frames = states.iter().map(|state| state.frame as u32).collect();
+        tensors.push(Tensor::new(
+            PAIRS[0][2],
+            &[states.len()],
+            Values::U32(frames),
+        ));
+        tensors.extend(wholes);
+        let tensors: Vec<TensorOut<'_>> = tensors.iter().map(Tensor::out).collect();
+        write_tensors(path, &tensors, &provenance.metadata(STATES_FORMAT, VERSION))
+    }
+}
+
+/// Opens the file at `path`, of these `bytes`; `frame_rate` as in [`StateChoice`].
+fn open<'a>(
+    path: &Path,
+    bytes: &'a [u8],
+    frame_rate: Option<f64>,
+) -> Result<ArrayFile<'a>, StateError> {
+    match path.extension().and_then(|e| e.to_str()) {
+        Some("npz") => Ok(ArrayFile::npz(bytes)?),
+        Some("safetensors") => {
+            let (file, metadata) = ArrayFile::safetensors(bytes)?;
+            check_metadata(&metadata, frame_rate)?;
+            Ok(file)
         }
-        tensors.push(("frames", states, TensorValues::U32(&self.frames)));
-        for (name, columns, values) in tables.wholes() {
-            let shape = vec![values.len() / columns, columns];
-            tensors.push((name, shape, TensorValues::U32(values)));
-        }
-        let tensors: Vec<TensorOut<'_>> = tensors
-            .into_iter()
-            .map(|(name, shape, values)| TensorOut {
-                name,
-                shape,
-                values,
-            })
-            .collect();
-        write_tensors(path, &tensors, &metadata(provenance))
+        _ => Err(StateError::Kind),
     }
 }
 
-fn metadata(provenance: &Provenance) -> BTreeMap<&'static str, String> {
-    BTreeMap::from([
-        ("format", STATES_FORMAT.to_owned()),
-        ("version", VERSION.to_owned()),
-        ("fps", provenance.frame_rate.to_string()),
-        ("scene", provenance.scene.to_string()),
-        ("made_by", provenance.made_by.clone()),
-    ])
-}
-
-/// The entries of an array of vectors.
-fn vectors(array: Floats) -> Vec<DVec3> {
-    let entries = array.values.chunks_exact(3);
-    entries.map(DVec3::from_slice).collect()
-}
-
-/// States one substep before those of positions of this `shape`; empty where the file has none.
-fn previous_of_run(
-    container: &Container<'_>,
-    shape: &[usize],
-) -> Result<PreviousStates, StateError> {
-    if !PREVIOUS.iter().all(|name| container.has(name)) {
-        return Ok(PreviousStates::default());
-    }
-    let [x, v, seconds] = PREVIOUS.map(|name| container.floats(name));
-    let (x, v, seconds) = (x?, v?, seconds?);
-    check_shape(PREVIOUS[0], &x, shape)?;
-    check_shape(PREVIOUS[1], &v, shape)?;
-    check_shape(PREVIOUS[2], &seconds, &shape[..1])?;
-    Ok(PreviousStates {
-        positions: vectors(x),
-        velocities: vectors(v),
-        seconds: seconds.values,
-    })
-}
-
-fn select(
-    container: &Container<'_>,
-    choice: &StateChoice,
-    vertices: usize,
-) -> Result<(SavedState, [String; 2]), StateError> {
-    let names = container.names();
-    let has = |name: &str| container.has(name);
-    let (pair, frames_name) = match (&choice.positions, &choice.velocities) {
-        (Some(positions), Some(velocities)) => {
-            let known = PAIRS.iter().find(|pair| pair[0] == positions);
-            ([positions.clone(), velocities.clone()], known.map(|p| p[2]))
-        }
-        (None, None) => PAIRS
-            .iter()
-            .find(|pair| has(pair[0]) && has(pair[1]))
-            .map(|pair| ([pair[0].to_owned(), pair[1].to_owned()], Some(pair[2])))
-            .ok_or_else(|| StateError::NoPair {
-                found: names.join(", "),
-            })?,
-        _ => {
-            let found = names.join(", ");
-            return Err(StateError::NoPair { found });
-        }
-    };
-    let arrays = [container.floats(&pair[0])?, container.floats(&pair[1])?];
-    let count = states_in(&pair[0], &arrays[0], vertices)?;
-    let frames = match (frames_name.filter(|name| has(name)), count) {
-        (Some(name), Some(count)) => Some(container.frames(name, count)?),
-        _ => None,
-    };
-    let (index, frame) = place(choice.frame, count, frames.as_deref())?;
-    let [positions, velocities] = [0, 1].map(|k| entry(&pair[k], &arrays[k], index, vertices));
-    let is_own = pair == [PAIRS[0][0], PAIRS[0][1]];
-    let states = count.unwrap_or(1);
-    let state = SavedState {
-        positions: positions?,
-        velocities: velocities?,
-        frame,
-        previous: match is_own {
-            true => previous(container, index, states, vertices)?,
-            false => None,
-        },
-        contact: match is_own {
-            true => Tables::read(container, states)?.state(index)?,
-            false => None,
-        },
-        changes: match is_own {
-            true => changes(container, index, states, vertices)?,
-            false => None,
-        },
-    };
-    Ok((state, pair))
-}
-
-/// State one substep before state `index` of `count`; none where the file has none.
-fn previous(
-    container: &Container<'_>,
-    index: usize,
-    count: usize,
-    vertices: usize,
-) -> Result<Option<PreviousState>, StateError> {
-    if !PREVIOUS.iter().all(|name| container.has(name)) {
-        return Ok(None);
-    }
-    let Some(seconds) = seconds(container, PREVIOUS[2], index, count)? else {
-        return Ok(None);
-    };
-    let array = |name: &str| {
-        let values = container.floats(name)?;
-        entry(name, &values, index, vertices)
-    };
-    Ok(Some(PreviousState {
-        positions: array(PREVIOUS[0])?,
-        velocities: array(PREVIOUS[1])?,
-        seconds,
-    }))
-}
-
-/// The time of state `index` of `count` in an array of them; none where it is 0.
-fn seconds(
-    container: &Container<'_>,
-    name: &str,
-    index: usize,
-    count: usize,
-) -> Result<Option<f64>, StateError> {
-    let array = container.floats(name)?;
-    check_shape(name, &array, &[count])?;
-    let seconds = array.values[index];
-    if seconds == 0.0 {
-        return Ok(None);
-    }
-    if !(seconds.is_finite() && seconds > 0.0) {
-        return Err(StateError::Array {
-            name: name.to_owned(),
-            expected: "finite seconds, none below 0".to_owned(),
-            found: seconds.to_string(),
-        });
-    }
-    Ok(Some(seconds))
-}
-
-fn check_shape(name: &str, array: &Floats, expected: &[usize]) -> Result<(), StateError> {
-    if array.shape == expected {
+/// Checks that a file of our own has the known version and is of a run at `frame_rate`. Files of
+/// others are not checked.
+fn check_metadata(
+    metadata: &HashMap<String, String>,
+    frame_rate: Option<f64>,
+) -> Result<(), StateError> {
+    let entry = |name: &str| metadata.get(name).map_or("", String::as_str);
+    if entry("format") != STATES_FORMAT {
         return Ok(());
     }
-    Err(wrong_shape(name, &format!("{expected:?}"), array))
-}
-
-/// Number of states of `vertices` vertices in an array; none where it is one state without a
-/// number. There are no more states than numbers in the file.
-fn states_in(name: &str, array: &Floats, vertices: usize) -> Result<Option<usize>, StateError> {
-    let fits = |found: usize| found == vertices && found > 0;
-    match array.shape[..] {
-        [found, 3] if fits(found) => Ok(None),
-        [states, found, 3] if fits(found) => Ok(Some(states)),
-        _ => {
-            let expected = format!("[{vertices}, 3] or [states, {vertices}, 3]");
-            Err(wrong_shape(name, &expected, array))
-        }
+    let wrong = |name, expected| StateError::Metadata {
+        name,
+        expected,
+        found: entry(name).to_owned(),
+    };
+    if entry("version") != VERSION {
+        return Err(wrong("version", VERSION));
+    }
+    let fps = entry("fps").parse::<f64>();
+    let found = fps.map_err(|_| wrong("fps", "a number of frames per second"))?;
+    match frame_rate {
+        Some(expected) if found != expected => Err(StateError::FrameRate { expected, found }),
+        _ => Ok(()),
     }
 }
 
-/// Place of the wanted state among `count`, and the frames that have passed in it.
-fn place(
-    wanted: Option<usize>,
+/// The arrays of a file with states.
+struct Arrays {
+    vertices: usize,
+    /// Number of states; none where there is one without a number.
     count: Option<usize>,
-    frames: Option<&[i64]>,
-) -> Result<(usize, usize), StateError> {
-    let Some(count) = count else {
-        return Ok((0, wanted.unwrap_or(0)));
-    };
-    let frames: Vec<i64> = match frames {
-        Some(frames) => frames.to_vec(),
-        None => (0..count as i64).collect(),
-    };
-    let wanted = match (wanted, frames.as_slice()) {
-        (Some(wanted), _) => Some(wanted as i64),
-        (None, &[only]) => Some(only),
-        (None, _) => None,
-    };
-    let index = frames.iter().position(|frame| Some(*frame) == wanted);
-    match index {
-        Some(index) if frames[index] >= 0 => Ok((index, frames[index] as usize)),
-        _ => {
+    names: [String; 2],
+    positions: Array<f64>,
+    velocities: Array<f64>,
+    frames: Option<Vec<u32>>,
+    previous: Option<[Array<f64>; 3]>,
+    changes: Option<[Array<f64>; 2]>,
+    contact: Tables,
+}
+
+impl Arrays {
+    /// The arrays of positions and velocities of these `names`, of `vertices` vertices where it is
+    /// said how many, with all that belongs to them.
+    fn read(
+        file: &ArrayFile<'_>,
+        names: &[String; 2],
+        frames: Option<&str>,
+        vertices: Option<usize>,
+    ) -> Result<Self, StateError> {
+        let positions = file.floats(&names[0])?;
+        let fits = |found: usize| found > 0 && vertices.is_none_or(|expected| expected == found);
+        let (count, vertices) = match positions.shape[..] {
+            [found, 3] if fits(found) => (None, found),
+            [states, found, 3] if fits(found) => (Some(states), found),
+            _ => {
+                return Err(match vertices {
+                    Some(n) => positions.wrong(&format!("[{n}, 3] or [states, {n}, 3]")),
+                    None => positions.wrong("[states, vertices, 3] with a vertex at least"),
+                }
+                .into());
+            }
+        };
+        let shape: Vec<Option<usize>> = positions.shape.iter().copied().map(Some).collect();
+        let like = |name: &str| file.floats(name)?.of_shape(&shape);
+        let seconds = |name: &str| file.floats(name)?.of_shape(&[Some(count.unwrap_or(1))]);
+        let is_own = names[..] == PAIRS[0][..2];
+        let has = |names: &[&str]| is_own && names.iter().all(|name| file.has(name));
+        Ok(Self {
+            velocities: like(&names[1])?,
+            frames: match frames.filter(|name| count.is_some() && file.has(name)) {
+                Some(name) => Some(read_frames(file, name, count)?),
+                None => None,
+            },
+            previous: match has(&PREVIOUS) {
+                true => Some([
+                    like(PREVIOUS[0])?,
+                    like(PREVIOUS[1])?,
+                    seconds(PREVIOUS[2])?,
+                ]),
+                false => None,
+            },
+            changes: match has(&CHANGES) {
+                true => Some([like(CHANGES[0])?, seconds(CHANGES[1])?]),
+                false => None,
+            },
+            contact: match is_own {
+                true => Tables::read(file, count.unwrap_or(1))?,
+                false => Tables::default(),
+            },
+            names: names.clone(),
+            vertices,
+            count,
+            positions,
+        })
+    }
+
+    /// State `index`, in which `frame` frames have passed.
+    fn state(&self, index: usize, frame: usize) -> Result<SavedState, StateError> {
+        let own = |name: &str, array| self.entry(name, array, index);
+        let mut state = SavedState {
+            frame,
+            contact: self.contact.state(index)?,
+            ..SavedState::moving(
+                own(&self.names[0], &self.positions)?,
+                own(&self.names[1], &self.velocities)?,
+            )
+        };
+        if let Some([x, v, seconds]) = &self.previous
+            && let Some(seconds) = seconds_of(seconds, index)?
+        {
+            state.previous = Some(PreviousState {
+                positions: own(PREVIOUS[0], x)?,
+                velocities: own(PREVIOUS[1], v)?,
+                seconds,
+            });
+        }
+        if let Some([v, seconds]) = &self.changes
+            && let Some(seconds) = seconds_of(seconds, index)?
+        {
+            state.changes = Some(LastChanges {
+                velocities: own(CHANGES[0], v)?,
+                seconds,
+            });
+        }
+        Ok(state)
+    }
+
+    /// The entry of state `index` in an array of vectors.
+    fn entry(
+        &self,
+        name: &str,
+        array: &Array<f64>,
+        index: usize,
+    ) -> Result<Vec<DVec3>, StateError> {
+        let length = 3 * self.vertices;
+        let own = array.values[index * length..(index + 1) * length].chunks_exact(3);
+        let state: Vec<DVec3> = own.map(DVec3::from_slice).collect();
+        let is_usable = |value: &DVec3| (0.0..=LARGEST).contains(&value.length());
+        match state.iter().position(|value| !is_usable(value)) {
+            Some(vertex) => Err(StateError::Value {
+                name: name.to_owned(),
+                vertex,
+                found: state[vertex],
+            }),
+            None => Ok(state),
+        }
+    }
+
+    /// Place of the wanted state, and the frames that have passed in it.
+    fn place(&self, wanted: Option<usize>) -> Result<(usize, usize), StateError> {
+        let Some(count) = self.count else {
+            return Ok((0, wanted.unwrap_or(0)));
+        };
+        let frames: Vec<usize> = match &self.frames {
+            Some(frames) => frames.iter().map(|&frame| frame as usize).collect(),
+            None => (0..count).collect(),
+        };
+        let wanted = match frames[..] {
+            [only] => wanted.or(Some(only)),
+            _ => wanted,
+        };
+        let index = frames.iter().position(|&frame| Some(frame) == wanted);
+        index.map(|index| (index, frames[index])).ok_or_else(|| {
             let known: Vec<String> = match frames[..] {
                 [first, second, third, .., last] if frames.len() > 12 => {
                     vec![format!("{first}, {second}, {third} … {last}")]
                 }
-                _ => frames.iter().map(i64::to_string).collect(),
+                _ => frames.iter().map(usize::to_string).collect(),
             };
             let known = known.join(", ");
-            Err(StateError::Frame { known })
-        }
+            StateError::Frame { known }
+        })
     }
 }
 
-/// State `index` of an array.
-fn entry(
+/// The frame of each of `count` states: none twice.
+fn read_frames(
+    file: &ArrayFile<'_>,
     name: &str,
-    array: &Floats,
-    index: usize,
-    vertices: usize,
-) -> Result<Vec<DVec3>, StateError> {
-    let count = states_in(name, array, vertices)?.unwrap_or(1);
-    if index >= count {
-        let expected = format!("a state for each of the positions, {} at least", index + 1);
-        return Err(wrong_shape(name, &expected, array));
-    }
-    let start = 3 * vertices * index;
-    let state: Vec<DVec3> = array.values[start..start + 3 * vertices]
-        .chunks_exact(3)
-        .map(DVec3::from_slice)
-        .collect();
-    let is_usable = |value: &DVec3| (0.0..=LARGEST).contains(&value.length());
-    match state.iter().position(|value| !is_usable(value)) {
-        Some(vertex) => Err(StateError::Value {
+    count: Option<usize>,
+) -> Result<Vec<u32>, StateError> {
+    let frames = file.wholes(name)?.of_shape(&[count])?.values;
+    let mut sorted = frames.clone();
+    sorted.sort_unstable();
+    match sorted.windows(2).find(|pair| pair[0] == pair[1]) {
+        Some(pair) => Err(StateError::RepeatedFrame {
             name: name.to_owned(),
-            vertex,
-            found: state[vertex],
+            frame: pair[0],
         }),
-        None => Ok(state),
+        None => Ok(frames),
     }
+}
+
+/// The time of state `index` in an array of them; none where it is 0.
+fn seconds_of(array: &Array<f64>, index: usize) -> Result<Option<f64>, ArrayError> {
+    match array.values[index] {
+        0.0 => Ok(None),
+        seconds if seconds.is_finite() && seconds > 0.0 => Ok(Some(seconds)),
+        _ => Err(array.wrong("finite seconds, none below 0")),
+    }
+}
+
+fn select(
+    file: &ArrayFile<'_>,
+    choice: &StateChoice,
+    vertices: usize,
+) -> Result<(SavedState, [String; 2]), StateError> {
+    let no_pair = || StateError::NoPair {
+        found: file.names().join(", "),
+    };
+    let (pair, frames) = match (&choice.positions, &choice.velocities) {
+        (Some(positions), Some(velocities)) => {
+            let known = PAIRS.iter().find(|pair| pair[0] == positions);
+            ([positions.clone(), velocities.clone()], known.map(|p| p[2]))
+        }
+        (None, None) => {
+            let mut known = PAIRS.iter();
+            let found = known.find(|pair| file.has(pair[0]) && file.has(pair[1]));
+            let pair = found.ok_or_else(no_pair)?;
+            ([pair[0].to_owned(), pair[1].to_owned()], Some(pair[2]))
+        }
+        _ => return Err(no_pair()),
+    };
+    let arrays = Arrays::read(file, &pair, frames, Some(vertices))?;
+    let (index, frame) = arrays.place(choice.frame)?;
+    Ok((arrays.state(index, frame)?, pair))
 }
 
 #[cfg(test)]

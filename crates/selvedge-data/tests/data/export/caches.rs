@@ -30,8 +30,8 @@ fn velocities_are_differences_of_positions_whichever_frames_are_taken() {
             let with = ExportOptions {
                 frames,
                 up,
-                velocities: Velocities::Written,
-                ..options(ExportFormat::Usda)
+                velocities: true,
+                ..ExportOptions::plain(ExportFormat::Usda)
             };
             write(&trajectory, &path, &with);
             let text = std::fs::read_to_string(&path).unwrap();
@@ -69,8 +69,8 @@ fn velocities_of_a_parabola_are_exact_to_rounding() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.usda");
     let with = ExportOptions {
-        velocities: Velocities::Written,
-        ..options(ExportFormat::Usda)
+        velocities: true,
+        ..ExportOptions::plain(ExportFormat::Usda)
     };
     write(&falling, &path, &with);
     let text = std::fs::read_to_string(&path).unwrap();
@@ -90,8 +90,8 @@ fn velocities_are_refused_by_formats_without_them() {
     let (trajectory, folder) = (trajectory(), tempfile::tempdir().unwrap());
     for format in [ExportFormat::Glb, ExportFormat::Pc2] {
         let with = ExportOptions {
-            velocities: Velocities::Written,
-            ..options(format)
+            velocities: true,
+            ..ExportOptions::plain(format)
         };
         let path = folder.path().join("a");
         let error = export(&trajectory, &path, &with, &mut || ControlFlow::Continue(()));
@@ -104,7 +104,11 @@ fn velocities_are_refused_by_formats_without_them() {
 fn a_mesh_of_usd_is_bound_to_a_material() {
     let (trajectory, folder) = (trajectory(), tempfile::tempdir().unwrap());
     let path = folder.path().join("a.usda");
-    write(&trajectory, &path, &options(ExportFormat::Usda));
+    write(
+        &trajectory,
+        &path,
+        &ExportOptions::plain(ExportFormat::Usda),
+    );
     let text = std::fs::read_to_string(&path).unwrap();
     for said in [
         "prepend apiSchemas = [\"MaterialBindingAPI\"]",

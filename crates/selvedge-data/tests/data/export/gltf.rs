@@ -111,17 +111,13 @@ fn gltf_has_every_frame_at_its_time() {
     let (trajectory, folder) = (trajectory(), tempfile::tempdir().unwrap());
     let path = folder.path().join("a.glb");
     for (frames, normals, taken) in [
-        (
-            FrameSpan::default(),
-            Normals::Written,
-            vec![0, 1, 2, 3, 4, 5, 6],
-        ),
-        (odd(), Normals::LeftOut, vec![1, 3, 5]),
+        (FrameSpan::default(), true, vec![0, 1, 2, 3, 4, 5, 6]),
+        (odd(), false, vec![1, 3, 5]),
     ] {
         let options = ExportOptions {
             frames,
             normals,
-            ..options(ExportFormat::Glb)
+            ..ExportOptions::plain(ExportFormat::Glb)
         };
         write(&trajectory, &path, &options);
         let planned = planned_bytes(&trajectory, &options).unwrap();
@@ -150,8 +146,8 @@ fn gltf_says_how_the_cloth_is_to_be_shown() {
     let (trajectory, folder) = (trajectory(), tempfile::tempdir().unwrap());
     let path = folder.path().join("a.glb");
     let with_normals = ExportOptions {
-        normals: Normals::Written,
-        ..options(ExportFormat::Glb)
+        normals: true,
+        ..ExportOptions::plain(ExportFormat::Glb)
     };
     write(&trajectory, &path, &with_normals);
     let glb = Glb::read(&path);
@@ -183,7 +179,7 @@ fn one_frame_makes_a_gltf_without_animation() {
     let path = folder.path().join("a.glb");
     let one = ExportOptions {
         frames: FrameSpan::from_str_of("4"),
-        ..options(ExportFormat::Glb)
+        ..ExportOptions::plain(ExportFormat::Glb)
     };
     write(&trajectory, &path, &one);
     let glb = Glb::read(&path);

@@ -8,13 +8,13 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use glam::{Vec2, Vec3};
-use selvedge_cloth::{Cloth, ClothArrays, Handles, Topology};
 use selvedge_data::export::{
-    ExportEnd, ExportError, ExportFormat, ExportOptions, FrameSpan, Normals, Velocities, export,
-    planned_bytes,
+    ExportEnd, ExportError, ExportFormat, ExportOptions, FrameSpan, export, planned_bytes,
 };
 use selvedge_data::{Provenance, Trajectory, UpAxis, read_obj};
 use serde_json::Value;
+
+use crate::help::sheet;
 
 const VERTICES: usize = 5;
 const FRAMES: usize = 7;
@@ -30,31 +30,14 @@ fn trajectory() -> Trajectory {
     };
     let positions =
         (0..FRAMES).flat_map(|k| flat.iter().map(move |c| at(k, c)).collect::<Vec<_>>());
-    let arrays = ClothArrays {
-        rest_positions: flat.iter().map(|c| at(0, c)).collect(),
-        material_coordinates: flat.clone(),
-        vertex_mass: vec![0.1; VERTICES],
-        face_area: vec![0.25; 4],
-    };
-    let topology = Topology::new(VERTICES, &faces).unwrap();
-    let handles = Handles::new(&[3, 2], VERTICES).unwrap();
-    let cloth = Cloth::new(topology, handles, arrays).unwrap();
+    let rest: Vec<Vec3> = flat.iter().map(|c| at(0, c)).collect();
+    let cloth = sheet(&rest, &flat, &faces, &[3, 2]);
     let provenance = Provenance {
         frame_rate: 60.0,
         scene: Value::Null,
         made_by: "a \"test\" \\ 1".to_owned(),
     };
     Trajectory::new(cloth, positions.collect(), provenance).unwrap()
-}
-
-fn options(format: ExportFormat) -> ExportOptions {
-    ExportOptions {
-        format,
-        frames: FrameSpan::default(),
-        up: UpAxis::Y,
-        normals: Normals::LeftOut,
-        velocities: Velocities::LeftOut,
-    }
 }
 
 fn write(trajectory: &Trajectory, path: &Path, options: &ExportOptions) {
@@ -140,8 +123,8 @@ fn usd_has_every_position_at_its_time_code() {
     let (trajectory, folder) = (trajectory(), tempfile::tempdir().unwrap());
     let path = folder.path().join("a.usda");
     let all = ExportOptions {
-        normals: Normals::Written,
-        ..options(ExportFormat::Usda)
+        normals: true,
+        ..ExportOptions::plain(ExportFormat::Usda)
     };
     write(&trajectory, &path, &all);
     let text = std::fs::read_to_string(&path).unwrap();
@@ -205,7 +188,7 @@ fn frames_left_out_leave_time_as_it_is_and_z_can_point_up() {
     let thin = ExportOptions {
         frames: odd(),
         up: UpAxis::Z,
-        ..options(ExportFormat::Usda)
+        ..ExportOptions::plain(ExportFormat::Usda)
     };
     write(&trajectory, &path, &thin);
     let text = std::fs::read_to_string(&path).unwrap();
@@ -233,7 +216,7 @@ fn a_point_cache_has_every_position_and_its_mesh_is_beside_it() {
     let path = folder.path().join("a.pc2");
     let thin = ExportOptions {
         frames: odd(),
-        ..options(ExportFormat::Pc2)
+        ..ExportOptions::plain(ExportFormat::Pc2)
     };
     write(&trajectory, &path, &thin);
     let bytes = std::fs::read(&path).unwrap();
@@ -265,9 +248,9 @@ fn meshes_in_a_folder_are_the_frames() {
     let (trajectory, folder) = (trajectory(), tempfile::tempdir().unwrap());
     let path = folder.path().join("frames");
     let all = ExportOptions {
-        normals: Normals::Written,
+        normals: true,
         frames: odd(),
-        ..options(ExportFormat::ObjSequence)
+        ..ExportOptions::plain(ExportFormat::ObjSequence)
     };
     write(&trajectory, &path, &all);
     for (number, frame) in [1, 3, 5].into_iter().enumerate() {
@@ -313,8 +296,8 @@ fn arrays_for_numpy_come_back() {
     for up in [UpAxis::Y, UpAxis::Z] {
         let options = ExportOptions {
             up,
-            normals: Normals::Written,
-            ..options(ExportFormat::Npz)
+            normals: true,
+            ..ExportOptions::plain(ExportFormat::Npz)
         };
         write(&trajectory, &path, &options);
         let bytes = std::fs::read(&path).unwrap();
@@ -365,7 +348,7 @@ fn what_is_interrupted_leaves_nothing() {
         let end = export(
             &trajectory,
             &folder.path().join(name),
-            &options(format),
+            &ExportOptions::plain(format),
             &mut || {
                 beats += 1;
                 if beats == 3 {
@@ -396,21 +379,21 @@ fn what_a_format_does_not_have_is_refused() {
     };
     let turned = ExportOptions {
         up: UpAxis::Z,
-        ..options(ExportFormat::Glb)
+        ..ExportOptions::plain(ExportFormat::Glb)
     };
     assert!(matches!(attempt(&turned, "a.glb"), ExportError::YUp));
-    let all = options(ExportFormat::Obj);
+    let all = ExportOptions::plain(ExportFormat::Obj);
     assert!(matches!(
         attempt(&all, "a.obj"),
         ExportError::OneFrame { frames: FRAMES }
     ));
     let beyond = ExportOptions {
         frames: FrameSpan::from_str_of("5..9"),
-        ..options(ExportFormat::Npz)
+        ..ExportOptions::plain(ExportFormat::Npz)
     };
     assert!(matches!(attempt(&beyond, "a.npz"), ExportError::Frames(_)));
     for format in [ExportFormat::Usda, ExportFormat::ObjSequence] {
-        let error = attempt(&options(format), "none/such").to_string();
+        let error = attempt(&ExportOptions::plain(format), "none/such").to_string();
         assert!(error.contains("none/such"), "{error}");
     }
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);

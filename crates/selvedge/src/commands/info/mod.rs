@@ -232,24 +232,25 @@ fn inspect_checkpoint(size: usize, path: &Path) -> anyhow::Result<Answer> {
 
 fn inspect_states(bytes: &[u8], path: &Path) -> anyhow::Result<Answer> {
     let run = StateRun::from_bytes(bytes).with_context(|| path.display().to_string())?;
-    let vertices = run.positions.len() / run.frames.len().max(1);
+    let states = &run.states;
+    let vertices = states.first().map_or(0, |state| state.positions.len());
     let mut facts = Facts::new();
     facts.add("kind", "states of a run");
     facts.add("file", path.display());
     facts.add("vertices", vertices);
-    facts.add("states", run.frames.len());
-    let span = [run.frames.first(), run.frames.last()];
-    if let [Some(first), Some(last)] = span {
-        facts.add("frames", format!("{first} to {last}"));
+    facts.add("states", states.len());
+    if let (Some(first), Some(last)) = (states.first(), states.last()) {
+        facts.add("frames", format!("{} to {}", first.frame, last.frame));
     }
-    let speeds = run.velocities.iter().map(|v| v.length());
+    let velocities = states.iter().flat_map(|state| &state.velocities);
+    let speeds = velocities.map(|v| v.length());
     let fastest = speeds.fold(0.0, f64::max);
     facts.add("largest speed", format!("{fastest:.3} m/s"));
     let report = json!({
         "kind": "states",
         "file": path,
         "vertices": vertices,
-        "frames": run.frames,
+        "frames": states.iter().map(|state| state.frame).collect::<Vec<_>>(),
         "largest_speed": fastest,
     });
     Answer::new(facts, &report)

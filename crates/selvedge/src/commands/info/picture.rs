@@ -143,15 +143,15 @@ fn weights_page(weights: &[f32], path: &Path) -> anyhow::Result<Image> {
 
 /// Mean and largest speed by frame.
 fn speed_chart(run: &StateRun, path: &Path) -> LineChart {
-    let vertices = (run.velocities.len() / run.frames.len().max(1)).max(1);
-    let of_frames = || run.frames.iter().zip(run.velocities.chunks_exact(vertices));
     let line = |name: &str, of: fn(&[f64]) -> f64| Line {
         name: name.to_owned(),
         role: Role::Subject,
-        points: of_frames()
-            .map(|(frame, velocities)| {
-                let speeds: Vec<f64> = velocities.iter().map(|v| v.length()).collect();
-                [f64::from(*frame), of(&speeds)]
+        points: run
+            .states
+            .iter()
+            .map(|state| {
+                let speeds: Vec<f64> = state.velocities.iter().map(|v| v.length()).collect();
+                [state.frame as f64, of(&speeds)]
             })
             .collect(),
     };

@@ -1,0 +1,192 @@
+//! Arrays by name, from .safetensors or NumPy's archive (.npz) alike.
+
+use std::collections::HashMap;
+
+use safetensors::{SafeTensorError, SafeTensors};
+use thiserror::Error;
+
+use super::npz::{Npz, NpzError};
+use super::tensor_file::read_header;
+
+/// A file without the arrays that are asked for.
+#[derive(Debug, Error)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum ArrayError {
+    #[error(
+        "is no complete safetensors file ({0}): it may have been cut short, or be another format"
+    )]
+    Container(#[source] SafeTensorError),
+    #[error(transparent)]
+    Npz(#[from] NpzError),
+    #[error("has no array named {name} (found {found})")]
+    Missing { name: String, found: String },
+    #[error("array {name}: expected {expected}, found {found}")]
+    Array {
+        name: String,
+        expected: String,
+        found: String,
+    },
+}
+
+/// Either container.
+pub(crate) enum ArrayFile<'a> {
+    Npz(Npz<'a>),
+    Safetensors(SafeTensors<'a>),
+}
+
+/// An array.
+pub(crate) struct Array<T> {
+    name: String,
+    /// Type of its elements in the file.
+    kind: String,
+    /// Dimensions, slowest first.
+    pub(crate) shape: Vec<usize>,
+    /// Elements in row-major order.
+    pub(crate) values: Vec<T>,
+}
+
+impl<T> Array<T> {
+    /// The array, which must have this shape; `None` is any length.
+    pub(crate) fn of_shape(self, shape: &[Option<usize>]) -> Result<Self, ArrayError> {
+        let same = |(e, f): (&Option<usize>, &usize)| e.is_none_or(|e| e == *f);
+        if self.shape.len() == shape.len() && shape.iter().zip(&self.shape).all(same) {
+            return Ok(self);
+        }
+        let lengths: Vec<String> = shape
+            .iter()
+            .map(|length| length.map_or_else(|| "any".to_owned(), |length| length.to_string()))
+            .collect();
+        Err(self.wrong(&format!("{} [{}]", self.kind, lengths.join(", "))))
+    }
+
+    /// The error that its type and shape are not as `expected`.
+    pub(crate) fn wrong(&self, expected: &str) -> ArrayError {
+        ArrayError::Array {
+            name: self.name.clone(),
+            expected: expected.to_owned(),
+            found: format!("{} {:?}", self.kind, self.shape),
+        }
+    }
+}
+
+impl<'a> ArrayFile<'a> {
+    /// The arrays and the metadata in the bytes of a .safetensors.
+    pub(crate) fn safetensors(
+        bytes: &'a [u8],
+    ) -> Result<(Self, HashMap<String, String>), ArrayError> {
+        let header = read_header(bytes).map_err(ArrayError::Container)?;
+        let file = SafeTensors::deserialize(bytes).map_err(ArrayError::Container)?;
+        let metadata = header.metadata().clone().unwrap_or_default();
+        Ok((Self::Safetensors(file), metadata))
+    }
+
+    /// The arrays in the bytes of an .npz.
+    pub(crate) fn npz(bytes: &'a [u8]) -> Result<Self, ArrayError> {
+        Ok(Self::Npz(Npz::open(bytes)?))
+    }
+
+    /// The names of all arrays, sorted.
+    pub(crate) fn names(&self) -> Vec<String> {
+        let names = match self {
+            Self::Npz(file) => file.names(),
+            Self::Safetensors(file) => file.names(),
+        };
+        let mut names: Vec<String> = names.into_iter().map(str::to_owned).collect();
+        names.sort_unstable();
+        names
+    }
+
+    /// Returns true if there is an array of this name.
+    pub(crate) fn has(&self, name: &str) -> bool {
+        self.names().iter().any(|found| found == name)
+    }
+
+    /// An array of f64, or of f32, which is widened.
+    pub(crate) fn floats(&self, name: &str) -> Result<Array<f64>, ArrayError> {
+        let widened = |word| f64::from(f32::from_le_bytes(word));
+        self.read(name, "F64 or F32", |kind, data| match kind {
+            "F64" | "<f8" => Some(words(data, f64::from_le_bytes)),
+            "F32" | "<f4" => Some(words(data, widened)),
+            _ => None,
+        })
+    }
+
+    /// An array of f32; in an .npz f64 are narrowed.
+    pub(crate) fn singles(&self, name: &str) -> Result<Array<f32>, ArrayError> {
+        let narrowed = |word| f64::from_le_bytes(word) as f32;
+        self.read(name, "F32", |kind, data| match kind {
+            "F32" | "<f4" => Some(words(data, f32::from_le_bytes)),
+            "<f8" => Some(words(data, narrowed)),
+            _ => None,
+        })
+    }
+
+    /// An array of whole numbers that fit u32.
+    pub(crate) fn wholes(&self, name: &str) -> Result<Array<u32>, ArrayError> {
+        let read = self.read(name, "U32, I32 or I64", |kind, data| match kind {
+            "U32" | "<u4" => Some(words(data, |word| i64::from(u32::from_le_bytes(word)))),
+            "I32" | "<i4" => Some(words(data, |word| i64::from(i32::from_le_bytes(word)))),
+            "I64" | "<i8" => Some(words(data, i64::from_le_bytes)),
+            _ => None,
+        })?;
+        let whole = |value: i64| {
+            u32::try_from(value).map_err(|_| ArrayError::Array {
+                name: name.to_owned(),
+                expected: "numbers from 0 to 4294967295".to_owned(),
+                found: value.to_string(),
+            })
+        };
+        let values = read.values.into_iter().map(whole);
+        Ok(Array {
+            values: values.collect::<Result<_, _>>()?,
+            name: read.name,
+            kind: read.kind,
+            shape: read.shape,
+        })
+    }
+
+    /// The elements of an array by `decode`, which is given their type and their bytes and knows
+    /// the types that are `expected`.
+    fn read<T>(
+        &self,
+        name: &str,
+        expected: &str,
+        decode: impl Fn(&str, &[u8]) -> Option<Vec<T>>,
+    ) -> Result<Array<T>, ArrayError> {
+        let missing = || ArrayError::Missing {
+            name: name.to_owned(),
+            found: self.names().join(", "),
+        };
+        let (kind, shape, values) = match self {
+            Self::Npz(file) => {
+                let array = file.array(name)?.ok_or_else(missing)?;
+                let data = array.data().map_err(|source| NpzError::Array {
+                    name: name.to_owned(),
+                    source,
+                })?;
+                let values = decode(&array.kind, data);
+                (array.kind, array.shape, values)
+            }
+            Self::Safetensors(file) => {
+                let tensor = file.tensor(name).map_err(|_| missing())?;
+                let kind = tensor.dtype().to_string();
+                let values = decode(&kind, tensor.data());
+                (kind, tensor.shape().to_vec(), values)
+            }
+        };
+        let array = Array {
+            name: name.to_owned(),
+            kind,
+            shape,
+            values: Vec::new(),
+        };
+        match values {
+            Some(values) => Ok(Array { values, ..array }),
+            None => Err(array.wrong(expected)),
+        }
+    }
+}
+
+fn words<const N: usize, T>(bytes: &[u8], read: impl Fn([u8; N]) -> T) -> Vec<T> {
+    bytes.as_chunks::<N>().0.iter().copied().map(read).collect()
+}

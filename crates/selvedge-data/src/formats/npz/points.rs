@@ -1,0 +1,71 @@
+//! Points over time in an archive, as exports and other programs write them.
+
+use glam::DVec3;
+
+use crate::UpAxis;
+use crate::formats::arrays::{ArrayError, ArrayFile};
+
+/// Points over time, y up.
+pub(crate) struct NpzPoints {
+    /// `[frames, points]` `[m]`
+    pub(crate) frames: Vec<Vec<DVec3>>,
+    /// The points that are handles, where the archive says it.
+    pub(crate) handles: Option<Vec<u32>>,
+    /// Frames per second, where the archive says it.
+    pub(crate) frame_rate: Option<f64>,
+}
+
+impl NpzPoints {
+    /// The points in the bytes of an archive: `positions` or else `points`, `[frames, points, 3]`
+    /// `[m]`, and `handles`, `fps` `[1]` and `up_axis` `[1]` where they are.
+    pub(crate) fn read(bytes: &[u8]) -> Result<Self, ArrayError> {
+        let file = ArrayFile::npz(bytes)?;
+        let has_points = file.has("points") && !file.has("positions");
+        let name = if has_points { "points" } else { "positions" };
+        let points = file.floats(name)?.of_shape(&[None, None, Some(3)])?;
+        let up = file.up_axis()?;
+        let ours = |p: &[f64]| up.to_ours(DVec3::from_slice(p));
+        let all: Vec<DVec3> = points.values.chunks_exact(3).map(ours).collect();
+        let count = points.shape[1];
+        let handles = match file.has("handles") {
+            true => Some(file.wholes("handles")?.of_shape(&[None])?),
+            false => None,
+        };
+        let beyond = |handles: &[u32]| handles.iter().find(|&&h| h as usize >= count).copied();
+        if let Some(found) = handles.as_ref().and_then(|handles| beyond(&handles.values)) {
+            return Err(ArrayError::Array {
+                name: "handles".to_owned(),
+                expected: format!("vertices below {count}"),
+                found: found.to_string(),
+            });
+        }
+        let frame_rate = match file.has("fps") {
+            true => Some(file.floats("fps")?.of_shape(&[Some(1)])?.values[0]),
+            false => None,
+        };
+        let frames = all.chunks_exact(count.max(1)).map(<[_]>::to_vec);
+        Ok(Self {
+            frames: frames.collect(),
+            handles: handles.map(|handles| handles.values),
+            frame_rate,
+        })
+    }
+}
+
+impl ArrayFile<'_> {
+    /// Axis that points up in an archive; y where it does not say.
+    pub(crate) fn up_axis(&self) -> Result<UpAxis, ArrayError> {
+        if !self.has("up_axis") {
+            return Ok(UpAxis::Y);
+        }
+        match self.wholes("up_axis")?.values[..] {
+            [1] => Ok(UpAxis::Y),
+            [2] => Ok(UpAxis::Z),
+            ref other => Err(ArrayError::Array {
+                name: "up_axis".to_owned(),
+                expected: "1 for y or 2 for z".to_owned(),
+                found: format!("{other:?}"),
+            }),
+        }
+    }
+}
