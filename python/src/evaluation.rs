@@ -14,7 +14,7 @@ use selvedge_lab::machine::Machine;
 use selvedge_lab::report::{self, Heading};
 use selvedge_lab::workers::Crew;
 use selvedge_lab::{End, folder};
-use serde_json::{Value, json};
+use serde_json::Value;
 
 use crate::dataset::{Dataset, split_named};
 use crate::errors::{told, wrong};
