@@ -92,9 +92,8 @@ pub use motion::{
 pub use obstacle::{Obstacle, ObstacleError, ObstaclePath, RigidKey};
 pub use pattern::{EdgeSide, NumberedPattern, Pattern, PatternError, PatternPoint};
 pub use physics::{
-    AdaptiveSubsteps, AirLaw, ConjugateGradients, ElasticLaw, GeneralisedAlpha, HandleConstraint,
-    Integrator, LinearSolver, Newton, PhysicsError, PhysicsMode, PhysicsSettings, SagMethod,
-    SagSettings, Substepping,
+    AirLaw, ConjugateGradients, ElasticLaw, GeneralisedAlpha, HandleConstraint, Integrator,
+    LinearSolver, PhysicsError, PhysicsMode, PhysicsSettings, SagSettings,
 };
 pub use scene::{DEFAULT_FRAME_RATE, Scene, SceneError};
 pub use schedule::{HandleSchedule, Release, ScheduleError};

@@ -322,17 +322,13 @@ impl SimulateArgs {
 Examples:
   selvedge sag default --out rest.safetensors
   selvedge sag my-scene.toml --out rest.obj
-  selvedge sag arcsim-scene.json --out rest.obj --by-motion")]
+  selvedge sag arcsim-scene.json --out rest.obj")]
 pub(crate) struct SagArgs {
     /// A scene: a TOML file, a JSON file of ARCSim, or the name of a shipped one.
     pub(crate) scene: String,
     /// The file to write: a trajectory of one frame (.safetensors) or a mesh (.obj).
     #[arg(long, value_name = "FILE")]
     pub(crate) out: PathBuf,
-    /// Let the cloth move until it comes to rest, as a simulation would: slower, but where there
-    /// are several rest poses this is the one that it reaches.
-    #[arg(long)]
-    pub(crate) by_motion: bool,
 }
 
 /// Make data to learn from, or look at it.

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use selvedge_cloth::{Integrator, PhysicsSettings, Scene, Substepping};
+use selvedge_cloth::{Integrator, PhysicsSettings, Scene};
 use selvedge_data::{LoadedScene, SavedState, SceneFileError, SceneSpec, StartSpec};
 use selvedge_model::Aspect;
 
@@ -37,11 +37,10 @@ impl Case {
         varied(cases, motions, LoadedScene::of_motion)
     }
 
-    /// A scene as it is, but that its number of substeps stays what it is told to be.
+    /// A scene as it is, but for its damping.
     fn of(loaded: &LoadedScene) -> Self {
         let mut loaded = loaded.clone();
         for physics in [&mut loaded.scene.physics, &mut loaded.spec.setting.physics] {
-            physics.substepping = Substepping::Fixed;
             // The same equations for every integrator.
             let usual = PhysicsSettings {
                 integrator: Integrator::default(),

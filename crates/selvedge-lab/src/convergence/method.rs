@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 
 use super::error::ChoiceError;
 
-/// An integrator by the name that scenes give it, with the default settings of its iteration; or a
+/// An integrator by the name that scenes give it, with the default settings; or a
 /// model by its own name.
 #[derive(Clone, Debug)]
 pub struct NamedIntegrator {
@@ -212,18 +212,18 @@ mod tests {
     fn integrators_are_called_as_in_scenes() {
         let linearised: NamedIntegrator = "linearised".parse().unwrap();
         assert_eq!(linearised.integrator(), Integrator::Linearised);
-        let newton: NamedIntegrator = "newton".parse().unwrap();
-        assert_eq!(newton.integrator(), Integrator::Newton(Default::default()));
+        let second: NamedIntegrator = "second-order".parse().unwrap();
+        assert_eq!(second.integrator(), Integrator::SecondOrder);
         let error = "euler".parse::<NamedIntegrator>().unwrap_err().to_string();
-        let words = ["\"euler\"", "known are `linearised`", "`newton`"];
+        let words = ["\"euler\"", "known are `linearised`", "`second-order`"];
         assert!(words.iter().all(|word| error.contains(word)), "{error}");
-        let all = Method::all(&[linearised, newton], &[1, 2, 1]);
+        let all = Method::all(&[linearised, second], &[1, 2, 1]);
         let names: Vec<String> = all.iter().map(Method::to_string).collect();
         let expected = [
             "linearised, 1 substep",
             "linearised, 2 substeps",
-            "newton, 1 substep",
-            "newton, 2 substeps",
+            "second-order, 1 substep",
+            "second-order, 2 substeps",
         ];
         assert_eq!(names, expected);
     }

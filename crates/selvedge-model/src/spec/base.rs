@@ -60,8 +60,7 @@ impl Differences {
 impl PhysicsBase {
     /// Returns true where the physics keeps the state one substep ago as it was.
     pub(crate) fn keeps_states(&self) -> bool {
-        use Integrator::{SecondOrder, SecondOrderNewton};
-        matches!(self.integrator, SecondOrder | SecondOrderNewton(_))
+        self.integrator == Integrator::SecondOrder
     }
 
     /// Lengths of a frame and a substep where there are `frame_rate` frames per second.

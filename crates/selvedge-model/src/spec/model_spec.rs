@@ -195,7 +195,7 @@ pub enum SpecError {
         reason: &'static str,
     },
     #[error(
-        "model.base.differences = \"substeps\" needs the state one substep ago, which only \"second-order\" and \"second-order-newton\" keep: choose one of them as model.base.integrator, or leave differences out"
+        "model.base.differences = \"substeps\" needs the state one substep ago, which only \"second-order\" keeps: choose it as model.base.integrator, or leave differences out"
     )]
     NoSubsteps,
     #[error("model.{field} must contain \"{needed}\"")]

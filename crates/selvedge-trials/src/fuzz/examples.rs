@@ -21,7 +21,7 @@ const OPTIONS: [&str; 9] = [
     "1h30m",
     "90s",
     "cuda",
-    "newton",
+    "second-order",
 ];
 
 /// The examples of the target called `name`; none where it has files.

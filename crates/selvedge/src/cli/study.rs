@@ -79,7 +79,7 @@ pub(crate) enum StudyCommand {
 Examples:
   selvedge study convergence default --out studies/convergence
   selvedge study convergence default --out studies/swing --from 70 --to 360
-  selvedge study convergence my-scene.toml --out mine --integrators linearised,newton --substeps 1,2,4
+  selvedge study convergence my-scene.toml --out mine --integrators linearised,second-order --substeps 1,2,4
   selvedge study convergence default --out studies/all --motion test --material all
   selvedge study convergence default --out studies/models --motion unseen --whole --model small --model mine=a.safetensors
   selvedge study convergence assets/scenes/elsewhere/*.toml --out studies/elsewhere --model corrected --substeps 2

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use glam::{DVec2, DVec3};
-use selvedge_cloth::{SagMethod, Scene};
+use selvedge_cloth::Scene;
 use selvedge_data::{LoadedScene, write_obj};
 use selvedge_lab::physics;
 use serde::Serialize;
@@ -34,12 +34,8 @@ struct Report {
 /// What of the scene, the solve or the file went wrong.
 pub(crate) fn run(args: &SagArgs) -> anyhow::Result<Answer> {
     place::check_file(&args.out, "--out", &["safetensors", "obj"])?;
-    let mut loaded = scenes::open(&args.scene)?;
+    let loaded = scenes::open(&args.scene)?;
     place::check_outputs(&[("--out", args.out.as_path())], &scenes::inputs(&loaded))?;
-    if args.by_motion {
-        loaded.scene.sag.method = SagMethod::Motion;
-        loaded.spec.setting.sag.method = SagMethod::Motion;
-    }
     let scene = &loaded.scene;
     let rest = physics::rest_pose(scene, &mut progress::listener())?;
     let largest_strain = write(&args.out, &loaded, &rest.positions)?;

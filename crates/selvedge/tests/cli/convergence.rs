@@ -60,12 +60,12 @@ fn a_study_writes_its_files_and_errors_fall_with_substeps() {
     let again = desk.json(&format!("{CALL} --threads 1"));
     assert_eq!(number(&again, "/references_kept"), 1.0);
     assert!(before == desk.read("c/starts.csv"));
-    let newton = desk.json(&CALL.replace(
+    let second = desk.json(&CALL.replace(
         "--substeps 1,2,4 --integrators linearised",
-        "--substeps 4 --integrators newton",
+        "--substeps 4 --integrators second-order",
     ));
-    assert_eq!(number(&newton, "/references_kept"), 1.0);
-    assert_eq!(newton["means"][0]["integrator"], "newton");
+    assert_eq!(number(&second, "/references_kept"), 1.0);
+    assert_eq!(second["means"][0]["integrator"], "second-order");
 }
 
 #[test]
