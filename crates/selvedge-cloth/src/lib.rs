@@ -61,7 +61,6 @@ mod long_work;
 mod loose_panels;
 mod material;
 mod mesh;
-mod modes;
 pub mod motion;
 mod obstacle;
 mod pattern;
@@ -85,7 +84,6 @@ pub use long_work::{LongWork, LongWorkObserver, observe_long_work};
 pub use loose_panels::LoosePanels;
 pub use material::{BendTable, Material, MaterialError, StrainLimits, StretchTable};
 pub use mesh::{FaceFabrics, Mesh, MeshError, RestShape};
-pub use modes::Modes;
 pub use motion::{
     Block, HandlePath, Keyframe, KeyframeGroup, KeyframeMotion, Motion, MotionError, Pace,
     PaceError, PoseKeyframe, Profile, RandomMotion, RecordedMotion, Rotation, SplineGroup,
@@ -94,9 +92,8 @@ pub use motion::{
 pub use obstacle::{Obstacle, ObstacleError, ObstaclePath, RigidKey};
 pub use pattern::{EdgeSide, NumberedPattern, Pattern, PatternError, PatternPoint};
 pub use physics::{
-    AdaptiveSubsteps, AirLaw, ConjugateGradients, ElasticLaw, GeneralisedAlpha, HandleConstraint,
-    Integrator, LinearSolver, Newton, PhysicsError, PhysicsMode, PhysicsSettings, SagMethod,
-    SagSettings, Substepping,
+    AirLaw, ConjugateGradients, ElasticLaw, GeneralisedAlpha, HandleConstraint, Integrator,
+    LinearSolver, PhysicsError, PhysicsMode, PhysicsSettings, SagSettings,
 };
 pub use scene::{DEFAULT_FRAME_RATE, Scene, SceneError};
 pub use schedule::{HandleSchedule, Release, ScheduleError};

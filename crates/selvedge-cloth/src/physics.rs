@@ -26,8 +26,6 @@ pub struct PhysicsSettings {
     /// [`Self::damping`]'s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub least_damping: Option<f64>,
-    /// Division of substeps in which the cloth strains too much.
-    pub substepping: Substepping,
     /// Largest strain l/l₀ - 1 of an edge at the end of a frame, edges between handles apart. An
     /// edge that is beyond it already may only become shorter. A frame beyond it is computed again
     /// with more substeps, as far as [`Self::most_substeps`], and is then an error.
@@ -42,7 +40,7 @@ pub struct PhysicsSettings {
 /// 30 m/s.
 const DEFAULT_MAX_STRAIN: f64 = 1.5;
 
-/// Substeps to which frames beyond the largest strain are divided where substepping is fixed.
+/// Substeps to which frames beyond the largest strain are divided.
 const MOST_SUBSTEPS: u32 = 64;
 
 /// Files made before there was a bound do not name it.
@@ -117,13 +115,9 @@ pub enum AirLaw {
 pub enum Integrator {
     /// Backward Euler by one linear solve at the start of the substep, as in ARCSim: first order.
     Linearised,
-    /// Backward Euler by Newton's method with a line search: first order.
-    Newton(Newton),
     /// BDF2 by one linear solve at a predicted state: second order for the same price. It is the
     /// generalised-α method with a spectral radius of 0.
     SecondOrder,
-    /// BDF2 by Newton's method from the predicted state.
-    SecondOrderNewton(Newton),
     /// The generalised-α method by one linear solve at a predicted state: second order for the
     /// same price as BDF2 with a smaller error in motion, because it damps less.
     GeneralisedAlpha(GeneralisedAlpha),
@@ -134,19 +128,12 @@ impl Integrator {
     #[must_use]
     pub fn order(self) -> u32 {
         match self {
-            Self::Linearised | Self::Newton(_) => 1,
-            Self::SecondOrder | Self::SecondOrderNewton(_) | Self::GeneralisedAlpha(_) => 2,
+            Self::Linearised => 1,
+            Self::SecondOrder | Self::GeneralisedAlpha(_) => 2,
         }
     }
 
     fn validate(self) -> Result<(), PhysicsError> {
-        if let Some(newton) = self.newton() {
-            check_positive("physics.integrator.newton.tolerance", newton.tolerance)?;
-            check_count(
-                "physics.integrator.newton.max_iterations",
-                newton.max_iterations,
-            )?;
-        }
         match self {
             Self::GeneralisedAlpha(settings)
                 if !(0.0..=0.9).contains(&settings.spectral_radius) =>
@@ -160,15 +147,6 @@ impl Integrator {
             _ => Ok(()),
         }
     }
-
-    /// Settings of Newton's method; none if a substep is one linear solve.
-    #[must_use]
-    pub fn newton(self) -> Option<Newton> {
-        match self {
-            Self::Linearised | Self::SecondOrder | Self::GeneralisedAlpha(_) => None,
-            Self::Newton(newton) | Self::SecondOrderNewton(newton) => Some(newton),
-        }
-    }
 }
 
 /// Settings of the generalised-α method.
@@ -178,37 +156,6 @@ pub struct GeneralisedAlpha {
     /// Part of the fastest vibrations that a substep leaves, from 0 to 0.9. With 0 the method is
     /// BDF2.
     pub spectral_radius: f64,
-}
-
-/// When Newton's method ends.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Newton {
-    /// Root mean square by mass of what the equations lack, as a velocity `[m/s]`.
-    pub tolerance: f64,
-    /// An error after this many linear solves.
-    pub max_iterations: u32,
-}
-
-/// Division of substeps in which the cloth strains too much.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Substepping {
-    /// Only in frames beyond [`PhysicsSettings::max_strain`].
-    #[default]
-    Fixed,
-    /// A frame in which an edge strains too much is computed again with twice as many substeps.
-    Adaptive(AdaptiveSubsteps),
-}
-
-/// When a frame is computed again.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct AdaptiveSubsteps {
-    /// Largest change of an edge's stretch l/l₀ in one substep; edges between handles apart.
-    pub max_change: f64,
-    /// An error when this many substeps of a frame are not enough.
-    pub max_substeps: u32,
 }
 
 /// Solver of linear systems.
@@ -239,9 +186,6 @@ pub struct ConjugateGradients {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SagSettings {
-    /// Method of the search.
-    #[serde(skip_serializing_if = "SagMethod::is_default")]
-    pub method: SagMethod,
     /// Height of the smooth bulge that the flat start is given along its normals `[m]`. Its sign
     /// decides to which side the cloth buckles, so that all data lie on one branch.
     pub bulge: f64,
@@ -249,26 +193,6 @@ pub struct SagSettings {
     pub tolerance: f64,
     /// Give up after this many solves.
     pub max_steps: u32,
-}
-
-/// Method by which the sagged rest pose is searched for.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum SagMethod {
-    /// Straight to an equilibrium.
-    #[default]
-    Equilibrium,
-    /// By the motion of the cloth from its start until it is slow, and from there to the
-    /// equilibrium.
-    Motion,
-}
-
-impl SagMethod {
-    /// Files made before there was a choice do not name it.
-    #[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks for it")]
-    fn is_default(&self) -> bool {
-        *self == Self::default()
-    }
 }
 
 /// A setting of the physics that cannot be used.
@@ -289,7 +213,6 @@ impl Default for PhysicsSettings {
             air: AirLaw::default(),
             integrator: Integrator::default(),
             least_damping: None,
-            substepping: Substepping::default(),
             max_strain: DEFAULT_MAX_STRAIN,
             solver: LinearSolver::default(),
         }
@@ -310,24 +233,6 @@ impl Default for GeneralisedAlpha {
     }
 }
 
-impl Default for Newton {
-    fn default() -> Self {
-        Self {
-            tolerance: 1e-6,
-            max_iterations: 50,
-        }
-    }
-}
-
-impl Default for AdaptiveSubsteps {
-    fn default() -> Self {
-        Self {
-            max_change: 0.1,
-            max_substeps: 64,
-        }
-    }
-}
-
 impl Default for ConjugateGradients {
     fn default() -> Self {
         Self {
@@ -340,7 +245,6 @@ impl Default for ConjugateGradients {
 impl Default for SagSettings {
     fn default() -> Self {
         Self {
-            method: SagMethod::default(),
             bulge: 0.02,
             tolerance: 1e-3,
             max_steps: 20_000,
@@ -368,7 +272,6 @@ impl PhysicsSettings {
                 air: AirLaw::Explicit,
                 integrator: Integrator::Linearised,
                 least_damping: Some(0.0),
-                substepping: Substepping::Fixed,
                 max_strain: DEFAULT_MAX_STRAIN,
                 solver: LinearSolver::Cholesky,
             },
@@ -397,10 +300,7 @@ impl PhysicsSettings {
     /// Largest number of substeps of a frame.
     #[must_use]
     pub fn most_substeps(&self) -> u32 {
-        match self.substepping {
-            Substepping::Fixed => self.substeps.max(MOST_SUBSTEPS),
-            Substepping::Adaptive(adaptive) => adaptive.max_substeps,
-        }
+        self.substeps.max(MOST_SUBSTEPS)
     }
 
     /// Checks the numbers of substeps and iterations, tolerances and bounds.
@@ -426,23 +326,6 @@ impl PhysicsSettings {
                 expected: "\"implicit\" with an integrator of second order",
                 found: "\"explicit\"".to_owned(),
             });
-        }
-        if let Substepping::Adaptive(adaptive) = &self.substepping {
-            check_positive(
-                "physics.substepping.adaptive.max_change",
-                adaptive.max_change,
-            )?;
-            check_count(
-                "physics.substepping.adaptive.max_substeps",
-                adaptive.max_substeps,
-            )?;
-            if adaptive.max_substeps < self.substeps {
-                return Err(PhysicsError {
-                    field: "physics.substepping.adaptive.max_substeps",
-                    expected: "at least physics.substeps",
-                    found: adaptive.max_substeps.to_string(),
-                });
-            }
         }
         if let LinearSolver::ConjugateGradients(settings) = &self.solver {
             check_positive(

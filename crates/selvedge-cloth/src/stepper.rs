@@ -123,17 +123,6 @@ pub enum StepError {
     #[error("frame {frame}: a substep could not be solved ({cause}): use more substeps")]
     Solve { frame: usize, cause: String },
     #[error(
-        "frame {frame}: with {substeps} substeps the edge from vertex {from} to {to} still strains by {change:.3} in one of them, bound is {bound}: raise max_substeps or max_change in physics.substepping, or move the handles more slowly"
-    )]
-    Strain {
-        frame: usize,
-        substeps: u32,
-        from: VertexId,
-        to: VertexId,
-        change: f64,
-        bound: f64,
-    },
-    #[error(
         "frame {frame}: {pair} cannot be kept apart (gap {gap:.1e} m): use more substeps, or move handles and obstacles more slowly and nowhere so close that the cloth has no room"
     )]
     Contact {
@@ -190,7 +179,6 @@ impl StepError {
             Self::Handles { frame, .. }
             | Self::NonFinite { frame, .. }
             | Self::Solve { frame, .. }
-            | Self::Strain { frame, .. }
             | Self::Contact { frame, .. }
             | Self::Intersections { frame, .. }
             | Self::Overstretched { frame, .. }
@@ -207,7 +195,6 @@ impl StepError {
             Self::Handles { frame, .. }
             | Self::NonFinite { frame, .. }
             | Self::Solve { frame, .. }
-            | Self::Strain { frame, .. }
             | Self::Contact { frame, .. }
             | Self::Intersections { frame, .. }
             | Self::Overstretched { frame, .. }

@@ -1,6 +1,6 @@
 //! A scene by the cheap physics of a model, and its cloth as the model's columns see it.
 
-use selvedge_cloth::{Cloth, ElasticLaw, Environment, Integrator, Scene, Substepping};
+use selvedge_cloth::{Cloth, ElasticLaw, Environment, Integrator, Scene};
 use selvedge_model::{ClothGraph, GraphError, PhysicsBase, Stiffness};
 
 /// Stiffness-proportional damping of the physics that shipped models correct `[s]`.
@@ -15,7 +15,6 @@ pub fn base_scene(scene: &Scene, base: PhysicsBase) -> Scene {
     let physics = &mut scene.physics;
     physics.integrator = Integrator::SecondOrder;
     physics.substeps = base.substeps;
-    physics.substepping = Substepping::Fixed;
     physics.law = ElasticLaw::Measured;
     physics.least_damping.get_or_insert(DAMPING);
     scene

@@ -444,7 +444,6 @@ fn is_callers(error: &StepError) -> bool {
         | StepError::Stopped { .. } => true,
         StepError::NonFinite { .. }
         | StepError::Solve { .. }
-        | StepError::Strain { .. }
         | StepError::Contact { .. }
         | StepError::Intersections { .. }
         | StepError::Overstretched { .. } => false,

@@ -1,11 +1,10 @@
 //! The physics beside a guard: frames in place of lost ones, and solves that relax a prediction.
 //!
-//! It is the scene's own simulator with two changes. The air is implicit, which adds no energy at
-//! any velocity. The number of substeps is fixed: edges that strain too much are limited
-//! afterwards.
+//! It is the scene's own simulator, but that the air is implicit, which adds no energy at any
+//! velocity.
 
 use glam::{DVec3, Vec3};
-use selvedge_cloth::{AirLaw, HandleTargets, Scene, StepError, Stepper, Stop, Substepping};
+use selvedge_cloth::{AirLaw, HandleTargets, Scene, StepError, Stepper, Stop};
 use selvedge_sim::{Led, Simulator, SimulatorError, Threads};
 
 /// A simulator with buffers for its states.
@@ -23,7 +22,6 @@ impl Physics {
     pub(crate) fn new(scene: &Scene) -> Result<Self, SimulatorError> {
         let mut scene = scene.clone();
         scene.physics.air = AirLaw::Implicit;
-        scene.physics.substepping = Substepping::Fixed;
         let mut simulator = Simulator::new(&scene)?;
         // The pool of the run that the guard is part of.
         simulator.set_threads(Threads::Pool);

@@ -7,7 +7,7 @@
 use glam::DVec3;
 use selvedge_cloth::{HandleTargets, Scene};
 
-use crate::integrator::{Formula, History};
+use crate::integrator::{History, SecondOrder, Substep};
 use crate::laws::strain_limit::StrainLimiter;
 use crate::solver::{FactorError, SolveError, System};
 use crate::state::State;
@@ -22,8 +22,8 @@ pub(crate) struct ActiveHandles {
     pub(crate) system: System,
     /// Limits of the faces, if the material has any.
     limiter: Option<StrainLimiter>,
-    /// Formula of a substep.
-    formula: Formula,
+    /// Formula of a substep, where that is not backward Euler.
+    second_order: Option<SecondOrder>,
     /// Start of the substep, where the cloth has limits.
     start: State,
 }
@@ -75,7 +75,7 @@ impl ActiveHandles {
             holds,
             offsets,
             limiter: StrainLimiter::new(scene, system.mass()),
-            formula: Formula::new(scene),
+            second_order: SecondOrder::of(scene),
             start: State::at_origin(system.mass().len()),
             system,
         })
@@ -95,30 +95,54 @@ impl ActiveHandles {
             .all(|(h, holds)| *holds == targets.holds(h))
     }
 
-    /// Moves `state` by one substep over `dt` `[s]`, active handles to `targets` `[m]`, and then
-    /// within the limits of the material. On an error the state is unusable and the caller restores
-    /// it.
+    /// Moves `state` by one substep over `dt` `[s]`, active handles to `targets` `[m]`, whatever the
+    /// limits of the material: by the scene's formula, or without a `history` by backward Euler, as
+    /// a cloth on its way to rest. Gives γ, the factor `[s]` from a change of velocity to one of
+    /// position in this substep. On an error state and history are unusable, and the caller
+    /// restores them.
     pub(crate) fn advance(
         &mut self,
         dt: f64,
         state: &mut State,
-        history: &mut History,
+        history: Option<&mut History>,
+        targets: &[DVec3],
+    ) -> Result<f64, SolveError> {
+        let system = &mut self.system;
+        match (&mut self.second_order, history) {
+            (Some(second_order), Some(history)) => {
+                let substep = Substep {
+                    system,
+                    dt,
+                    targets,
+                };
+                second_order.advance(substep, state, history)
+            }
+            _ => system.advance(dt, state, targets).map(|()| dt),
+        }
+    }
+
+    /// As [`Self::advance`], and then within the limits of the material.
+    pub(crate) fn advance_within_limits(
+        &mut self,
+        dt: f64,
+        state: &mut State,
+        history: Option<&mut History>,
         targets: &[DVec3],
     ) -> Result<(), SolveError> {
-        let Some(limiter) = self.limiter.as_ref().filter(|_| self.formula.looks_back()) else {
-            let gamma = self
-                .formula
-                .advance(&mut self.system, dt, state, history, targets)?;
-            return self.limit_after(gamma, state).map(|_| ());
+        let history = history.filter(|_| self.looks_back());
+        let (limiter, history) = match (&self.limiter, history) {
+            (Some(limiter), Some(history)) => (limiter, history),
+            (_, history) => {
+                let gamma = self.advance(dt, state, history, targets)?;
+                return self.limit(gamma, state).map(|_| ());
+            }
         };
         // The shift onto the limits is no part of a smooth motion: a substep from or onto them is
         // backward Euler, and the next one starts anew.
         if !limiter.is_reached(state) {
             self.start.copy_from(state);
-            let gamma = self
-                .formula
-                .advance(&mut self.system, dt, state, history, targets)?;
-            if !self.limit_after(gamma, state)? {
+            let gamma = self.advance(dt, state, Some(history), targets)?;
+            if !self.limit(gamma, state)? {
                 return Ok(());
             }
             state.copy_from(&self.start);
@@ -127,52 +151,17 @@ impl ActiveHandles {
         history.forget();
         history.counts.all += 1;
         history.counts.fell_back += 1;
-        self.advance_first_order(dt, state, targets)
+        self.advance_within_limits(dt, state, None, targets)
     }
 
-    /// As [`Self::advance`], by backward Euler whatever the scene asks for: for a cloth on its way
-    /// to rest.
-    pub(crate) fn advance_first_order(
-        &mut self,
-        dt: f64,
-        state: &mut State,
-        targets: &[DVec3],
-    ) -> Result<(), SolveError> {
-        let system = &mut self.system;
-        let gamma = self
-            .formula
-            .advance_first_order(system, dt, state, targets)?;
-        self.limit_after(gamma, state).map(|_| ())
-    }
-
-    /// As [`Self::advance`], whatever the limits of the material.
-    pub(crate) fn advance_unlimited(
-        &mut self,
-        dt: f64,
-        state: &mut State,
-        history: &mut History,
-        targets: &[DVec3],
-    ) -> Result<(), SolveError> {
-        let system = &mut self.system;
-        let advanced = self.formula.advance(system, dt, state, history, targets);
-        advanced.map(|_| ())
-    }
-
-    /// As [`Self::advance_first_order`], whatever the limits of the material.
-    pub(crate) fn advance_first_order_unlimited(
-        &mut self,
-        dt: f64,
-        state: &mut State,
-        targets: &[DVec3],
-    ) -> Result<(), SolveError> {
-        let system = &mut self.system;
-        let advanced = self.formula.advance_first_order(system, dt, state, targets);
-        advanced.map(|_| ())
+    /// Returns true if a substep depends on the state before the last one.
+    pub(crate) fn looks_back(&self) -> bool {
+        self.second_order.is_some()
     }
 
     /// Moves `state`, the end of a substep, within the limits of the material. Returns true if that
     /// was needed.
-    fn limit_after(&self, gamma: f64, state: &mut State) -> Result<bool, SolveError> {
+    pub(crate) fn limit(&self, gamma: f64, state: &mut State) -> Result<bool, SolveError> {
         match &self.limiter {
             None => Ok(false),
             Some(limiter) => {
@@ -181,17 +170,6 @@ impl ActiveHandles {
                 Ok(moved)
             }
         }
-    }
-
-    /// Returns true if a substep depends on the state before the last one.
-    pub(crate) fn looks_back(&self) -> bool {
-        self.formula.looks_back()
-    }
-
-    /// Moves `state` within the limits of the material. Returns true if that was needed.
-    pub(crate) fn limit(&self, dt: f64, state: &mut State) -> bool {
-        let limiter = self.limiter.as_ref();
-        limiter.is_some_and(|limiter| limiter.limit(dt, state) > 0)
     }
 
     /// Puts the targets of the active handles `[m]` into `targets`; `path` gives the place of a

@@ -20,7 +20,7 @@ use crate::sew::{sew, widest_gap};
 use crate::simulator::SimulatorError;
 use crate::state::State;
 use crate::stop;
-use crate::strain_watch::WatchedEdges;
+use crate::watched_edges::WatchedEdges;
 
 mod around;
 
@@ -359,13 +359,11 @@ fn still_step(
             velocities: vec![DVec3::ZERO; positions.len()],
             positions: positions.clone(),
         };
-        let solved = active.advance_first_order(dt, &mut state, targets).is_ok();
+        let solved = active.advance_within_limits(dt, &mut state, None, targets);
         let is_finite = state.positions.iter().all(|p| p.is_finite());
-        if solved
+        if solved.is_ok()
             && is_finite
-            && watched
-                .check(positions, &state.positions, MOST_CHANGE)
-                .is_ok()
+            && watched.keep_their_lengths(positions, &state.positions, MOST_CHANGE)
         {
             *positions = state.positions;
             return true;

@@ -7,7 +7,7 @@
 //! the static equilibrium in which the cloth hangs from its handles; [`sag`] finds it. A
 //! [`Simulator`] moves the cloth. It is a [`Stepper`](selvedge_cloth::Stepper): each **step** takes
 //! targets for the handles and leads to the next **frame**. A step consists of **substeps**, each
-//! with one linear **solve** (or several, with Newton's method). The **laws** of stretching,
+//! with one linear **solve**. The **laws** of stretching,
 //! bending and air, with their derivatives, are in [`laws`].
 //!
 //! ```
@@ -80,8 +80,8 @@ mod simulator;
 mod solver;
 mod state;
 mod stop;
-mod strain_watch;
 mod threads;
+mod watched_edges;
 
 pub use contact::{ContactCounts, ContactGauge, FrameContact};
 pub use fit::{FitError, FitProgress, Fitted, fit, sew_and_fit};

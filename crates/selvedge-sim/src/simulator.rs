@@ -16,8 +16,8 @@ use crate::contact::{Contact, Span, Unseparated};
 use crate::integrator::{History, SubstepCounts};
 use crate::solver::SolveError;
 use crate::state::State;
-use crate::strain_watch::{Overstrained, Overstretched, StrainWatch};
 use crate::threads::Threads;
+use crate::watched_edges::{Overstretched, WatchedEdges};
 use contact::Part;
 pub use contact::{Beginning, FAR, Led};
 pub use divided_frames::DividedFrames;
@@ -55,10 +55,8 @@ pub struct Simulator {
     /// Targets of the active handles `[m]`.
     targets: Vec<DVec3>,
     threads: Threads,
-    watch: StrainWatch,
+    edges: WatchedEdges,
     stop: Stop,
-    /// Positions before the substep, for the watch on strains `[m]`.
-    before: Vec<DVec3>,
     /// Contact, where the scene has it.
     contact: Option<Box<Contact>>,
 }
@@ -167,8 +165,7 @@ impl Simulator {
             divided_frames: DividedFrames::default(),
             threads: Threads::Pool,
             stop: Stop::default(),
-            watch: StrainWatch::new(&scene.physics, &scene.mesh, &scene.handles),
-            before: state.positions.clone(),
+            edges: WatchedEdges::new(&scene.mesh, &scene.handles),
             contact: Contact::of(scene, active.system.mass()).map(Box::new),
             scene: scene.clone(),
             active,
@@ -410,8 +407,7 @@ impl Simulator {
     ///
     /// A Δv = b, v ← v + Δv, x ← x + dt v with A = M - Σ dt (dt + c) J + dt² K_handles and b = dt
     /// f_ext + Σ dt (F + (dt + c) J v) - dt (gradient of the handles' springs at x + dt v); the row
-    /// of an exact handle is v = (target - x)/dt instead. `[eq:backward-euler]` With Newton's
-    /// method as integrator, the solve is repeated until the equations hold.
+    /// of an exact handle is v = (target - x)/dt instead. `[eq:backward-euler]`
     ///
     /// # Errors
     /// As for [`step`](selvedge_cloth::Stepper::step), with the number of the frame under way; the
@@ -496,12 +492,13 @@ impl Simulator {
     /// Moves the state by a substep over `dt` towards `self.targets`, in this part of the frame. On
     /// an error the state is unusable.
     fn solve(&mut self, dt: f64, part: Part) -> Result<(), SubstepError> {
-        if self.watch.is_of_substeps() {
-            self.before.copy_from_slice(&self.state.positions);
-        }
         let (state, history) = (&mut self.state, &mut self.history);
         match &mut self.contact {
-            None => self.active.advance(dt, state, history, &self.targets)?,
+            None => {
+                let targets = &self.targets;
+                self.active
+                    .advance_within_limits(dt, state, Some(history), targets)?;
+            }
             Some(contact) => {
                 let span = Span {
                     dt,
@@ -514,12 +511,11 @@ impl Simulator {
                 contact.advance(span, &mut self.active, state, history)?;
             }
         }
-        Ok(self.watch.check(&self.before, &self.state.positions)?)
+        Ok(())
     }
 
-    /// Moves the state by a frame. Doubles the scene's number of substeps until edges strain little
-    /// enough. Fixed substeps are divided only where the frame ends strained beyond the bound, or
-    /// where contact is too much for them. On an error the state is restored.
+    /// Moves the state by a frame. Doubles the scene's number of substeps where the frame ends
+    /// strained beyond the bound, or contact is too much for it. On an error the state is restored.
     fn divided(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
         let threads = self.enter();
         self.enter_frame();
@@ -534,10 +530,8 @@ impl Simulator {
             if self.stop.is_wanted() {
                 return Err(self.step_error(SubstepError::Stopped, substeps));
             }
-            let is_fixed = !self.watch.is_of_substeps();
             let is_divided = matches!(error, SubstepError::Stretch(_)) || self.contact.is_some();
-            let is_final = is_fixed && !is_divided;
-            if is_final || 2 * substeps > most {
+            if !is_divided || 2 * substeps > most {
                 return Err(self.step_error(error, substeps));
             }
             substeps *= 2;
@@ -561,14 +555,6 @@ impl Simulator {
             SubstepError::Contact(Unseparated { pair, gap }) => {
                 StepError::Contact { frame, pair, gap }
             }
-            SubstepError::Strain(Overstrained { vertices, change }) => StepError::Strain {
-                frame,
-                substeps,
-                from: vertices[0],
-                to: vertices[1],
-                change,
-                bound: self.watch.max_change().unwrap_or(f64::INFINITY),
-            },
             SubstepError::Stretch(Overstretched { vertices, strain }) => StepError::Overstretched {
                 frame,
                 substeps,

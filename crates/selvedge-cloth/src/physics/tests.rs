@@ -6,19 +6,13 @@ type SpoilPhysics = fn(&mut PhysicsSettings);
 
 #[test]
 fn wrong_solver_settings_are_named() {
-    let wrong: [(&str, SpoilPhysics); 10] = [
+    let wrong: [(&str, SpoilPhysics); 7] = [
         ("physics.max_strain", |s| s.max_strain = 0.0),
         ("physics.max_strain", |s| s.max_strain = f64::INFINITY),
         ("physics.air must be \"implicit\"", |s| {
             s.air = AirLaw::Explicit
         }),
         ("physics.least_damping", |s| s.least_damping = Some(-1e-3)),
-        ("physics.integrator.newton.tolerance", |s| {
-            s.integrator = Integrator::Newton(Newton {
-                tolerance: -1.0,
-                ..Newton::default()
-            });
-        }),
         (
             "physics.integrator.generalised-alpha.spectral_radius must be between 0 and 0.9",
             |s| {
@@ -30,18 +24,6 @@ fn wrong_solver_settings_are_named() {
         ("physics.integrator.generalised-alpha", |s| {
             s.integrator = Integrator::GeneralisedAlpha(GeneralisedAlpha {
                 spectral_radius: f64::NAN,
-            });
-        }),
-        ("physics.substepping.adaptive.max_change", |s| {
-            s.substepping = Substepping::Adaptive(AdaptiveSubsteps {
-                max_change: f64::NAN,
-                ..AdaptiveSubsteps::default()
-            });
-        }),
-        ("physics.substepping.adaptive.max_substeps", |s| {
-            s.substepping = Substepping::Adaptive(AdaptiveSubsteps {
-                max_substeps: 2,
-                ..AdaptiveSubsteps::default()
             });
         }),
         ("physics.solver.conjugate-gradients.max_iterations", |s| {
@@ -90,14 +72,14 @@ fn an_integrator_is_a_word_or_a_table() {
 
 #[test]
 fn solver_settings_are_written_as_people_write_them() {
-    let text = "solver = { conjugate-gradients = { tolerance = 1e-6 } }\nair = \"implicit\"\nintegrator = { newton = {} }\nsubstepping = { adaptive = { max_change = 0.05 } }";
+    let text = "solver = { conjugate-gradients = { tolerance = 1e-6 } }\nair = \"implicit\"\nintegrator = \"linearised\"\nsubstepping = \"fixed\"";
     let settings: PhysicsSettings = toml::from_str(text).unwrap();
     let expected = ConjugateGradients {
         tolerance: 1e-6,
         ..ConjugateGradients::default()
     };
     assert_eq!(settings.solver, LinearSolver::ConjugateGradients(expected));
-    assert_eq!(settings.integrator, Integrator::Newton(Newton::default()));
+    assert_eq!(settings.integrator, Integrator::Linearised);
     settings.validate().unwrap();
     let text = toml::to_string(&settings).unwrap();
     assert_eq!(toml::from_str::<PhysicsSettings>(&text).unwrap(), settings);
@@ -108,8 +90,23 @@ fn solver_settings_are_written_as_people_write_them() {
     assert_eq!(toml::from_str::<PhysicsSettings>(&text).unwrap(), stretchy);
     let cholesky: PhysicsSettings = toml::from_str("solver = \"cholesky\"").unwrap();
     assert_eq!(cholesky.solver, LinearSolver::Cholesky);
-    let error = toml::from_str::<PhysicsSettings>("integrator = { newton = { steps = 3 } }");
-    assert!(error.unwrap_err().to_string().contains("steps"));
+    for (gone, named) in [
+        (
+            "integrator = { newton = {} }",
+            "expected one of `linearised`",
+        ),
+        (
+            "integrator = { second-order-newton = {} }",
+            "`second-order`",
+        ),
+        (
+            "substepping = { adaptive = { max_change = 0.05 } }",
+            "raise physics.substeps",
+        ),
+    ] {
+        let error = toml::from_str::<PhysicsSettings>(gone).unwrap_err();
+        assert!(error.to_string().contains(named), "{error}");
+    }
 }
 
 type Spoil = fn(&mut SagSettings);

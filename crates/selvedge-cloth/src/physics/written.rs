@@ -1,10 +1,9 @@
 //! The settings of the physics as files have them, also those of before there was one elastic law.
 
 use serde::Deserialize;
+use serde::de::IgnoredAny;
 
-use super::{
-    AirLaw, ElasticLaw, HandleConstraint, Integrator, LinearSolver, PhysicsSettings, Substepping,
-};
+use super::{AirLaw, ElasticLaw, HandleConstraint, Integrator, LinearSolver, PhysicsSettings};
 
 /// [`PhysicsSettings`] as they are written.
 #[derive(Deserialize)]
@@ -16,13 +15,21 @@ pub(super) struct Written {
     air: AirLaw,
     integrator: Integrator,
     least_damping: Option<f64>,
-    substepping: Substepping,
     max_strain: f64,
     solver: LinearSolver,
+    /// A key of before: substeps by the change of strain.
+    substepping: Option<Substepping>,
     /// A key of before: the law of bending.
     bending: Option<Bending>,
     /// A key of before: the look-up of stretching.
     stretch_lookup: Option<StretchLookup>,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum Substepping {
+    Fixed,
+    Adaptive(IgnoredAny),
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, Deserialize)]
@@ -49,9 +56,9 @@ impl Default for Written {
             air: settings.air,
             integrator: settings.integrator,
             least_damping: settings.least_damping,
-            substepping: settings.substepping,
             max_strain: settings.max_strain,
             solver: settings.solver,
+            substepping: None,
             bending: None,
             stretch_lookup: None,
         }
@@ -62,6 +69,11 @@ impl TryFrom<Written> for PhysicsSettings {
     type Error = &'static str;
 
     fn try_from(written: Written) -> Result<Self, Self::Error> {
+        if let Some(Substepping::Adaptive(_)) = written.substepping {
+            return Err(
+                "substepping = \"adaptive\" is gone: leave it out and raise physics.substeps; a frame that ends beyond physics.max_strain is divided all the same",
+            );
+        }
         if written.stretch_lookup == Some(StretchLookup::Exact) {
             return Err(
                 "stretch_lookup = \"exact\" is gone: leave it out for law = \"energy\", which is fitted to the exact table",
@@ -81,7 +93,6 @@ impl TryFrom<Written> for PhysicsSettings {
             air: written.air,
             integrator: written.integrator,
             least_damping: written.least_damping,
-            substepping: written.substepping,
             max_strain: written.max_strain,
             solver: written.solver,
         })

@@ -4,7 +4,7 @@
 
 use glam::{DVec3, Vec3};
 use selvedge_cloth::geometry::dihedral_angle;
-use selvedge_cloth::{Cloth, Modes, Topology};
+use selvedge_cloth::{Cloth, Topology};
 use serde::{Deserialize, Serialize};
 
 use super::{MetricError, check_mesh, edge_lengths, material_edge_lengths};
@@ -32,21 +32,11 @@ pub struct Character {
     pub acceleration: f64,
     /// Root mean square jerk of the vertices, the rate of their acceleration `[m/s³]`.
     pub jerk: f64,
-    /// Mean square of the positions in the six longest waves of the cloth, in the next 14, in the
-    /// next 40, and in all shorter ones `[m²]`; the mean position is in none. `[eq:waves]`
-    #[serde(default)]
-    pub waves: [f64; BANDS],
 }
-
-/// Bands of waves.
-const BANDS: usize = 4;
-
-/// Ends of the bands but the last: numbers of modes, the constant one not counted.
-const BAND_ENDS: [usize; BANDS - 1] = [6, 20, 60];
 
 impl Character {
     /// The number of numbers.
-    pub const COUNT: usize = 7 + BANDS;
+    pub const COUNT: usize = 7;
 
     /// Names of the numbers, in the order of [`Self::values`].
     pub const NAMES: [&'static str; Self::COUNT] = [
@@ -57,10 +47,6 @@ impl Character {
         "kinetic energy",
         "acceleration",
         "jerk",
-        "waves 1-6",
-        "waves 7-20",
-        "waves 21-60",
-        "finer waves",
     ];
 
     /// The character of `frames` of `cloth`, at so many frames per second. Numbers of rates are 0
@@ -85,14 +71,12 @@ impl Character {
             kinetic_energy: 0.5 * velocity.weighted * rate.powi(2),
             acceleration: acceleration.mean_square.sqrt() * rate.powi(2),
             jerk: jerk.mean_square.sqrt() * rate.powi(3),
-            waves: waves(frames, cloth),
         })
     }
 
     /// The numbers.
     #[must_use]
     pub fn values(&self) -> [f64; Self::COUNT] {
-        let [longest, long, short, shortest] = self.waves;
         [
             self.folds,
             self.curvature,
@@ -101,10 +85,6 @@ impl Character {
             self.kinetic_energy,
             self.acceleration,
             self.jerk,
-            longest,
-            long,
-            short,
-            shortest,
         ]
     }
 
@@ -154,35 +134,6 @@ impl Difference {
             weighted: weighted / count.max(1) as f64,
         }
     }
-}
-
-/// Mean squares of the positions in bands of the cloth's waves.
-fn waves(frames: Frames<'_>, cloth: &Cloth) -> [f64; BANDS] {
-    let modes = Modes::of(cloth, BAND_ENDS[BANDS - 2] + 1);
-    let count = modes.count();
-    let mut bands = [0.0; BANDS];
-    for positions in frames.iter() {
-        let mut all = vec![DVec3::ZERO; count];
-        let mut square = 0.0;
-        let rows = modes.values.chunks_exact(count.max(1));
-        for ((row, share), position) in rows.zip(&modes.shares).zip(positions) {
-            let position = position.as_dvec3();
-            square += share * position.length_squared();
-            for (sum, value) in all.iter_mut().zip(row) {
-                *sum += position * (share * value);
-            }
-        }
-        for (mode, amplitude) in all.iter().enumerate() {
-            let energy = amplitude.length_squared();
-            square -= energy;
-            if mode > 0 {
-                bands[BAND_ENDS.partition_point(|end| *end < mode)] += energy;
-            }
-        }
-        // What no mode has: 0 but for rounding where a cloth has no more of them.
-        bands[BANDS - 1] += square.max(0.0);
-    }
-    bands.map(|band| band / frames.len().max(1) as f64)
 }
 
 /// Mean of |θ| over the interior edges, and sum of |θ| l over the area of the cloth.

@@ -353,13 +353,14 @@ fn a_lost_frame_is_the_physics_from_the_last_good_ones() {
     assert_eq!(guard.inner().given, 1);
 }
 
-/// A scene whose physics cannot be solved: one iteration of Newton's method, to the last bit.
+/// A scene whose physics cannot be solved: one iteration of conjugate gradients, to the last bit.
 fn unsolvable() -> Scene {
     let mut scene = scene();
-    scene.physics.integrator = selvedge_cloth::Integrator::Newton(selvedge_cloth::Newton {
+    let settings = selvedge_cloth::ConjugateGradients {
         tolerance: 1e-300,
         max_iterations: 1,
-    });
+    };
+    scene.physics.solver = selvedge_cloth::LinearSolver::ConjugateGradients(settings);
     scene
 }
 

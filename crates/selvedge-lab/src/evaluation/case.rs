@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use selvedge_cloth::generate::{NamedSheet, named_sheets};
-use selvedge_cloth::{Cloth, Integrator, Motion, PhysicsSettings, RandomMotion, Substepping};
+use selvedge_cloth::{Cloth, Integrator, Motion, PhysicsSettings, RandomMotion};
 use selvedge_data::{
     Dataset, Entry, LoadedScene, NamedCloth, SavedState, SceneFileError, SceneSpec, Split,
     StartSpec,
@@ -216,7 +216,6 @@ impl Case {
 fn fixed(loaded: &LoadedScene) -> LoadedScene {
     let mut loaded = loaded.clone();
     for physics in [&mut loaded.scene.physics, &mut loaded.spec.setting.physics] {
-        physics.substepping = Substepping::Fixed;
         let usual = PhysicsSettings {
             integrator: Integrator::default(),
             ..*physics

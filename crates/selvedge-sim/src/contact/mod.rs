@@ -343,7 +343,7 @@ impl Contact {
                 history.forget();
                 state.copy_from(&self.before);
                 active.system.repeat_start();
-                active.advance_first_order_unlimited(left, state, span.targets)?;
+                active.advance(left, state, None, span.targets)?;
                 is_limited = false;
                 is_certified = self.certify_solve(span.threads, &state.positions);
             }
@@ -417,12 +417,12 @@ impl Contact {
         active.system.touches = touches;
         self.before.copy_from(state);
         if active.system.touches.is_empty() && !jumps {
-            active.advance(left, state, history, span.targets)?;
+            active.advance_within_limits(left, state, Some(history), span.targets)?;
             return Ok(true);
         }
         let looks_back = active.looks_back();
         if looks_back && !jumps && history.fits(left) {
-            active.advance_unlimited(left, state, history, span.targets)?;
+            active.advance(left, state, Some(history), span.targets)?;
             return Ok(false);
         }
         if looks_back {
@@ -430,7 +430,7 @@ impl Contact {
             history.counts.all += 1;
             history.counts.fell_back += 1;
         }
-        active.advance_first_order_unlimited(left, state, span.targets)?;
+        active.advance(left, state, None, span.targets)?;
         if jumps || !looks_back {
             history.forget();
         } else {

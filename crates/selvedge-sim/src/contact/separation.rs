@@ -251,10 +251,9 @@ impl Contact {
         state: &mut State,
     ) -> Result<bool, SolveError> {
         let mut limited = state.clone();
-        if !active.limit(left, &mut limited) {
+        if !active.limit(left, &mut limited)? {
             return Ok(false);
         }
-        limited.check_finite()?;
         // A pair whose vertices all stay is certified, as it was.
         let mut is_certified = self.certify_solve(span.threads, &limited.positions);
         let mut rounds = 0;

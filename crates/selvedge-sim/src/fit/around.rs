@@ -7,7 +7,7 @@
 //! after each frame and its stiffness rising. Obstacles stand as they do at the start.
 
 use glam::DVec3;
-use selvedge_cloth::{HandleTargets, Obstacle, ObstacleError, Scene, Stepper, Substepping};
+use selvedge_cloth::{HandleTargets, Obstacle, ObstacleError, Scene, Stepper};
 
 use super::{
     FitError, FitProgress, Fitted, Listener, Spring, failed, largest_strain, pass, springs,
@@ -72,7 +72,6 @@ fn bare(scene: &Scene, part: f64) -> Result<Scene, FitError> {
         .map(|(name, fabric)| (name.clone(), fabric.clone().multiplied(part, part)))
         .collect();
     bare.physics.max_strain = ANY_STRAIN;
-    bare.physics.substepping = Substepping::Fixed;
     bare.physics.substeps = scene.physics.substeps.max(SUBSTEPS);
     if let Some(contact) = &mut bare.contact {
         contact.friction = 0.0;

@@ -76,16 +76,7 @@ impl History {
     ///
     /// After a substep of another length the formula could go on with coefficients of a variable
     /// step, stable up to a ratio of 1 + √2 (Grigorieff 1983). Starting anew is nearer to the
-    /// motion. Adaptive substeps of 64 vertices whose handles are shaken, RMSE of the first 30
-    /// frames against 64 substeps, in mm (solves of 90 frames in brackets):
-    ///
-    /// | fabric, handles, largest change | variable up to 2 | anew where longer | always anew |
-    /// |---|---|---|---|
-    /// | gray, 8 rad/s, 0.02 | 12.4 (327) | 11.6 (405) | 11.4 (369) |
-    /// | gray, 8 rad/s, 0.01 | 9.6 (1145) | 6.1 (1226) | 5.8 (1179) |
-    /// | gray, 20 rad/s, 0.02 | 29.1 (2633) | 25.9 (2555) | 25.8 (2498) |
-    /// | navy, 8 rad/s, 0.03 | 8.7 (401) | 8.8 (448) | 8.6 (538) |
-    /// | navy, 20 rad/s, 0.05 | 18.4 (615) | 17.2 (643) | 17.5 (610) |
+    /// motion.
     pub(crate) fn fits(&self, dt: f64) -> bool {
         self.dt > 0.0 && (dt - self.dt).abs() <= SAME_LENGTH * self.dt
     }

@@ -10,15 +10,14 @@
 //! 1977): diagonally implicit, L-stable and of second order.
 
 use glam::DVec3;
-use selvedge_cloth::{HandleConstraint, Scene, VertexId};
+use selvedge_cloth::{HandleConstraint, Integrator, Scene, VertexId};
 
 use super::edge_projection::EdgeProjection;
 use super::history::History;
-use super::newton::Newton;
 use super::two_step::TwoStep;
-use crate::solver::{SolveError, Stage, StageAir, System};
+use crate::solver::{SolveError, System};
 use crate::state::State;
-use crate::strain_watch::WatchedEdges;
+use crate::watched_edges::WatchedEdges;
 
 /// Largest change of an edge's stretch l/l₀ from the start of a substep to its prediction.
 const MOST_PREDICTED: f64 = 0.1;
@@ -27,7 +26,7 @@ const MOST_PREDICTED: f64 = 0.1;
 const START: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
 
 /// The formula's workspaces.
-pub(super) struct SecondOrder {
+pub(crate) struct SecondOrder {
     formula: TwoStep,
     edges: WatchedEdges,
     projection: EdgeProjection,
@@ -44,12 +43,12 @@ pub(super) struct SecondOrder {
 }
 
 /// A substep to be taken.
-pub(super) struct Substep<'a> {
-    pub(super) system: &'a mut System,
+pub(crate) struct Substep<'a> {
+    pub(crate) system: &'a mut System,
     /// Length `[s]`.
-    pub(super) dt: f64,
+    pub(crate) dt: f64,
     /// Targets of the active handles `[m]`, `[handles]`.
-    pub(super) targets: &'a [DVec3],
+    pub(crate) targets: &'a [DVec3],
 }
 
 /// A stage that was solved, or one that is left to backward Euler.
@@ -68,14 +67,20 @@ struct Factors {
 }
 
 impl SecondOrder {
-    /// The formula for the cloth and the handles of a validated scene.
-    pub(super) fn new(scene: &Scene, formula: TwoStep) -> Self {
+    /// The formula of a validated scene, for its cloth and handles; none where that is backward
+    /// Euler.
+    pub(crate) fn of(scene: &Scene) -> Option<Self> {
+        let formula = match scene.physics.integrator {
+            Integrator::Linearised => return None,
+            Integrator::SecondOrder => TwoStep::BDF2,
+            Integrator::GeneralisedAlpha(settings) => TwoStep::of(settings),
+        };
         let vertices = scene.mesh.topology().vertex_count();
         let held = match scene.physics.handles {
             HandleConstraint::Exact => scene.handles.vertices().to_vec(),
             HandleConstraint::Spring => Vec::new(),
         };
-        Self {
+        Some(Self {
             formula,
             edges: WatchedEdges::new(&scene.mesh, &scene.handles),
             projection: EdgeProjection::new(&scene.mesh, &held),
@@ -84,25 +89,24 @@ impl SecondOrder {
             predicted: State::at_origin(vertices),
             estimate: State::at_origin(vertices),
             targets: Vec::new(),
-        }
+        })
     }
 
     /// Moves `state` by `substep` and keeps the old one in `history`. A prediction that strains an
     /// edge too much, though edges were brought back, is dropped for backward Euler linearised at
     /// the start. Gives γ `[s]`. On an error state and history are unusable.
-    pub(super) fn advance(
+    pub(crate) fn advance(
         &mut self,
         mut substep: Substep<'_>,
-        mut newton: Option<&mut Newton>,
         state: &mut State,
         history: &mut History,
     ) -> Result<f64, SolveError> {
         let dt = substep.dt;
         let looks_back = history.fits(dt);
         let (outcome, mut gamma) = if looks_back {
-            self.looking_back(&mut substep, newton.as_deref_mut(), state, history)?
+            self.looking_back(&mut substep, state, history)?
         } else {
-            self.start(&mut substep, newton.as_deref_mut(), state)?
+            self.start(&mut substep, state)?
         };
         history.counts.all += 1;
         history.counts.started += u64::from(!looks_back);
@@ -115,10 +119,7 @@ impl SecondOrder {
                 history.keep(state, dt);
                 history.counts.fell_back += 1;
                 gamma = dt;
-                match newton {
-                    None => substep.system.advance(dt, state, substep.targets)?,
-                    Some(newton) => newton.advance(substep.system, dt, state, substep.targets)?,
-                }
+                substep.system.advance(dt, state, substep.targets)?;
             }
         }
         Ok(gamma)
@@ -166,7 +167,6 @@ impl SecondOrder {
     fn looking_back(
         &mut self,
         substep: &mut Substep<'_>,
-        newton: Option<&mut Newton>,
         state: &State,
         history: &History,
     ) -> Result<(Outcome, f64), SolveError> {
@@ -191,12 +191,12 @@ impl SecondOrder {
             span: substep.dt,
         };
         if formula.ends_at_its_point() {
-            let outcome = self.stage(substep.system, newton, factors, state, substep.targets)?;
+            let outcome = self.stage(substep.system, factors, state, substep.targets)?;
             return Ok((outcome, gamma));
         }
         self.find_targets(substep, state, formula.point);
         let targets = std::mem::take(&mut self.targets);
-        let outcome = self.stage(substep.system, newton, factors, state, &targets);
+        let outcome = self.stage(substep.system, factors, state, &targets);
         self.targets = targets;
         let estimate = &mut self.estimate;
         for (estimate, start) in [
@@ -229,7 +229,6 @@ impl SecondOrder {
     fn start(
         &mut self,
         substep: &mut Substep<'_>,
-        mut newton: Option<&mut Newton>,
         state: &State,
     ) -> Result<(Outcome, f64), SolveError> {
         let dt = substep.dt;
@@ -239,13 +238,7 @@ impl SecondOrder {
         self.estimate.velocities.copy_from_slice(&state.velocities);
         let targets = std::mem::take(&mut self.targets);
         let first = Factors { gamma, span: gamma };
-        let outcome = self.stage(
-            substep.system,
-            newton.as_deref_mut(),
-            first,
-            state,
-            &targets,
-        );
+        let outcome = self.stage(substep.system, first, state, &targets);
         self.targets = targets;
         if outcome? == Outcome::FirstOrder {
             return Ok((Outcome::FirstOrder, gamma));
@@ -269,7 +262,7 @@ impl SecondOrder {
             span: dt - gamma,
         };
         let targets = substep.targets;
-        let outcome = self.stage(substep.system, newton, second, state, targets)?;
+        let outcome = self.stage(substep.system, second, state, targets)?;
         Ok((outcome, gamma))
     }
 
@@ -278,7 +271,6 @@ impl SecondOrder {
     fn stage(
         &mut self,
         system: &mut System,
-        newton: Option<&mut Newton>,
         factors: Factors,
         last: &State,
         targets: &[DVec3],
@@ -296,8 +288,8 @@ impl SecondOrder {
         }
         let places = &mut predicted.positions;
         if self.projection.project(&last.positions, places) {
-            let strained = self.edges.check(&last.positions, places, MOST_PREDICTED);
-            if strained.is_err() {
+            let edges = &self.edges;
+            if !edges.keep_their_lengths(&last.positions, places, MOST_PREDICTED) {
                 return Ok(Outcome::FirstOrder);
             }
             for (v, velocity) in predicted.velocities.iter_mut().enumerate() {
@@ -306,19 +298,10 @@ impl SecondOrder {
                 }
             }
         }
-        let stage = Stage {
-            gamma,
-            velocities: &base.velocities,
-            air: StageAir::OfEnd,
-        };
-        system.linearise(stage, predicted, targets);
+        system.linearise(gamma, &base.velocities, predicted, targets);
         system.solve(factors.span)?;
         self.estimate.copy_from(predicted);
-        system.apply(gamma, 1.0, predicted, &mut self.estimate);
-        if let Some(newton) = newton {
-            newton.correct(system, stage, &mut self.estimate, targets)?;
-            system.remember_changes(factors.span, predicted, &self.estimate);
-        }
+        system.apply(gamma, predicted, &mut self.estimate);
         self.estimate.check_finite()?;
         Ok(Outcome::Solved)
     }

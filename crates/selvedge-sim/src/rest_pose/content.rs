@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use selvedge_cloth::{
     Environment, HandleSchedule, Handles, Integrator, LinearSolver, Material, Mesh,
-    PhysicsSettings, SagMethod, SagSettings, Scene, Substepping,
+    PhysicsSettings, SagSettings, Scene,
 };
 
 use crate::rest_pose::progress::SagError;
@@ -68,9 +68,9 @@ impl RestPoseContent {
             frame_rate,
         };
         let is_limited = |material: &Material| material.strain_limits.is_some();
+        // Only within limits is it found by a motion.
         let has_limits = is_limited(&content.material) || content.fabrics.values().any(is_limited);
-        let moves = sag.method == SagMethod::Motion || has_limits;
-        if !moves {
+        if !has_limits {
             content.leave_motion_out();
         }
         Ok(content)
@@ -86,7 +86,6 @@ impl RestPoseContent {
         self.physics.substeps = 0;
         self.physics.integrator = Integrator::Linearised;
         self.physics.least_damping = None;
-        self.physics.substepping = Substepping::Fixed;
         self.physics.solver = LinearSolver::Cholesky;
     }
 }

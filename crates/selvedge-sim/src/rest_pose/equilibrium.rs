@@ -16,21 +16,19 @@ use selvedge_cloth::{LinearSolver, Scene};
 
 use crate::rest_pose::anderson::Anderson;
 use crate::rest_pose::last_step::LastStep;
-use crate::rest_pose::progress::{
-    Approach, Largest, Listener, SagError, SagProgress, SaggedRest, tell,
-};
+use crate::rest_pose::progress::{Largest, Listener, SagError, SagProgress, SaggedRest, tell};
 use crate::rest_pose::start::sheet_size;
 use crate::solver::{SolveError, System};
 use crate::state::State;
 
-/// Finds the pose in which no free vertex is accelerated, without regard to strain limits.
+/// Finds the pose in which no free vertex is accelerated, from `start` `[m]`, `[vertices]`, without regard to strain limits.
 pub(super) fn find_equilibrium(
     scene: &Scene,
-    approach: Approach,
+    start: Vec<DVec3>,
     progress: Listener<'_>,
 ) -> Result<SaggedRest, SagError> {
-    let mut solves = approach.solves;
-    let mut relaxation = Relaxation::new(scene, approach.positions)?;
+    let mut solves = 0;
+    let mut relaxation = Relaxation::new(scene, start)?;
     loop {
         let largest = relaxation.residual();
         let now = SagProgress {

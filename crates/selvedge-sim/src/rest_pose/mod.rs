@@ -1,9 +1,8 @@
 //! Rest poses: the static equilibrium of a cloth that hangs from handles held still.
 //!
 //! From the start positions with a smooth bulge ([`start`]), [`equilibrium`] repeats long implicit
-//! steps without velocity. The bulge decides the side to which the cloth buckles. If there are
-//! several equilibria, [`SagMethod::Motion`] begins with the motion of a simulation ([`motion`]). A
-//! material with strain limits comes to rest within them ([`within_limits`]).
+//! steps without velocity. The bulge decides the side to which the cloth buckles. A material with
+//! strain limits comes to rest within them ([`within_limits`]).
 //!
 //! The rest pose belongs to the cloth and to the handles that hold at the start of the motion. The
 //! air is still: cloth in wind flutters and has no equilibrium (from some 3 m/s on). Damping is
@@ -14,18 +13,15 @@ mod anderson;
 mod content;
 mod equilibrium;
 mod last_step;
-mod motion;
 mod progress;
 mod start;
 mod within_limits;
 
 use std::ops::ControlFlow;
 
-use selvedge_cloth::{SagMethod, Scene};
+use selvedge_cloth::Scene;
 
 use equilibrium::find_equilibrium;
-use motion::relax_by_motion;
-use progress::Approach;
 use start::{bulged, scene_at_start};
 use within_limits::relax_within_limits;
 
@@ -50,21 +46,14 @@ pub fn sag_with_progress(
 ) -> Result<SaggedRest, SagError> {
     scene.validate()?;
     let scene = &mut scene_at_start(scene)?;
-    let positions = bulged(scene);
-    let approach = match scene.sag.method {
-        SagMethod::Equilibrium => Approach {
-            positions,
-            solves: 0,
-        },
-        SagMethod::Motion => relax_by_motion(scene, positions, progress)?,
-    };
+    let start = bulged(scene);
     // Only the motion on the way to rest can be damped.
     scene.material.damping = 0.0;
     for fabric in scene.fabrics.values_mut() {
         fabric.damping = 0.0;
     }
     scene.physics.least_damping = Some(0.0);
-    let rest = find_equilibrium(scene, approach, progress)?;
+    let rest = find_equilibrium(scene, start, progress)?;
     let (materials, _) = scene.materials();
     if materials
         .iter()

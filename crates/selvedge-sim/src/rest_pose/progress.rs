@@ -115,14 +115,6 @@ impl Largest {
     }
 }
 
-/// Positions on the way to rest.
-pub(super) struct Approach {
-    /// Positions `[m]`, `[vertices]`.
-    pub(super) positions: Vec<DVec3>,
-    /// Solves that led to them.
-    pub(super) solves: u32,
-}
-
 /// A callback that sees every solve and may stop the search.
 pub(super) type Listener<'a> = &'a mut dyn FnMut(SagProgress) -> ControlFlow<()>;
 

@@ -36,7 +36,8 @@ pub(super) fn relax_within_limits(
         },
         energy: 0.0,
     };
-    if !damped.active.limit(dt, &mut damped.state) {
+    let limited = damped.active.limit(dt, &mut damped.state);
+    if !limited.map_err(|cause| SagError::failed_solve(rest.solves, &cause))? {
         return Ok(rest);
     }
     damped.stop();
@@ -81,7 +82,7 @@ impl KineticDamping {
     fn step(&mut self, solves: u32) -> Result<Option<Largest>, SagError> {
         let stands = self.energy == 0.0;
         self.active
-            .advance_first_order(self.dt, &mut self.state, &self.targets)
+            .advance_within_limits(self.dt, &mut self.state, None, &self.targets)
             .map_err(|cause| SagError::failed_solve(solves, &cause))?;
         let speeds = self.state.velocities.iter().map(|v| v.length());
         Ok(stands.then(|| Largest::of(speeds.map(|speed| speed / self.dt).enumerate())))

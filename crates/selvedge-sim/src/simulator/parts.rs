@@ -54,8 +54,9 @@ impl Simulator {
                 Err(error) => return Err(error),
             }
         }
-        let began = &self.saved.0.positions;
-        self.watch.check_frame(began, &self.state.positions)?;
+        let (began, bound) = (&self.saved.0.positions, self.scene.physics.max_strain);
+        self.edges
+            .check_stretch(began, &self.state.positions, bound)?;
         Ok(finest)
     }
 

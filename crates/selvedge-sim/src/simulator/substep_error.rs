@@ -2,13 +2,12 @@
 
 use crate::contact::{ContactError, Unseparated};
 use crate::solver::SolveError;
-use crate::strain_watch::{Overstrained, Overstretched};
+use crate::watched_edges::Overstretched;
 
 /// Reason for a failed substep.
 pub(super) enum SubstepError {
     Solve(SolveError),
     Contact(Unseparated),
-    Strain(Overstrained),
     Stretch(Overstretched),
     /// Someone wanted to stop.
     Stopped,
@@ -26,12 +25,6 @@ impl From<ContactError> for SubstepError {
             ContactError::Solve(error) => Self::Solve(error),
             ContactError::Unseparated(pair) => Self::Contact(pair),
         }
-    }
-}
-
-impl From<Overstrained> for SubstepError {
-    fn from(error: Overstrained) -> Self {
-        Self::Strain(error)
     }
 }
 

@@ -62,12 +62,10 @@ pub(crate) struct Linearisation<'a> {
     /// Time over which `rates` carry the elements on from `positions` `[s]`: dt where these are the
     /// start of a step, 0 where they are its end.
     pub(crate) ahead: f64,
-    /// Positions of faces and hinges `[m]`, `[vertices]`.
+    /// Positions of faces and hinges, also in the air `[m]`, `[vertices]`.
     pub(crate) positions: &'a [DVec3],
     /// Velocities to which the Jacobian is applied `[m/s]`, `[vertices]`.
     pub(crate) rates: &'a [DVec3],
-    /// Positions of the faces in the air `[m]`, `[vertices]`.
-    pub(crate) air_positions: &'a [DVec3],
     /// Velocities of the faces in the air `[m/s]`, `[vertices]`.
     pub(crate) air_velocities: &'a [DVec3],
     /// True for a Jacobian that knows how the stiffness grows with strain.
@@ -315,7 +313,7 @@ impl Faces {
                     environment,
                     at.air_resistance,
                     element.area,
-                    select(at.air_positions, corners),
+                    places,
                     select(at.air_velocities, corners),
                 );
                 let resisting = stretch.negative_jacobian_times(select(at.rates, corners));

@@ -1,7 +1,7 @@
 //! The linear system of a time step and its solvers.
 //!
 //! [`elements`] evaluates the laws on every face and hinge. [`system`] assembles and solves the
-//! equations of a [`stage`]: by [`conjugate_gradients`] with the preconditioners [`gauss_seidel`], or
+//! equations of an implicit stage: by [`conjugate_gradients`] with the preconditioners [`gauss_seidel`], or
 //! where contact couples vertices [`woven`]; or by a complete factor ([`direct`], [`pattern`],
 //! [`ordering`], [`blocks`], [`cholesky`]), where contact couples vertices [`complete`].
 
@@ -15,11 +15,9 @@ mod gauss_seidel;
 mod ordering;
 mod pattern;
 mod solve_error;
-mod stage;
 mod system;
 mod woven;
 
 pub(crate) use cholesky::FactorError;
 pub(crate) use solve_error::SolveError;
-pub(crate) use stage::{Stage, StageAir};
 pub(crate) use system::System;

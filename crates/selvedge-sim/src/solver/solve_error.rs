@@ -21,16 +21,4 @@ pub(crate) enum SolveError {
     /// Conjugate gradients did not converge.
     #[error(transparent)]
     Iteration(#[from] IterationError),
-    /// Newton's method did not converge.
-    #[error(
-        "after {iterations} iterations of Newton's method velocities still lack {lack:.1e} m/s, tolerance is {tolerance:.1e}; raise tolerance or max_iterations in physics.integrator"
-    )]
-    Newton {
-        /// Linear solves done.
-        iterations: u32,
-        /// Residual of the equations `[m/s]`.
-        lack: f64,
-        /// Largest residual allowed `[m/s]`.
-        tolerance: f64,
-    },
 }

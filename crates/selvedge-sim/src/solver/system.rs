@@ -2,7 +2,7 @@
 //! A Δv = b with
 //!   A = M - Σ dt (dt + c) J + dt² K_handles,
 //!   b = dt f_ext + Σ dt (F + (dt + c) J v) - dt k (x_h - target + dt v_h).
-//! Linearised at an estimate of its end, it is a step towards the solution of an implicit [`Stage`]
+//! Linearised at an estimate of its end, it is a step towards the solution of an implicit stage
 //! ([`System::linearise`]).
 //!
 //! Exact handles are eliminated. They are no unknowns; in the product J v they move with the
@@ -24,7 +24,6 @@ use crate::solver::elements::{Elements, Linearisation, hinge_stencils};
 use crate::solver::ordering::Ordering;
 use crate::solver::pattern::Pattern;
 use crate::solver::solve_error::SolveError;
-use crate::solver::stage::{Stage, StageAir};
 use crate::state::State;
 use crate::threads::Threads;
 
@@ -101,8 +100,6 @@ impl System {
         };
         let settings = match solver {
             LinearSolver::Cholesky => None,
-            // Newton's method ends below the tolerance of the automatic choice.
-            LinearSolver::Automatic if scene.physics.integrator.newton().is_some() => None,
             LinearSolver::Automatic => Some(automatic(scene)),
             LinearSolver::ConjugateGradients(settings) => Some(settings),
         };
@@ -213,7 +210,6 @@ impl System {
             ahead: dt,
             positions: &state.positions,
             rates: &self.driven,
-            air_positions: &state.positions,
             air_velocities: match self.air {
                 AirLaw::Explicit => &state.velocities,
                 AirLaw::Implicit => &self.driven,
@@ -233,38 +229,35 @@ impl System {
         }
     }
 
-    /// Assembles b = M (v̄ - v) + γ (f_ext + F + c J v), the residual of the equations of `stage`
-    /// at the estimate `now`, and evaluates the elements of A = M - Σ γ (γ + c) J + γ D_air + γ²
-    /// K_handles. A Δv = b is Newton's step, for handles going to `targets` `[m]`. `[eq:newton]`
-    pub(crate) fn linearise(&mut self, stage: Stage<'_>, now: &State, targets: &[DVec3]) {
+    /// Assembles b = M (v̄ - v) + γ (f_ext + F + c J v), the residual of the equations of an
+    /// implicit stage, M (v - v̄) = γ (f_ext + F(x) + c J v) with x = x̄ + γ v, at the estimate
+    /// `now`, and evaluates the elements of A = M - Σ γ (γ + c) J + γ D_air + γ² K_handles. A Δv = b
+    /// is Newton's step, for handles going to `targets` `[m]`; `velocities` is v̄ `[m/s]`,
+    /// `[vertices]`. An estimate satisfies the second equation already, so that x̄ is not needed.
+    /// `[eq:newton]`
+    pub(crate) fn linearise(
+        &mut self,
+        gamma: f64,
+        velocities: &[DVec3],
+        now: &State,
+        targets: &[DVec3],
+    ) {
         self.repeated = Repeated {
             impulses: std::mem::take(&mut self.repeated.impulses),
             ..Repeated::default()
-        };
-        let gamma = stage.gamma;
-        let (air_positions, air_velocities, air_resistance) = match stage.air {
-            StageAir::OfStart(from) => {
-                let velocities = match self.air {
-                    AirLaw::Explicit => &from.velocities,
-                    AirLaw::Implicit => &now.velocities,
-                };
-                (&from.positions, velocities, self.air.into())
-            }
-            StageAir::OfEnd => (&now.positions, &now.velocities, AirResistance::Tangent),
         };
         let at = Linearisation {
             dt: gamma,
             ahead: 0.0,
             positions: &now.positions,
             rates: &now.velocities,
-            air_positions,
-            air_velocities,
-            stiffening: matches!(stage.air, StageAir::OfEnd),
-            air_resistance,
+            air_velocities: &now.velocities,
+            stiffening: true,
+            air_resistance: AirResistance::Tangent,
         };
         self.elements.evaluate(self.threads, at, &mut self.impulses);
         for (v, impulse) in self.impulses.iter_mut().enumerate() {
-            *impulse += (stage.velocities[v] - now.velocities[v]) * self.elements.mass[v];
+            *impulse += (velocities[v] - now.velocities[v]) * self.elements.mass[v];
         }
         self.push_springs(gamma, targets, |v| now.positions[v]);
         if !self.touches.is_empty() {
@@ -291,22 +284,6 @@ impl System {
     /// The assembled right side b `[N s]`, `[vertices]`; without meaning at held vertices.
     pub(crate) fn impulses(&self) -> &[DVec3] {
         &self.impulses
-    }
-
-    /// Residual √(Σ |b|²/m / Σ m) over the unknowns `[m/s]`. Because A ⪰ M, it is no less than the
-    /// root mean square, by mass, of the velocity change Δv of A Δv = b.
-    pub(crate) fn lack(&self) -> f64 {
-        let (mut sum, mut total) = (0.0, 0.0);
-        for &v in self.pattern.vertices() {
-            let mass = self.elements.mass[v as usize];
-            sum += self.impulses[v as usize].length_squared() / mass;
-            total += mass;
-        }
-        if total == 0.0 {
-            0.0
-        } else {
-            (sum / total).sqrt()
-        }
     }
 
     /// Solves the assembled system; [`Self::velocity_changes`] gives the solution. Its Δv come
@@ -447,15 +424,6 @@ impl System {
         self.solved_span = span;
     }
 
-    /// Lets the next solve start from the change of velocity over a whole step of `dt` `[s]`.
-    pub(crate) fn remember_changes(&mut self, dt: f64, from: &State, now: &State) {
-        for &v in self.pattern.vertices() {
-            let v = v as usize;
-            self.changes[v] = now.velocities[v] - from.velocities[v];
-        }
-        self.solved_span = dt;
-    }
-
     /// Each unknown vertex and its Δv `[m/s]` of the last solve.
     pub(crate) fn velocity_changes(&self) -> impl Iterator<Item = (usize, DVec3)> {
         let vertices = self.pattern.vertices().iter();
@@ -492,12 +460,12 @@ impl System {
         Ok(())
     }
 
-    /// Sets `state` to `base`, its velocities plus `part` of the last solve's Δv and its positions
-    /// plus `seconds` of it.
-    pub(crate) fn apply(&self, seconds: f64, part: f64, base: &State, state: &mut State) {
+    /// Sets `state` to `base`, its velocities plus the last solve's Δv and its positions plus
+    /// `seconds` of it.
+    pub(crate) fn apply(&self, seconds: f64, base: &State, state: &mut State) {
         for &v in self.pattern.vertices() {
             let v = v as usize;
-            state.velocities[v] = base.velocities[v] + self.changes[v] * part;
+            state.velocities[v] = base.velocities[v] + self.changes[v];
             state.positions[v] = base.positions[v] + self.changes[v] * seconds;
         }
     }

@@ -380,10 +380,6 @@ fn the_second_order_is_second_order() {
     for integrator in [
         Integrator::SecondOrder,
         Integrator::GeneralisedAlpha(Default::default()),
-        Integrator::SecondOrderNewton(selvedge_cloth::Newton {
-            tolerance: 1e-10,
-            max_iterations: 100,
-        }),
     ] {
         // Substeps so short that no prediction is projected.
         let order = order_in_positions_and_velocities(integrator, [800, 1600, 3200, 6400]);

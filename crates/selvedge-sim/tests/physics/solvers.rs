@@ -8,14 +8,12 @@ use std::time::Duration;
 use glam::DVec3;
 use selvedge_cloth::generate::{SquareSpec, square};
 use selvedge_cloth::{
-    AdaptiveSubsteps, AirLaw, ConjugateGradients, Correctable, HandleTargets, Handles, Integrator,
-    LinearSolver, Newton, Scene, StepError, Stepper, Substepping,
+    AirLaw, ConjugateGradients, Correctable, HandleTargets, Handles, Integrator, LinearSolver,
+    Scene, StepError, Stepper,
 };
 use selvedge_sim::Simulator;
 
 use crate::scenes::{floating, hanging, largest_distance};
-
-const DT: f64 = 1.0 / 240.0;
 
 fn start(scene: &Scene) -> Vec<DVec3> {
     scene.handles.select(scene.mesh.positions())
@@ -154,20 +152,10 @@ fn integrators_have_their_order() {
         }
         simulator.positions_f64().to_vec()
     };
-    let newton = Integrator::Newton(Newton {
-        tolerance: 1e-9,
-        max_iterations: 200,
-    });
-    let corrected = Integrator::SecondOrderNewton(Newton {
-        tolerance: 1e-9,
-        max_iterations: 200,
-    });
     let all = [
         Integrator::Linearised,
-        newton,
         Integrator::SecondOrder,
         Integrator::GeneralisedAlpha(Default::default()),
-        corrected,
     ];
     for integrator in all {
         // Substeps so short that no prediction is projected.
@@ -183,49 +171,6 @@ fn integrators_have_their_order() {
             );
         }
     }
-}
-
-#[test]
-fn a_frame_that_strains_too_much_gets_more_substeps() {
-    let mut scene = hanging(6);
-    scene.physics.substeps = 1;
-    let jerk = moved(&scene, DVec3::new(0.0, 0.03, 0.0));
-    let with = |scene: &Scene, adaptive: Option<AdaptiveSubsteps>| {
-        let mut scene = scene.clone();
-        scene.physics.substepping = adaptive.map_or(Substepping::Fixed, Substepping::Adaptive);
-        let mut simulator = Simulator::new(&scene).unwrap();
-        let result = simulator.step(&jerk);
-        (simulator.positions_f64().to_vec(), result)
-    };
-    let bound = |max_change: f64, max_substeps: u32| AdaptiveSubsteps {
-        max_change,
-        max_substeps,
-    };
-    let (once, _) = with(&scene, None);
-    // Loose enough: nothing changes. 3 cm in a frame are 15 % of an edge of 20 cm.
-    assert_eq!(with(&scene, Some(bound(0.5, 64))), (once, Ok(())));
-    let (divided, result) = with(&scene, Some(bound(0.05, 64)));
-    assert_eq!(result, Ok(()));
-    let same = [2, 4, 8, 16, 32, 64].map(|substeps| {
-        scene.physics.substeps = substeps;
-        with(&scene, None).0 == divided
-    });
-    assert_eq!(same.iter().filter(|same| **same).count(), 1);
-    // Not enough substeps: an error that says so, and the cloth where it was.
-    scene.physics.substeps = 1;
-    let (kept, result) = with(&scene, Some(bound(0.001, 4)));
-    assert!(
-        matches!(
-            result,
-            Err(StepError::Strain {
-                frame: 1,
-                substeps: 4,
-                ..
-            })
-        ),
-        "{result:?}"
-    );
-    assert_eq!(kept, scene.mesh.positions());
 }
 
 #[test]
@@ -259,26 +204,6 @@ fn implicit_air_takes_energy_where_explicit_air_adds_it() {
     scene.physics.air = AirLaw::Explicit;
     let explicit = energies(&scene, 1);
     assert!(explicit[1] > 100.0 * explicit[0]);
-}
-
-#[test]
-fn newton_keeps_to_its_handles_and_to_the_linearised_motion_at_short_steps() {
-    let mut scene = hanging(6);
-    scene.handles = Handles::new(&[0, 5, 14], 36).unwrap();
-    let targets = start(&scene);
-    let mut distances = [DT, DT / 8.0].map(|dt| {
-        let step = |integrator: Integrator, scene: &mut Scene| {
-            scene.physics.integrator = integrator;
-            let mut simulator = Simulator::new(scene).unwrap();
-            simulator.substep(dt, &targets).unwrap();
-            simulator.positions_f64().to_vec()
-        };
-        let newton = step(Integrator::Newton(Newton::default()), &mut scene);
-        assert_eq!(scene.handles.select(&newton), targets);
-        largest_distance(&newton, &step(Integrator::Linearised, &mut scene))
-    });
-    distances.reverse();
-    assert!(distances.is_sorted(), "{distances:?}");
 }
 
 /// A few unknowns are solved in as many iterations, to all digits of f32. What is left then is no

@@ -7,7 +7,7 @@ use glam::DVec3;
 use proptest::prelude::*;
 use proptest::test_runner::{RngAlgorithm, TestRng, TestRunner};
 use selvedge_cloth::{
-    AirLaw, Gust, HandleTargets, Integrator, LinearSolver, Scene, StepError, Stepper, Substepping,
+    AirLaw, Gust, HandleTargets, Integrator, LinearSolver, Scene, StepError, Stepper,
 };
 use selvedge_sim::{Simulator, SubstepCounts};
 
@@ -79,7 +79,6 @@ fn pair(mut scene: Scene, drag: &Drag, frames: usize, integrator: Integrator) ->
     physics.air = AirLaw::Implicit;
     // The runs differ by the integrator alone, not by a solver's tolerance or a bound.
     physics.solver = LinearSolver::Cholesky;
-    physics.substepping = Substepping::Fixed;
     physics.max_strain = 1e6;
     let run = |integrator: Integrator, substeps: u32| {
         let mut scene = scene.clone();

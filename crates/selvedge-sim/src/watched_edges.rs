@@ -1,0 +1,88 @@
+//! The edges whose strain is watched: all but those between two handles.
+
+use glam::DVec3;
+use selvedge_cloth::{Handles, Mesh, VertexId};
+
+/// The watched edges of a cloth.
+pub(crate) struct WatchedEdges(Vec<WatchedEdge>);
+
+struct WatchedEdge {
+    vertices: [VertexId; 2],
+    /// 1/l₀ `[1/m]`.
+    inverse_rest: f64,
+}
+
+/// An edge that is strained beyond what cloth can.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Overstretched {
+    /// Ends of the edge.
+    pub(crate) vertices: [VertexId; 2],
+    /// Its strain l/l₀ - 1.
+    pub(crate) strain: f64,
+}
+
+impl WatchedEdge {
+    /// Returns true if |l - l'|/l₀ ≤ `bound`. Where it surely is, that is found without a root:
+    /// (l² - l'²)² is (l - l')² (l + l')², and (l + l')² ≥ l² + l'².
+    #[inline]
+    fn keeps_its_length(&self, bound: f64, before: &[DVec3], after: &[DVec3]) -> bool {
+        let [a, b] = self.vertices.map(|v| v.index());
+        let from = before[a].distance_squared(before[b]);
+        let to = after[a].distance_squared(after[b]);
+        let difference = (to - from) * self.inverse_rest;
+        difference * difference <= bound * bound * (from + to)
+            || !((to.sqrt() - from.sqrt()).abs() * self.inverse_rest > bound)
+    }
+}
+
+impl WatchedEdges {
+    /// The edges of `mesh` that `handles` do not hold at both ends.
+    pub(crate) fn new(mesh: &Mesh, handles: &Handles) -> Self {
+        let held = handles.mask(mesh.topology().vertex_count());
+        let edges = mesh
+            .topology()
+            .edges()
+            .iter()
+            .zip(mesh.pattern().edge_lengths());
+        let watched = edges.filter(|(edge, _)| !edge.vertices.iter().all(|v| held[v.index()]));
+        let watched = watched.map(|(edge, length)| WatchedEdge {
+            vertices: edge.vertices,
+            inverse_rest: length.recip(),
+        });
+        Self(watched.collect())
+    }
+
+    /// Returns true if no stretch of an edge changes by more than `bound` between `before` and
+    /// `after` `[m]`, `[vertices]`. `[eq:stretch-change]`
+    pub(crate) fn keep_their_lengths(&self, before: &[DVec3], after: &[DVec3], bound: f64) -> bool {
+        let mut edges = self.0.iter();
+        edges.all(|edge| edge.keeps_its_length(bound, before, after))
+    }
+
+    /// Checks the lengths of the edges `after` a frame that began at `before` `[m]`, `[vertices]`.
+    ///
+    /// # Errors
+    /// The edge with the largest strain of those that are longer than before, if
+    /// l/l₀ - 1 > `bound`.
+    pub(crate) fn check_stretch(
+        &self,
+        before: &[DVec3],
+        after: &[DVec3],
+        bound: f64,
+    ) -> Result<(), Overstretched> {
+        let square =
+            |[a, b]: [VertexId; 2], of: &[DVec3]| of[a.index()].distance_squared(of[b.index()]);
+        let mut most = (1.0 + bound).powi(2);
+        let mut worst = None;
+        for edge in &self.0 {
+            let now = square(edge.vertices, after);
+            let stretch = now * edge.inverse_rest * edge.inverse_rest;
+            if stretch > most && now > square(edge.vertices, before) {
+                most = stretch;
+                worst = Some(edge.vertices);
+            }
+        }
+        let strain = most.sqrt() - 1.0;
+        worst.map_or(Ok(()), |vertices| Err(Overstretched { vertices, strain }))
+    }
+}
