@@ -53,6 +53,7 @@ pub const DATASETS: &[(&str, &str)] = texts!("datasets":
     "first",
     "tiny",
     "small",
+    "square-100",
     "square-400",
     "paper",
     "generalisation",
@@ -68,6 +69,7 @@ pub const DATASETS: &[(&str, &str)] = texts!("datasets":
 /// Models by their names, in the files that `selvedge train` writes.
 pub const MODELS: &[(&str, &[u8])] = &[
     ("general", include_bytes!("models/general.safetensors")),
+    ("paper", include_bytes!("models/paper.safetensors")),
     ("small", SMALL),
 ];
 

@@ -106,14 +106,14 @@ impl Desk {
     /// Runs a model, or the physics, on `small.toml` by the command line; returns the trajectory.
     pub(crate) fn command_line(&self, model: &str, frames: u32) -> PathBuf {
         if model == "physics" {
-            let words = format!("simulate small.toml --frames {frames} --out physics.safetensors");
+            let words = format!("run small.toml --frames {frames} -o physics.safetensors");
             self.selvedge(&words.split(' ').collect::<Vec<_>>());
             return self.path("physics.safetensors");
         }
         // A folder with the name of a model would be taken for its file.
         let out = format!("run-{model}");
-        let words = format!("rollout small.toml --model {model} --frames {frames} --out {out}");
-        let words = words.split(' ').chain(["--no-truth", "--no-clip"]);
+        let words = format!("run small.toml --model {model} --frames {frames} -o {out}");
+        let words = words.split(' ').chain(["--no-clip"]);
         self.selvedge(&words.collect::<Vec<_>>());
         self.path(&out).join("rollout.safetensors")
     }

@@ -64,7 +64,7 @@ fn mistakes_in_a_preset_are_named() {
     let error = DatasetPreset::open("none").unwrap_err().to_string();
     assert_eq!(
         error,
-        "none: is neither a file nor a shipped preset; shipped are first, tiny, small, square-400, paper, generalisation, generalisation-small, speeds-400, cloths-400, fine-400, few-400, converged-400, broad"
+        "none: is neither a file nor a shipped preset; shipped are first, tiny, small, square-100, square-400, paper, generalisation, generalisation-small, speeds-400, cloths-400, fine-400, few-400, converged-400, broad"
     );
 }
 

@@ -98,14 +98,6 @@ fn samples_have_their_sizes_and_threads_change_none() {
         assert_eq!((sample.weights.len(), held(sample)), (VERTICES, 2));
         let all = [&sample.nodes, &sample.target];
         assert!(all.iter().all(|rows| rows.iter().all(|x| x.is_finite())));
-        // The handles are where both have them; some of the others are not.
-        for (v, row) in sample.target.as_chunks::<6>().0.iter().enumerate() {
-            let size = row[..3].iter().fold(0.0_f32, |most, x| most.max(x.abs()));
-            assert!(
-                size < 0.05 && (sample.weights[v] > 0.0 || size < 1e-6),
-                "{v}: {row:?}"
-            );
-        }
     }
     // A cloth at rest lacks nothing; one that moves does.
     let lacks = |sample: &CorrectionSample| sample.target.iter().any(|x| x.abs() > 1e-5);
@@ -293,11 +285,13 @@ fn a_teacher_that_is_the_base_adds_nothing_where_handles_let_go_and_take_hold() 
     for _ in 0..50 {
         for sample in teaching.samples(None, 1).unwrap().unwrap() {
             held_so_often[held(&sample)] += 1;
-            let most = sample
-                .target
-                .iter()
-                .fold(0.0_f32, |most, x| most.max(x.abs()));
-            assert!(most < 1e-7, "{most}");
+            // Targets are over the scales of the vertices, the last column but one.
+            let width = sample.nodes.len() / VERTICES;
+            let rows = sample.target.as_chunks::<6>().0.iter();
+            for (row, columns) in rows.zip(sample.nodes.chunks_exact(width)) {
+                let most = row.iter().fold(0.0_f32, |most, x| most.max(x.abs()));
+                assert!(most * columns[32].exp() < 1e-7, "{most}");
+            }
         }
     }
     let often = held_so_often.iter().all(|samples| *samples > 5);

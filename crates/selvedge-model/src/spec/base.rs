@@ -57,7 +57,7 @@ mod tests {
         let text = serde_json::to_string(&spec).expect("JSON");
         assert_eq!(serde_json::from_str::<ModelSpec>(&text).ok(), Some(spec));
         for (instead, expected) in [
-            ("\"steps\"", "unknown field `steps`, expected one of"),
+            ("\"steps\"", "unknown field `steps`, expected `substeps`"),
             ("\"forgets\": true, \"substeps\"", "unknown field `forgets`"),
             (
                 "\"differences\": \"frames\", \"substeps\"",

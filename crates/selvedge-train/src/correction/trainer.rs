@@ -278,7 +278,7 @@ pub(super) mod tests {
              learning_rate = {{ kind = \"constant\", rate = 1e-2 }}\n{text}\n\
              [teacher]\nscenes = [\"first\"]\nsubsteps = 2\n\
              [samples]\nstatistics = 4\nkept = 8\nuses = 3.0\n\
-             [model]\nencoder = {{ kind = \"mlp\" }}\nlatent = 8\nblocks = 2\n\
+             [model]\nencoder = {{ kind = \"mlp\" }}\nlatent = 8\nblocks = 0\n\
              base = {{ substeps = 1 }}\n"
         );
         CorrectionConfig::parse_with(&text, "tiny.toml".as_ref(), &[]).unwrap()

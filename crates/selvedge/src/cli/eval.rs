@@ -44,7 +44,7 @@ pub(crate) struct EvalArgs {
     #[arg(long, value_name = "N", conflicts_with = "data", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub(crate) random: Option<u32>,
     /// A model: a file, or the name of a shipped one; the name before it is for tables. May stand
-    /// several times [default: corrected, where nothing else is measured].
+    /// several times [default: general, where nothing else is measured].
     #[arg(long = "model", value_name = "[NAME=]FILE")]
     pub(crate) models: Vec<String>,
     /// Correction of frames that no cloth could have; several, separated by commas, are several

@@ -91,17 +91,23 @@ pub(super) fn renewed(call: Vec<OsString>) -> (Vec<OsString>, Option<String>) {
         .iter()
         .map(|word| word.to_str().unwrap_or(""))
         .collect();
+    // Options of every command may come before its name.
+    let flags = words
+        .iter()
+        .skip(1)
+        .take_while(|word| word.starts_with('-'));
+    let first = 1 + flags.count();
     let is_called = |old: &&Old| {
         words
-            .get(1..)
+            .get(first..)
             .is_some_and(|rest| rest.starts_with(old.words))
     };
     let Some(old) = OLD.iter().find(is_called) else {
         return (call, None);
     };
-    let mut renewed: Vec<OsString> = call[..1].to_vec();
+    let mut renewed: Vec<OsString> = call[..first].to_vec();
     renewed.extend(old.new.iter().map(Into::into));
-    let rest = &call[1 + old.words.len()..];
+    let rest = &call[first + old.words.len()..];
     let has = |name: &str| {
         let with_value = format!("{name}=");
         rest.iter()

@@ -34,7 +34,7 @@ pub(crate) struct RunArgs {
     /// scenes`).
     #[arg(default_value = "default")]
     pub(crate) scene: String,
-    /// Run by this model: a file, or the name of a shipped one, `general` or `small`.
+    /// Run by this model: a file, or the name of a shipped one, `general`, `paper` or `small`.
     #[arg(long, value_name = "NAME|FILE")]
     pub(crate) model: Option<PathBuf>,
     /// The trajectory to write (.safetensors; with --rest also .obj), or with --model the folder

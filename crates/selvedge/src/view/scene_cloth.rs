@@ -219,8 +219,8 @@ mod tests {
             let text = untrained(&name, &model, &hold(held, wind)).unwrap();
             assert!(text.contains(words), "{text}");
         }
-        let corrected = NamedModel::open(Some("general".as_ref())).unwrap();
-        let said = untrained("general", &corrected.model, &hold(&[0, 2], 3.0)).unwrap();
+        let general = NamedModel::open(Some("general".as_ref())).unwrap();
+        let said = untrained("general", &general.model, &hold(&[0, 2], 30.0)).unwrap();
         assert!(said.contains("the physics moves it alone"), "{said}");
     }
 }

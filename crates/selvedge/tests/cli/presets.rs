@@ -103,6 +103,7 @@ fn every_preset_takes_two_steps_with_a_finite_loss() {
     for name in names() {
         let cfg = preset(name, &["statistics_samples=10"]);
         let mut trainer = Trainer::new(cfg, &data, &OnProcessor::default()).unwrap();
+        selvedge_lab::training::with_expert(&mut trainer, &data).unwrap();
         let expected = PAPERS.iter().find(|row| row.0 == name);
         if let Some((_, parameters)) = expected {
             assert_eq!(trainer.parameter_count(), *parameters, "{name}");
