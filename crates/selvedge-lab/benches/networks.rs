@@ -117,7 +117,14 @@ fn measure(spec: &ModelSpec, graph: &Connectivity, settings: &BTreeMap<&str, Str
         median((0..WARM + runs).map(one).skip(WARM).collect())
     };
     if settings["device"] != "cpu" {
-        return on_gpu(&network, &weights, graph, input, &target, settings, &timed);
+        return on_gpu(
+            (&network, &weights),
+            graph,
+            input,
+            &target,
+            settings,
+            &timed,
+        );
     }
     let using = Instructions::Detected;
     let pack = |purpose| network.pack(&weights, purpose, using);
@@ -148,8 +155,7 @@ fn measure(spec: &ModelSpec, graph: &Connectivity, settings: &BTreeMap<&str, Str
 
 #[cfg(feature = "gpu")]
 fn on_gpu(
-    network: &Network,
-    weights: &[f32],
+    (network, weights): (&Network, &[f32]),
     graph: &Connectivity,
     input: Input<'_, f32>,
     target: &[f32],
@@ -192,8 +198,7 @@ fn on_gpu(
 
 #[cfg(not(feature = "gpu"))]
 fn on_gpu(
-    _: &Network,
-    _: &[f32],
+    _: (&Network, &[f32]),
     _: &Connectivity,
     _: Input<'_, f32>,
     _: &[f32],

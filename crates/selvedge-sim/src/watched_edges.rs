@@ -30,8 +30,12 @@ impl WatchedEdge {
         let from = before[a].distance_squared(before[b]);
         let to = after[a].distance_squared(after[b]);
         let difference = (to - from) * self.inverse_rest;
-        difference * difference <= bound * bound * (from + to)
-            || !((to.sqrt() - from.sqrt()).abs() * self.inverse_rest > bound)
+        if difference * difference <= bound * bound * (from + to) {
+            return true;
+        }
+        let change = (to.sqrt() - from.sqrt()).abs() * self.inverse_rest;
+        // A position that is no number is found elsewhere.
+        change <= bound || change.is_nan()
     }
 }
 

@@ -49,11 +49,11 @@ fn errors(physics: &str) -> [f64; 3] {
         };
         let labels = expert.label(state, 5).unwrap();
         assert_eq!(labels.len(), 5);
-        for v in 0..truth.cloth().topology().vertex_count() {
+        for (v, (first, fifth)) in labels[0].iter().zip(&labels[4]).enumerate() {
             let p = |after: i64| recorded(after)[v].as_dvec3();
             sums[0] += (p(1) - 2.0 * p(0) + p(-1)).length_squared();
-            sums[1] += labels[0][v].distance_squared(p(1));
-            sums[2] += labels[4][v].distance_squared(p(5));
+            sums[1] += first.distance_squared(p(1));
+            sums[2] += fifth.distance_squared(p(5));
             count += 1.0;
         }
     }

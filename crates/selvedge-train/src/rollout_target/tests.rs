@@ -56,7 +56,8 @@ fn labels_are_shown_one_after_the_other() {
     let mut slot = Slot::new();
     slot.section = *section;
     slot.current = sample.current;
-    slot.history = vec![Arc::new(motion.frame(4).to_vec()); 2];
+    let frame = Arc::new(motion.frame(4).to_vec());
+    slot.history = vec![Arc::clone(&frame), frame];
     let frames: Vec<Vec<DVec3>> = (0..3)
         .map(|k| vec![DVec3::splat(f64::from(k)); motion.graph.vertex_count()])
         .collect();
