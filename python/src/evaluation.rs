@@ -6,8 +6,8 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use selvedge_guard::GuardSettings;
 use selvedge_lab::evaluation::{
-    Case, Evaluation as Outcome, EvaluationPlan, Horizons, Method, Mover, PhysicsMethod, Run, check,
-    evaluate as measure, summaries,
+    Case, Evaluation as Outcome, EvaluationPlan, Horizons, Method, Mover, PhysicsMethod, Run,
+    check, evaluate as measure, summaries,
 };
 use selvedge_lab::folder_kind::FolderKind;
 use selvedge_lab::machine::Machine;
@@ -138,7 +138,10 @@ pub(crate) fn evaluate(
     let (files, mut methods) = entrants(models, &guards)?;
     methods.extend(physics.into_iter().map(|substeps| {
         let integrator = None;
-        Method::physics(PhysicsMethod { integrator, substeps })
+        Method::physics(PhysicsMethod {
+            integrator,
+            substeps,
+        })
     }));
     for name in &baselines {
         let baseline = Method::baseline(name);
