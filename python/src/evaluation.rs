@@ -38,7 +38,7 @@ impl Evaluation {
     /// One run each, as dictionaries; measures are in SI units. Frames of whole runs are summed up.
     #[getter]
     fn runs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let runs: Result<Vec<Value>, _> = self.outcome.runs.iter().map(shortened).collect();
+        let runs: Result<Vec<Value>, _> = self.outcome.runs.iter().map(Run::to_json).collect();
         python::to_python(py, &runs.map_err(told)?)
     }
 
@@ -94,16 +94,6 @@ impl Evaluation {
     fn __repr__(&self) -> String {
         format!("Evaluation({} runs)", self.outcome.runs.len())
     }
-}
-
-/// A run as JSON; a whole run with its frames as one.
-fn shortened(run: &Run) -> Result<Value, serde_json::Error> {
-    let mut value = serde_json::to_value(run)?;
-    if let (true, Some(fields)) = (run.is_whole, value.as_object_mut()) {
-        fields.remove("frames");
-        fields.insert("whole".to_owned(), serde_json::to_value(run.over_time())?);
-    }
-    Ok(value)
 }
 
 /// Runs models, physics and baselines along the trajectories of data sets, as `selvedge eval --data`

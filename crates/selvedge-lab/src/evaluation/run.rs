@@ -3,6 +3,7 @@
 use selvedge_data::metrics::Character;
 use selvedge_model::Departure;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use super::measures::FrameErrors;
 use super::method::Kind;
@@ -82,5 +83,18 @@ impl Run {
     pub fn over_time(&self) -> Option<FrameErrors> {
         let all = FrameErrors::over_time(&self.frames);
         all.filter(|_| self.failure.is_none())
+    }
+
+    /// The run for programs; a whole run has its frames as one, under `whole`.
+    ///
+    /// # Errors
+    /// A number that JSON has not.
+    pub fn to_json(&self) -> Result<Value, serde_json::Error> {
+        let mut value = serde_json::to_value(self)?;
+        if let (true, Some(fields)) = (self.is_whole, value.as_object_mut()) {
+            fields.remove("frames");
+            fields.insert("whole".to_owned(), serde_json::to_value(self.over_time())?);
+        }
+        Ok(value)
     }
 }

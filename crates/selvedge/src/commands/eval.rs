@@ -96,7 +96,11 @@ pub(crate) fn run(args: &EvalArgs) -> anyhow::Result<Answer> {
         device: machine.name(),
         cases: cases.len(),
         guards: args.guards().iter().map(|guard| guard.name()).collect(),
-        runs: found.runs.iter().map(shortened).collect::<Result<_, _>>()?,
+        runs: found
+            .runs
+            .iter()
+            .map(Run::to_json)
+            .collect::<Result<_, _>>()?,
         means: summaries(&all),
         timings: found.timings.clone(),
         wrote,
@@ -312,16 +316,6 @@ fn reference_order(args: &EvalArgs, opened: &[LoadedScene]) -> Option<u32> {
     let own = opened.first()?.scene.physics.integrator;
     let named = args.reference.integrator.as_ref();
     is_converged(args).then(|| named.map_or(own, |known| known.1).order())
-}
-
-/// A run as JSON; a whole run with its frames as one.
-fn shortened(run: &Run) -> Result<Value, serde_json::Error> {
-    let mut value = serde_json::to_value(run)?;
-    if let (true, Some(fields)) = (run.is_whole, value.as_object_mut()) {
-        fields.remove("frames");
-        fields.insert("whole".to_owned(), serde_json::to_value(run.over_time())?);
-    }
-    Ok(value)
 }
 
 fn text(answered: &Answered, found: &Evaluation) -> String {
