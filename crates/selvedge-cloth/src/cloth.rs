@@ -163,19 +163,6 @@ impl Cloth {
         Self::with_corners(self.topology, self.handles, arrays, self.corners)
     }
 
-    /// The same cloth with other `masses` `[kg]`, `[vertices]`, and `areas` `[m²]`, `[faces]`.
-    ///
-    /// # Errors
-    /// As for [`Self::new`].
-    pub fn with_weights(self, masses: Vec<f32>, areas: Vec<f32>) -> Result<Self, ClothError> {
-        let arrays = ClothArrays {
-            vertex_mass: masses,
-            face_area: areas,
-            ..self.arrays
-        };
-        Self::with_corners(self.topology, self.handles, arrays, self.corners)
-    }
-
     /// The mesh that starts at the rest positions.
     ///
     /// # Errors

@@ -210,9 +210,9 @@ impl CorrectedStepper {
             self.earlier.positions.copy_from_slice(positions);
             self.earlier.velocities.copy_from_slice(velocities);
         }
-        let before = self.simulator.substep_counts();
+        let before = self.simulator.stats().substeps;
         self.simulator.step(targets)?;
-        let after = self.simulator.substep_counts();
+        let after = self.simulator.stats().substeps;
         let all = (after.all - before.all).max(1) as f32;
         self.fell_back = (after.fell_back - before.fell_back) as f32 / all;
         self.smooth();

@@ -5,7 +5,7 @@
 
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{AirLaw, HandleTargets, Scene, StepError, Stepper, Stop};
-use selvedge_sim::{Led, Simulator, SimulatorError, Threads};
+use selvedge_sim::{Checkpoint, Led, Simulator, SimulatorError, Threads};
 
 /// A simulator with buffers for its states.
 pub(crate) struct Physics {
@@ -13,8 +13,8 @@ pub(crate) struct Physics {
     frame_rate: f64,
     /// Length of a substep `[s]`.
     dt: f64,
-    positions: Vec<DVec3>,
-    velocities: Vec<DVec3>,
+    /// Where the next step begins.
+    start: Checkpoint,
 }
 
 impl Physics {
@@ -29,8 +29,7 @@ impl Physics {
             simulator,
             frame_rate: scene.frame_rate,
             dt: 1.0 / scene.frame_rate / f64::from(scene.physics.substeps),
-            positions: Vec::new(),
-            velocities: Vec::new(),
+            start: Checkpoint::default(),
         })
     }
 
@@ -51,8 +50,9 @@ impl Physics {
         self.put(current);
         let pairs = current.iter().zip(previous);
         let rate = self.frame_rate;
-        self.velocities.clear();
-        self.velocities
+        self.start.velocities.clear();
+        self.start
+            .velocities
             .extend(pairs.map(|(p, q)| (p.as_dvec3() - q.as_dvec3()) * rate));
         self.resume(frame)?;
         self.simulator.step(targets)?;
@@ -79,13 +79,15 @@ impl Physics {
         Ok(())
     }
 
-    /// One solve from rest, from `self.positions` and back into them.
+    /// One solve from rest, from the positions of the start and back into them.
     fn relax_once(&mut self, frame: usize, handles: &[DVec3]) -> Result<(), StepError> {
-        self.velocities.clear();
-        self.velocities.resize(self.positions.len(), DVec3::ZERO);
+        self.start.velocities.clear();
+        let vertices = self.start.positions.len();
+        self.start.velocities.resize(vertices, DVec3::ZERO);
         self.resume(frame)?;
         self.simulator.substep(self.dt, handles)?;
-        self.positions
+        self.start
+            .positions
             .copy_from_slice(self.simulator.positions_f64());
         Ok(())
     }
@@ -107,15 +109,15 @@ impl Physics {
     }
 
     fn put(&mut self, positions: &[Vec3]) {
-        self.positions.clear();
-        self.positions
+        self.start.positions.clear();
+        self.start
+            .positions
             .extend(positions.iter().map(|p| p.as_dvec3()));
     }
 
     fn resume(&mut self, frame: usize) -> Result<(), StepError> {
-        let resumed = self
-            .simulator
-            .resume(frame, &self.positions, &self.velocities);
+        self.start.frame = frame;
+        let resumed = self.simulator.restore(&self.start);
         resumed.map_err(|error| StepError::Solve {
             frame: frame + 1,
             cause: error.to_string(),

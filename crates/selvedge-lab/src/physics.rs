@@ -229,10 +229,10 @@ fn simulate(
     let recording = record(simulator.stepper(), drive, plan.frames, &mut |_| on_frame());
     let (mut run, failure) = timed(recording, scene.mesh.positions().len(), started);
     if scene.physics.integrator.order() > 1 {
-        run.substeps = Some(simulator.simulator().substep_counts());
+        run.substeps = Some(simulator.simulator().stats().substeps);
     }
-    run.divided = simulator.simulator().divided_frames();
-    run.contact = simulator.simulator().contact_counts();
+    run.divided = simulator.simulator().stats().divided;
+    run.contact = simulator.simulator().stats().contact;
     Ok((run, simulator.into_states(), failure))
 }
 

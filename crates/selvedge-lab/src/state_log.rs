@@ -4,7 +4,7 @@
 use glam::DVec3;
 use selvedge_cloth::{HandleTargets, Scene, StepError, Stepper};
 use selvedge_data::{LastChanges, PreviousState, SavedState, StateRun};
-use selvedge_sim::{Beginning, PreviousSubstep, Simulator, SimulatorError};
+use selvedge_sim::{Checkpoint, PreviousSubstep, Simulator, SimulatorError};
 
 /// A simulator and its states so far.
 pub(crate) struct StateLog {
@@ -41,22 +41,29 @@ impl StateLog {
 /// The state of `simulator` now, from which a run can go on bit for bit.
 #[must_use]
 pub fn saved_state(simulator: &Simulator) -> SavedState {
+    let Checkpoint {
+        frame,
+        positions,
+        velocities,
+        previous,
+        changes,
+        contact,
+        obstacles: _,
+    } = simulator.checkpoint();
     SavedState {
-        positions: simulator.positions_f64().to_vec(),
-        velocities: simulator.velocities_f64().to_vec(),
-        frame: simulator.frame(),
-        previous: simulator.previous().map(|before| PreviousState {
+        positions,
+        velocities,
+        frame,
+        previous: previous.map(|before| PreviousState {
             positions: before.positions,
             velocities: before.velocities,
             seconds: before.seconds,
         }),
-        contact: simulator.contact_memory(),
-        changes: simulator
-            .last_changes()
-            .map(|(changes, seconds)| LastChanges {
-                velocities: changes.to_vec(),
-                seconds,
-            }),
+        contact,
+        changes: changes.map(|(velocities, seconds)| LastChanges {
+            velocities,
+            seconds,
+        }),
     }
 }
 
@@ -87,29 +94,20 @@ pub fn simulator_among(
     state: SavedState,
     offsets: &[DVec3],
 ) -> Result<Simulator, SimulatorError> {
-    let beginning = Beginning {
+    let checkpoint = Checkpoint {
         frame: state.frame,
-        offsets,
-    };
-    let (positions, velocities) = (state.positions, state.velocities);
-    let simulator = Simulator::beginning(scene, positions, velocities, beginning)?;
-    let simulator = match state.previous {
-        None => simulator,
-        Some(before) => simulator.with_previous(&PreviousSubstep {
+        positions: state.positions,
+        velocities: state.velocities,
+        previous: state.previous.map(|before| PreviousSubstep {
             positions: before.positions,
             velocities: before.velocities,
             seconds: before.seconds,
-        })?,
+        }),
+        changes: state.changes.map(|last| (last.velocities, last.seconds)),
+        contact: state.contact,
+        obstacles: offsets.to_vec(),
     };
-    let simulator = match &state.contact {
-        None => simulator,
-        Some(memory) => simulator.with_contact_memory(memory)?,
-    };
-    let simulator = match &state.changes {
-        None => simulator,
-        Some(last) => simulator.with_last_changes(&last.velocities, last.seconds)?,
-    };
-    Ok(simulator.at_frame(state.frame))
+    Simulator::from_checkpoint(scene, &checkpoint)
 }
 
 impl Stepper for StateLog {

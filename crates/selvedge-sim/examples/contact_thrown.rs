@@ -44,8 +44,8 @@ fn main() -> Result<(), Failure> {
         velocity -= DVec3::Y * (9.8 / 60.0);
         let next = place + velocity / 60.0;
         simulator.lead_obstacle(0, next + DVec3::Y * 1000.0);
-        let before = simulator.contact_counts();
-        let divided = simulator.divided_frames();
+        let before = simulator.stats().contact;
+        let divided = simulator.stats().divided;
         let clock = Instant::now();
         let result = simulator.step(&hold);
         let mut note = "";
@@ -64,8 +64,8 @@ fn main() -> Result<(), Failure> {
         if mass.is_finite() {
             velocity += simulator.obstacle_impulses()[0] / mass;
         }
-        let now = simulator.contact_counts();
-        let most = simulator.divided_frames();
+        let now = simulator.stats().contact;
+        let most = simulator.stats().divided;
         println!(
             "{frame:3} {ms:6.1} ms {:4} solves {:4} repeated {:5} pushed {:3} held {:2} divided; {:4} touch; \
              frames divided {} ({}); ball {:.2} at {:.2}; strain {:.3} {note}",

@@ -71,7 +71,7 @@ fn time(name: &str, scene: &Scene, before: u32) -> Result<(), Failure> {
     for frame in 1..=before {
         step(&mut simulator, frame)?;
     }
-    let counts = simulator.contact_counts();
+    let counts = simulator.stats().contact;
     let mut longest = Duration::ZERO;
     let (clock, began) = (Instant::now(), on_processor());
     for frame in before + 1..=before + FRAMES {
@@ -92,7 +92,7 @@ fn time(name: &str, scene: &Scene, before: u32) -> Result<(), Failure> {
     );
     tell(
         &counts,
-        &simulator.contact_counts(),
+        &simulator.stats().contact,
         simulator.solver_iterations(),
     );
     Ok(())

@@ -88,6 +88,6 @@ pub use fit::{FitError, FitProgress, Fitted, fit, sew_and_fit};
 pub use integrator::SubstepCounts;
 pub use rest_pose::{RestPoseContent, SagError, SagProgress, SaggedRest, sag, sag_with_progress};
 pub use simulator::{
-    Beginning, DividedFrames, FAR, Led, PreviousSubstep, Simulator, SimulatorError,
+    Checkpoint, DividedFrames, FAR, Led, PreviousSubstep, Simulator, SimulatorError, StepStats,
 };
 pub use threads::Threads;

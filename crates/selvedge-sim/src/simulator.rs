@@ -12,25 +12,24 @@ use selvedge_cloth::{HandleError, HandleTargets, Scene, SceneError, StepError, S
 use thiserror::Error;
 
 use crate::active_handles::ActiveHandles;
-use crate::contact::{Contact, Span, Unseparated};
+use crate::contact::{Contact, ContactCounts, Span, Unseparated};
 use crate::integrator::{History, SubstepCounts};
 use crate::solver::SolveError;
 use crate::state::State;
 use crate::threads::Threads;
 use crate::watched_edges::{Overstretched, WatchedEdges};
+use checkpoint::check_state;
+pub use checkpoint::{Checkpoint, PreviousSubstep};
 use contact::Part;
-pub use contact::{Beginning, FAR, Led};
-pub use divided_frames::DividedFrames;
-pub use previous::PreviousSubstep;
-use state_check::check_state;
+pub use contact::{FAR, Led};
+pub use frame::DividedFrames;
+use frame::Snapshot;
 use substep_error::SubstepError;
 
+mod checkpoint;
 mod contact;
 mod correctable;
-mod divided_frames;
-mod parts;
-mod previous;
-mod state_check;
+mod frame;
 mod stepping;
 mod substep_error;
 
@@ -40,14 +39,15 @@ pub struct Simulator {
     active: ActiveHandles,
     state: State,
     history: History,
-    saved: (State, History),
-    /// The same at the start of a part of a frame, where contact may take it back there.
-    part: (State, History),
+    /// The start of the frame, and that of the part of it under way, where contact may take the
+    /// cloth back there.
+    frame_start: Snapshot,
+    part_start: Snapshot,
     /// The rest of what undoes the last step, while that can be undone.
     undo: Option<Undo>,
     rounded: Vec<Vec3>,
     frame: usize,
-    divided_frames: DividedFrames,
+    divided: DividedFrames,
     /// Places of the handles on their paths at the end of the last frame `[m]`, `[handles]`.
     reached: Vec<DVec3>,
     /// The same one frame before, while that can be undone.
@@ -65,6 +65,17 @@ pub struct Simulator {
 struct VertexState {
     position: DVec3,
     velocity: DVec3,
+}
+
+/// Work since the start, by what it came to.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StepStats {
+    /// Substeps; all 0 with an integrator of first order.
+    pub substeps: SubstepCounts,
+    /// Frames that took more substeps than the scene asks for.
+    pub divided: DividedFrames,
+    /// Work of contact; all 0 without contact.
+    pub contact: ContactCounts,
 }
 
 /// The parts that undo a step beside the saved state.
@@ -127,42 +138,31 @@ impl Simulator {
         positions: Vec<DVec3>,
         velocities: Vec<DVec3>,
     ) -> Result<Self, SimulatorError> {
-        Self::beginning(scene, positions, velocities, Beginning::default())
+        Self::from_checkpoint(scene, &Checkpoint::of(0, positions, velocities))
     }
 
-    /// As [`Self::with_state`], with frames counted and obstacles led as `beginning` says.
-    ///
-    /// # Errors
-    /// As for [`Self::with_state`].
-    pub fn beginning(
-        scene: &Scene,
-        positions: Vec<DVec3>,
-        velocities: Vec<DVec3>,
-        beginning: Beginning<'_>,
-    ) -> Result<Self, SimulatorError> {
-        scene.validate()?;
-        let vertices = scene.mesh.topology().vertex_count();
-        check_state("positions", "position", &positions, vertices)?;
-        check_state("velocities", "velocity", &velocities, vertices)?;
+    /// A simulator of a validated scene in the positions and velocities of a checked `checkpoint`.
+    fn starting(scene: &Scene, checkpoint: &Checkpoint) -> Result<Self, SimulatorError> {
+        let vertices = checkpoint.positions.len();
         let active = ActiveHandles::all(scene).map_err(|cause| SimulatorError::Analysis {
             vertices,
             cause: cause.to_string(),
         })?;
         let state = State {
-            positions,
-            velocities,
+            positions: checkpoint.positions.clone(),
+            velocities: checkpoint.velocities.clone(),
         };
-        let mut simulator = Self {
+        Ok(Self {
             rounded: state.positions.iter().map(|p| p.as_vec3()).collect(),
             reached: scene.handles.select(&state.positions),
             reached_before: scene.handles.select(&state.positions),
             targets: vec![DVec3::ZERO; scene.handles.len()],
             history: History::none(vertices),
-            saved: (state.clone(), History::none(vertices)),
-            part: (state.clone(), History::none(vertices)),
+            frame_start: Snapshot::new(vertices),
+            part_start: Snapshot::new(vertices),
             undo: None,
-            frame: beginning.frame,
-            divided_frames: DividedFrames::default(),
+            frame: checkpoint.frame,
+            divided: DividedFrames::default(),
             threads: Threads::Pool,
             stop: Stop::default(),
             edges: WatchedEdges::new(&scene.mesh, &scene.handles),
@@ -170,11 +170,7 @@ impl Simulator {
             scene: scene.clone(),
             active,
             state,
-        };
-        simulator.shift_obstacles(beginning.offsets);
-        simulator.check_contact()?;
-        simulator.update_wind();
-        Ok(simulator)
+        })
     }
 
     /// The same cloth with frames counted from `frame`: the next step has the targets, the wind and
@@ -228,62 +224,23 @@ impl Simulator {
         Ok(simulator)
     }
 
-    /// Continues from frame `frame` at `positions` `[m]` with `velocities` `[m/s]`, `[vertices]`.
-    /// All handles hold and count as on their paths.
-    ///
-    /// # Errors
-    /// [`SimulatorError`] for a count that does not match, a value that is not finite in f32, or
-    /// positions that intersect in a scene with contact; the cloth is left as it was.
-    pub fn resume(
-        &mut self,
-        frame: usize,
-        positions: &[DVec3],
-        velocities: &[DVec3],
-    ) -> Result<(), SimulatorError> {
-        self.check_taken(frame, positions, velocities)?;
-        if !self.active.holds_all() {
-            self.active =
-                ActiveHandles::all(&self.scene).map_err(|cause| SimulatorError::Analysis {
-                    vertices: self.rounded.len(),
-                    cause: cause.to_string(),
-                })?;
-        }
-        for (reached, vertex) in self.reached.iter_mut().zip(self.scene.handles.vertices()) {
-            *reached = positions[vertex.index()];
-        }
-        self.frame = frame;
-        self.update_wind();
-        self.begin_at(positions, velocities);
-        Ok(())
-    }
-
     /// Goes on from other positions `[m]` and velocities `[m/s]`, `[vertices]`, at the same frame
     /// of the same run: handles hold as they do, those that took hold again from where they did so.
     /// The next substep starts anew.
     ///
     /// # Errors
-    /// As for [`Self::resume`]; the cloth is left as it was.
+    /// As for [`Self::restore`]; the cloth is left as it was.
     pub fn take_state(
         &mut self,
-        positions: &[DVec3],
-        velocities: &[DVec3],
-    ) -> Result<(), SimulatorError> {
-        self.check_taken(self.frame, positions, velocities)?;
-        self.begin_at(positions, velocities);
-        Ok(())
-    }
-
-    /// Checks a state that is to be taken at `frame`.
-    fn check_taken(
-        &self,
-        frame: usize,
         positions: &[DVec3],
         velocities: &[DVec3],
     ) -> Result<(), SimulatorError> {
         let vertices = self.rounded.len();
         check_state("positions", "position", positions, vertices)?;
         check_state("velocities", "velocity", velocities, vertices)?;
-        self.check_meeting(frame, positions)
+        self.check_meeting(self.frame, positions)?;
+        self.begin_at(positions, velocities);
+        Ok(())
     }
 
     /// Takes a checked state, and forgets all that came before it.
@@ -384,16 +341,15 @@ impl Simulator {
         Some(self.active.system.elastic_energy(positions)? + lifted)
     }
 
-    /// Substeps so far by what they came to; all 0 with an integrator of first order.
+    /// Work since the start, by what it came to.
     #[must_use]
-    pub fn substep_counts(&self) -> SubstepCounts {
-        self.history.counts
-    }
-
-    /// Frames so far that took more substeps than the scene asks for.
-    #[must_use]
-    pub fn divided_frames(&self) -> DividedFrames {
-        self.divided_frames
+    pub fn stats(&self) -> StepStats {
+        let contact = self.contact.as_ref();
+        StepStats {
+            substeps: self.history.counts,
+            divided: self.divided,
+            contact: contact.map_or_else(ContactCounts::default, |contact| contact.counts),
+        }
     }
 
     /// Iterations of the last linear solve; none if it was a complete factorisation.
@@ -420,7 +376,7 @@ impl Simulator {
                 source: HandleError::Count { expected, found },
             });
         }
-        self.save();
+        self.begin_frame();
         self.undo = None;
         self.update_wind();
         self.active.put_targets(&mut self.targets, |h| targets[h]);
@@ -432,30 +388,13 @@ impl Simulator {
             may_hold: true,
         };
         if let Err(error) = threads.run(|| self.solve(dt, still)) {
-            self.restore();
-            return Err(self.step_error(error, 1));
+            let error = self.step_error(error, 1);
+            self.undo_frame();
+            return Err(error);
         }
         self.round_new()?;
         self.reached.copy_from_slice(targets);
         Ok(())
-    }
-
-    fn save(&mut self) {
-        self.saved.0.copy_from(&self.state);
-        self.saved.1.copy_from(&self.history);
-        self.active.system.save();
-        if let Some(contact) = &mut self.contact {
-            contact.save();
-        }
-    }
-
-    fn restore(&mut self) {
-        self.state.copy_from(&self.saved.0);
-        self.history.copy_from(&self.saved.1);
-        self.active.system.restore();
-        if let Some(contact) = &mut self.contact {
-            contact.restore();
-        }
     }
 
     /// Hands the threads of this step to the system.
@@ -514,33 +453,6 @@ impl Simulator {
         Ok(())
     }
 
-    /// Moves the state by a frame. Doubles the scene's number of substeps where the frame ends
-    /// strained beyond the bound, or contact is too much for it. On an error the state is restored.
-    fn divided(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
-        let threads = self.enter();
-        self.enter_frame();
-        let most = self.scene.physics.most_substeps();
-        let mut substeps = self.scene.physics.substeps;
-        let finest = loop {
-            let error = match threads.run(|| self.advance(targets, substeps)) {
-                Ok(finest) => break finest,
-                Err(error) => error,
-            };
-            self.restore();
-            if self.stop.is_wanted() {
-                return Err(self.step_error(SubstepError::Stopped, substeps));
-            }
-            let is_divided = matches!(error, SubstepError::Stretch(_)) || self.contact.is_some();
-            if !is_divided || 2 * substeps > most {
-                return Err(self.step_error(error, substeps));
-            }
-            substeps *= 2;
-        };
-        self.divided_frames
-            .count(finest, self.scene.physics.substeps);
-        Ok(())
-    }
-
     fn step_error(&self, error: SubstepError, substeps: u32) -> StepError {
         let frame = self.frame + 1;
         match error {
@@ -573,13 +485,13 @@ impl Simulator {
         }
     }
 
-    /// Rounds the positions to f32. Where one is beyond f32, restores what [`Self::save`] saved.
+    /// Rounds the positions to f32. Where one is beyond f32, undoes the frame.
     fn round_new(&mut self) -> Result<(), StepError> {
         self.round();
         let Some(vertex) = self.rounded.iter().position(|p| !p.is_finite()) else {
             return Ok(());
         };
-        self.restore();
+        self.undo_frame();
         self.round();
         let vertex = VertexId(vertex as u32);
         let frame = self.frame + 1;

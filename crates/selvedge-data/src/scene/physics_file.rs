@@ -1,12 +1,12 @@
 //! The physics as a scene file has it: the name of a mode, or a table in which a mode may be named
-//! and single settings chosen on top of it.
+//! and settings chosen on top of it. What makes a mode is chosen as a whole.
 //!
 //! ```toml
 //! physics = "arcsim"
-//! physics = { mode = "arcsim", handles = "exact", substeps = 2 }
+//! physics = { mode = "arcsim", substeps = 2 }
 //! ```
 
-use selvedge_cloth::{PhysicsMode, PhysicsSettings};
+use selvedge_cloth::{ElasticLaw, PhysicsMode, PhysicsSettings};
 use serde::Deserialize;
 use toml::{Table, Value};
 
@@ -27,17 +27,32 @@ impl TryFrom<Value> for PhysicsFile {
             Some(word) => word.try_into::<PhysicsMode>()?,
             None => PhysicsMode::default(),
         };
-        let mut settings =
-            Table::try_from(PhysicsSettings::in_mode(mode)).map_err(serde::de::Error::custom)?;
+        let whole = PhysicsSettings::in_mode(mode);
+        let mut settings = Table::try_from(whole).map_err(serde::de::Error::custom)?;
         settings.extend(own);
-        Ok(Self(settings.try_into()?))
+        let settings: PhysicsSettings = settings.try_into()?;
+        match is_of_mode(&settings, mode) {
+            true => Ok(Self(settings)),
+            false => Err(serde::de::Error::custom(
+                "handles, air and law = \"arcsim\" are chosen by physics = \"arcsim\" alone, and that and \"first-order\" choose law, integrator and least_damping: leave these keys out, or the mode",
+            )),
+        }
     }
+}
+
+/// Returns true if what makes the mode is as in the mode.
+fn is_of_mode(settings: &PhysicsSettings, mode: PhysicsMode) -> bool {
+    let whole = PhysicsSettings::in_mode(mode);
+    let formula = |of: &PhysicsSettings| (of.law, of.integrator, of.least_damping);
+    let is_formula = match mode {
+        PhysicsMode::Selvedge => settings.law != ElasticLaw::Arcsim,
+        PhysicsMode::FirstOrder | PhysicsMode::Arcsim => formula(settings) == formula(&whole),
+    };
+    is_formula && (settings.handles, settings.air) == (whole.handles, whole.air)
 }
 
 #[cfg(test)]
 mod tests {
-    use selvedge_cloth::{ElasticLaw, HandleConstraint};
-
     use super::*;
 
     #[derive(Deserialize)]
@@ -52,7 +67,7 @@ mod tests {
     }
 
     #[test]
-    fn one_word_chooses_all_and_each_part_can_be_chosen_alone() {
+    fn one_word_chooses_all_and_some_parts_can_be_chosen_alone() {
         let arcsim = PhysicsSettings::in_mode(PhysicsMode::Arcsim);
         assert_eq!(read("physics = \"arcsim\""), Ok(arcsim));
         assert_eq!(
@@ -60,21 +75,9 @@ mod tests {
             Ok(PhysicsSettings::default())
         );
         assert_eq!(read("physics = {}"), Ok(PhysicsSettings::default()));
-        let text = "[physics]\nmode = \"arcsim\"\nhandles = \"exact\"\nsubsteps = 7";
-        let handles = HandleConstraint::Exact;
+        let text = "[physics]\nmode = \"arcsim\"\nhandles = \"spring\"\nsubsteps = 7";
         let substeps = 7;
-        let mixed = PhysicsSettings {
-            handles,
-            substeps,
-            ..arcsim
-        };
-        assert_eq!(read(text), Ok(mixed));
-        let handles = HandleConstraint::Spring;
-        let alone = PhysicsSettings {
-            handles,
-            ..PhysicsSettings::default()
-        };
-        assert_eq!(read("physics.handles = \"spring\""), Ok(alone));
+        assert_eq!(read(text), Ok(PhysicsSettings { substeps, ..arcsim }));
         let law = ElasticLaw::Measured;
         let alone = PhysicsSettings {
             law,
@@ -82,9 +85,25 @@ mod tests {
         };
         assert_eq!(read("physics.law = \"measured\""), Ok(alone));
         // Keys of before.
-        let alone = PhysicsSettings { law, ..arcsim };
-        let text = "physics = { mode = \"arcsim\", bending = \"symmetric\" }";
+        let text = "physics = { bending = \"symmetric\", stretch_lookup = \"grid\" }";
         assert_eq!(read(text), Ok(alone));
+    }
+
+    #[test]
+    fn what_makes_a_mode_is_chosen_as_a_whole() {
+        for text in [
+            "physics.handles = \"spring\"",
+            "physics.air = \"explicit\"",
+            "physics.law = \"arcsim\"",
+            "physics.bending = \"arcsim\"",
+            "physics = { mode = \"arcsim\", handles = \"exact\" }",
+            "physics = { mode = \"arcsim\", bending = \"symmetric\" }",
+            "physics = { mode = \"first-order\", air = \"implicit\" }",
+            "physics = { mode = \"first-order\", integrator = \"second-order\" }",
+        ] {
+            let error = read(text).unwrap_err();
+            assert!(error.contains("leave these keys out"), "{text}: {error}");
+        }
     }
 
     #[test]

@@ -253,11 +253,11 @@ impl Run {
             self.held[vertex.index()] = targets.holds(handle);
         }
         self.seen.earlier = substep_before(&self.cheap);
-        let counts = self.cheap.substep_counts();
+        let counts = self.cheap.stats().substeps;
         if self.cheap.step(&targets).is_err() || self.teacher.step(&finely).is_err() {
             return Ok(None);
         }
-        let after = self.cheap.substep_counts();
+        let after = self.cheap.stats().substeps;
         let all = (after.all - counts.all).max(1) as f32;
         self.seen.fell_back = (after.fell_back - counts.fell_back) as f32 / all;
         let predicted = state_of(&self.cheap);

@@ -123,6 +123,13 @@ struct Found {
     held: Held,
 }
 
+/// What a substep changes of contact.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Carried {
+    memory: Memory,
+    received: received::Received,
+}
+
 /// Contact in a scene.
 pub(crate) struct Contact {
     settings: ContactSettings,
@@ -154,8 +161,6 @@ pub(crate) struct Contact {
     /// State at the start of a solve.
     before: State,
     memory: Memory,
-    saved: Memory,
-    part: (Memory, received::Received),
     pub(crate) counts: ContactCounts,
     received: received::Received,
     room: separation::Room,
@@ -196,8 +201,6 @@ impl Contact {
             end: points,
             before: State::at_origin(mass.len()),
             memory: Memory::default(),
-            saved: Memory::default(),
-            part: Default::default(),
             counts: ContactCounts::default(),
             received: received::Received::none(scene.obstacles.len()),
             room: separation::Room::default(),
@@ -258,26 +261,16 @@ impl Contact {
         }
     }
 
-    /// Saves what the next substep needs of the last.
-    pub(crate) fn save(&mut self) {
-        self.saved.clone_from(&self.memory);
+    /// Keeps what a substep changes.
+    pub(crate) fn carry(&self, into: &mut Carried) {
+        into.memory.clone_from(&self.memory);
+        into.received.clone_from(&self.received);
     }
 
-    /// Restores what [`Self::save`] saved.
-    pub(crate) fn restore(&mut self) {
-        self.memory.clone_from(&self.saved);
-    }
-
-    /// Keeps what a part of a frame changes.
-    pub(crate) fn begin_part(&mut self) {
-        self.part.0.clone_from(&self.memory);
-        self.part.1.clone_from(&self.received);
-    }
-
-    /// Restores what [`Self::begin_part`] kept.
-    pub(crate) fn undo_part(&mut self) {
-        self.memory.clone_from(&self.part.0);
-        self.received.clone_from(&self.part.1);
+    /// Restores what [`Self::carry`] kept.
+    pub(crate) fn put_back(&mut self, from: &Carried) {
+        self.memory.clone_from(&from.memory);
+        self.received.clone_from(&from.received);
     }
 
     /// The memory that the last substep left.

@@ -13,7 +13,7 @@ use super::{
     FitError, FitProgress, Fitted, Listener, Spring, failed, largest_strain, pass, springs,
     strain_rms, tell,
 };
-use crate::simulator::Simulator;
+use crate::simulator::{Checkpoint, Simulator};
 
 /// Passes over all edges, and those until an edge is corrected in full.
 const PASSES: u32 = 900;
@@ -173,7 +173,7 @@ fn relax(
                 return Ok(());
             }
             positions.copy_from_slice(simulator.positions_f64());
-            simulator.resume(0, positions, &rest)?;
+            simulator.restore(&Checkpoint::of(0, positions.to_vec(), rest.clone()))?;
             let passed = f64::from(stage * FRAMES + frame) / f64::from(3 * FRAMES);
             let now = FitProgress {
                 done: PASSING + (1.0 - PASSING) * passed,

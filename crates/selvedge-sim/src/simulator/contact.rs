@@ -5,19 +5,10 @@ use glam::{DVec3, Vec3};
 use selvedge_cloth::StepError;
 
 use super::{Simulator, SimulatorError};
-use crate::contact::{ContactCounts, Shift, Unseparated};
+use crate::contact::{Shift, Unseparated};
 
 /// Gap beyond which two features are far from each other `[m]`.
 pub const FAR: f64 = 0.02;
-
-/// The frame at which a simulator begins, and where obstacles are by then.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Beginning<'a> {
-    /// Frames that have passed.
-    pub frame: usize,
-    /// Distances of obstacles from their own paths `[m]`, of the first ones; 0 for the others.
-    pub offsets: &'a [DVec3],
-}
 
 /// A frame made elsewhere, held to contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -226,8 +217,8 @@ impl Simulator {
         contact.flat_map(|c| &c.shifts).map(|s| s.now).collect()
     }
 
-    /// Momentum that each obstacle received from the cloth over the last frame, or the one that
-    /// was tried last `[N s]`, `[obstacles]`. Obstacles go on as they are led, whatever they
+    /// Momentum that each obstacle received from the cloth over the last frame
+    /// `[N s]`, `[obstacles]`. Obstacles go on as they are led, whatever they
     /// receive. Vertices that were held back, and limits of strain, give nothing.
     #[must_use]
     pub fn obstacle_impulses(&self) -> Vec<DVec3> {
@@ -264,13 +255,6 @@ impl Simulator {
         if let Some(contact) = &mut self.contact {
             contact.forget();
         }
-    }
-
-    /// Work that contact has taken so far; all 0 without contact.
-    #[must_use]
-    pub fn contact_counts(&self) -> ContactCounts {
-        let contact = self.contact.as_ref();
-        contact.map_or_else(ContactCounts::default, |contact| contact.counts)
     }
 
     /// Pairs of faces that meet now, exactly, of the cloth at its rounded positions with itself and

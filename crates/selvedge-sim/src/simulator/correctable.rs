@@ -65,7 +65,7 @@ impl Correctable for Simulator {
         let Some(Undo { active }) = self.undo.take() else {
             return;
         };
-        self.restore();
+        self.undo_frame();
         if let Some(active) = active {
             self.active = active;
         }

@@ -29,12 +29,12 @@ impl Stepper for Simulator {
         check_target_count(self, targets)?;
         let before = self.change_active(targets)?;
         self.update_wind();
-        self.save();
+        self.begin_frame();
         if before.is_some() {
             // The cloth was another one.
             self.history.forget();
         }
-        if let Err(error) = self.divided(targets).and_then(|()| self.round_new()) {
+        if let Err(error) = self.advance(targets).and_then(|()| self.round_new()) {
             if let Some(before) = before {
                 self.active = before;
             }

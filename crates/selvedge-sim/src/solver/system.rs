@@ -52,7 +52,6 @@ pub(crate) struct System {
     /// Time over which the Δv of the last solve come about `[s]`; 0 if the next one starts from
     /// nothing.
     solved_span: f64,
-    saved_changes: (Vec<DVec3>, f64),
     smoothing: smooth::Smoothing,
     solver: Solver,
     /// A factor of the whole, for a direct solver whose touches couple vertices that its pattern does
@@ -129,7 +128,6 @@ impl System {
             driven: vec![DVec3::ZERO; vertex_count],
             changes: vec![DVec3::ZERO; vertex_count],
             solved_span: 0.0,
-            saved_changes: (vec![DVec3::ZERO; vertex_count], 0.0),
             smoothing: smooth::Smoothing::default(),
             touches: Touches::default(),
             repeated: Repeated::default(),
@@ -161,16 +159,10 @@ impl System {
         }
     }
 
-    /// Saves the start of the next solve for [`Self::restore`].
-    pub(crate) fn save(&mut self) {
-        self.saved_changes.0.copy_from_slice(&self.changes);
-        self.saved_changes.1 = self.solved_span;
-    }
-
-    /// Restores what [`Self::save`] saved.
-    pub(crate) fn restore(&mut self) {
-        self.changes.copy_from_slice(&self.saved_changes.0);
-        self.solved_span = self.saved_changes.1;
+    /// Changes of velocity of the last solve `[m/s]`, `[vertices]`, and their time `[s]`, 0 where the
+    /// next solve starts from nothing.
+    pub(crate) fn changes(&self) -> (&[DVec3], f64) {
+        (&self.changes, self.solved_span)
     }
 
     /// Assembles b at `state` for a solve over `dt` `[s]` with handles going to `targets` `[m]`,

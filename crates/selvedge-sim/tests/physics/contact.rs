@@ -23,7 +23,7 @@ fn a_sheet_drapes_over_a_sphere() {
     };
     let mut simulator = Simulator::new(&scene).unwrap();
     run(&mut simulator, 60);
-    let counts = simulator.contact_counts();
+    let counts = simulator.stats().contact;
     assert!(counts.touching > 20, "{counts:?}");
     assert_eq!(counts.divisions, 0, "{counts:?}");
 }
@@ -37,7 +37,7 @@ fn a_strip_folds_onto_itself() {
     scene.obstacles = vec![ground(0.0)];
     let mut simulator = Simulator::new(&scene).unwrap();
     run(&mut simulator, 100);
-    let counts = simulator.contact_counts();
+    let counts = simulator.stats().contact;
     assert!(counts.touching > 20, "{counts:?}");
 }
 
@@ -73,7 +73,7 @@ fn two_free_sheets_that_meet_keep_their_momentum() {
     let (before, energy) = (momentum(&simulator), simulator.kinetic_energy());
     run(&mut simulator, 30);
     let after = momentum(&simulator);
-    let counts = simulator.contact_counts();
+    let counts = simulator.stats().contact;
 
     assert!(counts.touching > 0 || counts.repeated > 0);
     assert!((after - before).length() < 1e-6 * before.length());
@@ -228,7 +228,7 @@ fn a_sheet_at_rest_or_sliding_keeps_its_second_order() {
         let velocities = vec![DVec3::X * speed; start.len()];
         let mut simulator = Simulator::with_state(&scene, start, velocities).unwrap();
         run(&mut simulator, 30);
-        let counts = simulator.contact_counts();
+        let counts = simulator.stats().contact;
         assert!(counts.touching >= 81, "{counts:?}");
         assert!(counts.fell_back <= counts.solves / 20, "{counts:?}");
     }
@@ -256,7 +256,7 @@ fn a_landing_elsewhere_does_not_shake_what_rests() {
         let places = simulator.positions_f64().iter().zip(&start);
         strayed = places.fold(strayed, |most, (now, start)| most.max(now.distance(*start)));
     }
-    assert!(simulator.substep_counts().fell_back > 0);
+    assert!(simulator.stats().substeps.fell_back > 0);
     assert!(strayed < 1e-6, "{strayed}");
 }
 
@@ -304,5 +304,5 @@ fn contact_without_a_touch_changes_no_byte() {
         }
         assert_eq!(runs[0].positions_f64(), runs[1].positions_f64());
     }
-    assert!(runs[1].contact_counts().certified > 0);
+    assert!(runs[1].stats().contact.certified > 0);
 }

@@ -42,7 +42,7 @@ fn the_energy_of_a_falling_sheet_does_not_rise() {
     println!("drop {drop} J, largest rise in a frame {rises} J");
     assert!(drop > 0.1, "{drop}");
     assert!(rises < 1e-3 * drop, "{rises} of {drop}");
-    assert!(simulator.contact_counts().touching > 50);
+    assert!(simulator.stats().contact.touching > 50);
 }
 
 #[test]
@@ -97,7 +97,7 @@ fn the_order_of_vertices_and_faces_does_not_matter() {
     });
     for simulator in &mut runs {
         glide(simulator, 10);
-        let counts = simulator.contact_counts();
+        let counts = simulator.stats().contact;
         assert!(counts.touching > 0 && counts.projected == 0, "{counts:?}");
     }
     let [straight, other] = runs.map(|run| run.positions_f64().to_vec());

@@ -238,7 +238,7 @@ fn follow(number: u64, frames: usize, ends: &mut Ends) -> ContactCounts {
             assert_eq!(simulator.frame(), frame - 1, "scene {number}");
             eprintln!("scene {number}: {error}");
             ends.stopped += 1;
-            return simulator.contact_counts();
+            return simulator.stats().contact;
         }
         assert_eq!(
             simulator.intersection_count(),
@@ -248,7 +248,7 @@ fn follow(number: u64, frames: usize, ends: &mut Ends) -> ContactCounts {
         ends.frames += 1;
     }
     ends.whole += 1;
-    simulator.contact_counts()
+    simulator.stats().contact
 }
 
 fn longest_edge(mesh: &Mesh) -> f64 {

@@ -30,19 +30,14 @@ enum Without {
 
 /// The same run, taken up from the state of `whole`.
 fn taken_up(scene: &Scene, whole: &Simulator, without: Without) -> Simulator {
-    let (x, v) = (whole.positions_f64(), whole.velocities_f64());
-    let mut rest = Simulator::with_state(scene, x.to_vec(), v.to_vec()).unwrap();
-    if let Some(previous) = whole.previous() {
-        rest = rest.with_previous(&previous).unwrap();
+    let mut state = whole.checkpoint();
+    assert!(state.contact.is_some());
+    match without {
+        Without::Nothing => {}
+        Without::Contact => state.contact = None,
+        Without::Changes => state.changes = None,
     }
-    let last = whole.last_changes();
-    if let Some((changes, seconds)) = last.filter(|_| without != Without::Changes) {
-        rest = rest.with_last_changes(changes, seconds).unwrap();
-    }
-    if without != Without::Contact {
-        let memory = whole.contact_memory().unwrap();
-        rest = rest.with_contact_memory(&memory).unwrap();
-    }
+    let rest = Simulator::from_checkpoint(scene, &state).unwrap();
     rest.taken_up_at(whole.frame()).unwrap()
 }
 
@@ -54,7 +49,7 @@ fn check(scene: &Scene, frames: &[usize], needed: Without) {
         let mut whole = Simulator::new(scene).unwrap();
         run(scene, &mut whole, frame);
         let mut rest = taken_up(scene, &whole, Without::Nothing);
-        assert_eq!(rest.contact_memory(), whole.contact_memory());
+        assert_eq!(rest.checkpoint().contact, whole.checkpoint().contact);
         let mut forgetful = taken_up(scene, &whole, needed);
         run(scene, &mut whole, 10);
         run(scene, &mut rest, 10);
@@ -62,7 +57,7 @@ fn check(scene: &Scene, frames: &[usize], needed: Without) {
         let apart = whole.positions_f64() != rest.positions_f64();
         assert!(!apart, "{}: from frame {frame}", scene.name);
         assert_eq!(whole.velocities_f64(), rest.velocities_f64());
-        assert_eq!(rest.contact_memory(), whole.contact_memory());
+        assert_eq!(rest.checkpoint().contact, whole.checkpoint().contact);
         differs |= whole.positions_f64() != forgetful.positions_f64();
     }
     assert!(differs, "{}: nothing depends on {needed:?}", scene.name);

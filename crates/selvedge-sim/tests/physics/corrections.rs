@@ -49,7 +49,7 @@ fn the_state_one_substep_ago_takes_its_part_of_a_correction() {
         let scene = scene(substeps);
         let mut simulator = Simulator::new(&scene).unwrap();
         run(&mut simulator, &scene, 3);
-        let before = simulator.previous().unwrap();
+        let before = simulator.checkpoint().previous.unwrap();
         let [dx, dv] = [1e-3, 1e-2].map(|size| noise(25, size));
         let sum = |a: &[DVec3], b: &[DVec3], part: f64| -> Vec<DVec3> {
             a.iter().zip(b).map(|(a, b)| *a + part * *b).collect()
@@ -60,7 +60,7 @@ fn the_state_one_substep_ago_takes_its_part_of_a_correction() {
         assert_eq!(simulator.positions_f64(), x);
         assert_eq!(simulator.velocities_f64(), v);
         assert_eq!(simulator.positions()[7], x[7].as_vec3());
-        let after = simulator.previous().unwrap();
+        let after = simulator.checkpoint().previous.unwrap();
         assert_eq!(after.seconds, before.seconds);
         // Sums of numbers of size 1.
         for (found, expected) in [
@@ -117,7 +117,7 @@ fn the_state_one_substep_ago_is_shown_where_a_frame_was_divided_as_the_scene_say
     assert_eq!(velocities, halfway.velocities_f64());
     // A substep of another length is none of the scene's.
     halfway.substep(1.0 / 500.0, &still).unwrap();
-    assert!(halfway.previous().is_some() && halfway.substep_before().is_none());
+    assert!(halfway.checkpoint().previous.is_some() && halfway.substep_before().is_none());
     simulator.forget_previous();
     assert!(simulator.substep_before().is_none());
 }
@@ -131,7 +131,7 @@ fn a_state_that_is_not_finite_is_refused_and_the_cloth_left_as_it_was() {
         simulator.positions_f64().to_vec(),
         simulator.velocities_f64().to_vec(),
     );
-    let before = simulator.previous();
+    let before = simulator.checkpoint().previous;
     let mut wrong = v.clone();
     wrong[3].y = f64::NAN;
     let refused = simulator.correct(&vec![DVec3::ONE; 25], &wrong);
@@ -139,7 +139,7 @@ fn a_state_that_is_not_finite_is_refused_and_the_cloth_left_as_it_was() {
     assert!(simulator.correct(&x[1..], &v).is_err());
     assert_eq!(simulator.positions_f64(), x);
     assert_eq!(simulator.velocities_f64(), v);
-    assert_eq!(simulator.previous(), before);
+    assert_eq!(simulator.checkpoint().previous, before);
 }
 
 #[test]
@@ -155,7 +155,7 @@ fn a_step_that_forgets_is_that_of_a_fresh_simulator() {
     let mut mindful = Simulator::new(&scene).unwrap();
     run(&mut mindful, &scene, 4);
     simulator.forget_previous();
-    assert!(simulator.previous().is_none());
+    assert!(simulator.checkpoint().previous.is_none());
     run(&mut simulator, &scene, 1);
     run(&mut fresh, &scene, 1);
     let apart = largest_distance(simulator.positions_f64(), fresh.positions_f64());

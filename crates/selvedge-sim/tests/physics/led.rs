@@ -5,7 +5,7 @@ use selvedge_cloth::{
     ContactSettings, HandleTargets, Obstacle, ObstaclePath, RigidKey, Scene, StepError, Stepper,
     bodies,
 };
-use selvedge_sim::{Beginning, FAR, Simulator};
+use selvedge_sim::{Checkpoint, FAR, Simulator};
 
 use crate::scenes::hanging;
 use crate::touching::{first_order, lying, none};
@@ -79,8 +79,9 @@ fn a_simulator_that_begins_later_looks_for_obstacles_where_they_are_then() {
     let positions = scene.mesh.positions().to_vec();
     let rest = vec![DVec3::ZERO; positions.len()];
     let begin = |frame, offsets: &[DVec3]| {
-        let beginning = Beginning { frame, offsets };
-        Simulator::beginning(&scene, positions.clone(), rest.clone(), beginning)
+        let obstacles = offsets.to_vec();
+        let start = Checkpoint::of(frame, positions.clone(), rest.clone());
+        Simulator::from_checkpoint(&scene, &Checkpoint { obstacles, ..start })
     };
     assert!(begin(0, &[]).is_err());
     assert!(begin(0, &[DVec3::X * 0.3]).is_ok());
@@ -128,7 +129,7 @@ fn a_body_receives_the_momentum_that_it_gives() {
             simulator.step(&none()).unwrap();
             received += simulator.obstacle_impulses()[0];
         }
-        let counts = simulator.contact_counts();
+        let counts = simulator.stats().contact;
         assert!(counts.repeated > 0, "{counts:?}");
         assert_eq!((counts.held_back, counts.divisions), (0, 0), "{counts:?}");
         let moving = simulator.vertex_mass().iter();

@@ -154,14 +154,14 @@ fn a_squeezed_sheet_touches_like_arcsim() {
         for substep in 4 * (frame - 1)..4 * frame {
             let targets = &targets[2 * (substep + 1)..2 * (substep + 2)];
             simulator.substep(1.0 / 240.0, targets).unwrap();
-            let counts = simulator.contact_counts();
+            let counts = simulator.stats().contact;
             if counts.touching > 0 && first.is_none() {
                 first = Some(frame);
             }
         }
         let expected = &frames[1024 * frame..1024 * (frame + 1)];
         let error = largest_distance(simulator.positions_f64(), expected);
-        let counts = simulator.contact_counts();
+        let counts = simulator.stats().contact;
         assert!(frame > 81 || error < 1e-6, "frame {frame}: {error:e} m");
         assert_eq!(simulator.intersection_count(), 0);
         println!(

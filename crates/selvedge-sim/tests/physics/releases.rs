@@ -91,14 +91,7 @@ fn a_run_is_taken_up_with_its_handles_where_they_are() {
     for frame in [3, 6, 7, 11, 12, 13, 17] {
         let mut whole = Simulator::new(&scene).unwrap();
         run(&mut whole, &scene, frame);
-        let (x, v) = (
-            whole.positions_f64().to_vec(),
-            whole.velocities_f64().to_vec(),
-        );
-        let mut rest = Simulator::with_state(&scene, x, v).unwrap();
-        if let Some(previous) = whole.previous() {
-            rest = rest.with_previous(&previous).unwrap();
-        }
+        let rest = Simulator::from_checkpoint(&scene, &whole.checkpoint()).unwrap();
         let mut rest = rest.taken_up_at(frame).unwrap();
         run(&mut whole, &scene, 10);
         run(&mut rest, &scene, 10);

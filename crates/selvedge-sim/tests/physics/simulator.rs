@@ -5,7 +5,7 @@ use selvedge_cloth::{
     HandleConstraint, HandleError, HandleTargets, Handles, Integrator, LinearSolver, PhysicsMode,
     PhysicsSettings, Scene, StepError, Stepper,
 };
-use selvedge_sim::{Simulator, SimulatorError};
+use selvedge_sim::{Checkpoint, Simulator, SimulatorError};
 
 use crate::scenes::{DENIM, floating, hanging, largest_distance, material, noise};
 
@@ -61,7 +61,7 @@ fn free_fall_is_a_parabola_in_second_order() {
     for velocity in simulator.velocities_f64() {
         assert!(velocity.distance(gravity * time) < 1e-13);
     }
-    let counts = simulator.substep_counts();
+    let counts = simulator.stats().substeps;
     // The first one, and those of another length than the one before.
     assert_eq!((counts.all, counts.started, counts.fell_back), (9, 6, 0));
 }
@@ -358,10 +358,11 @@ fn a_cloth_taken_up_again_goes_on_as_a_new_one_there() {
     let positions = crumpled(&scene, 0.003);
     let velocities = noise(positions.len(), 0.1);
     let spoilt = vec![DVec3::NAN; positions.len()];
-    assert!(used.resume(7, &positions, &spoilt).is_err());
-    assert!(used.resume(7, &positions[1..], &velocities).is_err());
+    let at = |x: &[DVec3], v: &[DVec3]| Checkpoint::of(7, x.to_vec(), v.to_vec());
+    assert!(used.restore(&at(&positions, &spoilt)).is_err());
+    assert!(used.restore(&at(&positions[1..], &velocities)).is_err());
     assert_eq!(used.frame(), 4);
-    used.resume(7, &positions, &velocities).unwrap();
+    used.restore(&at(&positions, &velocities)).unwrap();
     let fresh = Simulator::with_state(&scene, positions, velocities).unwrap();
     let mut fresh = fresh.at_frame(7);
     for frame in 8..=10 {
@@ -371,4 +372,12 @@ fn a_cloth_taken_up_again_goes_on_as_a_new_one_there() {
     }
     assert_eq!(used.positions_f64(), fresh.positions_f64());
     assert_eq!(used.frame(), fresh.frame());
+    // And from a checkpoint of its own, bit for bit.
+    let kept = used.checkpoint();
+    used.step(&targets(11)).unwrap();
+    let there = used.checkpoint();
+    used.restore(&kept).unwrap();
+    assert_eq!(used.checkpoint(), kept);
+    used.step(&targets(11)).unwrap();
+    assert_eq!(used.checkpoint(), there);
 }

@@ -69,7 +69,7 @@ fn run(scene: &Scene, drag: &Drag, frames: usize) -> Result<Strained, StepError>
     }
     Ok(Strained {
         strain,
-        counts: simulator.substep_counts(),
+        counts: simulator.stats().substeps,
     })
 }
 
