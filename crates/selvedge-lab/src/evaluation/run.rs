@@ -44,6 +44,9 @@ pub struct Run {
     /// Of a whole run: the first of more than ten frames in a row in which some edge strains over
     /// 30 %, or the first that was not reached.
     pub diverged_frame: Option<usize>,
+    /// Of a whole run: mean speed of the vertices in its last second `[m/s]`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub final_speed: Option<f64>,
     /// Counts of the guard; none without a guard.
     pub guarded: Option<GuardSummary>,
     /// The character of a whole run's motion, and of its truth's.

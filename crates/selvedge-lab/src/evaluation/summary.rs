@@ -27,6 +27,8 @@ pub struct Summary {
     pub after: Vec<FrameErrors>,
     /// Of whole runs: means over cases; none where a run failed.
     pub whole: Option<FrameErrors>,
+    /// Of whole runs: mean speed in the last second `[m/s]`, mean over cases; none where one failed.
+    pub final_speed: Option<f64>,
     /// The character of whole runs, as ratios to their truths in the order of
     /// [`Character::NAMES`]; none where a run failed, or nobody knows the truth.
     pub ratios: Option<[Option<f64>; Character::COUNT]>,
@@ -73,6 +75,8 @@ fn summary(method: &str, kind: Kind, runs: &[&Run]) -> Summary {
     });
     let guarded: Option<Vec<GuardSummary>> = whole.iter().map(|run| run.guarded).collect();
     let characters: Option<Vec<_>> = whole.iter().map(|run| run.character).collect();
+    let speeds: Option<Vec<f64>> = whole.iter().map(|run| run.final_speed).collect();
+    let speeds = speeds.filter(|all| !all.is_empty());
     Summary {
         method: method.to_owned(),
         kind,
@@ -86,6 +90,7 @@ fn summary(method: &str, kind: Kind, runs: &[&Run]) -> Summary {
             .map(|all| GuardSummary::sum(all.into_iter())),
         after: after.collect(),
         whole: all(whole.iter().map(|run| run.over_time()).collect()),
+        final_speed: speeds.map(|all| all.iter().sum::<f64>() / all.len() as f64),
         ratios: characters
             .filter(|pairs| !pairs.is_empty())
             .map(|pairs| Character::ratios(&pairs)),

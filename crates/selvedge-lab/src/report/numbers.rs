@@ -17,6 +17,7 @@ pub fn errors_csv(runs: &[Run]) -> Vec<u8> {
     ];
     let end = [
         "diverged_frame",
+        "final_speed",
         "frames_corrected",
         "frames_lost",
         "largest_correction",
@@ -62,6 +63,7 @@ fn row(run: &Run, at: Option<&FrameErrors>) -> Vec<String> {
     }
     row.extend([
         count(run.diverged_frame),
+        number(run.final_speed),
         count(run.guarded.map(|guarded| guarded.corrected)),
         count(run.guarded.map(|guarded| guarded.lost)),
         number(run.guarded.map(|guarded| guarded.largest_correction)),

@@ -101,6 +101,7 @@ pub(super) fn whole(summaries: &[Summary]) -> String {
         "folds",
         "largest strain",
         "the truth's",
+        "speed in the last second (mm/s)",
         "runs",
         "diverged",
         "frames corrected",
@@ -126,6 +127,7 @@ pub(super) fn whole(summaries: &[Summary]) -> String {
             }
             None => cells.extend(vec!["failed".to_owned(); 8]),
         }
+        cells.push(summary.final_speed.map_or_else(dash, millimetres));
         cells.extend([summary.whole_runs.to_string(), summary.diverged.to_string()]);
         let guarded = summary.guarded.as_ref();
         cells.push(guarded.map_or_else(dash, |g| percent(g.share())));

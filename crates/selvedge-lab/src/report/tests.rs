@@ -40,6 +40,7 @@ fn run(method: &str, case: &str, start: usize, is_whole: bool, size: f64) -> Run
             false => vec![at(1, 0.1 * size)],
         },
         diverged_frame: None,
+        final_speed: None,
         guarded: None,
         character: None,
         out_of_distribution: Vec::new(),

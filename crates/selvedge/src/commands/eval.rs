@@ -422,6 +422,7 @@ fn whole_table(means: &[Summary]) -> Option<Table> {
         "edge-length RMSE",
         "folds",
         "largest strain",
+        "last second",
         "runs",
         "diverged",
         "general",
@@ -441,6 +442,8 @@ fn whole_table(means: &[Summary]) -> Option<Table> {
                 .and_then(|errors| errors.fold_ratio())
                 .map_or_else(dash, |ratio| format!("{ratio:.3}")),
             strain.unwrap_or_else(|| "failed".to_owned()),
+            mean.final_speed
+                .map_or_else(dash, |speed| format!("{:.1} mm/s", 1e3 * speed)),
             mean.whole_runs.to_string(),
             mean.diverged.to_string(),
         ];
