@@ -41,10 +41,26 @@ pub fn air_force(
         + tangential * (environment.air_drag * area)
 }
 
+/// Speed below which the drag of a swaying sheet is no longer a square `[m/s]`.
+const SLOW_AIR: f64 = 0.05;
+
+/// Drag of the air on a sheet that hardly moves `[kg/(m² s)]`, along and across it: density · 0.05.
+///
+/// The drag of [`air_force`] is a square: with it alone a sway of a few mm/s lives for minutes.
+/// The air's own is not a square at such speeds. The drag coefficient of an oscillating plate grows
+/// as its sway becomes small (8 KC^(-1/3), Graham 1980), and friction on both sides is linear
+/// (Stokes). Together they are 0.04 to 0.2 kg/(m² s) from 0.5 to 10 mm/s at 1 to 3 Hz.
+/// `[eq:slow-air]`
+#[must_use]
+#[inline(always)]
+pub fn slow_air(density: f64) -> f64 {
+    density * SLOW_AIR
+}
+
 /// Part of the air's force that a step takes at its end, to first order in the change of velocity.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum AirResistance {
-    /// None: the force is that of the velocities given.
+    /// None: the force is ARCSim's, of the velocities given, and no more.
     #[default]
     None,
     /// D with F = D v_rel, |v_n| held. Its power in still air, -v·D v, is never positive.
@@ -62,9 +78,10 @@ impl From<AirLaw> for AirResistance {
     }
 }
 
-/// Force of [`air_force`], and the resistance D of the air at these velocities.
+/// Force of [`air_force`] and of [`slow_air`], and the resistance D of the air at these
+/// velocities.
 ///
-/// D = c · density · area · |v_n| n nᵀ + drag · area · (I - n nᵀ), c = 1 for
+/// D = c · density · area · |v_n| n nᵀ + drag · area · (I - n nᵀ) + slow · area · I, c = 1 for
 /// [`AirResistance::Secant`] and 2 for [`AirResistance::Tangent`]. The force on the face after the
 /// step is F - D Δv, Δv the change of the mean corner velocity. `[eq:air-implicit]`
 #[must_use]
@@ -91,11 +108,12 @@ pub fn air_response(
     let normal = area_vector(a, b, c).normalize_or_zero();
     let [first, second, third] = velocities;
     let relative = environment.wind - (first + second + third) / 3.0;
-    let through = factor * environment.air_density * area * normal.dot(relative).abs();
+    let through = factor * environment.air_density * normal.dot(relative).abs();
+    let slow = slow_air(environment.air_density);
     AirResponse {
-        force,
+        force: force + relative * (slow * area),
         normal,
-        resistance: [through, environment.air_drag * area],
+        resistance: [through, environment.air_drag].map(|part| (part + slow) * area),
     }
 }
 
@@ -169,7 +187,8 @@ mod tests {
             assert!(velocity.dot(response.resist(velocity)) > 0.0);
         }
         let explicit = air_response(&environment, AirResistance::None, 0.5, FACE, velocities);
-        assert_eq!(explicit.force, response.force);
+        let slow = mean * (slow_air(1.2) * 0.5);
+        assert!(explicit.force.distance(response.force + slow) < 1e-12);
         assert_eq!(explicit.resist(DVec3::ONE), DVec3::ZERO);
     }
 
@@ -188,7 +207,7 @@ mod tests {
         for axis in DVec3::AXES {
             let at = |sign: f64| {
                 let moved = velocities.map(|v| v + axis * (sign * step));
-                air_force(&environment, 0.5, corners, moved)
+                air_response(&environment, tangent, 0.5, corners, moved).force
             };
             let slope = (at(1.0) - at(-1.0)) / (2.0 * step);
             // The force is a square of the velocity: central differences are exact up to rounding.

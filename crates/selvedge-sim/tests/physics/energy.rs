@@ -1,7 +1,7 @@
 //! Energy of the default physics: it falls while nothing drives the cloth, and a cloth that is held
 //! still, or has swung, comes to rest.
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use selvedge_cloth::{ElasticLaw, HandleTargets, Isotropic, Scene, Stepper};
 use selvedge_sim::{Simulator, sag};
 
@@ -70,6 +70,21 @@ fn a_sheet_that_falls_flat_loses_energy_in_every_frame() {
     }
 }
 
+/// A sheet that stood above its handles is caught by them at the end of its fall: one solve of a
+/// long substep is too far from the solution there.
+#[test]
+fn a_sheet_that_is_caught_gains_no_energy() {
+    let tilt = DQuat::from_rotation_x(2.0);
+    for mut scene in fabrics(20) {
+        let stood = scene.mesh.positions().iter().map(|p| tilt * *p).collect();
+        scene.mesh = scene.mesh.with_positions(stood).unwrap();
+        scene.physics.substeps = 1;
+        let [first, _, rise] = fall(&scene);
+        let name = &scene.material.name;
+        assert!(rise < 1e-3 * first, "{name}: {rise} J of {first} J");
+    }
+}
+
 /// Why the default law is not the measured one.
 #[test]
 fn by_the_measured_law_gray_interlock_gains_energy_where_the_default_loses_it() {
@@ -117,6 +132,6 @@ fn a_cloth_that_has_swung_comes_to_rest_within_a_minute() {
             simulator.step(&targets).unwrap();
         }
         let speed = mean_speed(&simulator);
-        assert!(speed < 4e-3, "{}: {speed} m/s", scene.material.name);
+        assert!(speed < 5e-4, "{}: {speed} m/s", scene.material.name);
     }
 }

@@ -11,7 +11,7 @@ use selvedge_cloth::{
 
 use super::*;
 use crate::laws::bend::angle_gradient;
-use crate::laws::external::air_force;
+use crate::laws::external::{AirResistance, air_force, air_response, slow_air};
 use crate::laws::strain::Strain;
 use crate::laws::stretch_table::measured_stiffness;
 
@@ -461,7 +461,7 @@ fn implicit_air_is_a_linear_drag_at_the_end_of_the_step() {
         let mut after = state(&scene);
         after.velocities.fill(DVec3::new(0.0, 0.0, 80.0));
         system.advance(DT, &mut after, &[]).unwrap();
-        let expected = 80.0 / (1.0 + DT * 1.3 / 0.2 * 80.0);
+        let expected = 80.0 / (1.0 + DT * (1.3 * 80.0 + slow_air(1.3)) / 0.2);
         for velocity in &after.velocities {
             assert!(velocity.distance(DVec3::Z * expected) < 1e-10, "{velocity}");
         }
@@ -497,7 +497,8 @@ fn backward_euler_residual(scene: &Scene, from: &State, now: &State) -> Vec<f64>
     {
         let x = face.map(|v| now.positions[v as usize]);
         let v = face.map(|v| now.velocities[v as usize]);
-        let force = air_force(&scene.environment, area, x, v);
+        let air = air_response(&scene.environment, AirResistance::Tangent, area, x, v);
+        let force = air.force;
         for k in 0..9 {
             residual[3 * face[k / 3] as usize + k % 3] -= DT * force[k % 3] / 3.0;
         }
