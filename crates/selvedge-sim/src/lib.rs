@@ -83,11 +83,11 @@ mod stop;
 mod threads;
 mod watched_edges;
 
-pub use contact::{ContactCounts, ContactGauge, FrameContact};
+pub use contact::{ContactCounts, ContactGauge, FAR, FrameContact, Led};
 pub use fit::{FitError, FitProgress, Fitted, fit, sew_and_fit};
 pub use integrator::SubstepCounts;
 pub use rest_pose::{RestPoseContent, SagError, SagProgress, SaggedRest, sag, sag_with_progress};
 pub use simulator::{
-    Checkpoint, DividedFrames, FAR, Led, PreviousSubstep, Simulator, SimulatorError, StepStats,
+    Checkpoint, DividedFrames, PreviousSubstep, Simulator, SimulatorError, StepStats,
 };
 pub use threads::Threads;

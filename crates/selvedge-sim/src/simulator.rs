@@ -9,7 +9,6 @@
 
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{HandleError, HandleTargets, Scene, SceneError, StepError, Stop, VertexId};
-use thiserror::Error;
 
 use crate::active_handles::ActiveHandles;
 use crate::contact::{Contact, ContactCounts, Span, Unseparated};
@@ -20,16 +19,18 @@ use crate::threads::Threads;
 use crate::watched_edges::{Overstretched, WatchedEdges};
 use checkpoint::check_state;
 pub use checkpoint::{Checkpoint, PreviousSubstep};
-use contact::Part;
-pub use contact::{FAR, Led};
-pub use frame::DividedFrames;
-use frame::Snapshot;
+pub use error::SimulatorError;
+pub use snapshot::DividedFrames;
+use snapshot::{Part, Snapshot};
 use substep_error::SubstepError;
 
 mod checkpoint;
 mod contact;
 mod correctable;
+mod error;
 mod frame;
+mod resume;
+mod snapshot;
 mod stepping;
 mod substep_error;
 
@@ -82,38 +83,6 @@ pub struct StepStats {
 struct Undo {
     /// The active handles before, where they were others.
     active: Option<ActiveHandles>,
-}
-
-/// Reason why a simulator cannot be made or resumed.
-#[derive(Clone, Debug, Error, PartialEq)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum SimulatorError {
-    #[error(transparent)]
-    Scene(#[from] SceneError),
-    #[error("expected {what} of {expected} vertices, found {found}")]
-    Count {
-        what: &'static str,
-        expected: usize,
-        found: usize,
-    },
-    #[error("the {what} of vertex {vertex} is not finite in f32: {value}")]
-    NonFinite {
-        what: &'static str,
-        vertex: VertexId,
-        value: DVec3,
-    },
-    #[error("the length of the previous substep must be finite and positive, found {seconds} s")]
-    PreviousSubstep { seconds: f64 },
-    #[error(
-        "the cloth starts with {count} intersections ({pairs}): start it where nothing meets, or remove `contact`"
-    )]
-    Intersections { count: usize, pairs: String },
-    #[error(
-        "contact.thickness is {thickness} m, but the shortest edge of the cloth has {edge:.2e} m: use at most a quarter of that, or a coarser mesh"
-    )]
-    Thickness { thickness: f64, edge: f64 },
-    #[error("the system of {vertices} vertices cannot be set up ({cause}): use a smaller mesh")]
-    Analysis { vertices: usize, cause: String },
 }
 
 impl Simulator {

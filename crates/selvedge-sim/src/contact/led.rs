@@ -5,6 +5,18 @@ use selvedge_contact::{Candidates, Reach, Ways, gap};
 
 use super::Contact;
 
+/// Gap beyond which two features are far from each other `[m]`.
+pub const FAR: f64 = 0.02;
+
+/// A frame made elsewhere, held to contact.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Led {
+    /// Nothing meets on the way: the frame stays as it was, bit for bit.
+    Free,
+    /// Vertices were pushed apart.
+    Pushed,
+}
+
 /// Distance of an obstacle from its own path `[m]`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Shift {

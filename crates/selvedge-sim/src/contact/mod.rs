@@ -32,6 +32,7 @@ use clearances::Clearances;
 pub use gauge::{ContactGauge, FrameContact};
 use keys::Key;
 pub(crate) use led::Shift;
+pub use led::{FAR, Led};
 use memory::Held;
 pub(crate) use memory::Memory;
 pub(crate) use touches::{Touches, to_single};

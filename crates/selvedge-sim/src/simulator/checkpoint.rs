@@ -1,10 +1,9 @@
 //! All that a run needs to go on bit for bit.
 
 use glam::DVec3;
-use selvedge_cloth::{ContactMemory, Scene, VertexId};
+use selvedge_cloth::{ContactMemory, VertexId};
 
-use super::{ActiveHandles, Simulator, SimulatorError};
-use crate::contact::Memory;
+use super::error::SimulatorError;
 
 /// The state of a run after a frame.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -51,7 +50,7 @@ impl Checkpoint {
     }
 
     /// Checks that all values are finite in f32, and as many as the cloth has `vertices`.
-    fn check(&self, vertices: usize) -> Result<(), SimulatorError> {
+    pub(super) fn check(&self, vertices: usize) -> Result<(), SimulatorError> {
         check_state("positions", "position", &self.positions, vertices)?;
         check_state("velocities", "velocity", &self.velocities, vertices)?;
         if let Some(before) = &self.previous {
@@ -113,126 +112,5 @@ pub(super) fn check_state(
             value: values[vertex],
         }),
         None => Ok(()),
-    }
-}
-
-impl Simulator {
-    /// A simulator of `scene` that goes on from `checkpoint`. All handles count as on their paths;
-    /// for a run along the scene's own motion see [`Self::taken_up_at`].
-    ///
-    /// # Errors
-    /// A scene that does not validate, or a system that does not fit in memory; a count that does
-    /// not match, a value that is not finite in f32, or a cloth that meets itself or an obstacle.
-    pub fn from_checkpoint(scene: &Scene, checkpoint: &Checkpoint) -> Result<Self, SimulatorError> {
-        scene.validate()?;
-        checkpoint.check(scene.mesh.topology().vertex_count())?;
-        let mut simulator = Self::starting(scene, checkpoint)?;
-        simulator.shift_obstacles(&checkpoint.obstacles);
-        simulator.check_contact()?;
-        simulator.put_memory(checkpoint);
-        simulator.update_wind();
-        Ok(simulator)
-    }
-
-    /// The state now.
-    #[must_use]
-    pub fn checkpoint(&self) -> Checkpoint {
-        let changes = self.active.system.last_changes();
-        let contact = self.contact.as_ref();
-        let memory = contact.map(|contact| contact.memory().saved());
-        Checkpoint {
-            frame: self.frame,
-            positions: self.state.positions.clone(),
-            velocities: self.state.velocities.clone(),
-            previous: self.history.last_substep().map(|seconds| PreviousSubstep {
-                positions: self.history.before.positions.clone(),
-                velocities: self.history.before.velocities.clone(),
-                seconds,
-            }),
-            changes: changes.map(|(changes, seconds)| (changes.to_vec(), seconds)),
-            contact: memory.filter(|memory| *memory != ContactMemory::default()),
-            obstacles: self.obstacle_offsets(),
-        }
-    }
-
-    /// Goes on from `checkpoint`. All handles hold and count as on their paths.
-    ///
-    /// # Errors
-    /// As for [`Self::from_checkpoint`]; the cloth is left as it was.
-    pub fn restore(&mut self, checkpoint: &Checkpoint) -> Result<(), SimulatorError> {
-        let vertices = self.rounded.len();
-        checkpoint.check(vertices)?;
-        let all = match self.active.holds_all() {
-            true => None,
-            false => Some(ActiveHandles::all(&self.scene).map_err(|cause| {
-                let cause = cause.to_string();
-                SimulatorError::Analysis { vertices, cause }
-            })?),
-        };
-        let contact = self.contact.as_ref();
-        let shifts = contact.map(|contact| contact.shifts.clone());
-        self.shift_obstacles(&checkpoint.obstacles);
-        if let Err(error) = self.check_meeting(checkpoint.frame, &checkpoint.positions) {
-            if let (Some(contact), Some(shifts)) = (&mut self.contact, shifts) {
-                contact.shifts = shifts;
-            }
-            return Err(error);
-        }
-        if let Some(all) = all {
-            self.active = all;
-        }
-        for (reached, vertex) in self.reached.iter_mut().zip(self.scene.handles.vertices()) {
-            *reached = checkpoint.positions[vertex.index()];
-        }
-        self.frame = checkpoint.frame;
-        self.update_wind();
-        self.begin_at(&checkpoint.positions, &checkpoint.velocities);
-        self.put_memory(checkpoint);
-        Ok(())
-    }
-
-    /// Takes what a checked checkpoint has beside positions and velocities.
-    fn put_memory(&mut self, checkpoint: &Checkpoint) {
-        if let Some(previous) = &checkpoint.previous {
-            let before = &mut self.history.before;
-            before.positions.copy_from_slice(&previous.positions);
-            before.velocities.copy_from_slice(&previous.velocities);
-            self.history.set_last_substep(previous.seconds);
-        }
-        if let (Some(contact), Some(memory)) = (&mut self.contact, &checkpoint.contact) {
-            contact.remember_saved(Memory::of_saved(memory));
-        }
-        if let Some((changes, seconds)) = &checkpoint.changes {
-            self.active.system.put_changes(changes, *seconds);
-        }
-    }
-
-    /// Drops the state one substep ago: the next substep starts anew.
-    pub fn forget_previous(&mut self) {
-        self.history.forget();
-    }
-
-    /// The state one substep ago, positions `[m]` and velocities `[m/s]`, `[vertices]` each, where
-    /// the last substep was one of those into which the scene divides a frame.
-    #[must_use]
-    pub fn substep_before(&self) -> Option<(&[DVec3], &[DVec3])> {
-        let whole = 1.0 / (self.scene.frame_rate * f64::from(self.scene.physics.substeps));
-        let before = &self.history.before;
-        self.history
-            .fits(whole)
-            .then_some((&before.positions[..], &before.velocities[..]))
-    }
-
-    /// Smooths `field`, `[vertices]`, as the last solve smoothed the motion: A⁻¹ M `field`, 0 where
-    /// a handle holds; conjugate gradients leave a hundredth of the residual.
-    ///
-    /// Returns false, and leaves the field, where no solver has that matrix: before the first
-    /// solve, and where the cloth is coupled by what it touches.
-    ///
-    /// # Panics
-    /// When `field` does not have the size of the cloth.
-    pub fn smooth(&mut self, field: &mut [DVec3]) -> bool {
-        assert_eq!(field.len(), self.rounded.len(), "vertices");
-        self.active.system.smooth(field)
     }
 }

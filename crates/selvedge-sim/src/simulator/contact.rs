@@ -4,29 +4,9 @@
 use glam::{DVec3, Vec3};
 use selvedge_cloth::StepError;
 
-use super::{Simulator, SimulatorError};
-use crate::contact::{Shift, Unseparated};
-
-/// Gap beyond which two features are far from each other `[m]`.
-pub const FAR: f64 = 0.02;
-
-/// A frame made elsewhere, held to contact.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Led {
-    /// Nothing meets on the way: the frame stays as it was, bit for bit.
-    Free,
-    /// Vertices were pushed apart.
-    Pushed,
-}
-
-/// Part of a frame.
-#[derive(Clone, Copy)]
-pub(super) struct Part {
-    pub(super) from: f64,
-    pub(super) to: f64,
-    /// True if contact may hold vertices back; else the frame is divided first.
-    pub(super) may_hold: bool,
-}
+use super::Simulator;
+use super::error::SimulatorError;
+use crate::contact::{FAR, Led, Shift, Unseparated};
 
 impl Simulator {
     /// Puts obstacles on their way from this frame to the next.
