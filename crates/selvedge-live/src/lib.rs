@@ -8,7 +8,7 @@
 //! - **Hands** ([`Hands`]) lead the handles to where people drag them, within limits of speed and
 //!   acceleration.
 //! - A **tape** ([`Tape`]) holds recordings side by side, with one clock.
-//! - A **server** ([`serve`]) lets browsers watch a session and take hold of its cloth. The
+//! - A **server** ([`serve`]) lets browsers watch a session and drag its cloth. The
 //!   [`protocol`] is the form of the messages; the page is built from `web/` and compiled in.
 //!
 //! ```

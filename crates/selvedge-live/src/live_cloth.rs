@@ -1,4 +1,4 @@
-//! The cloth that moves: one or two steppers under the same hands, and their strain and times.
+//! The cloth that moves: one or two steppers with the same handles, and their strain and times.
 
 use std::collections::VecDeque;
 use std::time::Instant;
@@ -143,7 +143,7 @@ impl LiveCloth {
         self.change(hold, &kept)
     }
 
-    /// Continues with the same handles. Those that were `free`, `[handles]`, take hold of the cloth
+    /// Continues with the same handles. Those that were `free`, `[handles]`, are attached to the cloth
     /// at its present place.
     pub(crate) fn take_hold_again(&mut self, free: &[bool]) -> Result<(), MoverError> {
         let kept = |(handle, free): (usize, &bool)| (!free).then_some(handle);

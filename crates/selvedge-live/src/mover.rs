@@ -15,7 +15,7 @@ pub enum Mover {
     Model,
     /// The simulator.
     Physics,
-    /// Each its own cloth, side by side, under the same hands.
+    /// Each its own cloth, side by side, with the same handles.
     Both,
 }
 

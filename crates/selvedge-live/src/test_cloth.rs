@@ -170,7 +170,7 @@ impl ReadyCloth for TestCloth {
     }
 }
 
-/// Moves the cloth. As in the simulator, a handle that takes hold again does so of its vertex where
+/// Moves the cloth. As in the simulator, a handle that is attached again holds its vertex where
 /// the vertex is, and a stepper that is made anew knows nothing of it.
 struct Puppet {
     kind: MoverKind,

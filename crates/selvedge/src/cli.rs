@@ -89,7 +89,7 @@ Start here:
   selvedge run --model general --compare
       run the shipped model on the shipped scene beside the physics; pictures and a clip go to out/
   selvedge view --open
-      take hold of the cloth in the browser
+      drag the cloth in the browser
   selvedge run default -o truth.safetensors
       the same scene by the physics alone
   selvedge info truth.safetensors
@@ -195,7 +195,7 @@ pub(crate) struct MergeArgs {
     pub(crate) output: PathBuf,
 }
 
-/// Train a model on a data set, or one that corrects physics by a teacher.
+/// Train a model on a data set, or one that corrects physics by an expert.
 ///
 /// Checkpoints go to the folder as training goes on; Ctrl-C writes one more, and --resume goes on
 /// from the last as if nothing had happened.
@@ -213,7 +213,7 @@ pub(crate) struct TrainArgs {
     /// The folder of the run: checkpoints, log, model.
     #[arg(short, long, alias = "out", value_name = "FOLDER")]
     pub(crate) output: PathBuf,
-    /// The folder of the data set; none for a model that corrects physics, which asks a teacher.
+    /// The folder of the data set; none for a model that corrects physics, which asks an expert.
     #[arg(long, value_name = "FOLDER")]
     pub(crate) data: Option<PathBuf>,
     /// Go on from the last checkpoint in the folder.

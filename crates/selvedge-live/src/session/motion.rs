@@ -1,7 +1,7 @@
 //! One frame of the cloth of a session: the handles go by hand or along a motion, the movers step,
 //! and the recorder keeps the frame.
 //!
-//! A motion may let handles go. Where one takes hold again, or the motion ends, the hand is put
+//! A motion may release handles. Where one is attached again, or the motion ends, the hand is put
 //! where the cloth has the vertex by then, and the rest of the path goes on from there.
 
 use std::sync::Arc;
@@ -62,7 +62,7 @@ impl Session {
         }
     }
 
-    /// Hands whose handles were `free`, `[handles]`, take hold of the cloth where it is.
+    /// Hands whose handles were `free`, `[handles]`, are attached to the cloth where it is.
     fn take_hold(&mut self, free: &[bool]) -> Result<(), SessionError> {
         let Some(live) = self.showing.live_mut() else {
             return Ok(());

@@ -7,10 +7,10 @@ use clap::{Args, ValueEnum};
 
 use super::DeviceArgs;
 
-/// Take hold of a cloth, live, in the browser.
+/// Drag a cloth, live, in the browser.
 ///
 /// Serves a page at an address of this machine and says where. The cloth is moved by the learned
-/// model, by the physics, or by both side by side under the same hands; or a recorded trajectory is
+/// model, by the physics, or by both side by side with the same handles; or a recorded trajectory is
 /// played. Several pages may watch. Ctrl-C ends; a recording under way is written.
 #[derive(Debug, Args)]
 #[command(after_help = "\
@@ -39,7 +39,7 @@ pub(crate) struct ViewArgs {
     #[arg(long, value_name = "TRAJECTORY")]
     pub(crate) beside: Option<PathBuf>,
     /// The address to listen at; port 0 takes one that is free. Beyond 127.0.0.1 anyone who reaches
-    /// it may take hold.
+    /// it may drag the cloth.
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:7878")]
     pub(crate) address: SocketAddr,
     /// A name under which the page may be reached, beside localhost and addresses in numbers; may

@@ -1,4 +1,4 @@
-//! `selvedge train` for a model that corrects physics: samples are made by a teacher on the way.
+//! `selvedge train` for a model that corrects physics: samples are made by an expert on the way.
 
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;

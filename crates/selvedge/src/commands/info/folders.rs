@@ -31,7 +31,7 @@ pub(super) struct Configured {
     config: Value,
 }
 
-/// The configuration in the folder of a training, on data or by a teacher.
+/// The configuration in the folder of a training, on data or by an expert.
 pub(super) fn config_in(folder: &Path) -> anyhow::Result<Configured> {
     let path = folder.join(files::CONFIG);
     let text = selvedge_data::read_text(&path)
