@@ -34,11 +34,10 @@ pub(crate) use self::study::StudyArgs;
 pub(crate) use self::view::{Shown, ViewArgs};
 use crate::output::Reader;
 
-/// A learned cloth simulator.
+/// Cloth: an implicit solver with contact, and learned simulators beside it.
 ///
-/// Give it a cloth and the motion of a few handles; it answers with the motion of the whole cloth,
-/// from cheap physics that a network corrects, or from a graph network alone. Both were trained on
-/// its own physics simulator.
+/// Give it a cloth and the motion of a few handles; it answers with the motion of the whole cloth, by
+/// the solver, by a graph network (MeshGraphNetRP), or by a network that corrects the solver.
 #[derive(Debug, Parser)]
 #[command(name = "selvedge", version = env!("SELVEDGE_VERSION"))]
 #[command(propagate_version = true, after_help = OVERVIEW)]
@@ -87,11 +86,11 @@ const MOST_FRAMES: i64 = 100_000;
 const OVERVIEW: &str = "\
 Start here:
   selvedge run --model general --compare
-      run the shipped model on the shipped scene beside the physics; pictures and a clip go to out/
+      a shipped model on the shipped scene beside the solver; pictures and a clip go to out/
   selvedge view --open
       drag the cloth in the browser
   selvedge run default -o truth.safetensors
-      the same scene by the physics alone
+      the same scene by the solver alone
   selvedge info truth.safetensors
       what is in a file
 
