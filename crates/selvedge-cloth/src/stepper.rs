@@ -139,6 +139,15 @@ pub enum StepError {
         pairs: String,
     },
     #[error(
+        "frame {frame}: {distance:.0} m from the origin the positions in single precision meet in {count} places ({pairs}), where the cloth itself does not: move the scene to the origin"
+    )]
+    Rounded {
+        frame: usize,
+        distance: f64,
+        count: usize,
+        pairs: String,
+    },
+    #[error(
         "frame {frame}: with {substeps} substeps the edge from vertex {from} to {to} is strained by {strain:.3}, bound is {bound}{}: cloth does not stretch so far; use less wind, slower or nearer handles{}, or raise physics.max_strain",
         pushing(pushed_by),
         if pushed_by.is_empty() { "" } else { ", slower obstacles" }
@@ -181,6 +190,7 @@ impl StepError {
             | Self::Solve { frame, .. }
             | Self::Contact { frame, .. }
             | Self::Intersections { frame, .. }
+            | Self::Rounded { frame, .. }
             | Self::Overstretched { frame, .. }
             | Self::Device { frame, .. }
             | Self::Stopped { frame }
@@ -197,6 +207,7 @@ impl StepError {
             | Self::Solve { frame, .. }
             | Self::Contact { frame, .. }
             | Self::Intersections { frame, .. }
+            | Self::Rounded { frame, .. }
             | Self::Overstretched { frame, .. }
             | Self::Device { frame, .. }
             | Self::Stopped { frame }

@@ -446,6 +446,7 @@ fn is_callers(error: &StepError) -> bool {
         | StepError::Solve { .. }
         | StepError::Contact { .. }
         | StepError::Intersections { .. }
+        | StepError::Rounded { .. }
         | StepError::Overstretched { .. } => false,
     }
 }

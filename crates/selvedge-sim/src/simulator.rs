@@ -454,16 +454,21 @@ impl Simulator {
         }
     }
 
-    /// Rounds the positions to f32. Where one is beyond f32, undoes the frame.
+    /// Rounds the positions to f32. Where one is beyond f32, or the cloth meets in f32, undoes the
+    /// frame.
     fn round_new(&mut self) -> Result<(), StepError> {
         self.round();
-        let Some(vertex) = self.rounded.iter().position(|p| !p.is_finite()) else {
-            return Ok(());
+        let frame = self.frame + 1;
+        let lost = self.rounded.iter().position(|p| !p.is_finite());
+        let error = match lost.map(|vertex| VertexId(vertex as u32)) {
+            Some(vertex) => StepError::NonFinite { frame, vertex },
+            None => match self.meets_rounded(frame) {
+                Some(error) => error,
+                None => return Ok(()),
+            },
         };
         self.undo_frame();
         self.round();
-        let vertex = VertexId(vertex as u32);
-        let frame = self.frame + 1;
-        Err(StepError::NonFinite { frame, vertex })
+        Err(error)
     }
 }

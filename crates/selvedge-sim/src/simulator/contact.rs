@@ -48,6 +48,27 @@ impl Simulator {
         }
     }
 
+    /// The error of a frame in which the rounded cloth meets: where it is so far from the origin
+    /// that rounding moves two points by as much as the gap that contact keeps.
+    pub(super) fn meets_rounded(&self, frame: usize) -> Option<StepError> {
+        let floor = self.scene.contact.as_ref()?.floor;
+        let coordinates = self.rounded.iter().map(|p| p.abs().max_element());
+        let largest = f64::from(coordinates.fold(0.0, f32::max));
+        // Each of two points by half a unit in the last place along each axis.
+        if 3.0_f64.sqrt() * largest * f64::from(f32::EPSILON) < floor {
+            return None;
+        }
+        let rounded = self.widened();
+        let Meeting { count, pairs } = self.meeting(frame, &rounded)?;
+        let distance = rounded.iter().map(|p| p.length()).fold(0.0, f64::max);
+        Some(StepError::Rounded {
+            frame,
+            distance,
+            count,
+            pairs,
+        })
+    }
+
     /// Faces that meet in `positions` `[m]`, `[vertices]`, of frame `frame`; none where there are
     /// none, or the scene has no contact.
     fn meeting(&self, frame: usize, positions: &[DVec3]) -> Option<Meeting> {
@@ -244,9 +265,14 @@ impl Simulator {
         let Some(contact) = &self.contact else {
             return 0;
         };
-        let rounded: Vec<DVec3> = self.rounded.iter().map(|p| p.as_dvec3()).collect();
         let rate = self.scene.frame_rate;
+        let rounded = self.widened();
         contact.intersections(&rounded, self.frame, rate).len()
+    }
+
+    /// The rounded positions in double precision `[m]`, `[vertices]`.
+    fn widened(&self) -> Vec<DVec3> {
+        self.rounded.iter().map(|p| p.as_dvec3()).collect()
     }
 }
 

@@ -28,6 +28,24 @@ fn a_sheet_drapes_over_a_sphere() {
     assert_eq!(counts.divisions, 0, "{counts:?}");
 }
 
+/// Twenty kilometres off the origin single precision is coarser than the gap: no frame is given in which
+/// the cloth meets, and the error says where it is.
+#[test]
+fn a_drape_far_away_is_refused_where_its_rounded_frames_meet() {
+    let away = DVec3::X * 2e4;
+    let mut scene = lying(16, |p| p + DVec3::Y * 0.31 + away);
+    scene.obstacles = vec![sphere(away, 0.3, 3)];
+    let mut simulator = Simulator::new(&scene).unwrap();
+    let error = (0..60).find_map(|_| {
+        let stepped = simulator.step(&none());
+        assert_eq!(simulator.intersection_count(), 0);
+        stepped.err()
+    });
+    let error = error.unwrap();
+    assert!(matches!(error, StepError::Rounded { .. }), "{error}");
+    assert!(error.to_string().contains("move the scene to the origin"));
+}
+
 #[test]
 fn a_strip_folds_onto_itself() {
     let mut scene = lying(12, |p| {
