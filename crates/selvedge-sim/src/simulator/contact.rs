@@ -28,10 +28,18 @@ impl Simulator {
             return Ok(());
         };
         let lengths = self.scene.mesh.pattern().edge_lengths();
-        let edge = lengths.into_iter().fold(f64::INFINITY, f64::min);
         let thickness = contact.largest_thickness();
-        if thickness > 0.25 * edge {
-            return Err(SimulatorError::Thickness { thickness, edge });
+        let short = lengths.iter().filter(|l| thickness > 0.25 * **l).count();
+        let all = self.scene.mesh.topology().edges().iter().zip(&lengths);
+        let shortest = all.min_by(|a, b| a.1.total_cmp(b.1));
+        if let (Some((edge, length)), true) = (shortest, short > 0) {
+            return Err(SimulatorError::Thickness {
+                thickness,
+                edge: *length,
+                ends: edge.vertices,
+                short,
+                edges: lengths.len(),
+            });
         }
         self.check_meeting(self.frame, &self.state.positions)
     }
@@ -44,7 +52,15 @@ impl Simulator {
     ) -> Result<(), SimulatorError> {
         match self.meeting(frame, positions) {
             None => Ok(()),
-            Some(Meeting { count, pairs }) => Err(SimulatorError::Intersections { count, pairs }),
+            Some(Meeting {
+                count,
+                pairs,
+                is_own,
+            }) => Err(SimulatorError::Intersections {
+                count,
+                pairs,
+                is_own,
+            }),
         }
     }
 
@@ -59,7 +75,7 @@ impl Simulator {
             return None;
         }
         let rounded = self.widened();
-        let Meeting { count, pairs } = self.meeting(frame, &rounded)?;
+        let Meeting { count, pairs, .. } = self.meeting(frame, &rounded)?;
         let distance = rounded.iter().map(|p| p.length()).fold(0.0, f64::max);
         Some(StepError::Rounded {
             frame,
@@ -77,6 +93,7 @@ impl Simulator {
         if found.is_empty() {
             return None;
         }
+        let own = self.scene.mesh.topology().faces().len() as u32;
         let pair = |faces: &[u32; 2]| {
             let [a, b] = faces.map(|face| contact.face_name(face));
             format!("{a} and {b}")
@@ -86,6 +103,7 @@ impl Simulator {
         Some(Meeting {
             count: found.len(),
             pairs: shown.join(", ") + more,
+            is_own: found.iter().flat_map(|f| f.faces).all(|face| face < own),
         })
     }
 
@@ -102,7 +120,7 @@ impl Simulator {
         let positions: Vec<DVec3> = positions.iter().map(|p| p.as_dvec3()).collect();
         match self.meeting(frame, &positions) {
             None => Ok(()),
-            Some(Meeting { count, pairs }) => Err(StepError::Intersections {
+            Some(Meeting { count, pairs, .. }) => Err(StepError::Intersections {
                 frame,
                 count,
                 pairs,
@@ -181,7 +199,8 @@ impl Simulator {
         if let Some(found) = self.obstacle_shift(number) {
             *found = shift;
         }
-        let Some(Meeting { count, pairs }) = self.meeting(self.frame, &self.state.positions) else {
+        let Some(Meeting { count, pairs, .. }) = self.meeting(self.frame, &self.state.positions)
+        else {
             return Ok(());
         };
         if let Some(found) = self.obstacle_shift(number) {
@@ -279,6 +298,8 @@ impl Simulator {
 /// Faces that meet.
 struct Meeting {
     count: usize,
-    /// The first of them in words.
+    /// The first of them, named.
     pairs: String,
+    /// All are of the cloth with itself.
+    is_own: bool,
 }

@@ -25,13 +25,28 @@ pub enum SimulatorError {
     #[error("the length of the previous substep must be finite and positive, found {seconds} s")]
     PreviousSubstep { seconds: f64 },
     #[error(
-        "the cloth starts with {count} intersections ({pairs}): start it where nothing meets, or remove `contact`"
+        "the cloth starts with {count} intersections ({pairs}): start it where nothing meets, or {}",
+        if *is_own { "write contact.self = false: all are of the cloth with itself" } else { "remove `contact`" }
     )]
-    Intersections { count: usize, pairs: String },
+    Intersections {
+        count: usize,
+        pairs: String,
+        /// All are of the cloth with itself.
+        is_own: bool,
+    },
     #[error(
-        "contact.thickness is {thickness} m, but the shortest edge of the cloth has {edge:.2e} m: use at most a quarter of that, or a coarser mesh"
+        "contact.thickness is {thickness} m and may be a quarter of an edge, but {short} of {edges} edges of the cloth are shorter than {} m; the shortest, from vertex {} to {}, has {edge:.2e} m: write contact.thickness = {:.1e}, or merge such vertices",
+        4.0 * thickness, ends[0], ends[1], 0.24 * edge
     )]
-    Thickness { thickness: f64, edge: f64 },
+    Thickness {
+        thickness: f64,
+        /// Length of the shortest edge `[m]`, and its ends.
+        edge: f64,
+        ends: [VertexId; 2],
+        /// Edges that are too short, and all.
+        short: usize,
+        edges: usize,
+    },
     #[error("the system of {vertices} vertices cannot be set up ({cause}): use a smaller mesh")]
     Analysis { vertices: usize, cause: String },
 }

@@ -139,11 +139,30 @@ fn what_cannot_be_is_said() {
         matches!(error, SimulatorError::Intersections { .. }),
         "{error}"
     );
-    assert!(error.to_string().contains("obstacle \"ground\""), "{error}");
+    let words = error.to_string();
+    assert!(words.contains("obstacle \"ground\""), "{error}");
+    assert!(words.contains("remove `contact`"), "{error}");
+    // Folded along the middle, the halves tilted against each other.
+    let mut scene = lying(8, |p| {
+        let (x, z) = (p.x, p.z - 0.05);
+        DVec3::new(x.abs(), x * z, p.z)
+    });
+    scene.obstacles.clear();
+    let error = Simulator::new(&scene).err().unwrap();
+    assert!(
+        error.to_string().contains("contact.self = false"),
+        "{error}"
+    );
     let mut scene = lying(8, |p| p + DVec3::Y);
     scene.contact.as_mut().unwrap().thickness = 0.05;
     let error = Simulator::new(&scene).err().unwrap();
-    assert!(matches!(error, SimulatorError::Thickness { .. }), "{error}");
+    let SimulatorError::Thickness { edge, .. } = error else {
+        panic!("{error}");
+    };
+    let remedy = format!("write contact.thickness = {:.1e}", 0.24 * edge);
+    assert!(error.to_string().contains(&remedy), "{error}");
+    scene.contact.as_mut().unwrap().thickness = 0.24 * edge;
+    assert!(Simulator::new(&scene).is_ok());
 }
 
 /// A ground that lies still, and a lid that comes down on the sheet in between.
