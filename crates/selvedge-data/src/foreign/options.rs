@@ -29,9 +29,6 @@ pub enum HandleSource {
     /// Those that go with nodes of these names, node by node. Of caches with nodes (USD,
     /// .glb).
     Nodes(Vec<String>),
-    /// Those that stand still, or keep their distances from each other, through all frames. Of
-    /// caches.
-    Found,
 }
 
 impl HandleSource {
@@ -40,19 +37,8 @@ impl HandleSource {
         match self {
             Self::Vertices(numbers) => json!(numbers),
             Self::Nodes(names) => json!({ "nodes": names }),
-            Self::Found => json!("found"),
         }
     }
-}
-
-/// Purpose of a data set.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Purpose {
-    /// Something must be there to train on.
-    #[default]
-    Training,
-    /// Measuring models that were trained elsewhere: the training split is left out.
-    Testing,
 }
 
 /// Options of an import. `None` takes the default, where there is one.
@@ -74,10 +60,6 @@ pub struct ImportOptions {
     pub flat: Option<PathBuf>,
     /// Axis that points up in files that do not say it; by default y.
     pub up: Option<UpAxis>,
-    /// Largest number of trajectories of each split.
-    pub limit: Option<usize>,
-    /// Choice of the trajectories that are imported.
-    pub purpose: Purpose,
     /// Trajectories to test on, by name, for caches that are not already in
     /// `train` and `test`.
     pub test: Vec<String>,

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use super::cache::{Caches, is_cache};
 use super::error::{ForeignError, ForeignProblem};
-use super::options::{ImportOptions, Purpose};
+use super::options::ImportOptions;
 use crate::dataset::Split;
 use crate::dataset::plan::DatasetPlan;
 use crate::dataset::sections::SectionRule;
@@ -43,21 +43,8 @@ impl ForeignSource {
     /// # Errors
     /// [`ForeignError`] names the file or the option.
     pub fn open(folder: &Path, options: &ImportOptions) -> Result<Self, ForeignError> {
-        let at_folder = FileError::at(folder);
-        let caches = Caches::new(options).map_err(&at_folder)?;
-        let mut runs = runs_in(folder, &options.test)?;
-        if options.purpose == Purpose::Testing {
-            runs.retain(|run| run.split == Split::Test);
-        }
-        if let Some(limit) = options.limit {
-            let mut kept = [0; 2];
-            runs.retain(|run| {
-                let count = &mut kept[usize::from(run.split == Split::Test)];
-                *count += 1;
-                *count <= limit
-            });
-        }
-        check_purpose(options.purpose, &runs).map_err(at_folder)?;
+        let caches = Caches::new(options).map_err(FileError::at(folder))?;
+        let runs = runs_in(folder, &options.test)?;
         let import = caches.describe()?;
         let named = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
         let named = named.file_name().map(|name| name.to_string_lossy());
@@ -99,24 +86,6 @@ impl ForeignSource {
     pub fn read(&self, run: &ForeignRun) -> Result<Trajectory, ForeignError> {
         let parts = self.caches.read(&run.path)?;
         parts.trajectory().map_err(FileError::at(&run.path))
-    }
-}
-
-/// Checks that the data have something for their purpose.
-fn check_purpose(purpose: Purpose, runs: &[ForeignRun]) -> Result<(), ForeignProblem> {
-    let (split, problem) = match purpose {
-        Purpose::Training => (
-            Split::Train,
-            "has nothing to train on: name fewer to test on (`test`), add a folder train, or import only what there is to test on",
-        ),
-        Purpose::Testing => (
-            Split::Test,
-            "has nothing to test on: name some (`test`), add a folder test, or import what there is to train on, too",
-        ),
-    };
-    match runs.iter().any(|run| run.split == split) {
-        true => Ok(()),
-        false => Err(ForeignProblem::Layout(problem.to_owned())),
     }
 }
 

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use selvedge_cloth::PhysicsSettings;
 use selvedge_data::UpAxis;
-use selvedge_data::foreign::{HandleSource, ImportOptions, Purpose, RestSource};
+use selvedge_data::foreign::{HandleSource, ImportOptions, RestSource};
 
 use crate::failure::WrongUsage;
 
@@ -19,7 +19,7 @@ use crate::failure::WrongUsage;
 #[command(after_help = "\
 Examples:
   selvedge data import cache shots --density 0.2 --frame-rate 60 --handles 0,19 -o data/shots
-  selvedge data import cache shots --density 0.2 --frame-rate 60 --handles found -o data/shots
+  selvedge data import cache shots --density 0.2 --frame-rate 60 --handles left,right -o data/shots
 
 docs/src/guides/data.md says what caches lack, what is taken by default, and why.")]
 pub(crate) struct ImportArgs {
@@ -41,8 +41,7 @@ pub(crate) struct ImportArgs {
     #[arg(long, value_name = "NUMBER")]
     pub(crate) frame_rate: Option<f64>,
     /// The held vertices in the order of their targets, from 0, separated by commas (required); or
-    /// `found`, those that stand still or keep their distances from each other in all frames; or the
-    /// names of nodes that they go with.
+    /// the names of nodes that they go with.
     #[arg(long, value_name = "WHICH", value_parser = handles)]
     pub(crate) handles: Option<HandleSource>,
     /// The mesh that is the cloth, by name [default: the only one, or sheet].
@@ -57,18 +56,12 @@ pub(crate) struct ImportArgs {
     /// The axis that points up in files that do not say it [default: y].
     #[arg(long, value_enum)]
     pub(crate) up: Option<UpName>,
-    /// At most so many trajectories of each split.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    pub(crate) limit: Option<u32>,
     /// Trajectories to test on, separated by commas (without folders train and test).
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub(crate) test: Vec<String>,
     /// The largest strain of an edge that is taken for that of a cloth.
     #[arg(long, value_name = "NUMBER", default_value_t = PhysicsSettings::default().max_strain, value_parser = strain, allow_negative_numbers = true)]
     pub(crate) max_strain: f64,
-    /// Import only what is to be tested on; without this, nothing to train on is an error.
-    #[arg(long)]
-    pub(crate) test_only: bool,
 }
 
 /// A format of another project.
@@ -92,12 +85,9 @@ pub(crate) enum UpName {
 }
 
 fn handles(text: &str) -> Result<HandleSource, String> {
-    if text == "found" {
-        return Ok(HandleSource::Found);
-    }
     let parts: Vec<&str> = text.split(',').map(str::trim).collect();
     if parts.iter().any(|part| part.is_empty()) {
-        return Err("expected numbers as 0,30, names of nodes as left,right, or found".to_owned());
+        return Err("expected numbers as 0,30, or names of nodes as left,right".to_owned());
     }
     let numbers: Result<Vec<u32>, _> = parts.iter().map(|part| part.parse()).collect();
     if let Ok(numbers) = numbers {
@@ -152,11 +142,6 @@ impl ImportArgs {
                 UpName::Y => UpAxis::Y,
                 UpName::Z => UpAxis::Z,
             }),
-            limit: self.limit.map(|limit| limit as usize),
-            purpose: match self.test_only {
-                true => Purpose::Testing,
-                false => Purpose::Training,
-            },
             test: self.test.clone(),
         }
     }

@@ -8,7 +8,6 @@
 //! that is asked for, linearly between those of the file.
 
 mod handles;
-mod rigid;
 
 use std::path::{Path, PathBuf};
 
@@ -81,7 +80,7 @@ impl Caches {
                 missing(
                     "which vertices are held",
                     "handles",
-                    "numbers from 0, as 0,30, nodes of the file, as left,right, or found",
+                    "numbers from 0, as 0,30, or nodes of the file, as left,right",
                 )
             })?,
             object: options.object.clone(),
@@ -132,7 +131,7 @@ impl Caches {
             _ => self.up,
         };
         let faces = triangles(&mesh, span).map_err(layout)?;
-        let held = handles::held(&self.handles, &bytes, format, &frames, span, &faces);
+        let held = handles::held(&self.handles, &bytes, format, span);
         let handles = held.map_err(layout)?;
         let own = |frame: &Vec<DVec3>| {
             let own = frame[span[0]..span[1]].iter();

@@ -1,5 +1,5 @@
-//! Caches that are learned from: what we write comes back, handles are named or found, and what is
-//! missing is said.
+//! Caches that are learned from: what we write comes back, handles are numbered or named, and what
+//! is missing is said.
 
 use std::ops::ControlFlow;
 
@@ -169,22 +169,6 @@ fn handles_are_those_that_go_with_nodes() {
     );
 }
 
-#[test]
-fn a_cloth_of_which_nothing_is_held_says_so() {
-    for (format, ending) in [(ExportFormat::Usdc, "usdc"), (ExportFormat::Pc2, "pc2")] {
-        let folder = exported(format, ending);
-        let found = ImportOptions {
-            handles: Some(HandleSource::Found),
-            ..options(30.0)
-        };
-        let error = handles(folder.path(), &found).unwrap_err();
-        assert!(
-            error.contains(ending) && error.contains("`handles` 0,30"),
-            "{error}"
-        );
-    }
-}
-
 /// Two triangles, of which the one called `left` is moved by its vertices 0 and 2.
 const TWO: &str = r#"#usda 1.0
 (
@@ -220,7 +204,7 @@ fn one_cloth_of_several_is_named() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("two.usda"), TWO).unwrap();
     let of = |object: Option<&str>| ImportOptions {
-        handles: Some(HandleSource::Found),
+        handles: Some(HandleSource::Vertices(vec![0, 2])),
         object: object.map(str::to_owned),
         ..options(30.0)
     };
