@@ -46,7 +46,6 @@ use self::random_cloths::{Drawn, RandomCloths};
 use crate::dataset::Split;
 use crate::dataset::plan::DatasetPlan;
 use crate::dataset::sections::SectionRule;
-use crate::obstacle::RandomObstacles;
 use crate::scene::{
     LoadedScene, MotionSource, ResolvedSetting, SceneFileError, SceneProblem, SceneSpec,
     SceneSpecError, SettingFile, Stand, StartSpec, field, parse_toml, read_text,
@@ -93,7 +92,6 @@ struct PresetFile {
     cloths: Vec<ClothFile>,
     #[serde(default)]
     motions: BTreeMap<String, MotionSource>,
-    random_obstacles: Option<RandomObstacles>,
     random_cloths: Option<RandomCloths>,
 }
 
@@ -231,7 +229,7 @@ impl DatasetPreset {
         for one in drawn {
             meshes.push(config.add(one)?);
         }
-        let mut preset = Self {
+        let preset = Self {
             config,
             mesh,
             meshes,
@@ -242,37 +240,10 @@ impl DatasetPreset {
                 sections: Vec::new(),
             },
         };
-        if let Some(random) = file.random_obstacles {
-            preset.draw_obstacles(&random)?;
-        }
-        preset.forecast = preset.foresee()?;
-        Ok(preset)
-    }
-
-    /// Gives every trajectory obstacles of its own.
-    fn draw_obstacles(&mut self, random: &RandomObstacles) -> Result<(), SceneProblem> {
-        let wrong = |problem| field("random_obstacles", problem);
-        random.check().map_err(wrong)?;
-        if self.config.setting.contact.is_none() {
-            return Err(field(
-                "random_obstacles",
-                "need setting.contact: add `contact = {}` there",
-            ));
-        }
-        let mut drawn = Vec::new();
-        let runs = self.config.train.iter().chain(&self.config.test);
-        for (number, motion) in runs.enumerate() {
-            let scene = self.scene(motion)?.scene;
-            let frames = scene.frame_count().map_err(SceneError::Motion);
-            let frames = frames.map_err(SceneSpecError::Scene)?;
-            let seconds = frames as f64 / scene.frame_rate;
-            drawn.push(random.draw(&scene, seconds, number).map_err(wrong)?);
-        }
-        let runs = self.config.train.iter_mut().chain(&mut self.config.test);
-        for (motion, obstacles) in runs.zip(drawn) {
-            motion.obstacles = obstacles;
-        }
-        Ok(())
+        Ok(Self {
+            forecast: preset.foresee()?,
+            ..preset
+        })
     }
 
     /// Every scene, made once to see that it can be, and what comes of it.
@@ -359,7 +330,6 @@ impl DatasetPreset {
                 }
             }
         }
-        setting.obstacles.extend(motion.obstacles.iter().cloned());
         let spec = SceneSpec {
             name: format!("{}/{}", self.config.name, motion.name),
             setting,
@@ -477,7 +447,6 @@ impl MotionList {
                         name,
                         motion,
                         cloth: None,
-                        obstacles: Vec::new(),
                     }),
                     None => Err(field(split, problem())),
                 }

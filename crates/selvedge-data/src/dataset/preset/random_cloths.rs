@@ -96,7 +96,6 @@ fn of(split: Split, name: String, cloth: DrawnCloth) -> Drawn {
             name: name.clone(),
             motion: cloth.motion,
             cloth: Some(name.clone()),
-            obstacles: Vec::new(),
         },
         cloth: NamedCloth {
             name,
