@@ -16,9 +16,7 @@ pub(crate) mod distribution;
 mod over_time;
 
 pub use character::Character;
-pub use over_time::{
-    diverged_frame, first_strained_frame, per_frame_edge_length_rmse, relative_error,
-};
+pub use over_time::{diverged_frame, relative_error};
 
 /// The measures of run `b` against run `a`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -70,7 +68,7 @@ pub fn compare(
         frames: a.len(),
         frame_counts,
         position_rmse: position_rmse(a, b)?,
-        position_max: max_vertex_error(a, b)?,
+        position_max: fold_vertices(a, b, 0.0, larger)?.value,
         mean_vertex_error: mean_vertex_error(a, b)?,
         edge_length_rmse: edge_length_rmse(a, b, topology)?,
         edge_length_mean: mean_edge_length(a, topology)?,
@@ -119,14 +117,6 @@ pub fn per_frame_rmse(a: Frames<'_>, b: Frames<'_>) -> Result<Vec<f64>, MetricEr
 pub fn mean_vertex_error(a: Frames<'_>, b: Frames<'_>) -> Result<f64, MetricError> {
     let sum = fold_vertices(a, b, 0.0, |sum, d| sum + d)?;
     Ok(sum.value / sum.count)
-}
-
-/// Largest distance of a vertex from where it should be `[m]`.
-///
-/// # Errors
-/// [`MetricError`].
-pub fn max_vertex_error(a: Frames<'_>, b: Frames<'_>) -> Result<f64, MetricError> {
-    Ok(fold_vertices(a, b, 0.0, larger)?.value)
 }
 
 /// Edge-length RMSE `[eq:edge-length-rmse]`: √(mean over frames and undirected edges of
