@@ -24,7 +24,6 @@ use crate::formats::retired::retired;
 use glam::DMat4;
 
 pub(crate) use self::bodies::read_body;
-pub(crate) use self::drive::Followers;
 pub use self::error::RigError;
 pub use self::mesh_motion::MeshMotion;
 pub use self::node::{Rig, RigNode};

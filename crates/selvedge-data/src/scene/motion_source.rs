@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use glam::DVec3;
+use glam::{DMat4, DVec3};
 use selvedge_cloth::motion::named;
 use selvedge_cloth::{Keyframe, KeyframeGroup, KeyframeMotion, Mesh, Motion, RecordedMotion};
 use serde::Deserialize;
@@ -15,7 +15,7 @@ use super::spec::Setting;
 use super::text::{parse_toml, read_text};
 use crate::formats::input::read_file;
 use crate::formats::npz::NpzPoints;
-use crate::rig::{Followers, Rig};
+use crate::rig::Rig;
 
 /// One way to say how the handles move; paths are relative to the file that names them.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -77,14 +77,14 @@ impl<'a> Stand<'a> {
 impl RigMotion {
     fn resolve(&self, folder: &Path, stand: &Stand<'_>) -> Result<Motion, SceneProblem> {
         let nodes = self.nodes_of(stand)?;
-        let followers = Followers {
-            nodes: &nodes,
-            start: &stand.start,
-            frame_rate: stand.frame_rate,
+        let frames = Rig::read_motion(&folder.join(&self.file), &nodes, stand.frame_rate)
+            .map_err(|error| field("motion.rig", error.to_string()))?;
+        let moved = |frame: &Vec<DMat4>| {
+            let pairs = frame.iter().zip(&stand.start);
+            pairs.map(|(node, p)| node.transform_point3(*p)).collect()
         };
-        Rig::read_motion(&folder.join(&self.file), &followers)
-            .map(Motion::Recorded)
-            .map_err(|error| field("motion.rig", error.to_string()))
+        let positions = frames.iter().map(moved).collect();
+        Ok(Motion::Recorded(RecordedMotion { positions }))
     }
 
     /// The name of each handle's node.
