@@ -10,7 +10,7 @@ use selvedge_data::{
 };
 use serde_json::json;
 
-use crate::help::{sheet, table};
+use crate::help::{says, sheet, table};
 
 /// A triangle that moves by `step` [m] per frame at 2 frames per second.
 fn trajectory(frames: usize, step: f32) -> Trajectory {
@@ -224,10 +224,7 @@ fn an_index_that_is_wrong_is_an_error_that_says_where() {
         make(folder.path());
         edit_index(folder.path(), from, to);
         let text = Dataset::open(folder.path()).unwrap_err().to_string();
-        assert!(
-            text.contains("index.json: ") && text.contains(expected),
-            "{text}"
-        );
+        says(&text, &["index.json: ", expected]);
         assert!(text.ends_with("restore the index, or make the data set again"));
     }
     let folder = tempfile::tempdir().unwrap();
@@ -239,11 +236,10 @@ fn an_index_that_is_wrong_is_an_error_that_says_where() {
         "\"train_frames\": 13",
     );
     let dataset = Dataset::open(folder.path()).unwrap();
-    let text = dataset
-        .read(&dataset.entries(Split::Train)[1])
-        .unwrap_err()
-        .to_string();
-    assert!(text.contains("has 9 frames of 3 vertices"), "{text}");
+    says(
+        dataset.read(&dataset.entries(Split::Train)[1]).unwrap_err(),
+        &["has 9 frames of 3 vertices"],
+    );
 }
 
 /// The index, changed and written again; what opening it says.
@@ -327,8 +323,7 @@ fn a_trajectory_that_is_too_short_is_refused_before_it_is_written() {
     let folder = tempfile::tempdir().unwrap();
     let mut writer = DatasetWriter::open(folder.path(), plan()).unwrap();
     let error = writer.add(Split::Train, "a", &trajectory(2, 0.25));
-    let text = error.unwrap_err().to_string();
-    assert!(text.contains("trajectory a has 2 frames"), "{text}");
+    says(error.unwrap_err(), &["trajectory a has 2 frames"]);
     assert!(!folder.path().join("train/a.safetensors").exists());
     // To test on, two frames are enough.
     writer.add(Split::Test, "a", &trajectory(2, 0.25)).unwrap();
@@ -422,15 +417,13 @@ fn a_missing_or_altered_file_is_named_wherever_it_is_read() {
         }
     }
     std::fs::remove_file(&path).unwrap();
-    let text = dataset.read(entry).unwrap_err().to_string();
-    assert!(
-        text.contains("train/b.safetensors: could not be read"),
-        "{text}"
+    says(
+        dataset.read(entry).unwrap_err(),
+        &["train/b.safetensors: could not be read"],
     );
-    let text = Dataset::open(folder.path()).unwrap_err().to_string();
-    assert!(
-        text.contains("\"train/b.safetensors\" is missing"),
-        "{text}"
+    says(
+        Dataset::open(folder.path()).unwrap_err(),
+        &["\"train/b.safetensors\" is missing"],
     );
 }
 
@@ -443,8 +436,5 @@ fn another_vertex_count_than_that_of_the_trajectory_is_named() {
     let error = dataset.read(&dataset.entries(Split::Test)[0]).unwrap_err();
     let text = error.to_string();
     let expected = "has 4 frames of 3 vertices, the index says 4 frames of 4 vertices";
-    assert!(
-        text.contains("test/a.safetensors") && text.contains(expected),
-        "{text}"
-    );
+    says(&text, &["test/a.safetensors", expected]);
 }

@@ -11,7 +11,7 @@ use selvedge_data::{
     shipped_presets,
 };
 
-use crate::help::table;
+use crate::help::{says, table};
 
 /// A preset with these lists, sections, frame rate and own motions.
 fn preset(lists: &str, rule: &str, rate: &str, own: &str) -> Result<DatasetPreset, String> {
@@ -108,10 +108,9 @@ fn the_sections_of_the_paper_are_for_its_frame_rate() {
     assert_eq!(papers.config().sections, SectionRule::Paper);
     let whole = preset(lists, "whole", "30", "").unwrap();
     assert_eq!(whole.config().setting.frame_rate, 30.0);
-    let error = preset(lists, "paper", "30", "").unwrap_err();
-    assert!(
-        error.contains("sections: \"paper\" counts frames of 1/60 s, but setting.frame_rate is 30"),
-        "{error}"
+    says(
+        preset(lists, "paper", "30", "").unwrap_err(),
+        &["sections: \"paper\" counts frames of 1/60 s, but setting.frame_rate is 30"],
     );
 }
 
@@ -204,10 +203,9 @@ fn mistakes_in_meshes_are_named() {
 #[test]
 fn sections_of_the_paper_that_a_motion_is_too_short_for_are_an_error_of_the_preset() {
     let own = "[motions.mine.inline]\nkind = \"blocks\"\nblocks = [{ duration = 5.0 }]\n";
-    let error = preset("train = [\"mine\"]\ntest = []", "paper", "60", own).unwrap_err();
-    assert!(
-        error.contains("sections: trajectory mine has 301 frames"),
-        "{error}"
+    says(
+        preset("train = [\"mine\"]\ntest = []", "paper", "60", own).unwrap_err(),
+        &["sections: trajectory mine has 301 frames"],
     );
 }
 
@@ -269,8 +267,7 @@ fn cloths_of_the_file_run_every_test_motion() {
             "cloths.handles: has groups that let go",
         ),
     ] {
-        let error = preset(lists, "whole", "60", &own).unwrap_err();
-        assert!(error.contains(expected), "{error}");
+        says(preset(lists, "whole", "60", &own).unwrap_err(), &[expected]);
     }
 }
 

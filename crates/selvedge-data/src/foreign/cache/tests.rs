@@ -6,6 +6,7 @@ use std::ops::ControlFlow;
 use super::*;
 use crate::export::{ExportFormat, ExportOptions, export};
 use crate::foreign::ForeignSource;
+use crate::test_help::says;
 use crate::trajectory::Trajectory;
 use crate::trajectory::test_square::moving_square;
 
@@ -86,8 +87,7 @@ fn frames_are_taken_at_the_rate_that_is_asked_for() {
 fn what_is_missing_is_named() {
     let folder = exported(ExportFormat::Pc2, "pc2");
     std::fs::remove_file(folder.path().join("a.obj")).unwrap();
-    let error = import(folder.path(), 30.0).unwrap_err().to_string();
-    assert!(error.contains("a.obj"), "{error}");
+    says(import(folder.path(), 30.0).unwrap_err(), &["a.obj"]);
     for (options, word) in [
         (ImportOptions::default(), "density"),
         (
@@ -106,20 +106,16 @@ fn what_is_missing_is_named() {
         ),
     ] {
         let error = ForeignSource::open(folder.path(), &options);
-        let error = error.unwrap_err().to_string();
-        assert!(error.contains(word), "{error}");
+        says(error.unwrap_err(), &[word]);
     }
     let empty = tempfile::tempdir().unwrap();
-    let error = import(empty.path(), 30.0).unwrap_err().to_string();
-    assert!(error.contains("no cache"), "{error}");
+    says(import(empty.path(), 30.0).unwrap_err(), &["no cache"]);
     std::fs::write(empty.path().join("a.fbx"), "").unwrap();
-    let error = import(empty.path(), 30.0).unwrap_err().to_string();
-    assert!(error.contains("a.fbx"), "{error}");
+    says(import(empty.path(), 30.0).unwrap_err(), &["a.fbx"]);
     std::fs::remove_file(empty.path().join("a.fbx")).unwrap();
     for (name, remedy) in [("a.abc", "export USD"), ("a.mdd", "export .pc2")] {
         std::fs::write(empty.path().join(name), "").unwrap();
-        let error = import(empty.path(), 30.0).unwrap_err().to_string();
-        assert!(error.contains(name) && error.contains(remedy), "{error}");
+        says(import(empty.path(), 30.0).unwrap_err(), &[name, remedy]);
         std::fs::remove_file(empty.path().join(name)).unwrap();
     }
 }
@@ -155,17 +151,15 @@ fn handles_are_those_that_go_with_nodes() {
         assert_eq!(found.unwrap(), [3, 2], "{ending}");
         let found = handles(folder.path(), &named(&["handle_1"]));
         assert_eq!(found.unwrap(), [2], "{ending}");
-        let error = handles(folder.path(), &named(&["hand"])).unwrap_err();
-        assert!(
-            error.contains("\"hand\"") && error.contains("handle_1"),
-            "{error}"
+        says(
+            handles(folder.path(), &named(&["hand"])).unwrap_err(),
+            &["\"hand\"", "handle_1"],
         );
     }
     let folder = exported(ExportFormat::Pc2, "pc2");
-    let error = handles(folder.path(), &named(&["handle_0"])).unwrap_err();
-    assert!(
-        error.contains("a.pc2") && error.contains("without nodes"),
-        "{error}"
+    says(
+        handles(folder.path(), &named(&["handle_0"])).unwrap_err(),
+        &["a.pc2", "without nodes"],
     );
 }
 
@@ -209,14 +203,12 @@ fn one_cloth_of_several_is_named() {
         ..options(30.0)
     };
     assert_eq!(handles(folder.path(), &of(Some("left"))).unwrap(), [0, 2]);
-    let error = handles(folder.path(), &of(None)).unwrap_err();
-    assert!(
-        error.contains("[left, right]") && error.contains("`object`"),
-        "{error}"
+    says(
+        handles(folder.path(), &of(None)).unwrap_err(),
+        &["[left, right]", "`object`"],
     );
-    let error = handles(folder.path(), &of(Some("middle"))).unwrap_err();
-    assert!(
-        error.contains("\"middle\"") && error.contains("[left, right]"),
-        "{error}"
+    says(
+        handles(folder.path(), &of(Some("middle"))).unwrap_err(),
+        &["\"middle\"", "[left, right]"],
     );
 }
