@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use super::cache::{Caches, is_cache};
+use super::cache::is_cache;
 use super::error::{ForeignError, ForeignProblem};
 use super::options::ImportOptions;
 use crate::dataset::Split;
@@ -21,7 +21,7 @@ pub struct ForeignSource {
     name: String,
     /// The resolved options: an interrupted import continues only with the same.
     import: Value,
-    caches: Caches,
+    options: ImportOptions,
     runs: Vec<ForeignRun>,
 }
 
@@ -43,16 +43,16 @@ impl ForeignSource {
     /// # Errors
     /// [`ForeignError`] names the file or the option.
     pub fn open(folder: &Path, options: &ImportOptions) -> Result<Self, ForeignError> {
-        let caches = Caches::new(options).map_err(FileError::at(folder))?;
+        options.check().map_err(FileError::at(folder))?;
         let runs = runs_in(folder, &options.test)?;
-        let import = caches.describe()?;
+        let import = options.describe()?;
         let named = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
         let named = named.file_name().map(|name| name.to_string_lossy());
         let name = options.name.clone();
         Ok(Self {
             name: name.unwrap_or_else(|| named.map_or_else(String::new, String::from)),
             import,
-            caches,
+            options: options.clone(),
             runs,
         })
     }
@@ -84,7 +84,7 @@ impl ForeignSource {
     /// # Errors
     /// [`ForeignError`] names the file, and what in it cannot be used.
     pub fn read(&self, run: &ForeignRun) -> Result<Trajectory, ForeignError> {
-        let parts = self.caches.read(&run.path)?;
+        let parts = self.options.read(&run.path)?;
         parts.trajectory().map_err(FileError::at(&run.path))
     }
 }

@@ -137,9 +137,9 @@ fn caches(desk: &Desk) {
 fn caches_become_a_data_set() {
     let desk = Desk::new();
     caches(&desk);
-    let import = "data import cache caches --frame-rate 60 --handles handle_0";
+    let import = "data import caches --frame-rate 60 --handles handle_0";
     let lacks = format!("{import} --out set");
-    desk.fails(&lacks, 1, &["what the cloth weighs", "density"]);
+    desk.fails(&lacks, 2, &["--density"]);
     let import = format!("{import} --test two");
     let report = desk.json(&format!("{import} --density 0.2 --out set"));
     assert_eq!(
@@ -164,19 +164,6 @@ fn caches_become_a_data_set() {
 }
 
 #[test]
-fn data_of_other_projects_are_read_in_python() {
-    let desk = Desk::new();
-    for (format, function) in [("flag-simple", "flag_simple"), ("released", "released")] {
-        let words = [
-            "pip install pyselvedge",
-            &format!("import_{function}(\"there\", \"set\""),
-        ];
-        desk.fails(&format!("data import {format} there -o set"), 2, &words);
-    }
-    assert!(!desk.path("set").exists());
-}
-
-#[test]
 fn the_handles_of_a_cache_can_be_named() {
     let desk = Desk::new();
     desk.write("push.toml", PUSH);
@@ -186,7 +173,7 @@ fn the_handles_of_a_cache_can_be_named() {
         std::fs::create_dir(desk.path(ending)).unwrap();
         desk.json(&format!("export run.safetensors -o {ending}/run.{ending}"));
         // At another rate than that of the file: what turns is not rigid between its frames.
-        let import = format!("data import cache {ending} --density 0.2 --frame-rate 90");
+        let import = format!("data import {ending} --density 0.2 --frame-rate 90");
         let named = format!("{import} --handles handle_1,handle_0 --out {ending}-named");
         if ending == "pc2" {
             desk.fails(&named, 1, &["run.pc2", "without nodes"]);
@@ -203,7 +190,7 @@ fn the_handles_of_a_cache_can_be_named() {
         let rate = number(&seen, "/meshes/0/frame_rate");
         assert!((rate - 60.0).abs() < 1e-2, "{ending}: {rate}");
     }
-    let import = "data import cache usdc --density 0.2 --frame-rate 60 -o new --handles";
+    let import = "data import usdc --density 0.2 --frame-rate 60 -o new --handles";
     desk.fails(&format!("{import} 0,left"), 2, &["not both"]);
     desk.fails(&format!("{import} 0.5,1"), 2, &["whole numbers"]);
     desk.fails(
@@ -223,8 +210,7 @@ fn numbers(list: &serde_json::Value) -> Vec<f64> {
 fn an_import_that_fails_at_once_leaves_nothing_behind() {
     let desk = Desk::new();
     caches(&desk);
-    let import =
-        "data import cache caches --density 0.2 --frame-rate 60 --handles handle_0 -o sets/new";
+    let import = "data import caches --density 0.2 --frame-rate 60 --handles handle_0 -o sets/new";
     // The second of two: what was written before it is kept.
     desk.write("caches/two.usdc", "no stage");
     desk.fails(import, 1, &["caches/two.usdc"]);
@@ -241,7 +227,7 @@ fn an_import_that_fails_at_once_leaves_nothing_behind() {
 fn frames_beyond_what_cloth_does_are_not_imported() {
     let desk = Desk::new();
     caches(&desk);
-    let import = "data import cache caches --density 0.2 --frame-rate 60 --handles handle_0";
+    let import = "data import caches --density 0.2 --frame-rate 60 --handles handle_0";
     let words = [
         "trajectory one",
         "from frame",

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 
 use super::*;
 use crate::export::{ExportFormat, ExportOptions, export};
-use crate::foreign::ForeignSource;
+use crate::foreign::{ForeignSource, HandleSource};
 use crate::test_help::says;
 use crate::trajectory::Trajectory;
 use crate::trajectory::test_square::moving_square;
@@ -27,10 +27,15 @@ fn exported(format: ExportFormat, ending: &str) -> tempfile::TempDir {
 
 fn options(rate: f64) -> ImportOptions {
     ImportOptions {
-        density: Some(0.2),
-        frame_rate: Some(rate),
-        handles: Some(HandleSource::Vertices(vec![3, 2])),
-        ..ImportOptions::default()
+        name: None,
+        density: 0.2,
+        frame_rate: rate,
+        handles: HandleSource::Vertices(vec![3, 2]),
+        object: None,
+        rest: RestSource::FirstFrame,
+        flat: None,
+        up: UpAxis::Y,
+        test: Vec::new(),
     }
 }
 
@@ -88,23 +93,11 @@ fn what_is_missing_is_named() {
     let folder = exported(ExportFormat::Pc2, "pc2");
     std::fs::remove_file(folder.path().join("a.obj")).unwrap();
     says(import(folder.path(), 30.0).unwrap_err(), &["a.obj"]);
-    for (options, word) in [
-        (ImportOptions::default(), "density"),
-        (
-            ImportOptions {
-                frame_rate: None,
-                ..options(1.0)
-            },
-            "frame_rate",
-        ),
-        (
-            ImportOptions {
-                handles: None,
-                ..options(1.0)
-            },
-            "handles",
-        ),
-    ] {
+    let light = ImportOptions {
+        density: 0.0,
+        ..options(1.0)
+    };
+    for (options, word) in [(light, "density"), (options(f64::NAN), "frame_rate")] {
         let error = ForeignSource::open(folder.path(), &options);
         says(error.unwrap_err(), &[word]);
     }
@@ -132,9 +125,7 @@ fn handles(folder: &Path, options: &ImportOptions) -> Result<Vec<u32>, String> {
 
 fn named(names: &[&str]) -> ImportOptions {
     ImportOptions {
-        handles: Some(HandleSource::Nodes(
-            names.iter().map(|&n| n.to_owned()).collect(),
-        )),
+        handles: HandleSource::Nodes(names.iter().map(|&n| n.to_owned()).collect()),
         ..options(30.0)
     }
 }
@@ -198,7 +189,7 @@ fn one_cloth_of_several_is_named() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("two.usda"), TWO).unwrap();
     let of = |object: Option<&str>| ImportOptions {
-        handles: Some(HandleSource::Vertices(vec![0, 2])),
+        handles: HandleSource::Vertices(vec![0, 2]),
         object: object.map(str::to_owned),
         ..options(30.0)
     };
