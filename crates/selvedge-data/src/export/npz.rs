@@ -36,7 +36,7 @@ pub(super) fn write(
     pulse: &mut Pulse<'_>,
 ) -> Result<(), ExportError> {
     let entries = entries(take);
-    check_size(".npz", archive_bytes(&entries), take.every())?;
+    check_size(".npz", archive_bytes(&entries), take.every)?;
     Ok(write_archive_of(&entries, path, pulse)?)
 }
 
@@ -58,13 +58,13 @@ fn entries<'a>(take: &'a Take<'_>) -> Vec<EntryOut<'a>> {
     let by_frame = |name: &str, of: Box<dyn Fn(usize) -> Vec<u8> + 'a>| EntryOut {
         name: name.to_owned(),
         kind: "<f4",
-        shape: vec![take.len(), take.trajectory().vertex_count(), 3],
+        shape: vec![take.len(), take.trajectory.vertex_count(), 3],
         chunks: take.len(),
         chunk: of,
     };
     let positions = by_frame("positions", Box::new(|k| floats3(&take.positions(k))));
     let mut entries = vec![positions];
-    if take.has_normals() {
+    if take.normals {
         let normals = move |k| floats3(&take.normals_at(&take.positions(k)));
         entries.push(by_frame("normals", Box::new(normals)));
     }
@@ -106,7 +106,7 @@ fn unchanging(
 /// Arrays of the cloth that do not change over time.
 fn of_cloth(take: &Take<'_>) -> Vec<EntryOut<'static>> {
     let entry = unchanging;
-    let cloth = take.trajectory().cloth();
+    let cloth = take.trajectory.cloth();
     let (vertices, faces) = (cloth.vertex_mass().len(), cloth.face_area().len());
     let corners = cloth.topology().face_indices();
     let rest = floats3(&take.rest_positions());
@@ -119,8 +119,8 @@ fn of_cloth(take: &Take<'_>) -> Vec<EntryOut<'static>> {
     let mass = floats(cloth.vertex_mass().iter().copied());
     let area = floats(cloth.face_area().iter().copied());
     let handles: Vec<u32> = cloth.handles().vertices().iter().map(|v| v.0).collect();
-    let fps = take.trajectory().frame_rate() / take.every() as f64;
-    let up = match take.up() {
+    let fps = take.trajectory.frame_rate() / take.every as f64;
+    let up = match take.up {
         UpAxis::Y => 1,
         UpAxis::Z => 2,
     };
