@@ -105,10 +105,10 @@ pub fn write_folder_atomically<E: From<WriteError>>(
 ) -> Result<(), E> {
     let fail = |action| WriteError::when(path, action);
     let _writing = Writing::begin();
-    let is_free = check_free(path).map_err(fail("make the folder"))?;
+    let is_there = is_empty_folder(path).map_err(fail("make the folder"))?;
     let part = folder_beside(path, folder_of(path)).map_err(fail("make a folder beside it"))?;
     fill(part.folder.path())?;
-    if is_free == FolderContent::EmptyFolder {
+    if is_there {
         fs::remove_dir(path).map_err(fail("put the folder in its place"))?;
     }
     let filled = part.folder.path();
@@ -119,25 +119,19 @@ pub fn write_folder_atomically<E: From<WriteError>>(
     Ok(())
 }
 
-/// Content of the place of a folder.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum FolderContent {
-    Nothing,
-    EmptyFolder,
-}
-
-fn check_free(path: &Path) -> io::Result<FolderContent> {
+/// Returns true where an empty folder is there; anything else there is an error.
+fn is_empty_folder(path: &Path) -> io::Result<bool> {
     if path.file_name().is_none() {
         return Err(io::Error::other("the path names no folder"));
     }
     match fs::symlink_metadata(path) {
-        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(FolderContent::Nothing),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(false),
         Err(error) => Err(error),
         Ok(found) if !found.is_dir() => Err(io::Error::other("there is a file of this name")),
         Ok(_) if fs::read_dir(path)?.next().is_some() => Err(io::Error::other(
             "there is such a folder already, and it is not empty: choose another name, or remove it",
         )),
-        Ok(_) => Ok(FolderContent::EmptyFolder),
+        Ok(_) => Ok(true),
     }
 }
 

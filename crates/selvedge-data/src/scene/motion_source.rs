@@ -20,7 +20,7 @@ use crate::rig::Rig;
 /// One way to say how the handles move; paths are relative to the file that names them.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum MotionSource {
+pub(crate) enum MotionSource {
     /// A motion that has a name.
     Named(String),
     /// A motion written out.
@@ -38,13 +38,13 @@ pub enum MotionSource {
 /// Nodes that handles follow, each rigidly from where it starts.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct RigMotion {
+pub(crate) struct RigMotion {
     /// The file with the nodes.
-    pub file: PathBuf,
+    pub(crate) file: PathBuf,
     /// The node of each group of handles, or of each handle where there are no groups. If there are
     /// none: nodes that are called as the groups, or `handle_0`, `handle_1` and so on.
     #[serde(default)]
-    pub nodes: Option<Vec<String>>,
+    pub(crate) nodes: Option<Vec<String>>,
 }
 
 /// The handles before they move.
@@ -151,25 +151,25 @@ fn read_recorded(path: &Path, frame_rate: f64) -> Result<RecordedMotion, String>
 /// Groups of handles that move rigidly from keyframe to keyframe; a group without moves stays.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct GroupMotion {
+pub(crate) struct GroupMotion {
     /// Duration of the motion `[s]`; a whole number of frames of 1/60 s.
-    pub duration: f64,
+    pub(crate) duration: f64,
     /// At most one per group.
     #[serde(default)]
-    pub moves: Vec<GroupMove>,
+    pub(crate) moves: Vec<GroupMove>,
 }
 
 /// Motion of one group.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct GroupMove {
+pub(crate) struct GroupMove {
     /// The group's name.
-    pub group: String,
+    pub(crate) group: String,
     /// The axis of its rotations, through its centre; upwards if there is none.
     #[serde(default = "default_axis")]
-    pub axis: DVec3,
+    pub(crate) axis: DVec3,
     /// Places of the group over time.
-    pub keyframes: Vec<Keyframe>,
+    pub(crate) keyframes: Vec<Keyframe>,
 }
 
 fn default_axis() -> DVec3 {

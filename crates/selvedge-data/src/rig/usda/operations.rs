@@ -2,7 +2,7 @@
 
 use glam::{DMat4, DQuat, DVec3};
 
-use super::super::node::{Change, Direction, Operation};
+use super::super::node::{Change, Operation};
 use super::super::track::{Joined, Track, Value};
 
 /// Entry of an order: the parents of the prim do not move it.
@@ -41,10 +41,8 @@ pub(super) fn operations_of(
             operations.clear();
             continue;
         }
-        let (name, direction) = match entry.strip_prefix(INVERSE) {
-            Some(name) => (name, Direction::Inverse),
-            None => (entry.as_str(), Direction::Forward),
-        };
+        let undone = entry.strip_prefix(INVERSE);
+        let (name, is_inverse) = (undone.unwrap_or(entry), undone.is_some());
         // Samples count where there is a constant too.
         let named = || attributes.iter().filter(|attribute| attribute.name == name);
         let timed = named().find(|a| matches!(a.samples, Samples::Timed(_)));
@@ -55,7 +53,7 @@ pub(super) fn operations_of(
             0 => format!("{name} {problem}"),
             line => format!("{name} (line {line}) {problem}"),
         })?;
-        operations.push(Operation { change, direction });
+        operations.push(Operation { change, is_inverse });
     }
     Ok(operations)
 }
