@@ -578,3 +578,20 @@ fn component(accessor: &Accessor) -> Option<Component> {
         _ => None,
     }
 }
+
+#[cfg(test)]
+pub(crate) mod tests {
+    /// The bytes of a file of this JSON and binary part, whose length is a multiple of four.
+    pub(crate) fn file(json: &serde_json::Value, binary: &[u8]) -> Vec<u8> {
+        let mut text = json.to_string().into_bytes();
+        text.resize(text.len().next_multiple_of(4), b' ');
+        let mut bytes = b"glTF\x02\0\0\0".to_vec();
+        bytes.extend((28 + text.len() as u32 + binary.len() as u32).to_le_bytes());
+        for (kind, part) in [(b"JSON", &text[..]), (b"BIN\0", binary)] {
+            bytes.extend((part.len() as u32).to_le_bytes());
+            bytes.extend(kind);
+            bytes.extend(part);
+        }
+        bytes
+    }
+}

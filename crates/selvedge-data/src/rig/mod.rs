@@ -8,7 +8,7 @@
 mod bodies;
 mod drive;
 mod error;
-mod glb;
+pub(crate) mod glb;
 pub(crate) mod mesh;
 mod mesh_motion;
 mod moving_mesh;

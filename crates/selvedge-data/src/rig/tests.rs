@@ -30,16 +30,7 @@ fn glb(mut json: Value, floats: &[f32], more: &[u8]) -> Vec<u8> {
     binary.extend(more);
     binary.resize(binary.len().next_multiple_of(4), 0);
     json["buffers"] = json!([{ "byteLength": binary.len() }]);
-    let mut text = json.to_string().into_bytes();
-    text.resize(text.len().next_multiple_of(4), b' ');
-    let mut bytes = b"glTF\x02\0\0\0".to_vec();
-    bytes.extend((28 + text.len() as u32 + binary.len() as u32).to_le_bytes());
-    for (kind, part) in [(b"JSON", text), (b"BIN\0", binary)] {
-        bytes.extend((part.len() as u32).to_le_bytes());
-        bytes.extend(kind);
-        bytes.extend(part);
-    }
-    bytes
+    glb::tests::file(&json, &binary)
 }
 
 /// An arm of length 2 whose shoulder turns by half a turn about y in a second while it rises by 1

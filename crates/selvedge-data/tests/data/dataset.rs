@@ -242,14 +242,19 @@ fn an_index_that_is_wrong_is_an_error_that_says_where() {
     );
 }
 
-/// The index, changed and written again; what opening it says.
-fn opened_with(change: impl Fn(&mut serde_json::Value)) -> String {
-    let folder = tempfile::tempdir().unwrap();
-    make(folder.path());
-    let path = folder.path().join("index.json");
+/// Changes the index and writes it again.
+fn change_index(folder: &Path, change: impl Fn(&mut serde_json::Value)) {
+    let path = folder.join("index.json");
     let mut index = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
     change(&mut index);
     std::fs::write(&path, serde_json::to_vec(&index).unwrap()).unwrap();
+}
+
+/// What opening a data set says whose index is so changed.
+fn opened_with(change: impl Fn(&mut serde_json::Value)) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    make(folder.path());
+    change_index(folder.path(), change);
     Dataset::open(folder.path()).unwrap_err().to_string()
 }
 
@@ -277,35 +282,30 @@ fn a_trajectory_or_a_sample_that_is_there_twice_is_named() {
 fn sections_that_meet_share_frames_but_no_sample() {
     let folder = tempfile::tempdir().unwrap();
     make(folder.path());
-    let path = folder.path().join("index.json");
-    let mut index: serde_json::Value =
-        serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
     // About frames 1 to 3 and 4 to 7: those of the whole, in two parts.
-    index["sections"] = json!([
-        {"trajectory": 0, "start": 0, "end": 3},
-        {"trajectory": 1, "start": 3, "end": 9},
-        {"trajectory": 1, "start": 0, "end": 5},
-    ]);
-    std::fs::write(&path, serde_json::to_vec(&index).unwrap()).unwrap();
+    change_index(folder.path(), |index| {
+        index["sections"] = json!([
+            {"trajectory": 0, "start": 0, "end": 3},
+            {"trajectory": 1, "start": 3, "end": 9},
+            {"trajectory": 1, "start": 0, "end": 5},
+        ]);
+    });
     let dataset = Dataset::open(folder.path()).unwrap();
     assert_eq!(dataset.samples().count(), 8);
 }
 
 #[test]
 fn a_frame_rate_that_is_not_the_configurations_is_named() {
-    let folder = tempfile::tempdir().unwrap();
     for (place, rate, refused) in [
         ("setting", 2.0, false),
         ("setting", 60.0, true),
         ("import", 60.0, true),
     ] {
+        let folder = tempfile::tempdir().unwrap();
         make(folder.path());
-        let path = folder.path().join("index.json");
-        let mut index: serde_json::Value =
-            serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
-        let original = index.clone();
-        index["config"] = json!({place: {"frame_rate": rate}});
-        std::fs::write(&path, serde_json::to_vec(&index).unwrap()).unwrap();
+        change_index(folder.path(), |index| {
+            index["config"] = json!({place: {"frame_rate": rate}});
+        });
         let dataset = Dataset::open(folder.path()).unwrap();
         let read = dataset.read(&dataset.entries(Split::Train)[0]);
         assert_eq!(read.is_err(), refused);
@@ -314,7 +314,6 @@ fn a_frame_rate_that_is_not_the_configurations_is_named() {
             let expected = "train/a.safetensors: has 2 frames per second, the index says 60 frames";
             assert!(text.contains(expected), "{text}");
         }
-        std::fs::write(&path, serde_json::to_vec(&original).unwrap()).unwrap();
     }
 }
 

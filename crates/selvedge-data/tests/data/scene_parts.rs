@@ -222,28 +222,17 @@ fn gusts_are_part_of_the_environment() {
         seed,
     };
     assert_eq!(environment.gust, Some(gust));
-    refuses(
-        windy,
-        &[
-            (
-                "gust = { speed = [1, 0, 0], period = 0.001, seed = 1 }",
-                "environment.gust.period must be at least a frame",
-            ),
-            (
-                "gust = { speed = [1, 0, 0], period = 0, seed = 1 }",
-                "environment.gust.period",
-            ),
-            (
-                "gust = { speed = [-1, 0, 0], period = 1, seed = 1 }",
-                "environment.gust.speed",
-            ),
-            (
-                "gust = { speed = [1, 0, 0], seed = 1 }",
-                "missing field `period`",
-            ),
-            ("gust = { speed = 1, period = 1, seed = 1 }", "gust"),
-        ],
-    );
+    let cases = r#"
+        [1, 0, 0], period = 0.001 | environment.gust.period must be at least a frame
+        [1, 0, 0], period = 0 | environment.gust.period
+        [-1, 0, 0], period = 1 | environment.gust.speed
+        [1, 0, 0] | missing field `period`
+        1, period = 1 | gust
+    "#;
+    for [numbers, expected] in table(cases) {
+        let text = format!("gust = {{ speed = {numbers}, seed = 1 }}");
+        says(windy(&text).unwrap_err(), &["s.toml: ", expected]);
+    }
 }
 
 #[test]

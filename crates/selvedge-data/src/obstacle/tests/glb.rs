@@ -41,16 +41,7 @@ impl Glb {
         json["buffers"] = json!([{ "byteLength": self.binary.len() }]);
         json["bufferViews"] = Value::Array(self.views);
         json["accessors"] = Value::Array(self.accessors);
-        let mut text = json.to_string().into_bytes();
-        text.resize(text.len().next_multiple_of(4), b' ');
-        let mut bytes = b"glTF\x02\0\0\0".to_vec();
-        bytes.extend((28 + text.len() as u32 + self.binary.len() as u32).to_le_bytes());
-        for (kind, part) in [(b"JSON", text), (b"BIN\0", self.binary)] {
-            bytes.extend((part.len() as u32).to_le_bytes());
-            bytes.extend(kind);
-            bytes.extend(part);
-        }
-        bytes
+        crate::rig::glb::tests::file(&json, &self.binary)
     }
 }
 
