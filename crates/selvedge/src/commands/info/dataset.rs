@@ -211,7 +211,7 @@ fn histograms_of(name: &str, distributions: &Distributions) -> anyhow::Result<Im
             title: name,
             unit,
             range: [distribution.histogram.low, distribution.histogram.high],
-            counts: distribution.histogram.counts,
+            counts: &distribution.histogram.counts,
         })
         .collect();
     Ok(histogram_page(name, &plots)?)
