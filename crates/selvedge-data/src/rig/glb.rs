@@ -427,11 +427,11 @@ impl File<'_> {
             .unwrap_or_else(|| format!("node {number}"));
         let track = |moved| channels.get(&(number, moved));
         let points = |moved, constant: Option<[f64; 3]>| match track(moved) {
-            Some(channel) => Ok(Some(self.points(channel)?)),
+            Some(channel) => self.track(channel, 3, DVec3::from_slice).map(Some),
             None => Ok(constant.map(|value| Track::constant(DVec3::from_array(value)))),
         };
         let rotation = match track(Moved::Rotation) {
-            Some(channel) => Some(self.turns(channel)?),
+            Some(channel) => Some(self.track(channel, 4, DQuat::from_slice)?),
             None => node.rotation.map(|q| Track::constant(DQuat::from_array(q))),
         };
         let matrix = node
@@ -449,14 +449,6 @@ impl File<'_> {
             operations: changes.into_iter().flatten().map(Operation::new).collect(),
             obstacle: None,
         })
-    }
-
-    fn points(&self, channel: &Sampled<'_>) -> Result<Track<DVec3>, RigError> {
-        self.track(channel, 3, DVec3::from_slice)
-    }
-
-    fn turns(&self, channel: &Sampled<'_>) -> Result<Track<DQuat>, RigError> {
-        self.track(channel, 4, DQuat::from_slice)
     }
 
     fn track<T: Value>(
