@@ -125,9 +125,9 @@ impl TensorValues<'_> {
 
 /// A tensor with values of its own.
 pub(crate) struct Tensor {
-    name: String,
-    shape: Vec<usize>,
-    values: Values,
+    pub(crate) name: String,
+    pub(crate) shape: Vec<usize>,
+    pub(crate) values: Values,
 }
 
 /// Elements of a tensor.
