@@ -125,52 +125,50 @@ fn runs_in(folder: &Path, test: &[String]) -> Result<Vec<ForeignRun>, ForeignErr
 
 /// Checks that nothing stands beside the folders `train` and `test` that would be left out unseen.
 fn check_alone(folder: &Path) -> Result<(), ForeignError> {
-    for path in folders_in(folder)? {
-        if !["train", "test"].iter().any(|name| path.ends_with(name)) {
+    let is_other =
+        |path: &&PathBuf| path.is_dir() && !path.ends_with("train") && !path.ends_with("test");
+    match entries_in(folder)?.iter().find(is_other) {
+        None => Ok(()),
+        Some(path) => {
             let problem = "stands beside train and test, and is neither: put what is in it into one of them, or move it elsewhere";
-            return Err(FileError::at(&path)(ForeignProblem::Layout(
+            Err(FileError::at(path)(ForeignProblem::Layout(
                 problem.to_owned(),
-            )));
+            )))
         }
     }
-    Ok(())
 }
 
-/// The folders in `folder` whose names do not begin with a dot, by name.
-fn folders_in(folder: &Path) -> Result<Vec<PathBuf>, ForeignError> {
-    let read = |error| FileError::at(folder)(ForeignProblem::Read(error));
-    let mut folders = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(read)? {
-        let path = entry.map_err(read)?.path();
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        if path.is_dir() && !name.starts_with('.') {
-            folders.push(path);
-        }
-    }
-    folders.sort();
-    Ok(folders)
+/// What is in `folder`, by name, but for names that begin with a dot.
+fn entries_in(folder: &Path) -> Result<Vec<PathBuf>, ForeignError> {
+    let entries = std::fs::read_dir(folder).and_then(|entries| {
+        let paths = entries.map(|entry| Ok(entry?.path()));
+        paths.collect::<std::io::Result<Vec<PathBuf>>>()
+    });
+    let mut entries =
+        entries.map_err(|error| FileError::at(folder)(ForeignProblem::Read(error)))?;
+    let name = |path: &PathBuf| {
+        path.file_name()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned()
+    };
+    entries.retain(|path| !name(path).starts_with('.'));
+    entries.sort();
+    Ok(entries)
 }
 
-/// The caches in `folder`, by name. Meshes (.obj) belong to them; anything else is an error, unless
-/// its name begins with a dot.
+/// The caches in `folder`, by name. Meshes (.obj) belong to them; anything else is an error.
 fn caches_in(folder: &Path) -> Result<Vec<PathBuf>, ForeignError> {
-    let read = |error| FileError::at(folder)(ForeignProblem::Read(error));
-    let mut files = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(read)? {
-        let path = entry.map_err(read)?.path();
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        if name.starts_with('.') || path.extension().is_some_and(|ending| ending == "obj") {
-            continue;
-        }
-        if path.is_dir() || !is_cache(&path) {
+    let mut files = entries_in(folder)?;
+    files.retain(|path| path.extension().is_none_or(|ending| ending != "obj"));
+    match files.iter().find(|path| path.is_dir() || !is_cache(path)) {
+        None => Ok(files),
+        Some(path) => {
             let known = "is no cache that can be read (.usda, .usdc, .usdz, .glb, .pc2, .npz): move it elsewhere";
-            let problem = retired(&path).unwrap_or(known).to_owned();
-            return Err(FileError::at(&path)(ForeignProblem::Layout(problem)));
+            let problem = retired(path).unwrap_or(known).to_owned();
+            Err(FileError::at(path)(ForeignProblem::Layout(problem)))
         }
-        files.push(path);
     }
-    files.sort();
-    Ok(files)
 }
 
 /// The trajectories in `folder`, by name.

@@ -34,6 +34,21 @@ pub(super) fn merge(polygons: &mut Polygons, owners: &[u32]) {
     drop_collapsed(polygons);
 }
 
+/// The first of the set of `one`, by the members' owners, which get nearer to it.
+pub(super) fn root(owners: &mut [u32], mut one: u32) -> u32 {
+    while owners[one as usize] != one {
+        owners[one as usize] = owners[owners[one as usize] as usize];
+        one = owners[one as usize];
+    }
+    one
+}
+
+/// Makes the sets of two one.
+pub(super) fn unite(owners: &mut [u32], one: u32, two: u32) {
+    let (one, two) = (root(owners, one), root(owners, two));
+    owners[one.max(two) as usize] = one.min(two);
+}
+
 /// The first vertex within `tolerance` of each one, by cells of a grid.
 pub(crate) fn owners(positions: &[DVec3], tolerance: f64) -> Vec<u32> {
     let size = if tolerance > 0.0 { tolerance } else { 1e-12 };
