@@ -146,13 +146,11 @@ fn entries_in(folder: &Path) -> Result<Vec<PathBuf>, ForeignError> {
     });
     let mut entries =
         entries.map_err(|error| FileError::at(folder)(ForeignProblem::Read(error)))?;
-    let name = |path: &PathBuf| {
-        path.file_name()
-            .unwrap_or_default()
-            .to_string_lossy()
-            .into_owned()
+    let is_hidden = |path: &PathBuf| {
+        let name = path.file_name().unwrap_or_default();
+        name.to_string_lossy().starts_with('.')
     };
-    entries.retain(|path| !name(path).starts_with('.'));
+    entries.retain(|path| !is_hidden(path));
     entries.sort();
     Ok(entries)
 }

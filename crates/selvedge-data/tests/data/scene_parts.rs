@@ -85,11 +85,7 @@ fn a_material_file_has_the_same_keys() {
     let stiff = material("stiff.toml").unwrap();
     assert_eq!(stiff.name, "stiff");
     assert_eq!(stiff.bend, mine.clone().multiplied(1.0, 10.0).bend);
-    assert!(
-        material("loop.toml")
-            .unwrap_err()
-            .contains("is built on itself")
-    );
+    says(material("loop.toml").unwrap_err(), &["is built on itself"]);
 }
 
 #[test]

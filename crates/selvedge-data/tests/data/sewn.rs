@@ -133,7 +133,7 @@ fn a_stage_of_a_sewn_cloth_has_texture_coordinates_that_vary_over_faces() {
     let st = text.split("primvars:st = [").nth(1).unwrap();
     let (values, after) = st.split_once(']').unwrap();
     assert_eq!(values.matches('(').count(), 12);
-    says(&values, &["(0, 0), (1, 0), (1, 1), (0, 0)"]);
+    says(values, &["(0, 0), (1, 0), (1, 1), (0, 0)"]);
     assert!(
         after
             .trim_start()

@@ -116,10 +116,7 @@ fn a_run_that_has_a_frame_twice_is_refused() {
     twice.states[2].frame = 4;
     twice.write(&path, &provenance()).unwrap();
     let error = StateRun::from_bytes(&std::fs::read(&path).unwrap()).unwrap_err();
-    assert!(
-        error.to_string().contains("frame 4 stands twice"),
-        "{error}"
-    );
+    says(error, &["frame 4 stands twice"]);
 }
 
 #[test]
