@@ -1,13 +1,9 @@
 //! Meshes of simple bodies: points and faces that turn counter-clockwise seen from outside.
 
-mod random;
-
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::DVec3;
-
-pub use self::random::{BodyKind, BodyRanges, DrawnBody, draw};
 
 /// Points `[m]` and the faces between them.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -79,7 +79,7 @@ pub use formats::input::{read_file, read_text};
 pub use formats::mesh_file::read_mesh;
 pub use formats::npy::NpyError;
 pub use formats::npz::NpzError;
-pub use formats::obj::{parse_obj, parse_obj_with, read_obj, write_obj};
+pub use formats::obj::{parse_obj_with, read_obj, write_obj};
 pub use formats::parts::remove_parts;
 pub use formats::polygons::{
     MeshFileError, MeshOptions, PanelPlace, PatternSource, Place, ReadMesh, ReadMeshError,
@@ -95,12 +95,10 @@ pub use obstacle::{
 pub use rest_poses::{KeptRestPose, RestPoseFileError, RestPoseFolder};
 pub use rig::{MeshMotion, Rig, RigError, RigNode};
 pub use scene::{
-    BuiltMesh, GeneratorSpec, GroupMotion, GroupMove, HandleGroup, HandleSelection, LoadedScene,
-    MaterialSource, MaterialTable, MeshSource, MeshSpec, MeshSpecError, MotionSource,
-    RecordedCsvError, ReleaseSpan, RigMotion, Rotate, SceneFileError, SceneProblem, SceneSpec,
-    SceneSpecError, Setting, StartSpec, StrainedEdge, Times, Transform, materials, open_scene,
-    panel_stretches, parse_recorded_csv, parse_scene, read_scene, shipped_scenes, worst_edges,
-    worst_free_edges,
+    BuiltMesh, GeneratorSpec, LoadedScene, MeshSource, MeshSpec, MeshSpecError, RecordedCsvError,
+    Rotate, SceneFileError, SceneProblem, SceneSpec, SceneSpecError, Setting, StartSpec,
+    StrainedEdge, Times, Transform, materials, open_scene, panel_stretches, parse_recorded_csv,
+    parse_scene, read_scene, shipped_scenes, worst_edges, worst_free_edges,
 };
 pub use trajectory::file::{ReadTrajectoryError, TrajectoryFileError};
 pub use trajectory::frames::{Frames, FramesError};

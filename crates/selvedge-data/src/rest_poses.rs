@@ -50,19 +50,7 @@ pub struct RestPoseFolder {
 #[error("{}: {problem}", path.display())]
 pub struct RestPoseFileError {
     path: PathBuf,
-    problem: RestPoseFileProblem,
-}
-
-#[derive(Debug, Error)]
-enum RestPoseFileProblem {
-    #[error("could not read it: {0}")]
-    Read(std::io::Error),
-    #[error("it is damaged: {0}")]
-    Arrays(ArrayError),
-    #[error("it is damaged: {0}")]
-    Content(&'static str),
-    #[error("it has no usable {0:?} in its metadata")]
-    Metadata(&'static str),
+    problem: String,
 }
 
 impl RestPoseFolder {
@@ -100,7 +88,7 @@ impl RestPoseFolder {
         let bytes = match fs::read(&path) {
             Ok(bytes) => bytes,
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
-            Err(error) => return Err(fail(RestPoseFileProblem::Read(error))),
+            Err(error) => return Err(fail(format!("could not read it: {error}"))),
         };
         let pose = parse(&bytes, &key, vertices).map_err(fail)?;
         // The time of the last use. Where it cannot be set, the pose goes a little sooner.
@@ -171,41 +159,38 @@ impl RestPoseFolder {
     }
 }
 
-fn parse(bytes: &[u8], key: &str, vertices: usize) -> Result<KeptRestPose, RestPoseFileProblem> {
-    use RestPoseFileProblem::{Arrays, Content, Metadata};
-    let (file, metadata) = ArrayFile::safetensors(bytes).map_err(Arrays)?;
+fn parse(bytes: &[u8], key: &str, vertices: usize) -> Result<KeptRestPose, String> {
+    let damaged = |error: ArrayError| format!("it is damaged: {error}");
+    let unusable = |name: &str| format!("it has no usable {name:?} in its metadata");
+    let (file, metadata) = ArrayFile::safetensors(bytes).map_err(damaged)?;
     let text = |name: &'static str| {
         let value = metadata.get(name);
-        value.map(String::as_str).ok_or(Metadata(name))
+        value.map(String::as_str).ok_or_else(|| unusable(name))
     };
-    if text("format")? != FORMAT {
-        return Err(Metadata("format"));
-    }
-    if text("key")? != key {
-        return Err(Metadata("key"));
+    for (name, expected) in [("format", FORMAT), ("key", key)] {
+        if text(name)? != expected {
+            return Err(unusable(name));
+        }
     }
     let number = |name: &'static str| {
-        let value: f64 = text(name)?.parse().map_err(|_| Metadata(name))?;
-        if value.is_finite() && value >= 0.0 {
-            Ok(value)
-        } else {
-            Err(Metadata(name))
-        }
+        let value = text(name)?.parse::<f64>().ok();
+        let value = value.filter(|value| value.is_finite() && *value >= 0.0);
+        value.ok_or_else(|| unusable(name))
     };
-    let positions = file.floats(TENSOR).map_err(Arrays)?;
+    let positions = file.floats(TENSOR).map_err(damaged)?;
     let positions = positions.of_shape(&[Some(vertices), Some(3)]);
-    let numbers = positions.map_err(Arrays)?.values;
+    let numbers = positions.map_err(damaged)?.values;
     if !numbers.iter().all(|number| number.is_finite()) {
-        return Err(Content("a position is not finite"));
+        return Err("it is damaged: a position is not finite".to_owned());
     }
     let pose = KeptRestPose {
         positions: numbers.chunks_exact(3).map(DVec3::from_slice).collect(),
-        solves: text("solves")?.parse().map_err(|_| Metadata("solves"))?,
+        solves: text("solves")?.parse().map_err(|_| unusable("solves"))?,
         residual: number("residual")?,
         seconds: number("seconds")?,
     };
     if text("blake3")? != checksum(&pose) {
-        return Err(Content("its numbers have another hash"));
+        return Err("it is damaged: its numbers have another hash".to_owned());
     }
     Ok(pose)
 }
@@ -224,6 +209,7 @@ mod tests {
     use std::time::Duration;
 
     use super::*;
+    use crate::test_help::says;
 
     fn pose(vertices: usize) -> KeptRestPose {
         let place = |v: usize| DVec3::new(1.0 / (v as f64 + 3.0), -0.1, v as f64);
@@ -273,8 +259,7 @@ mod tests {
         }
         for end in [0, 7, 100, whole.len() - 1] {
             fs::write(path, &whole[..end]).unwrap();
-            let error = folder.find("a", 5).unwrap_err().to_string();
-            assert!(error.contains(path.to_str().unwrap()), "{error}");
+            says(folder.find("a", 5).unwrap_err(), &[path.to_str().unwrap()]);
         }
     }
 

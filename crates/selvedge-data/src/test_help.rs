@@ -1,4 +1,6 @@
-//! Help for tests: tables of cases, and a cloth.
+//! Help for tests: tables of cases, words of errors, and a cloth.
+
+use std::fmt::Display;
 
 use glam::{Vec2, Vec3};
 use selvedge_cloth::{Cloth, ClothArrays, Handles, Topology};
@@ -13,6 +15,15 @@ pub(crate) fn sheet(rest: &[Vec3], flat: &[Vec2], faces: &[[u32; 3]], handles: &
     };
     let topology = Topology::new(rest.len(), faces).unwrap();
     Cloth::new(topology, Handles::new(handles, rest.len()).unwrap(), arrays).unwrap()
+}
+
+/// Checks that `text` has all of these words.
+#[track_caller]
+pub(crate) fn says(text: impl Display, words: &[&str]) {
+    let text = text.to_string();
+    for word in words {
+        assert!(text.contains(word), "{text} lacks {word}");
+    }
 }
 
 /// The cells of the lines of a table, ` | ` between them; `\n` in a cell is a new line.

@@ -70,7 +70,7 @@ const CASES: [Case; 5] = [
             "export run.safetensors -o caches/a.usdc",
             "export run.safetensors -o caches/b.usdc --frames 10..",
         ],
-        command: "data import cache caches --density 0.2 --frame-rate 60 --handles found -o imported",
+        command: "data import caches --density 0.2 --frame-rate 60 --handles handle_0,handle_1 -o imported",
         resumes: false,
         shares: false,
         is_whole: false,

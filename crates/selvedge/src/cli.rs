@@ -107,7 +107,7 @@ pub(crate) enum Command {
     #[command(subcommand)]
     Data(DataCommand),
     Train(TrainArgs),
-    Eval(EvalArgs),
+    Eval(Box<EvalArgs>),
     Study(StudyArgs),
     Info(InfoArgs),
     List(ListArgs),

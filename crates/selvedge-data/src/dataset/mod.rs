@@ -19,7 +19,6 @@ use crate::formats::atomic::WriteError;
 use crate::formats::file_error::FileError;
 use crate::formats::hash::hash;
 use crate::formats::input::{read_file, read_text};
-use crate::formats::unique::Unique;
 use crate::metrics::{MetricError, mean_edge_length, speeds};
 use crate::trajectory::Trajectory;
 use crate::trajectory::file::{ReadTrajectoryError, TrajectoryFileError};
@@ -328,17 +327,27 @@ pub(crate) fn read_json<T: DeserializeOwned>(path: &Path, format: &str) -> Resul
         path: path.to_owned(),
         problem,
     };
-    let Unique(value) =
+    let kind: Kind =
         serde_json::from_str(&text).map_err(|error| problem(format!("is no JSON: {error}")))?;
-    for (key, expected) in [("format", json!(format)), ("version", json!(VERSION))] {
-        let found = &value[key];
-        if *found != expected {
+    for (key, expected, found) in [
+        ("format", json!(format), kind.format),
+        ("version", json!(VERSION), kind.version),
+    ] {
+        if found != expected {
             return Err(problem(format!(
                 "{key}: expected {expected}, found {found}"
             )));
         }
     }
-    serde_json::from_value(value).map_err(|error| problem(error.to_string()))
+    serde_json::from_str(&text).map_err(|error| problem(error.to_string()))
+}
+
+/// What an index file says that it is.
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct Kind {
+    format: Value,
+    version: Value,
 }
 
 /// The bytes of an entry's file, if they are those of the index.

@@ -56,7 +56,7 @@ pub(super) fn write(
 ) -> Result<(), ExportError> {
     let (json, binary) = contents(take);
     let bytes = HEADERS + json.len() as u64 + binary.bytes;
-    check_size(".glb", bytes, take.every())?;
+    check_size(".glb", bytes, take.every)?;
     Ok(write_atomically(path, |out| {
         write_numbers(out, &[MAGIC, VERSION, bytes as u32])?;
         write_numbers(out, &[json.len() as u32, JSON_CHUNK])?;
@@ -186,7 +186,7 @@ fn contents<'a>(take: &'a Take<'_>) -> (Vec<u8>, Binary<'a>) {
         materials.push(material("obstacle", GREY));
     }
     let mut document = json!({
-        "asset": { "version": "2.0", "generator": take.trajectory().provenance().made_by },
+        "asset": { "version": "2.0", "generator": take.trajectory.provenance().made_by },
         "scene": 0,
         "scenes": [{ "nodes": (0..nodes.len()).collect::<Vec<_>>() }],
         "nodes": nodes,
@@ -232,7 +232,7 @@ impl Animation {
 
 /// The mesh of the cloth, and the animation of its morph targets and of its handles.
 fn cloth<'a>(take: &'a Take<'_>, binary: &mut Binary<'a>) -> (Value, Animation) {
-    let cloth = take.trajectory().cloth();
+    let cloth = take.trajectory.cloth();
     let (pattern, frames) = (cloth.pattern(), take.len());
     let (vertices, corners) = (pattern.points().len(), 3 * cloth.face_area().len());
     let handles = cloth.handles().vertices().len();
@@ -252,7 +252,7 @@ fn cloth<'a>(take: &'a Take<'_>, binary: &mut Binary<'a>) -> (Value, Animation) 
             pulse.beat()
         })
     });
-    let normals = take.has_normals().then(|| {
+    let normals = take.normals.then(|| {
         binary.view(Kind::PerVertex(3), vertices * frames, move |out, _| {
             let normals = |number| take.normals_at(&take.positions(number));
             targets(frames, normals).try_for_each(|target| write_points(out, &split(&target)))

@@ -28,7 +28,7 @@ pub use self::obstacles::files_beside;
 pub use self::options::{ExportFormat, ExportOptions};
 pub use self::outcome::ExportError;
 use self::outcome::{Pulse, is_stop};
-pub use self::take::Take;
+use self::take::Take;
 use crate::trajectory::Trajectory;
 
 /// End of an export that did not fail.

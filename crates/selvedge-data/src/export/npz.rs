@@ -28,6 +28,8 @@ use super::take::Take;
 use crate::UpAxis;
 use crate::formats::atomic::write_atomically;
 use crate::formats::npz::{EntryOut, archive_bytes, write_archive};
+use crate::formats::tensor_file::{Tensor, Values};
+use crate::trajectory::file::cloth_tensors;
 
 /// Writes the archive.
 pub(super) fn write(
@@ -36,7 +38,7 @@ pub(super) fn write(
     pulse: &mut Pulse<'_>,
 ) -> Result<(), ExportError> {
     let entries = entries(take);
-    check_size(".npz", archive_bytes(&entries), take.every())?;
+    check_size(".npz", archive_bytes(&entries), take.every)?;
     Ok(write_archive_of(&entries, path, pulse)?)
 }
 
@@ -58,13 +60,13 @@ fn entries<'a>(take: &'a Take<'_>) -> Vec<EntryOut<'a>> {
     let by_frame = |name: &str, of: Box<dyn Fn(usize) -> Vec<u8> + 'a>| EntryOut {
         name: name.to_owned(),
         kind: "<f4",
-        shape: vec![take.len(), take.trajectory().vertex_count(), 3],
+        shape: vec![take.len(), take.trajectory.vertex_count(), 3],
         chunks: take.len(),
         chunk: of,
     };
     let positions = by_frame("positions", Box::new(|k| floats3(&take.positions(k))));
     let mut entries = vec![positions];
-    if take.has_normals() {
+    if take.normals {
         let normals = move |k| floats3(&take.normals_at(&take.positions(k)));
         entries.push(by_frame("normals", Box::new(normals)));
     }
@@ -105,46 +107,23 @@ fn unchanging(
 
 /// Arrays of the cloth that do not change over time.
 fn of_cloth(take: &Take<'_>) -> Vec<EntryOut<'static>> {
-    let entry = unchanging;
-    let cloth = take.trajectory().cloth();
-    let (vertices, faces) = (cloth.vertex_mass().len(), cloth.face_area().len());
-    let corners = cloth.topology().face_indices();
-    let rest = floats3(&take.rest_positions());
-    let material = floats(
-        cloth
-            .material_coordinates()
-            .iter()
-            .flat_map(|c| c.to_array()),
-    );
-    let mass = floats(cloth.vertex_mass().iter().copied());
-    let area = floats(cloth.face_area().iter().copied());
-    let handles: Vec<u32> = cloth.handles().vertices().iter().map(|v| v.0).collect();
-    let fps = take.trajectory().frame_rate() / take.every() as f64;
-    let up = match take.up() {
+    let entry = |tensor: Tensor| {
+        let (kind, bytes) = match tensor.values {
+            Values::F64(values) => ("<f8", values.iter().flat_map(|v| v.to_le_bytes()).collect()),
+            Values::F32(values) => ("<f4", floats(values)),
+            Values::U32(values) => ("<i4", integers(&values)),
+        };
+        unchanging(&tensor.name, kind, &tensor.shape, bytes)
+    };
+    let up = match take.up {
         UpAxis::Y => 1,
         UpAxis::Z => 2,
     };
-    let points = cloth.material_coordinates().len();
-    let mut entries = vec![
-        entry(
-            "faces",
-            "<i4",
-            &[faces, 3],
-            integers(corners.as_flattened()),
-        ),
-        entry("rest_positions", "<f4", &[vertices, 3], rest),
-        entry("material_coordinates", "<f4", &[points, 2], material),
-        entry("vertex_mass", "<f4", &[vertices], mass),
-        entry("face_area", "<f4", &[faces], area),
-        entry("handles", "<i4", &[handles.len()], integers(&handles)),
-        entry("fps", "<f8", &[1], fps.to_le_bytes().to_vec()),
-        entry("up_axis", "<i4", &[1], integers(&[up])),
-    ];
-    if cloth.pattern().is_sewn() {
-        let corners = integers(cloth.pattern().corners().as_flattened());
-        entries.push(entry("pattern_faces", "<i4", &[faces, 3], corners));
-    }
-    entries
+    let fps = take.trajectory.frame_rate() / take.every as f64;
+    let mut tensors = cloth_tensors(take.trajectory.cloth(), &take.rest_positions());
+    tensors.push(Tensor::new("fps", &[1], Values::F64(vec![fps])));
+    tensors.push(Tensor::new("up_axis", &[1], Values::U32(vec![up])));
+    tensors.into_iter().map(entry).collect()
 }
 
 fn floats(values: impl IntoIterator<Item = f32>) -> Vec<u8> {

@@ -94,8 +94,8 @@ pub(super) fn write_frame(take: &Take<'_>, number: usize, path: &Path) -> Result
 
 fn with_frame<T>(take: &Take<'_>, number: usize, act: impl FnOnce(&ObjFrame<'_>) -> T) -> T {
     let positions = take.positions(number);
-    let normals = take.has_normals().then(|| take.normals_at(&positions));
-    let cloth = take.trajectory().cloth();
+    let normals = take.normals.then(|| take.normals_at(&positions));
+    let cloth = take.trajectory.cloth();
     act(&ObjFrame {
         topology: cloth.topology(),
         positions: &positions,

@@ -19,7 +19,7 @@ pub(super) struct TakenObstacle<'a> {
 impl<'a> Take<'a> {
     /// The obstacles beside the cloth.
     pub(super) fn obstacles(&self) -> Vec<TakenObstacle<'a>> {
-        TakenObstacle::all(self.trajectory())
+        TakenObstacle::all(self.trajectory)
     }
 }
 

@@ -12,7 +12,7 @@ use crate::formats::pc2;
 
 /// Size of the cache in bytes.
 pub(super) fn planned_bytes(take: &Take<'_>) -> u64 {
-    pc2::size(take.len(), take.trajectory().vertex_count())
+    pc2::size(take.len(), take.trajectory.vertex_count())
 }
 
 /// Writes the cache, then the mesh, then the obstacles.
@@ -22,8 +22,8 @@ pub(super) fn write(
     pulse: &mut Pulse<'_>,
 ) -> Result<(), ExportError> {
     write_atomically(path, |out| {
-        let points = take.trajectory().vertex_count();
-        pc2::write_header(out, take.len(), points, take.every())?;
+        let points = take.trajectory.vertex_count();
+        pc2::write_header(out, take.len(), points, take.every)?;
         for number in 0..take.len() {
             pc2::write_points(out, &take.positions(number))?;
             pulse.beat()?;
@@ -37,7 +37,7 @@ pub(super) fn write(
             continue;
         }
         write_atomically(&obstacle.beside(path, "pc2"), |out| {
-            pc2::write_header(out, take.len(), obstacle.track.point_count(), take.every())?;
+            pc2::write_header(out, take.len(), obstacle.track.point_count(), take.every)?;
             (0..take.len())
                 .try_for_each(|number| pc2::write_points(out, &obstacle.positions(take, number)))
         })?;

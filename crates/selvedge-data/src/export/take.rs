@@ -8,13 +8,17 @@ use glam::{DVec3, Vec3};
 
 /// Frames of a trajectory, in the axes of a file.
 #[derive(Clone, Debug)]
-pub struct Take<'a> {
-    trajectory: &'a Trajectory,
+pub(super) struct Take<'a> {
+    pub(super) trajectory: &'a Trajectory,
     frames: Vec<usize>,
-    every: usize,
-    up: UpAxis,
-    normals: bool,
-    velocities: bool,
+    /// Every how many frames one is taken.
+    pub(super) every: usize,
+    /// Axis that points up.
+    pub(super) up: UpAxis,
+    /// True where normals are wanted.
+    pub(super) normals: bool,
+    /// True where velocities are wanted.
+    pub(super) velocities: bool,
 }
 
 impl<'a> Take<'a> {
@@ -45,34 +49,9 @@ impl<'a> Take<'a> {
         })
     }
 
-    /// The trajectory of the frames.
-    pub(super) fn trajectory(&self) -> &'a Trajectory {
-        self.trajectory
-    }
-
     /// Number of frames taken.
     pub(super) fn len(&self) -> usize {
         self.frames.len()
-    }
-
-    /// Every how many frames one is taken.
-    pub(super) fn every(&self) -> usize {
-        self.every
-    }
-
-    /// Axis that points up.
-    pub(super) fn up(&self) -> UpAxis {
-        self.up
-    }
-
-    /// Returns true when normals are wanted.
-    pub(super) fn has_normals(&self) -> bool {
-        self.normals
-    }
-
-    /// Returns true when velocities are wanted.
-    pub(super) fn has_velocities(&self) -> bool {
-        self.velocities
     }
 
     /// Frames of the trajectory between the first one taken and the one taken as `number`.

@@ -14,5 +14,5 @@ mod source;
 
 pub use assemble::{TrajectoryParts, Weight};
 pub use error::{ForeignError, ForeignProblem};
-pub use options::{HandleSource, ImportOptions, Purpose, RestSource};
+pub use options::{HandleSource, ImportOptions, RestSource};
 pub use source::{ForeignRun, ForeignSource};

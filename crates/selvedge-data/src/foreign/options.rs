@@ -29,9 +29,6 @@ pub enum HandleSource {
     /// Those that go with nodes of these names, node by node. Of caches with nodes (USD,
     /// .glb).
     Nodes(Vec<String>),
-    /// Those that stand still, or keep their distances from each other, through all frames. Of
-    /// caches.
-    Found,
 }
 
 impl HandleSource {
@@ -40,46 +37,30 @@ impl HandleSource {
         match self {
             Self::Vertices(numbers) => json!(numbers),
             Self::Nodes(names) => json!({ "nodes": names }),
-            Self::Found => json!("found"),
         }
     }
 }
 
-/// Purpose of a data set.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Purpose {
-    /// Something must be there to train on.
-    #[default]
-    Training,
-    /// Measuring models that were trained elsewhere: the training split is left out.
-    Testing,
-}
-
-/// Options of an import. `None` takes the default, where there is one.
-#[derive(Clone, Debug, Default, PartialEq)]
+/// Options of an import.
+#[derive(Clone, Debug, PartialEq)]
 pub struct ImportOptions {
     /// Name of the data set; else that of the folder.
     pub name: Option<String>,
-    /// Mass per area `[kg/m²]`: required.
-    pub density: Option<f64>,
-    /// Frames per second at which frames are taken: required.
-    pub frame_rate: Option<f64>,
-    /// The held vertices: required.
-    pub handles: Option<HandleSource>,
+    /// Mass per area `[kg/m²]`.
+    pub density: f64,
+    /// Frames per second at which frames are taken.
+    pub frame_rate: f64,
+    /// The held vertices.
+    pub handles: HandleSource,
     /// Name of the mesh that is the cloth; by default the only one, or the one called `sheet`.
     pub object: Option<String>,
-    /// The rest pose; by default the first frame.
-    pub rest: Option<RestSource>,
+    /// The rest pose.
+    pub rest: RestSource,
     /// A mesh file whose material coordinates are taken, where the file has none.
     pub flat: Option<PathBuf>,
-    /// Axis that points up in files that do not say it; by default y.
-    pub up: Option<UpAxis>,
-    /// Largest number of trajectories of each split.
-    pub limit: Option<usize>,
-    /// Choice of the trajectories that are imported.
-    pub purpose: Purpose,
-    /// Trajectories to test on, by name, for caches that are not already in
-    /// `train` and `test`.
+    /// Axis that points up in files that do not say it.
+    pub up: UpAxis,
+    /// Trajectories to test on, by name, for caches that are not already in `train` and `test`.
     pub test: Vec<String>,
 }
 
@@ -100,17 +81,4 @@ pub(super) fn describe_file(path: &Path) -> Result<Value, ForeignError> {
     let bytes = bytes.map_err(FileError::at(path))?;
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     Ok(json!({ "file": name, "blake3": hash(&bytes) }))
-}
-
-/// A positive number, where one is given.
-pub(super) fn positive(
-    value: Option<f64>,
-    option: &'static str,
-) -> Result<Option<f64>, ForeignProblem> {
-    match value {
-        Some(value) if !(value.is_finite() && value > 0.0) => Err(ForeignProblem::Layout(format!(
-            "{option} must be finite and positive, found {value}"
-        ))),
-        other => Ok(other),
-    }
 }

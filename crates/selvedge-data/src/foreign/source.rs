@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use super::cache::{Caches, is_cache};
+use super::cache::is_cache;
 use super::error::{ForeignError, ForeignProblem};
-use super::options::{ImportOptions, Purpose};
+use super::options::ImportOptions;
 use crate::dataset::Split;
 use crate::dataset::plan::DatasetPlan;
 use crate::dataset::sections::SectionRule;
@@ -21,7 +21,7 @@ pub struct ForeignSource {
     name: String,
     /// The resolved options: an interrupted import continues only with the same.
     import: Value,
-    caches: Caches,
+    options: ImportOptions,
     runs: Vec<ForeignRun>,
 }
 
@@ -43,29 +43,16 @@ impl ForeignSource {
     /// # Errors
     /// [`ForeignError`] names the file or the option.
     pub fn open(folder: &Path, options: &ImportOptions) -> Result<Self, ForeignError> {
-        let at_folder = FileError::at(folder);
-        let caches = Caches::new(options).map_err(&at_folder)?;
-        let mut runs = runs_in(folder, &options.test)?;
-        if options.purpose == Purpose::Testing {
-            runs.retain(|run| run.split == Split::Test);
-        }
-        if let Some(limit) = options.limit {
-            let mut kept = [0; 2];
-            runs.retain(|run| {
-                let count = &mut kept[usize::from(run.split == Split::Test)];
-                *count += 1;
-                *count <= limit
-            });
-        }
-        check_purpose(options.purpose, &runs).map_err(at_folder)?;
-        let import = caches.describe()?;
+        options.check().map_err(FileError::at(folder))?;
+        let runs = runs_in(folder, &options.test)?;
+        let import = options.describe()?;
         let named = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
         let named = named.file_name().map(|name| name.to_string_lossy());
         let name = options.name.clone();
         Ok(Self {
             name: name.unwrap_or_else(|| named.map_or_else(String::new, String::from)),
             import,
-            caches,
+            options: options.clone(),
             runs,
         })
     }
@@ -97,26 +84,8 @@ impl ForeignSource {
     /// # Errors
     /// [`ForeignError`] names the file, and what in it cannot be used.
     pub fn read(&self, run: &ForeignRun) -> Result<Trajectory, ForeignError> {
-        let parts = self.caches.read(&run.path)?;
+        let parts = self.options.read(&run.path)?;
         parts.trajectory().map_err(FileError::at(&run.path))
-    }
-}
-
-/// Checks that the data have something for their purpose.
-fn check_purpose(purpose: Purpose, runs: &[ForeignRun]) -> Result<(), ForeignProblem> {
-    let (split, problem) = match purpose {
-        Purpose::Training => (
-            Split::Train,
-            "has nothing to train on: name fewer to test on (`test`), add a folder train, or import only what there is to test on",
-        ),
-        Purpose::Testing => (
-            Split::Test,
-            "has nothing to test on: name some (`test`), add a folder test, or import what there is to train on, too",
-        ),
-    };
-    match runs.iter().any(|run| run.split == split) {
-        true => Ok(()),
-        false => Err(ForeignProblem::Layout(problem.to_owned())),
     }
 }
 
@@ -156,52 +125,48 @@ fn runs_in(folder: &Path, test: &[String]) -> Result<Vec<ForeignRun>, ForeignErr
 
 /// Checks that nothing stands beside the folders `train` and `test` that would be left out unseen.
 fn check_alone(folder: &Path) -> Result<(), ForeignError> {
-    for path in folders_in(folder)? {
-        if !["train", "test"].iter().any(|name| path.ends_with(name)) {
+    let is_other =
+        |path: &&PathBuf| path.is_dir() && !path.ends_with("train") && !path.ends_with("test");
+    match entries_in(folder)?.iter().find(is_other) {
+        None => Ok(()),
+        Some(path) => {
             let problem = "stands beside train and test, and is neither: put what is in it into one of them, or move it elsewhere";
-            return Err(FileError::at(&path)(ForeignProblem::Layout(
+            Err(FileError::at(path)(ForeignProblem::Layout(
                 problem.to_owned(),
-            )));
+            )))
         }
     }
-    Ok(())
 }
 
-/// The folders in `folder` whose names do not begin with a dot, by name.
-fn folders_in(folder: &Path) -> Result<Vec<PathBuf>, ForeignError> {
-    let read = |error| FileError::at(folder)(ForeignProblem::Read(error));
-    let mut folders = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(read)? {
-        let path = entry.map_err(read)?.path();
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        if path.is_dir() && !name.starts_with('.') {
-            folders.push(path);
-        }
-    }
-    folders.sort();
-    Ok(folders)
+/// What is in `folder`, by name, but for names that begin with a dot.
+fn entries_in(folder: &Path) -> Result<Vec<PathBuf>, ForeignError> {
+    let entries = std::fs::read_dir(folder).and_then(|entries| {
+        let paths = entries.map(|entry| Ok(entry?.path()));
+        paths.collect::<std::io::Result<Vec<PathBuf>>>()
+    });
+    let mut entries =
+        entries.map_err(|error| FileError::at(folder)(ForeignProblem::Read(error)))?;
+    let is_hidden = |path: &PathBuf| {
+        let name = path.file_name().unwrap_or_default();
+        name.to_string_lossy().starts_with('.')
+    };
+    entries.retain(|path| !is_hidden(path));
+    entries.sort();
+    Ok(entries)
 }
 
-/// The caches in `folder`, by name. Meshes (.obj) belong to them; anything else is an error, unless
-/// its name begins with a dot.
+/// The caches in `folder`, by name. Meshes (.obj) belong to them; anything else is an error.
 fn caches_in(folder: &Path) -> Result<Vec<PathBuf>, ForeignError> {
-    let read = |error| FileError::at(folder)(ForeignProblem::Read(error));
-    let mut files = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(read)? {
-        let path = entry.map_err(read)?.path();
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        if name.starts_with('.') || path.extension().is_some_and(|ending| ending == "obj") {
-            continue;
-        }
-        if path.is_dir() || !is_cache(&path) {
+    let mut files = entries_in(folder)?;
+    files.retain(|path| path.extension().is_none_or(|ending| ending != "obj"));
+    match files.iter().find(|path| path.is_dir() || !is_cache(path)) {
+        None => Ok(files),
+        Some(path) => {
             let known = "is no cache that can be read (.usda, .usdc, .usdz, .glb, .pc2, .npz): move it elsewhere";
-            let problem = retired(&path).unwrap_or(known).to_owned();
-            return Err(FileError::at(&path)(ForeignProblem::Layout(problem)));
+            let problem = retired(path).unwrap_or(known).to_owned();
+            Err(FileError::at(path)(ForeignProblem::Layout(problem)))
         }
-        files.push(path);
     }
-    files.sort();
-    Ok(files)
 }
 
 /// The trajectories in `folder`, by name.

@@ -87,21 +87,10 @@ pub fn write_atomically(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
 ) -> Result<(), WriteError> {
-    let fail = |action| WriteError::when(path, action);
-    let _writing = Writing::begin();
-    let target = target_of(path).map_err(fail("write there"))?;
-    let folder = folder_of(&target.path);
-    let temporary =
-        file_beside(&target.path, folder).map_err(fail("create a file in its folder"))?;
-    if let Some(permissions) = target.permissions {
-        // Before the first byte, so that nobody can read what the old file kept private.
-        let kept = temporary.as_file().set_permissions(permissions);
-        kept.map_err(fail("keep the permissions of the file that is there"))?;
-    }
-    write_and_sync(temporary.as_file(), write).map_err(fail("write it"))?;
-    put_in_place(temporary, &target.path).map_err(fail("rename the finished file"))?;
-    sync_folder(folder);
-    Ok(())
+    let fail = WriteError::when(path, "write it");
+    replace(path, |part| {
+        write_through(part.as_file(), write).map_err(fail)
+    })
 }
 
 /// Makes the folder `path` with all that `fill` puts into the folder that it is given, or nothing:
@@ -116,10 +105,10 @@ pub fn write_folder_atomically<E: From<WriteError>>(
 ) -> Result<(), E> {
     let fail = |action| WriteError::when(path, action);
     let _writing = Writing::begin();
-    let is_free = check_free(path).map_err(fail("make the folder"))?;
+    let is_there = is_empty_folder(path).map_err(fail("make the folder"))?;
     let part = folder_beside(path, folder_of(path)).map_err(fail("make a folder beside it"))?;
     fill(part.folder.path())?;
-    if is_free == FolderContent::EmptyFolder {
+    if is_there {
         fs::remove_dir(path).map_err(fail("put the folder in its place"))?;
     }
     let filled = part.folder.path();
@@ -130,25 +119,19 @@ pub fn write_folder_atomically<E: From<WriteError>>(
     Ok(())
 }
 
-/// Content of the place of a folder.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum FolderContent {
-    Nothing,
-    EmptyFolder,
-}
-
-fn check_free(path: &Path) -> io::Result<FolderContent> {
+/// Returns true where an empty folder is there; anything else there is an error.
+fn is_empty_folder(path: &Path) -> io::Result<bool> {
     if path.file_name().is_none() {
         return Err(io::Error::other("the path names no folder"));
     }
     match fs::symlink_metadata(path) {
-        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(FolderContent::Nothing),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(false),
         Err(error) => Err(error),
         Ok(found) if !found.is_dir() => Err(io::Error::other("there is a file of this name")),
         Ok(_) if fs::read_dir(path)?.next().is_some() => Err(io::Error::other(
             "there is such a folder already, and it is not empty: choose another name, or remove it",
         )),
-        Ok(_) => Ok(FolderContent::EmptyFolder),
+        Ok(_) => Ok(true),
     }
 }
 
@@ -161,30 +144,38 @@ pub fn write_beside<E: From<WriteError>>(
     path: &Path,
     write: impl FnOnce(&Path) -> Result<(), E>,
 ) -> Result<(), E> {
+    replace(path, |part| write(part.path()))
+}
+
+/// Replaces the file at `path` by the part beside it that `write` fills.
+fn replace<E: From<WriteError>>(
+    path: &Path,
+    write: impl FnOnce(&NamedTempFile) -> Result<(), E>,
+) -> Result<(), E> {
     let fail = |action| WriteError::when(path, action);
+    let keep = "keep the permissions of the file that is there";
     let _writing = Writing::begin();
     let target = target_of(path).map_err(fail("write there"))?;
-    let temporary = file_beside(&target.path, folder_of(&target.path))
-        .map_err(fail("create a file in its folder"))?;
-    let keep = "keep the permissions of the file that is there";
+    let folder = folder_of(&target.path);
+    let part = file_beside(&target.path, folder).map_err(fail("create a file in its folder"))?;
     #[cfg(unix)]
     if let Some(permissions) = &target.permissions {
         use std::os::unix::fs::PermissionsExt;
-        // Before the first byte, as above; but whoever writes has to open it first.
+        // Before the first byte, so that nobody can read what the old file kept private; but
+        // whoever writes may have to open it first.
         let open = fs::Permissions::from_mode(permissions.mode() | 0o200);
-        let kept = temporary.as_file().set_permissions(open);
-        kept.map_err(fail(keep))?;
+        part.as_file().set_permissions(open).map_err(fail(keep))?;
     }
-    write(temporary.path())?;
+    write(&part)?;
     // Opened anew: it may be another file than the one that was made.
-    let written = File::options().write(true).open(temporary.path());
+    let written = File::options().write(true).open(part.path());
     let written = written.map_err(fail("open the finished file"))?;
     if let Some(permissions) = target.permissions {
         written.set_permissions(permissions).map_err(fail(keep))?;
     }
     written.sync_all().map_err(fail("write it"))?;
-    put_in_place(temporary, &target.path).map_err(fail("rename the finished file"))?;
-    sync_folder(folder_of(&target.path));
+    put_in_place(part, &target.path).map_err(fail("rename the finished file"))?;
+    sync_folder(folder);
     Ok(())
 }
 
@@ -233,15 +224,13 @@ fn put_in_place(temporary: NamedTempFile, path: &Path) -> io::Result<()> {
     Ok(())
 }
 
-fn write_and_sync(
+fn write_through(
     file: &File,
     write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
 ) -> io::Result<()> {
     let mut writer = BufWriter::with_capacity(1 << 18, file);
     write(&mut writer)?;
-    writer.flush()?;
-    drop(writer);
-    file.sync_all()
+    writer.flush()
 }
 
 /// Makes the rename itself survive a power cut where folders can be synced. The file is already

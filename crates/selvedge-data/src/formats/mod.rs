@@ -18,6 +18,5 @@ pub(crate) mod pc2;
 pub(crate) mod polygons;
 pub(crate) mod retired;
 pub(crate) mod tensor_file;
-pub(crate) mod unique;
 pub(crate) mod up_axis;
 pub(crate) mod zip;

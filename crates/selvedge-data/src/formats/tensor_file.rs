@@ -7,16 +7,17 @@
 //! such that each starts aligned (f64 before the rest). Reading is the crate's, except that
 //! [`read_header`] refuses names that stand twice, of which the crate takes the last.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
 use std::io::Write;
 use std::path::Path;
 
 use safetensors::tensor::Metadata;
 use safetensors::{SafeTensorError, SafeTensors};
+use serde::de::{DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, Visitor};
 use serde_json::{Map, Value, json};
 
 use crate::formats::atomic::{WriteError, write_atomically};
-use crate::formats::unique::Unique;
 
 /// Reads the header of a safetensors file.
 ///
@@ -25,9 +26,47 @@ use crate::formats::unique::Unique;
 pub fn read_header(bytes: &[u8]) -> Result<Metadata, SafeTensorError> {
     let (length, header) = SafeTensors::read_metadata(bytes)?;
     let text = bytes.get(8..8 + length).unwrap_or_default();
-    serde_json::from_slice::<Unique>(text)
-        .map_err(SafeTensorError::InvalidHeaderDeserialization)?;
+    let checked = Keys.deserialize(&mut serde_json::Deserializer::from_slice(text));
+    checked.map_err(SafeTensorError::InvalidHeaderDeserialization)?;
     Ok(header)
+}
+
+const METADATA: &str = "__metadata__";
+
+/// The keys of an object, and of that of the metadata in it: none may stand twice.
+struct Keys;
+
+impl<'de> DeserializeSeed<'de> for Keys {
+    type Value = ();
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
+        deserializer.deserialize_map(self)
+    }
+}
+
+impl<'de> Visitor<'de> for Keys {
+    type Value = ();
+
+    fn expecting(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str("an object")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<(), A::Error> {
+        let mut known = BTreeSet::new();
+        while let Some(key) = map.next_key::<String>()? {
+            if known.contains(&key) {
+                let problem = format!("the key {key:?} stands twice in one object: keep one");
+                return Err(A::Error::custom(problem));
+            }
+            if key == METADATA {
+                map.next_value_seed(Self)?;
+            } else {
+                map.next_value::<IgnoredAny>()?;
+            }
+            known.insert(key);
+        }
+        Ok(())
+    }
 }
 
 /// A tensor to be written.
@@ -86,9 +125,9 @@ impl TensorValues<'_> {
 
 /// A tensor with values of its own.
 pub(crate) struct Tensor {
-    name: String,
-    shape: Vec<usize>,
-    values: Values,
+    pub(crate) name: String,
+    pub(crate) shape: Vec<usize>,
+    pub(crate) values: Values,
 }
 
 /// Elements of a tensor.
@@ -150,7 +189,7 @@ pub(crate) fn put_tensors(
 
 fn header(tensors: &[TensorOut<'_>], metadata: &BTreeMap<&str, String>) -> Vec<u8> {
     let mut entries = Map::new();
-    entries.insert("__metadata__".to_owned(), json!(metadata));
+    entries.insert(METADATA.to_owned(), json!(metadata));
     let mut start = 0;
     for tensor in tensors {
         let end = start + tensor.values.byte_len();
@@ -170,6 +209,7 @@ fn header(tensors: &[TensorOut<'_>], metadata: &BTreeMap<&str, String>) -> Vec<u
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::test_help::says;
 
     /// A file with this header and a number.
     fn file(header: &str) -> Vec<u8> {
@@ -190,10 +230,9 @@ mod tests {
             ),
         ];
         for (name, header) in twice {
-            let error = read_header(&file(&header)).unwrap_err().to_string();
-            assert!(
-                error.contains("stands twice") && error.contains(name),
-                "{error}"
+            says(
+                read_header(&file(&header)).unwrap_err(),
+                &["stands twice", name],
             );
         }
     }

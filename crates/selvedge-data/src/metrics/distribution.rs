@@ -18,23 +18,32 @@ const FIRST_REACH: f64 = 1.0 / (1 << 20) as f64;
 /// Counts in equal bins, from `low` to `high`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Histogram {
-    low: f64,
-    high: f64,
-    counts: [u64; BINS],
+    /// Lower bound of the first bin.
+    pub low: f64,
+    /// Upper bound of the last bin.
+    pub high: f64,
+    /// Numbers in each bin.
+    pub counts: [u64; BINS],
 }
 
 /// A set of numbers, summed up.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Distribution {
-    count: u64,
-    mean: f64,
+    /// Number of values.
+    pub count: u64,
+    /// Mean of the values; 0 where there are none, as for all that follow.
+    pub mean: f64,
     /// Sum of squared distances from the mean.
     #[serde(skip)]
     squares: f64,
-    deviation: f64,
-    least: f64,
-    most: f64,
-    histogram: Histogram,
+    /// Standard deviation of the values.
+    pub deviation: f64,
+    /// The smallest.
+    pub least: f64,
+    /// The largest.
+    pub most: f64,
+    /// Histogram of the values.
+    pub histogram: Histogram,
 }
 
 /// The distributions of a data set.
@@ -66,24 +75,6 @@ impl Histogram {
             low: -FIRST_REACH,
             ..Self::positive()
         }
-    }
-
-    /// Lower bound of the first bin.
-    #[must_use]
-    pub fn low(&self) -> f64 {
-        self.low
-    }
-
-    /// Upper bound of the last bin.
-    #[must_use]
-    pub fn high(&self) -> f64 {
-        self.high
-    }
-
-    /// Numbers in each bin.
-    #[must_use]
-    pub fn counts(&self) -> &[u64] {
-        &self.counts
     }
 
     fn add(&mut self, value: f64) {
@@ -118,42 +109,6 @@ impl Distribution {
             most: 0.0,
             histogram,
         }
-    }
-
-    /// Number of values.
-    #[must_use]
-    pub fn count(&self) -> u64 {
-        self.count
-    }
-
-    /// Mean of the values; 0 where there are none, as for all that follow.
-    #[must_use]
-    pub fn mean(&self) -> f64 {
-        self.mean
-    }
-
-    /// Standard deviation of the values.
-    #[must_use]
-    pub fn deviation(&self) -> f64 {
-        self.deviation
-    }
-
-    /// The smallest.
-    #[must_use]
-    pub fn least(&self) -> f64 {
-        self.least
-    }
-
-    /// The largest.
-    #[must_use]
-    pub fn most(&self) -> f64 {
-        self.most
-    }
-
-    /// Histogram of the values.
-    #[must_use]
-    pub fn histogram(&self) -> &Histogram {
-        &self.histogram
     }
 
     /// Adds a number; what is not finite belongs to no distribution.
@@ -258,8 +213,8 @@ mod tests {
         let reversed: Vec<f64> = values.iter().rev().copied().collect();
         assert_eq!(of(&reversed), histogram);
         // The smallest power of two beyond 0.013 · 498 - 2 = 4.474.
-        assert_eq!((histogram.low(), histogram.high()), (-8.0, 8.0));
-        for (bin, count) in histogram.counts().iter().enumerate() {
+        assert_eq!((histogram.low, histogram.high), (-8.0, 8.0));
+        for (bin, count) in histogram.counts.iter().enumerate() {
             let from = -8.0 + 0.5 * bin as f64;
             let inside = values.iter().filter(|v| (from..from + 0.5).contains(*v));
             assert_eq!(*count, inside.count() as u64);
@@ -269,16 +224,13 @@ mod tests {
     #[test]
     fn mean_and_deviation_are_those_of_the_numbers() {
         let mut distribution = Distribution::of(Histogram::positive());
-        assert_eq!((distribution.mean(), distribution.deviation()), (0.0, 0.0));
+        assert_eq!((distribution.mean, distribution.deviation), (0.0, 0.0));
         (1..=9).for_each(|k| distribution.add(f64::from(k)));
         distribution.add(f64::NAN);
         // Of 1 … n: mean (n + 1)/2, variance (n² - 1)/12.
-        assert!((distribution.mean() - 5.0).abs() < 1e-14);
-        assert!((distribution.deviation() - (80.0_f64 / 12.0).sqrt()).abs() < 1e-14);
-        assert_eq!((distribution.least(), distribution.most()), (1.0, 9.0));
-        assert_eq!(
-            (distribution.count(), distribution.histogram().high()),
-            (9, 16.0)
-        );
+        assert!((distribution.mean - 5.0).abs() < 1e-14);
+        assert!((distribution.deviation - (80.0_f64 / 12.0).sqrt()).abs() < 1e-14);
+        assert_eq!((distribution.least, distribution.most), (1.0, 9.0));
+        assert_eq!((distribution.count, distribution.histogram.high), (9, 16.0));
     }
 }

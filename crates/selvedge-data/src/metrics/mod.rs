@@ -16,9 +16,7 @@ pub(crate) mod distribution;
 mod over_time;
 
 pub use character::Character;
-pub use over_time::{
-    diverged_frame, first_strained_frame, per_frame_edge_length_rmse, relative_error,
-};
+pub use over_time::{diverged_frame, relative_error};
 
 /// The measures of run `b` against run `a`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -70,7 +68,7 @@ pub fn compare(
         frames: a.len(),
         frame_counts,
         position_rmse: position_rmse(a, b)?,
-        position_max: max_vertex_error(a, b)?,
+        position_max: fold_vertices(a, b, 0.0, larger)?.0,
         mean_vertex_error: mean_vertex_error(a, b)?,
         edge_length_rmse: edge_length_rmse(a, b, topology)?,
         edge_length_mean: mean_edge_length(a, topology)?,
@@ -93,8 +91,8 @@ pub fn compare(
 /// # Errors
 /// [`MetricError`].
 pub fn position_rmse(a: Frames<'_>, b: Frames<'_>) -> Result<f64, MetricError> {
-    let squares = fold_vertices(a, b, 0.0, |sum, d| sum + d * d)?;
-    Ok((squares.value / squares.count).sqrt())
+    let (squares, count) = fold_vertices(a, b, 0.0, |sum, d| sum + d * d)?;
+    Ok((squares / count).sqrt())
 }
 
 /// Position RMSE of each frame `[m]`, `[frames]`.
@@ -117,16 +115,8 @@ pub fn per_frame_rmse(a: Frames<'_>, b: Frames<'_>) -> Result<Vec<f64>, MetricEr
 /// # Errors
 /// [`MetricError`].
 pub fn mean_vertex_error(a: Frames<'_>, b: Frames<'_>) -> Result<f64, MetricError> {
-    let sum = fold_vertices(a, b, 0.0, |sum, d| sum + d)?;
-    Ok(sum.value / sum.count)
-}
-
-/// Largest distance of a vertex from where it should be `[m]`.
-///
-/// # Errors
-/// [`MetricError`].
-pub fn max_vertex_error(a: Frames<'_>, b: Frames<'_>) -> Result<f64, MetricError> {
-    Ok(fold_vertices(a, b, 0.0, larger)?.value)
+    let (sum, count) = fold_vertices(a, b, 0.0, |sum, d| sum + d)?;
+    Ok(sum / count)
 }
 
 /// Edge-length RMSE `[eq:edge-length-rmse]`: √(mean over frames and undirected edges of
@@ -259,27 +249,19 @@ fn check_mesh(frames: Frames<'_>, topology: &Topology) -> Result<(), MetricError
 }
 
 /// A fold over all vertices of all frames, and how many there were.
-struct Folded {
-    value: f64,
-    count: f64,
-}
-
 fn fold_vertices(
     a: Frames<'_>,
     b: Frames<'_>,
     start: f64,
     fold: impl Fn(f64, f64) -> f64,
-) -> Result<Folded, MetricError> {
+) -> Result<(f64, f64), MetricError> {
     let (a, b) = common(a, b)?;
     let value = a
         .iter()
         .zip(b.iter())
         .flat_map(|(p, q)| distances(p, q))
         .fold(start, fold);
-    Ok(Folded {
-        value,
-        count: (a.len() * a.vertex_count()) as f64,
-    })
+    Ok((value, (a.len() * a.vertex_count()) as f64))
 }
 
 fn distances(p: &[Vec3], q: &[Vec3]) -> impl Iterator<Item = f64> {

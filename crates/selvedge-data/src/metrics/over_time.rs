@@ -1,29 +1,8 @@
-//! Measures that follow a run through time: the error of edges in each frame, the error relative to
-//! the size of the truth, and the first frame in which the cloth no longer holds together.
+//! The error relative to the size of the truth, and the first frame in which the cloth no longer
+//! holds together.
 
-use super::{MetricError, check_mesh, common, distances, edge_lengths};
+use super::{MetricError, common, distances};
 use crate::Frames;
-use selvedge_cloth::Topology;
-
-/// Edge-length RMSE of each frame `[m]`, `[frames]`.
-///
-/// # Errors
-/// [`MetricError`].
-pub fn per_frame_edge_length_rmse(
-    a: Frames<'_>,
-    b: Frames<'_>,
-    topology: &Topology,
-) -> Result<Vec<f64>, MetricError> {
-    let (a, b) = common(a, b)?;
-    check_mesh(a, topology)?;
-    let edges = topology.edges().len() as f64;
-    let of_frame = |(p, q)| {
-        let pairs = edge_lengths(p, topology).zip(edge_lengths(q, topology));
-        let squares: f64 = pairs.map(|(l, m)| (l - m) * (l - m)).sum();
-        (squares / edges).sqrt()
-    };
-    Ok(a.iter().zip(b.iter()).map(of_frame).collect())
-}
 
 /// Relative error, e₃D `[eq:relative-error]`: mean over frames of ‖P - P̂‖/‖P‖, Frobenius norms of
 /// a frame's positions `[vertices, 3]` with P the truth `a`. No unit. It depends on where the
@@ -62,14 +41,6 @@ pub fn diverged_frame(largest_strains: &[f64], limit: f64, frames: usize) -> Opt
         }
     }
     None
-}
-
-/// The first frame whose largest strain, as from [`largest_strain`](super::largest_strain), is
-/// above `limit` or is not a number.
-#[must_use]
-pub fn first_strained_frame(largest_strains: &[f64], limit: f64) -> Option<usize> {
-    let holds = |strain: &f64| *strain <= limit;
-    largest_strains.iter().position(|strain| !holds(strain))
 }
 
 #[cfg(test)]

@@ -8,7 +8,6 @@
 mod body;
 mod error;
 mod motion;
-mod random;
 mod read;
 mod spec;
 mod weld;
@@ -17,7 +16,6 @@ mod written;
 pub use self::body::{BodySpec, Capsule, Cuboid, Plane, Sphere};
 pub use self::error::ObstacleSpecError;
 pub use self::motion::{FramesFile, NodeFile, ObstacleKeyframes, ObstacleMotion};
-pub(crate) use self::random::RandomObstacles;
 pub(crate) use self::read::moving_points;
 pub use self::spec::{ObstacleSpec, Placement};
 pub(crate) use self::written::ObstacleFile;

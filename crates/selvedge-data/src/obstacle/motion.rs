@@ -2,17 +2,17 @@
 
 use std::path::Path;
 
-use glam::{DMat3, DQuat, DVec3};
+use glam::{DMat3, DMat4, DQuat, DVec3};
 use selvedge_cloth::{
-    HandlePath, Keyframe, KeyframeGroup, KeyframeMotion, Motion, MotionError, ObstaclePath,
-    PoseKeyframe, RigidKey, SplineGroup, SplineMotion,
+    Keyframe, KeyframeGroup, KeyframeMotion, Motion, ObstaclePath, PoseKeyframe, RigidKey,
+    SplineGroup, SplineMotion,
 };
 use serde::{Deserialize, Serialize};
 
 use super::body::BodySpec;
 use super::error::Problem;
 use super::read::{self, Frames, Kind, Sequence, moving_points};
-use crate::rig::{Followers, Rig};
+use crate::rig::Rig;
 
 /// Longest motion by keyframes `[s]`, as of handles.
 const LONGEST: f64 = 86_400.0;
@@ -156,14 +156,13 @@ impl FramesFile {
     }
 
     fn frames(&self, folder: &Path, frame_rate: f64) -> Result<Frames, Problem> {
-        let wrong = |problem: String| Err(Problem("motion", problem));
         if let Some(rate) = self.rate.filter(|rate| !(1e-3..=1e5).contains(rate)) {
-            return wrong(format!(
-                "rate must be between 0.001 and 100000, found {rate}"
-            ));
+            let problem = format!("rate must be between 0.001 and 100000, found {rate}");
+            return Err(wrong(problem));
         }
         if !(self.from.is_finite() && self.from >= 0.0) {
-            return wrong(format!("from must not be negative, found {}", self.from));
+            let problem = format!("from must not be negative, found {}", self.from);
+            return Err(wrong(problem));
         }
         let rate = self.rate.unwrap_or(frame_rate);
         let within = |problem: String| Problem("motion", format!("{}: {problem}", self.path));
@@ -191,55 +190,39 @@ impl ObstacleKeyframes {
         let mean = points.iter().sum::<DVec3>() / points.len().max(1) as f64;
         let centre = self.centre.unwrap_or(mean);
         let last = self.keyframes.last().map_or(0.0, |keyframe| keyframe.time);
-        let reference = Reference::about(centre);
+        let marks = marks(centre);
         let motion = Motion::Keyframes(KeyframeMotion {
             // A whole number of frames of 1/60 s, as motions of handles have it.
             duration: ((last * 60.0).ceil().max(1.0)) / 60.0,
             groups: vec![KeyframeGroup {
-                handles: (0..reference.0.len()).collect(),
+                handles: (0..marks.len()).collect(),
                 axis: self.axis,
                 keyframes: self.keyframes.clone(),
             }],
         });
-        let path = bound(&motion, &reference, frame_rate)?;
-        let places = |time| Reference(path.at(time));
-        Ok(ObstaclePath::Rigid(
-            reference.keys(&places, last, frame_rate),
-        ))
+        let path = motion.bind(&marks, frame_rate).map_err(wrong)?;
+        let times = times(last, frame_rate);
+        Ok(rigid(times, |time| transform(centre, &path.at(time))))
     }
 }
 
 impl NodeFile {
     fn path(&self, folder: &Path, frame_rate: f64) -> Result<ObstaclePath, Problem> {
         read::unchanged("motion", &self.path, &self.blake3, folder)?;
-        let reference = Reference::about(DVec3::ZERO);
-        let nodes = vec![self.node.clone(); reference.0.len()];
-        let followers = Followers {
-            nodes: &nodes,
-            start: &reference.0,
-            frame_rate,
-        };
-        let motion = Rig::read_motion(&folder.join(&self.path), &followers)
-            .map_err(|error| Problem("motion", error.to_string()))?;
-        let frames = motion.positions.len();
-        let places = |time: f64| {
-            let frame = ((time * frame_rate).round() as usize).min(frames - 1);
-            Reference(motion.positions[frame].clone())
-        };
-        let last = (frames - 1) as f64 / frame_rate;
-        if (0..frames).any(|frame| {
-            let scale = places(frame as f64 / frame_rate).scale();
-            (scale - 1.0).abs() > 1e-3
-        }) {
+        let nodes = [self.node.clone()];
+        let frames = Rig::read_motion(&folder.join(&self.path), &nodes, frame_rate);
+        let frames = frames.map_err(wrong)?.concat();
+        let is_scaled = |m: &DMat4| (m.determinant().cbrt() - 1.0).abs() > 1e-3;
+        if frames.iter().any(is_scaled) {
             let problem = format!(
                 "{}: node {:?} is scaled: obstacles that follow a node are rigid, bake the points instead",
                 self.path, self.node
             );
             return Err(Problem("motion", problem));
         }
-        Ok(ObstaclePath::Rigid(
-            reference.keys(&places, last, frame_rate),
-        ))
+        let times = (0..frames.len()).map(|frame| frame as f64 / frame_rate);
+        let mut frames = frames.iter();
+        Ok(rigid(times, |_| frames.next().copied().unwrap_or_default()))
     }
 }
 
@@ -250,96 +233,71 @@ fn splines(
     frame_rate: f64,
 ) -> Result<ObstaclePath, Problem> {
     let (Some(first), Some(last)) = (keyframes.first(), keyframes.last()) else {
-        let problem = "needs at least one keyframe".to_owned();
-        return Err(Problem("motion", problem));
+        return Err(wrong("needs at least one keyframe"));
     };
-    let reference = Reference::about(DVec3::ZERO);
     // A motion of handles is relative to the transform when they are taken; here it is not.
     let turn = DQuat::from_axis_angle(
         first.axis.normalize_or(DVec3::Y),
         first.angle_deg.to_radians(),
     );
-    let taken = |p: &DVec3| first.translation + turn * *p * first.scale;
-    let start = Reference(reference.0.iter().map(taken).collect());
+    let start = marks(DVec3::ZERO).map(|p| first.translation + turn * p * first.scale);
     let motion = Motion::Splines(SplineMotion {
         duration: last.time.clamp(1.0 / frame_rate, LONGEST),
         taken: first.time,
         groups: vec![SplineGroup {
-            handles: (0..start.0.len()).collect(),
+            handles: (0..start.len()).collect(),
             keyframes: keyframes.to_vec(),
         }],
     });
-    let path = bound(&motion, &start, frame_rate)?;
-    let places = |time| Reference(path.at(time));
-    let is_rigid = keyframes.iter().all(|k| k.scale == 1.0);
-    if is_rigid {
-        let keys = reference.keys(&places, last.time, frame_rate);
-        return Ok(ObstaclePath::Rigid(keys));
+    let path = motion.bind(&start, frame_rate).map_err(wrong)?;
+    let place = |time| transform(DVec3::ZERO, &path.at(time));
+    let times = times(last.time, frame_rate);
+    if keyframes.iter().all(|k| k.scale == 1.0) {
+        return Ok(rigid(times, place));
     }
-    let frame = |number: usize| {
-        let place = places(number as f64 / frame_rate);
-        let (turn, scale) = (place.rotation(), place.scale());
-        let at = |p: &DVec3| place.centre() + turn * (scale * *p);
-        points.iter().map(at).collect()
+    let frame = |time| {
+        let place = place(time);
+        points.iter().map(|p| place.transform_point3(*p)).collect()
     };
     Ok(ObstaclePath::Points {
         frame_rate,
-        frames: (0..=steps(last.time, frame_rate)).map(frame).collect(),
+        frames: times.map(frame).collect(),
     })
 }
 
-fn bound(motion: &Motion, reference: &Reference, frame_rate: f64) -> Result<HandlePath, Problem> {
-    let path = motion.bind(&reference.0, frame_rate);
-    path.map_err(|error: MotionError| Problem("motion", error.to_string()))
+fn wrong(problem: impl ToString) -> Problem {
+    Problem("motion", problem.to_string())
 }
 
-/// Frames until `last` `[s]`.
-fn steps(last: f64, frame_rate: f64) -> usize {
-    (last.clamp(0.0, LONGEST) * frame_rate - 1e-9).ceil() as usize
+/// Times of all frames until `last` `[s]`.
+fn times(last: f64, frame_rate: f64) -> impl Iterator<Item = f64> {
+    let steps = (last.clamp(0.0, LONGEST) * frame_rate - 1e-9).ceil() as usize;
+    (0..=steps).map(move |frame| frame as f64 / frame_rate)
 }
 
-/// Points that tell the place of a rigid body: two on each axis, a metre from a centre.
-struct Reference(Vec<DVec3>);
+/// Points that tell the place of a body: two on each axis, a metre from a centre.
+fn marks(centre: DVec3) -> [DVec3; 6] {
+    let [x, y, z] = DVec3::AXES;
+    [x, -x, y, -y, z, -z].map(|arm| centre + arm)
+}
 
-impl Reference {
-    fn about(centre: DVec3) -> Self {
-        let of = |axis: &DVec3| [centre + *axis, centre - *axis];
-        Self(DVec3::AXES.iter().flat_map(of).collect())
-    }
+/// The transform that takes the marks about `centre` to `places`.
+fn transform(centre: DVec3, places: &[DVec3]) -> DMat4 {
+    let axis = |k: usize| 0.5 * (places[2 * k] - places[2 * k + 1]);
+    let turned = DMat3::from_cols(axis(0), axis(1), axis(2));
+    let middle = places.iter().sum::<DVec3>() / places.len() as f64;
+    DMat4::from_translation(middle - turned * centre) * DMat4::from_mat3(turned)
+}
 
-    fn centre(&self) -> DVec3 {
-        self.0.iter().sum::<DVec3>() / self.0.len() as f64
-    }
-
-    fn axes(&self) -> DMat3 {
-        let axis = |k: usize| 0.5 * (self.0[2 * k] - self.0[2 * k + 1]);
-        DMat3::from_cols(axis(0), axis(1), axis(2))
-    }
-
-    fn scale(&self) -> f64 {
-        self.axes().determinant().cbrt()
-    }
-
-    fn rotation(&self) -> DQuat {
-        let axes = self.axes();
-        let [x, y] = [axes.x_axis, axes.y_axis].map(|axis| axis.normalize_or(DVec3::X));
-        let z = x.cross(y).normalize_or(DVec3::Z);
-        DQuat::from_mat3(&DMat3::from_cols(x, z.cross(x), z)).normalize()
-    }
-
-    /// The motion from here to `places` over time, in every frame until `last` `[s]`.
-    fn keys(&self, places: &dyn Fn(f64) -> Self, last: f64, frame_rate: f64) -> Vec<RigidKey> {
-        let centre = self.centre();
-        let key = |frame: usize| {
-            let time = frame as f64 / frame_rate;
-            let place = places(time);
-            let rotation = place.rotation();
-            RigidKey {
-                time,
-                rotation,
-                translation: place.centre() - rotation * centre,
-            }
-        };
-        (0..=steps(last, frame_rate)).map(key).collect()
-    }
+/// The path of a rigid body that is so placed at these times.
+fn rigid(times: impl Iterator<Item = f64>, mut place: impl FnMut(f64) -> DMat4) -> ObstaclePath {
+    let key = |time| {
+        let (_, rotation, translation) = place(time).to_scale_rotation_translation();
+        RigidKey {
+            time,
+            rotation: rotation.normalize(),
+            translation,
+        }
+    };
+    ObstaclePath::Rigid(times.map(key).collect())
 }

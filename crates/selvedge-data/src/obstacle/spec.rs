@@ -50,10 +50,7 @@ impl Default for Placement {
     fn default() -> Self {
         Self {
             scale: 1.0,
-            rotation: Rotate {
-                axis: DVec3::Y,
-                angle_deg: 0.0,
-            },
+            rotation: Rotate::default(),
             translation: DVec3::ZERO,
         }
     }

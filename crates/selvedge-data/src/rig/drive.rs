@@ -1,53 +1,36 @@
-//! Handles that follow the nodes of a rig: a handle moves rigidly with its node from where it
-//! starts, p(t) = M(t) M(t₀)⁻¹ p₀, with M from the node's space to the world and t₀ the first key
-//! of all nodes that are followed. So a node need not stand where its handles do, and may carry
-//! several.
+//! Motion with the nodes of a rig: what follows a node moves rigidly with it from where it starts,
+//! p(t) = M(t) M(t₀)⁻¹ p₀, with M from the node's space to the world and t₀ the first key of all
+//! nodes that are followed. So a node need not stand where its followers do, and may carry several.
 
 use std::path::Path;
 
-use glam::{DMat4, DVec3};
-use selvedge_cloth::RecordedMotion;
+use glam::DMat4;
 
 use super::bodies::steps;
 use super::error::RigError;
 use super::node::Rig;
 
-/// Handles and what they follow.
-pub(crate) struct Followers<'a> {
-    /// The name of each handle's node, `[handles]`.
-    pub(crate) nodes: &'a [String],
-    /// Start positions of the handles `[m]`, `[handles]`.
-    pub(crate) start: &'a [DVec3],
-    /// Frames per second of the scene.
-    pub(crate) frame_rate: f64,
-}
-
 impl Rig {
-    /// The motion of `followers` in the file at `path`, from its first key to its last.
+    /// As [`Self::motion`], of the nodes in the file at `path`.
     pub(crate) fn read_motion(
         path: &Path,
-        followers: &Followers<'_>,
-    ) -> Result<RecordedMotion, RigError> {
-        let rig = Self::read(path)?;
-        rig.motion(followers).map_err(|source| RigError::File {
-            path: path.to_owned(),
-            source: Box::new(source),
+        names: &[String],
+        frame_rate: f64,
+    ) -> Result<Vec<Vec<DMat4>>, RigError> {
+        Self::of_file(path, |bytes, format| {
+            Self::parse(bytes, format)?.motion(names, frame_rate)
         })
     }
 
-    /// The motion of `followers` from the first key to the last.
-    pub(crate) fn motion(&self, followers: &Followers<'_>) -> Result<RecordedMotion, RigError> {
-        let names = followers.nodes;
-        if names.len() != followers.start.len() {
-            return Err(RigError::Count {
-                nodes: names.len(),
-                handles: followers.start.len(),
-            });
-        }
-        let nodes: Vec<usize> = names
-            .iter()
-            .map(|name| self.find(name))
-            .collect::<Result<_, _>>()?;
+    /// The transforms M(t) M(t₀)⁻¹ of the nodes of these names from the first key to the last,
+    /// `[frames][names]`.
+    pub(crate) fn motion(
+        &self,
+        names: &[String],
+        frame_rate: f64,
+    ) -> Result<Vec<Vec<DMat4>>, RigError> {
+        let nodes = names.iter().map(|name| self.find(name));
+        let nodes = nodes.collect::<Result<Vec<usize>, _>>()?;
         let spans = nodes.iter().filter_map(|&node| self.span(node));
         let Some([first, last]) = spans.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]) else {
             let mut unique = names.to_vec();
@@ -56,35 +39,24 @@ impl Rig {
                 names: unique.join(", "),
             });
         };
-        let steps = steps(last - first, followers.frame_rate)?;
-        let back: Vec<DMat4> = nodes
-            .iter()
-            .zip(names)
-            .map(|(&node, name)| self.inverse_placement(node, name, first))
-            .collect::<Result<_, _>>()?;
-        let frame = |number: usize| {
-            let time = first + number as f64 / followers.frame_rate;
-            let handles = nodes.iter().zip(&back).zip(followers.start);
-            handles
-                .map(|((&node, back), start)| {
-                    (self.placement(node, time) * *back).transform_point3(*start)
-                })
-                .collect()
+        let steps = steps(last - first, frame_rate)?;
+        let back = |(&node, name): (&usize, &String)| {
+            let inverse = self.placement(node, first).inverse();
+            let problem = "is scaled to nothing at its first key".to_owned();
+            let name = name.clone();
+            match inverse.is_finite() {
+                true => Ok(inverse),
+                false => Err(RigError::Node { name, problem }),
+            }
         };
-        Ok(RecordedMotion {
-            positions: (0..=steps).map(frame).collect(),
-        })
-    }
-
-    fn inverse_placement(&self, node: usize, name: &str, time: f64) -> Result<DMat4, RigError> {
-        let placement = self.placement(node, time);
-        let inverse = placement.inverse();
-        if inverse.is_finite() {
-            return Ok(inverse);
-        }
-        Err(RigError::Node {
-            name: name.to_owned(),
-            problem: "is scaled to nothing at its first key".to_owned(),
-        })
+        let back = nodes.iter().zip(names).map(back);
+        let back = back.collect::<Result<Vec<DMat4>, _>>()?;
+        let frame = |number: usize| {
+            let time = first + number as f64 / frame_rate;
+            let nodes = nodes.iter().zip(&back);
+            let moved = nodes.map(|(&node, back)| self.placement(node, time) * *back);
+            moved.collect()
+        };
+        Ok((0..=steps).map(frame).collect())
     }
 }

@@ -44,6 +44,4 @@ pub enum RigError {
     Still { names: String },
     #[error("lasts {frames} frames of the scene, more than {most}")]
     Long { frames: f64, most: usize },
-    #[error("{nodes} nodes are named for {handles} handles")]
-    Count { nodes: usize, handles: usize },
 }

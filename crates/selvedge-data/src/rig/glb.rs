@@ -427,11 +427,11 @@ impl File<'_> {
             .unwrap_or_else(|| format!("node {number}"));
         let track = |moved| channels.get(&(number, moved));
         let points = |moved, constant: Option<[f64; 3]>| match track(moved) {
-            Some(channel) => Ok(Some(self.points(channel)?)),
+            Some(channel) => self.track(channel, 3, DVec3::from_slice).map(Some),
             None => Ok(constant.map(|value| Track::constant(DVec3::from_array(value)))),
         };
         let rotation = match track(Moved::Rotation) {
-            Some(channel) => Some(self.turns(channel)?),
+            Some(channel) => Some(self.track(channel, 4, DQuat::from_slice)?),
             None => node.rotation.map(|q| Track::constant(DQuat::from_array(q))),
         };
         let matrix = node
@@ -449,14 +449,6 @@ impl File<'_> {
             operations: changes.into_iter().flatten().map(Operation::new).collect(),
             obstacle: None,
         })
-    }
-
-    fn points(&self, channel: &Sampled<'_>) -> Result<Track<DVec3>, RigError> {
-        self.track(channel, 3, DVec3::from_slice)
-    }
-
-    fn turns(&self, channel: &Sampled<'_>) -> Result<Track<DQuat>, RigError> {
-        self.track(channel, 4, DQuat::from_slice)
     }
 
     fn track<T: Value>(
@@ -576,5 +568,22 @@ fn component(accessor: &Accessor) -> Option<Component> {
         })),
         (5123, true) => Some((2, |b| f64::from(u16::from_le_bytes([b[0], b[1]])) / 65535.0)),
         _ => None,
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    /// The bytes of a file of this JSON and binary part, whose length is a multiple of four.
+    pub(crate) fn file(json: &serde_json::Value, binary: &[u8]) -> Vec<u8> {
+        let mut text = json.to_string().into_bytes();
+        text.resize(text.len().next_multiple_of(4), b' ');
+        let mut bytes = b"glTF\x02\0\0\0".to_vec();
+        bytes.extend((28 + text.len() as u32 + binary.len() as u32).to_le_bytes());
+        for (kind, part) in [(b"JSON", &text[..]), (b"BIN\0", binary)] {
+            bytes.extend((part.len() as u32).to_le_bytes());
+            bytes.extend(kind);
+            bytes.extend(part);
+        }
+        bytes
     }
 }

@@ -8,7 +8,7 @@
 mod bodies;
 mod drive;
 mod error;
-mod glb;
+pub(crate) mod glb;
 pub(crate) mod mesh;
 mod mesh_motion;
 mod moving_mesh;
@@ -24,7 +24,6 @@ use crate::formats::retired::retired;
 use glam::DMat4;
 
 pub(crate) use self::bodies::read_body;
-pub(crate) use self::drive::Followers;
 pub use self::error::RigError;
 pub use self::mesh_motion::MeshMotion;
 pub use self::node::{Rig, RigNode};

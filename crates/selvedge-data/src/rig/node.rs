@@ -27,14 +27,8 @@ pub struct RigNode {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Operation {
     pub(super) change: Change,
-    /// Direction: done or undone.
-    pub(super) direction: Direction,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Direction {
-    Forward,
-    Inverse,
+    /// True where it is undone.
+    pub(super) is_inverse: bool,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -51,15 +45,15 @@ impl Operation {
     pub(super) fn new(change: Change) -> Self {
         Self {
             change,
-            direction: Direction::Forward,
+            is_inverse: false,
         }
     }
 
     pub(super) fn at(&self, time: f64) -> DMat4 {
         let matrix = self.change.at(time);
-        match self.direction {
-            Direction::Forward => matrix,
-            Direction::Inverse => matrix.inverse(),
+        match self.is_inverse {
+            false => matrix,
+            true => matrix.inverse(),
         }
     }
 }

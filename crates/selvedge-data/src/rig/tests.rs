@@ -1,28 +1,27 @@
 //! Small files written here by hand, placements that are known in closed form, and damage.
 
-use glam::{DQuat, DVec3};
+use glam::{DMat4, DQuat, DVec3};
 use serde_json::{Value, json};
 
 use super::*;
+use crate::test_help::says;
 
+fn named(nodes: &[&str]) -> Vec<String> {
+    nodes.iter().map(|&name| name.to_owned()).collect()
+}
+
+/// Handles at `start` that follow `nodes`, in every frame.
 fn follow(rig: &Rig, nodes: &[&str], start: &[DVec3], frame_rate: f64) -> Vec<Vec<DVec3>> {
-    let nodes: Vec<String> = nodes.iter().map(|&name| name.to_owned()).collect();
-    let followers = Followers {
-        nodes: &nodes,
-        start,
-        frame_rate,
+    let frames = rig.motion(&named(nodes), frame_rate).unwrap();
+    let moved = |frame: &Vec<DMat4>| {
+        let pairs = frame.iter().zip(start);
+        pairs.map(|(node, p)| node.transform_point3(*p)).collect()
     };
-    rig.motion(&followers).unwrap().positions
+    frames.iter().map(moved).collect()
 }
 
 fn problem(rig: &Rig, nodes: &[&str]) -> String {
-    let nodes: Vec<String> = nodes.iter().map(|&name| name.to_owned()).collect();
-    let followers = Followers {
-        nodes: &nodes,
-        start: &vec![DVec3::ZERO; nodes.len()],
-        frame_rate: 60.0,
-    };
-    rig.motion(&followers).unwrap_err().to_string()
+    rig.motion(&named(nodes), 60.0).unwrap_err().to_string()
 }
 
 /// A .glb of this JSON and binary part.
@@ -31,16 +30,7 @@ fn glb(mut json: Value, floats: &[f32], more: &[u8]) -> Vec<u8> {
     binary.extend(more);
     binary.resize(binary.len().next_multiple_of(4), 0);
     json["buffers"] = json!([{ "byteLength": binary.len() }]);
-    let mut text = json.to_string().into_bytes();
-    text.resize(text.len().next_multiple_of(4), b' ');
-    let mut bytes = b"glTF\x02\0\0\0".to_vec();
-    bytes.extend((28 + text.len() as u32 + binary.len() as u32).to_le_bytes());
-    for (kind, part) in [(b"JSON", text), (b"BIN\0", binary)] {
-        bytes.extend((part.len() as u32).to_le_bytes());
-        bytes.extend(kind);
-        bytes.extend(part);
-    }
-    bytes
+    glb::tests::file(&json, &binary)
 }
 
 /// An arm of length 2 whose shoulder turns by half a turn about y in a second while it rises by 1
@@ -336,13 +326,11 @@ fn what_is_not_understood_is_named_with_its_line() {
     assert!(problem(&rig, &["none"]).contains("[world, hand, sheet, ghost]"));
     let shear = STAGE.replace("xformOp:orient", "xformOp:shear");
     let rig = usda::parse(shear.as_bytes()).unwrap();
-    let found = problem(&rig, &["hand"]);
-    assert!(
-        found.contains("xformOp:shear (line 32)") && found.contains("not understood"),
-        "{found}"
+    says(
+        problem(&rig, &["hand"]),
+        &["xformOp:shear (line 32)", "not understood"],
     );
-    let binary = usda::parse(b"PXR-USDC\0\0").unwrap_err().to_string();
-    assert!(binary.contains("version 0.0"), "{binary}");
+    says(usda::parse(b"PXR-USDC\0\0").unwrap_err(), &["version 0.0"]);
 }
 
 #[test]

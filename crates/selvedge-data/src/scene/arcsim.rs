@@ -26,7 +26,7 @@ use super::file::moving_mesh;
 use super::loaded::LoadedScene;
 use super::material_source::shipped_material;
 use super::mesh_spec::{BuiltMesh, MeshSource, MeshSpec, Rotate, Transform};
-use super::problem::SceneProblem;
+use super::problem::{SceneProblem, field};
 use super::spec::{SceneSpec, SceneSpecError, Setting};
 use super::start::StartSpec;
 use super::text::read_text;
@@ -312,10 +312,7 @@ fn material(
             let file = folder.join(found);
             let text = read_text(&file);
             let data = text.and_then(|text| material_data(&text, &name));
-            let data = data.map_err(|problem| SceneProblem::Key {
-                key: key("data"),
-                problem: format!("{path}: {problem}"),
-            })?;
+            let data = data.map_err(|problem| field(key("data"), format!("{path}: {problem}")))?;
             (data, Some(file))
         }
         None => {
@@ -556,10 +553,7 @@ fn within(key: &str, value: f64, range: RangeInclusive<f64>) -> Result<f64, Scen
 }
 
 fn wrong(key: &str, must: &str, found: impl std::fmt::Display) -> SceneProblem {
-    SceneProblem::Key {
-        key: key.to_owned(),
-        problem: format!("{must}, found {found}"),
-    }
+    field(key, format!("{must}, found {found}"))
 }
 
 /// Reads JSON in which `//` and `/* */` are comments; errors name the key and the line.
@@ -570,10 +564,7 @@ fn parse_json<T: DeserializeOwned>(text: &str) -> Result<T, SceneProblem> {
         let key = error.path().to_string();
         match error.into_inner() {
             syntax if !syntax.is_data() => SceneProblem::Json(syntax),
-            data => SceneProblem::Key {
-                key,
-                problem: data.to_string(),
-            },
+            data => field(key, data.to_string()),
         }
     })?;
     reader.end().map_err(SceneProblem::Json)?;

@@ -14,7 +14,7 @@ use super::problem::{SceneProblem, field};
 /// A choice of the held vertices, in exactly one way.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(try_from = "SelectionTable")]
-pub enum HandleSelection {
+pub(crate) enum HandleSelection {
     /// By number, from 0; the order is that of the handles.
     Vertices(Vec<u32>),
     /// By the label of a generated mesh, or the name of an object or group of an OBJ.
@@ -78,25 +78,25 @@ impl TryFrom<SelectionTable> for HandleSelection {
 /// Handles that have a name.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct HandleGroup {
+pub(crate) struct HandleGroup {
     /// Name of the group, as the motion uses it.
-    pub name: String,
+    pub(crate) name: String,
     /// The vertices of the group; not groups again.
-    pub select: HandleSelection,
+    pub(crate) select: HandleSelection,
     /// Spans of time in which the group lets go.
     #[serde(default)]
-    pub released: Vec<ReleaseSpan>,
+    pub(crate) released: Vec<ReleaseSpan>,
 }
 
 /// A span of time in which a group is let go.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct ReleaseSpan {
+pub(crate) struct ReleaseSpan {
     /// Start of the span `[s]`.
-    pub from: f64,
+    pub(crate) from: f64,
     /// End of the span `[s]`; none for good.
     #[serde(default)]
-    pub to: Option<f64>,
+    pub(crate) to: Option<f64>,
 }
 
 /// The names of groups, and which handles are theirs.

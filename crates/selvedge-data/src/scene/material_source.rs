@@ -24,7 +24,7 @@ use super::text::{parse_toml, read_text};
 
 /// One way to say what the cloth is made of.
 #[derive(Clone, Debug, PartialEq)]
-pub enum MaterialSource {
+pub(crate) enum MaterialSource {
     /// The name of a shipped material, or a TOML file, relative to the file that names it.
     Named(String),
     /// A table.
@@ -34,7 +34,7 @@ pub enum MaterialSource {
 /// A material of one's own: built on exactly one of `from`, `isotropic`, and `stretch` with `bend`.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct MaterialTable {
+pub(crate) struct MaterialTable {
     /// A shipped material or a TOML file that is changed.
     from: Option<String>,
     /// The constants of an isotropic sheet.

@@ -206,11 +206,17 @@ impl Default for Transform {
         Self {
             scale: 1.0,
             material_scale: 1.0,
-            rotation: Rotate {
-                axis: DVec3::Y,
-                angle_deg: 0.0,
-            },
+            rotation: Rotate::default(),
             translation: DVec3::ZERO,
+        }
+    }
+}
+
+impl Default for Rotate {
+    fn default() -> Self {
+        Self {
+            axis: DVec3::Y,
+            angle_deg: 0.0,
         }
     }
 }

@@ -21,14 +21,13 @@ mod strained;
 mod text;
 
 pub use file::{open_scene, parse_scene, read_scene};
-pub use handle_selection::{HandleGroup, HandleSelection, ReleaseSpan};
+pub(crate) use handle_selection::HandleSelection;
 pub use loaded::LoadedScene;
-pub use material_source::{MaterialSource, MaterialTable};
+pub(crate) use material_source::MaterialSource;
 pub use mesh_spec::{
     BuiltMesh, GeneratorSpec, MeshSource, MeshSpec, MeshSpecError, Rotate, Transform,
 };
-pub(crate) use motion_source::Stand;
-pub use motion_source::{GroupMotion, GroupMove, MotionSource, RigMotion};
+pub(crate) use motion_source::{MotionSource, Stand};
 pub(crate) use problem::field;
 pub use problem::{SceneFileError, SceneProblem};
 pub use recorded_csv::{RecordedCsvError, parse_recorded_csv};

@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use glam::DVec3;
+use glam::{DMat4, DVec3};
 use selvedge_cloth::motion::named;
 use selvedge_cloth::{Keyframe, KeyframeGroup, KeyframeMotion, Mesh, Motion, RecordedMotion};
 use serde::Deserialize;
@@ -15,12 +15,12 @@ use super::spec::Setting;
 use super::text::{parse_toml, read_text};
 use crate::formats::input::read_file;
 use crate::formats::npz::NpzPoints;
-use crate::rig::{Followers, Rig};
+use crate::rig::Rig;
 
 /// One way to say how the handles move; paths are relative to the file that names them.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum MotionSource {
+pub(crate) enum MotionSource {
     /// A motion that has a name.
     Named(String),
     /// A motion written out.
@@ -38,13 +38,13 @@ pub enum MotionSource {
 /// Nodes that handles follow, each rigidly from where it starts.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct RigMotion {
+pub(crate) struct RigMotion {
     /// The file with the nodes.
-    pub file: PathBuf,
+    pub(crate) file: PathBuf,
     /// The node of each group of handles, or of each handle where there are no groups. If there are
     /// none: nodes that are called as the groups, or `handle_0`, `handle_1` and so on.
     #[serde(default)]
-    pub nodes: Option<Vec<String>>,
+    pub(crate) nodes: Option<Vec<String>>,
 }
 
 /// The handles before they move.
@@ -77,14 +77,14 @@ impl<'a> Stand<'a> {
 impl RigMotion {
     fn resolve(&self, folder: &Path, stand: &Stand<'_>) -> Result<Motion, SceneProblem> {
         let nodes = self.nodes_of(stand)?;
-        let followers = Followers {
-            nodes: &nodes,
-            start: &stand.start,
-            frame_rate: stand.frame_rate,
+        let frames = Rig::read_motion(&folder.join(&self.file), &nodes, stand.frame_rate)
+            .map_err(|error| field("motion.rig", error.to_string()))?;
+        let moved = |frame: &Vec<DMat4>| {
+            let pairs = frame.iter().zip(&stand.start);
+            pairs.map(|(node, p)| node.transform_point3(*p)).collect()
         };
-        Rig::read_motion(&folder.join(&self.file), &followers)
-            .map(Motion::Recorded)
-            .map_err(|error| field("motion.rig", error.to_string()))
+        let positions = frames.iter().map(moved).collect();
+        Ok(Motion::Recorded(RecordedMotion { positions }))
     }
 
     /// The name of each handle's node.
@@ -151,25 +151,25 @@ fn read_recorded(path: &Path, frame_rate: f64) -> Result<RecordedMotion, String>
 /// Groups of handles that move rigidly from keyframe to keyframe; a group without moves stays.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct GroupMotion {
+pub(crate) struct GroupMotion {
     /// Duration of the motion `[s]`; a whole number of frames of 1/60 s.
-    pub duration: f64,
+    pub(crate) duration: f64,
     /// At most one per group.
     #[serde(default)]
-    pub moves: Vec<GroupMove>,
+    pub(crate) moves: Vec<GroupMove>,
 }
 
 /// Motion of one group.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct GroupMove {
+pub(crate) struct GroupMove {
     /// The group's name.
-    pub group: String,
+    pub(crate) group: String,
     /// The axis of its rotations, through its centre; upwards if there is none.
     #[serde(default = "default_axis")]
-    pub axis: DVec3,
+    pub(crate) axis: DVec3,
     /// Places of the group over time.
-    pub keyframes: Vec<Keyframe>,
+    pub(crate) keyframes: Vec<Keyframe>,
 }
 
 fn default_axis() -> DVec3 {

@@ -54,6 +54,7 @@ fn is_of_mode(settings: &PhysicsSettings, mode: PhysicsMode) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::test_help::says;
 
     #[derive(Deserialize)]
     struct Holder {
@@ -114,8 +115,7 @@ mod tests {
             ("physics = { handles = \"glue\" }", "glue"),
             ("physics = 4", "invalid type"),
         ] {
-            let error = read(text).unwrap_err();
-            assert!(error.contains(named) && error.contains("line 1"), "{error}");
+            says(read(text).unwrap_err(), &[named, "line 1"]);
         }
     }
 }

@@ -30,20 +30,15 @@ pub enum SceneProblem {
     Json(#[source] serde_json::Error),
     #[error("{key}: {problem}")]
     Key { key: String, problem: String },
-    #[error("{field}: {problem}")]
-    Field {
-        field: &'static str,
-        problem: String,
-    },
     #[error(transparent)]
     Mesh(#[from] MeshSpecError),
     #[error(transparent)]
     Spec(#[from] SceneSpecError),
 }
 
-pub(crate) fn field(field: &'static str, problem: impl Into<String>) -> SceneProblem {
-    SceneProblem::Field {
-        field,
+pub(crate) fn field(key: impl Into<String>, problem: impl Into<String>) -> SceneProblem {
+    SceneProblem::Key {
+        key: key.into(),
         problem: problem.into(),
     }
 }

@@ -176,11 +176,8 @@ impl MeshFile {
             thread: self.thread,
             weld: self.weld,
         };
-        let for_files = self.seams.is_some()
-            || self.texture.is_some()
-            || self.pattern.is_some()
-            || self.thread.is_some()
-            || self.weld.is_some();
+        let choices = (self.seams, self.texture, self.pattern);
+        let for_files = choices != (None, None, None) || (self.thread, self.weld) != (None, None);
         let file = match (self.obj, self.file) {
             (Some(_), Some(_)) => {
                 return Err(field("mesh", "has both an obj and a file: keep one"));

@@ -158,37 +158,11 @@ impl Trajectory {
     /// Gives the tensors and the metadata of the file to `put`.
     fn encode<R>(&self, put: impl FnOnce(&[TensorOut<'_>], &BTreeMap<&str, String>) -> R) -> R {
         let cloth = self.cloth();
-        let (vertices, faces) = (self.vertex_count(), cloth.topology().faces().len());
-        let coordinates = cloth.material_coordinates();
-        let handles: Vec<u32> = cloth.handles().vertices().iter().map(|v| v.0).collect();
-        let corners = cloth.topology().face_indices().as_flattened().to_vec();
-        let flat = coordinates.iter().flat_map(|c| c.to_array()).collect();
-        let values = [
-            (
-                &[self.frame_count(), vertices, 3][..],
-                flat3(self.positions()),
-            ),
-            (&[faces, 3], Values::U32(corners)),
-            (&[vertices, 3], flat3(cloth.rest_positions())),
-            (&[coordinates.len(), 2], Values::F32(flat)),
-            (&[vertices], Values::F32(cloth.vertex_mass().to_vec())),
-            (&[faces], Values::F32(cloth.face_area().to_vec())),
-            (&[handles.len()], Values::U32(handles)),
-        ];
-        let named = TENSORS.into_iter().zip(values);
-        let tensor = |(name, (shape, values))| Tensor::new(name, shape, values);
-        let mut tensors: Vec<Tensor> = named.map(tensor).collect();
-        let pattern = cloth.pattern();
-        if pattern.is_sewn() {
-            let corners = pattern.corners().as_flattened().to_vec();
-            tensors.push(Tensor::new(
-                PATTERN_FACES,
-                &[faces, 3],
-                Values::U32(corners),
-            ));
-        }
+        let shape = [self.frame_count(), self.vertex_count(), 3];
+        let mut tensors = vec![Tensor::new(TENSORS[0], &shape, flat3(self.positions()))];
+        tensors.extend(cloth_tensors(cloth, cloth.rest_positions()));
         tensors.extend(obstacle_file::tensors(self.obstacles()));
-        let version = match (self.obstacles().is_empty(), pattern.is_sewn()) {
+        let version = match (self.obstacles().is_empty(), cloth.pattern().is_sewn()) {
             (false, _) => OBSTACLE_VERSION,
             (true, true) => SEWN_VERSION,
             (true, false) => VERSION,
@@ -287,6 +261,36 @@ fn read_cloth(
         Cloth::new(topology, handles, arrays)?
     };
     Ok((cloth, points(&positions.values)))
+}
+
+/// The tensors of a cloth, but its positions; its rest pose may be turned.
+pub(crate) fn cloth_tensors(cloth: &Cloth, rest: &[Vec3]) -> Vec<Tensor> {
+    let (vertices, faces) = (cloth.vertex_count(), cloth.topology().faces().len());
+    let (coordinates, pattern) = (cloth.material_coordinates(), cloth.pattern());
+    let handles: Vec<u32> = cloth.handles().vertices().iter().map(|v| v.0).collect();
+    let corners = cloth.topology().face_indices().as_flattened().to_vec();
+    let flat = coordinates.iter().flat_map(|c| c.to_array()).collect();
+    let values = [
+        (&[faces, 3][..], Values::U32(corners)),
+        (&[vertices, 3], flat3(rest)),
+        (&[coordinates.len(), 2], Values::F32(flat)),
+        (&[vertices], Values::F32(cloth.vertex_mass().to_vec())),
+        (&[faces], Values::F32(cloth.face_area().to_vec())),
+        (&[handles.len()], Values::U32(handles)),
+    ];
+    let named = TENSORS[1..].iter().zip(values);
+    let mut tensors: Vec<Tensor> = named
+        .map(|(name, (shape, values))| Tensor::new(*name, shape, values))
+        .collect();
+    if pattern.is_sewn() {
+        let corners = pattern.corners().as_flattened().to_vec();
+        tensors.push(Tensor::new(
+            PATTERN_FACES,
+            &[faces, 3],
+            Values::U32(corners),
+        ));
+    }
+    tensors
 }
 
 fn triples(values: &[u32]) -> Vec<[u32; 3]> {

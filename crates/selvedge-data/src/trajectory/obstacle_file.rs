@@ -30,7 +30,6 @@ pub(super) fn tensors(obstacles: &[ObstacleTrack]) -> Vec<Tensor> {
         add("faces", &[obstacle.faces.len(), 3], Values::U32(faces));
         let count = obstacle.points;
         match &obstacle.motion {
-            TrackMotion::Still(points) => add("points", &[1, count, 3], flat3(points)),
             TrackMotion::Points(frames) => {
                 add("points", &[frames.len(), count, 3], flat3(&frames.concat()));
             }
@@ -115,8 +114,6 @@ fn read_one(file: &ArrayFile<'_>, number: usize, name: &str) -> Result<ObstacleT
             translation: Vec3::from_slice(&row[4..]),
         };
         TrackMotion::Rigid(all, poses.values.chunks_exact(7).map(pose).collect())
-    } else if frames == 1 {
-        TrackMotion::Still(all)
     } else {
         TrackMotion::Points(all.chunks_exact(count).map(<[_]>::to_vec).collect())
     };

@@ -19,12 +19,10 @@ pub struct ObstacleTrack {
 /// Places of a body's points.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum TrackMotion {
-    /// The same points in every frame.
-    Still(Vec<Vec3>),
+    /// Points by the frame; of one frame where they never move.
+    Points(Vec<Vec<Vec3>>),
     /// The same points, placed in every frame.
     Rigid(Vec<Vec3>, Vec<Pose>),
-    /// Points by the frame.
-    Points(Vec<Vec<Vec3>>),
 }
 
 /// A place of a rigid body.
@@ -56,7 +54,7 @@ impl ObstacleTrack {
         let time = |frame: usize| (first + frame) as f64 / frame_rate;
         let at = |time: f64| rounded(obstacle.positions_at(time));
         let motion = match obstacle.path() {
-            _ if obstacle.is_still() => TrackMotion::Still(at(0.0)),
+            _ if obstacle.is_still() => TrackMotion::Points(vec![at(0.0)]),
             ObstaclePath::Rigid(keys) => Self::rigid(obstacle, &keys[0], &time, frames),
             _ => TrackMotion::Points((0..frames).map(|frame| at(time(frame))).collect()),
         };
@@ -75,17 +73,14 @@ impl ObstacleTrack {
     /// When there is no frame.
     #[must_use]
     pub fn of_frames(name: String, faces: Vec<[u32; 3]>, mut frames: Vec<Vec<Vec3>>) -> Self {
-        let first = &frames[0];
-        let points = first.len();
-        let motion = match frames.iter().all(|frame| frame == first) {
-            true => TrackMotion::Still(frames.swap_remove(0)),
-            false => TrackMotion::Points(frames),
-        };
+        if frames.iter().all(|frame| *frame == frames[0]) {
+            frames.truncate(1);
+        }
         Self {
             name,
             faces,
-            points,
-            motion,
+            points: frames[0].len(),
+            motion: TrackMotion::Points(frames),
         }
     }
 
@@ -130,7 +125,7 @@ impl ObstacleTrack {
     /// Returns true if it never moves.
     #[must_use]
     pub fn is_still(&self) -> bool {
-        matches!(self.motion, TrackMotion::Still(_))
+        matches!(&self.motion, TrackMotion::Points(frames) if frames.len() == 1)
     }
 
     /// Positions in frame `index` `[m]`, `[points]`; in the last one it has where there is none of
@@ -138,7 +133,6 @@ impl ObstacleTrack {
     #[must_use]
     pub fn frame(&self, index: usize) -> Cow<'_, [Vec3]> {
         match &self.motion {
-            TrackMotion::Still(points) => Cow::Borrowed(points),
             TrackMotion::Rigid(points, poses) => {
                 let pose = poses[index.min(poses.len() - 1)];
                 Cow::Owned(points.iter().map(|p| pose.apply(*p)).collect())
@@ -151,7 +145,7 @@ impl ObstacleTrack {
     pub(crate) fn rigid_points(&self) -> Option<&[Vec3]> {
         match &self.motion {
             TrackMotion::Rigid(points, _) => Some(points),
-            TrackMotion::Still(_) | TrackMotion::Points(_) => None,
+            TrackMotion::Points(_) => None,
         }
     }
 
@@ -162,16 +156,7 @@ impl ObstacleTrack {
                 let pose = poses[index.min(poses.len() - 1)];
                 Some((pose.rotation.normalize(), pose.translation))
             }
-            TrackMotion::Still(_) | TrackMotion::Points(_) => None,
-        }
-    }
-
-    /// Number of frames, where it moves.
-    fn frame_count(&self) -> Option<usize> {
-        match &self.motion {
-            TrackMotion::Still(_) => None,
-            TrackMotion::Rigid(_, poses) => Some(poses.len()),
-            TrackMotion::Points(frames) => Some(frames.len()),
+            TrackMotion::Points(_) => None,
         }
     }
 
@@ -181,7 +166,11 @@ impl ObstacleTrack {
             name: self.name.clone(),
             problem,
         };
-        if let Some(found) = self.frame_count().filter(|found| *found != frames) {
+        let found = match &self.motion {
+            TrackMotion::Points(frames) => frames.len(),
+            TrackMotion::Rigid(_, poses) => poses.len(),
+        };
+        if found != frames && !self.is_still() {
             return Err(wrong(format!("has {found} frames, the cloth has {frames}")));
         }
         let corners = self.faces.as_flattened().iter();
@@ -190,7 +179,7 @@ impl ObstacleTrack {
             return Err(wrong(format!("a face names point {beyond} of {points}")));
         }
         let counts = match &self.motion {
-            TrackMotion::Still(points) | TrackMotion::Rigid(points, _) => vec![points.len()],
+            TrackMotion::Rigid(points, _) => vec![points.len()],
             TrackMotion::Points(frames) => frames.iter().map(Vec::len).collect(),
         };
         if let Some(found) = counts.into_iter().find(|&found| found != self.points) {
@@ -200,7 +189,6 @@ impl ObstacleTrack {
             )));
         }
         let is_finite = match &self.motion {
-            TrackMotion::Still(points) => points.iter().all(|p| p.is_finite()),
             TrackMotion::Rigid(points, poses) => {
                 let is_sound = |pose: &Pose| {
                     let length = pose.rotation.length();

@@ -4,9 +4,8 @@ use glam::{Vec2, Vec3};
 use selvedge_cloth::{Cloth, Topology};
 use selvedge_data::Frames;
 use selvedge_data::metrics::{
-    MetricError, compare, edge_length_rmse, final_speed, first_strained_frame, largest_strain,
-    material_edge_lengths, mean_edge_length, mean_vertex_error, per_frame_edge_length_rmse,
-    per_frame_rmse, position_rmse, relative_error, speeds,
+    MetricError, compare, edge_length_rmse, final_speed, largest_strain, material_edge_lengths,
+    mean_edge_length, mean_vertex_error, per_frame_rmse, position_rmse, relative_error, speeds,
 };
 
 use crate::help::sheet;
@@ -164,31 +163,6 @@ fn the_relative_error_of_a_run_that_is_scaled_by_s_is_s_minus_1() {
     let origin = Frames::new(&zero, 4).unwrap();
     assert_eq!(relative_error(origin, origin).unwrap(), 0.0);
     assert_eq!(relative_error(origin, a.first(1)).unwrap(), f64::INFINITY);
-}
-
-#[test]
-fn the_squares_of_the_frames_edge_errors_have_the_square_of_the_whole_as_their_mean() {
-    let (topology, positions, _) = square();
-    let truth = repeated(&positions, 3, |_| Vec3::ZERO);
-    let run: Vec<Vec3> = (0..12).map(|i| truth[i] * (1.0 + (i / 4) as f32)).collect();
-    let [a, b] = [&truth, &run].map(|run| Frames::new(run, 4).unwrap());
-    let frames = per_frame_edge_length_rmse(a, b, &topology).unwrap();
-    // Frame f is f + 1 times too large: every edge is too long by f times its length.
-    let once = (6.0 / 5.0_f64).sqrt();
-    for (frame, rmse) in frames.iter().enumerate() {
-        assert!((rmse - frame as f64 * once).abs() < 4.0 * ROUNDING);
-    }
-    let whole = edge_length_rmse(a, b, &topology).unwrap();
-    let mean = frames.iter().map(|rmse| rmse * rmse).sum::<f64>() / 3.0;
-    assert!((whole * whole - mean).abs() < 4.0 * ROUNDING);
-}
-
-#[test]
-fn a_strain_above_the_limit_is_found_and_so_is_one_that_is_no_number() {
-    assert_eq!(first_strained_frame(&[0.0, 0.2, 0.21, 0.1], 0.2), Some(2));
-    assert_eq!(first_strained_frame(&[-0.5, 0.2], 0.2), None);
-    assert_eq!(first_strained_frame(&[0.1, f64::NAN], 0.2), Some(1));
-    assert_eq!(first_strained_frame(&[], 0.2), None);
 }
 
 /// The measures as their definitions are read aloud, one number after another.

@@ -3,11 +3,16 @@
 
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use proptest::prelude::*;
+use selvedge_cloth::generate::Sheet;
 use selvedge_data::{
-    MeshFileError, MeshOptions, Seams, TextureUnit, parse_obj, parse_obj_with, read_obj, write_obj,
+    MeshFileError, MeshOptions, Seams, TextureUnit, parse_obj_with, read_obj, write_obj,
 };
 
 use crate::help::{sheet, table};
+
+fn parse_obj(text: &str) -> Result<Sheet, MeshFileError> {
+    Ok(parse_obj_with(text, MeshOptions::default())?.sheet)
+}
 
 const QUAD: &str = "v 0 0 0\nv 2 0 0\nv 2 1 0\nv 0 1 0\n";
 

@@ -87,7 +87,7 @@ pub(super) const CASES: [Case; 20] = [
     Case {
         name: "import",
         old: None,
-        new: "data import cache caches --density 0.2 --frame-rate 60 --handles found -o out",
+        new: "data import caches --density 0.2 --frame-rate 60 --handles handle_0,handle_1 -o out",
         holds_one_run: false,
     },
     Case {

@@ -97,6 +97,15 @@ pub(crate) enum UpName {
     Z,
 }
 
+impl UpName {
+    pub(crate) fn axis(self) -> UpAxis {
+        match self {
+            Self::Y => UpAxis::Y,
+            Self::Z => UpAxis::Z,
+        }
+    }
+}
+
 impl ExportArgs {
     /// The frames that are asked for.
     pub(crate) fn frames(&self) -> FrameSpan {
@@ -108,10 +117,7 @@ impl ExportArgs {
 
     /// The axis that points up.
     pub(crate) fn up(&self) -> UpAxis {
-        match self.up {
-            UpName::Y => UpAxis::Y,
-            UpName::Z => UpAxis::Z,
-        }
+        self.up.axis()
     }
 
     /// The choice of normals, where there was one.

@@ -1,13 +1,12 @@
-//! The call of `selvedge data import`: many options, because caches lack many things.
+//! The call of `selvedge data import`: what caches lack is said by options.
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use selvedge_cloth::PhysicsSettings;
-use selvedge_data::UpAxis;
-use selvedge_data::foreign::{HandleSource, ImportOptions, Purpose, RestSource};
+use selvedge_data::foreign::{HandleSource, ImportOptions, RestSource};
 
-use crate::failure::WrongUsage;
+use super::export::UpName;
 
 /// Make a data set from simulation caches of another program.
 ///
@@ -18,14 +17,11 @@ use crate::failure::WrongUsage;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  selvedge data import cache shots --density 0.2 --frame-rate 60 --handles 0,19 -o data/shots
-  selvedge data import cache shots --density 0.2 --frame-rate 60 --handles found -o data/shots
+  selvedge data import shots --density 0.2 --frame-rate 60 --handles 0,19 -o data/shots
+  selvedge data import shots --density 0.2 --frame-rate 60 --handles left,right -o data/shots
 
 docs/src/guides/data.md says what caches lack, what is taken by default, and why.")]
 pub(crate) struct ImportArgs {
-    /// The format of the data.
-    #[arg(value_enum)]
-    pub(crate) format: FormatName,
     /// The folder of the data.
     pub(crate) source: PathBuf,
     /// The folder of the data set; it is made.
@@ -34,70 +30,40 @@ pub(crate) struct ImportArgs {
     /// The name of the data set [default: that of the folder].
     #[arg(long)]
     pub(crate) name: Option<String>,
-    /// Mass per area in kg/m² (required).
+    /// Mass per area in kg/m².
     #[arg(long, value_name = "NUMBER")]
-    pub(crate) density: Option<f64>,
-    /// Frames per second at which frames are taken (required).
+    pub(crate) density: f64,
+    /// Frames per second at which frames are taken.
     #[arg(long, value_name = "NUMBER")]
-    pub(crate) frame_rate: Option<f64>,
-    /// The held vertices in the order of their targets, from 0, separated by commas (required); or
-    /// `found`, those that stand still or keep their distances from each other in all frames; or the
-    /// names of nodes that they go with.
+    pub(crate) frame_rate: f64,
+    /// The held vertices in the order of their targets, from 0, separated by commas; or the names of
+    /// nodes that they go with.
     #[arg(long, value_name = "WHICH", value_parser = handles)]
-    pub(crate) handles: Option<HandleSource>,
+    pub(crate) handles: HandleSource,
     /// The mesh that is the cloth, by name [default: the only one, or sheet].
     #[arg(long, value_name = "NAME")]
     pub(crate) object: Option<String>,
-    /// The rest pose: flat, first-frame, or a mesh (.obj, y up) [default: first-frame].
-    #[arg(long, value_name = "WHICH")]
-    pub(crate) rest: Option<String>,
+    /// The rest pose: flat, first-frame, or a mesh (.obj, y up).
+    #[arg(long, value_name = "WHICH", default_value = "first-frame")]
+    pub(crate) rest: String,
     /// A mesh (.obj) whose material coordinates are taken where the file has none.
     #[arg(long, value_name = "FILE")]
     pub(crate) flat: Option<PathBuf>,
-    /// The axis that points up in files that do not say it [default: y].
-    #[arg(long, value_enum)]
-    pub(crate) up: Option<UpName>,
-    /// At most so many trajectories of each split.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    pub(crate) limit: Option<u32>,
+    /// The axis that points up in files that do not say it.
+    #[arg(long, value_enum, default_value_t = UpName::Y)]
+    pub(crate) up: UpName,
     /// Trajectories to test on, separated by commas (without folders train and test).
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub(crate) test: Vec<String>,
     /// The largest strain of an edge that is taken for that of a cloth.
     #[arg(long, value_name = "NUMBER", default_value_t = PhysicsSettings::default().max_strain, value_parser = strain, allow_negative_numbers = true)]
     pub(crate) max_strain: f64,
-    /// Import only what is to be tested on; without this, nothing to train on is an error.
-    #[arg(long)]
-    pub(crate) test_only: bool,
-}
-
-/// A format of another project.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum FormatName {
-    #[value(hide = true)]
-    FlagSimple,
-    #[value(hide = true)]
-    Released,
-    /// Caches of other programs: USD, glTF, point caches.
-    Cache,
-}
-
-/// An axis that points up.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum UpName {
-    /// As in Selvedge.
-    Y,
-    /// As in ARCSim and Blender.
-    Z,
 }
 
 fn handles(text: &str) -> Result<HandleSource, String> {
-    if text == "found" {
-        return Ok(HandleSource::Found);
-    }
     let parts: Vec<&str> = text.split(',').map(str::trim).collect();
     if parts.iter().any(|part| part.is_empty()) {
-        return Err("expected numbers as 0,30, names of nodes as left,right, or found".to_owned());
+        return Err("expected numbers as 0,30, or names of nodes as left,right".to_owned());
     }
     let numbers: Result<Vec<u32>, _> = parts.iter().map(|part| part.parse()).collect();
     if let Ok(numbers) = numbers {
@@ -118,22 +84,6 @@ fn strain(text: &str) -> Result<f64, String> {
 }
 
 impl ImportArgs {
-    /// Checks that the format is read here.
-    ///
-    /// # Errors
-    /// Wrong usage, with the call in Python, for one that is read there.
-    pub(crate) fn check(&self) -> Result<(), WrongUsage> {
-        let function = match self.format {
-            FormatName::Cache => return Ok(()),
-            FormatName::FlagSimple => "flag_simple",
-            FormatName::Released => "released",
-        };
-        Err(WrongUsage::new(format!(
-            "such data are read in Python: pip install pyselvedge, then selvedge.datasets.import_{function}({:?}, {:?}, …) (see guides/data.md)",
-            self.source, self.output
-        )))
-    }
-
     /// All that is said about the data.
     pub(crate) fn options(&self) -> ImportOptions {
         ImportOptions {
@@ -142,21 +92,13 @@ impl ImportArgs {
             frame_rate: self.frame_rate,
             handles: self.handles.clone(),
             object: self.object.clone(),
-            rest: self.rest.as_deref().map(|rest| match rest {
+            rest: match self.rest.as_str() {
                 "flat" => RestSource::Flat,
                 "first-frame" => RestSource::FirstFrame,
                 path => RestSource::Obj(PathBuf::from(path)),
-            }),
-            flat: self.flat.clone(),
-            up: self.up.map(|up| match up {
-                UpName::Y => UpAxis::Y,
-                UpName::Z => UpAxis::Z,
-            }),
-            limit: self.limit.map(|limit| limit as usize),
-            purpose: match self.test_only {
-                true => Purpose::Testing,
-                false => Purpose::Training,
             },
+            flat: self.flat.clone(),
+            up: self.up.axis(),
             test: self.test.clone(),
         }
     }

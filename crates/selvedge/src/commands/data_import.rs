@@ -41,7 +41,6 @@ struct Report {
 /// What of the options, the data or the folder went wrong.
 pub(crate) fn run(args: &ImportArgs) -> anyhow::Result<Answer> {
     let started = Instant::now();
-    args.check()?;
     let source = ForeignSource::open(&args.source, &args.options())?;
     let plan = source.plan();
     let (name, train, test) = (plan.name.clone(), plan.train.len(), plan.test.len());
@@ -55,7 +54,7 @@ pub(crate) fn run(args: &ImportArgs) -> anyhow::Result<Answer> {
             return Err(error);
         }
     };
-    if matches!(args.handles, None | Some(HandleSource::Vertices(_))) {
+    if matches!(args.handles, HandleSource::Vertices(_)) {
         handles.clear();
     }
     let trajectories_missing = writer.missing().len();

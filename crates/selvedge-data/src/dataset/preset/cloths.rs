@@ -196,7 +196,6 @@ pub(super) fn on_each(
                 name: format!("{}.{}", cloth.name, motion.name),
                 motion: motion_of,
                 cloth: Some(cloth.name.clone()),
-                obstacles: motion.obstacles.clone(),
             });
         }
     }

@@ -4,7 +4,6 @@ use selvedge_cloth::{Environment, HandleSchedule, Material, Motion};
 use serde::{Deserialize, Serialize};
 
 use crate::dataset::sections::SectionRule;
-use crate::obstacle::ObstacleSpec;
 use crate::scene::{MeshSpec, Setting};
 
 /// A mesh, its handles and its name.
@@ -65,7 +64,4 @@ pub struct NamedMotion {
     /// The cloth that they move; the setting's own where none is named.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cloth: Option<String>,
-    /// Obstacles of this trajectory beside those of the setting.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub obstacles: Vec<ObstacleSpec>,
 }

@@ -46,7 +46,6 @@ use self::random_cloths::{Drawn, RandomCloths};
 use crate::dataset::Split;
 use crate::dataset::plan::DatasetPlan;
 use crate::dataset::sections::SectionRule;
-use crate::obstacle::RandomObstacles;
 use crate::scene::{
     LoadedScene, MotionSource, ResolvedSetting, SceneFileError, SceneProblem, SceneSpec,
     SceneSpecError, SettingFile, Stand, StartSpec, field, parse_toml, read_text,
@@ -93,7 +92,6 @@ struct PresetFile {
     cloths: Vec<ClothFile>,
     #[serde(default)]
     motions: BTreeMap<String, MotionSource>,
-    random_obstacles: Option<RandomObstacles>,
     random_cloths: Option<RandomCloths>,
 }
 
@@ -101,10 +99,10 @@ struct PresetFile {
 #[derive(Deserialize)]
 #[serde(
     untagged,
-    expecting = "expected a list of motions, \"all-training\", \"all-test\", \"all-generalisation\" or a table of set and random"
+    expecting = "expected a list of motions, the name of a set, or a table of set and random"
 )]
 enum MotionList {
-    Set(MotionSet),
+    Set(String),
     More(MoreMotions),
     Names(Vec<String>),
 }
@@ -113,42 +111,21 @@ enum MotionList {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct MoreMotions {
-    set: MotionSet,
+    set: String,
     random: u32,
 }
 
-#[derive(Deserialize)]
-enum MotionSet {
-    #[serde(rename = "all-training")]
-    Training,
-    #[serde(rename = "all-test")]
-    Test,
-    #[serde(rename = "all-generalisation")]
-    Generalisation,
-}
-
-impl MotionSet {
-    /// The motions of the set that is called so in a list, all as fast as it says.
-    fn listed(name: &str) -> Option<Vec<String>> {
-        let (set, speed) = name.split_at(name.find('@').unwrap_or(name.len()));
-        let set = match set {
-            "all-training" => Self::Training,
-            "all-test" => Self::Test,
-            "all-generalisation" => Self::Generalisation,
-            _ => return None,
-        };
-        let names = set.names().into_iter();
-        Some(names.map(|name| name + speed).collect())
-    }
-
-    fn names(&self) -> Vec<String> {
-        let names = match self {
-            Self::Training => named::training(),
-            Self::Test => named::test(),
-            Self::Generalisation => named::generalisation(),
-        };
-        names.into_iter().map(str::to_owned).collect()
-    }
+/// The motions of the set that is called so, all as fast as it says.
+fn set_of(name: &str) -> Option<Vec<String>> {
+    let (set, speed) = name.split_at(name.find('@').unwrap_or(name.len()));
+    let names = match set {
+        "all-training" => named::training(),
+        "all-test" => named::test(),
+        "all-generalisation" => named::generalisation(),
+        _ => return None,
+    };
+    let names = names.into_iter();
+    Some(names.map(|name| name.to_owned() + speed).collect())
 }
 
 impl DatasetPreset {
@@ -231,7 +208,7 @@ impl DatasetPreset {
         for one in drawn {
             meshes.push(config.add(one)?);
         }
-        let mut preset = Self {
+        let preset = Self {
             config,
             mesh,
             meshes,
@@ -242,37 +219,10 @@ impl DatasetPreset {
                 sections: Vec::new(),
             },
         };
-        if let Some(random) = file.random_obstacles {
-            preset.draw_obstacles(&random)?;
-        }
-        preset.forecast = preset.foresee()?;
-        Ok(preset)
-    }
-
-    /// Gives every trajectory obstacles of its own.
-    fn draw_obstacles(&mut self, random: &RandomObstacles) -> Result<(), SceneProblem> {
-        let wrong = |problem| field("random_obstacles", problem);
-        random.check().map_err(wrong)?;
-        if self.config.setting.contact.is_none() {
-            return Err(field(
-                "random_obstacles",
-                "need setting.contact: add `contact = {}` there",
-            ));
-        }
-        let mut drawn = Vec::new();
-        let runs = self.config.train.iter().chain(&self.config.test);
-        for (number, motion) in runs.enumerate() {
-            let scene = self.scene(motion)?.scene;
-            let frames = scene.frame_count().map_err(SceneError::Motion);
-            let frames = frames.map_err(SceneSpecError::Scene)?;
-            let seconds = frames as f64 / scene.frame_rate;
-            drawn.push(random.draw(&scene, seconds, number).map_err(wrong)?);
-        }
-        let runs = self.config.train.iter_mut().chain(&mut self.config.test);
-        for (motion, obstacles) in runs.zip(drawn) {
-            motion.obstacles = obstacles;
-        }
-        Ok(())
+        Ok(Self {
+            forecast: preset.foresee()?,
+            ..preset
+        })
     }
 
     /// Every scene, made once to see that it can be, and what comes of it.
@@ -359,7 +309,6 @@ impl DatasetPreset {
                 }
             }
         }
-        setting.obstacles.extend(motion.obstacles.iter().cloned());
         let spec = SceneSpec {
             name: format!("{}/{}", self.config.name, motion.name),
             setting,
@@ -450,21 +399,23 @@ impl MotionList {
         split: &'static str,
         own: &BTreeMap<String, Motion>,
     ) -> Result<Vec<NamedMotion>, SceneProblem> {
+        let all_of = |set: &str| {
+            let problem = "expected a list of motions, \"all-training\", \"all-test\" or \"all-generalisation\"";
+            set_of(set).ok_or_else(|| field(split, format!("{problem}, found {set:?}")))
+        };
         let names: Vec<String> = match self {
-            Self::Set(set) => set.names(),
-            Self::More(more) => {
-                if more.random > MOST_RANDOM {
-                    return Err(SceneProblem::Key {
-                        key: format!("{split}.random"),
-                        problem: format!("must be at most {MOST_RANDOM}, found {}", more.random),
-                    });
+            Self::Set(set) => all_of(&set)?,
+            Self::More(MoreMotions { set, random }) => {
+                if random > MOST_RANDOM {
+                    let problem = format!("must be at most {MOST_RANDOM}, found {random}");
+                    return Err(field(format!("{split}.random"), problem));
                 }
-                let random = (0..more.random).map(|number| format!("random-{number}"));
-                more.set.names().into_iter().chain(random).collect()
+                let random = (0..random).map(|number| format!("random-{number}"));
+                all_of(&set)?.into_iter().chain(random).collect()
             }
             Self::Names(names) => names
                 .into_iter()
-                .flat_map(|name| MotionSet::listed(&name).unwrap_or(vec![name]))
+                .flat_map(|name| set_of(&name).unwrap_or(vec![name]))
                 .collect(),
         };
         names
@@ -477,7 +428,6 @@ impl MotionList {
                         name,
                         motion,
                         cloth: None,
-                        obstacles: Vec::new(),
                     }),
                     None => Err(field(split, problem())),
                 }

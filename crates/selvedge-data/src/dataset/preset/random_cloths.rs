@@ -46,10 +46,8 @@ impl RandomCloths {
     pub(super) fn draw(self, folder: &Path) -> Result<Vec<Drawn>, SceneProblem> {
         for (key, count) in [("train", self.train), ("test", self.test)] {
             if count > MOST_CLOTHS {
-                return Err(SceneProblem::Key {
-                    key: format!("random_cloths.{key}"),
-                    problem: format!("must be at most {MOST_CLOTHS}, found {count}"),
-                });
+                let problem = format!("must be at most {MOST_CLOTHS}, found {count}");
+                return Err(field(format!("random_cloths.{key}"), problem));
             }
         }
         let mut fabrics: Vec<Material> = Vec::with_capacity(self.materials.len());
@@ -96,7 +94,6 @@ fn of(split: Split, name: String, cloth: DrawnCloth) -> Drawn {
             name: name.clone(),
             motion: cloth.motion,
             cloth: Some(name.clone()),
-            obstacles: Vec::new(),
         },
         cloth: NamedCloth {
             name,

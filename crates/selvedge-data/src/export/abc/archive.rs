@@ -36,13 +36,13 @@ pub(super) struct Sampling {
 
 impl Sampling {
     pub(super) fn of(take: &Take<'_>) -> Self {
-        let rate = take.trajectory().frame_rate();
-        let made_by = take.trajectory().provenance().made_by.chars();
+        let rate = take.trajectory.frame_rate();
+        let made_by = take.trajectory.provenance().made_by.chars();
         // These separate metadata.
         let is_plain = |c: &char| !c.is_control() && *c != ';' && *c != '=';
         Self {
             samples: take.len(),
-            step: take.every() as f64 / rate,
+            step: take.every as f64 / rate,
             rate,
             made_by: made_by.filter(is_plain).collect(),
         }

@@ -41,7 +41,7 @@ pub(super) fn write(
     Ok(write_atomically(path, |out| {
         let mut archive = Archive::new(out)?;
         let mut top = vec![cloth(take, &mut archive, pulse)?];
-        for handle in 0..take.trajectory().handles().vertices().len() {
+        for handle in 0..take.trajectory.handles().vertices().len() {
             top.push(self::handle(take, &mut archive, handle)?);
         }
         for obstacle in take.obstacles() {
@@ -83,19 +83,19 @@ fn cloth<W: Write + Seek>(
     for number in 0..take.len() {
         let points = take.positions(number);
         samples.add(archive, &points)?;
-        if take.has_velocities() {
+        if take.velocities {
             let velocities = take.velocities(number);
             samples
                 .velocities
                 .extend(archive.array(&floats(&velocities))?);
         }
-        if take.has_normals() {
+        if take.normals {
             let normals = take.normals_at(&points);
             samples.normals.extend(archive.array(&floats(&normals))?);
         }
         pulse.beat()?;
     }
-    let cloth = take.trajectory().cloth();
+    let cloth = take.trajectory.cloth();
     let faces = cloth.topology().face_indices();
     let mut properties = mesh(archive, samples, take.len(), &faces)?;
     properties.push(texture(take, archive, &faces)?);
@@ -114,7 +114,7 @@ fn body<W: Write + Seek>(
     let mut samples = Samples::default();
     for number in 0..count {
         samples.add(archive, &body.positions(take, number))?;
-        if take.has_velocities() && count > 1 {
+        if take.velocities && count > 1 {
             let velocities = body.velocities(take, number);
             samples
                 .velocities
@@ -188,7 +188,7 @@ fn texture<W: Write + Seek>(
     faces: &[[u32; 3]],
 ) -> io::Result<Property> {
     const FORM: &str = "arrayExtent=1;geoScope=fvr;interpretation=vector;isGeomParam=true;podExtent=2;podName=float32_t";
-    let pattern = take.trajectory().cloth().pattern();
+    let pattern = take.trajectory.cloth().pattern();
     let (values, numbers): (Vec<_>, Vec<u32>) = match pattern.is_sewn() {
         true => {
             let values: Vec<_> = pattern.faces().flatten().collect();

@@ -55,22 +55,22 @@ impl Form {
         const ALIKE_IN_SIZE: u32 = 0x400;
         const CONSTANT: u32 = 0x800;
         let kind = if self.is_scalar { 1 } else { 2 };
-        let width = Width::of(samples.max(name.len()));
+        let width = width_of(samples.max(name.len()));
         let is_timed = samples > 1;
         let times = if is_timed { TIMED } else { CONSTANT };
         let info = kind
-            | width.bits()
+            | (width << 2)
             | (self.pod << 4)
             | times
             | ALIKE_IN_SIZE
             | (self.extent << 12)
             | (metadata << 20);
         let mut header = info.to_le_bytes().to_vec();
-        width.push(&mut header, samples);
+        push(&mut header, width, samples);
         if is_timed {
-            width.push(&mut header, 1);
+            push(&mut header, width, 1);
         }
-        width.push(&mut header, name.len());
+        push(&mut header, width, name.len());
         header.extend(name.as_bytes());
         header
     }
@@ -78,45 +78,22 @@ impl Form {
 
 /// The header of a property that has properties.
 pub(super) fn compound_header(name: &str, metadata: u32) -> Vec<u8> {
-    let width = Width::of(name.len());
-    let mut header = (width.bits() | (metadata << 20)).to_le_bytes().to_vec();
-    width.push(&mut header, name.len());
+    let width = width_of(name.len());
+    let mut header = ((width << 2) | (metadata << 20)).to_le_bytes().to_vec();
+    push(&mut header, width, name.len());
     header.extend(name.as_bytes());
     header
 }
 
-/// Width of the numbers in a header.
-#[derive(Clone, Copy)]
-enum Width {
-    One,
-    Two,
-    Four,
+/// Width of the numbers in a header, up to the largest: 0 for one byte, 1 for two, 2 for four.
+fn width_of(largest: usize) -> u32 {
+    match largest {
+        0..=0xff => 0,
+        0x100..=0xffff => 1,
+        _ => 2,
+    }
 }
 
-impl Width {
-    fn of(largest: usize) -> Self {
-        match largest {
-            0..=0xff => Self::One,
-            0x100..=0xffff => Self::Two,
-            _ => Self::Four,
-        }
-    }
-
-    fn bits(self) -> u32 {
-        match self {
-            Self::One => 0,
-            Self::Two => 1 << 2,
-            Self::Four => 2 << 2,
-        }
-    }
-
-    fn push(self, header: &mut Vec<u8>, number: usize) {
-        let bytes = (number as u32).to_le_bytes();
-        let used = match self {
-            Self::One => 1,
-            Self::Two => 2,
-            Self::Four => 4,
-        };
-        header.extend(&bytes[..used]);
-    }
+fn push(header: &mut Vec<u8>, width: u32, number: usize) {
+    header.extend(&(number as u32).to_le_bytes()[..1 << width]);
 }

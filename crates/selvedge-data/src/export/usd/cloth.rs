@@ -23,12 +23,12 @@ pub(super) fn stage_of<'a>(take: &'a Take<'a>) -> Stage<'a> {
     let mut prims = vec![cloth(take)];
     prims.extend(obstacles(take));
     Stage {
-        up: match take.up() {
+        up: match take.up {
             UpAxis::Y => "Y",
             UpAxis::Z => "Z",
         },
-        rate: take.trajectory().frame_rate(),
-        made_by: &take.trajectory().provenance().made_by,
+        rate: take.trajectory.frame_rate(),
+        made_by: &take.trajectory.provenance().made_by,
         codes: (0..take.len())
             .map(|number| take.frames_since_first(number))
             .collect(),
@@ -40,7 +40,7 @@ fn cloth<'a>(take: &'a Take<'a>) -> Prim<'a> {
     let mut root = Prim::new("cloth", "Xform");
     root.is_component = true;
     root.children.push(sheet(take));
-    for handle in 0..take.trajectory().handles().vertices().len() {
+    for handle in 0..take.trajectory.handles().vertices().len() {
         let mut node = Prim::new(format!("handle_{handle}"), "Xform");
         let place = Box::new(move |number| take.handle_positions(number)[handle]);
         node.add("double3", "xformOp:translate", Value::Places(place));
@@ -53,7 +53,7 @@ fn cloth<'a>(take: &'a Take<'a>) -> Prim<'a> {
 }
 
 fn sheet<'a>(take: &'a Take<'a>) -> Prim<'a> {
-    let cloth = take.trajectory().cloth();
+    let cloth = take.trajectory.cloth();
     let faces = cloth.topology().face_indices();
     let mut mesh = mesh("sheet", &faces, COLOUR);
     bind(&mut mesh, "/cloth");
@@ -77,11 +77,11 @@ fn sheet<'a>(take: &'a Take<'a>) -> Prim<'a> {
     mesh.add("point3f[]", "points", points);
     let boxes = frames(|number| extent(&take.positions(number)).to_vec());
     mesh.add("float3[]", "extent", boxes);
-    if take.has_velocities() {
+    if take.velocities {
         let velocities = frames(|number| take.velocities(number));
         mesh.add("vector3f[]", "velocities", velocities);
     }
-    if take.has_normals() {
+    if take.normals {
         let normals = frames(|number| take.normals_at(&take.positions(number)));
         mesh.add("normal3f[]", "normals", normals)
             .interpolated("vertex");
@@ -116,7 +116,7 @@ fn obstacle<'a>(take: &'a Take<'a>, body: &TakenObstacle<'a>) -> Prim<'a> {
     mesh.add("point3f[]", "points", frames(at));
     let boxes = frames(move |number| extent(&at(number)).to_vec());
     mesh.add("float3[]", "extent", boxes);
-    if take.has_velocities() {
+    if take.velocities {
         let points = |frame| take.turned(&track.frame(frame));
         let velocities = frames(move |number| take.slopes(number, points));
         mesh.add("vector3f[]", "velocities", velocities);

@@ -11,6 +11,8 @@
 use std::collections::BTreeMap;
 use std::io::{self, Seek, SeekFrom, Write};
 
+use glam::Vec3;
+
 use super::super::outcome::Pulse;
 use super::stage::{Prim, Property, Stage, Value};
 use super::tables::Tables;
@@ -121,6 +123,11 @@ impl<W: Write + Seek> CrateOut<'_, W> {
         let value = self.value(kind, &(count as u64).to_le_bytes())?;
         self.put(bytes)?;
         Ok(IS_ARRAY | value)
+    }
+
+    fn triples(&mut self, points: &[Vec3]) -> io::Result<u64> {
+        let bytes = floats(points.iter().flat_map(|p| p.to_array()));
+        self.array(Kind::Vec3f, points.len(), &bytes)
     }
 
     fn double(&mut self, number: f64) -> io::Result<u64> {
@@ -278,10 +285,7 @@ impl<W: Write + Seek> CrateOut<'_, W> {
                 self.array(Kind::Vec2f, pairs.len(), &bytes)
             }
             Value::Triple(point) => self.value(Kind::Vec3f, &floats(point.to_array())),
-            Value::Triples(points) => {
-                let bytes = floats(points.iter().flat_map(|p| p.to_array()));
-                self.array(Kind::Vec3f, points.len(), &bytes)
-            }
+            Value::Triples(points) => self.triples(points),
             Value::Nothing
             | Value::Frames { .. }
             | Value::Places(_)
@@ -304,9 +308,7 @@ impl<W: Write + Seek> CrateOut<'_, W> {
         for number in 0..stage.codes.len() {
             let sample = match value {
                 Value::Frames { of, beats } => {
-                    let points = of(number);
-                    let numbers = floats(points.iter().flat_map(|p| p.to_array()));
-                    let sample = self.array(Kind::Vec3f, points.len(), &numbers)?;
+                    let sample = self.triples(&of(number))?;
                     if *beats {
                         pulse.beat()?;
                     }

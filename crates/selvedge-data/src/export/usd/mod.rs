@@ -56,7 +56,7 @@ pub(super) fn write_package(
     path: &Path,
     pulse: &mut Pulse<'_>,
 ) -> Result<(), ExportError> {
-    check_size(".usdz", package_bytes(take), take.every())?;
+    check_size(".usdz", package_bytes(take), take.every)?;
     let stage = stage_of(take);
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     // A name of letters that every ZIP knows, and of a length that its header can hold.
@@ -69,13 +69,13 @@ pub(super) fn write_package(
 
 /// Bytes of an archive, not fewer than it will have.
 fn package_bytes(take: &Take<'_>) -> u64 {
-    let lists = 1 + u64::from(take.has_velocities()) + u64::from(take.has_normals());
-    let vertices = take.trajectory().vertex_count() as u64;
+    let lists = 1 + u64::from(take.velocities) + u64::from(take.normals);
+    let vertices = take.trajectory.vertex_count() as u64;
     let cloth = take.len() as u64 * (12 * vertices * lists + 200);
-    let handles = take.trajectory().handles().vertices().len() as u64;
+    let handles = take.trajectory.handles().vertices().len() as u64;
     let bodies = take.obstacles();
     let bodies = bodies.iter().map(|body| {
-        let points = 12 * body.track.point_count() as u64 * (1 + u64::from(take.has_velocities()));
+        let points = 12 * body.track.point_count() as u64 * (1 + u64::from(take.velocities));
         body.frame_count(take) as u64 * (points + 200) + 20 * body.track.faces().len() as u64
     });
     cloth + 40 * handles * take.len() as u64 + bodies.sum::<u64>() + 100 * vertices + (1 << 20)

@@ -1,5 +1,4 @@
-//! The held vertices of a cache: as they are numbered, by the nodes that they go with, or as their
-//! motion shows them.
+//! The held vertices of a cache: as they are numbered, or by the nodes that they go with.
 //!
 //! Frames are compared as the file has them: between two frames, where points go straight, what
 //! turns is not rigid.
@@ -7,7 +6,6 @@
 use glam::DVec3;
 
 use super::super::options::HandleSource;
-use super::rigid;
 use crate::rig::{Rig, RigFormat, read_body};
 
 /// Roundings of the largest coordinate by which a vertex may stray from a node that it goes with:
@@ -22,31 +20,15 @@ pub(super) fn held(
     source: &HandleSource,
     bytes: &[u8],
     format: Option<RigFormat>,
-    frames: &[Vec<DVec3>],
     span: [usize; 2],
-    faces: &[[u32; 3]],
 ) -> Result<Vec<u32>, String> {
-    match source {
-        HandleSource::Vertices(numbers) => Ok(numbers.clone()),
-        HandleSource::Nodes(names) => match format {
-            Some(format) => with_nodes(names, bytes, format, span),
-            None => Err(
-                "is a cache of points, without nodes to name: number the held vertices (`handles` 0,30), or let them be found (`handles` found)"
-                    .to_owned(),
-            ),
-        },
-        HandleSource::Found => {
-            let own = |frame: &Vec<DVec3>| frame[span[0]..span[1]].to_vec();
-            let frames: Vec<Vec<DVec3>> = match format {
-                Some(format) => {
-                    let body = read_body(bytes, format, None, false).map_err(|e| e.to_string())?;
-                    let frames = body.keys_at(span[0]).into_iter().map(|time| body.positions(time));
-                    frames.map(|frame| own(&frame)).collect()
-                }
-                None => frames.iter().map(own).collect(),
-            };
-            rigid::found(&frames, faces)
-        }
+    match (source, format) {
+        (HandleSource::Vertices(numbers), _) => Ok(numbers.clone()),
+        (HandleSource::Nodes(names), Some(format)) => with_nodes(names, bytes, format, span),
+        (HandleSource::Nodes(_), None) => Err(
+            "is a cache of points, without nodes to name: number the held vertices (`handles` 0,30)"
+                .to_owned(),
+        ),
     }
 }
 
@@ -65,7 +47,9 @@ fn with_nodes(
     let (Some(first), Some(&start)) = (frames.first(), keys.first()) else {
         return Err("has a cloth that does not move".to_owned());
     };
-    let tolerance = rigid::rounding(&frames, ROUNDINGS);
+    let coordinates = frames.iter().flatten().map(|p| p.abs().max_element());
+    let largest = coordinates.fold(0.0, f64::max);
+    let tolerance = ROUNDINGS * f64::from(f32::EPSILON) * largest;
     let mut handles: Vec<u32> = Vec::new();
     for name in names {
         let node = rig.find(name).map_err(|error| error.to_string())?;

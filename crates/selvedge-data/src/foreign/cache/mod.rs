@@ -8,16 +8,15 @@
 //! that is asked for, linearly between those of the file.
 
 mod handles;
-mod rigid;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use glam::{DVec2, DVec3};
 use serde_json::{Value, json};
 
 use super::assemble::{TrajectoryParts, Weight, hanging};
 use super::error::{ForeignError, ForeignProblem};
-use super::options::{HandleSource, ImportOptions, RestSource, describe_file, positive};
+use super::options::{ImportOptions, RestSource, describe_file};
 use crate::UpAxis;
 use crate::formats::file_error::FileError;
 use crate::formats::input::read_file;
@@ -37,18 +36,6 @@ const SHEET: &str = "sheet";
 /// Largest difference of texture coordinates of a vertex that are taken for one `[m]`.
 const SAME: f64 = 1e-6;
 
-/// Reader of caches.
-#[derive(Clone, Debug)]
-pub(super) struct Caches {
-    density: f64,
-    pub(super) frame_rate: f64,
-    handles: HandleSource,
-    object: Option<String>,
-    rest: RestSource,
-    flat: Option<PathBuf>,
-    up: UpAxis,
-}
-
 fn ending_of(path: &Path) -> &str {
     path.extension()
         .and_then(|e| e.to_str())
@@ -65,30 +52,17 @@ pub(super) fn is_cache(path: &Path) -> bool {
     WITH_MESH.contains(&ending) || POINTS_ONLY.contains(&ending)
 }
 
-impl Caches {
-    pub(super) fn new(options: &ImportOptions) -> Result<Self, ForeignProblem> {
-        let missing = |what: &str, option: &str, hint: &str| {
-            let problem = format!("the data do not say {what}: give {option} ({hint})");
-            ForeignProblem::Layout(problem)
-        };
-        Ok(Self {
-            density: positive(options.density, "density")?
-                .ok_or_else(|| missing("what the cloth weighs", "density", "in kg/m², as 0.15"))?,
-            frame_rate: positive(options.frame_rate, "frame_rate")?.ok_or_else(|| {
-                missing("how many frames per second to take", "frame_rate", "as 60")
-            })?,
-            handles: options.handles.clone().ok_or_else(|| {
-                missing(
-                    "which vertices are held",
-                    "handles",
-                    "numbers from 0, as 0,30, nodes of the file, as left,right, or found",
-                )
-            })?,
-            object: options.object.clone(),
-            rest: options.rest.clone().unwrap_or(RestSource::FirstFrame),
-            flat: options.flat.clone(),
-            up: options.up.unwrap_or(UpAxis::Y),
-        })
+impl ImportOptions {
+    /// Checks what must be positive.
+    pub(super) fn check(&self) -> Result<(), ForeignProblem> {
+        let numbers = [("density", self.density), ("frame_rate", self.frame_rate)];
+        let bad = numbers.iter().find(|(_, n)| !(n.is_finite() && *n > 0.0));
+        match bad {
+            None => Ok(()),
+            Some((option, found)) => Err(ForeignProblem::Layout(format!(
+                "{option} must be finite and positive, found {found}"
+            ))),
+        }
     }
 
     /// The resolved options.
@@ -132,7 +106,7 @@ impl Caches {
             _ => self.up,
         };
         let faces = triangles(&mesh, span).map_err(layout)?;
-        let held = handles::held(&self.handles, &bytes, format, &frames, span, &faces);
+        let held = handles::held(&self.handles, &bytes, format, span);
         let handles = held.map_err(layout)?;
         let own = |frame: &Vec<DVec3>| {
             let own = frame[span[0]..span[1]].iter();

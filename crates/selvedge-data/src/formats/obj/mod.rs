@@ -31,7 +31,8 @@ pub(crate) use write::{ObjFrame, write_obj_frame};
 pub fn read_obj(path: &Path) -> Result<Sheet, ReadMeshError> {
     read_file(path)
         .map_err(MeshFileError::Read)
-        .and_then(|bytes| parse_obj(&String::from_utf8_lossy(&bytes)))
+        .and_then(|bytes| assemble(parse_obj_polygons(&bytes)?, MeshOptions::default()))
+        .map(|read| read.sheet)
         .map_err(FileError::at(path))
 }
 
@@ -39,7 +40,7 @@ pub fn read_obj(path: &Path) -> Result<Sheet, ReadMeshError> {
 pub(crate) fn read_obj_positions(path: &Path) -> Result<Vec<DVec3>, ReadMeshError> {
     let positions = read_file(path)
         .map_err(MeshFileError::Read)
-        .and_then(|bytes| Ok(parse::parse(&String::from_utf8_lossy(&bytes))?.positions));
+        .and_then(|bytes| Ok(parse_obj_polygons(&bytes)?.positions));
     positions.map_err(FileError::at(path))
 }
 
@@ -48,18 +49,10 @@ pub(crate) fn parse_obj_polygons(bytes: &[u8]) -> Result<Polygons, MeshFileError
     parse::parse(&String::from_utf8_lossy(bytes))
 }
 
-/// Reads a mesh and its labels from the text of a file.
-///
-/// # Errors
-/// [`MeshFileError`] names the line or vertex that cannot be used.
-pub fn parse_obj(text: &str) -> Result<Sheet, MeshFileError> {
-    Ok(parse_obj_with(text, MeshOptions::default())?.sheet)
-}
-
 /// Reads a mesh with all that the file says of it, as `options` say.
 ///
 /// # Errors
-/// As for [`parse_obj`]; [`MeshFileError::Fit`].
+/// [`MeshFileError`] names the line or vertex that cannot be used.
 pub fn parse_obj_with(text: &str, options: MeshOptions) -> Result<ReadMesh, MeshFileError> {
     assemble(parse::parse(text)?, options)
 }

@@ -13,7 +13,7 @@ use super::flat::planar_coordinates;
 use super::options::{MeshOptions, PatternSource, Seams, TextureUnit};
 use super::orient::orient;
 use super::shape::{in_own_plane, own_shape};
-use super::soup::{Place, Polygons, ReadMesh};
+use super::soup::{Corner, Place, Polygon, Polygons, ReadMesh};
 use super::triangulate::triangulate;
 use super::weld::weld;
 
@@ -41,12 +41,8 @@ pub(crate) fn assemble(
         return Err(MeshFileError::Thread { found });
     }
     let flat = rest_coordinates(&mut polygons, options)?;
-    let is_own_shape = flat.is_none();
-    let triangles = match flat {
-        Some(coordinates) => triangles_of(&polygons, &coordinates)?,
-        None => own_triangles(&polygons, thread)?,
-    };
-    finish(polygons, &triangles, is_own_shape)
+    let triangles = split(&polygons, flat.as_deref(), thread)?;
+    finish(polygons, &triangles, flat.is_none())
 }
 
 /// Triangles with their rest shapes and where they come from.
@@ -71,8 +67,8 @@ fn rest_coordinates(
     if !has_texture(polygons) {
         let flat = planar_coordinates(polygons);
         return Ok(flat.map(|flat| {
-            let at = |corner: &super::soup::Corner| flat[corner.vertex as usize];
-            let of = |p: &super::soup::Polygon| p.corners.iter().map(at).collect();
+            let at = |corner: &Corner| flat[corner.vertex as usize];
+            let of = |p: &Polygon| p.corners.iter().map(at).collect();
             polygons.polygons.iter().map(of).collect()
         }));
     }
@@ -146,7 +142,7 @@ fn cut(polygons: &mut Polygons) {
 }
 
 fn texture_coordinates(polygons: &Polygons) -> Result<Vec<Vec<DVec2>>, MeshFileError> {
-    let of_polygon = |polygon: &super::soup::Polygon| {
+    let of_polygon = |polygon: &Polygon| {
         let corners = polygon.corners.iter();
         let places = corners.map(|corner| Some(polygons.texture[corner.texture?]));
         let places: Option<Vec<DVec2>> = places.collect();
@@ -175,36 +171,12 @@ fn check_seams(polygons: &Polygons, coordinates: &[Vec<DVec2>]) -> Result<(), Me
     Ok(())
 }
 
-fn triangles_of(
-    polygons: &Polygons,
-    coordinates: &[Vec<DVec2>],
-) -> Result<Triangles, MeshFileError> {
-    split(
-        polygons,
-        |number| coordinates[number].clone(),
-        |number, corners| corners.map(|corner| coordinates[number][corner]),
-    )
-}
-
-fn own_triangles(polygons: &Polygons, thread: DVec3) -> Result<Triangles, MeshFileError> {
-    let at = |number: usize, corner: usize| {
-        let vertex = polygons.polygons[number].corners[corner].vertex;
-        polygons.positions[vertex as usize]
-    };
-    let flat = |number: usize| {
-        let corners = 0..polygons.polygons[number].corners.len();
-        in_own_plane(&corners.map(|corner| at(number, corner)).collect::<Vec<_>>())
-    };
-    split(polygons, flat, |number, corners| {
-        own_shape(corners.map(|corner| at(number, corner)), thread)
-    })
-}
-
-/// Cuts every polygon, whose corners lie at `flat`, into triangles of these `shape`s.
+/// Cuts every polygon into triangles, whose rest shapes are those of the corners' `coordinates`,
+/// `[polygons][corners]`, or else their own with the wale axis along `thread`.
 fn split(
     polygons: &Polygons,
-    flat: impl Fn(usize) -> Vec<DVec2>,
-    shape: impl Fn(usize, [usize; 3]) -> [DVec2; 3],
+    coordinates: Option<&[Vec<DVec2>]>,
+    thread: DVec3,
 ) -> Result<Triangles, MeshFileError> {
     let mut made = Triangles {
         faces: Vec::new(),
@@ -216,10 +188,20 @@ fn split(
     for (number, polygon) in polygons.polygons.iter().enumerate() {
         let corners = polygon.corners.len();
         let place = polygon.place;
-        let triangles = triangulate(&flat(number));
+        let own = coordinates.map(|coordinates| &coordinates[number]);
+        let at = |corner: &Corner| polygons.positions[corner.vertex as usize];
+        let triangles = match own {
+            Some(flat) => triangulate(flat),
+            None => triangulate(&in_own_plane(
+                &polygon.corners.iter().map(at).collect::<Vec<_>>(),
+            )),
+        };
         for triangle in triangles.ok_or(MeshFileError::Polygon { place, corners })? {
             made.faces.push(triangle.map(|k| polygon.corners[k].vertex));
-            made.shapes.push(shape(number, triangle));
+            made.shapes.push(match own {
+                Some(flat) => triangle.map(|k| flat[k]),
+                None => own_shape(triangle.map(|k| at(&polygon.corners[k])), thread),
+            });
             made.fabrics.push(polygon.fabric);
             made.places.push(place);
             if let [Some(a), Some(b), Some(c)] = triangle.map(|k| polygon.corners[k].loose) {

@@ -1,8 +1,6 @@
 //! Mending what has no say in the shape: corners that repeat after welding, and vertices without a
 //! face.
 
-use std::collections::BTreeMap;
-
 use super::error::MeshFileError;
 use super::soup::{Polygon, Polygons};
 
@@ -47,69 +45,62 @@ pub(super) fn drop_collapsed(polygons: &mut Polygons) {
 
 /// Leaves out vertices without a face; those after them move up.
 pub(super) fn drop_unused(polygons: &mut Polygons) {
-    let is_used = used(polygons);
-    let Some(first) = is_used.iter().position(|used| !used) else {
+    let used = used(polygons);
+    let Some(first) = used.iter().position(Option::is_none) else {
         return;
     };
-    let unused = is_used.iter().filter(|used| !**used).count();
+    let unused = used.iter().filter(|used| used.is_none()).count();
     polygons.warnings.push(format!(
         "{unused} vertices belong to no face and are left out, the first is {}: handles chosen by number count the vertices that remain",
         polygons.number(first as u32)
     ));
-    keep(polygons, &is_used);
+    renumber(polygons, &used);
 }
 
 /// Leaves out vertices without a face, and names without a vertex: those of objects that were not
 /// chosen, which nobody misses.
 pub(super) fn drop_unnamed(polygons: &mut Polygons) {
-    let is_used = used(polygons);
-    keep(polygons, &is_used);
+    renumber(polygons, &used(polygons));
     polygons.labels.retain(|_, vertices| !vertices.is_empty());
 }
 
-/// True for every vertex that a face has.
-fn used(polygons: &Polygons) -> Vec<bool> {
-    let mut is_used = vec![false; polygons.positions.len()];
+/// The vertices that faces have, each its own owner.
+fn used(polygons: &Polygons) -> Vec<Option<u32>> {
+    let mut used = vec![None; polygons.positions.len()];
     for corner in polygons.polygons.iter().flat_map(|p| &p.corners) {
-        is_used[corner.vertex as usize] = true;
+        used[corner.vertex as usize] = Some(corner.vertex);
     }
-    is_used
+    used
 }
 
-/// Leaves out the other vertices; those after them move up.
-fn keep(polygons: &mut Polygons, is_used: &[bool]) {
-    let count = polygons.positions.len();
-    let mut next = 0;
-    let renumbered: Vec<u32> = is_used
-        .iter()
-        .map(|&used| {
-            let number = next;
-            next += u32::from(used);
-            number
-        })
-        .collect();
-    let kept = |vertex: &u32| is_used[*vertex as usize].then(|| renumbered[*vertex as usize]);
+/// Lets every vertex be the one that `owners` names for it, `[vertices]`. Those that are not their
+/// own are left out; those after them move up.
+pub(super) fn renumber(polygons: &mut Polygons, owners: &[Option<u32>]) {
+    let (kept, _): (Vec<u32>, Vec<u32>) =
+        (0..owners.len() as u32).partition(|&v| owners[v as usize] == Some(v));
+    let number = |v: u32| {
+        let owner = owners[v as usize]?;
+        kept.binary_search(&owner).ok().map(|place| place as u32)
+    };
     for corner in polygons.polygons.iter_mut().flat_map(|p| &mut p.corners) {
-        corner.vertex = renumbered[corner.vertex as usize];
+        corner.vertex = number(corner.vertex).unwrap_or_default();
     }
     for label in polygons.labels.values_mut() {
-        *label = label.iter().filter_map(kept).collect();
+        *label = label.iter().filter_map(|&v| number(v)).collect();
     }
-    polygons.numbers = (0..count as u32)
-        .filter(|v| is_used[*v as usize])
-        .map(|v| polygons.number(v))
-        .collect();
-    let velocities = std::mem::take(&mut polygons.velocities);
-    let velocities = velocities
-        .into_iter()
-        .filter_map(|(v, velocity)| Some((kept(&v)?, velocity)));
-    polygons.velocities = velocities.collect::<BTreeMap<_, _>>();
     let angles = std::mem::take(&mut polygons.angles).into_iter();
-    let angles = angles.filter_map(|([a, b], angle)| Some(([kept(&a)?, kept(&b)?], angle)));
-    polygons.angles = angles.collect();
-    let mut vertex = 0;
-    polygons.positions.retain(|_| {
-        vertex += 1;
-        is_used[vertex - 1]
+    let angles = angles.filter_map(|([a, b], angle)| {
+        let [a, b] = [number(a)?, number(b)?];
+        Some(([a.min(b), a.max(b)], angle))
     });
+    polygons.angles = angles.collect();
+    let velocities = std::mem::take(&mut polygons.velocities).into_iter();
+    let velocities = velocities.filter_map(|(v, velocity)| {
+        let place = kept.binary_search(&v).ok()?;
+        Some((place as u32, velocity))
+    });
+    polygons.velocities = velocities.collect();
+    polygons.numbers = kept.iter().map(|&v| polygons.number(v)).collect();
+    let positions = kept.iter().map(|&v| polygons.positions[v as usize]);
+    polygons.positions = positions.collect();
 }

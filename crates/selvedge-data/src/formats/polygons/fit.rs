@@ -13,6 +13,7 @@ use selvedge_cloth::geometry::signed_area_2d;
 
 use super::error::MeshFileError;
 use super::soup::Polygons;
+use super::weld::{root, unite};
 
 /// Scales the corners' `coordinates`, `[polygons][corners]`, panel by panel.
 pub(super) fn fit(
@@ -35,24 +36,18 @@ pub(super) fn fit(
 /// A polygon of each polygon's panel, the same for all of them: the first. Polygons are of one
 /// panel if they share a vertex at the same coordinate.
 fn panels(polygons: &Polygons, coordinates: &[Vec<DVec2>]) -> Vec<usize> {
-    fn root(parents: &mut [usize], mut polygon: usize) -> usize {
-        while parents[polygon] != polygon {
-            parents[polygon] = parents[parents[polygon]];
-            polygon = parents[polygon];
-        }
-        polygon
-    }
-    let mut parents: Vec<usize> = (0..coordinates.len()).collect();
-    let mut first: HashMap<(u32, [u64; 2]), usize> = HashMap::new();
-    for (number, (polygon, places)) in polygons.polygons.iter().zip(coordinates).enumerate() {
+    let mut parents: Vec<u32> = (0..coordinates.len() as u32).collect();
+    let mut first: HashMap<(u32, [u64; 2]), u32> = HashMap::new();
+    let each = polygons.polygons.iter().zip(coordinates);
+    for (number, (polygon, places)) in (0_u32..).zip(each) {
         for (corner, place) in polygon.corners.iter().zip(places) {
             let bits = place.to_array().map(f64::to_bits);
             let known = *first.entry((corner.vertex, bits)).or_insert(number);
-            let (one, two) = (root(&mut parents, known), root(&mut parents, number));
-            parents[one.max(two)] = one.min(two);
+            unite(&mut parents, known, number);
         }
     }
-    (0..parents.len()).map(|p| root(&mut parents, p)).collect()
+    let each = 0..parents.len() as u32;
+    each.map(|p| root(&mut parents, p) as usize).collect()
 }
 
 /// The factors along u (negative where the texture is mirrored) and v of one panel.

@@ -14,7 +14,7 @@ use super::clean::drop_unnamed;
 use super::error::MeshFileError;
 use super::flat::planar_coordinates;
 use super::soup::Polygons;
-use super::weld::merge;
+use super::weld::{merge, root, unite};
 
 /// Two borders that are sewn together, by the names of their objects or groups.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -104,10 +104,10 @@ pub(crate) fn sew(polygons: &mut Polygons, sewing: &Sewing) -> Result<(), MeshFi
     // What is sewn twice, as where three seams meet, becomes one vertex.
     let mut owners: Vec<u32> = (0..polygons.positions.len() as u32).collect();
     for [a, b] in pairs {
-        let (one, two) = (root(&owners, a), root(&owners, b));
-        owners[one.max(two) as usize] = one.min(two);
+        unite(&mut owners, a, b);
     }
-    let owners: Vec<u32> = (0..owners.len() as u32).map(|v| root(&owners, v)).collect();
+    let each = 0..owners.len() as u32;
+    let owners: Vec<u32> = each.map(|v| root(&mut owners, v)).collect();
     let mut sums: BTreeMap<u32, (DVec3, f64)> = BTreeMap::new();
     for (vertex, owner) in owners.iter().enumerate() {
         let sum = sums.entry(*owner).or_default();
@@ -156,13 +156,6 @@ fn take(polygons: &mut Polygons, objects: &[String]) -> Result<(), MeshFileError
         .retain(|polygon| is_taken.get(polygon.part).copied().unwrap_or(false));
     drop_unnamed(polygons);
     Ok(())
-}
-
-fn root(owners: &[u32], mut vertex: u32) -> u32 {
-    while owners[vertex as usize] != vertex {
-        vertex = owners[vertex as usize];
-    }
-    vertex
 }
 
 /// Gives a flat pattern without texture coordinates those of its plane, before it is placed.

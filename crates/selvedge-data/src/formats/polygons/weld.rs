@@ -1,11 +1,11 @@
 //! Welding by position: vertices that are nearer to each other than a tolerance become one, with
 //! their texture coordinates apart, as the two sides of a seam are.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use glam::DVec3;
 
-use super::clean::drop_collapsed;
+use super::clean::{drop_collapsed, renumber};
 use super::error::MeshFileError;
 use super::soup::Polygons;
 
@@ -29,21 +29,24 @@ pub(super) fn weld(polygons: &mut Polygons, tolerance: f64) -> Result<(), MeshFi
 
 /// Makes every vertex one with its owner, the first of those that are one.
 pub(super) fn merge(polygons: &mut Polygons, owners: &[u32]) {
-    for corner in polygons.polygons.iter_mut().flat_map(|p| &mut p.corners) {
-        corner.vertex = owners[corner.vertex as usize];
-    }
-    for label in polygons.labels.values_mut() {
-        let moved: BTreeSet<u32> = label.iter().map(|&v| owners[v as usize]).collect();
-        *label = moved;
-    }
-    let angles = std::mem::take(&mut polygons.angles).into_iter();
-    let angles = angles.map(|(ends, angle)| {
-        let [a, b] = ends.map(|v| owners[v as usize]);
-        ([a.min(b), a.max(b)], angle)
-    });
-    polygons.angles = angles.collect();
+    let owners: Vec<Option<u32>> = owners.iter().copied().map(Some).collect();
+    renumber(polygons, &owners);
     drop_collapsed(polygons);
-    renumber(polygons, owners);
+}
+
+/// The first of the set of `one`, by the members' owners, which get nearer to it.
+pub(super) fn root(owners: &mut [u32], mut one: u32) -> u32 {
+    while owners[one as usize] != one {
+        owners[one as usize] = owners[owners[one as usize] as usize];
+        one = owners[one as usize];
+    }
+    one
+}
+
+/// Makes the sets of two one.
+pub(super) fn unite(owners: &mut [u32], one: u32, two: u32) {
+    let (one, two) = (root(owners, one), root(owners, two));
+    owners[one.max(two) as usize] = one.min(two);
 }
 
 /// The first vertex within `tolerance` of each one, by cells of a grid.
@@ -76,37 +79,6 @@ pub(crate) fn owners(positions: &[DVec3], tolerance: f64) -> Vec<u32> {
         }
     }
     owners
-}
-
-/// Closes the gaps in the numbers that welding left; unlike a vertex without a face, a welded one
-/// is no loss to speak of.
-fn renumber(polygons: &mut Polygons, owners: &[u32]) {
-    let is_kept = |v: usize| owners[v] as usize == v;
-    let mut next = 0;
-    let numbers: Vec<u32> = (0..owners.len())
-        .map(|v| {
-            let number = next;
-            next += u32::from(is_kept(v));
-            number
-        })
-        .collect();
-    for corner in polygons.polygons.iter_mut().flat_map(|p| &mut p.corners) {
-        corner.vertex = numbers[corner.vertex as usize];
-    }
-    for label in polygons.labels.values_mut() {
-        *label = label.iter().map(|&v| numbers[v as usize]).collect();
-    }
-    let angles = std::mem::take(&mut polygons.angles).into_iter();
-    let angles = angles.map(|(ends, angle)| (ends.map(|v| numbers[v as usize]), angle));
-    polygons.angles = angles.collect();
-    let kept: Vec<usize> = (0..owners.len()).filter(|&v| is_kept(v)).collect();
-    polygons.numbers = kept.iter().map(|&v| polygons.number(v as u32)).collect();
-    polygons.positions = kept.iter().map(|&v| polygons.positions[v]).collect();
-    let velocities = std::mem::take(&mut polygons.velocities).into_iter();
-    let kept = velocities.filter(|(v, _)| is_kept(*v as usize));
-    polygons.velocities = kept
-        .map(|(v, velocity)| (numbers[v as usize], velocity))
-        .collect();
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ use glam::{DQuat, DVec3};
 use serde_json::{Value, json};
 
 use super::{Desk, assert_near, at, frames};
+use crate::test_help::table;
 
 /// A .glb under way: every array is an accessor.
 #[derive(Default)]
@@ -41,16 +42,7 @@ impl Glb {
         json["buffers"] = json!([{ "byteLength": self.binary.len() }]);
         json["bufferViews"] = Value::Array(self.views);
         json["accessors"] = Value::Array(self.accessors);
-        let mut text = json.to_string().into_bytes();
-        text.resize(text.len().next_multiple_of(4), b' ');
-        let mut bytes = b"glTF\x02\0\0\0".to_vec();
-        bytes.extend((28 + text.len() as u32 + self.binary.len() as u32).to_le_bytes());
-        for (kind, part) in [(b"JSON", text), (b"BIN\0", self.binary)] {
-            bytes.extend((part.len() as u32).to_le_bytes());
-            bytes.extend(kind);
-            bytes.extend(part);
-        }
-        bytes
+        crate::rig::glb::tests::file(&json, &self.binary)
     }
 }
 
@@ -232,50 +224,41 @@ fn what_is_damaged_is_named() {
         let first = json["animations"][0].clone();
         json["animations"].as_array_mut().unwrap().push(first);
     };
-    let none = |json: &mut Value| json["animations"] = json!([]);
-    let cases: [(Vec<u8>, &str); 9] = [
+    let unweighted = |json: &mut Value| {
+        let attributes = &mut json["meshes"][0]["primitives"][0]["attributes"];
+        attributes.as_object_mut().unwrap().remove("WEIGHTS_0");
+    };
+    let targets = |json: &mut Value| {
+        json["meshes"][0]["primitives"][0]["targets"][0]["POSITION"] = json!(3);
+    };
+    let others = [
         (
             skinned(two),
             "several animations: choose one by `animation`, of [bend, bend]",
         ),
-        (skinned(none), "nothing in it moves"),
-        (
-            skinned(|json| json["skins"][0]["joints"] = json!([1])),
-            "skin 0: has 2 matrices for 1 joints",
-        ),
-        (
-            skinned(|json| json["skins"][0]["joints"] = json!([1, 9])),
-            "skin 0: its joint is node 9, of 3",
-        ),
-        (
-            skinned(|json| json["nodes"][0]["skin"] = json!(4)),
-            "skin 4: there is none",
-        ),
-        (
-            skinned(|json| {
-                json["meshes"][0]["primitives"][0]["attributes"]["WEIGHTS_0"] = json!(9);
-            }),
-            "accessor 9",
-        ),
-        (
-            skinned(|json| {
-                let attributes = &mut json["meshes"][0]["primitives"][0]["attributes"];
-                attributes.as_object_mut().unwrap().remove("WEIGHTS_0");
-            }),
-            "joints and weights for 0 points of 8",
-        ),
+        (skinned(unweighted), "joints and weights for 0 points of 8"),
         (
             morphed("LINEAR", &[0.0, 1.0, 0.0], |_| {}),
             "mesh 0: the animation of its weights has another number of values",
         ),
         (
-            morphed("LINEAR", &[0.0; 4], |json| {
-                let targets = &mut json["meshes"][0]["primitives"][0]["targets"];
-                targets[0]["POSITION"] = json!(3);
-            }),
+            morphed("LINEAR", &[0.0; 4], targets),
             "accessor 3: expected VEC3",
         ),
     ];
+    let edits = r#"
+        /animations | [] | nothing in it moves
+        /skins/0/joints | [1] | skin 0: has 2 matrices for 1 joints
+        /skins/0/joints | [1, 9] | skin 0: its joint is node 9, of 3
+        /nodes/0/skin | 4 | skin 4: there is none
+        /meshes/0/primitives/0/attributes/WEIGHTS_0 | 9 | accessor 9
+    "#;
+    let edited = table(edits).into_iter().map(|[place, value, named]| {
+        let value: Value = serde_json::from_str(value).unwrap();
+        let edit = |json: &mut Value| *json.pointer_mut(place).unwrap() = value.clone();
+        (skinned(edit), named)
+    });
+    let cases = others.into_iter().chain(edited);
     for (bytes, named) in cases {
         desk.write("leaf.glb", bytes);
         let problem = desk.problem(MOVING);

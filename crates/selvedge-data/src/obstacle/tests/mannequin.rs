@@ -6,6 +6,7 @@ use glam::DVec3;
 use selvedge_cloth::Obstacle;
 
 use super::{Desk, at};
+use crate::test_help::says;
 
 const ANIMATIONS: [&str; 6] = [
     "stand",
@@ -135,13 +136,7 @@ fn it_begins_and_ends_in_one_stance_and_moves_between() {
     }
     let problem =
         Desk::new().problem("name = \"m\"\nmesh = \"mannequin\"\nmotion = { animation = \"fly\" }");
-    assert!(
-        problem.contains("no animation called \"fly\"; there are [stand"),
-        "{problem}"
-    );
+    says(&problem, &["no animation called \"fly\"; there are [stand"]);
     let problem = Desk::new().problem("name = \"m\"\nmesh = \"mannequin\"\nmotion = \"mannequin\"");
-    assert!(
-        problem.contains("several animations: choose one by `animation`"),
-        "{problem}"
-    );
+    says(&problem, &["several animations: choose one by `animation`"]);
 }

@@ -5,7 +5,7 @@ use selvedge_cloth::ObstaclePath;
 
 use super::{Desk, assert_near, at, frames};
 use crate::formats::npz::tests::{archive, floats};
-use crate::test_help::table;
+use crate::test_help::{says, table};
 
 const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 
@@ -191,10 +191,7 @@ fn samples_of_a_stage_move_points_with_their_prims() {
     assert!(still.is_still());
     desk.write("leaf.usda", STAGE.replace("(1, 0, 2), ", ""));
     let problem = desk.problem(text);
-    assert!(
-        problem.contains("2 points at time code 12 and 3 at the first"),
-        "{problem}"
-    );
+    says(&problem, &["2 points at time code 12 and 3 at the first"]);
     desk.write("leaf.usda", STAGE.replace("12: [", "0: ["));
     assert!(desk.problem(text).contains("times that do not ascend"));
 }
@@ -208,6 +205,8 @@ fn a_body_follows_a_node_rigidly() {
     assert!(matches!(ball.path(), ObstaclePath::Rigid(keys) if keys.len() == 61));
     let expected: Vec<DVec3> = at(&ball, 0.0).iter().map(|p| *p + DVec3::X * 0.5).collect();
     assert_near(&at(&ball, 0.5), &expected, 1e-12);
-    let problem = desk.problem(&text.replace("\"root\"", "\"roof\""));
-    assert!(problem.contains("no node called \"roof\""), "{problem}");
+    says(
+        desk.problem(&text.replace("\"root\"", "\"roof\"")),
+        &["no node called \"roof\""],
+    );
 }

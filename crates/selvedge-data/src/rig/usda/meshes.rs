@@ -38,7 +38,7 @@ pub(super) fn array_of(kind: &str, name: &str) -> Option<String> {
 }
 
 /// The meshes of these prims.
-pub(super) fn meshes(prims: &mut [Prim]) -> Result<Vec<NodeMesh>, RigError> {
+pub(super) fn meshes(prims: &[Prim]) -> Result<Vec<NodeMesh>, RigError> {
     let mut made = Vec::new();
     for node in 0..prims.len() {
         if prims[node].kind != "Mesh" {
@@ -49,7 +49,7 @@ pub(super) fn meshes(prims: &mut [Prim]) -> Result<Vec<NodeMesh>, RigError> {
             if subset.kind != "GeomSubset" {
                 continue;
             }
-            for &face in subset.arrays.get(SUBSET).into_iter().flatten() {
+            for &face in subset.array(SUBSET).into_iter().flatten() {
                 if let Some(fabric) = mesh.fabrics.get_mut(face as usize) {
                     *fabric = Some(subset.name.clone());
                 }
@@ -95,7 +95,7 @@ fn mesh(prim: &Prim, node: usize) -> Result<NodeMesh, RigError> {
         problem,
     };
     let array = |name: &str| {
-        let found = prim.arrays.get(name);
+        let found = prim.array(name);
         found.ok_or_else(|| wrong(format!("its mesh has no {name}")))
     };
     let positions: Vec<DVec3> = array(POINTS)?
@@ -133,25 +133,26 @@ fn texture(
     faces: &[Vec<u32>],
     points: usize,
 ) -> Result<Option<Vec<Vec<DVec2>>>, String> {
-    let sets = prim.arrays.iter();
-    let mut sets: Vec<(&str, &Vec<f64>)> = sets
-        .filter_map(|(name, values)| Some((name.strip_prefix(TEXTURE)?.strip_prefix(' ')?, values)))
-        .filter(|(name, _)| !name.starts_with("indices "))
+    let sets = prim.attributes.iter();
+    let mut sets: Vec<&str> = sets
+        .filter_map(|set| set.name.strip_prefix(TEXTURE)?.strip_prefix(' '))
+        .filter(|name| !name.starts_with("indices "))
         .collect();
-    sets.sort_by_key(|(name, _)| *name != ORIENTED);
-    let Some(&(name, values)) = sets.first() else {
+    sets.sort_by_key(|name| (*name != ORIENTED, *name));
+    sets.dedup();
+    let Some(&name) = sets.first() else {
         return Ok(None);
     };
     if sets.len() > 1 && name != ORIENTED {
-        let names: Vec<&str> = sets.iter().map(|set| set.0).collect();
         return Err(format!(
             "it has the texture coordinates [{}]: call those of the pattern st",
-            names.join(", ")
+            sets.join(", ")
         ));
     }
+    let values = prim.array(&format!("{TEXTURE} {name}")).unwrap_or_default();
     let values: Vec<DVec2> = values.chunks_exact(2).map(DVec2::from_slice).collect();
     let place = |number: f64| values.get(number as usize).copied();
-    let values: Option<Vec<DVec2>> = match prim.arrays.get(&format!("{TEXTURE_INDICES} {name}")) {
+    let values: Option<Vec<DVec2>> = match prim.array(&format!("{TEXTURE_INDICES} {name}")) {
         Some(indices) => indices.iter().map(|&number| place(number)).collect(),
         None => Some(values.clone()),
     };

@@ -40,24 +40,19 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Rig, RigError> {
 pub(super) fn parse_bodies(bytes: &[u8]) -> Result<(Rig, Vec<MovingMesh>), RigError> {
     let (mut prims, stage) = read(bytes, true)?;
     let rate = stage.rate();
-    let mut samples: Vec<_> = prims
-        .iter_mut()
-        .map(|prim| std::mem::take(&mut prim.point_samples))
-        .collect();
     let mut made = Vec::new();
-    for mesh in meshes::meshes(&mut prims)? {
-        let node = mesh.node;
-        let name = &prims[node].name;
-        let timed = std::mem::take(&mut samples[node]);
-        made.push(meshes::moving(mesh, timed, rate, name)?);
+    for mesh in meshes::meshes(&prims)? {
+        let prim = &mut prims[mesh.node];
+        let timed = prim.take_samples(meshes::POINTS);
+        made.push(meshes::moving(mesh, timed, rate, &prim.name)?);
     }
     Ok((rig(prims, &stage)?, made))
 }
 
 /// The rig in the bytes of a file, and the meshes of its prims.
 pub(super) fn parse_meshes(bytes: &[u8]) -> Result<(Rig, Vec<NodeMesh>), RigError> {
-    let (mut prims, stage) = read(bytes, true)?;
-    let meshes = meshes::meshes(&mut prims)?;
+    let (prims, stage) = read(bytes, true)?;
+    let meshes = meshes::meshes(&prims)?;
     Ok((rig(prims, &stage)?, meshes))
 }
 
@@ -267,10 +262,7 @@ impl<'a> Reader<'a> {
             }
         }
         if self.tokens.skip_if("=")? {
-            match meshes::array_of(kind, name).filter(|_| self.keeps_arrays) {
-                Some(array) => self.array(number, array, name)?,
-                None => self.value_of(number, name)?,
-            }
+            self.value_of(number, kind, name)?;
         }
         if self.tokens.skip_if("(")? {
             self.skip_to(")", 0)?;
@@ -278,62 +270,48 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    fn value_of(&mut self, number: usize, name: &'a str) -> Result<(), RigError> {
+    fn value_of(&mut self, number: usize, kind: &str, name: &'a str) -> Result<(), RigError> {
         if name == "xformOpOrder" {
             let order = self.texts()?;
             self.prims[number].order = Some(order);
             return Ok(());
         }
-        if !name.starts_with("xformOp:") {
+        let array = meshes::array_of(kind, name).filter(|_| self.keeps_arrays);
+        let is_array = array.is_some();
+        if !is_array && !name.starts_with("xformOp:") {
             return self.skip_value();
         }
+        if !is_array && name.ends_with(".connect") {
+            self.skip_value()?;
+            let problem = format!("its {name} is not understood here: bake it to samples");
+            self.prims[number].obstacle = Some(problem);
+            return Ok(());
+        }
         let line = self.tokens.line_of_last();
-        let (name, samples) = match name.strip_suffix(".timeSamples") {
-            Some(name) => (name, Samples::Timed(self.time_samples()?)),
-            None if name.ends_with(".connect") => {
-                self.skip_value()?;
-                let problem = format!("its {name} is not understood here: bake it to samples");
-                self.prims[number].obstacle = Some(problem);
-                return Ok(());
-            }
-            None => (name, Samples::Constant(self.numbers()?)),
+        let (own, samples) = match name.strip_suffix(".timeSamples") {
+            Some(own) => match self.time_samples(is_array)? {
+                samples if is_array && samples.is_empty() => return Ok(()),
+                samples => (own, Samples::Timed(samples)),
+            },
+            None => match self.value(is_array)? {
+                Some(numbers) => (name, Samples::Constant(numbers)),
+                None => return Ok(()),
+            },
         };
         self.prims[number].attributes.push(Attribute {
-            name: name.to_owned(),
+            name: array.unwrap_or_else(|| own.to_owned()),
             samples,
             line,
         });
         Ok(())
     }
 
-    /// The numbers within the brackets of an array. Of time samples they are those of the first;
-    /// those of points are kept all.
-    fn array(&mut self, number: usize, array: String, name: &str) -> Result<(), RigError> {
-        if !name.ends_with(".timeSamples") {
-            if let Some(numbers) = self.bracketed()? {
-                // Samples count where there is a constant too.
-                self.prims[number].arrays.entry(array).or_insert(numbers);
-            }
-            return Ok(());
+    /// The numbers of an array, if it is one, or of a transform.
+    fn value(&mut self, is_array: bool) -> Result<Option<Vec<f64>>, RigError> {
+        match is_array {
+            true => self.bracketed(),
+            false => self.numbers().map(Some),
         }
-        self.tokens.expect("{")?;
-        let mut first = None;
-        while !self.tokens.skip_if("}")? {
-            let code = self.tokens.number()?;
-            self.tokens.expect(":")?;
-            if let Some(numbers) = self.bracketed()? {
-                if array == meshes::POINTS {
-                    let samples = &mut self.prims[number].point_samples;
-                    samples.push((code, numbers.clone()));
-                }
-                first.get_or_insert(numbers);
-            }
-            self.tokens.skip_if(",")?;
-        }
-        if let Some(numbers) = first {
-            self.prims[number].arrays.insert(array, numbers);
-        }
-        Ok(())
     }
 
     /// `[(0, 0, 0), …]`; none for another value, which is passed over.
@@ -355,13 +333,15 @@ impl<'a> Reader<'a> {
     }
 
     /// `{ code: value, … }`.
-    fn time_samples(&mut self) -> Result<Vec<(f64, Vec<f64>)>, RigError> {
+    fn time_samples(&mut self, is_array: bool) -> Result<Vec<(f64, Vec<f64>)>, RigError> {
         self.tokens.expect("{")?;
         let mut samples = Vec::new();
         while !self.tokens.skip_if("}")? {
             let code = self.tokens.number()?;
             self.tokens.expect(":")?;
-            samples.push((code, self.numbers()?));
+            if let Some(numbers) = self.value(is_array)? {
+                samples.push((code, numbers));
+            }
             self.tokens.skip_if(",")?;
         }
         Ok(samples)

@@ -2,7 +2,7 @@
 
 use glam::{DMat4, DQuat, DVec3};
 
-use super::super::node::{Change, Direction, Operation};
+use super::super::node::{Change, Operation};
 use super::super::track::{Joined, Track, Value};
 
 /// Entry of an order: the parents of the prim do not move it.
@@ -12,7 +12,7 @@ const INVERSE: &str = "!invert!";
 
 /// An attribute of a prim.
 pub(super) struct Attribute {
-    /// Name with `xformOp:`, without `.timeSamples`.
+    /// Name without `.timeSamples`.
     pub(super) name: String,
     pub(super) samples: Samples,
     /// Line of the attribute; 0 where the file has no lines.
@@ -24,6 +24,13 @@ pub(super) enum Samples {
     Constant(Vec<f64>),
     /// By time codes.
     Timed(Vec<(f64, Vec<f64>)>),
+}
+
+/// The attribute of this name. Samples count where there is a constant too.
+pub(super) fn named<'a>(attributes: &'a [Attribute], name: &str) -> Option<&'a Attribute> {
+    let named = || attributes.iter().filter(|attribute| attribute.name == name);
+    let timed = named().find(|a| matches!(a.samples, Samples::Timed(_)));
+    timed.or_else(|| named().next())
 }
 
 /// The operations of a prim from the outermost to the innermost.
@@ -41,21 +48,15 @@ pub(super) fn operations_of(
             operations.clear();
             continue;
         }
-        let (name, direction) = match entry.strip_prefix(INVERSE) {
-            Some(name) => (name, Direction::Inverse),
-            None => (entry.as_str(), Direction::Forward),
-        };
-        // Samples count where there is a constant too.
-        let named = || attributes.iter().filter(|attribute| attribute.name == name);
-        let timed = named().find(|a| matches!(a.samples, Samples::Timed(_)));
-        let attribute = timed
-            .or_else(|| named().next())
+        let undone = entry.strip_prefix(INVERSE);
+        let (name, is_inverse) = (undone.unwrap_or(entry), undone.is_some());
+        let attribute = named(attributes, name)
             .ok_or_else(|| format!("its xformOpOrder names {name:?}, which it does not have"))?;
         let change = change(attribute, rate).map_err(|problem| match attribute.line {
             0 => format!("{name} {problem}"),
             line => format!("{name} (line {line}) {problem}"),
         })?;
-        operations.push(Operation { change, direction });
+        operations.push(Operation { change, is_inverse });
     }
     Ok(operations)
 }

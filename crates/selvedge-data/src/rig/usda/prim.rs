@@ -1,12 +1,10 @@
 //! A stage and its prims, as far as nodes and meshes need them, whatever they were read from.
 
-use std::collections::BTreeMap;
-
 use glam::DMat4;
 
 use super::super::error::RigError;
 use super::super::node::{Rig, RigNode};
-use super::operations::{Attribute, RESET, operations_of};
+use super::operations::{Attribute, RESET, Samples, named, operations_of};
 
 /// USD's own defaults.
 const CODES_PER_SECOND: f64 = 24.0;
@@ -53,15 +51,32 @@ impl Stage {
 pub(super) struct Prim {
     pub(super) name: String,
     pub(super) parent: Option<usize>,
+    /// Operations, and arrays that make a mesh by the names of [`super::meshes`].
     pub(super) attributes: Vec<Attribute>,
     pub(super) order: Option<Vec<String>>,
     pub(super) obstacle: Option<String>,
     /// Type of the prim.
     pub(super) kind: String,
-    /// Arrays that make a mesh, by name.
-    pub(super) arrays: BTreeMap<String, Vec<f64>>,
-    /// Points over time, by time codes.
-    pub(super) point_samples: Vec<(f64, Vec<f64>)>,
+}
+
+impl Prim {
+    /// The first numbers of an array that makes a mesh.
+    pub(super) fn array(&self, name: &str) -> Option<&[f64]> {
+        match &named(&self.attributes, name)?.samples {
+            Samples::Constant(numbers) => Some(numbers),
+            Samples::Timed(samples) => Some(&samples.first()?.1),
+        }
+    }
+
+    /// Takes the samples of an array by their time codes; none where it has one value.
+    pub(super) fn take_samples(&mut self, name: &str) -> Vec<(f64, Vec<f64>)> {
+        let own = self.attributes.iter_mut().filter(|a| a.name == name);
+        let mut samples = own.filter_map(|attribute| match &mut attribute.samples {
+            Samples::Timed(samples) => Some(std::mem::take(samples)),
+            Samples::Constant(_) => None,
+        });
+        samples.next().unwrap_or_default()
+    }
 }
 
 /// The rig of these prims.

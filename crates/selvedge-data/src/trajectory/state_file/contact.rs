@@ -8,16 +8,17 @@ use super::SavedState;
 use crate::formats::arrays::{ArrayError, ArrayFile};
 use crate::formats::tensor_file::{Tensor, Values};
 
-/// Anchors, features that push, and caught pairs of each state, u32 `[states, 3]`.
+/// Number of entries of each state in each of [`TABLES`], u32 `[states, 3]`.
 const COUNTS: &str = "contact_counts";
-/// Features of anchors, u32 `[anchors, 3]`.
-const ANCHORS: &str = "contact_anchors";
 /// Normal and pull `[N]` of each anchor, f64 `[anchors, 6]`.
 const PULLS: &str = "contact_pulls";
-/// Features that push, and 1 where they do so firmly, u32 `[pushing, 4]`.
-const PUSHING: &str = "contact_pushing";
-/// Caught pairs, u32 `[caught, 3]`.
-const CAUGHT: &str = "contact_caught";
+/// Tables of u32 and their columns: features of anchors; features that push, and 1 where they do so
+/// firmly; caught pairs.
+const TABLES: [(&str, usize); 3] = [
+    ("contact_anchors", 3),
+    ("contact_pushing", 4),
+    ("contact_caught", 3),
+];
 
 /// Largest pull of a state `[N]`.
 const LARGEST_PULL: f64 = 1e9;
@@ -26,57 +27,50 @@ const LARGEST_PULL: f64 = 1e9;
 #[derive(Default)]
 pub(super) struct Tables {
     counts: Vec<u32>,
-    anchors: Vec<u32>,
+    tables: [Vec<u32>; 3],
     pulls: Vec<f64>,
-    pushing: Vec<u32>,
-    caught: Vec<u32>,
 }
 
 impl Tables {
     /// Of all states of a run.
     pub(super) fn of(states: &[SavedState]) -> Self {
-        let mut tables = Self::default();
+        let mut made = Self::default();
         let nothing = ContactMemory::default();
         for state in states {
             let memory = state.contact.as_ref().unwrap_or(&nothing);
+            let [anchors, pushing, caught] = &mut made.tables;
             let counts = [
                 memory.anchors.len(),
                 memory.pushing.len(),
                 memory.caught.len(),
             ];
-            tables.counts.extend(counts.map(|count| count as u32));
+            made.counts.extend(counts.map(|count| count as u32));
             for anchor in &memory.anchors {
-                tables.anchors.extend(anchor.of.numbers());
-                tables.pulls.extend(anchor.normal.to_array());
-                tables.pulls.extend(anchor.pull.to_array());
+                anchors.extend(anchor.of.numbers());
+                made.pulls.extend(anchor.normal.to_array());
+                made.pulls.extend(anchor.pull.to_array());
             }
-            for pushing in &memory.pushing {
-                tables.pushing.extend(pushing.of.numbers());
-                tables.pushing.push(u32::from(pushing.firmly));
+            for one in &memory.pushing {
+                pushing.extend(one.of.numbers());
+                pushing.push(u32::from(one.firmly));
             }
-            for caught in &memory.caught {
-                tables.caught.extend(caught.numbers());
-            }
+            caught.extend(memory.caught.iter().flat_map(|one| one.numbers()));
         }
-        if tables.counts.iter().all(|count| *count == 0) {
-            tables.counts.clear();
+        if made.counts.iter().all(|count| *count == 0) {
+            made.counts.clear();
         }
-        tables
+        made
     }
 
     /// The tensors that have entries: those of reals, and those of whole numbers.
     pub(super) fn tensors(self) -> [Vec<Tensor>; 2] {
-        let wholes = [
-            (COUNTS, 3, self.counts),
-            (ANCHORS, 3, self.anchors),
-            (PUSHING, 4, self.pushing),
-            (CAUGHT, 3, self.caught),
-        ];
         let shape = |columns: usize, length: usize| [length / columns, columns];
         let pulls = (!self.pulls.is_empty())
             .then(|| Tensor::new(PULLS, &shape(6, self.pulls.len()), Values::F64(self.pulls)));
-        let wholes = wholes.into_iter().filter(|table| !table.2.is_empty());
-        let wholes = wholes.map(|(name, columns, values)| {
+        let named = [(COUNTS, 3)].into_iter().chain(TABLES);
+        let wholes = named.zip([self.counts].into_iter().chain(self.tables));
+        let wholes = wholes.filter(|(_, values)| !values.is_empty());
+        let wholes = wholes.map(|((name, columns), values)| {
             Tensor::new(name, &shape(columns, values.len()), Values::U32(values))
         });
         [pulls.into_iter().collect(), wholes.collect()]
@@ -87,41 +81,32 @@ impl Tables {
         if !file.has(COUNTS) {
             return Ok(Self::default());
         }
-        let counts = file.wholes(COUNTS)?.values;
-        check_length(COUNTS, counts.len(), 3 * states)?;
-        let total = |kind: usize| {
-            let own = counts.iter().skip(kind).step_by(3);
-            own.fold(0_usize, |sum, count| sum.saturating_add(*count as usize))
+        let mut read = Self {
+            counts: file.wholes(COUNTS)?.values,
+            ..Self::default()
         };
-        let entries = |name: &'static str, columns: usize, count: usize| {
-            let values = match file.has(name) {
-                false => Vec::new(),
-                true => file.wholes(name)?.values,
-            };
-            check_length(name, values.len(), count.saturating_mul(columns))?;
-            Ok::<_, ArrayError>(values)
-        };
-        let anchors = entries(ANCHORS, 3, total(0))?;
-        let pulls = match file.has(PULLS) {
-            false => Vec::new(),
-            true => file.floats(PULLS)?.values,
-        };
-        check_length(PULLS, pulls.len(), 2 * anchors.len())?;
+        check_length(COUNTS, read.counts.len(), 3 * states)?;
+        for (kind, (name, columns)) in TABLES.into_iter().enumerate() {
+            if file.has(name) {
+                read.tables[kind] = file.wholes(name)?.values;
+            }
+            let counts = read.counts.iter().skip(kind).step_by(3);
+            let total = counts.fold(0_usize, |sum, count| sum.saturating_add(*count as usize));
+            check_length(name, read.tables[kind].len(), total.saturating_mul(columns))?;
+        }
+        if file.has(PULLS) {
+            read.pulls = file.floats(PULLS)?.values;
+        }
+        check_length(PULLS, read.pulls.len(), 2 * read.tables[0].len())?;
         let is_usable = |value: &f64| value.abs() <= LARGEST_PULL;
-        if let Some(value) = pulls.iter().find(|value| !is_usable(value)) {
-            return Err(ArrayError::Array {
+        match read.pulls.iter().find(|value| !is_usable(value)) {
+            None => Ok(read),
+            Some(value) => Err(ArrayError::Array {
                 name: PULLS.to_owned(),
                 expected: format!("finite numbers up to {LARGEST_PULL:e}"),
                 found: value.to_string(),
-            });
+            }),
         }
-        Ok(Self {
-            pushing: entries(PUSHING, 4, total(1))?,
-            caught: entries(CAUGHT, 3, total(2))?,
-            counts,
-            anchors,
-            pulls,
-        })
     }
 
     /// The entries of state `index`; none where it has no entry.
@@ -129,31 +114,33 @@ impl Tables {
         let Some(own) = self.counts.chunks_exact(3).nth(index) else {
             return Ok(None);
         };
-        let range = |kind: usize| {
+        // Each entry with its number.
+        let entries = |kind: usize| {
             let before = self.counts.chunks_exact(3).take(index);
             let first: usize = before.map(|counts| counts[kind] as usize).sum();
-            first..first + own[kind] as usize
+            let rows = self.tables[kind].chunks_exact(TABLES[kind].1).enumerate();
+            rows.skip(first).take(own[kind] as usize)
         };
-        let anchor = |k: usize| {
-            let pulls = &self.pulls[6 * k..6 * (k + 1)];
+        let of = |kind: usize, row: &[u32]| touching(TABLES[kind].0, row);
+        let anchor = |(number, row): (usize, &[u32])| {
+            let pulls = &self.pulls[6 * number..];
             Ok(FrictionAnchor {
-                of: touching(ANCHORS, &self.anchors[3 * k..3 * (k + 1)])?,
-                normal: DVec3::from_slice(&pulls[..3]),
+                of: of(0, row)?,
+                normal: DVec3::from_slice(pulls),
                 pull: DVec3::from_slice(&pulls[3..]),
             })
         };
-        let pushing = |k: usize| {
-            let entry = &self.pushing[4 * k..4 * (k + 1)];
+        let pushing = |(_, row): (usize, &[u32])| {
             Ok(Pushing {
-                of: touching(PUSHING, &entry[..3])?,
-                firmly: entry[3] > 0,
+                of: of(1, row)?,
+                firmly: row[3] > 0,
             })
         };
-        let caught = |k: usize| touching(CAUGHT, &self.caught[3 * k..3 * (k + 1)]);
+        let caught = |(_, row): (usize, &[u32])| of(2, row);
         let memory = ContactMemory {
-            anchors: range(0).map(anchor).collect::<Result<_, ArrayError>>()?,
-            pushing: range(1).map(pushing).collect::<Result<_, ArrayError>>()?,
-            caught: range(2).map(caught).collect::<Result<_, ArrayError>>()?,
+            anchors: entries(0).map(anchor).collect::<Result<_, ArrayError>>()?,
+            pushing: entries(1).map(pushing).collect::<Result<_, ArrayError>>()?,
+            caught: entries(2).map(caught).collect::<Result<_, ArrayError>>()?,
         };
         Ok((memory != ContactMemory::default()).then_some(memory))
     }

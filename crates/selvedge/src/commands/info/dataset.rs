@@ -156,17 +156,17 @@ fn quantities(distributions: &Distributions) -> Table {
     let mut table = Table::new(headings.into_iter().chain(["from", "histogram", "to"]));
     for (name, unit, distribution) in distributions.named() {
         let number = |value: f64| format!("{value:.3}");
-        let histogram = distribution.histogram();
+        let histogram = &distribution.histogram;
         table.row([
             name.to_owned(),
-            number(distribution.mean()),
-            number(distribution.deviation()),
-            number(distribution.least()),
-            number(distribution.most()),
+            number(distribution.mean),
+            number(distribution.deviation),
+            number(distribution.least),
+            number(distribution.most),
             unit.to_owned(),
-            number(histogram.low()),
+            number(histogram.low),
             bars(distribution),
-            number(histogram.high()),
+            number(histogram.high),
         ]);
     }
     table
@@ -175,7 +175,7 @@ fn quantities(distributions: &Distributions) -> Table {
 /// One character per bin; an empty bin is a space.
 fn bars(distribution: &Distribution) -> String {
     const LEVELS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
-    let counts = distribution.histogram().counts();
+    let counts = distribution.histogram.counts;
     let most = counts.iter().copied().max().unwrap_or(0);
     let scale = (1.0 + most as f64).ln();
     let bar = |&count: &u64| match count {
@@ -210,11 +210,8 @@ fn histograms_of(name: &str, distributions: &Distributions) -> anyhow::Result<Im
         .map(|(name, unit, distribution)| HistogramPlot {
             title: name,
             unit,
-            range: [
-                distribution.histogram().low(),
-                distribution.histogram().high(),
-            ],
-            counts: distribution.histogram().counts(),
+            range: [distribution.histogram.low, distribution.histogram.high],
+            counts: &distribution.histogram.counts,
         })
         .collect();
     Ok(histogram_page(name, &plots)?)

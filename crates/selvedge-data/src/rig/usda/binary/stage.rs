@@ -159,71 +159,31 @@ impl Reader<'_> {
             return Ok(());
         }
         let timed = find("timeSamples").map(|rep| self.values.samples(rep));
-        let timed = timed.transpose()?.flatten();
-        match array {
-            Some(array) => self.mesh_array(spec, array, default, timed),
-            None => self.operation(spec, name, default, timed),
-        }
-    }
-
-    /// An array of a mesh: of time samples the first; those of points are kept all.
-    fn mesh_array(
-        &mut self,
-        spec: Spec,
-        array: String,
-        default: Option<Rep>,
-        timed: Option<Vec<(f64, Rep)>>,
-    ) -> Result<(), String> {
         let mut samples = Vec::new();
-        for (code, rep) in timed.unwrap_or_default() {
-            let is_first = samples.is_empty();
-            if (is_first || array == meshes::POINTS)
-                && let Some(numbers) = self.values.numbers(rep)?
-            {
-                samples.push((code, numbers));
+        let timed = timed.transpose()?.flatten();
+        for &(code, rep) in timed.iter().flatten() {
+            // Of an array that is not of points the first counts.
+            let is_done = array.as_ref().is_some_and(|a| a != meshes::POINTS);
+            if rep.is_block() || is_done && !samples.is_empty() {
+                continue;
+            }
+            match self.values.numbers(rep)? {
+                None if array.is_some() => {}
+                numbers => samples.push((code, numbers.unwrap_or_default())),
             }
         }
-        let first = match (samples.first(), default) {
-            (Some((_, numbers)), _) => Some(numbers.clone()),
-            (None, Some(rep)) => self.values.numbers(rep)?,
-            (None, None) => None,
-        };
-        let Some(prim) = self.above(spec) else {
-            return Ok(());
-        };
-        if array == meshes::POINTS {
-            prim.point_samples = samples;
-        }
-        if let Some(first) = first {
-            prim.arrays.insert(array, first);
-        }
-        Ok(())
-    }
-
-    fn operation(
-        &mut self,
-        spec: Spec,
-        name: &str,
-        default: Option<Rep>,
-        timed: Option<Vec<(f64, Rep)>>,
-    ) -> Result<(), String> {
-        let samples = match (timed, default) {
-            (Some(timed), _) => {
-                let mut samples = Vec::new();
-                for (code, rep) in timed {
-                    if rep.is_block() {
-                        continue;
-                    }
-                    samples.push((code, self.values.numbers(rep)?.unwrap_or_default()));
-                }
-                Samples::Timed(samples)
-            }
-            (None, Some(rep)) => Samples::Constant(self.values.numbers(rep)?.unwrap_or_default()),
-            (None, None) => return Ok(()),
+        let is_timed = !samples.is_empty() || timed.is_some() && array.is_none();
+        let samples = match default {
+            _ if is_timed => Samples::Timed(samples),
+            None => return Ok(()),
+            Some(rep) => match self.values.numbers(rep)? {
+                None if array.is_some() => return Ok(()),
+                numbers => Samples::Constant(numbers.unwrap_or_default()),
+            },
         };
         if let Some(prim) = self.above(spec) {
             prim.attributes.push(Attribute {
-                name: name.to_owned(),
+                name: array.unwrap_or_else(|| name.to_owned()),
                 samples,
                 line: 0,
             });

@@ -18,18 +18,19 @@ const LEAST_PACKED: usize = 16;
 /// Samples at most of a property.
 const MOST_SAMPLES: usize = 100_000;
 
+/// A number of at most eight bytes.
+fn little(bytes: &[u8]) -> u64 {
+    let digits = bytes.iter().rev();
+    digits.fold(0, |n, &byte| (n << 8) | u64::from(byte))
+}
+
 /// A value of 64 bits.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rep(u64);
 
 impl Rep {
     pub(super) fn of(eight: &[u8]) -> Self {
-        Self(
-            eight
-                .iter()
-                .rev()
-                .fold(0, |n, &byte| (n << 8) | u64::from(byte)),
-        )
+        Self(little(eight))
     }
 
     fn kind(self) -> u64 {
@@ -94,10 +95,7 @@ impl Number {
     }
 
     fn read(self, b: &[u8]) -> f64 {
-        let bits = b
-            .iter()
-            .rev()
-            .fold(0, |n, &byte| (n << 8) | u64::from(byte));
+        let bits = little(b);
         match self {
             Self::Int => f64::from(bits as i32),
             Self::UInt => f64::from(bits as u32),
@@ -177,8 +175,7 @@ impl<'a> Values<'a> {
     }
 
     fn word(&self, at: u64, width: usize) -> Result<u64, String> {
-        let own = self.slice(at, width)?.iter().rev();
-        Ok(own.fold(0, |n, &byte| (n << 8) | u64::from(byte)))
+        self.slice(at, width).map(little)
     }
 
     fn spend(&self, count: usize) -> Result<(), String> {
