@@ -10,7 +10,7 @@ use selvedge_cloth::{
 };
 use selvedge_model::{
     Aspect, ClothGraph, Corrector, Domain, DomainWatch, Familiarity, FrameSubsteps, GraphError,
-    Instructions, Model, MotionState, NoBase, PhysicsBase, PredictedFrame, Stopped, rough_fields,
+    Model, MotionState, NoBase, PhysicsBase, PredictedFrame, Stopped, rough_fields,
 };
 use selvedge_sim::{Simulator, SimulatorError, Threads};
 use thiserror::Error;
@@ -170,13 +170,6 @@ impl CorrectedStepper {
     pub fn taken_up_at(mut self, frame: usize) -> Result<Self, CorrectedError> {
         self.simulator = self.simulator.taken_up_at(frame)?;
         Ok(self)
-    }
-
-    /// The same with the products of the network by these instructions.
-    #[must_use]
-    pub fn with_instructions(mut self, instructions: Instructions) -> Self {
-        self.corrector = self.corrector.with_instructions(instructions);
-        self
     }
 
     /// The graph of the cloth, as the network sees it.

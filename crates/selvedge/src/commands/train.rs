@@ -67,7 +67,7 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
         return super::correction::run(args, &written);
     }
     let cfg = config(args, &written)?;
-    let machine = args.machine.open_to_train()?;
+    let machine = args.machine.open()?;
     let data = data(args)?;
     let ranks = ranks::all();
     let _claimed = match ranks.is_first() {
