@@ -8,9 +8,7 @@ use pyo3::types::PyDict;
 use selvedge_lab::folder_kind::FolderKind;
 use selvedge_lab::machine::Machine;
 use selvedge_lab::{assets, folder, training};
-use selvedge_train::{
-    RunEnd, RunLimits, Setting, StepReport, TrainConfig, Trainer, files,
-};
+use selvedge_train::{RunEnd, RunLimits, Setting, StepReport, TrainConfig, Trainer, files};
 
 use crate::dataset::Dataset;
 use crate::errors::{told, wrong};

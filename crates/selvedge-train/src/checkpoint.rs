@@ -14,7 +14,7 @@ use selvedge_model::Network;
 pub(crate) use self::differences::differences_but_encoder;
 pub use self::error::{ContentProblem, ResumeError};
 pub use self::file::CHECKPOINT_FORMAT;
-use self::file::{CheckpointFile, SlotEntry, State, VERSION, history_name};
+use self::file::{CheckpointFile, State, VERSION, history_name};
 use crate::config::TrainConfig;
 use crate::engine::{EngineMaker, Learned, SampleSource, Samples};
 use crate::fit_normalizers::Statistics;
@@ -42,7 +42,7 @@ impl Trainer {
             optimizer_steps: self.learned.adam.steps(),
             inputs: self.inputs.clone(),
             targets: self.targets.clone(),
-            slots: self.slots.iter().map(SlotEntry::of).collect(),
+            slots: self.slots.clone(),
             origins: self.origins.clone(),
             since_line: self.since_line.clone(),
         };

@@ -8,7 +8,6 @@
 mod cpu;
 mod micro_batch;
 mod over_ranks;
-mod slot_bytes;
 mod slot_run;
 mod taught;
 
@@ -23,7 +22,6 @@ use thiserror::Error;
 
 pub use self::cpu::OnProcessor;
 pub use self::over_ranks::{OverRanks, OverRanksError};
-pub(crate) use self::slot_bytes::{pack_slots, unpack_slots};
 pub use self::slot_run::{FramePasses, SlotRun, run_slots};
 pub use self::taught::{CorrectionSample, SampleSource};
 pub(crate) use self::taught::{Samples, TaughtEngine};

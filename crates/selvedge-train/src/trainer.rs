@@ -17,7 +17,7 @@ use thiserror::Error;
 use crate::config::{InvalidConfig, TrainConfig};
 use crate::engine::{
     Batch, Engine, EngineError, EngineMaker, Learned, SampleSource, Samples, Setup, TaughtEngine,
-    Update, pack_slots, unpack_slots,
+    Update,
 };
 use crate::expert::Expert;
 use crate::fit_normalizers::{FitProgress, NormalizerFit, Statistics};
@@ -25,7 +25,7 @@ use crate::losses::{LossStatistics, LossTerms, RunningLossStatistics};
 use crate::memory::{Arithmetic, MemoryError, check_memory};
 use crate::optimizer::{Adam, AdamError};
 use crate::origin::Origin;
-use crate::slot::Slot;
+use crate::slot::{Slot, pack_slots, unpack_slots};
 use crate::training_set::{TrainingSet, TrainingSetError};
 
 /// A training between two steps.

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 use safetensors::{Dtype, SafeTensors};
-use selvedge_data::{Section, read_header};
+use selvedge_data::read_header;
 use selvedge_model::{Network, RunningStatistics};
 use serde::{Deserialize, Serialize};
 
@@ -35,30 +35,12 @@ pub(super) struct State {
     pub(super) inputs: [RunningStatistics; 2],
     pub(super) targets: RunningLossStatistics,
     #[serde(rename = "lanes")]
-    pub(super) slots: Vec<SlotEntry>,
+    pub(super) slots: Vec<Slot>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(super) origins: Vec<Origin>,
     /// Steps of which the log has no line yet.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(super) since_line: Vec<StepReport>,
-}
-
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct SlotEntry {
-    pub(super) section: Section,
-    pub(super) current: usize,
-    pub(super) run: u32,
-}
-
-impl SlotEntry {
-    pub(super) fn of(slot: &Slot) -> Self {
-        Self {
-            section: slot.section,
-            current: slot.current,
-            run: slot.run,
-        }
-    }
 }
 
 pub(super) struct CheckpointFile<'a> {
@@ -220,8 +202,8 @@ impl<'a> CheckpointFile<'a> {
         if found != expected {
             return Err(self.content("state", ContentProblem::Slots { found, expected }));
         }
-        let slots = state.slots.iter().enumerate();
-        let slots = slots.map(|(number, entry)| self.slot(number, entry, cfg, set));
+        let slots = state.slots.into_iter().enumerate();
+        let slots = slots.map(|(number, slot)| self.with_history(number, slot, cfg, set));
         Ok(Parts {
             learned: Learned {
                 weights: numbers("weights")?,
@@ -243,40 +225,30 @@ impl<'a> CheckpointFile<'a> {
         })
     }
 
-    fn slot(
+    /// The slot of that number with its history.
+    fn with_history(
         &self,
         number: usize,
-        entry: &SlotEntry,
+        slot: Slot,
         cfg: &TrainConfig,
         set: &TrainingSet,
     ) -> Result<Slot, ResumeError> {
-        let mut history = Vec::new();
-        if entry.run > 0 {
-            let trajectory = entry.section.trajectory;
-            if !set.has(&entry.section) || !TrainingSet::section_has(&entry.section, entry.current)
-            {
-                return Err(self.content("state", ContentProblem::NoSection { slot: number }));
-            }
-            let vertices = set.motion(trajectory).graph.vertex_count();
-            let frames = cfg.model.history();
-            let numbers = self.numbers(&history_name(number), frames * vertices * 3)?;
-            let positions: Vec<Vec3> = numbers
-                .as_chunks()
-                .0
-                .iter()
-                .copied()
-                .map(Vec3::from_array)
-                .collect();
-            history = positions
-                .chunks_exact(vertices)
-                .map(|frame| Arc::new(frame.to_vec()))
-                .collect();
+        if slot.run == 0 {
+            return Ok(slot);
         }
+        let section = slot.section;
+        if !set.has(&section) || !TrainingSet::section_has(&section, slot.current) {
+            return Err(self.content("state", ContentProblem::NoSection { slot: number }));
+        }
+        let vertices = set.motion(section.trajectory).graph.vertex_count();
+        let frames = cfg.model.history();
+        let numbers = self.numbers(&history_name(number), frames * vertices * 3)?;
+        let points = numbers.as_chunks().0.iter().copied().map(Vec3::from_array);
+        let positions: Vec<Vec3> = points.collect();
+        let history = positions.chunks_exact(vertices);
         Ok(Slot {
-            section: entry.section,
-            current: entry.current,
-            run: entry.run,
-            history,
+            history: history.map(|frame| Arc::new(frame.to_vec())).collect(),
+            ..slot
         })
     }
 }
