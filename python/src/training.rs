@@ -1,6 +1,5 @@
 //! Trainings on data sets, and of models that correct physics, with a callback per step.
 
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -8,14 +7,8 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use selvedge_lab::folder_kind::FolderKind;
 use selvedge_lab::machine::Machine;
-use selvedge_lab::teaching::{Teaching, TeachingScenes};
 use selvedge_lab::{assets, folder, training};
-use selvedge_train::{
-    CorrectionConfig, CorrectionEvent, CorrectionTrainer, RunEnd, RunLimits, Setting, TrainConfig,
-    Trainer, files, run_correction,
-};
-use serde::Serialize;
-use serde_json::json;
+use selvedge_train::{RunEnd, RunLimits, Setting, StepReport, TrainConfig, Trainer, files};
 
 use crate::dataset::Dataset;
 use crate::errors::{told, wrong};
@@ -111,12 +104,7 @@ pub(crate) fn train<'py>(
         on_step,
         stop: &stop,
     };
-    let done = beside(py, &stop, || {
-        match CorrectionConfig::is_meant(&asked.text) {
-            true => correct(&asked, data, &listener, &mut teller),
-            false => learn(&asked, data, &listener, &mut teller),
-        }
-    })??;
+    let done = beside(py, &stop, || learn(&asked, data, &listener, &mut teller))??;
     done.report(py, &out)
 }
 
@@ -162,7 +150,7 @@ struct Listener<'a> {
 }
 
 impl Listener<'_> {
-    fn hear(&self, report: &impl Serialize) -> ControlFlow<()> {
+    fn hear(&self, report: &StepReport) -> std::ops::ControlFlow<()> {
         if let Some(on_step) = &self.on_step {
             call(on_step, self.stop, |py| {
                 let report = python::to_python(py, report)?;
@@ -199,27 +187,13 @@ fn learn(
         cfg.steps = steps;
     }
     let steps = cfg.steps;
-    let Some(data) = data else {
-        return Err(wrong(format!(
-            "data is missing: {} learns from a data set; Dataset.generate makes one",
-            asked.origin
-        )));
-    };
-    let data = &data.inner;
     let _claimed = folder::claim_folder(asked.out, FolderKind::Training).map_err(told)?;
     let checkpoint = check_folder(asked)?;
-    let engine = Machine::Cpu.engine(asked.micro_batch);
-    let trainer = match (&asked.from, asked.resume) {
-        (_, true) => Some(Trainer::resume(cfg, data, &checkpoint, &*engine).map_err(told)?),
-        (Some(folder), false) => {
-            let from = folder.join(files::CHECKPOINT);
-            Some(Trainer::start_from(cfg, data, &from, &*engine).map_err(told)?)
-        }
-        (None, false) => {
-            training::fresh(cfg, data, &*engine, &mut |event| teller.hear(event)).map_err(told)?
-        }
+    let made = match cfg.teacher {
+        None => on_data(asked, cfg, data, &checkpoint, teller)?,
+        Some(_) => by_teacher(asked, cfg, data, &checkpoint, listener, teller)?,
     };
-    let Some(mut trainer) = trainer else {
+    let Some(mut trainer) = made else {
         return Ok(Done {
             end: RunEnd::Stopped,
             steps_done: 0,
@@ -227,10 +201,9 @@ fn learn(
             parameters: 0,
         });
     };
-    training::with_expert(&mut trainer, data).map_err(told)?;
     trainer.stop_by(listener.stop.flag().into());
     teller.begin("training", Some(steps - trainer.steps_done().min(steps)));
-    let end = selvedge_train::run(&mut trainer, data, asked.out, asked.limits, &mut |step| {
+    let end = selvedge_train::run(&mut trainer, asked.out, asked.limits, &mut |step| {
         // Whoever wants to stop is heard by the listener too.
         let _ = teller.advance();
         listener.hear(step)
@@ -243,70 +216,54 @@ fn learn(
     })
 }
 
-fn correct(
+/// A training on a data set; none where an end was asked for.
+fn on_data(
     asked: &Asked<'_>,
+    cfg: TrainConfig,
     data: Option<&Dataset>,
+    checkpoint: &Path,
+    teller: &mut Teller<'_>,
+) -> PyResult<Option<Trainer>> {
+    let Some(data) = data else {
+        return Err(wrong(format!(
+            "data is missing: {} learns from a data set; Dataset.generate makes one",
+            asked.origin
+        )));
+    };
+    let data = &data.inner;
+    let engine = Machine::Cpu.engine(asked.micro_batch);
+    let mut trainer = match (&asked.from, asked.resume) {
+        (_, true) => Some(Trainer::resume(cfg, data, checkpoint, &*engine).map_err(told)?),
+        (Some(folder), false) => {
+            let from = folder.join(files::CHECKPOINT);
+            Some(Trainer::start_from(cfg, data, &from, &*engine).map_err(told)?)
+        }
+        (None, false) => {
+            training::fresh(cfg, data, &*engine, &mut |event| teller.hear(event)).map_err(told)?
+        }
+    };
+    if let Some(trainer) = &mut trainer {
+        training::with_expert(trainer, data).map_err(told)?;
+    }
+    Ok(trainer)
+}
+
+/// A training of a model that corrects physics; none where an end was asked for.
+fn by_teacher(
+    asked: &Asked<'_>,
+    cfg: TrainConfig,
+    data: Option<&Dataset>,
+    checkpoint: &Path,
     listener: &Listener<'_>,
     teller: &mut Teller<'_>,
-) -> PyResult<Done> {
+) -> PyResult<Option<Trainer>> {
     if data.is_some() || asked.from.is_some() || asked.micro_batch > 1 {
         return Err(wrong(format!(
             "{}: data, start_from and micro_batch are of a training on a data set: this one asks a teacher; leave them out",
             asked.origin
         )));
     }
-    let origin = Path::new(asked.origin);
-    let mut cfg =
-        CorrectionConfig::parse_with(&asked.text, origin, &asked.settings).map_err(told)?;
-    if let Some(steps) = asked.steps {
-        cfg.steps = steps;
-    }
-    let _claimed = folder::claim_folder(asked.out, FolderKind::Training).map_err(told)?;
-    let checkpoint = check_folder(asked)?;
-    let mut trainer = corrector(asked, cfg, &checkpoint)?;
-    trainer.stop_by(listener.stop.flag().into());
-    let cfg = trainer.config().clone();
-    let scenes = TeachingScenes::open(&cfg.teacher.scenes, &mut |event| teller.hear(event));
-    let mut end = RunEnd::Stopped;
-    if let Some(scenes) = scenes.map_err(told)? {
-        let mut teaching = Teaching::new(scenes, cfg.clone(), trainer.steps_done());
-        let left = cfg.steps - trainer.steps_done().min(cfg.steps);
-        teller.begin("training", Some(left));
-        let run = run_correction(
-            &mut trainer,
-            &mut teaching,
-            asked.out,
-            asked.limits,
-            &mut |event| match event {
-                CorrectionEvent::Samples(_) => listener.stop.flow(),
-                CorrectionEvent::Step(step) => {
-                    let _ = teller.advance();
-                    listener.hear(&json!({
-                        "step": step.step,
-                        "loss": step.loss,
-                        "gradient_norm": step.gradient_norm,
-                        "learning_rate": step.learning_rate,
-                    }))
-                }
-            },
-        );
-        end = run.map_err(told)?;
-    }
-    Ok(Done {
-        end,
-        steps_done: trainer.steps_done(),
-        steps: cfg.steps,
-        parameters: trainer.parameter_count(),
-    })
-}
-
-fn corrector(
-    asked: &Asked<'_>,
-    cfg: CorrectionConfig,
-    checkpoint: &Path,
-) -> PyResult<CorrectionTrainer> {
-    match asked.resume {
-        true => CorrectionTrainer::resume(cfg, checkpoint).map_err(told),
-        false => CorrectionTrainer::new(cfg).map_err(told),
-    }
+    let checkpoint = asked.resume.then_some(checkpoint);
+    let stop = listener.stop.flag().into();
+    training::taught(cfg, checkpoint, stop, &mut |event| teller.hear(event)).map_err(told)
 }

@@ -6,11 +6,11 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{
     Cloth, ClothError, Correctable, HandleTargets, Handles, Scene, StepError, Stepper, Stop,
-    Topology, VertexId,
+    Topology,
 };
 use selvedge_model::{
     Aspect, ClothGraph, Corrector, Domain, DomainWatch, Familiarity, FrameSubsteps, GraphError,
-    Instructions, Model, MotionState, NoBase, PhysicsBase, PredictedFrame, Stopped, rough_fields,
+    Model, MotionState, NoBase, PhysicsBase, PredictedFrame, Stopped, rough_fields,
 };
 use selvedge_sim::{Simulator, SimulatorError, Threads};
 use thiserror::Error;
@@ -50,6 +50,8 @@ pub fn goes_without(aspect: Aspect) -> bool {
 struct Watched {
     trained: Domain,
     watch: DomainWatch,
+    /// As it was before the newest frame.
+    before: DomainWatch,
     /// True for each handle that holds now, `[handles]`.
     holds: Vec<bool>,
 }
@@ -142,9 +144,11 @@ impl CorrectedStepper {
             can_undo: false,
             beyond,
             watched: domain.map(|trained| {
+                let watch = DomainWatch::of_scene(&scene);
                 Box::new(Watched {
                     trained,
-                    watch: DomainWatch::of_scene(&scene),
+                    before: watch.clone(),
+                    watch,
                     holds: Vec::new(),
                 })
             }),
@@ -170,13 +174,6 @@ impl CorrectedStepper {
     pub fn taken_up_at(mut self, frame: usize) -> Result<Self, CorrectedError> {
         self.simulator = self.simulator.taken_up_at(frame)?;
         Ok(self)
-    }
-
-    /// The same with the products of the network by these instructions.
-    #[must_use]
-    pub fn with_instructions(mut self, instructions: Instructions) -> Self {
-        self.corrector = self.corrector.with_instructions(instructions);
-        self
     }
 
     /// The graph of the cloth, as the network sees it.
@@ -251,8 +248,10 @@ impl CorrectedStepper {
         let Watched {
             trained,
             watch,
+            before,
             holds,
         } = watched.as_mut();
+        before.clone_from(watch);
         let environment = self.scene.environment;
         let environment = environment.during_step(frame, self.scene.frame_rate);
         holds.clear();
@@ -260,6 +259,14 @@ impl CorrectedStepper {
         watch.see(targets.end(), holds, environment.wind);
         let departures = trained.departures(watch.now());
         !departures.iter().any(|found| goes_without(found.aspect))
+    }
+
+    /// Takes back the frame that physics has just made, and what was seen in it.
+    fn take_back(&mut self) {
+        self.simulator.undo_step();
+        if let Some(watched) = &mut self.watched {
+            mem::swap(&mut watched.watch, &mut watched.before);
+        }
     }
 
     /// Makes the next state in `spare`, of the one that physics predicted: its own where there is a
@@ -370,22 +377,24 @@ impl Stepper for CorrectedStepper {
             self.spare.copy_of(&self.simulator);
             self.familiarity = Familiarity::default();
         } else if self.correct(frame).is_err() {
-            self.simulator.undo_step();
+            self.take_back();
             return Err(StepError::Stopped { frame: frame + 1 });
         }
         if self.stop.is_wanted() {
-            self.simulator.undo_step();
+            self.take_back();
             return Err(StepError::Stopped { frame: frame + 1 });
         }
         let next = &self.spare;
         if let Err(error) = self.simulator.correct(&next.positions, &next.velocities) {
-            let vertex = match error {
-                SimulatorError::NonFinite { vertex, .. } => vertex,
-                _ => VertexId(0),
-            };
-            self.simulator.undo_step();
+            self.take_back();
             let frame = frame + 1;
-            return Err(StepError::NonFinite { frame, vertex });
+            return Err(match error {
+                SimulatorError::NonFinite { vertex, .. } => StepError::NonFinite { frame, vertex },
+                other => StepError::Solve {
+                    frame,
+                    cause: other.to_string(),
+                },
+            });
         }
         mem::swap(&mut self.now, &mut self.spare);
         self.can_undo = true;
@@ -416,7 +425,7 @@ impl Correctable for CorrectedStepper {
 
     fn undo_step(&mut self) {
         if mem::take(&mut self.can_undo) {
-            self.simulator.undo_step();
+            self.take_back();
             mem::swap(&mut self.now, &mut self.spare);
         }
     }

@@ -7,7 +7,7 @@
 //! bit for bit. A frame that was **corrected** had edges beyond their bounds and was brought back.
 //! A **lost** frame is replaced by a step of the physics, or without a scene by the last frame,
 //! carried by the handles ([`Replacement`]). [`Trust`] holds the verdict and the measures behind
-//! it, [`Tally`] sums them up. [`GuardSettings`] sets the bounds and the kind of [`Correction`].
+//! it, [`GuardSummary`] sums them up. [`GuardSettings`] sets the bounds and the kind of [`Correction`].
 //!
 //! ```
 //! use glam::{DVec3, Vec3};
@@ -89,4 +89,4 @@ mod trust;
 pub use gauge::Measured;
 pub use guard::{Guard, GuardError, PhysicsFailure};
 pub use settings::{Correction, GuardSettings, SettingsError, When};
-pub use trust::{ContactWord, Moved, Replacement, Tally, Trust, Verdict};
+pub use trust::{ContactWord, GuardSummary, Moved, Replacement, Trust, Verdict};

@@ -1,5 +1,7 @@
 //! Trust in a frame: its measures before and after the guard, and a verdict in one word.
 
+use serde::{Deserialize, Serialize};
+
 use crate::Measured;
 
 /// Judgement of a frame in one word.
@@ -121,27 +123,32 @@ pub struct Trust {
 }
 
 /// Sums over the frames of one or several runs.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Tally {
-    /// Number of frames.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GuardSummary {
+    /// Frames that were stepped.
     pub frames: usize,
     /// Frames that were corrected.
     pub corrected: usize,
     /// Frames that were lost.
     pub lost: usize,
-    /// Lost frames that were replaced by the physics.
+    /// Lost frames that were replaced by the physics; the others were carried by the handles.
+    #[serde(default)]
     pub lost_to_physics: usize,
     /// Frames for which the physics was asked and failed.
+    #[serde(default)]
     pub physics_failures: usize,
     /// Frames in which vertices were pushed apart, because they would have met.
+    #[serde(default)]
     pub pushed_apart: usize,
     /// Frames that were lost because pushing did not end.
+    #[serde(default)]
     pub lost_to_contact: usize,
-    /// Largest move of a vertex in a frame that was not lost `[m]`.
+    /// The farthest that a vertex was moved in a frame that was not lost `[m]`.
     pub largest_correction: f64,
 }
 
-impl Tally {
+impl GuardSummary {
     /// Counts one more frame.
     pub fn add(&mut self, trust: &Trust) {
         self.frames += 1;
@@ -161,18 +168,57 @@ impl Tally {
         }
     }
 
-    /// Sum of two tallies.
+    /// The counts of all together.
     #[must_use]
-    pub fn and(self, other: Self) -> Self {
-        Self {
-            frames: self.frames + other.frames,
-            corrected: self.corrected + other.corrected,
-            lost: self.lost + other.lost,
-            lost_to_physics: self.lost_to_physics + other.lost_to_physics,
-            physics_failures: self.physics_failures + other.physics_failures,
-            pushed_apart: self.pushed_apart + other.pushed_apart,
-            lost_to_contact: self.lost_to_contact + other.lost_to_contact,
-            largest_correction: self.largest_correction.max(other.largest_correction),
+    pub fn sum(all: impl Iterator<Item = Self>) -> Self {
+        all.fold(Self::default(), |a, b| Self {
+            frames: a.frames + b.frames,
+            corrected: a.corrected + b.corrected,
+            lost: a.lost + b.lost,
+            lost_to_physics: a.lost_to_physics + b.lost_to_physics,
+            physics_failures: a.physics_failures + b.physics_failures,
+            pushed_apart: a.pushed_apart + b.pushed_apart,
+            lost_to_contact: a.lost_to_contact + b.lost_to_contact,
+            largest_correction: a.largest_correction.max(b.largest_correction),
+        })
+    }
+
+    /// Number of lost frames and, if the physics was needed, its part in them.
+    #[must_use]
+    pub fn lost_in_words(&self) -> String {
+        let Self {
+            lost,
+            lost_to_physics,
+            physics_failures,
+            ..
+        } = self;
+        let mut text = lost.to_string();
+        if *lost_to_physics > 0 {
+            text += &format!(" ({lost_to_physics} by the physics)");
         }
+        if *physics_failures > 0 {
+            text += &format!(", the physics failed in {physics_failures}");
+        }
+        text
+    }
+
+    /// Frames that were held to contact; none if no frame had to be.
+    #[must_use]
+    pub fn contact_in_words(&self) -> Option<String> {
+        let Self {
+            pushed_apart,
+            lost_to_contact,
+            ..
+        } = self;
+        let is_needed = pushed_apart + lost_to_contact > 0;
+        is_needed.then(|| {
+            format!("{pushed_apart} frames pushed apart where the cloth would have met, {lost_to_contact} lost to it")
+        })
+    }
+
+    /// Share of the frames that were corrected or replaced.
+    #[must_use]
+    pub fn share(&self) -> f64 {
+        (self.corrected + self.lost) as f64 / self.frames.max(1) as f64
     }
 }

@@ -14,9 +14,7 @@ use selvedge_corrected::{CorrectedError, CorrectedStepper, FrameState};
 use selvedge_gpu::device::{Device, DeviceError, Precision, cuda::Cuda, host::Host};
 #[cfg(feature = "gpu")]
 use selvedge_gpu::rollout::{OpeningError, stepper::GpuStepper};
-use selvedge_model::{
-    ClothGraph, Instructions, LearnedStepper, Model, RolloutError, opening_frames,
-};
+use selvedge_model::{ClothGraph, LearnedStepper, Model, RolloutError, opening_frames};
 use selvedge_sim::Threads;
 use selvedge_train::{EngineMaker, OnProcessor};
 use thiserror::Error;
@@ -104,8 +102,6 @@ pub enum PrecisionName {
     Full,
     /// To 10 bits (TF32).
     Tensor,
-    /// To 7 bits (bf16).
-    Half,
 }
 
 impl PrecisionName {
@@ -114,7 +110,6 @@ impl PrecisionName {
         match self {
             Self::Full => "f32",
             Self::Tensor => "tf32",
-            Self::Half => "bf16",
         }
     }
 }
@@ -130,8 +125,6 @@ pub type Mover = Box<dyn Correctable + Send>;
 pub enum Machine {
     /// The processor.
     Cpu,
-    /// The processor, with products of numbers rounded to bf16 in inference.
-    CpuHalf,
     /// A GPU.
     #[cfg(feature = "gpu")]
     Gpu(Arc<dyn Device>, Precision),
@@ -147,8 +140,6 @@ pub enum MachineError {
         precision.name()
     )]
     Precision { precision: PrecisionName },
-    #[error("precision bf16: this processor has no products of bf16 (AVX512-BF16): take f32")]
-    NoHalf,
     #[error(
         "device: this selvedge was built without GPUs: build it with the feature gpu, or take the \
          processor"
@@ -191,37 +182,12 @@ impl Machine {
         match device {
             DeviceName::Cpu => match precision {
                 PrecisionName::Full => Ok(Self::Cpu),
-                PrecisionName::Half if Instructions::has_half() => Ok(Self::CpuHalf),
-                PrecisionName::Half => Err(MachineError::NoHalf),
                 PrecisionName::Tensor => Err(MachineError::Precision { precision }),
             },
             #[cfg(feature = "gpu")]
             name => Ok(Self::Gpu(open_device(name)?, precision_of(precision))),
             #[cfg(not(feature = "gpu"))]
             DeviceName::Cuda(_) | DeviceName::Host => Err(MachineError::BuiltWithout),
-        }
-    }
-
-    /// As [`Self::open`], for a training: there the processor multiplies in full precision.
-    ///
-    /// # Errors
-    /// As [`Self::open`].
-    pub fn open_to_train(
-        device: DeviceName,
-        precision: PrecisionName,
-    ) -> Result<Self, MachineError> {
-        if device == DeviceName::Cpu && precision != PrecisionName::Full {
-            return Err(MachineError::Precision { precision });
-        }
-        Self::open(device, precision)
-    }
-
-    /// The instructions of products on the processor.
-    #[must_use]
-    pub fn instructions(&self) -> Instructions {
-        match self {
-            Self::CpuHalf => Instructions::Half,
-            _ => Instructions::Detected,
         }
     }
 
@@ -245,10 +211,7 @@ impl Machine {
             return Ok(Box::new(stepper));
         }
         match self {
-            Self::Cpu | Self::CpuHalf => {
-                let stepper = LearnedStepper::new(model, graph, start)?;
-                Ok(Box::new(stepper.with_instructions(self.instructions())))
-            }
+            Self::Cpu => Ok(Box::new(LearnedStepper::new(model, graph, start)?)),
             #[cfg(feature = "gpu")]
             Self::Gpu(device, precision) => {
                 let (device, precision) = (device.as_ref(), *precision);
@@ -267,7 +230,8 @@ impl Machine {
         let scene = scene.ok_or(StartError::NoScene)?;
         let frames = opening_frames(model.spec(), scene.mesh.positions().len(), start)?;
         let state = FrameState::of_frames(&frames, scene.frame_rate);
-        self.with_instructions_of(CorrectedStepper::new(model, scene, state)?)
+        self.check_corrects()?;
+        Ok(CorrectedStepper::new(model, scene, state)?)
     }
 
     /// Starts a `model` that corrects physics in this state of `frame` of the scene's own motion, on
@@ -279,18 +243,16 @@ impl Machine {
         state: FrameState,
         frame: usize,
     ) -> Result<CorrectedStepper, StartError> {
+        self.check_corrects()?;
         let mut stepper = CorrectedStepper::new(model, scene, state)?.taken_up_at(frame)?;
         stepper.set_threads(Threads::One);
-        self.with_instructions_of(stepper)
+        Ok(stepper)
     }
 
-    /// `stepper` with the products of this machine.
-    fn with_instructions_of(
-        &self,
-        stepper: CorrectedStepper,
-    ) -> Result<CorrectedStepper, StartError> {
+    /// Checks that this is a machine for models that correct physics.
+    fn check_corrects(&self) -> Result<(), StartError> {
         match self {
-            Self::Cpu | Self::CpuHalf => Ok(stepper.with_instructions(self.instructions())),
+            Self::Cpu => Ok(()),
             #[cfg(feature = "gpu")]
             Self::Gpu(..) => Err(StartError::OnlyProcessor),
         }
@@ -300,7 +262,7 @@ impl Machine {
     /// samples.
     pub fn engine(&self, micro_batch: usize) -> Box<dyn EngineMaker + '_> {
         match self {
-            Self::Cpu | Self::CpuHalf => Box::new(OnProcessor { micro_batch }),
+            Self::Cpu => Box::new(OnProcessor { micro_batch }),
             #[cfg(feature = "gpu")]
             Self::Gpu(device, precision) => Box::new(selvedge_gpu::training::OnDevice {
                 device: device.as_ref(),
@@ -313,13 +275,10 @@ impl Machine {
     pub fn name(&self) -> String {
         match self {
             Self::Cpu => PROCESSOR.to_owned(),
-            Self::CpuHalf => format!("{PROCESSOR}, precision bf16"),
             #[cfg(feature = "gpu")]
             Self::Gpu(device, Precision::Full) => device.name(),
             #[cfg(feature = "gpu")]
-            Self::Gpu(device, Precision::Tensor) => format!("{}, precision tf32", device.name()),
-            #[cfg(feature = "gpu")]
-            Self::Gpu(device, Precision::Half) => format!("{}, precision bf16", device.name()),
+            Self::Gpu(device, _) => format!("{}, precision tf32", device.name()),
         }
     }
 }
@@ -344,7 +303,6 @@ pub fn precision_of(name: PrecisionName) -> Precision {
     match name {
         PrecisionName::Full => Precision::Full,
         PrecisionName::Tensor => Precision::Tensor,
-        PrecisionName::Half => Precision::Half,
     }
 }
 
@@ -375,7 +333,6 @@ mod tests {
         let precision = PrecisionName::Tensor;
         for error in [
             MachineError::Precision { precision },
-            MachineError::NoHalf,
             MachineError::BuiltWithout,
             MachineError::Processor,
         ] {

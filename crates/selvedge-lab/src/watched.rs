@@ -6,9 +6,9 @@ use std::sync::Arc;
 
 use selvedge_cloth::{Cloth, HandleTargets, Scene, StepError, Stepper};
 use selvedge_data::{WriteError, write_atomically};
-use selvedge_guard::{Guard, GuardError, GuardSettings, PhysicsFailure, Replacement, Tally, Trust};
+pub use selvedge_guard::GuardSummary;
+use selvedge_guard::{Guard, GuardError, GuardSettings, PhysicsFailure, Replacement, Trust};
 use selvedge_model::Aspect;
-use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::domain::Beyond;
@@ -28,32 +28,6 @@ pub struct WatchError(#[from] GuardError);
 pub struct WatchedModel {
     guard: Guard<Mover>,
     log: Vec<Trust>,
-}
-
-/// Counts of a guard's corrections in a run, or in several.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct GuardSummary {
-    /// Frames that were stepped.
-    pub frames: usize,
-    /// Frames that were corrected.
-    pub corrected: usize,
-    /// Frames that were lost.
-    pub lost: usize,
-    /// Lost frames that were replaced by the physics; the others were carried by the handles.
-    #[serde(default)]
-    pub lost_to_physics: usize,
-    /// Frames for which the physics was asked and failed.
-    #[serde(default)]
-    pub physics_failures: usize,
-    /// Frames in which vertices were pushed apart, because they would have met.
-    #[serde(default)]
-    pub pushed_apart: usize,
-    /// Frames that were lost because pushing did not end.
-    #[serde(default)]
-    pub lost_to_contact: usize,
-    /// The farthest that a vertex was moved in a frame that was not lost `[m]`.
-    pub largest_correction: f64,
 }
 
 impl WatchedModel {
@@ -94,70 +68,9 @@ impl WatchedModel {
 
     /// The log summed up.
     pub fn summary(&self) -> GuardSummary {
-        let mut tally = Tally::default();
-        self.log.iter().for_each(|trust| tally.add(trust));
-        GuardSummary {
-            frames: tally.frames,
-            corrected: tally.corrected,
-            lost: tally.lost,
-            lost_to_physics: tally.lost_to_physics,
-            physics_failures: tally.physics_failures,
-            pushed_apart: tally.pushed_apart,
-            lost_to_contact: tally.lost_to_contact,
-            largest_correction: tally.largest_correction,
-        }
-    }
-}
-
-impl GuardSummary {
-    /// The counts of all together.
-    pub fn sum(all: impl Iterator<Item = Self>) -> Self {
-        all.fold(Self::default(), |a, b| Self {
-            frames: a.frames + b.frames,
-            corrected: a.corrected + b.corrected,
-            lost: a.lost + b.lost,
-            lost_to_physics: a.lost_to_physics + b.lost_to_physics,
-            physics_failures: a.physics_failures + b.physics_failures,
-            pushed_apart: a.pushed_apart + b.pushed_apart,
-            lost_to_contact: a.lost_to_contact + b.lost_to_contact,
-            largest_correction: a.largest_correction.max(b.largest_correction),
-        })
-    }
-
-    /// Number of lost frames and, if the physics was needed, its part in them.
-    pub fn lost_in_words(&self) -> String {
-        let Self {
-            lost,
-            lost_to_physics,
-            physics_failures,
-            ..
-        } = self;
-        let mut text = lost.to_string();
-        if *lost_to_physics > 0 {
-            text += &format!(" ({lost_to_physics} by the physics)");
-        }
-        if *physics_failures > 0 {
-            text += &format!(", the physics failed in {physics_failures}");
-        }
-        text
-    }
-
-    /// Frames that were held to contact; none if no frame had to be.
-    pub fn contact_in_words(&self) -> Option<String> {
-        let Self {
-            pushed_apart,
-            lost_to_contact,
-            ..
-        } = self;
-        let is_needed = pushed_apart + lost_to_contact > 0;
-        is_needed.then(|| {
-            format!("{pushed_apart} frames pushed apart where the cloth would have met, {lost_to_contact} lost to it")
-        })
-    }
-
-    /// Share of the frames that were corrected or replaced.
-    pub fn share(&self) -> f64 {
-        (self.corrected + self.lost) as f64 / self.frames.max(1) as f64
+        let mut summary = GuardSummary::default();
+        self.log.iter().for_each(|trust| summary.add(trust));
+        summary
     }
 }
 

@@ -98,7 +98,6 @@ pub use kernels::dropout::Dropout;
 pub use kernels::gates::{Gate, GateLayout};
 pub use kernels::real::Real;
 pub use kernels::simd::Instructions;
-pub use network::activations::{Activations, activations};
 pub use network::packed::{PackedWeights, Purpose};
 pub use network::parameters::{Parameter, Start};
 pub use network::reference;

@@ -1,30 +1,27 @@
-//! Checkpoints: all that decides how a training goes on, in one `.safetensors` file, or in several
-//! small ones where that would be large, so that a resumed training continues bit for bit.
+//! Checkpoints: all that decides how a training goes on, in one `.safetensors` file, so that a
+//! resumed training continues bit for bit.
 
 mod differences;
 mod error;
 mod file;
-mod fingerprint;
-mod parts;
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use selvedge_data::{Dataset, WriteError};
+use selvedge_data::{Dataset, TensorOut, TensorValues, WriteError, write_tensors};
 use selvedge_model::Network;
 
-pub(crate) use self::differences::{differences, differences_but_encoder};
+pub(crate) use self::differences::differences_but_encoder;
 pub use self::error::{ContentProblem, ResumeError};
 pub use self::file::CHECKPOINT_FORMAT;
-use self::file::{Bytes, CheckpointFile, SlotEntry, State, VERSION, history_name};
-use self::fingerprint::{fingerprint, name_in};
+use self::file::{CheckpointFile, State, VERSION, history_name};
 use crate::config::TrainConfig;
-use crate::engine::{EngineMaker, Learned};
+use crate::engine::{EngineMaker, Learned, SampleSource, Samples};
 use crate::fit_normalizers::Statistics;
 use crate::from_model::TakenWeights;
-use crate::optimizer::Adam;
 use crate::origin::Origin;
 use crate::trainer::{Parts, TrainError, Trainer, prepare};
+use crate::training_set::TrainingSet;
 
 impl Trainer {
     /// Writes everything that decides the rest of the training, as it was last collected
@@ -32,12 +29,7 @@ impl Trainer {
     ///
     /// # Errors
     /// [`WriteError`]; what was at `path` is then still there.
-    pub fn save(&self, path: &Path, dataset: &Dataset) -> Result<(), WriteError> {
-        self.save_in_parts(path, dataset, parts::MOST_BYTES)
-    }
-
-    /// The same, in files of at most so many bytes of numbers.
-    fn save_in_parts(&self, path: &Path, dataset: &Dataset, most: usize) -> Result<(), WriteError> {
+    pub fn save(&self, path: &Path) -> Result<(), WriteError> {
         let json = |result: Result<String, serde_json::Error>| {
             result.map_err(|error| WriteError {
                 path: path.to_owned(),
@@ -50,11 +42,17 @@ impl Trainer {
             optimizer_steps: self.learned.adam.steps(),
             inputs: self.inputs.clone(),
             targets: self.targets.clone(),
-            slots: self.slots.iter().map(SlotEntry::of).collect(),
+            slots: self.slots.clone(),
             origins: self.origins.clone(),
             since_line: self.since_line.clone(),
         };
-        let histories = self.histories();
+        let metadata = BTreeMap::from([
+            ("format", CHECKPOINT_FORMAT.to_owned()),
+            ("version", VERSION.to_owned()),
+            ("config", json(serde_json::to_string(&self.cfg))?),
+            ("dataset", self.set.fingerprint.clone()),
+            ("state", json(serde_json::to_string(&state))?),
+        ]);
         let Learned {
             weights,
             averaged,
@@ -66,21 +64,18 @@ impl Trainer {
             ("second_moment", adam.second_moment()),
         ];
         flat.extend(averaged.iter().map(|averaged| ("averaged", &averaged[..])));
-        let flat = flat
-            .into_iter()
-            .map(|(name, values)| (name, vec![values.len()], values));
+        let histories = self.histories();
+        let tensor = |name, shape, values| TensorOut {
+            name,
+            shape,
+            values: TensorValues::F32(values),
+        };
+        let flat = flat.into_iter();
+        let flat = flat.map(|(name, values)| tensor(name, vec![values.len()], values));
         let of_slots = histories.iter();
-        let of_slots =
-            of_slots.map(|(name, shape, values)| (&name[..], shape.clone(), &values[..]));
-        let tensors: Vec<parts::Tensor<'_>> = flat.chain(of_slots).collect();
-        let metadata = BTreeMap::from([
-            ("format", CHECKPOINT_FORMAT.to_owned()),
-            ("version", VERSION.to_owned()),
-            ("config", json(serde_json::to_string(&self.cfg))?),
-            ("dataset", json(fingerprint(dataset))?),
-            ("state", json(serde_json::to_string(&state))?),
-        ]);
-        parts::write(path, &tensors, &metadata, most)
+        let of_slots = of_slots.map(|(name, shape, values)| tensor(name, shape.clone(), values));
+        let tensors: Vec<TensorOut<'_>> = flat.chain(of_slots).collect();
+        write_tensors(path, &tensors, &metadata)
     }
 
     /// Name, shape and numbers of the history of each slot that is in a run.
@@ -109,45 +104,42 @@ impl Trainer {
         engine: &dyn EngineMaker,
     ) -> Result<Self, ResumeError> {
         cfg.validate().map_err(TrainError::from)?;
-        let bytes = Bytes::read(path)?;
+        let bytes = read(path)?;
         let file = CheckpointFile::open(path, &bytes)?;
-        file.check(&cfg, dataset)?;
-        let state: State = file.json("state")?;
-        file.check_widths(&state, &cfg)?;
+        file.check(&cfg)?;
         let (set, network) = prepare(&cfg, dataset, engine.arithmetic())?;
-        let count = network.parameter_count();
-        let moments = [
-            file.numbers("first_moment", count)?,
-            file.numbers("second_moment", count)?,
-        ];
-        let [first, second] = moments;
-        let adam = Adam::resume(cfg.optimizer, first, second, state.optimizer_steps)
-            .map_err(TrainError::from)?;
-        if state.slots.len() != cfg.batch.samples {
-            let (found, expected) = (state.slots.len(), cfg.batch.samples);
-            return Err(file.content("state", ContentProblem::Slots { found, expected }));
-        }
-        let slots = state.slots.iter().enumerate();
-        let slots = slots.map(|(number, entry)| file.slot(number, entry, &cfg, &set));
-        let averaged = cfg.weight_average.map(|_| file.numbers("averaged", count));
-        let parts = Parts {
-            learned: Learned {
-                weights: file.numbers("weights", count)?,
-                averaged: averaged.transpose()?,
-                adam,
-            },
-            slots: slots.collect::<Result<_, _>>()?,
-            network,
-            statistics: Statistics {
-                inputs: state.inputs,
-                targets: state.targets,
-            },
-            step: state.step,
-            origins: state.origins,
-            since_line: state.since_line,
-        };
+        file.check_data(&set)?;
+        let parts = file.parts(&cfg, &set, network)?;
         Ok(Self::assemble(cfg, set, engine, parts)?)
     }
+
+    /// As [`Self::resume`], for a training by a teacher ([`Self::taught`]); `source` makes the
+    /// source of its samples, for a training of so many steps so far. `samples` may differ, too.
+    ///
+    /// # Errors
+    /// [`ResumeError`] names the file and what does not fit.
+    pub fn resume_taught(
+        cfg: TrainConfig,
+        path: &Path,
+        source: impl FnOnce(u64) -> Box<dyn SampleSource>,
+    ) -> Result<Self, ResumeError> {
+        cfg.validate().map_err(TrainError::from)?;
+        let bytes = read(path)?;
+        let file = CheckpointFile::open(path, &bytes)?;
+        file.check(&cfg)?;
+        let network = Network::new(&cfg.model).map_err(TrainError::from)?;
+        let parts = file.parts(&cfg, &TrainingSet::of_teacher(None), network)?;
+        let samples = Samples::new(source(parts.step));
+        Ok(Self::assemble_taught(cfg, samples, parts)?)
+    }
+}
+
+/// The bytes of a checkpoint.
+fn read(path: &Path) -> Result<Vec<u8>, ResumeError> {
+    selvedge_data::read_file(path).map_err(|source| ResumeError::Read {
+        path: path.to_owned(),
+        source,
+    })
 }
 
 impl Trainer {
@@ -165,7 +157,7 @@ impl Trainer {
         engine: &dyn EngineMaker,
     ) -> Result<Self, ResumeError> {
         cfg.validate().map_err(TrainError::from)?;
-        let bytes = Bytes::read(path)?;
+        let bytes = read(path)?;
         let file = CheckpointFile::open(path, &bytes)?;
         let made: TrainConfig = file.json("config")?;
         file.check_network(&made, &cfg)?;
@@ -176,7 +168,7 @@ impl Trainer {
         origins.push(Origin {
             name: made.name,
             steps_done: state.step,
-            dataset: name_in(file.metadata.get("dataset").map_or("", String::as_str)),
+            dataset: file.dataset_name(),
         });
         let of_file = Network::new(&made.model).map_err(TrainError::from)?;
         let weights = file.numbers("weights", of_file.parameter_count())?;

@@ -8,8 +8,8 @@
 mod cpu;
 mod micro_batch;
 mod over_ranks;
-mod slot_bytes;
 mod slot_run;
+mod taught;
 
 use std::error::Error;
 use std::ops::Range;
@@ -17,18 +17,19 @@ use std::sync::Arc;
 
 use selvedge_cloth::Stop;
 use selvedge_cluster::Ranks;
-use selvedge_model::{ClothGraph, Network, Normalizers};
+use selvedge_model::{ClothGraph, Model, ModelError, ModelSpec, Network, Normalizers};
 use thiserror::Error;
 
 pub use self::cpu::OnProcessor;
 pub use self::over_ranks::{OverRanks, OverRanksError};
-pub(crate) use self::slot_bytes::{pack_slots, unpack_slots};
 pub use self::slot_run::{FramePasses, SlotRun, run_slots};
+pub use self::taught::{CorrectionSample, SampleSource};
+pub(crate) use self::taught::{Samples, TaughtEngine};
 use crate::config::TrainConfig;
 use crate::expert::Expert;
 use crate::losses::{LossStatistics, LossTerms};
 use crate::memory::Arithmetic;
-use crate::optimizer::Adam;
+use crate::optimizer::{Adam, clip_norm};
 use crate::slot::{Slot, SlotRandom};
 use crate::training_set::TrainingSet;
 
@@ -50,6 +51,35 @@ impl Learned {
     pub fn averaging(steps: u64, part: f64) -> f32 {
         let steps = steps as f64;
         1.0 - part.min((1.0 + steps) / (10.0 + steps)) as f32
+    }
+
+    /// Clips `gradient` and takes the weights a step against it. Returns its norm before clipping;
+    /// where that is not finite nothing changes.
+    pub(crate) fn update(&mut self, gradient: &mut [f32], update: Update) -> f64 {
+        let norm = clip_norm(gradient, update.clip);
+        if !norm.is_finite() {
+            return norm;
+        }
+        self.adam
+            .step(&mut self.weights, gradient, update.learning_rate);
+        if let (Some(part), Some(averaged)) = (update.average, &mut self.averaged) {
+            let share = Self::averaging(self.adam.steps(), part);
+            for (mean, &weight) in averaged.iter_mut().zip(&self.weights) {
+                *mean += share * (weight - *mean);
+            }
+        }
+        norm
+    }
+
+    /// The model of the mean of the weights, or of the weights where there is none.
+    pub(crate) fn model(
+        &self,
+        spec: &ModelSpec,
+        normalizers: &Normalizers,
+        training: String,
+    ) -> Result<Model, ModelError> {
+        let weights = self.averaged.as_ref().unwrap_or(&self.weights).clone();
+        Model::new(spec, weights, normalizers.clone(), training)
     }
 }
 
@@ -94,6 +124,11 @@ pub trait Engine: Send {
     /// # Errors
     /// As [`Self::learn`].
     fn collect(&mut self, learned: &mut Learned) -> Result<(), EngineError>;
+
+    /// Samples that were made for this training; none where it takes those of a data set.
+    fn samples_made(&self) -> Option<u64> {
+        None
+    }
 }
 
 /// A failure of an engine.

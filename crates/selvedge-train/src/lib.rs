@@ -17,6 +17,8 @@
 //!   [`OnProcessor`] makes the one of this machine's processor, whose threads share
 //!   **micro-batches** of slots; `selvedge-gpu` makes another. Every engine implements
 //!   [`FramePasses`] and takes its slots through the one loop, [`run_slots`].
+//! - A model that **corrects physics** has no data set: a [`SampleSource`] makes its samples while it
+//!   learns ([`Trainer::taught`]). All else is the same.
 //! - A **checkpoint** ([`Trainer::save`]) keeps all that decides the rest of a training, which then
 //!   goes on bit for bit ([`Trainer::resume`]). [`run`] is the whole loop, with a log.
 //!
@@ -102,7 +104,6 @@
 
 mod checkpoint;
 mod config;
-mod correction;
 mod engine;
 mod expert;
 mod fit_normalizers;
@@ -122,17 +123,12 @@ mod training_set;
 
 pub use checkpoint::{CHECKPOINT_FORMAT, ContentProblem, ResumeError};
 pub use config::{
-    BatchConfig, ConfigError, InvalidConfig, Labels, NoiseConfig, NoiseUnit, ScheduledSampling,
-    Setting, SettingError, TrainConfig,
-};
-pub use correction::{
-    CORRECTION_FORMAT, CorrectionConfig, CorrectionEvent, CorrectionReport, CorrectionSample,
-    CorrectionTrainError, CorrectionTrainer, ResumeCorrectionError, RunCorrectionError,
-    SampleConfig, SampleSource, SaveCorrectionError, TeacherConfig, run_correction,
+    BatchConfig, ConfigError, InvalidConfig, Labels, NoiseConfig, NoiseUnit, SampleConfig,
+    ScheduledSampling, Setting, SettingError, TeacherConfig, TrainConfig,
 };
 pub use engine::{
-    Batch, Engine, EngineError, EngineMaker, FramePasses, Learned, OnProcessor, OverRanks,
-    OverRanksError, Setup, SlotRun, Update, run_slots,
+    Batch, CorrectionSample, Engine, EngineError, EngineMaker, FramePasses, Learned, OnProcessor,
+    OverRanks, OverRanksError, SampleSource, Setup, SlotRun, Update, run_slots,
 };
 pub use expert::{Expert, ExpertState};
 pub use fit_normalizers::FitProgress;

@@ -1,30 +1,21 @@
-//! How much memory a training needs, reckoned before it is taken: what does not fit is an error
+//! How much memory a training needs, estimated before it is taken: what does not fit is an error
 //! that names its causes, not a program that the system ends.
-//!
-//! Reckoned are the trajectories, the weights with their moments, the gradient of every
-//! micro-batch, and the activations that every sample of a batch keeps; the rest is small. A device
-//! with memory of its own holds gradients and activations and reckons for itself; here are the
-//! positions that go up, and copies of them for the transfer.
-//!
-//! The memory that is there is the least of the machine's memory, that of the control group and the
-//! limit of the address space (Linux), or [`FALLBACK`] where the system names none.
 
 use selvedge_data::{Dataset, Split};
-use selvedge_model::{ClothGraph, Network, activations};
+use selvedge_model::Network;
 use thiserror::Error;
 
 use crate::config::TrainConfig;
-use crate::training_set::TrainingSet;
 
 const GIB: f64 = (1_u64 << 30) as f64;
 /// Taken for the machine's memory where the system does not say [bytes].
 const FALLBACK: f64 = 64.0 * GIB;
-/// Of a number, of a position in `f32` and in `f64` [bytes].
+/// Of a number in `f32` [bytes].
 const NUMBER: f64 = 4.0;
-const POSITION: f64 = 12.0;
-const EXACT_POSITION: f64 = 24.0;
+/// Arcs of a vertex, about: six edges meet in most.
+const ARCS: f64 = 6.0;
 
-/// The machine that does the arithmetic of a training and whose memory that takes.
+/// The machine that does the arithmetic of a training.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Arithmetic {
     /// This machine's processor.
@@ -32,7 +23,7 @@ pub enum Arithmetic {
         /// Slots that go through the network together.
         micro_batch: usize,
     },
-    /// A device with memory of its own.
+    /// A device with memory of its own, which it estimates by itself.
     OnDevice,
 }
 
@@ -40,125 +31,70 @@ pub enum Arithmetic {
 #[derive(Clone, Debug, Error, PartialEq)]
 #[error(
     "the training needs about {} of memory ({} for {samples} samples per step, {} for the weights and what goes with them, {} for the trajectories), but there are {}: lower batch.samples, unroll.frames, model.latent, model.blocks or the window, raise the micro-batch, or take a smaller data set",
-    gib(needed.sum()), gib(needed.slots), gib(needed.weights), gib(needed.trajectories), gib(*available)
+    gib(slots + weights + trajectories), gib(*slots), gib(*weights), gib(*trajectories), gib(*available)
 )]
 pub struct MemoryError {
-    needed: Need,
+    slots: f64,
+    weights: f64,
+    trajectories: f64,
     available: f64,
     samples: usize,
 }
 
-/// Bytes that a training needs, by purpose.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Need {
-    trajectories: f64,
-    weights: f64,
-    slots: f64,
-}
-
-impl Need {
-    /// The need as far as it is known before the data are read.
-    pub(crate) fn before_reading(
-        cfg: &TrainConfig,
-        network: &Network,
-        dataset: &Dataset,
-        on: Arithmetic,
-    ) -> Self {
-        let entries = dataset.entries(Split::Train).iter();
-        let positions: f64 = entries.map(|e| e.frames as f64 * e.vertices as f64).sum();
-        // Weights, their mean, their gradient and two moments, and three where a checkpoint is
-        // written; on the processor three packed for the engine, and the gradients of the
-        // micro-batches.
-        let copies = match on {
-            Arithmetic::OnProcessor { micro_batch } => {
-                5.0 + 3.0 + 3.0 + cfg.batch.samples.div_ceil(micro_batch) as f64
-            }
-            Arithmetic::OnDevice => 5.0 + 3.0,
-        };
-        Self {
-            trajectories: POSITION * positions,
-            weights: NUMBER * copies * network.parameter_count() as f64,
-            slots: 0.0,
+/// Checks that there is enough memory for a training.
+pub(crate) fn check_memory(
+    cfg: &TrainConfig,
+    network: &Network,
+    dataset: &Dataset,
+    on: Arithmetic,
+) -> Result<(), MemoryError> {
+    let entries = || dataset.entries(Split::Train).iter();
+    let positions: f64 = entries().map(|e| e.frames as f64 * e.vertices as f64).sum();
+    let largest = entries().map(|e| e.vertices).max().unwrap_or(0);
+    let samples = cfg.batch.samples;
+    let (slots, gradients) = match on {
+        Arithmetic::OnProcessor { micro_batch } => {
+            let micro_batches = samples.div_ceil(micro_batch);
+            (of_slots(cfg, micro_batches, largest), micro_batches)
         }
-    }
-
-    /// The same with what the slots need, each of them the most that a cloth of `set` takes.
-    pub(crate) fn with_slots(self, cfg: &TrainConfig, set: &TrainingSet, on: Arithmetic) -> Self {
-        let of = |graph: &ClothGraph| {
-            let (vertices, arcs) = (graph.vertex_count(), graph.arc_count());
-            match on {
-                Arithmetic::OnProcessor { micro_batch } => {
-                    of_slots(cfg, micro_batch, vertices, arcs)
-                }
-                Arithmetic::OnDevice => of_sent_slots(cfg, vertices),
-            }
-        };
-        Self {
-            slots: set.graphs().map(of).fold(0.0, f64::max),
-            ..self
-        }
-    }
-
-    fn sum(self) -> f64 {
-        self.trajectories + self.weights + self.slots
-    }
-
-    /// Checks that so much is there.
-    pub(crate) fn check(self, cfg: &TrainConfig) -> Result<(), MemoryError> {
-        self.check_against(cfg, available_memory())
-    }
-
-    fn check_against(self, cfg: &TrainConfig, available: f64) -> Result<(), MemoryError> {
-        if self.sum() <= available {
-            return Ok(());
-        }
-        Err(MemoryError {
-            needed: self,
-            available,
-            samples: cfg.batch.samples,
-        })
-    }
-}
-
-/// Bytes that all slots need for a cloth of `vertices` and `arcs`.
-fn of_slots(cfg: &TrainConfig, micro_batch: usize, vertices: usize, arcs: usize) -> f64 {
-    let (spec, unrolled) = (&cfg.model, cfg.unroll.most());
-    let rows = |of_vertex: usize, of_arc: usize| {
-        of_vertex as f64 * vertices as f64 + of_arc as f64 * arcs as f64
+        Arithmetic::OnDevice => (0.0, 0),
     };
-    let kept = activations(spec);
-    let activations = rows(kept.vertex as usize, kept.arc as usize);
-    let features = spec.window() as f64 * rows(spec.node_width(), spec.edge_width());
-    let outputs = 2.0 * 3.0 * vertices as f64;
-    let history = POSITION * (spec.history() * vertices) as f64;
-    let sample = history + of_targets(vertices);
-    let shown = NUMBER * (activations + features + outputs) + sample;
-    let samples = cfg.batch.samples as f64 * (shown + sample + history);
-    if unrolled == 1 {
-        return samples;
+    // Weights, their mean, their gradient and two moments, three where a checkpoint is written and
+    // three that are packed; and the gradients of the micro-batches.
+    let need = MemoryError {
+        slots,
+        weights: NUMBER * (11 + gradients) as f64 * network.parameter_count() as f64,
+        trajectories: 3.0 * NUMBER * positions,
+        available: available_memory(),
+        samples,
+    };
+    match need.slots + need.weights + need.trajectories <= need.available {
+        true => Ok(()),
+        false => Err(need),
     }
-    // Every micro-batch takes one slot at a time through its frames.
-    let micro_batches = cfg.batch.samples.div_ceil(micro_batch) as f64;
-    let by_position = history + POSITION * (unrolled * vertices) as f64;
-    samples + micro_batches * (unrolled as f64 * shown + NUMBER * features + by_position)
 }
 
-/// Bytes of a sample's reference, in `f32`, and of its three local frames.
-fn of_targets(vertices: usize) -> f64 {
-    (POSITION + 3.0 * EXACT_POSITION) * vertices as f64
+/// Bytes of the activations and the features of all slots, each of a cloth of `vertices`. In a step
+/// of several frames every micro-batch takes one slot at a time through all of them.
+fn of_slots(cfg: &TrainConfig, micro_batches: usize, vertices: usize) -> f64 {
+    let (spec, frames) = (&cfg.model, cfg.unroll.most());
+    let (latent, blocks, window) = (spec.latent, spec.blocks, spec.window());
+    // Two hidden layers and the output of a perceptron; states and gates of two recurrent layers.
+    let encoder = match spec.encoder.is_recurrent() {
+        false => 3 * latent,
+        true => 11 * window * latent,
+    };
+    let of_vertex = encoder + (7 + 5 * blocks) * latent + window * spec.node_width();
+    let of_arc = encoder + (2 + 4 * blocks) * latent + window * spec.edge_width();
+    let kept = NUMBER * vertices as f64 * (of_vertex as f64 + ARCS * of_arc as f64);
+    match frames {
+        1 => cfg.batch.samples as f64 * kept,
+        _ => (micro_batches * frames) as f64 * kept,
+    }
 }
 
-/// The same where a device takes them through the network: their samples, the predictions that come
-/// down, and two copies of what goes up.
-fn of_sent_slots(cfg: &TrainConfig, vertices: usize) -> f64 {
-    let history = POSITION * (cfg.model.history() * vertices) as f64;
-    let targets = of_targets(vertices);
-    let sent = history.max(EXACT_POSITION * vertices as f64);
-    let predicted = 2.0 * POSITION * vertices as f64;
-    cfg.batch.samples as f64 * (2.0 * history + targets + predicted + 2.0 * sent)
-}
-
-/// Memory for this program `[bytes]`: the machine's, or the part that the system allows.
+/// Memory for this program `[bytes]`: the least of the machine's, that of the control group and the
+/// limit of the address space (Linux).
 #[must_use]
 pub fn available_memory() -> f64 {
     let text = |path| std::fs::read_to_string(path).unwrap_or_default();
@@ -198,4 +134,56 @@ fn gib(bytes: f64) -> String {
 }
 
 #[cfg(test)]
-mod tests;
+mod tests {
+    use selvedge_model::Encoder;
+
+    use super::*;
+    use crate::schedule::UnrollFrames;
+    use crate::test_data::{ENGINE, config, two_cloths};
+    use crate::trainer::{TrainError, Trainer};
+
+    #[test]
+    fn a_training_that_no_machine_has_room_for_is_an_error() {
+        let data = two_cloths();
+        type Edit = fn(&mut TrainConfig);
+        // Numbers within their own bounds: petabytes of weights, or of frames to learn through.
+        let edits: [Edit; 2] = [
+            |cfg| {
+                cfg.model.latent = 4096;
+                cfg.model.blocks = 256;
+                cfg.batch.samples = 65_536;
+            },
+            |cfg| {
+                cfg.model.latent = 1024;
+                cfg.model.blocks = 100;
+                cfg.batch.samples = 65_536;
+                cfg.unroll = UnrollFrames::Constant { frames: 1000 };
+                cfg.losses.kinetic_energy = 0.0;
+            },
+        ];
+        for edit in edits {
+            let mut cfg = config(Encoder::MLP);
+            edit(&mut cfg);
+            let error = Trainer::new(cfg, &data.dataset, &ENGINE);
+            let error = error.err().expect("too much");
+            assert!(matches!(error, TrainError::Memory(_)), "{error}");
+            let text = error.to_string();
+            assert!(text.contains("for 65536 samples per step"), "{text}");
+        }
+    }
+
+    #[test]
+    fn the_least_that_the_system_says_counts() {
+        let text = "MemFree:  1 kB\nMemTotal:       32768 kB\n";
+        assert_eq!(machine(text), Some(32.0 * 1024.0 * 1024.0));
+        let limits = "Limit  Soft Limit  Hard Limit  Units\nMax address space  8589934592  unlimited  bytes\n";
+        assert_eq!(address_space(limits), Some(8.0 * GIB));
+        let limits = limits.replace("8589934592", "unlimited");
+        assert_eq!(address_space(&limits), None);
+        assert_eq!(control_group("1073741824\n"), Some(GIB));
+        assert_eq!(control_group("max\n"), None);
+        let none = [machine(""), address_space(""), control_group("")];
+        assert_eq!(none, [None; 3]);
+        assert!(available_memory() > 0.0);
+    }
+}

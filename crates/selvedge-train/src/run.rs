@@ -14,7 +14,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use selvedge_data::{Dataset, WriteError, write_atomically};
+use selvedge_data::{WriteError, write_atomically};
 use selvedge_model::ModelFileError;
 use serde::Serialize;
 use thiserror::Error;
@@ -131,7 +131,6 @@ struct LogLine {
 /// [`RunError`]; a checkpoint that was there is then whole.
 pub fn run(
     trainer: &mut Trainer,
-    dataset: &Dataset,
     folder: &Path,
     limits: RunLimits,
     observe: &mut dyn FnMut(&StepReport) -> ControlFlow<()>,
@@ -165,21 +164,21 @@ pub fn run(
             .is_multiple_of(trainer.config().log_every)
         {
             if writes {
-                append(&log_path, LogLine::of(&trainer.since_line))?;
+                append(&log_path, &trainer.since_line)?;
             }
             trainer.since_line.clear();
         }
         let is_due = saved.elapsed() >= limits.checkpoint_every;
         agreed = agree(trainer, folder, is_over(), [flow.is_break(), is_due])?;
         if agreed.save {
-            save(trainer, dataset, folder)?;
+            save(trainer, folder)?;
             saved = Instant::now();
         }
         if agreed.stop {
             break RunEnd::Stopped;
         }
     };
-    save(trainer, dataset, folder)?;
+    save(trainer, folder)?;
     Ok(end)
 }
 
@@ -202,7 +201,7 @@ fn failed(folder: &Path, source: TrainError) -> RunError {
 
 /// Writes checkpoint and model. The model comes first into memory: it refuses weights that are not
 /// finite, and they must not replace a good checkpoint.
-fn save(trainer: &mut Trainer, dataset: &Dataset, folder: &Path) -> Result<(), RunError> {
+fn save(trainer: &mut Trainer, folder: &Path) -> Result<(), RunError> {
     trainer.collect().map_err(|source| failed(folder, source))?;
     if !trainer.ranks().is_first() {
         return Ok(());
@@ -210,8 +209,10 @@ fn save(trainer: &mut Trainer, dataset: &Dataset, folder: &Path) -> Result<(), R
     let mut account = serde_json::json!({
         "config": trainer.config(),
         "steps_done": trainer.steps_done(),
-        "dataset": dataset.index().name,
     });
+    if !trainer.dataset_name().is_empty() {
+        account["dataset"] = serde_json::json!(trainer.dataset_name());
+    }
     if let Some(domain) = trainer.domain() {
         account["domain"] = serde_json::json!(domain);
     }
@@ -220,7 +221,7 @@ fn save(trainer: &mut Trainer, dataset: &Dataset, folder: &Path) -> Result<(), R
     }
     let model = trainer.model(account.to_string());
     let bytes = model.map_err(|source| failed(folder, source))?.to_bytes()?;
-    trainer.save(&folder.join(files::CHECKPOINT), dataset)?;
+    trainer.save(&folder.join(files::CHECKPOINT))?;
     write_atomically(&folder.join(files::MODEL), |out| out.write_all(&bytes))?;
     Ok(())
 }
@@ -262,13 +263,12 @@ impl LogLine {
     }
 }
 
-fn append(path: &Path, line: Option<LogLine>) -> Result<(), LogError> {
-    line.map_or(Ok(()), |line| append_line(path, &line))
-}
-
-/// Appends a line to a log.
-pub(crate) fn append_line(path: &Path, line: &impl Serialize) -> Result<(), LogError> {
-    let written = serde_json::to_string(line)
+/// Appends the line of these steps to a log.
+fn append(path: &Path, steps: &[StepReport]) -> Result<(), LogError> {
+    let Some(line) = LogLine::of(steps) else {
+        return Ok(());
+    };
+    let written = serde_json::to_string(&line)
         .map_err(std::io::Error::from)
         .and_then(|text| {
             let mut file = OpenOptions::new().create(true).append(true).open(path)?;
@@ -281,7 +281,7 @@ pub(crate) fn append_line(path: &Path, line: &impl Serialize) -> Result<(), LogE
 }
 
 /// Drops the lines of steps that a resumed training will do again, and a line cut short.
-pub(crate) fn trim_log(path: &Path, steps_done: u64) -> Result<(), LogError> {
+fn trim_log(path: &Path, steps_done: u64) -> Result<(), LogError> {
     let text = match selvedge_data::read_text(path) {
         Ok(text) => text,
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),

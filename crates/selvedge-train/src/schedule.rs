@@ -86,15 +86,10 @@ impl Default for UnrollFrames {
 }
 
 impl UnrollFrames {
-    /// Checks the number and the order of steps.
+    /// Checks the number and the order of steps, for the key `schedule`.
     ///
     /// # Errors
     /// Names the field.
-    pub fn validate(&self) -> Result<(), ScheduleError> {
-        self.validate_as("unroll")
-    }
-
-    /// As [`Self::validate`], for the key `schedule`.
     pub(crate) fn validate_as(&self, schedule: &'static str) -> Result<(), ScheduleError> {
         let most = self.most();
         check((1..=1000).contains(&most), || {

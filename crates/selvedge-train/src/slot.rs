@@ -16,6 +16,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use selvedge_data::Section;
 use selvedge_model::{ClothGraph, Frames, LastFrames, LocalAcceleration, TwoFrames, Yaw, advance};
+use serde::{Deserialize, Serialize};
 
 use crate::config::{NoiseConfig, NoiseUnit, TrainConfig};
 use crate::expert::ExpertState;
@@ -23,7 +24,8 @@ use crate::losses::Triplet;
 use crate::training_set::TrainingSet;
 
 /// The state of a slot between two steps; a checkpoint keeps all of it.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(crate) struct Slot {
     pub(crate) section: Section,
     /// The current frame of the next sample, if the run goes on.
@@ -32,6 +34,7 @@ pub(crate) struct Slot {
     pub(crate) run: u32,
     /// World positions of the frame before the window and of the window, oldest first `[m]`;
     /// empty while `run` is 0. Copies of the slot share them.
+    #[serde(skip)]
     pub(crate) history: Vec<Arc<Vec<Vec3>>>,
 }
 
@@ -299,6 +302,27 @@ impl Slot {
         self.run += 1;
         true
     }
+}
+
+/// Slots as bytes, to travel from the rank that moves them to the one that writes checkpoints.
+pub(crate) fn pack_slots(slots: &[Slot]) -> Vec<u8> {
+    let with_history = |slot: &Slot| -> (Slot, Vec<Vec<Vec3>>) {
+        let history = slot.history.iter().map(|frame| frame.to_vec());
+        (slot.clone(), history.collect())
+    };
+    let slots: Vec<_> = slots.iter().map(with_history).collect();
+    // Finite numbers always have a text; whoever reads no slots says so.
+    serde_json::to_vec(&slots).unwrap_or_default()
+}
+
+/// Slots from their bytes; none where these are of something else.
+pub(crate) fn unpack_slots(bytes: &[u8]) -> Option<Vec<Slot>> {
+    let slots: Vec<(Slot, Vec<Vec<Vec3>>)> = serde_json::from_slice(bytes).ok()?;
+    let whole = |(slot, history): (Slot, Vec<Vec<Vec3>>)| Slot {
+        history: history.into_iter().map(Arc::new).collect(),
+        ..slot
+    };
+    Some(slots.into_iter().map(whole).collect())
 }
 
 /// The random stream of slot `slot` of `slots` in step `step`.

@@ -16,21 +16,22 @@ use thiserror::Error;
 
 use crate::config::{InvalidConfig, TrainConfig};
 use crate::engine::{
-    Batch, Engine, EngineError, EngineMaker, Learned, Setup, Update, pack_slots, unpack_slots,
+    Batch, Engine, EngineError, EngineMaker, Learned, SampleSource, Samples, Setup, TaughtEngine,
+    Update,
 };
 use crate::expert::Expert;
 use crate::fit_normalizers::{FitProgress, NormalizerFit, Statistics};
 use crate::losses::{LossStatistics, LossTerms, RunningLossStatistics};
-use crate::memory::{Arithmetic, MemoryError, Need};
+use crate::memory::{Arithmetic, MemoryError, check_memory};
 use crate::optimizer::{Adam, AdamError};
 use crate::origin::Origin;
-use crate::slot::Slot;
+use crate::slot::{Slot, pack_slots, unpack_slots};
 use crate::training_set::{TrainingSet, TrainingSetError};
 
 /// A training between two steps.
 pub struct Trainer {
     pub(crate) cfg: TrainConfig,
-    set: TrainingSet,
+    pub(crate) set: TrainingSet,
     network: Network,
     pub(crate) learned: Learned,
     pub(crate) inputs: [RunningStatistics; 2],
@@ -116,6 +117,10 @@ pub enum TrainError {
         "scheduled_sampling.labels is \"expert\", but the training was given no physics to ask: call `Trainer::ask` before the first step"
     )]
     NoExpert,
+    #[error(
+        "the configuration has a teacher, whose samples are no data set: begin it with `Trainer::taught`"
+    )]
+    Teacher,
     #[error("step {step} was given up, as was asked")]
     Stopped { step: u64 },
 }
@@ -163,6 +168,42 @@ impl Trainer {
         Self::begin(cfg, set, engine, network, statistics).map(Some)
     }
 
+    /// A training at its first step whose samples `source` makes, as `teacher` of the configuration
+    /// says. `observe` hears of every sample of the statistics and may stop there, which gives no
+    /// training.
+    ///
+    /// # Errors
+    /// [`TrainError`] when the configuration cannot be used, or samples cannot be made.
+    pub fn taught(
+        cfg: TrainConfig,
+        source: Box<dyn SampleSource>,
+        observe: &mut dyn FnMut(FitProgress) -> ControlFlow<()>,
+    ) -> Result<Option<Self>, TrainError> {
+        cfg.validate()?;
+        if cfg.teacher.is_none() {
+            return Err(InvalidConfig::NoTeacher.into());
+        }
+        let network = Network::new(&cfg.model)?;
+        let Some(samples) = Samples::gather(source, &cfg, observe)? else {
+            return Ok(None);
+        };
+        let (weights, outputs) = (first_weights(&cfg, &network), cfg.model.outputs());
+        let statistics = samples.statistics(outputs);
+        let parts = Parts::at_first_step(&cfg, network, weights, statistics, Vec::new())?;
+        Self::assemble_taught(cfg, samples, parts).map(Some)
+    }
+
+    pub(crate) fn assemble_taught(
+        cfg: TrainConfig,
+        samples: Samples,
+        parts: Parts,
+    ) -> Result<Self, TrainError> {
+        let set = TrainingSet::of_teacher(samples.source.domain().cloned());
+        Self::assemble_with(cfg, set, parts, (Ranks::alone(), 0..0), |setup| {
+            Ok(Box::new(TaughtEngine::new(setup, samples)))
+        })
+    }
+
     fn begin(
         cfg: TrainConfig,
         set: TrainingSet,
@@ -174,11 +215,24 @@ impl Trainer {
         let parts = Parts::at_first_step(&cfg, network, weights, statistics, Vec::new())?;
         Self::assemble(cfg, set, engine, parts)
     }
+
     pub(crate) fn assemble(
         cfg: TrainConfig,
         set: TrainingSet,
         engine: &dyn EngineMaker,
         parts: Parts,
+    ) -> Result<Self, TrainError> {
+        let share = (engine.ranks(), engine.own_slots(cfg.batch.samples));
+        Self::assemble_with(cfg, set, parts, share, |setup| engine.make(setup))
+    }
+
+    /// Puts a training together that shares its slots with other ranks.
+    fn assemble_with(
+        cfg: TrainConfig,
+        set: TrainingSet,
+        parts: Parts,
+        (ranks, own): (Ranks, Range<usize>),
+        make: impl FnOnce(Setup<'_>) -> Result<Box<dyn Engine>, EngineError>,
     ) -> Result<Self, TrainError> {
         let Statistics { inputs, targets } = parts.statistics;
         let statistics = targets.freeze();
@@ -198,8 +252,7 @@ impl Trainer {
             expert: None,
             set: &set,
         };
-        let (ranks, own) = (engine.ranks(), engine.own_slots(cfg.batch.samples));
-        let engine = engine.make(setup)?;
+        let engine = make(setup)?;
         Ok(Self {
             ranks,
             own,
@@ -303,7 +356,7 @@ impl Trainer {
         }
         // Frames of a history are shared: none of their positions is copied.
         let slots = self.slots.clone();
-        let frames = self.cfg.unroll.at(step);
+        let frames = self.cfg.frames(step);
         let setup = Setup {
             cfg: &self.cfg,
             network: &self.network,
@@ -375,10 +428,18 @@ impl Trainer {
         self.network.parameters().len()
     }
 
-    /// Number of samples in the sections of the data set.
+    /// Number of samples in the sections of the data set, or of those that were made for the
+    /// training.
     #[must_use]
-    pub fn sample_count(&self) -> usize {
-        self.set.sample_count()
+    pub fn sample_count(&self) -> u64 {
+        let of_set = self.set.sample_count() as u64;
+        self.engine.samples_made().unwrap_or(of_set)
+    }
+
+    /// The name of the data set; empty where there is none.
+    #[must_use]
+    pub fn dataset_name(&self) -> &str {
+        &self.set.name
     }
 
     /// The trainings whose weights this one began with, the first one first; none where it began
@@ -414,12 +475,8 @@ impl Trainer {
     /// # Errors
     /// [`TrainError::Model`] when a weight is not finite.
     pub fn model(&self, training: String) -> Result<Model, TrainError> {
-        let Learned {
-            weights, averaged, ..
-        } = &self.learned;
-        let weights = averaged.as_ref().unwrap_or(weights).clone();
-        let normalizers = self.normalizers.clone();
-        Ok(Model::new(&self.cfg.model, weights, normalizers, training)?)
+        let model = &self.cfg.model;
+        Ok(self.learned.model(model, &self.normalizers, training)?)
     }
 }
 
@@ -437,12 +494,12 @@ pub(crate) fn prepare(
     on: Arithmetic,
 ) -> Result<(TrainingSet, Network), TrainError> {
     cfg.validate()?;
+    if cfg.teacher.is_some() {
+        return Err(TrainError::Teacher);
+    }
     let network = Network::new(&cfg.model)?;
-    let need = Need::before_reading(cfg, &network, dataset, on);
-    need.check(cfg)?;
-    let set = TrainingSet::load(dataset)?;
-    need.with_slots(cfg, &set, on).check(cfg)?;
-    Ok((set, network))
+    check_memory(cfg, &network, dataset, on)?;
+    Ok((TrainingSet::load(dataset)?, network))
 }
 
 /// The parts of a training besides configuration and data.
@@ -471,7 +528,7 @@ impl Parts {
                 averaged: cfg.weight_average.map(|_| weights.clone()),
                 weights,
             },
-            slots: vec![Slot::new(); cfg.batch.samples],
+            slots: vec![Slot::new(); cfg.slots()],
             network,
             statistics,
             step: 0,

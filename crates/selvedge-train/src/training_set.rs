@@ -71,6 +71,10 @@ pub(crate) struct TrainingSet {
     first_sample: Vec<usize>,
     /// Of all trajectories.
     domain: Option<Domain>,
+    /// The name of the data set; empty where there is none.
+    pub(crate) name: String,
+    /// By which a checkpoint knows it.
+    pub(crate) fingerprint: String,
 }
 
 /// A data set that cannot be learned from.
@@ -90,6 +94,8 @@ pub enum TrainingSetError {
         "the data set has no samples: it has nothing to train on, give one with training trajectories"
     )]
     NoSamples,
+    #[error("the sections of the data set: {0}")]
+    Sections(#[from] serde_json::Error),
 }
 
 /// The graph of a trajectory's cloth in the environment of its scene (the default one where it
@@ -141,6 +147,18 @@ fn environment_of(motion: &str, trajectory: &Trajectory) -> Result<Environment, 
     }
 }
 
+/// The fingerprint of a data set: its name and the hashes of its training trajectories.
+fn fingerprint(dataset: &Dataset) -> Result<String, serde_json::Error> {
+    let index = dataset.index();
+    let mut text = index.name.clone();
+    for entry in &index.splits.train {
+        text.push(' ');
+        text.push_str(&entry.blake3);
+    }
+    text.push_str(&format!(" {}", serde_json::to_string(&index.sections)?));
+    Ok(text)
+}
+
 impl TrainingSet {
     /// Reads the training split of `dataset`.
     pub(crate) fn load(dataset: &Dataset) -> Result<Self, TrainingSetError> {
@@ -166,17 +184,26 @@ impl TrainingSet {
             sections,
             first_sample,
             domain,
+            name: dataset.index().name.clone(),
+            fingerprint: fingerprint(dataset)?,
         })
+    }
+
+    /// The set of a training by a teacher, whose samples have this domain: no trajectories.
+    pub(crate) fn of_teacher(domain: Option<Domain>) -> Self {
+        Self {
+            motions: Vec::new(),
+            sections: Vec::new(),
+            first_sample: vec![0],
+            domain,
+            name: String::new(),
+            fingerprint: String::new(),
+        }
     }
 
     /// The domain of what is learned from; none without trajectories.
     pub(crate) fn domain(&self) -> Option<&Domain> {
         self.domain.as_ref()
-    }
-
-    /// The graphs of all trajectories.
-    pub(crate) fn graphs(&self) -> impl Iterator<Item = &ClothGraph> {
-        self.motions.iter().map(|motion| &*motion.graph)
     }
 
     pub(crate) fn motions(&self) -> impl Iterator<Item = &Motion> {

@@ -334,3 +334,28 @@ fn each_face_has_the_stiffness_of_its_own_fabric() {
         assert!(near(pair[1].density, pair[0].density));
     }
 }
+
+/// Frames that are undone or given up are not seen: what hands do in them is not remembered.
+#[test]
+fn a_frame_that_is_taken_back_is_not_seen() {
+    let scene = hanging();
+    let domain = Domain::of_scene(&scene, 10).unwrap();
+    let model = Model::clone(&model(bases()[0], SMALL)).with_domain(&domain);
+    let mut stepper = CorrectedStepper::new(Arc::new(model), &scene, at_rest(&scene)).unwrap();
+    let seen =
+        |stepper: &CorrectedStepper| format!("{:?}", stepper.watched.as_ref().unwrap().watch);
+    stepper.step(&still(&scene)).unwrap();
+    let before = seen(&stepper);
+    let places = scene.handles.select(scene.mesh.positions());
+    let moved = places.into_iter().map(|p| p + 0.01 * DVec3::X).collect();
+    let fast = HandleTargets::at_frame_end(moved).unwrap();
+    stepper.step(&fast).unwrap();
+    assert_ne!(seen(&stepper), before);
+    stepper.undo_step();
+    assert_eq!(seen(&stepper), before);
+    let stop = Stop::default();
+    stop.ask();
+    stepper.stop_by(stop);
+    stepper.step(&fast).unwrap_err();
+    assert_eq!(seen(&stepper), before);
+}

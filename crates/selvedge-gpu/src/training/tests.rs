@@ -196,7 +196,7 @@ fn a_checkpoint_goes_on_from_one_device_on_the_other() {
         let mut trainer = fresh(engines[first]);
         take(&mut trainer);
         trainer.collect().expect("weights");
-        trainer.save(&checkpoint, &data.dataset).expect("room");
+        trainer.save(&checkpoint).expect("room");
         let other = engines[1 - first];
         let resumed = Trainer::resume(cfg.clone(), &data.dataset, &checkpoint, other);
         let mut resumed = resumed.expect("a checkpoint");

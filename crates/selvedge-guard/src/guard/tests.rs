@@ -113,7 +113,7 @@ fn whatever_a_stepper_does_it_is_kept_within_bounds() {
         ] {
             let has_scene = scene_of.is_some();
             let mut guard = watched(errs, settings, scene_of);
-            let mut tally = crate::Tally::default();
+            let mut tally = crate::GuardSummary::default();
             for frame in 1..=FRAMES {
                 let targets = targets(&scene(), frame);
                 guard.step(&targets).unwrap();
@@ -177,7 +177,7 @@ fn whatever_a_stepper_does_no_frame_intersects() {
             let settings = GuardSettings::with(*correction);
             let mut guard = watched(errs, settings, Some(scene.clone()));
             let mut alone = Double::new(errs);
-            let mut tally = crate::Tally::default();
+            let mut tally = crate::GuardSummary::default();
             for frame in 1..=40 {
                 let targets = targets(&scene, frame);
                 guard.step(&targets).unwrap();
@@ -367,7 +367,7 @@ fn unsolvable() -> Scene {
 #[test]
 fn a_failure_of_the_physics_is_told() {
     let mut guard = watched(Error::Fails, GuardSettings::default(), Some(unsolvable()));
-    let mut tally = crate::Tally::default();
+    let mut tally = crate::GuardSummary::default();
     for frame in 1..=20 {
         guard.step(&targets(&scene(), frame)).unwrap();
         tally.add(guard.trust());

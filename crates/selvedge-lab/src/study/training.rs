@@ -161,13 +161,9 @@ pub(super) fn train(desk: &Desk<'_>, entry: &Training) -> Result<Option<Record>,
     record.parameters = trainer.parameter_count();
     kept::write(&path, &record)?;
     let task = begin(desk, &entry.name, &trainer, &record);
-    let at = Bench {
-        data,
-        folder: &folder,
-        ranks: &desk.crew.ranks,
-    };
     loop {
-        let end = slice(&mut trainer, at, &mut record, &task)?;
+        let ranks = &desk.crew.ranks;
+        let end = slice(&mut trainer, &folder, ranks, &mut record, &task)?;
         let is_last = match (end, record.budget) {
             (RunEnd::Stopped, _) => false,
             (RunEnd::Finished, _) => true,
@@ -236,18 +232,9 @@ fn folder(desk: &Desk<'_>, name: &str) -> PathBuf {
     desk.out.join(TRAININGS).join(name)
 }
 
-/// A configuration without the keys of earlier versions that mean nothing any more.
-fn without_earlier_keys(config: &Value) -> Value {
-    let mut config = config.clone();
-    if let Some(Value::Object(batch)) = config.get_mut("batch") {
-        batch.remove("shard");
-    }
-    config
-}
-
 /// A training in this folder goes on only as what it was begun as.
 fn check_same(known: &Record, now: &Record, folder: &Path) -> Result<(), StudyError> {
-    let what = if without_earlier_keys(&known.config) != now.config {
+    let what = if known.config != now.config {
         "configuration"
     } else if known.data != now.data {
         "data set"
@@ -304,27 +291,15 @@ fn trainer(
     Ok(Some(trainer))
 }
 
-/// Surroundings of a training.
-#[derive(Clone, Copy)]
-struct Bench<'a> {
-    data: &'a StudyData,
-    folder: &'a Path,
-    /// Whoever of them fails ends the others.
-    ranks: &'a Ranks,
-}
-
-/// Trains until the end, or until a checkpoint is due where time is limited.
+/// Trains until the end, or until a checkpoint is due where time is limited. Whoever of the `ranks`
+/// fails ends the others.
 fn slice(
     trainer: &mut Trainer,
-    at: Bench<'_>,
+    folder: &Path,
+    ranks: &Ranks,
     record: &mut Record,
     task: &Task<'_, '_>,
 ) -> Result<RunEnd, StudyError> {
-    let Bench {
-        data,
-        folder,
-        ranks,
-    } = at;
     let time = match record.budget {
         Budget::Time(time) => Some(time_left(time, record).min(CHECKPOINT_EVERY)),
         Budget::Steps(_) => None,
@@ -334,7 +309,7 @@ fn slice(
         checkpoint_every: CHECKPOINT_EVERY,
     };
     let started = Instant::now();
-    let end = selvedge_train::run(trainer, &data.set, folder, limits, &mut |step| {
+    let end = selvedge_train::run(trainer, folder, limits, &mut |step| {
         task.note(&format!("loss {:.4}", step.terms.total));
         match ranks.is_halted() {
             true => ControlFlow::Break(()),

@@ -13,7 +13,7 @@ use selvedge_model::{
     PhysicsBase, PredictedFrame, Stiffness, Stopped, rough_fields,
 };
 use selvedge_sim::{Simulator, SimulatorError, Threads};
-use selvedge_train::{CorrectionConfig, CorrectionSample};
+use selvedge_train::{CorrectionSample, TrainConfig};
 
 use super::scenes::{TeachingScene, TeachingScenes};
 
@@ -30,7 +30,7 @@ type Problem = Box<dyn Error + Send + Sync>;
 #[derive(Clone, Copy)]
 pub(super) struct Lesson<'a> {
     pub(super) scenes: &'a TeachingScenes,
-    pub(super) cfg: &'a CorrectionConfig,
+    pub(super) cfg: &'a TrainConfig,
     /// The model whose own frames cloths may go on from.
     pub(super) model: Option<&'a Arc<Model>>,
     /// Its frames in a row, with the one that the sample is of.
@@ -45,7 +45,8 @@ pub(super) struct TaughtCloth {
     rng: ChaCha8Rng,
     /// The motion under way; none before the first.
     run: Option<Run>,
-    gone_astray: u64,
+    /// Runs that diverged so far.
+    diverged: u64,
 }
 
 /// A cloth on its way through a motion.
@@ -107,13 +108,14 @@ impl TaughtCloth {
         Self {
             rng,
             run: None,
-            gone_astray: 0,
+            diverged: 0,
         }
     }
 
-    /// Runs that went astray so far.
-    pub(super) fn gone_astray(&self) -> u64 {
-        self.gone_astray
+    /// Runs that diverged so far.
+    #[cfg(test)]
+    pub(super) fn diverged(&self) -> u64 {
+        self.diverged
     }
 
     /// Moves the cloth by a frame. None where that went astray, or a stop is wanted: the next frame
@@ -135,7 +137,7 @@ impl TaughtCloth {
             None => None,
         };
         if sample.is_none() && !lesson.stop.is_wanted() {
-            self.gone_astray += 1;
+            self.diverged += 1;
         }
         Ok(sample)
     }
@@ -184,8 +186,9 @@ impl Run {
             }
         }
         let now = state_of(&leader);
+        let teacher = cfg.teacher.as_ref().ok_or("teacher is missing")?;
         let teacher = PhysicsBase {
-            substeps: cfg.teacher.substeps,
+            substeps: teacher.substeps,
         };
         Ok(Some(Self {
             scene: number,

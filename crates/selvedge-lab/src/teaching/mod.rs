@@ -13,7 +13,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 use selvedge_cloth::Stop;
 use selvedge_model::{Domain, Model};
-use selvedge_train::{CorrectionConfig, CorrectionSample, SampleSource};
+use selvedge_train::{CorrectionSample, SampleSource, TrainConfig};
 
 pub use self::scenes::{TeachingScenes, TeachingScenesError};
 
@@ -22,7 +22,7 @@ use self::cloth::{FORGETFUL, Lesson, TaughtCloth};
 /// Cloths that move at once, and their teacher.
 pub struct Teaching {
     scenes: TeachingScenes,
-    cfg: CorrectionConfig,
+    cfg: TrainConfig,
     cloths: Vec<TaughtCloth>,
     /// Part of the frames before which the frame before is forgotten.
     forgetful: f64,
@@ -32,7 +32,7 @@ pub struct Teaching {
 impl Teaching {
     /// The cloths of a training by `cfg` in `scenes` that goes on after `first` steps.
     #[must_use]
-    pub fn new(scenes: TeachingScenes, cfg: CorrectionConfig, first: u64) -> Self {
+    pub fn new(scenes: TeachingScenes, cfg: TrainConfig, first: u64) -> Self {
         let cloth = |number| TaughtCloth::new(cfg.seed, first, number);
         Self {
             cloths: (0..cfg.samples.cloths).map(cloth).collect(),
@@ -43,10 +43,10 @@ impl Teaching {
         }
     }
 
-    /// Lets samples be given up within a frame from when `stop` is wanted. Their cloths begin
-    /// another motion afterwards.
-    pub fn stop_by(&mut self, stop: Stop) {
-        self.stop = stop;
+    /// Cloths that were begun anew so far, because a run diverged.
+    #[cfg(test)]
+    fn diverged(&self) -> u64 {
+        self.cloths.iter().map(TaughtCloth::diverged).sum()
     }
 }
 
@@ -70,8 +70,9 @@ impl SampleSource for Teaching {
         Ok((!self.stop.is_wanted()).then_some(samples))
     }
 
-    fn gone_astray(&self) -> u64 {
-        self.cloths.iter().map(TaughtCloth::gone_astray).sum()
+    /// The cloths begin another motion afterwards.
+    fn stop_by(&mut self, stop: Stop) {
+        self.stop = stop;
     }
 
     fn domain(&self) -> Option<&Domain> {

@@ -40,8 +40,8 @@ base = { substeps = 1 }
 /// Vertices of the preset's cloth.
 const VERTICES: usize = 36;
 
-fn config() -> CorrectionConfig {
-    CorrectionConfig::parse_with(CONFIG, "tiny.toml".as_ref(), &[]).unwrap()
+fn config() -> TrainConfig {
+    TrainConfig::parse(CONFIG, "tiny.toml".as_ref()).unwrap()
 }
 
 /// An untrained model that corrects one substep by a little.
@@ -79,7 +79,7 @@ fn samples(threads: usize, model: Option<&Arc<Model>>) -> Vec<CorrectionSample> 
         let mut teaching = Teaching::new(scenes(), config(), 0);
         let frames = (0..6).map(|_| teaching.samples(model, 3).unwrap().unwrap());
         let samples = frames.flatten().collect();
-        assert_eq!(teaching.gone_astray(), 0);
+        assert_eq!(teaching.diverged(), 0);
         samples
     })
 }
@@ -125,7 +125,7 @@ fn samples_are_given_up_where_a_stop_is_wanted_and_made_anew_afterwards() {
         assert!(teaching.samples(None, 1).unwrap().is_none());
         teaching.stop_by(Stop::default());
     }
-    assert_eq!(teaching.gone_astray(), 0);
+    assert_eq!(teaching.diverged(), 0);
 }
 
 /// A frame that a stop cuts short is neither a sample nor a run that went astray.
@@ -133,7 +133,7 @@ fn samples_are_given_up_where_a_stop_is_wanted_and_made_anew_afterwards() {
 fn a_stop_may_come_at_any_moment() {
     let mut cfg = config();
     // A frame of the teacher takes long, and hears of a stop in the middle.
-    cfg.teacher.substeps = 1000;
+    cfg.teacher.as_mut().unwrap().substeps = 1000;
     cfg.samples.frames = 50;
     let model = model();
     let mut teaching = Teaching::new(scenes(), cfg, 0);
@@ -149,7 +149,7 @@ fn a_stop_may_come_at_any_moment() {
         });
         assert!(stop.is_wanted());
     }
-    assert_eq!(teaching.gone_astray(), 0);
+    assert_eq!(teaching.diverged(), 0);
 }
 
 #[test]
@@ -274,7 +274,7 @@ fn samples_of_differences_over_substeps_are_weighted_by_their_scales() {
 #[test]
 fn a_teacher_that_is_the_base_adds_nothing_where_handles_let_go_and_take_hold() {
     let mut cfg = config();
-    cfg.teacher.substeps = 2;
+    cfg.teacher.as_mut().unwrap().substeps = 2;
     cfg.samples.cloths = 8;
     cfg.samples.frames = 40;
     cfg.model.base.as_mut().unwrap().substeps = 2;
@@ -296,7 +296,7 @@ fn a_teacher_that_is_the_base_adds_nothing_where_handles_let_go_and_take_hold() 
     }
     let often = held_so_often.iter().all(|samples| *samples > 5);
     assert!(often, "{held_so_often:?}");
-    assert_eq!(teaching.gone_astray(), 0);
+    assert_eq!(teaching.diverged(), 0);
 }
 
 /// A run of the model's own frames ends where it is too far from the teacher's, and only there.
@@ -318,7 +318,7 @@ fn a_run_of_own_frames_ends_where_it_is_farther_than_wanted() {
         (0..30).for_each(|_| {
             teaching.samples(model, 8).unwrap();
         });
-        teaching.gone_astray()
+        teaching.diverged()
     };
     // One long solve leads elsewhere than the many of the teacher.
     let short = astray(Some(1e-9), Some(&model));

@@ -77,18 +77,26 @@ impl<T> SplitRows for Rows<'_, T> {
     }
 }
 
-impl<R: SplitRows> SplitRows for [R; 2] {
+impl<R: SplitRows + Default, const N: usize> SplitRows for [R; N] {
     type Part<'b>
-        = [R::Part<'b>; 2]
+        = [R::Part<'b>; N]
     where
         Self: 'b;
 
     fn split_rows(self, count: usize) -> (Self, Self) {
-        let [(a0, b0), (a1, b1)] = self.map(|rows| rows.split_rows(count));
-        ([a0, a1], [b0, b1])
+        let mut others: [R; N] = std::array::from_fn(|_| R::default());
+        let mut others_left = others.iter_mut();
+        let firsts = self.map(|rows| {
+            let (first, other) = rows.split_rows(count);
+            if let Some(to) = others_left.next() {
+                *to = other;
+            }
+            first
+        });
+        (firsts, others)
     }
 
-    fn part(&mut self, range: &Range<usize>) -> [R::Part<'_>; 2] {
+    fn part(&mut self, range: &Range<usize>) -> [R::Part<'_>; N] {
         self.each_mut().map(|rows| rows.part(range))
     }
 }
@@ -103,35 +111,29 @@ impl SplitRows for () {
     fn part(&mut self, _: &Range<usize>) {}
 }
 
-/// Declares a struct of arrays of rows and implements [`SplitRows`] for it, field by field.
-macro_rules! split_rows {
-    (
-        $(#[$about:meta])*
-        $visible:vis struct $name:ident<$life:lifetime, $scalar:ident> {
-            $($(#[$field_about:meta])* $field_visible:vis $field:ident: $kind:ty,)*
-        }
-    ) => {
-        $(#[$about])*
-        #[derive(Default)]
-        $visible struct $name<$life, $scalar> {
-            $($(#[$field_about])* $field_visible $field: $kind,)*
-        }
-
-        impl<$life, $scalar> $crate::graph::share::SplitRows for $name<$life, $scalar> {
-            type Part<'part> = $name<'part, $scalar> where Self: 'part;
+macro_rules! split_tuple {
+    ($($rows:ident $field:tt),+) => {
+        impl<$($rows: SplitRows),+> SplitRows for ($($rows),+) {
+            type Part<'b>
+                = ($($rows::Part<'b>),+)
+            where
+                Self: 'b;
 
             fn split_rows(self, count: usize) -> (Self, Self) {
-                $(let $field = self.$field.split_rows(count);)*
-                (Self { $($field: $field.0),* }, Self { $($field: $field.1),* })
+                let both = ($(self.$field.split_rows(count)),+);
+                (($(both.$field.0),+), ($(both.$field.1),+))
             }
 
-            fn part(&mut self, range: &std::ops::Range<usize>) -> $name<'_, $scalar> {
-                $name { $($field: self.$field.part(range)),* }
+            fn part(&mut self, range: &Range<usize>) -> Self::Part<'_> {
+                ($(self.$field.part(range)),+)
             }
         }
     };
 }
-pub(crate) use split_rows;
+
+split_tuple!(A 0, B 1);
+split_tuple!(A 0, B 1, C 2);
+split_tuple!(A 0, B 1, C 2, D 3);
 
 /// Rows of the vertices and rows of the arcs of contiguous partitions.
 pub(crate) struct Share<V, A> {
@@ -155,6 +157,15 @@ impl Deal {
 }
 
 impl<V: SplitRows + Send, A: SplitRows + Send> Share<V, A> {
+    /// Does `work` on each partition with its rows, on all threads. Allocates nothing.
+    pub(crate) fn each(self, partitions: &[Partition], work: impl Fn(&Partition, V, A) + Sync) {
+        // Groups of no size.
+        let mut groups = vec![(); partitions.len()];
+        self.among(partitions, &mut groups, &|partitions, share, ()| {
+            work(&partitions[0], share.vertices, share.arcs);
+        });
+    }
+
     /// Does `work` on groups of partitions of about the same size with their rows, on all threads.
     /// `groups`, at most one for each partition, holds the state of each group. Allocates nothing.
     pub(crate) fn among<G: Send>(

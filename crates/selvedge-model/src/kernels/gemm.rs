@@ -13,15 +13,6 @@ use pulp::{Simd, WithSimd};
 use crate::kernels::real::Real;
 use crate::kernels::simd::{Instructions, Lanes, MOST_LANES};
 
-#[cfg(target_arch = "x86_64")]
-mod half;
-#[cfg(target_arch = "x86_64")]
-use half::HalfProducts;
-
-/// Terms of a product at most.
-#[cfg(target_arch = "x86_64")]
-const MOST_TERMS: usize = 4;
-
 /// Place of a packed matrix `[depth, columns]` in an array of matrices.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Slot {
@@ -57,13 +48,6 @@ pub(crate) fn pack<T: Real>(
     entry: impl Fn(usize, usize) -> T,
     all: &mut [T],
 ) {
-    #[cfg(target_arch = "x86_64")]
-    if let Some(half) = half_of(instructions)
-        && let Some(all) = T::as_f32s_mut(all)
-    {
-        half.pack(slot, |l, j| entry(l, j).to_f64() as f32, all);
-        return;
-    }
     let (depth, columns) = (slot.depth, slot.columns);
     let out = slot.of_mut(all);
     let lanes = instructions.run(LaneCount::<T>::default());
@@ -83,15 +67,6 @@ pub(crate) fn pack<T: Real>(
             }
         }
         first += width;
-    }
-}
-
-/// The products of bf16, if `instructions` have them.
-#[cfg(target_arch = "x86_64")]
-fn half_of(instructions: Instructions) -> Option<HalfProducts> {
-    match instructions {
-        Instructions::Half => HalfProducts::detect(),
-        Instructions::Detected | Instructions::Plain => None,
     }
 }
 
@@ -171,27 +146,6 @@ pub(crate) struct Term<'a, T> {
     pub(crate) packed: &'a [T],
 }
 
-impl<'a, T: Lanes> Term<'a, T> {
-    #[cfg(target_arch = "x86_64")]
-    fn as_f32s(&self) -> Option<Term<'a, f32>> {
-        let Columns {
-            rows,
-            stride,
-            first,
-            count,
-        } = self.rows;
-        Some(Term {
-            rows: Columns {
-                rows: T::as_f32s(rows)?,
-                stride,
-                first,
-                count,
-            },
-            packed: T::as_f32s(self.packed)?,
-        })
-    }
-}
-
 /// Last step of a product, from its sums to `out`.
 #[derive(Clone, Copy)]
 pub(crate) enum Epilogue<'a, T> {
@@ -209,29 +163,6 @@ pub(crate) enum Epilogue<'a, T> {
     EndpointsRelu(Endpoints<'a, T>),
     /// out ← sums where the activation of a ReLU is positive, else 0; laid out like out.
     Mask(&'a [T]),
-}
-
-impl<'a, T: Lanes> Epilogue<'a, T> {
-    #[cfg(target_arch = "x86_64")]
-    fn as_f32s(&self) -> Option<Epilogue<'a, f32>> {
-        Some(match *self {
-            Self::Set => Epilogue::Set,
-            Self::Add => Epilogue::Add,
-            Self::Bias(bias) => Epilogue::Bias(T::as_f32s(bias)?),
-            Self::SecondHalfBias(bias) => Epilogue::SecondHalfBias(T::as_f32s(bias)?),
-            Self::BiasRelu(bias) => Epilogue::BiasRelu(T::as_f32s(bias)?),
-            Self::EndpointsRelu(Endpoints {
-                products,
-                senders,
-                receivers,
-            }) => Epilogue::EndpointsRelu(Endpoints {
-                products: T::as_f32s(products)?,
-                senders,
-                receivers,
-            }),
-            Self::Mask(activation) => Epilogue::Mask(T::as_f32s(activation)?),
-        })
-    }
 }
 
 /// Endpoint products of arcs, which are added to the first layer of an arc.
@@ -261,12 +192,6 @@ pub(crate) fn multiply<T: Real>(
         let found = term.rows.rows.len();
         assert_eq!(found, rows * term.rows.stride, "rows of a product");
     }
-    #[cfg(target_arch = "x86_64")]
-    if let Some(half) = half_of(instructions)
-        && multiply_half(half, terms, columns, epilogue, out)
-    {
-        return;
-    }
     instructions.run(Product {
         terms,
         columns,
@@ -275,43 +200,11 @@ pub(crate) fn multiply<T: Real>(
     });
 }
 
-/// The product in bf16; false, and nothing done, where the numbers are not f32.
-#[cfg(target_arch = "x86_64")]
-fn multiply_half<T: Real>(
-    half: HalfProducts,
-    terms: &[Term<'_, T>],
+struct Product<'a, T> {
+    terms: &'a [Term<'a, T>],
     columns: usize,
-    epilogue: Epilogue<'_, T>,
-    out: &mut [T],
-) -> bool {
-    let mut f32s = [Term {
-        rows: Columns::all(&[], 0),
-        packed: &[],
-    }; MOST_TERMS];
-    assert!(terms.len() <= MOST_TERMS, "terms of a product");
-    for (term, of) in f32s.iter_mut().zip(terms) {
-        match of.as_f32s() {
-            Some(as_f32s) => *term = as_f32s,
-            None => return false,
-        }
-    }
-    let (Some(epilogue), Some(out)) = (epilogue.as_f32s(), T::as_f32s_mut(out)) else {
-        return false;
-    };
-    half.multiply(&mut Product {
-        terms: &f32s[..terms.len()],
-        columns,
-        epilogue,
-        out,
-    });
-    true
-}
-
-pub(super) struct Product<'a, T> {
-    pub(super) terms: &'a [Term<'a, T>],
-    pub(super) columns: usize,
     epilogue: Epilogue<'a, T>,
-    pub(super) out: &'a mut [T],
+    out: &'a mut [T],
 }
 
 impl<T: Real> WithSimd for Product<'_, T> {
@@ -384,7 +277,7 @@ impl<T: Real> Product<'_, T> {
     }
 
     #[inline(always)]
-    pub(super) fn finish_row<S: Simd, const V: usize>(
+    fn finish_row<S: Simd, const V: usize>(
         &mut self,
         simd: S,
         row: usize,

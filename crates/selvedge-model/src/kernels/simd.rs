@@ -15,27 +15,14 @@ pub enum Instructions {
     Detected,
     /// Instructions that every machine of the architecture has.
     Plain,
-    /// The widest vectors, and for inference in f32 products of numbers rounded to bf16, summed in
-    /// f32, where the processor has them ([`Self::has_half`]); elsewhere as [`Self::Detected`].
-    Half,
 }
 
 impl Instructions {
-    /// Returns true where this processor multiplies bf16 (AVX512-BF16).
-    #[must_use]
-    pub fn has_half() -> bool {
-        #[cfg(target_arch = "x86_64")]
-        return std::arch::is_x86_feature_detected!("avx512bf16")
-            && pulp::x86::V4::try_new().is_some();
-        #[cfg(not(target_arch = "x86_64"))]
-        return false;
-    }
-
     /// Runs a kernel compiled for these instructions.
     #[inline(always)]
     pub(crate) fn run<K: WithSimd>(self, kernel: K) -> K::Output {
         match self {
-            Self::Detected | Self::Half => Arch::new().dispatch(kernel),
+            Self::Detected => Arch::new().dispatch(kernel),
             // What is detected where there is nothing wide. Not one of `pulp`'s emulated vectors:
             // their fused products are calls of a function.
             Self::Plain => kernel.with_simd(Scalar),
@@ -69,10 +56,6 @@ pub(crate) const MOST_LANES: usize = 16;
 
 /// A scalar with vectors.
 pub trait Lanes: Copy + 'static {
-    /// The slice, if its numbers are f32.
-    fn as_f32s(slice: &[Self]) -> Option<&[f32]>;
-    /// The slice, if its numbers are f32.
-    fn as_f32s_mut(slice: &mut [Self]) -> Option<&mut [f32]>;
     /// A vector of the instruction set `S`.
     type Vector<S: Simd>: Copy;
 
@@ -109,8 +92,6 @@ pub trait Lanes: Copy + 'static {
     fn sigmoids<S: Simd>(simd: S, a: Self::Vector<S>) -> Self::Vector<S>;
     /// Hyperbolic tangent.
     fn tanhs<S: Simd>(simd: S, a: Self::Vector<S>) -> Self::Vector<S>;
-    /// e^a.
-    fn exps<S: Simd>(simd: S, a: Self::Vector<S>) -> Self::Vector<S>;
     /// `value` where `test` is positive, else 0.
     fn where_positive<S: Simd>(
         simd: S,
@@ -120,12 +101,6 @@ pub trait Lanes: Copy + 'static {
 }
 
 impl Lanes for f32 {
-    fn as_f32s(slice: &[Self]) -> Option<&[f32]> {
-        Some(slice)
-    }
-    fn as_f32s_mut(slice: &mut [Self]) -> Option<&mut [f32]> {
-        Some(slice)
-    }
     type Vector<S: Simd> = S::f32s;
 
     #[inline(always)]
@@ -190,10 +165,6 @@ impl Lanes for f32 {
         simd.sub_f32s(one, simd.div_f32s(simd.splat_f32s(2.0), below))
     }
     #[inline(always)]
-    fn exps<S: Simd>(simd: S, a: S::f32s) -> S::f32s {
-        exps(simd, a)
-    }
-    #[inline(always)]
     fn where_positive<S: Simd>(simd: S, test: S::f32s, value: S::f32s) -> S::f32s {
         // `select_f32s` itself is not always inlined, and then neither are its instructions.
         let zero = simd.splat_f32s(0.0);
@@ -205,12 +176,6 @@ impl Lanes for f32 {
 }
 
 impl Lanes for f64 {
-    fn as_f32s(_: &[Self]) -> Option<&[f32]> {
-        None
-    }
-    fn as_f32s_mut(_: &mut [Self]) -> Option<&mut [f32]> {
-        None
-    }
     type Vector<S: Simd> = S::f64s;
 
     #[inline(always)]
@@ -278,16 +243,6 @@ impl Lanes for f64 {
         simd.partial_store_f64s(lanes, a);
         for x in &mut *lanes {
             *x = x.tanh();
-        }
-        simd.partial_load_f64s(lanes)
-    }
-    #[inline(always)]
-    fn exps<S: Simd>(simd: S, a: S::f64s) -> S::f64s {
-        let mut lanes = [0.0; MOST_LANES];
-        let lanes = &mut lanes[..S::F64_LANES];
-        simd.partial_store_f64s(lanes, a);
-        for x in &mut *lanes {
-            *x = x.exp();
         }
         simd.partial_load_f64s(lanes)
     }

@@ -2,42 +2,22 @@
 //! each block. The last block also decodes.
 
 use crate::graph::connectivity::Connectivity;
-use crate::graph::partition::Partition;
-use crate::graph::share::{Rows, Share, split_rows};
+use crate::graph::share::{Rows, Share};
 use crate::kernels::aligned::Aligned;
 use crate::kernels::dropout::RowMasks;
 use crate::kernels::norm::Normalised;
 use crate::kernels::real::Real;
 use crate::network::arguments::{Carried, Pass};
 use crate::network::definition::{ARC_ENCODER, FIRST_BLOCK, NODE_ENCODER, Network};
-use crate::network::layers::block::BlockInput;
-use crate::network::layers::block_rows::{ArcRows, NodeRows};
-use crate::network::layers::encoder::{EncoderInput, EncoderRecordRows, EncoderRows};
-use crate::network::layers::mlp::MlpRows;
+use crate::network::layers::block::{BlockInput, BlockSaved};
+use crate::network::layers::encoder::EncoderInput;
+use crate::network::layers::mlp::{ACTIVATIONS, tile};
 use crate::network::layers::scratch::Scratch;
 use crate::network::packed::PackedWeights;
 use crate::network::workspace::Workspace;
 
-split_rows! {
-    /// Rows of vertices that the encoders write.
-    struct EncodedNodes<'a, T> {
-        encoder: EncoderRows<'a, T>,
-        /// Endpoint products for the first block, `[vertices, 2 latent]`.
-        products: Rows<'a, T>,
-    }
-}
-
-split_rows! {
-    /// Rows of vertices that a block writes, and the products or the decoder after it.
-    struct ProcessedNodes<'a, T> {
-        block: NodeRows<'a, T>,
-        /// Endpoint products for the next block, `[vertices, 2 latent]`.
-        next: Rows<'a, T>,
-        /// `[vertices, outputs]`, from the last block only.
-        output: Rows<'a, T>,
-        decoder: MlpRows<'a, T>,
-    }
-}
+/// The output `[vertices, outputs]` and the activations of the decoder.
+type Decoded<'a, T> = (Rows<'a, T>, [Rows<'a, T>; ACTIVATIONS]);
 
 impl Network {
     pub(super) fn run_forward<T: Real>(
@@ -114,53 +94,46 @@ impl Network {
     ) {
         let latent = self.spec.latent;
         let [nodes, arcs] = self.encoder_inputs(carried, frames, &w.dropout);
-        let (mut node_record, mut arc_record) = <(EncoderRecordRows<'_, T>, _)>::default();
-        if w.kept {
-            node_record = w.node_encoder.rows(&self.node_encoder);
-            if let Some(encoder) = &self.arc_encoder {
-                arc_record = w.arc_encoder.rows(encoder);
-            }
-        }
-        let [first_products, _] = &mut w.endpoint_products;
+        let [end_nodes, end_arcs] = [&mut w.end.nodes, &mut w.end.arcs]
+            .map(|states| states.each_mut().map(|states| Rows::new(states, latent)));
+        let [products, _] = &mut w.endpoint_products;
         let share = Share {
-            vertices: EncodedNodes {
-                encoder: EncoderRows {
-                    out: Rows::new(&mut w.nodes, latent),
-                    end: w.end.nodes.each_mut().map(|s| Rows::new(s, latent)),
-                    record: node_record,
-                },
-                products: Rows::new(first_products, 2 * latent),
-            },
-            arcs: EncoderRows {
-                out: Rows::new(&mut w.arcs, latent),
-                end: w.end.arcs.each_mut().map(|s| Rows::new(s, latent)),
-                record: arc_record,
-            },
+            vertices: (
+                (
+                    Rows::new(&mut w.nodes, latent),
+                    end_nodes,
+                    w.node_encoder.rows(),
+                ),
+                Rows::new(products, 2 * latent),
+            ),
+            arcs: (
+                Rows::new(&mut w.arcs, latent),
+                end_arcs,
+                w.arc_encoder.rows(),
+            ),
         };
         let (scratch, stop) = (&w.scratch, &w.stop);
-        let work = |partitions: &[Partition],
-                    share: Share<EncodedNodes<'_, T>, EncoderRows<'_, T>>,
-                    (): &mut ()| {
-            let [partition] = partitions else { return };
-            if stop.is_wanted() {
-                return;
-            }
-            let (mut rows, mut arc_rows) = (share.vertices, share.arcs);
-            Workspace::with_scratch(scratch, |scratch| {
-                let (layer, range) = (weights.layer(NODE_ENCODER), partition.vertices.clone());
-                self.node_encoder
-                    .forward(layer, nodes, range, &mut rows.encoder, scratch);
-                if let Some(encoder) = &self.arc_encoder {
-                    let (layer, range) = (weights.layer(ARC_ENCODER), partition.arcs.clone());
-                    encoder.forward(layer, arcs, range, &mut arc_rows, scratch);
+        share.each(
+            &graph.partitions,
+            |partition, (mut encoded, mut products), mut of_arcs| {
+                if stop.is_wanted() {
+                    return;
                 }
-                if let Some(block) = self.blocks.first() {
-                    let layer = weights.layer(FIRST_BLOCK);
-                    block.endpoint_products(layer, &rows.encoder.out, &mut rows.products);
-                }
-            });
-        };
-        share.among(&graph.partitions, &mut one_each(graph), &work);
+                Workspace::with_scratch(scratch, |scratch| {
+                    let (layer, range) = (weights.layer(NODE_ENCODER), &partition.vertices);
+                    self.node_encoder
+                        .forward(layer, nodes, range, &mut encoded, scratch);
+                    if let Some(encoder) = &self.arc_encoder {
+                        let (layer, range) = (weights.layer(ARC_ENCODER), &partition.arcs);
+                        encoder.forward(layer, arcs, range, &mut of_arcs, scratch);
+                    }
+                    if let Some(block) = self.blocks.first() {
+                        let layer = weights.layer(FIRST_BLOCK);
+                        block.endpoint_products(layer, &encoded.0, &mut products);
+                    }
+                });
+            },
+        );
     }
 
     /// One block, and the endpoint products for the next one, or the decoder after the last.
@@ -172,37 +145,29 @@ impl Network {
         w: &mut Workspace<T>,
     ) {
         let (latent, block) = (self.spec.latent, &self.blocks[number]);
-        let (mut node_record, mut arc_record) = Default::default();
-        let mut decoder = MlpRows::default();
-        if w.kept {
-            (node_record, arc_record) = w.blocks[number].rows(block);
-            decoder = w.decoder.rows(&self.decoder);
-        }
         let (products, next_products) = in_turn(&mut w.endpoint_products, number);
+        let BlockSaved {
+            nodes: of_nodes,
+            arcs: of_arcs,
+        } = &mut w.blocks[number];
         let share = Share {
-            vertices: ProcessedNodes {
-                block: NodeRows {
-                    nodes: Rows::new(&mut w.nodes, latent),
-                    record: node_record,
-                },
-                next: Rows::new(next_products, 2 * latent),
-                output: Rows::new(&mut w.output, self.spec.outputs()),
-                decoder,
-            },
-            arcs: ArcRows {
-                arcs: Rows::new(&mut w.arcs, latent),
-                record: arc_record,
-            },
+            vertices: (
+                Rows::new(&mut w.nodes, latent),
+                of_nodes.rows(),
+                Rows::new(next_products, 2 * latent),
+                (
+                    Rows::new(&mut w.output, self.spec.outputs()),
+                    w.decoder.rows(),
+                ),
+            ),
+            arcs: (Rows::new(&mut w.arcs, latent), of_arcs.rows()),
         };
         let (scratch, stop) = (&w.scratch, &w.stop);
-        let work = |partitions: &[Partition],
-                    share: Share<ProcessedNodes<'_, T>, ArcRows<'_, T>>,
-                    (): &mut ()| {
-            let [partition] = partitions else { return };
+        share.each(&graph.partitions, |partition, of_vertices, arcs| {
             if stop.is_wanted() {
                 return;
             }
-            let mut rows = share.vertices;
+            let (mut nodes, kept, mut next_products, decoded) = of_vertices;
             let input = BlockInput {
                 graph,
                 partition,
@@ -210,15 +175,14 @@ impl Network {
             };
             Workspace::with_scratch(scratch, |scratch| {
                 let layer = weights.layer(FIRST_BLOCK + number);
-                block.forward(layer, input, &mut rows.block, share.arcs, scratch);
+                block.forward(layer, input, &mut nodes, kept, arcs, scratch);
                 let Some(next) = self.blocks.get(number + 1) else {
-                    return self.decode(weights, rows, scratch);
+                    return self.decode(weights, &nodes, decoded, scratch);
                 };
                 let layer = weights.layer(FIRST_BLOCK + number + 1);
-                next.endpoint_products(layer, &rows.block.nodes, &mut rows.next);
+                next.endpoint_products(layer, &nodes, &mut next_products);
             });
-        };
-        share.among(&graph.partitions, &mut one_each(graph), &work);
+        });
     }
 
     /// Latent nodes to the output, where there is no block that does so at its end.
@@ -228,45 +192,38 @@ impl Network {
         graph: &Connectivity,
         w: &mut Workspace<T>,
     ) {
-        let mut decoder = MlpRows::default();
-        if w.kept {
-            decoder = w.decoder.rows(&self.decoder);
-        }
         let share = Share {
-            vertices: ProcessedNodes {
-                block: NodeRows {
-                    nodes: Rows::new(&mut w.nodes, self.spec.latent),
-                    record: Default::default(),
-                },
-                next: Rows::default(),
-                output: Rows::new(&mut w.output, self.spec.outputs()),
-                decoder,
-            },
+            vertices: (
+                Rows::new(&mut w.nodes, self.spec.latent),
+                (
+                    Rows::new(&mut w.output, self.spec.outputs()),
+                    w.decoder.rows(),
+                ),
+            ),
             arcs: (),
         };
         let scratch = &w.scratch;
-        let work = |_: &[Partition], share: Share<ProcessedNodes<'_, T>, ()>, (): &mut ()| {
+        share.each(&graph.partitions, |_, (nodes, decoded), ()| {
             Workspace::with_scratch(scratch, |scratch| {
-                self.decode(weights, share.vertices, scratch);
+                self.decode(weights, &nodes, decoded, scratch);
             });
-        };
-        share.among(&graph.partitions, &mut one_each(graph), &work);
+        });
     }
 
-    /// Latent nodes of a partition to accelerations.
+    /// Latent nodes of a partition to the output.
     fn decode<T: Real>(
         &self,
         weights: &PackedWeights<T>,
-        rows: ProcessedNodes<'_, T>,
+        nodes: &[T],
+        (output, activations): Decoded<'_, T>,
         scratch: &mut Scratch<T>,
     ) {
         let layer = weights.layer(FIRST_BLOCK + self.blocks.len());
-        let (mlp, latent, nodes) = (&self.decoder, self.spec.latent, rows.block.nodes);
-        let count = nodes.len() / latent;
-        let mut tile = scratch.tiles.tile(rows.decoder, count, latent);
-        let terms = &[self.decoder_first.times(layer, &nodes)];
+        let (mlp, count) = (&self.decoder, nodes.len() / self.spec.latent);
+        let mut tile = tile(activations, &mut scratch.tiles, count);
+        let terms = &[self.decoder_first.times(layer, nodes)];
         mlp.first_layer(layer, terms, mlp.first_epilogue(layer), &mut tile);
-        mlp.forward(layer, tile, Normalised::Set(rows.output.values));
+        mlp.forward(layer, tile, Normalised::Set(output.values));
     }
 }
 
@@ -278,9 +235,4 @@ fn in_turn<T>(products: &mut [Aligned<T>; 2], number: usize) -> (&[T], &mut Alig
     } else {
         (&*odd, even)
     }
-}
-
-/// A group for each partition, with no state: of no size, so that nothing is allocated.
-fn one_each(graph: &Connectivity) -> Vec<()> {
-    vec![(); graph.partitions.len()]
 }

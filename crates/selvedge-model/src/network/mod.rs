@@ -4,7 +4,6 @@
 //! `reference.rs` is the readable twin of this engine: the equations as they are written, in `f64`,
 //! without tiles, packing or threads. Read it first; the tests compare the engine with it.
 
-pub(crate) mod activations;
 pub(crate) mod arguments;
 mod backward;
 mod definition;
@@ -15,6 +14,7 @@ pub(crate) mod packed;
 pub(crate) mod parameters;
 mod passes;
 pub mod reference;
+mod saved;
 pub(crate) mod workspace;
 
 pub use arguments::{Carried, Gradients, Input, InputGradient, Pass, StateGradients, Stopped};

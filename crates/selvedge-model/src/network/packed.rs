@@ -197,11 +197,6 @@ impl<T: Real> PackedWeights<T> {
         instructions: Instructions,
     ) -> Self {
         let modules = sizes.iter().map(|size| PackedModule::new(size, purpose));
-        // Gradients need all digits of the products.
-        let instructions = match (purpose, instructions) {
-            (Purpose::Training, Instructions::Half) => Instructions::Detected,
-            (_, instructions) => instructions,
-        };
         Self {
             instructions,
             purpose,

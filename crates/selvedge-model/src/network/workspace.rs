@@ -17,12 +17,13 @@ use crate::kernels::simd::Instructions;
 use crate::network::arguments::Pass;
 use crate::network::definition::Network;
 use crate::network::encoder_state::EncoderState;
-use crate::network::layers::block::BlockRecord;
-use crate::network::layers::encoder::EncoderRecord;
-use crate::network::layers::mlp::MlpRecord;
-use crate::network::layers::scratch::{GroupScratch, GroupWork, Scratch};
+use crate::network::layers::block::BlockSaved;
+use crate::network::layers::encoder::KEPT;
+use crate::network::layers::mlp::ACTIVATIONS;
+use crate::network::layers::scratch::{GroupWork, Scratch};
 use crate::network::packed::PackedWeights;
 use crate::network::parameters::ModuleGradient;
+use crate::network::saved::Saved;
 
 /// Groups of partitions, each with a sum of gradients of its own. More groups are more sums to add,
 /// fewer keep fewer threads busy.
@@ -40,15 +41,15 @@ pub struct Workspace<T> {
     pub(crate) arcs: Aligned<T>,
     /// Endpoint products for the even blocks and for the odd ones, `[vertices, 2 latent]`.
     pub(crate) endpoint_products: [Aligned<T>; 2],
-    pub(crate) node_encoder: EncoderRecord<T>,
-    pub(crate) arc_encoder: EncoderRecord<T>,
-    pub(crate) blocks: Vec<BlockRecord<T>>,
-    pub(crate) decoder: MlpRecord<T>,
+    pub(crate) node_encoder: Saved<T, KEPT>,
+    pub(crate) arc_encoder: Saved<T, KEPT>,
+    pub(crate) blocks: Vec<BlockSaved<T>>,
+    pub(crate) decoder: Saved<T, ACTIVATIONS>,
     pub(crate) output: Aligned<T>,
     pub(crate) scratch: Vec<Mutex<Scratch<T>>>,
     pub(crate) groups: Vec<Group<T>>,
-    /// Pre-activation gradients of the first arc layer, `[arcs, latent]`.
-    pub(crate) pre_activation: Aligned<T>,
+    /// Gradients of the sums of the first arc layer, `[arcs, latent]`.
+    pub(crate) by_sums: Aligned<T>,
     /// Gradients of the input of the nodes and of the arcs, row by row.
     pub(crate) input_gradient: [Aligned<T>; 2],
     /// Masks of nodes and of arcs in the last pass.
@@ -64,7 +65,7 @@ pub struct Workspace<T> {
 /// The backward pass of a group of partitions.
 #[derive(Default)]
 pub(crate) struct Group<T> {
-    pub(crate) scratch: GroupScratch<T>,
+    pub(crate) scratch: Scratch<T>,
     /// Gradient of a module's weights.
     pub(crate) gradient: Aligned<T>,
 }
@@ -89,31 +90,6 @@ impl<T: Real> Workspace<T> {
             instructions,
             ..Self::default()
         }
-    }
-
-    /// Numbers held for vertices and arcs.
-    #[cfg(test)]
-    pub(crate) fn number_count(&self) -> usize {
-        let encoders = [&self.node_encoder, &self.arc_encoder];
-        let blocks = self.blocks.iter().map(BlockRecord::number_count);
-        let [even, odd] = &self.endpoint_products;
-        let flat = [
-            &self.nodes,
-            &self.arcs,
-            &self.pre_activation,
-            &self.output,
-            even,
-            odd,
-        ];
-        let states = self.end.nodes.iter().chain(&self.end.arcs);
-        encoders.iter().map(|e| e.number_count()).sum::<usize>()
-            + blocks.sum::<usize>()
-            + self.decoder.number_count()
-            + flat
-                .into_iter()
-                .chain(states)
-                .map(|array| array.len())
-                .sum::<usize>()
     }
 
     /// The states that a streaming network's encoders ended the last pass with.
@@ -148,16 +124,13 @@ impl<T: Real> Workspace<T> {
         if network.streams() {
             self.end.fit(vertices, arcs, latent);
         }
-        let widths = scratch_widths(network);
-        self.scratch
-            .resize_with(rayon::current_num_threads().max(1), Mutex::default);
+        let threads = rayon::current_num_threads().max(1);
+        self.scratch.resize_with(threads, Mutex::default);
         for scratch in &mut self.scratch {
             let scratch = scratch.get_mut().unwrap_or_else(PoisonError::into_inner);
-            scratch.fit(latent, widths.joined, widths.states);
+            fit_scratch(scratch, network);
         }
-        if self.kept {
-            self.fit_records(network, graph, frames);
-        }
+        self.fit_saved(network, graph, frames);
     }
 
     /// Prepares the masks of rows with that many values in all frames.
@@ -182,32 +155,31 @@ impl<T: Real> Workspace<T> {
         }
     }
 
-    /// Makes room for the activations of every layer.
-    fn fit_records(&mut self, network: &Network, graph: &Connectivity, frames: usize) {
-        let (vertices, arcs) = (graph.vertex_count(), graph.arc_count());
+    /// Makes room for the activations of every layer, none where they are not kept.
+    fn fit_saved(&mut self, network: &Network, graph: &Connectivity, frames: usize) {
+        let rows = |count| if self.kept { count } else { 0 };
+        let (vertices, arcs) = (rows(graph.vertex_count()), rows(graph.arc_count()));
         let [of_nodes, of_arcs] = &self.dropout;
-        self.node_encoder
-            .fit(&network.node_encoder, vertices, frames, of_nodes.active());
+        let widths = network.node_encoder.widths(frames, of_nodes.active());
+        self.node_encoder.fit(vertices, widths);
         if let Some(encoder) = &network.arc_encoder {
-            self.arc_encoder
-                .fit(encoder, arcs, frames, of_arcs.active());
+            let widths = encoder.widths(frames, of_arcs.active());
+            self.arc_encoder.fit(arcs, widths);
         }
         self.blocks
-            .resize_with(network.blocks.len(), BlockRecord::default);
-        for (record, block) in self.blocks.iter_mut().zip(&network.blocks) {
-            record.fit(block, vertices, arcs);
+            .resize_with(network.blocks.len(), BlockSaved::default);
+        for (saved, block) in self.blocks.iter_mut().zip(&network.blocks) {
+            saved.fit(block, vertices, arcs);
         }
-        self.decoder.fit(&network.decoder, vertices);
+        self.decoder.fit(vertices, network.decoder.widths());
     }
 
     /// Makes room for a backward pass.
     pub(crate) fn fit_groups(&mut self, network: &Network, partitions: usize) {
-        let widths = scratch_widths(network);
         self.groups
             .resize_with(GROUPS.min(partitions), Group::default);
         for group in &mut self.groups {
-            let latent = network.spec().latent;
-            group.scratch.fit(latent, widths.joined, widths.states);
+            fit_scratch(&mut group.scratch, network);
         }
     }
 
@@ -239,21 +211,12 @@ impl<T: Real> Group<T> {
     }
 }
 
-/// Widths of rows of scratch.
-struct ScratchWidths {
-    /// Frames of a window side by side.
-    joined: usize,
-    /// States of a recurrent encoder.
-    states: usize,
-}
-
-fn scratch_widths(network: &Network) -> ScratchWidths {
+fn fit_scratch<T: Real>(scratch: &mut Scratch<T>, network: &Network) {
     let spec = network.spec();
-    ScratchWidths {
-        joined: spec.window() * spec.node_width().max(spec.edge_width()),
-        states: match spec.encoder.is_recurrent() {
-            true => spec.latent,
-            false => 0,
-        },
-    }
+    let width = spec.node_width().max(spec.edge_width());
+    let states = match spec.encoder.is_recurrent() {
+        true => spec.latent,
+        false => 0,
+    };
+    scratch.fit(spec.latent, width, states);
 }

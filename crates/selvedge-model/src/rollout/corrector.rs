@@ -91,14 +91,6 @@ impl Corrector {
         self.workspace.stop_by(stop);
     }
 
-    /// The same with the products of the network by these instructions.
-    #[must_use]
-    pub fn with_instructions(mut self, instructions: Instructions) -> Self {
-        let network = self.model.network();
-        self.weights = network.pack(self.model.weights(), Purpose::Inference, instructions);
-        self
-    }
-
     /// Corrects with another model from now on, of the same network.
     ///
     /// # Errors

@@ -135,14 +135,6 @@ impl LearnedStepper {
         })
     }
 
-    /// The same with the products of the network by these instructions.
-    #[must_use]
-    pub fn with_instructions(mut self, instructions: Instructions) -> Self {
-        let network = self.model.network();
-        self.weights = network.pack(self.model.weights(), Purpose::Inference, instructions);
-        self
-    }
-
     /// The model that moves the cloth.
     #[must_use]
     pub fn model(&self) -> &Model {

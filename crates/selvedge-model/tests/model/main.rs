@@ -3,5 +3,6 @@
 mod embed;
 mod invariance;
 mod network;
+mod pytorch;
 mod specs;
 mod strip;

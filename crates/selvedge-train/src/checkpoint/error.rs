@@ -78,8 +78,6 @@ pub enum ContentProblem {
         found: (usize, usize),
         expected: (usize, usize),
     },
-    #[error("{found} numbers in pieces, expected {expected}")]
-    Pieces { found: usize, expected: usize },
     #[error("{dtype:?} {shape:?}, expected {expected} × F32")]
     Shape {
         dtype: Dtype,

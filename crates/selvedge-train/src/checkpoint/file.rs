@@ -1,24 +1,25 @@
 //! The file of a checkpoint: its JSON, its tensors, and the checks before either is used.
 
 use std::collections::HashMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use glam::Vec3;
 use safetensors::{Dtype, SafeTensors};
-use selvedge_data::{Dataset, Section, read_header};
-use selvedge_model::RunningStatistics;
+use selvedge_data::read_header;
+use selvedge_model::{Network, RunningStatistics};
 use serde::{Deserialize, Serialize};
 
 use super::differences::{differences, differences_but_encoder};
 use super::error::{ContentProblem, ResumeError};
-use super::fingerprint::{fingerprint, name_in};
-use super::parts;
 use crate::config::TrainConfig;
+use crate::engine::Learned;
+use crate::fit_normalizers::Statistics;
 use crate::losses::RunningLossStatistics;
+use crate::optimizer::Adam;
 use crate::origin::Origin;
 use crate::slot::Slot;
-use crate::trainer::StepReport;
+use crate::trainer::{Parts, StepReport, TrainError};
 use crate::training_set::TrainingSet;
 
 /// Value of the metadata `format` of a checkpoint.
@@ -34,7 +35,7 @@ pub(super) struct State {
     pub(super) inputs: [RunningStatistics; 2],
     pub(super) targets: RunningLossStatistics,
     #[serde(rename = "lanes")]
-    pub(super) slots: Vec<SlotEntry>,
+    pub(super) slots: Vec<Slot>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(super) origins: Vec<Origin>,
     /// Steps of which the log has no line yet.
@@ -42,58 +43,20 @@ pub(super) struct State {
     pub(super) since_line: Vec<StepReport>,
 }
 
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct SlotEntry {
-    pub(super) section: Section,
-    pub(super) current: usize,
-    pub(super) run: u32,
-}
-
-impl SlotEntry {
-    pub(super) fn of(slot: &Slot) -> Self {
-        Self {
-            section: slot.section,
-            current: slot.current,
-            run: slot.run,
-        }
-    }
-}
-
-/// The bytes of a checkpoint: its first file's, and those of the others.
-pub(super) struct Bytes {
-    first: Vec<u8>,
-    others: Vec<(PathBuf, Vec<u8>)>,
-}
-
-impl Bytes {
-    pub(super) fn read(path: &Path) -> Result<Self, ResumeError> {
-        let first = parts::read(path)?;
-        let others = parts::read_others(path, &first)?;
-        Ok(Self { first, others })
-    }
-}
-
 pub(super) struct CheckpointFile<'a> {
     path: &'a Path,
     tensors: SafeTensors<'a>,
-    others: Vec<SafeTensors<'a>>,
     pub(super) metadata: HashMap<String, String>,
 }
 
 impl<'a> CheckpointFile<'a> {
-    pub(super) fn open(path: &'a Path, bytes: &'a Bytes) -> Result<Self, ResumeError> {
-        let container = |path: &Path, source| ResumeError::Container {
+    pub(super) fn open(path: &'a Path, bytes: &'a [u8]) -> Result<Self, ResumeError> {
+        let container = |source| ResumeError::Container {
             path: path.to_owned(),
             source,
         };
-        let here = |source| container(path, source);
-        let header = read_header(&bytes.first).map_err(here)?;
-        let tensors = SafeTensors::deserialize(&bytes.first).map_err(here)?;
-        let others = bytes.others.iter().map(|(path, bytes)| {
-            SafeTensors::deserialize(bytes).map_err(|source| container(path, source))
-        });
-        let others: Vec<SafeTensors<'_>> = others.collect::<Result<_, _>>()?;
+        let header = read_header(bytes).map_err(container)?;
+        let tensors = SafeTensors::deserialize(bytes).map_err(container)?;
         let metadata = header.metadata().clone().unwrap_or_default();
         for (key, expected) in [("format", CHECKPOINT_FORMAT), ("version", VERSION)] {
             let found = metadata.get(key);
@@ -109,7 +72,6 @@ impl<'a> CheckpointFile<'a> {
         Ok(Self {
             path,
             tensors,
-            others,
             metadata,
         })
     }
@@ -128,38 +90,52 @@ impl<'a> CheckpointFile<'a> {
         serde_json::from_str(text).map_err(|error| self.content(key, error))
     }
 
-    /// Checks that the checkpoint was made with this configuration and this data set.
-    pub(super) fn check(&self, cfg: &TrainConfig, dataset: &Dataset) -> Result<(), ResumeError> {
-        let path = || self.path.to_owned();
+    /// Checks that the checkpoint was made with this configuration.
+    pub(super) fn check(&self, cfg: &TrainConfig) -> Result<(), ResumeError> {
         let made: TrainConfig = self.json("config")?;
-        let value = |cfg: &TrainConfig| {
+        let value = |made: &TrainConfig| {
             let free = TrainConfig {
                 name: String::new(),
                 steps: 1,
                 log_every: 1,
-                ..cfg.clone()
+                samples: cfg.samples,
+                ..made.clone()
             };
             serde_json::to_value(free).map_err(|error| self.content("config", error))
         };
         let differences = differences(&value(&made)?, &value(cfg)?);
-        if let Some(first) = differences.into_iter().next() {
-            return Err(ResumeError::Configuration {
-                path: path(),
+        match differences.into_iter().next() {
+            None => Ok(()),
+            Some(first) => Err(ResumeError::Configuration {
+                path: self.path.to_owned(),
                 field: first.path,
                 expected: first.now,
                 found: first.made,
-            });
+            }),
         }
-        let now = fingerprint(dataset).map_err(|error| self.content("dataset", error))?;
-        let made = self.metadata.get("dataset").map_or("", String::as_str);
-        if made != now {
-            return Err(ResumeError::Data {
-                path: path(),
-                expected: name_in(&now),
-                found: name_in(made),
-            });
+    }
+
+    /// The fingerprint of the data set that it was made on.
+    fn fingerprint(&self) -> &str {
+        self.metadata.get("dataset").map_or("", String::as_str)
+    }
+
+    /// The name of that data set.
+    pub(super) fn dataset_name(&self) -> String {
+        let name = self.fingerprint().split(' ').next();
+        name.unwrap_or_default().to_owned()
+    }
+
+    /// Checks that the checkpoint was made on this data set.
+    pub(super) fn check_data(&self, set: &TrainingSet) -> Result<(), ResumeError> {
+        if self.fingerprint() == set.fingerprint {
+            return Ok(());
         }
-        Ok(())
+        Err(ResumeError::Data {
+            path: self.path.to_owned(),
+            expected: set.name.clone(),
+            found: self.dataset_name(),
+        })
     }
 
     /// Checks that the network is the same; its encoder and the limits of edges may differ.
@@ -184,81 +160,95 @@ impl<'a> CheckpointFile<'a> {
         let [nodes, edges] = &state.inputs;
         let (model, found) = (&cfg.model, (nodes.width(), edges.width()));
         let expected = (model.node_width(), model.edge_width());
-        if found != expected || !state.targets.has_own_widths() {
+        if found != expected || !state.targets.has_widths(model.outputs()) {
             return Err(self.content("state", ContentProblem::Columns { found, expected }));
         }
         Ok(())
     }
 
     pub(super) fn numbers(&self, name: &str, count: usize) -> Result<Vec<f32>, ResumeError> {
-        let files = || std::iter::once(&self.tensors).chain(&self.others);
-        let values = match parts::joined(files(), name) {
-            Some(values) if values.len() == count => values,
-            Some(values) => {
-                let (found, expected) = (values.len(), count);
-                return Err(self.content(name, ContentProblem::Pieces { found, expected }));
-            }
-            None => {
-                let whole = files().find_map(|file| file.tensor(name).ok());
-                let view = match whole {
-                    Some(view) => view,
-                    None => self
-                        .tensors
-                        .tensor(name)
-                        .map_err(|e| self.content(name, e))?,
-                };
-                if view.dtype() != Dtype::F32 || view.shape().iter().product::<usize>() != count {
-                    let problem = ContentProblem::Shape {
-                        dtype: view.dtype(),
-                        shape: view.shape().to_vec(),
-                        expected: count,
-                    };
-                    return Err(self.content(name, problem));
-                }
-                let chunks = view.data().as_chunks().0.iter();
-                chunks.map(|bytes| f32::from_le_bytes(*bytes)).collect()
-            }
-        };
+        let view = self.tensors.tensor(name);
+        let view = view.map_err(|error| self.content(name, error))?;
+        if view.dtype() != Dtype::F32 || view.shape().iter().product::<usize>() != count {
+            let problem = ContentProblem::Shape {
+                dtype: view.dtype(),
+                shape: view.shape().to_vec(),
+                expected: count,
+            };
+            return Err(self.content(name, problem));
+        }
+        let chunks = view.data().as_chunks().0.iter();
+        let values: Vec<f32> = chunks.map(|bytes| f32::from_le_bytes(*bytes)).collect();
         match values.iter().position(|x| !x.is_finite()) {
             Some(index) => Err(self.content(name, ContentProblem::NonFinite { index })),
             None => Ok(values),
         }
     }
 
-    pub(super) fn slot(
+    /// The parts of a training by `cfg` that goes on from here.
+    pub(super) fn parts(
+        &self,
+        cfg: &TrainConfig,
+        set: &TrainingSet,
+        network: Network,
+    ) -> Result<Parts, ResumeError> {
+        let state: State = self.json("state")?;
+        self.check_widths(&state, cfg)?;
+        let count = network.parameter_count();
+        let numbers = |name| self.numbers(name, count);
+        let [first, second] = [numbers("first_moment")?, numbers("second_moment")?];
+        let adam = Adam::resume(cfg.optimizer, first, second, state.optimizer_steps);
+        let (found, expected) = (state.slots.len(), cfg.slots());
+        if found != expected {
+            return Err(self.content("state", ContentProblem::Slots { found, expected }));
+        }
+        let slots = state.slots.into_iter().enumerate();
+        let slots = slots.map(|(number, slot)| self.with_history(number, slot, cfg, set));
+        Ok(Parts {
+            learned: Learned {
+                weights: numbers("weights")?,
+                averaged: cfg
+                    .weight_average
+                    .map(|_| numbers("averaged"))
+                    .transpose()?,
+                adam: adam.map_err(TrainError::from)?,
+            },
+            slots: slots.collect::<Result<_, _>>()?,
+            network,
+            statistics: Statistics {
+                inputs: state.inputs,
+                targets: state.targets,
+            },
+            step: state.step,
+            origins: state.origins,
+            since_line: state.since_line,
+        })
+    }
+
+    /// The slot of that number with its history.
+    fn with_history(
         &self,
         number: usize,
-        entry: &SlotEntry,
+        slot: Slot,
         cfg: &TrainConfig,
         set: &TrainingSet,
     ) -> Result<Slot, ResumeError> {
-        let mut history = Vec::new();
-        if entry.run > 0 {
-            let trajectory = entry.section.trajectory;
-            if !set.has(&entry.section) || !TrainingSet::section_has(&entry.section, entry.current)
-            {
-                return Err(self.content("state", ContentProblem::NoSection { slot: number }));
-            }
-            let vertices = set.motion(trajectory).graph.vertex_count();
-            let frames = cfg.model.history();
-            let numbers = self.numbers(&history_name(number), frames * vertices * 3)?;
-            let positions: Vec<Vec3> = numbers
-                .as_chunks()
-                .0
-                .iter()
-                .copied()
-                .map(Vec3::from_array)
-                .collect();
-            history = positions
-                .chunks_exact(vertices)
-                .map(|frame| Arc::new(frame.to_vec()))
-                .collect();
+        if slot.run == 0 {
+            return Ok(slot);
         }
+        let section = slot.section;
+        if !set.has(&section) || !TrainingSet::section_has(&section, slot.current) {
+            return Err(self.content("state", ContentProblem::NoSection { slot: number }));
+        }
+        let vertices = set.motion(section.trajectory).graph.vertex_count();
+        let frames = cfg.model.history();
+        let numbers = self.numbers(&history_name(number), frames * vertices * 3)?;
+        let points = numbers.as_chunks().0.iter().copied().map(Vec3::from_array);
+        let positions: Vec<Vec3> = points.collect();
+        let history = positions.chunks_exact(vertices);
         Ok(Slot {
-            section: entry.section,
-            current: entry.current,
-            run: entry.run,
-            history,
+            history: history.map(|frame| Arc::new(frame.to_vec())).collect(),
+            ..slot
         })
     }
 }

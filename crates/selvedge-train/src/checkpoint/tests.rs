@@ -19,7 +19,7 @@ fn steps(trainer: &mut Trainer, count: usize) -> Vec<crate::trainer::StepReport>
 
 fn saved(trainer: &Trainer, data: &Swinging, name: &str) -> (PathBuf, Vec<u8>) {
     let path = data.folder.path().join(name);
-    trainer.save(&path, &data.dataset).expect("room");
+    trainer.save(&path).expect("room");
     let bytes = std::fs::read(&path).expect("just written");
     (path, bytes)
 }
@@ -179,7 +179,7 @@ fn another_model_is_refused_by_all_its_fields() {
     assert_eq!(trainer.origins(), std::slice::from_ref(&origin));
     // And it stays known when the training goes on.
     let kept = data.folder.path().join("next.safetensors");
-    trainer.save(&kept, &data.dataset).expect("room");
+    trainer.save(&kept).expect("room");
     let cfg = trainer.config().clone();
     let on = Trainer::resume(cfg, &data.dataset, &kept, &ENGINE);
     assert_eq!(on.expect("the same").origins(), [origin]);
@@ -271,64 +271,6 @@ fn a_folder_that_is_not_there_is_an_error() {
     let data = two_cloths();
     let trainer = Trainer::new(config(Encoder::MLP), &data.dataset, &ENGINE).expect("a training");
     let path = data.folder.path().join("no/such/checkpoint");
-    let error = trainer.save(&path, &data.dataset).expect_err("no folder");
+    let error = trainer.save(&path).expect_err("no folder");
     assert_eq!(error.path, path);
-}
-
-/// The files beside `path` that hold parts of it.
-fn parts_of(path: &Path) -> Vec<PathBuf> {
-    let stem = path
-        .file_stem()
-        .expect("a name")
-        .to_string_lossy()
-        .into_owned();
-    let folder = std::fs::read_dir(path.parent().expect("a folder")).expect("a folder");
-    let mut parts: Vec<PathBuf> = folder
-        .map(|entry| entry.expect("an entry").path())
-        .filter(|other| {
-            let name = other.file_name().unwrap_or_default().to_string_lossy();
-            name.starts_with(&format!("{stem}.part-"))
-        })
-        .collect();
-    parts.sort();
-    parts
-}
-
-#[test]
-fn a_checkpoint_in_small_files_is_the_same_checkpoint() {
-    const MOST: usize = 4000;
-    let data = two_cloths();
-    let cfg = || busy(Encoder::MLP);
-    let mut trainer = Trainer::new(cfg(), &data.dataset, &ENGINE).expect("a training");
-    steps(&mut trainer, 5);
-    let path = data.folder.path().join("small.safetensors");
-    let save = |trainer: &Trainer| {
-        let saved = trainer.save_in_parts(&path, &data.dataset, MOST);
-        saved.expect("room");
-    };
-    save(&trainer);
-    let parts = parts_of(&path);
-    let numbers = 4 * 4 * trainer.learned.weights.len();
-    assert!(parts.len() >= numbers / MOST, "{} parts", parts.len());
-    for part in &parts {
-        // The header has a line of about 60 bytes per piece, of which there are at most a handful.
-        let size = std::fs::metadata(part).expect("a part").len() as usize;
-        assert!(size < MOST + 1000, "{size} bytes");
-    }
-    let mut resumed = Trainer::resume(cfg(), &data.dataset, &path, &ENGINE).expect("a checkpoint");
-    assert_eq!(resumed.learned, trainer.learned);
-    assert_eq!(resumed.slots, trainer.slots);
-    assert_eq!(steps(&mut resumed, 2), steps(&mut trainer, 2));
-    save(&trainer);
-    let later = parts_of(&path);
-    assert!(
-        parts.iter().all(|part| !later.contains(part)),
-        "what was before is gone"
-    );
-    std::fs::remove_file(&later[0]).expect("a part");
-    let refused = Trainer::resume(cfg(), &data.dataset, &path, &ENGINE)
-        .err()
-        .expect("a refusal");
-    let name = later[0].display().to_string();
-    assert!(refused.to_string().contains(&name), "{refused}");
 }

@@ -44,10 +44,6 @@ pub enum SettingError {
         "\"{text}\" is no setting: write the dotted path of a key, an equals sign and a value as in TOML, such as model.latent=32"
     )]
     Text { text: String },
-    #[error(
-        "batch.shard is no longer a key: how many samples a micro-batch has is a setting of the engine (--micro-batch)"
-    )]
-    Shard,
     #[error("{path} is no table, so that it has no key {key}")]
     NoTable { path: String, key: String },
     #[error(transparent)]
@@ -74,6 +70,13 @@ pub enum InvalidConfig {
         "model.base: this training learns from a data set, but a model that corrects physics learns from a teacher: give the table [teacher]"
     )]
     Base,
+    #[error("the training has no [teacher]: give it a data set")]
+    NoTeacher,
+    #[error("{field} must be left out: {reason}")]
+    OfOther {
+        field: &'static str,
+        reason: &'static str,
+    },
     #[error("{field} must be between 1 and {most}, found {found}")]
     Count {
         field: &'static str,

@@ -1,7 +1,6 @@
 //! The part of a configuration that puts samples together: the batch, the noise, and the model's
 //! own predictions.
 
-use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 
 use super::error::{InvalidConfig, count, part, positive, require};
@@ -14,30 +13,10 @@ const MOST_IN_A_ROW: u32 = 1_000_000;
 
 /// Samples of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(from = "BatchTable")]
+#[serde(deny_unknown_fields)]
 pub struct BatchConfig {
     /// Samples per optimiser step.
     pub samples: usize,
-}
-
-/// The table `[batch]` as files have it.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct BatchTable {
-    samples: usize,
-    /// A key of earlier versions: how many samples went through the network together. That is a
-    /// setting of the engine now ([`crate::OnProcessor`]) and changes results by rounding only, so
-    /// files with the key stay readable.
-    #[serde(default, rename = "shard")]
-    _shard: Option<IgnoredAny>,
-}
-
-impl From<BatchTable> for BatchConfig {
-    fn from(table: BatchTable) -> Self {
-        Self {
-            samples: table.samples,
-        }
-    }
 }
 
 /// Noise on ground truth (GNS, Sanchez-Gonzalez et al. 2020): n is added to the newest positions

@@ -3,15 +3,13 @@
 //! keys and types are checked as in a file.
 
 use std::fmt;
-use std::path::Path;
 use std::str::FromStr;
 
 use serde::Deserialize;
-use serde::de::DeserializeOwned;
 use toml::{Table, Value};
 
 use super::TrainConfig;
-use super::error::{ConfigError, SettingError};
+use super::error::SettingError;
 
 /// A change of one value of a configuration.
 #[derive(Clone, Debug, PartialEq)]
@@ -76,40 +74,9 @@ pub(super) fn changed(
     let wrong = |source| SettingError::Value(Box::new(source));
     let mut table: Table = text.parse().map_err(wrong)?;
     for setting in settings {
-        if setting.path == ["batch", "shard"] {
-            return Err(SettingError::Shard);
-        }
         put(&mut table, setting)?;
     }
     TrainConfig::deserialize(table).map_err(wrong)
-}
-
-/// Another configuration of `text`, in the file `path`, with `settings`.
-pub(crate) fn changed_text<C: DeserializeOwned>(
-    text: &str,
-    path: &Path,
-    settings: &[Setting],
-) -> Result<C, ConfigError> {
-    // Read as it is first, so that a defect of the text has its line.
-    let read: Result<C, toml::de::Error> = toml::from_str(text);
-    let cfg = read.map_err(|source| ConfigError::Syntax {
-        path: path.to_owned(),
-        source: Box::new(source),
-    })?;
-    if settings.is_empty() {
-        return Ok(cfg);
-    }
-    let wrong = |source| ConfigError::Setting {
-        path: path.to_owned(),
-        settings: list(settings),
-        source,
-    };
-    let of_toml = |source| SettingError::Value(Box::new(source));
-    let mut table: Table = text.parse().map_err(of_toml).map_err(wrong)?;
-    for setting in settings {
-        put(&mut table, setting).map_err(wrong)?;
-    }
-    C::deserialize(table).map_err(of_toml).map_err(wrong)
 }
 
 /// Tables on the way that are not there yet are made: what reads the whole refuses those that have

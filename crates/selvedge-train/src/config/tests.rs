@@ -330,21 +330,3 @@ fn keys_that_are_gone_are_named() {
         assert!(found.contains(expected), "{setting}: {found}");
     }
 }
-
-#[test]
-fn a_key_of_earlier_versions_is_read_and_means_nothing() {
-    let text = |batch: &str| {
-        let text = toml::to_string(&config(Encoder::MLP)).expect("plain");
-        text.replace("samples = 3\n", batch)
-    };
-    let parse = |batch: &str| TrainConfig::parse(&text(batch), Path::new("a.toml"));
-    let earlier = parse("samples = 3\nshard = 2\n").expect("a configuration");
-    assert_eq!(earlier, parse("samples = 3\n").expect("a configuration"));
-    assert!(!toml::to_string(&earlier).expect("plain").contains("shard"));
-    assert!(parse("samples = 3\nshards = 2\n").is_err());
-    let setting: Setting = "batch.shard=2".parse().expect("a setting");
-    let path = Path::new("a.toml");
-    let refused = TrainConfig::parse_with(&text("samples = 3\n"), path, &[setting]);
-    let message = refused.expect_err("no key").to_string();
-    assert!(message.contains("--micro-batch"), "{message}");
-}

@@ -11,7 +11,6 @@ use super::micro_batch::{MicroBatch, Shared};
 use super::{Batch, Engine, EngineError, EngineMaker, Learned, Setup, Update};
 use crate::losses::LossTerms;
 use crate::memory::Arithmetic;
-use crate::optimizer::clip_norm;
 
 /// Settings of the engine of this machine's processor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -112,23 +111,7 @@ impl Engine for CpuEngine {
 
     fn update(&mut self, learned: &mut Learned, update: Update) -> Result<f64, EngineError> {
         self.sum_gradients();
-        let norm = clip_norm(&mut self.gradient, update.clip);
-        if !norm.is_finite() {
-            return Ok(norm);
-        }
-        let Learned {
-            weights,
-            averaged,
-            adam,
-        } = learned;
-        adam.step(weights, &self.gradient, update.learning_rate);
-        if let (Some(part), Some(averaged)) = (update.average, averaged) {
-            let share = Learned::averaging(adam.steps(), part);
-            for (mean, &weight) in averaged.iter_mut().zip(&*weights) {
-                *mean += share * (weight - *mean);
-            }
-        }
-        Ok(norm)
+        Ok(learned.update(&mut self.gradient, update))
     }
 
     fn add_gradient(&mut self, range: Range<usize>, sum: &mut [f32]) -> Result<(), EngineError> {

@@ -53,11 +53,19 @@ impl RunningLossStatistics {
         self.acceleration.count()
     }
 
-    /// True if every quantity has its number of components; a damaged checkpoint may not.
-    pub(crate) fn has_own_widths(&self) -> bool {
-        let mut other = Self::default();
+    /// Statistics of the outputs of a network alone, for losses that compare nothing else.
+    pub(crate) fn of_outputs(acceleration: RunningStatistics) -> Self {
+        Self {
+            acceleration,
+            ..Self::default()
+        }
+    }
+
+    /// True if every quantity has its number of components, the first one that of a network's
+    /// `outputs`; a damaged checkpoint may not.
+    pub(crate) fn has_widths(&self, outputs: usize) -> bool {
         let widths = self.clone().parts().map(|part| part.width());
-        widths == other.parts().map(|part| part.width())
+        widths == [outputs, 1, 3, 1, 1]
     }
 
     /// All statistics. A new one that is left out here does not compile.

@@ -54,8 +54,7 @@ impl Case {
             true => ControlFlow::Break(()),
             false => ControlFlow::Continue(()),
         };
-        let (dataset, folder) = (&self.data.dataset, self.folder.path());
-        run(trainer, dataset, folder, limits, &mut observe)
+        run(trainer, self.folder.path(), limits, &mut observe)
     }
 
     fn log(&self) -> Vec<serde_json::Value> {
@@ -113,14 +112,7 @@ fn a_line_of_the_log_is_the_mean_of_its_steps() {
         ControlFlow::Continue(())
     };
     let (mut trainer, folder) = (case.trainer(), case.folder.path());
-    run(
-        &mut trainer,
-        &case.data.dataset,
-        folder,
-        NO_LIMITS,
-        &mut observe,
-    )
-    .expect("a run");
+    run(&mut trainer, folder, NO_LIMITS, &mut observe).expect("a run");
     for (line, pair) in case.log().iter().zip(reports.chunks(2)) {
         let close = |key: &str, of: fn(&StepReport) -> f64| {
             let mean = 0.5 * (of(&pair[0]) + of(&pair[1]));
@@ -225,14 +217,7 @@ fn checkpoints_are_saved_along_the_way() {
         }
     };
     let (mut trainer, folder) = (case.trainer(), case.folder.path());
-    run(
-        &mut trainer,
-        &case.data.dataset,
-        folder,
-        often,
-        &mut observe,
-    )
-    .expect("a run");
+    run(&mut trainer, folder, often, &mut observe).expect("a run");
     assert_eq!(seen, [false, true, true]);
 }
 
@@ -317,9 +302,9 @@ fn what_cannot_be_written_is_an_error_and_leaves_the_rest() {
     assert!(matches!(error, RunError::Log(_)));
     assert_eq!(case.bytes(files::LOG), [0xff, 0xfe]);
     let missing = case.path("no/such");
-    let (dataset, mut trainer) = (&case.data.dataset, case.trainer());
+    let mut trainer = case.trainer();
     let flow = &mut |_: &StepReport| ControlFlow::Continue(());
-    let error = run(&mut trainer, dataset, &missing, NO_LIMITS, flow);
+    let error = run(&mut trainer, &missing, NO_LIMITS, flow);
     assert!(matches!(error, Err(RunError::Write(_))));
     assert_eq!(trainer.steps_done(), 0, "before any work is done");
 }

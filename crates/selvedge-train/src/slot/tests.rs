@@ -333,3 +333,23 @@ fn numbers_follow_from_seed_step_and_slot() {
         .collect();
     assert_eq!(all.len(), 16, "all different");
 }
+
+#[test]
+fn slots_come_back_from_their_bytes_and_what_is_cut_does_not() {
+    let mut moving = Slot::new();
+    moving.section.trajectory = 3;
+    moving.section.end = 40;
+    (moving.current, moving.run) = (17, 5);
+    let point = |frame: i32, row: i32| Vec3::new(frame as f32, row as f32 / 3.0, -0.0);
+    moving.history = (0..4)
+        .map(|f| Arc::new((0..9).map(|r| point(f, r)).collect()))
+        .collect();
+    let slots = [Slot::new(), moving, Slot::new()];
+    let bytes = pack_slots(&slots);
+    let back = unpack_slots(&bytes).unwrap();
+    assert_eq!(back, slots);
+    assert!(back[1].history[0][0].z.is_sign_negative());
+    for cut in 0..bytes.len() {
+        assert!(unpack_slots(&bytes[..cut]).is_none(), "{cut}");
+    }
+}

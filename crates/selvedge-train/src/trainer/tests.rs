@@ -35,7 +35,7 @@ fn bytes(cfg: TrainConfig, data: &Swinging, steps: usize) -> [Vec<u8>; 2] {
         trainer.step().expect("a step");
     }
     let path = data.folder.path().join("checkpoint");
-    trainer.save(&path, &data.dataset).expect("room");
+    trainer.save(&path).expect("room");
     let model = trainer.model("a note".to_owned()).expect("a model");
     [
         std::fs::read(&path).expect("just written"),
@@ -120,7 +120,7 @@ fn a_step_that_is_given_up_leaves_the_training_as_it_was() {
         assert!(given_up > 0);
         let steps = usize::try_from(trainer.steps_done()).expect("few");
         let path = data.folder.path().join("given-up");
-        trainer.save(&path, &data.dataset).expect("room");
+        trainer.save(&path).expect("room");
         let model = trainer.model("a note".to_owned()).expect("a model");
         let found = [
             std::fs::read(&path).expect("just written"),

@@ -129,7 +129,7 @@ fn a_sample_without_a_direction_keeps_the_one_before() {
         motions: vec![Motion::new(graph, trajectory, &[])],
         sections: vec![section],
         first_sample: vec![0, 3],
-        domain: None,
+        ..TrainingSet::of_teacher(None)
     };
     let mut cfg = crate::test_data::config(selvedge_model::Encoder::MLP);
     cfg.noise.deviation = 0.0;

@@ -12,7 +12,7 @@ use selvedge_lab::report::TrainingLog;
 use selvedge_lab::{span, study};
 use selvedge_live::protocol;
 use selvedge_model::Model;
-use selvedge_train::{CorrectionConfig, OnProcessor, Setting, TrainConfig, Trainer};
+use selvedge_train::{OnProcessor, Setting, TrainConfig, Trainer};
 
 use super::bench::Bench;
 
@@ -193,11 +193,6 @@ pub(super) fn index(bench: &Bench, _: &Path, _: &[u8]) -> Verdict {
 
 pub(super) fn training(_: &Bench, path: &Path, bytes: &[u8]) -> Verdict {
     let text = text(bytes)?;
-    if CorrectionConfig::is_meant(text) {
-        return CorrectionConfig::parse_with(text, path, &[])
-            .map(drop)
-            .map_err(said);
-    }
     TrainConfig::parse(text, path).map(drop).map_err(said)
 }
 

@@ -14,8 +14,7 @@ pub(crate) struct DeviceArgs {
     /// ranks on a machine take that one and those after it.
     #[arg(long, value_name = "DEVICE", default_value = "cpu", value_parser = DeviceName::from_str)]
     pub(crate) device: DeviceName,
-    /// Precision of products; sums are always in single precision. On a processor `bf16` needs
-    /// AVX512-BF16, and there is no `tf32`; it trains in `f32`.
+    /// Precision of products; sums are always in single precision. A processor has `f32` alone.
     #[arg(long, value_enum, default_value_t = PrecisionFlag::Full)]
     precision: PrecisionFlag,
 }
@@ -26,15 +25,7 @@ impl DeviceArgs {
     /// # Errors
     /// A device that is not there, or a precision that it does not have.
     pub(crate) fn open(&self) -> Result<Machine, MachineError> {
-        Machine::open(self.of_rank()?, self.precision())
-    }
-
-    /// Opens the machine that is asked for, for a training.
-    ///
-    /// # Errors
-    /// A device that is not there, or a precision in which it does not train.
-    pub(crate) fn open_to_train(&self) -> Result<Machine, MachineError> {
-        Machine::open_to_train(self.of_rank()?, self.precision())
+        Machine::open(self.of_rank()?, self.precision.name())
     }
 
     /// Of several ranks on a machine each has a GPU of its own.
@@ -50,11 +41,6 @@ impl DeviceArgs {
     pub(crate) fn is_processor(&self) -> bool {
         self.device == DeviceName::Cpu
     }
-
-    /// The precision that is asked for.
-    fn precision(&self) -> PrecisionName {
-        self.precision.name()
-    }
 }
 
 /// A rounding of factors before they are multiplied.
@@ -66,9 +52,6 @@ enum PrecisionFlag {
     /// To 10 bits, on a GPU.
     #[value(name = "tf32", alias = "tensor")]
     Tensor,
-    /// To 7 bits.
-    #[value(name = "bf16", alias = "half")]
-    Half,
 }
 
 impl PrecisionFlag {
@@ -77,7 +60,6 @@ impl PrecisionFlag {
         match self {
             Self::Full => PrecisionName::Full,
             Self::Tensor => PrecisionName::Tensor,
-            Self::Half => PrecisionName::Half,
         }
     }
 }

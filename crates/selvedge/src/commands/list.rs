@@ -4,8 +4,8 @@ use anyhow::Context;
 use selvedge_cloth::motion::named;
 use selvedge_data::{materials, shipped_presets, shipped_scenes};
 use selvedge_lab::{assets, study};
-use selvedge_model::{Encoder, ModelSpec, Network};
-use selvedge_train::{CorrectionConfig, TrainConfig};
+use selvedge_model::{Encoder, Network};
+use selvedge_train::TrainConfig;
 use serde::Serialize;
 use serde_json::json;
 
@@ -76,21 +76,14 @@ fn configs() -> anyhow::Result<Answer> {
 }
 
 fn config(name: &'static str, text: &str) -> anyhow::Result<Config> {
-    let of = |spec: &ModelSpec, steps| {
-        let network = Network::new(spec).with_context(|| name.to_owned())?;
-        Ok(Config {
-            name,
-            encoder: spec.encoder,
-            latent: spec.latent,
-            blocks: spec.blocks,
-            parameters: network.parameter_count(),
-            steps,
-        })
-    };
-    if CorrectionConfig::is_meant(text) {
-        let cfg = CorrectionConfig::parse_with(text, name.as_ref(), &[])?;
-        return of(&cfg.model, cfg.steps);
-    }
     let cfg = TrainConfig::parse(text, name.as_ref())?;
-    of(&cfg.model, cfg.steps)
+    let network = Network::new(&cfg.model).with_context(|| name.to_owned())?;
+    Ok(Config {
+        name,
+        encoder: cfg.model.encoder,
+        latent: cfg.model.latent,
+        blocks: cfg.model.blocks,
+        parameters: network.parameter_count(),
+        steps: cfg.steps,
+    })
 }

@@ -2,7 +2,6 @@
 
 mod compare;
 mod completions;
-mod correction;
 mod data;
 mod data_import;
 mod data_merge;

@@ -32,7 +32,7 @@ struct Answered {
 /// What of the study, a training, a model, a data set or a file went wrong.
 pub(crate) fn run(args: &StudyArgs) -> anyhow::Result<Answer> {
     let study = study::open(&args.study)?;
-    let machine = args.machine.open_to_train()?;
+    let machine = args.machine.open()?;
     let crew = ranks::crew(args.jobs);
     // Parts share the folder, and each training has a lock of its own.
     let _claimed = match crew.ranks.is_first() && args.shard.is_none() {

@@ -10,8 +10,7 @@ use selvedge_lab::folder_kind::FolderKind;
 use selvedge_lab::models::NamedModel;
 use selvedge_lab::{assets, folder, generation, training};
 use selvedge_train::{
-    ConfigError, CorrectionConfig, EngineMaker, OverRanks, RunEnd, RunLimits, TrainConfig, Trainer,
-    files,
+    ConfigError, EngineMaker, OverRanks, RunEnd, RunLimits, TrainConfig, Trainer, files,
 };
 use serde::Serialize;
 
@@ -21,7 +20,7 @@ use crate::progress::{self, Progress};
 use crate::{interrupt, ranks};
 
 /// Weight of the newest loss in the one that is shown.
-pub(super) const NEWEST: f64 = 0.02;
+const NEWEST: f64 = 0.02;
 
 #[derive(Serialize)]
 struct TrainReport {
@@ -30,7 +29,8 @@ struct TrainReport {
     device: String,
     out: PathBuf,
     parameters: usize,
-    samples: usize,
+    /// Samples of the data set, or those that a teacher made.
+    samples: u64,
     steps_done: u64,
     steps: u64,
     /// A moving mean over about fifty steps; none where no step was made.
@@ -62,13 +62,15 @@ struct StoppedReport {
 /// # Errors
 /// What of the configuration, the data, the folder or a step went wrong.
 pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
-    let written = text_of(&args.config)?;
-    if CorrectionConfig::is_meant(&written) {
-        return super::correction::run(args, &written);
-    }
-    let cfg = config(args, &written)?;
-    let machine = args.machine.open_to_train()?;
-    let data = data(args)?;
+    let cfg = config(args)?;
+    let machine = args.machine.open()?;
+    let data = match cfg.teacher {
+        None => Some(data(args)?),
+        Some(_) => {
+            refuse_with_teacher(args)?;
+            None
+        }
+    };
     let ranks = ranks::all();
     let _claimed = match ranks.is_first() {
         true => Some(folder::claim_folder(&args.output, FolderKind::Training)?),
@@ -80,7 +82,7 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
         engine: &*machine.engine(micro_batch),
         ranks: ranks.clone(),
     };
-    let Some(mut trainer) = trainer(cfg, &data, args, &engine)? else {
+    let Some(mut trainer) = trainer(cfg, data.as_ref(), args, &engine)? else {
         let report = StoppedReport {
             out: args.output.clone(),
             steps_done: 0,
@@ -89,10 +91,12 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
         };
         return Ok(Answer::new(stopped(steps), &report)?.ended(End::Interrupted));
     };
-    training::with_expert(&mut trainer, &data)?;
+    if let Some(data) = &data {
+        training::with_expert(&mut trainer, data)?;
+    }
     let (started, first) = (Instant::now(), trainer.steps_done());
     let before = ranks.traffic();
-    let (end, loss) = steps_until_end(&mut trainer, &data, args)?;
+    let (end, loss) = steps_until_end(&mut trainer, args)?;
     let seconds = started.elapsed().as_secs_f64();
     let talk = ranks.traffic();
     let made = (trainer.steps_done() - first).max(1) as f64;
@@ -126,6 +130,27 @@ fn data(args: &TrainArgs) -> anyhow::Result<Dataset> {
     Ok(generation::open(data)?)
 }
 
+/// Refuses what only a training on a data set has.
+fn refuse_with_teacher(args: &TrainArgs) -> anyhow::Result<()> {
+    let config = &args.config;
+    if ranks::all().are_several() {
+        bail!("{config}: a training that corrects physics is of one rank: start it without mpirun");
+    }
+    let micro_batch = args.micro_batch.map_or(1, NonZeroUsize::get);
+    let of_data = [
+        ("--data", args.data.is_some()),
+        ("--from", args.from.is_some()),
+        ("--micro-batch", micro_batch > 1),
+        ("--device", !args.machine.is_processor()),
+    ];
+    match of_data.iter().find(|(_, given)| *given) {
+        None => Ok(()),
+        Some((option, _)) => bail!(
+            "{config}: {option} is of a training on a data set: this one asks a teacher ([teacher]) on the processor; leave it out"
+        ),
+    }
+}
+
 /// The text of a configuration: a shipped one's, or that of a file.
 fn text_of(config: &str) -> Result<String, ConfigError> {
     match assets::training(config) {
@@ -138,8 +163,9 @@ fn text_of(config: &str) -> Result<String, ConfigError> {
 }
 
 /// The configuration with the changes of the call.
-fn config(args: &TrainArgs, text: &str) -> anyhow::Result<TrainConfig> {
-    let mut cfg = TrainConfig::parse_with(text, args.config.as_ref(), &args.set)?;
+fn config(args: &TrainArgs) -> anyhow::Result<TrainConfig> {
+    let text = text_of(&args.config)?;
+    let mut cfg = TrainConfig::parse_with(&text, args.config.as_ref(), &args.set)?;
     if let Some(steps) = args.steps {
         cfg.steps = steps;
     }
@@ -147,11 +173,7 @@ fn config(args: &TrainArgs, text: &str) -> anyhow::Result<TrainConfig> {
 }
 
 /// Steps until the training ends; also returns the moving mean of the loss.
-fn steps_until_end(
-    trainer: &mut Trainer,
-    data: &Dataset,
-    args: &TrainArgs,
-) -> anyhow::Result<(End, Option<f64>)> {
+fn steps_until_end(trainer: &mut Trainer, args: &TrainArgs) -> anyhow::Result<(End, Option<f64>)> {
     let limits = RunLimits {
         time: args.span,
         checkpoint_every: args.checkpoint_every,
@@ -160,7 +182,7 @@ fn steps_until_end(
     let progress = Progress::new("training", usize::try_from(left)?, "steps").within(args.span);
     let mut loss = None;
     trainer.stop_by(interrupt::flag().into());
-    let end = selvedge_train::run(trainer, data, &args.output, limits, &mut |step| {
+    let end = selvedge_train::run(trainer, &args.output, limits, &mut |step| {
         let newest = step.terms.total;
         let mean = loss.map_or(newest, |mean| mean + NEWEST * (newest - mean));
         loss = Some(mean);
@@ -179,15 +201,23 @@ fn steps_until_end(
 /// Opens the training that is asked for; none where an end was asked for before the first step.
 fn trainer(
     cfg: TrainConfig,
-    data: &Dataset,
+    data: Option<&Dataset>,
     args: &TrainArgs,
     engine: &dyn EngineMaker,
 ) -> anyhow::Result<Option<Trainer>> {
     let checkpoint = args.output.join(files::CHECKPOINT);
-    if args.resume {
-        return Ok(Some(Trainer::resume(cfg, data, &checkpoint, engine)?));
+    let checkpoint = args.resume.then_some(&*checkpoint);
+    if checkpoint.is_none() {
+        require_empty(&args.output)?;
     }
-    require_empty(&args.output)?;
+    let Some(data) = data else {
+        let stop = interrupt::flag().into();
+        let taught = training::taught(cfg, checkpoint, stop, &mut progress::listener());
+        return Ok(taught?);
+    };
+    if let Some(checkpoint) = checkpoint {
+        return Ok(Some(Trainer::resume(cfg, data, checkpoint, engine)?));
+    }
     match &args.from {
         Some(folder) if folder.is_dir() => {
             let trainer = Trainer::start_from(cfg, data, &folder.join(files::CHECKPOINT), engine)?;
@@ -210,7 +240,7 @@ fn trainer(
 
 /// Refuses a folder with a training. A log alone is of one that ended before there was anything to
 /// go on from.
-pub(super) fn require_empty(out: &Path) -> anyhow::Result<()> {
+fn require_empty(out: &Path) -> anyhow::Result<()> {
     let kept = [files::CHECKPOINT, files::MODEL];
     if let Some(kept) = kept.iter().find(|name| out.join(name).exists()) {
         bail!(
@@ -224,7 +254,7 @@ pub(super) fn require_empty(out: &Path) -> anyhow::Result<()> {
 fn stopped(steps: u64) -> Facts {
     let mut facts = Facts::new();
     facts.add("steps", format!("0 of {steps}"));
-    let how = "the same command: statistics were being gathered, and nothing is written yet";
+    let how = "the same command: nothing is written yet";
     facts.add("to go on", how);
     facts
 }
@@ -261,7 +291,7 @@ fn text(report: &TrainReport) -> Facts {
 }
 
 /// Adds the files of a training, and how to go on with one that is not at its end.
-pub(super) fn add_files(facts: &mut Facts, out: &Path, goes_on: bool) {
+fn add_files(facts: &mut Facts, out: &Path, goes_on: bool) {
     if goes_on {
         facts.add("to go on", "the same command with --resume");
     }

@@ -73,7 +73,7 @@ fn how_many_samples_go_together_changes_nothing_but_rounding() {
         "{apart}, {together}"
     );
     let refused = format!("{train} other --set batch.shard=2");
-    desk.fails(&refused, 1, &["batch.shard", "--micro-batch"]);
+    desk.fails(&refused, 1, &["unknown field `shard`"]);
 }
 
 #[test]

@@ -8,21 +8,18 @@
 //! tests compare the split update with the update on concatenated rows.
 
 use crate::graph::connectivity::Connectivity;
-use crate::graph::partition::{Partition, chunks, counted_from, of_rows};
+use crate::graph::partition::{Partition, chunks, counted_from};
 use crate::graph::share::{Rows, SplitRows};
-use crate::kernels::aligned::Aligned;
 use crate::kernels::gemm::{Columns, Endpoints, Epilogue, Slot, Term, multiply};
 use crate::kernels::norm::Normalised;
 use crate::kernels::real::Real;
 use crate::kernels::rows::{
     ColumnBlock, OutgoingArcs, Receivers, gather_receivers, sum_incoming, sum_outgoing,
 };
-use crate::network::layers::block_rows::{
-    ArcGradients, ArcRecordRows, ArcRows, NodeGradients, NodeRecordRows, NodeRows,
-};
-use crate::network::layers::mlp::{Mlp, MlpGradients, MlpRecord};
-use crate::network::layers::scratch::{GroupWork, Scratch, pick};
+use crate::network::layers::mlp::{Mlp, tile};
+use crate::network::layers::scratch::{GroupWork, Scratch};
 use crate::network::packed::{LayerWeights, ModuleBuilder, Packer, Piece};
+use crate::network::saved::Saved;
 use crate::spec::ModelSpec;
 
 /// Places of the weights of a block.
@@ -44,16 +41,25 @@ pub(crate) struct Block {
 
 /// Activations of one block, kept for the backward pass.
 #[derive(Default)]
-pub(crate) struct BlockRecord<T> {
-    /// Latent nodes before the block, `[vertices, latent]`.
-    nodes: Aligned<T>,
-    /// Latent arcs before the block, `[arcs, latent]`.
-    arcs: Aligned<T>,
-    /// Sum of the messages that arrive, `[vertices, latent]`.
-    incoming: Aligned<T>,
-    arc: MlpRecord<T>,
-    node: MlpRecord<T>,
+pub(crate) struct BlockSaved<T> {
+    /// Latent nodes before the block and the sums of the messages that arrive, `[vertices, latent]`;
+    /// the activations of the node update.
+    pub(crate) nodes: Saved<T, 6>,
+    /// Latent arcs before the block, `[arcs, latent]`; the activations of the arc update.
+    pub(crate) arcs: Saved<T, 5>,
 }
+
+/// Latent arcs `[arcs, latent]`, which a block updates, and what is kept of them.
+pub(crate) type ArcRows<'a, T> = (Rows<'a, T>, [Rows<'a, T>; 5]);
+
+/// Gradients of vertices, taken from after a block to before it, `[vertices, latent]`; out: sums of
+/// the gradients of the first arc layer's sums over the arcs that leave a vertex, then over the arcs
+/// that arrive, `[vertices, 2 latent]`.
+pub(crate) type NodeGradients<'a, T> = (Rows<'a, T>, Rows<'a, T>);
+
+/// Gradients of arcs, taken from after a block to before it; out: gradients of the first arc layer's
+/// sums, `[arcs, latent]` both.
+pub(crate) type ArcGradients<'a, T> = (Rows<'a, T>, Rows<'a, T>);
 
 /// A partition before a block.
 #[derive(Clone, Copy)]
@@ -69,41 +75,17 @@ pub(crate) struct BlockInput<'a, T> {
 pub(crate) struct BlockKept<'a, T> {
     pub(crate) graph: &'a Connectivity,
     pub(crate) partition: &'a Partition,
-    pub(crate) record: &'a BlockRecord<T>,
+    pub(crate) saved: &'a BlockSaved<T>,
 }
 
-impl<T: Real> BlockRecord<T> {
-    /// Numbers held.
-    #[cfg(test)]
-    pub(crate) fn number_count(&self) -> usize {
-        let latents = [&self.nodes, &self.arcs, &self.incoming];
-        let held: usize = latents.iter().map(|numbers| numbers.len()).sum();
-        held + self.arc.number_count() + self.node.number_count()
-    }
-
+impl<T: Real> BlockSaved<T> {
     /// Makes room for a graph of that many vertices and arcs.
     pub(crate) fn fit(&mut self, block: &Block, vertices: usize, arcs: usize) {
         let latent = block.latent();
-        self.nodes.resize(vertices * latent);
-        self.arcs.resize(arcs * latent);
-        self.incoming.resize(vertices * latent);
-        self.arc.fit(&block.arc, arcs);
-        self.node.fit(&block.node, vertices);
-    }
-
-    /// All rows, to be written.
-    pub(crate) fn rows(&mut self, block: &Block) -> (NodeRecordRows<'_, T>, ArcRecordRows<'_, T>) {
-        let latent = block.latent();
-        let nodes = NodeRecordRows {
-            before: Rows::new(&mut self.nodes, latent),
-            incoming: Rows::new(&mut self.incoming, latent),
-            mlp: self.node.rows(&block.node),
-        };
-        let arcs = ArcRecordRows {
-            before: Rows::new(&mut self.arcs, latent),
-            mlp: self.arc.rows(&block.arc),
-        };
-        (nodes, arcs)
+        let [a, b, c, d] = block.node.widths();
+        self.nodes.fit(vertices, [latent, latent, a, b, c, d]);
+        let [a, b, c, d] = block.arc.widths();
+        self.arcs.fit(arcs, [latent, a, b, c, d]);
     }
 }
 
@@ -173,20 +155,23 @@ impl Block {
         &self,
         weights: LayerWeights<'_, T>,
         input: BlockInput<'_, T>,
-        rows: &mut NodeRows<'_, T>,
+        nodes: &mut Rows<'_, T>,
+        kept: [Rows<'_, T>; 6],
         mut arcs: ArcRows<'_, T>,
         scratch: &mut Scratch<T>,
     ) {
-        let NodeRows { nodes, record } = rows;
-        let incoming = pick(&mut record.incoming, &mut scratch.incoming, nodes.len());
+        let [before, incoming, activations @ ..] = kept;
+        let incoming = match incoming.is_empty() {
+            true => &mut scratch.incoming[..nodes.len()],
+            false => incoming.values,
+        };
         incoming.fill(T::ZERO);
         let range = &input.partition.arcs;
         for chunk in chunks(range.clone()) {
-            let ArcRows { arcs, mut record } = arcs.part(&counted_from(&chunk, range.start));
-            if !record.before.is_empty() {
-                record.before.copy_from_slice(&arcs);
-            }
-            let mut tile = scratch.tiles.tile(record.mlp, chunk.len(), self.latent());
+            let (arcs, kept) = arcs.part(&counted_from(&chunk, range.start));
+            let [before, activations @ ..] = kept;
+            keep(before, &arcs);
+            let mut tile = tile(activations, &mut scratch.tiles, chunk.len());
             let receivers = &input.graph.receivers[chunk.clone()];
             let epilogue = Epilogue::EndpointsRelu(Endpoints {
                 products: input.endpoint_products,
@@ -205,12 +190,9 @@ impl Block {
             };
             self.arc.forward(weights, tile, messages);
         }
-        if !record.before.is_empty() {
-            record.before.copy_from_slice(nodes);
-        }
+        keep(before, nodes);
         let count = nodes.len() / self.latent();
-        let kept = record.mlp.part(&(0..count));
-        let mut tile = scratch.tiles.tile(kept, count, self.latent());
+        let mut tile = tile(activations, &mut scratch.tiles, count);
         let terms = &[
             self.of_node.times(weights, nodes),
             self.of_incoming.times(weights, incoming),
@@ -227,46 +209,37 @@ impl Block {
         &self,
         weights: LayerWeights<'_, T>,
         kept: BlockKept<'_, T>,
-        mut nodes: NodeGradients<'_, T>,
+        (mut nodes, mut sums): NodeGradients<'_, T>,
         mut arcs: ArcGradients<'_, T>,
         group: &mut GroupWork<'_, T>,
     ) {
         let (latent, using) = (self.latent(), weights.instructions);
         self.nodes_backward(weights, kept, &mut nodes, group);
-        nodes.sums.fill(T::ZERO);
+        sums.fill(T::ZERO);
         let range = &kept.partition.arcs;
         for chunk in chunks(range.clone()) {
-            let ArcGradients {
-                mut arcs,
-                mut pre_activation,
-            } = arcs.part(&counted_from(&chunk, range.start));
+            let (mut arcs, mut by_sums) = arcs.part(&counted_from(&chunk, range.start));
             let receivers = Receivers {
                 of: &kept.graph.receivers[chunk.clone()],
                 first: kept.partition.vertices.start,
             };
-            let scratch = &mut *group.scratch;
-            let output = &mut scratch.output[..arcs.len()];
-            gather_receivers(using, output, latent, &arcs, &scratch.incoming, receivers);
-            let activations = kept.record.arc.tile(&self.arc, &chunk);
-            let gradients = MlpGradients {
-                output,
-                hidden: &mut scratch.hidden[..arcs.len()],
-                pre_activation: &mut pre_activation,
-            };
-            let gradient = &mut group.gradient;
-            self.arc.backward(weights, activations, gradients, gradient);
-            let before = &kept.record.arcs[of_rows(&chunk, latent)];
-            let [left, right] = [&*pre_activation, before].map(|rows| Columns::all(rows, latent));
+            let [before, activations @ ..] = kept.saved.arcs.at(&chunk);
+            let [output, hidden, ..] = &mut group.scratch.tiles;
+            let (output, hidden) = (&mut output[..arcs.len()], &mut hidden[..arcs.len()]);
+            let incoming = &group.scratch.incoming;
+            gather_receivers(using, output, latent, &arcs, incoming, receivers);
+            let (through, gradient) = ([output, hidden, &mut *by_sums], &mut group.gradient);
+            self.arc.backward(weights, activations, through, gradient);
+            let [left, right] = [&*by_sums, before].map(|rows| Columns::all(rows, latent));
             self.arc
                 .first_backward(weights, 2 * latent, left, right, gradient);
-            let term = self.of_arc.back(weights, &pre_activation);
+            let term = self.of_arc.back(weights, &by_sums);
             multiply(using, &[term], latent, Epilogue::Add, &mut arcs);
-            let arriving = self.arriving();
-            sum_incoming(using, &mut nodes.sums, arriving, &pre_activation, receivers);
+            sum_incoming(using, &mut sums, self.arriving(), &by_sums, receivers);
         }
     }
 
-    /// The columns of [`NodeGradients::sums`] over the arcs that leave a vertex.
+    /// The columns of the sums of [`NodeGradients`] over the arcs that leave a vertex.
     fn leaving(&self) -> ColumnBlock {
         ColumnBlock {
             first: 0,
@@ -275,7 +248,7 @@ impl Block {
         }
     }
 
-    /// The columns of [`NodeGradients::sums`] over the arcs that arrive at a vertex.
+    /// The columns of the sums of [`NodeGradients`] over the arcs that arrive at a vertex.
     fn arriving(&self) -> ColumnBlock {
         ColumnBlock {
             first: self.latent(),
@@ -289,62 +262,49 @@ impl Block {
         &self,
         weights: LayerWeights<'_, T>,
         kept: BlockKept<'_, T>,
-        gradients: &mut NodeGradients<'_, T>,
+        nodes: &mut [T],
         group: &mut GroupWork<'_, T>,
     ) {
-        let nodes = &mut gradients.nodes;
         let (latent, using) = (self.latent(), weights.instructions);
         let (scratch, gradient) = (&mut *group.scratch, &mut group.gradient);
-        let (record, vertices) = (kept.record, &kept.partition.vertices);
-        let range = of_rows(vertices, latent);
-        let output = &mut scratch.output[..range.len()];
+        let [before, incoming, activations @ ..] = kept.saved.nodes.at(&kept.partition.vertices);
+        let size = nodes.len();
+        let [output, hidden, by_sums, _] = &mut scratch.tiles;
+        let [output, hidden, by_sums] = [output, hidden, by_sums].map(|tile| &mut tile[..size]);
         output.copy_from_slice(nodes);
-        let pre_activation = &mut scratch.pre_activation[..range.len()];
-        let gradients = MlpGradients {
-            output,
-            hidden: &mut scratch.hidden[..range.len()],
-            pre_activation: &mut *pre_activation,
-        };
-        let activations = record.node.tile(&self.node, vertices);
-        self.node
-            .backward(weights, activations, gradients, gradient);
-        let inputs = [&record.nodes, &record.incoming];
-        for (number, input) in inputs.into_iter().enumerate() {
-            let left = Columns::all(pre_activation, latent);
-            let right = Columns::all(&input[range.clone()], latent);
+        let through = [output, hidden, &mut *by_sums];
+        self.node.backward(weights, activations, through, gradient);
+        for (number, input) in [before, incoming].into_iter().enumerate() {
+            let [left, right] = [&*by_sums, input].map(|rows| Columns::all(rows, latent));
             self.node
                 .first_backward(weights, number * latent, left, right, gradient);
         }
-        let term = self.of_node.back(weights, pre_activation);
+        let term = self.of_node.back(weights, by_sums);
         multiply(using, &[term], latent, Epilogue::Add, nodes);
-        let term = self.of_incoming.back(weights, pre_activation);
-        let incoming = &mut scratch.incoming[..range.len()];
-        multiply(using, &[term], latent, Epilogue::Set, incoming);
+        let term = self.of_incoming.back(weights, by_sums);
+        let by_incoming = &mut scratch.incoming[..size];
+        multiply(using, &[term], latent, Epilogue::Set, by_incoming);
     }
 
     /// The gradient of the nodes through A and B, after [`Self::backward`] of all partitions left
-    /// the pre-activation gradients `[all arcs, latent]`.
+    /// the gradients `by_sums` of the first arc layer's sums, `[all arcs, latent]`.
     pub(crate) fn endpoints_backward<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
         kept: BlockKept<'_, T>,
-        pre_activation: &[T],
-        rows: NodeGradients<'_, T>,
+        by_sums: &[T],
+        (mut nodes, mut sums): NodeGradients<'_, T>,
         group: &mut GroupWork<'_, T>,
     ) {
         let (latent, using) = (self.latent(), weights.instructions);
         let (graph, vertices) = (kept.graph, &kept.partition.vertices);
-        let NodeGradients {
-            mut nodes,
-            mut sums,
-        } = rows;
         let arcs = OutgoingArcs {
             first_arc: &graph.first_arc[vertices.start..=vertices.end],
             reverse_arcs: &graph.reverse_arcs,
         };
-        sum_outgoing(using, &mut sums, self.leaving(), pre_activation, arcs);
+        sum_outgoing(using, &mut sums, self.leaving(), by_sums, arcs);
         let all = Columns::all(&sums, 2 * latent);
-        let before = &kept.record.nodes[of_rows(vertices, latent)];
+        let [before, ..] = kept.saved.nodes.at(vertices);
         for column in [0, latent] {
             let (part, before) = (all.part(column, latent), Columns::all(before, latent));
             let gradient = &mut group.gradient;
@@ -356,5 +316,12 @@ impl Block {
             packed: self.endpoints_backward.of(&weights.module.backward),
         };
         multiply(using, &[term], latent, Epilogue::Add, &mut nodes);
+    }
+}
+
+/// Writes `now` to the rows that are kept, unless there are none.
+fn keep<T: Copy>(kept: Rows<'_, T>, now: &[T]) {
+    if !kept.is_empty() {
+        kept.values.copy_from_slice(now);
     }
 }

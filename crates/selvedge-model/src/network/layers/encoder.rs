@@ -4,17 +4,16 @@
 use std::ops::Range;
 
 use crate::graph::partition::{chunks, counted_from, of_rows};
-use crate::graph::share::{Rows, SplitRows, split_rows};
+use crate::graph::share::{Rows, SplitRows};
 use crate::kernels::dropout::RowMasks;
 use crate::kernels::gemm::{Columns, Epilogue, multiply};
 use crate::kernels::norm::Normalised;
 use crate::kernels::real::Real;
-use crate::network::layers::gru::{
-    GruEncoder, GruGradients, GruInput, GruRecord, GruRecordRows, GruRows, States,
-};
-use crate::network::layers::mlp::{Mlp, MlpGradients, MlpRecord, MlpRows};
+use crate::network::layers::gru::GruEncoder;
+use crate::network::layers::mlp::{Mlp, tile};
 use crate::network::layers::scratch::{GroupWork, Scratch};
 use crate::network::packed::{LayerWeights, ModuleBuilder, Packer, Piece};
+use crate::network::saved::Saved;
 use crate::spec::Encoder;
 
 /// Places of the weights of an encoder.
@@ -25,12 +24,20 @@ pub(crate) enum EncoderLayers {
     Gru(GruEncoder),
 }
 
-/// Activations kept for the backward pass; only those that the encoder uses are filled.
-#[derive(Default)]
-pub(crate) struct EncoderRecord<T> {
-    mlp: MlpRecord<T>,
-    pub(crate) gru: GruRecord<T>,
-}
+/// Arrays that an encoder keeps for its backward pass: those of a perceptron, or those of
+/// [`GruEncoder::widths`].
+pub(crate) const KEPT: usize = 7;
+
+/// One array for each layer: states `[rows, latent]`, or nothing for the zero state.
+pub(crate) type States<S> = [S; 2];
+
+/// Rows that an encoder writes: its output `[rows, latent]`; the states of both layers at the end,
+/// empty where not wanted; what it keeps.
+pub(crate) type EncoderRows<'a, T> = (Rows<'a, T>, States<Rows<'a, T>>, [Rows<'a, T>; KEPT]);
+
+/// Gradients at both ends of an encoder. In: of the output, `[rows, latent]`, overwritten. Out: of
+/// the input, `[rows, window width]`, and of the carried states; each empty where not wanted.
+pub(crate) type EncoderGradients<'a, T> = (Rows<'a, T>, Rows<'a, T>, States<Rows<'a, T>>);
 
 /// The input of an encoder.
 #[derive(Clone, Copy)]
@@ -46,90 +53,20 @@ pub(crate) struct EncoderInput<'a, T> {
     pub(crate) start: States<&'a [T]>,
 }
 
-split_rows! {
-    /// Rows that an encoder writes.
-    pub(crate) struct EncoderRows<'a, T> {
-        /// `[rows, latent]`.
-        pub(crate) out: Rows<'a, T>,
-        /// States of both layers at the end, `[rows, latent]`; empty where not wanted.
-        pub(crate) end: [Rows<'a, T>; 2],
-        pub(crate) record: EncoderRecordRows<'a, T>,
-    }
-}
-
-split_rows! {
-    /// Rows of an [`EncoderRecord`]; empty where nothing is kept.
-    pub(crate) struct EncoderRecordRows<'a, T> {
-        mlp: MlpRows<'a, T>,
-        gru: GruRecordRows<'a, T>,
-    }
-}
-
-split_rows! {
-    /// Gradients at both ends of an encoder.
-    pub(crate) struct EncoderGradients<'a, T> {
-        /// In: with respect to the output, `[rows, latent]`; overwritten.
-        pub(crate) output: Rows<'a, T>,
-        /// Out: with respect to the input, `[rows, window width]`; empty where not wanted.
-        pub(crate) input: Rows<'a, T>,
-        /// Out: with respect to the carried states, `[rows, latent]`; empty where not wanted.
-        pub(crate) start: [Rows<'a, T>; 2],
-    }
-}
-
-/// Rows after the forward pass of an encoder.
-#[derive(Clone)]
+/// A forward pass of an encoder that is taken back.
+#[derive(Clone, Copy)]
 pub(crate) struct EncoderKept<'a, T> {
-    /// The rows of a partition.
-    pub(crate) rows: Range<usize>,
-    pub(crate) record: &'a EncoderRecord<T>,
+    pub(crate) input: EncoderInput<'a, T>,
+    pub(crate) saved: &'a Saved<T, KEPT>,
     /// Gradients of the states at the end, `[all rows, latent]`; empty for zero.
     pub(crate) end_gradient: States<&'a [T]>,
 }
 
-impl<T: Real> EncoderRecord<T> {
-    /// Makes room for `rows` rows and `steps` frames.
-    pub(crate) fn fit(
-        &mut self,
-        layers: &EncoderLayers,
-        rows: usize,
-        steps: usize,
-        dropout: Option<&RowMasks>,
-    ) {
-        match layers {
-            EncoderLayers::Mlp(mlp, ..) => self.mlp.fit(mlp, rows),
-            EncoderLayers::Gru(gru) => self.gru.fit(gru, rows, steps, dropout),
-        }
-    }
-
-    /// All rows, to be written.
-    pub(crate) fn rows(&mut self, layers: &EncoderLayers) -> EncoderRecordRows<'_, T> {
-        let mut rows = EncoderRecordRows::default();
-        match layers {
-            EncoderLayers::Mlp(mlp, ..) => rows.mlp = self.mlp.rows(mlp),
-            EncoderLayers::Gru(gru) => rows.gru = self.gru.rows(gru),
-        }
-        rows
-    }
-
-    /// Numbers held.
-    #[cfg(test)]
-    pub(crate) fn number_count(&self) -> usize {
-        self.mlp.number_count() + self.gru.number_count()
-    }
-}
-
 impl<'a, T> EncoderInput<'a, T> {
-    /// Rows `rows` for a recurrent network.
-    fn gru(&self, rows: &Range<usize>) -> GruInput<'a, T> {
-        GruInput {
-            features: self.features,
-            all_rows: self.features.len() / (self.window * self.width),
-            steps: self.window,
-            first: rows.start,
-            rows: rows.len(),
-            dropout: self.dropout,
-        }
+    /// The rows of a chunk in frame `step`.
+    pub(crate) fn at(&self, step: usize, chunk: &Range<usize>) -> &'a [T] {
+        let all = self.features.len() / self.window;
+        &self.features[step * all..][of_rows(chunk, self.width)]
     }
 }
 
@@ -162,91 +99,79 @@ impl EncoderLayers {
         }
     }
 
+    /// Numbers in a row of each array that is kept of `steps` frames.
+    pub(crate) fn widths(&self, steps: usize, dropout: Option<&RowMasks>) -> [usize; KEPT] {
+        match self {
+            Self::Mlp(mlp, _) => {
+                let [a, b, c, d] = mlp.widths();
+                [a, b, c, d, 0, 0, 0]
+            }
+            Self::Gru(gru) => gru.widths(steps, dropout.is_some()),
+        }
+    }
+
     /// Takes the rows `range` of the input to their latent rows.
     pub(crate) fn forward<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
         input: EncoderInput<'_, T>,
-        range: Range<usize>,
+        range: &Range<usize>,
         rows: &mut EncoderRows<'_, T>,
         scratch: &mut Scratch<T>,
     ) {
-        let latent = rows.out.width();
         for chunk in chunks(range.clone()) {
             let rows = rows.part(&counted_from(&chunk, range.start));
             match self {
                 Self::Mlp(mlp, first) => {
-                    let features = &input.features[of_rows(&chunk, input.width)];
-                    let mut tile = scratch.tiles.tile(rows.record.mlp, chunk.len(), latent);
-                    let terms = &[first.times(weights, features)];
+                    let (out, _, [a, b, c, d, ..]) = rows;
+                    let mut tile = tile([a, b, c, d], &mut scratch.tiles, chunk.len());
+                    let terms = &[first.times(weights, input.at(0, &chunk))];
                     mlp.first_layer(weights, terms, mlp.first_epilogue(weights), &mut tile);
-                    mlp.forward(weights, tile, Normalised::Set(rows.out.values));
+                    mlp.forward(weights, tile, Normalised::Set(out.values));
                 }
-                Self::Gru(gru) => {
-                    let start = input.start.map(|states| part(states, &chunk, latent));
-                    let rows = GruRows {
-                        out: rows.out.values,
-                        end: rows.end.map(|rows| rows.values),
-                        record: rows.record.gru,
-                    };
-                    gru.forward(weights, input.gru(&chunk), start, rows, scratch);
-                }
+                Self::Gru(gru) => gru.forward(weights, input, &chunk, rows, scratch),
             }
         }
     }
 
-    /// Adds the gradients of all weights for the gradient of a partition's latent rows.
+    /// Adds the gradients of all weights for the gradient of the latent rows `range`.
     pub(crate) fn backward<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
-        input: EncoderInput<'_, T>,
         kept: EncoderKept<'_, T>,
+        range: &Range<usize>,
         mut gradients: EncoderGradients<'_, T>,
         group: &mut GroupWork<'_, T>,
     ) {
-        for chunk in chunks(kept.rows.clone()) {
-            let gradients = gradients.part(&counted_from(&chunk, kept.rows.start));
+        for chunk in chunks(range.clone()) {
+            let gradients = gradients.part(&counted_from(&chunk, range.start));
             match self {
                 Self::Mlp(mlp, piece) => {
-                    let (latent, width) = (gradients.output.width(), gradients.input.width());
-                    let (scratch, gradient) = (&mut *group.scratch, &mut group.gradient);
-                    let size = gradients.output.len();
-                    let pre_activation = &mut scratch.pre_activation[..size];
-                    let through = MlpGradients {
-                        output: gradients.output.values,
-                        hidden: &mut scratch.hidden[..size],
-                        pre_activation: &mut *pre_activation,
-                    };
-                    let activations = kept.record.mlp.tile(mlp, &chunk);
-                    mlp.backward(weights, activations, through, gradient);
-                    let features = &input.features[of_rows(&chunk, input.width)];
-                    let left = Columns::all(pre_activation, latent);
-                    let right = Columns::all(features, width);
-                    mlp.first_backward(weights, 0, left, right, gradient);
-                    let to_input = gradients.input.values;
+                    let (output, to_input, _) = gradients;
+                    let (latent, width) = (output.width(), kept.input.width);
+                    let gradient = &mut group.gradient;
+                    let size = output.len();
+                    let [_, hidden, sums, _] = &mut group.scratch.tiles;
+                    let (hidden, sums) = (&mut hidden[..size], &mut sums[..size]);
+                    let [a, b, c, d, ..] = kept.saved.at(&chunk);
+                    let through = [output.values, hidden, &mut *sums];
+                    mlp.backward(weights, [a, b, c, d], through, gradient);
+                    let features = Columns::all(kept.input.at(0, &chunk), width);
+                    let by_sums = Columns::all(&*sums, latent);
+                    mlp.first_backward(weights, 0, by_sums, features, gradient);
                     if !to_input.is_empty() {
-                        let terms = &[piece.back(weights, pre_activation)];
-                        let using = weights.instructions;
+                        let terms = &[piece.back(weights, sums)];
+                        let (using, to_input) = (weights.instructions, to_input.values);
                         multiply(using, terms, width, Epilogue::Set, to_input);
                     }
                 }
-                Self::Gru(gru) => {
-                    let width = gradients.output.width();
-                    let gradients = GruGradients {
-                        output: gradients.output.values,
-                        input: gradients.input.values,
-                        end: kept.end_gradient.map(|states| part(states, &chunk, width)),
-                        start: gradients.start.map(|rows| rows.values),
-                    };
-                    let record = &kept.record.gru;
-                    gru.backward(weights, input.gru(&chunk), record, gradients, group);
-                }
+                Self::Gru(gru) => gru.backward(weights, kept, &chunk, gradients, group),
             }
         }
     }
 }
 
 /// The rows `rows` of an array, or nothing of an empty one.
-fn part<'a, T>(array: &'a [T], rows: &Range<usize>, width: usize) -> &'a [T] {
+pub(super) fn part<'a, T>(array: &'a [T], rows: &Range<usize>, width: usize) -> &'a [T] {
     array.get(of_rows(rows, width)).unwrap_or_default()
 }

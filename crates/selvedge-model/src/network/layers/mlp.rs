@@ -4,9 +4,7 @@
 //! The sums of the first layer are the caller's: an arc update splits them by vertex (`block.rs`).
 //! The perceptron takes them from there, and leaves their gradient on the way back.
 
-use std::ops::Range;
-
-use crate::graph::share::{Rows, split_rows};
+use crate::graph::share::Rows;
 use crate::kernels::aligned::Aligned;
 use crate::kernels::gemm::{Columns, Epilogue, Term, multiply};
 use crate::kernels::norm::{NormKept, NormRows, Normalised, layer_norm, layer_norm_backward};
@@ -27,112 +25,25 @@ pub(crate) struct Mlp {
     pieces: [Piece; 2],
 }
 
-/// Activations of all rows, kept for the backward pass.
-#[derive(Default)]
-pub(crate) struct MlpRecord<T> {
-    hidden1: Aligned<T>,
-    hidden2: Aligned<T>,
-    normal: Aligned<T>,
-    inverse_deviation: Aligned<T>,
-}
+/// Activations of a chunk of rows: after the first and the second ReLU, both `[rows, latent]`; the
+/// normalised output `[rows, outputs]` and 1 / its deviation `[rows]`, both empty without LayerNorm.
+pub(crate) const ACTIVATIONS: usize = 4;
 
-split_rows! {
-    /// Rows of a [`MlpRecord`]; empty where nothing is kept.
-    pub(crate) struct MlpRows<'a, T> {
-        /// `[rows, latent]`.
-        pub(crate) hidden1: Rows<'a, T>,
-        /// `[rows, latent]`.
-        pub(crate) hidden2: Rows<'a, T>,
-        /// `[rows, outputs]`; empty without LayerNorm.
-        pub(crate) normal: Rows<'a, T>,
-        /// `[rows]`; empty without LayerNorm.
-        pub(crate) inverse_deviation: Rows<'a, T>,
+/// Activations of a chunk that are written.
+pub(crate) type Tile<'a, T> = [&'a mut [T]; ACTIVATIONS];
+
+/// The rows that are kept, or room for `rows` rows in `spare` where none are.
+pub(crate) fn tile<'a, T>(
+    kept: [Rows<'a, T>; ACTIVATIONS],
+    spare: &'a mut [Aligned<T>; ACTIVATIONS],
+    rows: usize,
+) -> Tile<'a, T> {
+    if !kept[0].is_empty() {
+        return kept.map(|rows| rows.values);
     }
-}
-
-/// Activations of a tile that are written.
-pub(crate) struct MlpTile<'a, T> {
-    /// After the first ReLU, `[rows, latent]`.
-    pub(crate) hidden1: &'a mut [T],
-    /// After the second ReLU, `[rows, latent]`.
-    pub(crate) hidden2: &'a mut [T],
-    /// The normalised output, `[rows, outputs]`; unused without LayerNorm.
-    pub(crate) normal: &'a mut [T],
-    /// 1 / deviation of each output row, `[rows]`; unused without LayerNorm.
-    pub(crate) inverse_deviation: &'a mut [T],
-}
-
-impl<'a, T> MlpRows<'a, T> {
-    /// The rows as a tile.
-    pub(crate) fn into_tile(self) -> MlpTile<'a, T> {
-        MlpTile {
-            hidden1: self.hidden1.values,
-            hidden2: self.hidden2.values,
-            normal: self.normal.values,
-            inverse_deviation: self.inverse_deviation.values,
-        }
-    }
-}
-
-/// Activations of a tile that are read.
-#[derive(Clone, Copy)]
-pub(crate) struct MlpKept<'a, T> {
-    hidden1: &'a [T],
-    hidden2: &'a [T],
-    norm: NormKept<'a, T>,
-}
-
-/// Gradients of a tile on its way back.
-pub(crate) struct MlpGradients<'a, T> {
-    /// In: with respect to the output, `[rows, outputs]`; overwritten.
-    pub(crate) output: &'a mut [T],
-    /// Room for the gradient of the second layer's sums, `[rows, latent]`.
-    pub(crate) hidden: &'a mut [T],
-    /// Out: with respect to the first layer's sums, `[rows, latent]`.
-    pub(crate) pre_activation: &'a mut [T],
-}
-
-impl<T: Real> MlpRecord<T> {
-    /// Numbers held.
-    #[cfg(test)]
-    pub(crate) fn number_count(&self) -> usize {
-        let rows = [&self.hidden1, &self.hidden2, &self.normal];
-        let held: usize = rows.iter().map(|numbers| numbers.len()).sum();
-        held + self.inverse_deviation.len()
-    }
-
-    /// Makes room for `rows` rows.
-    pub(crate) fn fit(&mut self, mlp: &Mlp, rows: usize) {
-        self.hidden1.resize(rows * mlp.first.outputs);
-        self.hidden2.resize(rows * mlp.second.outputs);
-        let normal = if mlp.norm.is_some() { rows } else { 0 };
-        self.normal.resize(normal * mlp.third.outputs);
-        self.inverse_deviation.resize(normal);
-    }
-
-    /// All rows, to be written.
-    pub(crate) fn rows(&mut self, mlp: &Mlp) -> MlpRows<'_, T> {
-        MlpRows {
-            hidden1: Rows::new(&mut self.hidden1, mlp.first.outputs),
-            hidden2: Rows::new(&mut self.hidden2, mlp.second.outputs),
-            normal: Rows::new(&mut self.normal, mlp.third.outputs),
-            inverse_deviation: Rows::new(&mut self.inverse_deviation, 1),
-        }
-    }
-
-    /// The rows of a tile, to be read.
-    pub(crate) fn tile(&self, mlp: &Mlp, rows: &Range<usize>) -> MlpKept<'_, T> {
-        let of = |width: usize| rows.start * width..rows.end * width;
-        let normal = |width: usize| if mlp.norm.is_some() { of(width) } else { 0..0 };
-        MlpKept {
-            hidden1: &self.hidden1[of(mlp.first.outputs)],
-            hidden2: &self.hidden2[of(mlp.second.outputs)],
-            norm: NormKept {
-                normal: &self.normal[normal(mlp.third.outputs)],
-                inverse_deviation: &self.inverse_deviation[normal(1)],
-            },
-        }
-    }
+    let mut widths = kept.iter().map(Rows::width);
+    let spare = spare.each_mut();
+    spare.map(|array| &mut array[..rows * widths.next().unwrap_or(0)])
 }
 
 impl Mlp {
@@ -183,32 +94,38 @@ impl Mlp {
         Epilogue::BiasRelu(&weights.flat[self.first.bias_range()])
     }
 
+    /// Numbers in a row of each of the activations.
+    pub(crate) fn widths(&self) -> [usize; ACTIVATIONS] {
+        let [normal, deviation] = self.norm.map_or([0, 0], |norm| [norm.width, 1]);
+        [self.first.outputs, self.second.outputs, normal, deviation]
+    }
+
     /// The first layer, from its terms and its epilogue.
     pub(crate) fn first_layer<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
         terms: &[Term<'_, T>],
         epilogue: Epilogue<'_, T>,
-        tile: &mut MlpTile<'_, T>,
+        [hidden1, ..]: &mut Tile<'_, T>,
     ) {
-        let columns = self.first.outputs;
-        multiply(weights.instructions, terms, columns, epilogue, tile.hidden1);
+        let using = weights.instructions;
+        multiply(using, terms, self.first.outputs, epilogue, hidden1);
     }
 
     /// From the first layer's activations to the output.
     pub(crate) fn forward<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
-        tile: MlpTile<'_, T>,
+        [hidden1, hidden2, normal, inverse_deviation]: Tile<'_, T>,
         out: Normalised<'_, T>,
     ) {
         let (using, flat) = (weights.instructions, weights.flat);
         let [second, third] = &self.pieces;
         let epilogue = Epilogue::BiasRelu(&flat[self.second.bias_range()]);
-        let term = second.times(weights, tile.hidden1);
-        multiply(using, &[term], self.second.outputs, epilogue, tile.hidden2);
+        let term = second.times(weights, hidden1);
+        multiply(using, &[term], self.second.outputs, epilogue, hidden2);
         let epilogue = Epilogue::Bias(&flat[self.third.bias_range()]);
-        let term = third.times(weights, tile.hidden2);
+        let term = third.times(weights, hidden2);
         let Some(norm) = &self.norm else {
             // A decoder's output is nothing's update.
             if let Normalised::Set(out) = out {
@@ -216,40 +133,40 @@ impl Mlp {
             }
             return;
         };
-        multiply(using, &[term], self.third.outputs, epilogue, tile.normal);
+        multiply(using, &[term], self.third.outputs, epilogue, normal);
         let rows = NormRows {
-            normal: tile.normal,
-            inverse_deviation: tile.inverse_deviation,
+            normal,
+            inverse_deviation,
         };
         let (weight, shift) = (&flat[norm.weight_range()], &flat[norm.bias_range()]);
         layer_norm(using, rows, weight, shift, out);
     }
 
-    /// From the gradient of the output to the pre-activation gradient of the first layer. Adds the
-    /// gradients of all weights except the first layer's matrix.
+    /// From the gradient of the output `[rows, outputs]`, which is overwritten, to that of the sums
+    /// of the first layer, with room for that of the second layer's, `[rows, latent]` both. Adds
+    /// the gradients of all weights except the first layer's matrix.
     pub(crate) fn backward<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
-        kept: MlpKept<'_, T>,
-        gradients: MlpGradients<'_, T>,
+        [hidden1, hidden2, normal, inverse_deviation]: [&[T]; ACTIVATIONS],
+        [output, hidden, pre_activation]: [&mut [T]; 3],
         gradient: &mut ModuleGradient<'_, T>,
     ) {
         let (using, latent) = (weights.instructions, self.first.outputs);
-        let MlpGradients {
-            output,
-            hidden,
-            pre_activation,
-        } = gradients;
         let [second, third] = &self.pieces;
         if let Some(norm) = &self.norm {
             let weight = &weights.flat[norm.weight_range()];
-            layer_norm_backward(using, output, kept.norm, weight, gradient.layer_norm(norm));
+            let kept = NormKept {
+                normal,
+                inverse_deviation,
+            };
+            layer_norm_backward(using, output, kept, weight, gradient.layer_norm(norm));
         }
-        gradient.add_linear(using, &self.third, output, kept.hidden2);
-        let (term, mask) = (third.back(weights, output), Epilogue::Mask(kept.hidden2));
+        gradient.add_linear(using, &self.third, output, hidden2);
+        let (term, mask) = (third.back(weights, output), Epilogue::Mask(hidden2));
         multiply(using, &[term], latent, mask, hidden);
-        gradient.add_linear(using, &self.second, hidden, kept.hidden1);
-        let (term, mask) = (second.back(weights, hidden), Epilogue::Mask(kept.hidden1));
+        gradient.add_linear(using, &self.second, hidden, hidden1);
+        let (term, mask) = (second.back(weights, hidden), Epilogue::Mask(hidden1));
         multiply(using, &[term], latent, mask, pre_activation);
         let bias = gradient.at(self.first.bias_range());
         add_column_sums(using, bias, pre_activation);

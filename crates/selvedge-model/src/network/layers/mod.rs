@@ -4,12 +4,8 @@
 //! outputs of a layer stay in cache.
 
 pub(crate) mod block;
-pub(crate) mod block_rows;
 pub(crate) mod encoder;
 pub(crate) mod gru;
 mod gru_layer;
 pub(crate) mod mlp;
 pub(crate) mod scratch;
-
-#[cfg(test)]
-mod pytorch;

@@ -41,7 +41,7 @@ fn trained(data: &Swinging, cfg: &TrainConfig, count: usize, names: [Option<&str
         trainer.collect().unwrap();
         if ranks.is_first() {
             let to: &PathBuf = to.as_ref().unwrap();
-            trainer.save(to, &data.dataset).unwrap();
+            trainer.save(to).unwrap();
         }
         trainer.learned().clone()
     };
@@ -70,7 +70,7 @@ fn any_number_of_ranks_gives_the_bytes_of_one_with_a_resume_on_another_number() 
             alone.step().unwrap();
         }
         let path = data.folder.path().join("alone");
-        alone.save(&path, &data.dataset).unwrap();
+        alone.save(&path).unwrap();
         assert!(std::fs::read(path).unwrap() == whole);
         for (count, then) in [(2, 3), (3, 1), (4, 5), (5, 2)] {
             cfg.steps = 4;
@@ -136,7 +136,7 @@ fn where_one_rank_gives_a_step_up_all_do_and_all_go_on_from_before_it() {
         }
         trainer.collect().unwrap();
         if ranks.is_first() {
-            trainer.save(&path, &data.dataset).unwrap();
+            trainer.save(&path).unwrap();
         }
         given_up
     };

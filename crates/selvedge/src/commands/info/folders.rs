@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, anyhow};
 use selvedge_lab::folder_kind::{EVALUATIONS, FolderKind, TRAININGS};
 use selvedge_lab::report::TrainingLog;
-use selvedge_train::{CorrectionConfig, TrainConfig, files};
-use serde_json::{Value, json};
+use selvedge_train::{TrainConfig, files};
+use serde_json::json;
 
 use super::dataset;
 use crate::output::{Answer, Facts, folded};
@@ -24,32 +24,12 @@ pub(super) fn inspect(folder: &Path) -> anyhow::Result<Answer> {
     }
 }
 
-/// The parts of a training's configuration that are shown.
-pub(super) struct Configured {
-    pub(super) name: String,
-    steps: u64,
-    config: Value,
-}
-
-/// The configuration in the folder of a training, on data or by an expert.
-pub(super) fn config_in(folder: &Path) -> anyhow::Result<Configured> {
+/// The configuration in the folder of a training.
+pub(super) fn config_in(folder: &Path) -> anyhow::Result<TrainConfig> {
     let path = folder.join(files::CONFIG);
     let text = selvedge_data::read_text(&path)
         .with_context(|| format!("{}: could not be read", path.display()))?;
-    if CorrectionConfig::is_meant(&text) {
-        let cfg = CorrectionConfig::parse_with(&text, &path, &[])?;
-        return Ok(Configured {
-            config: serde_json::to_value(&cfg)?,
-            name: cfg.name,
-            steps: cfg.steps,
-        });
-    }
-    let cfg = TrainConfig::parse(&text, &path)?;
-    Ok(Configured {
-        config: serde_json::to_value(&cfg)?,
-        name: cfg.name,
-        steps: cfg.steps,
-    })
+    Ok(TrainConfig::parse(&text, &path)?)
 }
 
 /// Says that there is nothing to say on a folder of this kind.
@@ -96,7 +76,7 @@ fn inspect_training(folder: &Path) -> anyhow::Result<Answer> {
         "first_loss": first.map(|row| row.loss),
         "last_loss": last.map(|row| row.loss),
         "files": there,
-        "config": cfg.config,
+        "config": cfg,
     });
     Answer::new(facts, &report)
 }

@@ -28,7 +28,7 @@ use selvedge_data::{
 use selvedge_lab::folder_kind::FolderKind;
 use selvedge_lab::{physics, study};
 use selvedge_model::{MODEL_FORMAT, Model, Network};
-use selvedge_train::{CHECKPOINT_FORMAT, CORRECTION_FORMAT, CorrectionConfig, TrainConfig};
+use selvedge_train::{CHECKPOINT_FORMAT, TrainConfig};
 use serde_json::{Value, json};
 
 use crate::cli::InfoArgs;
@@ -112,10 +112,6 @@ fn inspect_toml(path: &Path, name: &str) -> anyhow::Result<Answer> {
     if table.contains_key("setting") {
         return plan::run(name);
     }
-    if CorrectionConfig::is_meant(&text) {
-        let cfg = CorrectionConfig::parse_with(&text, path, &[])?;
-        return inspect_correction(&cfg, name);
-    }
     if table.contains_key("evaluation") {
         return inspect_study(&table, name);
     }
@@ -154,33 +150,16 @@ fn inspect_study(table: &toml::Table, name: &str) -> anyhow::Result<Answer> {
     Answer::new(facts, &report)
 }
 
-/// A configuration of a training that corrects physics.
-fn inspect_correction(cfg: &CorrectionConfig, name: &str) -> anyhow::Result<Answer> {
-    let mut facts = Facts::new();
-    facts.add(
-        "kind",
-        "training configuration, of a model that corrects physics",
-    );
-    facts.add("file", name);
-    facts.add("name", &cfg.name);
-    facts.add("steps", cfg.steps);
-    facts.add("samples per step", cfg.batch.samples);
-    facts.add("parameters", Network::new(&cfg.model)?.parameter_count());
-    facts.add("latent", cfg.model.latent);
-    facts.add("blocks", cfg.model.blocks);
-    facts.add("corrects", serde_json::to_string(&cfg.model.base)?);
-    facts.add(
-        "teacher",
-        format!("{} solves per frame", cfg.teacher.substeps),
-    );
-    facts.add("scenes", folded(&cfg.teacher.scenes));
-    let report = json!({ "kind": "correction-training", "file": name, "config": cfg });
-    Answer::new(facts, &report)
-}
-
 fn inspect_training(cfg: &TrainConfig, name: &str) -> anyhow::Result<Answer> {
     let mut facts = Facts::new();
-    facts.add("kind", "training configuration");
+    let (kind, of_what) = match cfg.teacher {
+        None => ("training", "training configuration"),
+        Some(_) => (
+            "correction-training",
+            "training configuration, of a model that corrects physics",
+        ),
+    };
+    facts.add("kind", of_what);
     facts.add("file", name);
     facts.add("name", &cfg.name);
     facts.add("steps", cfg.steps);
@@ -189,7 +168,13 @@ fn inspect_training(cfg: &TrainConfig, name: &str) -> anyhow::Result<Answer> {
     facts.add("encoder", serde_json::to_string(&cfg.model.encoder)?);
     facts.add("latent", cfg.model.latent);
     facts.add("blocks", cfg.model.blocks);
-    let report = json!({ "kind": "training", "file": name, "config": cfg });
+    if let Some(teacher) = &cfg.teacher {
+        facts.add("corrects", serde_json::to_string(&cfg.model.base)?);
+        let teacher_solves = format!("{} solves per frame", teacher.substeps);
+        facts.add("teacher", teacher_solves);
+        facts.add("scenes", folded(&teacher.scenes));
+    }
+    let report = json!({ "kind": kind, "file": name, "config": cfg });
     Answer::new(facts, &report)
 }
 
@@ -210,8 +195,7 @@ fn inspect_container(path: &Path) -> anyhow::Result<Answer> {
             inspect_states(&bytes, path)
         }
         Err(TrajectoryFileError::Metadata { name, found, .. })
-            if name == "format"
-                && [CHECKPOINT_FORMAT, CORRECTION_FORMAT].contains(&found.as_str()) =>
+            if name == "format" && found == CHECKPOINT_FORMAT =>
         {
             inspect_checkpoint(bytes.len(), path)
         }
