@@ -152,13 +152,22 @@ fn refuse_with_teacher(args: &TrainArgs) -> anyhow::Result<()> {
 }
 
 /// The text of a configuration: a shipped one's, or that of a file.
-fn text_of(config: &str) -> Result<String, ConfigError> {
+fn text_of(config: &str) -> anyhow::Result<String> {
     match assets::training(config) {
         Some(text) => Ok(text.to_owned()),
-        None => selvedge_data::read_text(Path::new(config)).map_err(|source| ConfigError::Read {
-            path: config.into(),
-            source,
-        }),
+        None if !Path::new(config).exists() => {
+            let known: Vec<&str> = assets::TRAININGS.iter().map(|entry| entry.0).collect();
+            bail!(
+                "{config}: is neither a file nor a shipped configuration; shipped are {}",
+                known.join(", ")
+            )
+        }
+        None => Ok(
+            selvedge_data::read_text(Path::new(config)).map_err(|source| {
+                let path = config.into();
+                ConfigError::Read { path, source }
+            })?,
+        ),
     }
 }
 
