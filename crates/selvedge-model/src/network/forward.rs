@@ -175,7 +175,7 @@ impl Network {
             };
             Workspace::with_scratch(scratch, |scratch| {
                 let layer = weights.layer(FIRST_BLOCK + number);
-                block.forward(layer, input, &mut nodes, kept, arcs, scratch);
+                block.forward(layer, input, (&mut nodes, kept), arcs, scratch);
                 let Some(next) = self.blocks.get(number + 1) else {
                     return self.decode(weights, &nodes, decoded, scratch);
                 };

@@ -150,13 +150,13 @@ impl Block {
         );
     }
 
-    /// Updates the latent vectors of a partition in place.
+    /// Updates the latent vectors of a partition in place, its nodes with the rows that are kept of
+    /// them.
     pub(crate) fn forward<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
         input: BlockInput<'_, T>,
-        nodes: &mut Rows<'_, T>,
-        kept: [Rows<'_, T>; 6],
+        (nodes, kept): (&mut Rows<'_, T>, [Rows<'_, T>; 6]),
         mut arcs: ArcRows<'_, T>,
         scratch: &mut Scratch<T>,
     ) {
