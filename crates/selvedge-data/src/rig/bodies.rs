@@ -119,14 +119,14 @@ impl MovingBody {
             .collect()
     }
 
-    /// Positions in every frame from `from` `[s]` after the first key to the last, `frame_rate` a
-    /// second.
+    /// Positions in every frame from `from` `[s]` after the start of the file to the last key,
+    /// `frame_rate` a second.
     ///
     /// # Errors
     /// [`RigError::Long`] for more than 100000 frames.
     pub(crate) fn frames(&self, frame_rate: f64, from: f64) -> Result<Vec<Vec<DVec3>>, RigError> {
-        let [first, last] = self.span().unwrap_or_default();
-        let start = first + from;
+        let last = self.span().map_or(self.rig.start, |span| span[1]);
+        let start = self.rig.start + from;
         let steps = steps((last - start).max(0.0), frame_rate)?;
         let time = |frame: usize| start + frame as f64 / frame_rate;
         Ok((0..=steps)

@@ -278,7 +278,22 @@ impl File<'_> {
         Ok(Rig {
             nodes: nodes.collect::<Result<_, _>>()?,
             world: DMat4::IDENTITY,
+            start: self.start(),
         })
+    }
+
+    /// Time of the first key of all that is animated `[s]`.
+    fn start(&self) -> f64 {
+        let animations = self.document.animations.iter();
+        let samplers = animations.flat_map(|animation| {
+            let channels = animation.channels.iter();
+            channels.filter_map(|channel| animation.samplers.get(channel.sampler))
+        });
+        let firsts = samplers.filter_map(|sampler| {
+            let times = self.numbers(sampler.input, 1).ok()?;
+            times.first().copied()
+        });
+        firsts.reduce(f64::min).unwrap_or_default()
     }
 
     /// What `read` makes of every node that has a mesh, and of its mesh.

@@ -142,7 +142,7 @@ pub(super) fn mesh(path: &str, bytes: &[u8]) -> Result<Body, Problem> {
 /// Frames per second, and the points in every frame.
 pub(crate) type Frames = (f64, Vec<Vec<DVec3>>);
 
-/// The points in a file of any kind but .obj, from `from` `[s]` after its first key on, and their
+/// The points in a file of any kind but .obj, from `from` `[s]` after its start on, and their
 /// frames per second: `rate` for what has times of its own or says none. Of a .glb with several
 /// animations one is named.
 ///

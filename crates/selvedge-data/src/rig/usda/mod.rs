@@ -33,27 +33,28 @@ const DEEPEST: usize = 200;
 /// The rig in the bytes of a file.
 pub(super) fn parse(bytes: &[u8]) -> Result<Rig, RigError> {
     let (prims, stage) = read(bytes, false)?;
-    rig(prims, &stage)
+    Ok(rig(&prims, &stage))
 }
 
 /// The rig in the bytes of a file, and its meshes as they move.
 pub(super) fn parse_bodies(bytes: &[u8]) -> Result<(Rig, Vec<MovingMesh>), RigError> {
     let (mut prims, stage) = read(bytes, true)?;
     let rate = stage.rate();
+    let rig = rig(&prims, &stage);
     let mut made = Vec::new();
     for mesh in meshes::meshes(&prims)? {
         let prim = &mut prims[mesh.node];
         let timed = prim.take_samples(meshes::POINTS);
         made.push(meshes::moving(mesh, timed, rate, &prim.name)?);
     }
-    Ok((rig(prims, &stage)?, made))
+    Ok((rig, made))
 }
 
 /// The rig in the bytes of a file, and the meshes of its prims.
 pub(super) fn parse_meshes(bytes: &[u8]) -> Result<(Rig, Vec<NodeMesh>), RigError> {
     let (prims, stage) = read(bytes, true)?;
     let meshes = meshes::meshes(&prims)?;
-    Ok((rig(prims, &stage)?, meshes))
+    Ok((rig(&prims, &stage), meshes))
 }
 
 /// The prims of a file, with the arrays of meshes where they are wanted, and its stage.
@@ -121,6 +122,7 @@ impl<'a> Reader<'a> {
             }
             match key {
                 "timeCodesPerSecond" => stage.codes_per_second = Some(self.positive(key)?),
+                "startTimeCode" => stage.start_code = Some(self.tokens.number()?),
                 "framesPerSecond" => stage.frames_per_second = Some(self.positive(key)?),
                 "metersPerUnit" => stage.metres_per_unit = self.positive(key)?,
                 "upAxis" => {

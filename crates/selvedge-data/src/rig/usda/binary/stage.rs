@@ -76,6 +76,10 @@ impl Reader<'_> {
             match name {
                 "timeCodesPerSecond" => stage.codes_per_second = Some(positive(name, rep)?),
                 "framesPerSecond" => stage.frames_per_second = Some(positive(name, rep)?),
+                "startTimeCode" => {
+                    let code = self.values.numbers(rep)?;
+                    stage.start_code = code.and_then(|code| code.first().copied());
+                }
                 "metersPerUnit" => stage.metres_per_unit = positive(name, rep)?,
                 "upAxis" => {
                     stage.is_z_up = match self.token(rep) {
