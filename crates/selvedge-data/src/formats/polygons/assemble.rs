@@ -13,6 +13,7 @@ use super::flat::planar_coordinates;
 use super::options::{MeshOptions, PatternSource, Seams, TextureUnit};
 use super::orient::orient;
 use super::shape::{in_own_plane, own_shape};
+use super::slits::warn_of_slits;
 use super::soup::{Corner, Place, Polygon, Polygons, ReadMesh};
 use super::triangulate::triangulate;
 use super::weld::weld;
@@ -35,6 +36,7 @@ pub(crate) fn assemble(
     check_corners(&polygons)?;
     drop_unused(&mut polygons);
     orient(&mut polygons);
+    warn_of_slits(&mut polygons);
     let thread = options.thread.unwrap_or(DVec3::Y);
     if thread.try_normalize().is_none() {
         let found = thread.to_string();
