@@ -47,7 +47,7 @@ pub(crate) fn read_body(
         }
     };
     if meshes.is_empty() {
-        return Err(RigError::NoMesh);
+        return Err(RigError::NoMesh(rig.warnings));
     }
     for node in meshes.iter().flat_map(MovingMesh::nodes) {
         rig.check_chain(node)?;
@@ -80,6 +80,11 @@ impl MovingBody {
             first += count;
         }
         Ok(faces)
+    }
+
+    /// Warnings of what of the file is not read.
+    pub(crate) fn warnings(&self) -> &[String] {
+        &self.rig.warnings
     }
 
     /// Times of the first and the last key that move it `[s]`; none if nothing does.

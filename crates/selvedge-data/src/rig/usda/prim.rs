@@ -56,11 +56,38 @@ pub(super) struct Prim {
     pub(super) attributes: Vec<Attribute>,
     pub(super) order: Option<Vec<String>>,
     pub(super) obstacle: Option<String>,
+    /// What it brings from elsewhere, which is not read.
+    pub(super) composed: Option<String>,
     /// Type of the prim.
     pub(super) kind: String,
+    /// True where it is a class, which stands for nothing itself.
+    pub(super) is_class: bool,
+    pub(super) is_invisible: bool,
+    /// Its own purpose.
+    pub(super) purpose: Option<String>,
+    /// True where it has properties of `skel:`.
+    pub(super) is_skinned: bool,
 }
 
 impl Prim {
+    /// Keeps what it brings from elsewhere, which is not read.
+    pub(super) fn composes(&mut self, what: &str) {
+        let problem = format!(
+            "it has {what}, which are not followed here: flatten the stage (usdcat --flatten)"
+        );
+        self.obstacle.get_or_insert(problem.clone());
+        self.composed.get_or_insert(problem);
+    }
+
+    /// Keeps what an attribute with a token says of the prim.
+    pub(super) fn says(&mut self, name: &str, token: &str) {
+        match name {
+            "visibility" => self.is_invisible = token == "invisible",
+            "purpose" => self.purpose = Some(token.to_owned()),
+            _ => {}
+        }
+    }
+
     /// The first numbers of an array that makes a mesh.
     pub(super) fn array(&self, name: &str) -> Option<&[f64]> {
         match &named(&self.attributes, name)?.samples {
@@ -90,6 +117,7 @@ pub(super) fn rig(prims: &[Prim], stage: &Stage) -> Rig {
         nodes: prims.iter().map(|prim| node(prim, rate)).collect(),
         world: stage.world(),
         start: first.unwrap_or_default() / rate,
+        warnings: Vec::new(),
     }
 }
 
