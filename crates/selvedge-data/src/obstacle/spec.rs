@@ -152,7 +152,7 @@ impl ObstacleSpec {
         let size = extent(&body.points);
         if matches!(self.body, BodySpec::Mesh { .. }) && !SIZES.contains(&size) {
             left.push(format!(
-                "it is {size:.3e} m long: is its file in metres? transform.scale brings it there (0.001 from millimetres)"
+                "it is {size:.4} m long: is its file in metres? transform.scale brings it there (0.001 from millimetres)"
             ));
         }
         let name = &self.name;

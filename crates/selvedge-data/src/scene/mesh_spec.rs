@@ -298,7 +298,7 @@ impl MeshSpec {
         let size = extent(sheet.mesh.positions());
         if !SIZES.contains(&size) {
             warnings.push(format!(
-                "mesh: the cloth is {size:.3e} m long, {}: is its file in metres? mesh.transform.scale brings it there, with its pattern (0.001 from millimetres)",
+                "mesh: the cloth is {size:.4} m long, {}: is its file in metres? mesh.transform.scale brings it there, with its pattern (0.001 from millimetres)",
                 if size < 1.0 { "less than 1 cm" } else { "more than 20 m" }
             ));
         }

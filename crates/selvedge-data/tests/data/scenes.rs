@@ -60,7 +60,7 @@ fn a_cloth_in_another_unit_is_warned_of_with_the_remedy() {
         parse(&text.replace("seed = 1 } }", &scaled))
     };
     for (size, transform, expected) in [
-        ("600", "", "6.000e2 m long, more than 20 m"),
+        ("600", "", "600.0000 m long, more than 20 m"),
         ("0.005", "", "less than 1 cm"),
         ("1", "scale = 0.001", "less than 1 cm"),
     ] {

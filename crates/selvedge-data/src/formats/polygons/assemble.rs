@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec2};
 use selvedge_cloth::generate::Sheet;
 use selvedge_cloth::{FaceFabrics, FaceId, LoosePanels, Mesh, MeshError, TopologyError, VertexId};
 
@@ -44,7 +44,8 @@ pub(crate) fn assemble(
     }
     let flat = rest_coordinates(&mut polygons, options)?;
     let triangles = split(&polygons, flat.as_deref(), thread)?;
-    finish(polygons, &triangles, flat.is_none())
+    let is_other = options.pattern == PatternSource::Shape || options.texture == TextureUnit::Fit;
+    finish(polygons, &triangles, flat.is_none(), is_other)
 }
 
 /// Triangles with their rest shapes and where they come from.
@@ -55,6 +56,8 @@ struct Triangles {
     places: Vec<Place>,
     /// Corners' places before the panels were sewn; of no face where they were not.
     loose: Vec<[u32; 3]>,
+    /// Texture coordinates of the corners; of no face where there are none.
+    texture: Vec<[Vec2; 3]>,
 }
 
 /// Material coordinates of each polygon's corners `[m]`, `[polygons][corners]`; none where the rest
@@ -186,6 +189,7 @@ fn split(
         fabrics: Vec::new(),
         places: Vec::new(),
         loose: Vec::new(),
+        texture: Vec::new(),
     };
     for (number, polygon) in polygons.polygons.iter().enumerate() {
         let corners = polygon.corners.len();
@@ -209,19 +213,31 @@ fn split(
             if let [Some(a), Some(b), Some(c)] = triangle.map(|k| polygon.corners[k].loose) {
                 made.loose.push([a, b, c]);
             }
+            if let [Some(a), Some(b), Some(c)] = triangle.map(|k| polygon.corners[k].texture) {
+                let texture = [a, b, c].map(|k| polygons.texture[k].as_vec2());
+                made.texture.push(texture);
+            }
         }
     }
     Ok(made)
 }
 
+/// The mesh of these triangles; `is_own_shape` where their shapes are no pattern, and
+/// `is_other_texture` where the texture coordinates of the file are not those of the pattern.
 fn finish(
     mut polygons: Polygons,
     triangles: &Triangles,
     is_own_shape: bool,
+    is_other_texture: bool,
 ) -> Result<ReadMesh, MeshFileError> {
     let positions = polygons.positions.clone();
     let mesh = Mesh::sewn(&triangles.faces, &triangles.shapes, positions);
     let mut mesh = mesh.map_err(|error| placed(error, &polygons, &triangles.places))?;
+    if is_other_texture && triangles.texture.len() == triangles.faces.len() {
+        mesh = mesh.with_texture(Some(&triangles.texture));
+    } else if is_own_shape {
+        mesh = mesh.with_texture(None);
+    }
     if triangles.fabrics.iter().any(Option::is_some) {
         mesh = mesh.with_fabrics(FaceFabrics {
             names: std::mem::take(&mut polygons.fabrics),
