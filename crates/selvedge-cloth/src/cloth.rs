@@ -8,7 +8,7 @@
 use glam::{DVec2, Vec2, Vec3};
 use thiserror::Error;
 
-use crate::pattern::{Pattern, PatternError, check_corners};
+use crate::pattern::{Pattern, PatternError, Texture, check_corners};
 use crate::{FaceId, HandleError, Handles, Mesh, MeshError, RestShape, Scene, Topology, VertexId};
 
 /// The arrays of a [`Cloth`], one entry per vertex or per face.
@@ -34,6 +34,7 @@ pub struct Cloth {
     arrays: ClothArrays,
     /// Points of the faces' corners, where a vertex has more than one.
     corners: Option<Vec<[u32; 3]>>,
+    texture: Texture,
 }
 
 /// Parts that do not make a [`Cloth`].
@@ -108,6 +109,7 @@ impl Cloth {
             handles,
             arrays,
             corners,
+            texture: Texture::Pattern,
         })
     }
 
@@ -130,7 +132,9 @@ impl Cloth {
         };
         let pattern = mesh.pattern();
         let corners = pattern.is_sewn().then(|| pattern.corners());
-        Self::with_corners(mesh.topology().clone(), handles, arrays, corners)
+        let cloth = Self::with_corners(mesh.topology().clone(), handles, arrays, corners)?;
+        let texture = mesh.texture().clone();
+        Ok(Self { texture, ..cloth })
     }
 
     /// Makes the cloth of `scene` with its sagged `rest_positions` `[m]`, `[vertices]`.
@@ -160,7 +164,34 @@ impl Cloth {
             rest_positions,
             ..self.arrays
         };
-        Self::with_corners(self.topology, self.handles, arrays, self.corners)
+        let cloth = Self::with_corners(self.topology, self.handles, arrays, self.corners)?;
+        let texture = self.texture;
+        Ok(Self { texture, ..cloth })
+    }
+
+    /// The same cloth with these texture coordinates.
+    ///
+    /// # Errors
+    /// [`ClothError::NonFinite`]; [`ClothError::Pattern`] where their faces do not fit,
+    /// [`ClothError::Count`] where there are no faces and not one per vertex.
+    pub fn with_texture(self, texture: Texture) -> Result<Self, ClothError> {
+        if let Texture::Own(own) = &texture {
+            check_finite("the texture coordinate", &own.points, |c| c.extend(0.0))?;
+            let (expected, found) = (self.vertex_count(), own.points.len());
+            match &own.corners {
+                Some(corners) => check_corners(&self.topology, found, corners)?,
+                None if found == expected => {}
+                None => {
+                    let what = "the list of texture coordinates";
+                    return Err(ClothError::Count {
+                        what,
+                        expected,
+                        found,
+                    });
+                }
+            }
+        }
+        Ok(Self { texture, ..self })
     }
 
     /// The mesh that starts at the rest positions.
@@ -214,6 +245,25 @@ impl Cloth {
     pub fn pattern(&self) -> Pattern<'_, Vec2> {
         let points = &self.arrays.material_coordinates;
         Pattern::new(&self.topology, points, self.corners.as_deref())
+    }
+
+    /// The texture coordinates.
+    #[must_use]
+    pub fn texture(&self) -> &Texture {
+        &self.texture
+    }
+
+    /// The texture coordinates as points of a plane, each of one vertex; none where there are none.
+    #[must_use]
+    pub fn texture_points(&self) -> Option<Pattern<'_, Vec2>> {
+        match &self.texture {
+            Texture::Pattern => Some(self.pattern()),
+            Texture::None => None,
+            Texture::Own(own) => {
+                let corners = own.corners.as_deref();
+                Some(Pattern::new(&self.topology, &own.points, corners))
+            }
+        }
     }
 
     /// Points of the pattern `[m]`, `[points]`. The first are those of the vertices, each in its

@@ -90,7 +90,7 @@ pub use motion::{
     SplineMotion, Translation, TurnSense,
 };
 pub use obstacle::{Obstacle, ObstacleError, ObstaclePath, RigidKey};
-pub use pattern::{EdgeSide, NumberedPattern, Pattern, PatternError, PatternPoint};
+pub use pattern::{EdgeSide, NumberedPattern, Pattern, PatternError, PatternPoint, Texture};
 pub use physics::{
     AirLaw, ConjugateGradients, ElasticLaw, GeneralisedAlpha, HandleConstraint, Integrator,
     LinearSolver, PhysicsError, PhysicsMode, PhysicsSettings, SagSettings,

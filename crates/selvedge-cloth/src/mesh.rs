@@ -1,11 +1,11 @@
 //! A cloth before anything moves it: topology, start positions, pattern, rest angles, and the
 //! quantities of its rest shape.
 
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec2};
 use thiserror::Error;
 
 use crate::geometry::{dihedral_angle, signed_area_2d};
-use crate::pattern::{NumberedPattern, Pattern, PatternError, check_corners};
+use crate::pattern::{NumberedPattern, Pattern, PatternError, Texture, check_corners};
 use crate::{FaceId, Topology, TopologyError, VertexId};
 
 /// A triangle mesh of one or more sheets, flat or sewn, valid by construction.
@@ -21,6 +21,7 @@ pub struct Mesh {
     rest_angles: Vec<f64>,
     seam_stiffness: f64,
     fabrics: FaceFabrics,
+    texture: Texture,
 }
 
 /// Names of the fabrics of faces, as a file gives them.
@@ -149,6 +150,7 @@ impl Mesh {
             rest_angles: Vec::new(),
             seam_stiffness: 1.0,
             fabrics: FaceFabrics::default(),
+            texture: Texture::Pattern,
         })
     }
 
@@ -188,6 +190,21 @@ impl Mesh {
     #[must_use]
     pub fn seam_stiffness(&self) -> f64 {
         self.seam_stiffness
+    }
+
+    /// The texture coordinates.
+    #[must_use]
+    pub fn texture(&self) -> &Texture {
+        &self.texture
+    }
+
+    /// The same mesh with these texture coordinates of its faces' corners, `[faces, 3]`, v upwards,
+    /// or with none.
+    #[must_use]
+    pub fn with_texture(self, corners: Option<&[[Vec2; 3]]>) -> Self {
+        let own = |corners| Texture::Own(NumberedPattern::new(&self.topology, corners));
+        let texture = corners.map_or(Texture::None, own);
+        Self { texture, ..self }
     }
 
     /// Names of the faces' fabrics.

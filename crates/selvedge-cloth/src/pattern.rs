@@ -111,6 +111,18 @@ impl<P: PatternPoint> NumberedPattern<P> {
     }
 }
 
+/// The texture coordinates of a cloth, for those who draw it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Texture {
+    /// The points of its pattern.
+    #[default]
+    Pattern,
+    /// None: it has no pattern but the form of each face.
+    None,
+    /// Those of its file, where the pattern is another.
+    Own(NumberedPattern<Vec2>),
+}
+
 /// Checks faces over `points` points of a pattern, `[faces, 3]`, against the topology.
 ///
 /// # Errors

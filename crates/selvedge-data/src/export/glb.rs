@@ -7,8 +7,8 @@
 //! A target holds differences from the first frame, in single precision: vertices come back to
 //! within one rounding of their size, 1.2e-7 of it. Every key has a weight for every target, as the
 //! format wants it: 4 bytes times the square of the frames. Texture coordinates are (u, 1 - v) of
-//! the material's, for glTF counts v downwards. Vertices of the file are the points of the pattern:
-//! where the cloth is sewn, a vertex is there once per panel, with `_VERTEX` as the way back.
+//! the cloth's, for glTF counts v downwards. Vertices of the file are their points: a vertex with
+//! several, as at a seam, is there once for each, with `_VERTEX` as the way back.
 //! `_HANDLE` is the number of the handle that a vertex is, or -1.
 //!
 //! Format: Khronos Group, glTF 2.0 specification, sections 3.7 (meshes), 3.11 (animations), 4
@@ -233,18 +233,26 @@ impl Animation {
 /// The mesh of the cloth, and the animation of its morph targets and of its handles.
 fn cloth<'a>(take: &'a Take<'_>, binary: &mut Binary<'a>) -> (Value, Animation) {
     let cloth = take.trajectory.cloth();
-    let (pattern, frames) = (cloth.pattern(), take.len());
-    let (vertices, corners) = (pattern.points().len(), 3 * cloth.face_area().len());
+    let (texture, frames) = (cloth.texture_points(), take.len());
+    let texture_points = texture.map_or(&[][..], |texture| texture.points());
+    // The vertex of each point.
+    let of_points = move || match texture {
+        Some(texture) => texture.vertices(),
+        None => (0..cloth.vertex_count() as u32).collect(),
+    };
+    let is_split = texture.is_some_and(|texture| texture.is_sewn());
+    let (vertices, corners) = (of_points().len(), 3 * cloth.face_area().len());
     let handles = cloth.handles().vertices().len();
     let position = move |number| take.positions(number);
-    // glTF has one texture coordinate per vertex, so that it has the points of the pattern for
-    // vertices.
+    // glTF has one texture coordinate per vertex, so that it has their points for vertices.
     let split = move |values: &[Vec3]| -> Vec<Vec3> {
-        let vertices = pattern.vertices().into_iter();
+        let vertices = of_points().into_iter();
         vertices.map(|v| values[v as usize]).collect()
     };
     let indices = binary.view(Kind::Corners, corners, move |out, _| {
-        write_numbers(out, pattern.corners().as_flattened())
+        let corners = texture.map(|texture| texture.corners());
+        let corners = corners.unwrap_or_else(|| cloth.topology().face_indices());
+        write_numbers(out, corners.as_flattened())
     });
     let positions = binary.view(Kind::PerVertex(3), vertices * frames, move |out, pulse| {
         targets(frames, position).try_for_each(|target| {
@@ -258,18 +266,18 @@ fn cloth<'a>(take: &'a Take<'_>, binary: &mut Binary<'a>) -> (Value, Animation) 
             targets(frames, normals).try_for_each(|target| write_points(out, &split(&target)))
         })
     });
-    let texture = binary.view(Kind::PerVertex(2), vertices, move |out, _| {
-        let coordinates = cloth.material_coordinates().iter();
+    let coordinates = binary.view(Kind::PerVertex(2), texture_points.len(), move |out, _| {
+        let coordinates = texture_points.iter();
         write_floats(out, coordinates.flat_map(|c| [c.x, 1.0 - c.y]))
     });
     let of_handles = binary.view(Kind::PerVertex(1), vertices, move |out, _| {
         let numbers = take.handle_numbers();
-        let of_points = pattern.vertices().into_iter();
+        let of_points = of_points().into_iter();
         write_floats(out, of_points.map(|v| numbers[v as usize] as f32))
     });
-    let count = if pattern.is_sewn() { vertices } else { 0 };
+    let count = if is_split { vertices } else { 0 };
     let of_vertices = binary.view(Kind::PerVertex(1), count, move |out, _| {
-        write_floats(out, pattern.vertices().into_iter().map(|v| v as f32))
+        write_floats(out, of_points().into_iter().map(|v| v as f32))
     });
     let times = binary.view(Kind::PerKey(1), frames, move |out, _| {
         write_floats(out, (0..frames).map(|number| take.time(number) as f32))
@@ -297,9 +305,11 @@ fn cloth<'a>(take: &'a Take<'_>, binary: &mut Binary<'a>) -> (Value, Animation) 
     });
     let mut shapes: Vec<Value> = shapes.collect();
     let attributes = &mut shapes[0];
-    attributes["TEXCOORD_0"] = json!(binary.accessor(texture, 0, vertices));
+    if texture.is_some() {
+        attributes["TEXCOORD_0"] = json!(binary.accessor(coordinates, 0, vertices));
+    }
     attributes["_HANDLE"] = json!(binary.accessor(of_handles, 0, vertices));
-    if pattern.is_sewn() {
+    if is_split {
         attributes["_VERTEX"] = json!(binary.accessor(of_vertices, 0, vertices));
     }
     let mut mesh = mesh("sheet", shapes, indices, 0);

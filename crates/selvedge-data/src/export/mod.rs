@@ -4,8 +4,9 @@
 //!
 //! Frames are streamed: beside the trajectory, memory holds a frame or two. Files are written
 //! beside their place and renamed, folders as a whole. Positions are those of the trajectory, in
-//! metres; the first exported frame is at time 0. Vertices keep their numbers, material coordinates
-//! become texture coordinates. Obstacles stand beside the cloth: in the same file where it has
+//! metres; the first exported frame is at time 0. Vertices keep their numbers. Texture coordinates are
+//! the material coordinates, or those of the mesh's file where these are others; a cloth without a
+//! pattern has none. Obstacles stand beside the cloth: in the same file where it has
 //! meshes with names (USD, .abc, .glb) or arrays (.npz), else in files of their own.
 
 mod abc;

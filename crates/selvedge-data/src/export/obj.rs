@@ -99,7 +99,7 @@ fn with_frame<T>(take: &Take<'_>, number: usize, act: impl FnOnce(&ObjFrame<'_>)
     act(&ObjFrame {
         topology: cloth.topology(),
         positions: &positions,
-        pattern: cloth.pattern(),
+        texture: cloth.texture_points(),
         normals: normals.as_deref(),
     })
 }

@@ -50,7 +50,7 @@ pub(crate) fn parse_mesh_bytes(
         }
     };
     let mut polygons = polygons(bytes, format).map_err(|error| match error {
-        RigError::NoMesh => MeshFileError::NoMesh,
+        RigError::NoMesh(left) if left.is_empty() => MeshFileError::NoMesh,
         other => MeshFileError::Content {
             problem: other.to_string(),
         },

@@ -118,8 +118,8 @@ impl BodySpec {
         matches!(self, Self::Mesh { path, .. } if !path.ends_with(".obj"))
     }
 
-    /// Makes the body.
-    pub(super) fn build(&self, folder: &Path) -> Result<Body, Problem> {
+    /// Makes the body; what of its file is left out is said in `warnings`.
+    pub(super) fn build(&self, folder: &Path, warnings: &mut Vec<String>) -> Result<Body, Problem> {
         match self {
             &Self::Plane(Plane {
                 normal,
@@ -167,7 +167,7 @@ impl BodySpec {
             }
             Self::Mesh { path, blake3 } => {
                 let bytes = read::unchanged("mesh", path, blake3, folder)?;
-                read::mesh(path, &bytes)
+                read::mesh(path, &bytes, warnings)
             }
         }
     }

@@ -48,7 +48,7 @@ pub struct ObstacleKeyframes {
     pub keyframes: Vec<Keyframe>,
 }
 
-/// A node that an obstacle follows from where it is placed, from the node's first key.
+/// A node that an obstacle follows from where it is placed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NodeFile {

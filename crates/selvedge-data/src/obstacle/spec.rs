@@ -10,7 +10,11 @@ use super::body::BodySpec;
 use super::error::{ObstacleSpecError, Problem};
 use super::motion::ObstacleMotion;
 use super::weld::weld;
+use crate::formats::mesh_file::extent;
 use crate::scene::Rotate;
+
+/// Length of a body from a file `[m]`; others are warned of.
+const SIZES: std::ops::RangeInclusive<f64> = 0.01..=100.0;
 
 /// A resolved obstacle.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -104,11 +108,16 @@ impl ObstacleSpec {
     }
 
     /// Makes the obstacle for a scene of `frame_rate` frames per second; files are relative to
-    /// `folder`.
+    /// `folder`. What of its file is left out, or hardly meant, is said in `warnings`.
     ///
     /// # Errors
     /// [`ObstacleSpecError`] names the obstacle, the field or file and what is wrong.
-    pub fn build(&self, folder: &Path, frame_rate: f64) -> Result<Obstacle, ObstacleSpecError> {
+    pub fn build(
+        &self,
+        folder: &Path,
+        frame_rate: f64,
+        warnings: &mut Vec<String>,
+    ) -> Result<Obstacle, ObstacleSpecError> {
         let own = |problem: Problem| problem.of(&self.name);
         let placed = self.transform.check().map_err(|(field, expected, found)| {
             Problem(
@@ -117,7 +126,8 @@ impl ObstacleSpec {
             )
         });
         placed.map_err(own)?;
-        let mut body = self.body.build(folder).map_err(own)?;
+        let mut left = Vec::new();
+        let mut body = self.body.build(folder, &mut left).map_err(own)?;
         let mut frames = self
             .motion
             .frames(&self.body, folder, frame_rate)
@@ -139,6 +149,17 @@ impl ObstacleSpec {
             weld(&mut body, frames.unwrap_or_default());
         }
         self.transform.apply(&mut body.points);
+        let size = extent(&body.points);
+        if matches!(self.body, BodySpec::Mesh { .. }) && !SIZES.contains(&size) {
+            left.push(format!(
+                "it is {size:.4} m long: is its file in metres? transform.scale brings it there (0.001 from millimetres)"
+            ));
+        }
+        let name = &self.name;
+        warnings.extend(
+            left.iter()
+                .map(|left| format!("obstacles[{name:?}].mesh: {left}")),
+        );
         let path = match frames {
             Some((rate, mut frames)) => {
                 for frame in &mut frames {

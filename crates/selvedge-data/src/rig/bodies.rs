@@ -47,7 +47,7 @@ pub(crate) fn read_body(
         }
     };
     if meshes.is_empty() {
-        return Err(RigError::NoMesh);
+        return Err(RigError::NoMesh(rig.warnings));
     }
     for node in meshes.iter().flat_map(MovingMesh::nodes) {
         rig.check_chain(node)?;
@@ -80,6 +80,11 @@ impl MovingBody {
             first += count;
         }
         Ok(faces)
+    }
+
+    /// Warnings of what of the file is not read.
+    pub(crate) fn warnings(&self) -> &[String] {
+        &self.rig.warnings
     }
 
     /// Times of the first and the last key that move it `[s]`; none if nothing does.
@@ -119,14 +124,14 @@ impl MovingBody {
             .collect()
     }
 
-    /// Positions in every frame from `from` `[s]` after the first key to the last, `frame_rate` a
-    /// second.
+    /// Positions in every frame from `from` `[s]` after the start of the file to the last key,
+    /// `frame_rate` a second.
     ///
     /// # Errors
     /// [`RigError::Long`] for more than 100000 frames.
     pub(crate) fn frames(&self, frame_rate: f64, from: f64) -> Result<Vec<Vec<DVec3>>, RigError> {
-        let [first, last] = self.span().unwrap_or_default();
-        let start = first + from;
+        let last = self.span().map_or(self.rig.start, |span| span[1]);
+        let start = self.rig.start + from;
         let steps = steps((last - start).max(0.0), frame_rate)?;
         let time = |frame: usize| start + frame as f64 / frame_rate;
         Ok((0..=steps)

@@ -1,6 +1,6 @@
 //! Motion with the nodes of a rig: what follows a node moves rigidly with it from where it starts,
-//! p(t) = M(t) M(t₀)⁻¹ p₀, with M from the node's space to the world and t₀ the first key of all
-//! nodes that are followed. So a node need not stand where its followers do, and may carry several.
+//! p(t) = M(t) M(t₀)⁻¹ p₀, with M from the node's space to the world and t₀ the start of the
+//! file. So a node need not stand where its followers do, and may carry several.
 
 use std::path::Path;
 
@@ -22,8 +22,8 @@ impl Rig {
         })
     }
 
-    /// The transforms M(t) M(t₀)⁻¹ of the nodes of these names from the first key to the last,
-    /// `[frames][names]`.
+    /// The transforms M(t) M(t₀)⁻¹ of the nodes of these names from the start of the file to their
+    /// last key, `[frames][names]`.
     pub(crate) fn motion(
         &self,
         names: &[String],
@@ -32,17 +32,18 @@ impl Rig {
         let nodes = names.iter().map(|name| self.find(name));
         let nodes = nodes.collect::<Result<Vec<usize>, _>>()?;
         let spans = nodes.iter().filter_map(|&node| self.span(node));
-        let Some([first, last]) = spans.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]) else {
+        let Some(last) = spans.map(|span| span[1]).reduce(f64::max) else {
             let mut unique = names.to_vec();
             unique.dedup();
             return Err(RigError::Still {
                 names: unique.join(", "),
             });
         };
+        let first = self.start;
         let steps = steps(last - first, frame_rate)?;
         let back = |(&node, name): (&usize, &String)| {
             let inverse = self.placement(node, first).inverse();
-            let problem = "is scaled to nothing at its first key".to_owned();
+            let problem = "is scaled to nothing at the start".to_owned();
             let name = name.clone();
             match inverse.is_finite() {
                 true => Ok(inverse),

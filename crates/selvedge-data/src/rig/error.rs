@@ -38,8 +38,8 @@ pub enum RigError {
     Animations { known: String },
     #[error("has no animation called {name:?}; there are [{known}]")]
     NoAnimation { name: String, known: String },
-    #[error("has no mesh")]
-    NoMesh,
+    #[error("has no mesh{}", .0.iter().map(|left| format!("; {left}")).collect::<String>())]
+    NoMesh(Vec<String>),
     #[error("none of the nodes [{names}] is animated")]
     Still { names: String },
     #[error("lasts {frames} frames of the scene, more than {most}")]

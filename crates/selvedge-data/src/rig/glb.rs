@@ -3,7 +3,7 @@
 //! together, as long as no two of them move the same thing.
 //!
 //! Read are floats and, for rotations, normalised integers, from the binary part of the file.
-//! Sparse and packed accessors, and buffers in other files, are errors where they are needed. glTF
+//! Packed accessors, and buffers in other files, are errors where they are needed. glTF
 //! is in metres with y up, as we are.
 //!
 //! Format: Khronos Group, glTF 2.0 specification, sections 3.5 (nodes), 3.6 (accessors), 3.11
@@ -25,6 +25,8 @@ use super::track::{Joined, Track, Value};
 const MAGIC: &[u8; 4] = b"glTF";
 const JSON_CHUNK: &[u8; 4] = b"JSON";
 const BINARY_CHUNK: &[u8; 4] = b"BIN\0";
+/// Extension of a node that has its mesh several times.
+const INSTANCES: &str = "EXT_mesh_gpu_instancing";
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase", default)]
@@ -53,6 +55,8 @@ struct Node {
     mesh: Option<usize>,
     skin: Option<usize>,
     weights: Option<Vec<f64>>,
+    #[serde(default)]
+    extensions: serde_json::Map<String, serde_json::Value>,
 }
 
 #[derive(Deserialize)]
@@ -134,7 +138,26 @@ struct Accessor {
     count: usize,
     #[serde(rename = "type")]
     form: String,
-    sparse: Option<serde_json::Value>,
+    sparse: Option<Sparse>,
+}
+
+/// Elements of an accessor in place of those of its view, or of zeros where it has none.
+#[derive(Deserialize)]
+struct Sparse {
+    count: usize,
+    indices: SparsePart,
+    values: SparsePart,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct SparsePart {
+    buffer_view: usize,
+    #[serde(default)]
+    byte_offset: usize,
+    /// Of the indices.
+    #[serde(default)]
+    component_type: u32,
 }
 
 #[derive(Deserialize)]
@@ -203,7 +226,6 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Rig, RigError> {
 /// The rig in the bytes of a file, and the meshes of its nodes.
 pub(super) fn parse_meshes(bytes: &[u8]) -> Result<(Rig, Vec<NodeMesh>), RigError> {
     let file = File::open(bytes)?;
-    file.check_compression()?;
     let meshes = file.of_nodes(|node, mesh| file.mesh(node, mesh))?;
     Ok((file.rig()?, meshes))
 }
@@ -278,7 +300,23 @@ impl File<'_> {
         Ok(Rig {
             nodes: nodes.collect::<Result<_, _>>()?,
             world: DMat4::IDENTITY,
+            start: self.start(),
+            warnings: Vec::new(),
         })
+    }
+
+    /// Time of the first key of all that is animated `[s]`.
+    fn start(&self) -> f64 {
+        let animations = self.document.animations.iter();
+        let samplers = animations.flat_map(|animation| {
+            let channels = animation.channels.iter();
+            channels.filter_map(|channel| animation.samplers.get(channel.sampler))
+        });
+        let firsts = samplers.filter_map(|sampler| {
+            let times = self.numbers(sampler.input, 1).ok()?;
+            times.first().copied()
+        });
+        firsts.reduce(f64::min).unwrap_or_default()
     }
 
     /// What `read` makes of every node that has a mesh, and of its mesh.
@@ -286,6 +324,12 @@ impl File<'_> {
         &self,
         read: impl Fn(usize, usize) -> Result<T, RigError>,
     ) -> Result<Vec<T>, RigError> {
+        self.check_compression()?;
+        let mut nodes = self.document.nodes.iter();
+        if let Some(node) = nodes.position(|node| node.extensions.contains_key(INSTANCES)) {
+            let problem = "its instances (EXT_mesh_gpu_instancing) are not read: export without";
+            return Err(part(format!("node {node}"), problem));
+        }
         let nodes = self.document.nodes.iter().enumerate();
         let meshes = nodes.filter_map(|(node, of)| Some((node, of.mesh?)));
         meshes.map(|(node, mesh)| read(node, mesh)).collect()
@@ -475,7 +519,7 @@ impl File<'_> {
         &self,
         accessor: usize,
         width: usize,
-        component: impl Fn(&Accessor) -> Option<Component>,
+        component: impl Fn(u32, bool) -> Option<Component>,
     ) -> Result<Vec<f64>, RigError> {
         let what = || format!("accessor {accessor}");
         let wrong = |problem: &str| part(what(), problem);
@@ -492,37 +536,87 @@ impl File<'_> {
         if found.form != expected {
             return Err(wrong(&format!("expected {expected}, found {}", found.form)));
         }
-        if found.sparse.is_some() {
-            return Err(wrong("it is sparse, which is not understood here"));
+        let of_type = |component: Option<Component>| {
+            component.ok_or_else(|| {
+                wrong("it has numbers of a type that is not understood here: export without quantisation")
+            })
+        };
+        let own = of_type(component(found.component_type, found.normalized))?;
+        let elements = |view, first, count, width, of| {
+            let read = self.elements(view, first, count, width, of);
+            read.map_err(|problem| wrong(&problem))
+        };
+        let mut numbers = match found.buffer_view {
+            Some(view) => elements(view, found.byte_offset, found.count, width, own)?,
+            // No file has a byte less than its elements.
+            None if found.count > self.binary.len() => return Err(wrong(CUT)),
+            None => vec![0.0; found.count * width],
+        };
+        if let Some(sparse) = &found.sparse {
+            let Sparse {
+                indices, values, ..
+            } = sparse;
+            let of = of_type(index(indices.component_type, false))?;
+            let places = elements(
+                indices.buffer_view,
+                indices.byte_offset,
+                sparse.count,
+                1,
+                of,
+            )?;
+            let values = elements(
+                values.buffer_view,
+                values.byte_offset,
+                sparse.count,
+                width,
+                own,
+            )?;
+            for (place, value) in places.into_iter().zip(values.chunks_exact(width)) {
+                let element = numbers.chunks_exact_mut(width).nth(place as usize);
+                let element = element.ok_or_else(|| {
+                    wrong(&format!(
+                        "it is sparse, with an element {place} of {}",
+                        found.count
+                    ))
+                })?;
+                element.copy_from_slice(value);
+            }
         }
-        let (view, bytes) = self.view(found).map_err(|problem| wrong(&problem))?;
-        let (size, read) = component(found)
-            .ok_or_else(|| wrong("it has numbers of a type that is not understood here"))?;
+        Ok(numbers)
+    }
+
+    /// `count` elements of `width` numbers each, from byte `first` of a view on.
+    fn elements(
+        &self,
+        view: usize,
+        first: usize,
+        count: usize,
+        width: usize,
+        (size, read): Component,
+    ) -> Result<Vec<f64>, String> {
+        let (view, bytes) = self.view(view)?;
         let stride = view.byte_stride.unwrap_or(size * width);
-        let cut = || wrong(CUT);
-        if found.count > bytes.len() {
-            return Err(cut());
+        if count > bytes.len() {
+            return Err(CUT.to_owned());
         }
-        let mut numbers = Vec::with_capacity(found.count * width);
-        for element in 0..found.count {
+        let mut numbers = Vec::with_capacity(count * width);
+        for element in 0..count {
             let start = element
                 .checked_mul(stride)
-                .and_then(|at| at.checked_add(found.byte_offset));
+                .and_then(|at| at.checked_add(first));
             let element = start
                 .and_then(|start| bytes.get(start..start.checked_add(size * width)?))
-                .ok_or_else(cut)?;
+                .ok_or(CUT)?;
             numbers.extend(element.chunks_exact(size).map(read));
         }
         Ok(numbers)
     }
 
-    /// The view of an accessor, and its bytes.
-    fn view(&self, accessor: &Accessor) -> Result<(&View, &[u8]), String> {
+    /// The view of this number, and its bytes.
+    fn view(&self, number: usize) -> Result<(&View, &[u8]), String> {
         let document = &self.document;
-        let number = accessor.buffer_view;
-        let view = number
-            .and_then(|number| document.buffer_views.get(number))
-            .ok_or("it has no view of the binary part")?;
+        let view = document.buffer_views.get(number);
+        let view = view.ok_or("it has no view of the binary part")?;
         let buffer = document.buffers.get(view.buffer);
         if view.buffer != 0 || buffer.is_none_or(|buffer| buffer.uri.is_some()) {
             return Err("its buffer is in another file: export as one .glb".to_owned());
@@ -544,8 +638,8 @@ const CUT: &str = "it reaches beyond the end of the file";
 type Component = (usize, fn(&[u8]) -> f64);
 
 /// The indices of an accessor.
-fn index(accessor: &Accessor) -> Option<Component> {
-    match accessor.component_type {
+fn index(component_type: u32, _: bool) -> Option<Component> {
+    match component_type {
         5121 => Some((1, |b| f64::from(b[0]))),
         5123 => Some((2, |b| f64::from(u16::from_le_bytes([b[0], b[1]])))),
         5125 => Some((4, |b| {
@@ -556,8 +650,8 @@ fn index(accessor: &Accessor) -> Option<Component> {
 }
 
 /// The numbers of an accessor, where animations may have such.
-fn component(accessor: &Accessor) -> Option<Component> {
-    match (accessor.component_type, accessor.normalized) {
+fn component(component_type: u32, normalized: bool) -> Option<Component> {
+    match (component_type, normalized) {
         (5126, false) => Some((4, |b| {
             f64::from(f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
         })),

@@ -15,14 +15,17 @@ use crate::formats::polygons::{Corner, Place, Polygon, Polygons};
 
 /// The polygons of all meshes in the bytes of a file; `format` says which kind it is of.
 pub(crate) fn polygons(bytes: &[u8], format: RigFormat) -> Result<Polygons, RigError> {
-    let (rig, meshes) = match format {
+    let (mut rig, meshes) = match format {
         RigFormat::Glb => glb::parse_meshes(bytes)?,
         RigFormat::Usd => usda::parse_meshes(bytes)?,
     };
     if meshes.is_empty() {
-        return Err(RigError::NoMesh);
+        return Err(RigError::NoMesh(rig.warnings));
     }
-    let mut polygons = Polygons::default();
+    let mut polygons = Polygons {
+        warnings: std::mem::take(&mut rig.warnings),
+        ..Polygons::default()
+    };
     for mesh in meshes {
         add(&mut polygons, &rig, mesh)?;
     }

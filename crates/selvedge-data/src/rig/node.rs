@@ -10,6 +10,11 @@ pub struct Rig {
     pub(super) nodes: Vec<RigNode>,
     /// Transform from the world of the file to ours.
     pub(super) world: DMat4,
+    /// The time at which its motions begin `[s]`: that of the first key in the file, or where a
+    /// stage begins, if that is earlier. What has its first key later rests until then.
+    pub(super) start: f64,
+    /// Warnings of what of its meshes is not read.
+    pub(super) warnings: Vec<String>,
 }
 
 /// A node of a rig.

@@ -117,6 +117,26 @@ fn a_node_that_stands_may_be_followed_beside_one_that_moves() {
 }
 
 #[test]
+fn a_node_whose_keys_begin_later_than_the_file_rests_until_then() {
+    let mut json = arm();
+    // The second and the third time of the others, with their first two heights.
+    let late = json!([
+        { "bufferView": 0, "byteOffset": 4, "componentType": 5126, "count": 2, "type": "SCALAR" },
+        { "bufferView": 0, "byteOffset": 12, "componentType": 5126, "count": 2, "type": "VEC3" },
+    ]);
+    let accessors = json["accessors"].as_array_mut().unwrap();
+    accessors.extend(late.as_array().unwrap().clone());
+    json["animations"].as_array_mut().unwrap().push(json!({
+        "samplers": [{ "input": 3, "output": 4 }],
+        "channels": [{ "sampler": 0, "target": { "node": 2, "path": "translation" } }],
+    }));
+    let rig = glb::parse(&arm_bytes(json)).unwrap();
+    let frames = follow(&rig, &["lamp"], &[DVec3::ZERO], 8.0);
+    let heights: Vec<f64> = frames.iter().map(|frame| frame[0].y).collect();
+    assert_eq!(heights, [0.0, 0.0, 0.0, 0.0, 0.0, 0.125, 0.25, 0.375, 0.5]);
+}
+
+#[test]
 fn what_a_gltf_file_lacks_is_named() {
     let parsed = |from: &str, to: Value| {
         let mut json = arm();

@@ -245,7 +245,7 @@ pub(super) fn parse_arcsim(
     } = built.map_err(SceneSpecError::from)?;
     warnings.extend(mended);
     let state = moving_mesh(&spec.start, &sheet.mesh, velocities);
-    let scene = spec.with_mesh(sheet.mesh, folder)?;
+    let scene = spec.with_mesh(sheet.mesh, folder, &mut warnings)?;
     let loaded = LoadedScene {
         state,
         warnings,

@@ -29,9 +29,6 @@ use glam::DVec3;
 use selvedge_cloth::Mesh;
 use std::path::{Path, PathBuf};
 
-/// Remedy for a mesh that starts far from its material size.
-const REMEDY: &str = "set mesh.texture = \"fit\" for an obj, or mesh.transform.material_scale";
-
 /// Opens a scene by the path of its file or by the name of a shipped one.
 ///
 /// # Errors
@@ -101,7 +98,7 @@ fn resolve(text: &str, folder: &Path) -> Result<LoadedScene, SceneProblem> {
         groups,
         velocities,
         loose,
-        warnings,
+        mut warnings,
     } = file.resolve(folder, &mut files)?;
     let stand = Stand::of(&setting, &mesh, &groups);
     let motion = motion_source.resolve(folder, &stand)?;
@@ -116,7 +113,7 @@ fn resolve(text: &str, folder: &Path) -> Result<LoadedScene, SceneProblem> {
         start,
     };
     files.extend(spec.files(folder));
-    let scene = spec.with_mesh(mesh, folder)?;
+    let scene = spec.with_mesh(mesh, folder, &mut warnings)?;
     let loaded = LoadedScene {
         state,
         loose,
@@ -124,7 +121,8 @@ fn resolve(text: &str, folder: &Path) -> Result<LoadedScene, SceneProblem> {
         warnings,
         ..LoadedScene::new(spec, scene)
     };
-    Ok(loaded.looked_over(REMEDY))
+    let remedy = loaded.spec.setting.mesh.transform.remedy();
+    Ok(loaded.looked_over(&remedy))
 }
 
 /// The state of a mesh whose file has velocities, where a run starts at the mesh.

@@ -12,7 +12,7 @@ use super::strained::Times;
 use crate::formats::file_error::FileError;
 use crate::formats::hash::hash;
 use crate::formats::input::read_file;
-use crate::formats::mesh_file::parse_mesh_bytes;
+use crate::formats::mesh_file::{extent, parse_mesh_bytes};
 use crate::formats::polygons::{
     MeshFileError, MeshOptions, PatternSource, ReadMesh, ReadMeshError, RestAngles, Seams, Sewing,
     TextureUnit,
@@ -186,10 +186,10 @@ pub enum MeshSpecError {
         found: String,
     },
     #[error(
-        "the edges of the mesh are on average {} as long as in its material coordinates: these must be in metres too; set mesh.transform.material_scale, or mesh.texture = \"fit\" for an obj",
+        "the edges of the mesh are on average {} as long as in its material coordinates: these must be in metres too; {remedy}",
         Times(*ratio)
     )]
-    Units { ratio: f64 },
+    Units { ratio: f64, remedy: String },
     #[error("mesh: {0}")]
     Mesh(#[from] MeshError),
     #[error(
@@ -200,6 +200,9 @@ pub enum MeshSpecError {
 
 /// Start positions may be stretched or folded up a little against the material, not this much.
 const LARGEST_RATIO: f64 = 3.0;
+
+/// Length of a person's cloth `[m]`; others are warned of.
+const SIZES: std::ops::RangeInclusive<f64> = 0.01..=20.0;
 
 impl Default for Transform {
     fn default() -> Self {
@@ -288,8 +291,16 @@ impl MeshSpec {
         let loose = loose.map(|loose| loose.moved(|p| self.transform.place(p)));
         match &loose {
             // Panels that are to be sewn may be far from each other.
-            Some(loose) => check_units(&loose.mesh(&sheet.mesh)?)?,
-            None => check_units(&sheet.mesh)?,
+            Some(loose) => self.transform.check_units(&loose.mesh(&sheet.mesh)?)?,
+            None => self.transform.check_units(&sheet.mesh)?,
+        }
+        let mut warnings = read.warnings;
+        let size = extent(sheet.mesh.positions());
+        if !SIZES.contains(&size) {
+            warnings.push(format!(
+                "mesh: the cloth is {size:.4} m long, {}: is its file in metres? mesh.transform.scale brings it there, with its pattern (0.001 from millimetres)",
+                if size < 1.0 { "less than 1 cm" } else { "more than 20 m" }
+            ));
         }
         let turn = self.transform.rotation.turn();
         let velocities = read.velocities.map(|velocities| {
@@ -300,7 +311,7 @@ impl MeshSpec {
             sheet,
             velocities,
             loose,
-            warnings: read.warnings,
+            warnings,
         })
     }
 }
@@ -362,6 +373,34 @@ impl Transform {
         })
     }
 
+    /// The remedy for material coordinates in another unit than positions.
+    pub(super) fn remedy(&self) -> String {
+        match self.material_scale {
+            1.0 => {
+                "set mesh.transform.material_scale, or mesh.texture = \"fit\" for an obj".to_owned()
+            }
+            by => format!(
+                "mesh.transform.scale scales the pattern too, and material_scale, {by}, scales it once more: leave material_scale out, or set another"
+            ),
+        }
+    }
+
+    fn check_units(&self, mesh: &Mesh) -> Result<(), MeshSpecError> {
+        let (mut length, mut material) = (0.0, 0.0);
+        let lengths = mesh.pattern().edge_lengths();
+        for (edge, rest) in mesh.topology().edges().iter().zip(lengths) {
+            let [a, b] = edge.vertices.map(|v| v.index());
+            length += mesh.positions()[a].distance(mesh.positions()[b]);
+            material += rest;
+        }
+        let ratio: f64 = length / material;
+        if (1.0 / LARGEST_RATIO..=LARGEST_RATIO).contains(&ratio) {
+            return Ok(());
+        }
+        let remedy = self.remedy();
+        Err(MeshSpecError::Units { ratio, remedy })
+    }
+
     fn place(&self, position: DVec3) -> DVec3 {
         self.placement().place(position)
     }
@@ -420,20 +459,4 @@ fn unchanged(path: &str, expected: &str, folder: &Path) -> Result<Vec<u8>, MeshS
         expected: expected.to_owned(),
         found,
     })
-}
-
-fn check_units(mesh: &Mesh) -> Result<(), MeshSpecError> {
-    let (mut length, mut material) = (0.0, 0.0);
-    let lengths = mesh.pattern().edge_lengths();
-    for (edge, rest) in mesh.topology().edges().iter().zip(lengths) {
-        let [a, b] = edge.vertices.map(|v| v.index());
-        length += mesh.positions()[a].distance(mesh.positions()[b]);
-        material += rest;
-    }
-    let ratio: f64 = length / material;
-    if (1.0 / LARGEST_RATIO..=LARGEST_RATIO).contains(&ratio) {
-        Ok(())
-    } else {
-        Err(MeshSpecError::Units { ratio })
-    }
 }

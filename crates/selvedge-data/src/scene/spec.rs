@@ -128,16 +128,22 @@ impl SceneSpec {
     /// # Errors
     /// [`SceneSpecError`] names the part that cannot be used.
     pub fn build(&self, folder: &Path) -> Result<Scene, SceneSpecError> {
-        self.with_mesh(self.setting.mesh.build(folder)?.mesh, folder)
+        let mesh = self.setting.mesh.build(folder)?.mesh;
+        self.with_mesh(mesh, folder, &mut Vec::new())
     }
 
     /// Makes the scene with a mesh that has been built already; files of obstacles are relative to
-    /// `folder`.
-    pub(crate) fn with_mesh(&self, mesh: Mesh, folder: &Path) -> Result<Scene, SceneSpecError> {
+    /// `folder`. What of these is left out is said in `warnings`.
+    pub(crate) fn with_mesh(
+        &self,
+        mesh: Mesh,
+        folder: &Path,
+        warnings: &mut Vec<String>,
+    ) -> Result<Scene, SceneSpecError> {
         let setting = &self.setting;
         let obstacles = setting.obstacles.iter();
         let obstacles: Result<_, _> = obstacles
-            .map(|obstacle| obstacle.build(folder, setting.frame_rate))
+            .map(|obstacle| obstacle.build(folder, setting.frame_rate, warnings))
             .collect();
         let scene = Scene {
             name: self.name.clone(),

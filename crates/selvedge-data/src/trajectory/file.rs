@@ -6,7 +6,8 @@
 //! Version 1 is a cloth without seams, with one point per vertex. Version 2 is a sewn one: its
 //! `pattern_faces` u32 `[faces, 3]` are the points of the faces' corners, point v is one of vertex
 //! v's, and every point has one vertex. Version 3 has obstacles (`trajectory/obstacle_file.rs`),
-//! and may have `pattern_faces`. A reader of one version refuses the next by its number.
+//! and may have `pattern_faces`. Version 4 has `texture_coordinates` f32 `[points, 2]`, none or others
+//! than the pattern's, perhaps `texture_faces` u32 `[faces, 3]`, and may have all of these. A reader of one version refuses the next by its number.
 //!
 //! Equal trajectories make equal bytes. Reading takes the whole file into memory (a run of the
 //! paper is 15 MB) and checks all of it; tensors that are not listed here are an error, because
@@ -17,7 +18,8 @@ use std::path::Path;
 
 use glam::{Vec2, Vec3};
 use selvedge_cloth::{
-    Cloth, ClothArrays, ClothError, HandleError, Handles, Topology, TopologyError,
+    Cloth, ClothArrays, ClothError, HandleError, Handles, NumberedPattern, Texture, Topology,
+    TopologyError,
 };
 use serde_json::Value;
 use thiserror::Error;
@@ -32,12 +34,18 @@ use crate::trajectory::obstacle_file;
 use crate::trajectory::{Provenance, Trajectory, TrajectoryError};
 
 const FORMAT: &str = "selvedge-trajectory";
-/// Version of a cloth without seams, of a sewn one, and of a cloth with obstacles.
+/// Version of a cloth without seams, of a sewn one, of a cloth with obstacles, and of any whose
+/// texture is not its pattern.
 const VERSION: &str = "1";
 const SEWN_VERSION: &str = "2";
 const OBSTACLE_VERSION: &str = "3";
+const TEXTURE_VERSION: &str = "4";
 /// The tensor that only a sewn cloth has.
 const PATTERN_FACES: &str = "pattern_faces";
+/// The tensors of a cloth whose texture is not its pattern: its points, none where it has none, and
+/// those of its faces' corners, where a vertex has several.
+const TEXTURE: &str = "texture_coordinates";
+const TEXTURE_FACES: &str = "texture_faces";
 const METADATA: [&str; 5] = ["format", "version", "fps", "scene", "made_by"];
 const TENSORS: [&str; 7] = [
     "positions",
@@ -99,25 +107,30 @@ impl Trajectory {
         let (file, metadata) = ArrayFile::safetensors(bytes)?;
         let (provenance, version) = read_provenance(&metadata)?;
         let obstacles = obstacle_file::names_in(&metadata)?;
-        if obstacles.is_empty() == (version == OBSTACLE_VERSION) {
+        let has_texture = version == TEXTURE_VERSION;
+        if !has_texture && obstacles.is_empty() == (version == OBSTACLE_VERSION) {
             return Err(TrajectoryFileError::Metadata {
                 name: "version".to_owned(),
-                expected: "3 for a file with obstacles, and for no other",
+                expected: "3 or 4 for a file with obstacles, and 3 for no other",
                 found: format!("{} obstacles", obstacles.len()),
             });
         }
         let names = file.names();
         let has_pattern = names.iter().any(|name| name == PATTERN_FACES);
-        let is_sewn = version == SEWN_VERSION || version == OBSTACLE_VERSION && has_pattern;
+        let is_sewn = version == SEWN_VERSION || version != VERSION && has_pattern;
         let is_known = |name: &str| {
             TENSORS.contains(&name)
                 || is_sewn && name == PATTERN_FACES
+                || has_texture && [TEXTURE, TEXTURE_FACES].contains(&name)
                 || obstacle_file::is_tensor(name, obstacles.len())
         };
         if let Some(unknown) = names.into_iter().find(|name| !is_known(name)) {
             return Err(TrajectoryFileError::UnknownTensor { name: unknown });
         }
-        let (cloth, positions) = read_cloth(&file, is_sewn, UpAxis::Y)?;
+        let (mut cloth, positions) = read_cloth(&file, is_sewn, UpAxis::Y)?;
+        if has_texture {
+            cloth = cloth.with_texture(read_texture(&file)?)?;
+        }
         let read = Self::new(cloth, positions, provenance)?;
         Ok(read.with_obstacles(obstacle_file::read(&file, &obstacles)?)?)
     }
@@ -161,8 +174,10 @@ impl Trajectory {
         let shape = [self.frame_count(), self.vertex_count(), 3];
         let mut tensors = vec![Tensor::new(TENSORS[0], &shape, flat3(self.positions()))];
         tensors.extend(cloth_tensors(cloth, cloth.rest_positions()));
+        tensors.extend(texture_tensors(cloth.texture()));
         tensors.extend(obstacle_file::tensors(self.obstacles()));
         let version = match (self.obstacles().is_empty(), cloth.pattern().is_sewn()) {
+            _ if *cloth.texture() != Texture::Pattern => TEXTURE_VERSION,
             (false, _) => OBSTACLE_VERSION,
             (true, true) => SEWN_VERSION,
             (true, false) => VERSION,
@@ -205,8 +220,8 @@ fn read_provenance(
         return Err(wrong("format", FORMAT, format));
     }
     let version = entry("version")?;
-    if ![VERSION, SEWN_VERSION, OBSTACLE_VERSION].contains(&version) {
-        return Err(wrong("version", "1, 2 or 3", version));
+    if ![VERSION, SEWN_VERSION, OBSTACLE_VERSION, TEXTURE_VERSION].contains(&version) {
+        return Err(wrong("version", "1, 2, 3 or 4", version));
     }
     let is_known = |name: &str| METADATA.contains(&name) || name == obstacle_file::METADATA;
     if let Some((name, value)) = metadata.iter().find(|(name, _)| !is_known(name)) {
@@ -261,6 +276,42 @@ fn read_cloth(
         Cloth::new(topology, handles, arrays)?
     };
     Ok((cloth, points(&positions.values)))
+}
+
+/// The texture coordinates of a file in which they are not those of the pattern.
+fn read_texture(file: &ArrayFile<'_>) -> Result<Texture, TrajectoryFileError> {
+    let points = file.singles(TEXTURE)?.of_shape(&[None, Some(2)])?.values;
+    if points.is_empty() {
+        return Ok(Texture::None);
+    }
+    let corners = match file.has(TEXTURE_FACES) {
+        true => Some(
+            file.wholes(TEXTURE_FACES)?
+                .of_shape(&[None, Some(3)])?
+                .values,
+        ),
+        false => None,
+    };
+    Ok(Texture::Own(NumberedPattern {
+        points: points.chunks_exact(2).map(Vec2::from_slice).collect(),
+        corners: corners.map(|corners| triples(&corners)),
+    }))
+}
+
+/// The tensors of texture coordinates that are not those of the pattern.
+fn texture_tensors(texture: &Texture) -> Vec<Tensor> {
+    let (points, corners) = match texture {
+        Texture::Pattern => return Vec::new(),
+        Texture::None => (&[][..], None),
+        Texture::Own(own) => (&own.points[..], own.corners.as_deref()),
+    };
+    let flat = points.iter().flat_map(|c| c.to_array()).collect();
+    let points = Tensor::new(TEXTURE, &[points.len(), 2], Values::F32(flat));
+    let corners = corners.map(|corners| {
+        let flat = corners.as_flattened().to_vec();
+        Tensor::new(TEXTURE_FACES, &[corners.len(), 3], Values::U32(flat))
+    });
+    [Some(points), corners].into_iter().flatten().collect()
 }
 
 /// The tensors of a cloth, but its positions; its rest pose may be turned.

@@ -5,7 +5,10 @@ use crate::help::says;
 use glam::DVec3;
 use selvedge_cloth::{Cloth, Handles, Mesh};
 use selvedge_data::export::{ExportFormat, ExportOptions, export};
-use selvedge_data::{MeshOptions, Provenance, Trajectory, UpAxis, parse_obj_with, read_mesh};
+use selvedge_data::{
+    MeshOptions, PatternSource, Provenance, TextureUnit, Trajectory, UpAxis, parse_obj_with,
+    read_mesh,
+};
 use serde_json::Value;
 use std::ops::ControlFlow;
 
@@ -68,6 +71,8 @@ fn exported(mesh: &Mesh, format: ExportFormat, up: UpAxis, path: &std::path::Pat
         made_by: "test".to_owned(),
     };
     let trajectory = Trajectory::new(cloth, positions, provenance).unwrap();
+    let again = Trajectory::from_bytes(&trajectory.to_bytes()).unwrap();
+    assert_eq!(again, trajectory);
     let options = ExportOptions {
         up,
         ..ExportOptions::plain(format)
@@ -108,6 +113,56 @@ fn a_garment_comes_back_through_gltf_and_usd_sewn() {
         for (one, other) in lengths.iter().zip(mesh.pattern().edge_lengths()) {
             assert!((one - other).abs() < 2e-7, "{name}: {one} {other}");
         }
+    }
+}
+
+#[test]
+fn exports_have_the_texture_of_the_file_or_none() {
+    let tent = "v 0 0 0\nv 1 0 0\nv 1 1 1\nv 0 1 1\nv 1 0 2\nv 0 0 2\n";
+    let plain = format!("{tent}f 1 2 3\nf 1 3 4\nf 4 3 5\nf 4 5 6\n");
+    // Its two sides are apart in an atlas.
+    let atlas = format!(
+        "{tent}vt 0 0\nvt 0.25 0\nvt 0.25 0.375\nvt 0 0.375\nvt 0.5 0.5\nvt 0.75 0.5\n\
+        vt 0.75 0.875\nvt 0.5 0.875\n\
+        f 1/1 2/2 3/3\nf 1/1 3/3 4/4\nf 4/5 3/6 5/7\nf 4/5 5/7 6/8\n"
+    );
+    let fit = MeshOptions {
+        texture: TextureUnit::Fit,
+        ..MeshOptions::default()
+    };
+    let shape = MeshOptions {
+        pattern: PatternSource::Shape,
+        ..MeshOptions::default()
+    };
+    let read = |text: &str, options| parse_obj_with(text, options).unwrap().sheet.mesh;
+    let own = read(&atlas, MeshOptions::default());
+    let own: Vec<_> = own.pattern().faces().collect();
+    let folder = tempfile::tempdir().unwrap();
+    for (name, format) in [
+        ("a.glb", ExportFormat::Glb),
+        ("a.usda", ExportFormat::Usda),
+        ("a.obj", ExportFormat::Obj),
+    ] {
+        let path = folder.path().join(name);
+        for options in [fit, shape] {
+            exported(&read(&atlas, options), format, UpAxis::Y, &path);
+            let back = read_mesh(&path, MeshOptions::default()).unwrap();
+            let faces: Vec<_> = back.sheet.mesh.pattern().faces().collect();
+            assert_eq!(faces, own, "{name}");
+        }
+        exported(
+            &read(&plain, MeshOptions::default()),
+            format,
+            UpAxis::Y,
+            &path,
+        );
+        let back = read_mesh(&path, MeshOptions::default()).unwrap();
+        assert!(back.is_own_shape, "{name}");
+        let text = String::from_utf8_lossy(&std::fs::read(&path).unwrap()).into_owned();
+        let texture = ["TEXCOORD", "primvars:st", "vt "];
+        assert!(!texture.iter().any(|words| text.contains(words)), "{name}");
+        // No vertex is split where there is no texture.
+        assert!(!text.contains("_VERTEX"), "{name}");
     }
 }
 

@@ -53,6 +53,30 @@ fn shipped_materials_scenes_and_presets_are_usable() {
 }
 
 #[test]
+fn a_cloth_in_another_unit_is_warned_of_with_the_remedy() {
+    let sized = |size: &str, transform: &str| {
+        let text = SCENE.replace("size = 1,", &format!("size = {size},"));
+        let scaled = format!("seed = 1 }}, transform = {{ {transform} }} }}");
+        parse(&text.replace("seed = 1 } }", &scaled))
+    };
+    for (size, transform, expected) in [
+        ("600", "", "600.0000 m long, more than 20 m"),
+        ("0.005", "", "less than 1 cm"),
+        ("1", "scale = 0.001", "less than 1 cm"),
+    ] {
+        let warnings = sized(size, transform).unwrap().warnings;
+        assert_eq!(warnings.len(), 1, "{warnings:?}");
+        says(&warnings[0], &[expected, "mesh.transform.scale"]);
+    }
+    let meant = sized("600", "scale = 0.001").unwrap();
+    assert_eq!(meant.warnings, [""; 0]);
+    says(
+        sized("600", "scale = 0.001, material_scale = 0.001").unwrap_err(),
+        &["scale scales the pattern too", "leave material_scale out"],
+    );
+}
+
+#[test]
 fn a_resolved_scene_survives_json_and_makes_the_same_scene() {
     let loaded = parse(SCENE).unwrap();
     let text = loaded.spec.to_json().unwrap().to_string();

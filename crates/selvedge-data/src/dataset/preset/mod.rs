@@ -315,8 +315,12 @@ impl DatasetPreset {
             motion: motion.motion.clone(),
             start,
         };
-        let scene = spec.with_mesh(mesh.clone(), &self.folder)?;
-        Ok(LoadedScene::new(spec, scene))
+        let mut warnings = Vec::new();
+        let scene = spec.with_mesh(mesh.clone(), &self.folder, &mut warnings)?;
+        Ok(LoadedScene {
+            warnings,
+            ..LoadedScene::new(spec, scene)
+        })
     }
 
     /// The plan for [`DatasetWriter`](crate::DatasetWriter).

@@ -98,7 +98,7 @@ fn cloth<W: Write + Seek>(
     let cloth = take.trajectory.cloth();
     let faces = cloth.topology().face_indices();
     let mut properties = mesh(archive, samples, take.len(), &faces)?;
-    properties.push(texture(take, archive, &faces)?);
+    properties.extend(texture(take, archive, &faces)?);
     properties.push(per_vertex(take, archive)?);
     let sheet = geometry(archive, "sheet", properties)?;
     node(archive, "cloth", None, vec![sheet])
@@ -181,14 +181,16 @@ fn mesh<W: Write + Seek>(
     Ok(properties)
 }
 
-/// Material coordinates by the corners of faces.
+/// Texture coordinates by the corners of faces, if there are some.
 fn texture<W: Write + Seek>(
     take: &Take<'_>,
     archive: &mut Archive<'_, W>,
     faces: &[[u32; 3]],
-) -> io::Result<Property> {
+) -> io::Result<Option<Property>> {
     const FORM: &str = "arrayExtent=1;geoScope=fvr;interpretation=vector;isGeomParam=true;podExtent=2;podName=float32_t";
-    let pattern = take.trajectory.cloth().pattern();
+    let Some(pattern) = take.trajectory.cloth().texture_points() else {
+        return Ok(None);
+    };
     let (values, numbers): (Vec<_>, Vec<u32>) = match pattern.is_sewn() {
         true => {
             let values: Vec<_> = pattern.faces().flatten().collect();
@@ -210,7 +212,7 @@ fn texture<W: Write + Seek>(
         archive.property(".vals", Form::array(10, 2, FORM), 1, &values)?,
         archive.property(".indices", Form::array(5, 1, ""), 1, &numbers)?,
     ];
-    archive.compound("uv", FORM, properties)
+    archive.compound("uv", FORM, properties).map(Some)
 }
 
 /// The rest pose and the numbers of handles.

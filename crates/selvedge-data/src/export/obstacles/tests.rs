@@ -82,7 +82,10 @@ fn written(format: ExportFormat, name: &str, up: UpAxis) -> TempDir {
 
 fn read(folder: &Path, text: &str) -> Obstacle {
     let file: ObstacleFile = toml::from_str(&format!("name = \"o\"\n{text}")).unwrap();
-    file.resolve(folder).unwrap().build(folder, RATE).unwrap()
+    file.resolve(folder)
+        .unwrap()
+        .build(folder, RATE, &mut Vec::new())
+        .unwrap()
 }
 
 /// Checks that the points of every obstacle are among those that were read, in every frame.

@@ -57,13 +57,14 @@ fn sheet<'a>(take: &'a Take<'a>) -> Prim<'a> {
     let faces = cloth.topology().face_indices();
     let mut mesh = mesh("sheet", &faces, COLOUR);
     bind(&mut mesh, "/cloth");
-    let pattern = cloth.pattern();
-    let (corners, how) = match pattern.is_sewn() {
-        true => (pattern.faces().flatten().collect(), "faceVarying"),
-        false => (pattern.points().to_vec(), "vertex"),
-    };
-    mesh.add("texCoord2f[]", "primvars:st", Value::Pairs(corners))
-        .interpolated(how);
+    if let Some(texture) = cloth.texture_points() {
+        let (corners, how) = match texture.is_sewn() {
+            true => (texture.faces().flatten().collect(), "faceVarying"),
+            false => (texture.points().to_vec(), "vertex"),
+        };
+        mesh.add("texCoord2f[]", "primvars:st", Value::Pairs(corners))
+            .interpolated(how);
+    }
     let rest = Value::Triples(take.rest_positions());
     mesh.add("point3f[]", "primvars:rest", rest)
         .interpolated("vertex");

@@ -1,11 +1,11 @@
-//! Writing one frame of a cloth as OBJ: positions, material coordinates as texture coordinates,
-//! normals where there are some, faces. Numbers are written so that they are read back exactly.
+//! Writing one frame of a cloth as OBJ: positions, texture coordinates and normals where
+//! there are some, faces. Numbers are written so that they are read back exactly.
 
 use std::io::{self, Write};
 use std::path::Path;
 
 use glam::{Vec2, Vec3};
-use selvedge_cloth::{Cloth, Pattern, Topology};
+use selvedge_cloth::{Cloth, FaceId, Pattern, Topology};
 
 use crate::formats::atomic::{WriteError, write_atomically};
 
@@ -15,8 +15,8 @@ pub(crate) struct ObjFrame<'a> {
     pub(crate) topology: &'a Topology,
     /// `[m]`, `[vertices]`.
     pub(crate) positions: &'a [Vec3],
-    /// Texture coordinates are the points of the pattern.
-    pub(crate) pattern: Pattern<'a, Vec2>,
+    /// Texture coordinates, if there are some.
+    pub(crate) texture: Option<Pattern<'a, Vec2>>,
     /// Normals of length one, `[vertices]`.
     pub(crate) normals: Option<&'a [Vec3]>,
 }
@@ -29,7 +29,7 @@ pub fn write_obj(path: &Path, cloth: &Cloth, positions: &[Vec3]) -> Result<(), W
     let frame = ObjFrame {
         topology: cloth.topology(),
         positions,
-        pattern: cloth.pattern(),
+        texture: Some(cloth.pattern()),
         normals: None,
     };
     write_obj_frame(path, &frame)
@@ -46,18 +46,26 @@ impl ObjFrame<'_> {
         for p in self.positions {
             writeln!(out, "v {} {} {}", p.x, p.y, p.z)?;
         }
-        for c in self.pattern.points() {
+        for c in self.texture.map_or(&[][..], |texture| texture.points()) {
             writeln!(out, "vt {} {}", c.x, c.y)?;
         }
         for n in self.normals.unwrap_or_default() {
             writeln!(out, "vn {} {} {}", n.x, n.y, n.z)?;
         }
-        for (face, corners) in self.topology.faces().iter().zip(self.pattern.corners()) {
-            let [a, b, c] = face.map(|v| v.0 + 1);
-            let [p, q, r] = corners.map(|point| point + 1);
-            match self.normals {
-                None => writeln!(out, "f {a}/{p} {b}/{q} {c}/{r}")?,
-                Some(_) => writeln!(out, "f {a}/{p}/{a} {b}/{q}/{b} {c}/{r}/{c}")?,
+        for number in 0..self.topology.faces().len() as u32 {
+            let face = FaceId(number);
+            let [a, b, c] = self.topology.faces()[face.index()].map(|v| v.0 + 1);
+            let texture = self.texture.map(|texture| texture.corner_points(face));
+            match (
+                texture.map(|corners| corners.map(|point| point + 1)),
+                self.normals,
+            ) {
+                (None, None) => writeln!(out, "f {a} {b} {c}")?,
+                (None, Some(_)) => writeln!(out, "f {a}//{a} {b}//{b} {c}//{c}")?,
+                (Some([p, q, r]), None) => writeln!(out, "f {a}/{p} {b}/{q} {c}/{r}")?,
+                (Some([p, q, r]), Some(_)) => {
+                    writeln!(out, "f {a}/{p}/{a} {b}/{q}/{b} {c}/{r}/{c}")?
+                }
             }
         }
         Ok(())

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec2};
 use selvedge_cloth::generate::Sheet;
 use selvedge_cloth::{FaceFabrics, FaceId, LoosePanels, Mesh, MeshError, TopologyError, VertexId};
 
@@ -13,6 +13,7 @@ use super::flat::planar_coordinates;
 use super::options::{MeshOptions, PatternSource, Seams, TextureUnit};
 use super::orient::orient;
 use super::shape::{in_own_plane, own_shape};
+use super::slits::warn_of_slits;
 use super::soup::{Corner, Place, Polygon, Polygons, ReadMesh};
 use super::triangulate::triangulate;
 use super::weld::weld;
@@ -35,6 +36,7 @@ pub(crate) fn assemble(
     check_corners(&polygons)?;
     drop_unused(&mut polygons);
     orient(&mut polygons);
+    warn_of_slits(&mut polygons);
     let thread = options.thread.unwrap_or(DVec3::Y);
     if thread.try_normalize().is_none() {
         let found = thread.to_string();
@@ -42,7 +44,8 @@ pub(crate) fn assemble(
     }
     let flat = rest_coordinates(&mut polygons, options)?;
     let triangles = split(&polygons, flat.as_deref(), thread)?;
-    finish(polygons, &triangles, flat.is_none())
+    let is_other = options.pattern == PatternSource::Shape || options.texture == TextureUnit::Fit;
+    finish(polygons, &triangles, flat.is_none(), is_other)
 }
 
 /// Triangles with their rest shapes and where they come from.
@@ -53,6 +56,8 @@ struct Triangles {
     places: Vec<Place>,
     /// Corners' places before the panels were sewn; of no face where they were not.
     loose: Vec<[u32; 3]>,
+    /// Texture coordinates of the corners; of no face where there are none.
+    texture: Vec<[Vec2; 3]>,
 }
 
 /// Material coordinates of each polygon's corners `[m]`, `[polygons][corners]`; none where the rest
@@ -184,6 +189,7 @@ fn split(
         fabrics: Vec::new(),
         places: Vec::new(),
         loose: Vec::new(),
+        texture: Vec::new(),
     };
     for (number, polygon) in polygons.polygons.iter().enumerate() {
         let corners = polygon.corners.len();
@@ -207,19 +213,31 @@ fn split(
             if let [Some(a), Some(b), Some(c)] = triangle.map(|k| polygon.corners[k].loose) {
                 made.loose.push([a, b, c]);
             }
+            if let [Some(a), Some(b), Some(c)] = triangle.map(|k| polygon.corners[k].texture) {
+                let texture = [a, b, c].map(|k| polygons.texture[k].as_vec2());
+                made.texture.push(texture);
+            }
         }
     }
     Ok(made)
 }
 
+/// The mesh of these triangles; `is_own_shape` where their shapes are no pattern, and
+/// `is_other_texture` where the texture coordinates of the file are not those of the pattern.
 fn finish(
     mut polygons: Polygons,
     triangles: &Triangles,
     is_own_shape: bool,
+    is_other_texture: bool,
 ) -> Result<ReadMesh, MeshFileError> {
     let positions = polygons.positions.clone();
     let mesh = Mesh::sewn(&triangles.faces, &triangles.shapes, positions);
     let mut mesh = mesh.map_err(|error| placed(error, &polygons, &triangles.places))?;
+    if is_other_texture && triangles.texture.len() == triangles.faces.len() {
+        mesh = mesh.with_texture(Some(&triangles.texture));
+    } else if is_own_shape {
+        mesh = mesh.with_texture(None);
+    }
     if triangles.fabrics.iter().any(Option::is_some) {
         mesh = mesh.with_fabrics(FaceFabrics {
             names: std::mem::take(&mut polygons.fabrics),

@@ -9,7 +9,7 @@ use super::soup::{Corner, Polygons};
 
 /// A side of a polygon, by the corner at which it begins in the polygon's own sense.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Side {
+pub(super) struct Side {
     polygon: usize,
     corner: usize,
 }
@@ -233,7 +233,7 @@ fn place(polygons: &Polygons, corner: Corner) -> DVec2 {
 }
 
 /// Edges of one polygon only, with their polygon and its corner.
-fn open_edges(polygons: &Polygons) -> BTreeMap<[u32; 2], Side> {
+pub(super) fn open_edges(polygons: &Polygons) -> BTreeMap<[u32; 2], Side> {
     let mut edges: BTreeMap<[u32; 2], Option<Side>> = BTreeMap::new();
     for (number, polygon) in polygons.polygons.iter().enumerate() {
         for k in 0..polygon.corners.len() {

@@ -14,6 +14,7 @@ mod options;
 mod orient;
 mod sew;
 mod shape;
+mod slits;
 mod soup;
 mod triangulate;
 mod weld;

@@ -49,6 +49,46 @@ fn panels_apart_in_the_texture_are_sewn() {
 }
 
 #[test]
+fn a_sheet_that_looks_joined_and_is_not_is_warned_of() {
+    // A square beside two of half its height, whose middle corner it lacks.
+    let slit = "v 0 0 0\nv 1 0 0\nv 1 2 0\nv 0 2 0\nv 1 1 0\nv 2 0 0\nv 2 1 0\nv 2 2 0\n\
+        f 1 2 3 4\nf 2 6 7 5\nf 5 7 8 3\n";
+    let made = as_is(slit);
+    assert_eq!(made.warnings.len(), 1, "{:?}", made.warnings);
+    let first = "1 vertices lie on an edge that they do not belong to";
+    says(
+        &made.warnings[0],
+        &[first, "the first is 5, between 2 and 3"],
+    );
+    assert!(
+        as_is(&slit.replace("1 2 3 4", "1 2 5 3 4"))
+            .warnings
+            .is_empty()
+    );
+    // Beside the edge, it is no slit.
+    assert!(
+        as_is(&slit.replace("1 1 0", "1.01 1 0"))
+            .warnings
+            .is_empty()
+    );
+    // The two halves with vertices of their own, and a piece that is far.
+    let apart = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 1 0 0\nv 2 0 0\nv 2 1 0\nv 1 1 0\n\
+        v 9 0 0\nv 9 1 0\nv 8 1 0\nf 1 2 3 4\nf 5 6 7 8\nf 9 10 11\n";
+    let made = as_is(apart);
+    assert_eq!(made.warnings.len(), 1, "{:?}", made.warnings);
+    says(
+        &made.warnings[0],
+        &["2 pieces have vertices at the places", "mesh.weld = 9.0e-6"],
+    );
+    assert!(
+        read(apart, |o| o.weld = Some(9e-6))
+            .unwrap()
+            .warnings
+            .is_empty()
+    );
+}
+
+#[test]
 fn each_panel_is_fitted_to_its_size() {
     // The second panel's texture is in another unit, and mirrored.
     let text = SHIRT.replace(

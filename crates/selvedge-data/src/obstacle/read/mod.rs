@@ -97,8 +97,9 @@ pub(super) fn check_hash(
     Err(Problem(field, problem))
 }
 
-/// The mesh in the bytes of the file at `path`, as it stands at the start.
-pub(super) fn mesh(path: &str, bytes: &[u8]) -> Result<Body, Problem> {
+/// The mesh in the bytes of the file at `path`, as it stands at the start; what is left out is said
+/// in `warnings`.
+pub(super) fn mesh(path: &str, bytes: &[u8], warnings: &mut Vec<String>) -> Result<Body, Problem> {
     let wrong = |problem: String| Problem("mesh", format!("{path}: {problem}"));
     let (points, polygons) = match Kind::of(path) {
         Some(Kind::Obj) => {
@@ -113,6 +114,8 @@ pub(super) fn mesh(path: &str, bytes: &[u8]) -> Result<Body, Problem> {
             let body = read_body(bytes, format, None, true);
             let body = body.map_err(|error| wrong(error.to_string()))?;
             let faces = body.faces().map_err(|error| wrong(error.to_string()))?;
+            let left = body.warnings().iter();
+            warnings.extend(left.map(|left| format!("{path}: {left}")));
             (body.positions(0.0), faces)
         }
         _ => {
@@ -142,7 +145,7 @@ pub(super) fn mesh(path: &str, bytes: &[u8]) -> Result<Body, Problem> {
 /// Frames per second, and the points in every frame.
 pub(crate) type Frames = (f64, Vec<Vec<DVec3>>);
 
-/// The points in a file of any kind but .obj, from `from` `[s]` after its first key on, and their
+/// The points in a file of any kind but .obj, from `from` `[s]` after its start on, and their
 /// frames per second: `rate` for what has times of its own or says none. Of a .glb with several
 /// animations one is named.
 ///
@@ -164,7 +167,8 @@ pub(crate) fn moving_points(
             let body = read_body(bytes, format, animation, false);
             let body = body.map_err(|error| error.to_string())?;
             if body.span().is_none() {
-                return Err("nothing in it moves: leave motion out, or animate it".to_owned());
+                let problem = ["nothing in it moves: leave motion out, or animate it".to_owned()];
+                return Err([&problem, body.warnings()].concat().join("; "));
             }
             let frames = body.frames(rate, from).map_err(|error| error.to_string())?;
             return Ok((rate, frames));

@@ -104,6 +104,45 @@ fn morph_targets_add_up_by_their_weights() {
     assert_eq!(at(&desk.read(MOVING).unwrap(), 0.9)[2].z, 0.0);
 }
 
+#[test]
+fn sparse_accessors_are_zeros_but_for_the_elements_they_name() {
+    let desk = Desk::new();
+    let sparse = |place: u8| {
+        let mut glb = Glb::default();
+        let points = glb.floats("VEC3", 3, &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
+        let places = glb.store("SCALAR", 5121, 1, &[place]);
+        let up = glb.floats("VEC3", 3, &[0.0, 0.0, 1.0]);
+        // The accessors themselves are of no use: what is sparse names views.
+        let target = glb.accessors.len();
+        let mut moved = json!({ "componentType": 5126, "count": 3, "type": "VEC3", "sparse": {
+            "count": 1,
+            "indices": { "bufferView": places, "componentType": 5121 },
+            "values": { "bufferView": up },
+        }});
+        glb.accessors.push(moved.clone());
+        // Where there is a view, its elements are those of the others.
+        moved["bufferView"] = json!(points);
+        glb.accessors.push(moved);
+        // Neither a view nor what is sparse: Blender's key that moves nothing.
+        let none = json!({ "componentType": 5126, "count": 3, "type": "VEC3" });
+        glb.accessors.push(none);
+        glb.finish(json!({
+            "nodes": [{ "name": "leaf", "mesh": 0, "weights": [0.5, 1.0] }],
+            "meshes": [{ "primitives": [{
+                "attributes": { "POSITION": target + 1 },
+                "targets": [{ "POSITION": target }, { "POSITION": target + 2 }],
+            }] }],
+        }))
+    };
+    let still = "name = \"leaf\"\nmesh = \"leaf.glb\"";
+    desk.write("leaf.glb", sparse(2));
+    let leaf = desk.read(still).unwrap();
+    let expected = [DVec3::ZERO, DVec3::X, DVec3::Z * 1.5];
+    assert_near(&at(&leaf, 0.0), &expected, 1e-12);
+    desk.write("leaf.glb", sparse(3));
+    assert!(desk.problem(still).contains("with an element 3 of 3"));
+}
+
 /// A strip of two quads along x, split along its middle as a seam splits it, bound to an upper and
 /// a lower joint; the second turns by 90° about z, through x = 1.
 fn skinned(edit: impl Fn(&mut Value)) -> Vec<u8> {

@@ -3,6 +3,7 @@
 mod glb;
 mod mannequin;
 mod motions;
+mod usd;
 
 use std::path::Path;
 
@@ -36,7 +37,7 @@ impl Desk {
         let spec = self.spec(text)?;
         let json = serde_json::to_string(&spec).unwrap();
         assert_eq!(serde_json::from_str::<ObstacleSpec>(&json).unwrap(), spec);
-        let made = spec.build(self.0.path(), 60.0);
+        let made = spec.build(self.0.path(), 60.0, &mut Vec::new());
         made.map_err(|error| error.to_string())
     }
 
@@ -136,7 +137,8 @@ fn what_is_wrong_is_named_with_the_obstacle() {
     let spec = desk.spec("name = \"a\"\nmesh = \"far.obj\"").unwrap();
     desk.write("far.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
     says(
-        spec.build(desk.0.path(), 60.0).unwrap_err(),
+        spec.build(desk.0.path(), 60.0, &mut Vec::new())
+            .unwrap_err(),
         &["far.obj has changed since"],
     );
 }

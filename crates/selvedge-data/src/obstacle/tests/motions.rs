@@ -197,6 +197,36 @@ fn samples_of_a_stage_move_points_with_their_prims() {
 }
 
 #[test]
+fn what_begins_to_move_later_than_its_file_rests_until_then() {
+    let desk = Desk::new();
+    let late = STAGE.split_once("def ").unwrap().1;
+    let late = late
+        .replace("24: (1", "48: (1")
+        .replace(" 0: (0", " 24: (0");
+    let late = late.replace("12: [", "36: [").replace(" 0: [", " 24: [");
+    let late = format!("def {}", late.replace("root", "late"));
+    let both = format!("{STAGE}{late}");
+    let (header, _) = STAGE.split_once("def ").unwrap();
+    let alone = format!("{header}{late}");
+    let begun = alone.replacen("(\n", "(\n    startTimeCode = 0\n", 1);
+    let ball = "name = \"b\"\nsphere = { radius = 0.2 }\nmotion = { file = \"leaf.usda\", node = \"late\" }";
+    for (stage, wait) in [(&both, 1.0), (&begun, 1.0), (&alone, 0.0)] {
+        desk.write("leaf.usda", stage);
+        let ball = desk.read(ball).unwrap();
+        let rest = at(&ball, 0.0);
+        assert_near(&at(&ball, wait), &rest, 1e-12);
+        let moved: Vec<DVec3> = rest.iter().map(|p| *p + DVec3::X * 0.5).collect();
+        assert_near(&at(&ball, wait + 0.5), &moved, 1e-12);
+    }
+    desk.write("leaf.usda", begun);
+    let leaf = desk.read("name = \"leaf\"\nmesh = \"leaf.usda\"\nmotion = \"leaf.usda\"");
+    let leaf = leaf.unwrap();
+    assert_near(&at(&leaf, 1.0), &raised(0.0), 1e-12);
+    let placed: Vec<DVec3> = raised(1.0).iter().map(|p| *p + DVec3::X * 0.25).collect();
+    assert_near(&at(&leaf, 1.25), &placed, 1e-12);
+}
+
+#[test]
 fn a_body_follows_a_node_rigidly() {
     let desk = Desk::new();
     desk.write("leaf.usda", STAGE);

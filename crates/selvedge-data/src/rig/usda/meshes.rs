@@ -21,6 +21,20 @@ const TEXTURE: &str = "texture";
 const TEXTURE_INDICES: &str = "texture indices";
 const ORIENTED: &str = "st";
 
+/// Types of prims that have a shape but no mesh.
+const SHAPES: [&str; 10] = [
+    "Sphere",
+    "Cube",
+    "Cylinder",
+    "Cone",
+    "Capsule",
+    "Plane",
+    "BasisCurves",
+    "NurbsPatch",
+    "TetMesh",
+    "HermiteCurves",
+];
+
 /// The name under which a property of this type and name is kept; none if no mesh needs it.
 pub(super) fn array_of(kind: &str, name: &str) -> Option<String> {
     let name = name.strip_suffix(".timeSamples").unwrap_or(name);
@@ -37,11 +51,59 @@ pub(super) fn array_of(kind: &str, name: &str) -> Option<String> {
     }
 }
 
-/// The meshes of these prims.
-pub(super) fn meshes(prims: &[Prim]) -> Result<Vec<NodeMesh>, RigError> {
+/// Returns true where a property of this name is of a skeleton or of blend shapes.
+pub(super) fn is_of_skeleton(name: &str) -> bool {
+    name.strip_prefix("primvars:")
+        .unwrap_or(name)
+        .starts_with("skel:")
+}
+
+/// The meshes of these prims that are seen; what is left out is said in `warnings`.
+///
+/// # Errors
+/// [`RigError::Node`] for a prim that brings more from elsewhere, and for what is wrong in a mesh.
+pub(super) fn meshes(
+    prims: &[Prim],
+    warnings: &mut Vec<String>,
+) -> Result<Vec<NodeMesh>, RigError> {
+    let seen = seen(prims);
+    for (prim, _) in prims.iter().zip(&seen).filter(|pair| *pair.1) {
+        let instancer = (prim.kind == "PointInstancer")
+            .then_some("its instances are not read: export them as meshes");
+        let is_of_looks = ["Material", "Shader", "NodeGraph"].contains(&prim.kind.as_str());
+        let composed = prim.composed.as_deref().filter(|_| !is_of_looks);
+        if let Some(problem) = composed.or(instancer) {
+            return Err(RigError::Node {
+                name: prim.name.clone(),
+                problem: problem.to_owned(),
+            });
+        }
+    }
+    let mut left = |what: &str, is_left: &dyn Fn(usize, &Prim) -> bool| {
+        let found = prims
+            .iter()
+            .enumerate()
+            .filter(|(k, prim)| is_left(*k, prim));
+        let names: Vec<&str> = found.map(|(_, prim)| prim.name.as_str()).collect();
+        if let Some(first) = names.first() {
+            warnings.push(format!("{} {what}, the first is {first:?}", names.len()));
+        }
+    };
+    left(
+        "meshes are invisible, guides or proxies and are left out",
+        &|k, prim| prim.kind == "Mesh" && !seen[k] && !is_in_class(prims, k),
+    );
+    left(
+        "prims are shapes without a mesh, which are not read: export meshes",
+        &|k, prim| SHAPES.contains(&prim.kind.as_str()) && seen[k],
+    );
+    left(
+        "meshes have a skeleton or blend shapes, which are not read, and stand as their points are: bake them to points, or export .glb",
+        &|k, prim| prim.kind == "Mesh" && prim.is_skinned && seen[k],
+    );
     let mut made = Vec::new();
     for node in 0..prims.len() {
-        if prims[node].kind != "Mesh" {
+        if prims[node].kind != "Mesh" || !seen[node] {
             continue;
         }
         let mut mesh = mesh(&prims[node], node)?;
@@ -58,6 +120,32 @@ pub(super) fn meshes(prims: &[Prim]) -> Result<Vec<NodeMesh>, RigError> {
         made.push(mesh);
     }
     Ok(made)
+}
+
+/// Returns true where a prim is a class, or within one.
+fn is_in_class(prims: &[Prim], node: usize) -> bool {
+    let mut chain = std::iter::successors(Some(node), |&node| prims[node].parent);
+    chain.any(|node| prims[node].is_class)
+}
+
+/// What of the prims is seen: no class and nothing invisible, with all that is in it; no guide, and
+/// no proxy where there is what is to be rendered in its place.
+fn seen(prims: &[Prim]) -> Vec<bool> {
+    let mut there: Vec<bool> = Vec::with_capacity(prims.len());
+    let mut purposes: Vec<Option<&str>> = Vec::with_capacity(prims.len());
+    // Parents come before their children.
+    for prim in prims {
+        there.push(!prim.is_class && !prim.is_invisible && prim.parent.is_none_or(|k| there[k]));
+        let own = prim.purpose.as_deref();
+        purposes.push(own.or_else(|| purposes[prim.parent?]));
+    }
+    let has_renders = purposes.contains(&Some("render"));
+    let stands_in =
+        |purpose: Option<&str>| purpose == Some("guide") || has_renders && purpose == Some("proxy");
+    let pairs = there.into_iter().zip(purposes);
+    pairs
+        .map(|(there, purpose)| there && !stands_in(purpose))
+        .collect()
 }
 
 /// A mesh whose points are these `samples` by time codes, of which there are `rate` per second.

@@ -2,9 +2,9 @@
 //! (.usdz): prims with `xformOp:` attributes, their time
 //! samples, and `xformOpOrder`; `upAxis`, `metersPerUnit` and `timeCodesPerSecond` of the stage.
 //!
-//! Everything else is passed over by its brackets. Not understood, and an error only for a node
-//! that is followed: what comes from other files or prims (references, payloads, inherits,
-//! specializes, variants), `over` and `class`. Sublayers are an error always. Samples are joined
+//! Everything else is passed over by its brackets. Not understood, and an error where meshes are
+//! read or a node is followed: what comes from other files or prims (references, payloads, inherits,
+//! specializes, variants); for a node, `over` and `class` too. Sublayers are an error always. Samples are joined
 //! linearly, as USD does by itself.
 //!
 //! Conventions of USD: a list of operations goes from the outermost to the innermost; matrices have
@@ -33,27 +33,29 @@ const DEEPEST: usize = 200;
 /// The rig in the bytes of a file.
 pub(super) fn parse(bytes: &[u8]) -> Result<Rig, RigError> {
     let (prims, stage) = read(bytes, false)?;
-    rig(prims, &stage)
+    Ok(rig(&prims, &stage))
 }
 
 /// The rig in the bytes of a file, and its meshes as they move.
 pub(super) fn parse_bodies(bytes: &[u8]) -> Result<(Rig, Vec<MovingMesh>), RigError> {
     let (mut prims, stage) = read(bytes, true)?;
     let rate = stage.rate();
+    let mut rig = rig(&prims, &stage);
     let mut made = Vec::new();
-    for mesh in meshes::meshes(&prims)? {
+    for mesh in meshes::meshes(&prims, &mut rig.warnings)? {
         let prim = &mut prims[mesh.node];
         let timed = prim.take_samples(meshes::POINTS);
         made.push(meshes::moving(mesh, timed, rate, &prim.name)?);
     }
-    Ok((rig(prims, &stage)?, made))
+    Ok((rig, made))
 }
 
 /// The rig in the bytes of a file, and the meshes of its prims.
 pub(super) fn parse_meshes(bytes: &[u8]) -> Result<(Rig, Vec<NodeMesh>), RigError> {
     let (prims, stage) = read(bytes, true)?;
-    let meshes = meshes::meshes(&prims)?;
-    Ok((rig(prims, &stage)?, meshes))
+    let mut rig = rig(&prims, &stage);
+    let meshes = meshes::meshes(&prims, &mut rig.warnings)?;
+    Ok((rig, meshes))
 }
 
 /// The prims of a file, with the arrays of meshes where they are wanted, and its stage.
@@ -121,6 +123,7 @@ impl<'a> Reader<'a> {
             }
             match key {
                 "timeCodesPerSecond" => stage.codes_per_second = Some(self.positive(key)?),
+                "startTimeCode" => stage.start_code = Some(self.tokens.number()?),
                 "framesPerSecond" => stage.frames_per_second = Some(self.positive(key)?),
                 "metersPerUnit" => stage.metres_per_unit = self.positive(key)?,
                 "upAxis" => {
@@ -164,6 +167,7 @@ impl<'a> Reader<'a> {
                     "it is an {word}, which is not understood here: flatten the stage (usdcat --flatten)"
                 );
                 prim.obstacle = Some(problem.replace("an class", "a class"));
+                prim.is_class = word == "class";
             }
             found => {
                 let problem = format!("expected def, over or class, found {found}");
@@ -182,8 +186,7 @@ impl<'a> Reader<'a> {
             }
         };
         if self.tokens.skip_if("(")? {
-            let composed = self.prim_metadata()?;
-            prim.obstacle = prim.obstacle.or(composed);
+            self.prim_metadata(&mut prim)?;
         }
         self.tokens.expect("{")?;
         let number = self.prims.len();
@@ -195,8 +198,7 @@ impl<'a> Reader<'a> {
     }
 
     /// Passes over the metadata of a prim; what in it brings more from elsewhere.
-    fn prim_metadata(&mut self) -> Result<Option<String>, RigError> {
-        let mut composed = None;
+    fn prim_metadata(&mut self, prim: &mut Prim) -> Result<(), RigError> {
         while !self.tokens.skip_if(")")? {
             if let Token::Word(key) = self.tokens.next()? {
                 if matches!(
@@ -208,16 +210,14 @@ impl<'a> Reader<'a> {
                         | "variants"
                         | "variantSets"
                 ) {
-                    composed = Some(format!(
-                        "it has {key}, which are not followed here: flatten the stage (usdcat --flatten)"
-                    ));
+                    prim.composes(key);
                 }
                 if self.tokens.skip_if("=")? {
                     self.skip_value()?;
                 }
             }
         }
-        Ok(composed)
+        Ok(())
     }
 
     /// A prim or a property within prim `number`.
@@ -240,10 +240,7 @@ impl<'a> Reader<'a> {
         self.tokens.next()?;
         self.tokens.expect("=")?;
         self.skip_value()?;
-        let problem = "it has variants, which are not followed here: flatten the stage";
-        self.prims[number]
-            .obstacle
-            .get_or_insert(problem.to_owned());
+        self.prims[number].composes("variants");
         Ok(())
     }
 
@@ -276,6 +273,10 @@ impl<'a> Reader<'a> {
             self.prims[number].order = Some(order);
             return Ok(());
         }
+        if let Some(Token::Text(token)) = self.tokens.peek()? {
+            self.prims[number].says(name, token);
+        }
+        self.prims[number].is_skinned |= meshes::is_of_skeleton(name);
         let array = meshes::array_of(kind, name).filter(|_| self.keeps_arrays);
         let is_array = array.is_some();
         if !is_array && !name.starts_with("xformOp:") {

@@ -26,6 +26,17 @@ pub(super) enum Samples {
     Timed(Vec<(f64, Vec<f64>)>),
 }
 
+impl Samples {
+    /// The time codes; none of a constant.
+    pub(super) fn codes(&self) -> impl Iterator<Item = f64> {
+        let timed = match self {
+            Self::Constant(_) => &[][..],
+            Self::Timed(samples) => samples,
+        };
+        timed.iter().map(|sample| sample.0)
+    }
+}
+
 /// The attribute of this name. Samples count where there is a constant too.
 pub(super) fn named<'a>(attributes: &'a [Attribute], name: &str) -> Option<&'a Attribute> {
     let named = || attributes.iter().filter(|attribute| attribute.name == name);

@@ -2,7 +2,6 @@
 
 use glam::DMat4;
 
-use super::super::error::RigError;
 use super::super::node::{Rig, RigNode};
 use super::operations::{Attribute, RESET, Samples, named, operations_of};
 
@@ -14,6 +13,7 @@ const METRES_PER_UNIT: f64 = 0.01;
 pub(super) struct Stage {
     pub(super) codes_per_second: Option<f64>,
     pub(super) frames_per_second: Option<f64>,
+    pub(super) start_code: Option<f64>,
     pub(super) metres_per_unit: f64,
     pub(super) is_z_up: bool,
 }
@@ -23,6 +23,7 @@ impl Default for Stage {
         Self {
             codes_per_second: None,
             frames_per_second: None,
+            start_code: None,
             metres_per_unit: METRES_PER_UNIT,
             is_z_up: false,
         }
@@ -55,11 +56,38 @@ pub(super) struct Prim {
     pub(super) attributes: Vec<Attribute>,
     pub(super) order: Option<Vec<String>>,
     pub(super) obstacle: Option<String>,
+    /// What it brings from elsewhere, which is not read.
+    pub(super) composed: Option<String>,
     /// Type of the prim.
     pub(super) kind: String,
+    /// True where it is a class, which stands for nothing itself.
+    pub(super) is_class: bool,
+    pub(super) is_invisible: bool,
+    /// Its own purpose.
+    pub(super) purpose: Option<String>,
+    /// True where it has properties of `skel:`.
+    pub(super) is_skinned: bool,
 }
 
 impl Prim {
+    /// Keeps what it brings from elsewhere, which is not read.
+    pub(super) fn composes(&mut self, what: &str) {
+        let problem = format!(
+            "it has {what}, which are not followed here: flatten the stage (usdcat --flatten)"
+        );
+        self.obstacle.get_or_insert(problem.clone());
+        self.composed.get_or_insert(problem);
+    }
+
+    /// Keeps what an attribute with a token says of the prim.
+    pub(super) fn says(&mut self, name: &str, token: &str) {
+        match name {
+            "visibility" => self.is_invisible = token == "invisible",
+            "purpose" => self.purpose = Some(token.to_owned()),
+            _ => {}
+        }
+    }
+
     /// The first numbers of an array that makes a mesh.
     pub(super) fn array(&self, name: &str) -> Option<&[f64]> {
         match &named(&self.attributes, name)?.samples {
@@ -80,17 +108,21 @@ impl Prim {
 }
 
 /// The rig of these prims.
-pub(super) fn rig(prims: Vec<Prim>, stage: &Stage) -> Result<Rig, RigError> {
+pub(super) fn rig(prims: &[Prim], stage: &Stage) -> Rig {
     let rate = stage.rate();
-    let nodes = prims.into_iter().map(|prim| node(prim, rate));
-    Ok(Rig {
-        nodes: nodes.collect::<Result<_, _>>()?,
+    let attributes = prims.iter().flat_map(|prim| &prim.attributes);
+    let codes = attributes.flat_map(|attribute| attribute.samples.codes());
+    let first = codes.chain(stage.start_code).reduce(f64::min);
+    Rig {
+        nodes: prims.iter().map(|prim| node(prim, rate)).collect(),
         world: stage.world(),
-    })
+        start: first.unwrap_or_default() / rate,
+        warnings: Vec::new(),
+    }
 }
 
-fn node(prim: Prim, rate: f64) -> Result<RigNode, RigError> {
-    let mut obstacle = prim.obstacle;
+fn node(prim: &Prim, rate: f64) -> RigNode {
+    let mut obstacle = prim.obstacle.clone();
     let operations = match operations_of(&prim.attributes, prim.order.as_deref(), rate) {
         Ok(operations) => operations,
         Err(problem) => {
@@ -99,10 +131,10 @@ fn node(prim: Prim, rate: f64) -> Result<RigNode, RigError> {
         }
     };
     let stands_alone = prim.order.iter().flatten().any(|op| op == RESET);
-    Ok(RigNode {
-        name: prim.name,
+    RigNode {
+        name: prim.name.clone(),
         parent: if stands_alone { None } else { prim.parent },
         operations,
         obstacle,
-    })
+    }
 }

@@ -33,9 +33,8 @@ pub(in super::super) fn read(
             PRIM => reader.prim(spec)?,
             ATTRIBUTE => reader.attribute(spec)?,
             kind if kind >= VARIANT_SET - 1 => {
-                let problem = "it has variants, which are not followed here: flatten the stage";
                 if let Some(prim) = reader.above(spec) {
-                    prim.obstacle.get_or_insert(problem.to_owned());
+                    prim.composes("variants");
                 }
             }
             _ => {}
@@ -76,6 +75,10 @@ impl Reader<'_> {
             match name {
                 "timeCodesPerSecond" => stage.codes_per_second = Some(positive(name, rep)?),
                 "framesPerSecond" => stage.frames_per_second = Some(positive(name, rep)?),
+                "startTimeCode" => {
+                    let code = self.values.numbers(rep)?;
+                    stage.start_code = code.and_then(|code| code.first().copied());
+                }
                 "metersPerUnit" => stage.metres_per_unit = positive(name, rep)?,
                 "upAxis" => {
                     stage.is_z_up = match self.token(rep) {
@@ -111,11 +114,10 @@ impl Reader<'_> {
                     let word = if rep.low() == 1 { "an over" } else { "a class" };
                     let problem = format!("it is {word}, which is not understood here: {flatten}");
                     prim.obstacle = Some(problem);
+                    prim.is_class = rep.low() != 1;
                 }
                 "references" | "payload" | "inheritPaths" | "specializes" | "variantSetNames" => {
-                    prim.obstacle.get_or_insert(format!(
-                        "it has {name}, which are not followed here: {flatten}"
-                    ));
+                    prim.composes(name);
                 }
                 _ => {}
             }
@@ -146,6 +148,11 @@ impl Reader<'_> {
                 prim.order = Some(order);
             }
             return Ok(());
+        }
+        let token = default.map(|rep| self.token(rep).to_owned());
+        if let Some(prim) = self.above(spec) {
+            prim.says(name, &token.unwrap_or_default());
+            prim.is_skinned |= meshes::is_of_skeleton(name);
         }
         let array = meshes::array_of(&kind, name).filter(|_| self.keeps_arrays);
         if array.is_none() && !name.starts_with("xformOp:") {
