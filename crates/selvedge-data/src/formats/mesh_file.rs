@@ -2,19 +2,14 @@
 
 use std::path::Path;
 
-use glam::DVec3;
-
 use super::obj::parse_obj_polygons;
 use super::polygons::{MeshFileError, MeshOptions, ReadMesh, ReadMeshError, Sewing, assemble, sew};
+use crate::formats::extent::{COINCIDENT, extent};
 use crate::formats::file_error::FileError;
 use crate::formats::input::read_file;
 use crate::formats::retired::retired;
 use crate::rig::mesh::polygons;
 use crate::rig::{RigError, RigFormat};
-
-/// Part of a mesh's extent up to which vertices of formats that split them coincide: single
-/// precision at some ten roundings.
-pub(crate) const COINCIDENT: f64 = 1e-6;
 
 /// Reads a mesh from a file (.obj, .glb, USD), as `options` say.
 ///
@@ -61,12 +56,4 @@ pub(crate) fn parse_mesh_bytes(
         .weld
         .get_or_insert(COINCIDENT * extent(&polygons.positions));
     assemble(polygons, options).map_err(|error| error.of_sewn(is_sewn))
-}
-
-/// Longest side of the box around `positions`.
-pub(crate) fn extent(positions: &[DVec3]) -> f64 {
-    let first = positions.first().copied().unwrap_or_default();
-    let low = positions.iter().fold(first, |low, p| low.min(*p));
-    let high = positions.iter().fold(first, |high, p| high.max(*p));
-    (high - low).max_element()
 }

@@ -4,6 +4,7 @@
 
 pub(crate) mod arrays;
 pub(crate) mod atomic;
+pub(crate) mod extent;
 pub(crate) mod file_error;
 pub(crate) mod hash;
 pub(crate) mod input;

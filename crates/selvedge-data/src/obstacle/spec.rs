@@ -10,7 +10,7 @@ use super::body::BodySpec;
 use super::error::{ObstacleSpecError, Problem};
 use super::motion::ObstacleMotion;
 use super::weld::weld;
-use crate::formats::mesh_file::extent;
+use crate::formats::extent::extent;
 use crate::scene::Rotate;
 
 /// Length of a body from a file `[m]`; others are warned of.

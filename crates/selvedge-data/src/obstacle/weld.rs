@@ -4,7 +4,7 @@
 use glam::DVec3;
 use selvedge_cloth::bodies::Body;
 
-use crate::formats::mesh_file::{COINCIDENT, extent};
+use crate::formats::extent::{COINCIDENT, extent};
 use crate::formats::polygons::owners;
 
 /// Welds points that coincide in the mesh and in every one of `frames`. Faces that lose a corner by

@@ -9,10 +9,11 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::strained::Times;
+use crate::formats::extent::extent;
 use crate::formats::file_error::FileError;
 use crate::formats::hash::hash;
 use crate::formats::input::read_file;
-use crate::formats::mesh_file::{extent, parse_mesh_bytes};
+use crate::formats::mesh_file::parse_mesh_bytes;
 use crate::formats::polygons::{
     MeshFileError, MeshOptions, PatternSource, ReadMesh, ReadMeshError, RestAngles, Seams, Sewing,
     TextureUnit,

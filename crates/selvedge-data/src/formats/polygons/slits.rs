@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use super::border::open_edges;
 use super::soup::Polygons;
 use super::weld::{owners, root, unite};
-use crate::formats::mesh_file::{COINCIDENT, extent};
+use crate::formats::extent::{COINCIDENT, extent};
 
 /// Distance from an edge up to which a vertex lies on it, in units of the edge.
 const ON_EDGE: f64 = 1e-3;
