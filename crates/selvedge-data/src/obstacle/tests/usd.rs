@@ -81,7 +81,7 @@ fn what_comes_from_elsewhere_is_an_error_that_names_it() {
     let desk = Desk::new();
     let leaf = prim("leaf", "", "");
     let cases = r#"
-        prepend references = @./a.usda@</root> | references
+        prepend references = @./a.usda@</body> | references
         instanceable = true\nprepend references = </leaf> | references
         payload = @a.usdc@ | payload
         prepend inherits = </leaf> | inherits
@@ -122,7 +122,7 @@ fn what_comes_from_elsewhere_is_an_error_that_names_it() {
 fn skeletons_blend_shapes_and_shapes_are_warned_of() {
     let desk = Desk::new();
     for with in [
-        "rel skel:skeleton = </root/skel>",
+        "rel skel:skeleton = </body/skel>",
         "int[] primvars:skel:jointIndices = [0, 0, 0] (\n        elementSize = 1\n    )",
         "uniform token[] skel:blendShapes = [\"nose\"]",
     ] {
