@@ -251,7 +251,7 @@ impl CorrectedStepper {
             before,
             holds,
         } = watched.as_mut();
-        before.clone_from(watch);
+        before.copy_frames_of(watch);
         let environment = self.scene.environment;
         let environment = environment.during_step(frame, self.scene.frame_rate);
         holds.clear();
