@@ -1,5 +1,5 @@
 //! A trajectory in the formats of other programs: .usda, .usdc, .usdz, .abc, .glb, .pc2 with
-//! an .obj, .obj by the frame, .npz. One file per format; all of them write a [`Take`], frames
+//! an .obj, .obj by the frame, .npz. One file per format; all of them write a `Take`, frames
 //! of the trajectory as they are wanted.
 //!
 //! Frames are streamed: beside the trajectory, memory holds a frame or two. Files are written
