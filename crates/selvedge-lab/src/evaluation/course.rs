@@ -130,7 +130,7 @@ impl Course<'_, '_, '_> {
             Span::Whole(frames) => frames,
         };
         let last_second = frames.min(run.frame_rate.round().max(1.0) as usize);
-        let mut second = FinalSecond::default();
+        let mut second: Vec<Vec3> = Vec::new();
         for frame in 1..=frames {
             if self.watch.advance().is_break() {
                 return Ok(ControlFlow::Break(()));
@@ -154,11 +154,15 @@ impl Course<'_, '_, '_> {
                 run.frames.push(at);
                 keep(&found);
                 if frame + last_second >= frames {
-                    second.add(found);
+                    second.extend(physics::rounded(&found));
                 }
             }
         }
-        run.final_speed = second.speed(run.frame_rate).filter(|_| run.is_whole);
+        if run.is_whole {
+            let second = Frames::new(&second, truth.trajectory.vertex_count());
+            let second = second.map_err(|error| chain(&error))?;
+            run.final_speed = metrics::final_speed(second, run.frame_rate).ok();
+        }
         if !positions.is_empty() {
             let trajectory = &truth.trajectory;
             let from = run.start - truth.first;
@@ -173,46 +177,5 @@ impl Course<'_, '_, '_> {
             run.character = Some((found?, expected?));
         }
         Ok(ControlFlow::Continue(()))
-    }
-}
-
-/// How fast a cloth is while a run ends.
-#[derive(Default)]
-struct FinalSecond {
-    last: Option<Vec<DVec3>>,
-    /// Mean distance that a vertex moved, summed over the frames `[m]`.
-    path: f64,
-    frames: usize,
-}
-
-impl FinalSecond {
-    fn add(&mut self, positions: Vec<DVec3>) {
-        if let Some(last) = &self.last {
-            let moved = last.iter().zip(&positions).map(|(a, b)| a.distance(*b));
-            self.path += moved.sum::<f64>() / positions.len() as f64;
-            self.frames += 1;
-        }
-        self.last = Some(positions);
-    }
-
-    /// Mean speed of the vertices `[m/s]`.
-    fn speed(&self, frame_rate: f64) -> Option<f64> {
-        (self.frames > 0).then(|| self.path / self.frames as f64 * frame_rate)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn final_speed_is_the_path_over_the_time() {
-        let mut second = FinalSecond::default();
-        assert_eq!(second.speed(60.0), None);
-        // One vertex moves 2 mm a frame, the other none.
-        for frame in 0..4 {
-            second.add(vec![DVec3::X * (2e-3 * f64::from(frame)), DVec3::ONE]);
-        }
-        assert!((second.speed(60.0).unwrap() - 0.06).abs() < 1e-15);
     }
 }

@@ -129,6 +129,12 @@ fn errors_fall_with_substeps_and_are_those_of_first_order() {
     // Over whole runs as well: the motion is too gentle for another buckling mode.
     let whole: Vec<FrameErrors> = summaries.iter().map(|s| s.whole.unwrap()).collect();
     assert!(position(whole[0]) > position(whole[1]) && position(whole[1]) > position(whole[2]));
+    // Two and four substeps end as fast as each other.
+    let speeds: Vec<f64> = summaries.iter().map(|s| s.final_speed.unwrap()).collect();
+    assert!(
+        speeds[2] > 0.0 && (speeds[1] / speeds[2] - 1.0).abs() < 0.25,
+        "{speeds:?}"
+    );
     let folds = whole[2].errors.unwrap().fold_ratio().unwrap();
     assert!((folds - 1.0).abs() < 0.1, "{folds}");
     assert!(found.timings.iter().all(|timing| timing.ms_per_frame > 0.0));
