@@ -8,21 +8,25 @@
 //! and length constant when differentiating. Degenerate faces (height below 10⁻³ of the edge) count as if they
 //! had that height.
 
-use glam::{DMat3, DVec2, DVec3};
+use std::f64::consts::TAU;
+
+use glam::{DVec2, DVec3};
 use selvedge_cloth::geometry::{dihedral_angle, signed_area_2d};
 use selvedge_cloth::{BendTable, ElasticLaw};
 
+use crate::laws::number::{Number, Vector, direction};
+
 /// An interior edge's rest shape and its row of the material's table.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BendElement {
+pub struct BendElement<N = f64> {
     /// Bending stiffness at curvatures 0 to 4 for this edge's direction `[N·m]`.
-    stiffness: [f64; 5],
+    stiffness: [N; 5],
     /// Material area of the two faces together `[m²]`.
-    area: f64,
+    area: N,
     /// Length of the edge in the pattern `[m]`.
-    length: f64,
+    length: N,
     /// Angle without torque θ₀ `[rad]`.
-    rest_angle: f64,
+    rest_angle: N,
 }
 
 /// A hinge's edge in the rest shape of one of its faces.
@@ -37,17 +41,17 @@ pub struct HingeSide<'a> {
 }
 
 /// Force and Jacobian of one edge at one configuration.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct BendResponse {
+#[derive(Clone, Copy, Debug)]
+pub struct BendResponse<N: Number = f64> {
     /// ∂θ/∂x of the four corners `[1/m]`.
-    pub gradient: [DVec3; 4],
+    pub gradient: [N::Vector; 4],
     /// Signed dihedral angle beyond the rest angle, θ - θ₀ `[rad]`.
-    pub angle: f64,
+    pub angle: N,
     /// Stiffness of the hinge, coeff/2 = ke l²/(4 (a_A + a_B)) `[N·m]`: the torque over the angle.
-    pub stiffness: f64,
+    pub stiffness: N,
     /// The torque's derivative by the angle `[N·m]`, never negative. Laws without an energy hold
     /// the stiffness constant.
-    pub tangent: f64,
+    pub tangent: N,
 }
 
 /// Columns of the bending table.
@@ -117,38 +121,23 @@ impl BendElement {
     #[must_use]
     #[inline(always)]
     pub fn respond(&self, law: ElasticLaw, corners: [DVec3; 4]) -> BendResponse {
+        if law == ElasticLaw::Energy {
+            return self.respond_by_energy(corners);
+        }
         let [from, to, left, right] = corners;
         let angle = beyond(dihedral_angle(from, to, left, right), self.rest_angle);
-        let length = match law {
-            ElasticLaw::Energy => self.length,
-            ElasticLaw::Measured | ElasticLaw::Arcsim => from.distance(to),
-        };
+        let length = from.distance(to);
         let read_at = match law {
-            ElasticLaw::Energy | ElasticLaw::Measured => angle.abs(),
             ElasticLaw::Arcsim => angle,
+            _ => angle.abs(),
         };
-        let curvature = 0.1 * read_at * length / self.area;
-        let ke = self.stiffness_at(curvature);
-        let growth = match law {
-            ElasticLaw::Energy => curvature * self.slope_at(curvature),
-            ElasticLaw::Measured | ElasticLaw::Arcsim => 0.0,
-        };
-        let scale = length * length / (4.0 * self.area);
+        let ke = self.stiffness_at(0.1 * read_at * length / self.area);
+        let stiffness = ke * (length * length / (4.0 * self.area));
         BendResponse {
-            gradient: angle_gradient(corners),
+            gradient: angle_gradient::<f64>(corners),
             angle,
-            stiffness: ke * scale,
-            tangent: (ke + growth).max(0.0) * scale,
-        }
-    }
-
-    /// d ke/d value at a dimensionless curvature that is not negative.
-    #[inline(always)]
-    fn slope_at(&self, curvature: f64) -> f64 {
-        let low = curvature.min((COLUMNS - 1) as f64) as usize;
-        match low < COLUMNS - 1 {
-            true => self.stiffness[low + 1] - self.stiffness[low],
-            false => 0.0,
+            stiffness,
+            tangent: stiffness,
         }
     }
 
@@ -180,6 +169,54 @@ impl BendElement {
     }
 }
 
+impl<N: Number> BendElement<N> {
+    /// The element of these numbers.
+    #[inline(always)]
+    pub(crate) fn of([k0, k1, k2, k3, k4, area, length, rest_angle]: [N; 8]) -> Self {
+        Self {
+            stiffness: [k0, k1, k2, k3, k4],
+            area,
+            length,
+            rest_angle,
+        }
+    }
+
+    /// The inverse of [`Self::of`].
+    #[inline(always)]
+    pub(crate) fn numbers(&self) -> [N; 8] {
+        let [k0, k1, k2, k3, k4] = self.stiffness;
+        [k0, k1, k2, k3, k4, self.area, self.length, self.rest_angle]
+    }
+
+    /// [`BendElement::respond`] by [`ElasticLaw::Energy`].
+    #[must_use]
+    #[inline(always)]
+    pub(crate) fn respond_by_energy(&self, corners: [N::Vector; 4]) -> BendResponse<N> {
+        let (area, length) = (self.area, self.length);
+        let zero = area.same(0.0);
+        let angle = beyond(angle_of(corners), self.rest_angle);
+        let curvature = angle.abs() * 0.1 * length / area;
+        // Linear between columns, and its slope in the column where the curvature is.
+        let (mut ke, mut slope) = (self.stiffness[0], zero);
+        for (low, ends) in self.stiffness.windows(2).enumerate() {
+            let rise = ends[1] - ends[0];
+            let part = curvature - low as f64;
+            ke = ke + rise * part.at_least(0.0).at_most(1.0);
+            let is_here = part.below(zero);
+            slope = N::pick(is_here, slope, rise);
+        }
+        let last = zero + (COLUMNS - 1) as f64;
+        slope = N::pick(curvature.below(last), slope, zero);
+        let scale = length * length / (area * 4.0);
+        BendResponse {
+            gradient: angle_gradient::<N>(corners),
+            angle,
+            stiffness: ke * scale,
+            tangent: (ke + curvature * slope).at_least(0.0) * scale,
+        }
+    }
+}
+
 /// Row of the table for an edge in this direction, folded into 0 to 90° from the course axis.
 fn stiffness_along(table: &BendTable, along: DVec2) -> [f64; 5] {
     let direction = along.y.abs().atan2(along.x.abs());
@@ -195,12 +232,34 @@ fn stiffness_along(table: &BendTable, along: DVec2) -> [f64; 5] {
 /// θ - θ₀ in [-π, π]: the shorter way round, so that a hinge that rests folded does not jump where
 /// its wings pass through each other.
 #[inline(always)]
-fn beyond(angle: f64, rest: f64) -> f64 {
-    let turn = std::f64::consts::TAU;
-    match angle - rest {
-        far if far > 0.5 * turn => far - turn,
-        far if far < -0.5 * turn => far + turn,
-        near => near,
+fn beyond<N: Number>(angle: N, rest: N) -> N {
+    let (half, turn) = (angle.same(0.5 * TAU), angle.same(TAU));
+    let far = angle - rest;
+    let down = N::pick(half.below(far), far - turn, far);
+    N::pick(far.below(-half), far + turn, down)
+}
+
+/// The angle of [`dihedral_angle`], by [`direction`].
+#[inline(always)]
+fn angle_of<N: Number>(corners: [N::Vector; 4]) -> N {
+    let [from, to, left, right] = corners;
+    let along = to - from;
+    let normal_left = along.cross(left - from);
+    let normal_right = (right - from).cross(along);
+    let sine = -normal_left.cross(normal_right).dot(along) / along.dot(along).sqrt();
+    let cosine = normal_left.dot(normal_right);
+    // Neither infinite nor no number.
+    let is_finite = sine.abs().below(sine.same(f64::INFINITY));
+    N::pick(is_finite, direction(sine, cosine), sine.same(0.0))
+}
+
+impl<N: Number> BendResponse<N> {
+    /// ∂θ/∂x applied to one vector per corner.
+    #[must_use]
+    #[inline(always)]
+    pub fn rate(&self, vectors: [N::Vector; 4]) -> N {
+        let [a, b, c, d] = self.gradient;
+        a.dot(vectors[0]) + b.dot(vectors[1]) + c.dot(vectors[2]) + d.dot(vectors[3])
     }
 }
 
@@ -212,32 +271,16 @@ impl BendResponse {
         let scale = -self.stiffness * self.angle;
         self.gradient.map(|gradient| gradient * scale)
     }
+}
 
-    /// Block (`row`, `column`) of the negative Jacobian -J = coeff/2 ∂θ ∂θᵀ `[N/m]`.
-    /// `[eq:bend-jacobian]`
-    #[must_use]
-    #[inline(always)]
-    pub fn negative_jacobian(&self, row: usize, column: usize) -> DMat3 {
-        let left = self.gradient[row] * self.tangent;
-        let right = self.gradient[column];
-        DMat3::from_cols(left * right.x, left * right.y, left * right.z)
-    }
-
-    /// -J applied to one vector per corner.
-    #[must_use]
-    #[inline(always)]
-    pub fn negative_jacobian_times(&self, vectors: [DVec3; 4]) -> [DVec3; 4] {
-        let scale = self.tangent * self.rate(vectors);
-        self.gradient.map(|gradient| gradient * scale)
-    }
-
-    /// ∂θ/∂x applied to one vector per corner.
-    #[must_use]
-    #[inline(always)]
-    pub fn rate(&self, vectors: [DVec3; 4]) -> f64 {
-        let [a, b, c, d] = self.gradient;
-        a.dot(vectors[0]) + b.dot(vectors[1]) + c.dot(vectors[2]) + d.dot(vectors[3])
-    }
+/// n/h of a wing with this normal, as long as twice its area, on an edge of this `length`.
+#[inline(always)]
+fn rise<N: Number>(normal: N::Vector, length: N) -> N::Vector {
+    let zero = length.same(0.0);
+    let twice_area = normal.dot(normal).sqrt();
+    let (height, least) = (twice_area / length, length * 1e-3);
+    let height = N::pick(height.below(least), least, height);
+    normal / N::pick(zero.below(twice_area), twice_area, zero + 1.0) / height
 }
 
 /// Derivative of the dihedral angle by the four corners `[1/m]`. With unit normals n, heights h
@@ -246,25 +289,17 @@ impl BendResponse {
 /// n_B/h_B). `[eq:bend-gradient]`
 #[must_use]
 #[inline(always)]
-pub fn angle_gradient(corners: [DVec3; 4]) -> [DVec3; 4] {
+pub fn angle_gradient<N: Number>(corners: [N::Vector; 4]) -> [N::Vector; 4] {
     let [from, to, left, right] = corners;
     let along = to - from;
-    let length = along.length();
-    let wing = |tip: DVec3, normal: DVec3| {
-        let foot = (tip - from).dot(along) / along.length_squared();
-        let twice_area = normal.length();
-        let height = (twice_area / length).max(1e-3 * length);
-        let unit = if twice_area > 0.0 {
-            normal / twice_area
-        } else {
-            DVec3::ZERO
-        };
-        (unit / height, foot)
-    };
-    let (rise_left, foot_left) = wing(left, along.cross(left - from));
-    let (rise_right, foot_right) = wing(right, (right - from).cross(along));
+    let squared = along.dot(along);
+    let length = squared.sqrt();
+    let foot_left = (left - from).dot(along) / squared;
+    let foot_right = (right - from).dot(along) / squared;
+    let rise_left = rise(along.cross(left - from), length);
+    let rise_right = rise((right - from).cross(along), length);
     [
-        -(rise_left * (1.0 - foot_left) + rise_right * (1.0 - foot_right)),
+        -(rise_left * (-foot_left + 1.0) + rise_right * (-foot_right + 1.0)),
         -(rise_left * foot_left + rise_right * foot_right),
         rise_left,
         rise_right,
@@ -303,7 +338,7 @@ mod tests {
 
     #[test]
     fn gradient_is_that_of_the_angle() {
-        let gradient = angle_gradient(folded());
+        let gradient = angle_gradient::<f64>(folded());
         let h = 1e-7;
         for (corner, gradient) in gradient.iter().enumerate() {
             for axis in 0..3 {
@@ -385,22 +420,6 @@ mod tests {
     }
 
     #[test]
-    fn jacobian_is_the_outer_product_of_the_gradient() {
-        let response = BendElement::new(&TABLE, REST).respond(ElasticLaw::Measured, folded());
-        let vectors = [DVec3::X, DVec3::new(0.2, -1.0, 0.5), DVec3::Z, -DVec3::ONE];
-        let product = response.negative_jacobian_times(vectors);
-        let mut form = 0.0;
-        for (row, product) in product.iter().enumerate() {
-            let sum: DVec3 = (0..4)
-                .map(|column| response.negative_jacobian(row, column) * vectors[column])
-                .sum();
-            assert!(product.distance(sum) < 1e-12 * response.stiffness * 1e4);
-            form += product.dot(vectors[row]);
-        }
-        assert!(form >= 0.0);
-    }
-
-    #[test]
     fn at_its_rest_angle_a_hinge_has_no_force_and_beyond_it_that_of_the_difference() {
         let flat = BendElement::new(&TABLE, REST);
         let theta = angle(folded());
@@ -431,8 +450,8 @@ mod tests {
 
     #[test]
     fn a_hinge_that_rests_nearly_shut_takes_the_shorter_way() {
-        assert!((beyond(-3.0, 3.0) - (std::f64::consts::TAU - 6.0)).abs() < 1e-15);
-        assert!((beyond(3.0, -3.0) + (std::f64::consts::TAU - 6.0)).abs() < 1e-15);
+        assert!((beyond(-3.0, 3.0) - (TAU - 6.0)).abs() < 1e-15);
+        assert!((beyond(3.0, -3.0) + (TAU - 6.0)).abs() < 1e-15);
         assert_eq!(beyond(1.0, 0.25), 0.75);
     }
 

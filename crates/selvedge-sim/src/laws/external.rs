@@ -4,41 +4,17 @@
 //! corner. With the current area, ARCSim's substeps are not met.
 
 use glam::{DMat3, DVec3};
-use selvedge_cloth::geometry::area_vector;
 use selvedge_cloth::{AirLaw, Environment};
 
-/// The air's force on a face, and its contribution to the matrix of an implicit step.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct AirResponse {
-    /// Force on the face `[N]`.
-    pub force: DVec3,
-    /// Unit normal of the face.
-    pub normal: DVec3,
-    /// Resistance along the normal, and across it, to the mean velocity of the corners `[N s/m]`.
-    pub resistance: [f64; 2],
-}
+use crate::laws::number::{Number, Vector};
 
-/// Force of the air on a face `[N]` of material `area` `[m²]`, its corners at `positions` `[m]`
-/// with `velocities` `[m/s]`.
-///
-/// v_rel = wind - mean corner velocity, n the unit normal, v_n = n·v_rel, v_t = v_rel - v_n n:
-/// F = density · area · |v_n| v_n n + drag · area · v_t. `[eq:air-drag]`
-#[must_use]
-#[inline(always)]
-pub fn air_force(
-    environment: &Environment,
-    area: f64,
-    positions: [DVec3; 3],
-    velocities: [DVec3; 3],
-) -> DVec3 {
-    let [a, b, c] = positions;
-    let normal = area_vector(a, b, c).normalize_or_zero();
-    let [first, second, third] = velocities;
-    let relative = environment.wind - (first + second + third) / 3.0;
-    let through = normal.dot(relative);
-    let tangential = relative - normal * through;
-    normal * (environment.air_density * area * through.abs() * through)
-        + tangential * (environment.air_drag * area)
+/// The air's resistance to a change of a face's velocity, in the matrix of an implicit step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Drag<N: Number = f64> {
+    /// Unit normal of the face.
+    pub normal: N::Vector,
+    /// Resistance along the normal, and across it, to the mean velocity of the corners `[N s/m]`.
+    pub resistance: [N; 2],
 }
 
 /// Speed below which the drag of a swaying sheet is no longer a square `[m/s]`.
@@ -46,7 +22,7 @@ const SLOW_AIR: f64 = 0.05;
 
 /// Drag of the air on a sheet that hardly moves `[kg/(m² s)]`, along and across it: density · 0.05.
 ///
-/// The drag of [`air_force`] is a square: with it alone a sway of a few mm/s lives for minutes.
+/// The drag of [`air_response`] is a square: with it alone a sway of a few mm/s lives for minutes.
 /// The air's own is not a square at such speeds. The drag coefficient of an oscillating plate grows
 /// as its sway becomes small (8 KC^(-1/3), Graham 1980), and friction on both sides is linear
 /// (Stokes). Together they are 0.04 to 0.2 kg/(m² s) from 0.5 to 10 mm/s at 1 to 3 Hz.
@@ -78,55 +54,85 @@ impl From<AirLaw> for AirResistance {
     }
 }
 
-/// Force of [`air_force`] and of [`slow_air`], and the resistance D of the air at these
-/// velocities.
+/// Force `[N]` and resistance of the air on a face of material `area` `[m²]`, its corners at `positions`
+/// `[m]` with `velocities` `[m/s]`.
 ///
+/// v_rel = wind - mean corner velocity, n the unit normal, v_n = n·v_rel, v_t = v_rel - v_n n:
+/// F = density · area · |v_n| v_n n + drag · area · v_t. `[eq:air-drag]`
+///
+/// With a resistance the force of [`slow_air`] is added, and
 /// D = c · density · area · |v_n| n nᵀ + drag · area · (I - n nᵀ) + slow · area · I, c = 1 for
 /// [`AirResistance::Secant`] and 2 for [`AirResistance::Tangent`]. The force on the face after the
 /// step is F - D Δv, Δv the change of the mean corner velocity. `[eq:air-implicit]`
 #[must_use]
 #[inline(always)]
-pub fn air_response(
+pub fn air_response<N: Number>(
     environment: &Environment,
     resistance: AirResistance,
-    area: f64,
-    positions: [DVec3; 3],
-    velocities: [DVec3; 3],
-) -> AirResponse {
-    let force = air_force(environment, area, positions, velocities);
+    area: N,
+    positions: [N::Vector; 3],
+    velocities: [N::Vector; 3],
+) -> (N::Vector, Drag<N>) {
+    let [a, b, c] = positions;
+    let zero = area.same(0.0);
+    let twice_area = (b - a).cross(c - a);
+    let length = twice_area.dot(twice_area).sqrt();
+    let one_over = N::pick(zero.below(length), area.same(1.0) / length, zero);
+    let normal = twice_area * one_over;
+    let [first, second, third] = velocities;
+    let [x, y, z] = environment.wind.to_array();
+    let wind = N::Vector::of([area.same(x), area.same(y), area.same(z)]);
+    let relative = wind - (first + second + third) / area.same(3.0);
+    let through = normal.dot(relative);
+    let tangential = relative - normal * through;
+    let force = normal * (area * environment.air_density * through.abs() * through)
+        + tangential * (area * environment.air_drag);
     let factor = match resistance {
         AirResistance::None => {
-            return AirResponse {
-                force,
-                ..AirResponse::default()
-            };
+            let resistance = [zero; 2];
+            return (force, Drag { normal, resistance });
         }
         AirResistance::Secant => 1.0,
         AirResistance::Tangent => 2.0,
     };
-    let [a, b, c] = positions;
-    let normal = area_vector(a, b, c).normalize_or_zero();
-    let [first, second, third] = velocities;
-    let relative = environment.wind - (first + second + third) / 3.0;
-    let through = factor * environment.air_density * normal.dot(relative).abs();
     let slow = slow_air(environment.air_density);
-    AirResponse {
-        force: force + relative * (slow * area),
-        normal,
-        resistance: [through, environment.air_drag].map(|part| (part + slow) * area),
-    }
+    let through = through.abs() * (factor * environment.air_density);
+    let resistance = [
+        (through + slow) * area,
+        area * (environment.air_drag + slow),
+    ];
+    let force = force + relative * (area * slow);
+    (force, Drag { normal, resistance })
 }
 
-impl AirResponse {
+impl<N: Number> Drag<N> {
+    /// The drag of these numbers.
+    #[inline(always)]
+    pub(crate) fn of([x, y, z, through, along]: [N; 5]) -> Self {
+        Self {
+            normal: N::Vector::of([x, y, z]),
+            resistance: [through, along],
+        }
+    }
+
+    /// The inverse of [`Self::of`].
+    #[inline(always)]
+    pub(crate) fn numbers(&self) -> [N; 5] {
+        let ([x, y, z], [through, along]) = (self.normal.components(), self.resistance);
+        [x, y, z, through, along]
+    }
+
     /// D times `velocity`, a change of the mean corner velocity `[m/s]`.
     #[must_use]
     #[inline(always)]
-    pub fn resist(&self, velocity: DVec3) -> DVec3 {
+    pub fn resist(&self, velocity: N::Vector) -> N::Vector {
         let [through, along] = self.resistance;
         let normal = self.normal * self.normal.dot(velocity);
         normal * through + (velocity - normal) * along
     }
+}
 
+impl Drag {
     /// D times `scale`, as a matrix.
     #[must_use]
     #[inline(always)]
@@ -141,6 +147,22 @@ mod tests {
     use super::*;
 
     const FACE: [DVec3; 3] = [DVec3::ZERO, DVec3::X, DVec3::Y];
+
+    fn air_force(
+        environment: &Environment,
+        area: f64,
+        positions: [DVec3; 3],
+        velocities: [DVec3; 3],
+    ) -> DVec3 {
+        air_response(
+            environment,
+            AirResistance::None,
+            area,
+            positions,
+            velocities,
+        )
+        .0
+    }
 
     fn air(density: f64, drag: f64, wind: DVec3) -> Environment {
         Environment {
@@ -179,17 +201,19 @@ mod tests {
             DVec3::new(0.0, 5.0, 40.0),
             DVec3::Z,
         ];
-        let response = air_response(&environment, AirResistance::Secant, 0.5, FACE, velocities);
+        let (force, drag) =
+            air_response(&environment, AirResistance::Secant, 0.5, FACE, velocities);
         let mean = (velocities[0] + velocities[1] + velocities[2]) / 3.0;
         // In still air the force is the resistance to all of the velocity.
-        assert!(response.force.distance(-response.resist(mean)) < 1e-12 * response.force.length());
+        assert!(force.distance(-drag.resist(mean)) < 1e-12 * force.length());
         for velocity in [DVec3::X, DVec3::NEG_Z, DVec3::new(1.0, -3.0, 0.2)] {
-            assert!(velocity.dot(response.resist(velocity)) > 0.0);
+            assert!(velocity.dot(drag.resist(velocity)) > 0.0);
         }
-        let explicit = air_response(&environment, AirResistance::None, 0.5, FACE, velocities);
+        let (explicit, none) =
+            air_response(&environment, AirResistance::None, 0.5, FACE, velocities);
         let slow = mean * (slow_air(1.2) * 0.5);
-        assert!(explicit.force.distance(response.force + slow) < 1e-12);
-        assert_eq!(explicit.resist(DVec3::ONE), DVec3::ZERO);
+        assert!(explicit.distance(force + slow) < 1e-12);
+        assert_eq!(none.resist(DVec3::ONE), DVec3::ZERO);
     }
 
     #[test]
@@ -202,16 +226,16 @@ mod tests {
             DVec3::Z,
         ];
         let tangent = AirResistance::Tangent;
-        let response = air_response(&environment, tangent, 0.5, corners, velocities);
+        let (_, drag) = air_response(&environment, tangent, 0.5, corners, velocities);
         let step = 1e-5;
         for axis in DVec3::AXES {
             let at = |sign: f64| {
                 let moved = velocities.map(|v| v + axis * (sign * step));
-                air_response(&environment, tangent, 0.5, corners, moved).force
+                air_response(&environment, tangent, 0.5, corners, moved).0
             };
             let slope = (at(1.0) - at(-1.0)) / (2.0 * step);
             // The force is a square of the velocity: central differences are exact up to rounding.
-            assert!(slope.distance(-response.resist(axis)) < 1e-9, "{axis}");
+            assert!(slope.distance(-drag.resist(axis)) < 1e-9, "{axis}");
         }
     }
 

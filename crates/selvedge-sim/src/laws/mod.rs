@@ -3,6 +3,7 @@
 
 pub mod bend;
 pub mod external;
+pub mod number;
 pub mod strain;
 pub(crate) mod strain_limit;
 pub mod stretch;

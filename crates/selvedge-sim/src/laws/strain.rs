@@ -2,11 +2,11 @@
 
 /// Green strain G of a face in material axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Strain {
+pub struct Strain<N = f64> {
     /// G00, along the course axis u.
-    pub uu: f64,
+    pub uu: N,
     /// G11, along the wale axis v.
-    pub vv: f64,
+    pub vv: N,
     /// G01, half the shear.
-    pub uv: f64,
+    pub uv: N,
 }

@@ -16,6 +16,7 @@ mod fit;
 
 use selvedge_cloth::StretchTable;
 
+use crate::laws::number::Number;
 use crate::laws::strain::Strain;
 use crate::laws::stretch::{Elastic, StretchLaw};
 
@@ -28,18 +29,6 @@ pub struct StretchEnergy {
     /// (C0, C1, C2, C3) `[N/m]`: G·C·G = C0 G00² + 2 C1 G00 G11 + C2 G11² + 2 C3 G01².
     constant: [f64; 4],
     ramps: Vec<Ramp>,
-    /// The ramps again, as [`StretchLaw::at`] takes them.
-    lanes: Vec<Lanes>,
-}
-
-/// Ramps that are evaluated side by side.
-const LANES: usize = 2;
-
-/// As many ramps as are evaluated side by side; those that are missing have no weight.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Lanes {
-    direction: [[f64; LANES]; 3],
-    weight: [f64; LANES],
 }
 
 /// A ramp of stiffness along a direction of strains.
@@ -59,24 +48,6 @@ impl StretchEnergy {
         fit::fit(table)
     }
 
-    fn of(constant: [f64; 4], ramps: Vec<Ramp>) -> Self {
-        let lanes = ramps.chunks(LANES).map(|chunk| {
-            let mut lanes = Lanes::default();
-            for (lane, ramp) in chunk.iter().enumerate() {
-                for (of_axis, along) in lanes.direction.iter_mut().zip(ramp.direction) {
-                    of_axis[lane] = along;
-                }
-                lanes.weight[lane] = ramp.weight;
-            }
-            lanes
-        });
-        Self {
-            constant,
-            lanes: lanes.collect(),
-            ramps,
-        }
-    }
-
     /// Energy density `[J/m²]` at `strain`.
     #[must_use]
     pub fn energy(&self, strain: Strain) -> f64 {
@@ -93,55 +64,35 @@ impl StretchEnergy {
     }
 }
 
-impl StretchLaw for StretchEnergy {
+impl<N: Number> StretchLaw<N> for StretchEnergy {
     /// ∂W/∂G and ∂²W/∂G², both exact.
     #[inline(always)]
-    fn at(&self, strain: Strain, _stiffening: bool) -> Elastic {
+    fn at(&self, strain: Strain<N>, _stiffening: bool) -> Elastic<N> {
         let [c0, c1, c2, c3] = self.constant;
-        // Three sums of the stress and six of the tangent.
-        let mut sums = [[0.0; LANES]; 9];
-        for Lanes { direction, weight } in &self.lanes {
-            for lane in 0..LANES {
-                let [a0, a1, a2] = direction.map(|along| along[lane]);
-                let along = a0 * strain.uu + a1 * strain.vv + a2 * strain.uv;
-                // Not `clamp`: a NaN must stay one.
-                let rise = if along < 0.0 { 0.0 } else { along };
-                let part = if rise > SPAN { SPAN } else { rise };
-                let stiffness = weight[lane] * (1.0 / SPAN) * part;
-                // weight (part²/(2 SPAN) + rise - part), which is the same within and beyond.
-                let slope = stiffness * (rise - 0.5 * part);
-                let (b0, b1, b2) = (stiffness * a0, stiffness * a1, stiffness * a2);
-                let terms = [
-                    slope * a0,
-                    slope * a1,
-                    slope * a2,
-                    b0 * a0,
-                    b0 * a1,
-                    b1 * a1,
-                    b2 * a2,
-                    b0 * a2,
-                    b1 * a2,
-                ];
-                for (sum, term) in sums.iter_mut().zip(terms) {
-                    sum[lane] += term;
-                }
-            }
+        let Strain { uu, vv, uv } = strain;
+        let zero = uu.same(0.0);
+        let (mut s0, mut s1, mut s2) = (zero, zero, zero);
+        let [mut t0, mut t1, mut t2, mut t3, mut t4, mut t5] = [zero; 6];
+        for Ramp { direction, weight } in &self.ramps {
+            let [a0, a1, a2] = *direction;
+            let rise = (uu * a0 + vv * a1 + uv * a2).at_least(0.0);
+            let part = rise.at_most(SPAN);
+            let stiffness = part * (weight * (1.0 / SPAN));
+            // weight (part²/(2 SPAN) + rise - part), which is the same within and beyond.
+            let slope = stiffness * (rise - part * 0.5);
+            (s0, s1, s2) = (s0 + slope * a0, s1 + slope * a1, s2 + slope * a2);
+            let (b0, b1, b2) = (stiffness * a0, stiffness * a1, stiffness * a2);
+            (t0, t1, t2) = (t0 + b0 * a0, t1 + b0 * a1, t2 + b1 * a1);
+            (t3, t4, t5) = (t3 + b2 * a2, t4 + b0 * a2, t5 + b1 * a2);
         }
-        let [s0, s1, s2, t0, t1, t2, t3, t4, t5] = sums.map(|lanes| lanes.iter().sum::<f64>());
-        let stress = [
-            c0 * strain.uu + c1 * strain.vv + s0,
-            c2 * strain.vv + c1 * strain.uu + s1,
-            2.0 * c3 * strain.uv + s2,
-        ];
-        let tangent = [c0 + t0, c1 + t1, c2 + t2, 2.0 * c3 + t3, t4, t5];
         let stress = Strain {
-            uu: stress[0],
-            vv: stress[1],
-            uv: 0.5 * stress[2],
+            uu: uu * c0 + vv * c1 + s0,
+            vv: vv * c2 + uu * c1 + s1,
+            uv: (uv * (2.0 * c3) + s2) * 0.5,
         };
         Elastic {
             stress,
-            tangent,
+            tangent: [t0 + c0, t1 + c1, t2 + c2, t3 + 2.0 * c3, t4, t5],
             tension: positive_part(stress),
         }
     }
@@ -157,24 +108,20 @@ impl Ramp {
 
 /// The positive semidefinite part of a stress: without its compression.
 #[inline(always)]
-fn positive_part(stress: Strain) -> [f64; 3] {
+fn positive_part<N: Number>(stress: Strain<N>) -> [N; 3] {
     let Strain { uu, vv, uv } = stress;
-    let mean = 0.5 * (uu + vv);
-    let difference = 0.5 * (uu - vv);
+    let mean = (uu + vv) * 0.5;
+    let difference = (uu - vv) * 0.5;
     let radius = (difference * difference + uv * uv).sqrt();
-    if mean - radius >= 0.0 {
-        return [uu, vv, uv];
-    }
-    let largest = mean + radius;
-    if largest <= 0.0 {
-        return [0.0; 3];
-    }
-    // largest (I/2 + (S - mean I)/(2 radius)), and radius > 0 here.
-    let factor = largest / (2.0 * radius);
+    let zero = uu.same(0.0);
+    let (smallest, largest) = (mean - radius, mean + radius);
+    // largest (I/2 + (S - mean I)/(2 radius)), with radius > 0 where it counts.
+    let factor = N::pick(zero.below(largest), largest / (radius * 2.0), zero);
+    let is_mixed = smallest.below(zero);
     [
-        factor * (radius + uu - mean),
-        factor * (radius + vv - mean),
-        factor * uv,
+        N::pick(is_mixed, factor * (radius + uu - mean), uu),
+        N::pick(is_mixed, factor * (radius + vv - mean), vv),
+        N::pick(is_mixed, factor * uv, uv),
     ]
 }
 

@@ -2,8 +2,10 @@
 
 use glam::{DMat3, DVec3, Mat3A, Vec3A};
 
+use crate::laws::number::GROUP;
 use crate::lists::Lists;
-use crate::solver::elements::{Elements, FaceResponse, HingeResponse};
+use crate::solver::elements::Elements;
+use crate::solver::faces::FaceBlocks;
 use crate::solver::pattern::Pattern;
 use crate::threads::Threads;
 
@@ -20,8 +22,7 @@ pub(crate) struct Contributions {
 impl Contributions {
     /// Contributions of `elements` to the slots of `pattern`.
     pub(crate) fn new(pattern: &Pattern, elements: &Elements) -> Self {
-        let faces = elements.faces.faces.iter().map(|face| face.corners);
-        let hinges = elements.hinges.hinges.iter().map(|hinge| hinge.corners);
+        let (faces, hinges) = (elements.faces.corners(), elements.hinges.corners());
         let group = |pairs: &[(u32, u32)]| Lists::group(pattern.slot_count(), pairs);
         Self {
             faces: group(&contributions(pattern, faces)),
@@ -40,22 +41,20 @@ impl Contributions {
         blocks: &mut [DMat3],
     ) {
         let ninth = elements.time_step() / 9.0;
-        let responses = &elements.faces.responses;
-        threads.each(air, |k, air| *air = responses[k].air.matrix(ninth));
+        let (faces, hinges) = (&elements.faces, &elements.hinges);
+        threads.each(air, |k, air| *air = faces.response(k).drag.matrix(ninth));
         threads.each(blocks, |slot, block| {
             let mut sum = DMat3::ZERO;
             for &entry in self.faces.of(slot) {
                 let (face, row, column) = unpack(entry);
-                let FaceResponse {
-                    stretch, jacobian, ..
-                } = &responses[face];
-                sum += stretch.negative_jacobian(row, column) * *jacobian;
+                let response = faces.response(face);
+                let [x, y, z] = response.stretch.negative_jacobian(row, column);
+                sum += DMat3::from_cols(x, y, z) * response.jacobian;
                 sum += air[face];
             }
             for &entry in self.hinges.of(slot) {
                 let (hinge, row, column) = unpack(entry);
-                let HingeResponse { bend, jacobian } = &elements.hinges.responses[hinge];
-                sum += bend.negative_jacobian(row, column) * *jacobian;
+                sum += hinges.response(hinge).block(row, column);
             }
             if let Some(&vertex) = self.vertices.get(slot) {
                 sum += DMat3::from_diagonal(DVec3::splat(elements.mass[vertex as usize]));
@@ -79,7 +78,7 @@ impl Contributions {
             let mut sum = Mat3A::ZERO;
             for &entry in self.faces.of(slot) {
                 let (face, row, column) = unpack(entry);
-                faces[face].add_to(&mut sum, row, column);
+                sum += faces[face].of(row, column);
             }
             for &entry in self.hinges.of(slot) {
                 let (hinge, row, column) = unpack(entry);
@@ -96,91 +95,33 @@ impl Contributions {
 }
 
 /// The evaluated elements in f32, times the scale of the matrix.
-#[derive(Default)]
 pub(crate) struct Singles {
-    faces: Vec<SingleFace>,
-    /// Gradients of the angle, scaled so that a block is a product of two.
+    /// Of whole groups.
+    faces: Vec<FaceBlocks>,
+    /// Gradients of the angle, scaled so that a block is a product of two; of whole groups.
     hinges: Vec<[Vec3A; 4]>,
-}
-
-/// Contribution of a face to the blocks of its corners: `[eq:stretch-jacobian]`, scaled.
-#[derive(Clone, Copy, Default)]
-struct SingleFace {
-    along: [Vec3A; 2],
-    shape_u: [f32; 3],
-    shape_v: [f32; 3],
-    tangent: [f32; 6],
-    tension: [f32; 3],
-    air_normal: Vec3A,
-    /// Resistance of the air across the normal, and its excess along the normal.
-    air: [f32; 2],
 }
 
 impl Singles {
     /// Room for the elements of a cloth.
     pub(crate) fn new(elements: &Elements) -> Self {
+        let room = |count: usize| count.next_multiple_of(GROUP);
         Self {
-            faces: vec![SingleFace::default(); elements.faces.faces.len()],
-            hinges: vec![[Vec3A::ZERO; 4]; elements.hinges.hinges.len()],
+            faces: vec![FaceBlocks([Mat3A::ZERO; 6]); room(elements.faces.count())],
+            hinges: vec![[Vec3A::ZERO; 4]; room(elements.hinges.count())],
         }
     }
 
     fn take(&mut self, threads: Threads, elements: &Elements, scale: f64) {
         let ninth = elements.time_step() * scale / 9.0;
-        threads.each(&mut self.faces, |k, single| {
-            *single = SingleFace::new(&elements.faces.responses[k], scale, ninth);
+        let (faces, _) = self.faces.as_chunks_mut();
+        threads.each(faces, |group, faces| {
+            elements.faces.blocks(group, scale, ninth, faces);
         });
-        threads.each(&mut self.hinges, |k, single| {
-            let HingeResponse { bend, jacobian } = &elements.hinges.responses[k];
-            let root = (bend.tangent * (jacobian * scale)).sqrt();
-            *single = bend.gradient.map(|g| (g * root).as_vec3a());
+        let (hinges, _) = self.hinges.as_chunks_mut();
+        threads.each(hinges, |group, hinges| {
+            elements.hinges.roots(group, scale, hinges);
         });
-    }
-}
-
-impl SingleFace {
-    /// The contribution of a face with this response, times `scale`; `ninth` is dt/9 of it `[s]`.
-    fn new(response: &FaceResponse, scale: f64, ninth: f64) -> Self {
-        let FaceResponse {
-            stretch,
-            air,
-            jacobian,
-        } = response;
-        let scale = stretch.element.area * (jacobian * scale);
-        let [through, across] = air.resistance.map(|resistance| resistance * ninth);
-        Self {
-            along: [stretch.along_u.as_vec3a(), stretch.along_v.as_vec3a()],
-            shape_u: stretch.element.shape_u.map(|d| d as f32),
-            shape_v: stretch.element.shape_v.map(|d| d as f32),
-            tangent: stretch.elastic.tangent.map(|k| (k * scale) as f32),
-            tension: stretch.elastic.tension.map(|t| (t * scale) as f32),
-            air_normal: air.normal.as_vec3a(),
-            air: [across as f32, (through - across) as f32],
-        }
-    }
-
-    #[inline]
-    fn add_to(&self, sum: &mut Mat3A, row: usize, column: usize) {
-        let [along_u, along_v] = self.along;
-        let [k0, k1, k2, k3, u3, v3] = self.tangent;
-        let (shear, u3, v3) = (0.25 * k3, 0.5 * u3, 0.5 * v3);
-        let (row_u, row_v) = (self.shape_u[row], self.shape_v[row]);
-        let (column_u, column_v) = (self.shape_u[column], self.shape_v[column]);
-        let (uu, vv) = (row_u * column_u, row_v * column_v);
-        let (uv, vu) = (row_u * column_v, row_v * column_u);
-        let (both, mixed) = (uv + vu, u3 * uu + v3 * vv);
-        let left_u =
-            along_u * (k0 * uu + shear * vv + u3 * both) + along_v * (k1 * vu + shear * uv + mixed);
-        let left_v =
-            along_u * (k1 * uv + shear * vu + mixed) + along_v * (k2 * vv + shear * uu + v3 * both);
-        add_outer(sum, left_u, along_u);
-        add_outer(sum, left_v, along_v);
-        let [t0, t1, t2] = self.tension;
-        let diagonal = t0 * uu + t1 * vv + t2 * both + self.air[0];
-        sum.x_axis.x += diagonal;
-        sum.y_axis.y += diagonal;
-        sum.z_axis.z += diagonal;
-        add_outer(sum, self.air_normal * self.air[1], self.air_normal);
     }
 }
 

@@ -13,7 +13,7 @@ use thiserror::Error;
 use crate::contact::{Touches, to_single};
 use crate::solver::blocks::{Contributions, Singles};
 use crate::solver::elements::Elements;
-use crate::solver::gauss_seidel::{GaussSeidel, tile_of};
+use crate::solver::gauss_seidel::{GaussSeidel, OVER_RELAXATION, tile_of};
 use crate::solver::pattern::Pattern;
 use crate::solver::woven::Woven;
 use crate::threads::Threads;
@@ -235,6 +235,11 @@ impl ConjugateGradients {
         }
         // In the scaled space a residual of this size is an error of 1 m/s everywhere.
         let unit = changes.len() as f64;
+        // What is near A is P/(2 - ω).
+        let unit = match self.is_woven {
+            false => unit / (2.0 - f64::from(OVER_RELAXATION)),
+            true => unit,
+        };
         let goal = self.settings.tolerance * self.settings.tolerance * unit;
         let most = match self.is_woven {
             false => self.settings.max_iterations,

@@ -43,7 +43,7 @@ impl Direct {
         let (starts, rows) = pattern.scalar_columns();
         Ok(Self {
             contributions: Contributions::new(pattern, elements),
-            air: vec![DMat3::ZERO; elements.faces.faces.len()],
+            air: vec![DMat3::ZERO; elements.faces.count()],
             blocks: vec![DMat3::ZERO; pattern.slot_count()],
             values: vec![0.0; rows.len()],
             solution: vec![0.0; 3 * pattern.unknown_count()],

@@ -7,51 +7,20 @@
 use glam::{DVec2, DVec3};
 use selvedge_cloth::{EdgeSide, ElasticLaw, Environment, Material, Mesh, Scene};
 
-use crate::laws::bend::{BendElement, BendResponse, HingeSide};
-use crate::laws::external::{AirResistance, AirResponse, air_response};
-use crate::laws::stretch::{StretchElement, StretchLaw, StretchResponse};
+use crate::laws::bend::{BendElement, HingeSide};
+use crate::laws::external::AirResistance;
+use crate::laws::stretch::StretchElement;
 use crate::laws::stretch_energy::StretchEnergy;
 use crate::laws::stretch_table::GridStiffness;
 use crate::lists::Lists;
+use crate::solver::faces::{Faces, Setting};
+use crate::solver::hinges::{Hinge, Hinges};
 use crate::threads::Threads;
-
-/// A face with its corners.
-pub(crate) struct Face {
-    pub(crate) corners: [u32; 3],
-    element: StretchElement,
-    /// Number of its material.
-    material: u32,
-}
-
-/// An interior edge with its corners in the order of [`BendElement`].
-pub(crate) struct Hinge {
-    pub(crate) corners: [u32; 4],
-    element: BendElement,
-    /// Stiffness-proportional damping `[s]`: the mean of its two faces'. `[eq:hinge-damping]`
-    damping: f64,
-}
 
 /// A law for each material.
 enum StretchLaws {
     Energy(Vec<StretchEnergy>),
     Grid(Vec<GridStiffness>),
-}
-
-/// Responses of a face at the last evaluation: of its material and of the air.
-#[derive(Clone, Copy, Default)]
-pub(crate) struct FaceResponse {
-    pub(crate) stretch: StretchResponse,
-    pub(crate) air: AirResponse,
-    /// Factor from its Jacobian to a mass `[s²]`: dt (dt + c), c its damping.
-    pub(crate) jacobian: f64,
-}
-
-/// Response of a hinge at the last evaluation.
-#[derive(Clone, Copy, Default)]
-pub(crate) struct HingeResponse {
-    pub(crate) bend: BendResponse,
-    /// Factor from its Jacobian to a mass `[s²]`: dt (dt + c), c its damping.
-    pub(crate) jacobian: f64,
 }
 
 /// The point of a linearisation and its factors.
@@ -77,41 +46,25 @@ pub(crate) struct Linearisation<'a> {
 impl Linearisation<'_> {
     /// dt (dt + c), the factor from a Jacobian to a mass `[s²]`, for a damping of c `[s]`.
     #[inline(always)]
-    fn jacobian(&self, damping: f64) -> f64 {
+    pub(crate) fn jacobian(&self, damping: f64) -> f64 {
         self.dt * (self.dt + damping)
     }
 
     /// Factor from the Jacobian times `rates` to an impulse `[s²]`, for a damping of c `[s]`.
     #[inline(always)]
-    fn rate(&self, damping: f64) -> f64 {
+    pub(crate) fn rate(&self, damping: f64) -> f64 {
         self.dt * (self.ahead + damping)
     }
-}
-
-/// The faces of a cloth, evaluated.
-pub(crate) struct Faces {
-    pub(crate) faces: Vec<Face>,
-    pub(crate) responses: Vec<FaceResponse>,
-    /// Impulse on each corner `[N s]`.
-    impulses: Vec<[DVec3; 3]>,
-    /// Stiffness-proportional damping of each material `[s]`.
-    damping: Vec<f64>,
-}
-
-/// The hinges of a cloth, evaluated.
-pub(crate) struct Hinges {
-    pub(crate) hinges: Vec<Hinge>,
-    pub(crate) responses: Vec<HingeResponse>,
-    /// Impulse of a hinge along its angle's gradient.
-    impulses: Vec<f64>,
-    law: ElasticLaw,
 }
 
 /// All elements of a cloth.
 pub(crate) struct Elements {
     pub(crate) faces: Faces,
     pub(crate) hinges: Hinges,
+    law: ElasticLaw,
     stretch_laws: StretchLaws,
+    /// Stiffness-proportional damping of each material `[s]`.
+    damping: Vec<f64>,
     environment: Environment,
     /// Mass of each vertex `[kg]`.
     pub(crate) mass: Vec<f64>,
@@ -128,39 +81,22 @@ impl Elements {
     pub(crate) fn new(scene: &Scene) -> Self {
         let mesh = &scene.mesh;
         let (materials, material_of) = scene.materials();
-        let shapes = mesh.pattern().faces();
-        let faces: Vec<Face> = mesh
-            .topology()
-            .face_indices()
-            .into_iter()
-            .zip(shapes)
-            .zip(&material_of)
-            .map(|((corners, shape), &material)| Face {
-                corners,
-                element: StretchElement::new(shape),
-                material: material as u32,
-            })
-            .collect();
+        let corners = mesh.topology().face_indices();
+        let elements = mesh.pattern().faces().map(StretchElement::new);
+        let faces: Vec<_> = corners.into_iter().zip(elements).collect();
+        let faces = Faces::new(&faces, &material_of);
         let damping = materials.iter().map(|m| scene.physics.damping(m.damping));
         let damping: Vec<f64> = damping.collect();
-        let hinges = hinges(scene, &materials, &material_of, &damping);
+        let hinges = Hinges::new(&hinges(scene, &materials, &material_of, &damping));
         let vertex_count = mesh.topology().vertex_count();
         let tables = materials.iter().map(|material| material.stretch);
         Self {
-            faces_of: Lists::group(vertex_count, &incidence(faces.iter().map(|f| f.corners))),
-            hinges_of: Lists::group(vertex_count, &incidence(hinges.iter().map(|h| h.corners))),
-            faces: Faces {
-                responses: vec![FaceResponse::default(); faces.len()],
-                impulses: vec![[DVec3::ZERO; 3]; faces.len()],
-                faces,
-                damping,
-            },
-            hinges: Hinges {
-                responses: vec![HingeResponse::default(); hinges.len()],
-                impulses: vec![0.0; hinges.len()],
-                hinges,
-                law: scene.physics.law,
-            },
+            faces_of: Lists::group(vertex_count, &incidence(faces.corners())),
+            hinges_of: Lists::group(vertex_count, &incidence(hinges.corners())),
+            faces,
+            hinges,
+            law: scene.physics.law,
+            damping,
             stretch_laws: match scene.physics.law {
                 ElasticLaw::Energy => {
                     StretchLaws::Energy(tables.map(|t| StretchEnergy::new(&t)).collect())
@@ -189,14 +125,16 @@ impl Elements {
         impulses: &mut [DVec3],
     ) {
         self.dt = at.dt;
-        let air = &self.environment;
-        let faces = &mut self.faces;
-        match (&self.stretch_laws, at.stiffening) {
-            (StretchLaws::Energy(laws), _) => faces.evaluate::<_, true>(laws, threads, air, at),
-            (StretchLaws::Grid(laws), false) => faces.evaluate::<_, false>(laws, threads, air, at),
-            (StretchLaws::Grid(laws), true) => faces.evaluate::<_, true>(laws, threads, air, at),
+        let setting = Setting {
+            at,
+            environment: &self.environment,
+            damping: &self.damping,
+        };
+        match &self.stretch_laws {
+            StretchLaws::Energy(laws) => self.faces.evaluate_energy(threads, laws, setting),
+            StretchLaws::Grid(laws) => self.faces.evaluate(threads, laws, setting),
         }
-        self.hinges.evaluate(threads, at);
+        self.hinges.evaluate(threads, self.law, at);
         let gravity = self.environment.gravity * at.dt;
         let this = &*self;
         threads.each(impulses, |v, impulse| {
@@ -209,11 +147,14 @@ impl Elements {
     fn gathered(&self, v: usize) -> DVec3 {
         let mut sum = DVec3::ZERO;
         for &entry in self.faces_of.of(v) {
-            sum += self.faces.impulses[(entry >> 2) as usize][(entry & 3) as usize];
+            sum += self
+                .faces
+                .impulse((entry >> 2) as usize, (entry & 3) as usize);
         }
         for &entry in self.hinges_of.of(v) {
-            let (hinge, corner) = ((entry >> 2) as usize, (entry & 3) as usize);
-            sum += self.hinges.responses[hinge].bend.gradient[corner] * self.hinges.impulses[hinge];
+            sum += self
+                .hinges
+                .impulse((entry >> 2) as usize, (entry & 3) as usize);
         }
         sum
     }
@@ -221,23 +162,8 @@ impl Elements {
     /// `product` = (M - dt (dt + c) J + dt D_air) `vector` of the last evaluation, `[vertices]`
     /// each, without a matrix.
     pub(crate) fn multiply(&mut self, threads: Threads, vector: &[DVec3], product: &mut [DVec3]) {
-        let dt = self.dt;
-        let (faces, responses) = (&self.faces.faces, &self.faces.responses);
-        threads.each(&mut self.faces.impulses, |k, pushes| {
-            let vectors = select(vector, &faces[k].corners);
-            let response = &responses[k];
-            let resisting = response.stretch.negative_jacobian_times(vectors);
-            let air = response.air.resist(vectors[0] + vectors[1] + vectors[2]) * (dt / 9.0);
-            for (push, resisting) in pushes.iter_mut().zip(resisting) {
-                *push = resisting * response.jacobian + air;
-            }
-        });
-        let (hinges, bent) = (&self.hinges.hinges, &self.hinges.responses);
-        threads.each(&mut self.hinges.impulses, |k, push| {
-            let HingeResponse { bend, jacobian } = &bent[k];
-            let rate = bend.rate(select(vector, &hinges[k].corners));
-            *push = bend.tangent * jacobian * rate;
-        });
+        self.faces.multiply(threads, self.dt, vector);
+        self.hinges.multiply(threads, vector);
         let this = &*self;
         threads.each(product, |v, product| {
             *product = vector[v] * this.mass[v] + this.gathered(v);
@@ -250,87 +176,19 @@ impl Elements {
         let StretchLaws::Energy(laws) = &self.stretch_laws else {
             return None;
         };
-        let stretched = self.faces.faces.iter().map(|face| {
-            let strain = face.element.strain(select(positions, &face.corners));
-            face.element.area * laws[face.material as usize].energy(strain)
+        let faces = self.faces.corners().zip(self.faces.elements());
+        let stretched = faces.map(|(corners, (element, material))| {
+            let strain = element.strain(select(positions, &corners));
+            element.area * laws[material as usize].energy(strain)
         });
-        let hinges = self.hinges.hinges.iter();
-        let bent = hinges.map(|hinge| hinge.element.energy(select(positions, &hinge.corners)));
+        let hinges = self.hinges.corners().zip(self.hinges.elements());
+        let bent = hinges.map(|(corners, element)| element.energy(select(positions, &corners)));
         Some(stretched.sum::<f64>() + bent.sum::<f64>())
     }
 
     /// dt of the last evaluation `[s]`.
     pub(crate) fn time_step(&self) -> f64 {
         self.dt
-    }
-}
-
-impl Hinges {
-    fn evaluate(&mut self, threads: Threads, at: Linearisation<'_>) {
-        let (hinges, law) = (&self.hinges, self.law);
-        threads.each_pair(&mut self.responses, &mut self.impulses, |k, bent, push| {
-            let Hinge {
-                corners,
-                element,
-                damping,
-            } = &hinges[k];
-            let bend = element.respond(law, select(at.positions, corners));
-            let rate = bend.rate(select(at.rates, corners));
-            let damped = at.rate(*damping) * rate;
-            *push = -bend.stiffness * (at.dt * bend.angle + damped)
-                - (bend.tangent - bend.stiffness) * damped;
-            *bent = HingeResponse {
-                bend,
-                jacobian: at.jacobian(*damping),
-            };
-        });
-    }
-}
-
-impl Faces {
-    /// Evaluates the faces; with a Jacobian that knows how the stiffness grows if `STIFFENING`.
-    fn evaluate<L: StretchLaw + Sync, const STIFFENING: bool>(
-        &mut self,
-        laws: &[L],
-        threads: Threads,
-        environment: &Environment,
-        at: Linearisation<'_>,
-    ) {
-        let (faces, damping) = (&self.faces, &self.damping);
-        threads.each_pair(
-            &mut self.responses,
-            &mut self.impulses,
-            |k, response, pushes| {
-                let Face {
-                    corners,
-                    element,
-                    material,
-                } = &faces[k];
-                let (law, damping) = (&laws[*material as usize], damping[*material as usize]);
-                let places = select(at.positions, corners);
-                let stretch = element.respond(law, STIFFENING, places);
-                let air = air_response(
-                    environment,
-                    at.air_resistance,
-                    element.area,
-                    places,
-                    select(at.air_velocities, corners),
-                );
-                let resisting = stretch.negative_jacobian_times(select(at.rates, corners));
-                let third = air.force * (at.dt / 3.0);
-                let rate = at.rate(damping);
-                let force = stretch.force();
-                for (push, (force, resisting)) in pushes.iter_mut().zip(force.iter().zip(resisting))
-                {
-                    *push = *force * at.dt - resisting * rate + third;
-                }
-                *response = FaceResponse {
-                    stretch,
-                    air,
-                    jacobian: at.jacobian(damping),
-                };
-            },
-        );
     }
 }
 

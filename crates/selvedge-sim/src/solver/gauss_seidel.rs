@@ -1,11 +1,11 @@
 //! Block symmetric Gauss-Seidel by tiles of neighbouring unknowns as preconditioner, and the product
 //! with the matrix that it preconditions (f32).
 //!
-//! P = (D + L) D⁻¹ (D + L)ᵀ, D = C Cᵀ the blocks on the diagonal and L those below it within a tile.
-//! It is positive definite whatever L is. Scaled by C⁻¹ from the left and C⁻ᵀ from the right, D
+//! P = (D + L) D⁻¹ (D + L)ᵀ, D = C Cᵀ the blocks on the diagonal over ω, and L those below it within a
+//! tile: symmetric over-relaxation, P/(2 - ω) near A. It is positive definite whatever L is. Scaled by C⁻¹ from the left and C⁻ᵀ from the right, D
 //! becomes the identity and P (I + L)(I + L)ᵀ. The preconditioned matrix (I + L)⁻¹ A (I + L)⁻ᵀ costs
-//! no more than its two triangular solves, because they contain all of A except its diagonal
-//! (Eisenstat 1981). Blocks that couple tiles are left out of P, not out of A. The size of a tile
+//! no more than its two triangular solves, because they contain all of A except a multiple of its
+//! diagonal (Eisenstat 1981). Blocks that couple tiles are left out of P, not out of A. The size of a tile
 //! depends on the cloth, not on the number of threads.
 //!
 //! An scaled factor, which puts a part of the effects of each elimination into D (Meijerink and
@@ -22,6 +22,10 @@ use crate::threads::Threads;
 const SMALLEST_TILE: usize = 2048;
 /// Largest number of tiles of a cloth.
 const MOST_TILES: usize = 8;
+/// Over-relaxation ω: with 1 iterations are 3, 5 and 11 % more at 400, 1024 and 4096 vertices, with
+/// 1.5 as many.
+pub(crate) const OVER_RELAXATION: f32 = 1.25;
+
 /// The scaled matrix in tiles.
 pub(crate) struct GaussSeidel {
     /// Unknowns of a tile; the last may have fewer.
@@ -112,11 +116,12 @@ impl GaussSeidel {
     pub(crate) fn take(&mut self, threads: Threads, blocks: &[Mat3A]) -> bool {
         let mut is_definite = true;
         for (scaling, block) in self.scaling.iter_mut().zip(blocks) {
-            *scaling = inverse_root(*block, 0.0).unwrap_or_else(|| {
+            let root = inverse_root(*block, 0.0).unwrap_or_else(|| {
                 // What is not finite is named by the residual.
                 is_definite &= !block.is_finite();
                 Mat3A::IDENTITY
             });
+            *scaling = root * OVER_RELAXATION.sqrt();
         }
         let scaling = &self.scaling;
         threads.each_large(&mut self.tiles, |tile| tile.take(blocks, scaling));
@@ -143,7 +148,7 @@ impl GaussSeidel {
     }
 
     /// `product` = (I + L)⁻¹ A (I + L)⁻ᵀ p, given p and `solved` = (I + L)⁻ᵀ p:
-    /// solved + (I + L)⁻¹ (p + (K - I) solved), K the couplings of tiles. `[eq:eisenstat]`
+    /// solved + (I + L)⁻¹ (p + (K - (2 - ω) I) solved), K the couplings of tiles. `[eq:eisenstat]`
     pub(crate) fn multiply(
         &mut self,
         threads: Threads,
@@ -231,7 +236,7 @@ impl Tile {
         let rows = self.first..self.first + product.len();
         let (p, own) = (&p[rows.clone()], &solved[rows]);
         for row in 0..product.len() {
-            let mut sum = p[row] - own[row];
+            let mut sum = p[row] - own[row] * (2.0 - OVER_RELAXATION);
             let range = self.across_starts[row] as usize..self.across_starts[row + 1] as usize;
             for (entry, block) in self.across[range.clone()]
                 .iter()

@@ -1,6 +1,6 @@
 //! The linear system of a time step and its solvers.
 //!
-//! [`elements`] evaluates the laws on every face and hinge. [`system`] assembles and solves the
+//! [`elements`] evaluates the laws on every face and hinge ([`faces`], [`hinges`]). [`system`] assembles and solves the
 //! equations of an implicit stage: by [`conjugate_gradients`] with the preconditioners [`gauss_seidel`], or
 //! where contact couples vertices [`woven`]; or by a complete factor ([`direct`], [`pattern`],
 //! [`ordering`], [`blocks`], [`cholesky`]), where contact couples vertices [`complete`].
@@ -11,7 +11,9 @@ mod complete;
 mod conjugate_gradients;
 mod direct;
 mod elements;
+mod faces;
 mod gauss_seidel;
+mod hinges;
 mod ordering;
 mod pattern;
 mod solve_error;

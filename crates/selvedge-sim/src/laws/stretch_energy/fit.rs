@@ -26,7 +26,8 @@ enum Term {
 /// The energy whose stress is nearest to that of `table`.
 pub(super) fn fit(table: &StretchTable) -> StretchEnergy {
     if let Some(constant) = constant(table) {
-        return StretchEnergy::of(constant, Vec::new());
+        let ramps = Vec::new();
+        return StretchEnergy { constant, ramps };
     }
     let terms = terms();
     let samples = samples();
@@ -54,7 +55,7 @@ pub(super) fn fit(table: &StretchTable) -> StretchEnergy {
             term.add_to(&mut constant, &mut ramps, weight);
         }
     }
-    StretchEnergy::of(constant, ramps)
+    StretchEnergy { constant, ramps }
 }
 
 /// Stiffness of a fabric that is the same at all strains; none of one that changes, or whose

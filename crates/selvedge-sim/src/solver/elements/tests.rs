@@ -1,7 +1,7 @@
 //! Forces of a sewn cloth against the gradient of its energy, panels, seam and fabrics included.
 #![allow(clippy::print_stdout, reason = "margins, for the docs")]
 
-use glam::{DVec2, DVec3};
+use glam::{DMat3, DVec2, DVec3, Mat3A};
 use selvedge_cloth::geometry::dihedral_angle;
 use selvedge_cloth::{
     BendTable, Environment, FaceFabrics, HandleSchedule, Handles, Material, Mesh, Motion,
@@ -9,6 +9,8 @@ use selvedge_cloth::{
 };
 
 use super::*;
+use crate::laws::number::GROUP;
+use crate::solver::faces::FaceBlocks;
 
 const SEAM_STIFFNESS: f64 = 3.0;
 const REST_ANGLES: [f64; 9] = [0.0, 0.3, -0.2, 0.5, 0.0, 0.1, 0.7, -0.4, 0.0];
@@ -344,4 +346,108 @@ fn each_face_weighs_what_its_fabric_weighs() {
     let total: f64 = elements.mass.iter().sum();
     let [a, b, c, d] = [0, 1, 2, 3].map(|face| rest.face_area[face]);
     assert!((total - 0.2 * (a + b) - 0.5 * (c + d)).abs() < 1e-16);
+}
+
+/// Elements side by side are the same bits as one by one, at any width of the vectors, and the f32
+/// blocks of faces are those of their Jacobians.
+#[test]
+fn elements_side_by_side_are_as_one_by_one() {
+    let spec = selvedge_cloth::generate::SquareSpec {
+        vertices: 60,
+        size: 0.3,
+        seed: 2,
+    };
+    let mut scene = scene();
+    scene.mesh = selvedge_cloth::generate::square(&spec).unwrap().mesh;
+    scene.handles = Handles::new(&[], scene.mesh.positions().len()).unwrap();
+    scene.physics.law = ElasticLaw::Energy;
+    scene.environment.air_density = 1.2;
+    scene.environment.wind = DVec3::new(1.0, -2.0, 0.5);
+    let wave = |k: usize, by: f64| {
+        let t = k as f64;
+        DVec3::new(t.sin(), (1.7 * t).cos(), (2.3 * t).sin()) * by
+    };
+    let start = scene.mesh.positions().iter().enumerate();
+    let positions: Vec<DVec3> = start.map(|(k, x)| *x + wave(k, 0.01)).collect();
+    let rates: Vec<DVec3> = (0..positions.len()).map(|k| wave(k, 0.3)).collect();
+    let at = Linearisation {
+        dt: 0.01,
+        ahead: 0.0,
+        positions: &positions,
+        rates: &rates,
+        air_velocities: &rates,
+        stiffening: true,
+        air_resistance: AirResistance::Tangent,
+    };
+    let mut elements = Elements::new(&scene);
+    let mut impulses = vec![DVec3::ZERO; positions.len()];
+    elements.evaluate(Threads::One, at, &mut impulses);
+
+    let StretchLaws::Energy(laws) = &elements.stretch_laws else {
+        panic!("the law of this scene has an energy")
+    };
+    let setting = Setting {
+        at,
+        environment: &elements.environment,
+        damping: &elements.damping,
+    };
+    let corners: Vec<_> = elements.faces.corners().collect();
+    let materials: Vec<_> = elements.faces.elements().map(|e| e.1 as usize).collect();
+    let faces: Vec<_> = elements.faces.elements().map(|e| e.0).collect();
+    let pairs: Vec<_> = corners.iter().copied().zip(faces).collect();
+    let mut singly = Faces::new(&pairs, &materials);
+    singly.evaluate(Threads::One, laws, setting);
+    for face in 0..singly.count() {
+        for corner in 0..3 {
+            let impulse = elements.faces.impulse(face, corner);
+            assert_eq!(impulse, singly.impulse(face, corner), "face {face}");
+        }
+        let (one, other) = (elements.faces.response(face), singly.response(face));
+        for (row, column) in [(0, 0), (1, 0), (2, 1)] {
+            let block = one.stretch.negative_jacobian(row, column);
+            assert_eq!(block, other.stretch.negative_jacobian(row, column));
+        }
+        assert_eq!(one.drag, other.drag);
+    }
+
+    let mut blocks = vec![FaceBlocks([Mat3A::ZERO; 6]); GROUP];
+    let (first, _) = blocks.as_chunks_mut();
+    elements.faces.blocks(0, 2.0, 3.0, &mut first[0]);
+    for (face, blocks) in blocks.iter().enumerate() {
+        let response = elements.faces.response(face);
+        for row in 0..3 {
+            for column in 0..3 {
+                let [x, y, z] = response.stretch.negative_jacobian(row, column);
+                let scale = 2.0 * response.jacobian;
+                let expected = DMat3::from_cols(x, y, z) * scale + response.drag.matrix(3.0);
+                let found = blocks.of(row, column).as_dmat3();
+                let size = expected
+                    .abs()
+                    .to_cols_array()
+                    .into_iter()
+                    .fold(0.0, f64::max);
+                let difference = (found - expected).abs().to_cols_array();
+                assert!(
+                    difference.into_iter().all(|d| d < 1e-6 * size),
+                    "{row} {column}"
+                );
+            }
+        }
+    }
+
+    for hinge in elements
+        .hinges
+        .corners()
+        .zip(elements.hinges.elements())
+        .enumerate()
+    {
+        let (number, (corners, element)) = hinge;
+        let places = corners.map(|corner| positions[corner as usize]);
+        let expected = element.respond(ElasticLaw::Energy, places);
+        let found = elements.hinges.response(number);
+        assert_eq!(
+            (found.gradient, found.tangent),
+            (expected.gradient, expected.tangent)
+        );
+    }
 }

@@ -11,7 +11,7 @@ use selvedge_cloth::{
 
 use super::*;
 use crate::laws::bend::angle_gradient;
-use crate::laws::external::{AirResistance, air_force, air_response, slow_air};
+use crate::laws::external::{AirResistance, air_response, slow_air};
 use crate::laws::strain::Strain;
 use crate::laws::stretch_table::measured_stiffness;
 
@@ -172,7 +172,7 @@ impl Dense {
         let ke = 3e-5 - 1e-5 * place;
         let length = x[0].distance(x[1]);
         let coefficient = ke * length * length / (2.0 * areas);
-        let gradient: Vec<f64> = angle_gradient(x)
+        let gradient: Vec<f64> = angle_gradient::<f64>(x)
             .iter()
             .flat_map(|g| g.to_array())
             .collect();
@@ -205,7 +205,7 @@ fn dense_system(scene: &Scene, state: &State, targets: &[DVec3]) -> (Vec<Vec<f64
     for (face, area) in scene.mesh.topology().face_indices().iter().zip(rest) {
         let x = face.map(|v| state.positions[v as usize]);
         let v = face.map(|v| state.velocities[v as usize]);
-        let force = air_force(&scene.environment, area, x, v);
+        let force = air_response(&scene.environment, AirResistance::None, area, x, v).0;
         for k in 0..9 {
             right_side[3 * face[k / 3] as usize + k % 3] += DT * force[k % 3] / 3.0;
         }
@@ -497,8 +497,7 @@ fn backward_euler_residual(scene: &Scene, from: &State, now: &State) -> Vec<f64>
     {
         let x = face.map(|v| now.positions[v as usize]);
         let v = face.map(|v| now.velocities[v as usize]);
-        let air = air_response(&scene.environment, AirResistance::Tangent, area, x, v);
-        let force = air.force;
+        let (force, _) = air_response(&scene.environment, AirResistance::Tangent, area, x, v);
         for k in 0..9 {
             residual[3 * face[k / 3] as usize + k % 3] -= DT * force[k % 3] / 3.0;
         }
