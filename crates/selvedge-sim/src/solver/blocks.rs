@@ -5,7 +5,8 @@ use glam::{DMat3, DVec3, Mat3A, Vec3A};
 use crate::laws::number::GROUP;
 use crate::lists::Lists;
 use crate::solver::elements::Elements;
-use crate::solver::faces::FaceBlocks;
+use crate::solver::faces::{FaceBlocks, FaceResponse};
+use crate::solver::hinges::HingeResponse;
 use crate::solver::pattern::Pattern;
 use crate::threads::Threads;
 
@@ -31,30 +32,27 @@ impl Contributions {
         }
     }
 
-    /// Gathers every block of M - dt (dt + c) J + dt D_air in f64, `[kg]`. `air` is room for the
-    /// resistance of each face, which all its blocks share.
+    /// Gathers every block of M - dt (dt + c) J + dt D_air in f64, `[kg]`. `room` is for the elements.
     pub(crate) fn gather(
         &self,
         threads: Threads,
         elements: &Elements,
-        air: &mut [DMat3],
+        room: &mut Doubles,
         blocks: &mut [DMat3],
     ) {
-        let ninth = elements.time_step() / 9.0;
-        let (faces, hinges) = (&elements.faces, &elements.hinges);
-        threads.each(air, |k, air| *air = faces.response(k).drag.matrix(ninth));
+        room.take(threads, elements);
         threads.each(blocks, |slot, block| {
             let mut sum = DMat3::ZERO;
             for &entry in self.faces.of(slot) {
                 let (face, row, column) = unpack(entry);
-                let response = faces.response(face);
+                let (response, air) = &room.faces[face];
                 let [x, y, z] = response.stretch.negative_jacobian(row, column);
                 sum += DMat3::from_cols(x, y, z) * response.jacobian;
-                sum += air[face];
+                sum += *air;
             }
             for &entry in self.hinges.of(slot) {
                 let (hinge, row, column) = unpack(entry);
-                sum += hinges.response(hinge).block(row, column);
+                sum += room.hinges[hinge].block(row, column);
             }
             if let Some(&vertex) = self.vertices.get(slot) {
                 sum += DMat3::from_diagonal(DVec3::splat(elements.mass[vertex as usize]));
@@ -90,6 +88,36 @@ impl Contributions {
                 sum += Mat3A::from_diagonal(glam::Vec3::splat(mass));
             }
             *block = sum;
+        });
+    }
+}
+
+/// The evaluated elements in f64, one after the other.
+pub(crate) struct Doubles {
+    /// Each face's response, and the air's resistance that all its blocks share `[kg]`.
+    faces: Vec<(FaceResponse, DMat3)>,
+    hinges: Vec<HingeResponse>,
+}
+
+impl Doubles {
+    /// Room for the elements of a cloth.
+    pub(crate) fn new(elements: &Elements) -> Self {
+        let (faces, hinges) = (&elements.faces, &elements.hinges);
+        let face = |face| (faces.response(face), DMat3::ZERO);
+        Self {
+            faces: (0..faces.count()).map(face).collect(),
+            hinges: (0..hinges.count()).map(|k| hinges.response(k)).collect(),
+        }
+    }
+
+    fn take(&mut self, threads: Threads, elements: &Elements) {
+        let ninth = elements.time_step() / 9.0;
+        threads.each(&mut self.faces, |k, face| {
+            let response = elements.faces.response(k);
+            *face = (response, response.drag.matrix(ninth));
+        });
+        threads.each(&mut self.hinges, |k, hinge| {
+            *hinge = elements.hinges.response(k);
         });
     }
 }

@@ -4,7 +4,7 @@ use glam::{DMat3, DVec3};
 use selvedge_cloth::VertexId;
 
 use crate::contact::Touches;
-use crate::solver::blocks::Contributions;
+use crate::solver::blocks::{Contributions, Doubles};
 use crate::solver::cholesky::{Cholesky, FactorError};
 use crate::solver::elements::Elements;
 use crate::solver::pattern::Pattern;
@@ -29,8 +29,7 @@ impl<'a> Springs<'a> {
 /// A complete factor, with the room to gather its matrix.
 pub(super) struct Direct {
     contributions: Contributions,
-    /// Resistance of the air to each face `[kg]`.
-    air: Vec<DMat3>,
+    elements: Doubles,
     pub(super) blocks: Vec<DMat3>,
     values: Vec<f64>,
     solution: Vec<f64>,
@@ -43,7 +42,7 @@ impl Direct {
         let (starts, rows) = pattern.scalar_columns();
         Ok(Self {
             contributions: Contributions::new(pattern, elements),
-            air: vec![DMat3::ZERO; elements.faces.count()],
+            elements: Doubles::new(elements),
             blocks: vec![DMat3::ZERO; pattern.slot_count()],
             values: vec![0.0; rows.len()],
             solution: vec![0.0; 3 * pattern.unknown_count()],
@@ -60,7 +59,7 @@ impl Direct {
         springs: Springs<'_>,
     ) {
         self.contributions
-            .gather(threads, elements, &mut self.air, &mut self.blocks);
+            .gather(threads, elements, &mut self.elements, &mut self.blocks);
         for vertex in springs.vertices {
             let added = DMat3::from_diagonal(DVec3::splat(springs.stiffness));
             self.blocks[pattern.unknown(vertex.0) as usize] += added;
