@@ -114,7 +114,7 @@ fn f32_agrees_with_f64() {
 fn f32_agrees_with_f64_on_trained_weights() {
     let file = concat!(
         env!("CARGO_MANIFEST_DIR"),
-        "/../../assets/models/first.safetensors"
+        "/../../assets/models/paper.safetensors"
     );
     let bytes = std::fs::read(file).expect("the shipped model");
     let model = Model::from_bytes(&bytes).expect("a model");
@@ -122,7 +122,7 @@ fn f32_agrees_with_f64_on_trained_weights() {
         weights: model.weights().iter().map(|&w| f64::from(w)).collect(),
         ..case(model.spec(), 60, 3)
     };
-    f32_agrees(&case, "first");
+    f32_agrees(&case, "paper");
 }
 
 /// That the engine in `f32`, with wide instructions and with plain ones, is the reference but for
