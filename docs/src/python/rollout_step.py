@@ -1,6 +1,6 @@
 """Runs a Selvedge model in PyTorch, one step from every frame of a rollout, and compares it with what Selvedge made.
 
-    selvedge run --model paper --no-clip --frames 120 -o out
+    selvedge run --model paper --guard none --no-clip --frames 120 -o out
     python rollout_step.py assets/models/paper.safetensors out/rollout.safetensors
 
 Needs torch, numpy and safetensors from PyPI. From each frame (and those before it that the model looks at) the next
