@@ -559,11 +559,12 @@ fn a_pass_that_is_stopped_gives_nothing() {
     let out = network.forward_carried(weights, graph, carried, pass, &mut workspace);
     assert_eq!(out, Err(Stopped));
     // Those that cannot say so do not hear it.
+    let weights = &stream.whole.weights;
     let found = network
-        .forward_packed(weights, graph, input, pass, &mut workspace)
+        .forward(weights, graph, input, pass, &mut workspace)
         .to_vec();
     let expected = network
-        .forward_packed(weights, graph, input, pass, &mut Workspace::new())
+        .forward(weights, graph, input, pass, &mut Workspace::new())
         .to_vec();
     assert_eq!(found, expected);
 }
