@@ -61,7 +61,6 @@ pub const DATASETS: &[(&str, &str)] = texts!("datasets":
     "speeds-400",
     "cloths-400",
     "fine-400",
-    "few-400",
     "converged-400",
     "broad",
 );
@@ -69,18 +68,16 @@ pub const DATASETS: &[(&str, &str)] = texts!("datasets":
 /// Models by their names, in the files that `selvedge train` writes.
 pub const MODELS: &[(&str, &[u8])] = &[
     ("general", include_bytes!("models/general.safetensors")),
-    ("paper", include_bytes!("models/paper.safetensors")),
-    ("small", SMALL),
+    ("paper", PAPER),
 ];
 
-/// The model `small`, which needs no physics to move a cloth.
-pub const SMALL: &[u8] = include_bytes!("models/small.safetensors");
+/// The model `paper`, which needs no physics to move a cloth.
+pub const PAPER: &[u8] = include_bytes!("models/paper.safetensors");
 
 /// Configurations of trainings: those of our own models, the paper's models, its ablations, and
 /// one that is trained in another way.
 pub const TRAININGS: &[(&str, &str)] = texts!("training":
     "first",
-    "small",
     "meshgraphnets",
     "meshgraphnets-ss",
     "rp-mlp",
@@ -100,4 +97,4 @@ pub const TRAININGS: &[(&str, &str)] = texts!("training":
 
 /// Studies.
 pub const STUDIES: &[(&str, &str)] =
-    texts!("studies": "choices", "equal-time", "small", "figures", "table1");
+    texts!("studies": "equal-time", "ten-minutes", "figures", "table1");

@@ -53,7 +53,7 @@ def windows(make, scene):
 
 def main():
     repeats = int(sys.argv[1]) if len(sys.argv) > 1 else 8
-    scene, model = selvedge.Scene("default"), selvedge.Model("small")
+    scene, model = selvedge.Scene("default"), selvedge.Model("paper")
     scene.rest_pose()
     makers = {
         "physics": lambda: selvedge.Simulator(scene),

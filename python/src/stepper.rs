@@ -186,10 +186,9 @@ impl Stepper {
 impl Stepper {
     /// Moves the cloth by one frame, its handles to `targets` [m], (handles, 3), at its end; or
     /// (samples, handles, 3) at equally spaced times of which the last is its end. Handles in
-    /// `released`, (handles,) of bool, are let go during this frame; networks that carry
-    /// a rest pose along with the handles, as `small`, cannot. Without targets the handles follow
-    /// the scene's motion. Returns the new positions [m], (n, 3), float32, in an array of their
-    /// own.
+    /// `released`, (handles,) of bool, are let go during this frame. Without targets the handles
+    /// follow the scene's motion. Returns the new positions [m], (n, 3), float32, in an array of
+    /// their own.
     ///
     /// Raises `FrameError`; the cloth is then as it was before.
     #[pyo3(signature = (targets=None, released=None))]

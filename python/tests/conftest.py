@@ -52,4 +52,4 @@ motion.named = "forward"
 
 @pytest.fixture(scope="session")
 def model():
-    return selvedge.Model("small")
+    return selvedge.Model("paper")

@@ -30,7 +30,7 @@ motion.named = "forward"
     assert made.to_bytes() == selvedge.simulate(small, frames=40).to_bytes()
 
 
-@pytest.mark.parametrize("name", ["small", "general"])
+@pytest.mark.parametrize("name", ["paper", "general"])
 def test_a_rollout_with_its_truth_and_trust(program, scene, tmp_path, name):
     out = tmp_path / "cli"
     trust = tmp_path / "cli.csv"
@@ -66,7 +66,7 @@ def trained(program, data, tmp_path):
     program("data", "generate", "tiny", "-o", folder)
     arguments = [x for k, v in SETTINGS.items() for x in ("--set", f"{k}={v}")]
     out = tmp_path / "cli"
-    program("train", "small", "--data", folder, "--steps", 4, "-o", out, *arguments)
+    program("train", "first", "--data", folder, "--steps", 4, "-o", out, *arguments)
     return out
 
 
@@ -74,7 +74,7 @@ def test_a_training_and_an_evaluation(program, data, tmp_path):
     out = trained(program, data, tmp_path)
     heard = []
     report = selvedge.train(
-        "small", data, out=tmp_path / "python", steps=4, settings=SETTINGS, on_step=heard.append
+        "first", data, out=tmp_path / "python", steps=4, settings=SETTINGS, on_step=heard.append
     )
     assert report["is_finished"] and [step["step"] for step in heard] == [1, 2, 3, 4]
     for file in ["model.safetensors", "log.jsonl", "config.toml"]:
@@ -102,14 +102,14 @@ def test_a_training_and_an_evaluation(program, data, tmp_path):
 
 def test_a_training_that_is_stopped_goes_on_to_the_same_model(data, tmp_path):
     whole = {"steps": 6, "settings": SETTINGS}
-    selvedge.train("small", data, out=tmp_path / "whole", **whole)
+    selvedge.train("first", data, out=tmp_path / "whole", **whole)
     stopped = selvedge.train(
-        "small", data, out=tmp_path / "parts", on_step=lambda step: step["step"] < 3, **whole
+        "first", data, out=tmp_path / "parts", on_step=lambda step: step["step"] < 3, **whole
     )
     assert stopped["steps_done"] == 3 and not stopped["is_finished"]
     with pytest.raises(ValueError, match="go on with it with resume=True"):
-        selvedge.train("small", data, out=tmp_path / "parts", **whole)
-    selvedge.train("small", data, out=tmp_path / "parts", resume=True, **whole)
+        selvedge.train("first", data, out=tmp_path / "parts", **whole)
+    selvedge.train("first", data, out=tmp_path / "parts", resume=True, **whole)
     made = [tmp_path / name / "model.safetensors" for name in ("whole", "parts")]
     assert made[0].read_bytes() == made[1].read_bytes()
 
@@ -119,7 +119,7 @@ def test_what_a_callback_raises_is_raised(data, tmp_path):
         raise RuntimeError(f"step {step['step']}")
 
     with pytest.raises(RuntimeError, match="step 1"):
-        selvedge.train("small", data, out=tmp_path / "run", steps=9, settings=SETTINGS, on_step=fail)
+        selvedge.train("first", data, out=tmp_path / "run", steps=9, settings=SETTINGS, on_step=fail)
     assert (tmp_path / "run" / "checkpoint.safetensors").exists()
 
 
@@ -132,7 +132,7 @@ def test_ctrl_c_ends_long_calls_within_a_second(what, scene, data, model, tmp_pa
     calls = {
         "simulate": lambda: selvedge.simulate(scene, frames=100_000),
         "rollout": lambda: selvedge.rollout(scene, model, frames=100_000),
-        "train": lambda: selvedge.train("small", data, out=tmp_path / "run", settings=SETTINGS),
+        "train": lambda: selvedge.train("first", data, out=tmp_path / "run", settings=SETTINGS),
         "evaluate": lambda: selvedge.evaluate({"m": model}, [data]),
         "follow": lambda: stepper.follow(100_000),
     }

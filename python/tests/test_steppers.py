@@ -113,16 +113,12 @@ def test_models_say_which_stepper_is_theirs(scene, model):
         selvedge.LearnedStepper(scene, model, guard="strong")
 
 
-def test_physics_lets_handles_go_and_models_do_not(small, scene, model):
-    stepper = selvedge.Simulator(small)
-    held = stepper.positions[stepper.handles].astype(float)
-    for _ in range(10):
-        stepper.step(held, released=[True, False])
-    assert stepper.positions[stepper.handles[0], 1] < held[0, 1] - 0.01
-    learned = selvedge.LearnedStepper(scene, model)
-    held = learned.positions[learned.handles]
-    with pytest.raises(selvedge.FrameError, match="frame 1: .*handle 0"):
-        learned.step(held, released=[True, False])
+def test_handles_let_go(small, scene, model):
+    for stepper in [selvedge.Simulator(small), selvedge.LearnedStepper(scene, model)]:
+        held = stepper.positions[stepper.handles].astype(float)
+        for _ in range(10):
+            stepper.step(held, released=[True, False])
+        assert stepper.positions[stepper.handles[0], 1] < held[0, 1] - 0.01
 
 
 def test_trust_is_there_where_a_guard_is(scene, model, small):

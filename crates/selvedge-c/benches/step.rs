@@ -40,7 +40,7 @@ use selvedge_lab::state_log::simulator_of_run;
 use selvedge_sim::Threads;
 
 const SCENE: &str = "default";
-const MODEL: &str = "small";
+const MODEL: &str = "paper";
 const WINDOWS: usize = 8;
 const FRAMES: usize = 10;
 

@@ -217,7 +217,7 @@ typedef struct SelvedgeTrust {
 extern "C" {
 #endif // __cplusplus
 
-// Opens a model by the path of its file or by the name of a shipped one ("small",
+// Opens a model by the path of its file or by the name of a shipped one ("paper",
 // "general"); null opens the one that the command line takes.
 //
 // # Safety

@@ -14,7 +14,7 @@ use crate::status::SelvedgeStatus;
 /// Handle of a model; 0 is none.
 pub type SelvedgeModel = u64;
 
-/// Opens a model by the path of its file or by the name of a shipped one ("small",
+/// Opens a model by the path of its file or by the name of a shipped one ("paper",
 /// "general"); null opens the one that the command line takes.
 ///
 /// # Safety

@@ -8,8 +8,8 @@ use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::generate::{SquareSpec, square};
 use selvedge_cloth::{Cloth, Environment, Handles};
 use selvedge_model::{
-    ClothGraph, Connectivity, EdgeFeature, Encoder, Integration, Model, ModelSpec, Network,
-    NodeFeature, Normalizer, Normalizers,
+    ClothGraph, Connectivity, EdgeFeature, Encoder, Model, ModelSpec, Network, NodeFeature,
+    Normalizer, Normalizers,
 };
 
 use crate::device::Device;
@@ -110,26 +110,17 @@ pub(crate) fn shaken(positions: &[Vec3], size: f32, seed: u64) -> Vec<Vec3> {
     pairs.map(|(&p, &by)| p + Vec3::from_array(by)).collect()
 }
 
-/// All features, all ways of integration.
+/// All features.
 pub(crate) fn full_specs() -> Vec<ModelSpec> {
-    let carried = Integration::Carried {
-        damping: 0.03,
-        stiffness: 0.003,
-    };
     let mut specs = specs();
-    for (encoder, integration) in [
-        (Encoder::Gru { window: 3 }, Integration::default()),
-        (Encoder::MLP, carried),
-        (Encoder::StreamingGru { window: 2 }, carried),
+    for encoder in [
+        Encoder::Gru { window: 3 },
+        Encoder::MLP,
+        Encoder::StreamingGru { window: 2 },
     ] {
         let mut spec = ModelSpec::physical(encoder, 12, 1);
-        spec.node_features.extend([
-            NodeFeature::Acceleration,
-            NodeFeature::ExpectedMove,
-            NodeFeature::RestOffset,
-        ]);
+        spec.node_features.insert(NodeFeature::Acceleration);
         spec.edge_features.insert(EdgeFeature::MaterialVector);
-        spec.integration = integration;
         specs.push(spec);
     }
     specs

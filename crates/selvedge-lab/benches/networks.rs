@@ -26,8 +26,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::generate::{SquareSpec, square};
 use selvedge_model::{
-    Connectivity, Encoder, Gradients, Input, Instructions, ModelSpec, Network, Pass, Purpose,
-    Workspace,
+    Carried, Connectivity, Encoder, EncoderState, Gradients, Input, Instructions, ModelSpec,
+    Network, Pass, Purpose, Workspace,
 };
 use selvedge_train::{Adam, AdamSettings};
 
@@ -126,28 +126,34 @@ fn measure(spec: &ModelSpec, graph: &Connectivity, settings: &BTreeMap<&str, Str
             &timed,
         );
     }
-    let using = Instructions::Detected;
-    let pack = |purpose| network.pack(&weights, purpose, using);
-    let mut workspace = Workspace::with_instructions(using);
+    let pack = |purpose| network.pack(&weights, purpose, Instructions::Detected);
+    let carried = Carried {
+        input,
+        state: &EncoderState::new(),
+    };
+    let mut workspace = Workspace::new();
     let packed = pack(Purpose::Inference);
     let pass = timed(&mut || {
-        network.forward_packed(&packed, graph, input, Pass::Inference, &mut workspace);
+        let out = network.forward_carried(&packed, graph, carried, Pass::Inference, &mut workspace);
+        out.unwrap();
     });
     let (mut packed, mut learned) = (pack(Purpose::Training), weights.clone());
-    let mut workspace = Workspace::with_instructions(using);
+    let mut workspace = Workspace::new();
     let mut adam = Adam::new(AdamSettings::default(), weights.len()).unwrap();
     let (mut gradient, mut by_output) = (vec![0.0; weights.len()], vec![0.0; target.len()]);
     let step = timed(&mut || {
         network.repack(&learned, &mut packed);
         let pass = Pass::Training(None);
-        let out = network.forward_packed(&packed, graph, input, pass, &mut workspace);
+        let out = network.forward_carried(&packed, graph, carried, pass, &mut workspace);
+        let out = out.unwrap();
         let scale = 2.0 / out.len() as f32;
         for ((to, x), y) in by_output.iter_mut().zip(out).zip(&target) {
             *to = scale * (x - y);
         }
         gradient.fill(0.0);
         let gradients = Gradients::new(&by_output, &mut gradient);
-        network.backward_packed(&packed, graph, input, gradients, &mut workspace);
+        let back = network.backward_carried(&packed, graph, carried, gradients, &mut workspace);
+        back.unwrap();
         adam.step(&mut learned, &gradient, 1e-5);
     });
     vec![pass, step]

@@ -113,7 +113,7 @@ mod tests {
 
     /// The shipped model as if it had been trained on five frames of a scene.
     fn trained_on(scene: &Scene) -> Model {
-        let model = NamedModel::open(Some("small".as_ref())).unwrap().model;
+        let model = NamedModel::open(Some("paper".as_ref())).unwrap().model;
         let domain = Domain::of_scene(scene, 5).unwrap();
         Model::clone(&model).with_domain(&domain)
     }
@@ -160,7 +160,7 @@ mod tests {
 
     #[test]
     fn a_model_that_does_not_say_is_not_judged() {
-        let mut silent = Model::clone(&NamedModel::open(Some("small".as_ref())).unwrap().model);
+        let mut silent = Model::clone(&NamedModel::open(Some("paper".as_ref())).unwrap().model);
         silent.training = String::new();
         let mut scene = hanging();
         scene.environment = Environment {

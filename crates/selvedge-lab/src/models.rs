@@ -216,7 +216,7 @@ mod tests {
         let mut of_scene = scene.clone();
         of_scene.physics.substeps = 3;
         of_scene.physics.integrator = Integrator::Linearised;
-        let kept = truth_scene(&of_scene, &open("small")).physics;
+        let kept = truth_scene(&of_scene, &open("paper")).physics;
         assert_eq!(kept, of_scene.physics);
         let finer = truth_scene(&of_scene, &open("general")).physics;
         assert_eq!(

@@ -191,7 +191,7 @@ mod tests {
         let start = find(&loaded, &mut go_on).unwrap();
         assert_eq!(start.state.positions, loaded.scene.mesh.positions());
         assert!(start.rest.is_none());
-        let model = shipped("small");
+        let model = shipped("paper");
         assert_eq!(for_model(&mut loaded, &model).len(), 1);
         assert_eq!(loaded.spec.start, StartSpec::Rest);
         assert_eq!(for_model(&mut loaded, &model), Vec::<&str>::new());
@@ -200,7 +200,7 @@ mod tests {
     #[test]
     fn only_a_model_without_physics_is_said_not_to_see_obstacles() {
         for (name, expected) in [
-            ("small", "contact: a learned model does not see obstacles"),
+            ("paper", "contact: a learned model does not see obstacles"),
             (
                 "general",
                 "contact: the physics that the model corrects sees obstacles",

@@ -169,7 +169,7 @@ mod tests {
     }
 
     fn watched_in(scene: Scene, correction: Correction) -> WatchedModel {
-        watched_by("small", scene, correction)
+        watched_by("paper", scene, correction)
     }
 
     fn watched_by(name: &str, scene: Scene, correction: Correction) -> WatchedModel {

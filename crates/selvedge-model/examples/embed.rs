@@ -11,7 +11,7 @@ use selvedge_model::{ClothGraph, LearnedStepper, Model};
 
 /// The shipped model that needs no physics; a program of yours reads a file:
 /// `std::fs::read("model.safetensors")?`.
-const MODEL: &[u8] = selvedge_assets::SMALL;
+const MODEL: &[u8] = selvedge_assets::PAPER;
 
 /// Carries a square of cloth 30 cm to the side by its upper corners, in one second.
 #[allow(clippy::print_stdout, reason = "the result of the example")]

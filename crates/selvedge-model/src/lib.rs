@@ -18,7 +18,7 @@
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! // The bytes of a model file, here of the shipped one.
-//! let model = Arc::new(Model::from_bytes(selvedge_assets::SMALL)?);
+//! let model = Arc::new(Model::from_bytes(selvedge_assets::PAPER)?);
 //!
 //! // A square of cloth, 1 m wide and 150 g/m², held by its upper corners.
 //! let sheet = square(&SquareSpec { vertices: 60, size: 1.0, seed: 1 })?;
@@ -52,8 +52,8 @@
 //! - **Latent** vector: the network's own numbers for a node or an arc. **Encoders** make them from
 //!   features, **blocks** pass messages along the arcs and update them, a **decoder** makes
 //!   accelerations from them.
-//! - **Integration**: the motion of a cloth without its network. [`advance`] adds the acceleration
-//!   to it; [`target_acceleration`] is its inverse.
+//! - **Integration**: the motion of a cloth without its network, uniform. [`advance`] adds the
+//!   acceleration to it; [`target_acceleration`] is its inverse.
 //! - **Pass**: the network on one input. [`Pass::Inference`] gives the output, [`Pass::Training`]
 //!   also keeps the activations for [`Network::backward`].
 //! - **Packed weights**: matrices in the order in which the kernels read them ([`PackedWeights`]).
@@ -112,6 +112,6 @@ pub use rollout::{
     advance_backward, cut, opening_frames, target_acceleration,
 };
 pub use spec::{
-    Carries, Carry, CurrentFrame, EdgeFeature, EdgeLimits, Encoder, FrameTimes, Integration,
-    LastFrames, MOST_DEVIATIONS, ModelSpec, NodeFeature, PhysicsBase, ReferenceSlope, SpecError,
+    CurrentFrame, EdgeFeature, Encoder, FrameTimes, Integration, MOST_DEVIATIONS, ModelSpec,
+    NodeFeature, PhysicsBase, SpecError,
 };

@@ -5,7 +5,6 @@
 #![allow(unsafe_code, reason = "a counting allocator is an unsafe trait")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
-use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -14,8 +13,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::{Cloth, ClothArrays, Environment, HandleTargets, Handles, Stepper, Topology};
 use selvedge_model::{
-    ClothGraph, EdgeLimits, Encoder, Integration, LearnedStepper, Model, ModelSpec, Network,
-    NodeFeature, Normalizer, Normalizers,
+    ClothGraph, Encoder, LearnedStepper, Model, ModelSpec, Network, NodeFeature, Normalizer,
+    Normalizers,
 };
 
 static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
@@ -68,20 +67,7 @@ fn cloth() -> ClothGraph {
 
 fn model(encoder: Encoder) -> Model {
     let mut spec = ModelSpec::physical(encoder, 16, 2);
-    spec.integration = Integration::Carried {
-        damping: 0.03,
-        stiffness: 0.003,
-    };
-    spec.node_features.extend(BTreeSet::from([
-        NodeFeature::Acceleration,
-        NodeFeature::ExpectedMove,
-        NodeFeature::RestOffset,
-    ]));
-    spec.edge_limits = Some(EdgeLimits {
-        least: 0.8,
-        most: 1.25,
-        sweeps: 2,
-    });
+    spec.node_features.insert(NodeFeature::Acceleration);
     let network = Network::new(&spec).expect("a valid spec");
     let mut rng = ChaCha8Rng::seed_from_u64(3);
     let weights = network.initialise(&mut || rng.random::<f64>());

@@ -145,8 +145,8 @@ fn read(path: &Path) -> Result<Vec<u8>, ResumeError> {
 impl Trainer {
     /// A new training from its first step, but with the weights and the statistics of the
     /// checkpoint at `path`, which may be of another configuration and other data; only `model`
-    /// must be the same, except its edge limits and its encoder: weights that the checkpoint has
-    /// none for are fresh ([`Self::fresh_tensors`]).
+    /// must be the same, except its encoder: weights that the checkpoint has none for are fresh
+    /// ([`Self::fresh_tensors`]).
     ///
     /// # Errors
     /// [`ResumeError`] names the file and what does not fit.

@@ -15,7 +15,7 @@ use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use selvedge_data::Section;
-use selvedge_model::{ClothGraph, Frames, LastFrames, LocalAcceleration, TwoFrames, Yaw, advance};
+use selvedge_model::{ClothGraph, Frames, LocalAcceleration, TwoFrames, Yaw, advance};
 use serde::{Deserialize, Serialize};
 
 use crate::config::{NoiseConfig, NoiseUnit, TrainConfig};
@@ -48,10 +48,7 @@ pub struct ShownSample {
     pub frames: Vec<Vec<Vec3>>,
     /// Positions of the handles one frame later `[m]`, `[handles]`.
     pub next_handles: Vec<Vec3>,
-    /// Positions from which uniform motion leads to the next frame without a network
-    /// ([`selvedge_model::Integration::reference`]), in the world `[m]`, `[vertices]`.
-    pub(crate) reference: Vec<Vec3>,
-    /// Reference, current and target positions in the local frame of the current ones `[m]`.
+    /// Previous, current and target positions in the local frame of the current ones `[m]`.
     pub local: [Vec<DVec3>; 3],
     /// Seed of the sample's dropout.
     pub dropout_seed: u64,
@@ -125,7 +122,7 @@ impl Slot {
         let next = motion.frame(self.current as i64 + 1);
         shown.next_handles = graph.handles().select(next);
         shown.yaw = motion.yaw(self.current);
-        self.to_local(cfg, graph, &target, shown);
+        self.to_local(graph, &target, shown);
     }
 
     /// Draws a sample of ground truth.
@@ -140,31 +137,17 @@ impl Slot {
         self.history = frames.map(|f| Arc::new(motion.frame(f).to_vec())).collect();
     }
 
-    /// Sets reference, current and target positions, in the local frame of the current ones.
-    fn to_local(
-        &self,
-        cfg: &TrainConfig,
-        graph: &ClothGraph,
-        target: &[DVec3],
-        shown: &mut ShownSample,
-    ) {
+    /// Sets previous, current and target positions, in the local frame of the current ones.
+    fn to_local(&self, graph: &ClothGraph, target: &[DVec3], shown: &mut ShownSample) {
         let count = self.history.len();
-        let current = &self.history[count - 1];
+        let (previous, current) = (&self.history[count - 2], &self.history[count - 1]);
         let handles = graph.handles().select(current);
         let yaw = shown.yaw;
-        let last = LastFrames {
-            graph,
-            previous: &self.history[count - 2],
-            current,
-            next_handles: &shown.next_handles,
-            yaw,
-        };
-        cfg.model.integration.reference(&last, &mut shown.reference);
         let origin = handles.first().map_or(DVec3::ZERO, |p| p.as_dvec3());
         let local = |p: DVec3| yaw.to_local_f64(p - origin);
-        let [to_reference, to_current, to_target] = &mut shown.local;
-        to_reference.clear();
-        to_reference.extend(shown.reference.iter().map(|p| local(p.as_dvec3())));
+        let [to_previous, to_current, to_target] = &mut shown.local;
+        to_previous.clear();
+        to_previous.extend(previous.iter().map(|p| local(p.as_dvec3())));
         to_current.clear();
         to_current.extend(current.iter().map(|p| local(p.as_dvec3())));
         to_target.clear();
@@ -272,15 +255,15 @@ impl Slot {
         let mut predicted = vec![Vec3::ZERO; motion.graph.vertex_count()];
         let frames = TwoFrames {
             graph: &motion.graph,
-            reference: &sample.reference,
+            previous: &self.history[newest - 1],
             current: &self.history[newest],
         };
         let acceleration = LocalAcceleration {
             yaw: sample.yaw,
             rows: acceleration,
         };
-        let (spec, handles) = (&cfg.model, &sample.next_handles);
-        let is_finite = advance(spec, &frames, handles, acceleration, &mut predicted).is_ok();
+        let handles = &sample.next_handles;
+        let is_finite = advance(&frames, handles, acceleration, &mut predicted).is_ok();
         let farthest = cfg.scheduled_sampling.farthest as f32;
         let is_near = match label {
             Some(label) => {
@@ -376,7 +359,6 @@ impl Default for ShownSample {
             yaw: Yaw::WORLD,
             frames: Vec::new(),
             next_handles: Vec::new(),
-            reference: Vec::new(),
             local: Default::default(),
             dropout_seed: 0,
         }
@@ -388,17 +370,16 @@ impl ShownSample {
     pub(crate) fn window(&self) -> Frames<'_, Vec<Vec3>> {
         Frames {
             positions: &self.frames,
-            next_handles: &self.next_handles,
             yaw: self.yaw,
         }
     }
 
     /// The sample for the losses.
     pub(crate) fn triplet<'a>(&'a self, graph: &'a ClothGraph) -> Triplet<'a> {
-        let [reference, current, target] = &self.local;
+        let [previous, current, target] = &self.local;
         Triplet {
             graph,
-            reference,
+            previous,
             current,
             target,
         }

@@ -79,7 +79,7 @@ fn with_sample(judge: &mut Judge<'_>) {
     let [previous, current, target] = ["previous", "current", "target"].map(points);
     let triplet = Triplet {
         graph: &graph,
-        reference: &previous,
+        previous: &previous,
         current: &current,
         target: &target,
     };

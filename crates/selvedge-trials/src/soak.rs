@@ -130,7 +130,7 @@ fn learned(
     start: &[DVec3],
 ) -> Result<Box<dyn Stepper>> {
     let model = match name {
-        "guard" => NamedModel::open(Some(Path::new("small")))?,
+        "guard" => NamedModel::open(Some(Path::new("paper")))?,
         "general" => NamedModel::open(Some(Path::new(name)))?,
         _ => {
             program.run(folder, "data generate tiny -o tiny")?;

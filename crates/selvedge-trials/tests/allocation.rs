@@ -80,8 +80,8 @@ fn frames_after_the_first_allocate_nothing() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
     let pool = pool.unwrap();
     for (name, is_guarded) in [
-        ("small", false),
-        ("small", true),
+        ("paper", false),
+        ("paper", true),
         ("general", false),
         ("general", true),
     ] {

@@ -1,7 +1,7 @@
 """Runs a Selvedge model in PyTorch, one step from every frame of a rollout, and compares it with what Selvedge made.
 
-    selvedge rollout --model small --no-truth --no-clip --out out
-    python rollout_step.py assets/models/small.safetensors out/rollout.safetensors
+    selvedge run --model paper --guard none --no-clip --frames 120 -o out
+    python rollout_step.py assets/models/paper.safetensors out/rollout.safetensors
 
 Needs torch, numpy and safetensors from PyPI. From each frame (and those before it that the model looks at) the next
 one is predicted with features, network and integration written here anew, after docs/src/reference/equations.md, for whatever the
@@ -19,16 +19,8 @@ from safetensors import safe_open
 
 from selvedge_network import Network
 
-NODE_FEATURES = [
-    "velocity",
-    "external-force",
-    "kinetic-energy",
-    "node-type",
-    "acceleration",
-    "expected-move",
-    "rest-offset",
-]
-KEYS = {"node_features", "edge_features", "encoder", "latent", "blocks", "integration", "edge_limits"}
+NODE_FEATURES = ["velocity", "external-force", "kinetic-energy", "node-type", "acceleration"]
+KEYS = {"node_features", "edge_features", "encoder", "latent", "blocks", "integration"}
 EDGE_FEATURES = ["vector", "rest-vector", "material-vector", "elongation", "bending-angle"]
 
 
@@ -101,38 +93,6 @@ class Cloth:
         return self.rest_yaw + (np.angle(turn) if turned else 0.0)
 
 
-class Carry:
-    """A rigid motion of handles: from a place (centroid, yaw) to another."""
-
-    def __init__(self, start, end):
-        self.start, self.end, self.turn = start[0], end[0], turn_of(end[1] - start[1])
-
-    def __call__(self, points):
-        return (points - self.start) @ self.turn.T + self.end
-
-
-def centroid(points):
-    return points.mean(0) if len(points) else np.zeros(3)
-
-
-def place(cloth, handles):
-    return centroid(handles), cloth.yaw(handles)
-
-
-def uniform_from(spec, cloth, previous, current, next_handles):
-    """The positions from which uniform motion leads where the cloth goes by itself [eq:carried]."""
-    integration = spec.get("integration", {"kind": "inertial"})
-    if integration["kind"] == "inertial":
-        return previous
-    before, now = (place(cloth, frame[cloth.handles]) for frame in (previous, current))
-    end = place(cloth, next_handles)
-    here = Carry(now, end)(current)
-    moved = here - Carry(before, end)(previous)
-    rest = Carry(place(cloth, cloth.rest[cloth.handles]), end)(cloth.rest)
-    there = here + (1 - integration["damping"]) * moved + integration["stiffness"] * (rest - here)
-    return 2 * current - there
-
-
 def external_force(cloth, previous, current):
     env = cloth.environment
     force = cloth.mass[:, None] * np.array(env["gravity"])
@@ -165,58 +125,20 @@ def with_length(d):
     return np.concatenate([d, np.linalg.norm(d, axis=1, keepdims=True)], axis=1)
 
 
-def limit_edges(limits, cloth, positions):
-    """Brings edges back to their bounds, one after another, in sweeps [eq:edge-limits]; changes `positions`."""
-    first, last = cloth.arcs[: cloth.edge_count].T
-    rest = np.linalg.norm(cloth.rest[first] - cloth.rest[last], axis=1)
-    weight = 1 / cloth.mass
-    weight[cloth.handles] = 0.0
-
-    def missing(a, b, rest):
-        apart = positions[a] - positions[b]
-        length = np.sqrt((apart**2).sum(-1))
-        wanted = np.clip(length, limits["least"] * rest, limits["most"] * rest)
-        off = (abs(wanted - length) > 1e-5 * rest) & (weight[a] + weight[b] > 0) & (length > 0)
-        return off, apart, length, wanted - length
-
-    for _ in range(limits["sweeps"]):
-        if not missing(first, last, rest)[0].any():
-            return
-        for a, b, at_rest in zip(first, last, rest):
-            off, apart, length, change = missing(a, b, at_rest)
-            if off:
-                move = change / (length * (weight[a] + weight[b])) * apart
-                positions[a] += weight[a] * move
-                positions[b] -= weight[b] * move
-
-
-def node_columns(spec, cloth, frames, number, yaw, next_handles):
+def node_columns(spec, cloth, frames, number, yaw):
     """Columns of every vertex in frame `number` of the window's history."""
     local = lambda d: d @ turn_of(yaw)  # noqa: E731
     previous, current = frames[number - 1], frames[number]
-    handles = current[cloth.handles]
-    following = frames[number + 1][cloth.handles] if number + 1 < len(frames) else next_handles
     kind = np.zeros((len(current), 9))
     kind[:, 0] = 1.0
     kind[cloth.handles] = np.eye(9)[1]
-
-    def acceleration():
-        before = uniform_from(spec, cloth, frames[number - 2], previous, handles)
-        return local((current - previous) - (previous - before))
-
-    def rest_offset():
-        start = place(cloth, cloth.rest[cloth.handles])
-        rest = Carry(start, place(cloth, handles))(cloth.rest) if len(handles) else current
-        return local(current - rest)
 
     make = {
         "velocity": lambda: local(current - previous),
         "external-force": lambda: local(external_force(cloth, previous, current)),
         "kinetic-energy": lambda: (0.5 * cloth.mass * ((current - previous) ** 2).sum(1))[:, None],
         "node-type": lambda: kind,
-        "acceleration": acceleration,
-        "expected-move": lambda: local(current - uniform_from(spec, cloth, previous, current, following)),
-        "rest-offset": rest_offset,
+        "acceleration": lambda: local((current - previous) - (previous - frames[number - 2])),
     }
     return np.concatenate([make[name]() for name in NODE_FEATURES if name in spec["node_features"]], axis=1)
 
@@ -272,7 +194,7 @@ class Model:
         current, previous = frames[-1], frames[-2]
         yaw = cloth.yaw(current[cloth.handles])
         window = range(len(frames) - self.spec["encoder"].get("window", 1), len(frames))
-        nodes = [node_columns(self.spec, cloth, frames, k, yaw, next_handles) for k in window]
+        nodes = [node_columns(self.spec, cloth, frames, k, yaw) for k in window]
         edges = [edge_columns(self.spec, cloth, frames[k], yaw) for k in window]
         nodes, edges = self.normalised("nodes", np.array(nodes)), self.normalised("edges", np.array(edges))
         senders, receivers = torch.from_numpy(cloth.arcs.T.copy())
@@ -280,10 +202,8 @@ class Model:
             output = self.network(nodes, edges, senders, receivers).numpy().astype(np.float64)
         mean, deviation = self.statistics["acceleration"]
         acceleration = (output * deviation + mean) @ turn_of(yaw).T
-        following = acceleration + 2 * current - uniform_from(self.spec, cloth, previous, current, next_handles)
+        following = acceleration + 2 * current - previous
         following[cloth.handles] = next_handles
-        if self.spec.get("edge_limits"):
-            limit_edges(self.spec["edge_limits"], cloth, following)
         return following, acceleration
 
 

@@ -46,7 +46,7 @@ fn a_program_in_csharp_prints_the_positions_of_the_command_line_to_the_bit() {
     let Some(program) = compiled(&desk) else {
         return;
     };
-    for model in ["physics", "small"] {
+    for model in ["physics", "paper"] {
         let said = mono(&desk, &program, &format!("small.toml {model} 12"));
         let bits = said.split_whitespace();
         let bits: Vec<u32> = bits

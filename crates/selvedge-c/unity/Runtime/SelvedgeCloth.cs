@@ -16,7 +16,7 @@ namespace Selvedge
         public string scene = "default";
 
         [Tooltip("Path of a model file, or the name of a shipped model; empty for the physics.")]
-        public string model = "small";
+        public string model = "paper";
 
         public Guard guard = Guard.Limit;
 

@@ -64,7 +64,7 @@ fn mistakes_in_a_preset_are_named() {
     let error = DatasetPreset::open("none").unwrap_err().to_string();
     assert_eq!(
         error,
-        "none: is neither a file nor a shipped preset; shipped are first, tiny, small, square-100, square-400, paper, generalisation, generalisation-small, speeds-400, cloths-400, fine-400, few-400, converged-400, broad"
+        "none: is neither a file nor a shipped preset; shipped are first, tiny, small, square-100, square-400, paper, generalisation, generalisation-small, speeds-400, cloths-400, fine-400, converged-400, broad"
     );
 }
 
@@ -296,19 +296,6 @@ fn converged_400_is_square_400_in_second_order() {
     assert_eq!(physics(&converged), expected);
     assert_eq!(converged.config().train, first.config().train);
     assert_eq!(converged.config().test, first.config().test);
-}
-
-#[test]
-fn few_400_is_square_400_without_the_motions_drawn_at_random() {
-    let [few, all] = ["few-400", "square-400"].map(|name| DatasetPreset::open(name).unwrap());
-    assert_eq!(few.config().setting, all.config().setting);
-    let names = |preset: &DatasetPreset| -> Vec<String> {
-        let motions = preset.config().train.iter();
-        motions.map(|motion| motion.name.clone()).collect()
-    };
-    let (few, all) = (names(&few), names(&all));
-    assert_eq!(few.len(), 16);
-    assert_eq!(few, all[..16]);
 }
 
 /// A table of random cloths, with `to` in the place of `from`.

@@ -1,8 +1,7 @@
 //! The features of vertices and arcs on the device: their statistics, and the schedule that fills a
 //! normalised window of them.
 //!
-//! Columns and their order are those of `selvedge_model`. Numbers that depend on the handles alone
-//! are computed on the processor and uploaded with each frame ([`crate::cloths::frames`]).
+//! Columns and their order are those of `selvedge_model`.
 
 use selvedge_model::{ModelSpec, Normalizers};
 
@@ -92,26 +91,24 @@ impl NormalizerArrays {
 pub struct FeatureSources<'a> {
     /// The cloths.
     pub cloths: &'a ClothArrays,
-    /// Positions and the motions of handles.
+    /// Positions and local frames.
     pub frames: &'a FrameArrays,
     /// The statistics.
     pub normalizers: &'a NormalizerArrays,
 }
 
 impl FeatureSources<'_> {
-    /// The arguments `FRAME` of a kernel, with the rigid motions of `steps` steps.
-    pub(crate) fn frame(&self, steps: usize) -> Vec<NamedArgument> {
+    /// The arguments `FRAME` of a kernel.
+    pub(crate) fn frame(&self) -> Vec<NamedArgument> {
         args! {
             ..self.frames.ring(),
             cloth_of: self.cloths.cloth_of,
             numbers: self.frames.numbers,
-            carries: self.frames.carries(steps),
         }
     }
 }
 
-/// Adds the filling of a window of normalised features to a schedule. `frames` must have the rigid
-/// motions of as many steps as `input` has of vertices.
+/// Adds the filling of a window of normalised features to a schedule.
 pub fn features(schedule: &mut Schedule, from: FeatureSources<'_>, input: &InputArrays) {
     let FeatureSources {
         cloths,
@@ -121,11 +118,10 @@ pub fn features(schedule: &mut Schedule, from: FeatureSources<'_>, input: &Input
     let [node_steps, edge_steps] = input.steps;
     let UnionSizes { vertices, arcs, .. } = cloths.sizes;
     let arguments = args! {
-        ..from.frame(node_steps),
+        ..from.frame(),
         ..cloths.forces(),
         steps: node_steps,
         handle_of: cloths.handle_of,
-        rest: cloths.rest,
         shift: normalizers.nodes.shift,
         scale: normalizers.nodes.scale,
         out: input.nodes,

@@ -80,8 +80,6 @@ impl FrameBack<'_> {
         let cloths = self.from.cloths;
         let arguments = args! {
             by_next: self.slot(1),
-            carries: self.from.frames.last,
-            cloth_of: cloths.cloth_of,
             current: self.slot(0),
             previous: self.slot(-1),
         };
@@ -110,11 +108,9 @@ impl FrameBack<'_> {
         let (graph, normalizers) = (&cloths.graph, self.from.normalizers);
         let steps = step.to_input.steps[0];
         let arguments = args! {
-            ..self.from.frame(steps),
+            ..self.from.frame(),
             ..cloths.forces(),
             back: step.back(),
-            step: step.number,
-            steps,
             nodes: part(step.to_input.nodes, step.number, steps),
             node_scale: normalizers.nodes.scale,
             edges: step.arcs,

@@ -1,5 +1,5 @@
-//! The cloths of a union in the arena: the arrays that do not change from frame to frame. Features,
-//! integration and edge limits read them.
+//! The cloths of a union in the arena: the arrays that do not change from frame to frame. Features
+//! and integration read them.
 //!
 //! The files beside this one add the arrays that change (`frames`) and the schedules around the
 //! network: `features`, `motion`, and for learning `losses` and `features_backward`.
@@ -29,14 +29,10 @@ pub struct UnionSizes {
     pub vertices: usize,
     /// Arcs of all cloths.
     pub arcs: usize,
-    /// Edges of all cloths.
-    pub edges: usize,
     /// Faces of all cloths.
     pub faces: usize,
     /// Handles of all cloths.
     pub handles: usize,
-    /// The most colours that the edges of a cloth need.
-    pub colours: usize,
 }
 
 impl UnionSizes {
@@ -50,10 +46,8 @@ impl UnionSizes {
         for graph in graphs {
             sizes.vertices += graph.vertex_count();
             sizes.arcs += graph.arc_count();
-            sizes.edges += graph.topology().edges().len();
             sizes.faces += graph.topology().faces().len();
             sizes.handles += graph.handles().len();
-            sizes.colours = sizes.colours.max(colours(graph).1);
         }
         sizes
     }
@@ -72,8 +66,6 @@ pub struct ClothArrays {
     pub handle_of: Region,
     /// Masses, `[vertices]` `[kg]`.
     pub mass: Region,
-    /// The sagged rest pose `[vertices, 3]` `[m]`.
-    pub rest: Region,
     /// Wind, density and drag of each cloth's air, and the rate of three corners, `[cloths, 6]`.
     pub air: Region,
     /// Corners of the faces, `[faces, 3]`.
@@ -90,14 +82,6 @@ pub struct ClothArrays {
     pub arc_material: Region,
     /// From, to, left and right of the hinge of each arc; four times 0 at a border, `[arcs, 4]`.
     pub hinges: Region,
-    /// Both vertices of the edges, colour after colour for each cloth, `[edges, 2]`.
-    pub edge_ends: Region,
-    /// Rest lengths of the edges in the same order, `[edges]` `[m]`.
-    pub edge_rest: Region,
-    /// Offsets of the edges of each colour, and the end of the last, `[cloths, colours + 1]`.
-    pub colour_bounds: Region,
-    /// 1 / mass of each vertex, 0 of handles, `[vertices]` `[1/kg]`.
-    pub inverse_mass: Region,
 }
 
 impl ClothArrays {
@@ -107,9 +91,7 @@ impl ClothArrays {
             cloths,
             vertices,
             arcs,
-            edges,
             faces,
-            colours,
             ..
         } = sizes;
         Self {
@@ -118,7 +100,6 @@ impl ClothArrays {
             cloth_of: plan.indices("cloths of vertices", vertices),
             handle_of: plan.indices("handles of vertices", vertices),
             mass: plan.floats("masses", vertices),
-            rest: plan.floats("rest poses", 3 * vertices),
             air: plan.floats("air", 6 * cloths),
             corners: plan.indices("corners", 3 * faces),
             areas: plan.floats("areas", faces),
@@ -127,10 +108,6 @@ impl ClothArrays {
             arc_rest: plan.floats("rest vectors", 4 * arcs),
             arc_material: plan.floats("material vectors", 3 * arcs),
             hinges: plan.indices("hinges", 4 * arcs),
-            edge_ends: plan.indices("ends of edges", 2 * edges),
-            edge_rest: plan.floats("rest lengths", edges),
-            colour_bounds: plan.indices("colours", cloths * (colours + 1)),
-            inverse_mass: plan.floats("inverse masses", vertices),
         }
     }
 
@@ -155,7 +132,7 @@ impl ClothArrays {
         regions
     }
 
-    fn indices(&self) -> [Region; 8] {
+    fn indices(&self) -> [Region; 6] {
         [
             self.cloth_of,
             self.handle_of,
@@ -163,21 +140,16 @@ impl ClothArrays {
             self.first_face,
             self.faces,
             self.hinges,
-            self.edge_ends,
-            self.colour_bounds,
         ]
     }
 
-    fn floats(&self) -> [Region; 8] {
+    fn floats(&self) -> [Region; 5] {
         [
             self.mass,
-            self.rest,
             self.air,
             self.areas,
             self.arc_rest,
             self.arc_material,
-            self.edge_rest,
-            self.inverse_mass,
         ]
     }
 
@@ -201,7 +173,7 @@ impl ClothArrays {
         self.graph.upload(loaded, &Connectivity::union(&parts))?;
         let mut statics = Statics::default();
         for (number, graph) in graphs.iter().enumerate() {
-            statics.add(number as u32, graph, self.sizes.colours);
+            statics.add(number as u32, graph);
         }
         statics.first_face.push(statics.faces.len() as u32);
         for (region, words) in self.indices().into_iter().zip(statics.indices()) {
@@ -220,7 +192,6 @@ pub(crate) struct Statics {
     pub(crate) cloth_of: Vec<u32>,
     pub(crate) handle_of: Vec<u32>,
     pub(crate) mass: Vec<f32>,
-    pub(crate) rest: Vec<f32>,
     pub(crate) air: Vec<f32>,
     pub(crate) corners: Vec<u32>,
     pub(crate) areas: Vec<f32>,
@@ -229,15 +200,11 @@ pub(crate) struct Statics {
     pub(crate) arc_rest: Vec<f32>,
     pub(crate) arc_material: Vec<f32>,
     pub(crate) hinges: Vec<u32>,
-    pub(crate) edge_ends: Vec<u32>,
-    pub(crate) edge_rest: Vec<f32>,
-    pub(crate) colour_bounds: Vec<u32>,
-    pub(crate) inverse_mass: Vec<f32>,
     handles: u32,
 }
 
 impl Statics {
-    fn indices(&self) -> [&[u32]; 8] {
+    fn indices(&self) -> [&[u32]; 6] {
         [
             &self.cloth_of,
             &self.handle_of,
@@ -245,30 +212,24 @@ impl Statics {
             &self.first_face,
             &self.faces,
             &self.hinges,
-            &self.edge_ends,
-            &self.colour_bounds,
         ]
     }
 
-    fn floats(&self) -> [&[f32]; 8] {
+    fn floats(&self) -> [&[f32]; 5] {
         [
             &self.mass,
-            &self.rest,
             &self.air,
             &self.areas,
             &self.arc_rest,
             &self.arc_material,
-            &self.edge_rest,
-            &self.inverse_mass,
         ]
     }
 
-    fn add(&mut self, number: u32, graph: &ClothGraph, colours: usize) {
+    fn add(&mut self, number: u32, graph: &ClothGraph) {
         let first_vertex = self.cloth_of.len() as u32;
         self.add_vertices(number, graph);
         self.add_faces(first_vertex, graph);
         self.add_arcs(first_vertex, graph);
-        self.add_edges(first_vertex, graph, colours);
     }
 
     pub(crate) fn add_vertices(&mut self, number: u32, graph: &ClothGraph) {
@@ -281,11 +242,6 @@ impl Statics {
             self.handles += 1;
         }
         self.mass.extend(graph.vertex_mass());
-        self.rest
-            .extend(graph.rest_positions().iter().flat_map(|p| p.to_array()));
-        let masses = graph.vertex_mass().iter().zip(graph.handle_mask());
-        let inverse = |(&mass, &handle): (&f32, &bool)| if handle { 0.0 } else { 1.0 / mass };
-        self.inverse_mass.extend(masses.map(inverse));
         let environment = graph.environment();
         self.air.extend(environment.wind.as_vec3().to_array());
         self.air.extend([
@@ -336,44 +292,4 @@ impl Statics {
             }
         }
     }
-
-    fn add_edges(&mut self, first_vertex: u32, graph: &ClothGraph, all_colours: usize) {
-        let (of_edges, _) = colours(graph);
-        let edges = graph.topology().edges();
-        for colour in 0..=all_colours {
-            self.colour_bounds.push(self.edge_rest.len() as u32);
-            let of_colour = of_edges.iter().enumerate().filter(|&(_, &c)| c == colour);
-            for (number, _) in of_colour {
-                self.edge_ends
-                    .extend(edges[number].vertices.map(|v| first_vertex + v.0));
-                self.edge_rest.push(graph.rest_lengths()[number]);
-            }
-        }
-    }
-}
-
-/// A colour for every edge, and the number of colours. No vertex has two edges of one colour. Each
-/// edge in turn takes the smallest free colour, so that there are fewer than twice the most edges
-/// of a vertex.
-pub(crate) fn colours(graph: &ClothGraph) -> (Vec<usize>, usize) {
-    let mut used: Vec<Vec<bool>> = vec![Vec::new(); graph.vertex_count()];
-    let mut count = 0;
-    let edges = graph.topology().edges().iter();
-    let colours = edges.map(|edge| {
-        let [a, b] = edge.vertices.map(|v| v.index());
-        let is_free = |colour: usize| {
-            [a, b]
-                .iter()
-                .all(|&v| !used[v].get(colour).copied().unwrap_or(false))
-        };
-        let colour = (0..).find(|&colour| is_free(colour)).unwrap_or(0);
-        for v in [a, b] {
-            let length = used[v].len().max(colour + 1);
-            used[v].resize(length, false);
-            used[v][colour] = true;
-        }
-        count = count.max(colour + 1);
-        colour
-    });
-    (colours.collect(), count)
 }

@@ -1,12 +1,11 @@
 // Definitions that all kernels share.
 //
-// KERNEL(name, shape, parameters...) begins a kernel. Its body works on one element, one row or one
-// block and finds the number of it in ELEMENT, ROW or BLOCK. The signature is also what the host
-// program knows of a kernel (signature.rs reads it): an array is read where it is const, written as
-// a whole where it is marked OUT, and read and written otherwise. MAYBE marks an array that may be
-// null. EACH(width) is the number of elements per element, row or block of a launch, ALL(width)
-// that of the whole array; a width is a product of a number, sizes of the network, and counts of
-// the launch.
+// KERNEL(name, shape, parameters...) begins a kernel. Its body works on one element or one row and
+// finds the number of it in ELEMENT or ROW. The signature is also what the host program knows of a
+// kernel (signature.rs reads it): an array is read where it is const, written as a whole where it
+// is marked OUT, and read and written otherwise. MAYBE marks an array that may be null. EACH(width)
+// is the number of elements per element or row of a launch, ALL(width) that of the whole array; a
+// width is a product of a number, sizes of the network, and counts of the launch.
 #define KERNEL(name, shape, ...) INNER void of_##name(const unsigned shape, __VA_ARGS__)
 #define OUT
 #define MAYBE
@@ -16,9 +15,8 @@
 // Lists of parameters that several kernels have, one line each.
 // The last frames of positions, [slots, vertices, 3]; slot newest[0] is the newest.
 #define RING const float *positions ALL(3 * slots * vertices), const unsigned *newest ALL(1), unsigned slots, unsigned vertices
-// A ring, and the numbers of the cloths in the frame: the cloth of each vertex, local frames, and
-// the rigid motions of the handles.
-#define FRAME RING, const unsigned *cloth_of ALL(vertices), const float *numbers, const double *carries
+// A ring, and the numbers of the cloths in the frame: the cloth of each vertex, and local frames.
+#define FRAME RING, const unsigned *cloth_of ALL(vertices), const float *numbers
 // Forces on vertices: air and masses, the faces of each vertex, corners and areas of the faces.
 #define FORCES const float *air, const float *mass ALL(vertices), const unsigned *first_face, const unsigned *faces, const unsigned *corners, const float *areas
 // A prediction, the three frames it is judged by, the handles, and the constants of the losses.
@@ -93,35 +91,7 @@ INNER const float *frame_of(const Ring *ring, unsigned back) {
     return ring->positions + (size_t)slot * ring->vertices * 3;
 }
 
-// Image of a point under a rigid motion: from, to, cosine and sine of the turn.
-INNER Wide carried(const double *carry, Vector point) {
-    const double x = point.x - carry[0], y = point.y - carry[1], z = point.z - carry[2];
-    const Wide w = {carry[3] + (carry[6] * x + carry[7] * z), carry[4] + y, carry[5] + (carry[6] * z - carry[7] * x)};
-    return w;
-}
 INNER Vector narrow(Wide w) {
     const Vector v = {(float)w.x, (float)w.y, (float)w.z};
     return v;
-}
-
-#ifdef CARRIED
-INNER float reference_of(double here, double before, double rest, float now) {
-    const double there = here + (1.0 - DAMPING) * (here - before) + STIFFNESS * (rest - here);
-    return (float)(2.0 * now - there);
-}
-#endif
-
-// Reference position one frame earlier: uniform motion from it through `now` leads where the cloth
-// would go by itself. `carries` are the rigid motions of the handles from now, from before and from
-// rest to the next frame.
-INNER Vector reference(const double *carries, Vector before, Vector now, Vector rest) {
-#ifdef CARRIED
-    const Wide here = carried(carries, now), old = carried(carries + 8, before), home = carried(carries + 16, rest);
-    const Vector v = {reference_of(here.x, old.x, home.x, now.x), reference_of(here.y, old.y, home.y, now.y),
-                      reference_of(here.z, old.z, home.z, now.z)};
-    return v;
-#else
-    (void)carries, (void)now, (void)rest;
-    return before;
-#endif
 }

@@ -2,9 +2,6 @@
 #define INNER static __device__ __forceinline__
 #define LANES 32u
 #define LANE (threadIdx.x & 31u)
-#define THREADS blockDim.x
-#define THREAD threadIdx.x
-#define BARRIER __syncthreads()
 #define UNROLL _Pragma("unroll")
 // The same on every lane, to the last bit: each step adds the same two numbers on both sides.
 INNER float sum_over_lanes(float x) {

@@ -1,7 +1,7 @@
 // Definitions for one network, with which compile_flags.txt lets editors read a file of kernels by
 // itself. Devices get those of their own network from the program.
 #define LATENT 12
-#define NODE_WIDTH 25
+#define NODE_WIDTH 19
 #define EDGE_WIDTH 13
 #define WEIGHT_RESET 0
 #define WEIGHT_UPDATE 1
@@ -20,22 +20,10 @@
 #define NODE_KINETIC_ENERGY 6
 #define NODE_TYPE 7
 #define NODE_ACCELERATION 16
-#define NODE_EXPECTED_MOVE 19
-#define NODE_REST_OFFSET 22
 #define EDGE_VECTOR 0
 #define EDGE_REST_VECTOR 4
 #define EDGE_MATERIAL_VECTOR 8
 #define EDGE_ELONGATION 11
 #define EDGE_BENDING_ANGLE 12
-#define CARRIED 1
-#define DAMPING 3e-2
-#define STIFFNESS 3e-3
-#define CARRY_ACCELERATION 0
-#define CARRY_EXPECTED 24
-#define CARRY_REST 48
-#define CARRY_NUMBERS 57
 #define SQUARES_PER_ROW 4096
 #define LARGEST_NORM 1.7976931348623157e308
-#define LEAST_STRETCH 8e-1f
-#define MOST_STRETCH 1.25e0f
-#define SWEEPS 20

@@ -50,15 +50,13 @@ INNER void put_with_length(float *row, const float *shift, const float *scale, u
 
 // Features of one vertex in one frame of the window, [steps, vertices].
 KERNEL(node_features, ELEMENT,
-       FRAME, unsigned steps, FORCES, const unsigned *handle_of ALL(vertices), const float *rest ALL(3 * vertices),
+       FRAME, unsigned steps, FORCES, const unsigned *handle_of ALL(vertices),
        const float *shift ALL(NODE_WIDTH), const float *scale ALL(NODE_WIDTH), OUT float *out EACH(NODE_WIDTH)) {
     const unsigned step = ELEMENT / vertices, v = ELEMENT % vertices, cloth_number = cloth_of[v];
     const Ring ring = {positions, newest[0], slots, vertices};
     const float *now = frame_of(&ring, steps - 1 - step), *previous = frame_of(&ring, steps - step);
     const Cloth cloth = {numbers + CLOTH_NUMBERS * cloth_number, air + AIR_NUMBERS * cloth_number};
-    const double *carry = carries + ((size_t)cloth_number * steps + step) * CARRY_NUMBERS;
     const Vector p = vector(now + 3 * (size_t)v), q = vector(previous + 3 * (size_t)v);
-    const Vector at_rest = vector(rest + 3 * (size_t)v);
     float *row = out + (size_t)ELEMENT * NODE_WIDTH;
 #ifdef NODE_VELOCITY
     put_vector(row, shift, scale, NODE_VELOCITY, to_local(cloth.numbers, minus(p, q)));
@@ -81,19 +79,8 @@ KERNEL(node_features, ELEMENT,
 #endif
 #ifdef NODE_ACCELERATION
     const Vector r = vector(frame_of(&ring, steps - step + 1) + 3 * (size_t)v);
-    const Vector before = reference(carry + CARRY_ACCELERATION, r, q, at_rest);
-    const Vector acceleration = minus(minus(p, q), minus(q, before));
+    const Vector acceleration = minus(minus(p, q), minus(q, r));
     put_vector(row, shift, scale, NODE_ACCELERATION, to_local(cloth.numbers, acceleration));
-#endif
-#ifdef NODE_EXPECTED_MOVE
-    const Vector from = reference(carry + CARRY_EXPECTED, q, p, at_rest);
-    put_vector(row, shift, scale, NODE_EXPECTED_MOVE, to_local(cloth.numbers, minus(p, from)));
-#endif
-#ifdef NODE_REST_OFFSET
-    // Without handles nothing carries the rest pose.
-    const int carried_rest = carry[CARRY_REST + 8] != 0.0;
-    const Vector target = carried_rest ? narrow(carried(carry + CARRY_REST, at_rest)) : p;
-    put_vector(row, shift, scale, NODE_REST_OFFSET, to_local(cloth.numbers, minus(p, target)));
 #endif
 }
 

@@ -1,9 +1,8 @@
 //! Kernels of the features, with the definitions that say which columns a spec has.
 
-use selvedge_model::{EdgeFeature, Integration, ModelSpec, NodeFeature};
+use selvedge_model::{EdgeFeature, ModelSpec, NodeFeature};
 
 use super::{Program, part};
-use crate::cloths::frames::CarryLayout;
 
 part!("features.cu":
     NODE_FEATURES = "node_features",
@@ -22,17 +21,6 @@ pub fn define(program: &mut Program, spec: &ModelSpec) {
         program.define(edge_name(*feature), column);
         column += feature.width();
     }
-    if let Integration::Carried { damping, stiffness } = spec.integration {
-        program.define("CARRIED", 1);
-        // The shortest decimal that reads as the same f64.
-        program.define("DAMPING", format!("{damping:e}"));
-        program.define("STIFFNESS", format!("{stiffness:e}"));
-    }
-    let layout = CarryLayout::of(spec);
-    program.define("CARRY_ACCELERATION", layout.acceleration);
-    program.define("CARRY_EXPECTED", layout.expected);
-    program.define("CARRY_REST", layout.rest);
-    program.define("CARRY_NUMBERS", layout.count);
     program.add(&PART);
 }
 
@@ -44,8 +32,6 @@ pub(super) fn node_name(feature: NodeFeature) -> &'static str {
         NodeFeature::KineticEnergy => "NODE_KINETIC_ENERGY",
         NodeFeature::NodeType => "NODE_TYPE",
         NodeFeature::Acceleration => "NODE_ACCELERATION",
-        NodeFeature::ExpectedMove => "NODE_EXPECTED_MOVE",
-        NodeFeature::RestOffset => "NODE_REST_OFFSET",
     }
 }
 

@@ -13,20 +13,6 @@ INNER Vector unit(Vector a) {
     return times(inverse > 0.0f && inverse <= LARGEST ? inverse : 0.0f, a);
 }
 
-// Adds the gradient g of a reference to the gradients of its two frames; `carries` as in
-// `reference`.
-INNER void reference_backward(const double *carries, Vector g, Vector *earlier, Vector *now) {
-#ifdef CARRIED
-    const float before[2] = {(float)carries[14], (float)carries[15]}, from_now[2] = {(float)carries[6], (float)carries[7]};
-    *earlier = plus(*earlier, times((float)(1.0 - DAMPING), to_local(before, g)));
-    const Vector turned = to_local(from_now, g);
-    *now = plus(*now, minus(times(2.0f, g), times((float)(2.0 - DAMPING - STIFFNESS), turned)));
-#else
-    (void)carries, (void)now;
-    *earlier = plus(*earlier, g);
-#endif
-}
-
 // Gradient of the corners of the hinge over an edge, from the gradients of its angle in both arcs.
 KERNEL(hinges_backward, ELEMENT,
        RING, unsigned back, const unsigned *hinges EACH(4), const unsigned *edge_arcs EACH(2),
@@ -82,11 +68,11 @@ INNER void face_backward(const float *now, const float *before, const Cloth *clo
 }
 #endif
 
-// Gradient of one vertex's position in the frame `back` frames before the newest (step `step` of
-// the window) and in the two frames before, from the gradients of the features of vertices, arcs
+// Gradient of one vertex's position in the frame `back` frames before the newest and in the two
+// frames before, from the gradients of the features of vertices, arcs
 // and hinges in that frame.
 KERNEL(positions_backward, ELEMENT,
-       FRAME, unsigned back, unsigned step, unsigned steps, FORCES,
+       FRAME, unsigned back, FORCES,
        const float *nodes EACH(NODE_WIDTH), const float *node_scale ALL(NODE_WIDTH),
        MAYBE const float *edges, const float *edge_scale ALL(EDGE_WIDTH),
        const unsigned *first_arc, const unsigned *senders, const unsigned *reverse_arcs,
@@ -98,11 +84,10 @@ KERNEL(positions_backward, ELEMENT,
     const size_t at = 3 * (size_t)ELEMENT;
     const unsigned cloth_number = cloth_of[ELEMENT];
     const Cloth cloth = {numbers + CLOTH_NUMBERS * cloth_number, air + AIR_NUMBERS * cloth_number};
-    const double *carry = carries + ((size_t)cloth_number * steps + step) * CARRY_NUMBERS;
     const float *row = nodes + (size_t)ELEMENT * NODE_WIDTH;
     const Vector p = vector(now + at), moved = minus(p, vector(before + at)), zero = {0.0f, 0.0f, 0.0f};
     Vector by_now = zero, by_before = zero, by_earlier = zero;
-    (void)row, (void)carry, (void)moved;
+    (void)row, (void)moved;
 #ifdef NODE_VELOCITY
     const Vector velocity = to_world(cloth.numbers, row_vector(row, node_scale, NODE_VELOCITY));
     by_now = plus(by_now, velocity);
@@ -132,15 +117,7 @@ KERNEL(positions_backward, ELEMENT,
     const Vector acceleration = to_world(cloth.numbers, row_vector(row, node_scale, NODE_ACCELERATION));
     by_now = plus(by_now, acceleration);
     by_before = minus(by_before, times(2.0f, acceleration));
-    reference_backward(carry + CARRY_ACCELERATION, acceleration, &by_earlier, &by_before);
-#endif
-#ifdef NODE_EXPECTED_MOVE
-    const Vector expected = to_world(cloth.numbers, row_vector(row, node_scale, NODE_EXPECTED_MOVE));
-    by_now = plus(by_now, expected);
-    reference_backward(carry + CARRY_EXPECTED, minus(zero, expected), &by_before, &by_now);
-#endif
-#ifdef NODE_REST_OFFSET
-    by_now = plus(by_now, to_world(cloth.numbers, row_vector(row, node_scale, NODE_REST_OFFSET)));
+    by_earlier = plus(by_earlier, acceleration);
 #endif
     if (edges) {
         for (size_t arc = first_arc[ELEMENT]; arc < first_arc[ELEMENT + 1]; ++arc) {
@@ -189,14 +166,10 @@ KERNEL(join_prediction, ELEMENT,
     next[0] = all.x, next[1] = all.y, next[2] = all.z;
 }
 
-// Integration p' = a + 2 p - reference: adds the gradient of p' to those of the two frames before.
-KERNEL(integration_backward, ELEMENT,
-       const float *by_next EACH(3), const double *carries, const unsigned *cloth_of EACH(1),
-       float *current EACH(3), float *previous EACH(3)) {
+// Integration p' = a + 2 p - p_before: adds the gradient of p' to those of the two frames before.
+KERNEL(integration_backward, ELEMENT, const float *by_next EACH(3), float *current EACH(3), float *previous EACH(3)) {
     const size_t at = 3 * (size_t)ELEMENT;
-    const Vector g = vector(by_next + at), zero = {0.0f, 0.0f, 0.0f};
-    Vector now = times(2.0f, g), earlier = zero;
-    reference_backward(carries + 24 * (size_t)cloth_of[ELEMENT], minus(zero, g), &earlier, &now);
-    add_to(current + at, now);
-    add_to(previous + at, earlier);
+    const Vector g = vector(by_next + at);
+    add_to(current + at, times(2.0f, g));
+    add_to(previous + at, times(-1.0f, g));
 }

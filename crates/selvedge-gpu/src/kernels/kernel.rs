@@ -12,8 +12,6 @@ pub enum Shape {
     Element,
     /// A warp each.
     Row,
-    /// A block of threads each.
-    Block,
 }
 
 /// The use that a kernel makes of an array.
@@ -85,7 +83,7 @@ impl Width {
 /// The size of an array that a kernel takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Extent {
-    /// A width for each element, row or block of the launch.
+    /// A width for each element or row of the launch.
     PerCount(Width),
     /// One width.
     Fixed(Width),

@@ -2,11 +2,10 @@
 //! device compiles for one network: definitions of sizes, a prelude for the compiler, the kernels,
 //! and an entry for each.
 //!
-//! The C is C99 that is also CUDA C. A kernel works on one *element* (`ELEMENT`), one *row* (`ROW`)
-//! or one *block* (`BLOCK`). On a GPU a row belongs to a warp: its `LANES` take the columns in turn
-//! from `LANE` on and join their sums by `SUM_OVER_LANES`. A block has `THREADS` that meet at
-//! `BARRIER`. The host has one lane and one thread. The signature in the C source is the only list
-//! of a kernel's parameters: `signature` reads it for schedules and launchers.
+//! The C is C99 that is also CUDA C. A kernel works on one *element* (`ELEMENT`) or one *row*
+//! (`ROW`). On a GPU a row belongs to a warp: its `LANES` take the columns in turn from `LANE` on
+//! and join their sums by `SUM_OVER_LANES`. The host has one lane. The signature in the C source is
+//! the only list of a kernel's parameters: `signature` reads it for schedules and launchers.
 
 pub mod adam;
 pub mod backward;
@@ -50,11 +49,8 @@ pub enum Dialect {
     Host,
 }
 
-/// Threads of a block on a GPU, for elements and rows; 8 warps.
+/// Threads of a block on a GPU; 8 warps.
 pub const BLOCK_THREADS: u32 = 256;
-
-/// Threads of a block on a GPU where a block is a kernel's unit of work.
-pub const WIDE_BLOCK_THREADS: u32 = 1024;
 
 /// Lanes of a warp.
 pub const WARP: u32 = 32;
@@ -168,23 +164,18 @@ fn names(kernel: &Kernel) -> String {
     parameters.map(|p| format!(", {}", p.name)).collect()
 }
 
-/// Writes the function that the driver launches, which finds the element, row or block of a thread.
+/// Writes the function that the driver launches, which finds the element or row of a thread.
 fn cuda_entry(text: &mut String, kernel: &Kernel) {
     let index = match kernel.shape {
         Shape::Element => "blockIdx.x * blockDim.x + threadIdx.x",
         Shape::Row => "(blockIdx.x * blockDim.x + threadIdx.x) / LANES",
-        Shape::Block => "blockIdx.x",
-    };
-    let threads = match kernel.shape {
-        Shape::Element | Shape::Row => BLOCK_THREADS,
-        Shape::Block => WIDE_BLOCK_THREADS,
     };
     let declarations: String = declarations(kernel).map(|d| format!(", {d}")).collect();
     let (name, names) = (kernel.name, names(kernel));
     // With the bound the compiler takes no more registers than a block of so many threads has.
     let _ = writeln!(
         text,
-        "extern \"C\" __global__ void __launch_bounds__({threads})\n\
+        "extern \"C\" __global__ void __launch_bounds__({BLOCK_THREADS})\n\
          run_{name}(unsigned count{declarations}) {{\n    \
          const unsigned index = {index};\n    \
          if (index < count) of_{name}(index{names});\n}}"

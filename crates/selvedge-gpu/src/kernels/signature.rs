@@ -30,8 +30,7 @@ impl Kernel {
         let shape = match scanner.token().as_bytes() {
             b"ELEMENT" => Shape::Element,
             b"ROW" => Shape::Row,
-            b"BLOCK" => Shape::Block,
-            _ => panic!("a shape: ELEMENT, ROW or BLOCK"),
+            _ => panic!("a shape: ELEMENT or ROW"),
         };
         let nothing = Parameter {
             name: "",

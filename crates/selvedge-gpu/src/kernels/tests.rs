@@ -1,6 +1,6 @@
 //! Sources that devices compile, and files of kernels read by themselves.
 
-use selvedge_model::{EdgeFeature, EdgeLimits, NodeFeature};
+use selvedge_model::{EdgeFeature, NodeFeature};
 
 use super::*;
 use crate::test_graphs::full_specs;
@@ -13,17 +13,12 @@ const PARTS: [&Part; 7] = [
     &features_backward::PART,
     &layers::PART,
     &losses::PART,
-    &motion::LIMITED_PART,
+    &motion::PART,
 ];
 
 /// A program of all kernels for a spec with all features.
 fn whole_program() -> Program {
-    let mut spec = full_specs().pop().expect("a spec");
-    spec.edge_limits = Some(EdgeLimits {
-        least: 0.8,
-        most: 1.25,
-        sweeps: 20,
-    });
+    let spec = full_specs().pop().expect("a spec");
     let mut program = Program::new(Sizes::of(&spec));
     program.add(&layers::PART);
     features::define(&mut program, &spec);
@@ -31,7 +26,7 @@ fn whole_program() -> Program {
     program.add(&backward::PART);
     program.add(&features_backward::PART);
     adam::define(&mut program);
-    motion::define(&mut program, &spec);
+    program.add(&motion::PART);
     program
 }
 
@@ -66,9 +61,7 @@ fn node_has_gradient(feature: NodeFeature) -> bool {
         NodeFeature::Velocity
         | NodeFeature::ExternalForce
         | NodeFeature::KineticEnergy
-        | NodeFeature::Acceleration
-        | NodeFeature::ExpectedMove
-        | NodeFeature::RestOffset => true,
+        | NodeFeature::Acceleration => true,
     }
 }
 
@@ -83,7 +76,7 @@ fn edge_has_gradient(feature: EdgeFeature) -> bool {
 #[test]
 fn every_feature_is_in_the_kernels_there_and_back() {
     let spec = full_specs().pop().expect("a spec");
-    assert_eq!((spec.node_features.len(), spec.edge_features.len()), (7, 5));
+    assert_eq!((spec.node_features.len(), spec.edge_features.len()), (5, 5));
     let nodes = spec.node_features.iter();
     let nodes = nodes.map(|f| (features::node_name(*f), node_has_gradient(*f)));
     let edges = spec.edge_features.iter();

@@ -1,8 +1,7 @@
 //! Rollouts on a device: several cloths side by side as one graph, frame by frame.
 //!
-//! A frame is one schedule: features, network, integration, bounds of edges. The processor uploads
-//! the next positions of the handles and a few numbers that follow from them, and downloads the
-//! positions. A frame that is not finite is rejected: the cloths stay as they were.
+//! A frame is one schedule: features, network, integration. The processor uploads the next
+//! positions of the handles and a few numbers that follow from them, and downloads the positions. A frame that is not finite is rejected: the cloths stay as they were.
 
 mod opening;
 mod plan;
@@ -17,7 +16,7 @@ use thiserror::Error;
 
 use crate::bench::profile::{Spent, profile};
 use crate::cloths::UnionSizes;
-use crate::cloths::frames::{FrameNumbers, HandleFrames};
+use crate::cloths::frames::FrameNumbers;
 use crate::device::{Device, DeviceError, Loaded, Precision, Prepared, require_memory};
 
 use opening::{Cloth, open};
@@ -49,7 +48,7 @@ struct Undo {
     next: Next,
     slot: usize,
     positions: Vec<Vec3>,
-    /// Handles that left the history, and the yaw, of each cloth, `[cloths]`.
+    /// Handles and yaw of each cloth, `[cloths]`.
     cloths: Vec<(Vec<Vec3>, Yaw)>,
 }
 
@@ -191,22 +190,12 @@ impl Rollout {
     fn begin(&mut self, targets: &[&[Vec3]]) -> Result<Vec<Yaw>, DeviceError> {
         self.undo = None;
         assert_eq!(targets.len(), self.cloths.len(), "targets of every cloth");
-        let steps = match self.next {
-            Next::Whole => self.model.spec().window(),
-            Next::FromState(_) => 1,
-        };
         self.numbers.clear();
         let mut yaws = Vec::with_capacity(self.cloths.len());
         for (cloth, &next) in self.cloths.iter().zip(targets) {
             assert_eq!(next.len(), cloth.graph.handles().len(), "targets");
             let yaw = cloth.yaw_now();
-            let handles = HandleFrames {
-                past: &cloth.handles,
-                next,
-                yaw,
-            };
-            self.numbers
-                .add(self.model.spec(), &cloth.graph, handles, steps);
+            self.numbers.add(&cloth.graph, yaw, next);
             yaws.push(yaw);
         }
         self.numbers
@@ -227,8 +216,8 @@ impl Rollout {
             positions: std::mem::replace(&mut self.positions, found),
             cloths: (self.cloths.iter_mut().zip(targets).zip(yaws))
                 .map(|((cloth, targets), &yaw)| {
-                    let oldest = cloth.push_handles(targets.to_vec());
-                    (oldest, std::mem::replace(&mut cloth.yaw, yaw))
+                    let handles = std::mem::replace(&mut cloth.handles, targets.to_vec());
+                    (handles, std::mem::replace(&mut cloth.yaw, yaw))
                 })
                 .collect(),
         };
@@ -269,13 +258,8 @@ impl Rollout {
         let slot = self.plan.frames.slot(self.slot);
         self.loaded.put(slot, &flat(positions))?;
         for cloth in &mut self.cloths {
-            let handles = cloth
-                .graph
-                .handles()
-                .select(&positions[cloth.vertices.clone()]);
-            if let Some(newest) = cloth.handles.last_mut() {
-                *newest = handles;
-            }
+            let handles = cloth.graph.handles();
+            cloth.handles = handles.select(&positions[cloth.vertices.clone()]);
         }
         self.positions.copy_from_slice(positions);
         Ok(())
@@ -297,11 +281,8 @@ impl Rollout {
         self.slot = next;
         for cloth in &mut self.cloths {
             cloth.yaw = cloth.yaw_now();
-            let handles = cloth
-                .graph
-                .handles()
-                .select(&positions[cloth.vertices.clone()]);
-            cloth.push_handles(handles);
+            let handles = cloth.graph.handles();
+            cloth.handles = handles.select(&positions[cloth.vertices.clone()]);
         }
         self.positions.copy_from_slice(positions);
         self.next = Next::Whole;
@@ -320,9 +301,8 @@ impl Rollout {
         };
         (self.next, self.slot) = (before.next, before.slot);
         self.positions = before.positions;
-        for (cloth, (oldest, yaw)) in self.cloths.iter_mut().zip(before.cloths) {
-            cloth.pop_handles(oldest);
-            cloth.yaw = yaw;
+        for (cloth, (handles, yaw)) in self.cloths.iter_mut().zip(before.cloths) {
+            (cloth.handles, cloth.yaw) = (handles, yaw);
         }
         true
     }

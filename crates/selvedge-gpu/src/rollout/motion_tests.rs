@@ -2,13 +2,12 @@
 
 use glam::Vec3;
 use selvedge_model::{
-    ClothGraph, EdgeLimits, Encoder, Integration, LastFrames, LocalAcceleration, Model, ModelSpec,
-    TwoFrames, Yaw, advance,
+    ClothGraph, Encoder, LocalAcceleration, Model, ModelSpec, TwoFrames, Yaw, advance,
 };
 
 use super::RolloutPlan;
 use crate::cloths::features::FeatureSources;
-use crate::cloths::frames::{FrameNumbers, HandleFrames};
+use crate::cloths::frames::FrameNumbers;
 use crate::cloths::{UnionSizes, motion};
 use crate::device::Precision;
 use crate::schedule::Schedule;
@@ -41,19 +40,9 @@ fn moving(side: usize, seed: u64, history: usize) -> Cloth {
 
 /// The next frame of a cloth by the reference, after normalised accelerations `output`.
 fn expected(model: &Model, cloth: &Cloth, output: &[f32]) -> Vec<Vec3> {
-    let spec = model.spec();
     let [.., previous, current] = &cloth.frames[..] else {
         unreachable!("two frames at least")
     };
-    let last = LastFrames {
-        graph: &cloth.graph,
-        previous,
-        current,
-        next_handles: &cloth.next_handles,
-        yaw: cloth.yaw,
-    };
-    let mut reference = Vec::new();
-    spec.integration.reference(&last, &mut reference);
     let mut rows = output.to_vec();
     model.normalizers().acceleration.denormalize(&mut rows);
     let acceleration = LocalAcceleration {
@@ -62,11 +51,11 @@ fn expected(model: &Model, cloth: &Cloth, output: &[f32]) -> Vec<Vec3> {
     };
     let frames = TwoFrames {
         graph: &cloth.graph,
-        reference: &reference,
+        previous,
         current,
     };
     let mut next = vec![Vec3::ZERO; current.len()];
-    advance(spec, &frames, &cloth.next_handles, acceleration, &mut next).expect("finite");
+    advance(&frames, &cloth.next_handles, acceleration, &mut next).expect("finite");
     next
 }
 
@@ -82,7 +71,7 @@ fn found(model: &Model, cloths: &[Cloth], output: &[f32]) -> Vec<Vec3> {
         frames: &plan.frames,
         normalizers: &plan.normalizers,
     };
-    motion::advance(&mut schedule, from, given, plan.changed);
+    motion::advance(&mut schedule, from, given);
     let loaded = device.load(&plan.program, &plan.plan, Precision::Full);
     let mut loaded = loaded.expect("room");
     plan.upload(&mut *loaded, model, &graphs).expect("room");
@@ -94,17 +83,7 @@ fn found(model: &Model, cloths: &[Cloth], output: &[f32]) -> Vec<Vec3> {
     }
     let mut numbers = FrameNumbers::default();
     for cloth in cloths {
-        let past: Vec<Vec<Vec3>> = cloth
-            .frames
-            .iter()
-            .map(|frame| cloth.graph.handles().select(frame))
-            .collect();
-        let handles = HandleFrames {
-            past: &past,
-            next: &cloth.next_handles,
-            yaw: cloth.yaw,
-        };
-        numbers.add(model.spec(), &cloth.graph, handles, model.spec().window());
+        numbers.add(&cloth.graph, cloth.yaw, &cloth.next_handles);
     }
     let uploaded = numbers.upload(&mut *loaded, &plan.frames, history - 1);
     uploaded.expect("room");
@@ -134,30 +113,13 @@ fn compare(spec: &ModelSpec, size: f32) {
     for (found, expected) in found.iter().zip(&expected) {
         // Half a dozen roundings of positions of 1 m.
         let off = found.distance(*expected);
-        assert!(off < 1e-6, "{off} m off with {:?}", spec.integration);
+        assert!(off < 1e-6, "{off} m off");
     }
 }
 
 #[test]
 fn the_kernels_of_motion_lead_where_the_reference_does() {
-    for integration in [
-        Integration::Inertial {},
-        Integration::Carried {
-            damping: 0.03,
-            stiffness: 0.004,
-        },
-    ] {
-        for encoder in [Encoder::MLP, Encoder::Gru { window: 3 }] {
-            let mut spec = ModelSpec::physical(encoder, 8, 1);
-            spec.integration = integration;
-            compare(&spec, 0.02);
-            // Within bounds no edge moves; beyond them both go through the edges in another order.
-            spec.edge_limits = Some(EdgeLimits {
-                least: 0.5,
-                most: 2.0,
-                sweeps: 5,
-            });
-            compare(&spec, 0.02);
-        }
+    for encoder in [Encoder::MLP, Encoder::Gru { window: 3 }] {
+        compare(&ModelSpec::physical(encoder, 8, 1), 0.02);
     }
 }

@@ -32,33 +32,15 @@ pub(super) struct Cloth {
     pub(super) graph: ClothGraph,
     /// The vertices of the cloth in the union.
     pub(super) vertices: std::ops::Range<usize>,
-    /// Positions of the handles, oldest first, `[history][handles]`.
-    pub(super) handles: Vec<Vec<Vec3>>,
+    /// Positions of the handles in the newest frame, `[handles]`.
+    pub(super) handles: Vec<Vec3>,
     pub(super) yaw: Yaw,
 }
 
 impl Cloth {
     /// The yaw of the newest frame; `yaw` is that of the frame before.
     pub(super) fn yaw_now(&self) -> Yaw {
-        let newest = self.handles.last().map_or(&[][..], |handles| handles);
-        self.graph.frame().yaw(newest, self.yaw)
-    }
-
-    /// Appends the newest handles and gives the oldest, which leave the history.
-    pub(super) fn push_handles(&mut self, handles: Vec<Vec3>) -> Vec<Vec3> {
-        self.handles.rotate_left(1);
-        match self.handles.last_mut() {
-            Some(newest) => std::mem::replace(newest, handles),
-            None => Vec::new(),
-        }
-    }
-
-    /// Reverses [`Self::push_handles`], which gave `oldest`.
-    pub(super) fn pop_handles(&mut self, oldest: Vec<Vec3>) {
-        if let Some(newest) = self.handles.last_mut() {
-            *newest = oldest;
-        }
-        self.handles.rotate_right(1);
+        self.graph.frame().yaw(&self.handles, self.yaw)
     }
 }
 
@@ -84,10 +66,7 @@ pub(super) fn open(
         }
         cloths.push(Cloth {
             vertices: first..first + vertices,
-            handles: own
-                .iter()
-                .map(|frame| graph.handles().select(frame))
-                .collect(),
+            handles: graph.handles().select(&own[own.len() - 1]),
             yaw: graph.frame().rest_yaw(),
             graph,
         });

@@ -26,8 +26,6 @@ pub struct RolloutPlan {
     pub frames: FrameArrays,
     /// The statistics.
     pub normalizers: NormalizerArrays,
-    /// Room for the bounds of edges, `[cloths]`, where the spec has any.
-    pub changed: Option<Region>,
     /// To run once, after the weights were written.
     pub pack: Schedule,
     /// A frame from the whole window.
@@ -45,13 +43,10 @@ impl RolloutPlan {
         let mut program = Program::new(Sizes::of(spec));
         program.add(&kernels::layers::PART);
         kernels::features::define(&mut program, spec);
-        kernels::motion::define(&mut program, spec);
+        program.add(&kernels::motion::PART);
         let mut plan = Plan::new();
         let weights = WeightArrays::new(&mut plan, network);
         let cloths = ClothArrays::new(&mut plan, sizes);
-        let changed = spec
-            .edge_limits
-            .map(|_| plan.indices("cloths out of bounds", sizes.cloths));
         let mut built = Self {
             frames: FrameArrays::new(&mut plan, spec, sizes),
             normalizers: NormalizerArrays::new(&mut plan, spec),
@@ -62,7 +57,6 @@ impl RolloutPlan {
             program,
             weights,
             cloths,
-            changed,
         };
         built.weights.pack(&mut built.pack);
         let steps = [spec.window(); 2];
@@ -112,7 +106,7 @@ impl RolloutPlan {
             keep: Keep::Output,
         };
         let record = forward(&mut self.plan, &mut schedule, pass);
-        motion::advance(&mut schedule, sources, record.output, self.changed);
+        motion::advance(&mut schedule, sources, record.output);
         self.plan.release(mark);
         schedule
     }
@@ -132,11 +126,7 @@ impl RolloutPlan {
     ) -> Result<(), DeviceError> {
         loaded.put(self.weights.flat(), model.weights())?;
         self.normalizers.upload(loaded, model.normalizers())?;
-        self.cloths.upload(loaded, graphs)?;
-        match self.changed {
-            Some(changed) => loaded.upload(changed, &vec![0; changed.count()]),
-            None => Ok(()),
-        }
+        self.cloths.upload(loaded, graphs)
     }
 
     /// The arrays that are written from outside before a frame.
@@ -146,7 +136,6 @@ impl RolloutPlan {
         given.extend(self.cloths.regions());
         given.extend(self.frames.regions());
         given.extend(self.normalizers.regions());
-        given.extend(self.changed);
         given
     }
 }
@@ -158,7 +147,6 @@ pub(super) fn what_fits(network: &Network, sizes: UnionSizes, free: usize) -> St
         UnionSizes {
             vertices: of(sizes.vertices),
             arcs: of(sizes.arcs),
-            edges: of(sizes.edges),
             faces: of(sizes.faces),
             handles: of(sizes.handles),
             ..sizes

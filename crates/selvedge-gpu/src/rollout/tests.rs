@@ -3,10 +3,9 @@
 use glam::DVec3;
 use selvedge_cloth::conformance::{HandlesEnd, check_correctable};
 use selvedge_cloth::{Correctable, HandleTargets, StepError, Stepper};
-use selvedge_model::{EdgeLimits, Encoder, LearnedStepper, ModelSpec};
+use selvedge_model::{Encoder, LearnedStepper, ModelSpec};
 
 use super::*;
-use crate::cloths::colours;
 use crate::rollout::stepper::GpuStepper;
 use crate::schedule::Trace;
 use crate::test_graphs::{cloth, device, full_specs, model, shaken, side_by_side};
@@ -38,12 +37,7 @@ fn gpu(model: &Arc<Model>, graph: ClothGraph, start: &[&[Vec3]]) -> GpuStepper {
 #[test]
 fn schedules_of_every_spec_read_what_was_written() {
     let graphs = [cloth(5, 1), cloth(4, 2)];
-    for mut spec in full_specs() {
-        spec.edge_limits = Some(EdgeLimits {
-            least: 0.8,
-            most: 1.25,
-            sweeps: 20,
-        });
+    for spec in full_specs() {
         let network = selvedge_model::Network::new(&spec).expect("a spec");
         let plan = RolloutPlan::new(&network, UnionSizes::of(&[&graphs[0], &graphs[1]]));
         let mut trace = Trace::new(&plan.plan, plan.program.sizes());
@@ -208,90 +202,6 @@ fn frames_of_somebody_else_are_gone_on_from_as_on_the_cpu() {
             assert_eq!(cpu.frame(), device.frame());
             let off = farthest(cpu.positions(), device.positions());
             assert!(off < 2e-5, "frame {frame}: {off} m with {encoder:?}");
-        }
-    }
-}
-
-/// The bounds of edges as the device keeps them: colour after colour.
-fn limit(limits: EdgeLimits, graph: &ClothGraph, positions: &mut [Vec3]) {
-    let (of_edges, count) = colours(graph);
-    let mut order: Vec<usize> = (0..of_edges.len()).collect();
-    order.sort_by_key(|&edge| of_edges[edge]);
-    assert!(count < 20, "few colours, found {count}");
-    let inverse = |v: usize| {
-        if graph.handle_mask()[v] {
-            0.0
-        } else {
-            1.0 / graph.vertex_mass()[v]
-        }
-    };
-    for _ in 0..limits.sweeps {
-        let mut changed = false;
-        for &edge in &order {
-            let rest = graph.rest_lengths()[edge];
-            let [a, b] = graph.topology().edges()[edge].vertices.map(|v| v.index());
-            let apart = positions[a] - positions[b];
-            let (length, both) = (apart.length(), inverse(a) + inverse(b));
-            let wanted = length.clamp(limits.least as f32 * rest, limits.most as f32 * rest);
-            if (wanted - length).abs() > 1e-5 * rest && both > 0.0 {
-                let change = (wanted - length) / (length * both) * apart;
-                positions[a] += inverse(a) * change;
-                positions[b] -= inverse(b) * change;
-                changed = true;
-            }
-        }
-        if !changed {
-            return;
-        }
-    }
-}
-
-#[test]
-fn edges_are_limited_colour_by_colour() {
-    let limits = EdgeLimits {
-        least: 0.9,
-        most: 1.1,
-        sweeps: 7,
-    };
-    let mut spec = ModelSpec::physical(Encoder::MLP, 12, 1);
-    let free = Arc::new(model(&spec, 0.02, 7));
-    spec.edge_limits = Some(limits);
-    let limited = Arc::new(model(&spec, 0.02, 7));
-    let graph = cloth(6, 2);
-    let start = shaken(graph.rest_positions(), 0.04, 0);
-    let start: [&[Vec3]; 1] = [&start];
-    let mut free = gpu(&free, graph.clone(), &start);
-    let mut limited = gpu(&limited, graph.clone(), &start);
-    for frame in 1..=4 {
-        let targets = handle_targets(&graph, frame);
-        free.step(&targets).expect("a frame");
-        limited.step(&targets).expect("a frame");
-        let mut expected = free.positions().to_vec();
-        limit(limits, &graph, &mut expected);
-        assert!(
-            farthest(&expected, free.positions()) > 0.005,
-            "something to do"
-        );
-        // The same operations in the same order, but for how the compilers round products of
-        // vectors.
-        assert!(farthest(&expected, limited.positions()) < 1e-6);
-        let next = shaken(graph.rest_positions(), 0.04, frame as u64);
-        free.replace_frame(&next).expect("a frame");
-        limited.replace_frame(&next).expect("a frame");
-    }
-}
-
-#[test]
-fn edges_of_a_colour_share_no_vertex() {
-    let graph = cloth(7, 4);
-    let (of_edges, count) = colours(&graph);
-    for colour in 0..count {
-        let edges = graph.topology().edges().iter().zip(&of_edges);
-        let mut seen = vec![false; graph.vertex_count()];
-        for (edge, _) in edges.filter(|&(_, &c)| c == colour) {
-            for v in edge.vertices {
-                assert!(!std::mem::replace(&mut seen[v.index()], true));
-            }
         }
     }
 }

@@ -131,7 +131,7 @@ impl<'a> Trace<'a> {
         check_names(launch)?;
         // Kernels count their threads with 32 bits.
         let threads = match launch.kernel.shape {
-            Shape::Element | Shape::Block => launch.count,
+            Shape::Element => launch.count,
             Shape::Row => launch.count * WARP as usize,
         };
         if threads > (u32::MAX - BLOCK_THREADS) as usize {

@@ -16,13 +16,13 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use selvedge_model::{ClothGraph, ModelSpec};
+use selvedge_model::ClothGraph;
 use selvedge_train::{
     Arithmetic, Batch, Engine, EngineError, EngineMaker, FramePasses, Learned, LossTerms,
     LossWeights, Setup, SlotRun, TrainConfig, Update, run_slots,
 };
 
-use crate::cloths::frames::{FrameNumbers, HandleFrames};
+use crate::cloths::frames::FrameNumbers;
 use crate::cloths::losses::{SlotSizes, TERMS, loss_numbers};
 use crate::device::{
     Device, DeviceError, Loaded, Precision, Prepared, largest_fit, require_memory,
@@ -42,7 +42,6 @@ pub struct Training {
     backward: Vec<Prepared>,
     begin: Prepared,
     update: Prepared,
-    spec: ModelSpec,
     losses: LossWeights,
     /// The cloth that was written to each slot.
     cloths: Vec<Option<Arc<ClothGraph>>>,
@@ -81,7 +80,6 @@ impl Training {
             backward,
             begin,
             update,
-            spec: setup.network.spec().clone(),
             losses: setup.cfg.losses,
             cloths: vec![None; setup.cfg.batch.samples],
             plan,
@@ -136,20 +134,10 @@ impl Training {
         }
         let mut numbers = FrameNumbers::default();
         for slot in slots {
-            let (graph, sample) = (slot.graph(), slot.sample());
-            let past: Vec<Vec<Vec3>> = sample
-                .frames
-                .iter()
-                .map(|frame| graph.handles().select(frame))
-                .collect();
-            let handles = HandleFrames {
-                past: &past,
-                next: &sample.next_handles,
-                yaw: sample.yaw,
-            };
-            numbers.add(&self.spec, graph, handles, frame.steps[0]);
+            let sample = slot.sample();
+            numbers.add(slot.graph(), sample.yaw, &sample.next_handles);
         }
-        numbers.upload_motions(loaded, &frame.frames)
+        numbers.upload_local_frames(loaded, &frame.frames)
     }
 
     /// The terms and the predictions of a frame.

@@ -20,8 +20,6 @@ use crate::training::adam::AdamArrays;
 
 /// One of the frames that a step goes through.
 pub struct FramePlan {
-    /// Frames of the window of vertices and of arcs.
-    pub steps: [usize; 2],
     /// Sources of its features.
     pub frames: FrameArrays,
     /// Slot of its newest positions.
@@ -214,8 +212,7 @@ impl TrainingPlan {
             steps,
         };
         let frame = FramePlan {
-            steps,
-            frames: FrameArrays::on(plan, spec, sizes, self.positions),
+            frames: FrameArrays::on(plan, sizes, self.positions),
             newest: spec.history() - 1 + number,
             triplet: TripletArrays::new(plan, sizes.vertices),
             dropout: Dropout::new(plan, shared.rate, dropout),

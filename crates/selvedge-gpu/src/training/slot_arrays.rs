@@ -40,8 +40,7 @@ pub(super) fn sizes_of<'a>(graphs: impl IntoIterator<Item = &'a Arc<ClothGraph>>
     }
 }
 
-/// The sizes of a union of slots. It has no edges and handles of its own: the losses have the
-/// edges, and handles are uploaded as positions.
+/// The sizes of a union of slots. It has no handles of its own: they are uploaded as positions.
 pub(super) fn union_sizes(slots: usize, slot: SlotSizes) -> UnionSizes {
     UnionSizes {
         cloths: slots,
@@ -150,8 +149,6 @@ impl SlotArrays<'_> {
             Part::indices(cloths.cloth_of, cloth_of, vertices, 1),
             Part::indices(cloths.handle_of, handle_of, vertices, 0),
             Part::floats(cloths.mass, of.mass, vertices, 1.0),
-            Part::floats(cloths.inverse_mass, of.inverse_mass, vertices, 0.0),
-            Part::floats(cloths.rest, of.rest, 3 * vertices, 0.0),
             Part::floats(cloths.air, of.air, 6, 0.0),
         ]
     }

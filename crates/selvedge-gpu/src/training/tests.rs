@@ -5,7 +5,7 @@ mod swinging;
 
 use std::cell::Cell;
 
-use selvedge_model::{EdgeFeature, Encoder, Integration, ModelSpec, Network, NodeFeature};
+use selvedge_model::{EdgeFeature, Encoder, ModelSpec, Network, NodeFeature};
 use selvedge_train::{
     Arithmetic, Engine, EngineError, EngineMaker, OnProcessor, Setup, TrainConfig, Trainer,
     TruthProbability, UnrollFrames,
@@ -20,19 +20,11 @@ use crate::schedule::Trace;
 use crate::test_graphs::device;
 use swinging::{Swinging, config, two_cloths};
 
-/// All columns, carried along by the handles.
+/// All columns.
 fn everything(encoder: Encoder) -> ModelSpec {
     let mut spec = ModelSpec::physical(encoder, 8, 2);
-    spec.node_features.extend([
-        NodeFeature::Acceleration,
-        NodeFeature::ExpectedMove,
-        NodeFeature::RestOffset,
-    ]);
+    spec.node_features.insert(NodeFeature::Acceleration);
     spec.edge_features.insert(EdgeFeature::MaterialVector);
-    spec.integration = Integration::Carried {
-        damping: 0.05,
-        stiffness: 0.01,
-    };
     spec
 }
 

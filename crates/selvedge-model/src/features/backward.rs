@@ -20,8 +20,6 @@ pub struct PoseGradient<'a> {
     pub previous: &'a mut [Vec3],
     /// With respect to `current`.
     pub current: &'a mut [Vec3],
-    /// With respect to `reference`, if the spec has expected moves.
-    pub reference: &'a mut [Vec3],
 }
 
 /// Rows of the gradient of one feature.
@@ -74,12 +72,6 @@ pub fn node_features_backward(
             NodeFeature::Acceleration => {
                 difference(pose, rows, to.current, to.previous);
                 difference(pose, rows, to.before, to.previous);
-            }
-            NodeFeature::ExpectedMove => difference(pose, rows, to.current, to.reference),
-            NodeFeature::RestOffset => {
-                for (v, to) in to.current.iter_mut().enumerate() {
-                    *to += pose.yaw.to_world(rows.vector(v));
-                }
             }
         }
         first += feature.width();

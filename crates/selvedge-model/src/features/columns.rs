@@ -46,10 +46,6 @@ impl NodeFeature {
             Self::Acceleration => {
                 columns!["m/frame²": "acceleration x", "acceleration y", "acceleration z"]
             }
-            Self::ExpectedMove => {
-                columns!["m/frame": "expected move x", "expected move y", "expected move z"]
-            }
-            Self::RestOffset => columns!["m": "rest offset x", "rest offset y", "rest offset z"],
         }
     }
 
@@ -114,18 +110,12 @@ pub fn edge_groups(spec: &ModelSpec) -> Vec<usize> {
 /// One frame of the network's window.
 #[derive(Clone, Copy, Debug)]
 pub struct Pose<'a> {
-    /// World positions `[m]`, `[vertices]`, two frames earlier, or those that take their place in
-    /// the model's integration; only accelerations need them.
+    /// World positions two frames earlier `[m]`, `[vertices]`; only accelerations need them.
     pub before: &'a [Vec3],
     /// World positions one frame earlier `[m]`, `[vertices]`.
     pub previous: &'a [Vec3],
     /// World positions in this frame `[m]`, `[vertices]`.
     pub current: &'a [Vec3],
-    /// Positions from which uniform motion leads to the next frame in the model's integration
-    /// `[m]`, `[vertices]`; only expected moves need them.
-    pub reference: &'a [Vec3],
-    /// The rest pose, carried along by the handles `[m]`, `[vertices]`; only rest offsets need it.
-    pub rest: &'a [Vec3],
     /// The local frame that features are expressed in: that of the *newest* frame of the window.
     pub yaw: Yaw,
 }
@@ -170,13 +160,11 @@ pub fn node_features(spec: &ModelSpec, graph: &ClothGraph, pose: Pose<'_>, out: 
             first,
         };
         match feature {
-            NodeFeature::Velocity => difference(pose, pose.previous, columns),
+            NodeFeature::Velocity => velocity(pose, columns),
             NodeFeature::ExternalForce => external_force(graph, pose, columns),
             NodeFeature::KineticEnergy => kinetic_energy(graph, pose, columns),
             NodeFeature::NodeType => node_type(graph, columns),
             NodeFeature::Acceleration => acceleration(pose, columns),
-            NodeFeature::ExpectedMove => difference(pose, pose.reference, columns),
-            NodeFeature::RestOffset => difference(pose, pose.rest, columns),
         }
         first += feature.width();
     }
@@ -212,11 +200,9 @@ pub fn edge_features(spec: &ModelSpec, graph: &ClothGraph, pose: Pose<'_>, out: 
     }
 }
 
-/// The current positions minus `from`, locally.
-fn difference(pose: Pose<'_>, from: &[Vec3], mut out: FeatureColumns<'_>) {
-    assert_eq!(from.len(), pose.current.len(), "positions to compare with");
-    for (v, (&p, &from)) in pose.current.iter().zip(from).enumerate() {
-        out.put(v, pose.yaw.to_local(p - from).to_array());
+fn velocity(pose: Pose<'_>, mut out: FeatureColumns<'_>) {
+    for (v, (&p, &q)) in pose.current.iter().zip(pose.previous).enumerate() {
+        out.put(v, pose.yaw.to_local(p - q).to_array());
     }
 }
 

@@ -2,6 +2,7 @@
 
 use glam::Vec3;
 
+use crate::features::Pose;
 use crate::graph::frame::Yaw;
 use crate::spec::ModelSpec;
 
@@ -11,16 +12,20 @@ pub struct Frames<'a, F> {
     /// Positions `[m]` in the frames before the window and in each frame of it, oldest first,
     /// `[history][vertices]` with [`ModelSpec::history`] frames.
     pub positions: &'a [F],
-    /// Positions of the handles one frame after the newest `[m]`, `[handles]`.
-    pub next_handles: &'a [Vec3],
     /// The local frame of the newest frame.
     pub yaw: Yaw,
 }
 
 impl<F: AsRef<[Vec3]>> Frames<'_, F> {
-    /// Positions of frame `number`, oldest first.
-    pub(crate) fn at(&self, number: usize) -> &[Vec3] {
-        self.positions[number].as_ref()
+    /// Frame `current` and the ones before it that features are made from.
+    pub(super) fn pose(&self, current: usize) -> Pose<'_> {
+        let at = |number: usize| self.positions[number].as_ref();
+        Pose {
+            before: current.checked_sub(2).map_or(&[], at),
+            previous: at(current - 1),
+            current: at(current),
+            yaw: self.yaw,
+        }
     }
 
     /// The numbers of the last `count` frames.

@@ -3,7 +3,6 @@
 
 pub(crate) mod backward;
 pub(crate) mod columns;
-mod compared;
 pub(crate) mod correction;
 pub(crate) mod finite;
 pub(crate) mod frames;

@@ -20,7 +20,7 @@ const LEAST_DEVIATION: f64 = 1e-4;
 /// Statistics that still change. `groups` are the widths of consecutive columns that share a unit
 /// and a scale.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "StoredStatistics", into = "StoredStatistics")]
+#[serde(try_from = "StoredStatistics")]
 pub struct RunningStatistics {
     groups: Vec<usize>,
     count: f64,
@@ -29,8 +29,8 @@ pub struct RunningStatistics {
     squares: Vec<f64>,
 }
 
-/// The form of [`RunningStatistics`] in a checkpoint.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+/// [`RunningStatistics`] of a checkpoint, unchecked.
+#[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct StoredStatistics {
     groups: Vec<usize>,
@@ -181,23 +181,6 @@ impl RunningStatistics {
             first += width;
         }
         Normalizer::from_checked(self.mean.clone(), deviation)
-    }
-}
-
-impl From<RunningStatistics> for StoredStatistics {
-    fn from(statistics: RunningStatistics) -> Self {
-        let RunningStatistics {
-            groups,
-            count,
-            mean,
-            squares,
-        } = statistics;
-        Self {
-            groups,
-            count,
-            mean,
-            squares,
-        }
     }
 }
 

@@ -4,7 +4,6 @@
 use glam::Vec3;
 
 use crate::features::backward::{PoseGradient, edge_features_backward, node_features_backward};
-use crate::features::compared::Compared;
 use crate::features::frames::Frames;
 use crate::features::normalizer::Normalizer;
 use crate::features::{edge_features, node_features};
@@ -76,7 +75,6 @@ pub struct Window {
     /// `[window, arcs, edge width]`.
     pub arcs: Vec<f32>,
     extent: Extent,
-    compared: Compared,
 }
 
 impl Window {
@@ -117,8 +115,7 @@ impl Window {
         let (node_width, edge_width) = (spec.node_width(), spec.edge_width());
         let [nodes, edges] = self.counts(spec);
         for (step, current) in frames.last(spec, nodes).enumerate() {
-            self.compared.compute(spec, graph, &frames, current);
-            let pose = self.compared.pose(&frames, current);
+            let pose = frames.pose(current);
             let row = step * place.vertex_count + place.first_vertex;
             let rows = &mut self.nodes[row * node_width..][..graph.vertex_count() * node_width];
             node_features(spec, graph, pose, rows);
@@ -139,7 +136,7 @@ impl Window {
     /// # Panics
     /// When there are not `history` frames, or `gradient` does not have the size of the cloth.
     pub fn backward<F: AsRef<[Vec3]>>(
-        &mut self,
+        &self,
         spec: &ModelSpec,
         graph: &ClothGraph,
         frames: Frames<'_, F>,
@@ -150,16 +147,13 @@ impl Window {
         let edges = graph.arc_count() * spec.edge_width();
         let [node_steps, edge_steps] = self.counts(spec);
         for (step, current) in frames.last(spec, node_steps).enumerate() {
-            self.compared.compute(spec, graph, &frames, current);
-            let pose = self.compared.pose(&frames, current);
-            let [mut by_before, mut by_reference] =
-                [(); 2].map(|()| vec![Vec3::ZERO; graph.vertex_count()]);
-            let (earlier, later) = to.split_at_mut(current);
+            let pose = frames.pose(current);
+            let (before, later) = to.split_at_mut(current - 1);
+            let (previous, later) = later.split_at_mut(1);
             let mut by_pose = PoseGradient {
-                before: &mut by_before,
-                previous: &mut earlier[current - 1],
+                before: before.last_mut().map_or(&mut [], Vec::as_mut_slice),
+                previous: &mut previous[0],
                 current: &mut later[0],
-                reference: &mut by_reference,
             };
             let rows = &gradient.nodes[step * nodes..][..nodes];
             node_features_backward(spec, graph, pose, rows, &mut by_pose);
@@ -167,8 +161,6 @@ impl Window {
                 let rows = &gradient.arcs[step * edges..][..edges];
                 edge_features_backward(spec, graph, pose, rows, by_pose.current);
             }
-            self.compared
-                .backward([&by_before, &by_reference], &mut to[..=current]);
         }
     }
 

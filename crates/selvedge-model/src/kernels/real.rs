@@ -39,8 +39,6 @@ pub trait Real:
     fn to_f64(self) -> f64;
     /// Square root.
     fn sqrt(self) -> Self;
-    /// The larger of the two; `self` where `other` is NaN.
-    fn larger(self, other: Self) -> Self;
 }
 
 impl Real for f64 {
@@ -55,9 +53,6 @@ impl Real for f64 {
     }
     fn sqrt(self) -> Self {
         self.sqrt()
-    }
-    fn larger(self, other: Self) -> Self {
-        self.max(other)
     }
 }
 
@@ -76,9 +71,5 @@ impl Real for f32 {
     #[inline(always)]
     fn sqrt(self) -> Self {
         self.sqrt()
-    }
-    #[inline(always)]
-    fn larger(self, other: Self) -> Self {
-        if other > self { other } else { self }
     }
 }

@@ -102,7 +102,7 @@ impl Network {
 
     /// Normalised accelerations `[vertices, 3]` for normalised features.
     ///
-    /// Packs the weights first; [`Self::forward_packed`] takes packed ones.
+    /// Packs the weights first; [`Self::forward_carried`] takes packed ones. Hears of no stop.
     ///
     /// # Panics
     /// When the lengths of `weights` or `input` are not those of the spec and the graph.
@@ -128,33 +128,23 @@ impl Network {
             }
             None => self.pack(weights, purpose, workspace.instructions),
         };
-        self.forward_packed(&packed, graph, input, pass, workspace);
+        let state = &EncoderState::new();
+        let stop = std::mem::take(&mut workspace.stop);
+        T::forward(
+            self,
+            &packed,
+            graph,
+            Carried { input, state },
+            pass,
+            workspace,
+        );
+        workspace.stop = stop;
         workspace.packed = Some(packed);
         &workspace.output
     }
 
-    /// [`Self::forward`] for packed weights.
-    ///
-    /// # Panics
-    /// When the lengths of `input` are not those of the spec and the graph.
-    pub fn forward_packed<'w, T: NetworkScalar>(
-        &self,
-        weights: &PackedWeights<T>,
-        graph: &Connectivity,
-        input: Input<'_, T>,
-        pass: Pass<'_>,
-        workspace: &'w mut Workspace<T>,
-    ) -> &'w [T] {
-        let state = &EncoderState::new();
-        let carried = Carried { input, state };
-        let stop = std::mem::take(&mut workspace.stop);
-        T::forward(self, weights, graph, carried, pass, workspace);
-        workspace.stop = stop;
-        &workspace.output
-    }
-
-    /// [`Self::forward_packed`] for a network that streams, from the encoders' state of the frame
-    /// before. [`Workspace::end_state`] returns the state after the frame.
+    /// [`Self::forward`] for packed weights and, where the network streams, from the encoders' state
+    /// of the frame before. [`Workspace::end_state`] returns the state after the frame.
     ///
     /// # Errors
     /// [`Stopped`] where the stop of [`Workspace::stop_by`] is wanted.
@@ -197,37 +187,24 @@ impl Network {
             "a forward pass to learn from, with the same weights, comes first"
         );
         if let Some(packed) = packed {
-            self.backward_packed(&packed, graph, input, gradients, workspace);
+            let state = &EncoderState::new();
+            let (carried, stop) = (
+                Carried { input, state },
+                std::mem::take(&mut workspace.stop),
+            );
+            T::backward(self, &packed, graph, carried, gradients, workspace);
+            workspace.stop = stop;
             workspace.packed = Some(packed);
         }
     }
 
-    /// [`Self::backward`] after [`Self::forward_packed`] with the same weights.
-    ///
-    /// # Panics
-    /// As [`Self::backward`], and for weights that are not packed for training.
-    pub fn backward_packed<T: NetworkScalar>(
-        &self,
-        weights: &PackedWeights<T>,
-        graph: &Connectivity,
-        input: Input<'_, T>,
-        gradients: Gradients<'_, T>,
-        workspace: &mut Workspace<T>,
-    ) {
-        let state = &EncoderState::new();
-        let carried = Carried { input, state };
-        let stop = std::mem::take(&mut workspace.stop);
-        T::backward(self, weights, graph, carried, gradients, workspace);
-        workspace.stop = stop;
-    }
-
-    /// [`Self::backward_packed`] after [`Self::forward_carried`], with the gradients of the states.
+    /// [`Self::backward`] after [`Self::forward_carried`], with the gradients of the states.
     ///
     /// # Errors
     /// As [`Self::forward_carried`]; the gradients are then of a part of the network.
     ///
     /// # Panics
-    /// As [`Self::backward_packed`].
+    /// As [`Self::backward`], and for weights that are not packed for training.
     pub fn backward_carried<T: NetworkScalar>(
         &self,
         weights: &PackedWeights<T>,

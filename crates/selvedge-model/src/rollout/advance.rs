@@ -1,11 +1,10 @@
 //! One frame of the learned cloth: from an acceleration to the next positions, back from positions
 //! to the acceleration, and the derivative.
 //!
-//! p^{t+1} = a + 2 p^t - q `[eq:integration]`, with the reference q of the spec's [`Integration`].
-//! Handle vertices take their targets instead. Then edges come back within the limits of the spec,
-//! and a position that is not finite is an error. A rollout and a training call [`advance`]; losses
-//! call the same equation in `f64` and local axes ([`TwoFrames::moved`]); the kernels of a device
-//! are tested against it.
+//! p^{t+1} = a + 2 p^t - p^{t-1} `[eq:integration]`. Handle vertices take their targets instead. A
+//! position that is not finite is an error. A rollout and a training call [`advance`]; losses call
+//! the same equation in `f64` and local axes ([`TwoFrames::moved`]); the kernels of a device are
+//! tested against it.
 
 use std::ops::{Add, Sub};
 
@@ -15,17 +14,14 @@ use thiserror::Error;
 
 use crate::graph::ClothGraph;
 use crate::graph::frame::Yaw;
-use crate::spec::ModelSpec;
-use crate::spec::integration::{Integration, LastFrames};
 
 /// Two frames from which a cloth moves on, all positions in the same axes `[m]`, `[vertices]`.
 #[derive(Clone, Copy, Debug)]
 pub struct TwoFrames<'a, V> {
     /// The cloth.
     pub graph: &'a ClothGraph,
-    /// Positions one frame earlier from which uniform motion leads to the next frame without a
-    /// network ([`Integration::reference`]).
-    pub reference: &'a [V],
+    /// Positions one frame earlier.
+    pub previous: &'a [V],
     /// Current positions.
     pub current: &'a [V],
 }
@@ -60,7 +56,7 @@ impl<V: Copy + Add<Output = V> + Sub<Output = V>> TwoFrames<'_, V> {
         next: &mut [V],
     ) {
         assert_eq!(next.len(), self.graph.vertex_count(), "positions");
-        let frames = self.current.iter().zip(self.reference);
+        let frames = self.current.iter().zip(self.previous);
         for ((next, a), (&p, &q)) in next.iter_mut().zip(accelerations).zip(frames) {
             *next = a + ((p + p) - q);
         }
@@ -74,13 +70,13 @@ impl<V: Copy + Add<Output = V> + Sub<Output = V>> TwoFrames<'_, V> {
 
     /// The acceleration that leads vertex `vertex` to `next`: the inverse of [`Self::moved`].
     pub fn acceleration_to(&self, next: V, vertex: usize) -> V {
-        let (p, q) = (self.current[vertex], self.reference[vertex]);
+        let (p, q) = (self.current[vertex], self.previous[vertex]);
         (next - p) - (p - q)
     }
 }
 
-/// Sets `next` to the frame after `frames` (in the world): the acceleration is integrated, handles
-/// take their targets `next_handles`, and edges keep the limits of `spec`.
+/// Sets `next` to the frame after `frames` (in the world): the acceleration is integrated, and
+/// handles take their targets `next_handles`.
 ///
 /// # Errors
 /// [`NonFinite`] names the first vertex whose position is not finite.
@@ -88,7 +84,6 @@ impl<V: Copy + Add<Output = V> + Sub<Output = V>> TwoFrames<'_, V> {
 /// # Panics
 /// When `next` does not have a position per vertex.
 pub fn advance(
-    spec: &ModelSpec,
     frames: &TwoFrames<'_, Vec3>,
     next_handles: &[Vec3],
     acceleration: LocalAcceleration<'_>,
@@ -98,14 +93,11 @@ pub fn advance(
     let rows = rows.as_chunks::<3>().0.iter();
     let accelerations = rows.map(|a| yaw.to_world(Vec3::from_array(*a)));
     frames.moved(accelerations, next_handles.iter().copied(), next);
-    if let Some(limits) = spec.edge_limits {
-        limits.apply(frames.graph, next);
-    }
     require_finite(next)
 }
 
 /// The acceleration in the local frame `yaw` that leads to `next`, `[vertices, 3]`: the inverse of
-/// [`advance`] for free vertices of a spec without edge limits.
+/// [`advance`] for free vertices.
 #[must_use]
 pub fn target_acceleration(frames: &TwoFrames<'_, Vec3>, yaw: Yaw, next: &[Vec3]) -> Vec<f32> {
     let rows = next.iter().enumerate();
@@ -114,21 +106,12 @@ pub fn target_acceleration(frames: &TwoFrames<'_, Vec3>, yaw: Yaw, next: &[Vec3]
 }
 
 /// Adds to `previous` and `current` the gradient of the last two frames for the gradient `by_next`
-/// of the next positions, all in the world, `[vertices]`. Handles are held, and edge limits are
-/// left out.
-pub fn advance_backward(
-    integration: Integration,
-    frames: &LastFrames<'_>,
-    by_next: &[Vec3],
-    previous: &mut [Vec3],
-    current: &mut [Vec3],
-) {
-    let slope = integration.reference_slope(frames);
-    for (to, g) in current.iter_mut().zip(by_next) {
-        *to += 2.0 * *g;
+/// of the next positions, all in the world, `[vertices]`. Handles are held.
+pub fn advance_backward(by_next: &[Vec3], previous: &mut [Vec3], current: &mut [Vec3]) {
+    for ((q, p), g) in previous.iter_mut().zip(current).zip(by_next) {
+        *q -= *g;
+        *p += 2.0 * *g;
     }
-    let by_reference: Vec<Vec3> = by_next.iter().map(|&g| -g).collect();
-    slope.backward(&by_reference, previous, current);
 }
 
 /// Checks every position.

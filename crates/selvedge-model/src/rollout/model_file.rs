@@ -36,7 +36,7 @@ pub enum ModelFileError {
     },
     #[error("metadata \"spec\" is missing: the file does not say which network its weights are of")]
     NoSpec,
-    #[error("metadata \"spec\": {0}")]
+    #[error("metadata \"spec\": {0}: this version has no such network, train one anew")]
     SpecText(#[from] serde_json::Error),
     #[error(transparent)]
     Spec(#[from] SpecError),

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use glam::Vec3;
 use selvedge_cloth::{
     Correctable, HandleTargets, Handles, StepError, Stepper, Stop, Topology, VertexId,
-    check_target_count, check_targets_hold,
+    check_target_count,
 };
 use thiserror::Error;
 
@@ -24,7 +24,6 @@ use crate::rollout::advance::{LocalAcceleration, NonFinite, TwoFrames, advance, 
 use crate::rollout::hands::Hands;
 use crate::rollout::model::Model;
 use crate::spec::ModelSpec;
-use crate::spec::integration::LastFrames;
 
 /// A cloth that a trained model moves.
 pub struct LearnedStepper {
@@ -37,7 +36,6 @@ pub struct LearnedStepper {
     next_handles: Vec<Vec3>,
     /// The handles after this frame, and after the one before or that is being made.
     hands: [Hands; 2],
-    reference: Vec<Vec3>,
     yaw: Yaw,
     /// Yaw before the last step, while that step can be undone: `next` then holds the frame that
     /// left the history.
@@ -117,7 +115,6 @@ impl LearnedStepper {
             history,
             next: vec![Vec3::ZERO; vertices],
             next_handles: Vec::new(),
-            reference: Vec::new(),
             yaw: graph.frame().rest_yaw(),
             yaw_before: None,
             frame: 0,
@@ -153,11 +150,10 @@ impl LearnedStepper {
     }
 
     /// Sets the acceleration of frame `frame`.
-    fn predict(&mut self, frame: usize, next_handles: &[Vec3], yaw: Yaw) -> Result<(), StepError> {
+    fn predict(&mut self, frame: usize, yaw: Yaw) -> Result<(), StepError> {
         let (spec, place) = (self.model.spec(), Place::alone(&self.graph));
         let frames = Frames {
             positions: &self.history,
-            next_handles,
             yaw,
         };
         let extent = if self.state.is_zero() {
@@ -214,9 +210,6 @@ impl Stepper for LearnedStepper {
     }
 
     fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
-        if !self.model.spec().lets_go() {
-            check_targets_hold(self, targets)?;
-        }
         check_target_count(self, targets)?;
         let frame = self.frame + 1;
         self.yaw_before = None;
@@ -225,34 +218,20 @@ impl Stepper for LearnedStepper {
         next_hands.follow(hands, targets, self.graph.handles().of(newest));
         self.graph.hold(|handle| targets.holds(handle));
         let yaw = self.yaw_now(&self.hands[1]);
-        let mut next_handles = std::mem::take(&mut self.next_handles);
-        next_handles.clear();
-        next_handles.extend(self.hands[1].places());
-        if let Err(error) = self.predict(frame, &next_handles, yaw) {
-            self.next_handles = next_handles;
-            return Err(error);
-        }
+        self.predict(frame, yaw)?;
+        self.next_handles.clear();
+        self.next_handles.extend(self.hands[1].places());
         let newest = self.history.len() - 1;
-        let spec = self.model.spec();
-        let last = LastFrames {
-            graph: &self.graph,
-            previous: &self.history[newest - 1],
-            current: &self.history[newest],
-            next_handles: &next_handles,
-            yaw,
-        };
-        spec.integration.reference(&last, &mut self.reference);
         let frames = TwoFrames {
             graph: &self.graph,
-            reference: &self.reference,
+            previous: &self.history[newest - 1],
             current: &self.history[newest],
         };
         let acceleration = LocalAcceleration {
             yaw,
             rows: &self.acceleration,
         };
-        let advanced = advance(spec, &frames, &next_handles, acceleration, &mut self.next);
-        self.next_handles = next_handles;
+        let advanced = advance(&frames, &self.next_handles, acceleration, &mut self.next);
         advanced.map_err(|NonFinite { vertex }| StepError::NonFinite { frame, vertex })?;
         self.history.rotate_left(1);
         std::mem::swap(&mut self.history[newest], &mut self.next);

@@ -1,12 +1,9 @@
-//! The choices that make a model: the spec of its network and features, the integration of its
-//! output and the limits of its edges.
+//! The choices that make a model: the spec of its network and features.
 
 pub(crate) mod base;
-pub(crate) mod integration;
-pub(crate) mod limits;
 mod model_spec;
 
 pub use base::{FrameTimes, MOST_DEVIATIONS, PhysicsBase};
-pub use integration::{Carries, Carry, Integration, LastFrames, ReferenceSlope};
-pub use limits::EdgeLimits;
-pub use model_spec::{CurrentFrame, EdgeFeature, Encoder, ModelSpec, NodeFeature, SpecError};
+pub use model_spec::{
+    CurrentFrame, EdgeFeature, Encoder, Integration, ModelSpec, NodeFeature, SpecError,
+};

@@ -8,8 +8,6 @@ use thiserror::Error;
 
 use crate::features::correction::NODE_COLUMNS;
 use crate::spec::base::{LEAST_LATENT, PhysicsBase};
-use crate::spec::integration::Integration;
-use crate::spec::limits::EdgeLimits;
 
 /// The full description of a learned simulator, as it stands in a training configuration and in
 /// the metadata of a weight file.
@@ -32,9 +30,6 @@ pub struct ModelSpec {
     /// Motion of the cloth without the network.
     #[serde(default)]
     pub integration: Integration,
-    /// Bounds of the lengths of a rollout's edges; none in the paper.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub edge_limits: Option<EdgeLimits>,
     /// Physics that the network corrects; none where it moves the cloth by itself, as in the paper.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub base: Option<PhysicsBase>,
@@ -55,13 +50,6 @@ pub enum NodeFeature {
     /// p^t - 2 p^{t-1} + p^{t-2} `[m/frame²]`, 3 columns: not in the paper, whose networks have to
     /// take the small difference of two large velocities themselves.
     Acceleration,
-    /// The next position by the integration without the network, minus p^t `[m/frame]`, 3 columns:
-    /// not in the paper. It knows the next positions of the handles; with carried integration
-    /// every vertex follows them.
-    ExpectedMove,
-    /// p^t minus the rest pose that the handles carry along `[m]`, 3 columns; 0 without handles.
-    /// Not in the paper, whose networks have to add up edges to know how far the cloth swings out.
-    RestOffset,
 }
 
 /// A group of columns of an arc, in the order in which they stand in the input.
@@ -79,6 +67,20 @@ pub enum EdgeFeature {
     /// Signed bending angle of an edge between two faces `[rad]`, 1 column: the negative of
     /// [`selvedge_cloth::geometry::dihedral_angle`], 0 on the boundary.
     BendingAngle,
+}
+
+/// Motion of a cloth without its network, to which the network adds its acceleration.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Integration {
+    /// Uniform motion, as in the paper.
+    Inertial {},
+}
+
+impl Default for Integration {
+    fn default() -> Self {
+        Self::Inertial {}
+    }
 }
 
 /// Encoder of features to latent vectors.
@@ -179,14 +181,6 @@ pub enum SpecError {
         most: usize,
         found: usize,
     },
-    #[error("model.integration.{field} must be between 0 and 1, found {found}")]
-    Part { field: &'static str, found: f64 },
-    #[error("model.edge_limits.{field} must be {expected}, found {found}")]
-    Limit {
-        field: &'static str,
-        expected: &'static str,
-        found: f64,
-    },
     #[error(
         "model.{field} must be left out where the network corrects physics (model.base): {reason}"
     )]
@@ -222,7 +216,6 @@ impl ModelSpec {
             latent,
             blocks,
             integration: Integration::default(),
-            edge_limits: None,
             base: None,
         }
     }
@@ -237,13 +230,11 @@ impl ModelSpec {
             latent,
             blocks,
             integration: Integration::default(),
-            edge_limits: None,
             base: None,
         }
     }
 
-    /// Checks the sizes, the parts of the integration, the limits, and the features without which
-    /// nothing can be predicted.
+    /// Checks the sizes, and the features without which nothing can be predicted.
     ///
     /// # Errors
     /// Names the field.
@@ -251,16 +242,6 @@ impl ModelSpec {
         self.check_sizes()?;
         if let Some(base) = &self.base {
             return self.check_base(base);
-        }
-        if let Integration::Carried { damping, stiffness } = self.integration {
-            for (field, found) in [("damping", damping), ("stiffness", stiffness)] {
-                if !(0.0..=1.0).contains(&found) {
-                    return Err(SpecError::Part { field, found });
-                }
-            }
-        }
-        if let Some(limits) = &self.edge_limits {
-            check_limits(limits)?;
         }
         self.check_features()
     }
@@ -285,17 +266,10 @@ impl ModelSpec {
         ];
         check_each_size(&sizes)?;
         let columns = "its columns are fixed";
-        let alone = "the physics moves the cloth";
         for (field, is_given, reason) in [
             ("node_features", !self.node_features.is_empty(), columns),
             ("edge_features", !self.edge_features.is_empty(), columns),
             ("encoder", self.encoder != Encoder::MLP, "it sees one frame"),
-            (
-                "integration",
-                self.integration != Integration::default(),
-                alone,
-            ),
-            ("edge_limits", self.edge_limits.is_some(), alone),
         ] {
             if is_given {
                 return Err(SpecError::WithBase { field, reason });
@@ -316,14 +290,6 @@ impl ModelSpec {
             return missing("edge_features", "vector");
         }
         Ok(())
-    }
-
-    /// Returns true if handles may let go: nothing that the model has of them is a rest pose that
-    /// they carry along.
-    #[must_use]
-    pub fn lets_go(&self) -> bool {
-        let compares = self.node_features.contains(&NodeFeature::RestOffset);
-        self.integration == Integration::Inertial {} && !compares
     }
 
     /// Frames that the encoder sees, the current one included.
@@ -377,24 +343,6 @@ fn check_each_size(sizes: &[(&'static str, usize, usize, usize)]) -> Result<(), 
                 field,
                 least,
                 most,
-                found,
-            });
-        }
-    }
-    Ok(())
-}
-
-fn check_limits(limits: &EdgeLimits) -> Result<(), SpecError> {
-    let sweeps = f64::from(limits.sweeps);
-    for (field, found, range, expected) in [
-        ("least", limits.least, 0.0..=1.0, "from 0 to 1"),
-        ("most", limits.most, 1.0..=100.0, "from 1 to 100"),
-        ("sweeps", sweeps, 1.0..=1000.0, "from 1 to 1000"),
-    ] {
-        if !range.contains(&found) {
-            return Err(SpecError::Limit {
-                field,
-                expected,
                 found,
             });
         }

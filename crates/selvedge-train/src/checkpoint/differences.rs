@@ -11,14 +11,13 @@ pub(crate) struct Difference {
 }
 
 /// The places where two networks differ but for their encoders, in words; none where they are the
-/// same. Edge limits may differ: they are no part of the network.
+/// same.
 pub(crate) fn differences_but_encoder(
     made: &ModelSpec,
     now: &ModelSpec,
 ) -> Result<String, serde_json::Error> {
     let network = |spec: &ModelSpec| {
         serde_json::to_value(ModelSpec {
-            edge_limits: None,
             encoder: now.encoder,
             ..spec.clone()
         })

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use safetensors::SafeTensors;
 use selvedge_data::SectionRule;
-use selvedge_model::{EdgeLimits, Encoder};
+use selvedge_model::Encoder;
 use serde_json::Value;
 
 use super::*;
@@ -161,14 +161,7 @@ fn another_model_is_refused_by_all_its_fields() {
         Trainer::start_from(cfg, &data.dataset, &path, &ENGINE).map_err(|error| error.to_string())
     };
     // What is no part of the network may be another.
-    let trainer = from(|cfg| {
-        cfg.seed = 9;
-        cfg.model.edge_limits = Some(EdgeLimits {
-            least: 0.9,
-            most: 1.1,
-            sweeps: 3,
-        });
-    });
+    let trainer = from(|cfg| cfg.seed = 9);
     let trainer = trainer.expect("the same network");
     assert_eq!(trainer.steps_done(), 0);
     let origin = Origin {

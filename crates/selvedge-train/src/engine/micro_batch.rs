@@ -12,8 +12,8 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 use selvedge_model::{
     Carried, ClothGraph, Connectivity, Dropout, EncoderState, Extent, Gradients, Input,
-    InputGradient, LastFrames, PackedWeights, Pass, Place, StateGradients, Stopped, Window,
-    Workspace, advance_backward,
+    InputGradient, PackedWeights, Pass, Place, StateGradients, Stopped, Window, Workspace,
+    advance_backward,
 };
 
 use super::{FramePasses, Setup, SlotRun, run_slots};
@@ -391,15 +391,7 @@ impl FrameBuffers {
             .backward(spec, graph, sample.window(), &input.gradient(), by_history);
         let newest = by_history.len() - 1;
         let (earlier, current) = by_history.split_at_mut(newest);
-        let frames = LastFrames {
-            graph,
-            previous: &sample.frames[newest - 1],
-            current: &sample.frames[newest],
-            next_handles: &sample.next_handles,
-            yaw: sample.yaw,
-        };
-        let (previous, current) = (&mut earlier[newest - 1], &mut current[0]);
-        advance_backward(spec.integration, &frames, &by_next[0], previous, current);
+        advance_backward(&by_next[0], &mut earlier[newest - 1], &mut current[0]);
         Ok(())
     }
 

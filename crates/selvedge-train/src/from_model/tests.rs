@@ -1,6 +1,6 @@
 //! A training that begins with a model is that model, whatever else is new.
 
-use selvedge_model::{EdgeLimits, Encoder};
+use selvedge_model::Encoder;
 use serde_json::json;
 
 use super::*;
@@ -34,11 +34,6 @@ fn a_training_begins_as_the_model_is() {
     let model = learned(&data.dataset, &account.to_string());
     let mut cfg = busy(MLP);
     cfg.seed = 9;
-    cfg.model.edge_limits = Some(EdgeLimits {
-        least: 0.9,
-        most: 1.1,
-        sweeps: 3,
-    });
     let mut trainer = started(cfg, &data.dataset, &model).expect("the same network");
     assert_eq!(trainer.steps_done(), 0);
     let of = |name: &str, steps_done, dataset: &str| Origin {

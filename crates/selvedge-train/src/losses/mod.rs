@@ -96,8 +96,8 @@ impl LossWeights {
 pub struct Triplet<'a> {
     /// The cloth.
     pub graph: &'a ClothGraph,
-    /// Positions one frame before the current ones, or another reference of the integration.
-    pub reference: &'a [DVec3],
+    /// Positions one frame before the current ones.
+    pub previous: &'a [DVec3],
     /// Positions that the prediction starts from.
     pub current: &'a [DVec3],
     /// Positions that it should lead to.
@@ -108,7 +108,7 @@ impl Triplet<'_> {
     fn frames(&self) -> TwoFrames<'_, DVec3> {
         TwoFrames {
             graph: self.graph,
-            reference: self.reference,
+            previous: self.previous,
             current: self.current,
         }
     }
@@ -303,7 +303,7 @@ impl LossEvaluator {
         gradient: &mut [T],
     ) -> LossTerms {
         let vertices = triplet.graph.vertex_count();
-        for positions in [triplet.reference, triplet.current, triplet.target] {
+        for positions in [triplet.previous, triplet.current, triplet.target] {
             assert_eq!(positions.len(), vertices, "one position per vertex");
         }
         assert_eq!(predicted.len(), 3 * vertices, "predicted acceleration");

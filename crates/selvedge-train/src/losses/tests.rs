@@ -20,7 +20,7 @@ impl Sample {
     fn triplet(&self) -> Triplet<'_> {
         Triplet {
             graph: &self.graph,
-            reference: &self.previous,
+            previous: &self.previous,
             current: &self.current,
             target: &self.target,
         }

@@ -26,7 +26,7 @@ Examples:
   selvedge eval --model ours=a.safetensors --model theirs=b.safetensors --data data/first -o report
   selvedge eval --model a.safetensors --data data/first --guard none,limit --physics 1,2,8
   selvedge eval default -o out/convergence --physics linearised:1,linearised:4,generalised-alpha:4
-  selvedge eval default -o out/models --motion unseen --model general --model small --physics 1,2
+  selvedge eval default -o out/models --motion unseen --model general --model paper --physics 1,2
   selvedge eval --random 100 --model general
   selvedge eval --random 1000 --mesh all --guard none --physics 2 -o out/random
 

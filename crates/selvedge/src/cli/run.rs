@@ -24,7 +24,7 @@ Examples:
   selvedge run my-scene.toml --rest -o rest.obj
   selvedge run --model general --compare
   selvedge run my-scene.toml --model my-model.safetensors -o my-run --export cloth.usda
-  selvedge run my-large-scene.toml --model small --device cuda
+  selvedge run my-large-scene.toml --model paper --device cuda
 
 The physics writes one trajectory. With a model -o names a folder, which gets rollout.safetensors,
 with --compare truth.safetensors, sheet.png (a contact sheet) and clip.gif; files of these names from
@@ -34,7 +34,7 @@ pub(crate) struct RunArgs {
     /// scenes`).
     #[arg(default_value = "default")]
     pub(crate) scene: String,
-    /// Run by this model: a file, or the name of a shipped one, `general`, `paper` or `small`.
+    /// Run by this model: a file, or the name of a shipped one, `general` or `paper`.
     #[arg(long, value_name = "NAME|FILE")]
     pub(crate) model: Option<PathBuf>,
     /// The trajectory to write (.safetensors; with --rest also .obj), or with --model the folder

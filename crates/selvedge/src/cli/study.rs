@@ -15,7 +15,7 @@ use super::eval::MOST_THREADS;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  selvedge study small -o studies/small
+  selvedge study ten-minutes -o studies/ten-minutes
   selvedge study my-study.toml -o studies/mine
   selvedge study table1 -o studies/table1 --device cuda
 

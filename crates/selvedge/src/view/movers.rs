@@ -249,7 +249,7 @@ mod tests {
     fn difference(kind: MoverKind) -> f32 {
         let mut workshop = ViewWorkshop::new("default", &[], Machine::Cpu).unwrap();
         let order = Order {
-            model: "small".to_owned(),
+            model: "paper".to_owned(),
             ..workshop.first_order()
         };
         let ready = workshop

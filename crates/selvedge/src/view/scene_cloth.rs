@@ -196,8 +196,8 @@ mod tests {
             let places = vec![DVec3::ZERO; handles.len()];
             hands(&hold, 60.0, [&places, &places])
         };
-        let small = NamedModel::open(Some("small".as_ref())).unwrap();
-        let NamedModel { name, model } = small;
+        let paper = NamedModel::open(Some("paper".as_ref())).unwrap();
+        let NamedModel { name, model } = paper;
         assert_eq!(untrained(&name, &model, &hold(&[0, 2], 0.0)), None);
         let mut silent = Model::clone(&model);
         silent.training = String::new();

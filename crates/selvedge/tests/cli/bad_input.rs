@@ -30,11 +30,7 @@ fn a_missing_scene_is_named_with_those_that_are_shipped() {
     desk.fails("info nothing.safetensors", 1, &["nothing.safetensors"]);
     desk.fails("compare a.safetensors b.safetensors", 1, &["a.safetensors"]);
     desk.fails("data generate none -o d", 1, &["none", "tiny"]);
-    let known = [
-        "none.safetensors",
-        "no such file",
-        "are: general, paper, small",
-    ];
+    let known = ["none.safetensors", "no such file", "are: general, paper"];
     desk.fails("run --compare --model none.safetensors", 1, &known);
     assert_eq!(desk.names(), Vec::<String>::new());
 }

@@ -17,7 +17,7 @@ fn a_gpu_that_cannot_be_had_is_said_before_anything_is_written() {
         "run --model general push.toml --frames 2 --no-clip",
         "train moment.toml --data nowhere -o run",
         "eval --model nothing.safetensors --data nowhere -o report",
-        "study small -o study",
+        "study ten-minutes -o study",
         "view",
     ] {
         let said = desk.run(&format!("{call} --device cuda"));
@@ -54,7 +54,7 @@ fn a_rollout_by_the_kernels_of_a_gpu_is_that_of_the_engine() {
 
     let desk = Desk::new();
     desk.write("push.toml", PUSH);
-    let call = "run push.toml --model small --frames 20 --guard none --no-clip";
+    let call = "run push.toml --model paper --frames 20 --guard none --no-clip";
     desk.json(&format!("{call} --out cpu"));
     let report = desk.json(&format!("{call} --out host --device host"));
     assert!(

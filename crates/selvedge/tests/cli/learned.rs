@@ -41,14 +41,14 @@ fn a_resumed_training_ends_with_the_same_weights() {
     );
     // A model will do, by its file or its name, if it is of the same network.
     desk.fails(
-        "train moment.toml --data tiny -o deep/other --from small",
+        "train moment.toml --data tiny -o deep/other --from paper",
         1,
-        &["--from small", "is another one", "model.latent is 64 there"],
+        &["--from paper", "is another one", "model.latent is 64 there"],
     );
     desk.fails(
         "train moment.toml --data tiny -o deep/other --from nobody",
         1,
-        &["nobody", "small"],
+        &["nobody", "paper"],
     );
     desk.json("train moment.toml --data tiny -o on --from run/model.safetensors --steps 2");
     assert_eq!(names_in(&desk.path("on")), names);
@@ -294,8 +294,8 @@ fn a_rollout_into_a_used_folder_leaves_nothing_of_the_earlier_one() {
     let first = desk.json("run --model general --compare push.toml -o out --frames 3");
     assert_eq!(first["removed"].as_array().unwrap().len(), 0);
     desk.write("out/notes.txt", "mine");
-    let again = desk.json("run --compare push.toml --model small -o out --frames 2");
-    assert_eq!(again["model"], "small");
+    let again = desk.json("run --compare push.toml --model paper -o out --frames 2");
+    assert_eq!(again["model"], "paper");
     assert_eq!(again["removed"].as_array().unwrap().len(), 0);
     let all = desk.run("run --model general push.toml -o out --frames 2 --no-clip");
     assert_eq!(all.code, Some(0), "{}", all.err);

@@ -35,7 +35,7 @@ const PAPERS: [(&str, usize); 13] = [
 ];
 
 /// The presets that are not in the paper.
-const OWN: [&str; 3] = ["first", "small", "rp-gru10-better"];
+const OWN: [&str; 2] = ["first", "rp-gru10-better"];
 
 /// Those of models that correct physics, which learn from a teacher, with the parameters of their
 /// networks.

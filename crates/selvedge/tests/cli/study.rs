@@ -326,5 +326,5 @@ fn bad_studies_leave_nothing_behind() {
         desk.fails("study study.toml -o s", 1, &["study.toml", word]);
         assert!(!desk.path("s").exists());
     }
-    desk.fails("study none -o s", 1, &["none", "small", "table1"]);
+    desk.fails("study none -o s", 1, &["none", "ten-minutes", "table1"]);
 }

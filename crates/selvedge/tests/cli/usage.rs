@@ -39,7 +39,7 @@ fn wrong_calls_exit_with_2_and_say_why() {
 #[test]
 fn a_folder_hides_nothing_that_is_shipped() {
     let desk = Desk::new();
-    for name in ["default", "small", "tiny", "general", "mine"] {
+    for name in ["default", "paper", "tiny", "general", "mine"] {
         std::fs::create_dir(desk.path(name)).unwrap();
     }
     desk.json("run default --start mesh --frames 1 -o run.safetensors");
@@ -47,7 +47,7 @@ fn a_folder_hides_nothing_that_is_shipped() {
     desk.json("data generate tiny -o set");
     desk.write("push.toml", PUSH);
     let rollout = "run push.toml --no-clip --frames 1 -o out --model";
-    desk.json(&format!("{rollout} small"));
+    desk.json(&format!("{rollout} paper"));
     let a_folder = ["mine: is a folder", "name the model in it, mine/model.safe"];
     desk.fails(&format!("{rollout} mine"), 1, &a_folder);
     desk.write("general/model.safetensors", "a model of the user's");

@@ -6,17 +6,16 @@ use selvedge_model::{ClothGraph, Extent, Frames, ModelSpec, Place, Window, Yaw};
 
 use super::*;
 use crate::cloths::UnionSizes;
-use crate::cloths::frames::{FrameNumbers, HandleFrames};
+use crate::cloths::frames::FrameNumbers;
 use crate::device::Precision;
 use crate::kernels::{Program, Sizes};
 use crate::schedule::Trace;
 use crate::test_graphs::{cloth, device, full_specs, hanging, model, shaken};
 
-/// A cloth that swings, its last frames oldest first, and where its handles go.
+/// A cloth that swings, and its last frames, oldest first.
 struct Moving {
     graph: ClothGraph,
     positions: Vec<Vec<Vec3>>,
-    next: Vec<Vec3>,
     yaw: Yaw,
 }
 
@@ -30,13 +29,11 @@ impl Moving {
             shaken(&moved, 0.01, frame as u64)
         };
         let positions: Vec<Vec<Vec3>> = (0..history).map(at).collect();
-        let next = graph.handles().select(&at(history));
         let newest = graph.handles().select(&positions[history - 1]);
         let yaw = graph.frame().yaw(&newest, graph.frame().rest_yaw());
         Self {
             graph,
             positions,
-            next,
             yaw,
         }
     }
@@ -51,7 +48,6 @@ fn of_cpu(spec: &ModelSpec, cloths: &[Moving], extent: Extent, norms: &Normalize
     for (cloth, place) in cloths.iter().zip(&places) {
         let frames = Frames {
             positions: &cloth.positions,
-            next_handles: &cloth.next,
             yaw: cloth.yaw,
         };
         window.write(spec, &cloth.graph, frames, place);
@@ -108,17 +104,9 @@ fn of_device(
     }
     let mut numbers = FrameNumbers::default();
     for cloth in cloths {
-        let past: Vec<Vec<Vec3>> = cloth
-            .positions
-            .iter()
-            .map(|frame| cloth.graph.handles().select(frame))
-            .collect();
-        let handles = HandleFrames {
-            past: &past,
-            next: &cloth.next,
-            yaw: cloth.yaw,
-        };
-        numbers.add(spec, &cloth.graph, handles, steps[0]);
+        let handles = cloth.graph.handles();
+        let next = handles.select(&cloth.positions[history - 1]);
+        numbers.add(&cloth.graph, cloth.yaw, &next);
     }
     numbers
         .upload(&mut *loaded, &frames, newest)

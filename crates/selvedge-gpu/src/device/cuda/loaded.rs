@@ -14,7 +14,7 @@ use super::owned::{Graph, Memory, Module, Stream};
 use super::product::{Blas, Gemm, WORKSPACE};
 use crate::device::{DeviceError, Loaded, Precision, Prepared, in_bytes};
 use crate::kernels::layers::{ADD_BIAS, ADD_BIAS_RELU};
-use crate::kernels::{BLOCK_THREADS, Kernel, Program, Shape, Sizes, WARP, WIDE_BLOCK_THREADS};
+use crate::kernels::{BLOCK_THREADS, Kernel, Program, Shape, Sizes, WARP};
 use crate::schedule::plan::{Plan, Region};
 use crate::schedule::{
     Argument, Command, Epilogue, Launch, Matrix, NamedArgument, Product, Schedule, Trace, args,
@@ -23,13 +23,12 @@ use crate::schedule::{
 /// The most words that may be on their way to the GPU; uploads beyond are waited for.
 const MOST_GOING_UP: usize = 1 << 20;
 
-/// The number of blocks, and of threads in each, for `count` elements, rows or blocks of a kernel.
+/// The number of blocks, and of threads in each, for `count` elements or rows of a kernel.
 pub(super) fn grid(shape: Shape, count: usize) -> (u32, u32) {
     let blocks = |per_block: u32| count.div_ceil(per_block as usize) as u32;
     match shape {
         Shape::Element => (blocks(BLOCK_THREADS), BLOCK_THREADS),
         Shape::Row => (blocks(BLOCK_THREADS / WARP), BLOCK_THREADS),
-        Shape::Block => (count as u32, WIDE_BLOCK_THREADS),
     }
 }
 

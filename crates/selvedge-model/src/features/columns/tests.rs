@@ -44,8 +44,6 @@ fn pose<'a>(previous: &'a [Vec3], current: &'a [Vec3], yaw: Yaw) -> Pose<'a> {
         before: &[],
         previous,
         current,
-        reference: &[],
-        rest: &[],
         yaw,
     }
 }
@@ -110,8 +108,6 @@ fn turning_and_moving_cloth_and_handles_leaves_local_features_unchanged() {
         let yaw = graph.frame().yaw(&handles, Yaw::WORLD);
         let pose = Pose {
             before: &[],
-            reference: &[],
-            rest: &[],
             previous,
             current,
             yaw,
@@ -358,8 +354,6 @@ fn acceleration_is_the_second_difference_of_positions_in_the_local_frame() {
         let pose = Pose {
             before: &before,
             previous: &previous,
-            reference: &[],
-            rest: &[],
             current,
             yaw,
         };

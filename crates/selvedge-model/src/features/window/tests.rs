@@ -3,7 +3,6 @@
 use super::*;
 use crate::graph::ClothGraph;
 use crate::graph::frame::Yaw;
-use crate::spec::integration::Integration;
 use crate::spec::{EdgeFeature, Encoder, NodeFeature};
 use crate::test_cloth::{parts, shaken};
 
@@ -16,11 +15,7 @@ fn cloth(side: usize, window: usize) -> (ClothGraph, Vec<Vec<Vec3>>) {
 }
 
 fn of(positions: &[Vec<Vec3>], yaw: Yaw) -> Frames<'_, Vec<Vec3>> {
-    Frames {
-        positions,
-        next_handles: &[],
-        yaw,
-    }
+    Frames { positions, yaw }
 }
 
 fn normalizer(width: usize) -> Normalizer {
@@ -109,18 +104,13 @@ fn coefficient(k: usize) -> f32 {
 }
 
 /// Each feature by itself, so that a large one hides no other.
-fn each_feature(encoder: Encoder, integration: Integration) -> Vec<ModelSpec> {
-    let start = ModelSpec {
-        integration,
-        ..ModelSpec::physical(encoder, 4, 1)
-    };
+fn each_feature(encoder: Encoder) -> Vec<ModelSpec> {
+    let start = ModelSpec::physical(encoder, 4, 1);
     let nodes = [
         NodeFeature::Velocity,
         NodeFeature::ExternalForce,
         NodeFeature::KineticEnergy,
         NodeFeature::Acceleration,
-        NodeFeature::ExpectedMove,
-        NodeFeature::RestOffset,
     ];
     let edges = [
         EdgeFeature::Vector,
@@ -143,28 +133,10 @@ fn each_feature(encoder: Encoder, integration: Integration) -> Vec<ModelSpec> {
 #[test]
 fn the_gradient_of_every_feature_matches_finite_differences() {
     let (graph, frames) = cloth(4, 4);
-    let handles = graph.handles().vertices();
-    let next_handles: Vec<Vec3> = handles
-        .iter()
-        .map(|v| frames[4][v.index()] + Vec3::new(0.01, 0.02, -0.01))
-        .collect();
-    let carried = Integration::Carried {
-        damping: 0.1,
-        stiffness: 0.2,
-    };
-    let specs = [Integration::Inertial {}, carried]
-        .into_iter()
-        .flat_map(|integration| each_feature(Encoder::Gru { window: 2 }, integration));
-    for spec in specs {
+    let yaw = Yaw::from_angle(0.4);
+    for spec in each_feature(Encoder::Gru { window: 2 }) {
         let frames = &frames[..spec.history()];
-        let at = |positions: &[Vec<Vec3>]| {
-            let frames = Frames {
-                positions,
-                next_handles: &next_handles,
-                yaw: Yaw::from_angle(0.4),
-            };
-            objective(&spec, &graph, frames)
-        };
+        let at = |positions: &[Vec<Vec3>]| objective(&spec, &graph, of(positions, yaw));
         let mut gradient = vec![vec![Vec3::ZERO; graph.vertex_count()]; frames.len()];
         let rows = |count: usize| (0..count).map(coefficient).collect::<Vec<f32>>();
         let mut nodes = rows(2 * graph.vertex_count() * spec.node_width());
@@ -173,24 +145,14 @@ fn the_gradient_of_every_feature_matches_finite_differences() {
             nodes: &mut nodes,
             arcs: &mut edges,
         };
-        let shown = Frames {
-            positions: frames,
-            next_handles: &next_handles,
-            yaw: Yaw::from_angle(0.4),
-        };
-        let mut window = Window::default();
-        window.backward(&spec, &graph, shown, &by_input, &mut gradient);
+        Window::default().backward(&spec, &graph, of(frames, yaw), &by_input, &mut gradient);
         let size = gradient.iter().flatten().map(|g| g.length_squared());
         let size = size.sum::<f32>().sqrt();
         assert!(size > 0.0, "{spec:?}");
         for frame in 0..frames.len() {
             for seed in 0..4 {
                 let still = vec![Vec3::ZERO; graph.vertex_count()];
-                let mut direction = shaken(&still, 1.0, seed);
-                // Where handles go is given, and what follows from it is held.
-                for v in handles {
-                    direction[v.index()] = Vec3::ZERO;
-                }
+                let direction = shaken(&still, 1.0, seed);
                 let step = 1e-3;
                 let moved = |sign: f32| {
                     let mut moved = frames.to_vec();

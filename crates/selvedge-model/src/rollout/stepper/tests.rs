@@ -11,7 +11,6 @@ use super::*;
 use crate::features::normalizer::Normalizer;
 use crate::network::Network;
 use crate::rollout::model::Normalizers;
-use crate::spec::integration::Integration;
 use crate::spec::{Encoder, ModelSpec, NodeFeature};
 use crate::test_cloth::{Hanging, parts, shaken, turn};
 
@@ -55,17 +54,13 @@ fn constant(spec: &ModelSpec, mean: DVec3) -> Arc<Model> {
 }
 
 fn specs() -> [ModelSpec; 4] {
-    let mut carried = ModelSpec::physical(Encoder::Gru { window: 2 }, 8, 2);
-    carried.node_features.insert(NodeFeature::Acceleration);
-    carried.integration = Integration::Carried {
-        damping: 0.03,
-        stiffness: 0.003,
-    };
+    let mut accelerated = ModelSpec::physical(Encoder::Gru { window: 2 }, 8, 2);
+    accelerated.node_features.insert(NodeFeature::Acceleration);
     [
         ModelSpec::physical(Encoder::MLP, 8, 2),
         ModelSpec::physical(Encoder::Gru { window: 5 }, 8, 2),
         ModelSpec::mesh_graph_nets(8, 2),
-        carried,
+        accelerated,
     ]
 }
 
@@ -321,27 +316,6 @@ fn a_start_that_does_not_fit_is_refused() {
         start(&[&[Vec3::ZERO; 9], &broken]),
         RolloutError::NonFinite { vertex }
     );
-}
-
-#[test]
-fn a_handle_cannot_let_go_where_a_rest_pose_is_carried_along() {
-    let parts = parts(3, 1);
-    let mut offset = specs()[0].clone();
-    offset.node_features.insert(NodeFeature::RestOffset);
-    for spec in [&specs()[3], &offset] {
-        assert!(!spec.lets_go());
-        let model = constant(spec, DVec3::ZERO);
-        let mut stepper = stepper(&model, parts.clone(), &start(&parts));
-        let mut released = vec![false; 2];
-        released[1] = true;
-        let targets = targets(swing(&parts, 0))
-            .releasing(released)
-            .expect("as many");
-        let source = HandleError::Released { handle: 1 };
-        let error = StepError::Handles { frame: 1, source };
-        assert_eq!(stepper.step(&targets), Err(error));
-        assert_eq!(stepper.frame(), 0);
-    }
 }
 
 /// A vertex that is let go falls as others do, and is led on from where it is when it is taken hold
