@@ -62,13 +62,10 @@ pub const DATASETS: &[(&str, &str)] = texts!("datasets":
     "cloths-400",
     "fine-400",
     "few-400",
-    "converged-400",
-    "broad",
 );
 
 /// Models by their names, in the files that `selvedge train` writes.
 pub const MODELS: &[(&str, &[u8])] = &[
-    ("general", include_bytes!("models/general.safetensors")),
     ("paper", include_bytes!("models/paper.safetensors")),
     ("small", SMALL),
 ];
@@ -95,7 +92,6 @@ pub const TRAININGS: &[(&str, &str)] = texts!("training":
     "rp-without-bending",
     "rp-without-physics",
     "rp-gru10-better",
-    "general",
 );
 
 /// Studies.

@@ -4,7 +4,6 @@
 pub(crate) mod backward;
 pub(crate) mod columns;
 mod compared;
-pub(crate) mod correction;
 pub(crate) mod finite;
 pub(crate) mod frames;
 pub(crate) mod normalizer;
