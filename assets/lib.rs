@@ -61,13 +61,10 @@ pub const DATASETS: &[(&str, &str)] = texts!("datasets":
     "speeds-400",
     "cloths-400",
     "fine-400",
-    "converged-400",
-    "broad",
 );
 
 /// Models by their names, in the files that `selvedge train` writes.
 pub const MODELS: &[(&str, &[u8])] = &[
-    ("general", include_bytes!("models/general.safetensors")),
     ("paper", PAPER),
 ];
 
@@ -92,7 +89,6 @@ pub const TRAININGS: &[(&str, &str)] = texts!("training":
     "rp-without-bending",
     "rp-without-physics",
     "rp-gru10-better",
-    "general",
 );
 
 /// Studies.

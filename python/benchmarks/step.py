@@ -59,7 +59,6 @@ def main():
         "physics": lambda: selvedge.Simulator(scene),
         "model": lambda: selvedge.LearnedStepper(scene, model),
         "model, guarded": lambda: selvedge.LearnedStepper(scene, model, guard="limit"),
-        "corrected physics": lambda: selvedge.CorrectedStepper(scene, selvedge.Model("general")),
     }
     print("processor time, one thread" if ONE_THREAD else "time on all threads")
     print(f"{len(scene.positions)} vertices, {WINDOWS} times {STEPS} steps, {repeats} repeats")

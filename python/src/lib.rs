@@ -41,7 +41,6 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<stepper::Stepper>()?;
     module.add_class::<stepper::Simulator>()?;
     module.add_class::<stepper::LearnedStepper>()?;
-    module.add_class::<stepper::CorrectedStepper>()?;
     module.add_class::<stepper::PlaybackStepper>()?;
     module.add_class::<stepper::RigidStepper>()?;
     module.add_class::<trajectory::Trajectory>()?;

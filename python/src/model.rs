@@ -22,7 +22,7 @@ use crate::json;
 /// A trained model: a network, its weights and the statistics of its inputs and its output.
 ///
 /// `Model(name_or_file)` opens a model file (.safetensors) or a shipped model by its name, by
-/// default "general".
+/// default "paper".
 #[pyclass(frozen, module = "selvedge")]
 pub(crate) struct Model {
     pub(crate) name: String,
@@ -40,8 +40,7 @@ impl Model {
 
 #[pymethods]
 impl Model {
-    /// Opens a model file (.safetensors), or a shipped model by its name, by default
-    /// "general".
+    /// Opens a model file (.safetensors), or a shipped model by its name, by default "paper".
     #[new]
     #[pyo3(signature = (name_or_file=None))]
     fn new(py: Python<'_>, name_or_file: Option<PathBuf>) -> PyResult<Self> {
@@ -149,12 +148,6 @@ impl Model {
     #[getter]
     fn parameters(&self) -> usize {
         self.model.weights().len()
-    }
-
-    /// True for a model that corrects physics and does not move cloth by itself.
-    #[getter]
-    pub(crate) fn corrects_physics(&self) -> bool {
-        self.model.spec().base.is_some()
     }
 
     fn __repr__(&self) -> String {

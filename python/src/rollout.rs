@@ -244,7 +244,7 @@ pub(crate) fn rollout(
 fn roll(asked: &Asked<'_>, stop: &Stop, teller: &mut Teller<'_>) -> PyResult<Made> {
     let Asked { scene, model, .. } = asked;
     let mut loaded = scene.loaded.clone();
-    for warning in start::for_model(&mut loaded, &model.model) {
+    for warning in start::for_model(&mut loaded) {
         tracing::warn!("{}: {warning}", loaded.spec.name);
     }
     let built = Arc::new(loaded.scene.clone());
@@ -269,12 +269,8 @@ fn roll(asked: &Asked<'_>, stop: &Stop, teller: &mut Teller<'_>) -> PyResult<Mad
     let ms_per_frame = run.ms_per_frame;
     let mut truth = None;
     if asked.has_truth && end == End::Complete {
-        let finer = models::truth_scene(&built, &model.model);
-        let run = simulated(&finer, rest, frames, stop, teller)?;
+        let run = simulated(&built, rest, frames, stop, teller)?;
         end = run.end;
-        let mut loaded = loaded.clone();
-        loaded.spec.setting.physics = finer.physics;
-        loaded.scene = finer;
         truth = Some(trajectory_of(scene, &loaded, 0, rest, run.positions)?);
     }
     Ok(Made {

@@ -81,7 +81,7 @@ struct Course {
 }
 
 /// A cloth that moves one frame at a time, given targets for its handles. Make one of its kinds:
-/// `Simulator`, `LearnedStepper`, `CorrectedStepper`, `Playback`, `RigidStepper`.
+/// `Simulator`, `LearnedStepper`, `Playback`, `RigidStepper`.
 #[pyclass(frozen, subclass, module = "selvedge")]
 pub(crate) struct Stepper {
     core: Mutex<Core>,
@@ -451,13 +451,6 @@ pub(crate) fn begin(
 #[pyclass(frozen, extends = Stepper, module = "selvedge")]
 pub(crate) struct LearnedStepper;
 
-/// A model that corrects physics on the cloth of a scene, from its sagged rest pose.
-///
-/// `CorrectedStepper(scene, model, guard="limit")`; the guard is none, limit, physics or
-/// physics-always.
-#[pyclass(frozen, extends = Stepper, module = "selvedge")]
-pub(crate) struct CorrectedStepper;
-
 /// Puts a model on a scene.
 fn on_scene(
     py: Python<'_>,
@@ -493,33 +486,6 @@ impl LearnedStepper {
         guard: &str,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<PyClassInitializer<Self>> {
-        if model.corrects_physics() {
-            return Err(wrong(
-                "this model corrects physics and does not move cloth by itself: make a CorrectedStepper",
-            ));
-        }
-        let stepper = on_scene(py, scene, model, guard, progress)?;
-        Ok(PyClassInitializer::from(stepper).add_subclass(Self))
-    }
-}
-
-#[pymethods]
-impl CorrectedStepper {
-    /// Puts `model` on the cloth of `scene`; `guard` is none, limit, physics or physics-always.
-    #[new]
-    #[pyo3(signature = (scene, model, guard="limit", progress=None))]
-    fn new(
-        py: Python<'_>,
-        scene: &Scene,
-        model: &Model,
-        guard: &str,
-        progress: Option<Py<PyAny>>,
-    ) -> PyResult<PyClassInitializer<Self>> {
-        if !model.corrects_physics() {
-            return Err(wrong(
-                "this model moves cloth by itself and corrects no physics: make a LearnedStepper",
-            ));
-        }
         let stepper = on_scene(py, scene, model, guard, progress)?;
         Ok(PyClassInitializer::from(stepper).add_subclass(Self))
     }

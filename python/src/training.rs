@@ -1,4 +1,4 @@
-//! Trainings on data sets, and of models that correct physics, with a callback per step.
+//! Trainings on data sets, with a callback per step.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -49,12 +49,12 @@ pub(crate) fn training_presets() -> Vec<&'static str> {
 /// `on_step(report)` hears of every step as a dictionary; its answer `False` ends the training.
 /// Ctrl-C ends it too and raises `KeyboardInterrupt` once the checkpoint is written: the same call
 /// with `resume=True` goes on. `seconds` limits the time, `checkpoint_every` is the time between
-/// checkpoints `[s]`. A model that corrects physics needs no `data`.
+/// checkpoints `[s]`.
 ///
 /// # Errors
 /// What of the configuration, the data, the folder or a step went wrong.
 #[pyfunction]
-#[pyo3(signature = (config, data=None, *, out, steps=None, settings=None, resume=false,
+#[pyo3(signature = (config, data, *, out, steps=None, settings=None, resume=false,
     start_from=None, micro_batch=1, seconds=None, checkpoint_every=300.0, on_step=None,
     progress=None))]
 #[allow(
@@ -64,7 +64,7 @@ pub(crate) fn training_presets() -> Vec<&'static str> {
 pub(crate) fn train<'py>(
     py: Python<'py>,
     config: &str,
-    data: Option<&Dataset>,
+    data: &Dataset,
     out: PathBuf,
     steps: Option<u64>,
     settings: Option<&Bound<'py, PyDict>>,
@@ -177,7 +177,7 @@ fn check_folder(asked: &Asked<'_>) -> PyResult<PathBuf> {
 
 fn learn(
     asked: &Asked<'_>,
-    data: Option<&Dataset>,
+    data: &Dataset,
     listener: &Listener<'_>,
     teller: &mut Teller<'_>,
 ) -> PyResult<Done> {
@@ -189,11 +189,7 @@ fn learn(
     let steps = cfg.steps;
     let _claimed = folder::claim_folder(asked.out, FolderKind::Training).map_err(told)?;
     let checkpoint = check_folder(asked)?;
-    let made = match cfg.teacher {
-        None => on_data(asked, cfg, data, &checkpoint, teller)?,
-        Some(_) => by_teacher(asked, cfg, data, &checkpoint, listener, teller)?,
-    };
-    let Some(mut trainer) = made else {
+    let Some(mut trainer) = begin(asked, cfg, data, &checkpoint, teller)? else {
         return Ok(Done {
             end: RunEnd::Stopped,
             steps_done: 0,
@@ -216,20 +212,14 @@ fn learn(
     })
 }
 
-/// A training on a data set; none where an end was asked for.
-fn on_data(
+/// The training, or none where an end was asked for.
+fn begin(
     asked: &Asked<'_>,
     cfg: TrainConfig,
-    data: Option<&Dataset>,
+    data: &Dataset,
     checkpoint: &Path,
     teller: &mut Teller<'_>,
 ) -> PyResult<Option<Trainer>> {
-    let Some(data) = data else {
-        return Err(wrong(format!(
-            "data is missing: {} learns from a data set; Dataset.generate makes one",
-            asked.origin
-        )));
-    };
     let data = &data.inner;
     let engine = Machine::Cpu.engine(asked.micro_batch);
     let mut trainer = match (&asked.from, asked.resume) {
@@ -246,24 +236,4 @@ fn on_data(
         training::with_expert(trainer, data).map_err(told)?;
     }
     Ok(trainer)
-}
-
-/// A training of a model that corrects physics; none where an end was asked for.
-fn by_teacher(
-    asked: &Asked<'_>,
-    cfg: TrainConfig,
-    data: Option<&Dataset>,
-    checkpoint: &Path,
-    listener: &Listener<'_>,
-    teller: &mut Teller<'_>,
-) -> PyResult<Option<Trainer>> {
-    if data.is_some() || asked.from.is_some() || asked.micro_batch > 1 {
-        return Err(wrong(format!(
-            "{}: data, start_from and micro_batch are of a training on a data set: this one asks a teacher; leave them out",
-            asked.origin
-        )));
-    }
-    let checkpoint = asked.resume.then_some(checkpoint);
-    let stop = listener.stop.flag().into();
-    training::taught(cfg, checkpoint, stop, &mut |event| teller.hear(event)).map_err(told)
 }

@@ -35,7 +35,7 @@ def test_steps_are_frames_of_their_own(small):
 
 
 def test_models_have_the_guard_of_the_program(scene, model):
-    for stepper in [selvedge.LearnedStepper(scene, model), selvedge.CorrectedStepper(scene, selvedge.Model())]:
+    for stepper in [selvedge.LearnedStepper(scene, model), selvedge.LearnedStepper(scene, selvedge.Model())]:
         targets = stepper.positions[stepper.handles] + np.array([[0, 0, 0.2], [0, 0, -0.2]])
         for frame in range(1, 40):
             stepper.step(targets + [0.04 * frame, 0, 0])
@@ -62,7 +62,6 @@ def test_handles_are_where_the_targets_are(scene, model):
     for stepper in [
         selvedge.Simulator(scene),
         selvedge.LearnedStepper(scene, model, guard="limit"),
-        selvedge.CorrectedStepper(scene, selvedge.Model("general")),
         selvedge.RigidStepper(scene),
     ]:
         targets = stepper.positions[stepper.handles] + np.array([0.002, 0.0, 0.001])
@@ -104,11 +103,7 @@ def test_a_wrong_step_changes_nothing_and_says_what_is_wrong(small):
     assert np.array_equal(stepper.positions, before)
 
 
-def test_models_say_which_stepper_is_theirs(scene, model):
-    with pytest.raises(ValueError, match="make a LearnedStepper"):
-        selvedge.CorrectedStepper(scene, model)
-    with pytest.raises(ValueError, match="make a CorrectedStepper"):
-        selvedge.LearnedStepper(scene, selvedge.Model("general"))
+def test_a_guard_that_there_is_not_is_said(scene, model):
     with pytest.raises(ValueError, match="guard must be none, limit"):
         selvedge.LearnedStepper(scene, model, guard="strong")
 

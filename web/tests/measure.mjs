@@ -18,7 +18,7 @@ async function startTime() {
   const { context, close } = await browser(small);
   const times = [];
   for (let k = 0; k < 5; k++) {
-    const served = await start();
+    const served = await start(["--show", "model"]);
     const page = await open(context, served.url);
     const number = await page.evaluate(() => window.selvedge.stage.frame.number);
     await until(page, (n) => window.selvedge.stage.frame.number > n, number);
@@ -63,7 +63,7 @@ async function circles(page, vertex, seconds) {
 /** The shipped model on 400 vertices under a hand. */
 async function dragTime() {
   const { context, close } = await browser(small);
-  const served = await start();
+  const served = await start(["--show", "model"]);
   const page = await open(context, served.url);
   // So small a page hides the panel.
   await page.click("#settings");

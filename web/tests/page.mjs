@@ -11,7 +11,7 @@ let served, chrome, page;
 const errors = [];
 
 before(async () => {
-  served = await start(["--recordings", folder]);
+  served = await start(["--show", "model", "--recordings", folder]);
   chrome = await browser();
   page = await open(chrome.context, served.url, errors);
 });
@@ -163,7 +163,7 @@ test("the page finds the program again when it was started anew", async () => {
   await served.stop();
   await until(page, () => document.body.dataset.link === "lost" || document.body.dataset.link === "connecting");
   const noise = errors.length;
-  served = await start(["--recordings", folder], address);
+  served = await start(["--show", "model", "--recordings", folder], address);
   await until(page, () => document.body.dataset.link === "open" && window.selvedge.stage.trackCount > 0);
   const time = await page.evaluate(() => window.selvedge.stage.frame.number);
   await until(page, (number) => window.selvedge.stage.frame.number !== number, time);

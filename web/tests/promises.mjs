@@ -8,7 +8,7 @@ let served, chrome, page;
 const errors = [];
 
 before(async () => {
-  served = await start();
+  served = await start(["--show", "model"]);
   chrome = await browser({ width: 900, height: 600 });
   page = await open(chrome.context, served.url, errors);
 });

@@ -99,7 +99,7 @@ await shot("laptop", { size: { width: 1280, height: 720 } }, async (page) => {
 });
 
 // The model and the physics under the same hands.
-const args = ["--model", process.env.MODEL ?? "general", "--show", "both"];
+const args = ["--model", process.env.MODEL ?? "paper", "--show", "both"];
 await shot("let-go", { size: desk, args }, async (page) => {
   await still(page);
   const at = await place(page, await handle(page, 0));

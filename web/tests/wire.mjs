@@ -57,7 +57,7 @@ async function rate(now, seconds) {
 async function startTime() {
   const times = [];
   for (let k = 0; k < 5; k++) {
-    const served = await start();
+    const served = await start(["--show", "model"]);
     const { socket, now, until } = await client(served.url);
     await until(() => now.frames > 1);
     times.push((performance.now() - served.began) / 1000);
@@ -68,7 +68,7 @@ async function startTime() {
 }
 
 async function drags() {
-  const served = await start();
+  const served = await start(["--show", "model"]);
   const { socket, now, until, command } = await client(served.url);
   await until(() => now.state && now.frames > 0);
   const order = { ...now.state.order, mesh: { name: "square", vertices: 400 } };

@@ -50,7 +50,7 @@ fn main() {
     assert_eq!(selvedge_set_threads(1), SelvedgeStatus::Ok);
     let mut loaded = open_scene(SCENE).unwrap();
     let model = NamedModel::open(Some(Path::new(MODEL))).unwrap();
-    start::for_model(&mut loaded, &model.model);
+    start::for_model(&mut loaded);
     let rest = start::find(&loaded, &mut |_| ControlFlow::Continue(())).unwrap();
     let rest = rest.state.positions;
     let scene = Arc::new(loaded.scene);

@@ -217,8 +217,8 @@ typedef struct SelvedgeTrust {
 extern "C" {
 #endif // __cplusplus
 
-// Opens a model by the path of its file or by the name of a shipped one ("paper",
-// "general"); null opens the one that the command line takes.
+// Opens a model by the path of its file or by the name of a shipped one ("paper");
+// null opens the one that the command line takes.
 //
 // # Safety
 // `path_or_name` is null or a text that ends with a zero byte; `out` may be written.
@@ -285,8 +285,7 @@ SelvedgeStatus selvedge_stepper_physics(SelvedgeScene scene,
                                         SelvedgeStepper *out);
 
 // Makes a stepper of a model on a scene, from the rest pose of the scene on: what
-// `selvedge rollout` runs. A model that corrects physics brings its physics along. `guard` is a
-// `SelvedgeGuard`; 0 is that of the command line.
+// `selvedge run --model` runs. `guard` is a `SelvedgeGuard`; 0 is that of the command line.
 //
 // # Safety
 // `listener` is null or a listener that lives during the call; `out` may be written.

@@ -101,7 +101,7 @@ impl OpenScene {
         let failed =
             |error: &(dyn std::error::Error + 'static)| Fault::of(SelvedgeStatus::Start, error);
         let mut loaded = self.loaded.clone();
-        start::for_model(&mut loaded, &model.model);
+        start::for_model(&mut loaded);
         let mut warnings = loaded.warnings.clone();
         let frames = loaded.scene.frame_count().map_err(|error| failed(&error))?;
         let beyond = domain::of_scene(&model.model, &loaded.scene, frames);

@@ -14,8 +14,8 @@ use crate::status::SelvedgeStatus;
 /// Handle of a model; 0 is none.
 pub type SelvedgeModel = u64;
 
-/// Opens a model by the path of its file or by the name of a shipped one ("paper",
-/// "general"); null opens the one that the command line takes.
+/// Opens a model by the path of its file or by the name of a shipped one ("paper");
+/// null opens the one that the command line takes.
 ///
 /// # Safety
 /// `path_or_name` is null or a text that ends with a zero byte; `out` may be written.

@@ -48,8 +48,7 @@ pub unsafe extern "C" fn selvedge_stepper_physics(
 }
 
 /// Makes a stepper of a model on a scene, from the rest pose of the scene on: what
-/// `selvedge run --model` runs. A model that corrects physics brings its physics along. `guard` is a
-/// `SelvedgeGuard`; 0 is that of the command line.
+/// `selvedge run --model` runs. `guard` is a `SelvedgeGuard`; 0 is that of the command line.
 ///
 /// # Safety
 /// `listener` is null or a listener that lives during the call; `out` may be written.

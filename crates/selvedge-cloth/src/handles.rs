@@ -33,7 +33,7 @@ pub enum HandleError {
     )]
     TooFar { handle: usize, target: DVec3 },
     #[error(
-        "handle {handle} is let go, which this model cannot follow: use `selvedge run`, a model that corrects physics, or on the processor a network with inertial integration; or give every handle a motion without releases"
+        "handle {handle} is let go, which this model cannot follow: use `selvedge run`, or on the processor a network with inertial integration; or give every handle a motion without releases"
     )]
     Released { handle: usize },
 }

@@ -115,11 +115,8 @@ pub enum AirLaw {
 pub enum Integrator {
     /// Backward Euler by one linear solve at the start of the substep, as in ARCSim: first order.
     Linearised,
-    /// BDF2 by one linear solve at a predicted state: second order for the same price. It is the
-    /// generalised-α method with a spectral radius of 0.
-    SecondOrder,
     /// The generalised-α method by one linear solve at a predicted state: second order for the
-    /// same price as BDF2 with a smaller error in motion, because it damps less.
+    /// same price.
     GeneralisedAlpha(GeneralisedAlpha),
 }
 
@@ -129,7 +126,7 @@ impl Integrator {
     pub fn order(self) -> u32 {
         match self {
             Self::Linearised => 1,
-            Self::SecondOrder | Self::GeneralisedAlpha(_) => 2,
+            Self::GeneralisedAlpha(_) => 2,
         }
     }
 

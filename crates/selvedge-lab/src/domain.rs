@@ -2,7 +2,6 @@
 //! first frame.
 
 use selvedge_cloth::{MotionError, Scene};
-pub use selvedge_corrected::goes_without;
 use selvedge_data::{Dataset, DatasetError, Split, Trajectory};
 use selvedge_model::{Aspect, Departure, Domain, Model};
 use selvedge_train::{TrainingSetError, domain_of};
@@ -53,7 +52,7 @@ pub fn of_scene(
         let departures = trained.departures(now).into_iter();
         by_frame.push(departures.map(|departure| departure.aspect).collect());
     })?;
-    let departures = checked(model, &trained, &found)?;
+    let departures = checked(&trained, &found)?;
     Ok(Some(Beyond {
         departures,
         by_frame,
@@ -72,7 +71,7 @@ pub fn of_trajectory(
     let Some(trained) = model.domain() else {
         return Ok(None);
     };
-    checked(model, &trained, &domain_of(motion, trajectory)?).map(Some)
+    checked(&trained, &domain_of(motion, trajectory)?).map(Some)
 }
 
 /// The domain of the training trajectories of a data set.
@@ -88,12 +87,8 @@ pub fn of_dataset(dataset: &Dataset) -> Result<Domain, DomainError> {
     all.ok_or(DomainError::Empty)
 }
 
-fn checked(model: &Model, trained: &Domain, found: &Domain) -> Result<Vec<Departure>, DomainError> {
-    let mut departures = trained.departures(found);
-    if model.spec().base.is_some() {
-        let uncorrected = departures.iter_mut().filter(|d| goes_without(d.aspect));
-        uncorrected.for_each(|departure| departure.words += ": moved by physics alone");
-    }
+fn checked(trained: &Domain, found: &Domain) -> Result<Vec<Departure>, DomainError> {
+    let departures = trained.departures(found);
     match departures.iter().find(|d| d.aspect == Aspect::FrameRate) {
         Some(rate) => Err(DomainError::FrameRate {
             words: rate.words.clone(),
@@ -129,20 +124,6 @@ mod tests {
         let beyond = of_scene(&model, &scene, 3).unwrap().unwrap();
         assert_eq!(beyond.departures[0].aspect, Aspect::Wind);
         assert_eq!(beyond.by_frame, vec![vec![Aspect::Wind]; 3]);
-    }
-
-    #[test]
-    fn a_model_that_corrects_physics_says_what_moves_the_cloth_beyond_its_training() {
-        let mut scene = hanging();
-        let model = NamedModel::open(Some("general".as_ref())).unwrap().model;
-        let model = Model::clone(&model).with_domain(&Domain::of_scene(&scene, 5).unwrap());
-        scene.environment.wind.x = 6.0;
-        let beyond = of_scene(&model, &scene, 3).unwrap().unwrap();
-        let words = &beyond.departures[0].words;
-        assert!(
-            words.contains("wind") && words.ends_with(": moved by physics alone"),
-            "{words}"
-        );
     }
 
     #[test]

@@ -32,8 +32,8 @@
 //! assert!(solves > 0);
 //! let cloth = Cloth::of_scene(&scene, physics::rounded(&rest.positions))?;
 //! let model = NamedModel::open(None)?;
-//! let graph = models::graph_of_scene(&scene, &cloth, &model.model)?;
-//! let mut stepper = model.start(graph, cloth.rest_positions(), &Machine::Cpu, &scene)?;
+//! let graph = models::graph_of_scene(&scene, &cloth)?;
+//! let mut stepper = model.start(graph, cloth.rest_positions(), &Machine::Cpu)?;
 //! let path = scene.handle_path()?;
 //! let run = models::drive(&mut stepper, &path, 5, &mut || ControlFlow::Continue(()))?;
 //! assert_eq!(run.positions.len(), 6 * cloth.rest_positions().len());
@@ -68,7 +68,6 @@ pub mod span;
 pub mod start;
 pub mod state_log;
 pub mod study;
-pub mod teaching;
 #[cfg(test)]
 mod test_scene;
 pub mod training;

@@ -8,14 +8,12 @@ use std::str::FromStr;
 use std::sync::Arc;
 
 use glam::Vec3;
-use selvedge_cloth::{Correctable, Scene};
-use selvedge_corrected::{CorrectedError, CorrectedStepper, FrameState};
+use selvedge_cloth::Correctable;
 #[cfg(feature = "gpu")]
 use selvedge_gpu::device::{Device, DeviceError, Precision, cuda::Cuda, host::Host};
 #[cfg(feature = "gpu")]
 use selvedge_gpu::rollout::{OpeningError, stepper::GpuStepper};
-use selvedge_model::{ClothGraph, LearnedStepper, Model, RolloutError, opening_frames};
-use selvedge_sim::Threads;
+use selvedge_model::{ClothGraph, LearnedStepper, Model, RolloutError};
 use selvedge_train::{EngineMaker, OnProcessor};
 use thiserror::Error;
 
@@ -161,16 +159,8 @@ pub enum MachineError {
 #[allow(missing_docs, reason = "the messages are those of the engines")]
 pub enum StartError {
     Processor(#[from] RolloutError),
-    Corrected(#[from] CorrectedError),
-    #[error(
-        "the model corrects physics, which needs the scene, and the trajectory does not say from which scene it is"
-    )]
-    NoScene,
     #[cfg(feature = "gpu")]
     Gpu(#[from] OpeningError),
-    #[cfg(feature = "gpu")]
-    #[error("a model that corrects physics runs on the processor: leave out --device")]
-    OnlyProcessor,
 }
 
 impl Machine {
@@ -191,25 +181,17 @@ impl Machine {
         }
     }
 
-    /// Starts `model` from the last frames before now, oldest first `[m]`, `[frames][vertices]`. A
-    /// model that corrects physics needs the `scene`; its velocity is that between the last two
-    /// frames.
+    /// Starts `model` from the last frames before now, oldest first `[m]`, `[frames][vertices]`.
     ///
     /// # Errors
-    /// A start that does not fit the cloth, physics without its scene; on a GPU also memory that it
-    /// does not have.
+    /// A start that does not fit the cloth; on a GPU also memory that it does not have.
     pub fn start(
         &self,
         model: &Arc<Model>,
         graph: ClothGraph,
         start: &[&[Vec3]],
-        scene: Option<&Scene>,
     ) -> Result<Mover, StartError> {
         let model = Arc::clone(model);
-        if model.spec().base.is_some() {
-            let stepper = self.start_corrected(model, start, scene)?;
-            return Ok(Box::new(stepper));
-        }
         match self {
             Self::Cpu => Ok(Box::new(LearnedStepper::new(model, graph, start)?)),
             #[cfg(feature = "gpu")]
@@ -218,43 +200,6 @@ impl Machine {
                 let stepper = GpuStepper::new(device, model, graph, start, precision)?;
                 Ok(Box::new(stepper))
             }
-        }
-    }
-
-    fn start_corrected(
-        &self,
-        model: Arc<Model>,
-        start: &[&[Vec3]],
-        scene: Option<&Scene>,
-    ) -> Result<CorrectedStepper, StartError> {
-        let scene = scene.ok_or(StartError::NoScene)?;
-        let frames = opening_frames(model.spec(), scene.mesh.positions().len(), start)?;
-        let state = FrameState::of_frames(&frames, scene.frame_rate);
-        self.check_corrects()?;
-        Ok(CorrectedStepper::new(model, scene, state)?)
-    }
-
-    /// Starts a `model` that corrects physics in this state of `frame` of the scene's own motion, on
-    /// one thread.
-    pub(crate) fn start_in(
-        &self,
-        model: Arc<Model>,
-        scene: &Scene,
-        state: FrameState,
-        frame: usize,
-    ) -> Result<CorrectedStepper, StartError> {
-        self.check_corrects()?;
-        let mut stepper = CorrectedStepper::new(model, scene, state)?.taken_up_at(frame)?;
-        stepper.set_threads(Threads::One);
-        Ok(stepper)
-    }
-
-    /// Checks that this is a machine for models that correct physics.
-    fn check_corrects(&self) -> Result<(), StartError> {
-        match self {
-            Self::Cpu => Ok(()),
-            #[cfg(feature = "gpu")]
-            Self::Gpu(..) => Err(StartError::OnlyProcessor),
         }
     }
 
@@ -352,38 +297,5 @@ mod tests {
         for name in [DeviceName::Cpu, DeviceName::Host] {
             assert_eq!(name.of_rank(3).unwrap(), name);
         }
-    }
-
-    #[cfg(feature = "gpu")]
-    #[test]
-    fn a_device_runs_no_model_that_corrects_physics() {
-        let scene = selvedge_data::open_scene("default").unwrap().scene;
-        let rest: Vec<Vec3> = scene.mesh.positions().iter().map(|p| p.as_vec3()).collect();
-        let shipped = crate::models::NamedModel::open(Some("general".as_ref())).unwrap();
-        let cloth = selvedge_cloth::Cloth::of_scene(&scene, rest.clone()).unwrap();
-        let graph = selvedge_corrected::cloth_graph(&scene, &cloth).unwrap();
-        let host = Machine::open(DeviceName::Host, PrecisionName::Full).unwrap();
-        let refused = host.start(&shipped.model, graph, &[&rest], Some(&scene));
-        let said = refused.err().unwrap().to_string();
-        assert!(said.contains("leave out --device"), "{said}");
-    }
-
-    #[test]
-    fn a_model_that_corrects_physics_needs_its_scene() {
-        use selvedge_cloth::{Cloth, Environment, Handles, generate};
-
-        let spec = generate::SquareSpec {
-            vertices: 16,
-            size: 1.0,
-            seed: 1,
-        };
-        let sheet = generate::square(&spec).unwrap();
-        let handles = Handles::new(&sheet.labels["upper-corners"], 16).unwrap();
-        let cloth = Cloth::of_mesh(&sheet.mesh, 0.15, handles).unwrap();
-        let graph = ClothGraph::new(&cloth, Environment::default(), 60.0).unwrap();
-        let model = crate::teaching::tests::model();
-        let start = [cloth.rest_positions()];
-        let made = Machine::Cpu.start(&model, graph, &start, None);
-        assert!(matches!(made.err(), Some(StartError::NoScene)));
     }
 }

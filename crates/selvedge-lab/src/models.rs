@@ -7,8 +7,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::Vec3;
-use selvedge_cloth::{Cloth, ElasticLaw, HandlePath, Integrator, Scene, StepError, Stepper};
-use selvedge_corrected::cloth_graph;
+use selvedge_cloth::{Cloth, HandlePath, Scene, StepError, Stepper};
 use selvedge_data::{Drive, record};
 use selvedge_model::{ClothGraph, GraphError, Model, ModelFileError};
 use selvedge_train::files;
@@ -122,8 +121,7 @@ impl NamedModel {
         }
     }
 
-    /// Starts the model at `start` `[m]`, `[vertices]`, at rest, on a machine; `scene` is that of
-    /// `graph`.
+    /// Starts the model at `start` `[m]`, `[vertices]`, at rest, on a machine.
     ///
     /// # Errors
     /// A start that does not fit the cloth, or a machine that cannot run it.
@@ -132,9 +130,8 @@ impl NamedModel {
         graph: ClothGraph,
         start: &[Vec3],
         machine: &Machine,
-        scene: &Scene,
     ) -> Result<Mover, StartModelError> {
-        let started = machine.start(&self.model, graph, &[start], Some(scene));
+        let started = machine.start(&self.model, graph, &[start]);
         started.map_err(|source| StartModelError {
             model: self.name.clone(),
             source,
@@ -142,44 +139,16 @@ impl NamedModel {
     }
 }
 
-/// Returns the graph of `cloth`, which knows its rest pose, in the environment of `scene`, for
-/// `model`.
+/// Returns the graph of `cloth`, which knows its rest pose, in the environment of `scene`.
 ///
 /// # Errors
-/// Parts that do not fit; gusts, for a model that corrects no physics.
-pub fn graph_of_scene(
-    scene: &Scene,
-    cloth: &Cloth,
-    model: &Model,
-) -> Result<ClothGraph, SceneGraphError> {
-    let graph = match model.spec().base {
-        None => ClothGraph::new(cloth, scene.environment, scene.frame_rate),
-        Some(_) => cloth_graph(scene, cloth),
-    };
+/// Parts that do not fit; gusts.
+pub fn graph_of_scene(scene: &Scene, cloth: &Cloth) -> Result<ClothGraph, SceneGraphError> {
+    let graph = ClothGraph::new(cloth, scene.environment, scene.frame_rate);
     graph.map_err(|source| SceneGraphError {
         scene: scene.name.clone(),
         source,
     })
-}
-
-/// Substeps of the truth that a model of corrected physics is compared with: its teacher's.
-const CONVERGED: u32 = 8;
-
-/// The scene whose physics is the truth of `model`: the scene itself, or for a model that corrects
-/// physics a finer one. Such a model is to be nearer to the motion than the scene's own substeps
-/// are, and a comparison with those would show their error, not its own.
-#[must_use]
-pub fn truth_scene(scene: &Scene, model: &Model) -> Scene {
-    let mut scene = scene.clone();
-    if model.spec().base.is_some() {
-        let physics = &mut scene.physics;
-        physics.integrator = Integrator::SecondOrder;
-        physics.substeps = physics.substeps.max(CONVERGED);
-        physics.law = ElasticLaw::Measured;
-        let damping = physics.damping(0.0);
-        physics.least_damping.get_or_insert(damping);
-    }
-    scene
 }
 
 /// Steps `stepper` for `frames` along `path`, with one target per frame, and times it.
@@ -201,31 +170,4 @@ pub fn drive(
     let recording = record(stepper, drive, frames, &mut |_| on_frame());
     let (run, failure) = physics::timed(recording, vertices, started);
     failure.map_or(Ok(run), Err)
-}
-
-#[cfg(test)]
-mod tests {
-    use selvedge_data::open_scene;
-
-    use super::*;
-
-    #[test]
-    fn the_truth_of_a_model_that_corrects_physics_is_finer_than_the_scene() {
-        let scene = open_scene("default").unwrap().scene;
-        let open = |name: &str| NamedModel::open(Some(Path::new(name))).unwrap().model;
-        let mut of_scene = scene.clone();
-        of_scene.physics.substeps = 3;
-        of_scene.physics.integrator = Integrator::Linearised;
-        let kept = truth_scene(&of_scene, &open("paper")).physics;
-        assert_eq!(kept, of_scene.physics);
-        let finer = truth_scene(&of_scene, &open("general")).physics;
-        assert_eq!(
-            (finer.integrator, finer.substeps),
-            (Integrator::SecondOrder, CONVERGED)
-        );
-        assert!(finer.validate().is_ok());
-        of_scene.physics.substeps = 20;
-        let kept = truth_scene(&of_scene, &open("general")).physics;
-        assert_eq!(kept.substeps, 20);
-    }
 }

@@ -10,7 +10,6 @@ use glam::DVec3;
 use selvedge_cloth::{Cloth, ClothError, ElasticLaw, Scene};
 use selvedge_data::{LoadedScene, SavedState, StartSpec};
 use selvedge_guard::{Guard, GuardError, GuardSettings};
-use selvedge_model::Model;
 use selvedge_sim::{SagError, SaggedRest};
 use thiserror::Error;
 
@@ -114,8 +113,8 @@ pub fn take_learned_law(loaded: &mut LoadedScene) {
 
 /// Lets a scene start in its sagged rest pose, the only start of a model, by the law that models
 /// learned ([`take_learned_law`]). Returns what the scene
-/// asks for and `model` does not do; the scene's own list of warnings has it from then on.
-pub fn for_model(loaded: &mut LoadedScene, model: &Model) -> Vec<&'static str> {
+/// asks for and a model does not do; the scene's own list of warnings has it from then on.
+pub fn for_model(loaded: &mut LoadedScene) -> Vec<&'static str> {
     let mut warnings = Vec::new();
     take_learned_law(loaded);
     if loaded.spec.start != StartSpec::Rest {
@@ -126,14 +125,9 @@ pub fn for_model(loaded: &mut LoadedScene, model: &Model) -> Vec<&'static str> {
         loaded.state = None;
     }
     if loaded.scene.contact.is_some() {
-        warnings.push(match model.spec().base {
-            None => {
-                "contact: a learned model does not see obstacles, nor where the cloth touches itself: the guard pushes its frames apart (without a guard its cloth passes through both)"
-            }
-            Some(_) => {
-                "contact: the physics that the model corrects sees obstacles, and where the cloth touches itself, its network does not: the guard pushes apart what a correction drives together (without a guard such frames stay)"
-            }
-        });
+        warnings.push(
+            "contact: a learned model does not see obstacles, nor where the cloth touches itself: the guard pushes its frames apart (without a guard its cloth passes through both)",
+        );
     }
     let said = warnings.iter().map(ToString::to_string);
     loaded.warnings.extend(said);
@@ -154,8 +148,8 @@ pub fn guarded(
     settings: GuardSettings,
 ) -> Result<Guard<Mover>, ModelOnSceneError> {
     let cloth = Cloth::of_scene(scene, physics::rounded(rest))?;
-    let graph = models::graph_of_scene(scene, &cloth, &model.model)?;
-    let stepper = model.start(graph, cloth.rest_positions(), machine, scene)?;
+    let graph = models::graph_of_scene(scene, &cloth)?;
+    let stepper = model.start(graph, cloth.rest_positions(), machine)?;
     let known = Some(Arc::clone(scene));
     let guard = Guard::new(stepper, &cloth, scene.frame_rate, known, settings);
     Ok(guard.map_err(|source: GuardError| WatchError::from(source))?)
@@ -174,10 +168,6 @@ mod tests {
         open_scene("default").unwrap()
     }
 
-    fn shipped(name: &str) -> Arc<Model> {
-        NamedModel::open(Some(name.as_ref())).unwrap().model
-    }
-
     #[test]
     fn a_scene_starts_as_it_says() {
         let mut go_on = |_: crate::Event<'_>| ControlFlow::Continue(());
@@ -191,29 +181,21 @@ mod tests {
         let start = find(&loaded, &mut go_on).unwrap();
         assert_eq!(start.state.positions, loaded.scene.mesh.positions());
         assert!(start.rest.is_none());
-        let model = shipped("paper");
-        assert_eq!(for_model(&mut loaded, &model).len(), 1);
+        assert_eq!(for_model(&mut loaded).len(), 1);
         assert_eq!(loaded.spec.start, StartSpec::Rest);
-        assert_eq!(for_model(&mut loaded, &model), Vec::<&str>::new());
+        assert_eq!(for_model(&mut loaded), Vec::<&str>::new());
     }
 
     #[test]
-    fn only_a_model_without_physics_is_said_not_to_see_obstacles() {
-        for (name, expected) in [
-            ("paper", "contact: a learned model does not see obstacles"),
-            (
-                "general",
-                "contact: the physics that the model corrects sees obstacles",
-            ),
-        ] {
-            let (mut loaded, model) = (default_scene(), shipped(name));
-            assert_eq!(for_model(&mut loaded, &model), Vec::<&str>::new());
-            loaded.scene.contact = Some(ContactSettings::default());
-            let warnings = for_model(&mut loaded, &model);
-            assert_eq!(warnings.len(), 1, "{name}");
-            assert!(warnings[0].starts_with(expected), "{name}: {warnings:?}");
-            assert_eq!(loaded.warnings.last().unwrap(), warnings[0]);
-        }
+    fn a_model_is_said_not_to_see_obstacles() {
+        let mut loaded = default_scene();
+        assert_eq!(for_model(&mut loaded), Vec::<&str>::new());
+        loaded.scene.contact = Some(ContactSettings::default());
+        let warnings = for_model(&mut loaded);
+        assert_eq!(warnings.len(), 1);
+        let expected = "contact: a learned model does not see obstacles";
+        assert!(warnings[0].starts_with(expected), "{warnings:?}");
+        assert_eq!(loaded.warnings.last().unwrap(), warnings[0]);
     }
 
     #[test]

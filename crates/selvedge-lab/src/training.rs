@@ -1,28 +1,11 @@
 //! The beginning of a training, which may be stopped.
 
-use std::path::Path;
-
-use selvedge_cloth::Stop;
 use selvedge_data::Dataset;
-use selvedge_train::{
-    EngineMaker, Labels, ResumeError, SampleSource, TrainConfig, TrainError, Trainer,
-};
-use thiserror::Error;
+use selvedge_train::{EngineMaker, Labels, TrainConfig, TrainError, Trainer};
 
 use crate::event::{OnEvent, Reporter};
 use crate::expert::{ExpertError, PhysicsExpert};
 use crate::models::NamedModel;
-use crate::teaching::{Teaching, TeachingScenes, TeachingScenesError};
-
-/// A training by a teacher that cannot be begun or go on.
-#[derive(Debug, Error)]
-#[error(transparent)]
-#[allow(missing_docs, reason = "the messages are those of the parts")]
-pub enum TaughtError {
-    Scenes(#[from] TeachingScenesError),
-    Train(#[from] TrainError),
-    Resume(#[from] ResumeError),
-}
 
 /// Says which weights begin with random numbers although the training began with a model.
 fn say_what_is_fresh(trainer: &Trainer) {
@@ -67,35 +50,6 @@ pub fn from_model(
     let trainer = Trainer::from_model(cfg, data, engine, &model.model, &mut |_| task.advance())?;
     trainer.iter().for_each(say_what_is_fresh);
     Ok(trainer)
-}
-
-/// A training by the teacher of `cfg`, at its beginning with its first samples gathered, or at its
-/// `checkpoint`. None where an end was asked for, which `stop` does in the middle of a sample.
-///
-/// # Errors
-/// What of the configuration, the scenes or the checkpoint went wrong.
-pub fn taught(
-    cfg: TrainConfig,
-    checkpoint: Option<&Path>,
-    stop: Stop,
-    on_event: &mut OnEvent<'_>,
-) -> Result<Option<Trainer>, TaughtError> {
-    let names = cfg.teacher.as_ref().map_or(&[][..], |t| &t.scenes);
-    let Some(scenes) = TeachingScenes::open(names, on_event)? else {
-        return Ok(None);
-    };
-    let of_teacher = cfg.clone();
-    let source = |first| -> Box<dyn SampleSource> {
-        let mut teaching = Teaching::new(scenes, of_teacher, first);
-        teaching.stop_by(stop);
-        Box::new(teaching)
-    };
-    if let Some(path) = checkpoint {
-        return Ok(Some(Trainer::resume_taught(cfg, path, source)?));
-    }
-    let reporter = Reporter::new(on_event);
-    let task = reporter.count("gathering samples", cfg.samples.statistics, "samples");
-    Ok(Trainer::taught(cfg, source(0), &mut |_| task.advance())?)
 }
 
 /// Gives `trainer` the physics of `data`, where its configuration asks for expert labels.

@@ -8,8 +8,6 @@ use glam::DVec3;
 use selvedge_cloth::{Cloth, Environment, Handles, Material, MotionError, Scene};
 use serde::{Deserialize, Serialize};
 
-use crate::features::correction::Stiffness;
-
 mod departure;
 mod watch;
 
@@ -113,15 +111,19 @@ impl Bounds {
 }
 
 impl FabricBounds {
-    /// One fabric.
+    /// One fabric: stiffnesses are means of its tables `[eq:mean-stiffness]`, stretching along and
+    /// across the threads with the law's factor 2.
     #[must_use]
     pub fn of(material: &Material) -> Self {
-        let stiffness = Stiffness::of(material);
+        let rows = material.stretch.0.iter();
+        let along_and_across = rows.flat_map(|row| [row[0], row[2]]);
+        let count = 2.0 * material.stretch.0.len() as f64;
+        let bend = material.bend.0.as_flattened();
         Self {
             names: vec![material.name.clone()],
-            density: Bounds::of(stiffness.density),
-            stretch: Bounds::of(stiffness.stretch),
-            bend: Bounds::of(stiffness.bend),
+            density: Bounds::of(material.density),
+            stretch: Bounds::of(2.0 * along_and_across.sum::<f64>() / count),
+            bend: Bounds::of(bend.iter().sum::<f64>() / bend.len() as f64),
         }
     }
 

@@ -82,10 +82,6 @@ mod spec;
 mod test_cloth;
 
 pub use domain::{Aspect, Bounds, Departure, Domain, DomainWatch, FabricBounds};
-pub use features::correction::{
-    CorrectionColumns, FrameSubsteps, HalfTurns, MotionState, PredictedFrame, Stiffness,
-    correction_groups, rough_fields,
-};
 pub use features::{
     Column, Extent, Frames, Normalizer, NormalizerError, Place, Pose, PoseGradient,
     RunningStatistics, Window, edge_columns, edge_features, edge_features_backward, edge_groups,
@@ -107,11 +103,10 @@ pub use network::{
     StateGradients, Stopped,
 };
 pub use rollout::{
-    Corrector, Familiarity, LearnedStepper, LocalAcceleration, MODEL_FORMAT, Model, ModelError,
-    ModelFileError, NoBase, NonFinite, Normalizers, RolloutError, TwoFrames, WeightType, advance,
-    advance_backward, cut, opening_frames, target_acceleration,
+    LearnedStepper, LocalAcceleration, MODEL_FORMAT, Model, ModelError, ModelFileError, NonFinite,
+    Normalizers, RolloutError, TwoFrames, WeightType, advance, advance_backward, opening_frames,
+    target_acceleration,
 };
 pub use spec::{
-    CurrentFrame, EdgeFeature, Encoder, FrameTimes, Integration, MOST_DEVIATIONS, ModelSpec,
-    NodeFeature, PhysicsBase, SpecError,
+    CurrentFrame, EdgeFeature, Encoder, Integration, ModelSpec, NodeFeature, OUTPUTS, SpecError,
 };

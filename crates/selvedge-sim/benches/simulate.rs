@@ -4,7 +4,7 @@
 //! `cargo bench -p selvedge-sim --bench simulate -- [KEY=VALUE ...]` with `vertices` (1024), `size`
 //! of the square's side in m (1), `frames` that count (60; half as many before them do not),
 //! `substeps` (4), `threads` (1), `solver` (automatic, cholesky, or the tolerance of conjugate
-//! gradients in m/s), `integrator` (second-order, generalised-alpha, or linearised). Wall time says
+//! gradients in m/s), `integrator` (generalised-alpha or linearised). Wall time says
 //! what one waits, processor time what is left of it where the machine is shared. The largest
 //! memory is that of the whole process, mesh generation included.
 #![allow(
@@ -35,7 +35,7 @@ fn main() {
         ("substeps", "4"),
         ("threads", "1"),
         ("solver", "automatic"),
-        ("integrator", "second-order"),
+        ("integrator", "generalised-alpha"),
     ];
     let mut settings = BTreeMap::from(keys.map(|(key, value)| (key, value.to_owned())));
     for argument in std::env::args().skip(1).filter(|a| a != "--bench") {
@@ -116,9 +116,8 @@ fn scene(settings: &BTreeMap<&str, String>) -> Scene {
             },
             integrator: match settings["integrator"].as_str() {
                 "linearised" => Integrator::Linearised,
-                "second-order" => Integrator::SecondOrder,
                 "generalised-alpha" => Integrator::GeneralisedAlpha(Default::default()),
-                other => panic!("{other:?} is none of generalised-alpha, second-order, linearised"),
+                other => panic!("{other:?} is none of generalised-alpha, linearised"),
             },
             ..PhysicsSettings::default()
         },

@@ -17,7 +17,6 @@ use crate::solver::SolveError;
 use crate::state::State;
 use crate::threads::Threads;
 use crate::watched_edges::{Overstretched, WatchedEdges};
-use checkpoint::check_state;
 pub use checkpoint::{Checkpoint, PreviousSubstep};
 pub use error::SimulatorError;
 pub use snapshot::DividedFrames;
@@ -60,12 +59,6 @@ pub struct Simulator {
     stop: Stop,
     /// Contact, where the scene has it.
     contact: Option<Box<Contact>>,
-}
-
-/// Position `[m]` and velocity `[m/s]` of a vertex.
-struct VertexState {
-    position: DVec3,
-    velocity: DVec3,
 }
 
 /// Work since the start, by what it came to.
@@ -191,79 +184,6 @@ impl Simulator {
         simulator.active = active;
         simulator.update_wind();
         Ok(simulator)
-    }
-
-    /// Goes on from other positions `[m]` and velocities `[m/s]`, `[vertices]`, at the same frame
-    /// of the same run: handles hold as they do, those that took hold again from where they did so.
-    /// The next substep starts anew.
-    ///
-    /// # Errors
-    /// As for [`Self::restore`]; the cloth is left as it was.
-    pub fn take_state(
-        &mut self,
-        positions: &[DVec3],
-        velocities: &[DVec3],
-    ) -> Result<(), SimulatorError> {
-        let vertices = self.rounded.len();
-        check_state("positions", "position", positions, vertices)?;
-        check_state("velocities", "velocity", velocities, vertices)?;
-        self.check_meeting(self.frame, positions)?;
-        self.begin_at(positions, velocities);
-        Ok(())
-    }
-
-    /// Takes a checked state, and forgets all that came before it.
-    fn begin_at(&mut self, positions: &[DVec3], velocities: &[DVec3]) {
-        self.state.positions.copy_from_slice(positions);
-        self.state.velocities.copy_from_slice(velocities);
-        self.active.system.forget_changes();
-        self.history.forget();
-        self.forget_touches();
-        self.undo = None;
-        self.round();
-    }
-
-    /// Replaces the newest positions `[m]` and velocities `[m/s]`, `[vertices]`. The state one
-    /// substep ago takes its part of the change, as if that had grown evenly over the frame, so
-    /// that the next substep does not take the change for motion.
-    ///
-    /// # Errors
-    /// As for [`Self::with_state`]; the cloth is left as it was.
-    pub fn correct(
-        &mut self,
-        positions: &[DVec3],
-        velocities: &[DVec3],
-    ) -> Result<(), SimulatorError> {
-        let vertices = self.rounded.len();
-        check_state("positions", "position", positions, vertices)?;
-        check_state("velocities", "velocity", velocities, vertices)?;
-        let part = self.before_last_substep();
-        self.shift([part, part], |v, _| (positions[v], velocities[v]));
-        Ok(())
-    }
-
-    /// Part of the frame that had passed before the last substep.
-    fn before_last_substep(&self) -> f64 {
-        1.0 - self.history.last_substep().unwrap_or(0.0) * self.scene.frame_rate
-    }
-
-    /// Moves the newest state to what `to` gives for a vertex and its state: a position
-    /// `[m]` and a velocity `[m/s]`. The state one substep ago takes these
-    /// `parts` of the change of positions and velocities.
-    fn shift(&mut self, parts: [f64; 2], to: impl Fn(usize, &VertexState) -> (DVec3, DVec3)) {
-        let before = &mut self.history.before;
-        for v in 0..self.rounded.len() {
-            let now = VertexState {
-                position: self.state.positions[v],
-                velocity: self.state.velocities[v],
-            };
-            let (position, velocity) = to(v, &now);
-            before.positions[v] += parts[0] * (position - now.position);
-            before.velocities[v] += parts[1] * (velocity - now.velocity);
-            self.state.positions[v] = position;
-            self.state.velocities[v] = velocity;
-        }
-        self.round();
     }
 
     /// Sets the threads of the steps that follow. The default is [`Threads::Pool`].

@@ -16,12 +16,11 @@ pub use self::error::{ContentProblem, ResumeError};
 pub use self::file::CHECKPOINT_FORMAT;
 use self::file::{CheckpointFile, State, VERSION, history_name};
 use crate::config::TrainConfig;
-use crate::engine::{EngineMaker, Learned, SampleSource, Samples};
+use crate::engine::{EngineMaker, Learned};
 use crate::fit_normalizers::Statistics;
 use crate::from_model::TakenWeights;
 use crate::origin::Origin;
 use crate::trainer::{Parts, TrainError, Trainer, prepare};
-use crate::training_set::TrainingSet;
 
 impl Trainer {
     /// Writes everything that decides the rest of the training, as it was last collected
@@ -111,26 +110,6 @@ impl Trainer {
         file.check_data(&set)?;
         let parts = file.parts(&cfg, &set, network)?;
         Ok(Self::assemble(cfg, set, engine, parts)?)
-    }
-
-    /// As [`Self::resume`], for a training by a teacher ([`Self::taught`]); `source` makes the
-    /// source of its samples, for a training of so many steps so far. `samples` may differ, too.
-    ///
-    /// # Errors
-    /// [`ResumeError`] names the file and what does not fit.
-    pub fn resume_taught(
-        cfg: TrainConfig,
-        path: &Path,
-        source: impl FnOnce(u64) -> Box<dyn SampleSource>,
-    ) -> Result<Self, ResumeError> {
-        cfg.validate().map_err(TrainError::from)?;
-        let bytes = read(path)?;
-        let file = CheckpointFile::open(path, &bytes)?;
-        file.check(&cfg)?;
-        let network = Network::new(&cfg.model).map_err(TrainError::from)?;
-        let parts = file.parts(&cfg, &TrainingSet::of_teacher(None), network)?;
-        let samples = Samples::new(source(parts.step));
-        Ok(Self::assemble_taught(cfg, samples, parts)?)
     }
 }
 

@@ -3,7 +3,6 @@
 pub(crate) mod error;
 mod sampling;
 mod setting;
-mod teacher;
 
 use std::path::Path;
 
@@ -14,7 +13,6 @@ pub use self::error::{ConfigError, InvalidConfig, SettingError};
 use self::error::{count, positive, require};
 pub use self::sampling::{BatchConfig, Labels, NoiseConfig, NoiseUnit, ScheduledSampling};
 pub use self::setting::Setting;
-pub use self::teacher::{SampleConfig, TeacherConfig};
 use crate::losses::LossWeights;
 use crate::optimizer::AdamSettings;
 use crate::schedule::{LearningRate, MOST_STEPS, UnrollFrames};
@@ -34,18 +32,8 @@ pub struct TrainConfig {
     pub seed: u64,
     /// Optimiser steps in all.
     pub steps: u64,
-    /// The network; of one that corrects physics, also that physics (`model.base`).
+    /// The network.
     pub model: ModelSpec,
-    /// The physics that a model of corrections learns from, instead of a data set.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub teacher: Option<TeacherConfig>,
-    /// The samples of a teacher.
-    #[serde(default, skip_serializing_if = "is_default")]
-    pub samples: SampleConfig,
-    /// Frames in a row, at most, that follow from a state of the teacher, all but the last one by
-    /// the model itself; with 1 every sample starts from a state of the teacher.
-    #[serde(default, skip_serializing_if = "is_default")]
-    pub own_frames: UnrollFrames,
     /// Weights of the loss terms.
     #[serde(default)]
     pub losses: LossWeights,
@@ -84,33 +72,12 @@ pub struct TrainConfig {
     pub unroll: UnrollFrames,
     /// Samples of a data set from which the statistics of inputs and targets are taken before the
     /// first step.
-    #[serde(default, skip_serializing_if = "is_default")]
     pub statistics_samples: usize,
     /// Steps from one line of the log to the next.
     pub log_every: u64,
 }
 
-fn is_default<T: Default + PartialEq>(value: &T) -> bool {
-    *value == T::default()
-}
-
 impl TrainConfig {
-    /// Slots of a batch: none where a teacher makes the samples.
-    pub(crate) fn slots(&self) -> usize {
-        match self.teacher {
-            None => self.batch.samples,
-            Some(_) => 0,
-        }
-    }
-
-    /// Frames in a row in step `step`, from 0.
-    pub(crate) fn frames(&self, step: u64) -> usize {
-        match self.teacher {
-            None => self.unroll.at(step),
-            Some(_) => self.own_frames.at(step),
-        }
-    }
-
     /// True where the physics labels the model's own states.
     pub(crate) fn asks_expert(&self) -> bool {
         self.scheduled_sampling.labels == Labels::Expert
@@ -211,50 +178,6 @@ impl TrainConfig {
             require(below, "weight_average", "at least 0 and below 1", part)?;
         }
         self.batch.validate()?;
-        match &self.teacher {
-            None => self.validate_on_data(),
-            Some(teacher) => self.validate_taught(teacher),
-        }
-    }
-
-    /// Checks what a training by a teacher has, and that the rest is left out.
-    fn validate_taught(&self, teacher: &TeacherConfig) -> Result<(), InvalidConfig> {
-        if self.model.base.is_none() {
-            return Err(InvalidConfig::NoBase);
-        }
-        teacher.validate()?;
-        self.samples.validate()?;
-        self.own_frames.validate_as("own_frames")?;
-        let reason = "it is of a training on a data set, and [teacher] makes this one's samples";
-        for (field, is_left_out) in [
-            ("losses", is_default(&self.losses)),
-            ("dropout", self.dropout == 0.0),
-            ("noise", is_default(&self.noise)),
-            ("scheduled_sampling", is_default(&self.scheduled_sampling)),
-            ("unroll", is_default(&self.unroll)),
-            ("statistics_samples", self.statistics_samples == 0),
-        ] {
-            if !is_left_out {
-                return Err(InvalidConfig::OfOther { field, reason });
-            }
-        }
-        Ok(())
-    }
-
-    /// Checks what a training on a data set has, and that the rest is left out.
-    fn validate_on_data(&self) -> Result<(), InvalidConfig> {
-        if self.model.base.is_some() {
-            return Err(InvalidConfig::Base);
-        }
-        let reason = "it is of a training by a teacher, and there is no [teacher]";
-        for (field, is_left_out) in [
-            ("samples", is_default(&self.samples)),
-            ("own_frames", is_default(&self.own_frames)),
-        ] {
-            if !is_left_out {
-                return Err(InvalidConfig::OfOther { field, reason });
-            }
-        }
         let (statistics, most) = (self.statistics_samples, MOST_STATISTICS_SAMPLES);
         count("statistics_samples", statistics as u64, most as u64)?;
         let kept = (0.0..1.0).contains(&self.dropout);
@@ -266,7 +189,7 @@ impl TrainConfig {
         require(has_place, "dropout", expected, self.dropout)?;
         self.noise.validate()?;
         self.scheduled_sampling.validate()?;
-        self.unroll.validate_as("unroll")?;
+        self.unroll.validate()?;
         // A kinetic energy depends on the positions before it, too: the way back leaves that out.
         let weight = self.losses.kinetic_energy;
         let expected = "0 where unroll.frames is above 1";

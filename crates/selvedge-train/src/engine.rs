@@ -9,7 +9,6 @@ mod cpu;
 mod micro_batch;
 mod over_ranks;
 mod slot_run;
-mod taught;
 
 use std::error::Error;
 use std::ops::Range;
@@ -23,8 +22,6 @@ use thiserror::Error;
 pub use self::cpu::OnProcessor;
 pub use self::over_ranks::{OverRanks, OverRanksError};
 pub use self::slot_run::{FramePasses, SlotRun, run_slots};
-pub use self::taught::{CorrectionSample, SampleSource};
-pub(crate) use self::taught::{Samples, TaughtEngine};
 use crate::config::TrainConfig;
 use crate::expert::Expert;
 use crate::losses::{LossStatistics, LossTerms};
@@ -124,11 +121,6 @@ pub trait Engine: Send {
     /// # Errors
     /// As [`Self::learn`].
     fn collect(&mut self, learned: &mut Learned) -> Result<(), EngineError>;
-
-    /// Samples that were made for this training; none where it takes those of a data set.
-    fn samples_made(&self) -> Option<u64> {
-        None
-    }
 }
 
 /// A failure of an engine.

@@ -17,8 +17,6 @@
 //!   [`OnProcessor`] makes the one of this machine's processor, whose threads share
 //!   **micro-batches** of slots; `selvedge-gpu` makes another. Every engine implements
 //!   [`FramePasses`] and takes its slots through the one loop, [`run_slots`].
-//! - A model that **corrects physics** has no data set: a [`SampleSource`] makes its samples while it
-//!   learns ([`Trainer::taught`]). All else is the same.
 //! - A **checkpoint** ([`Trainer::save`]) keeps all that decides the rest of a training, which then
 //!   goes on bit for bit ([`Trainer::resume`]). [`run`] is the whole loop, with a log.
 //!
@@ -123,12 +121,12 @@ mod training_set;
 
 pub use checkpoint::{CHECKPOINT_FORMAT, ContentProblem, ResumeError};
 pub use config::{
-    BatchConfig, ConfigError, InvalidConfig, Labels, NoiseConfig, NoiseUnit, SampleConfig,
-    ScheduledSampling, Setting, SettingError, TeacherConfig, TrainConfig,
+    BatchConfig, ConfigError, InvalidConfig, Labels, NoiseConfig, NoiseUnit, ScheduledSampling,
+    Setting, SettingError, TrainConfig,
 };
 pub use engine::{
-    Batch, CorrectionSample, Engine, EngineError, EngineMaker, FramePasses, Learned, OnProcessor,
-    OverRanks, OverRanksError, SampleSource, Setup, SlotRun, Update, run_slots,
+    Batch, Engine, EngineError, EngineMaker, FramePasses, Learned, OnProcessor, OverRanks,
+    OverRanksError, Setup, SlotRun, Update, run_slots,
 };
 pub use expert::{Expert, ExpertState};
 pub use fit_normalizers::FitProgress;

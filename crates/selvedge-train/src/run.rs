@@ -209,13 +209,9 @@ fn save(trainer: &mut Trainer, folder: &Path) -> Result<(), RunError> {
     let mut account = serde_json::json!({
         "config": trainer.config(),
         "steps_done": trainer.steps_done(),
+        "dataset": trainer.dataset_name(),
+        "domain": trainer.domain(),
     });
-    if !trainer.dataset_name().is_empty() {
-        account["dataset"] = serde_json::json!(trainer.dataset_name());
-    }
-    if let Some(domain) = trainer.domain() {
-        account["domain"] = serde_json::json!(domain);
-    }
     if !trainer.origins().is_empty() {
         account["from"] = serde_json::json!(trainer.origins());
     }

@@ -86,12 +86,12 @@ impl Default for UnrollFrames {
 }
 
 impl UnrollFrames {
-    /// Checks the number and the order of steps, for the key `schedule`.
+    /// Checks the number and the order of steps.
     ///
     /// # Errors
     /// Names the field.
-    pub(crate) fn validate_as(&self, schedule: &'static str) -> Result<(), ScheduleError> {
-        let most = self.most();
+    pub(crate) fn validate(&self) -> Result<(), ScheduleError> {
+        let (schedule, most) = ("unroll", self.most());
         check((1..=1000).contains(&most), || {
             error(schedule, "frames", "between 1 and 1000", most)
         })?;

@@ -15,10 +15,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::config::{InvalidConfig, TrainConfig};
-use crate::engine::{
-    Batch, Engine, EngineError, EngineMaker, Learned, SampleSource, Samples, Setup, TaughtEngine,
-    Update,
-};
+use crate::engine::{Batch, Engine, EngineError, EngineMaker, Learned, Setup, Update};
 use crate::expert::Expert;
 use crate::fit_normalizers::{FitProgress, NormalizerFit, Statistics};
 use crate::losses::{LossStatistics, LossTerms, RunningLossStatistics};
@@ -117,10 +114,6 @@ pub enum TrainError {
         "scheduled_sampling.labels is \"expert\", but the training was given no physics to ask: call `Trainer::ask` before the first step"
     )]
     NoExpert,
-    #[error(
-        "the configuration has a teacher, whose samples are no data set: begin it with `Trainer::taught`"
-    )]
-    Teacher,
     #[error("step {step} was given up, as was asked")]
     Stopped { step: u64 },
 }
@@ -168,42 +161,6 @@ impl Trainer {
         Self::begin(cfg, set, engine, network, statistics).map(Some)
     }
 
-    /// A training at its first step whose samples `source` makes, as `teacher` of the configuration
-    /// says. `observe` hears of every sample of the statistics and may stop there, which gives no
-    /// training.
-    ///
-    /// # Errors
-    /// [`TrainError`] when the configuration cannot be used, or samples cannot be made.
-    pub fn taught(
-        cfg: TrainConfig,
-        source: Box<dyn SampleSource>,
-        observe: &mut dyn FnMut(FitProgress) -> ControlFlow<()>,
-    ) -> Result<Option<Self>, TrainError> {
-        cfg.validate()?;
-        if cfg.teacher.is_none() {
-            return Err(InvalidConfig::NoTeacher.into());
-        }
-        let network = Network::new(&cfg.model)?;
-        let Some(samples) = Samples::gather(source, &cfg, observe)? else {
-            return Ok(None);
-        };
-        let (weights, outputs) = (first_weights(&cfg, &network), cfg.model.outputs());
-        let statistics = samples.statistics(outputs);
-        let parts = Parts::at_first_step(&cfg, network, weights, statistics, Vec::new())?;
-        Self::assemble_taught(cfg, samples, parts).map(Some)
-    }
-
-    pub(crate) fn assemble_taught(
-        cfg: TrainConfig,
-        samples: Samples,
-        parts: Parts,
-    ) -> Result<Self, TrainError> {
-        let set = TrainingSet::of_teacher(samples.source.domain().cloned());
-        Self::assemble_with(cfg, set, parts, (Ranks::alone(), 0..0), |setup| {
-            Ok(Box::new(TaughtEngine::new(setup, samples)))
-        })
-    }
-
     fn begin(
         cfg: TrainConfig,
         set: TrainingSet,
@@ -221,18 +178,6 @@ impl Trainer {
         set: TrainingSet,
         engine: &dyn EngineMaker,
         parts: Parts,
-    ) -> Result<Self, TrainError> {
-        let share = (engine.ranks(), engine.own_slots(cfg.batch.samples));
-        Self::assemble_with(cfg, set, parts, share, |setup| engine.make(setup))
-    }
-
-    /// Puts a training together that shares its slots with other ranks.
-    fn assemble_with(
-        cfg: TrainConfig,
-        set: TrainingSet,
-        parts: Parts,
-        (ranks, own): (Ranks, Range<usize>),
-        make: impl FnOnce(Setup<'_>) -> Result<Box<dyn Engine>, EngineError>,
     ) -> Result<Self, TrainError> {
         let Statistics { inputs, targets } = parts.statistics;
         let statistics = targets.freeze();
@@ -252,10 +197,10 @@ impl Trainer {
             expert: None,
             set: &set,
         };
-        let engine = make(setup)?;
+        let made = engine.make(setup)?;
         Ok(Self {
-            ranks,
-            own,
+            ranks: engine.ranks(),
+            own: engine.own_slots(cfg.batch.samples),
             network: parts.network,
             learned: parts.learned,
             inputs,
@@ -268,7 +213,7 @@ impl Trainer {
             set,
             statistics,
             normalizers,
-            engine,
+            engine: made,
             stop: Stop::default(),
             expert: None,
             cfg,
@@ -356,7 +301,7 @@ impl Trainer {
         }
         // Frames of a history are shared: none of their positions is copied.
         let slots = self.slots.clone();
-        let frames = self.cfg.frames(step);
+        let frames = self.cfg.unroll.at(step);
         let setup = Setup {
             cfg: &self.cfg,
             network: &self.network,
@@ -428,15 +373,13 @@ impl Trainer {
         self.network.parameters().len()
     }
 
-    /// Number of samples in the sections of the data set, or of those that were made for the
-    /// training.
+    /// Number of samples in the sections of the data set.
     #[must_use]
     pub fn sample_count(&self) -> u64 {
-        let of_set = self.set.sample_count() as u64;
-        self.engine.samples_made().unwrap_or(of_set)
+        self.set.sample_count() as u64
     }
 
-    /// The name of the data set; empty where there is none.
+    /// The name of the data set.
     #[must_use]
     pub fn dataset_name(&self) -> &str {
         &self.set.name
@@ -458,7 +401,7 @@ impl Trainer {
 
     /// The domain of what is learned from.
     #[must_use]
-    pub fn domain(&self) -> Option<&Domain> {
+    pub fn domain(&self) -> &Domain {
         self.set.domain()
     }
 
@@ -494,9 +437,6 @@ pub(crate) fn prepare(
     on: Arithmetic,
 ) -> Result<(TrainingSet, Network), TrainError> {
     cfg.validate()?;
-    if cfg.teacher.is_some() {
-        return Err(TrainError::Teacher);
-    }
     let network = Network::new(&cfg.model)?;
     check_memory(cfg, &network, dataset, on)?;
     Ok((TrainingSet::load(dataset)?, network))
@@ -528,7 +468,7 @@ impl Parts {
                 averaged: cfg.weight_average.map(|_| weights.clone()),
                 weights,
             },
-            slots: vec![Slot::new(); cfg.slots()],
+            slots: vec![Slot::new(); cfg.batch.samples],
             network,
             statistics,
             step: 0,

@@ -70,8 +70,8 @@ pub(crate) struct TrainingSet {
     /// Samples before each section, and in all.
     first_sample: Vec<usize>,
     /// Of all trajectories.
-    domain: Option<Domain>,
-    /// The name of the data set; empty where there is none.
+    domain: Domain,
+    /// The name of the data set.
     pub(crate) name: String,
     /// By which a checkpoint knows it.
     pub(crate) fingerprint: String,
@@ -176,9 +176,9 @@ impl TrainingSet {
             let before = first_sample[first_sample.len() - 1];
             first_sample.push(before + section.samples().count());
         }
-        if first_sample[first_sample.len() - 1] == 0 {
+        let Some(domain) = domain.filter(|_| first_sample[first_sample.len() - 1] > 0) else {
             return Err(TrainingSetError::NoSamples);
-        }
+        };
         Ok(Self {
             motions,
             sections,
@@ -189,21 +189,9 @@ impl TrainingSet {
         })
     }
 
-    /// The set of a training by a teacher, whose samples have this domain: no trajectories.
-    pub(crate) fn of_teacher(domain: Option<Domain>) -> Self {
-        Self {
-            motions: Vec::new(),
-            sections: Vec::new(),
-            first_sample: vec![0],
-            domain,
-            name: String::new(),
-            fingerprint: String::new(),
-        }
-    }
-
-    /// The domain of what is learned from; none without trajectories.
-    pub(crate) fn domain(&self) -> Option<&Domain> {
-        self.domain.as_ref()
+    /// The domain of what is learned from.
+    pub(crate) fn domain(&self) -> &Domain {
+        &self.domain
     }
 
     pub(crate) fn motions(&self) -> impl Iterator<Item = &Motion> {

@@ -46,8 +46,7 @@ usage: cargo xtask fuzz|faults|kill|soak|load [OPTIONS]
             --steps N        of every stepper (20000 if not said)
             --span SPAN      simulated time of the viewer (30s if not said)
             --pages N        that watch it and pull at it (30 if not said)
-            --only NAME      physics, model, guard, corrected or viewer (repeat for
-                             several)
+            --only NAME      physics, model, guard or viewer (repeat for several)
             --seed N         other hands
   load    connections, pages and requests for the viewer; a page is answered in time
             --half-open N    connections that say nothing or half a request (400 if not said)

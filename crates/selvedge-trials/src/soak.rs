@@ -85,7 +85,7 @@ pub(crate) fn run(options: &[String]) -> Result<bool> {
         );
         holds &= level;
     };
-    for name in ["physics", "model", "guard", "general"] {
+    for name in ["physics", "model", "guard"] {
         if is_wanted(name) {
             let started = Instant::now();
             let curve = stepper(name, &program, folder, steps)?;
@@ -120,8 +120,7 @@ fn stepper(name: &str, program: &Program, folder: &Path, steps: u64) -> Result<C
     walk(scene, &mut *stepper, &start, steps)
 }
 
-/// A model that has barely learned, alone; the shipped network under its guard; or the one that
-/// corrects physics.
+/// A model that has barely learned, alone; or the shipped network under its guard.
 fn learned(
     name: &str,
     program: &Program,
@@ -131,7 +130,6 @@ fn learned(
 ) -> Result<Box<dyn Stepper>> {
     let model = match name {
         "guard" => NamedModel::open(Some(Path::new("paper")))?,
-        "general" => NamedModel::open(Some(Path::new(name)))?,
         _ => {
             program.run(folder, "data generate tiny -o tiny")?;
             program.run(folder, "train moment.toml --data tiny -o run")?;
@@ -139,8 +137,8 @@ fn learned(
         }
     };
     let cloth = Cloth::of_scene(scene, physics::rounded(start))?;
-    let graph = models::graph_of_scene(scene, &cloth, &model.model)?;
-    let stepper = model.start(graph, cloth.rest_positions(), &Machine::Cpu, scene)?;
+    let graph = models::graph_of_scene(scene, &cloth)?;
+    let stepper = model.start(graph, cloth.rest_positions(), &Machine::Cpu)?;
     if name != "guard" {
         return Ok(Box::new(stepper));
     }

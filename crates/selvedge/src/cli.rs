@@ -85,7 +85,7 @@ const MOST_FRAMES: i64 = 100_000;
 
 const OVERVIEW: &str = "\
 Start here:
-  selvedge run --model general --compare
+  selvedge run --model paper --compare
       a shipped model on the shipped scene beside the solver; pictures and a clip go to out/
   selvedge view --open
       drag the cloth in the browser
@@ -194,7 +194,7 @@ pub(crate) struct MergeArgs {
     pub(crate) output: PathBuf,
 }
 
-/// Train a model on a data set, or one that corrects physics by an expert.
+/// Train a model on a data set.
 ///
 /// Checkpoints go to the folder as training goes on; Ctrl-C writes one more, and --resume goes on
 /// from the last as if nothing had happened.
@@ -204,17 +204,16 @@ Examples:
   selvedge train first --data data/first -o runs/first --for 30m
   selvedge train first --data data/first -o runs/first --resume
   selvedge train rp-gru10 --data data/first -o runs/gpu --device cuda --for 8m
-  selvedge train rp-gru10 --data data/first -o runs/small --set model.latent=32 --set model.blocks=4
-  selvedge train corrected -o runs/corrected")]
+  selvedge train rp-gru10 --data data/first -o runs/small --set model.latent=32 --set model.blocks=4")]
 pub(crate) struct TrainArgs {
     /// A configuration: a TOML file, or the name of a shipped one (`selvedge list configs`).
     pub(crate) config: String,
     /// The folder of the run: checkpoints, log, model.
     #[arg(short, long, alias = "out", value_name = "FOLDER")]
     pub(crate) output: PathBuf,
-    /// The folder of the data set; none for a model that corrects physics, which asks an expert.
+    /// The folder of the data set, as `selvedge data generate` makes it.
     #[arg(long, value_name = "FOLDER")]
-    pub(crate) data: Option<PathBuf>,
+    pub(crate) data: PathBuf,
     /// Go on from the last checkpoint in the folder.
     #[arg(long)]
     pub(crate) resume: bool,

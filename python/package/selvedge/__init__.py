@@ -15,7 +15,6 @@ Long calls release the interpreter's lock and hear Ctrl-C. Warnings go to `loggi
 """
 
 from selvedge._native import (
-    CorrectedStepper,
     Dataset,
     Evaluation,
     FrameError,
@@ -43,7 +42,6 @@ from selvedge._native import (
 from selvedge._inspect import inspect
 
 __all__ = [
-    "CorrectedStepper",
     "Dataset",
     "Evaluation",
     "FrameError",

@@ -46,7 +46,6 @@ def inspect(path: str | pathlib.Path) -> dict[str, Any]:
         return {
             "kind": "model",
             "parameters": model.parameters,
-            "corrects_physics": model.corrects_physics,
             "spec": model.spec,
             "training": model.training,
         }

@@ -118,12 +118,6 @@ class LearnedStepper(Stepper):
     ) -> LearnedStepper: ...
 
 @final
-class CorrectedStepper(Stepper):
-    def __new__(
-        cls, scene: Scene, model: Model, guard: str = "limit", progress: _Progress | None = None
-    ) -> CorrectedStepper: ...
-
-@final
 class PlaybackStepper(Stepper):
     def __new__(cls, trajectory: Trajectory) -> PlaybackStepper: ...
 
@@ -214,8 +208,6 @@ class Model:
     def training(self) -> str: ...
     @property
     def parameters(self) -> int: ...
-    @property
-    def corrects_physics(self) -> bool: ...
 
 @final
 class Rollout:
@@ -306,7 +298,7 @@ def rollout(
 ) -> Rollout: ...
 def train(
     config: str,
-    data: Dataset | None = None,
+    data: Dataset,
     *,
     out: _Path,
     steps: int | None = None,

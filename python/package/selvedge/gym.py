@@ -8,7 +8,7 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
-from selvedge._native import CorrectedStepper, LearnedStepper, Model, Scene, Simulator
+from selvedge._native import LearnedStepper, Model, Scene, Simulator
 
 # Frames of the way to a goal and of the rest there.
 GOAL_FRAMES = 120
@@ -69,8 +69,7 @@ class ReachPose(gymnasium.Env):
     def _new_stepper(self):
         if self.model is None:
             return Simulator(self.scene)
-        kind = CorrectedStepper if self.model.corrects_physics else LearnedStepper
-        return kind(self.scene, self.model, guard="limit")
+        return LearnedStepper(self.scene, self.model, guard="limit")
 
     def _lead(self, stepper, start, way, frames):
         """Leads all handles along `way` [m], softly, and lets the cloth swing."""

@@ -7,7 +7,7 @@ use crate::metadata::Graph;
 use crate::violation::Violation;
 
 /// Pairs (from, to) that must not be joined by any path of normal dependencies.
-const FORBIDDEN: [(&str, &str); 30] = [
+const FORBIDDEN: [(&str, &str); 29] = [
     ("selvedge-contact", "selvedge-sim"),
     ("selvedge-contact", "selvedge-data"),
     ("selvedge-contact", "selvedge-model"),
@@ -36,7 +36,6 @@ const FORBIDDEN: [(&str, &str); 30] = [
     ("selvedge-sim", "selvedge-cluster"),
     ("selvedge-model", "selvedge-cluster"),
     ("selvedge-guard", "selvedge-cluster"),
-    ("selvedge-corrected", "selvedge-cluster"),
     ("selvedge-view", "selvedge-cluster"),
 ];
 

@@ -25,7 +25,7 @@ fn a_c_program_prints_the_positions_of_the_command_line_to_the_bit() {
     let desk = Desk::new();
     desk.write("small.toml", SMALL);
     let program = desk.compile("rollout.c", &[]);
-    for model in ["physics", "paper", "general"] {
+    for model in ["physics", "paper"] {
         let said = desk.run(Command::new(&program).args(["small.toml", model, "12"]));
         let numbers: Vec<f32> = said
             .split_whitespace()

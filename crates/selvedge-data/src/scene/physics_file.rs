@@ -100,7 +100,7 @@ mod tests {
             "physics = { mode = \"arcsim\", handles = \"exact\" }",
             "physics = { mode = \"arcsim\", bending = \"symmetric\" }",
             "physics = { mode = \"first-order\", air = \"implicit\" }",
-            "physics = { mode = \"first-order\", integrator = \"second-order\" }",
+            "physics = { mode = \"first-order\", integrator = { generalised-alpha = {} } }",
         ] {
             let error = read(text).unwrap_err();
             assert!(error.contains("leave these keys out"), "{text}: {error}");

@@ -5,10 +5,8 @@ use std::path::Path;
 
 use selvedge_cloth::generate::named_sheets;
 use selvedge_cloth::motion::named;
-use selvedge_cloth::{PhysicsMode, PhysicsSettings};
 use selvedge_data::{
-    DatasetConfig, DatasetPreset, NamedCloth, PlannedRun, SectionRule, Split, StartSpec,
-    shipped_presets,
+    DatasetConfig, DatasetPreset, PlannedRun, SectionRule, Split, StartSpec, shipped_presets,
 };
 
 use crate::help::{says, table};
@@ -64,7 +62,7 @@ fn mistakes_in_a_preset_are_named() {
     let error = DatasetPreset::open("none").unwrap_err().to_string();
     assert_eq!(
         error,
-        "none: is neither a file nor a shipped preset; shipped are first, tiny, small, square-100, square-400, paper, generalisation, generalisation-small, speeds-400, cloths-400, fine-400, converged-400, broad"
+        "none: is neither a file nor a shipped preset; shipped are first, tiny, small, square-100, square-400, paper, generalisation, generalisation-small, speeds-400, cloths-400, fine-400"
     );
 }
 
@@ -281,21 +279,6 @@ fn what_is_measured_on_square_400_is_not_learned_from() {
 }
 
 #[test]
-fn converged_400_is_square_400_in_second_order() {
-    let [converged, first] =
-        ["converged-400", "square-400"].map(|name| DatasetPreset::open(name).unwrap());
-    let physics = |preset: &DatasetPreset| preset.config().setting.physics;
-    assert_eq!(
-        physics(&first),
-        PhysicsSettings::in_mode(PhysicsMode::FirstOrder)
-    );
-    let expected = PhysicsSettings {
-        substeps: 8,
-        ..PhysicsSettings::default()
-    };
-    assert_eq!(physics(&converged), expected);
-    assert_eq!(converged.config().train, first.config().train);
-    assert_eq!(converged.config().test, first.config().test);
 }
 
 /// A table of random cloths, with `to` in the place of `from`.
@@ -372,27 +355,4 @@ fn mistakes_in_random_cloths_are_named() {
     for [from, to, expected] in table(cases) {
         says(random_cloths(from, to).unwrap_err(), &[expected]);
     }
-}
-
-#[test]
-fn the_broad_preset_holds_fabrics_and_shapes_apart() {
-    let broad = DatasetPreset::open("broad").unwrap();
-    let counts = [Split::Train, Split::Test].map(|split| broad.motions(split).len());
-    assert_eq!(counts, [256, 16]);
-    for cloth in &broad.config().cloths {
-        let drawn = cloth.drawn.as_ref().unwrap();
-        let fabric = &drawn.material.name;
-        let known = ["gray-interlock", "camel-ponte-roma"];
-        assert!(
-            known.iter().any(|known| fabric.starts_with(known)),
-            "{fabric}"
-        );
-    }
-    let cloths = &broad.config().cloths;
-    let lets_go = |cloth: &&NamedCloth| !cloth.drawn.as_ref().unwrap().schedule.is_empty();
-    let first = cloths.iter().find(lets_go).unwrap();
-    assert_eq!(broad.first_released(), Some(first.name.as_str()));
-    // A quarter of those that are held, which are five of six.
-    let share = cloths.iter().filter(lets_go).count() as f64 / cloths.len() as f64;
-    assert!((0.13..0.29).contains(&share), "{share}");
 }

@@ -98,9 +98,7 @@ impl Method {
     /// it.
     pub(super) fn wants_scene(&self) -> bool {
         match &self.mover {
-            Mover::Model(model, guard, _) => {
-                guard.correction != Correction::None || model.spec().base.is_some()
-            }
+            Mover::Model(_, guard, _) => guard.correction != Correction::None,
             Mover::Physics(_) | Mover::Mirror => true,
             Mover::Rigid => false,
         }

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use glam::DVec3;
 use selvedge_cloth::{HandlePath, Stepper};
+use selvedge_data::SavedState;
 use selvedge_guard::Correction;
 use selvedge_sim::Simulator;
 
@@ -49,14 +50,13 @@ impl Runner {
                 .state(frame)
                 .ok_or("there is no true state to start from")
         };
-        let scene = || truth.scene.as_ref().map_err(Clone::clone);
         let (cloth, of_scene, samples_per_frame) = match &method.mover {
             Mover::Rigid => {
                 let rest = RigidRest::new(truth.trajectory.cloth());
                 (Cloth::Other(Box::new(rest)), false, 1)
             }
             Mover::Physics(physics) => {
-                let scene = physics.scene(scene()?);
+                let scene = physics.scene(truth.scene.as_ref().map_err(Clone::clone)?);
                 let cloth = simulator(&scene, state()?, frame)?;
                 let samples = physics.substeps as usize;
                 (Cloth::Physics(Box::new(cloth)), true, samples)
@@ -65,32 +65,16 @@ impl Runner {
                 let mirror = prepared.mirror.as_ref();
                 let mirror = mirror.ok_or("the mirrored mode was not asked for")?;
                 let (scene, rest) = mirror.as_ref().map_err(Clone::clone)?;
-                let at_rest = selvedge_corrected::FrameState {
-                    positions: rest.clone(),
-                    velocities: vec![DVec3::ZERO; rest.len()],
-                };
-                let cloth = simulator(scene, at_rest, frame)?;
+                let cloth = simulator(scene, SavedState::at_rest(rest.clone()), frame)?;
                 let samples = scene.physics.substeps as usize;
                 (Cloth::Physics(Box::new(cloth)), true, samples)
             }
             Mover::Model(model, guard, machine) => {
-                let base = model.spec().base;
-                let stepper: crate::machine::Mover = match base {
-                    Some(_) => Box::new(
-                        machine
-                            .start_in(Arc::clone(model), scene()?, state()?, frame)
-                            .map_err(|error| chain(&error))?,
-                    ),
-                    None => {
-                        let known = truth.known(frame, model.spec().history());
-                        let name = &prepared.case.name;
-                        let graph = selvedge_train::graph_of(name, &truth.trajectory);
-                        let graph = graph.map_err(|error| chain(&error))?;
-                        let started = machine.start(model, graph, &known, None);
-                        started.map_err(|error| chain(&error))?
-                    }
-                };
-                let samples = base.map_or(1, |base| base.substeps as usize);
+                let known = truth.known(frame, model.spec().history());
+                let graph = selvedge_train::graph_of(&prepared.case.name, &truth.trajectory);
+                let graph = graph.map_err(|error| chain(&error))?;
+                let stepper = machine.start(model, graph, &known);
+                let stepper = stepper.map_err(|error| chain(&error))?;
                 let cloth = match guard.correction {
                     Correction::None => Cloth::Other(Box::new(stepper)),
                     _ => {
@@ -101,7 +85,7 @@ impl Runner {
                         Cloth::Watched(Box::new(watched.map_err(|error| chain(&error))?))
                     }
                 };
-                (cloth, base.is_some(), samples)
+                (cloth, false, 1)
             }
         };
         Ok(Self {

@@ -3,9 +3,11 @@
 
 use std::ops::ControlFlow;
 use std::path::Path;
+use std::sync::Arc;
 
 use selvedge_data::{LoadedScene, StateRun, parse_scene};
 use selvedge_guard::{Correction, GuardSettings};
+use selvedge_model::{Encoder, Model, ModelSpec, Network, Normalizer, Normalizers};
 
 use super::*;
 use crate::event::Event;
@@ -40,11 +42,22 @@ fn methods() -> Vec<Method> {
     [1, 2, 4].map(|n| Method::physics(linearised(n))).to_vec()
 }
 
+/// A network without acceleration: vertices go on as they went.
 fn model() -> Method {
+    let spec = ModelSpec::physical(Encoder::MLP, 8, 1);
+    let network = Network::new(&spec).unwrap();
+    let weights = network.initialise(&mut || 0.5);
+    let even = |width| Normalizer::new(vec![0.0; width], vec![1.0; width]).unwrap();
+    let normalizers = Normalizers {
+        nodes: even(spec.node_width()),
+        edges: even(spec.edge_width()),
+        acceleration: even(3),
+    };
+    let model = Model::new(&spec, weights, normalizers, String::new()).unwrap();
     let guard = GuardSettings::with(Correction::None);
     Method {
         name: "mine".to_owned(),
-        mover: Mover::Model(crate::teaching::tests::model(), guard, Machine::Cpu),
+        mover: Mover::Model(Arc::new(model), guard, Machine::Cpu),
     }
 }
 

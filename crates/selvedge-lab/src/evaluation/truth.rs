@@ -6,7 +6,6 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{Cloth, HandlePath, Motion, RecordedMotion, Scene, Stepper};
-use selvedge_corrected::FrameState;
 use selvedge_data::{LoadedScene, SavedState, SceneSpec, StartSpec, StateRun, Trajectory};
 use selvedge_sim::{Simulator, Threads};
 
@@ -60,23 +59,18 @@ impl Truth {
 
     /// The true state in `frame`; where velocities are not known, those from the frame before, or
     /// none.
-    pub(super) fn state(&self, frame: usize) -> Option<FrameState> {
+    pub(super) fn state(&self, frame: usize) -> Option<SavedState> {
         let positions = self.positions(frame)?;
         let place = frame - self.first;
         if let Some(states) = &self.states {
             let velocities = states.states.get(place)?.velocities.clone();
-            return Some(FrameState {
-                positions,
-                velocities,
-            });
+            return Some(SavedState::moving(positions, velocities));
         }
         let before = self.positions(frame.saturating_sub(1).max(self.first))?;
         let moved = positions.iter().zip(&before).map(|(p, q)| *p - *q);
         let velocities = moved.map(|step| step * self.trajectory.frame_rate());
-        Some(FrameState {
-            velocities: velocities.collect(),
-            positions,
-        })
+        let velocities = velocities.collect();
+        Some(SavedState::moving(positions, velocities))
     }
 
     /// At most `count` true frames up to `frame`, the oldest first `[m]`, `[vertices]`.
@@ -333,10 +327,7 @@ fn made_again(run: &StateRun, first: usize, scene: &Scene) -> Result<bool, Strin
         )
     };
     let (positions, velocities) = of(0);
-    let state = FrameState {
-        positions: positions.to_vec(),
-        velocities: velocities.to_vec(),
-    };
+    let state = SavedState::moving(positions.to_vec(), velocities.to_vec());
     let mut simulator = simulator(scene, state, first)?;
     let path = scene.handle_path().map_err(|error| error.to_string())?;
     let substeps = scene.physics.substeps as usize;
@@ -359,15 +350,11 @@ fn made_again(run: &StateRun, first: usize, scene: &Scene) -> Result<bool, Strin
 /// A state or a scene that cannot be run, in words.
 pub(super) fn simulator(
     scene: &Scene,
-    state: FrameState,
+    state: SavedState,
     frame: usize,
 ) -> Result<Simulator, String> {
-    let saved = SavedState {
-        frame,
-        velocities: state.velocities,
-        ..SavedState::at_rest(state.positions)
-    };
-    let simulator = simulator_in(scene, saved).and_then(|it| it.taken_up_at(frame));
+    let state = SavedState { frame, ..state };
+    let simulator = simulator_in(scene, state).and_then(|it| it.taken_up_at(frame));
     let mut simulator = simulator.map_err(|error| chain(&error))?;
     simulator.set_threads(Threads::One);
     Ok(simulator)

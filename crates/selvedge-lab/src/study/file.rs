@@ -174,12 +174,6 @@ impl Study {
         let shown = Path::new(&entry.config);
         let set: Result<Vec<Setting>, _> = self.settings(entry).map(|text| text.parse()).collect();
         let cfg = TrainConfig::parse_with(&text, shown, &set.of(|| "set".to_owned())?)?;
-        if cfg.teacher.is_some() {
-            return Err(StudyError::new(format!(
-                "{}: a study trains on data sets, and this configuration has a [teacher]: train it with selvedge train",
-                entry.config
-            )));
-        }
         if !self.scale_schedules {
             return Ok(cfg);
         }

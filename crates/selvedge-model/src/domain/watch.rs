@@ -134,22 +134,6 @@ impl DomainWatch {
         self.seen.include(&self.now);
     }
 
-    /// Becomes `other`, a watch of the same cloth, but for its fabrics, which no frame changes.
-    /// Allocates nothing where frames have as many handles.
-    pub fn copy_frames_of(&mut self, other: &Self) {
-        for (into, from) in [(&mut self.seen, &other.seen), (&mut self.now, &other.now)] {
-            let fabrics = into.fabrics.take();
-            *into = Domain { fabrics, ..*from };
-        }
-        for (into, from) in [
-            (&mut self.frame, &other.frame),
-            (&mut self.before, &other.before),
-            (&mut self.together, &other.together),
-        ] {
-            into.clone_from(from);
-        }
-    }
-
     /// The present frame alone.
     #[must_use]
     pub fn now(&self) -> &Domain {

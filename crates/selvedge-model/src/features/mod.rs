@@ -3,7 +3,6 @@
 
 pub(crate) mod backward;
 pub(crate) mod columns;
-pub(crate) mod correction;
 pub(crate) mod finite;
 pub(crate) mod frames;
 pub(crate) mod normalizer;

@@ -15,6 +15,7 @@ use crate::network::layers::block::BlockKept;
 use crate::network::layers::encoder::EncoderKept;
 use crate::network::packed::{PackedWeights, Purpose};
 use crate::network::workspace::{Group, Workspace};
+use crate::spec::OUTPUTS;
 
 impl Network {
     pub(super) fn run_backward<T: Real>(
@@ -29,10 +30,7 @@ impl Network {
         assert!(kept, "a forward pass to learn from comes first");
         let purpose = weights.purpose;
         assert_eq!(purpose, Purpose::Training, "purpose of the packed weights");
-        assert_eq!(
-            gradients.output.len(),
-            graph.vertex_count() * self.spec.outputs()
-        );
+        assert_eq!(gradients.output.len(), graph.vertex_count() * OUTPUTS);
         assert_eq!(gradients.weights.len(), self.parameter_count());
         w.fit_groups(self, graph.partitions.len());
         self.decode_backward(weights, graph, &mut gradients, w);
@@ -61,7 +59,6 @@ impl Network {
             arcs: (),
         };
         let (saved, of_output) = (&w.decoder, gradients.output);
-        let outputs = self.spec.outputs();
         share.among(
             &graph.partitions,
             &mut w.groups,
@@ -73,9 +70,9 @@ impl Network {
                 for Partition { vertices, .. } in partitions {
                     let nodes = all.part(&counted_from(vertices, first)).values;
                     let [output, hidden, by_sums, _] = &mut *tiles;
-                    let output = &mut output[..vertices.len() * outputs];
+                    let output = &mut output[..vertices.len() * OUTPUTS];
                     output.copy_from_slice(
-                        &of_output[vertices.start * outputs..vertices.end * outputs],
+                        &of_output[vertices.start * OUTPUTS..vertices.end * OUTPUTS],
                     );
                     let [hidden, by_sums] = [hidden, by_sums].map(|tile| &mut tile[..nodes.len()]);
                     let (kept, through) = (saved.at(vertices), [output, hidden, &mut *by_sums]);
@@ -229,11 +226,10 @@ impl Network {
                         .part(&counted_from(vertices, start.vertices.start));
                     self.node_encoder
                         .backward(layer, of_nodes, vertices, rows, &mut group);
-                    if let Some(encoder) = &self.arc_encoder {
-                        let layer = weights.layer(ARC_ENCODER);
-                        let rows = share.arcs.part(&counted_from(arcs, start.arcs.start));
-                        encoder.backward(layer, of_arcs, arcs, rows, &mut group);
-                    }
+                    let layer = weights.layer(ARC_ENCODER);
+                    let rows = share.arcs.part(&counted_from(arcs, start.arcs.start));
+                    self.arc_encoder
+                        .backward(layer, of_arcs, arcs, rows, &mut group);
                 }
             },
         );

@@ -8,7 +8,7 @@ use crate::network::layers::encoder::EncoderLayers;
 use crate::network::layers::mlp::Mlp;
 use crate::network::packed::{ModuleBuilder, ModuleSize, Packer, Piece};
 use crate::network::parameters::{Parameter, Start};
-use crate::spec::{Encoder, ModelSpec, SpecError};
+use crate::spec::{Encoder, ModelSpec, OUTPUTS, SpecError};
 
 /// Numbers of the modules: both encoders, the blocks, the decoder.
 pub(super) const NODE_ENCODER: usize = 0;
@@ -21,8 +21,7 @@ pub struct Network {
     pub(super) spec: ModelSpec,
     parameters: Vec<Parameter>,
     pub(super) node_encoder: EncoderLayers,
-    /// None without blocks, which alone look at arcs.
-    pub(super) arc_encoder: Option<EncoderLayers>,
+    pub(super) arc_encoder: EncoderLayers,
     pub(super) blocks: Vec<Block>,
     pub(super) decoder: Mlp,
     pub(super) decoder_first: Piece,
@@ -66,18 +65,15 @@ impl Network {
         let node_encoder = modules
             .add(|module| EncoderLayers::new(module, "encoder.nodes", spec.encoder, width, latent));
         let width = spec.edge_width();
-        let looks_at_arcs = spec.blocks > 0;
-        let arc_encoder = modules.add(|module| {
-            looks_at_arcs
-                .then(|| EncoderLayers::new(module, "encoder.edges", spec.encoder, width, latent))
-        });
+        let arc_encoder = modules
+            .add(|module| EncoderLayers::new(module, "encoder.edges", spec.encoder, width, latent));
         let mut blocks = Vec::with_capacity(spec.blocks);
         for number in 0..spec.blocks {
             let path = format!("processor.{number}");
             blocks.push(modules.add(|module| Block::new(module, &path, spec)));
         }
         let (decoder, decoder_first) = modules.add(|module| {
-            let decoder = Mlp::plain(module, "decoder", latent, latent, spec.outputs());
+            let decoder = Mlp::plain(module, "decoder", latent, latent, OUTPUTS);
             let first = Piece::whole(&mut module.size, &decoder.first);
             (decoder, first)
         });
@@ -134,11 +130,7 @@ impl Network {
     pub(super) fn pack_module<T: Real>(&self, number: usize, packer: &mut Packer<'_, T>) {
         match number {
             NODE_ENCODER => self.node_encoder.pack(packer),
-            ARC_ENCODER => {
-                if let Some(encoder) = &self.arc_encoder {
-                    encoder.pack(packer);
-                }
-            }
+            ARC_ENCODER => self.arc_encoder.pack(packer),
             _ => match self.blocks.get(number - FIRST_BLOCK) {
                 Some(block) => block.pack(packer),
                 None => {

@@ -15,8 +15,9 @@ use crate::network::layers::mlp::{ACTIVATIONS, tile};
 use crate::network::layers::scratch::Scratch;
 use crate::network::packed::PackedWeights;
 use crate::network::workspace::Workspace;
+use crate::spec::OUTPUTS;
 
-/// The output `[vertices, outputs]` and the activations of the decoder.
+/// The output `[vertices, 3]` and the activations of the decoder.
 type Decoded<'a, T> = (Rows<'a, T>, [Rows<'a, T>; ACTIVATIONS]);
 
 impl Network {
@@ -34,9 +35,6 @@ impl Network {
         let frames = self.frames(graph, carried);
         workspace.fit(self, graph, pass, frames);
         self.encode(weights, graph, carried, frames, workspace);
-        if self.blocks.is_empty() {
-            self.decode_all(weights, graph, workspace);
-        }
         for number in 0..self.blocks.len() {
             self.run_block(weights, graph, number, workspace);
         }
@@ -123,14 +121,11 @@ impl Network {
                     let (layer, range) = (weights.layer(NODE_ENCODER), &partition.vertices);
                     self.node_encoder
                         .forward(layer, nodes, range, &mut encoded, scratch);
-                    if let Some(encoder) = &self.arc_encoder {
-                        let (layer, range) = (weights.layer(ARC_ENCODER), &partition.arcs);
-                        encoder.forward(layer, arcs, range, &mut of_arcs, scratch);
-                    }
-                    if let Some(block) = self.blocks.first() {
-                        let layer = weights.layer(FIRST_BLOCK);
-                        block.endpoint_products(layer, &encoded.0, &mut products);
-                    }
+                    let (layer, range) = (weights.layer(ARC_ENCODER), &partition.arcs);
+                    self.arc_encoder
+                        .forward(layer, arcs, range, &mut of_arcs, scratch);
+                    let layer = weights.layer(FIRST_BLOCK);
+                    self.blocks[0].endpoint_products(layer, &encoded.0, &mut products);
                 });
             },
         );
@@ -155,10 +150,7 @@ impl Network {
                 Rows::new(&mut w.nodes, latent),
                 of_nodes.rows(),
                 Rows::new(next_products, 2 * latent),
-                (
-                    Rows::new(&mut w.output, self.spec.outputs()),
-                    w.decoder.rows(),
-                ),
+                (Rows::new(&mut w.output, OUTPUTS), w.decoder.rows()),
             ),
             arcs: (Rows::new(&mut w.arcs, latent), of_arcs.rows()),
         };
@@ -181,31 +173,6 @@ impl Network {
                 };
                 let layer = weights.layer(FIRST_BLOCK + number + 1);
                 next.endpoint_products(layer, &nodes, &mut next_products);
-            });
-        });
-    }
-
-    /// Latent nodes to the output, where there is no block that does so at its end.
-    fn decode_all<T: Real>(
-        &self,
-        weights: &PackedWeights<T>,
-        graph: &Connectivity,
-        w: &mut Workspace<T>,
-    ) {
-        let share = Share {
-            vertices: (
-                Rows::new(&mut w.nodes, self.spec.latent),
-                (
-                    Rows::new(&mut w.output, self.spec.outputs()),
-                    w.decoder.rows(),
-                ),
-            ),
-            arcs: (),
-        };
-        let scratch = &w.scratch;
-        share.each(&graph.partitions, |_, (nodes, decoded), ()| {
-            Workspace::with_scratch(scratch, |scratch| {
-                self.decode(weights, &nodes, decoded, scratch);
             });
         });
     }

@@ -111,7 +111,6 @@ pub fn forward(
     let width = spec.node_width();
     let mut nodes = weights.encode("encoder.nodes", input.nodes, width, vertices);
     let width = spec.edge_width();
-    let arcs = if spec.blocks > 0 { arcs } else { 0 };
     let mut latent_arcs = weights.encode("encoder.edges", input.arcs, width, arcs);
     for block in 0..spec.blocks {
         let mut incoming = vec![vec![0.0; spec.latent]; vertices];

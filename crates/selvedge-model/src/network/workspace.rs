@@ -24,6 +24,7 @@ use crate::network::layers::scratch::{GroupWork, Scratch};
 use crate::network::packed::PackedWeights;
 use crate::network::parameters::ModuleGradient;
 use crate::network::saved::Saved;
+use crate::spec::OUTPUTS;
 
 /// Groups of partitions, each with a sum of gradients of its own. More groups are more sums to add,
 /// fewer keep fewer threads busy.
@@ -120,7 +121,7 @@ impl<T: Real> Workspace<T> {
         for products in &mut self.endpoint_products {
             products.resize(vertices * 2 * latent);
         }
-        self.output.resize(vertices * network.spec().outputs());
+        self.output.resize(vertices * OUTPUTS);
         if network.streams() {
             self.end.fit(vertices, arcs, latent);
         }
@@ -162,10 +163,8 @@ impl<T: Real> Workspace<T> {
         let [of_nodes, of_arcs] = &self.dropout;
         let widths = network.node_encoder.widths(frames, of_nodes.active());
         self.node_encoder.fit(vertices, widths);
-        if let Some(encoder) = &network.arc_encoder {
-            let widths = encoder.widths(frames, of_arcs.active());
-            self.arc_encoder.fit(arcs, widths);
-        }
+        let widths = network.arc_encoder.widths(frames, of_arcs.active());
+        self.arc_encoder.fit(arcs, widths);
         self.blocks
             .resize_with(network.blocks.len(), BlockSaved::default);
         for (saved, block) in self.blocks.iter_mut().zip(&network.blocks) {

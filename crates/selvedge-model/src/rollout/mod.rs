@@ -2,7 +2,6 @@
 //! it.
 
 mod advance;
-pub(crate) mod corrector;
 pub(crate) mod half;
 mod hands;
 pub(crate) mod model;
@@ -13,7 +12,6 @@ mod stepper;
 pub use advance::{
     LocalAcceleration, NonFinite, TwoFrames, advance, advance_backward, target_acceleration,
 };
-pub use corrector::{Corrector, Familiarity, NoBase, cut};
 pub use half::WeightType;
 pub use model::{Model, ModelError, Normalizers};
 pub use model_file::{MODEL_FORMAT, ModelFileError};

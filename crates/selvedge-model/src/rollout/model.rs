@@ -5,7 +5,7 @@ use thiserror::Error;
 use crate::domain::Domain;
 use crate::features::normalizer::Normalizer;
 use crate::network::Network;
-use crate::spec::{ModelSpec, SpecError};
+use crate::spec::{ModelSpec, OUTPUTS, SpecError};
 
 /// Frozen statistics of the inputs and the output of a network.
 #[derive(Clone, Debug, PartialEq)]
@@ -130,7 +130,7 @@ fn check_counts(
         ),
         (
             "normalizer.acceleration",
-            spec.outputs(),
+            OUTPUTS,
             normalizers.acceleration.width(),
         ),
     ];

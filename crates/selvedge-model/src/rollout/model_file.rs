@@ -14,7 +14,7 @@ use crate::network::parameters::Parameter;
 use crate::rollout::half::{WeightType, bf16_bits, bf16_value, f16_bits, f16_value};
 use crate::rollout::model::{Model, ModelError, Normalizers};
 use crate::rollout::names_once::check_names_once;
-use crate::spec::{ModelSpec, SpecError};
+use crate::spec::{ModelSpec, OUTPUTS, SpecError};
 
 /// `format` in the metadata of a model file.
 pub const MODEL_FORMAT: &str = "selvedge-model";
@@ -162,7 +162,7 @@ fn statistics(spec: &ModelSpec) -> [(&'static str, usize); 3] {
     [
         ("nodes", spec.node_width()),
         ("edges", spec.edge_width()),
-        ("acceleration", spec.outputs()),
+        ("acceleration", OUTPUTS),
     ]
 }
 

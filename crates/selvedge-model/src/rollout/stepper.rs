@@ -60,8 +60,6 @@ pub enum RolloutError {
     NoFrame,
     #[error("the start position of vertex {vertex} is not finite")]
     NonFinite { vertex: VertexId },
-    #[error("the model corrects physics (model.base): it does not move cloth by itself")]
-    NeedsPhysics,
 }
 
 /// The frames that a rollout of `spec` begins with, oldest first `[m]`, `[history][vertices]`, from
@@ -104,9 +102,6 @@ impl LearnedStepper {
         graph: ClothGraph,
         start: &[&[Vec3]],
     ) -> Result<Self, RolloutError> {
-        if model.spec().base.is_some() {
-            return Err(RolloutError::NeedsPhysics);
-        }
         let vertices = graph.vertex_count();
         let history = opening_frames(model.spec(), vertices, start)?;
         let hands = Hands::on_paths(graph.handles(), &history[history.len() - 1]);

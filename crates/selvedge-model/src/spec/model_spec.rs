@@ -6,33 +6,30 @@ use std::collections::BTreeSet;
 use serde::{Deserialize, Deserializer, Serialize};
 use thiserror::Error;
 
-use crate::features::correction::NODE_COLUMNS;
-use crate::spec::base::{LEAST_LATENT, PhysicsBase};
+
+/// Columns of the output of a vertex: its acceleration.
+pub const OUTPUTS: usize = 3;
 
 /// The full description of a learned simulator, as it stands in a training configuration and in
 /// the metadata of a weight file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModelSpec {
-    /// Features of a node; none where the network corrects physics, whose columns are fixed.
-    #[serde(default, deserialize_with = "each_once")]
+    /// Features of a node.
+    #[serde(deserialize_with = "each_once")]
     pub node_features: BTreeSet<NodeFeature>,
-    /// Features of an arc; none where the network corrects physics.
-    #[serde(default, deserialize_with = "each_once")]
+    /// Features of an arc.
+    #[serde(deserialize_with = "each_once")]
     pub edge_features: BTreeSet<EdgeFeature>,
     /// Encoder of features to latent vectors.
     pub encoder: Encoder,
     /// Width of every latent vector.
     pub latent: usize,
-    /// Number of message-passing blocks. A network that corrects physics can do without: each
-    /// vertex then knows its neighbours by sums over the arcs that arrive there.
+    /// Number of message-passing blocks.
     pub blocks: usize,
     /// Motion of the cloth without the network.
     #[serde(default)]
     pub integration: Integration,
-    /// Physics that the network corrects; none where it moves the cloth by itself, as in the paper.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub base: Option<PhysicsBase>,
 }
 
 /// A group of columns of a vertex, in the order in which they stand in the input.
@@ -181,12 +178,6 @@ pub enum SpecError {
         most: usize,
         found: usize,
     },
-    #[error(
-        "model.{field} must be left out where the network corrects physics (model.base): {reason}"
-    )]
-    WithBase {
-        field: &'static str,
-        reason: &'static str,
     },
     #[error("model.{field} must contain \"{needed}\"")]
     Missing {
@@ -216,7 +207,6 @@ impl ModelSpec {
             latent,
             blocks,
             integration: Integration::default(),
-            base: None,
         }
     }
 
@@ -230,7 +220,6 @@ impl ModelSpec {
             latent,
             blocks,
             integration: Integration::default(),
-            base: None,
         }
     }
 
@@ -240,39 +229,23 @@ impl ModelSpec {
     /// Names the field.
     pub fn validate(&self) -> Result<(), SpecError> {
         self.check_sizes()?;
-        if let Some(base) = &self.base {
-            return self.check_base(base);
         }
         self.check_features()
     }
 
     fn check_sizes(&self) -> Result<(), SpecError> {
-        let blocks = match self.base {
-            None => [1, 256],
-            Some(_) => [0, 0],
-        };
-        let sizes = [
+        for (field, found, least, most) in [
             ("latent", self.latent, 4, 4096),
-            ("blocks", self.blocks, blocks[0], blocks[1]),
+            ("blocks", self.blocks, 1, 256),
             ("encoder.window", self.window(), 1, 64),
-        ];
-        check_each_size(&sizes)
-    }
-
-    fn check_base(&self, base: &PhysicsBase) -> Result<(), SpecError> {
-        let sizes = [
-            ("base.substeps", base.substeps as usize, 1, 1000),
-            ("latent", self.latent, LEAST_LATENT, 4096),
-        ];
-        check_each_size(&sizes)?;
-        let columns = "its columns are fixed";
-        for (field, is_given, reason) in [
-            ("node_features", !self.node_features.is_empty(), columns),
-            ("edge_features", !self.edge_features.is_empty(), columns),
-            ("encoder", self.encoder != Encoder::MLP, "it sees one frame"),
         ] {
-            if is_given {
-                return Err(SpecError::WithBase { field, reason });
+            if !(least..=most).contains(&found) {
+                return Err(SpecError::Size {
+                    field,
+                    least,
+                    most,
+                    found,
+                });
             }
         }
         Ok(())
@@ -306,43 +279,19 @@ impl ModelSpec {
         self.window() + 1 + usize::from(accelerations)
     }
 
-    /// Columns of the output of a vertex: an acceleration, or the correction of a position and of a
-    /// velocity.
-    #[must_use]
-    pub fn outputs(&self) -> usize {
-        match self.base {
-            None => 3,
-            Some(_) => 6,
-        }
-    }
-
     /// Columns of a vertex.
     #[must_use]
     pub fn node_width(&self) -> usize {
-        if self.base.is_some() {
-            return NODE_COLUMNS;
-        }
         self.node_features.iter().map(|f| f.width()).sum()
     }
 
     /// Columns of an arc.
     #[must_use]
     pub fn edge_width(&self) -> usize {
-        if self.base.is_some() {
-            return 0;
-        }
         self.edge_features.iter().map(|f| f.width()).sum()
     }
 }
 
-/// Checks fields that are called so: value, least and most.
-fn check_each_size(sizes: &[(&'static str, usize, usize, usize)]) -> Result<(), SpecError> {
-    for &(field, found, least, most) in sizes {
-        if !(least..=most).contains(&found) {
-            return Err(SpecError::Size {
-                field,
-                least,
-                most,
                 found,
             });
         }

@@ -6,11 +6,11 @@ use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::Stop;
 use selvedge_model::{
     Carried, Connectivity, Dropout, Encoder, EncoderState, Gradients, Input, InputGradient,
-    Instructions, Model, ModelSpec, Network, PackedWeights, Pass, Purpose, StateGradients, Stopped,
-    Workspace, reference,
+    Instructions, Model, ModelSpec, Network, OUTPUTS, PackedWeights, Pass, Purpose, StateGradients,
+    Stopped, Workspace, reference,
 };
 
-use crate::specs::{correcting, specs};
+use crate::specs::specs;
 use crate::strip::strip;
 
 struct Case {
@@ -165,7 +165,7 @@ fn gradients_match_finite_differences_in_every_tensor() {
         let pass = Pass::Training(dropout);
         case.objective(&case.weights, pass, &mut workspace);
         let mut gradient = vec![0.0; case.weights.len()];
-        let output: Vec<f64> = (0..case.graph.vertex_count() * spec.outputs())
+        let output: Vec<f64> = (0..case.graph.vertex_count() * OUTPUTS)
             .map(coefficient)
             .collect();
         let [mut nodes, mut arcs] = [&case.nodes, &case.arcs].map(|x| vec![f64::NAN; x.len()]);
@@ -332,7 +332,7 @@ fn a_machine_without_wide_vectors_gives_the_same_but_for_rounding() {
             nodes: &nodes,
             arcs: &arcs,
         };
-        let output: Vec<f32> = (0..spec.outputs() * case.graph.vertex_count())
+        let output: Vec<f32> = (0..OUTPUTS * case.graph.vertex_count())
             .map(|k| coefficient(k) as f32)
             .collect();
         let [wide, plain] = [Instructions::Detected, Instructions::Plain].map(|instructions| {
@@ -512,29 +512,30 @@ fn a_frame_in_f32_is_the_same_bytes_on_any_number_of_threads() {
 
 #[test]
 fn threads_change_no_bit() {
-    let plain = ModelSpec::physical(Encoder::Gru { window: 2 }, 16, 2);
-    for spec in [plain, correcting(8)] {
-        let case = case(&spec, 150, 8);
-        let run = |threads| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-            pool.expect("a pool").install(|| {
-                let mut workspace = Workspace::new();
-                case.objective(&case.weights, Pass::Training(None), &mut workspace);
-                let mut gradient = vec![0.0; case.weights.len()];
-                let output: Vec<f64> = (0..case.graph.vertex_count() * spec.outputs())
-                    .map(coefficient)
-                    .collect();
-                let gradients = Gradients::new(&output, &mut gradient);
-                let (graph, input) = (&case.graph, case.input());
-                case.network
-                    .backward(&case.weights, graph, input, gradients, &mut workspace);
-                gradient
-            })
-        };
-        let one = run(1);
-        assert_eq!(one, run(2));
-        assert_eq!(one, run(3));
-    }
+    let case = case(
+        &ModelSpec::physical(Encoder::Gru { window: 2 }, 16, 2),
+        150,
+        8,
+    );
+    let run = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        pool.expect("a pool").install(|| {
+            let mut workspace = Workspace::new();
+            case.objective(&case.weights, Pass::Training(None), &mut workspace);
+            let mut gradient = vec![0.0; case.weights.len()];
+            let output: Vec<f64> = (0..case.graph.vertex_count() * OUTPUTS)
+                .map(coefficient)
+                .collect();
+            let gradients = Gradients::new(&output, &mut gradient);
+            let (graph, input) = (&case.graph, case.input());
+            case.network
+                .backward(&case.weights, graph, input, gradients, &mut workspace);
+            gradient
+        })
+    };
+    let one = run(1);
+    assert_eq!(one, run(2));
+    assert_eq!(one, run(3));
 }
 
 #[test]

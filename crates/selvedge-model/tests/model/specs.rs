@@ -1,8 +1,8 @@
 //! Specs of the networks that tests go through.
 
-use selvedge_model::{Encoder, ModelSpec, PhysicsBase};
+use selvedge_model::{Encoder, ModelSpec};
 
-/// One of every encoder, and of networks that correct physics.
+/// One of every encoder.
 pub(crate) fn specs() -> Vec<ModelSpec> {
     vec![
         ModelSpec::physical(Encoder::MLP, 8, 3),
@@ -10,16 +10,5 @@ pub(crate) fn specs() -> Vec<ModelSpec> {
         ModelSpec::physical(Encoder::Gru { window: 1 }, 5, 1),
         ModelSpec::mesh_graph_nets(7, 2),
         ModelSpec::physical(Encoder::StreamingGru { window: 2 }, 17, 1),
-        correcting(9),
     ]
-}
-
-/// A network that corrects physics.
-pub(crate) fn correcting(latent: usize) -> ModelSpec {
-    ModelSpec {
-        node_features: Default::default(),
-        edge_features: Default::default(),
-        base: Some(PhysicsBase { substeps: 1 }),
-        ..ModelSpec::physical(Encoder::MLP, latent, 0)
-    }
 }

@@ -1,5 +1,5 @@
-//! BDF2, or the generalised-α method, linearised at a predicted state: second order for one solve
-//! per substep.
+//! The generalised-α method, linearised at a predicted state: second order for one solve per
+//! substep.
 //!
 //! The error of one linear solve is quadratic in the distance from where it is linearised, and the
 //! Jacobian that the solve has is not exact. Linearised at the start of the substep, that leaves an
@@ -76,7 +76,6 @@ impl SecondOrder {
     pub(crate) fn of(scene: &Scene) -> Option<Self> {
         let formula = match scene.physics.integrator {
             Integrator::Linearised => return None,
-            Integrator::SecondOrder => TwoStep::BDF2,
             Integrator::GeneralisedAlpha(settings) => TwoStep::of(settings),
         };
         let vertices = scene.mesh.topology().vertex_count();
@@ -142,10 +141,6 @@ impl SecondOrder {
     /// Keeps what the next substep looks back to, after one from `state` over `dt` `[s]`; `started`
     /// is γ `[s]` of the last stage where that did not look back.
     fn keep(&self, state: &State, history: &mut History, dt: f64, started: Option<f64>) {
-        if self.formula.ends_at_its_point() {
-            history.keep(state, dt);
-            return;
-        }
         let (end, base) = (&self.estimate, &self.base);
         let before = &mut history.before;
         for (before, start, end, base) in [
@@ -176,8 +171,8 @@ impl SecondOrder {
         history.set_last_substep(dt);
     }
 
-    /// A formula that looks back to x', v': x̄ = x + w (x - x'), v̄ the same. Those of BDF2 are the
-    /// state one substep before. `[eq:bdf2]` `[eq:generalised-alpha]`
+    /// Looks back to x', v': x̄ = x + w (x - x'), v̄ the same `[eq:generalised-alpha]`; with a
+    /// spectral radius of 0 it is `[eq:bdf2]`.
     fn looking_back(
         &mut self,
         substep: &mut Substep<'_>,
@@ -204,10 +199,6 @@ impl SecondOrder {
             gamma,
             span: substep.dt,
         };
-        if formula.ends_at_its_point() {
-            let outcome = self.stage(substep.system, factors, state, substep.targets)?;
-            return Ok((outcome, gamma));
-        }
         self.find_targets(substep, state, formula.point);
         let targets = std::mem::take(&mut self.targets);
         let outcome = self.stage(substep.system, factors, state, &targets);

@@ -1,4 +1,4 @@
-//! Coefficients of the formulas of second order that look back: BDF2 and the generalised-α method.
+//! Coefficients of the generalised-α method, a formula of second order that looks back.
 //!
 //! In the form of Jansen, Whiting and Hulbert (2000) for y' = f(y), the equations hold at a point
 //! t + α Δt within the substep, and the rate that they give is blended with that at its start. The
@@ -27,15 +27,6 @@ pub(super) struct TwoStep {
 }
 
 impl TwoStep {
-    /// The backward differentiation formula of two steps.
-    pub(super) const BDF2: Self = Self {
-        weight: 1.0 / 3.0,
-        divisor: 3.0,
-        point: 1.0,
-        new_rate: 1.0,
-        lag: 1.0,
-    };
-
     /// The formula of valid settings.
     pub(super) fn of(settings: GeneralisedAlpha) -> Self {
         let radius = settings.spectral_radius;
@@ -56,11 +47,6 @@ impl TwoStep {
     /// γ of the stage in a substep over `dt`, both in `[s]`.
     pub(super) fn gamma(&self, dt: f64) -> f64 {
         dt * 2.0 / self.divisor
-    }
-
-    /// Returns true if the equations hold at the end of the substep.
-    pub(super) fn ends_at_its_point(&self) -> bool {
-        self.point == 1.0
     }
 
     /// The end of a substep from `start` whose equations hold with `at_point`.
@@ -102,7 +88,13 @@ mod tests {
     #[test]
     fn without_a_radius_it_is_bdf2() {
         let formula = with_radius(0.0);
-        let bdf2 = TwoStep::BDF2;
+        let bdf2 = TwoStep {
+            weight: 1.0 / 3.0,
+            divisor: 3.0,
+            point: 1.0,
+            new_rate: 1.0,
+            lag: 1.0,
+        };
         for (found, expected) in [
             (formula.weight, bdf2.weight),
             (formula.divisor, bdf2.divisor),
@@ -112,7 +104,6 @@ mod tests {
         ] {
             assert!((found - expected).abs() < 1e-15, "{formula:?}");
         }
-        assert!(bdf2.ends_at_its_point());
         let [start, before, end] = [0.3, 0.2, 0.45].map(DVec3::splat);
         assert_eq!(bdf2.end(start, end), end);
         assert!(bdf2.before(start, before, end).distance(start) < 1e-16);

@@ -92,7 +92,7 @@ fn check_seconds(seconds: f64) -> Result<(), SimulatorError> {
 }
 
 /// Checks that there is one of `values` per vertex, finite in single precision.
-pub(super) fn check_state(
+fn check_state(
     what: &'static str,
     one: &'static str,
     values: &[DVec3],

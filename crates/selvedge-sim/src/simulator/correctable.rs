@@ -21,18 +21,32 @@ impl Simulator {
 }
 
 /// A frame that is replaced moves at the velocities of before, plus that of the way from the old
-/// places to the new ones in one frame; the state one substep ago takes its part of that way. One that is taken moves as it came from the frame before.
+/// places to the new ones in one frame; the state one substep
+/// ago takes its part of that way. One that is taken moves as it came from the frame before.
 /// Where the scene has contact, a frame in which something meets is refused.
 impl Correctable for Simulator {
     fn replace_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
         self.check_frame(self.frame, positions)?;
         let rate = self.scene.frame_rate;
-        // As if the cloth had come to the new places at the new velocities.
-        let parts = [self.before_last_substep(), 1.0];
-        self.shift(parts, |v, now| {
-            let to = positions[v].as_dvec3();
-            (to, now.velocity + rate * (to - now.position))
-        });
+        // Part of the frame that had passed before the last substep.
+        let passed = 1.0 - self.history.last_substep().unwrap_or(0.0) * rate;
+        let (
+            State {
+                positions: x,
+                velocities: v,
+            },
+            before,
+        ) = (&mut self.state, &mut self.history.before);
+        for (k, to) in positions.iter().enumerate() {
+            let way = to.as_dvec3() - x[k];
+            let velocity = v[k] + rate * way;
+            // As if the cloth had come to the new places at the new velocities.
+            before.positions[k] += passed * way;
+            before.velocities[k] += velocity - v[k];
+            x[k] = to.as_dvec3();
+            v[k] = velocity;
+        }
+        self.round();
         Ok(())
     }
 

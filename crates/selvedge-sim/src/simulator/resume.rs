@@ -1,6 +1,5 @@
 //! A simulator from a checkpoint, and a checkpoint of a simulator.
 
-use glam::DVec3;
 use selvedge_cloth::{ContactMemory, Scene};
 
 use super::Simulator;
@@ -79,7 +78,15 @@ impl Simulator {
         }
         self.frame = checkpoint.frame;
         self.update_wind();
-        self.begin_at(&checkpoint.positions, &checkpoint.velocities);
+        self.state.positions.copy_from_slice(&checkpoint.positions);
+        self.state
+            .velocities
+            .copy_from_slice(&checkpoint.velocities);
+        self.active.system.forget_changes();
+        self.history.forget();
+        self.forget_touches();
+        self.undo = None;
+        self.round();
         self.put_memory(checkpoint);
         Ok(())
     }
@@ -98,34 +105,5 @@ impl Simulator {
         if let Some((changes, seconds)) = &checkpoint.changes {
             self.active.system.put_changes(changes, *seconds);
         }
-    }
-
-    /// Drops the state one substep ago: the next substep starts anew.
-    pub fn forget_previous(&mut self) {
-        self.history.forget();
-    }
-
-    /// The state one substep ago, positions `[m]` and velocities `[m/s]`, `[vertices]` each, where
-    /// the last substep was one of those into which the scene divides a frame.
-    #[must_use]
-    pub fn substep_before(&self) -> Option<(&[DVec3], &[DVec3])> {
-        let whole = 1.0 / (self.scene.frame_rate * f64::from(self.scene.physics.substeps));
-        let before = &self.history.before;
-        self.history
-            .fits(whole)
-            .then_some((&before.positions[..], &before.velocities[..]))
-    }
-
-    /// Smooths `field`, `[vertices]`, as the last solve smoothed the motion: A⁻¹ M `field`, 0 where
-    /// a handle holds; conjugate gradients leave a hundredth of the residual.
-    ///
-    /// Returns false, and leaves the field, where no solver has that matrix: before the first
-    /// solve, and where the cloth is coupled by what it touches.
-    ///
-    /// # Panics
-    /// When `field` does not have the size of the cloth.
-    pub fn smooth(&mut self, field: &mut [DVec3]) -> bool {
-        assert_eq!(field.len(), self.rounded.len(), "vertices");
-        self.active.system.smooth(field)
     }
 }

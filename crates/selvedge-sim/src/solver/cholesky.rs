@@ -100,12 +100,6 @@ impl Cholesky {
             .map_err(
                 |LltError::NonPositivePivot { index }| FactorError::NotPositiveDefinite { index },
             )?;
-        self.solve_again(right_side);
-        Ok(())
-    }
-
-    /// As [`Self::solve`], with the matrix of the last call.
-    pub(crate) fn solve_again(&mut self, right_side: &mut [f64]) {
         let unknowns = right_side.len();
         LltRef::new(&self.symbolic, &self.factor).solve_in_place_with_conj(
             Conj::No,
@@ -113,6 +107,7 @@ impl Cholesky {
             Par::Seq,
             MemStack::new(&mut self.workspace),
         );
+        Ok(())
     }
 }
 

@@ -97,9 +97,6 @@ struct Vectors {
     product: Vec<Vec3A>,
 }
 
-/// Part (squared) of the residual that is left where a field is smoothed.
-const SMOOTH_ENOUGH: f64 = 1e-2;
-
 /// Iterations at most where touches couple vertices. A complete factor is not slower.
 const COUPLED_ITERATIONS: u32 = 500;
 
@@ -276,34 +273,6 @@ impl ConjugateGradients {
             }
             last = Some(cycle);
         }
-    }
-
-    /// Solves A x = `right`, `[vertices]`, with the matrix of the last [`Self::solve`], to a
-    /// hundredth of what there is to do. `solution` begins as 0; [`Self::iterations`] stays.
-    pub(crate) fn smooth(
-        &mut self,
-        threads: Threads,
-        pattern: &Pattern,
-        right: &[DVec3],
-        solution: &mut [DVec3],
-    ) -> Result<(), IterationError> {
-        let iterations = std::mem::take(&mut self.iterations);
-        self.residual.copy_from_slice(right);
-        let size = self.take_residual(threads, pattern);
-        let start = Start {
-            size,
-            part: 0.0,
-            most: self.settings.max_iterations,
-        };
-        let done = match size.is_finite() && size > 0.0 {
-            true => self.cycle(threads, start, size * SMOOTH_ENOUGH).map(|_| ()),
-            false => Ok(()),
-        };
-        if size > 0.0 {
-            self.give_solution(threads, pattern, solution);
-        }
-        self.iterations = iterations;
-        done
     }
 
     /// Iterates from a residual of size squared `size` until its estimate is at most `goal`, or

@@ -117,16 +117,4 @@ impl Direct {
             changes[vertex as usize] = DVec3::from_slice(entry);
         }
     }
-
-    /// As [`Self::solve`], with the factor of its last call.
-    pub(super) fn solve_again(
-        &mut self,
-        pattern: &Pattern,
-        impulses: &[DVec3],
-        changes: &mut [DVec3],
-    ) {
-        self.take(pattern, impulses);
-        self.cholesky.solve_again(&mut self.solution);
-        self.give(pattern, changes);
-    }
 }

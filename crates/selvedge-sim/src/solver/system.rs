@@ -52,7 +52,6 @@ pub(crate) struct System {
     /// Time over which the Δv of the last solve come about `[s]`; 0 if the next one starts from
     /// nothing.
     solved_span: f64,
-    smoothing: smooth::Smoothing,
     solver: Solver,
     /// A factor of the whole, for a direct solver whose touches couple vertices that its pattern does
     /// not, and where conjugate gradients with touches do not converge.
@@ -128,7 +127,6 @@ impl System {
             driven: vec![DVec3::ZERO; vertex_count],
             changes: vec![DVec3::ZERO; vertex_count],
             solved_span: 0.0,
-            smoothing: smooth::Smoothing::default(),
             touches: Touches::default(),
             repeated: Repeated::default(),
         })
@@ -355,30 +353,6 @@ impl System {
         Ok(solver.solve(threads, pattern, changes, residual)?)
     }
 
-    /// Smooths `field`, `[vertices]`, by the matrix A of the last solve: A⁻¹ M `field`, 0 where
-    /// held; conjugate gradients leave a hundredth of the residual.
-    ///
-    /// Returns false, and leaves the field, where no solver has that matrix: before the first
-    /// solve, where touches couple vertices, and where conjugate gradients fail.
-    pub(crate) fn smooth(&mut self, field: &mut [DVec3]) -> bool {
-        if self.solved_span == 0.0 || self.touches.couple_at_all() {
-            return false;
-        }
-        let (threads, pattern) = (self.threads, &self.pattern);
-        let solver = &mut self.solver;
-        let mass = &self.elements.mass;
-        self.smoothing
-            .smooth(field, mass, |right, smoothed| match solver {
-                Solver::Direct(direct) => {
-                    direct.solve_again(pattern, right, smoothed);
-                    true
-                }
-                Solver::Iterative(solver) => {
-                    solver.smooth(threads, pattern, right, smoothed).is_ok()
-                }
-            })
-    }
-
     fn check_impulses(&self) -> Result<(), SolveError> {
         let is_bad = |v: &&u32| !self.impulses[**v as usize].is_finite();
         match self.pattern.vertices().iter().find(is_bad) {
@@ -483,6 +457,5 @@ fn springs(constraint: HandleConstraint, handles: &Handles, dt: f64) -> Springs<
 }
 
 mod parts;
-mod smooth;
 #[cfg(test)]
 mod tests;

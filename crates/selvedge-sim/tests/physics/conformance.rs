@@ -6,7 +6,7 @@ use selvedge_cloth::{
 };
 use selvedge_sim::Simulator;
 
-use crate::scenes::{floating, hanging};
+use crate::scenes::{BDF2, floating, hanging};
 
 #[test]
 fn the_simulator_conforms() {
@@ -23,7 +23,7 @@ fn the_simulator_conforms() {
             physics.solver = LinearSolver::ConjugateGradients(ConjugateGradients::default());
         }),
         with(|physics| physics.integrator = Integrator::Linearised),
-        with(|physics| physics.integrator = Integrator::SecondOrder),
+        with(|physics| physics.integrator = BDF2),
     ];
     for (number, scene) in scenes.iter().enumerate() {
         let make = || Simulator::new(scene).unwrap();

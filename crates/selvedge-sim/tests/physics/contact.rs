@@ -2,12 +2,12 @@
 
 use glam::{DQuat, DVec3};
 use selvedge_cloth::{
-    ContactSettings, HandleTargets, Handles, Integrator, LinearSolver, Mesh, Obstacle,
-    ObstaclePath, RigidKey, StepError, Stepper,
+    ContactSettings, HandleTargets, Handles, LinearSolver, Mesh, Obstacle, ObstaclePath, RigidKey,
+    StepError, Stepper,
 };
 use selvedge_sim::{Simulator, SimulatorError, Threads};
 
-use crate::scenes::hanging;
+use crate::scenes::{BDF2, hanging};
 use crate::touching::{OnSlope, copies, ground, lying, none, rest_gap, run, sphere};
 
 #[test]
@@ -260,7 +260,7 @@ fn a_sheet_at_rest_or_sliding_keeps_its_second_order() {
             substeps: 4,
         };
         let mut scene = on.scene();
-        scene.physics.integrator = Integrator::SecondOrder;
+        scene.physics.integrator = BDF2;
         let start = scene.mesh.positions().to_vec();
         let velocities = vec![DVec3::X * speed; start.len()];
         let mut simulator = Simulator::with_state(&scene, start, velocities).unwrap();

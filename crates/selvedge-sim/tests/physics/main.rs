@@ -9,7 +9,6 @@ mod contact_edges;
 mod contact_friction;
 mod contact_random;
 mod contact_resume;
-mod corrections;
 mod dynamics;
 mod energy;
 mod fit;

@@ -17,7 +17,7 @@ use selvedge_cloth::{
 };
 use selvedge_sim::Simulator;
 
-use crate::scenes::{CAMEL, DENIM, GRAY, NAVY, hanging, material, square_mesh};
+use crate::scenes::{BDF2, CAMEL, DENIM, GRAY, NAVY, hanging, material, square_mesh};
 use crate::sheets::{grid, triangle_strip};
 
 /// Scenes, and frames of each.
@@ -48,7 +48,7 @@ fn settings() -> impl Strategy<Value = PhysicsSettings> {
     ];
     let integrator = prop_oneof![
         3 => Just(Integrator::Linearised),
-        2 => Just(Integrator::SecondOrder),
+        2 => Just(BDF2),
         3 => Just(Integrator::default()),
     ];
     let laws = (
@@ -266,7 +266,7 @@ fn a_scene_comes_to_its_end_or_says_in_which_frame_and_why_not() {
         TestRunner::new_with_rng(config, rng).run(&(scenes(), drags()), |(scene, drag)| {
             runs.borrow_mut().push(run(&scene, &drag)?);
             // In place of a draw of its own, so that the scenes stay the same.
-            if scene.physics.integrator == Integrator::SecondOrder {
+            if scene.physics.integrator == BDF2 {
                 let mut scene = scene;
                 scene.physics.integrator = Integrator::GeneralisedAlpha(Default::default());
                 runs.borrow_mut().push(run(&scene, &drag)?);

@@ -2,8 +2,8 @@
 
 use glam::{DVec2, DVec3};
 use selvedge_cloth::{
-    Environment, HandleSchedule, Handles, LinearSolver, Material, Mesh, Motion, PhysicsSettings,
-    SagSettings, Scene,
+    Environment, GeneralisedAlpha, HandleSchedule, Handles, Integrator, LinearSolver, Material,
+    Mesh, Motion, PhysicsSettings, SagSettings, Scene,
 };
 use selvedge_sim::laws::stretch::StretchElement;
 
@@ -11,6 +11,11 @@ pub(crate) const GRAY: &str = selvedge_assets::materials::GRAY_INTERLOCK;
 pub(crate) const CAMEL: &str = selvedge_assets::materials::CAMEL_PONTE_ROMA;
 pub(crate) const DENIM: &str = selvedge_assets::materials::DENIM;
 pub(crate) const NAVY: &str = selvedge_assets::materials::NAVY_SPARKLE_SWEAT;
+
+/// The generalised-α method where it is BDF2.
+pub(crate) const BDF2: Integrator = Integrator::GeneralisedAlpha(GeneralisedAlpha {
+    spectral_radius: 0.0,
+});
 
 pub(crate) fn material(text: &str) -> Material {
     let material: Material = toml::from_str(text).unwrap();

@@ -8,7 +8,7 @@ use selvedge_cloth::{
 };
 use selvedge_sim::{Simulator, sag};
 
-use crate::scenes::{hanging, largest_distance, noise};
+use crate::scenes::{BDF2, hanging, largest_distance, noise};
 use crate::sheets::{isotropic, scene};
 
 /// `mesh` with the material coordinates of faces whose middle lies beyond the line u = `line`
@@ -263,8 +263,8 @@ fn panels_of_their_own_damping_move_as_cloths_of_that_damping() {
     for (integrator, solver, crumple) in [
         (Integrator::Linearised, LinearSolver::Cholesky, 0.004),
         (Integrator::Linearised, iterative, 0.004),
-        (Integrator::SecondOrder, LinearSolver::Cholesky, 0.0),
-        (Integrator::SecondOrder, iterative, 0.0),
+        (BDF2, LinearSolver::Cholesky, 0.0),
+        (BDF2, iterative, 0.0),
     ] {
         let run = |damping: [f64; 2]| {
             let mut scene = two_sheets(&one, damping);

@@ -13,7 +13,7 @@ use selvedge_cloth::{
 };
 use selvedge_sim::Simulator;
 
-use crate::scenes::{floating, hanging, largest_distance};
+use crate::scenes::{BDF2, floating, hanging, largest_distance};
 
 fn start(scene: &Scene) -> Vec<DVec3> {
     scene.handles.select(scene.mesh.positions())
@@ -55,10 +55,10 @@ fn any_number_of_threads_gives_the_same_bytes() {
     let iterative = LinearSolver::ConjugateGradients(ConjugateGradients::default());
     for (solver, integrator) in [
         (iterative, Integrator::Linearised),
-        (iterative, Integrator::SecondOrder),
+        (iterative, BDF2),
         (iterative, Integrator::GeneralisedAlpha(Default::default())),
         (LinearSolver::Cholesky, Integrator::Linearised),
-        (LinearSolver::Cholesky, Integrator::SecondOrder),
+        (LinearSolver::Cholesky, BDF2),
         (
             LinearSolver::Cholesky,
             Integrator::GeneralisedAlpha(Default::default()),
@@ -154,7 +154,7 @@ fn integrators_have_their_order() {
     };
     let all = [
         Integrator::Linearised,
-        Integrator::SecondOrder,
+        BDF2,
         Integrator::GeneralisedAlpha(Default::default()),
     ];
     for integrator in all {
@@ -194,7 +194,7 @@ fn implicit_air_takes_energy_where_explicit_air_adds_it() {
     scene.physics.air = AirLaw::Implicit;
     for integrator in [
         Integrator::Linearised,
-        Integrator::SecondOrder,
+        BDF2,
         Integrator::GeneralisedAlpha(Default::default()),
     ] {
         scene.physics.integrator = integrator;
@@ -223,7 +223,7 @@ fn conjugate_gradients_end_however_few_the_unknowns_and_however_small_the_tolera
         scene.mesh = sheet.mesh;
         for integrator in [
             Integrator::Linearised,
-            Integrator::SecondOrder,
+            BDF2,
             Integrator::GeneralisedAlpha(Default::default()),
         ] {
             scene.physics.integrator = integrator;

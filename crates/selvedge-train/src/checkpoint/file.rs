@@ -98,7 +98,6 @@ impl<'a> CheckpointFile<'a> {
                 name: String::new(),
                 steps: 1,
                 log_every: 1,
-                samples: cfg.samples,
                 ..made.clone()
             };
             serde_json::to_value(free).map_err(|error| self.content("config", error))
@@ -160,7 +159,7 @@ impl<'a> CheckpointFile<'a> {
         let [nodes, edges] = &state.inputs;
         let (model, found) = (&cfg.model, (nodes.width(), edges.width()));
         let expected = (model.node_width(), model.edge_width());
-        if found != expected || !state.targets.has_widths(model.outputs()) {
+        if found != expected || !state.targets.has_widths() {
             return Err(self.content("state", ContentProblem::Columns { found, expected }));
         }
         Ok(())
@@ -198,7 +197,7 @@ impl<'a> CheckpointFile<'a> {
         let numbers = |name| self.numbers(name, count);
         let [first, second] = [numbers("first_moment")?, numbers("second_moment")?];
         let adam = Adam::resume(cfg.optimizer, first, second, state.optimizer_steps);
-        let (found, expected) = (state.slots.len(), cfg.slots());
+        let (found, expected) = (state.slots.len(), cfg.batch.samples);
         if found != expected {
             return Err(self.content("state", ContentProblem::Slots { found, expected }));
         }

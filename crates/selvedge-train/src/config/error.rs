@@ -62,21 +62,6 @@ pub enum InvalidConfig {
     Optimizer(#[from] AdamError),
     #[error(transparent)]
     Schedule(#[from] ScheduleError),
-    #[error(
-        "model.base is missing: say which physics the model corrects, as base = {{ substeps = 1 }}"
-    )]
-    NoBase,
-    #[error(
-        "model.base: this training learns from a data set, but a model that corrects physics learns from a teacher: give the table [teacher]"
-    )]
-    Base,
-    #[error("the training has no [teacher]: give it a data set")]
-    NoTeacher,
-    #[error("{field} must be left out: {reason}")]
-    OfOther {
-        field: &'static str,
-        reason: &'static str,
-    },
     #[error("{field} must be between 1 and {most}, found {found}")]
     Count {
         field: &'static str,

@@ -165,18 +165,6 @@ pub struct LossTerms {
 const ROW: usize = 6 * 8 + 1;
 
 impl LossTerms {
-    /// The terms of a loss that compares the outputs of the network alone.
-    pub(crate) fn of_total(total: f64) -> Self {
-        Self {
-            acceleration: total,
-            kinetic_energy: None,
-            edge_vector: None,
-            edge_length: None,
-            bending_angle: None,
-            total,
-        }
-    }
-
     /// Six numbers, NaN for a term that there is not; then a byte that says which there are.
     pub(crate) fn to_bytes(self) -> Vec<u8> {
         let terms = [

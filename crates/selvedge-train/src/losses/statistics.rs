@@ -53,19 +53,10 @@ impl RunningLossStatistics {
         self.acceleration.count()
     }
 
-    /// Statistics of the outputs of a network alone, for losses that compare nothing else.
-    pub(crate) fn of_outputs(acceleration: RunningStatistics) -> Self {
-        Self {
-            acceleration,
-            ..Self::default()
-        }
-    }
-
-    /// True if every quantity has its number of components, the first one that of a network's
-    /// `outputs`; a damaged checkpoint may not.
-    pub(crate) fn has_widths(&self, outputs: usize) -> bool {
+    /// True if every quantity has its number of components; a damaged checkpoint may not.
+    pub(crate) fn has_widths(&self) -> bool {
         let widths = self.clone().parts().map(|part| part.width());
-        widths == [outputs, 1, 3, 1, 1]
+        widths == [3, 1, 3, 1, 1]
     }
 
     /// All statistics. A new one that is left out here does not compile.

@@ -64,12 +64,7 @@ fn the_frames_of_a_rollout_grow_from_one_to_the_last_number() {
     let expected = [1, 1, 1, 2, 2, 3, 4, 4, 5, 5];
     assert_eq!(steps.map(|step| growing.at(step)), expected);
     assert_eq!(UnrollFrames::default().at(7), 1);
-    let refused = |frames: UnrollFrames| {
-        frames
-            .validate_as("unroll")
-            .expect_err("a defect")
-            .to_string()
-    };
+    let refused = |frames: UnrollFrames| frames.validate().expect_err("a defect").to_string();
     let none = UnrollFrames::Constant { frames: 0 };
     assert!(refused(none).contains("unroll.frames must be between 1 and 1000, found 0"));
     let back = UnrollFrames::Growing {

@@ -126,10 +126,12 @@ fn a_sample_without_a_direction_keeps_the_one_before() {
         end: 5,
     };
     let set = TrainingSet {
+        domain: domain_of("a", &trajectory).expect("a domain"),
         motions: vec![Motion::new(graph, trajectory, &[])],
         sections: vec![section],
         first_sample: vec![0, 3],
-        ..TrainingSet::of_teacher(None)
+        name: String::new(),
+        fingerprint: String::new(),
     };
     let mut cfg = crate::test_data::config(selvedge_model::Encoder::MLP);
     cfg.noise.deviation = 0.0;

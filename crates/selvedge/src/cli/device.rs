@@ -36,11 +36,6 @@ impl DeviceArgs {
             false => Ok(self.device),
         }
     }
-
-    /// Returns true where the processor is asked for.
-    pub(crate) fn is_processor(&self) -> bool {
-        self.device == DeviceName::Cpu
-    }
 }
 
 /// A rounding of factors before they are multiplied.

@@ -26,8 +26,8 @@ Examples:
   selvedge eval --model ours=a.safetensors --model theirs=b.safetensors --data data/first -o report
   selvedge eval --model a.safetensors --data data/first --guard none,limit --physics 1,2,8
   selvedge eval default -o out/convergence --physics linearised:1,linearised:4,generalised-alpha:4
-  selvedge eval default -o out/models --motion unseen --model general --model paper --physics 1,2
-  selvedge eval --random 100 --model general
+  selvedge eval default -o out/models --motion unseen --model paper --physics 1,2
+  selvedge eval --random 100 --model paper
   selvedge eval --random 1000 --mesh all --guard none --physics 2 -o out/random
 
 The folder of -o gets report.md with its plots, errors.csv (a row for each run and frame), times.md
@@ -44,7 +44,7 @@ pub(crate) struct EvalArgs {
     #[arg(long, value_name = "N", conflicts_with = "data", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub(crate) random: Option<u32>,
     /// A model: a file, or the name of a shipped one; the name before it is for tables. May stand
-    /// several times [default: general, where nothing else is measured].
+    /// several times [default: paper, where nothing else is measured].
     #[arg(long = "model", value_name = "[NAME=]FILE")]
     pub(crate) models: Vec<String>,
     /// Correction of frames that no cloth could have; several, separated by commas, are several

@@ -118,7 +118,7 @@ pub(super) fn renewed(call: Vec<OsString>) -> (Vec<OsString>, Option<String>) {
     let mut added: Vec<&str> = Vec::new();
     match old.words[0] {
         "rollout" => {
-            added.extend((!has("--model")).then_some("--model=general"));
+            added.extend((!has("--model")).then_some("--model=paper"));
             added.extend((!has("--no-truth")).then_some("--compare"));
         }
         "stress" => added.extend((!has("--runs")).then_some("--random=100")),
@@ -190,7 +190,7 @@ mod tests {
     #[test]
     fn old_calls_are_understood_and_the_new_ones_are_said() {
         for (old, new) in [
-            ("rollout", "run --model=general --compare"),
+            ("rollout", "run --model=paper --compare"),
             (
                 "rollout a.toml --model m --no-truth --out o",
                 "run a.toml --model m --out o",

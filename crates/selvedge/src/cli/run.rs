@@ -22,7 +22,7 @@ Examples:
   selvedge run arcsim-scene.json -o run.safetensors --states states.safetensors
   selvedge run my-scene.toml --start states.safetensors:60 -o on.safetensors
   selvedge run my-scene.toml --rest -o rest.obj
-  selvedge run --model general --compare
+  selvedge run --model paper --compare
   selvedge run my-scene.toml --model my-model.safetensors -o my-run --export cloth.usda
   selvedge run my-large-scene.toml --model paper --device cuda
 
@@ -34,7 +34,7 @@ pub(crate) struct RunArgs {
     /// scenes`).
     #[arg(default_value = "default")]
     pub(crate) scene: String,
-    /// Run by this model: a file, or the name of a shipped one, `general` or `paper`.
+    /// Run by this model: a file, or the name of a shipped one, `paper`.
     #[arg(long, value_name = "NAME|FILE")]
     pub(crate) model: Option<PathBuf>,
     /// The trajectory to write (.safetensors; with --rest also .obj), or with --model the folder
@@ -62,8 +62,7 @@ pub(crate) struct RunArgs {
     /// (.safetensors).
     #[arg(long, value_name = "FILE", conflicts_with = "model")]
     pub(crate) states: Option<PathBuf>,
-    /// Model: also run the physics and compare with it: that of the scene, or with at least eight
-    /// substeps for a model that corrects physics.
+    /// Model: also run the physics and compare with it.
     #[arg(long, requires = "model")]
     pub(crate) compare: bool,
     /// Model: correction of frames that no cloth could have.

@@ -9,14 +9,14 @@ use super::DeviceArgs;
 
 /// Drag a cloth, live, in the browser.
 ///
-/// Serves a page at an address of this machine and says where. The cloth is moved by the learned
-/// model, by the physics, or by both side by side with the same handles; or a recorded trajectory is
+/// Serves a page at an address of this machine and says where. The cloth is moved by the physics, by
+/// a learned model, or by both side by side with the same handles; or a recorded trajectory is
 /// played. Several pages may watch. Ctrl-C ends; a recording under way is written.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
   selvedge view --open
-  selvedge view square-1024 --show physics
+  selvedge view --model small --show model
   selvedge view my-scene.toml --model my-model.safetensors --show both
   selvedge view out/truth.safetensors --beside out/rollout.safetensors
 
@@ -30,7 +30,7 @@ pub(crate) struct ViewArgs {
     #[arg(long, value_name = "FILE")]
     pub(crate) model: Vec<PathBuf>,
     /// The mover of the cloth at first.
-    #[arg(long, value_enum, default_value_t = Shown::Model)]
+    #[arg(long, value_enum, default_value_t = Shown::Physics)]
     pub(crate) show: Shown,
     /// The machine of the models.
     #[command(flatten)]

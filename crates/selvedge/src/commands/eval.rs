@@ -425,7 +425,7 @@ fn whole_table(means: &[Summary]) -> Option<Table> {
         "last second",
         "runs",
         "diverged",
-        "general",
+        "corrected",
         "lost",
         "largest correction",
     ]);

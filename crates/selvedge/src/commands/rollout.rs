@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::Context;
-use selvedge_cloth::{Scene, Stepper};
+use selvedge_cloth::Stepper;
 use selvedge_data::metrics::Comparison;
 use selvedge_data::{LoadedScene, SavedState, Trajectory, metrics};
 use selvedge_guard::Trust;
@@ -107,7 +107,7 @@ pub(crate) fn run(args: &RunArgs, model: &Path) -> anyhow::Result<Answer> {
     let mut loaded = scenes::open(&args.scene)?;
     check_places(args, &wishes, &loaded)?;
     let model = NamedModel::open(Some(model))?;
-    adapt(&mut loaded, &model.model, &args.scene);
+    adapt(&mut loaded, &args.scene);
     let machine = args.machine.open()?;
     let setup = setup(args, loaded, &model.model)?;
     let mut wrote = Vec::new();
@@ -118,8 +118,7 @@ pub(crate) fn run(args: &RunArgs, model: &Path) -> anyhow::Result<Answer> {
         watched::write_trust(trust, &log, setup.beyond.as_ref())?;
         wrote.push(trust.clone());
     }
-    let truth_scene = models::truth_scene(&setup.loaded.scene, &model.model);
-    let truth = truth(&setup, &truth_scene, args, run.end, &mut wrote)?;
+    let truth = truth(&setup, args, run.end, &mut wrote)?;
     let comparison = match &truth {
         Some(truth) => Some(compare(&truth.trajectory, &run.trajectory)?),
         None => None,
@@ -144,7 +143,7 @@ pub(crate) fn run(args: &RunArgs, model: &Path) -> anyhow::Result<Answer> {
         frames: run.trajectory.frame_count(),
         model_ms_per_frame: run.ms_per_frame,
         truth_ms_per_frame: truth.as_ref().map(|truth| truth.ms_per_frame),
-        truth_substeps: truth.as_ref().map(|_| truth_scene.physics.substeps),
+        truth_substeps: truth.as_ref().map(|_| setup.loaded.scene.physics.substeps),
         largest_strain: physics::largest_strain(&run.trajectory)?,
         guard: args.guard.name(),
         guarded,
@@ -202,7 +201,6 @@ fn diverged_frame(log: &[Trust]) -> Option<usize> {
 /// Simulates and writes the truth where it is asked for, after a run that was not interrupted.
 fn truth(
     setup: &Setup,
-    truth_scene: &Scene,
     args: &RunArgs,
     end: End,
     wrote: &mut Vec<PathBuf>,
@@ -210,15 +208,15 @@ fn truth(
     if !args.compare || end == End::Interrupted {
         return Ok(None);
     }
-    let run = simulate(setup, truth_scene)?;
+    let run = simulate(setup)?;
     write(&run.trajectory, args.folder().join(TRUTH), wrote)?;
     Ok(Some(run))
 }
 
 /// Lets the scene that was opened as `name` start in its sagged rest pose, the only start of a
-/// model; warns where it asks for what `model` does not do.
-fn adapt(loaded: &mut LoadedScene, model: &Model, name: &str) {
-    for warning in start::for_model(loaded, model) {
+/// model; warns where it asks for what a model does not do.
+fn adapt(loaded: &mut LoadedScene, name: &str) {
+    for warning in start::for_model(loaded) {
         tracing::warn!("{name}: {warning}");
     }
 }
@@ -274,13 +272,13 @@ fn predict(
         tracing::warn!("the guard did without its physics: {failure}");
     }
     Ok(Prediction {
-        run: timed(setup, scene, run)?,
+        run: timed(setup, run)?,
         log: watched.log().to_vec(),
         guarded: watched.summary(),
     })
 }
 
-fn simulate(setup: &Setup, scene: &Scene) -> anyhow::Result<TimedTrajectory> {
+fn simulate(setup: &Setup) -> anyhow::Result<TimedTrajectory> {
     let progress = Progress::new("simulating the truth", setup.frames, "frames");
     let plan = SimulationPlan {
         start: SavedState::at_rest(setup.rest.positions.clone()),
@@ -289,19 +287,18 @@ fn simulate(setup: &Setup, scene: &Scene) -> anyhow::Result<TimedTrajectory> {
         threads: Threads::Pool,
         stop: interrupt::flag(),
     };
-    let (run, _) = physics::run_plan(scene, plan, &mut || {
+    let (run, _) = physics::run_plan(&setup.loaded.scene, plan, &mut || {
         progress.advance();
         interrupt::flow()
     })?
     .whole()?;
-    timed(setup, scene, run)
+    timed(setup, run)
 }
 
-fn timed(setup: &Setup, scene: &Scene, run: TimedRun) -> anyhow::Result<TimedTrajectory> {
-    let mut spec = setup.loaded.spec.clone();
-    spec.setting.physics = scene.physics;
+fn timed(setup: &Setup, run: TimedRun) -> anyhow::Result<TimedTrajectory> {
+    let LoadedScene { spec, scene, .. } = &setup.loaded;
     Ok(TimedTrajectory {
-        trajectory: physics::trajectory(&spec, scene, &setup.rest.positions, run.positions)?,
+        trajectory: physics::trajectory(spec, scene, &setup.rest.positions, run.positions)?,
         ms_per_frame: run.ms_per_frame,
         end: run.end,
     })

@@ -29,7 +29,7 @@ struct TrainReport {
     device: String,
     out: PathBuf,
     parameters: usize,
-    /// Samples of the data set, or those that a teacher made.
+    /// Samples of the data set.
     samples: u64,
     steps_done: u64,
     steps: u64,
@@ -64,13 +64,7 @@ struct StoppedReport {
 pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
     let cfg = config(args)?;
     let machine = args.machine.open()?;
-    let data = match cfg.teacher {
-        None => Some(data(args)?),
-        Some(_) => {
-            refuse_with_teacher(args)?;
-            None
-        }
-    };
+    let data = generation::open(&args.data)?;
     let ranks = ranks::all();
     let _claimed = match ranks.is_first() {
         true => Some(folder::claim_folder(&args.output, FolderKind::Training)?),
@@ -82,7 +76,7 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
         engine: &*machine.engine(micro_batch),
         ranks: ranks.clone(),
     };
-    let Some(mut trainer) = trainer(cfg, data.as_ref(), args, &engine)? else {
+    let Some(mut trainer) = trainer(cfg, &data, args, &engine)? else {
         let report = StoppedReport {
             out: args.output.clone(),
             steps_done: 0,
@@ -91,9 +85,7 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
         };
         return Ok(Answer::new(stopped(steps), &report)?.ended(End::Interrupted));
     };
-    if let Some(data) = &data {
-        training::with_expert(&mut trainer, data)?;
-    }
+    training::with_expert(&mut trainer, &data)?;
     let (started, first) = (Instant::now(), trainer.steps_done());
     let before = ranks.traffic();
     let (end, loss) = steps_until_end(&mut trainer, args)?;
@@ -118,37 +110,6 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
         interrupted: end == End::Interrupted,
     };
     Ok(Answer::new(text(&report), &report)?.ended(end))
-}
-
-fn data(args: &TrainArgs) -> anyhow::Result<Dataset> {
-    let Some(data) = &args.data else {
-        bail!(
-            "--data is missing: {} learns from a data set; `selvedge data generate` makes one",
-            args.config
-        );
-    };
-    Ok(generation::open(data)?)
-}
-
-/// Refuses what only a training on a data set has.
-fn refuse_with_teacher(args: &TrainArgs) -> anyhow::Result<()> {
-    let config = &args.config;
-    if ranks::all().are_several() {
-        bail!("{config}: a training that corrects physics is of one rank: start it without mpirun");
-    }
-    let micro_batch = args.micro_batch.map_or(1, NonZeroUsize::get);
-    let of_data = [
-        ("--data", args.data.is_some()),
-        ("--from", args.from.is_some()),
-        ("--micro-batch", micro_batch > 1),
-        ("--device", !args.machine.is_processor()),
-    ];
-    match of_data.iter().find(|(_, given)| *given) {
-        None => Ok(()),
-        Some((option, _)) => bail!(
-            "{config}: {option} is of a training on a data set: this one asks a teacher ([teacher]) on the processor; leave it out"
-        ),
-    }
 }
 
 /// The text of a configuration: a shipped one's, or that of a file.
@@ -210,7 +171,7 @@ fn steps_until_end(trainer: &mut Trainer, args: &TrainArgs) -> anyhow::Result<(E
 /// Opens the training that is asked for; none where an end was asked for before the first step.
 fn trainer(
     cfg: TrainConfig,
-    data: Option<&Dataset>,
+    data: &Dataset,
     args: &TrainArgs,
     engine: &dyn EngineMaker,
 ) -> anyhow::Result<Option<Trainer>> {
@@ -219,11 +180,6 @@ fn trainer(
     if checkpoint.is_none() {
         require_empty(&args.output)?;
     }
-    let Some(data) = data else {
-        let stop = interrupt::flag().into();
-        let taught = training::taught(cfg, checkpoint, stop, &mut progress::listener());
-        return Ok(taught?);
-    };
     if let Some(checkpoint) = checkpoint {
         return Ok(Some(Trainer::resume(cfg, data, checkpoint, engine)?));
     }

@@ -175,11 +175,11 @@ impl LiveModel {
             environment: hold.environment,
             ..(**scene).clone()
         };
-        let graph = models::graph_of_scene(&held_scene, &held, &model.model);
+        let graph = models::graph_of_scene(&held_scene, &held);
         let graph = graph.map_err(MoverError::new)?;
         let stepper = model
             .machine
-            .start(&model.model, graph, frames, Some(&held_scene))
+            .start(&model.model, graph, frames)
             .map_err(MoverError::new)?;
         let (known, settings) = (Arc::new(held_scene), GuardSettings::default());
         let stepper = Guard::new(stepper, &held, scene.frame_rate, Some(known), settings);

@@ -65,10 +65,10 @@ fn another_mesh_has_its_own_handles_and_is_said_to_be_beyond_training() {
 
 #[test]
 fn hands_beyond_training_are_said_while_the_model_moves_the_cloth() {
-    let models = ["general"].map(PathBuf::from);
+    let models = ["paper"].map(PathBuf::from);
     let mut workshop = ViewWorkshop::new("default", &models, Machine::Cpu).unwrap();
     let catalogue = workshop.catalogue();
-    assert_eq!(catalogue.models, ["general", "paper"], "each once");
+    assert_eq!(catalogue.models, ["paper"], "each once");
     let order = Order {
         model: "paper".to_owned(),
         ..workshop.first_order()

@@ -30,7 +30,7 @@ fn a_missing_scene_is_named_with_those_that_are_shipped() {
     desk.fails("info nothing.safetensors", 1, &["nothing.safetensors"]);
     desk.fails("compare a.safetensors b.safetensors", 1, &["a.safetensors"]);
     desk.fails("data generate none -o d", 1, &["none", "tiny"]);
-    let known = ["none.safetensors", "no such file", "are: general, paper"];
+    let known = ["none.safetensors", "no such file", "are: paper"];
     desk.fails("run --compare --model none.safetensors", 1, &known);
     assert_eq!(desk.names(), Vec::<String>::new());
 }
@@ -150,8 +150,8 @@ fn no_output_takes_the_place_of_what_is_read() {
         "run scene.toml -o x.safetensors --export sheet.pc2",
         "run on.toml -o states.safetensors",
         "run hands.toml -o x.safetensors --export ./hands.npz",
-        "run --model general --compare hands.toml --export hands.npz",
-        "run --model general --compare push.toml --export out/clip.gif",
+        "run --model paper --compare hands.toml --export hands.npz",
+        "run --model paper --compare push.toml --export out/clip.gif",
         "run --compare push.toml --model out/rollout.safetensors",
         // A file of an earlier rollout would be removed, written anew or not.
         "run push.toml --model out/truth.safetensors",

@@ -14,7 +14,7 @@ fn a_gpu_that_cannot_be_had_is_said_before_anything_is_written() {
         &["built without GPUs"]
     };
     for call in [
-        "run --model general push.toml --frames 2 --no-clip",
+        "run --model paper push.toml --frames 2 --no-clip",
         "train moment.toml --data nowhere -o run",
         "eval --model nothing.safetensors --data nowhere -o report",
         "study ten-minutes -o study",
@@ -38,7 +38,7 @@ fn the_processor_has_no_tensor_products() {
     desk.write("push.toml", PUSH);
     desk.write("moment.toml", TRAINING);
     desk.fails(
-        "run --model general --compare push.toml --precision tf32",
+        "run --model paper --compare push.toml --precision tf32",
         1,
         &["precision tf32", "GPU as device"],
     );

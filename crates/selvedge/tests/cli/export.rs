@@ -170,13 +170,13 @@ fn a_rollout_exports_into_the_folder_that_it_makes() {
     let desk = Desk::new();
     desk.write("push.toml", PUSH);
     desk.json(
-        "run --model general push.toml --frames 2 --no-clip --export out/a.glb --trust out/t.csv",
+        "run --model paper push.toml --frames 2 --no-clip --export out/a.glb --trust out/t.csv",
     );
     assert_eq!(
         crate::common::names_in(&desk.path("out")),
         ["a.glb", "rollout.safetensors", "sheet.png", "t.csv"]
     );
-    let call = "run --model general --compare push.toml -o deep/other --export deep/other/a.png";
+    let call = "run --model paper --compare push.toml -o deep/other --export deep/other/a.png";
     desk.fails(call, 2, &["a.png", "one frame"]);
     assert!(!desk.path("deep").exists());
 }

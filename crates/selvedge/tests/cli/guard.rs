@@ -60,7 +60,7 @@ fn a_rollout_says_how_far_each_frame_can_be_trusted() {
             assert!(number(&report, "/largest_strain") < 0.2815, "{guard}");
         }
     }
-    let wrong = "run --model general --compare push.toml --trust trust.txt -o other";
+    let wrong = "run --model paper --compare push.toml --trust trust.txt -o other";
     desk.fails(wrong, 2, &["--trust", "csv"]);
 }
 
@@ -70,7 +70,7 @@ fn the_shipped_model_needs_no_guard_where_it_was_trained() {
     let mut bytes = Vec::new();
     for guard in ["none", "limit"] {
         let report = desk.json(&format!(
-            "run --model general --frames 3 --no-clip --guard {guard} -o {guard}"
+            "run --model paper --frames 3 --no-clip --guard {guard} -o {guard}"
         ));
         assert_eq!(number(&report, "/guarded/corrected"), 0.0);
         assert_eq!(report["diverged_frame"], Value::Null);

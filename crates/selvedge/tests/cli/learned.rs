@@ -291,13 +291,13 @@ fn what_is_refused_is_not_made() {
 fn a_rollout_into_a_used_folder_leaves_nothing_of_the_earlier_one() {
     let desk = Desk::new();
     desk.write("push.toml", PUSH);
-    let first = desk.json("run --model general --compare push.toml -o out --frames 3");
+    let first = desk.json("run --model paper --compare push.toml -o out --frames 3");
     assert_eq!(first["removed"].as_array().unwrap().len(), 0);
     desk.write("out/notes.txt", "mine");
     let again = desk.json("run --compare push.toml --model paper -o out --frames 2");
     assert_eq!(again["model"], "paper");
     assert_eq!(again["removed"].as_array().unwrap().len(), 0);
-    let all = desk.run("run --model general push.toml -o out --frames 2 --no-clip");
+    let all = desk.run("run --model paper push.toml -o out --frames 2 --no-clip");
     assert_eq!(all.code, Some(0), "{}", all.err);
     assert_eq!(
         names_in(&desk.path("out")),
@@ -313,9 +313,9 @@ fn a_rollout_into_a_used_folder_leaves_nothing_of_the_earlier_one() {
 #[test]
 fn without_arguments_the_shipped_model_runs_the_shipped_scene() {
     let desk = Desk::new();
-    let report = desk.json("run --model general --compare --frames 4");
+    let report = desk.json("run --model paper --compare --frames 4");
     assert_eq!(report["scene"], "default");
-    assert_eq!(report["model"], "general");
+    assert_eq!(report["model"], "paper");
     let names = [
         "clip.gif",
         "rollout.safetensors",

@@ -8,7 +8,6 @@ mod bad_input;
 mod common;
 mod convert;
 mod corpus;
-mod corrected;
 mod data_sets;
 mod devices;
 mod evaluation;

@@ -268,7 +268,7 @@ fn handles_let_go_of_a_learned_cloth_too() {
 fn a_rollout_starts_at_rest_whatever_the_scene_says() {
     let desk = Desk::new();
     desk.write("mesh.toml", format!("start = \"mesh\"\n{PUSH}"));
-    let report = desk.json("run --model general --compare mesh.toml -o out --frames 1 --no-clip");
+    let report = desk.json("run --model paper --compare mesh.toml -o out --frames 1 --no-clip");
     let warning = report["warnings"][0].as_str().unwrap();
     assert!(warning.contains("sagged rest pose"), "{warning}");
     for name in ["rollout", "truth"] {

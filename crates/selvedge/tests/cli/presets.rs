@@ -37,10 +37,6 @@ const PAPERS: [(&str, usize); 13] = [
 /// The presets that are not in the paper.
 const OWN: [&str; 2] = ["first", "rp-gru10-better"];
 
-/// Those of models that correct physics, which learn from a teacher, with the parameters of their
-/// networks.
-const CORRECTIONS: [(&str, usize); 1] = [("general", 11_286)];
-
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/training")
 }
@@ -65,14 +61,9 @@ fn every_preset_is_listed_with_the_network_that_it_promises() {
         .collect();
     let files: BTreeSet<String> = names_in(&folder()).into_iter().collect();
     assert_eq!(listed, files);
-    let corrections = CORRECTIONS.iter().map(|row| row.0);
-    let expected = names().into_iter().chain(corrections);
+    let expected = names().into_iter();
     let expected: BTreeSet<String> = expected.map(|name| format!("{name}.toml")).collect();
     assert_eq!(listed, expected);
-    for (name, parameters) in CORRECTIONS {
-        let row = rows.iter().find(|row| row["name"] == name).unwrap();
-        assert_eq!(number(row, "/parameters"), parameters as f64, "{name}");
-    }
     for (name, parameters) in PAPERS {
         let row = rows.iter().find(|row| row["name"] == name).unwrap();
         assert_eq!(number(row, "/parameters"), parameters as f64, "{name}");

@@ -17,7 +17,7 @@ fn wrong_calls_exit_with_2_and_say_why() {
         ),
         ("train a.toml --data d -o o --for soon", "1h30m"),
         ("data generate tiny -o d -j 0", "--jobs"),
-        ("run --model general --states s.safetensors", "--states"),
+        ("run --model paper --states s.safetensors", "--states"),
         ("view default --beside a.safetensors", "--beside"),
         ("view --address here", "--address"),
         ("run --device gpu", "cuda:N"),
@@ -39,7 +39,7 @@ fn wrong_calls_exit_with_2_and_say_why() {
 #[test]
 fn a_folder_hides_nothing_that_is_shipped() {
     let desk = Desk::new();
-    for name in ["default", "paper", "tiny", "general", "mine"] {
+    for name in ["default", "paper", "tiny", "mine"] {
         std::fs::create_dir(desk.path(name)).unwrap();
     }
     desk.json("run default --start mesh --frames 1 -o run.safetensors");
@@ -50,13 +50,13 @@ fn a_folder_hides_nothing_that_is_shipped() {
     desk.json(&format!("{rollout} paper"));
     let a_folder = ["mine: is a folder", "name the model in it, mine/model.safe"];
     desk.fails(&format!("{rollout} mine"), 1, &a_folder);
-    desk.write("general/model.safetensors", "a model of the user's");
+    desk.write("paper/model.safetensors", "a model of the user's");
     let both = [
-        "general: is a folder",
-        "general/model.safetensors",
+        "paper: is a folder",
+        "paper/model.safetensors",
         "for the shipped model of this name, start from another folder",
     ];
-    desk.fails(&format!("{rollout} general"), 1, &both);
+    desk.fails(&format!("{rollout} paper"), 1, &both);
     // What the program made in a folder is what the folder stands for.
     std::fs::rename(desk.path("default"), desk.path("empty")).unwrap();
     std::fs::rename(desk.path("set"), desk.path("default")).unwrap();
@@ -152,7 +152,7 @@ fn what_ships_is_listed() {
     for (what, name) in [
         ("scenes", "default"),
         ("materials", "gray-interlock"),
-        ("models", "general"),
+        ("models", "paper"),
         ("motions", "forward"),
         ("configs", "first"),
         ("presets", "tiny"),
@@ -188,7 +188,7 @@ mod interrupts {
         // Hours of it, if it went on.
         let never = "[sag]\ntolerance = 1e-300\nmax_steps = 1000000000\n";
         desk.write("never.toml", format!("{PUSH}\n{never}"));
-        let mut rollout = desk.start("run --model general --compare never.toml -o run");
+        let mut rollout = desk.start("run --model paper --compare never.toml -o run");
         rollout.wait_for("sagging to rest: begun");
         assert!(desk.path("run").is_dir());
         rollout.press();
@@ -221,9 +221,9 @@ mod interrupts {
         desk.write("push.toml", PUSH);
         // The earlier one is of another mesh, to be told from the new one however far that comes.
         desk.write("other.toml", PUSH.replace("vertices = 36", "vertices = 25"));
-        desk.json("run --model general --compare other.toml --frames 2 -o out");
+        desk.json("run --model paper --compare other.toml --frames 2 -o out");
         let mut rollout =
-            desk.start("run --model general --compare push.toml --frames 100000 -o out");
+            desk.start("run --model paper --compare push.toml --frames 100000 -o out");
         rollout.wait_for(Running::HAS_RESULTS);
         rollout.press();
         let Said { code, out, .. } = rollout.ended();

@@ -1,4 +1,4 @@
-//! The forward pass: normalised features to normalised accelerations or corrections.
+//! The forward pass: normalised features to normalised accelerations.
 //!
 //! `encoder` takes features to latent rows, `block` passes messages, `mlp` has the perceptrons and
 //! the decoder.
@@ -7,7 +7,7 @@ mod block;
 mod encoder;
 mod mlp;
 
-use selvedge_model::Network;
+use selvedge_model::{Network, OUTPUTS};
 
 use super::arrays::{GraphArrays, InputArrays, StateArrays};
 use super::dropout::Dropout;
@@ -57,8 +57,7 @@ pub fn forward(plan: &mut Plan, schedule: &mut Schedule, pass: ForwardPass<'_>) 
         latent,
         keep: pass.keep,
     };
-    let outputs = graph.vertices * spec.outputs();
-    let output = lower.plan.floats("output", outputs);
+    let output = lower.plan.floats("output", graph.vertices * OUTPUTS);
     let mut nodes = lower
         .plan
         .floats("latent vertices", graph.vertices * latent);

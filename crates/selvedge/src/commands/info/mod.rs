@@ -152,14 +152,7 @@ fn inspect_study(table: &toml::Table, name: &str) -> anyhow::Result<Answer> {
 
 fn inspect_training(cfg: &TrainConfig, name: &str) -> anyhow::Result<Answer> {
     let mut facts = Facts::new();
-    let (kind, of_what) = match cfg.teacher {
-        None => ("training", "training configuration"),
-        Some(_) => (
-            "correction-training",
-            "training configuration, of a model that corrects physics",
-        ),
-    };
-    facts.add("kind", of_what);
+    facts.add("kind", "training configuration");
     facts.add("file", name);
     facts.add("name", &cfg.name);
     facts.add("steps", cfg.steps);
@@ -168,13 +161,7 @@ fn inspect_training(cfg: &TrainConfig, name: &str) -> anyhow::Result<Answer> {
     facts.add("encoder", serde_json::to_string(&cfg.model.encoder)?);
     facts.add("latent", cfg.model.latent);
     facts.add("blocks", cfg.model.blocks);
-    if let Some(teacher) = &cfg.teacher {
-        facts.add("corrects", serde_json::to_string(&cfg.model.base)?);
-        let teacher_solves = format!("{} solves per frame", teacher.substeps);
-        facts.add("teacher", teacher_solves);
-        facts.add("scenes", folded(&teacher.scenes));
-    }
-    let report = json!({ "kind": kind, "file": name, "config": cfg });
+    let report = json!({ "kind": "training", "file": name, "config": cfg });
     Answer::new(facts, &report)
 }
 
