@@ -278,9 +278,6 @@ fn what_is_measured_on_square_400_is_not_learned_from() {
     }
 }
 
-#[test]
-}
-
 /// A table of random cloths, with `to` in the place of `from`.
 fn random_cloths(from: &str, to: &str) -> Result<DatasetPreset, String> {
     let text = "[random_cloths]\ntrain = 12\ntest = 3\nseed = 4\n\

@@ -6,7 +6,6 @@ use std::collections::BTreeSet;
 use serde::{Deserialize, Deserializer, Serialize};
 use thiserror::Error;
 
-
 /// Columns of the output of a vertex: its acceleration.
 pub const OUTPUTS: usize = 3;
 
@@ -178,7 +177,6 @@ pub enum SpecError {
         most: usize,
         found: usize,
     },
-    },
     #[error("model.{field} must contain \"{needed}\"")]
     Missing {
         field: &'static str,
@@ -229,7 +227,6 @@ impl ModelSpec {
     /// Names the field.
     pub fn validate(&self) -> Result<(), SpecError> {
         self.check_sizes()?;
-        }
         self.check_features()
     }
 
@@ -290,11 +287,4 @@ impl ModelSpec {
     pub fn edge_width(&self) -> usize {
         self.edge_features.iter().map(|f| f.width()).sum()
     }
-}
-
-                found,
-            });
-        }
-    }
-    Ok(())
 }
