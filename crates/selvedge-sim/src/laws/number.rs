@@ -1,5 +1,5 @@
 //! The number of a law: one element's `f64`, or as many elements' side by side as the machine's
-//! vectors hold ([`Lanes`]). The laws are written once, for both; the results are the same bits,
+//! vectors hold. The laws are written once, for both; the results are the same bits,
 //! since no product is fused with its sum.
 //!
 //! Code over numbers has loops and functions that are always inlined, no closures: what is not
