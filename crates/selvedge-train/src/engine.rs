@@ -242,7 +242,8 @@ impl<'a> Batch<'a> {
         slots
             .map(|(number, slot)| {
                 let number = self.first + number;
-                let random = SlotRandom::new(seed, self.step, number, count);
+                let of_step = |step| SlotRandom::new(seed, step, number, count);
+                let random = [self.step, self.step + 1].map(of_step);
                 SlotRun::new(setup, frames, slot, random)
             })
             .collect()

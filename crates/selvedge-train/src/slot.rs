@@ -36,6 +36,9 @@ pub(crate) struct Slot {
     /// empty while `run` is 0. Copies of the slot share them.
     #[serde(skip)]
     pub(crate) history: Vec<Arc<Vec<Vec3>>>,
+    /// What the expert makes of the next sample, where it was asked ahead of the step.
+    #[serde(skip)]
+    pub(crate) labels: Option<Vec<Vec<DVec3>>>,
 }
 
 /// A sample as the network and the losses see it.
@@ -80,6 +83,7 @@ impl Slot {
             current: 0,
             run: 0,
             history: Vec::new(),
+            labels: None,
         }
     }
 

@@ -10,6 +10,7 @@
 
 use std::sync::Arc;
 
+use glam::DVec3;
 use rayon::prelude::*;
 use selvedge_model::{ClothGraph, Connectivity};
 
@@ -74,8 +75,9 @@ pub fn run_slots<P: FramePasses>(
         return Ok(Vec::new());
     }
     passes.backward(&weights)?;
-    // The last move is made while a device goes back.
+    // The last move is made, and the expert is asked, while a device goes back.
     each_going(slots, SlotRun::go_on);
+    slots.par_iter_mut().for_each(SlotRun::ask_ahead);
     Ok(means)
 }
 
@@ -92,6 +94,8 @@ pub struct SlotRun<'a> {
     frames: usize,
     slot: &'a mut Slot,
     random: SlotRandom,
+    /// The random numbers of the next step.
+    next_random: SlotRandom,
     sample: ShownSample,
     target: Option<RolloutTarget>,
     /// The latest prediction, normalised, `[vertices, 3]`.
@@ -102,18 +106,20 @@ pub struct SlotRun<'a> {
 }
 
 impl<'a> SlotRun<'a> {
-    /// A slot before the first of up to `frames` frames.
+    /// A slot before the first of up to `frames` frames, with the random numbers of the step and of
+    /// the next one.
     pub(super) fn new(
         setup: Setup<'a>,
         frames: usize,
         slot: &'a mut Slot,
-        random: SlotRandom,
+        [random, next_random]: [SlotRandom; 2],
     ) -> Self {
         Self {
             setup,
             frames,
             slot,
             random,
+            next_random,
             sample: ShownSample::default(),
             target: None,
             output: Vec::new(),
@@ -178,15 +184,16 @@ impl<'a> SlotRun<'a> {
     /// truth.
     fn first_target(&mut self) -> Option<RolloutTarget> {
         let (cfg, set) = (self.setup.cfg, self.setup.set);
-        if let Some(expert) = self.setup.expert {
+        if self.setup.expert.is_some() {
             for _ in 0..MOST_REFUSALS {
                 if !self.slot.is_off(cfg) {
                     break;
                 }
-                let left = self.slot.section.end - 1 - self.slot.current;
-                let state = self.slot.expert_state(set);
-                if let Some(frames) = expert.label(state, left.min(self.frames)) {
-                    return Some(RolloutTarget::labels(frames));
+                let wanted = self.frames_to_label();
+                let ahead = self.slot.labels.take();
+                let ahead = ahead.filter(|labels| labels.len() == wanted);
+                if let Some(labels) = ahead.or_else(|| self.ask()) {
+                    return Some(RolloutTarget::labels(labels));
                 }
                 self.slot.start_afresh();
                 self.show_sample();
@@ -194,6 +201,29 @@ impl<'a> SlotRun<'a> {
         }
         let yaw = self.sample.yaw;
         (self.frames > 1).then(|| RolloutTarget::recorded(cfg, set, self.slot, yaw))
+    }
+
+    /// Asks the expert about the sample that the next step shows, so that it need not wait for the
+    /// answer. That step draws the same sample again, from the same random numbers.
+    fn ask_ahead(&mut self) {
+        std::mem::swap(&mut self.random, &mut self.next_random);
+        if self.setup.expert.is_some() {
+            self.show_sample();
+            if self.slot.is_off(self.setup.cfg) {
+                self.slot.labels = self.ask();
+            }
+        }
+    }
+
+    /// What the expert makes of the sample that is shown.
+    fn ask(&self) -> Option<Vec<Vec<DVec3>>> {
+        let state = self.slot.expert_state(self.setup.set);
+        self.setup.expert?.label(state, self.frames_to_label())
+    }
+
+    fn frames_to_label(&self) -> usize {
+        self.frames
+            .min(self.slot.section.end - 1 - self.slot.current)
     }
 
     /// Moves the slot on after a prediction.

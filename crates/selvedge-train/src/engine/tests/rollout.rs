@@ -221,3 +221,33 @@ fn a_label_is_the_target() {
     assert!((next - 1.0).abs() < 1e-6, "{next}");
     assert!((present - 1.0).abs() > 0.1, "{present}");
 }
+
+/// A resumed training asks again what the one before it had asked ahead.
+#[test]
+fn labels_asked_ahead_are_those_of_the_step() {
+    let data = two_cloths();
+    let mut cfg = unrolled(Encoder::MLP, 3);
+    cfg.noise.deviation = 1e-3;
+    cfg.scheduled_sampling.labels = Labels::Expert;
+    cfg.scheduled_sampling.truth = TruthProbability::Linear {
+        start: 0,
+        end: 1,
+        probability: 0.5,
+    };
+    let losses = |forgets: bool| -> (Vec<u64>, usize) {
+        let mut trainer = Trainer::new(cfg.clone(), &data.dataset, &ENGINE).expect("a training");
+        let expert = expert(false);
+        let asked = Arc::clone(&expert.asked);
+        trainer.ask(Box::new(expert));
+        let losses = (0..12).map(|_| {
+            if forgets {
+                trainer.slots.iter_mut().for_each(|slot| slot.labels = None);
+            }
+            trainer.step().expect("a step").terms.total.to_bits()
+        });
+        (losses.collect(), asked.load(Ordering::Relaxed))
+    };
+    let ((kept, few), (forgotten, many)) = (losses(false), losses(true));
+    assert_eq!(kept, forgotten);
+    assert!(many > few + 8, "{few} {many}");
+}
