@@ -64,8 +64,7 @@ mod trajectory;
 pub use dataset::merge::{DatasetParts, Merged};
 pub use dataset::plan::DatasetPlan;
 pub use dataset::preset::{
-    DatasetConfig, DatasetPreset, DrawnSetting, Forecast, NamedCloth, NamedMotion, PlannedRun,
-    shipped_presets,
+    DatasetConfig, DatasetPreset, Forecast, NamedCloth, NamedMotion, PlannedRun, shipped_presets,
 };
 pub use dataset::sections::{Sample, Section, SectionError, SectionRule};
 pub use dataset::writer::DatasetWriter;

@@ -20,7 +20,7 @@ use selvedge_cloth::MotionError;
 use selvedge_cluster::{ClusterError, Shard};
 use selvedge_data::{
     Dataset, DatasetError, DatasetParts, DatasetPreset, DatasetWriter, LoadedScene, Merged,
-    SceneSpecError, Split, StartSpec,
+    SceneSpecError, Split,
 };
 use selvedge_sim::{DividedFrames, Threads};
 use serde::Serialize;
@@ -41,11 +41,6 @@ pub enum GenerateError {
     Preset(#[from] SceneSpecError),
     #[error("motion {0:?} is not in the preset")]
     NoMotion(String),
-    #[error(
-        "the handles of {0:?} let go, which the trajectories of a data set do not keep: set \
-         random_cloths.ranges.released = 0"
-    )]
-    Released(String),
     Motion(#[from] MotionError),
     Folder(#[from] FolderError),
     Dataset(#[from] DatasetError),
@@ -154,7 +149,6 @@ pub(crate) fn help(
     crew: &Crew,
     reporter: &Reporter<'_>,
 ) -> Result<(), GenerateError> {
-    check_releases(order.preset)?;
     let names = of_first::<Vec<(Split, String)>>(crew, &Vec::new())?;
     let jobs = jobs(order.preset, names)?;
     let rests = shared_rests(crew, Rests::new())?;
@@ -195,7 +189,6 @@ pub(crate) fn make_dataset(
         folder,
         part,
     } = order;
-    check_releases(preset)?;
     let plan = preset.plan()?;
     let _claimed = folder::claim_folder(folder, FolderKind::DataSet)?;
     let mut writer = DatasetWriter::open_part(folder, plan, part)?;
@@ -227,14 +220,6 @@ pub(crate) fn make_dataset(
         generated.samples = writer.finish()?.index().statistics.samples;
     }
     Ok(generated)
-}
-
-/// Refuses handles that let go: a trajectory in a data set has all of them all the time.
-fn check_releases(preset: &DatasetPreset) -> Result<(), GenerateError> {
-    match preset.first_released() {
-        Some(motion) => Err(GenerateError::Released(motion.to_owned())),
-        None => Ok(()),
-    }
 }
 
 /// Makes what is missing, until an end is asked for, and says what that was.
@@ -276,25 +261,18 @@ fn jobs(preset: &DatasetPreset, missing: Vec<(Split, String)>) -> Result<Vec<Job
 /// Rest poses by cloth `[m]`, `[vertices]`.
 type Rests = BTreeMap<Option<String>, Vec<DVec3>>;
 
-/// The start of every cloth that the jobs have, until an end is asked for: its rest pose, or its
-/// mesh where it was drawn at random.
+/// The rest pose of every cloth that the jobs have, until an end is asked for.
 fn rest_poses(jobs: &[Job], reporter: &Reporter<'_>) -> Result<Rests, GenerateError> {
     let mut rests = Rests::new();
     for job in jobs {
         if rests.contains_key(&job.cloth) {
             continue;
         }
-        let start = match job.scene.spec.start {
-            StartSpec::Mesh => job.scene.scene.mesh.positions().to_vec(),
-            _ => {
-                let rest = physics::find_rest_pose(&job.scene.scene, reporter);
-                if reporter.is_stopped() {
-                    break;
-                }
-                rest?.positions
-            }
-        };
-        rests.insert(job.cloth.clone(), start);
+        let rest = physics::find_rest_pose(&job.scene.scene, reporter);
+        if reporter.is_stopped() {
+            break;
+        }
+        rests.insert(job.cloth.clone(), rest?.positions);
     }
     Ok(rests)
 }
@@ -435,55 +413,5 @@ pub fn open(folder: &Path) -> Result<Dataset, OpenDatasetError> {
             Err(OpenDatasetError::Incomplete { folder, source })
         }
         other => Ok(other?),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    const LETS_GO: &str = r#"
-        name = "lets-go"
-        sections = "whole"
-        train = []
-        test = []
-        [setting]
-        material = "gray-interlock"
-        mesh = { generator = { kind = "square", vertices = 36, size = 1.0, seed = 1 } }
-        handles = { label = "upper-corners" }
-        [random_cloths]
-        train = 2
-        seed = 1
-        materials = ["gray-interlock"]
-        [random_cloths.ranges]
-        shapes = ["square"]
-        vertices = [36, 48]
-        size = [0.8, 1.0]
-        stiffness = [0.5, 2.0]
-        density = [0.5, 2.0]
-        isotropic = 0.2
-        handles = [2, 6]
-        released = 1.0
-        speed = 1.0
-        wind = 4.0
-        gusts = 1.0
-        duration = 2.0
-    "#;
-
-    /// A trajectory does not say which handles hold.
-    #[test]
-    fn handles_that_let_go_are_refused_before_anything_is_made() {
-        let folder = tempfile::tempdir().unwrap();
-        let preset = DatasetPreset::parse(LETS_GO, "".as_ref()).unwrap();
-        let order = Order {
-            preset: &preset,
-            folder: &folder.path().join("lets-go"),
-            part: None,
-        };
-        let crew = Crew::of_threads(Some(1));
-        let error = generate(order, &crew, &mut |_| ControlFlow::Continue(())).unwrap_err();
-        assert!(matches!(error, GenerateError::Released(_)), "{error}");
-        assert!(error.to_string().contains("released = 0"), "{error}");
-        assert!(!order.folder.exists());
     }
 }

@@ -21,7 +21,6 @@ mod splines;
 mod written;
 
 pub use self::apart::apart;
-pub(crate) use self::bounds::MOTION_RATE;
 pub use self::error::MotionError;
 pub use self::pace::{Pace, PaceError, Profile};
 pub use self::path::HandlePath;

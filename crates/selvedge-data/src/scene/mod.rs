@@ -23,7 +23,6 @@ mod text;
 pub use file::{open_scene, parse_scene, read_scene};
 pub(crate) use handle_selection::HandleSelection;
 pub use loaded::LoadedScene;
-pub(crate) use material_source::MaterialSource;
 pub use mesh_spec::{
     BuiltMesh, GeneratorSpec, MeshSource, MeshSpec, MeshSpecError, Rotate, Transform,
 };

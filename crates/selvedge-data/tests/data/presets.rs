@@ -6,7 +6,7 @@ use std::path::Path;
 use selvedge_cloth::generate::named_sheets;
 use selvedge_cloth::motion::named;
 use selvedge_data::{
-    DatasetConfig, DatasetPreset, PlannedRun, SectionRule, Split, StartSpec, shipped_presets,
+    DatasetConfig, DatasetPreset, PlannedRun, SectionRule, Split, shipped_presets,
 };
 
 use crate::help::{says, table};
@@ -275,81 +275,5 @@ fn what_is_measured_on_square_400_is_not_learned_from() {
         let preset = DatasetPreset::open(name).unwrap();
         assert_eq!(preset.motions(Split::Train).len(), 0, "{name}");
         assert_eq!(preset.motions(Split::Test).len(), runs, "{name}");
-    }
-}
-
-/// A table of random cloths, with `to` in the place of `from`.
-fn random_cloths(from: &str, to: &str) -> Result<DatasetPreset, String> {
-    let text = "[random_cloths]\ntrain = 12\ntest = 3\nseed = 4\n\
-        materials = [\"gray-interlock\", \"camel-ponte-roma\"]\n\
-        [random_cloths.ranges]\nshapes = [\"square\", \"random\"]\nvertices = [40, 60]\n\
-        size = [0.5, 1.5]\nstiffness = [0.1, 10.0]\ndensity = [0.5, 2.0]\nisotropic = 0.2\n\
-        handles = [0, 6]\nreleased = 0.5\nspeed = 2.0\nwind = 8.0\ngusts = 2.0\nduration = 2.0";
-    let text = text.replacen(from, to, 1);
-    preset("train = []\ntest = []", "whole", "60", &text)
-}
-
-#[test]
-fn random_cloths_are_scenes_of_their_own_that_the_configuration_keeps() {
-    let preset = random_cloths("", "").unwrap();
-    let names = |split| {
-        preset
-            .motions(split)
-            .iter()
-            .map(|motion| motion.name.as_str())
-    };
-    assert_eq!(names(Split::Train).count(), 12);
-    assert_eq!(names(Split::Train).next(), Some("drawn-0"));
-    assert_eq!(
-        names(Split::Test).collect::<Vec<_>>(),
-        ["unseen-0", "unseen-1", "unseen-2"]
-    );
-    let mut materials = std::collections::BTreeSet::new();
-    let mut let_go = Vec::new();
-    for motion in [Split::Train, Split::Test]
-        .map(|split| preset.motions(split))
-        .concat()
-    {
-        let loaded = preset.scene(&motion).unwrap();
-        assert_eq!(loaded.spec.start, StartSpec::Mesh, "{}", motion.name);
-        assert!((40..=60).contains(&loaded.scene.mesh.topology().vertex_count()));
-        materials.insert(format!("{:?}", loaded.scene.material));
-        if !loaded.scene.schedule.is_empty() {
-            let_go.push(motion.name.clone());
-        }
-        // The trajectory's own scene is the same again.
-        let json = loaded.spec.to_json().unwrap();
-        let again = selvedge_data::SceneSpec::from_json(&json).unwrap();
-        assert_eq!(again.build(Path::new("")).unwrap(), loaded.scene);
-    }
-    assert_eq!(materials.len(), 15);
-    assert!(!let_go.is_empty() && let_go.len() < 12, "{let_go:?}");
-    assert_eq!(preset.first_released(), Some(let_go[0].as_str()));
-    let held = random_cloths("released = 0.5", "released = 0.0").unwrap();
-    assert_eq!(held.first_released(), None);
-    let kept: DatasetConfig =
-        serde_json::from_str(&preset.plan().unwrap().config.to_string()).unwrap();
-    assert_eq!(&kept, preset.config());
-    assert_eq!(random_cloths("", "").unwrap(), preset);
-    assert_ne!(
-        random_cloths("seed = 4", "seed = 5").unwrap().config(),
-        preset.config()
-    );
-}
-
-#[test]
-fn mistakes_in_random_cloths_are_named() {
-    let cases = r#"
-        train = 12 | train = 20000 | random_cloths.train: must be at most 10000
-        "random" | "round" | unknown variant `round`
-        [40, 60] | [60, 40] | random_cloths.ranges: vertices must be
-        speed = 2.0 | speed = -2.0 | random_cloths.ranges: speed must be
-        wind = 8.0\n |  | missing field `wind`
-        "gray-interlock" | "tweed" | material: "tweed" is neither
-        ["gray-interlock", "camel-ponte-roma"] | [] | random_cloths: materials must be
-        [random_cloths] | [[cloths]]\nname = "drawn-3"\nhandles = { label = "upper-corners" }\nmesh = { generator = { kind = "square", vertices = 36, size = 1.0, seed = 1 } }\n[random_cloths] | cloths.name: "drawn-3" is the name of a drawn cloth
-    "#;
-    for [from, to, expected] in table(cases) {
-        says(random_cloths(from, to).unwrap_err(), &[expected]);
     }
 }

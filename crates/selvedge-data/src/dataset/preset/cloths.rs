@@ -42,7 +42,6 @@ impl NamedCloth {
             name: sheet.name.to_owned(),
             mesh,
             handles: handles.unwrap_or_default(),
-            drawn: None,
         };
         Ok((cloth, built.mesh))
     }
@@ -125,7 +124,6 @@ impl ClothFile {
             name: self.name,
             mesh,
             handles: selected.vertices,
-            drawn: None,
         };
         Ok((cloth, sheet.mesh))
     }

@@ -1,6 +1,6 @@
 //! The configuration of a data set as its index keeps it: setting, cloths and motions, resolved.
 
-use selvedge_cloth::{Environment, HandleSchedule, Material, Motion};
+use selvedge_cloth::Motion;
 use serde::{Deserialize, Serialize};
 
 use crate::dataset::sections::SectionRule;
@@ -16,22 +16,6 @@ pub struct NamedCloth {
     pub mesh: MeshSpec,
     /// The held vertices, in the order of the handle targets.
     pub handles: Vec<u32>,
-    /// Properties that a cloth drawn at random has instead of the setting's.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub drawn: Option<Box<DrawnSetting>>,
-}
-
-/// The part of a setting that is drawn with a cloth. Such a cloth starts as its mesh hangs.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct DrawnSetting {
-    /// Times at which handles let go.
-    #[serde(default, skip_serializing_if = "HandleSchedule::is_empty")]
-    pub schedule: HandleSchedule,
-    /// The fabric.
-    pub material: Material,
-    /// Gravity, air and wind.
-    pub environment: Environment,
 }
 
 /// The configuration of a data set, as its index keeps it.

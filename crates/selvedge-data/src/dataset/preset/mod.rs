@@ -28,21 +28,17 @@
 //! handles = { vertices = [0] }
 //! ```
 //!
-//! Only with these may `train` be empty: such a set is for testing what was learned elsewhere. A
-//! table `random_cloths` adds cloths that are drawn at random, each with a fabric, air, handles and
-//! a motion of its own, to learn from and to test on.
+//! Only with these may `train` be empty: such a set is for testing what was learned elsewhere.
 //! No motion may be in both splits, none of one's own in neither or with the name of a shipped one.
 //! This crate plans the runs; the physics is run elsewhere.
 
 mod cloths;
 pub(crate) mod config;
 mod forecast;
-mod random_cloths;
 
 use self::cloths::{ClothFile, MeshesFile, all_of, on_each};
-pub use self::config::{DatasetConfig, DrawnSetting, NamedCloth, NamedMotion};
+pub use self::config::{DatasetConfig, NamedCloth, NamedMotion};
 pub use self::forecast::{Forecast, PlannedRun};
-use self::random_cloths::{Drawn, RandomCloths};
 use crate::dataset::Split;
 use crate::dataset::plan::DatasetPlan;
 use crate::dataset::sections::SectionRule;
@@ -92,7 +88,6 @@ struct PresetFile {
     cloths: Vec<ClothFile>,
     #[serde(default)]
     motions: BTreeMap<String, MotionSource>,
-    random_cloths: Option<RandomCloths>,
 }
 
 /// Names of motions, or what stands for many.
@@ -190,8 +185,6 @@ impl DatasetPreset {
         let train = file.train.resolve("train", &own)?;
         let test = file.test.resolve("test", &own)?;
         let cloths = all_of(file.meshes, file.cloths, folder, &mut warnings)?;
-        let drawn = file.random_cloths.map(|cloths| cloths.draw(folder));
-        let drawn = drawn.transpose()?.unwrap_or_default();
         let mut config = DatasetConfig {
             name: file.name,
             sections: file.sections,
@@ -200,18 +193,14 @@ impl DatasetPreset {
             train,
             test,
         };
-        config.check(&own, !drawn.is_empty())?;
+        config.check(&own)?;
         if !cloths.is_empty() {
             config.test = on_each(&cloths, &config.test)?;
-        }
-        let mut meshes: Vec<Mesh> = cloths.into_iter().map(|(_, mesh)| mesh).collect();
-        for one in drawn {
-            meshes.push(config.add(one)?);
         }
         let preset = Self {
             config,
             mesh,
-            meshes,
+            meshes: cloths.into_iter().map(|(_, mesh)| mesh).collect(),
             folder: folder.to_owned(),
             warnings,
             forecast: Forecast {
@@ -259,19 +248,6 @@ impl DatasetPreset {
         &self.forecast
     }
 
-    /// Name of the first trajectory whose handles let go, if there is one. A data set cannot keep
-    /// it; a training that makes its samples as it goes can learn from it.
-    #[must_use]
-    pub fn first_released(&self) -> Option<&str> {
-        let lets_go = |motion: &&NamedMotion| {
-            let cloths = self.config.cloths.iter();
-            let mut own = cloths.filter(|cloth| Some(&cloth.name) == motion.cloth.as_ref());
-            own.any(|cloth| matches!(&cloth.drawn, Some(drawn) if !drawn.schedule.is_empty()))
-        };
-        let mut motions = self.config.train.iter().chain(&self.config.test);
-        motions.find(lets_go).map(|motion| motion.name.as_str())
-    }
-
     /// The configuration.
     #[must_use]
     pub fn config(&self) -> &DatasetConfig {
@@ -294,26 +270,19 @@ impl DatasetPreset {
     pub fn scene(&self, motion: &NamedMotion) -> Result<LoadedScene, SceneSpecError> {
         let mut setting = self.config.setting.clone();
         let mut mesh = &self.mesh;
-        let mut start = StartSpec::Rest;
         let cloths = self.config.cloths.iter().zip(&self.meshes);
         for (cloth, other) in cloths {
             if motion.cloth.as_ref() == Some(&cloth.name) {
                 setting.mesh = cloth.mesh.clone();
                 setting.handles.clone_from(&cloth.handles);
                 mesh = other;
-                if let Some(drawn) = &cloth.drawn {
-                    setting.schedule = drawn.schedule.clone();
-                    setting.material = drawn.material.clone();
-                    setting.environment = drawn.environment;
-                    start = StartSpec::Mesh;
-                }
             }
         }
         let spec = SceneSpec {
             name: format!("{}/{}", self.config.name, motion.name),
             setting,
             motion: motion.motion.clone(),
-            start,
+            start: StartSpec::Rest,
         };
         let mut warnings = Vec::new();
         let scene = spec.with_mesh(mesh.clone(), &self.folder, &mut warnings)?;
@@ -347,25 +316,10 @@ pub fn shipped_presets() -> &'static [(&'static str, &'static str)] {
 }
 
 impl DatasetConfig {
-    /// Adds a drawn cloth with its motion, and gives its mesh.
-    fn add(&mut self, drawn: Drawn) -> Result<Mesh, SceneProblem> {
-        let name = &drawn.cloth.name;
-        if self.cloths.iter().any(|other| other.name == *name) {
-            let problem = format!("{name:?} is the name of a drawn cloth: rename it");
-            return Err(field("cloths.name", problem));
-        }
-        self.cloths.push(drawn.cloth);
-        match drawn.split {
-            Split::Train => self.train.push(drawn.motion),
-            Split::Test => self.test.push(drawn.motion),
-        }
-        Ok(drawn.mesh)
-    }
-
     /// Checks that the splits are fit to learn from and to test with; `own` are the file's own
-    /// motions, `is_drawn` whether cloths are drawn beside them.
-    fn check(&self, own: &BTreeMap<String, Motion>, is_drawn: bool) -> Result<(), SceneProblem> {
-        if self.train.is_empty() && self.cloths.is_empty() && !is_drawn {
+    /// motions.
+    fn check(&self, own: &BTreeMap<String, Motion>) -> Result<(), SceneProblem> {
+        if self.train.is_empty() && self.cloths.is_empty() {
             let problem = "is empty: name at least one motion to learn from";
             return Err(field("train", problem));
         }
