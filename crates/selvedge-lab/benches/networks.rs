@@ -6,7 +6,7 @@
 //! `gru-5`, `mlp`, `meshgraphnets`, `small`; all), `vertices` of a cloth (1024), `cloths` in a pass
 //! (1), `runs` that count (10), `threads` (1), and `against` (none), a program that runs the same
 //! networks, such as `python benches/peer/peer.py`. With `--features gpu` also `device` (cpu, cuda,
-//! cuda:N) and `precision` (full, tensor, half). Times are medians.
+//! cuda:N) and `precision` (full, tensor). Times are medians.
 //!
 //! The other program gets one line of JSON on its standard input: spec, vertices, node_width,
 //! edge_width, senders, receivers, threads. It answers "ready"; then, for each line "frame" or
@@ -177,8 +177,7 @@ fn on_gpu(
     let precision = match settings["precision"].as_str() {
         "full" => Precision::Full,
         "tensor" => Precision::Tensor,
-        "half" => Precision::Half,
-        other => panic!("{other:?} is none of full, tensor, half"),
+        other => panic!("{other:?} is none of full, tensor"),
     };
     let case = || NetworkCase {
         network,

@@ -4,7 +4,6 @@
 use selvedge_model::{Extent, Input, Network};
 
 use crate::bench::case::{GraphSizes, Layout, NetworkArrays, NetworkCase, load};
-use crate::bench::profile::Work;
 use crate::device::{Device, DeviceError, Loaded, Precision, Prepared};
 use crate::kernels::layers;
 use crate::kernels::{Program, Sizes};
@@ -19,7 +18,6 @@ pub struct Inference {
     output: Region,
     forward: Prepared,
     commands: usize,
-    work: Work,
 }
 
 /// The memory, the kernels and the schedule of a pass.
@@ -91,7 +89,6 @@ impl Inference {
         Ok(Self {
             forward: loaded.prepare(&layout.forward)?,
             commands: layout.forward.len(),
-            work: Work::of_all(&layout.forward),
             output: layout.output,
             arrays: layout.arrays,
             loaded,
@@ -102,12 +99,6 @@ impl Inference {
     #[must_use]
     pub fn commands(&self) -> usize {
         self.commands
-    }
-
-    /// The bytes and operations of a pass.
-    #[must_use]
-    pub fn work(&self) -> Work {
-        self.work
     }
 
     /// Writes normalised features, of as many frames as the pass takes.

@@ -6,7 +6,6 @@ use selvedge_model::{Extent, Input, Network};
 use selvedge_train::{Adam, AdamError, AdamSettings};
 
 use crate::bench::case::{GraphSizes, Layout, NetworkArrays, NetworkCase, load};
-use crate::bench::profile::{Spent, profile};
 use crate::device::{Device, DeviceError, Loaded, Precision, Prepared};
 use crate::kernels::losses::{self, SQUARE_ERROR};
 use crate::kernels::{Program, Sizes, adam, backward as backward_kernels, layers};
@@ -161,19 +160,6 @@ impl Learning {
     #[must_use]
     pub fn commands(&self) -> usize {
         self.commands.len()
-    }
-
-    /// The cost of every command of a step by itself. Nothing can be learned afterwards.
-    ///
-    /// # Errors
-    /// When the device fails.
-    pub fn profile(mut self) -> Result<Vec<Spent>, DeviceError> {
-        self.step(0.0)?;
-        let schedule = Schedule {
-            name: "a step of learning",
-            commands: self.commands,
-        };
-        profile(&mut *self.loaded, &schedule)
     }
 
     /// Writes normalised features, of as many frames as the pass takes, and the target of its

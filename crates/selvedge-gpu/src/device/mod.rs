@@ -22,8 +22,6 @@ pub enum Precision {
     Full,
     /// Factors rounded to 10 bits (TF32).
     Tensor,
-    /// Factors rounded to 7 bits (bf16).
-    Half,
 }
 
 /// A kind of machine that runs kernels.
@@ -36,16 +34,6 @@ pub trait Device: Send + Sync {
     /// # Errors
     /// When the device does not answer.
     fn free_bytes(&self) -> Result<usize, DeviceError>;
-
-    /// The speed of products of square bf16 matrices of `side` rows
-    /// `[floating-point operations per second]`. None where the device has no such product.
-    ///
-    /// # Errors
-    /// When the device fails, or has too little memory.
-    fn narrow_products(&self, side: usize) -> Result<Option<f64>, DeviceError> {
-        let _ = side;
-        Ok(None)
-    }
 
     /// Compiles a program and allocates the arena of a plan.
     ///

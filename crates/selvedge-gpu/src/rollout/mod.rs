@@ -14,7 +14,6 @@ use selvedge_cloth::VertexId;
 use selvedge_model::{ClothGraph, Model, Yaw};
 use thiserror::Error;
 
-use crate::bench::profile::{Spent, profile};
 use crate::cloths::UnionSizes;
 use crate::cloths::frames::FrameNumbers;
 use crate::device::{Device, DeviceError, Loaded, Precision, Prepared, require_memory};
@@ -170,20 +169,6 @@ impl Rollout {
     #[must_use]
     pub fn unrecorded(&self) -> Option<&str> {
         self.loaded.unrecorded()
-    }
-
-    /// The cost of every command of a frame by itself, without transfers. The frame of a streaming
-    /// network starts from states. The cloths are lost.
-    ///
-    /// # Errors
-    /// [`FrameError`] of the frame that comes before.
-    ///
-    /// # Panics
-    /// As [`Self::step`].
-    pub fn profile(mut self, targets: &[&[Vec3]]) -> Result<Vec<Spent>, FrameError> {
-        self.step(targets)?;
-        let schedule = self.plan.newest.first().unwrap_or(&self.plan.whole);
-        Ok(profile(&mut *self.loaded, schedule)?)
     }
 
     /// Starts the computation of a frame. Returns the yaws of the cloths.

@@ -1,6 +1,7 @@
 //! Trainings on a device against the CPU's: plans that read what they wrote, gradients, losses of
 //! many steps, checkpoints that go from one to the other.
 
+mod conformance;
 mod swinging;
 
 use std::cell::Cell;
@@ -13,11 +14,12 @@ use selvedge_train::{
 
 use super::slot_arrays::{sizes_of, union_sizes};
 use super::{OnDevice, TrainingPlan};
-use crate::bench::conformance::{TrainingCheck, training};
+
 use crate::cloths::losses::SlotSizes;
 use crate::device::Precision;
 use crate::schedule::Trace;
 use crate::test_graphs::device;
+use conformance::{TrainingCheck, training};
 use swinging::{Swinging, config, two_cloths};
 
 /// All columns.

@@ -12,7 +12,6 @@
 mod compile;
 mod context;
 mod loaded;
-mod narrow;
 mod owned;
 mod product;
 
@@ -177,11 +176,6 @@ impl Device for Cuda {
         self.context.enter()?;
         let (free, _) = result::mem_get_info().map_err(failed("cuMemGetInfo"))?;
         Ok(free.saturating_sub(RESERVE))
-    }
-
-    fn narrow_products(&self, side: usize) -> Result<Option<f64>, DeviceError> {
-        self.context.enter()?;
-        narrow::products(side).map(Some)
     }
 
     fn load(

@@ -13,13 +13,6 @@ use crate::schedule::{Matrix, Onto, Product};
 /// Bytes of the workspace of cuBLAS: its default on the largest cards.
 pub(super) const WORKSPACE: usize = 32 << 20;
 
-/// The type of the elements of matrices.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
-    F32,
-    Bf16,
-}
-
 /// A product as cuBLAS takes it. Pointers are offsets from the beginning of the arena, in elements.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Gemm {
@@ -48,18 +41,6 @@ impl Gemm {
             right: operand(&product.a)?,
             out: (first(&product.c), number(product.c.leading)?),
             beta: if product.onto == Onto::Add { 1.0 } else { 0.0 },
-        })
-    }
-
-    /// The product of the first two of three adjacent square matrices, into the third.
-    pub(super) fn square(side: usize) -> Option<Self> {
-        let rows = c_int::try_from(side).ok()?;
-        Some(Self {
-            size: [rows; 3],
-            left: (false, 0, rows),
-            right: (false, side * side, rows),
-            out: (2 * side * side, rows),
-            beta: 0.0,
         })
     }
 }
@@ -102,7 +83,6 @@ impl Blas {
             compute: match precision {
                 Precision::Full => cublasComputeType_t::CUBLAS_COMPUTE_32F,
                 Precision::Tensor => cublasComputeType_t::CUBLAS_COMPUTE_32F_FAST_TF32,
-                Precision::Half => cublasComputeType_t::CUBLAS_COMPUTE_32F_FAST_16BF,
             },
         };
         // SAFETY: one owner holds handle, stream and workspace. The stream is set first, since
@@ -122,16 +102,6 @@ impl Blas {
         gemm: &Gemm,
         arena: cudarc::driver::sys::CUdeviceptr,
     ) -> Result<(), DeviceError> {
-        self.multiply_kind(gemm, arena, Kind::F32)
-    }
-
-    /// Multiplies elements of a kind; offsets count such elements.
-    pub(super) fn multiply_kind(
-        &self,
-        gemm: &Gemm,
-        arena: cudarc::driver::sys::CUdeviceptr,
-        kind: Kind,
-    ) -> Result<(), DeviceError> {
         let [m, n, k] = gemm.size;
         let operation = |transposed: bool| {
             if transposed {
@@ -140,11 +110,8 @@ impl Blas {
                 cublasOperation_t::CUBLAS_OP_N
             }
         };
-        let (kind, bytes) = match kind {
-            Kind::F32 => (cudaDataType::CUDA_R_32F, 4),
-            Kind::Bf16 => (cudaDataType::CUDA_R_16BF, 2),
-        };
-        let at = |number: usize| (arena + bytes * number as u64) as *const c_void;
+        let kind = cudaDataType::CUDA_R_32F;
+        let at = |number: usize| (arena + 4 * number as u64) as *const c_void;
         let ((left, a, lda), (right, b, ldb), (c, ldc)) = (gemm.left, gemm.right, gemm.out);
         let alpha = 1.0_f32;
         // SAFETY: the matrices lie in the arena, as was checked when the schedule was prepared. The

@@ -8,22 +8,22 @@ use crate::training::OnDevice;
 
 /// Relative differences of a training on a device from the one on the processor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct TrainingCheck {
+pub(super) struct TrainingCheck {
     /// The gradient of the first step, relative to its length.
-    pub gradient: f64,
+    pub(super) gradient: f64,
     /// The largest difference of a term of the first loss.
-    pub first_loss: f64,
+    pub(super) first_loss: f64,
     /// The largest difference of the loss of a step.
-    pub losses: f64,
+    pub(super) losses: f64,
     /// The weights at the end, relative to the way they have come.
-    pub weights: f64,
+    pub(super) weights: f64,
 }
 
 /// Takes `steps` steps of the training that `make` makes, on the device and on the processor.
 ///
 /// # Errors
 /// When a training cannot be made, or a step fails.
-pub fn training(
+pub(super) fn training(
     device: &dyn Device,
     precision: Precision,
     make: &mut dyn FnMut(&dyn EngineMaker) -> Result<Trainer, TrainError>,
