@@ -14,10 +14,10 @@
 //! # Examples
 //!
 //! ```
-//! use selvedge_cluster::{Delays, threads};
+//! use selvedge_cluster::threads;
 //!
 //! # fn main() -> Result<(), selvedge_cluster::ClusterError> {
-//! let ranks = threads(3, Delays::NONE);
+//! let ranks = threads(3);
 //! let sums = std::thread::scope(|scope| {
 //!     let sum = |ranks: selvedge_cluster::Ranks| {
 //!         let own = ranks.rank() as f32;
@@ -37,7 +37,6 @@
 //! # }
 //! ```
 
-mod cost;
 mod error;
 mod handout;
 mod local;
@@ -48,10 +47,9 @@ mod shard;
 mod together;
 mod transport;
 
-pub use cost::{Link, StepPieces};
 pub use error::ClusterError;
 pub use handout::{Done, HandOut, HandOutError, hand_out};
-pub use local::{Delays, threads};
+pub use local::threads;
 #[cfg(feature = "mpi")]
 pub use mpi::{is_launched, open_mpi};
 pub use ranks::{Ranks, Tag, Traffic};

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use super::*;
-use crate::local::{Delays, threads};
+use crate::local::threads;
 
 type Outcome = Result<bool, HandOutError<String>>;
 
@@ -29,7 +29,7 @@ fn handed(
                 Ok(())
             })
         };
-        let ranks = threads(count, Delays::NONE).into_iter();
+        let ranks = threads(count).into_iter();
         let all: Vec<_> = ranks.map(|ranks| scope.spawn(move || run(ranks))).collect();
         all.into_iter().map(|rank| rank.join().unwrap()).collect()
     });
@@ -139,7 +139,7 @@ fn an_answer_that_cannot_be_taken_ends_it() {
                 _ => Ok(()),
             })
         };
-        let ranks = threads(2, Delays::NONE).into_iter();
+        let ranks = threads(2).into_iter();
         let all: Vec<_> = ranks.map(|ranks| scope.spawn(move || run(ranks))).collect();
         all.into_iter().map(|rank| rank.join().unwrap()).collect()
     });
@@ -149,7 +149,7 @@ fn an_answer_that_cannot_be_taken_ends_it() {
 
 #[test]
 fn a_rank_that_ends_in_the_middle_is_named() {
-    let mut ranks = threads(2, Delays::NONE);
+    let mut ranks = threads(2);
     let (second, first) = (ranks.pop().unwrap(), ranks.pop().unwrap());
     let given = &AtomicBool::new(false);
     let outcome: Outcome = thread::scope(|scope| {

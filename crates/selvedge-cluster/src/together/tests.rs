@@ -5,11 +5,11 @@ use std::sync::Mutex;
 use std::thread;
 
 use super::*;
-use crate::local::{Delays, Threads, threads};
+use crate::local::{Threads, threads};
 use crate::transport::{Letter, Transport};
 
 fn on_all<T: Send>(count: usize, work: impl Fn(&Ranks) -> T + Sync) -> Vec<T> {
-    on_each(threads(count, Delays::NONE), work)
+    on_each(threads(count), work)
 }
 
 fn on_each<T: Send>(ranks: Vec<Ranks>, work: impl Fn(&Ranks) -> T + Sync) -> Vec<T> {
@@ -148,7 +148,7 @@ impl Transport for Lazy {
 #[test]
 fn a_sum_ends_when_all_that_a_rank_sent_has_left_it() {
     for count in 1..5 {
-        let lazy = Threads::joined(count, Delays::NONE).into_iter().map(|one| {
+        let lazy = Threads::joined(count).into_iter().map(|one| {
             let waiting = Mutex::default();
             Ranks::new(Box::new(Lazy {
                 carrier: one,

@@ -5,7 +5,7 @@ use std::thread;
 use std::time::Duration;
 
 use selvedge_cloth::Stop;
-use selvedge_cluster::{Delays, threads};
+use selvedge_cluster::threads;
 use selvedge_model::Encoder;
 
 use super::*;
@@ -46,7 +46,7 @@ fn trained(data: &Swinging, cfg: &TrainConfig, count: usize, names: [Option<&str
         trainer.learned().clone()
     };
     let all: Vec<Learned> = thread::scope(|scope| {
-        let ranks = threads(count, Delays::NONE).into_iter();
+        let ranks = threads(count).into_iter();
         let all: Vec<_> = ranks.map(|ranks| scope.spawn(|| train(ranks))).collect();
         all.into_iter().map(|rank| rank.join().unwrap()).collect()
     });
@@ -141,7 +141,7 @@ fn where_one_rank_gives_a_step_up_all_do_and_all_go_on_from_before_it() {
         given_up
     };
     let given_up: Vec<Vec<u64>> = thread::scope(|scope| {
-        let ranks = threads(3, Delays::NONE).into_iter();
+        let ranks = threads(3).into_iter();
         let all: Vec<_> = ranks.map(|ranks| scope.spawn(|| train(ranks))).collect();
         all.into_iter().map(|rank| rank.join().unwrap()).collect()
     });
@@ -165,7 +165,7 @@ fn error_of(count: usize, cfg: impl Fn(usize) -> TrainConfig + Sync) -> String {
     };
     let errors: Vec<String> = thread::scope(|scope| {
         let make = &make;
-        let ranks = threads(count, Delays::NONE).into_iter();
+        let ranks = threads(count).into_iter();
         let all: Vec<_> = ranks
             .map(|ranks| scope.spawn(move || make(ranks)))
             .collect();
