@@ -103,20 +103,18 @@ impl Candidates {
         self.patches.as_ref()
     }
 
-    /// Trees of every body, their nodes around the faces' `bounds`.
-    pub(crate) fn trees_at(surface: &Surface, bounds: impl Fn(u32) -> Bounds) -> Vec<Tree> {
-        let bodies = surface.bodies().iter();
-        bodies
-            .map(|body| {
-                let middle = |face: u32| {
-                    let bounds = bounds(face);
-                    (face, (bounds.least + bounds.greatest) * 0.5)
-                };
-                let mut tree = Tree::new(body.faces.clone().map(middle));
-                tree.refit(|face| (bounds(face).into(), true));
-                tree
-            })
-            .collect()
+    /// The trees of the bodies, cloth first, their nodes around the faces' `bounds`.
+    pub(crate) fn trees_around(&self, bounds: impl Fn(u32) -> Bounds) -> Vec<Tree> {
+        let mut trees = self.trees.clone();
+        for tree in &mut trees {
+            tree.refit(|face| (bounds(face).into(), true));
+        }
+        trees
+    }
+
+    /// Whether the cloth touches itself.
+    pub(crate) fn touches_itself(&self) -> bool {
+        self.touches_itself
     }
 
     /// The pairs. Those of one search are in an order that depends on the surface alone.

@@ -15,33 +15,35 @@ pub struct Intersection {
     pub faces: [u32; 2],
 }
 
-/// All faces of the cloth that meet another face of the cloth or of an obstacle, at `points` `[m]`,
-/// in ascending order. Faces with a common vertex meet where they do so elsewhere too.
-#[must_use]
-pub fn intersections(surface: &Surface, points: &[DVec3]) -> Vec<Intersection> {
-    let mut found = Vec::new();
-    let mut test = |a: u32, b: u32, _| {
-        if triangles_meet(
-            points,
-            surface.faces()[a as usize],
-            surface.faces()[b as usize],
-        ) {
-            let faces = [a.min(b), a.max(b)];
-            found.push(Intersection { faces });
+impl Candidates {
+    /// All faces of the cloth that meet another face of the cloth, where it touches itself, or of
+    /// an obstacle, at `points` `[m]`, in ascending order. Faces with a common vertex meet where
+    /// they do so elsewhere too.
+    #[must_use]
+    pub fn intersections(&self, surface: &Surface, points: &[DVec3]) -> Vec<Intersection> {
+        let corners = |face: u32| surface.faces()[face as usize];
+        let mut found = Vec::new();
+        let mut test = |a: u32, b: u32, _| {
+            if triangles_meet(points, corners(a), corners(b)) {
+                let faces = [a.min(b), a.max(b)];
+                found.push(Intersection { faces });
+            }
+        };
+        let trees = self.trees_around(|face| {
+            let [a, b, c] = corners(face).map(|p| Bounds::of(points[p as usize]));
+            a.around(b).around(c)
+        });
+        if let Some((cloth, obstacles)) = trees.split_first() {
+            if self.touches_itself() {
+                cloth.own_pairs(true, |_, _| Apart::Never, &mut test);
+            }
+            for obstacle in obstacles {
+                cloth.pairs(obstacle, true, &mut test);
+            }
         }
-    };
-    let trees = Candidates::trees_at(surface, |face| {
-        let [a, b, c] = surface.faces()[face as usize].map(|p| Bounds::of(points[p as usize]));
-        a.around(b).around(c)
-    });
-    if let Some((cloth, obstacles)) = trees.split_first() {
-        cloth.own_pairs(true, |_, _| Apart::Never, &mut test);
-        for obstacle in obstacles {
-            cloth.pairs(obstacle, true, &mut test);
-        }
+        found.sort_unstable();
+        found
     }
-    found.sort_unstable();
-    found
 }
 
 /// Returns true if two triangles among `points` meet, exactly. Of triangles with a common vertex,
@@ -49,38 +51,66 @@ pub fn intersections(surface: &Surface, points: &[DVec3]) -> Vec<Intersection> {
 #[must_use]
 pub fn triangles_meet(points: &[DVec3], first: [u32; 3], second: [u32; 3]) -> bool {
     let place = |corner: u32| points[corner as usize];
-    let common: Vec<u32> = first
-        .iter()
-        .copied()
-        .filter(|p| second.contains(p))
-        .collect();
-    let own = |of: [u32; 3]| of.into_iter().find(|p| !common.contains(p));
     let (a, b) = (first.map(place), second.map(place));
-    match common[..] {
-        [] => side_meets(a, b) || side_meets(b, a),
-        [shared] => {
-            opposite(first, shared).is_some_and(|side| segment_meets(side.map(place), b))
-                || opposite(second, shared).is_some_and(|side| segment_meets(side.map(place), a))
+    let common = first.map(|p| second.contains(&p));
+    let of_first = |wanted: bool| (0..3).find(|k| common[*k] == wanted);
+    let of_second = |wanted: bool| (0..3).find(|k| first.contains(&second[*k]) == wanted);
+    match common.iter().filter(|c| **c).count() {
+        0 => meet_apart(a, b),
+        1 => {
+            let (Some(k), Some(l)) = (of_first(true), of_second(true)) else {
+                return true;
+            };
+            meet_beside_corner(a, k, b, l)
         }
-        [from, to] => match (own(first), own(second)) {
-            (Some(p), Some(q)) => {
-                let [from, to, p, q] = [from, to, p, q].map(place);
-                sign(from, to, p, q) == 0.0 && same_side(from, to, p, q)
-            }
-            _ => true,
-        },
+        2 => {
+            let (Some(k), Some(l)) = (of_first(false), of_second(false)) else {
+                return true;
+            };
+            let (from, to, p, q) = (a[(k + 1) % 3], a[(k + 2) % 3], a[k], b[l]);
+            sign(from, to, p, q) == 0.0 && same_side(from, to, p, q)
+        }
         _ => true,
     }
 }
 
-/// The side of a face that does not have `corner`.
-fn opposite(face: [u32; 3], corner: u32) -> Option<[u32; 2]> {
-    let k = face.iter().position(|p| *p == corner)?;
-    Some([face[(k + 1) % 3], face[(k + 2) % 3]])
+/// Triangles without a common corner. Most pairs are told apart by the plane of one of them.
+fn meet_apart(a: [DVec3; 3], b: [DVec3; 3]) -> bool {
+    let of_a = a.map(|p| sign(b[0], b[1], b[2], p));
+    if are_on_one_side(&of_a) {
+        return false;
+    }
+    let of_b = b.map(|p| sign(a[0], a[1], a[2], p));
+    if are_on_one_side(&of_b) {
+        return false;
+    }
+    let side_meets = |of: [DVec3; 3], signs: [f64; 3], other: [DVec3; 3]| {
+        (0..3).any(|k| {
+            let l = (k + 1) % 3;
+            segment_meets([of[k], of[l]], [signs[k], signs[l]], other)
+        })
+    };
+    side_meets(a, of_a, b) || side_meets(b, of_b, a)
 }
 
-fn side_meets(triangle: [DVec3; 3], other: [DVec3; 3]) -> bool {
-    (0..3).any(|k| segment_meets([triangle[k], triangle[(k + 1) % 3]], other))
+/// Triangles whose corners `a[k]` and `b[l]` are one.
+fn meet_beside_corner(a: [DVec3; 3], k: usize, b: [DVec3; 3], l: usize) -> bool {
+    let opposite = |of: [DVec3; 3], corner: usize, other: [DVec3; 3]| {
+        let side = [of[(corner + 1) % 3], of[(corner + 2) % 3]];
+        let signs = side.map(|p| sign(other[0], other[1], other[2], p));
+        (side, signs)
+    };
+    let (side_a, of_a) = opposite(a, k, b);
+    if are_on_one_side(&of_a) {
+        return false;
+    }
+    let (side_b, of_b) = opposite(b, l, a);
+    !are_on_one_side(&of_b) && (segment_meets(side_a, of_a, b) || segment_meets(side_b, of_b, a))
+}
+
+/// Returns true if no sign is zero and none differs from another.
+fn are_on_one_side(signs: &[f64]) -> bool {
+    signs.iter().all(|s| *s > 0.0) || signs.iter().all(|s| *s < 0.0)
 }
 
 /// Side of the plane a, b, c on which d lies.
@@ -98,14 +128,14 @@ fn sign(a: DVec3, b: DVec3, c: DVec3, d: DVec3) -> f64 {
     )
 }
 
-/// Returns true if a segment and a triangle have a point in common.
-fn segment_meets(segment: [DVec3; 2], triangle: [DVec3; 3]) -> bool {
+/// Returns true if a segment and a triangle have a point in common. `signs` are the sides of the
+/// triangle's plane on which the segment ends.
+fn segment_meets(segment: [DVec3; 2], signs: [f64; 2], triangle: [DVec3; 3]) -> bool {
     let ([p, q], [a, b, c]) = (segment, triangle);
-    let (from, to) = (sign(a, b, c, p), sign(a, b, c, q));
-    if (from > 0.0 && to > 0.0) || (from < 0.0 && to < 0.0) {
+    if are_on_one_side(&signs) {
         return false;
     }
-    if from == 0.0 && to == 0.0 {
+    if signs == [0.0; 2] {
         return (0..3).any(|axis| is_flat_meeting(segment, triangle, axis));
     }
     let sides = [sign(p, q, a, b), sign(p, q, b, c), sign(p, q, c, a)];

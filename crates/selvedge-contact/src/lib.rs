@@ -34,7 +34,7 @@ pub use certificate::{
     Approach, Path, Straight, certify, certify_straight, certify_turning, extent,
 };
 pub use closest::{Gap, gap, least_gap};
-pub use intersect::{Intersection, intersections, triangles_meet};
+pub use intersect::{Intersection, triangles_meet};
 pub use pair::{Kind, Pair};
 pub use separate::{Push, push};
 pub use surface::{Body, Surface, SurfaceEdge};

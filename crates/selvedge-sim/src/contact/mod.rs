@@ -21,7 +21,7 @@ mod touches;
 
 use glam::{DVec2, DVec3};
 use selvedge_cloth::{ContactLaw, ContactSettings, Obstacle, Scene, VertexId};
-use selvedge_contact::{Candidates, Intersection, Kind, Pair, Reach, Surface, Ways, intersections};
+use selvedge_contact::{Candidates, Intersection, Kind, Pair, Reach, Surface, Ways};
 
 use crate::active_handles::ActiveHandles;
 use crate::integrator::History;
@@ -226,12 +226,7 @@ impl Contact {
             let places = obstacle.positions_at(frame as f64 / rate);
             points.extend(places.map(|p| p + shift.now));
         }
-        let mut found = intersections(&self.surface, &points);
-        if !self.settings.self_contact {
-            let cloth = self.surface.bodies()[0].faces.end;
-            found.retain(|pair| pair.faces[1] >= cloth);
-        }
-        found
+        self.candidates.intersections(&self.surface, &points)
     }
 
     /// Largest ĝ `[m]`.

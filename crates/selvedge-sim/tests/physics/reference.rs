@@ -12,7 +12,7 @@ use selvedge_cloth::{
     ContactLaw, ContactSettings, ElasticLaw, HandleConstraint, Handles, LinearSolver, Mesh,
     PhysicsMode, PhysicsSettings, Scene,
 };
-use selvedge_contact::{Surface, intersections};
+use selvedge_contact::{Candidates, Surface};
 use selvedge_sim::{Simulator, sag};
 
 use crate::scenes::{DENIM, GRAY, NAVY, hanging, largest_distance, material};
@@ -172,7 +172,8 @@ fn a_squeezed_sheet_touches_like_arcsim() {
     assert_eq!(first, Some(78));
     let surface = Surface::new(scene.mesh.topology(), &[]);
     for (frame, positions) in frames.chunks_exact(1024).enumerate() {
-        let met = intersections(&surface, positions);
+        let candidates = Candidates::new(&surface, positions, true);
+        let met = candidates.intersections(&surface, positions);
         assert!(met.is_empty(), "frame {frame} of ARCSim: {met:?}");
     }
 }
