@@ -207,7 +207,7 @@ fn frames(plan: &EvaluationPlan<'_>, prepared: &[Prepared<'_>]) -> Result<usize,
         let whole = on.span[1] - on.span[0];
         let starts = on.starts.len() * on.frames.last().copied().unwrap_or(0);
         let runs = starts + usize::from(is_whole(plan, job.case)) * whole;
-        count += runs * plan.methods.len() + job.start.as_ref().map_or(0, |_| whole);
+        count += runs * methods_on(plan, job.case).len() + job.start.as_ref().map_or(0, |_| whole);
     }
     Ok(count)
 }
