@@ -225,7 +225,7 @@ impl Default for Integrator {
 impl Default for GeneralisedAlpha {
     fn default() -> Self {
         Self {
-            spectral_radius: 0.2,
+            spectral_radius: 0.1,
         }
     }
 }
