@@ -212,6 +212,9 @@ impl<'a> SlotRun<'a> {
             if self.slot.is_off(self.setup.cfg) {
                 self.slot.labels = self.ask();
             }
+            if self.slot.run == 0 {
+                self.slot.history.clear();
+            }
         }
     }
 

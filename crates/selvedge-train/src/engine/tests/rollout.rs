@@ -243,7 +243,10 @@ fn labels_asked_ahead_are_those_of_the_step() {
             if forgets {
                 trainer.slots.iter_mut().for_each(|slot| slot.labels = None);
             }
-            trainer.step().expect("a step").terms.total.to_bits()
+            let loss = trainer.step().expect("a step").terms.total.to_bits();
+            let fresh = trainer.slots.iter().filter(|slot| slot.run == 0);
+            assert!(fresh.into_iter().all(|slot| slot.history.is_empty()));
+            loss
         });
         (losses.collect(), asked.load(Ordering::Relaxed))
     };
