@@ -18,7 +18,7 @@ use super::watch::Watch;
 use crate::cause::chain;
 use crate::domain::{self, DomainError};
 use crate::physics;
-use crate::watched::{DIVERGED_FRAMES, DIVERGED_STRAIN};
+use crate::watched;
 
 /// Ways in which a case goes beyond the training of a model.
 ///
@@ -97,9 +97,9 @@ impl Course<'_, '_, '_> {
         }
         if let Span::Whole(frames) = span {
             let strains: Vec<f64> = run.frames.iter().map(|at| at.largest_strain).collect();
-            let diverged = metrics::diverged_frame(&strains, DIVERGED_STRAIN, DIVERGED_FRAMES);
-            // The first strain is that after the first step.
-            let diverged = diverged.map(|frame| frame + 1);
+            let errors = run.frames.iter().filter_map(|at| at.errors.as_ref());
+            let true_largest = errors.map(|e| e.true_largest_strain).fold(0.0, f64::max);
+            let diverged = watched::diverged_frame(&strains, true_largest);
             let lost = (strains.len() < frames).then_some(strains.len() + 1);
             run.diverged_frame = diverged.or(lost);
         }

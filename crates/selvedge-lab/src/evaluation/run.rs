@@ -42,7 +42,7 @@ pub struct Run {
     /// After each of the horizons; after every frame of a whole run. Fewer where it failed.
     pub frames: Vec<FrameErrors>,
     /// Of a whole run: the first of more than ten frames in a row in which some edge strains over
-    /// 30 %, or the first that was not reached.
+    /// 30 % and over 1.5 times the truth's largest strain, or the first that was not reached.
     pub diverged_frame: Option<usize>,
     /// Of a whole run: mean speed of the vertices in its last second `[m/s]`.
     #[serde(default, skip_serializing_if = "Option::is_none")]

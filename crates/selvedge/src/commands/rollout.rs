@@ -13,7 +13,7 @@ use std::sync::Arc;
 use anyhow::Context;
 use selvedge_cloth::Stepper;
 use selvedge_data::metrics::Comparison;
-use selvedge_data::{LoadedScene, SavedState, Trajectory, metrics};
+use selvedge_data::{LoadedScene, SavedState, Trajectory};
 use selvedge_guard::Trust;
 use selvedge_lab::comparison::compare;
 use selvedge_lab::domain::{self, Beyond};
@@ -23,7 +23,7 @@ use selvedge_lab::machine::Machine;
 use selvedge_lab::models::{self, NamedModel};
 use selvedge_lab::physics::{self, Keep, SimulationPlan, TimedRun};
 use selvedge_lab::start;
-use selvedge_lab::watched::{self, DIVERGED_FRAMES, DIVERGED_STRAIN, GuardSummary, WatchedModel};
+use selvedge_lab::watched::{self, GuardSummary, WatchedModel};
 use selvedge_model::{Departure, Model};
 use selvedge_sim::{SaggedRest, Threads};
 use serde::Serialize;
@@ -59,7 +59,8 @@ struct RolloutReport {
     /// The guard of frames that no cloth could have.
     guard: &'static str,
     guarded: GuardSummary,
-    /// The first of more than ten frames in a row with an edge over 30 % strain.
+    /// The first of more than ten frames in a row with an edge over 30 % strain, and over 1.5
+    /// times the ground truth's largest where that was run.
     diverged_frame: Option<usize>,
     /// Parts of the scene that the model was not trained on; none where its file does not say.
     beyond: Option<Vec<Departure>>,
@@ -135,6 +136,11 @@ pub(crate) fn run(args: &RunArgs, model: &Path) -> anyhow::Result<Answer> {
     }
     end = exporting::fulfil(&wishes, &run.trajectory, end, &mut wrote)?;
     removed.retain(|path| !wrote.contains(path));
+    let strains: Vec<f64> = log.iter().map(|t| t.given.largest_strain).collect();
+    let true_largest = match &truth {
+        Some(truth) => physics::largest_strain(&truth.trajectory)?,
+        None => 0.0,
+    };
     let report = RolloutReport {
         scene: setup.loaded.scene.name.clone(),
         model: model.name,
@@ -147,7 +153,7 @@ pub(crate) fn run(args: &RunArgs, model: &Path) -> anyhow::Result<Answer> {
         largest_strain: physics::largest_strain(&run.trajectory)?,
         guard: args.guard.name(),
         guarded,
-        diverged_frame: diverged_frame(&log),
+        diverged_frame: watched::diverged_frame(&strains, true_largest),
         beyond: setup.beyond.map(|beyond| beyond.departures),
         comparison,
         wrote,
@@ -189,13 +195,6 @@ fn setup(args: &RunArgs, loaded: LoadedScene, model: &Model) -> anyhow::Result<S
         rest,
         frames,
     })
-}
-
-/// The first of the frames over which the run diverges.
-fn diverged_frame(log: &[Trust]) -> Option<usize> {
-    let strains: Vec<f64> = log.iter().map(|t| t.given.largest_strain).collect();
-    // The first strain is that after the first step.
-    metrics::diverged_frame(&strains, DIVERGED_STRAIN, DIVERGED_FRAMES).map(|frame| frame + 1)
 }
 
 /// Simulates and writes the truth where it is asked for, after a run that was not interrupted.
