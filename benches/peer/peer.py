@@ -36,17 +36,12 @@ class Peer:
         self.precision = lambda: torch.autocast(kind, dtype=torch.bfloat16, enabled=in_half)
         torch.backends.cudnn.allow_tf32 = options.precision == "tensor"
         spec, vertices, arcs = given["spec"], given["vertices"], len(given["senders"])
-        encoder, latent = spec["encoder"], spec["latent"]
         self.network = Network(spec, given["node_width"], given["edge_width"])
-        streams = encoder["kind"] == "streaming-gru"
-        window = 1 if streams else encoder.get("window", 1)
-        edge_window = 1 if encoder["kind"] == "node-gru" else window
+        window = spec["encoder"].get("window", 1)
         self.nodes = torch.randn(window, vertices, given["node_width"])
-        self.edges = torch.randn(edge_window, arcs, given["edge_width"])
+        self.edges = torch.randn(window, arcs, given["edge_width"])
         self.senders = torch.tensor(given["senders"])
         self.receivers = torch.tensor(given["receivers"])
-        rows = (vertices, arcs) if streams else ()
-        self.states = tuple(torch.full((2, count, latent), 0.1) for count in rows) or (None, None)
         self.target = torch.randn(vertices, 3)
         self.optimizer = torch.optim.Adam(self.network.parameters(), lr=1e-5)
         if options.compile and hasattr(torch._dynamo.config, "allow_rnn"):
@@ -61,7 +56,7 @@ class Peer:
             # What the graphs of the run before have left is not wanted any more.
             torch.compiler.cudagraph_mark_step_begin()
         with self.precision():
-            return self.run(self.nodes, self.edges, self.senders, self.receivers, self.states)
+            return self.run(self.nodes, self.edges, self.senders, self.receivers)
 
     def wait(self):
         if self.on_gpu:

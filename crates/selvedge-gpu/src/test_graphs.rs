@@ -64,7 +64,7 @@ pub(crate) fn specs() -> Vec<ModelSpec> {
         physical(Encoder::Gru { window: 1 }, 12, 1),
         physical(Encoder::Gru { window: 4 }, 24, 2),
         physical(Encoder::Gru { window: 3 }, 36, 2),
-        physical(Encoder::StreamingGru { window: 2 }, 16, 2),
+        physical(Encoder::Gru { window: 2 }, 16, 2),
     ]
 }
 
@@ -113,11 +113,7 @@ pub(crate) fn shaken(positions: &[Vec3], size: f32, seed: u64) -> Vec<Vec3> {
 /// All features.
 pub(crate) fn full_specs() -> Vec<ModelSpec> {
     let mut specs = specs();
-    for encoder in [
-        Encoder::Gru { window: 3 },
-        Encoder::MLP,
-        Encoder::StreamingGru { window: 2 },
-    ] {
+    for encoder in [Encoder::Gru { window: 3 }, Encoder::MLP] {
         let mut spec = ModelSpec::physical(encoder, 12, 1);
         spec.node_features.insert(NodeFeature::Acceleration);
         spec.edge_features.insert(EdgeFeature::MaterialVector);

@@ -26,8 +26,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::generate::{SquareSpec, square};
 use selvedge_model::{
-    Carried, Connectivity, Encoder, EncoderState, Gradients, Input, Instructions, ModelSpec,
-    Network, Pass, Purpose, Workspace,
+    Connectivity, Encoder, Gradients, Input, Instructions, ModelSpec, Network, Pass, Purpose,
+    Workspace,
 };
 use selvedge_train::{Adam, AdamSettings};
 
@@ -127,14 +127,10 @@ fn measure(spec: &ModelSpec, graph: &Connectivity, settings: &BTreeMap<&str, Str
         );
     }
     let pack = |purpose| network.pack(&weights, purpose, Instructions::Detected);
-    let carried = Carried {
-        input,
-        state: &EncoderState::new(),
-    };
     let mut workspace = Workspace::new();
     let packed = pack(Purpose::Inference);
     let pass = timed(&mut || {
-        let out = network.forward_carried(&packed, graph, carried, Pass::Inference, &mut workspace);
+        let out = network.forward_packed(&packed, graph, input, Pass::Inference, &mut workspace);
         out.unwrap();
     });
     let (mut packed, mut learned) = (pack(Purpose::Training), weights.clone());
@@ -144,7 +140,7 @@ fn measure(spec: &ModelSpec, graph: &Connectivity, settings: &BTreeMap<&str, Str
     let step = timed(&mut || {
         network.repack(&learned, &mut packed);
         let pass = Pass::Training(None);
-        let out = network.forward_carried(&packed, graph, carried, pass, &mut workspace);
+        let out = network.forward_packed(&packed, graph, input, pass, &mut workspace);
         let out = out.unwrap();
         let scale = 2.0 / out.len() as f32;
         for ((to, x), y) in by_output.iter_mut().zip(out).zip(&target) {
@@ -152,7 +148,7 @@ fn measure(spec: &ModelSpec, graph: &Connectivity, settings: &BTreeMap<&str, Str
         }
         gradient.fill(0.0);
         let gradients = Gradients::new(&by_output, &mut gradient);
-        let back = network.backward_carried(&packed, graph, carried, gradients, &mut workspace);
+        let back = network.backward_packed(&packed, graph, input, gradients, &mut workspace);
         back.unwrap();
         adam.step(&mut learned, &gradient, 1e-5);
     });
@@ -171,7 +167,6 @@ fn on_gpu(
     use selvedge_gpu::bench::{NetworkCase, inference::Inference, learning::Learning};
     use selvedge_gpu::device::Precision;
     use selvedge_lab::machine::open_device;
-    use selvedge_model::Extent;
 
     let device = open_device(settings["device"].parse().unwrap()).unwrap();
     let precision = match settings["precision"].as_str() {
@@ -183,7 +178,6 @@ fn on_gpu(
         network,
         weights,
         graph,
-        extent: Extent::Whole,
     };
     let mut inference = Inference::new(&*device, case(), precision).unwrap();
     inference.put(input).unwrap();

@@ -83,9 +83,9 @@ mod test_cloth;
 
 pub use domain::{Aspect, Bounds, Departure, Domain, DomainWatch, FabricBounds};
 pub use features::{
-    Column, Extent, Frames, Normalizer, NormalizerError, Place, Pose, PoseGradient,
-    RunningStatistics, Window, edge_columns, edge_features, edge_features_backward, edge_groups,
-    node_columns, node_features, node_features_backward, node_groups,
+    Column, Frames, Normalizer, NormalizerError, Place, Pose, PoseGradient, RunningStatistics,
+    Window, edge_columns, edge_features, edge_features_backward, edge_groups, node_columns,
+    node_features, node_features_backward, node_groups,
 };
 pub use graph::{
     ClothGraph, ClothSize, Connectivity, GraphError, Hinge, LocalFrame, Yaw, geometry,
@@ -98,10 +98,7 @@ pub use network::packed::{PackedWeights, Purpose};
 pub use network::parameters::{Parameter, Start};
 pub use network::reference;
 pub use network::workspace::Workspace;
-pub use network::{
-    Carried, EncoderState, Gradients, Input, InputGradient, Network, NetworkScalar, Pass,
-    StateGradients, Stopped,
-};
+pub use network::{Gradients, Input, InputGradient, Network, NetworkScalar, Pass, Stopped};
 pub use rollout::{
     LearnedStepper, LocalAcceleration, MODEL_FORMAT, Model, ModelError, ModelFileError, NonFinite,
     Normalizers, RolloutError, TwoFrames, WeightType, advance, advance_backward, opening_frames,

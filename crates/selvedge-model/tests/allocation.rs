@@ -84,11 +84,7 @@ fn model(encoder: Encoder) -> Model {
 fn frames_after_the_first_allocate_nothing() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build();
     let pool = pool.expect("a pool");
-    for encoder in [
-        Encoder::MLP,
-        Encoder::Gru { window: 3 },
-        Encoder::StreamingGru { window: 3 },
-    ] {
+    for encoder in [Encoder::MLP, Encoder::Gru { window: 3 }] {
         let graph = cloth();
         let rest = graph.rest_positions().to_vec();
         let ends: Vec<DVec3> = graph
@@ -101,8 +97,6 @@ fn frames_after_the_first_allocate_nothing() {
         let mut stepper =
             LearnedStepper::new(Arc::new(model(encoder)), graph, &[&rest]).expect("a start");
         pool.install(|| {
-            // A stream begins with a window and goes on with a frame, into the buffers of two
-            // states.
             for _ in 0..3 {
                 stepper.step(&targets).expect("a frame");
             }

@@ -5,12 +5,11 @@
 
 Needs torch, numpy and safetensors from PyPI. From each frame (and those before it that the model looks at) the next
 one is predicted with features, network and integration written here anew, after docs/src/reference/equations.md, for whatever the
-spec in the model file asks for but streams, and compared with the next frame of the file. Handles are taken from the file: they
+spec in the model file asks for, and compared with the next frame of the file. Handles are taken from the file: they
 are given.
 """
 
 import argparse
-import sys
 import json
 
 import numpy as np
@@ -180,8 +179,6 @@ class Model:
         self.network.eval()
 
     def history(self):
-        if self.spec["encoder"]["kind"] == "streaming-gru":
-            sys.exit("a stream carries states from frame to frame: no step of it can be taken by itself")
         return self.spec["encoder"].get("window", 1) + 1 + ("acceleration" in self.spec["node_features"])
 
     def normalised(self, name, rows):

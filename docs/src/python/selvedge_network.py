@@ -21,10 +21,7 @@ def perceptron(inputs, latent, outputs, norm):
 
 
 class GruEncoder(nn.Module):
-    """Two layers of gated recurrent units over the window, then Linear and LayerNorm on the last state.
-
-    The states of both layers after the window stay in `state`; a stream gives them to the next frame's pass.
-    """
+    """Two layers of gated recurrent units over the window, then Linear and LayerNorm on the last state."""
 
     def __init__(self, width, latent):
         super().__init__()
@@ -32,8 +29,8 @@ class GruEncoder(nn.Module):
         self.linear = nn.Linear(latent, latent)
         self.norm = nn.LayerNorm(latent)
 
-    def forward(self, window, state=None):  # [window, rows, width], [2, rows, latent]
-        states, self.state = self.gru(window, state)
+    def forward(self, window):  # [window, rows, width]
+        states, _ = self.gru(window)
         return self.norm(self.linear(states[-1]))
 
 
@@ -43,7 +40,7 @@ class MlpEncoder(nn.Sequential):
     def __init__(self, width, latent):
         super().__init__(*perceptron(width, latent, latent, norm=True))
 
-    def forward(self, window, state=None):  # [1, rows, width]
+    def forward(self, window):  # [1, rows, width]
         return super().forward(window[-1])
 
 
@@ -78,9 +75,9 @@ class Network(nn.Module):
         self.processor = nn.ModuleList(Block(latent) for _ in range(spec["blocks"]))
         self.decoder = perceptron(latent, latent, 3, norm=False)
 
-    def forward(self, nodes, edges, senders, receivers, states=(None, None)):
-        nodes = self.encoder["nodes"](nodes, states[0])
-        edges = self.encoder["edges"](edges, states[1])
+    def forward(self, nodes, edges, senders, receivers):
+        nodes = self.encoder["nodes"](nodes)
+        edges = self.encoder["edges"](edges)
         for block in self.processor:
             nodes, edges = block(nodes, edges, senders, receivers)
         return self.decoder(nodes)

@@ -1,11 +1,11 @@
 //! A network with its weights on a graph: what the benches load onto a device, and its arrays
 //! there.
 
-use selvedge_model::{Connectivity, Extent, Input, Network};
+use selvedge_model::{Connectivity, Input, Network};
 
 use crate::device::{Device, DeviceError, Loaded, Precision, largest_fit, require_memory};
 use crate::kernels::Program;
-use crate::network::{GraphArrays, InputArrays, StateArrays, WeightArrays};
+use crate::network::{GraphArrays, InputArrays, WeightArrays};
 use crate::schedule::Schedule;
 use crate::schedule::plan::Plan;
 
@@ -18,9 +18,6 @@ pub struct NetworkCase<'a> {
     pub weights: &'a [f32],
     /// The arcs.
     pub graph: &'a Connectivity,
-    /// The frames that a pass takes. A pass of [`Extent::Newest`] starts from states, which are
-    /// zero until `NetworkArrays::put_state`.
-    pub extent: Extent,
 }
 
 impl NetworkCase<'_> {
@@ -45,28 +42,15 @@ pub(super) struct NetworkArrays {
     pub(super) weights: WeightArrays,
     pub(super) graph: GraphArrays,
     pub(super) input: InputArrays,
-    /// The states that a pass starts from, if it does not start from zero.
-    pub(super) start: Option<StateArrays>,
 }
 
 impl NetworkArrays {
     /// Room for a network on a graph of these sizes.
-    pub(super) fn new(
-        plan: &mut Plan,
-        network: &Network,
-        sizes: GraphSizes,
-        extent: Extent,
-    ) -> Self {
-        let spec = network.spec();
+    pub(super) fn new(plan: &mut Plan, network: &Network, sizes: GraphSizes) -> Self {
         let graph = GraphArrays::new(plan, sizes.vertices, sizes.arcs);
-        let steps = match extent {
-            Extent::Whole => [spec.window(); 2],
-            Extent::Newest => [1, 1],
-        };
         Self {
             weights: WeightArrays::new(plan, network),
-            input: InputArrays::new(plan, network, &graph, steps),
-            start: (extent == Extent::Newest).then(|| StateArrays::new(plan, network, &graph)),
+            input: InputArrays::new(plan, network, &graph),
             graph,
         }
     }
@@ -80,20 +64,12 @@ impl NetworkArrays {
         loaded.put(self.input.nodes, input.nodes)?;
         loaded.put(self.input.arcs, input.arcs)
     }
-
-    /// Sets every value of the states that a pass starts from, if it has such states.
-    pub(super) fn put_state(&self, loaded: &mut dyn Loaded, value: f32) -> Result<(), DeviceError> {
-        for region in self.start.iter().flat_map(StateArrays::regions) {
-            loaded.put(region, &vec![value; region.count()])?;
-        }
-        Ok(())
-    }
 }
 
 /// A bench's memory, kernels and schedules, of which loading has to know these.
 pub(super) trait Layout {
     /// The layout for a network on a graph of these sizes.
-    fn new(network: &Network, sizes: GraphSizes, extent: Extent) -> Self;
+    fn new(network: &Network, sizes: GraphSizes) -> Self;
 
     /// The memory.
     fn plan(&self) -> &Plan;
@@ -118,16 +94,15 @@ pub(super) fn load<L: Layout>(
     precision: Precision,
 ) -> Result<(L, Box<dyn Loaded>), DeviceError> {
     let sizes = case.sizes();
-    let layout = L::new(case.network, sizes, case.extent);
+    let layout = L::new(case.network, sizes);
     require_memory(device, "this network", layout.plan().bytes(), |free| {
-        let bytes = |sizes| L::new(case.network, sizes, case.extent).plan().bytes();
+        let bytes = |sizes| L::new(case.network, sizes).plan().bytes();
         vertices_that_fit(sizes, free, bytes)
     })?;
     let mut loaded = device.load(layout.program(), layout.plan(), precision)?;
     let arrays = layout.arrays();
     loaded.put(arrays.weights.flat(), case.weights)?;
     arrays.graph.upload(&mut *loaded, case.graph)?;
-    arrays.put_state(&mut *loaded, 0.0)?;
     let mut pack = Schedule::new("packing the weights");
     arrays.weights.pack(&mut pack);
     let pack = loaded.prepare(&pack)?;

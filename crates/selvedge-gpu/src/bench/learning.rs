@@ -2,7 +2,7 @@
 //! mean square error, backward pass, Adam. Compared with the processor's engine, and measured
 //! beside other programs; trainings are in `training`.
 
-use selvedge_model::{Extent, Input, Network};
+use selvedge_model::{Input, Network};
 use selvedge_train::{Adam, AdamError, AdamSettings};
 
 use crate::bench::case::{GraphSizes, Layout, NetworkArrays, NetworkCase, load};
@@ -42,14 +42,14 @@ struct StepLayout {
 }
 
 impl Layout for StepLayout {
-    fn new(network: &Network, sizes: GraphSizes, extent: Extent) -> Self {
+    fn new(network: &Network, sizes: GraphSizes) -> Self {
         let mut program = Program::new(Sizes::of(network.spec()));
         let parts = [&layers::PART, &losses::PART, &backward_kernels::PART];
         parts.into_iter().for_each(|part| program.add(part));
         adam::define(&mut program);
         let (mut plan, parameters) = (Plan::new(), network.parameter_count());
         let mut layout = Self {
-            arrays: NetworkArrays::new(&mut plan, network, sizes, extent),
+            arrays: NetworkArrays::new(&mut plan, network, sizes),
             target: plan.floats("target", sizes.vertices * OUTPUTS),
             gradient: plan.floats("gradient", parameters),
             ones: plan.floats("ones", sizes.vertices.max(sizes.arcs)),
@@ -91,8 +91,6 @@ impl StepLayout {
             weights: &arrays.weights,
             graph: &arrays.graph,
             input: &arrays.input,
-            start: arrays.start.as_ref(),
-            end: None,
             keep: Keep::Activations(None),
         };
         let record = forward(plan, schedule, pass);
@@ -117,8 +115,6 @@ impl StepLayout {
             dropout: None,
             output,
             to_input: None,
-            end: None,
-            start: None,
         };
         backward(plan, schedule, &pass);
     }
@@ -170,14 +166,6 @@ impl Learning {
     pub fn put(&mut self, input: Input<'_, f32>, target: &[f32]) -> Result<(), DeviceError> {
         self.arrays.put(&mut *self.loaded, input)?;
         self.loaded.put(self.target, target)
-    }
-
-    /// Sets every value of the states that a pass starts from, if it has such states.
-    ///
-    /// # Errors
-    /// When the device fails.
-    pub fn put_state(&mut self, value: f32) -> Result<(), DeviceError> {
-        self.arrays.put_state(&mut *self.loaded, value)
     }
 
     /// Starts a step at a learning rate.
@@ -259,7 +247,6 @@ mod tests {
             network: &network,
             weights: &expected,
             graph: &graph,
-            extent: Extent::Whole,
         };
         let mut learning = Learning::new(device, case, Precision::Full).expect("a network");
         learning.put(input, &target).expect("features");

@@ -115,22 +115,22 @@ pub fn features(schedule: &mut Schedule, from: FeatureSources<'_>, input: &Input
         frames,
         normalizers,
     } = from;
-    let [node_steps, edge_steps] = input.steps;
+    let steps = input.steps;
     let UnionSizes { vertices, arcs, .. } = cloths.sizes;
     let arguments = args! {
         ..from.frame(),
         ..cloths.forces(),
-        steps: node_steps,
+        steps,
         handle_of: cloths.handle_of,
         shift: normalizers.nodes.shift,
         scale: normalizers.nodes.scale,
         out: input.nodes,
     };
-    schedule.launch(&NODE_FEATURES, node_steps * vertices, arguments);
+    schedule.launch(&NODE_FEATURES, steps * vertices, arguments);
     let arguments = args! {
         ..frames.ring(),
         arcs,
-        steps: edge_steps,
+        steps,
         cloth_of: cloths.cloth_of,
         numbers: frames.numbers,
         senders: cloths.graph.senders,
@@ -142,7 +142,7 @@ pub fn features(schedule: &mut Schedule, from: FeatureSources<'_>, input: &Input
         scale: normalizers.arcs.scale,
         out: input.arcs,
     };
-    schedule.launch(&EDGE_FEATURES, edge_steps * arcs, arguments);
+    schedule.launch(&EDGE_FEATURES, steps * arcs, arguments);
 }
 
 #[cfg(test)]

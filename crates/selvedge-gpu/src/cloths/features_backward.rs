@@ -29,10 +29,10 @@ pub struct FrameBack<'a> {
 struct Step<'a> {
     /// The gradient of the features of the whole window.
     to_input: &'a InputArrays,
-    /// The number of the step among those of vertices.
+    /// The number of the step.
     number: usize,
-    /// The gradient of the features of arcs in this step; arcs have fewer steps than vertices.
-    arcs: Option<Region>,
+    /// The gradient of the features of arcs in this step.
+    arcs: Region,
     /// Room for the gradient of hinges by corner, `[edges, 12]`.
     by_hinge: Region,
 }
@@ -64,13 +64,12 @@ impl FrameBack<'_> {
     pub fn to_positions(&self, plan: &mut Plan, schedule: &mut Schedule, to_input: &InputArrays) {
         let mark = plan.mark();
         let by_hinge = plan.doubles("gradient of angles by corner", 12 * self.losses.edges());
-        let [node_steps, arc_steps] = to_input.steps;
-        for number in 0..node_steps {
-            let of_arcs = (number + arc_steps).checked_sub(node_steps);
+        let steps = to_input.steps;
+        for number in 0..steps {
             let step = Step {
                 to_input,
                 number,
-                arcs: of_arcs.map(|step| part(to_input.arcs, step, arc_steps)),
+                arcs: part(to_input.arcs, number, steps),
                 by_hinge,
             };
             self.hinges(schedule, &step);
@@ -86,16 +85,15 @@ impl FrameBack<'_> {
         schedule.launch(&INTEGRATION_BACKWARD, cloths.sizes.vertices, arguments);
     }
 
-    /// The gradients of the hinges in one step, where that has features of arcs.
+    /// The gradients of the hinges in one step.
     fn hinges(&self, schedule: &mut Schedule, step: &Step<'_>) {
-        let Some(rows) = step.arcs else { return };
         let losses = self.losses;
         let arguments = args! {
             ..self.from.frames.ring(),
             back: step.back(),
             hinges: losses.hinges,
             edge_arcs: losses.edge_arcs,
-            rows,
+            rows: step.arcs,
             scale: self.from.normalizers.arcs.scale,
             by_hinge: step.by_hinge,
         };
@@ -106,7 +104,7 @@ impl FrameBack<'_> {
     fn positions(&self, schedule: &mut Schedule, step: &Step<'_>) {
         let (cloths, losses) = (self.from.cloths, self.losses);
         let (graph, normalizers) = (&cloths.graph, self.from.normalizers);
-        let steps = step.to_input.steps[0];
+        let steps = step.to_input.steps;
         let arguments = args! {
             ..self.from.frame(),
             ..cloths.forces(),
@@ -120,7 +118,7 @@ impl FrameBack<'_> {
             reverse_arcs: graph.reverse_arcs,
             corner_ends: losses.corner_ends,
             hinge_corners: losses.corners,
-            by_hinge: step.arcs.map(|_| step.by_hinge),
+            by_hinge: step.by_hinge,
             gradient: self.by_position,
         };
         schedule.launch(&POSITIONS_BACKWARD, cloths.sizes.vertices, arguments);
@@ -130,7 +128,7 @@ impl FrameBack<'_> {
 impl Step<'_> {
     /// Frames from this step to the newest.
     fn back(&self) -> usize {
-        self.to_input.steps[0] - 1 - self.number
+        self.to_input.steps - 1 - self.number
     }
 }
 

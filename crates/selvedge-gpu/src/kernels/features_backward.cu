@@ -74,9 +74,9 @@ INNER void face_backward(const float *now, const float *before, const Cloth *clo
 KERNEL(positions_backward, ELEMENT,
        FRAME, unsigned back, FORCES,
        const float *nodes EACH(NODE_WIDTH), const float *node_scale ALL(NODE_WIDTH),
-       MAYBE const float *edges, const float *edge_scale ALL(EDGE_WIDTH),
+       const float *edges, const float *edge_scale ALL(EDGE_WIDTH),
        const unsigned *first_arc, const unsigned *senders, const unsigned *reverse_arcs,
-       const unsigned *corner_ends EACH(2), const unsigned *hinge_corners, MAYBE const double *by_hinge,
+       const unsigned *corner_ends EACH(2), const unsigned *hinge_corners, const double *by_hinge,
        float *gradient ALL(3 * slots * vertices)) {
     const Ring ring = {positions, newest[0], slots, vertices};
     const Ring to = {gradient, newest[0], slots, vertices};
@@ -119,27 +119,25 @@ KERNEL(positions_backward, ELEMENT,
     by_before = minus(by_before, times(2.0f, acceleration));
     by_earlier = plus(by_earlier, acceleration);
 #endif
-    if (edges) {
-        for (size_t arc = first_arc[ELEMENT]; arc < first_arc[ELEMENT + 1]; ++arc) {
-            const float *here = edges + arc * EDGE_WIDTH, *there = edges + (size_t)reverse_arcs[arc] * EDGE_WIDTH;
-            const Vector along = unit(minus(p, vector(now + 3 * (size_t)senders[arc])));
-            float by_length = 0.0f;
-            (void)here, (void)there;
+    for (size_t arc = first_arc[ELEMENT]; arc < first_arc[ELEMENT + 1]; ++arc) {
+        const float *here = edges + arc * EDGE_WIDTH, *there = edges + (size_t)reverse_arcs[arc] * EDGE_WIDTH;
+        const Vector along = unit(minus(p, vector(now + 3 * (size_t)senders[arc])));
+        float by_length = 0.0f;
+        (void)here, (void)there;
 #ifdef EDGE_VECTOR
-            const Vector local = minus(row_vector(there, edge_scale, EDGE_VECTOR), row_vector(here, edge_scale, EDGE_VECTOR));
-            by_now = plus(by_now, to_world(cloth.numbers, local));
-            by_length += (there[EDGE_VECTOR + 3] + here[EDGE_VECTOR + 3]) * edge_scale[EDGE_VECTOR + 3];
+        const Vector local = minus(row_vector(there, edge_scale, EDGE_VECTOR), row_vector(here, edge_scale, EDGE_VECTOR));
+        by_now = plus(by_now, to_world(cloth.numbers, local));
+        by_length += (there[EDGE_VECTOR + 3] + here[EDGE_VECTOR + 3]) * edge_scale[EDGE_VECTOR + 3];
 #endif
 #ifdef EDGE_ELONGATION
-            by_length += (there[EDGE_ELONGATION] + here[EDGE_ELONGATION]) * edge_scale[EDGE_ELONGATION];
+        by_length += (there[EDGE_ELONGATION] + here[EDGE_ELONGATION]) * edge_scale[EDGE_ELONGATION];
 #endif
-            by_now = plus(by_now, times(by_length, along));
-        }
-        for (size_t i = corner_ends[2 * (size_t)ELEMENT]; i < corner_ends[2 * (size_t)ELEMENT + 1]; ++i) {
-            const double *slope = by_hinge + 3 * (size_t)hinge_corners[i];
-            const Wide w = {slope[0], slope[1], slope[2]};
-            by_now = plus(by_now, narrow(w));
-        }
+        by_now = plus(by_now, times(by_length, along));
+    }
+    for (size_t i = corner_ends[2 * (size_t)ELEMENT]; i < corner_ends[2 * (size_t)ELEMENT + 1]; ++i) {
+        const double *slope = by_hinge + 3 * (size_t)hinge_corners[i];
+        const Wide w = {slope[0], slope[1], slope[2]};
+        by_now = plus(by_now, narrow(w));
     }
     add_to((float *)frame_of(&to, back) + at, by_now);
     add_to((float *)frame_of(&to, back + 1) + at, by_before);

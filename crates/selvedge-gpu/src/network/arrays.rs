@@ -1,4 +1,4 @@
-//! The arrays of a union that a network reads: its arcs, features of a window, states of encoders.
+//! The arrays of a union that a network reads: its arcs and features of a window.
 
 use selvedge_model::{Connectivity, Network};
 
@@ -76,58 +76,21 @@ pub struct InputArrays {
     pub nodes: Region,
     /// Features of arcs, `[steps, arcs, edge width]`.
     pub arcs: Region,
-    /// Frames of vertices and of arcs.
-    pub steps: [usize; 2],
+    /// Frames of the window.
+    pub steps: usize,
 }
 
 impl InputArrays {
-    /// Room for the features of `steps` frames of vertices and of arcs.
-    pub fn new(plan: &mut Plan, network: &Network, graph: &GraphArrays, steps: [usize; 2]) -> Self {
-        let (spec, [nodes, arcs]) = (network.spec(), steps);
+    /// Room for the features of a window.
+    pub fn new(plan: &mut Plan, network: &Network, graph: &GraphArrays) -> Self {
+        let (spec, steps) = (network.spec(), network.spec().window());
         Self {
             nodes: plan.floats(
                 "vertex features",
-                nodes * graph.vertices * spec.node_width(),
+                steps * graph.vertices * spec.node_width(),
             ),
-            arcs: plan.floats("arc features", arcs * graph.arcs * spec.edge_width()),
+            arcs: plan.floats("arc features", steps * graph.arcs * spec.edge_width()),
             steps,
         }
-    }
-
-    /// Room for the features of a whole window.
-    pub fn whole(plan: &mut Plan, network: &Network, graph: &GraphArrays) -> Self {
-        let spec = network.spec();
-        let steps = [spec.window(); 2];
-        Self::new(plan, network, graph, steps)
-    }
-}
-
-/// States of the recurrent encoders in the arena.
-#[derive(Clone, Copy, Debug)]
-pub struct StateArrays {
-    /// Both layers of vertices, `[vertices, latent]` each.
-    pub nodes: [Region; 2],
-    /// Both layers of arcs, `[arcs, latent]` each.
-    pub arcs: [Region; 2],
-}
-
-impl StateArrays {
-    /// Room for the states of a union.
-    pub fn new(plan: &mut Plan, network: &Network, graph: &GraphArrays) -> Self {
-        let latent = network.spec().latent;
-        let mut room = |name: &str, rows: usize| {
-            [0, 1].map(|layer| plan.floats(format!("{name}, layer {layer}"), rows * latent))
-        };
-        Self {
-            nodes: room("states of vertices", graph.vertices),
-            arcs: room("states of arcs", graph.arcs),
-        }
-    }
-
-    /// All four arrays.
-    #[must_use]
-    pub fn regions(&self) -> [Region; 4] {
-        let ([a, b], [c, d]) = (self.nodes, self.arcs);
-        [a, b, c, d]
     }
 }

@@ -16,8 +16,8 @@ pub struct Dropout {
     pub rate: f64,
     /// Vertices and arcs of each slot.
     pub slot: [usize; 2],
-    /// Frames of vertices and of arcs that the encoders see.
-    pub steps: [usize; 2],
+    /// Frames that the encoders see.
+    pub steps: usize,
     /// The seeds of vertices and of arcs of each slot, low half first, `[slots, 2]`.
     pub seeds: [Region; 2],
 }
@@ -29,8 +29,8 @@ pub struct DropoutSizes {
     pub slots: usize,
     /// Vertices and arcs of a slot.
     pub slot: [usize; 2],
-    /// Frames of vertices and of arcs.
-    pub steps: [usize; 2],
+    /// Frames of the window.
+    pub steps: usize,
 }
 
 impl Dropout {
@@ -79,7 +79,7 @@ pub(super) fn drop_out(
         after,
         seeds,
         slot_rows,
-        steps: dropout.steps[kind],
+        steps: dropout.steps,
         step,
         threshold,
         scale,

@@ -13,7 +13,7 @@ mod linear;
 mod record;
 mod weights;
 
-pub use arrays::{GraphArrays, InputArrays, StateArrays};
+pub use arrays::{GraphArrays, InputArrays};
 pub use backward::{BackwardPass, backward};
 pub use dropout::{Dropout, DropoutSizes};
 pub use forward::{ForwardPass, Keep, forward};

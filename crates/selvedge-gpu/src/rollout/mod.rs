@@ -33,18 +33,8 @@ pub enum FrameError {
     Device(#[from] DeviceError),
 }
 
-/// The start of the next frame.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Next {
-    /// The whole window.
-    Whole,
-    /// The states in the arrays of this number.
-    FromState(usize),
-}
-
 /// The state before a step, which [`Rollout::undo_step`] restores.
 struct Undo {
-    next: Next,
     slot: usize,
     positions: Vec<Vec3>,
     /// Handles and yaw of each cloth, `[cloths]`.
@@ -57,10 +47,7 @@ pub struct Rollout {
     cloths: Vec<Cloth>,
     plan: RolloutPlan,
     loaded: Box<dyn Loaded>,
-    whole: Prepared,
-    /// From the states of either array to the other's, where the network streams.
-    newest: Vec<Prepared>,
-    next: Next,
+    frame: Prepared,
     slot: usize,
     numbers: FrameNumbers,
     positions: Vec<Vec3>,
@@ -97,24 +84,18 @@ impl Rollout {
         loaded.put(plan.frames.slot(frames.len()), &flat(&newest_frame))?;
         let pack = loaded.prepare(&plan.pack)?;
         loaded.run(pack)?;
-        let whole = loaded.prepare(&plan.whole)?;
-        let newest = plan.newest.iter();
-        let newest = newest
-            .map(|schedule| loaded.prepare(schedule))
-            .collect::<Result<_, _>>()?;
+        let frame = loaded.prepare(&plan.frame)?;
         Ok(Self {
             slot: frames.len() - 1,
             positions: newest_frame,
             downloaded: vec![0; 3 * sizes.vertices],
             numbers: FrameNumbers::default(),
-            next: Next::Whole,
             undo: None,
             model,
             cloths,
             plan,
             loaded,
-            whole,
-            newest,
+            frame,
         })
     }
 
@@ -185,18 +166,13 @@ impl Rollout {
         }
         self.numbers
             .upload(&mut *self.loaded, &self.plan.frames, self.slot)?;
-        let schedule = match self.next {
-            Next::Whole => self.whole,
-            Next::FromState(which) => self.newest[which],
-        };
-        self.loaded.run(schedule)?;
+        self.loaded.run(self.frame)?;
         Ok(yaws)
     }
 
     /// Accepts the frame that was computed.
     fn commit(&mut self, found: Vec<Vec3>, targets: &[&[Vec3]], yaws: &[Yaw]) {
         let before = Undo {
-            next: self.next,
             slot: self.slot,
             positions: std::mem::replace(&mut self.positions, found),
             cloths: (self.cloths.iter_mut().zip(targets).zip(yaws))
@@ -208,11 +184,6 @@ impl Rollout {
         };
         self.slot = self.next_slot();
         self.undo = Some(before);
-        self.next = match self.next {
-            _ if self.newest.is_empty() => Next::Whole,
-            Next::Whole => Next::FromState(0),
-            Next::FromState(which) => Next::FromState(1 - which),
-        };
     }
 
     fn next_slot(&self) -> usize {
@@ -231,7 +202,7 @@ impl Rollout {
     }
 
     /// Replaces the newest frame by `positions` `[m]`, `[vertices]` of all cloths one after the
-    /// other. The states of a streaming network stay: they depend on the frames before.
+    /// other.
     ///
     /// # Errors
     /// [`FrameError`]; the cloths are left as they were.
@@ -251,7 +222,6 @@ impl Rollout {
     }
 
     /// Takes `positions` `[m]`, `[vertices]` of all cloths one after the other, as the next frame.
-    /// A streaming network starts anew from a whole window.
     ///
     /// # Errors
     /// As [`Self::replace_frame`].
@@ -270,7 +240,6 @@ impl Rollout {
             cloth.handles = handles.select(&positions[cloth.vertices.clone()]);
         }
         self.positions.copy_from_slice(positions);
-        self.next = Next::Whole;
         self.undo = None;
         Ok(())
     }
@@ -278,13 +247,12 @@ impl Rollout {
     /// Undoes the last step, also if its frame was replaced since. Returns true if a step was
     /// undone: one that came last and succeeded.
     ///
-    /// The device needs no call: a step writes a slot outside its window, and its states alternate
-    /// between two arrays.
+    /// The device needs no call: a step writes a slot outside its window.
     pub fn undo_step(&mut self) -> bool {
         let Some(before) = self.undo.take() else {
             return false;
         };
-        (self.next, self.slot) = (before.next, before.slot);
+        self.slot = before.slot;
         self.positions = before.positions;
         for (cloth, (handles, yaw)) in self.cloths.iter_mut().zip(before.cloths) {
             (cloth.handles, cloth.yaw) = (handles, yaw);

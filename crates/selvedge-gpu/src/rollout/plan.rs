@@ -8,7 +8,7 @@ use crate::cloths::motion;
 use crate::cloths::{ClothArrays, UnionSizes};
 use crate::device::{DeviceError, Loaded, largest_fit};
 use crate::kernels::{self, Program, Sizes};
-use crate::network::{ForwardPass, InputArrays, Keep, StateArrays, WeightArrays, forward};
+use crate::network::{ForwardPass, InputArrays, Keep, WeightArrays, forward};
 use crate::schedule::Schedule;
 use crate::schedule::plan::{Plan, Region};
 
@@ -28,11 +28,8 @@ pub struct RolloutPlan {
     pub normalizers: NormalizerArrays,
     /// To run once, after the weights were written.
     pub pack: Schedule,
-    /// A frame from the whole window.
-    pub whole: Schedule,
-    /// For a streaming network, a frame from the states in the first arrays to those in the second,
-    /// and the reverse. A frame from the whole window leaves its states in the first.
-    pub newest: Vec<Schedule>,
+    /// A frame.
+    pub frame: Schedule,
 }
 
 impl RolloutPlan {
@@ -51,64 +48,39 @@ impl RolloutPlan {
             frames: FrameArrays::new(&mut plan, spec, sizes),
             normalizers: NormalizerArrays::new(&mut plan, spec),
             pack: Schedule::new("packing the weights"),
-            whole: Schedule::default(),
-            newest: Vec::new(),
+            frame: Schedule::new("a frame"),
             plan,
             program,
             weights,
             cloths,
         };
         built.weights.pack(&mut built.pack);
-        let steps = [spec.window(); 2];
-        if network.streams() {
-            let states =
-                [0, 1].map(|_| StateArrays::new(&mut built.plan, network, &built.cloths.graph));
-            let [first, second] = [&states[0], &states[1]];
-            built.whole = built.frame(network, "a whole window", steps, None, Some(first));
-            built.newest = [[first, second], [second, first]]
-                .map(|[start, end]| {
-                    let name = "the newest frame";
-                    built.frame(network, name, [1, 1], Some(start), Some(end))
-                })
-                .into();
-        } else {
-            built.whole = built.frame(network, "a frame", steps, None, None);
-        }
+        built.add_frame(network);
         built
     }
 
-    /// The schedule of a frame. It may overwrite all arrays of other schedules except states.
-    fn frame(
-        &mut self,
-        network: &Network,
-        name: &'static str,
-        steps: [usize; 2],
-        start: Option<&StateArrays>,
-        end: Option<&StateArrays>,
-    ) -> Schedule {
-        let mut schedule = Schedule::new(name);
+    /// Adds the schedule of a frame.
+    fn add_frame(&mut self, network: &Network) {
+        let schedule = &mut self.frame;
         let mark = self.plan.mark();
         let graph = &self.cloths.graph;
-        let input = InputArrays::new(&mut self.plan, network, graph, steps);
+        let input = InputArrays::new(&mut self.plan, network, graph);
         let sources = FeatureSources {
             cloths: &self.cloths,
             frames: &self.frames,
             normalizers: &self.normalizers,
         };
-        features(&mut schedule, sources, &input);
+        features(schedule, sources, &input);
         let pass = ForwardPass {
             network,
             weights: &self.weights,
             graph,
             input: &input,
-            start,
-            end,
             keep: Keep::Output,
         };
-        let record = forward(&mut self.plan, &mut schedule, pass);
-        motion::advance(&mut schedule, sources, record.output);
+        let record = forward(&mut self.plan, schedule, pass);
+        motion::advance(schedule, sources, record.output);
         self.plan.release(mark);
-        schedule
     }
 
     /// Writes the arrays that do not change.

@@ -44,16 +44,9 @@ fn schedules_of_every_spec_read_what_was_written() {
         plan.given()
             .into_iter()
             .for_each(|region| trace.give(region));
-        let frames = std::iter::once(&plan.whole)
-            .chain(&plan.newest)
-            .chain(&plan.newest);
-        for schedule in std::iter::once(&plan.pack)
-            .chain(frames)
-            .chain([&plan.whole])
-        {
+        for schedule in [&plan.pack, &plan.frame, &plan.frame] {
             trace.follow(schedule).expect("a schedule");
         }
-        assert_eq!(plan.newest.len(), if network.streams() { 2 } else { 0 });
     }
 }
 
@@ -86,7 +79,7 @@ fn a_rollout_is_that_of_the_cpu() {
 
 #[test]
 fn several_cloths_move_as_each_alone() {
-    let spec = ModelSpec::physical(Encoder::StreamingGru { window: 2 }, 12, 2);
+    let spec = ModelSpec::physical(Encoder::Gru { window: 2 }, 12, 2);
     let model = Arc::new(model(&spec, 1e-3, 7));
     let graphs = [cloth(4, 1), cloth(6, 2), cloth(5, 3)];
     let device = device();
@@ -124,10 +117,7 @@ fn several_cloths_move_as_each_alone() {
 
 #[test]
 fn a_stepper_on_a_device_conforms() {
-    for encoder in [
-        Encoder::Gru { window: 3 },
-        Encoder::StreamingGru { window: 2 },
-    ] {
+    for encoder in [Encoder::MLP, Encoder::Gru { window: 3 }] {
         let spec = ModelSpec::physical(encoder, 12, 1);
         let (graph, model) = (cloth(4, 1), Arc::new(model(&spec, 1e-3, 7)));
         let make = || gpu(&model, graph.clone(), &[graph.rest_positions()]);
@@ -137,7 +127,7 @@ fn a_stepper_on_a_device_conforms() {
 
 #[test]
 fn a_frame_that_is_not_finite_is_not_taken() {
-    let spec = ModelSpec::physical(Encoder::StreamingGru { window: 2 }, 12, 1);
+    let spec = ModelSpec::physical(Encoder::Gru { window: 2 }, 12, 1);
     let (graph, model) = (cloth(4, 1), Arc::new(model(&spec, 1e-3, 7)));
     let mut stepper = gpu(&model, graph.clone(), &[graph.rest_positions()]);
     let mut other = gpu(&model, graph.clone(), &[graph.rest_positions()]);
@@ -175,10 +165,7 @@ fn a_frame_that_is_not_finite_is_not_taken() {
 
 #[test]
 fn frames_of_somebody_else_are_gone_on_from_as_on_the_cpu() {
-    for encoder in [
-        Encoder::Gru { window: 3 },
-        Encoder::StreamingGru { window: 2 },
-    ] {
+    for encoder in [Encoder::MLP, Encoder::Gru { window: 3 }] {
         let spec = ModelSpec::physical(encoder, 12, 1);
         let (graph, model) = (cloth(5, 1), Arc::new(model(&spec, 1e-3, 7)));
         let start: [&[Vec3]; 1] = [graph.rest_positions()];

@@ -12,7 +12,7 @@ use crate::cloths::losses::{self, Judged, LossArrays, SlotSizes, TERMS, TripletA
 use crate::kernels::{self, Program, Sizes, layers};
 use crate::network::{
     BackwardPass, Dropout, DropoutSizes, ForwardPass, InputArrays, Keep, OUTPUTS, Record,
-    StateArrays, WeightArrays, backward, forward,
+    WeightArrays, backward, forward,
 };
 use crate::schedule::Schedule;
 use crate::schedule::plan::{Plan, Region};
@@ -87,15 +87,6 @@ struct Shared<'a> {
 struct Room {
     input: InputArrays,
     output_gradient: Region,
-    /// The states before the frame and after it, of a streaming network.
-    states: StatesAround,
-}
-
-/// States before and after a frame, or their gradients; none where a network carries none.
-#[derive(Clone, Copy, Default)]
-struct StatesAround {
-    start: Option<StateArrays>,
-    end: Option<StateArrays>,
 }
 
 impl TrainingPlan {
@@ -157,8 +148,7 @@ impl TrainingPlan {
         // Arrays that are written from outside come first: no other array may take their place.
         let mut rooms: Vec<Room> = Vec::with_capacity(most);
         for number in 0..most {
-            let start = rooms.last().and_then(|before| before.states.end);
-            let (frame, room) = self.room(shared, number, start);
+            let (frame, room) = self.room(shared, number);
             self.frames.push(frame);
             rooms.push(room);
         }
@@ -167,49 +157,23 @@ impl TrainingPlan {
             .enumerate()
             .map(|(number, room)| self.forth(shared, number, room))
             .collect();
-        // The gradients of the states between two frames, in turns.
-        let graph = self.cloths.graph;
-        let turns = [0, 1].map(|_| {
-            (shared.network.streams() && most > 1)
-                .then(|| StateArrays::new(&mut self.plan, shared.network, &graph))
-        });
-        // The last frame of a step, whichever it is, gets no gradient from later ones.
-        for states in turns.iter().flatten() {
-            for region in states.regions() {
-                self.begin.clear(region);
-            }
-        }
         let mark = self.plan.mark();
         for number in (0..most).rev() {
-            let [start, end] = [turns[number % 2], turns[(number + 1) % 2]];
-            let gradients = StatesAround {
-                start: start.filter(|_| number > 0),
-                end: end.filter(|_| number + 1 < most),
-            };
             let (room, record) = (&rooms[number], &records[number]);
-            self.frames[number].backward = self.back(shared, number, room, record, gradients);
+            self.frames[number].backward = self.back(shared, number, room, record);
             self.plan.release(mark);
         }
     }
 
-    /// Room for frame `number`. A streaming network starts from the states of the frame before.
-    fn room(
-        &mut self,
-        shared: &Shared<'_>,
-        number: usize,
-        start: Option<StateArrays>,
-    ) -> (FramePlan, Room) {
+    /// Room for frame `number`.
+    fn room(&mut self, shared: &Shared<'_>, number: usize) -> (FramePlan, Room) {
         let (network, spec) = (shared.network, shared.network.spec());
         let (plan, graph, sizes) = (&mut self.plan, self.cloths.graph, self.cloths.sizes);
-        let steps = match start {
-            Some(_) => [1, 1],
-            None => [spec.window(); 2],
-        };
         let slot = self.losses.slot;
         let dropout = DropoutSizes {
             slots: sizes.cloths,
             slot: [slot.vertices, slot.arcs],
-            steps,
+            steps: spec.window(),
         };
         let frame = FramePlan {
             frames: FrameArrays::on(plan, sizes, self.positions),
@@ -222,12 +186,9 @@ impl TrainingPlan {
             forward: Schedule::new("a frame forward"),
             backward: Schedule::default(),
         };
-        let streams = network.streams() && shared.most > 1;
-        let end = streams.then(|| StateArrays::new(plan, network, &graph));
         let room = Room {
-            input: InputArrays::new(plan, network, &graph, steps),
+            input: InputArrays::new(plan, network, &graph),
             output_gradient: plan.floats("gradient of the output", sizes.vertices * OUTPUTS),
-            states: StatesAround { start, end },
         };
         (frame, room)
     }
@@ -235,7 +196,6 @@ impl TrainingPlan {
     /// Frame `number` up to its terms.
     fn forth(&mut self, shared: &Shared<'_>, number: usize, room: &Room) -> Record {
         let (graph, frame) = (self.cloths.graph, &self.frames[number]);
-        let StatesAround { start, end } = &room.states;
         let mut schedule = Schedule::new("a frame forward");
         features(&mut schedule, self.sources(&frame.frames), &room.input);
         let pass = ForwardPass {
@@ -243,8 +203,6 @@ impl TrainingPlan {
             weights: &self.weights,
             graph: &graph,
             input: &room.input,
-            start: start.as_ref(),
-            end: end.as_ref(),
             keep: Keep::Activations(frame.dropout),
         };
         let record = forward(&mut self.plan, &mut schedule, pass);
@@ -269,14 +227,13 @@ impl TrainingPlan {
         }
     }
 
-    /// Frame `number` back, with the gradients of the states around it.
+    /// Frame `number` back.
     fn back(
         &mut self,
         shared: &Shared<'_>,
         number: usize,
         room: &Room,
         record: &Record,
-        gradients: StatesAround,
     ) -> Schedule {
         let mut schedule = Schedule::new("a frame backward");
         let (graph, frame) = (self.cloths.graph, &self.frames[number]);
@@ -285,8 +242,8 @@ impl TrainingPlan {
         losses::weigh(&mut schedule, &self.losses, gradient, frame.weights);
         let positions = shared.by_position.map(|by_position| (by_position, newest));
         // The positions before the first frame are given: they need no gradient.
-        let to_input = (number > 0)
-            .then(|| InputArrays::new(&mut self.plan, shared.network, &graph, room.input.steps));
+        let to_input =
+            (number > 0).then(|| InputArrays::new(&mut self.plan, shared.network, &graph));
         let from = FeatureSources {
             cloths: &self.cloths,
             frames: &frames,
@@ -312,8 +269,6 @@ impl TrainingPlan {
             dropout,
             output: gradient,
             to_input: to_input.as_ref(),
-            end: gradients.end.as_ref(),
-            start: gradients.start.as_ref(),
         };
         backward(&mut self.plan, &mut schedule, &pass);
         if let (Some(back), Some(to_input)) = (back, to_input) {

@@ -34,7 +34,7 @@ fn encoders() -> [Encoder; 3] {
     [
         Encoder::MLP,
         Encoder::Gru { window: 3 },
-        Encoder::StreamingGru { window: 2 },
+        Encoder::Gru { window: 2 },
     ]
 }
 

@@ -28,10 +28,10 @@ impl<F: AsRef<[Vec3]>> Frames<'_, F> {
         }
     }
 
-    /// The numbers of the last `count` frames.
-    pub(super) fn last(&self, spec: &ModelSpec, count: usize) -> std::ops::Range<usize> {
+    /// The numbers of the frames of the window.
+    pub(super) fn window(&self, spec: &ModelSpec) -> std::ops::Range<usize> {
         let history = self.positions.len();
         assert_eq!(history, spec.history(), "frames of a window");
-        history - count..history
+        history - spec.window()..history
     }
 }

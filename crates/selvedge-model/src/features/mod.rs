@@ -15,4 +15,4 @@ pub use columns::{
 };
 pub use frames::Frames;
 pub use normalizer::{Normalizer, NormalizerError, RunningStatistics};
-pub use window::{Extent, Place, Window};
+pub use window::{Place, Window};

@@ -57,16 +57,6 @@ impl Place {
     }
 }
 
-/// Frames of a window that have features.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Extent {
-    /// All frames that the encoder sees.
-    #[default]
-    Whole,
-    /// The newest frame, if the encoder's states of the frames before are carried over.
-    Newest,
-}
-
 /// Features of a window of frames of all cloths of a union.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Window {
@@ -74,31 +64,16 @@ pub struct Window {
     pub nodes: Vec<f32>,
     /// `[window, arcs, edge width]`.
     pub arcs: Vec<f32>,
-    extent: Extent,
 }
 
 impl Window {
     /// Makes room for a union.
     pub fn fit(&mut self, spec: &ModelSpec, place: &Place) {
-        self.fit_extent(spec, place, Extent::Whole);
-    }
-
-    /// Makes room for the frames `extent` of a union.
-    pub fn fit_extent(&mut self, spec: &ModelSpec, place: &Place, extent: Extent) {
-        self.extent = extent;
-        let [nodes, edges] = self.counts(spec);
+        let frames = spec.window();
         self.nodes
-            .resize(nodes * place.vertex_count * spec.node_width(), 0.0);
+            .resize(frames * place.vertex_count * spec.node_width(), 0.0);
         self.arcs
-            .resize(edges * place.arc_count * spec.edge_width(), 0.0);
-    }
-
-    /// Frames of nodes and of arcs.
-    fn counts(&self, spec: &ModelSpec) -> [usize; 2] {
-        match self.extent {
-            Extent::Whole => [spec.window(); 2],
-            Extent::Newest => [1, 1],
-        }
+            .resize(frames * place.arc_count * spec.edge_width(), 0.0);
     }
 
     /// Writes the features of one cloth, not yet normalised.
@@ -113,16 +88,11 @@ impl Window {
         place: &Place,
     ) {
         let (node_width, edge_width) = (spec.node_width(), spec.edge_width());
-        let [nodes, edges] = self.counts(spec);
-        for (step, current) in frames.last(spec, nodes).enumerate() {
+        for (step, current) in frames.window(spec).enumerate() {
             let pose = frames.pose(current);
             let row = step * place.vertex_count + place.first_vertex;
             let rows = &mut self.nodes[row * node_width..][..graph.vertex_count() * node_width];
             node_features(spec, graph, pose, rows);
-            // Arcs may have the last frames only.
-            let Some(step) = (step + edges).checked_sub(nodes) else {
-                continue;
-            };
             let row = step * place.arc_count + place.first_arc;
             let rows = &mut self.arcs[row * edge_width..][..graph.arc_count() * edge_width];
             edge_features(spec, graph, pose, rows);
@@ -145,8 +115,7 @@ impl Window {
     ) {
         let nodes = graph.vertex_count() * spec.node_width();
         let edges = graph.arc_count() * spec.edge_width();
-        let [node_steps, edge_steps] = self.counts(spec);
-        for (step, current) in frames.last(spec, node_steps).enumerate() {
+        for (step, current) in frames.window(spec).enumerate() {
             let pose = frames.pose(current);
             let (before, later) = to.split_at_mut(current - 1);
             let (previous, later) = later.split_at_mut(1);
@@ -157,10 +126,8 @@ impl Window {
             };
             let rows = &gradient.nodes[step * nodes..][..nodes];
             node_features_backward(spec, graph, pose, rows, &mut by_pose);
-            if let Some(step) = (step + edge_steps).checked_sub(node_steps) {
-                let rows = &gradient.arcs[step * edges..][..edges];
-                edge_features_backward(spec, graph, pose, rows, by_pose.current);
-            }
+            let rows = &gradient.arcs[step * edges..][..edges];
+            edge_features_backward(spec, graph, pose, rows, by_pose.current);
         }
     }
 

@@ -45,11 +45,6 @@ impl<T: Copy + Default> Aligned<T> {
             }
         }
     }
-
-    /// Removes all values and keeps the room.
-    pub(crate) fn clear(&mut self) {
-        self.length = 0;
-    }
 }
 
 impl<T> Default for Aligned<T> {
@@ -119,7 +114,5 @@ mod tests {
             assert_eq!(copy, array);
             assert_eq!(copy.as_ptr().align_offset(LINE), 0);
         }
-        array.clear();
-        assert!(array.is_empty());
     }
 }

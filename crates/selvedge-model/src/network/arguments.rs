@@ -4,7 +4,6 @@
 use thiserror::Error;
 
 use crate::kernels::dropout::Dropout;
-use crate::network::encoder_state::EncoderState;
 
 /// Normalised features of a window of frames, oldest first.
 #[derive(Clone, Copy, Debug)]
@@ -13,16 +12,6 @@ pub struct Input<'a, T> {
     pub nodes: &'a [T],
     /// `[window, arcs, edge width]`.
     pub arcs: &'a [T],
-}
-
-/// The input of a network that streams, with the state of the frame before.
-#[derive(Clone, Copy, Debug)]
-pub struct Carried<'a, T> {
-    /// Features of the frames that the state has not seen: one frame, or a window for the zero
-    /// state.
-    pub input: Input<'a, T>,
-    /// The encoders' state after the frame before.
-    pub state: &'a EncoderState<T>,
 }
 
 /// A pass that ended before it was done, as was asked. What it left is nothing to use.
@@ -39,7 +28,7 @@ pub enum Pass<'a> {
     Training(Option<Dropout<'a>>),
 }
 
-/// Derivatives of a scalar, given for the output and computed for weights, input and states.
+/// Derivatives of a scalar, given for the output and computed for weights and input.
 pub struct Gradients<'a, T> {
     /// With respect to the output, `[vertices, outputs]`.
     pub output: &'a [T],
@@ -47,8 +36,6 @@ pub struct Gradients<'a, T> {
     pub weights: &'a mut [T],
     /// With respect to the input, if wanted; overwritten.
     pub input: Option<InputGradient<'a, T>>,
-    /// With respect to the encoders' states.
-    pub states: StateGradients<'a, T>,
 }
 
 impl<'a, T> Gradients<'a, T> {
@@ -58,10 +45,6 @@ impl<'a, T> Gradients<'a, T> {
             output,
             weights,
             input: None,
-            states: StateGradients {
-                end: None,
-                start: None,
-            },
         }
     }
 }
@@ -72,13 +55,4 @@ pub struct InputGradient<'a, T> {
     pub nodes: &'a mut [T],
     /// `[window, arcs, edge width]`.
     pub arcs: &'a mut [T],
-}
-
-/// Derivatives with respect to the states that a streaming network carries from frame to frame.
-#[derive(Default)]
-pub struct StateGradients<'a, T> {
-    /// With respect to the state after the frame, through the later frames; `None` is zero.
-    pub end: Option<&'a EncoderState<T>>,
-    /// With respect to the state before the frame, if wanted; overwritten.
-    pub start: Option<&'a mut EncoderState<T>>,
 }

@@ -8,9 +8,8 @@ use crate::graph::partition::{Partition, counted_from};
 use crate::graph::share::{Rows, Share, SplitRows};
 use crate::kernels::gemm::{Columns, Epilogue, multiply};
 use crate::kernels::real::Real;
-use crate::network::arguments::{Carried, Gradients};
+use crate::network::arguments::{Gradients, Input};
 use crate::network::definition::{ARC_ENCODER, FIRST_BLOCK, NODE_ENCODER, Network};
-use crate::network::encoder_state::EncoderState;
 use crate::network::layers::block::BlockKept;
 use crate::network::layers::encoder::EncoderKept;
 use crate::network::packed::{PackedWeights, Purpose};
@@ -22,7 +21,7 @@ impl Network {
         &self,
         weights: &PackedWeights<T>,
         graph: &Connectivity,
-        carried: Carried<'_, T>,
+        input: Input<'_, T>,
         mut gradients: Gradients<'_, T>,
         w: &mut Workspace<T>,
     ) {
@@ -41,7 +40,7 @@ impl Network {
             }
             self.block_backward(weights, graph, number, gradients.weights, w);
         }
-        self.encode_backward(weights, graph, carried, gradients, w);
+        self.encode_backward(weights, graph, input, gradients, w);
     }
 
     /// Leaves the gradient of the latent nodes before the decoder in their place.
@@ -161,56 +160,41 @@ impl Network {
         add_groups(&w.groups, &mut gradient[range]);
     }
 
-    /// The gradients of both encoders' weights, and of input and states where wanted.
+    /// The gradients of both encoders' weights, and of the input where wanted.
     fn encode_backward<T: Real>(
         &self,
         weights: &PackedWeights<T>,
         graph: &Connectivity,
-        carried: Carried<'_, T>,
+        input: Input<'_, T>,
         gradients: Gradients<'_, T>,
         w: &mut Workspace<T>,
     ) {
-        let (spec, latent, frames) = (&self.spec, self.spec.latent, self.frames(graph, carried));
-        let [nodes, arcs] = self.encoder_inputs(carried, frames, &w.dropout);
+        self.check_input(graph, input);
+        let (spec, latent, frames) = (&self.spec, self.spec.latent, self.spec.window());
+        let [nodes, arcs] = self.encoder_inputs(input, &w.dropout);
         let [node_width, arc_width] = [spec.node_width(), spec.edge_width()].map(|k| frames * k);
         let (vertices, arc_count) = (graph.vertex_count(), graph.arc_count());
         let wanted = usize::from(gradients.input.is_some());
         let [to_nodes, to_arcs] = &mut w.input_gradient;
         to_nodes.resize(wanted * vertices * node_width);
         to_arcs.resize(wanted * arc_count * arc_width);
-        let mut nowhere = EncoderState::new();
-        let start = match gradients.states.start {
-            Some(start) => {
-                start.fit(vertices, arc_count, latent);
-                start
-            }
-            None => &mut nowhere,
-        };
-        let [start_nodes, start_arcs] = [&mut start.nodes, &mut start.arcs]
-            .map(|states| states.each_mut().map(|states| Rows::new(states, latent)));
         let share = Share {
             vertices: (
                 Rows::new(&mut w.nodes, latent),
                 Rows::new(to_nodes, node_width),
-                start_nodes,
             ),
             arcs: (
                 Rows::new(&mut w.arcs, latent),
                 Rows::new(to_arcs, arc_width),
-                start_arcs,
             ),
         };
-        let zero = EncoderState::new();
-        let end = gradients.states.end.unwrap_or(&zero);
         let of_nodes = EncoderKept {
             input: nodes,
             saved: &w.node_encoder,
-            end_gradient: end.nodes.each_ref().map(|states| &**states),
         };
         let of_arcs = EncoderKept {
             input: arcs,
             saved: &w.arc_encoder,
-            end_gradient: end.arcs.each_ref().map(|states| &**states),
         };
         let range = self.weights_of(NODE_ENCODER, ARC_ENCODER);
         share.among(

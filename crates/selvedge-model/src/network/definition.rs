@@ -8,7 +8,7 @@ use crate::network::layers::encoder::EncoderLayers;
 use crate::network::layers::mlp::Mlp;
 use crate::network::packed::{ModuleBuilder, ModuleSize, Packer, Piece};
 use crate::network::parameters::{Parameter, Start};
-use crate::spec::{Encoder, ModelSpec, OUTPUTS, SpecError};
+use crate::spec::{ModelSpec, OUTPUTS, SpecError};
 
 /// Numbers of the modules: both encoders, the blocks, the decoder.
 pub(super) const NODE_ENCODER: usize = 0;
@@ -118,12 +118,6 @@ impl Network {
             }));
         }
         weights
-    }
-
-    /// Returns true where the encoders carry a state from frame to frame.
-    #[must_use]
-    pub fn streams(&self) -> bool {
-        matches!(self.spec.encoder, Encoder::StreamingGru { .. })
     }
 
     /// Packs the matrices of a module.

@@ -7,7 +7,7 @@ use crate::kernels::aligned::Aligned;
 use crate::kernels::dropout::RowMasks;
 use crate::kernels::norm::Normalised;
 use crate::kernels::real::Real;
-use crate::network::arguments::{Carried, Pass};
+use crate::network::arguments::{Input, Pass};
 use crate::network::definition::{ARC_ENCODER, FIRST_BLOCK, NODE_ENCODER, Network};
 use crate::network::layers::block::{BlockInput, BlockSaved};
 use crate::network::layers::encoder::EncoderInput;
@@ -25,58 +25,48 @@ impl Network {
         &self,
         weights: &PackedWeights<T>,
         graph: &Connectivity,
-        carried: Carried<'_, T>,
+        input: Input<'_, T>,
         pass: Pass<'_>,
         workspace: &mut Workspace<T>,
     ) {
         assert_eq!(weights.flat.len(), self.parameter_count(), "packed weights");
-        let state = carried.state;
-        assert!(state.is_zero() || self.streams(), "a state to carry");
-        let frames = self.frames(graph, carried);
-        workspace.fit(self, graph, pass, frames);
-        self.encode(weights, graph, carried, frames, workspace);
+        self.check_input(graph, input);
+        workspace.fit(self, graph, pass);
+        self.encode(weights, graph, input, workspace);
         for number in 0..self.blocks.len() {
             self.run_block(weights, graph, number, workspace);
         }
     }
 
-    /// Frames in the input.
-    pub(super) fn frames<T>(&self, graph: &Connectivity, carried: Carried<'_, T>) -> usize {
-        let (spec, input) = (&self.spec, carried.input);
-        let frames = match carried.state.nodes[0].is_empty() {
-            true => spec.window(),
-            false => 1,
-        };
+    /// Panics where the input is not a window of the spec on the graph.
+    pub(super) fn check_input<T>(&self, graph: &Connectivity, input: Input<'_, T>) {
+        let (spec, frames) = (&self.spec, self.spec.window());
         let expected = [
             frames * graph.vertex_count() * spec.node_width(),
             frames * graph.arc_count() * spec.edge_width(),
         ];
         assert_eq!([input.nodes.len(), input.arcs.len()], expected, "input");
-        frames
     }
 
     /// The inputs of the encoders of nodes and of arcs.
     pub(super) fn encoder_inputs<'a, T>(
         &self,
-        carried: Carried<'a, T>,
-        frames: usize,
+        input: Input<'a, T>,
         masks: &'a [RowMasks; 2],
     ) -> [EncoderInput<'a, T>; 2] {
         let [of_nodes, of_arcs] = masks;
-        let Carried { input, state } = carried;
+        let window = self.spec.window();
         let nodes = EncoderInput {
-            window: frames,
+            window,
             features: input.nodes,
             width: self.spec.node_width(),
             dropout: of_nodes.active(),
-            start: state.nodes.each_ref().map(|s| &**s),
         };
         let arcs = EncoderInput {
-            window: frames,
+            window,
             features: input.arcs,
             width: self.spec.edge_width(),
             dropout: of_arcs.active(),
-            start: state.arcs.each_ref().map(|s| &**s),
         };
         [nodes, arcs]
     }
@@ -86,29 +76,18 @@ impl Network {
         &self,
         weights: &PackedWeights<T>,
         graph: &Connectivity,
-        carried: Carried<'_, T>,
-        frames: usize,
+        input: Input<'_, T>,
         w: &mut Workspace<T>,
     ) {
         let latent = self.spec.latent;
-        let [nodes, arcs] = self.encoder_inputs(carried, frames, &w.dropout);
-        let [end_nodes, end_arcs] = [&mut w.end.nodes, &mut w.end.arcs]
-            .map(|states| states.each_mut().map(|states| Rows::new(states, latent)));
+        let [nodes, arcs] = self.encoder_inputs(input, &w.dropout);
         let [products, _] = &mut w.endpoint_products;
         let share = Share {
             vertices: (
-                (
-                    Rows::new(&mut w.nodes, latent),
-                    end_nodes,
-                    w.node_encoder.rows(),
-                ),
+                (Rows::new(&mut w.nodes, latent), w.node_encoder.rows()),
                 Rows::new(products, 2 * latent),
             ),
-            arcs: (
-                Rows::new(&mut w.arcs, latent),
-                end_arcs,
-                w.arc_encoder.rows(),
-            ),
+            arcs: (Rows::new(&mut w.arcs, latent), w.arc_encoder.rows()),
         };
         let (scratch, stop) = (&w.scratch, &w.stop);
         share.each(

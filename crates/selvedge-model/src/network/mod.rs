@@ -7,7 +7,6 @@
 pub(crate) mod arguments;
 mod backward;
 mod definition;
-pub(crate) mod encoder_state;
 mod forward;
 mod layers;
 pub(crate) mod packed;
@@ -17,7 +16,6 @@ pub mod reference;
 mod saved;
 pub(crate) mod workspace;
 
-pub use arguments::{Carried, Gradients, Input, InputGradient, Pass, StateGradients, Stopped};
+pub use arguments::{Gradients, Input, InputGradient, Pass, Stopped};
 pub use definition::Network;
-pub use encoder_state::EncoderState;
 pub use passes::NetworkScalar;

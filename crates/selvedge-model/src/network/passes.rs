@@ -7,29 +7,28 @@
 use crate::graph::connectivity::Connectivity;
 use crate::kernels::real::Real;
 use crate::kernels::simd::Instructions;
-use crate::network::arguments::{Carried, Gradients, Input, Pass, Stopped};
+use crate::network::arguments::{Gradients, Input, Pass, Stopped};
 use crate::network::definition::Network;
-use crate::network::encoder_state::EncoderState;
 use crate::network::packed::{PackedWeights, Purpose};
 use crate::network::workspace::Workspace;
 
 /// A scalar that passes through a network are compiled for: `f32` or `f64`.
 pub trait NetworkScalar: Real {
-    /// [`Network::forward_carried`].
+    /// [`Network::forward_packed`].
     fn forward(
         network: &Network,
         weights: &PackedWeights<Self>,
         graph: &Connectivity,
-        carried: Carried<'_, Self>,
+        input: Input<'_, Self>,
         pass: Pass<'_>,
         workspace: &mut Workspace<Self>,
     );
-    /// [`Network::backward_carried`].
+    /// [`Network::backward_packed`].
     fn backward(
         network: &Network,
         weights: &PackedWeights<Self>,
         graph: &Connectivity,
-        carried: Carried<'_, Self>,
+        input: Input<'_, Self>,
         gradients: Gradients<'_, Self>,
         workspace: &mut Workspace<Self>,
     );
@@ -44,22 +43,22 @@ macro_rules! network_scalar {
                 network: &Network,
                 weights: &PackedWeights<Self>,
                 graph: &Connectivity,
-                carried: Carried<'_, Self>,
+                input: Input<'_, Self>,
                 pass: Pass<'_>,
                 workspace: &mut Workspace<Self>,
             ) {
-                network.run_forward(weights, graph, carried, pass, workspace);
+                network.run_forward(weights, graph, input, pass, workspace);
             }
 
             fn backward(
                 network: &Network,
                 weights: &PackedWeights<Self>,
                 graph: &Connectivity,
-                carried: Carried<'_, Self>,
+                input: Input<'_, Self>,
                 gradients: Gradients<'_, Self>,
                 workspace: &mut Workspace<Self>,
             ) {
-                network.run_backward(weights, graph, carried, gradients, workspace);
+                network.run_backward(weights, graph, input, gradients, workspace);
             }
 
             fn pack(network: &Network, weights: &[Self], packed: &mut PackedWeights<Self>) {
@@ -102,7 +101,7 @@ impl Network {
 
     /// Normalised accelerations `[vertices, 3]` for normalised features.
     ///
-    /// Packs the weights first; [`Self::forward_carried`] takes packed ones. Hears of no stop.
+    /// Packs the weights first; [`Self::forward_packed`] takes packed ones. Hears of no stop.
     ///
     /// # Panics
     /// When the lengths of `weights` or `input` are not those of the spec and the graph.
@@ -128,38 +127,29 @@ impl Network {
             }
             None => self.pack(weights, purpose, workspace.instructions),
         };
-        let state = &EncoderState::new();
         let stop = std::mem::take(&mut workspace.stop);
-        T::forward(
-            self,
-            &packed,
-            graph,
-            Carried { input, state },
-            pass,
-            workspace,
-        );
+        T::forward(self, &packed, graph, input, pass, workspace);
         workspace.stop = stop;
         workspace.packed = Some(packed);
         &workspace.output
     }
 
-    /// [`Self::forward`] for packed weights and, where the network streams, from the encoders' state
-    /// of the frame before. [`Workspace::end_state`] returns the state after the frame.
+    /// [`Self::forward`] for packed weights.
     ///
     /// # Errors
     /// [`Stopped`] where the stop of [`Workspace::stop_by`] is wanted.
     ///
     /// # Panics
-    /// When the lengths of the input or of the state are not those of the spec and the graph.
-    pub fn forward_carried<'w, T: NetworkScalar>(
+    /// When the lengths of the input are not those of the spec and the graph.
+    pub fn forward_packed<'w, T: NetworkScalar>(
         &self,
         weights: &PackedWeights<T>,
         graph: &Connectivity,
-        carried: Carried<'_, T>,
+        input: Input<'_, T>,
         pass: Pass<'_>,
         workspace: &'w mut Workspace<T>,
     ) -> Result<&'w [T], Stopped> {
-        T::forward(self, weights, graph, carried, pass, workspace);
+        T::forward(self, weights, graph, input, pass, workspace);
         if workspace.stop.is_wanted() {
             workspace.kept = false;
             return Err(Stopped);
@@ -187,33 +177,29 @@ impl Network {
             "a forward pass to learn from, with the same weights, comes first"
         );
         if let Some(packed) = packed {
-            let state = &EncoderState::new();
-            let (carried, stop) = (
-                Carried { input, state },
-                std::mem::take(&mut workspace.stop),
-            );
-            T::backward(self, &packed, graph, carried, gradients, workspace);
+            let stop = std::mem::take(&mut workspace.stop);
+            T::backward(self, &packed, graph, input, gradients, workspace);
             workspace.stop = stop;
             workspace.packed = Some(packed);
         }
     }
 
-    /// [`Self::backward`] after [`Self::forward_carried`], with the gradients of the states.
+    /// [`Self::backward`] after [`Self::forward_packed`].
     ///
     /// # Errors
-    /// As [`Self::forward_carried`]; the gradients are then of a part of the network.
+    /// As [`Self::forward_packed`]; the gradients are then of a part of the network.
     ///
     /// # Panics
     /// As [`Self::backward`], and for weights that are not packed for training.
-    pub fn backward_carried<T: NetworkScalar>(
+    pub fn backward_packed<T: NetworkScalar>(
         &self,
         weights: &PackedWeights<T>,
         graph: &Connectivity,
-        carried: Carried<'_, T>,
+        input: Input<'_, T>,
         gradients: Gradients<'_, T>,
         workspace: &mut Workspace<T>,
     ) -> Result<(), Stopped> {
-        T::backward(self, weights, graph, carried, gradients, workspace);
+        T::backward(self, weights, graph, input, gradients, workspace);
         match workspace.stop.is_wanted() {
             true => Err(Stopped),
             false => Ok(()),

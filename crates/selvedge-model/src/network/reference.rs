@@ -79,7 +79,7 @@ impl Weights<'_> {
                 let at = |step: usize| &input[(step * rows + row) * width..][..width];
                 match self.network.spec().encoder {
                     Encoder::Mlp { .. } => self.normalised_mlp(path, at(0)),
-                    Encoder::Gru { .. } | Encoder::StreamingGru { .. } => {
+                    Encoder::Gru { .. } => {
                         let frames = input.len() / (rows * width);
                         let window: Vec<&[f64]> = (0..frames).map(at).collect();
                         let last = self.gru(&format!("{path}.gru"), &window, latent);

@@ -16,7 +16,6 @@ use crate::kernels::real::Real;
 use crate::kernels::simd::Instructions;
 use crate::network::arguments::Pass;
 use crate::network::definition::Network;
-use crate::network::encoder_state::EncoderState;
 use crate::network::layers::block::BlockSaved;
 use crate::network::layers::encoder::KEPT;
 use crate::network::layers::mlp::ACTIVATIONS;
@@ -55,8 +54,6 @@ pub struct Workspace<T> {
     pub(crate) input_gradient: [Aligned<T>; 2],
     /// Masks of nodes and of arcs in the last pass.
     pub(crate) dropout: [RowMasks; 2],
-    /// The encoders' states after the last pass of a network that streams.
-    pub(crate) end: EncoderState<T>,
     /// True while the activations of a training pass wait for its backward pass.
     pub(crate) kept: bool,
     /// Wanted where nobody needs the pass any more.
@@ -78,7 +75,7 @@ impl<T: Real> Workspace<T> {
         Self::default()
     }
 
-    /// Lets [`Network::forward_carried`] and [`Network::backward_carried`] end early, with an error,
+    /// Lets [`Network::forward_packed`] and [`Network::backward_packed`] end early, with an error,
     /// from when `stop` is wanted.
     pub fn stop_by(&mut self, stop: Stop) {
         self.stop = stop;
@@ -93,26 +90,9 @@ impl<T: Real> Workspace<T> {
         }
     }
 
-    /// The states that a streaming network's encoders ended the last pass with.
-    #[must_use]
-    pub fn end_state(&self) -> &EncoderState<T> {
-        &self.end
-    }
-
-    /// Takes the end state and leaves another one's room.
-    pub(crate) fn swap_end_state(&mut self, other: &mut EncoderState<T>) {
-        std::mem::swap(&mut self.end, other);
-    }
-
     /// Makes room for a forward pass.
-    pub(crate) fn fit(
-        &mut self,
-        network: &Network,
-        graph: &Connectivity,
-        pass: Pass<'_>,
-        frames: usize,
-    ) {
-        let latent = network.spec().latent;
+    pub(crate) fn fit(&mut self, network: &Network, graph: &Connectivity, pass: Pass<'_>) {
+        let (latent, frames) = (network.spec().latent, network.spec().window());
         let (vertices, arcs) = (graph.vertex_count(), graph.arc_count());
         self.kept = matches!(pass, Pass::Training(_));
         self.fit_dropout(graph, pass, [frames * latent; 2]);
@@ -122,9 +102,6 @@ impl<T: Real> Workspace<T> {
             products.resize(vertices * 2 * latent);
         }
         self.output.resize(vertices * OUTPUTS);
-        if network.streams() {
-            self.end.fit(vertices, arcs, latent);
-        }
         let threads = rayon::current_num_threads().max(1);
         self.scratch.resize_with(threads, Mutex::default);
         for scratch in &mut self.scratch {

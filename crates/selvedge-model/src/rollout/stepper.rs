@@ -13,13 +13,13 @@ use selvedge_cloth::{
 use thiserror::Error;
 
 use crate::features::finite::first_non_finite;
-use crate::features::{Extent, Frames, Place, Window};
+use crate::features::{Frames, Place, Window};
 use crate::graph::ClothGraph;
 use crate::graph::frame::Yaw;
 use crate::kernels::simd::Instructions;
 use crate::network::packed::{PackedWeights, Purpose};
 use crate::network::workspace::Workspace;
-use crate::network::{Carried, EncoderState, Input, Pass, Stopped};
+use crate::network::{Input, Pass, Stopped};
 use crate::rollout::advance::{LocalAcceleration, NonFinite, TwoFrames, advance, require_finite};
 use crate::rollout::hands::Hands;
 use crate::rollout::model::Model;
@@ -44,9 +44,6 @@ pub struct LearnedStepper {
     features: Window,
     weights: PackedWeights<f32>,
     workspace: Workspace<f32>,
-    /// State of a streaming network's encoders. The state before the last step is kept until the
-    /// step is known to be good.
-    state: EncoderState<f32>,
     acceleration: Vec<f32>,
 }
 
@@ -120,7 +117,6 @@ impl LearnedStepper {
                 Instructions::Detected,
             ),
             workspace: Workspace::new(),
-            state: EncoderState::new(),
             acceleration: Vec::new(),
             model,
             graph,
@@ -151,12 +147,7 @@ impl LearnedStepper {
             positions: &self.history,
             yaw,
         };
-        let extent = if self.state.is_zero() {
-            Extent::Whole
-        } else {
-            Extent::Newest
-        };
-        self.features.fit_extent(spec, &place, extent);
+        self.features.fit(spec, &place);
         self.features.write(spec, &self.graph, frames, &place);
         let normalizers = self.model.normalizers();
         self.features
@@ -169,13 +160,10 @@ impl LearnedStepper {
         if let Some(vertex) = first_non_finite(spec, connectivity, input) {
             return Err(StepError::NonFinite { frame, vertex });
         }
-        let out = self.model.network().forward_carried(
+        let out = self.model.network().forward_packed(
             &self.weights,
             connectivity,
-            Carried {
-                input,
-                state: &self.state,
-            },
+            input,
             Pass::Inference,
             &mut self.workspace,
         );
@@ -230,9 +218,6 @@ impl Stepper for LearnedStepper {
         advanced.map_err(|NonFinite { vertex }| StepError::NonFinite { frame, vertex })?;
         self.history.rotate_left(1);
         std::mem::swap(&mut self.history[newest], &mut self.next);
-        if self.model.network().streams() {
-            self.workspace.swap_end_state(&mut self.state);
-        }
         self.yaw_before = Some(std::mem::replace(&mut self.yaw, yaw));
         self.hands.swap(0, 1);
         self.frame = frame;
@@ -245,9 +230,6 @@ impl Stepper for LearnedStepper {
     }
 }
 
-/// The state of a streaming network has seen the frames before the newest one, so it stays when the
-/// newest frame is replaced. It has not seen a frame that is taken, so it starts anew from the
-/// window.
 impl Correctable for LearnedStepper {
     fn replace_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
         check_frame(self.frame, positions, self.graph.vertex_count())?;
@@ -263,7 +245,6 @@ impl Correctable for LearnedStepper {
         let newest = self.history.len() - 1;
         self.history[newest].copy_from_slice(positions);
         self.hands[0].take(self.graph.handles().of(positions));
-        self.state.clear();
         self.yaw_before = None;
         self.frame += 1;
         Ok(())
@@ -276,9 +257,6 @@ impl Correctable for LearnedStepper {
         let newest = self.history.len() - 1;
         std::mem::swap(&mut self.history[newest], &mut self.next);
         self.history.rotate_right(1);
-        if self.model.network().streams() {
-            self.workspace.swap_end_state(&mut self.state);
-        }
         self.yaw = yaw;
         self.hands.swap(0, 1);
         self.frame -= 1;

@@ -95,12 +95,6 @@ pub enum Encoder {
         /// Frames in the window, at least 1.
         window: usize,
     },
-    /// The recurrent network with states that are carried from frame to frame, not begun anew for
-    /// every window. A frame costs one step.
-    StreamingGru {
-        /// Frames that the first states are computed from, at least 1.
-        window: usize,
-    },
 }
 
 /// The window of an encoder that sees the current frame alone: 1 in a file, and no other number.
@@ -155,7 +149,7 @@ impl Encoder {
     pub fn window(self) -> usize {
         match self {
             Self::Mlp { .. } => 1,
-            Self::Gru { window } | Self::StreamingGru { window } => window,
+            Self::Gru { window } => window,
         }
     }
 

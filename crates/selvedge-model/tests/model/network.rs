@@ -5,9 +5,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::Stop;
 use selvedge_model::{
-    Carried, Connectivity, Dropout, Encoder, EncoderState, Gradients, Input, InputGradient,
-    Instructions, Model, ModelSpec, Network, OUTPUTS, PackedWeights, Pass, Purpose, StateGradients,
-    Stopped, Workspace, reference,
+    Connectivity, Dropout, Encoder, Gradients, Input, InputGradient, Instructions, Model,
+    ModelSpec, Network, OUTPUTS, Pass, Purpose, Stopped, Workspace, reference,
 };
 
 use crate::specs::specs;
@@ -355,131 +354,6 @@ fn a_machine_without_wide_vectors_gives_the_same_but_for_rounding() {
     }
 }
 
-/// A stream's two frames after its window of two, and a window of the four frames at once.
-struct Stream {
-    whole: Case,
-    begun: Network,
-    packed: PackedWeights<f64>,
-}
-
-impl Stream {
-    fn new() -> Self {
-        let of = |window| ModelSpec::physical(Encoder::StreamingGru { window }, 6, 2);
-        let whole = case(&of(4), 20, 11);
-        let begun = Network::new(&of(2)).expect("a valid spec");
-        let (purpose, instructions) = (Purpose::Training, Instructions::Detected);
-        Self {
-            packed: begun.pack(&whole.weights, purpose, instructions),
-            whole,
-            begun,
-        }
-    }
-
-    /// The two frames that it begins with, then one and one.
-    fn inputs(&self) -> [Input<'_, f64>; 3] {
-        let (nodes, arcs) = (self.whole.nodes.len() / 4, self.whole.arcs.len() / 4);
-        [(0, 2), (2, 1), (3, 1)].map(|(first, count)| Input {
-            nodes: &self.whole.nodes[first * nodes..(first + count) * nodes],
-            arcs: &self.whole.arcs[first * arcs..(first + count) * arcs],
-        })
-    }
-
-    /// Runs all passes; gives each one's workspace and the state it began with.
-    fn run(&self) -> Vec<(Workspace<f64>, EncoderState<f64>)> {
-        let mut state = EncoderState::new();
-        let pass = |input| {
-            let mut workspace = Workspace::new();
-            let (pass, graph) = (Pass::Training(None), &self.whole.graph);
-            let carried = Carried {
-                input,
-                state: &state,
-            };
-            self.begun
-                .forward_carried(&self.packed, graph, carried, pass, &mut workspace)
-                .expect("nobody stops it");
-            let after = workspace.end_state().clone();
-            (workspace, std::mem::replace(&mut state, after))
-        };
-        self.inputs().into_iter().map(pass).collect()
-    }
-}
-
-#[test]
-fn a_stream_is_a_window_that_grows() {
-    let stream = Stream::new();
-    let whole = &stream.whole;
-    let mut workspace = Workspace::new();
-    let pass = Pass::Training(None);
-    let expected = whole
-        .network
-        .forward(
-            &whole.weights,
-            &whole.graph,
-            whole.input(),
-            pass,
-            &mut workspace,
-        )
-        .to_vec();
-    let mut passes = stream.run();
-    let (last, state) = passes.last_mut().expect("three passes");
-    let [.., input] = stream.inputs();
-    let carried = Carried { input, state };
-    let found = stream
-        .begun
-        .forward_carried(&stream.packed, &whole.graph, carried, pass, last);
-    let found = found.expect("nobody stops it");
-    // The same arithmetic in the same order.
-    assert_eq!(found, expected);
-}
-
-#[test]
-fn the_gradient_of_a_stream_is_that_of_the_window() {
-    let stream = Stream::new();
-    let whole = &stream.whole;
-    let output: Vec<f64> = (0..3 * whole.graph.vertex_count())
-        .map(coefficient)
-        .collect();
-    let mut workspace = Workspace::new();
-    let mut expected = vec![0.0; whole.weights.len()];
-    whole.objective(&whole.weights, Pass::Training(None), &mut workspace);
-    let (graph, gradients) = (&whole.graph, Gradients::new(&output, &mut expected));
-    whole.network.backward(
-        &whole.weights,
-        graph,
-        whole.input(),
-        gradients,
-        &mut workspace,
-    );
-    // Only the last frame is judged: the others' gradients come through the states.
-    let mut passes = stream.run();
-    let mut found = vec![0.0; whole.weights.len()];
-    let silent = vec![0.0; output.len()];
-    let mut later = EncoderState::new();
-    for (number, input) in stream.inputs().into_iter().enumerate().rev() {
-        let (workspace, state) = &mut passes[number];
-        let mut earlier = EncoderState::new();
-        let states = StateGradients {
-            end: (number < 2).then_some(&later),
-            start: Some(&mut earlier),
-        };
-        let output = if number == 2 { &output } else { &silent };
-        let gradients = Gradients {
-            states,
-            ..Gradients::new(output, &mut found)
-        };
-        let carried = Carried { input, state };
-        stream
-            .begun
-            .backward_carried(&stream.packed, graph, carried, gradients, workspace)
-            .expect("nobody stops it");
-        later = earlier;
-    }
-    for (found, expected) in found.iter().zip(&expected) {
-        // Sums of a few thousand terms in another order.
-        assert!((found - expected).abs() < 1e-11 * (1.0 + expected.abs()));
-    }
-}
-
 #[test]
 fn a_frame_in_f32_is_the_same_bytes_on_any_number_of_threads() {
     for spec in specs() {
@@ -540,27 +414,28 @@ fn threads_change_no_bit() {
 
 #[test]
 fn a_pass_that_is_stopped_gives_nothing() {
-    let stream = Stream::new();
-    let graph = &stream.whole.graph;
-    let [input, ..] = stream.inputs();
-    let state = &EncoderState::new();
-    let carried = Carried { input, state };
+    let case = case(
+        &ModelSpec::physical(Encoder::Gru { window: 2 }, 6, 2),
+        20,
+        11,
+    );
+    let (network, graph, input) = (&case.network, &case.graph, case.input());
+    let packed = network.pack(&case.weights, Purpose::Training, Instructions::Detected);
     let pass = Pass::Training(None);
-    let (network, weights) = (&stream.begun, &stream.packed);
     let stop = Stop::default();
     let mut workspace = Workspace::new();
     workspace.stop_by(stop.clone());
-    let out = network.forward_carried(weights, graph, carried, pass, &mut workspace);
+    let out = network.forward_packed(&packed, graph, input, pass, &mut workspace);
     let output = vec![1.0; out.expect("nobody stops it yet").len()];
     stop.ask();
-    let mut gradient = vec![0.0; stream.whole.weights.len()];
+    let mut gradient = vec![0.0; case.weights.len()];
     let gradients = Gradients::new(&output, &mut gradient);
-    let back = network.backward_carried(weights, graph, carried, gradients, &mut workspace);
+    let back = network.backward_packed(&packed, graph, input, gradients, &mut workspace);
     assert_eq!(back, Err(Stopped));
-    let out = network.forward_carried(weights, graph, carried, pass, &mut workspace);
+    let out = network.forward_packed(&packed, graph, input, pass, &mut workspace);
     assert_eq!(out, Err(Stopped));
     // Those that cannot say so do not hear it.
-    let weights = &stream.whole.weights;
+    let weights = &case.weights;
     let found = network
         .forward(weights, graph, input, pass, &mut workspace)
         .to_vec();

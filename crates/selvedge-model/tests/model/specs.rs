@@ -9,6 +9,5 @@ pub(crate) fn specs() -> Vec<ModelSpec> {
         ModelSpec::physical(Encoder::Gru { window: 4 }, 6, 2),
         ModelSpec::physical(Encoder::Gru { window: 1 }, 5, 1),
         ModelSpec::mesh_graph_nets(7, 2),
-        ModelSpec::physical(Encoder::StreamingGru { window: 2 }, 17, 1),
     ]
 }

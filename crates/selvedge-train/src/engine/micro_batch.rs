@@ -11,9 +11,8 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 use selvedge_model::{
-    Carried, ClothGraph, Connectivity, Dropout, EncoderState, Extent, Gradients, Input,
-    InputGradient, PackedWeights, Pass, Place, StateGradients, Stopped, Window, Workspace,
-    advance_backward,
+    ClothGraph, Connectivity, Dropout, Gradients, Input, InputGradient, PackedWeights, Pass, Place,
+    Stopped, Window, Workspace, advance_backward,
 };
 
 use super::{FramePasses, Setup, SlotRun, run_slots};
@@ -29,8 +28,6 @@ pub(super) struct MicroBatch {
     /// Gradients of the positions of all frames, the history of the first one included, in the
     /// world, `[frames][vertices]`.
     by_position: Vec<Vec<Vec3>>,
-    /// Gradients of the states that a streaming network carries into a frame, and out of it.
-    by_state: [EncoderState<f32>; 2],
     /// Gradient of the sum of the slots' losses, each times its share of the batch, laid out like
     /// the weights.
     gradient: Vec<f32>,
@@ -59,9 +56,6 @@ struct FrameBuffers {
     samples: Vec<ShownSample>,
     window: Window,
     workspace: Workspace<f32>,
-    /// The state that a streaming network carries into this frame: none into the first one, which
-    /// begins with a whole window.
-    state: EncoderState<f32>,
     /// Normalised predictions, `[vertices, 3]`.
     output: Vec<f32>,
     /// Gradients of this frame's own losses with respect to them, `[vertices, 3]`.
@@ -82,7 +76,6 @@ struct FrameGradients<'a> {
     input: Option<&'a mut InputBuffers>,
     /// Gradients of the history and, last, of the predicted positions.
     positions: &'a mut [Vec<Vec3>],
-    states: StateGradients<'a, f32>,
 }
 
 /// A micro-batch at work.
@@ -100,7 +93,6 @@ impl MicroBatch {
             losses: LossEvaluator::new(losses, ComputedTerms::Weighted),
             input: InputBuffers::default(),
             by_position: Vec::new(),
-            by_state: Default::default(),
             gradient: vec![0.0; weights],
             terms: Vec::new(),
         }
@@ -151,12 +143,7 @@ impl FramePasses for Passes<'_, '_> {
             let stop = shared.setup.stop.clone();
             batch.frames[frame].workspace.stop_by(stop);
         }
-        let (before, buffers) = batch.frames[..=frame].split_at_mut(frame);
-        let buffers = &mut buffers[0];
-        buffers.state.clear();
-        if let Some(before) = before.last().filter(|_| shared.setup.network.streams()) {
-            buffers.state.clone_from(before.workspace.end_state());
-        }
+        let buffers = &mut batch.frames[frame];
         buffers.keep_samples(slots);
         buffers.write_window(shared, &batch.union);
         buffers.forward(shared, &batch.union)?;
@@ -184,8 +171,7 @@ impl Passes<'_, '_> {
             let rows = batch.union.rows(slot);
             frame.by_output[rows].iter_mut().for_each(|g| *g *= weight);
         }
-        let states = StateGradients::default();
-        frame.network_backward(shared, &batch.union, &mut batch.gradient, None, states)
+        frame.network_backward(shared, &batch.union, &mut batch.gradient, None)
     }
 
     /// The way back through the frames of one slot, which have these weights, latest frame first.
@@ -213,20 +199,13 @@ impl Passes<'_, '_> {
             let positions = &mut batch.by_position[number..=number + history];
             let by_next = &mut positions[history];
             frame.join_position_gradient(shared, &batch.union.graphs[0], weight as f32, by_next);
-            let [before, after] = &mut batch.by_state;
-            let carries = network.streams();
             let gradients = FrameGradients {
                 weights: &mut batch.gradient,
                 // The first frame starts from given positions.
                 input: (number > 0).then_some(&mut batch.input),
                 positions,
-                states: StateGradients {
-                    end: (carries && number + 1 < weights.len()).then_some(&*after),
-                    start: (carries && number > 0).then_some(before),
-                },
             };
             frame.backward(shared, &batch.union, gradients)?;
-            batch.by_state.swap(0, 1);
         }
         Ok(())
     }
@@ -280,14 +259,9 @@ impl FrameBuffers {
 
     fn write_window(&mut self, shared: &Shared<'_>, union: &Union) {
         let spec = shared.setup.network.spec();
-        let extent = if self.state.is_zero() {
-            Extent::Whole
-        } else {
-            Extent::Newest
-        };
         let cloths = union.graphs.iter().zip(&union.places);
         for (sample, (graph, place)) in self.samples.iter().zip(cloths) {
-            self.window.fit_extent(spec, place, extent);
+            self.window.fit(spec, place);
             self.window.write(spec, graph, sample.window(), place);
         }
         let normalizers = shared.setup.normalizers;
@@ -302,13 +276,10 @@ impl FrameBuffers {
             rate: shared.setup.cfg.dropout,
             seeds: &seeds,
         };
-        let out = shared.setup.network.forward_carried(
+        let out = shared.setup.network.forward_packed(
             shared.weights,
             &union.connectivity,
-            Carried {
-                input: input_of(&self.window),
-                state: &self.state,
-            },
+            input_of(&self.window),
             Pass::Training(Some(dropout)),
             &mut self.workspace,
         )?;
@@ -373,14 +344,13 @@ impl FrameBuffers {
             weights,
             input,
             positions,
-            states,
         } = to;
         let Some(input) = input else {
-            return self.network_backward(shared, union, weights, None, states);
+            return self.network_backward(shared, union, weights, None);
         };
         input.nodes.resize(self.window.nodes.len(), 0.0);
         input.arcs.resize(self.window.arcs.len(), 0.0);
-        self.network_backward(shared, union, weights, Some(input.gradient()), states)?;
+        self.network_backward(shared, union, weights, Some(input.gradient()))?;
         let normalizers = shared.setup.normalizers;
         normalizers.nodes.scale_gradient(&mut input.nodes);
         normalizers.edges.scale_gradient(&mut input.arcs);
@@ -401,22 +371,16 @@ impl FrameBuffers {
         union: &Union,
         weights: &mut [f32],
         input: Option<InputGradient<'_, f32>>,
-        states: StateGradients<'_, f32>,
     ) -> Result<(), Stopped> {
         let gradients = Gradients {
             output: &self.by_output,
             weights,
             input,
-            states,
         };
-        let carried = Carried {
-            input: input_of(&self.window),
-            state: &self.state,
-        };
-        shared.setup.network.backward_carried(
+        shared.setup.network.backward_packed(
             shared.weights,
             &union.connectivity,
-            carried,
+            input_of(&self.window),
             gradients,
             &mut self.workspace,
         )

@@ -20,12 +20,8 @@ fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
     pool.expect("a pool").install(work)
 }
 
-fn encoders() -> [Encoder; 3] {
-    [
-        Encoder::MLP,
-        Encoder::Gru { window: 3 },
-        Encoder::StreamingGru { window: 3 },
-    ]
+fn encoders() -> [Encoder; 2] {
+    [Encoder::MLP, Encoder::Gru { window: 3 }]
 }
 
 /// The bytes of checkpoint and model after `steps` steps.
@@ -78,7 +74,7 @@ fn threads_change_no_bit_and_seeds_do() {
 #[test]
 fn a_step_that_is_given_up_leaves_the_training_as_it_was() {
     let data = two_cloths();
-    for (encoder, frames) in [(Encoder::MLP, 1), (Encoder::StreamingGru { window: 3 }, 3)] {
+    for (encoder, frames) in [(Encoder::MLP, 1), (Encoder::Gru { window: 3 }, 3)] {
         let cfg = || {
             let mut cfg = busy(encoder);
             cfg.unroll = UnrollFrames::Constant { frames };

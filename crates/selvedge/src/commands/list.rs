@@ -61,7 +61,6 @@ fn configs() -> anyhow::Result<Answer> {
         let encoder = match config.encoder {
             Encoder::Mlp { .. } => "mlp".to_owned(),
             Encoder::Gru { window } => format!("gru {window}"),
-            Encoder::StreamingGru { window } => format!("streaming-gru {window}"),
         };
         table.row([
             config.name.to_owned(),

@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{Environment, Handles};
-use selvedge_model::{ClothGraph, Extent, Frames, ModelSpec, Place, Window, Yaw};
+use selvedge_model::{ClothGraph, Frames, ModelSpec, Place, Window, Yaw};
 
 use super::*;
 use crate::cloths::UnionSizes;
@@ -39,12 +39,12 @@ impl Moving {
     }
 }
 
-/// Normalised features of the CPU, of the whole window or of its newest frame.
-fn of_cpu(spec: &ModelSpec, cloths: &[Moving], extent: Extent, norms: &Normalizers) -> Window {
+/// Normalised features of the CPU.
+fn of_cpu(spec: &ModelSpec, cloths: &[Moving], norms: &Normalizers) -> Window {
     let graphs: Vec<&ClothGraph> = cloths.iter().map(|cloth| &cloth.graph).collect();
     let places = Place::side_by_side(&graphs);
     let mut window = Window::default();
-    window.fit_extent(spec, &places[0], extent);
+    window.fit(spec, &places[0]);
     for (cloth, place) in cloths.iter().zip(&places) {
         let frames = Frames {
             positions: &cloth.positions,
@@ -57,12 +57,7 @@ fn of_cpu(spec: &ModelSpec, cloths: &[Moving], extent: Extent, norms: &Normalize
 }
 
 /// The same of the device.
-fn of_device(
-    spec: &ModelSpec,
-    cloths: &[Moving],
-    steps: [usize; 2],
-    norms: &Normalizers,
-) -> [Vec<f32>; 2] {
+fn of_device(spec: &ModelSpec, cloths: &[Moving], norms: &Normalizers) -> [Vec<f32>; 2] {
     let device = device();
     let graphs: Vec<&ClothGraph> = cloths.iter().map(|cloth| &cloth.graph).collect();
     let sizes = UnionSizes::of(&graphs);
@@ -72,7 +67,7 @@ fn of_device(
     let frames = FrameArrays::new(&mut plan, spec, sizes);
     let normalizers = NormalizerArrays::new(&mut plan, spec);
     let network = selvedge_model::Network::new(spec).expect("a spec");
-    let input = InputArrays::new(&mut plan, &network, &arrays.graph, steps);
+    let input = InputArrays::new(&mut plan, &network, &arrays.graph);
     let mut schedule = Schedule::new("features");
     let sources = FeatureSources {
         cloths: &arrays,
@@ -134,16 +129,13 @@ fn a_window_of_several_cloths_is_that_of_the_cpu() {
             ClothGraph::new(&free, vacuum, 60.0).expect("a graph"),
         ];
         let cloths = graphs.map(|graph| Moving::new(graph, spec.history()));
-        let whole = [spec.window(); 2];
-        for (extent, steps) in [(Extent::Whole, whole), (Extent::Newest, [1, 1])] {
-            let window = of_cpu(&spec, &cloths, extent, &norms);
-            let [nodes, arcs] = of_device(&spec, &cloths, steps, &norms);
-            for (found, expected) in [(nodes, &window.nodes), (arcs, &window.arcs)] {
-                assert_eq!(found.len(), expected.len());
-                for (number, (x, y)) in found.iter().zip(expected).enumerate() {
-                    // Ten times what f32 positions of 1 m are rounded by, in statistics of 0.1.
-                    assert!((x - y).abs() < 1e-5 * y.abs().max(1.0), "{number}: {x} {y}");
-                }
+        let window = of_cpu(&spec, &cloths, &norms);
+        let [nodes, arcs] = of_device(&spec, &cloths, &norms);
+        for (found, expected) in [(nodes, &window.nodes), (arcs, &window.arcs)] {
+            assert_eq!(found.len(), expected.len());
+            for (number, (x, y)) in found.iter().zip(expected).enumerate() {
+                // Ten times what f32 positions of 1 m are rounded by, in statistics of 0.1.
+                assert!((x - y).abs() < 1e-5 * y.abs().max(1.0), "{number}: {x} {y}");
             }
         }
     }

@@ -1,11 +1,11 @@
-//! The backward pass of the encoders, to the features and to the states that they started from.
+//! The backward pass of the encoders, to the features.
 
 use selvedge_model::Gate;
 
 use super::Back;
 use super::mlp::NormBack;
 use crate::kernels::backward::{GATE_BIASES, GATES_BACKWARD};
-use crate::network::arrays::{InputArrays, StateArrays};
+use crate::network::arrays::InputArrays;
 use crate::network::dropout::drop_out;
 use crate::network::linear::Rows;
 use crate::network::record::{EncoderRecord, GruRecord, MlpRecord};
@@ -24,8 +24,6 @@ struct Kind {
     steps: usize,
     input: Region,
     to_input: Option<Region>,
-    end: Option<[Region; 2]>,
-    start: Option<[Region; 2]>,
 }
 
 impl Kind {
@@ -63,7 +61,6 @@ impl Back<'_> {
         let pass = self.pass;
         let spec = pass.network.spec();
         let of_input = |arrays: &InputArrays| [arrays.nodes, arrays.arcs];
-        let of_states = |arrays: &StateArrays| [arrays.nodes, arrays.arcs];
         let paths = ["encoder.nodes", "encoder.edges"];
         let rows = [pass.graph.vertices, pass.graph.arcs];
         let widths = [spec.node_width(), spec.edge_width()];
@@ -74,11 +71,9 @@ impl Back<'_> {
                 path: paths[number],
                 rows: rows[number],
                 width: widths[number],
-                steps: pass.input.steps[number],
+                steps: pass.input.steps,
                 input: of_input(pass.input)[number],
                 to_input: pass.to_input.map(|to| of_input(to)[number]),
-                end: pass.end.map(|states| of_states(states)[number]),
-                start: pass.start.map(|states| of_states(states)[number]),
             };
             let mark = self.plan.mark();
             match record {
@@ -135,9 +130,6 @@ impl Back<'_> {
         }
         for layer in LAYERS {
             self.gru_biases(kind.path, layer, buffers.biases[layer]);
-            if let Some(start) = kind.start {
-                self.schedule.copy(buffers.states[layer], start[layer]);
-            }
         }
     }
 
@@ -159,13 +151,7 @@ impl Back<'_> {
         let weight = self.pass.weights.matrix(&format!("{path}.linear.weight"));
         let to = Rows::new(second, latent);
         self.through(rows, g, weight, to, Onto::Set);
-        match kind.end {
-            Some(end) => {
-                self.schedule.copy(end[0], first);
-                self.add(second, end[1]);
-            }
-            None => self.schedule.clear(first),
-        }
+        self.schedule.clear(first);
     }
 
     /// One step of both layers; `between` is room for the gradient of the second layer's input.

@@ -11,7 +11,7 @@ mod mlp;
 use selvedge_model::Network;
 
 use super::OUTPUTS;
-use super::arrays::{GraphArrays, InputArrays, StateArrays};
+use super::arrays::{GraphArrays, InputArrays};
 use super::dropout::Dropout;
 use super::linear::Rows;
 use super::record::Record;
@@ -43,10 +43,6 @@ pub struct BackwardPass<'a> {
     pub output: Region,
     /// Room for the gradient of the features, if it is wanted.
     pub to_input: Option<&'a InputArrays>,
-    /// The gradient of the encoders' last states, from later frames; zero where not given.
-    pub end: Option<&'a StateArrays>,
-    /// Room for the gradient of the states that the encoders started from, if it is wanted.
-    pub start: Option<&'a StateArrays>,
 }
 
 /// Adds a backward pass to a schedule, and its arrays to a plan.

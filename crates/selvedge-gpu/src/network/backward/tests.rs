@@ -1,9 +1,8 @@
-//! The backward pass on a device against the CPU engine's, for every encoder, with dropout, and
-//! through states that are carried.
+//! The backward pass on a device against the CPU engine's, for every encoder and with dropout.
 
 use selvedge_model::{
-    Carried, Connectivity, Dropout as CpuDropout, EncoderState, Gradients, Input, InputGradient,
-    Network, NetworkScalar, Pass, Purpose, StateGradients, Workspace,
+    Connectivity, Dropout as CpuDropout, Gradients, Input, InputGradient, Network, NetworkScalar,
+    Pass, Purpose, Workspace,
 };
 
 use super::{BackwardPass, backward};
@@ -12,7 +11,7 @@ use crate::kernels::{Program, Sizes};
 use crate::kernels::{backward as kernels, layers};
 use crate::network::{
     Dropout, DropoutSizes, ForwardPass, GraphArrays, InputArrays, Keep, OUTPUTS, Record,
-    StateArrays, WeightArrays, forward,
+    WeightArrays, forward,
 };
 use crate::schedule::plan::{Plan, Region};
 use crate::schedule::{Schedule, Trace};
@@ -22,17 +21,6 @@ const RATE: f64 = 0.3;
 /// Squares of a graph, each with its seed.
 const CLOTHS: usize = 2;
 const SEEDS: [u64; CLOTHS] = [0x1234_5678_9abc_def0, 0xfedc_ba98_7654_3210];
-/// The value of carried states, everywhere.
-const CARRIED: f32 = 0.2;
-/// The gradient of the last states, everywhere.
-const BY_END: f32 = 0.01;
-
-/// The start of encoders: zero, or given states.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Start {
-    Zero,
-    Carried,
-}
 
 /// A network on a graph, lowered both ways.
 struct Lowered {
@@ -44,8 +32,6 @@ struct Lowered {
     graph: GraphArrays,
     input: InputArrays,
     to_input: InputArrays,
-    /// The states at the start and at the end, the gradients of both.
-    states: [StateArrays; 4],
     dropout: Option<Dropout>,
     output: Region,
     record: Record,
@@ -53,7 +39,7 @@ struct Lowered {
 }
 
 impl Lowered {
-    fn new(network: &Network, graph: &Connectivity, start: Start, drops: bool) -> Self {
+    fn new(network: &Network, graph: &Connectivity, drops: bool) -> Self {
         let mut plan = Plan::new();
         let mut program = Program::new(Sizes::of(network.spec()));
         program.add(&layers::PART);
@@ -63,31 +49,21 @@ impl Lowered {
         let counts = [graph.vertex_count(), graph.arc_count()];
         let ones = plan.floats("ones", counts[0].max(counts[1]));
         let graph = GraphArrays::new(&mut plan, counts[0], counts[1]);
-        let spec = network.spec();
-        let steps = match start {
-            Start::Zero => [spec.window(); 2],
-            Start::Carried => [1, 1],
-        };
-        let [input, to_input] =
-            [(); 2].map(|()| InputArrays::new(&mut plan, network, &graph, steps));
-        let states = [(); 4].map(|()| StateArrays::new(&mut plan, network, &graph));
+        let [input, to_input] = [(); 2].map(|()| InputArrays::new(&mut plan, network, &graph));
         let sizes = DropoutSizes {
             slots: CLOTHS,
             slot: counts.map(|rows| rows / CLOTHS),
-            steps,
+            steps: network.spec().window(),
         };
         let dropout = Dropout::new(&mut plan, if drops { RATE } else { 0.0 }, sizes);
         let output = plan.floats("gradient of the output", counts[0] * OUTPUTS);
         let mut schedules = ["pack", "forward", "backward"].map(Schedule::new);
         weights.pack(&mut schedules[0]);
-        let carries = start == Start::Carried;
         let pass = ForwardPass {
             network,
             weights: &weights,
             graph: &graph,
             input: &input,
-            start: carries.then_some(&states[0]),
-            end: carries.then_some(&states[1]),
             keep: Keep::Activations(dropout),
         };
         let record = forward(&mut plan, &mut schedules[1], pass);
@@ -102,8 +78,6 @@ impl Lowered {
             dropout,
             output,
             to_input: Some(&to_input),
-            end: carries.then_some(&states[3]),
-            start: carries.then_some(&states[2]),
         };
         schedules[2].clear(gradient);
         backward(&mut plan, &mut schedules[2], &pass);
@@ -116,7 +90,6 @@ impl Lowered {
             graph,
             input,
             to_input,
-            states,
             dropout,
             output,
             record,
@@ -124,15 +97,11 @@ impl Lowered {
         }
     }
 
-    fn follow(&self, start: Start) {
+    fn follow(&self) {
         let mut trace = Trace::new(&self.plan, self.program.sizes());
         let mut given = vec![self.weights.flat(), self.input.nodes, self.input.arcs];
         given.extend(self.graph.regions());
         given.extend([self.ones, self.output]);
-        if start == Start::Carried {
-            given.extend(self.states[0].regions());
-            given.extend(self.states[3].regions());
-        }
         if let Some(dropout) = &self.dropout {
             given.extend(dropout.seeds);
         }
@@ -164,7 +133,7 @@ impl Given {
     }
 }
 
-/// The gradients of weights, of vertex features, of arc features, and of the states at the start.
+/// The gradients of weights, of vertex features and of arc features.
 type All = Vec<Vec<f32>>;
 
 fn on_device(lowered: &Lowered, graph: &Connectivity, given: &Given) -> All {
@@ -174,20 +143,13 @@ fn on_device(lowered: &Lowered, graph: &Connectivity, given: &Given) -> All {
     let loaded: &mut dyn Loaded = &mut *loaded;
     lowered.graph.upload(loaded, graph).expect("a graph");
     let ones = vec![1.0; lowered.ones.count()];
-    let mut floats = vec![
+    let floats = [
         (lowered.weights.flat(), &given.weights),
         (lowered.input.nodes, &given.nodes),
         (lowered.input.arcs, &given.edges),
         (lowered.output, &given.output),
         (lowered.ones, &ones),
     ];
-    let [start, .., by_end] = &lowered.states;
-    let filled = |states: &StateArrays, value| {
-        let regions = states.regions();
-        regions.map(|region| (region, vec![value; region.count()]))
-    };
-    let states = [filled(start, CARRIED), filled(by_end, BY_END)].concat();
-    floats.extend(states.iter().map(|(region, values)| (*region, values)));
     for (region, values) in floats {
         loaded.put(region, values).expect("room");
     }
@@ -198,12 +160,11 @@ fn on_device(lowered: &Lowered, graph: &Connectivity, given: &Given) -> All {
         let prepared = loaded.prepare(schedule).expect("a schedule");
         loaded.run(prepared).expect("a run");
     }
-    let mut regions = vec![
+    let regions = [
         lowered.gradient,
         lowered.to_input.nodes,
         lowered.to_input.arcs,
     ];
-    regions.extend(lowered.states[2].regions());
     let got = regions
         .into_iter()
         .map(|r| loaded.get(r).expect("a result"));
@@ -214,7 +175,7 @@ fn on_cpu<T: NetworkScalar>(
     network: &Network,
     graph: &Connectivity,
     given: &Given,
-    (start, drops): (Start, bool),
+    drops: bool,
 ) -> Vec<Vec<f64>> {
     let using = selvedge_model::Instructions::Detected;
     let scalar = |x: f32| T::from_f64(f64::from(x));
@@ -222,12 +183,6 @@ fn on_cpu<T: NetworkScalar>(
         [&given.weights, &given.nodes, &given.edges, &given.output]
             .map(|numbers| numbers.iter().map(|&x| scalar(x)).collect::<Vec<T>>());
     let packed = network.pack(&given_weights, Purpose::Training, using);
-    let (vertices, arcs) = (graph.vertex_count(), graph.arc_count());
-    let filled = |value| EncoderState::filled(scalar(value), vertices, arcs, network.spec().latent);
-    let state = match start {
-        Start::Zero => EncoderState::new(),
-        Start::Carried => filled(CARRIED),
-    };
     let input = Input {
         nodes: &given_nodes,
         arcs: &given_edges,
@@ -238,37 +193,17 @@ fn on_cpu<T: NetworkScalar>(
     });
     let mut workspace = Workspace::new();
     let pass = Pass::Training(dropout);
-    let carried = Carried {
-        input,
-        state: &state,
-    };
-    let out = network.forward_carried(&packed, graph, carried, pass, &mut workspace);
+    let out = network.forward_packed(&packed, graph, input, pass, &mut workspace);
     out.expect("nobody stops it");
-    let mut all = vec![
-        vec![T::ZERO; given.weights.len()],
-        vec![T::ZERO; given.nodes.len()],
-        vec![T::ZERO; given.edges.len()],
-    ];
-    let [weights, nodes, edges] = &mut all[..] else {
-        unreachable!("three of them")
-    };
-    let (end, mut by_start) = (filled(BY_END), EncoderState::new());
-    let carries = start == Start::Carried;
-    let states = StateGradients {
-        end: carries.then_some(&end),
-        start: carries.then_some(&mut by_start),
-    };
+    let mut all = [&given.weights, &given.nodes, &given.edges].map(|x| vec![T::ZERO; x.len()]);
+    let [weights, nodes, edges] = &mut all;
     let gradients = Gradients {
         output: &given_output,
         weights,
         input: Some(InputGradient { nodes, arcs: edges }),
-        states,
     };
-    let back = network.backward_carried(&packed, graph, carried, gradients, &mut workspace);
+    let back = network.backward_packed(&packed, graph, input, gradients, &mut workspace);
     back.expect("nobody stops it");
-    if carries {
-        all.extend(by_start.arrays().map(<[T]>::to_vec));
-    }
     let wide = |numbers: &Vec<T>| numbers.iter().map(|x| x.to_f64()).collect();
     all.iter().map(wide).collect()
 }
@@ -283,14 +218,14 @@ fn relative(found: &[f64], expected: &[f64]) -> f64 {
     (off / size.max(f64::MIN_POSITIVE)).sqrt()
 }
 
-fn compare(network: &Network, graph: &Connectivity, (start, drops): (Start, bool)) {
-    let lowered = Lowered::new(network, graph, start, drops);
-    lowered.follow(start);
+fn compare(network: &Network, graph: &Connectivity, drops: bool) {
+    let lowered = Lowered::new(network, graph, drops);
+    lowered.follow();
     let given = Given::new(network, &lowered);
     let found = on_device(&lowered, graph, &given);
-    let narrow = on_cpu::<f32>(network, graph, &given, (start, drops));
-    let exact = on_cpu::<f64>(network, graph, &given, (start, drops));
-    let what = format!("{:?}, {start:?}, dropout {drops}", network.spec().encoder);
+    let narrow = on_cpu::<f32>(network, graph, &given, drops);
+    let exact = on_cpu::<f64>(network, graph, &given, drops);
+    let what = format!("{:?}, dropout {drops}", network.spec().encoder);
     // Weights over tokens have gradients that nearly cancel: there the CPU's own f32 are farther
     // off.
     let near = |name: &str, found: &[f64], narrow: &[f64], exact: &[f64]| {
@@ -328,7 +263,7 @@ fn gradients_of_weights_and_features_are_those_of_the_cpu() {
     for spec in specs() {
         let graph = squares(&[30, 17]);
         let network = Network::new(&spec).expect("a spec");
-        compare(&network, &graph, (Start::Zero, false));
+        compare(&network, &graph, false);
     }
 }
 
@@ -338,18 +273,6 @@ fn the_same_values_are_dropped_as_on_the_cpu() {
     for spec in specs().into_iter().filter(|spec| spec.window() > 1) {
         let graph = squares(&[150; CLOTHS]);
         let network = Network::new(&spec).expect("a spec");
-        compare(&network, &graph, (Start::Zero, true));
-    }
-}
-
-#[test]
-fn gradients_go_through_carried_states_as_on_the_cpu() {
-    let graph = squares(&[25; CLOTHS]);
-    let streaming = specs()
-        .into_iter()
-        .map(|spec| Network::new(&spec).expect("a spec"));
-    for network in streaming.filter(Network::streams) {
-        compare(&network, &graph, (Start::Carried, false));
-        compare(&network, &graph, (Start::Carried, true));
+        compare(&network, &graph, true);
     }
 }

@@ -6,7 +6,6 @@ use std::ops::Range;
 use super::mlp::Normed;
 use super::{ForwardPass, Keep, Lower};
 use crate::kernels::layers::GATES;
-use crate::network::arrays::StateArrays;
 use crate::network::dropout::drop_out;
 use crate::network::linear::{Linear, Rows};
 use crate::network::record::{EncoderRecord, GruRecord};
@@ -18,7 +17,7 @@ use crate::schedule::plan::{Plan, Region};
 const MOST_SUMS: usize = 64 << 20;
 
 /// The rows that one encoder takes, vertices or arcs.
-struct Encoded<'a> {
+struct Encoded {
     /// 0 for vertices, 1 for arcs.
     kind: usize,
     /// The path of the weights.
@@ -33,13 +32,9 @@ struct Encoded<'a> {
     input: Region,
     /// Latent rows, `[rows, latent]`.
     out: Region,
-    /// The states of both layers that a recurrent network starts from, if they are not zero.
-    start: Option<&'a [Region; 2]>,
-    /// Room for its last states, if they are wanted.
-    end: Option<&'a [Region; 2]>,
 }
 
-impl Encoded<'_> {
+impl Encoded {
     /// The features of frames `steps`, one after the other.
     fn frames(&self, steps: Range<usize>) -> Rows {
         Rows::new(self.input.rows(steps, self.rows * self.width), self.width)
@@ -53,7 +48,7 @@ impl Encoded<'_> {
 
 /// Some steps of one layer of a recurrent network.
 struct LayerSteps<'a> {
-    of: &'a Encoded<'a>,
+    of: &'a Encoded,
     layer: usize,
     steps: Range<usize>,
     /// The inputs of all steps, one after the other.
@@ -81,19 +76,15 @@ impl Lower<'_> {
         let rows = [graph.vertices, graph.arcs];
         let widths = [spec.node_width(), spec.edge_width()];
         let features = [input.nodes, input.arcs];
-        let states = |of: Option<&StateArrays>, kind: usize| of.map(|s| [s.nodes, s.arcs][kind]);
         [0, 1].map(|kind| {
-            let (start, end) = (states(pass.start, kind), states(pass.end, kind));
             let of = Encoded {
                 kind,
                 path: paths[kind],
                 rows: rows[kind],
                 width: widths[kind],
-                steps: input.steps[kind],
+                steps: input.steps,
                 input: features[kind],
                 out: out[kind],
-                start: start.as_ref(),
-                end: end.as_ref(),
             };
             let mark = self.plan.mark();
             let record = match spec.encoder.is_recurrent() {
@@ -107,7 +98,7 @@ impl Lower<'_> {
         })
     }
 
-    fn encode_mlp(&mut self, of: &Encoded<'_>) -> EncoderRecord {
+    fn encode_mlp(&mut self, of: &Encoded) -> EncoderRecord {
         let (latent, path) = (self.latent, of.path);
         let record = self.mlp_record(path, of.rows);
         let weight = self.weights.matrix(&format!("{path}.0.weight"));
@@ -120,7 +111,7 @@ impl Lower<'_> {
         EncoderRecord::Mlp(record)
     }
 
-    fn encode_gru(&mut self, of: &Encoded<'_>) -> GruRecord {
+    fn encode_gru(&mut self, of: &Encoded) -> GruRecord {
         let (latent, path) = (self.latent, of.path);
         let group = of.group(latent);
         let record = self.gru_record(of, group);
@@ -130,7 +121,7 @@ impl Lower<'_> {
             self.plan.floats(name, steps * of.rows * 3 * latent)
         });
         let sums = GateSums { input, recurrent };
-        if of.start.is_none() && self.keeps() {
+        if self.keeps() {
             for states in &record.states {
                 self.schedule.clear(states[0]);
             }
@@ -139,24 +130,13 @@ impl Lower<'_> {
             let steps = first..of.steps.min(first + group);
             self.gru_group(of, steps, sums, &record);
         }
-        if let Some(end) = of.end.filter(|_| of.steps > 1) {
-            for (states, &end) in record.states.iter().zip(end) {
-                self.schedule.copy(states[of.steps], end);
-            }
-        }
         self.plan.release(mark);
         self.gru_output(of, &record);
         record
     }
 
     /// A group of steps through both layers.
-    fn gru_group(
-        &mut self,
-        of: &Encoded<'_>,
-        steps: Range<usize>,
-        sums: GateSums,
-        record: &GruRecord,
-    ) {
+    fn gru_group(&mut self, of: &Encoded, steps: Range<usize>, sums: GateSums, record: &GruRecord) {
         let first = LayerSteps {
             of,
             layer: 0,
@@ -178,7 +158,7 @@ impl Lower<'_> {
     }
 
     /// From the last state of the second layer to the latent rows.
-    fn gru_output(&mut self, of: &Encoded<'_>, record: &GruRecord) {
+    fn gru_output(&mut self, of: &Encoded, record: &GruRecord) {
         let (latent, path) = (self.latent, of.path);
         let weight = self.weights.matrix(&format!("{path}.linear.weight"));
         let x = Rows::new(record.states[1][of.steps], latent);
@@ -206,7 +186,7 @@ impl Lower<'_> {
         let states = &record.states[layer];
         for (number, step) in of.steps.clone().enumerate() {
             // The state that a window begins with is zero.
-            let before = (step > 0 || of.of.start.is_some()).then_some(states[step]);
+            let before = (step > 0).then_some(states[step]);
             if let Some(before) = before {
                 let (x, out) = (Rows::new(before, latent), Rows::new(sums.recurrent, width));
                 self.linear(Linear::new(rows, x, of_state, out));
@@ -225,14 +205,14 @@ impl Lower<'_> {
     }
 
     /// The inputs of the second layer in a step, where dropout changes the state of the first.
-    fn drop_out(&mut self, of: &Encoded<'_>, step: usize, record: &GruRecord) {
+    fn drop_out(&mut self, of: &Encoded, step: usize, record: &GruRecord) {
         if let Keep::Activations(Some(dropout)) = &self.keep {
             let both = [record.states[0][step + 1], record.between[step]];
             drop_out(self.schedule, dropout, of.kind, step, both);
         }
     }
 
-    fn gru_record(&mut self, of: &Encoded<'_>, group: usize) -> GruRecord {
+    fn gru_record(&mut self, of: &Encoded, group: usize) -> GruRecord {
         let (latent, steps, path) = (self.latent, of.steps, of.path);
         let size = of.rows * latent;
         let keeps = self.keeps();
@@ -265,9 +245,8 @@ impl Lower<'_> {
 
     /// The states of a layer before and after each step. All of them have room of their own where
     /// activations are kept; otherwise the states of a group of steps, which lie side by side, are
-    /// overwritten by the next group. The first state is the carried one, if there is one; so is
-    /// the last state of a single step.
-    fn states(&mut self, of: &Encoded<'_>, layer: usize, group: usize) -> Vec<Region> {
+    /// overwritten by the next group.
+    fn states(&mut self, of: &Encoded, layer: usize, group: usize) -> Vec<Region> {
         let (size, steps) = (of.rows * self.latent, of.steps);
         let count = if self.keeps() { steps + 1 } else { group };
         let name = format!("{}, states of layer {layer}", of.path);
@@ -280,13 +259,6 @@ impl Lower<'_> {
             };
             all.rows(slot..slot + 1, size)
         };
-        let mut states: Vec<Region> = (0..=steps).map(state).collect();
-        if let Some(start) = of.start {
-            states[0] = start[layer];
-        }
-        if let Some(end) = of.end.filter(|_| steps == 1) {
-            states[steps] = end[layer];
-        }
-        states
+        (0..=steps).map(state).collect()
     }
 }

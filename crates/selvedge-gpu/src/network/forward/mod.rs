@@ -9,7 +9,7 @@ mod mlp;
 
 use selvedge_model::{Network, OUTPUTS};
 
-use super::arrays::{GraphArrays, InputArrays, StateArrays};
+use super::arrays::{GraphArrays, InputArrays};
 use super::dropout::Dropout;
 use super::linear::Linear;
 use super::record::Record;
@@ -37,10 +37,6 @@ pub struct ForwardPass<'a> {
     pub graph: &'a GraphArrays,
     /// The features.
     pub input: &'a InputArrays,
-    /// The states that the encoders start from; zero where not given.
-    pub start: Option<&'a StateArrays>,
-    /// Room for the last states of the encoders, if they are wanted.
-    pub end: Option<&'a StateArrays>,
     /// The results that are kept.
     pub keep: Keep,
 }

@@ -31,7 +31,7 @@ impl Lowered {
         program.add(&layers::PART);
         let weights = WeightArrays::new(&mut plan, network);
         let graph = GraphArrays::new(&mut plan, graph.vertex_count(), graph.arc_count());
-        let input = InputArrays::whole(&mut plan, network, &graph);
+        let input = InputArrays::new(&mut plan, network, &graph);
         let mut pack = Schedule::new("pack");
         weights.pack(&mut pack);
         let mut schedule = Schedule::new("forward");
@@ -40,8 +40,6 @@ impl Lowered {
             weights: &weights,
             graph: &graph,
             input: &input,
-            start: None,
-            end: None,
             keep,
         };
         let record = forward(&mut plan, &mut schedule, pass);

@@ -28,16 +28,12 @@ pub(crate) enum EncoderLayers {
 /// [`GruEncoder::widths`].
 pub(crate) const KEPT: usize = 7;
 
-/// One array for each layer: states `[rows, latent]`, or nothing for the zero state.
-pub(crate) type States<S> = [S; 2];
-
-/// Rows that an encoder writes: its output `[rows, latent]`; the states of both layers at the end,
-/// empty where not wanted; what it keeps.
-pub(crate) type EncoderRows<'a, T> = (Rows<'a, T>, States<Rows<'a, T>>, [Rows<'a, T>; KEPT]);
+/// Rows that an encoder writes: its output `[rows, latent]`; what it keeps.
+pub(crate) type EncoderRows<'a, T> = (Rows<'a, T>, [Rows<'a, T>; KEPT]);
 
 /// Gradients at both ends of an encoder. In: of the output, `[rows, latent]`, overwritten. Out: of
-/// the input, `[rows, window width]`, and of the carried states; each empty where not wanted.
-pub(crate) type EncoderGradients<'a, T> = (Rows<'a, T>, Rows<'a, T>, States<Rows<'a, T>>);
+/// the input, `[rows, window width]`, empty where not wanted.
+pub(crate) type EncoderGradients<'a, T> = (Rows<'a, T>, Rows<'a, T>);
 
 /// The input of an encoder.
 #[derive(Clone, Copy)]
@@ -49,8 +45,6 @@ pub(crate) struct EncoderInput<'a, T> {
     /// Columns of the features.
     pub(crate) width: usize,
     pub(crate) dropout: Option<&'a RowMasks>,
-    /// States that are carried over, `[all rows, latent]` each; empty for zero.
-    pub(crate) start: States<&'a [T]>,
 }
 
 /// A forward pass of an encoder that is taken back.
@@ -58,8 +52,6 @@ pub(crate) struct EncoderInput<'a, T> {
 pub(crate) struct EncoderKept<'a, T> {
     pub(crate) input: EncoderInput<'a, T>,
     pub(crate) saved: &'a Saved<T, KEPT>,
-    /// Gradients of the states at the end, `[all rows, latent]`; empty for zero.
-    pub(crate) end_gradient: States<&'a [T]>,
 }
 
 impl<'a, T> EncoderInput<'a, T> {
@@ -83,9 +75,7 @@ impl EncoderLayers {
                 let mlp = Mlp::normalised(module, path, width, latent);
                 Self::Mlp(mlp, Piece::whole(&mut module.size, &mlp.first))
             }
-            Encoder::Gru { .. } | Encoder::StreamingGru { .. } => {
-                Self::Gru(GruEncoder::new(module, path, width, latent))
-            }
+            Encoder::Gru { .. } => Self::Gru(GruEncoder::new(module, path, width, latent)),
         }
     }
 
@@ -123,7 +113,7 @@ impl EncoderLayers {
             let rows = rows.part(&counted_from(&chunk, range.start));
             match self {
                 Self::Mlp(mlp, first) => {
-                    let (out, _, [a, b, c, d, ..]) = rows;
+                    let (out, [a, b, c, d, ..]) = rows;
                     let mut tile = tile([a, b, c, d], &mut scratch.tiles, chunk.len());
                     let terms = &[first.times(weights, input.at(0, &chunk))];
                     mlp.first_layer(weights, terms, mlp.first_epilogue(weights), &mut tile);
@@ -147,7 +137,7 @@ impl EncoderLayers {
             let gradients = gradients.part(&counted_from(&chunk, range.start));
             match self {
                 Self::Mlp(mlp, piece) => {
-                    let (output, to_input, _) = gradients;
+                    let (output, to_input) = gradients;
                     let (latent, width) = (output.width(), kept.input.width);
                     let gradient = &mut group.gradient;
                     let size = output.len();
@@ -169,9 +159,4 @@ impl EncoderLayers {
             }
         }
     }
-}
-
-/// The rows `rows` of an array, or nothing of an empty one.
-pub(super) fn part<'a, T>(array: &'a [T], rows: &Range<usize>, width: usize) -> &'a [T] {
-    array.get(of_rows(rows, width)).unwrap_or_default()
 }

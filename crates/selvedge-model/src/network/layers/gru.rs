@@ -1,6 +1,5 @@
 //! The recurrent encoder: two layers of gated recurrent units over a window of frames, zero initial
-//! state unless one is carried over, dropout between the layers in training, then Linear and
-//! LayerNorm on the last state.
+//! state, dropout between the layers in training, then Linear and LayerNorm on the last state.
 //!
 //! A chunk's rows pass through the whole window, both layers step by step, before the next chunk
 //! begins. Within a chunk all kept rows are step-major: `[steps, rows, width]`.
@@ -12,7 +11,7 @@ use crate::kernels::norm::{NormKept, NormRows, Normalised, layer_norm, layer_nor
 use crate::kernels::real::Real;
 use crate::kernels::rows::add;
 use crate::network::layers::encoder::{
-    EncoderGradients, EncoderInput, EncoderKept, EncoderRows, KEPT, part,
+    EncoderGradients, EncoderInput, EncoderKept, EncoderRows, KEPT,
 };
 use crate::network::layers::gru_layer::{Layer, StepGradients, StepKept};
 use crate::network::layers::scratch::{GroupWork, Scratch};
@@ -80,7 +79,7 @@ impl GruEncoder {
         weights: LayerWeights<'_, T>,
         input: EncoderInput<'_, T>,
         chunk: &Range<usize>,
-        (out, end, kept): EncoderRows<'_, T>,
+        (out, kept): EncoderRows<'_, T>,
         scratch: &mut Scratch<T>,
     ) {
         let (hidden, using) = (self.linear.inputs, weights.instructions);
@@ -113,17 +112,11 @@ impl GruEncoder {
                 (&mut spare0[..2 * size], &mut spare1[..2 * size], norm)
             }
         };
-        let start = input.start.map(|states| part(states, chunk, hidden));
-        let is_carried = !start[0].is_empty();
-        for (states, start) in [&mut *states0, &mut *states1].into_iter().zip(start) {
-            match is_carried {
-                true => states[..size].copy_from_slice(start),
-                false => states[..size].fill(T::ZERO),
-            }
-        }
+        states0[..size].fill(T::ZERO);
+        states1[..size].fill(T::ZERO);
         let [first, second] = &self.layers;
         for step in 0..input.window {
-            let some = step > 0 || is_carried;
+            let some = step > 0;
             let gates = step * 4 * size..(step + 1) * 4 * size;
             let (before, after) = around(states0, size, step, keeps);
             let to = gates0.get_mut(gates.clone()).unwrap_or_default();
@@ -146,14 +139,8 @@ impl GruEncoder {
             } else {
                 input.window % 2
             };
-        let last = [&states0[last..][..size], &states1[last..][..size]];
-        for (end, last) in end.into_iter().zip(last) {
-            if !end.is_empty() {
-                end.values.copy_from_slice(last);
-            }
-        }
         let epilogue = Epilogue::Bias(&weights.flat[self.linear.bias_range()]);
-        let term = self.output.times(weights, last[1]);
+        let term = self.output.times(weights, &states1[last..][..size]);
         multiply(
             using,
             &[term],
@@ -172,7 +159,7 @@ impl GruEncoder {
         weights: LayerWeights<'_, T>,
         kept: EncoderKept<'_, T>,
         chunk: &Range<usize>,
-        (output, to_input, start): EncoderGradients<'_, T>,
+        (output, to_input): EncoderGradients<'_, T>,
         group: &mut GroupWork<'_, T>,
     ) {
         let (input, steps, using) = (kept.input, kept.input.window, weights.instructions);
@@ -210,15 +197,6 @@ impl GruEncoder {
         let term = self.output.back(weights, output);
         multiply(using, &[term], hidden, Epilogue::Set, state1);
         state0.fill(T::ZERO);
-        for (state, end) in [&mut *state0, &mut *state1]
-            .into_iter()
-            .zip(kept.end_gradient)
-        {
-            let end = part(end, chunk, hidden);
-            if !end.is_empty() {
-                add(using, state, end);
-            }
-        }
         biases0.fill(T::ZERO);
         biases1.fill(T::ZERO);
         let [first, second] = &self.layers;
@@ -257,11 +235,6 @@ impl GruEncoder {
                 for (to, x) in to.zip(by_x.chunks_exact(width)) {
                     to[step * width..(step + 1) * width].copy_from_slice(x);
                 }
-            }
-        }
-        for (to, state) in start.into_iter().zip([state0, state1]) {
-            if !to.is_empty() {
-                to.values.copy_from_slice(state);
             }
         }
         for (layer, biases) in self.layers.iter().zip([biases0, biases1]) {

@@ -239,13 +239,7 @@ fn a_short_start_stood_still_and_a_long_one_forgets() {
 #[test]
 fn a_learned_stepper_conforms() {
     let parts = parts(3, 3);
-    let mut specs = specs().to_vec();
-    specs.push(ModelSpec::physical(
-        Encoder::StreamingGru { window: 3 },
-        8,
-        2,
-    ));
-    for spec in specs {
+    for spec in specs() {
         let model = model(&spec, acceleration(DVec3::ZERO, 1e-3));
         let make = || stepper(&model, parts.clone(), &start(&parts));
         assert_eq!(check_correctable(make, HandlesEnd::AtTargets), Ok(()));
@@ -406,8 +400,7 @@ fn a_frame_that_is_replaced_is_gone_on_from() {
 #[test]
 fn a_frame_that_is_taken_is_one_that_was_stepped_to() {
     let parts = parts(3, 3);
-    let streaming = ModelSpec::physical(Encoder::StreamingGru { window: 4 }, 8, 2);
-    for spec in specs().into_iter().chain([streaming]) {
+    for spec in specs() {
         let model = model(&spec, acceleration(DVec3::ZERO, 1e-3));
         let start = history(&start(&parts), &[], &spec);
         let start = [vec![start[0].clone(); 5], start].concat();
@@ -423,7 +416,6 @@ fn a_frame_that_is_taken_is_one_that_was_stepped_to() {
                 (&*frames[newest], frame as usize)
             );
         }
-        // What a streaming network carried is dropped: it starts anew from its window.
         let mut fresh = stepper(&model, parts.clone(), &history(&start, &frames, &spec));
         for frame in 5..=7 {
             let targets = targets(swing(&parts, frame));

@@ -32,7 +32,6 @@ fn grouping_changes_nothing_but_rounding() {
         (Encoder::MLP, 1),
         (Encoder::Gru { window: 3 }, 1),
         (Encoder::Gru { window: 3 }, 2),
-        (Encoder::StreamingGru { window: 2 }, 2),
     ] {
         let mut cfg = busy(encoder);
         cfg.batch.samples = 5;
