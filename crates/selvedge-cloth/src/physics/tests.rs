@@ -17,13 +17,13 @@ fn wrong_solver_settings_are_named() {
             "physics.integrator.generalised-alpha.spectral_radius must be between 0 and 0.9",
             |s| {
                 s.integrator = Integrator::GeneralisedAlpha(GeneralisedAlpha {
-                    spectral_radius: 1.0,
+                    spectral_radius: Some(1.0),
                 });
             },
         ),
         ("physics.integrator.generalised-alpha", |s| {
             s.integrator = Integrator::GeneralisedAlpha(GeneralisedAlpha {
-                spectral_radius: f64::NAN,
+                spectral_radius: Some(f64::NAN),
             });
         }),
         ("physics.solver.conjugate-gradients.max_iterations", |s| {
@@ -56,7 +56,7 @@ fn an_integrator_is_a_word_or_a_table() {
         Ok(Integrator::GeneralisedAlpha(GeneralisedAlpha::default()))
     );
     let settings = GeneralisedAlpha {
-        spectral_radius: 0.5,
+        spectral_radius: Some(0.5),
     };
     assert_eq!(
         read("integrator = { generalised-alpha = { spectral_radius = 0.5 } }"),

@@ -78,7 +78,9 @@ impl SecondOrder {
     pub(crate) fn of(scene: &Scene) -> Option<Self> {
         let formula = match scene.physics.integrator {
             Integrator::Linearised => return None,
-            Integrator::GeneralisedAlpha(settings) => TwoStep::of(settings),
+            Integrator::GeneralisedAlpha(settings) => {
+                TwoStep::of(settings.radius(scene.contact.is_some()))
+            }
         };
         let vertices = scene.mesh.topology().vertex_count();
         let held = match scene.physics.handles {

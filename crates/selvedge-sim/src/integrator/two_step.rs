@@ -7,7 +7,6 @@
 //! BDF2, 0.16 at ρ = 0.3, and 1/12 at ρ = 1, where nothing is damped.
 
 use glam::DVec3;
-use selvedge_cloth::GeneralisedAlpha;
 
 /// Coefficients for substeps of one length Δt. `[eq:generalised-alpha]`
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,9 +26,8 @@ pub(super) struct TwoStep {
 }
 
 impl TwoStep {
-    /// The formula of valid settings.
-    pub(super) fn of(settings: GeneralisedAlpha) -> Self {
-        let radius = settings.spectral_radius;
+    /// The formula of a spectral radius from 0 to 0.9.
+    pub(super) fn of(radius: f64) -> Self {
         // α_m, α_f and γ of the source.
         let blend = 0.5 * (3.0 - radius) / (1.0 + radius);
         let point = 1.0 / (1.0 + radius);
@@ -72,10 +70,6 @@ impl TwoStep {
 mod tests {
     use super::*;
 
-    fn with_radius(spectral_radius: f64) -> TwoStep {
-        TwoStep::of(GeneralisedAlpha { spectral_radius })
-    }
-
     /// y and y' after a substep of y' = rate y, in one dimension.
     fn substep(formula: TwoStep, rate: f64, [y, before]: [f64; 2]) -> [f64; 2] {
         let at = |y: f64| DVec3::new(y, 0.0, 0.0);
@@ -87,7 +81,7 @@ mod tests {
 
     #[test]
     fn without_a_radius_it_is_bdf2() {
-        let formula = with_radius(0.0);
+        let formula = TwoStep::of(0.0);
         let bdf2 = TwoStep {
             weight: 1.0 / 3.0,
             divisor: 3.0,
@@ -115,7 +109,7 @@ mod tests {
     fn a_parabola_is_kept() {
         // x = t²/2 and v = t, whose rate is 1.
         for radius in [0.0, 0.3, 0.9] {
-            let formula = with_radius(radius);
+            let formula = TwoStep::of(radius);
             let h = 0.25;
             let at = |y: f64| DVec3::new(y, 0.0, 0.0);
             let mut x = 0.5 * h * h;
@@ -136,7 +130,7 @@ mod tests {
     #[test]
     fn decay_is_of_second_order() {
         for radius in [0.0, 0.4, 0.9] {
-            let formula = with_radius(radius);
+            let formula = TwoStep::of(radius);
             let error = |steps: u32| {
                 let h = 1.0 / f64::from(steps);
                 // y' = y - h ẏ, exactly.
@@ -155,7 +149,7 @@ mod tests {
     fn a_vibration_lags_by_what_the_documentation_says() {
         // y' = i ω y as two real equations, whose stage is solved by hand.
         for (radius, expected) in [(0.0, 1.0 / 3.0), (0.3, 0.155), (0.9, 0.084)] {
-            let formula = with_radius(radius);
+            let formula = TwoStep::of(radius);
             let (h, steps) = (0.02, 50);
             let (mut y, mut before) = (DVec3::X, DVec3::new(1.0, -h, 0.0));
             for _ in 0..steps {
@@ -180,7 +174,7 @@ mod tests {
             let mut state = [1.0, 0.0];
             let mut sizes = Vec::new();
             for _ in 0..60 {
-                state = substep(with_radius(radius), -1e9, state);
+                state = substep(TwoStep::of(radius), -1e9, state);
                 sizes.push(state[0].abs().max(state[1].abs()));
             }
             // A double root leaves a factor that grows with the number of the step.

@@ -14,7 +14,7 @@ pub(crate) const NAVY: &str = selvedge_assets::materials::NAVY_SPARKLE_SWEAT;
 
 /// The generalised-α method where it is BDF2.
 pub(crate) const BDF2: Integrator = Integrator::GeneralisedAlpha(GeneralisedAlpha {
-    spectral_radius: 0.0,
+    spectral_radius: Some(0.0),
 });
 
 pub(crate) fn material(text: &str) -> Material {
