@@ -4,13 +4,9 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-mod written;
-
-use written::Written;
-
 /// Settings of the reference simulator.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "Written")]
+#[serde(deny_unknown_fields, default)]
 pub struct PhysicsSettings {
     /// Implicit solves per frame.
     pub substeps: u32,

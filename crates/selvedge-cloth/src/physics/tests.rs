@@ -68,7 +68,7 @@ fn an_integrator_is_a_word_or_a_table() {
 
 #[test]
 fn solver_settings_are_written_as_people_write_them() {
-    let text = "solver = { conjugate-gradients = { tolerance = 1e-6 } }\nair = \"implicit\"\nintegrator = \"linearised\"\nsubstepping = \"fixed\"";
+    let text = "solver = { conjugate-gradients = { tolerance = 1e-6 } }\nair = \"implicit\"\nintegrator = \"linearised\"";
     let settings: PhysicsSettings = toml::from_str(text).unwrap();
     let expected = ConjugateGradients {
         tolerance: 1e-6,
@@ -92,10 +92,7 @@ fn solver_settings_are_written_as_people_write_them() {
             "integrator = { second-order-newton = {} }",
             "`generalised-alpha`",
         ),
-        (
-            "substepping = { adaptive = { max_change = 0.05 } }",
-            "raise physics.substeps",
-        ),
+        ("substepping = \"fixed\"", "unknown field `substepping`"),
     ] {
         let error = toml::from_str::<PhysicsSettings>(gone).unwrap_err();
         assert!(error.to_string().contains(named), "{error}");
@@ -139,33 +136,6 @@ fn a_mode_is_its_settings() {
     assert_eq!(arcsim.law, ElasticLaw::Arcsim);
     let own = PhysicsSettings::in_mode(PhysicsMode::default());
     assert_eq!(own, PhysicsSettings::default());
-}
-
-#[test]
-fn laws_of_before_are_read() {
-    let read = |text: &str| toml::from_str::<PhysicsSettings>(text).map(|settings| settings.law);
-    for (text, law) in [
-        ("", ElasticLaw::Energy),
-        ("bending = \"symmetric\"", ElasticLaw::Energy),
-        ("bending = \"arcsim\"", ElasticLaw::Arcsim),
-        ("stretch_lookup = \"grid\"", ElasticLaw::Measured),
-        (
-            "law = \"arcsim\"\nbending = \"symmetric\"",
-            ElasticLaw::Measured,
-        ),
-        (
-            "bending = \"symmetric\"\nstretch_lookup = \"grid\"",
-            ElasticLaw::Measured,
-        ),
-        (
-            "bending = \"arcsim\"\nstretch_lookup = \"grid\"",
-            ElasticLaw::Arcsim,
-        ),
-    ] {
-        assert_eq!(read(text), Ok(law), "{text}");
-    }
-    let gone = read("stretch_lookup = \"exact\"").unwrap_err().to_string();
-    assert!(gone.contains("law = \"energy\""), "{gone}");
 }
 
 #[test]

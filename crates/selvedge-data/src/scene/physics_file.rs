@@ -85,9 +85,6 @@ mod tests {
             ..PhysicsSettings::default()
         };
         assert_eq!(read("physics.law = \"measured\""), Ok(alone));
-        // Keys of before.
-        let text = "physics = { bending = \"symmetric\", stretch_lookup = \"grid\" }";
-        assert_eq!(read(text), Ok(alone));
     }
 
     #[test]
@@ -96,9 +93,8 @@ mod tests {
             "physics.handles = \"spring\"",
             "physics.air = \"explicit\"",
             "physics.law = \"arcsim\"",
-            "physics.bending = \"arcsim\"",
             "physics = { mode = \"arcsim\", handles = \"exact\" }",
-            "physics = { mode = \"arcsim\", bending = \"symmetric\" }",
+            "physics = { mode = \"arcsim\", law = \"measured\" }",
             "physics = { mode = \"first-order\", air = \"implicit\" }",
             "physics = { mode = \"first-order\", integrator = { generalised-alpha = {} } }",
         ] {
@@ -112,6 +108,7 @@ mod tests {
         for (text, named) in [
             ("physics = \"newton\"", "newton"),
             ("physics = { sub_steps = 4 }", "sub_steps"),
+            ("physics.stretch_lookup = \"grid\"", "stretch_lookup"),
             ("physics = { handles = \"glue\" }", "glue"),
             ("physics = 4", "invalid type"),
         ] {
