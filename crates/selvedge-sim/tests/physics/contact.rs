@@ -327,7 +327,9 @@ fn a_fast_ball_does_not_pass() {
 
 #[test]
 fn contact_without_a_touch_changes_no_byte() {
-    let apart = hanging(12);
+    let mut apart = hanging(12);
+    // Of one formula: that of the defaults is another one with contact.
+    apart.physics.integrator = BDF2;
     let mut together = apart.clone();
     together.contact = Some(ContactSettings::default());
     let mut runs = [apart, together].map(|scene| Simulator::new(&scene).unwrap());
