@@ -97,8 +97,8 @@ impl Evaluation {
 }
 
 /// Runs models, physics and baselines along the trajectories of data sets, as `selvedge eval --data`
-/// does. `models` are models by their names in tables; `guards` are none, limit, physics or
-/// physics-always; `horizons` are frames after true states and `starts` how many of these there are;
+/// does. `models` are models by their names in tables; `guards` are none or limit;
+/// `horizons` are frames after true states and `starts` how many of these there are;
 /// `baselines` are rigid and mirror; `physics` are substeps of physics that runs too.
 ///
 /// # Errors

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use numpy::IntoPyArray;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use selvedge_guard::{Correction, GuardSettings, Replacement, Trust, When};
+use selvedge_guard::{Correction, GuardSettings, Replacement, Trust};
 
 use crate::errors::wrong;
 
@@ -17,14 +17,7 @@ pub(crate) fn settings(name: &str) -> PyResult<GuardSettings> {
     match name {
         "none" => Ok(GuardSettings::with(Correction::None)),
         "limit" => Ok(GuardSettings::with(Correction::Limit)),
-        "physics" => Ok(GuardSettings::with(Correction::Physics)),
-        "physics-always" => Ok(GuardSettings {
-            when: When::Always,
-            ..GuardSettings::with(Correction::Physics)
-        }),
-        _ => Err(wrong(format!(
-            "guard must be none, limit, physics or physics-always, found {name:?}"
-        ))),
+        _ => Err(wrong(format!("guard must be none or limit, found {name:?}"))),
     }
 }
 

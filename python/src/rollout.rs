@@ -196,8 +196,8 @@ struct Asked<'a> {
     has_truth: bool,
 }
 
-/// Runs a model on a scene from its rest pose, as `selvedge run --model` does, with the `guard` none,
-/// limit, physics or physics-always. `truth=True` also runs the physics. `progress(task, done,
+/// Runs a model on a scene from its rest pose, as `selvedge run --model` does, with the `guard` none
+/// or limit. `truth=True` also runs the physics. `progress(task, done,
 /// goal)` hears of every frame; its answer `False` keeps the frames until then.
 ///
 /// # Errors

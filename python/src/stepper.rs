@@ -446,8 +446,7 @@ pub(crate) fn begin(
 
 /// A trained model on the cloth of a scene, from its sagged rest pose.
 ///
-/// `LearnedStepper(scene, model, guard="limit")`; the guard is none, limit, physics or
-/// physics-always.
+/// `LearnedStepper(scene, model, guard="limit")`; the guard is none or limit.
 #[pyclass(frozen, extends = Stepper, module = "selvedge")]
 pub(crate) struct LearnedStepper;
 
@@ -476,7 +475,7 @@ fn on_scene(
 
 #[pymethods]
 impl LearnedStepper {
-    /// Puts `model` on the cloth of `scene`; `guard` is none, limit, physics or physics-always.
+    /// Puts `model` on the cloth of `scene`; `guard` is none or limit.
     #[new]
     #[pyo3(signature = (scene, model, guard="limit", progress=None))]
     fn new(

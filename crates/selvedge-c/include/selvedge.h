@@ -64,10 +64,6 @@ enum SelvedgeGuard
   SELVEDGE_GUARD_LIMIT = 0,
   // No correction: frames are measured.
   SELVEDGE_GUARD_NONE = 1,
-  // As `SELVEDGE_GUARD_LIMIT`, after a few implicit solves that relax the frame.
-  SELVEDGE_GUARD_PHYSICS = 2,
-  // Every frame is relaxed.
-  SELVEDGE_GUARD_PHYSICS_ALWAYS = 3,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L

@@ -1,8 +1,6 @@
 //! The guard's word on a frame, as C has it.
 
-use selvedge_guard::{
-    ContactWord, Correction, GuardSettings, Moved, Replacement, Trust, Verdict, When,
-};
+use selvedge_guard::{ContactWord, Correction, GuardSettings, Moved, Replacement, Trust, Verdict};
 
 use crate::fault::Fault;
 
@@ -15,10 +13,6 @@ pub enum SelvedgeGuard {
     Limit = 0,
     /// No correction: frames are measured.
     None = 1,
-    /// As `SELVEDGE_GUARD_LIMIT`, after a few implicit solves that relax the frame.
-    Physics = 2,
-    /// Every frame is relaxed.
-    PhysicsAlways = 3,
 }
 
 /// Judgement of a frame in one word.
@@ -137,20 +131,12 @@ impl From<&Trust> for SelvedgeTrust {
 pub(crate) fn settings(guard: i32) -> Result<GuardSettings, Fault> {
     const NONE: i32 = SelvedgeGuard::None as i32;
     const LIMIT: i32 = SelvedgeGuard::Limit as i32;
-    const PHYSICS: i32 = SelvedgeGuard::Physics as i32;
-    const ALWAYS: i32 = SelvedgeGuard::PhysicsAlways as i32;
-    let (correction, when) = match guard {
-        NONE => (Correction::None, When::Needed),
-        LIMIT => (Correction::Limit, When::Needed),
-        PHYSICS => (Correction::Physics, When::Needed),
-        ALWAYS => (Correction::Physics, When::Always),
+    match guard {
+        NONE => Ok(GuardSettings::with(Correction::None)),
+        LIMIT => Ok(GuardSettings::with(Correction::Limit)),
         found => {
-            let text = format!("guard: expected a SelvedgeGuard, 0 to {ALWAYS}, found {found}");
-            return Err(Fault::argument(text));
+            let text = format!("guard: expected a SelvedgeGuard, 0 or 1, found {found}");
+            Err(Fault::argument(text))
         }
-    };
-    Ok(GuardSettings {
-        when,
-        ..GuardSettings::with(correction)
-    })
+    }
 }

@@ -1,8 +1,7 @@
 //! The guard: a stepper around a stepper that measures every frame and corrects it if necessary.
 //!
-//! A frame within its bounds is passed on bit for bit. A frame beyond them is relaxed by the
-//! physics ([`Correction::Physics`]), and its edges are brought back; the inner stepper continues
-//! from the corrected frame. A lost frame is replaced by a step of the physics from the last two
+//! A frame within its bounds is passed on bit for bit. The edges of a frame beyond them are brought
+//! back; the inner stepper continues from the corrected frame. A lost frame is replaced by a step of the physics from the last two
 //! frames, or without a scene by the last frame, carried by the handles. So a step fails only for
 //! its caller (targets that do not fit, a recording that has ended) or for a device. Edges stay too
 //! long where handles are farther apart than the cloth can reach.
@@ -29,7 +28,7 @@ use crate::carry::carry;
 use crate::gauge::Gauge;
 use crate::limiter::{EdgeLimiter, LimitedEdge};
 use crate::rescue::Physics;
-use crate::settings::{Correction, GuardSettings, SettingsError, When};
+use crate::settings::{Correction, GuardSettings, SettingsError};
 use crate::trust::{ContactWord, Moved, Replacement, Trust, Verdict};
 
 /// Reason why a cloth cannot be guarded.
@@ -48,13 +47,9 @@ pub enum GuardError {
         to: VertexId,
         length: f64,
     },
-    #[error(
-        "correcting by physics needs the scene of the cloth, which is not known: limit edges instead"
-    )]
-    NoScene,
     #[error("the scene's {what} are not those of the cloth")]
     OtherScene { what: &'static str },
-    #[error("the physics that is to correct frames cannot be set up: {0}")]
+    #[error("the physics that is to hold frames to contact cannot be set up: {0}")]
     Physics(#[source] SimulatorError),
     #[error("frames cannot be held to contact: {0}")]
     Start(#[source] StepError),
@@ -66,7 +61,7 @@ pub enum PhysicsFailure {
     /// The physics of the scene cannot be set up; it is not tried again.
     #[error("the physics cannot be set up: {0}")]
     SetUp(#[source] SimulatorError),
-    /// A relaxation or a step failed.
+    /// A step failed.
     #[error(transparent)]
     Step(#[from] StepError),
 }
@@ -78,7 +73,7 @@ pub struct Guard<S> {
     gauge: Gauge,
     limiter: EdgeLimiter,
     scene: Option<Arc<Scene>>,
-    /// Physics of the scene; set up at the start if every correction needs it, else at the first
+    /// Physics of the scene; set up at the start where frames are held to contact, else at the first
     /// lost frame.
     physics: Option<Result<Physics, SimulatorError>>,
     physics_failure: Option<PhysicsFailure>,
@@ -97,7 +92,7 @@ impl<S: Correctable> Guard<S> {
     ///
     /// # Errors
     /// [`GuardError`] names the setting or the part that does not fit; [`GuardError::Physics`] if
-    /// frames are to be corrected by a physics that cannot be set up.
+    /// frames are to be held to contact by a physics that cannot be set up.
     pub fn new(
         inner: S,
         cloth: &Cloth,
@@ -112,9 +107,8 @@ impl<S: Correctable> Guard<S> {
         let lengths = check_cloth(cloth, &inner)?;
         let has_contact = scene.as_ref().is_some_and(|scene| scene.contact.is_some());
         let is_held_apart = has_contact && settings.correction != Correction::None;
-        let physics = match (settings.correction, &scene) {
-            (Correction::Physics, None) => return Err(GuardError::NoScene),
-            (correction, Some(scene)) if correction == Correction::Physics || is_held_apart => {
+        let physics = match &scene {
+            Some(scene) if is_held_apart => {
                 let physics = Physics::new(scene).map_err(GuardError::Physics)?;
                 let apart = physics.check_apart(inner.frame(), inner.positions());
                 apart.map_err(GuardError::Start)?;
@@ -195,13 +189,11 @@ impl<S: Correctable> Guard<S> {
         };
         self.next.clear();
         self.next.extend_from_slice(found);
-        let is_always =
-            self.settings.when == When::Always && self.settings.correction == Correction::Physics;
         if self.settings.correction == Correction::None {
             return Ok(());
         }
-        if !holds || is_always {
-            if self.trust.verdict.is_lost() || !self.correct(targets) {
+        if !holds {
+            if self.trust.verdict.is_lost() || !self.correct() {
                 self.replace(targets);
             }
             self.keep_apart(targets)?;
@@ -282,35 +274,11 @@ impl<S: Correctable> Guard<S> {
         })
     }
 
-    /// Corrects the next frame as the settings say. Returns false if it is lost after all.
-    fn correct(&mut self, targets: &HandleTargets) -> bool {
-        if self.settings.correction == Correction::Physics {
-            // Solves with contact begin where nothing meets.
-            if self.is_held_apart && self.lead().is_err() {
-                return false;
-            }
-            self.relax(targets);
-        }
+    /// Brings the edges of the next frame back. Returns false if it is lost after all.
+    fn correct(&mut self) -> bool {
         let within = self.limiter.apply(&mut self.next, self.settings.sweeps);
         let farthest = self.settings.lost_correction * self.gauge.mean_length();
         within && moved(self.inner.positions(), &self.next).largest <= farthest
-    }
-
-    /// Relaxes the next frame by the physics. If that fails, the frame stays as it is.
-    fn relax(&mut self, targets: &HandleTargets) {
-        let (frame, solves) = (self.trust.frame, self.settings.solves);
-        let mut relaxed = std::mem::take(&mut self.next);
-        let outcome = self.physics().map(|physics| {
-            let relaxed = physics?.relax(frame, solves, targets.end(), &mut relaxed);
-            relaxed.map_err(PhysicsFailure::Step)
-        });
-        if let Some(Err(failure)) = outcome {
-            self.note(failure);
-        }
-        for (vertex, target) in self.inner.handles().vertices().iter().zip(targets.end()) {
-            relaxed[vertex.index()] = target.as_vec3();
-        }
-        self.next = relaxed;
     }
 
     /// Makes the next frame without the inner stepper: by the physics, or by carrying the last one.

@@ -1,9 +1,9 @@
-//! The physics beside a guard: frames in place of lost ones, and solves that relax a prediction.
+//! The physics beside a guard: frames in place of lost ones, and contact on the way to others.
 //!
 //! It is the scene's own simulator, but that the air is implicit, which adds no energy at any
 //! velocity.
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 use selvedge_cloth::{AirLaw, HandleTargets, Scene, StepError, Stepper, Stop};
 use selvedge_sim::{Checkpoint, Led, Simulator, SimulatorError, Threads};
 
@@ -11,8 +11,6 @@ use selvedge_sim::{Checkpoint, Led, Simulator, SimulatorError, Threads};
 pub(crate) struct Physics {
     simulator: Simulator,
     frame_rate: f64,
-    /// Length of a substep `[s]`.
-    dt: f64,
     /// Where the next step begins.
     start: Checkpoint,
 }
@@ -28,7 +26,6 @@ impl Physics {
         Ok(Self {
             simulator,
             frame_rate: scene.frame_rate,
-            dt: 1.0 / scene.frame_rate / f64::from(scene.physics.substeps),
             start: Checkpoint::default(),
         })
     }
@@ -57,39 +54,6 @@ impl Physics {
         self.resume(frame)?;
         self.simulator.step(targets)?;
         Ok(self.simulator.positions())
-    }
-
-    /// Relaxes `positions` `[m]`, `[vertices]`, of frame `frame` in `solves` solves, each from
-    /// rest: p ← argmin over x of Σ m |x - p|²/(2 dt²) + E(x), to first order, with E the energy of
-    /// strain, bending and weight `[eq:guard-relaxation]`. Strong strains recede most; smooth cloth
-    /// hardly moves. Handles go to `handles` `[m]`. On an error `positions` stay.
-    pub(crate) fn relax(
-        &mut self,
-        frame: usize,
-        solves: u32,
-        handles: &[DVec3],
-        positions: &mut [Vec3],
-    ) -> Result<(), StepError> {
-        self.put(positions);
-        for _ in 0..solves {
-            let relaxed = self.relax_once(frame, handles);
-            relaxed.map_err(|error| error.at_frame(frame))?;
-        }
-        positions.copy_from_slice(self.simulator.positions());
-        Ok(())
-    }
-
-    /// One solve from rest, from the positions of the start and back into them.
-    fn relax_once(&mut self, frame: usize, handles: &[DVec3]) -> Result<(), StepError> {
-        self.start.velocities.clear();
-        let vertices = self.start.positions.len();
-        self.start.velocities.resize(vertices, DVec3::ZERO);
-        self.resume(frame)?;
-        self.simulator.substep(self.dt, handles)?;
-        self.start
-            .positions
-            .copy_from_slice(self.simulator.positions_f64());
-        Ok(())
     }
 
     /// Checks that nothing meets in `positions` `[m]`, `[vertices]`, of frame `frame`.

@@ -10,19 +10,6 @@ pub enum Correction {
     /// Edges are brought back within their bounds.
     #[default]
     Limit,
-    /// A few implicit solves of the physics relax the frame, then edges are brought back within
-    /// their bounds. Needs the scene of the cloth.
-    Physics,
-}
-
-/// Selection of the frames that are corrected.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum When {
-    /// Frames with an edge beyond its bounds.
-    #[default]
-    Needed,
-    /// All frames: the physics relaxes those within their bounds too.
-    Always,
 }
 
 /// Settings of a guard. The default bounds are the extremes of the physics itself: on the 31
@@ -33,8 +20,6 @@ pub enum When {
 pub struct GuardSettings {
     /// Correction of a frame that is beyond its bounds.
     pub correction: Correction,
-    /// Selection of the frames that are corrected.
-    pub when: When,
     /// Shortest stretch l/l₀ of an edge, against the material. A goal, not a promise: a fold
     /// between vertices shortens edges.
     pub least_stretch: f64,
@@ -49,8 +34,6 @@ pub struct GuardSettings {
     pub lost_correction: f64,
     /// Largest number of sweeps over all edges.
     pub sweeps: u32,
-    /// Implicit solves of [`Correction::Physics`], each over a substep of the scene.
-    pub solves: u32,
 }
 
 /// A setting with an invalid value.
@@ -66,14 +49,12 @@ impl Default for GuardSettings {
     fn default() -> Self {
         Self {
             correction: Correction::default(),
-            when: When::default(),
             least_stretch: 0.85,
             most_stretch: 1.28,
             rest_margin: 0.005,
             lost_strain: 1.0,
             lost_correction: 1.0,
             sweeps: 1000,
-            solves: 2,
         }
     }
 }
@@ -94,7 +75,6 @@ impl GuardSettings {
     /// Names the field and the value.
     pub fn validate(&self) -> Result<(), SettingsError> {
         let strain = self.most_stretch - 1.0;
-        let counts = [self.sweeps, self.solves].map(f64::from);
         let positive = |x: f64| x.is_finite() && x > 0.0;
         for (field, holds, expected, found) in [
             (
@@ -127,8 +107,12 @@ impl GuardSettings {
                 "positive",
                 self.lost_correction,
             ),
-            ("sweeps", self.sweeps > 0, "at least 1", counts[0]),
-            ("solves", self.solves > 0, "at least 1", counts[1]),
+            (
+                "sweeps",
+                self.sweeps > 0,
+                "at least 1",
+                f64::from(self.sweeps),
+            ),
         ] {
             if !holds {
                 return Err(SettingsError {
@@ -149,7 +133,7 @@ mod tests {
     #[test]
     fn every_number_is_checked() {
         assert_eq!(GuardSettings::default().validate(), Ok(()));
-        let spoils: [fn(&mut GuardSettings); 8] = [
+        let spoils: [fn(&mut GuardSettings); 7] = [
             |s| s.least_stretch = 1.0,
             |s| s.most_stretch = 1.0,
             |s| s.most_stretch = f64::NAN,
@@ -157,7 +141,6 @@ mod tests {
             |s| s.lost_strain = 0.1,
             |s| s.lost_correction = f64::NAN,
             |s| s.sweeps = 0,
-            |s| s.solves = 0,
         ];
         for (number, spoil) in spoils.into_iter().enumerate() {
             let mut settings = GuardSettings::default();

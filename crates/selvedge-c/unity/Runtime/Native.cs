@@ -27,8 +27,6 @@ namespace Selvedge
     {
         Limit = 0,
         None = 1,
-        Physics = 2,
-        PhysicsAlways = 3,
     }
 
     /// <summary>Judgement of a frame.</summary>

@@ -2,8 +2,6 @@
 //! does not err.
 
 use glam::{DVec3, Vec2};
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::conformance::{HandlesEnd, check, check_correctable, check_stop};
 use selvedge_cloth::generate::{SquareSpec, square};
 use selvedge_cloth::{
@@ -78,7 +76,7 @@ fn largest_stretch(guard: &Guard<Double>) -> f64 {
 #[test]
 fn a_stepper_that_never_errs_is_left_alone_bit_for_bit() {
     let mut alone = Double::new(Error::Never);
-    let mut all: Vec<Guard<Double>> = [Correction::None, Correction::Limit, Correction::Physics]
+    let mut all: Vec<Guard<Double>> = [Correction::None, Correction::Limit]
         .map(|correction| watched(Error::Never, GuardSettings::with(correction), Some(scene())))
         .into();
     for frame in 1..=60 {
@@ -98,7 +96,7 @@ fn a_stepper_that_never_errs_is_left_alone_bit_for_bit() {
 
 #[test]
 fn whatever_a_stepper_does_it_is_kept_within_bounds() {
-    let settings = [Correction::Limit, Correction::Physics].map(GuardSettings::with);
+    let settings = GuardSettings::default();
     for errs in [
         Error::Grows,
         Error::NotANumber,
@@ -106,11 +104,7 @@ fn whatever_a_stepper_does_it_is_kept_within_bounds() {
         Error::Jumps,
         Error::Trembles,
     ] {
-        for (settings, scene_of) in [
-            (settings[0], None),
-            (settings[0], Some(scene())),
-            (settings[1], Some(scene())),
-        ] {
+        for scene_of in [None, Some(scene())] {
             let has_scene = scene_of.is_some();
             let mut guard = watched(errs, settings, scene_of);
             let mut tally = crate::GuardSummary::default();
@@ -136,7 +130,7 @@ fn whatever_a_stepper_does_it_is_kept_within_bounds() {
                 Error::NotANumber => assert_eq!(tally.lost, FRAMES - 20),
                 Error::Fails => assert!(tally.lost >= (FRAMES - 18) / 2),
                 Error::Jumps => assert!(tally.lost >= FRAMES / 10),
-                Error::Never | Error::Grows | Error::Trembles | Error::Refuses => {}
+                Error::Never | Error::Grows | Error::Trembles | Error::Refuses | Error::Lost => {}
             }
         }
     }
@@ -164,37 +158,34 @@ fn whatever_a_stepper_does_no_frame_intersects() {
     let scene = with_ball();
     let oracle = Simulator::new(&scene).unwrap();
     let (mut pushed, mut lost, mut unguarded) = (0, 0, 0);
-    let both = [Correction::Limit, Correction::Physics];
-    for (corrections, errs) in [
-        (&both[..1], Error::Never),
-        (&both, Error::Grows),
-        (&both[..1], Error::NotANumber),
-        (&both[..1], Error::Fails),
-        (&both[..1], Error::Jumps),
-        (&both, Error::Trembles),
+    for errs in [
+        Error::Never,
+        Error::Grows,
+        Error::NotANumber,
+        Error::Fails,
+        Error::Jumps,
+        Error::Trembles,
     ] {
-        for correction in corrections {
-            let settings = GuardSettings::with(*correction);
-            let mut guard = watched(errs, settings, Some(scene.clone()));
-            let mut alone = Double::new(errs);
-            let mut tally = crate::GuardSummary::default();
-            for frame in 1..=40 {
-                let targets = targets(&scene, frame);
-                guard.step(&targets).unwrap();
-                tally.add(guard.trust());
-                oracle.check_apart(frame, guard.positions()).unwrap();
-                let held = guard.handles().of(guard.positions());
-                assert!(
-                    held.zip(targets.end())
-                        .all(|(p, target)| p == target.as_vec3())
-                );
-                let is_bad = alone.step(&targets).is_err()
-                    || oracle.check_apart(frame, alone.positions()).is_err();
-                unguarded += u32::from(is_bad);
-            }
-            pushed += tally.pushed_apart;
-            lost += tally.lost_to_contact;
+        let settings = GuardSettings::default();
+        let mut guard = watched(errs, settings, Some(scene.clone()));
+        let mut alone = Double::new(errs);
+        let mut tally = crate::GuardSummary::default();
+        for frame in 1..=40 {
+            let targets = targets(&scene, frame);
+            guard.step(&targets).unwrap();
+            tally.add(guard.trust());
+            oracle.check_apart(frame, guard.positions()).unwrap();
+            let held = guard.handles().of(guard.positions());
+            assert!(
+                held.zip(targets.end())
+                    .all(|(p, target)| p == target.as_vec3())
+            );
+            let is_bad = alone.step(&targets).is_err()
+                || oracle.check_apart(frame, alone.positions()).is_err();
+            unguarded += u32::from(is_bad);
         }
+        pushed += tally.pushed_apart;
+        lost += tally.lost_to_contact;
     }
     assert!(unguarded > 50, "{unguarded}");
     assert!(pushed > 50, "{pushed} {lost}");
@@ -380,38 +371,29 @@ fn a_failure_of_the_physics_is_told() {
     assert!(failure.starts_with("frame 20: "), "{failure}");
     let counts = (tally.lost, tally.lost_to_physics, tally.physics_failures);
     assert_eq!(counts, (1, 0, 1));
-    // A relaxation that fails leaves the limits to correct the frame.
-    let physics = GuardSettings::with(Correction::Physics);
-    let mut guard = watched(Error::Trembles, physics, Some(unsolvable()));
-    guard.step(&targets(&scene(), 1)).unwrap();
-    assert!(guard.trust().physics_failed && guard.trust().verdict != Verdict::Held);
-    let failure = guard.physics_failure().unwrap().to_string();
-    assert!(failure.starts_with("frame 1: "), "{failure}");
 }
 
 #[test]
-fn a_physics_that_cannot_be_set_up_is_an_error_if_it_is_to_correct() {
+fn a_physics_that_cannot_be_set_up_is_an_error_if_it_is_to_hold_contact() {
     let mut broken = scene();
     broken.frame_rate = -1.0;
-    let make = |correction| {
+    let make = |contact| {
         let double = Double::new(Error::Fails);
         let cloth = cloth(&double.scene);
-        let settings = GuardSettings::with(correction);
-        Guard::new(
-            double,
-            &cloth,
-            60.0,
-            Some(Arc::new(broken.clone())),
-            settings,
-        )
+        let settings = GuardSettings::default();
+        let broken = Scene {
+            contact,
+            ..broken.clone()
+        };
+        Guard::new(double, &cloth, 60.0, Some(Arc::new(broken)), settings)
     };
-    let refused = make(Correction::Physics).err();
+    let refused = make(Some(ContactSettings::default())).err();
     assert!(
         matches!(refused, Some(GuardError::Physics(_))),
         "{refused:?}"
     );
     // Where it is needed for lost frames only, the first of them tells.
-    let mut guard = make(Correction::Limit).unwrap();
+    let mut guard = make(None).unwrap();
     for frame in 1..=22 {
         guard.step(&targets(&scene(), frame)).unwrap();
         let is_lost = frame == 20 || frame == 22;
@@ -442,85 +424,21 @@ fn guards_and_what_they_guard_conform() {
     let never = || Double::new(Error::Never);
     assert_eq!(check_correctable(never, HandlesEnd::AtTargets), Ok(()));
     for errs in [Error::Never, Error::Trembles, Error::Grows] {
-        for correction in [Correction::Limit, Correction::Physics] {
-            let make = || watched(errs, GuardSettings::with(correction), Some(scene()));
-            let found = check(make, HandlesEnd::AtTargets);
-            assert_eq!(found, Ok(()), "{errs:?} {correction:?}");
-        }
+        let make = || watched(errs, GuardSettings::default(), Some(scene()));
+        let found = check(make, HandlesEnd::AtTargets);
+        assert_eq!(found, Ok(()), "{errs:?}");
     }
     // The one under guard does not hear, the physics in its place does.
-    let lost = || {
-        watched(
-            Error::Trembles,
-            GuardSettings::with(Correction::Physics),
-            Some(scene()),
-        )
-    };
+    let lost = || watched(Error::Lost, GuardSettings::default(), Some(scene()));
     assert_eq!(check_stop(lost), Ok(()));
-}
-
-#[test]
-fn relaxing_calms_what_is_rough_and_leaves_what_rests() {
-    let scene = scene();
-    let rest = selvedge_sim::sag(&scene).unwrap().positions;
-    let rest: Vec<Vec3> = rest.iter().map(|p| p.as_vec3()).collect();
-    let held: Vec<DVec3> = scene.handles.of(&rest).map(|p| p.as_dvec3()).collect();
-    let mut physics = Physics::new(&scene).unwrap();
-    let mut relaxed = rest.clone();
-    physics.relax(0, 2, &held, &mut relaxed).unwrap();
-    // The rest pose is accelerated by at most 1e-3 m/s² and rounded to 6e-8 m, which stiff edges
-    // (1e5 N/m on a gram) turn into as much again: 1e-3/240² m and some roundings.
-    assert!(moved(&rest, &relaxed).largest < 5e-7);
-    let mut rng = ChaCha8Rng::seed_from_u64(3);
-    let mut rough = rest.clone();
-    for p in &mut rough {
-        let mut draw = || 0.01 * (2.0 * rng.random::<f32>() - 1.0);
-        *p += Vec3::new(draw(), draw(), draw());
-    }
-    for (vertex, target) in scene.handles.vertices().iter().zip(&held) {
-        rough[vertex.index()] = target.as_vec3();
-    }
-    let cloth = cloth(&scene);
-    let guard = Guard::new(
-        Double::new(Error::Never),
-        &cloth,
-        60.0,
-        None,
-        GuardSettings::default(),
-    );
-    let gauge = guard.unwrap().gauge;
-    let strain = |frame: &[Vec3]| gauge.measure(&rest, frame).strain_rms;
-    let before = strain(&rough);
-    let mut calmer = before;
-    for solves in 1..=4 {
-        let mut relaxed = rough.clone();
-        physics.relax(0, solves, &held, &mut relaxed).unwrap();
-        assert!(strain(&relaxed) < calmer, "{solves}");
-        calmer = strain(&relaxed);
-    }
-    assert!(calmer < 0.7 * before, "{before} {calmer}");
-}
-
-#[test]
-fn relaxing_always_touches_frames_that_hold() {
-    let always = GuardSettings {
-        when: When::Always,
-        ..GuardSettings::with(Correction::Physics)
-    };
-    let mut guard = watched(Error::Never, always, Some(scene()));
-    guard.step(&targets(&scene(), 1)).unwrap();
-    assert_eq!(guard.trust().verdict, Verdict::Held);
-    let correction = guard.trust().correction.unwrap();
-    assert!(correction.largest > 0.0 && correction.largest < 0.01);
-    assert_eq!(guard.inner().given, 1);
 }
 
 #[test]
 fn parts_that_do_not_fit_are_refused() {
     let scene = scene();
     let whole = cloth(&scene);
-    let refused = |cloth: &Cloth, scene: Option<Scene>, correction| {
-        let settings = GuardSettings::with(correction);
+    let refused = |cloth: &Cloth, scene: Option<Scene>| {
+        let settings = GuardSettings::default();
         let made = Guard::new(
             Double::new(Error::Never),
             cloth,
@@ -530,18 +448,13 @@ fn parts_that_do_not_fit_are_refused() {
         );
         made.err().unwrap()
     };
-    let limit = Correction::Limit;
-    assert_eq!(
-        refused(&whole, None, Correction::Physics),
-        GuardError::NoScene
-    );
     let mut other = scene.clone();
     other.handles = Handles::new(&[0], 36).unwrap();
     let error = GuardError::OtherScene { what: "handles" };
-    assert_eq!(refused(&whole, Some(other), limit), error);
+    assert_eq!(refused(&whole, Some(other)), error);
     let freed = whole.clone().with_handles(Handles::new(&[0], 36).unwrap());
     let error = GuardError::OtherCloth { what: "handles" };
-    assert_eq!(refused(&freed.unwrap(), None, limit), error);
+    assert_eq!(refused(&freed.unwrap(), None), error);
     let remade = |topology: Topology, edit: fn(&mut ClothArrays)| {
         let mut arrays = whole.arrays().clone();
         edit(&mut arrays);
@@ -553,12 +466,9 @@ fn parts_that_do_not_fit_are_refused() {
         arrays.face_area.truncate(arrays.face_area.len() - 1)
     });
     let error = GuardError::OtherCloth { what: "faces" };
-    assert_eq!(refused(&fewer, None, limit), error);
+    assert_eq!(refused(&fewer, None), error);
     let flat = remade(whole.topology().clone(), |arrays| {
         arrays.material_coordinates.fill(Vec2::ONE);
     });
-    assert!(matches!(
-        refused(&flat, None, limit),
-        GuardError::Length { .. }
-    ));
+    assert!(matches!(refused(&flat, None), GuardError::Length { .. }));
 }

@@ -1,7 +1,7 @@
 //! The names of guards.
 
 use clap::ValueEnum;
-use selvedge_guard::{Correction, GuardSettings, When};
+use selvedge_guard::{Correction, GuardSettings};
 
 /// Correction of frames that no cloth could have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -10,10 +10,6 @@ pub(crate) enum GuardName {
     None,
     /// Edges are brought back within bounds; what is lost is replaced by the physics.
     Limit,
-    /// The same, after a few implicit solves that relax the frame.
-    Physics,
-    /// Every frame is relaxed.
-    PhysicsAlways,
 }
 
 impl GuardName {
@@ -22,8 +18,6 @@ impl GuardName {
         match self {
             Self::None => "none",
             Self::Limit => "limit",
-            Self::Physics => "physics",
-            Self::PhysicsAlways => "physics-always",
         }
     }
 
@@ -32,11 +26,6 @@ impl GuardName {
         match self {
             Self::None => GuardSettings::with(Correction::None),
             Self::Limit => GuardSettings::with(Correction::Limit),
-            Self::Physics => GuardSettings::with(Correction::Physics),
-            Self::PhysicsAlways => GuardSettings {
-                when: When::Always,
-                ..GuardSettings::with(Correction::Physics)
-            },
         }
     }
 }

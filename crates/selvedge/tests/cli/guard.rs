@@ -24,7 +24,7 @@ fn a_rollout_says_how_far_each_frame_can_be_trusted() {
     desk.model();
     desk.write("push.toml", PUSH);
     let model = "--model run/model.safetensors --no-clip";
-    for guard in ["none", "limit", "physics", "physics-always"] {
+    for guard in ["none", "limit"] {
         let call = format!("run push.toml {model} -o {guard} --guard {guard} --trust {guard}.csv");
         let report = desk.json(&call);
         let run = Trajectory::read(&desk.path(&format!("{guard}/rollout.safetensors"))).unwrap();

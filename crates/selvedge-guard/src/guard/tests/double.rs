@@ -20,6 +20,8 @@ pub(super) enum Error {
     Grows,
     /// A vertex is not a number from frame 20 on, and no error is told.
     NotANumber,
+    /// The same in every frame.
+    Lost,
     /// From frame 20 on every second step fails.
     Fails,
     /// Every tenth frame is nowhere near.
@@ -87,6 +89,7 @@ impl Double {
                     *next += 1.3 * (*p - *q) + noise(0.005);
                 }
             }
+            Error::Lost => next[17].y = f32::NAN,
             Error::NotANumber if self.frame >= 20 => next[17].y = f32::NAN,
             Error::Jumps if self.frame % 10 == 9 => {
                 next.iter_mut().for_each(|p| *p += noise(1e20));
