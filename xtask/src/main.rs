@@ -32,8 +32,8 @@ usage: cargo xtask COMMAND
 
   ci      run every step of .ci/run: format, tidy, lints, tests
   nightly the quick commands of the book, and every trial below, for an hour
-  tidy    check dependencies, circles of imports, manifests, packages, equation labels, cards of
-          models and the page of the viewer
+  tidy    check dependencies, circles of imports, equation labels, cards of models and the page of
+          the viewer
   book    check links, summary and quotes of the documents; build HTML where mdbook is installed
             --write   bring quotes and the commands reference up to date
             --run     run the quick commands
