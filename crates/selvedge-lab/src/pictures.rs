@@ -114,7 +114,7 @@ pub fn clip(
     let truth = show.truth.map(run_of).transpose()?;
     let panels = panels(show.label, &prediction, truth.as_ref());
     let settings = ClipSettings::default();
-    write_clip(out, show.title, &panels, &settings, &mut |_| on_picture())
+    write_clip(out, show.title, &panels, &settings, on_picture)
 }
 
 fn strain_of(trajectory: &Trajectory) -> Result<ScalarField, ViewError> {

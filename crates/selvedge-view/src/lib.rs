@@ -1,5 +1,5 @@
 //! Pictures of a cloth in motion: stills, contact sheets and clips by a small software raster,
-//! which needs no GPU, no window and no font; and plots of numbers.
+//! which needs no GPU, no window and no font of the machine; and plots of numbers.
 //!
 //! - A **run** ([`Run`]) borrows the frames of a motion and checks them once.
 //! - A **panel** ([`Panel`]) is a run with a label and a colouring: as cloth, or by a number per
@@ -7,7 +7,7 @@
 //! - A **stage** ([`Stage`]) is the camera that holds whole runs, the floor, and the light. A
 //!   **renderer** ([`Renderer`]) draws single frames on a stage as [`Image`]s.
 //! - A **still** ([`still`]) is one frame; a **contact sheet** ([`contact_sheet`]) shows
-//!   **moments** ([`Moments`]) of one or several panels; a **clip** ([`write_clip`]) is an animated
+//!   **moments** of one or several panels; a **clip** ([`write_clip`]) is an animated
 //!   GIF whose clock is real.
 //! - [`plot`] draws lines and histograms.
 //!
@@ -42,16 +42,13 @@ mod text;
 
 pub use error::ViewError;
 pub use image::Image;
-pub use image::colour::{ColourMap, Rgb};
+pub use image::colour::Rgb;
 pub use motion::body::Body;
 pub use motion::field::ScalarField;
 pub use motion::panel::{Colouring, Panel};
 pub use motion::run::Run;
-pub use page::clip::{ClipEnd, ClipProgress, ClipSettings, write_clip};
-pub use page::moments::Moments;
+pub use page::clip::{ClipEnd, ClipSettings, write_clip};
 pub use page::sheet::{SheetSettings, StillSettings, contact_sheet, still};
-pub use raster::camera::{Camera, Orbit, Projected};
 pub use raster::renderer::Renderer;
-pub use raster::settings::{EdgeLines, Supersampling};
+pub use raster::settings::Supersampling;
 pub use raster::stage::Stage;
-pub use text::{Align, TextStyle, draw_text, text_width};
