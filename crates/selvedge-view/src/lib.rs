@@ -17,14 +17,13 @@
 //! ```
 //! use glam::Vec3;
 //! use selvedge_cloth::{Topology, VertexId};
-//! use selvedge_view::{Colouring, Panel, Run, StillSettings, still};
+//! use selvedge_view::{Colouring, Panel, Run, still};
 //!
 //! let topology = Topology::new(3, &[[0, 1, 2]])?;
 //! let frame = [Vec3::ZERO, Vec3::Z, Vec3::Y];
 //! let run = Run::new(&topology, [&frame[..]], &[VertexId(2)], 60.0)?;
 //! let panel = Panel { label: "", run: &run, colouring: Colouring::Plain };
-//! let settings = StillSettings { size: [64, 48], ..StillSettings::default() };
-//! let png = still(&panel, 0, &settings)?.to_png()?;
+//! let png = still(&panel, 0, [64, 48])?.to_png()?;
 //! assert_eq!(png[1..4], *b"PNG");
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -48,7 +47,7 @@ pub use motion::field::ScalarField;
 pub use motion::panel::{Colouring, Panel};
 pub use motion::run::Run;
 pub use page::clip::{ClipEnd, ClipSettings, write_clip};
-pub use page::sheet::{SheetSettings, StillSettings, contact_sheet, still};
+pub use page::sheet::{SheetSettings, contact_sheet, still};
 pub use raster::renderer::Renderer;
 pub use raster::settings::Supersampling;
 pub use raster::stage::Stage;

@@ -22,7 +22,7 @@ use crate::pictures::run_of_frames;
 use crate::progress::Progress;
 
 /// Width and height of a picture in pixels; even, as films want it.
-const SIZE: [u32; 2] = [960, 720];
+pub(crate) const SIZE: [u32; 2] = [960, 720];
 
 /// The program that makes films.
 const FFMPEG: &str = "ffmpeg";

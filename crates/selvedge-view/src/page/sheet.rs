@@ -8,19 +8,6 @@ use crate::raster::camera::Orbit;
 use crate::raster::stage::Stage;
 use crate::{Image, Panel, Renderer, Run, Supersampling, ViewError};
 
-/// The choices of one picture.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct StillSettings {
-    /// Width and height `[pixels]`.
-    pub size: [u32; 2],
-}
-
-impl Default for StillSettings {
-    fn default() -> Self {
-        Self { size: [960, 720] }
-    }
-}
-
 /// The choices of a contact sheet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SheetSettings {
@@ -57,18 +44,14 @@ impl SheetSettings {
     }
 }
 
-/// One frame of a panel, as large as it fits into the picture.
+/// One frame of a panel, as large as it fits into a picture of `size` (width, height) `[pixels]`.
 ///
 /// # Errors
-/// [`ViewError::FrameOutOfRange`], or the defect of the panel or the settings.
-pub fn still(
-    panel: &Panel<'_>,
-    frame: usize,
-    settings: &StillSettings,
-) -> Result<Image, ViewError> {
-    let aspect = aspect_of(settings.size)?;
+/// [`ViewError::FrameOutOfRange`], or the defect of the panel or the size.
+pub fn still(panel: &Panel<'_>, frame: usize, size: [u32; 2]) -> Result<Image, ViewError> {
+    let aspect = aspect_of(size)?;
     let stages = Stage::following(&[panel.run], &[frame], &Orbit::default(), aspect)?;
-    let mut renderer = Renderer::new(&stages[0], settings.size, Supersampling::Four)?;
+    let mut renderer = Renderer::new(&stages[0], size, Supersampling::Four)?;
     renderer.render(panel, frame)
 }
 
