@@ -11,7 +11,6 @@ use selvedge_data::foreign::{TrajectoryParts, Weight};
 use selvedge_data::{UpAxis, write_atomically};
 use selvedge_lab::comparison;
 use selvedge_lab::pictures::{self, Show};
-use selvedge_view::StillSettings;
 
 use crate::arrays::{self, Numbers};
 use crate::errors::{told, wrong};
@@ -244,11 +243,7 @@ impl Trajectory {
             frame
         };
         let wanted = usize::try_from(wanted).unwrap_or(usize::MAX);
-        let settings = StillSettings {
-            size,
-            ..StillSettings::default()
-        };
-        let png = py.detach(|| pictures::picture(&self.inner, wanted, &settings));
+        let png = py.detach(|| pictures::picture(&self.inner, wanted, size));
         Ok(Picture::of(png.map_err(told)?))
     }
 

@@ -32,9 +32,10 @@ usage: cargo xtask COMMAND
 
   ci      run every step of .ci/run: format, tidy, lints, tests
   nightly the quick commands of the book, and every trial below, for an hour
-  tidy    check dependencies, circles of imports, manifests, packages, equation labels, cards of
-          models and the page of the viewer
-  book    check links, summary and quotes of the documents; build HTML where mdbook is installed
+  tidy    check dependencies, circles of imports, equation labels, cards of models and the page of
+          the viewer
+  book    check summary and quotes of the documents, and their links where lychee is installed;
+          build HTML where mdbook is
             --write   bring quotes and the commands reference up to date
             --run     run the quick commands
   header  check that the header of the library for C is what its sources make, by cbindgen
@@ -42,7 +43,7 @@ usage: cargo xtask COMMAND
   fuzz    damaged files for every reader, by libFuzzer (--for 10m; see
           docs/src/contributing/trials.md)
   faults  calls on files, and for memory, that fail under every command
-  kill    long commands, or one of their ranks, ended at random times
+  kill    long commands ended at random times
   soak    steppers and the viewer for a long time
   load    the viewer under many connections
   sanitize address|thread
@@ -95,18 +96,8 @@ fn trials(trial: &str, options: &[&str]) -> Result<()> {
         let status = command.args(arguments).current_dir(&root).status();
         Ok(status.context("cannot start cargo")?.success())
     };
-    let mut build = vec![
-        "build",
-        "--quiet",
-        "-p",
-        "selvedge",
-        "-p",
-        "selvedge-trials",
-    ];
-    if options.contains(&"--ranks") {
-        build.extend(["--features", "selvedge/mpi"]);
-    }
-    let is_built = cargo(&build)?;
+    let packages = ["-p", "selvedge", "-p", "selvedge-trials"];
+    let is_built = cargo(&[&["build", "--quiet"], &packages[..]].concat())?;
     let run = ["run", "--quiet", "-p", "selvedge-trials", "--", trial];
     if !is_built || !cargo(&[&run[..], options].concat())? {
         bail!("the trial failed");

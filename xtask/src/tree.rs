@@ -85,38 +85,6 @@ impl Tree {
     pub(crate) fn text(&self, path: &str) -> Option<&TextFile> {
         self.texts.iter().find(|file| file.path == path)
     }
-
-    /// True where `path` is a file or a folder with files in it.
-    pub(crate) fn contains(&self, path: &str) -> bool {
-        let folder = format!("{path}/");
-        path.is_empty()
-            || self.sizes.contains_key(path)
-            || self
-                .sizes
-                .range(folder.clone()..)
-                .next()
-                .is_some_and(|(found, _)| found.starts_with(&folder))
-    }
-}
-
-/// Folder of a path; empty at the root.
-pub(crate) fn folder_of(path: &str) -> &str {
-    path.rsplit_once('/').map_or("", |(folder, _)| folder)
-}
-
-/// `target` seen from `folder`, both relative to the root; none when it leads outside.
-pub(crate) fn resolve(folder: &str, target: &str) -> Option<String> {
-    let mut parts: Vec<&str> = folder.split('/').filter(|part| !part.is_empty()).collect();
-    for part in target.split('/') {
-        match part {
-            "" | "." => {}
-            ".." => {
-                parts.pop()?;
-            }
-            name => parts.push(name),
-        }
-    }
-    Some(parts.join("/"))
 }
 
 /// Builds a tree from (path, text) pairs.
@@ -158,14 +126,5 @@ mod tests {
         assert!(!is_ignored("crates/target", "/target\n"));
         assert!(is_ignored("web/node_modules", "node_modules/\n"));
         assert!(!is_ignored("target", "# target\n\n"));
-    }
-
-    #[test]
-    fn a_tree_contains_files_and_their_folders() {
-        let tree = tree_of(&[("docs/a.md", ""), ("docs.md", "")]);
-        assert!(tree.contains("docs/a.md"));
-        assert!(tree.contains("docs"));
-        assert!(!tree.contains("doc"));
-        assert!(!tree.contains("docs/a"));
     }
 }

@@ -6,8 +6,8 @@ use std::ops::ControlFlow;
 use glam::Vec3;
 use selvedge_data::{Trajectory, metrics};
 use selvedge_view::{
-    Body, ClipEnd, ClipSettings, Colouring, Panel, Run, ScalarField, SheetSettings, StillSettings,
-    ViewError, contact_sheet, still, write_clip,
+    Body, ClipEnd, ClipSettings, Colouring, Panel, Run, ScalarField, SheetSettings, ViewError,
+    contact_sheet, still, write_clip,
 };
 
 /// A run to draw, alone or beside another.
@@ -49,7 +49,6 @@ pub fn sheet(show: &Show<'_>) -> Result<Vec<u8>, ViewError> {
         tile: [240, 240],
         columns: 6,
         pictures: 6,
-        ..SheetSettings::default()
     };
     contact_sheet(show.title, &panels, &settings)?.to_png()
 }
@@ -70,14 +69,14 @@ pub fn strain_sheet(title: &str, trajectory: &Trajectory) -> Result<Vec<u8>, Vie
     contact_sheet(title, &[panel], &SheetSettings::default())?.to_png()
 }
 
-/// One frame (.png).
+/// One frame (.png) of `size` (width, height) `[pixels]`.
 ///
 /// # Errors
 /// A frame that the trajectory does not have, or a run that cannot be drawn.
 pub fn picture(
     trajectory: &Trajectory,
     frame: usize,
-    settings: &StillSettings,
+    size: [u32; 2],
 ) -> Result<Vec<u8>, ViewError> {
     let frames = trajectory.frame_count();
     if frame >= frames {
@@ -89,7 +88,7 @@ pub fn picture(
         run: &run,
         colouring: Colouring::Plain,
     };
-    still(&panel, 0, settings)?.to_png()
+    still(&panel, 0, size)?.to_png()
 }
 
 /// Number of pictures of a clip of `trajectory`.
@@ -114,7 +113,7 @@ pub fn clip(
     let truth = show.truth.map(run_of).transpose()?;
     let panels = panels(show.label, &prediction, truth.as_ref());
     let settings = ClipSettings::default();
-    write_clip(out, show.title, &panels, &settings, &mut |_| on_picture())
+    write_clip(out, show.title, &panels, &settings, on_picture)
 }
 
 fn strain_of(trajectory: &Trajectory) -> Result<ScalarField, ViewError> {

@@ -15,7 +15,7 @@
 //! use std::{ops::ControlFlow, sync::Arc};
 //!
 //! use selvedge_live::{
-//!     Catalogue, Mover, NamedTrack, Opening, Order, PrepareError, ReadyCloth, ServerSettings,
+//!     Catalogue, LiveError, Mover, NamedTrack, Opening, Order, ReadyCloth, ServerSettings,
 //!     Tape, Workshop, serve, start,
 //! };
 //!
@@ -31,8 +31,8 @@
 //!         &mut self,
 //!         order: &Order,
 //!         _progress: &mut dyn FnMut(String) -> ControlFlow<()>,
-//!     ) -> Result<Box<dyn ReadyCloth>, PrepareError> {
-//!         Err(PrepareError::new(format!("there is no scene {:?}", order.scene)))
+//!     ) -> Result<Box<dyn ReadyCloth>, LiveError> {
+//!         Err(LiveError::new(format!("there is no scene {:?}", order.scene)))
 //!     }
 //! }
 //!
@@ -103,10 +103,10 @@ mod workshop;
 
 pub use body::{Body, BodyKind, kind_of};
 pub use hand::{HandLimits, Hands};
-pub use mover::{Hold, LiveStepper, Mover, MoverError, MoverKind, Start};
+pub use mover::{Hold, LiveError, LiveStepper, Mover, MoverKind, Start};
 pub use order::{Catalogue, MeshOrder, Order};
 pub use player::{NamedTrack, Tape, TapeError};
 pub use server::{MOST_PAGES, RunningServer, ServerSettings, serve};
 pub use session::{Opening, RunningSession, start};
 pub use state::{Level, MotionState, Notice, RecordingState, Show, State, TrackState};
-pub use workshop::{PrepareError, ProvenanceError, ReadyCloth, Workshop};
+pub use workshop::{ReadyCloth, Workshop};

@@ -6,7 +6,7 @@ use std::time::Instant;
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{HandleTargets, Handles};
 
-use crate::mover::{Hold, LiveStepper, Mover, MoverError, MoverKind, Start};
+use crate::mover::{Hold, LiveError, LiveStepper, Mover, MoverKind, Start};
 use crate::state::TrackState;
 use crate::strain_gauge::StrainGauge;
 use crate::workshop::ReadyCloth;
@@ -52,7 +52,7 @@ impl LiveCloth {
     pub(crate) fn new(
         ready: Box<dyn ReadyCloth>,
         mover: Mover,
-    ) -> Result<(Self, Option<MoverError>), MoverError> {
+    ) -> Result<(Self, Option<LiveError>), LiveError> {
         let hold = Hold {
             handles: ready.cloth().handles().clone(),
             environment: ready.environment(),
@@ -77,7 +77,7 @@ impl LiveCloth {
     }
 
     /// Back to the beginning, with the handles of the scene; the wind stays.
-    pub(crate) fn restart(&mut self, mover: Mover) -> Result<(), MoverError> {
+    pub(crate) fn restart(&mut self, mover: Mover) -> Result<(), LiveError> {
         let hold = Hold {
             handles: self.ready.cloth().handles().clone(),
             environment: self.hold.environment,
@@ -86,14 +86,14 @@ impl LiveCloth {
             let stepper = self.ready.start(kind, Start::Beginning, &hold)?;
             Ok(Driven::new(kind, stepper, VecDeque::new(), &self.gauge))
         };
-        let all: Result<Vec<Driven>, MoverError> = mover.kinds().iter().map(one).collect();
+        let all: Result<Vec<Driven>, LiveError> = mover.kinds().iter().map(one).collect();
         (self.all, self.hold, self.mover, self.frame) = (all?, hold, mover, 0);
         Ok(())
     }
 
     /// Continues with `mover`. A stepper of its kind stays; one that joins takes up the motion of
     /// the leader, also where the leader has stopped.
-    pub(crate) fn set_mover(&mut self, mover: Mover) -> Result<(), MoverError> {
+    pub(crate) fn set_mover(&mut self, mover: Mover) -> Result<(), LiveError> {
         let Some(leader) = self.leader() else {
             return self.restart(mover);
         };
@@ -127,7 +127,7 @@ impl LiveCloth {
         &mut self,
         handles: Handles,
         kept: &[Option<usize>],
-    ) -> Result<(), MoverError> {
+    ) -> Result<(), LiveError> {
         let hold = Hold {
             handles,
             ..self.hold
@@ -136,7 +136,7 @@ impl LiveCloth {
     }
 
     /// Continues in another wind `[m/s]`.
-    pub(crate) fn set_wind(&mut self, wind: DVec3) -> Result<(), MoverError> {
+    pub(crate) fn set_wind(&mut self, wind: DVec3) -> Result<(), LiveError> {
         let mut hold = self.hold.clone();
         hold.environment.wind = wind;
         let kept: Vec<Option<usize>> = (0..hold.handles.len()).map(Some).collect();
@@ -145,14 +145,14 @@ impl LiveCloth {
 
     /// Continues with the same handles. Those that were `free`, `[handles]`, are attached to the cloth
     /// at its present place.
-    pub(crate) fn take_hold_again(&mut self, free: &[bool]) -> Result<(), MoverError> {
+    pub(crate) fn take_hold_again(&mut self, free: &[bool]) -> Result<(), LiveError> {
         let kept = |(handle, free): (usize, &bool)| (!free).then_some(handle);
         let kept: Vec<Option<usize>> = free.iter().enumerate().map(kept).collect();
         self.change(self.hold.clone(), &kept)
     }
 
-    fn change(&mut self, hold: Hold, kept: &[Option<usize>]) -> Result<(), MoverError> {
-        let changed: Result<Vec<_>, MoverError> = self
+    fn change(&mut self, hold: Hold, kept: &[Option<usize>]) -> Result<(), LiveError> {
+        let changed: Result<Vec<_>, LiveError> = self
             .all
             .iter()
             .map(|one| one.stepper.changed(&hold))
@@ -246,7 +246,7 @@ impl LiveCloth {
     }
 
     /// Puts a body at `offset` `[m]` from its own path at once.
-    pub(crate) fn put_body(&mut self, number: usize, offset: DVec3) -> Result<(), MoverError> {
+    pub(crate) fn put_body(&mut self, number: usize, offset: DVec3) -> Result<(), LiveError> {
         let mut each = self.all.iter_mut();
         each.try_for_each(|one| one.stepper.put_body(number, offset))
     }

@@ -64,8 +64,8 @@ pub trait LiveStepper: Stepper + Send {
     /// Returns the same cloth in the same motion, under `hold`.
     ///
     /// # Errors
-    /// [`MoverError`] when this mover cannot continue under `hold`.
-    fn changed(&self, hold: &Hold) -> Result<Box<dyn LiveStepper>, MoverError>;
+    /// [`LiveError`] when this mover cannot continue under `hold`.
+    fn changed(&self, hold: &Hold) -> Result<Box<dyn LiveStepper>, LiveError>;
 
     /// Leads body `number` over the next step, straight, to `offset` `[m]` from its own path. A
     /// mover that does not see bodies has nothing to do.
@@ -74,9 +74,9 @@ pub trait LiveStepper: Stepper + Send {
     /// Puts body `number` at `offset` `[m]` from its own path at once.
     ///
     /// # Errors
-    /// [`MoverError`] where it would meet the cloth, or the mover does not see bodies.
-    fn put_body(&mut self, _number: usize, _offset: DVec3) -> Result<(), MoverError> {
-        Err(MoverError::new("this mover does not see bodies"))
+    /// [`LiveError`] where it would meet the cloth, or the mover does not see bodies.
+    fn put_body(&mut self, _number: usize, _offset: DVec3) -> Result<(), LiveError> {
+        Err(LiveError::new("this mover does not see bodies"))
     }
 
     /// Points of all bodies now `[m]`, those of the first body first.
@@ -103,12 +103,12 @@ pub trait LiveStepper: Stepper + Send {
     }
 }
 
-/// The reason why a mover cannot start or continue, in words for people.
+/// The reason why a cloth cannot be made ready, moved or recorded, in words for people.
 #[derive(Debug, thiserror::Error)]
 #[error(transparent)]
-pub struct MoverError(Box<dyn Error + Send + Sync>);
+pub struct LiveError(Box<dyn Error + Send + Sync>);
 
-impl MoverError {
+impl LiveError {
     /// An error with the message of `cause`.
     pub fn new(cause: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
         Self(cause.into())

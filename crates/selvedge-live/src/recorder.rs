@@ -12,10 +12,9 @@ use thiserror::Error;
 
 use crate::body::{Body, BodyKind};
 use crate::live_cloth::LiveCloth;
-use crate::mover::{Hold, MoverKind};
+use crate::mover::{Hold, LiveError, MoverKind};
 use crate::player::{NamedTrack, Tape, TapeError};
 use crate::state::RecordingState;
-use crate::workshop::ProvenanceError;
 
 /// A recording ends by itself here `[bytes]`.
 const MOST_BYTES: usize = 512 << 20;
@@ -31,7 +30,7 @@ const PLACE_BYTES: usize = 80;
 #[derive(Debug, Error)]
 pub(crate) enum RecordingError {
     #[error(transparent)]
-    Provenance(#[from] ProvenanceError),
+    Provenance(#[from] LiveError),
     #[error("the recording: {0}")]
     Cloth(#[from] ClothError),
     #[error("the recording: {0}")]

@@ -10,8 +10,7 @@ use selvedge_cloth::{
 };
 use selvedge_data::Provenance;
 use selvedge_live::{
-    Body, BodyKind, Hold, LiveStepper, MoverError, MoverKind, Order, ProvenanceError, ReadyCloth,
-    Start,
+    Body, BodyKind, Hold, LiveError, LiveStepper, MoverKind, Order, ReadyCloth, Start,
 };
 use serde_json::Value;
 
@@ -145,7 +144,7 @@ impl ReadyCloth for TestCloth {
         kind: MoverKind,
         start: Start<'_>,
         hold: &Hold,
-    ) -> Result<Box<dyn LiveStepper>, MoverError> {
+    ) -> Result<Box<dyn LiveStepper>, LiveError> {
         let passed = Vec3::X * (PACE * self.start_frame as f64) as f32;
         let positions = match start {
             Start::Beginning => CORNERS.map(|p| p + passed).to_vec(),
@@ -161,7 +160,7 @@ impl ReadyCloth for TestCloth {
         }))
     }
 
-    fn provenance(&self, hold: &Hold, _: Vec<Vec<DVec3>>) -> Result<Provenance, ProvenanceError> {
+    fn provenance(&self, hold: &Hold, _: Vec<Vec<DVec3>>) -> Result<Provenance, LiveError> {
         Ok(Provenance {
             frame_rate: 60.0,
             scene: Value::from(hold.environment.wind.x),
@@ -277,9 +276,9 @@ impl LiveStepper for Puppet {
         self.led[number] = offset;
     }
 
-    fn put_body(&mut self, number: usize, offset: DVec3) -> Result<(), MoverError> {
+    fn put_body(&mut self, number: usize, offset: DVec3) -> Result<(), LiveError> {
         if offset.x > WALL {
-            return Err(MoverError::new("the wall is there"));
+            return Err(LiveError::new("the wall is there"));
         }
         self.shifts[number] = offset;
         Ok(())
@@ -303,7 +302,7 @@ impl LiveStepper for Puppet {
         (!self.shifts.is_empty()).then(|| vec![0.25; self.positions.len()])
     }
 
-    fn changed(&self, hold: &Hold) -> Result<Box<dyn LiveStepper>, MoverError> {
+    fn changed(&self, hold: &Hold) -> Result<Box<dyn LiveStepper>, LiveError> {
         let positions = self.positions.clone();
         Ok(Box::new(Self {
             kind: self.kind,

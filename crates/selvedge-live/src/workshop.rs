@@ -1,7 +1,6 @@
 //! The workshop: makes the cloths of a session ready, and starts their movers. The program behind
 //! this crate implements it.
 
-use std::error::Error;
 use std::ops::ControlFlow;
 
 use glam::DVec3;
@@ -9,7 +8,7 @@ use selvedge_cloth::{Cloth, Environment, HandlePath, MotionError};
 use selvedge_data::Provenance;
 
 use crate::body::Body;
-use crate::mover::{Hold, LiveStepper, Mover, MoverError, MoverKind, Start};
+use crate::mover::{Hold, LiveError, LiveStepper, Mover, MoverKind, Start};
 use crate::order::{Catalogue, Order};
 
 /// A cloth that is ready to be moved: its mesh is made, its rest pose found.
@@ -45,13 +44,13 @@ pub trait ReadyCloth: Send {
     /// Starts a mover. This must be quick: the session waits.
     ///
     /// # Errors
-    /// [`MoverError`] when the mover cannot start.
+    /// [`LiveError`] when the mover cannot start.
     fn start(
         &self,
         kind: MoverKind,
         start: Start<'_>,
         hold: &Hold,
-    ) -> Result<Box<dyn LiveStepper>, MoverError>;
+    ) -> Result<Box<dyn LiveStepper>, LiveError>;
 
     /// The bodies beside the cloth.
     fn bodies(&self) -> &[Body] {
@@ -62,12 +61,8 @@ pub trait ReadyCloth: Send {
     /// `[frames][handles]`.
     ///
     /// # Errors
-    /// [`ProvenanceError`] when the scene cannot be written beside the recording.
-    fn provenance(
-        &self,
-        hold: &Hold,
-        handles: Vec<Vec<DVec3>>,
-    ) -> Result<Provenance, ProvenanceError>;
+    /// [`LiveError`] when the scene cannot be written beside the recording.
+    fn provenance(&self, hold: &Hold, handles: Vec<Vec<DVec3>>) -> Result<Provenance, LiveError>;
 }
 
 /// Makes cloths ready, on a thread of its own.
@@ -79,34 +74,10 @@ pub trait Workshop: Send {
     /// `progress` breaks, nobody waits for this cloth any more, and the work stops.
     ///
     /// # Errors
-    /// [`PrepareError`] when the order cannot be met, or `progress` has stopped the work.
+    /// [`LiveError`] when the order cannot be met, or `progress` has stopped the work.
     fn prepare(
         &mut self,
         order: &Order,
         progress: &mut dyn FnMut(String) -> ControlFlow<()>,
-    ) -> Result<Box<dyn ReadyCloth>, PrepareError>;
-}
-
-/// The reason why a cloth cannot be made ready, in words for people.
-#[derive(Debug, thiserror::Error)]
-#[error(transparent)]
-pub struct PrepareError(Box<dyn Error + Send + Sync>);
-
-impl PrepareError {
-    /// An error with the message of `cause`.
-    pub fn new(cause: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
-        Self(cause.into())
-    }
-}
-
-/// The reason why the provenance of a recording cannot be told, in words for people.
-#[derive(Debug, thiserror::Error)]
-#[error(transparent)]
-pub struct ProvenanceError(Box<dyn Error + Send + Sync>);
-
-impl ProvenanceError {
-    /// An error with the message of `cause`.
-    pub fn new(cause: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
-        Self(cause.into())
-    }
+    ) -> Result<Box<dyn ReadyCloth>, LiveError>;
 }

@@ -11,8 +11,8 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
 
-use crate::arguments::Arguments;
 use crate::fuzz;
+use crate::is_wanted;
 use crate::program::Program;
 
 /// Counters at every edge of the code, and the sides of every comparison.
@@ -32,27 +32,25 @@ struct Tally {
     edges: [u64; 2],
 }
 
-/// Runs the targets that `options` ask for; returns false where something was found.
+/// Runs the targets of these names, or all, each for `span`; returns false where something was
+/// found.
 ///
 /// # Errors
-/// Options that make no sense, or a program that cannot be built.
-pub(crate) fn run(options: &[String]) -> Result<bool> {
-    let options = Arguments::parse(options, &["--for", "--target"])?;
-    let span = options.span("--for")?.unwrap_or(Duration::from_secs(60));
-    let wanted = options.all("--target");
+/// A target that there is not, or a program that cannot be built.
+pub(crate) fn run(span: Duration, targets: &[String]) -> Result<bool> {
     let names = fuzz::names();
-    for name in &wanted {
-        ensure!(names.contains(name), "there is no target {name:?}");
+    for name in targets {
+        ensure!(
+            names.contains(&name.as_str()),
+            "there is no target {name:?}"
+        );
     }
     Program::find()?;
     let fuzzer = build()?;
     println!("| target | inputs | kept | edges at first | edges | held |");
     println!("|---|---|---|---|---|---|");
     let mut holds = true;
-    for name in names {
-        if !wanted.is_empty() && !wanted.contains(&name) {
-            continue;
-        }
+    for name in names.into_iter().filter(|name| is_wanted(name, targets)) {
         let (tally, is_fine) = fuzz_one(&fuzzer, name, span)?;
         let [first, last] = tally.edges;
         let held = if is_fine { "all" } else { "see above" };

@@ -1,8 +1,5 @@
 //! Kills of long commands at random times: what they leave is the whole old state or the whole new
-//! one, the same command goes on from it, and its end is that of a run that was never killed. On
-//! several ranks one of them is killed.
-
-mod ranks;
+//! one, the same command goes on from it, and its end is that of a run that was never killed.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -16,7 +13,7 @@ use rand_chacha::ChaCha8Rng;
 use selvedge_data::{Dataset, Trajectory};
 use selvedge_model::Model;
 
-use crate::arguments::Arguments;
+use crate::is_wanted;
 use crate::program::Program;
 
 /// A command that takes its time.
@@ -27,8 +24,6 @@ struct Case {
     /// The command; `--resume` is added where `resumes` and there is something to go on from.
     command: &'static str,
     resumes: bool,
-    /// True where several ranks may share it.
-    shares: bool,
     /// True where its results are there as a whole or not at all.
     is_whole: bool,
     /// Folder or file of its results.
@@ -41,7 +36,6 @@ const CASES: [Case; 5] = [
         prepare: &["data generate tiny -o tiny"],
         command: "train long.toml --data tiny -o run --checkpoint-every 1s",
         resumes: true,
-        shares: true,
         is_whole: false,
         out: "run",
     },
@@ -50,7 +44,6 @@ const CASES: [Case; 5] = [
         prepare: &[],
         command: "data generate many.toml -o many",
         resumes: false,
-        shares: true,
         is_whole: false,
         out: "many",
     },
@@ -59,7 +52,6 @@ const CASES: [Case; 5] = [
         prepare: &["data generate tiny -o tiny"],
         command: "study study.toml -o study",
         resumes: false,
-        shares: true,
         is_whole: false,
         out: "study",
     },
@@ -72,7 +64,6 @@ const CASES: [Case; 5] = [
         ],
         command: "data import caches --density 0.2 --frame-rate 60 --handles handle_0,handle_1 -o imported",
         resumes: false,
-        shares: false,
         is_whole: false,
         out: "imported",
     },
@@ -81,7 +72,6 @@ const CASES: [Case; 5] = [
         prepare: &["run push.toml --start mesh -o run.safetensors"],
         command: "export run.safetensors -o frames --format obj",
         resumes: false,
-        shares: false,
         is_whole: true,
         out: "frames",
     },
@@ -98,48 +88,29 @@ struct Tally {
     ended: u32,
     /// Times at which it was killed `[s]`.
     times: Vec<f64>,
-    /// The longest time that the other ranks took to end `[s]`.
-    slowest: f64,
     seconds: f64,
 }
 
 /// Kills that are asked for.
 #[derive(Clone, Copy)]
-struct Order {
-    kills: u32,
-    seed: u64,
-    /// One of so many ranks is killed; 1 without ranks.
-    ranks: usize,
+pub(crate) struct Order {
+    pub(crate) kills: u32,
+    pub(crate) seed: u64,
 }
 
-/// Kills the commands that `options` ask for; returns false where something did not hold.
+/// Kills the commands of these names, or all; returns false where something did not hold.
 ///
 /// # Errors
-/// Options that make no sense, a program that is missing, or what did not hold.
-pub(crate) fn run(options: &[String]) -> Result<bool> {
-    let pairs = ["--kills", "--command", "--seed", "--ranks"];
-    let options = Arguments::parse(options, &pairs)?;
-    let order = Order {
-        kills: u32::try_from(options.number("--kills")?.unwrap_or(20))?,
-        seed: options.number("--seed")?.unwrap_or(1),
-        ranks: usize::try_from(options.number("--ranks")?.unwrap_or(1))?,
-    };
-    let wanted = options.all("--command");
+/// A program that is missing, or what did not hold.
+pub(crate) fn run(order: Order, commands: &[String]) -> Result<bool> {
     let program = Program::find()?;
     let mut holds = true;
     println!("| command | kills | runs to the end | killed after | seconds | held |");
     println!("|---|---|---|---|---|---|");
-    for case in &CASES {
-        let is_wanted = wanted.is_empty() || wanted.contains(&case.name);
-        if !is_wanted || (order.ranks > 1 && !case.shares) {
-            continue;
-        }
+    for case in CASES.iter().filter(|case| is_wanted(case.name, commands)) {
         let mut tally = Tally::default();
         let outcome = trial(case, &program, order, &mut tally);
         let held = match &outcome {
-            Ok(()) if order.ranks > 1 => {
-                format!("all; the others ended within {:.2} s", tally.slowest)
-            }
             Ok(()) => "all".to_owned(),
             Err(error) => format!("{error:#}"),
         };
@@ -168,7 +139,7 @@ fn trial(case: &Case, program: &Program, order: Order, tally: &mut Tally) -> Res
     let started = Instant::now();
     let folder = tempfile::tempdir().context("a folder to work in")?;
     let folder = folder.path();
-    prepare(folder, order.ranks)?;
+    prepare(folder)?;
     for command in case.prepare {
         program.run(folder, command)?;
     }
@@ -182,17 +153,8 @@ fn trial(case: &Case, program: &Program, order: Order, tally: &mut Tally) -> Res
         // Up to a little more than it takes, so that some runs come to their end.
         let after = whole.mul_f64(rng.random_range(0.0..1.1));
         let command = command(case, folder);
-        let was_killed = if order.ranks > 1 {
-            let rank = rng.random_range(0..order.ranks);
-            let mut child = ranks::command(program, order.ranks, folder, &command).spawn()?;
-            let took = ranks::kill_one(&mut child, order.ranks, rank, after)?;
-            let seconds = took.map_or(0.0, |took| took.as_secs_f64());
-            tally.slowest = tally.slowest.max(seconds);
-            took.is_some()
-        } else {
-            let mut child = program.command(folder, &command).spawn()?;
-            kill_after(&mut child, after)?
-        };
+        let mut child = program.command(folder, &command).spawn()?;
+        let was_killed = kill_after(&mut child, after)?;
         check(case, folder)?;
         if was_killed {
             tally.kills += 1;
@@ -338,13 +300,10 @@ fn remove(path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Writes the inputs of all commands, for so many ranks.
-fn prepare(folder: &Path, ranks: usize) -> Result<()> {
+/// Writes the inputs of all commands.
+fn prepare(folder: &Path) -> Result<()> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let samples = format!("samples = {}", ranks.max(2));
-    let training = crate::fuzz::TRAINING
-        .replace("steps = 2", "steps = 4000")
-        .replace("samples = 2", &samples);
+    let training = crate::fuzz::TRAINING.replace("steps = 2", "steps = 4000");
     fs::write(folder.join("long.toml"), &training)?;
     let short = training.replace("steps = 4000", "steps = 60");
     fs::write(folder.join("short.toml"), short)?;

@@ -10,7 +10,6 @@
     reason = "a program that talks to people in a terminal"
 )]
 
-mod arguments;
 mod faults;
 mod fuzz;
 mod guided;
@@ -21,55 +20,115 @@ mod soak;
 mod viewer;
 
 use std::process::ExitCode;
+use std::time::Duration;
 
-use anyhow::Result;
+use clap::Parser;
+use faults::Side;
+use kill::Order;
+use selvedge_lab::span;
 
 pub use fuzz::{Guided, Replayed, replay};
 
-const HELP: &str = "\
-usage: cargo xtask fuzz|faults|kill|soak|load [OPTIONS]
+/// Trials that take minutes or hours.
+#[derive(Parser)]
+#[command(bin_name = "cargo xtask")]
+enum Trial {
+    /// Damaged files, texts and messages for every reader, by libFuzzer
+    Fuzz {
+        /// For every target
+        #[arg(long = "for", value_name = "SPAN", default_value = "60s", value_parser = span::parse)]
+        span: Duration,
+        /// Only this target (repeat for several)
+        #[arg(long)]
+        target: Vec<String>,
+    },
+    /// Calls on files, and for memory, that fail under every command; cuts of the power
+    Faults {
+        /// Of each kind of calls for every command
+        #[arg(long, default_value_t = 50)]
+        faults: u64,
+        /// Only these calls (repeat for several)
+        #[arg(long, value_enum)]
+        of: Vec<Side>,
+        /// Only this one (repeat for several)
+        #[arg(long)]
+        command: Vec<String>,
+        /// Other calls and faults
+        #[arg(long, default_value_t = 1)]
+        seed: u64,
+    },
+    /// Ends train, generate, study, import and export by kill -9 at random times
+    Kill {
+        /// Of each command
+        #[arg(long, default_value_t = 20)]
+        kills: u32,
+        /// Only this one (repeat for several)
+        #[arg(long)]
+        command: Vec<String>,
+        /// Other times
+        #[arg(long, default_value_t = 1)]
+        seed: u64,
+    },
+    /// Steppers and the viewer for long; their memory stays level
+    Soak {
+        /// Of every stepper
+        #[arg(long, default_value_t = 20_000)]
+        steps: u64,
+        /// Simulated time of the viewer
+        #[arg(long, default_value = "30s", value_parser = span::parse)]
+        span: Duration,
+        /// Pages that watch it and pull at it
+        #[arg(long, default_value_t = 30)]
+        pages: u32,
+        /// physics, model, guard or viewer (repeat for several)
+        #[arg(long)]
+        only: Vec<String>,
+        /// Other hands
+        #[arg(long, default_value_t = 1)]
+        seed: u64,
+    },
+    /// Connections, pages and requests for the viewer; a page is answered in time
+    Load {
+        /// Connections that say nothing or half a request
+        #[arg(long, default_value_t = 400)]
+        half_open: usize,
+        /// Pages that watch it and pull at it
+        #[arg(long, default_value_t = 30)]
+        pages: u32,
+        /// Other hands
+        #[arg(long, default_value_t = 1)]
+        seed: u64,
+    },
+}
 
-  fuzz    damaged files, texts and messages for every reader, by libFuzzer
-            --for SPAN       for every target (60s if not said)
-            --target NAME    only this target (repeat for several)
-  faults  calls on files, and for memory, that fail under every command; cuts of the power
-            --faults N       of each kind of calls for every command (50 if not said)
-            --of KIND        writes, reads or memory (repeat for several; all if not said)
-            --command NAME   only this one (repeat for several)
-            --seed N         other calls and faults
-  kill    ends train, generate, study, import and export by kill -9 at random times
-            --kills N        of each command (20 if not said)
-            --command NAME   only this one (repeat for several)
-            --seed N         other times
-            --ranks N        one of so many ranks (train, generate, study), which mpirun starts
-  soak    steppers and the viewer for long; their memory stays level
-            --steps N        of every stepper (20000 if not said)
-            --span SPAN      simulated time of the viewer (30s if not said)
-            --pages N        that watch it and pull at it (30 if not said)
-            --only NAME      physics, model, guard or viewer (repeat for several)
-            --seed N         other hands
-  load    connections, pages and requests for the viewer; a page is answered in time
-            --half-open N    connections that say nothing or half a request (400 if not said)
-            --pages N        that watch it and pull at it (30 if not said)
-            --seed N         other hands";
-
-/// Runs the trial that `words` name. The exit code says whether everything held.
+/// Runs the trial that the command line names. The exit code says whether everything held.
 #[must_use]
-pub fn run(words: &[String]) -> ExitCode {
-    let Some((command, options)) = words.split_first() else {
-        println!("{HELP}");
-        return ExitCode::from(2);
-    };
-    let outcome: Result<bool> = match command.as_str() {
-        "fuzz" => guided::run(options),
-        "faults" => faults::run(options),
-        "kill" => kill::run(options),
-        "soak" => soak::run(options),
-        "load" => load::run(options),
-        _ => {
-            eprintln!("{HELP}");
-            return ExitCode::from(2);
-        }
+pub fn run() -> ExitCode {
+    let outcome = match Trial::parse() {
+        Trial::Fuzz { span, target } => guided::run(span, &target),
+        Trial::Faults {
+            faults,
+            of,
+            command,
+            seed,
+        } => faults::run(faults, &of, &command, seed),
+        Trial::Kill {
+            kills,
+            command,
+            seed,
+        } => kill::run(Order { kills, seed }, &command),
+        Trial::Soak {
+            steps,
+            span,
+            pages,
+            only,
+            seed,
+        } => soak::run(steps, span, pages, &only, seed),
+        Trial::Load {
+            half_open,
+            pages,
+            seed,
+        } => load::run(half_open, pages, seed),
     };
     match outcome {
         Ok(true) => ExitCode::SUCCESS,
@@ -79,4 +138,9 @@ pub fn run(words: &[String]) -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+/// True where no name is asked for, or this one.
+fn is_wanted(name: &str, asked: &[String]) -> bool {
+    asked.is_empty() || asked.iter().any(|other| other == name)
 }

@@ -10,7 +10,6 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, ensure};
 
-use crate::arguments::Arguments;
 use crate::fuzz::SCENE;
 use crate::program::Program;
 use crate::viewer::{self, Shared, Viewer};
@@ -32,15 +31,11 @@ struct Load {
     askers: usize,
 }
 
-/// Runs what `options` ask for; returns false where a page was delayed, or the cloth stood still.
+/// Returns false where a page was delayed, or the cloth stood still.
 ///
 /// # Errors
-/// Options that make no sense, or a viewer that failed.
-pub(crate) fn run(options: &[String]) -> Result<bool> {
-    let options = Arguments::parse(options, &["--half-open", "--pages", "--seed"])?;
-    let half_open = usize::try_from(options.number("--half-open")?.unwrap_or(400))?;
-    let pages = u32::try_from(options.number("--pages")?.unwrap_or(30))?;
-    let seed = options.number("--seed")?.unwrap_or(1);
+/// A viewer that failed.
+pub(crate) fn run(half_open: usize, pages: u32, seed: u64) -> Result<bool> {
     let folder = tempfile::tempdir().context("a folder to work in")?;
     std::fs::write(folder.path().join("push.toml"), SCENE)?;
     let program = Program::find()?;

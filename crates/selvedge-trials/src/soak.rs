@@ -17,8 +17,8 @@ use selvedge_lab::models::{self, NamedModel};
 use selvedge_lab::physics;
 use selvedge_sim::{Simulator, Threads};
 
-use crate::arguments::Arguments;
 use crate::fuzz::{SCENE, TRAINING};
+use crate::is_wanted;
 use crate::program::Program;
 use crate::viewer::{self, SILENCE, Shared, Viewer};
 
@@ -55,19 +55,17 @@ impl Curve {
     }
 }
 
-/// Runs what `options` ask for; returns false where memory grew.
+/// Runs what is called so, or all; returns false where memory grew.
 ///
 /// # Errors
-/// Options that make no sense, or a run that failed.
-pub(crate) fn run(options: &[String]) -> Result<bool> {
-    let pairs = ["--steps", "--span", "--pages", "--seed", "--only"];
-    let options = Arguments::parse(options, &pairs)?;
-    let steps = options.number("--steps")?.unwrap_or(20_000);
-    let span = options.span("--span")?.unwrap_or(Duration::from_secs(30));
-    let pages = options.number("--pages")?.unwrap_or(30);
-    let seed = options.number("--seed")?.unwrap_or(1);
-    let only = options.all("--only");
-    let is_wanted = |name: &str| only.is_empty() || only.contains(&name);
+/// A run that failed.
+pub(crate) fn run(
+    steps: u64,
+    span: Duration,
+    pages: u32,
+    only: &[String],
+    seed: u64,
+) -> Result<bool> {
     let folder = tempfile::tempdir().context("a folder to work in")?;
     let folder = folder.path();
     fs::write(folder.join("push.toml"), SCENE)?;
@@ -86,15 +84,15 @@ pub(crate) fn run(options: &[String]) -> Result<bool> {
         holds &= level;
     };
     for name in ["physics", "model", "guard"] {
-        if is_wanted(name) {
+        if is_wanted(name, only) {
             let started = Instant::now();
             let curve = stepper(name, &program, folder, steps)?;
             say(name, format!("{steps} steps"), started, &curve);
         }
     }
-    if is_wanted("viewer") {
+    if is_wanted("viewer", only) {
         let started = Instant::now();
-        let curve = viewer(&program, folder, span, u32::try_from(pages)?, seed)?;
+        let curve = viewer(&program, folder, span, pages, seed)?;
         let long = format!("{} s of simulated time, {pages} pages", span.as_secs());
         say("viewer", long, started, &curve);
     }

@@ -81,8 +81,6 @@ pub enum ViewError {
         vertex: VertexId,
         value: f32,
     },
-    #[error("the range of {name} must be finite and rising, found {low} to {high}")]
-    Range { name: String, low: f32, high: f32 },
     #[error("the PNG image could not be written: {0}")]
     Png(#[from] png::EncodingError),
     #[error("the GIF clip could not be written: {0}")]

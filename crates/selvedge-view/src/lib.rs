@@ -1,5 +1,5 @@
 //! Pictures of a cloth in motion: stills, contact sheets and clips by a small software raster,
-//! which needs no GPU, no window and no font; and plots of numbers.
+//! which needs no GPU, no window and no font of the machine; and plots of numbers.
 //!
 //! - A **run** ([`Run`]) borrows the frames of a motion and checks them once.
 //! - A **panel** ([`Panel`]) is a run with a label and a colouring: as cloth, or by a number per
@@ -7,7 +7,7 @@
 //! - A **stage** ([`Stage`]) is the camera that holds whole runs, the floor, and the light. A
 //!   **renderer** ([`Renderer`]) draws single frames on a stage as [`Image`]s.
 //! - A **still** ([`still`]) is one frame; a **contact sheet** ([`contact_sheet`]) shows
-//!   **moments** ([`Moments`]) of one or several panels; a **clip** ([`write_clip`]) is an animated
+//!   **moments** of one or several panels; a **clip** ([`write_clip`]) is an animated
 //!   GIF whose clock is real.
 //! - [`plot`] draws lines and histograms.
 //!
@@ -17,14 +17,13 @@
 //! ```
 //! use glam::Vec3;
 //! use selvedge_cloth::{Topology, VertexId};
-//! use selvedge_view::{Colouring, Panel, Run, StillSettings, still};
+//! use selvedge_view::{Colouring, Panel, Run, still};
 //!
 //! let topology = Topology::new(3, &[[0, 1, 2]])?;
 //! let frame = [Vec3::ZERO, Vec3::Z, Vec3::Y];
 //! let run = Run::new(&topology, [&frame[..]], &[VertexId(2)], 60.0)?;
 //! let panel = Panel { label: "", run: &run, colouring: Colouring::Plain };
-//! let settings = StillSettings { size: [64, 48], ..StillSettings::default() };
-//! let png = still(&panel, 0, &settings)?.to_png()?;
+//! let png = still(&panel, 0, [64, 48])?.to_png()?;
 //! assert_eq!(png[1..4], *b"PNG");
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -42,16 +41,13 @@ mod text;
 
 pub use error::ViewError;
 pub use image::Image;
-pub use image::colour::{ColourMap, Rgb};
+pub use image::colour::Rgb;
 pub use motion::body::Body;
 pub use motion::field::ScalarField;
 pub use motion::panel::{Colouring, Panel};
 pub use motion::run::Run;
-pub use page::clip::{ClipEnd, ClipProgress, ClipSettings, write_clip};
-pub use page::moments::Moments;
-pub use page::sheet::{SheetSettings, StillSettings, contact_sheet, still};
-pub use raster::camera::{Camera, Orbit, Projected};
+pub use page::clip::{ClipEnd, ClipSettings, write_clip};
+pub use page::sheet::{SheetSettings, contact_sheet, still};
 pub use raster::renderer::Renderer;
-pub use raster::settings::{EdgeLines, Supersampling};
+pub use raster::settings::Supersampling;
 pub use raster::stage::Stage;
-pub use text::{Align, TextStyle, draw_text, text_width};

@@ -13,8 +13,7 @@ use selvedge_data::{
     Trajectory, WriteError, write_atomically, write_beside, write_folder_atomically,
 };
 use selvedge_view::{
-    ClipEnd, ClipSettings, Colouring, EdgeLines, Image, Orbit, Panel, Renderer, Run, Stage,
-    Supersampling, write_clip,
+    ClipEnd, ClipSettings, Colouring, Image, Panel, Renderer, Run, Stage, Supersampling, write_clip,
 };
 
 use crate::interrupt;
@@ -23,7 +22,7 @@ use crate::pictures::run_of_frames;
 use crate::progress::Progress;
 
 /// Width and height of a picture in pixels; even, as films want it.
-const SIZE: [u32; 2] = [960, 720];
+pub(crate) const SIZE: [u32; 2] = [960, 720];
 
 /// The program that makes films.
 const FFMPEG: &str = "ffmpeg";
@@ -124,7 +123,7 @@ impl<'a> Film<'a> {
             let file = std::fs::File::create(part).context("the clip")?;
             let mut out = io::BufWriter::new(file);
             let panels = std::slice::from_ref(&panel);
-            let end = write_clip(&mut out, &self.title, panels, &settings, &mut |_| {
+            let end = write_clip(&mut out, &self.title, panels, &settings, &mut || {
                 progress.advance();
                 interrupt::flow()
             });
@@ -232,8 +231,8 @@ impl<'a> Film<'a> {
 
     fn renderer(&self, samples: Supersampling) -> anyhow::Result<Renderer> {
         let aspect = SIZE[0] as f32 / SIZE[1] as f32;
-        let stage = Stage::of_runs(&[&self.run], &Orbit::default(), aspect)?;
-        Ok(Renderer::new(&stage, SIZE, samples, EdgeLines::Border)?)
+        let stage = Stage::of_runs(&[&self.run], aspect)?;
+        Ok(Renderer::new(&stage, SIZE, samples)?)
     }
 
     fn panel(&self) -> Panel<'_> {

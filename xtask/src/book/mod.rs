@@ -1,21 +1,19 @@
-//! `cargo xtask book`: checks the documents and builds the book under `docs/src` as HTML where
-//! `mdbook` is installed.
+//! `cargo xtask book`: checks the documents, their links by `lychee` where it is installed, and
+//! builds the book under `docs/src` as HTML where `mdbook` is installed.
 //!
-//! Links and their anchors lead somewhere, every page is in the summary, and quoted examples are
-//! their files. Commands are parsed by a test of the program (`documents` in `crates/selvedge`).
+//! Every page is in the summary, and quoted examples are their files. Commands are parsed by a test of the program (`documents` in `crates/selvedge`).
 
-mod html;
-mod links;
 mod markdown;
 mod places;
 mod quick;
 mod quotes;
 mod summary;
 
-use std::path::PathBuf;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 
 use crate::metadata;
 use crate::tree::Tree;
@@ -27,8 +25,7 @@ use crate::tree::Tree;
 pub(crate) fn check() -> Result<()> {
     let root = PathBuf::from(metadata::workspace_root()?);
     let tree = Tree::read(&root)?;
-    let mut faults = links::check(&tree);
-    faults.extend(summary::check(&tree));
+    let mut faults = summary::check(&tree);
     faults.extend(quotes::check(&tree));
     for fault in &faults {
         println!("{fault}");
@@ -36,11 +33,26 @@ pub(crate) fn check() -> Result<()> {
     if !faults.is_empty() {
         bail!("the documents have {} faults", faults.len());
     }
-    match html::build(&root, &tree)? {
-        Some(folder) => println!("book: in order, built in {}", folder.display()),
-        None => println!("book: in order; mdbook is not installed, so no HTML was built"),
+    println!("book: summary and quotes are in order");
+    let mut links = vec!["--offline", "--include-fragments", "--no-progress"];
+    let paths = tree.texts.iter().map(|file| file.path.as_str());
+    links.extend(paths.filter(|path| path.ends_with(".md")));
+    with_tool(&root, "lychee", &links)?;
+    with_tool(&root, "mdbook", &["build", "docs"])
+}
+
+/// Runs a tool in the folder `root` where it is installed, and says so where it is not.
+fn with_tool(root: &Path, name: &str, arguments: &[&str]) -> Result<()> {
+    let mut tool = Command::new(name);
+    match tool.args(arguments).current_dir(root).status() {
+        Ok(status) if status.success() => Ok(()),
+        Ok(status) => bail!("{name} failed: {status}"),
+        Err(error) if error.kind() == ErrorKind::NotFound => {
+            println!("book: {name} is not installed, and was left out");
+            Ok(())
+        }
+        Err(error) => Err(error).with_context(|| format!("cannot start {name}")),
     }
-    Ok(())
 }
 
 /// Writes the quotes and the commands reference anew.

@@ -45,7 +45,7 @@ pub(super) fn run(root: &Path, tree: &Tree) -> Result<()> {
             #[cfg(unix)]
             std::os::unix::fs::symlink(root.join(name), folder.join(name))?;
         }
-        for block in &markdown::page(&file.text).blocks {
+        for block in &markdown::blocks(&file.text) {
             if let Some(name) = file_of(block) {
                 fs::write(folder.join(name), text_of(block))?;
             }
@@ -74,7 +74,7 @@ pub(super) fn run(root: &Path, tree: &Tree) -> Result<()> {
 
 fn is_tried(file: &TextFile) -> bool {
     let is_page = file.path == "README.md" || file.path.starts_with(PAGES);
-    is_page && markdown::page(&file.text).blocks.iter().any(is_quick)
+    is_page && markdown::blocks(&file.text).iter().any(is_quick)
 }
 
 fn is_quick(block: &Block<'_>) -> bool {
@@ -90,11 +90,7 @@ fn file_of<'a>(block: &Block<'a>) -> Option<&'a str> {
 }
 
 fn text_of(block: &Block<'_>) -> String {
-    block
-        .lines
-        .iter()
-        .map(|line| format!("{}\n", line.text))
-        .collect()
+    block.lines.iter().map(|line| format!("{line}\n")).collect()
 }
 
 #[cfg(test)]
@@ -119,9 +115,9 @@ mod tests {
 
     #[test]
     fn a_block_names_its_file() {
-        let page = markdown::page("```toml file=a.toml\nname = 1\n```\n```toml\n```\n");
-        assert_eq!(file_of(&page.blocks[0]), Some("a.toml"));
-        assert_eq!(text_of(&page.blocks[0]), "name = 1\n");
-        assert_eq!(file_of(&page.blocks[1]), None);
+        let blocks = markdown::blocks("```toml file=a.toml\nname = 1\n```\n```toml\n```\n");
+        assert_eq!(file_of(&blocks[0]), Some("a.toml"));
+        assert_eq!(text_of(&blocks[0]), "name = 1\n");
+        assert_eq!(file_of(&blocks[1]), None);
     }
 }

@@ -1,8 +1,7 @@
 //! Every page of the book stands in its summary, once.
 
-use super::markdown;
 use super::places::{PAGES, SUMMARY};
-use crate::tree::{Tree, folder_of, resolve};
+use crate::tree::Tree;
 use crate::violation::Violation;
 
 /// Remedy.
@@ -13,27 +12,18 @@ pub(super) fn check(tree: &Tree) -> Vec<Violation> {
     let Some(summary) = tree.text(SUMMARY) else {
         return vec![Violation::new(SUMMARY, 0, "is missing", "write it")];
     };
-    let page = markdown::page(&summary.text);
-    let listed: Vec<String> = markdown::links(&page)
-        .iter()
-        .filter_map(|link| resolve(folder_of(SUMMARY), link.path))
-        .collect();
     let mut found = Vec::new();
     for file in &tree.texts {
-        let is_page = file.path.starts_with(PAGES) && file.path.ends_with(".md");
-        if !is_page || file.path == SUMMARY {
+        let page = file.path.strip_prefix(PAGES);
+        let Some(page) = page.filter(|page| page.ends_with(".md") && file.path != SUMMARY) else {
             continue;
-        }
-        match listed.iter().filter(|path| **path == file.path).count() {
-            1 => {}
-            0 => found.push(Violation::new(&file.path, 0, "is not in the summary", LIST)),
-            _ => found.push(Violation::new(
-                &file.path,
-                0,
-                "is in the summary twice",
-                LIST,
-            )),
-        }
+        };
+        let what = match summary.text.matches(&format!("]({page})")).count() {
+            1 => continue,
+            0 => "is not in the summary",
+            _ => "is in the summary twice",
+        };
+        found.push(Violation::new(&file.path, 0, what, LIST));
     }
     found
 }

@@ -8,8 +8,6 @@ mod cards;
 mod circles;
 mod dependencies;
 mod equations;
-mod manifests;
-mod packages;
 mod page;
 
 use std::path::Path;
@@ -46,8 +44,6 @@ pub(crate) fn run() -> Result<()> {
 
 fn violations(tree: &Tree, graph: &Graph) -> Vec<Violation> {
     let mut all = dependencies::check(graph);
-    all.extend(manifests::check(tree));
-    all.extend(packages::check(tree));
     all.extend(equations::check(tree));
     all.extend(cards::check(tree));
     all.extend(page::check(tree));

@@ -19,7 +19,7 @@ use selvedge_view::plot::PlotError;
 use thiserror::Error;
 
 pub use self::numbers::{errors_csv, write_errors};
-pub use self::tables::{Cells, failures, table};
+pub use self::tables::{Cells, Columns, after, character, failures, table, whole};
 pub use self::training::{ReadLogError, TrainingLog, training_chart};
 
 use self::plots::{by_frames, by_time, over_time};
@@ -96,7 +96,7 @@ fn files(heading: &Heading, evaluation: &Evaluation) -> Result<Vec<(String, Vec<
         .for_each(|table| say(&mut page, table));
     say(&mut page, &tables::cases(&evaluation.runs));
     say(&mut page, "## Errors after k frames");
-    say(&mut page, &tables::after(&summaries));
+    say(&mut page, &markdown(&after(&summaries)));
     if let Some(order) = heading.reference_order {
         let own = own_errors(&evaluation.runs, order);
         say(&mut page, &tables::own_error(&own, order));
@@ -114,7 +114,7 @@ fn files(heading: &Heading, evaluation: &Evaluation) -> Result<Vec<(String, Vec<
         by_frames(&summaries)?,
     );
     say(&mut page, "## Whole runs");
-    say(&mut page, &tables::whole(&summaries));
+    say(&mut page, &markdown(&whole(&summaries)));
     for (measure, file) in [
         (Measure::Position, "time-position.svg"),
         (Measure::EdgeLength, "time-edge-length.svg"),
@@ -126,7 +126,10 @@ fn files(heading: &Heading, evaluation: &Evaluation) -> Result<Vec<(String, Vec<
             over_time(&runs, measure)?,
         );
     }
-    say(&mut page, &tables::character(&summaries));
+    let character = character(&summaries);
+    if !character.1.is_empty() {
+        say(&mut page, &markdown(&character));
+    }
     for (title, table) in [
         ("Case by case", tables::by_case(&evaluation.runs)),
         ("Mesh by mesh", tables::by_mesh(&evaluation.runs)),
@@ -162,6 +165,10 @@ fn files(heading: &Heading, evaluation: &Evaluation) -> Result<Vec<(String, Vec<
 }
 
 /// Adds a paragraph or a table; nothing where there is none.
+fn markdown((headings, rows): &Columns) -> String {
+    table(headings, rows)
+}
+
 fn say(page: &mut String, text: &str) {
     if !text.trim().is_empty() {
         page.push('\n');

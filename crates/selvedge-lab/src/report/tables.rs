@@ -10,6 +10,8 @@ use crate::numbers::percent;
 
 /// A row of a table.
 pub type Cells = Vec<String>;
+/// The headings and rows of a table.
+pub type Columns = (Vec<String>, Vec<Cells>);
 
 /// A table: the first column to the left, the others to the right.
 pub fn table<S: AsRef<str>>(headings: &[S], rows: &[Cells]) -> String {
@@ -50,7 +52,8 @@ pub(super) fn cases(runs: &[Run]) -> String {
 }
 
 /// Position errors after each number of frames, and over whole runs.
-pub(super) fn after(summaries: &[Summary]) -> String {
+#[must_use]
+pub fn after(summaries: &[Summary]) -> Columns {
     let mut frames: Vec<usize> = Vec::new();
     for at in summaries.iter().flat_map(|summary| &summary.after) {
         frames.push(at.frame);
@@ -70,7 +73,8 @@ pub(super) fn after(summaries: &[Summary]) -> String {
         cells.push(summary.whole.and_then(position).unwrap_or_else(dash));
         cells
     });
-    table(&headings, &rows.collect::<Vec<_>>())
+    let rows = rows.collect();
+    (headings, rows)
 }
 
 /// The reference's own error, in words.
@@ -90,7 +94,8 @@ pub(super) fn own_error(own: &[(usize, f64)], order: u32) -> String {
 }
 
 /// Everything about whole runs.
-pub(super) fn whole(summaries: &[Summary]) -> String {
+#[must_use]
+pub fn whole(summaries: &[Summary]) -> Columns {
     let headings = [
         "method",
         "position RMSE (mm)",
@@ -134,11 +139,12 @@ pub(super) fn whole(summaries: &[Summary]) -> String {
         cells.push(guarded.map_or_else(dash, |g| millimetres(g.largest_correction)));
         cells
     });
-    table(&headings, &rows.collect::<Vec<_>>())
+    (headings.map(str::to_owned).to_vec(), rows.collect())
 }
 
-/// The character of whole runs, as ratios to their truths; empty where nobody knows them.
-pub(super) fn character(summaries: &[Summary]) -> String {
+/// The character of whole runs, as ratios to their truths; no rows where nobody knows them.
+#[must_use]
+pub fn character(summaries: &[Summary]) -> Columns {
     let with = summaries
         .iter()
         .filter_map(|summary| Some((summary, summary.ratios?)));
@@ -146,14 +152,9 @@ pub(super) fn character(summaries: &[Summary]) -> String {
         let ratios = ratios.map(|ratio| ratio.map_or_else(dash, digits));
         std::iter::once(named(summary)).chain(ratios).collect()
     });
-    let rows: Vec<Cells> = rows.collect();
-    if rows.is_empty() {
-        return String::new();
-    }
-    let headings: Vec<&str> = std::iter::once("ratio to the truth")
-        .chain(Character::NAMES)
-        .collect();
-    table(&headings, &rows)
+    let rows = rows.collect();
+    let headings = std::iter::once("ratio to the truth").chain(Character::NAMES);
+    (headings.map(str::to_owned).collect(), rows)
 }
 
 /// Position / edge-length RMSE of whole runs case by case; empty where there is but one, or no truth.

@@ -3,8 +3,7 @@
 use selvedge_cloth::{HandleError, MotionError};
 use thiserror::Error;
 
-use crate::mover::MoverError;
-use crate::workshop::PrepareError;
+use crate::mover::LiveError;
 
 /// The reason why a request was not met; everything goes on as before.
 #[derive(Debug, Error)]
@@ -44,7 +43,5 @@ pub(crate) enum SessionError {
     #[error(transparent)]
     Motion(#[from] MotionError),
     #[error(transparent)]
-    Mover(#[from] MoverError),
-    #[error(transparent)]
-    Prepare(#[from] PrepareError),
+    Live(#[from] LiveError),
 }

@@ -30,14 +30,14 @@ use self::outlets::{Outlets, TELL_EVERY};
 use self::showing::Showing;
 use crate::hand::{HandLimits, Hands, Reach};
 use crate::live_cloth::LiveCloth;
-use crate::mover::Mover;
+use crate::mover::{LiveError, Mover};
 use crate::order::{Catalogue, Order};
 use crate::pace::{DEFAULT_FRAME_RATE, Pace};
 use crate::player::Tape;
 use crate::protocol::{self, ClientMessage, FrameParts};
 use crate::recorder::Recorder;
 use crate::state::{Level, State};
-use crate::workshop::{PrepareError, ReadyCloth, Workshop};
+use crate::workshop::{ReadyCloth, Workshop};
 
 /// The beginning of a session.
 pub struct Opening {
@@ -60,7 +60,7 @@ pub(crate) enum Request {
     /// The progress of the workshop.
     Progress(String),
     /// The end of an order in the workshop.
-    Prepared(Order, Result<Box<dyn ReadyCloth>, PrepareError>),
+    Prepared(Order, Result<Box<dyn ReadyCloth>, LiveError>),
     /// The end of the session.
     Close,
 }

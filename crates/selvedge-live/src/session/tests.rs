@@ -231,13 +231,13 @@ impl Workshop for SlowWorkshop {
         &mut self,
         order: &Order,
         progress: &mut dyn FnMut(String) -> ControlFlow<()>,
-    ) -> Result<Box<dyn ReadyCloth>, PrepareError> {
+    ) -> Result<Box<dyn ReadyCloth>, LiveError> {
         if order.scene == "slow" {
             self.begun.send(()).unwrap();
             while progress("it sags".to_owned()).is_continue() {
                 std::thread::sleep(Duration::from_millis(1));
             }
-            return Err(PrepareError::new("it was stopped"));
+            return Err(LiveError::new("it was stopped"));
         }
         Ok(Box::new(falling()))
     }

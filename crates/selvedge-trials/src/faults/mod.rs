@@ -14,26 +14,22 @@ use std::process::Command;
 use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
+use clap::ValueEnum;
 
 use self::cases::CASES;
 use self::desk::Desk;
-use self::side::Side;
-use crate::arguments::Arguments;
+pub(crate) use self::side::Side;
 use crate::fuzz::{SCENE, TRAINING};
+use crate::is_wanted;
 use crate::program::Program;
 
-/// Injects the faults that `options` ask for; returns false where something did not hold.
+/// Injects faults of these sides, or all, into the commands of these names, or all; returns false
+/// where something did not hold.
 ///
 /// # Errors
-/// Options that make no sense, a missing program or compiler.
-pub(crate) fn run(options: &[String]) -> Result<bool> {
-    let pairs = ["--faults", "--of", "--command", "--seed"];
-    let options = Arguments::parse(options, &pairs)?;
-    let faults = options.number("--faults")?.unwrap_or(50);
-    let seed = options.number("--seed")?.unwrap_or(1);
-    let sides = Side::named(&options.all("--of"))?;
-    let wanted = options.all("--command");
-    for name in &wanted {
+/// A command that there is not, a missing program or compiler.
+pub(crate) fn run(faults: u64, sides: &[Side], commands: &[String], seed: u64) -> Result<bool> {
+    for name in commands {
         let is_known = CASES.iter().any(|case| case.name == *name);
         let names = CASES.map(|case| case.name).join(", ");
         ensure!(is_known, "there is no command {name:?}: {names}");
@@ -47,18 +43,17 @@ pub(crate) fn run(options: &[String]) -> Result<bool> {
     println!("| fails | command | calls | faults | failed | ended by the fault | seconds | held |");
     println!("|---|---|---|---|---|---|---|---|");
     let mut holds = true;
-    for side in sides {
-        for case in &CASES {
-            if wanted.is_empty() || wanted.contains(&case.name) {
-                let desk = Desk {
-                    program: &program,
-                    library: &library,
-                    folder: &folder,
-                    case,
-                    side,
-                };
-                holds &= row(&desk, faults, seed);
-            }
+    let is_asked = |side: &&Side| sides.is_empty() || sides.contains(side);
+    for &side in Side::value_variants().iter().filter(is_asked) {
+        for case in CASES.iter().filter(|case| is_wanted(case.name, commands)) {
+            let desk = Desk {
+                program: &program,
+                library: &library,
+                folder: &folder,
+                case,
+                side,
+            };
+            holds &= row(&desk, faults, seed);
         }
     }
     Ok(holds)

@@ -1,7 +1,7 @@
-//! Colours: sRGB bytes outside, linear light inside, and maps from a number to a colour.
+//! Colours: sRGB bytes outside, linear light inside, and the colours of values.
 //!
-//! The transfer curve is that of IEC 61966-2-1. A map interpolates a few control
-//! colours, whose luminance rises or falls from end to end, so that it still orders values in grey.
+//! The transfer curve is that of IEC 61966-2-1. The colours of values are interpolated between a
+//! few, whose luminance falls from end to end, so that they still order values in grey.
 
 use std::sync::LazyLock;
 
@@ -13,44 +13,8 @@ pub type Rgb = [u8; 3];
 /// Linear light in 16 bits per channel, as the sample buffer keeps it.
 pub(crate) type Linear16 = [u16; 3];
 
-/// A map from a number in [0, 1] to a colour.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum ColourMap {
-    /// Dark violet over green to yellow (van der Walt and Smith, matplotlib 2015, CC0).
-    Viridis,
-    /// Black over purple and orange to pale yellow (the same authors).
-    Magma,
-    /// Pale cream over orange to dark red: shading still shows where the number is small.
-    #[default]
-    Ember,
-}
-
-const VIRIDIS: [Rgb; 10] = [
-    [68, 1, 84],
-    [72, 40, 120],
-    [62, 74, 137],
-    [49, 104, 142],
-    [38, 130, 142],
-    [31, 158, 137],
-    [53, 183, 121],
-    [109, 205, 89],
-    [180, 222, 44],
-    [253, 231, 37],
-];
-
-const MAGMA: [Rgb; 10] = [
-    [0, 0, 4],
-    [24, 15, 62],
-    [69, 16, 119],
-    [114, 31, 129],
-    [159, 47, 127],
-    [205, 64, 113],
-    [241, 96, 93],
-    [253, 149, 103],
-    [254, 201, 141],
-    [252, 253, 191],
-];
-
+/// The colours of values: pale cream over orange to dark red, so that shading still shows where the
+/// number is small.
 const EMBER: [Rgb; 7] = [
     [246, 240, 228],
     [248, 217, 168],
@@ -61,32 +25,24 @@ const EMBER: [Rgb; 7] = [
     [92, 12, 52],
 ];
 
-impl ColourMap {
-    /// The colour of `fraction`, clamped to [0, 1]; NaN counts as 0.
-    #[must_use]
-    pub fn colour(self, fraction: f32) -> Rgb {
-        let controls: &[Rgb] = match self {
-            Self::Viridis => &VIRIDIS,
-            Self::Magma => &MAGMA,
-            Self::Ember => &EMBER,
-        };
-        let place = fraction.clamp(0.0, 1.0) * (controls.len() - 1) as f32;
-        // A NaN becomes 0 in the conversion.
-        let before = (place as usize).min(controls.len() - 2);
-        let share = if place.is_nan() {
-            0.0
-        } else {
-            place - before as f32
-        };
-        mix(controls[before], controls[before + 1], share)
-    }
+/// The colour of `fraction` of the largest value, clamped to [0, 1]; NaN counts as 0.
+pub(crate) fn value_colour(fraction: f32) -> Rgb {
+    let place = fraction.clamp(0.0, 1.0) * (EMBER.len() - 1) as f32;
+    // A NaN becomes 0 in the conversion.
+    let before = (place as usize).min(EMBER.len() - 2);
+    let share = if place.is_nan() {
+        0.0
+    } else {
+        place - before as f32
+    };
+    mix(EMBER[before], EMBER[before + 1], share)
+}
 
-    /// The map as linear light at 256 even steps.
-    pub(crate) fn linear_table(self) -> Vec<Vec3A> {
-        (0..256)
-            .map(|step| to_linear(self.colour(step as f32 / 255.0)).into())
-            .collect()
-    }
+/// The colours of values as linear light at 256 even steps.
+pub(crate) fn value_table() -> Vec<Vec3A> {
+    (0..256)
+        .map(|step| to_linear(value_colour(step as f32 / 255.0)).into())
+        .collect()
 }
 
 /// The mixture of two colours in sRGB; `share` of the second, in [0, 1].
@@ -159,33 +115,19 @@ mod tests {
     }
 
     #[test]
-    fn maps_start_and_end_at_their_control_colours() {
-        for (map, first, last) in [
-            (ColourMap::Viridis, [68, 1, 84], [253, 231, 37]),
-            (ColourMap::Magma, [0, 0, 4], [252, 253, 191]),
-            (ColourMap::Ember, [246, 240, 228], [92, 12, 52]),
-        ] {
-            assert_eq!(map.colour(0.0), first);
-            assert_eq!(map.colour(1.0), last);
-            assert_eq!(map.colour(-3.0), first);
-            assert_eq!(map.colour(f32::INFINITY), last);
-            assert_eq!(map.colour(f32::NAN), first);
-        }
+    fn the_colours_of_values_start_and_end_at_their_control_colours() {
+        let (first, last) = ([246, 240, 228], [92, 12, 52]);
+        assert_eq!([0.0, -3.0, f32::NAN].map(value_colour), [first; 3]);
+        assert_eq!([1.0, f32::INFINITY].map(value_colour), [last; 2]);
     }
 
     #[test]
-    fn luminance_of_maps_is_monotonic() {
-        for (map, rise) in [
-            (ColourMap::Viridis, 1.0),
-            (ColourMap::Magma, 1.0),
-            (ColourMap::Ember, -1.0),
-        ] {
-            // Steps of 1/64: wide enough that rounding to bytes cannot turn a rise around.
-            let steps: Vec<f32> = (0..=64)
-                .map(|k| rise * luminance(map.colour(k as f32 / 64.0)))
-                .collect();
-            assert!(steps.windows(2).all(|pair| pair[0] < pair[1]), "{map:?}");
-        }
+    fn luminance_falls_from_small_to_large_values() {
+        // Steps of 1/64: wide enough that rounding to bytes cannot turn a fall around.
+        let steps: Vec<f32> = (0..=64)
+            .map(|k| luminance(value_colour(k as f32 / 64.0)))
+            .collect();
+        assert!(steps.windows(2).all(|pair| pair[0] > pair[1]));
     }
 
     #[test]

@@ -1,7 +1,6 @@
 //! An image of sRGB bytes, the few operations that compose a page, and PNG.
 
 pub(crate) mod colour;
-pub(crate) mod stroke;
 
 use std::io::Write;
 

@@ -1,18 +1,16 @@
-//! Numbers to colour a cloth by: one per vertex and frame, the range that the colours span, and the
-//! map.
+//! Numbers to colour a cloth by: one per vertex and frame, and the range that the colours span.
 
 use selvedge_cloth::VertexId;
 
 use super::run::Run;
-use crate::{ColourMap, ViewError};
+use crate::ViewError;
 
-/// One number per vertex and frame, the range that the colours span, and the map.
+/// One number per vertex and frame, and the range that the colours span.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ScalarField {
     name: String,
     values: Vec<Vec<f32>>,
     range: [f32; 2],
-    map: ColourMap,
 }
 
 impl ScalarField {
@@ -41,7 +39,6 @@ impl ScalarField {
             name,
             values,
             range: [0.0, round_up(largest)],
-            map: ColourMap::default(),
         })
     }
 
@@ -66,30 +63,6 @@ impl ScalarField {
         Self::new("distance from truth [mm]", values)
     }
 
-    /// The same values with colours that span `low` to `high`.
-    ///
-    /// # Errors
-    /// [`ViewError::Range`] unless both are finite and `low` < `high`.
-    pub fn with_range(self, low: f32, high: f32) -> Result<Self, ViewError> {
-        if !(low.is_finite() && high.is_finite() && low < high) {
-            return Err(ViewError::Range {
-                name: self.name,
-                low,
-                high,
-            });
-        }
-        Ok(Self {
-            range: [low, high],
-            ..self
-        })
-    }
-
-    /// The same values in the colours of another map.
-    #[must_use]
-    pub fn with_map(self, map: ColourMap) -> Self {
-        Self { map, ..self }
-    }
-
     /// The name of the numbers, with the unit.
     #[must_use]
     pub fn name(&self) -> &str {
@@ -106,12 +79,6 @@ impl ScalarField {
     #[must_use]
     pub fn range(&self) -> [f32; 2] {
         self.range
-    }
-
-    /// The map from value to colour.
-    #[must_use]
-    pub fn map(&self) -> ColourMap {
-        self.map
     }
 
     /// Checks that there is a value for each vertex and frame of `run`.
@@ -174,19 +141,13 @@ mod tests {
     }
 
     #[test]
-    fn values_must_be_finite_and_the_range_must_rise() {
+    fn values_must_be_finite() {
         let message = ScalarField::new("strain", vec![vec![0.0], vec![f32::NAN]])
             .unwrap_err()
             .to_string();
         assert_eq!(
             message,
             "frame 1: the value of strain at vertex 0 is not finite: NaN"
-        );
-        let field = ScalarField::new("strain", vec![vec![0.0]]).unwrap();
-        let message = field.with_range(2.0, 2.0).unwrap_err().to_string();
-        assert_eq!(
-            message,
-            "the range of strain must be finite and rising, found 2 to 2"
         );
     }
 }

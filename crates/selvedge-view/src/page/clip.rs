@@ -13,7 +13,7 @@ use crate::page::layout::Page;
 use crate::page::palette::{Palette, UNCHANGED, distance_squared};
 use crate::page::sheet::{aspect_of, clock, runs_of};
 use crate::raster::stage::Stage;
-use crate::{EdgeLines, Image, Orbit, Panel, Renderer, Run, Supersampling, ViewError};
+use crate::{Image, Panel, Renderer, Run, Supersampling, ViewError};
 
 /// The choices of a clip.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,14 +23,6 @@ pub struct ClipSettings {
     /// Time between two pictures `[ms]`: a multiple of 10 from 20 to 1000. Viewers slow down what
     /// is faster.
     pub delay_ms: u16,
-    /// The direction from which it is seen.
-    pub orbit: Orbit,
-    /// Samples per pixel.
-    pub supersampling: Supersampling,
-    /// Edges drawn over the cloth.
-    pub lines: EdgeLines,
-    /// Colours of the palette, 2 to 255: fewer make a smaller file.
-    pub colours: usize,
 }
 
 impl Default for ClipSettings {
@@ -38,21 +30,8 @@ impl Default for ClipSettings {
         Self {
             tile: [320, 320],
             delay_ms: 50,
-            orbit: Orbit::default(),
-            supersampling: Supersampling::Two,
-            lines: EdgeLines::Border,
-            colours: 255,
         }
     }
-}
-
-/// The progress of a clip.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ClipProgress {
-    /// Pictures written.
-    pub written: usize,
-    /// Pictures in all.
-    pub total: usize,
 }
 
 /// The end of a clip; the file is whole either way.
@@ -70,6 +49,8 @@ pub enum ClipEnd {
     },
 }
 
+/// Colours of the palette: all that a GIF has but one.
+const COLOURS: usize = 255;
 /// Pictures that the palette is chosen from.
 const PALETTE_SAMPLES: usize = 8;
 /// A pixel that is nearer than this to what is shown stays: two or three levels per channel, which
@@ -79,7 +60,7 @@ const TOLERANCE: u32 = 40;
 const MOST_PICTURES: usize = 1_000_000;
 
 /// Writes `panels` side by side under a title (may be empty) as a GIF that repeats for ever. After
-/// each picture `progress` is told, and may stop.
+/// each picture `progress` is called, and may stop.
 ///
 /// # Errors
 /// [`ViewError::NoPanels`], [`ViewError::PanelsDiffer`], what is wrong with a panel or a setting,
@@ -89,14 +70,14 @@ pub fn write_clip(
     title: &str,
     panels: &[Panel<'_>],
     settings: &ClipSettings,
-    progress: &mut dyn FnMut(ClipProgress) -> ControlFlow<()>,
+    progress: &mut dyn FnMut() -> ControlFlow<()>,
 ) -> Result<ClipEnd, ViewError> {
     settings.validate()?;
     check_panels(panels)?;
     check_length(panels[0].run, settings.delay_ms)?;
     let frames = frames_at(panels[0].run, settings.delay_ms);
     let mut studio = Studio::new(title, panels, settings)?;
-    let palette = studio.palette(&frames, settings.colours)?;
+    let palette = studio.palette(&frames)?;
     let [width, height] = studio.size();
     let mut recorder = Recorder {
         encoder: gif::Encoder::new(out, width, height, &palette.table())?,
@@ -111,7 +92,7 @@ pub fn write_clip(
     for (number, &frame) in frames.iter().enumerate() {
         recorder.write(&studio.picture(frame)?)?;
         let written = number + 1;
-        if progress(ClipProgress { written, total }).is_break() && written < total {
+        if progress().is_break() && written < total {
             end = ClipEnd::Stopped { pictures: written };
             break;
         }
@@ -128,13 +109,6 @@ impl ClipSettings {
                 field: "delay_ms",
                 expected: "a multiple of 10 from 20 to 1000",
                 found: delay.to_string(),
-            });
-        }
-        if !(2..=255).contains(&self.colours) {
-            return Err(ViewError::Setting {
-                field: "colours",
-                expected: "between 2 and 255",
-                found: self.colours.to_string(),
             });
         }
         Ok(())
@@ -193,17 +167,12 @@ impl<'a> Studio<'a> {
     ) -> Result<Self, ViewError> {
         let page = Page::new(title, panels, settings.tile, [panels.len() as u32, 1])?;
         let aspect = aspect_of(settings.tile)?;
-        let stage = Stage::of_runs(&runs_of(panels), &settings.orbit, aspect)?;
+        let stage = Stage::of_runs(&runs_of(panels), aspect)?;
         Ok(Self {
             panels,
             blank: page.draw()?,
             page,
-            renderer: Renderer::new(
-                &stage,
-                settings.tile,
-                settings.supersampling,
-                settings.lines,
-            )?,
+            renderer: Renderer::new(&stage, settings.tile, Supersampling::Two)?,
         })
     }
 
@@ -224,14 +193,14 @@ impl<'a> Studio<'a> {
         Ok(image)
     }
 
-    fn palette(&mut self, frames: &[usize], colours: usize) -> Result<Palette, ViewError> {
+    fn palette(&mut self, frames: &[usize]) -> Result<Palette, ViewError> {
         let step = frames.len().div_ceil(PALETTE_SAMPLES);
         let samples: Result<Vec<Image>, ViewError> = frames
             .iter()
             .step_by(step)
             .map(|&frame| self.picture(frame))
             .collect();
-        Ok(Palette::of_images(&samples?, colours))
+        Ok(Palette::of_images(&samples?, COLOURS))
     }
 }
 

@@ -1,5 +1,6 @@
 //! The key to a field's colours: its name, the map from end to end, and numbers below it.
 
+use crate::image::colour::value_colour;
 use crate::text::{Align, TextStyle, draw_text, text_width};
 use crate::{Image, Rgb, ScalarField};
 
@@ -46,7 +47,6 @@ pub(crate) fn draw_colour_bar(
     let measures = Measures::new(caption);
     let style = TextStyle {
         height: caption,
-        weight: 0.12,
         colour: INK,
         align: Align::Left,
     };
@@ -61,7 +61,7 @@ pub(crate) fn draw_colour_bar(
     for column in 0..measures.width {
         let share = column as f32 / (measures.width - 1).max(1) as f32;
         let size = [1, measures.thickness];
-        image.fill([start + column, top], size, field.map().colour(share));
+        image.fill([start + column, top], size, value_colour(share));
     }
     let [low, high] = field.range();
     let base = top as f32 + measures.thickness as f32 + 1.6 * measures.number;
@@ -129,7 +129,7 @@ mod tests {
         let mut image = Image::filled(width + 20, 60, page).unwrap();
         draw_colour_bar(&mut image, &field, [5, 5], 10.0);
         for end in [0.0, 1.0] {
-            let colour = field.map().colour(end);
+            let colour = value_colour(end);
             assert!(image.pixels().contains(&colour), "no {colour:?}");
         }
         let below = 5 + colour_bar_height(10.0);

@@ -65,7 +65,7 @@ impl<'a> Page<'a> {
         let margin = self.margin();
         let mut top = margin;
         if !self.title.is_empty() {
-            let style = self.style(self.title_height(), 0.14, TITLE_INK);
+            let style = self.style(self.title_height(), TITLE_INK);
             let base = top as f32 + self.title_height();
             draw_text(&mut image, self.title, [margin as f32, base], &style);
             if !self.keys_beside_title() {
@@ -106,20 +106,19 @@ impl<'a> Page<'a> {
         page.paste(picture, place);
         let [left, top] = place.map(|side| side as f32);
         let inset = 1.1 * self.caption;
-        let style = self.style(1.05 * self.caption, 0.14, LABEL_INK);
+        let style = self.style(1.05 * self.caption, LABEL_INK);
         let base = top - 0.6 * self.caption;
         if self.strip > 0 {
             draw_text(page, label, [left, base], &style);
         }
-        let style = self.style(0.9 * self.caption, 0.11, CAPTION_INK);
+        let style = self.style(0.9 * self.caption, CAPTION_INK);
         let base = top + self.tile[1] as f32 - inset;
         draw_text(page, caption, [left + inset, base], &style);
     }
 
-    fn style(&self, height: f32, weight: f32, colour: Rgb) -> TextStyle {
+    fn style(&self, height: f32, colour: Rgb) -> TextStyle {
         TextStyle {
             height,
-            weight,
             colour,
             align: Align::Left,
         }

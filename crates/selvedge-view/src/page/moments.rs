@@ -5,42 +5,31 @@ use selvedge_cloth::Topology;
 
 use crate::Run;
 
-/// The choice of the frames of a contact sheet.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Moments {
-    /// Evenly spaced from the first frame to the last.
-    Even,
-    /// Spread over the motion, so that time at rest takes no picture. The way that the vertices
-    /// travel on average is cut into equal shares; of the middle half of each share, the frame with
-    /// the deepest folds is shown. A run that hardly moves is shown evenly.
-    #[default]
-    InMotion,
-}
-
 /// A run whose vertices travel less than this on average is at rest `[m]`.
 const AT_REST: f32 = 1e-3;
 
-impl Moments {
-    /// At most `count` frames of `run`, in rising order; all of them when there are no more.
-    pub(crate) fn choose(self, run: &Run<'_>, count: usize) -> Vec<usize> {
-        let frames = run.frames();
-        let travelled = travelled(frames);
-        let total = travelled[frames.len() - 1];
-        let moves = total.is_finite() && total > AT_REST;
-        if self == Self::Even || !moves || count >= frames.len() {
-            return evenly_spaced(frames.len(), count);
-        }
-        let at_share = |share: f32| travelled.partition_point(|&way| way < share * total);
-        let mut chosen: Vec<usize> = (0..count)
-            .map(|k| {
-                let [from, to] =
-                    [0.25, 0.75].map(|part| at_share((k as f32 + part) / count as f32));
-                deepest_folds(run, from..=to.min(frames.len() - 1))
-            })
-            .collect();
-        chosen.dedup();
-        chosen
+/// At most `count` frames of `run`, in rising order; all of them when there are no more.
+///
+/// They are spread over the motion, so that time at rest takes no picture. The way that the vertices
+/// travel on average is cut into equal shares; of the middle half of each share, the frame with the
+/// deepest folds is shown. Of a run that hardly moves they are evenly spaced.
+pub(crate) fn moments(run: &Run<'_>, count: usize) -> Vec<usize> {
+    let frames = run.frames();
+    let travelled = travelled(frames);
+    let total = travelled[frames.len() - 1];
+    let moves = total.is_finite() && total > AT_REST;
+    if !moves || count >= frames.len() {
+        return evenly_spaced(frames.len(), count);
     }
+    let at_share = |share: f32| travelled.partition_point(|&way| way < share * total);
+    let mut chosen: Vec<usize> = (0..count)
+        .map(|k| {
+            let [from, to] = [0.25, 0.75].map(|part| at_share((k as f32 + part) / count as f32));
+            deepest_folds(run, from..=to.min(frames.len() - 1))
+        })
+        .collect();
+    chosen.dedup();
+    chosen
 }
 
 /// The mean way of a vertex from the first frame to each `[m]`, `[frames]`.
@@ -132,10 +121,9 @@ mod tests {
         let run = Run::new(&topology, slices(), &[], 60.0).unwrap();
         // The fold adds a travel of 0.25 m in frame 120 and again in frame 122, so that the way is
         // 1.25 m by frame 150; the second half of it is at frames 112 to 150.
-        let chosen = Moments::InMotion.choose(&run, 2);
+        let chosen = moments(&run, 2);
         assert!((50..113).contains(&chosen[0]), "{chosen:?}");
         assert_eq!(chosen[1], 120);
-        assert_eq!(Moments::Even.choose(&run, 2), [0, 199]);
     }
 
     #[test]
@@ -144,6 +132,6 @@ mod tests {
         let frames = &frames(0..0)[..11];
         let slices = frames.iter().map(<[Vec3; 4]>::as_slice);
         let run = Run::new(&topology, slices, &[], 60.0).unwrap();
-        assert_eq!(Moments::InMotion.choose(&run, 3), [0, 5, 10]);
+        assert_eq!(moments(&run, 3), [0, 5, 10]);
     }
 }

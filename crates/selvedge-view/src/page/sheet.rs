@@ -3,33 +3,10 @@
 
 use crate::motion::panel::check_panels;
 use crate::page::layout::Page;
-use crate::page::moments::Moments;
+use crate::page::moments::moments;
+use crate::raster::camera::Orbit;
 use crate::raster::stage::Stage;
-use crate::{EdgeLines, Image, Orbit, Panel, Renderer, Run, Supersampling, ViewError};
-
-/// The choices of one picture.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct StillSettings {
-    /// Width and height `[pixels]`.
-    pub size: [u32; 2],
-    /// The direction from which it is seen.
-    pub orbit: Orbit,
-    /// Samples per pixel.
-    pub supersampling: Supersampling,
-    /// Edges drawn over the cloth.
-    pub lines: EdgeLines,
-}
-
-impl Default for StillSettings {
-    fn default() -> Self {
-        Self {
-            size: [960, 720],
-            orbit: Orbit::default(),
-            supersampling: Supersampling::Four,
-            lines: EdgeLines::Border,
-        }
-    }
-}
+use crate::{Image, Panel, Renderer, Run, Supersampling, ViewError};
 
 /// The choices of a contact sheet.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,14 +17,6 @@ pub struct SheetSettings {
     pub columns: usize,
     /// Number of pictures; no more than the run has frames.
     pub pictures: usize,
-    /// The frames that are shown.
-    pub moments: Moments,
-    /// The direction from which they are seen.
-    pub orbit: Orbit,
-    /// Samples per pixel.
-    pub supersampling: Supersampling,
-    /// Edges drawn over the cloth.
-    pub lines: EdgeLines,
 }
 
 impl Default for SheetSettings {
@@ -56,10 +25,6 @@ impl Default for SheetSettings {
             tile: [320, 320],
             columns: 4,
             pictures: 8,
-            moments: Moments::default(),
-            orbit: Orbit::default(),
-            supersampling: Supersampling::Four,
-            lines: EdgeLines::Border,
         }
     }
 }
@@ -79,23 +44,14 @@ impl SheetSettings {
     }
 }
 
-/// One frame of a panel, as large as it fits into the picture.
+/// One frame of a panel, as large as it fits into a picture of `size` (width, height) `[pixels]`.
 ///
 /// # Errors
-/// [`ViewError::FrameOutOfRange`], or the defect of the panel or the settings.
-pub fn still(
-    panel: &Panel<'_>,
-    frame: usize,
-    settings: &StillSettings,
-) -> Result<Image, ViewError> {
-    let aspect = aspect_of(settings.size)?;
-    let stages = Stage::following(&[panel.run], &[frame], &settings.orbit, aspect)?;
-    let mut renderer = Renderer::new(
-        &stages[0],
-        settings.size,
-        settings.supersampling,
-        settings.lines,
-    )?;
+/// [`ViewError::FrameOutOfRange`], or the defect of the panel or the size.
+pub fn still(panel: &Panel<'_>, frame: usize, size: [u32; 2]) -> Result<Image, ViewError> {
+    let aspect = aspect_of(size)?;
+    let stages = Stage::following(&[panel.run], &[frame], &Orbit::default(), aspect)?;
+    let mut renderer = Renderer::new(&stages[0], size, Supersampling::Four)?;
     renderer.render(panel, frame)
 }
 
@@ -113,7 +69,7 @@ pub fn contact_sheet(
     settings.validate()?;
     check_panels(panels)?;
     let run = panels[0].run;
-    let frames = settings.moments.choose(run, settings.pictures);
+    let frames = moments(run, settings.pictures);
     let columns = settings.columns.min(frames.len());
     let rows = frames.len().div_ceil(columns) * panels.len();
     let page = Page::new(
@@ -123,12 +79,11 @@ pub fn contact_sheet(
         [columns, rows].map(|n| n as u32),
     )?;
     let aspect = aspect_of(settings.tile)?;
-    let stages = Stage::following(&runs_of(panels), &frames, &settings.orbit, aspect)?;
+    let stages = Stage::following(&runs_of(panels), &frames, &Orbit::default(), aspect)?;
     let mut image = page.draw()?;
     for (number, (&frame, stage)) in frames.iter().zip(&stages).enumerate() {
         let (column, block) = (number % columns, number / columns);
-        let mut renderer =
-            Renderer::new(stage, settings.tile, settings.supersampling, settings.lines)?;
+        let mut renderer = Renderer::new(stage, settings.tile, Supersampling::Four)?;
         for (line, panel) in panels.iter().enumerate() {
             let row = block * panels.len() + line;
             let place = page.place(column as u32, row as u32);
@@ -180,27 +135,20 @@ mod tests {
             tile: [60, 50],
             columns: 2,
             pictures: 3,
-            moments: Moments::Even,
-            supersampling: Supersampling::One,
-            ..SheetSettings::default()
         };
         let sheet = contact_sheet("Title", &panels, &settings).unwrap();
         let page = Page::new("Title", &panels, settings.tile, [2, 4]).unwrap();
         let aspect = aspect_of(settings.tile).unwrap();
-        let frames = [0, 3, 5];
-        let stages = Stage::following(&[&run], &frames, &settings.orbit, aspect).unwrap();
-        // Frames 0, 3 and 5 (2.5 rounds up): two rows of panels for the first two, then two more.
+        let frames = [1, 3, 4];
+        let stages = Stage::following(&[&run], &frames, &Orbit::default(), aspect).unwrap();
+        // A quarter into each third of the way, frame 1, 3 and 4 is next: two rows of panels for the
+        // first two, then two more.
         for (number, (column, rows)) in [(0, [0, 1]), (1, [0, 1]), (0, [2, 3])]
             .into_iter()
             .enumerate()
         {
-            let mut renderer = Renderer::new(
-                &stages[number],
-                settings.tile,
-                settings.supersampling,
-                settings.lines,
-            )
-            .unwrap();
+            let mut renderer =
+                Renderer::new(&stages[number], settings.tile, Supersampling::Four).unwrap();
             let picture = renderer.render(&panels[0], frames[number]).unwrap();
             for row in rows {
                 let [left, top] = page.place(column, row);

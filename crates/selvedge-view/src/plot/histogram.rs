@@ -127,7 +127,6 @@ fn bar_height(count: u64, most: u64, tall: u32) -> u32 {
 fn style(height: f32, align: Align) -> TextStyle {
     TextStyle {
         height,
-        weight: 0.12,
         colour: INK,
         align,
     }

@@ -1,27 +1,61 @@
-//! Lines over an axis, each with its name at its end.
+//! Lines over an axis by `plotters`, with their names beside the picture.
+//!
+//! `plotters` counts in whole units, which would make curves jagged: everything is drawn [`UNIT`]
+//! times too large and the picture is shown so much smaller.
+
+use std::error::Error;
+use std::ops::Range;
+
+use plotters::coord::Shift;
+use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint, Ranged};
+use plotters::element::Text;
+use plotters::prelude::{
+    ChartBuilder, Circle, DashedLineSeries, DrawingArea, FontDesc, FontFamily, FontStyle,
+    IntoDrawingArea, LineSeries, PathElement, RGBColor, SVGBackend, TRANSPARENT, WHITE,
+};
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+use plotters::style::{Color, TextStyle};
 
 use super::PlotError;
-use super::canvas::{
-    self, Anchor, Canvas, Dashes, Drawing, FAINT, GREY, INK, LEADING, Point, TEXT, TextStyle,
-    colour, text_width,
-};
 use super::ticks::{self, Ticks};
 
-/// Size of the picture [pixels].
-const SIZE: Point = [860.0, 460.0];
-/// Left of the values, and under them [pixels].
-const LEFT: f64 = 78.0;
-const BOTTOM: f64 = 58.0;
-const TOP: f64 = 42.0;
+/// Units of the drawing in one pixel of the picture.
+const UNIT: i32 = 8;
+/// `plotters` draws a font of this size as one of size 1.
+const FONT_UNIT: f64 = 1.24;
+/// Size of the picture `[pixels]`.
+const SIZE: [i32; 2] = [860, 460];
+/// Left of the values, under them, and around the picture `[pixels]`.
+const LEFT: i32 = 66;
+const BOTTOM: i32 = 44;
+const MARGIN: i32 = 12;
+/// From one name to the next, and the line before a name `[pixels]`.
+const LEADING: i32 = 17;
+const KEY: i32 = 22;
+/// Dashes of rivals, and the gaps between them `[pixels]`.
+const DASHES: [i32; 2] = [7, 4];
 /// So few points are marked each.
 const FEW: usize = 16;
-/// The dashes of rivals.
-const RIVAL: Dashes = Dashes {
-    dash: 7.0,
-    gap: 4.0,
-};
-/// The widest that names may make the right margin [pixels].
-const WIDEST_NAMES: f64 = 260.0;
+/// The most characters that names have room for.
+const MOST_CHARACTERS: usize = 34;
+
+/// Told apart by most of the colour-blind too (Okabe and Ito 2008), without the yellow, which is
+/// too light for lines.
+const COLOURS: [RGBColor; 7] = [
+    RGBColor(0, 114, 178),
+    RGBColor(213, 94, 0),
+    RGBColor(0, 158, 115),
+    RGBColor(204, 121, 167),
+    RGBColor(230, 159, 0),
+    RGBColor(86, 180, 233),
+    RGBColor(112, 72, 152),
+];
+/// The colour of rivals, with which the others are compared.
+const GREY: RGBColor = RGBColor(125, 125, 125);
+/// The colour of texts and axes.
+const INK: RGBColor = RGBColor(51, 51, 51);
+/// The colour of lines across the picture.
+const FAINT: RGBColor = RGBColor(228, 228, 228);
 
 /// Lines over an axis.
 #[derive(Clone, Debug, PartialEq)]
@@ -54,15 +88,24 @@ pub enum Scale {
     Logarithmic,
 }
 
+impl Scale {
+    fn place(self, value: f64) -> f64 {
+        match self {
+            Self::Linear => value,
+            Self::Logarithmic => value.log10(),
+        }
+    }
+}
+
 /// A line and its name.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Line {
-    /// The text beside its end.
+    /// The text beside the picture.
     pub name: String,
     /// The role that decides its look.
     pub role: Role,
     /// (x, y) in the order in which they are joined.
-    pub points: Vec<Point>,
+    pub points: Vec<[f64; 2]>,
 }
 
 /// The role of a line or a bar in a comparison.
@@ -74,59 +117,21 @@ pub enum Role {
     Rival,
 }
 
-/// Both axes in the picture.
-struct Frame {
-    x: PlacedAxis,
-    y: PlacedAxis,
-}
+impl Ranged for Ticks {
+    type FormatOption = DefaultFormatting;
+    type ValueType = f64;
 
-/// An axis in the picture.
-struct PlacedAxis {
-    scale: Scale,
-    ticks: Ticks,
-    /// The places of both ends [pixels].
-    start: f64,
-    end: f64,
-}
-
-/// A line in places of the picture.
-struct Placed<'a> {
-    line: &'a Line,
-    colour: plotters::style::RGBColor,
-    points: Vec<Point>,
-}
-
-/// A chart that can be drawn.
-struct LineDrawing<'a> {
-    chart: &'a LineChart,
-    frame: Frame,
-}
-
-impl Drawing for LineDrawing<'_> {
-    fn title(&self) -> &str {
-        &self.chart.title
+    fn map(&self, place: &f64, (from, to): (i32, i32)) -> i32 {
+        let share = (place - self.start) / (self.end - self.start);
+        from + (share * f64::from(to - from)).round() as i32
     }
 
-    fn size(&self) -> Point {
-        SIZE
+    fn key_points<Hint: KeyPointHint>(&self, _: Hint) -> Vec<f64> {
+        self.at.clone()
     }
 
-    fn draw(&self, canvas: &Canvas<'_>) -> Result<(), PlotError> {
-        let frame = &self.frame;
-        self.chart.draw_axes(canvas, frame)?;
-        let placed = self.chart.place(frame);
-        for line in &placed {
-            match line.line.role {
-                Role::Subject => canvas.path(line.points.clone(), line.colour, 2.0)?,
-                Role::Rival => canvas.dashes(line.points.clone(), line.colour, RIVAL)?,
-            }
-            if line.points.len() <= FEW {
-                for &point in &line.points {
-                    canvas.dot(point, line.colour)?;
-                }
-            }
-        }
-        draw_names(canvas, &placed, frame.x.end)
+    fn range(&self) -> Range<f64> {
+        self.start..self.end
     }
 }
 
@@ -136,176 +141,140 @@ impl LineChart {
     /// # Errors
     /// [`PlotError`] where there is no point that can be shown, or one that is not finite.
     pub fn to_svg(&self) -> Result<String, PlotError> {
-        canvas::svg(&self.drawing()?)
-    }
-
-    fn drawing(&self) -> Result<LineDrawing<'_>, PlotError> {
+        let title = || self.title.clone();
         for line in &self.lines {
-            let values = line.points.iter().flatten();
-            if let Some(&value) = values.into_iter().find(|value| !value.is_finite()) {
+            let mut values = line.points.iter().flatten();
+            if let Some(&value) = values.find(|value| !value.is_finite()) {
                 return Err(PlotError::NonFinite {
-                    title: self.title.clone(),
+                    title: title(),
                     name: line.name.clone(),
                     value,
                 });
             }
         }
-        let frame = self.frame().ok_or_else(|| PlotError::Empty {
-            title: self.title.clone(),
+        let (Some(x), Some(y)) = (self.ticks(0), self.ticks(1)) else {
+            return Err(PlotError::Empty { title: title() });
+        };
+        let [width, height] = SIZE.map(|pixels| (UNIT * pixels) as u32);
+        let mut svg = String::new();
+        let area = SVGBackend::with_string(&mut svg, (width, height)).into_drawing_area();
+        let drawn = self.draw(&area, x, y);
+        drop(area);
+        drawn.map_err(|problem| PlotError::Drawing {
+            title: title(),
+            problem: problem.to_string(),
         })?;
-        Ok(LineDrawing { chart: self, frame })
+        let drawn = format!("width=\"{width}\" height=\"{height}\"");
+        let shown = format!("width=\"{}\" height=\"{}\"", SIZE[0], SIZE[1]);
+        Ok(svg.replacen(&drawn, &shown, 1))
     }
 
-    /// None where no point can be shown.
-    fn frame(&self) -> Option<Frame> {
-        let widest = self.lines.iter().map(|line| text_width(&line.name));
-        let names = widest.fold(0.0, f64::max).min(WIDEST_NAMES);
-        let shown = || {
-            let all = self.lines.iter().flat_map(|line| &line.points);
-            all.filter(|point| self.has_place(**point))
-        };
-        let ticks = |axis: usize, scale| {
-            let values = || shown().map(move |point| point[axis]);
-            let low = values().fold(f64::INFINITY, f64::min);
-            let high = values().fold(f64::NEG_INFINITY, f64::max);
-            (low <= high).then(|| match scale {
-                // What is measured in proportion is seen in proportion only from 0.
-                Scale::Linear => ticks::linear(low.min(0.0), high),
-                Scale::Logarithmic => ticks::logarithmic(low, high),
-            })
-        };
-        let right = SIZE[0] - names - 34.0;
-        Some(Frame {
-            x: PlacedAxis {
-                scale: self.x.scale,
-                ticks: ticks(0, self.x.scale)?,
-                start: LEFT,
-                end: right,
-            },
-            y: PlacedAxis {
-                scale: self.y.scale,
-                ticks: ticks(1, self.y.scale)?,
-                start: SIZE[1] - BOTTOM,
-                end: TOP,
-            },
+    /// The points of a line that have a place, at their places.
+    fn places(&self, line: &Line) -> Vec<(f64, f64)> {
+        let points = line.points.iter();
+        let places = points.map(|&[x, y]| (self.x.scale.place(x), self.y.scale.place(y)));
+        places
+            .filter(|place| place.0.is_finite() && place.1.is_finite())
+            .collect()
+    }
+
+    /// The marks of the axis x (0) or y (1); none where no point can be shown.
+    fn ticks(&self, axis: usize) -> Option<Ticks> {
+        let places = self.lines.iter().flat_map(|line| self.places(line));
+        let places = places.map(|(x, y)| [x, y][axis]);
+        let (low, high) = places.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), place| {
+            (low.min(place), high.max(place))
+        });
+        (low <= high).then(|| match [&self.x, &self.y][axis].scale {
+            // What is measured in proportion is seen in proportion only from 0.
+            Scale::Linear => ticks::linear(low.min(0.0), high),
+            Scale::Logarithmic => ticks::logarithmic(low, high),
         })
     }
 
-    fn has_place(&self, point: Point) -> bool {
-        let [x, y] = point;
-        let fits = |scale, value| scale == Scale::Linear || value > 0.0;
-        fits(self.x.scale, x) && fits(self.y.scale, y)
-    }
-
-    fn place(&self, frame: &Frame) -> Vec<Placed<'_>> {
-        let mut subjects = 0..;
-        let mut placed = Vec::with_capacity(self.lines.len());
+    fn draw(
+        &self,
+        area: &DrawingArea<SVGBackend<'_>, Shift>,
+        x: Ticks,
+        y: Ticks,
+    ) -> Result<(), Box<dyn Error>> {
+        area.fill(&WHITE)?;
+        let names = self.lines.iter().map(|line| line.name.chars().count());
+        let names = names.max().unwrap_or(0).min(MOST_CHARACTERS) as i32;
+        let right = KEY + 8 * names + 2 * MARGIN;
+        let mut chart = ChartBuilder::on(area)
+            .caption(&self.title, text(15, FontStyle::Bold))
+            .margin(MARGIN * UNIT)
+            .margin_right(right * UNIT)
+            .x_label_area_size(BOTTOM * UNIT)
+            .y_label_area_size(LEFT * UNIT)
+            .build_cartesian_2d(x, y)?;
+        chart
+            .configure_mesh()
+            .disable_x_mesh()
+            .bold_line_style(stroke(FAINT, 1))
+            .light_line_style(TRANSPARENT)
+            .axis_style(stroke(INK, 1))
+            .set_all_tick_mark_size(5 * UNIT)
+            .label_style(text(13, FontStyle::Normal))
+            .x_label_formatter(&|place| ticks::label(value_at(*place, self.x.scale)))
+            .y_label_formatter(&|place| ticks::label(value_at(*place, self.y.scale)))
+            .x_desc(&self.x.label)
+            .y_desc(&self.y.label)
+            .draw()?;
+        let mut colours = COLOURS.into_iter().cycle();
+        let mut name_at = [SIZE[0] - right + MARGIN, 4 * MARGIN].map(|pixels| pixels * UNIT);
         for line in &self.lines {
-            let shown = line.points.iter().filter(|point| self.has_place(**point));
-            let points: Vec<Point> = shown.map(|point| frame.place(*point)).collect();
             let colour = match line.role {
-                Role::Subject => colour(subjects.next().unwrap_or(0)),
+                Role::Subject => colours.next().unwrap_or(INK),
                 Role::Rival => GREY,
             };
-            if !points.is_empty() {
-                placed.push(Placed {
-                    line,
-                    colour,
-                    points,
-                });
+            let places = self.places(line);
+            if places.is_empty() {
+                continue;
             }
+            if places.len() <= FEW {
+                let mark = |&place| Circle::new(place, 3 * UNIT, colour.filled());
+                chart.draw_series(places.iter().map(mark))?;
+            }
+            let [left, y] = name_at;
+            let key = [(left, y), (left + (KEY - 4) * UNIT, y)];
+            let style = stroke(colour, 2);
+            let [dash, gap] = DASHES.map(|pixels| pixels * UNIT);
+            match line.role {
+                Role::Subject => {
+                    chart.draw_series(LineSeries::new(places, style))?;
+                    area.draw(&PathElement::new(key, style))?;
+                }
+                Role::Rival => {
+                    chart.draw_series(DashedLineSeries::new(places, dash, gap, style))?;
+                    for piece in DashedLineSeries::new(key, dash, gap, style) {
+                        area.draw(&piece)?;
+                    }
+                }
+            }
+            let name = text(13, FontStyle::Normal).color(&colour);
+            let name = name.pos(Pos::new(HPos::Left, VPos::Center));
+            area.draw(&Text::new(line.name.as_str(), (left + KEY * UNIT, y), name))?;
+            name_at[1] += LEADING * UNIT;
         }
-        placed
-    }
-
-    fn draw_axes(&self, canvas: &Canvas<'_>, frame: &Frame) -> Result<(), PlotError> {
-        let (left, right) = (frame.x.start, frame.x.end);
-        let (bottom, top) = (frame.y.start, frame.y.end);
-        for &mark in &frame.y.ticks.at {
-            let y = frame.y.place_of_mark(mark);
-            canvas.path([[left, y], [right, y]], FAINT, 1.0)?;
-            let text = ticks::label(value_at(mark, frame.y.scale));
-            canvas.text(&text, [left - 8.0, y], TextStyle::plain(Anchor::Right))?;
-        }
-        for &mark in &frame.x.ticks.at {
-            let x = frame.x.place_of_mark(mark);
-            canvas.path([[x, bottom], [x, bottom + 5.0]], INK, 1.0)?;
-            let text = ticks::label(value_at(mark, frame.x.scale));
-            let at = [x, bottom + 15.0];
-            canvas.text(&text, at, TextStyle::plain(Anchor::Middle))?;
-        }
-        canvas.path([[left, bottom], [right, bottom]], INK, 1.0)?;
-        let at = [(left + right) / 2.0, SIZE[1] - 18.0];
-        canvas.text(&self.x.label, at, TextStyle::plain(Anchor::Middle))?;
-        let at = [18.0, (top + bottom) / 2.0];
-        canvas.text(&self.y.label, at, TextStyle::plain(Anchor::Upwards))
+        Ok(area.present()?)
     }
 }
 
-impl Frame {
-    fn place(&self, point: Point) -> Point {
-        [self.x.place(point[0]), self.y.place(point[1])]
-    }
-}
-
-impl PlacedAxis {
-    /// The place of a value [pixels].
-    fn place(&self, value: f64) -> f64 {
-        self.place_of_mark(match self.scale {
-            Scale::Linear => value,
-            Scale::Logarithmic => value.log10(),
-        })
-    }
-
-    /// The place of a mark, on a logarithmic axis a power of ten [pixels].
-    fn place_of_mark(&self, mark: f64) -> f64 {
-        let Ticks { start, end, .. } = self.ticks;
-        self.start + (self.end - self.start) * (mark - start) / (end - start)
-    }
-}
-
-fn value_at(mark: f64, scale: Scale) -> f64 {
+fn value_at(place: f64, scale: Scale) -> f64 {
     match scale {
-        Scale::Linear => mark,
-        Scale::Logarithmic => 10_f64.powf(mark),
+        Scale::Linear => place,
+        Scale::Logarithmic => 10_f64.powf(place),
     }
 }
 
-/// The names beside the ends of their lines, moved apart where they would cover each other, each
-/// tied to its end.
-fn draw_names(canvas: &Canvas<'_>, placed: &[Placed<'_>], right: f64) -> Result<(), PlotError> {
-    let mut names: Vec<(&Placed<'_>, Point)> = placed
-        .iter()
-        .filter_map(|line| Some((line, *line.points.last()?)))
-        .collect();
-    names.sort_by(|a, b| a.1[1].total_cmp(&b.1[1]));
-    let ends: Vec<f64> = names.iter().map(|name| name.1[1]).collect();
-    let heights = apart(&ends, TOP, SIZE[1] - BOTTOM);
-    for ((line, end), y) in names.into_iter().zip(heights) {
-        let bend = [right + 4.0, end[1]];
-        canvas.path([end, bend, [right + 14.0, y]], line.colour, 0.75)?;
-        let style = TextStyle {
-            size: TEXT,
-            colour: line.colour,
-            ..TextStyle::plain(Anchor::Left)
-        };
-        canvas.text(&line.line.name, [right + 18.0, y], style)?;
-    }
-    Ok(())
+/// A text of so many pixels; the reader's browser has the font.
+fn text(pixels: i32, weight: FontStyle) -> TextStyle<'static> {
+    let size = f64::from(pixels * UNIT) * FONT_UNIT;
+    TextStyle::from(FontDesc::new(FontFamily::SansSerif, size, weight)).color(&INK)
 }
 
-/// Heights in the same order, a line of text apart, as near to the wanted ones (ascending) as going
-/// down once and up once brings them, and between `low` and `high` where there is room.
-fn apart(wanted: &[f64], low: f64, high: f64) -> Vec<f64> {
-    let mut heights: Vec<f64> = Vec::with_capacity(wanted.len());
-    for &height in wanted {
-        let least = heights.last().map_or(low, |above| above + LEADING);
-        heights.push(height.max(least));
-    }
-    let mut most = high;
-    for height in heights.iter_mut().rev() {
-        *height = height.min(most);
-        most = *height - LEADING;
-    }
-    heights
+fn stroke(colour: RGBColor, pixels: i32) -> plotters::style::ShapeStyle {
+    colour.stroke_width((pixels * UNIT) as u32)
 }

@@ -1,11 +1,9 @@
 //! Plots of numbers as SVG: lines over an axis, in the manner of figure 3 of Libao et al. 2023, drawn
 //! by `plotters` without a font: the reader's browser has one. Pages of histograms are images.
 //!
-//! Every line has its name beside it in its own colour, so that no legend has to be looked
-//! up; the same names in the same order have the same colours. A chart is a pure function of its
+//! Names are in the colours of their lines; the same names in the same order have the same colours. A chart is a pure function of its
 //! values: same values, same bytes.
 
-mod canvas;
 mod histogram;
 mod lines;
 mod ticks;

@@ -33,10 +33,10 @@ pub(super) fn linear(low: f64, high: f64) -> Ticks {
     }
 }
 
-/// Marks on a logarithmic axis around positive `low` to `high`: at 1, 2 and 5 times powers of ten
-/// over two decades or less, otherwise at every power or every few.
+/// Marks on a logarithmic axis around 10^`low` to 10^`high`: at 1, 2 and 5 times powers of ten over
+/// two decades or less, otherwise at every power or every few.
 pub(super) fn logarithmic(low: f64, high: f64) -> Ticks {
-    let (low, high) = (low.log10(), high.log10().max(low.log10() + 0.1));
+    let high = high.max(low + 0.1);
     let (first, last) = (low.floor() as i32, high.ceil() as i32);
     let every = ((last - first) / 10 + 1) as usize;
     let factors: &[f64] = if high - low <= 2.0 {

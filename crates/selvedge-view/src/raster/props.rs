@@ -10,7 +10,7 @@ use super::camera::Camera;
 use super::samples::Samples;
 use super::shade::{Point, Shader};
 use super::sun::Sun;
-use super::triangle::{Pen, ScreenVertex, Triangle};
+use super::triangle::{ScreenVertex, Triangle};
 use crate::motion::body::Body;
 
 /// Cosine of the largest angle between a face and the mean direction at its corner.
@@ -119,9 +119,9 @@ impl Props {
     }
 
     /// Fills the faces.
-    pub(crate) fn fill(&self, samples: &mut Samples, shader: &Shader, pen: Pen) {
+    pub(crate) fn fill(&self, samples: &mut Samples, shader: &Shader) {
         for corners in &self.placed {
-            let Some(triangle) = Triangle::new(*corners, pen) else {
+            let Some(triangle) = Triangle::new(*corners) else {
                 continue;
             };
             samples.fill(&triangle, |weights, _| {

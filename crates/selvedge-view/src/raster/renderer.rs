@@ -2,9 +2,8 @@
 //!
 //! Triangles are filled at `n × n` samples per pixel with barycentric weights
 //! bᵢ = area(opposite edge, p) / area; 1/depth is linear in them, and so is anything times 1/depth,
-//! which makes the interpolation of normals and values perspective. The distance of a sample from
-//! an edge, bᵢ · 2 area / length, draws the edge lines in the same pass. Samples are averaged in
-//! linear light. Triangles that reach behind the camera are left out.
+//! which makes the interpolation of normals and values perspective. Samples are averaged in linear
+//! light. Triangles that reach behind the camera are left out.
 
 use glam::{Vec2, Vec3};
 use selvedge_cloth::Topology;
@@ -14,12 +13,12 @@ use super::camera::Camera;
 use super::marks::Marker;
 use super::props::Props;
 use super::samples::Samples;
-use super::settings::{EdgeLines, Supersampling};
+use super::settings::Supersampling;
 use super::shade::{Shader, ValueColours};
 use super::stage::Stage;
 use super::sun::Sun;
 use super::surface::Surface;
-use super::triangle::{Pen, ScreenVertex, Triangle};
+use super::triangle::{ScreenVertex, Triangle};
 use crate::image::check_size;
 use crate::motion::panel::check_panels;
 use crate::{Image, Panel, Run, ViewError};
@@ -30,7 +29,6 @@ pub struct Renderer {
     camera: Camera,
     shader: Shader,
     backdrop: Backdrop,
-    lines: EdgeLines,
     size: [u32; 2],
     factor: u32,
     surface: Surface,
@@ -55,7 +53,6 @@ impl Renderer {
         stage: &Stage,
         size: [u32; 2],
         supersampling: Supersampling,
-        lines: EdgeLines,
     ) -> Result<Self, ViewError> {
         check_size("picture", size)?;
         let factor = supersampling.factor();
@@ -64,7 +61,6 @@ impl Renderer {
         Ok(Self {
             camera: stage.camera,
             backdrop: Backdrop::new(stage, size),
-            lines,
             size,
             factor,
             surface: Surface::default(),
@@ -93,7 +89,7 @@ impl Renderer {
         let topology = panel.run.topology();
         let field = panel.field();
         let values = field.map(|field| field.values()[frame].as_slice());
-        let colours = field.map(|field| ValueColours::new(field.map(), field.range()));
+        let colours = field.map(|field| ValueColours::new(field.range()));
 
         self.surface.update(topology, positions);
         self.props
@@ -113,19 +109,13 @@ impl Renderer {
             marker.draw_trail(&mut self.samples, &self.camera, trail);
         }
         self.fill_faces(topology, colours.as_ref());
-        let pen = Pen {
-            lines: EdgeLines::None,
-            ..self.pen()
+        self.props.fill(&mut self.samples, &self.shader);
+        let tint = match field {
+            None => self.shader.border,
+            Some(_) => self.shader.value_border,
         };
-        self.props.fill(&mut self.samples, &self.shader, pen);
-        if self.lines != EdgeLines::None {
-            let tint = match field {
-                None => self.shader.border,
-                Some(_) => self.shader.value_border,
-            };
-            let (samples, vertices) = (&mut self.samples, &self.vertices);
-            marker.draw_border(samples, topology, vertices, &self.shader, tint);
-        }
+        let (samples, vertices) = (&mut self.samples, &self.vertices);
+        marker.draw_border(samples, topology, vertices, &self.shader, tint);
         marker.draw_handles(&mut self.samples, panel.run.handles(), &self.vertices);
         self.samples.resolve(&self.backdrop)
     }
@@ -161,37 +151,26 @@ impl Renderer {
     }
 
     fn fill_faces(&mut self, topology: &Topology, colours: Option<&ValueColours>) {
-        let pen = self.pen();
         let shader = &self.shader;
         for face in topology.faces() {
             let corners = face.map(|vertex| self.vertices[vertex.index()]);
-            let Some(triangle) = Triangle::new(corners, pen) else {
+            let Some(triangle) = Triangle::new(corners) else {
                 continue;
             };
             match colours {
                 None => {
-                    let side = triangle.side(shader);
+                    let tint = triangle.tint(shader);
                     self.samples.fill(&triangle, |weights, _| {
-                        let tint = side.cloth.lerp(side.edge, triangle.line_at(weights));
                         shader.cloth(tint, triangle.point_at(weights))
                     });
                 }
                 Some(colours) => {
                     self.samples.fill(&triangle, |weights, nearness| {
                         let tint = colours.tint(triangle.value_at(weights, nearness));
-                        let left = 1.0 - 0.45 * triangle.line_at(weights);
-                        shader.value(tint * left, triangle.point_at(weights))
+                        shader.value(tint, triangle.point_at(weights))
                     });
                 }
             }
-        }
-    }
-
-    fn pen(&self) -> Pen {
-        Pen {
-            lines: self.lines,
-            scale: self.line_scale(),
-            factor: self.factor as f32,
         }
     }
 

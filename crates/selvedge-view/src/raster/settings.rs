@@ -1,4 +1,4 @@
-//! Choices of a picture: its samples per pixel, and the edges drawn over the cloth.
+//! The choice of the samples per pixel.
 
 /// Samples along each side of a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -20,16 +20,4 @@ impl Supersampling {
             Self::Four => 4,
         }
     }
-}
-
-/// The edges of the mesh that are drawn over the surface.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum EdgeLines {
-    /// None.
-    None,
-    /// The border of the cloth.
-    #[default]
-    Border,
-    /// The border, and faintly all other edges.
-    All,
 }

@@ -8,15 +8,13 @@
 
 use glam::{Mat4, Vec3, Vec3A, Vec4};
 
-use crate::image::colour::to_linear;
+use crate::Rgb;
+use crate::image::colour::{to_linear, value_table};
 use crate::raster::camera::Camera;
-use crate::{ColourMap, Rgb};
 
 /// Indigo warp in front, ecru weft at the back, and the red thread of a selvedge at the border.
 const FRONT: Rgb = [58, 96, 158];
 const BACK: Rgb = [214, 194, 160];
-const EDGE_FRONT: Rgb = [20, 38, 80];
-const EDGE_BACK: Rgb = [128, 98, 62];
 /// Bodies beside the cloth.
 const BODY: Rgb = [150, 150, 154];
 /// The border of the cloth.
@@ -46,13 +44,6 @@ pub(crate) struct Point {
     pub(crate) relief: f32,
 }
 
-/// The two tints of a side: of the cloth, and of the edge lines drawn over it.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Side {
-    pub(crate) cloth: Vec3A,
-    pub(crate) edge: Vec3A,
-}
-
 /// The tints and lights of a picture.
 #[derive(Clone, Debug)]
 pub(crate) struct Shader {
@@ -60,8 +51,8 @@ pub(crate) struct Shader {
     eye: Vec3A,
     /// Takes a normal to its cosines with key, fill, eye and half-way vector: all in one product.
     cosines: Mat4,
-    pub(crate) front: Side,
-    pub(crate) back: Side,
+    pub(crate) front: Vec3A,
+    pub(crate) back: Vec3A,
     body: Vec3A,
     pub(crate) border: Vec3A,
     pub(crate) value_border: Vec3A,
@@ -79,14 +70,8 @@ impl Shader {
             key,
             eye,
             cosines: Mat4::from_cols(rows[0], rows[1], rows[2], rows[3]).transpose(),
-            front: Side {
-                cloth: to_linear(FRONT).into(),
-                edge: to_linear(EDGE_FRONT).into(),
-            },
-            back: Side {
-                cloth: to_linear(BACK).into(),
-                edge: to_linear(EDGE_BACK).into(),
-            },
+            front: to_linear(FRONT).into(),
+            back: to_linear(BACK).into(),
             body: to_linear(BODY).into(),
             border: to_linear(BORDER).into(),
             value_border: to_linear(VALUE_BORDER).into(),
@@ -167,10 +152,10 @@ pub(crate) struct ValueColours {
 }
 
 impl ValueColours {
-    pub(crate) fn new(map: ColourMap, range: [f32; 2]) -> Self {
+    pub(crate) fn new(range: [f32; 2]) -> Self {
         let [low, high] = range;
         Self {
-            table: map.linear_table(),
+            table: value_table(),
             low,
             per_step: 255.0 / (high - low),
         }
@@ -186,12 +171,12 @@ impl ValueColours {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Orbit;
+    use crate::raster::camera::Orbit;
 
     #[test]
     fn values_outside_the_range_take_the_colours_of_its_ends() {
-        let colours = ValueColours::new(ColourMap::Viridis, [2.0, 4.0]);
-        let table = ColourMap::Viridis.linear_table();
+        let colours = ValueColours::new([2.0, 4.0]);
+        let table = value_table();
         assert_eq!(colours.tint(-9.0), table[0]);
         assert_eq!(colours.tint(4.0), table[255]);
         assert_eq!(colours.tint(1e30), table[255]);
@@ -206,7 +191,7 @@ mod tests {
                 sun: 1.0,
                 relief: 0.0,
             };
-            let cloth = shader.cloth(shader.front.cloth, point);
+            let cloth = shader.cloth(shader.front, point);
             let value = shader.value(Vec3A::ONE, point);
             [cloth.element_sum(), value.element_sum()]
         };

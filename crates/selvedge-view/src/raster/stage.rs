@@ -23,9 +23,18 @@ impl Stage {
     /// The stage that holds all `runs` in pictures of `aspect` (width over height).
     ///
     /// # Errors
-    /// [`ViewError::NoPanels`] without runs; [`ViewError::Setting`] for an orbit out of range.
-    pub fn of_runs(runs: &[&Run<'_>], orbit: &Orbit, aspect: f32) -> Result<Self, ViewError> {
-        check(runs, orbit)?;
+    /// [`ViewError::NoPanels`] without runs.
+    pub fn of_runs(runs: &[&Run<'_>], aspect: f32) -> Result<Self, ViewError> {
+        Self::on_orbit(runs, &Orbit::default(), aspect)
+    }
+
+    /// The same, seen from `orbit`.
+    pub(crate) fn on_orbit(
+        runs: &[&Run<'_>],
+        orbit: &Orbit,
+        aspect: f32,
+    ) -> Result<Self, ViewError> {
+        check(runs)?;
         let points = || {
             let runs = runs.iter();
             runs.flat_map(|run| (0..run.frames().len()).flat_map(|frame| seen(run, frame)))
@@ -41,13 +50,13 @@ impl Stage {
     ///
     /// # Errors
     /// As for [`Self::of_runs`], and [`ViewError::FrameOutOfRange`].
-    pub fn following(
+    pub(crate) fn following(
         runs: &[&Run<'_>],
         frames: &[usize],
         orbit: &Orbit,
         aspect: f32,
     ) -> Result<Vec<Self>, ViewError> {
-        check(runs, orbit)?;
+        check(runs)?;
         for run in runs {
             let count = run.frames().len();
             if let Some(&frame) = frames.iter().find(|&&frame| frame >= count) {
@@ -92,19 +101,13 @@ impl Stage {
             shadow_high,
         }
     }
-
-    /// The camera.
-    #[must_use]
-    pub fn camera(&self) -> &Camera {
-        &self.camera
-    }
 }
 
-fn check(runs: &[&Run<'_>], orbit: &Orbit) -> Result<(), ViewError> {
-    if runs.is_empty() {
-        return Err(ViewError::NoPanels);
+fn check(runs: &[&Run<'_>]) -> Result<(), ViewError> {
+    match runs.is_empty() {
+        true => Err(ViewError::NoPanels),
+        false => Ok(()),
     }
-    orbit.validate()
 }
 
 /// The points of a frame that a picture holds: the cloth, and the bodies beside it.
@@ -162,7 +165,7 @@ mod tests {
             let points: Vec<Vec3> = points.into_iter().map(Vec3::from_array).collect();
             let run = Run::new(&topology, points.chunks(3), &[], 60.0).unwrap();
             let orbit = Orbit { azimuth, elevation, ..Orbit::default() };
-            let whole = Stage::of_runs(&[&run], &orbit, aspect).unwrap();
+            let whole = Stage::on_orbit(&[&run], &orbit, aspect).unwrap();
             let both = Stage::following(&[&run], &[0, 1], &orbit, aspect).unwrap();
             let reach_in = |stage: &Stage, points: &[Vec3]| {
                 let grounded = points.iter().map(|p| grounded(*p, stage.floor));

@@ -2,17 +2,12 @@
 //!
 //! Weights are linear over the screen, bᵢ = area(opposite edge, p) / area, and so is 1/depth. A
 //! value times 1/depth is interpolated linearly, and then divided by 1/depth: this is perspective.
-//! bᵢ · 2 area / length is the distance of p from the opposite edge.
 
 use std::ops::Range;
 
 use glam::{Vec2, Vec3A};
 
-use super::settings::EdgeLines;
-use crate::raster::shade::{Point, Shader, Side};
-
-/// Edge lines are this wide `[pixels]` on a picture 480 pixels high.
-const EDGE_WIDTH: f32 = 0.8;
+use crate::raster::shade::{Point, Shader};
 
 /// A vertex on the screen.
 #[derive(Clone, Copy, Debug)]
@@ -43,26 +38,11 @@ pub(crate) struct Triangle {
     /// Positive on a ridge of the visible side.
     relief: Vec3A,
     values: Vec3A,
-    /// Samples of distance from the opposite edge per unit of weight.
-    heights: Vec3A,
-    /// Half the width of the edge lines `[samples]`, and how much they cover.
-    half_width: f32,
-    faint: f32,
-}
-
-/// The lines of a picture.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Pen {
-    pub(super) lines: EdgeLines,
-    /// Samples per pixel of line width.
-    pub(super) scale: f32,
-    /// Samples along a side of a pixel.
-    pub(super) factor: f32,
 }
 
 impl Triangle {
     /// `None` for a triangle that reaches behind the camera or is seen edge-on.
-    pub(super) fn new(corners: [ScreenVertex; 3], pen: Pen) -> Option<Self> {
+    pub(super) fn new(corners: [ScreenVertex; 3]) -> Option<Self> {
         let places = corners.map(|corner| corner.place);
         let [a, b, c] = places;
         // Twice the signed area; y runs down, so that the front has a negative one.
@@ -73,10 +53,6 @@ impl Triangle {
         }
         let front = doubled_area < 0.0;
         let sign = if front { 1.0 } else { -1.0 };
-        let lengths = Vec3A::new(b.distance(c), c.distance(a), a.distance(b));
-        // Inner lines fade where the mesh is finer than they could show.
-        let longest = lengths.max_element() / pen.factor;
-        let faint = 0.30 * ((longest - 5.0) / 8.0).clamp(0.0, 1.0);
         Some(Self {
             places,
             front,
@@ -87,16 +63,11 @@ impl Triangle {
             sun: Vec3A::from_array(corners.map(|corner| corner.sun)),
             relief: Vec3A::from_array(corners.map(|corner| corner.relief)) * sign,
             values: Vec3A::from_array(corners.map(|corner| corner.value * corner.nearness)),
-            heights: doubled_area.abs() / lengths,
-            half_width: 0.5 * EDGE_WIDTH * pen.scale,
-            faint: match pen.lines {
-                EdgeLines::All => faint,
-                EdgeLines::None | EdgeLines::Border => 0.0,
-            },
         })
     }
 
-    pub(super) fn side(&self, shader: &Shader) -> Side {
+    /// The tint of the side that is seen.
+    pub(super) fn tint(&self, shader: &Shader) -> Vec3A {
         if self.front {
             shader.front
         } else {
@@ -150,13 +121,6 @@ impl Triangle {
     #[inline]
     pub(super) fn value_at(&self, weights: Vec3A, nearness: f32) -> f32 {
         weights.dot(self.values) / nearness
-    }
-
-    /// The part of a sample that edge lines cover, in [0, 1].
-    #[inline]
-    pub(super) fn line_at(&self, weights: Vec3A) -> f32 {
-        let nearest = (weights * self.heights).min_element();
-        self.faint * (self.half_width + 0.5 - nearest).clamp(0.0, 1.0)
     }
 }
 

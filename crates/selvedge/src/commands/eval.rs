@@ -7,11 +7,10 @@ use std::sync::Arc;
 
 use anyhow::Context;
 use selvedge_cloth::motion::named;
-use selvedge_data::metrics::Character;
 use selvedge_data::{Dataset, LoadedScene, materials};
 use selvedge_lab::evaluation::{
-    self, Case, EvaluateError, Evaluation, EvaluationPlan, Kind, Method, Mover, Run, Summary,
-    Timing, evaluate, summaries,
+    self, Case, EvaluateError, Evaluation, EvaluationPlan, Method, Mover, Run, Summary, Timing,
+    evaluate, summaries,
 };
 use selvedge_lab::folder_kind::{FolderKind, REFERENCES};
 use selvedge_lab::machine::Machine;
@@ -24,7 +23,7 @@ use serde_json::Value;
 
 use crate::cli::EvalArgs;
 use crate::failure::WrongUsage;
-use crate::output::{Answer, End, Facts, Table, length, percent};
+use crate::output::{Answer, End, Facts, Table};
 use crate::{place, progress, ranks, scenes};
 
 #[derive(Serialize)]
@@ -344,18 +343,17 @@ fn text(answered: &Answered, found: &Evaluation) -> String {
         let ms = format!("{:.2} ms", timing.ms_per_frame);
         times.row([timing.mesh.clone(), timing.method.clone(), ms]);
     }
-    let tables = [
-        after_table(&answered.means),
-        whole_table(&answered.means),
-        character_table(&answered.means),
-        Some(times),
-    ];
-    let tables = tables
-        .into_iter()
-        .flatten()
-        .map(|table| format!("\n{table}"));
+    let mut tables = String::new();
+    for of in [report::after, report::whole, report::character] {
+        let (headings, rows) = of(&answered.means);
+        if !rows.is_empty() {
+            let mut table = Table::new(headings.iter().map(String::as_str));
+            rows.into_iter().for_each(|row| table.row(row));
+            tables.push_str(&format!("\n{table}"));
+        }
+    }
     let failures = report::failures(&found.runs);
-    format!("{facts}{}\n{failures}", tables.collect::<String>())
+    format!("{facts}{tables}\n{times}\n{failures}")
 }
 
 /// Departures from the training of each model: its name, the first words, and in how many cases.
@@ -372,106 +370,4 @@ fn out_of_distribution(runs: &[Run]) -> Vec<(String, String, usize)> {
     lines
         .map(|((name, _), (words, runs))| (name.to_owned(), words, runs))
         .collect()
-}
-
-fn name_of(mean: &Summary) -> String {
-    match mean.kind {
-        Kind::Reference => format!("reference ({})", mean.method),
-        _ => mean.method.clone(),
-    }
-}
-
-/// Position errors after k frames; none where there were no true states.
-fn after_table(means: &[Summary]) -> Option<Table> {
-    let mut frames: Vec<usize> = Vec::new();
-    frames.extend(
-        means
-            .iter()
-            .flat_map(|mean| mean.after.iter().map(|at| at.frame)),
-    );
-    frames.sort_unstable();
-    frames.dedup();
-    if frames.is_empty() {
-        return None;
-    }
-    let heads: Vec<String> = frames.iter().map(usize::to_string).collect();
-    let heads = heads.iter().map(String::as_str);
-    let mut table = Table::new(std::iter::once("position RMSE after k frames, k =").chain(heads));
-    for mean in means.iter().filter(|mean| !mean.after.is_empty()) {
-        let cell = |k: &usize| {
-            let at = mean.after.iter().find(|at| at.frame == *k);
-            let errors = at.and_then(|at| at.errors);
-            errors.map_or_else(|| "-".to_owned(), |errors| length(errors.position_rmse))
-        };
-        table.row(std::iter::once(name_of(mean)).chain(frames.iter().map(cell)));
-    }
-    Some(table)
-}
-
-/// Whole runs, and what became of them; none where there were none.
-fn whole_table(means: &[Summary]) -> Option<Table> {
-    let shown = means.iter().filter(|mean| mean.whole_runs > 0);
-    let shown: Vec<&Summary> = shown.collect();
-    if shown.is_empty() {
-        return None;
-    }
-    let mut table = Table::new([
-        "whole runs",
-        "position RMSE",
-        "mean error",
-        "edge-length RMSE",
-        "folds",
-        "largest strain",
-        "last second",
-        "runs",
-        "diverged",
-        "corrected",
-        "lost",
-        "largest correction",
-    ]);
-    for mean in shown {
-        let dash = || "-".to_owned();
-        let errors = mean.whole.and_then(|at| at.errors);
-        let strain = mean.whole.map(|at| percent(at.largest_strain));
-        let mut cells = vec![
-            name_of(mean),
-            errors.map_or_else(dash, |errors| length(errors.position_rmse)),
-            errors.map_or_else(dash, |errors| length(errors.mean_vertex_error)),
-            errors.map_or_else(dash, |errors| length(errors.edge_length_rmse)),
-            errors
-                .and_then(|errors| errors.fold_ratio())
-                .map_or_else(dash, |ratio| format!("{ratio:.3}")),
-            strain.unwrap_or_else(|| "failed".to_owned()),
-            mean.final_speed
-                .map_or_else(dash, |speed| format!("{:.1} mm/s", 1e3 * speed)),
-            mean.whole_runs.to_string(),
-            mean.diverged.to_string(),
-        ];
-        match &mean.guarded {
-            Some(guarded) => cells.extend([
-                percent(guarded.share()),
-                guarded.lost_in_words(),
-                length(guarded.largest_correction),
-            ]),
-            None => cells.extend(std::iter::repeat_with(dash).take(3)),
-        }
-        table.row(cells);
-    }
-    Some(table)
-}
-
-/// The character of the motions, as ratios to their truths; none where nobody knows them.
-fn character_table(means: &[Summary]) -> Option<Table> {
-    let heads = std::iter::once("ratio to the truth").chain(Character::NAMES);
-    let mut table = Table::new(heads);
-    let mut is_empty = true;
-    for mean in means {
-        if let Some(ratios) = mean.ratios {
-            let cell =
-                |ratio: Option<f64>| ratio.map_or_else(|| "-".to_owned(), |r| format!("{r:.3}"));
-            table.row(std::iter::once(name_of(mean)).chain(ratios.map(cell)));
-            is_empty = false;
-        }
-    }
-    (!is_empty).then_some(table)
 }

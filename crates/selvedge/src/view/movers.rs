@@ -12,7 +12,7 @@ use selvedge_lab::machine::{Machine, Mover};
 use selvedge_lab::models;
 use selvedge_lab::physics;
 use selvedge_lab::state_log::{saved_state, simulator_among};
-use selvedge_live::{Hold, LiveStepper, MoverError};
+use selvedge_live::{Hold, LiveError, LiveStepper};
 use selvedge_model::Model;
 use selvedge_sim::Simulator;
 
@@ -30,7 +30,7 @@ impl LivePhysics {
         scene: &Arc<Scene>,
         hold: &Hold,
         state: SavedState,
-    ) -> Result<Self, MoverError> {
+    ) -> Result<Self, LiveError> {
         Self::start_with(scene, hold, state, &[])
     }
 
@@ -40,13 +40,13 @@ impl LivePhysics {
         hold: &Hold,
         state: SavedState,
         offsets: &[DVec3],
-    ) -> Result<Self, MoverError> {
+    ) -> Result<Self, LiveError> {
         let held = Scene {
             handles: hold.handles.clone(),
             environment: hold.environment,
             ..(**scene).clone()
         };
-        let simulator = simulator_among(&held, state, offsets).map_err(MoverError::new)?;
+        let simulator = simulator_among(&held, state, offsets).map_err(LiveError::new)?;
         Ok(Self {
             scene: Arc::clone(scene),
             simulator,
@@ -99,7 +99,7 @@ impl Stepper for LivePhysics {
 }
 
 impl LiveStepper for LivePhysics {
-    fn changed(&self, hold: &Hold) -> Result<Box<dyn LiveStepper>, MoverError> {
+    fn changed(&self, hold: &Hold) -> Result<Box<dyn LiveStepper>, LiveError> {
         let mut state = saved_state(&self.simulator);
         if *self.simulator.handles() != hold.handles {
             // Another system: the state before belongs to the old one.
@@ -117,9 +117,9 @@ impl LiveStepper for LivePhysics {
         self.simulator.lead_obstacle(number, offset);
     }
 
-    fn put_body(&mut self, number: usize, offset: DVec3) -> Result<(), MoverError> {
+    fn put_body(&mut self, number: usize, offset: DVec3) -> Result<(), LiveError> {
         let put = self.simulator.put_obstacle(number, offset);
-        put.map_err(|_| MoverError::new("the cloth is there: throw from farther away"))
+        put.map_err(|_| LiveError::new("the cloth is there: throw from farther away"))
     }
 
     fn body_points(&self) -> Vec<Vec3> {
@@ -167,20 +167,20 @@ impl LiveModel {
         cloth: &Arc<Cloth>,
         hold: &Hold,
         frames: &[&[Vec3]],
-    ) -> Result<Self, MoverError> {
+    ) -> Result<Self, LiveError> {
         let held = Cloth::clone(cloth).with_handles(hold.handles.clone());
-        let held = held.map_err(MoverError::new)?;
+        let held = held.map_err(LiveError::new)?;
         let held_scene = Scene {
             handles: hold.handles.clone(),
             environment: hold.environment,
             ..(**scene).clone()
         };
         let graph = models::graph_of_scene(&held_scene, &held);
-        let graph = graph.map_err(MoverError::new)?;
+        let graph = graph.map_err(LiveError::new)?;
         let stepper = model
             .machine
             .start(&model.model, graph, frames)
-            .map_err(MoverError::new)?;
+            .map_err(LiveError::new)?;
         let (known, settings) = (Arc::new(held_scene), GuardSettings::default());
         let stepper = Guard::new(stepper, &held, scene.frame_rate, Some(known), settings);
         let needed = model.model.spec().history();
@@ -189,7 +189,7 @@ impl LiveModel {
             model: model.clone(),
             scene: Arc::clone(scene),
             cloth: Arc::clone(cloth),
-            stepper: stepper.map_err(MoverError::new)?,
+            stepper: stepper.map_err(LiveError::new)?,
             recent: frames[first..].iter().map(|frame| frame.to_vec()).collect(),
         })
     }
@@ -216,7 +216,7 @@ impl LiveStepper for LiveModel {
         physics::rounded(&points)
     }
 
-    fn changed(&self, hold: &Hold) -> Result<Box<dyn LiveStepper>, MoverError> {
+    fn changed(&self, hold: &Hold) -> Result<Box<dyn LiveStepper>, LiveError> {
         let frames: Vec<&[Vec3]> = self.recent.iter().map(Vec::as_slice).collect();
         let (scene, cloth) = (&self.scene, &self.cloth);
         Ok(Box::new(Self::start(
@@ -234,19 +234,11 @@ mod tests {
     use super::*;
     use crate::view::ViewWorkshop;
     use selvedge_cloth::conformance::{HandlesEnd, check};
-    use selvedge_live::{MoverKind, Order, Start, Workshop};
+    use selvedge_live::{MoverKind, Order, ReadyCloth, Start, Workshop};
     use std::ops::ControlFlow;
 
-    /// The handles of the default scene after `frame` frames of a slow pull to the front and up.
-    fn pulled(start: &[Vec3], frame: usize) -> HandleTargets {
-        let pull = 0.004 * frame as f64 * DVec3::new(1.0, 0.5, 0.0);
-        let targets = start.iter().map(|p| p.as_dvec3() + pull).collect();
-        HandleTargets::at_frame_end(targets).unwrap()
-    }
-
-    /// A mover that is changed to the very hold it has goes on as the one that is left alone: the
-    /// largest distance of a vertex over ten frames after ten `[m]`.
-    fn difference(kind: MoverKind) -> f32 {
+    /// The cloth of the default scene, and its handles.
+    fn ready() -> (Box<dyn ReadyCloth>, Hold) {
         let mut workshop = ViewWorkshop::new("default", &[], Machine::Cpu).unwrap();
         let order = Order {
             model: "paper".to_owned(),
@@ -259,6 +251,20 @@ mod tests {
             handles: ready.cloth().handles().clone(),
             environment: ready.environment(),
         };
+        (ready, hold)
+    }
+
+    /// The handles of the default scene after `frame` frames of a slow pull to the front and up.
+    fn pulled(start: &[Vec3], frame: usize) -> HandleTargets {
+        let pull = 0.004 * frame as f64 * DVec3::new(1.0, 0.5, 0.0);
+        let targets = start.iter().map(|p| p.as_dvec3() + pull).collect();
+        HandleTargets::at_frame_end(targets).unwrap()
+    }
+
+    /// A mover that is changed to the very hold it has goes on as the one that is left alone: the
+    /// largest distance of a vertex over ten frames after ten `[m]`.
+    fn difference(kind: MoverKind) -> f32 {
+        let (ready, hold) = ready();
         let mut one = ready.start(kind, Start::Beginning, &hold).unwrap();
         let start = hold.handles.select(one.positions());
         for frame in 1..=10 {
@@ -276,15 +282,7 @@ mod tests {
 
     #[test]
     fn movers_conform() {
-        let mut workshop = ViewWorkshop::new("default", &[], Machine::Cpu).unwrap();
-        let order = workshop.first_order();
-        let ready = workshop
-            .prepare(&order, &mut |_| ControlFlow::Continue(()))
-            .unwrap();
-        let hold = Hold {
-            handles: ready.cloth().handles().clone(),
-            environment: ready.environment(),
-        };
+        let (ready, hold) = ready();
         for kind in [MoverKind::Model, MoverKind::Physics] {
             let make = || ready.start(kind, Start::Beginning, &hold).unwrap();
             // The physics of the viewer holds by springs.
@@ -310,15 +308,7 @@ mod tests {
 
     #[test]
     fn a_model_that_is_shaken_keeps_its_edges() {
-        let mut workshop = ViewWorkshop::new("default", &[], Machine::Cpu).unwrap();
-        let order = workshop.first_order();
-        let ready = workshop
-            .prepare(&order, &mut |_| ControlFlow::Continue(()))
-            .unwrap();
-        let hold = Hold {
-            handles: ready.cloth().handles().clone(),
-            environment: ready.environment(),
-        };
+        let (ready, hold) = ready();
         let mut stepper = ready
             .start(MoverKind::Model, Start::Beginning, &hold)
             .unwrap();

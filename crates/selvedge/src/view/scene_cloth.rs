@@ -6,9 +6,7 @@ use glam::{DVec3, Vec3};
 use selvedge_cloth::{Cloth, Environment, HandlePath, Motion, MotionError, RecordedMotion, Scene};
 use selvedge_data::{Provenance, SavedState, SceneSpec};
 use selvedge_lab::physics;
-use selvedge_live::{
-    Body, Hold, LiveStepper, Mover, MoverError, MoverKind, ProvenanceError, ReadyCloth, Start,
-};
+use selvedge_live::{Body, Hold, LiveError, LiveStepper, Mover, MoverKind, ReadyCloth, Start};
 use selvedge_model::{Aspect, Domain, DomainWatch, Model};
 
 use super::movers::{LiveModel, LivePhysics, ModelOnMachine};
@@ -77,7 +75,7 @@ impl ReadyCloth for SceneCloth {
         kind: MoverKind,
         start: Start<'_>,
         hold: &Hold,
-    ) -> Result<Box<dyn LiveStepper>, MoverError> {
+    ) -> Result<Box<dyn LiveStepper>, LiveError> {
         let beginning = [physics::rounded(&self.start.positions)];
         let frames = match start {
             Start::Beginning => &beginning[..],
@@ -105,17 +103,13 @@ impl ReadyCloth for SceneCloth {
         }
     }
 
-    fn provenance(
-        &self,
-        hold: &Hold,
-        handles: Vec<Vec<DVec3>>,
-    ) -> Result<Provenance, ProvenanceError> {
+    fn provenance(&self, hold: &Hold, handles: Vec<Vec<DVec3>>) -> Result<Provenance, LiveError> {
         let mut spec = self.spec.clone();
         spec.setting.handles = hold.handles.vertices().iter().map(|v| v.0).collect();
         spec.setting.schedule.releases.clear();
         spec.setting.environment = hold.environment;
         spec.motion = Motion::Recorded(RecordedMotion { positions: handles });
-        physics::provenance(&spec, &self.scene).map_err(ProvenanceError::new)
+        physics::provenance(&spec, &self.scene).map_err(LiveError::new)
     }
 }
 
@@ -156,10 +150,10 @@ fn untrained(name: &str, model: &Model, now: &Domain) -> Option<String> {
 }
 
 /// The state in the last of `frames`, frames counted from 0.
-fn moving(frames: &[Vec<Vec3>], rate: f64) -> Result<SavedState, MoverError> {
+fn moving(frames: &[Vec<Vec3>], rate: f64) -> Result<SavedState, LiveError> {
     let last = frames
         .last()
-        .ok_or_else(|| MoverError::new("there is no frame to go on from"))?;
+        .ok_or_else(|| LiveError::new("there is no frame to go on from"))?;
     let before = match frames.len() {
         0 | 1 => last,
         count => &frames[count - 2],

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use glam::DVec3;
 use selvedge_lab::machine::Machine;
-use selvedge_live::{Hold, MeshOrder, Mover, Order, PrepareError, Workshop};
+use selvedge_live::{Hold, LiveError, MeshOrder, Mover, Order, Workshop};
 
 use super::ViewWorkshop;
 
@@ -109,7 +109,7 @@ fn a_cloth_whose_rest_pose_is_not_needed_is_shown_without_a_search() {
         let mut workshop = ViewWorkshop::new(&name, &[], Machine::Cpu).unwrap();
         let order = workshop.first_order();
         let ready = workshop.prepare(&order, &mut |_| flow)?;
-        Ok::<_, PrepareError>((ready.remarks().join("; "), ready.cloth().clone()))
+        Ok::<_, LiveError>((ready.remarks().join("; "), ready.cloth().clone()))
     };
     let (held, on) = ("{ label = \"upper-corners\" }", ControlFlow::Continue(()));
     let hasty = "sag = { max_steps = 3 }\n";

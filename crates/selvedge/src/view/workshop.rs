@@ -17,7 +17,7 @@ use selvedge_lab::fitting::{self, FittedCloth};
 use selvedge_lab::machine::Machine;
 use selvedge_lab::models::NamedModel;
 use selvedge_lab::{assets, domain, physics, rest_pose, start};
-use selvedge_live::{Catalogue, MeshOrder, Order, PrepareError, ReadyCloth, Workshop};
+use selvedge_live::{Catalogue, LiveError, MeshOrder, Order, ReadyCloth, Workshop};
 use selvedge_model::Model;
 use selvedge_sim::{FitProgress, SagError};
 
@@ -218,10 +218,10 @@ impl Workshop for ViewWorkshop {
         &mut self,
         order: &Order,
         progress: &mut dyn FnMut(String) -> ControlFlow<()>,
-    ) -> Result<Box<dyn ReadyCloth>, PrepareError> {
+    ) -> Result<Box<dyn ReadyCloth>, LiveError> {
         match self.make_ready(order, progress) {
             Ok(ready) => Ok(Box::new(ready)),
-            Err(error) => Err(PrepareError::new(crate::failure::chain(&error))),
+            Err(error) => Err(LiveError::new(crate::failure::chain(&error))),
         }
     }
 }

@@ -1,7 +1,5 @@
 //! A rank that is killed, and one whose work fails: all others end within seconds and say which it
 //! was, and the same command goes on from what they leave to the same bytes.
-//!
-//! `cargo xtask kill --ranks 3` kills many more times.
 
 use std::process::{Command, Stdio};
 use std::thread;
@@ -185,7 +183,7 @@ fn work_that_fails_wherever_it_is_done_names_the_rank_and_goes_on() {
     ] {
         let whole = desk.json_on(1, case.command);
         let expected = result(&desk, whole);
-        if case.command.starts_with("dataset") {
+        if case.command.starts_with("data generate") {
             // It asks for an empty folder, or for one that it began.
             killed(&desk, case, 0);
             let _ = std::fs::remove_file(desk.path(obstacle));

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use glam::Vec3;
 use selvedge_live::{
-    Catalogue, Mover, Opening, Order, PrepareError, ReadyCloth, RunningServer, RunningSession,
+    Catalogue, LiveError, Mover, Opening, Order, ReadyCloth, RunningServer, RunningSession,
     ServerSettings, Workshop, serve, start,
 };
 use serde_json::Value;
@@ -36,12 +36,12 @@ impl Workshop for TestWorkshop {
         &mut self,
         order: &Order,
         progress: &mut dyn FnMut(String) -> ControlFlow<()>,
-    ) -> Result<Box<dyn ReadyCloth>, PrepareError> {
+    ) -> Result<Box<dyn ReadyCloth>, LiveError> {
         if progress("half way".to_owned()).is_break() {
-            return Err(PrepareError::new("it was stopped"));
+            return Err(LiveError::new("it was stopped"));
         }
         if order.scene == "none" {
-            return Err(PrepareError::new("there is no scene \"none\""));
+            return Err(LiveError::new("there is no scene \"none\""));
         }
         Ok(Box::new(TestCloth {
             cost: self.0,

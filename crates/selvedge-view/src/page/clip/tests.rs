@@ -8,15 +8,6 @@ use selvedge_cloth::Topology;
 const SETTINGS: ClipSettings = ClipSettings {
     tile: [48, 40],
     delay_ms: 50,
-    orbit: Orbit {
-        azimuth: 2.5,
-        elevation: 0.25,
-        field_of_view: 0.5,
-        margin: 0.1,
-    },
-    supersampling: Supersampling::One,
-    lines: EdgeLines::Border,
-    colours: 255,
 };
 
 /// A triangle that moves sideways and, in the second half, stands still.
@@ -37,6 +28,18 @@ fn run<'a>(topology: &'a Topology, frames: &'a [[Vec3; 3]], rate: f64) -> Run<'a
         rate,
     )
     .unwrap()
+}
+
+fn triangle() -> Topology {
+    Topology::new(3, &[[0, 1, 2]]).unwrap()
+}
+
+fn panel<'a>(label: &'a str, run: &'a Run<'a>) -> Panel<'a> {
+    Panel {
+        label,
+        run,
+        colouring: Colouring::Plain,
+    }
 }
 
 /// The pictures of a GIF as numbers of its palette, with their delays.
@@ -84,7 +87,7 @@ fn play(bytes: &[u8]) -> Played {
 
 fn clip(panels: &[Panel<'_>], settings: &ClipSettings) -> Vec<u8> {
     let mut bytes = Vec::new();
-    let end = write_clip(&mut bytes, "Title", panels, settings, &mut |_| {
+    let end = write_clip(&mut bytes, "Title", panels, settings, &mut || {
         ControlFlow::Continue(())
     });
     assert!(matches!(end, Ok(ClipEnd::Complete { .. })));
@@ -93,16 +96,12 @@ fn clip(panels: &[Panel<'_>], settings: &ClipSettings) -> Vec<u8> {
 
 #[test]
 fn a_clip_lasts_as_long_as_its_run() {
-    let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
+    let topology = triangle();
     // 3 s at 60 and at 24 frames per second, 50 ms and 30 ms.
     for (rate, count, delay_ms) in [(60.0, 181, 50), (24.0, 73, 50), (60.0, 181, 30)] {
         let frames = frames(count);
         let run = run(&topology, &frames, rate);
-        let panel = Panel {
-            label: "one",
-            run: &run,
-            colouring: Colouring::Plain,
-        };
+        let panel = panel("one", &run);
         let settings = ClipSettings {
             delay_ms,
             ..SETTINGS
@@ -117,7 +116,7 @@ fn a_clip_lasts_as_long_as_its_run() {
 
 #[test]
 fn frames_are_those_nearest_to_each_moment() {
-    let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
+    let topology = triangle();
     let frames = frames(25);
     // 24 frames per second every 100 ms: 0, 2.4, 4.8, 7.2, 9.6, 12, ...
     let run = run(&topology, &frames, 24.0);
@@ -129,18 +128,14 @@ fn frames_are_those_nearest_to_each_moment() {
 
 #[test]
 fn decoded_pixels_are_the_pictures_within_the_tolerance() {
-    let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
+    let topology = triangle();
     let frames = frames(31);
     let run = run(&topology, &frames, 60.0);
-    let panels = ["truth", "prediction"].map(|label| Panel {
-        label,
-        run: &run,
-        colouring: Colouring::Plain,
-    });
+    let panels = ["truth", "prediction"].map(|label| panel(label, &run));
     let played = play(&clip(&panels, &SETTINGS));
     let mut studio = Studio::new("Title", &panels, &SETTINGS).unwrap();
     let numbers = frames_at(&run, SETTINGS.delay_ms);
-    let mut palette = studio.palette(&numbers, SETTINGS.colours).unwrap();
+    let mut palette = studio.palette(&numbers).unwrap();
     assert_eq!(played.palette[..palette.table().len()], palette.table());
     assert_eq!(played.size, studio.size().map(usize::from));
     for (picture, &frame) in played.pictures.iter().zip(&numbers) {
@@ -155,14 +150,10 @@ fn decoded_pixels_are_the_pictures_within_the_tolerance() {
 
 #[test]
 fn what_stands_still_costs_nothing_but_its_clock() {
-    let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
+    let topology = triangle();
     let frames = frames(61);
     let run = run(&topology, &frames, 60.0);
-    let panel = Panel {
-        label: "",
-        run: &run,
-        colouring: Colouring::Plain,
-    };
+    let panel = panel("", &run);
     let played = play(&clip(&[panel], &SETTINGS));
     let whole = played.size[0] * played.size[1];
     assert_eq!(played.areas[0], whole);
@@ -172,56 +163,42 @@ fn what_stands_still_costs_nothing_but_its_clock() {
 
 #[test]
 fn a_stopped_clip_is_whole() {
-    let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
+    let topology = triangle();
     let frames = frames(61);
     let run = run(&topology, &frames, 60.0);
-    let panel = Panel {
-        label: "",
-        run: &run,
-        colouring: Colouring::Plain,
-    };
+    let panel = panel("", &run);
     let mut bytes = Vec::new();
-    let mut seen = Vec::new();
-    let end = write_clip(&mut bytes, "", &[panel], &SETTINGS, &mut |progress| {
-        seen.push(progress);
-        if progress.written == 3 {
+    let mut written = 0;
+    let end = write_clip(&mut bytes, "", &[panel], &SETTINGS, &mut || {
+        written += 1;
+        if written == 3 {
             ControlFlow::Break(())
         } else {
             ControlFlow::Continue(())
         }
     });
     assert_eq!(end.unwrap(), ClipEnd::Stopped { pictures: 3 });
-    let (written, total) = (3, 21);
-    assert_eq!(seen.last(), Some(&ClipProgress { written, total }));
     assert_eq!(play(&bytes).pictures.len(), 3);
     assert_eq!(bytes.last(), Some(&0x3b), "the trailer of a GIF");
 }
 
 #[test]
 fn the_same_run_makes_the_same_bytes() {
-    let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
+    let topology = triangle();
     let frames = frames(19);
     let run = run(&topology, &frames, 60.0);
-    let panel = Panel {
-        label: "",
-        run: &run,
-        colouring: Colouring::Plain,
-    };
+    let panel = panel("", &run);
     assert_eq!(clip(&[panel], &SETTINGS), clip(&[panel], &SETTINGS));
 }
 
 #[test]
 fn settings_out_of_range_are_errors_that_name_them() {
-    let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
+    let topology = triangle();
     let frames = frames(3);
     let run = run(&topology, &frames, 60.0);
-    let panel = Panel {
-        label: "",
-        run: &run,
-        colouring: Colouring::Plain,
-    };
+    let panel = panel("", &run);
     let refuse = |panels: &[Panel<'_>], settings: ClipSettings| {
-        write_clip(&mut Vec::new(), "", panels, &settings, &mut |_| {
+        write_clip(&mut Vec::new(), "", panels, &settings, &mut || {
             ControlFlow::Continue(())
         })
         .unwrap_err()
@@ -234,13 +211,6 @@ fn settings_out_of_range_are_errors_that_name_them() {
                 ..SETTINGS
             },
             "delay_ms must be a multiple of 10 from 20 to 1000, found 35",
-        ),
-        (
-            ClipSettings {
-                colours: 256,
-                ..SETTINGS
-            },
-            "colours must be between 2 and 255, found 256",
         ),
         (
             ClipSettings {
@@ -275,15 +245,11 @@ fn a_writer_that_fails_is_an_error() {
             Ok(())
         }
     }
-    let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
+    let topology = triangle();
     let frames = frames(3);
     let run = run(&topology, &frames, 60.0);
-    let panel = Panel {
-        label: "",
-        run: &run,
-        colouring: Colouring::Plain,
-    };
-    let end = write_clip(&mut Full, "", &[panel], &SETTINGS, &mut |_| {
+    let panel = panel("", &run);
+    let end = write_clip(&mut Full, "", &[panel], &SETTINGS, &mut || {
         ControlFlow::Continue(())
     });
     let message = end.unwrap_err().to_string();
@@ -292,17 +258,13 @@ fn a_writer_that_fails_is_an_error() {
 
 #[test]
 fn a_run_whose_frames_hardly_pass_makes_no_clip() {
-    let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
+    let topology = triangle();
     let frame = [Vec3::ZERO, Vec3::X, Vec3::Y];
     for rate in [1e-9, 1e-17, 1e-300] {
         let run = Run::new(&topology, [&frame[..]; 2], &[], rate).unwrap();
-        let panel = Panel {
-            label: "",
-            run: &run,
-            colouring: Colouring::Plain,
-        };
+        let panel = panel("", &run);
         let settings = ClipSettings::default();
-        let end = write_clip(&mut Vec::new(), "", &[panel], &settings, &mut |_| {
+        let end = write_clip(&mut Vec::new(), "", &[panel], &settings, &mut || {
             ControlFlow::Continue(())
         });
         let message = end.unwrap_err().to_string();

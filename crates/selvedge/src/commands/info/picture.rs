@@ -17,12 +17,13 @@ use selvedge_lab::report::{TrainingLog, training_chart};
 use selvedge_model::{MODEL_FORMAT, Model};
 use selvedge_train::files;
 use selvedge_view::plot::{Axis, HistogramPlot, Line, LineChart, Role, Scale, histogram_page};
-use selvedge_view::{Body, Colouring, Image, Panel, Run, StillSettings, still};
+use selvedge_view::{Body, Colouring, Image, Panel, Run, still};
 
 use super::dataset;
 use super::exported::read_npz;
 use super::folders;
 use crate::failure::WrongUsage;
+use crate::film::SIZE;
 use crate::{pictures, scenes};
 
 /// Draws what `path` is to the file `to` (.png; curves .svg).
@@ -114,7 +115,7 @@ fn draw_mesh(
         run: &run,
         colouring: Colouring::Plain,
     };
-    write_image(to, &still(&panel, 0, &StillSettings::default())?)
+    write_image(to, &still(&panel, 0, SIZE)?)
 }
 
 /// Draws a histogram of the weights of a model, in equal bins around zero.
