@@ -48,6 +48,10 @@
 //! It knows neither the physics nor the learned model. Every file is read with everything in it
 //! checked, and written beside its place and renamed ([`write_atomically`]).
 
+// Help for tests names this crate as tests from outside do.
+#[cfg(test)]
+extern crate self as selvedge_data;
+
 mod dataset;
 pub mod export;
 pub mod foreign;
@@ -76,8 +80,6 @@ pub use formats::atomic::{
 pub use formats::file_error::FileError;
 pub use formats::input::{read_file, read_text};
 pub use formats::mesh_file::read_mesh;
-pub use formats::npy::NpyError;
-pub use formats::npz::NpzError;
 pub use formats::obj::{parse_obj_with, read_obj, write_obj};
 pub use formats::parts::remove_parts;
 pub use formats::polygons::{
@@ -94,10 +96,10 @@ pub use obstacle::{
 pub use rest_poses::{KeptRestPose, RestPoseFileError, RestPoseFolder};
 pub use rig::{MeshMotion, Rig, RigError, RigNode};
 pub use scene::{
-    BuiltMesh, GeneratorSpec, LoadedScene, MeshSource, MeshSpec, MeshSpecError, RecordedCsvError,
-    Rotate, SceneFileError, SceneProblem, SceneSpec, SceneSpecError, Setting, StartSpec,
-    StrainedEdge, Times, Transform, materials, open_scene, panel_stretches, parse_recorded_csv,
-    parse_scene, read_scene, shipped_scenes, worst_edges, worst_free_edges,
+    BuiltMesh, GeneratorSpec, LoadedScene, MeshSource, MeshSpec, MeshSpecError, ObjSource,
+    RecordedCsvError, Rotate, SceneFileError, SceneProblem, SceneSpec, SceneSpecError, Setting,
+    StartSpec, StrainedEdge, Times, Transform, materials, open_scene, panel_stretches,
+    parse_recorded_csv, parse_scene, read_scene, shipped_scenes, worst_edges, worst_free_edges,
 };
 pub use trajectory::file::{ReadTrajectoryError, TrajectoryFileError};
 pub use trajectory::frames::{Frames, FramesError};

@@ -117,9 +117,9 @@ impl RestPoseFolder {
             ("blake3", checksum(pose)),
         ]);
         let tensor = TensorOut {
-            name: TENSOR,
+            name: TENSOR.into(),
             shape: vec![pose.positions.len(), 3],
-            values: TensorValues::F64(&numbers),
+            values: TensorValues::F64(numbers.into()),
         };
         let path = self.file(&key);
         write_tensors(&path, &[tensor], &metadata)?;

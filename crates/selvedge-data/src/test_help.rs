@@ -1,9 +1,13 @@
-//! Help for tests: tables of cases, words of errors, and a cloth.
+//! Help for tests: tables of cases, words of errors, a cloth and its runs.
 
 use std::fmt::Display;
+use std::ops::ControlFlow;
+use std::path::Path;
 
 use glam::{Vec2, Vec3};
 use selvedge_cloth::{Cloth, ClothArrays, Handles, Topology};
+use selvedge_data::export::{ExportOptions, export};
+use selvedge_data::{Provenance, Trajectory};
 
 /// A cloth of these rest positions, material coordinates, faces and handles.
 pub(crate) fn sheet(rest: &[Vec3], flat: &[Vec2], faces: &[[u32; 3]], handles: &[u32]) -> Cloth {
@@ -15,6 +19,30 @@ pub(crate) fn sheet(rest: &[Vec3], flat: &[Vec2], faces: &[[u32; 3]], handles: &
     };
     let topology = Topology::new(rest.len(), faces).unwrap();
     Cloth::new(topology, Handles::new(handles, rest.len()).unwrap(), arrays).unwrap()
+}
+
+/// A run of `cloth`, without a scene.
+pub(crate) fn run(cloth: Cloth, frame_rate: f64, positions: Vec<Vec3>) -> Trajectory {
+    let provenance = Provenance {
+        frame_rate,
+        scene: serde_json::Value::Null,
+        made_by: "tests".to_owned(),
+    };
+    Trajectory::new(cloth, positions, provenance).unwrap()
+}
+
+/// Writes what `options` choose of a run.
+pub(crate) fn write(trajectory: &Trajectory, path: &Path, options: &ExportOptions) {
+    let mut go_on = || ControlFlow::Continue(());
+    export(trajectory, path, options, &mut go_on).unwrap();
+}
+
+/// A file of tensors with its header replaced by `edit` of it.
+pub(crate) fn with_header(bytes: &[u8], edit: impl Fn(&str) -> String) -> Vec<u8> {
+    let length = u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize;
+    let header = edit(std::str::from_utf8(&bytes[8..8 + length]).unwrap());
+    let length_now = (header.len() as u64).to_le_bytes();
+    [&length_now, header.as_bytes(), &bytes[8 + length..]].concat()
 }
 
 /// Checks that `text` has all of these words.

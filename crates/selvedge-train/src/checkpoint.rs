@@ -64,15 +64,12 @@ impl Trainer {
         ];
         flat.extend(averaged.iter().map(|averaged| ("averaged", &averaged[..])));
         let histories = self.histories();
-        let tensor = |name, shape, values| TensorOut {
-            name,
-            shape,
-            values: TensorValues::F32(values),
-        };
-        let flat = flat.into_iter();
-        let flat = flat.map(|(name, values)| tensor(name, vec![values.len()], values));
-        let of_slots = histories.iter();
-        let of_slots = of_slots.map(|(name, shape, values)| tensor(name, shape.clone(), values));
+        let flat = flat.into_iter().map(|(name, values)| {
+            TensorOut::new(name, &[values.len()], TensorValues::F32(values.into()))
+        });
+        let of_slots = histories.iter().map(|(name, shape, values)| {
+            TensorOut::new(name, shape, TensorValues::F32(values.into()))
+        });
         let tensors: Vec<TensorOut<'_>> = flat.chain(of_slots).collect();
         write_tensors(path, &tensors, &metadata)
     }

@@ -50,7 +50,7 @@ impl DatasetParts {
             }
             part.check_complete()?;
             if let Some(twice) = parts.get(&part.shard.number()) {
-                return Err(DatasetError::Parts(format!(
+                return Err(DatasetError::Content(format!(
                     "{} and {} are both part {}",
                     twice.folder.display(),
                     part.folder.display(),
@@ -59,13 +59,13 @@ impl DatasetParts {
             }
             parts.insert(part.shard.number(), part);
         }
-        let none = || DatasetError::Parts("name the folders of the parts".to_owned());
+        let none = || DatasetError::Content("name the folders of the parts".to_owned());
         let first = parts.values().next().ok_or_else(none)?;
         let (count, plan) = (first.shard.count(), first.plan.clone());
         let missing = (1..=count).filter(|number| !parts.contains_key(number));
         let missing: Vec<String> = missing.map(|number| format!("{number}/{count}")).collect();
         if !missing.is_empty() {
-            return Err(DatasetError::Parts(format!(
+            return Err(DatasetError::Content(format!(
                 "parts {} are missing: name their folders, too, or make them",
                 missing.join(", ")
             )));
@@ -126,7 +126,7 @@ impl DatasetParts {
 impl Part {
     fn open(folder: &Path) -> Result<Self, DatasetError> {
         let no_part = || {
-            DatasetError::Parts(format!(
+            DatasetError::Content(format!(
                 "{}: is no part of a data set: `selvedge data generate --shard I/N` makes one",
                 folder.display()
             ))
@@ -149,10 +149,10 @@ impl Part {
         let [folder, other] = [self, first].map(|part| part.folder.display());
         if let Some(difference) = first.plan.difference_of_plan(&self.plan) {
             let problem = format!("{folder}: does not fit {other}, since it {difference}");
-            return Err(DatasetError::Parts(problem));
+            return Err(DatasetError::Content(problem));
         }
         if self.shard.count() != first.shard.count() {
-            return Err(DatasetError::Parts(format!(
+            return Err(DatasetError::Content(format!(
                 "{folder}: is part {}, and {other} is part {}: take parts of one number",
                 self.shard, first.shard
             )));
@@ -167,7 +167,7 @@ impl Part {
         let Some(first) = missing.first() else {
             return Ok(());
         };
-        Err(DatasetError::Parts(format!(
+        Err(DatasetError::Content(format!(
             "{}: part {} lacks {} of its trajectories, as {first:?}: run again the command that makes it",
             self.folder.display(),
             self.shard,

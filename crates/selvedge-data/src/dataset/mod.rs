@@ -124,34 +124,8 @@ pub enum DatasetError {
         #[source]
         source: std::io::Error,
     },
-    #[error("{}: {problem}: restore the index, or make the data set again", path.display())]
-    Index { path: PathBuf, problem: String },
-    #[error("{}: the file has changed since the data set was made (its hash is {found}, the index says {expected}): restore it, or make the data set again", path.display())]
-    Hash {
-        path: PathBuf,
-        expected: String,
-        found: String,
-    },
-    #[error("{}: has {found}, the index says {expected}: restore the file or the index, or make the data set again", path.display())]
-    Entry {
-        path: PathBuf,
-        expected: String,
-        found: String,
-    },
-    #[error("{}: {problem}", folder.display())]
-    Folder { folder: PathBuf, problem: String },
-    #[error("motion {motion:?}: {problem}")]
-    Motion {
-        motion: String,
-        problem: &'static str,
-    },
-    #[error("motion {:?} ({}) is the same trajectory as motion {:?} ({}): leave one of them out", entry.motion, entry.file, other.motion, other.file)]
-    Twin {
-        entry: Box<Entry>,
-        other: Box<Entry>,
-    },
     #[error("{0}")]
-    Parts(String),
+    Content(String),
     #[error(transparent)]
     Trajectory(#[from] ReadTrajectoryError),
     #[error(transparent)]
@@ -167,6 +141,12 @@ pub enum DatasetError {
 pub struct Dataset {
     folder: PathBuf,
     index: DatasetIndex,
+}
+
+impl DatasetError {
+    pub(crate) fn motion(motion: &str, problem: &str) -> Self {
+        Self::Content(format!("motion {motion:?}: {problem}"))
+    }
 }
 
 impl Split {
@@ -209,8 +189,8 @@ impl Dataset {
             folder: folder.to_owned(),
             index,
         };
-        let problem = |problem| DatasetError::Index { path, problem };
-        check::check(folder, &dataset.index).map_err(problem)?;
+        let wrong = |problem| wrong_index(&path, problem);
+        check::check(folder, &dataset.index).map_err(wrong)?;
         Ok(dataset)
     }
 
@@ -251,10 +231,11 @@ impl Dataset {
         let path = self.folder.join(&entry.file);
         let bytes = read_checked(&path, entry)?;
         let trajectory = Trajectory::from_bytes(&bytes).map_err(FileError::at(&path))?;
-        let differs = |expected, found| DatasetError::Entry {
-            path,
-            expected,
-            found,
+        let differs = |expected: String, found: String| {
+            DatasetError::Content(format!(
+                "{}: has {found}, the index says {expected}: restore the file or the index, or make the data set again",
+                path.display()
+            ))
         };
         let size = |frames, vertices| format!("{frames} frames of {vertices} vertices");
         let expected = size(entry.frames, entry.vertices);
@@ -282,7 +263,7 @@ impl Dataset {
     /// Reads every file and compares its hash with the index.
     ///
     /// # Errors
-    /// [`DatasetError::Hash`] for the first file that has changed.
+    /// [`DatasetError`] for the first file that has changed.
     pub fn verify_hashes(&self) -> Result<(), DatasetError> {
         let mut all = self.index.splits.all();
         all.try_for_each(|entry| read_checked(&self.folder.join(&entry.file), entry).map(drop))
@@ -323,10 +304,7 @@ pub(crate) fn read_json<T: DeserializeOwned>(path: &Path, format: &str) -> Resul
         path: path.to_owned(),
         source,
     })?;
-    let problem = |problem: String| DatasetError::Index {
-        path: path.to_owned(),
-        problem,
-    };
+    let problem = |problem: String| wrong_index(path, problem);
     let kind: Kind =
         serde_json::from_str(&text).map_err(|error| problem(format!("is no JSON: {error}")))?;
     for (key, expected, found) in [
@@ -340,6 +318,11 @@ pub(crate) fn read_json<T: DeserializeOwned>(path: &Path, format: &str) -> Resul
         }
     }
     serde_json::from_str(&text).map_err(|error| problem(error.to_string()))
+}
+
+fn wrong_index(path: &Path, problem: String) -> DatasetError {
+    let remedy = "restore the index, or make the data set again";
+    DatasetError::Content(format!("{}: {problem}: {remedy}", path.display()))
 }
 
 /// What an index file says that it is.
@@ -358,9 +341,9 @@ pub(crate) fn read_checked(path: &Path, entry: &Entry) -> Result<Vec<u8>, Datase
     if found == entry.blake3 {
         return Ok(bytes);
     }
-    Err(DatasetError::Hash {
-        path: path.to_owned(),
-        expected: entry.blake3.clone(),
-        found,
-    })
+    Err(DatasetError::Content(format!(
+        "{}: the file has changed since the data set was made (its hash is {found}, the index says {}): restore it, or make the data set again",
+        path.display(),
+        entry.blake3
+    )))
 }

@@ -87,10 +87,8 @@ impl DatasetPlan {
     pub(super) fn validate(&self) -> Result<(), DatasetError> {
         for split in Split::BOTH {
             let motions = self.motions(split).iter().map(String::as_str);
-            check_names(motions).map_err(|(motion, problem)| DatasetError::Motion {
-                motion: motion.to_owned(),
-                problem,
-            })?;
+            check_names(motions)
+                .map_err(|(motion, problem)| DatasetError::motion(motion, problem))?;
         }
         Ok(())
     }

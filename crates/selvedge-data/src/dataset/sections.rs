@@ -39,14 +39,8 @@ pub enum SectionRule {
 
 /// A trajectory cannot be cut as the rule says.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
-#[error(
-    "trajectory {motion} has {frames} frames, but the section rule needs at least {needed}: record a longer one, or leave it out"
-)]
-pub struct SectionError {
-    motion: String,
-    frames: usize,
-    needed: usize,
-}
+#[error("{0}")]
+pub struct SectionError(String);
 
 /// Frames that make a sample.
 pub(crate) const SAMPLE_FRAMES: usize = 3;
@@ -100,11 +94,9 @@ impl SectionRule {
             let last = ranges.iter().map(|range| range.1).max().unwrap_or(0);
             let needed = last.max(SAMPLE_FRAMES);
             if needed > frames {
-                return Err(SectionError {
-                    motion: motion.to_owned(),
-                    frames,
-                    needed,
-                });
+                return Err(SectionError(format!(
+                    "trajectory {motion} has {frames} frames, but the section rule needs at least {needed}: record a longer one, or leave it out"
+                )));
             }
             sections.extend(ranges.into_iter().map(|(start, end)| Section {
                 trajectory,

@@ -128,10 +128,8 @@ impl DatasetWriter {
         trajectory: &Trajectory,
     ) -> Result<(), DatasetError> {
         if !self.plan.motions(split).iter().any(|m| m == motion) {
-            return Err(DatasetError::Motion {
-                motion: motion.to_owned(),
-                problem: "is not in the plan of this split",
-            });
+            let problem = "is not in the plan of this split";
+            return Err(DatasetError::motion(motion, problem));
         }
         if split == Split::Train {
             let rule = self.plan.sections;
@@ -168,12 +166,14 @@ impl DatasetWriter {
         let done = self.entries_mut(split);
         done.retain(|other| other.motion != entry.motion);
         if let Some(twin) = self.twin_of(&entry) {
-            let path = self.folder.join(&entry.file);
-            let (entry, other) = (Box::new(entry), Box::new(twin.clone()));
+            let twins = DatasetError::Content(format!(
+                "motion {:?} ({}) is the same trajectory as motion {:?} ({}): leave one of them out",
+                entry.motion, entry.file, twin.motion, twin.file
+            ));
             // It is in no list: what cannot be taken away is only untidy.
-            let _ = std::fs::remove_file(&path);
+            let _ = std::fs::remove_file(self.folder.join(&entry.file));
             self.write_partial()?;
-            return Err(DatasetError::Twin { entry, other });
+            return Err(twins);
         }
         self.entries_mut(split).push(entry);
         self.write_partial()
@@ -185,10 +185,7 @@ impl DatasetWriter {
     /// [`DatasetError`] when a trajectory is missing or too short for its sections.
     pub fn finish(mut self) -> Result<Dataset, DatasetError> {
         if let Some((_, motion)) = self.missing().first() {
-            return Err(DatasetError::Motion {
-                motion: motion.clone(),
-                problem: "has not been written yet",
-            });
+            return Err(DatasetError::motion(motion, "has not been written yet"));
         }
         for split in Split::BOTH {
             let order = self.plan.motions(split).to_vec();
@@ -290,10 +287,7 @@ impl DatasetWriter {
     }
 
     fn folder_error(&self, problem: String) -> DatasetError {
-        DatasetError::Folder {
-            folder: self.folder.clone(),
-            problem,
-        }
+        DatasetError::Content(format!("{}: {problem}", self.folder.display()))
     }
 
     fn write_partial(&self) -> Result<(), DatasetError> {

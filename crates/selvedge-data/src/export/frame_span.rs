@@ -17,17 +17,8 @@ pub struct FrameSpan {
 
 /// Frames that there are not.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum FrameSpanError {
-    #[error("frame {frame} was asked for, but the run has the frames 0 to {last}")]
-    Missing { frame: usize, last: usize },
-    #[error("frames {first}..{last}: there are none, for the last is before the first")]
-    Empty { first: usize, last: usize },
-    #[error("every 0th frame was asked for: 1 is every frame")]
-    Every,
-    #[error("{text:?} says no frames: write 20..80 (both included), 20.., ..80, or one number")]
-    Text { text: String },
-}
+#[error("{0}")]
+pub struct FrameSpanError(String);
 
 impl Default for FrameSpan {
     fn default() -> Self {
@@ -44,8 +35,10 @@ impl FromStr for FrameSpan {
 
     /// Reads `20..80`, `20..`, `..80` or `20`; every one of them.
     fn from_str(text: &str) -> Result<Self, FrameSpanError> {
-        let wrong = || FrameSpanError::Text {
-            text: text.to_owned(),
+        let wrong = || {
+            FrameSpanError(format!(
+                "{text:?} says no frames: write 20..80 (both included), 20.., ..80, or one number"
+            ))
         };
         let number = |part: &str| match part.trim() {
             "" => Ok(None),
@@ -75,13 +68,18 @@ impl FrameSpan {
         let end = count.saturating_sub(1);
         let (first, last) = (self.first.unwrap_or(0), self.last.unwrap_or(end));
         if let Some(frame) = [first, last].into_iter().find(|&frame| frame > end) {
-            return Err(FrameSpanError::Missing { frame, last: end });
+            return Err(FrameSpanError(format!(
+                "frame {frame} was asked for, but the run has the frames 0 to {end}"
+            )));
         }
         if first > last {
-            return Err(FrameSpanError::Empty { first, last });
+            return Err(FrameSpanError(format!(
+                "frames {first}..{last}: there are none, for the last is before the first"
+            )));
         }
         if self.every == 0 {
-            return Err(FrameSpanError::Every);
+            let problem = "every 0th frame was asked for: 1 is every frame";
+            return Err(FrameSpanError(problem.to_owned()));
         }
         Ok((first..=last).step_by(self.every).collect())
     }

@@ -54,9 +54,9 @@ pub fn export(
     let take = Take::new(trajectory, options)?;
     let mut pulse = Pulse(observe);
     let written = match options.format {
-        ExportFormat::Usda => usd::write_text(&take, path, &mut pulse),
-        ExportFormat::Usdc => usd::write_crate(&take, path, &mut pulse),
-        ExportFormat::Usdz => usd::write_package(&take, path, &mut pulse),
+        format @ (ExportFormat::Usda | ExportFormat::Usdc | ExportFormat::Usdz) => {
+            usd::write(&take, path, format, &mut pulse)
+        }
         ExportFormat::Glb => glb::write(&take, path, &mut pulse),
         ExportFormat::Pc2 => point_cache::write(&take, path, &mut pulse),
         ExportFormat::Obj => obj::write_one(&take, path, &mut pulse),
@@ -83,13 +83,7 @@ pub fn planned_bytes(
     Ok(match options.format {
         ExportFormat::Glb => Some(glb::planned_bytes(&take)),
         ExportFormat::Pc2 => Some(point_cache::planned_bytes(&take)),
-        ExportFormat::Usda
-        | ExportFormat::Usdc
-        | ExportFormat::Usdz
-        | ExportFormat::Obj
-        | ExportFormat::ObjSequence
-        | ExportFormat::Abc
-        | ExportFormat::Npz => None,
+        _ => None,
     })
 }
 

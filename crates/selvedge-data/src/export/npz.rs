@@ -18,7 +18,6 @@
 //!
 //! The archive has no 64-bit extension: at most 4 GiB.
 
-use std::io::Write;
 use std::path::Path;
 
 use glam::Vec3;
@@ -28,7 +27,7 @@ use super::take::Take;
 use crate::UpAxis;
 use crate::formats::atomic::write_atomically;
 use crate::formats::npz::{EntryOut, archive_bytes, write_archive};
-use crate::formats::tensor_file::{Tensor, Values};
+use crate::formats::tensor_file::{TensorOut, TensorValues};
 use crate::trajectory::file::cloth_tensors;
 
 /// Writes the archive.
@@ -39,21 +38,12 @@ pub(super) fn write(
 ) -> Result<(), ExportError> {
     let entries = entries(take);
     check_size(".npz", archive_bytes(&entries), take.every)?;
-    Ok(write_archive_of(&entries, path, pulse)?)
-}
-
-fn write_archive_of(
-    entries: &[EntryOut<'_>],
-    path: &Path,
-    pulse: &mut Pulse<'_>,
-) -> Result<(), crate::WriteError> {
-    write_atomically(path, |out| {
-        write_archive(entries, out, &mut |name| match name {
+    Ok(write_atomically(path, |out| {
+        write_archive(&entries, out, &mut |name| match name {
             "positions" => pulse.beat(),
             _ => Ok(()),
-        })?;
-        out.flush()
-    })
+        })
+    })?)
 }
 
 fn entries<'a>(take: &'a Take<'_>) -> Vec<EntryOut<'a>> {
@@ -107,11 +97,13 @@ fn unchanging(
 
 /// Arrays of the cloth that do not change over time.
 fn of_cloth(take: &Take<'_>) -> Vec<EntryOut<'static>> {
-    let entry = |tensor: Tensor| {
+    let entry = |tensor: TensorOut<'_>| {
         let (kind, bytes) = match tensor.values {
-            Values::F64(values) => ("<f8", values.iter().flat_map(|v| v.to_le_bytes()).collect()),
-            Values::F32(values) => ("<f4", floats(values)),
-            Values::U32(values) => ("<i4", integers(&values)),
+            TensorValues::F64(values) => {
+                ("<f8", values.iter().flat_map(|v| v.to_le_bytes()).collect())
+            }
+            TensorValues::F32(values) => ("<f4", floats(values.iter().copied())),
+            TensorValues::U32(values) => ("<i4", integers(&values)),
         };
         unchanging(&tensor.name, kind, &tensor.shape, bytes)
     };
@@ -121,8 +113,16 @@ fn of_cloth(take: &Take<'_>) -> Vec<EntryOut<'static>> {
     };
     let fps = take.trajectory.frame_rate() / take.every as f64;
     let mut tensors = cloth_tensors(take.trajectory.cloth(), &take.rest_positions());
-    tensors.push(Tensor::new("fps", &[1], Values::F64(vec![fps])));
-    tensors.push(Tensor::new("up_axis", &[1], Values::U32(vec![up])));
+    tensors.push(TensorOut::new(
+        "fps",
+        &[1],
+        TensorValues::F64(vec![fps].into()),
+    ));
+    tensors.push(TensorOut::new(
+        "up_axis",
+        &[1],
+        TensorValues::U32(vec![up].into()),
+    ));
     tensors.into_iter().map(entry).collect()
 }
 

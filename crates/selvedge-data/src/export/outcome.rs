@@ -10,26 +10,12 @@ use crate::formats::atomic::WriteError;
 
 /// A trajectory that was not exported; what was there before still is.
 #[derive(Debug, Error)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
+#[allow(missing_docs, reason = "each message says all")]
 pub enum ExportError {
     #[error(transparent)]
     Frames(#[from] FrameSpanError),
-    #[error(
-        "{format} would have {bytes} bytes, more than the 4 GiB that the format can hold: {remedy}"
-    )]
-    TooLarge {
-        format: &'static str,
-        bytes: u64,
-        remedy: String,
-    },
-    #[error(
-        "an .obj file holds one frame, and {frames} were asked for: choose one, or a folder for all of them"
-    )]
-    OneFrame { frames: usize },
-    #[error("glTF has y up: the axis cannot be chosen")]
-    YUp,
-    #[error("the format has no velocities: leave them out, or take USD or Alembic")]
-    NoVelocities,
+    #[error("{0}")]
+    Refused(String),
     #[error(transparent)]
     Write(#[from] WriteError),
 }
@@ -64,20 +50,12 @@ pub(super) fn is_stop(error: &io::Error) -> bool {
 
 /// An error where `bytes`, of every `every`th frame, are more than lengths of 32 bits can say, with
 /// the thinning that helps.
-pub(super) fn check_size(
-    format: &'static str,
-    bytes: u64,
-    every: usize,
-) -> Result<(), ExportError> {
+pub(super) fn check_size(format: &str, bytes: u64, every: usize) -> Result<(), ExportError> {
     if bytes <= LARGEST {
         return Ok(());
     }
     let every = every as u64 * bytes.div_ceil(LARGEST);
-    Err(ExportError::TooLarge {
-        format,
-        bytes,
-        remedy: format!(
-            "take every {every}th frame, or fewer frames, or .usda, which has no limit"
-        ),
-    })
+    Err(ExportError::Refused(format!(
+        "{format} would have {bytes} bytes, more than the 4 GiB that the format can hold: take every {every}th frame, or fewer frames, or .usda, which has no limit"
+    )))
 }

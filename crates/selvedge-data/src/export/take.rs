@@ -28,14 +28,21 @@ impl<'a> Take<'a> {
         options: &ExportOptions,
     ) -> Result<Self, ExportError> {
         let frames = options.frames.of(trajectory.frame_count())?;
+        let refused = |problem: &str| Err(ExportError::Refused(problem.to_owned()));
         match options.format {
             format if format.holds_one_frame() && frames.len() > 1 => {
-                let frames = frames.len();
-                return Err(ExportError::OneFrame { frames });
+                return refused(&format!(
+                    "an .obj file holds one frame, and {} were asked for: choose one, or a folder for all of them",
+                    frames.len()
+                ));
             }
-            ExportFormat::Glb if options.up == UpAxis::Z => return Err(ExportError::YUp),
+            ExportFormat::Glb if options.up == UpAxis::Z => {
+                return refused("glTF has y up: the axis cannot be chosen");
+            }
             format if !format.has_velocities() && options.velocities => {
-                return Err(ExportError::NoVelocities);
+                return refused(
+                    "the format has no velocities: leave them out, or take USD or Alembic",
+                );
             }
             _ => {}
         }

@@ -54,11 +54,17 @@ impl TrajectoryParts {
     /// # Errors
     /// [`ForeignProblem`] names the face, vertex or frame that does not fit.
     pub fn trajectory(self) -> Result<Trajectory, ForeignProblem> {
+        self.made().map_err(ForeignProblem)
+    }
+
+    fn made(self) -> Result<Trajectory, String> {
         let vertices = self.material.len();
         self.check()?;
-        let handles = Handles::new(&self.handles, vertices)?;
+        let handles = Handles::new(&self.handles, vertices);
+        let handles = handles.map_err(|error| format!("the handles: {error}"))?;
         let faces = counter_clockwise(self.faces, &self.material)?;
-        let mesh = Mesh::new(&faces, self.material, self.rest)?;
+        let mesh = Mesh::new(&faces, self.material, self.rest);
+        let mesh = mesh.map_err(|error| format!("the mesh: {error}"))?;
         let density = match self.weight {
             Weight::Density(density) => density,
             Weight::Given { .. } => 1.0,
@@ -78,7 +84,8 @@ impl TrajectoryParts {
             vertex_mass,
             face_area,
         };
-        let cloth = Cloth::new(mesh.topology().clone(), handles, arrays)?;
+        let cloth = Cloth::new(mesh.topology().clone(), handles, arrays);
+        let cloth = cloth.map_err(|error| error.to_string())?;
         let positions: Vec<Vec3> = self.positions.iter().map(|p| p.as_vec3()).collect();
         let program = concat!("selvedge ", env!("CARGO_PKG_VERSION"));
         let provenance = Provenance {
@@ -86,18 +93,18 @@ impl TrajectoryParts {
             scene: Value::Null,
             made_by: format!("{program}, {}", self.made_by),
         };
-        Ok(Trajectory::new(cloth, positions, provenance)?)
+        Trajectory::new(cloth, positions, provenance).map_err(|error| error.to_string())
     }
 
     /// Checks that faces name vertices that exist, and that no vertex is beyond all bounds.
-    fn check(&self) -> Result<(), ForeignProblem> {
+    fn check(&self) -> Result<(), String> {
         let vertices = self.material.len();
         let corners = self.faces.iter().enumerate();
         let mut corners = corners.flat_map(|(face, corners)| corners.map(|vertex| (face, vertex)));
         if let Some((face, vertex)) = corners.find(|(_, vertex)| *vertex as usize >= vertices) {
-            return Err(ForeignProblem::Layout(format!(
+            return Err(format!(
                 "face {face} names vertex {vertex}, but there are {vertices} vertices, numbered from 0"
-            )));
+            ));
         }
         check_near("the rest pose", &self.rest)?;
         let frames = self.positions.chunks(vertices.max(1)).enumerate();
@@ -110,14 +117,14 @@ impl TrajectoryParts {
 
 /// Checks that `positions` `[m]` are near the origin. Positions that are not finite have an error
 /// of their own.
-fn check_near(place: &str, positions: &[DVec3]) -> Result<(), ForeignProblem> {
+fn check_near(place: &str, positions: &[DVec3]) -> Result<(), String> {
     let is_far = |p: &DVec3| p.is_finite() && p.abs().max_element() > FARTHEST;
     match positions.iter().position(is_far) {
         None => Ok(()),
-        Some(vertex) => Err(ForeignProblem::Layout(format!(
+        Some(vertex) => Err(format!(
             "{place}: vertex {vertex} is at {} m, more than {FARTHEST} m from the origin: positions must be in metres",
             positions[vertex]
-        ))),
+        )),
     }
 }
 
@@ -134,10 +141,7 @@ pub(super) fn hanging(material: &[DVec2]) -> Vec<DVec3> {
 }
 
 /// `faces` turned round where all of them are clockwise in material space.
-fn counter_clockwise(
-    faces: Vec<[u32; 3]>,
-    material: &[DVec2],
-) -> Result<Vec<[u32; 3]>, ForeignProblem> {
+fn counter_clockwise(faces: Vec<[u32; 3]>, material: &[DVec2]) -> Result<Vec<[u32; 3]>, String> {
     let corner = |v: u32| material[v as usize];
     let is_clockwise = |face: &[u32; 3]| {
         let [a, b, c] = face.map(corner);
@@ -145,22 +149,22 @@ fn counter_clockwise(
     };
     let first = faces.first().is_some_and(is_clockwise);
     if let Some(face) = faces.iter().position(|face| is_clockwise(face) != first) {
-        return Err(ForeignProblem::Layout(format!(
+        return Err(format!(
             "face {face} is clockwise in material space, others are not: turn all one way"
-        )));
+        ));
     }
     let turn = |[a, b, c]: [u32; 3]| if first { [a, c, b] } else { [a, b, c] };
     Ok(faces.into_iter().map(turn).collect())
 }
 
-fn check_area(area: &[f32], expected: f64) -> Result<(), ForeignProblem> {
+fn check_area(area: &[f32], expected: f64) -> Result<(), String> {
     let found: f64 = area.iter().map(|&a| f64::from(a)).sum();
     if (found - expected).abs() <= AREA_TOLERANCE * expected {
         return Ok(());
     }
-    Err(ForeignProblem::Layout(format!(
+    Err(format!(
         "the faces have {found} m² in all, but {expected} m² in material space: texture coordinates must be in metres"
-    )))
+    ))
 }
 
 fn rounded(values: &[f64]) -> Vec<f32> {

@@ -1,31 +1,26 @@
 //! Errors of foreign data: always with the file.
 
-use selvedge_cloth::{ClothError, HandleError, MeshError};
+use std::fmt::Display;
+use std::path::Path;
+
 use thiserror::Error;
 
 use crate::formats::file_error::FileError;
-use crate::formats::polygons::ReadMeshError;
-use crate::trajectory::TrajectoryError;
 
 /// Foreign data that cannot be imported, with the file or folder.
 pub type ForeignError = FileError<ForeignProblem>;
 
 /// A problem of foreign data.
 #[derive(Debug, Error)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum ForeignProblem {
-    #[error("could not be read: {0}")]
-    Read(#[source] std::io::Error),
-    #[error("{0}")]
-    Layout(String),
-    #[error("the mesh: {0}")]
-    Mesh(#[from] MeshError),
-    #[error("the handles: {0}")]
-    Handles(#[from] HandleError),
-    #[error(transparent)]
-    Trajectory(#[from] TrajectoryError),
-    #[error(transparent)]
-    Cloth(#[from] ClothError),
-    #[error(transparent)]
-    Obj(#[from] ReadMeshError),
+#[error("{0}")]
+pub struct ForeignProblem(pub(super) String);
+
+/// A problem of the file or folder at `path`.
+pub(super) fn at(path: &Path, problem: impl Display) -> ForeignError {
+    FileError::at(path)(ForeignProblem(problem.to_string()))
+}
+
+/// A file or folder that could not be read.
+pub(super) fn unread(path: &Path) -> impl Fn(std::io::Error) -> ForeignError {
+    move |error| at(path, format!("could not be read: {error}"))
 }

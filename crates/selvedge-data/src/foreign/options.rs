@@ -4,9 +4,8 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use super::error::{ForeignError, ForeignProblem};
+use super::error::{ForeignError, unread};
 use crate::UpAxis;
-use crate::formats::file_error::FileError;
 use crate::formats::hash::hash;
 use crate::formats::input::read_file;
 
@@ -77,8 +76,7 @@ impl RestSource {
 
 /// The file of an option as the configuration names it: with the hash of its bytes.
 pub(super) fn describe_file(path: &Path) -> Result<Value, ForeignError> {
-    let bytes = read_file(path).map_err(ForeignProblem::Read);
-    let bytes = bytes.map_err(FileError::at(path))?;
+    let bytes = read_file(path).map_err(unread(path))?;
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     Ok(json!({ "file": name, "blake3": hash(&bytes) }))
 }

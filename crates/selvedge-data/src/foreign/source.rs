@@ -6,12 +6,11 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use super::cache::is_cache;
-use super::error::{ForeignError, ForeignProblem};
+use super::error::{ForeignError, at, unread};
 use super::options::ImportOptions;
 use crate::dataset::Split;
 use crate::dataset::plan::DatasetPlan;
 use crate::dataset::sections::SectionRule;
-use crate::formats::file_error::FileError;
 use crate::formats::retired::retired;
 use crate::trajectory::Trajectory;
 
@@ -43,7 +42,7 @@ impl ForeignSource {
     /// # Errors
     /// [`ForeignError`] names the file or the option.
     pub fn open(folder: &Path, options: &ImportOptions) -> Result<Self, ForeignError> {
-        options.check().map_err(FileError::at(folder))?;
+        options.check().map_err(|problem| at(folder, problem))?;
         let runs = runs_in(folder, &options.test)?;
         let import = options.describe()?;
         let named = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
@@ -85,20 +84,19 @@ impl ForeignSource {
     /// [`ForeignError`] names the file, and what in it cannot be used.
     pub fn read(&self, run: &ForeignRun) -> Result<Trajectory, ForeignError> {
         let parts = self.options.read(&run.path)?;
-        parts.trajectory().map_err(FileError::at(&run.path))
+        parts.trajectory().map_err(|problem| at(&run.path, problem))
     }
 }
 
 /// The trajectories in `folder`; those named in `test` become the test split.
 fn runs_in(folder: &Path, test: &[String]) -> Result<Vec<ForeignRun>, ForeignError> {
-    let wrong = |problem: String| FileError::at(folder)(ForeignProblem::Layout(problem));
     let [train_folder, test_folder] = ["train", "test"].map(|name| folder.join(name));
     let mut runs = Vec::new();
     if train_folder.is_dir() || test_folder.is_dir() {
         check_alone(folder)?;
         if !test.is_empty() {
             let problem = "has folders train and test, which say what to test on: leave `test` out";
-            return Err(wrong(problem.to_owned()));
+            return Err(at(folder, problem));
         }
         for (split, path) in [(Split::Train, train_folder), (Split::Test, test_folder)] {
             if path.is_dir() {
@@ -113,12 +111,15 @@ fn runs_in(folder: &Path, test: &[String]) -> Result<Vec<ForeignRun>, ForeignErr
         runs = runs_of(folder, split)?;
         let is_there = |name: &&String| runs.iter().any(|run| run.name == **name);
         if let Some(name) = test.iter().find(|name| !is_there(name)) {
-            return Err(wrong(format!("`test` names {name:?}, which is not there")));
+            return Err(at(
+                folder,
+                format!("`test` names {name:?}, which is not there"),
+            ));
         }
     }
     if runs.is_empty() {
         let problem = "has no cache: .usda, .usdc, .usdz, .glb, or .pc2, .npz with an .obj";
-        return Err(wrong(problem.to_owned()));
+        return Err(at(folder, problem));
     }
     Ok(runs)
 }
@@ -131,9 +132,7 @@ fn check_alone(folder: &Path) -> Result<(), ForeignError> {
         None => Ok(()),
         Some(path) => {
             let problem = "stands beside train and test, and is neither: put what is in it into one of them, or move it elsewhere";
-            Err(FileError::at(path)(ForeignProblem::Layout(
-                problem.to_owned(),
-            )))
+            Err(at(path, problem))
         }
     }
 }
@@ -144,8 +143,7 @@ fn entries_in(folder: &Path) -> Result<Vec<PathBuf>, ForeignError> {
         let paths = entries.map(|entry| Ok(entry?.path()));
         paths.collect::<std::io::Result<Vec<PathBuf>>>()
     });
-    let mut entries =
-        entries.map_err(|error| FileError::at(folder)(ForeignProblem::Read(error)))?;
+    let mut entries = entries.map_err(unread(folder))?;
     let is_hidden = |path: &PathBuf| {
         let name = path.file_name().unwrap_or_default();
         name.to_string_lossy().starts_with('.')
@@ -163,8 +161,7 @@ fn caches_in(folder: &Path) -> Result<Vec<PathBuf>, ForeignError> {
         None => Ok(files),
         Some(path) => {
             let known = "is no cache that can be read (.usda, .usdc, .usdz, .glb, .pc2, .npz): move it elsewhere";
-            let problem = retired(path).unwrap_or(known).to_owned();
-            Err(FileError::at(path)(ForeignProblem::Layout(problem)))
+            Err(at(path, retired(path).unwrap_or(known)))
         }
     }
 }

@@ -1,31 +1,24 @@
 //! Arrays by name, from .safetensors or NumPy's archive (.npz) alike.
 
 use std::collections::HashMap;
+use std::fmt::Display;
 
 use safetensors::{SafeTensorError, SafeTensors};
 use thiserror::Error;
 
-use super::npz::{Npz, NpzError};
+use super::npz::Npz;
 use super::tensor_file::read_header;
 
 /// A file without the arrays that are asked for.
 #[derive(Debug, Error)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum ArrayError {
-    #[error(
-        "is no complete safetensors file ({0}): it may have been cut short, or be another format"
-    )]
-    Container(#[source] SafeTensorError),
-    #[error(transparent)]
-    Npz(#[from] NpzError),
-    #[error("has no array named {name} (found {found})")]
-    Missing { name: String, found: String },
-    #[error("array {name}: expected {expected}, found {found}")]
-    Array {
-        name: String,
-        expected: String,
-        found: String,
-    },
+#[error("{0}")]
+pub struct ArrayError(String);
+
+impl ArrayError {
+    /// The array of this name is not as `expected`.
+    pub(crate) fn array(name: &str, expected: &str, found: impl Display) -> Self {
+        Self(format!("array {name}: expected {expected}, found {found}"))
+    }
 }
 
 /// Either container.
@@ -36,7 +29,7 @@ pub(crate) enum ArrayFile<'a> {
 
 /// An array.
 pub(crate) struct Array<T> {
-    name: String,
+    pub(crate) name: String,
     /// Type of its elements in the file.
     kind: String,
     /// Dimensions, slowest first.
@@ -61,11 +54,8 @@ impl<T> Array<T> {
 
     /// The error that its type and shape are not as `expected`.
     pub(crate) fn wrong(&self, expected: &str) -> ArrayError {
-        ArrayError::Array {
-            name: self.name.clone(),
-            expected: expected.to_owned(),
-            found: format!("{} {:?}", self.kind, self.shape),
-        }
+        let found = format!("{} {:?}", self.kind, self.shape);
+        ArrayError::array(&self.name, expected, found)
     }
 }
 
@@ -74,15 +64,20 @@ impl<'a> ArrayFile<'a> {
     pub(crate) fn safetensors(
         bytes: &'a [u8],
     ) -> Result<(Self, HashMap<String, String>), ArrayError> {
-        let header = read_header(bytes).map_err(ArrayError::Container)?;
-        let file = SafeTensors::deserialize(bytes).map_err(ArrayError::Container)?;
+        let wrong = |error: SafeTensorError| {
+            ArrayError(format!(
+                "is no complete safetensors file ({error}): it may have been cut short, or be another format"
+            ))
+        };
+        let header = read_header(bytes).map_err(wrong)?;
+        let file = SafeTensors::deserialize(bytes).map_err(wrong)?;
         let metadata = header.metadata().clone().unwrap_or_default();
         Ok((Self::Safetensors(file), metadata))
     }
 
     /// The arrays in the bytes of an .npz.
     pub(crate) fn npz(bytes: &'a [u8]) -> Result<Self, ArrayError> {
-        Ok(Self::Npz(Npz::open(bytes)?))
+        Npz::open(bytes).map(Self::Npz).map_err(ArrayError)
     }
 
     /// The names of all arrays, sorted.
@@ -130,11 +125,8 @@ impl<'a> ArrayFile<'a> {
             _ => None,
         })?;
         let whole = |value: i64| {
-            u32::try_from(value).map_err(|_| ArrayError::Array {
-                name: name.to_owned(),
-                expected: "numbers from 0 to 4294967295".to_owned(),
-                found: value.to_string(),
-            })
+            let expected = "numbers from 0 to 4294967295";
+            u32::try_from(value).map_err(|_| ArrayError::array(name, expected, value))
         };
         let values = read.values.into_iter().map(whole);
         Ok(Array {
@@ -153,18 +145,15 @@ impl<'a> ArrayFile<'a> {
         expected: &str,
         decode: impl Fn(&str, &[u8]) -> Option<Vec<T>>,
     ) -> Result<Array<T>, ArrayError> {
-        let missing = || ArrayError::Missing {
-            name: name.to_owned(),
-            found: self.names().join(", "),
+        let missing = || {
+            let found = self.names().join(", ");
+            ArrayError(format!("has no array named {name} (found {found})"))
         };
+        let within = |problem: String| ArrayError(format!("array {name}: {problem}"));
         let (kind, shape, values) = match self {
             Self::Npz(file) => {
-                let array = file.array(name)?.ok_or_else(missing)?;
-                let data = array.data().map_err(|source| NpzError::Array {
-                    name: name.to_owned(),
-                    source,
-                })?;
-                let values = decode(&array.kind, data);
+                let array = file.array(name).map_err(within)?.ok_or_else(missing)?;
+                let values = decode(&array.kind, array.data().map_err(within)?);
                 (array.kind, array.shape, values)
             }
             Self::Safetensors(file) => {

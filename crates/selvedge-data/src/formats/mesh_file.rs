@@ -40,15 +40,12 @@ pub(crate) fn parse_mesh_bytes(
         }
         (Some(_), None) => {
             let known = "is no kind of mesh that can be read: .obj, .glb, .usda, .usdc or .usdz";
-            let problem = retired(path).unwrap_or(known).to_owned();
-            return Err(MeshFileError::Content { problem });
+            return Err(MeshFileError::content(retired(path).unwrap_or(known)));
         }
     };
     let mut polygons = polygons(bytes, format).map_err(|error| match error {
         RigError::NoMesh(left) if left.is_empty() => MeshFileError::NoMesh,
-        other => MeshFileError::Content {
-            problem: other.to_string(),
-        },
+        other => MeshFileError::content(other),
     })?;
     sew(&mut polygons, sewing)?;
     // These formats split vertices along seams.

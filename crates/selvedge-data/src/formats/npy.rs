@@ -4,8 +4,6 @@
 //! Format: numpy's `numpy/lib/format.py`, versions 1 to 3, in C order. A reader of our own: the ones there are bring a parser generator for this one line of
 //! Python.
 
-use thiserror::Error;
-
 const MAGIC: &[u8] = b"\x93NUMPY";
 
 /// An array whose header has been understood.
@@ -19,34 +17,18 @@ pub(crate) struct Array {
     data: Vec<u8>,
 }
 
-/// A problem of an array.
-#[derive(Clone, Debug, Error, PartialEq, Eq)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum NpyError {
-    #[error("is no .npy file: it does not begin with \\x93NUMPY")]
-    Magic,
-    #[error("is .npy of version {found}, known are 1, 2 and 3")]
-    Version { found: u8 },
-    #[error("ends at byte {found}, within its header, which needs {expected}")]
-    Header { expected: usize, found: usize },
-    #[error("its header cannot be understood: {0}")]
-    Dictionary(String),
-    #[error("is in Fortran order: save it as numpy.ascontiguousarray(array)")]
-    Fortran,
-    #[error(
-        "has {found} bytes of data, but its shape needs {expected}: it was cut short or changed"
-    )]
-    Length { expected: String, found: usize },
-}
-
 impl Array {
     /// The array in the bytes of a file.
-    pub(crate) fn parse(bytes: &[u8]) -> Result<Self, NpyError> {
-        let short = |expected| NpyError::Header {
-            expected,
-            found: bytes.len(),
+    ///
+    /// # Errors
+    /// The defect, as the end of a sentence.
+    pub(crate) fn parse(bytes: &[u8]) -> Result<Self, String> {
+        let short = |expected: usize| {
+            let found = bytes.len();
+            format!("ends at byte {found}, within its header, which needs {expected}")
         };
-        let rest = bytes.strip_prefix(MAGIC).ok_or(NpyError::Magic)?;
+        let rest = bytes.strip_prefix(MAGIC);
+        let rest = rest.ok_or("is no .npy file: it does not begin with \\x93NUMPY")?;
         let &[version, _, ref rest @ ..] = rest else {
             return Err(short(MAGIC.len() + 2));
         };
@@ -54,12 +36,13 @@ impl Array {
             (1, &[a, b, ..]) => (usize::from(u16::from_le_bytes([a, b])), 10),
             (2 | 3, &[a, b, c, d, ..]) => (u32::from_le_bytes([a, b, c, d]) as usize, 12),
             (1..=3, _) => return Err(short(12)),
-            (found, _) => return Err(NpyError::Version { found }),
+            (found, _) => {
+                return Err(format!("is .npy of version {found}, known are 1, 2 and 3"));
+            }
         };
         let end = start + length;
         let header = bytes.get(start..end).ok_or_else(|| short(end))?;
-        let header = std::str::from_utf8(header)
-            .map_err(|_| NpyError::Dictionary("it is no text".to_owned()))?;
+        let header = std::str::from_utf8(header).map_err(|_| unclear("it is no text"))?;
         let (kind, shape) = parse_header(header)?;
         let data = bytes[end..].to_vec();
         Ok(Self { kind, shape, data })
@@ -67,7 +50,7 @@ impl Array {
 
     /// The bytes of the elements, which must be as many as the shape needs. The size of an element
     /// is known of the types that are read.
-    pub(crate) fn data(&self) -> Result<&[u8], NpyError> {
+    pub(crate) fn data(&self) -> Result<&[u8], String> {
         let size = match self.kind.as_str() {
             "<f8" | "<i8" => 8,
             "<f4" | "<i4" | "<u4" => 4,
@@ -78,16 +61,21 @@ impl Array {
         if count == Some(self.data.len()) {
             return Ok(&self.data);
         }
-        Err(NpyError::Length {
-            expected: count.map_or_else(|| "more than there can be".to_owned(), |n| n.to_string()),
-            found: self.data.len(),
-        })
+        Err(format!(
+            "has {} bytes of data, but its shape needs {}: it was cut short or changed",
+            self.data.len(),
+            count.map_or_else(|| "more than there can be".to_owned(), |n| n.to_string())
+        ))
     }
 }
 
+fn unclear(problem: impl std::fmt::Display) -> String {
+    format!("its header cannot be understood: {problem}")
+}
+
 /// Element type and shape of `{'descr': '<f4', 'fortran_order': False, 'shape': (3, 2), }`.
-fn parse_header(text: &str) -> Result<(String, Vec<usize>), NpyError> {
-    let missing = |key: &str| NpyError::Dictionary(format!("{key} is missing in {text:?}"));
+fn parse_header(text: &str) -> Result<(String, Vec<usize>), String> {
+    let missing = |key: &str| unclear(format!("{key} is missing in {text:?}"));
     let after = |key: &str| {
         let at = text.find(&format!("'{key}'"))?;
         text[at + key.len() + 2..].trim_start().strip_prefix(':')
@@ -97,12 +85,11 @@ fn parse_header(text: &str) -> Result<(String, Vec<usize>), NpyError> {
         .trim_start()
         .strip_prefix('\'')
         .and_then(|k| k.split_once('\''));
-    let (kind, _) = kind.ok_or_else(|| {
-        NpyError::Dictionary("its 'descr' is no single type of number".to_owned())
-    })?;
+    let (kind, _) = kind.ok_or_else(|| unclear("its 'descr' is no single type of number"))?;
     let order = after("fortran_order").ok_or_else(|| missing("'fortran_order'"))?;
     if order.trim_start().starts_with("True") {
-        return Err(NpyError::Fortran);
+        let problem = "is in Fortran order: save it as numpy.ascontiguousarray(array)";
+        return Err(problem.to_owned());
     }
     let shape = after("shape").ok_or_else(|| missing("'shape'"))?;
     let shape = shape
@@ -112,14 +99,14 @@ fn parse_header(text: &str) -> Result<(String, Vec<usize>), NpyError> {
     let (shape, _) = shape.ok_or_else(|| missing("a tuple for 'shape'"))?;
     let lengths = shape.split(',').map(str::trim).filter(|s| !s.is_empty());
     let lengths: Result<Vec<usize>, _> = lengths.map(str::parse).collect();
-    let lengths = lengths.map_err(|_| NpyError::Dictionary(format!("'shape' is ({shape})")))?;
+    let lengths = lengths.map_err(|_| unclear(format!("'shape' is ({shape})")))?;
     Ok((kind.to_owned(), lengths))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::test_help::table;
+    use crate::test_help::{says, table};
 
     /// A file of version 1 with this header.
     fn file(header: &str, data: &[u8]) -> Vec<u8> {
@@ -130,7 +117,7 @@ mod tests {
     const HEADER: &str = "{'descr': '<i4', 'fortran_order': False, 'shape': (2, 1), }";
 
     /// Type, shape and number of bytes of an array.
-    fn read(bytes: &[u8]) -> Result<(String, Vec<usize>, usize), NpyError> {
+    fn read(bytes: &[u8]) -> Result<(String, Vec<usize>, usize), String> {
         let array = Array::parse(bytes)?;
         let length = array.data()?.len();
         Ok((array.kind, array.shape, length))
@@ -154,12 +141,11 @@ mod tests {
         "#;
         for [from, to, expected] in table(cases) {
             let bytes = file(&HEADER.replace(from, to), &[0; 8]);
-            let found = read(&bytes).unwrap_err().to_string();
-            assert!(found.contains(expected), "{found} lacks {expected}");
+            says(read(&bytes).unwrap_err(), &[expected]);
         }
-        assert_eq!(read(b""), Err(NpyError::Magic));
+        says(read(b"").unwrap_err(), &["does not begin with \\x93NUMPY"]);
         let version = [MAGIC, &[9, 0]].concat();
-        assert_eq!(read(&version), Err(NpyError::Version { found: 9 }));
+        says(read(&version).unwrap_err(), &["is .npy of version 9"]);
     }
 
     #[test]

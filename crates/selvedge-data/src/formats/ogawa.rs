@@ -20,18 +20,20 @@ pub(crate) const NO_DATA: u64 = DATA;
 /// A group of no children.
 pub(crate) const NO_GROUP: u64 = 0;
 
+/// A file that is written.
+pub(crate) trait Sink: Write + Seek {}
+
+impl<W: Write + Seek> Sink for W {}
+
 /// A container under way.
-pub(crate) struct OgawaOut<'a, W> {
-    out: &'a mut W,
+pub(crate) struct OgawaOut<'a> {
+    out: &'a mut dyn Sink,
     at: u64,
 }
 
-impl<'a, W: Write + Seek> OgawaOut<'a, W> {
+impl<'a> OgawaOut<'a> {
     /// Begins a container in an empty file.
-    ///
-    /// # Errors
-    /// Those of writing, as all of its functions.
-    pub(crate) fn new(out: &'a mut W) -> io::Result<Self> {
+    pub(crate) fn new(out: &'a mut dyn Sink) -> io::Result<Self> {
         out.write_all(MAGIC)?;
         out.write_all(&[0; 8])?;
         Ok(Self { out, at: 16 })

@@ -149,14 +149,7 @@ mod tests {
     use std::time::SystemTime;
 
     use super::*;
-
-    fn names_in(folder: &Path) -> Vec<String> {
-        let entries = fs::read_dir(folder).unwrap();
-        let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());
-        let mut names: Vec<String> = names.collect();
-        names.sort();
-        names
-    }
+    use crate::formats::atomic::tests::names_in;
 
     /// As if a minute had gone by since.
     fn age(path: &Path) {

@@ -7,6 +7,7 @@
 //! such that each starts aligned (f64 before the rest). Reading is the crate's, except that
 //! [`read_header`] refuses names that stand twice, of which the crate takes the last.
 
+use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::io::Write;
@@ -73,7 +74,7 @@ impl<'de> Visitor<'de> for Keys {
 #[derive(Clone, Debug)]
 pub struct TensorOut<'a> {
     /// Name of the tensor in the file.
-    pub name: &'a str,
+    pub name: Cow<'a, str>,
     /// Dimensions, slowest first.
     pub shape: Vec<usize>,
     /// Elements in row-major order.
@@ -81,81 +82,48 @@ pub struct TensorOut<'a> {
 }
 
 /// Elements of a tensor.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub enum TensorValues<'a> {
     /// 64-bit floating point.
-    F64(&'a [f64]),
+    F64(Cow<'a, [f64]>),
     /// 32-bit floating point.
-    F32(&'a [f32]),
+    F32(Cow<'a, [f32]>),
     /// 32-bit unsigned integers.
-    U32(&'a [u32]),
+    U32(Cow<'a, [u32]>),
 }
 
-impl TensorValues<'_> {
-    fn dtype(self) -> &'static str {
-        match self {
-            Self::F64(_) => "F64",
-            Self::F32(_) => "F32",
-            Self::U32(_) => "U32",
-        }
-    }
-
-    fn byte_len(self) -> usize {
-        match self {
-            Self::F64(values) => 8 * values.len(),
-            Self::F32(values) => 4 * values.len(),
-            Self::U32(values) => 4 * values.len(),
-        }
-    }
-
-    fn write(self, writer: &mut impl Write) -> std::io::Result<()> {
-        match self {
-            Self::F64(values) => values
-                .iter()
-                .try_for_each(|v| writer.write_all(&v.to_le_bytes())),
-            Self::F32(values) => values
-                .iter()
-                .try_for_each(|v| writer.write_all(&v.to_le_bytes())),
-            Self::U32(values) => values
-                .iter()
-                .try_for_each(|v| writer.write_all(&v.to_le_bytes())),
-        }
-    }
-}
-
-/// A tensor with values of its own.
-pub(crate) struct Tensor {
-    pub(crate) name: String,
-    pub(crate) shape: Vec<usize>,
-    pub(crate) values: Values,
-}
-
-/// Elements of a tensor.
-pub(crate) enum Values {
-    F64(Vec<f64>),
-    F32(Vec<f32>),
-    U32(Vec<u32>),
-}
-
-impl Tensor {
-    pub(crate) fn new(name: impl Into<String>, shape: &[usize], values: Values) -> Self {
+impl<'a> TensorOut<'a> {
+    /// A tensor of this name, shape and values.
+    pub fn new(name: impl Into<Cow<'a, str>>, shape: &[usize], values: TensorValues<'a>) -> Self {
         Self {
             name: name.into(),
             shape: shape.to_vec(),
             values,
         }
     }
+}
 
-    /// The tensor as it is written.
-    pub(crate) fn out(&self) -> TensorOut<'_> {
-        TensorOut {
-            name: &self.name,
-            shape: self.shape.clone(),
-            values: match &self.values {
-                Values::F64(values) => TensorValues::F64(values),
-                Values::F32(values) => TensorValues::F32(values),
-                Values::U32(values) => TensorValues::U32(values),
-            },
+impl TensorValues<'_> {
+    /// Type and size in bytes.
+    fn kind(&self) -> (&'static str, usize) {
+        match self {
+            Self::F64(values) => ("F64", 8 * values.len()),
+            Self::F32(values) => ("F32", 4 * values.len()),
+            Self::U32(values) => ("U32", 4 * values.len()),
+        }
+    }
+
+    fn write(&self, out: &mut impl Write) -> std::io::Result<()> {
+        match self {
+            Self::F64(values) => values
+                .iter()
+                .try_for_each(|v| out.write_all(&v.to_le_bytes())),
+            Self::F32(values) => values
+                .iter()
+                .try_for_each(|v| out.write_all(&v.to_le_bytes())),
+            Self::U32(values) => values
+                .iter()
+                .try_for_each(|v| out.write_all(&v.to_le_bytes())),
         }
     }
 }
@@ -192,13 +160,14 @@ fn header(tensors: &[TensorOut<'_>], metadata: &BTreeMap<&str, String>) -> Vec<u
     entries.insert(METADATA.to_owned(), json!(metadata));
     let mut start = 0;
     for tensor in tensors {
-        let end = start + tensor.values.byte_len();
+        let (kind, length) = tensor.values.kind();
+        let end = start + length;
         let entry = json!({
-            "dtype": tensor.values.dtype(),
+            "dtype": kind,
             "shape": tensor.shape,
             "data_offsets": [start, end],
         });
-        entries.insert(tensor.name.to_owned(), entry);
+        entries.insert(tensor.name.to_string(), entry);
         start = end;
     }
     let mut header = Value::Object(entries).to_string().into_bytes();

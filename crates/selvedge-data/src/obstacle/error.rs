@@ -5,16 +5,13 @@ use thiserror::Error;
 
 /// An obstacle of a scene that cannot be made.
 #[derive(Debug, Error)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum ObstacleSpecError {
-    #[error("obstacles[{name:?}].{field}: {problem}")]
-    Field {
-        name: String,
-        field: &'static str,
-        problem: String,
-    },
-    #[error(transparent)]
-    Obstacle(#[from] ObstacleError),
+#[error("{0}")]
+pub struct ObstacleSpecError(String);
+
+impl From<ObstacleError> for ObstacleSpecError {
+    fn from(error: ObstacleError) -> Self {
+        Self(error.to_string())
+    }
 }
 
 /// A problem of a field of an obstacle that does not know whose it is.
@@ -25,10 +22,6 @@ impl Problem {
     /// The problem as one of the obstacle of this name.
     pub(super) fn of(self, name: &str) -> ObstacleSpecError {
         let Self(field, problem) = self;
-        ObstacleSpecError::Field {
-            name: name.to_owned(),
-            field,
-            problem,
-        }
+        ObstacleSpecError(format!("obstacles[{name:?}].{field}: {problem}"))
     }
 }

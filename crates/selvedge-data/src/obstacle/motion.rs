@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::body::BodySpec;
 use super::error::Problem;
 use super::read::{self, Frames, Kind, Sequence, moving_points};
+use crate::formats::hash::{check_hash, hash};
 use crate::rig::Rig;
 
 /// Longest motion by keyframes `[s]`, as of handles.
@@ -143,7 +144,7 @@ impl FramesFile {
     pub(super) fn now(path: String, first: Option<usize>, folder: &Path) -> Result<Self, Problem> {
         let blake3 = match Sequence::of(&path)? {
             Some(sequence) => sequence.read(first, folder)?.blake3,
-            None => crate::formats::hash::hash(&read::bytes_of("motion", &path, folder)?),
+            None => hash(&read::bytes_of("motion", &path, folder)?),
         };
         Ok(Self {
             path,
@@ -168,7 +169,7 @@ impl FramesFile {
         let within = |problem: String| Problem("motion", format!("{}: {problem}", self.path));
         if let Some(sequence) = Sequence::of(&self.path)? {
             let read = sequence.read(self.first, folder)?;
-            read::check_hash("motion", &self.path, &self.blake3, read.blake3)?;
+            check_hash(&self.path, &self.blake3, &read.blake3).map_err(wrong)?;
             let frames = read::later(read.frames, self.from, rate).map_err(within)?;
             return Ok((rate, frames));
         }

@@ -35,15 +35,11 @@ pub(crate) fn read_body(
     is_still: bool,
 ) -> Result<MovingBody, RigError> {
     let (rig, meshes) = match (format, animation) {
-        (RigFormat::Glb, _) if is_still => glb::parse_bodies(bytes, glb::Chosen::None)?,
-        (RigFormat::Glb, Some(name)) => glb::parse_bodies(bytes, glb::Chosen::Named(name))?,
-        (RigFormat::Glb, None) => glb::parse_bodies(bytes, glb::Chosen::Only)?,
+        (RigFormat::Glb, _) => glb::parse_bodies(bytes, animation, is_still)?,
         (RigFormat::Usd, None) => usda::parse_bodies(bytes)?,
         (RigFormat::Usd, Some(name)) => {
-            return Err(RigError::NoAnimation {
-                name: name.to_owned(),
-                known: "only a .glb has animations with names".to_owned(),
-            });
+            let known = "only a .glb has animations with names";
+            return Err(RigError::no_animation(name, known));
         }
     };
     if meshes.is_empty() {
@@ -59,7 +55,7 @@ impl MovingBody {
     /// Faces by their points, with the points of all meshes in order.
     ///
     /// # Errors
-    /// [`RigError::Node`] for a face that names a point which is not there.
+    /// [`RigError`] for a face that names a point which is not there.
     pub(crate) fn faces(&self) -> Result<Vec<Vec<u32>>, RigError> {
         let mut faces = Vec::new();
         let mut first = 0;
@@ -68,12 +64,10 @@ impl MovingBody {
             let count = mesh.positions.len() as u32;
             for (number, face) in mesh.faces.iter().enumerate() {
                 if let Some(beyond) = face.iter().find(|&&point| point >= count) {
-                    return Err(RigError::Node {
-                        name: self.rig.nodes[mesh.node].name.clone(),
-                        problem: format!(
-                            "face {number} of its mesh names point {beyond} of {count}"
-                        ),
-                    });
+                    let name = &self.rig.nodes[mesh.node].name;
+                    let problem =
+                        format!("face {number} of its mesh names point {beyond} of {count}");
+                    return Err(RigError::node(name, problem));
                 }
                 faces.push(face.iter().map(|point| first + point).collect());
             }
@@ -128,7 +122,7 @@ impl MovingBody {
     /// `frame_rate` a second.
     ///
     /// # Errors
-    /// [`RigError::Long`] for more than 100000 frames.
+    /// [`RigError`] for more than 100000 frames.
     pub(crate) fn frames(&self, frame_rate: f64, from: f64) -> Result<Vec<Vec<DVec3>>, RigError> {
         let last = self.span().map_or(self.rig.start, |span| span[1]);
         let start = self.rig.start + from;
@@ -143,14 +137,13 @@ impl MovingBody {
 /// The frames of a motion that lasts so many `seconds`.
 ///
 /// # Errors
-/// [`RigError::Long`] for more than 100000.
+/// [`RigError`] for more than 100000.
 pub(super) fn steps(seconds: f64, frame_rate: f64) -> Result<usize, RigError> {
     let frames = (seconds * frame_rate + SLACK).floor();
     if (0.0..MOST_FRAMES as f64).contains(&frames) {
         return Ok(frames as usize);
     }
-    Err(RigError::Long {
-        frames,
-        most: MOST_FRAMES,
-    })
+    Err(RigError::Content(format!(
+        "lasts {frames} frames of the scene, more than {MOST_FRAMES}"
+    )))
 }

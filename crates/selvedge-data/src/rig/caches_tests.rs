@@ -1,15 +1,12 @@
 //! Caches of other programs: what Blender wrote of a scene that is known, what we write, and
 //! damage.
 
-use std::ops::ControlFlow;
-use std::path::Path;
-
 use glam::{DVec2, DVec3};
 
 use super::*;
 use crate::UpAxis;
-use crate::export::{ExportFormat, ExportOptions, FrameSpan, export};
-use crate::test_help::says;
+use crate::export::{ExportFormat, ExportOptions, FrameSpan};
+use crate::test_help::{says, write};
 use crate::trajectory::Trajectory;
 use crate::trajectory::test_square::moving_square;
 
@@ -67,8 +64,7 @@ fn exported(format: ExportFormat, up: UpAxis, frames: &str) -> Vec<u8> {
         normals: true,
         velocities: format != ExportFormat::Glb,
     };
-    let mut observe = || ControlFlow::Continue(());
-    export(&trajectory(), Path::new(&path), &options, &mut observe).unwrap();
+    write(&trajectory(), &path, &options);
     std::fs::read(path).unwrap()
 }
 

@@ -9,6 +9,7 @@ use glam::DMat4;
 use super::bodies::steps;
 use super::error::RigError;
 use super::node::Rig;
+use crate::formats::file_error::FileError;
 
 impl Rig {
     /// As [`Self::motion`], of the nodes in the file at `path`.
@@ -16,7 +17,7 @@ impl Rig {
         path: &Path,
         names: &[String],
         frame_rate: f64,
-    ) -> Result<Vec<Vec<DMat4>>, RigError> {
+    ) -> Result<Vec<Vec<DMat4>>, FileError<RigError>> {
         Self::of_file(path, |bytes, format| {
             Self::parse(bytes, format)?.motion(names, frame_rate)
         })
@@ -35,19 +36,18 @@ impl Rig {
         let Some(last) = spans.map(|span| span[1]).reduce(f64::max) else {
             let mut unique = names.to_vec();
             unique.dedup();
-            return Err(RigError::Still {
-                names: unique.join(", "),
-            });
+            return Err(RigError::Content(format!(
+                "none of the nodes [{}] is animated",
+                unique.join(", ")
+            )));
         };
         let first = self.start;
         let steps = steps(last - first, frame_rate)?;
         let back = |(&node, name): (&usize, &String)| {
             let inverse = self.placement(node, first).inverse();
-            let problem = "is scaled to nothing at the start".to_owned();
-            let name = name.clone();
             match inverse.is_finite() {
                 true => Ok(inverse),
-                false => Err(RigError::Node { name, problem }),
+                false => Err(RigError::node(name, "is scaled to nothing at the start")),
             }
         };
         let back = nodes.iter().zip(names).map(back);

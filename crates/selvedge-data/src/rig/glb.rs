@@ -12,11 +12,12 @@
 mod body;
 
 use std::collections::HashMap;
+use std::fmt::Display;
 
 use glam::{DMat4, DQuat, DVec2, DVec3};
 use serde::Deserialize;
 
-pub(super) use self::body::{Chosen, parse_bodies};
+pub(super) use self::body::parse_bodies;
 use super::error::RigError;
 use super::node::{Change, Operation, Rig, RigNode};
 use super::node_mesh::NodeMesh;
@@ -209,14 +210,7 @@ enum Moved {
 }
 
 /// The channels by node and by what they move, each with its animation.
-type Channels<'a> = HashMap<(usize, Moved), Sampled<'a>>;
-
-/// A sampler of an animation.
-#[derive(Clone, Copy)]
-struct Sampled<'a> {
-    animation: &'a Animation,
-    sampler: &'a Sampler,
-}
+type Channels<'a> = HashMap<(usize, Moved), (&'a Animation, &'a Sampler)>;
 
 /// The rig in the bytes of a file.
 pub(super) fn parse(bytes: &[u8]) -> Result<Rig, RigError> {
@@ -233,7 +227,9 @@ pub(super) fn parse_meshes(bytes: &[u8]) -> Result<(Rig, Vec<NodeMesh>), RigErro
 impl<'a> File<'a> {
     fn open(bytes: &'a [u8]) -> Result<Self, RigError> {
         let (json, binary) = chunks(bytes)?;
-        let document = serde_json::from_slice(json).map_err(RigError::Json)?;
+        let document = serde_json::from_slice(json);
+        let wrong = |error| RigError::Content(format!("its JSON cannot be understood: {error}"));
+        let document = document.map_err(wrong)?;
         Ok(Self { document, binary })
     }
 
@@ -242,28 +238,28 @@ impl<'a> File<'a> {
         let mut required = self.document.extensions_required.iter();
         match required.find(|name| name.ends_with("_compression")) {
             None => Ok(()),
-            Some(name) => Err(RigError::Part {
-                what: "its meshes".to_owned(),
-                problem: format!(
+            Some(name) => {
+                let problem = format!(
                     "are compressed ({name}), which cannot be read: save the file without compression"
-                ),
-            }),
+                );
+                Err(part("its meshes", problem))
+            }
         }
     }
 }
 
 /// The JSON and the binary part.
 fn chunks(bytes: &[u8]) -> Result<(&[u8], &[u8]), RigError> {
-    let cut = RigError::Container;
-    let rest = bytes
-        .strip_prefix(MAGIC)
-        .ok_or(cut("it does not begin with glTF"))?;
-    let version = rest.get(..4).ok_or(cut("it ends too early"))?;
+    let rest = bytes.strip_prefix(MAGIC);
+    let rest = rest.ok_or_else(|| incomplete("it does not begin with glTF"))?;
+    let cut = || incomplete("it ends too early");
+    let version = rest.get(..4).ok_or_else(cut)?;
     if version != 2_u32.to_le_bytes() {
-        return Err(cut("it is not of version 2"));
+        return Err(incomplete("it is not of version 2"));
     }
-    let rest = rest.get(8..).ok_or(cut("it ends too early"))?;
-    let (json, rest) = chunk(rest, JSON_CHUNK)?.ok_or(cut("it has no JSON"))?;
+    let rest = rest.get(8..).ok_or_else(cut)?;
+    let json = chunk(rest, JSON_CHUNK)?;
+    let (json, rest) = json.ok_or_else(|| incomplete("it has no JSON"))?;
     let binary = chunk(rest, BINARY_CHUNK)?.map_or(&[][..], |(binary, _)| binary);
     Ok((json, binary))
 }
@@ -280,16 +276,16 @@ fn chunk<'a>(bytes: &'a [u8], kind: &[u8; 4]) -> Result<Option<Split<'a>>, RigEr
         return Ok(None);
     };
     let length = u32::from_le_bytes(*length) as usize;
-    rest.split_at_checked(length)
-        .map(Some)
-        .ok_or(RigError::Container("it ends within a chunk"))
+    let parts = rest.split_at_checked(length).map(Some);
+    parts.ok_or_else(|| incomplete("it ends within a chunk"))
 }
 
-fn part(what: impl Into<String>, problem: impl Into<String>) -> RigError {
-    RigError::Part {
-        what: what.into(),
-        problem: problem.into(),
-    }
+fn incomplete(problem: &str) -> RigError {
+    RigError::Content(format!("is no complete .glb file: {problem}"))
+}
+
+fn part(what: impl Display, problem: impl Display) -> RigError {
+    RigError::Content(format!("{what}: {problem}"))
 }
 
 impl File<'_> {
@@ -445,11 +441,11 @@ impl File<'_> {
                 let sampler = sampler.ok_or_else(|| {
                     part(what(), format!("it has no sampler {}", channel.sampler))
                 })?;
-                let sampled = Sampled { animation, sampler };
-                if let Some(first) = channels.insert((node, moved), sampled) {
+                let before = channels.insert((node, moved), (animation, sampler));
+                if let Some((first, _)) = before {
                     let problem = format!(
                         "it moves the {moved:?} of node {node}, as {:?} does: keep one of them",
-                        first.animation.name
+                        first.name
                     );
                     return Err(part(what(), problem.to_lowercase()));
                 }
@@ -497,7 +493,7 @@ impl File<'_> {
 
     fn track<T: Value>(
         &self,
-        &Sampled { animation, sampler }: &Sampled<'_>,
+        &(animation, sampler): &(&Animation, &Sampler),
         width: usize,
         value: impl Fn(&[f64]) -> T,
     ) -> Result<Track<T>, RigError> {

@@ -48,10 +48,8 @@ fn add(polygons: &mut Polygons, rig: &Rig, mesh: NodeMesh) -> Result<(), RigErro
     label.extend(first..first + count);
     for (number, face) in mesh.faces.iter().enumerate() {
         if let Some(&beyond) = face.iter().find(|&&v| v >= count) {
-            return Err(RigError::Node {
-                name: name.clone(),
-                problem: format!("face {number} of its mesh names vertex {beyond} of {count}"),
-            });
+            let problem = format!("face {number} of its mesh names vertex {beyond} of {count}");
+            return Err(RigError::node(name, problem));
         }
         let uv = mesh.texture.as_ref().map(|texture| &texture[number]);
         let corners = face.iter().enumerate().map(|(k, &vertex)| Corner {

@@ -5,6 +5,7 @@ use std::path::Path;
 use super::bodies::read_body;
 use super::error::RigError;
 use super::node::Rig;
+use crate::formats::file_error::FileError;
 
 /// Largest difference of the time between two frames from the others that is taken for rounding, as
 /// a share: files have times in single precision.
@@ -41,8 +42,8 @@ impl Rig {
     /// with several animations has its meshes as they stand.
     ///
     /// # Errors
-    /// [`RigError`] names the file, and what in it cannot be understood.
-    pub fn read_meshes(path: &Path) -> Result<Vec<MeshMotion>, RigError> {
+    /// [`FileError`] names the file, and what in it cannot be understood.
+    pub fn read_meshes(path: &Path) -> Result<Vec<MeshMotion>, FileError<RigError>> {
         Self::of_file(path, |bytes, format| {
             let body = match read_body(bytes, format, None, false) {
                 Err(RigError::Animations { .. }) => read_body(bytes, format, None, true),

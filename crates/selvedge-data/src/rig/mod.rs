@@ -19,6 +19,7 @@ mod usda;
 
 use std::path::Path;
 
+use crate::formats::file_error::FileError;
 use crate::formats::input::read_file;
 use crate::formats::retired::retired;
 use glam::DMat4;
@@ -46,12 +47,18 @@ impl RigFormat {
     }
 }
 
+/// The first and the last of some times.
+fn ends(times: impl IntoIterator<Item = f64>) -> Option<[f64; 2]> {
+    let times = times.into_iter().map(|time| [time; 2]);
+    times.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
+}
+
 impl Rig {
     /// Reads a .glb or USD (.usda, .usdc, .usdz) file.
     ///
     /// # Errors
-    /// [`RigError`] names the file, and what in it cannot be understood.
-    pub fn read(path: &Path) -> Result<Self, RigError> {
+    /// [`FileError`] names the file, and what in it cannot be understood.
+    pub fn read(path: &Path) -> Result<Self, FileError<RigError>> {
         Self::of_file(path, Self::parse)
     }
 
@@ -67,22 +74,18 @@ impl Rig {
     fn of_file<T>(
         path: &Path,
         read: impl Fn(&[u8], RigFormat) -> Result<T, RigError>,
-    ) -> Result<T, RigError> {
+    ) -> Result<T, FileError<RigError>> {
         let extension = path.extension().and_then(|e| e.to_str());
-        let format = extension
-            .and_then(RigFormat::of)
-            .ok_or(match retired(path) {
-                Some(words) => RigError::Archive(words.to_owned()),
-                None => RigError::Extension,
-            });
-        let made = format.and_then(|format| {
-            let bytes = read_file(path).map_err(RigError::Read)?;
-            read(&bytes, format)
+        let format = extension.and_then(RigFormat::of).ok_or_else(|| {
+            let known = "the name must end in .glb, .usda, .usdc, .usdz or .usd";
+            RigError::Content(retired(path).unwrap_or(known).to_owned())
         });
-        made.map_err(|source| RigError::File {
-            path: path.to_owned(),
-            source: Box::new(source),
-        })
+        let made = format.and_then(|format| {
+            let bytes = read_file(path);
+            let unread = |error| RigError::Content(format!("could not be read: {error}"));
+            read(&bytes.map_err(unread)?, format)
+        });
+        made.map_err(FileError::at(path))
     }
 
     /// All nodes.
@@ -94,11 +97,7 @@ impl Rig {
     /// Times of the first and the last key in the chain from the root to `node` `[s]`.
     #[must_use]
     pub fn span(&self, node: usize) -> Option<[f64; 2]> {
-        let chain = self.chain(node);
-        let operations = chain.iter().flat_map(|&node| &self.nodes[node].operations);
-        operations
-            .filter_map(|operation| operation.change.span())
-            .reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
+        ends(self.keys(node))
     }
 
     /// The times of the keys in the chain from the root to `node` `[s]`.
@@ -134,14 +133,14 @@ impl Rig {
             .collect();
         match named.as_slice() {
             &[only] => self.check_chain(only),
-            [] => Err(RigError::NoNode {
-                name: name.to_owned(),
-                known: self.names(),
-            }),
-            several => Err(RigError::Ambiguous {
-                name: name.to_owned(),
-                count: several.len(),
-            }),
+            [] => Err(RigError::Content(format!(
+                "there is no node called {name:?}; there are [{}]",
+                self.names()
+            ))),
+            several => Err(RigError::Content(format!(
+                "{} nodes are called {name:?}: give them different names",
+                several.len()
+            ))),
         }
     }
 
@@ -151,10 +150,7 @@ impl Rig {
             chain.filter_map(|n| Some((&self.nodes[n], self.nodes[n].obstacle.as_ref()?)));
         match obstacles.next() {
             None => Ok(node),
-            Some((node, problem)) => Err(RigError::Node {
-                name: node.name.clone(),
-                problem: problem.clone(),
-            }),
+            Some((node, problem)) => Err(RigError::node(&node.name, problem)),
         }
     }
 

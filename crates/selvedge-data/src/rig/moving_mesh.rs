@@ -8,6 +8,7 @@
 
 use glam::{DMat4, DVec3};
 
+use super::ends;
 use super::node::Rig;
 use super::node_mesh::NodeMesh;
 use super::track::{Joined, Track};
@@ -112,22 +113,22 @@ impl MovingMesh {
 
     /// Times of the first and the last key that move it `[s]`; none if nothing does.
     pub(super) fn span(&self, rig: &Rig) -> Option<[f64; 2]> {
-        let of_nodes = self.nodes().into_iter().filter_map(|node| rig.span(node));
-        let of_targets = self.targets.iter().filter_map(|t| t.weight.span());
-        let of_samples = self.samples.iter().filter_map(|s| s.place.span());
-        of_nodes
-            .chain(of_targets)
-            .chain(of_samples)
-            .reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
+        let of_nodes = self.nodes().into_iter().flat_map(|node| rig.keys(node));
+        ends(of_nodes.chain(self.own_keys()))
+    }
+
+    /// Times of its samples and morph targets `[s]`.
+    fn own_keys(&self) -> impl Iterator<Item = f64> {
+        let of_targets = self.targets.iter().flat_map(|t| t.weight.keys());
+        let of_samples = self.samples.iter().flat_map(|s| s.place.keys());
+        of_targets.chain(of_samples).copied()
     }
 
     /// The times `[s]` at which its points are known, and not only between others: those of its
     /// samples and morph targets, or of its nodes where it has neither; ascending. None if nothing
     /// moves it.
     pub(super) fn keys(&self, rig: &Rig) -> Vec<f64> {
-        let of_targets = self.targets.iter().flat_map(|t| t.weight.keys());
-        let of_samples = self.samples.iter().flat_map(|s| s.place.keys());
-        let mut keys: Vec<f64> = of_targets.chain(of_samples).copied().collect();
+        let mut keys: Vec<f64> = self.own_keys().collect();
         if keys.is_empty() {
             let nodes = self.nodes().into_iter();
             keys = nodes.flat_map(|node| rig.keys(node)).collect();

@@ -64,11 +64,6 @@ impl Operation {
 }
 
 impl Change {
-    pub(super) fn span(&self) -> Option<[f64; 2]> {
-        let keys = self.keys();
-        Some([*keys.first()?, *keys.last()?])
-    }
-
     /// The times of its keys `[s]`; none where nothing changes.
     pub(super) fn keys(&self) -> &[f64] {
         match self {

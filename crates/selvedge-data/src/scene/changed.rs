@@ -56,13 +56,9 @@ impl LoadedScene {
         change: impl FnOnce(&mut Self) -> Result<(), SceneProblem>,
     ) -> Result<Self, SceneFileError> {
         let wrong = |error: SceneError| SceneProblem::Spec(SceneSpecError::Scene(error));
-        match change(&mut self).and_then(|()| self.scene.validate().map_err(wrong)) {
-            Ok(()) => Ok(self),
-            Err(problem) => Err(SceneFileError {
-                origin: self.spec.name,
-                problem,
-            }),
-        }
+        let changed = change(&mut self).and_then(|()| self.scene.validate().map_err(wrong));
+        changed.map_err(SceneFileError::at(&self.spec.name))?;
+        Ok(self)
     }
 }
 

@@ -18,7 +18,7 @@
 use super::arcsim::parse_arcsim;
 use super::loaded::LoadedScene;
 use super::motion_source::Stand;
-use super::problem::{SceneFileError, SceneProblem, field};
+use super::problem::{SceneFileError, SceneProblem, field, unknown};
 use super::setting_file::{ResolvedSetting, SettingFile};
 use super::shipped::{shipped_scene_text, shipped_scenes};
 use super::spec::SceneSpec;
@@ -39,14 +39,8 @@ pub fn open_scene(path_or_name: &str) -> Result<LoadedScene, SceneFileError> {
         Some(text) => parse_scene(text, Path::new(""), path_or_name),
         None if path.exists() => read_scene(path),
         None => {
-            let known: Vec<&str> = shipped_scenes().iter().map(|scene| scene.0).collect();
-            Err(SceneFileError {
-                origin: path_or_name.to_owned(),
-                problem: SceneProblem::Unknown {
-                    what: "scene",
-                    known: known.join(", "),
-                },
-            })
+            let problem = unknown("scene", shipped_scenes());
+            Err(SceneFileError::at(path_or_name)(problem))
         }
     }
 }
@@ -56,19 +50,15 @@ pub fn open_scene(path_or_name: &str) -> Result<LoadedScene, SceneFileError> {
 /// # Errors
 /// [`SceneFileError`] names the file, the field and what is wrong.
 pub fn read_scene(path: &Path) -> Result<LoadedScene, SceneFileError> {
-    let origin = path.display().to_string();
-    let text = read_text(path).map_err(|problem| SceneFileError {
-        origin: origin.clone(),
-        problem,
-    })?;
     let folder = path.parent().map_or_else(PathBuf::new, Path::to_owned);
-    let loaded = if path.extension().is_some_and(|e| e == "json") {
+    let loaded = read_text(path).and_then(|text| {
+        if path.extension().is_none_or(|e| e != "json") {
+            return resolve(&text, &folder);
+        }
         let name = path.file_stem().unwrap_or_default().to_string_lossy();
         parse_arcsim(&text, &folder, &name)
-    } else {
-        resolve(&text, &folder)
-    };
-    let mut loaded = loaded.map_err(|problem| SceneFileError { origin, problem })?;
+    });
+    let mut loaded = loaded.map_err(SceneFileError::at(path.display().to_string()))?;
     loaded.files.push(path.to_owned());
     Ok(loaded)
 }
@@ -79,10 +69,7 @@ pub fn read_scene(path: &Path) -> Result<LoadedScene, SceneFileError> {
 /// # Errors
 /// [`SceneFileError`] names the origin, the field and what is wrong.
 pub fn parse_scene(text: &str, folder: &Path, origin: &str) -> Result<LoadedScene, SceneFileError> {
-    resolve(text, folder).map_err(|problem| SceneFileError {
-        origin: origin.to_owned(),
-        problem,
-    })
+    resolve(text, folder).map_err(SceneFileError::at(origin))
 }
 
 fn resolve(text: &str, folder: &Path) -> Result<LoadedScene, SceneProblem> {

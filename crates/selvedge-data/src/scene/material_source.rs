@@ -121,8 +121,8 @@ fn named(name_or_path: &str, folder: &Path, chain: &mut Vec<PathBuf>) -> Result<
     if chain.len() == DEEPEST {
         return Err(within("is built on itself".to_owned()));
     }
-    let text = read_text(&path).map_err(|problem| within(problem.to_string()))?;
-    let table: MaterialTable = parse_toml(&text).map_err(|problem| within(problem.to_string()))?;
+    let table = read_text(&path).and_then(|text| parse_toml::<MaterialTable>(&text));
+    let table = table.map_err(|problem| within(problem.to_string()))?;
     chain.push(path.clone());
     let folder = path.parent().unwrap_or(folder);
     table.resolve(folder, chain).map_err(within)
@@ -131,18 +131,10 @@ fn named(name_or_path: &str, folder: &Path, chain: &mut Vec<PathBuf>) -> Result<
 impl MaterialTable {
     fn resolve(&self, folder: &Path, chain: &mut Vec<PathBuf>) -> Result<Material, String> {
         let mut material = self.base(folder, chain)?;
-        if let Some(name) = &self.name {
-            material.name.clone_from(name);
-        }
-        if let Some(source) = &self.source {
-            material.source.clone_from(source);
-        }
-        for (changed, value) in [
-            (&mut material.density, self.density),
-            (&mut material.damping, self.damping),
-        ] {
-            *changed = value.unwrap_or(*changed);
-        }
+        material.name = self.name.clone().unwrap_or(material.name);
+        material.source = self.source.clone().unwrap_or(material.source);
+        material.density = self.density.unwrap_or(material.density);
+        material.damping = self.damping.unwrap_or(material.damping);
         material.strain_limits = self.strain_limits.or(material.strain_limits);
         let stretch = multiplier("stretch_multiplier", self.stretch_multiplier)?;
         let bend = multiplier("bend_multiplier", self.bend_multiplier)?;

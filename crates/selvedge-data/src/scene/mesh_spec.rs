@@ -11,12 +11,11 @@ use thiserror::Error;
 use super::strained::Times;
 use crate::formats::extent::extent;
 use crate::formats::file_error::FileError;
-use crate::formats::hash::hash;
+use crate::formats::hash::{check_hash, hash};
 use crate::formats::input::read_file;
 use crate::formats::mesh_file::parse_mesh_bytes;
 use crate::formats::polygons::{
-    MeshFileError, MeshOptions, PatternSource, ReadMesh, ReadMeshError, RestAngles, Seams, Sewing,
-    TextureUnit,
+    MeshFileError, MeshOptions, ReadMesh, ReadMeshError, RestAngles, Sewing,
 };
 use crate::obstacle::Placement;
 
@@ -61,27 +60,20 @@ pub enum MeshSource {
     /// Numbers.
     Generator(GeneratorSpec),
     /// A file.
-    Obj {
-        /// Path of the file, as the scene names it: relative to the scene's folder.
-        path: String,
-        /// BLAKE3 hash of its bytes, in hexadecimal.
-        blake3: String,
-        /// Treatment of vertices with two texture coordinates.
-        #[serde(default, skip_serializing_if = "is_default")]
-        seams: Seams,
-        /// The unit of texture coordinates.
-        #[serde(default, skip_serializing_if = "is_default")]
-        texture: TextureUnit,
-        /// Source of the rest shapes.
-        #[serde(default, skip_serializing_if = "is_default")]
-        pattern: PatternSource,
-        /// Direction of the wale threads of a cloth without a pattern.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        thread: Option<DVec3>,
-        /// Distance up to which vertices are one `[m]`.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        weld: Option<f64>,
-    },
+    Obj(ObjSource),
+}
+
+/// A mesh in a file, and how it is read.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ObjSource {
+    /// Path of the file, as the scene names it: relative to the scene's folder.
+    pub path: String,
+    /// BLAKE3 hash of its bytes, in hexadecimal.
+    pub blake3: String,
+    /// Choices for reading it.
+    #[serde(flatten)]
+    pub options: MeshOptions,
 }
 
 /// The numbers of a generated mesh, which hangs flat; see [`sheet`]. A file may give a `density`
@@ -166,37 +158,16 @@ pub struct Rotate {
 
 /// A mesh that cannot be made.
 #[derive(Debug, Error)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
+#[allow(missing_docs, reason = "each message says all")]
 pub enum MeshSpecError {
     #[error("mesh.generator: {0}")]
     Generate(#[from] GenerateError),
     #[error("mesh.obj: {0}")]
     Obj(#[from] ReadMeshError),
-    #[error(
-        "mesh.obj: {path} has changed since the scene was resolved (hash {found}, expected {expected})"
-    )]
-    Changed {
-        path: String,
-        expected: String,
-        found: String,
-    },
-    #[error("mesh.transform.{field} must be {expected}, found {found}")]
-    Transform {
-        field: &'static str,
-        expected: &'static str,
-        found: String,
-    },
-    #[error(
-        "the edges of the mesh are on average {} as long as in its material coordinates: these must be in metres too; {remedy}",
-        Times(*ratio)
-    )]
-    Units { ratio: f64, remedy: String },
+    #[error("{0}")]
+    Content(String),
     #[error("mesh: {0}")]
     Mesh(#[from] MeshError),
-    #[error(
-        "mesh.seam_stiffness is for cloth with a pattern, which has seams; this mesh has none: leave it out"
-    )]
-    NoSeams,
 }
 
 /// Start positions may be stretched or folded up a little against the material, not this much.
@@ -231,15 +202,11 @@ impl MeshSource {
     /// # Errors
     /// [`MeshSpecError::Obj`] when it cannot be read.
     pub fn obj(path: &str, folder: &Path, options: MeshOptions) -> Result<Self, MeshSpecError> {
-        Ok(Self::Obj {
+        Ok(Self::Obj(ObjSource {
             path: path.to_owned(),
             blake3: hash(&read(&folder.join(path))?),
-            seams: options.seams,
-            texture: options.texture,
-            pattern: options.pattern,
-            thread: options.thread,
-            weld: options.weld,
-        })
+            options,
+        }))
     }
 }
 
@@ -284,7 +251,8 @@ impl MeshSpec {
         };
         if let Some(factor) = self.seam_stiffness {
             if read.is_own_shape {
-                return Err(MeshSpecError::NoSeams);
+                let problem = "mesh.seam_stiffness is for cloth with a pattern, which has seams; this mesh has none: leave it out";
+                return Err(MeshSpecError::Content(problem.to_owned()));
             }
             sheet.mesh = sheet.mesh.with_seam_stiffness(factor)?;
         }
@@ -326,25 +294,10 @@ impl MeshSource {
                 size: numbers.size,
                 seed: numbers.seed,
             })?,
-            Self::Obj {
-                path,
-                blake3,
-                seams,
-                texture,
-                pattern,
-                thread,
-                weld,
-            } => {
-                let options = MeshOptions {
-                    seams: *seams,
-                    texture: *texture,
-                    pattern: *pattern,
-                    thread: *thread,
-                    weld: *weld,
-                };
-                let bytes = unchanged(path, blake3, folder)?;
-                let full = folder.join(path);
-                let read = parse_mesh_bytes(&full, &bytes, options, sewing);
+            Self::Obj(file) => {
+                let bytes = unchanged(&file.path, &file.blake3, folder)?;
+                let full = folder.join(&file.path);
+                let read = parse_mesh_bytes(&full, &bytes, file.options, sewing);
                 return Ok(read.map_err(FileError::at(&full))?);
             }
         };
@@ -398,8 +351,11 @@ impl Transform {
         if (1.0 / LARGEST_RATIO..=LARGEST_RATIO).contains(&ratio) {
             return Ok(());
         }
-        let remedy = self.remedy();
-        Err(MeshSpecError::Units { ratio, remedy })
+        Err(MeshSpecError::Content(format!(
+            "the edges of the mesh are on average {} as long as in its material coordinates: these must be in metres too; {}",
+            Times(ratio),
+            self.remedy()
+        )))
     }
 
     fn place(&self, position: DVec3) -> DVec3 {
@@ -424,10 +380,9 @@ impl Transform {
             .check()
             .map_err(|(_, must, found)| ("material_scale", must, found));
         let checked = own.and(scaled);
-        checked.map_err(|(field, expected, found)| MeshSpecError::Transform {
-            field,
-            expected,
-            found,
+        checked.map_err(|(field, expected, found)| {
+            let problem = format!("mesh.transform.{field} must be {expected}, found {found}");
+            MeshSpecError::Content(problem)
         })
     }
 }
@@ -444,20 +399,10 @@ fn read(path: &Path) -> Result<Vec<u8>, ReadMeshError> {
     bytes.map_err(FileError::at(path))
 }
 
-fn is_default<T: Default + PartialEq>(value: &T) -> bool {
-    *value == T::default()
-}
-
 /// The bytes of a file, which must have this hash.
 fn unchanged(path: &str, expected: &str, folder: &Path) -> Result<Vec<u8>, MeshSpecError> {
     let bytes = read(&folder.join(path))?;
-    let found = hash(&bytes);
-    if found == expected {
-        return Ok(bytes);
-    }
-    Err(MeshSpecError::Changed {
-        path: path.to_owned(),
-        expected: expected.to_owned(),
-        found,
-    })
+    let checked = check_hash(path, expected, &hash(&bytes));
+    checked.map_err(|problem| MeshSpecError::Content(format!("mesh.obj: {problem}")))?;
+    Ok(bytes)
 }

@@ -24,11 +24,11 @@ pub use file::{open_scene, parse_scene, read_scene};
 pub(crate) use handle_selection::HandleSelection;
 pub use loaded::LoadedScene;
 pub use mesh_spec::{
-    BuiltMesh, GeneratorSpec, MeshSource, MeshSpec, MeshSpecError, Rotate, Transform,
+    BuiltMesh, GeneratorSpec, MeshSource, MeshSpec, MeshSpecError, ObjSource, Rotate, Transform,
 };
 pub(crate) use motion_source::{MotionSource, Stand};
-pub(crate) use problem::field;
 pub use problem::{SceneFileError, SceneProblem};
+pub(crate) use problem::{field, unknown};
 pub use recorded_csv::{RecordedCsvError, parse_recorded_csv};
 pub(crate) use setting_file::{MeshFile, ResolvedSetting, SettingFile};
 pub use shipped::{materials, shipped_scenes};

@@ -226,10 +226,8 @@ impl MotionSource {
             Self::Groups(motion) => motion.resolve(stand.groups),
             Self::File(path) => {
                 let path = folder.join(path);
-                let text = read_text(&path).map_err(|problem| {
-                    field("motion.file", format!("{}: {problem}", path.display()))
-                })?;
-                parse_toml(&text).map_err(|problem| {
+                let motion = read_text(&path).and_then(|text| parse_toml(&text));
+                motion.map_err(|problem| {
                     field("motion.file", format!("{}: {problem}", path.display()))
                 })
             }

@@ -16,6 +16,14 @@ pub struct SceneFileError {
     pub problem: SceneProblem,
 }
 
+impl SceneFileError {
+    /// A problem of what `origin` names, for `map_err`.
+    pub(crate) fn at(origin: impl Into<String>) -> impl FnOnce(SceneProblem) -> Self {
+        let origin = origin.into();
+        |problem| Self { origin, problem }
+    }
+}
+
 /// A problem of a scene.
 #[derive(Debug, Error)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
@@ -34,6 +42,13 @@ pub enum SceneProblem {
     Mesh(#[from] MeshSpecError),
     #[error(transparent)]
     Spec(#[from] SceneSpecError),
+}
+
+/// A name that is neither a file's nor one of what is shipped.
+pub(crate) fn unknown(what: &'static str, shipped: &[(&str, &str)]) -> SceneProblem {
+    let known: Vec<&str> = shipped.iter().map(|entry| entry.0).collect();
+    let known = known.join(", ");
+    SceneProblem::Unknown { what, known }
 }
 
 pub(crate) fn field(key: impl Into<String>, problem: impl Into<String>) -> SceneProblem {

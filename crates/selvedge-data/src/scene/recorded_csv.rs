@@ -15,54 +15,49 @@ const HEADER: [&str; 5] = ["frame", "handle", "x", "y", "z"];
 #[error("{0}")]
 pub struct RecordedCsvError(String);
 
-struct Row {
-    line: usize,
-    position: DVec3,
-}
-
 /// Reads a recorded motion.
 ///
 /// # Errors
 /// [`RecordedCsvError`] names the line, or the frame and handle that are missing.
 pub fn parse_recorded_csv(text: &str) -> Result<RecordedMotion, RecordedCsvError> {
+    parse(text).map_err(RecordedCsvError)
+}
+
+fn parse(text: &str) -> Result<RecordedMotion, String> {
     let mut lines = text.lines().enumerate();
     let header = lines.next().map_or("", |(_, header)| header);
     // Spreadsheets put a byte-order mark before the header.
     let header = header.trim_start_matches('\u{feff}');
     if !header.split(',').map(str::trim).eq(HEADER) {
-        return Err(RecordedCsvError(format!(
+        return Err(format!(
             "line 1: expected the header frame,handle,x,y,z, found {header:?}"
-        )));
+        ));
     }
-    let mut rows: HashMap<(usize, usize), Row> = HashMap::new();
+    // Each with its line.
+    let mut rows: HashMap<(usize, usize), (usize, DVec3)> = HashMap::new();
     for (number, content) in lines {
         if content.trim().is_empty() {
             continue;
         }
         let line = number + 1;
         let (frame, handle, position) = parse_row(line, content)?;
-        if let Some(earlier) = rows.insert((frame, handle), Row { line, position }) {
-            return Err(RecordedCsvError(format!(
-                "line {line}: frame {frame}, handle {handle} was already given in line {}",
-                earlier.line
-            )));
+        if let Some((earlier, _)) = rows.insert((frame, handle), (line, position)) {
+            return Err(format!(
+                "line {line}: frame {frame}, handle {handle} was already given in line {earlier}"
+            ));
         }
     }
     collect(&rows)
 }
 
-fn parse_row(line: usize, content: &str) -> Result<(usize, usize, DVec3), RecordedCsvError> {
+fn parse_row(line: usize, content: &str) -> Result<(usize, usize, DVec3), String> {
     let cells: Vec<&str> = content.split(',').map(str::trim).collect();
     let &[frame, handle, x, y, z] = cells.as_slice() else {
-        return Err(RecordedCsvError(format!(
-            "line {line}: expected 5 columns, found {}",
-            cells.len()
-        )));
+        let found = cells.len();
+        return Err(format!("line {line}: expected 5 columns, found {found}"));
     };
     let error = |column: &str, expected: &str, found: &str| {
-        RecordedCsvError(format!(
-            "line {line}: {column} must be {expected}, found {found:?}"
-        ))
+        format!("line {line}: {column} must be {expected}, found {found:?}")
     };
     let count = |column, text: &str| {
         text.parse::<usize>()
@@ -76,24 +71,21 @@ fn parse_row(line: usize, content: &str) -> Result<(usize, usize, DVec3), Record
     Ok((count("frame", frame)?, count("handle", handle)?, position))
 }
 
-fn collect(rows: &HashMap<(usize, usize), Row>) -> Result<RecordedMotion, RecordedCsvError> {
+fn collect(rows: &HashMap<(usize, usize), (usize, DVec3)>) -> Result<RecordedMotion, String> {
     let last = |of: fn(&(usize, usize)) -> usize| rows.keys().map(of).max();
     let (Some(last_frame), Some(last_handle)) = (last(|key| key.0), last(|key| key.1)) else {
-        return Err(RecordedCsvError("there are no rows".to_owned()));
+        return Err("there are no rows".to_owned());
     };
-    let mut positions = Vec::new();
-    for frame in 0..=last_frame {
-        let mut of_frame = Vec::new();
-        for handle in 0..=last_handle {
-            let row = rows.get(&(frame, handle)).ok_or_else(|| {
-                RecordedCsvError(format!(
-                    "there is no row for frame {frame}, handle {handle}"
-                ))
-            })?;
-            of_frame.push(row.position);
-        }
-        positions.push(of_frame);
-    }
+    let position = |frame, handle| {
+        let row = rows.get(&(frame, handle));
+        let missing = || format!("there is no row for frame {frame}, handle {handle}");
+        row.map(|row| row.1).ok_or_else(missing)
+    };
+    let frames = (0..=last_frame).map(|frame| {
+        let handles = (0..=last_handle).map(|handle| position(frame, handle));
+        handles.collect::<Result<_, _>>()
+    });
+    let positions = frames.collect::<Result<_, _>>()?;
     Ok(RecordedMotion { positions })
 }
 

@@ -43,22 +43,15 @@ pub(crate) struct SettingFile {
     physics: PhysicsFile,
     #[serde(default)]
     sag: SagSettings,
-    #[serde(default)]
-    frame_rate: FrameRate,
+    #[serde(default = "default_frame_rate")]
+    frame_rate: f64,
     contact: Option<ContactSettings>,
     #[serde(default)]
     obstacles: Vec<ObstacleFile>,
 }
 
-/// Frames per second.
-#[derive(Deserialize)]
-#[serde(transparent)]
-struct FrameRate(f64);
-
-impl Default for FrameRate {
-    fn default() -> Self {
-        Self(DEFAULT_FRAME_RATE)
-    }
+fn default_frame_rate() -> f64 {
+    DEFAULT_FRAME_RATE
 }
 
 /// A mesh in the file's own words.
@@ -134,7 +127,7 @@ impl SettingFile {
             environment: self.environment,
             physics: self.physics.0,
             sag: self.sag,
-            frame_rate: self.frame_rate.0,
+            frame_rate: self.frame_rate,
             contact: self.contact,
             obstacles: resolved_obstacles(self.obstacles, folder)?,
         };

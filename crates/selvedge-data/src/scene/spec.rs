@@ -75,15 +75,9 @@ pub enum SceneSpecError {
     #[error("handles: {0}")]
     Handles(#[from] HandleError),
     #[error(transparent)]
-    Obstacle(Box<ObstacleSpecError>),
+    Obstacle(#[from] ObstacleSpecError),
     #[error(transparent)]
     Scene(#[from] SceneError),
-}
-
-impl From<ObstacleSpecError> for SceneSpecError {
-    fn from(error: ObstacleSpecError) -> Self {
-        Self::Obstacle(Box::new(error))
-    }
 }
 
 impl SceneSpec {
@@ -108,7 +102,7 @@ impl SceneSpec {
     /// relative to `folder`.
     pub(super) fn files(&self, folder: &Path) -> Vec<PathBuf> {
         let mesh = match &self.setting.mesh.source {
-            MeshSource::Obj { path, .. } => Some(path),
+            MeshSource::Obj(file) => Some(&file.path),
             MeshSource::Generator(_) => None,
         };
         let state = match &self.start {

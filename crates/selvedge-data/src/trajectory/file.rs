@@ -29,7 +29,7 @@ use crate::formats::arrays::{ArrayError, ArrayFile};
 use crate::formats::atomic::WriteError;
 use crate::formats::file_error::FileError;
 use crate::formats::input::read_file;
-use crate::formats::tensor_file::{Tensor, TensorOut, Values, put_tensors, write_tensors};
+use crate::formats::tensor_file::{TensorOut, TensorValues, put_tensors, write_tensors};
 use crate::trajectory::obstacle_file;
 use crate::trajectory::{Provenance, Trajectory, TrajectoryError};
 
@@ -172,7 +172,7 @@ impl Trajectory {
     fn encode<R>(&self, put: impl FnOnce(&[TensorOut<'_>], &BTreeMap<&str, String>) -> R) -> R {
         let cloth = self.cloth();
         let shape = [self.frame_count(), self.vertex_count(), 3];
-        let mut tensors = vec![Tensor::new(TENSORS[0], &shape, flat3(self.positions()))];
+        let mut tensors = vec![TensorOut::new(TENSORS[0], &shape, flat3(self.positions()))];
         tensors.extend(cloth_tensors(cloth, cloth.rest_positions()));
         tensors.extend(texture_tensors(cloth.texture()));
         tensors.extend(obstacle_file::tensors(self.obstacles()));
@@ -184,7 +184,6 @@ impl Trajectory {
         };
         let mut metadata = self.provenance().metadata(FORMAT, version);
         metadata.extend(obstacle_file::metadata(self.obstacles()));
-        let tensors: Vec<TensorOut<'_>> = tensors.iter().map(Tensor::out).collect();
         put(&tensors, &metadata)
     }
 }
@@ -299,47 +298,46 @@ fn read_texture(file: &ArrayFile<'_>) -> Result<Texture, TrajectoryFileError> {
 }
 
 /// The tensors of texture coordinates that are not those of the pattern.
-fn texture_tensors(texture: &Texture) -> Vec<Tensor> {
+fn texture_tensors(texture: &Texture) -> Vec<TensorOut<'_>> {
     let (points, corners) = match texture {
         Texture::Pattern => return Vec::new(),
         Texture::None => (&[][..], None),
         Texture::Own(own) => (&own.points[..], own.corners.as_deref()),
     };
     let flat = points.iter().flat_map(|c| c.to_array()).collect();
-    let points = Tensor::new(TEXTURE, &[points.len(), 2], Values::F32(flat));
+    let points = TensorOut::new(TEXTURE, &[points.len(), 2], TensorValues::F32(flat));
     let corners = corners.map(|corners| {
-        let flat = corners.as_flattened().to_vec();
-        Tensor::new(TEXTURE_FACES, &[corners.len(), 3], Values::U32(flat))
+        let flat = TensorValues::U32(corners.as_flattened().into());
+        TensorOut::new(TEXTURE_FACES, &[corners.len(), 3], flat)
     });
     [Some(points), corners].into_iter().flatten().collect()
 }
 
 /// The tensors of a cloth, but its positions; its rest pose may be turned.
-pub(crate) fn cloth_tensors(cloth: &Cloth, rest: &[Vec3]) -> Vec<Tensor> {
+pub(crate) fn cloth_tensors<'a>(cloth: &'a Cloth, rest: &[Vec3]) -> Vec<TensorOut<'a>> {
     let (vertices, faces) = (cloth.vertex_count(), cloth.topology().faces().len());
     let (coordinates, pattern) = (cloth.material_coordinates(), cloth.pattern());
-    let handles: Vec<u32> = cloth.handles().vertices().iter().map(|v| v.0).collect();
-    let corners = cloth.topology().face_indices().as_flattened().to_vec();
+    let handles = cloth.handles().vertices();
+    let corners = cloth.topology().face_indices().into_flattened();
     let flat = coordinates.iter().flat_map(|c| c.to_array()).collect();
     let values = [
-        (&[faces, 3][..], Values::U32(corners)),
+        (&[faces, 3][..], TensorValues::U32(corners.into())),
         (&[vertices, 3], flat3(rest)),
-        (&[coordinates.len(), 2], Values::F32(flat)),
-        (&[vertices], Values::F32(cloth.vertex_mass().to_vec())),
-        (&[faces], Values::F32(cloth.face_area().to_vec())),
-        (&[handles.len()], Values::U32(handles)),
+        (&[coordinates.len(), 2], TensorValues::F32(flat)),
+        (&[vertices], TensorValues::F32(cloth.vertex_mass().into())),
+        (&[faces], TensorValues::F32(cloth.face_area().into())),
+        (
+            &[handles.len()],
+            TensorValues::U32(handles.iter().map(|v| v.0).collect()),
+        ),
     ];
     let named = TENSORS[1..].iter().zip(values);
-    let mut tensors: Vec<Tensor> = named
-        .map(|(name, (shape, values))| Tensor::new(*name, shape, values))
+    let mut tensors: Vec<TensorOut<'_>> = named
+        .map(|(name, (shape, values))| TensorOut::new(*name, shape, values))
         .collect();
     if pattern.is_sewn() {
-        let corners = pattern.corners().as_flattened().to_vec();
-        tensors.push(Tensor::new(
-            PATTERN_FACES,
-            &[faces, 3],
-            Values::U32(corners),
-        ));
+        let corners = TensorValues::U32(pattern.corners().into_flattened().into());
+        tensors.push(TensorOut::new(PATTERN_FACES, &[faces, 3], corners));
     }
     tensors
 }
@@ -349,6 +347,6 @@ fn triples(values: &[u32]) -> Vec<[u32; 3]> {
 }
 
 /// The coordinates of points.
-pub(super) fn flat3(points: &[Vec3]) -> Values {
-    Values::F32(points.iter().flat_map(|p| p.to_array()).collect())
+pub(super) fn flat3(points: &[Vec3]) -> TensorValues<'static> {
+    TensorValues::F32(points.iter().flat_map(|p| p.to_array()).collect())
 }

@@ -12,11 +12,8 @@ pub struct Frames<'a> {
 
 /// Positions that are no whole number of frames.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
-#[error("{found} positions are no whole number of frames of {vertex_count} vertices")]
-pub struct FramesError {
-    vertex_count: usize,
-    found: usize,
-}
+#[error("{0} positions are no whole number of frames of {1} vertices")]
+pub struct FramesError(usize, usize);
 
 impl<'a> Frames<'a> {
     /// Views `positions` `[m]`, `[frames * vertex_count]`, as frames.
@@ -25,10 +22,7 @@ impl<'a> Frames<'a> {
     /// [`FramesError`] when the length is no multiple of `vertex_count`.
     pub fn new(positions: &'a [Vec3], vertex_count: usize) -> Result<Self, FramesError> {
         if vertex_count == 0 || !positions.len().is_multiple_of(vertex_count) {
-            return Err(FramesError {
-                vertex_count,
-                found: positions.len(),
-            });
+            return Err(FramesError(positions.len(), vertex_count));
         }
         Ok(Self::of_whole(positions, vertex_count))
     }

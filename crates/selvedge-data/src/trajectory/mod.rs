@@ -19,7 +19,7 @@ pub(crate) mod state_file;
 pub(crate) mod test_square;
 
 use glam::Vec3;
-use selvedge_cloth::{Cloth, Handles, Topology, VertexId};
+use selvedge_cloth::{Cloth, Handles, Topology};
 use serde_json::Value;
 use thiserror::Error;
 
@@ -50,23 +50,8 @@ pub struct Trajectory {
 
 /// Arrays that do not make a trajectory.
 #[derive(Clone, Debug, Error, PartialEq)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum TrajectoryError {
-    #[error(
-        "positions have {found} entries, which is no whole number of frames of {vertices} vertices"
-    )]
-    Frames { vertices: usize, found: usize },
-    #[error("frame {frame}: the position of vertex {vertex} is not finite: {value}")]
-    Position {
-        frame: usize,
-        vertex: VertexId,
-        value: Vec3,
-    },
-    #[error("the frame rate must be finite and positive, found {found}")]
-    FrameRate { found: f64 },
-    #[error("obstacle {name:?}: {problem}")]
-    Obstacle { name: String, problem: String },
-}
+#[error("{0}")]
+pub struct TrajectoryError(String);
 
 impl Trajectory {
     /// Makes a trajectory of `positions` `[m]`, `[frames * vertices]`, one frame after another.
@@ -80,21 +65,23 @@ impl Trajectory {
     ) -> Result<Self, TrajectoryError> {
         let vertices = cloth.vertex_count();
         if positions.is_empty() || !positions.len().is_multiple_of(vertices) {
-            return Err(TrajectoryError::Frames {
-                vertices,
-                found: positions.len(),
-            });
+            let found = positions.len();
+            return Err(TrajectoryError(format!(
+                "positions have {found} entries, which is no whole number of frames of {vertices} vertices"
+            )));
         }
         if let Some(bad) = positions.iter().position(|p| !p.is_finite()) {
-            return Err(TrajectoryError::Position {
-                frame: bad / vertices,
-                vertex: VertexId((bad % vertices) as u32),
-                value: positions[bad],
-            });
+            let (frame, vertex) = (bad / vertices, bad % vertices);
+            return Err(TrajectoryError(format!(
+                "frame {frame}: the position of vertex {vertex} is not finite: {}",
+                positions[bad]
+            )));
         }
         let frame_rate = provenance.frame_rate;
         if !(frame_rate.is_finite() && frame_rate > 0.0) {
-            return Err(TrajectoryError::FrameRate { found: frame_rate });
+            return Err(TrajectoryError(format!(
+                "the frame rate must be finite and positive, found {frame_rate}"
+            )));
         }
         Ok(Self {
             cloth,
@@ -107,7 +94,7 @@ impl Trajectory {
     /// Returns the same trajectory with these obstacles beside the cloth.
     ///
     /// # Errors
-    /// [`TrajectoryError::Obstacle`] names one that does not fit.
+    /// [`TrajectoryError`] names one that does not fit.
     pub fn with_obstacles(
         mut self,
         obstacles: Vec<ObstacleTrack>,

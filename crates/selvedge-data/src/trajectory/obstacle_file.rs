@@ -12,7 +12,7 @@ use glam::{Quat, Vec3};
 use super::file::{TrajectoryFileError, flat3};
 use super::obstacles::{ObstacleTrack, Pose, TrackMotion};
 use crate::formats::arrays::{ArrayError, ArrayFile};
-use crate::formats::tensor_file::{Tensor, Values};
+use crate::formats::tensor_file::{TensorOut, TensorValues};
 
 /// The metadata entry with the names.
 pub(super) const METADATA: &str = "obstacles";
@@ -20,14 +20,14 @@ pub(super) const METADATA: &str = "obstacles";
 const PARTS: [&str; 3] = ["faces", "points", "poses"];
 
 /// The tensors of all obstacles.
-pub(super) fn tensors(obstacles: &[ObstacleTrack]) -> Vec<Tensor> {
+pub(super) fn tensors(obstacles: &[ObstacleTrack]) -> Vec<TensorOut<'_>> {
     let mut tensors = Vec::new();
     for (number, obstacle) in obstacles.iter().enumerate() {
-        let mut add = |part: &str, shape: &[usize], values: Values| {
-            tensors.push(Tensor::new(title(number, part), shape, values));
+        let mut add = |part: &str, shape: &[usize], values| {
+            tensors.push(TensorOut::new(title(number, part), shape, values));
         };
-        let faces = obstacle.faces.as_flattened().to_vec();
-        add("faces", &[obstacle.faces.len(), 3], Values::U32(faces));
+        let faces = TensorValues::U32(obstacle.faces.as_flattened().into());
+        add("faces", &[obstacle.faces.len(), 3], faces);
         let count = obstacle.points;
         match &obstacle.motion {
             TrackMotion::Points(frames) => {
@@ -41,7 +41,7 @@ pub(super) fn tensors(obstacles: &[ObstacleTrack]) -> Vec<Tensor> {
                     [x, y, z, w, t.x, t.y, t.z]
                 };
                 let rows = poses.iter().flat_map(row).collect();
-                add("poses", &[poses.len(), 7], Values::F32(rows));
+                add("poses", &[poses.len(), 7], TensorValues::F32(rows));
             }
         }
     }

@@ -162,10 +162,8 @@ impl ObstacleTrack {
 
     /// Checks that it has `frames` frames, finite, of the same points, which the faces name.
     pub(super) fn check(&self, frames: usize) -> Result<(), TrajectoryError> {
-        let wrong = |problem: String| TrajectoryError::Obstacle {
-            name: self.name.clone(),
-            problem,
-        };
+        let name = &self.name;
+        let wrong = |problem: String| TrajectoryError(format!("obstacle {name:?}: {problem}"));
         let found = match &self.motion {
             TrackMotion::Points(frames) => frames.len(),
             TrackMotion::Rigid(_, poses) => poses.len(),

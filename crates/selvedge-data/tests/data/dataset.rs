@@ -5,12 +5,11 @@ use std::path::Path;
 
 use glam::{Vec2, Vec3};
 use selvedge_data::{
-    Dataset, DatasetError, DatasetPlan, DatasetPreset, DatasetWriter, Provenance, Section,
-    SectionRule, Split, Trajectory,
+    Dataset, DatasetPlan, DatasetPreset, DatasetWriter, Section, SectionRule, Split, Trajectory,
 };
 use serde_json::json;
 
-use crate::help::{says, sheet, table};
+use crate::help::{run, says, sheet, table};
 
 /// A triangle that moves by `step` [m] per frame at 2 frames per second.
 fn trajectory(frames: usize, step: f32) -> Trajectory {
@@ -20,12 +19,7 @@ fn trajectory(frames: usize, step: f32) -> Trajectory {
     let positions = (0..frames)
         .flat_map(|f| corners.map(|c| c + Vec3::Z * step * f as f32))
         .collect();
-    let provenance = Provenance {
-        frame_rate: 2.0,
-        scene: json!(null),
-        made_by: "test".to_owned(),
-    };
-    Trajectory::new(cloth, positions, provenance).unwrap()
+    run(cloth, 2.0, positions)
 }
 
 fn plan() -> DatasetPlan {
@@ -111,10 +105,7 @@ fn a_damaged_file_is_made_again_and_a_finished_set_is_kept() {
     let dataset = make(folder.path());
     let entry = &dataset.entries(Split::Train)[0];
     std::fs::write(folder.path().join(&entry.file), "damaged").unwrap();
-    assert!(matches!(
-        dataset.verify_hashes(),
-        Err(DatasetError::Hash { .. })
-    ));
+    says(dataset.verify_hashes().unwrap_err(), &["has changed"]);
     assert!(dataset.read(entry).is_err());
     let mut writer = DatasetWriter::open(folder.path(), plan()).unwrap();
     assert_eq!(writer.missing(), [(Split::Train, "a".to_owned())]);
@@ -191,7 +182,10 @@ fn a_plan_must_have_usable_names_and_be_fulfilled() {
     }
     let mut writer = DatasetWriter::open(folder.path(), plan()).unwrap();
     let unplanned = writer.add(Split::Test, "b", &trajectory(3, 0.0));
-    assert!(matches!(unplanned, Err(DatasetError::Motion { .. })));
+    says(
+        unplanned.unwrap_err(),
+        &["motion \"b\": is not in the plan"],
+    );
     let error = writer.finish().unwrap_err();
     assert_eq!(error.to_string(), "motion \"a\": has not been written yet");
 }

@@ -1,16 +1,13 @@
 //! Garments in files of other programs: what Selvedge exports comes back sewn, and a shirt written
 //! by a script, as Blender would write it, is one cloth of four panels.
 
-use crate::help::says;
+use crate::help::{run, says, write};
 use glam::DVec3;
 use selvedge_cloth::{Cloth, Handles, Mesh};
-use selvedge_data::export::{ExportFormat, ExportOptions, export};
+use selvedge_data::export::{ExportFormat, ExportOptions};
 use selvedge_data::{
-    MeshOptions, PatternSource, Provenance, TextureUnit, Trajectory, UpAxis, parse_obj_with,
-    read_mesh,
+    MeshOptions, PatternSource, TextureUnit, Trajectory, UpAxis, parse_obj_with, read_mesh,
 };
-use serde_json::Value;
-use std::ops::ControlFlow;
 
 /// A sleeve: a tube of two mirrored halves, front and back, sewn along both sides.
 fn sleeve() -> Mesh {
@@ -65,22 +62,14 @@ fn exported(mesh: &Mesh, format: ExportFormat, up: UpAxis, path: &std::path::Pat
     let vertices = mesh.positions().len();
     let cloth = Cloth::of_mesh(mesh, 0.2, Handles::new(&[0], vertices).unwrap()).unwrap();
     let positions = cloth.rest_positions().to_vec();
-    let provenance = Provenance {
-        frame_rate: 60.0,
-        scene: Value::Null,
-        made_by: "test".to_owned(),
-    };
-    let trajectory = Trajectory::new(cloth, positions, provenance).unwrap();
+    let trajectory = run(cloth, 60.0, positions);
     let again = Trajectory::from_bytes(&trajectory.to_bytes()).unwrap();
     assert_eq!(again, trajectory);
     let options = ExportOptions {
         up,
         ..ExportOptions::plain(format)
     };
-    export(&trajectory, path, &options, &mut || {
-        ControlFlow::Continue(())
-    })
-    .unwrap();
+    write(&trajectory, path, &options);
 }
 
 #[test]

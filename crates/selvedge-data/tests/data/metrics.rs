@@ -25,6 +25,10 @@ fn repeated(positions: &[Vec3], frames: usize, shift: impl Fn(usize) -> Vec3) ->
         .collect()
 }
 
+fn frames(run: &[Vec3]) -> Frames<'_> {
+    Frames::new(run, 4).unwrap()
+}
+
 /// Sums of numbers that are exact in binary: only the division and the root round.
 const ROUNDING: f64 = 1e-15;
 
@@ -39,12 +43,7 @@ fn a_shift_of_3_4_5_is_5_everywhere_and_leaves_edges_alone() {
     let (topology, positions, _) = square();
     let a = repeated(&positions, 3, |_| Vec3::ZERO);
     let b = repeated(&positions, 3, |_| Vec3::new(3.0, 0.0, 4.0));
-    let measures = compare(
-        Frames::new(&a, 4).unwrap(),
-        Frames::new(&b, 4).unwrap(),
-        &topology,
-    )
-    .unwrap();
+    let measures = compare(frames(&a), frames(&b), &topology).unwrap();
     assert_eq!((measures.frames, measures.frame_counts), (3, [3, 3]));
     assert_eq!(measures.position_rmse, 5.0);
     assert_eq!(measures.mean_vertex_error, 5.0);
@@ -59,7 +58,7 @@ fn one_displaced_vertex_of_four_counts_a_quarter_of_its_square() {
     let a = repeated(&positions, 2, |_| Vec3::ZERO);
     let mut b = a.clone();
     b[6].z += 2.0; // Frame 1, vertex 2.
-    let (a, b) = (Frames::new(&a, 4).unwrap(), Frames::new(&b, 4).unwrap());
+    let [a, b] = [&a, &b].map(|run| frames(run));
     // 4 m² over 8 vertices; over the 4 of its frame.
     assert!((position_rmse(a, b).unwrap() - 0.5_f64.sqrt()).abs() < ROUNDING);
     assert_eq!(per_frame_rmse(a, b).unwrap(), [0.0, 1.0]);
@@ -70,10 +69,7 @@ fn one_displaced_vertex_of_four_counts_a_quarter_of_its_square() {
 fn scaling_by_s_changes_every_edge_by_its_share() {
     let (topology, positions, coordinates) = square();
     let doubled: Vec<Vec3> = positions.iter().map(|p| 2.0 * *p).collect();
-    let (a, b) = (
-        Frames::new(&positions, 4).unwrap(),
-        Frames::new(&doubled, 4).unwrap(),
-    );
+    let [a, b] = [&positions, &doubled].map(|run| frames(run));
     // l̂ - l = l: the RMS of the lengths 1, 1, 1, 1, √2.
     let expected = ((4.0 + 2.0) / 5.0_f64).sqrt();
     assert!((edge_length_rmse(a, b, &topology).unwrap() - expected).abs() < ROUNDING);
@@ -89,7 +85,7 @@ fn speeds_of_a_cloth_that_moves_and_then_rests() {
     let (_, positions, _) = square();
     // 0.5 m per frame for 4 frames at 2 frames per second: 1 m/s; then 4 frames of rest.
     let run = repeated(&positions, 9, |f| Vec3::X * 0.5 * f.min(4) as f32);
-    let frames = Frames::new(&run, 4).unwrap();
+    let frames = frames(&run);
     let all = speeds(frames, 2.0).unwrap();
     assert_eq!((all.mean, all.max), (0.5, 1.0));
     assert_eq!(final_speed(frames, 2.0).unwrap(), 0.0);
@@ -102,7 +98,7 @@ fn runs_of_different_length_are_compared_over_the_shorter() {
     let (topology, positions, _) = square();
     let a = repeated(&positions, 3, |_| Vec3::ZERO);
     let b = repeated(&positions, 5, |f| Vec3::X * f.saturating_sub(2) as f32);
-    let (a, b) = (Frames::new(&a, 4).unwrap(), Frames::new(&b, 4).unwrap());
+    let [a, b] = [&a, &b].map(|run| frames(run));
     let measures = compare(a, b, &topology).unwrap();
     assert_eq!((measures.frames, measures.position_rmse), (3, 0.0));
     assert_eq!(measures.frame_counts, [3, 5]);
@@ -113,10 +109,7 @@ fn a_position_that_is_not_finite_is_never_left_out() {
     let (topology, positions, coordinates) = square();
     let mut broken = positions.clone();
     broken[1].y = f32::NAN;
-    let (a, b) = (
-        Frames::new(&positions, 4).unwrap(),
-        Frames::new(&broken, 4).unwrap(),
-    );
+    let [a, b] = [&positions, &broken].map(|run| frames(run));
     let measures = compare(a, b, &topology).unwrap();
     assert!(measures.position_rmse.is_nan());
     assert!(measures.position_max.is_nan());
@@ -155,7 +148,7 @@ fn the_relative_error_of_a_run_that_is_scaled_by_s_is_s_minus_1() {
     let run: Vec<Vec3> = (0..16)
         .map(|i| truth[i] * (1.0 + (i / 4) as f32 / 4.0))
         .collect();
-    let [a, b] = [&truth, &run].map(|run| Frames::new(run, 4).unwrap());
+    let [a, b] = [&truth, &run].map(|run| frames(run));
     assert!((relative_error(a, b).unwrap() - 0.375).abs() < ROUNDING);
     assert_eq!(relative_error(a, a).unwrap(), 0.0);
     // A truth at the origin: nothing to be relative to.
@@ -206,7 +199,7 @@ fn a_slow_second_route_agrees() {
             strain = strain.max(length(&run) / rest - 1.0);
         }
     }
-    let [a, b] = [&truth, &run].map(|run| Frames::new(run, 4).unwrap());
+    let [a, b] = [&truth, &run].map(|run| frames(run));
     let measures = compare(a, b, &topology).unwrap();
     let rest = material_edge_lengths(&cloth(&coordinates));
     let strains = largest_strain(b, &topology, &rest).unwrap();

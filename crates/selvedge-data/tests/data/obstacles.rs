@@ -2,22 +2,15 @@
 
 use glam::{DQuat, DVec3, Vec2};
 use selvedge_cloth::{Obstacle, ObstaclePath, RigidKey};
-use selvedge_data::{ObstacleTrack, Provenance, Trajectory};
-use serde_json::Value;
+use selvedge_data::{ObstacleTrack, Trajectory};
 
-use crate::help::{sheet, table};
+use crate::help::{run, sheet, table, with_header};
 
 fn trajectory(frames: usize) -> Trajectory {
     let flat = [Vec2::ZERO, Vec2::X, Vec2::Y];
     let corners = flat.map(|c| c.extend(0.0));
     let cloth = sheet(&corners, &flat, &[[0, 1, 2]], &[0]);
-    let positions = corners.repeat(frames);
-    let provenance = Provenance {
-        frame_rate: 10.0,
-        scene: Value::Null,
-        made_by: "tests".to_owned(),
-    };
-    Trajectory::new(cloth, positions, provenance).unwrap()
+    run(cloth, 10.0, corners.repeat(frames))
 }
 
 fn triangle(name: &str) -> Obstacle {
@@ -51,13 +44,6 @@ fn with_obstacles(first: usize) -> Trajectory {
     trajectory(4).with_obstacles(tracks.collect()).unwrap()
 }
 
-fn written(trajectory: &Trajectory) -> Vec<u8> {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("t.safetensors");
-    trajectory.write(&path).unwrap();
-    std::fs::read(&path).unwrap()
-}
-
 #[test]
 fn tracks_are_where_the_obstacles_are_in_every_frame() {
     for first in [0, 2] {
@@ -81,12 +67,12 @@ fn tracks_are_where_the_obstacles_are_in_every_frame() {
 #[test]
 fn what_is_written_is_read_back() {
     let trajectory = with_obstacles(0);
-    let bytes = written(&trajectory);
+    let bytes = trajectory.to_bytes();
     let read = Trajectory::from_bytes(&bytes).unwrap();
     assert_eq!(read, trajectory);
-    assert_eq!(written(&read), bytes);
+    assert_eq!(read.to_bytes(), bytes);
     // Without obstacles the file is that of a version before.
-    let bare = written(&self::trajectory(4));
+    let bare = self::trajectory(4).to_bytes();
     let header = String::from_utf8_lossy(&bare[8..500]).into_owned();
     assert!(
         header.contains("\"version\":\"1\"") && !header.contains("obstacle"),
@@ -102,15 +88,12 @@ fn what_does_not_fit_or_is_damaged_is_named() {
         error.to_string(),
         "obstacle \"turning\": has 3 frames, the cloth has 4"
     );
-    let bytes = written(&with_obstacles(0));
+    let bytes = with_obstacles(0).to_bytes();
     let problem = |from: &str, to: &str| {
-        assert_eq!(from.len(), to.len());
-        let length = u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize;
-        let header = String::from_utf8_lossy(&bytes[8..8 + length]).into_owned();
-        assert!(header.contains(from), "{from}: {header}");
-        let mut edited = bytes[..8].to_vec();
-        edited.extend(header.replacen(from, to, 1).as_bytes());
-        edited.extend(&bytes[8 + length..]);
+        let edited = with_header(&bytes, |header| {
+            assert!(header.contains(from), "{from}: {header}");
+            header.replacen(from, to, 1)
+        });
         Trajectory::from_bytes(&edited).unwrap_err().to_string()
     };
     let cases = r#"

@@ -1,11 +1,11 @@
 //! A sewn cloth in files: what is written comes back, and other programs get a texture coordinate
 //! per corner, or per vertex with a way back.
 
-use crate::help::says;
+use crate::help::{run, says, write};
 use glam::{Vec2, Vec3};
 use selvedge_cloth::{Cloth, ClothArrays, Handles, Topology};
-use selvedge_data::export::{ExportFormat, ExportOptions, FrameSpan, export};
-use selvedge_data::{LoadedScene, Provenance, Trajectory, parse_scene, read_obj};
+use selvedge_data::export::{ExportFormat, ExportOptions, FrameSpan};
+use selvedge_data::{LoadedScene, Trajectory, parse_scene, read_obj};
 use serde_json::Value;
 use std::path::Path;
 
@@ -50,12 +50,7 @@ fn trajectory() -> Trajectory {
             .map(move |p| *p + by * Vec3::Y)
     };
     let positions = shifted(0.0).chain(shifted(0.5)).collect();
-    let provenance = Provenance {
-        frame_rate: 60.0,
-        scene: Value::Null,
-        made_by: "test".to_owned(),
-    };
-    Trajectory::new(cloth, positions, provenance).unwrap()
+    run(cloth.clone(), 60.0, positions)
 }
 
 fn exported(format: ExportFormat, frames: FrameSpan, path: &Path) {
@@ -63,10 +58,7 @@ fn exported(format: ExportFormat, frames: FrameSpan, path: &Path) {
         frames,
         ..ExportOptions::plain(format)
     };
-    export(&trajectory(), path, &options, &mut || {
-        std::ops::ControlFlow::Continue(())
-    })
-    .unwrap();
+    write(&trajectory(), path, &options);
 }
 
 #[test]

@@ -7,12 +7,10 @@ use glam::{Vec2, Vec3};
 use proptest::prelude::*;
 use selvedge_cloth::conformance::{HandlesEnd, check};
 use selvedge_cloth::{Cloth, HandleTargets, Motion, StepError, Stepper};
-use selvedge_data::{
-    Drive, Playback, Provenance, RecordingEnd, Trajectory, TrajectoryError, record,
-};
+use selvedge_data::{Drive, Playback, Provenance, RecordingEnd, Trajectory, record};
 use serde_json::json;
 
-use crate::help::{says, sheet, table};
+use crate::help::{says, sheet, table, with_header};
 
 fn cloth() -> Cloth {
     let flat = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
@@ -40,16 +38,6 @@ fn bytes_of(trajectory: &Trajectory) -> Vec<u8> {
     let path = folder.path().join("t.safetensors");
     trajectory.write(&path).unwrap();
     std::fs::read(&path).unwrap()
-}
-
-/// The file with its JSON header replaced by `edit` of it.
-fn with_header(bytes: &[u8], edit: impl Fn(&str) -> String) -> Vec<u8> {
-    let length = u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize;
-    let header = edit(std::str::from_utf8(&bytes[8..8 + length]).unwrap());
-    let mut edited = (header.len() as u64).to_le_bytes().to_vec();
-    edited.extend(header.as_bytes());
-    edited.extend(&bytes[8 + length..]);
-    edited
 }
 
 fn message(bytes: &[u8]) -> String {
@@ -131,10 +119,10 @@ fn a_position_that_is_not_finite_is_named() {
 
 #[test]
 fn positions_that_are_no_frames_are_an_error() {
-    let ragged = Trajectory::new(cloth(), vec![Vec3::ZERO; 7], provenance());
-    assert!(matches!(ragged, Err(TrajectoryError::Frames { .. })));
-    let empty = Trajectory::new(cloth(), Vec::new(), provenance());
-    assert!(matches!(empty, Err(TrajectoryError::Frames { .. })));
+    for count in [7, 0] {
+        let error = Trajectory::new(cloth(), vec![Vec3::ZERO; count], provenance());
+        says(error.unwrap_err(), &["no whole number of frames of 4"]);
+    }
 }
 
 #[test]

@@ -7,7 +7,7 @@ use crate::dataset::Split;
 use crate::dataset::sections::Section;
 
 /// Forecast of the data set that a preset will make.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Forecast {
     /// The trajectories, in order; training first.
     pub runs: Vec<PlannedRun>,

@@ -44,7 +44,7 @@ use crate::dataset::plan::DatasetPlan;
 use crate::dataset::sections::SectionRule;
 use crate::scene::{
     LoadedScene, MotionSource, ResolvedSetting, SceneFileError, SceneProblem, SceneSpec,
-    SceneSpecError, SettingFile, Stand, StartSpec, field, parse_toml, read_text,
+    SceneSpecError, SettingFile, Stand, StartSpec, field, parse_toml, read_text, unknown,
 };
 use selvedge_assets::DATASETS as PRESETS;
 use selvedge_cloth::motion::named;
@@ -137,18 +137,9 @@ impl DatasetPreset {
                 let folder = path.parent().map_or_else(PathBuf::new, Path::to_owned);
                 Self::parse(&text, &folder)
             }),
-            None => {
-                let names: Vec<&str> = PRESETS.iter().map(|preset| preset.0).collect();
-                Err(SceneProblem::Unknown {
-                    what: "preset",
-                    known: names.join(", "),
-                })
-            }
+            None => Err(unknown("preset", PRESETS)),
         };
-        result.map_err(|problem| SceneFileError {
-            origin: path_or_name.to_owned(),
-            problem,
-        })
+        result.map_err(SceneFileError::at(path_or_name))
     }
 
     /// Reads a preset from the text of its file; paths in it are relative to `folder`.
@@ -197,21 +188,16 @@ impl DatasetPreset {
         if !cloths.is_empty() {
             config.test = on_each(&cloths, &config.test)?;
         }
-        let preset = Self {
+        let mut preset = Self {
             config,
             mesh,
             meshes: cloths.into_iter().map(|(_, mesh)| mesh).collect(),
             folder: folder.to_owned(),
             warnings,
-            forecast: Forecast {
-                runs: Vec::new(),
-                sections: Vec::new(),
-            },
+            forecast: Forecast::default(),
         };
-        Ok(Self {
-            forecast: preset.foresee()?,
-            ..preset
-        })
+        preset.forecast = preset.foresee()?;
+        Ok(preset)
     }
 
     /// Every scene, made once to see that it can be, and what comes of it.

@@ -1,19 +1,19 @@
 //! An Alembic archive under way: objects, properties, samples with their keys, metadata that are
 //! said once, and time samplings.
 
-use std::io::{self, Seek, Write};
+use std::io;
 
 use super::super::take::Take;
 use super::property::{Form, Property, compound_header};
-use crate::formats::ogawa::{NO_DATA, NO_GROUP, OgawaOut};
+use crate::formats::ogawa::{NO_DATA, NO_GROUP, OgawaOut, Sink};
 
 /// Version of the format, and of the library whose format it is.
 const VERSION: i32 = 0;
 const LIBRARY: i32 = 10_803;
 
 /// An archive under way.
-pub(super) struct Archive<'a, W> {
-    out: OgawaOut<'a, W>,
+pub(super) struct Archive<'a> {
+    out: OgawaOut<'a>,
     /// Metadata of properties and objects, numbered from 1.
     metadata: Vec<&'static str>,
 }
@@ -61,9 +61,9 @@ impl Sampling {
     }
 }
 
-impl<'a, W: Write + Seek> Archive<'a, W> {
+impl<'a> Archive<'a> {
     /// Begins an archive in an empty file.
-    pub(super) fn new(out: &'a mut W) -> io::Result<Self> {
+    pub(super) fn new(out: &'a mut dyn Sink) -> io::Result<Self> {
         Ok(Self {
             out: OgawaOut::new(out)?,
             metadata: Vec::new(),

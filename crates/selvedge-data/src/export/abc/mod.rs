@@ -12,7 +12,7 @@
 mod archive;
 mod property;
 
-use std::io::{self, Seek, Write};
+use std::io;
 use std::path::Path;
 
 use glam::Vec3;
@@ -61,34 +61,30 @@ struct Samples {
 }
 
 impl Samples {
-    fn add<W: Write + Seek>(
+    fn add(
         &mut self,
-        archive: &mut Archive<'_, W>,
+        archive: &mut Archive<'_>,
         points: &[Vec3],
+        velocities: Option<Vec<Vec3>>,
     ) -> io::Result<()> {
         let [low, high] = extent(points).map(|corner| corner.as_dvec3().to_array());
         let corners = [low, high].concat();
         self.boxes.push(archive.scalar(&doubles(&corners))?);
         self.points.extend(archive.array(&floats(points))?);
+        if let Some(velocities) = velocities {
+            let velocities = archive.array(&floats(&velocities))?;
+            self.velocities.extend(velocities);
+        }
         Ok(())
     }
 }
 
-fn cloth<W: Write + Seek>(
-    take: &Take<'_>,
-    archive: &mut Archive<'_, W>,
-    pulse: &mut Pulse<'_>,
-) -> io::Result<Object> {
+fn cloth(take: &Take<'_>, archive: &mut Archive<'_>, pulse: &mut Pulse<'_>) -> io::Result<Object> {
     let mut samples = Samples::default();
     for number in 0..take.len() {
         let points = take.positions(number);
-        samples.add(archive, &points)?;
-        if take.velocities {
-            let velocities = take.velocities(number);
-            samples
-                .velocities
-                .extend(archive.array(&floats(&velocities))?);
-        }
+        let velocities = take.velocities.then(|| take.velocities(number));
+        samples.add(archive, &points, velocities)?;
         if take.normals {
             let normals = take.normals_at(&points);
             samples.normals.extend(archive.array(&floats(&normals))?);
@@ -105,21 +101,17 @@ fn cloth<W: Write + Seek>(
 }
 
 /// A body beside the cloth, in a node of its own.
-fn body<W: Write + Seek>(
+fn body(
     take: &Take<'_>,
-    archive: &mut Archive<'_, W>,
+    archive: &mut Archive<'_>,
     body: &TakenObstacle<'_>,
 ) -> io::Result<Object> {
     let count = body.frame_count(take);
     let mut samples = Samples::default();
     for number in 0..count {
-        samples.add(archive, &body.positions(take, number))?;
-        if take.velocities && count > 1 {
-            let velocities = body.velocities(take, number);
-            samples
-                .velocities
-                .extend(archive.array(&floats(&velocities))?);
-        }
+        let is_moving = take.velocities && count > 1;
+        let velocities = is_moving.then(|| body.velocities(take, number));
+        samples.add(archive, &body.positions(take, number), velocities)?;
     }
     let properties = mesh(archive, samples, count, body.track.faces())?;
     let shape = geometry(archive, &format!("{}_mesh", body.name), properties)?;
@@ -127,11 +119,7 @@ fn body<W: Write + Seek>(
 }
 
 /// A node that moves as a handle does.
-fn handle<W: Write + Seek>(
-    take: &Take<'_>,
-    archive: &mut Archive<'_, W>,
-    handle: usize,
-) -> io::Result<Object> {
+fn handle(take: &Take<'_>, archive: &mut Archive<'_>, handle: usize) -> io::Result<Object> {
     let mut places = Vec::with_capacity(take.len());
     for number in 0..take.len() {
         let place = take.handle_positions(number)[handle].as_dvec3();
@@ -146,8 +134,8 @@ fn handle<W: Write + Seek>(
 }
 
 /// Properties of a mesh but its texture: its own box, positions, faces and what goes with them.
-fn mesh<W: Write + Seek>(
-    archive: &mut Archive<'_, W>,
+fn mesh(
+    archive: &mut Archive<'_>,
     samples: Samples,
     count: usize,
     faces: &[[u32; 3]],
@@ -182,9 +170,9 @@ fn mesh<W: Write + Seek>(
 }
 
 /// Texture coordinates by the corners of faces, if there are some.
-fn texture<W: Write + Seek>(
+fn texture(
     take: &Take<'_>,
-    archive: &mut Archive<'_, W>,
+    archive: &mut Archive<'_>,
     faces: &[[u32; 3]],
 ) -> io::Result<Option<Property>> {
     const FORM: &str = "arrayExtent=1;geoScope=fvr;interpretation=vector;isGeomParam=true;podExtent=2;podName=float32_t";
@@ -216,10 +204,7 @@ fn texture<W: Write + Seek>(
 }
 
 /// The rest pose and the numbers of handles.
-fn per_vertex<W: Write + Seek>(
-    take: &Take<'_>,
-    archive: &mut Archive<'_, W>,
-) -> io::Result<Property> {
+fn per_vertex(take: &Take<'_>, archive: &mut Archive<'_>) -> io::Result<Property> {
     let rest = archive.array(&floats(&take.rest_positions()))?;
     let numbers: Vec<u8> = take
         .handle_numbers()
@@ -244,8 +229,8 @@ fn per_vertex<W: Write + Seek>(
     archive.compound(".arbGeomParams", "", properties)
 }
 
-fn geometry<W: Write + Seek>(
-    archive: &mut Archive<'_, W>,
+fn geometry(
+    archive: &mut Archive<'_>,
     name: &str,
     properties: Vec<Property>,
 ) -> io::Result<Object> {
@@ -254,8 +239,8 @@ fn geometry<W: Write + Seek>(
 }
 
 /// A node at these samples of a place, or at the origin.
-fn node<W: Write + Seek>(
-    archive: &mut Archive<'_, W>,
+fn node(
+    archive: &mut Archive<'_>,
     name: &str,
     places: Option<Vec<u64>>,
     children: Vec<Object>,

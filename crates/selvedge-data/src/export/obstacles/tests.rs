@@ -1,20 +1,18 @@
 //! Obstacles that were exported come back as obstacles of a scene, frame by frame.
 
-use std::ops::ControlFlow;
 use std::path::Path;
 
 use glam::{DQuat, DVec3, Vec2, Vec3};
 use selvedge_cloth::{Obstacle, ObstaclePath, RigidKey};
-use serde_json::Value;
 use tempfile::TempDir;
 
 use crate::UpAxis;
-use crate::export::{ExportFormat, ExportOptions, FrameSpan, export, files_beside};
+use crate::export::{ExportFormat, ExportOptions, FrameSpan, files_beside};
 use crate::formats::arrays::ArrayFile;
 use crate::obstacle::ObstacleFile;
-use crate::test_help::sheet;
+use crate::test_help::{run, sheet, write};
+use crate::trajectory::Trajectory;
 use crate::trajectory::obstacles::ObstacleTrack;
-use crate::trajectory::{Provenance, Trajectory};
 
 const FRAMES: usize = 5;
 const RATE: f64 = 30.0;
@@ -51,12 +49,7 @@ fn trajectory() -> Trajectory {
     let cloth = sheet(&corners, &flat, &[[0, 1, 2]], &[0]);
     let at = |frame: usize| corners.map(|p| p + Vec3::Z * frame as f32);
     let positions = (0..FRAMES).flat_map(at).collect();
-    let provenance = Provenance {
-        frame_rate: RATE,
-        scene: Value::Null,
-        made_by: "tests".to_owned(),
-    };
-    let made = Trajectory::new(cloth, positions, provenance).unwrap();
+    let made = run(cloth, RATE, positions);
     let tracks = obstacles
         .iter()
         .map(|o| ObstacleTrack::of(o, RATE, 0, FRAMES));
@@ -75,8 +68,7 @@ fn written(format: ExportFormat, name: &str, up: UpAxis) -> TempDir {
         ..ExportOptions::plain(format)
     };
     let path = folder.path().join(name);
-    let mut observe = || ControlFlow::Continue(());
-    export(&trajectory(), &path, &options, &mut observe).unwrap();
+    write(&trajectory(), &path, &options);
     folder
 }
 

@@ -22,49 +22,35 @@ mod text;
 use std::path::Path;
 
 use self::cloth::stage_of;
+use super::options::ExportFormat;
 use super::outcome::{ExportError, Pulse, check_size};
 use super::take::Take;
 use crate::formats::atomic::write_atomically;
 
-/// Writes the stage as text. Numbers are the shortest decimals that are read back exactly.
-pub(super) fn write_text(
+/// Writes the stage: as text, whose numbers are the shortest decimals that are read back exactly, as
+/// a crate, or as an archive of one crate, which is called as the archive is.
+pub(super) fn write(
     take: &Take<'_>,
     path: &Path,
+    format: ExportFormat,
     pulse: &mut Pulse<'_>,
 ) -> Result<(), ExportError> {
+    if format == ExportFormat::Usdz {
+        check_size(".usdz", package_bytes(take), take.every)?;
+    }
     let stage = stage_of(take);
-    Ok(write_atomically(path, |out| {
-        text::write(&stage, out, pulse)
+    Ok(write_atomically(path, |out| match format {
+        ExportFormat::Usda => text::write(&stage, out, pulse),
+        ExportFormat::Usdz => package::write(&stage, &crate_name(path), out, pulse),
+        _ => crate_file::write(&stage, out, 0, pulse).map(drop),
     })?)
 }
 
-/// Writes the stage as a crate.
-pub(super) fn write_crate(
-    take: &Take<'_>,
-    path: &Path,
-    pulse: &mut Pulse<'_>,
-) -> Result<(), ExportError> {
-    let stage = stage_of(take);
-    Ok(write_atomically(path, |out| {
-        crate_file::write(&stage, out, 0, pulse).map(drop)
-    })?)
-}
-
-/// Writes the stage as an archive of one crate, which is called as the archive is.
-pub(super) fn write_package(
-    take: &Take<'_>,
-    path: &Path,
-    pulse: &mut Pulse<'_>,
-) -> Result<(), ExportError> {
-    check_size(".usdz", package_bytes(take), take.every)?;
-    let stage = stage_of(take);
+/// A name of letters that every ZIP knows, and of a length that its header can hold.
+fn crate_name(path: &Path) -> String {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-    // A name of letters that every ZIP knows, and of a length that its header can hold.
     let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
-    let name: String = stem.chars().map(plain).take(100).collect();
-    Ok(write_atomically(path, |out| {
-        package::write(&stage, &format!("{name}.usdc"), out, pulse)
-    })?)
+    stem.chars().map(plain).take(100).collect::<String>() + ".usdc"
 }
 
 /// Bytes of an archive, not fewer than it will have.

@@ -15,10 +15,9 @@ use glam::{DVec2, DVec3};
 use serde_json::{Value, json};
 
 use super::assemble::{TrajectoryParts, Weight, hanging};
-use super::error::{ForeignError, ForeignProblem};
+use super::error::{ForeignError, at, unread};
 use super::options::{ImportOptions, RestSource, describe_file};
 use crate::UpAxis;
-use crate::formats::file_error::FileError;
 use crate::formats::input::read_file;
 use crate::formats::obj::{parse_obj_polygons, read_obj, read_obj_positions};
 use crate::formats::polygons::{Polygons, triangles_in_space};
@@ -42,10 +41,6 @@ fn ending_of(path: &Path) -> &str {
         .unwrap_or_default()
 }
 
-fn at(path: &Path, problem: ForeignProblem) -> ForeignError {
-    FileError::at(path)(problem)
-}
-
 /// True for a file that is a cache.
 pub(super) fn is_cache(path: &Path) -> bool {
     let ending = ending_of(path);
@@ -54,14 +49,14 @@ pub(super) fn is_cache(path: &Path) -> bool {
 
 impl ImportOptions {
     /// Checks what must be positive.
-    pub(super) fn check(&self) -> Result<(), ForeignProblem> {
+    pub(super) fn check(&self) -> Result<(), String> {
         let numbers = [("density", self.density), ("frame_rate", self.frame_rate)];
         let bad = numbers.iter().find(|(_, n)| !(n.is_finite() && *n > 0.0));
         match bad {
             None => Ok(()),
-            Some((option, found)) => Err(ForeignProblem::Layout(format!(
+            Some((option, found)) => Err(format!(
                 "{option} must be finite and positive, found {found}"
-            ))),
+            )),
         }
     }
 
@@ -86,8 +81,8 @@ impl ImportOptions {
 
     /// The parts of the trajectory in a file.
     pub(super) fn read(&self, path: &Path) -> Result<TrajectoryParts, ForeignError> {
-        let layout = |problem: String| at(path, ForeignProblem::Layout(problem));
-        let bytes = read_file(path).map_err(|e| at(path, ForeignProblem::Read(e)))?;
+        let layout = |problem: String| at(path, problem);
+        let bytes = read_file(path).map_err(unread(path))?;
         let format = RigFormat::of(ending_of(path));
         let mesh = mesh_of(path, &bytes, format)?;
         let name = path.to_string_lossy();
@@ -114,9 +109,7 @@ impl ImportOptions {
         };
         let frames = at_rate(&frames, rate, self.frame_rate);
         let frames: Vec<Vec<DVec3>> = frames.iter().map(own).collect();
-        let material = self
-            .material(&mesh, span)
-            .map_err(|problem| at(path, problem))?;
+        let material = self.material(&mesh, span).map_err(layout)?;
         Ok(TrajectoryParts {
             made_by: "imported from a cache".to_owned(),
             faces,
@@ -139,9 +132,7 @@ impl ImportOptions {
         let rest = match &self.rest {
             RestSource::Flat => hanging(material),
             RestSource::FirstFrame => frames.first().cloned().unwrap_or_default(),
-            RestSource::Obj(file) => {
-                read_obj_positions(file).map_err(|e| at(file, ForeignProblem::Obj(e)))?
-            }
+            RestSource::Obj(file) => read_obj_positions(file).map_err(|error| at(file, error))?,
         };
         if rest.len() == material.len() {
             return Ok(rest);
@@ -153,16 +144,16 @@ impl ImportOptions {
     }
 
     /// Material coordinates of the cloth: of the flat mesh, or the texture coordinates.
-    fn material(&self, mesh: &Polygons, span: [usize; 2]) -> Result<Vec<DVec2>, ForeignProblem> {
+    fn material(&self, mesh: &Polygons, span: [usize; 2]) -> Result<Vec<DVec2>, String> {
         let [start, end] = span;
         if let Some(flat) = &self.flat {
-            let material = read_obj(flat)?.mesh.material_coordinates().to_vec();
+            let sheet = read_obj(flat).map_err(|error| error.to_string())?;
+            let material = sheet.mesh.material_coordinates().to_vec();
             if material.len() == end - start {
                 return Ok(material);
             }
             return Err(other_count("the flat mesh", material.len(), end - start));
         }
-        let layout = |problem: String| Err(ForeignProblem::Layout(problem));
         let mut material: Vec<Option<DVec2>> = vec![None; end - start];
         for corner in mesh.polygons.iter().flat_map(|polygon| &polygon.corners) {
             let Some(own) = (corner.vertex as usize).checked_sub(start) else {
@@ -173,7 +164,7 @@ impl ImportOptions {
             };
             let found = mesh.texture[texture];
             if known.is_some_and(|known| known.distance(found) > SAME) {
-                return layout(format!(
+                return Err(format!(
                     "has a seam at vertex {own}, where it has two texture coordinates: name a flat mesh of the same vertices (option `flat`)"
                 ));
             }
@@ -181,7 +172,7 @@ impl ImportOptions {
         }
         match material.into_iter().collect::<Option<Vec<DVec2>>>() {
             Some(material) => Ok(material),
-            None => layout(
+            None => Err(
                 "has no texture coordinates, which are the flat, unstrained cloth in metres: name a flat mesh of the same vertices (option `flat`)"
                     .to_owned(),
             ),
@@ -189,21 +180,18 @@ impl ImportOptions {
     }
 }
 
-fn other_count(what: &str, found: usize, expected: usize) -> ForeignProblem {
-    ForeignProblem::Layout(format!(
-        "{what} is for {found} vertices, but there are {expected}"
-    ))
+fn other_count(what: &str, found: usize, expected: usize) -> String {
+    format!("{what} is for {found} vertices, but there are {expected}")
 }
 
 /// The meshes of a file, or of the .obj beside it.
 fn mesh_of(path: &Path, bytes: &[u8], format: Option<RigFormat>) -> Result<Polygons, ForeignError> {
-    let layout = |path: &Path, problem: String| at(path, ForeignProblem::Layout(problem));
     if let Some(format) = format {
-        return polygons(bytes, format).map_err(|e| layout(path, e.to_string()));
+        return polygons(bytes, format).map_err(|error| at(path, error));
     }
     let beside = path.with_extension("obj");
-    let text = read_file(&beside).map_err(|e| at(&beside, ForeignProblem::Read(e)))?;
-    parse_obj_polygons(&text).map_err(|e| layout(&beside, e.to_string()))
+    let text = read_file(&beside).map_err(unread(&beside))?;
+    parse_obj_polygons(&text).map_err(|error| at(&beside, error))
 }
 
 /// The vertices of the cloth, from one to before another: of the mesh called `object`, or else of
@@ -238,11 +226,6 @@ fn triangles(mesh: &Polygons, span: [usize; 2]) -> Result<Vec<[u32; 3]>, String>
     let mut faces = Vec::new();
     for (number, polygon) in mesh.polygons.iter().enumerate() {
         let corners: Vec<usize> = polygon.corners.iter().map(|c| c.vertex as usize).collect();
-        if let Some(beyond) = corners.iter().find(|&&c| c >= mesh.positions.len()) {
-            return Err(format!(
-                "face {number} names vertex {beyond}, which is not there"
-            ));
-        }
         if !corners.iter().all(|corner| (start..end).contains(corner)) {
             continue;
         }

@@ -1,12 +1,10 @@
 //! Caches that are learned from: what we write comes back, handles are numbered or named, and what
 //! is missing is said.
 
-use std::ops::ControlFlow;
-
 use super::*;
-use crate::export::{ExportFormat, ExportOptions, export};
+use crate::export::{ExportFormat, ExportOptions};
 use crate::foreign::{ForeignSource, HandleSource};
-use crate::test_help::says;
+use crate::test_help::{says, write};
 use crate::trajectory::Trajectory;
 use crate::trajectory::test_square::moving_square;
 
@@ -18,10 +16,7 @@ fn exported(format: ExportFormat, ending: &str) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let options = ExportOptions::plain(format);
     let path = folder.path().join(format!("a.{ending}"));
-    export(&trajectory(), &path, &options, &mut || {
-        ControlFlow::Continue(())
-    })
-    .unwrap();
+    write(&trajectory(), &path, &options);
     folder
 }
 

@@ -8,9 +8,7 @@
 mod points;
 mod write;
 
-use thiserror::Error;
-
-use crate::formats::npy::{Array, NpyError};
+use crate::formats::npy::Array;
 use crate::formats::zip::{DIRECTORY, DIRECTORY_LENGTH, END, END_LENGTH, LOCAL, LOCAL_LENGTH};
 
 pub(crate) use self::points::NpzPoints;
@@ -34,35 +32,22 @@ struct Entry {
     header: usize,
 }
 
-/// Bytes that are no archive of arrays, or an array in it that cannot be read.
-#[derive(Debug, Error, PartialEq)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum NpzError {
-    #[error("is no complete .npz archive: {0}")]
-    Archive(&'static str),
-    #[error("array {name}: {problem}")]
-    Entry { name: String, problem: &'static str },
-    #[error("array {name}: {source}")]
-    Array {
-        name: String,
-        #[source]
-        source: NpyError,
-    },
-}
-
 /// A field of this value is elsewhere, in a record for archives over 4 GB.
 const ELSEWHERE: usize = 0xffff_ffff;
 
 impl<'a> Npz<'a> {
     /// The archive in `bytes`.
-    pub(crate) fn open(bytes: &'a [u8]) -> Result<Self, NpzError> {
-        let cut = || NpzError::Archive("it ends too early");
+    ///
+    /// # Errors
+    /// The defect, as the end of a sentence.
+    pub(crate) fn open(bytes: &'a [u8]) -> Result<Self, String> {
+        let cut = || incomplete("it ends too early");
         // The comment at the end is at most 65535 bytes long.
         let first = bytes.len().saturating_sub(END_LENGTH + 0xffff);
         let end = (first..=bytes.len().saturating_sub(END_LENGTH))
             .rev()
             .find(|&at| number::<4>(bytes, at) == Some(END as usize))
-            .ok_or(NpzError::Archive("it has no directory"))?;
+            .ok_or_else(|| incomplete("it has no directory"))?;
         let count = number::<2>(bytes, end + 10).ok_or_else(cut)?;
         let mut at = number::<4>(bytes, end + 16).ok_or_else(cut)?;
         let mut entries = Vec::with_capacity(count);
@@ -80,19 +65,10 @@ impl<'a> Npz<'a> {
     }
 
     /// The array of this name, if there is one.
-    pub(crate) fn array(&self, name: &str) -> Result<Option<Array>, NpzError> {
-        let Some(entry) = self.entries.iter().find(|entry| entry.name == name) else {
-            return Ok(None);
-        };
-        let bytes = self.unpack(entry).map_err(|problem| NpzError::Entry {
-            name: name.to_owned(),
-            problem,
-        })?;
-        let array = Array::parse(&bytes).map_err(|source| NpzError::Array {
-            name: name.to_owned(),
-            source,
-        })?;
-        Ok(Some(array))
+    pub(crate) fn array(&self, name: &str) -> Result<Option<Array>, String> {
+        let entry = self.entries.iter().find(|entry| entry.name == name);
+        let read = |entry| Array::parse(&self.unpack(entry)?);
+        entry.map(read).transpose()
     }
 
     fn unpack(&self, entry: &Entry) -> Result<Vec<u8>, &'static str> {
@@ -119,11 +95,15 @@ impl<'a> Npz<'a> {
     }
 }
 
+fn incomplete(problem: &str) -> String {
+    format!("is no complete .npz archive: {problem}")
+}
+
 /// The entry of the directory at `at`, and where the next one begins.
-fn directory_entry(bytes: &[u8], at: usize) -> Result<(Entry, usize), NpzError> {
-    let cut = || NpzError::Archive("its directory ends too early");
+fn directory_entry(bytes: &[u8], at: usize) -> Result<(Entry, usize), String> {
+    let cut = || incomplete("its directory ends too early");
     if number::<4>(bytes, at) != Some(DIRECTORY as usize) {
-        return Err(NpzError::Archive("its directory is damaged"));
+        return Err(incomplete("its directory is damaged"));
     }
     let short = |offset| number::<2>(bytes, at + offset).ok_or_else(cut);
     let long = |offset| number::<4>(bytes, at + offset).ok_or_else(cut);
@@ -141,7 +121,7 @@ fn directory_entry(bytes: &[u8], at: usize) -> Result<(Entry, usize), NpzError> 
         header: long(42)?,
     };
     if [entry.compressed, entry.uncompressed, entry.header].contains(&ELSEWHERE) {
-        return Err(NpzError::Archive("it is larger than 4 GB"));
+        return Err(incomplete("it is larger than 4 GB"));
     }
     let next = at + DIRECTORY_LENGTH + name_length + extra + comment;
     Ok((entry, next))

@@ -33,11 +33,8 @@ impl NpzPoints {
         };
         let beyond = |handles: &[u32]| handles.iter().find(|&&h| h as usize >= count).copied();
         if let Some(found) = handles.as_ref().and_then(|handles| beyond(&handles.values)) {
-            return Err(ArrayError::Array {
-                name: "handles".to_owned(),
-                expected: format!("vertices below {count}"),
-                found: found.to_string(),
-            });
+            let expected = format!("vertices below {count}");
+            return Err(ArrayError::array("handles", &expected, found));
         }
         let frame_rate = match file.has("fps") {
             true => Some(file.floats("fps")?.of_shape(&[Some(1)])?.values[0]),
@@ -61,11 +58,10 @@ impl ArrayFile<'_> {
         match self.wholes("up_axis")?.values[..] {
             [1] => Ok(UpAxis::Y),
             [2] => Ok(UpAxis::Z),
-            ref other => Err(ArrayError::Array {
-                name: "up_axis".to_owned(),
-                expected: "1 for y or 2 for z".to_owned(),
-                found: format!("{other:?}"),
-            }),
+            ref other => {
+                let found = format!("{other:?}");
+                Err(ArrayError::array("up_axis", "1 for y or 2 for z", found))
+            }
         }
     }
 }

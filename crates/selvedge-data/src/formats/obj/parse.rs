@@ -41,7 +41,7 @@ pub(super) fn parse(text: &str) -> Result<Polygons, MeshFileError> {
         };
         let rest: Vec<&str> = words.collect();
         let read = reader.read(line, keyword, &rest);
-        read.map_err(|problem| MeshFileError::Line { line, problem })?;
+        read.map_err(|problem| MeshFileError::content(format!("line {line}: {problem}")))?;
     }
     Ok(reader.finish())
 }

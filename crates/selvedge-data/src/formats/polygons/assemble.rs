@@ -24,13 +24,19 @@ pub(crate) fn assemble(
     options: MeshOptions,
 ) -> Result<ReadMesh, MeshFileError> {
     if polygons.polygons.is_empty() {
-        let vertices = polygons.positions.len();
-        return Err(MeshFileError::NoFaces { vertices });
+        return Err(MeshFileError::content(match polygons.positions.len() {
+            0 => "has no faces and no vertices: it is empty, or no mesh of the kind that its name says".to_owned(),
+            some => format!(
+                "has no faces, only {some} vertices: a cloth needs at least one; export it as a mesh, not as points, lines or curves"
+            ),
+        }));
     }
     if let Some(tolerance) = options.weld {
         weld(&mut polygons, tolerance)?;
         if polygons.polygons.is_empty() {
-            return Err(MeshFileError::Collapsed { tolerance });
+            return Err(MeshFileError::content(format!(
+                "has no faces left once vertices within {tolerance} of each other are one: give a smaller mesh.weld, in the file's own unit of length"
+            )));
         }
     }
     check_corners(&polygons)?;
@@ -39,8 +45,8 @@ pub(crate) fn assemble(
     warn_of_slits(&mut polygons);
     let thread = options.thread.unwrap_or(DVec3::Y);
     if thread.try_normalize().is_none() {
-        let found = thread.to_string();
-        return Err(MeshFileError::Thread { found });
+        let problem = format!("mesh.thread must be a direction, found {thread}");
+        return Err(MeshFileError::Content(problem));
     }
     let flat = rest_coordinates(&mut polygons, options)?;
     let triangles = split(&polygons, flat.as_deref(), thread)?;
@@ -151,8 +157,11 @@ fn texture_coordinates(polygons: &Polygons) -> Result<Vec<Vec<DVec2>>, MeshFileE
         let corners = polygon.corners.iter();
         let places = corners.map(|corner| Some(polygons.texture[corner.texture?]));
         let places: Option<Vec<DVec2>> = places.collect();
-        places.ok_or(MeshFileError::MissingTexture {
-            place: polygon.place,
+        places.ok_or_else(|| {
+            MeshFileError::content(format!(
+                "{}: this face has no texture coordinates, but others have: give it some, or take the rest shape from the form in space with mesh.pattern = \"shape\"",
+                polygon.place
+            ))
         })
     };
     polygons.polygons.iter().map(of_polygon).collect()
@@ -165,11 +174,10 @@ fn check_seams(polygons: &Polygons, coordinates: &[Vec<DVec2>]) -> Result<(), Me
         for (corner, &value) in polygon.corners.iter().zip(places) {
             let first = *found.entry(corner.vertex).or_insert(value);
             if first != value {
-                return Err(MeshFileError::Seam {
-                    vertex: polygons.number(corner.vertex),
-                    first: first.to_string(),
-                    second: value.to_string(),
-                });
+                return Err(MeshFileError::content(format!(
+                    "vertex {} has the texture coordinates {first} and {value}, which mesh.seams = \"refuse\" forbids: leave it out to sew the panels together there, or cut the cloth with mesh.seams = \"cut\"",
+                    polygons.number(corner.vertex)
+                )));
             }
         }
     }
@@ -202,7 +210,12 @@ fn split(
                 &polygon.corners.iter().map(at).collect::<Vec<_>>(),
             )),
         };
-        for triangle in triangles.ok_or(MeshFileError::Polygon { place, corners })? {
+        let crossed = || {
+            MeshFileError::content(format!(
+                "{place}: this face of {corners} corners crosses itself or has no area, so that it cannot be cut into triangles: mend it, or triangulate it"
+            ))
+        };
+        for triangle in triangles.ok_or_else(crossed)? {
             made.faces.push(triangle.map(|k| polygon.corners[k].vertex));
             made.shapes.push(match own {
                 Some(flat) => triangle.map(|k| flat[k]),
@@ -295,27 +308,38 @@ fn placed(error: MeshError, polygons: &Polygons, places: &[Place]) -> MeshFileEr
     let place = |face: FaceId| places[face.index()];
     let number = |vertex: VertexId| polygons.number(vertex.0);
     match error {
-        MeshError::ZeroArea { face, area } => {
-            let place = place(face);
-            MeshFileError::NoArea { place, area }
-        }
+        MeshError::ZeroArea { face, area } => MeshFileError::content(format!(
+            "{}: this face has no area in the pattern ({area:e} m²): mend its texture coordinates, remove it, or take the rest shape from the form in space with mesh.pattern = \"shape\"",
+            place(face)
+        )),
         MeshError::Topology(TopologyError::NonManifoldEdge { vertices, faces }) => {
-            MeshFileError::NonManifold {
-                places: faces.into_iter().map(|face| place(FaceId(face))).collect(),
-                vertices: vertices.map(number),
-            }
+            let faces = faces
+                .into_iter()
+                .map(|face| place(FaceId(face)).to_string());
+            let [a, b] = vertices.map(number);
+            MeshFileError::Faces(format!(
+                "{}: the edge from vertex {a} to vertex {b} belongs to more than two faces (the mesh is not manifold there): separate the layers, each with vertices of its own",
+                faces.collect::<Vec<_>>().join(", ")
+            ))
         }
         MeshError::Topology(TopologyError::InconsistentOrientation {
             vertices,
             first,
             second,
-        }) => MeshFileError::Twisted {
-            places: [first, second].map(place),
-            vertices: vertices.map(number),
-        },
+        }) => {
+            let [a, b] = vertices.map(number);
+            MeshFileError::Faces(format!(
+                "{} and {}: these faces run through the edge from vertex {a} to vertex {b} in the same direction, and no turning of faces mends it: the sheet is twisted into itself (as a Möbius strip is); cut it open there",
+                place(first),
+                place(second)
+            ))
+        }
         MeshError::Topology(TopologyError::DuplicateFace { first, second }) => {
-            let places = [first, second].map(place);
-            MeshFileError::Duplicate { places }
+            MeshFileError::Faces(format!(
+                "{} and {}: these faces have the same three vertices: remove one of them",
+                place(first),
+                place(second)
+            ))
         }
         other => other.into(),
     }

@@ -42,8 +42,10 @@ impl Border {
                 next.entry(*b).or_default().push(*a);
             }
         }
-        let wrong = || MeshFileError::Border {
-            name: name.to_owned(),
+        let wrong = || {
+            MeshFileError::content(format!(
+                "seams: the vertices of {name:?} are not one line along the border of a panel, from one end to another: name the vertices of one line without gaps (l statements of a group); a border that is closed is two lines"
+            ))
         };
         let end = next.iter().find(|(_, to)| to.len() == 1);
         let (&start, _) = end.ok_or_else(wrong)?;

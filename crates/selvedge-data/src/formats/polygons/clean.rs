@@ -10,10 +10,11 @@ pub(super) fn check_corners(polygons: &Polygons) -> Result<(), MeshFileError> {
         let mut vertices: Vec<u32> = polygon.corners.iter().map(|c| c.vertex).collect();
         vertices.sort_unstable();
         if let Some(pair) = vertices.windows(2).find(|pair| pair[0] == pair[1]) {
-            return Err(MeshFileError::RepeatedVertex {
-                place: polygon.place,
-                vertex: polygons.number(pair[0]),
-            });
+            return Err(MeshFileError::Faces(format!(
+                "{}: this face names vertex {} twice: remove it, or mend its corners",
+                polygon.place,
+                polygons.number(pair[0])
+            )));
         }
     }
     Ok(())

@@ -82,7 +82,9 @@ fn scale(
     let along_v = (lv * uu - lu * uv) / determinant;
     if !(along_u.is_finite() && along_u > 0.0 && along_v.is_finite() && along_v > 0.0) {
         let vertex = polygons.number(polygons.polygons[panel].corners[0].vertex);
-        return Err(MeshFileError::Fit { vertex });
+        return Err(MeshFileError::content(format!(
+            "the texture coordinates of the sheet of vertex {vertex} cannot be stretched along u and v to fit its shape: they need some extent along both; mend them, or take the rest shape from the form in space with mesh.pattern = \"shape\""
+        )));
     }
     let mirror = if area < 0.0 { -1.0 } else { 1.0 };
     Ok(DVec2::new(mirror * along_u.sqrt(), along_v.sqrt()))

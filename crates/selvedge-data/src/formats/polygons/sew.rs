@@ -130,12 +130,11 @@ fn sorted(pairs: &[[u32; 2]]) -> Vec<[u32; 2]> {
 
 fn sewn_twice(first: &SeamPair, second: &SeamPair) -> MeshFileError {
     let name = |seam: &SeamPair| format!("{:?} to {:?}", seam.a, seam.b);
-    let problem = format!(
+    MeshFileError::content(format!(
         "seams: {} and {} are the same seam, named twice: leave one of them out, or name the borders that were meant",
         name(first),
         name(second)
-    );
-    MeshFileError::Content { problem }
+    ))
 }
 
 /// Keeps the faces of these objects and groups, and their vertices; all where none is named.
@@ -164,8 +163,9 @@ fn keep_flat(polygons: &mut Polygons) -> Result<(), MeshFileError> {
     if corners.any(|corner| corner.texture.is_some()) {
         return Ok(());
     }
-    let flat = planar_coordinates(polygons).ok_or(MeshFileError::NotFlat)?;
-    polygons.texture = flat;
+    let problem = "seams need a pattern: texture coordinates, or panels that lie flat in one plane";
+    let flat = planar_coordinates(polygons);
+    polygons.texture = flat.ok_or_else(|| MeshFileError::content(problem))?;
     for corner in polygons.polygons.iter_mut().flat_map(|p| &mut p.corners) {
         corner.texture = Some(corner.vertex as usize);
     }
@@ -175,8 +175,11 @@ fn keep_flat(polygons: &mut Polygons) -> Result<(), MeshFileError> {
 fn put(polygons: &mut Polygons, place: &PanelPlace) -> Result<(), MeshFileError> {
     let axis = place.axis.try_normalize();
     let axis = axis.filter(|_| place.angle_deg.is_finite() && place.translation.is_finite());
-    let axis = axis.ok_or_else(|| MeshFileError::Place {
-        panel: place.panel.clone(),
+    let axis = axis.ok_or_else(|| {
+        MeshFileError::content(format!(
+            "mesh.panels: the place of {:?} needs an axis that is a direction, and finite numbers",
+            place.panel
+        ))
     })?;
     let turn = DQuat::from_axis_angle(axis, place.angle_deg.to_radians());
     for vertex in polygons.label(&place.panel, "mesh.panels")?.clone() {
@@ -189,7 +192,7 @@ fn put(polygons: &mut Polygons, place: &PanelPlace) -> Result<(), MeshFileError>
 /// The pairs of a seam: its borders run along each other in the sense in which they are nearer.
 fn pairs_of(polygons: &mut Polygons, seam: &SeamPair) -> Result<Vec<[u32; 2]>, MeshFileError> {
     let (a, b) = (&seam.a, &seam.b);
-    let content = |problem| Err(MeshFileError::Content { problem });
+    let content = |problem| Err(MeshFileError::Content(problem));
     if a == b {
         let problem = format!("seams: {a:?} is to be sewn to itself: name two borders");
         return content(problem);

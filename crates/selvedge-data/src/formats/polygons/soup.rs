@@ -106,12 +106,10 @@ impl Polygons {
     ) -> Result<&BTreeSet<u32>, MeshFileError> {
         self.labels.get(name).ok_or_else(|| {
             let known: Vec<&str> = self.labels.keys().map(String::as_str).collect();
-            MeshFileError::Content {
-                problem: format!(
-                    "{key} names {name:?}, but the mesh has no object or group of that name; it has [{}]",
-                    known.join(", ")
-                ),
-            }
+            MeshFileError::content(format!(
+                "{key} names {name:?}, but the mesh has no object or group of that name; it has [{}]",
+                known.join(", ")
+            ))
         })
     }
 

@@ -13,7 +13,8 @@ use super::soup::Polygons;
 /// not change.
 pub(super) fn weld(polygons: &mut Polygons, tolerance: f64) -> Result<(), MeshFileError> {
     if !(tolerance.is_finite() && tolerance >= 0.0) {
-        return Err(MeshFileError::Weld { found: tolerance });
+        let problem = "mesh.weld must be finite and not negative, found";
+        return Err(MeshFileError::content(format!("{problem} {tolerance}")));
     }
     let owners = owners(&polygons.positions, tolerance);
     let welded = (0_u32..)

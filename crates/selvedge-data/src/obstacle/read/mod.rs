@@ -9,7 +9,7 @@ use selvedge_assets::BODIES;
 use selvedge_cloth::bodies::Body;
 
 use super::error::Problem;
-use crate::formats::hash::hash;
+use crate::formats::hash::{check_hash, hash};
 use crate::formats::input::read_file;
 use crate::formats::npz::NpzPoints;
 use crate::formats::obj::parse_obj_polygons;
@@ -77,24 +77,9 @@ pub(super) fn unchanged(
     folder: &Path,
 ) -> Result<Vec<u8>, Problem> {
     let bytes = bytes_of(field, path, folder)?;
-    check_hash(field, path, expected, hash(&bytes))?;
+    let checked = check_hash(path, expected, &hash(&bytes));
+    checked.map_err(|problem| Problem(field, problem))?;
     Ok(bytes)
-}
-
-/// Checks that a file has the hash that it had when the scene was resolved.
-pub(super) fn check_hash(
-    field: &'static str,
-    path: &str,
-    expected: &str,
-    found: String,
-) -> Result<(), Problem> {
-    if found == expected {
-        return Ok(());
-    }
-    let problem = format!(
-        "{path} has changed since the scene was resolved (hash {found}, expected {expected})"
-    );
-    Err(Problem(field, problem))
 }
 
 /// The mesh in the bytes of the file at `path`, as it stands at the start; what is left out is said
@@ -125,11 +110,6 @@ pub(super) fn mesh(path: &str, bytes: &[u8], warnings: &mut Vec<String>) -> Resu
     };
     let mut faces = Vec::with_capacity(2 * polygons.len());
     for (number, corners) in polygons.iter().enumerate() {
-        let beyond = corners.iter().find(|&&c| c as usize >= points.len());
-        if let Some(beyond) = beyond {
-            let problem = format!("face {number} names point {beyond} of {}", points.len());
-            return Err(wrong(problem));
-        }
         let places: Vec<DVec3> = corners.iter().map(|&c| points[c as usize]).collect();
         let triangles = triangles_in_space(&places).ok_or_else(|| {
             wrong(format!(

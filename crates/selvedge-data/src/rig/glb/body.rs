@@ -13,24 +13,18 @@ use super::{File, Interpolation, Mesh, part};
 /// Shares of a point's joints that count as none at all.
 const NO_SHARE: f64 = 1e-6;
 
-/// The animation of a file that is taken.
-#[derive(Clone, Copy, Debug)]
-pub(in super::super) enum Chosen<'a> {
-    /// None: the nodes stand.
-    None,
-    /// The only one; an error where there are several.
-    Only,
-    /// The one of this name.
-    Named(&'a str),
-}
-
-/// The rig in the bytes of a file, with the animation that is asked for, and its moving meshes.
+/// The rig in the bytes of a file, with the animation that is asked for or else its only one, or
+/// with none where `is_still`; and its moving meshes.
 pub(in super::super) fn parse_bodies(
     bytes: &[u8],
-    animation: Chosen<'_>,
+    animation: Option<&str>,
+    is_still: bool,
 ) -> Result<(Rig, Vec<MovingMesh>), RigError> {
     let mut file = File::open(bytes)?;
-    file.choose(animation)?;
+    match is_still {
+        true => file.document.animations.clear(),
+        false => file.choose(animation)?,
+    }
     let rig = file.rig()?;
     let meshes = file.of_nodes(|node, mesh| file.moving(node, mesh))?;
     Ok((rig, meshes))
@@ -38,24 +32,20 @@ pub(in super::super) fn parse_bodies(
 
 impl File<'_> {
     /// Leaves only the animation that is chosen.
-    fn choose(&mut self, chosen: Chosen<'_>) -> Result<(), RigError> {
+    fn choose(&mut self, chosen: Option<&str>) -> Result<(), RigError> {
         let animations = &mut self.document.animations;
         let known = || {
             let names: Vec<&str> = animations.iter().map(|a| a.name.as_str()).collect();
             names.join(", ")
         };
         match chosen {
-            Chosen::None => animations.clear(),
-            Chosen::Only if animations.len() > 1 => {
+            None if animations.len() > 1 => {
                 return Err(RigError::Animations { known: known() });
             }
-            Chosen::Only => {}
-            Chosen::Named(name) => {
+            None => {}
+            Some(name) => {
                 let Some(only) = animations.iter().position(|a| a.name == name) else {
-                    return Err(RigError::NoAnimation {
-                        name: name.to_owned(),
-                        known: known(),
-                    });
+                    return Err(RigError::no_animation(name, &known()));
                 };
                 animations.swap(0, only);
                 animations.truncate(1);

@@ -61,7 +61,7 @@ pub(super) fn is_of_skeleton(name: &str) -> bool {
 /// The meshes of these prims that are seen; what is left out is said in `warnings`.
 ///
 /// # Errors
-/// [`RigError::Node`] for a prim that brings more from elsewhere, and for what is wrong in a mesh.
+/// [`RigError`] for a prim that brings more from elsewhere, and for what is wrong in a mesh.
 pub(super) fn meshes(
     prims: &[Prim],
     warnings: &mut Vec<String>,
@@ -73,10 +73,7 @@ pub(super) fn meshes(
         let is_of_looks = ["Material", "Shader", "NodeGraph"].contains(&prim.kind.as_str());
         let composed = prim.composed.as_deref().filter(|_| !is_of_looks);
         if let Some(problem) = composed.or(instancer) {
-            return Err(RigError::Node {
-                name: prim.name.clone(),
-                problem: problem.to_owned(),
-            });
+            return Err(RigError::node(&prim.name, problem));
         }
     }
     let mut left = |what: &str, is_left: &dyn Fn(usize, &Prim) -> bool| {
@@ -155,10 +152,7 @@ pub(super) fn moving(
     rate: f64,
     name: &str,
 ) -> Result<MovingMesh, RigError> {
-    let wrong = |problem: String| RigError::Node {
-        name: name.to_owned(),
-        problem,
-    };
+    let wrong = |problem: String| RigError::node(name, problem);
     let expected = mesh.positions.len();
     let mut frames = Vec::with_capacity(samples.len());
     let mut times = Vec::with_capacity(samples.len());
@@ -178,10 +172,7 @@ pub(super) fn moving(
 }
 
 fn mesh(prim: &Prim, node: usize) -> Result<NodeMesh, RigError> {
-    let wrong = |problem: String| RigError::Node {
-        name: prim.name.clone(),
-        problem,
-    };
+    let wrong = |problem: String| RigError::node(&prim.name, problem);
     let array = |name: &str| {
         let found = prim.array(name);
         found.ok_or_else(|| wrong(format!("its mesh has no {name}")))

@@ -21,7 +21,7 @@ mod tokens;
 
 use self::operations::{Attribute, Samples};
 use self::prim::{Prim, Stage, rig};
-use self::tokens::{Token, Tokens};
+use self::tokens::{Token, Tokens, in_line};
 use super::error::RigError;
 use super::moving_mesh::MovingMesh;
 use super::node::Rig;
@@ -61,25 +61,20 @@ pub(super) fn parse_meshes(bytes: &[u8]) -> Result<(Rig, Vec<NodeMesh>), RigErro
 /// The prims of a file, with the arrays of meshes where they are wanted, and its stage.
 fn read(bytes: &[u8], keeps_arrays: bool) -> Result<(Vec<Prim>, Stage), RigError> {
     if bytes.starts_with(package::ZIP) {
-        let inside = package::first_file(bytes).map_err(RigError::Archive)?;
+        let inside = package::first_file(bytes).map_err(RigError::Content)?;
         // The file in an archive is no archive.
         if !inside.starts_with(package::ZIP) {
             return read(inside, keeps_arrays);
         }
     }
     if bytes.starts_with(binary::MAGIC) {
-        return binary::read(bytes, keeps_arrays).map_err(RigError::Archive);
+        return binary::read(bytes, keeps_arrays).map_err(RigError::Content);
     }
-    let text = std::str::from_utf8(bytes).map_err(|_| RigError::Line {
-        line: 1,
-        problem: "is not text (UTF-8)".to_owned(),
-    })?;
+    let text = std::str::from_utf8(bytes).map_err(|_| in_line(1, "is not text (UTF-8)"))?;
     let header = text.lines().next().unwrap_or_default();
     if !header.starts_with("#usda 1.") {
-        return Err(RigError::Line {
-            line: 1,
-            problem: format!("expected #usda 1.0, found {:?}", shortened(header)),
-        });
+        let found: String = header.chars().take(40).collect();
+        return Err(in_line(1, format!("expected #usda 1.0, found {found:?}")));
     }
     let mut reader = Reader {
         tokens: Tokens::new(text),
@@ -91,10 +86,6 @@ fn read(bytes: &[u8], keeps_arrays: bool) -> Result<(Vec<Prim>, Stage), RigError
         reader.prim(None, 0)?;
     }
     Ok((reader.prims, stage))
-}
-
-fn shortened(text: &str) -> String {
-    text.chars().take(40).collect()
 }
 
 struct Reader<'a> {

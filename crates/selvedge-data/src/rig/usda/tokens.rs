@@ -57,11 +57,8 @@ impl<'a> Tokens<'a> {
     }
 
     /// An error in the line of the last token taken.
-    pub(super) fn wrong(&self, problem: impl Into<String>) -> RigError {
-        RigError::Line {
-            line: self.taken,
-            problem: problem.into(),
-        }
+    pub(super) fn wrong(&self, problem: impl fmt::Display) -> RigError {
+        in_line(self.taken, problem)
     }
 
     /// The next token, which stays; none at the end.
@@ -88,10 +85,9 @@ impl<'a> Tokens<'a> {
     /// Takes the next token.
     pub(super) fn next(&mut self) -> Result<Token<'a>, RigError> {
         self.peek()?;
-        let (token, start, rest, line) = self.ahead.take().ok_or_else(|| RigError::Line {
-            line: self.line,
-            problem: "the file ends too early".to_owned(),
-        })?;
+        let ahead = self.ahead.take();
+        let (token, start, rest, line) =
+            ahead.ok_or_else(|| in_line(self.line, "the file ends too early"))?;
         (self.taken, self.rest, self.line) = (start, rest, line);
         Ok(token)
     }
@@ -189,9 +185,11 @@ impl<'a> Tokens<'a> {
     }
 
     fn unclosed(&self, open: &str) -> RigError {
-        RigError::Line {
-            line: self.line,
-            problem: format!("{open} is not closed"),
-        }
+        in_line(self.line, format!("{open} is not closed"))
     }
+}
+
+/// A problem in a line of a text.
+pub(super) fn in_line(line: usize, problem: impl fmt::Display) -> RigError {
+    RigError::Content(format!("line {line}: {problem}"))
 }

@@ -6,7 +6,7 @@ use selvedge_cloth::{ContactMemory, FrictionAnchor, Pushing, Touching};
 
 use super::SavedState;
 use crate::formats::arrays::{ArrayError, ArrayFile};
-use crate::formats::tensor_file::{Tensor, Values};
+use crate::formats::tensor_file::{TensorOut, TensorValues};
 
 /// Number of entries of each state in each of [`TABLES`], u32 `[states, 3]`.
 const COUNTS: &str = "contact_counts";
@@ -63,15 +63,24 @@ impl Tables {
     }
 
     /// The tensors that have entries: those of reals, and those of whole numbers.
-    pub(super) fn tensors(self) -> [Vec<Tensor>; 2] {
+    pub(super) fn tensors(self) -> [Vec<TensorOut<'static>>; 2] {
         let shape = |columns: usize, length: usize| [length / columns, columns];
-        let pulls = (!self.pulls.is_empty())
-            .then(|| Tensor::new(PULLS, &shape(6, self.pulls.len()), Values::F64(self.pulls)));
+        let pulls = (!self.pulls.is_empty()).then(|| {
+            TensorOut::new(
+                PULLS,
+                &shape(6, self.pulls.len()),
+                TensorValues::F64(self.pulls.into()),
+            )
+        });
         let named = [(COUNTS, 3)].into_iter().chain(TABLES);
         let wholes = named.zip([self.counts].into_iter().chain(self.tables));
         let wholes = wholes.filter(|(_, values)| !values.is_empty());
         let wholes = wholes.map(|((name, columns), values)| {
-            Tensor::new(name, &shape(columns, values.len()), Values::U32(values))
+            TensorOut::new(
+                name,
+                &shape(columns, values.len()),
+                TensorValues::U32(values.into()),
+            )
         });
         [pulls.into_iter().collect(), wholes.collect()]
     }
@@ -101,11 +110,10 @@ impl Tables {
         let is_usable = |value: &f64| value.abs() <= LARGEST_PULL;
         match read.pulls.iter().find(|value| !is_usable(value)) {
             None => Ok(read),
-            Some(value) => Err(ArrayError::Array {
-                name: PULLS.to_owned(),
-                expected: format!("finite numbers up to {LARGEST_PULL:e}"),
-                found: value.to_string(),
-            }),
+            Some(value) => {
+                let expected = format!("finite numbers up to {LARGEST_PULL:e}");
+                Err(ArrayError::array(PULLS, &expected, value))
+            }
         }
     }
 
@@ -150,18 +158,14 @@ fn check_length(name: &str, found: usize, expected: usize) -> Result<(), ArrayEr
     if found == expected {
         return Ok(());
     }
-    Err(ArrayError::Array {
-        name: name.to_owned(),
-        expected: format!("{expected} numbers, by the states and contact_counts"),
-        found: format!("{found} of them"),
-    })
+    let expected = format!("{expected} numbers, by the states and contact_counts");
+    let found = format!("{found} of them");
+    Err(ArrayError::array(name, &expected, found))
 }
 
 fn touching(name: &str, numbers: &[u32]) -> Result<Touching, ArrayError> {
     let numbers = [numbers[0], numbers[1], numbers[2]];
-    Touching::of_numbers(numbers).ok_or_else(|| ArrayError::Array {
-        name: name.to_owned(),
-        expected: "entries that begin with 0 or 1".to_owned(),
-        found: format!("{numbers:?}"),
-    })
+    let expected = "entries that begin with 0 or 1";
+    let wrong = || ArrayError::array(name, expected, format!("{numbers:?}"));
+    Touching::of_numbers(numbers).ok_or_else(wrong)
 }

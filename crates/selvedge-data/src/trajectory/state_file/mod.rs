@@ -23,7 +23,7 @@ use crate::formats::atomic::WriteError;
 use crate::formats::file_error::FileError;
 use crate::formats::hash::hash;
 use crate::formats::input::read_file;
-use crate::formats::tensor_file::{Tensor, TensorOut, Values, write_tensors};
+use crate::formats::tensor_file::{TensorOut, TensorValues, write_tensors};
 use crate::trajectory::Provenance;
 
 /// The format that a file of states names in its metadata, and its version.
@@ -126,40 +126,13 @@ pub type ReadStateError = FileError<StateError>;
 
 /// Bytes that hold no such state.
 #[derive(Debug, Error)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum StateError {
-    #[error("could not be read: {0}")]
-    Read(#[source] std::io::Error),
-    #[error("a state is read from .npz or .safetensors")]
-    Kind,
-    #[error(transparent)]
-    Arrays(#[from] ArrayError),
-    #[error(
-        "has no velocities beside positions (found {found}): name both arrays, as positions = \"x\" and velocities = \"v\""
-    )]
-    NoPair { found: String },
-    #[error("has the states of frames {known}: say which, as frame")]
-    Frame { known: String },
-    #[error(
-        "array {name}: the entry of vertex {vertex} must be finite and at most 1e6 long, found {found}"
-    )]
-    Value {
-        name: String,
-        vertex: usize,
-        found: DVec3,
-    },
-    #[error("array {name}: frame {frame} stands twice: which state is meant cannot be told")]
-    RepeatedFrame { name: String, frame: u32 },
-    #[error("metadata {name}: expected {expected}, found {found:?}")]
-    Metadata {
-        name: &'static str,
-        expected: &'static str,
-        found: String,
-    },
-    #[error(
-        "was saved at {found} frames per second, but the scene has {expected}, and the motion would jump: set frame_rate = {found} in the scene, or save the states of a run at {expected}"
-    )]
-    FrameRate { expected: f64, found: f64 },
+#[error("{0}")]
+pub struct StateError(String);
+
+impl From<ArrayError> for StateError {
+    fn from(error: ArrayError) -> Self {
+        Self(error.to_string())
+    }
 }
 
 impl SavedState {
@@ -196,7 +169,8 @@ impl SavedState {
     ) -> Result<(Self, StateSpec), ReadStateError> {
         let full = folder.join(path);
         let within = FileError::at(&full);
-        let bytes = read_file(&full).map_err(|error| within(StateError::Read(error)))?;
+        let unread = |error| within(StateError(format!("could not be read: {error}")));
+        let bytes = read_file(&full).map_err(unread)?;
         let file = open(&full, &bytes, choice.frame_rate).map_err(&within)?;
         let (state, [positions, velocities]) = select(&file, choice, vertices).map_err(&within)?;
         let spec = StateSpec {
@@ -245,14 +219,18 @@ impl StateRun {
         let states = &self.states;
         let vertices = states.first().map_or(0, |state| state.positions.len());
         let none = vec![DVec3::ZERO; vertices];
-        let vectors = |name: &str, of: fn(&SavedState) -> Option<&Vec<DVec3>>| {
+        let vectors = |name: &'static str, of: fn(&SavedState) -> Option<&Vec<DVec3>>| {
             let all = states.iter().flat_map(|state| of(state).unwrap_or(&none));
             let values = all.flat_map(|v| v.to_array()).collect();
-            Tensor::new(name, &[states.len(), vertices, 3], Values::F64(values))
+            TensorOut::new(
+                name,
+                &[states.len(), vertices, 3],
+                TensorValues::F64(values),
+            )
         };
-        let seconds = |name: &str, of: fn(&SavedState) -> Option<f64>| {
+        let seconds = |name: &'static str, of: fn(&SavedState) -> Option<f64>| {
             let values = states.iter().map(|state| of(state).unwrap_or(0.0));
-            Tensor::new(name, &[states.len()], Values::F64(values.collect()))
+            TensorOut::new(name, &[states.len()], TensorValues::F64(values.collect()))
         };
         let mut tensors = vec![
             vectors(PAIRS[0][0], |state| Some(&state.positions)),
@@ -274,13 +252,9 @@ impl StateRun {
         let [reals, wholes] = Tables::of(states).tensors();
         tensors.extend(reals);
         let frames = states.iter().map(|state| state.frame as u32).collect();
-        tensors.push(Tensor::new(
-            PAIRS[0][2],
-            &[states.len()],
-            Values::U32(frames),
-        ));
+        let frames = TensorValues::U32(frames);
+        tensors.push(TensorOut::new(PAIRS[0][2], &[states.len()], frames));
         tensors.extend(wholes);
-        let tensors: Vec<TensorOut<'_>> = tensors.iter().map(Tensor::out).collect();
         write_tensors(path, &tensors, &provenance.metadata(STATES_FORMAT, VERSION))
     }
 }
@@ -298,7 +272,10 @@ fn open<'a>(
             check_metadata(&metadata, frame_rate)?;
             Ok(file)
         }
-        _ => Err(StateError::Kind),
+        _ => {
+            let problem = "a state is read from .npz or .safetensors";
+            Err(StateError(problem.to_owned()))
+        }
     }
 }
 
@@ -312,10 +289,11 @@ fn check_metadata(
     if entry("format") != STATES_FORMAT {
         return Ok(());
     }
-    let wrong = |name, expected| StateError::Metadata {
-        name,
-        expected,
-        found: entry(name).to_owned(),
+    let wrong = |name, expected| {
+        let found = entry(name);
+        StateError(format!(
+            "metadata {name}: expected {expected}, found {found:?}"
+        ))
     };
     if entry("version") != VERSION {
         return Err(wrong("version", VERSION));
@@ -323,7 +301,9 @@ fn check_metadata(
     let fps = entry("fps").parse::<f64>();
     let found = fps.map_err(|_| wrong("fps", "a number of frames per second"))?;
     match frame_rate {
-        Some(expected) if found != expected => Err(StateError::FrameRate { expected, found }),
+        Some(expected) if found != expected => Err(StateError(format!(
+            "was saved at {found} frames per second, but the scene has {expected}, and the motion would jump: set frame_rate = {found} in the scene, or save the states of a run at {expected}"
+        ))),
         _ => Ok(()),
     }
 }
@@ -333,7 +313,6 @@ struct Arrays {
     vertices: usize,
     /// Number of states; none where there is one without a number.
     count: Option<usize>,
-    names: [String; 2],
     positions: Array<f64>,
     velocities: Array<f64>,
     frames: Option<Vec<u32>>,
@@ -391,7 +370,6 @@ impl Arrays {
                 true => Tables::read(file, count.unwrap_or(1))?,
                 false => Tables::default(),
             },
-            names: names.clone(),
             vertices,
             count,
             positions,
@@ -400,29 +378,27 @@ impl Arrays {
 
     /// State `index`, in which `frame` frames have passed.
     fn state(&self, index: usize, frame: usize) -> Result<SavedState, StateError> {
-        let own = |name: &str, array| self.entry(name, array, index);
+        let own = |array| self.entry(array, index);
         let mut state = SavedState {
             frame,
             contact: self.contact.state(index)?,
-            ..SavedState::moving(
-                own(&self.names[0], &self.positions)?,
-                own(&self.names[1], &self.velocities)?,
-            )
+            ..SavedState::moving(own(&self.positions)?, own(&self.velocities)?)
         };
         if let Some([x, v, seconds]) = &self.previous
             && let Some(seconds) = seconds_of(seconds, index)?
         {
             state.previous = Some(PreviousState {
-                positions: own(PREVIOUS[0], x)?,
-                velocities: own(PREVIOUS[1], v)?,
+                positions: own(x)?,
+                velocities: own(v)?,
                 seconds,
             });
         }
         if let Some([v, seconds]) = &self.changes
             && let Some(seconds) = seconds_of(seconds, index)?
         {
+            let velocities = own(v)?;
             state.changes = Some(LastChanges {
-                velocities: own(CHANGES[0], v)?,
+                velocities,
                 seconds,
             });
         }
@@ -430,22 +406,16 @@ impl Arrays {
     }
 
     /// The entry of state `index` in an array of vectors.
-    fn entry(
-        &self,
-        name: &str,
-        array: &Array<f64>,
-        index: usize,
-    ) -> Result<Vec<DVec3>, StateError> {
+    fn entry(&self, array: &Array<f64>, index: usize) -> Result<Vec<DVec3>, StateError> {
         let length = 3 * self.vertices;
         let own = array.values[index * length..(index + 1) * length].chunks_exact(3);
         let state: Vec<DVec3> = own.map(DVec3::from_slice).collect();
         let is_usable = |value: &DVec3| (0.0..=LARGEST).contains(&value.length());
         match state.iter().position(|value| !is_usable(value)) {
-            Some(vertex) => Err(StateError::Value {
-                name: name.to_owned(),
-                vertex,
-                found: state[vertex],
-            }),
+            Some(vertex) => Err(StateError(format!(
+                "array {}: the entry of vertex {vertex} must be finite and at most 1e6 long, found {}",
+                array.name, state[vertex]
+            ))),
             None => Ok(state),
         }
     }
@@ -472,7 +442,9 @@ impl Arrays {
                 _ => frames.iter().map(usize::to_string).collect(),
             };
             let known = known.join(", ");
-            StateError::Frame { known }
+            StateError(format!(
+                "has the states of frames {known}: say which, as frame"
+            ))
         })
     }
 }
@@ -487,10 +459,10 @@ fn read_frames(
     let mut sorted = frames.clone();
     sorted.sort_unstable();
     match sorted.windows(2).find(|pair| pair[0] == pair[1]) {
-        Some(pair) => Err(StateError::RepeatedFrame {
-            name: name.to_owned(),
-            frame: pair[0],
-        }),
+        Some(pair) => Err(StateError(format!(
+            "array {name}: frame {} stands twice: which state is meant cannot be told",
+            pair[0]
+        ))),
         None => Ok(frames),
     }
 }
@@ -509,8 +481,11 @@ fn select(
     choice: &StateChoice,
     vertices: usize,
 ) -> Result<(SavedState, [String; 2]), StateError> {
-    let no_pair = || StateError::NoPair {
-        found: file.names().join(", "),
+    let no_pair = || {
+        StateError(format!(
+            "has no velocities beside positions (found {}): name both arrays, as positions = \"x\" and velocities = \"v\"",
+            file.names().join(", ")
+        ))
     };
     let (pair, frames) = match (&choice.positions, &choice.velocities) {
         (Some(positions), Some(velocities)) => {

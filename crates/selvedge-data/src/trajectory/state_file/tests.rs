@@ -6,7 +6,7 @@ use serde_json::Value;
 use super::*;
 use crate::formats::npz::tests::{archive, floats, npy};
 use crate::formats::tensor_file::TensorValues;
-use crate::test_help::{says, table};
+use crate::test_help::{says, table, with_header};
 
 fn provenance() -> Provenance {
     Provenance {
@@ -216,15 +216,15 @@ fn what_is_no_state_is_named() {
     }
 }
 
-/// [`run`] as written in `folder`, with `from` in the header become `to`, which is as long.
+/// [`run`] as written in `folder`, with `from` in the header become `to`.
 fn write_edited(folder: &Path, from: &str, to: &str) {
     let path = folder.join("states.safetensors");
     run().write(&path, &provenance()).unwrap();
-    let mut bytes = std::fs::read(&path).unwrap();
-    let (from, to) = (from.as_bytes(), to.as_bytes());
-    let at = bytes.windows(from.len()).position(|w| w == from).unwrap();
-    bytes[at..at + from.len()].copy_from_slice(to);
-    std::fs::write(&path, bytes).unwrap();
+    let edited = with_header(&std::fs::read(&path).unwrap(), |header| {
+        assert!(header.contains(from), "{from}: {header}");
+        header.replace(from, to)
+    });
+    std::fs::write(&path, edited).unwrap();
 }
 
 #[test]
@@ -257,10 +257,8 @@ fn states_of_another_version_or_frame_rate_are_refused() {
 fn a_shape_that_no_bytes_stand_behind_is_an_error_and_no_panic() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("empty.safetensors");
-    let tensor = |name| TensorOut {
-        name,
-        shape: vec![1 << 61, 0, 3],
-        values: TensorValues::F64(&[]),
+    let tensor = |name: &'static str| {
+        TensorOut::new(name, &[1 << 61, 0, 3], TensorValues::F64(vec![].into()))
     };
     let tensors = ["positions", "velocities"].map(tensor);
     write_tensors(&path, &tensors, &std::collections::BTreeMap::new()).unwrap();

@@ -95,7 +95,7 @@ fn velocities_are_refused_by_formats_without_them() {
         };
         let path = folder.path().join("a");
         let error = export(&trajectory, &path, &with, &mut || ControlFlow::Continue(()));
-        assert!(matches!(error, Err(ExportError::NoVelocities)));
+        says(error.unwrap_err(), &["the format has no velocities"]);
     }
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }

@@ -89,7 +89,7 @@ fn say(path: &Path) -> anyhow::Result<Answer> {
                 Err(error) if matches!(error.source, MeshFileError::Read(_)) => Err(error.into()),
                 // What has no mesh to read has nodes, for handles to follow.
                 Err(error) => {
-                    if !error.source.is_without_mesh() {
+                    if !matches!(error.source, MeshFileError::NoMesh) {
                         tracing::warn!("no mesh can be read: {error}");
                     }
                     exported::inspect_rig(path)
