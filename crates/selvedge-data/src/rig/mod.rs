@@ -47,12 +47,6 @@ impl RigFormat {
     }
 }
 
-/// The first and the last of some times.
-fn ends(times: impl IntoIterator<Item = f64>) -> Option<[f64; 2]> {
-    let times = times.into_iter().map(|time| [time; 2]);
-    times.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
-}
-
 impl Rig {
     /// Reads a .glb or USD (.usda, .usdc, .usdz) file.
     ///
@@ -97,7 +91,7 @@ impl Rig {
     /// Times of the first and the last key in the chain from the root to `node` `[s]`.
     #[must_use]
     pub fn span(&self, node: usize) -> Option<[f64; 2]> {
-        ends(self.keys(node))
+        track::ends(self.keys(node))
     }
 
     /// The times of the keys in the chain from the root to `node` `[s]`.

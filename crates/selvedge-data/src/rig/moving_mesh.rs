@@ -8,10 +8,9 @@
 
 use glam::{DMat4, DVec3};
 
-use super::ends;
 use super::node::Rig;
 use super::node_mesh::NodeMesh;
-use super::track::{Joined, Track};
+use super::track::{Joined, Track, ends};
 
 /// A mesh of a node, and what moves its points.
 #[derive(Debug)]

@@ -170,6 +170,12 @@ impl<T: Value> Track<T> {
     }
 }
 
+/// The first and the last of some times.
+pub(super) fn ends(times: impl IntoIterator<Item = f64>) -> Option<[f64; 2]> {
+    let times = times.into_iter().map(|time| [time; 2]);
+    times.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
