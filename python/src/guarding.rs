@@ -17,7 +17,9 @@ pub(crate) fn settings(name: &str) -> PyResult<GuardSettings> {
     match name {
         "none" => Ok(GuardSettings::with(Correction::None)),
         "limit" => Ok(GuardSettings::with(Correction::Limit)),
-        _ => Err(wrong(format!("guard must be none or limit, found {name:?}"))),
+        _ => Err(wrong(format!(
+            "guard must be none or limit, found {name:?}"
+        ))),
     }
 }
 
