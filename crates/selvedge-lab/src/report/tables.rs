@@ -98,19 +98,19 @@ pub(super) fn own_error(own: &[(usize, f64)], order: u32) -> String {
 pub fn whole(summaries: &[Summary]) -> Columns {
     let headings = [
         "method",
-        "position RMSE (mm)",
-        "mean vertex error (mm)",
-        "largest error (mm)",
+        "RMSE (mm)",
+        "mean (mm)",
+        "largest (mm)",
         "e₃D (%)",
-        "edge-length RMSE (mm)",
+        "edges (mm)",
         "folds",
-        "largest strain",
-        "the truth's",
-        "speed in the last second (mm/s)",
+        "strain",
+        "true strain",
+        "last second (mm/s)",
         "runs",
         "diverged",
-        "frames corrected",
-        "largest correction (mm)",
+        "corrected",
+        "at most (mm)",
     ];
     let shown = summaries.iter().filter(|summary| summary.whole_runs > 0);
     let rows = shown.map(|summary| {
