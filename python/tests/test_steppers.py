@@ -104,7 +104,7 @@ def test_a_wrong_step_changes_nothing_and_says_what_is_wrong(small):
 
 
 def test_a_guard_that_there_is_not_is_said(scene, model):
-    with pytest.raises(ValueError, match="guard must be none, limit"):
+    with pytest.raises(ValueError, match="guard must be none or limit"):
         selvedge.LearnedStepper(scene, model, guard="strong")
 
 
