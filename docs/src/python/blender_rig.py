@@ -1,7 +1,7 @@
 """Makes a rig in Blender that Selvedge's handles follow, writes it as hands.glb and hands.usda, and compares runs of them.
 
     python docs/src/python/blender_rig.py
-    selvedge inspect hands.glb
+    selvedge info hands.glb
     selvedge simulate glb.toml --out glb.safetensors
     selvedge simulate usda.toml --out usda.safetensors
     python docs/src/python/blender_rig.py glb.safetensors usda.safetensors
