@@ -152,7 +152,7 @@ pub struct GeneralisedAlpha {
 
 impl GeneralisedAlpha {
     /// The spectral radius: 0.1 where none is given. With contact 0: there 0.1 leaves a cloth that
-    /// lies on a ball trembling by a tenth of a millimetre.
+    /// lies on a ball jittering by a tenth of a millimetre.
     #[must_use]
     pub fn radius(self, has_contact: bool) -> f64 {
         let usual = if has_contact { 0.0 } else { 0.1 };

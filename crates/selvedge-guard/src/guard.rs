@@ -1,8 +1,8 @@
 //! The guard: a stepper around a stepper that measures every frame and corrects it if necessary.
 //!
 //! A frame within its bounds is passed on bit for bit. The edges of a frame beyond them are brought
-//! back; the inner stepper continues from the corrected frame. A lost frame is replaced by a step of the physics from the last two
-//! frames, or without a scene by the last frame, carried by the handles. So a step fails only for
+//! back; the inner stepper continues from the corrected frame. A lost frame is replaced by a step of
+//! the physics from the last two frames, or without a scene by the last frame, carried by the handles. So a step fails only for
 //! its caller (targets that do not fit, a recording that has ended) or for a device. Edges stay too
 //! long where handles are farther apart than the cloth can reach.
 //!

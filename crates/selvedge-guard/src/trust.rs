@@ -109,7 +109,8 @@ pub struct Trust {
     pub frame: usize,
     /// Judgement in one word.
     pub verdict: Verdict,
-    /// The physics was asked for this frame and failed: the lost frame was carried. [`crate::Guard::physics_failure`] has the reason.
+    /// The physics was asked for this frame and failed: the lost frame was carried.
+    /// [`crate::Guard::physics_failure`] has the reason.
     pub physics_failed: bool,
     /// Contact on the way to this frame.
     pub contact: ContactWord,

@@ -203,7 +203,7 @@ Baselines: rigid, the rest pose moved with the handles; mirror, the physics
 in the mirrored buckling mode (whole runs only). A run diverges where some edge strains over 30 %
 and over 1.5 times the truth's largest strain for more than 10 frames in a row, or where it fails.
 Folds and the other ratios are parts of the truth's: 1 is as the truth. A trajectory has no velocities:
-physics takes those between the first two frames. Where a scene's converged physics is the truth, the method *reference* is a second run with
-half the reference's substeps, whose difference tells the reference's own error. All numbers are in
+physics takes those between the first two frames. Where a scene's converged physics is the truth, the
+method *reference* is a second run with half the reference's substeps, whose difference tells the reference's own error. All numbers are in
 errors.csv, in SI units, a row for each run and frame; the time of a frame is in
 [times.md](times.md).";
