@@ -11,9 +11,8 @@ pub struct ContactMemory {
     pub anchors: Vec<FrictionAnchor>,
     /// Features that push.
     pub pushing: Vec<Pushing>,
-    /// Pairs that a solve had missed: a vertex or a point of an obstacle and a face, or two edges.
-    /// They push on, whatever else is near.
-    pub caught: Vec<Touching>,
+    /// Pairs that a solve had missed. They push on, whatever else is near.
+    pub caught: Vec<CaughtPair>,
 }
 
 /// Friction that a feature has left.
@@ -25,6 +24,15 @@ pub struct FrictionAnchor {
     pub normal: DVec3,
     /// Force along the surface `[N]`.
     pub pull: DVec3,
+}
+
+/// A pair that a solve had missed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CaughtPair {
+    /// A vertex or a point of an obstacle and a face, or two edges.
+    pub of: Touching,
+    /// Gap at which its push has to be linearised `[m]`; none where the usual one serves.
+    pub gap: Option<f64>,
 }
 
 /// A feature that pushes.

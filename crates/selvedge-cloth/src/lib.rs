@@ -72,7 +72,7 @@ mod topology;
 
 pub use cloth::{Cloth, ClothArrays, ClothError};
 pub use contact::{ContactError, ContactLaw, ContactSettings};
-pub use contact_memory::{ContactMemory, FrictionAnchor, Pushing, Touching};
+pub use contact_memory::{CaughtPair, ContactMemory, FrictionAnchor, Pushing, Touching};
 pub use environment::{Environment, EnvironmentError};
 pub use gust::Gust;
 pub use handles::{HandleError, HandleTargets, Handles};

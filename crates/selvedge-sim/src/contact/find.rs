@@ -11,7 +11,7 @@ use super::arcsim;
 use super::barrier::LEAST;
 use super::friction::{along_surface, kept};
 use super::keys::{Key, feature, key};
-use super::memory::{Anchor, Held};
+use super::memory::{Anchor, Caught, Held};
 use super::touches::{PairLaw, Touch, Touches};
 use super::{Contact, Found};
 use crate::active_handles::ActiveHandles;
@@ -71,8 +71,8 @@ struct Near {
     distance: f64,
     /// Part of the barrier's stiffness that it has, above 0.
     share: f64,
-    /// True if it pushes whatever else is near.
-    is_caught: bool,
+    /// What is known if a solve caught it: it pushes whatever else is near.
+    caught: Option<Caught>,
 }
 
 impl Contact {
@@ -206,9 +206,9 @@ impl Contact {
         if body == 0 && self.neighbours.join(pair) && self.neighbours.gap(pair) < 2.0 * thickness {
             return None;
         }
-        let is_caught = self.memory.caught.binary_search(&key(pair)).is_ok();
+        let caught = self.memory.caught(key(pair));
         let share = match pair.kind {
-            Kind::EdgeEdge if !is_caught => self.share(pair, &gap, thickness),
+            Kind::EdgeEdge if caught.is_none() => self.share(pair, &gap, thickness),
             _ => 1.0,
         };
         let near = Near {
@@ -217,7 +217,7 @@ impl Contact {
             gap,
             distance: extent(&gap, path.from),
             share,
-            is_caught,
+            caught,
         };
         (share > 0.0 && near.distance > 0.0 && self.can_move(&near)).then_some(near)
     }
@@ -290,7 +290,7 @@ impl Contact {
                 }
                 Kind::EdgeEdge => true,
             };
-            if is_kept || near.is_caught {
+            if is_kept || near.caught.is_some() {
                 kept.push(near);
             }
         }
@@ -299,7 +299,10 @@ impl Contact {
 
     fn touch(&self, near: &Near) -> Touch {
         let law = PairLaw::Barrier { share: near.share };
-        self.touch_of(&near.pair, near.body, &near.gap, near.distance, law)
+        let touch = self.touch_of(&near.pair, near.body, &near.gap, near.distance, law);
+        let gap = near.caught.and_then(|caught| caught.gap);
+        let at = gap.map(|gap| gap.min(near.distance));
+        Touch { at, ..touch }
     }
 
     /// A pair that pushes at `distance` `[m]` along the direction of `gap`.
@@ -329,6 +332,7 @@ impl Contact {
         }
         let own = feature(pair, body);
         Touch {
+            pair: key(pair),
             corners: pair.corners,
             weights: gap.weights,
             normal: gap.normal,
@@ -350,9 +354,16 @@ impl Contact {
 
     /// Drops the touches that pulled in the last solve, whose ends are certified or not. Returns
     /// true if there were some.
-    pub(super) fn release(&self, touches: &mut Touches) -> bool {
+    pub(super) fn release(&mut self, touches: &mut Touches) -> bool {
         let count = touches.list.len();
-        touches.list.retain(|touch| !touch.pulls(|v| self.end[v]));
+        let (end, memory) = (&self.end, &mut self.memory);
+        touches.list.retain(|touch| {
+            let pulls = touch.pulls(|v| end[v]);
+            if pulls && touch.at.is_some() {
+                memory.let_go(touch.pair);
+            }
+            !pulls
+        });
         touches.list.len() < count
     }
 
@@ -363,7 +374,7 @@ impl Contact {
     /// first did not. So a pair is caught if it is among the [`EARLIEST`] of a vertex of the cloth.
     /// What was caught before and pulls is let go.
     pub(super) fn catch(&mut self, touches: &mut Touches) -> bool {
-        let (mut caught, mut new) = (false, Vec::new());
+        let (mut caught, mut new) = (Vec::new(), Vec::new());
         let mut met = vec![0; self.mass.len()];
         let count = touches.list.len();
         let mut failed: Vec<_> = self.failed().collect();
@@ -378,47 +389,55 @@ impl Contact {
             if gap.normal == DVec3::ZERO || distance <= 0.0 || missed >= distance {
                 continue;
             }
+            let known = touches.list[..count].binary_search_by_key(&pair.corners, |t| t.corners);
+            let body = self.other_body(pair);
+            let thickness = self.thickness[body];
+            let at = match known {
+                Ok(k) => {
+                    let last = touches.list[k].response.tangent.gap;
+                    0.5 * last.min(0.5 * thickness)
+                }
+                Err(_) => distance.min(LEAST * thickness),
+            };
+            let own = key(pair);
+            let once_more = known.is_ok() && self.memory.caught(own).is_some();
+            let next = Caught {
+                pair: own,
+                gap: once_more.then_some(at),
+            };
             let near = Near {
                 pair: *pair,
-                body: self.other_body(pair),
+                body,
                 gap,
                 distance,
                 share: 1.0,
-                is_caught: true,
+                caught: Some(next),
             };
             if !self.can_move(&near) {
                 continue;
             }
             let mut touch = self.touch(&near);
+            touch.at = Some(at);
             self.leave_obstacles(&mut touch);
-            caught = true;
-            let known = touches.list[..count].binary_search_by_key(&pair.corners, |t| t.corners);
+            caught.push(next);
             match known {
-                Ok(k) => {
-                    let last = touches.list[k].response.tangent.gap;
-                    touch.at = Some(0.5 * last.min(0.5 * touch.thickness));
-                    touches.list[k] = touch;
-                }
+                Ok(k) => touches.list[k] = touch,
                 Err(_) => {
-                    touch.at = Some(distance.min(LEAST * touch.thickness));
                     touches.list.push(touch);
                     new.push(near);
                 }
             }
         }
         touches.list.sort_by_key(|touch| touch.corners);
-        self.memory
-            .caught
-            .extend(new.iter().map(|near| key(&near.pair)));
-        self.memory.caught.sort_unstable();
-        self.memory.caught.dedup();
+        let has_caught = !caught.is_empty();
+        self.memory.catch(caught);
         let mut held = std::mem::take(&mut self.memory.held);
         for near in &new {
             self.hold(near, &mut held);
         }
         held.sort();
         self.memory.held = held;
-        caught
+        has_caught
     }
 
     /// Returns true if a push moves something.

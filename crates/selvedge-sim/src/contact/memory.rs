@@ -1,7 +1,7 @@
 //! The memory that one substep leaves for the next, and as a noun that a file of states has.
 
 use glam::DVec3;
-use selvedge_cloth::{ContactMemory, FrictionAnchor, Pushing, Touching};
+use selvedge_cloth::{CaughtPair, ContactMemory, FrictionAnchor, Pushing, Touching};
 use selvedge_contact::Kind;
 
 use super::keys::{Key, includes};
@@ -15,6 +15,16 @@ pub(super) struct Anchor {
     pub(super) pull: DVec3,
 }
 
+/// A pair that a solve had missed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Caught {
+    pub(super) pair: Key,
+    /// Gap of the tangent that it needed `[m]`, of a pair that pushed too little in two substeps in
+    /// a row: it begins the next one with that. Without, every substep at rest finds it anew, by
+    /// solving once more.
+    pub(super) gap: Option<f64>,
+}
+
 /// State that one substep leaves for the next.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Memory {
@@ -22,9 +32,9 @@ pub(crate) struct Memory {
     pub(super) anchors: Vec<Anchor>,
     /// Features that pushed, in ascending order.
     pub(super) held: Held,
-    /// Those of them that a solve had missed: they push on, whatever else is near, in ascending
+    /// Those of them that a solve had missed: they push on, whatever else is near. In ascending
     /// order.
-    pub(super) caught: Vec<Key>,
+    pub(super) caught: Vec<Caught>,
 }
 
 /// Features that push, without the faces that they push against: a vertex that slides over an edge
@@ -59,6 +69,26 @@ impl Held {
 }
 
 impl Memory {
+    /// What is known of a pair that was caught.
+    pub(super) fn caught(&self, pair: Key) -> Option<Caught> {
+        let found = self
+            .caught
+            .binary_search_by_key(&pair, |caught| caught.pair);
+        found.ok().map(|k| self.caught[k])
+    }
+
+    /// Takes pairs that a solve missed, in place of what was known of them.
+    pub(super) fn catch(&mut self, pairs: Vec<Caught>) {
+        self.caught.splice(0..0, pairs);
+        self.caught.sort_by_key(|caught| caught.pair);
+        self.caught.dedup_by_key(|caught| caught.pair);
+    }
+
+    /// Forgets that a pair was caught.
+    pub(super) fn let_go(&mut self, pair: Key) {
+        self.caught.retain(|caught| caught.pair != pair);
+    }
+
     /// As a noun.
     pub(crate) fn saved(&self) -> ContactMemory {
         let anchor = |anchor: &Anchor| FrictionAnchor {
@@ -66,10 +96,14 @@ impl Memory {
             normal: anchor.normal,
             pull: anchor.pull,
         };
+        let caught = |caught: &Caught| CaughtPair {
+            of: touching(caught.pair),
+            gap: caught.gap,
+        };
         ContactMemory {
             anchors: self.anchors.iter().map(anchor).collect(),
             pushing: self.held.entries(),
-            caught: self.caught.iter().copied().map(touching).collect(),
+            caught: self.caught.iter().map(caught).collect(),
         }
     }
 
@@ -89,8 +123,12 @@ impl Memory {
             firmly: firmly.map(of).collect(),
         };
         held.sort();
-        let mut caught: Vec<Key> = saved.caught.iter().copied().map(key_of).collect();
-        caught.sort_unstable();
+        let caught = |caught: &CaughtPair| Caught {
+            pair: key_of(caught.of),
+            gap: caught.gap,
+        };
+        let mut caught: Vec<Caught> = saved.caught.iter().map(caught).collect();
+        caught.sort_by_key(|caught| caught.pair);
         Self {
             anchors,
             held,

@@ -401,7 +401,7 @@ impl Contact {
         let jumps = self.memory.held.jumps_to(&held);
         self.memory
             .caught
-            .retain(|pair| set.binary_search(pair).is_ok());
+            .retain(|caught| set.binary_search(&caught.pair).is_ok());
         self.memory.held = held;
         active.system.touches = touches;
         self.before.copy_from(state);

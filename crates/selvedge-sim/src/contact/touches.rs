@@ -13,6 +13,8 @@ const PULL: f64 = 0.1;
 /// A pair that pushes, frozen for a substep: its direction and weights stay.
 #[derive(Clone, Debug)]
 pub(crate) struct Touch {
+    /// The pair.
+    pub(super) pair: Key,
     /// Points of the pair; obstacles' are not below the number of the cloth's vertices.
     pub(super) corners: [u32; 4],
     /// Weights of the cloth's corners; 0 for those of obstacles.
@@ -311,6 +313,7 @@ mod tests {
     /// A touch of four vertices of the cloth that slides while it comes nearer.
     fn touch(law: PairLaw, friction: f64) -> Touch {
         Touch {
+            pair: (selvedge_contact::Kind::VertexFace, 0, 0),
             corners: [0, 1, 2, 3],
             weights: [1.0, -0.2, -0.3, -0.5],
             normal: DVec3::new(0.3, 0.9, -0.2).normalize(),

@@ -2,7 +2,7 @@
 //! after the other, and how many each state has.
 
 use glam::DVec3;
-use selvedge_cloth::{ContactMemory, FrictionAnchor, Pushing, Touching};
+use selvedge_cloth::{CaughtPair, ContactMemory, FrictionAnchor, Pushing, Touching};
 
 use super::SavedState;
 use crate::formats::arrays::{ArrayError, ArrayFile};
@@ -12,6 +12,8 @@ use crate::formats::tensor_file::{TensorOut, TensorValues};
 const COUNTS: &str = "contact_counts";
 /// Normal and pull `[N]` of each anchor, f64 `[anchors, 6]`.
 const PULLS: &str = "contact_pulls";
+/// Gap of the tangent of each caught pair `[m]`, 0 for the usual one, f64 `[caught]`.
+const GAPS: &str = "contact_gaps";
 /// Tables of u32 and their columns: features of anchors; features that push, and 1 where they do so
 /// firmly; caught pairs.
 const TABLES: [(&str, usize); 3] = [
@@ -20,8 +22,8 @@ const TABLES: [(&str, usize); 3] = [
     ("contact_caught", 3),
 ];
 
-/// Largest pull of a state `[N]`.
-const LARGEST_PULL: f64 = 1e9;
+/// Largest pull of a state `[N]`, and largest gap `[m]`.
+const LARGEST: f64 = 1e9;
 
 /// The entries of several states.
 #[derive(Default)]
@@ -29,6 +31,7 @@ pub(super) struct Tables {
     counts: Vec<u32>,
     tables: [Vec<u32>; 3],
     pulls: Vec<f64>,
+    gaps: Vec<f64>,
 }
 
 impl Tables {
@@ -54,7 +57,10 @@ impl Tables {
                 pushing.extend(one.of.numbers());
                 pushing.push(u32::from(one.firmly));
             }
-            caught.extend(memory.caught.iter().flat_map(|one| one.numbers()));
+            for one in &memory.caught {
+                caught.extend(one.of.numbers());
+                made.gaps.push(one.gap.unwrap_or(0.0));
+            }
         }
         if made.counts.iter().all(|count| *count == 0) {
             made.counts.clear();
@@ -65,13 +71,15 @@ impl Tables {
     /// The tensors that have entries: those of reals, and those of whole numbers.
     pub(super) fn tensors(self) -> [Vec<TensorOut<'static>>; 2] {
         let shape = |columns: usize, length: usize| [length / columns, columns];
-        let pulls = (!self.pulls.is_empty()).then(|| {
-            TensorOut::new(
-                PULLS,
-                &shape(6, self.pulls.len()),
-                TensorValues::F64(self.pulls.into()),
-            )
-        });
+        let real = |name: &'static str, columns: usize, values: Vec<f64>| {
+            let shape = match columns {
+                1 => vec![values.len()],
+                _ => shape(columns, values.len()).to_vec(),
+            };
+            (!values.is_empty())
+                .then(|| TensorOut::new(name, &shape, TensorValues::F64(values.into())))
+        };
+        let reals = [real(PULLS, 6, self.pulls), real(GAPS, 1, self.gaps)];
         let named = [(COUNTS, 3)].into_iter().chain(TABLES);
         let wholes = named.zip([self.counts].into_iter().chain(self.tables));
         let wholes = wholes.filter(|(_, values)| !values.is_empty());
@@ -82,7 +90,7 @@ impl Tables {
                 TensorValues::U32(values.into()),
             )
         });
-        [pulls.into_iter().collect(), wholes.collect()]
+        [reals.into_iter().flatten().collect(), wholes.collect()]
     }
 
     /// Reads those of `states` states; empty where the file has none.
@@ -103,18 +111,31 @@ impl Tables {
             let total = counts.fold(0_usize, |sum, count| sum.saturating_add(*count as usize));
             check_length(name, read.tables[kind].len(), total.saturating_mul(columns))?;
         }
-        if file.has(PULLS) {
-            read.pulls = file.floats(PULLS)?.values;
-        }
-        check_length(PULLS, read.pulls.len(), 2 * read.tables[0].len())?;
-        let is_usable = |value: &f64| value.abs() <= LARGEST_PULL;
-        match read.pulls.iter().find(|value| !is_usable(value)) {
-            None => Ok(read),
-            Some(value) => {
-                let expected = format!("finite numbers up to {LARGEST_PULL:e}");
-                Err(ArrayError::array(PULLS, &expected, value))
+        let reals = |name: &str, expected: usize| {
+            let mut values = Vec::new();
+            if file.has(name) {
+                values = file.floats(name)?.values;
             }
-        }
+            check_length(name, values.len(), expected)?;
+            match values
+                .iter()
+                .find(|value| value.is_nan() || value.abs() > LARGEST)
+            {
+                None => Ok(values),
+                Some(value) => {
+                    let expected = format!("finite numbers up to {LARGEST:e}");
+                    Err(ArrayError::array(name, &expected, value))
+                }
+            }
+        };
+        read.pulls = reals(PULLS, 2 * read.tables[0].len())?;
+        let caught = read.tables[2].len() / 3;
+        // Files from before there was a gap have none.
+        read.gaps = match file.has(GAPS) {
+            true => reals(GAPS, caught)?,
+            false => vec![0.0; caught],
+        };
+        Ok(read)
     }
 
     /// The entries of state `index`; none where it has no entry.
@@ -144,7 +165,13 @@ impl Tables {
                 firmly: row[3] > 0,
             })
         };
-        let caught = |(_, row): (usize, &[u32])| of(2, row);
+        let caught = |(number, row): (usize, &[u32])| {
+            let gap = self.gaps[number];
+            Ok(CaughtPair {
+                of: of(2, row)?,
+                gap: (gap > 0.0).then_some(gap),
+            })
+        };
         let memory = ContactMemory {
             anchors: entries(0).map(anchor).collect::<Result<_, ArrayError>>()?,
             pushing: entries(1).map(pushing).collect::<Result<_, ArrayError>>()?,

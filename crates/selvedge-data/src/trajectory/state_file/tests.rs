@@ -1,6 +1,6 @@
 //! States are read as they were written, by any of the ways to name them.
 
-use selvedge_cloth::{FrictionAnchor, Pushing, Touching};
+use selvedge_cloth::{CaughtPair, FrictionAnchor, Pushing, Touching};
 use serde_json::Value;
 
 use super::*;
@@ -43,7 +43,7 @@ fn run() -> StateRun {
     }
 }
 
-/// A memory of this many anchors, twice as many features that push, and a caught pair.
+/// A memory of this many anchors, twice as many features that push, and two caught pairs.
 fn memory(anchors: u32) -> ContactMemory {
     let vertex = |k: u32| Touching::Vertex {
         vertex: k,
@@ -63,10 +63,15 @@ fn memory(anchors: u32) -> ContactMemory {
                 firmly: k % 2 == 1,
             })
             .collect(),
-        caught: vec![Touching::Edges {
-            first: anchors,
-            second: 9,
-        }],
+        caught: [None, Some(2e-4)]
+            .map(|gap| CaughtPair {
+                of: Touching::Edges {
+                    first: anchors,
+                    second: 9 + u32::from(gap.is_some()),
+                },
+                gap,
+            })
+            .to_vec(),
     }
 }
 
