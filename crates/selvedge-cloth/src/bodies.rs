@@ -14,13 +14,15 @@ pub struct Body {
     pub faces: Vec<[u32; 3]>,
 }
 
-/// Two triangles: a square of `size` `[m]` about the origin, across y, seen from above.
+/// Two triangles: a rectangle with these sides along x and z `[m]` about the origin, seen from
+/// above.
 #[must_use]
-pub fn plane(size: f64) -> Body {
-    let h = 0.5 * size;
-    let corner = |x: f64, z: f64| DVec3::new(x, 0.0, z);
+pub fn plane([width, depth]: [f64; 2]) -> Body {
+    let corner = |x: f64, z: f64| DVec3::new(0.5 * width * x, 0.0, 0.5 * depth * z);
     Body {
-        points: vec![corner(-h, -h), corner(-h, h), corner(h, h), corner(h, -h)],
+        points: [(-1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (1.0, -1.0)]
+            .map(|(x, z)| corner(x, z))
+            .to_vec(),
         faces: vec![[0, 1, 2], [0, 2, 3]],
     }
 }
@@ -72,10 +74,8 @@ pub fn sphere(radius: f64, edge: f64) -> Body {
 /// `[m]`, cut so that no edge is much longer than `edge` `[m]`.
 #[must_use]
 pub fn capsule(radius: f64, length: f64, edge: f64) -> Body {
-    let pieces = |part: f64, least: usize| ((part / edge).ceil() as usize).clamp(least, 256);
-    let around = pieces(TAU * radius, 8);
-    let up = pieces(FRAC_PI_2 * radius, 2);
-    let along = pieces(length, 1);
+    let up = pieces(FRAC_PI_2 * radius, edge, 2);
+    let along = pieces(length, edge, 1);
     // Rings from below: of the lower half, of the cylinder, of the upper half.
     let mut rings: Vec<[f64; 2]> = Vec::new();
     let arc = |k: usize| FRAC_PI_2 * k as f64 / up as f64;
@@ -92,7 +92,35 @@ pub fn capsule(radius: f64, length: f64, edge: f64) -> Body {
         let (sine, cosine) = arc(k).sin_cos();
         rings.push([radius * sine, 0.5 * length + radius * cosine]);
     }
-    let tip = 0.5 * length + radius;
+    turned(&rings, 0.5 * length + radius, pieces(TAU * radius, edge, 8))
+}
+
+/// A cylinder of `length` `[m]` along y about the origin, closed by flat ends, cut so that no edge is
+/// much longer than `edge` `[m]`.
+#[must_use]
+pub fn cylinder(radius: f64, length: f64, edge: f64) -> Body {
+    let out = pieces(radius, edge, 1);
+    let along = pieces(length, edge, 1);
+    let part = |k: usize, of: usize| k as f64 / of as f64;
+    let mut rings: Vec<[f64; 2]> = Vec::new();
+    rings.extend((1..=out).map(|k| [radius * part(k, out), -0.5 * length]));
+    rings.extend((1..along).map(|k| [radius, length * (part(k, along) - 0.5)]));
+    rings.extend(
+        (1..=out)
+            .rev()
+            .map(|k| [radius * part(k, out), 0.5 * length]),
+    );
+    turned(&rings, 0.5 * length, pieces(TAU * radius, edge, 8))
+}
+
+/// Pieces of a `length` that are no longer than `edge` `[m]`, at least `least`.
+fn pieces(length: f64, edge: f64, least: usize) -> usize {
+    ((length / edge).ceil() as usize).clamp(least, 256)
+}
+
+/// A body of `rings` about y from below, each of a radius and a height `[m]` and `around` points,
+/// between two points at this distance above and below the origin.
+fn turned(rings: &[[f64; 2]], tip: f64, around: usize) -> Body {
     let mut points = vec![DVec3::Y * -tip];
     for (number, [r, y]) in rings.iter().enumerate() {
         points.extend((0..around).map(|k| {
@@ -227,6 +255,15 @@ mod tests {
                 assert!(made.points.iter().all(|p| from_line(p).abs() < 1e-15));
             }
         }
+        for (edge, part) in [(1.0, 0.85..1.0), (0.05, 0.99..1.0)] {
+            let made = cylinder(0.4, 1.5, edge);
+            assert_closed(&made);
+            let whole = PI * 0.16 * 1.5;
+            assert!(part.contains(&(volume(&made) / whole)), "{edge}");
+            let [least, greatest] =
+                [f64::min, f64::max].map(|of| made.points.iter().map(|p| p.y).fold(0.0, of));
+            assert_eq!((least, greatest), (-0.75, 0.75));
+        }
         let sides = DVec3::new(1.0, 2.0, 3.0);
         assert_closed(&cuboid(sides));
         assert!((volume(&cuboid(sides)) - 6.0).abs() < 1e-15);
@@ -240,7 +277,7 @@ mod tests {
 
     #[test]
     fn a_plane_is_seen_from_above() {
-        let ground = plane(4.0);
+        let ground = plane([8.0, 2.0]);
         for face in &ground.faces {
             let [a, b, c] = face.map(|p| ground.points[p as usize]);
             assert_eq!((b - a).cross(c - a), DVec3::Y * 16.0);

@@ -90,8 +90,8 @@ pub use formats::tensor_file::{TensorOut, TensorValues, read_header, write_tenso
 pub use formats::up_axis::UpAxis;
 pub use metrics::distribution::{Distribution, Distributions, Histogram};
 pub use obstacle::{
-    BodySpec, Capsule, Cuboid, FramesFile, NodeFile, ObstacleKeyframes, ObstacleMotion,
-    ObstacleSpec, ObstacleSpecError, Placement, Plane, Sphere,
+    BodySpec, Capsule, Cuboid, Cylinder, FramesFile, NodeFile, ObstacleKeyframes, ObstacleMotion,
+    ObstacleSpec, ObstacleSpecError, Placement, Plane, Sides, Sphere,
 };
 pub use rest_poses::{KeptRestPose, RestPoseFileError, RestPoseFolder};
 pub use rig::{MeshMotion, Rig, RigError, RigNode};

@@ -111,6 +111,7 @@ mod tests {
             shape: named.shape,
             vertices: named.vertices(density),
             size: named.size,
+            width: 1.0,
             seed: 3,
         };
         let made = sheet(&spec).unwrap();

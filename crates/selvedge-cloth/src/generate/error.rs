@@ -17,6 +17,8 @@ pub enum GenerateError {
     TooManyVertices { found: usize },
     #[error("size must be finite and positive, found {found} m")]
     Size { found: f64 },
+    #[error("width must be finite and positive, found {found} m")]
+    Width { found: f64 },
     #[error(
         "the outline encloses {area} m² of the {around} m² around it, too little to place vertices in: give it width, and sides that do not cross"
     )]

@@ -13,6 +13,7 @@ mod outline;
 mod relax;
 mod scatter;
 mod shapes;
+mod tube;
 
 pub use self::catalogue::{NamedSheet, named_sheets};
 pub use self::error::GenerateError;
@@ -42,8 +43,10 @@ pub struct SheetSpec {
     pub shape: Shape,
     /// Number of vertices; the mesh has exactly so many.
     pub vertices: usize,
-    /// The unit of length of the shape `[m]`.
+    /// The unit of length of the shape: of a rectangle or a tube its height `[m]`.
     pub size: f64,
+    /// Width of a rectangle, or the way around a tube `[m]`; other shapes have their own.
+    pub width: f64,
     /// Decides where the inner vertices lie, and the outline of a random shape.
     pub seed: u64,
 }
@@ -84,6 +87,7 @@ pub fn square(spec: &SquareSpec) -> Result<Sheet, GenerateError> {
         shape: Shape::Square,
         vertices: spec.vertices,
         size: spec.size,
+        width: spec.size,
         seed: spec.seed,
     })
 }
@@ -97,7 +101,8 @@ pub fn square(spec: &SquareSpec) -> Result<Sheet, GenerateError> {
 /// disc the points at 135° and 45°, of a random shape the corners near them, not level;
 /// `upper-three` (left, middle, right) of `wide`, `diamond` and `disc`; `upper-row` of `triangle`,
 /// 17 vertices evenly spaced from left to right; `upper-edge` where there is one; `lower-corners`
-/// of a sheet with four corners; `hole` where there is one.
+/// of a sheet with four corners; `hole` where there is one. A tube stands about the y axis with its
+/// upper edge at y = 0, and has `upper-edge`, `lower-edge` and both, `boundary`.
 ///
 /// # Errors
 /// [`GenerateError`] names what cannot be used.
@@ -109,7 +114,14 @@ pub fn sheet(spec: &SheetSpec) -> Result<Sheet, GenerateError> {
         let found = spec.vertices;
         return Err(GenerateError::TooManyVertices { found });
     }
-    let cut = spec.shape.cut(spec.vertices, spec.seed);
+    let is_wide = matches!(spec.shape, Shape::Rectangle | Shape::Tube);
+    if is_wide && !(spec.width.is_finite() && spec.width > 0.0) {
+        return Err(GenerateError::Width { found: spec.width });
+    }
+    if spec.shape == Shape::Tube {
+        return tube::tube(spec);
+    }
+    let cut = (spec.shape).cut(spec.width / spec.size, spec.vertices, spec.seed);
     let flat = sheet_from_outline(&cut.loops, spec.vertices, spec.seed)?;
     let coordinates: Vec<DVec2> = flat.points.iter().map(|p| spec.size * *p).collect();
     let extent = spec.size * cut.extent;
@@ -122,8 +134,8 @@ pub fn sheet(spec: &SheetSpec) -> Result<Sheet, GenerateError> {
 }
 
 impl Shape {
-    /// Vertices of a sheet of `size` `[m]` at `density` `[vertices/m²]`, to the nearest; none where
-    /// a number is not positive.
+    /// Vertices of a sheet of `size` `[m]` (and as wide, where that is said) at `density`
+    /// `[vertices/m²]`, to the nearest; none where a number is not positive.
     #[must_use]
     pub fn vertices(self, size: f64, density: f64) -> usize {
         (density * self.unit_area() * size * size).round() as usize

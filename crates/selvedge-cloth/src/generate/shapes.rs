@@ -21,6 +21,10 @@ use super::scatter::unit;
 pub enum Shape {
     /// 1 × 1.
     Square,
+    /// As wide as it is said to be, and 1 high.
+    Rectangle,
+    /// A rectangle rolled about the vertical, its sides sewn together.
+    Tube,
     /// 1 wide and 1.5 high.
     Long,
     /// 1.5 wide and 1 high; a vertex in the middle of the upper edge.
@@ -71,11 +75,11 @@ pub(super) struct Cut {
 }
 
 impl Shape {
-    /// Area of a sheet of size 1.
+    /// Area of a sheet of size 1, and of width 1 where that is said.
     #[must_use]
     pub fn unit_area(self) -> f64 {
         match self {
-            Self::Square => 1.0,
+            Self::Square | Self::Rectangle | Self::Tube => 1.0,
             Self::Long | Self::Wide => 1.5,
             Self::Triangle | Self::Diamond => 0.5,
             Self::Disc => PI / 4.0,
@@ -85,10 +89,12 @@ impl Shape {
         }
     }
 
-    /// The outline, for a mesh of `count` vertices; `seed` decides that of a random shape.
-    pub(super) fn cut(self, count: usize, seed: u64) -> Cut {
+    /// The outline, for a mesh of `count` vertices; `width` is that of a rectangle, and `seed`
+    /// decides a random shape.
+    pub(super) fn cut(self, width: f64, count: usize, seed: u64) -> Cut {
         match self {
             Self::Square => rectangle(1.0, 1.0),
+            Self::Rectangle | Self::Tube => rectangle(width, 1.0),
             Self::Long => rectangle(1.0, 1.5),
             Self::Wide => wide(),
             Self::Triangle => triangle(),

@@ -16,10 +16,41 @@ pub fn read_file(path: &Path) -> io::Result<Vec<u8>> {
 /// Reads a file of text whole.
 ///
 /// # Errors
-/// As for [`read_file`], and where it is not UTF-8.
+/// As for [`read_file`], and where it is not UTF-8: it says what else the file is, where that can be
+/// told.
 pub fn read_text(path: &Path) -> io::Result<String> {
-    check(path)?;
-    std::fs::read_to_string(path)
+    String::from_utf8(read_file(path)?).map_err(|error| {
+        let problem = match binary_kind(error.as_bytes()) {
+            Some(kind) => format!("this is {kind}, not a file of text"),
+            None => format!(
+                "this is not a file of text: its byte {} is not UTF-8",
+                error.utf8_error().valid_up_to()
+            ),
+        };
+        io::Error::new(io::ErrorKind::InvalidData, problem)
+    })
+}
+
+/// Kind of a binary file by how it begins; none where it begins like none that is known.
+pub(crate) fn binary_kind(bytes: &[u8]) -> Option<&'static str> {
+    const KINDS: [(&[u8], &str); 9] = [
+        (b"glTF", "a .glb"),
+        (b"PXR-USDC", "a USD crate"),
+        (b"PK\x03\x04", "a zip archive, as .npz and .usdz are"),
+        (b"\x93NUMPY", "an array of NumPy"),
+        (b"\x89PNG", "a picture"),
+        (b"\xff\xd8\xff", "a picture"),
+        (b"POINTCACHE2", "a .pc2"),
+        (b"Ogawa", "an Alembic archive"),
+        (
+            b"Kaydara FBX Binary",
+            "an FBX: export a .glb, an .obj or USD",
+        ),
+    ];
+    let known = KINDS.iter().find(|(start, _)| bytes.starts_with(start));
+    let is_tensors = bytes.len() > 9 && bytes[4..8] == [0; 4] && bytes[8] == b'{';
+    let tensors = is_tensors.then_some("a .safetensors: a trajectory, states or a model");
+    known.map(|(_, kind)| *kind).or(tensors)
 }
 
 /// Checks that `path` is a file that ends. The system has its own words for a folder.
@@ -46,6 +77,14 @@ mod tests {
         std::fs::write(&path, "words").unwrap();
         assert_eq!(read_file(&path).unwrap(), b"words");
         assert_eq!(read_text(&path).unwrap(), "words");
+        for (start, kind) in [
+            (&b"glTF\xff"[..], "a .glb"),
+            (b"\x10\0\0\0\0\0\0\0{\xff", "a trajectory"),
+            (b"a\xff", "byte 1"),
+        ] {
+            std::fs::write(&path, start).unwrap();
+            says(read_text(&path).unwrap_err(), &[kind]);
+        }
         let missing = read_file(&folder.path().join("none")).unwrap_err();
         assert_eq!(missing.kind(), io::ErrorKind::NotFound);
         assert!(read_file(folder.path()).is_err());

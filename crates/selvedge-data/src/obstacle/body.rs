@@ -21,12 +21,14 @@ const CAPSULE_EDGE: f64 = 0.25;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum BodySpec {
-    /// A square of a plane.
+    /// A square or a rectangle of a plane.
     Plane(Plane),
     /// A sphere about the origin.
     Sphere(Sphere),
     /// A capsule along y about the origin.
     Capsule(Capsule),
+    /// A cylinder along y about the origin.
+    Cylinder(Cylinder),
     /// A box about the origin.
     Box(Cuboid),
     /// A mesh, closed or open.
@@ -38,7 +40,7 @@ pub enum BodySpec {
     },
 }
 
-/// A square of a plane.
+/// A square or a rectangle of a plane.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Plane {
@@ -48,9 +50,22 @@ pub struct Plane {
     /// Distance of the plane from the origin along the normal `[m]`.
     #[serde(default)]
     pub height: f64,
-    /// Side of the square about the point nearest to the origin `[m]`.
+    /// Its sides about the point nearest to the origin.
     #[serde(default = "far")]
-    pub size: f64,
+    pub size: Sides,
+}
+
+/// Sides of a piece of a plane `[m]`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(
+    untagged,
+    expecting = "expected one number of metres, or two in brackets"
+)]
+pub enum Sides {
+    /// All of a square.
+    Square(f64),
+    /// Along x and along z, where the plane is level; turned with it otherwise.
+    Rectangle([f64; 2]),
 }
 
 /// A sphere about the origin.
@@ -77,6 +92,19 @@ pub struct Capsule {
     pub edge: Option<f64>,
 }
 
+/// A cylinder along y about the origin.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Cylinder {
+    /// Radius `[m]`.
+    pub radius: f64,
+    /// Length between its flat ends `[m]`.
+    pub length: f64,
+    /// Edges of its mesh `[m]`; 0.25 of the radius where none are given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub edge: Option<f64>,
+}
+
 /// A box about the origin.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -89,8 +117,8 @@ fn up() -> DVec3 {
     DVec3::Y
 }
 
-fn far() -> f64 {
-    10.0
+fn far() -> Sides {
+    Sides::Square(10.0)
 }
 
 impl BodySpec {
@@ -129,12 +157,18 @@ impl BodySpec {
                 let Some(normal) = normal.try_normalize() else {
                     return Err(wrong("plane.normal", "a direction", &normal));
                 };
-                check("plane.size", size)?;
+                let sides = match size {
+                    Sides::Square(side) => [side; 2],
+                    Sides::Rectangle(sides) => sides,
+                };
+                for side in sides {
+                    check("plane.size", side)?;
+                }
                 if !height.is_finite() {
                     return Err(wrong("plane.height", "finite", &height));
                 }
                 let turn = DQuat::from_rotation_arc(DVec3::Y, normal);
-                let mut body = bodies::plane(size);
+                let mut body = bodies::plane(sides);
                 for point in &mut body.points {
                     *point = turn * *point + height * normal;
                 }
@@ -158,6 +192,17 @@ impl BodySpec {
                 let edge = edge.unwrap_or(CAPSULE_EDGE * radius);
                 check("capsule.edge", edge)?;
                 Ok(bodies::capsule(radius, length, edge))
+            }
+            &Self::Cylinder(Cylinder {
+                radius,
+                length,
+                edge,
+            }) => {
+                check("cylinder.radius", radius)?;
+                check("cylinder.length", length)?;
+                let edge = edge.unwrap_or(CAPSULE_EDGE * radius);
+                check("cylinder.edge", edge)?;
+                Ok(bodies::cylinder(radius, length, edge))
             }
             Self::Box(Cuboid { size }) => {
                 for side in size.to_array() {

@@ -13,7 +13,7 @@ mod spec;
 mod weld;
 mod written;
 
-pub use self::body::{BodySpec, Capsule, Cuboid, Plane, Sphere};
+pub use self::body::{BodySpec, Capsule, Cuboid, Cylinder, Plane, Sides, Sphere};
 pub use self::error::ObstacleSpecError;
 pub use self::motion::{FramesFile, NodeFile, ObstacleKeyframes, ObstacleMotion};
 pub(crate) use self::read::moving_points;

@@ -15,7 +15,7 @@ use glam::DVec3;
 use selvedge_cloth::Keyframe;
 use serde::Deserialize;
 
-use super::body::{BodySpec, Capsule, Cuboid, Plane, Sphere};
+use super::body::{BodySpec, Capsule, Cuboid, Cylinder, Plane, Sphere};
 use super::error::{ObstacleSpecError, Problem};
 use super::motion::{FramesFile, NodeFile, ObstacleKeyframes, ObstacleMotion};
 use super::read;
@@ -30,6 +30,7 @@ pub(crate) struct ObstacleFile {
     plane: Option<Plane>,
     sphere: Option<Sphere>,
     capsule: Option<Capsule>,
+    cylinder: Option<Cylinder>,
     #[serde(rename = "box")]
     cuboid: Option<Cuboid>,
     mesh: Option<String>,
@@ -86,12 +87,13 @@ impl ObstacleFile {
             self.plane.map(BodySpec::Plane),
             self.sphere.map(BodySpec::Sphere),
             self.capsule.map(BodySpec::Capsule),
+            self.cylinder.map(BodySpec::Cylinder),
             self.cuboid.map(BodySpec::Box),
             mesh.transpose()?,
         ];
         let mut bodies = bodies.into_iter().flatten();
         let (Some(body), None) = (bodies.next(), bodies.next()) else {
-            let problem = "must be one of plane, sphere, capsule, box and mesh";
+            let problem = "must be one of plane, sphere, capsule, cylinder, box and mesh";
             return Err(wrong("body", problem));
         };
         let motion = match self.motion {

@@ -76,7 +76,7 @@ fn resolve(text: &str, folder: &Path) -> Result<LoadedScene, SceneProblem> {
     let mut file: SettingFile = parse_toml(text)?;
     let missing = |key| move || field(key, "is missing");
     let name = file.name.take().ok_or_else(missing("name"))?;
-    let motion_source = file.motion.take().ok_or_else(missing("motion"))?;
+    let motion_source = file.motion.take().unwrap_or_default();
     let start = file.start.take().unwrap_or_default();
     let mut files = Vec::new();
     let ResolvedSetting {
@@ -126,6 +126,26 @@ pub(super) fn moving_mesh(
 mod tests {
     use super::*;
     use crate::formats::npz::tests::{archive, floats};
+
+    #[test]
+    fn what_is_not_said_hangs_still_or_falls() {
+        let text = "name = \"s\"\nmaterial = \"gray-interlock\"\n\
+            mesh = { generator = { kind = \"rectangle\", width = 2.0, size = 1.0, density = 50, seed = 1 } }\n";
+        let parse = |text: &str| parse_scene(text, Path::new(""), "s").unwrap();
+        let free = parse(text);
+        assert_eq!(free.scene.mesh.topology().vertex_count(), 100);
+        assert!(free.scene.handles.vertices().is_empty());
+        assert_eq!(free.warnings.len(), 1, "{:?}", free.warnings);
+        let onto = parse(
+            &(text.to_owned()
+                + "contact = {}\nobstacles = [{ name = \"leg\", cylinder = { radius = 0.1, length = 1 } }]\n"),
+        );
+        assert!(onto.warnings.is_empty(), "{:?}", onto.warnings);
+        let hung = parse(&(text.to_owned() + "handles = { label = \"upper-corners\" }\n"));
+        assert!(hung.warnings.is_empty());
+        let path = hung.scene.handle_path().unwrap();
+        assert_eq!(path.at(0.0), path.at(5.0));
+    }
 
     #[test]
     fn a_scene_knows_every_file_that_it_was_read_from() {

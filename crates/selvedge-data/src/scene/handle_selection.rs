@@ -49,6 +49,13 @@ struct BoxTable {
     max: DVec3,
 }
 
+impl Default for HandleSelection {
+    /// None: the cloth is free.
+    fn default() -> Self {
+        Self::Vertices(Vec::new())
+    }
+}
+
 impl TryFrom<SelectionTable> for HandleSelection {
     type Error = &'static str;
 

@@ -49,6 +49,12 @@ impl LoadedScene {
             self.warnings
                 .extend(strained::warnings(mesh, start, remedy));
         }
+        let setting = &self.spec.setting;
+        if setting.handles.is_empty() && setting.obstacles.is_empty() {
+            self.warnings.push(
+                "the scene has neither handles nor obstacles: the cloth falls freely".to_owned(),
+            );
+        }
         self
     }
 }

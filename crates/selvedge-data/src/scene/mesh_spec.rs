@@ -85,8 +85,11 @@ pub struct GeneratorSpec {
     pub kind: Shape,
     /// Number of vertices.
     pub vertices: usize,
-    /// The unit of length of the shape, as the side of a square `[m]`.
+    /// The unit of length of the shape, as the side of a square or the height of a rectangle `[m]`.
     pub size: f64,
+    /// Width of a rectangle, or the way around a tube `[m]`; none for other shapes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub width: Option<f64>,
     /// Decides where the inner vertices lie.
     pub seed: u64,
 }
@@ -99,6 +102,7 @@ struct GeneratorFields {
     vertices: Option<usize>,
     density: Option<f64>,
     size: f64,
+    width: Option<f64>,
     seed: u64,
 }
 
@@ -107,12 +111,25 @@ impl TryFrom<GeneratorFields> for GeneratorSpec {
 
     fn try_from(fields: GeneratorFields) -> Result<Self, String> {
         let GeneratorFields {
-            kind, size, seed, ..
+            kind,
+            size,
+            width,
+            seed,
+            ..
         } = fields;
+        match (kind, width) {
+            (Shape::Rectangle | Shape::Tube, None) => {
+                return Err("missing field: `width`, in m; `size` is the height".to_owned());
+            }
+            (Shape::Rectangle | Shape::Tube, Some(_)) | (_, None) => (),
+            (_, Some(_)) => return Err("`width` is for a rectangle or a tube".to_owned()),
+        }
         let vertices = match (fields.vertices, fields.density) {
             (Some(vertices), None) => vertices,
             (None, Some(density)) if density.is_finite() && density > 0.0 => {
-                kind.vertices(size, density)
+                // Of a rectangle as high as it is wide, and as large.
+                let side = width.map_or(size, |width| (size * width).sqrt());
+                kind.vertices(side, density)
             }
             (None, Some(density)) => {
                 return Err(format!(
@@ -126,6 +143,7 @@ impl TryFrom<GeneratorFields> for GeneratorSpec {
             kind,
             vertices,
             size,
+            width,
             seed,
         })
     }
@@ -292,6 +310,7 @@ impl MeshSource {
                 shape: numbers.kind,
                 vertices: numbers.vertices,
                 size: numbers.size,
+                width: numbers.width.unwrap_or(numbers.size),
                 seed: numbers.seed,
             })?,
             Self::Obj(file) => {

@@ -35,6 +35,13 @@ pub(crate) enum MotionSource {
     Groups(GroupMotion),
 }
 
+impl Default for MotionSource {
+    /// Handles that hold still.
+    fn default() -> Self {
+        Self::Named("still".to_owned())
+    }
+}
+
 /// Nodes that handles follow, each rigidly from where it starts.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]

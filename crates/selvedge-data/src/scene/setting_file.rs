@@ -31,6 +31,7 @@ pub(crate) struct SettingFile {
     pub(crate) motion: Option<MotionSource>,
     pub(crate) start: Option<StartFile>,
     mesh: MeshFile,
+    #[serde(default)]
     handles: HandleSelection,
     material: MaterialSource,
     #[serde(default)]

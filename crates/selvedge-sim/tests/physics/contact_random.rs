@@ -86,7 +86,7 @@ fn obstacle(dice: &mut Dice, number: usize) -> Obstacle {
         )),
         2 => bodies::cuboid(DVec3::new(0.002, dice.between(0.1, 0.6), 0.002)),
         3 => bodies::capsule(dice.between(0.02, 0.1), dice.between(0.1, 0.5), 0.04),
-        _ => bodies::plane(dice.between(0.5, 20.0)),
+        _ => bodies::plane([dice.between(0.5, 20.0); 2]),
     };
     let made = Obstacle::new(&format!("body {number}"), body.points, body.faces).unwrap();
     let axis = dice.vector(1.0).normalize_or(DVec3::Y);

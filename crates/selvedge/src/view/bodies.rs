@@ -53,7 +53,7 @@ pub(super) fn put(loaded: &mut LoadedScene, order: &Order) -> anyhow::Result<()>
             BodySpec::Plane(Plane {
                 normal: DVec3::Y,
                 height,
-                size: 20.0,
+                size: Sides::Square(20.0),
             }),
             DVec3::ZERO,
         ));

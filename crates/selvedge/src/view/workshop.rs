@@ -304,6 +304,7 @@ fn put_mesh(loaded: &mut LoadedScene, order: &MeshOrder) -> anyhow::Result<()> {
         kind: sheet.shape,
         vertices,
         size: sheet.size,
+        width: None,
         seed: 1,
     });
     let made = spec.build(Path::new(""))?;

@@ -24,6 +24,7 @@ fn of(shape: Shape, vertices: usize) -> Sheet {
         shape,
         vertices,
         size: 1.0,
+        width: 1.0,
         seed: 1,
     };
     sheet(&spec).unwrap()
@@ -143,6 +144,7 @@ fn random_outlines_are_decided_by_the_seed_and_well_formed() {
             shape: Shape::Random,
             vertices: 300,
             size: 1.0,
+            width: 1.0,
             seed,
         };
         sheet(&spec).unwrap()
@@ -174,6 +176,7 @@ fn meshes_with_a_name_can_be_made_at_the_density_of_the_paper() {
             // A fifth of it, to be quick.
             vertices: vertices / 5,
             size: named.size,
+            width: 1.0,
             seed: 1,
         };
         let sheet = sheet(&spec).unwrap();
@@ -200,10 +203,101 @@ fn too_few_vertices_for_a_shape_are_an_error_that_says_how_many_it_needs() {
             shape,
             vertices: 3,
             size: 1.0,
+            width: 1.0,
             seed: 0,
         };
         let error = sheet(&spec).unwrap_err();
         let (found, needed) = (3, expected);
         assert_eq!(error, GenerateError::TooFewVertices { found, needed });
     }
+}
+
+#[test]
+fn a_rectangle_is_as_wide_as_it_is_said_to_be() {
+    let spec = SheetSpec {
+        shape: Shape::Rectangle,
+        vertices: 300,
+        size: 0.8,
+        width: 2.0,
+        seed: 1,
+    };
+    let mesh = sheet(&spec).unwrap().mesh;
+    let area: f64 = mesh.rest_shape(1.0).face_area.iter().sum();
+    assert!((area - 1.6).abs() < 1e-9);
+    assert_eq!(mesh.topology().vertex_count(), 300);
+    for width in [0.0, -1.0, f64::NAN] {
+        let error = sheet(&SheetSpec { width, ..spec }).unwrap_err();
+        assert!(matches!(error, GenerateError::Width { .. }), "{error}");
+    }
+}
+
+#[test]
+fn a_tube_is_closed_around_and_open_above_and_below() {
+    for (vertices, size, width) in [
+        (24, 0.1, 0.3),
+        (60, 0.5, 1.0),
+        (400, 1.0, 0.6),
+        (401, 0.3, 2.0),
+    ] {
+        let spec = SheetSpec {
+            shape: Shape::Tube,
+            vertices,
+            size,
+            width,
+            seed: 1,
+        };
+        let Sheet { mesh, labels } = sheet(&spec).unwrap();
+        let topology = mesh.topology();
+        assert_eq!(topology.vertex_count(), vertices);
+        assert_eq!(vertices + topology.faces().len(), topology.edges().len());
+        let area: f64 = mesh.rest_shape(1.0).face_area.iter().sum();
+        assert!((area - size * width).abs() < 1e-9, "{area}");
+        let open = topology.edges().iter().filter(|e| e.opposite.1.is_none());
+        assert_eq!(open.count(), labels["boundary"].len());
+        for (label, height) in [("upper-edge", 0.0), ("lower-edge", -size)] {
+            for v in &labels[label] {
+                let place = mesh.positions()[*v as usize];
+                assert!((place.y - height).abs() < 1e-12);
+                assert!((place.with_y(0.0).length() * 2.0 * PI - width).abs() < 1e-9);
+            }
+        }
+        // Edges are as long as in the pattern, but for the chords of the circle: also over the seam.
+        for (edge, rest) in topology.edges().iter().zip(mesh.pattern().edge_lengths()) {
+            let [a, b] = edge.vertices.map(|v| mesh.positions()[v.index()]);
+            let chord = (width / PI) * (PI * rest / width).sin();
+            let length = a.distance(b);
+            assert!(
+                length <= rest + 1e-9 && length >= chord - 1e-9,
+                "{length} {rest}"
+            );
+        }
+        // The outside is outside.
+        let face = topology.faces()[0].map(|v| mesh.positions()[v.index()]);
+        let normal = (face[1] - face[0]).cross(face[2] - face[0]);
+        assert!(normal.dot(face[0].with_y(0.0)) > 0.0);
+    }
+}
+
+#[test]
+fn a_tube_of_too_few_vertices_is_an_error_that_says_how_many_it_needs() {
+    let spec = SheetSpec {
+        shape: Shape::Tube,
+        vertices: 8,
+        size: 1.0,
+        width: 0.5,
+        seed: 1,
+    };
+    let Err(GenerateError::TooFewVertices { needed, .. }) = sheet(&spec) else {
+        panic!("eight vertices are no tube");
+    };
+    let fewer = |vertices| sheet(&SheetSpec { vertices, ..spec });
+    assert!(fewer(needed).is_ok() && fewer(needed - 1).is_err());
+    for vertices in 60..160 {
+        assert!(fewer(vertices).is_ok(), "{vertices}");
+    }
+    let thin = SheetSpec {
+        width: 1e-5,
+        ..spec
+    };
+    assert!(sheet(&thin).is_err());
 }

@@ -33,6 +33,7 @@ impl NamedCloth {
             kind: sheet.shape,
             vertices: sheet.vertices(density),
             size: sheet.size,
+            width: None,
             seed,
         };
         let mesh = MeshSpec::from(generator);

@@ -322,6 +322,10 @@ impl DatasetConfig {
             let problem = format!("{name:?} is neither in train nor in test: use or remove it");
             return Err(field("motions", problem));
         }
+        if self.setting.handles.is_empty() && self.cloths.is_empty() {
+            let problem = "are none: a data set's cloths are moved by handles";
+            return Err(field("setting.handles", problem));
+        }
         if !self.setting.schedule.is_empty() {
             let problem = "has groups that let go, which no model can learn yet: take released out";
             return Err(field("setting.handles", problem));
