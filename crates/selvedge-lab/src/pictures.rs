@@ -6,7 +6,7 @@ use std::ops::ControlFlow;
 use glam::Vec3;
 use selvedge_data::{Trajectory, metrics};
 use selvedge_view::{
-    Body, ClipEnd, ClipSettings, Colouring, Panel, Run, ScalarField, SheetSettings, ViewError,
+    Body, ClipEnd, ClipSettings, Colouring, Panel, Rgb, Run, ScalarField, SheetSettings, ViewError,
     contact_sheet, still, write_clip,
 };
 
@@ -183,5 +183,21 @@ pub fn run_of_frames<'a>(
         Body::new(obstacle.faces(), points)
     });
     let bodies: Result<Vec<Body<'a>>, _> = bodies.collect();
-    run.and_then(|run| run.with_bodies(bodies?))
+    let run = run.and_then(|run| run.with_bodies(bodies?))?;
+    let material = trajectory.provenance().scene["setting"]["material"]["name"].as_str();
+    Ok(match material.and_then(colour_of) {
+        Some(colour) => run.in_colour(colour),
+        None => run,
+    })
+}
+
+/// The colour of a shipped fabric; none for others.
+fn colour_of(material: &str) -> Option<Rgb> {
+    match material {
+        "gray-interlock" => Some([112, 120, 136]),
+        "camel-ponte-roma" => Some([176, 128, 78]),
+        "11oz-black-denim" => Some([40, 42, 50]),
+        "navy-sparkle-sweat" => Some([36, 48, 96]),
+        _ => None,
+    }
 }

@@ -48,6 +48,7 @@ pub use motion::panel::{Colouring, Panel};
 pub use motion::run::Run;
 pub use page::clip::{ClipEnd, ClipSettings, write_clip};
 pub use page::sheet::{SheetSettings, contact_sheet, still};
+pub use raster::camera::View;
 pub use raster::renderer::Renderer;
 pub use raster::settings::Supersampling;
 pub use raster::stage::Stage;

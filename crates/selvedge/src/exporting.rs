@@ -10,7 +10,7 @@ use selvedge_data::{Trajectory, UpAxis};
 
 use crate::cli::FormatName;
 use crate::failure::WrongUsage;
-use crate::film::{self, Film};
+use crate::film::{self, Film, Look};
 use crate::output::End;
 use crate::progress::Progress;
 use crate::{interrupt, place};
@@ -37,6 +37,10 @@ pub(crate) struct Choice {
     pub(crate) normals: Option<bool>,
     /// The choice of velocities; none takes what the format has.
     pub(crate) velocities: Option<bool>,
+    /// How pictures are drawn.
+    pub(crate) look: Look,
+    /// The name of an option that is for pictures alone, where one was given.
+    pub(crate) of_pictures: Option<&'static str>,
 }
 
 /// The kind of an export.
@@ -130,6 +134,17 @@ impl Wish {
                 self.path.display()
             ));
         }
+        if let (Kind::Numbers(_), Some(option)) = (self.kind, self.choice.of_pictures) {
+            return wrong(format!(
+                "{option}: is for pictures, clips and films (.png, .gif, .mp4), and {} is none",
+                self.path.display()
+            ));
+        }
+        if let (Kind::Mp4, Some(size)) = (self.kind, self.choice.look.size)
+            && size.iter().any(|side| side % 2 == 1)
+        {
+            return wrong("--size: the sides of a film are even".to_owned());
+        }
         match self.kind {
             Kind::Numbers(ExportFormat::Glb) if self.choice.up == UpAxis::Z => {
                 wrong("--up z: glTF has y up, and every reader turns it".to_owned())
@@ -185,15 +200,18 @@ impl Wish {
     pub(crate) fn fulfil(&self, trajectory: &Trajectory) -> anyhow::Result<End> {
         self.check(trajectory.frame_count())?;
         let frames = self.choice.frames.of(trajectory.frame_count())?;
+        if let Kind::Numbers(format) = self.kind {
+            return self.write_numbers(trajectory, format, frames.len());
+        }
+        let film = Film::new(trajectory, &frames, self.choice.look)?;
         match self.kind {
-            Kind::Numbers(format) => self.write_numbers(trajectory, format, frames.len()),
-            Kind::Picture => {
-                Film::new(trajectory, &frames)?.write_png(&self.path)?;
+            Kind::Picture | Kind::Numbers(_) => {
+                film.write_png(&self.path)?;
                 Ok(End::Complete)
             }
-            Kind::Pictures => Film::new(trajectory, &frames)?.write_pngs(&self.path),
-            Kind::Gif => Film::new(trajectory, &frames)?.write_gif(&self.path),
-            Kind::Mp4 => Film::new(trajectory, &frames)?.write_mp4(&self.path),
+            Kind::Pictures => film.write_pngs(&self.path),
+            Kind::Gif => film.write_gif(&self.path),
+            Kind::Mp4 => film.write_mp4(&self.path),
         }
     }
 

@@ -13,7 +13,8 @@ use selvedge_data::{
     Trajectory, WriteError, write_atomically, write_beside, write_folder_atomically,
 };
 use selvedge_view::{
-    ClipEnd, ClipSettings, Colouring, Image, Panel, Renderer, Run, Stage, Supersampling, write_clip,
+    ClipEnd, ClipSettings, Colouring, Image, Panel, Renderer, Rgb, Run, Stage, Supersampling, View,
+    write_clip,
 };
 
 use crate::interrupt;
@@ -21,7 +22,17 @@ use crate::output::End;
 use crate::pictures::run_of_frames;
 use crate::progress::Progress;
 
-/// Width and height of a picture in pixels; even, as films want it.
+/// How frames are drawn.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Look {
+    /// Width and height of a picture in pixels; the usual ones of its kind where none are said.
+    pub(crate) size: Option<[u32; 2]>,
+    pub(crate) view: View,
+    /// The colour of the cloth; that of its fabric where none is said.
+    pub(crate) colour: Option<Rgb>,
+}
+
+/// Width and height of a picture in pixels, where none are said; even, as films want it.
 pub(crate) const SIZE: [u32; 2] = [960, 720];
 
 /// The program that makes films.
@@ -31,6 +42,7 @@ const FFMPEG: &str = "ffmpeg";
 pub(crate) struct Film<'a> {
     run: Run<'a>,
     title: String,
+    look: Look,
 }
 
 /// Reason for no film: Ctrl-C, or something that went wrong.
@@ -81,15 +93,23 @@ pub(crate) fn check_ffmpeg() -> anyhow::Result<()> {
 
 impl<'a> Film<'a> {
     /// These frames of `trajectory`.
-    pub(crate) fn new(trajectory: &'a Trajectory, frames: &[usize]) -> anyhow::Result<Self> {
+    pub(crate) fn new(
+        trajectory: &'a Trajectory,
+        frames: &[usize],
+        look: Look,
+    ) -> anyhow::Result<Self> {
         // One frame has no rate; any two have that of the first two.
         let step = frames.windows(2).map(|pair| pair[1] - pair[0]).next();
         let rate = trajectory.frame_rate() / step.unwrap_or(1) as f64;
-        let run = run_of_frames(trajectory, frames, rate)?;
+        let mut run = run_of_frames(trajectory, frames, rate)?;
+        if let Some(colour) = look.colour {
+            run = run.in_colour(colour);
+        }
         let name = trajectory.provenance().scene["name"].as_str();
         Ok(Self {
             run,
             title: name.unwrap_or_default().to_owned(),
+            look,
         })
     }
 
@@ -114,7 +134,14 @@ impl<'a> Film<'a> {
 
     /// Writes a clip in real time.
     pub(crate) fn write_gif(&self, path: &Path) -> anyhow::Result<End> {
-        let settings = ClipSettings::default();
+        let settings = ClipSettings {
+            view: self.look.view,
+            ..ClipSettings::default()
+        };
+        let settings = ClipSettings {
+            tile: self.look.size.unwrap_or(settings.tile),
+            ..settings
+        };
         let panel = self.panel();
         let seconds = self.run.time(self.run.frames().len() - 1);
         let pictures = (1e3 * seconds / f64::from(settings.delay_ms)) as usize + 1;
@@ -174,7 +201,7 @@ impl<'a> Film<'a> {
     }
 
     fn start_ffmpeg(&self, part: &Path) -> anyhow::Result<Child> {
-        let [width, height] = SIZE;
+        let [width, height] = self.size();
         let rate = self.run.frame_rate().to_string();
         let mut command = Command::new(FFMPEG);
         command
@@ -229,10 +256,15 @@ impl<'a> Film<'a> {
         Ok(())
     }
 
+    fn size(&self) -> [u32; 2] {
+        self.look.size.unwrap_or(SIZE)
+    }
+
     fn renderer(&self, samples: Supersampling) -> anyhow::Result<Renderer> {
-        let aspect = SIZE[0] as f32 / SIZE[1] as f32;
-        let stage = Stage::of_runs(&[&self.run], aspect)?;
-        Ok(Renderer::new(&stage, SIZE, samples)?)
+        let size = self.size();
+        let aspect = size[0] as f32 / size[1] as f32;
+        let stage = Stage::of_runs(&[&self.run], self.look.view, aspect)?;
+        Ok(Renderer::new(&stage, size, samples)?)
     }
 
     fn panel(&self) -> Panel<'_> {

@@ -6,7 +6,7 @@ use crate::{ScalarField, ViewError};
 /// The colouring of a cloth.
 #[derive(Clone, Copy, Debug, Default)]
 pub enum Colouring<'a> {
-    /// As cloth: indigo in front, ecru at the back.
+    /// As cloth: in the colour of the run, or indigo in front and ecru at the back.
     #[default]
     Plain,
     /// By a number per vertex.

@@ -4,7 +4,7 @@ use glam::Vec3;
 use selvedge_cloth::{Topology, VertexId};
 
 use super::body::Body;
-use crate::ViewError;
+use crate::{Rgb, ViewError};
 
 /// A body this many times as long as the cloth is large, and a point this many times its length
 /// away is far.
@@ -19,6 +19,7 @@ pub struct Run<'a> {
     handles: &'a [VertexId],
     frame_rate: f64,
     bodies: Vec<Body<'a>>,
+    colour: Option<Rgb>,
 }
 
 impl<'a> Run<'a> {
@@ -57,7 +58,20 @@ impl<'a> Run<'a> {
             handles,
             frame_rate,
             bodies: Vec::new(),
+            colour: None,
         })
+    }
+
+    /// The same run of a cloth whose front has this colour; its back is paler.
+    #[must_use]
+    pub fn in_colour(mut self, colour: Rgb) -> Self {
+        self.colour = Some(colour);
+        self
+    }
+
+    /// The colour of the cloth's front, where it is said.
+    pub(crate) fn colour(&self) -> Option<Rgb> {
+        self.colour
     }
 
     /// The same run with bodies beside the cloth, still or with as many frames.

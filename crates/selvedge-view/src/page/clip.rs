@@ -12,6 +12,7 @@ use crate::motion::panel::check_panels;
 use crate::page::layout::Page;
 use crate::page::palette::{Palette, UNCHANGED, distance_squared};
 use crate::page::sheet::{aspect_of, clock, runs_of};
+use crate::raster::camera::View;
 use crate::raster::stage::Stage;
 use crate::{Image, Panel, Renderer, Run, Supersampling, ViewError};
 
@@ -20,6 +21,8 @@ use crate::{Image, Panel, Renderer, Run, Supersampling, ViewError};
 pub struct ClipSettings {
     /// Width and height of one panel `[pixels]`.
     pub tile: [u32; 2],
+    /// The direction from which it is taken.
+    pub view: View,
     /// Time between two pictures `[ms]`: a multiple of 10 from 20 to 1000. Viewers slow down what
     /// is faster.
     pub delay_ms: u16,
@@ -29,6 +32,7 @@ impl Default for ClipSettings {
     fn default() -> Self {
         Self {
             tile: [320, 320],
+            view: View::default(),
             delay_ms: 50,
         }
     }
@@ -167,7 +171,7 @@ impl<'a> Studio<'a> {
     ) -> Result<Self, ViewError> {
         let page = Page::new(title, panels, settings.tile, [panels.len() as u32, 1])?;
         let aspect = aspect_of(settings.tile)?;
-        let stage = Stage::of_runs(&runs_of(panels), aspect)?;
+        let stage = Stage::of_runs(&runs_of(panels), settings.view, aspect)?;
         Ok(Self {
             panels,
             blank: page.draw()?,

@@ -253,7 +253,7 @@ mod tests {
             Vec3::new(1.0, 1.5, 0.0),
         ];
         let run = Run::new(&topology, [&corners[..]], &[], 60.0).unwrap();
-        let stage = Stage::of_runs(&[&run], 1.0).unwrap();
+        let stage = Stage::of_runs(&[&run], crate::View::default(), 1.0).unwrap();
         let mut shadow = ShadowMap::new(&stage);
         shadow.update(std::iter::once(corners));
         let place = |point| (cast(point, shadow.light, shadow.floor) - shadow.origin) / shadow.cell;

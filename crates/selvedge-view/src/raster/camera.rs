@@ -8,6 +8,51 @@
 
 use glam::{Vec2, Vec3};
 
+use crate::ViewError;
+
+/// A direction from which pictures are taken.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct View {
+    /// Angle of the camera around y, from +x towards +z `[degrees]`.
+    pub azimuth: f32,
+    /// Angle of the camera above the horizon `[degrees]`, 0 to 80.
+    pub elevation: f32,
+}
+
+impl Default for View {
+    /// Three quarters from the front of a sheet that hangs in the yz-plane with its normals along
+    /// -x, slightly from above: +x runs away to the right, +z comes to the right.
+    fn default() -> Self {
+        Self {
+            azimuth: 142.0,
+            elevation: 14.0,
+        }
+    }
+}
+
+impl View {
+    /// Checks that it is a direction.
+    ///
+    /// # Errors
+    /// [`ViewError::Setting`] names the angle.
+    pub fn check(&self) -> Result<(), ViewError> {
+        let wrong = |field, expected, found: f32| {
+            Err(ViewError::Setting {
+                field,
+                expected,
+                found: found.to_string(),
+            })
+        };
+        if !(-360.0..=360.0).contains(&self.azimuth) {
+            return wrong("azimuth", "between -360 and 360 degrees", self.azimuth);
+        }
+        if !(0.0..=80.0).contains(&self.elevation) {
+            return wrong("elevation", "between 0 and 80 degrees", self.elevation);
+        }
+        Ok(())
+    }
+}
+
 /// A direction towards the cloth, with an angle of view.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Orbit {
@@ -21,16 +66,20 @@ pub(crate) struct Orbit {
     pub(crate) margin: f32,
 }
 
-impl Default for Orbit {
-    /// Three quarters from the front of a sheet that hangs in the yz-plane with its normals along
-    /// -x, slightly from above: +x runs away to the right, +z comes to the right.
-    fn default() -> Self {
+impl From<View> for Orbit {
+    fn from(view: View) -> Self {
         Self {
-            azimuth: 142_f32.to_radians(),
-            elevation: 14_f32.to_radians(),
+            azimuth: view.azimuth.to_radians(),
+            elevation: view.elevation.to_radians(),
             field_of_view: 28_f32.to_radians(),
             margin: 0.07,
         }
+    }
+}
+
+impl Default for Orbit {
+    fn default() -> Self {
+        View::default().into()
     }
 }
 

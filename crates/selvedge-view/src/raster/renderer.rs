@@ -86,6 +86,7 @@ impl Renderer {
                 frames: frames.len(),
             });
         };
+        self.shader.dye(panel.run.colour());
         let topology = panel.run.topology();
         let field = panel.field();
         let values = field.map(|field| field.values()[frame].as_slice());

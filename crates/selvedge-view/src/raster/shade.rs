@@ -16,7 +16,7 @@ use crate::raster::camera::Camera;
 const FRONT: Rgb = [58, 96, 158];
 const BACK: Rgb = [214, 194, 160];
 /// Bodies beside the cloth.
-const BODY: Rgb = [150, 150, 154];
+const BODY: Rgb = [172, 165, 156];
 /// The border of the cloth.
 const BORDER: Rgb = [190, 50, 44];
 /// The border of a cloth that is coloured by numbers: no hue that could be read as one.
@@ -76,6 +76,18 @@ impl Shader {
             border: to_linear(BORDER).into(),
             value_border: to_linear(VALUE_BORDER).into(),
         }
+    }
+
+    /// Takes the colour of a cloth, or the usual ones. Its back is half as far from ecru as its front.
+    pub(crate) fn dye(&mut self, colour: Option<Rgb>) {
+        let ecru = Vec3A::from(to_linear(BACK));
+        (self.front, self.back) = match colour {
+            None => (to_linear(FRONT).into(), ecru),
+            Some(colour) => {
+                let front = Vec3A::from(to_linear(colour));
+                (front, front.midpoint(ecru))
+            }
+        };
     }
 
     /// Unit vector towards the key light.

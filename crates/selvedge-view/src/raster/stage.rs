@@ -3,7 +3,7 @@
 
 use glam::{Vec2, Vec3};
 
-use super::camera::{Camera, Orbit};
+use super::camera::{Camera, Orbit, View};
 use crate::{Run, ViewError};
 
 /// A camera, the floor in its view, and the part of the floor that shadows can reach.
@@ -23,9 +23,10 @@ impl Stage {
     /// The stage that holds all `runs` in pictures of `aspect` (width over height).
     ///
     /// # Errors
-    /// [`ViewError::NoPanels`] without runs.
-    pub fn of_runs(runs: &[&Run<'_>], aspect: f32) -> Result<Self, ViewError> {
-        Self::on_orbit(runs, &Orbit::default(), aspect)
+    /// [`ViewError::NoPanels`] without runs, and [`ViewError::Setting`] for a direction that is none.
+    pub fn of_runs(runs: &[&Run<'_>], view: View, aspect: f32) -> Result<Self, ViewError> {
+        view.check()?;
+        Self::on_orbit(runs, &view.into(), aspect)
     }
 
     /// The same, seen from `orbit`.

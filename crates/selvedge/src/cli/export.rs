@@ -6,6 +6,9 @@ use clap::builder::BoolishValueParser;
 use clap::{Args, ValueEnum};
 use selvedge_data::UpAxis;
 use selvedge_data::export::FrameSpan;
+use selvedge_view::{Rgb, View};
+
+use crate::film::Look;
 
 /// Write a trajectory in the format of another program.
 ///
@@ -22,6 +25,7 @@ Examples:
   selvedge export out/rollout.safetensors -o cloth.pc2 --up z
   selvedge export out/rollout.safetensors -o cloth.abc
   selvedge export out/rollout.safetensors -o frames --format png
+  selvedge export out/rollout.safetensors -o cloth.gif --size 640x480 --camera 90,20 --colour "#1f4e79"
 
 A .glb has a morph target per frame: long runs are lighter as .usda or .pc2, or with --every.
 docs/src/guides/export.md says how Blender, Houdini, Unreal and three.js open these files.")]
@@ -52,6 +56,44 @@ pub(crate) struct ExportArgs {
     /// .usdc and .usdz, no for .usda; all others have none].
     #[arg(long, value_name = "YES|NO", num_args = 0..=1, default_missing_value = "yes", value_parser = BoolishValueParser::new())]
     velocities: Option<bool>,
+    /// Width and height of a picture in pixels, as 1280x720 [default: 960x720; of a clip 320x320].
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    size: Option<[u32; 2]>,
+    /// The direction of the camera in degrees: around the vertical, and above the horizon
+    /// [default: 142,14].
+    #[arg(long, value_name = "AROUND,ABOVE", value_parser = view, allow_hyphen_values = true)]
+    camera: Option<View>,
+    /// The colour of the cloth, as "#1f4e79" [default: that of its fabric].
+    #[arg(long, value_name = "#RRGGBB", value_parser = colour)]
+    colour: Option<Rgb>,
+}
+
+fn size(text: &str) -> Result<[u32; 2], String> {
+    let sides = text.split_once(['x', 'X']);
+    let sides = sides.and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
+    sides
+        .filter(|sides: &[u32; 2]| sides.iter().all(|side| (16..=8192).contains(side)))
+        .ok_or_else(|| "write two numbers from 16 to 8192, as 1280x720".to_owned())
+}
+
+fn view(text: &str) -> Result<View, String> {
+    let angles = text.split_once(',');
+    let angles = angles.and_then(|(a, e)| Some((a.parse().ok()?, e.parse().ok()?)));
+    let view = angles.map(|(azimuth, elevation)| View { azimuth, elevation });
+    view.filter(|view| view.check().is_ok())
+        .ok_or_else(|| "write two angles in degrees, as 90,20: -360 to 360, 0 to 80".to_owned())
+}
+
+fn colour(text: &str) -> Result<Rgb, String> {
+    let digits = text.strip_prefix('#').unwrap_or(text);
+    let parts = [0..2, 2..4, 4..6].map(|range| {
+        let part = digits.get(range).filter(|_| digits.len() == 6)?;
+        u8::from_str_radix(part, 16).ok()
+    });
+    match parts {
+        [Some(r), Some(g), Some(b)] => Ok([r, g, b]),
+        _ => Err("write six hexadecimal digits, as \"#1f4e79\"".to_owned()),
+    }
 }
 
 /// A format to write.
@@ -128,5 +170,24 @@ impl ExportArgs {
     /// The choice of velocities, where there was one.
     pub(crate) fn velocities(&self) -> Option<bool> {
         self.velocities
+    }
+
+    /// How pictures are to be drawn.
+    pub(crate) fn look(&self) -> Look {
+        Look {
+            size: self.size,
+            view: self.camera.unwrap_or_default(),
+            colour: self.colour,
+        }
+    }
+
+    /// The option that is for pictures alone, where one was given.
+    pub(crate) fn of_pictures(&self) -> Option<&'static str> {
+        let given = [
+            (self.size.is_some(), "--size"),
+            (self.camera.is_some(), "--camera"),
+            (self.colour.is_some(), "--colour"),
+        ];
+        given.into_iter().find(|given| given.0).map(|given| given.1)
     }
 }

@@ -31,6 +31,8 @@ pub(crate) fn run(args: &ExportArgs) -> anyhow::Result<Answer> {
         up: args.up(),
         normals: args.normals(),
         velocities: args.velocities(),
+        look: args.look(),
+        of_pictures: args.of_pictures(),
     });
     check_places(args, &wish.outputs())?;
     let trajectory = Trajectory::read(&args.trajectory)?;

@@ -203,6 +203,10 @@ fn bad_calls_are_told_and_leave_nothing() {
         ("-o cloth.mdd", 2, &[".mdd is not written", ".pc2"]),
         ("-o cloth.glb --velocities yes", 2, &["--velocities", "USD"]),
         ("-o cloth.gif --velocities no", 2, &["--velocities"]),
+        ("-o cloth.glb --camera 90,20", 2, &["--camera", ".png"]),
+        ("-o cloth.png --frames 1 --camera 90", 2, &["90,20"]),
+        ("-o cloth.png --frames 1 --size 3x3", 2, &["1280x720"]),
+        ("-o cloth.png --frames 1 --colour blue", 2, &["#1f4e79"]),
     ] {
         desk.fails(&format!("export run.safetensors {call}"), code, words);
         assert_eq!(desk.names(), names, "{call}");

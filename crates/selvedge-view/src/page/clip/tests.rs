@@ -6,6 +6,10 @@ use glam::Vec3;
 use selvedge_cloth::Topology;
 
 const SETTINGS: ClipSettings = ClipSettings {
+    view: View {
+        azimuth: 142.0,
+        elevation: 14.0,
+    },
     tile: [48, 40],
     delay_ms: 50,
 };

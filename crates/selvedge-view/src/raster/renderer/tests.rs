@@ -232,7 +232,7 @@ fn a_renderer_forgets_the_picture_before() {
         .collect();
     let frames = [positions.as_slice(), moved.as_slice()];
     let run = Run::new(&topology, frames, &[VertexId(0)], 60.0).unwrap();
-    let stage = Stage::of_runs(&[&run], 1.0).unwrap();
+    let stage = Stage::of_runs(&[&run], crate::View::default(), 1.0).unwrap();
     let panel = plain(&run);
     let fresh = || Renderer::new(&stage, [80; 2], Supersampling::Two).unwrap();
     let mut used = fresh();
@@ -295,7 +295,7 @@ fn a_run_that_has_blown_up_is_drawn_without_a_panic() {
         let blown = positions.iter().map(|p| *p * far).collect::<Vec<Vec3>>();
         let frames = [positions.as_slice(), blown.as_slice()];
         let run = Run::new(&topology, frames, &[VertexId(0)], 60.0).unwrap();
-        let stage = Stage::of_runs(&[&run], 1.0).unwrap();
+        let stage = Stage::of_runs(&[&run], crate::View::default(), 1.0).unwrap();
         let panel = plain(&run);
         let mut renderer = Renderer::new(&stage, [40; 2], Supersampling::Two).unwrap();
         for frame in 0..2 {
@@ -358,4 +358,40 @@ fn a_large_level_body_is_the_floor_of_the_picture() {
     let plate = ground.map(|p| p * Vec3::new(0.05, 1.0, 0.05));
     let (_, stage) = beside(&plate, &[[0, 1, 2]]);
     assert!(stage.floor < -0.2);
+}
+
+#[test]
+fn a_cloth_has_the_colour_of_its_run() {
+    let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
+    let frame = [Vec3::ZERO, Vec3::Z, Vec3::Y];
+    let plain = Run::new(&topology, [&frame[..]], &[], 60.0).unwrap();
+    let red = plain.clone().in_colour([200, 20, 20]);
+    let middle = |run: &Run<'_>, azimuth: f32| {
+        let view = crate::View {
+            azimuth,
+            elevation: 5.0,
+        };
+        let stage = Stage::of_runs(&[run], view, 1.0).unwrap();
+        let mut renderer = Renderer::new(&stage, [32, 32], Supersampling::Two).unwrap();
+        let panel = Panel {
+            label: "",
+            run,
+            colouring: Colouring::Plain,
+        };
+        let image = renderer.render(&panel, 0).unwrap();
+        let seen = stage.camera.project(Vec3::new(0.0, 0.3, 0.3));
+        image.pixels()[(seen.y * 32.0) as usize * 32 + (seen.x * 32.0) as usize].map(i32::from)
+    };
+    for azimuth in [0.0, 180.0] {
+        let [r, g, b] = middle(&red, azimuth);
+        assert!(r > g + 40 && r > b + 40, "{azimuth}: {r} {g} {b}");
+        assert_ne!(middle(&plain, azimuth), [r, g, b]);
+    }
+    // The front is the stronger one.
+    let [front, back] = [180.0, 0.0].map(|azimuth| middle(&red, azimuth));
+    assert!(front[1] < back[1], "{front:?} {back:?}");
+    for (azimuth, elevation) in [(f32::NAN, 0.0), (0.0, 90.0), (0.0, -1.0)] {
+        let view = crate::View { azimuth, elevation };
+        assert!(Stage::of_runs(&[&red], view, 1.0).is_err());
+    }
 }
