@@ -68,7 +68,22 @@ impl Default for ContactSettings {
     }
 }
 
+/// The usual thickness as a part of the shortest edge, at most.
+const THIN: f64 = 0.2;
+
 impl ContactSettings {
+    /// The usual settings for a cloth whose shortest edge has this length `[m]`.
+    #[must_use]
+    pub fn for_edges(shortest: f64) -> Self {
+        let usual = Self::default();
+        let thickness = usual.thickness.min(THIN * shortest).max(1e-5);
+        Self {
+            thickness,
+            floor: usual.floor.min(0.05 * thickness).max(1e-6),
+            ..usual
+        }
+    }
+
     /// Checks that every value can be used.
     ///
     /// # Errors

@@ -63,7 +63,7 @@ pub enum SceneError {
     Physics(#[from] PhysicsError),
     #[error(transparent)]
     Contact(#[from] ContactError),
-    #[error("the scene has obstacles but no `contact`: add `contact = {{}}`, or remove them")]
+    #[error("the scene has obstacles but no contact: write `contact = {{}}`, or remove them")]
     NoContact,
     #[error(
         "contact.law is \"arcsim\", which needs an integrator of first order without iterations: set physics = \"arcsim\", or remove contact.law"

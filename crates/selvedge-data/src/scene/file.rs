@@ -21,12 +21,13 @@ use super::motion_source::Stand;
 use super::problem::{SceneFileError, SceneProblem, field, unknown};
 use super::setting_file::{ResolvedSetting, SettingFile};
 use super::shipped::{shipped_scene_text, shipped_scenes};
-use super::spec::SceneSpec;
+use super::spec::{SceneSpec, Setting};
 use super::start::StartSpec;
+use super::start_file::StartFile;
 use super::text::{parse_toml, read_text};
 use crate::trajectory::state_file::SavedState;
 use glam::DVec3;
-use selvedge_cloth::Mesh;
+use selvedge_cloth::{ContactSettings, Mesh};
 use std::path::{Path, PathBuf};
 
 /// Opens a scene by the path of its file or by the name of a shipped one.
@@ -77,20 +78,29 @@ fn resolve(text: &str, folder: &Path) -> Result<LoadedScene, SceneProblem> {
     let missing = |key| move || field(key, "is missing");
     let name = file.name.take().ok_or_else(missing("name"))?;
     let motion_source = file.motion.take().unwrap_or_default();
-    let start = file.start.take().unwrap_or_default();
+    let start = file.start.take();
     let mut files = Vec::new();
     let ResolvedSetting {
-        setting,
+        mut setting,
         mesh,
         groups,
         velocities,
         loose,
         mut warnings,
+        leaves_contact_open,
     } = file.resolve(folder, &mut files)?;
+    if leaves_contact_open && layers_can_meet(&mesh, &setting) {
+        setting.contact = Some(usual_contact(&mesh, &mut warnings));
+    }
     let stand = Stand::of(&setting, &mesh, &groups);
     let motion = motion_source.resolve(folder, &stand)?;
     files.extend(motion_source.file().map(|file| folder.join(file)));
     let vertices = mesh.topology().vertex_count();
+    let start = start.unwrap_or(match setting.handles.is_empty() {
+        // What nothing holds has no rest pose.
+        true => StartFile::Mesh,
+        false => StartFile::Rest,
+    });
     let (start, state) = start.resolve(folder, vertices, setting.frame_rate)?;
     let state = state.or_else(|| moving_mesh(&start, &mesh, velocities));
     let spec = SceneSpec {
@@ -110,6 +120,35 @@ fn resolve(text: &str, folder: &Path) -> Result<LoadedScene, SceneProblem> {
     };
     let remedy = loaded.spec.setting.mesh.transform.remedy();
     Ok(loaded.looked_over(&remedy))
+}
+
+/// Returns true where a cloth without contact would pass through something: an obstacle, another
+/// piece, or the other side of what is sewn.
+fn layers_can_meet(mesh: &Mesh, setting: &Setting) -> bool {
+    let has_pieces = mesh.topology().sheets().iter().any(|sheet| *sheet > 0);
+    !setting.obstacles.is_empty() || has_pieces || mesh.pattern().is_sewn()
+}
+
+/// Thickness of contact that is worth a warning `[m]`.
+const THIN: f64 = 2e-4;
+
+/// The usual contact for a mesh; warns where a short edge makes it thin.
+fn usual_contact(mesh: &Mesh, warnings: &mut Vec<String>) -> ContactSettings {
+    let lengths = mesh.pattern().edge_lengths();
+    let edges = mesh.topology().edges().iter().zip(lengths);
+    let shortest = edges.min_by(|a, b| a.1.total_cmp(&b.1));
+    let Some((edge, length)) = shortest else {
+        return ContactSettings::default();
+    };
+    let contact = ContactSettings::for_edges(length);
+    if contact.thickness < THIN {
+        let [a, b] = edge.vertices;
+        warnings.push(format!(
+            "contact.thickness is {:.1e} m, a fifth of the shortest edge, {length:.1e} m from vertex {a} to {b}: merge such vertices (mesh.weld), or choose the thickness",
+            contact.thickness
+        ));
+    }
+    contact
 }
 
 /// The state of a mesh whose file has velocities, where a run starts at the mesh.
@@ -135,6 +174,7 @@ mod tests {
         let free = parse(text);
         assert_eq!(free.scene.mesh.topology().vertex_count(), 100);
         assert!(free.scene.handles.vertices().is_empty());
+        assert_eq!(free.spec.start, StartSpec::Mesh);
         assert_eq!(free.warnings.len(), 1, "{:?}", free.warnings);
         let onto = parse(
             &(text.to_owned()
@@ -145,6 +185,40 @@ mod tests {
         assert!(hung.warnings.is_empty());
         let path = hung.scene.handle_path().unwrap();
         assert_eq!(path.at(0.0), path.at(5.0));
+    }
+
+    #[test]
+    fn contact_is_on_where_layers_can_meet_unless_it_is_said_to_be_off() {
+        let text = |kind: &str, rest: &str| {
+            format!(
+                "name = \"s\"\nmaterial = \"gray-interlock\"\nhandles = {{ vertices = [0] }}\n\
+                mesh = {{ generator = {{ kind = {kind}, vertices = 100, seed = 1 }} }}\n{rest}"
+            )
+        };
+        let square = "\"square\", size = 1.0";
+        let tube = "\"tube\", width = 1.0, size = 0.5";
+        let thickness = |text: &str| {
+            let loaded = parse_scene(text, Path::new(""), "s").unwrap();
+            (
+                loaded.scene.contact.map(|contact| contact.thickness),
+                loaded.warnings.len(),
+            )
+        };
+        assert_eq!(thickness(&text(square, "")), (None, 0));
+        assert_eq!(thickness(&text(tube, "")), (Some(1e-3), 0));
+        assert_eq!(thickness(&text(tube, "contact = false\n")), (None, 0));
+        assert_eq!(
+            thickness(&text(tube, "contact = { thickness = 0.002 }\n")),
+            (Some(2e-3), 0)
+        );
+        let ball = "obstacles = [{ name = \"b\", sphere = { radius = 0.1 } }]\n";
+        assert_eq!(thickness(&text(square, ball)), (Some(1e-3), 0));
+        let small = "\"tube\", width = 0.01, size = 0.005";
+        let (found, warnings) = thickness(&text(small, ""));
+        assert!(found.unwrap() < 2e-4 && warnings > 0);
+        let refused = text(square, &format!("contact = false\n{ball}"));
+        let error = parse_scene(&refused, Path::new(""), "s").unwrap_err();
+        assert!(error.to_string().contains("no contact"), "{error}");
     }
 
     #[test]

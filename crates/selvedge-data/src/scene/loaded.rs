@@ -50,7 +50,9 @@ impl LoadedScene {
                 .extend(strained::warnings(mesh, start, remedy));
         }
         let setting = &self.spec.setting;
-        if setting.handles.is_empty() && setting.obstacles.is_empty() {
+        let is_free = setting.handles.is_empty() && setting.obstacles.is_empty();
+        // From a rest pose it does not start at all.
+        if is_free && self.spec.start != StartSpec::Rest {
             self.warnings.push(
                 "the scene has neither handles nor obstacles: the cloth falls freely".to_owned(),
             );

@@ -8,7 +8,9 @@ use glam::DVec3;
 use selvedge_cloth::{
     ContactSettings, DEFAULT_FRAME_RATE, Environment, LoosePanels, Mesh, SagSettings,
 };
-use serde::Deserialize;
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{MapAccess, Visitor};
+use serde::{Deserialize, Deserializer};
 
 use super::handle_selection::{Groups, HandleSelection, Selected};
 use super::material_source::MaterialSource;
@@ -46,9 +48,38 @@ pub(crate) struct SettingFile {
     sag: SagSettings,
     #[serde(default = "default_frame_rate")]
     frame_rate: f64,
-    contact: Option<ContactSettings>,
+    contact: Option<ContactFile>,
     #[serde(default)]
     obstacles: Vec<ObstacleFile>,
+}
+
+/// Contact as people write it.
+enum ContactFile {
+    Choice(bool),
+    Settings(ContactSettings),
+}
+
+impl<'de> Deserialize<'de> for ContactFile {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct TableOrFalse;
+        impl<'de> Visitor<'de> for TableOrFalse {
+            type Value = ContactFile;
+
+            fn expecting(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                formatter.write_str("a table of contact's keys, or false")
+            }
+
+            fn visit_bool<E>(self, choice: bool) -> Result<ContactFile, E> {
+                Ok(ContactFile::Choice(choice))
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<ContactFile, A::Error> {
+                let settings = ContactSettings::deserialize(MapAccessDeserializer::new(map))?;
+                Ok(ContactFile::Settings(settings))
+            }
+        }
+        deserializer.deserialize_any(TableOrFalse)
+    }
 }
 
 fn default_frame_rate() -> f64 {
@@ -88,6 +119,8 @@ pub(crate) struct ResolvedSetting {
     /// The panels before they are sewn, where seams were named.
     pub(crate) loose: Option<LoosePanels>,
     pub(crate) warnings: Vec<String>,
+    /// True if the file says nothing of contact.
+    pub(crate) leaves_contact_open: bool,
 }
 
 impl SettingFile {
@@ -110,6 +143,15 @@ impl SettingFile {
             loose,
             warnings,
         } = mesh.read(folder)?;
+        let leaves_contact_open = self.contact.is_none();
+        let contact = match self.contact {
+            None | Some(ContactFile::Choice(false)) => None,
+            Some(ContactFile::Choice(true)) => {
+                let problem = "write contact = {} for the usual contact";
+                return Err(field("contact", problem));
+            }
+            Some(ContactFile::Settings(settings)) => Some(settings),
+        };
         let mut fabrics = BTreeMap::new();
         for (name, source) in self.fabrics {
             fabrics.insert(name, source.resolve(folder, files)?);
@@ -129,7 +171,7 @@ impl SettingFile {
             physics: self.physics.0,
             sag: self.sag,
             frame_rate: self.frame_rate,
-            contact: self.contact,
+            contact,
             obstacles: resolved_obstacles(self.obstacles, folder)?,
         };
         Ok(ResolvedSetting {
@@ -139,6 +181,7 @@ impl SettingFile {
             velocities,
             loose,
             warnings,
+            leaves_contact_open,
         })
     }
 }

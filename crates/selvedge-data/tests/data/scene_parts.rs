@@ -293,7 +293,8 @@ fn wrong_obstacles_and_contact_are_named() {
     refuses(
         make,
         &[
-            (alone, "obstacles but no `contact`: add `contact = {}`"),
+            ("contact = true", "contact = {}"),
+            ("contact = 1", "or false"),
             (&twice, "obstacles.name: two are called \"ball\""),
             ("contact = { thickness = -1 }", "contact.thickness must be"),
             ("contact = { thickest = 1 }", "thickest"),

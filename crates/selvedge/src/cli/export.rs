@@ -25,7 +25,7 @@ Examples:
   selvedge export out/rollout.safetensors -o cloth.pc2 --up z
   selvedge export out/rollout.safetensors -o cloth.abc
   selvedge export out/rollout.safetensors -o frames --format png
-  selvedge export out/rollout.safetensors -o cloth.gif --size 640x480 --camera 90,20 --colour "#1f4e79"
+  selvedge export out/rollout.safetensors -o cloth.gif --size 640x480 --camera 90,20 --colour 1f4e79
 
 A .glb has a morph target per frame: long runs are lighter as .usda or .pc2, or with --every.
 docs/src/guides/export.md says how Blender, Houdini, Unreal and three.js open these files.")]

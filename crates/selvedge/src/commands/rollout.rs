@@ -22,6 +22,7 @@ use selvedge_lab::folder_kind::{FolderKind, ROLLOUT};
 use selvedge_lab::machine::Machine;
 use selvedge_lab::models::{self, NamedModel};
 use selvedge_lab::physics::{self, Keep, SimulationPlan, TimedRun};
+use selvedge_lab::rigid::RigidRest;
 use selvedge_lab::start;
 use selvedge_lab::watched::{self, GuardSummary, WatchedModel};
 use selvedge_model::{Departure, Model};
@@ -65,6 +66,8 @@ struct RolloutReport {
     /// Parts of the scene that the model was not trained on; none where its file does not say.
     beyond: Option<Vec<Departure>>,
     comparison: Option<Comparison>,
+    /// Position RMSE of a baseline, the rest pose that follows its handles as a rigid body `[m]`.
+    rigid_rmse: Option<f64>,
     wrote: Vec<PathBuf>,
     /// Files of an earlier rollout that this one does not write anew.
     removed: Vec<PathBuf>,
@@ -124,6 +127,10 @@ pub(crate) fn run(args: &RunArgs, model: &Path) -> anyhow::Result<Answer> {
         Some(truth) => Some(compare(&truth.trajectory, &run.trajectory)?),
         None => None,
     };
+    let rigid_rmse = match &truth {
+        Some(truth) => Some(rigid_rmse(&setup, &truth.trajectory)?),
+        None => None,
+    };
     let mut end = truth.as_ref().map_or(run.end, |truth| truth.end);
     if end == End::Complete {
         let show = Show {
@@ -156,12 +163,24 @@ pub(crate) fn run(args: &RunArgs, model: &Path) -> anyhow::Result<Answer> {
         diverged_frame: watched::diverged_frame(&strains, true_largest),
         beyond: setup.beyond.map(|beyond| beyond.departures),
         comparison,
+        rigid_rmse,
         wrote,
         removed,
         warnings: setup.loaded.warnings.clone(),
         interrupted: end == End::Interrupted,
     };
     Ok(Answer::new(text(&report), &report)?.ended(end))
+}
+
+/// Position RMSE of the rest pose that follows its handles as a rigid body, against the ground truth
+/// `[m]`.
+fn rigid_rmse(setup: &Setup, truth: &Trajectory) -> anyhow::Result<f64> {
+    let path = setup.loaded.scene.handle_path()?;
+    let mut rigid = RigidRest::new(truth.cloth());
+    let frames = truth.frame_count() - 1;
+    let run = models::drive(&mut rigid, &path, frames, &mut interrupt::flow)?;
+    let rigid = timed(setup, run)?.trajectory;
+    Ok(compare(truth, &rigid)?.position_rmse)
 }
 
 /// Removes the files of an earlier rollout from the folder and returns those that were there.
@@ -375,7 +394,10 @@ fn text(report: &RolloutReport) -> Facts {
         facts.add("diverges", format!("from frame {frame} on"));
     }
     if let Some(measures) = &report.comparison {
-        facts.add("position RMSE", length(measures.position_rmse));
+        let baseline = report.rigid_rmse.map_or_else(String::new, |rmse| {
+            format!(" (rigid motion: {})", length(rmse))
+        });
+        facts.add("position RMSE", length(measures.position_rmse) + &baseline);
         facts.add("largest distance", length(measures.position_max));
         facts.add("edge-length RMSE", length(measures.edge_length_rmse));
     }

@@ -6,7 +6,7 @@ use std::path::Path;
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{ContactSettings, Obstacle, Scene};
 use selvedge_data::{
-    BodySpec, LoadedScene, ObstacleMotion, ObstacleSpec, Placement, Plane, Sphere,
+    BodySpec, LoadedScene, ObstacleMotion, ObstacleSpec, Placement, Plane, Sides, Sphere,
 };
 use selvedge_lab::physics;
 use selvedge_live::{Body, BodyKind, Order, kind_of};
@@ -21,8 +21,6 @@ const AWAY: DVec3 = DVec3::new(0.0, -1000.0, 0.0);
 /// `[m]`.
 const BELOW: f64 = 0.3;
 const LEAST_HEIGHT: f64 = 0.5;
-/// Thickness of the contact in units of the shortest edge, at most.
-const THIN: f64 = 0.2;
 
 /// Puts a ball beside a cloth that touches, and contact and a floor where the order asks for them.
 ///
@@ -37,13 +35,7 @@ pub(super) fn put(loaded: &mut LoadedScene, order: &Order) -> anyhow::Result<()>
     if !has_contact {
         let lengths = loaded.scene.mesh.pattern().edge_lengths();
         let shortest = lengths.into_iter().fold(f64::INFINITY, f64::min);
-        let usual = ContactSettings::default();
-        let thickness = usual.thickness.min(THIN * shortest).max(1e-5);
-        setting.contact = Some(ContactSettings {
-            thickness,
-            floor: usual.floor.min(0.05 * thickness).max(1e-6),
-            ..usual
-        });
+        setting.contact = Some(ContactSettings::for_edges(shortest));
         let heights = loaded.scene.mesh.positions().iter().map(|p| p.y);
         let low = heights.clone().fold(f64::INFINITY, f64::min);
         let high = heights.fold(f64::NEG_INFINITY, f64::max);

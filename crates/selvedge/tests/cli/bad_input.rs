@@ -85,9 +85,20 @@ fn a_motion_that_is_not_finite_is_refused() {
 
 #[test]
 fn a_scene_without_handles_says_how_to_run_it() {
-    let desk = desk_with("label = \"upper-corners\"", "vertices = []");
+    let desk = desk_with(
+        "handles = { label = \"upper-corners\" }",
+        "start = \"rest\"\nhandles = { vertices = [] }",
+    );
     refuses(&desk, &["no handles", "start = \"mesh\""]);
     desk.json("run scene.toml -o run.safetensors --start mesh --frames 2");
+    let desk = desk_with("handles = { label = \"upper-corners\" }", "");
+    let report = desk.json("run scene.toml -o run.safetensors --frames 2");
+    assert!(
+        report["warnings"][0]
+            .as_str()
+            .unwrap()
+            .contains("falls freely")
+    );
 }
 
 #[test]
