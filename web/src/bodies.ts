@@ -10,6 +10,9 @@ const BALL = 2;
 /** A ball that is not in play stands this far away at least, m. */
 const AWAY = 100;
 
+/** Farther back than the cloth that lies on it, by more than its offset: a gap is a millimetre. */
+const BEHIND = { polygonOffset: true, polygonOffsetFactor: 4, polygonOffsetUnits: 8 };
+
 interface RayHit {
   body: number;
   point: three.Vector3;
@@ -29,8 +32,8 @@ export class BodyObjects {
   private drawn: Drawn[] = [];
   private points: Float32Array = new Float32Array();
   private isPlaced = false;
-  private readonly material = new three.MeshStandardMaterial({ roughness: 0.9, flatShading: false });
-  private readonly ballMaterial = new three.MeshStandardMaterial({ color: "#c0503f", roughness: 0.6 });
+  private readonly material = new three.MeshStandardMaterial({ roughness: 0.9, ...BEHIND });
+  private readonly ballMaterial = new three.MeshStandardMaterial({ color: "#c0503f", roughness: 0.6, ...BEHIND });
 
   /** Other bodies; their places are to come. */
   set(bodies: Body[]): void {

@@ -180,6 +180,7 @@ export class ClothObject {
       sheenRoughness: 0.55,
       normalMap: shared.weave,
       normalScale: new three.Vector2(0.35, 0.35),
+      // A little behind its lines, and before the body on which it lies.
       polygonOffset: true,
       polygonOffsetFactor: 1,
       polygonOffsetUnits: 1,

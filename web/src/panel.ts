@@ -286,7 +286,8 @@ export class Panel {
     // A scene that has contact of its own keeps it.
     input("touches").checked = state.order.touches || state.touches;
     input("touches").disabled = state.touches && !state.order.touches;
-    for (const id of ["throw", "drop"]) element(id).toggleAttribute("disabled", !live || (id === "throw" && !state.touches));
+    // Without contact the cloth would fall through the floor that is shown.
+    for (const id of ["throw", "drop"]) element(id).toggleAttribute("disabled", !live || !state.touches);
     element("touch-hint").textContent =
       state.touches && state.mover !== "physics" ? "A learned model does not see bodies: the physics can throw and lead them." : "";
     element("vertices-row").hidden = select("mesh").value === "";

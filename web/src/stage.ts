@@ -28,7 +28,7 @@ export interface BodyHit {
 }
 
 export class Stage {
-  readonly camera = new three.PerspectiveCamera(36, 1, 0.02, 100);
+  readonly camera = new three.PerspectiveCamera(36, 1, 0.05, 60);
   readonly renderer: three.WebGLRenderer;
   readonly controls: OrbitControls;
   readonly selected = new Set<number>();

@@ -20,7 +20,7 @@ use super::loaded::LoadedScene;
 use super::motion_source::Stand;
 use super::problem::{SceneFileError, SceneProblem, field, unknown};
 use super::setting_file::{ResolvedSetting, SettingFile};
-use super::shipped::{shipped_scene_text, shipped_scenes};
+use super::shipped::{materials, shipped_scene_text, shipped_scenes};
 use super::spec::{SceneSpec, Setting};
 use super::start::StartSpec;
 use super::start_file::StartFile;
@@ -30,20 +30,61 @@ use glam::DVec3;
 use selvedge_cloth::{ContactSettings, Mesh};
 use std::path::{Path, PathBuf};
 
-/// Opens a scene by the path of its file or by the name of a shipped one.
+/// Opens a scene by the path of its file, by the name of a shipped one, or by a mesh that is to hang
+/// (.obj, .glb, USD): from the two ends of its upper edge, made of the default fabric.
 ///
 /// # Errors
 /// [`SceneFileError`] names the scene, the field and what is wrong.
 pub fn open_scene(path_or_name: &str) -> Result<LoadedScene, SceneFileError> {
     let path = Path::new(path_or_name);
+    let extension = path.extension().map(|e| e.to_ascii_lowercase());
+    let is_mesh = extension.is_some_and(|e| MESHES.iter().any(|mesh| e == *mesh));
     match shipped_scene_text(path_or_name) {
         Some(text) => parse_scene(text, Path::new(""), path_or_name),
+        None if is_mesh && path.exists() => hung(path),
         None if path.exists() => read_scene(path),
         None => {
             let problem = unknown("scene", shipped_scenes());
             Err(SceneFileError::at(path_or_name)(problem))
         }
     }
+}
+
+/// Endings of files with a mesh.
+const MESHES: [&str; 5] = ["obj", "glb", "usda", "usdc", "usdz"];
+/// Part of the height of a cloth that counts as its upper edge.
+const UPPER: f64 = 0.05;
+
+/// The mesh of a file, hung up by the two ends of its upper edge, along the longer of x and z.
+fn hung(path: &Path) -> Result<LoadedScene, SceneFileError> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let file = path.file_name().unwrap_or_default().to_string_lossy();
+    let name = path.file_stem().unwrap_or_default().to_string_lossy();
+    let material = materials()[0].0;
+    let parse = |handles: &[usize]| {
+        let text = format!(
+            "name = {}\nmaterial = \"{material}\"\nmesh = {{ file = {} }}\nstart = \"mesh\"\nhandles = {{ vertices = {handles:?} }}\n",
+            toml::Value::String(name.to_string()),
+            toml::Value::String(file.to_string()),
+        );
+        parse_scene(&text, folder, &path.display().to_string())
+    };
+    let free = parse(&[])?;
+    let places = free.scene.mesh.positions();
+    let [low, high] = [f64::min, f64::max].map(|of| places.iter().map(|p| p.y).reduce(of));
+    let (low, high) = (low.unwrap_or(0.0), high.unwrap_or(0.0));
+    let upper = (0..places.len()).filter(|v| places[*v].y >= high - UPPER * (high - low));
+    let upper: Vec<usize> = upper.collect();
+    let ends = |axis: usize| {
+        let along = |a: &&usize, b: &&usize| places[**a][axis].total_cmp(&places[**b][axis]);
+        let (least, greatest) = (upper.iter().min_by(along), upper.iter().max_by(along));
+        least.zip(greatest).map(|(a, b)| [*a, *b])
+    };
+    let length = |axis: usize| ends(axis).map_or(0.0, |[a, b]| places[b][axis] - places[a][axis]);
+    let axis = if length(0) > length(2) { 0 } else { 2 };
+    let mut handles = ends(axis).map_or_else(Vec::new, |ends| ends.to_vec());
+    handles.dedup();
+    parse(&handles)
 }
 
 /// Reads a scene file: TOML, or ARCSim's JSON where the name ends in `.json`.
@@ -219,6 +260,26 @@ mod tests {
         let refused = text(square, &format!("contact = false\n{ball}"));
         let error = parse_scene(&refused, Path::new(""), "s").unwrap_err();
         assert!(error.to_string().contains("no contact"), "{error}");
+    }
+
+    #[test]
+    fn a_mesh_is_hung_by_the_ends_of_its_upper_edge() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("my \"sheet\".obj");
+        let text = "v 0 0 0\nv 0 0 1\nv 0 1 1.2\nv 0 1 0.5\nv 0 1.01 -0.1\nf 1 2 3 4 5\n";
+        std::fs::write(&path, text).unwrap();
+        let loaded = open_scene(&path.to_string_lossy()).unwrap();
+        let held: Vec<u32> = loaded
+            .scene
+            .handles
+            .vertices()
+            .iter()
+            .map(|v| v.0)
+            .collect();
+        assert_eq!(held, [4, 2]);
+        assert_eq!(loaded.scene.name, "my \"sheet\"");
+        assert_eq!(loaded.spec.start, StartSpec::Mesh);
+        assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings);
     }
 
     #[test]
