@@ -296,7 +296,8 @@ pub(crate) fn outputs(wishes: &[Wish]) -> Vec<PathBuf> {
     wishes.iter().flat_map(Wish::outputs).collect()
 }
 
-/// Writes each wish of a run that ended so, and says where; nothing after an interruption.
+/// Writes each wish of a run that ended so, and says where; nothing after an interruption, which is
+/// said.
 ///
 /// # Errors
 /// As [`Wish::fulfil`].
@@ -307,12 +308,14 @@ pub(crate) fn fulfil(
     wrote: &mut Vec<PathBuf>,
 ) -> anyhow::Result<End> {
     for wish in wishes {
-        if end == End::Interrupted {
-            break;
-        }
-        end = wish.fulfil(trajectory)?;
         if end == End::Complete {
-            wrote.extend(wish.outputs_of(trajectory));
+            end = wish.fulfil(trajectory)?;
+        }
+        match end {
+            End::Complete => wrote.extend(wish.outputs_of(trajectory)),
+            End::Interrupted => {
+                tracing::warn!("interrupted: {} was not written", wish.path.display())
+            }
         }
     }
     Ok(end)

@@ -52,6 +52,14 @@ impl<T> Array<T> {
         Err(self.wrong(&format!("{} [{}]", self.kind, lengths.join(", "))))
     }
 
+    /// Its only element: of an array of one, or of one without dimensions, as NumPy has a number.
+    pub(crate) fn single(mut self) -> Result<T, ArrayError> {
+        match (self.shape.as_slice(), self.values.pop()) {
+            ([] | [1], Some(value)) => Ok(value),
+            _ => Err(self.wrong(&format!("one number, {} [1]", self.kind))),
+        }
+    }
+
     /// The error that its type and shape are not as `expected`.
     pub(crate) fn wrong(&self, expected: &str) -> ArrayError {
         let found = format!("{} {:?}", self.kind, self.shape);
@@ -96,12 +104,14 @@ impl<'a> ArrayFile<'a> {
         self.names().iter().any(|found| found == name)
     }
 
-    /// An array of f64, or of f32, which is widened.
+    /// An array of f64, or of f32, which is widened; in an .npz whole numbers too.
     pub(crate) fn floats(&self, name: &str) -> Result<Array<f64>, ArrayError> {
         let widened = |word| f64::from(f32::from_le_bytes(word));
         self.read(name, "F64 or F32", |kind, data| match kind {
             "F64" | "<f8" => Some(words(data, f64::from_le_bytes)),
             "F32" | "<f4" => Some(words(data, widened)),
+            "<i4" => Some(words(data, |word| f64::from(i32::from_le_bytes(word)))),
+            "<i8" => Some(words(data, |word| i64::from_le_bytes(word) as f64)),
             _ => None,
         })
     }

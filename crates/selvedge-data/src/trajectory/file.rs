@@ -144,7 +144,7 @@ impl Trajectory {
         let up = file.up_axis()?;
         let (cloth, positions) = read_cloth(&file, file.has(PATTERN_FACES), up)?;
         let provenance = Provenance {
-            frame_rate: file.floats("fps")?.of_shape(&[Some(1)])?.values[0],
+            frame_rate: file.floats("fps")?.single()?,
             scene: Value::Null,
             made_by: "an archive of NumPy's".to_owned(),
         };
@@ -220,7 +220,11 @@ fn read_provenance(
     }
     let version = entry("version")?;
     if ![VERSION, SEWN_VERSION, OBSTACLE_VERSION, TEXTURE_VERSION].contains(&version) {
-        return Err(wrong("version", "1, 2, 3 or 4", version));
+        let made_by = metadata
+            .get("made_by")
+            .map_or("another program", String::as_str);
+        let found = format!("{version} (made by {made_by}, which reads it)");
+        return Err(wrong("version", "1, 2, 3 or 4", &found));
     }
     let is_known = |name: &str| METADATA.contains(&name) || name == obstacle_file::METADATA;
     if let Some((name, value)) = metadata.iter().find(|(name, _)| !is_known(name)) {

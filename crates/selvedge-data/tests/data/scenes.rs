@@ -166,7 +166,7 @@ fn mistakes_are_errors_that_name_file_and_field() {
     }
     says(
         open_scene("no-such-scene").unwrap_err(),
-        &["shipped are default, square-1024"],
+        &["shipped are default, poncho, square-1024, tablecloth"],
     );
 }
 

@@ -78,7 +78,7 @@ fn errors_name_the_file_and_what_is_wrong() {
     };
     let cases = r#"
         selvedge-trajectory | something-else | found "something-else"
-        "version":"1" | "version":"5" | expected 1, 2, 3 or 4, found "5"
+        "version":"1" | "version":"5" | expected 1, 2, 3 or 4, found "5 (made by selvedge tests
         "version":"1" | "version":"2" | no array named pattern_faces
         "made_by" | "made_at" | made_at
         "fps":"60" | "fps":"fast" | fps: expected a number

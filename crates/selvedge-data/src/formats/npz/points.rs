@@ -37,7 +37,7 @@ impl NpzPoints {
             return Err(ArrayError::array("handles", &expected, found));
         }
         let frame_rate = match file.has("fps") {
-            true => Some(file.floats("fps")?.of_shape(&[Some(1)])?.values[0]),
+            true => Some(file.floats("fps")?.single()?),
             false => None,
         };
         let frames = all.chunks_exact(count.max(1)).map(<[_]>::to_vec);

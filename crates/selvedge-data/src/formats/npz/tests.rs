@@ -72,9 +72,12 @@ fn arrays_come_back_with_type_and_shape() {
         ("single", npy("<f4", "(2,)", &single)),
         ("frames", npy("<i4", "(2,)", &frames)),
         ("text", npy("<U4", "()", &[0; 16])),
+        ("rate", npy("<i8", "()", &60_i64.to_le_bytes())),
     ]);
     let file = ArrayFile::npz(&bytes).unwrap();
-    assert_eq!(file.names(), ["frames", "single", "text", "x"]);
+    assert_eq!(file.names(), ["frames", "rate", "single", "text", "x"]);
+    assert_eq!(file.floats("rate").unwrap().single().unwrap(), 60.0);
+    assert!(file.floats("single").unwrap().single().is_err());
     let x = file.floats("x").unwrap();
     assert_eq!(x.shape, [2, 1, 3]);
     assert_eq!(x.values, [0.1, 1e-300, -5.0, 0.2, 7.0, 1.0]);
@@ -89,7 +92,7 @@ fn arrays_come_back_with_type_and_shape() {
     );
     assert_eq!(
         error("y"),
-        "has no array named y (found frames, single, text, x)"
+        "has no array named y (found frames, rate, single, text, x)"
     );
 }
 
