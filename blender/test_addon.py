@@ -1,4 +1,5 @@
-"""Tries the add-on without a window: a cloth between two empties, one of which moves.
+"""Tries the add-on without a window: a cloth between two empties, one of which moves; on a ball that moves and is bent
+by a modifier; by a model.
 
     python blender/test_addon.py target/debug/selvedge
 
@@ -49,6 +50,40 @@ def scene(program, folder):
     return hands
 
 
+def falls(folder):
+    """Drops the grid onto a ball that rises; returns by how much a vertex is inside of the ball at the end, in metres."""
+    made = bpy.context.scene
+    made.frame_end = 36
+    for item in made.objects:
+        item.select_set(False)
+    bodies = bpy.data.collections.new("bodies")
+    made.collection.children.link(bodies)
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=0.3, location=(0.2, 0.1, 0.5))
+    ball = bpy.context.object
+    # Of half the size, by a modifier: what the add-on writes is what modifiers leave.
+    shrink = ball.modifiers.new("shrink", "CAST")
+    shrink.cast_type, shrink.factor, shrink.use_radius_as_size, shrink.radius, shrink.size = "SPHERE", 1.0, False, 0, 0.15
+    for collection in list(ball.users_collection):
+        collection.objects.unlink(ball)
+    bodies.objects.link(ball)
+    ball.keyframe_insert("location", frame=1)
+    ball.location.z += 0.2
+    ball.keyframe_insert("location", frame=36)
+    made.selvedge.bodies = bodies
+    made.selvedge.folder = str(folder)
+    if bpy.ops.selvedge.run() != {"FINISHED"}:
+        sys.exit((folder / "log.txt").read_text())
+    arrays, _ = read_trajectory(folder / "run.safetensors")
+    made.frame_set(36)
+    seen = ball.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    points = np.asarray([seen.matrix_world @ vertex.co for vertex in seen.data.vertices])
+    middle, radius = points.mean(axis=0), np.linalg.norm(points - points.mean(axis=0), axis=1).min()
+    away = np.linalg.norm(arrays["positions"][-1] - y_up(middle), axis=1)
+    fell = float((arrays["positions"][0] - arrays["positions"][-1])[:, 1].max())
+    print(f"a ball of {radius:.3f} m: the nearest vertex is {away.min():.4f} m from its middle, one fell {fell:.2f} m")
+    return radius - float(away.min()) if fell > 0.1 else 1.0
+
+
 def main():
     program = str(Path(sys.argv[1]).resolve())
     with tempfile.TemporaryDirectory() as name:
@@ -75,7 +110,19 @@ def main():
             refused = False
         except RuntimeError as error:
             refused = "Select the empties" in str(error)
+        for hand in hands:
+            hand.select_set(True)
+        made = bpy.context.scene
+        made.selvedge.model, made.selvedge.folder = "paper", str(folder / "by-model")
+        made.render.fps = 60
+        by_model = bpy.ops.selvedge.run() == {"FINISHED"} and (folder / "by-model/cloth.pc2").exists()
+        made.selvedge.model = ""
+        (folder / "ball").mkdir()
+        inside = falls(folder / "ball")
         selvedge_cloth.unregister()
+        # Between its points the ball's faces lie within the sphere.
+        if not by_model or inside > 0.01:
+            sys.exit(f"model {by_model}, {inside} m inside of the ball")
         if not (rate == 24 and len(arrays["positions"]) == LAST + 1 and worst <= 1e-6 and off <= 1e-6 and moved > 0.05 and refused):
             sys.exit("the cache is not the run")
 

@@ -1,8 +1,9 @@
-"""Moves a mesh as cloth: empties hold it, the program `selvedge` moves it, and the cache is loaded.
+"""Moves a mesh as cloth: empties hold it, bodies push it, the program `selvedge` moves it, and the cache is loaded.
 
 In the sidebar of the 3D view (N), tab Selvedge: choose the mesh, select the empties that hold it, and press Run. A
-vertex is held by the nearest empty within whose display size it lies; the empties may move and turn. What comes back is
-a new object that plays the cache, from the first frame of the scene to the last.
+vertex is held by the nearest empty within whose display size it lies; the empties may move and turn. The meshes of a
+collection are bodies: they may move, and bend by whatever modifiers they have. What comes back is a new object that plays
+the cache, from the first frame of the scene to the last.
 
 Only what a scene file of Selvedge says is used: the folder of a run has scene.toml, which can be changed and run again
 by hand.
@@ -104,7 +105,38 @@ def write_rig(empties, frames, rate, path):
             out.write('    }\n    uniform token[] xformOpOrder = ["xformOp:transform"]\n}\n')
 
 
-def write_scene(settings, groups, rate, has_uv, path):
+def write_body(item, frames, rate, path):
+    """A body's points in every frame, as modifiers leave it, as USD."""
+    scene, now = bpy.context.scene, bpy.context.scene.frame_current
+    samples, faces = [], None
+    for frame in frames:
+        scene.frame_set(frame)
+        seen = item.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        mesh = seen.to_mesh()
+        points = [seen.matrix_world @ vertex.co for vertex in mesh.vertices]
+        if faces is None:
+            faces = [list(face.vertices) for face in mesh.polygons]
+        seen.to_mesh_clear()
+        if samples and len(points) != len(samples[0]):
+            raise Problem(f"{item.name} has other vertices in frame {frame} than before: a body must keep them")
+        samples.append(points)
+    scene.frame_set(now)
+    if not faces:
+        raise Problem(f"{item.name} has no faces: take it out of the bodies")
+    flat = lambda lists: ", ".join(str(number) for one in lists for number in one)
+    with open(path, "w", encoding="utf-8") as out:
+        out.write(f'#usda 1.0\n(\n    metersPerUnit = 1\n    timeCodesPerSecond = {rate:.9g}\n    upAxis = "Z"\n)\n')
+        out.write('def Mesh "body"\n{\n')
+        out.write(f"    int[] faceVertexCounts = [{', '.join(str(len(face)) for face in faces)}]\n")
+        out.write(f"    int[] faceVertexIndices = [{flat(faces)}]\n")
+        out.write("    point3f[] points.timeSamples = {\n")
+        for code, points in enumerate(samples):
+            places = ", ".join(f"({x:.9g}, {y:.9g}, {z:.9g})" for x, y, z in points)
+            out.write(f"        {code}: [{places}],\n")
+        out.write("    }\n}\n")
+
+
+def write_scene(settings, groups, bodies, rate, has_uv, path):
     """The scene file. The frame rate is that of Blender's scene."""
     # The shape that the mesh has counts, unless its texture coordinates are a pattern.
     texture = ', texture = "fit"' if has_uv and settings.by_pattern else ""
@@ -113,11 +145,16 @@ def write_scene(settings, groups, rate, has_uv, path):
         f"frame_rate = {rate:.9g}",
         f'mesh = {{ file = "mesh.obj"{texture} }}',
         f'material = "{settings.fabric}"',
-        'motion = { rig = { file = "hands.usda" } }',
         f"environment = {{ wind = [{settings.wind[0]:.9g}, {settings.wind[2]:.9g}, {-settings.wind[1]:.9g}] }}",
     ]
+    if groups:
+        lines.append('motion = { rig = { file = "hands.usda" } }')
     for number, group in enumerate(groups):
         lines += ["[[handles.groups]]", f'name = "hold_{number}"', f"select = {{ vertices = {json.dumps(group)} }}"]
+    for number, body in enumerate(bodies):
+        file = f"body_{number}.usda"
+        name = json.dumps(body.name, ensure_ascii=False)
+        lines += ["[[obstacles]]", f"name = {name}", f'mesh = "{file}"', f'motion = "{file}"']
     Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
@@ -130,8 +167,10 @@ def prepare(context, folder):
     if item.data.shape_keys:
         raise Problem("The mesh has shape keys: apply them first")
     empties = sorted((e for e in context.selected_objects if e.type == "EMPTY"), key=lambda e: e.name)
-    if not empties:
-        raise Problem("Select the empties that hold the cloth")
+    bodies = [] if settings.bodies is None else settings.bodies.all_objects
+    bodies = sorted((b for b in bodies if b.type == "MESH" and b != item), key=lambda b: b.name)
+    if not empties and not bodies:
+        raise Problem("Select the empties that hold the cloth, or choose bodies on which it falls")
     frames = range(scene.frame_start, scene.frame_end + 1)
     rate = scene.render.fps / scene.render.fps_base
     now = scene.frame_current
@@ -152,16 +191,24 @@ def prepare(context, folder):
         bpy.data.meshes.remove(stripped)
     else:
         write_mesh(item, points, folder / "mesh.obj")
-    write_rig(empties, frames, rate, folder / "hands.usda")
-    write_scene(settings, groups, rate, uv, folder / "scene.toml")
+    if empties:
+        write_rig(empties, frames, rate, folder / "hands.usda")
+    for number, body in enumerate(bodies):
+        write_body(body, frames, rate, folder / f"body_{number}.usda")
+    write_scene(settings, groups, bodies, rate, uv, folder / "scene.toml")
     return frames
 
 
 def command(settings, folder, frames):
     """The call of the program."""
-    call = [program(settings), "run", str(folder / "scene.toml"), "-o", str(folder / "run.safetensors")]
+    model = settings.model.strip()
+    output = folder / ("run" if model else "run.safetensors")
+    call = [program(settings), "run", str(folder / "scene.toml"), "-o", str(output)]
     call += ["--frames", str(len(frames) - 1), "--export", str(folder / "cloth.pc2")]
-    return call + (["--from-start"] if settings.from_start else [])
+    if model:
+        path = bpy.path.abspath(model)
+        return call + ["--model", path if os.path.exists(path) else model, "--no-clip"]
+    return call + (["--start", "mesh"] if settings.from_start else [])
 
 
 def load(context, folder, frames):
@@ -273,6 +320,12 @@ class SelvedgeSettings(bpy.types.PropertyGroup):
         default=True,
         description="Begin with the mesh as it stands in the first frame; else let it hang to rest first",
     )
+    bodies: bpy.props.PointerProperty(
+        name="Bodies", type=bpy.types.Collection, description="Meshes that push the cloth; they may move and bend"
+    )
+    model: bpy.props.StringProperty(
+        name="Model", description="A learned model in the place of the solver: paper, or a .safetensors; empty for the solver"
+    )
     program: bpy.props.StringProperty(name="Program", subtype="FILE_PATH", description="The program selvedge, if it is not found")
     folder: bpy.props.StringProperty(name="Folder", subtype="DIR_PATH", description="The folder of the run; a new one if none is given")
 
@@ -285,7 +338,7 @@ class SELVEDGE_PT_panel(bpy.types.Panel):
 
     def draw(self, context):
         column, settings = self.layout.column(), context.scene.selvedge
-        for name in ["mesh", "fabric", "wind", "by_pattern", "from_start", "program", "folder"]:
+        for name in ["mesh", "bodies", "fabric", "wind", "by_pattern", "from_start", "model", "program", "folder"]:
             column.prop(settings, name)
         count = sum(item.type == "EMPTY" for item in context.selected_objects)
         column.label(text=f"{count} empties selected")
