@@ -204,15 +204,26 @@ fn split(
         let place = polygon.place;
         let own = coordinates.map(|coordinates| &coordinates[number]);
         let at = |corner: &Corner| polygons.positions[corner.vertex as usize];
+        let in_space = || {
+            triangulate(&in_own_plane(
+                &polygon.corners.iter().map(at).collect::<Vec<_>>(),
+            ))
+        };
         let triangles = match own {
             Some(flat) => triangulate(flat),
-            None => triangulate(&in_own_plane(
-                &polygon.corners.iter().map(at).collect::<Vec<_>>(),
-            )),
+            None => in_space(),
         };
         let crossed = || {
+            let is_whole_in_space = own.is_some() && in_space().is_some();
+            let (what, remedy) = match is_whole_in_space {
+                true => (
+                    "in its texture coordinates this face",
+                    "take the shape in space with mesh.pattern = \"shape\", or give it a pattern",
+                ),
+                false => ("this face", "mend it, or triangulate it"),
+            };
             MeshFileError::content(format!(
-                "{place}: this face of {corners} corners crosses itself or has no area, so that it cannot be cut into triangles: mend it, or triangulate it"
+                "{place}: {what} of {corners} corners crosses itself or has no area, so that it cannot be cut into triangles: {remedy}"
             ))
         };
         for triangle in triangles.ok_or_else(crossed)? {

@@ -282,6 +282,15 @@ fn concave_faces_are_cut_inside() {
         crossed.starts_with("line 5: this face of 4 corners crosses itself"),
         "{crossed}"
     );
+    // Whole in space, a line in its texture.
+    let text =
+        "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 2 0\nvt 3 0\nf 1/1 2/2 3/3 4/4\n";
+    let flat = problem(text);
+    assert!(
+        flat.contains("texture coordinates") && flat.contains("mesh.pattern"),
+        "{flat}"
+    );
+    assert!(read(text, |o| o.pattern = PatternSource::Shape).is_ok());
 }
 
 /// Two flat panels of 2 × 2 quads with named borders, far apart in one plane.
