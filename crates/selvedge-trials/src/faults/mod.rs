@@ -1,5 +1,6 @@
 //! Faults under every command: a call that writes, reads or takes memory fails, is short, or the
-//! power is cut there. Each file is then the old one or the new one, and never another.
+//! power is cut there. Each file is then the old one or the new one, and never another; a command that
+//! was ended goes on.
 //!
 //! The faults come from a small library in C between the program and the system's, so that what is
 //! tried is the program as it is shipped. Linux only, with a C compiler.
