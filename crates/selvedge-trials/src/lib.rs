@@ -74,7 +74,6 @@ enum Trial {
 }
 
 /// Runs the trial that the command line names. The exit code says whether everything held.
-#[must_use]
 pub fn run() -> ExitCode {
     let outcome = match Trial::parse() {
         Trial::Fuzz { span, target } => guided::run(span, &target),

@@ -43,9 +43,6 @@ impl Drop for Viewer {
 
 impl Viewer {
     /// Serves the scene `push.toml` in `folder`, moved by physics.
-    ///
-    /// # Errors
-    /// A program that ends, or does not answer.
     pub(crate) fn start(program: &Program, folder: &Path) -> Result<Self> {
         // A port that is free now.
         let port = TcpListener::bind("127.0.0.1:0")?.local_addr()?.port();
@@ -68,18 +65,12 @@ impl Viewer {
     }
 
     /// Returns true while it runs.
-    ///
-    /// # Errors
-    /// What the system says of its process.
     pub(crate) fn is_alive(&mut self) -> Result<bool> {
         Ok(self.child.try_wait()?.is_none())
     }
 }
 
 /// A page that takes up frames and pulls handles about.
-///
-/// # Errors
-/// A socket that fails, or over which nothing comes.
 pub(crate) fn page(address: SocketAddr, number: u32, seed: u64, shared: &Shared) -> Result<()> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(u64::from(number));

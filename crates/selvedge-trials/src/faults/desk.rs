@@ -48,7 +48,6 @@ pub(super) struct Tally {
 /// The end of a run.
 struct End {
     status: ExitStatus,
-    /// All that it said.
     said: String,
     /// The file whose reading failed.
     path: Option<PathBuf>,
@@ -112,7 +111,10 @@ impl Desk<'_> {
                 let again = format!("{}{resume}", self.case.new);
                 self.program.run(self.folder, &again)?;
                 let found = files_in(&self.out())?;
-                ensure!(found == new, "call {call}, {kind}: it goes on to other files");
+                ensure!(
+                    found == new,
+                    "call {call}, {kind}: it goes on to other files"
+                );
             }
         }
         Ok(Some(tally))

@@ -26,9 +26,6 @@ use crate::program::Program;
 
 /// Injects faults of these sides, or all, into the commands of these names, or all; returns false
 /// where something did not hold.
-///
-/// # Errors
-/// A command that there is not, a missing program or compiler.
 pub(crate) fn run(faults: u64, sides: &[Side], commands: &[String], seed: u64) -> Result<bool> {
     for name in commands {
         let is_known = CASES.iter().any(|case| case.name == *name);
