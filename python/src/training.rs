@@ -7,7 +7,8 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use selvedge_lab::folder_kind::FolderKind;
 use selvedge_lab::machine::Machine;
-use selvedge_lab::{assets, folder, training};
+use selvedge_lab::models::NamedModel;
+use selvedge_lab::{Event, assets, folder, training};
 use selvedge_train::{RunEnd, RunLimits, Setting, StepReport, TrainConfig, Trainer, files};
 
 use crate::dataset::Dataset;
@@ -224,9 +225,14 @@ fn begin(
     let engine = Machine::Cpu.engine(asked.micro_batch);
     let mut trainer = match (&asked.from, asked.resume) {
         (_, true) => Some(Trainer::resume(cfg, data, checkpoint, &*engine).map_err(told)?),
-        (Some(folder), false) => {
-            let from = folder.join(files::CHECKPOINT);
-            Some(Trainer::start_from(cfg, data, &from, &*engine).map_err(told)?)
+        (Some(from), false) => {
+            let file = match from.is_dir() {
+                true => from.join(files::MODEL),
+                false => from.clone(),
+            };
+            let model = NamedModel::open(Some(&file)).map_err(told)?;
+            let listener = &mut |event: Event<'_>| teller.hear(event);
+            training::from_model(cfg, data, &*engine, &model, listener).map_err(told)?
         }
         (None, false) => {
             training::fresh(cfg, data, &*engine, &mut |event| teller.hear(event)).map_err(told)?

@@ -13,9 +13,6 @@ const KEPT: &str = "crates/selvedge-c/include/selvedge.h";
 const REMEDY: &str = "install it: cargo install cbindgen --locked";
 
 /// Compares the header that is kept with that of the sources, or writes it.
-///
-/// # Errors
-/// Where cbindgen is absent or fails; where the two differ.
 pub(crate) fn run(write: bool) -> Result<()> {
     let root = metadata::workspace_root()?;
     let root = Path::new(&root);

@@ -2,7 +2,8 @@
 //! `cargo xtask book` checks the documents against the program (see [`book`]),
 //! `cargo xtask ci` runs everything that must hold before a change is taken, `cargo xtask nightly`
 //! what takes longer: the commands of the book, and the trials of the crate `selvedge-trials`,
-//! `fuzz`, `faults`, `kill`, `soak` and `load`, which are commands, too, `cargo xtask sanitize` and `miri` tests under nightly's checks,
+//! `fuzz`, `faults` and `soak`, which are commands, too, `cargo xtask sanitize` and `miri` tests under
+//! nightly's checks,
 //! `cargo xtask header` makes the header of the library for C (see [`header`]).
 //!
 //! The steps of `ci` are listed in one place, `.ci/run`, which this program only starts.
@@ -43,9 +44,7 @@ usage: cargo xtask COMMAND
   fuzz    damaged files for every reader, by libFuzzer (--for 10m; see
           docs/src/contributing/trials.md)
   faults  calls on files, and for memory, that fail under every command
-  kill    long commands ended at random times
   soak    steppers and the viewer for a long time
-  load    the viewer under many connections
   sanitize address|thread
           tests of what has unsafe code or threads under a sanitizer of nightly Rust; arguments of
           `cargo test` choose others
@@ -58,10 +57,7 @@ fn main() -> ExitCode {
     let outcome = match words.as_slice() {
         ["ci"] => ci(),
         ["tidy"] => tidy::run(),
-        [
-            trial @ ("fuzz" | "faults" | "kill" | "soak" | "load"),
-            options @ ..,
-        ] => trials(trial, options),
+        [trial @ ("fuzz" | "faults" | "soak"), options @ ..] => trials(trial, options),
         ["nightly"] => long(),
         ["header"] => header::run(false),
         ["header", "--write"] => header::run(true),
@@ -114,9 +110,7 @@ fn long() -> Result<()> {
     for (trial, options) in [
         ("fuzz", ["--for", "60s"]),
         ("faults", ["--faults", "20"]),
-        ("kill", ["--kills", "20"]),
         ("soak", ["--steps", "20000"]),
-        ("load", ["--pages", "30"]),
     ] {
         println!("\n== {trial} {}", options.join(" "));
         if let Err(error) = trials(trial, &options) {

@@ -23,34 +23,24 @@ pub(crate) struct Graph {
 }
 
 /// Folder of the workspace that the current directory belongs to.
-///
-/// # Errors
-/// When cargo cannot read the workspace.
 pub(crate) fn workspace_root() -> Result<String> {
-    let metadata = MetadataCommand::new()
-        .no_deps()
-        .exec()
-        .context("cannot read the workspace with cargo metadata")?;
-    Ok(metadata.workspace_root.into_string())
+    Ok(metadata_of(Path::new("."))?.workspace_root.into_string())
 }
 
 /// Folder into which the workspace at `root` is built, which the environment can move.
-///
-/// # Errors
-/// When cargo cannot read the workspace.
 pub(crate) fn target_folder(root: &Path) -> Result<PathBuf> {
-    let metadata = MetadataCommand::new()
-        .no_deps()
-        .current_dir(root)
+    Ok(metadata_of(root)?.target_directory.into_std_path_buf())
+}
+
+fn metadata_of(folder: &Path) -> Result<Metadata> {
+    let mut command = MetadataCommand::new();
+    let command = command.no_deps().current_dir(folder);
+    command
         .exec()
-        .context("cannot read the workspace with cargo metadata")?;
-    Ok(metadata.target_directory.into_std_path_buf())
+        .context("cannot read the workspace with cargo metadata")
 }
 
 /// The graph of all packages of the workspace.
-///
-/// # Errors
-/// When cargo cannot resolve the workspace, or the lock file is out of date.
 pub(crate) fn graph() -> Result<Graph> {
     let metadata = MetadataCommand::new()
         .features(CargoOpt::AllFeatures)
@@ -91,7 +81,8 @@ fn graph_of(metadata: &Metadata) -> Result<Graph> {
     Ok(graph)
 }
 
-fn host_platform() -> Result<String> {
+/// The target that the compiler builds for where none is named.
+pub(crate) fn host_platform() -> Result<String> {
     let output = Command::new("rustc")
         .arg("-vV")
         .output()

@@ -46,14 +46,13 @@ const SANITIZERS: [Sanitizer; 2] = [
 const MIRI: &[&str] = &["-p=selvedge-model", "--lib", "kernels"];
 
 impl Sanitizer {
-    /// The sanitizer of that name.
     pub(crate) fn named(name: &str) -> Option<&'static Self> {
         SANITIZERS.iter().find(|one| one.name == name)
     }
 
     /// Runs the tests of this sanitizer, or those that `tests` asks `cargo test` for.
     pub(crate) fn run(&self, tests: &[&str]) -> Result<()> {
-        let target = host()?;
+        let target = metadata::host_platform()?;
         let folder = format!("target/sanitize-{}", self.name);
         let given = [tests];
         let runs = if tests.is_empty() { self.tests } else { &given };
@@ -93,13 +92,4 @@ fn cargo(arguments: &[&str], flags: &str, components: &str) -> Result<()> {
         );
     }
     Ok(())
-}
-
-/// The target that the compiler builds for where none is named.
-fn host() -> Result<String> {
-    let output = Command::new("rustc").arg("-vV").output();
-    let text = output.context("cannot start rustc")?.stdout;
-    let text = String::from_utf8_lossy(&text);
-    let line = text.lines().find_map(|line| line.strip_prefix("host: "));
-    Ok(line.context("rustc -vV names no host")?.to_owned())
 }

@@ -20,7 +20,6 @@ pub(crate) struct RustFile {
 pub(crate) struct ModulePath {
     /// Inline modules around it, outermost first.
     pub(crate) within: Vec<String>,
-    /// Its segments.
     pub(crate) segments: Vec<String>,
     /// Name under which a `pub use` exports it again.
     pub(crate) exported_as: Option<String>,

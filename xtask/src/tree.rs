@@ -15,14 +15,12 @@ use anyhow::{Context, Result};
 pub(crate) struct TextFile {
     /// Relative to the root.
     pub(crate) path: String,
-    /// All of it.
     pub(crate) text: String,
 }
 
 /// All files of a repository, in the order of their paths.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Tree {
-    /// The text files.
     pub(crate) texts: Vec<TextFile>,
     /// Bytes of every file, the text files too.
     pub(crate) sizes: BTreeMap<String, u64>,
@@ -33,9 +31,6 @@ const LARGEST_TEXT: u64 = 1 << 20;
 
 impl Tree {
     /// Reads the files under `root`.
-    ///
-    /// # Errors
-    /// Names the file or folder that cannot be read.
     pub(crate) fn read(root: &Path) -> Result<Self> {
         let ignore = fs::read_to_string(root.join(".gitignore")).unwrap_or_default();
         let mut tree = Self::default();

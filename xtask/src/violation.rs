@@ -10,7 +10,6 @@ pub(crate) struct Violation {
     pub(crate) line: usize,
     /// Fault.
     pub(crate) what: String,
-    /// Remedy.
     pub(crate) remedy: String,
 }
 

@@ -37,7 +37,6 @@ pub(crate) struct KeptCloth {
     pub(crate) stop: Arc<AtomicBool>,
 }
 
-/// A cloth that moves.
 pub(crate) struct MovingCloth {
     scene: Arc<Scene>,
     path: HandlePath,

@@ -31,7 +31,6 @@ pub enum SelvedgeStatus {
 
 impl SelvedgeStatus {
     /// Returns the words for the code alone.
-    #[must_use]
     pub(crate) fn words(self) -> &'static std::ffi::CStr {
         match self {
             Self::Ok => c"done",

@@ -125,9 +125,6 @@ impl From<&Trust> for SelvedgeTrust {
 }
 
 /// The settings of the guard of this number.
-///
-/// # Errors
-/// A number that no guard has.
 pub(crate) fn settings(guard: i32) -> Result<GuardSettings, Fault> {
     const NONE: i32 = SelvedgeGuard::None as i32;
     const LIMIT: i32 = SelvedgeGuard::Limit as i32;

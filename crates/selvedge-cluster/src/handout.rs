@@ -114,9 +114,6 @@ impl Word {
 ///
 /// After a job that failed or was stopped no other is begun, and [`Ranks::is_halted`] tells those
 /// under way.
-///
-/// # Errors
-/// The rank whose job failed, with its message; a rank that is missing; the error of `take`.
 pub fn hand_out<E: Send>(
     plan: HandOut<'_>,
     work: &(dyn Fn(usize) -> Done + Sync),

@@ -10,7 +10,6 @@ use crate::ranks::Ranks;
 use crate::transport::{Letter, Transport};
 
 /// Ranks for so many threads of this process. A rank that is dropped has ended.
-#[must_use]
 pub fn threads(count: usize) -> Vec<Ranks> {
     let transports = Threads::joined(count).into_iter();
     transports.map(|one| Ranks::new(Box::new(one))).collect()

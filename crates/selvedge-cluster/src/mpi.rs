@@ -33,15 +33,11 @@ const LAUNCHED: [&str; 4] = [
 const FAREWELL: Duration = Duration::from_secs(5);
 
 /// Returns true where this process was started as a rank, by `mpirun` or `srun`.
-#[must_use]
 pub fn is_launched() -> bool {
     LAUNCHED.iter().any(|name| std::env::var_os(name).is_some())
 }
 
 /// Joins the ranks of the MPI job that this process is of. Once per process.
-///
-/// # Errors
-/// When MPI cannot be started, or serves one thread only.
 pub fn open_mpi() -> Result<Ranks, ClusterError> {
     let mut provided: c_int = 0;
     // SAFETY: null arguments are allowed; `provided` outlives the call.

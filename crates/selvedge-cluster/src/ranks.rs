@@ -71,13 +71,11 @@ struct Inbox {
 
 impl Ranks {
     /// One rank without others.
-    #[must_use]
     pub fn alone() -> Self {
         Self::with(None)
     }
 
     /// The ranks that `transport` joins.
-    #[must_use]
     pub fn new(transport: Box<dyn Transport>) -> Self {
         Self::with(Some(transport))
     }
@@ -96,37 +94,31 @@ impl Ranks {
     }
 
     /// This rank, from 0.
-    #[must_use]
     pub fn rank(&self) -> usize {
         self.inner.transport.as_ref().map_or(0, |t| t.rank())
     }
 
     /// The number of this rank, from 0, among those of its machine.
-    #[must_use]
     pub fn local_rank(&self) -> usize {
         self.inner.transport.as_ref().map_or(0, |t| t.local_rank())
     }
 
     /// The number of ranks.
-    #[must_use]
     pub fn count(&self) -> usize {
         self.inner.transport.as_ref().map_or(1, |t| t.count())
     }
 
     /// Returns true for rank 0, which writes files and talks to people.
-    #[must_use]
     pub fn is_first(&self) -> bool {
         self.rank() == 0
     }
 
     /// Returns true where there are other ranks.
-    #[must_use]
     pub fn are_several(&self) -> bool {
         self.count() > 1
     }
 
     /// Messages sent so far, and the time of them.
-    #[must_use]
     pub fn traffic(&self) -> Traffic {
         let inner = &self.inner;
         Traffic {
@@ -146,9 +138,6 @@ impl Ranks {
     }
 
     /// Sends a message and returns at once; one to this rank itself arrives like any other.
-    ///
-    /// # Errors
-    /// When the carrier fails.
     pub(crate) fn send(&self, to: usize, tag: Tag, bytes: Vec<u8>) -> Result<(), ClusterError> {
         let (from, Tag(tag)) = (self.rank(), tag);
         if to == from {
@@ -228,9 +217,6 @@ impl Ranks {
 
     /// Waits until what was sent has reached `to`: large messages stand still while this rank works
     /// on something else.
-    ///
-    /// # Errors
-    /// As [`Self::receive`].
     pub(crate) fn flush(&self, to: usize) -> Result<(), ClusterError> {
         let is_none = |_: &Letter| false;
         let started = Instant::now();
@@ -313,7 +299,6 @@ impl Ranks {
     }
 
     /// Returns true once a rank has failed or was stopped: long work is to end.
-    #[must_use]
     pub fn is_halted(&self) -> bool {
         if let Ok(mut inbox) = self.inner.inbox.try_lock() {
             // What the carrier says is said again to whoever waits.
@@ -323,9 +308,6 @@ impl Ranks {
     }
 
     /// Waits until rank 0 has done all that it does alone, and takes leave of the others.
-    ///
-    /// # Errors
-    /// A rank that failed meanwhile.
     pub fn leave(&self) -> Result<(), ClusterError> {
         if self.is_first() {
             self.tell_others(Tag::END, &[]);
@@ -337,9 +319,6 @@ impl Ranks {
     }
 
     /// Fails where another rank is known to have ended: before [`Self::leave`] none does.
-    ///
-    /// # Errors
-    /// [`ClusterError::Gone`], with its number.
     pub fn check_all_there(&self) -> Result<(), ClusterError> {
         let all: Vec<usize> = (0..self.count()).collect();
         self.missing(&all).map_or(Ok(()), Err)

@@ -19,20 +19,17 @@ pub struct ShardError(String);
 
 impl Shard {
     /// Number of the shard, from 1.
-    #[must_use]
     pub fn number(self) -> usize {
         self.number
     }
 
     /// Number of shards.
-    #[must_use]
     pub fn count(self) -> usize {
         self.count
     }
 
     /// Returns true where job `job`, from 0, belongs to this shard: every N-th does, since jobs in
     /// a row are alike.
-    #[must_use]
     pub fn has(self, job: usize) -> bool {
         job % self.count == self.number - 1
     }

@@ -13,7 +13,6 @@ pub(crate) const CHUNK: usize = 32 * 1024;
 pub type Adding<'a, E> = dyn FnMut(Range<usize>, &mut [f32]) -> Result<(), E> + 'a;
 
 /// The part of `count` things that belongs to `rank` of `ranks`: in a row, and as even as can be.
-#[must_use]
 pub fn share_of(count: usize, rank: usize, ranks: usize) -> Range<usize> {
     count * rank / ranks..count * (rank + 1) / ranks
 }
@@ -21,9 +20,6 @@ pub fn share_of(count: usize, rank: usize, ranks: usize) -> Range<usize> {
 impl Ranks {
     /// The `bytes` of every rank, in their order, on rank 0; nothing on the others. Goes up a tree:
     /// as many messages in a row as the number of ranks has binary digits.
-    ///
-    /// # Errors
-    /// A rank that is missing.
     pub fn gather(&self, bytes: Vec<u8>) -> Result<Vec<Vec<u8>>, ClusterError> {
         self.timed(|| self.gather_up(bytes))
     }
@@ -48,9 +44,6 @@ impl Ranks {
     }
 
     /// The `bytes` of rank 0, on every rank; down the same tree.
-    ///
-    /// # Errors
-    /// A rank that is missing.
     pub fn broadcast(&self, bytes: Vec<u8>) -> Result<Vec<u8>, ClusterError> {
         self.timed(|| self.broadcast_down(bytes))
     }
@@ -73,9 +66,6 @@ impl Ranks {
     }
 
     /// The `bytes` of every rank, in their order, on every rank.
-    ///
-    /// # Errors
-    /// A rank that is missing.
     pub fn gather_for_all(&self, bytes: Vec<u8>) -> Result<Vec<Vec<u8>>, ClusterError> {
         if !self.are_several() {
             return Ok(vec![bytes]);
@@ -91,9 +81,6 @@ impl Ranks {
     /// added all of them. The sum goes along a chain, in chunks that follow one another, and the
     /// totals go round from the last rank: each rank sends the numbers twice at most, whatever the
     /// number of ranks and of pieces, which is what the best all-reduce needs.
-    ///
-    /// # Errors
-    /// That of `add`, or a rank that is missing.
     pub fn sum_in_order<E: From<ClusterError>>(
         &self,
         total: &mut [f32],

@@ -23,15 +23,9 @@ pub trait Transport: Send + Sync {
     fn count(&self) -> usize;
 
     /// Hands over a message to another rank and returns at once.
-    ///
-    /// # Errors
-    /// When the carrier fails.
     fn send(&self, to: usize, tag: u32, bytes: Vec<u8>) -> Result<(), ClusterError>;
 
     /// The next message that has arrived, if there is one.
-    ///
-    /// # Errors
-    /// When the carrier fails.
     fn poll(&self) -> Result<Option<Letter>, ClusterError>;
 
     /// Returns true while a message that was handed over is on its way and needs this rank to call

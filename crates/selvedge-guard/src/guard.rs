@@ -89,10 +89,6 @@ pub struct Guard<S> {
 impl<S: Correctable> Guard<S> {
     /// Guards `inner`, which moves `cloth` by `frame_rate` frames per second and stands still so
     /// far. With the `scene` of that cloth, lost frames are replaced by the physics.
-    ///
-    /// # Errors
-    /// [`GuardError`] names the setting or the part that does not fit; [`GuardError::Physics`] if
-    /// frames are to be held to contact by a physics that cannot be set up.
     pub fn new(
         inner: S,
         cloth: &Cloth,
@@ -148,19 +144,16 @@ impl<S: Correctable> Guard<S> {
     }
 
     /// Trust in the newest frame.
-    #[must_use]
     pub fn trust(&self) -> &Trust {
         &self.trust
     }
 
     /// Reason of the newest failure of the physics; none so far if there was none.
-    #[must_use]
     pub fn physics_failure(&self) -> Option<&PhysicsFailure> {
         self.physics_failure.as_ref()
     }
 
     /// The stepper under guard.
-    #[must_use]
     pub fn inner(&self) -> &S {
         &self.inner
     }

@@ -33,7 +33,6 @@ pub(crate) struct LimitedEdge {
 }
 
 impl EdgeLimiter {
-    /// A limiter of these edges.
     pub(crate) fn new(edges: Vec<LimitedEdge>) -> Self {
         Self { edges }
     }

@@ -61,7 +61,6 @@ impl Default for GuardSettings {
 
 impl GuardSettings {
     /// The defaults with `correction`.
-    #[must_use]
     pub fn with(correction: Correction) -> Self {
         Self {
             correction,
@@ -70,9 +69,6 @@ impl GuardSettings {
     }
 
     /// Checks every number.
-    ///
-    /// # Errors
-    /// Names the field and the value.
     pub fn validate(&self) -> Result<(), SettingsError> {
         let strain = self.most_stretch - 1.0;
         let positive = |x: f64| x.is_finite() && x > 0.0;

@@ -32,7 +32,6 @@ pub enum Replacement {
 
 impl Verdict {
     /// Name for reports: `held`, `corrected` or `lost`.
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Held => "held",
@@ -42,13 +41,11 @@ impl Verdict {
     }
 
     /// Returns true for a lost frame.
-    #[must_use]
     pub fn is_lost(self) -> bool {
         matches!(self, Self::Lost { .. })
     }
 
     /// Origin of the frame that replaced a lost one; none if the frame was not lost.
-    #[must_use]
     pub fn replaced_by(self) -> Option<Replacement> {
         match self {
             Self::Lost { replaced_by } => Some(replaced_by),
@@ -71,7 +68,6 @@ pub enum ContactWord {
 
 impl ContactWord {
     /// Name for reports: `free`, `pushed` or `lost`.
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Free => "free",
@@ -83,7 +79,6 @@ impl ContactWord {
 
 impl Replacement {
     /// Name for reports: `nothing`, `physics` or `carry`.
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Nothing => "nothing",
@@ -169,7 +164,6 @@ impl GuardSummary {
     }
 
     /// The counts of all together.
-    #[must_use]
     pub fn sum(all: impl Iterator<Item = Self>) -> Self {
         all.fold(Self::default(), |a, b| Self {
             frames: a.frames + b.frames,
@@ -184,7 +178,6 @@ impl GuardSummary {
     }
 
     /// Number of lost frames and, if the physics was needed, its part in them.
-    #[must_use]
     pub fn lost_in_words(&self) -> String {
         let Self {
             lost,
@@ -203,7 +196,6 @@ impl GuardSummary {
     }
 
     /// Frames that were held to contact; none if no frame had to be.
-    #[must_use]
     pub fn contact_in_words(&self) -> Option<String> {
         let Self {
             pushed_apart,
@@ -217,7 +209,6 @@ impl GuardSummary {
     }
 
     /// Share of the frames that were corrected or replaced.
-    #[must_use]
     pub fn share(&self) -> f64 {
         (self.corrected + self.lost) as f64 / self.frames.max(1) as f64
     }

@@ -5,7 +5,6 @@ use std::error::Error;
 
 /// The messages from the outermost to the cause. Many errors already quote their cause: a message
 /// that stands in the one before is left out.
-#[must_use]
 pub fn chain(error: &(dyn Error + 'static)) -> String {
     let mut told = String::new();
     let mut last = String::new();
@@ -30,7 +29,6 @@ const SHOWN: [usize; 2] = [1200, 600];
 
 /// A message that may quote what a file has, of any length, with its middle left out where it is
 /// long.
-#[must_use]
 pub fn bounded(message: &str) -> Cow<'_, str> {
     let [first, last] = SHOWN;
     if message.len() <= first + last {

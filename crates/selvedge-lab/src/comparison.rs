@@ -21,9 +21,6 @@ pub enum CompareError {
 }
 
 /// The measures of `b` against `a`.
-///
-/// # Errors
-/// Trajectories of different meshes or frame rates.
 pub fn compare(a: &Trajectory, b: &Trajectory) -> Result<Comparison, CompareError> {
     let (first, second) = (a.vertex_count(), b.vertex_count());
     if first != second {

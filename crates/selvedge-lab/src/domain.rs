@@ -36,9 +36,6 @@ pub struct Beyond {
 
 /// Compares `frames` frames of a scene with what `model` was trained on; none where its file does
 /// not say.
-///
-/// # Errors
-/// [`DomainError::FrameRate`] for another frame rate than that of the training.
 pub fn of_scene(
     model: &Model,
     scene: &Scene,
@@ -60,9 +57,6 @@ pub fn of_scene(
 }
 
 /// Compares a trajectory with what `model` was trained on; none where its file does not say.
-///
-/// # Errors
-/// [`DomainError::FrameRate`] for another frame rate than that of the training.
 pub fn of_trajectory(
     model: &Model,
     motion: &str,
@@ -75,9 +69,6 @@ pub fn of_trajectory(
 }
 
 /// The domain of the training trajectories of a data set.
-///
-/// # Errors
-/// A trajectory that cannot be read, and none at all.
 pub fn of_dataset(dataset: &Dataset) -> Result<Domain, DomainError> {
     let mut all = None;
     for entry in dataset.entries(Split::Train) {

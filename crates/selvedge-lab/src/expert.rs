@@ -31,9 +31,6 @@ pub enum ExpertError {
 
 impl PhysicsExpert {
     /// The physics of `data`. Mesh files of its scenes are looked for from the current folder.
-    ///
-    /// # Errors
-    /// [`ExpertError`] names the trajectory that has no scene, or one of another mesh.
     pub fn new(data: &Dataset) -> Result<Self, ExpertError> {
         let entries = data.entries(Split::Train);
         let run = |entry| -> Result<(Scene, HandlePath), ExpertError> {

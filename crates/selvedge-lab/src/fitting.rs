@@ -6,7 +6,7 @@ use selvedge_data::{LoadedScene, Times, panel_stretches, worst_free_edges};
 use selvedge_sim::{FitError, FitProgress, Fitted, fit as fit_cloth, sew_and_fit};
 use thiserror::Error;
 
-use crate::event::{Goal, OnEvent, Reporter};
+use crate::event::{Goal, Reporter};
 use crate::numbers::percent;
 
 /// Strain that a fit may leave without a word.
@@ -45,15 +45,7 @@ pub struct FittedCloth {
 }
 
 /// Relaxes the cloth of a scene into its pattern; where its panels are loose, they are sewn first.
-///
-/// # Errors
-/// A cloth whose system cannot be solved or that does not fit, or a listener that asks to stop.
-pub fn fit(loaded: &LoadedScene, on_event: &mut OnEvent<'_>) -> Result<FittedCloth, FittingError> {
-    fit_within(loaded, &Reporter::new(on_event))
-}
-
-/// As [`fit`], within a longer operation.
-pub(crate) fn fit_within(
+pub(crate) fn fit(
     loaded: &LoadedScene,
     reporter: &Reporter<'_>,
 ) -> Result<FittedCloth, FittingError> {
@@ -81,10 +73,7 @@ pub(crate) fn fit_within(
     })
 }
 
-/// As [`fit`], with the progress as it is.
-///
-/// # Errors
-/// As for [`fit`].
+/// Relaxes the cloth of a scene into its pattern, with the progress as it is.
 pub fn fit_told(
     loaded: &LoadedScene,
     progress: &mut dyn FnMut(FitProgress) -> ControlFlow<()>,

@@ -43,9 +43,6 @@ enum FolderProblem {
 }
 
 /// Makes the folder `path` and those above it.
-///
-/// # Errors
-/// An obstacle, such as a file of that name.
 pub fn make_folder(path: &Path) -> Result<(), FolderError> {
     let problem = match fs::create_dir_all(path) {
         Ok(()) => return Ok(()),
@@ -77,9 +74,6 @@ impl Drop for ClaimedFolder {
 }
 
 /// Checks that `path` holds no results, or only those of kind `own`.
-///
-/// # Errors
-/// What else it holds.
 pub fn check_kind(path: &Path, own: Option<FolderKind>) -> Result<(), FolderError> {
     let others = FolderKind::ALL.into_iter();
     for kind in others.filter(|kind| Some(*kind) != own) {

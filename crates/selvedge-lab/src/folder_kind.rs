@@ -44,7 +44,6 @@ impl FolderKind {
     ];
 
     /// Files and folders that only a folder of this kind has, and of which it has at least one.
-    #[must_use]
     pub fn marks(self) -> &'static [&'static str] {
         match self {
             Self::DataSet => &["index.json", "index.partial.json"],
@@ -56,7 +55,6 @@ impl FolderKind {
     }
 
     /// Folders inside one of this kind that its run writes into and that nothing else claims.
-    #[must_use]
     pub fn inner(self) -> &'static [&'static str] {
         match self {
             Self::DataSet => &["train", "test"],
@@ -67,14 +65,12 @@ impl FolderKind {
     }
 
     /// The mark of this kind that `folder` has; none where it is of another kind, or absent.
-    #[must_use]
     pub fn mark_in(self, folder: &Path) -> Option<&'static str> {
         let marks = self.marks().iter().copied();
         marks.into_iter().find(|name| folder.join(name).exists())
     }
 
     /// The first kind that `folder` is of.
-    #[must_use]
     pub fn of(folder: &Path) -> Option<Self> {
         let mut all = Self::ALL.into_iter();
         all.find(|kind| kind.mark_in(folder).is_some())

@@ -20,7 +20,7 @@ use selvedge_cloth::MotionError;
 use selvedge_cluster::{ClusterError, Shard};
 use selvedge_data::{
     Dataset, DatasetError, DatasetParts, DatasetPreset, DatasetWriter, LoadedScene, Merged,
-    SceneSpecError, Split,
+    SceneSpecError, Split, Trajectory,
 };
 use selvedge_sim::{DividedFrames, Threads};
 use serde::Serialize;
@@ -96,7 +96,6 @@ pub struct Generated {
 
 impl Generated {
     /// [`End::Interrupted`] where trajectories are missing.
-    #[must_use]
     pub fn end(&self) -> End {
         match self.missing {
             0 => End::Complete,
@@ -277,6 +276,25 @@ fn rest_poses(jobs: &[Job], reporter: &Reporter<'_>) -> Result<Rests, GenerateEr
     Ok(rests)
 }
 
+/// Simulates one job, until it is done or an end is asked for.
+fn simulated(
+    job: &Job,
+    rests: &Rests,
+    go_on: &mut dyn FnMut() -> ControlFlow<()>,
+) -> Result<Option<(Trajectory, DividedFrames)>, GenerateError> {
+    let scene = &job.scene.scene;
+    // There is none where an end was asked for before.
+    let Some(rest) = rests.get(&job.cloth) else {
+        return Ok(None);
+    };
+    let run = physics::run(scene, rest.clone(), job.frames, Threads::One, go_on)?;
+    if run.end == End::Interrupted {
+        return Ok(None);
+    }
+    let trajectory = physics::trajectory(&job.scene.spec, scene, rest, run.positions)?;
+    Ok(Some((trajectory, run.divided)))
+}
+
 /// Simulates the jobs from the rest poses of their cloths, until all are done or an end is asked
 /// for. Gives the frames that were written and took more substeps than their scene asks for.
 fn simulate_all(
@@ -296,22 +314,13 @@ fn simulate_all(
         .map_err(WorkerError::from)?;
     // One job at a time for each thread: blocks of them would leave threads idle at the end.
     let simulate = |job: &Job| -> Result<(), GenerateError> {
-        let scene = &job.scene.scene;
-        // There is none where an end was asked for before.
-        let Some(rest) = rests.get(&job.cloth) else {
+        let Some((trajectory, divided)) = simulated(job, rests, &mut || task.advance())? else {
             return Ok(());
         };
-        let run = physics::run(scene, rest.clone(), job.frames, Threads::One, &mut || {
-            task.advance()
-        })?;
-        if run.end == End::Interrupted {
-            return Ok(());
-        }
-        let trajectory = physics::trajectory(&job.scene.spec, scene, rest, run.positions)?;
         // `add` leaves the writer as it was where it fails, so that it is never half done.
         let mut writer = writer.lock().unwrap_or_else(PoisonError::into_inner);
         writer.0.add(job.split, &job.motion, &trajectory)?;
-        writer.1 = writer.1.and(run.divided);
+        writer.1 = writer.1.and(divided);
         Ok(())
     };
     pool.install(|| {
@@ -336,29 +345,16 @@ fn simulate_over_ranks(
 ) -> Result<DividedFrames, GenerateError> {
     let task = reporter.count("simulating", jobs.len(), "trajectories");
     let simulate = |number: usize| -> Result<Outcome<Vec<u8>>, GenerateError> {
-        let job = &jobs[number];
-        let scene = &job.scene.scene;
-        // There is none where an end was asked for before.
-        let Some(rest) = rests.get(&job.cloth) else {
+        let mut go_on = || match task.is_stopped() || crew.ranks.is_halted() {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        };
+        let Some((trajectory, divided)) = simulated(&jobs[number], rests, &mut go_on)? else {
             return Ok(Outcome::Stopped);
         };
-        let run = physics::run(
-            scene,
-            rest.clone(),
-            job.frames,
-            Threads::One,
-            &mut || match task.is_stopped() || crew.ranks.is_halted() {
-                true => ControlFlow::Break(()),
-                false => ControlFlow::Continue(()),
-            },
-        )?;
-        if run.end == End::Interrupted {
-            return Ok(Outcome::Stopped);
-        }
-        let trajectory = physics::trajectory(&job.scene.spec, scene, rest, run.positions)?;
         let mut bytes = trajectory.to_bytes();
-        bytes.extend(run.divided.frames.to_le_bytes());
-        bytes.extend(run.divided.most_substeps.to_le_bytes());
+        bytes.extend(divided.frames.to_le_bytes());
+        bytes.extend(divided.most_substeps.to_le_bytes());
         Ok(Outcome::Answer(bytes))
     };
     let mut divided = DividedFrames::default();
@@ -386,9 +382,6 @@ fn simulate_over_ranks(
 }
 
 /// Makes the parts of a data set one, in `folder`.
-///
-/// # Errors
-/// What of the parts does not fit or is missing, or what of the folder or a file went wrong.
 pub fn merge(
     parts: &DatasetParts,
     folder: &Path,
@@ -401,9 +394,6 @@ pub fn merge(
 }
 
 /// Opens a complete data set, and says of an incomplete one how to complete it.
-///
-/// # Errors
-/// What is wrong with it.
 pub fn open(folder: &Path) -> Result<Dataset, OpenDatasetError> {
     let dataset = Dataset::open(folder);
     let begun = folder.join("index.partial.json").is_file();

@@ -14,13 +14,13 @@
 //! line.
 //!
 //! ```
-//! use std::ops::ControlFlow;
+//! use std::{ops::ControlFlow, sync::Arc};
 //!
-//! use selvedge_cloth::Cloth;
 //! use selvedge_data::{DatasetPreset, Split};
+//! use selvedge_guard::GuardSettings;
 //! use selvedge_lab::machine::Machine;
 //! use selvedge_lab::models::{self, NamedModel};
-//! use selvedge_lab::{Event, physics};
+//! use selvedge_lab::{Event, physics, start};
 //!
 //! let preset = DatasetPreset::open("tiny")?;
 //! let scene = preset.scene(&preset.motions(Split::Test)[0])?.scene;
@@ -30,13 +30,12 @@
 //!     ControlFlow::Continue(())
 //! })?;
 //! assert!(solves > 0);
-//! let cloth = Cloth::of_scene(&scene, physics::rounded(&rest.positions))?;
+//! let (scene, settings) = (Arc::new(scene), GuardSettings::default());
 //! let model = NamedModel::open(None)?;
-//! let graph = models::graph_of_scene(&scene, &cloth)?;
-//! let mut stepper = model.start(graph, cloth.rest_positions(), &Machine::Cpu)?;
+//! let mut stepper = start::guarded(&scene, &rest.positions, &model, &Machine::Cpu, settings)?;
 //! let path = scene.handle_path()?;
 //! let run = models::drive(&mut stepper, &path, 5, &mut || ControlFlow::Continue(()))?;
-//! assert_eq!(run.positions.len(), 6 * cloth.rest_positions().len());
+//! assert_eq!(run.positions.len(), 6 * rest.positions.len());
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!

@@ -57,9 +57,6 @@ impl FromStr for DeviceName {
 impl DeviceName {
     /// The device of a rank that is number `local`, from 0, of those on its machine: they take the
     /// GPUs in turn, beginning with the one that is named.
-    ///
-    /// # Errors
-    /// A GPU that is not there, with what is missing.
     pub fn of_rank(self, local: usize) -> Result<Self, MachineError> {
         match self {
             #[cfg(feature = "gpu")]
@@ -165,9 +162,6 @@ pub enum StartError {
 
 impl Machine {
     /// Opens the machine of this name.
-    ///
-    /// # Errors
-    /// A device that is not there, with what is missing, or a precision that it does not have.
     pub fn open(device: DeviceName, precision: PrecisionName) -> Result<Self, MachineError> {
         match device {
             DeviceName::Cpu => match precision {
@@ -182,9 +176,6 @@ impl Machine {
     }
 
     /// Starts `model` from the last frames before now, oldest first `[m]`, `[frames][vertices]`.
-    ///
-    /// # Errors
-    /// A start that does not fit the cloth; on a GPU also memory that it does not have.
     pub fn start(
         &self,
         model: &Arc<Model>,
@@ -229,9 +220,6 @@ impl Machine {
 }
 
 /// Opens the GPU of this name.
-///
-/// # Errors
-/// What is missing.
 #[cfg(feature = "gpu")]
 pub fn open_device(name: DeviceName) -> Result<Arc<dyn Device>, MachineError> {
     let failed = |source| MachineError::Device { name, source };

@@ -1,4 +1,4 @@
-//! Models by their names: opened from a file or shipped, and started on a cloth.
+//! Models by their names: opened from a file or shipped, and driven along a path.
 
 use std::io;
 use std::ops::ControlFlow;
@@ -6,15 +6,13 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use glam::Vec3;
-use selvedge_cloth::{Cloth, HandlePath, Scene, StepError, Stepper};
+use selvedge_cloth::{HandlePath, StepError, Stepper};
 use selvedge_data::{Drive, record};
-use selvedge_model::{ClothGraph, GraphError, Model, ModelFileError};
+use selvedge_model::{Model, ModelFileError};
 use selvedge_train::files;
 use thiserror::Error;
 
 use crate::assets;
-use crate::machine::{Machine, Mover, StartError};
 use crate::physics::{self, TimedRun};
 
 /// A model with its name.
@@ -63,31 +61,11 @@ fn of_the_shipped(name: &str) -> &'static str {
     }
 }
 
-/// A scene whose parts make no graph.
-#[derive(Debug, Error)]
-#[error("the graph of scene {scene:?}: {source}")]
-pub struct SceneGraphError {
-    scene: String,
-    source: GraphError,
-}
-
-/// A model that cannot be started on a cloth.
-#[derive(Debug, Error)]
-#[error("starting model {model}: {source}")]
-pub struct StartModelError {
-    model: String,
-    source: StartError,
-}
-
 impl NamedModel {
     /// Opens the model in `file`, which may also be the name of a shipped one where no file has it;
     /// without `file` the first of those.
     ///
     /// A folder of that name is no such file, but one with a model in it could be meant.
-    ///
-    /// # Errors
-    /// A file that cannot be read or is no model of this version; a folder with a model in it, or
-    /// whose name no shipped model has.
     pub fn open(file: Option<&Path>) -> Result<Self, OpenModelError> {
         let Some(path) = file else {
             let (name, bytes) = assets::MODEL;
@@ -120,41 +98,9 @@ impl NamedModel {
             Err(source) => Err(OpenModelError::Content { name, source }),
         }
     }
-
-    /// Starts the model at `start` `[m]`, `[vertices]`, at rest, on a machine.
-    ///
-    /// # Errors
-    /// A start that does not fit the cloth, or a machine that cannot run it.
-    pub fn start(
-        &self,
-        graph: ClothGraph,
-        start: &[Vec3],
-        machine: &Machine,
-    ) -> Result<Mover, StartModelError> {
-        let started = machine.start(&self.model, graph, &[start]);
-        started.map_err(|source| StartModelError {
-            model: self.name.clone(),
-            source,
-        })
-    }
-}
-
-/// Returns the graph of `cloth`, which knows its rest pose, in the environment of `scene`.
-///
-/// # Errors
-/// Parts that do not fit; gusts.
-pub fn graph_of_scene(scene: &Scene, cloth: &Cloth) -> Result<ClothGraph, SceneGraphError> {
-    let graph = ClothGraph::new(cloth, scene.environment, scene.frame_rate);
-    graph.map_err(|source| SceneGraphError {
-        scene: scene.name.clone(),
-        source,
-    })
 }
 
 /// Steps `stepper` for `frames` along `path`, with one target per frame, and times it.
-///
-/// # Errors
-/// A step that fails.
 pub fn drive(
     stepper: &mut dyn Stepper,
     path: &HandlePath,

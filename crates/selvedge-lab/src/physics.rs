@@ -83,9 +83,6 @@ pub enum RunTrajectoryError {
 }
 
 /// Finds the sagged rest pose of a scene.
-///
-/// # Errors
-/// A scene that comes to no rest, or a listener that asks to stop.
 pub fn rest_pose(scene: &Scene, on_event: &mut OnEvent<'_>) -> Result<SaggedRest, RestPoseError> {
     find_rest_pose(scene, &Reporter::new(on_event))
 }
@@ -120,9 +117,6 @@ pub(crate) fn find_rest_pose(
 
 /// Simulates `frames` of `scene` from `start` `[m]`, `[vertices]`, at rest, on `threads`.
 /// `on_frame` hears of every frame and may stop.
-///
-/// # Errors
-/// A simulator that cannot be made, or a step that fails.
 pub fn run(
     scene: &Scene,
     start: Vec<DVec3>,
@@ -175,9 +169,6 @@ pub struct Simulated {
 
 impl Simulated {
     /// The run and its states.
-    ///
-    /// # Errors
-    /// The step that failed.
     pub fn whole(self) -> Result<(TimedRun, Option<StateRun>), SimulationError> {
         match self.failure {
             Some(error) => Err(error),
@@ -188,9 +179,6 @@ impl Simulated {
 
 /// Simulates `scene` as `plan` says. `on_frame` hears of every frame and may stop. A step that
 /// fails is in what is returned, with the frames before it.
-///
-/// # Errors
-/// A simulator that cannot be made.
 pub fn run_plan(
     scene: &Scene,
     plan: SimulationPlan,
@@ -290,9 +278,6 @@ pub(crate) fn timed(
 }
 
 /// Returns the origin of a run of `spec`.
-///
-/// # Errors
-/// A spec that cannot be written as JSON.
 pub fn provenance(spec: &SceneSpec, scene: &Scene) -> Result<Provenance, RunTrajectoryError> {
     Ok(Provenance {
         frame_rate: scene.frame_rate,
@@ -302,9 +287,6 @@ pub fn provenance(spec: &SceneSpec, scene: &Scene) -> Result<Provenance, RunTraj
 }
 
 /// Makes the trajectory of a run of `spec`, whose cloth rests at `rest` `[m]`, `[vertices]`.
-///
-/// # Errors
-/// Parts that make no trajectory.
 pub fn trajectory(
     spec: &SceneSpec,
     scene: &Scene,
@@ -316,9 +298,6 @@ pub fn trajectory(
 
 /// Makes the trajectory of a run of `spec` that begins with frame `first` of its motion, as
 /// [`trajectory`] does; obstacles stand where they are then.
-///
-/// # Errors
-/// As of [`trajectory`].
 pub fn trajectory_from(
     first: usize,
     spec: &SceneSpec,
@@ -342,15 +321,11 @@ pub fn trajectory_from(
 }
 
 /// Positions in f32, as files have them.
-#[must_use]
 pub fn rounded(positions: &[DVec3]) -> Vec<Vec3> {
     positions.iter().map(|p| p.as_vec3()).collect()
 }
 
 /// The largest strain of an edge over all frames: (l - l₀)/l₀ against the material.
-///
-/// # Errors
-/// A trajectory with nothing to measure.
 pub fn largest_strain(trajectory: &Trajectory) -> Result<f64, MetricError> {
     let topology = trajectory.topology();
     let lengths = metrics::material_edge_lengths(trajectory.cloth());

@@ -29,9 +29,6 @@ const PHYSICS: &str = "physics";
 
 /// A contact sheet (.png) of moments in motion; beside a truth, the model's run once more in the
 /// colours of its error.
-///
-/// # Errors
-/// A run that cannot be drawn.
 pub fn sheet(show: &Show<'_>) -> Result<Vec<u8>, ViewError> {
     let prediction = run_of(show.prediction)?;
     let truth = show.truth.map(run_of).transpose()?;
@@ -55,9 +52,6 @@ pub fn sheet(show: &Show<'_>) -> Result<Vec<u8>, ViewError> {
 
 /// A contact sheet (.png) of moments in motion in the colours of the strain: of each vertex, the
 /// largest elongation of its edges against the material.
-///
-/// # Errors
-/// A run that cannot be drawn.
 pub fn strain_sheet(title: &str, trajectory: &Trajectory) -> Result<Vec<u8>, ViewError> {
     let run = run_of(trajectory)?;
     let strain = strain_of(trajectory)?;
@@ -70,9 +64,6 @@ pub fn strain_sheet(title: &str, trajectory: &Trajectory) -> Result<Vec<u8>, Vie
 }
 
 /// One frame (.png) of `size` (width, height) `[pixels]`.
-///
-/// # Errors
-/// A frame that the trajectory does not have, or a run that cannot be drawn.
 pub fn picture(
     trajectory: &Trajectory,
     frame: usize,
@@ -92,7 +83,6 @@ pub fn picture(
 }
 
 /// Number of pictures of a clip of `trajectory`.
-#[must_use]
 pub fn clip_pictures(trajectory: &Trajectory) -> usize {
     let last = trajectory.frame_count().saturating_sub(1);
     let seconds = last as f64 / trajectory.frame_rate();
@@ -101,9 +91,6 @@ pub fn clip_pictures(trajectory: &Trajectory) -> usize {
 
 /// Writes a clip (.gif) in real time to `out`. `on_picture` hears of every picture and may stop;
 /// the clip then ends early, but is whole.
-///
-/// # Errors
-/// A run that cannot be drawn, or an `out` that cannot be written.
 pub fn clip(
     out: &mut dyn Write,
     show: &Show<'_>,
@@ -159,9 +146,6 @@ fn run_of(trajectory: &Trajectory) -> Result<Run<'_>, ViewError> {
 }
 
 /// These frames of a trajectory, `frame_rate` per second, with the obstacles beside the cloth.
-///
-/// # Errors
-/// A run that cannot be drawn.
 pub fn run_of_frames<'a>(
     trajectory: &'a Trajectory,
     frames: &[usize],

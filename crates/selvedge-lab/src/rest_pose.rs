@@ -39,7 +39,6 @@ pub struct FoundRest {
 
 impl FoundRest {
     /// A line on a search that was spared, where it would have been waited for.
-    #[must_use]
     pub fn remark(&self) -> Option<String> {
         let seconds = self
             .kept_seconds

@@ -10,9 +10,6 @@ use thiserror::Error;
 pub struct SpanError(pub String);
 
 /// Reads a span of whole hours, minutes and seconds, each at most once and in this order.
-///
-/// # Errors
-/// Another text; the message says how a span is written.
 pub fn parse(text: &str) -> Result<Duration, SpanError> {
     let wrong = || SpanError(text.to_owned());
     let (mut seconds, mut digits, mut units) = (0_u64, String::new(), "hms".chars());

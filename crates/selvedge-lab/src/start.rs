@@ -10,13 +10,14 @@ use glam::DVec3;
 use selvedge_cloth::{Cloth, ClothError, ElasticLaw, Scene};
 use selvedge_data::{LoadedScene, SavedState, StartSpec};
 use selvedge_guard::{Guard, GuardError, GuardSettings};
+use selvedge_model::{ClothGraph, GraphError};
 use selvedge_sim::{SagError, SaggedRest};
 use thiserror::Error;
 
-use crate::event::OnEvent;
+use crate::event::{OnEvent, Reporter};
 use crate::fitting::{self, FittedCloth, FittingError};
-use crate::machine::{Machine, Mover};
-use crate::models::{self, NamedModel, SceneGraphError, StartModelError};
+use crate::machine::{self, Machine, Mover};
+use crate::models::NamedModel;
 use crate::physics::{self, RestPoseError};
 use crate::watched::WatchError;
 
@@ -51,20 +52,33 @@ pub enum StartError {
 /// A model that cannot be started on the cloth of a scene.
 #[derive(Debug, Error)]
 #[error(transparent)]
-#[allow(missing_docs, reason = "the messages are those of the parts")]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum ModelOnSceneError {
     Cloth(#[from] ClothError),
-    Graph(#[from] SceneGraphError),
-    Model(#[from] StartModelError),
+    #[error("the graph of scene {scene:?}: {source}")]
+    Graph {
+        scene: String,
+        source: GraphError,
+    },
+    #[error("starting model {model}: {source}")]
+    Model {
+        model: String,
+        source: machine::StartError,
+    },
     Guard(#[from] WatchError),
 }
 
 /// Finds where the cloth of a scene starts, as the scene says. Only a start in the rest pose waits
 /// for that. A cloth that nothing holds has none: it can only be let go elsewhere.
-///
-/// # Errors
-/// A start that is not found, or not before the listener asked to stop.
 pub fn find(loaded: &LoadedScene, on_event: &mut OnEvent<'_>) -> Result<Start, StartError> {
+    find_within(loaded, &Reporter::new(on_event))
+}
+
+/// As [`find`], within a longer operation.
+pub(crate) fn find_within(
+    loaded: &LoadedScene,
+    reporter: &Reporter<'_>,
+) -> Result<Start, StartError> {
     let scene = &loaded.scene;
     let only = |state| Start {
         state,
@@ -74,24 +88,24 @@ pub fn find(loaded: &LoadedScene, on_event: &mut OnEvent<'_>) -> Result<Start, S
     match (&loaded.state, &loaded.spec.start) {
         (Some(state), _) => Ok(only(state.clone())),
         (None, StartSpec::Fit) => {
-            let fitted = fitting::fit(loaded, on_event)?;
+            let fitted = fitting::fit(loaded, reporter)?;
             Ok(Start {
                 state: SavedState::at_rest(fitted.fitted.positions.clone()),
                 rest: None,
                 fitted: Some(fitted),
             })
         }
-        (None, StartSpec::Rest) => at_rest(scene, on_event),
+        (None, StartSpec::Rest) => at_rest(scene, reporter),
         (None, _) => Ok(only(SavedState::at_rest(scene.mesh.positions().to_vec()))),
     }
 }
 
-fn at_rest(scene: &Scene, on_event: &mut OnEvent<'_>) -> Result<Start, StartError> {
+fn at_rest(scene: &Scene, reporter: &Reporter<'_>) -> Result<Start, StartError> {
     if scene.handles.is_empty() {
         let scene = scene.name.clone();
         return Err(StartError::NothingHolds { scene });
     }
-    match physics::rest_pose(scene, on_event) {
+    match physics::find_rest_pose(scene, reporter) {
         Ok(rest) => Ok(Start {
             state: SavedState::at_rest(rest.positions.clone()),
             rest: Some(rest),
@@ -136,10 +150,6 @@ pub fn for_model(loaded: &mut LoadedScene) -> Vec<&'static str> {
 
 /// A model at work on the cloth of `scene`, which rests at `rest` `[m]`, `[vertices]`, under a
 /// guard.
-///
-/// # Errors
-/// A scene that the model cannot move, a machine that cannot run it, a cloth that cannot be
-/// guarded.
 pub fn guarded(
     scene: &Arc<Scene>,
     rest: &[DVec3],
@@ -148,8 +158,16 @@ pub fn guarded(
     settings: GuardSettings,
 ) -> Result<Guard<Mover>, ModelOnSceneError> {
     let cloth = Cloth::of_scene(scene, physics::rounded(rest))?;
-    let graph = models::graph_of_scene(scene, &cloth)?;
-    let stepper = model.start(graph, cloth.rest_positions(), machine)?;
+    let graph = ClothGraph::new(&cloth, scene.environment, scene.frame_rate);
+    let graph = graph.map_err(|source| {
+        let scene = scene.name.clone();
+        ModelOnSceneError::Graph { scene, source }
+    })?;
+    let stepper = machine.start(&model.model, graph, &[cloth.rest_positions()]);
+    let stepper = stepper.map_err(|source| {
+        let model = model.name.clone();
+        ModelOnSceneError::Model { model, source }
+    })?;
     let known = Some(Arc::clone(scene));
     let guard = Guard::new(stepper, &cloth, scene.frame_rate, known, settings);
     Ok(guard.map_err(|source: GuardError| WatchError::from(source))?)

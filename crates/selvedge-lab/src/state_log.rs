@@ -23,7 +23,6 @@ impl StateLog {
         log
     }
 
-    /// The simulator.
     pub(crate) fn simulator(&self) -> &Simulator {
         &self.simulator
     }
@@ -39,7 +38,6 @@ impl StateLog {
 }
 
 /// The state of `simulator` now, from which a run can go on bit for bit.
-#[must_use]
 pub fn saved_state(simulator: &Simulator) -> SavedState {
     let Checkpoint {
         frame,
@@ -68,27 +66,18 @@ pub fn saved_state(simulator: &Simulator) -> SavedState {
 }
 
 /// A simulator of `scene` in `state`, with frames counted from there.
-///
-/// # Errors
-/// A scene or a state that is not valid.
 pub fn simulator_in(scene: &Scene, state: SavedState) -> Result<Simulator, SimulatorError> {
     simulator_among(scene, state, &[])
 }
 
 /// The physics of a run of `scene` from `state` on: as [`simulator_in`], handles and obstacles
 /// where the motion has them by then.
-///
-/// # Errors
-/// As for [`simulator_in`].
 pub fn simulator_of_run(scene: &Scene, state: SavedState) -> Result<Simulator, SimulatorError> {
     let frame = state.frame;
     simulator_in(scene, state)?.taken_up_at(frame)
 }
 
 /// As [`simulator_in`], the first obstacles at `offsets` `[m]` from their own paths.
-///
-/// # Errors
-/// As for [`simulator_in`].
 pub fn simulator_among(
     scene: &Scene,
     state: SavedState,

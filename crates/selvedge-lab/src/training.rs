@@ -22,9 +22,6 @@ fn say_what_is_fresh(trainer: &Trainer) {
 }
 
 /// A training at its beginning, with its statistics gathered. None where an end was asked for.
-///
-/// # Errors
-/// What of the configuration or the data went wrong.
 pub fn fresh(
     cfg: TrainConfig,
     data: &Dataset,
@@ -35,9 +32,6 @@ pub fn fresh(
 }
 
 /// The same, with the weights and statistics of `model`.
-///
-/// # Errors
-/// As [`fresh`], and where the configuration is of another network.
 pub fn from_model(
     cfg: TrainConfig,
     data: &Dataset,
@@ -47,15 +41,12 @@ pub fn from_model(
 ) -> Result<Option<Trainer>, TrainError> {
     let reporter = Reporter::new(on_event);
     let task = reporter.count("gathering statistics", cfg.statistics_samples, "samples");
-    let trainer = Trainer::from_model(cfg, data, engine, &model.model, &mut |_| task.advance())?;
+    let trainer = Trainer::from_model(cfg, data, engine, &model.model, &mut || task.advance())?;
     trainer.iter().for_each(say_what_is_fresh);
     Ok(trainer)
 }
 
 /// Gives `trainer` the physics of `data`, where its configuration asks for expert labels.
-///
-/// # Errors
-/// Where a trajectory of the data set has no scene that can be made.
 pub fn with_expert(trainer: &mut Trainer, data: &Dataset) -> Result<(), ExpertError> {
     if trainer.config().scheduled_sampling.labels == Labels::Expert {
         trainer.ask(Box::new(PhysicsExpert::new(data)?));
@@ -71,5 +62,5 @@ pub(crate) fn begin(
     reporter: &Reporter<'_>,
 ) -> Result<Option<Trainer>, TrainError> {
     let task = reporter.count("gathering statistics", cfg.statistics_samples, "samples");
-    Trainer::new_observed(cfg, data, engine, &mut |_| task.advance())
+    Trainer::new_observed(cfg, data, engine, &mut || task.advance())
 }

@@ -2,12 +2,11 @@
 
 use std::io::Write;
 use std::path::Path;
-use std::sync::Arc;
 
-use selvedge_cloth::{Cloth, HandleTargets, Scene, StepError, Stepper};
+use selvedge_cloth::{HandleTargets, StepError, Stepper};
 use selvedge_data::{WriteError, metrics, write_atomically};
 pub use selvedge_guard::GuardSummary;
-use selvedge_guard::{Guard, GuardError, GuardSettings, PhysicsFailure, Replacement, Trust};
+use selvedge_guard::{Guard, GuardError, PhysicsFailure, Replacement, Trust};
 use selvedge_model::Aspect;
 use thiserror::Error;
 
@@ -25,7 +24,6 @@ const DIVERGED_FRAMES: usize = 10;
 /// The frame from which on a run diverges, counted from its start: more than 10 frames in a row in
 /// which some edge strains over 30 %, and over 1.5 times `true_largest`, the largest strain of the
 /// ground truth (0 where none is known). `strains` are the largest after each step.
-#[must_use]
 pub fn diverged_frame(strains: &[f64], true_largest: f64) -> Option<usize> {
     let limit = DIVERGED_STRAIN.max(DIVERGED_OVER_TRUTH * true_largest);
     // The first strain is that after the first step.
@@ -44,24 +42,7 @@ pub struct WatchedModel {
 }
 
 impl WatchedModel {
-    /// Watches `stepper`, which moves `cloth` at `frame_rate`, as `settings` say; with its `scene`,
-    /// where that is known.
-    ///
-    /// # Errors
-    /// A cloth that cannot be guarded.
-    pub fn new(
-        stepper: Mover,
-        cloth: &Cloth,
-        frame_rate: f64,
-        scene: Option<Arc<Scene>>,
-        settings: GuardSettings,
-    ) -> Result<Self, WatchError> {
-        let guard = Guard::new(stepper, cloth, frame_rate, scene, settings);
-        Ok(Self::of(guard?))
-    }
-
     /// Watches a model that has its guard.
-    #[must_use]
     pub fn of(guard: Guard<Mover>) -> Self {
         Self {
             guard,
@@ -99,9 +80,6 @@ impl Stepper for WatchedModel {
 
 /// Writes a line per frame with the guard's verdict, measures and correction, and the aspects of
 /// the scene that are beyond the training (.csv). SI units; strains have none.
-///
-/// # Errors
-/// A file that cannot be written.
 pub fn write_trust(path: &Path, log: &[Trust], beyond: Option<&Beyond>) -> Result<(), WriteError> {
     let mut csv = csv::Writer::from_writer(Vec::new());
     let mut record = |fields: Vec<String>| {
@@ -165,15 +143,18 @@ fn names(aspects: &[Aspect]) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use glam::DVec3;
     use selvedge_cloth::conformance::{HandlesEnd, check};
-    use selvedge_cloth::{ContactSettings, Obstacle, bodies};
-    use selvedge_guard::Correction;
+    use selvedge_cloth::{ContactSettings, Obstacle, Scene, bodies};
+    use selvedge_guard::{Correction, GuardSettings};
     use selvedge_sim::Simulator;
 
     use super::*;
     use crate::machine::Machine;
-    use crate::models::{self, NamedModel};
+    use crate::models::NamedModel;
+    use crate::start;
     use crate::test_scene::hanging;
 
     /// The shipped network on a small square, under a guard.
@@ -182,16 +163,11 @@ mod tests {
     }
 
     fn watched_in(scene: Scene, correction: Correction) -> WatchedModel {
-        let rest = scene.mesh.positions().iter().map(|p| p.as_vec3());
-        let cloth = Cloth::of_scene(&scene, rest.collect()).unwrap();
+        let (scene, settings) = (Arc::new(scene), GuardSettings::with(correction));
         let model = NamedModel::open(Some("paper".as_ref())).unwrap();
-        let graph = models::graph_of_scene(&scene, &cloth).unwrap();
-        let stepper = model
-            .start(graph, cloth.rest_positions(), &Machine::Cpu)
-            .unwrap();
-        let settings = GuardSettings::with(correction);
-        let rate = scene.frame_rate;
-        WatchedModel::new(stepper, &cloth, rate, Some(Arc::new(scene)), settings).unwrap()
+        let rest = scene.mesh.positions();
+        let guard = start::guarded(&scene, rest, &model, &Machine::Cpu, settings);
+        WatchedModel::of(guard.unwrap())
     }
 
     #[test]

@@ -25,7 +25,6 @@ pub struct Crew {
 
 impl Crew {
     /// So many threads of this process alone.
-    #[must_use]
     pub fn of_threads(threads: Option<usize>) -> Self {
         let ranks = Ranks::alone();
         Self { threads, ranks }
@@ -65,9 +64,6 @@ pub(crate) struct Packing<R> {
 
 /// Does so many jobs on all ranks of `crew`, each on one worker with its share of the threads;
 /// `take` has the answers on rank 0, in any order. Returns true where all were done.
-///
-/// # Errors
-/// The rank that failed, or the error of `take`.
 pub(crate) fn share_over_ranks<E>(
     crew: &Crew,
     jobs: usize,
@@ -102,9 +98,6 @@ where
 }
 
 /// As [`share`], on all ranks of `crew`. Rank 0 has the answers, the others have none.
-///
-/// # Errors
-/// As [`share`], with the rank where it was another one.
 pub(crate) fn share_with<J: Sync, R: Send, E>(
     crew: &Crew,
     jobs: &[J],
@@ -133,9 +126,6 @@ where
 
 /// Does all `jobs` on `threads`, by default one per processor. After a job that fails no other is
 /// begun.
-///
-/// # Errors
-/// The error of the first job that failed, or threads that cannot be started.
 pub fn share<J: Sync, R: Send, E: From<WorkerError> + Send>(
     threads: Option<usize>,
     jobs: &[J],
@@ -172,9 +162,6 @@ pub fn share<J: Sync, R: Send, E: From<WorkerError> + Send>(
 }
 
 /// Does one thing with all threads.
-///
-/// # Errors
-/// Threads that cannot be started.
 pub fn alone<R: Send>(
     threads: Option<usize>,
     work: impl FnOnce() -> R + Send,

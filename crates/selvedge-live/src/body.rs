@@ -42,7 +42,6 @@ impl Body {
 }
 
 /// The kind of a body of these faces and points `[m]`: a level plane of two faces is the floor.
-#[must_use]
 pub fn kind_of(faces: &[[u32; 3]], points: &[glam::Vec3]) -> BodyKind {
     let heights = points.iter().map(|p| p.y);
     let low = heights.clone().fold(f32::INFINITY, f32::min);

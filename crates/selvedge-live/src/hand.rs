@@ -38,7 +38,6 @@ impl Default for HandLimits {
 
 impl HandLimits {
     /// The limits nearest to these that a hand can have: 0.05 to 10 m/s and 0.5 to 100 m/s².
-    #[must_use]
     pub fn clamped(speed: f64, acceleration: f64) -> Self {
         let within = |value: f64, low: f64, high: f64, other: f64| {
             if value.is_nan() {
@@ -91,7 +90,6 @@ pub struct Hands {
 
 impl Hands {
     /// Handles that stand still at `positions` `[m]`, their goals.
-    #[must_use]
     pub fn at(positions: &[DVec3]) -> Self {
         Self {
             hands: positions.iter().copied().map(Hand::still).collect(),
@@ -111,13 +109,11 @@ impl Hands {
     }
 
     /// Positions `[m]`, `[handles]`.
-    #[must_use]
     pub fn positions(&self) -> Vec<DVec3> {
         self.hands.iter().map(|hand| hand.position).collect()
     }
 
     /// Goals `[m]`, `[handles]`.
-    #[must_use]
     pub fn goals(&self) -> Vec<DVec3> {
         self.hands.iter().map(|hand| hand.goal).collect()
     }
@@ -142,7 +138,6 @@ impl Hands {
     }
 
     /// Returns true where none of them moves or is about to.
-    #[must_use]
     pub fn is_at_rest(&self) -> bool {
         let still = |hand: &Hand| hand.velocity == DVec3::ZERO && hand.goal == hand.position;
         self.push == Push::default()

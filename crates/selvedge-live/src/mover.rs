@@ -21,7 +21,6 @@ pub enum Mover {
 
 impl Mover {
     /// The single movers, one per cloth.
-    #[must_use]
     pub fn kinds(self) -> &'static [MoverKind] {
         match self {
             Self::Model => &[MoverKind::Model],
@@ -62,9 +61,6 @@ pub enum Start<'a> {
 /// A [`Stepper`] that can continue under other handles and in another wind.
 pub trait LiveStepper: Stepper + Send {
     /// Returns the same cloth in the same motion, under `hold`.
-    ///
-    /// # Errors
-    /// [`LiveError`] when this mover cannot continue under `hold`.
     fn changed(&self, hold: &Hold) -> Result<Box<dyn LiveStepper>, LiveError>;
 
     /// Leads body `number` over the next step, straight, to `offset` `[m]` from its own path. A
@@ -72,9 +68,6 @@ pub trait LiveStepper: Stepper + Send {
     fn lead_body(&mut self, _number: usize, _offset: DVec3) {}
 
     /// Puts body `number` at `offset` `[m]` from its own path at once.
-    ///
-    /// # Errors
-    /// [`LiveError`] where it would meet the cloth, or the mover does not see bodies.
     fn put_body(&mut self, _number: usize, _offset: DVec3) -> Result<(), LiveError> {
         Err(LiveError::new("this mover does not see bodies"))
     }

@@ -36,7 +36,6 @@ impl Pace {
         pace
     }
 
-    /// From now on so many frames per second.
     pub(crate) fn set_rate(&mut self, frames_per_second: f64, now: Instant) {
         let period = Duration::from_secs_f64(1.0 / frames_per_second.clamp(0.1, 1e5));
         if period != self.period {

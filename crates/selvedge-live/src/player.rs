@@ -58,9 +58,6 @@ pub enum TapeError {
 
 impl Tape {
     /// Puts recordings of one cloth side by side.
-    ///
-    /// # Errors
-    /// [`TapeError`] when there is none, or they are of several cloths or frame rates.
     pub fn new(name: impl Into<String>, tracks: Vec<NamedTrack>) -> Result<Self, TapeError> {
         let first = tracks.first().ok_or(TapeError::Empty)?;
         for other in &tracks {
@@ -73,13 +70,11 @@ impl Tape {
     }
 
     /// The first recording, whose handles and rate are shown.
-    #[must_use]
     pub fn first(&self) -> &Trajectory {
         &self.tracks[0].trajectory
     }
 
     /// Frames of the shortest recording.
-    #[must_use]
     pub fn frame_count(&self) -> usize {
         let counts = self.tracks.iter().map(|t| t.trajectory.frame_count());
         counts.min().unwrap_or(0)

@@ -118,9 +118,6 @@ impl Recorder {
     }
 
     /// Returns the kept frames as trajectories of `live`.
-    ///
-    /// # Errors
-    /// [`RecordingError`] when the provenance cannot be told, or the frames are no trajectory.
     pub(crate) fn finish(self, live: &LiveCloth) -> Result<Vec<RecordedTrack>, RecordingError> {
         let ready = live.ready();
         let cloth = ready.cloth().clone();
@@ -183,9 +180,6 @@ fn selected(hold: &Hold, frame: &[Vec3]) -> Vec<DVec3> {
 }
 
 /// Writes the tracks of a recording into `folder`, under the first number that is free.
-///
-/// # Errors
-/// [`RecordingError`] when a file or the folder cannot be written.
 pub(crate) fn write(
     tracks: Vec<RecordedTrack>,
     folder: &Path,

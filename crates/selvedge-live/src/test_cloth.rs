@@ -29,7 +29,6 @@ const FRAMES: usize = 12;
 /// The place of a handle along x beyond which the model fails `[m]`.
 const END_OF_MODEL: f64 = 0.205;
 
-/// The cloth.
 pub(crate) fn cloth() -> Cloth {
     let arrays = ClothArrays {
         rest_positions: CORNERS.to_vec(),
@@ -78,7 +77,6 @@ const BODY: [Vec3; 3] = [
 ];
 pub(crate) const WALL: f64 = 0.5;
 
-/// A body of that kind.
 #[allow(dead_code, reason = "the tests from outside have none")]
 pub(crate) fn body(kind: BodyKind) -> Body {
     Body {

@@ -23,9 +23,6 @@ pub trait ReadyCloth: Send {
     fn environment(&self) -> Environment;
 
     /// The way of the handles along the scene's own motion, from its start.
-    ///
-    /// # Errors
-    /// [`MotionError`] when the motion cannot drive the handles.
     fn scene_path(&self) -> Result<HandlePath, MotionError>;
 
     /// Frames of that motion that have passed at the start of the cloth.
@@ -42,9 +39,6 @@ pub trait ReadyCloth: Send {
     }
 
     /// Starts a mover. This must be quick: the session waits.
-    ///
-    /// # Errors
-    /// [`LiveError`] when the mover cannot start.
     fn start(
         &self,
         kind: MoverKind,
@@ -59,9 +53,6 @@ pub trait ReadyCloth: Send {
 
     /// The provenance of a recording of this cloth with its handles at `handles` `[m]`,
     /// `[frames][handles]`.
-    ///
-    /// # Errors
-    /// [`LiveError`] when the scene cannot be written beside the recording.
     fn provenance(&self, hold: &Hold, handles: Vec<Vec<DVec3>>) -> Result<Provenance, LiveError>;
 }
 
@@ -72,9 +63,6 @@ pub trait Workshop: Send {
 
     /// Makes a cloth ready. This may take seconds, and `progress` is told how far it is. Where
     /// `progress` breaks, nobody waits for this cloth any more, and the work stops.
-    ///
-    /// # Errors
-    /// [`LiveError`] when the order cannot be met, or `progress` has stopped the work.
     fn prepare(
         &mut self,
         order: &Order,

@@ -92,7 +92,6 @@ impl From<Bounds> for [f64; 2] {
 
 impl Bounds {
     /// One number.
-    #[must_use]
     pub fn of(value: f64) -> Self {
         Self {
             least: value,
@@ -113,7 +112,6 @@ impl Bounds {
 impl FabricBounds {
     /// One fabric: stiffnesses are means of its tables `[eq:mean-stiffness]`, stretching along and
     /// across the threads with the law's factor 2.
-    #[must_use]
     pub fn of(material: &Material) -> Self {
         let rows = material.stretch.0.iter();
         let along_and_across = rows.flat_map(|row| [row[0], row[2]]);
@@ -208,9 +206,6 @@ impl Domain {
     }
 
     /// The domain in a model's account of its training; none in an account without one.
-    ///
-    /// # Errors
-    /// A domain that cannot be read.
     pub(crate) fn in_account(training: &str) -> Result<Option<Self>, serde_json::Error> {
         let Ok(mut account) = serde_json::from_str::<serde_json::Value>(training) else {
             return Ok(None);

@@ -9,7 +9,6 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use selvedge_data::{Dataset, TensorOut, TensorValues, WriteError, write_tensors};
-use selvedge_model::Network;
 
 pub(crate) use self::differences::differences_but_encoder;
 pub use self::error::{ContentProblem, ResumeError};
@@ -17,10 +16,7 @@ pub use self::file::CHECKPOINT_FORMAT;
 use self::file::{CheckpointFile, State, VERSION, history_name};
 use crate::config::TrainConfig;
 use crate::engine::{EngineMaker, Learned};
-use crate::fit_normalizers::Statistics;
-use crate::from_model::TakenWeights;
-use crate::origin::Origin;
-use crate::trainer::{Parts, TrainError, Trainer, prepare};
+use crate::trainer::{TrainError, Trainer, prepare};
 
 impl Trainer {
     /// Writes everything that decides the rest of the training, as it was last collected
@@ -90,9 +86,6 @@ impl Trainer {
 
     /// Goes on from the checkpoint at `path`, wherever that was made. Only `name`, `steps` and
     /// `log_every` may differ from the configuration it was made with.
-    ///
-    /// # Errors
-    /// [`ResumeError`] names the file and what does not fit.
     pub fn resume(
         cfg: TrainConfig,
         dataset: &Dataset,
@@ -100,63 +93,16 @@ impl Trainer {
         engine: &dyn EngineMaker,
     ) -> Result<Self, ResumeError> {
         cfg.validate().map_err(TrainError::from)?;
-        let bytes = read(path)?;
+        let bytes = selvedge_data::read_file(path).map_err(|source| ResumeError::Read {
+            path: path.to_owned(),
+            source,
+        })?;
         let file = CheckpointFile::open(path, &bytes)?;
         file.check(&cfg)?;
         let (set, network) = prepare(&cfg, dataset, engine.arithmetic())?;
         file.check_data(&set)?;
         let parts = file.parts(&cfg, &set, network)?;
         Ok(Self::assemble(cfg, set, engine, parts)?)
-    }
-}
-
-/// The bytes of a checkpoint.
-fn read(path: &Path) -> Result<Vec<u8>, ResumeError> {
-    selvedge_data::read_file(path).map_err(|source| ResumeError::Read {
-        path: path.to_owned(),
-        source,
-    })
-}
-
-impl Trainer {
-    /// A new training from its first step, but with the weights and the statistics of the
-    /// checkpoint at `path`, which may be of another configuration and other data; only `model`
-    /// must be the same, except its encoder: weights that the checkpoint has none for are fresh
-    /// ([`Self::fresh_tensors`]).
-    ///
-    /// # Errors
-    /// [`ResumeError`] names the file and what does not fit.
-    pub fn start_from(
-        cfg: TrainConfig,
-        dataset: &Dataset,
-        path: &Path,
-        engine: &dyn EngineMaker,
-    ) -> Result<Self, ResumeError> {
-        cfg.validate().map_err(TrainError::from)?;
-        let bytes = read(path)?;
-        let file = CheckpointFile::open(path, &bytes)?;
-        let made: TrainConfig = file.json("config")?;
-        file.check_network(&made, &cfg)?;
-        let state: State = file.json("state")?;
-        file.check_widths(&state, &cfg)?;
-        let (set, network) = prepare(&cfg, dataset, engine.arithmetic())?;
-        let mut origins = state.origins;
-        origins.push(Origin {
-            name: made.name,
-            steps_done: state.step,
-            dataset: file.dataset_name(),
-        });
-        let of_file = Network::new(&made.model).map_err(TrainError::from)?;
-        let weights = file.numbers("weights", of_file.parameter_count())?;
-        let taken = TakenWeights::new(&cfg, &network, &of_file, &weights);
-        let statistics = Statistics {
-            inputs: state.inputs,
-            targets: state.targets,
-        };
-        let parts = Parts::at_first_step(&cfg, network, taken.weights, statistics, origins)?;
-        let mut trainer = Self::assemble(cfg, set, engine, parts)?;
-        trainer.fresh_tensors = taken.fresh;
-        Ok(trainer)
     }
 }
 

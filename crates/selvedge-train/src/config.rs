@@ -84,17 +84,11 @@ impl TrainConfig {
     }
 
     /// Reads and checks the TOML file at `path`.
-    ///
-    /// # Errors
-    /// [`ConfigError`] names the file and the field.
     pub fn read(path: &Path) -> Result<Self, ConfigError> {
         Self::read_with(path, &[])
     }
 
     /// The same with some of its values changed, later ones after earlier ones.
-    ///
-    /// # Errors
-    /// [`ConfigError`] names the file, the field, and the changes where one of them does not fit.
     pub fn read_with(path: &Path, settings: &[Setting]) -> Result<Self, ConfigError> {
         let text = selvedge_data::read_text(path).map_err(|source| ConfigError::Read {
             path: path.to_owned(),
@@ -104,17 +98,11 @@ impl TrainConfig {
     }
 
     /// Reads and checks the TOML text of a configuration; errors name it `path`.
-    ///
-    /// # Errors
-    /// [`ConfigError`] names the file and the field.
     pub fn parse(text: &str, path: &Path) -> Result<Self, ConfigError> {
         Self::parse_with(text, path, &[])
     }
 
     /// The same with some of its values changed, later ones after earlier ones.
-    ///
-    /// # Errors
-    /// [`ConfigError`] names the file, the field, and the changes where one of them does not fit.
     pub fn parse_with(text: &str, path: &Path, settings: &[Setting]) -> Result<Self, ConfigError> {
         let path = || path.to_owned();
         // Read as it is first, so that a defect of the text has its line.
@@ -137,10 +125,6 @@ impl TrainConfig {
 
     /// The whole course of this training in `steps` steps: its schedules shrunk or stretched in
     /// proportion, to the nearest step.
-    ///
-    /// # Errors
-    /// [`InvalidConfig`] where so few steps leave no room between two steps of a schedule,
-    /// or so many are too many.
     pub fn scaled_to(&self, steps: u64) -> Result<Self, InvalidConfig> {
         let mut cfg = self.clone();
         let mut changes = cfg.learning_rate.steps();
@@ -157,9 +141,6 @@ impl TrainConfig {
     }
 
     /// Checks every value.
-    ///
-    /// # Errors
-    /// [`InvalidConfig`] names the field.
     pub fn validate(&self) -> Result<(), InvalidConfig> {
         self.model.validate()?;
         self.losses.validate()?;

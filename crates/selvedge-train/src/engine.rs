@@ -44,7 +44,6 @@ pub struct Learned {
 impl Learned {
     /// The part of the way to the weights that their running mean goes after `steps` steps of the
     /// optimiser; `part` is `weight_average` of the configuration.
-    #[must_use]
     pub fn averaging(steps: u64, part: f64) -> f32 {
         let steps = steps as f64;
         1.0 - part.min((1.0 + steps) / (10.0 + steps)) as f32
@@ -85,41 +84,23 @@ pub trait Engine: Send {
     /// Takes every slot of the batch through its frames and keeps the gradient of the mean of the
     /// slots' losses. Returns the terms of each slot; none where the step was given up, by this
     /// engine or by one of several ranks, and then there is no gradient.
-    ///
-    /// # Errors
-    /// When the machine that computes fails.
     fn learn(&mut self, batch: Batch<'_>) -> Result<Vec<LossTerms>, EngineError>;
 
     /// Takes the weights a step of the optimiser against that gradient. Returns its norm before
     /// clipping; where that is not finite nothing changes.
-    ///
-    /// # Errors
-    /// As [`Self::learn`].
     fn update(&mut self, learned: &mut Learned, update: Update) -> Result<f64, EngineError>;
 
     /// Adds a range of the gradient of the latest [`Self::learn`] to `sum`: piece after piece,
     /// where it has kept several.
-    ///
-    /// # Errors
-    /// As [`Self::learn`].
     fn add_gradient(&mut self, range: Range<usize>, sum: &mut [f32]) -> Result<(), EngineError>;
 
     /// Takes `gradient` for the next [`Self::update`], in the place of its own.
-    ///
-    /// # Errors
-    /// As [`Self::learn`].
     fn set_gradient(&mut self, gradient: &[f32]) -> Result<(), EngineError>;
 
     /// The gradient that the latest step took, after clipping.
-    ///
-    /// # Errors
-    /// As [`Self::learn`].
     fn gradient(&mut self) -> Result<Vec<f32>, EngineError>;
 
     /// Copies weights and optimiser from the engine to `learned`.
-    ///
-    /// # Errors
-    /// As [`Self::learn`].
     fn collect(&mut self, learned: &mut Learned) -> Result<(), EngineError>;
 }
 
@@ -135,9 +116,6 @@ pub trait EngineMaker {
     fn arithmetic(&self) -> Arithmetic;
 
     /// Makes the engine of a training.
-    ///
-    /// # Errors
-    /// When the machine fails or lacks memory.
     fn make(&self, setup: Setup<'_>) -> Result<Box<dyn Engine>, EngineError>;
 
     /// The ranks that share a training.
@@ -222,19 +200,16 @@ impl<'a> Batch<'a> {
     }
 
     /// The setup of the training.
-    #[must_use]
     pub fn setup(&self) -> Setup<'a> {
         self.setup
     }
 
     /// Frames that every slot goes through, unless it ends before.
-    #[must_use]
     pub fn frames(&self) -> usize {
         self.frames
     }
 
     /// The slots, each before its first frame.
-    #[must_use]
     pub fn runs(self) -> Vec<SlotRun<'a>> {
         let (setup, frames) = (self.setup, self.frames);
         let (seed, count) = (setup.cfg.seed, setup.cfg.batch.samples);

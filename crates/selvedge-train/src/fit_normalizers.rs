@@ -1,5 +1,5 @@
 //! Fits the normalisers: statistics of inputs and targets over samples drawn as in training, before
-//! the first step. The fit goes sample by sample, so that a caller can report each and stop.
+//! the first step.
 
 use std::ops::ControlFlow;
 
@@ -10,27 +10,6 @@ use crate::losses::RunningLossStatistics;
 use crate::slot::{ShownSample, Slot, rng_of};
 use crate::training_set::TrainingSet;
 
-/// Progress of the fit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct FitProgress {
-    /// Samples so far.
-    pub done: usize,
-    /// Samples in all.
-    pub samples: usize,
-}
-
-/// A fit in progress.
-pub(crate) struct NormalizerFit<'a> {
-    cfg: &'a TrainConfig,
-    set: &'a TrainingSet,
-    done: usize,
-    nodes: RunningStatistics,
-    edges: RunningStatistics,
-    targets: RunningLossStatistics,
-    shown: ShownSample,
-    window: Window,
-}
-
 /// Statistics of inputs and targets.
 pub(crate) struct Statistics {
     /// Features of vertices and of arcs.
@@ -38,64 +17,34 @@ pub(crate) struct Statistics {
     pub(crate) targets: RunningLossStatistics,
 }
 
-impl<'a> NormalizerFit<'a> {
-    /// Statistics of no sample yet.
-    pub(crate) fn new(cfg: &'a TrainConfig, set: &'a TrainingSet) -> Self {
-        Self {
-            cfg,
-            set,
-            done: 0,
-            nodes: RunningStatistics::new(&node_groups(&cfg.model)),
-            edges: RunningStatistics::new(&edge_groups(&cfg.model)),
-            targets: RunningLossStatistics::default(),
-            shown: ShownSample::default(),
-            window: Window::default(),
-        }
-    }
-
-    /// Takes the next sample. Returns nothing when the samples of the configuration are done.
-    pub(crate) fn advance(&mut self) -> Option<FitProgress> {
-        let (cfg, spec) = (self.cfg, &self.cfg.model);
-        if self.done >= cfg.statistics_samples {
+/// The statistics of as many samples as the configuration says; none where `observe`, which is
+/// called after each, stops the fit.
+pub(crate) fn fit(
+    cfg: &TrainConfig,
+    set: &TrainingSet,
+    observe: &mut dyn FnMut() -> ControlFlow<()>,
+) -> Option<Statistics> {
+    let spec = &cfg.model;
+    let [mut nodes, mut edges] =
+        [node_groups(spec), edge_groups(spec)].map(|groups| RunningStatistics::new(&groups));
+    let mut targets = RunningLossStatistics::default();
+    let (mut shown, mut window) = (ShownSample::default(), Window::default());
+    // The last streams: no training reaches them. The bounds of both counts leave room.
+    let last = u64::MAX / cfg.batch.samples as u64 - 1;
+    for stream in last - cfg.statistics_samples as u64..last {
+        let mut rng = rng_of(cfg.seed, stream, 0, cfg.batch.samples);
+        Slot::new().show(cfg, set, &mut rng, &mut shown);
+        let graph = &*set.motion(shown.trajectory).graph;
+        let place = Place::alone(graph);
+        window.fit(spec, &place);
+        window.write(spec, graph, shown.window(), &place);
+        nodes.add(&window.nodes);
+        edges.add(&window.arcs);
+        targets.add(&shown.triplet(graph));
+        if observe().is_break() {
             return None;
         }
-        // The last streams: no training reaches them. The bounds of both counts leave room.
-        let last = u64::MAX / cfg.batch.samples as u64 - 1;
-        let stream = last - cfg.statistics_samples as u64 + self.done as u64;
-        let mut rng = rng_of(cfg.seed, stream, 0, cfg.batch.samples);
-        Slot::new().show(cfg, self.set, &mut rng, &mut self.shown);
-        let graph = &*self.set.motion(self.shown.trajectory).graph;
-        let place = Place::alone(graph);
-        self.window.fit(spec, &place);
-        self.window.write(spec, graph, self.shown.window(), &place);
-        self.nodes.add(&self.window.nodes);
-        self.edges.add(&self.window.arcs);
-        self.targets.add(&self.shown.triplet(graph));
-        self.done += 1;
-        Some(FitProgress {
-            done: self.done,
-            samples: cfg.statistics_samples,
-        })
     }
-
-    /// The statistics of all samples; none where `observe`, which hears of each, stops the fit.
-    pub(crate) fn observed(
-        mut self,
-        observe: &mut dyn FnMut(FitProgress) -> ControlFlow<()>,
-    ) -> Option<Statistics> {
-        while let Some(progress) = self.advance() {
-            if observe(progress).is_break() {
-                return None;
-            }
-        }
-        Some(self.finish())
-    }
-
-    /// The statistics so far.
-    pub(crate) fn finish(self) -> Statistics {
-        Statistics {
-            inputs: [self.nodes, self.edges],
-            targets: self.targets,
-        }
-    }
+    let inputs = [nodes, edges];
+    Some(Statistics { inputs, targets })
 }

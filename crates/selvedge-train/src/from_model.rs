@@ -9,7 +9,7 @@ use serde::Deserialize;
 use crate::checkpoint::differences_but_encoder;
 use crate::config::TrainConfig;
 use crate::engine::EngineMaker;
-use crate::fit_normalizers::{FitProgress, NormalizerFit, Statistics};
+use crate::fit_normalizers::{Statistics, fit};
 use crate::origin::Origin;
 use crate::trainer::{Parts, TrainError, Trainer, first_weights, prepare};
 
@@ -29,18 +29,15 @@ struct Account {
 impl Trainer {
     /// A new training from its first step, but with the weights of `model` and the statistics of
     /// its inputs and its output. What the losses are measured by is from samples of `dataset`;
-    /// `observe` hears of each and may stop there, which gives no training. Only the network must
+    /// `observe` is called after each and may stop there, which gives no training. Only the network must
     /// be that of the configuration, except its encoder: weights that the model has none for are
     /// fresh ([`Self::fresh_tensors`]).
-    ///
-    /// # Errors
-    /// As [`Self::new`], and [`TrainError::OtherModel`].
     pub fn from_model(
         cfg: TrainConfig,
         dataset: &Dataset,
         engine: &dyn EngineMaker,
         model: &Model,
-        observe: &mut dyn FnMut(FitProgress) -> ControlFlow<()>,
+        observe: &mut dyn FnMut() -> ControlFlow<()>,
     ) -> Result<Option<Self>, TrainError> {
         let differences =
             differences_but_encoder(model.spec(), &cfg.model).map_err(TrainError::Json)?;
@@ -48,7 +45,7 @@ impl Trainer {
             return Err(TrainError::OtherModel { differences });
         }
         let (set, network) = prepare(&cfg, dataset, engine.arithmetic())?;
-        let Some(fitted) = NormalizerFit::new(&cfg, &set).observed(observe) else {
+        let Some(fitted) = fit(&cfg, &set, observe) else {
             return Ok(None);
         };
         let normalizers = model.normalizers();
@@ -60,45 +57,37 @@ impl Trainer {
             targets: fitted.targets.with_acceleration(&normalizers.acceleration),
         };
         let of_model = Network::new(model.spec())?;
-        let taken = TakenWeights::new(&cfg, &network, &of_model, model.weights());
+        let (weights, fresh) = taken(&cfg, &network, &of_model, model.weights());
         let origins = origins(&model.training);
-        let parts = Parts::at_first_step(&cfg, network, taken.weights, statistics, origins)?;
+        let parts = Parts::at_first_step(&cfg, network, weights, statistics, origins)?;
         let mut trainer = Self::assemble(cfg, set, engine, parts)?;
-        trainer.fresh_tensors = taken.fresh;
+        trainer.fresh_tensors = fresh;
         Ok(Some(trainer))
     }
 }
 
-/// Weights of which a part comes from another network.
-pub(crate) struct TakenWeights {
-    pub(crate) weights: Vec<f32>,
-    /// Names of the tensors that the other network has not, in this shape.
-    pub(crate) fresh: Vec<String>,
-}
-
-impl TakenWeights {
-    /// The weights of `network`: those of `other` where that has a tensor of the same name and
-    /// shape, else as a training that begins with nothing has them.
-    pub(crate) fn new(
-        cfg: &TrainConfig,
-        network: &Network,
-        other: &Network,
-        other_weights: &[f32],
-    ) -> Self {
-        let mut weights = first_weights(cfg, network);
-        let mut fresh = Vec::new();
-        for parameter in network.parameters() {
-            let same = other.parameters().iter().find(|theirs| {
-                (&theirs.name, &theirs.shape) == (&parameter.name, &parameter.shape)
-            });
-            match same {
-                Some(theirs) => weights[parameter.range.clone()]
-                    .copy_from_slice(&other_weights[theirs.range.clone()]),
-                None => fresh.push(parameter.name.clone()),
-            }
+/// The weights of `network`: those of `other` where that has a tensor of the same name and shape,
+/// else as a training that begins with nothing has them; and the names of the latter.
+fn taken(
+    cfg: &TrainConfig,
+    network: &Network,
+    other: &Network,
+    other_weights: &[f32],
+) -> (Vec<f32>, Vec<String>) {
+    let mut weights = first_weights(cfg, network);
+    let mut fresh = Vec::new();
+    for parameter in network.parameters() {
+        let same = other
+            .parameters()
+            .iter()
+            .find(|theirs| (&theirs.name, &theirs.shape) == (&parameter.name, &parameter.shape));
+        match same {
+            Some(theirs) => weights[parameter.range.clone()]
+                .copy_from_slice(&other_weights[theirs.range.clone()]),
+            None => fresh.push(parameter.name.clone()),
         }
-        Self { weights, fresh }
     }
+    (weights, fresh)
 }
 
 /// The trainings that made a model, by its own account of them.

@@ -129,7 +129,6 @@ pub use engine::{
     OverRanksError, Setup, SlotRun, Update, run_slots,
 };
 pub use expert::{Expert, ExpertState};
-pub use fit_normalizers::FitProgress;
 pub use losses::{
     ComputedTerms, LossEvaluator, LossStatistics, LossTerms, LossWeights, LossWeightsError,
     RunningLossStatistics, Triplet,

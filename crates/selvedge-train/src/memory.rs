@@ -95,7 +95,6 @@ fn of_slots(cfg: &TrainConfig, micro_batches: usize, vertices: usize) -> f64 {
 
 /// Memory for this program `[bytes]`: the least of the machine's, that of the control group and the
 /// limit of the address space (Linux).
-#[must_use]
 pub fn available_memory() -> f64 {
     let text = |path| std::fs::read_to_string(path).unwrap_or_default();
     let said = [

@@ -73,9 +73,6 @@ impl Default for AdamSettings {
 
 impl AdamSettings {
     /// Checks the range of each constant.
-    ///
-    /// # Errors
-    /// [`AdamError::Setting`] names the field.
     pub fn validate(&self) -> Result<(), AdamError> {
         let error = |field, expected, found| {
             Err(AdamError::Setting {
@@ -98,9 +95,6 @@ impl AdamSettings {
 
 impl Adam {
     /// Before the first step of `parameter_count` parameters.
-    ///
-    /// # Errors
-    /// [`AdamError::Setting`].
     pub fn new(settings: AdamSettings, parameter_count: usize) -> Result<Self, AdamError> {
         settings.validate()?;
         Ok(Self {
@@ -112,9 +106,6 @@ impl Adam {
     }
 
     /// The optimiser of a checkpoint: moments `[parameters]` after `steps` steps.
-    ///
-    /// # Errors
-    /// [`AdamError`] when the settings or a moment cannot be used.
     pub fn resume(
         settings: AdamSettings,
         first_moment: Vec<f32>,
@@ -145,26 +136,22 @@ impl Adam {
     }
 
     /// The first moment m, `[parameters]`.
-    #[must_use]
     pub fn first_moment(&self) -> &[f32] {
         &self.first_moment
     }
 
     /// The second moment v, `[parameters]`.
-    #[must_use]
     pub fn second_moment(&self) -> &[f32] {
         &self.second_moment
     }
 
     /// Steps taken.
-    #[must_use]
     pub fn steps(&self) -> u64 {
         self.steps
     }
 
     /// The constants of the next step, for a machine that takes it by itself and then says so by
     /// [`Self::count_step`].
-    #[must_use]
     pub fn next_rates(&self, learning_rate: f64) -> AdamRates {
         AdamRates::new(&self.settings, self.steps + 1, learning_rate)
     }

@@ -108,7 +108,6 @@ pub struct LogError {
     source: std::io::Error,
 }
 
-/// A line of the log.
 #[derive(Serialize)]
 struct LogLine {
     step: u64,

@@ -87,9 +87,6 @@ impl Default for UnrollFrames {
 
 impl UnrollFrames {
     /// Checks the number and the order of steps.
-    ///
-    /// # Errors
-    /// Names the field.
     pub(crate) fn validate(&self) -> Result<(), ScheduleError> {
         let (schedule, most) = ("unroll", self.most());
         check((1..=1000).contains(&most), || {
@@ -115,7 +112,6 @@ impl UnrollFrames {
     }
 
     /// The largest number.
-    #[must_use]
     pub fn most(&self) -> usize {
         match *self {
             Self::Constant { frames } | Self::Growing { frames, .. } => frames,
@@ -124,7 +120,6 @@ impl UnrollFrames {
 
     /// The number of step `step`, counted from 0; growing from `start` to `end` it is
     /// 1 + ⌊(frames - 1) (step - start) / (end - start)⌋.
-    #[must_use]
     pub fn at(&self, step: u64) -> usize {
         match *self {
             Self::Constant { frames } => frames,
@@ -148,9 +143,6 @@ pub struct ScheduleError {
 
 impl LearningRate {
     /// Checks rates and the order of steps.
-    ///
-    /// # Errors
-    /// Names the field.
     pub fn validate(&self) -> Result<(), ScheduleError> {
         let positive = |field, rate: f64| {
             check(rate.is_finite() && rate > 0.0, || {
@@ -193,7 +185,6 @@ impl LearningRate {
     /// The rate of step `step`, counted from 0 `[eq:learning-rate]`. Cosine: for `step` < warmup
     /// from (step + 1) / (warmup + 1); then
     /// to + (from - to) (1 + cos(π (step - warmup) / (end - warmup))) / 2; from `end` on, to.
-    #[must_use]
     pub fn at(&self, step: u64) -> f64 {
         match *self {
             Self::Constant { rate } => rate,
@@ -222,9 +213,6 @@ impl LearningRate {
 
 impl TruthProbability {
     /// Checks the probability and the order of steps.
-    ///
-    /// # Errors
-    /// Names the field.
     pub fn validate(&self) -> Result<(), ScheduleError> {
         let Self::Linear {
             start,
@@ -263,7 +251,6 @@ impl TruthProbability {
 
     /// The probability at step `step`, counted from 0 `[eq:scheduled-sampling]`:
     /// 1 - (1 - probability) clamp((step - start) / (end - start), 0, 1).
-    #[must_use]
     pub fn at(&self, step: u64) -> f64 {
         match *self {
             Self::Always {} => 1.0,

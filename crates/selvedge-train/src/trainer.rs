@@ -17,7 +17,7 @@ use thiserror::Error;
 use crate::config::{InvalidConfig, TrainConfig};
 use crate::engine::{Batch, Engine, EngineError, EngineMaker, Learned, Setup, Update};
 use crate::expert::Expert;
-use crate::fit_normalizers::{FitProgress, NormalizerFit, Statistics};
+use crate::fit_normalizers::{Statistics, fit};
 use crate::losses::{LossStatistics, LossTerms, RunningLossStatistics};
 use crate::memory::{Arithmetic, MemoryError, check_memory};
 use crate::optimizer::{Adam, AdamError};
@@ -70,7 +70,6 @@ pub struct StepReport {
 /// Wishes of a rank after a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Wishes {
-    /// To stop here.
     pub(crate) stop: bool,
     /// To write a checkpoint.
     pub(crate) save: bool,
@@ -127,50 +126,31 @@ impl From<ClusterError> for TrainError {
 impl Trainer {
     /// A training at its first step on the engine that `engine` makes: fresh weights, statistics
     /// from `statistics_samples` samples.
-    ///
-    /// # Errors
-    /// [`TrainError`] when the configuration or the data set cannot be used, there is not enough
-    /// memory for both, or the engine cannot be made.
     pub fn new(
         cfg: TrainConfig,
         dataset: &Dataset,
         engine: &dyn EngineMaker,
     ) -> Result<Self, TrainError> {
-        let (set, network) = prepare(&cfg, dataset, engine.arithmetic())?;
-        let mut fit = NormalizerFit::new(&cfg, &set);
-        while fit.advance().is_some() {}
-        let statistics = fit.finish();
-        Self::begin(cfg, set, engine, network, statistics)
+        let mut go_on = || ControlFlow::Continue(());
+        let trainer = Self::new_observed(cfg, dataset, engine, &mut go_on)?;
+        trainer.ok_or(TrainError::Stopped { step: 0 })
     }
 
-    /// The same with an observer: `observe` hears of every sample of the statistics and may stop
-    /// the fit, which gives no training.
-    ///
-    /// # Errors
-    /// As [`Self::new`].
+    /// The same with an observer: `observe` is called after every sample of the statistics and may
+    /// stop the fit, which gives no training.
     pub fn new_observed(
         cfg: TrainConfig,
         dataset: &Dataset,
         engine: &dyn EngineMaker,
-        observe: &mut dyn FnMut(FitProgress) -> ControlFlow<()>,
+        observe: &mut dyn FnMut() -> ControlFlow<()>,
     ) -> Result<Option<Self>, TrainError> {
         let (set, network) = prepare(&cfg, dataset, engine.arithmetic())?;
-        let Some(statistics) = NormalizerFit::new(&cfg, &set).observed(observe) else {
+        let Some(statistics) = fit(&cfg, &set, observe) else {
             return Ok(None);
         };
-        Self::begin(cfg, set, engine, network, statistics).map(Some)
-    }
-
-    fn begin(
-        cfg: TrainConfig,
-        set: TrainingSet,
-        engine: &dyn EngineMaker,
-        network: Network,
-        statistics: Statistics,
-    ) -> Result<Self, TrainError> {
         let weights = first_weights(&cfg, &network);
         let parts = Parts::at_first_step(&cfg, network, weights, statistics, Vec::new())?;
-        Self::assemble(cfg, set, engine, parts)
+        Self::assemble(cfg, set, engine, parts).map(Some)
     }
 
     pub(crate) fn assemble(
@@ -222,9 +202,6 @@ impl Trainer {
 
     /// Copies weights and optimiser from the engine, for [`Self::save`] and [`Self::model`]. The
     /// engine of this machine's processor always has them here.
-    ///
-    /// # Errors
-    /// When the engine fails.
     pub fn collect(&mut self) -> Result<(), TrainError> {
         self.engine.collect(&mut self.learned)?;
         if self.ranks.are_several() {
@@ -254,7 +231,6 @@ impl Trainer {
     }
 
     /// The ranks that share the training.
-    #[must_use]
     pub fn ranks(&self) -> &Ranks {
         &self.ranks
     }
@@ -344,79 +320,63 @@ impl Trainer {
     }
 
     /// Weights and optimiser as they were last collected.
-    #[must_use]
     pub fn learned(&self) -> &Learned {
         &self.learned
     }
 
     /// Steps done so far.
-    #[must_use]
     pub fn steps_done(&self) -> u64 {
         self.step
     }
 
     /// The configuration.
-    #[must_use]
     pub fn config(&self) -> &TrainConfig {
         &self.cfg
     }
 
     /// Number of weights.
-    #[must_use]
     pub fn parameter_count(&self) -> usize {
         self.learned.weights.len()
     }
 
     /// Number of tensors of weights.
-    #[must_use]
     pub fn tensor_count(&self) -> usize {
         self.network.parameters().len()
     }
 
     /// Number of samples in the sections of the data set.
-    #[must_use]
     pub fn sample_count(&self) -> u64 {
         self.set.sample_count() as u64
     }
 
     /// The name of the data set.
-    #[must_use]
     pub fn dataset_name(&self) -> &str {
         &self.set.name
     }
 
     /// The trainings whose weights this one began with, the first one first; none where it began
     /// with its own.
-    #[must_use]
     pub fn origins(&self) -> &[Origin] {
         &self.origins
     }
 
     /// Names of the tensors that the training or the model that this one began with has not, so
     /// that they begin with random numbers; none where it has them all, and none after a resume.
-    #[must_use]
     pub fn fresh_tensors(&self) -> &[String] {
         &self.fresh_tensors
     }
 
     /// The domain of what is learned from.
-    #[must_use]
     pub fn domain(&self) -> &Domain {
         self.set.domain()
     }
 
     /// The mean gradient of the last step, after clipping, laid out like the weights.
-    ///
-    /// # Errors
-    /// When the engine fails.
     pub fn gradient(&mut self) -> Result<Vec<f32>, TrainError> {
         Ok(self.engine.gradient()?)
     }
 
     /// The model as it was last collected, with `training` as its account of how it was trained.
-    ///
-    /// # Errors
-    /// [`TrainError::Model`] when a weight is not finite.
     pub fn model(&self, training: String) -> Result<Model, TrainError> {
         let model = &self.cfg.model;
         Ok(self.learned.model(model, &self.normalizers, training)?)

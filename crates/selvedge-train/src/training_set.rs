@@ -100,9 +100,6 @@ pub enum TrainingSetError {
 
 /// The graph of a trajectory's cloth in the environment of its scene (the default one where it
 /// has no scene).
-///
-/// # Errors
-/// [`TrainingSetError`] when the scene's environment cannot be read, or the parts do not fit.
 pub fn graph_of(motion: &str, trajectory: &Trajectory) -> Result<ClothGraph, TrainingSetError> {
     let environment = environment_of(motion, trajectory)?;
     let cloth = trajectory.cloth();
@@ -114,9 +111,6 @@ pub fn graph_of(motion: &str, trajectory: &Trajectory) -> Result<ClothGraph, Tra
 
 /// The domain of a trajectory: its handles frame by frame, its cloth and, where its scene is known,
 /// environment and fabrics. Frames without a scene say nothing of these.
-///
-/// # Errors
-/// [`TrainingSetError::Environment`] when the scene's environment cannot be read.
 pub fn domain_of(motion: &str, trajectory: &Trajectory) -> Result<Domain, TrainingSetError> {
     let scene = &trajectory.provenance().scene;
     let environment = environment_of(motion, trajectory)?;

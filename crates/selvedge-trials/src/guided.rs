@@ -34,9 +34,6 @@ struct Tally {
 
 /// Runs the targets of these names, or all, each for `span`; returns false where something was
 /// found.
-///
-/// # Errors
-/// A target that there is not, or a program that cannot be built.
 pub(crate) fn run(span: Duration, targets: &[String]) -> Result<bool> {
     let names = fuzz::names();
     for name in targets {

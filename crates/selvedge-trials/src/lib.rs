@@ -1,7 +1,6 @@
 //! Trials that take minutes or hours, each a command: `fuzz` gives damaged files to every reader
-//! under libFuzzer, `faults` has calls of the system fail
-//! under every command, `kill` ends long commands at random times, `soak`
-//! runs steppers and the viewer for long, `load` puts many connections on the viewer.
+//! under libFuzzer, `faults` has calls of the system fail under every command, `soak` runs steppers
+//! and the viewer for long.
 //!
 //! `cargo xtask` starts them. Every trial is made from a seed, says what it did in a row of a
 //! table, and ends with an error where something did not hold.
@@ -13,8 +12,6 @@
 mod faults;
 mod fuzz;
 mod guided;
-mod kill;
-mod load;
 mod program;
 mod soak;
 mod viewer;
@@ -24,7 +21,6 @@ use std::time::Duration;
 
 use clap::Parser;
 use faults::Side;
-use kill::Order;
 use selvedge_lab::span;
 
 pub use fuzz::{Guided, Replayed, replay};
@@ -57,18 +53,6 @@ enum Trial {
         #[arg(long, default_value_t = 1)]
         seed: u64,
     },
-    /// Ends train, generate, study, import and export by kill -9 at random times
-    Kill {
-        /// Of each command
-        #[arg(long, default_value_t = 20)]
-        kills: u32,
-        /// Only this one (repeat for several)
-        #[arg(long)]
-        command: Vec<String>,
-        /// Other times
-        #[arg(long, default_value_t = 1)]
-        seed: u64,
-    },
     /// Steppers and the viewer for long; their memory stays level
     Soak {
         /// Of every stepper
@@ -87,22 +71,9 @@ enum Trial {
         #[arg(long, default_value_t = 1)]
         seed: u64,
     },
-    /// Connections, pages and requests for the viewer; a page is answered in time
-    Load {
-        /// Connections that say nothing or half a request
-        #[arg(long, default_value_t = 400)]
-        half_open: usize,
-        /// Pages that watch it and pull at it
-        #[arg(long, default_value_t = 30)]
-        pages: u32,
-        /// Other hands
-        #[arg(long, default_value_t = 1)]
-        seed: u64,
-    },
 }
 
 /// Runs the trial that the command line names. The exit code says whether everything held.
-#[must_use]
 pub fn run() -> ExitCode {
     let outcome = match Trial::parse() {
         Trial::Fuzz { span, target } => guided::run(span, &target),
@@ -112,11 +83,6 @@ pub fn run() -> ExitCode {
             command,
             seed,
         } => faults::run(faults, &of, &command, seed),
-        Trial::Kill {
-            kills,
-            command,
-            seed,
-        } => kill::run(Order { kills, seed }, &command),
         Trial::Soak {
             steps,
             span,
@@ -124,11 +90,6 @@ pub fn run() -> ExitCode {
             only,
             seed,
         } => soak::run(steps, span, pages, &only, seed),
-        Trial::Load {
-            half_open,
-            pages,
-            seed,
-        } => load::run(half_open, pages, seed),
     };
     match outcome {
         Ok(true) => ExitCode::SUCCESS,

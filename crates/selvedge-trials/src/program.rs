@@ -13,9 +13,6 @@ pub(crate) struct Program(PathBuf);
 
 impl Program {
     /// The program of the variable `SELVEDGE`, or the one beside this program.
-    ///
-    /// # Errors
-    /// When there is none.
     pub(crate) fn find() -> Result<Self> {
         let path = match std::env::var_os("SELVEDGE") {
             Some(path) => std::path::absolute(path).context("SELVEDGE")?,
@@ -38,7 +35,6 @@ impl Program {
         Self(path.to_owned())
     }
 
-    /// Its path.
     pub(crate) fn path(&self) -> &Path {
         &self.0
     }
@@ -57,9 +53,6 @@ impl Program {
     }
 
     /// Runs the program, which must succeed.
-    ///
-    /// # Errors
-    /// Another exit code, with what was said.
     pub(crate) fn run(&self, folder: &Path, arguments: &str) -> Result<()> {
         let output = self
             .command(folder, arguments)
@@ -75,9 +68,6 @@ impl Program {
 }
 
 /// Copies the folder `from` and all in it to `to`, which is made.
-///
-/// # Errors
-/// A file that cannot be read or written.
 pub(crate) fn copy_folder(from: &Path, to: &Path) -> Result<()> {
     fs::create_dir(to).with_context(|| to.display().to_string())?;
     for entry in fs::read_dir(from).with_context(|| from.display().to_string())? {

@@ -9,12 +9,12 @@ use std::{fs, thread};
 
 use anyhow::{Context, Result, bail, ensure};
 use glam::DVec3;
-use selvedge_cloth::{Cloth, HandleTargets, Scene, Stepper};
+use selvedge_cloth::{HandleTargets, Scene, Stepper};
 use selvedge_data::open_scene;
-use selvedge_guard::{Guard, GuardSettings};
+use selvedge_guard::{Correction, GuardSettings};
 use selvedge_lab::machine::Machine;
-use selvedge_lab::models::{self, NamedModel};
-use selvedge_lab::physics;
+use selvedge_lab::models::NamedModel;
+use selvedge_lab::{physics, start};
 use selvedge_sim::{Simulator, Threads};
 
 use crate::fuzz::{SCENE, TRAINING};
@@ -56,9 +56,6 @@ impl Curve {
 }
 
 /// Runs what is called so, or all; returns false where memory grew.
-///
-/// # Errors
-/// A run that failed.
 pub(crate) fn run(
     steps: u64,
     span: Duration,
@@ -118,37 +115,27 @@ fn stepper(name: &str, program: &Program, folder: &Path, steps: u64) -> Result<C
     walk(scene, &mut *stepper, &start, steps)
 }
 
-/// A model that has barely learned, alone; or the shipped network under its guard.
+/// A model that has barely learned, which is only watched; or the shipped one under its guard.
 fn learned(
     name: &str,
     program: &Program,
     folder: &Path,
     scene: &Scene,
-    start: &[DVec3],
+    rest: &[DVec3],
 ) -> Result<Box<dyn Stepper>> {
-    let model = match name {
-        "guard" => NamedModel::open(Some(Path::new("paper")))?,
+    let (file, correction) = match name {
+        "guard" => ("paper".into(), Correction::Limit),
         _ => {
             program.run(folder, "data generate tiny -o tiny")?;
             program.run(folder, "train moment.toml --data tiny -o run")?;
-            NamedModel::open(Some(&folder.join("run/model.safetensors")))?
+            (folder.join("run/model.safetensors"), Correction::None)
         }
     };
-    let cloth = Cloth::of_scene(scene, physics::rounded(start))?;
-    let graph = models::graph_of_scene(scene, &cloth)?;
-    let stepper = model.start(graph, cloth.rest_positions(), &Machine::Cpu)?;
-    if name != "guard" {
-        return Ok(Box::new(stepper));
-    }
-    let (known, settings) = (Arc::new(scene.clone()), GuardSettings::default());
-    let rate = scene.frame_rate;
-    Ok(Box::new(Guard::new(
-        stepper,
-        &cloth,
-        rate,
-        Some(known),
-        settings,
-    )?))
+    let model = NamedModel::open(Some(&file))?;
+    let settings = GuardSettings::with(correction);
+    let scene = Arc::new(scene.clone());
+    let guarded = start::guarded(&scene, rest, &model, &Machine::Cpu, settings)?;
+    Ok(Box::new(guarded))
 }
 
 fn walk(scene: &Scene, stepper: &mut dyn Stepper, start: &[DVec3], steps: u64) -> Result<Curve> {

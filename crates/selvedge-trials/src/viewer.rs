@@ -26,8 +26,6 @@ pub(crate) const SILENCE: Duration = Duration::from_secs(60);
 pub(crate) struct Shared {
     pub(crate) now: AtomicU32,
     pub(crate) stop: AtomicBool,
-    /// A page gave up.
-    pub(crate) failed: AtomicBool,
 }
 
 /// The program `selvedge view`, which is ended when it is no longer needed.
@@ -45,9 +43,6 @@ impl Drop for Viewer {
 
 impl Viewer {
     /// Serves the scene `push.toml` in `folder`, moved by physics.
-    ///
-    /// # Errors
-    /// A program that ends, or does not answer.
     pub(crate) fn start(program: &Program, folder: &Path) -> Result<Self> {
         // A port that is free now.
         let port = TcpListener::bind("127.0.0.1:0")?.local_addr()?.port();
@@ -70,22 +65,16 @@ impl Viewer {
     }
 
     /// Returns true while it runs.
-    ///
-    /// # Errors
-    /// What the system says of its process.
     pub(crate) fn is_alive(&mut self) -> Result<bool> {
         Ok(self.child.try_wait()?.is_none())
     }
 }
 
 /// A page that takes up frames and pulls handles about.
-///
-/// # Errors
-/// A socket that fails, or over which nothing comes.
 pub(crate) fn page(address: SocketAddr, number: u32, seed: u64, shared: &Shared) -> Result<()> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(u64::from(number));
-    let mut socket = connected(address).with_context(|| format!("page {number}"))?;
+    let mut socket = connect(address).with_context(|| format!("page {number}"))?;
     if number == 0 {
         send(&mut socket, 19, br#"{"do":"rate","rate":4.0}"#)?;
     }
@@ -119,18 +108,6 @@ pub(crate) fn page(address: SocketAddr, number: u32, seed: u64, shared: &Shared)
         }
     }
     Ok(())
-}
-
-/// A socket of the viewer. Under load a connection may be closed before its request is read, so
-/// that others have room; as a page in a browser does, this tries again.
-fn connected(address: SocketAddr) -> Result<WebSocket<TcpStream>> {
-    let until = Instant::now() + SILENCE;
-    loop {
-        match connect(address) {
-            Err(_) if Instant::now() < until => thread::sleep(Duration::from_millis(100)),
-            outcome => return outcome,
-        }
-    }
 }
 
 fn connect(address: SocketAddr) -> Result<WebSocket<TcpStream>> {

@@ -17,10 +17,11 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use glam::DVec3;
 use selvedge_cloth::{Cloth, HandleTargets, Scene, Stepper};
 use selvedge_data::open_scene;
-use selvedge_guard::{Guard, GuardSettings};
+use selvedge_guard::GuardSettings;
 use selvedge_lab::machine::Machine;
-use selvedge_lab::models::{self, NamedModel};
-use selvedge_lab::physics;
+use selvedge_lab::models::NamedModel;
+use selvedge_lab::{physics, start};
+use selvedge_model::{ClothGraph, LearnedStepper};
 
 static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
 
@@ -80,14 +81,16 @@ fn frames_after_the_first_allocate_nothing() {
     let pool = pool.unwrap();
     for is_guarded in [false, true] {
         let model = NamedModel::open(Some(Path::new("paper"))).unwrap();
-        let graph = models::graph_of_scene(scene, &cloth).unwrap();
-        let start = model.start(graph, cloth.rest_positions(), &Machine::Cpu);
         let mut stepper: Box<dyn Stepper + Send> = match is_guarded {
-            false => Box::new(start.unwrap()),
+            false => {
+                let graph = ClothGraph::new(&cloth, scene.environment, scene.frame_rate);
+                let rest = cloth.rest_positions();
+                Box::new(LearnedStepper::new(model.model, graph.unwrap(), &[rest]).unwrap())
+            }
             true => {
                 let (known, settings) = (Arc::new(scene.clone()), GuardSettings::default());
-                let rate = scene.frame_rate;
-                Box::new(Guard::new(start.unwrap(), &cloth, rate, Some(known), settings).unwrap())
+                let rest = &rest.positions;
+                Box::new(start::guarded(&known, rest, &model, &Machine::Cpu, settings).unwrap())
             }
         };
         let counts = pool.install(|| quiet_round(scene, &mut *stepper, &rest.positions));

@@ -29,7 +29,6 @@ pub(crate) struct Wish {
 /// The choices of an export.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Choice {
-    /// The frames.
     pub(crate) frames: FrameSpan,
     /// The axis that points up.
     pub(crate) up: UpAxis,
@@ -168,9 +167,6 @@ impl Wish {
     }
 
     /// The number of frames that are written of a run of `frames`.
-    ///
-    /// # Errors
-    /// Where the run does not have them.
     pub(crate) fn count(&self, frames: usize) -> anyhow::Result<usize> {
         Ok(self.choice.frames.of(frames)?.len())
     }
@@ -273,9 +269,6 @@ impl Kind {
 }
 
 /// Returns the exports that `--export` asks for, each checked.
-///
-/// # Errors
-/// As [`Wish::new`]; wrong usage for a format of one frame.
 pub(crate) fn wishes(paths: &[PathBuf]) -> anyhow::Result<Vec<Wish>> {
     let wish = |path: &PathBuf| {
         let wish = Wish::new(path, None)?;
@@ -298,9 +291,6 @@ pub(crate) fn outputs(wishes: &[Wish]) -> Vec<PathBuf> {
 
 /// Writes each wish of a run that ended so, and says where; nothing after an interruption, which is
 /// said.
-///
-/// # Errors
-/// As [`Wish::fulfil`].
 pub(crate) fn fulfil(
     wishes: &[Wish],
     trajectory: &Trajectory,

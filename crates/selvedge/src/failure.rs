@@ -6,7 +6,6 @@ use std::io::Write;
 
 use selvedge_lab::evaluation::ChoiceError;
 
-/// Failed.
 const FAILED: u8 = 1;
 /// Wrong usage, as clap has it.
 const WRONG_USAGE: u8 = 2;

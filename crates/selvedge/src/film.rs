@@ -72,9 +72,6 @@ fn ended(result: Result<(), Halt>) -> anyhow::Result<End> {
 }
 
 /// Checks that ffmpeg can be run.
-///
-/// # Errors
-/// When it cannot, with what to do.
 pub(crate) fn check_ffmpeg() -> anyhow::Result<()> {
     let asked = Command::new(FFMPEG)
         .arg("-version")

@@ -30,9 +30,6 @@ const LOOK: Duration = Duration::from_millis(20);
 pub(crate) const EXIT_CODE: u8 = 130;
 
 /// Starts to listen for presses.
-///
-/// # Errors
-/// When the system refuses a handler.
 pub(crate) fn install() -> anyhow::Result<()> {
     ctrlc::set_handler(|| {
         if REQUESTED.swap(true, Ordering::SeqCst) {

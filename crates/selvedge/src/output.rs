@@ -51,7 +51,6 @@ pub(crate) struct Answer {
 /// The reader of an answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Reader {
-    /// A person.
     Person,
     /// A program: JSON.
     Program,
@@ -59,9 +58,6 @@ pub(crate) enum Reader {
 
 impl Answer {
     /// An answer whose JSON is `report`.
-    ///
-    /// # Errors
-    /// When the report is no JSON object.
     pub(crate) fn new(text: impl Display, report: &impl Serialize) -> anyhow::Result<Self> {
         Ok(Self {
             text: text.to_string(),
@@ -85,9 +81,6 @@ impl Answer {
     }
 
     /// Returns the end of the command, after its answer was printed.
-    ///
-    /// # Errors
-    /// What is not as it should be.
     pub(crate) fn outcome(self) -> anyhow::Result<End> {
         match self.problem {
             Some(problem) => Err(anyhow::Error::msg(problem)),
@@ -126,7 +119,6 @@ pub(crate) struct Table {
 }
 
 impl Table {
-    /// A table with these headings.
     pub(crate) fn new<'a>(headings: impl IntoIterator<Item = &'a str>) -> Self {
         Self {
             rows: vec![headings.into_iter().map(str::to_owned).collect()],
@@ -181,7 +173,6 @@ impl Facts {
         Self::default()
     }
 
-    /// Adds a fact.
     pub(crate) fn add(&mut self, name: &'static str, value: impl Display) {
         self.lines.push((name, value.to_string()));
     }

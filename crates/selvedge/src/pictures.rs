@@ -14,9 +14,6 @@ use crate::progress::Progress;
 
 /// Writes a contact sheet (.png) of moments in motion; beside a truth, the model's run once
 /// more in the colours of its error.
-///
-/// # Errors
-/// What cannot be drawn or written.
 pub(crate) fn write_sheet(path: &Path, show: &Show<'_>) -> anyhow::Result<()> {
     let png = pictures::sheet(show)?;
     Ok(write_atomically(path, |out| out.write_all(&png))?)
@@ -24,9 +21,6 @@ pub(crate) fn write_sheet(path: &Path, show: &Show<'_>) -> anyhow::Result<()> {
 
 /// Writes a contact sheet (.png) of moments in motion in the colours of the strain: of each vertex,
 /// the largest elongation of its edges against the material.
-///
-/// # Errors
-/// What cannot be drawn or written.
 pub(crate) fn write_strain_sheet(
     path: &Path,
     title: &str,
@@ -37,9 +31,6 @@ pub(crate) fn write_strain_sheet(
 }
 
 /// Writes a clip (.gif) in real time. A clip that is interrupted ends early, but is whole.
-///
-/// # Errors
-/// What cannot be drawn or written.
 pub(crate) fn write_clip_of(path: &Path, show: &Show<'_>) -> anyhow::Result<End> {
     let count = pictures::clip_pictures(show.prediction);
     let progress = Progress::new("drawing the clip", count, "pictures");

@@ -32,9 +32,6 @@ pub(crate) fn check_file(path: &Path, flag: &str, extensions: &[&str]) -> anyhow
 }
 
 /// Checks that the file `path` can be made: its folder exists, and it is no folder itself.
-///
-/// # Errors
-/// What is in the way.
 pub(crate) fn check_new_file(path: &Path) -> anyhow::Result<()> {
     check_folder_above(path)?;
     if path.is_dir() {
@@ -45,9 +42,6 @@ pub(crate) fn check_new_file(path: &Path) -> anyhow::Result<()> {
 
 /// Checks that the folder `path` can be made with new files in it: the folder above exists, and it
 /// does not, or is empty.
-///
-/// # Errors
-/// What is in the way.
 pub(crate) fn check_new_folder(path: &Path) -> anyhow::Result<()> {
     check_folder_above(path)?;
     if path.exists() && !path.is_dir() {

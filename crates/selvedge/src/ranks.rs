@@ -14,9 +14,6 @@ use crate::{interrupt, progress};
 static RANKS: OnceLock<Ranks> = OnceLock::new();
 
 /// Joins the other ranks, where there are some; `shares` says that the command is for several.
-///
-/// # Errors
-/// A command that is of one rank, a program that was built for one, or an MPI that fails.
 pub(crate) fn open(shares: bool) -> anyhow::Result<()> {
     let joined = joined()?;
     let ranks = RANKS.get_or_init(|| joined);

@@ -5,7 +5,6 @@
 pub(super) struct Block<'a> {
     /// Words after the opening fence: the language, then attributes.
     pub(super) info: Vec<&'a str>,
-    /// Its lines.
     pub(super) lines: Vec<&'a str>,
     /// Number of the line of the opening fence, counted from 1.
     pub(super) opens_at: usize,

@@ -19,9 +19,6 @@ use crate::metadata;
 use crate::tree::Tree;
 
 /// Checks the book and builds it.
-///
-/// # Errors
-/// When the repository cannot be read, or there are faults; these are printed before.
 pub(crate) fn check() -> Result<()> {
     let root = PathBuf::from(metadata::workspace_root()?);
     let tree = Tree::read(&root)?;
@@ -56,9 +53,6 @@ fn with_tool(root: &Path, name: &str, arguments: &[&str]) -> Result<()> {
 }
 
 /// Writes the quotes and the commands reference anew.
-///
-/// # Errors
-/// When a page cannot be read or written, or the program cannot be built.
 pub(crate) fn write() -> Result<()> {
     let root = PathBuf::from(metadata::workspace_root()?);
     quotes::write(&root, &Tree::read(&root)?)?;
@@ -84,9 +78,6 @@ pub(crate) fn write() -> Result<()> {
 }
 
 /// Runs the quick commands of README and book.
-///
-/// # Errors
-/// When the program cannot be built, or a command fails.
 pub(crate) fn run() -> Result<()> {
     let root = PathBuf::from(metadata::workspace_root()?);
     quick::run(&root, &Tree::read(&root)?)

@@ -33,9 +33,6 @@ pub(super) fn check(tree: &Tree) -> Vec<Violation> {
 }
 
 /// Writes the pages anew whose quotes are not their files.
-///
-/// # Errors
-/// Names the page that cannot be written.
 pub(super) fn write(root: &Path, tree: &Tree) -> Result<()> {
     for page in pages(tree) {
         let (text, _) = quoted(&page.path, &page.text, tree);

@@ -20,9 +20,6 @@ use crate::tree::Tree;
 use crate::violation::Violation;
 
 /// Runs every check on the workspace of the current directory.
-///
-/// # Errors
-/// When there is any violation, or the workspace cannot be read.
 pub(crate) fn run() -> Result<()> {
     let root = metadata::workspace_root()?;
     let tree = Tree::read(Path::new(&root))?;

@@ -7,14 +7,13 @@ use selvedge_cloth::generate::{NamedSheet, named_sheets};
 use selvedge_cloth::{Cloth, Integrator, Motion, PhysicsSettings, RandomMotion};
 use selvedge_data::{
     Dataset, Entry, LoadedScene, NamedCloth, SavedState, SceneFileError, SceneSpec, Split,
-    StartSpec,
 };
 use serde_json::Value;
 
 use super::error::{ChoiceError, EvaluateError};
 use super::method::PhysicsMethod;
 use crate::event::{OnEvent, Reporter};
-use crate::{fitting, physics};
+use crate::physics;
 
 /// A cloth and a motion on which methods are measured.
 #[derive(Clone)]
@@ -57,9 +56,6 @@ pub struct RandomCases {
 impl Case {
     /// The trajectories of `split`, or those of `motions` where there are any, of a data set that
     /// is called so in tables.
-    ///
-    /// # Errors
-    /// A motion that is not there, or no trajectory at all.
     pub fn recorded(
         set: &str,
         data: &Dataset,
@@ -91,9 +87,6 @@ impl Case {
 
     /// Every one of `scenes` of every one of `materials` and with every one of `motions`; with its
     /// own where there are none. A run by `reference` is the truth.
-    ///
-    /// # Errors
-    /// A material or a motion that is not there, or does not fit a scene.
     pub fn converged(
         scenes: &[LoadedScene],
         materials: &[String],
@@ -116,9 +109,6 @@ impl Case {
 
     /// Random motions on the cloth of a scene, or on the cloths that take its place, each from its
     /// rest pose.
-    ///
-    /// # Errors
-    /// A scene that releases handles, an unknown cloth, or a rest pose that is not found.
     pub fn random(
         loaded: &LoadedScene,
         random: &RandomCases,
@@ -157,9 +147,6 @@ impl Case {
     }
 
     /// Frames of the motion that have passed where the case begins, and where it ends.
-    ///
-    /// # Errors
-    /// A motion that cannot drive the handles.
     pub(super) fn span(&self) -> Result<[usize; 2], ChoiceError> {
         match &self.source {
             Source::Recorded(_, entry) => Ok([0, entry.frames.saturating_sub(1)]),
@@ -183,31 +170,6 @@ impl Case {
         let words = self.name.split(|c: char| !c.is_alphanumeric());
         let words = words.filter(|word| !word.is_empty());
         words.collect::<Vec<_>>().join("-")
-    }
-
-    /// The state in which a converged run starts, as its scene says.
-    ///
-    /// # Errors
-    /// A scene that comes to no rest.
-    pub(super) fn start(
-        loaded: &LoadedScene,
-        reporter: &Reporter<'_>,
-    ) -> Result<SavedState, EvaluateError> {
-        match (&loaded.state, &loaded.spec.start) {
-            (Some(state), _) => Ok(state.clone()),
-            (None, StartSpec::Rest) => {
-                let rest = physics::find_rest_pose(&loaded.scene, reporter)?;
-                Ok(SavedState::at_rest(rest.positions))
-            }
-            (None, StartSpec::Fit) => {
-                let cloth = fitting::fit_within(loaded, reporter)?;
-                if let Some(warning) = &cloth.warning {
-                    reporter.remark(warning);
-                }
-                Ok(SavedState::at_rest(cloth.fitted.positions))
-            }
-            (None, _) => Ok(SavedState::at_rest(loaded.scene.mesh.positions().to_vec())),
-        }
     }
 }
 

@@ -21,9 +21,6 @@ use crate::physics;
 use crate::watched;
 
 /// Ways in which a case goes beyond the training of a model.
-///
-/// # Errors
-/// A model of another frame rate, or a motion that cannot drive the handles.
 pub(super) fn departures(
     model: &Model,
     case: &Case,

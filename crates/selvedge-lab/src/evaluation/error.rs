@@ -4,9 +4,9 @@ use selvedge_cloth::{ClothError, MotionError};
 use selvedge_data::{DatasetError, SceneSpecError, WriteError};
 use thiserror::Error;
 
-use crate::fitting::FittingError;
 use crate::folder::FolderError;
 use crate::physics::{RestPoseError, RunTrajectoryError, SimulationError};
+use crate::start::StartError;
 use crate::workers::WorkerError;
 
 /// A choice of cases, methods or numbers that makes no sense; the message names the field and the
@@ -24,7 +24,7 @@ pub enum EvaluateError {
     Read(#[from] DatasetError),
     Folder(#[from] FolderError),
     RestPose(#[from] RestPoseError),
-    Fit(#[from] FittingError),
+    Start(#[from] StartError),
     #[error("the reference run: {0}")]
     Reference(#[from] SimulationError),
     #[error("the resolved scene as JSON: {0}")]

@@ -27,7 +27,6 @@ impl Horizons {
     pub const USUAL: [usize; 7] = [1, 5, 10, 20, 50, 100, 200];
 
     /// Runs of `frames` from so many true states per case, and whole runs.
-    #[must_use]
     pub fn new(frames: impl IntoIterator<Item = usize>, starts: usize) -> Self {
         let mut frames: Vec<usize> = frames.into_iter().collect();
         frames.sort_unstable();
@@ -42,9 +41,6 @@ impl Horizons {
     }
 
     /// The runs on a case.
-    ///
-    /// # Errors
-    /// Frames that the case does not have.
     pub(super) fn on(&self, case: &Case) -> Result<Starts, ChoiceError> {
         let [first, all] = case.span()?;
         let about = |problem: String| Err(ChoiceError(format!("{}: {problem}", case.name)));

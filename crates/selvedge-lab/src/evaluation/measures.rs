@@ -32,7 +32,6 @@ macro_rules! errors {
             const POOLING: &'static [Pooling] = &[$(Pooling::$pooling),+];
 
             /// Values in the order of [`Self::NAMES`].
-            #[must_use]
             pub fn values(&self) -> Vec<f64> {
                 vec![$(self.$name),+]
             }
@@ -80,7 +79,6 @@ pub struct FrameErrors {
 
 impl Errors {
     /// Folds as a part of the truth's; none where that is flat.
-    #[must_use]
     pub fn fold_ratio(&self) -> Option<f64> {
         (self.true_folds > 0.0).then(|| self.folds / self.true_folds)
     }
@@ -107,7 +105,6 @@ impl FrameErrors {
     }
 
     /// Runs as one: the mean of errors, the largest of extremes.
-    #[must_use]
     pub fn over_runs(runs: &[Self]) -> Option<Self> {
         Self::pooled(runs, |values, pooling| match pooling {
             Pooling::Square | Pooling::Mean => mean(values),

@@ -64,7 +64,6 @@ impl Method {
     pub const BASELINES: [&'static str; 2] = ["rigid", "mirror"];
 
     /// The baseline of this name.
-    #[must_use]
     pub fn baseline(name: &str) -> Option<Self> {
         let mover = match name {
             "rigid" => Mover::Rigid,
@@ -76,7 +75,6 @@ impl Method {
     }
 
     /// The physics.
-    #[must_use]
     pub fn physics(physics: PhysicsMethod) -> Self {
         Self {
             name: physics.to_string(),
@@ -85,7 +83,6 @@ impl Method {
     }
 
     /// The kind.
-    #[must_use]
     pub fn kind(&self) -> Kind {
         match self.mover {
             Mover::Model(..) => Kind::Model,

@@ -50,16 +50,11 @@ use self::truth::{Prepared, Reference, Truth};
 use self::watch::Watch;
 use crate::cause::chain;
 use crate::event::{End, OnEvent, Reporter};
-use crate::folder;
-use crate::physics;
 use crate::workers::{self, Packing};
+use crate::{folder, physics, start};
 
 /// Runs every method on every case. An interrupted evaluation has the starts from which every method
 /// has run.
-///
-/// # Errors
-/// A plan that makes no sense, a trajectory that cannot be read, a scene that comes to no rest, a
-/// reference run that fails.
 pub fn evaluate(
     plan: &EvaluationPlan<'_>,
     on_event: &mut OnEvent<'_>,
@@ -144,9 +139,15 @@ fn prepare<'a>(
                 };
                 let start = match is_kept {
                     true => None,
-                    false => match Case::start(loaded, reporter) {
+                    false => match start::find_within(loaded, reporter) {
                         Err(_) if reporter.is_stopped() => return Ok(None),
-                        start => Some(start?),
+                        found => {
+                            let found = found?;
+                            if let Some(warning) = found.fitted.and_then(|cloth| cloth.warning) {
+                                reporter.remark(&warning);
+                            }
+                            Some(found.state)
+                        }
                     },
                 };
                 let spec = loaded.spec.to_json().map_err(EvaluateError::Scene)?;
@@ -338,7 +339,6 @@ fn timings(
 
 /// The reference's own position error after each number of frames `[m]`, from a run with half its
 /// substeps; nothing where there is none.
-#[must_use]
 pub fn own_errors(runs: &[Run], order: u32) -> Vec<(usize, f64)> {
     let half: Vec<&Run> = runs
         .iter()

@@ -27,9 +27,6 @@ pub struct EvaluationPlan<'a> {
 
 /// Checks that a plan makes sense before any work; horizons that nobody asked for (the usual ones)
 /// need not fit.
-///
-/// # Errors
-/// Names the field or the case, and what would be right.
 pub fn check(plan: &EvaluationPlan<'_>, are_asked: bool) -> Result<(), ChoiceError> {
     let wrong = |problem: String| Err(ChoiceError(problem));
     let horizons = plan.horizons;

@@ -76,22 +76,17 @@ pub struct Timing {
 
 impl Run {
     /// The frame so many frames after the start, where it was reached and measured.
-    #[must_use]
     pub fn at(&self, frame: usize) -> Option<FrameErrors> {
         self.frames.iter().find(|at| at.frame == frame).copied()
     }
 
     /// All frames as one; none where the run failed.
-    #[must_use]
     pub fn over_time(&self) -> Option<FrameErrors> {
         let all = FrameErrors::over_time(&self.frames);
         all.filter(|_| self.failure.is_none())
     }
 
     /// The run for programs; a whole run has its frames as one, under `whole`.
-    ///
-    /// # Errors
-    /// A number that JSON has not.
     pub fn to_json(&self) -> Result<Value, serde_json::Error> {
         let mut value = serde_json::to_value(self)?;
         if let (true, Some(fields)) = (self.is_whole, value.as_object_mut()) {

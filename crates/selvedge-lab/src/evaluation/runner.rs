@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use glam::DVec3;
 use selvedge_cloth::{HandlePath, Stepper};
 use selvedge_data::SavedState;
-use selvedge_guard::Correction;
+use selvedge_guard::{Correction, Guard};
 use selvedge_sim::Simulator;
 
 use super::method::{Method, Mover};
@@ -14,7 +14,7 @@ use super::truth::{Prepared, Truth, simulator};
 use crate::cause::chain;
 use crate::event::Reporter;
 use crate::rigid::RigidRest;
-use crate::watched::{GuardSummary, WatchedModel};
+use crate::watched::{GuardSummary, WatchError, WatchedModel};
 
 /// Frames that are timed at most, and the time after which there are enough.
 const TIMED: usize = 120;
@@ -36,9 +36,6 @@ enum Cloth {
 
 impl Runner {
     /// Starts `method` in the true state of `frame`, with the true frames before it.
-    ///
-    /// # Errors
-    /// Parts that do not fit, in words.
     pub(super) fn start(
         method: &Method,
         prepared: &Prepared<'_>,
@@ -81,8 +78,9 @@ impl Runner {
                         let (cloth, rate) =
                             (truth.trajectory.cloth(), truth.trajectory.frame_rate());
                         let scene = truth.scene.as_ref().ok().map(Arc::clone);
-                        let watched = WatchedModel::new(stepper, cloth, rate, scene, *guard);
-                        Cloth::Watched(Box::new(watched.map_err(|error| chain(&error))?))
+                        let guarded = Guard::new(stepper, cloth, rate, scene, *guard);
+                        let guarded = guarded.map_err(|error| chain(&WatchError::from(error)))?;
+                        Cloth::Watched(Box::new(WatchedModel::of(guarded)))
                     }
                 };
                 (cloth, false, 1)
@@ -97,9 +95,6 @@ impl Runner {
     }
 
     /// Moves the cloth by a frame.
-    ///
-    /// # Errors
-    /// The step that failed, in words.
     pub(super) fn step(&mut self) -> Result<(), String> {
         let targets = self.path.targets(self.frame, self.samples_per_frame);
         let targets = targets.map_err(|error| error.to_string())?;

@@ -35,7 +35,6 @@ pub struct Summary {
 }
 
 /// The methods of `runs`, in the order in which they appear.
-#[must_use]
 pub fn summaries(runs: &[&Run]) -> Vec<Summary> {
     let mut methods: Vec<(&str, Kind)> = Vec::new();
     for run in runs {
@@ -97,7 +96,6 @@ fn summary(method: &str, kind: Kind, runs: &[&Run]) -> Summary {
     }
 }
 
-/// The runs of each case.
 fn by_case<'a>(runs: &[&'a Run]) -> Vec<Vec<&'a Run>> {
     let mut cases: Vec<Vec<&Run>> = Vec::new();
     for run in runs {
@@ -112,14 +110,12 @@ fn by_case<'a>(runs: &[&'a Run]) -> Vec<Vec<&'a Run>> {
 
 /// The error of a run with steps h/2, from its difference to one with steps h, for a method of this
 /// order p: |x_h - x_{h/2}| / (2^p - 1). `[eq:richardson]`
-#[must_use]
 pub fn richardson(difference: f64, order: u32) -> f64 {
     difference / (2_f64.powi(order as i32) - 1.0)
 }
 
 /// The time at which a method whose `points` are (time, error) has `error`: a straight line
 /// between the two points around it, in logarithms of both. None outside of all of them.
-#[must_use]
 pub fn time_of(points: &[(f64, f64)], error: f64) -> Option<f64> {
     let is_usable = |(time, error): &&(f64, f64)| *time > 0.0 && *error > 0.0;
     let points: Vec<(f64, f64)> = points.iter().filter(is_usable).copied().collect();

@@ -1,5 +1,4 @@
-//! Evaluations of a small scene: against its converged physics, along a recorded run of it, and in
-//! random motions.
+//! Evaluations of a small scene: against its converged physics, and along a recorded run of it.
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -152,21 +151,6 @@ fn errors_fall_with_substeps_and_are_those_of_first_order() {
     assert!((folds - 1.0).abs() < 0.1, "{folds}");
     assert!(found.timings.iter().all(|timing| timing.ms_per_frame > 0.0));
     assert_eq!(found.timings.len(), 3);
-    let heading = crate::report::Heading {
-        reference_order: Some(1),
-        ..Default::default()
-    };
-    let out = folder.path().join("report");
-    crate::report::write(&out, &heading, &found).unwrap();
-    let page = std::fs::read_to_string(out.join("report.md")).unwrap();
-    for text in [
-        "| linearised, 4 substeps |",
-        "| reference (linearised, 32 substeps) |",
-        "The reference's own error is about",
-        "![errors by frames](after.svg)",
-    ] {
-        assert!(page.contains(text), "{text}\n{page}");
-    }
 }
 
 #[test]
@@ -310,37 +294,6 @@ fn a_recorded_run_of_a_method_is_followed_by_the_same_method() {
 }
 
 #[test]
-fn random_motions_have_strains_and_no_errors() {
-    let random = RandomCases {
-        numbers: vec![0, 3],
-        frames: 8,
-        seed: 1,
-        speed: 1.0,
-        meshes: Vec::new(),
-        density: 400.0,
-    };
-    let cases = Case::random(&push(), &random, &mut |_| ControlFlow::Continue(())).unwrap();
-    let methods = [model(), Method::physics("1".parse().unwrap())];
-    let horizons = Horizons::new([1], 1);
-    let folder = tempfile::tempdir().unwrap();
-    let found = complete(&plan(&cases, &methods, &horizons, folder.path()));
-    assert_eq!(found.runs.len(), 4);
-    for run in &found.runs {
-        assert_eq!((run.frames.len(), run.diverged_frame), (8, None), "{run:?}");
-        assert!(run.frames.iter().all(|at| at.errors.is_none()));
-    }
-    let summaries = summed(&found);
-    assert_eq!((summaries[0].whole_runs, summaries[0].diverged), (2, 0));
-    assert_eq!(summaries[0].ratios, None);
-    let unknown = RandomCases {
-        meshes: vec!["tent".to_owned()],
-        ..random
-    };
-    let error = Case::random(&push(), &unknown, &mut |_| ControlFlow::Continue(()));
-    assert!(error.err().unwrap().to_string().contains("\"tent\""));
-}
-
-#[test]
 fn what_makes_no_sense_is_named_with_its_remedy() {
     let folder = Path::new("");
     let (cases, methods) = (cases(), methods());
@@ -372,21 +325,4 @@ fn what_makes_no_sense_is_named_with_its_remedy() {
             "{error}"
         );
     }
-}
-
-#[test]
-fn scenes_are_varied_by_materials_and_motions() {
-    let scene = selvedge_data::open_scene("default").unwrap();
-    let materials = ["gray-interlock", "11oz-black-denim"].map(str::to_owned);
-    let motions = ["forward", "side"].map(str::to_owned);
-    let all = Case::converged(&[scene], &materials, &motions, &linearised(8)).unwrap();
-    let names: Vec<&str> = all.iter().map(|case| case.name.as_str()).collect();
-    let expected = [
-        "default, gray-interlock, forward",
-        "default, gray-interlock, side",
-        "default, 11oz-black-denim, forward",
-        "default, 11oz-black-denim, side",
-    ];
-    assert_eq!(names, expected);
-    assert_eq!(all[1].slug(), "default-gray-interlock-side");
 }

@@ -81,9 +81,6 @@ impl Truth {
     }
 
     /// The path of the handles for a method that needs the scene, or for one that does not.
-    ///
-    /// # Errors
-    /// A case without a scene, or a motion that cannot drive the handles, in words.
     pub(super) fn path(&self, of_scene: bool) -> Result<HandlePath, String> {
         match &self.recorded {
             Some(path) if !of_scene => Ok(path.clone()),
@@ -101,9 +98,6 @@ fn widened(positions: &[Vec3]) -> Vec<DVec3> {
 
 impl Prepared<'_> {
     /// Opens the truth up to frame `last`, or makes it. None where an end is asked for.
-    ///
-    /// # Errors
-    /// A file that cannot be read or written, or a converged run that fails.
     pub(super) fn truth(
         &self,
         last: usize,
@@ -195,7 +189,6 @@ pub(super) struct Reference<'a> {
 }
 
 impl Reference<'_> {
-    /// Its scene, and the spec of that.
     fn scene(&self) -> (Scene, SceneSpec) {
         let scene = self.method.scene(&self.loaded.scene);
         let mut spec = self.loaded.spec.clone();
@@ -251,9 +244,6 @@ impl Reference<'_> {
     }
 
     /// Returns true where the run is kept in `folder`.
-    ///
-    /// # Errors
-    /// A scene that cannot be written as JSON.
     pub(super) fn is_kept(&self, folder: &Path) -> Result<bool, EvaluateError> {
         let (scene, spec) = self.scene();
         let file = self.file(folder, &spec)?;
@@ -345,9 +335,6 @@ fn made_again(run: &StateRun, first: usize, scene: &Scene) -> Result<bool, Strin
 }
 
 /// The physics of `scene` on one thread, in this state in this frame.
-///
-/// # Errors
-/// A state or a scene that cannot be run, in words.
 pub(super) fn simulator(
     scene: &Scene,
     state: SavedState,

@@ -64,9 +64,6 @@ enum Measure {
 
 /// Writes the report of an evaluation into `folder`, each file whole or not at all and the page
 /// last, and says where they are.
-///
-/// # Errors
-/// A folder or a file that cannot be written, or a value that cannot be drawn.
 pub fn write(
     folder: &Path,
     heading: &Heading,

@@ -9,7 +9,6 @@ use crate::evaluation::{Errors, FrameErrors, Run, Timing};
 
 /// A row for each run and frame in which it was measured; one without a frame for a run that failed
 /// before.
-#[must_use]
 pub fn errors_csv(runs: &[Run]) -> Vec<u8> {
     let mut csv = csv::Writer::from_writer(Vec::new());
     let head = [
@@ -73,9 +72,6 @@ fn row(run: &Run, at: Option<&FrameErrors>) -> Vec<String> {
 }
 
 /// Writes [`errors_csv`].
-///
-/// # Errors
-/// A file that cannot be written.
 pub fn write_errors(path: &Path, runs: &[Run]) -> Result<(), WriteError> {
     let text = errors_csv(runs);
     write_atomically(path, |out| out.write_all(&text))

@@ -43,9 +43,6 @@ fn axis(label: &str, scale: Scale) -> Axis {
 }
 
 /// Position errors after k frames, by k.
-///
-/// # Errors
-/// A value that is not finite.
 pub(super) fn by_frames(summaries: &[Summary]) -> Result<Option<String>, PlotError> {
     let line = |summary: &Summary| {
         let points = summary.after.iter();
@@ -66,9 +63,6 @@ pub(super) fn by_frames(summaries: &[Summary]) -> Result<Option<String>, PlotErr
 }
 
 /// Errors of whole runs by time: √(mean of squares) over cases.
-///
-/// # Errors
-/// A value that is not finite.
 pub(super) fn over_time(runs: &[&Run], measure: Measure) -> Result<Option<String>, PlotError> {
     let whole: Vec<&Run> = runs.iter().copied().filter(|run| run.is_whole).collect();
     let line = |summary: Summary| {
@@ -115,9 +109,6 @@ fn pooled(runs: &[&Run], measure: Measure) -> Vec<[f64; 2]> {
 /// Position errors after the most frames, or of whole runs where there are none, by the time that a
 /// frame takes: a point for each model, a line through the physics with more and more substeps. None
 /// where nothing was timed.
-///
-/// # Errors
-/// A value that is not finite.
 pub(super) fn by_time(
     summaries: &[Summary],
     timings: &[Timing],

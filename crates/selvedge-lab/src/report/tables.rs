@@ -52,7 +52,6 @@ pub(super) fn cases(runs: &[Run]) -> String {
 }
 
 /// Position errors after each number of frames, and over whole runs.
-#[must_use]
 pub fn after(summaries: &[Summary]) -> Columns {
     let mut frames: Vec<usize> = Vec::new();
     for at in summaries.iter().flat_map(|summary| &summary.after) {
@@ -94,7 +93,6 @@ pub(super) fn own_error(own: &[(usize, f64)], order: u32) -> String {
 }
 
 /// Everything about whole runs.
-#[must_use]
 pub fn whole(summaries: &[Summary]) -> Columns {
     let headings = [
         "method",
@@ -143,7 +141,6 @@ pub fn whole(summaries: &[Summary]) -> Columns {
 }
 
 /// The character of whole runs, as ratios to their truths; no rows where nobody knows them.
-#[must_use]
 pub fn character(summaries: &[Summary]) -> Columns {
     let with = summaries
         .iter()
@@ -215,7 +212,6 @@ fn both_errors(what: &str, runs: &[Run], of: impl Fn(&Run) -> String) -> String 
 }
 
 /// A list of the runs that failed, and why; empty where none did.
-#[must_use]
 pub fn failures(runs: &[Run]) -> String {
     let mut text = String::new();
     for run in runs {

@@ -48,9 +48,6 @@ struct Subject {
 const VERSION: u32 = 4;
 
 /// Fails where something that is to be measured cannot be: before any work is done.
-///
-/// # Errors
-/// Names the entry of the study, or the file.
 pub(super) fn check(desk: &Desk<'_>) -> Result<(), StudyError> {
     for data in &desk.data {
         let context = || format!("data set {:?} of the study", data.name);
@@ -80,9 +77,6 @@ fn horizons(desk: &Desk<'_>) -> Horizons {
 }
 
 /// Measures every method that is not measured yet. None where the listener asked to stop.
-///
-/// # Errors
-/// A model that has vanished, or what of the data or a file went wrong.
 pub(super) fn measure_all(desk: &Desk<'_>) -> Result<Option<Evaluation>, StudyError> {
     let cases = cases(desk)?;
     folder::make_folder(&desk.out.join(EVALUATIONS))?;

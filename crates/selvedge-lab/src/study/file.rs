@@ -52,7 +52,6 @@ pub struct Study {
 pub(super) enum DataSource {
     /// It is made, in the study's folder.
     Preset(String),
-    /// It is there.
     Folder(PathBuf),
 }
 
@@ -112,7 +111,6 @@ pub(super) struct Training {
 pub(super) struct Finished {
     /// Its name in tables.
     pub(super) name: String,
-    /// Its file.
     pub(super) file: PathBuf,
 }
 
@@ -122,9 +120,6 @@ pub fn shipped() -> impl Iterator<Item = &'static str> {
 }
 
 /// Opens a study by the path of its file or by the name of a shipped one.
-///
-/// # Errors
-/// Names the file, the entry and what is wrong.
 pub fn open(name: &str) -> Result<Study, StudyError> {
     if let Some((_, text)) = STUDIES.iter().find(|study| study.0 == name) {
         return parse(text, Path::new(""), name);
@@ -157,9 +152,6 @@ impl Measured {
 
 impl Study {
     /// The configuration of `entry`, with its changes.
-    ///
-    /// # Errors
-    /// Names the file and the field.
     pub(super) fn config(&self, entry: &Training) -> Result<TrainConfig, StudyError> {
         let path = self.folder.join(&entry.config);
         let text = match assets::training(&entry.config) {
@@ -193,9 +185,6 @@ impl Study {
     }
 
     /// The end of `entry`.
-    ///
-    /// # Errors
-    /// Where nobody says it, or it is zero.
     pub(super) fn budget(&self, entry: &Training) -> Result<Budget, StudyError> {
         match entry.budget.or(self.budget) {
             Some(Budget::Steps(0)) => Err(StudyError::new("budget: 0 steps train nothing: give at least 1".to_string())),
@@ -205,9 +194,6 @@ impl Study {
     }
 
     /// The name of the data set that `entry` learns from.
-    ///
-    /// # Errors
-    /// Where there are several and none is said.
     pub(super) fn data_of<'a>(&'a self, entry: &'a Training) -> Result<&'a str, StudyError> {
         match (&entry.data, self.data.keys().next()) {
             (Some(name), _) => Ok(name),

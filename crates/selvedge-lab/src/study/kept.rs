@@ -12,9 +12,6 @@ use super::error::{OfPart, StudyError};
 use crate::machine::PROCESSOR;
 
 /// The hash of a file, in hexadecimal.
-///
-/// # Errors
-/// When it cannot be read.
 pub(super) fn hash_of(path: &Path) -> Result<String, StudyError> {
     let bytes =
         selvedge_data::read_file(path).of(|| format!("{}: could not be read", path.display()))?;
@@ -22,9 +19,6 @@ pub(super) fn hash_of(path: &Path) -> Result<String, StudyError> {
 }
 
 /// Reads what is kept in `path`; none where there is no such file.
-///
-/// # Errors
-/// A file that is not what was written there.
 pub(super) fn read<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, StudyError> {
     let text = match selvedge_data::read_text(path) {
         Ok(text) => text,
@@ -48,9 +42,6 @@ pub(super) fn processor() -> String {
 }
 
 /// Keeps `value` in `path`.
-///
-/// # Errors
-/// When it cannot be written.
 pub(super) fn write(path: &Path, value: &impl Serialize) -> Result<(), StudyError> {
     let text = serde_json::to_string(value).of(|| format!("{}: writing JSON", path.display()))?;
     Ok(write_atomically(path, |out| {

@@ -58,9 +58,6 @@ pub struct StudyOutcome {
 /// Does what of `study` is not done yet, in `out`; models are trained and run on `machine`. Of
 /// several ranks each trains models of its own, and all share what is measured; rank 0 writes the
 /// report. A `part` trains its share of the models and ends there.
-///
-/// # Errors
-/// What of a data set, a training, a model or a file went wrong, and what to do.
 pub fn run(
     order: StudyOrder<'_>,
     crew: &Crew,

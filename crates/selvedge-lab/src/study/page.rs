@@ -6,9 +6,6 @@ use super::training::Record;
 use crate::report::{self, Cells, Heading};
 
 /// What the report of a study says beside the numbers.
-///
-/// # Errors
-/// An entry that names no data or budget.
 pub(super) fn heading(study: &Study, trained: &[Record]) -> Result<Heading, StudyError> {
     Ok(Heading {
         title: study.title.clone(),

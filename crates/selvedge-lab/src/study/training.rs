@@ -58,9 +58,6 @@ struct After {
 }
 
 /// Fails where a finished model is gone or another one: before any work is done.
-///
-/// # Errors
-/// Names the model and what to do.
 pub(super) fn check_kept(desk: &Desk<'_>) -> Result<(), StudyError> {
     for entry in &desk.study.train {
         let folder = folder(desk, &entry.name);
@@ -76,9 +73,6 @@ pub(super) fn check_kept(desk: &Desk<'_>) -> Result<(), StudyError> {
 }
 
 /// The file of a model that is there already, and its hash.
-///
-/// # Errors
-/// When it is gone, with the remedy.
 pub(super) fn model_file(
     desk: &Desk<'_>,
     entry: &Finished,
@@ -95,9 +89,6 @@ pub(super) fn model_file(
 }
 
 /// The file of a model whose training is finished, and its hash.
-///
-/// # Errors
-/// When it is gone or has changed, with the remedy.
 pub(super) fn finished_model(
     desk: &Desk<'_>,
     entry: &Training,
@@ -131,9 +122,6 @@ pub(super) fn finished_model(
 }
 
 /// Trains `entry`, or goes on with it, or finds it finished. None where an end was asked for.
-///
-/// # Errors
-/// What of the configuration, what is kept, or a step went wrong.
 pub(super) fn train(desk: &Desk<'_>, entry: &Training) -> Result<Option<Record>, StudyError> {
     let data = desk.data(desk.study.data_of(entry)?)?;
     let mut cfg = desk.study.config(entry)?;

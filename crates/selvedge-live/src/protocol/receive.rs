@@ -167,9 +167,6 @@ pub enum WireError {
 const FARTHEST: f32 = 1e3;
 
 /// Reads a message from a page.
-///
-/// # Errors
-/// [`WireError`] says what is wrong with it.
 pub fn decode(bytes: &[u8]) -> Result<ClientMessage, WireError> {
     let found = bytes.len();
     if found > LONGEST {

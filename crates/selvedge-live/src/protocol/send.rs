@@ -41,7 +41,6 @@ pub struct FrameParts<'a> {
 }
 
 /// A message of `kind` with `value` as JSON.
-#[must_use]
 pub fn json<T: Serialize>(kind: u8, value: &T) -> Vec<u8> {
     let mut bytes = header(kind, 1024);
     // Our own structures have no maps with keys that are not strings: this writes always.
@@ -53,7 +52,6 @@ pub fn json<T: Serialize>(kind: u8, value: &T) -> Vec<u8> {
 }
 
 /// The cloth of a generation, and the bodies beside it.
-#[must_use]
 pub fn cloth(generation: u32, cloth: &Cloth, bodies: &[Body]) -> Vec<u8> {
     let faces = cloth.topology().face_indices();
     let pattern = cloth.pattern();
@@ -83,7 +81,6 @@ pub fn cloth(generation: u32, cloth: &Cloth, bodies: &[Body]) -> Vec<u8> {
 }
 
 /// A frame.
-#[must_use]
 pub fn frame(parts: &FrameParts<'_>) -> Vec<u8> {
     let vertices = parts.tracks.first().map_or(0, |track| track.len());
     let gaps: usize = parts.gaps.iter().map(Vec::len).sum();

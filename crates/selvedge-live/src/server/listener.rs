@@ -22,7 +22,6 @@ const FIRST: Duration = Duration::from_secs(5);
 /// Something is sent over a connection within this time of the last.
 const NEXT: Duration = Duration::from_secs(60);
 
-/// A listener with a bound.
 pub(crate) struct BoundedListener {
     listener: TcpListener,
     room: Arc<Semaphore>,

@@ -52,9 +52,6 @@ pub struct RunningServer {
 const MOST_CONNECTIONS: usize = 128;
 
 /// Starts to serve `session`.
-///
-/// # Errors
-/// When the address is taken, or the system refuses a thread.
 pub fn serve(settings: ServerSettings, session: &RunningSession) -> io::Result<RunningServer> {
     let listener = TcpListener::bind(settings.address)?;
     listener.set_nonblocking(true)?;
@@ -79,7 +76,6 @@ pub fn serve(settings: ServerSettings, session: &RunningSession) -> io::Result<R
 
 impl RunningServer {
     /// The address at which the server listens.
-    #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address
     }

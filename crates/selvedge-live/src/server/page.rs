@@ -1,10 +1,8 @@
 //! The page, as it is built from `web/` and compiled in: these files and no others are served.
 
-/// A file of the page.
 pub(crate) struct PageFile {
     /// The path at which it is served.
     pub(crate) path: &'static str,
-    /// The type of its contents.
     pub(crate) content_type: &'static str,
     /// The contents.
     pub(crate) bytes: &'static [u8],

@@ -83,9 +83,6 @@ pub struct RunningSession {
 const QUEUE: usize = 4096;
 
 /// Starts a session.
-///
-/// # Errors
-/// When the system has no thread for it.
 pub fn start(workshop: Box<dyn Workshop>, opening: Opening) -> std::io::Result<RunningSession> {
     let (requests, inbox) = mpsc::sync_channel(QUEUE);
     let (orders, to_make) = order_slot();

@@ -6,7 +6,6 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::order::Order;
 
-/// The order that waits.
 #[derive(Clone, Default)]
 struct Waiting(Arc<Mutex<Option<Order>>>);
 
@@ -47,7 +46,6 @@ impl Waiting {
 impl OrderSender {
     /// Puts `order` in the place of one that waits. Returns true where there is a workshop to take
     /// it.
-    #[must_use]
     pub(super) fn send(&self, order: Order) -> bool {
         *self.waiting.lock() = Some(order);
         // A bell that still rings is heard.

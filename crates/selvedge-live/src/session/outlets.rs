@@ -87,7 +87,6 @@ impl Outlets {
         self.frame.send_replace(self.slot(self.frames, bytes));
     }
 
-    /// Publishes a state.
     pub(super) fn publish_state(&mut self, message: Vec<u8>) {
         self.told = Instant::now();
         self.tell_soon = false;

@@ -24,7 +24,6 @@ pub(super) enum Showing {
     Tape(Player, Option<LiveCloth>),
 }
 
-/// The frame that is shown.
 pub(super) struct ShownFrame<'a> {
     /// Frames since the start.
     pub(super) number: usize,

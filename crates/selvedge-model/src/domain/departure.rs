@@ -59,7 +59,6 @@ pub enum Aspect {
 
 impl Aspect {
     /// The name, as tables have it.
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::FrameRate => "frame-rate",
@@ -86,7 +85,6 @@ impl fmt::Display for Departure {
 
 impl Domain {
     /// The ways in which `scene` goes beyond this domain, in the order of [`Aspect`].
-    #[must_use]
     pub fn departures(&self, scene: &Self) -> Vec<Departure> {
         let all = [
             self.of_rate(scene),

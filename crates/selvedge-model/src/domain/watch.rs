@@ -23,7 +23,6 @@ pub struct DomainWatch {
 
 impl DomainWatch {
     /// Nothing seen yet, under `gravity` `[m/s²]`, at so many frames per second.
-    #[must_use]
     pub fn new(gravity: DVec3, frame_rate: f64) -> Self {
         let none = Bounds {
             least: f64::INFINITY,
@@ -54,7 +53,6 @@ impl DomainWatch {
     }
 
     /// Nothing seen yet, of the cloth of a scene.
-    #[must_use]
     pub fn of_scene(scene: &Scene) -> Self {
         let pattern = scene.mesh.pattern();
         let watch = Self::new(scene.environment.gravity, scene.frame_rate)
@@ -135,13 +133,11 @@ impl DomainWatch {
     }
 
     /// The present frame alone.
-    #[must_use]
     pub fn now(&self) -> &Domain {
         &self.now
     }
 
     /// All frames so far.
-    #[must_use]
     pub fn seen(self) -> Domain {
         self.seen
     }

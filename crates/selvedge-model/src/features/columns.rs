@@ -32,7 +32,6 @@ macro_rules! columns {
 
 impl NodeFeature {
     /// Its columns, in order.
-    #[must_use]
     pub const fn columns(self) -> &'static [Column] {
         match self {
             Self::Velocity => columns!["m/frame": "velocity x", "velocity y", "velocity z"],
@@ -50,7 +49,6 @@ impl NodeFeature {
     }
 
     /// Number of columns.
-    #[must_use]
     pub const fn width(self) -> usize {
         self.columns().len()
     }
@@ -58,7 +56,6 @@ impl NodeFeature {
 
 impl EdgeFeature {
     /// Its columns, in order.
-    #[must_use]
     pub const fn columns(self) -> &'static [Column] {
         match self {
             Self::Vector => columns!["m": "vector x", "vector y", "vector z", "length"],
@@ -74,21 +71,18 @@ impl EdgeFeature {
     }
 
     /// Number of columns.
-    #[must_use]
     pub const fn width(self) -> usize {
         self.columns().len()
     }
 }
 
 /// The columns of a vertex, `[node_width]`.
-#[must_use]
 pub fn node_columns(spec: &ModelSpec) -> Vec<Column> {
     let features = spec.node_features.iter();
     features.flat_map(|f| f.columns()).copied().collect()
 }
 
 /// The columns of an arc, `[edge_width]`.
-#[must_use]
 pub fn edge_columns(spec: &ModelSpec) -> Vec<Column> {
     let features = spec.edge_features.iter();
     features.flat_map(|f| f.columns()).copied().collect()
@@ -96,13 +90,11 @@ pub fn edge_columns(spec: &ModelSpec) -> Vec<Column> {
 
 /// Widths of the groups of node columns that share a unit and a scale, as the normaliser wants
 /// them; their sum is the node width.
-#[must_use]
 pub fn node_groups(spec: &ModelSpec) -> Vec<usize> {
     spec.node_features.iter().map(|f| f.width()).collect()
 }
 
 /// Widths of the groups of edge columns that share a unit and a scale; their sum is the edge width.
-#[must_use]
 pub fn edge_groups(spec: &ModelSpec) -> Vec<usize> {
     spec.edge_features.iter().map(|f| f.width()).collect()
 }

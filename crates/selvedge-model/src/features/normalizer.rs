@@ -71,7 +71,6 @@ pub enum NormalizerError {
 
 impl RunningStatistics {
     /// Statistics of no samples, for rows whose consecutive columns form `groups` of these widths.
-    #[must_use]
     pub fn new(groups: &[usize]) -> Self {
         let width = groups.iter().sum();
         Self {
@@ -86,7 +85,6 @@ impl RunningStatistics {
     ///
     /// # Panics
     /// When `groups` have another width.
-    #[must_use]
     pub fn of(normalizer: &Normalizer, groups: &[usize]) -> Self {
         let width: usize = groups.iter().sum();
         assert_eq!(width, normalizer.mean.len(), "one component per column");
@@ -99,13 +97,11 @@ impl RunningStatistics {
     }
 
     /// Number of components of a row.
-    #[must_use]
     pub fn width(&self) -> usize {
         self.mean.len()
     }
 
     /// Number of rows so far.
-    #[must_use]
     pub fn count(&self) -> f64 {
         self.count
     }
@@ -161,7 +157,6 @@ impl RunningStatistics {
     }
 
     /// Freezes the statistics as they are.
-    #[must_use]
     pub fn freeze(&self) -> Normalizer {
         let rows = self.count.max(1.0);
         let mut deviation: Vec<f64> = self.squares.iter().map(|s| (s / rows).sqrt()).collect();
@@ -227,26 +222,22 @@ impl Normalizer {
     }
 
     /// Number of components of a row.
-    #[must_use]
     pub fn width(&self) -> usize {
         self.mean.len()
     }
 
     /// Mean of each component, `[width]`.
-    #[must_use]
     pub fn mean(&self) -> &[f64] {
         &self.mean
     }
 
     /// Standard deviation of each component, 0 where it counts as constant, `[width]`.
-    #[must_use]
     pub fn deviation(&self) -> &[f64] {
         &self.deviation
     }
 
     /// The term that [`Self::normalize`] subtracts, its factor (0 for a constant component), and
     /// the factor of [`Self::denormalize`], `[width]` each.
-    #[must_use]
     pub fn factors(&self) -> [&[f32]; 3] {
         [&self.shift, &self.scale, &self.spread]
     }

@@ -26,7 +26,6 @@ pub struct Place {
 
 impl Place {
     /// A cloth by itself.
-    #[must_use]
     pub fn alone(graph: &ClothGraph) -> Self {
         Self {
             first_vertex: 0,
@@ -37,7 +36,6 @@ impl Place {
     }
 
     /// The cloths `graphs` side by side, in order.
-    #[must_use]
     pub fn side_by_side(graphs: &[&ClothGraph]) -> Vec<Self> {
         let vertex_count = graphs.iter().map(|g| g.vertex_count()).sum();
         let arc_count = graphs.iter().map(|g| g.arc_count()).sum();

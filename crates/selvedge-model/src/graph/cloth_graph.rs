@@ -108,19 +108,16 @@ impl ClothGraph {
     }
 
     /// The cloth.
-    #[must_use]
     pub fn cloth(&self) -> &Cloth {
         &self.cloth
     }
 
     /// Faces, edges and arcs of the mesh.
-    #[must_use]
     pub fn topology(&self) -> &Topology {
         self.cloth.topology()
     }
 
     /// The handles.
-    #[must_use]
     pub fn handles(&self) -> &Handles {
         self.cloth.handles()
     }
@@ -133,26 +130,22 @@ impl ClothGraph {
     }
 
     /// True for each vertex that a handle holds, `[vertices]`.
-    #[must_use]
     pub fn handle_mask(&self) -> &[bool] {
         &self.handle_mask
     }
 
     /// Mass of each vertex `[kg]`, `[vertices]`.
-    #[must_use]
     pub fn vertex_mass(&self) -> &[f32] {
         self.cloth.vertex_mass()
     }
 
     /// Area of each face in material space `[m²]`, `[faces]`.
-    #[must_use]
     pub fn face_area(&self) -> &[f32] {
         self.cloth.face_area()
     }
 
     /// Points of the pattern, the flat coordinates of the unstrained cloth `[m]`, `[points]`; of a
     /// cloth without seams there is one for each vertex.
-    #[must_use]
     pub fn material_coordinates(&self) -> &[Vec2] {
         self.cloth.material_coordinates()
     }
@@ -161,7 +154,6 @@ impl ClothGraph {
     /// [`Self::edge_arcs`], `[edges, 2]`. An arc lies in the face to its left, so that the two arcs
     /// of a seam see it as either panel does; without a face there, in the other.
     /// `[eq:seam-vector]`
-    #[must_use]
     pub fn material_vectors(&self) -> Vec<[Vec2; 2]> {
         let pattern = self.cloth.pattern();
         let edges = self.topology().edges().iter();
@@ -177,86 +169,72 @@ impl ClothGraph {
     }
 
     /// The sagged rest pose in the world `[m]`, `[vertices]`.
-    #[must_use]
     pub fn rest_positions(&self) -> &[Vec3] {
         self.cloth.rest_positions()
     }
 
     /// Gravity and air.
-    #[must_use]
     pub fn environment(&self) -> &Environment {
         &self.environment
     }
 
     /// Frames per second.
-    #[must_use]
     pub fn frame_rate(&self) -> f64 {
         self.frame_rate
     }
 
     /// The local frame, which follows the handles.
-    #[must_use]
     pub fn frame(&self) -> &LocalFrame {
         &self.frame
     }
 
     /// All arcs, as the network takes them.
-    #[must_use]
     pub fn connectivity(&self) -> &Connectivity {
         &self.connectivity
     }
 
     /// Number of vertices.
-    #[must_use]
     pub fn vertex_count(&self) -> usize {
         self.cloth.topology().vertex_count()
     }
 
     /// Number of arcs, two per edge.
-    #[must_use]
     pub fn arc_count(&self) -> usize {
         self.connectivity.arc_count()
     }
 
     /// Sender of each arc, `[arcs]`.
-    #[must_use]
     pub fn senders(&self) -> &[u32] {
         self.connectivity.senders()
     }
 
     /// Receiver of each arc, in ascending order, `[arcs]`.
-    #[must_use]
     pub fn receivers(&self) -> &[u32] {
         self.connectivity.receivers()
     }
 
     /// Edge of each arc, `[arcs]`.
-    #[must_use]
     pub fn arc_edges(&self) -> &[u32] {
         &self.arc_edges
     }
 
     /// Arcs of each edge: the arc that `vertices[0]` sends, then its reverse, `[edges, 2]`.
-    #[must_use]
     pub fn edge_arcs(&self) -> &[[u32; 2]] {
         &self.edge_arcs
     }
 
     /// The edges between two faces, in the order of the edges.
-    #[must_use]
     pub fn hinges(&self) -> &[Hinge] {
         &self.hinges
     }
 
     /// `vertices[0]` - `vertices[1]` of each edge at rest, in the rest pose's local frame `[m]`,
     /// `[edges]`.
-    #[must_use]
     pub fn rest_vectors(&self) -> &[Vec3] {
         &self.rest_vectors
     }
 
     /// Length of each edge in the sagged rest pose `[m]`, `[edges]`.
-    #[must_use]
     pub fn rest_lengths(&self) -> &[f32] {
         &self.rest_lengths
     }

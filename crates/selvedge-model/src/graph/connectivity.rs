@@ -65,7 +65,6 @@ impl Arcs {
 
 impl Connectivity {
     /// The arcs of a mesh.
-    #[must_use]
     pub fn of(topology: &Topology) -> Self {
         let arcs = Arcs::new(topology);
         let count = topology.vertex_count();
@@ -107,7 +106,6 @@ impl Connectivity {
 
     /// Several graphs as one without arcs between them: vertices and arcs of the parts follow
     /// each other in order.
-    #[must_use]
     pub fn union<'a>(parts: impl IntoIterator<Item = &'a Self>) -> Self {
         let mut whole = Self {
             vertex_count: 0,
@@ -140,43 +138,36 @@ impl Connectivity {
     }
 
     /// Number of vertices.
-    #[must_use]
     pub fn vertex_count(&self) -> usize {
         self.vertex_count
     }
 
     /// Number of arcs, two per edge.
-    #[must_use]
     pub fn arc_count(&self) -> usize {
         self.senders.len()
     }
 
     /// Vertex that each arc comes from, `[arcs]`.
-    #[must_use]
     pub fn senders(&self) -> &[u32] {
         &self.senders
     }
 
     /// The vertex that each arc arrives at, in ascending order, `[arcs]`.
-    #[must_use]
     pub fn receivers(&self) -> &[u32] {
         &self.receivers
     }
 
     /// First arc into each vertex, and the number of arcs, `[vertices + 1]`.
-    #[must_use]
     pub fn first_arc(&self) -> &[u32] {
         &self.first_arc
     }
 
     /// Reverse of each arc, the same edge the other way, `[arcs]`.
-    #[must_use]
     pub fn reverse_arcs(&self) -> &[u32] {
         &self.reverse_arcs
     }
 
     /// Sizes of the cloths, in order.
-    #[must_use]
     pub fn cloths(&self) -> &[ClothSize] {
         &self.cloths
     }

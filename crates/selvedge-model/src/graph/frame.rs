@@ -28,7 +28,6 @@ impl Yaw {
     pub const WORLD: Self = Self { cos: 1.0, sin: 0.0 };
 
     /// The rotation by `angle` about +y `[rad]`.
-    #[must_use]
     pub fn from_angle(angle: f64) -> Self {
         Self {
             cos: angle.cos(),
@@ -37,25 +36,21 @@ impl Yaw {
     }
 
     /// Cosine of the angle.
-    #[must_use]
     pub fn cos(self) -> f64 {
         self.cos
     }
 
     /// Sine of the angle.
-    #[must_use]
     pub fn sin(self) -> f64 {
         self.sin
     }
 
     /// The angle of rotation about +y `[rad]`, in (-π, π].
-    #[must_use]
     pub fn angle(self) -> f64 {
         self.sin.atan2(self.cos)
     }
 
     /// A difference of world positions, in local axes.
-    #[must_use]
     #[inline]
     pub fn to_local(self, world: Vec3) -> Vec3 {
         let (cos, sin) = (self.cos as f32, self.sin as f32);
@@ -67,7 +62,6 @@ impl Yaw {
     }
 
     /// A vector in local axes, in world axes: the inverse of [`Self::to_local`].
-    #[must_use]
     #[inline]
     pub fn to_world(self, local: Vec3) -> Vec3 {
         let (cos, sin) = (self.cos as f32, self.sin as f32);
@@ -79,7 +73,6 @@ impl Yaw {
     }
 
     /// [`Self::to_local`] in f64.
-    #[must_use]
     pub fn to_local_f64(self, world: DVec3) -> DVec3 {
         DVec3::new(
             self.cos * world.x - self.sin * world.z,
@@ -89,7 +82,6 @@ impl Yaw {
     }
 
     /// [`Self::to_world`] in f64.
-    #[must_use]
     pub fn to_world_f64(self, local: DVec3) -> DVec3 {
         DVec3::new(
             self.cos * local.x + self.sin * local.z,
@@ -124,7 +116,6 @@ pub struct LocalFrame {
 
 impl LocalFrame {
     /// The frame of a cloth whose handles rest at `rest_handle_positions` `[m]`, `[handles]`.
-    #[must_use]
     pub fn new(rest_handle_positions: &[Vec3]) -> Self {
         let count = rest_handle_positions.len().max(1) as f64;
         let centroid = rest_handle_positions
@@ -151,7 +142,6 @@ impl LocalFrame {
     }
 
     /// The yaw of the rest pose, from which a motion starts.
-    #[must_use]
     pub fn rest_yaw(&self) -> Yaw {
         self.rest_yaw
     }
@@ -164,7 +154,6 @@ impl LocalFrame {
     ///
     /// # Panics
     /// When there are not as many positions as handles.
-    #[must_use]
     pub fn yaw(&self, handle_positions: &[Vec3], previous: Yaw) -> Yaw {
         self.yaw_of(handle_positions.iter().copied(), previous)
     }

@@ -7,7 +7,6 @@
 use glam::DVec3;
 
 /// Length of `d` `[m]` and its gradient d / |d|.
-#[must_use]
 pub fn length_with_gradient(d: DVec3) -> (f64, DVec3) {
     let length = d.length();
     let gradient = if length > 0.0 {
@@ -19,7 +18,6 @@ pub fn length_with_gradient(d: DVec3) -> (f64, DVec3) {
 }
 
 /// The bending angle `[rad]` of the hinge `[from, to, left, right]`, as the feature has it.
-#[must_use]
 pub fn bending_angle(hinge: [DVec3; 4]) -> f64 {
     let [from, to, left, right] = hinge;
     let (along, to_right) = (to - from, right - from);
@@ -33,7 +31,6 @@ pub fn bending_angle(hinge: [DVec3; 4]) -> f64 {
 /// n_r = (right - from) × e and the feet of the wings at the parts s_l, s_r of the edge,
 /// ∂θ/∂left = g_l = -|e| n_l/|n_l|², ∂θ/∂right = g_r = -|e| n_r/|n_r|²,
 /// ∂θ/∂to = -s_l g_l - s_r g_r, ∂θ/∂from = -(1 - s_l) g_l - (1 - s_r) g_r.
-#[must_use]
 pub fn bending_angle_with_gradient(hinge: [DVec3; 4]) -> (f64, [DVec3; 4]) {
     let [from, to, left, right] = hinge;
     let along = to - from;
@@ -55,7 +52,6 @@ pub fn bending_angle_with_gradient(hinge: [DVec3; 4]) -> (f64, [DVec3; 4]) {
 }
 
 /// An angle difference wrapped into (-π, π], the shorter way round.
-#[must_use]
 pub fn wrapped(difference: f64) -> f64 {
     use std::f64::consts::{PI, TAU};
     if difference > PI {

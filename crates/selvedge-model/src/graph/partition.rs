@@ -41,7 +41,6 @@ pub(crate) fn partitions(first_arc: &[u32]) -> Vec<Partition> {
     (0..number).map(partition).collect()
 }
 
-/// The chunks of a range of rows.
 pub(crate) fn chunks(rows: Range<usize>) -> impl Iterator<Item = Range<usize>> {
     let end = rows.end;
     rows.step_by(CHUNK)

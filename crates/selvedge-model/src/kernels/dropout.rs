@@ -21,7 +21,6 @@ pub struct Dropout<'a> {
 
 impl Dropout<'_> {
     /// Seeds of the vertices and of the arcs of a cloth with this seed.
-    #[must_use]
     pub fn row_seeds(seed: u64) -> [u64; 2] {
         [seed, split_mix(!seed)]
     }

@@ -37,7 +37,6 @@ pub struct GateLayout {
 
 impl GateLayout {
     /// Place of `gate` among the gates of a row, from 0.
-    #[must_use]
     #[inline(always)]
     pub const fn offset(&self, gate: Gate) -> usize {
         match gate {

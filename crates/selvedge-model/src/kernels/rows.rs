@@ -18,7 +18,6 @@ pub(crate) struct Receivers<'a> {
 /// Some columns of rows of `stride` numbers.
 #[derive(Clone, Copy)]
 pub(crate) struct ColumnBlock {
-    /// First of the columns.
     pub(crate) first: usize,
     /// Number of columns.
     pub(crate) width: usize,
@@ -35,7 +34,6 @@ pub(crate) struct OutgoingArcs<'a> {
     pub(crate) reverse_arcs: &'a [u32],
 }
 
-/// to ← to + from.
 pub(crate) fn add<T: Real>(instructions: Instructions, to: &mut [T], from: &[T]) {
     instructions.vectorised(
         #[inline(always)]

@@ -91,19 +91,16 @@ impl Network {
     }
 
     /// The spec that the network is built from.
-    #[must_use]
     pub fn spec(&self) -> &ModelSpec {
         &self.spec
     }
 
     /// Names, shapes and places of all weights.
-    #[must_use]
     pub fn parameters(&self) -> &[Parameter] {
         &self.parameters
     }
 
     /// Length of the flat array of weights.
-    #[must_use]
     pub fn parameter_count(&self) -> usize {
         self.parameters.last().map_or(0, |last| last.range.end)
     }

@@ -78,7 +78,6 @@ impl Network {
     ///
     /// # Panics
     /// When the number of weights is not the network's.
-    #[must_use]
     pub fn pack<T: NetworkScalar>(
         &self,
         weights: &[T],

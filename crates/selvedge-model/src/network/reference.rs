@@ -95,7 +95,6 @@ impl Weights<'_> {
 /// Normalised accelerations `[vertices, 3]`, as [`Network::forward`] gives them. A recurrent
 /// encoder starts from zero and takes all frames of the input; a stream's state is that of the
 /// frames before.
-#[must_use]
 pub fn forward(
     network: &Network,
     weights: &[f64],

@@ -70,7 +70,6 @@ pub(crate) struct Group<T> {
 
 impl<T: Real> Workspace<T> {
     /// An empty workspace.
-    #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
@@ -82,7 +81,6 @@ impl<T: Real> Workspace<T> {
     }
 
     /// An empty workspace for passes on plain weights with these instructions.
-    #[must_use]
     pub fn with_instructions(instructions: Instructions) -> Self {
         Self {
             instructions,

@@ -98,7 +98,6 @@ pub fn advance(
 
 /// The acceleration in the local frame `yaw` that leads to `next`, `[vertices, 3]`: the inverse of
 /// [`advance`] for free vertices.
-#[must_use]
 pub fn target_acceleration(frames: &TwoFrames<'_, Vec3>, yaw: Yaw, next: &[Vec3]) -> Vec<f32> {
     let rows = next.iter().enumerate();
     rows.flat_map(|(v, &p)| yaw.to_local(frames.acceleration_to(p, v)).to_array())

@@ -68,7 +68,6 @@ impl Model {
     }
 
     /// The domain that the model was trained on, if its account of the training says so.
-    #[must_use]
     pub fn domain(&self) -> Option<Domain> {
         Domain::in_account(&self.training).ok().flatten()
     }
@@ -82,25 +81,21 @@ impl Model {
     }
 
     /// The network.
-    #[must_use]
     pub fn network(&self) -> &Network {
         &self.network
     }
 
     /// The spec of the network.
-    #[must_use]
     pub fn spec(&self) -> &ModelSpec {
         self.network.spec()
     }
 
     /// The weights, laid out as [`Network::parameters`] says.
-    #[must_use]
     pub fn weights(&self) -> &[f32] {
         &self.weights
     }
 
     /// The statistics.
-    #[must_use]
     pub fn normalizers(&self) -> &Normalizers {
         &self.normalizers
     }

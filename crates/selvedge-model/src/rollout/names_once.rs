@@ -7,9 +7,6 @@ use safetensors::SafeTensorError;
 use serde::de::{Deserialize, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess, Visitor};
 
 /// Checks the names of the JSON text `header`.
-///
-/// # Errors
-/// A name that stands twice in one object, or text that is no JSON.
 pub(super) fn check_names_once(header: &[u8]) -> Result<(), SafeTensorError> {
     let checked = serde_json::from_slice(header);
     checked

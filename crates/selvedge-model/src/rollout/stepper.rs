@@ -124,7 +124,6 @@ impl LearnedStepper {
     }
 
     /// The model that moves the cloth.
-    #[must_use]
     pub fn model(&self) -> &Model {
         &self.model
     }

@@ -145,7 +145,6 @@ impl Encoder {
     };
 
     /// Frames in its window.
-    #[must_use]
     pub fn window(self) -> usize {
         match self {
             Self::Mlp { .. } => 1,
@@ -154,7 +153,6 @@ impl Encoder {
     }
 
     /// Returns true for a recurrent network.
-    #[must_use]
     pub fn is_recurrent(self) -> bool {
         !matches!(self, Self::Mlp { .. })
     }
@@ -180,7 +178,6 @@ pub enum SpecError {
 
 impl ModelSpec {
     /// The paper's features (Libao et al. 2023) with the given encoder and sizes.
-    #[must_use]
     pub fn physical(encoder: Encoder, latent: usize, blocks: usize) -> Self {
         Self {
             node_features: BTreeSet::from([
@@ -203,7 +200,6 @@ impl ModelSpec {
     }
 
     /// The baseline's features and encoder (MeshGraphNets, Pfaff et al. 2021).
-    #[must_use]
     pub fn mesh_graph_nets(latent: usize, blocks: usize) -> Self {
         Self {
             node_features: BTreeSet::from([NodeFeature::Velocity, NodeFeature::NodeType]),
@@ -257,27 +253,23 @@ impl ModelSpec {
     }
 
     /// Frames that the encoder sees, the current one included.
-    #[must_use]
     pub fn window(&self) -> usize {
         self.encoder.window()
     }
 
     /// Frames of positions that the features of a window are made from: the window, the frame
     /// before it, and one more for accelerations.
-    #[must_use]
     pub fn history(&self) -> usize {
         let accelerations = self.node_features.contains(&NodeFeature::Acceleration);
         self.window() + 1 + usize::from(accelerations)
     }
 
     /// Columns of a vertex.
-    #[must_use]
     pub fn node_width(&self) -> usize {
         self.node_features.iter().map(|f| f.width()).sum()
     }
 
     /// Columns of an arc.
-    #[must_use]
     pub fn edge_width(&self) -> usize {
         self.edge_features.iter().map(|f| f.width()).sum()
     }

@@ -54,6 +54,11 @@ impl Case {
         }
     }
 
+    /// Weights, nodes and arcs in f32.
+    fn narrow(&self) -> [Vec<f32>; 3] {
+        [&self.weights, &self.nodes, &self.arcs].map(|x| x.iter().map(|&x| x as f32).collect())
+    }
+
     fn objective(&self, weights: &[f64], pass: Pass<'_>, workspace: &mut Workspace<f64>) -> f64 {
         let out = self
             .network
@@ -128,12 +133,7 @@ fn f32_agrees_with_f64_on_trained_weights() {
 /// rounding.
 fn f32_agrees(case: &Case, name: &str) {
     let expected = reference::forward(&case.network, &case.weights, &case.graph, case.input());
-    let narrow = |x: &[f64]| x.iter().map(|&x| x as f32).collect::<Vec<f32>>();
-    let (weights, nodes, arcs) = (
-        narrow(&case.weights),
-        narrow(&case.nodes),
-        narrow(&case.arcs),
-    );
+    let [weights, nodes, arcs] = case.narrow();
     let input = Input {
         nodes: &nodes,
         arcs: &arcs,
@@ -321,12 +321,7 @@ fn a_cloth_drops_the_same_values_alone_and_in_a_union() {
 fn a_machine_without_wide_vectors_gives_the_same_but_for_rounding() {
     for spec in specs() {
         let case = case(&spec, 60, 10);
-        let narrow = |x: &[f64]| x.iter().map(|&x| x as f32).collect::<Vec<f32>>();
-        let (weights, nodes, arcs) = (
-            narrow(&case.weights),
-            narrow(&case.nodes),
-            narrow(&case.arcs),
-        );
+        let [weights, nodes, arcs] = case.narrow();
         let input = Input {
             nodes: &nodes,
             arcs: &arcs,
@@ -354,62 +349,36 @@ fn a_machine_without_wide_vectors_gives_the_same_but_for_rounding() {
     }
 }
 
-#[test]
-fn a_frame_in_f32_is_the_same_bytes_on_any_number_of_threads() {
-    for spec in specs() {
-        let case = case(&spec, 100, 12);
-        let narrow = |x: &[f64]| x.iter().map(|&x| x as f32).collect::<Vec<f32>>();
-        let (weights, nodes, arcs) = (
-            narrow(&case.weights),
-            narrow(&case.nodes),
-            narrow(&case.arcs),
-        );
-        let run = |threads| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-            pool.expect("a pool").install(|| {
-                let input = Input {
-                    nodes: &nodes,
-                    arcs: &arcs,
-                };
-                let (network, mut workspace) = (&case.network, Workspace::new());
-                let pass = Pass::Inference;
-                network
-                    .forward(&weights, &case.graph, input, pass, &mut workspace)
-                    .to_vec()
-            })
-        };
-        let one = run(1);
-        assert_eq!(one, run(2));
-        assert_eq!(one, run(3));
-    }
+fn on_threads<R: Send>(threads: usize, work: impl FnOnce() -> R + Send) -> R {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    pool.expect("a pool").install(work)
 }
 
 #[test]
 fn threads_change_no_bit() {
-    let case = case(
-        &ModelSpec::physical(Encoder::Gru { window: 2 }, 16, 2),
-        150,
-        8,
-    );
-    let run = |threads| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-        pool.expect("a pool").install(|| {
+    for spec in specs() {
+        let case = case(&spec, 150, 12);
+        let [weights, nodes, arcs] = case.narrow();
+        let run = || {
+            let input = Input {
+                nodes: &nodes,
+                arcs: &arcs,
+            };
+            let (network, graph) = (&case.network, &case.graph);
             let mut workspace = Workspace::new();
-            case.objective(&case.weights, Pass::Training(None), &mut workspace);
-            let mut gradient = vec![0.0; case.weights.len()];
-            let output: Vec<f64> = (0..case.graph.vertex_count() * OUTPUTS)
-                .map(coefficient)
-                .collect();
+            let out = network.forward(&weights, graph, input, Pass::Inference, &mut workspace);
+            let frame = out.to_vec();
+            network.forward(&weights, graph, input, Pass::Training(None), &mut workspace);
+            let mut gradient = vec![0.0; weights.len()];
+            let output: Vec<f32> = (0..frame.len()).map(|k| coefficient(k) as f32).collect();
             let gradients = Gradients::new(&output, &mut gradient);
-            let (graph, input) = (&case.graph, case.input());
-            case.network
-                .backward(&case.weights, graph, input, gradients, &mut workspace);
-            gradient
-        })
-    };
-    let one = run(1);
-    assert_eq!(one, run(2));
-    assert_eq!(one, run(3));
+            network.backward(&weights, graph, input, gradients, &mut workspace);
+            (frame, gradient)
+        };
+        let one = on_threads(1, run);
+        assert_eq!(one, on_threads(2, run));
+        assert_eq!(one, on_threads(3, run));
+    }
 }
 
 #[test]

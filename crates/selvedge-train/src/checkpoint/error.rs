@@ -44,10 +44,6 @@ pub enum ResumeError {
         found: String,
     },
     #[error(
-        "{path} is of another model: {differences}: set these values as they are there, or train without it"
-    )]
-    OtherModel { path: PathBuf, differences: String },
-    #[error(
         "{path} was made on other data (data set \"{found}\", now \"{expected}\", or its files or sections have changed): give the same, or train into a new folder"
     )]
     Data {

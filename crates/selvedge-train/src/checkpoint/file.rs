@@ -10,7 +10,7 @@ use selvedge_data::read_header;
 use selvedge_model::{Network, RunningStatistics};
 use serde::{Deserialize, Serialize};
 
-use super::differences::{differences, differences_but_encoder};
+use super::differences::differences;
 use super::error::{ContentProblem, ResumeError};
 use crate::config::TrainConfig;
 use crate::engine::Learned;
@@ -46,7 +46,7 @@ pub(super) struct State {
 pub(super) struct CheckpointFile<'a> {
     path: &'a Path,
     tensors: SafeTensors<'a>,
-    pub(super) metadata: HashMap<String, String>,
+    metadata: HashMap<String, String>,
 }
 
 impl<'a> CheckpointFile<'a> {
@@ -76,7 +76,7 @@ impl<'a> CheckpointFile<'a> {
         })
     }
 
-    pub(super) fn content(&self, what: &str, problem: impl Into<ContentProblem>) -> ResumeError {
+    fn content(&self, what: &str, problem: impl Into<ContentProblem>) -> ResumeError {
         ResumeError::Content {
             path: self.path.to_owned(),
             what: what.to_owned(),
@@ -84,7 +84,7 @@ impl<'a> CheckpointFile<'a> {
         }
     }
 
-    pub(super) fn json<T: serde::de::DeserializeOwned>(&self, key: &str) -> Result<T, ResumeError> {
+    fn json<T: serde::de::DeserializeOwned>(&self, key: &str) -> Result<T, ResumeError> {
         let missing = || self.content(key, ContentProblem::Missing);
         let text = self.metadata.get(key).ok_or_else(missing)?;
         serde_json::from_str(text).map_err(|error| self.content(key, error))
@@ -114,48 +114,21 @@ impl<'a> CheckpointFile<'a> {
         }
     }
 
-    /// The fingerprint of the data set that it was made on.
-    fn fingerprint(&self) -> &str {
-        self.metadata.get("dataset").map_or("", String::as_str)
-    }
-
-    /// The name of that data set.
-    pub(super) fn dataset_name(&self) -> String {
-        let name = self.fingerprint().split(' ').next();
-        name.unwrap_or_default().to_owned()
-    }
-
     /// Checks that the checkpoint was made on this data set.
     pub(super) fn check_data(&self, set: &TrainingSet) -> Result<(), ResumeError> {
-        if self.fingerprint() == set.fingerprint {
+        let made = self.metadata.get("dataset").map_or("", String::as_str);
+        if made == set.fingerprint {
             return Ok(());
         }
         Err(ResumeError::Data {
             path: self.path.to_owned(),
             expected: set.name.clone(),
-            found: self.dataset_name(),
-        })
-    }
-
-    /// Checks that the network is the same; its encoder and the limits of edges may differ.
-    pub(super) fn check_network(
-        &self,
-        made: &TrainConfig,
-        cfg: &TrainConfig,
-    ) -> Result<(), ResumeError> {
-        let differences = differences_but_encoder(&made.model, &cfg.model)
-            .map_err(|error| self.content("config", error))?;
-        if differences.is_empty() {
-            return Ok(());
-        }
-        Err(ResumeError::OtherModel {
-            path: self.path.to_owned(),
-            differences,
+            found: made.split(' ').next().unwrap_or_default().to_owned(),
         })
     }
 
     /// Checks that the statistics have the columns of the configuration.
-    pub(super) fn check_widths(&self, state: &State, cfg: &TrainConfig) -> Result<(), ResumeError> {
+    fn check_widths(&self, state: &State, cfg: &TrainConfig) -> Result<(), ResumeError> {
         let [nodes, edges] = &state.inputs;
         let (model, found) = (&cfg.model, (nodes.width(), edges.width()));
         let expected = (model.node_width(), model.edge_width());
@@ -165,7 +138,7 @@ impl<'a> CheckpointFile<'a> {
         Ok(())
     }
 
-    pub(super) fn numbers(&self, name: &str, count: usize) -> Result<Vec<f32>, ResumeError> {
+    fn numbers(&self, name: &str, count: usize) -> Result<Vec<f32>, ResumeError> {
         let view = self.tensors.tensor(name);
         let view = view.map_err(|error| self.content(name, error))?;
         if view.dtype() != Dtype::F32 || view.shape().iter().product::<usize>() != count {

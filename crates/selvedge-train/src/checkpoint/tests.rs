@@ -152,46 +152,6 @@ fn another_configuration_is_refused_by_its_field() {
 }
 
 #[test]
-fn another_model_is_refused_by_all_its_fields() {
-    let data = two_cloths();
-    let (path, _) = five(busy(Encoder::MLP), &data);
-    let from = |edit: fn(&mut TrainConfig)| {
-        let mut cfg = busy(Encoder::MLP);
-        edit(&mut cfg);
-        Trainer::start_from(cfg, &data.dataset, &path, &ENGINE).map_err(|error| error.to_string())
-    };
-    // What is no part of the network may be another.
-    let trainer = from(|cfg| cfg.seed = 9);
-    let trainer = trainer.expect("the same network");
-    assert_eq!(trainer.steps_done(), 0);
-    let origin = Origin {
-        name: "tiny".to_owned(),
-        steps_done: 5,
-        dataset: "swinging".to_owned(),
-    };
-    assert_eq!(trainer.origins(), std::slice::from_ref(&origin));
-    // And it stays known when the training goes on.
-    let kept = data.folder.path().join("next.safetensors");
-    trainer.save(&kept).expect("room");
-    let cfg = trainer.config().clone();
-    let on = Trainer::resume(cfg, &data.dataset, &kept, &ENGINE);
-    assert_eq!(on.expect("the same").origins(), [origin]);
-    assert!(trainer.fresh_tensors().is_empty());
-    let gru = from(|cfg| cfg.model.encoder = Encoder::Gru { window: 3 });
-    let gru = gru.expect("all but its encoder");
-    assert_eq!(gru.fresh_tensors().len(), 24);
-    let text = from(|cfg| {
-        cfg.model.latent = 16;
-        cfg.model.blocks = 3;
-        cfg.model.encoder = Encoder::Gru { window: 4 };
-    });
-    let text = text.err().expect("another network");
-    let expected = "is of another model: model.blocks is 2 there, 3 here; model.latent is 8 there, 16 here: set these values as they are there, or train without it";
-    assert!(text.ends_with(expected), "{text}");
-    assert!(!text.contains('\n'));
-}
-
-#[test]
 fn another_data_set_is_refused() {
     let data = two_cloths();
     let (_, bytes) = five(busy(Encoder::MLP), &data);

@@ -111,10 +111,10 @@ fn unknown_keys_and_missing_files_are_named() {
 #[test]
 fn values_out_of_range_are_named() {
     type Edit = fn(&mut TrainConfig);
-    let cases: [(Edit, &str); 22] = [
+    let cases: [(Edit, &str); 17] = [
         (
-            |c| c.steps = 0,
-            "steps must be between 1 and 1000000000, found 0",
+            |c| c.steps = u64::MAX,
+            "steps must be between 1 and 1000000000, found 18446744073709551615",
         ),
         (
             |c| c.statistics_samples = 0,
@@ -163,26 +163,6 @@ fn values_out_of_range_are_named() {
         (
             |c| c.scheduled_sampling.farthest = f64::INFINITY,
             "scheduled_sampling.farthest must be finite and positive, found inf",
-        ),
-        (
-            |c| c.steps = u64::MAX,
-            "steps must be between 1 and 1000000000, found 18446744073709551615",
-        ),
-        (
-            |c| c.statistics_samples = 1_000_001,
-            "statistics_samples must be between 1 and 1000000, found 1000001",
-        ),
-        (
-            |c| c.log_every = 100_001,
-            "log_every must be between 1 and 100000, found 100001",
-        ),
-        (
-            |c| c.scheduled_sampling.longest = u32::MAX,
-            "scheduled_sampling.longest must be between 1 and 1000000, found 4294967295",
-        ),
-        (
-            |c| c.batch.samples = 1_000_000_000_000_000,
-            "batch.samples must be between 1 and 65536, found 1000000000000000",
         ),
         (
             |c| {
@@ -273,6 +253,10 @@ fn settings_that_do_not_fit_are_named() {
         ("model.latent=2", "model.latent must be between 4 and 4096"),
         ("model.latent.size=2", "model.latent is no table"),
         ("model.encoder.kind=lstm", "unknown variant `lstm`"),
+        (
+            "model.encoder={ kind = \"mlp\", window = 2 }",
+            "model.encoder.window of the kind \"mlp\" must be 1, found 2: choose the kind \"gru\"",
+        ),
         ("model.latent", "\"model.latent\" is no setting"),
         ("=3", "\"=3\" is no setting"),
         ("model..latent=3", "\"model..latent=3\" is no setting"),
@@ -285,50 +269,6 @@ fn settings_that_do_not_fit_are_named() {
     ];
     for (setting, expected) in cases {
         let found = with(&[setting]).expect_err(expected);
-        assert!(found.contains(expected), "{setting}: {found}");
-    }
-}
-
-#[test]
-fn keys_that_are_gone_are_named() {
-    let gone = [
-        (
-            "model.coarse_levels=2",
-            "unknown field `coarse_levels`, expected one of",
-        ),
-        (
-            "model.filter_modes=8",
-            "unknown field `filter_modes`, expected one of",
-        ),
-        ("model.tokens=4", "unknown field `tokens`, expected one of"),
-        (
-            "model.edge_features=[\"vector\", \"coarse-vector\"]",
-            "unknown variant `coarse-vector`, expected one of",
-        ),
-        (
-            "model.encoder={ kind = \"node-gru\", window = 3 }",
-            "unknown variant `node-gru`, expected `mlp` or `gru`",
-        ),
-        (
-            "model.encoder={ kind = \"streaming-gru\", window = 3 }",
-            "unknown variant `streaming-gru`, expected `mlp` or `gru`",
-        ),
-        (
-            "model.encoder={ kind = \"mlp\", window = 2 }",
-            "model.encoder.window of the kind \"mlp\" must be 1, found 2: choose the kind \"gru\"",
-        ),
-        (
-            "losses.short_waves=1.0",
-            "unknown field `short_waves`, expected one of",
-        ),
-        (
-            "mirror_images=true",
-            "unknown field `mirror_images`, expected one of",
-        ),
-    ];
-    for (setting, expected) in gone {
-        let found = with(&[setting]).expect_err(expected);
-        assert!(found.starts_with("training.toml with "), "{found}");
         assert!(found.contains(expected), "{setting}: {found}");
     }
 }

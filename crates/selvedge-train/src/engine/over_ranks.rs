@@ -113,7 +113,6 @@ impl EngineMaker for OverRanks<'_> {
     }
 }
 
-/// The engine of a rank.
 struct RankEngine {
     engine: Box<dyn Engine>,
     ranks: Ranks,
@@ -198,7 +197,6 @@ fn bits(numbers: &[f32]) -> Vec<u32> {
     numbers.iter().map(|number| number.to_bits()).collect()
 }
 
-/// Checks that all ranks have the same.
 fn check_same(ranks: &Ranks, own: &impl Hash, what: &'static str) -> Result<(), EngineError> {
     let mut hasher = DefaultHasher::new();
     own.hash(&mut hasher);

@@ -31,24 +31,15 @@ pub trait FramePasses {
     /// Takes what the slots show in frame `frame`, from 0, through the network, and hands
     /// prediction and loss terms to each slot ([`SlotRun::receive`]). Slots that are not going may
     /// be left out.
-    ///
-    /// # Errors
-    /// When the machine fails.
     fn forward(&mut self, frame: usize, slots: &mut [SlotRun<'_>]) -> Result<(), Self::Error>;
 
     /// Computes the gradient of the sum of all frames' losses, each times its weight. `weights` has
     /// a row per slot with a weight for each of its frames.
-    ///
-    /// # Errors
-    /// When the machine fails.
     fn backward(&mut self, weights: &[Vec<f64>]) -> Result<(), Self::Error>;
 }
 
 /// Takes `slots` through the frames of a step and back. Returns the mean terms of each slot's
 /// frames; none from when the step is given up.
-///
-/// # Errors
-/// The first failure of the engine.
 pub fn run_slots<P: FramePasses>(
     passes: &mut P,
     slots: &mut [SlotRun<'_>],
@@ -129,25 +120,21 @@ impl<'a> SlotRun<'a> {
     }
 
     /// The sample that is shown now, or was shown last.
-    #[must_use]
     pub fn sample(&self) -> &ShownSample {
         &self.sample
     }
 
     /// The cloth of the sample.
-    #[must_use]
     pub fn graph(&self) -> &'a Arc<ClothGraph> {
         &self.setup.set.motion(self.sample.trajectory).graph
     }
 
     /// The arcs of that cloth.
-    #[must_use]
     pub fn connectivity(&self) -> &'a Arc<Connectivity> {
         &self.setup.set.motion(self.sample.trajectory).connectivity
     }
 
     /// True while the slot shows samples in this step.
-    #[must_use]
     pub fn is_going(&self) -> bool {
         self.is_going
     }

@@ -19,7 +19,7 @@ fn learned(data: &Dataset, account: &str) -> Model {
 }
 
 fn started(cfg: TrainConfig, data: &Dataset, model: &Model) -> Result<Trainer, TrainError> {
-    let observe = &mut |_| ControlFlow::Continue(());
+    let observe = &mut || ControlFlow::Continue(());
     let trainer = Trainer::from_model(cfg, data, &ENGINE, model, observe)?;
     Ok(trainer.expect("nobody stops it"))
 }
@@ -43,6 +43,12 @@ fn a_training_begins_as_the_model_is() {
     };
     let origins = [of("stage 1", 9, "first"), of("tiny", 5, "swinging")];
     assert_eq!(trainer.origins(), origins);
+    // And they stay known when the training goes on.
+    let kept = data.folder.path().join("next.safetensors");
+    trainer.save(&kept).expect("room");
+    let cfg = trainer.config().clone();
+    let on = Trainer::resume(cfg, &data.dataset, &kept, &ENGINE);
+    assert_eq!(on.expect("the same").origins(), origins);
     // Before its first step it is that model, and then no more.
     let begun = trainer.model(String::new()).expect("a model");
     assert_eq!(begun.weights(), model.weights());
@@ -111,16 +117,17 @@ fn a_new_encoder_joins_the_rest_of_a_model() {
 fn another_network_is_refused_and_an_observer_may_stop_it() {
     let data = two_cloths();
     let model = learned(&data.dataset, "of my own making");
-    let mut cfg = busy(MLP);
+    let mut cfg = busy(Encoder::Gru { window: 4 });
     cfg.model.latent = 16;
+    cfg.model.blocks = 3;
     let text = started(cfg, &data.dataset, &model)
         .err()
         .expect("another network");
     assert_eq!(
         text.to_string(),
-        "the model to start from is another one: model.latent is 8 there, 16 here: set these values as they are there, or train without it"
+        "the model to start from is another one: model.blocks is 2 there, 3 here; model.latent is 8 there, 16 here: set these values as they are there, or train without it"
     );
-    let stop = &mut |_| ControlFlow::Break(());
+    let stop = &mut || ControlFlow::Break(());
     let none = Trainer::from_model(busy(MLP), &data.dataset, &ENGINE, &model, stop);
     assert!(none.expect("no error").is_none());
     let trainer = started(busy(MLP), &data.dataset, &model).expect("the same network");

@@ -67,9 +67,6 @@ impl LossWeights {
     };
 
     /// Checks that every weight is finite and none negative.
-    ///
-    /// # Errors
-    /// Names the field.
     pub fn validate(&self) -> Result<(), LossWeightsError> {
         let Self {
             kinetic_energy,
@@ -204,7 +201,6 @@ impl LossTerms {
 
     /// The terms of acceleration, kinetic energy, edge vector, edge length and bending angle, in
     /// this order; those of weight 0 are left out.
-    #[must_use]
     pub fn weighted(weights: &LossWeights, terms: [f64; 5]) -> Self {
         let [acceleration, rest @ ..] = terms;
         let all = [
@@ -266,7 +262,6 @@ pub struct LossEvaluator {
 
 impl LossEvaluator {
     /// An evaluator of these terms.
-    #[must_use]
     pub fn new(weights: LossWeights, computed: ComputedTerms) -> Self {
         Self {
             weights,

@@ -48,7 +48,6 @@ impl Default for RunningLossStatistics {
 
 impl RunningLossStatistics {
     /// Number of samples' vertices so far, handles not counted.
-    #[must_use]
     pub fn count(&self) -> f64 {
         self.acceleration.count()
     }
@@ -121,7 +120,6 @@ impl RunningLossStatistics {
     }
 
     /// The statistics of the samples so far.
-    #[must_use]
     pub fn freeze(&self) -> LossStatistics {
         LossStatistics {
             acceleration: self.acceleration.freeze(),

@@ -12,7 +12,7 @@ pub(super) struct Case {
     pub(super) holds_one_run: bool,
 }
 
-pub(super) const CASES: [Case; 20] = [
+pub(super) const CASES: [Case; 21] = [
     of(
         "trajectory",
         "run push.toml --start mesh --frames 3 -o out/a.safetensors",
@@ -101,6 +101,12 @@ pub(super) const CASES: [Case; 20] = [
         "run files.toml --start mesh --frames 3 -o out/a.safetensors",
         "run files.toml --start mesh -o out/a.safetensors",
     ),
+    Case {
+        name: "frames",
+        old: None,
+        new: "export run.safetensors -o out --format obj --frames 0..3",
+        holds_one_run: false,
+    },
     Case {
         name: "rollout",
         old: Some("run push.toml --model model.safetensors --no-clip --frames 3 -o out"),

@@ -21,6 +21,8 @@ use crate::program::Program;
 const PATIENCE: Duration = Duration::from_secs(120);
 /// The signal of a process that ends itself, as Rust's library does without memory.
 const ABORT: i32 = 6;
+/// The exit code of a process that is ended at a call.
+const CUT: i32 = 137;
 
 type Files = BTreeMap<PathBuf, Vec<u8>>;
 
@@ -46,7 +48,6 @@ pub(super) struct Tally {
 /// The end of a run.
 struct End {
     status: ExitStatus,
-    /// All that it said.
     said: String,
     /// The file whose reading failed.
     path: Option<PathBuf>,
@@ -103,6 +104,18 @@ impl Desk<'_> {
             tally.aborted += u64::from(end.status.signal() == Some(ABORT));
             self.check(&old, &new, &end, kind)
                 .with_context(|| format!("call {call}, {kind}"))?;
+            // What was ended there goes on, to the files of a run that was not.
+            if end.status.code() == Some(CUT) && self.case.old.is_none() {
+                let kept = self.out().join("checkpoint.safetensors").exists();
+                let resume = if kept { " --resume" } else { "" };
+                let again = format!("{}{resume}", self.case.new);
+                self.program.run(self.folder, &again)?;
+                let found = files_in(&self.out())?;
+                ensure!(
+                    found == new,
+                    "call {call}, {kind}: it goes on to other files"
+                );
+            }
         }
         Ok(Some(tally))
     }

@@ -1,5 +1,6 @@
 //! Faults under every command: a call that writes, reads or takes memory fails, is short, or the
-//! power is cut there. Each file is then the old one or the new one, and never another.
+//! power is cut there. Each file is then the old one or the new one, and never another; a command that
+//! was ended goes on.
 //!
 //! The faults come from a small library in C between the program and the system's, so that what is
 //! tried is the program as it is shipped. Linux only, with a C compiler.
@@ -25,9 +26,6 @@ use crate::program::Program;
 
 /// Injects faults of these sides, or all, into the commands of these names, or all; returns false
 /// where something did not hold.
-///
-/// # Errors
-/// A command that there is not, a missing program or compiler.
 pub(crate) fn run(faults: u64, sides: &[Side], commands: &[String], seed: u64) -> Result<bool> {
     for name in commands {
         let is_known = CASES.iter().any(|case| case.name == *name);

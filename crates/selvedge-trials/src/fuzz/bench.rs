@@ -12,7 +12,6 @@ use crate::program::copy_folder;
 
 /// The folder in which readers work, with the files beside the one that is damaged.
 pub(super) struct Bench {
-    /// The folder.
     pub(super) folder: PathBuf,
     /// A small data set, and a training on it.
     pub(super) dataset: Dataset,
@@ -21,9 +20,6 @@ pub(super) struct Bench {
 
 impl Bench {
     /// A bench in `folder`, with what the readers need beside their file.
-    ///
-    /// # Errors
-    /// A seed that is missing.
     pub(super) fn new(folder: &Path, seeds: &Seeds) -> Result<Self> {
         let bench = |name: &str| folder.join(name);
         copy_folder(&seeds.made.join("tiny"), &bench("tiny"))?;

@@ -25,9 +25,6 @@ const OPTIONS: [&str; 9] = [
 ];
 
 /// The examples of the target called `name`; none where it has files.
-///
-/// # Errors
-/// An example that cannot be written.
 pub(super) fn written_examples(name: &str, bench: &Bench) -> Result<Vec<Vec<u8>>> {
     Ok(match name {
         "socket" => messages(),

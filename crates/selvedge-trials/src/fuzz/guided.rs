@@ -22,9 +22,6 @@ pub struct Guided {
 
 impl Guided {
     /// The reader of the target called `name`, at work in `folder`, which is made anew.
-    ///
-    /// # Errors
-    /// A target that does not exist, a folder that cannot be made, or a program that is missing.
     pub fn open(name: &str, folder: &Path) -> Result<Self> {
         let Some(target) = TARGETS.iter().find(|target| target.name == name) else {
             bail!("there is no target {name:?}");
@@ -49,7 +46,6 @@ impl Guided {
     }
 
     /// Whole inputs.
-    #[must_use]
     pub fn examples(&self) -> &[Vec<u8>] {
         &self.examples
     }
@@ -73,7 +69,6 @@ impl Guided {
 
     /// `input` with a part of it damaged by `damage`, as `seed` chooses, and its lengths and
     /// checksums mended; none where it has none.
-    #[must_use]
     pub fn damaged(
         &self,
         input: &[u8],

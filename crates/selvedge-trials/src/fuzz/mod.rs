@@ -21,7 +21,6 @@ use self::targets::TARGETS;
 /// grow.
 const LONGEST_TEXT: usize = 4096;
 
-/// Names of all targets.
 pub(crate) fn names() -> [&'static str; TARGETS.len()] {
     TARGETS.map(|target| target.name)
 }

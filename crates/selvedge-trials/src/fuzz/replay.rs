@@ -25,9 +25,6 @@ pub struct Replayed {
 
 /// Reads all examples of all targets in `folder`, which is empty; `program` writes some of them.
 ///
-/// # Errors
-/// A file that is missing, a command that fails, or a refusal that is too long.
-///
 /// # Panics
 /// Where a reader does, or accepts what does not hold.
 pub fn replay(program: &Path, folder: &Path) -> Result<Vec<Replayed>> {

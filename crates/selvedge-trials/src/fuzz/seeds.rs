@@ -52,9 +52,6 @@ pub(super) struct Seeds {
 
 impl Seeds {
     /// Lets `program` write examples in `folder`.
-    ///
-    /// # Errors
-    /// A command that fails.
     pub(super) fn make(program: &Program, folder: &Path) -> Result<Self> {
         let write = |name: &str, text: &str| fs::write(folder.join(name), text).context("a seed");
         write("push.toml", SCENE)?;
@@ -81,9 +78,6 @@ impl Seeds {
 
     /// The files that `names` mean: of the examples, or from the repository where a name begins
     /// with `/`; a folder means all files in it that end as `ending`.
-    ///
-    /// # Errors
-    /// A file that is missing.
     pub(super) fn read(&self, names: &[&str], ending: &str) -> Result<Vec<Vec<u8>>> {
         let mut all = Vec::new();
         for name in names {
@@ -103,9 +97,6 @@ impl Seeds {
     }
 
     /// The corpus of the target called `name`.
-    ///
-    /// # Errors
-    /// A file that cannot be read.
     pub(super) fn corpus(&self, name: &str) -> Result<Vec<Vec<u8>>> {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
             .join("corpus")

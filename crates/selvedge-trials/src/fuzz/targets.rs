@@ -31,9 +31,6 @@ pub(super) struct Target {
 
 impl Target {
     /// The whole files that are damaged.
-    ///
-    /// # Errors
-    /// A file that is missing.
     pub(super) fn examples(&self, seeds: &Seeds) -> Result<Vec<Vec<u8>>> {
         let mut all = seeds.read(self.seeds, self.ending)?;
         all.extend(seeds.corpus(self.name)?);

@@ -46,7 +46,6 @@ pub(crate) fn value_table() -> Vec<Vec3A> {
 }
 
 /// The mixture of two colours in sRGB; `share` of the second, in [0, 1].
-#[must_use]
 pub(crate) fn mix(first: Rgb, second: Rgb, share: f32) -> Rgb {
     std::array::from_fn(|channel| {
         let (a, b) = (f32::from(first[channel]), f32::from(second[channel]));
@@ -55,7 +54,6 @@ pub(crate) fn mix(first: Rgb, second: Rgb, share: f32) -> Rgb {
 }
 
 /// sRGB bytes as linear light in [0, 1].
-#[must_use]
 pub(crate) fn to_linear(colour: Rgb) -> Vec3 {
     Vec3::from_array(colour.map(|byte| {
         let value = f32::from(byte) / 255.0;

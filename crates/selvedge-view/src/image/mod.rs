@@ -22,10 +22,6 @@ const MOST_PIXELS: u64 = 1 << 28;
 
 impl Image {
     /// An image of one colour.
-    ///
-    /// # Errors
-    /// [`ViewError::Size`] when a side is 0 or longer than 65535 pixels;
-    /// [`ViewError::TooManyPixels`] beyond 2²⁸.
     pub fn filled(width: u32, height: u32, colour: Rgb) -> Result<Self, ViewError> {
         check_size("image", [width, height])?;
         Ok(Self {
@@ -36,19 +32,16 @@ impl Image {
     }
 
     /// Pixels per row.
-    #[must_use]
     pub fn width(&self) -> u32 {
         self.width
     }
 
     /// Number of rows.
-    #[must_use]
     pub fn height(&self) -> u32 {
         self.height
     }
 
     /// All pixels, row by row, `[height * width]`.
-    #[must_use]
     pub fn pixels(&self) -> &[Rgb] {
         &self.pixels
     }
@@ -58,7 +51,6 @@ impl Image {
     }
 
     /// The pixel in column `x` of row `y`, or `None` outside the image.
-    #[must_use]
     pub fn pixel(&self, x: u32, y: u32) -> Option<Rgb> {
         (x < self.width && y < self.height)
             .then(|| self.pixels[y as usize * self.width as usize + x as usize])
@@ -97,9 +89,6 @@ impl Image {
     }
 
     /// Writes the image as PNG (8-bit RGB, marked as sRGB).
-    ///
-    /// # Errors
-    /// [`ViewError::Png`] when the writer fails.
     pub fn write_png(&self, out: &mut dyn Write) -> Result<(), ViewError> {
         let mut encoder = png::Encoder::new(out, self.width, self.height);
         encoder.set_color(png::ColorType::Rgb);
@@ -112,9 +101,6 @@ impl Image {
     }
 
     /// The image as the bytes of a PNG file.
-    ///
-    /// # Errors
-    /// [`ViewError::Png`] when it cannot be encoded.
     pub fn to_png(&self) -> Result<Vec<u8>, ViewError> {
         let mut bytes = Vec::new();
         self.write_png(&mut bytes)?;

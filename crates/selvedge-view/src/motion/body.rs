@@ -15,10 +15,6 @@ pub struct Body<'a> {
 
 impl<'a> Body<'a> {
     /// A body of `faces` over points `[m]`, `[frames, points]`; of one frame where it is still.
-    ///
-    /// # Errors
-    /// [`ViewError::Body`] for frames of different points, a point that is not finite, or a face
-    /// that names one which is not there.
     pub fn new(
         faces: &'a [[u32; 3]],
         frames: impl IntoIterator<Item = Cow<'a, [Vec3]>>,

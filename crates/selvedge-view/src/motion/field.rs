@@ -16,9 +16,6 @@ pub struct ScalarField {
 impl ScalarField {
     /// `values`, `[frames, vertices]`, under a `name` with its unit, as `error [mm]`. The colours
     /// span 0 to the largest value, rounded up to a number that reads well.
-    ///
-    /// # Errors
-    /// [`ViewError::EmptyRun`] or [`ViewError::NonFiniteValue`].
     pub fn new(name: impl Into<String>, values: Vec<Vec<f32>>) -> Result<Self, ViewError> {
         let name = name.into();
         if values.is_empty() {
@@ -43,9 +40,6 @@ impl ScalarField {
     }
 
     /// The distance of each vertex of `prediction` from the same vertex of `truth` `[mm]`.
-    ///
-    /// # Errors
-    /// [`ViewError::PanelsDiffer`] when the runs differ in frames or vertices.
     pub fn distance(truth: &Run<'_>, prediction: &Run<'_>) -> Result<Self, ViewError> {
         let differ = truth.check_match(prediction);
         differ.map_err(|differ| differ.labelled("truth", "prediction"))?;
@@ -64,19 +58,16 @@ impl ScalarField {
     }
 
     /// The name of the numbers, with the unit.
-    #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
     /// The values, `[frames, vertices]`.
-    #[must_use]
     pub fn values(&self) -> &[Vec<f32>] {
         &self.values
     }
 
     /// The values at both ends of the colours.
-    #[must_use]
     pub fn range(&self) -> [f32; 2] {
         self.range
     }

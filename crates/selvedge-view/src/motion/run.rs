@@ -25,10 +25,6 @@ pub struct Run<'a> {
 impl<'a> Run<'a> {
     /// Frames of positions `[m]`, `[frames, vertices]`, at `frame_rate` `[1/s]`. The `handles` are
     /// marked in pictures.
-    ///
-    /// # Errors
-    /// [`ViewError::EmptyRun`], [`ViewError::VertexCount`], [`ViewError::NonFinite`],
-    /// [`ViewError::Handle`] or [`ViewError::FrameRate`], with the first offending numbers.
     pub fn new(
         topology: &'a Topology,
         frames: impl IntoIterator<Item = &'a [Vec3]>,
@@ -75,9 +71,6 @@ impl<'a> Run<'a> {
     }
 
     /// The same run with bodies beside the cloth, still or with as many frames.
-    ///
-    /// # Errors
-    /// [`ViewError::Body`] for a body of another number of frames.
     pub fn with_bodies(mut self, bodies: Vec<Body<'a>>) -> Result<Self, ViewError> {
         let frames = self.frames.len();
         let counts = bodies.iter().map(Body::frame_count);
@@ -120,31 +113,26 @@ impl<'a> Run<'a> {
     }
 
     /// The connectivity.
-    #[must_use]
     pub fn topology(&self) -> &'a Topology {
         self.topology
     }
 
     /// Positions in each frame `[m]`, `[frames, vertices]`.
-    #[must_use]
     pub fn frames(&self) -> &[&'a [Vec3]] {
         &self.frames
     }
 
     /// The vertices that are marked as handles.
-    #[must_use]
     pub fn handles(&self) -> &'a [VertexId] {
         self.handles
     }
 
     /// Frames per second.
-    #[must_use]
     pub fn frame_rate(&self) -> f64 {
         self.frame_rate
     }
 
     /// Time of a frame since the first `[s]`.
-    #[must_use]
     pub fn time(&self, frame: usize) -> f64 {
         frame as f64 / self.frame_rate
     }

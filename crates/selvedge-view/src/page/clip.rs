@@ -65,10 +65,6 @@ const MOST_PICTURES: usize = 1_000_000;
 
 /// Writes `panels` side by side under a title (may be empty) as a GIF that repeats for ever. After
 /// each picture `progress` is called, and may stop.
-///
-/// # Errors
-/// [`ViewError::NoPanels`], [`ViewError::PanelsDiffer`], what is wrong with a panel or a setting,
-/// or [`ViewError::Gif`] when the writer fails.
 pub fn write_clip(
     out: &mut dyn Write,
     title: &str,

@@ -70,7 +70,6 @@ impl Palette {
         number
     }
 
-    /// The colour with a number, if there is one.
     pub(crate) fn colour(&self, number: u8) -> Option<Rgb> {
         usize::from(number)
             .checked_sub(1)

@@ -45,9 +45,6 @@ impl SheetSettings {
 }
 
 /// One frame of a panel, as large as it fits into a picture of `size` (width, height) `[pixels]`.
-///
-/// # Errors
-/// [`ViewError::FrameOutOfRange`], or the defect of the panel or the size.
 pub fn still(panel: &Panel<'_>, frame: usize, size: [u32; 2]) -> Result<Image, ViewError> {
     let aspect = aspect_of(size)?;
     let stages = Stage::following(&[panel.run], &[frame], &Orbit::default(), aspect)?;
@@ -58,9 +55,6 @@ pub fn still(panel: &Panel<'_>, frame: usize, size: [u32; 2]) -> Result<Image, V
 /// Moments of one or several panels under a title (may be empty), each with its time. Several
 /// panels stand under each other. The camera goes along with the cloth, equally far from each
 /// moment, and takes the same place for all panels.
-///
-/// # Errors
-/// [`ViewError::NoPanels`], [`ViewError::PanelsDiffer`], or the defect of a panel or setting.
 pub fn contact_sheet(
     title: &str,
     panels: &[Panel<'_>],
@@ -95,7 +89,6 @@ pub fn contact_sheet(
     Ok(image)
 }
 
-/// The run of each panel.
 pub(crate) fn runs_of<'a>(panels: &[Panel<'a>]) -> Vec<&'a Run<'a>> {
     panels.iter().map(|panel| panel.run).collect()
 }

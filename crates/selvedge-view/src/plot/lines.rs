@@ -137,9 +137,6 @@ impl Ranged for Ticks {
 
 impl LineChart {
     /// The picture as SVG.
-    ///
-    /// # Errors
-    /// [`PlotError`] where there is no point that can be shown, or one that is not finite.
     pub fn to_svg(&self) -> Result<String, PlotError> {
         let title = || self.title.clone();
         for line in &self.lines {

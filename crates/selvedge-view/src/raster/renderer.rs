@@ -45,10 +45,6 @@ const TRAIL_SECONDS: f64 = 0.45;
 
 impl Renderer {
     /// A renderer of pictures of `size` (width, height) `[pixels]`.
-    ///
-    /// # Errors
-    /// [`ViewError::Size`] or [`ViewError::TooManyPixels`] when it has no pixels, or more samples
-    /// than an image may have pixels.
     pub fn new(
         stage: &Stage,
         size: [u32; 2],
@@ -74,9 +70,6 @@ impl Renderer {
     }
 
     /// Draws one frame of a panel (without its label).
-    ///
-    /// # Errors
-    /// [`ViewError::FrameOutOfRange`], or the defect of the panel's values.
     pub fn render(&mut self, panel: &Panel<'_>, frame: usize) -> Result<Image, ViewError> {
         check_panels(std::slice::from_ref(panel))?;
         let frames = panel.run.frames();

@@ -21,7 +21,6 @@ const BODY: Rgb = [172, 165, 156];
 const BORDER: Rgb = [190, 50, 44];
 /// The border of a cloth that is coloured by numbers: no hue that could be read as one.
 const VALUE_BORDER: Rgb = [52, 52, 60];
-/// Handles.
 pub(crate) const HANDLE: Rgb = [236, 124, 36];
 /// The way that a handle has come.
 pub(crate) const TRAIL: Rgb = [244, 176, 120];

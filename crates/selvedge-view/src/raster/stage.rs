@@ -21,9 +21,6 @@ pub struct Stage {
 
 impl Stage {
     /// The stage that holds all `runs` in pictures of `aspect` (width over height).
-    ///
-    /// # Errors
-    /// [`ViewError::NoPanels`] without runs, and [`ViewError::Setting`] for a direction that is none.
     pub fn of_runs(runs: &[&Run<'_>], view: View, aspect: f32) -> Result<Self, ViewError> {
         view.check()?;
         Self::on_orbit(runs, &view.into(), aspect)
@@ -48,9 +45,6 @@ impl Stage {
     /// One stage per frame of `frames`, for pictures of `aspect` beside each other. The camera goes
     /// along with the cloth over the floor, at one distance from which each of the frames fits into
     /// its picture: the cloth is as large as it can be, and equally large in all pictures.
-    ///
-    /// # Errors
-    /// As for [`Self::of_runs`], and [`ViewError::FrameOutOfRange`].
     pub(crate) fn following(
         runs: &[&Run<'_>],
         frames: &[usize],

@@ -9,7 +9,6 @@ use glam::{Vec2, Vec3A};
 
 use crate::raster::shade::{Point, Shader};
 
-/// A vertex on the screen.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ScreenVertex {
     /// In samples from the top left corner.

@@ -21,9 +21,6 @@ pub(crate) struct DeviceArgs {
 
 impl DeviceArgs {
     /// Opens the machine that is asked for.
-    ///
-    /// # Errors
-    /// A device that is not there, or a precision that it does not have.
     pub(crate) fn open(&self) -> Result<Machine, MachineError> {
         Machine::open(self.of_rank()?, self.precision.name())
     }

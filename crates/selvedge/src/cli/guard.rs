@@ -21,7 +21,6 @@ impl GuardName {
         }
     }
 
-    /// The settings of the guard.
     pub(crate) fn settings(self) -> GuardSettings {
         match self {
             Self::None => GuardSettings::with(Correction::None),

@@ -8,7 +8,6 @@ use super::Cli;
 /// Columns of a line of the page.
 const COLUMNS: usize = 100;
 
-/// Returns the page.
 pub(super) fn page() -> String {
     let mut program = Cli::command().term_width(COLUMNS);
     program.build();

@@ -22,9 +22,6 @@ struct Report {
 }
 
 /// Compares two trajectories.
-///
-/// # Errors
-/// A file that cannot be read, or trajectories of different meshes or frame rates.
 pub(crate) fn run(args: &CompareArgs) -> anyhow::Result<Answer> {
     let a = Trajectory::read(&args.a)?;
     let b = Trajectory::read(&args.b)?;

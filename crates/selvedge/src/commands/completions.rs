@@ -7,9 +7,6 @@ use crate::cli::{Cli, CompletionsArgs};
 use crate::output::Answer;
 
 /// Returns the script of a shell.
-///
-/// # Errors
-/// When the answer cannot be written as JSON.
 pub(crate) fn run(args: &CompletionsArgs) -> anyhow::Result<Answer> {
     let mut script = Vec::new();
     let mut program = Cli::command();

@@ -32,9 +32,6 @@ struct Report {
 }
 
 /// Makes a data set, or goes on with one.
-///
-/// # Errors
-/// What of the preset, a scene, the folder or a file went wrong.
 pub(crate) fn generate(args: &GenerateArgs) -> anyhow::Result<Answer> {
     let started = Instant::now();
     let preset = DatasetPreset::open(&args.preset)?;

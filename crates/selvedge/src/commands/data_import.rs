@@ -36,9 +36,6 @@ struct Report {
 }
 
 /// Imports a folder of foreign data, or goes on with it.
-///
-/// # Errors
-/// What of the options, the data or the folder went wrong.
 pub(crate) fn run(args: &ImportArgs) -> anyhow::Result<Answer> {
     let started = Instant::now();
     let source = ForeignSource::open(&args.source, &args.options())?;

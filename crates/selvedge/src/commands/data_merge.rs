@@ -9,9 +9,6 @@ use crate::output::{Answer, End, Facts};
 use crate::progress;
 
 /// Merges the parts.
-///
-/// # Errors
-/// What of the parts does not fit or is missing, or what of the folder or a file went wrong.
 pub(crate) fn run(args: &MergeArgs) -> anyhow::Result<Answer> {
     let parts = DatasetParts::open(&args.parts)?;
     let merged = generation::merge(&parts, &args.output, &mut progress::listener_of_files())?;

@@ -50,9 +50,6 @@ struct ModelFile {
 }
 
 /// Evaluates.
-///
-/// # Errors
-/// What of a model, a data set, a scene or a file went wrong.
 pub(crate) fn run(args: &EvalArgs) -> anyhow::Result<Answer> {
     let machine = args.machine.open()?;
     let (models, mut methods) = open_models(args, &machine)?;

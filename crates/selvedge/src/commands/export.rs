@@ -22,9 +22,6 @@ struct Report {
 }
 
 /// Writes what is asked for.
-///
-/// # Errors
-/// What is wrong with the call, the trajectory or the place.
 pub(crate) fn run(args: &ExportArgs) -> anyhow::Result<Answer> {
     let wish = Wish::new(&args.output, args.format)?.with(Choice {
         frames: args.frames(),

@@ -24,9 +24,6 @@ struct Config {
 }
 
 /// Lists them.
-///
-/// # Errors
-/// When one of them cannot be read, which a test rules out.
 pub(crate) fn run(what: Shipped) -> anyhow::Result<Answer> {
     match what {
         Shipped::Scenes => names(shipped_scenes().iter().map(|scene| scene.0)),

@@ -11,9 +11,6 @@ use crate::cli::{Cli, ManualArgs};
 use crate::output::{Answer, Facts};
 
 /// Writes a page of each command into the folder.
-///
-/// # Errors
-/// A folder or a file that cannot be written.
 pub(crate) fn run(args: &ManualArgs) -> anyhow::Result<Answer> {
     let folder = &args.folder;
     folder::check_kind(folder, None)?;

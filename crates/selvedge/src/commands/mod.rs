@@ -32,9 +32,6 @@ pub(crate) fn shares(command: &Command) -> bool {
 }
 
 /// Does what is asked.
-///
-/// # Errors
-/// What went wrong, from what was being done to its cause.
 pub(crate) fn run(command: &Command) -> anyhow::Result<Answer> {
     match command {
         Command::Run(args) => run::run(args),

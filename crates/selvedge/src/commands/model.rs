@@ -16,10 +16,6 @@ use crate::output::Answer;
 use crate::place;
 
 /// Converts the model.
-///
-/// # Errors
-/// When the model cannot be read, a weight is too large for the format, or the file cannot be
-/// written.
 pub(crate) fn convert(args: &ConvertArgs) -> anyhow::Result<Answer> {
     place::check_file(&args.output, "--output", &["safetensors"])?;
     place::check_distinct(&[("the model", &args.model), ("--output", &args.output)])?;

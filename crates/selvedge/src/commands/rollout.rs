@@ -99,9 +99,6 @@ struct Setup {
 }
 
 /// Runs a model on a scene.
-///
-/// # Errors
-/// What of the scene, the model, a solve or a file went wrong.
 pub(crate) fn run(args: &RunArgs, model: &Path) -> anyhow::Result<Answer> {
     let _claimed = folder::claim_folder(args.folder(), FolderKind::Rollout)?;
     let wishes = exporting::wishes(&args.export)?;

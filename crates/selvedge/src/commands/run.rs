@@ -5,9 +5,6 @@ use crate::cli::RunArgs;
 use crate::output::Answer;
 
 /// Runs a scene.
-///
-/// # Errors
-/// What of the scene, the model, a solve or a file went wrong.
 pub(crate) fn run(args: &RunArgs) -> anyhow::Result<Answer> {
     match &args.model {
         _ if args.rest => sag::run(args),

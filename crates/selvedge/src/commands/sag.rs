@@ -29,9 +29,6 @@ struct Report {
 }
 
 /// Finds the rest pose and writes it.
-///
-/// # Errors
-/// What of the scene, the solve or the file went wrong.
 pub(crate) fn run(args: &RunArgs) -> anyhow::Result<Answer> {
     place::check_file(args.file(), "--output", &["safetensors", "obj"])?;
     let loaded = scenes::open(&args.scene)?;

@@ -73,9 +73,6 @@ impl SubstepReport {
 const MANY: f64 = 0.1;
 
 /// Simulates a scene and writes the trajectory, that of the frames before where one fails.
-///
-/// # Errors
-/// What of the scene, the solve or the file went wrong.
 pub(crate) fn run(args: &RunArgs) -> anyhow::Result<Answer> {
     check_files(args)?;
     let wishes = exporting::wishes(&args.export)?;
@@ -155,12 +152,8 @@ fn warn_of_falls(scene: &Scene, substeps: Option<SubstepReport>) {
         Some(_) => ", or it was at its strain_limits, where every substep is of first order",
         None => "",
     };
-    let contact = match scene.contact {
-        Some(_) => ", or it began or ceased to touch something, which needs no remedy",
-        None => "",
-    };
     tracing::warn!(
-        "{fell_back} of {all} substeps fell back to first order: the cloth moves so fast that a prediction strained it too much{limits}{contact}; use more substeps (physics.substeps, {substeps} now) or slower handles"
+        "{fell_back} of {all} substeps fell back to first order: the cloth moves so fast that a prediction strained it too much{limits}; use more substeps (physics.substeps, {substeps} now) or slower handles"
     );
 }
 

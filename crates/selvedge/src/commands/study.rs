@@ -27,9 +27,6 @@ struct Answered {
 }
 
 /// Makes a study as a file says, or goes on with one.
-///
-/// # Errors
-/// What of the study, a training, a model, a data set or a file went wrong.
 pub(crate) fn run(args: &StudyArgs) -> anyhow::Result<Answer> {
     let study = study::open(&args.study)?;
     let machine = args.machine.open()?;

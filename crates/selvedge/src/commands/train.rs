@@ -58,9 +58,6 @@ struct StoppedReport {
 }
 
 /// Trains, or goes on with training.
-///
-/// # Errors
-/// What of the configuration, the data, the folder or a step went wrong.
 pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
     let cfg = config(args)?;
     let machine = args.machine.open()?;
@@ -175,32 +172,26 @@ fn trainer(
     args: &TrainArgs,
     engine: &dyn EngineMaker,
 ) -> anyhow::Result<Option<Trainer>> {
-    let checkpoint = args.output.join(files::CHECKPOINT);
-    let checkpoint = args.resume.then_some(&*checkpoint);
-    if checkpoint.is_none() {
-        require_empty(&args.output)?;
+    if args.resume {
+        let checkpoint = args.output.join(files::CHECKPOINT);
+        return Ok(Some(Trainer::resume(cfg, data, &checkpoint, engine)?));
     }
-    if let Some(checkpoint) = checkpoint {
-        return Ok(Some(Trainer::resume(cfg, data, checkpoint, engine)?));
-    }
-    match &args.from {
-        Some(folder) if folder.is_dir() => {
-            let trainer = Trainer::start_from(cfg, data, &folder.join(files::CHECKPOINT), engine)?;
-            return Ok(Some(trainer));
-        }
-        Some(file) => {
-            let model = NamedModel::open(Some(file))?;
-            return training::from_model(cfg, data, engine, &model, &mut progress::listener())
-                .with_context(|| format!("--from {}", file.display()));
-        }
-        None => {}
-    }
-    Ok(training::fresh(
-        cfg,
-        data,
-        engine,
-        &mut progress::listener(),
-    )?)
+    require_empty(&args.output)?;
+    let Some(from) = &args.from else {
+        return Ok(training::fresh(
+            cfg,
+            data,
+            engine,
+            &mut progress::listener(),
+        )?);
+    };
+    let file = match from.is_dir() {
+        true => from.join(files::MODEL),
+        false => from.clone(),
+    };
+    let model = NamedModel::open(Some(&file))?;
+    training::from_model(cfg, data, engine, &model, &mut progress::listener())
+        .with_context(|| format!("--from {}", from.display()))
 }
 
 /// Refuses a folder with a training. A log alone is of one that ended before there was anything to

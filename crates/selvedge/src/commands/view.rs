@@ -28,9 +28,6 @@ struct Report {
 }
 
 /// Serves the viewer until Ctrl-C.
-///
-/// # Errors
-/// What of the scene, a model, a trajectory or the address cannot be used.
 pub(crate) fn run(args: &ViewArgs) -> anyhow::Result<Answer> {
     let tape = tape(args)?;
     let scene = match tape {

@@ -23,9 +23,6 @@ const BELOW: f64 = 0.3;
 const LEAST_HEIGHT: f64 = 0.5;
 
 /// Puts a ball beside a cloth that touches, and contact and a floor where the order asks for them.
-///
-/// # Errors
-/// A scene that cannot be made anew.
 pub(super) fn put(loaded: &mut LoadedScene, order: &Order) -> anyhow::Result<()> {
     let setting = &mut loaded.spec.setting;
     if setting.contact.is_none() && !order.touches {

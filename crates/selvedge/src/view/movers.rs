@@ -9,11 +9,10 @@ use selvedge_cloth::{Cloth, HandleTargets, Scene, StepError, Stepper};
 use selvedge_data::SavedState;
 use selvedge_guard::{Guard, GuardSettings};
 use selvedge_lab::machine::{Machine, Mover};
-use selvedge_lab::models;
 use selvedge_lab::physics;
 use selvedge_lab::state_log::{saved_state, simulator_among};
 use selvedge_live::{Hold, LiveError, LiveStepper};
-use selvedge_model::Model;
+use selvedge_model::{ClothGraph, Model};
 use selvedge_sim::Simulator;
 
 /// The simulator, with the scene that it was made from.
@@ -25,17 +24,9 @@ pub(super) struct LivePhysics {
 }
 
 impl LivePhysics {
-    /// Starts in `state`, obstacles on their own paths.
+    /// Starts in `state`, obstacles at these distances from their own paths `[m]`; on these where
+    /// there are none.
     pub(super) fn start(
-        scene: &Arc<Scene>,
-        hold: &Hold,
-        state: SavedState,
-    ) -> Result<Self, LiveError> {
-        Self::start_with(scene, hold, state, &[])
-    }
-
-    /// Starts in `state`, obstacles at these distances from their own paths `[m]`.
-    fn start_with(
         scene: &Arc<Scene>,
         hold: &Hold,
         state: SavedState,
@@ -105,12 +96,8 @@ impl LiveStepper for LivePhysics {
             // Another system: the state before belongs to the old one.
             state.previous = None;
         }
-        Ok(Box::new(Self::start_with(
-            &self.scene,
-            hold,
-            state,
-            &self.simulator.obstacle_offsets(),
-        )?))
+        let offsets = self.simulator.obstacle_offsets();
+        Ok(Box::new(Self::start(&self.scene, hold, state, &offsets)?))
     }
 
     fn lead_body(&mut self, number: usize, offset: DVec3) {
@@ -175,7 +162,7 @@ impl LiveModel {
             environment: hold.environment,
             ..(**scene).clone()
         };
-        let graph = models::graph_of_scene(&held_scene, &held);
+        let graph = ClothGraph::new(&held, hold.environment, scene.frame_rate);
         let graph = graph.map_err(LiveError::new)?;
         let stepper = model
             .machine

@@ -21,11 +21,9 @@ pub(super) struct SceneCloth {
     pub(super) led: Arc<Scene>,
     /// The cloth, with the rest pose.
     pub(super) cloth: Arc<Cloth>,
-    /// The state at the start.
     pub(super) start: SavedState,
     /// The bodies beside the cloth.
     pub(super) bodies: Vec<Body>,
-    /// The name of the model.
     pub(super) model_name: String,
     /// The model, for the learned mover.
     pub(super) model: ModelOnMachine,
@@ -98,7 +96,7 @@ impl ReadyCloth for SceneCloth {
                     Start::Beginning => self.start.clone(),
                     Start::Frames(frames) => moving(frames, self.scene.frame_rate)?,
                 };
-                Ok(Box::new(LivePhysics::start(&self.led, hold, state)?))
+                Ok(Box::new(LivePhysics::start(&self.led, hold, state, &[])?))
             }
         }
     }

@@ -46,9 +46,6 @@ pub(crate) struct ViewWorkshop {
 impl ViewWorkshop {
     /// A workshop for `scene`, the shipped ones, and models from files beside the shipped
     /// ones, which run on `machine`.
-    ///
-    /// # Errors
-    /// When a model cannot be read.
     pub(crate) fn new(scene: &str, models: &[PathBuf], machine: Machine) -> anyhow::Result<Self> {
         let mut scenes = vec![scene.to_owned()];
         let shipped = shipped_scenes().iter().map(|(name, _)| (*name).to_owned());

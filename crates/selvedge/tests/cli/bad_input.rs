@@ -167,6 +167,7 @@ fn no_output_takes_the_place_of_what_is_read() {
         // A file of an earlier rollout would be removed, written anew or not.
         "run push.toml --model out/truth.safetensors",
         "export run.safetensors -o run.safetensors --format glb",
+        "model convert out/rollout.safetensors --weights f16 -o out/./rollout.safetensors",
     ] {
         desk.fails(call, 2, &["the same file", "a name of its own"]);
         assert!(contents(&desk.path("")) == before, "{call}");

@@ -31,16 +31,3 @@ fn a_model_in_half_precision_is_a_model_of_half_the_size() {
     let again = desk.run("model convert f16.safetensors --weights f16 -o again.safetensors");
     assert!(again.out.contains("like this already"), "{}", again.out);
 }
-
-#[test]
-fn the_model_itself_is_not_overwritten() {
-    let desk = Desk::new();
-    desk.write("model.safetensors", "no model");
-    let said = desk.run("model convert model.safetensors --weights f16 -o ./model.safetensors");
-    assert_eq!(said.code, Some(2));
-    assert!(said.err.contains("are the same file"), "{}", said.err);
-    let said = desk.run("model convert model.safetensors --weights f16 -o half.safetensors");
-    assert_eq!(said.code, Some(1));
-    assert!(said.err.contains("model.safetensors"), "{}", said.err);
-    assert_eq!(desk.names(), ["model.safetensors"]);
-}

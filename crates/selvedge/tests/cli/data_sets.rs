@@ -11,17 +11,6 @@ fn tiny_with(sag: &str) -> String {
 }
 
 #[test]
-fn any_number_of_threads_gives_the_same_bytes() {
-    let desk = Desk::new();
-    for threads in [1, 3] {
-        desk.json(&format!("data generate tiny -o {threads} -j {threads}"));
-    }
-    let [one, three] = ["1", "3"].map(|name| desk.files(name));
-    assert_eq!(one.len(), 4);
-    assert!(one == three);
-}
-
-#[test]
 fn a_second_run_makes_only_what_is_missing() {
     let desk = Desk::new();
     desk.tiny();
@@ -200,7 +189,6 @@ fn the_handles_of_a_cache_can_be_named() {
     );
 }
 
-/// The numbers in a list.
 fn numbers(list: &serde_json::Value) -> Vec<f64> {
     let list = list.as_array().unwrap().iter();
     list.map(|number| number.as_f64().unwrap()).collect()

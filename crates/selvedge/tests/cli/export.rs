@@ -212,11 +212,8 @@ fn bad_calls_are_told_and_leave_nothing() {
         assert_eq!(desk.names(), names, "{call}");
     }
     for frames in ["a..b", "-1"] {
-        let said = desk.run(&format!(
-            "export run.safetensors -o a.usda --frames {frames}"
-        ));
-        assert_eq!(said.code, Some(2), "{}", said.err);
-        assert!(said.err.contains("20..80"), "{}", said.err);
+        let call = format!("export run.safetensors -o a.usda --frames {frames}");
+        desk.fails(&call, 2, &["20..80"]);
     }
     desk.fails("export push.toml -o a.usda", 1, &["push.toml"]);
     let wish = "run push.toml -o x.safetensors --export";
@@ -319,18 +316,25 @@ fn every_file_can_be_looked_at() {
     );
     desk.json("run --rest push.toml -o rest.obj");
     desk.model();
-    for (file, picture) in [
-        ("run.safetensors", "a.png"),
-        ("run.npz", "b.png"),
-        ("rest.obj", "c.png"),
-        ("push.toml", "d.png"),
-        ("states.safetensors", "e.svg"),
-        ("run", "f.svg"),
-        ("run/model.safetensors", "g.png"),
-        ("tiny", "h.png"),
+    for (file, kind, picture) in [
+        ("run.safetensors", "trajectory", "a.png"),
+        ("run.npz", "trajectory", "b.png"),
+        ("rest.obj", "mesh", "c.png"),
+        ("push.toml", "scene", "d.png"),
+        ("states.safetensors", "states", "e.svg"),
+        ("run", "training-folder", "f.svg"),
+        ("run/model.safetensors", "model", "g.png"),
+        ("tiny", "dataset", "h.png"),
     ] {
         let said = desk.json(&format!("info {file} --picture {picture}"));
-        assert_eq!(said["picture"], picture, "{file}");
+        assert_eq!(
+            (&said["picture"], &said["kind"]),
+            (&picture.into(), &kind.into())
+        );
+        // Euler: V - E + F = 1 for a sheet without holes.
+        if let Some(edges) = said["edges"].as_u64() {
+            assert_eq!(36 + said["faces"].as_u64().unwrap(), edges + 1);
+        }
         let start: &[u8] = if picture.ends_with("svg") {
             b"<svg"
         } else {
@@ -338,30 +342,23 @@ fn every_file_can_be_looked_at() {
         };
         assert!(desk.read(picture).starts_with(start), "{file}");
     }
-    assert_eq!(desk.json("info run")["kind"], "training-folder");
     assert_eq!(
         desk.json("info run/checkpoint.safetensors")["kind"],
         "checkpoint"
     );
     let names = desk.names();
-    desk.fails(
-        "info run.safetensors --picture x.svg",
-        2,
-        &["x.svg", ".png"],
-    );
-    for curves in ["run", "states.safetensors"] {
-        let call = format!("info {curves} --picture x.png");
-        desk.fails(&call, 2, &["x.png", ".svg"]);
+    for (call, code, words) in [
+        ("run.safetensors --picture x.svg", 2, ["x.svg", ".png"]),
+        ("run --picture x.png", 2, ["x.png", ".svg"]),
+        ("states.safetensors --picture x.png", 2, ["x.png", ".svg"]),
+        ("run.safetensors --picture x.jpg", 2, ["x.jpg", ".png"]),
+        (
+            "run/checkpoint.safetensors --picture x.png",
+            1,
+            ["checkpoint", "training"],
+        ),
+    ] {
+        desk.fails(&format!("info {call}"), code, &words);
     }
-    desk.fails(
-        "info run.safetensors --picture x.jpg",
-        2,
-        &["x.jpg", ".png"],
-    );
-    desk.fails(
-        "info run/checkpoint.safetensors --picture x.png",
-        1,
-        &["checkpoint", "training"],
-    );
     assert_eq!(desk.names(), names);
 }

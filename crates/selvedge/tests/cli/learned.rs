@@ -37,7 +37,11 @@ fn a_resumed_training_ends_with_the_same_weights() {
     desk.fails(
         "train moment.toml --data tiny -o deep/other --from run --set model.latent=16",
         1,
-        &["run/checkpoint.safetensors is of another model: model.latent is 8 there, 16 here"],
+        &[
+            "--from run",
+            "is another one",
+            "model.latent is 8 there, 16 here",
+        ],
     );
     // A model will do, by its file or its name, if it is of the same network.
     desk.fails(
@@ -72,8 +76,6 @@ fn how_many_samples_go_together_changes_nothing_but_rounding() {
         (apart - together).abs() < 1e-3 * apart,
         "{apart}, {together}"
     );
-    let refused = format!("{train} other --set batch.shard=2");
-    desk.fails(&refused, 1, &["unknown field `shard`"]);
 }
 
 #[test]
@@ -82,26 +84,6 @@ fn a_training_that_is_too_large_is_refused_before_it_takes_any_memory() {
     desk.tiny();
     desk.write("moment.toml", TRAINING);
     let train = "train moment.toml --data tiny -o run";
-    for (setting, expected) in [
-        (
-            "batch.samples=1000000000000000",
-            "batch.samples must be between 1 and 65536",
-        ),
-        (
-            "statistics_samples=10000000",
-            "statistics_samples must be between 1 and 1000000",
-        ),
-        (
-            "log_every=10000000",
-            "log_every must be between 1 and 100000",
-        ),
-        (
-            "model.blocks=100000",
-            "model.blocks must be between 1 and 256",
-        ),
-    ] {
-        desk.fails(&format!("{train} --set {setting}"), 1, &[expected]);
-    }
     let large = "--set model.latent=4096 --set model.blocks=256 --set batch.samples=65536";
     desk.fails(
         &format!("{train} {large}"),
@@ -195,7 +177,7 @@ fn a_model_is_measured_beside_the_baselines() {
     let desk = Desk::new();
     desk.model();
     let report = desk.json(
-        "eval --model run/model.safetensors --data tiny --motion lift --horizons 5 --baselines rigid,mirror -o r",
+        "eval --model run/model.safetensors --data tiny --motion lift --horizons 5 --baselines rigid,mirror",
     );
     let means = report["means"].as_array().unwrap();
     let mean = |name: &str| means.iter().find(|mean| mean["method"] == name).unwrap();
@@ -221,25 +203,6 @@ fn a_model_is_measured_beside_the_baselines() {
         .collect();
     assert_eq!(names, ["run", "rigid", "mirror"]);
     assert!(timings.iter().all(|t| number(t, "/ms_per_frame") > 0.0));
-    let text = String::from_utf8(desk.read("r/errors.csv")).unwrap();
-    // Fields before the mesh, whose words have commas, and those after it.
-    let per_frame: Vec<f64> = text
-        .lines()
-        .filter(|line| line.starts_with("tiny,lift,") && line.contains(",run,model,0,true,"))
-        .map(|line| line.split(",true,").nth(1).unwrap())
-        .map(|rest| rest.split(',').nth(2).unwrap().parse().unwrap())
-        .collect();
-    assert_eq!(per_frame.len(), 60);
-    // All frames have as many vertices: the square of the whole is the mean of the squares.
-    let squares: f64 = per_frame.iter().map(|rmse| rmse * rmse).sum();
-    let whole = (squares / 60.0).sqrt();
-    let told = number(mean("run"), "/whole/errors/position_rmse");
-    assert!((whole - told).abs() <= 1e-12 * told);
-    desk.fails(
-        "eval --model run/model.safetensors --data tiny --motion lift,drop",
-        2,
-        &["drop", "lift"],
-    );
 }
 
 #[test]
@@ -270,21 +233,6 @@ fn a_rollout_stands_beside_the_truth() {
     }
     assert!(desk.read("out/sheet.png").starts_with(b"\x89PNG"));
     assert!(desk.read("out/clip.gif").starts_with(b"GIF89a"));
-}
-
-#[test]
-fn what_is_refused_is_not_made() {
-    let desk = Desk::new();
-    desk.model();
-    desk.write("push.toml", PUSH);
-    let report =
-        desk.json("run push.toml --model run/model.safetensors -o out --frames 3 --no-clip");
-    assert_eq!(
-        names_in(&desk.path("out")),
-        ["rollout.safetensors", "sheet.png"]
-    );
-    assert_eq!(number(&report, "/frames"), 4.0);
-    assert!(report["comparison"].is_null());
 }
 
 #[test]

@@ -197,43 +197,6 @@ fn the_second_start_takes_the_rest_pose_from_the_cache() {
 }
 
 #[test]
-fn inspect_says_what_a_file_is() {
-    let desk = desk();
-    desk.json("run push.toml -o push.safetensors");
-    desk.json("run --rest push.toml -o rest.obj");
-    for (file, kind) in [
-        ("push.toml", "scene"),
-        ("push.safetensors", "trajectory"),
-        ("rest.obj", "mesh"),
-    ] {
-        let report = desk.json(&format!("info {file}"));
-        assert_eq!(report["kind"], kind);
-        assert_eq!(number(&report, "/vertices"), 36.0);
-        // Euler: V - E + F = 1 for a sheet without holes.
-        if let Some(edges) = report["edges"].as_u64() {
-            assert_eq!(36 + report["faces"].as_u64().unwrap(), edges + 1);
-        }
-    }
-    let table = desk.run("info push.safetensors");
-    assert!(
-        table.out.contains("31 at 60 per second: 0.50 s"),
-        "{}",
-        table.out
-    );
-    assert_eq!(desk.json("info default")["kind"], "scene");
-}
-
-#[test]
-fn a_clip_is_drawn_beside_the_trajectory() {
-    let desk = desk();
-    let report = desk.json("run push.toml -o push.safetensors --frames 3 --export push.gif");
-    assert_eq!(report["exported"][0], "push.gif");
-    assert!(desk.read("push.gif").starts_with(b"GIF89a"));
-    assert!(number(&report, "/final_speed") >= 0.0);
-    assert_eq!(desk.names(), ["push.gif", "push.safetensors", "push.toml"]);
-}
-
-#[test]
 fn handles_let_go_of_a_learned_cloth_too() {
     let desk = Desk::new();
     desk.model();

@@ -110,31 +110,6 @@ fn the_version_is_that_of_the_package_with_its_commit() {
 }
 
 #[test]
-fn every_command_has_help() {
-    let desk = Desk::new();
-    for call in [
-        "",
-        "run",
-        "view",
-        "data",
-        "data generate",
-        "info",
-        "train",
-        "eval",
-        "study",
-        "compare",
-        "export",
-        "list",
-        "model",
-        "model convert",
-    ] {
-        let said = desk.run(&format!("{call} --help"));
-        assert_eq!(said.code, Some(0), "{call}");
-        assert!(said.out.contains("Usage: selvedge"), "{call}");
-    }
-}
-
-#[test]
 fn old_names_work_for_one_release_and_say_the_new_one() {
     let desk = Desk::new();
     desk.write("push.toml", PUSH);

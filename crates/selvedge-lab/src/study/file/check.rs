@@ -8,9 +8,6 @@ use crate::study::error::{OfPart, StudyError};
 
 impl Study {
     /// Checks everything that can be known before anything is done.
-    ///
-    /// # Errors
-    /// Names the entry and the remedy.
     pub(super) fn check(&self) -> Result<(), StudyError> {
         self.check_names()?;
         if self.data.is_empty() {

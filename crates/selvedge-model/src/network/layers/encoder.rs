@@ -35,7 +35,6 @@ pub(crate) type EncoderRows<'a, T> = (Rows<'a, T>, [Rows<'a, T>; KEPT]);
 /// the input, `[rows, window width]`, empty where not wanted.
 pub(crate) type EncoderGradients<'a, T> = (Rows<'a, T>, Rows<'a, T>);
 
-/// The input of an encoder.
 #[derive(Clone, Copy)]
 pub(crate) struct EncoderInput<'a, T> {
     /// Frames of the window.

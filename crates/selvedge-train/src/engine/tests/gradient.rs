@@ -16,13 +16,12 @@ use crate::test_data::{ENGINE, Swinging, busy, config, swinging, two_cloths};
 use crate::trainer::Trainer;
 use crate::training_set::TrainingSet;
 
-/// The loss terms of a few steps, and the gradient of the last one, with micro-batches of so many
-/// slots.
-fn steps(data: &Swinging, cfg: &TrainConfig, micro_batch: usize) -> (Vec<LossTerms>, Vec<f32>) {
+/// The loss terms of a step and its gradient, with micro-batches of so many slots.
+fn step(data: &Swinging, cfg: &TrainConfig, micro_batch: usize) -> (LossTerms, Vec<f32>) {
     let engine = OnProcessor { micro_batch };
     let mut trainer = Trainer::new(cfg.clone(), &data.dataset, &engine).expect("a training");
-    let terms = (0..3).map(|_| trainer.step().expect("a step").terms);
-    (terms.collect(), trainer.gradient().expect("a gradient"))
+    let terms = trainer.step().expect("a step").terms;
+    (terms, trainer.gradient().expect("a gradient"))
 }
 
 #[test]
@@ -35,56 +34,23 @@ fn grouping_changes_nothing_but_rounding() {
     ] {
         let mut cfg = busy(encoder);
         cfg.batch.samples = 5;
-        cfg.dropout = if encoder == Encoder::MLP { 0.0 } else { 0.3 };
         cfg.unroll = UnrollFrames::Constant { frames };
         if frames > 1 {
             cfg.losses.kinetic_energy = 0.0;
         }
-        let (expected, apart) = steps(&data, &cfg, 1);
+        let (expected, apart) = step(&data, &cfg, 1);
         let length =
             |x: &mut dyn Iterator<Item = f32>| x.map(|x| f64::from(x).powi(2)).sum::<f64>().sqrt();
-        for micro_batch in [2, 4, 5, 9] {
-            let (found, together) = steps(&data, &cfg, micro_batch);
+        for micro_batch in [2, 3, 4, 5, 9] {
+            let (found, together) = step(&data, &cfg, micro_batch);
             let what = format!("{encoder:?}, {frames} frames, {micro_batch} together");
-            for (found, expected) in found.iter().zip(&expected) {
-                // Each vertex is computed alone; a union only changes the tiles of its products.
-                // Adam carries the rounding of a gradient's small entries into the next step's
-                // weights.
-                let off = (found.total - expected.total).abs() / expected.total;
-                assert!(off < 1e-3, "{what}: {off}");
-            }
-            assert!((found[0].total - expected[0].total).abs() < 1e-5 * expected[0].total);
+            // Each vertex is computed alone; a union only changes the tiles of its products.
+            let off = (found.total - expected.total).abs() / expected.total;
+            assert!(off < 1e-5, "{what}: {off}");
             let difference = together.iter().zip(&apart).map(|(a, b)| a - b);
             let off = length(&mut difference.into_iter()) / length(&mut apart.iter().copied());
-            assert!(off < 1e-2, "{what}: {off}");
-        }
-    }
-}
-
-#[test]
-fn two_slots_together_have_the_gradient_of_two_apart() {
-    let data = two_cloths();
-    for encoder in [Encoder::MLP, Encoder::Gru { window: 3 }] {
-        for (samples, micro_batch) in [(2, 2), (5, 3)] {
-            let gradient = |micro_batch| {
-                let mut cfg = config(encoder);
-                cfg.noise.deviation = 0.003;
-                cfg.dropout = if encoder == Encoder::MLP { 0.0 } else { 0.2 };
-                cfg.batch.samples = samples;
-                let engine = OnProcessor { micro_batch };
-                let trainer = Trainer::new(cfg, &data.dataset, &engine);
-                let mut trainer = trainer.expect("a training");
-                trainer.step().expect("a step");
-                trainer.gradient().expect("a gradient")
-            };
-            let (together, apart) = (gradient(micro_batch), gradient(1));
-            let length = |x: &[f32]| {
-                let squares = x.iter().map(|&x| f64::from(x) * f64::from(x));
-                squares.sum::<f64>().sqrt()
-            };
-            let difference: Vec<f32> = together.iter().zip(&apart).map(|(a, b)| a - b).collect();
-            // Sums of some hundred f32 numbers in another order: 1e-5 of their length.
-            assert!(length(&difference) < 1e-5 * length(&apart), "{encoder:?}");
+            // Sums of some hundred f32 numbers in another order, for each frame.
+            assert!(off < 1e-4, "{what}: {off}");
         }
     }
 }

@@ -20,6 +20,13 @@ const LEVEL: Orbit = Orbit {
 /// Half the width of the border in a small picture `[pixels]`.
 const HALF_BORDER: f32 = 0.72;
 
+/// In the plane x = 0; its back is in sight.
+const TRIANGLE: [Vec3; 3] = [
+    Vec3::new(0.0, -0.5, 0.5),
+    Vec3::new(0.0, 0.5, 0.5),
+    Vec3::new(0.0, 0.5, -0.5),
+];
+
 /// A topology of separate triangles.
 fn scene(triangles: &[[Vec3; 3]]) -> (Topology, Vec<Vec3>) {
     let positions: Vec<Vec3> = triangles.concat();
@@ -125,11 +132,8 @@ fn the_nearer_sheet_hides_the_farther_one_in_either_order() {
 
 #[test]
 fn above_the_horizon_a_pixel_shows_cloth_inside_and_backdrop_outside() {
-    let triangle = [
-        Vec3::new(0.0, -0.5, 0.5),
-        Vec3::new(0.0, 0.5, -0.5),
-        Vec3::new(0.0, 0.5, 0.5),
-    ];
+    let [low, behind, before] = TRIANGLE;
+    let triangle = [low, before, behind];
     let shot = shoot(&[triangle], 64, Supersampling::Two);
     let corners = triangle.map(|point| {
         let seen = shot.stage.camera.project(point);
@@ -192,12 +196,7 @@ fn values_are_interpolated_in_perspective() {
 
 #[test]
 fn handles_are_marked_where_they_are() {
-    let triangle = [
-        Vec3::new(0.0, -0.5, 0.5),
-        Vec3::new(0.0, 0.5, 0.5),
-        Vec3::new(0.0, 0.5, -0.5),
-    ];
-    let (topology, positions) = scene(&[triangle]);
+    let (topology, positions) = scene(&[TRIANGLE]);
     let handles = [VertexId(2)];
     let run = Run::new(&topology, [positions.as_slice()], &handles, 60.0).unwrap();
     let orbit = Orbit {
@@ -220,12 +219,7 @@ fn handles_are_marked_where_they_are() {
 
 #[test]
 fn a_renderer_forgets_the_picture_before() {
-    let triangle = [
-        Vec3::new(0.0, -0.5, 0.5),
-        Vec3::new(0.0, 0.5, 0.5),
-        Vec3::new(0.0, 0.5, -0.5),
-    ];
-    let (topology, positions) = scene(&[triangle]);
+    let (topology, positions) = scene(&[TRIANGLE]);
     let moved: Vec<Vec3> = positions
         .iter()
         .map(|p| *p + Vec3::new(0.1, 0.4, -0.3))
@@ -251,12 +245,7 @@ fn a_renderer_forgets_the_picture_before() {
 
 #[test]
 fn a_flat_field_has_the_hue_of_its_value() {
-    let triangle = [
-        Vec3::new(0.0, -0.5, 0.5),
-        Vec3::new(0.0, 0.5, 0.5),
-        Vec3::new(0.0, 0.5, -0.5),
-    ];
-    let (topology, positions) = scene(&[triangle]);
+    let (topology, positions) = scene(&[TRIANGLE]);
     let run = Run::new(&topology, [positions.as_slice()], &[], 60.0).unwrap();
     let stage = Stage::on_orbit(&[&run], &LEVEL, 1.0).unwrap();
     let field = ScalarField::new("value", vec![vec![3.0; 3]]).unwrap();
@@ -285,12 +274,7 @@ fn a_flat_field_has_the_hue_of_its_value() {
 
 #[test]
 fn a_run_that_has_blown_up_is_drawn_without_a_panic() {
-    let triangle = [
-        Vec3::new(0.0, -0.5, 0.5),
-        Vec3::new(0.0, 0.5, -0.5),
-        Vec3::new(0.0, 0.5, 0.5),
-    ];
-    let (topology, positions) = scene(&[triangle]);
+    let (topology, positions) = scene(&[TRIANGLE]);
     for far in [1e6_f32, 1e20, 3e38] {
         let blown = positions.iter().map(|p| *p * far).collect::<Vec<Vec3>>();
         let frames = [positions.as_slice(), blown.as_slice()];

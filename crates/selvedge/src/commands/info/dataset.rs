@@ -31,9 +31,6 @@ const SPLITS: [(Split, &str); 2] = [(Split::Train, "train"), (Split::Test, "test
 
 /// Says what a data set holds, after checking all its files; with `pictures`, a folder, also draws
 /// its histograms and every trajectory.
-///
-/// # Errors
-/// What is wrong with it, or where the pictures cannot go.
 pub(crate) fn run(folder: &Path, pictures: Option<&Path>) -> anyhow::Result<Answer> {
     let dataset = generation::open(folder)?;
     if let Some(out) = pictures {
@@ -189,9 +186,6 @@ fn bars(distribution: &Distribution) -> String {
 }
 
 /// The histograms of a data set, as a picture.
-///
-/// # Errors
-/// What of the data set cannot be read.
 pub(crate) fn histograms(folder: &Path) -> anyhow::Result<Image> {
     let dataset = generation::open(folder)?;
     let (distributions, _) = read_all(&dataset, None)?;

@@ -9,18 +9,12 @@ use serde_json::{Value, json};
 use crate::output::{Answer, Facts};
 
 /// Reads an exported archive.
-///
-/// # Errors
-/// When it is none, or damaged.
 pub(super) fn read_npz(path: &Path) -> anyhow::Result<Trajectory> {
     let bytes = selvedge_data::read_file(path).with_context(|| path.display().to_string())?;
     Trajectory::from_npz(&bytes).with_context(|| path.display().to_string())
 }
 
 /// Says which nodes a file has, and when they move.
-///
-/// # Errors
-/// What of it cannot be understood.
 pub(super) fn inspect_rig(path: &Path) -> anyhow::Result<Answer> {
     let mut facts = Facts::new();
     facts.add("kind", "nodes of another program");

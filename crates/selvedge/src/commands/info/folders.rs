@@ -12,9 +12,6 @@ use super::dataset;
 use crate::output::{Answer, Facts, folded};
 
 /// Says what is in `folder`.
-///
-/// # Errors
-/// What of it cannot be read.
 pub(super) fn inspect(folder: &Path) -> anyhow::Result<Answer> {
     match FolderKind::of(folder) {
         Some(FolderKind::DataSet) => dataset::run(folder, None),

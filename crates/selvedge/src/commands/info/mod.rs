@@ -37,9 +37,6 @@ use crate::output::{Answer, Facts, folded, length, percent};
 use crate::{place, scenes};
 
 /// Says what a path is, and draws it where that is wanted.
-///
-/// # Errors
-/// When it is nothing that Selvedge knows, or is damaged.
 pub(crate) fn run(args: &InfoArgs) -> anyhow::Result<Answer> {
     let Some(to) = &args.picture else {
         return say(&args.path);

@@ -27,9 +27,6 @@ use crate::film::SIZE;
 use crate::{pictures, scenes};
 
 /// Draws what `path` is to the file `to` (.png; curves .svg).
-///
-/// # Errors
-/// When there is nothing to draw, or it cannot be read or written.
 pub(super) fn draw(path: &Path, to: &Path) -> anyhow::Result<()> {
     let name = path.to_string_lossy();
     if path.is_dir() {

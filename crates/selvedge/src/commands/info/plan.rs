@@ -8,9 +8,6 @@ use serde_json::json;
 use crate::output::{Answer, Facts, Table};
 
 /// Says what the preset `name`, a file or a shipped one, will make.
-///
-/// # Errors
-/// What is wrong with it.
 pub(crate) fn run(name: &str) -> anyhow::Result<Answer> {
     let preset = DatasetPreset::open(name)?;
     for warning in preset.warnings() {
