@@ -179,7 +179,7 @@ export class ClothObject {
       sheen: 0.5,
       sheenRoughness: 0.55,
       normalMap: shared.weave,
-      normalScale: new three.Vector2(0.35, 0.35),
+      normalScale: new three.Vector2(0.3, 0.3),
       // A little behind its lines, and before the body on which it lies.
       polygonOffset: true,
       polygonOffsetFactor: 1,

@@ -35,8 +35,8 @@ export const THEMES: Record<"light" | "dark", Theme> = {
     handle: "#d1495b",
     body: "#8f969e",
     looks: [
-      { front: colour("#3f6f9f"), back: colour("#d9c29f") },
-      { front: colour("#4e8368"), back: colour("#d9c29f") },
+      { front: colour("#3f6f9f"), back: colour("#d9a25f") },
+      { front: colour("#4e8368"), back: colour("#d9a25f") },
     ],
     shadow: 0.26,
     exposure: 1.05,
@@ -49,8 +49,8 @@ export const THEMES: Record<"light" | "dark", Theme> = {
     handle: "#ff6b7d",
     body: "#6d7683",
     looks: [
-      { front: colour("#5b93c9"), back: colour("#dcc7a4") },
-      { front: colour("#63a585"), back: colour("#dcc7a4") },
+      { front: colour("#5b93c9"), back: colour("#e0ac68") },
+      { front: colour("#63a585"), back: colour("#e0ac68") },
     ],
     shadow: 0.6,
     exposure: 0.95,
