@@ -1,7 +1,7 @@
 //! The memory that one substep leaves for the next, and as a noun that a file of states has.
 
 use glam::DVec3;
-use selvedge_cloth::{ContactMemory, FrictionAnchor, Pushing, Touching};
+use selvedge_cloth::{ContactMemory, FrictionAnchor, Pushing, ReleasedContact, Touching};
 use selvedge_contact::Kind;
 
 use super::keys::{Key, includes};
@@ -25,6 +25,8 @@ pub(crate) struct Memory {
     /// Those of them that a solve had missed: they push on, whatever else is near, in ascending
     /// order.
     pub(super) caught: Vec<Key>,
+    /// Contact that is released, in the order of the candidates.
+    pub(super) released: Vec<ReleasedContact>,
 }
 
 /// Features that push, without the faces that they push against: a vertex that slides over an edge
@@ -70,6 +72,7 @@ impl Memory {
             anchors: self.anchors.iter().map(anchor).collect(),
             pushing: self.held.entries(),
             caught: self.caught.iter().copied().map(touching).collect(),
+            released: self.released.clone(),
         }
     }
 
@@ -95,6 +98,7 @@ impl Memory {
             anchors,
             held,
             caught,
+            released: saved.released.clone(),
         }
     }
 }
