@@ -24,6 +24,28 @@ pub struct ContactSettings {
     /// Law of what touches.
     #[serde(skip_serializing_if = "ContactLaw::is_default")]
     pub law: ContactLaw,
+    /// Where two bodies, or two parts of one, leave the cloth between them no room.
+    #[serde(skip_serializing_if = "Squeezed::is_default")]
+    pub squeezed: Squeezed,
+}
+
+/// What becomes of cloth between bodies that leave it no room.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Squeezed {
+    /// Contact with the weaker body is released there and reported, and the run goes on: bodies of
+    /// most animations pass through each other somewhere.
+    #[default]
+    Yield,
+    /// An error, for those who need every frame free of intersections.
+    Stop,
+}
+
+impl Squeezed {
+    #[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks for it")]
+    fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
 }
 
 /// Law by which near pairs push each other and rub.
@@ -64,6 +86,7 @@ impl Default for ContactSettings {
             floor: 2e-5,
             max_divisions: 64,
             law: ContactLaw::default(),
+            squeezed: Squeezed::default(),
         }
     }
 }

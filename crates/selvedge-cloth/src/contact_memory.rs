@@ -13,6 +13,30 @@ pub struct ContactMemory {
     pub pushing: Vec<Pushing>,
     /// Pairs that a solve had missed. They push on, whatever else is near.
     pub caught: Vec<CaughtPair>,
+    /// Contact that is released where bodies squeeze the cloth.
+    pub released: Vec<ReleasedContact>,
+}
+
+/// Contact of a vertex of the cloth with a body that is released: no feature with this vertex meets
+/// that body. Bodies are numbered from 1, in the order of the obstacles.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ReleasedContact {
+    /// Number of the vertex.
+    pub vertex: u32,
+    /// The body that it may pass.
+    pub body: u32,
+    /// The body against which that one pressed it; 0 where a handle held it, or it is not known.
+    /// Where it is the same body, only the connected part is passed that is the first of `parts`;
+    /// and where that pressed it against itself, only what is nearer to the first of `places` than
+    /// to the second when the scene begins.
+    pub against: u32,
+    /// Connected parts of the two bodies, as their surface numbers them.
+    pub parts: [u32; 2],
+    /// The two places between which the vertex was, where they are when the scene begins `[m]`.
+    pub places: [DVec3; 2],
+    /// Winding number of the body around the vertex at the release: it is on the outer side again
+    /// when that is about the same.
+    pub winding: f64,
 }
 
 /// Friction that a feature has left.

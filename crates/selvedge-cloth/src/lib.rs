@@ -71,8 +71,10 @@ mod stop;
 mod topology;
 
 pub use cloth::{Cloth, ClothArrays, ClothError};
-pub use contact::{ContactError, ContactLaw, ContactSettings};
-pub use contact_memory::{CaughtPair, ContactMemory, FrictionAnchor, Pushing, Touching};
+pub use contact::{ContactError, ContactLaw, ContactSettings, Squeezed};
+pub use contact_memory::{
+    CaughtPair, ContactMemory, FrictionAnchor, Pushing, ReleasedContact, Touching,
+};
 pub use environment::{Environment, EnvironmentError};
 pub use gust::Gust;
 pub use handles::{HandleError, HandleTargets, Handles};

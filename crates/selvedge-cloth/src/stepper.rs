@@ -123,12 +123,20 @@ pub enum StepError {
     #[error("frame {frame}: a substep could not be solved ({cause}): use more substeps")]
     Solve { frame: usize, cause: String },
     #[error(
-        "frame {frame}: {pair} cannot be kept apart (gap {gap:.1e} m): use more substeps, or move handles and obstacles more slowly and nowhere so close that the cloth has no room"
+        "frame {frame}: {pair} cannot be kept apart (gap {gap:.1e} m){}: {}{}",
+        squeezing(squeezed_by),
+        if squeezed_by.is_empty() { "use more substeps, or move handles and obstacles more slowly and nowhere so close that the cloth has no room" } else { "keep them apart" },
+        if *may_yield { ", or write contact.squeezed = \"yield\"" } else { "" }
     )]
     Contact {
         frame: usize,
         pair: String,
         gap: f64,
+        /// Names of the obstacles that leave the cloth no room there: two, or one that passes
+        /// through itself.
+        squeezed_by: Vec<String>,
+        /// True if the scene could let one of them through.
+        may_yield: bool,
     },
     #[error(
         "frame {frame}: the cloth meets in {count} places ({pairs}): give a frame in which nothing meets, or remove `contact` from the scene"
@@ -177,6 +185,15 @@ fn pushing(names: &[String]) -> String {
         0 => String::new(),
         1 => format!(", while obstacle {} pushes the cloth", each[0]),
         _ => format!(", while obstacles {} push the cloth", each.join(", ")),
+    }
+}
+
+/// Obstacles that squeeze the cloth, as a part of a message.
+fn squeezing(names: &[String]) -> String {
+    match names {
+        [] => String::new(),
+        [one] => format!(", since obstacle {one:?} comes too near to itself there"),
+        [one, other, ..] => format!(", since obstacles {one:?} and {other:?} leave it no room"),
     }
 }
 

@@ -1,10 +1,12 @@
 //! Candidates: all pairs that could come near each other while the points stay close to a path.
 
 use glam::{DVec2, DVec3};
+use selvedge_cloth::ReleasedContact;
 
 use crate::boxes::{Apart, Bounds, Rough, Tree};
 use crate::pair::Pair;
 use crate::patches::Patches;
+use crate::release::Released;
 use crate::surface::{NONE, Surface};
 
 /// Pairs of a surface whose boxes met when they were found, and the trees that find them.
@@ -15,6 +17,8 @@ pub struct Candidates {
     touches_itself: bool,
     /// Patches of the cloth whose pairs need no search.
     patches: Option<Patches>,
+    /// Contact whose pairs are left out.
+    released: Released,
     pairs: Vec<Pair>,
     /// Boxes that the points must not leave while the pairs hold.
     allowed: Vec<Bounds>,
@@ -65,7 +69,8 @@ pub struct Reach {
 }
 
 impl Candidates {
-    /// No candidates yet, of a `surface` whose trees fit these `points` `[m]`. Where the cloth does
+    /// No candidates yet, of a `surface` whose trees fit these `points` `[m]`, those at the begin of
+    /// the scene. Where the cloth does
     /// not touch itself, its own pairs are left out.
     #[must_use]
     pub fn new(surface: &Surface, points: &[DVec3], touches_itself: bool) -> Self {
@@ -80,6 +85,7 @@ impl Candidates {
             trees: bodies.map(|body| tree(body.faces.clone())).collect(),
             touches_itself,
             patches: None,
+            released: Released::none(points),
             pairs: Vec::new(),
             allowed: Vec::new(),
             boxes: Boxes::default(),
@@ -121,6 +127,37 @@ impl Candidates {
     #[must_use]
     pub fn pairs(&self) -> &[Pair] {
         &self.pairs
+    }
+
+    /// Leaves out the pairs of this contact from now on, and only these. The pairs there are hold
+    /// nowhere.
+    pub fn release(&mut self, released: &[ReleasedContact]) {
+        self.released.take(released);
+        self.clear();
+    }
+
+    /// Contact whose pairs are left out, in ascending order of vertices.
+    #[must_use]
+    pub fn released(&self) -> &[ReleasedContact] {
+        self.released.list()
+    }
+
+    /// Places of all points when the scene begins `[m]`, `[points]`.
+    #[must_use]
+    pub fn first(&self) -> &[DVec3] {
+        self.released.first()
+    }
+
+    /// Returns true if features of these corners are left out.
+    #[must_use]
+    pub fn frees(&self, surface: &Surface, first: &[u32], second: &[u32]) -> bool {
+        self.released.frees(surface, first, second)
+    }
+
+    /// Returns true if this contact lets its vertex pass a point of its body.
+    #[must_use]
+    pub fn frees_point(&self, surface: &Surface, one: &ReleasedContact, point: u32) -> bool {
+        self.released.frees_point(surface, one, point)
     }
 
     /// Drops the pairs: they hold nowhere.
@@ -210,6 +247,7 @@ impl Candidates {
             surface,
             boxes: &self.boxes,
             before: &self.before,
+            released: &self.released,
             pairs: &mut self.pairs,
         };
         let Some((cloth, obstacles)) = self.trees.split_first() else {
@@ -266,6 +304,7 @@ struct Finder<'a> {
     surface: &'a Surface,
     boxes: &'a Boxes,
     before: &'a Boxes,
+    released: &'a Released,
     pairs: &'a mut Vec<Pair>,
 }
 
@@ -295,8 +334,7 @@ impl Finder<'_> {
                 && (anew || !self.before.vertex_meets(vertex, face))
             {
                 let [b, c, d] = corners;
-                let pair = Pair::vertex_face(vertex, face, [vertex, b, c, d]);
-                self.pairs.push(pair);
+                self.push(Pair::vertex_face(vertex, face, [vertex, b, c, d]));
             }
         }
     }
@@ -314,9 +352,15 @@ impl Finder<'_> {
             if self.boxes.edges_meet(first, second)
                 && (anew || !self.before.edges_meet(first, second))
             {
-                self.pairs
-                    .push(Pair::edge_edge(first, second, [a, b, c, d]));
+                self.push(Pair::edge_edge(first, second, [a, b, c, d]));
             }
+        }
+    }
+
+    fn push(&mut self, pair: Pair) {
+        let (first, second) = pair.corners.split_at(pair.kind.split());
+        if !self.released.frees(self.surface, first, second) {
+            self.pairs.push(pair);
         }
     }
 }

@@ -17,14 +17,16 @@ pub struct Intersection {
 
 impl Candidates {
     /// All faces of the cloth that meet another face of the cloth, where it touches itself, or of
-    /// an obstacle, at `points` `[m]`, in ascending order. Faces with a common vertex meet where
+    /// an obstacle, at `points` `[m]`, in ascending order, but for contact that is released. Faces with a common vertex meet where
     /// they do so elsewhere too.
     #[must_use]
     pub fn intersections(&self, surface: &Surface, points: &[DVec3]) -> Vec<Intersection> {
         let corners = |face: u32| surface.faces()[face as usize];
         let mut found = Vec::new();
         let mut test = |a: u32, b: u32, _| {
-            if triangles_meet(points, corners(a), corners(b)) {
+            if triangles_meet(points, corners(a), corners(b))
+                && !self.frees(surface, &corners(a), &corners(b))
+            {
                 let faces = [a.min(b), a.max(b)];
                 found.push(Intersection { faces });
             }

@@ -25,6 +25,7 @@ mod closest;
 mod intersect;
 mod pair;
 mod patches;
+mod release;
 mod separate;
 mod surface;
 
@@ -36,5 +37,6 @@ pub use certificate::{
 pub use closest::{Gap, gap, least_gap};
 pub use intersect::{Intersection, triangles_meet};
 pub use pair::{Kind, Pair};
+pub use release::winding;
 pub use separate::{Push, push};
 pub use surface::{Body, Surface, SurfaceEdge};

@@ -14,6 +14,8 @@ pub struct Surface {
     faces: Vec<[u32; 3]>,
     edges: Vec<SurfaceEdge>,
     bodies: Vec<Body>,
+    /// First point of the connected part of each point.
+    parts: Vec<u32>,
     /// Vertices and edges that each face stands for; [`NONE`] where it does not.
     shares: Vec<Share>,
 }
@@ -59,6 +61,7 @@ impl Surface {
             faces: Vec::new(),
             edges: Vec::new(),
             bodies: Vec::new(),
+            parts: Vec::new(),
             shares: Vec::new(),
         };
         surface.push(cloth.vertex_count(), &cloth.face_indices());
@@ -74,6 +77,7 @@ impl Surface {
         let moved = faces.iter().map(|face| face.map(|p| p + first));
         self.faces.extend(moved);
         self.points += points;
+        self.join(first, first_face as usize);
         let mut numbers = BTreeMap::new();
         for face in &self.faces[first_face as usize..] {
             for k in 0..3 {
@@ -116,6 +120,33 @@ impl Surface {
             faces: first_face..self.faces.len() as u32,
             edges: first_edge..self.edges.len() as u32,
         });
+    }
+
+    /// Finds the connected parts of the faces and points from these on.
+    fn join(&mut self, first: u32, first_face: usize) {
+        fn root(parts: &mut [u32], mut p: u32) -> u32 {
+            while parts[p as usize] != p {
+                parts[p as usize] = parts[parts[p as usize] as usize];
+                p = parts[p as usize];
+            }
+            p
+        }
+        self.parts.extend(first..self.points as u32);
+        for [a, b, c] in &self.faces[first_face..] {
+            for other in [b, c] {
+                let two = [root(&mut self.parts, *a), root(&mut self.parts, *other)];
+                self.parts[two[0].max(two[1]) as usize] = two[0].min(two[1]);
+            }
+        }
+        for p in first..self.points as u32 {
+            self.parts[p as usize] = root(&mut self.parts, p);
+        }
+    }
+
+    /// Number of the connected part of its body to which `point` belongs.
+    #[must_use]
+    pub fn part_of(&self, point: u32) -> u32 {
+        self.parts[point as usize]
     }
 
     /// Number of points of all bodies.

@@ -83,7 +83,7 @@ mod stop;
 mod threads;
 mod watched_edges;
 
-pub use contact::{ContactCounts, ContactGauge, FAR, FrameContact, Led};
+pub use contact::{ContactCounts, ContactGauge, FAR, FrameContact, Led, YieldedContact};
 pub use fit::{FitError, FitProgress, Fitted, fit, sew_and_fit};
 pub use integrator::SubstepCounts;
 pub use rest_pose::{RestPoseContent, SagError, SagProgress, SaggedRest, sag, sag_with_progress};

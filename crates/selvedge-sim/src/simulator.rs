@@ -11,7 +11,7 @@ use glam::{DVec3, Vec3};
 use selvedge_cloth::{HandleError, HandleTargets, Scene, SceneError, StepError, Stop, VertexId};
 
 use crate::active_handles::ActiveHandles;
-use crate::contact::{Contact, ContactCounts, Span, Unseparated};
+use crate::contact::{Contact, ContactCounts, Span};
 use crate::integrator::{History, SubstepCounts};
 use crate::solver::SolveError;
 use crate::state::State;
@@ -275,6 +275,7 @@ impl Simulator {
             from: 0.0,
             to: 0.0,
             may_hold: true,
+            is_last: true,
         };
         if let Err(error) = threads.run(|| self.solve(dt, still)) {
             let error = self.step_error(error, 1);
@@ -335,6 +336,7 @@ impl Simulator {
                     targets: &self.targets,
                     threads: self.threads.for_cloth(state.positions.len()),
                     may_hold: part.may_hold,
+                    is_last: part.is_last,
                 };
                 contact.advance(span, &mut self.active, state, history)?;
             }
@@ -353,9 +355,7 @@ impl Simulator {
                 frame,
                 cause: other.to_string(),
             },
-            SubstepError::Contact(Unseparated { pair, gap }) => {
-                StepError::Contact { frame, pair, gap }
-            }
+            SubstepError::Contact(pair) => pair.at(frame),
             SubstepError::Stretch(Overstretched { vertices, strain }) => StepError::Overstretched {
                 frame,
                 substeps,

@@ -93,6 +93,7 @@ impl Contact {
         let mut set: Vec<Key> = near.iter().map(|near| key(&near.pair)).collect();
         set.sort_unstable();
         let mut list: Vec<Touch> = near.iter().map(|near| self.touch(near)).collect();
+        list.extend(self.push_out());
         list.sort_by_key(|touch| touch.corners);
         for touch in &mut list {
             self.leave_obstacles(touch);

@@ -4,7 +4,7 @@ use glam::{DVec3, Vec3};
 use selvedge_cloth::Scene;
 use selvedge_contact::{Candidates, Reach, Ways, gap};
 
-use super::Contact;
+use super::{Contact, YieldedContact};
 
 /// Measures the frames of a scene with contact.
 pub struct ContactGauge {
@@ -12,6 +12,7 @@ pub struct ContactGauge {
     candidates: Candidates,
     points: Vec<DVec3>,
     rate: f64,
+    yielded: Vec<YieldedContact>,
 }
 
 /// Contact in one frame.
@@ -36,11 +37,26 @@ impl ContactGauge {
             contact,
             points,
             rate: scene.frame_rate,
+            yielded: Vec::new(),
         })
+    }
+
+    /// The same gauge, which leaves out contact that was released in the frames in which it was.
+    #[must_use]
+    pub fn without(mut self, yielded: &[YieldedContact]) -> Self {
+        self.yielded = yielded.to_vec();
+        self
     }
 
     /// Measures `positions` `[m]`, `[vertices]`, of frame `frame`, as they are in single precision.
     pub fn measure(&mut self, frame: usize, positions: &[Vec3]) -> FrameContact {
+        if !self.yielded.is_empty() {
+            let all = self.yielded.iter();
+            let now = all.filter(|one| (one.frames[0]..=one.frames[1]).contains(&frame));
+            let now: Vec<_> = now.map(|one| one.released).collect();
+            self.candidates.release(&now);
+            self.contact.candidates.release(&now);
+        }
         let cloth: Vec<DVec3> = positions.iter().map(|p| p.as_dvec3()).collect();
         let met = self.contact.intersections(&cloth, frame, self.rate);
         self.points.clear();

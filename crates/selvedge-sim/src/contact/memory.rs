@@ -1,7 +1,9 @@
 //! The memory that one substep leaves for the next, and as a noun that a file of states has.
 
 use glam::DVec3;
-use selvedge_cloth::{CaughtPair, ContactMemory, FrictionAnchor, Pushing, Touching};
+use selvedge_cloth::{
+    CaughtPair, ContactMemory, FrictionAnchor, Pushing, ReleasedContact, Touching,
+};
 use selvedge_contact::Kind;
 
 use super::keys::{Key, includes};
@@ -35,6 +37,8 @@ pub(crate) struct Memory {
     /// Those of them that a solve had missed: they push on, whatever else is near. In ascending
     /// order.
     pub(super) caught: Vec<Caught>,
+    /// Contact that is released, in the order of the candidates.
+    pub(super) released: Vec<ReleasedContact>,
 }
 
 /// Features that push, without the faces that they push against: a vertex that slides over an edge
@@ -104,6 +108,7 @@ impl Memory {
             anchors: self.anchors.iter().map(anchor).collect(),
             pushing: self.held.entries(),
             caught: self.caught.iter().map(caught).collect(),
+            released: self.released.clone(),
         }
     }
 
@@ -133,6 +138,7 @@ impl Memory {
             anchors,
             held,
             caught,
+            released: saved.released.clone(),
         }
     }
 }

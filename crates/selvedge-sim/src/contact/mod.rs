@@ -17,10 +17,11 @@ mod led;
 mod memory;
 mod received;
 mod separation;
+mod squeezed;
 mod touches;
 
 use glam::{DVec2, DVec3};
-use selvedge_cloth::{ContactLaw, ContactSettings, Obstacle, Scene, VertexId};
+use selvedge_cloth::{ContactLaw, ContactSettings, Obstacle, Scene, StepError, VertexId};
 use selvedge_contact::{Candidates, Intersection, Kind, Pair, Reach, Surface, Ways};
 
 use crate::active_handles::ActiveHandles;
@@ -35,6 +36,7 @@ pub(crate) use led::Shift;
 pub use led::{FAR, Led};
 use memory::Held;
 pub(crate) use memory::Memory;
+pub use squeezed::YieldedContact;
 pub(crate) use touches::{Touches, to_single};
 
 /// Times that a solve is repeated, at most, with pairs that met unexpectedly and without those that
@@ -86,6 +88,23 @@ pub(crate) struct Unseparated {
     pub(crate) pair: String,
     /// Gap at its last safe place `[m]`.
     pub(crate) gap: f64,
+    /// Names of the obstacles that squeeze it.
+    pub(crate) squeezed_by: Vec<String>,
+    /// True if the scene could let one of them through.
+    pub(crate) may_yield: bool,
+}
+
+impl Unseparated {
+    /// As the error of a frame.
+    pub(crate) fn at(self, frame: usize) -> StepError {
+        StepError::Contact {
+            frame,
+            pair: self.pair,
+            gap: self.gap,
+            squeezed_by: self.squeezed_by,
+            may_yield: self.may_yield,
+        }
+    }
 }
 
 /// Reason for a failed substep with contact.
@@ -114,6 +133,8 @@ pub(crate) struct Span<'a> {
     pub(crate) threads: Threads,
     /// True if vertices may be held back where pushing does not end.
     pub(crate) may_hold: bool,
+    /// True if an error is final: contact with obstacles is released before that.
+    pub(crate) is_last: bool,
 }
 
 /// The touches of a solve.
@@ -162,6 +183,12 @@ pub(crate) struct Contact {
     /// State at the start of a solve.
     before: State,
     memory: Memory,
+    /// Direction of gravity, or zero.
+    down: DVec3,
+    /// Ways out of bodies that are let through, in this frame.
+    ways_out: Vec<squeezed::WayOut>,
+    /// Contact that was released so far.
+    pub(crate) yielded: Vec<YieldedContact>,
     pub(crate) counts: ContactCounts,
     received: received::Received,
     room: separation::Room,
@@ -202,6 +229,9 @@ impl Contact {
             end: points,
             before: State::at_origin(mass.len()),
             memory: Memory::default(),
+            down: scene.environment.gravity.normalize_or_zero(),
+            ways_out: Vec::new(),
+            yielded: Vec::new(),
             counts: ContactCounts::default(),
             received: received::Received::none(scene.obstacles.len()),
             room: separation::Room::default(),
@@ -267,6 +297,14 @@ impl Contact {
     pub(crate) fn put_back(&mut self, from: &Carried) {
         self.memory.clone_from(&from.memory);
         self.received.clone_from(&from.received);
+        self.leave_out_released();
+    }
+
+    /// Has the candidates leave out what is released.
+    fn leave_out_released(&mut self) {
+        if self.candidates.released() != self.memory.released {
+            self.candidates.release(&self.memory.released);
+        }
     }
 
     /// The memory that the last substep left.
@@ -274,14 +312,23 @@ impl Contact {
         &self.memory
     }
 
-    /// Takes this for the memory that the last substep left.
-    pub(crate) fn remember_saved(&mut self, memory: Memory) {
+    /// Takes this for the memory that the last substep left. What is released of another scene is
+    /// dropped.
+    pub(crate) fn remember_saved(&mut self, mut memory: Memory) {
+        let (vertices, bodies) = (self.mass.len(), self.surface.bodies().len());
+        memory.released.retain(|one| {
+            (one.vertex as usize) < vertices && (1..bodies).contains(&(one.body as usize))
+        });
         self.memory = memory;
+        self.leave_out_released();
     }
 
-    /// Drops what the last substep left: friction takes hold anew.
+    /// Drops what the last substep left, but for what is released: friction takes hold anew.
     pub(crate) fn forget(&mut self) {
-        self.memory = Memory::default();
+        self.memory = Memory {
+            released: std::mem::take(&mut self.memory.released),
+            ..Memory::default()
+        };
     }
 
     /// Momentum that each obstacle received since [`Self::forget_received`] `[N s]`, `[obstacles]`.
@@ -312,8 +359,8 @@ impl Contact {
         history: &mut History,
     ) -> Result<(), ContactError> {
         self.update_inverse(active);
-        let mut done = 0.0;
-        for _ in 0..self.settings.max_divisions {
+        let (mut done, mut divisions) = (0.0, 0);
+        while divisions < self.settings.max_divisions {
             let left = span.dt * (1.0 - done);
             let now = span.from + (span.to - span.from) * done;
             self.put_start(&state.positions, now, span.to);
@@ -342,6 +389,12 @@ impl Contact {
             let outcome = self.separate(left, span, state)?;
             self.received.add_pushes(left);
             match outcome {
+                separation::Outcome::GivenWay => {
+                    self.received.take_back();
+                    history.forget();
+                    state.copy_from(&self.before);
+                    active.system.repeat_start();
+                }
                 separation::Outcome::Settled { moved } => {
                     let is_shifted = !is_limited && self.limit(left, span, active, state)?;
                     if moved || is_shifted {
@@ -352,6 +405,7 @@ impl Contact {
                     return Ok(());
                 }
                 separation::Outcome::Safe { part } => {
+                    divisions += 1;
                     self.counts.divisions += 1;
                     history.forget();
                     active.system.forget_changes();
@@ -361,6 +415,12 @@ impl Contact {
                     done += (1.0 - done) * part;
                     self.end[..state.positions.len()].copy_from_slice(&state.positions);
                     self.remember(part, active);
+                    if divisions == self.settings.max_divisions
+                        && span.is_last
+                        && self.give_way(true)
+                    {
+                        divisions = 0;
+                    }
                 }
             }
         }
@@ -484,7 +544,7 @@ impl Contact {
             later: &self.ahead,
         };
         // ARCSim's choice among pairs that are as near depends on their order.
-        if anew || self.arcsim.is_some() {
+        if anew || self.arcsim.is_some() || self.candidates.pairs().is_empty() {
             self.candidates.find(&self.surface, ways, reach);
             self.clearances.reset(self.candidates.pairs().len());
             self.room.begin();

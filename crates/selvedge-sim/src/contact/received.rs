@@ -11,6 +11,8 @@ use super::touches::Touches;
 pub(super) struct Received {
     /// `[N s]`, `[obstacles]`.
     all: Vec<DVec3>,
+    /// The same before the last solve.
+    before: Vec<DVec3>,
     /// Mass by way that pushes of a projection moved since the last solve `[kg m]`, `[obstacles]`.
     pushed: Vec<DVec3>,
 }
@@ -20,6 +22,7 @@ impl Received {
     pub(super) fn none(obstacles: usize) -> Self {
         Self {
             all: vec![DVec3::ZERO; obstacles],
+            before: vec![DVec3::ZERO; obstacles],
             pushed: vec![DVec3::ZERO; obstacles],
         }
     }
@@ -44,6 +47,7 @@ impl Received {
         touches: &Touches,
     ) {
         self.pushed.fill(DVec3::ZERO);
+        self.before.clone_from(&self.all);
         for touch in &touches.list {
             let first = surface.body_of(touch.corners[0]);
             let body = first.max(surface.body_of(touch.corners[3]));
@@ -53,6 +57,11 @@ impl Received {
                 self.all[own] -= force * (whole * left);
             }
         }
+    }
+
+    /// Takes back what the last solve added.
+    pub(super) fn take_back(&mut self) {
+        self.all.clone_from(&self.before);
     }
 
     /// Notes that a push against this body, 0 for the cloth, moved a `mass` `[kg]` by `shift`

@@ -7,6 +7,7 @@
 //! what the rounds did, and before them it brings together what the solve kept apart.
 
 use glam::DVec3;
+use selvedge_cloth::Squeezed;
 use selvedge_contact::{
     Approach, Gap, Pair, Path, Straight, certify_straight, certify_turning, extent, least_gap, push,
 };
@@ -46,6 +47,8 @@ pub(super) enum Outcome {
         /// Part, above 0 and below 1.
         part: f64,
     },
+    /// Contact was released: the solve is to be repeated without it.
+    GivenWay,
 }
 
 /// Knowledge of a pair in a solve. A solve that is repeated, or whose end is pushed, ends near
@@ -195,6 +198,9 @@ impl Contact {
                 return Ok(Outcome::Settled { moved });
             }
             let part = self.room.worst.as_ref().map_or(0.0, |worst| worst.part);
+            if round == rounds && self.give_way(false) {
+                return Ok(Outcome::GivenWay);
+            }
             if round == rounds && part >= WELCOME {
                 self.take(left, state)?;
                 return Ok(Outcome::Safe { part });
@@ -213,6 +219,9 @@ impl Contact {
             }
         }
         let Some(received) = best else {
+            if span.is_last && self.give_way(true) {
+                return Ok(Outcome::GivenWay);
+            }
             return Err(ContactError::Unseparated(self.unseparated()));
         };
         self.received = received;
@@ -282,6 +291,8 @@ impl Contact {
         Unseparated {
             pair: worst.map_or_else(String::new, |worst| self.name(&worst.pair)),
             gap: worst.map_or(0.0, |worst| worst.gap),
+            squeezed_by: self.squeezers(),
+            may_yield: self.settings.squeezed == Squeezed::Stop,
         }
     }
 

@@ -10,6 +10,10 @@ use super::keys::Key;
 /// would move the pair alone by a tenth of the thickness.
 const PULL: f64 = 0.1;
 
+/// Speed at which a vertex is pushed out of a body `[m/s]`, and acceleration, at most `[m/s²]`.
+const OUT_SPEED: f64 = 0.25;
+const OUT_PUSH: f64 = 50.0;
+
 /// A pair that pushes, frozen for a substep: its direction and weights stay.
 #[derive(Clone, Debug)]
 pub(crate) struct Touch {
@@ -57,6 +61,8 @@ pub(super) enum PairLaw {
     Barrier { share: f64 },
     /// ARCSim's, of this stiffness `[N/m]`.
     Arcsim { stiffness: f64 },
+    /// A push out of a body that is let through.
+    Out,
 }
 
 /// A touch, linearised.
@@ -105,6 +111,9 @@ impl Touch {
     /// expected to would be held like glue, and many of them, as on a body of fine faces, would
     /// strain the cloth without bound.
     pub(super) fn pulls(&self, place: impl Fn(usize) -> DVec3) -> bool {
+        if matches!(self.law, PairLaw::Out) {
+            return false;
+        }
         let gap = self.gap + self.normal.dot(self.displacement(place));
         let least = PULL * self.response.grip * self.thickness;
         self.response.tangent.force_at(gap) < -least
@@ -133,6 +142,7 @@ impl Touch {
             PairLaw::Arcsim { stiffness } => {
                 return self.linearise_as_arcsim(gamma, displacement, stiffness);
             }
+            PairLaw::Out => return self.linearise_out(gamma, time, displacement),
         };
         let square = gamma * gamma;
         let barrier = Barrier {
@@ -171,6 +181,35 @@ impl Touch {
         }
         let further = displacement - response.displacement;
         response.force - response.block * further / (response.gamma * response.gamma)
+    }
+
+    /// As [`Self::linearise`], of a push out of a body: what is slower than [`OUT_SPEED`] is
+    /// accelerated, by no more than [`OUT_PUSH`], until it is as far as the thickness outside.
+    fn linearise_out(&mut self, gamma: f64, time: f64, displacement: DVec3) -> DVec3 {
+        let stiffness = self.mass / (time * time);
+        let along = self.normal.dot(displacement);
+        let lack = (self.thickness - self.gap).clamp(0.0, OUT_SPEED * time) - along;
+        let most = OUT_PUSH * time * time;
+        let tangent = Tangent {
+            gap: self.gap + along,
+            force: stiffness * lack.clamp(0.0, most),
+            stiffness: if (0.0..most).contains(&lack) {
+                stiffness
+            } else {
+                0.0
+            },
+        };
+        let force = self.normal * tangent.force;
+        let block = outer(self.normal, self.normal) * tangent.stiffness;
+        self.response = Response {
+            tangent,
+            grip: 0.0,
+            block: block * (gamma * gamma),
+            gamma,
+            displacement,
+            force,
+        };
+        force
     }
 
     /// As [`Self::linearise`], by the law of ARCSim. `[eq:contact-arcsim]`

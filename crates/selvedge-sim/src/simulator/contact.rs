@@ -2,11 +2,11 @@
 //! places of obstacles, and what it counted.
 
 use glam::{DVec3, Vec3};
-use selvedge_cloth::StepError;
+use selvedge_cloth::{Squeezed, StepError};
 
 use super::Simulator;
 use super::error::SimulatorError;
-use crate::contact::{FAR, Led, Shift, Unseparated};
+use crate::contact::{FAR, Led, Shift, YieldedContact};
 
 impl Simulator {
     /// Puts obstacles on their way from this frame to the next.
@@ -168,10 +168,7 @@ impl Simulator {
         match threads.run(|| contact.lead(threads, active, from, to)) {
             Ok(false) => Ok(Led::Free),
             Ok(true) => Ok(Led::Pushed),
-            Err(Unseparated { pair, gap }) => {
-                let frame = frame + 1;
-                Err(StepError::Contact { frame, pair, gap })
-            }
+            Err(pair) => Err(pair.at(frame + 1)),
         }
     }
 
@@ -268,7 +265,24 @@ impl Simulator {
     pub(super) fn arrive(&mut self) {
         if let Some(contact) = &mut self.contact {
             contact.arrive();
+            contact.note_released(self.frame);
         }
+    }
+
+    /// Chooses what becomes of cloth without room from now on, in place of what the scene says.
+    pub fn set_squeezed(&mut self, squeezed: Squeezed) {
+        if let Some(contact) = &mut self.contact {
+            contact.set_squeezed(squeezed);
+        }
+    }
+
+    /// Contact that was released so far, because bodies left the cloth no room: it is not among
+    /// [`Self::intersection_count`].
+    #[must_use]
+    pub fn yielded(&self) -> &[YieldedContact] {
+        self.contact
+            .as_ref()
+            .map_or(&[], |contact| &contact.yielded)
     }
 
     pub(super) fn forget_touches(&mut self) {

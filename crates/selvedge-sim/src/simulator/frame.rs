@@ -74,6 +74,9 @@ impl Simulator {
         targets: &HandleTargets,
     ) -> Result<u32, SubstepError> {
         self.forget_received();
+        if let Some(contact) = &mut self.contact {
+            contact.take_back(&self.state.positions);
+        }
         let mut finest = substeps;
         // Parts of the frame that are done, and how many of their length it has.
         let (mut done, mut parts) = (0, substeps);
@@ -90,6 +93,7 @@ impl Simulator {
                 from: f64::from(done) / f64::from(parts),
                 to: fraction,
                 may_hold: parts >= self.scene.physics.substeps * BEFORE_HOLDING || 2 * parts > most,
+                is_last: 2 * substeps > most,
             };
             if let Some(contact) = self.contact.as_deref() {
                 let system = &self.active.system;

@@ -20,8 +20,8 @@ impl Simulator {
         checkpoint.check(scene.mesh.topology().vertex_count())?;
         let mut simulator = Self::starting(scene, checkpoint)?;
         simulator.shift_obstacles(&checkpoint.obstacles);
-        simulator.check_contact()?;
         simulator.put_memory(checkpoint);
+        simulator.check_contact()?;
         simulator.update_wind();
         Ok(simulator)
     }
@@ -62,11 +62,13 @@ impl Simulator {
             })?),
         };
         let contact = self.contact.as_ref();
-        let shifts = contact.map(|contact| contact.shifts.clone());
+        let before = contact.map(|contact| (contact.shifts.clone(), contact.memory().clone()));
         self.shift_obstacles(&checkpoint.obstacles);
+        self.put_contact(checkpoint);
         if let Err(error) = self.check_meeting(checkpoint.frame, &checkpoint.positions) {
-            if let (Some(contact), Some(shifts)) = (&mut self.contact, shifts) {
+            if let (Some(contact), Some((shifts, memory))) = (&mut self.contact, before) {
                 contact.shifts = shifts;
+                contact.remember_saved(memory);
             }
             return Err(error);
         }
@@ -84,7 +86,6 @@ impl Simulator {
             .copy_from_slice(&checkpoint.velocities);
         self.active.system.forget_changes();
         self.history.forget();
-        self.forget_touches();
         self.undo = None;
         self.round();
         self.put_memory(checkpoint);
@@ -99,11 +100,19 @@ impl Simulator {
             before.velocities.copy_from_slice(&previous.velocities);
             self.history.set_last_substep(previous.seconds);
         }
-        if let (Some(contact), Some(memory)) = (&mut self.contact, &checkpoint.contact) {
-            contact.remember_saved(Memory::of_saved(memory));
+        self.put_contact(checkpoint);
+        if let Some(contact) = &mut self.contact {
+            contact.note_released(checkpoint.frame);
         }
         if let Some((changes, seconds)) = &checkpoint.changes {
             self.active.system.put_changes(changes, *seconds);
+        }
+    }
+    /// Takes what contact left before a checked checkpoint.
+    fn put_contact(&mut self, checkpoint: &Checkpoint) {
+        if let Some(contact) = &mut self.contact {
+            let memory = checkpoint.contact.as_ref().map(Memory::of_saved);
+            contact.remember_saved(memory.unwrap_or_default());
         }
     }
 }

@@ -14,6 +14,8 @@ pub(super) struct Part {
     pub(super) to: f64,
     /// True if contact may hold vertices back; else the frame is divided first.
     pub(super) may_hold: bool,
+    /// True if an error in it is final.
+    pub(super) is_last: bool,
 }
 
 /// The frames so far that took more substeps than the scene asks for: edges would have strained too

@@ -247,6 +247,13 @@ fn follow(number: u64, frames: usize, ends: &mut Ends) -> ContactCounts {
         );
         ends.frames += 1;
     }
+    if !simulator.yielded().is_empty() {
+        println!(
+            "scene {number}: yields {} {:?}",
+            simulator.yielded().len(),
+            simulator.yielded()[0]
+        );
+    }
     ends.whole += 1;
     simulator.stats().contact
 }

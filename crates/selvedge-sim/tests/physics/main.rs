@@ -27,6 +27,7 @@ mod sewn;
 mod sheets;
 mod simulator;
 mod solvers;
+mod squeezed;
 mod stability;
 mod statics;
 mod touching;

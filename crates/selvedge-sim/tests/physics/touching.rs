@@ -127,6 +127,7 @@ pub(crate) fn run(simulator: &mut Simulator, frames: usize) {
             simulator.frame()
         );
     }
+    assert!(simulator.yielded().is_empty());
 }
 
 /// Steps, and looks for intersections at the end.

@@ -97,7 +97,7 @@ pub(crate) fn run(args: &RunArgs) -> anyhow::Result<Answer> {
     if let (Some(states), Some(path)) = (states, &args.states) {
         states.write(path, trajectory.provenance())?;
     }
-    let contact = touched::measure(scene, &trajectory, passed, run.contact);
+    let contact = touched::measure(scene, &trajectory, passed, run.contact, &run.yielded);
     let substeps = run.substeps.map(SubstepReport::of);
     warn_of_falls(scene, substeps);
     let mut exported = Vec::new();
@@ -296,7 +296,7 @@ fn text(report: &SimulateReport, wanted: usize, divided: DividedFrames) -> Facts
     if let Some(words) = output::divided(divided) {
         facts.add("divided", words);
     }
-    if let Some(contact) = report.contact {
+    if let Some(contact) = &report.contact {
         contact.add_to(&mut facts);
     }
     facts.add("wrote", report.out.display());

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use selvedge_cloth::{Cloth, HandleTargets, Scene, StepError, Stepper};
+use selvedge_cloth::{Cloth, HandleTargets, Scene, Squeezed, StepError, Stepper};
 use selvedge_data::SavedState;
 use selvedge_guard::{Guard, GuardSettings};
 use selvedge_lab::machine::{Machine, Mover};
@@ -37,12 +37,19 @@ impl LivePhysics {
             environment: hold.environment,
             ..(**scene).clone()
         };
-        let simulator = simulator_among(&held, state, offsets).map_err(LiveError::new)?;
+        let mut simulator = simulator_among(&held, state, offsets).map_err(LiveError::new)?;
+        simulator.set_squeezed(Squeezed::Stop);
         Ok(Self {
             scene: Arc::clone(scene),
             simulator,
             was_blocked: false,
         })
+    }
+
+    /// What the scene says of cloth without room. A hand is stopped before anything is let through.
+    fn squeezed(&self) -> Squeezed {
+        let contact = self.scene.contact;
+        contact.map_or_else(Squeezed::default, |contact| contact.squeezed)
     }
 
     /// A step in which handles and bodies that are led stay where they are.
@@ -82,10 +89,15 @@ impl Stepper for LivePhysics {
         if self.scene.contact.is_none() || !has_no_room {
             return Err(error);
         }
-        // The first error says what was in the way.
-        self.step_still(targets).map_err(|_| error)?;
-        self.was_blocked = true;
-        Ok(())
+        if self.step_still(targets).is_ok() {
+            self.was_blocked = true;
+            return Ok(());
+        }
+        // Bodies on their own ways leave no room. The first error says what was in the way.
+        self.simulator.set_squeezed(self.squeezed());
+        let stepped = self.simulator.step(targets).map_err(|_| error);
+        self.simulator.set_squeezed(Squeezed::Stop);
+        stepped
     }
 }
 

@@ -2,36 +2,43 @@
 //! after the other, and how many each state has.
 
 use glam::DVec3;
-use selvedge_cloth::{CaughtPair, ContactMemory, FrictionAnchor, Pushing, Touching};
+use selvedge_cloth::{
+    CaughtPair, ContactMemory, FrictionAnchor, Pushing, ReleasedContact, Touching,
+};
 
 use super::SavedState;
 use crate::formats::arrays::{ArrayError, ArrayFile};
 use crate::formats::tensor_file::{TensorOut, TensorValues};
 
-/// Number of entries of each state in each of [`TABLES`], u32 `[states, 3]`.
+/// Number of entries of each state in each of [`TABLES`], u32 `[states, 4]`; without the last where
+/// that has no entries.
 const COUNTS: &str = "contact_counts";
 /// Normal and pull `[N]` of each anchor, f64 `[anchors, 6]`.
 const PULLS: &str = "contact_pulls";
 /// Gap of the tangent of each caught pair `[m]`, 0 for the usual one, f64 `[caught]`.
 const GAPS: &str = "contact_gaps";
 /// Tables of u32 and their columns: features of anchors; features that push, and 1 where they do so
-/// firmly; caught pairs.
-const TABLES: [(&str, usize); 3] = [
+/// firmly; caught pairs; released contact by vertex, two bodies and two of their parts.
+const TABLES: [(&str, usize); 4] = [
     ("contact_anchors", 3),
     ("contact_pushing", 4),
     ("contact_caught", 3),
+    ("contact_released", 5),
 ];
+/// Two places `[m]` and the winding number of each released contact, f64 `[released, 7]`.
+const PLACES: &str = "contact_places";
 
-/// Largest pull of a state `[N]`, and largest gap `[m]`.
+/// Largest pull `[N]`, gap or coordinate `[m]` of a state.
 const LARGEST: f64 = 1e9;
 
 /// The entries of several states.
 #[derive(Default)]
 pub(super) struct Tables {
-    counts: Vec<u32>,
-    tables: [Vec<u32>; 3],
+    counts: Vec<[u32; 4]>,
+    tables: [Vec<u32>; 4],
     pulls: Vec<f64>,
     gaps: Vec<f64>,
+    places: Vec<f64>,
 }
 
 impl Tables {
@@ -41,13 +48,14 @@ impl Tables {
         let nothing = ContactMemory::default();
         for state in states {
             let memory = state.contact.as_ref().unwrap_or(&nothing);
-            let [anchors, pushing, caught] = &mut made.tables;
+            let [anchors, pushing, caught, released] = &mut made.tables;
             let counts = [
                 memory.anchors.len(),
                 memory.pushing.len(),
                 memory.caught.len(),
+                memory.released.len(),
             ];
-            made.counts.extend(counts.map(|count| count as u32));
+            made.counts.push(counts.map(|count| count as u32));
             for anchor in &memory.anchors {
                 anchors.extend(anchor.of.numbers());
                 made.pulls.extend(anchor.normal.to_array());
@@ -61,8 +69,15 @@ impl Tables {
                 caught.extend(one.of.numbers());
                 made.gaps.push(one.gap.unwrap_or(0.0));
             }
+            for one in &memory.released {
+                released.extend([one.vertex, one.body, one.against]);
+                released.extend(one.parts);
+                made.places
+                    .extend(one.places.iter().flat_map(|p| p.to_array()));
+                made.places.push(one.winding);
+            }
         }
-        if made.counts.iter().all(|count| *count == 0) {
+        if made.counts.iter().all(|counts| *counts == [0; 4]) {
             made.counts.clear();
         }
         made
@@ -79,9 +94,20 @@ impl Tables {
             (!values.is_empty())
                 .then(|| TensorOut::new(name, &shape, TensorValues::F64(values.into())))
         };
-        let reals = [real(PULLS, 6, self.pulls), real(GAPS, 1, self.gaps)];
-        let named = [(COUNTS, 3)].into_iter().chain(TABLES);
-        let wholes = named.zip([self.counts].into_iter().chain(self.tables));
+        let reals = [
+            real(PULLS, 6, self.pulls),
+            real(GAPS, 1, self.gaps),
+            real(PLACES, 7, self.places),
+        ];
+        let kinds = if self.tables[3].is_empty() { 3 } else { 4 };
+        let counts: Vec<u32> = self
+            .counts
+            .iter()
+            .flat_map(|c| &c[..kinds])
+            .copied()
+            .collect();
+        let named = [(COUNTS, kinds)].into_iter().chain(TABLES);
+        let wholes = named.zip([counts].into_iter().chain(self.tables));
         let wholes = wholes.filter(|(_, values)| !values.is_empty());
         let wholes = wholes.map(|((name, columns), values)| {
             TensorOut::new(
@@ -98,29 +124,32 @@ impl Tables {
         if !file.has(COUNTS) {
             return Ok(Self::default());
         }
+        let counts = file.wholes(COUNTS)?.values;
+        let kinds = if counts.len() == 4 * states { 4 } else { 3 };
+        check_length(COUNTS, counts.len(), kinds * states)?;
+        let rows = counts.chunks_exact(kinds);
         let mut read = Self {
-            counts: file.wholes(COUNTS)?.values,
+            counts: rows
+                .map(|row| std::array::from_fn(|k| row.get(k).copied().unwrap_or(0)))
+                .collect(),
             ..Self::default()
         };
-        check_length(COUNTS, read.counts.len(), 3 * states)?;
         for (kind, (name, columns)) in TABLES.into_iter().enumerate() {
             if file.has(name) {
                 read.tables[kind] = file.wholes(name)?.values;
             }
-            let counts = read.counts.iter().skip(kind).step_by(3);
-            let total = counts.fold(0_usize, |sum, count| sum.saturating_add(*count as usize));
+            let counts = read.counts.iter().map(|counts| counts[kind] as usize);
+            let total = counts.fold(0_usize, usize::saturating_add);
             check_length(name, read.tables[kind].len(), total.saturating_mul(columns))?;
         }
-        let reals = |name: &str, expected: usize| {
-            let mut values = Vec::new();
-            if file.has(name) {
-                values = file.floats(name)?.values;
-            }
+        let reals = |name: &'static str, expected: usize| {
+            let values = match file.has(name) {
+                true => file.floats(name)?.values,
+                false => Vec::new(),
+            };
             check_length(name, values.len(), expected)?;
-            match values
-                .iter()
-                .find(|value| value.is_nan() || value.abs() > LARGEST)
-            {
+            let is_usable = |value: &f64| value.abs() <= LARGEST;
+            match values.iter().find(|value| !is_usable(value)) {
                 None => Ok(values),
                 Some(value) => {
                     let expected = format!("finite numbers up to {LARGEST:e}");
@@ -135,17 +164,18 @@ impl Tables {
             true => reals(GAPS, caught)?,
             false => vec![0.0; caught],
         };
+        read.places = reals(PLACES, read.tables[3].len() / 5 * 7)?;
         Ok(read)
     }
 
     /// The entries of state `index`; none where it has no entry.
     pub(super) fn state(&self, index: usize) -> Result<Option<ContactMemory>, ArrayError> {
-        let Some(own) = self.counts.chunks_exact(3).nth(index) else {
+        let Some(own) = self.counts.get(index) else {
             return Ok(None);
         };
         // Each entry with its number.
         let entries = |kind: usize| {
-            let before = self.counts.chunks_exact(3).take(index);
+            let before = self.counts[..index].iter();
             let first: usize = before.map(|counts| counts[kind] as usize).sum();
             let rows = self.tables[kind].chunks_exact(TABLES[kind].1).enumerate();
             rows.skip(first).take(own[kind] as usize)
@@ -172,10 +202,22 @@ impl Tables {
                 gap: (gap > 0.0).then_some(gap),
             })
         };
+        let released = |(number, row): (usize, &[u32])| {
+            let places = &self.places[7 * number..];
+            ReleasedContact {
+                vertex: row[0],
+                body: row[1],
+                against: row[2],
+                parts: [row[3], row[4]],
+                places: [DVec3::from_slice(places), DVec3::from_slice(&places[3..])],
+                winding: places[6],
+            }
+        };
         let memory = ContactMemory {
             anchors: entries(0).map(anchor).collect::<Result<_, ArrayError>>()?,
             pushing: entries(1).map(pushing).collect::<Result<_, ArrayError>>()?,
             caught: entries(2).map(caught).collect::<Result<_, ArrayError>>()?,
+            released: entries(3).map(released).collect(),
         };
         Ok((memory != ContactMemory::default()).then_some(memory))
     }

@@ -1,6 +1,6 @@
 //! States are read as they were written, by any of the ways to name them.
 
-use selvedge_cloth::{CaughtPair, FrictionAnchor, Pushing, Touching};
+use selvedge_cloth::{CaughtPair, FrictionAnchor, Pushing, ReleasedContact, Touching};
 use serde_json::Value;
 
 use super::*;
@@ -72,6 +72,16 @@ fn memory(anchors: u32) -> ContactMemory {
                 gap,
             })
             .to_vec(),
+        released: (1..anchors)
+            .map(|k| ReleasedContact {
+                vertex: k,
+                body: 2,
+                against: 1,
+                parts: [7, 5],
+                places: [DVec3::X * f64::from(k), DVec3::NEG_Y / 3.0],
+                winding: -0.5,
+            })
+            .collect(),
     }
 }
 

@@ -2,7 +2,8 @@
 
 use selvedge_cloth::Scene;
 use selvedge_data::Trajectory;
-use selvedge_sim::{ContactCounts, ContactGauge};
+use selvedge_lab::physics::{self, LetThrough};
+use selvedge_sim::{ContactCounts, ContactGauge, YieldedContact};
 use serde::Serialize;
 
 use crate::interrupt;
@@ -10,10 +11,10 @@ use crate::output::Facts;
 use crate::progress::Progress;
 
 /// Contact in a run.
-#[derive(Clone, Copy, Serialize)]
+#[derive(Clone, Serialize)]
 pub(super) struct Touched {
-    /// Pairs of faces that meet, exactly, over all frames at their written positions; none where
-    /// not all frames were looked at.
+    /// Pairs of faces that meet, exactly, over all frames at their written positions, but for what
+    /// was let through; none where not all frames were looked at.
     intersections: Option<usize>,
     /// Smallest gap of a frame that was looked at `[m]`; none where all are above the thickness.
     smallest_gap: Option<f64>,
@@ -27,6 +28,8 @@ pub(super) struct Touched {
     divisions: u64,
     /// Rounds in which vertices were held back.
     held_back: u64,
+    /// Bodies that were let through the cloth, which they left no room.
+    let_through: Vec<LetThrough>,
 }
 
 /// Measures the frames of a run that began after `passed` frames; none without contact. Stops
@@ -36,8 +39,9 @@ pub(super) fn measure(
     trajectory: &Trajectory,
     passed: usize,
     counts: ContactCounts,
+    yielded: &[YieldedContact],
 ) -> Option<Touched> {
-    let mut gauge = ContactGauge::of(scene)?;
+    let mut gauge = ContactGauge::of(scene)?.without(yielded);
     let count = trajectory.frame_count();
     let progress = Progress::new("looking for intersections", count, "frames");
     let mut touched = Touched {
@@ -48,6 +52,7 @@ pub(super) fn measure(
         repeated: counts.repeated,
         divisions: counts.divisions,
         held_back: counts.held_back,
+        let_through: physics::let_through(scene, yielded),
     };
     for (number, positions) in trajectory.frames().iter().enumerate() {
         if interrupt::requested() {
@@ -68,7 +73,7 @@ pub(super) fn measure(
 
 impl Touched {
     /// Adds what is worth a line.
-    pub(super) fn add_to(self, facts: &mut Facts) {
+    pub(super) fn add_to(&self, facts: &mut Facts) {
         let met = match self.intersections {
             Some(0) => "no intersections".to_owned(),
             Some(count) => format!("{count} intersections"),
@@ -81,6 +86,9 @@ impl Touched {
             _ => ", nothing nearer than the thickness".to_owned(),
         };
         facts.add("contact", met + &gap);
+        for body in &self.let_through {
+            facts.add("let through", body);
+        }
         if self.repeated + self.divisions > 0 {
             facts.add(
                 "solves",
