@@ -124,18 +124,19 @@ impl Contact {
                 })
             };
             let other = strong.unwrap_or(weak);
+            let against = strong.map_or(0, |side| side.body as u32);
             let parts = [weak, other].map(|side| self.surface.part_of(side.point));
             let is_new = |vertex: u32| {
                 is_new(vertex)
                     && !known
                         .iter()
-                        .any(|one| (one.vertex, one.parts) == (vertex, parts))
+                        .any(|one| (one.vertex, one.parts, one.against) == (vertex, parts, against))
             };
             let own = own().filter(|(vertex, part)| part.abs() >= OWN_PART && is_new(**vertex));
             own.map(|(vertex, _)| ReleasedContact {
                 vertex: *vertex,
                 body: weak.body as u32,
-                against: strong.map_or(0, |side| side.body as u32),
+                against,
                 parts,
                 places: [weak.first, other.first],
                 winding: self.winding(weak.body, &self.start, self.start[*vertex as usize]),
