@@ -18,6 +18,8 @@ use super::touches::{PairLaw, Touch};
 
 /// Cosine against the direction of a gap within which a body is on one side of the cloth.
 const OPPOSED: f64 = 0.5;
+/// Pairs that are looked at, at most, of those that fail first: others may be well without them.
+const FIRST: usize = 16;
 /// Part of a corner in the closest point of a pair from which it is released.
 const OWN_PART: f64 = 1.0 / 3.0;
 /// Part of a closest point that handles hold, from which nothing else can yield.
@@ -79,7 +81,12 @@ impl Contact {
         if self.settings.squeezed == Squeezed::Stop {
             return false;
         }
-        let failed: Vec<_> = self.failed().map(|(pair, a)| (*pair, *a)).collect();
+        let mut failed: Vec<_> = self.failed().map(|(pair, a)| (*pair, *a)).collect();
+        failed.sort_by(|a, b| {
+            let sooner = a.1.safe.total_cmp(&b.1.safe);
+            sooner.then_with(|| a.0.cmp(&b.0))
+        });
+        failed.truncate(FIRST);
         let around = self.around_failed();
         let mut has_more = false;
         for (pair, approach) in &failed {
@@ -156,7 +163,11 @@ impl Contact {
             way: 0.0,
         });
         let found = match (self.sides(pair, approach, around), &whole) {
-            (_, Some(own)) if led >= LED => of(own, None),
+            ([a, b], Some(own)) if led >= LED => {
+                let other = [&a, &b].into_iter().flatten();
+                let other = other.filter(|side| side.body != own.body);
+                of(own, other.min_by(|a, b| a.distance.total_cmp(&b.distance)))
+            }
             ([Some(a), Some(b)], _) if at_last || self.squeeze(&a, &b) => {
                 match self.is_weaker(&a, &b) {
                     true => of(&a, Some(&b)),
@@ -212,8 +223,14 @@ impl Contact {
         }
         let pairs = self.candidates.pairs().iter();
         let pairs = pairs.filter(|pair| pair.corners.iter().any(|p| is_failed[*p as usize]));
+        let reach = self.reach_of_bodies();
+        let comes_near = |pair: &&Pair| {
+            [&self.start, &self.end]
+                .iter()
+                .any(|points| least_gap(pair.kind, pair.places(points)) <= reach)
+        };
         near.pairs
-            .extend(pairs.filter(|pair| self.other_body(pair) > 0));
+            .extend(pairs.filter(|pair| self.other_body(pair) > 0 && comes_near(pair)));
         near
     }
 
