@@ -19,6 +19,7 @@ mod received;
 mod separation;
 mod squeezed;
 mod touches;
+mod yielded;
 
 use glam::{DVec2, DVec3};
 use selvedge_cloth::{ContactLaw, ContactSettings, Obstacle, Scene, StepError, VertexId};
@@ -36,8 +37,9 @@ pub(crate) use led::Shift;
 pub use led::{FAR, Led};
 use memory::Held;
 pub(crate) use memory::Memory;
-pub use squeezed::YieldedContact;
 pub(crate) use touches::{Touches, to_single};
+use yielded::WayOut;
+pub use yielded::YieldedContact;
 
 /// Times that a solve is repeated, at most, with pairs that met unexpectedly and without those that
 /// pulled.
@@ -186,7 +188,7 @@ pub(crate) struct Contact {
     /// Direction of gravity, or zero.
     down: DVec3,
     /// Ways out of bodies that are let through, in this frame.
-    ways_out: Vec<squeezed::WayOut>,
+    ways_out: Vec<WayOut>,
     /// Contact that was released so far.
     pub(crate) yielded: Vec<YieldedContact>,
     pub(crate) counts: ContactCounts,

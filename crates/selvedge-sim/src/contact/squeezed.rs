@@ -15,6 +15,7 @@ use selvedge_contact::{Approach, Bounds, Gap, Kind, Pair, Reach, Ways, gap, leas
 use super::Contact;
 use super::barrier::LEAST;
 use super::touches::{PairLaw, Touch};
+use super::yielded::{WayOut, YieldedContact};
 
 /// Cosine against the direction of a gap within which a body is on one side of the cloth.
 const OPPOSED: f64 = 0.5;
@@ -28,24 +29,6 @@ const LED: f64 = 0.5;
 const ASIDE: f64 = 0.5;
 /// Difference of two speeds, as a part of the larger, from which one is the faster.
 const FASTER: f64 = 0.1;
-
-/// Released contact, and the frames at whose end it was.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct YieldedContact {
-    /// The contact.
-    pub released: ReleasedContact,
-    /// First and last frame.
-    pub frames: [usize; 2],
-}
-
-/// The way of a vertex out of the body that it may pass, over a frame.
-pub(super) struct WayOut {
-    /// The vertex and the face through which it is to leave.
-    pair: Pair,
-    weights: [f64; 4],
-    /// Direction out of the body.
-    normal: DVec3,
-}
 
 /// Obstacles near pairs that failed.
 struct Around {
