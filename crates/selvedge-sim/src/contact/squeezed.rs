@@ -21,6 +21,8 @@ use super::yielded::{WayOut, YieldedContact};
 const OPPOSED: f64 = 0.5;
 /// Pairs that are looked at, at most, of those that fail first: others may be well without them.
 const FIRST: usize = 16;
+/// Way of bodies in a solve, as a part of the thickness, from which they come nearer.
+const CLOSING: f64 = 0.01;
 /// Part of a corner in the closest point of a pair from which it is released.
 const OWN_PART: f64 = 1.0 / 3.0;
 /// Part of a closest point that handles hold, from which nothing else can yield.
@@ -145,8 +147,12 @@ impl Contact {
             distance: 0.0,
             way: 0.0,
         });
+        let comes = met().any(|(p, _)| {
+            let way = self.start[*p as usize].distance(self.end[*p as usize]);
+            way > CLOSING * self.thickness[body]
+        });
         let found = match (self.sides(pair, approach, around), &whole) {
-            ([a, b], Some(own)) if led >= LED => {
+            ([a, b], Some(own)) if led >= LED && (at_last || comes) => {
                 let other = [&a, &b].into_iter().flatten();
                 let other = other.filter(|side| side.body != own.body);
                 of(own, other.min_by(|a, b| a.distance.total_cmp(&b.distance)))
@@ -309,10 +315,11 @@ impl Contact {
         sides
     }
 
-    /// Returns true if two bodies come nearer to each other than one layer needs.
+    /// Returns true if two bodies come nearer to each other than one layer needs. What stands still
+    /// squeezes nothing: cloth that is drawn in between yields to shorter steps.
     fn squeeze(&self, a: &Side, b: &Side) -> bool {
         let need = 0.5 * (self.thickness[a.body] + self.thickness[b.body]);
-        a.distance + b.distance < need
+        a.distance + b.distance < need && a.way + b.way > CLOSING * need
     }
 
     /// Returns true if the first of two bodies is the weaker.
