@@ -153,7 +153,7 @@ mod tests {
         }
         std::fs::write(folder.path().join("bag.obj"), text).unwrap();
         let scene = "name = \"bag\"\nmaterial = \"gray-interlock\"\nstart = \"fit\"\n\
-            mesh = { file = \"bag.obj\" }\nhandles = { vertices = [0] }\nmotion = { named = \"forward\" }\n";
+            mesh = { file = \"bag.obj\" }\nhandles = { vertices = [0] }\nmotion = { named = \"forward\" }\ncontact = false\n";
         parse_scene(scene, folder.path(), "bag").unwrap()
     }
 
