@@ -26,7 +26,7 @@ pub enum SimulatorError {
     PreviousSubstep { seconds: f64 },
     #[error(
         "the cloth starts with {count} intersections ({pairs}): start it where nothing meets, or {}",
-        if *is_own { "write contact.self = false: all are of the cloth with itself" } else { "write contact = false" }
+        if *is_own { "write contact.self = false: all are of the cloth with itself" } else { "take the obstacle away" }
     )]
     Intersections {
         count: usize,

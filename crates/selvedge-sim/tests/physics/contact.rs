@@ -141,7 +141,7 @@ fn what_cannot_be_is_said() {
     );
     let words = error.to_string();
     assert!(words.contains("obstacle \"ground\""), "{error}");
-    assert!(words.contains("remove `contact`"), "{error}");
+    assert!(words.contains("take the obstacle away"), "{error}");
     // Folded along the middle, the halves tilted against each other.
     let mut scene = lying(8, |p| {
         let (x, z) = (p.x, p.z - 0.05);
