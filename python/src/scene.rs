@@ -81,22 +81,24 @@ impl Mesh {
     }
 
     /// An irregular sheet that hangs flat: `shape` is square, long, wide, triangle, diamond, disc,
-    /// l-shape, holed or random; `size` [m] is the side of a square; `seed` places the inner
-    /// vertices.
+    /// l-shape, holed, random, rectangle or tube; `size` [m] is the side of a square, or the height;
+    /// `seed` places the inner vertices; `width` [m] is that of a rectangle, or the way around a tube.
     #[staticmethod]
-    #[pyo3(signature = (shape="square", vertices=400, size=1.0, seed=1))]
+    #[pyo3(signature = (shape="square", vertices=400, size=1.0, seed=1, width=None))]
     fn generate(
         py: Python<'_>,
         shape: &str,
         vertices: usize,
         size: f64,
         seed: u64,
+        width: Option<f64>,
     ) -> PyResult<Self> {
         let shape: Shape = serde_json::from_value(shape.into()).map_err(told)?;
         let spec = SheetSpec {
             shape,
             vertices,
             size,
+            width: width.unwrap_or(size),
             seed,
         };
         let made = py.detach(|| sheet(&spec)).map_err(told)?;

@@ -27,7 +27,11 @@ class Mesh:
     def read(path: _Path) -> Mesh: ...
     @staticmethod
     def generate(
-        shape: str = "square", vertices: int = 400, size: float = 1.0, seed: int = 1
+        shape: str = "square",
+        vertices: int = 400,
+        size: float = 1.0,
+        seed: int = 1,
+        width: float | None = None,
     ) -> Mesh: ...
     @property
     def positions(self) -> NDArray[np.float64]: ...
