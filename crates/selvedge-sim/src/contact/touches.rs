@@ -144,12 +144,11 @@ impl Touch {
             }
             PairLaw::Out => return self.linearise_out(gamma, time, displacement),
         };
-        let square = gamma * gamma;
         let barrier = Barrier {
             thickness: self.thickness,
             base: self.mean_mass / (time * time),
             share,
-            inertia: self.mass / square,
+            inertia: self.mass / (gamma * gamma),
         };
         let estimate = self.gap + self.normal.dot(displacement);
         let tangent = match self.at {
@@ -162,10 +161,22 @@ impl Touch {
         let drag = drag(self.normal, slip, grip, self.friction * bears);
         let block = outer(self.normal, self.normal) * tangent.stiffness + drag.block;
         let force = self.normal * tangent.force_at(estimate) + drag.force;
+        self.respond([gamma, grip], displacement, tangent, block, force)
+    }
+
+    /// Keeps a response, of this `block` `[N/m]` and `force` `[N]`, and gives the force.
+    fn respond(
+        &mut self,
+        [gamma, grip]: [f64; 2],
+        displacement: DVec3,
+        tangent: Tangent,
+        block: DMat3,
+        force: DVec3,
+    ) -> DVec3 {
         self.response = Response {
             tangent,
             grip,
-            block: block * square,
+            block: block * (gamma * gamma),
             gamma,
             displacement,
             force,
@@ -201,15 +212,7 @@ impl Touch {
         };
         let force = self.normal * tangent.force;
         let block = outer(self.normal, self.normal) * tangent.stiffness;
-        self.response = Response {
-            tangent,
-            grip: 0.0,
-            block: block * (gamma * gamma),
-            gamma,
-            displacement,
-            force,
-        };
-        force
+        self.respond([gamma, 0.0], displacement, tangent, block, force)
     }
 
     /// As [`Self::linearise`], by the law of ARCSim. `[eq:contact-arcsim]`
@@ -228,15 +231,7 @@ impl Touch {
         let block = normal * tangent.stiffness + (DMat3::IDENTITY - normal) * (drag / gamma);
         let push = tangent.force_at(self.gap + self.normal.dot(displacement));
         let force = self.normal * push - velocity * drag;
-        self.response = Response {
-            tangent,
-            grip: 0.0,
-            block: block * (gamma * gamma),
-            gamma,
-            displacement,
-            force,
-        };
-        force
+        self.respond([gamma, 0.0], displacement, tangent, block, force)
     }
 }
 

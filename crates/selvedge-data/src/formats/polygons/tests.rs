@@ -290,7 +290,9 @@ fn concave_faces_are_cut_inside() {
         flat.contains("texture coordinates") && flat.contains("mesh.pattern"),
         "{flat}"
     );
-    assert!(read(text, |o| o.pattern = PatternSource::Shape).is_ok());
+    let shaped = read(text, |o| o.pattern = PatternSource::Shape).unwrap();
+    let area: f64 = shaped.sheet.mesh.rest_shape(1.0).face_area.iter().sum();
+    assert!((area - 1.0).abs() < 1e-12, "{area}");
 }
 
 /// Two flat panels of 2 × 2 quads with named borders, far apart in one plane.
