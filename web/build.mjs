@@ -21,6 +21,7 @@ await build({
   format: "esm",
   target: "es2022",
   legalComments: "eof",
+  define: { WITHOUT_PROGRAM: "false" },
   outfile: `${out}/viewer.js`,
 });
 // Shaders are text, and some of their lines end in spaces.

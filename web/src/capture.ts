@@ -3,7 +3,7 @@
 export function savePicture(canvas: HTMLCanvasElement, draw: () => void): void {
   // Drawn and read in one go: a canvas forgets what it showed.
   draw();
-  canvas.toBlob((blob) => blob && save(blob, "png"), "image/png");
+  canvas.toBlob((blob) => blob && save(blob, dated("png")), "image/png");
 }
 
 export class Clip {
@@ -28,7 +28,7 @@ export class Clip {
     recorder.ondataavailable = (event) => parts.push(event.data);
     recorder.onstop = () => {
       stream.getTracks().forEach((track) => track.stop());
-      save(new Blob(parts, { type: recorder.mimeType }), recorder.mimeType.includes("mp4") ? "mp4" : "webm");
+      save(new Blob(parts, { type: recorder.mimeType }), dated(recorder.mimeType.includes("mp4") ? "mp4" : "webm"));
     };
     recorder.start();
     this.recorder = recorder;
@@ -40,10 +40,14 @@ export class Clip {
   }
 }
 
-function save(blob: Blob, extension: string): void {
+function dated(extension: string): string {
+  return `selvedge-${new Date().toISOString().slice(0, 19).replaceAll(":", "")}.${extension}`;
+}
+
+export function save(blob: Blob, name: string): void {
   const link = document.createElement("a");
   link.href = URL.createObjectURL(blob);
-  link.download = `selvedge-${new Date().toISOString().slice(0, 19).replaceAll(":", "")}.${extension}`;
+  link.download = name;
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }

@@ -1,17 +1,46 @@
-// The socket to the session: opened again when it is lost, and slower each time it fails.
+// The link to the session: a socket to the program, opened again when it is lost, and slower each
+// time it fails; or, without a program, a worker of this page.
 
 import * as protocol from "./protocol";
 
 export type LinkStatus = "connecting" | "open" | "lost" | "refused";
 
-export class Link {
+export interface Listener {
+  message(message: protocol.Message): void;
+  status(status: LinkStatus, reason: string): void;
+}
+
+export abstract class Link {
+  constructor(protected readonly listener: Listener) {}
+
+  abstract send(bytes: ArrayBuffer): void;
+
+  command(command: protocol.Command): void {
+    this.send(protocol.command(command));
+  }
+
+  protected take(bytes: ArrayBuffer): void {
+    let message: protocol.Message;
+    try {
+      message = protocol.decode(bytes);
+    } catch (error) {
+      this.listener.status("refused", String(error));
+      return;
+    }
+    if (message.kind === "frame") {
+      // Says that this page keeps up; without it the session sends no more.
+      this.send(protocol.ready(message.frame.number));
+    }
+    this.listener.message(message);
+  }
+}
+
+export class SocketLink extends Link {
   private socket: WebSocket | null = null;
   private failures = 0;
 
-  constructor(
-    private readonly onMessage: (message: protocol.Message) => void,
-    private readonly onStatus: (status: LinkStatus, reason: string) => void,
-  ) {
+  constructor(listener: Listener) {
+    super(listener);
     this.open();
   }
 
@@ -21,42 +50,67 @@ export class Link {
     }
   }
 
-  command(command: protocol.Command): void {
-    this.send(protocol.command(command));
-  }
-
   private open(): void {
-    this.onStatus("connecting", "");
+    this.listener.status("connecting", "");
     const scheme = location.protocol === "https:" ? "wss" : "ws";
     const socket = new WebSocket(`${scheme}://${location.host}/socket`, protocol.SUBPROTOCOL);
     socket.binaryType = "arraybuffer";
     this.socket = socket;
     socket.onopen = () => {
       this.failures = 0;
-      this.onStatus("open", "");
+      this.listener.status("open", "");
     };
-    socket.onmessage = (event: MessageEvent<ArrayBuffer>) => {
-      let message: protocol.Message;
-      try {
-        message = protocol.decode(event.data);
-      } catch (error) {
-        this.onStatus("refused", String(error));
-        return;
-      }
-      if (message.kind === "frame") {
-        // Says that this page keeps up; without it the session sends no more.
-        this.send(protocol.ready(message.frame.number));
-      }
-      this.onMessage(message);
-    };
+    socket.onmessage = (event: MessageEvent<ArrayBuffer>) => this.take(event.data);
     socket.onclose = (event) => {
       this.failures += 1;
       // 1002 and 1003: what this page says is not understood; saying it again helps nobody.
       const refused = event.code === 1002 || event.code === 1003;
-      this.onStatus(refused ? "refused" : "lost", event.reason);
+      this.listener.status(refused ? "refused" : "lost", event.reason);
       if (!refused) {
         setTimeout(() => this.open(), Math.min(250 * this.failures, 2000));
       }
     };
+  }
+}
+
+/** The scene of a worker's session, and what moves it at first. */
+export interface Beginning {
+  scene: string;
+  mover: protocol.Mover;
+}
+
+/** What a worker is sent: its beginning, messages of the session, and whether anybody watches. */
+export type ToWorker = Beginning | ArrayBuffer | boolean;
+
+export class WorkerLink extends Link {
+  private readonly worker = new Worker("worker.js", { type: "module" });
+
+  /** Time stands still while `seen` is out of sight. */
+  constructor(listener: Listener, beginning: Beginning, seen: Element) {
+    super(listener);
+    listener.status("connecting", "");
+    // A text says why there is no session, or no more.
+    this.worker.onmessage = (event: MessageEvent<ArrayBuffer | string>) => {
+      if (typeof event.data === "string") listener.status("refused", event.data);
+      else this.take(event.data);
+    };
+    this.worker.onerror = (event) => listener.status("refused", event.message || "worker.js cannot be loaded");
+    this.post(beginning);
+    listener.status("open", "");
+    let isInView = true;
+    const watch = () => this.post(isInView && !document.hidden);
+    new IntersectionObserver((entries) => {
+      isInView = entries.at(-1)!.isIntersecting;
+      watch();
+    }).observe(seen);
+    document.addEventListener("visibilitychange", watch);
+  }
+
+  send(bytes: ArrayBuffer): void {
+    this.post(bytes);
+  }
+
+  private post(message: ToWorker): void {
+    this.worker.postMessage(message);
   }
 }

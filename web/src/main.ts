@@ -1,21 +1,28 @@
 // The page of the live viewer: what comes over the socket is drawn, what a person does is sent.
 
-import { Clip, savePicture } from "./capture";
+import { Clip, save, savePicture } from "./capture";
 import { Hands } from "./hands";
-import { Link } from "./link";
+import { type Link, type Listener, SocketLink, WorkerLink } from "./link";
 import { Meters } from "./meters";
 import { Panel, element } from "./panel";
 import { labelPlace, type Place } from "./places";
-import { drag, type Goal, type State } from "./protocol";
+import { drag, type Goal, type Message, type Mover, type State } from "./protocol";
 import { Stage } from "./stage";
+
+/** True in the page that needs no program, as build.mjs says. */
+declare const WITHOUT_PROGRAM: boolean;
+
+const asked = new URLSearchParams(location.search);
+// A figure of a text: the cloth alone.
+document.body.classList.toggle("figure", asked.has("figure"));
 
 const canvas = element<HTMLCanvasElement>("canvas");
 const stage = new Stage(canvas);
 let client = 0;
 let state: State | null = null;
 
-const link: Link = new Link(
-  (message) => {
+const listener: Listener = {
+  message(message: Message) {
     switch (message.kind) {
       case "hello":
         client = message.hello.client;
@@ -33,14 +40,20 @@ const link: Link = new Link(
         stage.take(message.frame);
         meters.frame(message.frame, client);
         break;
+      case "file":
+        save(new Blob([message.file.contents]), message.file.name);
+        break;
     }
   },
-  (status, reason) =>
+  status(status, reason) {
     queueMicrotask(() => {
       panel.connected(status, reason);
       if (status !== "open") meters.stop();
-    }),
-);
+    });
+  },
+};
+const beginning = { scene: asked.get("scene") ?? "default", mover: (asked.get("mover") ?? "physics") as Mover };
+const link: Link = WITHOUT_PROGRAM ? new WorkerLink(listener, beginning, canvas) : new SocketLink(listener);
 const hands = new Hands(canvas, stage, link, () => panel.isLive);
 const panel = new Panel(stage, link, hands);
 const meters = new Meters(hands);

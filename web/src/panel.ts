@@ -130,6 +130,10 @@ export class Panel {
   private fold(away: boolean): void {
     document.body.classList.toggle("wide", away);
     element("settings").setAttribute("aria-expanded", String(!away));
+    if (document.body.classList.contains("figure")) {
+      this.stage.cover(0, 0);
+      return;
+    }
     const narrow = matchMedia("(max-width: 760px)").matches;
     const panel = element("panel").getBoundingClientRect();
     if (narrow) this.stage.cover(0, away ? 74 : innerHeight - panel.top);

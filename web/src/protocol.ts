@@ -8,6 +8,7 @@ const HELLO = 1;
 const CLOTH = 2;
 const STATE = 3;
 const FRAME = 4;
+const FILE = 5;
 const READY = 16;
 const DRAG = 17;
 const KEYS = 18;
@@ -72,6 +73,12 @@ export interface Frame {
   gaps: Float32Array[];
 }
 
+/** A file to save. */
+export interface SavedFile {
+  name: string;
+  contents: Uint8Array<ArrayBuffer>;
+}
+
 export type Mover = "model" | "physics" | "both";
 
 export interface Order {
@@ -124,7 +131,8 @@ export type Message =
   | { kind: "hello"; hello: Hello }
   | { kind: "cloth"; cloth: Cloth }
   | { kind: "state"; state: State }
-  | { kind: "frame"; frame: Frame };
+  | { kind: "frame"; frame: Frame }
+  | { kind: "file"; file: SavedFile };
 
 export type Command =
   | { do: "pause" | "resume" | "step" | "reset" | "stop-motion" | "record" | "stop-recording" | "replay" | "live" }
@@ -157,6 +165,8 @@ export function decode(buffer: ArrayBuffer): Message {
       return { kind: "cloth", cloth: cloth(view, buffer) };
     case FRAME:
       return { kind: "frame", frame: frame(view, buffer) };
+    case FILE:
+      return { kind: "file", file: file(view, buffer) };
     default:
       throw new Error(`there is no message of kind ${kind}`);
   }
@@ -229,6 +239,11 @@ function frame(view: DataView, buffer: ArrayBuffer): Frame {
     bodies: new Float32Array(buffer, after, 3 * points),
     gaps,
   };
+}
+
+function file(view: DataView, buffer: ArrayBuffer): SavedFile {
+  const start = 8 + view.getUint32(4, true);
+  return { name: new TextDecoder().decode(new Uint8Array(buffer, 8, start - 8)), contents: new Uint8Array(buffer, start) };
 }
 
 function message(kind: number, words: number): [ArrayBuffer, DataView] {

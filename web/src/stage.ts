@@ -72,6 +72,8 @@ export class Stage {
     this.renderer.toneMapping = three.ACESFilmicToneMapping;
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.enableDamping = true;
+    // Over a figure the wheel goes on with the text.
+    this.controls.enableZoom = !document.body.classList.contains("figure");
     this.controls.dampingFactor = 0.12;
     this.controls.minDistance = 0.3;
     this.controls.maxDistance = 20;

@@ -4,7 +4,7 @@ use std::io;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
-use std::time::Instant;
+use web_time::Instant;
 
 use selvedge_cloth::{HandlePath, StepError, Stepper};
 use selvedge_data::{Drive, record};
@@ -76,7 +76,9 @@ impl NamedModel {
             Ok(bytes) => return Self::from_bytes(name, &bytes),
             Err(error) => error,
         };
-        let is_absent = error.kind() == io::ErrorKind::NotFound;
+        // A browser has no files at all.
+        let absent = [io::ErrorKind::NotFound, io::ErrorKind::Unsupported];
+        let is_absent = absent.contains(&error.kind());
         match shipped(&name) {
             Some(_) if path.join(files::MODEL).exists() => Err(OpenModelError::Folder { name }),
             Some(bytes) if is_absent || path.is_dir() => Self::from_bytes(name, bytes),

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use std::time::Instant;
+use web_time::Instant;
 
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{Cloth, ClothError, MotionError, Scene, StepError, Stepper};

@@ -7,7 +7,7 @@
 
 use std::ops::ControlFlow;
 use std::sync::OnceLock;
-use std::time::Instant;
+use web_time::Instant;
 
 use selvedge_cloth::Scene;
 use selvedge_data::{KeptRestPose, RestPoseFolder};

@@ -66,9 +66,8 @@
 //!     },
 //!     mover: Mover::Physics,
 //!     tape: Some(tape),
-//!     folder: "recordings".into(),
 //! };
-//! let session = start(Box::new(NoWorkshop), opening)?;
+//! let session = start(Box::new(NoWorkshop), opening, "recordings".into())?;
 //! let settings = ServerSettings { address: ([127, 0, 0, 1], 0).into(), names: Vec::new() };
 //! let server = serve(settings, &session)?;
 //! println!("open http://{}", server.address());
@@ -93,6 +92,8 @@ mod pace;
 mod player;
 pub mod protocol;
 mod recorder;
+mod scene;
+#[cfg(feature = "server")]
 mod server;
 mod session;
 mod state;
@@ -106,7 +107,11 @@ pub use hand::{HandLimits, Hands};
 pub use mover::{Hold, LiveError, LiveStepper, Mover, MoverKind, Start};
 pub use order::{Catalogue, MeshOrder, Order};
 pub use player::{NamedTrack, Tape, TapeError};
+pub use scene::SceneWorkshop;
+#[cfg(feature = "server")]
 pub use server::{MOST_PAGES, RunningServer, ServerSettings, serve};
-pub use session::{Opening, RunningSession, start};
+pub use session::{EmbeddedSession, Opening};
+#[cfg(feature = "server")]
+pub use session::{RunningSession, start};
 pub use state::{Level, MotionState, Notice, RecordingState, Show, State, TrackState};
 pub use workshop::{ReadyCloth, Workshop};

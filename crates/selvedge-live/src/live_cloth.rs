@@ -1,10 +1,10 @@
 //! The cloth that moves: one or two steppers with the same handles, and their strain and times.
 
 use std::collections::VecDeque;
-use std::time::Instant;
 
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{HandleTargets, Handles};
+use web_time::Instant;
 
 use crate::mover::{Hold, LiveError, LiveStepper, Mover, MoverKind, Start};
 use crate::state::TrackState;

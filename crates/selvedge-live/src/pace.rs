@@ -4,7 +4,9 @@
 //! A frame that is late is not made up for by a burst of others: time itself slows, evenly, and
 //! [`Pace::kept`] says by how much.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
+
+use web_time::Instant;
 
 /// The time of the next frame, and the share of frames that came on time.
 #[derive(Clone, Debug)]

@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 use selvedge_cloth::ClothError;
+use selvedge_data::export::{self, ExportError};
 use selvedge_data::{ObstacleTrack, Trajectory, TrajectoryError, WriteError};
 use thiserror::Error;
 
@@ -39,6 +40,8 @@ pub(crate) enum RecordingError {
     Folder { folder: PathBuf, cause: io::Error },
     #[error("{}: {cause}", file.display())]
     File { file: PathBuf, cause: WriteError },
+    #[error("the recording: {0}")]
+    Glb(#[from] ExportError),
     #[error(transparent)]
     Tape(#[from] TapeError),
 }
@@ -67,7 +70,20 @@ pub(crate) struct RecordedTrack {
     track: NamedTrack,
 }
 
-/// A recording on disk.
+/// The place for recordings.
+pub(crate) enum Destination {
+    /// A folder: trajectories, under the first number that is free.
+    Folder(PathBuf),
+    /// The page, which saves them where it saves downloads: .glb files.
+    Page {
+        /// Recordings so far.
+        number: u32,
+        /// Files that the page has not got yet: their names and contents.
+        files: Vec<(String, Vec<u8>)>,
+    },
+}
+
+/// A recording that is written.
 pub(crate) struct WrittenRecording {
     pub(crate) tape: Tape,
     pub(crate) files: Vec<PathBuf>,
@@ -179,22 +195,50 @@ fn selected(hold: &Hold, frame: &[Vec3]) -> Vec<DVec3> {
     positions.iter().map(|p| p.as_dvec3()).collect()
 }
 
+impl Destination {
+    /// Writes the tracks of a recording.
+    pub(crate) fn write(
+        &mut self,
+        tracks: Vec<RecordedTrack>,
+    ) -> Result<WrittenRecording, RecordingError> {
+        match self {
+            Self::Folder(folder) => write(tracks, folder),
+            Self::Page { number, files } => {
+                *number += 1;
+                let first = files.len();
+                for RecordedTrack { kind, track } in &tracks {
+                    files.push((name(*number, *kind, "glb"), export::glb(&track.trajectory)?));
+                }
+                let written = files[first..].iter().map(|(name, _)| name.into());
+                Ok(WrittenRecording {
+                    files: written.collect(),
+                    tape: tape(*number, tracks)?,
+                })
+            }
+        }
+    }
+}
+
+fn name(number: u32, kind: MoverKind, ending: &str) -> String {
+    let kind = match kind {
+        MoverKind::Model => "model",
+        MoverKind::Physics => "physics",
+    };
+    format!("recording-{number}-{kind}.{ending}")
+}
+
+fn tape(number: u32, tracks: Vec<RecordedTrack>) -> Result<Tape, TapeError> {
+    let tracks = tracks.into_iter().map(|recorded| recorded.track).collect();
+    Tape::new(format!("recording {number}"), tracks)
+}
+
 /// Writes the tracks of a recording into `folder`, under the first number that is free.
-pub(crate) fn write(
-    tracks: Vec<RecordedTrack>,
-    folder: &Path,
-) -> Result<WrittenRecording, RecordingError> {
+fn write(tracks: Vec<RecordedTrack>, folder: &Path) -> Result<WrittenRecording, RecordingError> {
     std::fs::create_dir_all(folder).map_err(|cause| RecordingError::Folder {
         folder: folder.to_owned(),
         cause,
     })?;
-    let path = |number: u32, kind: MoverKind| {
-        let kind = match kind {
-            MoverKind::Model => "model",
-            MoverKind::Physics => "physics",
-        };
-        folder.join(format!("recording-{number}-{kind}.safetensors"))
-    };
+    let path = |number: u32, kind| folder.join(name(number, kind, "safetensors"));
     let is_free = |number: &u32| {
         let kinds = [MoverKind::Model, MoverKind::Physics];
         kinds.iter().all(|&kind| !path(*number, kind).exists())
@@ -208,8 +252,7 @@ pub(crate) fn write(
         }
         files.push(file);
     }
-    let tracks = tracks.into_iter().map(|recorded| recorded.track).collect();
-    let tape = Tape::new(format!("recording {number}"), tracks)?;
+    let tape = tape(number, tracks)?;
     Ok(WrittenRecording { tape, files })
 }
 

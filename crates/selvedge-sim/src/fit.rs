@@ -9,7 +9,7 @@
 //! too much is repeated over a shorter time.
 
 use std::ops::ControlFlow;
-use std::time::Instant;
+use web_time::Instant;
 
 use glam::DVec3;
 use selvedge_cloth::{Handles, LoosePanels, Mesh, Scene, SceneError, Stop, VertexId};

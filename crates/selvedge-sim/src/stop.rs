@@ -20,6 +20,10 @@ pub(crate) fn beside<R: Send>(
     go_on: &mut dyn FnMut() -> ControlFlow<()>,
     work: impl FnOnce() -> R + Send,
 ) -> R {
+    // A browser has no threads to ask from.
+    if cfg!(target_family = "wasm") {
+        return work();
+    }
     let (sender, receiver) = channel();
     thread::scope(|scope| {
         let running = scope.spawn(move || {

@@ -16,7 +16,6 @@ mod place;
 mod progress;
 mod ranks;
 mod scenes;
-mod view;
 
 use std::process::ExitCode;
 

@@ -54,17 +54,46 @@ pub(super) fn write(
     path: &Path,
     pulse: &mut Pulse<'_>,
 ) -> Result<(), ExportError> {
-    let (json, binary) = contents(take);
-    let bytes = HEADERS + json.len() as u64 + binary.bytes;
-    check_size(".glb", bytes, take.every)?;
-    Ok(write_atomically(path, |out| {
-        write_numbers(out, &[MAGIC, VERSION, bytes as u32])?;
-        write_numbers(out, &[json.len() as u32, JSON_CHUNK])?;
-        out.write_all(&json)?;
-        write_numbers(out, &[binary.bytes as u32, BINARY_CHUNK])?;
-        let mut parts = binary.parts.iter();
+    let whole = Whole::of(take)?;
+    Ok(write_atomically(path, |out| whole.write(out, pulse))?)
+}
+
+/// The file in memory.
+pub(super) fn bytes(take: &Take<'_>, pulse: &mut Pulse<'_>) -> Result<Vec<u8>, ExportError> {
+    let whole = Whole::of(take)?;
+    let mut out = Vec::with_capacity(whole.bytes as usize);
+    let written = whole.write(&mut out, pulse);
+    written.map_err(|error| ExportError::Refused(error.to_string()))?;
+    Ok(out)
+}
+
+/// The two chunks of a file, and its length.
+struct Whole<'a> {
+    json: Vec<u8>,
+    binary: Binary<'a>,
+    bytes: u64,
+}
+
+impl<'a> Whole<'a> {
+    fn of(take: &'a Take<'_>) -> Result<Self, ExportError> {
+        let (json, binary) = contents(take);
+        let bytes = HEADERS + json.len() as u64 + binary.bytes;
+        check_size(".glb", bytes, take.every)?;
+        Ok(Self {
+            json,
+            binary,
+            bytes,
+        })
+    }
+
+    fn write(&self, out: &mut dyn Write, pulse: &mut Pulse<'_>) -> io::Result<()> {
+        write_numbers(out, &[MAGIC, VERSION, self.bytes as u32])?;
+        write_numbers(out, &[self.json.len() as u32, JSON_CHUNK])?;
+        out.write_all(&self.json)?;
+        write_numbers(out, &[self.binary.bytes as u32, BINARY_CHUNK])?;
+        let mut parts = self.binary.parts.iter();
         parts.try_for_each(|part| part(out, pulse))
-    })?)
+    }
 }
 
 /// Writes a part of the binary part.

@@ -9,6 +9,7 @@
 //! | 2 | cloth | see below |
 //! | 3 | state | JSON ([`crate::State`]) |
 //! | 4 | frame | see below |
+//! | 5 | file | `length` u32, the name of so many bytes, and the contents: a recording to save |
 //!
 //! A **cloth** has `generation, vertices, faces, points` u32, the faces `[faces, 3]` u32, their
 //! corners among the points of the pattern `[faces, 3]` u32, and these points `[points, 2]` f32
@@ -39,7 +40,7 @@ mod receive;
 mod send;
 
 pub use receive::{ClientMessage, Command, Drag, Push, WireError, decode};
-pub use send::{FrameParts, Hello, cloth, frame, json};
+pub use send::{FrameParts, Hello, cloth, file, frame, json};
 
 /// The version of these messages; a page of another version is told to reload.
 pub const VERSION: u8 = 3;
@@ -63,6 +64,8 @@ pub mod kind {
     pub const STATE: u8 = 3;
     /// To the page: the positions of a frame.
     pub const FRAME: u8 = 4;
+    /// To the page: a file to save.
+    pub const FILE: u8 = 5;
     /// From the page: a frame was taken up.
     pub const READY: u8 = 16;
     /// From the page: goals of handles.

@@ -80,6 +80,15 @@ pub fn cloth(generation: u32, cloth: &Cloth, bodies: &[Body]) -> Vec<u8> {
     bytes
 }
 
+/// A file for the page to save.
+pub fn file(name: &str, contents: &[u8]) -> Vec<u8> {
+    let mut bytes = header(kind::FILE, 8 + name.len() + contents.len());
+    bytes.extend_from_slice(&(name.len() as u32).to_le_bytes());
+    bytes.extend_from_slice(name.as_bytes());
+    bytes.extend_from_slice(contents);
+    bytes
+}
+
 /// A frame.
 pub fn frame(parts: &FrameParts<'_>) -> Vec<u8> {
     let vertices = parts.tracks.first().map_or(0, |track| track.len());

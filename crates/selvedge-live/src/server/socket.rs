@@ -9,8 +9,8 @@
 use std::sync::mpsc::TrySendError;
 use std::time::Duration;
 
-use axum::body::Bytes;
 use axum::extract::ws::{CloseCode, CloseFrame, Message, WebSocket, close_code};
+use bytes::Bytes;
 use tokio::time::{Instant, timeout};
 
 use crate::protocol::{self, ClientMessage, Hello, kind};

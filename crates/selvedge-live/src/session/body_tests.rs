@@ -150,7 +150,7 @@ fn a_recording_keeps_the_bodies_and_a_ball_that_was_thrown() {
     for thrown in [false, true] {
         let folder = tempfile::tempdir().unwrap();
         let mut session = with_bodies(Mover::Physics);
-        session.recordings.folder = folder.path().to_owned();
+        session.recordings.destination = Destination::Folder(folder.path().to_owned());
         let start = middle(&session, 0);
         lead(&mut session, 0, start + DVec3::Y * 0.3);
         if thrown {

@@ -1,9 +1,8 @@
 //! The requests of a session: each is met, or its error told to the pages.
 
-use std::time::Instant;
-
 use glam::DVec3;
 use selvedge_cloth::Handles;
+use web_time::Instant;
 
 use super::error::SessionError;
 use super::{Request, Session};
@@ -13,7 +12,7 @@ use crate::mover::Mover;
 use crate::order::Order;
 use crate::player::{Player, Tape};
 use crate::protocol::{ClientMessage, Command, Drag};
-use crate::recorder::{self, Recorder};
+use crate::recorder::Recorder;
 use crate::state::Level;
 use crate::workshop::ReadyCloth;
 
@@ -29,6 +28,7 @@ impl Session {
     pub(super) fn take(&mut self, request: Request) {
         let done = match request {
             Request::Page(client, message) => self.hear(client, message),
+            #[cfg(feature = "server")]
             Request::Close => Ok(()),
             Request::Viewers { count, gone } => {
                 self.count_viewers(count, gone);
@@ -356,7 +356,7 @@ impl Session {
         let frames = recorder.state().frames;
         let written = recorder
             .finish(live)
-            .and_then(|tracks| recorder::write(tracks, &self.recordings.folder));
+            .and_then(|tracks| self.recordings.destination.write(tracks));
         match written {
             Ok(written) => {
                 let files = written.files.iter();

@@ -1,43 +1,49 @@
-//! A session: one cloth that moves, whoever watches. A thread of its own owns the steppers, runs at
-//! the rate of the scene, and leaves the latest frame where every page can take it.
+//! A session: one cloth that moves, whoever watches. It takes requests, makes frames at the rate of
+//! the scene, and leaves the latest cloth, state and frame in three slots, so that nothing grows with
+//! the number or the slowness of readers. While nobody watches and nothing is recorded, time stands
+//! still.
 //!
-//! Requests come through one bounded queue. Three slots (cloth, state, frame) hold only the latest
-//! of each, so that nothing grows with the number or the slowness of readers. Another thread makes
-//! cloths ready; it gets its orders through such a slot, too, and meanwhile the cloth on the table
-//! goes on. While nobody watches and nothing is recorded, time stands still.
+//! It runs on a thread of its own for a server (`threaded`), or is driven by a page's worker
+//! (`embedded`).
 
 mod bodies;
 mod commands;
+mod embedded;
 mod error;
 mod following;
 mod motion;
 mod order_slot;
 mod outlets;
 mod showing;
+#[cfg(feature = "server")]
+mod threaded;
 
-use std::ops::ControlFlow;
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender, TrySendError};
-use std::thread::JoinHandle;
-use std::time::Instant;
+use std::time::Duration;
+
+use web_time::Instant;
 
 use self::bodies::Bodies;
+pub use self::embedded::EmbeddedSession;
 use self::following::Following;
-use self::order_slot::{OrderReceiver, OrderSender, order_slot};
+use self::order_slot::OrderSender;
 pub(crate) use self::outlets::Inlets;
 use self::outlets::{Outlets, TELL_EVERY};
 use self::showing::Showing;
+#[cfg(feature = "server")]
+pub(crate) use self::threaded::SessionPort;
+#[cfg(feature = "server")]
+pub use self::threaded::{RunningSession, start};
 use crate::hand::{HandLimits, Hands, Reach};
 use crate::live_cloth::LiveCloth;
 use crate::mover::{LiveError, Mover};
-use crate::order::{Catalogue, Order};
+use crate::order::Order;
 use crate::pace::{DEFAULT_FRAME_RATE, Pace};
 use crate::player::Tape;
 use crate::protocol::{self, ClientMessage, FrameParts};
-use crate::recorder::Recorder;
+use crate::recorder::{Destination, Recorder};
 use crate::state::{Level, State};
-use crate::workshop::{ReadyCloth, Workshop};
+use crate::workshop::ReadyCloth;
 
 /// The beginning of a session.
 pub struct Opening {
@@ -47,8 +53,6 @@ pub struct Opening {
     pub mover: Mover,
     /// A recording to play first; the cloth is then made ready when it is asked for.
     pub tape: Option<Tape>,
-    /// The folder for recordings.
-    pub folder: PathBuf,
 }
 
 /// A request to a session.
@@ -62,82 +66,8 @@ pub(crate) enum Request {
     /// The end of an order in the workshop.
     Prepared(Order, Result<Box<dyn ReadyCloth>, LiveError>),
     /// The end of the session.
+    #[cfg(feature = "server")]
     Close,
-}
-
-/// The way to a session, for a server.
-#[derive(Clone)]
-pub(crate) struct SessionPort {
-    pub(crate) requests: SyncSender<Request>,
-    pub(crate) catalogue: Arc<Catalogue>,
-    pub(crate) inlets: Inlets,
-}
-
-/// A session that runs.
-pub struct RunningSession {
-    port: SessionPort,
-    thread: JoinHandle<()>,
-}
-
-/// Requests that wait; a page that finds the queue full is told so.
-const QUEUE: usize = 4096;
-
-/// Starts a session.
-pub fn start(workshop: Box<dyn Workshop>, opening: Opening) -> std::io::Result<RunningSession> {
-    let (requests, inbox) = mpsc::sync_channel(QUEUE);
-    let (orders, to_make) = order_slot();
-    let catalogue = Arc::new(workshop.catalogue());
-    let back = requests.clone();
-    std::thread::Builder::new()
-        .name("workshop".to_owned())
-        .spawn(move || work(workshop, &to_make, &back))?;
-    let (outlets, inlets) = Outlets::new();
-    let port = SessionPort {
-        requests,
-        catalogue,
-        inlets,
-    };
-    let session = Session::new(opening, orders, outlets);
-    let thread = std::thread::Builder::new()
-        .name("session".to_owned())
-        .spawn(move || session.run(&inbox))?;
-    Ok(RunningSession { port, thread })
-}
-
-impl RunningSession {
-    pub(crate) fn port(&self) -> &SessionPort {
-        &self.port
-    }
-
-    /// Ends the session; a recording under way is written.
-    pub fn close(self) {
-        if self.port.requests.send(Request::Close).is_ok() {
-            // A session that has panicked has said so on standard error.
-            let _ = self.thread.join();
-        }
-    }
-}
-
-/// Makes cloths ready, the latest order only, until the session has gone. An order that a later one
-/// overtakes is stopped.
-fn work(mut workshop: Box<dyn Workshop>, orders: &OrderReceiver, back: &SyncSender<Request>) {
-    while let Some(order) = orders.wait() {
-        let prepared = workshop.prepare(&order, &mut |text| {
-            // Progress that does not fit in the queue is not missed.
-            let told = back.try_send(Request::Progress(text));
-            let is_over = matches!(told, Err(TrySendError::Disconnected(_)));
-            match is_over || orders.is_one_waiting() {
-                true => ControlFlow::Break(()),
-                false => ControlFlow::Continue(()),
-            }
-        });
-        if prepared.is_err() && orders.is_one_waiting() {
-            continue;
-        }
-        if back.send(Request::Prepared(order, prepared)).is_err() {
-            return;
-        }
-    }
 }
 
 /// The state of a session.
@@ -183,7 +113,7 @@ struct Time {
 
 /// The recordings of a session.
 struct Recordings {
-    folder: PathBuf,
+    destination: Destination,
     recorder: Option<Recorder>,
     /// The last recording, and its files.
     tape: Option<Tape>,
@@ -191,7 +121,12 @@ struct Recordings {
 }
 
 impl Session {
-    fn new(opening: Opening, orders: OrderSender, outlets: Outlets) -> Self {
+    fn new(
+        opening: Opening,
+        destination: Destination,
+        orders: OrderSender,
+        outlets: Outlets,
+    ) -> Self {
         let mut session = Self {
             orders,
             outlets,
@@ -214,7 +149,7 @@ impl Session {
                 pace: Pace::new(DEFAULT_FRAME_RATE, Instant::now()),
             },
             recordings: Recordings {
-                folder: opening.folder,
+                destination,
                 recorder: None,
                 tape: None,
                 files: Vec::new(),
@@ -230,31 +165,23 @@ impl Session {
         session
     }
 
-    /// The loop: requests as they come, frames as they are due.
-    fn run(mut self, inbox: &Receiver<Request>) {
-        self.tell();
-        loop {
-            let now = Instant::now();
-            let wait = if self.is_due_ever() {
-                self.time.pace.wait(now)
-            } else {
-                TELL_EVERY
-            };
-            match inbox.recv_timeout(wait) {
-                Ok(Request::Close) | Err(RecvTimeoutError::Disconnected) => break,
-                Ok(request) => self.take(request),
-                Err(RecvTimeoutError::Timeout) => {}
-            }
-            // A flood of requests must not keep frames from being made.
-            if self.is_due_ever() && self.time.pace.wait(Instant::now()).is_zero() {
-                self.advance();
-                self.time.pace.made(Instant::now());
-            }
-            if self.outlets.is_state_due() {
-                self.tell();
-            }
+    /// The time until something is due.
+    fn wait(&self) -> Duration {
+        match self.is_due_ever() {
+            true => self.time.pace.wait(Instant::now()),
+            false => TELL_EVERY,
         }
-        self.stop_recording();
+    }
+
+    /// Makes a frame and tells the state, where they are due.
+    fn turn(&mut self) {
+        if self.is_due_ever() && self.time.pace.wait(Instant::now()).is_zero() {
+            self.advance();
+            self.time.pace.made(Instant::now());
+        }
+        if self.outlets.is_state_due() {
+            self.tell();
+        }
     }
 
     /// Returns true while time goes on.

@@ -55,6 +55,7 @@ impl OrderSender {
 
 impl OrderReceiver {
     /// The latest order, once there is one; none when the session has gone.
+    #[cfg(feature = "server")]
     pub(super) fn wait(&self) -> Option<Order> {
         while self.bell.recv().is_ok() {
             let order = self.waiting.lock().take();
@@ -65,7 +66,15 @@ impl OrderReceiver {
         None
     }
 
+    /// The order that waits, if there is one.
+    pub(super) fn take(&self) -> Option<Order> {
+        // Its bell may have been heard already.
+        let _ = self.bell.try_recv();
+        self.waiting.lock().take()
+    }
+
     /// Returns true while a later order waits.
+    #[cfg(feature = "server")]
     pub(super) fn is_one_waiting(&self) -> bool {
         self.waiting.lock().is_some()
     }

@@ -1,10 +1,11 @@
 //! The outlets of a session: three slots from which every page takes the latest cloth, state and
 //! frame, and the last notice.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use axum::body::Bytes;
+use bytes::Bytes;
 use tokio::sync::watch;
+use web_time::Instant;
 
 use crate::state::{Level, Notice};
 

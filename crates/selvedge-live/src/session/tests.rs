@@ -1,5 +1,7 @@
 //! A session by itself: frames are made when a test says so, without a clock or a socket.
 
+use std::ops::ControlFlow;
+use std::sync::mpsc;
 use std::time::Duration;
 
 use glam::{DVec3, Vec3};
@@ -7,9 +9,12 @@ use selvedge_cloth::Release;
 use selvedge_data::Trajectory;
 use serde_json::Value;
 
+use super::order_slot::order_slot;
 use super::*;
+use crate::order::Catalogue;
 use crate::protocol::{Command, Drag};
 use crate::test_cloth::{CORNERS, PACE, TestCloth, order};
+use crate::workshop::Workshop;
 
 /// The fall of a free vertex in a frame `[m]`.
 const FALL: f32 = 0.01;
@@ -27,15 +32,18 @@ fn opening(scene: &str, mover: Mover) -> Opening {
         order: order(scene),
         mover,
         tape: None,
-        folder: std::env::temp_dir(),
     }
+}
+
+fn destination() -> Destination {
+    Destination::Folder(std::env::temp_dir())
 }
 
 /// A session with the cloth `ready` on the table.
 pub(super) fn session(ready: TestCloth, mover: Mover) -> Session {
     let (outlets, _) = Outlets::new();
     let (orders, _) = order_slot();
-    let mut session = Session::new(opening("corners", mover), orders, outlets);
+    let mut session = Session::new(opening("corners", mover), destination(), orders, outlets);
     session.take(Request::Prepared(order("corners"), Ok(Box::new(ready))));
     session
 }
@@ -168,7 +176,7 @@ fn the_motion_of_a_scene_goes_on_from_where_the_scene_starts() {
 fn a_recording_ends_where_the_wind_changes() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = session(falling(), Mover::Physics);
-    session.recordings.folder = folder.path().to_owned();
+    session.recordings.destination = Destination::Folder(folder.path().to_owned());
     ask(&mut session, Command::Record);
     (0..3).for_each(|_| session.advance());
     // The wind that blows already.
@@ -247,7 +255,12 @@ impl Workshop for SlowWorkshop {
 fn an_order_that_a_later_one_overtakes_is_stopped() {
     let opening = opening("slow", Mover::Physics);
     let (begun, has_begun) = mpsc::channel();
-    let running = start(Box::new(SlowWorkshop { begun }), opening).unwrap();
+    let running = start(
+        Box::new(SlowWorkshop { begun }),
+        opening,
+        std::env::temp_dir(),
+    )
+    .unwrap();
     has_begun.recv_timeout(Duration::from_secs(20)).unwrap();
     let order = order("quick");
     let later = ClientMessage::Command(Command::Order { order });

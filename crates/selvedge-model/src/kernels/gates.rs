@@ -9,7 +9,7 @@ use pulp::{Simd, WithSimd};
 
 use crate::kernels::gemm::{LaneCount, get, put};
 use crate::kernels::real::Real;
-use crate::kernels::simd::{Instructions, Lanes};
+use crate::kernels::simd::{Instructions, Lanes, has_32_registers};
 
 /// A sum of a recurrent unit: of one gate, or of one part of the candidate state
 /// n = tanh(new + r ∘ recurrent).
@@ -198,7 +198,7 @@ impl<T: Real> WithSimd for GruStep<'_, T> {
         let rows = self.after.len() / self.hidden;
         for first in (0..self.hidden).step_by(T::lanes::<S>()) {
             let mut row = 0;
-            while S::REGISTER_COUNT >= 32 && row + ROWS <= rows {
+            while has_32_registers::<S>() && row + ROWS <= rows {
                 self.units::<S, ROWS>(simd, row, first);
                 row += ROWS;
             }

@@ -11,7 +11,7 @@
 use pulp::{Simd, WithSimd};
 
 use crate::kernels::real::Real;
-use crate::kernels::simd::{Instructions, Lanes, MOST_LANES};
+use crate::kernels::simd::{Instructions, Lanes, MOST_LANES, has_32_registers};
 
 /// Place of a packed matrix `[depth, columns]` in an array of matrices.
 #[derive(Clone, Copy, Debug)]
@@ -101,8 +101,8 @@ impl WithSimd for PanelVectors {
 #[inline(always)]
 pub(super) fn panel_vectors<S: Simd>(left: usize) -> usize {
     match left {
-        3 | 5 | 6 if S::REGISTER_COUNT >= 32 => 3,
-        4.. if S::REGISTER_COUNT >= 32 => 4,
+        3 | 5 | 6 if has_32_registers::<S>() => 3,
+        4.. if has_32_registers::<S>() => 4,
         2.. => 2,
         _ => 1,
     }

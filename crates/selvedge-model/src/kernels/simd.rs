@@ -51,6 +51,13 @@ impl<F: FnMut()> WithSimd for Loop<F> {
     }
 }
 
+/// True where 32 vectors stay in registers. A browser has no more than the processor beneath it,
+/// whatever `pulp` says: often 16.
+#[inline(always)]
+pub(crate) fn has_32_registers<S: Simd>() -> bool {
+    S::REGISTER_COUNT >= 32 && !cfg!(target_family = "wasm")
+}
+
 /// Numbers in the widest vector of any instruction set, in `f32`. Packed weights are padded to it.
 pub(crate) const MOST_LANES: usize = 16;
 

@@ -8,7 +8,7 @@ use std::time::Duration;
 use anyhow::Context;
 use selvedge_data::Trajectory;
 use selvedge_live::{
-    Mover, NamedTrack, Opening, RunningServer, ServerSettings, Tape, serve, start,
+    Mover, NamedTrack, Opening, RunningServer, SceneWorkshop, ServerSettings, Tape, serve, start,
 };
 use serde::Serialize;
 
@@ -16,7 +16,6 @@ use crate::cli::{Shown, ViewArgs};
 use crate::failure::WrongUsage;
 use crate::interrupt;
 use crate::output::{Answer, Facts};
-use crate::view::ViewWorkshop;
 
 /// The scene to go live with from a recording.
 const FALLBACK_SCENE: &str = "default";
@@ -34,7 +33,7 @@ pub(crate) fn run(args: &ViewArgs) -> anyhow::Result<Answer> {
         Some(_) => FALLBACK_SCENE,
         None => &args.subject,
     };
-    let workshop = ViewWorkshop::new(scene, &args.model, args.machine.open()?)?;
+    let workshop = SceneWorkshop::new(scene, &args.model, args.machine.open()?)?;
     if tape.is_none() {
         // What is wrong with the scene is said here and now, not in the page.
         crate::scenes::open(scene)?;
@@ -47,9 +46,9 @@ pub(crate) fn run(args: &ViewArgs) -> anyhow::Result<Answer> {
             Shown::Both => Mover::Both,
         },
         tape,
-        folder: args.recordings.clone(),
     };
-    let session = start(Box::new(workshop), opening).context("starting the session")?;
+    let session = start(Box::new(workshop), opening, args.recordings.clone());
+    let session = session.context("starting the session")?;
     let settings = ServerSettings {
         address: args.address,
         names: args.allow_host.clone(),

@@ -62,9 +62,8 @@ pub(crate) fn served(cost: Duration, folder: PathBuf) -> Served {
         order: order("corners"),
         mover: Mover::Physics,
         tape: None,
-        folder,
     };
-    let session = start(Box::new(TestWorkshop(cost)), opening).unwrap();
+    let session = start(Box::new(TestWorkshop(cost)), opening, folder).unwrap();
     let settings = ServerSettings {
         address: SocketAddr::from(([127, 0, 0, 1], 0)),
         names: Vec::new(),

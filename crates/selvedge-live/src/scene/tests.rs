@@ -3,14 +3,14 @@
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
+use crate::{Hold, LiveError, MeshOrder, Mover, Order, Workshop};
 use glam::DVec3;
 use selvedge_lab::machine::Machine;
-use selvedge_live::{Hold, LiveError, MeshOrder, Mover, Order, Workshop};
 
-use super::ViewWorkshop;
+use super::SceneWorkshop;
 
 fn refused(change: impl FnOnce(&mut Order)) -> String {
-    let mut workshop = ViewWorkshop::new("default", &[], Machine::Cpu).unwrap();
+    let mut workshop = SceneWorkshop::new("default", &[], Machine::Cpu).unwrap();
     let mut order = workshop.first_order();
     change(&mut order);
     match workshop.prepare(&order, &mut |_| ControlFlow::Continue(())) {
@@ -37,7 +37,7 @@ fn a_page_cannot_open_what_was_not_named_at_the_start() {
 
 #[test]
 fn another_mesh_has_its_own_handles_and_is_said_to_be_beyond_training() {
-    let mut workshop = ViewWorkshop::new("default", &[], Machine::Cpu).unwrap();
+    let mut workshop = SceneWorkshop::new("default", &[], Machine::Cpu).unwrap();
     let order = Order {
         model: "paper".to_owned(),
         mesh: mesh("triangle-17", 60),
@@ -66,7 +66,7 @@ fn another_mesh_has_its_own_handles_and_is_said_to_be_beyond_training() {
 #[test]
 fn hands_beyond_training_are_said_while_the_model_moves_the_cloth() {
     let models = ["paper"].map(PathBuf::from);
-    let mut workshop = ViewWorkshop::new("default", &models, Machine::Cpu).unwrap();
+    let mut workshop = SceneWorkshop::new("default", &models, Machine::Cpu).unwrap();
     let catalogue = workshop.catalogue();
     assert_eq!(catalogue.models, ["paper"], "each once");
     let order = Order {
@@ -106,7 +106,7 @@ fn a_cloth_whose_rest_pose_is_not_needed_is_shown_without_a_search() {
              handles = {handles}\n{more}"
         );
         std::fs::write(&file, text).unwrap();
-        let mut workshop = ViewWorkshop::new(&name, &[], Machine::Cpu).unwrap();
+        let mut workshop = SceneWorkshop::new(&name, &[], Machine::Cpu).unwrap();
         let order = workshop.first_order();
         let ready = workshop.prepare(&order, &mut |_| flow)?;
         Ok::<_, LiveError>((ready.remarks().join("; "), ready.cloth().clone()))

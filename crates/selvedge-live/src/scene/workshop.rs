@@ -5,27 +5,28 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use crate::{Catalogue, LiveError, MeshOrder, Order, ReadyCloth, Workshop};
 use anyhow::{Context, anyhow, bail};
 use glam::DVec3;
 use selvedge_cloth::generate::{NamedSheet, named_sheets};
 use selvedge_cloth::motion::named;
 use selvedge_cloth::{Cloth, HandleSchedule, Motion, Scene};
 use selvedge_data::{
-    GeneratorSpec, LoadedScene, MeshSpec, SavedState, Setting, StartSpec, materials, shipped_scenes,
+    GeneratorSpec, LoadedScene, MeshSpec, SavedState, Setting, StartSpec, materials, open_scene,
+    shipped_scenes,
 };
+use selvedge_lab::cause;
 use selvedge_lab::fitting::{self, FittedCloth};
 use selvedge_lab::machine::Machine;
-use selvedge_lab::models::NamedModel;
+use selvedge_lab::models::{NamedModel, OpenModelError};
+use selvedge_lab::numbers::percent;
 use selvedge_lab::{assets, domain, physics, rest_pose, start};
-use selvedge_live::{Catalogue, LiveError, MeshOrder, Order, ReadyCloth, Workshop};
 use selvedge_model::Model;
 use selvedge_sim::{FitProgress, SagError};
 
 use super::bodies;
+use super::cloth::SceneCloth;
 use super::movers::ModelOnMachine;
-use super::scene_cloth::SceneCloth;
-use crate::output::percent;
-use crate::scenes;
 
 /// Numbers of vertices to choose from; the shipped model's is among them.
 const VERTICES: [usize; 5] = [150, 289, 400, 600, 1024];
@@ -35,18 +36,20 @@ const VERTICES_ALLOWED: std::ops::RangeInclusive<usize> = 20..=4096;
 const MOST_KEPT: usize = 32;
 
 /// Knows the scenes and models that may be shown.
-pub(crate) struct ViewWorkshop {
+pub struct SceneWorkshop {
     scenes: Vec<String>,
+    /// A scene that no file has.
+    own: Option<LoadedScene>,
     models: Vec<NamedModel>,
     machine: Machine,
     /// Settings with their rest poses `[m]`, the last used last.
     rests: Vec<(Setting, Vec<DVec3>)>,
 }
 
-impl ViewWorkshop {
+impl SceneWorkshop {
     /// A workshop for `scene`, the shipped ones, and models from files beside the shipped
     /// ones, which run on `machine`.
-    pub(crate) fn new(scene: &str, models: &[PathBuf], machine: Machine) -> anyhow::Result<Self> {
+    pub fn new(scene: &str, models: &[PathBuf], machine: Machine) -> Result<Self, OpenModelError> {
         let mut scenes = vec![scene.to_owned()];
         let shipped = shipped_scenes().iter().map(|(name, _)| (*name).to_owned());
         scenes.extend(shipped.filter(|name| name != scene));
@@ -62,14 +65,24 @@ impl ViewWorkshop {
         }
         Ok(Self {
             scenes,
+            own: None,
             models: opened,
             machine,
             rests: Vec::new(),
         })
     }
 
+    /// A workshop for the shipped scenes and models and, first of all, a scene that no file has.
+    pub fn with(scene: LoadedScene, machine: Machine) -> Result<Self, OpenModelError> {
+        let workshop = Self::new(&scene.scene.name, &[], machine)?;
+        Ok(Self {
+            own: Some(scene),
+            ..workshop
+        })
+    }
+
     /// The order that is shown at first.
-    pub(crate) fn first_order(&self) -> Order {
+    pub fn first_order(&self) -> Order {
         Order {
             scene: self.scenes[0].clone(),
             mesh: None,
@@ -91,7 +104,11 @@ impl ViewWorkshop {
         let model = self.models.iter().find(|model| model.name == order.model);
         let model = model.ok_or_else(|| anyhow!("there is no model {:?} here", order.model))?;
         let (name, model) = (model.name.clone(), Arc::clone(&model.model));
-        let mut loaded = scenes::open(&order.scene)?;
+        let own = self.own.as_ref();
+        let mut loaded = match own.filter(|own| own.scene.name == order.scene) {
+            Some(own) => own.clone(),
+            None => open_scene(&order.scene)?,
+        };
         // A model needs the rest pose of the law that it learned; the physics beside it has the scene's.
         let law = loaded.scene.physics.law;
         start::take_learned_law(&mut loaded);
@@ -147,7 +164,7 @@ impl ViewWorkshop {
                 Ok(rest) => rest,
                 Err(error) if !is_without_rest(&error) => return Err(error),
                 Err(error) => {
-                    let problem = crate::failure::chain(&error);
+                    let problem = cause::chain(error.as_ref());
                     remarks.push(format!("{problem}: its mesh takes the place"));
                     scene.mesh.positions().to_vec()
                 }
@@ -181,9 +198,6 @@ impl ViewWorkshop {
                 });
                 let context = || format!("the rest pose of scene {:?}", loaded.scene.name);
                 let found = found.with_context(context)?;
-                if let Some(remark) = found.remark() {
-                    crate::progress::say(&remark);
-                }
                 (setting.clone(), found.rest.positions)
             }
         };
@@ -195,7 +209,7 @@ impl ViewWorkshop {
     }
 }
 
-impl Workshop for ViewWorkshop {
+impl Workshop for SceneWorkshop {
     fn catalogue(&self) -> Catalogue {
         let names = |of: &[&str]| of.iter().map(|name| (*name).to_owned()).collect();
         Catalogue {
@@ -218,7 +232,7 @@ impl Workshop for ViewWorkshop {
     ) -> Result<Box<dyn ReadyCloth>, LiveError> {
         match self.make_ready(order, progress) {
             Ok(ready) => Ok(Box::new(ready)),
-            Err(error) => Err(LiveError::new(crate::failure::chain(&error))),
+            Err(error) => Err(LiveError::new(cause::chain(error.as_ref()))),
         }
     }
 }

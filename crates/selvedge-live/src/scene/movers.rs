@@ -4,6 +4,7 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
+use crate::{Hold, LiveError, LiveStepper};
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{Cloth, HandleTargets, Scene, Squeezed, StepError, Stepper};
 use selvedge_data::SavedState;
@@ -11,7 +12,6 @@ use selvedge_guard::{Guard, GuardSettings};
 use selvedge_lab::machine::{Machine, Mover};
 use selvedge_lab::physics;
 use selvedge_lab::state_log::{saved_state, simulator_among};
-use selvedge_live::{Hold, LiveError, LiveStepper};
 use selvedge_model::{ClothGraph, Model};
 use selvedge_sim::Simulator;
 
@@ -231,14 +231,14 @@ impl LiveStepper for LiveModel {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::view::ViewWorkshop;
+    use crate::SceneWorkshop;
+    use crate::{MoverKind, Order, ReadyCloth, Start, Workshop};
     use selvedge_cloth::conformance::{HandlesEnd, check};
-    use selvedge_live::{MoverKind, Order, ReadyCloth, Start, Workshop};
     use std::ops::ControlFlow;
 
     /// The cloth of the default scene, and its handles.
     fn ready() -> (Box<dyn ReadyCloth>, Hold) {
-        let mut workshop = ViewWorkshop::new("default", &[], Machine::Cpu).unwrap();
+        let mut workshop = SceneWorkshop::new("default", &[], Machine::Cpu).unwrap();
         let order = Order {
             model: "paper".to_owned(),
             ..workshop.first_order()

@@ -1,0 +1,134 @@
+//! A session without threads or sockets, for one page in the same process: the page's worker drives
+//! it and carries its messages.
+
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use super::order_slot::{OrderReceiver, order_slot};
+use super::{Inlets, Opening, Outlets, Request, Session};
+use crate::order::Catalogue;
+use crate::protocol::{self, ClientMessage, Hello, WireError, kind};
+use crate::recorder::Destination;
+use crate::workshop::Workshop;
+
+/// The number of the only page.
+const PAGE: u32 = 1;
+/// Frames on their way to the page at most.
+const AHEAD: u32 = 3;
+
+/// A session that its host drives: messages go in by [`receive`](Self::receive), and
+/// [`turn`](Self::turn) does what is due and hands out messages.
+pub struct EmbeddedSession {
+    session: Session,
+    workshop: Box<dyn Workshop>,
+    catalogue: Catalogue,
+    orders: OrderReceiver,
+    inlets: Inlets,
+    /// The generation of the cloth that the page has.
+    shown: u32,
+    /// Frames that the page has not answered yet.
+    on_the_way: u32,
+    has_greeted: bool,
+}
+
+impl EmbeddedSession {
+    /// A session for one page. Its recordings go into `folder` or, where there is none, to the page,
+    /// as files to save.
+    pub fn new(workshop: Box<dyn Workshop>, opening: Opening, folder: Option<PathBuf>) -> Self {
+        let (sender, orders) = order_slot();
+        let (outlets, inlets) = Outlets::new();
+        let to_page = || Destination::Page {
+            number: 0,
+            files: Vec::new(),
+        };
+        let destination = folder.map_or_else(to_page, Destination::Folder);
+        let mut embedded = Self {
+            session: Session::new(opening, destination, sender, outlets),
+            catalogue: workshop.catalogue(),
+            workshop,
+            orders,
+            inlets,
+            shown: 0,
+            on_the_way: 0,
+            has_greeted: false,
+        };
+        embedded.watch(true);
+        embedded
+    }
+
+    /// Lets time go on where the page is watched; otherwise it stands still, but for a recording.
+    pub fn watch(&mut self, is_watched: bool) {
+        let (count, gone) = match is_watched {
+            true => (1, None),
+            false => (0, Some(PAGE)),
+        };
+        self.session.take(Request::Viewers { count, gone });
+    }
+
+    /// Takes a message of the page.
+    ///
+    /// # Errors
+    /// [`WireError`] says why it is refused.
+    pub fn receive(&mut self, message: &[u8]) -> Result<(), WireError> {
+        match protocol::decode(message)? {
+            ClientMessage::Ready(_) => self.on_the_way = self.on_the_way.saturating_sub(1),
+            message => self.session.take(Request::Page(PAGE, message)),
+        }
+        Ok(())
+    }
+
+    /// Makes the cloth that is ordered, and the frame and the state that are due; `post` gets every
+    /// message to the page. Returns the time until something is due. Making a cloth may take
+    /// seconds, of which `post` gets the progress.
+    pub fn turn(&mut self, post: &mut dyn FnMut(&[u8])) -> Duration {
+        if !std::mem::replace(&mut self.has_greeted, true) {
+            post(&protocol::json(
+                kind::HELLO,
+                &Hello {
+                    client: PAGE,
+                    program: concat!("selvedge ", env!("CARGO_PKG_VERSION")),
+                    catalogue: &self.catalogue,
+                },
+            ));
+        }
+        if let Some(order) = self.orders.take() {
+            let (session, inlets) = (&mut self.session, &mut self.inlets);
+            let mut tell = |text| {
+                session.take(Request::Progress(text));
+                session.tell();
+                post(&inlets.state.borrow_and_update().bytes);
+                ControlFlow::Continue(())
+            };
+            // The page is told before the first step, which may be long.
+            let _ = tell("making the cloth ready".to_owned());
+            let prepared = self.workshop.prepare(&order, &mut tell);
+            self.session.take(Request::Prepared(order, prepared));
+        }
+        self.session.turn();
+        self.post(post);
+        self.session.wait()
+    }
+
+    fn post(&mut self, post: &mut dyn FnMut(&[u8])) {
+        let inlets = &mut self.inlets;
+        if inlets.state.has_changed().unwrap_or(false) {
+            post(&inlets.state.borrow_and_update().bytes);
+        }
+        let is_new = inlets.frame.has_changed().unwrap_or(false);
+        if is_new && inlets.frame.borrow().number > 0 && self.on_the_way < AHEAD {
+            let frame = inlets.frame.borrow_and_update();
+            if frame.generation != self.shown {
+                post(&inlets.cloth.borrow().bytes);
+                self.shown = frame.generation;
+            }
+            post(&frame.bytes);
+            self.on_the_way += 1;
+        }
+        if let Destination::Page { files, .. } = &mut self.session.recordings.destination {
+            for (name, contents) in files.drain(..) {
+                post(&protocol::file(&name, &contents));
+            }
+        }
+    }
+}

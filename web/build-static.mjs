@@ -1,0 +1,43 @@
+// Builds the page that needs no program, into dist/ or the folder that is named: the session runs
+// in a worker of the page, as WebAssembly. Any web server can serve the folder.
+import { build } from "esbuild";
+import { execFileSync } from "node:child_process";
+import { copyFileSync, mkdirSync, readFileSync, readdirSync } from "node:fs";
+import { gzipSync } from "node:zlib";
+
+const out = process.argv[2] ?? "dist";
+const target = process.env.CARGO_TARGET_DIR ?? "wasm/target";
+const module = `${target}/wasm32-unknown-unknown/release/selvedge_web.wasm`;
+
+/** Runs a tool of the build; where that is missing, says how to get it. */
+function run(tool, args, remedy, cwd = ".") {
+  try {
+    execFileSync(tool, args, { stdio: "inherit", cwd });
+  } catch (error) {
+    console.error(`${tool}: ${error.code === "ENOENT" ? "is not installed" : "failed"}. ${remedy}`);
+    process.exit(1);
+  }
+}
+
+run("cargo", ["build", "--release", "--locked"], "Once: rustup target add wasm32-unknown-unknown", "wasm");
+const tool = 'cargo install wasm-bindgen-cli --version 0.2.130 (the version in wasm/Cargo.toml)';
+run("wasm-bindgen", ["--target", "web", "--out-dir", "wasm/pkg", module], `Once: ${tool}`);
+run("node_modules/.bin/tsc", ["-p", "."], "Once: npm ci");
+run("node_modules/.bin/tsc", ["-p", "wasm"], "Once: npm ci");
+
+const common = { bundle: true, minify: true, format: "esm", target: "es2022", legalComments: "eof" };
+mkdirSync(out, { recursive: true });
+await build({ ...common, entryPoints: ["src/main.ts"], outfile: `${out}/viewer.js`, define: { WITHOUT_PROGRAM: "true" } });
+await build({ ...common, entryPoints: ["wasm/worker.ts"], outfile: `${out}/worker.js` });
+await build({ entryPoints: ["src/viewer.css"], minify: true, outfile: `${out}/viewer.css` });
+for (const name of ["index.html", "icon.svg"]) copyFileSync(`src/${name}`, `${out}/${name}`);
+copyFileSync("node_modules/three/LICENSE", `${out}/LICENSE-three.txt`);
+copyFileSync("wasm/pkg/selvedge_web_bg.wasm", `${out}/selvedge.wasm`);
+
+let sum = 0;
+for (const name of readdirSync(out)) {
+  const bytes = gzipSync(readFileSync(`${out}/${name}`)).length;
+  sum += bytes;
+  console.log(`${(bytes / 1024).toFixed(0).padStart(6)} KiB gzipped  ${out}/${name}`);
+}
+console.log(`${(sum / 1024).toFixed(0).padStart(6)} KiB in all`);
