@@ -1,8 +1,8 @@
-// Builds the page that needs no program, into dist/ or the folder that is named: the session runs
-// in a worker of the page, as WebAssembly. Any web server can serve the folder.
+// Builds what runs without a program, as WebAssembly: the page, whose session runs in a worker, into
+// dist/ or the folder that is named, for any web server; and the npm package, into dist-npm/.
 import { build } from "esbuild";
 import { execFileSync } from "node:child_process";
-import { copyFileSync, mkdirSync, readFileSync, readdirSync } from "node:fs";
+import { copyFileSync, mkdirSync, readFileSync, readdirSync, rmSync } from "node:fs";
 import { gzipSync } from "node:zlib";
 
 const out = process.argv[2] ?? "dist";
@@ -33,6 +33,15 @@ await build({ entryPoints: ["src/viewer.css"], minify: true, outfile: `${out}/vi
 for (const name of ["index.html", "icon.svg"]) copyFileSync(`src/${name}`, `${out}/${name}`);
 copyFileSync("node_modules/three/LICENSE", `${out}/LICENSE-three.txt`);
 copyFileSync("wasm/pkg/selvedge_web_bg.wasm", `${out}/selvedge.wasm`);
+
+// The package: the module, and index.ts around it.
+rmSync("dist-npm", { recursive: true, force: true });
+mkdirSync("dist-npm");
+for (const name of ["package.json", "README.md", "index.ts"]) copyFileSync(`npm/${name}`, `dist-npm/${name}`);
+for (const name of readdirSync("wasm/pkg")) copyFileSync(`wasm/pkg/${name}`, `dist-npm/${name}`);
+const types = ["--declaration", "--strict", "--target", "es2022", "--module", "esnext", "--moduleResolution", "bundler", "--types", "", "--skipLibCheck"];
+run("node_modules/.bin/tsc", [...types, "--lib", "es2022,dom", "--ignoreConfig", "dist-npm/index.ts"], "Once: npm ci");
+rmSync("dist-npm/index.ts");
 
 let sum = 0;
 for (const name of readdirSync(out)) {

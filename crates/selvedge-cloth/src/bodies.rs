@@ -5,6 +5,8 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::DVec3;
 
+use crate::geometry::sin_cos;
+
 /// Points `[m]` and the faces between them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Body {
@@ -80,7 +82,7 @@ pub fn capsule(radius: f64, length: f64, edge: f64) -> Body {
     let mut rings: Vec<[f64; 2]> = Vec::new();
     let arc = |k: usize| FRAC_PI_2 * k as f64 / up as f64;
     for k in 1..=up {
-        let (sine, cosine) = arc(k).sin_cos();
+        let (sine, cosine) = sin_cos(arc(k));
         rings.push([radius * sine, -0.5 * length - radius * cosine]);
     }
     if length > 0.0 {
@@ -89,7 +91,7 @@ pub fn capsule(radius: f64, length: f64, edge: f64) -> Body {
         rings.push([radius, 0.5 * length]);
     }
     for k in (1..up).rev() {
-        let (sine, cosine) = arc(k).sin_cos();
+        let (sine, cosine) = sin_cos(arc(k));
         rings.push([radius * sine, 0.5 * length + radius * cosine]);
     }
     turned(&rings, 0.5 * length + radius, pieces(TAU * radius, edge, 8))
@@ -126,7 +128,8 @@ fn turned(rings: &[[f64; 2]], tip: f64, around: usize) -> Body {
         points.extend((0..around).map(|k| {
             // Every second ring is turned by half a step, so that triangles are even.
             let angle = TAU * (k as f64 + 0.5 * (number % 2) as f64) / around as f64;
-            DVec3::new(r * angle.sin(), *y, r * angle.cos())
+            let (sine, cosine) = sin_cos(angle);
+            DVec3::new(r * sine, *y, r * cosine)
         }));
     }
     points.push(DVec3::Y * tip);
@@ -164,7 +167,8 @@ fn icosahedron() -> Body {
         points.extend((0..5).map(|k| {
             let angle = turn + TAU * f64::from(k) / 5.0;
             let r = 2.0 * height;
-            DVec3::new(r * angle.sin(), y, r * angle.cos())
+            let (sine, cosine) = sin_cos(angle);
+            DVec3::new(r * sine, y, r * cosine)
         }));
     }
     points.push(DVec3::NEG_Y);

@@ -1,6 +1,6 @@
 //! Areas, normals and the signed dihedral angle, each for one element.
 
-use glam::{DVec2, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 
 /// Signed area of a triangle in material space `[m²]`; positive when counter-clockwise.
 #[must_use]
@@ -42,11 +42,31 @@ pub fn dihedral_angle(from: DVec3, to: DVec3, left: DVec3, right: DVec3) -> f64 
     }
 }
 
+/// Sine and cosine of `angle` `[rad]`, with the same bits on every system. A system's own differ in
+/// the last one, and what stands there at the start decides where folds fall.
+#[must_use]
+pub fn sin_cos(angle: f64) -> (f64, f64) {
+    libm::sincos(angle)
+}
+
+/// The angle of the direction (`cosine`, `sine`) `[rad]`, with the same bits on every system.
+#[must_use]
+pub fn atan2(sine: f64, cosine: f64) -> f64 {
+    libm::atan2(sine, cosine)
+}
+
+/// The turn by `angle` `[rad]` about `axis`, of length 1, with the same bits on every system.
+#[must_use]
+pub fn turn(axis: DVec3, angle: f64) -> DQuat {
+    let (sine, cosine) = sin_cos(0.5 * angle);
+    let v = axis * sine;
+    DQuat::from_xyzw(v.x, v.y, v.z, cosine)
+}
+
 #[cfg(test)]
 mod tests {
     use std::f64::consts::PI;
 
-    use glam::DQuat;
     use proptest::prelude::*;
 
     use super::*;

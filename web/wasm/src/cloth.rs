@@ -2,14 +2,17 @@
 
 use std::ops::ControlFlow;
 use std::path::Path;
+use std::sync::Arc;
 
-use glam::DVec3;
-use selvedge_cloth::{HandlePath, HandleTargets};
-use selvedge_data::{open_scene, parse_scene};
+use glam::{DVec3, Vec3};
+use selvedge_cloth::{HandlePath, HandleTargets, Scene, Stepper};
+use selvedge_data::{LoadedScene, SavedState, open_scene, parse_scene};
+use selvedge_guard::GuardSettings;
 use selvedge_lab::machine::Machine;
-use selvedge_live::{
-    Hold, LiveStepper, MoverKind, Order, ReadyCloth, SceneWorkshop, Start, Workshop,
-};
+use selvedge_lab::models::NamedModel;
+use selvedge_lab::physics::rounded;
+use selvedge_lab::start;
+use selvedge_lab::state_log::simulator_of_run;
 use wasm_bindgen::prelude::*;
 
 use crate::told;
@@ -17,14 +20,15 @@ use crate::told;
 /// Targets of the handles per frame.
 const SAMPLES: usize = 4;
 
-/// A cloth of a scene, moved by the solver or by a learned model.
+/// A cloth of a scene, moved by the solver or by a learned model, as `selvedge run` moves it.
 #[wasm_bindgen]
 pub struct Cloth {
-    ready: Box<dyn ReadyCloth>,
+    scene: Arc<Scene>,
+    warnings: Vec<String>,
     path: HandlePath,
-    hold: Hold,
-    stepper: Box<dyn LiveStepper>,
-    kind: MoverKind,
+    start: SavedState,
+    model: Option<NamedModel>,
+    stepper: Box<dyn Stepper>,
     frame: usize,
 }
 
@@ -35,31 +39,31 @@ impl Cloth {
     /// pose may take a second.
     #[wasm_bindgen(constructor)]
     pub fn new(scene: &str, model: Option<String>) -> Result<Cloth, JsError> {
-        let loaded = match scene.contains('\n') {
+        let mut loaded = match scene.contains('\n') {
             true => parse_scene(scene, Path::new(""), "the scene").map_err(told)?,
             false => open_scene(scene).map_err(told)?,
         };
-        let mut workshop = SceneWorkshop::with(loaded, Machine::Cpu).map_err(told)?;
-        let first = workshop.first_order();
-        let (kind, order) = match model {
-            Some(model) => (MoverKind::Model, Order { model, ..first }),
-            None => (MoverKind::Physics, first),
+        let model = match model {
+            Some(name) => Some(NamedModel::open(Some(name.as_ref())).map_err(told)?),
+            None => None,
         };
-        let ready = workshop
-            .prepare(&order, &mut |_| ControlFlow::Continue(()))
-            .map_err(told)?;
-        let hold = Hold {
-            handles: ready.cloth().handles().clone(),
-            environment: ready.environment(),
-        };
-        let stepper = ready.start(kind, Start::Beginning, &hold).map_err(told)?;
+        if model.is_some() {
+            start::for_model(&mut loaded);
+        }
+        let found = start::find(&loaded, &mut |_| ControlFlow::Continue(())).map_err(told)?;
+        let start = found.state;
+        let LoadedScene {
+            scene, warnings, ..
+        } = loaded;
+        let scene = Arc::new(scene);
         Ok(Self {
-            path: ready.scene_path().map_err(told)?,
-            frame: ready.start_frame(),
-            ready,
-            hold,
-            stepper,
-            kind,
+            path: scene.handle_path().map_err(told)?,
+            stepper: stepper(&scene, &start, model.as_ref())?,
+            frame: start.frame,
+            scene,
+            warnings,
+            start,
+            model,
         })
     }
 
@@ -69,7 +73,7 @@ impl Cloth {
         let targets = match targets {
             None => self.path.targets(self.frame, SAMPLES).map_err(told)?,
             Some(numbers) => {
-                let wanted = 3 * self.hold.handles.len();
+                let wanted = 3 * self.scene.handles.len();
                 if numbers.len() != wanted {
                     let count = numbers.len();
                     return Err(JsError::new(&format!(
@@ -88,9 +92,8 @@ impl Cloth {
 
     /// Back to the start.
     pub fn reset(&mut self) -> Result<(), JsError> {
-        let start = self.ready.start(self.kind, Start::Beginning, &self.hold);
-        self.stepper = start.map_err(told)?;
-        self.frame = self.ready.start_frame();
+        self.stepper = stepper(&self.scene, &self.start, self.model.as_ref())?;
+        self.frame = self.start.frame;
         Ok(())
     }
 
@@ -110,21 +113,24 @@ impl Cloth {
     /// Corners of the faces, three vertices each.
     #[wasm_bindgen(getter)]
     pub fn faces(&self) -> Vec<u32> {
-        let cloth = self.ready.cloth();
-        cloth.topology().face_indices().as_flattened().to_vec()
+        self.stepper
+            .topology()
+            .face_indices()
+            .as_flattened()
+            .to_vec()
     }
 
     /// The held vertices.
     #[wasm_bindgen(getter)]
     pub fn handles(&self) -> Vec<u32> {
-        let handles = self.hold.handles.vertices().iter();
+        let handles = self.scene.handles.vertices().iter();
         handles.map(|vertex| vertex.0).collect()
     }
 
     /// Frames per second.
     #[wasm_bindgen(getter, js_name = frameRate)]
     pub fn frame_rate(&self) -> f64 {
-        self.ready.frame_rate()
+        self.scene.frame_rate
     }
 
     /// The number of the frame, along the scene's own motion.
@@ -133,11 +139,13 @@ impl Cloth {
         self.frame
     }
 
-    /// Points of all bodies beside the cloth `[m]`, x, y and z of each.
+    /// Points of all bodies beside the cloth now `[m]`, x, y and z of each.
     #[wasm_bindgen(js_name = bodyPoints)]
     pub fn body_points(&self) -> Vec<f32> {
-        let points = self.stepper.body_points();
-        points.iter().flat_map(|point| point.to_array()).collect()
+        let time = self.frame as f64 / self.scene.frame_rate;
+        let bodies = self.scene.obstacles.iter();
+        let points: Vec<DVec3> = bodies.flat_map(|body| body.positions_at(time)).collect();
+        rounded(&points).iter().flat_map(Vec3::to_array).collect()
     }
 
     /// Corners of the bodies' faces, three points each, in the order of [`Self::body_points`].
@@ -145,16 +153,37 @@ impl Cloth {
     pub fn body_faces(&self) -> Vec<u32> {
         let mut first = 0;
         let mut faces = Vec::new();
-        for body in self.ready.bodies() {
-            faces.extend(body.faces.as_flattened().iter().map(|point| first + point));
-            first += body.points as u32;
+        for body in &self.scene.obstacles {
+            faces.extend(
+                body.faces()
+                    .as_flattened()
+                    .iter()
+                    .map(|point| first + point),
+            );
+            first += body.positions_at(0.0).count() as u32;
         }
         faces
     }
 
-    /// Remarks on the scene, one a line; empty where there are none.
+    /// Warnings of what the scene asks for and does not get, one a line; empty where there are none.
     #[wasm_bindgen(getter)]
-    pub fn remarks(&self) -> String {
-        self.ready.remarks().join("\n")
+    pub fn warnings(&self) -> String {
+        self.warnings.join("\n")
     }
+}
+
+fn stepper(
+    scene: &Arc<Scene>,
+    start: &SavedState,
+    model: Option<&NamedModel>,
+) -> Result<Box<dyn Stepper>, JsError> {
+    Ok(match model {
+        None => Box::new(simulator_of_run(scene, start.clone()).map_err(told)?),
+        Some(model) => {
+            let settings = GuardSettings::default();
+            let rest = &start.positions;
+            let stepper = start::guarded(scene, rest, model, &Machine::Cpu, settings);
+            Box::new(stepper.map_err(told)?)
+        }
+    })
 }

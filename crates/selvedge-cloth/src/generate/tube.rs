@@ -9,6 +9,7 @@ use super::boundary::spacing;
 use super::outline::sheet_from_outline;
 use super::{GenerateError, Sheet, SheetSpec};
 use crate::Mesh;
+use crate::geometry::sin_cos;
 
 /// Fewest segments around: with three or four, faces could lie on one another.
 const FEWEST_AROUND: usize = 6;
@@ -63,7 +64,7 @@ pub(super) fn tube(spec: &SheetSpec) -> Result<Sheet, GenerateError> {
     let kept = coordinates.iter().enumerate();
     let kept = kept.filter(|(v, _)| !(upper..=lower).contains(v));
     let rolled = kept.map(|(_, c)| {
-        let (sine, cosine) = (c.x / radius).sin_cos();
+        let (sine, cosine) = sin_cos(c.x / radius);
         DVec3::new(radius * sine, c.y - height, radius * cosine)
     });
     let positions: Vec<DVec3> = rolled.collect();

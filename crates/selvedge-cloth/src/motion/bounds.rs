@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::error::{MotionError, value_error};
+use crate::geometry::sin_cos;
 
 /// Frames per second in which durations are counted and speeds are given.
 pub(crate) const MOTION_RATE: f64 = 60.0;
@@ -49,7 +50,7 @@ pub(super) fn split_place(place: f64, last: usize) -> (usize, f64) {
 
 /// `point` turned by `angle` `[rad]` about the vertical axis through `axis`.
 pub(super) fn turned(point: DVec3, axis: DVec3, angle: f64) -> DVec3 {
-    let (sin, cos) = angle.sin_cos();
+    let (sin, cos) = sin_cos(angle);
     let (x, z) = (point.x - axis.x, point.z - axis.z);
     DVec3::new(
         axis.x + x * cos + z * sin,

@@ -5,11 +5,12 @@
 //! if none is given, through its centroid at the start; the translation is added. After the last
 //! keyframe the group stays.
 
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 
 use super::bounds::{DISPLACEMENT, FARTHEST, turned, whole_frames};
 use super::error::{MotionError, value_error};
 use super::written::{Keyframe, KeyframeGroup, KeyframeMotion};
+use crate::geometry::turn;
 
 /// Keyframes bound to handles.
 #[derive(Clone, Debug, PartialEq)]
@@ -67,9 +68,7 @@ impl Group {
     fn turned(&self, point: DVec3, angle: f64) -> DVec3 {
         match self.axis {
             None => turned(point, self.centroid, angle),
-            Some(axis) => {
-                self.centroid + DQuat::from_axis_angle(axis, angle) * (point - self.centroid)
-            }
+            Some(axis) => self.centroid + turn(axis, angle) * (point - self.centroid),
         }
     }
 

@@ -10,6 +10,7 @@ use thiserror::Error;
 
 use super::bounds::split_place;
 use super::error::{MotionError, value_error};
+use crate::geometry::sin_cos;
 
 /// Distance or speed of a part of a block.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -217,5 +218,6 @@ impl Progress {
 
 /// (1 - cos(π s))/2: from 0 to 1 with no speed at either end. `[eq:ease]`
 fn eased(s: f64) -> f64 {
-    (1.0 - (PI * s.clamp(0.0, 1.0)).cos()) / 2.0
+    let (_, cosine) = sin_cos(PI * s.clamp(0.0, 1.0));
+    (1.0 - cosine) / 2.0
 }

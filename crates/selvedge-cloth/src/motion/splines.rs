@@ -13,6 +13,7 @@ use super::bounds::{DISPLACEMENT, FARTHEST, LONGEST};
 use super::error::{MotionError, value_error};
 use super::keyframes::claim_handles;
 use super::written::{PoseKeyframe, SplineMotion};
+use crate::geometry::turn;
 
 /// Splines bound to handles.
 #[derive(Clone, Debug, PartialEq)]
@@ -190,7 +191,7 @@ fn check_pose(group: usize, k: usize, keyframe: &PoseKeyframe) -> Result<Pose, M
     let Some(axis) = keyframe.axis.try_normalize() else {
         return error("axis", "a direction", keyframe.axis.to_string());
     };
-    let rotation = DQuat::from_axis_angle(axis, keyframe.angle_deg.to_radians());
+    let rotation = turn(axis, keyframe.angle_deg.to_radians());
     Ok(Pose {
         scale: keyframe.scale,
         rotation: DVec4::from(rotation),

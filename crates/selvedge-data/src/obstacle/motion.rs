@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use glam::{DMat3, DMat4, DQuat, DVec3};
+use glam::{DMat3, DMat4, DVec3};
+use selvedge_cloth::geometry;
 use selvedge_cloth::{
     Keyframe, KeyframeGroup, KeyframeMotion, Motion, ObstaclePath, PoseKeyframe, RigidKey,
     SplineGroup, SplineMotion,
@@ -237,7 +238,7 @@ fn splines(
         return Err(wrong("needs at least one keyframe"));
     };
     // A motion of handles is relative to the transform when they are taken; here it is not.
-    let turn = DQuat::from_axis_angle(
+    let turn = geometry::turn(
         first.axis.normalize_or(DVec3::Y),
         first.angle_deg.to_radians(),
     );

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use glam::{DQuat, DVec3};
 use selvedge_cloth::generate::{GenerateError, Shape, Sheet, SheetSpec, sheet};
+use selvedge_cloth::geometry;
 use selvedge_cloth::{LoosePanels, Mesh, MeshError};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -409,7 +410,7 @@ impl Transform {
 impl Rotate {
     /// The turn; the axis must be a direction.
     pub(crate) fn turn(&self) -> DQuat {
-        DQuat::from_axis_angle(self.axis.normalize(), self.angle_deg.to_radians())
+        geometry::turn(self.axis.normalize(), self.angle_deg.to_radians())
     }
 }
 

@@ -38,8 +38,6 @@ const MOST_KEPT: usize = 32;
 /// Knows the scenes and models that may be shown.
 pub struct SceneWorkshop {
     scenes: Vec<String>,
-    /// A scene that no file has.
-    own: Option<LoadedScene>,
     models: Vec<NamedModel>,
     machine: Machine,
     /// Settings with their rest poses `[m]`, the last used last.
@@ -65,19 +63,9 @@ impl SceneWorkshop {
         }
         Ok(Self {
             scenes,
-            own: None,
             models: opened,
             machine,
             rests: Vec::new(),
-        })
-    }
-
-    /// A workshop for the shipped scenes and models and, first of all, a scene that no file has.
-    pub fn with(scene: LoadedScene, machine: Machine) -> Result<Self, OpenModelError> {
-        let workshop = Self::new(&scene.scene.name, &[], machine)?;
-        Ok(Self {
-            own: Some(scene),
-            ..workshop
         })
     }
 
@@ -104,11 +92,7 @@ impl SceneWorkshop {
         let model = self.models.iter().find(|model| model.name == order.model);
         let model = model.ok_or_else(|| anyhow!("there is no model {:?} here", order.model))?;
         let (name, model) = (model.name.clone(), Arc::clone(&model.model));
-        let own = self.own.as_ref();
-        let mut loaded = match own.filter(|own| own.scene.name == order.scene) {
-            Some(own) => own.clone(),
-            None => open_scene(&order.scene)?,
-        };
+        let mut loaded = open_scene(&order.scene)?;
         // A model needs the rest pose of the law that it learned; the physics beside it has the scene's.
         let law = loaded.scene.physics.law;
         start::take_learned_law(&mut loaded);

@@ -11,7 +11,7 @@
 use std::f64::consts::TAU;
 
 use glam::{DVec2, DVec3};
-use selvedge_cloth::geometry::{dihedral_angle, signed_area_2d};
+use selvedge_cloth::geometry::{atan2, dihedral_angle, signed_area_2d};
 use selvedge_cloth::{BendTable, ElasticLaw};
 
 use crate::laws::number::{Number, Vector, direction};
@@ -219,7 +219,7 @@ impl<N: Number> BendElement<N> {
 
 /// Row of the table for an edge in this direction, folded into 0 to 90° from the course axis.
 fn stiffness_along(table: &BendTable, along: DVec2) -> [f64; 5] {
-    let direction = along.y.abs().atan2(along.x.abs());
+    let direction = atan2(along.y.abs(), along.x.abs());
     let place = (direction / std::f64::consts::FRAC_PI_4).clamp(0.0, 2.0);
     let low = (place as usize).min(1);
     let between = place - low as f64;

@@ -11,6 +11,7 @@
 use std::f64::consts::PI;
 
 use selvedge_cloth::StretchTable;
+use selvedge_cloth::geometry::atan2;
 
 use crate::laws::strain::Strain;
 use crate::laws::stretch::{Elastic, StretchLaw};
@@ -57,8 +58,9 @@ fn principal(strain: Strain) -> (f64, f64) {
     let mean = strain.uu + strain.vv;
     let half_difference = strain.uu - strain.vv;
     let shear = 2.0 * strain.uv.abs();
-    let largest = 1.0 + mean + half_difference.hypot(shear);
-    (largest, 0.5 * shear.atan2(half_difference) / PI)
+    let spread = (half_difference * half_difference + shear * shear).sqrt();
+    let direction = atan2(shear, half_difference);
+    (1.0 + mean + spread, 0.5 * direction / PI)
 }
 
 /// Stiffness at an eigenvalue of C and a direction (part of π), linear between the rows.

@@ -6,7 +6,8 @@
 
 use std::collections::BTreeMap;
 
-use glam::{DQuat, DVec3};
+use glam::DVec3;
+use selvedge_cloth::geometry;
 use serde::{Deserialize, Serialize};
 
 use super::border::Border;
@@ -181,7 +182,7 @@ fn put(polygons: &mut Polygons, place: &PanelPlace) -> Result<(), MeshFileError>
             place.panel
         ))
     })?;
-    let turn = DQuat::from_axis_angle(axis, place.angle_deg.to_radians());
+    let turn = geometry::turn(axis, place.angle_deg.to_radians());
     for vertex in polygons.label(&place.panel, "mesh.panels")?.clone() {
         let position = &mut polygons.positions[vertex as usize];
         *position = turn * *position + place.translation;

@@ -3,6 +3,7 @@
 use std::f64::consts::{FRAC_PI_2, PI, SQRT_2};
 
 use selvedge_cloth::StretchTable;
+use selvedge_cloth::geometry::sin_cos;
 
 use super::{Ramp, SPAN, StretchEnergy};
 use crate::laws::strain::Strain;
@@ -93,7 +94,7 @@ pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 
 /// Strain with principal values along `angle` and across it.
 fn principal(along: f64, across: f64, angle: f64) -> Strain {
-    let (sine, cosine) = angle.sin_cos();
+    let (sine, cosine) = sin_cos(angle);
     Strain {
         uu: along * cosine * cosine + across * sine * sine,
         vv: along * sine * sine + across * cosine * cosine,
@@ -129,15 +130,15 @@ fn samples() -> Vec<Strain> {
 fn terms() -> Vec<Term> {
     const ELEVATIONS: usize = 3;
     let mut terms: Vec<Term> = (0..CONSTANTS)
-        .map(|k| (PI * k as f64 / CONSTANTS as f64).sin_cos())
+        .map(|k| sin_cos(PI * k as f64 / CONSTANTS as f64))
         .map(|(sine, cosine)| Term::Constant(Some([cosine, sine])))
         .collect();
     terms.push(Term::Constant(None));
     for k in 0..=ELEVATIONS {
-        let (height, radius) = (FRAC_PI_2 * k as f64 / ELEVATIONS as f64).sin_cos();
+        let (height, radius) = sin_cos(FRAC_PI_2 * k as f64 / ELEVATIONS as f64);
         let around = ((4.0 * ELEVATIONS as f64 * radius).round() as usize).max(1);
         for j in 0..around {
-            let (sine, cosine) = (2.0 * PI * j as f64 / around as f64).sin_cos();
+            let (sine, cosine) = sin_cos(2.0 * PI * j as f64 / around as f64);
             let shear = if k == 0 { 0.0 } else { SQRT_2 * height };
             terms.push(Term::Ramp([radius * cosine, radius * sine, shear]));
         }

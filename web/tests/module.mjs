@@ -1,0 +1,94 @@
+// The npm package, in Node and in three.js: npm run build:static, then npm run test:static. Its
+// positions are compared with those of the program (SELVEDGE, or the release build).
+import assert from "node:assert/strict";
+import { execFileSync } from "node:child_process";
+import { mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join, resolve } from "node:path";
+import { after, test } from "node:test";
+import { build } from "esbuild";
+import { Cloth } from "../dist-npm/index.js";
+import { browser, program } from "./browser.mjs";
+import { serve } from "./server.mjs";
+
+const folder = mkdtempSync(join(tmpdir(), "selvedge-module-"));
+after(() => rmSync(folder, { recursive: true, force: true }));
+
+/** The last frame of a run by the program. */
+function ran(scene, args) {
+  const file = join(folder, "run.safetensors");
+  rmSync(file, { force: true });
+  execFileSync(program, ["run", scene, ...args, "-o", file], { stdio: "ignore" });
+  const bytes = readFileSync(file);
+  const start = 8 + Number(bytes.readBigUInt64LE());
+  const header = JSON.parse(bytes.subarray(8, start).toString());
+  const { shape, dtype, data_offsets } = header.positions;
+  assert.equal(dtype, "F32");
+  const end = start + data_offsets[1];
+  const size = 12 * shape[1];
+  return new Float32Array(bytes.buffer.slice(bytes.byteOffset + end - size, bytes.byteOffset + end));
+}
+
+function farthest(a, b) {
+  assert.equal(a.length, b.length);
+  return a.reduce((most, x, k) => Math.max(most, Math.abs(x - b[k])), 0);
+}
+
+for (const scene of ["default", "square-1024", "tablecloth"]) {
+  test(`after 60 frames ${scene} is where the program has it`, async (context) => {
+    const cloth = await Cloth.load(scene);
+    for (let k = 0; k < 60; k++) cloth.step();
+    const apart = farthest(cloth.positions, ran(scene, ["--frames", "60"]));
+    context.diagnostic(`${apart} m apart`);
+    assert.ok(apart < 1e-6, `${apart} m`);
+    cloth.free();
+  });
+}
+
+test("a scene's text and targets of one's own", async () => {
+  const text = readFileSync("../docs/src/scenes/disc.toml", "utf8");
+  const cloth = await Cloth.load(text);
+  const [held] = cloth.handles;
+  const places = [...cloth.handles].flatMap((v) => [...cloth.positions.slice(3 * v, 3 * v + 3)]);
+  for (let k = 1; k <= 30; k++) cloth.step(places.map((x, at) => (at % 3 === 1 ? x + 0.003 * k : x)));
+  assert.ok(Math.abs(cloth.positions[3 * held + 1] - places[1] - 0.09) < 1e-3);
+  cloth.reset();
+  assert.equal(cloth.frame, 0);
+  assert.throws(() => cloth.step([1, 2]), /2 numbers, not/);
+});
+
+test("what cannot be loaded is said", async () => {
+  await assert.rejects(Cloth.load("nowhere"), /nowhere/);
+  await assert.rejects(Cloth.load("default", { model: "none" }), /none/);
+  await assert.rejects(Cloth.load('name = "x"\nmesh = 3\n'), /mesh/);
+});
+
+test("the example in three.js shows a cloth that falls", async () => {
+  const page = join(folder, "page");
+  await build({
+    entryPoints: ["npm/example.js"],
+    bundle: true,
+    format: "esm",
+    target: "es2022",
+    alias: { selvedge: resolve("dist-npm/index.js") },
+    nodePaths: ["node_modules"],
+    outfile: join(page, "example.js"),
+  });
+  writeFileSync(join(page, "selvedge_web_bg.wasm"), readFileSync("dist-npm/selvedge_web_bg.wasm"));
+  writeFileSync(join(page, "index.html"), '<!doctype html><title>cloth</title><body style="margin: 0"><script type="module" src="example.js"></script>');
+  const served = await serve(page);
+  const chrome = await browser({ width: 480, height: 320 });
+  const errors = [];
+  const shown = await chrome.context.newPage();
+  shown.on("pageerror", (error) => errors.push(String(error)));
+  await shown.goto(served.url);
+  const picture = async () => (await shown.screenshot()).toString("base64");
+  await shown.waitForSelector("canvas");
+  const first = await picture();
+  for (let k = 0; k < 100 && (await picture()) === first; k++) await shown.waitForTimeout(100);
+  assert.notEqual(await picture(), first);
+  if (process.env.SHOT) await shown.waitForTimeout(4000), await shown.screenshot({ path: process.env.SHOT });
+  assert.deepEqual(errors, []);
+  await chrome.close();
+  await served.stop();
+});
