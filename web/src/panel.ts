@@ -221,7 +221,7 @@ export class Panel {
     });
     const dark = matchMedia("(prefers-color-scheme: dark)");
     const apply = () => {
-      const chosen = localStorage.getItem("theme") ?? "auto";
+      const chosen = keptTheme();
       const shade = chosen === "auto" ? (dark.matches ? "dark" : "light") : chosen === "dark" ? "dark" : "light";
       document.documentElement.dataset.shade = shade;
       this.stage.setTheme(shade);
@@ -229,7 +229,7 @@ export class Panel {
     };
     for (const button of element("theme").querySelectorAll<HTMLButtonElement>("button")) {
       button.addEventListener("click", () => {
-        localStorage.setItem("theme", button.dataset.theme ?? "auto");
+        keepTheme(button.dataset.theme ?? "auto");
         apply();
       });
     }
@@ -341,6 +341,26 @@ export class Panel {
     element("legend-most").textContent = `${Number((this.stage.most / scale.factor).toPrecision(3))} ${scale.unit}`;
   }
 }
+
+/** The theme of the last visit. A page inside another may be denied the memory of it. */
+function keptTheme(): string {
+  try {
+    return localStorage.getItem("theme") ?? theme;
+  } catch {
+    return theme;
+  }
+}
+
+function keepTheme(chosen: string): void {
+  theme = chosen;
+  try {
+    localStorage.setItem("theme", chosen);
+  } catch {
+    // It lasts as long as this page.
+  }
+}
+
+let theme = "auto";
 
 /** Marks the button of a group whose data is `value`. */
 function check(group: string, data: string, value: string): void {

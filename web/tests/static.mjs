@@ -95,7 +95,8 @@ test("out of sight, time stands still", async () => {
   const other = await chrome.context.newPage();
   await other.setContent(`<div style="height: 3000px"></div><iframe src="${served.url}?figure&scene=tablecloth" width="600" height="400"></iframe>`);
   const frame = other.frames().find((frame) => frame.url().includes("figure"));
-  await frame.waitForFunction(() => window.selvedge?.stage.trackCount > 0);
+  // Nothing is drawn out of sight: there are no pictures to wait for.
+  await frame.waitForFunction(() => window.selvedge?.stage.frame, null, { polling: 100 });
   await other.waitForTimeout(500);
   const time = () => frame.evaluate(() => window.selvedge.stage.frame?.time ?? 0);
   const hidden = await time();

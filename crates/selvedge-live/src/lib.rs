@@ -92,7 +92,6 @@ mod pace;
 mod player;
 pub mod protocol;
 mod recorder;
-mod scene;
 #[cfg(feature = "server")]
 mod server;
 mod session;
@@ -107,7 +106,6 @@ pub use hand::{HandLimits, Hands};
 pub use mover::{Hold, LiveError, LiveStepper, Mover, MoverKind, Start};
 pub use order::{Catalogue, MeshOrder, Order};
 pub use player::{NamedTrack, Tape, TapeError};
-pub use scene::SceneWorkshop;
 #[cfg(feature = "server")]
 pub use server::{MOST_PAGES, RunningServer, ServerSettings, serve};
 pub use session::{EmbeddedSession, Opening};

@@ -1,7 +1,8 @@
 //! The session of the viewer, driven by a worker.
 
 use selvedge_lab::machine::Machine;
-use selvedge_live::{EmbeddedSession, Mover, Opening, SceneWorkshop};
+use selvedge_live::{EmbeddedSession, Mover, Opening};
+use selvedge_workshop::SceneWorkshop;
 use wasm_bindgen::prelude::*;
 
 use crate::told;

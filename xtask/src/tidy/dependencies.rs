@@ -53,12 +53,13 @@ const ENDS: [&str; 2] = ["selvedge", "selvedge-c"];
 
 /// The binding of CUDA, and the members that may reach it: the engine, and its users above.
 const CUDA: &str = "cudarc";
-const KNOW_CUDA: [&str; 5] = [
+const KNOW_CUDA: [&str; 6] = [
     "selvedge",
     "selvedge-c",
     "selvedge-gpu",
     "selvedge-lab",
     "selvedge-trials",
+    "selvedge-workshop",
 ];
 
 /// The runtime that others embed, and what it must do without.

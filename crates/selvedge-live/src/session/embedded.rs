@@ -132,3 +132,118 @@ impl EmbeddedSession {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use serde_json::Value;
+
+    use super::*;
+    use crate::mover::{LiveError, Mover};
+    use crate::order::Order;
+    use crate::protocol::VERSION;
+    use crate::test_cloth::{TestCloth, order};
+    use crate::workshop::ReadyCloth;
+
+    struct Bench;
+
+    impl Workshop for Bench {
+        fn catalogue(&self) -> Catalogue {
+            Catalogue::default()
+        }
+
+        fn prepare(
+            &mut self,
+            order: &Order,
+            progress: &mut dyn FnMut(String) -> ControlFlow<()>,
+        ) -> Result<Box<dyn ReadyCloth>, LiveError> {
+            assert!(progress(format!("{} half way", order.scene)).is_continue());
+            Ok(Box::new(TestCloth::new()))
+        }
+    }
+
+    fn session() -> EmbeddedSession {
+        let opening = Opening {
+            order: order("corners"),
+            mover: Mover::Physics,
+            tape: None,
+        };
+        EmbeddedSession::new(Box::new(Bench), opening, None)
+    }
+
+    /// The messages of turns until one of this kind has come.
+    fn until(session: &mut EmbeddedSession, kind: u8) -> Vec<Vec<u8>> {
+        let mut all: Vec<Vec<u8>> = Vec::new();
+        while all.last().is_none_or(|last| last[1] != kind) {
+            session.turn(&mut |message| all.push(message.to_vec()));
+        }
+        all
+    }
+
+    fn command(session: &mut EmbeddedSession, text: &str) {
+        let message = [&[VERSION, kind::COMMAND, 0, 0], text.as_bytes()].concat();
+        session.receive(&message).unwrap();
+    }
+
+    #[test]
+    fn a_page_is_greeted_told_of_the_progress_and_sent_cloth_and_frames() {
+        let mut session = session();
+        let all = until(&mut session, kind::FRAME);
+        let kinds: Vec<u8> = all.iter().map(|message| message[1]).collect();
+        assert_eq!(kinds[0], kind::HELLO);
+        let cloth = kinds.iter().position(|found| *found == kind::CLOTH);
+        assert_eq!(cloth, Some(kinds.len() - 2));
+        let busy = all.iter().filter(|message| message[1] == kind::STATE);
+        let busy: Vec<Value> = busy
+            .map(|state| serde_json::from_slice::<Value>(&state[4..]).unwrap()["busy"].clone())
+            .collect();
+        assert!(busy.contains(&Value::from("corners half way")), "{busy:?}");
+    }
+
+    #[test]
+    fn a_page_that_does_not_answer_is_sent_no_more_frames() {
+        let mut session = session();
+        let mut frames = 0;
+        for _ in 0..200 {
+            session.turn(&mut |message| frames += u32::from(message[1] == kind::FRAME));
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        assert_eq!(frames, AHEAD);
+        session
+            .receive(&[VERSION, kind::READY, 0, 0, 1, 0, 0, 0])
+            .unwrap();
+        until(&mut session, kind::FRAME);
+    }
+
+    #[test]
+    fn out_of_sight_time_stands_still() {
+        let mut session = session();
+        until(&mut session, kind::FRAME);
+        session.watch(false);
+        let before = session.session.showing.live().unwrap().frame();
+        for _ in 0..50 {
+            session.turn(&mut |_| {});
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        assert_eq!(session.session.showing.live().unwrap().frame(), before);
+    }
+
+    #[test]
+    fn a_recording_is_a_file_for_the_page() {
+        let mut session = session();
+        until(&mut session, kind::FRAME);
+        command(&mut session, r#"{"do":"record"}"#);
+        (0..3).for_each(|_| session.session.advance());
+        command(&mut session, r#"{"do":"stop-recording"}"#);
+        let file = until(&mut session, kind::FILE).pop().unwrap();
+        let name = b"recording-1-physics.glb";
+        assert_eq!(file[4..8], (name.len() as u32).to_le_bytes());
+        let (found, contents) = file[8..].split_at(name.len());
+        assert_eq!((found, &contents[..4]), (&name[..], &b"glTF"[..]));
+    }
+
+    #[test]
+    fn what_is_no_message_is_refused() {
+        assert!(session().receive(&[VERSION, 99, 0, 0]).is_err());
+        assert!(session().receive(&[]).is_err());
+    }
+}

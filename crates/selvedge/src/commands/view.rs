@@ -8,8 +8,9 @@ use std::time::Duration;
 use anyhow::Context;
 use selvedge_data::Trajectory;
 use selvedge_live::{
-    Mover, NamedTrack, Opening, RunningServer, SceneWorkshop, ServerSettings, Tape, serve, start,
+    Mover, NamedTrack, Opening, RunningServer, ServerSettings, Tape, serve, start,
 };
+use selvedge_workshop::SceneWorkshop;
 use serde::Serialize;
 
 use crate::cli::{Shown, ViewArgs};

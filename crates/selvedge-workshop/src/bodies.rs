@@ -3,13 +3,13 @@
 
 use std::path::Path;
 
-use crate::{Body, BodyKind, Order, kind_of};
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{ContactSettings, Obstacle, Scene};
 use selvedge_data::{
     BodySpec, LoadedScene, ObstacleMotion, ObstacleSpec, Placement, Plane, Sides, Sphere,
 };
 use selvedge_lab::physics;
+use selvedge_live::{Body, BodyKind, Order, kind_of};
 
 /// The name of the ball, which no scene has.
 const BALL: &str = "the viewer's ball";

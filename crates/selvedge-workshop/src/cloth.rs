@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use crate::{Body, Hold, LiveError, LiveStepper, Mover, MoverKind, ReadyCloth, Start};
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{Cloth, Environment, HandlePath, Motion, MotionError, RecordedMotion, Scene};
 use selvedge_data::{Provenance, SavedState, SceneSpec};
 use selvedge_lab::physics;
+use selvedge_live::{Body, Hold, LiveError, LiveStepper, Mover, MoverKind, ReadyCloth, Start};
 use selvedge_model::{Aspect, Domain, DomainWatch, Model};
 
 use super::movers::{LiveModel, LivePhysics, ModelOnMachine};

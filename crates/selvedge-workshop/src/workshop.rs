@@ -5,7 +5,6 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::{Catalogue, LiveError, MeshOrder, Order, ReadyCloth, Workshop};
 use anyhow::{Context, anyhow, bail};
 use glam::DVec3;
 use selvedge_cloth::generate::{NamedSheet, named_sheets};
@@ -21,6 +20,7 @@ use selvedge_lab::machine::Machine;
 use selvedge_lab::models::{NamedModel, OpenModelError};
 use selvedge_lab::numbers::percent;
 use selvedge_lab::{assets, domain, physics, rest_pose, start};
+use selvedge_live::{Catalogue, LiveError, MeshOrder, Order, ReadyCloth, Workshop};
 use selvedge_model::Model;
 use selvedge_sim::{FitProgress, SagError};
 

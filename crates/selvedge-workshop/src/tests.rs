@@ -3,9 +3,9 @@
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
-use crate::{Hold, LiveError, MeshOrder, Mover, Order, Workshop};
 use glam::DVec3;
 use selvedge_lab::machine::Machine;
+use selvedge_live::{Hold, LiveError, MeshOrder, Mover, Order, Workshop};
 
 use super::SceneWorkshop;
 

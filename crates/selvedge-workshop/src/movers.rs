@@ -4,7 +4,6 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use crate::{Hold, LiveError, LiveStepper};
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{Cloth, HandleTargets, Scene, Squeezed, StepError, Stepper};
 use selvedge_data::SavedState;
@@ -12,6 +11,7 @@ use selvedge_guard::{Guard, GuardSettings};
 use selvedge_lab::machine::{Machine, Mover};
 use selvedge_lab::physics;
 use selvedge_lab::state_log::{saved_state, simulator_among};
+use selvedge_live::{Hold, LiveError, LiveStepper};
 use selvedge_model::{ClothGraph, Model};
 use selvedge_sim::Simulator;
 
@@ -232,8 +232,8 @@ impl LiveStepper for LiveModel {
 mod tests {
     use super::*;
     use crate::SceneWorkshop;
-    use crate::{MoverKind, Order, ReadyCloth, Start, Workshop};
     use selvedge_cloth::conformance::{HandlesEnd, check};
+    use selvedge_live::{MoverKind, Order, ReadyCloth, Start, Workshop};
     use std::ops::ControlFlow;
 
     /// The cloth of the default scene, and its handles.

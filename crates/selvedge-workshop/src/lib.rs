@@ -1,0 +1,14 @@
+//! The cloths of the live viewer: made ready from scenes, and moved by the physics or a model.
+//!
+//! [`SceneWorkshop`] is the workshop that `selvedge view` and the page without a program give to a
+//! session of `selvedge-live`, which knows neither scenes nor physics nor models.
+
+mod bodies;
+mod cloth;
+mod movers;
+mod workshop;
+
+pub use workshop::SceneWorkshop;
+
+#[cfg(test)]
+mod tests;
