@@ -73,7 +73,7 @@ function label(): void {
   const labels = element("labels");
   const tracks = state?.tracks ?? [];
   const frame = stage.frame;
-  const wanted = frame && frame.tracks.length === tracks.length && (tracks.length > 1 || tracks[0]?.stopped);
+  const wanted = frame && frame.tracks.length === tracks.length && (tracks.length > 1 || tracks[0]?.stopped || tracks[0]?.stand_in);
   const spans = [...labels.children] as HTMLElement[];
   const count = wanted ? tracks.length : 0;
   while (spans.length < count) spans.push(labels.appendChild(document.createElement("span")));
@@ -92,7 +92,7 @@ function label(): void {
     places.push(labelPlace(at, stage.together ? places[index - 1] : undefined));
     span.style.left = `${places[index]!.x}px`;
     span.style.top = `${places[index]!.y}px`;
-    span.textContent = track.stopped ? `${track.name} stopped` : track.name;
+    span.textContent = track.stopped ? `${track.name} stopped` : track.stand_in ? `${track.name}: ${track.stand_in}` : track.name;
     span.classList.toggle("stopped", track.stopped !== null);
   });
 }

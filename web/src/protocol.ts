@@ -94,6 +94,8 @@ export interface Track {
   kind: "model" | "physics" | null;
   step_ms: number;
   strain: number;
+  /** What moves it in the place of its mover, now and then. */
+  stand_in: string | null;
   stopped: string | null;
 }
 

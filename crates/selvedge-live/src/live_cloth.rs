@@ -18,6 +18,9 @@ const REMEMBERED: usize = 16;
 const FADING: f64 = 0.94;
 const NEAR: f64 = 1e-4;
 
+/// Frames for which a stand-in is shown.
+const SHOWN: usize = 30;
+
 /// The weight of a new time of a step in the mean.
 const SMOOTHING: f64 = 0.1;
 
@@ -41,6 +44,8 @@ struct Driven {
     offsets: Vec<DVec3>,
     step_ms: Option<f64>,
     strain: f64,
+    /// What stood in for it last, and in which frame.
+    stood_in: Option<(&'static str, usize)>,
     stopped: Option<String>,
     /// The frame of the cloth that it has come to.
     reached: usize,
@@ -300,6 +305,7 @@ impl Driven {
             offsets: Vec::new(),
             step_ms: None,
             stopped: None,
+            stood_in: None,
             reached: 0,
         }
     }
@@ -320,6 +326,9 @@ impl Driven {
             return;
         }
         self.reached = frame;
+        if let Some(what) = self.stepper.stand_in() {
+            self.stood_in = Some((what, frame));
+        }
         let now = 1e3 * started.elapsed().as_secs_f64();
         let before = self.step_ms.unwrap_or(now);
         self.step_ms = Some(before + SMOOTHING * (now - before));
@@ -361,6 +370,10 @@ impl Driven {
             kind: Some(self.kind),
             step_ms: self.step_ms.unwrap_or(0.0),
             strain: self.strain,
+            stand_in: self
+                .stood_in
+                .filter(|(_, frame)| self.reached - frame < SHOWN)
+                .map(|(what, _)| what),
             stopped: self.stopped.clone(),
         }
     }

@@ -89,6 +89,12 @@ pub trait LiveStepper: Stepper + Send {
         Vec::new()
     }
 
+    /// What moved the cloth in the last step in the place of a model whose frame was lost; none where
+    /// the mover did.
+    fn stand_in(&self) -> Option<&'static str> {
+        None
+    }
+
     /// Smallest gap of each vertex to what it may touch `[m]`, `[vertices]`; none where nothing
     /// touches.
     fn gaps(&self) -> Option<Vec<f32>> {

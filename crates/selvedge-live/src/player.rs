@@ -184,6 +184,7 @@ impl Player {
             kind: None,
             step_ms: 0.0,
             strain: self.gauge.largest(track.trajectory.frame(self.frame)),
+            stand_in: None,
             stopped: None,
         };
         self.tape.tracks.iter().map(track).collect()

@@ -28,6 +28,8 @@ const FRAMES: usize = 12;
 
 /// The place of a handle along x beyond which the model fails `[m]`.
 const END_OF_MODEL: f64 = 0.205;
+/// The place of a handle along x beyond which something stands in for the model `[m]`.
+const STAND_IN: f32 = 0.15;
 
 pub(crate) fn cloth() -> Cloth {
     let arrays = ClothArrays {
@@ -269,6 +271,10 @@ impl Stepper for Puppet {
 }
 
 impl LiveStepper for Puppet {
+    fn stand_in(&self) -> Option<&'static str> {
+        (self.kind == MoverKind::Model && self.positions[0].x > STAND_IN).then_some("a stand-in")
+    }
+
     fn lead_body(&mut self, number: usize, offset: DVec3) {
         self.led.resize(self.shifts.len(), DVec3::ZERO);
         self.led[number] = offset;

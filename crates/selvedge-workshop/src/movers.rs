@@ -7,7 +7,7 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{Cloth, HandleTargets, Scene, Squeezed, StepError, Stepper};
 use selvedge_data::SavedState;
-use selvedge_guard::{Guard, GuardSettings};
+use selvedge_guard::{Guard, GuardSettings, Replacement};
 use selvedge_lab::machine::{Machine, Mover};
 use selvedge_lab::physics;
 use selvedge_lab::state_log::{saved_state, simulator_among};
@@ -208,6 +208,14 @@ impl Stepper for LiveModel {
 }
 
 impl LiveStepper for LiveModel {
+    fn stand_in(&self) -> Option<&'static str> {
+        match self.stepper.trust().verdict.replaced_by()? {
+            Replacement::Physics => Some("the physics in its place"),
+            Replacement::Carry => Some("carried by its handles"),
+            Replacement::Nothing => None,
+        }
+    }
+
     fn body_points(&self) -> Vec<Vec3> {
         let time = self.stepper.frame() as f64 / self.scene.frame_rate;
         let points = self.scene.obstacles.iter();

@@ -225,6 +225,20 @@ fn a_vertex_that_is_not_there_ends_nothing() {
     assert_eq!(recorder.map(|state| state.frames), Some(3));
 }
 
+#[test]
+fn what_stands_in_for_a_model_is_told_for_half_a_second() {
+    let told = |session: &Session| session.state().tracks[0].stand_in;
+    let mut session = session(falling(), Mover::Model);
+    session.advance();
+    assert_eq!(told(&session), None);
+    drag(&mut session, &[(0, 0.18 * DVec3::X)]);
+    (0..30).for_each(|_| session.advance());
+    assert_eq!(told(&session), Some("a stand-in"));
+    drag(&mut session, &[(0, DVec3::ZERO)]);
+    (0..60).for_each(|_| session.advance());
+    assert_eq!(told(&session), None);
+}
+
 /// Never has the scene "slow" ready; says that it has begun with it.
 struct SlowWorkshop {
     begun: mpsc::Sender<()>,
