@@ -1,0 +1,210 @@
+//! Rollouts on a GPU against those of the processor.
+
+use glam::DVec3;
+use selvedge_cloth::conformance::{HandlesEnd, check_correctable};
+use selvedge_cloth::{Correctable, HandleTargets, StepError, Stepper};
+use selvedge_model::{Encoder, LearnedStepper, ModelSpec};
+
+use super::*;
+use crate::test_graphs::{cloth, full_specs, gpu, model, shaken};
+
+/// Positions of the handles of a cloth in a frame: on a swing.
+fn targets(graph: &ClothGraph, frame: usize) -> Vec<Vec3> {
+    let turn = Yaw::from_angle(0.02 * frame as f64);
+    let rest = graph.handles().select(graph.rest_positions());
+    let there = |p: &Vec3| turn.to_world(*p) + 0.003 * frame as f32 * Vec3::new(1.0, 0.2, -0.5);
+    rest.iter().map(there).collect()
+}
+
+fn handle_targets(graph: &ClothGraph, frame: usize) -> HandleTargets {
+    let positions: Vec<DVec3> = targets(graph, frame).iter().map(|p| p.as_dvec3()).collect();
+    HandleTargets::at_frame_end(positions).expect("targets")
+}
+
+fn farthest(a: &[Vec3], b: &[Vec3]) -> f32 {
+    let pairs = a.iter().zip(b);
+    pairs.map(|(p, q)| p.distance(*q)).fold(0.0, f32::max)
+}
+
+fn on_gpu(gpu: &Arc<Gpu>, model: &Arc<Model>, graph: ClothGraph, start: &[&[Vec3]]) -> GpuStepper {
+    GpuStepper::new(gpu, Arc::clone(model), graph, start).expect("a stepper")
+}
+
+#[test]
+fn a_rollout_is_that_of_the_processor() {
+    let Some(gpu) = gpu() else { return };
+    for spec in full_specs() {
+        let graph = cloth(5, 3);
+        let model = Arc::new(model(&spec, 1e-3, 7));
+        let start = shaken(graph.rest_positions(), 0.005, 9);
+        let start: [&[Vec3]; 2] = [graph.rest_positions(), &start];
+        let mut cpu =
+            LearnedStepper::new(Arc::clone(&model), graph.clone(), &start).expect("a start");
+        let mut device = on_gpu(&gpu, &model, graph.clone(), &start);
+        for frame in 1..=12 {
+            let targets = handle_targets(&graph, frame);
+            cpu.step(&targets).expect("a frame");
+            device.step(&targets).expect("a frame");
+            let off = farthest(cpu.positions(), device.positions());
+            // 1e-7 m of rounding per frame, doubled by the integration from frame to frame and fed
+            // back.
+            assert!(off < 2e-5, "frame {frame}: {off} m with {:?}", spec.encoder);
+        }
+        assert_eq!(device.frame(), 12);
+        assert!(
+            farthest(device.positions(), graph.rest_positions()) > 0.03,
+            "it moves"
+        );
+    }
+}
+
+#[test]
+fn sixteen_cloths_move_as_each_alone_to_the_last_bit() {
+    let Some(gpu) = gpu() else { return };
+    let spec = ModelSpec::physical(Encoder::Gru { window: 2 }, 12, 2);
+    let model = Arc::new(model(&spec, 1e-3, 7));
+    let graphs: Vec<ClothGraph> = (0..16).map(|n| cloth(3 + n % 5, n as u64)).collect();
+    let starts: Vec<Vec<Vec3>> = graphs
+        .iter()
+        .map(|graph| shaken(graph.rest_positions(), 0.003, 4))
+        .collect();
+    let starts: Vec<[&[Vec3]; 1]> = starts.iter().map(|start| [&**start]).collect();
+    let openings = graphs.iter().zip(&starts).map(|(graph, start)| Opening {
+        graph: graph.clone(),
+        start,
+    });
+    let mut all = Rollout::new(&gpu, Arc::clone(&model), openings.collect()).expect("cloths");
+    let mut alone: Vec<GpuStepper> = graphs
+        .iter()
+        .zip(&starts)
+        .map(|(graph, start)| on_gpu(&gpu, &model, graph.clone(), start))
+        .collect();
+    for frame in 1..=4 {
+        let goals: Vec<Vec<Vec3>> = graphs.iter().map(|graph| targets(graph, frame)).collect();
+        let goals: Vec<&[Vec3]> = goals.iter().map(|goal| &**goal).collect();
+        all.step(&goals).expect("a frame");
+        for (number, stepper) in alone.iter_mut().enumerate() {
+            let targets = handle_targets(&graphs[number], frame);
+            stepper.step(&targets).expect("a frame");
+            assert_eq!(all.positions(number), stepper.positions(), "cloth {number}");
+        }
+    }
+}
+
+#[test]
+fn a_stepper_on_a_gpu_conforms() {
+    let Some(gpu) = gpu() else { return };
+    for encoder in [Encoder::MLP, Encoder::Gru { window: 3 }] {
+        let spec = ModelSpec::physical(encoder, 12, 1);
+        let (graph, model) = (cloth(4, 1), Arc::new(model(&spec, 1e-3, 7)));
+        let make = || on_gpu(&gpu, &model, graph.clone(), &[graph.rest_positions()]);
+        assert_eq!(check_correctable(make, HandlesEnd::AtTargets), Ok(()));
+    }
+}
+
+#[test]
+fn a_frame_that_is_not_finite_is_not_taken() {
+    let Some(gpu) = gpu() else { return };
+    let spec = ModelSpec::physical(Encoder::Gru { window: 2 }, 12, 1);
+    let (graph, model) = (cloth(4, 1), Arc::new(model(&spec, 1e-3, 7)));
+    let mut stepper = on_gpu(&gpu, &model, graph.clone(), &[graph.rest_positions()]);
+    let mut other = on_gpu(&gpu, &model, graph.clone(), &[graph.rest_positions()]);
+    for frame in 1..=3 {
+        let targets = handle_targets(&graph, frame);
+        stepper.step(&targets).expect("a frame");
+        other.step(&targets).expect("a frame");
+    }
+    let before = stepper.positions().to_vec();
+    let far = HandleTargets::at_frame_end(vec![DVec3::splat(1e300); 2]).expect("targets");
+    let found = stepper.step(&far).expect_err("not finite");
+    assert!(
+        matches!(found, StepError::NonFinite { frame: 4, .. }),
+        "{found}"
+    );
+    assert_eq!((stepper.positions(), stepper.frame()), (&*before, 3));
+    let none = HandleTargets::at_frame_end(Vec::new()).expect("targets");
+    assert!(matches!(
+        stepper.step(&none),
+        Err(StepError::Handles { frame: 4, .. })
+    ));
+    let lost = vec![Vec3::NAN; before.len()];
+    assert!(stepper.replace_frame(&lost).is_err() && stepper.take_frame(&lost).is_err());
+    for frame in 4..=6 {
+        let targets = handle_targets(&graph, frame);
+        stepper.step(&targets).expect("a frame");
+        other.step(&targets).expect("a frame");
+        assert_eq!(
+            stepper.positions(),
+            other.positions(),
+            "it goes on as if nothing had been"
+        );
+    }
+}
+
+#[test]
+fn frames_of_somebody_else_are_gone_on_from_as_on_the_processor() {
+    let Some(gpu) = gpu() else { return };
+    for encoder in [Encoder::MLP, Encoder::Gru { window: 3 }] {
+        let spec = ModelSpec::physical(encoder, 12, 1);
+        let (graph, model) = (cloth(5, 1), Arc::new(model(&spec, 1e-3, 7)));
+        let start: [&[Vec3]; 1] = [graph.rest_positions()];
+        let mut cpu =
+            LearnedStepper::new(Arc::clone(&model), graph.clone(), &start).expect("a start");
+        let mut device = on_gpu(&gpu, &model, graph.clone(), &start);
+        for frame in 1..=9 {
+            let mut both: [&mut dyn Correctable; 2] = [&mut cpu, &mut device];
+            for stepper in &mut both {
+                let other = shaken(graph.rest_positions(), 0.002, frame as u64);
+                match frame {
+                    3 => stepper.take_frame(&other).expect("a frame"),
+                    _ => stepper
+                        .step(&handle_targets(&graph, frame))
+                        .expect("a frame"),
+                }
+                if frame == 6 {
+                    stepper.replace_frame(&other).expect("a frame");
+                }
+            }
+            assert_eq!(cpu.frame(), device.frame());
+            let off = farthest(cpu.positions(), device.positions());
+            assert!(off < 2e-5, "frame {frame}: {off} m with {encoder:?}");
+        }
+    }
+}
+
+#[test]
+fn a_hundred_frames_stay_within_a_tenth_of_a_millimetre() {
+    let Some(gpu) = gpu() else { return };
+    let spec = ModelSpec::physical(Encoder::MLP, 16, 2);
+    let (graph, model) = (cloth(5, 3), Arc::new(model(&spec, 1e-5, 7)));
+    let start: [&[Vec3]; 1] = [graph.rest_positions()];
+    let mut cpu = LearnedStepper::new(Arc::clone(&model), graph.clone(), &start).expect("a start");
+    let mut device = on_gpu(&gpu, &model, graph.clone(), &start);
+    for frame in 1..=100 {
+        let targets = handle_targets(&graph, frame);
+        cpu.step(&targets).expect("a frame");
+        device.step(&targets).expect("a frame");
+    }
+    let off = farthest(cpu.positions(), device.positions());
+    println!("after 100 frames: {off:.1e} m off");
+    assert!(off < 1e-4, "{off} m");
+}
+
+#[test]
+fn a_start_that_does_not_fit_is_an_error_of_its_cloth() {
+    let Some(gpu) = gpu() else { return };
+    let spec = ModelSpec::physical(Encoder::MLP, 8, 1);
+    let (graph, model) = (cloth(4, 1), Arc::new(model(&spec, 1e-3, 7)));
+    let none = Rollout::new(&gpu, Arc::clone(&model), Vec::new());
+    assert!(matches!(none.err(), Some(OpeningError::NoCloth)));
+    let fitting = graph.rest_positions().to_vec();
+    let openings = [&fitting[..], &fitting[1..]].map(|frame| vec![frame]);
+    let openings = openings.iter().map(|start| Opening {
+        graph: graph.clone(),
+        start,
+    });
+    let refused = Rollout::new(&gpu, model, openings.collect());
+    let found = refused.err().map(|error| error.to_string());
+    let expected = "cloth 1: the start has 15 positions in a frame, the cloth has 16 vertices";
+    assert_eq!(found.as_deref(), Some(expected));
+}
