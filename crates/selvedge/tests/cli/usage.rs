@@ -22,7 +22,7 @@ fn wrong_calls_exit_with_2_and_say_why() {
         ("view --address here", "--address"),
         ("run --device gpu", "cuda:N"),
         ("eval --model a --data b --device cuda:x", "cuda:N"),
-        ("run --precision double", "--precision"),
+        ("run --device double", "--device"),
         ("run --rest default --quiet --verbose", "--verbose"),
         ("completions tcsh", "bash"),
     ] {

@@ -53,6 +53,7 @@ pub struct Gpu {
 }
 
 /// The adapters of this machine, fastest kind first, each once: those of one programming interface.
+/// Drivers that calculate on the processor are among them only where there is nothing else.
 fn adapters() -> Vec<wgpu::Adapter> {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
     let mut all = block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
@@ -64,8 +65,14 @@ fn adapters() -> Vec<wgpu::Adapter> {
         wgpu::DeviceType::Cpu => 4,
     };
     all.sort_by_key(rank);
-    let backend = all.first().map(|first| first.get_info().backend);
-    all.retain(|adapter| Some(adapter.get_info().backend) == backend);
+    if let Some(best) = all.first().map(wgpu::Adapter::get_info) {
+        let is_card = best.device_type != wgpu::DeviceType::Cpu;
+        all.retain(|adapter| {
+            let info = adapter.get_info();
+            let fits = !is_card || info.device_type != wgpu::DeviceType::Cpu;
+            fits && info.backend == best.backend
+        });
+    }
     all
 }
 
@@ -76,8 +83,8 @@ impl Gpu {
         adapters().len()
     }
 
-    /// Opens GPU `number`, from 0: dedicated cards first, drivers that calculate on the processor
-    /// last.
+    /// Opens GPU `number`, from 0: dedicated cards first; a driver that calculates on the processor
+    /// only where there is no card.
     ///
     /// # Errors
     /// When there is none of this number, or it cannot be opened.
