@@ -214,7 +214,7 @@ impl Matrix {
     }
 
     /// The same from column `column` on.
-    pub(crate) fn from_column(self, column: usize) -> Self {
+    pub(crate) fn columns_from(self, column: usize) -> Self {
         let first = self.first + column as u32;
         Self { first, ..self }
     }

@@ -354,7 +354,7 @@ impl<'a> Lowering<'a> {
         self.launches.push(linear(
             self.sizes(0, 2 * latent, latent),
             self.latent(nodes).into(),
-            Pieces::new(weight, latent, weight.from_column(latent)),
+            Pieces::new(weight, latent, weight.columns_from(latent)),
             Matrix::new(ends, 2 * latent),
             Epilogue::Set,
         ));
@@ -367,7 +367,7 @@ impl<'a> Lowering<'a> {
         self.launches.push(linear(
             self.sizes(1, latent, latent),
             self.latent(arcs).into(),
-            weight.from_column(2 * latent).into(),
+            weight.columns_from(2 * latent).into(),
             self.latent(self.activations[1].hidden1),
             epilogue,
         ));
@@ -432,15 +432,15 @@ impl<'a> Lowering<'a> {
         self.at(name) - self.weights.first + to.weights.first
     }
 
-    /// Adds the gradients of a linear layer named `name`.
+    /// Adds the gradients of a linear layer named `name`, from the gradient of its output and its input,
+    /// each with its columns.
     fn linear_weights(
         &mut self,
         kind: Kind,
         name: &str,
-        gradient: Region,
-        x: Pieces,
+        (gradient, outputs): (Region, usize),
+        (x, inputs): (Pieces, usize),
         to: &Gradients,
-        [inputs, outputs]: [usize; 2],
     ) {
         let sums = ToWeights {
             rows: self.rows(kind),
@@ -475,10 +475,9 @@ impl<'a> Lowering<'a> {
         self.linear_weights(
             kind,
             &format!("{path}.4"),
-            gradient,
-            x,
+            (gradient, outputs),
+            (x, latent),
             to,
-            [latent, outputs],
         );
         self.launches.push(linear_to_input(
             self.sizes(kind, latent, outputs),
@@ -488,7 +487,7 @@ impl<'a> Lowering<'a> {
             Epilogue::Mask(of.hidden2),
         ));
         let x = self.latent(of.hidden1).into();
-        self.linear_weights(kind, &format!("{path}.2"), first, x, to, [latent, latent]);
+        self.linear_weights(kind, &format!("{path}.2"), (first, latent), (x, latent), to);
         self.launches.push(linear_to_input(
             self.sizes(kind, latent, latent),
             self.latent(first).into(),
@@ -513,7 +512,7 @@ impl<'a> Lowering<'a> {
         self.later_layers_backward(0, path, to.output, to, OUTPUTS);
         let hidden = self.of_rows(0, to.hidden[1]);
         let x = self.latent(nodes).into();
-        self.linear_weights(0, "decoder.0", hidden, x, to, [latent, latent]);
+        self.linear_weights(0, "decoder.0", (hidden, latent), (x, latent), to);
         self.launches.push(linear_to_input(
             self.sizes(0, latent, latent),
             self.latent(hidden).into(),
@@ -533,11 +532,11 @@ impl<'a> Lowering<'a> {
         self.later_layers_backward(0, &path, gradient, to, latent);
         let x = Pieces::new(self.latent(nodes), latent, self.latent(self.incoming));
         let name = format!("{path}.0");
-        self.linear_weights(0, &name, gradient, x, to, [2 * latent, latent]);
+        self.linear_weights(0, &name, (gradient, latent), (x, 2 * latent), to);
         let weight = self.matrix(&format!("{name}.weight"), 2 * latent);
         for (weight, out, epilogue) in [
             (weight, to.latent[0], Epilogue::Add),
-            (weight.from_column(latent), to.incoming, Epilogue::Set),
+            (weight.columns_from(latent), to.incoming, Epilogue::Set),
         ] {
             self.launches.push(linear_to_input(
                 self.sizes(0, latent, latent),
@@ -591,7 +590,7 @@ impl<'a> Lowering<'a> {
         let of_ends = Matrix::new(ends, 2 * latent);
         let parts = [
             (0, of_ends, nodes, to.latent[0]),
-            (0, of_ends.from_column(latent), nodes, to.latent[0]),
+            (0, of_ends.columns_from(latent), nodes, to.latent[0]),
             (1, self.latent(gradient), arcs, to.latent[1]),
         ];
         for (part, (kind, gradient, x, out)) in parts.into_iter().enumerate() {
@@ -601,7 +600,7 @@ impl<'a> Lowering<'a> {
                 outputs: latent,
                 gradient: gradient.into(),
                 x: self.latent(x).into(),
-                weight: to_weight.from_column(part * latent),
+                weight: to_weight.columns_from(part * latent),
                 bias: (part == 2).then_some(to_bias),
                 parts: to.parts,
             };
@@ -609,7 +608,7 @@ impl<'a> Lowering<'a> {
             self.launches.push(linear_to_input(
                 self.sizes(kind, latent, latent),
                 gradient.into(),
-                weight.from_column(part * latent),
+                weight.columns_from(part * latent),
                 self.latent(out),
                 Epilogue::Add,
             ));
@@ -624,7 +623,7 @@ impl<'a> Lowering<'a> {
         self.later_layers_backward(kind, path, gradient, to, latent);
         let x = Matrix::new(frame.input[kind], width).into();
         let name = format!("{path}.0");
-        self.linear_weights(kind, &name, gradient, x, to, [width, latent]);
+        self.linear_weights(kind, &name, (gradient, latent), (x, width), to);
         if to_input {
             self.launches.push(linear_to_input(
                 self.sizes(kind, width, latent),
@@ -650,7 +649,7 @@ impl<'a> Lowering<'a> {
         let gradient = self.of_rows(kind, to.hidden[1]);
         let name = format!("{path}.linear");
         let x = self.latent(states.layers[1].after[steps - 1]).into();
-        self.linear_weights(kind, &name, gradient, x, to, [latent, latent]);
+        self.linear_weights(kind, &name, (gradient, latent), (x, latent), to);
         self.launches.push(linear_to_input(
             self.sizes(kind, latent, latent),
             self.latent(gradient).into(),
@@ -712,7 +711,7 @@ impl<'a> Lowering<'a> {
             .push(gates_backward(latent, kept, before, by_state, sums));
         let sums = Matrix::new(sums, 4 * latent);
         // The third gate's sums of the input lie before those of the state.
-        let of_state = Pieces::new(sums, 2 * latent, sums.from_column(3 * latent));
+        let of_state = Pieces::new(sums, 2 * latent, sums.columns_from(3 * latent));
         let path = format!("{}.gru", ENCODERS[kind]);
         let state = before.map(|before| self.latent(before));
         for (what, gradient, input) in [("ih", sums.into(), Some(x)), ("hh", of_state, state)] {

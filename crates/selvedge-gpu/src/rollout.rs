@@ -259,8 +259,11 @@ impl Rollout {
     /// Undoes the last step, also if its frame was replaced since. Returns true if a step was
     /// undone: one that came last and succeeded.
     pub fn undo_step(&mut self) -> bool {
-        let undone = self.cloths.iter_mut().map(Cloth::undo_step);
-        undone.fold(true, |all, undone| all && undone)
+        let mut undone = true;
+        for cloth in &mut self.cloths {
+            undone &= cloth.undo_step();
+        }
+        undone
     }
 
     /// Checks the numbers of positions, and that all of them are finite.

@@ -127,7 +127,7 @@ fn the_forward_pass_is_that_of_the_processor_and_of_the_equations() {
             }
         }
     }
-    println!("forward: {worst:.1e} off at most");
+    eprintln!("forward: {worst:.1e} off at most");
 }
 
 #[test]
@@ -140,7 +140,7 @@ fn launches_of_a_frame_are_few() {
     ] {
         let given = Given::new(&ModelSpec::physical(encoder, 8, 15), &[9]);
         let found = given.passes(&gpu, None).launches();
-        println!("{encoder:?}, 15 blocks: {found} launches");
+        eprintln!("{encoder:?}, 15 blocks: {found} launches");
         assert!(found <= most, "{encoder:?}: {found}");
     }
 }
@@ -230,7 +230,7 @@ fn gradients_of_weights_and_features_are_those_of_the_processor() {
         let given = Given::new(&spec, &[30, 17]);
         worst = worst.max(compare_gradients(&gpu, &given, 0.0));
     }
-    println!("gradients: {worst:.1e} off at most");
+    eprintln!("gradients: {worst:.1e} off at most");
 }
 
 #[test]

@@ -186,7 +186,7 @@ fn a_hundred_frames_stay_within_a_tenth_of_a_millimetre() {
         device.step(&targets).expect("a frame");
     }
     let off = farthest(cpu.positions(), device.positions());
-    println!("after 100 frames: {off:.1e} m off");
+    eprintln!("after 100 frames: {off:.1e} m off");
     assert!(off < 1e-4, "{off} m");
 }
 

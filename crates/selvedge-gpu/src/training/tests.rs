@@ -97,7 +97,7 @@ fn two_hundred_steps_from_one_seed_have_the_losses_of_the_processor() {
         let mut cfg = busy(everything(encoder), frames);
         cfg.scheduled_sampling.truth = TruthProbability::Always {};
         let found = check(&gpu, &data, &cfg, 200);
-        println!("{encoder:?}, {frames} frames, 200 steps: {found:?}");
+        eprintln!("{encoder:?}, {frames} frames, 200 steps: {found:?}");
         // Another draw or another term would be off by the whole at once.
         assert!(found.losses < 0.01, "{encoder:?}: {found:?}");
         assert!(found.weights < 0.01, "{encoder:?}: {found:?}");
