@@ -22,7 +22,7 @@ const SANITIZERS: [Sanitizer; 2] = [
         flags: "-Zsanitizer=address",
         tests: &[
             &["-p=selvedge-model", "--lib", "--test=allocation"],
-            &["-p=selvedge-cluster", "-p=selvedge-gpu", "--lib"],
+            &["-p=selvedge-cluster", "--lib"],
             &["-p=selvedge-sim", "--test=physics", "allocation"],
             &["-p=selvedge-trials", "--test=allocation"],
         ],

@@ -1,6 +1,6 @@
 //! Networks, graphs and numbers for the tests of this crate.
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use glam::{DVec3, Vec3};
 use rand::{RngExt, SeedableRng};
@@ -12,8 +12,7 @@ use selvedge_model::{
     Normalizer, Normalizers,
 };
 
-use crate::device::Device;
-use crate::device::host::Host;
+use crate::gpu::{Gpu, GpuError};
 
 /// The arcs of squares of so many vertices, side by side.
 pub(crate) fn squares(counts: &[usize]) -> Connectivity {
@@ -143,28 +142,17 @@ pub(crate) fn model(spec: &ModelSpec, size: f64, seed: u64) -> Model {
     Model::new(spec, weights, normalizers, String::new()).expect("a model")
 }
 
-/// The device of the tests: the host, or the one that the environment variable
-/// `SELVEDGE_TEST_DEVICE` names, `cuda` with the feature. A test fails where that device, or the C
-/// compiler of the host, is missing.
-pub(crate) fn device() -> &'static dyn Device {
-    static DEVICE: OnceLock<Box<dyn Device>> = OnceLock::new();
-    let device = DEVICE.get_or_init(|| match wanted().as_str() {
-        "host" => Box::new(Host::new().expect("a C compiler")),
-        #[cfg(feature = "cuda")]
-        "cuda" => Box::new(crate::device::cuda::Cuda::new(0).expect("a GPU")),
-        other => {
-            panic!("SELVEDGE_TEST_DEVICE={other}: there are host and, with the feature cuda, cuda")
-        }
+/// The first GPU; on a machine without one a driver that calculates on the processor, such as
+/// Mesa's lavapipe. None, which is said, where there is neither: its tests then show nothing.
+pub(crate) fn gpu() -> Option<Arc<Gpu>> {
+    static FOUND: OnceLock<Option<Arc<Gpu>>> = OnceLock::new();
+    let opened = FOUND.get_or_init(|| match Gpu::open(0) {
+        Ok(gpu) => Some(gpu),
+        Err(GpuError::None) => None,
+        Err(error) => panic!("{error}"),
     });
-    &**device
-}
-
-fn wanted() -> String {
-    std::env::var("SELVEDGE_TEST_DEVICE").unwrap_or_else(|_| "host".to_owned())
-}
-
-/// The tolerance between cloths that are computed side by side and the same alone: 0 on the host;
-/// `rounding` on a card, where products of other sizes may be summed in another order.
-pub(crate) fn side_by_side(rounding: f32) -> f32 {
-    if wanted() == "host" { 0.0 } else { rounding }
+    if opened.is_none() {
+        eprintln!("no GPU and no software driver for one (mesa-vulkan-drivers): not tested");
+    }
+    opened.clone()
 }

@@ -5,8 +5,8 @@
 //! `cargo bench -p selvedge-lab --bench networks -- [KEY=VALUE ...]` with `network` (`gru-10`,
 //! `gru-5`, `mlp`, `meshgraphnets`, `small`; all), `vertices` of a cloth (1024), `cloths` in a pass
 //! (1), `runs` that count (10), `threads` (1), and `against` (none), a program that runs the same
-//! networks, such as `python benches/peer/peer.py`. With `--features gpu` also `device` (cpu, cuda,
-//! cuda:N) and `precision` (full, tensor). Times are medians.
+//! networks, such as `python benches/peer/peer.py`. With `--features gpu` also `device` (cpu, gpu,
+//! gpu:N). Times are medians.
 //!
 //! The other program gets one line of JSON on its standard input: spec, vertices, node_width,
 //! edge_width, senders, receivers, threads. It answers "ready"; then, for each line "frame" or
@@ -43,7 +43,6 @@ fn main() {
         ("threads", "1"),
         ("against", ""),
         ("device", "cpu"),
-        ("precision", "full"),
     ];
     let mut settings = BTreeMap::from(keys.map(|(key, value)| (key, value.to_owned())));
     for argument in std::env::args().skip(1).filter(|a| a != "--bench") {
@@ -164,33 +163,41 @@ fn on_gpu(
     settings: &BTreeMap<&str, String>,
     timed: &dyn Fn(&mut dyn FnMut()) -> f64,
 ) -> Vec<f64> {
-    use selvedge_gpu::bench::{NetworkCase, inference::Inference, learning::Learning};
-    use selvedge_gpu::device::Precision;
-    use selvedge_lab::machine::open_device;
+    use selvedge_gpu::passes::{Passes, Training};
+    use selvedge_lab::machine::Machine;
+    use selvedge_model::Window;
 
-    let device = open_device(settings["device"].parse().unwrap()).unwrap();
-    let precision = match settings["precision"].as_str() {
-        "full" => Precision::Full,
-        "tensor" => Precision::Tensor,
-        other => panic!("{other:?} is none of full, tensor"),
+    let opened = Machine::open(settings["device"].parse().unwrap()).unwrap();
+    let Machine::Gpu(gpu) = opened else {
+        panic!("device={} is no GPU", settings["device"])
     };
-    let case = || NetworkCase {
-        network,
-        weights,
-        graph,
+    let window = Window {
+        nodes: input.nodes.to_vec(),
+        arcs: input.arcs.to_vec(),
     };
-    let mut inference = Inference::new(&*device, case(), precision).unwrap();
-    inference.put(input).unwrap();
+    let mut inference = Passes::new(&gpu, network, graph, None, None).unwrap();
+    inference.set_weights(weights);
     let pass = timed(&mut || {
-        inference.run().unwrap();
-        inference.wait().unwrap();
+        inference.forward(0, &window, &[]).unwrap();
     });
     drop(inference);
-    let mut learning = Learning::new(&*device, case(), precision).unwrap();
-    learning.put(input, target).unwrap();
+    let training = Training {
+        frames: 1,
+        dropout: 0.0,
+    };
+    let mut passes = Passes::new(&gpu, network, graph, Some(training), None).unwrap();
+    let mut adam = Adam::new(AdamSettings::default(), weights.len()).unwrap();
+    passes.set_weights(weights);
     let step = timed(&mut || {
-        learning.step(1e-5).unwrap();
-        learning.wait().unwrap();
+        let out = passes.forward(0, &window, &[]).unwrap();
+        let scale = 2.0 / out.len() as f32;
+        let by_output = out.iter().zip(target).map(|(x, y)| scale * (x - y));
+        passes.clear_gradient();
+        passes
+            .backward(0, &by_output.collect::<Vec<f32>>())
+            .unwrap();
+        passes.step(f64::MAX, adam.next_rates(1e-5), 0.0).unwrap();
+        adam.count_step();
     });
     vec![pass, step]
 }

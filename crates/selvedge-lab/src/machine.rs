@@ -10,31 +10,28 @@ use std::sync::Arc;
 use glam::Vec3;
 use selvedge_cloth::Correctable;
 #[cfg(feature = "gpu")]
-use selvedge_gpu::device::{Device, DeviceError, Precision, cuda::Cuda, host::Host};
+use selvedge_gpu::gpu::{Gpu, GpuError};
 #[cfg(feature = "gpu")]
-use selvedge_gpu::rollout::{OpeningError, stepper::GpuStepper};
+use selvedge_gpu::rollout::{GpuStepper, OpeningError};
 use selvedge_model::{ClothGraph, LearnedStepper, Model, RolloutError};
 use selvedge_train::{EngineMaker, OnProcessor};
 use thiserror::Error;
 
-/// A name of a device, as the command line has it: `cpu`, `cuda`, `cuda:N`, `host`.
+/// A name of a device, as the command line has it: `cpu`, `gpu`, `gpu:N`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DeviceName {
     /// The processor with its own engine.
     Cpu,
-    /// An NVIDIA GPU.
-    Cuda(usize),
-    /// The processor with the kernels of the GPU: slow, to test them.
-    Host,
+    /// A GPU.
+    Gpu(usize),
 }
 
 impl fmt::Display for DeviceName {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Cpu => f.write_str("cpu"),
-            Self::Cuda(0) => f.write_str("cuda"),
-            Self::Cuda(number) => write!(f, "cuda:{number}"),
-            Self::Host => f.write_str("host"),
+            Self::Gpu(0) => f.write_str("gpu"),
+            Self::Gpu(number) => write!(f, "gpu:{number}"),
         }
     }
 }
@@ -46,9 +43,8 @@ impl FromStr for DeviceName {
         let problem = || DeviceNameError(text.to_owned());
         match text.split_once(':') {
             None if text == "cpu" => Ok(Self::Cpu),
-            None if text == "cuda" => Ok(Self::Cuda(0)),
-            None if text == "host" => Ok(Self::Host),
-            Some(("cuda", number)) => number.parse().map(Self::Cuda).map_err(|_| problem()),
+            None if text == "gpu" => Ok(Self::Gpu(0)),
+            Some(("gpu", number)) => number.parse().map(Self::Gpu).map_err(|_| problem()),
             _ => Err(problem()),
         }
     }
@@ -60,16 +56,12 @@ impl DeviceName {
     pub fn of_rank(self, local: usize) -> Result<Self, MachineError> {
         match self {
             #[cfg(feature = "gpu")]
-            Self::Cuda(first) => {
-                let cards = Cuda::count();
-                let cards = cards.map_err(|source| MachineError::Device { name: self, source })?;
-                Ok(Self::Cuda(card_of(first, local, cards)))
-            }
+            Self::Gpu(first) => Ok(Self::Gpu(card_of(first, local, Gpu::count()))),
             #[cfg(not(feature = "gpu"))]
-            Self::Cuda(_) => Err(MachineError::BuiltWithout),
-            name @ (Self::Cpu | Self::Host) => {
+            Self::Gpu(_) => Err(MachineError::BuiltWithout),
+            Self::Cpu => {
                 let _ = local;
-                Ok(name)
+                Ok(self)
             }
         }
     }
@@ -87,27 +79,8 @@ fn card_of(first: usize, local: usize, cards: usize) -> usize {
 
 /// A name that no device has.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("there is no device {0:?}: there are cpu, cuda and cuda:N")]
+#[error("there is no device {0:?}: there are cpu, gpu and gpu:N")]
 pub struct DeviceNameError(pub String);
-
-/// A rounding of factors before they are multiplied.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PrecisionName {
-    /// No rounding.
-    Full,
-    /// To 10 bits (TF32).
-    Tensor,
-}
-
-impl PrecisionName {
-    /// The name as the command line has it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Full => "f32",
-            Self::Tensor => "tf32",
-        }
-    }
-}
 
 /// The name of [`Machine::Cpu`].
 pub const PROCESSOR: &str = "cpu";
@@ -122,7 +95,7 @@ pub enum Machine {
     Cpu,
     /// A GPU.
     #[cfg(feature = "gpu")]
-    Gpu(Arc<dyn Device>, Precision),
+    Gpu(Arc<Gpu>),
 }
 
 /// A machine that cannot be opened.
@@ -130,24 +103,13 @@ pub enum Machine {
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum MachineError {
     #[error(
-        "precision {}: the processor multiplies in f32 here: take a GPU as device, or precision \
-         f32",
-        precision.name()
-    )]
-    Precision { precision: PrecisionName },
-    #[error(
         "device: this selvedge was built without GPUs: build it with the feature gpu, or take the \
          processor"
     )]
     BuiltWithout,
-    #[error("device cpu is no GPU")]
-    Processor,
     #[cfg(feature = "gpu")]
     #[error("device {name}: {source}")]
-    Device {
-        name: DeviceName,
-        source: DeviceError,
-    },
+    Device { name: DeviceName, source: GpuError },
 }
 
 /// A model that a machine cannot start.
@@ -162,16 +124,17 @@ pub enum StartError {
 
 impl Machine {
     /// Opens the machine of this name.
-    pub fn open(device: DeviceName, precision: PrecisionName) -> Result<Self, MachineError> {
-        match device {
-            DeviceName::Cpu => match precision {
-                PrecisionName::Full => Ok(Self::Cpu),
-                PrecisionName::Tensor => Err(MachineError::Precision { precision }),
-            },
+    pub fn open(name: DeviceName) -> Result<Self, MachineError> {
+        match name {
+            DeviceName::Cpu => Ok(Self::Cpu),
             #[cfg(feature = "gpu")]
-            name => Ok(Self::Gpu(open_device(name)?, precision_of(precision))),
+            DeviceName::Gpu(number) => {
+                let opened = Gpu::open(number);
+                let gpu = opened.map_err(|source| MachineError::Device { name, source })?;
+                Ok(Self::Gpu(gpu))
+            }
             #[cfg(not(feature = "gpu"))]
-            DeviceName::Cuda(_) | DeviceName::Host => Err(MachineError::BuiltWithout),
+            DeviceName::Gpu(_) => Err(MachineError::BuiltWithout),
         }
     }
 
@@ -186,11 +149,7 @@ impl Machine {
         match self {
             Self::Cpu => Ok(Box::new(LearnedStepper::new(model, graph, start)?)),
             #[cfg(feature = "gpu")]
-            Self::Gpu(device, precision) => {
-                let (device, precision) = (device.as_ref(), *precision);
-                let stepper = GpuStepper::new(device, model, graph, start, precision)?;
-                Ok(Box::new(stepper))
-            }
+            Self::Gpu(gpu) => Ok(Box::new(GpuStepper::new(gpu, model, graph, start)?)),
         }
     }
 
@@ -200,42 +159,19 @@ impl Machine {
         match self {
             Self::Cpu => Box::new(OnProcessor { micro_batch }),
             #[cfg(feature = "gpu")]
-            Self::Gpu(device, precision) => Box::new(selvedge_gpu::training::OnDevice {
-                device: device.as_ref(),
-                precision: *precision,
+            Self::Gpu(gpu) => Box::new(selvedge_gpu::training::OnGpu {
+                gpu: Arc::clone(gpu),
             }),
         }
     }
 
-    /// The name for people, with the precision where that is not full.
+    /// The name for people.
     pub fn name(&self) -> String {
         match self {
             Self::Cpu => PROCESSOR.to_owned(),
             #[cfg(feature = "gpu")]
-            Self::Gpu(device, Precision::Full) => device.name(),
-            #[cfg(feature = "gpu")]
-            Self::Gpu(device, _) => format!("{}, precision tf32", device.name()),
+            Self::Gpu(gpu) => gpu.name().to_owned(),
         }
-    }
-}
-
-/// Opens the GPU of this name.
-#[cfg(feature = "gpu")]
-pub fn open_device(name: DeviceName) -> Result<Arc<dyn Device>, MachineError> {
-    let failed = |source| MachineError::Device { name, source };
-    match name {
-        DeviceName::Cpu => Err(MachineError::Processor),
-        DeviceName::Cuda(number) => Ok(Arc::new(Cuda::new(number).map_err(failed)?)),
-        DeviceName::Host => Ok(Arc::new(Host::new().map_err(failed)?)),
-    }
-}
-
-/// The precision of this name, as devices have it.
-#[cfg(feature = "gpu")]
-pub fn precision_of(name: PrecisionName) -> Precision {
-    match name {
-        PrecisionName::Full => Precision::Full,
-        PrecisionName::Tensor => Precision::Tensor,
     }
 }
 
@@ -246,15 +182,15 @@ mod tests {
     #[test]
     fn devices_are_named_and_numbered() {
         assert_eq!("cpu".parse(), Ok(DeviceName::Cpu));
-        assert_eq!("cuda".parse(), Ok(DeviceName::Cuda(0)));
-        assert_eq!("cuda:3".parse(), Ok(DeviceName::Cuda(3)));
-        for name in ["cpu", "cuda", "cuda:3", "host"] {
+        assert_eq!("gpu".parse(), Ok(DeviceName::Gpu(0)));
+        assert_eq!("gpu:3".parse(), Ok(DeviceName::Gpu(3)));
+        for name in ["cpu", "gpu", "gpu:3"] {
             assert_eq!(name.parse::<DeviceName>().unwrap().to_string(), name);
         }
-        for wrong in ["gpu", "cuda:", "cuda:x", "cuda:-1", "cpu:0", ""] {
+        for wrong in ["cuda", "gpu:", "gpu:x", "gpu:-1", "cpu:0", ""] {
             let problem = wrong.parse::<DeviceName>().unwrap_err().to_string();
             assert!(
-                problem.contains("there are cpu, cuda and cuda:N"),
+                problem.contains("there are cpu, gpu and gpu:N"),
                 "{problem}"
             );
         }
@@ -263,14 +199,8 @@ mod tests {
     /// Their reader may be a program in Python or C#, which has no command line.
     #[test]
     fn errors_name_no_options_of_the_command_line() {
-        let precision = PrecisionName::Tensor;
-        for error in [
-            MachineError::Precision { precision },
-            MachineError::BuiltWithout,
-            MachineError::Processor,
-        ] {
-            assert!(!error.to_string().contains("--"), "{error}");
-        }
+        let error = MachineError::BuiltWithout.to_string();
+        assert!(!error.contains("--"), "{error}");
     }
 
     #[test]
@@ -282,8 +212,6 @@ mod tests {
         assert_eq!(cards(0, 1), [0; 5]);
         // One that is not there is told of when it is opened.
         assert_eq!(cards(7, 2), [7; 5]);
-        for name in [DeviceName::Cpu, DeviceName::Host] {
-            assert_eq!(name.of_rank(3).unwrap(), name);
-        }
+        assert_eq!(DeviceName::Cpu.of_rank(3).unwrap(), DeviceName::Cpu);
     }
 }

@@ -15,7 +15,10 @@ use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use selvedge_data::Section;
-use selvedge_model::{ClothGraph, Frames, LocalAcceleration, TwoFrames, Yaw, advance};
+use selvedge_model::{
+    ClothGraph, Frames, InputGradient, LocalAcceleration, ModelSpec, Normalizers, TwoFrames,
+    Window, Yaw, advance, advance_backward,
+};
 use serde::{Deserialize, Serialize};
 
 use crate::config::{NoiseConfig, NoiseUnit, TrainConfig};
@@ -371,7 +374,7 @@ impl Default for ShownSample {
 
 impl ShownSample {
     /// The sample for the features.
-    pub(crate) fn window(&self) -> Frames<'_, Vec<Vec3>> {
+    pub fn window(&self) -> Frames<'_, Vec<Vec3>> {
         Frames {
             positions: &self.frames,
             yaw: self.yaw,
@@ -379,7 +382,7 @@ impl ShownSample {
     }
 
     /// The sample for the losses.
-    pub(crate) fn triplet<'a>(&'a self, graph: &'a ClothGraph) -> Triplet<'a> {
+    pub fn triplet<'a>(&'a self, graph: &'a ClothGraph) -> Triplet<'a> {
         let [previous, current, target] = &self.local;
         Triplet {
             graph,
@@ -387,6 +390,50 @@ impl ShownSample {
             current,
             target,
         }
+    }
+
+    /// Joins the gradient `rows` (`[vertices, 3]`) of this frame's own loss, times `weight`, with
+    /// the gradient `by_next` of the predicted positions in later frames. Afterwards `rows` are the
+    /// whole gradient of the prediction, and `by_next` that of the predicted positions.
+    pub fn join_gradient(
+        &self,
+        graph: &ClothGraph,
+        normalizers: &Normalizers,
+        weight: f32,
+        rows: &mut [f32],
+        by_next: &mut [Vec3],
+    ) {
+        let deviation = DVec3::from_slice(normalizers.acceleration.deviation()).as_vec3();
+        let inverse = deviation.map(|d| if d > 0.0 { 1.0 / d } else { 0.0 });
+        let rows = rows.as_chunks_mut::<3>().0.iter_mut();
+        for ((row, by_next), &handle) in rows.zip(by_next).zip(graph.handle_mask()) {
+            if handle {
+                *by_next = Vec3::ZERO;
+            }
+            let own = weight * Vec3::from_array(*row);
+            *row = (own + deviation * self.yaw.to_local(*by_next)).to_array();
+            *by_next += self.yaw.to_world(own * inverse);
+        }
+    }
+
+    /// Adds to the gradients of the positions that the prediction was made from: through the
+    /// integration, from that of the predicted ones, which is the last of `positions`, and through
+    /// the features, from that of the normalised features, which is scaled on the way.
+    pub fn positions_backward(
+        &self,
+        spec: &ModelSpec,
+        graph: &ClothGraph,
+        normalizers: &Normalizers,
+        features: InputGradient<'_, f32>,
+        positions: &mut [Vec<Vec3>],
+    ) {
+        normalizers.nodes.scale_gradient(features.nodes);
+        normalizers.edges.scale_gradient(features.arcs);
+        let (by_history, by_next) = positions.split_at_mut(spec.history());
+        Window::backward(spec, graph, self.window(), &features, by_history);
+        let newest = by_history.len() - 1;
+        let (earlier, current) = by_history.split_at_mut(newest);
+        advance_backward(&by_next[0], &mut earlier[newest - 1], &mut current[0]);
     }
 }
 

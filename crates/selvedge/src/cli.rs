@@ -203,7 +203,7 @@ pub(crate) struct MergeArgs {
 Examples:
   selvedge train first --data data/first -o runs/first --for 30m
   selvedge train first --data data/first -o runs/first --resume
-  selvedge train rp-gru10 --data data/first -o runs/gpu --device cuda --for 8m
+  selvedge train rp-gru10 --data data/first -o runs/gpu --device gpu --for 8m
   selvedge train rp-gru10 --data data/first -o runs/small --set model.latent=32 --set model.blocks=4")]
 pub(crate) struct TrainArgs {
     /// A configuration: a TOML file, or the name of a shipped one (`selvedge list configs`).

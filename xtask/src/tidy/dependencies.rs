@@ -51,9 +51,9 @@ const LEAVES: [&str; 3] = ["selvedge-assets", "selvedge-cloth", "selvedge-cluste
 /// The command line and the library for C, on which nothing depends.
 const ENDS: [&str; 2] = ["selvedge", "selvedge-c"];
 
-/// The binding of CUDA, and the members that may reach it: the engine, and its users above.
-const CUDA: &str = "cudarc";
-const KNOW_CUDA: [&str; 6] = [
+/// The way to GPUs, and the members that may reach it: the engine, and its users above.
+const GPUS: &str = "wgpu";
+const KNOW_GPUS: [&str; 6] = [
     "selvedge",
     "selvedge-c",
     "selvedge-gpu",
@@ -84,8 +84,8 @@ pub(crate) fn check(graph: &Graph) -> Vec<Violation> {
         pairs.extend(ends.map(|end| (member, end)));
         let leaves = LEAVES.into_iter().filter(|leaf| *leaf != member);
         pairs.extend(leaves.map(|leaf| (leaf, member)));
-        if !KNOW_CUDA.contains(&member) {
-            pairs.push((member, CUDA));
+        if !KNOW_GPUS.contains(&member) {
+            pairs.push((member, GPUS));
         }
     }
     pairs.extend(TENSOR_FRAMEWORKS.map(|framework| (RUNTIME, framework)));
@@ -225,9 +225,9 @@ mod tests {
     }
 
     #[test]
-    fn only_the_engine_and_its_users_reach_cuda() {
-        assert_eq!(check_of(&[("selvedge-data", "cudarc")], &[]).len(), 1);
-        assert!(check_of(&[("selvedge", "gpu"), ("gpu", "cudarc")], &[]).is_empty());
+    fn only_the_engine_and_its_users_reach_gpus() {
+        assert_eq!(check_of(&[("selvedge-data", "wgpu")], &[]).len(), 1);
+        assert!(check_of(&[("selvedge", "gpu"), ("gpu", "wgpu")], &[]).is_empty());
     }
 
     #[test]

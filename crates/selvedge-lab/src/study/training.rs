@@ -245,7 +245,7 @@ fn check_device(known: &Record, now: &Record, folder: &Path) -> Result<(), Study
         return Ok(());
     }
     Err(StudyError::new(format!(
-        "{} has a budget in time and was begun on {:?}, not on {:?}: take the device and precision that it was \
+        "{} has a budget in time and was begun on {:?}, not on {:?}: take the device that it was \
          begun with, remove the folder to train again, or give the entry another name",
         folder.display(),
         known.device,

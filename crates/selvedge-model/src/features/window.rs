@@ -104,7 +104,6 @@ impl Window {
     /// # Panics
     /// When there are not `history` frames, or `gradient` does not have the size of the cloth.
     pub fn backward<F: AsRef<[Vec3]>>(
-        &self,
         spec: &ModelSpec,
         graph: &ClothGraph,
         frames: Frames<'_, F>,

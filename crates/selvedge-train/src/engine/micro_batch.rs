@@ -9,10 +9,10 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 use selvedge_model::{
     ClothGraph, Connectivity, Dropout, Gradients, Input, InputGradient, PackedWeights, Pass, Place,
-    Stopped, Window, Workspace, advance_backward,
+    Stopped, Window, Workspace,
 };
 
 use super::{FramePasses, Setup, SlotRun, run_slots};
@@ -198,7 +198,13 @@ impl Passes<'_, '_> {
             let frame = &mut batch.frames[number];
             let positions = &mut batch.by_position[number..=number + history];
             let by_next = &mut positions[history];
-            frame.join_position_gradient(shared, &batch.union.graphs[0], weight as f32, by_next);
+            frame.samples[0].join_gradient(
+                &batch.union.graphs[0],
+                shared.setup.normalizers,
+                weight as f32,
+                &mut frame.by_output,
+                by_next,
+            );
             let gradients = FrameGradients {
                 weights: &mut batch.gradient,
                 // The first frame starts from given positions.
@@ -308,31 +314,6 @@ impl FrameBuffers {
         }
     }
 
-    /// Joins this frame's own loss, times `weight`, with the gradient `by_next` of the predicted
-    /// positions in later frames. Afterwards `by_output` is the whole gradient of the prediction,
-    /// and `by_next` that of the predicted positions.
-    fn join_position_gradient(
-        &mut self,
-        shared: &Shared<'_>,
-        graph: &ClothGraph,
-        weight: f32,
-        by_next: &mut [Vec3],
-    ) {
-        let normalizers = shared.setup.normalizers;
-        let deviation = DVec3::from_slice(normalizers.acceleration.deviation()).as_vec3();
-        let inverse = deviation.map(|d| if d > 0.0 { 1.0 / d } else { 0.0 });
-        let sample = &self.samples[0];
-        let rows = self.by_output.as_chunks_mut::<3>().0.iter_mut();
-        for ((row, by_next), &handle) in rows.zip(by_next).zip(graph.handle_mask()) {
-            if handle {
-                *by_next = Vec3::ZERO;
-            }
-            let own = weight * Vec3::from_array(*row);
-            *row = (own + deviation * sample.yaw.to_local(*by_next)).to_array();
-            *by_next += sample.yaw.to_world(own * inverse);
-        }
-    }
-
     /// From `by_output` to the weights and, where the positions before are predictions, to those.
     fn backward(
         &mut self,
@@ -351,17 +332,9 @@ impl FrameBuffers {
         input.nodes.resize(self.window.nodes.len(), 0.0);
         input.arcs.resize(self.window.arcs.len(), 0.0);
         self.network_backward(shared, union, weights, Some(input.gradient()))?;
-        let normalizers = shared.setup.normalizers;
-        normalizers.nodes.scale_gradient(&mut input.nodes);
-        normalizers.edges.scale_gradient(&mut input.arcs);
-        let spec = shared.setup.network.spec();
-        let (graph, sample) = (&union.graphs[0], &self.samples[0]);
-        let (by_history, by_next) = positions.split_at_mut(spec.history());
-        self.window
-            .backward(spec, graph, sample.window(), &input.gradient(), by_history);
-        let newest = by_history.len() - 1;
-        let (earlier, current) = by_history.split_at_mut(newest);
-        advance_backward(&by_next[0], &mut earlier[newest - 1], &mut current[0]);
+        let (spec, normalizers) = (shared.setup.network.spec(), shared.setup.normalizers);
+        let (graph, gradient) = (&union.graphs[0], input.gradient());
+        self.samples[0].positions_backward(spec, graph, normalizers, gradient, positions);
         Ok(())
     }
 

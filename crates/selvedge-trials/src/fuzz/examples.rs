@@ -20,7 +20,7 @@ const OPTIONS: [&str; 9] = [
     "..5",
     "1h30m",
     "90s",
-    "cuda",
+    "gpu",
     "linearised:4",
 ];
 

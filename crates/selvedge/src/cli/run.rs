@@ -24,7 +24,7 @@ Examples:
   selvedge run my-scene.toml --rest -o rest.obj
   selvedge run --model paper --compare
   selvedge run my-scene.toml --model my-model.safetensors -o my-run --export cloth.usda
-  selvedge run my-large-scene.toml --model paper --device cuda
+  selvedge run my-large-scene.toml --model paper --device gpu
 
 The physics writes one trajectory. With a model -o names a folder, which gets rollout.safetensors,
 with --compare truth.safetensors, sheet.png (a contact sheet) and clip.gif; files of these names from

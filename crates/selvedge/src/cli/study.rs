@@ -17,7 +17,7 @@ use super::eval::MOST_THREADS;
 Examples:
   selvedge study ten-minutes -o studies/ten-minutes
   selvedge study my-study.toml -o studies/mine
-  selvedge study table1 -o studies/table1 --device cuda
+  selvedge study table1 -o studies/table1 --device gpu
 
 The folder gets report/ (report.md, plots, numbers), trainings/ (a model each), evaluations/ and
 data/ (the data sets that the study makes). docs/src/guides/studies.md says how a study is written.")]

@@ -1,5 +1,6 @@
-//! Where models run: what is said where there is no GPU, and, in a program built for them, the
-//! kernels of a GPU on the processor.
+//! Where models run: what is said where there is no GPU, and, in a program built for them, what a
+//! GPU computes. A driver that calculates on the processor (Debian: mesa-vulkan-drivers) is one too;
+//! where there is neither, these tests say so and show nothing.
 
 use crate::common::{Desk, PUSH, TRAINING};
 
@@ -9,7 +10,7 @@ fn a_gpu_that_cannot_be_had_is_said_before_anything_is_written() {
     desk.write("push.toml", PUSH);
     desk.write("moment.toml", TRAINING);
     let words: &[&str] = if cfg!(feature = "gpu") {
-        &["was not found", "no GPU", "too old", "failed on the device"]
+        &["no GPU was found", "the GPU"]
     } else {
         &["built without GPUs"]
     };
@@ -20,7 +21,7 @@ fn a_gpu_that_cannot_be_had_is_said_before_anything_is_written() {
         "study ten-minutes -o study",
         "view",
     ] {
-        let said = desk.run(&format!("{call} --device cuda"));
+        let said = desk.run(&format!("{call} --device gpu"));
         // Where there is a GPU it works, and there is nothing to say.
         if said.code == Some(0) {
             return;
@@ -32,39 +33,34 @@ fn a_gpu_that_cannot_be_had_is_said_before_anything_is_written() {
     assert_eq!(desk.names(), ["moment.toml", "push.toml"]);
 }
 
-#[test]
-fn the_processor_has_no_tensor_products() {
-    let desk = Desk::new();
-    desk.write("push.toml", PUSH);
-    desk.write("moment.toml", TRAINING);
-    desk.fails(
-        "run --model paper --compare push.toml --precision tf32",
-        1,
-        &["precision tf32", "GPU as device"],
-    );
-    let call = "train moment.toml --data nowhere -o run --precision tf32";
-    desk.fails(call, 1, &["precision tf32", "device"]);
-    assert_eq!(desk.names(), ["moment.toml", "push.toml"]);
+/// True where there is no GPU, which is then said.
+#[cfg(feature = "gpu")]
+fn no_gpu() -> bool {
+    use selvedge_lab::machine::{DeviceName, Machine};
+
+    let none = Machine::open(DeviceName::Gpu(0)).is_err();
+    if none {
+        eprintln!("no GPU and no software driver for one (mesa-vulkan-drivers): not tested");
+    }
+    none
 }
 
 #[cfg(feature = "gpu")]
 #[test]
-fn a_rollout_by_the_kernels_of_a_gpu_is_that_of_the_engine() {
+fn a_rollout_on_a_gpu_is_that_of_the_processor() {
     use selvedge_data::Trajectory;
 
+    if no_gpu() {
+        return;
+    }
     let desk = Desk::new();
     desk.write("push.toml", PUSH);
     let call = "run push.toml --model paper --frames 20 --guard none --no-clip";
     desk.json(&format!("{call} --out cpu"));
-    let report = desk.json(&format!("{call} --out host --device host"));
-    assert!(
-        report["device"]
-            .as_str()
-            .unwrap()
-            .starts_with("this machine")
-    );
+    let report = desk.json(&format!("{call} --out gpu --device gpu"));
+    assert_ne!(report["device"], "cpu");
     let read = |name: &str| Trajectory::read(&desk.path(name)).unwrap();
-    let [a, b] = ["cpu/rollout.safetensors", "host/rollout.safetensors"].map(read);
+    let [a, b] = ["cpu/rollout.safetensors", "gpu/rollout.safetensors"].map(read);
     for frame in 0..a.frame_count() {
         for (p, q) in a.frame(frame).iter().zip(b.frame(frame)) {
             // Roundings of 1e-7 m that the model feeds back for a third of a second.
@@ -75,19 +71,20 @@ fn a_rollout_by_the_kernels_of_a_gpu_is_that_of_the_engine() {
 
 #[cfg(feature = "gpu")]
 #[test]
-fn a_training_goes_on_from_the_kernels_of_a_gpu_with_the_engine_and_the_other_way() {
+fn a_training_goes_on_from_a_gpu_on_the_processor_and_the_other_way() {
     use serde_json::Value;
 
+    if no_gpu() {
+        return;
+    }
     let desk = Desk::new();
     desk.model();
-    let begun = [("from", "host", "cpu"), ("to", "cpu", "host")];
+    let begun = [("from", "gpu", "cpu"), ("to", "cpu", "gpu")];
     for (folder, first, second) in begun {
         let train = format!("train moment.toml --data tiny -o {folder}");
         for (device, rest) in [(first, "--steps 4"), (second, "--resume")] {
             let report = desk.json(&format!("{train} --device {device} {rest}"));
-            let said = report["device"].as_str().unwrap();
-            let host = device == "host";
-            assert_eq!(said.starts_with("this machine"), host, "{said}");
+            assert_eq!(report["device"] == "cpu", device == "cpu");
         }
     }
     let losses = |folder: &str| -> Vec<f64> {
@@ -129,6 +126,9 @@ name = "moment"
 config = "moment.toml"
 budget = { steps = 4 }
 "#;
+    if no_gpu() {
+        return;
+    }
     let desk = Desk::new();
     desk.write("moment.toml", TRAINING);
     desk.write("study.toml", STUDY);
@@ -141,14 +141,14 @@ budget = { steps = 4 }
         let found = kept(file).pointer(pointer).cloned();
         found.unwrap().as_str().unwrap().to_owned()
     };
-    desk.json(&format!("{study} --device host"));
+    desk.json(&format!("{study} --device gpu"));
     let [record, rigid, moment] = [
         "trainings/moment/record.json",
         "evaluations/rigid.json",
         "evaluations/moment.json",
     ];
-    assert!(ran_on(record, "/device").starts_with("this machine"));
-    assert!(ran_on(moment, "/of/device").starts_with("this machine"));
+    assert_ne!(ran_on(record, "/device"), "cpu");
+    assert_ne!(ran_on(moment, "/of/device"), "cpu");
     assert_eq!(ran_on(rigid, "/of/device"), "cpu");
     let before = [kept(record), kept(rigid)];
     desk.json(study);
@@ -165,8 +165,7 @@ budget = { steps = 4 }
     let words = [
         "budget in time",
         "begun on \"cpu\"",
-        "this machine",
-        "the device and precision",
+        "take the device that it was begun with",
     ];
-    desk.fails("study study.toml -o t --device host", 1, &words);
+    desk.fails("study study.toml -o t --device gpu", 1, &words);
 }

@@ -20,9 +20,9 @@ fn wrong_calls_exit_with_2_and_say_why() {
         ("run --model paper --states s.safetensors", "--states"),
         ("view default --beside a.safetensors", "--beside"),
         ("view --address here", "--address"),
-        ("run --device gpu", "cuda:N"),
-        ("eval --model a --data b --device cuda:x", "cuda:N"),
-        ("run --precision double", "--precision"),
+        ("run --device cuda", "gpu:N"),
+        ("eval --model a --data b --device gpu:x", "gpu:N"),
+        ("run --device double", "--device"),
         ("run --rest default --quiet --verbose", "--verbose"),
         ("completions tcsh", "bash"),
     ] {

@@ -145,7 +145,7 @@ fn the_gradient_of_every_feature_matches_finite_differences() {
             nodes: &mut nodes,
             arcs: &mut edges,
         };
-        Window::default().backward(&spec, &graph, of(frames, yaw), &by_input, &mut gradient);
+        Window::backward(&spec, &graph, of(frames, yaw), &by_input, &mut gradient);
         let size = gradient.iter().flatten().map(|g| g.length_squared());
         let size = size.sum::<f32>().sqrt();
         assert!(size > 0.0, "{spec:?}");

@@ -1,5 +1,0 @@
-//! Kernels of the integration.
-
-use super::part;
-
-part!("motion.cu": INTEGRATE = "integrate");
