@@ -1,12 +1,15 @@
-//! Fitting the cloth of a scene into its pattern, and the word on what is left of its strain.
+//! The cloth of a scene made ready from its mesh: moved apart, put onto a body, fitted into its
+//! pattern; and the word on what is left of its strain.
 
 use std::ops::ControlFlow;
 
-use selvedge_data::{LoadedScene, Times, panel_stretches, worst_free_edges};
-use selvedge_sim::{FitError, FitProgress, Fitted, fit as fit_cloth, sew_and_fit};
+use glam::DVec3;
+use selvedge_cloth::Mesh;
+use selvedge_data::{LoadedScene, StartSpec, Times, panel_stretches, worst_free_edges};
+use selvedge_sim::{FitError, FitProgress, Fitted, dress, fit as fit_cloth, sew_and_fit, untangle};
 use thiserror::Error;
 
-use crate::event::{Goal, Reporter};
+use crate::event::{Goal, Reporter, Task};
 use crate::numbers::percent;
 
 /// Strain that a fit may leave without a word.
@@ -35,35 +38,38 @@ pub enum FittingError {
     },
 }
 
-/// A cloth in its pattern.
+/// A cloth made ready from its mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FittedCloth {
-    /// The cloth.
-    pub fitted: Fitted,
+    /// Positions `[m]`, `[vertices]`.
+    pub positions: Vec<DVec3>,
+    /// What was done.
+    pub remarks: Vec<String>,
     /// A warning of strain that is left.
     pub warning: Option<String>,
 }
 
-/// Relaxes the cloth of a scene into its pattern; where its panels are loose, they are sewn first.
+/// A listener of each stage, by its name and progress.
+type Listener<'a> = &'a mut dyn FnMut(&'static str, FitProgress) -> ControlFlow<()>;
+
+/// Makes the cloth of a scene ready as [`fit_told`] does.
 pub(crate) fn fit(
     loaded: &LoadedScene,
     reporter: &Reporter<'_>,
 ) -> Result<FittedCloth, FittingError> {
     const STEPS: f64 = 100.0;
-    let what = match loaded.loose {
-        Some(_) => "sewing and fitting into the pattern",
-        None => "fitting into the pattern",
-    };
-    let task = reporter.begin(what, Goal::Count(STEPS as u64), "steps");
-    let mut done = 0.0;
-    fit_told(loaded, &mut |now| {
-        let open = match now.gap {
-            Some(gap) => format!("seams open by {:.1} cm, ", 100.0 * gap),
-            None => String::new(),
+    let mut stage: Option<(&str, Task<'_, '_>, f64)> = None;
+    fit_told(loaded, &mut |what, now| {
+        let (_, task, done) = match stage.take_if(|(name, ..)| *name == what) {
+            Some(same) => stage.insert(same),
+            None => {
+                let task = reporter.begin(what, Goal::Count(STEPS as u64), "steps");
+                stage.insert((what, task, 0.0))
+            }
         };
-        task.note(&format!("{open}largest strain {}", percent(now.strain)));
-        while done < STEPS * now.done {
-            done += 1.0;
+        task.note(&state(now));
+        while *done < STEPS * now.done {
+            *done += 1.0;
             task.advance()?;
         }
         match task.is_stopped() {
@@ -73,20 +79,92 @@ pub(crate) fn fit(
     })
 }
 
-/// Relaxes the cloth of a scene into its pattern, with the progress as it is.
-pub fn fit_told(
-    loaded: &LoadedScene,
-    progress: &mut dyn FnMut(FitProgress) -> ControlFlow<()>,
-) -> Result<FittedCloth, FittingError> {
-    let scene = &loaded.scene;
-    let fitted = match &loaded.loose {
-        Some(loose) => sew_and_fit(scene, loose, progress)?,
-        None => fit_cloth(scene, progress)?,
-    };
-    if fitted.after <= LEFT {
-        let warning = None;
-        return Ok(FittedCloth { fitted, warning });
+/// What a cloth under way is like.
+#[must_use]
+pub fn state(now: FitProgress) -> String {
+    let strain = percent(now.strain);
+    match (now.meeting, now.gap) {
+        (Some(pairs), _) => format!("{pairs} pairs of faces meet"),
+        (None, Some(gap)) => format!(
+            "seams open by {:.1} cm, largest strain {strain}",
+            100.0 * gap
+        ),
+        (None, None) => format!("largest strain {strain}"),
     }
+}
+
+/// Makes the cloth of a scene ready from its mesh, as its start says: moved apart where it meets
+/// itself, put onto a body, and relaxed into its pattern; where its panels are loose, they are sewn
+/// first.
+pub fn fit_told(loaded: &LoadedScene, progress: Listener<'_>) -> Result<FittedCloth, FittingError> {
+    let mut scene = loaded.scene.clone();
+    let mut remarks = Vec::new();
+    let start = &loaded.spec.start;
+    let meets_itself = scene.contact.is_some_and(|contact| contact.self_contact);
+    if *start == StartSpec::Untangle || *start == StartSpec::Fit && meets_itself {
+        let found = untangle(&scene, &mut |now| progress("untangling", now))?;
+        if found.before > 0 {
+            remarks.push(format!(
+                "untangled: the cloth met itself at {} pairs of faces; {} vertices were moved, by up to {:.1} mm",
+                found.before,
+                found.moved,
+                1e3 * found.farthest
+            ));
+            scene.mesh = at(scene.mesh, found.positions)?;
+        }
+    }
+    if let Some(body) = &loaded.spec.dress {
+        let dressed = dress(&scene, body, &mut |now| progress("dressing", now))?;
+        let [before, after] = dressed.strains.map(percent);
+        remarks.push(format!(
+            "dressed: {body:?} met the cloth at {} pairs of faces, shrank by {:.0} mm and grew back; the largest strain went from {before} to {after}",
+            dressed.before,
+            1e3 * dressed.shrunk
+        ));
+        scene.mesh = at(scene.mesh, dressed.positions)?;
+    }
+    if *start != StartSpec::Fit {
+        return Ok(FittedCloth {
+            positions: scene.mesh.positions().to_vec(),
+            remarks,
+            warning: None,
+        });
+    }
+    let fitted = match &loaded.loose {
+        Some(loose) => sew_and_fit(&scene, loose, &mut |now| {
+            progress("sewing and fitting into the pattern", now)
+        })?,
+        None => fit_cloth(&scene, &mut |now| progress("fitting into the pattern", now))?,
+    };
+    if let Some(gap) = fitted.gap {
+        remarks.push(format!("sewn: the seams were up to {gap:.3} m open"));
+    }
+    let [before, after] = [fitted.before, fitted.after].map(percent);
+    remarks.push(format!(
+        "fitted into the pattern: the largest strain went from {before} to {after}"
+    ));
+    let warning = left(loaded, &fitted)?;
+    Ok(FittedCloth {
+        positions: fitted.positions,
+        remarks,
+        warning,
+    })
+}
+
+/// A mesh that stands elsewhere.
+fn at(mesh: Mesh, positions: Vec<DVec3>) -> Result<Mesh, FitError> {
+    mesh.with_positions(positions)
+        .map_err(|error| FitError::Solve {
+            cause: error.to_string(),
+        })
+}
+
+/// A warning of the strain that a fit left; an error where that is too much.
+fn left(loaded: &LoadedScene, fitted: &Fitted) -> Result<Option<String>, FittingError> {
+    if fitted.after <= LEFT {
+        return Ok(None);
+    }
+    let scene = &loaded.scene;
     let worst = worst_free_edges(&scene.mesh, &scene.handles, &fitted.positions, NAMED);
     let named: Vec<String> = worst.iter().map(ToString::to_string).collect();
     let left = format!(
@@ -102,13 +180,9 @@ pub fn fit_told(
             panels: odd_panels(loaded),
         });
     }
-    let warning = format!(
+    Ok(Some(format!(
         "the cloth does not fit into its pattern: {left}; look at these panels, or at handles that are too far apart"
-    );
-    Ok(FittedCloth {
-        fitted,
-        warning: Some(warning),
-    })
+    )))
 }
 
 /// Names of panels that are drawn in another size than the mesh has.
@@ -159,9 +233,9 @@ mod tests {
 
     #[test]
     fn a_panel_of_another_size_is_refused_with_its_name_and_one_that_is_eased_is_warned_of() {
-        let mut go_on = |_| ControlFlow::Continue(());
+        let mut go_on = |_: &str, _| ControlFlow::Continue(());
         let fits = fit_told(&scene(1.02), &mut go_on).unwrap();
-        assert!(fits.warning.is_none() && fits.fitted.after < LEFT);
+        assert!(fits.warning.is_none() && fits.remarks.len() == 1);
         let eased = fit_told(&scene(1.6), &mut go_on).unwrap();
         assert!(eased.warning.unwrap().contains("the worst edges are"));
         let refused = fit_told(&scene(20.0), &mut go_on).unwrap_err().to_string();

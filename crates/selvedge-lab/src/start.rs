@@ -27,7 +27,7 @@ pub struct Start {
     pub state: SavedState,
     /// The sagged rest pose, where the motion begins there.
     pub rest: Option<SaggedRest>,
-    /// The cloth in its pattern, where the motion begins there.
+    /// What was done to the cloth, where the motion begins at the mesh, or from there in its pattern.
     pub fitted: Option<FittedCloth>,
 }
 
@@ -87,16 +87,15 @@ pub(crate) fn find_within(
     };
     match (&loaded.state, &loaded.spec.start) {
         (Some(state), _) => Ok(only(state.clone())),
-        (None, StartSpec::Fit) => {
+        (None, StartSpec::Rest) => at_rest(scene, reporter),
+        (None, _) => {
             let fitted = fitting::fit(loaded, reporter)?;
             Ok(Start {
-                state: SavedState::at_rest(fitted.fitted.positions.clone()),
+                state: SavedState::at_rest(fitted.positions.clone()),
                 rest: None,
                 fitted: Some(fitted),
             })
         }
-        (None, StartSpec::Rest) => at_rest(scene, reporter),
-        (None, _) => Ok(only(SavedState::at_rest(scene.mesh.positions().to_vec()))),
     }
 }
 

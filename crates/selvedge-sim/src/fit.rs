@@ -23,6 +23,11 @@ use crate::stop;
 use crate::watched_edges::WatchedEdges;
 
 mod around;
+mod dress;
+mod untangle;
+
+pub use dress::{Dressed, dress};
+pub use untangle::{Untangled, untangle};
 
 /// Passes over all edges at most, and those within which something must get better.
 const MOST_PASSES: u32 = 6000;
@@ -61,8 +66,8 @@ pub struct Fitted {
     pub gap: Option<f64>,
 }
 
-/// Progress of a fit.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Progress of a fit, or of what makes a cloth ready for one.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FitProgress {
     /// Part of the most work that it can be, 0 to 1.
     pub done: f64,
@@ -70,6 +75,8 @@ pub struct FitProgress {
     pub strain: f64,
     /// Largest distance that seams are open, while panels are sewn `[m]`.
     pub gap: Option<f64>,
+    /// Pairs of faces that meet, while the cloth is untangled or a body shrinks out of it.
+    pub meeting: Option<usize>,
 }
 
 /// Reason why a cloth was not fitted.
@@ -84,6 +91,40 @@ pub enum FitError {
     Stopped,
     #[error("the cloth cannot relax into its pattern: {cause}")]
     Solve { cause: String },
+    #[error(
+        "the cloth meets itself at {before} pairs of faces, and cannot be moved apart at {left} of them ({pairs}, by their vertices): move these vertices apart in the mesh, or write contact.self = false"
+    )]
+    Tangled {
+        before: usize,
+        left: usize,
+        /// The first of those that are left.
+        pairs: String,
+    },
+    #[error(
+        "dress = {body:?} needs an obstacle of that name, and contact: dress names the body that the cloth is put onto"
+    )]
+    NoBody { body: String },
+    #[error(
+        "the cloth does not get onto {body:?}: it meets the body at {before} pairs of faces, and at {left} of them still where the body is thin and short, around vertex {vertex} at ({:.2}, {:.2}, {:.2}) m: move the cloth there so that it goes around the body (mesh.transform), or turn and scale it",
+        place.x, place.y, place.z
+    )]
+    NotClear {
+        body: String,
+        before: usize,
+        left: usize,
+        /// A vertex that meets the body.
+        vertex: VertexId,
+        /// Mean place of those that do `[m]`.
+        place: DVec3,
+    },
+    #[error(
+        "the cloth does not get onto {body:?}: the body grew back from within it by {percent:.0} % of the way, and then {cause}: move the cloth so that it goes around the body (mesh.transform), or take a larger one"
+    )]
+    NotGrown {
+        body: String,
+        percent: f64,
+        cause: String,
+    },
 }
 
 /// An edge with what it is brought to.
@@ -242,14 +283,20 @@ fn scale(springs: &[Spring], handles: &Handles, positions: &mut [DVec3]) {
 fn pass(springs: &[Spring], positions: &mut [DVec3], part: f64, backwards: bool) {
     let count = springs.len();
     for k in 0..count {
-        let spring = &springs[if backwards { count - 1 - k } else { k }];
-        let [a, b] = spring.ends;
+        springs[if backwards { count - 1 - k } else { k }].correct(positions, part);
+    }
+}
+
+impl Spring {
+    /// Moves the ends by `part` of what the edge lacks.
+    fn correct(&self, positions: &mut [DVec3], part: f64) {
+        let [a, b] = self.ends;
         let along = positions[b] - positions[a];
         let length = along.length();
         if length > 0.0 {
-            let shift = along * (part * (1.0 - spring.length / length));
-            positions[a] += shift * spring.shares[0];
-            positions[b] -= shift * spring.shares[1];
+            let shift = along * (part * (1.0 - self.length / length));
+            positions[a] += shift * self.shares[0];
+            positions[b] -= shift * self.shares[1];
         }
     }
 }
@@ -279,8 +326,12 @@ fn project(
             told = Instant::now();
             let strain = largest_strain(springs, positions);
             let done = 0.5 * f64::from(number) / f64::from(MOST_PASSES);
-            let gap = None;
-            tell(progress, FitProgress { done, strain, gap })?;
+            let now = FitProgress {
+                done,
+                strain,
+                ..FitProgress::default()
+            };
+            tell(progress, now)?;
         }
     }
     positions.copy_from_slice(&kept);
@@ -316,7 +367,7 @@ fn relax(
             let mut now = FitProgress {
                 done: 0.5 + 0.5 * f64::from(number as u32 * SOLVES + solve) / all,
                 strain: before,
-                gap: None,
+                ..FitProgress::default()
             };
             let solved = stop::beside(&stop, &mut || progress(now), || {
                 still_step(&mut active, &bare, positions, &targets, &watched)

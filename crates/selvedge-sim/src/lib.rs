@@ -84,7 +84,9 @@ mod threads;
 mod watched_edges;
 
 pub use contact::{ContactCounts, ContactGauge, FAR, FrameContact, Led, YieldedContact};
-pub use fit::{FitError, FitProgress, Fitted, fit, sew_and_fit};
+pub use fit::{
+    Dressed, FitError, FitProgress, Fitted, Untangled, dress, fit, sew_and_fit, untangle,
+};
 pub use integrator::SubstepCounts;
 pub use rest_pose::{RestPoseContent, SagError, SagProgress, SaggedRest, sag, sag_with_progress};
 pub use simulator::{

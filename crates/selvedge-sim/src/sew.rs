@@ -67,6 +67,7 @@ pub(crate) fn sew(
         done: 0.0,
         strain: largest_strain(&springs, &state.positions),
         gap: Some(gap),
+        meeting: None,
     };
     for substep in 1..=SUBSTEPS {
         let part = smooth(f64::from(substep) / f64::from(SUBSTEPS));

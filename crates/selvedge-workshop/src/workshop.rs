@@ -15,10 +15,9 @@ use selvedge_data::{
     shipped_scenes,
 };
 use selvedge_lab::cause;
-use selvedge_lab::fitting::{self, FittedCloth};
+use selvedge_lab::fitting;
 use selvedge_lab::machine::Machine;
 use selvedge_lab::models::{NamedModel, OpenModelError};
-use selvedge_lab::numbers::percent;
 use selvedge_lab::{assets, domain, physics, rest_pose, start};
 use selvedge_live::{Catalogue, LiveError, MeshOrder, Order, ReadyCloth, Workshop};
 use selvedge_model::Model;
@@ -156,9 +155,8 @@ impl SceneWorkshop {
         };
         let start = match (&loaded.state, &loaded.spec.start) {
             (Some(state), _) => state.clone(),
-            (None, StartSpec::Fit) => fitted(loaded, progress, remarks)?,
             (None, StartSpec::Rest) => SavedState::at_rest(rest.clone()),
-            (None, _) => SavedState::at_rest(scene.mesh.positions().to_vec()),
+            (None, _) => made_ready(loaded, progress, remarks)?,
         };
         Ok((rest, start))
     }
@@ -221,28 +219,19 @@ impl Workshop for SceneWorkshop {
     }
 }
 
-/// The cloth relaxed into its pattern, with a remark on what is left of its strain.
-fn fitted(
+/// The cloth where its motion begins, made ready from its mesh, with remarks on what was done.
+fn made_ready(
     loaded: &LoadedScene,
     progress: &mut dyn FnMut(String) -> ControlFlow<()>,
     remarks: &mut Vec<String>,
 ) -> anyhow::Result<SavedState> {
-    let mut listener = |now: FitProgress| {
-        let [done, strain] = [now.done, now.strain].map(|share| 100.0 * share);
-        let what = match now.gap {
-            Some(gap) => format!("sewing, seams open by {:.1} cm", 100.0 * gap),
-            None => "fitting into the pattern".to_owned(),
-        };
-        progress(format!(
-            "{what}: {done:.0} % done, largest strain {strain:.1} %"
-        ))
+    let mut listener = |what: &str, now: FitProgress| {
+        let done = 100.0 * now.done;
+        progress(format!("{what}: {done:.0} % done, {}", fitting::state(now)))
     };
-    let FittedCloth { fitted, warning } = fitting::fit_told(loaded, &mut listener)?;
-    let [before, after] = [fitted.before, fitted.after].map(percent);
-    remarks.push(format!(
-        "fitted into the pattern: the largest strain went from {before} to {after}"
-    ));
-    remarks.extend(warning);
+    let fitted = fitting::fit_told(loaded, &mut listener)?;
+    remarks.extend(fitted.remarks);
+    remarks.extend(fitted.warning);
     Ok(SavedState::at_rest(fitted.positions))
 }
 

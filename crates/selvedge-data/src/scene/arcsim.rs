@@ -233,6 +233,7 @@ pub(super) fn parse_arcsim(
             groups,
         }),
         start: StartSpec::Mesh,
+        dress: None,
     };
     let mut files = spec.files(folder);
     files.extend(material_file);

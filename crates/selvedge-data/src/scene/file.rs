@@ -120,6 +120,7 @@ fn resolve(text: &str, folder: &Path) -> Result<LoadedScene, SceneProblem> {
     let name = file.name.take().ok_or_else(missing("name"))?;
     let motion_source = file.motion.take().unwrap_or_default();
     let start = file.start.take();
+    let dress = file.dress.take();
     let mut files = Vec::new();
     let ResolvedSetting {
         mut setting,
@@ -137,11 +138,14 @@ fn resolve(text: &str, folder: &Path) -> Result<LoadedScene, SceneProblem> {
     let motion = motion_source.resolve(folder, &stand)?;
     files.extend(motion_source.file().map(|file| folder.join(file)));
     let vertices = mesh.topology().vertex_count();
-    let start = start.unwrap_or(match setting.handles.is_empty() {
+    let start = start.unwrap_or(match setting.handles.is_empty() || dress.is_some() {
         // What nothing holds has no rest pose.
         true => StartFile::Mesh,
         false => StartFile::Rest,
     });
+    if let Some(body) = &dress {
+        check_dress(body, &start, &setting)?;
+    }
     let (start, state) = start.resolve(folder, vertices, setting.frame_rate)?;
     let state = state.or_else(|| moving_mesh(&start, &mesh, velocities));
     let spec = SceneSpec {
@@ -149,6 +153,7 @@ fn resolve(text: &str, folder: &Path) -> Result<LoadedScene, SceneProblem> {
         setting,
         motion,
         start,
+        dress,
     };
     files.extend(spec.files(folder));
     let scene = spec.with_mesh(mesh, folder, &mut warnings)?;
@@ -161,6 +166,24 @@ fn resolve(text: &str, folder: &Path) -> Result<LoadedScene, SceneProblem> {
     };
     let remedy = loaded.spec.setting.mesh.transform.remedy();
     Ok(loaded.looked_over(&remedy))
+}
+
+/// Checks that a scene has the body that the cloth is to be put onto. With a body it has contact.
+fn check_dress(body: &str, start: &StartFile, setting: &Setting) -> Result<(), SceneProblem> {
+    let wrong = |problem: String| Err(field("dress", problem));
+    if matches!(start, StartFile::Rest | StartFile::State { .. }) {
+        let problem = "puts the cloth onto a body from where the mesh stands: write start = \"mesh\", \"untangle\" or \"fit\"";
+        return wrong(problem.to_owned());
+    }
+    let names: Vec<&str> = setting.obstacles.iter().map(|o| o.name.as_str()).collect();
+    if !names.contains(&body) {
+        let known = match names.is_empty() {
+            true => "there is none".to_owned(),
+            false => format!("there are {}", names.join(", ")),
+        };
+        return wrong(format!("there is no obstacle {body:?}: {known}"));
+    }
+    Ok(())
 }
 
 /// Returns true where a cloth without contact would pass through something: an obstacle, another
@@ -260,6 +283,34 @@ mod tests {
         let refused = text(square, &format!("contact = false\n{ball}"));
         let error = parse_scene(&refused, Path::new(""), "s").unwrap_err();
         assert!(error.to_string().contains("no contact"), "{error}");
+    }
+
+    #[test]
+    fn a_cloth_is_put_onto_an_obstacle_from_where_the_mesh_stands() {
+        let text = |rest: &str| {
+            let text = format!(
+                "name = \"s\"\nmaterial = \"gray-interlock\"\nhandles = {{ vertices = [0] }}\n{rest}\n\
+                mesh = {{ generator = {{ kind = \"tube\", width = 1.0, size = 0.5, vertices = 100, seed = 1 }} }}\n\
+                obstacles = [{{ name = \"post\", sphere = {{ radius = 0.1 }} }}]\n"
+            );
+            parse_scene(&text, Path::new(""), "s")
+        };
+        let spec = text("dress = \"post\"").unwrap().spec;
+        assert_eq!(
+            (&spec.start, spec.dress.as_deref()),
+            (&StartSpec::Mesh, Some("post"))
+        );
+        let again = SceneSpec::from_json(&spec.to_json().unwrap()).unwrap();
+        assert_eq!(again, spec);
+        let spec = text("dress = \"post\"\nstart = \"untangle\"").unwrap().spec;
+        assert_eq!(spec.start, StartSpec::Untangle);
+        for (rest, said) in [
+            ("dress = \"pole\"", "there are post"),
+            ("dress = \"post\"\nstart = \"rest\"", "start = \"mesh\""),
+        ] {
+            let error = text(rest).unwrap_err().to_string();
+            assert!(error.contains(said), "{error}");
+        }
     }
 
     #[test]

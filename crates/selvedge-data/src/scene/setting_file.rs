@@ -32,6 +32,7 @@ pub(crate) struct SettingFile {
     pub(crate) name: Option<String>,
     pub(crate) motion: Option<MotionSource>,
     pub(crate) start: Option<StartFile>,
+    pub(crate) dress: Option<String>,
     mesh: MeshFile,
     #[serde(default)]
     handles: HandleSelection,

@@ -30,6 +30,9 @@ pub struct SceneSpec {
     /// Start of a run.
     #[serde(default, skip_serializing_if = "StartSpec::is_rest")]
     pub start: StartSpec,
+    /// The obstacle that the cloth is put onto at the start.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dress: Option<String>,
 }
 
 /// A resolved scene without its motion.
@@ -107,7 +110,7 @@ impl SceneSpec {
         };
         let state = match &self.start {
             StartSpec::State(state) => Some(&state.path),
-            StartSpec::Rest | StartSpec::Mesh | StartSpec::Fit => None,
+            StartSpec::Rest | StartSpec::Mesh | StartSpec::Untangle | StartSpec::Fit => None,
         };
         let files = mesh.into_iter().chain(state);
         let files = files.map(|file| folder.join(file));

@@ -1,5 +1,5 @@
-//! Start of a run: in the sagged rest pose, where the mesh has the vertices, relaxed from there
-//! into its pattern, or in a state that was saved.
+//! Start of a run: in the sagged rest pose, where the mesh has the vertices, from there moved apart
+//! where it meets itself or relaxed into its pattern, or in a state that was saved.
 
 use crate::trajectory::state_file::StateSpec;
 use serde::{Deserialize, Serialize};
@@ -13,6 +13,8 @@ pub enum StartSpec {
     Rest,
     /// At the vertices of the mesh, at rest.
     Mesh,
+    /// At the vertices of the mesh, moved apart where the cloth meets itself.
+    Untangle,
     /// Relaxed into its pattern from the vertices of the mesh, at rest.
     Fit,
     /// In a saved state.

@@ -15,6 +15,7 @@ pub(crate) enum StartFile {
     #[default]
     Rest,
     Mesh,
+    Untangle,
     Fit,
     State {
         /// Path of the file, relative to the scene's folder.
@@ -36,6 +37,7 @@ impl StartFile {
         match self {
             Self::Rest => Ok((StartSpec::Rest, None)),
             Self::Mesh => Ok((StartSpec::Mesh, None)),
+            Self::Untangle => Ok((StartSpec::Untangle, None)),
             Self::Fit => Ok((StartSpec::Fit, None)),
             Self::State {
                 file,

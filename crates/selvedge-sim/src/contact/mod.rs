@@ -277,6 +277,14 @@ impl Contact {
         }
     }
 
+    /// Name of the obstacle that has this face; none if the cloth has it.
+    pub(crate) fn body_name(&self, face: u32) -> Option<String> {
+        let bodies = self.surface.bodies();
+        let body = bodies.partition_point(|body| body.faces.end <= face);
+        let obstacle = body.checked_sub(1).map(|k| &self.obstacles[k]);
+        obstacle.map(|obstacle| obstacle.name().to_owned())
+    }
+
     /// Takes the places of obstacles for the step from `frame` on, at `rate` frames per second.
     pub(crate) fn enter_frame(&mut self, frame: usize, rate: f64) {
         for (k, points) in self.frame.iter_mut().enumerate() {

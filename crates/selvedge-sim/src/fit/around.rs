@@ -58,7 +58,7 @@ pub(super) fn fit_around(
 
 /// The scene with its obstacles still, without what moves or holds the cloth but itself, its
 /// stiffness multiplied by `part`.
-fn bare(scene: &Scene, part: f64) -> Result<Scene, FitError> {
+pub(super) fn bare(scene: &Scene, part: f64) -> Result<Scene, FitError> {
     let mut bare = scene.clone();
     bare.environment.gravity = DVec3::ZERO;
     bare.environment.wind = DVec3::ZERO;
@@ -83,7 +83,7 @@ fn bare(scene: &Scene, part: f64) -> Result<Scene, FitError> {
 }
 
 /// An obstacle that stays where it stands at the start.
-fn at_the_start(obstacle: &Obstacle) -> Result<Obstacle, ObstacleError> {
+pub(super) fn at_the_start(obstacle: &Obstacle) -> Result<Obstacle, ObstacleError> {
     let points = obstacle.positions_at(0.0).collect();
     let still = Obstacle::new(obstacle.name(), points, obstacle.faces().to_vec())?;
     match obstacle.thickness() {
@@ -121,7 +121,7 @@ fn project(
         let now = FitProgress {
             done: PASSING * f64::from(number) / f64::from(PASSES),
             strain: largest_strain(springs, positions),
-            gap: None,
+            ..FitProgress::default()
         };
         tell(progress, now)?;
     }
@@ -178,7 +178,7 @@ fn relax(
             let now = FitProgress {
                 done: PASSING + (1.0 - PASSING) * passed,
                 strain: largest_strain(springs, positions),
-                gap: None,
+                ..FitProgress::default()
             };
             tell(progress, now)?;
         }

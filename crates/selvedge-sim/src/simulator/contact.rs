@@ -52,15 +52,9 @@ impl Simulator {
     ) -> Result<(), SimulatorError> {
         match self.meeting(frame, positions) {
             None => Ok(()),
-            Some(Meeting {
-                count,
-                pairs,
-                is_own,
-            }) => Err(SimulatorError::Intersections {
-                count,
-                pairs,
-                is_own,
-            }),
+            Some(Meeting { count, pairs, body }) => {
+                Err(SimulatorError::Intersections { count, pairs, body })
+            }
         }
     }
 
@@ -93,7 +87,6 @@ impl Simulator {
         if found.is_empty() {
             return None;
         }
-        let own = self.scene.mesh.topology().faces().len() as u32;
         let pair = |faces: &[u32; 2]| {
             let [a, b] = faces.map(|face| contact.face_name(face));
             format!("{a} and {b}")
@@ -103,7 +96,7 @@ impl Simulator {
         Some(Meeting {
             count: found.len(),
             pairs: shown.join(", ") + more,
-            is_own: found.iter().flat_map(|f| f.faces).all(|face| face < own),
+            body: found.iter().find_map(|f| contact.body_name(f.faces[1])),
         })
     }
 
@@ -314,6 +307,6 @@ struct Meeting {
     count: usize,
     /// The first of them, named.
     pairs: String,
-    /// All are of the cloth with itself.
-    is_own: bool,
+    /// The first obstacle that the cloth meets; none if it meets only itself.
+    body: Option<String>,
 }

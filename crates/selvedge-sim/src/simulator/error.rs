@@ -25,14 +25,17 @@ pub enum SimulatorError {
     #[error("the length of the previous substep must be finite and positive, found {seconds} s")]
     PreviousSubstep { seconds: f64 },
     #[error(
-        "the cloth starts with {count} intersections ({pairs}): start it where nothing meets, or {}",
-        if *is_own { "write contact.self = false: all are of the cloth with itself" } else { "take the obstacle away" }
+        "the cloth starts with {count} intersections ({pairs}): {}",
+        match body {
+            None => "write start = \"untangle\" to move it apart where it meets itself, or contact.self = false".to_owned(),
+            Some(body) => format!("start it where nothing meets, write dress = {body:?} to put it onto that body, or take the obstacle away"),
+        }
     )]
     Intersections {
         count: usize,
         pairs: String,
-        /// All are of the cloth with itself.
-        is_own: bool,
+        /// The first obstacle that the cloth meets; none if it meets only itself.
+        body: Option<String>,
     },
     #[error(
         "contact.thickness is {thickness} m and may be a quarter of an edge, but {short} of {edges} edges of the cloth are shorter than {} m; the shortest, from vertex {} to {}, has {edge:.2e} m: write contact.thickness = {:.1e}, or merge such vertices",

@@ -9,6 +9,7 @@ mod contact_edges;
 mod contact_friction;
 mod contact_random;
 mod contact_resume;
+mod dressed;
 mod dynamics;
 mod energy;
 mod fit;

@@ -52,8 +52,9 @@ pub(crate) struct RunArgs {
     #[arg(long, conflicts_with_all = ["model", "frames", "export", "start", "states"])]
     pub(crate) rest: bool,
     /// Physics: start elsewhere than the scene says: `rest`, the sagged rest pose; `mesh`, where
-    /// the mesh stands, as a flat sheet that falls; `fit`, from there relaxed into the pattern, for
-    /// garments that are strained as they stand; or a saved state (.safetensors, .npz), FILE:N for
+    /// the mesh stands, as a flat sheet that falls; `untangle`, from there moved apart where it meets
+    /// itself; `fit`, from there relaxed into the pattern, for garments that are strained as they
+    /// stand; or a saved state (.safetensors, .npz), FILE:N for
     /// that of frame N. A state has the arrays positions and velocities (or ckpt_x and ckpt_v),
     /// [vertices, 3], or [states, vertices, 3] with the frame of each in frames (or ckpt_frames).
     #[arg(long, value_name = "WHERE", conflicts_with = "model", value_parser = StartChoice::from_str)]
@@ -101,6 +102,8 @@ pub(crate) enum StartChoice {
     Rest,
     /// The positions of the mesh.
     Mesh,
+    /// The mesh, moved apart where it meets itself.
+    Untangle,
     /// The mesh, relaxed into its pattern.
     Fit,
     /// A saved state: its file, and its frame where one is named.
@@ -112,7 +115,7 @@ impl StartChoice {
     pub(crate) fn file(&self) -> Option<&Path> {
         match self {
             Self::State(path, _) => Some(path),
-            Self::Rest | Self::Mesh | Self::Fit => None,
+            Self::Rest | Self::Mesh | Self::Untangle | Self::Fit => None,
         }
     }
 }
@@ -124,6 +127,7 @@ impl FromStr for StartChoice {
         match text {
             "rest" => return Ok(Self::Rest),
             "mesh" => return Ok(Self::Mesh),
+            "untangle" => return Ok(Self::Untangle),
             "fit" => return Ok(Self::Fit),
             _ => {}
         }
@@ -137,7 +141,7 @@ impl FromStr for StartChoice {
         match is_state {
             true => Ok(Self::State(file.into(), frame)),
             false => Err(
-                "expected rest, mesh, fit, or a state (.safetensors, .npz), as states.safetensors:60"
+                "expected rest, mesh, untangle, fit, or a state (.safetensors, .npz), as states.safetensors:60"
                     .to_owned(),
             ),
         }
@@ -155,6 +159,10 @@ mod tests {
         let state = |frame| Ok(StartChoice::State("a/s.npz".into(), frame));
         assert_eq!(of("a/s.npz"), state(None));
         assert_eq!(of("a/s.npz:60"), state(Some(60)));
-        assert!(of("flat").unwrap_err().contains("rest, mesh, fit"));
+        assert!(
+            of("flat")
+                .unwrap_err()
+                .contains("rest, mesh, untangle, fit")
+        );
     }
 }

@@ -80,7 +80,15 @@ pub(crate) fn run(args: &RunArgs) -> anyhow::Result<Answer> {
     check_places(args, &wishes, &loaded)?;
     choose_start(&mut loaded, args.start.as_ref())?;
     let start = start::find(&loaded, &mut progress::listener())?;
-    start.fitted.iter().for_each(tell_of_fit);
+    if let Some(FittedCloth {
+        remarks, warning, ..
+    }) = &start.fitted
+    {
+        remarks.iter().for_each(|remark| tracing::info!("{remark}"));
+        warning
+            .iter()
+            .for_each(|warning| tracing::warn!("{warning}"));
+    }
     let (rest, state) = (start.rest, start.state);
     let (scene, passed) = (&loaded.scene, state.frame);
     let frames = match args.frames {
@@ -221,6 +229,7 @@ fn choose_start(loaded: &mut LoadedScene, start: Option<&StartChoice>) -> anyhow
         None => return Ok(()),
         Some(StartChoice::Rest) => (StartSpec::Rest, None),
         Some(StartChoice::Mesh) => (StartSpec::Mesh, None),
+        Some(StartChoice::Untangle) => (StartSpec::Untangle, None),
         Some(StartChoice::Fit) => (StartSpec::Fit, None),
         Some(StartChoice::State(path, frame)) => {
             let choice = StateChoice {
@@ -237,19 +246,6 @@ fn choose_start(loaded: &mut LoadedScene, start: Option<&StartChoice>) -> anyhow
     loaded.spec.start = spec;
     loaded.state = state;
     Ok(())
-}
-
-/// Says how a cloth was relaxed into its pattern, and what is left of its strain.
-fn tell_of_fit(cloth: &FittedCloth) {
-    let FittedCloth { fitted, warning } = cloth;
-    if let Some(gap) = fitted.gap {
-        tracing::info!("sewn: the seams were up to {gap:.3} m open");
-    }
-    let [before, after] = [fitted.before, fitted.after].map(percent);
-    tracing::info!("fitted into the pattern: the largest strain went from {before} to {after}");
-    if let Some(warning) = warning {
-        tracing::warn!("{warning}");
-    }
 }
 
 /// Frames of a motion of `all` after `passed`.

@@ -152,9 +152,10 @@ impl DatasetPreset {
             &file.setting.name,
             &file.setting.motion,
             &file.setting.start,
+            &file.setting.dress,
         );
-        if !matches!(of_scene, (None, None, None)) {
-            let problem = "has name, motion or start, which only a scene has: take them out";
+        if !matches!(of_scene, (None, None, None, None)) {
+            let problem = "has name, motion, start or dress, which only a scene has: take them out";
             return Err(field("setting", problem));
         }
         let ResolvedSetting {
@@ -269,6 +270,7 @@ impl DatasetPreset {
             setting,
             motion: motion.motion.clone(),
             start: StartSpec::Rest,
+            dress: None,
         };
         let mut warnings = Vec::new();
         let scene = spec.with_mesh(mesh.clone(), &self.folder, &mut warnings)?;

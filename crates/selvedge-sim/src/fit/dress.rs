@@ -1,0 +1,285 @@
+//! Dressing: a garment that stands around a body, and in it, gets onto it.
+//!
+//! The body is shrunk first: its points move to the mean of their neighbours, pass after pass, so
+//! that limbs become thin and then short, always within what they were `[eq:dress]`, until the exact
+//! test finds nothing of the body in the cloth, and no piece of that is in the body. Then it grows back the way that it came, as a moving
+//! obstacle, and pushes the cloth out, which has no weight, sheds its velocity after every frame,
+//! and meets nothing on the way.
+
+use std::collections::HashMap;
+
+use glam::DVec3;
+use selvedge_cloth::{HandleTargets, Obstacle, ObstaclePath, Scene, Stepper, VertexId};
+use selvedge_contact::{Candidates, Surface, winding};
+
+use super::around::{at_the_start, bare};
+use super::{FitError, FitProgress, Listener, failed, largest_strain, springs, tell};
+use crate::simulator::{Checkpoint, Simulator};
+
+/// Farthest way of a point of the body in a frame `[m]`.
+const STEP: f64 = 4e-3;
+/// Frames that the body shrinks further once it is clear.
+const BEYOND: usize = 2;
+/// Passes at most.
+const PASSES: u32 = 40_000;
+/// Times that a body winds around what is within it, at least.
+const WITHIN: f64 = 0.75;
+/// Size of a body, as a part of its own, at which it is given up.
+const SMALLEST: f64 = 0.3;
+/// Frames in which the cloth comes to rest around the whole body, and those at most until what the
+/// body let through is out of it.
+const SETTLING: usize = 12;
+const LONGEST: usize = 120;
+/// Part of all progress that shrinking is.
+const SHRINKING: f64 = 0.2;
+
+/// A garment that is on a body.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Dressed {
+    /// Positions `[m]`, `[vertices]`.
+    pub positions: Vec<DVec3>,
+    /// Pairs of faces of the cloth and the body that met at the start.
+    pub before: usize,
+    /// Farthest that a point of the body shrank `[m]`.
+    pub shrunk: f64,
+    /// Largest strain of an edge, by its amount, before and after.
+    pub strains: [f64; 2],
+}
+
+/// Puts the cloth of `scene` onto its obstacle `body`, as that stands at the start. The cloth must
+/// not meet itself.
+///
+/// # Errors
+/// A scene that does not validate, without contact or without this obstacle; a start that meets
+/// itself or another obstacle; [`FitError::NotClear`]; [`FitError::NotGrown`];
+/// [`FitError::Stopped`].
+pub fn dress(scene: &Scene, body: &str, progress: Listener<'_>) -> Result<Dressed, FitError> {
+    scene.validate()?;
+    let number = scene.obstacles.iter().position(|one| one.name() == body);
+    let (Some(number), true) = (number, scene.contact.is_some()) else {
+        let body = body.to_owned();
+        return Err(FitError::NoBody { body });
+    };
+    let obstacle = &scene.obstacles[number];
+    let (shapes, before) = shrink(scene, obstacle, progress)?;
+    let springs = springs(&scene.mesh, &scene.handles);
+    let start = scene.mesh.positions();
+    let shrunk = farthest(&shapes[0], &shapes[shapes.len() - 1]);
+    let strain = largest_strain(&springs, start);
+    if shapes.len() == 1 {
+        return Ok(Dressed {
+            positions: start.to_vec(),
+            before,
+            shrunk: 0.0,
+            strains: [strain; 2],
+        });
+    }
+    let positions = grow(scene, number, shapes, progress)?;
+    Ok(Dressed {
+        before,
+        shrunk,
+        strains: [strain, largest_strain(&springs, &positions)],
+        positions,
+    })
+}
+
+/// The shapes of a body from its own to one that is clear of the cloth, and the pairs of faces that
+/// met at first.
+fn shrink(
+    scene: &Scene,
+    body: &Obstacle,
+    progress: Listener<'_>,
+) -> Result<(Vec<Vec<DVec3>>, usize), FitError> {
+    let surface = Surface::new(scene.mesh.topology(), std::slice::from_ref(body));
+    let cloth = scene.mesh.positions();
+    let mut points = cloth.to_vec();
+    points.extend(body.positions_at(0.0));
+    let candidates = Candidates::new(&surface, &points, false);
+    let mut met = candidates.intersections(&surface, &points);
+    let before = met.len();
+    let mut shape = points.split_off(cloth.len());
+    let full = size(&shape);
+    let smoothing = Smoothing::of(&shape, body.faces());
+    // What meets no face of a body is in it with all of its piece, or not at all.
+    let pieces = scene.mesh.topology().sheets();
+    let firsts = (0..=pieces.iter().copied().max().unwrap_or(0))
+        .filter_map(|piece| pieces.iter().position(|of| *of == piece));
+    let firsts: Vec<DVec3> = firsts.map(|v| cloth[v]).collect();
+    let is_outside = |shape: &[DVec3]| {
+        let faces = body.faces().iter();
+        let faces = faces.map(|face| face.map(|p| shape[p as usize]));
+        firsts
+            .iter()
+            .all(|place| winding(*place, faces.clone()).abs() < WITHIN)
+    };
+    let mut shapes = vec![shape.clone()];
+    if met.is_empty() && is_outside(&shape) {
+        return Ok((shapes, before));
+    }
+    let mut clear = 0;
+    for _ in 0..PASSES {
+        if clear > BEYOND {
+            return Ok((shapes, before));
+        }
+        let next = smoothing.pass(&shape);
+        let last = &shapes[shapes.len() - 1];
+        if farthest(last, &next) <= STEP {
+            shape = next;
+            continue;
+        }
+        points.truncate(cloth.len());
+        points.extend(&shape);
+        met = candidates.intersections(&surface, &points);
+        let is_clear = met.is_empty() && is_outside(&shape);
+        clear = if is_clear { clear + 1 } else { 0 };
+        let is_small = !is_clear && size(&shape) < SMALLEST * full;
+        shapes.push(std::mem::replace(&mut shape, next));
+        let now = FitProgress {
+            meeting: Some(met.len()),
+            ..FitProgress::default()
+        };
+        tell(progress, now)?;
+        if is_small {
+            break;
+        }
+    }
+    let vertices = met
+        .iter()
+        .flat_map(|pair| surface.faces()[pair.faces[0] as usize]);
+    let vertices: Vec<u32> = vertices.collect();
+    let sum: DVec3 = vertices.iter().map(|v| cloth[*v as usize]).sum();
+    Err(FitError::NotClear {
+        body: body.name().to_owned(),
+        before,
+        left: met.len(),
+        vertex: VertexId(vertices.first().copied().unwrap_or(0)),
+        place: sum / vertices.len().max(1) as f64,
+    })
+}
+
+/// Grows the body of this `number` through its shapes, the last first, and lets the cloth come to
+/// rest.
+fn grow(
+    scene: &Scene,
+    number: usize,
+    shapes: Vec<Vec<DVec3>>,
+    progress: Listener<'_>,
+) -> Result<Vec<DVec3>, FitError> {
+    let mut growing = bare(scene, 1.0)?;
+    let body = &scene.obstacles[number];
+    let name = body.name();
+    let frames = shapes.len() - 1;
+    // What is let through is known by its place in frame 0, where the body is whole; it starts in
+    // frame 1.
+    let whole = shapes[..1].to_vec();
+    let path = ObstaclePath::Points {
+        frame_rate: scene.frame_rate,
+        frames: whole.into_iter().chain(shapes.into_iter().rev()).collect(),
+    };
+    let moving = at_the_start(body).and_then(|body| body.moving(path));
+    growing.obstacles[number] = moving.map_err(failed)?;
+    let springs = springs(&scene.mesh, &scene.handles);
+    let positions = scene.mesh.positions().to_vec();
+    let held = scene.handles.select(&positions);
+    let targets = HandleTargets::at_frame_end(held).map_err(failed)?;
+    let rest = vec![DVec3::ZERO; positions.len()];
+    let start = Checkpoint::of(1, positions, rest);
+    let mut simulator = Simulator::from_checkpoint(&growing, &start)?;
+    for frame in 0..frames + LONGEST {
+        simulator
+            .step(&targets)
+            .map_err(|error| FitError::NotGrown {
+                body: name.to_owned(),
+                percent: 100.0 * (frame as f64 / frames as f64).min(1.0),
+                cause: error.to_string(),
+            })?;
+        let mut still = simulator.checkpoint();
+        still.velocities.fill(DVec3::ZERO);
+        still.previous = None;
+        still.changes = None;
+        simulator.restore(&still)?;
+        let has_released = still
+            .contact
+            .is_some_and(|memory| !memory.released.is_empty());
+        if frame >= frames + SETTLING && !has_released {
+            break;
+        }
+        let passed = (frame as f64 / (frames + SETTLING) as f64).min(1.0);
+        let now = FitProgress {
+            done: SHRINKING + (1.0 - SHRINKING) * passed,
+            strain: largest_strain(&springs, simulator.positions_f64()),
+            ..FitProgress::default()
+        };
+        tell(progress, now)?;
+    }
+    let positions = simulator.positions_f64().to_vec();
+    let left = simulator.checkpoint().contact.unwrap_or_default();
+    match left.released.first() {
+        None => Ok(positions),
+        Some(one) => Err(FitError::NotGrown {
+            body: name.to_owned(),
+            percent: 100.0,
+            cause: format!(
+                "leaves it no room around vertex {} at {:.2} m",
+                VertexId(one.vertex),
+                positions[one.vertex as usize]
+            ),
+        }),
+    }
+}
+
+/// Diagonal of the box around `points` `[m]`.
+fn size(points: &[DVec3]) -> f64 {
+    let of = |by: fn(DVec3, DVec3) -> DVec3| points.iter().copied().reduce(by);
+    let (low, high) = (of(DVec3::min), of(DVec3::max));
+    low.zip(high).map_or(0.0, |(low, high)| low.distance(high))
+}
+
+fn farthest(from: &[DVec3], to: &[DVec3]) -> f64 {
+    let ways = from.iter().zip(to).map(|(a, b)| a.distance(*b));
+    ways.fold(0.0, f64::max)
+}
+
+/// The neighbours of points, of which those at one place are one.
+struct Smoothing {
+    /// The first point at the place of each.
+    first: Vec<usize>,
+    sides: Vec<[usize; 2]>,
+}
+
+impl Smoothing {
+    fn of(points: &[DVec3], faces: &[[u32; 3]]) -> Self {
+        let mut known = HashMap::new();
+        let places = points.iter().enumerate();
+        let first: Vec<usize> = places
+            .map(|(k, p)| *known.entry(p.to_array().map(f64::to_bits)).or_insert(k))
+            .collect();
+        let sides = faces.iter().flat_map(|face| {
+            let face = face.map(|p| first[p as usize]);
+            (0..3).map(move |k| [face[k], face[(k + 1) % 3]])
+        });
+        Self {
+            sides: sides.collect(),
+            first,
+        }
+    }
+
+    /// Every point half way to the mean of its neighbours, which inner sides count twice.
+    fn pass(&self, points: &[DVec3]) -> Vec<DVec3> {
+        let mut sums = vec![(DVec3::ZERO, 0_u32); points.len()];
+        for &[a, b] in &self.sides {
+            sums[a].0 += points[b];
+            sums[a].1 += 1;
+            sums[b].0 += points[a];
+            sums[b].1 += 1;
+        }
+        let moved = |&first: &usize| match sums[first] {
+            (_, 0) => points[first],
+            (sum, count) => {
+                let way = 0.5 * (sum / f64::from(count) - points[first]);
+                points[first] + way.clamp_length_max(0.5 * STEP)
+            }
+        };
+        self.first.iter().map(moved).collect()
+    }
+}
