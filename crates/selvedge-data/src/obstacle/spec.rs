@@ -10,7 +10,7 @@ use super::body::BodySpec;
 use super::error::{ObstacleSpecError, Problem};
 use super::motion::ObstacleMotion;
 use super::weld::{drop_flat, weld};
-use crate::formats::extent::extent;
+use crate::formats::extent::{extent, unit_remedy};
 use crate::scene::Rotate;
 
 /// Length of a body from a file `[m]`; others are warned of.
@@ -163,7 +163,8 @@ impl ObstacleSpec {
         let size = extent(&body.points);
         if matches!(self.body, BodySpec::Mesh { .. }) && !SIZES.contains(&size) {
             left.push(format!(
-                "it is {size:.4} m long: is its file in metres? transform.scale brings it there (0.001 from millimetres)"
+                "it is {size:.4} m long: {}",
+                unit_remedy(size, "transform.scale")
             ));
         }
         let name = &self.name;

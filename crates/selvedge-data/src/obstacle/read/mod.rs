@@ -104,7 +104,7 @@ pub(super) fn mesh(path: &str, bytes: &[u8], warnings: &mut Vec<String>) -> Resu
             (body.positions(0.0), faces)
         }
         _ => {
-            let known = "must end in .obj, .glb, .usda, .usdc or .usdz";
+            let known = "must end in .obj, .glb, .usda, .usdc, .usdz or .usd: export the mesh as one of them";
             return Err(wrong(retired(Path::new(path)).unwrap_or(known).to_owned()));
         }
     };
@@ -181,7 +181,7 @@ pub(crate) fn moving_points(
             (read.frame_rate.unwrap_or(rate), read.frames)
         }
         Some(Kind::Obj) | None => {
-            let known = "must end in .obj (with {frame} in its name), .pc2, .npz, .usda, .usdc, .usdz or .glb";
+            let known = "must end in .obj (with {frame} in its name), .pc2, .npz, .usda, .usdc, .usdz, .usd or .glb";
             return Err(retired(Path::new(path)).unwrap_or(known).to_owned());
         }
     };

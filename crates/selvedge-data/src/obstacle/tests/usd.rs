@@ -189,6 +189,33 @@ fn instances_within_the_file_are_bodies_of_their_own() {
     }
 }
 
+/// A crate of two instances of a triangle, a cage whose visibility changes in time, beside a prim
+/// that is inactive, one that is an over, and one that is empty; written with Sdf of OpenUSD.
+const CRATE: &[u8] = include_bytes!("../../../tests/fixtures/caches/instances.usdc");
+
+#[test]
+fn a_crate_says_what_text_says() {
+    let desk = Desk::new();
+    desk.write("tree.usdc", CRATE);
+    let spec = desk.spec("name = \"t\"\nmesh = \"tree.usdc\"").unwrap();
+    let mut warnings = Vec::new();
+    let made = spec.build(desk.0.path(), 60.0, &mut warnings).unwrap();
+    let mut found: Vec<f64> = super::at(&made, 0.0).iter().map(|p| p.x).collect();
+    found.sort_by(f64::total_cmp);
+    assert_eq!(found, [5.0, 5.0, 6.0, 7.0, 7.0, 8.0]);
+    let words = [
+        "1 meshes are inactive",
+        "1 meshes are in an over",
+        "2 meshes are subdivision surfaces",
+        "2 meshes have a visibility that changes in time",
+        "1 meshes have no points or no faces",
+    ];
+    assert_eq!(warnings.len(), words.len(), "{warnings:?}");
+    for (warning, words) in warnings.iter().zip(words) {
+        says(warning, &[words]);
+    }
+}
+
 #[test]
 fn references_that_multiply_are_refused() {
     let desk = Desk::new();
