@@ -16,6 +16,15 @@ pub fn area_vector(a: DVec3, b: DVec3, c: DVec3) -> DVec3 {
     0.5 * (b - a).cross(c - a)
 }
 
+/// Returns true where a triangle has no area to speak of by its sides.
+#[must_use]
+#[inline]
+pub fn is_without_area([a, b, c]: [DVec3; 3]) -> bool {
+    let (along, across) = (b - a, c - a);
+    let area = along.cross(across).length();
+    area <= 1e-12 * along.length_squared().max(across.length_squared())
+}
+
 /// Signed dihedral angle at the edge `from` → `to` `[rad]`, in [-π, π].
 ///
 /// 0 where the two faces are flat, ±π where they fold onto each other. `left` is the opposite

@@ -12,6 +12,8 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde::{Deserialize, Serialize};
 
+use crate::geometry::sin_cos;
+
 /// Gusts on top of a constant wind.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -42,10 +44,10 @@ impl Gust {
                     0 => 1.0,
                     k => k as f64 + 0.5 + 0.5 * place,
                 };
-                let amplitude = f64::powf(frequency, -5.0 / 6.0);
+                let amplitude = libm::pow(frequency, -5.0 / 6.0);
                 // Whole turns are taken off before they cost digits.
                 let turns = (frequency * time / self.period).fract();
-                sum += amplitude * (TAU * turns + phase).sin();
+                sum += amplitude * sin_cos(TAU * turns + phase).0;
                 squares += amplitude * amplitude;
             }
             sum * (2.0 / squares).sqrt()

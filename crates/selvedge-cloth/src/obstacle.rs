@@ -4,6 +4,8 @@
 use glam::{DQuat, DVec3};
 use thiserror::Error;
 
+use crate::geometry::is_without_area;
+
 /// Farthest coordinate of an obstacle `[m]`.
 const FARTHEST: f64 = 1e6;
 
@@ -290,10 +292,7 @@ impl Obstacle {
                     points,
                 });
             }
-            let [a, b, c] = corners.map(|p| self.points[p as usize]);
-            let (along, across) = (b - a, c - a);
-            let area = along.cross(across).length();
-            if area <= 1e-12 * along.length_squared().max(across.length_squared()) {
+            if is_without_area(corners.map(|p| self.points[p as usize])) {
                 let name = self.name.clone();
                 return Err(ObstacleError::NoArea { name, face });
             }

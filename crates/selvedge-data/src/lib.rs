@@ -99,7 +99,8 @@ pub use scene::{
     BuiltMesh, GeneratorSpec, LoadedScene, MeshSource, MeshSpec, MeshSpecError, ObjSource,
     RecordedCsvError, Rotate, SceneFileError, SceneProblem, SceneSpec, SceneSpecError, Setting,
     StartSpec, StrainedEdge, Times, Transform, materials, open_scene, panel_stretches,
-    parse_recorded_csv, parse_scene, read_scene, shipped_scenes, worst_edges, worst_free_edges,
+    parse_recorded_csv, parse_scene, read_scene, shipped_scenes, size_warning, worst_edges,
+    worst_free_edges,
 };
 pub use trajectory::file::{ReadTrajectoryError, TrajectoryFileError};
 pub use trajectory::frames::{Frames, FramesError};

@@ -7,6 +7,7 @@ pub fn length(metres: f64) -> String {
         1e4.. => format!("{metres:.1e} m"),
         10.0.. => format!("{metres:.1} m"),
         0.01.. => format!("{:.1} mm", 1e3 * metres),
+        most if most > 0.0 && most < 1e-5 => format!("{metres:.2e} m"),
         _ => format!("{:.3} mm", 1e3 * metres),
     }
 }
@@ -28,9 +29,10 @@ mod tests {
 
     #[test]
     fn numbers_keep_the_digits_that_matter() {
-        let lengths = [0.0, 0.000_123_4, 0.024_68, -0.5, 78.125, 2e6];
+        let lengths = [0.0, 2.0e-8, 0.000_123_4, 0.024_68, -0.5, 78.125, 2e6];
         let expected = [
             "0.000 mm",
+            "2.00e-8 m",
             "0.123 mm",
             "24.7 mm",
             "-500.0 mm",

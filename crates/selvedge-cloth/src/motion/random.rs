@@ -11,6 +11,7 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 
 use super::pace::Pace;
 use super::written::{Block, Motion, Rotation, Translation, TurnSense};
+use crate::geometry::sin_cos;
 
 /// Moves between the still start and the still end.
 const MOVES: usize = 8;
@@ -100,7 +101,8 @@ fn direction(rng: &mut ChaCha8Rng) -> DVec3 {
     let height = between(rng, -1.0..1.0);
     let angle = between(rng, 0.0..TAU);
     let radius = (1.0 - height * height).sqrt();
-    DVec3::new(radius * angle.cos(), height, radius * angle.sin())
+    let (sine, cosine) = sin_cos(angle);
+    DVec3::new(radius * cosine, height, radius * sine)
 }
 
 /// A number from `range`, uniform; the end is left out.

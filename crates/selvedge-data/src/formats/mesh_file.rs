@@ -39,7 +39,8 @@ pub(crate) fn parse_mesh_bytes(
             return assemble(polygons, options).map_err(|error| error.of_sewn(is_sewn));
         }
         (Some(_), None) => {
-            let known = "is no kind of mesh that can be read: .obj, .glb, .usda, .usdc or .usdz";
+            let known =
+                "is no kind of mesh that can be read: .obj, .glb, .usda, .usdc, .usdz or .usd";
             return Err(MeshFileError::content(retired(path).unwrap_or(known)));
         }
     };

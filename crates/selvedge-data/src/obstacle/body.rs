@@ -146,8 +146,14 @@ impl BodySpec {
         matches!(self, Self::Mesh { path, .. } if !path.ends_with(".obj"))
     }
 
-    /// Makes the body; what of its file is left out is said in `warnings`.
-    pub(super) fn build(&self, folder: &Path, warnings: &mut Vec<String>) -> Result<Body, Problem> {
+    /// Makes the body, which `is_still` or moves as the scene says; what of its file is left out is
+    /// said in `warnings`.
+    pub(super) fn build(
+        &self,
+        folder: &Path,
+        is_still: bool,
+        warnings: &mut Vec<String>,
+    ) -> Result<Body, Problem> {
         match self {
             &Self::Plane(Plane {
                 normal,
@@ -212,6 +218,9 @@ impl BodySpec {
             }
             Self::Mesh { path, blake3 } => {
                 let bytes = read::unchanged("mesh", path, blake3, folder)?;
+                if is_still {
+                    warnings.extend(read::own_motion(path, &bytes));
+                }
                 read::mesh(path, &bytes, warnings)
             }
         }

@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 use super::body::BodySpec;
 use super::error::{ObstacleSpecError, Problem};
 use super::motion::ObstacleMotion;
-use super::weld::weld;
-use crate::formats::extent::extent;
+use super::weld::{drop_flat, weld};
+use crate::formats::extent::{extent, unit_remedy};
 use crate::scene::Rotate;
 
 /// Length of a body from a file `[m]`; others are warned of.
@@ -127,7 +127,9 @@ impl ObstacleSpec {
         });
         placed.map_err(own)?;
         let mut left = Vec::new();
-        let mut body = self.body.build(folder, &mut left).map_err(own)?;
+        let is_still = self.motion.is_still();
+        let body = self.body.build(folder, is_still, &mut left);
+        let mut body = body.map_err(own)?;
         let mut frames = self
             .motion
             .frames(&self.body, folder, frame_rate)
@@ -144,15 +146,25 @@ impl ObstacleSpec {
                 }
             }
         }
+        let count = body.faces.len();
         if self.body.is_split() {
             let frames = frames.as_mut().map(|(_, frames)| frames.as_mut_slice());
             weld(&mut body, frames.unwrap_or_default());
+        }
+        let first = frames.as_ref().and_then(|(_, frames)| frames.first());
+        drop_flat(&mut body, first.map(Vec::as_slice));
+        if body.faces.len() < count {
+            left.push(format!(
+                "{} of {count} faces have no area at the start and are left out",
+                count - body.faces.len()
+            ));
         }
         self.transform.apply(&mut body.points);
         let size = extent(&body.points);
         if matches!(self.body, BodySpec::Mesh { .. }) && !SIZES.contains(&size) {
             left.push(format!(
-                "it is {size:.4} m long: is its file in metres? transform.scale brings it there (0.001 from millimetres)"
+                "it is {size:.4} m long: {}",
+                unit_remedy(size, "transform.scale")
             ));
         }
         let name = &self.name;

@@ -1,8 +1,9 @@
-//! Welding of bodies: points that formats split along seams become one, where they stay together in
-//! every frame.
+//! Mending of bodies: points that formats split along seams become one, where they stay together in
+//! every frame; faces without area are left out.
 
 use glam::DVec3;
 use selvedge_cloth::bodies::Body;
+use selvedge_cloth::geometry::is_without_area;
 
 use crate::formats::extent::{COINCIDENT, extent};
 use crate::formats::polygons::owners;
@@ -41,6 +42,22 @@ pub(super) fn weld(body: &mut Body, frames: &mut [Vec<DVec3>]) {
     keep(&mut body.points, &is_used);
     for frame in frames {
         keep(frame, &is_used);
+    }
+}
+
+/// Leaves out the faces that have no area in the mesh or in the `first` frame: they bound nothing,
+/// and the winding number of the body about no point changes. Where all have none they stay, for
+/// the error that names them.
+pub(super) fn drop_flat(body: &mut Body, first: Option<&[DVec3]>) {
+    let has_area = |points: &[DVec3], face: [u32; 3]| {
+        !is_without_area(face.map(|corner| points[corner as usize]))
+    };
+    let stays = |face: &[u32; 3]| {
+        has_area(&body.points, *face) && first.is_none_or(|points| has_area(points, *face))
+    };
+    let kept: Vec<[u32; 3]> = body.faces.iter().copied().filter(stays).collect();
+    if !kept.is_empty() {
+        body.faces = kept;
     }
 }
 

@@ -17,6 +17,30 @@ pub(super) struct NodeMesh {
     pub(super) fabrics: Vec<Option<String>>,
 }
 
+impl NodeMesh {
+    /// Leaves out the faces of these numbers, which are holes.
+    pub(super) fn without(&mut self, holes: &[f64]) {
+        let mut stays = vec![true; self.faces.len()];
+        for &hole in holes {
+            if let Some(face) = stays.get_mut(hole as usize) {
+                *face = false;
+            }
+        }
+        let kept = || {
+            let mut stays = stays.iter();
+            move || stays.next().copied().unwrap_or_default()
+        };
+        let mut stay = kept();
+        self.faces.retain(|_| stay());
+        let mut stay = kept();
+        self.fabrics.retain(|_| stay());
+        let mut stay = kept();
+        if let Some(texture) = &mut self.texture {
+            texture.retain(|_| stay());
+        }
+    }
+}
+
 /// Texture coordinates of the corners of `faces`, from `values` per corner or per point of
 /// `points`; their number says which of the two they are.
 ///

@@ -282,6 +282,25 @@ fn usd_text_is_read_with_its_axes_units_and_time() {
 }
 
 #[test]
+fn a_stage_begins_at_its_start_code() {
+    let start = |range: &str| {
+        let stage = STAGE.replacen("defaultPrim", &format!("{range}\n defaultPrim"), 1);
+        24.0 * usda::parse(stage.as_bytes()).unwrap().start
+    };
+    // The keys are at 12 and 24; ranges that say nothing are passed over.
+    for (range, code) in [
+        ("", 12.0),
+        ("startTimeCode = 18", 18.0),
+        ("startTimeCode = -3", -3.0),
+        ("startTimeCode = 18\n endTimeCode = 40", 18.0),
+        ("startTimeCode = 18\n endTimeCode = 1", 12.0),
+        ("startTimeCode = 30", 12.0),
+    ] {
+        assert_eq!(start(range), code, "{range}");
+    }
+}
+
+#[test]
 fn every_order_of_turns_is_the_product_of_its_three() {
     let angles = DVec3::new(20.0, -35.0, 50.0);
     let about = |axis: usize| DQuat::from_axis_angle(DVec3::AXES[axis], angles[axis].to_radians());
@@ -342,7 +361,10 @@ fn what_is_not_understood_is_named_with_its_line() {
     assert!(error("defaultPrim", "subLayers = [@a.usda@]\n defaultPrim").contains("sublayers"));
     assert!(error("def Xform \"hand\"", "deff Xform \"hand\"").contains("hand"));
     let rig = usda::parse(STAGE.as_bytes()).unwrap();
-    assert!(problem(&rig, &["ghost"]).contains("over"));
+    says(
+        problem(&rig, &["ghost"]),
+        &["it is an over of what this file does not define"],
+    );
     assert!(problem(&rig, &["none"]).contains("[world, hand, sheet, ghost]"));
     let shear = STAGE.replace("xformOp:orient", "xformOp:shear");
     let rig = usda::parse(shear.as_bytes()).unwrap();

@@ -241,6 +241,7 @@ pub(super) fn parse_arcsim(
     let BuiltMesh {
         sheet,
         velocities,
+        is_own_shape,
         warnings: mended,
         ..
     } = built.map_err(SceneSpecError::from)?;
@@ -249,6 +250,7 @@ pub(super) fn parse_arcsim(
     let scene = spec.with_mesh(sheet.mesh, folder, &mut warnings)?;
     let loaded = LoadedScene {
         state,
+        is_own_shape,
         warnings,
         files,
         ..LoadedScene::new(spec, scene)

@@ -19,15 +19,16 @@ use super::arcsim::parse_arcsim;
 use super::loaded::LoadedScene;
 use super::motion_source::Stand;
 use super::problem::{SceneFileError, SceneProblem, field, unknown};
-use super::setting_file::{ResolvedSetting, SettingFile};
+use super::setting_file::{ResolvedSetting, SettingFile, usual_contact};
 use super::shipped::{materials, shipped_scene_text, shipped_scenes};
 use super::spec::{SceneSpec, Setting};
 use super::start::StartSpec;
 use super::start_file::StartFile;
 use super::text::{parse_toml, read_text};
+use crate::formats::retired::retired;
 use crate::trajectory::state_file::SavedState;
 use glam::DVec3;
-use selvedge_cloth::{ContactSettings, Mesh};
+use selvedge_cloth::Mesh;
 use std::path::{Path, PathBuf};
 
 /// Opens a scene by the path of its file, by the name of a shipped one, or by a mesh that is to hang
@@ -42,7 +43,12 @@ pub fn open_scene(path_or_name: &str) -> Result<LoadedScene, SceneFileError> {
     match shipped_scene_text(path_or_name) {
         Some(text) => parse_scene(text, Path::new(""), path_or_name),
         None if is_mesh && path.exists() => hung(path),
-        None if path.exists() => read_scene(path),
+        None if path.exists() => match other_kind(path) {
+            Some(problem) => Err(SceneFileError::at(path_or_name)(SceneProblem::Kind(
+                problem,
+            ))),
+            None => read_scene(path),
+        },
         None => {
             let problem = unknown("scene", shipped_scenes());
             Err(SceneFileError::at(path_or_name)(problem))
@@ -51,7 +57,37 @@ pub fn open_scene(path_or_name: &str) -> Result<LoadedScene, SceneFileError> {
 }
 
 /// Endings of files with a mesh.
-const MESHES: [&str; 5] = ["obj", "glb", "usda", "usdc", "usdz"];
+const MESHES: [&str; 6] = ["obj", "glb", "usda", "usdc", "usdz", "usd"];
+/// Endings of files that are taken for scenes by nobody, and what they are.
+const OTHERS: [(&str, &str); 12] = [
+    ("ply", "a PLY of points and faces"),
+    ("stl", "an STL of loose triangles"),
+    ("gltf", "a glTF with its data in other files"),
+    ("fbx", "an FBX"),
+    ("dae", "a COLLADA file"),
+    ("blend", "a file of Blender"),
+    ("off", "an OFF of points and faces"),
+    ("msh", "a mesh of tetrahedra"),
+    ("vtk", "a VTK file"),
+    ("seg", "a list of segments"),
+    ("npz", "an archive of arrays"),
+    (
+        "safetensors",
+        "a run, a model or a state of Selvedge (selvedge info says which)",
+    ),
+];
+
+/// What is wrong with a file whose name says that it is neither a scene nor a mesh that is read.
+fn other_kind(path: &Path) -> Option<String> {
+    if let Some(retired) = retired(path) {
+        return Some(retired.to_owned());
+    }
+    let ending = path.extension()?.to_str()?.to_ascii_lowercase();
+    let (_, kind) = OTHERS.iter().find(|(other, _)| *other == ending)?;
+    Some(format!(
+        "is {kind}, neither a scene (.toml) nor a mesh that is read: export .obj, .glb or USD (.usda, .usdc, .usdz, .usd)"
+    ))
+}
 /// Part of the height of a cloth that counts as its upper edge.
 const UPPER: f64 = 0.05;
 
@@ -98,6 +134,12 @@ pub fn read_scene(path: &Path) -> Result<LoadedScene, SceneFileError> {
             return resolve(&text, &folder);
         }
         let name = path.file_stem().unwrap_or_default().to_string_lossy();
+        let json: Option<serde_json::Map<String, serde_json::Value>> =
+            serde_json::from_str(&text).ok();
+        if json.is_some_and(|json| !["cloths", "frame_time"].iter().any(|key| json.contains_key(*key))) {
+            let problem = "is JSON, but not a scene of ARCSim, which has cloths and a frame_time; scenes of Selvedge are TOML (.toml), meshes .obj, .glb or USD";
+            return Err(SceneProblem::Kind(problem.to_owned()));
+        }
         parse_arcsim(&text, &folder, &name)
     });
     let mut loaded = loaded.map_err(SceneFileError::at(path.display().to_string()))?;
@@ -128,6 +170,7 @@ fn resolve(text: &str, folder: &Path) -> Result<LoadedScene, SceneProblem> {
         groups,
         velocities,
         loose,
+        is_own_shape,
         mut warnings,
         leaves_contact_open,
     } = file.resolve(folder, &mut files)?;
@@ -160,11 +203,12 @@ fn resolve(text: &str, folder: &Path) -> Result<LoadedScene, SceneProblem> {
     let loaded = LoadedScene {
         state,
         loose,
+        is_own_shape,
         files,
         warnings,
         ..LoadedScene::new(spec, scene)
     };
-    let remedy = loaded.spec.setting.mesh.transform.remedy();
+    let remedy = loaded.spec.setting.mesh.remedy();
     Ok(loaded.looked_over(&remedy))
 }
 
@@ -191,28 +235,6 @@ fn check_dress(body: &str, start: &StartFile, setting: &Setting) -> Result<(), S
 fn layers_can_meet(mesh: &Mesh, setting: &Setting) -> bool {
     let has_pieces = mesh.topology().sheets().iter().any(|sheet| *sheet > 0);
     !setting.obstacles.is_empty() || has_pieces || mesh.pattern().is_sewn()
-}
-
-/// Thickness of contact that is worth a warning `[m]`.
-const THIN: f64 = 2e-4;
-
-/// The usual contact for a mesh; warns where a short edge makes it thin.
-fn usual_contact(mesh: &Mesh, warnings: &mut Vec<String>) -> ContactSettings {
-    let lengths = mesh.pattern().edge_lengths();
-    let edges = mesh.topology().edges().iter().zip(lengths);
-    let shortest = edges.min_by(|a, b| a.1.total_cmp(&b.1));
-    let Some((edge, length)) = shortest else {
-        return ContactSettings::default();
-    };
-    let contact = ContactSettings::for_edges(length);
-    if contact.thickness < THIN {
-        let [a, b] = edge.vertices;
-        warnings.push(format!(
-            "contact.thickness is {:.1e} m, a fifth of the shortest edge, {length:.1e} m from vertex {a} to {b}: merge such vertices (mesh.weld), or choose the thickness",
-            contact.thickness
-        ));
-    }
-    contact
 }
 
 /// The state of a mesh whose file has velocities, where a run starts at the mesh.
@@ -280,6 +302,22 @@ mod tests {
         let small = "\"tube\", width = 0.01, size = 0.005";
         let (found, warnings) = thickness(&text(small, ""));
         assert!(found.unwrap() < 2e-4 && warnings > 0);
+        // What is not said of contact is chosen by the edges, too.
+        for (said, expected) in [("", found), ("thickness = 5e-5", Some(5e-5))] {
+            let text = text(small, &format!("contact = {{ friction = 0.5, {said} }}\n"));
+            let contact = parse_scene(&text, Path::new(""), "s").unwrap();
+            let contact = contact.scene.contact.unwrap();
+            assert_eq!((Some(contact.thickness), contact.friction), (expected, 0.5));
+            contact.validate().unwrap();
+        }
+        let wrong = text(square, "contact = { thicknes = 1 }\n");
+        let error = parse_scene(&wrong, Path::new(""), "s")
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.contains("thicknes") && error.contains("line"),
+            "{error}"
+        );
         let refused = text(square, &format!("contact = false\n{ball}"));
         let error = parse_scene(&refused, Path::new(""), "s").unwrap_err();
         assert!(error.to_string().contains("no contact"), "{error}");
@@ -331,6 +369,32 @@ mod tests {
         assert_eq!(loaded.scene.name, "my \"sheet\"");
         assert_eq!(loaded.spec.start, StartSpec::Mesh);
         assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings);
+    }
+
+    #[test]
+    fn a_file_that_is_no_scene_is_named_for_what_it_is() {
+        let folder = tempfile::tempdir().unwrap();
+        let problem = |name: &str, bytes: &[u8]| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, bytes).unwrap();
+            open_scene(&path.to_string_lossy()).unwrap_err().to_string()
+        };
+        for (name, words) in [
+            (
+                "a.ply",
+                "is a PLY of points and faces, neither a scene (.toml) nor a mesh that is read: export .obj",
+            ),
+            ("a.STL", "is an STL"),
+            ("a.abc", "Alembic"),
+        ] {
+            let found = problem(name, &[0xff, 0, 1]);
+            assert!(found.contains(words), "{found}");
+        }
+        let found = problem("a.json", b"{\"pattern\": {}}");
+        assert!(found.contains("not a scene of ARCSim"), "{found}");
+        // A mesh by any of its endings.
+        let found = problem("a.usd", b"#usda 1.0\ndef \"a\" {\n}\n");
+        assert!(found.contains("has no mesh"), "{found}");
     }
 
     #[test]

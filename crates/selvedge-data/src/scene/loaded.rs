@@ -20,6 +20,8 @@ pub struct LoadedScene {
     pub state: Option<SavedState>,
     /// The panels before they are sewn, where the scene names seams.
     pub loose: Option<LoosePanels>,
+    /// True where each face of the cloth rests as it stands in its file: there is no pattern.
+    pub is_own_shape: bool,
     /// Warnings of requests that cannot be met or are hardly meant.
     pub warnings: Vec<String>,
     /// The files that it was read from: its own, and all that it names.
@@ -34,6 +36,7 @@ impl LoadedScene {
             scene,
             state: None,
             loose: None,
+            is_own_shape: false,
             warnings: Vec::new(),
             files: Vec::new(),
         }

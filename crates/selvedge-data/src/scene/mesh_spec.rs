@@ -10,13 +10,14 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::strained::Times;
-use crate::formats::extent::extent;
+use crate::formats::extent::{extent, unit_remedy};
 use crate::formats::file_error::FileError;
 use crate::formats::hash::{check_hash, hash};
 use crate::formats::input::read_file;
 use crate::formats::mesh_file::parse_mesh_bytes;
 use crate::formats::polygons::{
-    MeshFileError, MeshOptions, ReadMesh, ReadMeshError, RestAngles, Sewing,
+    MeshFileError, MeshOptions, PatternSource, ReadMesh, ReadMeshError, RestAngles, Sewing,
+    TextureUnit,
 };
 use crate::obstacle::Placement;
 
@@ -50,6 +51,8 @@ pub struct BuiltMesh {
     pub velocities: Option<Vec<DVec3>>,
     /// The panels before they are sewn, where seams were named.
     pub loose: Option<LoosePanels>,
+    /// True where each face rests as it stands in space: there is no pattern.
+    pub is_own_shape: bool,
     /// Warnings of what was mended or passed over in its file.
     pub warnings: Vec<String>,
 }
@@ -195,6 +198,21 @@ const LARGEST_RATIO: f64 = 3.0;
 /// Length of a person's cloth `[m]`; others are warned of.
 const SIZES: std::ops::RangeInclusive<f64> = 0.01..=20.0;
 
+/// A warning of a cloth at `positions` `[m]` that is hardly a person's.
+#[must_use]
+pub fn size_warning(positions: &[DVec3]) -> Option<String> {
+    let size = extent(positions);
+    let bound = match size {
+        _ if SIZES.contains(&size) => return None,
+        0.0..1.0 => "less than 1 cm",
+        _ => "more than 20 m",
+    };
+    let remedy = unit_remedy(size, "mesh.transform.scale");
+    Some(format!(
+        "mesh: the cloth is {size:.4} m long, {bound}: {remedy}, with its pattern"
+    ))
+}
+
 impl Default for Transform {
     fn default() -> Self {
         Self {
@@ -279,17 +297,11 @@ impl MeshSpec {
         let loose = loose.map(|loose| loose.moved(|p| self.transform.place(p)));
         match &loose {
             // Panels that are to be sewn may be far from each other.
-            Some(loose) => self.transform.check_units(&loose.mesh(&sheet.mesh)?)?,
-            None => self.transform.check_units(&sheet.mesh)?,
+            Some(loose) => self.check_units(&loose.mesh(&sheet.mesh)?)?,
+            None => self.check_units(&sheet.mesh)?,
         }
         let mut warnings = read.warnings;
-        let size = extent(sheet.mesh.positions());
-        if !SIZES.contains(&size) {
-            warnings.push(format!(
-                "mesh: the cloth is {size:.4} m long, {}: is its file in metres? mesh.transform.scale brings it there, with its pattern (0.001 from millimetres)",
-                if size < 1.0 { "less than 1 cm" } else { "more than 20 m" }
-            ));
-        }
+        warnings.extend(size_warning(sheet.mesh.positions()));
         let turn = self.transform.rotation.turn();
         let velocities = read.velocities.map(|velocities| {
             let turned = |v: DVec3| turn * (self.transform.scale * v);
@@ -299,8 +311,51 @@ impl MeshSpec {
             sheet,
             velocities,
             loose,
+            is_own_shape: read.is_own_shape,
             warnings,
         })
+    }
+
+    /// The remedy for material coordinates that do not fit the positions: of what is not chosen yet.
+    pub(super) fn remedy(&self) -> String {
+        let by = self.transform.material_scale;
+        if by != 1.0 {
+            return format!(
+                "mesh.transform.scale scales the pattern too, and material_scale, {by}, scales it once more: leave material_scale out, or set another"
+            );
+        }
+        let MeshSource::Obj(ObjSource { options, .. }) = &self.source else {
+            return "set mesh.transform.material_scale".to_owned();
+        };
+        match (options.pattern, options.texture) {
+            (PatternSource::Shape, _) => "set mesh.transform.material_scale",
+            (PatternSource::Texture, TextureUnit::Fit) => {
+                "take the rest shape from the form in space with mesh.pattern = \"shape\""
+            }
+            (PatternSource::Texture, TextureUnit::Metres) => {
+                "where they are made for pictures take the rest shape from the form in space with mesh.pattern = \"shape\"; where they are a pattern in another unit stretch it with mesh.texture = \"fit\" or mesh.transform.material_scale"
+            }
+        }
+        .to_owned()
+    }
+
+    fn check_units(&self, mesh: &Mesh) -> Result<(), MeshSpecError> {
+        let (mut length, mut material) = (0.0, 0.0);
+        let lengths = mesh.pattern().edge_lengths();
+        for (edge, rest) in mesh.topology().edges().iter().zip(lengths) {
+            let [a, b] = edge.vertices.map(|v| v.index());
+            length += mesh.positions()[a].distance(mesh.positions()[b]);
+            material += rest;
+        }
+        let ratio: f64 = length / material;
+        if (1.0 / LARGEST_RATIO..=LARGEST_RATIO).contains(&ratio) {
+            return Ok(());
+        }
+        Err(MeshSpecError::Content(format!(
+            "the edges of the mesh are on average {} as long as in its material coordinates: these must be in metres too; {}",
+            Times(ratio),
+            self.remedy()
+        )))
     }
 }
 
@@ -345,37 +400,6 @@ impl Transform {
             mesh: mesh.with_pattern_scaled(self.scale * self.material_scale)?,
             labels: sheet.labels,
         })
-    }
-
-    /// The remedy for material coordinates in another unit than positions.
-    pub(super) fn remedy(&self) -> String {
-        match self.material_scale {
-            1.0 => {
-                "set mesh.transform.material_scale, or mesh.texture = \"fit\" for an obj".to_owned()
-            }
-            by => format!(
-                "mesh.transform.scale scales the pattern too, and material_scale, {by}, scales it once more: leave material_scale out, or set another"
-            ),
-        }
-    }
-
-    fn check_units(&self, mesh: &Mesh) -> Result<(), MeshSpecError> {
-        let (mut length, mut material) = (0.0, 0.0);
-        let lengths = mesh.pattern().edge_lengths();
-        for (edge, rest) in mesh.topology().edges().iter().zip(lengths) {
-            let [a, b] = edge.vertices.map(|v| v.index());
-            length += mesh.positions()[a].distance(mesh.positions()[b]);
-            material += rest;
-        }
-        let ratio: f64 = length / material;
-        if (1.0 / LARGEST_RATIO..=LARGEST_RATIO).contains(&ratio) {
-            return Ok(());
-        }
-        Err(MeshSpecError::Content(format!(
-            "the edges of the mesh are on average {} as long as in its material coordinates: these must be in metres too; {}",
-            Times(ratio),
-            self.remedy()
-        )))
     }
 
     fn place(&self, position: DVec3) -> DVec3 {

@@ -25,6 +25,7 @@ pub(crate) use handle_selection::HandleSelection;
 pub use loaded::LoadedScene;
 pub use mesh_spec::{
     BuiltMesh, GeneratorSpec, MeshSource, MeshSpec, MeshSpecError, ObjSource, Rotate, Transform,
+    size_warning,
 };
 pub(crate) use motion_source::{MotionSource, Stand};
 pub use problem::{SceneFileError, SceneProblem};

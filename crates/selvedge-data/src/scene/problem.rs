@@ -34,6 +34,8 @@ pub enum SceneProblem {
     Unknown { what: &'static str, known: String },
     #[error("{}", .0.to_string().trim_end())]
     Toml(#[source] Box<toml::de::Error>),
+    #[error("{0}")]
+    Kind(String),
     #[error("is no JSON: {0}")]
     Json(#[source] serde_json::Error),
     #[error("{key}: {problem}")]

@@ -57,7 +57,8 @@ pub(crate) struct SettingFile {
 /// Contact as people write it.
 enum ContactFile {
     Choice(bool),
-    Settings(ContactSettings),
+    /// Settings, and the keys that are written.
+    Settings(ContactSettings, Vec<String>),
 }
 
 impl<'de> Deserialize<'de> for ContactFile {
@@ -75,8 +76,10 @@ impl<'de> Deserialize<'de> for ContactFile {
             }
 
             fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<ContactFile, A::Error> {
-                let settings = ContactSettings::deserialize(MapAccessDeserializer::new(map))?;
-                Ok(ContactFile::Settings(settings))
+                let table = toml::Table::deserialize(MapAccessDeserializer::new(map))?;
+                let keys = table.keys().cloned().collect();
+                let settings = table.try_into().map_err(serde::de::Error::custom)?;
+                Ok(ContactFile::Settings(settings, keys))
             }
         }
         deserializer.deserialize_any(TableOrFalse)
@@ -119,6 +122,8 @@ pub(crate) struct ResolvedSetting {
     pub(crate) velocities: Option<Vec<DVec3>>,
     /// The panels before they are sewn, where seams were named.
     pub(crate) loose: Option<LoosePanels>,
+    /// True where the mesh has no pattern.
+    pub(crate) is_own_shape: bool,
     pub(crate) warnings: Vec<String>,
     /// True if the file says nothing of contact.
     pub(crate) leaves_contact_open: bool,
@@ -142,7 +147,8 @@ impl SettingFile {
             sheet,
             velocities,
             loose,
-            warnings,
+            is_own_shape,
+            mut warnings,
         } = mesh.read(folder)?;
         let leaves_contact_open = self.contact.is_none();
         let contact = match self.contact {
@@ -151,7 +157,16 @@ impl SettingFile {
                 let problem = "write contact = {} for the usual contact";
                 return Err(field("contact", problem));
             }
-            Some(ContactFile::Settings(settings)) => Some(settings),
+            Some(ContactFile::Settings(mut settings, keys)) => {
+                let is_said = |key: &str| keys.iter().any(|written| written == key);
+                if !is_said("thickness") {
+                    settings.thickness = usual_contact(&sheet.mesh, &mut warnings).thickness;
+                }
+                if !is_said("floor") {
+                    settings.floor = ContactSettings::of_thickness(settings.thickness).floor;
+                }
+                Some(settings)
+            }
         };
         let mut fabrics = BTreeMap::new();
         for (name, source) in self.fabrics {
@@ -181,10 +196,33 @@ impl SettingFile {
             groups,
             velocities,
             loose,
+            is_own_shape,
             warnings,
             leaves_contact_open,
         })
     }
+}
+
+/// Thickness of contact that is worth a warning `[m]`.
+const THIN: f64 = 2e-4;
+
+/// The usual contact for a mesh; warns where a short edge makes it thin.
+pub(super) fn usual_contact(mesh: &Mesh, warnings: &mut Vec<String>) -> ContactSettings {
+    let lengths = mesh.pattern().edge_lengths();
+    let edges = mesh.topology().edges().iter().zip(lengths);
+    let shortest = edges.min_by(|a, b| a.1.total_cmp(&b.1));
+    let Some((edge, length)) = shortest else {
+        return ContactSettings::default();
+    };
+    let contact = ContactSettings::for_edges(length);
+    if contact.thickness < THIN {
+        let [a, b] = edge.vertices;
+        warnings.push(format!(
+            "contact.thickness is {:.1e} m, a fifth of the shortest edge, {length:.1e} m from vertex {a} to {b}: merge such vertices (mesh.weld), or choose the thickness",
+            contact.thickness
+        ));
+    }
+    contact
 }
 
 /// Obstacles with names of their own.

@@ -15,6 +15,8 @@ const LARGEST: f64 = 1.25;
 const OVERSTRAINED: f64 = 1.5;
 /// Stretch from which strain is not said in percent.
 const MOST_IN_PERCENT: f64 = 100.0;
+/// Stretch of a single edge from which a run is likely to fail at once.
+const HOPELESS: f64 = 3.0;
 /// Edges that a warning names.
 const NAMED: usize = 3;
 
@@ -170,8 +172,12 @@ pub(super) fn warnings(mesh: &Mesh, positions: &[DVec3], remedy: &str) -> Vec<St
     let worst = worst_edges(mesh, positions, NAMED);
     let named: Vec<String> = worst.iter().map(ToString::to_string).collect();
     vec![format!(
-        "mesh: {over} edges start at more than {OVERSTRAINED} × their length in the pattern, the worst are {}: mend them, or let the cloth relax before it moves with start = \"fit\"",
-        named.join(", ")
+        "mesh: {over} edges start at more than {OVERSTRAINED} × their length in the pattern, the worst are {}{}: mend them, or {remedy}, or let the cloth relax before it moves with start = \"fit\"",
+        named.join(", "),
+        match worst[0].stretch > HOPELESS {
+            true => "; a run from there is likely to fail in its first frame",
+            false => "",
+        }
     )]
 }
 

@@ -93,6 +93,47 @@ fn equal_texture_coordinates_with_different_numbers_are_no_seam() {
 }
 
 #[test]
+fn texture_corners_without_coordinates_and_seams_are_warned_of() {
+    let read = |text: &str| parse_obj_with(text, MeshOptions::default()).unwrap();
+    let made = read(&format!("{QUAD}stitch 1 2\nf 1/1 2/2 3/3 4/4\n"));
+    assert_eq!(made.sheet, read(&format!("{QUAD}f 1 2 3 4\n")).sheet);
+    let [corners, seams] = &made.warnings[..] else {
+        panic!("{:?}", made.warnings);
+    };
+    says(
+        corners,
+        &["4 texture corners without coordinates", "first in line 6"],
+    );
+    says(seams, &["1 × \"stitch\"", "given by seams in the scene"]);
+}
+
+#[test]
+fn faces_that_a_weld_makes_alike_or_flat_are_dropped() {
+    // A quad of two triangles, the second once more beside it, and a sliver that the weld flattens.
+    let text = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 0.01\nv 1 1 0.01\nv 0 1 0.01\nv 0.5 0 0\nv 0.5 0.01 0\n\
+        f 1 2 3\nf 1 3 4\nf 5 6 7\nf 1 9 2\n";
+    let weld = |weld: f64| MeshOptions {
+        weld: Some(weld),
+        ..MeshOptions::default()
+    };
+    let made = parse_obj_with(text, weld(0.02)).unwrap();
+    assert_eq!(made.sheet.mesh.topology().faces().len(), 2);
+    says(
+        &made.warnings[0],
+        &[
+            "2 faces become one with another, or lose their area",
+            "first at line 12",
+        ],
+    );
+    // What is alike in the file stays an error.
+    let twice = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 1 0.01\nf 1 2 3\nf 1 2 3\nf 1 2 4\n";
+    says(
+        parse_obj_with(twice, weld(0.02)).unwrap_err(),
+        &["have the same three vertices"],
+    );
+}
+
+#[test]
 fn what_is_not_a_cloth_is_named() {
     let cases = r#"
         v 0 0 0\nv 1 0\n | line 2: expected 3 numbers, found 2
@@ -103,7 +144,8 @@ fn what_is_not_a_cloth_is_named() {
         v 0 0 0\nf 0 1 1\n | there is no vertex 0
         v 0 0 0\nf -2 1 1\n | there is no vertex -2
         v 0 0 0\nf a 1 1\n | "a" is no number of a vertex
-        v 0 0 0\nf 1/1 1/1 1/1\n | there is no texture coordinate 1
+        v 0 0 0\nvt 0 0\nf 1/2 1/1 1/1\n | there is no texture coordinate 2 (there are 1 so far)
+        v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/1 2/1 3/1\nvt 0 0\n | line 4: this face names a texture coordinate, but the first (vt) comes later
         curv 0 1\n | has no faces
         v 0 0 0\n | has no faces
         v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1 2 3\nf 1/1 2/1 3/1\n | line 5: this face has no texture

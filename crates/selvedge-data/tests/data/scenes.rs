@@ -205,7 +205,7 @@ fn files_beside_the_scene_are_found_and_their_changes_noticed() {
     write("scene.toml", &scene.replace("material_scale = 200\n", ""));
     says(
         read_scene(&path).unwrap_err(),
-        &["set mesh.transform.material_scale"],
+        &["mesh.pattern = \"shape\"", "mesh.transform.material_scale"],
     );
     write("scene.toml", &scene.replace("scale = 0.01", "scale = 0.0"));
     says(

@@ -2,7 +2,6 @@
 //! set, a training, a rollout and a simulation, kept by the instructions that the kernels use.
 //!
 //! `SELVEDGE_GOLDENS=write cargo test -p selvedge --test cli goldens` keeps those of this machine.
-//! They may change with the C library, too, whose sines and cosines are in them.
 //!
 //! Those of other instructions come from an emulator: `SELVEDGE_THROUGH="qemu-x86_64 -cpu Haswell"`
 //! runs the program through it, and `SELVEDGE_INSTRUCTIONS=x86_64-avx2` names what it has

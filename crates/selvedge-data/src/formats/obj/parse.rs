@@ -25,6 +25,9 @@ struct Reader {
     fabric: Option<u32>,
     /// The edge of the last `e`.
     edge: Option<[u32; 2]>,
+    /// Corners whose texture coordinates are passed over, as none come before them, and the line of
+    /// the first.
+    untextured: Option<(usize, usize)>,
     /// Statements that are passed over, with the first line and the number of each.
     unknown: BTreeMap<String, (usize, usize)>,
 }
@@ -43,7 +46,7 @@ pub(super) fn parse(text: &str) -> Result<Polygons, MeshFileError> {
         let read = reader.read(line, keyword, &rest);
         read.map_err(|problem| MeshFileError::content(format!("line {line}: {problem}")))?;
     }
-    Ok(reader.finish())
+    reader.finish()
 }
 
 impl Reader {
@@ -131,7 +134,17 @@ impl Reader {
     }
 
     fn read_face(&mut self, line: usize, rest: &[&str]) -> Result<(), String> {
-        let corners = corners(rest, &self.polygons)?;
+        let mut corners = Vec::with_capacity(rest.len());
+        for word in rest {
+            let (corner, is_untextured) = corner(word, &self.polygons)?;
+            corners.push(corner);
+            if is_untextured {
+                self.untextured.get_or_insert((line, 0)).1 += 1;
+            }
+        }
+        if corners.len() < 3 {
+            return Err(format!("a face needs 3 corners, found {}", corners.len()));
+        }
         for name in self.object.iter().chain(&self.groups) {
             let label = self.polygons.labels.entry(name.clone()).or_default();
             label.extend(corners.iter().map(|corner| corner.vertex));
@@ -150,8 +163,19 @@ impl Reader {
         Ok(())
     }
 
-    fn finish(self) -> Polygons {
+    fn finish(self) -> Result<Polygons, MeshFileError> {
         let mut polygons = self.polygons;
+        match self.untextured {
+            None => {}
+            Some((line, count)) if polygons.texture.is_empty() => polygons.warnings.push(format!(
+                "{count} texture corners without coordinates (vt) are passed over, the first in line {line}: the pattern comes from the shape"
+            )),
+            Some((line, _)) => {
+                return Err(MeshFileError::content(format!(
+                    "line {line}: this face names a texture coordinate, but the first (vt) comes later in the file"
+                )));
+            }
+        }
         if !self.unknown.is_empty() {
             let count: usize = self.unknown.values().map(|(_, count)| count).sum();
             let each: Vec<String> = self
@@ -159,12 +183,17 @@ impl Reader {
                 .iter()
                 .map(|(name, (line, count))| format!("{count} × {name:?} (first in line {line})"))
                 .collect();
+            let is_sewing = |name: &String| ["seam", "stitch"].contains(&name.as_str());
             polygons.warnings.push(format!(
-                "{count} statements that no mesh of faces has are passed over: {}",
-                each.join(", ")
+                "{count} statements that no mesh of faces has are passed over: {}{}",
+                each.join(", "),
+                match self.unknown.keys().any(is_sewing) {
+                    true => "; what is to be sewn is given by seams in the scene",
+                    false => "",
+                }
             ));
         }
-        polygons
+        Ok(polygons)
     }
 }
 
@@ -196,27 +225,24 @@ fn numbers<const N: usize>(words: &[&str]) -> Result<[f64; N], String> {
     Ok(values)
 }
 
-fn corners(words: &[&str], polygons: &Polygons) -> Result<Vec<Corner>, String> {
-    if words.len() < 3 {
-        return Err(format!("a face needs 3 corners, found {}", words.len()));
-    }
-    words.iter().map(|word| corner(word, polygons)).collect()
-}
-
-fn corner(word: &str, polygons: &Polygons) -> Result<Corner, String> {
+/// A corner, and true where it names a texture coordinate before there is any.
+fn corner(word: &str, polygons: &Polygons) -> Result<(Corner, bool), String> {
     let mut parts = word.split('/');
     let vertex = parts.next().unwrap_or_default();
     let vertex = index(vertex, polygons.positions.len(), "vertex")?;
-    let texture = match parts.next() {
-        None | Some("") => None,
+    let texture = parts.next().filter(|text| !text.is_empty());
+    let is_untextured = texture.is_some() && polygons.texture.is_empty();
+    let texture = match texture.filter(|_| !is_untextured) {
+        None => None,
         Some(text) => Some(index(text, polygons.texture.len(), "texture coordinate")?),
     };
     let vertex = u32::try_from(vertex).map_err(|_| "there are too many vertices".to_owned())?;
-    Ok(Corner {
+    let corner = Corner {
         vertex,
         texture,
         loose: None,
-    })
+    };
+    Ok((corner, is_untextured))
 }
 
 /// An index from 0: a number from 1, or one counted back from the last so far.

@@ -26,7 +26,7 @@ pub(crate) use self::sew::sew;
 pub use self::sew::{PanelPlace, SeamPair, Sewing};
 pub(crate) use self::soup::{Corner, Polygon, Polygons};
 pub use self::soup::{Place, ReadMesh};
-pub(crate) use self::triangulate::triangles_in_space;
+pub(crate) use self::triangulate::{triangles_in_space, triangles_of_body};
 pub(crate) use self::weld::owners;
 
 #[cfg(test)]

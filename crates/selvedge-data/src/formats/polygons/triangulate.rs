@@ -1,7 +1,7 @@
 //! Cutting polygons into triangles.
 
 use glam::{DVec2, DVec3};
-use selvedge_cloth::geometry::signed_area_2d;
+use selvedge_cloth::geometry::{area_vector, signed_area_2d};
 
 use super::shape::in_own_plane;
 
@@ -13,6 +13,36 @@ pub(crate) fn triangles_in_space(corners: &[DVec3]) -> Option<Vec<[usize; 3]>> {
         3 => Some(vec![[0, 1, 2]]),
         _ => triangulate(&in_own_plane(corners)),
     }
+}
+
+/// Triangles of a face of a body: as [`triangles_in_space`] or, where that has none, from the corner
+/// whose smallest triangle is largest.
+pub(crate) fn triangles_of_body(corners: &[DVec3]) -> Vec<[usize; 3]> {
+    let count = corners.len();
+    let area = |[a, b, c]: [usize; 3]| area_vector(corners[a], corners[b], corners[c]).length();
+    match (count, triangles_in_space(corners)) {
+        (_, Some(triangles)) => triangles,
+        (0..3, None) => Vec::new(),
+        (_, None) => fan(best_center(count, &area), count).collect(),
+    }
+}
+
+/// The triangles of `count` corners from one of them.
+fn fan(center: usize, count: usize) -> impl Iterator<Item = [usize; 3]> {
+    (1..count - 1).map(move |k| [0, k, k + 1].map(|j| (center + j) % count))
+}
+
+/// The corner of `count` from which the smallest triangle is largest; the first of several.
+fn best_center(count: usize, area: &impl Fn([usize; 3]) -> f64) -> usize {
+    let smallest = |center: usize| fan(center, count).map(area).fold(f64::INFINITY, f64::min);
+    let mut best = (0, smallest(0));
+    for center in 1..count {
+        let own = smallest(center);
+        if own > best.1 {
+            best = (center, own);
+        }
+    }
+    best.0
 }
 
 /// Triangles of a polygon with these `corners`, which run either way round, as numbers of its
@@ -34,17 +64,9 @@ pub(super) fn triangulate(corners: &[DVec2]) -> Option<Vec<[usize; 3]>> {
         .sum();
     let sense = whole.signum();
     let area = |[a, b, c]: [usize; 3]| sense * signed_area_2d(corners[a], corners[b], corners[c]);
-    let fan =
-        |center: usize| (1..count - 1).map(move |k| [0, k, k + 1].map(|j| (center + j) % count));
-    let smallest = |center: usize| fan(center).map(area).fold(f64::INFINITY, f64::min);
-    let mut best = 0;
-    for center in 1..count {
-        if smallest(center) > smallest(best) {
-            best = center;
-        }
-    }
-    if smallest(best) > 0.0 {
-        return Some(fan(best).collect());
+    let best = best_center(count, &area);
+    if fan(best, count).all(|triangle| area(triangle) > 0.0) {
+        return Some(fan(best, count).collect());
     }
     ears(corners, area)
 }
@@ -146,5 +168,8 @@ mod tests {
         assert_eq!(triangulate(&bow), None);
         let line = [(0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (3.0, 0.0)].map(DVec2::from);
         assert_eq!(triangulate(&line), None);
+        // Of a body it gets some all the same.
+        let bow = bow.map(|corner| corner.extend(0.0));
+        assert_eq!(triangles_of_body(&bow), [[0, 1, 2], [0, 2, 3]]);
     }
 }

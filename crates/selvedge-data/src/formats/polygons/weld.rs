@@ -1,13 +1,14 @@
 //! Welding by position: vertices that are nearer to each other than a tolerance become one, with
 //! their texture coordinates apart, as the two sides of a seam are.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 use glam::DVec3;
+use selvedge_cloth::geometry::is_without_area;
 
 use super::clean::{drop_collapsed, renumber};
 use super::error::MeshFileError;
-use super::soup::Polygons;
+use super::soup::{Polygon, Polygons};
 
 /// Welds vertices up to `tolerance` apart. The first of them stays; the order of the others does
 /// not change.
@@ -24,8 +25,51 @@ pub(super) fn weld(polygons: &mut Polygons, tolerance: f64) -> Result<(), MeshFi
     if welded == 0 {
         return Ok(());
     }
+    let before: Vec<Vec<u32>> = polygons.polygons.iter().map(vertices_of).collect();
+    drop_alike(polygons, &owners, &before);
     merge(polygons, &owners);
     Ok(())
+}
+
+/// The vertices of a polygon, in ascending order.
+fn vertices_of(polygon: &Polygon) -> Vec<u32> {
+    let mut vertices: Vec<u32> = polygon.corners.iter().map(|c| c.vertex).collect();
+    vertices.sort_unstable();
+    vertices
+}
+
+/// Leaves out polygons that the weld makes one with an earlier one, which they are not `before` it,
+/// and triangles that lose their area by it.
+fn drop_alike(polygons: &mut Polygons, owners: &[u32], before: &[Vec<u32>]) {
+    let mut known: HashMap<Vec<u32>, usize> = HashMap::new();
+    let is_flat = |corners: &[u32]| match *corners {
+        [a, b, c] => is_without_area([a, b, c].map(|v| polygons.positions[v as usize])),
+        _ => false,
+    };
+    let mut dropped = Vec::new();
+    for (number, own) in before.iter().enumerate() {
+        let mut after: Vec<u32> = own.iter().map(|&v| owners[v as usize]).collect();
+        after.sort_unstable();
+        let is_whole = after.windows(2).all(|pair| pair[0] != pair[1]);
+        let is_flat = is_whole && is_flat(&after) && !is_flat(own);
+        let first = *known.entry(after).or_insert(number);
+        if is_flat || is_whole && before[first] != *own {
+            dropped.push(number);
+        }
+    }
+    let Some(&first) = dropped.first() else {
+        return;
+    };
+    polygons.warnings.push(format!(
+        "{} faces become one with another, or lose their area, where vertices are welded and are left out, the first at {}",
+        dropped.len(),
+        polygons.polygons[first].place
+    ));
+    let mut number = 0;
+    polygons.polygons.retain(|_| {
+        number += 1;
+        dropped.binary_search(&(number - 1)).is_err()
+    });
 }
 
 /// Makes every vertex one with its owner, the first of those that are one.

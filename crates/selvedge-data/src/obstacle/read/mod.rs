@@ -14,9 +14,9 @@ use crate::formats::input::read_file;
 use crate::formats::npz::NpzPoints;
 use crate::formats::obj::parse_obj_polygons;
 use crate::formats::pc2;
-use crate::formats::polygons::triangles_in_space;
+use crate::formats::polygons::triangles_of_body;
 use crate::formats::retired::retired;
-use crate::rig::{RigFormat, read_body};
+use crate::rig::{RigError, RigFormat, read_body};
 
 pub(super) use self::sequence::Sequence;
 
@@ -104,22 +104,41 @@ pub(super) fn mesh(path: &str, bytes: &[u8], warnings: &mut Vec<String>) -> Resu
             (body.positions(0.0), faces)
         }
         _ => {
-            let known = "must end in .obj, .glb, .usda, .usdc or .usdz";
+            let known = "must end in .obj, .glb, .usda, .usdc, .usdz or .usd: export the mesh as one of them";
             return Err(wrong(retired(Path::new(path)).unwrap_or(known).to_owned()));
         }
     };
     let mut faces = Vec::with_capacity(2 * polygons.len());
-    for (number, corners) in polygons.iter().enumerate() {
+    for corners in &polygons {
         let places: Vec<DVec3> = corners.iter().map(|&c| points[c as usize]).collect();
-        let triangles = triangles_in_space(&places).ok_or_else(|| {
-            wrong(format!(
-                "face {number}, of {} corners, crosses itself or has no area: cut it into triangles",
-                corners.len()
-            ))
-        })?;
+        let triangles = triangles_of_body(&places);
         faces.extend(triangles.iter().map(|t| t.map(|k| corners[k])));
     }
     Ok(Body { points, faces })
+}
+
+/// A warning where the file at `path`, of which the scene takes no motion, has one. A shipped body
+/// is known to.
+pub(super) fn own_motion(path: &str, bytes: &[u8]) -> Option<String> {
+    let Some(Kind::Rig(format)) = Kind::of(path).filter(|_| shipped(path).is_none()) else {
+        return None;
+    };
+    let (moves, key) = match read_body(bytes, format, None, false) {
+        Ok(body) => {
+            let [first, last] = body.span()?;
+            let moves = format!("moves from {first:.3} s to {last:.3} s");
+            (moves, format!("motion = {path:?}"))
+        }
+        Err(RigError::Animations { known }) => (
+            format!("has the animations [{known}]"),
+            "motion = { animation = \"…\" }".to_owned(),
+        ),
+        // What is wrong with the body is said where it is read.
+        Err(_) => return None,
+    };
+    Some(format!(
+        "{path}: it {moves}, but the obstacle stands still: {key} plays it"
+    ))
 }
 
 /// Frames per second, and the points in every frame.
@@ -162,7 +181,7 @@ pub(crate) fn moving_points(
             (read.frame_rate.unwrap_or(rate), read.frames)
         }
         Some(Kind::Obj) | None => {
-            let known = "must end in .obj (with {frame} in its name), .pc2, .npz, .usda, .usdc, .usdz or .glb";
+            let known = "must end in .obj (with {frame} in its name), .pc2, .npz, .usda, .usdc, .usdz, .usd or .glb";
             return Err(retired(Path::new(path)).unwrap_or(known).to_owned());
         }
     };

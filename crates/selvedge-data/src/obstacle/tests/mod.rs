@@ -104,6 +104,25 @@ fn meshes_are_cut_into_triangles_and_keep_their_numbers() {
 }
 
 #[test]
+fn faces_without_area_are_left_out_and_crooked_ones_are_cut() {
+    let desk = Desk::new();
+    // A tetrahedron with a sliver along an edge, a corner twice, and a bow tie beside it.
+    desk.write(
+        "b.obj",
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nv 0.5 0 0\nv 3 0 0\nv 4 1 0\nv 4 0 0\nv 3 1 0\n\
+        f 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\nf 1 5 2\nf 1 1 2\nf 6 7 8 9\n",
+    );
+    let spec = desk.spec("name = \"b\"\nmesh = \"b.obj\"").unwrap();
+    let mut warnings = Vec::new();
+    let made = spec.build(desk.0.path(), 60.0, &mut warnings).unwrap();
+    assert_eq!((made.point_count(), made.faces().len()), (9, 6));
+    assert_eq!(
+        warnings,
+        ["obstacles[\"b\"].mesh: 2 of 8 faces have no area at the start and are left out"]
+    );
+}
+
+#[test]
 fn what_is_wrong_is_named_with_the_obstacle() {
     let desk = Desk::new();
     desk.write("flat.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n");

@@ -11,12 +11,13 @@ use glam::{DVec2, DVec3};
 use super::super::error::RigError;
 use super::super::moving_mesh::MovingMesh;
 use super::super::node_mesh::{NodeMesh, texture_by_corner};
-use super::prim::Prim;
+use super::prim::{Absence, Prim};
 
 pub(super) const POINTS: &str = "points";
 const COUNTS: &str = "faceVertexCounts";
 const INDICES: &str = "faceVertexIndices";
 const SUBSET: &str = "indices";
+const HOLES: &str = "holeIndices";
 const TEXTURE: &str = "texture";
 const TEXTURE_INDICES: &str = "texture indices";
 const ORIENTED: &str = "st";
@@ -38,7 +39,7 @@ const SHAPES: [&str; 10] = [
 /// The name under which a property of this type and name is kept; none if no mesh needs it.
 pub(super) fn array_of(kind: &str, name: &str) -> Option<String> {
     let name = name.strip_suffix(".timeSamples").unwrap_or(name);
-    if [POINTS, COUNTS, INDICES, SUBSET].contains(&name) {
+    if [POINTS, COUNTS, INDICES, SUBSET, HOLES].contains(&name) {
         return Some(name.to_owned());
     }
     let variable = name.strip_prefix("primvars:")?;
@@ -66,8 +67,9 @@ pub(super) fn meshes(
     prims: &[Prim],
     warnings: &mut Vec<String>,
 ) -> Result<Vec<NodeMesh>, RigError> {
-    let seen = seen(prims);
-    for (prim, _) in prims.iter().zip(&seen).filter(|pair| *pair.1) {
+    let absences = absences(prims);
+    let is_seen = |k: usize| absences[k].is_none();
+    for (_, prim) in prims.iter().enumerate().filter(|(k, _)| is_seen(*k)) {
         let instancer = (prim.kind == "PointInstancer")
             .then_some("its instances are not read: export them as meshes");
         let is_of_looks = ["Material", "Shader", "NodeGraph"].contains(&prim.kind.as_str());
@@ -86,21 +88,55 @@ pub(super) fn meshes(
             warnings.push(format!("{} {what}, the first is {first:?}", names.len()));
         }
     };
+    let is_mesh = |k: usize| prims[k].kind == "Mesh";
     left(
         "meshes are invisible, guides or proxies and are left out",
-        &|k, prim| prim.kind == "Mesh" && !seen[k] && !is_in_class(prims, k),
+        &|k, _| {
+            let why = [Some(Absence::Invisible), Some(Absence::StandsIn)];
+            is_mesh(k) && why.contains(&absences[k])
+        },
+    );
+    left(
+        "meshes are inactive (active = false) and are left out",
+        &|k, _| is_mesh(k) && absences[k] == Some(Absence::Inactive),
+    );
+    left(
+        "meshes are in an over of what this file does not define and are left out",
+        &|k, _| is_mesh(k) && absences[k] == Some(Absence::Undefined),
     );
     left(
         "prims are shapes without a mesh, which are not read: export meshes",
-        &|k, prim| SHAPES.contains(&prim.kind.as_str()) && seen[k],
+        &|k, prim| SHAPES.contains(&prim.kind.as_str()) && is_seen(k),
     );
     left(
         "meshes have a skeleton or blend shapes, which are not read, and stand as their points are: bake them to points, or export .glb",
-        &|k, prim| prim.kind == "Mesh" && prim.is_skinned && seen[k],
+        &|k, prim| is_mesh(k) && prim.is_skinned && is_seen(k),
+    );
+    left(
+        "meshes are subdivision surfaces and are read as their cages: apply the subdivision before the export, or write subdivisionScheme = \"none\"",
+        &|k, prim| is_mesh(k) && !prim.is_polygonal && is_seen(k),
+    );
+    let is_timed = |k: usize| chain(prims, k).any(|k| prims[k].is_timed);
+    left(
+        "meshes have a visibility that changes in time, which is not read, and are there all the time",
+        &|k, _| is_mesh(k) && is_seen(k) && is_timed(k),
+    );
+    let is_empty = |k: usize| {
+        let has = |name: &str| prims[k].array(name).is_some_and(|array| array.len() > 2);
+        !(has(POINTS) && prims[k].array(COUNTS).is_some() && has(INDICES))
+    };
+    let all: Vec<usize> = (0..prims.len())
+        .filter(|&k| is_mesh(k) && is_seen(k))
+        .collect();
+    // Where all are empty, the error says which array the first lacks.
+    let is_left = !all.iter().all(|&k| is_empty(k));
+    left(
+        "meshes have no points or no faces, or values of another type for them, and are left out",
+        &|k, _| is_left && is_mesh(k) && is_seen(k) && is_empty(k),
     );
     let mut made = Vec::new();
-    for node in 0..prims.len() {
-        if prims[node].kind != "Mesh" || !seen[node] {
+    for node in all {
+        if is_left && is_empty(node) {
             continue;
         }
         let mut mesh = mesh(&prims[node], node)?;
@@ -114,34 +150,37 @@ pub(super) fn meshes(
                 }
             }
         }
+        if let Some(holes) = prims[node].array(HOLES) {
+            mesh.without(holes);
+        }
         made.push(mesh);
     }
     Ok(made)
 }
 
-/// Returns true where a prim is a class, or within one.
-fn is_in_class(prims: &[Prim], node: usize) -> bool {
-    let mut chain = std::iter::successors(Some(node), |&node| prims[node].parent);
-    chain.any(|node| prims[node].is_class)
+/// A prim, what it is in, and so on to the root.
+fn chain(prims: &[Prim], node: usize) -> impl Iterator<Item = usize> {
+    std::iter::successors(Some(node), |&node| prims[node].parent)
 }
 
-/// What of the prims is seen: no class and nothing invisible, with all that is in it; no guide, and
-/// no proxy where there is what is to be rendered in its place.
-fn seen(prims: &[Prim]) -> Vec<bool> {
-    let mut there: Vec<bool> = Vec::with_capacity(prims.len());
+/// Reasons why prims are not seen, with all that is in them; no proxy is seen where there is what
+/// is to be rendered in its place.
+fn absences(prims: &[Prim]) -> Vec<Option<Absence>> {
+    let mut found: Vec<Option<Absence>> = Vec::with_capacity(prims.len());
     let mut purposes: Vec<Option<&str>> = Vec::with_capacity(prims.len());
     // Parents come before their children.
     for prim in prims {
-        there.push(!prim.is_class && !prim.is_invisible && prim.parent.is_none_or(|k| there[k]));
+        let above = prim.parent.and_then(|parent| found[parent]);
+        found.push(prim.absence.max(above));
         let own = prim.purpose.as_deref();
         purposes.push(own.or_else(|| purposes[prim.parent?]));
     }
     let has_renders = purposes.contains(&Some("render"));
     let stands_in =
         |purpose: Option<&str>| purpose == Some("guide") || has_renders && purpose == Some("proxy");
-    let pairs = there.into_iter().zip(purposes);
+    let pairs = found.into_iter().zip(purposes);
     pairs
-        .map(|(there, purpose)| there && !stands_in(purpose))
+        .map(|(why, purpose)| why.max(stands_in(purpose).then_some(Absence::StandsIn)))
         .collect()
 }
 

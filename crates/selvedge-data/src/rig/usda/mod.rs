@@ -2,10 +2,11 @@
 //! (.usdz): prims with `xformOp:` attributes, their time
 //! samples, and `xformOpOrder`; `upAxis`, `metersPerUnit` and `timeCodesPerSecond` of the stage.
 //!
-//! Everything else is passed over by its brackets. Not understood, and an error where meshes are
-//! read or a node is followed: what comes from other files or prims (references, payloads, inherits,
-//! specializes, variants); for a node, `over` and `class` too. Sublayers are an error always. Samples are joined
-//! linearly, as USD does by itself.
+//! Everything else is passed over by its brackets. A reference to a prim of the same file is
+//! followed, as flattening leaves it of instances. Not understood, and an error where meshes are
+//! read or a node is followed: what else comes from other files or prims (references, payloads,
+//! inherits, specializes, variants); for a node, `over` and `class` too. Sublayers are an error
+//! always. Samples are joined linearly, as USD does by itself.
 //!
 //! Conventions of USD: a list of operations goes from the outermost to the innermost; matrices have
 //! their translation in the last row; quaternions begin with the real part; angles are in degrees.
@@ -17,10 +18,11 @@ mod meshes;
 mod operations;
 mod package;
 mod prim;
+mod references;
 mod tokens;
 
 use self::operations::{Attribute, Samples};
-use self::prim::{Prim, Stage, rig};
+use self::prim::{Absence, Prim, Stage, rig};
 use self::tokens::{Token, Tokens, in_line};
 use super::error::RigError;
 use super::moving_mesh::MovingMesh;
@@ -60,11 +62,18 @@ pub(super) fn parse_meshes(bytes: &[u8]) -> Result<(Rig, Vec<NodeMesh>), RigErro
 
 /// The prims of a file, with the arrays of meshes where they are wanted, and its stage.
 fn read(bytes: &[u8], keeps_arrays: bool) -> Result<(Vec<Prim>, Stage), RigError> {
+    let (mut prims, stage) = layer(bytes, keeps_arrays)?;
+    references::follow(&mut prims).map_err(RigError::Content)?;
+    Ok((prims, stage))
+}
+
+/// As [`read`], before references are followed.
+fn layer(bytes: &[u8], keeps_arrays: bool) -> Result<(Vec<Prim>, Stage), RigError> {
     if bytes.starts_with(package::ZIP) {
         let inside = package::first_file(bytes).map_err(RigError::Content)?;
         // The file in an archive is no archive.
         if !inside.starts_with(package::ZIP) {
-            return read(inside, keeps_arrays);
+            return layer(inside, keeps_arrays);
         }
     }
     if bytes.starts_with(binary::MAGIC) {
@@ -115,6 +124,7 @@ impl<'a> Reader<'a> {
             match key {
                 "timeCodesPerSecond" => stage.codes_per_second = Some(self.positive(key)?),
                 "startTimeCode" => stage.start_code = Some(self.tokens.number()?),
+                "endTimeCode" => stage.end_code = Some(self.tokens.number()?),
                 "framesPerSecond" => stage.frames_per_second = Some(self.positive(key)?),
                 "metersPerUnit" => stage.metres_per_unit = self.positive(key)?,
                 "upAxis" => {
@@ -153,13 +163,7 @@ impl<'a> Reader<'a> {
         };
         match self.tokens.next()? {
             Token::Word("def") => {}
-            Token::Word(word @ ("over" | "class")) => {
-                let problem = format!(
-                    "it is an {word}, which is not understood here: flatten the stage (usdcat --flatten)"
-                );
-                prim.obstacle = Some(problem.replace("an class", "a class"));
-                prim.is_class = word == "class";
-            }
+            Token::Word(word @ ("over" | "class")) => prim.specifies(word == "class"),
             found => {
                 let problem = format!("expected def, over or class, found {found}");
                 return Err(self.tokens.wrong(problem));
@@ -192,7 +196,7 @@ impl<'a> Reader<'a> {
     fn prim_metadata(&mut self, prim: &mut Prim) -> Result<(), RigError> {
         while !self.tokens.skip_if(")")? {
             if let Token::Word(key) = self.tokens.next()? {
-                if matches!(
+                let composes = matches!(
                     key,
                     "references"
                         | "payload"
@@ -200,15 +204,42 @@ impl<'a> Reader<'a> {
                         | "specializes"
                         | "variants"
                         | "variantSets"
-                ) {
-                    prim.composes(key);
+                );
+                if !self.tokens.skip_if("=")? {
+                    continue;
                 }
-                if self.tokens.skip_if("=")? {
-                    self.skip_value()?;
+                if key == "active" {
+                    let found = self.tokens.next()?;
+                    if matches!(found, Token::Word("false" | "0")) {
+                        prim.is_absent(Absence::Inactive);
+                    }
+                    continue;
+                }
+                match (composes, self.composed()?) {
+                    (true, Some(path)) if key == "references" => {
+                        prim.reference = Some(path.to_owned());
+                    }
+                    (true, _) => prim.composes(key),
+                    _ => {}
                 }
             }
         }
         Ok(())
+    }
+
+    /// Passes over what a prim brings from elsewhere, with its offset in time; the path of a prim
+    /// of the same file, where that is all.
+    fn composed(&mut self) -> Result<Option<&'a str>, RigError> {
+        let path = match self.tokens.peek()? {
+            Some(Token::Path(path)) if !path.is_empty() => Some(path),
+            _ => None,
+        };
+        self.skip_value()?;
+        let has_offset = self.tokens.peek()? == Some(Token::Sign("("));
+        if has_offset {
+            self.skip_value()?;
+        }
+        Ok(path.filter(|_| !has_offset))
     }
 
     /// A prim or a property within prim `number`.
@@ -268,6 +299,7 @@ impl<'a> Reader<'a> {
             self.prims[number].says(name, token);
         }
         self.prims[number].is_skinned |= meshes::is_of_skeleton(name);
+        self.prims[number].is_timed |= name == "visibility.timeSamples";
         let array = meshes::array_of(kind, name).filter(|_| self.keeps_arrays);
         let is_array = array.is_some();
         if !is_array && !name.starts_with("xformOp:") {
@@ -386,7 +418,7 @@ impl<'a> Reader<'a> {
             Token::Sign("{") => self.skip_to("}", 0),
             // An asset may be followed by the path of a prim in it.
             Token::Asset => match self.tokens.peek()? {
-                Some(Token::Path) => self.tokens.next().map(drop),
+                Some(Token::Path(_)) => self.tokens.next().map(drop),
                 _ => Ok(()),
             },
             _ => Ok(()),

@@ -11,6 +11,7 @@ pub(super) const RESET: &str = "!resetXformStack!";
 const INVERSE: &str = "!invert!";
 
 /// An attribute of a prim.
+#[derive(Clone)]
 pub(super) struct Attribute {
     /// Name without `.timeSamples`.
     pub(super) name: String,
@@ -20,6 +21,7 @@ pub(super) struct Attribute {
 }
 
 /// The values of an attribute, each as its numbers.
+#[derive(Clone)]
 pub(super) enum Samples {
     Constant(Vec<f64>),
     /// By time codes.

@@ -14,6 +14,7 @@ pub(super) struct Stage {
     pub(super) codes_per_second: Option<f64>,
     pub(super) frames_per_second: Option<f64>,
     pub(super) start_code: Option<f64>,
+    pub(super) end_code: Option<f64>,
     pub(super) metres_per_unit: f64,
     pub(super) is_z_up: bool,
 }
@@ -24,6 +25,7 @@ impl Default for Stage {
             codes_per_second: None,
             frames_per_second: None,
             start_code: None,
+            end_code: None,
             metres_per_unit: METRES_PER_UNIT,
             is_z_up: false,
         }
@@ -48,7 +50,7 @@ impl Stage {
 }
 
 /// A prim under way.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct Prim {
     pub(super) name: String,
     pub(super) parent: Option<usize>,
@@ -60,16 +62,55 @@ pub(super) struct Prim {
     pub(super) composed: Option<String>,
     /// Type of the prim.
     pub(super) kind: String,
-    /// True where it is a class, which stands for nothing itself.
-    pub(super) is_class: bool,
-    pub(super) is_invisible: bool,
+    /// Reason why it is not there, with all that is in it.
+    pub(super) absence: Option<Absence>,
+    /// Path of the prim in the same file that it is an instance of.
+    pub(super) reference: Option<String>,
     /// Its own purpose.
     pub(super) purpose: Option<String>,
     /// True where it has properties of `skel:`.
     pub(super) is_skinned: bool,
+    /// True where its faces are all there is, and no cage of a subdivision surface.
+    pub(super) is_polygonal: bool,
+    /// True where its visibility has time samples.
+    pub(super) is_timed: bool,
+}
+
+/// Reasons why a prim is not there, the weakest first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Absence {
+    /// It is a guide, or a proxy of what is rendered.
+    StandsIn,
+    Invisible,
+    /// It is an `over`: it changes what this file does not define.
+    Undefined,
+    /// It is a class, or the original of instances, and stands for nothing itself.
+    Class,
+    Inactive,
 }
 
 impl Prim {
+    /// Keeps that it is not there.
+    pub(super) fn is_absent(&mut self, why: Absence) {
+        self.absence = self.absence.max(Some(why));
+    }
+
+    /// Keeps its specifier, other than `def`; what follows a node of it is told why it cannot.
+    pub(super) fn specifies(&mut self, is_class: bool) {
+        let (why, problem) = match is_class {
+            true => (
+                Absence::Class,
+                "it is a class, which is no node itself: give the name of a prim that is defined (def)",
+            ),
+            false => (
+                Absence::Undefined,
+                "it is an over of what this file does not define: take the stage that has it whole, flattened (usdcat --flatten)",
+            ),
+        };
+        self.is_absent(why);
+        self.obstacle = Some(problem.to_owned());
+    }
+
     /// Keeps what it brings from elsewhere, which is not read.
     pub(super) fn composes(&mut self, what: &str) {
         let problem = format!(
@@ -79,10 +120,51 @@ impl Prim {
         self.composed.get_or_insert(problem);
     }
 
+    /// Keeps that its reference to a prim of the same file is not followed.
+    pub(super) fn composes_within(&mut self, path: &str) {
+        let problem = format!(
+            "its reference to <{path}> is not followed here: set instanceable = false and flatten the stage (usdcat --flatten), or export .glb"
+        );
+        self.obstacle.get_or_insert(problem.clone());
+        self.composed.get_or_insert(problem);
+    }
+
+    /// The same prim within another one.
+    pub(super) fn copy(&self, parent: Option<usize>) -> Self {
+        Self {
+            parent,
+            ..self.clone()
+        }
+    }
+
+    /// Takes from the prim that it refers to what it does not have itself.
+    pub(super) fn takes(&mut self, other: Self) {
+        for attribute in other.attributes {
+            if named(&self.attributes, &attribute.name).is_none() {
+                self.attributes.push(attribute);
+            }
+        }
+        if self.kind.is_empty() {
+            self.kind = other.kind;
+        }
+        if let Some(problem) = other.composed {
+            self.obstacle.get_or_insert(problem.clone());
+            self.composed.get_or_insert(problem);
+        }
+        self.order = self.order.take().or(other.order);
+        self.purpose = self.purpose.take().or(other.purpose);
+        let is_invisible = other.absence == Some(Absence::Invisible);
+        self.absence = self.absence.max(is_invisible.then_some(Absence::Invisible));
+        self.is_skinned |= other.is_skinned;
+        self.is_polygonal |= other.is_polygonal;
+        self.is_timed |= other.is_timed;
+    }
+
     /// Keeps what an attribute with a token says of the prim.
     pub(super) fn says(&mut self, name: &str, token: &str) {
         match name {
-            "visibility" => self.is_invisible = token == "invisible",
+            "visibility" if token == "invisible" => self.is_absent(Absence::Invisible),
+            "subdivisionScheme" => self.is_polygonal = token == "none",
             "purpose" => self.purpose = Some(token.to_owned()),
             _ => {}
         }
@@ -112,7 +194,17 @@ pub(super) fn rig(prims: &[Prim], stage: &Stage) -> Rig {
     let rate = stage.rate();
     let attributes = prims.iter().flat_map(|prim| &prim.attributes);
     let codes = attributes.flat_map(|attribute| attribute.samples.codes());
-    let first = codes.chain(stage.start_code).reduce(f64::min);
+    let ends = codes.fold(None, |ends: Option<[f64; 2]>, code| {
+        let [first, last] = ends.unwrap_or([code; 2]);
+        Some([first.min(code), last.max(code)])
+    });
+    // A range that ends before it begins, or begins after the last key, says nothing.
+    let is_range = |start: &f64| {
+        let last = ends.map_or(f64::INFINITY, |ends| ends[1]);
+        *start <= stage.end_code.unwrap_or(f64::INFINITY).min(last)
+    };
+    let start = stage.start_code.filter(is_range);
+    let first = start.or(ends.map(|ends| ends[0]));
     Rig {
         nodes: prims.iter().map(|prim| node(prim, rate)).collect(),
         world: stage.world(),

@@ -15,7 +15,7 @@ pub(super) enum Token<'a> {
     /// Between `@`.
     Asset,
     /// Between `<` and `>`.
-    Path,
+    Path(&'a str),
     /// Any other character.
     Sign(&'a str),
 }
@@ -26,7 +26,7 @@ impl fmt::Display for Token<'_> {
             Self::Word(text) | Self::Sign(text) => write!(f, "{:.40}", text),
             Self::Text(text) => write!(f, "\"{text:.40}\""),
             Self::Asset => write!(f, "an asset"),
-            Self::Path => write!(f, "a path"),
+            Self::Path(_) => write!(f, "a path"),
         }
     }
 }
@@ -142,13 +142,13 @@ impl<'a> Tokens<'a> {
                 return Ok((Token::Text(inner), inner.len() + 2 * quotes.len()));
             }
         }
-        for (open, close, token) in [
-            ("@@@", "@@@", Token::Asset),
-            ("@", "@", Token::Asset),
-            ("<", ">", Token::Path),
-        ] {
+        for (open, close) in [("@@@", "@@@"), ("@", "@"), ("<", ">")] {
             if let Some(after) = rest.strip_prefix(open) {
                 let inner = after.find(close).ok_or_else(|| self.unclosed(open))?;
+                let token = match open {
+                    "<" => Token::Path(&after[..inner]),
+                    _ => Token::Asset,
+                };
                 return Ok((token, open.len() + inner + close.len()));
             }
         }

@@ -3,13 +3,13 @@
 
 use std::path::Path;
 
-use selvedge_cloth::Mesh;
 use selvedge_cloth::geometry::signed_area_2d;
-use selvedge_data::{ReadMesh, worst_edges};
+use selvedge_cloth::{Mesh, VertexId};
+use selvedge_data::{ReadMesh, size_warning, worst_edges};
 use selvedge_lab::physics;
 use serde_json::{Value, json};
 
-use super::{box_of, exported};
+use super::{box_of, exported, shortest_mean_longest, sides};
 use crate::output::{Answer, Facts, folded};
 
 /// Worst edges that are named.
@@ -19,14 +19,15 @@ const WORTH_NAMING: f64 = 1.001;
 
 /// Says what the mesh in a file is, and which nodes there are beside it if it `has_nodes`.
 pub(super) fn inspect(read: &ReadMesh, path: &Path, has_nodes: bool) -> anyhow::Result<Answer> {
-    for warning in &read.warnings {
+    let mesh = &read.sheet.mesh;
+    let mut warnings = read.warnings.clone();
+    warnings.extend(size_warning(mesh.positions()));
+    for warning in &warnings {
         tracing::warn!("{}: {warning}", path.display());
     }
-    let mesh = &read.sheet.mesh;
     let topology = mesh.topology();
     let labels: Vec<&String> = read.sheet.labels.keys().collect();
     let boundary = topology.edges().iter().filter(|e| e.is_boundary()).count();
-    let (low, high) = box_of(&physics::rounded(mesh.positions()));
     let mut facts = Facts::new();
     facts.add("kind", "mesh");
     facts.add("file", path.display());
@@ -36,10 +37,8 @@ pub(super) fn inspect(read: &ReadMesh, path: &Path, has_nodes: bool) -> anyhow::
         "edges",
         format!("{}, {boundary} on the boundary", topology.edges().len()),
     );
-    let area: f64 = mesh.rest_shape(1.0).face_area.iter().sum();
-    facts.add("area", format!("{area:.4} m²"));
-    facts.add("from", format!("{low} m"));
-    facts.add("to", format!("{high} m"));
+    let (low, high) = box_of(&physics::rounded(mesh.positions()));
+    let area = size(&mut facts, mesh);
     facts.add("labels", folded(&labels));
     if read.is_own_shape {
         facts.add("pattern", "none: each face rests as it stands");
@@ -47,7 +46,7 @@ pub(super) fn inspect(read: &ReadMesh, path: &Path, has_nodes: bool) -> anyhow::
     if read.velocities.is_some() {
         facts.add("velocities", "of the vertices, for start = \"mesh\"");
     }
-    let seen = self::facts(&mut facts, mesh);
+    let seen = self::facts(&mut facts, mesh, !read.is_own_shape);
     let (meshes, nodes) = match has_nodes {
         true => (
             exported::meshes(&mut facts, path),
@@ -70,13 +69,28 @@ pub(super) fn inspect(read: &ReadMesh, path: &Path, has_nodes: bool) -> anyhow::
         "pattern": seen,
         "meshes": meshes,
         "nodes": nodes,
-        "warnings": read.warnings,
+        "warnings": warnings,
     });
     Answer::new(facts, &report)
 }
 
-/// Adds what the pattern of `mesh` is, and gives it for the report.
-pub(super) fn facts(facts: &mut Facts, mesh: &Mesh) -> Value {
+/// Adds how large `mesh` is in space, and its area in the pattern, which is returned `[m²]`.
+pub(super) fn size(facts: &mut Facts, mesh: &Mesh) -> f64 {
+    let (low, high) = box_of(&physics::rounded(mesh.positions()));
+    let ends = mesh.topology().edges().iter().map(|edge| edge.vertices);
+    let place = |v: VertexId| mesh.positions()[v.index()];
+    let lengths = ends.map(|[a, b]| place(a).distance(place(b)));
+    let area: f64 = mesh.rest_shape(1.0).face_area.iter().sum();
+    facts.add("size", sides(low, high));
+    facts.add("from", format!("{low} m"));
+    facts.add("to", format!("{high} m"));
+    facts.add("area", format!("{area:.4} m² in the pattern"));
+    facts.add("edge lengths", shortest_mean_longest(lengths));
+    area
+}
+
+/// Adds what the pattern of `mesh` is, if it `has_pattern`, and gives it for the report.
+pub(super) fn facts(facts: &mut Facts, mesh: &Mesh, has_pattern: bool) -> Value {
     let (topology, pattern) = (mesh.topology(), mesh.pattern());
     let sheets = topology.sheets().iter().max().map_or(0, |last| last + 1);
     let panels = pattern.panels();
@@ -92,8 +106,7 @@ pub(super) fn facts(facts: &mut Facts, mesh: &Mesh) -> Value {
     let mut worst = worst_edges(mesh, mesh.positions(), NAMED);
     worst.retain(|edge| edge.stretch > WORTH_NAMING);
     facts.add("sheets", sheets);
-    // Without a pattern every face is a panel.
-    if seams > 0 && (count as usize) < topology.faces().len() {
+    if seams > 0 && has_pattern {
         let mirrored = match mirrored {
             0 => String::new(),
             some => format!(", {some} of them mirrored"),

@@ -96,7 +96,7 @@ fn say(path: &Path) -> anyhow::Result<Answer> {
         // Refused, with what to export instead.
         Some("abc" | "mdd") => exported::inspect_rig(path),
         _ => bail!(
-            "{name}: not a kind of file that is known: trajectories and models end in .safetensors, scenes, presets and training configurations in .toml, scenes of ARCSim in .json, meshes in .obj, exported runs in .npz, nodes in .glb, .usda, .usdc or .usdz, and a data set, a training and a study are folders"
+            "{name}: not a kind of file that is known: trajectories and models end in .safetensors, scenes, presets and training configurations in .toml, scenes of ARCSim in .json, meshes in .obj, exported runs in .npz, meshes and nodes in .glb, .usda, .usdc, .usdz or .usd, and a data set, a training and a study are folders"
         ),
     }
 }
@@ -324,7 +324,9 @@ fn inspect_scene(loaded: &LoadedScene, name: &str) -> anyhow::Result<Answer> {
     facts.add("name", &scene.name);
     facts.add("vertices", topology.vertex_count());
     facts.add("faces", topology.faces().len());
-    let seen = mesh::facts(&mut facts, &scene.mesh);
+    let (low, high) = box_of(&physics::rounded(scene.mesh.positions()));
+    let area = mesh::size(&mut facts, &scene.mesh);
+    let seen = mesh::facts(&mut facts, &scene.mesh, !loaded.is_own_shape);
     facts.add("handles", folded(&handles));
     facts.add(
         "material",
@@ -350,12 +352,37 @@ fn inspect_scene(loaded: &LoadedScene, name: &str) -> anyhow::Result<Answer> {
         "vertices": topology.vertex_count(),
         "faces": topology.faces().len(),
         "frames": frames,
+        "area": area,
+        "lowest_corner": low.to_array(),
+        "highest_corner": high.to_array(),
         "pattern": seen,
         "obstacles": obstacles,
         "warnings": loaded.warnings,
         "scene": loaded.spec.to_json()?,
     });
     Answer::new(facts, &report)
+}
+
+/// The sides of a box along x, y and z, in words.
+fn sides(low: Vec3, high: Vec3) -> String {
+    let sides = (high - low).to_array().map(|side| length(side.into()));
+    sides.join(" × ")
+}
+
+/// The shortest, the mean and the longest of some lengths `[m]`, in words.
+fn shortest_mean_longest(lengths: impl Iterator<Item = f64>) -> String {
+    let (mut count, mut sum) = (0.0, 0.0);
+    let (mut shortest, mut longest) = (f64::INFINITY, 0.0_f64);
+    for length in lengths {
+        (count, sum) = (count + 1.0, sum + length);
+        (shortest, longest) = (shortest.min(length), longest.max(length));
+    }
+    format!(
+        "{} at least, {} on average, {} at most",
+        length(shortest),
+        length(sum / count),
+        length(longest)
+    )
 }
 
 /// Numbers of the held vertices.

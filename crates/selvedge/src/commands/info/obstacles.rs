@@ -1,10 +1,13 @@
 //! Obstacles of scenes and of runs: their size, and when they move.
 
+use glam::DVec3;
 use selvedge_cloth::{ContactSettings, Obstacle, ObstaclePath};
 use selvedge_data::ObstacleTrack;
+use selvedge_lab::physics;
 use serde_json::{Value, json};
 
-use crate::output::Facts;
+use super::{box_of, shortest_mean_longest, sides};
+use crate::output::{Facts, length};
 
 /// Adds the contact of a scene and a line for each of its obstacles; the same for JSON.
 pub(super) fn scene_facts(
@@ -20,8 +23,9 @@ pub(super) fn scene_facts(
         facts.add(
             "contact",
             format!(
-                "{with_itself}, thickness {} m, friction {}",
-                contact.thickness, contact.friction
+                "{with_itself}, thickness {}, friction {}",
+                length(contact.thickness),
+                contact.friction
             ),
         );
     }
@@ -44,12 +48,29 @@ pub(super) fn scene_facts(
                 obstacle.name()
             ),
         );
+        let places: Vec<DVec3> = obstacle.positions_at(0.0).collect();
+        let (low, high) = box_of(&physics::rounded(&places));
+        let edges = obstacle
+            .faces()
+            .iter()
+            .flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
+        let lengths = edges.map(|ends| {
+            let [a, b] = ends.map(|p| places[p as usize]);
+            a.distance(b)
+        });
+        facts.add(
+            "its size",
+            format!("{}, from {low} to {high} m", sides(low, high)),
+        );
+        facts.add("its edges", shortest_mean_longest(lengths));
         reports.push(json!({
             "name": obstacle.name(),
             "points": points,
             "faces": faces,
             "motion": kind,
             "seconds": seconds,
+            "lowest_corner": low.to_array(),
+            "highest_corner": high.to_array(),
         }));
     }
     Value::Array(reports)

@@ -2,7 +2,7 @@
 
 use super::super::meshes;
 use super::super::operations::{Attribute, Samples};
-use super::super::prim::{Prim, Stage};
+use super::super::prim::{Absence, Prim, Stage};
 use super::tables::{ATTRIBUTE, PRIM, PSEUDO_ROOT, Spec, Tables, VARIANT_SET};
 use super::values::{Rep, Values};
 
@@ -75,9 +75,13 @@ impl Reader<'_> {
             match name {
                 "timeCodesPerSecond" => stage.codes_per_second = Some(positive(name, rep)?),
                 "framesPerSecond" => stage.frames_per_second = Some(positive(name, rep)?),
-                "startTimeCode" => {
+                "startTimeCode" | "endTimeCode" => {
                     let code = self.values.numbers(rep)?;
-                    stage.start_code = code.and_then(|code| code.first().copied());
+                    let code = code.and_then(|code| code.first().copied());
+                    match name {
+                        "startTimeCode" => stage.start_code = code,
+                        _ => stage.end_code = code,
+                    }
                 }
                 "metersPerUnit" => stage.metres_per_unit = positive(name, rep)?,
                 "upAxis" => {
@@ -106,17 +110,18 @@ impl Reader<'_> {
             parent: path.above.and_then(|above| self.numbers[above]),
             ..Prim::default()
         };
-        let flatten = "flatten the stage (usdcat --flatten)";
         for (name, rep) in self.tables.fields(spec)? {
             match name {
                 "typeName" => self.token(rep).clone_into(&mut prim.kind),
-                "specifier" if rep.low() != 0 => {
-                    let word = if rep.low() == 1 { "an over" } else { "a class" };
-                    let problem = format!("it is {word}, which is not understood here: {flatten}");
-                    prim.obstacle = Some(problem);
-                    prim.is_class = rep.low() != 1;
-                }
-                "references" | "payload" | "inheritPaths" | "specializes" | "variantSetNames" => {
+                "specifier" if rep.low() != 0 => prim.specifies(rep.low() != 1),
+                "active" if rep.low() == 0 => prim.is_absent(Absence::Inactive),
+                "references" => match self.values.reference(rep)? {
+                    Some((text, path)) if self.tables.is_empty_text(text) => {
+                        prim.reference = Some(self.tables.path(path));
+                    }
+                    _ => prim.composes(name),
+                },
+                "payload" | "inheritPaths" | "specializes" | "variantSetNames" => {
                     prim.composes(name);
                 }
                 _ => {}
@@ -153,6 +158,7 @@ impl Reader<'_> {
         if let Some(prim) = self.above(spec) {
             prim.says(name, &token.unwrap_or_default());
             prim.is_skinned |= meshes::is_of_skeleton(name);
+            prim.is_timed |= name == "visibility" && find("timeSamples").is_some();
         }
         let array = meshes::array_of(&kind, name).filter(|_| self.keeps_arrays);
         if array.is_none() && !name.starts_with("xformOp:") {

@@ -21,6 +21,8 @@ pub(super) struct Tables {
     /// Number of the version after "0.".
     pub(super) version: u8,
     pub(super) tokens: Vec<String>,
+    /// Tokens of the texts.
+    texts: Vec<usize>,
     fields: Vec<(usize, Rep)>,
     sets: Vec<i64>,
     pub(super) paths: Vec<Path>,
@@ -54,6 +56,11 @@ impl Tables {
         let most = bytes.len().saturating_mul(4) + 4096;
         let section = |name: &str| contents.section(name);
         let tokens = tokens(section("TOKENS")?, most)?;
+        let mut part = section("STRINGS")?;
+        let count = part.bounded(most)?;
+        let texts = part.take(count.checked_mul(4).ok_or_else(cut)?)?;
+        let number = |b: &[u8]| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize;
+        let texts = texts.chunks_exact(4).map(number).collect();
         let mut part = section("FIELDS")?;
         let count = part.bounded(most)?;
         let names = part.numbers(count)?;
@@ -86,11 +93,33 @@ impl Tables {
         Ok(Self {
             version,
             paths: paths(&lists, all, &tokens)?,
+            texts,
             fields: fields.collect(),
             sets,
             specs: (0..count).map(spec).collect(),
             tokens,
         })
+    }
+
+    /// Returns true where the text of this number is there and empty.
+    pub(super) fn is_empty_text(&self, number: usize) -> bool {
+        let token = self
+            .texts
+            .get(number)
+            .and_then(|&token| self.tokens.get(token));
+        token.is_some_and(String::is_empty)
+    }
+
+    /// The path of this number, as `/a/b`; empty for none.
+    pub(super) fn path(&self, number: usize) -> String {
+        let own = self.paths.get(number).filter(|path| path.above.is_some());
+        let above = |path: &&Path| self.paths.get(path.above?).filter(|p| p.above.is_some());
+        let mut names: Vec<&str> = std::iter::successors(own, above)
+            .take(self.paths.len())
+            .map(|path| path.name.as_str())
+            .collect();
+        names.reverse();
+        names.iter().map(|name| format!("/{name}")).collect()
     }
 
     /// The fields of a spec: names and values.

@@ -6,6 +6,7 @@ use std::cell::Cell;
 use crate::formats::packing::unpack_numbers;
 
 const TOKEN: u64 = 11;
+const REFERENCES: u64 = 35;
 const TOKEN_VECTOR: u64 = 41;
 const TIME_SAMPLES: u64 = 46;
 const DOUBLE_VECTOR: u64 = 48;
@@ -305,6 +306,24 @@ impl<'a> Values<'a> {
         let bytes = self.slice(at + size as u64, length)?;
         let number = |b: &[u8]| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize;
         Ok(Some(bytes.chunks_exact(4).map(number).collect()))
+    }
+
+    /// The only reference of a list, without an offset in time: number of the text of its file,
+    /// and of its path. None for other lists.
+    pub(super) fn reference(&self, rep: Rep) -> Result<Option<(usize, usize)>, String> {
+        if rep.kind() != REFERENCES || rep.is_here() {
+            return Ok(None);
+        }
+        // A byte says which lists there are: 2 the whole one, 4, 32 and 64 what is added.
+        let at = rep.payload();
+        let lists = self.word(at, 1)? & !1;
+        if ![2, 4, 32, 64].contains(&lists) || self.word(at + 1, 8)? != 1 {
+            return Ok(None);
+        }
+        let number = |way: u64| Ok::<_, String>(self.word(at + way, 4)? as usize);
+        let real = |way: u64| Ok::<_, String>(f64::from_bits(self.word(at + way, 8)?));
+        let is_plain = real(17)? == 0.0 && real(25)? == 1.0;
+        Ok(is_plain.then_some((number(9)?, number(13)?)))
     }
 
     /// Time samples: codes and values. None for another value.
