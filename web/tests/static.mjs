@@ -1,7 +1,9 @@
 // The page that needs no program, in a real browser, served as files: npm run build:static, then
 // npm run test:static.
 import assert from "node:assert/strict";
-import { readFileSync } from "node:fs";
+import { copyFileSync, cpSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
 import { after, before, test } from "node:test";
 import { browser, open, place, position, until } from "./browser.mjs";
 import { serve } from "./server.mjs";
@@ -106,6 +108,29 @@ test("out of sight, time stands still", async () => {
   await frame.waitForFunction((before) => window.selvedge.stage.frame.time > before + 0.2, hidden);
   assert.equal(await frame.locator("#panel").isVisible(), false);
   await other.close();
+});
+
+test("a picture of the book becomes the cloth that it shows, where the page is beside the book", async () => {
+  const book = mkdtempSync(join(tmpdir(), "selvedge-book-"));
+  const picture = "data:image/svg+xml,<svg xmlns='http://www.w3.org/2000/svg' width='320' height='200'/>#live=tablecloth";
+  mkdirSync(join(book, "guides"));
+  copyFileSync("../docs/live.js", join(book, "live.js"));
+  writeFileSync(join(book, "guides/index.html"), `<!doctype html><script>var path_to_root = "../"</script><img alt="a cloth" src="${picture}"><script src="../live.js"></script>`);
+  const library = await serve(book);
+  const other = await chrome.context.newPage();
+  await other.goto(`${library.url}guides/`);
+  await other.waitForTimeout(500);
+  // A book alone keeps its picture.
+  assert.equal(await other.locator("img").count(), 1);
+  cpSync("dist", join(book, "live"), { recursive: true });
+  await other.reload();
+  const figure = other.frameLocator("iframe[title='a cloth']");
+  await figure.locator("#canvas").waitFor();
+  const frame = other.frames().find((frame) => frame.url().includes("live/index.html"));
+  await frame.waitForFunction(() => window.selvedge?.stage.frame?.time > 0.2);
+  await other.close();
+  await library.stop();
+  rmSync(book, { recursive: true });
 });
 
 test("a scene that is not there is said", async () => {
