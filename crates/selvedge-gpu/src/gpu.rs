@@ -1,7 +1,7 @@
 //! GPUs, and the memory and the launches of a session on one.
 //!
 //! All numbers of a session lie in one buffer and all indices in another. A [`Plan`] places arrays
-//! in them before anything is allocated; a [`Launch`] is a kernel with its parameters, among them
+//! in them before anything is allocated; a `Launch` is a kernel with its parameters, among them
 //! the places of its arrays. A [`Schedule`] is a list of launches with the parameters of all of
 //! them in a third buffer, written once.
 
