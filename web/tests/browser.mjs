@@ -146,3 +146,15 @@ export async function home(page) {
   await page.keyboard.press("Home");
   await until(page, () => window.beganAnew);
 }
+
+/** Drags a vertex across the page by some pixels. */
+export async function dragged(page, vertex, dx, dy) {
+  const from = await place(page, vertex);
+  await page.mouse.move(from.x, from.y);
+  await page.mouse.down();
+  for (let k = 1; k <= 10; k++) {
+    await page.mouse.move(from.x + (dx * k) / 10, from.y + (dy * k) / 10);
+    await page.waitForTimeout(30);
+  }
+  await page.mouse.up();
+}

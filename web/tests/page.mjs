@@ -4,7 +4,7 @@ import { existsSync, mkdtempSync, readdirSync, rmSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
-import { atRest, browser, home, open, place, position, start, still, until } from "./browser.mjs";
+import { atRest, browser, dragged, home, open, place, position, start, still, until } from "./browser.mjs";
 
 const folder = mkdtempSync(join(tmpdir(), "selvedge-recordings-"));
 let served, chrome, page;
@@ -24,17 +24,7 @@ after(async () => {
 
 const handle = (number) => page.evaluate((n) => window.selvedge.stage.frame.goals[n].vertex, number);
 
-/** Drags a vertex across the page by some pixels. */
-async function drag(vertex, dx, dy) {
-  const from = await place(page, vertex);
-  await page.mouse.move(from.x, from.y);
-  await page.mouse.down();
-  for (let k = 1; k <= 10; k++) {
-    await page.mouse.move(from.x + (dx * k) / 10, from.y + (dy * k) / 10);
-    await page.waitForTimeout(30);
-  }
-  await page.mouse.up();
-}
+const drag = (vertex, dx, dy) => dragged(page, vertex, dx, dy);
 
 test("the cloth is to be seen", async () => {
   const shown = await page.evaluate(() => {

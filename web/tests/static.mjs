@@ -5,7 +5,7 @@ import { copyFileSync, cpSync, mkdirSync, mkdtempSync, readFileSync, rmSync, wri
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
-import { browser, open, place, position, until } from "./browser.mjs";
+import { browser, dragged, open, place, position, until } from "./browser.mjs";
 import { serve } from "./server.mjs";
 
 let served, chrome, page;
@@ -24,17 +24,7 @@ after(async () => {
 
 const state = (check) => until(page, check);
 
-/** Drags a vertex across the page by some pixels. */
-async function drag(vertex, dx, dy) {
-  const from = await place(page, vertex);
-  await page.mouse.move(from.x, from.y);
-  await page.mouse.down();
-  for (let k = 1; k <= 10; k++) {
-    await page.mouse.move(from.x + (dx * k) / 10, from.y + (dy * k) / 10);
-    await page.waitForTimeout(30);
-  }
-  await page.mouse.up();
-}
+const drag = (vertex, dx, dy) => dragged(page, vertex, dx, dy);
 
 test("a handle that is dragged takes the cloth along", async () => {
   const vertex = await page.evaluate(() => window.selvedge.stage.frame.goals[0].vertex);
