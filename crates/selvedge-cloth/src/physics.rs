@@ -164,7 +164,7 @@ impl GeneralisedAlpha {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LinearSolver {
-    /// Conjugate gradients with a tolerance that suits the integrator: 1e-6 m/s, and 1e-7 m/s in
+    /// Conjugate gradients with a tolerance that suits the integrator: 1e-5 m/s, and 1e-7 m/s in
     /// first order.
     #[default]
     Automatic,

@@ -80,6 +80,7 @@ mod simulator;
 mod solver;
 mod state;
 mod stop;
+mod team;
 mod threads;
 mod watched_edges;
 

@@ -18,6 +18,7 @@ mod ordering;
 mod pattern;
 mod solve_error;
 mod system;
+mod vectors;
 mod woven;
 
 pub(crate) use cholesky::FactorError;
