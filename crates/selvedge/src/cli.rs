@@ -37,7 +37,7 @@ use crate::output::Reader;
 /// Cloth: an implicit solver with contact, and learned simulators beside it.
 ///
 /// Give it a cloth and the motion of a few handles; it answers with the motion of the whole cloth, by
-/// the solver, by a graph network (MeshGraphNetRP), or by a network that corrects the solver.
+/// the solver or by a graph network (MeshGraphNetRP).
 #[derive(Debug, Parser)]
 #[command(name = "selvedge", version = env!("SELVEDGE_VERSION"))]
 #[command(propagate_version = true, after_help = OVERVIEW)]

@@ -15,9 +15,9 @@ pub(super) const MOST_THREADS: i64 = 1024;
 /// Measure models, physics and baselines.
 ///
 /// Three kinds of test cases: recorded trajectories of data sets (--data), scenes whose physics with
-/// many substeps is the truth, and random motions without a truth (--random): does the cloth stay
-/// whole? Each method runs from true states spread over the motion, for the error after k frames,
-/// and from the first frame to the last. The numbers are the same for any number of threads, but
+/// many substeps is the truth, and random motions without a truth (--random): how many runs diverge?
+/// Each method runs from true states spread over the motion, for the error after k frames, and from
+/// the first frame to the last. The numbers are the same for any number of threads, but
 /// for the time of a frame. Ctrl-C keeps what is done.
 #[derive(Debug, Args)]
 #[command(after_help = "\
@@ -62,7 +62,7 @@ pub(crate) struct EvalArgs {
     #[arg(long, value_name = "[INTEGRATOR:]SUBSTEPS", value_delimiter = ',', value_parser = PhysicsMethod::from_str)]
     physics: Vec<PhysicsMethod>,
     /// Baselines, separated by commas: rigid (the rest pose moved with the handles), mirror (the
-    /// physics in the mirrored buckling mode, the dearest of all), or none [default: rigid].
+    /// physics in the mirrored buckling mode, which takes the most time), or none [default: rigid].
     #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = ["rigid", "mirror", "none"])]
     baselines: Vec<String>,
     /// Frames k from true states after which errors are taken, separated by commas [default: those

@@ -16,7 +16,7 @@ use super::DeviceArgs;
 #[command(after_help = "\
 Examples:
   selvedge view --open
-  selvedge view --model small --show model
+  selvedge view --model paper --show model
   selvedge view my-scene.toml --model my-model.safetensors --show both
   selvedge view out/truth.safetensors --beside out/rollout.safetensors
 

@@ -33,6 +33,20 @@ fn a_gpu_that_cannot_be_had_is_said_before_anything_is_written() {
     assert_eq!(desk.names(), ["moment.toml", "push.toml"]);
 }
 
+#[test]
+fn a_device_without_a_model_is_refused() {
+    let desk = Desk::new();
+    desk.write("push.toml", PUSH);
+    let said = desk.run("run push.toml --frames 2 --device gpu");
+    assert_eq!(said.code, Some(1), "{}", said.err);
+    assert!(
+        said.err.contains("--device") && said.err.contains("--model"),
+        "{}",
+        said.err
+    );
+    assert_eq!(desk.names(), ["push.toml"]);
+}
+
 /// True where there is no GPU, which is then said.
 #[cfg(feature = "gpu")]
 fn no_gpu() -> bool {
