@@ -27,27 +27,18 @@ pub const MODEL: &str = "model";
 /// The label over a run of the physics.
 const PHYSICS: &str = "physics";
 
-/// A contact sheet (.png) of moments in motion; beside a truth, the model's run once more in the
-/// colours of its error.
+/// A contact sheet (.png) of moments in motion, as [`with_panels`] has them.
 pub fn sheet(show: &Show<'_>) -> Result<Vec<u8>, ViewError> {
-    let prediction = run_of(show.prediction)?;
-    let truth = show.truth.map(run_of).transpose()?;
-    let error = match &truth {
-        Some(truth) => Some(ScalarField::distance(truth, &prediction)?),
-        None => None,
-    };
-    let mut panels = panels(show.label, &prediction, truth.as_ref());
-    panels.extend(error.as_ref().map(|error| Panel {
-        label: "error",
-        run: &prediction,
-        colouring: Colouring::PerVertex(error),
-    }));
+    with_panels(show, |panels| sheet_of(show.title, panels))
+}
+
+fn sheet_of(title: &str, panels: &[Panel<'_>]) -> Result<Vec<u8>, ViewError> {
     let settings = SheetSettings {
         tile: [240, 240],
         columns: 6,
         pictures: 6,
     };
-    contact_sheet(show.title, &panels, &settings)?.to_png()
+    contact_sheet(title, panels, &settings)?.to_png()
 }
 
 /// A contact sheet (.png) of moments in motion in the colours of the strain: of each vertex, the
@@ -89,18 +80,17 @@ pub fn clip_pictures(trajectory: &Trajectory) -> usize {
     (1e3 * seconds / f64::from(ClipSettings::default().delay_ms)) as usize + 1
 }
 
-/// Writes a clip (.gif) in real time to `out`. `on_picture` hears of every picture and may stop;
+/// Writes a clip (.gif) in real time to `out`, of the same panels as [`sheet`]. `on_picture` hears of every picture and may stop;
 /// the clip then ends early, but is whole.
 pub fn clip(
     out: &mut dyn Write,
     show: &Show<'_>,
     on_picture: &mut dyn FnMut() -> ControlFlow<()>,
 ) -> Result<ClipEnd, ViewError> {
-    let prediction = run_of(show.prediction)?;
-    let truth = show.truth.map(run_of).transpose()?;
-    let panels = panels(show.label, &prediction, truth.as_ref());
     let settings = ClipSettings::default();
-    write_clip(out, show.title, &panels, &settings, on_picture)
+    with_panels(show, |panels| {
+        write_clip(out, show.title, panels, &settings, on_picture)
+    })
 }
 
 fn strain_of(trajectory: &Trajectory) -> Result<ScalarField, ViewError> {
@@ -122,22 +112,30 @@ fn strain_of(trajectory: &Trajectory) -> Result<ScalarField, ViewError> {
     ScalarField::new("largest elongation [%]", values)
 }
 
-/// The truth first, as in a table of results.
-fn panels<'a>(
-    label: &'a str,
-    prediction: &'a Run<'a>,
-    truth: Option<&'a Run<'a>>,
-) -> Vec<Panel<'a>> {
-    let panel = |label: &'a str, run| Panel {
+/// Draws a run; beside a truth that one first, as in a table of results, and the run once more in
+/// the colours of its error.
+fn with_panels<R>(
+    show: &Show<'_>,
+    draw: impl FnOnce(&[Panel<'_>]) -> Result<R, ViewError>,
+) -> Result<R, ViewError> {
+    let plain = Colouring::Plain;
+    let panel = |label, run, colouring| Panel {
         label,
         run,
-        colouring: Colouring::Plain,
+        colouring,
     };
-    truth
-        .map(|run| panel(PHYSICS, run))
-        .into_iter()
-        .chain([panel(label, prediction)])
-        .collect()
+    let prediction = run_of(show.prediction)?;
+    let own = panel(show.label, &prediction, plain);
+    let Some(truth) = show.truth else {
+        return draw(&[own]);
+    };
+    let truth = run_of(truth)?;
+    let error = ScalarField::distance(&truth, &prediction)?;
+    draw(&[
+        panel(PHYSICS, &truth, plain),
+        own,
+        panel("error", &prediction, Colouring::PerVertex(&error)),
+    ])
 }
 
 fn run_of(trajectory: &Trajectory) -> Result<Run<'_>, ViewError> {

@@ -1,0 +1,100 @@
+"""Motions and meshes that the model `paper` never saw: each beside the physics, with its error.
+
+    pip install pillow
+    python docs/src/python/generalisation.py selvedge -o out/generalisation      # 5 min
+
+A run that diverges is repeated with the default guard, and marked. Writes `generalisation.png` and
+prints the errors as a Markdown table.
+"""
+
+import argparse
+import json
+import subprocess
+from pathlib import Path
+
+from PIL import Image, ImageDraw, ImageFont
+
+#: Kind, size [m] and handles of the meshes that the paper shows its model on, 400 vertices per m².
+MESHES = {
+    "square": ("square", 1.0, "upper-corners"),
+    "long": ("long", 1.0, "upper-corners"),
+    "wide": ("wide", 1.0, "upper-corners"),
+    "big": ("square", 1.5, "upper-corners"),
+    "quarter": ("square", 0.5, "upper-corners"),
+    "triangle": ("triangle", 1.0, "upper-corners"),
+    "diamond, 3 handles": ("diamond", 1.0, "upper-three"),
+    "wide, 3 handles": ("wide", 1.0, "upper-three"),
+    "triangle, 17 handles": ("triangle", 1.0, "upper-row"),
+}
+MOTIONS = ["bouncy", "rotate-bounce", "spiral", "snake", "upward-spiral", "apart"]
+CASES = [("square", motion) for motion in MOTIONS] + [(mesh, "upward-spiral") for mesh in list(MESHES)[1:]]
+#: Which of a contact sheet's six moments is shown, of the rows physics, model and error.
+MOMENT, MOMENTS = 3, 6
+WIDTH, COLUMNS = 170, 7
+
+
+def run(program: str, scene: Path, guard: str, folder: Path) -> dict:
+    """What `selvedge run` says of the model in this scene under this guard, beside the physics."""
+    command = [program, "run", scene, "--model", "paper", "--compare", "--guard", guard]
+    command += ["--no-clip", "--json", "-q", "-o", folder]
+    return json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
+
+
+def scene(mesh: str, motion: str) -> str:
+    """A scene file of the fabric and the physics that the model learned from."""
+    kind, size, handles = MESHES[mesh]
+    return f"""name = "{mesh} {motion}"
+material = "gray-interlock"
+mesh = {{ generator = {{ kind = "{kind}", density = 400.0, size = {size}, seed = 1 }} }}
+handles = {{ label = "{handles}" }}
+motion = {{ named = "{motion}" }}
+physics = "first-order"
+"""
+
+
+def tile(sheet: Path, lines: list[str]) -> Image.Image:
+    """A moment of a contact sheet, physics over model, under these lines."""
+    picture = Image.open(sheet).convert("RGB")
+    width, height = picture.width // MOMENTS, picture.height // 3
+    moment = picture.crop((MOMENT * width, 0, (MOMENT + 1) * width, 2 * height))
+    moment = moment.resize((WIDTH, round(WIDTH * moment.height / moment.width)), Image.LANCZOS)
+    whole = Image.new("RGB", (WIDTH, moment.height + 44), "white")
+    whole.paste(moment, (0, 44))
+    font = ImageFont.load_default(13)
+    ImageDraw.Draw(whole).multiline_text((6, 4), "\n".join(lines), fill="black", font=font)
+    return whole
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("program", help="the program, `selvedge`")
+    parser.add_argument("-o", "--output", type=Path, default=Path("out/generalisation"))
+    options = parser.parse_args()
+    options.output.mkdir(parents=True, exist_ok=True)
+    print("| mesh | motion | diverges in frame | position RMSE, mm | rest pose moved rigidly, mm |")
+    print("|---|---|---|---:|---:|")
+    tiles = []
+    for mesh, motion in CASES:
+        folder = options.output / f"{mesh} {motion}".replace(",", "").replace(" ", "-")
+        folder.mkdir(exist_ok=True)
+        file = folder / "scene.toml"
+        file.write_text(scene(mesh, motion))
+        answer = run(options.program, file, "none", folder)
+        frame = answer["diverged_frame"]
+        if frame is not None:
+            answer = run(options.program, file, "limit", folder)
+        error = 1e3 * answer["comparison"]["position_rmse"]
+        guarded = "" if frame is None else ", guarded"
+        print(f"| {mesh} | {motion} | {frame or '–'} | {error:.1f}{guarded} | {1e3 * answer['rigid_rmse']:.1f} |", flush=True)
+        name = mesh if mesh != "square" else motion
+        tiles.append(tile(folder / "sheet.png", [name, f"{error:.0f} mm{guarded}"]))
+    height = max(tile.height for tile in tiles)
+    rows = -(-len(tiles) // COLUMNS)
+    whole = Image.new("RGB", (COLUMNS * WIDTH, rows * height), "white")
+    for k, each in enumerate(tiles):
+        whole.paste(each, (k % COLUMNS * WIDTH, k // COLUMNS * height))
+    whole.quantize(128).save(options.output / "generalisation.png", optimize=True)
+
+
+if __name__ == "__main__":
+    main()
