@@ -28,8 +28,6 @@ MESHES = {
 }
 MOTIONS = ["bouncy", "rotate-bounce", "spiral", "snake", "upward-spiral", "apart"]
 CASES = [("square", motion) for motion in MOTIONS] + [(mesh, "upward-spiral") for mesh in list(MESHES)[1:]]
-#: Which of a contact sheet's six moments is shown, of the rows physics, model and error.
-MOMENT, MOMENTS = 3, 6
 WIDTH, COLUMNS = 170, 7
 
 
@@ -52,14 +50,18 @@ physics = "first-order"
 """
 
 
-def tile(sheet: Path, lines: list[str]) -> Image.Image:
-    """A moment of a contact sheet, physics over model, under these lines."""
-    picture = Image.open(sheet).convert("RGB")
-    width, height = picture.width // MOMENTS, picture.height // 3
-    moment = picture.crop((MOMENT * width, 0, (MOMENT + 1) * width, 2 * height))
-    moment = moment.resize((WIDTH, round(WIDTH * moment.height / moment.width)), Image.LANCZOS)
-    whole = Image.new("RGB", (WIDTH, moment.height + 44), "white")
-    whole.paste(moment, (0, 44))
+def tile(program: str, folder: Path, frame: int, lines: list[str]) -> Image.Image:
+    """The frame by the physics, over that by the model, under these lines."""
+    whole = Image.new("RGB", (WIDTH, 2 * WIDTH + 44), "white")
+    for k, of in enumerate(("truth", "rollout")):
+        picture = folder / f"{of}.png"
+        command = [program, "export", folder / f"{of}.safetensors", "-o", picture, "--frames", str(frame), "-q"]
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+        moment = Image.open(picture).convert("RGB")
+        side = min(moment.size)
+        left, top = (moment.width - side) // 2, (moment.height - side) // 2
+        moment = moment.crop((left, top, left + side, top + side)).resize((WIDTH, WIDTH), Image.LANCZOS)
+        whole.paste(moment, (0, 44 + k * WIDTH))
     font = ImageFont.load_default(13)
     ImageDraw.Draw(whole).multiline_text((6, 4), "\n".join(lines), fill="black", font=font)
     return whole
@@ -87,8 +89,8 @@ def main() -> None:
         guarded = "" if frame is None else ", guarded"
         print(f"| {mesh} | {motion} | {frame or '–'} | {error:.1f}{guarded} | {1e3 * answer['rigid_rmse']:.1f} |", flush=True)
         name = mesh if mesh != "square" else motion
-        tiles.append(tile(folder / "sheet.png", [name, f"{error:.0f} mm{guarded}"]))
-    height = max(tile.height for tile in tiles)
+        tiles.append(tile(options.program, folder, answer["frames"] // 2, [name, f"{error:.0f} mm{guarded}"]))
+    height = tiles[0].height
     rows = -(-len(tiles) // COLUMNS)
     whole = Image.new("RGB", (COLUMNS * WIDTH, rows * height), "white")
     for k, each in enumerate(tiles):
