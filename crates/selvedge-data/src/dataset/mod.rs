@@ -14,9 +14,9 @@ pub(crate) mod preset;
 pub(crate) mod sections;
 pub(crate) mod writer;
 
-use crate::dataset::sections::{Sample, Section, SectionError};
+use crate::dataset::sections::{Sample, Section};
 use crate::formats::atomic::WriteError;
-use crate::formats::file_error::FileError;
+use crate::formats::file_error::{FileError, Problem};
 use crate::formats::hash::hash;
 use crate::formats::input::{read_file, read_text};
 use crate::metrics::{MetricError, mean_edge_length, speeds};
@@ -131,7 +131,7 @@ pub enum DatasetError {
     #[error(transparent)]
     Write(#[from] WriteError),
     #[error(transparent)]
-    Sections(#[from] SectionError),
+    Sections(#[from] Problem),
     #[error(transparent)]
     Metric(#[from] MetricError),
 }

@@ -2,7 +2,7 @@
 
 use std::str::FromStr;
 
-use thiserror::Error;
+use crate::formats::file_error::Problem;
 
 /// A span of frames: from one to another, both included, and every so many of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,11 +15,6 @@ pub struct FrameSpan {
     pub every: usize,
 }
 
-/// Frames that there are not.
-#[derive(Clone, Debug, Error, PartialEq, Eq)]
-#[error("{0}")]
-pub struct FrameSpanError(String);
-
 impl Default for FrameSpan {
     fn default() -> Self {
         Self {
@@ -31,12 +26,12 @@ impl Default for FrameSpan {
 }
 
 impl FromStr for FrameSpan {
-    type Err = FrameSpanError;
+    type Err = Problem;
 
     /// Reads `20..80`, `20..`, `..80` or `20`; every one of them.
-    fn from_str(text: &str) -> Result<Self, FrameSpanError> {
+    fn from_str(text: &str) -> Result<Self, Problem> {
         let wrong = || {
-            FrameSpanError(format!(
+            Problem(format!(
                 "{text:?} says no frames: write 20..80 (both included), 20.., ..80, or one number"
             ))
         };
@@ -63,23 +58,23 @@ impl FrameSpan {
     /// The numbers of the frames, of a run of `count` (at least one).
     ///
     /// # Errors
-    /// [`FrameSpanError`] where there are none, or one that the run does not have.
-    pub fn of(&self, count: usize) -> Result<Vec<usize>, FrameSpanError> {
+    /// [`Problem`] where there are none, or one that the run does not have.
+    pub fn of(&self, count: usize) -> Result<Vec<usize>, Problem> {
         let end = count.saturating_sub(1);
         let (first, last) = (self.first.unwrap_or(0), self.last.unwrap_or(end));
         if let Some(frame) = [first, last].into_iter().find(|&frame| frame > end) {
-            return Err(FrameSpanError(format!(
+            return Err(Problem(format!(
                 "frame {frame} was asked for, but the run has the frames 0 to {end}"
             )));
         }
         if first > last {
-            return Err(FrameSpanError(format!(
+            return Err(Problem(format!(
                 "frames {first}..{last}: there are none, for the last is before the first"
             )));
         }
         if self.every == 0 {
             let problem = "every 0th frame was asked for: 1 is every frame";
-            return Err(FrameSpanError(problem.to_owned()));
+            return Err(Problem(problem.to_owned()));
         }
         Ok((first..=last).step_by(self.every).collect())
     }

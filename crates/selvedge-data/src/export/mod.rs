@@ -24,7 +24,7 @@ mod usd;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-pub use self::frame_span::{FrameSpan, FrameSpanError};
+pub use self::frame_span::FrameSpan;
 pub use self::obstacles::files_beside;
 pub use self::options::{ExportFormat, ExportOptions};
 pub use self::outcome::ExportError;

@@ -30,7 +30,7 @@ pub use mesh_spec::{
 pub(crate) use motion_source::{MotionSource, Stand};
 pub use problem::{SceneFileError, SceneProblem};
 pub(crate) use problem::{field, unknown};
-pub use recorded_csv::{RecordedCsvError, parse_recorded_csv};
+pub use recorded_csv::parse_recorded_csv;
 pub(crate) use setting_file::{MeshFile, ResolvedSetting, SettingFile};
 pub use shipped::{materials, shipped_scenes};
 pub use spec::{SceneSpec, SceneSpecError, Setting};

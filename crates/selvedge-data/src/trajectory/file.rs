@@ -25,9 +25,9 @@ use serde_json::Value;
 use thiserror::Error;
 
 use crate::UpAxis;
-use crate::formats::arrays::{ArrayError, ArrayFile};
+use crate::formats::arrays::ArrayFile;
 use crate::formats::atomic::WriteError;
-use crate::formats::file_error::FileError;
+use crate::formats::file_error::{FileError, Problem};
 use crate::formats::input::read_file;
 use crate::formats::tensor_file::{TensorOut, TensorValues, put_tensors, write_tensors};
 use crate::trajectory::obstacle_file;
@@ -77,7 +77,7 @@ pub enum TrajectoryFileError {
     #[error("has a tensor named {name}, which this version does not know")]
     UnknownTensor { name: String },
     #[error(transparent)]
-    Arrays(#[from] ArrayError),
+    Arrays(#[from] Problem),
     #[error(transparent)]
     Topology(#[from] TopologyError),
     #[error(transparent)]
@@ -255,10 +255,10 @@ fn read_cloth(
         .of_shape(&[None, None, Some(3)])?;
     let vertices = positions.shape[1];
     let singles = |name: &str, shape: &[Option<usize>]| {
-        Ok::<_, ArrayError>(file.singles(name)?.of_shape(shape)?.values)
+        Ok::<_, Problem>(file.singles(name)?.of_shape(shape)?.values)
     };
     let wholes = |name: &str, shape: &[Option<usize>]| {
-        Ok::<_, ArrayError>(file.wholes(name)?.of_shape(shape)?.values)
+        Ok::<_, Problem>(file.wholes(name)?.of_shape(shape)?.values)
     };
     let faces = triples(&wholes("faces", &[None, Some(3)])?);
     let rest = singles("rest_positions", &[Some(vertices), Some(3)])?;

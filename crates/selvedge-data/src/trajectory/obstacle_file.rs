@@ -11,7 +11,8 @@ use glam::{Quat, Vec3};
 
 use super::file::{TrajectoryFileError, flat3};
 use super::obstacles::{ObstacleTrack, Pose, TrackMotion};
-use crate::formats::arrays::{ArrayError, ArrayFile};
+use crate::formats::arrays::ArrayFile;
+use crate::formats::file_error::Problem;
 use crate::formats::tensor_file::{TensorOut, TensorValues};
 
 /// The metadata entry with the names.
@@ -84,15 +85,12 @@ pub(super) fn is_tensor(name: &str, count: usize) -> bool {
 }
 
 /// The obstacles of these names.
-pub(super) fn read(
-    file: &ArrayFile<'_>,
-    names: &[String],
-) -> Result<Vec<ObstacleTrack>, ArrayError> {
+pub(super) fn read(file: &ArrayFile<'_>, names: &[String]) -> Result<Vec<ObstacleTrack>, Problem> {
     let numbered = names.iter().enumerate();
     numbered.map(|(k, name)| read_one(file, k, name)).collect()
 }
 
-fn read_one(file: &ArrayFile<'_>, number: usize, name: &str) -> Result<ObstacleTrack, ArrayError> {
+fn read_one(file: &ArrayFile<'_>, number: usize, name: &str) -> Result<ObstacleTrack, Problem> {
     let title = |part| title(number, part);
     let faces = file.wholes(&title("faces"))?.of_shape(&[None, Some(3)])?;
     let points = file.singles(&title("points"))?;

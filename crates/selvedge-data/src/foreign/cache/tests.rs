@@ -34,7 +34,7 @@ fn options(rate: f64) -> ImportOptions {
     }
 }
 
-fn import(folder: &Path, rate: f64) -> Result<Trajectory, ForeignError> {
+fn import(folder: &Path, rate: f64) -> Result<Trajectory, FileError<Problem>> {
     let source = ForeignSource::open(folder, &options(rate))?;
     source.read(&source.runs()[0])
 }
