@@ -72,18 +72,12 @@ pub fn export(
 }
 
 /// A .glb of all frames of `trajectory`, in memory.
-///
-/// # Errors
-/// As [`export`].
 pub fn glb(trajectory: &Trajectory) -> Result<Vec<u8>, ExportError> {
     let take = Take::new(trajectory, &ExportOptions::usual(ExportFormat::Glb))?;
     glb::bytes(&take, &mut Pulse(&mut || ControlFlow::Continue(())))
 }
 
 /// Size of the file in bytes, where it is known before writing.
-///
-/// # Errors
-/// As [`export`].
 pub fn planned_bytes(
     trajectory: &Trajectory,
     options: &ExportOptions,

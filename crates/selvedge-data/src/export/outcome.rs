@@ -38,9 +38,6 @@ pub(super) struct Stop;
 
 impl Pulse<'_> {
     /// Reports that one more frame is written.
-    ///
-    /// # Errors
-    /// An error that [`is_stop`] knows, where the observer asks to stop.
     pub(super) fn beat(&mut self) -> io::Result<()> {
         match (self.0)() {
             ControlFlow::Continue(()) => Ok(()),

@@ -1,9 +1,6 @@
 //! The hash by which files are known: BLAKE3, in hexadecimal.
 
 /// Checks that the file at `path` has the hash that it had when its scene was resolved.
-///
-/// # Errors
-/// The defect, as a sentence.
 pub(crate) fn check_hash(path: &str, expected: &str, found: &str) -> Result<(), String> {
     if found == expected {
         return Ok(());

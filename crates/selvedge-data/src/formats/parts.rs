@@ -26,9 +26,6 @@ pub(super) struct PartFolder {
 }
 
 /// Makes the part of the file `target` in `folder`, locked, and removes those that are left over.
-///
-/// # Errors
-/// A folder in which no file can be made.
 pub(super) fn file_beside(target: &Path, folder: &Path) -> io::Result<NamedTempFile> {
     remove_leftovers(target, folder);
     let prefix = prefix_of(target);
@@ -46,9 +43,6 @@ pub(super) fn file_beside(target: &Path, folder: &Path) -> io::Result<NamedTempF
 }
 
 /// Makes the part of the folder `target` in `folder`, locked, and removes those that are left over.
-///
-/// # Errors
-/// A folder in which none can be made.
 pub(super) fn folder_beside(target: &Path, folder: &Path) -> io::Result<PartFolder> {
     remove_leftovers(target, folder);
     let prefix = prefix_of(target);

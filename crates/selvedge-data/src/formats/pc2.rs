@@ -27,9 +27,6 @@ pub(crate) fn size(samples: usize, points: usize) -> u64 {
 }
 
 /// Writes the header of `samples` of `points`, `every` so many frames.
-///
-/// # Errors
-/// Those of writing, and of numbers that the format cannot have.
 pub(crate) fn write_header(
     out: &mut impl Write,
     samples: usize,
@@ -46,18 +43,12 @@ pub(crate) fn write_header(
 }
 
 /// Writes the points of a sample.
-///
-/// # Errors
-/// Those of writing.
 pub(crate) fn write_points(out: &mut impl Write, points: &[Vec3]) -> io::Result<()> {
     let mut coordinates = points.iter().flat_map(|p| p.to_array());
     coordinates.try_for_each(|coordinate| out.write_all(&coordinate.to_le_bytes()))
 }
 
 /// The cache in the bytes of a .pc2.
-///
-/// # Errors
-/// The defect, as a sentence.
 pub(crate) fn parse(bytes: &[u8]) -> Result<PointCache, String> {
     if !bytes.starts_with(MAGIC) {
         return Err("is no point cache: it does not begin with POINTCACHE2".to_owned());

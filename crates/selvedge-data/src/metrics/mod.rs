@@ -87,18 +87,12 @@ pub fn compare(
 /// assert_eq!(rmse, 12.5_f64.sqrt());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-///
-/// # Errors
-/// [`MetricError`].
 pub fn position_rmse(a: Frames<'_>, b: Frames<'_>) -> Result<f64, MetricError> {
     let (squares, count) = fold_vertices(a, b, 0.0, |sum, d| sum + d * d)?;
     Ok((squares / count).sqrt())
 }
 
 /// Position RMSE of each frame `[m]`, `[frames]`.
-///
-/// # Errors
-/// [`MetricError`].
 pub fn per_frame_rmse(a: Frames<'_>, b: Frames<'_>) -> Result<Vec<f64>, MetricError> {
     let (a, b) = common(a, b)?;
     Ok(a.iter()
@@ -111,9 +105,6 @@ pub fn per_frame_rmse(a: Frames<'_>, b: Frames<'_>) -> Result<Vec<f64>, MetricEr
 }
 
 /// Mean distance of a vertex from where it should be `[m]`.
-///
-/// # Errors
-/// [`MetricError`].
 pub fn mean_vertex_error(a: Frames<'_>, b: Frames<'_>) -> Result<f64, MetricError> {
     let (sum, count) = fold_vertices(a, b, 0.0, |sum, d| sum + d)?;
     Ok(sum / count)
@@ -121,9 +112,6 @@ pub fn mean_vertex_error(a: Frames<'_>, b: Frames<'_>) -> Result<f64, MetricErro
 
 /// Edge-length RMSE `[eq:edge-length-rmse]`: √(mean over frames and undirected edges of
 /// (|d| - |d̂|)²) `[m]`.
-///
-/// # Errors
-/// [`MetricError`].
 pub fn edge_length_rmse(
     a: Frames<'_>,
     b: Frames<'_>,
@@ -140,9 +128,6 @@ pub fn edge_length_rmse(
 }
 
 /// Mean length of the edges over all frames `[m]`.
-///
-/// # Errors
-/// [`MetricError`].
 pub fn mean_edge_length(frames: Frames<'_>, topology: &Topology) -> Result<f64, MetricError> {
     check_mesh(frames, topology)?;
     let sum: f64 = frames
@@ -160,9 +145,6 @@ pub fn material_edge_lengths(cloth: &Cloth) -> Vec<f64> {
 
 /// Largest strain of each frame, max over edges of (l - l₀)/l₀, `[frames]`; `rest_lengths` `[m]`,
 /// `[edges]`, as from [`material_edge_lengths`]. Negative where every edge is shortened.
-///
-/// # Errors
-/// [`MetricError`].
 pub fn largest_strain(
     frames: Frames<'_>,
     topology: &Topology,
@@ -193,9 +175,6 @@ pub struct Speeds {
 }
 
 /// Speeds over all pairs of neighbouring frames; both zero for a single frame.
-///
-/// # Errors
-/// [`MetricError::NoFrames`].
 pub fn speeds(frames: Frames<'_>, frame_rate: f64) -> Result<Speeds, MetricError> {
     if frames.is_empty() {
         return Err(MetricError::NoFrames);
@@ -216,9 +195,6 @@ pub fn speeds(frames: Frames<'_>, frame_rate: f64) -> Result<Speeds, MetricError
 }
 
 /// Mean speed of the vertices in the last second `[m/s]`: how far a run is from rest at its end.
-///
-/// # Errors
-/// [`MetricError::NoFrames`].
 pub fn final_speed(frames: Frames<'_>, frame_rate: f64) -> Result<f64, MetricError> {
     let steps = (frame_rate.round() as usize).max(1);
     Ok(speeds(frames.last(steps + 1), frame_rate)?.mean)

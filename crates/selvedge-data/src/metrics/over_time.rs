@@ -8,9 +8,6 @@ use crate::Frames;
 /// a frame's positions `[vertices, 3]` with P the truth `a`. No unit. It depends on where the
 /// origin is, unlike the other errors: the farther away, the smaller. Infinite where all of a frame
 /// lies at the origin and the run does not.
-///
-/// # Errors
-/// [`MetricError`].
 pub fn relative_error(a: Frames<'_>, b: Frames<'_>) -> Result<f64, MetricError> {
     let (a, b) = common(a, b)?;
     let of_frame = |(p, q): (&[glam::Vec3], &[glam::Vec3])| {

@@ -43,9 +43,6 @@ impl NodeMesh {
 
 /// Texture coordinates of the corners of `faces`, from `values` per corner or per point of
 /// `points`; their number says which of the two they are.
-///
-/// # Errors
-/// The defect, as the end of a sentence, where their number is neither.
 pub(super) fn texture_by_corner(
     values: &[DVec2],
     faces: &[Vec<u32>],

@@ -174,9 +174,6 @@ struct Magic {
 type Motions = [Vec<PoseKeyframe>];
 
 /// Reads a scene from the text of its file; paths in it are relative to `folder`.
-///
-/// # Errors
-/// [`SceneProblem`] names the key and what is wrong.
 pub(super) fn parse_arcsim(
     text: &str,
     folder: &Path,

@@ -37,9 +37,6 @@ const ELSEWHERE: usize = 0xffff_ffff;
 
 impl<'a> Npz<'a> {
     /// The archive in `bytes`.
-    ///
-    /// # Errors
-    /// The defect, as the end of a sentence.
     pub(crate) fn open(bytes: &'a [u8]) -> Result<Self, String> {
         let cut = || incomplete("it ends too early");
         // The comment at the end is at most 65535 bytes long.

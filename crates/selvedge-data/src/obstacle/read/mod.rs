@@ -155,9 +155,6 @@ pub(crate) type Frames = (f64, Vec<Vec<DVec3>>);
 /// The points in a file of any kind but .obj, from `from` `[s]` after its start on, and their
 /// frames per second: `rate` for what has times of its own or says none. Of a .glb with several
 /// animations one is named.
-///
-/// # Errors
-/// The defect, as a sentence.
 pub(crate) fn moving_points(
     path: &str,
     bytes: &[u8],
@@ -197,9 +194,6 @@ pub(crate) fn moving_points(
 }
 
 /// The frames from `from` `[s]` on.
-///
-/// # Errors
-/// The defect, as a sentence, where there are none.
 pub(super) fn later(
     mut frames: Vec<Vec<DVec3>>,
     from: f64,
