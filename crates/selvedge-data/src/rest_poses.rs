@@ -15,7 +15,7 @@ use glam::DVec3;
 use crate::formats::arrays::ArrayFile;
 use crate::formats::atomic::WriteError;
 use crate::formats::file_error::{FileError, Problem};
-use crate::formats::hash::hash;
+use crate::formats::input::hash;
 use crate::formats::tensor_file::{TensorOut, TensorValues, write_tensors};
 
 /// The format that a file names in its metadata, with its version.

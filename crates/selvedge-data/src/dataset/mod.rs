@@ -17,7 +17,7 @@ pub(crate) mod writer;
 use crate::dataset::sections::{Sample, Section};
 use crate::formats::atomic::WriteError;
 use crate::formats::file_error::{FileError, Problem};
-use crate::formats::hash::hash;
+use crate::formats::input::hash;
 use crate::formats::input::{read_file, read_text};
 use crate::metrics::{MetricError, mean_edge_length, speeds};
 use crate::trajectory::Trajectory;

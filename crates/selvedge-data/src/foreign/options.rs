@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use crate::UpAxis;
 use crate::formats::file_error::{FileError, Problem};
-use crate::formats::hash::hash;
+use crate::formats::input::hash;
 use crate::formats::input::read_file;
 
 /// Source of the rest pose.

@@ -11,7 +11,7 @@ use crate::dataset::Split;
 use crate::dataset::plan::DatasetPlan;
 use crate::dataset::sections::SectionRule;
 use crate::formats::file_error::{FileError, Problem};
-use crate::formats::retired::retired;
+use crate::formats::input::retired;
 use crate::trajectory::Trajectory;
 
 /// Foreign data that can be read.

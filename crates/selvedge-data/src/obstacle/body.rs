@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::error::FieldProblem;
 use super::read;
 use crate::formats::file_error::Problem;
-use crate::formats::hash::hash;
+use crate::formats::input::hash;
 
 /// Extent of simple bodies `[m]`.
 const SIZES: std::ops::RangeInclusive<f64> = 1e-4..=1e5;

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use super::body::BodySpec;
 use super::error::FieldProblem;
 use super::read::{self, Frames, Kind, Sequence, moving_points};
-use crate::formats::hash::{check_hash, hash};
+use crate::formats::input::{check_hash, hash};
 use crate::rig::Rig;
 
 /// Longest motion by keyframes `[s]`, as of handles.

@@ -21,7 +21,7 @@ use super::motion::{FramesFile, NodeFile, ObstacleKeyframes, ObstacleMotion};
 use super::read;
 use super::spec::{ObstacleSpec, Placement};
 use crate::formats::file_error::Problem;
-use crate::formats::hash::hash;
+use crate::formats::input::hash;
 
 /// An obstacle in the file's own words.
 #[derive(Clone, Debug, Deserialize)]

@@ -13,17 +13,18 @@
 
 use std::path::{Path, PathBuf};
 
+use selvedge_assets::materials::ALL as MATERIALS;
 use selvedge_cloth::{BendTable, Isotropic, Material, StrainLimits, StretchTable};
-use serde::de::value::MapAccessDeserializer;
-use serde::de::{Error, MapAccess, Visitor};
-use serde::{Deserialize, Deserializer};
+use serde::Deserialize;
+use serde::de::Error;
+use toml::Value;
 
 use super::problem::{SceneProblem, field};
-use super::shipped::{material_text, materials};
-use super::text::{parse_toml, read_text};
+use super::problem::{parse_toml, read_text};
 
 /// One way to say what the cloth is made of.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(try_from = "Value")]
 pub(crate) enum MaterialSource {
     /// The name of a shipped material, or a TOML file, relative to the file that names it.
     Named(String),
@@ -57,26 +58,17 @@ pub(crate) struct MaterialTable {
 /// Files that may be built on each other.
 const DEEPEST: usize = 8;
 
-impl<'de> Deserialize<'de> for MaterialSource {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct NameOrTable;
-        impl<'de> Visitor<'de> for NameOrTable {
-            type Value = MaterialSource;
+impl TryFrom<Value> for MaterialSource {
+    type Error = toml::de::Error;
 
-            fn expecting(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-                formatter.write_str("the name of a material, a TOML file, or a table")
-            }
-
-            fn visit_str<E: Error>(self, name: &str) -> Result<MaterialSource, E> {
-                Ok(MaterialSource::Named(name.to_owned()))
-            }
-
-            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<MaterialSource, A::Error> {
-                let table = MaterialTable::deserialize(MapAccessDeserializer::new(map))?;
-                Ok(MaterialSource::Table(Box::new(table)))
-            }
+    fn try_from(written: Value) -> Result<Self, toml::de::Error> {
+        match written {
+            Value::String(name) => Ok(Self::Named(name)),
+            Value::Table(table) => Ok(Self::Table(Box::new(table.try_into()?))),
+            _ => Err(Error::custom(
+                "expected the name of a material, a TOML file, or a table",
+            )),
         }
-        deserializer.deserialize_any(NameOrTable)
     }
 }
 
@@ -98,6 +90,16 @@ impl MaterialSource {
     }
 }
 
+/// The shipped materials: names and TOML texts, the default first.
+#[must_use]
+pub fn materials() -> &'static [(&'static str, &'static str)] {
+    MATERIALS
+}
+
+fn material_text(name: &str) -> Option<&'static str> {
+    MATERIALS.iter().find(|entry| entry.0 == name).map(|e| e.1)
+}
+
 /// The shipped material of this name, if there is one.
 pub(super) fn shipped_material(name: &str) -> Option<Result<Material, SceneProblem>> {
     material_text(name).map(parse_toml)
@@ -110,7 +112,7 @@ fn named(name_or_path: &str, folder: &Path, chain: &mut Vec<PathBuf>) -> Result<
         return parse_toml(text).map_err(|problem| problem.to_string());
     }
     if !name_or_path.ends_with(".toml") {
-        let known: Vec<&str> = materials().iter().map(|entry| entry.0).collect();
+        let known: Vec<&str> = MATERIALS.iter().map(|entry| entry.0).collect();
         let known = known.join(", ");
         return Err(format!(
             "{name_or_path:?} is neither a .toml file nor one of {known}"

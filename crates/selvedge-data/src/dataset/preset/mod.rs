@@ -34,11 +34,9 @@
 
 mod cloths;
 pub(crate) mod config;
-mod forecast;
 
 use self::cloths::{ClothFile, MeshesFile, all_of, on_each};
-pub use self::config::{DatasetConfig, NamedCloth, NamedMotion};
-pub use self::forecast::{Forecast, PlannedRun};
+pub use self::config::{DatasetConfig, Forecast, NamedCloth, NamedMotion, PlannedRun};
 use crate::dataset::Split;
 use crate::dataset::plan::DatasetPlan;
 use crate::dataset::sections::SectionRule;

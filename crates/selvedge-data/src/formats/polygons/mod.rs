@@ -9,7 +9,6 @@ mod border;
 mod clean;
 mod error;
 mod fit;
-mod flat;
 mod options;
 mod orient;
 mod sew;

@@ -9,13 +9,13 @@ use selvedge_assets::BODIES;
 use selvedge_cloth::bodies::Body;
 
 use super::error::FieldProblem;
-use crate::formats::hash::{check_hash, hash};
 use crate::formats::input::read_file;
+use crate::formats::input::retired;
+use crate::formats::input::{check_hash, hash};
 use crate::formats::npz::NpzPoints;
 use crate::formats::obj::parse_obj_polygons;
 use crate::formats::pc2;
 use crate::formats::polygons::triangles_of_body;
-use crate::formats::retired::retired;
 use crate::rig::{RigError, RigFormat, read_body};
 
 pub(super) use self::sequence::Sequence;

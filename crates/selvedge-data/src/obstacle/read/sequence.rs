@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use super::super::error::FieldProblem;
 use super::bytes_of;
-use crate::formats::hash::hash;
+use crate::formats::input::hash;
 use crate::formats::obj::parse_obj_polygons;
 
 /// Frames at most.

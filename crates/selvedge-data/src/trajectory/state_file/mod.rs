@@ -20,7 +20,7 @@ use self::contact::Tables;
 use crate::formats::arrays::{Array, ArrayFile};
 use crate::formats::atomic::WriteError;
 use crate::formats::file_error::{FileError, Problem};
-use crate::formats::hash::hash;
+use crate::formats::input::hash;
 use crate::formats::input::read_file;
 use crate::formats::tensor_file::{TensorOut, TensorValues, write_tensors};
 use crate::trajectory::Provenance;
