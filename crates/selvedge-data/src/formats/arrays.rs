@@ -10,7 +10,6 @@ use super::npz::Npz;
 use super::tensor_file::read_header;
 
 impl Problem {
-    /// The array of this name is not as `expected`.
     pub(crate) fn array(name: &str, expected: &str, found: impl Display) -> Self {
         Self(format!("array {name}: expected {expected}, found {found}"))
     }
@@ -22,7 +21,6 @@ pub(crate) enum ArrayFile<'a> {
     Safetensors(SafeTensors<'a>),
 }
 
-/// An array.
 pub(crate) struct Array<T> {
     pub(crate) name: String,
     /// Type of its elements in the file.

@@ -13,7 +13,6 @@ use std::time::Duration;
 
 use tempfile::{Builder, NamedTempFile, TempDir};
 
-/// Ending of a part.
 const ENDING: &str = ".part";
 /// Time in which a writer that has just made its part has locked it.
 const GRACE: Duration = Duration::from_secs(5);

@@ -84,7 +84,6 @@ impl Placement {
         }
     }
 
-    /// The place of a point.
     pub(crate) fn place(&self, point: DVec3) -> DVec3 {
         self.rotation.turn() * (self.scale * point) + self.translation
     }

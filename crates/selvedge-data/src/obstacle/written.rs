@@ -1,13 +1,4 @@
-//! Obstacles as people write them.
-//!
-//! ```toml
-//! [[obstacles]]
-//! name = "ball"
-//! sphere = { radius = 0.3 }
-//! transform = { translation = [0, 1, 0] }
-//! motion = { keyframes = [{ time = 2.0, translation = [0, 0, 1], rotation_deg = 90 }] }
-//! friction = 0.4
-//! ```
+//! Obstacles as people write them (docs/src/guides/obstacles.md).
 
 use std::path::Path;
 

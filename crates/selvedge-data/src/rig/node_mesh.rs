@@ -2,10 +2,8 @@
 
 use glam::{DVec2, DVec3};
 
-/// A mesh as a node has it.
 #[derive(Debug, Default)]
 pub(super) struct NodeMesh {
-    /// The node.
     pub(super) node: usize,
     /// Positions in the space of the node.
     pub(super) positions: Vec<DVec3>,

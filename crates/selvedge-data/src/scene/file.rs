@@ -1,19 +1,6 @@
 //! Scenes as people write them: TOML, in which an unknown key is an error, and everything that is
-//! named (a mesh, a material, a motion) is looked up and checked at once.
-//!
-//! ```toml
-//! name = "a corner let go"
-//! material = "gray-interlock"            # a shipped one, a TOML file, or a table
-//! mesh = { generator = { kind = "square", vertices = 289, size = 1.0, seed = 1 } }
-//! handles = { label = "upper-corners" }  # or vertices, box = { min = [..], max = [..] }, groups
-//! motion = { named = "forward" }         # or inline, file = "x.toml", recorded = "x.csv", groups
-//! ```
-//!
-//! `environment`, `physics`, `sag`, `start` and `frame_rate` (60) have defaults. `contact` and
-//! `[[obstacles]]` say what the cloth touches. A mesh may be `{
-//! obj = "x.obj", transform = { .. } }`. Paths are relative to the scene's folder. All keys are
-//! described in docs/src/guides/scenes.md. A file whose name ends in `.json` is read as a scene of
-//! ARCSim.
+//! named (a mesh, a material, a motion) is looked up and checked at once. All keys are described in
+//! docs/src/reference/scene.md. A file whose name ends in `.json` is read as a scene of ARCSim.
 
 use super::arcsim::parse_arcsim;
 use super::loaded::LoadedScene;

@@ -1,15 +1,5 @@
-//! Source of a material in a file: the name of a shipped fabric, a TOML
-//! file, or a table that changes one of these or has numbers of its own.
-//!
-//! ```toml
-//! material = { from = "gray-interlock", stretch_multiplier = 2.0, damping = 0.002 }
-//! [material]                        # or: an isotropic sheet
-//! name = "rubber"
-//! density = 1.1
-//! isotropic = { youngs_modulus = 1e6, poissons_ratio = 0.45, thickness = 1e-3 }
-//! ```
-//!
-//! A material's own file has the same keys.
+//! Source of a material in a file: the name of a shipped fabric, a TOML file with the keys of a
+//! table, or a table that changes one of these or has numbers of its own.
 
 use std::path::{Path, PathBuf};
 
@@ -100,7 +90,6 @@ fn material_text(name: &str) -> Option<&'static str> {
     MATERIALS.iter().find(|entry| entry.0 == name).map(|e| e.1)
 }
 
-/// The shipped material of this name, if there is one.
 pub(super) fn shipped_material(name: &str) -> Option<Result<Material, SceneProblem>> {
     material_text(name).map(parse_toml)
 }

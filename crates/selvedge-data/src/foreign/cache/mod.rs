@@ -79,7 +79,6 @@ impl ImportOptions {
         Ok(import)
     }
 
-    /// The parts of the trajectory in a file.
     pub(super) fn read(&self, path: &Path) -> Result<TrajectoryParts, FileError<Problem>> {
         let layout = |problem: String| FileError::new(path, problem);
         let bytes = read_file(path).map_err(FileError::unread(path))?;

@@ -61,7 +61,6 @@ impl<'a> Npz<'a> {
         self.entries.iter().map(|e| e.name.as_str()).collect()
     }
 
-    /// The array of this name, if there is one.
     pub(crate) fn array(&self, name: &str) -> Result<Option<Array>, String> {
         let entry = self.entries.iter().find(|entry| entry.name == name);
         let read = |entry| Array::parse(&self.unpack(entry)?);

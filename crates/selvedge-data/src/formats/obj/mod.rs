@@ -44,7 +44,6 @@ pub(crate) fn read_obj_positions(path: &Path) -> Result<Vec<DVec3>, ReadMeshErro
     positions.map_err(FileError::at(path))
 }
 
-/// The polygons in the bytes of a file.
 pub(crate) fn parse_obj_polygons(bytes: &[u8]) -> Result<Polygons, MeshFileError> {
     parse::parse(&String::from_utf8_lossy(bytes))
 }

@@ -10,7 +10,6 @@ use super::bytes_of;
 use crate::formats::input::hash;
 use crate::formats::obj::parse_obj_polygons;
 
-/// Frames at most.
 const MOST_FRAMES: usize = 100_000;
 
 /// Names of the files of a sequence.

@@ -191,12 +191,7 @@ impl StateRun {
         })
     }
 
-    /// Writes the states as .safetensors, all or nothing: `positions` and `velocities` f64
-    /// `[states, vertices, 3]`, `frames` u32 `[states]`, and the metadata of a trajectory with the
-    /// format "selvedge-states". A run of second order also has `previous_positions` and
-    /// `previous_velocities`, of the same shape, and `previous_seconds` f64 `[states]`. Where a
-    /// solver iterates there are `changes`, of the same shape, and `changes_seconds` f64
-    /// `[states]`; where something touches, the arrays of contact.
+    /// Writes the states as .safetensors (docs/src/reference/files.md), all or nothing.
     ///
     /// # Errors
     /// [`WriteError`] names the file and what failed.

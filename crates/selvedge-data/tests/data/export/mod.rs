@@ -2,7 +2,7 @@
 //! the format's description and not from the writer, and has the positions of the trajectory.
 
 mod caches;
-mod gltf;
+pub(crate) mod gltf;
 
 use std::ops::ControlFlow;
 use std::path::Path;

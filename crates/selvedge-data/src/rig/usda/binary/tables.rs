@@ -15,7 +15,6 @@ const MOST_FIELDS: usize = 1000;
 /// Oldest version that is read, as of OpenUSD.
 const OLDEST: u8 = 4;
 
-/// The tables.
 pub(super) struct Tables {
     /// Number of the version after "0.".
     pub(super) version: u8,
@@ -28,7 +27,6 @@ pub(super) struct Tables {
     pub(super) specs: Vec<Spec>,
 }
 
-/// A spec.
 #[derive(Clone, Copy)]
 pub(super) struct Spec {
     pub(super) path: usize,
