@@ -9,7 +9,6 @@ mod readers;
 mod replay;
 mod seeds;
 mod targets;
-mod zip;
 
 pub use self::guided::Guided;
 pub use self::replay::{Replayed, replay};
