@@ -82,8 +82,8 @@ pub use formats::mesh_file::read_mesh;
 pub use formats::obj::{parse_obj_with, read_obj, write_obj};
 pub use formats::parts::remove_parts;
 pub use formats::polygons::{
-    MeshFileError, MeshOptions, PanelPlace, PatternSource, Place, ReadMesh, ReadMeshError,
-    RestAngles, SeamPair, Seams, Sewing, TextureUnit,
+    MeshFileError, MeshOptions, PanelPlace, PatternSource, ReadMesh, ReadMeshError, RestAngles,
+    SeamPair, Seams, Sewing, TextureUnit,
 };
 pub use formats::tensor_file::{TensorOut, TensorValues, read_header, write_tensors};
 pub use formats::up_axis::UpAxis;

@@ -88,20 +88,14 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<PointCache, String> {
             expected.map_or_else(|| "more than there can be".to_owned(), |n| n.to_string())
         ));
     }
-    let coordinate = |c: &[u8]| f64::from(f32::from_le_bytes([c[0], c[1], c[2], c[3]]));
-    let point = |p: &[u8]| {
-        DVec3::new(
-            coordinate(&p[..4]),
-            coordinate(&p[4..8]),
-            coordinate(&p[8..]),
-        )
-    };
-    let frames = bytes[HEADER..].chunks_exact(12 * points);
+    let words = bytes[HEADER..].as_chunks::<4>().0.iter();
+    let numbers: Vec<f64> = words
+        .map(|word| f64::from(f32::from_le_bytes(*word)))
+        .collect();
+    let sample = |own: &[f64]| own.chunks_exact(3).map(DVec3::from_slice).collect();
     Ok(PointCache {
         every: step,
-        frames: frames
-            .map(|frame| frame.chunks_exact(12).map(point).collect())
-            .collect(),
+        frames: numbers.chunks_exact(3 * points).map(sample).collect(),
     })
 }
 

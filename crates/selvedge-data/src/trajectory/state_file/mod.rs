@@ -181,7 +181,7 @@ impl StateRun {
         let pair = [positions, velocities].map(str::to_owned);
         let arrays = Arrays::read(&file, &pair, None, None)?;
         if arrays.count.is_none() {
-            return Err(arrays.positions.wrong("[states, vertices, 3]").into());
+            return Err(arrays.positions.wrong("[states, vertices, 3]"));
         }
         let frames = read_frames(&file, frames, arrays.count)?;
         let numbered = frames.into_iter().enumerate();
@@ -319,8 +319,7 @@ impl Arrays {
                 return Err(match vertices {
                     Some(n) => positions.wrong(&format!("[{n}, 3] or [states, {n}, 3]")),
                     None => positions.wrong("[states, vertices, 3] with a vertex at least"),
-                }
-                .into());
+                });
             }
         };
         let shape: Vec<Option<usize>> = positions.shape.iter().copied().map(Some).collect();

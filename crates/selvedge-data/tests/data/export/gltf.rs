@@ -183,7 +183,7 @@ fn one_frame_makes_a_gltf_without_animation() {
     let (trajectory, folder) = (trajectory(), tempfile::tempdir().unwrap());
     let path = folder.path().join("a.glb");
     let one = ExportOptions {
-        frames: FrameSpan::from_str_of("4"),
+        frames: span("4"),
         ..ExportOptions::plain(ExportFormat::Glb)
     };
     write(&trajectory, &path, &one);
