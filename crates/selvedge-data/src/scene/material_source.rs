@@ -5,16 +5,15 @@ use std::path::{Path, PathBuf};
 
 use selvedge_assets::materials::ALL as MATERIALS;
 use selvedge_cloth::{BendTable, Isotropic, Material, StrainLimits, StretchTable};
-use serde::Deserialize;
-use serde::de::Error;
-use toml::Value;
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{Error, MapAccess, Visitor};
+use serde::{Deserialize, Deserializer};
 
 use super::problem::{SceneProblem, field};
 use super::problem::{parse_toml, read_text};
 
 /// One way to say what the cloth is made of.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(try_from = "Value")]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) enum MaterialSource {
     /// The name of a shipped material, or a TOML file, relative to the file that names it.
     Named(String),
@@ -48,17 +47,27 @@ pub(crate) struct MaterialTable {
 /// Files that may be built on each other.
 const DEEPEST: usize = 8;
 
-impl TryFrom<Value> for MaterialSource {
-    type Error = toml::de::Error;
+impl<'de> Deserialize<'de> for MaterialSource {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct NameOrTable;
+        impl<'de> Visitor<'de> for NameOrTable {
+            type Value = MaterialSource;
 
-    fn try_from(written: Value) -> Result<Self, toml::de::Error> {
-        match written {
-            Value::String(name) => Ok(Self::Named(name)),
-            Value::Table(table) => Ok(Self::Table(Box::new(table.try_into()?))),
-            _ => Err(Error::custom(
-                "expected the name of a material, a TOML file, or a table",
-            )),
+            fn expecting(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                formatter.write_str("the name of a material, a TOML file, or a table")
+            }
+
+            fn visit_str<E: Error>(self, name: &str) -> Result<MaterialSource, E> {
+                Ok(MaterialSource::Named(name.to_owned()))
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<MaterialSource, A::Error> {
+                // Not by way of a value, so that errors tell the line of a key.
+                let table = MaterialTable::deserialize(MapAccessDeserializer::new(map))?;
+                Ok(MaterialSource::Table(Box::new(table)))
+            }
         }
+        deserializer.deserialize_any(NameOrTable)
     }
 }
 
