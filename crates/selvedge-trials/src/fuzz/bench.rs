@@ -3,12 +3,12 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use selvedge_data::Dataset;
 use selvedge_train::TrainConfig;
 
 use super::seeds::{SCENE, Seeds, TRAINING};
-use crate::program::{Program, copy_folder};
+use crate::program::copy_folder;
 
 /// The folder in which readers work, with the files beside the one that is damaged.
 pub(super) struct Bench {
@@ -19,14 +19,8 @@ pub(super) struct Bench {
 }
 
 impl Bench {
-    /// A bench in `folder`, with what the readers need beside their file, and the examples that
-    /// `program` made for it.
-    pub(super) fn open(program: &Program, folder: &Path) -> Result<(Self, Seeds)> {
-        let [made, folder] = ["made", "bench"].map(|name| folder.join(name));
-        for inner in [&made, &folder] {
-            fs::create_dir_all(inner).with_context(|| inner.display().to_string())?;
-        }
-        let seeds = Seeds::make(program, &made)?;
+    /// A bench in `folder`, with what the readers need beside their file.
+    pub(super) fn new(folder: &Path, seeds: &Seeds) -> Result<Self> {
         let bench = |name: &str| folder.join(name);
         copy_folder(&seeds.made.join("tiny"), &bench("tiny"))?;
         copy_folder(&seeds.made.join("tiny"), &bench("indexed"))?;
@@ -56,11 +50,10 @@ impl Bench {
         fs::copy(seeds.made.join("run.obj"), bench("run.obj"))?;
         let own = SCENE.replace("gray-interlock", "own-material.toml");
         fs::write(bench("by-material.toml"), own)?;
-        let bench = Self {
+        Ok(Self {
             dataset: Dataset::open(&bench("tiny"))?,
             training: TrainConfig::parse(TRAINING, Path::new("moment.toml"))?,
-            folder: folder.clone(),
-        };
-        Ok((bench, seeds))
+            folder: folder.to_owned(),
+        })
     }
 }

@@ -8,8 +8,8 @@ use selvedge_data::{KeptRestPose, RestPoseFolder, open_scene};
 use selvedge_live::protocol;
 
 use super::bench::Bench;
-use super::mend::zip;
 use super::readers::POSE;
+use super::zip::zip;
 
 /// Texts that options of the command line take.
 const OPTIONS: [&str; 9] = [

@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 
 use super::bench::Bench;
+use super::examples::written_examples;
+use super::seeds::Seeds;
 use super::targets::{TARGETS, Target};
 use super::{is_too_long, mend};
 use crate::program::Program;
@@ -27,12 +29,19 @@ impl Guided {
         if folder.exists() {
             fs::remove_dir_all(folder).with_context(|| folder.display().to_string())?;
         }
-        let (bench, seeds) = Bench::open(&Program::find()?, folder)?;
+        let [made, bench] = ["made", "bench"].map(|name| folder.join(name));
+        for inner in [&made, &bench] {
+            fs::create_dir_all(inner).with_context(|| inner.display().to_string())?;
+        }
+        let seeds = Seeds::make(&Program::find()?, &made)?;
+        let bench = Bench::new(&bench, &seeds)?;
+        let mut examples = target.examples(&seeds)?;
+        examples.extend(written_examples(target.name, &bench)?);
         Ok(Self {
-            path: target.path(&bench),
-            examples: target.examples(&bench, &seeds)?,
+            path: bench.folder.join(target.file.unwrap_or("input")),
             target,
             bench,
+            examples,
         })
     }
 

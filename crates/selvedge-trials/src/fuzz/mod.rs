@@ -9,6 +9,7 @@ mod readers;
 mod replay;
 mod seeds;
 mod targets;
+mod zip;
 
 pub use self::guided::Guided;
 pub use self::replay::{Replayed, replay};

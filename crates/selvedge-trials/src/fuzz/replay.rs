@@ -6,7 +6,9 @@ use std::path::Path;
 use anyhow::{Context, Result};
 
 use super::bench::Bench;
+use super::examples::written_examples;
 use super::is_too_long;
+use super::seeds::Seeds;
 use super::targets::TARGETS;
 use crate::program::Program;
 
@@ -26,11 +28,18 @@ pub struct Replayed {
 /// # Panics
 /// Where a reader does, or accepts what does not hold.
 pub fn replay(program: &Path, folder: &Path) -> Result<Vec<Replayed>> {
-    let (bench, seeds) = Bench::open(&Program::at(program), folder)?;
+    let [made, bench] = ["made", "bench"].map(|name| folder.join(name));
+    for inner in [&made, &bench] {
+        fs::create_dir(inner).with_context(|| inner.display().to_string())?;
+    }
+    let seeds = Seeds::make(&Program::at(program), &made)?;
+    let bench = Bench::new(&bench, &seeds)?;
     let mut all = Vec::new();
     for target in &TARGETS {
-        let path = target.path(&bench);
-        for (number, input) in target.examples(&bench, &seeds)?.iter().enumerate() {
+        let path = bench.folder.join(target.file.unwrap_or("input"));
+        let mut examples = target.examples(&seeds)?;
+        examples.extend(written_examples(target.name, &bench)?);
+        for (number, input) in examples.iter().enumerate() {
             if target.file.is_some() {
                 fs::write(&path, input).with_context(|| path.display().to_string())?;
             }

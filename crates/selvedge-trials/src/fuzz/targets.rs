@@ -1,12 +1,11 @@
 //! The readers under trial, one target for each format: what it reads, from which examples, and
 //! what must hold of what it accepts.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::Result;
 
 use super::bench::Bench;
-use super::examples::written_examples;
 use super::mend::Make;
 use super::readers::{
     Verdict, by_cache, by_material, by_motion, checkpoint, index, log, mesh_file, model,
@@ -31,16 +30,10 @@ pub(super) struct Target {
 }
 
 impl Target {
-    /// The file that the reader opens.
-    pub(super) fn path(&self, bench: &Bench) -> PathBuf {
-        bench.folder.join(self.file.unwrap_or("input"))
-    }
-
     /// The whole files that are damaged.
-    pub(super) fn examples(&self, bench: &Bench, seeds: &Seeds) -> Result<Vec<Vec<u8>>> {
+    pub(super) fn examples(&self, seeds: &Seeds) -> Result<Vec<Vec<u8>>> {
         let mut all = seeds.read(self.seeds, self.ending)?;
         all.extend(seeds.corpus(self.name)?);
-        all.extend(written_examples(self.name, bench)?);
         Ok(all)
     }
 }
