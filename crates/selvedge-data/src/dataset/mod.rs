@@ -118,12 +118,8 @@ pub struct DatasetStatistics {
 #[derive(Debug, Error)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum DatasetError {
-    #[error("{}: could not be read: {source}", path.display())]
-    Read {
-        path: PathBuf,
-        #[source]
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    Read(#[from] FileError<Problem>),
     #[error("{0}")]
     Content(String),
     #[error(transparent)]
@@ -300,10 +296,7 @@ pub(crate) fn read_index(path: &Path) -> Result<DatasetIndex, DatasetError> {
 /// Reads an index file and checks format and version first, so that another version is named as
 /// such.
 pub(crate) fn read_json<T: DeserializeOwned>(path: &Path, format: &str) -> Result<T, DatasetError> {
-    let text = read_text(path).map_err(|source| DatasetError::Read {
-        path: path.to_owned(),
-        source,
-    })?;
+    let text = read_text(path).map_err(FileError::unread(path))?;
     let problem = |problem: String| wrong_index(path, problem);
     let kind: Kind =
         serde_json::from_str(&text).map_err(|error| problem(format!("is no JSON: {error}")))?;

@@ -154,8 +154,7 @@ impl SavedState {
     ) -> Result<(Self, StateSpec), FileError<Problem>> {
         let full = folder.join(path);
         let within = FileError::at(&full);
-        let unread = |error| within(Problem(format!("could not be read: {error}")));
-        let bytes = read_file(&full).map_err(unread)?;
+        let bytes = read_file(&full).map_err(FileError::unread(&full))?;
         let file = open(&full, &bytes, choice.frame_rate).map_err(&within)?;
         let (state, [positions, velocities]) = select(&file, choice, vertices).map_err(&within)?;
         let spec = StateSpec {
