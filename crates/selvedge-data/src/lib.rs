@@ -70,45 +70,42 @@ pub use dataset::plan::DatasetPlan;
 pub use dataset::preset::{
     DatasetConfig, DatasetPreset, Forecast, NamedCloth, NamedMotion, PlannedRun, shipped_presets,
 };
-pub use dataset::sections::{Sample, Section, SectionError, SectionRule};
+pub use dataset::sections::{Sample, Section, SectionRule};
 pub use dataset::writer::DatasetWriter;
 pub use dataset::{Dataset, DatasetError, DatasetIndex, DatasetStatistics, Entry, Split, Splits};
-pub use formats::arrays::ArrayError;
 pub use formats::atomic::{
     WriteError, is_writing, write_atomically, write_beside, write_folder_atomically,
 };
-pub use formats::file_error::FileError;
+pub use formats::file_error::{FileError, Problem};
 pub use formats::input::{read_file, read_text};
 pub use formats::mesh_file::read_mesh;
 pub use formats::obj::{parse_obj_with, read_obj, write_obj};
 pub use formats::parts::remove_parts;
 pub use formats::polygons::{
-    MeshFileError, MeshOptions, PanelPlace, PatternSource, Place, ReadMesh, ReadMeshError,
-    RestAngles, SeamPair, Seams, Sewing, TextureUnit,
+    MeshFileError, MeshOptions, PanelPlace, PatternSource, ReadMesh, ReadMeshError, RestAngles,
+    SeamPair, Seams, Sewing, TextureUnit,
 };
 pub use formats::tensor_file::{TensorOut, TensorValues, read_header, write_tensors};
 pub use formats::up_axis::UpAxis;
 pub use metrics::distribution::{Distribution, Distributions, Histogram};
 pub use obstacle::{
     BodySpec, Capsule, Cuboid, Cylinder, FramesFile, NodeFile, ObstacleKeyframes, ObstacleMotion,
-    ObstacleSpec, ObstacleSpecError, Placement, Plane, Sides, Sphere,
+    ObstacleSpec, Placement, Plane, Sides, Sphere,
 };
-pub use rest_poses::{KeptRestPose, RestPoseFileError, RestPoseFolder};
+pub use rest_poses::{KeptRestPose, RestPoseFolder};
 pub use rig::{MeshMotion, Rig, RigError, RigNode};
 pub use scene::{
-    BuiltMesh, GeneratorSpec, LoadedScene, MeshSource, MeshSpec, MeshSpecError, ObjSource,
-    RecordedCsvError, Rotate, SceneFileError, SceneProblem, SceneSpec, SceneSpecError, Setting,
-    StartSpec, StrainedEdge, Times, Transform, materials, open_scene, panel_stretches,
-    parse_recorded_csv, parse_scene, read_scene, shipped_scenes, size_warning, worst_edges,
-    worst_free_edges,
+    BuiltMesh, GeneratorSpec, LoadedScene, MeshSource, MeshSpec, MeshSpecError, ObjSource, Rotate,
+    SceneFileError, SceneProblem, SceneSpec, SceneSpecError, Setting, StartSpec, StrainedEdge,
+    Times, Transform, materials, open_scene, panel_stretches, parse_recorded_csv, parse_scene,
+    read_scene, shipped_scenes, size_warning, worst_edges, worst_free_edges,
 };
 pub use trajectory::file::{ReadTrajectoryError, TrajectoryFileError};
-pub use trajectory::frames::{Frames, FramesError};
+pub use trajectory::frames::Frames;
 pub use trajectory::obstacles::ObstacleTrack;
 pub use trajectory::playback::Playback;
 pub use trajectory::record::{Drive, Recording, RecordingEnd, record};
 pub use trajectory::state_file::{
-    LastChanges, PreviousState, ReadStateError, STATES_FORMAT, SavedState, StateChoice, StateError,
-    StateRun, StateSpec,
+    LastChanges, PreviousState, STATES_FORMAT, SavedState, StateChoice, StateRun, StateSpec,
 };
 pub use trajectory::{Provenance, Trajectory, TrajectoryError};

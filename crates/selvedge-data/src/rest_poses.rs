@@ -11,11 +11,11 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use glam::DVec3;
-use thiserror::Error;
 
-use crate::formats::arrays::{ArrayError, ArrayFile};
+use crate::formats::arrays::ArrayFile;
 use crate::formats::atomic::WriteError;
-use crate::formats::hash::hash;
+use crate::formats::file_error::{FileError, Problem};
+use crate::formats::input::hash;
 use crate::formats::tensor_file::{TensorOut, TensorValues, write_tensors};
 
 /// The format that a file names in its metadata, with its version.
@@ -45,14 +45,6 @@ pub struct RestPoseFolder {
     most_bytes: u64,
 }
 
-/// A file that holds no rest pose, or another one.
-#[derive(Debug, Error)]
-#[error("{}: {problem}", path.display())]
-pub struct RestPoseFileError {
-    path: PathBuf,
-    problem: String,
-}
-
 impl RestPoseFolder {
     /// The poses in `folder`, which need not be there yet.
     #[must_use]
@@ -78,13 +70,10 @@ impl RestPoseFolder {
         &self,
         content: &str,
         vertices: usize,
-    ) -> Result<Option<KeptRestPose>, RestPoseFileError> {
+    ) -> Result<Option<KeptRestPose>, FileError<Problem>> {
         let key = hash(content.as_bytes());
         let path = self.file(&key);
-        let fail = |problem| RestPoseFileError {
-            path: path.clone(),
-            problem,
-        };
+        let fail = |problem| FileError::new(&path, problem);
         let bytes = match fs::read(&path) {
             Ok(bytes) => bytes,
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
@@ -160,7 +149,7 @@ impl RestPoseFolder {
 }
 
 fn parse(bytes: &[u8], key: &str, vertices: usize) -> Result<KeptRestPose, String> {
-    let damaged = |error: ArrayError| format!("it is damaged: {error}");
+    let damaged = |error: Problem| format!("it is damaged: {error}");
     let unusable = |name: &str| format!("it has no usable {name:?} in its metadata");
     let (file, metadata) = ArrayFile::safetensors(bytes).map_err(damaged)?;
     let text = |name: &'static str| {

@@ -14,10 +14,10 @@ pub(crate) mod preset;
 pub(crate) mod sections;
 pub(crate) mod writer;
 
-use crate::dataset::sections::{Sample, Section, SectionError};
+use crate::dataset::sections::{Sample, Section};
 use crate::formats::atomic::WriteError;
-use crate::formats::file_error::FileError;
-use crate::formats::hash::hash;
+use crate::formats::file_error::{FileError, Problem};
+use crate::formats::input::hash;
 use crate::formats::input::{read_file, read_text};
 use crate::metrics::{MetricError, mean_edge_length, speeds};
 use crate::trajectory::Trajectory;
@@ -118,12 +118,8 @@ pub struct DatasetStatistics {
 #[derive(Debug, Error)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum DatasetError {
-    #[error("{}: could not be read: {source}", path.display())]
-    Read {
-        path: PathBuf,
-        #[source]
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    Read(#[from] FileError<Problem>),
     #[error("{0}")]
     Content(String),
     #[error(transparent)]
@@ -131,7 +127,7 @@ pub enum DatasetError {
     #[error(transparent)]
     Write(#[from] WriteError),
     #[error(transparent)]
-    Sections(#[from] SectionError),
+    Sections(#[from] Problem),
     #[error(transparent)]
     Metric(#[from] MetricError),
 }
@@ -300,10 +296,7 @@ pub(crate) fn read_index(path: &Path) -> Result<DatasetIndex, DatasetError> {
 /// Reads an index file and checks format and version first, so that another version is named as
 /// such.
 pub(crate) fn read_json<T: DeserializeOwned>(path: &Path, format: &str) -> Result<T, DatasetError> {
-    let text = read_text(path).map_err(|source| DatasetError::Read {
-        path: path.to_owned(),
-        source,
-    })?;
+    let text = read_text(path).map_err(FileError::unread(path))?;
     let problem = |problem: String| wrong_index(path, problem);
     let kind: Kind =
         serde_json::from_str(&text).map_err(|error| problem(format!("is no JSON: {error}")))?;

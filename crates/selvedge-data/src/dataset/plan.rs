@@ -6,8 +6,9 @@ use serde_json::Value;
 
 use crate::dataset::check::check_names;
 use crate::dataset::preset::config::DatasetConfig;
-use crate::dataset::sections::{Section, SectionError, SectionRule};
+use crate::dataset::sections::{Section, SectionRule};
 use crate::dataset::{DatasetError, DatasetIndex, Entry, Split, Splits};
+use crate::formats::file_error::Problem;
 
 /// Planned contents of a data set.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -106,7 +107,7 @@ fn is_same_config(a: &Value, b: &Value) -> bool {
 }
 
 /// The sections of the training split, whose entries are in the order of the plan.
-pub(super) fn sections(rule: SectionRule, splits: &Splits) -> Result<Vec<Section>, SectionError> {
+pub(super) fn sections(rule: SectionRule, splits: &Splits) -> Result<Vec<Section>, Problem> {
     let train = splits.train.iter();
     let lengths: Vec<(&str, usize)> = train.map(|e| (e.motion.as_str(), e.frames)).collect();
     rule.sections(&lengths)

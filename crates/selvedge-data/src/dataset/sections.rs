@@ -4,7 +4,8 @@
 //! gives n - 2. The sections of Libao et al. 2023 leave out most of the long rest at the end.
 
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
+
+use crate::formats::file_error::Problem;
 
 /// Frames `start..end` of a training trajectory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -36,11 +37,6 @@ pub enum SectionRule {
     /// Every frame of every trajectory.
     Whole,
 }
-
-/// A trajectory cannot be cut as the rule says.
-#[derive(Clone, Debug, Error, PartialEq, Eq)]
-#[error("{0}")]
-pub struct SectionError(String);
 
 /// Frames that make a sample.
 pub(crate) const SAMPLE_FRAMES: usize = 3;
@@ -86,15 +82,15 @@ impl SectionRule {
     /// trajectory and start.
     ///
     /// # Errors
-    /// [`SectionError`] when a trajectory is shorter than a section of it.
-    pub fn sections(self, trajectories: &[(&str, usize)]) -> Result<Vec<Section>, SectionError> {
+    /// [`Problem`] when a trajectory is shorter than a section of it.
+    pub fn sections(self, trajectories: &[(&str, usize)]) -> Result<Vec<Section>, Problem> {
         let mut sections = Vec::new();
         for (trajectory, &(motion, frames)) in trajectories.iter().enumerate() {
             let ranges = self.ranges(motion, frames);
             let last = ranges.iter().map(|range| range.1).max().unwrap_or(0);
             let needed = last.max(SAMPLE_FRAMES);
             if needed > frames {
-                return Err(SectionError(format!(
+                return Err(Problem(format!(
                     "trajectory {motion} has {frames} frames, but the section rule needs at least {needed}: record a longer one, or leave it out"
                 )));
             }

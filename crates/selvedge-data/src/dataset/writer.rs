@@ -138,10 +138,7 @@ impl DatasetWriter {
         let file = file_of(split, motion);
         let path = self.folder.join(&file);
         trajectory.write(&path)?;
-        let bytes = read_file(&path).map_err(|source| DatasetError::Read {
-            path: path.clone(),
-            source,
-        })?;
+        let bytes = read_file(&path).map_err(FileError::unread(&path))?;
         let entry = Entry::new(motion, &file, &bytes, trajectory)?;
         self.list(split, entry)
     }

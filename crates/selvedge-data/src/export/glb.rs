@@ -63,7 +63,7 @@ pub(super) fn bytes(take: &Take<'_>, pulse: &mut Pulse<'_>) -> Result<Vec<u8>, E
     let whole = Whole::of(take)?;
     let mut out = Vec::with_capacity(whole.bytes as usize);
     let written = whole.write(&mut out, pulse);
-    written.map_err(|error| ExportError::Refused(error.to_string()))?;
+    written.map_err(ExportError::refused)?;
     Ok(out)
 }
 

@@ -10,7 +10,6 @@
 //! meshes with names (USD, .abc, .glb) or arrays (.npz), else in files of their own.
 
 mod abc;
-mod frame_span;
 mod glb;
 mod npz;
 mod obj;
@@ -24,9 +23,8 @@ mod usd;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-pub use self::frame_span::{FrameSpan, FrameSpanError};
 pub use self::obstacles::files_beside;
-pub use self::options::{ExportFormat, ExportOptions};
+pub use self::options::{ExportFormat, ExportOptions, FrameSpan};
 pub use self::outcome::ExportError;
 use self::outcome::{Pulse, is_stop};
 use self::take::Take;
@@ -72,18 +70,12 @@ pub fn export(
 }
 
 /// A .glb of all frames of `trajectory`, in memory.
-///
-/// # Errors
-/// As [`export`].
 pub fn glb(trajectory: &Trajectory) -> Result<Vec<u8>, ExportError> {
     let take = Take::new(trajectory, &ExportOptions::usual(ExportFormat::Glb))?;
     glb::bytes(&take, &mut Pulse(&mut || ControlFlow::Continue(())))
 }
 
 /// Size of the file in bytes, where it is known before writing.
-///
-/// # Errors
-/// As [`export`].
 pub fn planned_bytes(
     trajectory: &Trajectory,
     options: &ExportOptions,

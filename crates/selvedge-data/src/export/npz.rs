@@ -1,20 +1,5 @@
-//! NumPy's archive of arrays (.npz), not packed: all that a trajectory has but its scene.
-//! [`Trajectory::from_npz`](crate::Trajectory::from_npz) reads it.
-//!
-//! | array | type, shape | |
-//! |---|---|---|
-//! | `positions` | f4 `[frames, vertices, 3]` | m |
-//! | `normals` | f4 `[frames, vertices, 3]` | where they are wanted |
-//! | `faces` | i4 `[faces, 3]` | counter-clockwise |
-//! | `rest_positions` | f4 `[vertices, 3]` | m |
-//! | `material_coordinates` | f4 `[points, 2]` | m; without seams one per vertex |
-//! | `pattern_faces` | i4 `[faces, 3]` | points of the corners, where the cloth is sewn |
-//! | `vertex_mass`, `face_area` | f4 `[vertices]`, `[faces]` | kg, m² |
-//! | `handles` | i4 `[handles]` | |
-//! | `fps` | f8 `[1]` | of these frames |
-//! | `up_axis` | i4 `[1]` | 1: y, 2: z |
-//! | `obstacle_NAME` | f4 `[frames, points, 3]` | m; of one frame where it is still |
-//! | `obstacle_NAME_faces` | i4 `[faces, 3]` | |
+//! NumPy's archive of arrays (.npz), not packed: all that a trajectory has but its scene
+//! (docs/src/guides/export.md). [`Trajectory::from_npz`](crate::Trajectory::from_npz) reads it.
 //!
 //! The archive has no 64-bit extension: at most 4 GiB.
 

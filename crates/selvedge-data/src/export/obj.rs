@@ -87,7 +87,6 @@ fn write_body(
     })
 }
 
-/// Writes the frame taken as `number`.
 pub(super) fn write_frame(take: &Take<'_>, number: usize, path: &Path) -> Result<(), ExportError> {
     with_frame(take, number, |frame| Ok(write_obj_frame(path, frame)?))
 }

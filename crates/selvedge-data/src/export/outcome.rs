@@ -1,23 +1,28 @@
 //! Errors of exports, the pulse by which a caller can stop one, and the largest size of a file.
 
+use std::fmt::Display;
 use std::io;
 use std::ops::ControlFlow;
 
 use thiserror::Error;
 
-use super::frame_span::FrameSpanError;
 use crate::formats::atomic::WriteError;
+use crate::formats::file_error::Problem;
 
 /// A trajectory that was not exported; what was there before still is.
 #[derive(Debug, Error)]
 #[allow(missing_docs, reason = "each message says all")]
 pub enum ExportError {
     #[error(transparent)]
-    Frames(#[from] FrameSpanError),
-    #[error("{0}")]
-    Refused(String),
+    Refused(#[from] Problem),
     #[error(transparent)]
     Write(#[from] WriteError),
+}
+
+impl ExportError {
+    pub(super) fn refused(problem: impl Display) -> Self {
+        Self::Refused(Problem(problem.to_string()))
+    }
 }
 
 /// The most bytes that a file can have whose lengths have 32 bits.
@@ -33,9 +38,6 @@ pub(super) struct Stop;
 
 impl Pulse<'_> {
     /// Reports that one more frame is written.
-    ///
-    /// # Errors
-    /// An error that [`is_stop`] knows, where the observer asks to stop.
     pub(super) fn beat(&mut self) -> io::Result<()> {
         match (self.0)() {
             ControlFlow::Continue(()) => Ok(()),
@@ -55,7 +57,7 @@ pub(super) fn check_size(format: &str, bytes: u64, every: usize) -> Result<(), E
         return Ok(());
     }
     let every = every as u64 * bytes.div_ceil(LARGEST);
-    Err(ExportError::Refused(format!(
+    Err(ExportError::refused(format!(
         "{format} would have {bytes} bytes, more than the 4 GiB that the format can hold: take every {every}th frame, or fewer frames, or .usda, which has no limit"
     )))
 }

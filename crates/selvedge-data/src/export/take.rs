@@ -28,7 +28,7 @@ impl<'a> Take<'a> {
         options: &ExportOptions,
     ) -> Result<Self, ExportError> {
         let frames = options.frames.of(trajectory.frame_count())?;
-        let refused = |problem: &str| Err(ExportError::Refused(problem.to_owned()));
+        let refused = |problem: &str| Err(ExportError::refused(problem));
         match options.format {
             format if format.holds_one_frame() && frames.len() > 1 => {
                 return refused(&format!(

@@ -5,7 +5,7 @@ use selvedge_cloth::geometry::signed_area_2d;
 use selvedge_cloth::{Cloth, ClothArrays, Handles, Mesh};
 use serde_json::Value;
 
-use super::error::ForeignProblem;
+use crate::formats::file_error::Problem;
 use crate::trajectory::{Provenance, Trajectory};
 
 /// Largest difference of the sum of given areas from that in material space, as a share.
@@ -52,9 +52,9 @@ impl TrajectoryParts {
     /// The trajectory, with every part checked against the others.
     ///
     /// # Errors
-    /// [`ForeignProblem`] names the face, vertex or frame that does not fit.
-    pub fn trajectory(self) -> Result<Trajectory, ForeignProblem> {
-        self.made().map_err(ForeignProblem)
+    /// [`Problem`] names the face, vertex or frame that does not fit.
+    pub fn trajectory(self) -> Result<Trajectory, Problem> {
+        self.made().map_err(Problem)
     }
 
     fn made(self) -> Result<Trajectory, String> {

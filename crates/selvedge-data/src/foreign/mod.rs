@@ -8,11 +8,9 @@
 
 mod assemble;
 mod cache;
-mod error;
 mod options;
 mod source;
 
 pub use assemble::{TrajectoryParts, Weight};
-pub use error::{ForeignError, ForeignProblem};
 pub use options::{HandleSource, ImportOptions, RestSource};
 pub use source::{ForeignRun, ForeignSource};

@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use super::error::{ForeignError, unread};
 use crate::UpAxis;
-use crate::formats::hash::hash;
+use crate::formats::file_error::{FileError, Problem};
+use crate::formats::input::hash;
 use crate::formats::input::read_file;
 
 /// Source of the rest pose.
@@ -65,7 +65,7 @@ pub struct ImportOptions {
 
 impl RestSource {
     /// The source as the configuration names it.
-    pub(super) fn describe(&self) -> Result<Value, ForeignError> {
+    pub(super) fn describe(&self) -> Result<Value, FileError<Problem>> {
         match self {
             Self::Flat => Ok(json!("flat")),
             Self::FirstFrame => Ok(json!("first-frame")),
@@ -75,8 +75,8 @@ impl RestSource {
 }
 
 /// The file of an option as the configuration names it: with the hash of its bytes.
-pub(super) fn describe_file(path: &Path) -> Result<Value, ForeignError> {
-    let bytes = read_file(path).map_err(unread(path))?;
+pub(super) fn describe_file(path: &Path) -> Result<Value, FileError<Problem>> {
+    let bytes = read_file(path).map_err(FileError::unread(path))?;
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     Ok(json!({ "file": name, "blake3": hash(&bytes) }))
 }

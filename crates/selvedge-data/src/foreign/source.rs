@@ -6,12 +6,12 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use super::cache::is_cache;
-use super::error::{ForeignError, at, unread};
 use super::options::ImportOptions;
 use crate::dataset::Split;
 use crate::dataset::plan::DatasetPlan;
 use crate::dataset::sections::SectionRule;
-use crate::formats::retired::retired;
+use crate::formats::file_error::{FileError, Problem};
+use crate::formats::input::retired;
 use crate::trajectory::Trajectory;
 
 /// Foreign data that can be read.
@@ -40,9 +40,11 @@ impl ForeignSource {
     /// error, unless its name begins with a dot.
     ///
     /// # Errors
-    /// [`ForeignError`] names the file or the option.
-    pub fn open(folder: &Path, options: &ImportOptions) -> Result<Self, ForeignError> {
-        options.check().map_err(|problem| at(folder, problem))?;
+    /// [`FileError<Problem>`] names the file or the option.
+    pub fn open(folder: &Path, options: &ImportOptions) -> Result<Self, FileError<Problem>> {
+        options
+            .check()
+            .map_err(|problem| FileError::new(folder, problem))?;
         let runs = runs_in(folder, &options.test)?;
         let import = options.describe()?;
         let named = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
@@ -81,22 +83,24 @@ impl ForeignSource {
     /// Reads a trajectory and checks all of it.
     ///
     /// # Errors
-    /// [`ForeignError`] names the file, and what in it cannot be used.
-    pub fn read(&self, run: &ForeignRun) -> Result<Trajectory, ForeignError> {
+    /// [`FileError<Problem>`] names the file, and what in it cannot be used.
+    pub fn read(&self, run: &ForeignRun) -> Result<Trajectory, FileError<Problem>> {
         let parts = self.options.read(&run.path)?;
-        parts.trajectory().map_err(|problem| at(&run.path, problem))
+        parts
+            .trajectory()
+            .map_err(|problem| FileError::new(&run.path, problem))
     }
 }
 
 /// The trajectories in `folder`; those named in `test` become the test split.
-fn runs_in(folder: &Path, test: &[String]) -> Result<Vec<ForeignRun>, ForeignError> {
+fn runs_in(folder: &Path, test: &[String]) -> Result<Vec<ForeignRun>, FileError<Problem>> {
     let [train_folder, test_folder] = ["train", "test"].map(|name| folder.join(name));
     let mut runs = Vec::new();
     if train_folder.is_dir() || test_folder.is_dir() {
         check_alone(folder)?;
         if !test.is_empty() {
             let problem = "has folders train and test, which say what to test on: leave `test` out";
-            return Err(at(folder, problem));
+            return Err(FileError::new(folder, problem));
         }
         for (split, path) in [(Split::Train, train_folder), (Split::Test, test_folder)] {
             if path.is_dir() {
@@ -111,7 +115,7 @@ fn runs_in(folder: &Path, test: &[String]) -> Result<Vec<ForeignRun>, ForeignErr
         runs = runs_of(folder, split)?;
         let is_there = |name: &&String| runs.iter().any(|run| run.name == **name);
         if let Some(name) = test.iter().find(|name| !is_there(name)) {
-            return Err(at(
+            return Err(FileError::new(
                 folder,
                 format!("`test` names {name:?}, which is not there"),
             ));
@@ -119,31 +123,31 @@ fn runs_in(folder: &Path, test: &[String]) -> Result<Vec<ForeignRun>, ForeignErr
     }
     if runs.is_empty() {
         let problem = "has no cache: .usda, .usdc, .usdz, .glb, or .pc2, .npz with an .obj";
-        return Err(at(folder, problem));
+        return Err(FileError::new(folder, problem));
     }
     Ok(runs)
 }
 
 /// Checks that nothing stands beside the folders `train` and `test` that would be left out unseen.
-fn check_alone(folder: &Path) -> Result<(), ForeignError> {
+fn check_alone(folder: &Path) -> Result<(), FileError<Problem>> {
     let is_other =
         |path: &&PathBuf| path.is_dir() && !path.ends_with("train") && !path.ends_with("test");
     match entries_in(folder)?.iter().find(is_other) {
         None => Ok(()),
         Some(path) => {
             let problem = "stands beside train and test, and is neither: put what is in it into one of them, or move it elsewhere";
-            Err(at(path, problem))
+            Err(FileError::new(path, problem))
         }
     }
 }
 
 /// What is in `folder`, by name, but for names that begin with a dot.
-fn entries_in(folder: &Path) -> Result<Vec<PathBuf>, ForeignError> {
+fn entries_in(folder: &Path) -> Result<Vec<PathBuf>, FileError<Problem>> {
     let entries = std::fs::read_dir(folder).and_then(|entries| {
         let paths = entries.map(|entry| Ok(entry?.path()));
         paths.collect::<std::io::Result<Vec<PathBuf>>>()
     });
-    let mut entries = entries.map_err(unread(folder))?;
+    let mut entries = entries.map_err(FileError::unread(folder))?;
     let is_hidden = |path: &PathBuf| {
         let name = path.file_name().unwrap_or_default();
         name.to_string_lossy().starts_with('.')
@@ -154,20 +158,23 @@ fn entries_in(folder: &Path) -> Result<Vec<PathBuf>, ForeignError> {
 }
 
 /// The caches in `folder`, by name. Meshes (.obj) belong to them; anything else is an error.
-fn caches_in(folder: &Path) -> Result<Vec<PathBuf>, ForeignError> {
+fn caches_in(folder: &Path) -> Result<Vec<PathBuf>, FileError<Problem>> {
     let mut files = entries_in(folder)?;
     files.retain(|path| path.extension().is_none_or(|ending| ending != "obj"));
     match files.iter().find(|path| path.is_dir() || !is_cache(path)) {
         None => Ok(files),
         Some(path) => {
             let known = "is no cache that can be read (.usda, .usdc, .usdz, .glb, .pc2, .npz): move it elsewhere";
-            Err(at(path, retired(path).unwrap_or(known)))
+            Err(FileError::new(path, retired(path).unwrap_or(known)))
         }
     }
 }
 
 /// The trajectories in `folder`, by name.
-fn runs_of(folder: &Path, split: impl Fn(&str) -> Split) -> Result<Vec<ForeignRun>, ForeignError> {
+fn runs_of(
+    folder: &Path,
+    split: impl Fn(&str) -> Split,
+) -> Result<Vec<ForeignRun>, FileError<Problem>> {
     let runs = caches_in(folder)?.into_iter().map(|path| {
         let name = path
             .file_stem()

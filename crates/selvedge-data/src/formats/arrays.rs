@@ -4,18 +4,12 @@ use std::collections::HashMap;
 use std::fmt::Display;
 
 use safetensors::{SafeTensorError, SafeTensors};
-use thiserror::Error;
 
+use super::file_error::Problem;
 use super::npz::Npz;
 use super::tensor_file::read_header;
 
-/// A file without the arrays that are asked for.
-#[derive(Debug, Error)]
-#[error("{0}")]
-pub struct ArrayError(String);
-
-impl ArrayError {
-    /// The array of this name is not as `expected`.
+impl Problem {
     pub(crate) fn array(name: &str, expected: &str, found: impl Display) -> Self {
         Self(format!("array {name}: expected {expected}, found {found}"))
     }
@@ -27,7 +21,6 @@ pub(crate) enum ArrayFile<'a> {
     Safetensors(SafeTensors<'a>),
 }
 
-/// An array.
 pub(crate) struct Array<T> {
     pub(crate) name: String,
     /// Type of its elements in the file.
@@ -40,7 +33,7 @@ pub(crate) struct Array<T> {
 
 impl<T> Array<T> {
     /// The array, which must have this shape; `None` is any length.
-    pub(crate) fn of_shape(self, shape: &[Option<usize>]) -> Result<Self, ArrayError> {
+    pub(crate) fn of_shape(self, shape: &[Option<usize>]) -> Result<Self, Problem> {
         let same = |(e, f): (&Option<usize>, &usize)| e.is_none_or(|e| e == *f);
         if self.shape.len() == shape.len() && shape.iter().zip(&self.shape).all(same) {
             return Ok(self);
@@ -53,7 +46,7 @@ impl<T> Array<T> {
     }
 
     /// Its only element: of an array of one, or of one without dimensions, as NumPy has a number.
-    pub(crate) fn single(mut self) -> Result<T, ArrayError> {
+    pub(crate) fn single(mut self) -> Result<T, Problem> {
         match (self.shape.as_slice(), self.values.pop()) {
             ([] | [1], Some(value)) => Ok(value),
             _ => Err(self.wrong(&format!("one number, {} [1]", self.kind))),
@@ -61,19 +54,17 @@ impl<T> Array<T> {
     }
 
     /// The error that its type and shape are not as `expected`.
-    pub(crate) fn wrong(&self, expected: &str) -> ArrayError {
+    pub(crate) fn wrong(&self, expected: &str) -> Problem {
         let found = format!("{} {:?}", self.kind, self.shape);
-        ArrayError::array(&self.name, expected, found)
+        Problem::array(&self.name, expected, found)
     }
 }
 
 impl<'a> ArrayFile<'a> {
     /// The arrays and the metadata in the bytes of a .safetensors.
-    pub(crate) fn safetensors(
-        bytes: &'a [u8],
-    ) -> Result<(Self, HashMap<String, String>), ArrayError> {
+    pub(crate) fn safetensors(bytes: &'a [u8]) -> Result<(Self, HashMap<String, String>), Problem> {
         let wrong = |error: SafeTensorError| {
-            ArrayError(format!(
+            Problem(format!(
                 "is no complete safetensors file ({error}): it may have been cut short, or be another format"
             ))
         };
@@ -84,8 +75,8 @@ impl<'a> ArrayFile<'a> {
     }
 
     /// The arrays in the bytes of an .npz.
-    pub(crate) fn npz(bytes: &'a [u8]) -> Result<Self, ArrayError> {
-        Npz::open(bytes).map(Self::Npz).map_err(ArrayError)
+    pub(crate) fn npz(bytes: &'a [u8]) -> Result<Self, Problem> {
+        Npz::open(bytes).map(Self::Npz).map_err(Problem)
     }
 
     /// The names of all arrays, sorted.
@@ -105,7 +96,7 @@ impl<'a> ArrayFile<'a> {
     }
 
     /// An array of f64, or of f32, which is widened; in an .npz whole numbers too.
-    pub(crate) fn floats(&self, name: &str) -> Result<Array<f64>, ArrayError> {
+    pub(crate) fn floats(&self, name: &str) -> Result<Array<f64>, Problem> {
         let widened = |word| f64::from(f32::from_le_bytes(word));
         self.read(name, "F64 or F32", |kind, data| match kind {
             "F64" | "<f8" => Some(words(data, f64::from_le_bytes)),
@@ -117,7 +108,7 @@ impl<'a> ArrayFile<'a> {
     }
 
     /// An array of f32; in an .npz f64 are narrowed.
-    pub(crate) fn singles(&self, name: &str) -> Result<Array<f32>, ArrayError> {
+    pub(crate) fn singles(&self, name: &str) -> Result<Array<f32>, Problem> {
         let narrowed = |word| f64::from_le_bytes(word) as f32;
         self.read(name, "F32", |kind, data| match kind {
             "F32" | "<f4" => Some(words(data, f32::from_le_bytes)),
@@ -127,7 +118,7 @@ impl<'a> ArrayFile<'a> {
     }
 
     /// An array of whole numbers that fit u32.
-    pub(crate) fn wholes(&self, name: &str) -> Result<Array<u32>, ArrayError> {
+    pub(crate) fn wholes(&self, name: &str) -> Result<Array<u32>, Problem> {
         let read = self.read(name, "U32, I32 or I64", |kind, data| match kind {
             "U32" | "<u4" => Some(words(data, |word| i64::from(u32::from_le_bytes(word)))),
             "I32" | "<i4" => Some(words(data, |word| i64::from(i32::from_le_bytes(word)))),
@@ -136,7 +127,7 @@ impl<'a> ArrayFile<'a> {
         })?;
         let whole = |value: i64| {
             let expected = "numbers from 0 to 4294967295";
-            u32::try_from(value).map_err(|_| ArrayError::array(name, expected, value))
+            u32::try_from(value).map_err(|_| Problem::array(name, expected, value))
         };
         let values = read.values.into_iter().map(whole);
         Ok(Array {
@@ -154,12 +145,12 @@ impl<'a> ArrayFile<'a> {
         name: &str,
         expected: &str,
         decode: impl Fn(&str, &[u8]) -> Option<Vec<T>>,
-    ) -> Result<Array<T>, ArrayError> {
+    ) -> Result<Array<T>, Problem> {
         let missing = || {
             let found = self.names().join(", ");
-            ArrayError(format!("has no array named {name} (found {found})"))
+            Problem(format!("has no array named {name} (found {found})"))
         };
-        let within = |problem: String| ArrayError(format!("array {name}: {problem}"));
+        let within = |problem: String| Problem(format!("array {name}: {problem}"));
         let (kind, shape, values) = match self {
             Self::Npz(file) => {
                 let array = file.array(name).map_err(within)?.ok_or_else(missing)?;

@@ -1,8 +1,14 @@
-//! An error with the file that it is about.
+//! Errors of files: what is wrong, and in which file.
 
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
+
+/// A problem, in words: what was expected and found, and what to do.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[error("{0}")]
+pub struct Problem(pub(crate) String);
 
 /// A file that could not be read, and why.
 #[derive(Debug, Error)]
@@ -22,5 +28,17 @@ impl<E: std::error::Error> FileError<E> {
             path: path.to_owned(),
             source,
         }
+    }
+}
+
+impl FileError<Problem> {
+    /// This problem of the file or folder at `path`.
+    pub(crate) fn new(path: &Path, problem: impl Display) -> Self {
+        Self::at(path)(Problem(problem.to_string()))
+    }
+
+    /// A file or folder that could not be read, for `map_err`.
+    pub(crate) fn unread(path: &Path) -> impl Fn(std::io::Error) -> Self {
+        move |error| Self::new(path, format!("could not be read: {error}"))
     }
 }

@@ -1,5 +1,6 @@
 //! Reading of input files: regular files only. A pipe or a device may never end, and a read of it
-//! cannot be interrupted.
+//! cannot be interrupted. What a file is by its first bytes or its name, and the hash by which it is
+//! known: BLAKE3, in hexadecimal.
 
 use std::io;
 use std::path::Path;
@@ -51,6 +52,35 @@ pub(crate) fn binary_kind(bytes: &[u8]) -> Option<&'static str> {
     let is_tensors = bytes.len() > 9 && bytes[4..8] == [0; 4] && bytes[8] == b'{';
     let tensors = is_tensors.then_some("a .safetensors: a trajectory, states or a model");
     known.map(|(_, kind)| *kind).or(tensors)
+}
+
+/// The words for a file of a format that is no longer read, by the ending of its name, with what to
+/// export in its place; none for all others.
+pub(crate) fn retired(path: &Path) -> Option<&'static str> {
+    let ending = path.extension()?.to_str()?.to_ascii_lowercase();
+    match ending.as_str() {
+        "abc" => Some(
+            "is an Alembic archive, which is written but not read: export USD (.usdc), .glb, .npz, .pc2 with its mesh as .obj, or an .obj per frame instead",
+        ),
+        "mdd" => Some(
+            "is a cache of LightWave (.mdd), which is not read: export .pc2 with its mesh as .obj, USD (.usdc) or .glb instead",
+        ),
+        _ => None,
+    }
+}
+
+/// Checks that the file at `path` has the hash that it had when its scene was resolved.
+pub(crate) fn check_hash(path: &str, expected: &str, found: &str) -> Result<(), String> {
+    if found == expected {
+        return Ok(());
+    }
+    Err(format!(
+        "{path} has changed since the scene was resolved (hash {found}, expected {expected})"
+    ))
+}
+
+pub(crate) fn hash(bytes: &[u8]) -> String {
+    blake3::hash(bytes).to_hex().to_string()
 }
 
 /// Checks that `path` is a file that ends. The system has its own words for a folder.

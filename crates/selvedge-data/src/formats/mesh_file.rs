@@ -7,7 +7,7 @@ use super::polygons::{MeshFileError, MeshOptions, ReadMesh, ReadMeshError, Sewin
 use crate::formats::extent::{COINCIDENT, extent};
 use crate::formats::file_error::FileError;
 use crate::formats::input::read_file;
-use crate::formats::retired::retired;
+use crate::formats::input::retired;
 use crate::rig::mesh::polygons;
 use crate::rig::{RigError, RigFormat};
 

@@ -19,9 +19,6 @@ pub(crate) struct Array {
 
 impl Array {
     /// The array in the bytes of a file.
-    ///
-    /// # Errors
-    /// The defect, as the end of a sentence.
     pub(crate) fn parse(bytes: &[u8]) -> Result<Self, String> {
         let short = |expected: usize| {
             let found = bytes.len();

@@ -30,9 +30,6 @@ pub(crate) fn pack(bytes: &[u8]) -> Vec<u8> {
 }
 
 /// Unpacks bytes, of which there must be `length`.
-///
-/// # Errors
-/// The defect, as the end of a sentence.
 pub(crate) fn unpack(packed: &[u8], length: usize) -> Result<Vec<u8>, String> {
     let mut all = Vec::new();
     match packed.split_first() {
@@ -135,9 +132,6 @@ pub(crate) fn pack_numbers(numbers: &[i32]) -> Vec<u8> {
 }
 
 /// Unpacks `count` whole numbers whose differences have at most `width` bytes: 4 or 8.
-///
-/// # Errors
-/// The defect, as the end of a sentence.
 pub(crate) fn unpack_numbers(
     packed: &[u8],
     count: usize,

@@ -13,7 +13,6 @@ use std::time::Duration;
 
 use tempfile::{Builder, NamedTempFile, TempDir};
 
-/// Ending of a part.
 const ENDING: &str = ".part";
 /// Time in which a writer that has just made its part has locked it.
 const GRACE: Duration = Duration::from_secs(5);
@@ -26,9 +25,6 @@ pub(super) struct PartFolder {
 }
 
 /// Makes the part of the file `target` in `folder`, locked, and removes those that are left over.
-///
-/// # Errors
-/// A folder in which no file can be made.
 pub(super) fn file_beside(target: &Path, folder: &Path) -> io::Result<NamedTempFile> {
     remove_leftovers(target, folder);
     let prefix = prefix_of(target);
@@ -46,9 +42,6 @@ pub(super) fn file_beside(target: &Path, folder: &Path) -> io::Result<NamedTempF
 }
 
 /// Makes the part of the folder `target` in `folder`, locked, and removes those that are left over.
-///
-/// # Errors
-/// A folder in which none can be made.
 pub(super) fn folder_beside(target: &Path, folder: &Path) -> io::Result<PartFolder> {
     remove_leftovers(target, folder);
     let prefix = prefix_of(target);

@@ -27,9 +27,6 @@ pub(crate) fn size(samples: usize, points: usize) -> u64 {
 }
 
 /// Writes the header of `samples` of `points`, `every` so many frames.
-///
-/// # Errors
-/// Those of writing, and of numbers that the format cannot have.
 pub(crate) fn write_header(
     out: &mut impl Write,
     samples: usize,
@@ -46,18 +43,12 @@ pub(crate) fn write_header(
 }
 
 /// Writes the points of a sample.
-///
-/// # Errors
-/// Those of writing.
 pub(crate) fn write_points(out: &mut impl Write, points: &[Vec3]) -> io::Result<()> {
     let mut coordinates = points.iter().flat_map(|p| p.to_array());
     coordinates.try_for_each(|coordinate| out.write_all(&coordinate.to_le_bytes()))
 }
 
 /// The cache in the bytes of a .pc2.
-///
-/// # Errors
-/// The defect, as a sentence.
 pub(crate) fn parse(bytes: &[u8]) -> Result<PointCache, String> {
     if !bytes.starts_with(MAGIC) {
         return Err("is no point cache: it does not begin with POINTCACHE2".to_owned());
@@ -97,20 +88,14 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<PointCache, String> {
             expected.map_or_else(|| "more than there can be".to_owned(), |n| n.to_string())
         ));
     }
-    let coordinate = |c: &[u8]| f64::from(f32::from_le_bytes([c[0], c[1], c[2], c[3]]));
-    let point = |p: &[u8]| {
-        DVec3::new(
-            coordinate(&p[..4]),
-            coordinate(&p[4..8]),
-            coordinate(&p[8..]),
-        )
-    };
-    let frames = bytes[HEADER..].chunks_exact(12 * points);
+    let words = bytes[HEADER..].as_chunks::<4>().0.iter();
+    let numbers: Vec<f64> = words
+        .map(|word| f64::from(f32::from_le_bytes(*word)))
+        .collect();
+    let sample = |own: &[f64]| own.chunks_exact(3).map(DVec3::from_slice).collect();
     Ok(PointCache {
         every: step,
-        frames: frames
-            .map(|frame| frame.chunks_exact(12).map(point).collect())
-            .collect(),
+        frames: numbers.chunks_exact(3 * points).map(sample).collect(),
     })
 }
 

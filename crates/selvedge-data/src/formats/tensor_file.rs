@@ -129,9 +129,6 @@ impl TensorValues<'_> {
 }
 
 /// Writes `tensors` and `metadata` as a safetensors file, all or nothing.
-///
-/// # Errors
-/// [`WriteError`].
 pub fn write_tensors(
     path: &Path,
     tensors: &[TensorOut<'_>],
@@ -141,9 +138,6 @@ pub fn write_tensors(
 }
 
 /// Writes the bytes of such a file.
-///
-/// # Errors
-/// Those of `writer`.
 pub(crate) fn put_tensors(
     writer: &mut impl Write,
     tensors: &[TensorOut<'_>],

@@ -13,10 +13,8 @@ use crate::Frames;
 
 pub(crate) mod character;
 pub(crate) mod distribution;
-mod over_time;
 
 pub use character::Character;
-pub use over_time::{diverged_frame, relative_error};
 
 /// The measures of run `b` against run `a`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -87,18 +85,12 @@ pub fn compare(
 /// assert_eq!(rmse, 12.5_f64.sqrt());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-///
-/// # Errors
-/// [`MetricError`].
 pub fn position_rmse(a: Frames<'_>, b: Frames<'_>) -> Result<f64, MetricError> {
     let (squares, count) = fold_vertices(a, b, 0.0, |sum, d| sum + d * d)?;
     Ok((squares / count).sqrt())
 }
 
 /// Position RMSE of each frame `[m]`, `[frames]`.
-///
-/// # Errors
-/// [`MetricError`].
 pub fn per_frame_rmse(a: Frames<'_>, b: Frames<'_>) -> Result<Vec<f64>, MetricError> {
     let (a, b) = common(a, b)?;
     Ok(a.iter()
@@ -111,9 +103,6 @@ pub fn per_frame_rmse(a: Frames<'_>, b: Frames<'_>) -> Result<Vec<f64>, MetricEr
 }
 
 /// Mean distance of a vertex from where it should be `[m]`.
-///
-/// # Errors
-/// [`MetricError`].
 pub fn mean_vertex_error(a: Frames<'_>, b: Frames<'_>) -> Result<f64, MetricError> {
     let (sum, count) = fold_vertices(a, b, 0.0, |sum, d| sum + d)?;
     Ok(sum / count)
@@ -121,9 +110,6 @@ pub fn mean_vertex_error(a: Frames<'_>, b: Frames<'_>) -> Result<f64, MetricErro
 
 /// Edge-length RMSE `[eq:edge-length-rmse]`: √(mean over frames and undirected edges of
 /// (|d| - |d̂|)²) `[m]`.
-///
-/// # Errors
-/// [`MetricError`].
 pub fn edge_length_rmse(
     a: Frames<'_>,
     b: Frames<'_>,
@@ -139,10 +125,43 @@ pub fn edge_length_rmse(
     Ok((squares / (a.len() * topology.edges().len()) as f64).sqrt())
 }
 
+/// Relative error, e₃D `[eq:relative-error]`: mean over frames of ‖P - P̂‖/‖P‖, Frobenius norms of
+/// a frame's positions `[vertices, 3]` with P the truth `a`. No unit. It depends on where the
+/// origin is, unlike the other errors: the farther away, the smaller. Infinite where all of a frame
+/// lies at the origin and the run does not.
+pub fn relative_error(a: Frames<'_>, b: Frames<'_>) -> Result<f64, MetricError> {
+    let (a, b) = common(a, b)?;
+    let of_frame = |(p, q): (&[Vec3], &[Vec3])| {
+        let error: f64 = distances(p, q).map(|d| d * d).sum();
+        let truth: f64 = p.iter().map(|p| p.as_dvec3().length_squared()).sum();
+        if error == 0.0 {
+            0.0
+        } else {
+            (error / truth).sqrt()
+        }
+    };
+    let sum: f64 = a.iter().zip(b.iter()).map(of_frame).sum();
+    Ok(sum / a.len() as f64)
+}
+
+/// The first frame of more than `frames` in a row whose largest strain, as from
+/// [`largest_strain`], is above `limit` or is not a number: where a run
+/// diverges, and does not merely stretch for a moment.
+#[must_use]
+pub fn diverged_frame(largest_strains: &[f64], limit: f64, frames: usize) -> Option<usize> {
+    let holds = |strain: f64| strain <= limit;
+    let mut first = 0;
+    for (frame, &strain) in largest_strains.iter().enumerate() {
+        if holds(strain) {
+            first = frame + 1;
+        } else if frame - first >= frames {
+            return Some(first);
+        }
+    }
+    None
+}
+
 /// Mean length of the edges over all frames `[m]`.
-///
-/// # Errors
-/// [`MetricError`].
 pub fn mean_edge_length(frames: Frames<'_>, topology: &Topology) -> Result<f64, MetricError> {
     check_mesh(frames, topology)?;
     let sum: f64 = frames
@@ -160,9 +179,6 @@ pub fn material_edge_lengths(cloth: &Cloth) -> Vec<f64> {
 
 /// Largest strain of each frame, max over edges of (l - l₀)/l₀, `[frames]`; `rest_lengths` `[m]`,
 /// `[edges]`, as from [`material_edge_lengths`]. Negative where every edge is shortened.
-///
-/// # Errors
-/// [`MetricError`].
 pub fn largest_strain(
     frames: Frames<'_>,
     topology: &Topology,
@@ -193,9 +209,6 @@ pub struct Speeds {
 }
 
 /// Speeds over all pairs of neighbouring frames; both zero for a single frame.
-///
-/// # Errors
-/// [`MetricError::NoFrames`].
 pub fn speeds(frames: Frames<'_>, frame_rate: f64) -> Result<Speeds, MetricError> {
     if frames.is_empty() {
         return Err(MetricError::NoFrames);
@@ -216,9 +229,6 @@ pub fn speeds(frames: Frames<'_>, frame_rate: f64) -> Result<Speeds, MetricError
 }
 
 /// Mean speed of the vertices in the last second `[m/s]`: how far a run is from rest at its end.
-///
-/// # Errors
-/// [`MetricError::NoFrames`].
 pub fn final_speed(frames: Frames<'_>, frame_rate: f64) -> Result<f64, MetricError> {
     let steps = (frame_rate.round() as usize).max(1);
     Ok(speeds(frames.last(steps + 1), frame_rate)?.mean)
@@ -280,4 +290,28 @@ fn edge_lengths(positions: &[Vec3], topology: &Topology) -> impl Iterator<Item =
 /// The larger of two; NaN when either is.
 fn larger(a: f64, b: f64) -> f64 {
     if a >= b || a.is_nan() { a } else { b }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_run_diverges_where_it_stays_strained() {
+        let run = |strained: &[usize]| -> Vec<f64> {
+            let strain = |frame| if strained.contains(&frame) { 0.4 } else { 0.1 };
+            (0..12).map(strain).collect()
+        };
+        assert_eq!(diverged_frame(&run(&[2, 3, 4]), 0.3, 3), None);
+        assert_eq!(diverged_frame(&run(&[2, 3, 4, 5]), 0.3, 3), Some(2));
+        assert_eq!(
+            diverged_frame(&run(&[2, 3, 4, 6, 7, 8, 9]), 0.3, 3),
+            Some(6)
+        );
+        assert_eq!(diverged_frame(&run(&[8, 9, 10, 11]), 0.3, 3), Some(8));
+        assert_eq!(diverged_frame(&run(&[9, 10, 11]), 0.3, 3), None);
+        assert_eq!(diverged_frame(&run(&[4]), 0.3, 0), Some(4));
+        let lost = vec![f64::NAN; 3];
+        assert_eq!(diverged_frame(&lost, 0.3, 2), Some(0));
+    }
 }

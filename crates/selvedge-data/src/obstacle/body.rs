@@ -6,9 +6,10 @@ use glam::{DQuat, DVec3};
 use selvedge_cloth::bodies::{self, Body};
 use serde::{Deserialize, Serialize};
 
-use super::error::{ObstacleSpecError, Problem};
+use super::error::FieldProblem;
 use super::read;
-use crate::formats::hash::hash;
+use crate::formats::file_error::Problem;
+use crate::formats::input::hash;
 
 /// Extent of simple bodies `[m]`.
 const SIZES: std::ops::RangeInclusive<f64> = 1e-4..=1e5;
@@ -123,12 +124,12 @@ fn far() -> Sides {
 
 impl BodySpec {
     /// The mesh in the file at `path`, as it is now, for the obstacle of this name.
-    pub(crate) fn mesh(path: String, folder: &Path, name: &str) -> Result<Self, ObstacleSpecError> {
+    pub(crate) fn mesh(path: String, folder: &Path, name: &str) -> Result<Self, Problem> {
         Self::mesh_now(path, folder).map_err(|problem| problem.of(name))
     }
 
     /// The mesh in the file at `path`, as it is now.
-    pub(super) fn mesh_now(path: String, folder: &Path) -> Result<Self, Problem> {
+    pub(super) fn mesh_now(path: String, folder: &Path) -> Result<Self, FieldProblem> {
         let blake3 = hash(&read::bytes_of("mesh", &path, folder)?);
         Ok(Self::Mesh { path, blake3 })
     }
@@ -153,7 +154,7 @@ impl BodySpec {
         folder: &Path,
         is_still: bool,
         warnings: &mut Vec<String>,
-    ) -> Result<Body, Problem> {
+    ) -> Result<Body, FieldProblem> {
         match self {
             &Self::Plane(Plane {
                 normal,
@@ -227,13 +228,13 @@ impl BodySpec {
     }
 }
 
-fn check(field: &'static str, value: f64) -> Result<(), Problem> {
+fn check(field: &'static str, value: f64) -> Result<(), FieldProblem> {
     if SIZES.contains(&value) {
         return Ok(());
     }
     Err(wrong(field, "between 0.0001 and 100000 m", &value))
 }
 
-fn wrong(field: &'static str, expected: &str, found: &dyn std::fmt::Display) -> Problem {
-    Problem(field, format!("must be {expected}, found {found}"))
+fn wrong(field: &'static str, expected: &str, found: &dyn std::fmt::Display) -> FieldProblem {
+    FieldProblem(field, format!("must be {expected}, found {found}"))
 }

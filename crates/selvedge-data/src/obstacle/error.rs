@@ -1,14 +1,10 @@
 //! Errors of obstacles in files.
 
 use selvedge_cloth::ObstacleError;
-use thiserror::Error;
 
-/// An obstacle of a scene that cannot be made.
-#[derive(Debug, Error)]
-#[error("{0}")]
-pub struct ObstacleSpecError(String);
+use crate::formats::file_error::Problem;
 
-impl From<ObstacleError> for ObstacleSpecError {
+impl From<ObstacleError> for Problem {
     fn from(error: ObstacleError) -> Self {
         Self(error.to_string())
     }
@@ -16,12 +12,12 @@ impl From<ObstacleError> for ObstacleSpecError {
 
 /// A problem of a field of an obstacle that does not know whose it is.
 #[derive(Debug)]
-pub(super) struct Problem(pub(super) &'static str, pub(super) String);
+pub(super) struct FieldProblem(pub(super) &'static str, pub(super) String);
 
-impl Problem {
+impl FieldProblem {
     /// The problem as one of the obstacle of this name.
-    pub(super) fn of(self, name: &str) -> ObstacleSpecError {
+    pub(super) fn of(self, name: &str) -> Problem {
         let Self(field, problem) = self;
-        ObstacleSpecError(format!("obstacles[{name:?}].{field}: {problem}"))
+        Problem(format!("obstacles[{name:?}].{field}: {problem}"))
     }
 }

@@ -14,7 +14,6 @@ mod weld;
 mod written;
 
 pub use self::body::{BodySpec, Capsule, Cuboid, Cylinder, Plane, Sides, Sphere};
-pub use self::error::ObstacleSpecError;
 pub use self::motion::{FramesFile, NodeFile, ObstacleKeyframes, ObstacleMotion};
 pub(crate) use self::read::moving_points;
 pub use self::spec::{ObstacleSpec, Placement};

@@ -11,9 +11,9 @@ use selvedge_cloth::{
 use serde::{Deserialize, Serialize};
 
 use super::body::BodySpec;
-use super::error::Problem;
+use super::error::FieldProblem;
 use super::read::{self, Frames, Kind, Sequence, moving_points};
-use crate::formats::hash::{check_hash, hash};
+use crate::formats::input::{check_hash, hash};
 use crate::rig::Rig;
 
 /// Longest motion by keyframes `[s]`, as of handles.
@@ -113,13 +113,13 @@ impl ObstacleMotion {
         body: &BodySpec,
         folder: &Path,
         frame_rate: f64,
-    ) -> Result<Option<Frames>, Problem> {
+    ) -> Result<Option<Frames>, FieldProblem> {
         let Self::Points(file) = self else {
             return Ok(None);
         };
         if !matches!(body, BodySpec::Mesh { .. }) {
             let problem = "points of a file move a mesh from a file: give mesh, or keyframes";
-            return Err(Problem("motion", problem.to_owned()));
+            return Err(FieldProblem("motion", problem.to_owned()));
         }
         file.frames(folder, frame_rate).map(Some)
     }
@@ -130,7 +130,7 @@ impl ObstacleMotion {
         points: &[DVec3],
         folder: &Path,
         frame_rate: f64,
-    ) -> Result<ObstaclePath, Problem> {
+    ) -> Result<ObstaclePath, FieldProblem> {
         match self {
             Self::Still | Self::Points(_) => Ok(ObstaclePath::Still),
             Self::Keyframes(keyframes) => keyframes.path(points, frame_rate),
@@ -142,7 +142,11 @@ impl ObstacleMotion {
 
 impl FramesFile {
     /// The file at `path` as it is now.
-    pub(super) fn now(path: String, first: Option<usize>, folder: &Path) -> Result<Self, Problem> {
+    pub(super) fn now(
+        path: String,
+        first: Option<usize>,
+        folder: &Path,
+    ) -> Result<Self, FieldProblem> {
         let blake3 = match Sequence::of(&path)? {
             Some(sequence) => sequence.read(first, folder)?.blake3,
             None => hash(&read::bytes_of("motion", &path, folder)?),
@@ -157,7 +161,7 @@ impl FramesFile {
         })
     }
 
-    fn frames(&self, folder: &Path, frame_rate: f64) -> Result<Frames, Problem> {
+    fn frames(&self, folder: &Path, frame_rate: f64) -> Result<Frames, FieldProblem> {
         if let Some(rate) = self.rate.filter(|rate| !(1e-3..=1e5).contains(rate)) {
             let problem = format!("rate must be between 0.001 and 100000, found {rate}");
             return Err(wrong(problem));
@@ -167,7 +171,7 @@ impl FramesFile {
             return Err(wrong(problem));
         }
         let rate = self.rate.unwrap_or(frame_rate);
-        let within = |problem: String| Problem("motion", format!("{}: {problem}", self.path));
+        let within = |problem: String| FieldProblem("motion", format!("{}: {problem}", self.path));
         if let Some(sequence) = Sequence::of(&self.path)? {
             let read = sequence.read(self.first, folder)?;
             check_hash(&self.path, &self.blake3, &read.blake3).map_err(wrong)?;
@@ -188,7 +192,7 @@ impl FramesFile {
 }
 
 impl ObstacleKeyframes {
-    fn path(&self, points: &[DVec3], frame_rate: f64) -> Result<ObstaclePath, Problem> {
+    fn path(&self, points: &[DVec3], frame_rate: f64) -> Result<ObstaclePath, FieldProblem> {
         let mean = points.iter().sum::<DVec3>() / points.len().max(1) as f64;
         let centre = self.centre.unwrap_or(mean);
         let last = self.keyframes.last().map_or(0.0, |keyframe| keyframe.time);
@@ -209,7 +213,7 @@ impl ObstacleKeyframes {
 }
 
 impl NodeFile {
-    fn path(&self, folder: &Path, frame_rate: f64) -> Result<ObstaclePath, Problem> {
+    fn path(&self, folder: &Path, frame_rate: f64) -> Result<ObstaclePath, FieldProblem> {
         read::unchanged("motion", &self.path, &self.blake3, folder)?;
         let nodes = [self.node.clone()];
         let frames = Rig::read_motion(&folder.join(&self.path), &nodes, frame_rate);
@@ -220,7 +224,7 @@ impl NodeFile {
                 "{}: node {:?} is scaled: obstacles that follow a node are rigid, bake the points instead",
                 self.path, self.node
             );
-            return Err(Problem("motion", problem));
+            return Err(FieldProblem("motion", problem));
         }
         let times = (0..frames.len()).map(|frame| frame as f64 / frame_rate);
         let mut frames = frames.iter();
@@ -233,7 +237,7 @@ fn splines(
     keyframes: &[PoseKeyframe],
     points: &[DVec3],
     frame_rate: f64,
-) -> Result<ObstaclePath, Problem> {
+) -> Result<ObstaclePath, FieldProblem> {
     let (Some(first), Some(last)) = (keyframes.first(), keyframes.last()) else {
         return Err(wrong("needs at least one keyframe"));
     };
@@ -267,8 +271,8 @@ fn splines(
     })
 }
 
-fn wrong(problem: impl ToString) -> Problem {
-    Problem("motion", problem.to_string())
+fn wrong(problem: impl ToString) -> FieldProblem {
+    FieldProblem("motion", problem.to_string())
 }
 
 /// Times of all frames until `last` `[s]`.

@@ -7,10 +7,11 @@ use selvedge_cloth::{Obstacle, ObstaclePath};
 use serde::{Deserialize, Serialize};
 
 use super::body::BodySpec;
-use super::error::{ObstacleSpecError, Problem};
+use super::error::FieldProblem;
 use super::motion::ObstacleMotion;
 use super::weld::{drop_flat, weld};
 use crate::formats::extent::{extent, unit_remedy};
+use crate::formats::file_error::Problem;
 use crate::scene::Rotate;
 
 /// Length of a body from a file `[m]`; others are warned of.
@@ -83,7 +84,6 @@ impl Placement {
         }
     }
 
-    /// The place of a point.
     pub(crate) fn place(&self, point: DVec3) -> DVec3 {
         self.rotation.turn() * (self.scale * point) + self.translation
     }
@@ -111,16 +111,16 @@ impl ObstacleSpec {
     /// `folder`. What of its file is left out, or hardly meant, is said in `warnings`.
     ///
     /// # Errors
-    /// [`ObstacleSpecError`] names the obstacle, the field or file and what is wrong.
+    /// [`Problem`] names the obstacle, the field or file and what is wrong.
     pub fn build(
         &self,
         folder: &Path,
         frame_rate: f64,
         warnings: &mut Vec<String>,
-    ) -> Result<Obstacle, ObstacleSpecError> {
-        let own = |problem: Problem| problem.of(&self.name);
+    ) -> Result<Obstacle, Problem> {
+        let own = |problem: FieldProblem| problem.of(&self.name);
         let placed = self.transform.check().map_err(|(field, expected, found)| {
-            Problem(
+            FieldProblem(
                 "transform",
                 format!("{field} must be {expected}, found {found}"),
             )
@@ -142,7 +142,7 @@ impl ObstacleSpec {
                         frame.len(),
                         body.points.len()
                     );
-                    return Err(own(Problem("motion", problem)));
+                    return Err(own(FieldProblem("motion", problem)));
                 }
             }
         }

@@ -1,13 +1,4 @@
-//! Obstacles as people write them.
-//!
-//! ```toml
-//! [[obstacles]]
-//! name = "ball"
-//! sphere = { radius = 0.3 }
-//! transform = { translation = [0, 1, 0] }
-//! motion = { keyframes = [{ time = 2.0, translation = [0, 0, 1], rotation_deg = 90 }] }
-//! friction = 0.4
-//! ```
+//! Obstacles as people write them (docs/src/guides/obstacles.md).
 
 use std::path::Path;
 
@@ -16,11 +7,12 @@ use selvedge_cloth::Keyframe;
 use serde::Deserialize;
 
 use super::body::{BodySpec, Capsule, Cuboid, Cylinder, Plane, Sphere};
-use super::error::{ObstacleSpecError, Problem};
+use super::error::FieldProblem;
 use super::motion::{FramesFile, NodeFile, ObstacleKeyframes, ObstacleMotion};
 use super::read;
 use super::spec::{ObstacleSpec, Placement};
-use crate::formats::hash::hash;
+use crate::formats::file_error::Problem;
+use crate::formats::input::hash;
 
 /// An obstacle in the file's own words.
 #[derive(Clone, Debug, Deserialize)]
@@ -67,18 +59,18 @@ struct MotionTable {
     from: f64,
 }
 
-fn wrong(field: &'static str, problem: impl Into<String>) -> Problem {
-    Problem(field, problem.into())
+fn wrong(field: &'static str, problem: impl Into<String>) -> FieldProblem {
+    FieldProblem(field, problem.into())
 }
 
 impl ObstacleFile {
     /// Looks for files from `folder`.
-    pub(crate) fn resolve(self, folder: &Path) -> Result<ObstacleSpec, ObstacleSpecError> {
+    pub(crate) fn resolve(self, folder: &Path) -> Result<ObstacleSpec, Problem> {
         let name = self.name.clone();
         self.resolved(folder).map_err(|problem| problem.of(&name))
     }
 
-    fn resolved(self, folder: &Path) -> Result<ObstacleSpec, Problem> {
+    fn resolved(self, folder: &Path) -> Result<ObstacleSpec, FieldProblem> {
         if self.name.is_empty() {
             return Err(wrong("name", "is empty: give the obstacle a name"));
         }
@@ -115,7 +107,7 @@ impl ObstacleFile {
 }
 
 impl MotionTable {
-    fn resolve(self, body: &BodySpec, folder: &Path) -> Result<ObstacleMotion, Problem> {
+    fn resolve(self, body: &BodySpec, folder: &Path) -> Result<ObstacleMotion, FieldProblem> {
         let of_points = self.rate.is_some()
             || self.first.is_some()
             || self.from != 0.0

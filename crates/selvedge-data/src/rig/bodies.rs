@@ -25,9 +25,6 @@ pub(crate) struct MovingBody {
 
 /// Reads all meshes in the bytes of a file, with one of its animations; with none, as they stand,
 /// where `is_still`.
-///
-/// # Errors
-/// [`RigError`] says what cannot be understood; the file is not named.
 pub(crate) fn read_body(
     bytes: &[u8],
     format: RigFormat,
@@ -53,9 +50,6 @@ pub(crate) fn read_body(
 
 impl MovingBody {
     /// Faces by their points, with the points of all meshes in order.
-    ///
-    /// # Errors
-    /// [`RigError`] for a face that names a point which is not there.
     pub(crate) fn faces(&self) -> Result<Vec<Vec<u32>>, RigError> {
         let mut faces = Vec::new();
         let mut first = 0;
@@ -120,9 +114,6 @@ impl MovingBody {
 
     /// Positions in every frame from `from` `[s]` after the start of the file to the last key,
     /// `frame_rate` a second.
-    ///
-    /// # Errors
-    /// [`RigError`] for more than 100000 frames.
     pub(crate) fn frames(&self, frame_rate: f64, from: f64) -> Result<Vec<Vec<DVec3>>, RigError> {
         let last = self.span().map_or(self.rig.start, |span| span[1]);
         let start = self.rig.start + from;
@@ -135,9 +126,6 @@ impl MovingBody {
 }
 
 /// The frames of a motion that lasts so many `seconds`.
-///
-/// # Errors
-/// [`RigError`] for more than 100000.
 pub(super) fn steps(seconds: f64, frame_rate: f64) -> Result<usize, RigError> {
     let frames = (seconds * frame_rate + SLACK).floor();
     if (0.0..MOST_FRAMES as f64).contains(&frames) {

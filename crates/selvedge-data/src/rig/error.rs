@@ -15,7 +15,6 @@ pub enum RigError {
 }
 
 impl RigError {
-    /// A problem of the node of this name.
     pub(super) fn node(name: &str, problem: impl std::fmt::Display) -> Self {
         Self::Content(format!("node {name:?}: {problem}"))
     }

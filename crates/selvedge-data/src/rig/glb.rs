@@ -506,7 +506,6 @@ impl File<'_> {
         })
     }
 
-    /// The numbers of an accessor of `width` numbers each.
     fn numbers(&self, accessor: usize, width: usize) -> Result<Vec<f64>, RigError> {
         self.read(accessor, width, component)
     }

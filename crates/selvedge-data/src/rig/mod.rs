@@ -21,7 +21,7 @@ use std::path::Path;
 
 use crate::formats::file_error::FileError;
 use crate::formats::input::read_file;
-use crate::formats::retired::retired;
+use crate::formats::input::retired;
 use glam::DMat4;
 
 pub(crate) use self::bodies::read_body;

@@ -63,9 +63,6 @@ impl MovingMesh {
 
     /// A mesh whose points are `frames` at `times` `[s]`, and linear in between; its own where
     /// there are none.
-    ///
-    /// # Errors
-    /// The defect, as the end of a sentence.
     pub(super) fn sampled(
         mesh: NodeMesh,
         times: Vec<f64>,

@@ -2,10 +2,8 @@
 
 use glam::{DVec2, DVec3};
 
-/// A mesh as a node has it.
 #[derive(Debug, Default)]
 pub(super) struct NodeMesh {
-    /// The node.
     pub(super) node: usize,
     /// Positions in the space of the node.
     pub(super) positions: Vec<DVec3>,
@@ -43,9 +41,6 @@ impl NodeMesh {
 
 /// Texture coordinates of the corners of `faces`, from `values` per corner or per point of
 /// `points`; their number says which of the two they are.
-///
-/// # Errors
-/// The defect, as the end of a sentence, where their number is neither.
 pub(super) fn texture_by_corner(
     values: &[DVec2],
     faces: &[Vec<u32>],

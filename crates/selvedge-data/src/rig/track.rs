@@ -109,9 +109,6 @@ impl<T: Value> Track<T> {
     }
 
     /// Values at times `[s]`.
-    ///
-    /// # Errors
-    /// The defect, as the end of a sentence.
     pub(super) fn new(
         times: Vec<f64>,
         values: Vec<T>,

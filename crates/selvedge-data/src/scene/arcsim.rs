@@ -26,10 +26,10 @@ use super::file::moving_mesh;
 use super::loaded::LoadedScene;
 use super::material_source::shipped_material;
 use super::mesh_spec::{BuiltMesh, MeshSource, MeshSpec, Rotate, Transform};
+use super::problem::read_text;
 use super::problem::{SceneProblem, field};
 use super::spec::{SceneSpec, SceneSpecError, Setting};
 use super::start::StartSpec;
-use super::text::read_text;
 use crate::formats::polygons::{MeshOptions, Sewing};
 use crate::obstacle::{BodySpec, ObstacleMotion, ObstacleSpec, Placement};
 
@@ -174,9 +174,6 @@ struct Magic {
 type Motions = [Vec<PoseKeyframe>];
 
 /// Reads a scene from the text of its file; paths in it are relative to `folder`.
-///
-/// # Errors
-/// [`SceneProblem`] names the key and what is wrong.
 pub(super) fn parse_arcsim(
     text: &str,
     folder: &Path,

@@ -1,35 +1,28 @@
 //! Scenes as people write them: TOML, in which an unknown key is an error, and everything that is
-//! named (a mesh, a material, a motion) is looked up and checked at once.
-//!
-//! ```toml
-//! name = "a corner let go"
-//! material = "gray-interlock"            # a shipped one, a TOML file, or a table
-//! mesh = { generator = { kind = "square", vertices = 289, size = 1.0, seed = 1 } }
-//! handles = { label = "upper-corners" }  # or vertices, box = { min = [..], max = [..] }, groups
-//! motion = { named = "forward" }         # or inline, file = "x.toml", recorded = "x.csv", groups
-//! ```
-//!
-//! `environment`, `physics`, `sag`, `start` and `frame_rate` (60) have defaults. `contact` and
-//! `[[obstacles]]` say what the cloth touches. A mesh may be `{
-//! obj = "x.obj", transform = { .. } }`. Paths are relative to the scene's folder. All keys are
-//! described in docs/src/guides/scenes.md. A file whose name ends in `.json` is read as a scene of
-//! ARCSim.
+//! named (a mesh, a material, a motion) is looked up and checked at once. All keys are described in
+//! docs/src/reference/scene.md. A file whose name ends in `.json` is read as a scene of ARCSim.
 
 use super::arcsim::parse_arcsim;
 use super::loaded::LoadedScene;
+use super::material_source::materials;
 use super::motion_source::Stand;
 use super::problem::{SceneFileError, SceneProblem, field, unknown};
+use super::problem::{parse_toml, read_text};
 use super::setting_file::{ResolvedSetting, SettingFile, usual_contact};
-use super::shipped::{materials, shipped_scene_text, shipped_scenes};
 use super::spec::{SceneSpec, Setting};
-use super::start::StartSpec;
-use super::start_file::StartFile;
-use super::text::{parse_toml, read_text};
-use crate::formats::retired::retired;
+use super::start::{StartFile, StartSpec};
+use crate::formats::input::retired;
 use crate::trajectory::state_file::SavedState;
 use glam::DVec3;
+use selvedge_assets::SCENES;
 use selvedge_cloth::Mesh;
 use std::path::{Path, PathBuf};
+
+/// The shipped scenes: names and TOML texts.
+#[must_use]
+pub fn shipped_scenes() -> &'static [(&'static str, &'static str)] {
+    SCENES
+}
 
 /// Opens a scene by the path of its file, by the name of a shipped one, or by a mesh that is to hang
 /// (.obj, .glb, USD): from the two ends of its upper edge, made of the default fabric.
@@ -40,8 +33,8 @@ pub fn open_scene(path_or_name: &str) -> Result<LoadedScene, SceneFileError> {
     let path = Path::new(path_or_name);
     let extension = path.extension().map(|e| e.to_ascii_lowercase());
     let is_mesh = extension.is_some_and(|e| MESHES.iter().any(|mesh| e == *mesh));
-    match shipped_scene_text(path_or_name) {
-        Some(text) => parse_scene(text, Path::new(""), path_or_name),
+    match SCENES.iter().find(|scene| scene.0 == path_or_name) {
+        Some((_, text)) => parse_scene(text, Path::new(""), path_or_name),
         None if is_mesh && path.exists() => hung(path),
         None if path.exists() => match other_kind(path) {
             Some(problem) => Err(SceneFileError::at(path_or_name)(SceneProblem::Kind(
@@ -50,7 +43,7 @@ pub fn open_scene(path_or_name: &str) -> Result<LoadedScene, SceneFileError> {
             None => read_scene(path),
         },
         None => {
-            let problem = unknown("scene", shipped_scenes());
+            let problem = unknown("scene", SCENES);
             Err(SceneFileError::at(path_or_name)(problem))
         }
     }

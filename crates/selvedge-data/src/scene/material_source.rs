@@ -1,26 +1,16 @@
-//! Source of a material in a file: the name of a shipped fabric, a TOML
-//! file, or a table that changes one of these or has numbers of its own.
-//!
-//! ```toml
-//! material = { from = "gray-interlock", stretch_multiplier = 2.0, damping = 0.002 }
-//! [material]                        # or: an isotropic sheet
-//! name = "rubber"
-//! density = 1.1
-//! isotropic = { youngs_modulus = 1e6, poissons_ratio = 0.45, thickness = 1e-3 }
-//! ```
-//!
-//! A material's own file has the same keys.
+//! Source of a material in a file: the name of a shipped fabric, a TOML file with the keys of a
+//! table, or a table that changes one of these or has numbers of its own.
 
 use std::path::{Path, PathBuf};
 
+use selvedge_assets::materials::ALL as MATERIALS;
 use selvedge_cloth::{BendTable, Isotropic, Material, StrainLimits, StretchTable};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
 use super::problem::{SceneProblem, field};
-use super::shipped::{material_text, materials};
-use super::text::{parse_toml, read_text};
+use super::problem::{parse_toml, read_text};
 
 /// One way to say what the cloth is made of.
 #[derive(Clone, Debug, PartialEq)]
@@ -72,6 +62,7 @@ impl<'de> Deserialize<'de> for MaterialSource {
             }
 
             fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<MaterialSource, A::Error> {
+                // Not by way of a value, so that errors tell the line of a key.
                 let table = MaterialTable::deserialize(MapAccessDeserializer::new(map))?;
                 Ok(MaterialSource::Table(Box::new(table)))
             }
@@ -98,7 +89,16 @@ impl MaterialSource {
     }
 }
 
-/// The shipped material of this name, if there is one.
+/// The shipped materials: names and TOML texts, the default first.
+#[must_use]
+pub fn materials() -> &'static [(&'static str, &'static str)] {
+    MATERIALS
+}
+
+fn material_text(name: &str) -> Option<&'static str> {
+    MATERIALS.iter().find(|entry| entry.0 == name).map(|e| e.1)
+}
+
 pub(super) fn shipped_material(name: &str) -> Option<Result<Material, SceneProblem>> {
     material_text(name).map(parse_toml)
 }
@@ -110,7 +110,7 @@ fn named(name_or_path: &str, folder: &Path, chain: &mut Vec<PathBuf>) -> Result<
         return parse_toml(text).map_err(|problem| problem.to_string());
     }
     if !name_or_path.ends_with(".toml") {
-        let known: Vec<&str> = materials().iter().map(|entry| entry.0).collect();
+        let known: Vec<&str> = MATERIALS.iter().map(|entry| entry.0).collect();
         let known = known.join(", ");
         return Err(format!(
             "{name_or_path:?} is neither a .toml file nor one of {known}"

@@ -12,8 +12,8 @@ use thiserror::Error;
 use super::strained::Times;
 use crate::formats::extent::{extent, unit_remedy};
 use crate::formats::file_error::FileError;
-use crate::formats::hash::{check_hash, hash};
 use crate::formats::input::read_file;
+use crate::formats::input::{check_hash, hash};
 use crate::formats::mesh_file::parse_mesh_bytes;
 use crate::formats::polygons::{
     MeshFileError, MeshOptions, PatternSource, ReadMesh, ReadMeshError, RestAngles, Sewing,

@@ -13,27 +13,23 @@ mod physics_file;
 mod problem;
 mod recorded_csv;
 mod setting_file;
-mod shipped;
 mod spec;
 mod start;
-mod start_file;
 mod strained;
-mod text;
 
-pub use file::{open_scene, parse_scene, read_scene};
+pub use file::{open_scene, parse_scene, read_scene, shipped_scenes};
 pub(crate) use handle_selection::HandleSelection;
 pub use loaded::LoadedScene;
+pub use material_source::materials;
 pub use mesh_spec::{
     BuiltMesh, GeneratorSpec, MeshSource, MeshSpec, MeshSpecError, ObjSource, Rotate, Transform,
     size_warning,
 };
 pub(crate) use motion_source::{MotionSource, Stand};
 pub use problem::{SceneFileError, SceneProblem};
-pub(crate) use problem::{field, unknown};
-pub use recorded_csv::{RecordedCsvError, parse_recorded_csv};
+pub(crate) use problem::{field, parse_toml, read_text, unknown};
+pub use recorded_csv::parse_recorded_csv;
 pub(crate) use setting_file::{MeshFile, ResolvedSetting, SettingFile};
-pub use shipped::{materials, shipped_scenes};
 pub use spec::{SceneSpec, SceneSpecError, Setting};
 pub use start::StartSpec;
 pub use strained::{StrainedEdge, Times, panel_stretches, worst_edges, worst_free_edges};
-pub(crate) use text::{parse_toml, read_text};

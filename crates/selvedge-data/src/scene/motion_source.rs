@@ -10,9 +10,9 @@ use serde::Deserialize;
 
 use super::handle_selection::Groups;
 use super::problem::{SceneProblem, field};
+use super::problem::{parse_toml, read_text};
 use super::recorded_csv::parse_recorded_csv;
 use super::spec::Setting;
-use super::text::{parse_toml, read_text};
 use crate::formats::input::read_file;
 use crate::formats::npz::NpzPoints;
 use crate::rig::Rig;

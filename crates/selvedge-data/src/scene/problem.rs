@@ -1,9 +1,13 @@
 //! Everything that can be wrong with a scene, and the error that names it.
 
+use std::path::Path;
+
+use serde::de::DeserializeOwned;
 use thiserror::Error;
 
 use super::mesh_spec::MeshSpecError;
 use super::spec::SceneSpecError;
+use crate::formats::input;
 
 /// A scene that cannot be used.
 #[derive(Debug, Error)]
@@ -58,4 +62,12 @@ pub(crate) fn field(key: impl Into<String>, problem: impl Into<String>) -> Scene
         key: key.into(),
         problem: problem.into(),
     }
+}
+
+pub(crate) fn parse_toml<T: DeserializeOwned>(text: &str) -> Result<T, SceneProblem> {
+    toml::from_str(text).map_err(|error| SceneProblem::Toml(Box::new(error)))
+}
+
+pub(crate) fn read_text(path: &Path) -> Result<String, SceneProblem> {
+    input::read_text(path).map_err(SceneProblem::Read)
 }

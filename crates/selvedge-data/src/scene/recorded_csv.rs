@@ -6,21 +6,17 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 use selvedge_cloth::RecordedMotion;
-use thiserror::Error;
+
+use crate::formats::file_error::Problem;
 
 const HEADER: [&str; 5] = ["frame", "handle", "x", "y", "z"];
-
-/// Text that is no recorded motion. Lines count from 1.
-#[derive(Clone, Debug, Error, PartialEq)]
-#[error("{0}")]
-pub struct RecordedCsvError(String);
 
 /// Reads a recorded motion.
 ///
 /// # Errors
-/// [`RecordedCsvError`] names the line, or the frame and handle that are missing.
-pub fn parse_recorded_csv(text: &str) -> Result<RecordedMotion, RecordedCsvError> {
-    parse(text).map_err(RecordedCsvError)
+/// [`Problem`] names the line, from 1, or the frame and handle that are missing.
+pub fn parse_recorded_csv(text: &str) -> Result<RecordedMotion, Problem> {
+    parse(text).map_err(Problem)
 }
 
 fn parse(text: &str) -> Result<RecordedMotion, String> {

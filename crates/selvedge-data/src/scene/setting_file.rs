@@ -8,9 +8,9 @@ use glam::DVec3;
 use selvedge_cloth::{
     ContactSettings, DEFAULT_FRAME_RATE, Environment, LoosePanels, Mesh, SagSettings,
 };
-use serde::de::value::MapAccessDeserializer;
-use serde::de::{MapAccess, Visitor};
-use serde::{Deserialize, Deserializer};
+use serde::Deserialize;
+use serde::de::Error;
+use toml::Value;
 
 use super::handle_selection::{Groups, HandleSelection, Selected};
 use super::material_source::MaterialSource;
@@ -19,7 +19,7 @@ use super::motion_source::MotionSource;
 use super::physics_file::PhysicsFile;
 use super::problem::{SceneProblem, field};
 use super::spec::{SceneSpecError, Setting};
-use super::start_file::StartFile;
+use super::start::StartFile;
 use crate::formats::polygons::{
     MeshOptions, PanelPlace, PatternSource, RestAngles, SeamPair, Seams, Sewing, TextureUnit,
 };
@@ -55,34 +55,28 @@ pub(crate) struct SettingFile {
 }
 
 /// Contact as people write it.
+#[derive(Deserialize)]
+#[serde(try_from = "Value")]
 enum ContactFile {
     Choice(bool),
     /// Settings, and the keys that are written.
     Settings(ContactSettings, Vec<String>),
 }
 
-impl<'de> Deserialize<'de> for ContactFile {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct TableOrFalse;
-        impl<'de> Visitor<'de> for TableOrFalse {
-            type Value = ContactFile;
+impl TryFrom<Value> for ContactFile {
+    type Error = toml::de::Error;
 
-            fn expecting(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-                formatter.write_str("a table of contact's keys, or false")
-            }
-
-            fn visit_bool<E>(self, choice: bool) -> Result<ContactFile, E> {
-                Ok(ContactFile::Choice(choice))
-            }
-
-            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<ContactFile, A::Error> {
-                let table = toml::Table::deserialize(MapAccessDeserializer::new(map))?;
+    fn try_from(written: Value) -> Result<Self, toml::de::Error> {
+        match written {
+            Value::Boolean(choice) => Ok(Self::Choice(choice)),
+            Value::Table(table) => {
                 let keys = table.keys().cloned().collect();
-                let settings = table.try_into().map_err(serde::de::Error::custom)?;
-                Ok(ContactFile::Settings(settings, keys))
+                Ok(Self::Settings(table.try_into()?, keys))
             }
+            _ => Err(Error::custom(
+                "expected a table of contact's keys, or false",
+            )),
         }
-        deserializer.deserialize_any(TableOrFalse)
     }
 }
 
@@ -95,7 +89,7 @@ fn default_frame_rate() -> f64 {
 #[serde(deny_unknown_fields)]
 pub(crate) struct MeshFile {
     generator: Option<GeneratorSpec>,
-    obj: Option<String>,
+    #[serde(alias = "obj")]
     file: Option<String>,
     seams: Option<Seams>,
     texture: Option<TextureUnit>,
@@ -254,13 +248,7 @@ impl MeshFile {
         };
         let choices = (self.seams, self.texture, self.pattern);
         let for_files = choices != (None, None, None) || (self.thread, self.weld) != (None, None);
-        let file = match (self.obj, self.file) {
-            (Some(_), Some(_)) => {
-                return Err(field("mesh", "has both an obj and a file: keep one"));
-            }
-            (obj, file) => obj.or(file),
-        };
-        let source = match (self.generator, file) {
+        let source = match (self.generator, self.file) {
             (Some(_), None) if for_files => {
                 let problem = "seams, texture, pattern, thread and weld are for a mesh from a file";
                 return Err(field("mesh", problem));

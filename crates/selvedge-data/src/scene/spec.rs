@@ -15,7 +15,8 @@ use thiserror::Error;
 
 use super::mesh_spec::{MeshSource, MeshSpec, MeshSpecError};
 use super::start::StartSpec;
-use crate::obstacle::{ObstacleSpec, ObstacleSpecError};
+use crate::formats::file_error::Problem;
+use crate::obstacle::ObstacleSpec;
 
 /// A resolved scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -78,7 +79,7 @@ pub enum SceneSpecError {
     #[error("handles: {0}")]
     Handles(#[from] HandleError),
     #[error(transparent)]
-    Obstacle(#[from] ObstacleSpecError),
+    Obstacle(#[from] Problem),
     #[error(transparent)]
     Scene(#[from] SceneError),
 }

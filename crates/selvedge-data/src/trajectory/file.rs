@@ -1,16 +1,8 @@
-//! The trajectory file: one .safetensors with `positions` f32 `[frames, vertices, 3]`, `faces` u32
-//! `[faces, 3]`, `rest_positions` f32 `[vertices, 3]`, `material_coordinates` f32 `[points, 2]`,
-//! `vertex_mass` f32 `[vertices]`, `face_area` f32 `[faces]` and `handles` u32 `[handles]`, and the
-//! metadata `format` = "selvedge-trajectory", `version`, `fps`, `scene` (JSON) and `made_by`.
-//!
-//! Version 1 is a cloth without seams, with one point per vertex. Version 2 is a sewn one: its
-//! `pattern_faces` u32 `[faces, 3]` are the points of the faces' corners, point v is one of vertex
-//! v's, and every point has one vertex. Version 3 has obstacles (`trajectory/obstacle_file.rs`),
-//! and may have `pattern_faces`. Version 4 has `texture_coordinates` f32 `[points, 2]`, none or others
-//! than the pattern's, perhaps `texture_faces` u32 `[faces, 3]`, and may have all of these. A reader of one version refuses the next by its number.
+//! The trajectory file: one .safetensors, whose arrays, metadata and versions stand in
+//! docs/src/reference/files.md. A reader of one version refuses the next by its number.
 //!
 //! Equal trajectories make equal bytes. Reading takes the whole file into memory (a run of the
-//! paper is 15 MB) and checks all of it; tensors that are not listed here are an error, because
+//! paper is 15 MB) and checks all of it; tensors that are not listed there are an error, because
 //! they would be lost when the file is written again.
 
 use std::collections::{BTreeMap, HashMap};
@@ -25,9 +17,9 @@ use serde_json::Value;
 use thiserror::Error;
 
 use crate::UpAxis;
-use crate::formats::arrays::{ArrayError, ArrayFile};
+use crate::formats::arrays::ArrayFile;
 use crate::formats::atomic::WriteError;
-use crate::formats::file_error::FileError;
+use crate::formats::file_error::{FileError, Problem};
 use crate::formats::input::read_file;
 use crate::formats::tensor_file::{TensorOut, TensorValues, put_tensors, write_tensors};
 use crate::trajectory::obstacle_file;
@@ -77,7 +69,7 @@ pub enum TrajectoryFileError {
     #[error("has a tensor named {name}, which this version does not know")]
     UnknownTensor { name: String },
     #[error(transparent)]
-    Arrays(#[from] ArrayError),
+    Arrays(#[from] Problem),
     #[error(transparent)]
     Topology(#[from] TopologyError),
     #[error(transparent)]
@@ -255,10 +247,10 @@ fn read_cloth(
         .of_shape(&[None, None, Some(3)])?;
     let vertices = positions.shape[1];
     let singles = |name: &str, shape: &[Option<usize>]| {
-        Ok::<_, ArrayError>(file.singles(name)?.of_shape(shape)?.values)
+        Ok::<_, Problem>(file.singles(name)?.of_shape(shape)?.values)
     };
     let wholes = |name: &str, shape: &[Option<usize>]| {
-        Ok::<_, ArrayError>(file.wholes(name)?.of_shape(shape)?.values)
+        Ok::<_, Problem>(file.wholes(name)?.of_shape(shape)?.values)
     };
     let faces = triples(&wholes("faces", &[None, Some(3)])?);
     let rest = singles("rest_positions", &[Some(vertices), Some(3)])?;

@@ -1,7 +1,8 @@
 //! A borrowed run of frames: flat positions and how many vertices make one frame.
 
 use glam::Vec3;
-use thiserror::Error;
+
+use crate::formats::file_error::Problem;
 
 /// Frames of a cloth, one after another.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -10,19 +11,17 @@ pub struct Frames<'a> {
     vertex_count: usize,
 }
 
-/// Positions that are no whole number of frames.
-#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
-#[error("{0} positions are no whole number of frames of {1} vertices")]
-pub struct FramesError(usize, usize);
-
 impl<'a> Frames<'a> {
     /// Views `positions` `[m]`, `[frames * vertex_count]`, as frames.
     ///
     /// # Errors
-    /// [`FramesError`] when the length is no multiple of `vertex_count`.
-    pub fn new(positions: &'a [Vec3], vertex_count: usize) -> Result<Self, FramesError> {
+    /// [`Problem`] when the length is no multiple of `vertex_count`.
+    pub fn new(positions: &'a [Vec3], vertex_count: usize) -> Result<Self, Problem> {
         if vertex_count == 0 || !positions.len().is_multiple_of(vertex_count) {
-            return Err(FramesError(positions.len(), vertex_count));
+            return Err(Problem(format!(
+                "{} positions are no whole number of frames of {vertex_count} vertices",
+                positions.len()
+            )));
         }
         Ok(Self::of_whole(positions, vertex_count))
     }

@@ -1,9 +1,5 @@
-//! Obstacles in a trajectory file: the metadata `obstacles`, a JSON list of their names, and of
-//! number k in it the tensors `obstacle_k.faces` u32 `[faces, 3]` and `obstacle_k.points` f32
-//! `[1, points, 3]`, or `[frames, points, 3]` for one whose points move.
-//!
-//! A rigid one that moves also has `obstacle_k.poses` f32 `[frames, 7]`: its points are turned by
-//! the quaternion x, y, z, w and then moved by x, y, z.
+//! Obstacles in a trajectory file: the metadata `obstacles`, a JSON list of their names, and tensors
+//! of each by its number in it (docs/src/reference/files.md).
 
 use std::collections::HashMap;
 
@@ -11,7 +7,8 @@ use glam::{Quat, Vec3};
 
 use super::file::{TrajectoryFileError, flat3};
 use super::obstacles::{ObstacleTrack, Pose, TrackMotion};
-use crate::formats::arrays::{ArrayError, ArrayFile};
+use crate::formats::arrays::ArrayFile;
+use crate::formats::file_error::Problem;
 use crate::formats::tensor_file::{TensorOut, TensorValues};
 
 /// The metadata entry with the names.
@@ -19,7 +16,6 @@ pub(super) const METADATA: &str = "obstacles";
 /// Parts of an obstacle.
 const PARTS: [&str; 3] = ["faces", "points", "poses"];
 
-/// The tensors of all obstacles.
 pub(super) fn tensors(obstacles: &[ObstacleTrack]) -> Vec<TensorOut<'_>> {
     let mut tensors = Vec::new();
     for (number, obstacle) in obstacles.iter().enumerate() {
@@ -83,16 +79,12 @@ pub(super) fn is_tensor(name: &str, count: usize) -> bool {
     })
 }
 
-/// The obstacles of these names.
-pub(super) fn read(
-    file: &ArrayFile<'_>,
-    names: &[String],
-) -> Result<Vec<ObstacleTrack>, ArrayError> {
+pub(super) fn read(file: &ArrayFile<'_>, names: &[String]) -> Result<Vec<ObstacleTrack>, Problem> {
     let numbered = names.iter().enumerate();
     numbered.map(|(k, name)| read_one(file, k, name)).collect()
 }
 
-fn read_one(file: &ArrayFile<'_>, number: usize, name: &str) -> Result<ObstacleTrack, ArrayError> {
+fn read_one(file: &ArrayFile<'_>, number: usize, name: &str) -> Result<ObstacleTrack, Problem> {
     let title = |part| title(number, part);
     let faces = file.wholes(&title("faces"))?.of_shape(&[None, Some(3)])?;
     let points = file.singles(&title("points"))?;

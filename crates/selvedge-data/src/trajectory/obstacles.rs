@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use glam::{DQuat, DVec3, Quat, Vec3};
+use glam::{DVec3, Quat, Vec3};
 use selvedge_cloth::{Obstacle, ObstaclePath, RigidKey};
 
 use super::TrajectoryError;
@@ -35,13 +35,7 @@ pub(super) struct Pose {
 impl Pose {
     fn apply(&self, point: Vec3) -> Vec3 {
         // In double precision: the rounding of a frame must not depend on where a body is kept.
-        let rotation = DQuat::from_xyzw(
-            self.rotation.x.into(),
-            self.rotation.y.into(),
-            self.rotation.z.into(),
-            self.rotation.w.into(),
-        );
-        let turned = rotation.normalize() * point.as_dvec3();
+        let turned = self.rotation.as_dquat().normalize() * point.as_dvec3();
         (turned + self.translation.as_dvec3()).as_vec3()
     }
 }
@@ -164,9 +158,22 @@ impl ObstacleTrack {
     pub(super) fn check(&self, frames: usize) -> Result<(), TrajectoryError> {
         let name = &self.name;
         let wrong = |problem: String| TrajectoryError(format!("obstacle {name:?}: {problem}"));
-        let found = match &self.motion {
-            TrackMotion::Points(frames) => frames.len(),
-            TrackMotion::Rigid(_, poses) => poses.len(),
+        let is_sound = |pose: &Pose| {
+            let length = pose.rotation.length();
+            pose.translation.is_finite() && (length - 1.0).abs() < 1e-3
+        };
+        let all_finite = |points: &Vec<Vec3>| points.iter().all(|p| p.is_finite());
+        let (found, counts, is_finite): (usize, Vec<usize>, bool) = match &self.motion {
+            TrackMotion::Points(frames) => (
+                frames.len(),
+                frames.iter().map(Vec::len).collect(),
+                frames.iter().all(all_finite),
+            ),
+            TrackMotion::Rigid(points, poses) => (
+                poses.len(),
+                vec![points.len()],
+                all_finite(points) && poses.iter().all(is_sound),
+            ),
         };
         if found != frames && !self.is_still() {
             return Err(wrong(format!("has {found} frames, the cloth has {frames}")));
@@ -176,26 +183,12 @@ impl ObstacleTrack {
             let points = self.points;
             return Err(wrong(format!("a face names point {beyond} of {points}")));
         }
-        let counts = match &self.motion {
-            TrackMotion::Rigid(points, _) => vec![points.len()],
-            TrackMotion::Points(frames) => frames.iter().map(Vec::len).collect(),
-        };
         if let Some(found) = counts.into_iter().find(|&found| found != self.points) {
             let points = self.points;
             return Err(wrong(format!(
                 "has {found} points in a frame, and {points} in all"
             )));
         }
-        let is_finite = match &self.motion {
-            TrackMotion::Rigid(points, poses) => {
-                let is_sound = |pose: &Pose| {
-                    let length = pose.rotation.length();
-                    pose.translation.is_finite() && (length - 1.0).abs() < 1e-3
-                };
-                points.iter().all(|p| p.is_finite()) && poses.iter().all(is_sound)
-            }
-            TrackMotion::Points(frames) => frames.iter().flatten().all(|p| p.is_finite()),
-        };
         match is_finite {
             true => Ok(()),
             false => Err(wrong(

@@ -64,23 +64,6 @@ fn a_tilted_sheet_keeps_all_lengths() {
 }
 
 #[test]
-fn polygons_are_split_where_all_triangles_have_area() {
-    let quad = parse_obj(&format!("{QUAD}f 1 2 3 4 # a comment\n")).unwrap();
-    assert_eq!(quad.mesh.topology().faces().len(), 2);
-    // Concave at vertex 4: only a fan from there or from the corner across works.
-    let dart = "v 0 0 0\nv 2 1 0\nv 0 2 0\nv 1 1 0\nf 1 2 \\\n 3 4\n";
-    let faces = parse_obj(dart).unwrap().mesh.topology().face_indices();
-    assert!(
-        faces.iter().all(|f| f.contains(&1) && f.contains(&3)),
-        "{faces:?}"
-    );
-    let pentagon = "v 0 0 0\nv 1 0 0\nv 2 1 0\nv 1 2 0\nv 0 2 0\nf 1 2 3 4 5\n";
-    let sheet = parse_obj(pentagon).unwrap();
-    let area: f64 = sheet.mesh.rest_shape(1.0).face_area.iter().sum();
-    assert_eq!(area, 3.0);
-}
-
-#[test]
 fn equal_texture_coordinates_with_different_numbers_are_no_seam() {
     let text = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvt 0 0\n\
         f 1/1 2/2 3/3\nf 1/5 3/3 4/4\n";
@@ -88,8 +71,6 @@ fn equal_texture_coordinates_with_different_numbers_are_no_seam() {
     assert_eq!(sheet.mesh.positions().len(), 4);
     let seam = text.replace("vt 0 0\nf", "vt 0.5 0\nf");
     assert_eq!(parse_obj(&seam).unwrap().mesh.pattern().points().len(), 5);
-    let error = parse_obj_with(&seam, refusing()).unwrap_err();
-    says(error, &["vertex 1 has the texture coordinates"]);
 }
 
 #[test]
@@ -165,13 +146,13 @@ fn what_is_not_a_cloth_is_named() {
 }
 
 #[test]
-fn a_byte_order_mark_and_names_in_another_encoding_are_read() {
+fn a_byte_order_mark_joined_lines_and_names_in_another_encoding_are_read() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.obj");
     let mut bytes = b"\xef\xbb\xbf".to_vec();
     bytes.extend(QUAD.bytes());
     // "Ärmel" in Latin-1.
-    bytes.extend(b"g \xc4rmel\nf 1 2 3 4\n");
+    bytes.extend(b"g \xc4rmel\nf 1 2 \\\n 3 4 # a comment\n");
     std::fs::write(&path, bytes).unwrap();
     let sheet = read_obj(&path).unwrap();
     assert_eq!(sheet.labels["\u{fffd}rmel"], [0, 1, 2, 3]);
@@ -263,18 +244,9 @@ fn foreign() -> MeshOptions {
     }
 }
 
-fn refusing() -> MeshOptions {
-    MeshOptions {
-        seams: Seams::Refuse,
-        ..MeshOptions::default()
-    }
-}
-
 #[test]
 fn a_tube_is_cut_along_its_seam_and_its_texture_fitted() {
     let text = tube(12);
-    let refused = parse_obj_with(&text, refusing()).unwrap_err();
-    says(refused, &["mesh.seams = \"refuse\" forbids"]);
     let sheet = parse_obj_with(&text, foreign()).unwrap().sheet;
     let mesh = &sheet.mesh;
     // The two vertices of the seam have copies after the others, at the same places.

@@ -1,6 +1,7 @@
 //! A sewn cloth in files: what is written comes back, and other programs get a texture coordinate
 //! per corner, or per vertex with a way back.
 
+use crate::export::gltf::Glb;
 use crate::help::{run, says, write};
 use glam::{Vec2, Vec3};
 use selvedge_cloth::{Cloth, ClothArrays, Handles, Topology};
@@ -138,28 +139,10 @@ fn a_gltf_of_a_sewn_cloth_is_split_along_its_seams_with_a_way_back() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.glb");
     exported(ExportFormat::Glb, FrameSpan::default(), &path);
-    let bytes = std::fs::read(&path).unwrap();
-    let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
-    let json: Value = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
-    let primitive = &json["meshes"][0]["primitives"][0];
-    let view = |number: &Value| {
-        let accessor = &json["accessors"][number.as_u64().unwrap() as usize];
-        let at = accessor["bufferView"].as_u64().unwrap() as usize;
-        let start = json["bufferViews"][at]["byteOffset"].as_u64().unwrap()
-            + accessor["byteOffset"].as_u64().unwrap();
-        let count = accessor["count"].as_u64().unwrap() as usize;
-        let width = match accessor["type"].as_str().unwrap() {
-            "VEC3" => 3,
-            "VEC2" => 2,
-            _ => 1,
-        };
-        let (words, _) = bytes[28 + length + start as usize..].as_chunks::<4>();
-        words[..count * width].to_vec()
-    };
-    let floats = |name: &str| -> Vec<f32> {
-        let words = view(&primitive["attributes"][name]);
-        words.into_iter().map(f32::from_le_bytes).collect()
-    };
+    let glb = Glb::read(&path);
+    let primitive = &glb.json["meshes"][0]["primitives"][0];
+    let number = |accessor: &Value| accessor.as_u64().unwrap() as usize;
+    let floats = |name: &str| glb.floats(number(&primitive["attributes"][name]));
     let back = floats("_VERTEX");
     assert_eq!(back, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 1.0, 2.0]);
     let positions = floats("POSITION");
@@ -168,13 +151,11 @@ fn a_gltf_of_a_sewn_cloth_is_split_along_its_seams_with_a_way_back() {
         assert_eq!(place, trajectory().frame(0)[vertex as usize]);
     }
     assert_eq!(floats("TEXCOORD_0").len(), 16);
-    let indices = view(&primitive["indices"])
-        .into_iter()
-        .map(u32::from_le_bytes);
+    let indices = glb.words(number(&primitive["indices"]));
+    let indices = indices.into_iter().map(u32::from_le_bytes);
     assert!(indices.eq(cloth().pattern().corners().into_flattened()));
-    let change = view(&primitive["targets"][0]["POSITION"]);
-    assert_eq!(change.len(), 24);
-    assert_eq!(f32::from_le_bytes(change[22]), 0.5);
+    let change = glb.floats(number(&primitive["targets"][0]["POSITION"]));
+    assert_eq!((change.len(), change[22]), (24, 0.5));
 }
 
 /// A scene of two flat panels of 3 by 3 vertices beside each other, 0.1 m apart, the second moved

@@ -1,44 +1,15 @@
 //! Presets of data sets: one setting, the motions to train on and to test on, and the rule for
-//! sections. Written in TOML by people, resolved to JSON that the data set keeps as its
-//! configuration.
+//! sections. Written in TOML by people (docs/src/guides/data.md), resolved to JSON that the data set
+//! keeps as its configuration.
 //!
-//! ```toml
-//! name = "two"
-//! sections = "whole"                # or "paper"
-//! train = ["forward", "wiggle"]     # names of motions: one's own below, or those with a name
-//! test = ["bouncy"]
-//! [setting]                         # as in a scene, without name and motion
-//! [motions.wiggle]                  # as a scene's motion
-//! ```
-//!
-//! `train = "all-training"` and `test = "all-test"` stand for the paper's 16 and our 15 motions;
-//! `{ set = "all-training", random = 32 }` adds the motions `random-0` to `random-31` to them.
-//! A list may name such sets too, and `all-generalisation`, the 12 motions unlike those. `side@1.5`
-//! is a motion 1.5 times as fast, `all-test@1.5` a set of them.
-//!
-//! ```toml
-//! [meshes]                          # run the test motions on these instead of the setting's mesh
-//! names = "all"                     # or some of the meshes that have a name
-//! density = 1024.0                  # vertices/m²
-//! seed = 1
-//!
-//! [[cloths]]                        # and on these
-//! name = "one-handle"
-//! mesh = { generator = { kind = "square", vertices = 400, size = 1.0, seed = 1 } }
-//! handles = { vertices = [0] }
-//! ```
-//!
-//! Only with these may `train` be empty: such a set is for testing what was learned elsewhere.
 //! No motion may be in both splits, none of one's own in neither or with the name of a shipped one.
 //! This crate plans the runs; the physics is run elsewhere.
 
 mod cloths;
 pub(crate) mod config;
-mod forecast;
 
 use self::cloths::{ClothFile, MeshesFile, all_of, on_each};
-pub use self::config::{DatasetConfig, NamedCloth, NamedMotion};
-pub use self::forecast::{Forecast, PlannedRun};
+pub use self::config::{DatasetConfig, Forecast, NamedCloth, NamedMotion, PlannedRun};
 use crate::dataset::Split;
 use crate::dataset::plan::DatasetPlan;
 use crate::dataset::sections::SectionRule;

@@ -86,7 +86,6 @@ impl<'a> Archive<'a> {
         Ok([self.scalar(bytes)?, NO_DATA])
     }
 
-    /// A property of these samples.
     pub(super) fn property(
         &mut self,
         name: &str,
@@ -101,7 +100,6 @@ impl<'a> Archive<'a> {
         })
     }
 
-    /// A property that has properties.
     pub(super) fn compound(
         &mut self,
         name: &str,
@@ -115,7 +113,6 @@ impl<'a> Archive<'a> {
         })
     }
 
-    /// An object with these properties and children.
     pub(super) fn object(
         &mut self,
         name: &str,
@@ -184,7 +181,6 @@ impl<'a> Archive<'a> {
         self.out.group(&groups)
     }
 
-    /// The number of these metadata.
     fn number_of(&mut self, metadata: &'static str) -> u32 {
         if metadata.is_empty() {
             return 0;

@@ -20,7 +20,6 @@ pub(super) struct Stage<'a> {
     pub(super) prims: Vec<Prim<'a>>,
 }
 
-/// A prim.
 pub(super) struct Prim<'a> {
     pub(super) name: String,
     /// Type of the schema.

@@ -7,7 +7,6 @@ use glam::Vec3;
 use super::super::outcome::Pulse;
 use super::stage::{Prim, Property, Stage, Value};
 
-/// Writes the stage.
 pub(super) fn write(
     stage: &Stage<'_>,
     out: &mut impl Write,

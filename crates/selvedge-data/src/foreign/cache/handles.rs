@@ -13,9 +13,6 @@ use crate::rig::{Rig, RigFormat, read_body};
 const ROUNDINGS: f64 = 16.0;
 
 /// The handles that `source` says, of the vertices of `span` in a file.
-///
-/// # Errors
-/// The defect, as the end of a sentence.
 pub(super) fn held(
     source: &HandleSource,
     bytes: &[u8],

@@ -15,9 +15,9 @@ use glam::{DVec2, DVec3};
 use serde_json::{Value, json};
 
 use super::assemble::{TrajectoryParts, Weight, hanging};
-use super::error::{ForeignError, at, unread};
 use super::options::{ImportOptions, RestSource, describe_file};
 use crate::UpAxis;
+use crate::formats::file_error::{FileError, Problem};
 use crate::formats::input::read_file;
 use crate::formats::obj::{parse_obj_polygons, read_obj, read_obj_positions};
 use crate::formats::polygons::{Polygons, triangles_in_space};
@@ -61,7 +61,7 @@ impl ImportOptions {
     }
 
     /// The resolved options.
-    pub(super) fn describe(&self) -> Result<Value, ForeignError> {
+    pub(super) fn describe(&self) -> Result<Value, FileError<Problem>> {
         let mut import = json!({
             "format": "cache",
             "density": self.density,
@@ -79,10 +79,9 @@ impl ImportOptions {
         Ok(import)
     }
 
-    /// The parts of the trajectory in a file.
-    pub(super) fn read(&self, path: &Path) -> Result<TrajectoryParts, ForeignError> {
-        let layout = |problem: String| at(path, problem);
-        let bytes = read_file(path).map_err(unread(path))?;
+    pub(super) fn read(&self, path: &Path) -> Result<TrajectoryParts, FileError<Problem>> {
+        let layout = |problem: String| FileError::new(path, problem);
+        let bytes = read_file(path).map_err(FileError::unread(path))?;
         let format = RigFormat::of(ending_of(path));
         let mesh = mesh_of(path, &bytes, format)?;
         let name = path.to_string_lossy();
@@ -128,16 +127,18 @@ impl ImportOptions {
         path: &Path,
         material: &[DVec2],
         frames: &[Vec<DVec3>],
-    ) -> Result<Vec<DVec3>, ForeignError> {
+    ) -> Result<Vec<DVec3>, FileError<Problem>> {
         let rest = match &self.rest {
             RestSource::Flat => hanging(material),
             RestSource::FirstFrame => frames.first().cloned().unwrap_or_default(),
-            RestSource::Obj(file) => read_obj_positions(file).map_err(|error| at(file, error))?,
+            RestSource::Obj(file) => {
+                read_obj_positions(file).map_err(|error| FileError::new(file, error))?
+            }
         };
         if rest.len() == material.len() {
             return Ok(rest);
         }
-        Err(at(
+        Err(FileError::new(
             path,
             other_count("the rest pose", rest.len(), material.len()),
         ))
@@ -185,13 +186,17 @@ fn other_count(what: &str, found: usize, expected: usize) -> String {
 }
 
 /// The meshes of a file, or of the .obj beside it.
-fn mesh_of(path: &Path, bytes: &[u8], format: Option<RigFormat>) -> Result<Polygons, ForeignError> {
+fn mesh_of(
+    path: &Path,
+    bytes: &[u8],
+    format: Option<RigFormat>,
+) -> Result<Polygons, FileError<Problem>> {
     if let Some(format) = format {
-        return polygons(bytes, format).map_err(|error| at(path, error));
+        return polygons(bytes, format).map_err(|error| FileError::new(path, error));
     }
     let beside = path.with_extension("obj");
-    let text = read_file(&beside).map_err(unread(&beside))?;
-    parse_obj_polygons(&text).map_err(|error| at(&beside, error))
+    let text = read_file(&beside).map_err(FileError::unread(&beside))?;
+    parse_obj_polygons(&text).map_err(|error| FileError::new(&beside, error))
 }
 
 /// The vertices of the cloth, from one to before another: of the mesh called `object`, or else of

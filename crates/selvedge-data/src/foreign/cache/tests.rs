@@ -34,7 +34,7 @@ fn options(rate: f64) -> ImportOptions {
     }
 }
 
-fn import(folder: &Path, rate: f64) -> Result<Trajectory, ForeignError> {
+fn import(folder: &Path, rate: f64) -> Result<Trajectory, FileError<Problem>> {
     let source = ForeignSource::open(folder, &options(rate))?;
     source.read(&source.runs()[0])
 }
@@ -108,7 +108,6 @@ fn what_is_missing_is_named() {
     }
 }
 
-/// The handles of an import with these options.
 fn handles(folder: &Path, options: &ImportOptions) -> Result<Vec<u32>, String> {
     let source = ForeignSource::open(folder, options);
     let source = source.map_err(|error| error.to_string())?;

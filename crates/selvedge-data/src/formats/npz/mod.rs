@@ -37,9 +37,6 @@ const ELSEWHERE: usize = 0xffff_ffff;
 
 impl<'a> Npz<'a> {
     /// The archive in `bytes`.
-    ///
-    /// # Errors
-    /// The defect, as the end of a sentence.
     pub(crate) fn open(bytes: &'a [u8]) -> Result<Self, String> {
         let cut = || incomplete("it ends too early");
         // The comment at the end is at most 65535 bytes long.
@@ -64,7 +61,6 @@ impl<'a> Npz<'a> {
         self.entries.iter().map(|e| e.name.as_str()).collect()
     }
 
-    /// The array of this name, if there is one.
     pub(crate) fn array(&self, name: &str) -> Result<Option<Array>, String> {
         let entry = self.entries.iter().find(|entry| entry.name == name);
         let read = |entry| Array::parse(&self.unpack(entry)?);

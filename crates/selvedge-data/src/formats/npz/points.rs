@@ -3,7 +3,8 @@
 use glam::DVec3;
 
 use crate::UpAxis;
-use crate::formats::arrays::{ArrayError, ArrayFile};
+use crate::formats::arrays::ArrayFile;
+use crate::formats::file_error::Problem;
 
 /// Points over time, y up.
 pub(crate) struct NpzPoints {
@@ -18,7 +19,7 @@ pub(crate) struct NpzPoints {
 impl NpzPoints {
     /// The points in the bytes of an archive: `positions` or else `points`, `[frames, points, 3]`
     /// `[m]`, and `handles`, `fps` `[1]` and `up_axis` `[1]` where they are.
-    pub(crate) fn read(bytes: &[u8]) -> Result<Self, ArrayError> {
+    pub(crate) fn read(bytes: &[u8]) -> Result<Self, Problem> {
         let file = ArrayFile::npz(bytes)?;
         let has_points = file.has("points") && !file.has("positions");
         let name = if has_points { "points" } else { "positions" };
@@ -34,7 +35,7 @@ impl NpzPoints {
         let beyond = |handles: &[u32]| handles.iter().find(|&&h| h as usize >= count).copied();
         if let Some(found) = handles.as_ref().and_then(|handles| beyond(&handles.values)) {
             let expected = format!("vertices below {count}");
-            return Err(ArrayError::array("handles", &expected, found));
+            return Err(Problem::array("handles", &expected, found));
         }
         let frame_rate = match file.has("fps") {
             true => Some(file.floats("fps")?.single()?),
@@ -51,7 +52,7 @@ impl NpzPoints {
 
 impl ArrayFile<'_> {
     /// Axis that points up in an archive; y where it does not say.
-    pub(crate) fn up_axis(&self) -> Result<UpAxis, ArrayError> {
+    pub(crate) fn up_axis(&self) -> Result<UpAxis, Problem> {
         if !self.has("up_axis") {
             return Ok(UpAxis::Y);
         }
@@ -60,7 +61,7 @@ impl ArrayFile<'_> {
             [2] => Ok(UpAxis::Z),
             ref other => {
                 let found = format!("{other:?}");
-                Err(ArrayError::array("up_axis", "1 for y or 2 for z", found))
+                Err(Problem::array("up_axis", "1 for y or 2 for z", found))
             }
         }
     }

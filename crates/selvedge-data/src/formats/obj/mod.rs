@@ -44,7 +44,6 @@ pub(crate) fn read_obj_positions(path: &Path) -> Result<Vec<DVec3>, ReadMeshErro
     positions.map_err(FileError::at(path))
 }
 
-/// The polygons in the bytes of a file.
 pub(crate) fn parse_obj_polygons(bytes: &[u8]) -> Result<Polygons, MeshFileError> {
     parse::parse(&String::from_utf8_lossy(bytes))
 }
@@ -55,19 +54,4 @@ pub(crate) fn parse_obj_polygons(bytes: &[u8]) -> Result<Polygons, MeshFileError
 /// [`MeshFileError`] names the line or vertex that cannot be used.
 pub fn parse_obj_with(text: &str, options: MeshOptions) -> Result<ReadMesh, MeshFileError> {
     assemble(parse::parse(text)?, options)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_byte_order_mark_is_passed_over_in_a_mesh_and_in_its_vertices() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("marked.obj");
-        std::fs::write(&path, "\u{feff}v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
-        let positions = read_obj_positions(&path).unwrap();
-        assert_eq!(positions, [DVec3::ZERO, DVec3::X, DVec3::Y]);
-        assert_eq!(read_obj(&path).unwrap().mesh.positions(), positions);
-    }
 }

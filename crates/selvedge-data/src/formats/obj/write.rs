@@ -22,9 +22,6 @@ pub(crate) struct ObjFrame<'a> {
 }
 
 /// Writes `positions` `[m]`, `[vertices]`, and the pattern of `cloth`, all or nothing.
-///
-/// # Errors
-/// [`WriteError`].
 pub fn write_obj(path: &Path, cloth: &Cloth, positions: &[Vec3]) -> Result<(), WriteError> {
     let frame = ObjFrame {
         topology: cloth.topology(),

@@ -1,7 +1,5 @@
 //! From polygons to a mesh with a rest shape for each triangle.
 
-use std::collections::BTreeMap;
-
 use glam::{DVec2, DVec3, Vec2};
 use selvedge_cloth::generate::Sheet;
 use selvedge_cloth::{FaceFabrics, FaceId, LoosePanels, Mesh, MeshError, TopologyError, VertexId};
@@ -9,9 +7,9 @@ use selvedge_cloth::{FaceFabrics, FaceId, LoosePanels, Mesh, MeshError, Topology
 use super::clean::{check_corners, drop_unused};
 use super::error::MeshFileError;
 use super::fit::fit;
-use super::flat::planar_coordinates;
 use super::options::{MeshOptions, PatternSource, Seams, TextureUnit};
 use super::orient::orient;
+use super::shape::planar_coordinates;
 use super::shape::{in_own_plane, own_shape};
 use super::slits::warn_of_slits;
 use super::soup::{Corner, Place, Polygon, Polygons, ReadMesh};
@@ -87,9 +85,6 @@ fn rest_coordinates(
         cut(polygons);
     }
     let mut coordinates = texture_coordinates(polygons)?;
-    if options.seams == Seams::Refuse {
-        check_seams(polygons, &coordinates)?;
-    }
     if options.texture == TextureUnit::Fit {
         fit(polygons, &mut coordinates)?;
     }
@@ -165,23 +160,6 @@ fn texture_coordinates(polygons: &Polygons) -> Result<Vec<Vec<DVec2>>, MeshFileE
         })
     };
     polygons.polygons.iter().map(of_polygon).collect()
-}
-
-/// Checks that all faces of a vertex agree on its coordinate.
-fn check_seams(polygons: &Polygons, coordinates: &[Vec<DVec2>]) -> Result<(), MeshFileError> {
-    let mut found: BTreeMap<u32, DVec2> = BTreeMap::new();
-    for (polygon, places) in polygons.polygons.iter().zip(coordinates) {
-        for (corner, &value) in polygon.corners.iter().zip(places) {
-            let first = *found.entry(corner.vertex).or_insert(value);
-            if first != value {
-                return Err(MeshFileError::content(format!(
-                    "vertex {} has the texture coordinates {first} and {value}, which mesh.seams = \"refuse\" forbids: leave it out to sew the panels together there, or cut the cloth with mesh.seams = \"cut\"",
-                    polygons.number(corner.vertex)
-                )));
-            }
-        }
-    }
-    Ok(())
 }
 
 /// Cuts every polygon into triangles, whose rest shapes are those of the corners' `coordinates`,

@@ -9,7 +9,6 @@ mod border;
 mod clean;
 mod error;
 mod fit;
-mod flat;
 mod options;
 mod orient;
 mod sew;
@@ -24,8 +23,8 @@ pub use self::error::{MeshFileError, ReadMeshError};
 pub use self::options::{MeshOptions, PatternSource, RestAngles, Seams, TextureUnit};
 pub(crate) use self::sew::sew;
 pub use self::sew::{PanelPlace, SeamPair, Sewing};
-pub(crate) use self::soup::{Corner, Polygon, Polygons};
-pub use self::soup::{Place, ReadMesh};
+pub use self::soup::ReadMesh;
+pub(crate) use self::soup::{Corner, Place, Polygon, Polygons};
 pub(crate) use self::triangulate::{triangles_in_space, triangles_of_body};
 pub(crate) use self::weld::owners;
 

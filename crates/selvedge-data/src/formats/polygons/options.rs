@@ -38,8 +38,6 @@ pub enum Seams {
     /// The panels are sewn together there.
     #[default]
     Sewn,
-    /// The file is refused.
-    Refuse,
     /// The sheet is cut open along the seam: the side that comes later in the file gets vertices of
     /// its own, numbered after those of the file.
     Cut,

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use super::border::Border;
 use super::clean::drop_unnamed;
 use super::error::MeshFileError;
-use super::flat::planar_coordinates;
+use super::shape::planar_coordinates;
 use super::soup::Polygons;
 use super::weld::{merge, root, unite};
 

@@ -54,7 +54,7 @@ pub(crate) struct Corner {
 
 /// Place of a face in its file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+pub(crate) enum Place {
     /// Line of a text, from 1.
     Line(usize),
     /// Number of the face, from 0.

@@ -8,14 +8,14 @@ use glam::DVec3;
 use selvedge_assets::BODIES;
 use selvedge_cloth::bodies::Body;
 
-use super::error::Problem;
-use crate::formats::hash::{check_hash, hash};
+use super::error::FieldProblem;
 use crate::formats::input::read_file;
+use crate::formats::input::retired;
+use crate::formats::input::{check_hash, hash};
 use crate::formats::npz::NpzPoints;
 use crate::formats::obj::parse_obj_polygons;
 use crate::formats::pc2;
 use crate::formats::polygons::triangles_of_body;
-use crate::formats::retired::retired;
 use crate::rig::{RigError, RigFormat, read_body};
 
 pub(super) use self::sequence::Sequence;
@@ -52,7 +52,11 @@ impl Kind {
 }
 
 /// The bytes of a file or of a shipped body, for `field`.
-pub(super) fn bytes_of(field: &'static str, path: &str, folder: &Path) -> Result<Vec<u8>, Problem> {
+pub(super) fn bytes_of(
+    field: &'static str,
+    path: &str,
+    folder: &Path,
+) -> Result<Vec<u8>, FieldProblem> {
     if let Some(bytes) = shipped(path) {
         return Ok(bytes.to_vec());
     }
@@ -65,7 +69,7 @@ pub(super) fn bytes_of(field: &'static str, path: &str, folder: &Path) -> Result
                 names.join(", ")
             ),
         };
-        Problem(field, problem)
+        FieldProblem(field, problem)
     })
 }
 
@@ -75,17 +79,21 @@ pub(super) fn unchanged(
     path: &str,
     expected: &str,
     folder: &Path,
-) -> Result<Vec<u8>, Problem> {
+) -> Result<Vec<u8>, FieldProblem> {
     let bytes = bytes_of(field, path, folder)?;
     let checked = check_hash(path, expected, &hash(&bytes));
-    checked.map_err(|problem| Problem(field, problem))?;
+    checked.map_err(|problem| FieldProblem(field, problem))?;
     Ok(bytes)
 }
 
 /// The mesh in the bytes of the file at `path`, as it stands at the start; what is left out is said
 /// in `warnings`.
-pub(super) fn mesh(path: &str, bytes: &[u8], warnings: &mut Vec<String>) -> Result<Body, Problem> {
-    let wrong = |problem: String| Problem("mesh", format!("{path}: {problem}"));
+pub(super) fn mesh(
+    path: &str,
+    bytes: &[u8],
+    warnings: &mut Vec<String>,
+) -> Result<Body, FieldProblem> {
+    let wrong = |problem: String| FieldProblem("mesh", format!("{path}: {problem}"));
     let (points, polygons) = match Kind::of(path) {
         Some(Kind::Obj) => {
             let read = parse_obj_polygons(bytes).map_err(|error| wrong(error.to_string()))?;
@@ -147,9 +155,6 @@ pub(crate) type Frames = (f64, Vec<Vec<DVec3>>);
 /// The points in a file of any kind but .obj, from `from` `[s]` after its start on, and their
 /// frames per second: `rate` for what has times of its own or says none. Of a .glb with several
 /// animations one is named.
-///
-/// # Errors
-/// The defect, as a sentence.
 pub(crate) fn moving_points(
     path: &str,
     bytes: &[u8],
@@ -189,9 +194,6 @@ pub(crate) fn moving_points(
 }
 
 /// The frames from `from` `[s]` on.
-///
-/// # Errors
-/// The defect, as a sentence, where there are none.
 pub(super) fn later(
     mut frames: Vec<Vec<DVec3>>,
     from: f64,

@@ -5,12 +5,11 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::super::error::Problem;
+use super::super::error::FieldProblem;
 use super::bytes_of;
-use crate::formats::hash::hash;
+use crate::formats::input::hash;
 use crate::formats::obj::parse_obj_polygons;
 
-/// Frames at most.
 const MOST_FRAMES: usize = 100_000;
 
 /// Names of the files of a sequence.
@@ -30,14 +29,14 @@ pub(in super::super) struct SequencePoints {
 
 impl<'a> Sequence<'a> {
     /// The pattern, if `path` is one.
-    pub(in super::super) fn of(path: &'a str) -> Result<Option<Self>, Problem> {
+    pub(in super::super) fn of(path: &'a str) -> Result<Option<Self>, FieldProblem> {
         let Some((before, rest)) = path.split_once("{frame") else {
             return Ok(None);
         };
         let wrong = || {
             let problem =
                 format!("{path}: write {{frame}}, or {{frame:04}} for numbers of four digits");
-            Problem("motion", problem)
+            FieldProblem("motion", problem)
         };
         let (form, after) = rest.split_once('}').ok_or_else(wrong)?;
         let width = match form.strip_prefix(":0") {
@@ -47,7 +46,7 @@ impl<'a> Sequence<'a> {
         };
         if !after.to_ascii_lowercase().ends_with(".obj") || after.contains('{') {
             let problem = format!("{path}: a sequence of files must be of .obj");
-            return Err(Problem("motion", problem));
+            return Err(FieldProblem("motion", problem));
         }
         Ok(Some(Self {
             before,
@@ -71,7 +70,7 @@ impl<'a> Sequence<'a> {
         &self,
         first: Option<usize>,
         folder: &Path,
-    ) -> Result<SequencePoints, Problem> {
+    ) -> Result<SequencePoints, FieldProblem> {
         let is_there = |frame: usize| folder.join(self.name(frame)).is_file();
         let first = first.unwrap_or(usize::from(!is_there(0)));
         let mut frames: Vec<Vec<DVec3>> = Vec::new();
@@ -84,13 +83,13 @@ impl<'a> Sequence<'a> {
             let name = self.name(frame);
             if frames.len() == MOST_FRAMES {
                 let problem = format!("{name}: more than {MOST_FRAMES} frames");
-                return Err(Problem("motion", problem));
+                return Err(FieldProblem("motion", problem));
             }
             let bytes = bytes_of("motion", &name, folder)?;
             hashes.push_str(&hash(&bytes));
             let read = parse_obj_polygons(&bytes);
             let read = read
-                .map_err(|error| Problem("motion", format!("{name}: {error}")))?
+                .map_err(|error| FieldProblem("motion", format!("{name}: {error}")))?
                 .positions;
             if let Some(before) = frames.first()
                 && before.len() != read.len()
@@ -101,7 +100,7 @@ impl<'a> Sequence<'a> {
                     self.name(first),
                     before.len()
                 );
-                return Err(Problem("motion", problem));
+                return Err(FieldProblem("motion", problem));
             }
             frames.push(read);
         }
@@ -151,7 +150,7 @@ mod tests {
         assert_ne!(late.blake3, read.blake3);
         assert!(sequence.read(Some(9), folder.path()).is_err());
         write(2, &["0 0 0"]);
-        let Err(Problem(_, problem)) = sequence.read(None, folder.path()) else {
+        let Err(FieldProblem(_, problem)) = sequence.read(None, folder.path()) else {
             panic!("a point is missing");
         };
         says(&problem, &["b2.obj has 1 points, but b1.obj has 2"]);

@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 
 use glam::DVec3;
-use selvedge_cloth::Obstacle;
+use selvedge_cloth::{Obstacle, Topology};
+use selvedge_contact::{Candidates, Intersection, Surface};
 
 use super::{Desk, at};
 use crate::test_help::says;
@@ -23,53 +24,16 @@ fn doing(animation: &str) -> Obstacle {
     Desk::new().read(&text).unwrap()
 }
 
-/// Pairs of an edge and a face without a common point that cross.
+/// Pairs of faces without a common point that meet.
 fn crossings(points: &[DVec3], faces: &[[u32; 3]]) -> usize {
-    const CELL: f64 = 0.06;
-    let cell = |p: DVec3| (p / CELL).floor().to_array().map(|x| x as i32);
-    let mut cells: BTreeMap<[i32; 3], Vec<usize>> = BTreeMap::new();
-    for (number, face) in faces.iter().enumerate() {
-        let corners = face.map(|p| points[p as usize]);
-        let low = cell(corners[0].min(corners[1]).min(corners[2]));
-        let high = cell(corners[0].max(corners[1]).max(corners[2]));
-        for x in low[0]..=high[0] {
-            for y in low[1]..=high[1] {
-                for z in low[2]..=high[2] {
-                    cells.entry([x, y, z]).or_default().push(number);
-                }
-            }
-        }
-    }
-    let mut found = std::collections::BTreeSet::new();
-    for near in cells.values() {
-        for &one in near {
-            for &other in near {
-                let [one_face, other_face] = [faces[one], faces[other]];
-                if one_face.iter().any(|p| other_face.contains(p)) {
-                    continue;
-                }
-                let corners = other_face.map(|p| points[p as usize]);
-                for k in 0..3 {
-                    let ends = [one_face[k], one_face[(k + 1) % 3]].map(|p| points[p as usize]);
-                    if crosses(ends, corners) {
-                        found.insert((one, other));
-                    }
-                }
-            }
-        }
-    }
-    found.len()
-}
-
-/// Returns true if the segment passes through the triangle: its ends are on both sides of the
-/// plane, and the triangle's sides all turn the same way around it.
-fn crosses([p, q]: [DVec3; 2], [a, b, c]: [DVec3; 3]) -> bool {
-    let side = |x: DVec3, y: DVec3, z: DVec3, w: DVec3| (y - x).cross(z - x).dot(w - x);
-    if side(a, b, c, p) * side(a, b, c, q) >= 0.0 {
-        return false;
-    }
-    let turns = [side(p, q, a, b), side(p, q, b, c), side(p, q, c, a)];
-    turns.iter().all(|t| *t > 0.0) || turns.iter().all(|t| *t < 0.0)
+    let topology = Topology::new(points.len(), faces).unwrap();
+    let surface = Surface::new(&topology, &[]);
+    let met = Candidates::new(&surface, points, true).intersections(&surface, points);
+    let is_apart = |pair: &&Intersection| {
+        let [one, other] = pair.faces.map(|face| faces[face as usize]);
+        !one.iter().any(|point| other.contains(point))
+    };
+    met.iter().filter(is_apart).count()
 }
 
 #[test]

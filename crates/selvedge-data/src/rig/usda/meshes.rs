@@ -60,9 +60,6 @@ pub(super) fn is_of_skeleton(name: &str) -> bool {
 }
 
 /// The meshes of these prims that are seen; what is left out is said in `warnings`.
-///
-/// # Errors
-/// [`RigError`] for a prim that brings more from elsewhere, and for what is wrong in a mesh.
 pub(super) fn meshes(
     prims: &[Prim],
     warnings: &mut Vec<String>,

@@ -47,9 +47,6 @@ pub(super) fn named<'a>(attributes: &'a [Attribute], name: &str) -> Option<&'a A
 }
 
 /// The operations of a prim from the outermost to the innermost.
-///
-/// # Errors
-/// The part that cannot be understood.
 pub(super) fn operations_of(
     attributes: &[Attribute],
     order: Option<&[String]>,

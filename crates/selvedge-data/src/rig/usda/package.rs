@@ -10,10 +10,6 @@ const HEADER: usize = 30;
 const END: usize = 22;
 const LONGEST_COMMENT: usize = 1024;
 
-/// The bytes of the first file.
-///
-/// # Errors
-/// The defect, as the end of a sentence.
 pub(super) fn first_file(bytes: &[u8]) -> Result<&[u8], String> {
     let number = |at: usize, width: usize| -> Option<usize> {
         let own = bytes.get(at..at + width)?.iter().rev();

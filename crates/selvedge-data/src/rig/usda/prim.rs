@@ -66,7 +66,6 @@ pub(super) struct Prim {
     pub(super) absence: Option<Absence>,
     /// Path of the prim in the same file that it is an instance of.
     pub(super) reference: Option<String>,
-    /// Its own purpose.
     pub(super) purpose: Option<String>,
     /// True where it has properties of `skel:`.
     pub(super) is_skinned: bool,
@@ -189,7 +188,6 @@ impl Prim {
     }
 }
 
-/// The rig of these prims.
 pub(super) fn rig(prims: &[Prim], stage: &Stage) -> Rig {
     let rate = stage.rate();
     let attributes = prims.iter().flat_map(|prim| &prim.attributes);

@@ -15,9 +15,6 @@ const MOST_NUMBERS: usize = 20_000_000;
 
 /// Follows all references within the file; a prim that brings prims of its own beside one cannot be
 /// told, and neither can a way that leads back to where it began.
-///
-/// # Errors
-/// The defect, as the end of a sentence, where they lead nowhere or make too much.
 pub(super) fn follow(prims: &mut Vec<Prim>) -> Result<(), String> {
     if prims.iter().all(|prim| prim.reference.is_none()) {
         return Ok(());

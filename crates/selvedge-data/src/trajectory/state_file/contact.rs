@@ -7,7 +7,8 @@ use selvedge_cloth::{
 };
 
 use super::SavedState;
-use crate::formats::arrays::{ArrayError, ArrayFile};
+use crate::formats::arrays::ArrayFile;
+use crate::formats::file_error::Problem;
 use crate::formats::tensor_file::{TensorOut, TensorValues};
 
 /// Number of entries of each state in each of [`TABLES`], u32 `[states, 4]`; without the last where
@@ -120,7 +121,7 @@ impl Tables {
     }
 
     /// Reads those of `states` states; empty where the file has none.
-    pub(super) fn read(file: &ArrayFile<'_>, states: usize) -> Result<Self, ArrayError> {
+    pub(super) fn read(file: &ArrayFile<'_>, states: usize) -> Result<Self, Problem> {
         if !file.has(COUNTS) {
             return Ok(Self::default());
         }
@@ -153,7 +154,7 @@ impl Tables {
                 None => Ok(values),
                 Some(value) => {
                     let expected = format!("finite numbers up to {LARGEST:e}");
-                    Err(ArrayError::array(name, &expected, value))
+                    Err(Problem::array(name, &expected, value))
                 }
             }
         };
@@ -169,7 +170,7 @@ impl Tables {
     }
 
     /// The entries of state `index`; none where it has no entry.
-    pub(super) fn state(&self, index: usize) -> Result<Option<ContactMemory>, ArrayError> {
+    pub(super) fn state(&self, index: usize) -> Result<Option<ContactMemory>, Problem> {
         let Some(own) = self.counts.get(index) else {
             return Ok(None);
         };
@@ -214,27 +215,27 @@ impl Tables {
             }
         };
         let memory = ContactMemory {
-            anchors: entries(0).map(anchor).collect::<Result<_, ArrayError>>()?,
-            pushing: entries(1).map(pushing).collect::<Result<_, ArrayError>>()?,
-            caught: entries(2).map(caught).collect::<Result<_, ArrayError>>()?,
+            anchors: entries(0).map(anchor).collect::<Result<_, Problem>>()?,
+            pushing: entries(1).map(pushing).collect::<Result<_, Problem>>()?,
+            caught: entries(2).map(caught).collect::<Result<_, Problem>>()?,
             released: entries(3).map(released).collect(),
         };
         Ok((memory != ContactMemory::default()).then_some(memory))
     }
 }
 
-fn check_length(name: &str, found: usize, expected: usize) -> Result<(), ArrayError> {
+fn check_length(name: &str, found: usize, expected: usize) -> Result<(), Problem> {
     if found == expected {
         return Ok(());
     }
     let expected = format!("{expected} numbers, by the states and contact_counts");
     let found = format!("{found} of them");
-    Err(ArrayError::array(name, &expected, found))
+    Err(Problem::array(name, &expected, found))
 }
 
-fn touching(name: &str, numbers: &[u32]) -> Result<Touching, ArrayError> {
+fn touching(name: &str, numbers: &[u32]) -> Result<Touching, Problem> {
     let numbers = [numbers[0], numbers[1], numbers[2]];
     let expected = "entries that begin with 0 or 1";
-    let wrong = || ArrayError::array(name, expected, format!("{numbers:?}"));
+    let wrong = || Problem::array(name, expected, format!("{numbers:?}"));
     Touching::of_numbers(numbers).ok_or_else(wrong)
 }

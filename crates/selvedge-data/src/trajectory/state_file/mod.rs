@@ -15,13 +15,12 @@ use std::path::Path;
 use glam::DVec3;
 use selvedge_cloth::ContactMemory;
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
 use self::contact::Tables;
-use crate::formats::arrays::{Array, ArrayError, ArrayFile};
+use crate::formats::arrays::{Array, ArrayFile};
 use crate::formats::atomic::WriteError;
-use crate::formats::file_error::FileError;
-use crate::formats::hash::hash;
+use crate::formats::file_error::{FileError, Problem};
+use crate::formats::input::hash;
 use crate::formats::input::read_file;
 use crate::formats::tensor_file::{TensorOut, TensorValues, write_tensors};
 use crate::trajectory::Provenance;
@@ -121,20 +120,6 @@ pub struct StateRun {
     pub states: Vec<SavedState>,
 }
 
-/// A state that could not be read from a file.
-pub type ReadStateError = FileError<StateError>;
-
-/// Bytes that hold no such state.
-#[derive(Debug, Error)]
-#[error("{0}")]
-pub struct StateError(String);
-
-impl From<ArrayError> for StateError {
-    fn from(error: ArrayError) -> Self {
-        Self(error.to_string())
-    }
-}
-
 impl SavedState {
     /// At `positions` `[m]`, `[vertices]`, without velocity, before the motion begins.
     #[must_use]
@@ -160,17 +145,16 @@ impl SavedState {
     /// relative to `folder`; also how it was found.
     ///
     /// # Errors
-    /// [`ReadStateError`] names the file, the array and what is wrong with it.
+    /// [`FileError<Problem>`] names the file, the array and what is wrong with it.
     pub fn read(
         folder: &Path,
         path: &str,
         choice: &StateChoice,
         vertices: usize,
-    ) -> Result<(Self, StateSpec), ReadStateError> {
+    ) -> Result<(Self, StateSpec), FileError<Problem>> {
         let full = folder.join(path);
         let within = FileError::at(&full);
-        let unread = |error| within(StateError(format!("could not be read: {error}")));
-        let bytes = read_file(&full).map_err(unread)?;
+        let bytes = read_file(&full).map_err(FileError::unread(&full))?;
         let file = open(&full, &bytes, choice.frame_rate).map_err(&within)?;
         let (state, [positions, velocities]) = select(&file, choice, vertices).map_err(&within)?;
         let spec = StateSpec {
@@ -188,15 +172,15 @@ impl StateRun {
     /// Reads the states that [`Self::write`] wrote.
     ///
     /// # Errors
-    /// [`StateError`] names the array and what is wrong with it.
-    pub fn from_bytes(bytes: &[u8]) -> Result<Self, StateError> {
+    /// [`Problem`] names the array and what is wrong with it.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, Problem> {
         let (file, metadata) = ArrayFile::safetensors(bytes)?;
         check_metadata(&metadata, None)?;
         let [positions, velocities, frames] = PAIRS[0];
         let pair = [positions, velocities].map(str::to_owned);
         let arrays = Arrays::read(&file, &pair, None, None)?;
         if arrays.count.is_none() {
-            return Err(arrays.positions.wrong("[states, vertices, 3]").into());
+            return Err(arrays.positions.wrong("[states, vertices, 3]"));
         }
         let frames = read_frames(&file, frames, arrays.count)?;
         let numbered = frames.into_iter().enumerate();
@@ -206,12 +190,7 @@ impl StateRun {
         })
     }
 
-    /// Writes the states as .safetensors, all or nothing: `positions` and `velocities` f64
-    /// `[states, vertices, 3]`, `frames` u32 `[states]`, and the metadata of a trajectory with the
-    /// format "selvedge-states". A run of second order also has `previous_positions` and
-    /// `previous_velocities`, of the same shape, and `previous_seconds` f64 `[states]`. Where a
-    /// solver iterates there are `changes`, of the same shape, and `changes_seconds` f64
-    /// `[states]`; where something touches, the arrays of contact.
+    /// Writes the states as .safetensors (docs/src/reference/files.md), all or nothing.
     ///
     /// # Errors
     /// [`WriteError`] names the file and what failed.
@@ -264,7 +243,7 @@ fn open<'a>(
     path: &Path,
     bytes: &'a [u8],
     frame_rate: Option<f64>,
-) -> Result<ArrayFile<'a>, StateError> {
+) -> Result<ArrayFile<'a>, Problem> {
     match path.extension().and_then(|e| e.to_str()) {
         Some("npz") => Ok(ArrayFile::npz(bytes)?),
         Some("safetensors") => {
@@ -274,7 +253,7 @@ fn open<'a>(
         }
         _ => {
             let problem = "a state is read from .npz or .safetensors";
-            Err(StateError(problem.to_owned()))
+            Err(Problem(problem.to_owned()))
         }
     }
 }
@@ -284,14 +263,14 @@ fn open<'a>(
 fn check_metadata(
     metadata: &HashMap<String, String>,
     frame_rate: Option<f64>,
-) -> Result<(), StateError> {
+) -> Result<(), Problem> {
     let entry = |name: &str| metadata.get(name).map_or("", String::as_str);
     if entry("format") != STATES_FORMAT {
         return Ok(());
     }
     let wrong = |name, expected| {
         let found = entry(name);
-        StateError(format!(
+        Problem(format!(
             "metadata {name}: expected {expected}, found {found:?}"
         ))
     };
@@ -301,7 +280,7 @@ fn check_metadata(
     let fps = entry("fps").parse::<f64>();
     let found = fps.map_err(|_| wrong("fps", "a number of frames per second"))?;
     match frame_rate {
-        Some(expected) if found != expected => Err(StateError(format!(
+        Some(expected) if found != expected => Err(Problem(format!(
             "was saved at {found} frames per second, but the scene has {expected}, and the motion would jump: set frame_rate = {found} in the scene, or save the states of a run at {expected}"
         ))),
         _ => Ok(()),
@@ -329,7 +308,7 @@ impl Arrays {
         names: &[String; 2],
         frames: Option<&str>,
         vertices: Option<usize>,
-    ) -> Result<Self, StateError> {
+    ) -> Result<Self, Problem> {
         let positions = file.floats(&names[0])?;
         let fits = |found: usize| found > 0 && vertices.is_none_or(|expected| expected == found);
         let (count, vertices) = match positions.shape[..] {
@@ -339,8 +318,7 @@ impl Arrays {
                 return Err(match vertices {
                     Some(n) => positions.wrong(&format!("[{n}, 3] or [states, {n}, 3]")),
                     None => positions.wrong("[states, vertices, 3] with a vertex at least"),
-                }
-                .into());
+                });
             }
         };
         let shape: Vec<Option<usize>> = positions.shape.iter().copied().map(Some).collect();
@@ -377,7 +355,7 @@ impl Arrays {
     }
 
     /// State `index`, in which `frame` frames have passed.
-    fn state(&self, index: usize, frame: usize) -> Result<SavedState, StateError> {
+    fn state(&self, index: usize, frame: usize) -> Result<SavedState, Problem> {
         let own = |array| self.entry(array, index);
         let mut state = SavedState {
             frame,
@@ -406,13 +384,13 @@ impl Arrays {
     }
 
     /// The entry of state `index` in an array of vectors.
-    fn entry(&self, array: &Array<f64>, index: usize) -> Result<Vec<DVec3>, StateError> {
+    fn entry(&self, array: &Array<f64>, index: usize) -> Result<Vec<DVec3>, Problem> {
         let length = 3 * self.vertices;
         let own = array.values[index * length..(index + 1) * length].chunks_exact(3);
         let state: Vec<DVec3> = own.map(DVec3::from_slice).collect();
         let is_usable = |value: &DVec3| (0.0..=LARGEST).contains(&value.length());
         match state.iter().position(|value| !is_usable(value)) {
-            Some(vertex) => Err(StateError(format!(
+            Some(vertex) => Err(Problem(format!(
                 "array {}: the entry of vertex {vertex} must be finite and at most 1e6 long, found {}",
                 array.name, state[vertex]
             ))),
@@ -421,7 +399,7 @@ impl Arrays {
     }
 
     /// Place of the wanted state, and the frames that have passed in it.
-    fn place(&self, wanted: Option<usize>) -> Result<(usize, usize), StateError> {
+    fn place(&self, wanted: Option<usize>) -> Result<(usize, usize), Problem> {
         let Some(count) = self.count else {
             return Ok((0, wanted.unwrap_or(0)));
         };
@@ -442,7 +420,7 @@ impl Arrays {
                 _ => frames.iter().map(usize::to_string).collect(),
             };
             let known = known.join(", ");
-            StateError(format!(
+            Problem(format!(
                 "has the states of frames {known}: say which, as frame"
             ))
         })
@@ -454,12 +432,12 @@ fn read_frames(
     file: &ArrayFile<'_>,
     name: &str,
     count: Option<usize>,
-) -> Result<Vec<u32>, StateError> {
+) -> Result<Vec<u32>, Problem> {
     let frames = file.wholes(name)?.of_shape(&[count])?.values;
     let mut sorted = frames.clone();
     sorted.sort_unstable();
     match sorted.windows(2).find(|pair| pair[0] == pair[1]) {
-        Some(pair) => Err(StateError(format!(
+        Some(pair) => Err(Problem(format!(
             "array {name}: frame {} stands twice: which state is meant cannot be told",
             pair[0]
         ))),
@@ -468,7 +446,7 @@ fn read_frames(
 }
 
 /// The time of state `index` in an array of them; none where it is 0.
-fn seconds_of(array: &Array<f64>, index: usize) -> Result<Option<f64>, ArrayError> {
+fn seconds_of(array: &Array<f64>, index: usize) -> Result<Option<f64>, Problem> {
     match array.values[index] {
         0.0 => Ok(None),
         seconds if seconds.is_finite() && seconds > 0.0 => Ok(Some(seconds)),
@@ -480,9 +458,9 @@ fn select(
     file: &ArrayFile<'_>,
     choice: &StateChoice,
     vertices: usize,
-) -> Result<(SavedState, [String; 2]), StateError> {
+) -> Result<(SavedState, [String; 2]), Problem> {
     let no_pair = || {
-        StateError(format!(
+        Problem(format!(
             "has no velocities beside positions (found {}): name both arrays, as positions = \"x\" and velocities = \"v\"",
             file.names().join(", ")
         ))

@@ -24,7 +24,7 @@ fn velocities_are_differences_of_positions_whichever_frames_are_taken() {
     for (frames, taken) in [
         (FrameSpan::default(), (0..FRAMES).collect::<Vec<_>>()),
         (odd(), vec![1, 3, 5]),
-        (FrameSpan::from_str_of("6"), vec![6]),
+        (span("6"), vec![6]),
     ] {
         for up in [UpAxis::Y, UpAxis::Z] {
             let with = ExportOptions {

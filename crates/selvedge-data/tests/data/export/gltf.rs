@@ -3,13 +3,13 @@
 use super::*;
 
 /// A .glb in parts.
-struct Glb {
-    json: Value,
+pub(crate) struct Glb {
+    pub(crate) json: Value,
     binary: Vec<u8>,
 }
 
 impl Glb {
-    fn read(path: &Path) -> Self {
+    pub(crate) fn read(path: &Path) -> Self {
         let bytes = std::fs::read(path).unwrap();
         assert_eq!(&bytes[..4], b"glTF");
         assert_eq!([word(&bytes, 4), word(&bytes, 8)], [2, bytes.len()]);
@@ -30,28 +30,33 @@ impl Glb {
         found.unwrap_or_else(|| panic!("no {pointer}")) as usize
     }
 
-    /// The floats of an accessor, and its bounds where it has some.
-    fn floats(&self, accessor: usize) -> Vec<f32> {
-        let at = |key: &str| self.number(&format!("/accessors/{accessor}/{key}"));
-        assert_eq!(at("componentType"), 5126);
-        let view = at("bufferView");
-        let start = self.number(&format!("/bufferViews/{view}/byteOffset")) + at("byteOffset");
-        let form = self.json["accessors"][accessor]["type"].as_str().unwrap();
-        let width = match form {
+    /// Numbers of each element of an accessor.
+    fn width(&self, accessor: usize) -> usize {
+        match self.json["accessors"][accessor]["type"].as_str().unwrap() {
             "SCALAR" => 1,
             "VEC2" => 2,
             "VEC3" => 3,
             other => panic!("{other}"),
-        };
-        let length = 4 * width * at("count");
-        let end = self.number(&format!("/bufferViews/{view}/byteOffset"))
-            + self.number(&format!("/bufferViews/{view}/byteLength"));
+        }
+    }
+
+    /// The numbers of an accessor, four bytes each.
+    pub(crate) fn words(&self, accessor: usize) -> Vec<[u8; 4]> {
+        let at = |key: &str| self.number(&format!("/accessors/{accessor}/{key}"));
+        let of_view = |key: &str| self.number(&format!("/bufferViews/{}/{key}", at("bufferView")));
+        let start = of_view("byteOffset") + at("byteOffset");
+        let length = 4 * self.width(accessor) * at("count");
+        let end = of_view("byteOffset") + of_view("byteLength");
         assert!(start + length <= end && end <= self.binary.len());
-        let bytes = &self.binary[start..start + length];
-        let values: Vec<f32> = bytes
-            .chunks_exact(4)
-            .map(|b| f32::from_le_bytes(b.try_into().unwrap()))
-            .collect();
+        self.binary[start..start + length].as_chunks().0.to_vec()
+    }
+
+    /// The floats of an accessor, which keep its bounds where it has some.
+    pub(crate) fn floats(&self, accessor: usize) -> Vec<f32> {
+        assert_eq!(self.json["accessors"][accessor]["componentType"], 5126);
+        let width = self.width(accessor);
+        let words = self.words(accessor).into_iter();
+        let values: Vec<f32> = words.map(f32::from_le_bytes).collect();
         for (bound, pick) in [("min", f32::min as fn(f32, f32) -> f32), ("max", f32::max)] {
             if let Some(bounds) = self.json["accessors"][accessor][bound].as_array() {
                 let found =
@@ -178,7 +183,7 @@ fn one_frame_makes_a_gltf_without_animation() {
     let (trajectory, folder) = (trajectory(), tempfile::tempdir().unwrap());
     let path = folder.path().join("a.glb");
     let one = ExportOptions {
-        frames: FrameSpan::from_str_of("4"),
+        frames: span("4"),
         ..ExportOptions::plain(ExportFormat::Glb)
     };
     write(&trajectory, &path, &one);

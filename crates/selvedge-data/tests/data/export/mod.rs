@@ -2,7 +2,7 @@
 //! the format's description and not from the writer, and has the positions of the trajectory.
 
 mod caches;
-mod gltf;
+pub(crate) mod gltf;
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -57,18 +57,12 @@ fn write(trajectory: &Trajectory, path: &Path, options: &ExportOptions) {
 fn odd() -> FrameSpan {
     FrameSpan {
         every: 2,
-        ..FrameSpan::from_str_of("1..6")
+        ..span("1..6")
     }
 }
 
-trait Spelled {
-    fn from_str_of(text: &str) -> Self;
-}
-
-impl Spelled for FrameSpan {
-    fn from_str_of(text: &str) -> Self {
-        text.parse().unwrap()
-    }
+fn span(text: &str) -> FrameSpan {
+    text.parse().unwrap()
 }
 
 #[test]
@@ -385,7 +379,7 @@ fn what_a_format_does_not_have_is_refused() {
     let all = ExportOptions::plain(ExportFormat::Obj);
     says(attempt(&all, "a.obj"), &["one frame, and 7 were asked for"]);
     let beyond = ExportOptions {
-        frames: FrameSpan::from_str_of("5..9"),
+        frames: span("5..9"),
         ..ExportOptions::plain(ExportFormat::Npz)
     };
     says(attempt(&beyond, "a.npz"), &["frame 9 was asked for"]);

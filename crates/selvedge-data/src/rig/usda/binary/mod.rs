@@ -10,7 +10,6 @@
 //!
 //! Format: the sources of OpenUSD, `pxr/usd/usd/crateFile.h` and `crateFile.cpp`.
 
-mod paths;
 mod stage;
 mod tables;
 mod values;

@@ -53,7 +53,6 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    /// The prim above a spec.
     fn above(&mut self, spec: Spec) -> Option<&mut Prim> {
         let above = self.tables.paths[spec.path].above?;
         let number = self.numbers[above]?;
