@@ -53,13 +53,13 @@ class Method:
 
 METHODS = (
     Method("Selvedge", "selvedge", (1, 2, 4), 64),
-    Method("MuJoCo flex", "mujoco_flex.py", (1, 4, 16), 128, ("mujoco",)),
-    Method("Newton VBD", "newton_cloth.py vbd", (4, 16, 32), 256, ("newton",)),
-    Method("Newton Style3D", "newton_cloth.py style3d", (2, 4, 8), 64, ("newton",)),
+    Method("MuJoCo flex", "mujoco_flex.py", (1, 2, 4), 32, ("mujoco",)),
+    Method("Newton VBD", "newton_cloth.py vbd", (2, 4, 8), 64, ("newton",)),
+    Method("Newton Style3D", "newton_cloth.py style3d", (1, 2, 4), 32, ("newton",)),
     Method("Blender", "blender_cloth.py", (5, 10, 20), 80, ("bpy",)),  # Blender has no more than 80
-    Method("Rapier constraints", "rapier constraints", (4, 16, 32), 256),
-    Method("Rapier FEM", "rapier fem", (1, 4, 8), 64),
-    Method("rapier-cloth-core XPBD", "rapier xpbd", (4, 16, 32), 256),
+    Method("Rapier constraints", "rapier constraints", (4, 8, 16), 128),
+    Method("Rapier FEM", "rapier fem", (1, 2, 4), 32),
+    Method("rapier-cloth-core XPBD", "rapier xpbd", (4, 8, 16), 128),
     Method("rapier-cloth-core implicit", "rapier implicit", (1, 2, 4), 32),
 )
 
@@ -226,8 +226,9 @@ def errors(positions: np.ndarray, converged: np.ndarray) -> list[float]:
 def measure(place: Place, method: Method, scene: dict, options: argparse.Namespace) -> list[dict]:
     """A row for every number of substeps of a method."""
     frames = 10 if options.quick else scene["frames"]
-    converged, _ = run(place, method, scene, method.finest, frames)
-    half, _ = run(place, method, scene, method.finest // 2, frames)
+    last = min(frames, round(max(TIMES) * RATE))
+    converged, _ = run(place, method, scene, method.finest, last)
+    half, _ = run(place, method, scene, method.finest // 2, last)
     rows = []
     for substeps in method.substeps:
         row = {"scene": scene["name"], "method": method.name, "substeps": substeps, "finest": method.finest}
@@ -257,14 +258,37 @@ def table(rows: list[dict]) -> str:
             if row["scene"] != name:
                 continue
             if "note" in row:
-                text.append(f"| {row['method']} | {row['substeps']} | {row['note']} | | | | |")
+                text.append(f"| {row['method']} | {row.get('substeps', '')} | {row['note']} | | | | |")
                 continue
             away, floor = (", ".join(f"{row[key]:.1f}" for key in (f"{kind}_{s}" for s in TIMES) if key in row)
                            for kind in ("error", "floor"))
-            text.append(f"| {row['method']} | {row['substeps']} of {row['finest']} | {row['ms']:.2f} | {away} | {floor} | "
+            text.append(f"| {row['method']} | {row['substeps']:.0f} of {row['finest']:.0f} | {row['ms']:.2f} | {away} | {floor} | "
                         f"{100 * row['strain']:.0f} % | {100 * row['strain_converged']:.0f} % |")
         text.append("")
     return "\n".join(text)
+
+
+def kept(place: Place) -> list[dict]:
+    """The rows of an earlier run, with numbers where there are some."""
+    path = place.output / "peers.csv"
+    if not path.exists():
+        return []
+    words = ("scene", "method", "note")
+    with open(path, newline="") as file:
+        return [{key: value if key in words else float(value) for key, value in row.items() if value}
+                for row in csv.DictReader(file)]
+
+
+def write(place: Place, rows: list[dict]) -> None:
+    """Writes the rows as peers.csv and peers.md, by scene and in the order of METHODS."""
+    order = [method.name for method in METHODS]
+    rows.sort(key=lambda row: (row["scene"] != "sheet", order.index(row["method"])))
+    names = list(dict.fromkeys(key for row in rows for key in row))
+    with open(place.output / "peers.csv", "w", newline="") as file:
+        writer = csv.DictWriter(file, names)
+        writer.writeheader()
+        writer.writerows(rows)
+    (place.output / "peers.md").write_text(table(rows))
 
 
 def parse() -> argparse.Namespace:
@@ -286,31 +310,20 @@ def main() -> None:
     chosen = [scene for scene in scenes() if options.scene in (None, scene["name"])]
     for scene in chosen:
         (place.output / f"{scene['name']}.json").write_text(json.dumps(scene))
-    rows = []
+    rows = kept(place)
     for method in METHODS:
         if options.only and method.name not in options.only:
             continue
-        try:
-            install(place, method)
-        except Skipped as reason:
-            print(f"{method.name}: skipped, {reason}", flush=True)
-            rows += [{"scene": scene["name"], "method": method.name, "substeps": "", "note": f"skipped: {reason}"}
-                     for scene in chosen]
-            continue
         for scene in chosen:
             print(f"{method.name}, {scene['name']} ...", flush=True)
+            rows = [row for row in rows if (row["method"], row["scene"]) != (method.name, scene["name"])]
             try:
+                install(place, method)
                 rows += measure(place, method, scene, options)
             except Skipped as reason:
-                print(f"{method.name}, {scene['name']}: {reason}", flush=True)
-                rows.append({"scene": scene["name"], "method": method.name, "substeps": method.finest,
-                             "note": f"no converged motion: {reason}"})
-    with open(place.output / "peers.csv", "w", newline="") as file:
-        names = list(dict.fromkeys(key for row in rows for key in row))
-        writer = csv.DictWriter(file, names)
-        writer.writeheader()
-        writer.writerows(rows)
-    (place.output / "peers.md").write_text(table(rows))
+                print(f"  skipped: {reason}", flush=True)
+                rows.append({"scene": scene["name"], "method": method.name, "note": f"skipped: {reason}"})
+            write(place, rows)
     print(table(rows))
 
 
