@@ -55,19 +55,20 @@ def add_cloth(sheet: bpy.types.Object, scene: common.Scene, substeps: int, frame
     heavier = VERTEX_MASS * len(scene.positions) / scene.masses.sum()
     ends = scene.positions[scene.edges]
     lengths = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
-    stiffness = heavier * scene.membrane_stiffness * lengths.mean()
-    bending = heavier * scene.plate_stiffness * 10 / lengths.min()
+    spring = heavier * scene.membrane_stiffness * BLENDERS_FRAME**2
+    hinge = heavier * scene.plate_stiffness * BLENDERS_FRAME**2
+    damping = scene.damping / BLENDERS_FRAME
     settings.quality = substeps
     settings.time_scale = 1.0 / (scene.rate * BLENDERS_FRAME)
     settings.mass = VERTEX_MASS
     settings.air_damping = 0.0
-    settings.tension_stiffness = settings.compression_stiffness = stiffness
-    settings.shear_stiffness = stiffness / 2
-    settings.tension_damping = settings.compression_damping = scene.damping * stiffness
-    settings.shear_damping = scene.damping * stiffness / 2
+    settings.tension_stiffness = settings.compression_stiffness = spring * lengths.mean()
+    settings.shear_stiffness = spring * lengths.mean() / 2
+    settings.tension_damping = settings.compression_damping = damping * spring
+    settings.shear_damping = damping * spring / 2
     settings.bending_model = "ANGULAR"
-    settings.bending_stiffness = bending
-    settings.bending_damping = scene.damping * bending
+    settings.bending_stiffness = hinge * 10 / lengths.min()
+    settings.bending_damping = damping * hinge
     settings.vertex_group_mass = "held" if scene.held else ""
     collision.use_collision = scene.ball is not None
     collision.distance_min = GAP

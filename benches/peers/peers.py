@@ -56,7 +56,7 @@ METHODS = (
     Method("MuJoCo flex", "mujoco_flex.py", (1, 2, 4), 32, ("mujoco",)),
     Method("Newton VBD", "newton_cloth.py vbd", (2, 4, 8), 64, ("newton",)),
     Method("Newton Style3D", "newton_cloth.py style3d", (1, 2, 4), 32, ("newton",)),
-    Method("Blender", "blender_cloth.py", (5, 10, 20), 80, ("bpy",)),  # Blender has no more than 80
+    Method("Blender", "blender_cloth.py", (2, 5, 10), 80, ("bpy",)),  # Blender has no more than 80
     Method("Rapier constraints", "rapier constraints", (4, 8, 16), 128),
     Method("Rapier FEM", "rapier fem", (1, 2, 4), 32),
     Method("rapier-cloth-core XPBD", "rapier xpbd", (4, 8, 16), 128),
@@ -273,10 +273,10 @@ def kept(place: Place) -> list[dict]:
     path = place.output / "peers.csv"
     if not path.exists():
         return []
-    words = ("scene", "method", "note")
+    words, names = ("scene", "method", "note"), {method.name for method in METHODS}
     with open(path, newline="") as file:
         return [{key: value if key in words else float(value) for key, value in row.items() if value}
-                for row in csv.DictReader(file)]
+                for row in csv.DictReader(file) if row["method"] in names]
 
 
 def write(place: Place, rows: list[dict]) -> None:
