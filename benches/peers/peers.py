@@ -205,7 +205,7 @@ def run(place: Place, method: Method, scene: dict, substeps: int, frames: int) -
 
 
 def strain(positions: np.ndarray, scene: dict) -> float:
-    """Largest l/l₀ - 1 of an edge in any frame."""
+    """Largest l/l₀ - 1 of an edge in any of the frames."""
     faces = np.array(scene["faces"])
     pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     lengths = np.linalg.norm(positions[:, pairs[:, 0]] - positions[:, pairs[:, 1]], axis=-1)
@@ -238,7 +238,7 @@ def measure(place: Place, method: Method, scene: dict, options: argparse.Namespa
             row["ms"] = 1000 * min(seconds for _, seconds in runs) / frames
             row |= dict(zip((f"error_{second}" for second in TIMES), errors(positions, converged)))
             row |= dict(zip((f"floor_{second}" for second in TIMES), errors(half, converged)))
-            row["strain"] = strain(positions, scene)
+            row["strain"] = strain(positions[: last + 1], scene)
             row["strain_converged"] = strain(converged, scene)
         except Skipped as reason:
             row["note"] = str(reason)
