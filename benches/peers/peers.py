@@ -33,6 +33,7 @@ MATERIAL = {
     "friction": 0.3,
     "gravity": 9.8,
 }
+LIMIT = 900  # s of wall time for a run
 TIMES = (0.25, 0.5, 1.0)  # s, at which errors are measured
 
 
@@ -115,11 +116,14 @@ class Place:
         return self.output / "rapier" / "release" / "rapier-peers"
 
 
-def call(command: list, **options) -> str:
+def call(command: list, limit: int | None = None) -> str:
     """Runs a program to its end and gives what it printed. The error is the last line of what it said."""
     one_thread = {name: "1" for name in ("RAYON_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")}
-    done = subprocess.run([str(word) for word in command], capture_output=True, text=True,
-                          env=os.environ | one_thread, **options)
+    try:
+        done = subprocess.run([str(word) for word in command], capture_output=True, text=True,
+                              timeout=limit, env=os.environ | one_thread)
+    except subprocess.TimeoutExpired:
+        raise Skipped(f"a run took more than {limit} s")
     if done.returncode != 0:
         said = (done.stderr.strip() or done.stdout.strip() or f"exit {done.returncode}").splitlines()
         raise Skipped(said[-1])
@@ -185,7 +189,7 @@ def selvedge(place: Place, scene: dict, substeps: int, frames: int) -> tuple[np.
     for length in (1, frames):
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         call([place.selvedge, "-q", "run", path, "--frames", length, "-o", folder / "run.safetensors",
-              "--export", folder / "run.npz"])
+              "--export", folder / "run.npz"], LIMIT)
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         seconds.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
     with np.load(folder / "run.npz") as arrays:
@@ -199,7 +203,7 @@ def run(place: Place, method: Method, scene: dict, substeps: int, frames: int) -
     output = place.output / "positions.bin"
     program = method.program.split()
     start = [place.rapier, *program[1:]] if program[0] == "rapier" else [place.python, HERE / program[0], *program[1:]]
-    said = call([*start, place.output / f"{scene['name']}.json", substeps, frames, output])
+    said = call([*start, place.output / f"{scene['name']}.json", substeps, frames, output], LIMIT)
     positions = np.fromfile(output, dtype="<f4").reshape(frames + 1, -1, 3)
     return positions, float(said.split()[-1])
 
