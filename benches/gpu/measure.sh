@@ -2,7 +2,7 @@
 # On a machine with a card: what it computes, then how fast. Prints rows for docs/src/benchmarks.md.
 #   benches/gpu/measure.sh [DEVICE] [PEER...]
 # DEVICE is gpu or gpu:N (gpu). PEER runs the same networks, such as
-# `python benches/peer/peer.py --device cuda`.
+# `python benches/peers/networks.py --device cuda`.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 

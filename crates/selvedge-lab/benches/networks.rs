@@ -5,7 +5,7 @@
 //! `cargo bench -p selvedge-lab --bench networks -- [KEY=VALUE ...]` with `network` (`gru-10`,
 //! `gru-5`, `mlp`, `meshgraphnets`, `small`; all), `vertices` of a cloth (1024), `cloths` in a pass
 //! (1), `runs` that count (10), `threads` (1), and `against` (none), a program that runs the same
-//! networks, such as `python benches/peer/peer.py`. With `--features gpu` also `device` (cpu, gpu,
+//! networks, such as `python benches/peers/networks.py`. With `--features gpu` also `device` (cpu, gpu,
 //! gpu:N). Times are medians.
 //!
 //! The other program gets one line of JSON on its standard input: spec, vertices, node_width,

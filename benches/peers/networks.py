@@ -1,4 +1,4 @@
-"""The networks of Selvedge in PyTorch, for `selvedge bench engine --against "python benches/peer/peer.py"`.
+"""The networks of Selvedge in PyTorch, for `cargo bench -p selvedge-lab --bench networks -- against=...`.
 
 The network is docs/src/python/selvedge_network.py, plain PyTorch with PyTorch's own kernels. This program reads one line
 of JSON (spec, vertices, node_width, edge_width, senders, receivers, threads), answers "ready", and then runs what each
