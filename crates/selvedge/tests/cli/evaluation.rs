@@ -223,7 +223,7 @@ fn random_motions_take_cloths_in_turn_and_physics_too() {
     let desk = Desk::new();
     desk.write("push.toml", PUSH);
     let answer = desk.json(
-        "eval push.toml --random 4 --frames 20 --mesh wide,triangle --density 40 --physics 1,4 -o r",
+        "eval push.toml --random 4 --frames 60 --mesh wide,triangle --density 40 --physics 1,4 -o r",
     );
     let sets: Vec<&str> = answer["runs"]
         .as_array()
@@ -236,7 +236,7 @@ fn random_motions_take_cloths_in_turn_and_physics_too() {
     let strain = |k: usize| number(&answer, &format!("/means/{k}/whole/largest_strain"));
     assert_ne!(strain(0), strain(1));
     let text = String::from_utf8(desk.read("r/errors.csv")).unwrap();
-    assert_eq!(text.lines().count(), 1 + 4 * 2 * 20);
+    assert_eq!(text.lines().count(), 1 + 4 * 2 * 60);
 }
 
 #[cfg(unix)]
