@@ -164,8 +164,8 @@ impl GeneralisedAlpha {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LinearSolver {
-    /// Conjugate gradients with a tolerance that suits the integrator: 1e-5 m/s, and 1e-7 m/s in
-    /// first order.
+    /// Conjugate gradients with a tolerance that suits the scene: 1e-5 m/s, with contact 1e-6 m/s,
+    /// and 1e-7 m/s in first order.
     #[default]
     Automatic,
     /// A complete factorisation: exact up to rounding.
