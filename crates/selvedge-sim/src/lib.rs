@@ -80,7 +80,6 @@ mod simulator;
 mod solver;
 mod state;
 mod stop;
-mod team;
 mod threads;
 mod watched_edges;
 

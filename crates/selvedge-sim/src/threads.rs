@@ -1,11 +1,10 @@
-//! Loops over slices on one thread or on several, with the same result: every entry is computed by
+//! Loops over slices on one thread or on a pool, with the same result: every entry is computed by
 //! itself, from data that no other entry of the loop writes.
 //!
-//! Several are those of rayon's current pool, which stand by while a frame is computed
-//! ([`crate::team`]). If the pool has one thread, or the cloth is small, the loop runs on the
-//! caller's.
+//! The pool is rayon's current one. If it has one thread, or the cloth is small, the loop runs on
+//! the caller's thread.
 
-use crate::team::{Cuts, over_shares, standing_by};
+use rayon::prelude::*;
 
 /// Threads that compute a cloth. The result is the same, byte for byte.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -16,12 +15,11 @@ pub enum Threads {
     Pool,
 }
 
-/// Pieces of a loop for each thread: more balance the threads better, and cost more.
-const PIECES: usize = 3;
-/// Entries of a piece at least.
-const SMALLEST_PIECE: usize = 16;
-/// Vertices below which a second thread gains little, for twice the processor time.
-const FEWEST_VERTICES: usize = 600;
+/// Entries that one thread takes at a time.
+const CHUNK: usize = 128;
+/// Vertices below which waking other threads costs as much as they do: at 1024 two threads take as
+/// long as one, and twice the processor time.
+const FEWEST_VERTICES: usize = 2000;
 
 impl Threads {
     /// Threads for a cloth of `vertices` vertices, from the calling thread.
@@ -33,33 +31,24 @@ impl Threads {
         }
     }
 
-    /// Runs `work`, a frame or a part of it, for [`Self::Pool`] with the threads standing by.
+    /// Runs `work`, for [`Self::Pool`] inside the pool: once inside, loops start quickly.
     pub(crate) fn run<R: Send>(self, work: impl FnOnce() -> R + Send) -> R {
         match self {
             Self::One => work(),
-            Self::Pool => standing_by(work),
-        }
-    }
-
-    /// Entries of a piece of a loop over `count`.
-    fn share(self, count: usize) -> usize {
-        match self {
-            Self::One => count.max(1),
-            Self::Pool => {
-                let pieces = PIECES * rayon::current_num_threads();
-                count.div_ceil(pieces).max(SMALLEST_PIECE)
-            }
+            Self::Pool => rayon::scope(|_| work()),
         }
     }
 
     /// Calls `work` for each entry with its number.
     pub(crate) fn each<A: Send>(self, a: &mut [A], work: impl Fn(usize, &mut A) + Sync) {
-        let share = self.share(a.len());
-        over_shares(a, NONE, [Cuts::Every(share); 2], |piece, a, _| {
-            for (k, a) in a.iter_mut().enumerate() {
-                work(share * piece + k, a);
-            }
-        });
+        match self {
+            Self::One => a.iter_mut().enumerate().for_each(|(k, a)| work(k, a)),
+            Self::Pool => a.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, a)| {
+                for (k, a) in a.iter_mut().enumerate() {
+                    work(CHUNK * chunk + k, a);
+                }
+            }),
+        }
     }
 
     /// Calls `work` for each pair of entries with its number. The slices have the same length.
@@ -69,12 +58,20 @@ impl Threads {
         b: &mut [B],
         work: impl Fn(usize, &mut A, &mut B) + Sync,
     ) {
-        let share = self.share(a.len());
-        over_shares(a, [b], [Cuts::Every(share); 2], |piece, a, [b]| {
-            for (k, (a, b)) in a.iter_mut().zip(b).enumerate() {
-                work(share * piece + k, a, b);
+        match self {
+            Self::One => {
+                let pairs = a.iter_mut().zip(b).enumerate();
+                pairs.for_each(|(k, (a, b))| work(k, a, b));
             }
-        });
+            Self::Pool => {
+                let chunks = a.par_chunks_mut(CHUNK).zip(b.par_chunks_mut(CHUNK));
+                chunks.enumerate().for_each(|(chunk, (a, b))| {
+                    for (k, (a, b)) in a.iter_mut().zip(b).enumerate() {
+                        work(CHUNK * chunk + k, a, b);
+                    }
+                });
+            }
+        }
     }
 
     /// Calls `work` for each entry with its number, and returns what it found, in order.
@@ -83,48 +80,49 @@ impl Threads {
         a: &mut [A],
         work: impl Fn(usize, &mut A) -> Option<F> + Sync,
     ) -> Vec<F> {
-        let share = self.share(a.len());
-        let mut found: Vec<Vec<F>> = Vec::new();
-        found.resize_with(a.len().div_ceil(share), Vec::new);
-        over_shares(
-            &mut found,
-            [a],
-            [Cuts::Every(1), Cuts::Every(share)],
-            |piece, found, [a]| {
+        let of_chunk = |(chunk, a): (usize, &mut [A])| -> Vec<F> {
+            let numbered = a.iter_mut().enumerate();
+            let found = numbered.map(|(k, a)| work(CHUNK * chunk + k, a));
+            found.flatten().collect()
+        };
+        match self {
+            Self::One => {
                 let numbered = a.iter_mut().enumerate();
-                found[0].extend(numbered.filter_map(|(k, a)| work(share * piece + k, a)));
-            },
-        );
-        let rest = found.split_off(1.min(found.len()));
-        let first = found.pop().unwrap_or_default();
-        rest.into_iter().fold(first, |mut all, more| {
-            all.extend(more);
-            all
-        })
+                numbered.filter_map(|(k, a)| work(k, a)).collect()
+            }
+            Self::Pool => {
+                let chunks = a.par_chunks_mut(CHUNK).enumerate();
+                chunks.flat_map_iter(of_chunk).collect()
+            }
+        }
     }
 
-    /// Calls `work` for each entry of `parts`, large pieces of work, with its entries of each of
-    /// `vectors`, which end at `ends`.
-    pub(crate) fn each_part<A: Send, B: Send, const N: usize>(
+    /// Calls `work` for each entry of `few`, large pieces of work, with its `share` entries of
+    /// `many` (the last may have fewer).
+    pub(crate) fn each_share<A: Send, B: Send>(
         self,
-        parts: &mut [A],
-        vectors: [&mut [B]; N],
-        ends: &[usize],
-        work: impl Fn(&mut A, [&mut [B]; N]) + Sync,
+        few: &mut [A],
+        many: &mut [B],
+        share: usize,
+        work: impl Fn(&mut A, &mut [B]) + Sync,
     ) {
-        let cuts = [Cuts::Every(1), Cuts::At(ends)];
-        over_shares(parts, vectors, cuts, |_, part, vectors| {
-            work(&mut part[0], vectors);
-        });
+        if self == Self::One || few.len() < 2 {
+            few.iter_mut()
+                .zip(many.chunks_mut(share))
+                .for_each(|(a, b)| work(a, b));
+        } else {
+            few.par_iter_mut()
+                .zip(many.par_chunks_mut(share))
+                .for_each(|(a, b)| work(a, b));
+        }
     }
 
     /// Calls `work` for each entry of `few`, large pieces of work.
     pub(crate) fn each_large<A: Send>(self, few: &mut [A], work: impl Fn(&mut A) + Sync) {
-        over_shares(few, NONE, [Cuts::Every(1); 2], |_, few, _| {
-            work(&mut few[0])
-        });
+        if self == Self::One || few.len() < 2 {
+            few.iter_mut().for_each(work);
+        } else {
+            few.par_iter_mut().for_each(&work);
+        }
     }
 }
-
-/// No second slice.
-const NONE: [&mut [()]; 0] = [];

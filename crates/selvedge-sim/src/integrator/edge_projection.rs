@@ -7,13 +7,8 @@
 //! the same positions, so that their order does not show; passes are accelerated (Wang 2015); edges that have their length ask for
 //! nothing, so that a piece of cloth does not see how another one moves.
 
-use std::sync::atomic::{AtomicBool, Ordering};
-
 use glam::DVec3;
 use selvedge_cloth::{Mesh, VertexId};
-
-use crate::lists::Lists;
-use crate::threads::Threads;
 
 /// Largest number of passes over the edges.
 const MOST_PASSES: usize = 6;
@@ -33,12 +28,8 @@ pub(super) struct EdgeProjection {
     edges: Vec<Edge>,
     /// Least and greatest squared lengths `[m²]`, `[edges]`.
     bands: Vec<[f64; 2]>,
-    /// Sums of the shifts of a pass on one thread `[m]`, `[vertices]`.
+    /// Sums of the shifts of a pass `[m]`, `[vertices]`.
     shifts: Vec<DVec3>,
-    /// What each edge is too long by in a pass on several `[m]`, `[edges]`.
-    excess: Vec<DVec3>,
-    /// Per vertex, 2 · edge + end.
-    edges_of: Lists,
     /// Factors from these sums to the shifts, `[vertices]`.
     factors: Vec<f64>,
     /// Positions before the last pass `[m]`, `[vertices]`.
@@ -79,20 +70,9 @@ impl EdgeProjection {
         for vertex in edges.iter().flat_map(|edge| edge.ends) {
             counts[vertex] += 1;
         }
-        let numbered = edges.iter().zip(0_u32..);
-        let ends: Vec<_> = numbered
-            .flat_map(|(edge, k)| {
-                [
-                    (edge.ends[0] as u32, 2 * k),
-                    (edge.ends[1] as u32, 2 * k + 1),
-                ]
-            })
-            .collect();
         let factor = |count: u32| OVER_RELAXATION / f64::from(count).max(OVER_RELAXATION);
         Self {
             bands: vec![[0.0; 2]; edges.len()],
-            excess: vec![DVec3::ZERO; edges.len()],
-            edges_of: Lists::group(counts.len(), &ends),
             edges,
             shifts: vec![DVec3::ZERO; counts.len()],
             before: vec![DVec3::ZERO; counts.len()],
@@ -102,22 +82,16 @@ impl EdgeProjection {
 
     /// Moves the `predicted` positions until edges are as long as at the `start`, but for their
     /// bands, or the passes are done; both `[m]`, `[vertices]`. Returns true if any moved.
-    pub(super) fn project(
-        &mut self,
-        threads: Threads,
-        start: &[DVec3],
-        predicted: &mut [DVec3],
-    ) -> bool {
-        let edges = &self.edges;
-        threads.each(&mut self.bands, |k, limits| {
-            let [a, b] = edges[k].ends;
+    pub(super) fn project(&mut self, start: &[DVec3], predicted: &mut [DVec3]) -> bool {
+        for (limits, edge) in self.bands.iter_mut().zip(&self.edges) {
+            let [a, b] = edge.ends;
             let length = start[a].distance(start[b]);
-            *limits = [-1.0, 1.0].map(|side| (length + side * edges[k].band).max(0.0).powi(2));
-        });
+            *limits = [-1.0, 1.0].map(|side| (length + side * edge.band).max(0.0).powi(2));
+        }
         self.before.copy_from_slice(predicted);
         let mut weight = 1.0;
         for pass in 0..MOST_PASSES {
-            if !self.pass(threads, predicted, weight) {
+            if !self.pass(predicted, weight) {
                 return pass > 0;
             }
             let first = if pass == 0 { 2.0 } else { 1.0 };
@@ -128,88 +102,38 @@ impl EdgeProjection {
 
     /// Moves vertices by the mean of what their edges ask for, `weight` times as far from where they
     /// were before the last pass; those that no edge asks stay. Returns true if an edge asked.
-    fn pass(&mut self, threads: Threads, predicted: &mut [DVec3], weight: f64) -> bool {
-        let asked = match threads {
-            Threads::One => self.scatter(predicted),
-            Threads::Pool => self.list_excess(threads, predicted),
-        };
-        if asked {
-            let mut before = std::mem::take(&mut self.before);
-            threads.each_pair(predicted, &mut before, |v, place, before| {
-                let shift = match threads {
-                    Threads::One => self.shifts[v],
-                    Threads::Pool => self.gathered(v),
-                };
-                let next = match shift == DVec3::ZERO {
-                    true => *place,
-                    false => *before + (*place + shift * self.factors[v] - *before) * weight,
-                };
-                *before = std::mem::replace(place, next);
-            });
-            self.before = before;
-        }
-        asked
-    }
-
-    /// Sums what the edges ask for into `shifts`. Returns false if none does; the sums are old then.
-    fn scatter(&mut self, places: &[DVec3]) -> bool {
+    fn pass(&mut self, predicted: &mut [DVec3], weight: f64) -> bool {
         let mut asked = false;
-        for (edge, band) in self.edges.iter().zip(&self.bands) {
-            let Some(excess) = edge.excess(*band, places) else {
+        for (edge, [least, greatest]) in self.edges.iter().zip(&self.bands) {
+            let [a, b] = edge.ends;
+            let way = predicted[b] - predicted[a];
+            let squared = way.length_squared();
+            let limit = squared.clamp(*least, *greatest);
+            if limit == squared || squared == 0.0 {
                 continue;
-            };
+            }
             if !asked {
                 self.shifts.fill(DVec3::ZERO);
                 asked = true;
             }
-            let [a, b] = edge.ends;
+            // 1 - √(limit/squared) to first order, without its root (Jakobsen 2001): the passes
+            // end at the same lengths.
+            let excess = way * ((squared - limit) / (squared + limit));
             self.shifts[a] += excess * edge.parts[0];
             self.shifts[b] -= excess * edge.parts[1];
         }
-        asked
-    }
-
-    /// Lists what each edge asks for. Returns false if none does.
-    fn list_excess(&mut self, threads: Threads, places: &[DVec3]) -> bool {
-        let (edges, bands) = (&self.edges, &self.bands);
-        let asked = AtomicBool::new(false);
-        threads.each(&mut self.excess, |k, excess| {
-            let own = edges[k].excess(bands[k], places);
-            if own.is_some() {
-                asked.store(true, Ordering::Relaxed);
-            }
-            *excess = own.unwrap_or_default();
-        });
-        asked.into_inner()
-    }
-
-    /// The sum of [`Self::scatter`] at vertex `v`, of the listed edges in the same order.
-    fn gathered(&self, v: usize) -> DVec3 {
-        let mut shift = DVec3::ZERO;
-        for &entry in self.edges_of.of(v) {
-            let (edge, end) = ((entry >> 1) as usize, (entry & 1) as usize);
-            let own = self.excess[edge] * self.edges[edge].parts[end];
-            match end {
-                0 => shift += own,
-                _ => shift -= own,
+        if asked {
+            let shifts = self.shifts.iter().zip(&self.factors);
+            let places = predicted.iter_mut().zip(&mut self.before);
+            for ((place, before), (shift, factor)) in places.zip(shifts) {
+                let next = match *shift == DVec3::ZERO {
+                    true => *place,
+                    false => *before + (*place + *shift * *factor - *before) * weight,
+                };
+                *before = std::mem::replace(place, next);
             }
         }
-        shift
-    }
-}
-
-impl Edge {
-    /// What it is too long by within the `band` of its squared length; none if it is within.
-    #[inline(always)]
-    fn excess(&self, [least, greatest]: [f64; 2], places: &[DVec3]) -> Option<DVec3> {
-        let [a, b] = self.ends;
-        let way = places[b] - places[a];
-        let squared = way.length_squared();
-        let limit = squared.clamp(least, greatest);
-        // 1 - √(limit/squared) to first order, without its root (Jakobsen 2001): the passes end at
-        // the same lengths.
-        let asks = limit != squared && squared != 0.0;
-        asks.then(|| way * ((squared - limit) / (squared + limit)))
+        asked
     }
 }
 
@@ -253,7 +177,7 @@ mod tests {
         let mut projection = EdgeProjection::new(&mesh, &[]);
         let raw_most = most(&mesh, start, &predicted);
         assert!(raw_most > 0.04);
-        assert!(projection.project(Threads::One, start, &mut predicted));
+        assert!(projection.project(start, &mut predicted));
         let left = most(&mesh, start, &predicted);
         assert!(left < 0.1 * raw_most, "{left} of {raw_most}");
         let weights = [3.0, 3.0, 3.0, 3.0, 4.0];
@@ -272,37 +196,19 @@ mod tests {
         let mut predicted = start.to_vec();
         predicted[4].z += 0.5 * BAND;
         let within = predicted.clone();
-        assert!(!projection.project(Threads::One, start, &mut predicted));
+        assert!(!projection.project(start, &mut predicted));
         assert_eq!(predicted, within);
         let led = DVec3::new(0.0, 0.1, 0.1);
         for vertex in held {
             predicted[vertex.index()] += led;
         }
         let raw = most(&mesh, start, &predicted);
-        assert!(projection.project(Threads::One, start, &mut predicted));
+        assert!(projection.project(start, &mut predicted));
         for vertex in held {
             let place = start[vertex.index()] + led;
             assert_eq!(predicted[vertex.index()], place);
         }
         let left = most(&mesh, start, &predicted);
         assert!(left < 0.1 * raw, "{left} of {raw}");
-    }
-
-    /// A pass by edge and one by vertex give the same bytes.
-    #[test]
-    fn any_threads_give_the_same() {
-        let mesh = fan();
-        let start = mesh.positions();
-        let moved: Vec<_> = start
-            .iter()
-            .map(|p| *p * 1.3 + DVec3::new(p.y * p.y, 0.2 * p.x, p.z * p.x))
-            .collect();
-        let [one, several] = [Threads::One, Threads::Pool].map(|threads| {
-            let mut predicted = moved.clone();
-            EdgeProjection::new(&mesh, &[VertexId(2)]).project(threads, start, &mut predicted);
-            predicted
-        });
-        assert_ne!(one, moved);
-        assert_eq!(one, several);
     }
 }

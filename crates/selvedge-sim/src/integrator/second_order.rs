@@ -296,8 +296,7 @@ impl SecondOrder {
             predicted.velocities[v] = (*target - base.positions[v]) / gamma;
         }
         let places = &mut predicted.positions;
-        let threads = system.threads();
-        if self.projection.project(threads, &last.positions, places) {
+        if self.projection.project(&last.positions, places) {
             let edges = &self.edges;
             if !edges.keep_their_lengths(&last.positions, places, MOST_CHANGE) {
                 return Ok(Outcome::FirstOrder);

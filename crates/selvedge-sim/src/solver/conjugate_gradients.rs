@@ -13,9 +13,8 @@ use thiserror::Error;
 use crate::contact::{Touches, to_single};
 use crate::solver::blocks::{Contributions, Singles};
 use crate::solver::elements::Elements;
-use crate::solver::gauss_seidel::{GaussSeidel, OVER_RELAXATION};
+use crate::solver::gauss_seidel::{GaussSeidel, OVER_RELAXATION, tile_of};
 use crate::solver::pattern::Pattern;
-use crate::solver::vectors::{Vectors, dot, go, length_squared, turn};
 use crate::solver::woven::Woven;
 use crate::threads::Threads;
 
@@ -87,6 +86,17 @@ struct Start {
     most: u32,
 }
 
+/// Vectors of the iteration in the scaled space, `[unknowns]` each.
+struct Vectors {
+    solution: Vec<Vec3A>,
+    residual: Vec<Vec3A>,
+    direction: Vec<Vec3A>,
+    /// The direction, taken out of the scaled space but for its scale.
+    solved: Vec<Vec3A>,
+    /// The matrix times the direction.
+    product: Vec<Vec3A>,
+}
+
 /// Iterations at most where touches couple vertices. A complete factor is not slower.
 const COUPLED_ITERATIONS: u32 = 500;
 
@@ -111,6 +121,7 @@ struct Cycle {
 impl ConjugateGradients {
     /// A solver for matrices of this pattern.
     pub(crate) fn new(settings: Settings, pattern: &Pattern, elements: &Elements) -> Self {
+        let zeros = || vec![Vec3A::ZERO; pattern.unknown_count()];
         let mass: f64 = elements.mass.iter().sum();
         Self {
             settings,
@@ -118,10 +129,16 @@ impl ConjugateGradients {
             singles: Singles::new(elements),
             blocks: vec![Mat3A::ZERO; pattern.slot_count()],
             untouched: Vec::new(),
-            gauss_seidel: GaussSeidel::new(pattern),
+            gauss_seidel: GaussSeidel::new(tile_of(pattern.unknown_count()), pattern),
             is_definite: true,
             scale: elements.mass.len() as f64 / mass,
-            vectors: Vectors::new(pattern.unknown_count()),
+            vectors: Vectors {
+                solution: zeros(),
+                residual: zeros(),
+                direction: zeros(),
+                solved: zeros(),
+                product: zeros(),
+            },
             residual: vec![DVec3::ZERO; elements.mass.len()],
             woven: Woven::default(),
             is_woven: false,
@@ -315,16 +332,25 @@ impl ConjugateGradients {
     /// Computes the next direction: residual + `part` · direction. Without a part, a direction that
     /// is not finite is forgotten.
     fn turn(&mut self, threads: Threads, part: f64) {
-        let (part, vectors) = (part as f32, &mut self.vectors);
+        let part = part as f32;
+        let Vectors {
+            residual,
+            direction,
+            solved,
+            ..
+        } = &mut self.vectors;
         if part == 0.0 {
-            vectors.direction.fill(Vec3A::ZERO);
+            direction.fill(Vec3A::ZERO);
+        }
+        for ((direction, residual), solved) in direction.iter_mut().zip(residual).zip(&mut *solved)
+        {
+            *direction = *residual + *direction * part;
+            *solved = *direction;
         }
         if self.is_woven {
-            let (direction, solved) = (&mut vectors.direction, &mut vectors.solved);
-            turn(part, &vectors.residual, direction, solved);
             self.woven.solve_upper(solved);
         } else {
-            self.gauss_seidel.turn(threads, part, vectors);
+            self.gauss_seidel.solve_upper(threads, solved);
         }
     }
 
@@ -332,24 +358,35 @@ impl ConjugateGradients {
     /// if the matrix is not positive definite or a number is not finite.
     fn iterate(&mut self, threads: Threads, size: f64) -> Option<f64> {
         self.iterations += 1;
-        let vectors = &mut self.vectors;
-        let curvature = if self.is_woven {
-            self.woven.multiply(&vectors.solved, &mut vectors.product);
-            dot(&vectors.direction, vectors.product.iter().copied())
+        let Vectors {
+            solution,
+            residual,
+            direction,
+            solved,
+            product,
+        } = &mut self.vectors;
+        if self.is_woven {
+            self.woven.multiply(solved, product);
         } else {
-            self.gauss_seidel.multiply(threads, vectors)
-        };
+            self.gauss_seidel
+                .multiply(threads, direction, solved, product);
+        }
+        let curvature = dot(direction, product);
         if curvature.is_nan() || curvature <= 0.0 {
             return None;
         }
         let step = (size / curvature) as f32;
-        let next = if self.is_woven {
-            let (direction, product) = (&vectors.direction, &vectors.product);
-            let changing = [&mut vectors.solution, &mut vectors.residual].map(Vec::as_mut_slice);
-            go(step, direction, |k| product[k], changing)
-        } else {
-            self.gauss_seidel.go(threads, step, vectors)
-        };
+        let mut next = 0.0;
+        for (((solution, residual), direction), product) in solution
+            .iter_mut()
+            .zip(residual)
+            .zip(direction)
+            .zip(product)
+        {
+            *solution += *direction * step;
+            *residual -= *product * step;
+            next += f64::from(residual.length_squared());
+        }
         next.is_finite().then_some(next)
     }
 
@@ -368,4 +405,12 @@ impl ConjugateGradients {
             changes[*vertex as usize] += entry.as_dvec3();
         }
     }
+}
+
+fn dot(a: &[Vec3A], b: &[Vec3A]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| f64::from(a.dot(*b))).sum()
+}
+
+fn length_squared(a: &[Vec3A]) -> f64 {
+    dot(a, a)
 }

@@ -18,7 +18,6 @@ mod ordering;
 mod pattern;
 mod solve_error;
 mod system;
-mod vectors;
 mod woven;
 
 pub(crate) use cholesky::FactorError;

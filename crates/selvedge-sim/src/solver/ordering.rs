@@ -15,72 +15,28 @@ pub(crate) enum Ordering {
     /// Little fill in a complete factorisation (approximate minimum degree; Amestoy, Davis and Duff
     /// 1996).
     MinimumDegree,
-    /// Neighbours near each other, so that memory is read in order (Cuthill and McKee 1969,
-    /// reversed), in so many parts that nothing couples, and a separator after them.
-    Banded {
-        /// Number of parts.
-        parts: usize,
-    },
+    /// Neighbours near each other: a preconditioner by tiles loses little, and memory is read in
+    /// order (Cuthill and McKee 1969, reversed).
+    Banded,
 }
 
-/// An order of unknowns.
-pub(crate) struct Order {
-    /// The unknown at each place.
-    pub(crate) unknowns: Vec<usize>,
-    /// Places at which parts end that nothing couples; the separator follows the last.
-    pub(crate) part_ends: Vec<usize>,
-}
-
-/// The order of `unknown_count` unknowns coupled in `pairs` (smaller first).
+/// The order of `unknown_count` unknowns coupled in `pairs` (smaller first). Entry k is the unknown
+/// at place k.
 pub(crate) fn order(
     ordering: Ordering,
     unknown_count: usize,
     pairs: &[(u32, u32)],
-) -> Result<Order, FactorError> {
+) -> Result<Vec<usize>, FactorError> {
     match ordering {
-        Ordering::MinimumDegree => Ok(Order {
-            unknowns: minimum_degree(unknown_count, pairs)?,
-            part_ends: vec![unknown_count],
-        }),
-        Ordering::Banded { parts } => {
-            let both: Vec<_> = pairs.iter().flat_map(|&(a, b)| [(a, b), (b, a)]).collect();
-            let neighbours = Lists::group(unknown_count, &both);
-            Ok(parted(
-                &banded(&neighbours, unknown_count),
-                &neighbours,
-                parts,
-            ))
-        }
-    }
-}
-
-/// Cuts a banded order into `parts`: those of a part that have a neighbour in a later one go to the
-/// separator.
-fn parted(banded: &[usize], neighbours: &Lists, parts: usize) -> Order {
-    let share = banded.len().div_ceil(parts).max(1);
-    let mut part_of = vec![0; banded.len()];
-    for (place, unknown) in banded.iter().enumerate() {
-        part_of[*unknown] = place / share;
-    }
-    let separates = |unknown: &usize| {
-        let own = part_of[*unknown];
-        let mut near = neighbours.of(*unknown).iter();
-        near.any(|other| part_of[*other as usize] > own)
-    };
-    let (mut unknowns, mut part_ends) = (Vec::with_capacity(banded.len()), Vec::new());
-    for part in banded.chunks(share) {
-        unknowns.extend(part.iter().filter(|unknown| !separates(unknown)));
-        part_ends.push(unknowns.len());
-    }
-    unknowns.extend(banded.iter().filter(|unknown| separates(unknown)));
-    Order {
-        unknowns,
-        part_ends,
+        Ordering::MinimumDegree => minimum_degree(unknown_count, pairs),
+        Ordering::Banded => Ok(banded(unknown_count, pairs)),
     }
 }
 
 /// Breadth-first order from an end of each piece, neighbours with few neighbours first, reversed.
-fn banded(neighbours: &Lists, unknown_count: usize) -> Vec<usize> {
+fn banded(unknown_count: usize, pairs: &[(u32, u32)]) -> Vec<usize> {
+    let both: Vec<(u32, u32)> = pairs.iter().flat_map(|&(a, b)| [(a, b), (b, a)]).collect();
+    let neighbours = Lists::group(unknown_count, &both);
     let mut order = Vec::with_capacity(unknown_count);
     let mut placed = vec![false; unknown_count];
     for seed in 0..unknown_count {
@@ -91,11 +47,11 @@ fn banded(neighbours: &Lists, unknown_count: usize) -> Vec<usize> {
         let mut first = seed;
         for _ in 0..2 {
             let begin = order.len();
-            search(neighbours, first, &mut placed, &mut order);
+            search(&neighbours, first, &mut placed, &mut order);
             first = order[order.len() - 1];
             order.drain(begin..).for_each(|k| placed[k] = false);
         }
-        search(neighbours, first, &mut placed, &mut order);
+        search(&neighbours, first, &mut placed, &mut order);
     }
     order.reverse();
     order
@@ -171,9 +127,7 @@ mod tests {
                 }
             }
         }
-        let order = order(Ordering::Banded { parts: 1 }, 120, &pairs)
-            .unwrap()
-            .unknowns;
+        let order = order(Ordering::Banded, 120, &pairs).unwrap();
         let mut place = vec![usize::MAX; 120];
         for (k, &unknown) in order.iter().enumerate() {
             place[unknown] = k;
@@ -185,38 +139,10 @@ mod tests {
 
     #[test]
     fn every_unknown_of_every_piece_is_placed_once() {
-        let pairs = [(0, 3), (3, 5), (1, 2)];
-        let banded = |parts| Ordering::Banded { parts };
-        for ordering in [banded(1), banded(2), banded(6), Ordering::MinimumDegree] {
-            let mut order = order(ordering, 6, &pairs).unwrap().unknowns;
+        for ordering in [Ordering::Banded, Ordering::MinimumDegree] {
+            let mut order = order(ordering, 6, &[(0, 3), (3, 5), (1, 2)]).unwrap();
             order.sort_unstable();
             assert_eq!(order, [0, 1, 2, 3, 4, 5]);
-        }
-    }
-
-    #[test]
-    fn parts_are_coupled_by_the_separator_alone() {
-        // A grid of 12 by 10.
-        let pairs: Vec<(u32, u32)> = (0..120)
-            .flat_map(|k| [(k, k + 1), (k, k + 12)])
-            .filter(|&(a, b)| b < 120 && (b != a + 1 || b % 12 > 0))
-            .collect();
-        for parts in [1, 2, 3, 5] {
-            let order = order(Ordering::Banded { parts }, 120, &pairs).unwrap();
-            let mut part = vec![parts; 120];
-            for (place, &unknown) in order.unknowns.iter().enumerate() {
-                part[unknown] = order.part_ends.partition_point(|&end| end <= place);
-            }
-            let joins = |&(a, b): &(u32, u32)| {
-                let [a, b] = [a, b].map(|k| part[k as usize]);
-                a != b && a.max(b) < parts
-            };
-            assert!(!pairs.iter().any(joins));
-            let separator = part.iter().filter(|&&part| part == parts).count();
-            assert!(
-                separator <= 12 * (parts - 1),
-                "{separator} of {parts} parts"
-            );
         }
     }
 }

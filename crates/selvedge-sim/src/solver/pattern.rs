@@ -18,8 +18,6 @@ pub(crate) struct Pattern {
     unknown_of_vertex: Vec<u32>,
     /// Vertex of each unknown.
     vertex_of_unknown: Vec<u32>,
-    /// Unknowns at which parts end that nothing couples, but for those after the last.
-    part_ends: Vec<usize>,
     /// Start in `rows` of the blocks below the diagonal, per column and one more.
     starts: Vec<usize>,
     /// Row of each block below the diagonal, ascending within a column.
@@ -41,7 +39,7 @@ impl Pattern {
         let number = number_unknowns(held.len(), &free);
         let pairs = coupled_pairs(&number, free.len(), triangles, stencils);
         let order = order(ordering, free.len(), &pairs)?;
-        let vertex_of_unknown: Vec<u32> = order.unknowns.iter().map(|&k| free[k]).collect();
+        let vertex_of_unknown: Vec<u32> = order.iter().map(|&k| free[k]).collect();
         let unknown_of_vertex = number_unknowns(held.len(), &vertex_of_unknown);
         let renumbered = coupled_pairs(&unknown_of_vertex, free.len(), triangles, stencils);
         let mut starts = vec![0; free.len() + 1];
@@ -54,7 +52,6 @@ impl Pattern {
         Ok(Self {
             unknown_of_vertex,
             vertex_of_unknown,
-            part_ends: order.part_ends,
             starts,
             rows: renumbered.into_iter().map(|(_, row)| row).collect(),
         })
@@ -68,11 +65,6 @@ impl Pattern {
     /// Vertex of each unknown.
     pub(crate) fn vertices(&self) -> &[u32] {
         &self.vertex_of_unknown
-    }
-
-    /// Unknowns at which parts end that nothing couples but the separator, which follows the last.
-    pub(crate) fn part_ends(&self) -> &[usize] {
-        &self.part_ends
     }
 
     /// Unknown of `vertex`; [`Self::unknown_count`] if it is held.

@@ -35,11 +35,6 @@ pub(crate) const HANDLE_STIFFNESS: f64 = 1e3;
 /// millimetre per second is a hundredth of a substep's error.
 const AUTOMATIC_TOLERANCE: [f64; 3] = [1e-7, 1e-6, 1e-5];
 
-/// Vertices of a part of the cloth at least, for the triangular solves of a preconditioner.
-const FEWEST_OF_A_PART: usize = 400;
-/// Parts of a cloth at most. Each costs iterations, and a separator that waits for all.
-const MOST_PARTS: usize = 4;
-
 /// The system of a cloth, assembled and solved again and again.
 pub(crate) struct System {
     elements: Elements,
@@ -108,9 +103,7 @@ impl System {
         };
         let ordering = match settings {
             None => Ordering::MinimumDegree,
-            Some(_) => Ordering::Banded {
-                parts: (vertex_count / FEWEST_OF_A_PART).clamp(1, MOST_PARTS),
-            },
+            Some(_) => Ordering::Banded,
         };
         let triangles = mesh.topology().face_indices();
         let hinges = hinge_stencils(mesh);
@@ -147,11 +140,6 @@ impl System {
     /// Sets the threads of the solves that follow. The result is the same.
     pub(crate) fn set_threads(&mut self, threads: Threads) {
         self.threads = threads;
-    }
-
-    /// Threads of the solves.
-    pub(crate) fn threads(&self) -> Threads {
-        self.threads
     }
 
     /// Lets long solves end with an error from when `stop` is wanted.

@@ -236,8 +236,7 @@ mod tests {
         let triangles: Vec<[u32; 3]> = strip(0).chain(strip(count)).collect();
         let none: [[u32; 4]; 0] = [];
         let held = vec![false; 2 * count as usize];
-        let pattern =
-            Pattern::new(Ordering::Banded { parts: 1 }, &held, &triangles, &none).unwrap();
+        let pattern = Pattern::new(Ordering::Banded, &held, &triangles, &none).unwrap();
         let mut blocks = vec![Mat3A::IDENTITY * 0.1; pattern.slot_count()];
         for column in 0..pattern.unknown_count() {
             for (slot, row) in pattern.below(column) {
