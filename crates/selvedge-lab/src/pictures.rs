@@ -27,7 +27,8 @@ pub const MODEL: &str = "model";
 /// The label over a run of the physics.
 const PHYSICS: &str = "physics";
 
-/// A contact sheet (.png) of moments in motion, as [`with_panels`] has them.
+/// A contact sheet (.png) of moments in motion: the run; beside a truth, that one first, and the run
+/// once more in the colours of its error.
 pub fn sheet(show: &Show<'_>) -> Result<Vec<u8>, ViewError> {
     with_panels(show, |panels| sheet_of(show.title, panels))
 }
