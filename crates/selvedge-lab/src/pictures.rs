@@ -30,16 +30,14 @@ const PHYSICS: &str = "physics";
 /// A contact sheet (.png) of moments in motion: the run; beside a truth, that one first, and the run
 /// once more in the colours of its error.
 pub fn sheet(show: &Show<'_>) -> Result<Vec<u8>, ViewError> {
-    with_panels(show, |panels| sheet_of(show.title, panels))
-}
-
-fn sheet_of(title: &str, panels: &[Panel<'_>]) -> Result<Vec<u8>, ViewError> {
     let settings = SheetSettings {
         tile: [240, 240],
         columns: 6,
         pictures: 6,
     };
-    contact_sheet(title, panels, &settings)?.to_png()
+    with_panels(show, |panels| {
+        contact_sheet(show.title, panels, &settings)?.to_png()
+    })
 }
 
 /// A contact sheet (.png) of moments in motion in the colours of the strain: of each vertex, the
@@ -81,8 +79,8 @@ pub fn clip_pictures(trajectory: &Trajectory) -> usize {
     (1e3 * seconds / f64::from(ClipSettings::default().delay_ms)) as usize + 1
 }
 
-/// Writes a clip (.gif) in real time to `out`, of the same panels as [`sheet`]. `on_picture` hears of every picture and may stop;
-/// the clip then ends early, but is whole.
+/// Writes a clip (.gif) in real time to `out`, of the same panels as [`sheet`]. `on_picture` hears of
+/// every picture and may stop; the clip then ends early, but is whole.
 pub fn clip(
     out: &mut dyn Write,
     show: &Show<'_>,

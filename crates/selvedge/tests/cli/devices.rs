@@ -37,13 +37,11 @@ fn a_gpu_that_cannot_be_had_is_said_before_anything_is_written() {
 fn a_device_without_a_model_is_refused() {
     let desk = Desk::new();
     desk.write("push.toml", PUSH);
-    let said = desk.run("run push.toml --frames 2 --device gpu");
-    assert_eq!(said.code, Some(1), "{}", said.err);
-    assert!(
-        said.err.contains("--device") && said.err.contains("--model"),
-        "{}",
-        said.err
-    );
+    for physics in ["--frames 2", "--rest"] {
+        let said = desk.run(&format!("run push.toml {physics} --device gpu"));
+        assert_eq!(said.code, Some(1), "{}", said.err);
+        assert!(said.err.contains("--device") && said.err.contains("--model"));
+    }
     assert_eq!(desk.names(), ["push.toml"]);
 }
 
