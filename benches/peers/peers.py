@@ -251,25 +251,33 @@ def measure(place: Place, method: Method, scene: dict, options: argparse.Namespa
 
 
 def table(rows: list[dict]) -> str:
-    """The rows as Markdown, one table per scene."""
-    text = []
-    for name in dict.fromkeys(row["scene"] for row in rows):
-        text += [f"## {name}", "", "| method | substeps | ms per frame | RMSE at "
-                 + ", ".join(f"{second:g}" for second in TIMES)
-                 + " s, mm | half as many as converged, mm | largest strain | converged |",
-                 "|---|---:|---:|---:|---:|---:|---:|"]
-        for row in rows:
-            if row["scene"] != name:
-                continue
-            if "note" in row:
-                text.append(f"| {row['method']} | {row.get('substeps', '')} | {row['note']} | | | | |")
-                continue
-            away, floor = (", ".join(f"{row[key]:.1f}" for key in (f"{kind}_{s}" for s in TIMES) if key in row)
-                           for kind in ("error", "floor"))
-            text.append(f"| {row['method']} | {row['substeps']:.0f} of {row['finest']:.0f} | {row['ms']:.2f} | {away} | {floor} | "
-                        f"{100 * row['strain']:.0f} % | {100 * row['strain_converged']:.0f} % |")
-        text.append("")
-    return "\n".join(text)
+    """The rows as Markdown: each number of substeps in all scenes, then half of the converged number."""
+    scenes = list(dict.fromkeys(row["scene"] for row in rows))
+    times = ", ".join(f"{second:g}" for second in TIMES)
+    text = ["| method | substeps |" + "".join(f" {name}: ms per frame | RMSE at {times} s, mm | strain |" for name in scenes),
+            "|---|---:|" + "---:|---:|---:|" * len(scenes)]
+
+    def distances(row: dict, kind: str) -> str:
+        return ", ".join(f"{row[key]:.1f}" for key in (f"{kind}_{second}" for second in TIMES) if key in row)
+
+    def cells(row: dict | None) -> str:
+        if row is None or "note" in row:
+            return f" {row['note'] if row else ''} | | |"
+        return f" {row['ms']:.2f} | {distances(row, 'error')} | {100 * row['strain']:.0f} % |"
+
+    for method in dict.fromkeys(row["method"] for row in rows):
+        own = [row for row in rows if row["method"] == method]
+        for substeps in dict.fromkeys(row.get("substeps") for row in own):
+            of = {row["scene"]: row for row in own if row.get("substeps") == substeps}
+            label = "" if substeps is None else f"{substeps:.0f}"
+            text.append(f"| {method} | {label} |" + "".join(cells(of.get(name)) for name in scenes))
+        done = {row["scene"]: row for row in own if "ms" in row}
+        if done:
+            finest = next(iter(done.values()))["finest"]
+            floors = (f" | {distances(done[name], 'floor')} | {100 * done[name]['strain_converged']:.0f} % |"
+                      if name in done else " | | |" for name in scenes)
+            text.append(f"| | *{finest // 2:.0f} of {finest:.0f}* |" + "".join(floors))
+    return "\n".join(text) + "\n"
 
 
 def kept(place: Place) -> list[dict]:
