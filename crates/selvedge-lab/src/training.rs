@@ -1,6 +1,7 @@
 //! The beginning of a training, which may be stopped.
 
 use selvedge_data::Dataset;
+use selvedge_model::Model;
 use selvedge_train::{EngineMaker, Labels, TrainConfig, TrainError, Trainer};
 
 use crate::event::{OnEvent, Reporter};
@@ -39,11 +40,7 @@ pub fn from_model(
     model: &NamedModel,
     on_event: &mut OnEvent<'_>,
 ) -> Result<Option<Trainer>, TrainError> {
-    let reporter = Reporter::new(on_event);
-    let task = reporter.count("gathering statistics", cfg.statistics_samples, "samples");
-    let trainer = Trainer::from_model(cfg, data, engine, &model.model, &mut || task.advance())?;
-    trainer.iter().for_each(say_what_is_fresh);
-    Ok(trainer)
+    begin_with(&model.model, cfg, data, engine, &Reporter::new(on_event))
 }
 
 /// Gives `trainer` the physics of `data`, where its configuration asks for expert labels.
@@ -63,4 +60,18 @@ pub(crate) fn begin(
 ) -> Result<Option<Trainer>, TrainError> {
     let task = reporter.count("gathering statistics", cfg.statistics_samples, "samples");
     Trainer::new_observed(cfg, data, engine, &mut || task.advance())
+}
+
+/// As [`from_model`], within a longer operation.
+pub(crate) fn begin_with(
+    model: &Model,
+    cfg: TrainConfig,
+    data: &Dataset,
+    engine: &dyn EngineMaker,
+    reporter: &Reporter<'_>,
+) -> Result<Option<Trainer>, TrainError> {
+    let task = reporter.count("gathering statistics", cfg.statistics_samples, "samples");
+    let trainer = Trainer::from_model(cfg, data, engine, model, &mut || task.advance())?;
+    trainer.iter().for_each(say_what_is_fresh);
+    Ok(trainer)
 }

@@ -101,7 +101,8 @@ pub(super) struct Training {
     /// The data set that it learns from; needed where there are several.
     data: Option<String>,
     budget: Option<Budget>,
-    /// A training before this one, from whose end it goes on.
+    /// A training before this one, from whose end it goes on; with another configuration or other
+    /// data it begins with the weights and statistics of that.
     pub(super) after: Option<String>,
 }
 

@@ -16,6 +16,7 @@ use super::file::{Budget, Finished, Training};
 use super::kept;
 use crate::event::{Goal, Task};
 use crate::folder_kind::{FolderKind, TRAININGS};
+use crate::models::NamedModel;
 use crate::{folder, training};
 
 /// Between two checkpoints; a training that is limited in time also notes its time so often.
@@ -53,7 +54,7 @@ struct After {
     name: String,
     /// Hash of its model.
     model: String,
-    /// Its steps, and those before it.
+    /// Its steps, and those before it; 0 where the training only begins with its weights.
     steps: u64,
 }
 
@@ -143,7 +144,7 @@ pub(super) fn train(desk: &Desk<'_>, entry: &Training) -> Result<Option<Record>,
     if record.model.is_some() {
         return Ok(Some(record));
     }
-    let Some(mut trainer) = trainer(desk, entry, cfg, data)? else {
+    let Some(mut trainer) = trainer(desk, entry, record.after.as_ref(), cfg, data)? else {
         return Ok(None);
     };
     record.parameters = trainer.parameter_count();
@@ -183,8 +184,16 @@ fn after(desk: &Desk<'_>, entry: &Training) -> Result<Option<After>, StudyError>
         let path = path.display();
         StudyError::new(format!("{path}: training {name:?} is not finished"))
     })?;
-    let name = name.clone();
-    Ok(Some(After { name, model, steps }))
+    let before = desk.study.train.iter().find(|entry| entry.name == *name);
+    let continues = match before {
+        Some(before) => desk.study.continues(entry, before)?,
+        None => false,
+    };
+    Ok(Some(After {
+        name: name.clone(),
+        model,
+        steps: if continues { steps } else { 0 },
+    }))
 }
 
 /// The record of a training, which may be at its beginning.
@@ -253,27 +262,35 @@ fn check_device(known: &Record, now: &Record, folder: &Path) -> Result<(), Study
     )))
 }
 
-/// At the checkpoint of its folder, at the end of the training that it goes on from, or new. None
-/// where an end was asked for.
+/// At the checkpoint of its folder, at the end of the training before it or with the weights of
+/// that, or new. None where an end was asked for.
 fn trainer(
     desk: &Desk<'_>,
     entry: &Training,
+    after: Option<&After>,
     cfg: TrainConfig,
     data: &StudyData,
 ) -> Result<Option<Trainer>, StudyError> {
     let engine = desk.machine.engine(MICRO_BATCH);
     let own = folder(desk, &entry.name).join(files::CHECKPOINT);
-    let mut trainer = match &entry.after {
-        _ if own.is_file() => Trainer::resume(cfg, &data.set, &own, &*engine)?,
-        Some(before) => {
-            let checkpoint = folder(desk, before).join(files::CHECKPOINT);
-            Trainer::resume(cfg, &data.set, &checkpoint, &*engine)
-                .of(|| format!("going on after training {before:?}"))?
+    let reporter = desk.reporter;
+    let trainer = match after {
+        _ if own.is_file() => Some(Trainer::resume(cfg, &data.set, &own, &*engine)?),
+        Some(After { name, steps: 0, .. }) => {
+            let file = folder(desk, name).join(files::MODEL);
+            let before = NamedModel::open(Some(&file)).of(|| format!("training {name:?}"))?;
+            training::begin_with(&before.model, cfg, &data.set, &*engine, reporter)?
         }
-        None => match training::begin(cfg, &data.set, &*engine, desk.reporter)? {
-            Some(trainer) => trainer,
-            None => return Ok(None),
-        },
+        Some(After { name, .. }) => {
+            let checkpoint = folder(desk, name).join(files::CHECKPOINT);
+            let trainer = Trainer::resume(cfg, &data.set, &checkpoint, &*engine)
+                .of(|| format!("going on after training {name:?}"))?;
+            Some(trainer)
+        }
+        None => training::begin(cfg, &data.set, &*engine, reporter)?,
+    };
+    let Some(mut trainer) = trainer else {
+        return Ok(None);
     };
     training::with_expert(&mut trainer, &data.set)?;
     Ok(Some(trainer))

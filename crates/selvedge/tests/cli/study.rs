@@ -9,7 +9,7 @@ use crate::common::{Desk, contents, number};
 use selvedge_data::shipped_presets;
 use selvedge_model::Model;
 
-/// Three trainings of a moment, one of them after another, on a data set that is made.
+/// Four trainings of a moment, two of them after another, on a data set that is made.
 const STUDY: &str = r#"
 title = "A moment"
 text = "Nothing is learned here."
@@ -33,6 +33,12 @@ name = "late"
 config = "moment.toml"
 after = "early"
 budget = { steps = 400 }
+
+[[train]]
+name = "slower"
+config = "moment.toml"
+set = ['learning_rate={ kind = "constant", rate = 1e-5 }']
+after = "early"
 
 [[train]]
 name = "bare"
@@ -65,7 +71,7 @@ fn a_study_runs_to_its_report_and_a_second_time_does_nothing() {
     let answer = desk.json("study study.toml -o s");
     assert_eq!(
         (number(&answer, "/trained"), number(&answer, "/measured")),
-        (3.0, 4.0)
+        (4.0, 5.0)
     );
     let page = String::from_utf8(desk.read("s/report/report.md")).unwrap();
     for text in [
@@ -77,13 +83,22 @@ fn a_study_runs_to_its_report_and_a_second_time_does_nothing() {
     ] {
         assert!(page.contains(text), "{text}\n{page}");
     }
-    // The training that goes on after another is the one that was never cut.
+    // The training that goes on after another is the one that was never cut; with another
+    // configuration it is one from the weights of the other.
     desk.json("train moment.toml --data s/data/tiny -o whole --steps 406");
+    desk.write(
+        "slower.toml",
+        crate::common::TRAINING.replace("rate = 1e-3", "rate = 1e-5"),
+    );
+    desk.json("train slower.toml --data s/data/tiny -o slower --steps 6 --from s/trainings/early");
     let weights = |file: &str| {
         let model = Model::from_bytes(&desk.read(file)).unwrap();
         model.weights().to_vec()
     };
-    assert!(weights("whole/model.safetensors") == weights("s/trainings/late/model.safetensors"));
+    for (alone, within) in [("whole", "late"), ("slower", "slower")] {
+        let file = format!("s/trainings/{within}/model.safetensors");
+        assert!(weights(&format!("{alone}/model.safetensors")) == weights(&file));
+    }
     let before = contents(&desk.path("s"));
     desk.json("study study.toml -o s -j 1");
     assert!(before == contents(&desk.path("s")));
@@ -110,7 +125,7 @@ fn the_file_of_a_study_is_inspected() {
     let desk = desk();
     let report = desk.json("info study.toml");
     assert_eq!(report["kind"], "study-file");
-    assert_eq!(report["trainings"], 3);
+    assert_eq!(report["trainings"], 4);
     desk.write(
         "bad.toml",
         STUDY.replace("after = \"early\"", "after = \"nobody\""),
@@ -184,7 +199,7 @@ fn a_model_that_has_vanished_or_changed_is_named_with_the_remedy() {
     desk.fails("study study.toml -o s", 1, &words);
     std::fs::copy(model, desk.path("old.safetensors")).unwrap();
     let answer = desk.json("study study.toml -o s");
-    assert_eq!(number(&answer, "/measured"), 5.0);
+    assert_eq!(number(&answer, "/measured"), 6.0);
 }
 
 #[test]

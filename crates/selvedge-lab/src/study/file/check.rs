@@ -64,11 +64,22 @@ impl Study {
                 "after: no training before this one is called {after:?}"
             )));
         };
-        if self.data_of(before)? != self.data_of(entry)? {
+        let mut network = self.config(before)?.model;
+        network.encoder = cfg.model.encoder;
+        if network != cfg.model {
             return Err(StudyError::new(format!(
-                "after: {after:?} learns from another data set: a training goes on with its own"
+                "after: {after:?} has another network; only its encoder may be another"
             )));
         }
+        Ok(())
+    }
+
+    /// Whether `entry` is `before` with more steps, which goes on as if that had never ended.
+    pub(in crate::study) fn continues(
+        &self,
+        entry: &Training,
+        before: &Training,
+    ) -> Result<bool, StudyError> {
         // A budget of steps decides when each ends.
         let comparable = |mut cfg: TrainConfig| {
             cfg.steps = 0;
@@ -76,12 +87,8 @@ impl Study {
             cfg.name.clear();
             cfg
         };
-        if comparable(self.config(before)?) != comparable(cfg) {
-            return Err(StudyError::new(format!(
-                "after: {after:?} has another configuration: a training goes on with its own"
-            )));
-        }
-        Ok(())
+        Ok(self.data_of(before)? == self.data_of(entry)?
+            && comparable(self.config(before)?) == comparable(self.config(entry)?))
     }
 
     fn check_names(&self) -> Result<(), StudyError> {

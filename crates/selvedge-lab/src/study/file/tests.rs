@@ -135,9 +135,9 @@ fn what_makes_no_sense_is_refused() {
         ("latent=8", "latent", "equals sign"),
         ("latent=8", "latent=2", "between 4 and 4096"),
         (
-            "name = \"b\"\nconfig = \"first\"",
-            "name = \"b\"\nconfig = \"rp-mlp\"",
-            "after: \"a\" has another configuration",
+            "blocks=1\"]\nbudget",
+            "blocks=2\"]\nbudget",
+            "after: \"a\" has another network",
         ),
         (
             "[evaluation]",
