@@ -6,6 +6,9 @@ use glam::Vec3;
 
 use crate::ViewError;
 
+/// The beginning of an error about a body.
+pub(super) const BESIDE: &str = "a body beside the cloth";
+
 /// A body in the frames of a run.
 #[derive(Clone, Debug)]
 pub struct Body<'a> {
@@ -20,7 +23,7 @@ impl<'a> Body<'a> {
         frames: impl IntoIterator<Item = Cow<'a, [Vec3]>>,
     ) -> Result<Self, ViewError> {
         let frames: Vec<_> = frames.into_iter().collect();
-        let wrong = |problem: String| Err(ViewError::Body { problem });
+        let wrong = |problem| Err(ViewError::Invalid(format!("{BESIDE}: {problem}")));
         let points = frames.first().map_or(0, |frame| frame.len());
         for (number, frame) in frames.iter().enumerate() {
             if frame.len() != points {

@@ -1,9 +1,11 @@
 //! Runs: the frames of a motion, borrowed and checked once.
 
+use std::fmt::Display;
+
 use glam::Vec3;
 use selvedge_cloth::{Topology, VertexId};
 
-use super::body::Body;
+use super::body::{BESIDE, Body};
 use crate::{Rgb, ViewError};
 
 /// A body this many times as long as the cloth is large, and a point this many times its length
@@ -34,16 +36,17 @@ impl<'a> Run<'a> {
         let frames: Vec<&[Vec3]> = frames.into_iter().collect();
         let vertex_count = topology.vertex_count();
         if frames.is_empty() {
-            return Err(ViewError::EmptyRun);
+            return Err(ViewError::empty_run());
         }
         if !(frame_rate.is_finite() && frame_rate > 0.0) {
-            return Err(ViewError::FrameRate { found: frame_rate });
+            return Err(ViewError::Invalid(format!(
+                "the frame rate must be finite and positive, found {frame_rate} frames per second"
+            )));
         }
         if let Some(&vertex) = handles.iter().find(|v| v.index() >= vertex_count) {
-            return Err(ViewError::Handle {
-                vertex,
-                vertex_count,
-            });
+            return Err(ViewError::Invalid(format!(
+                "handle vertex {vertex} is out of range: the mesh has {vertex_count} vertices"
+            )));
         }
         for (frame, positions) in frames.iter().enumerate() {
             check_frame(frame, positions, vertex_count)?;
@@ -75,9 +78,9 @@ impl<'a> Run<'a> {
         let frames = self.frames.len();
         let counts = bodies.iter().map(Body::frame_count);
         if let Some(found) = counts.into_iter().find(|&n| n != 1 && n != frames) {
-            return Err(ViewError::Body {
-                problem: format!("has {found} frames, the cloth has {frames}"),
-            });
+            return Err(ViewError::Invalid(format!(
+                "{BESIDE}: has {found} frames, the cloth has {frames}"
+            )));
         }
         self.bodies = bodies;
         Ok(self)
@@ -137,17 +140,19 @@ impl<'a> Run<'a> {
         frame as f64 / self.frame_rate
     }
 
-    /// Checks that another run has the same clock.
-    pub(crate) fn check_clock(&self, other: &Run<'_>) -> Result<(), RunsDiffer> {
-        differ("frames", self.frames.len(), other.frames.len())?;
-        differ("frames per second", self.frame_rate, other.frame_rate)
+    /// Checks that another run has the same clock; the labels are those of both.
+    pub(crate) fn check_clock(&self, other: &Run<'_>, labels: [&str; 2]) -> Result<(), ViewError> {
+        let frames = [self, other].map(|run| run.frames.len());
+        check_same("frames", frames, labels)?;
+        let rates = [self.frame_rate, other.frame_rate];
+        check_same("frames per second", rates, labels)
     }
 
     /// Checks that another run has the same clock and number of vertices.
-    pub(crate) fn check_match(&self, other: &Run<'_>) -> Result<(), RunsDiffer> {
-        self.check_clock(other)?;
-        let [expected, found] = [self, other].map(|run| run.topology.vertex_count());
-        differ("vertices", expected, found)
+    pub(crate) fn check_match(&self, other: &Run<'_>, labels: [&str; 2]) -> Result<(), ViewError> {
+        self.check_clock(other, labels)?;
+        let vertices = [self, other].map(|run| run.topology.vertex_count());
+        check_same("vertices", vertices, labels)
     }
 }
 
@@ -161,56 +166,32 @@ fn longest_side(points: &[Vec3]) -> f32 {
     (high - low).max_element()
 }
 
-/// The first difference of two runs.
-#[derive(Clone, Debug)]
-pub(crate) struct RunsDiffer {
-    what: &'static str,
-    expected: String,
-    found: String,
-}
-
-impl RunsDiffer {
-    /// The error of two runs with these labels.
-    pub(crate) fn labelled(self, first: &str, other: &str) -> ViewError {
-        ViewError::PanelsDiffer {
-            first: first.to_owned(),
-            label: other.to_owned(),
-            what: self.what,
-            expected: self.expected,
-            found: self.found,
-        }
+/// Checks that a number of two runs with these labels is the same.
+fn check_same<T: PartialEq + Display>(
+    what: &str,
+    [expected, found]: [T; 2],
+    [first, other]: [&str; 2],
+) -> Result<(), ViewError> {
+    match expected == found {
+        true => Ok(()),
+        false => Err(ViewError::Invalid(format!(
+            "panel \"{other}\" has {found} {what}, but panel \"{first}\" has {expected}: panels side by side must match"
+        ))),
     }
 }
 
-fn differ<T: PartialEq + ToString>(
-    what: &'static str,
-    expected: T,
-    found: T,
-) -> Result<(), RunsDiffer> {
-    if expected == found {
-        return Ok(());
-    }
-    Err(RunsDiffer {
-        what,
-        expected: expected.to_string(),
-        found: found.to_string(),
-    })
-}
-
-fn check_frame(frame: usize, positions: &[Vec3], vertex_count: usize) -> Result<(), ViewError> {
-    if positions.len() != vertex_count {
-        return Err(ViewError::VertexCount {
-            frame,
-            expected: vertex_count,
-            found: positions.len(),
-        });
+fn check_frame(frame: usize, positions: &[Vec3], expected: usize) -> Result<(), ViewError> {
+    let found = positions.len();
+    if found != expected {
+        return Err(ViewError::Invalid(format!(
+            "frame {frame} has {found} vertices, but the mesh has {expected}"
+        )));
     }
     match positions.iter().position(|p| !p.is_finite()) {
-        Some(vertex) => Err(ViewError::NonFinite {
-            frame,
-            vertex: VertexId(vertex as u32),
-            position: positions[vertex],
-        }),
+        Some(vertex) => Err(ViewError::Invalid(format!(
+            "frame {frame}: the position of vertex {vertex} is not finite: {}",
+            positions[vertex]
+        ))),
         None => Ok(()),
     }
 }

@@ -3,10 +3,9 @@
 
 use crate::motion::panel::check_panels;
 use crate::page::layout::Page;
-use crate::page::moments::moments;
 use crate::raster::camera::Orbit;
 use crate::raster::stage::Stage;
-use crate::{Image, Panel, Renderer, Run, Supersampling, ViewError};
+use crate::{Image, Panel, Renderer, Run, ViewError};
 
 /// The choices of a contact sheet.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,7 +47,7 @@ impl SheetSettings {
 pub fn still(panel: &Panel<'_>, frame: usize, size: [u32; 2]) -> Result<Image, ViewError> {
     let aspect = aspect_of(size)?;
     let stages = Stage::following(&[panel.run], &[frame], &Orbit::default(), aspect)?;
-    let mut renderer = Renderer::new(&stages[0], size, Supersampling::Four)?;
+    let mut renderer = Renderer::new(&stages[0], size, 4)?;
     renderer.render(panel, frame)
 }
 
@@ -63,7 +62,7 @@ pub fn contact_sheet(
     settings.validate()?;
     check_panels(panels)?;
     let run = panels[0].run;
-    let frames = moments(run, settings.pictures);
+    let frames = evenly_spaced(run.frames().len(), settings.pictures);
     let columns = settings.columns.min(frames.len());
     let rows = frames.len().div_ceil(columns) * panels.len();
     let page = Page::new(
@@ -77,7 +76,7 @@ pub fn contact_sheet(
     let mut image = page.draw()?;
     for (number, (&frame, stage)) in frames.iter().zip(&stages).enumerate() {
         let (column, block) = (number % columns, number / columns);
-        let mut renderer = Renderer::new(stage, settings.tile, Supersampling::Four)?;
+        let mut renderer = Renderer::new(stage, settings.tile, 4)?;
         for (line, panel) in panels.iter().enumerate() {
             let row = block * panels.len() + line;
             let place = page.place(column as u32, row as u32);
@@ -87,6 +86,16 @@ pub fn contact_sheet(
         }
     }
     Ok(image)
+}
+
+/// `count` numbers from 0 to `frames` - 1, evenly spaced; all of them when there are fewer.
+fn evenly_spaced(frames: usize, count: usize) -> Vec<usize> {
+    let count = count.min(frames);
+    let steps = (count - 1).max(1);
+    // Rounded to the nearest frame, in whole numbers.
+    (0..count)
+        .map(|k| (2 * k * (frames - 1) + steps) / (2 * steps))
+        .collect()
 }
 
 pub(crate) fn runs_of<'a>(panels: &[Panel<'a>]) -> Vec<&'a Run<'a>> {
@@ -112,6 +121,14 @@ mod tests {
     use selvedge_cloth::Topology;
 
     #[test]
+    fn moments_are_spread_from_the_first_frame_to_the_last() {
+        assert_eq!(evenly_spaced(61, 4), [0, 20, 40, 60]);
+        assert_eq!(evenly_spaced(10, 4), [0, 3, 6, 9]);
+        assert_eq!(evenly_spaced(3, 8), [0, 1, 2]);
+        assert_eq!(evenly_spaced(9, 1), [0]);
+    }
+
+    #[test]
     fn a_sheet_holds_the_pictures_of_its_moments() {
         let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
         let frames: Vec<[Vec3; 3]> = (0..6)
@@ -132,16 +149,15 @@ mod tests {
         let sheet = contact_sheet("Title", &panels, &settings).unwrap();
         let page = Page::new("Title", &panels, settings.tile, [2, 4]).unwrap();
         let aspect = aspect_of(settings.tile).unwrap();
-        let frames = [1, 3, 4];
+        let frames = [0, 3, 5];
         let stages = Stage::following(&[&run], &frames, &Orbit::default(), aspect).unwrap();
-        // A quarter into each third of the way, frame 1, 3 and 4 is next: two rows of panels for the
-        // first two, then two more.
+        // The middle of frames 0 to 5 is rounded up. Two rows of panels for the first two, then two
+        // more.
         for (number, (column, rows)) in [(0, [0, 1]), (1, [0, 1]), (0, [2, 3])]
             .into_iter()
             .enumerate()
         {
-            let mut renderer =
-                Renderer::new(&stages[number], settings.tile, Supersampling::Four).unwrap();
+            let mut renderer = Renderer::new(&stages[number], settings.tile, 4).unwrap();
             let picture = renderer.render(&panels[0], frames[number]).unwrap();
             for row in rows {
                 let [left, top] = page.place(column, row);
