@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use selvedge_model::{
     Connectivity, Dropout, EdgeFeature, Encoder, Gradients, Input, InputGradient, Instructions,
-    ModelSpec, Network, NetworkScalar, NodeFeature, Pass, Purpose, Window, Workspace, reference,
+    ModelSpec, Network, NetworkScalar, Pass, Purpose, Window, Workspace, reference,
 };
 
 use crate::gpu::Gpu;
@@ -82,7 +82,6 @@ fn presets() -> Vec<ModelSpec> {
     specs.push(ModelSpec::physical(Encoder::Gru { window: 5 }, 16, 2));
     specs.push(ModelSpec::physical(Encoder::Gru { window: 10 }, 16, 1));
     let mut full = ModelSpec::physical(Encoder::MLP, 70, 2);
-    full.node_features.insert(NodeFeature::Acceleration);
     full.edge_features.insert(EdgeFeature::MaterialVector);
     specs.push(full);
     specs

@@ -91,7 +91,6 @@ pub use graph::{
     ClothGraph, ClothSize, Connectivity, GraphError, Hinge, LocalFrame, Yaw, geometry,
 };
 pub use kernels::dropout::Dropout;
-pub use kernels::gates::{Gate, GateLayout};
 pub use kernels::real::Real;
 pub use kernels::simd::Instructions;
 pub use network::packed::{PackedWeights, Purpose};
@@ -100,10 +99,8 @@ pub use network::reference;
 pub use network::workspace::Workspace;
 pub use network::{Gradients, Input, InputGradient, Network, NetworkScalar, Pass, Stopped};
 pub use rollout::{
-    LearnedStepper, LocalAcceleration, MODEL_FORMAT, Model, ModelError, ModelFileError, NonFinite,
-    Normalizers, RolloutError, TwoFrames, WeightType, advance, advance_backward, opening_frames,
+    LearnedStepper, LocalAcceleration, MODEL_FORMAT, Model, ModelFileError, NonFinite, Normalizers,
+    RolloutError, TwoFrames, WeightType, advance, advance_backward, opening_frames,
     target_acceleration,
 };
-pub use spec::{
-    CurrentFrame, EdgeFeature, Encoder, Integration, ModelSpec, NodeFeature, OUTPUTS, SpecError,
-};
+pub use spec::{EdgeFeature, Encoder, Integration, ModelSpec, NodeFeature, OUTPUTS, SpecError};

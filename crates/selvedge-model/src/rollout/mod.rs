@@ -2,7 +2,6 @@
 //! it.
 
 mod advance;
-pub(crate) mod half;
 mod hands;
 pub(crate) mod model;
 pub(crate) mod model_file;
@@ -12,7 +11,6 @@ mod stepper;
 pub use advance::{
     LocalAcceleration, NonFinite, TwoFrames, advance, advance_backward, target_acceleration,
 };
-pub use half::WeightType;
-pub use model::{Model, ModelError, Normalizers};
-pub use model_file::{MODEL_FORMAT, ModelFileError};
+pub use model::{Model, Normalizers};
+pub use model_file::{MODEL_FORMAT, ModelFileError, WeightType};
 pub use stepper::{LearnedStepper, RolloutError, opening_frames};
