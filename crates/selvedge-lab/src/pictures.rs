@@ -153,7 +153,7 @@ pub fn run_of_frames<'a>(
         frames.iter().map(|&frame| trajectory.frame(frame)),
         trajectory.handles().vertices(),
         frame_rate,
-    );
+    )?;
     let bodies = trajectory.obstacles().iter().map(|obstacle| {
         let taken = if obstacle.is_still() {
             &frames[..1]
@@ -163,8 +163,7 @@ pub fn run_of_frames<'a>(
         let points = taken.iter().map(|&frame| obstacle.frame(frame));
         Body::new(obstacle.faces(), points)
     });
-    let bodies: Result<Vec<Body<'a>>, _> = bodies.collect();
-    let run = run.and_then(|run| run.with_bodies(bodies?))?;
+    let run = run.with_bodies(bodies.collect());
     let material = trajectory.provenance().scene["setting"]["material"]["name"].as_str();
     Ok(match material.and_then(colour_of) {
         Some(colour) => run.in_colour(colour),

@@ -297,9 +297,9 @@ fn beside(body: &[Vec3], faces: &[[u32; 3]]) -> (Image, Stage) {
         Vec3::new(0.0, 1.0, 0.5),
     ];
     let (topology, positions) = scene(&[cloth]);
-    let body = crate::Body::new(faces, [std::borrow::Cow::Borrowed(body)]).unwrap();
+    let body = crate::Body::new(faces, [std::borrow::Cow::Borrowed(body)]);
     let run = Run::new(&topology, [positions.as_slice()], &[], 60.0).unwrap();
-    let run = run.with_bodies(vec![body]).unwrap();
+    let run = run.with_bodies(vec![body]);
     let stage = Stage::on_orbit(&[&run], &LEVEL, 1.0).unwrap();
     let panel = plain(&run);
     let mut renderer = Renderer::new(&stage, [64; 2], 1).unwrap();
