@@ -99,14 +99,11 @@ fn the_forward_pass_is_that_of_the_processor_and_of_the_equations() {
             arcs: &given.arcs,
         };
         let (network, graph) = (&given.network, &given.graph);
-        let cpu = network.forward(
-            &given.weights,
-            graph,
-            input,
-            Pass::Inference,
-            &mut workspace,
-        );
-        let cpu: Vec<f64> = cpu.iter().map(|&x| f64::from(x)).collect();
+        let (purpose, pass) = (Purpose::Inference, Pass::Inference);
+        let packed = network.pack(&given.weights, purpose, Instructions::Detected);
+        let cpu = network.forward_packed(&packed, graph, input, pass, &mut workspace);
+        let cpu = cpu.expect("nobody stops it").iter();
+        let cpu: Vec<f64> = cpu.map(|&x| f64::from(x)).collect();
         let [weights, nodes, arcs, _] = given.wide::<f64>();
         let input = Input {
             nodes: &nodes[..],

@@ -8,9 +8,7 @@ pub(crate) mod model_file;
 mod names_once;
 mod stepper;
 
-pub use advance::{
-    LocalAcceleration, NonFinite, TwoFrames, advance, advance_backward, target_acceleration,
-};
+pub use advance::{LocalAcceleration, NonFinite, TwoFrames, advance, advance_backward};
 pub use model::{Model, Normalizers};
 pub use model_file::{MODEL_FORMAT, ModelFileError, WeightType};
 pub use stepper::{LearnedStepper, RolloutError, opening_frames};
