@@ -8,8 +8,8 @@ use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::generate::{SquareSpec, square};
 use selvedge_cloth::{Cloth, Environment, Handles};
 use selvedge_model::{
-    ClothGraph, Connectivity, EdgeFeature, Encoder, Model, ModelSpec, Network, NodeFeature,
-    Normalizer, Normalizers,
+    ClothGraph, Connectivity, EdgeFeature, Encoder, Model, ModelSpec, Network, Normalizer,
+    Normalizers,
 };
 
 use crate::gpu::{Gpu, GpuError};
@@ -114,7 +114,6 @@ pub(crate) fn full_specs() -> Vec<ModelSpec> {
     let mut specs = specs();
     for encoder in [Encoder::Gru { window: 3 }, Encoder::MLP] {
         let mut spec = ModelSpec::physical(encoder, 12, 1);
-        spec.node_features.insert(NodeFeature::Acceleration);
         spec.edge_features.insert(EdgeFeature::MaterialVector);
         specs.push(spec);
     }

@@ -8,9 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::Stop;
 use selvedge_cluster::{ClusterError, Ranks};
 use selvedge_data::Dataset;
-use selvedge_model::{
-    Domain, Model, ModelError, Network, Normalizers, RunningStatistics, SpecError,
-};
+use selvedge_model::{Domain, Model, Network, Normalizers, RunningStatistics, SpecError};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -91,8 +89,6 @@ pub enum TrainError {
     TrainingSet(#[from] TrainingSetError),
     #[error(transparent)]
     Memory(#[from] MemoryError),
-    #[error(transparent)]
-    Model(#[from] ModelError),
     #[error(transparent)]
     Engine(#[from] EngineError),
     #[error(transparent)]

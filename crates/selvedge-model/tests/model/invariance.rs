@@ -13,14 +13,11 @@ use glam::{DVec3, Vec2, Vec3};
 use proptest::prelude::*;
 use selvedge_cloth::generate::{SquareSpec, square};
 use selvedge_cloth::{Cloth, ClothArrays, Environment, Handles, Topology, VertexId};
-use selvedge_model::{
-    ClothGraph, EdgeFeature, Encoder, Frames, ModelSpec, NodeFeature, Place, Window, Yaw,
-};
+use selvedge_model::{ClothGraph, EdgeFeature, Encoder, Frames, ModelSpec, Place, Window, Yaw};
 
 /// Every feature over a window of two frames.
 fn spec() -> ModelSpec {
     let mut spec = ModelSpec::physical(Encoder::Gru { window: 2 }, 4, 1);
-    spec.node_features.insert(NodeFeature::Acceleration);
     spec.edge_features.insert(EdgeFeature::MaterialVector);
     spec
 }
@@ -119,7 +116,12 @@ fn seen(case: &Case, wind: DVec3) -> Seen {
     };
     let node = |v| rows(&window.nodes, v, vertices, spec.node_width());
     let arc = |a| rows(&window.arcs, a, graph.arc_count(), spec.edge_width());
-    let ends = graph.senders().iter().zip(graph.receivers()).enumerate();
+    let ends = graph
+        .connectivity()
+        .senders()
+        .iter()
+        .zip(graph.connectivity().receivers())
+        .enumerate();
     Seen {
         nodes: (0..vertices).map(node).collect(),
         arcs: ends.map(|(a, (&s, &r))| ((s, r), arc(a))).collect(),

@@ -117,7 +117,7 @@ impl Triplet<'_> {
 
     /// Kinetic energy of vertex `v` on its way to `next` `[kg m²/frame²]`.
     fn kinetic_energy(&self, v: usize, next: DVec3) -> f64 {
-        let mass = f64::from(self.graph.vertex_mass()[v]);
+        let mass = f64::from(self.graph.cloth().vertex_mass()[v]);
         0.5 * mass * (next - self.current[v]).length_squared()
     }
 
@@ -389,7 +389,7 @@ impl LossEvaluator {
             let found = triplet.kinetic_energy(v, self.positions[v]);
             let difference = scale * (found - target);
             loss += difference * difference;
-            let momentum = f64::from(triplet.graph.vertex_mass()[v])
+            let momentum = f64::from(triplet.graph.cloth().vertex_mass()[v])
                 * (self.positions[v] - triplet.current[v]);
             self.by_position[v] += 2.0 * weight * share * difference * scale * momentum;
         }

@@ -255,7 +255,7 @@ fn a_training_that_blows_up_keeps_the_last_good_files() {
         matches!(
             error,
             RunError::Train {
-                source: TrainError::Model(_),
+                source: TrainError::Spec(_),
                 ..
             }
         )

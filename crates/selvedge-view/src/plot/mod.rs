@@ -15,18 +15,12 @@ use thiserror::Error;
 
 /// The reason why there is no plot.
 #[derive(Debug, Error)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
+#[allow(missing_docs, reason = "the messages say it")]
 pub enum PlotError {
-    #[error("plot {title:?} has nothing to show")]
-    Empty { title: String },
-    #[error("plot {title:?}: a value of {name:?} is {value}: values must be finite")]
-    NonFinite {
-        title: String,
-        name: String,
-        value: f64,
-    },
-    #[error("plot {title:?} could not be drawn: {problem}")]
-    Drawing { title: String, problem: String },
+    #[error("plot {0:?} has nothing to show")]
+    Empty(String),
+    #[error("plot {0}")]
+    Invalid(String),
 }
 
 #[cfg(test)]

@@ -106,7 +106,7 @@ fn draw_mesh(
         let points = obstacle.positions_at(0.0).map(|p| p.as_vec3()).collect();
         Body::new(obstacle.faces(), [Cow::Owned(points)])
     });
-    let run = run.with_bodies(bodies.collect::<Result<_, _>>()?)?;
+    let run = run.with_bodies(bodies.collect());
     let panel = Panel {
         label: "",
         run: &run,
