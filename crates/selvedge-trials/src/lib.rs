@@ -1,8 +1,8 @@
 //! Trials that take minutes or hours, each a command: `fuzz` gives damaged files to every reader
 //! under libFuzzer, `faults` has calls of the system fail under every command.
 //!
-//! `cargo xtask` starts them. Every trial is made from a seed, says what it did in a row of a
-//! table, and ends with an error where something did not hold.
+//! `cargo xtask` starts them. Every trial says what it did, and ends with an error where something
+//! did not hold.
 #![allow(
     clippy::print_stdout,
     reason = "a program that talks to people in a terminal"
