@@ -2,7 +2,7 @@
 //! `cargo xtask book` checks the documents against the program (see [`book`]),
 //! `cargo xtask ci` runs everything that must hold before a change is taken, `cargo xtask nightly`
 //! what takes longer: the commands of the book, and the trials of the crate `selvedge-trials`,
-//! `fuzz`, `faults` and `soak`, which are commands, too, `cargo xtask sanitize` and `miri` tests under
+//! `fuzz` and `faults`, which are commands, too, `cargo xtask sanitize` and `miri` tests under
 //! nightly's checks,
 //! `cargo xtask header` makes the header of the library for C (see [`header`]).
 //!
@@ -44,7 +44,6 @@ usage: cargo xtask COMMAND
   fuzz    damaged files for every reader, by libFuzzer (--for 10m; see
           docs/src/contributing/trials.md)
   faults  calls on files, and for memory, that fail under every command
-  soak    steppers and the viewer for a long time
   sanitize address|thread
           tests of what has unsafe code or threads under a sanitizer of nightly Rust; arguments of
           `cargo test` choose others
@@ -57,7 +56,7 @@ fn main() -> ExitCode {
     let outcome = match words.as_slice() {
         ["ci"] => ci(),
         ["tidy"] => tidy::run(),
-        [trial @ ("fuzz" | "faults" | "soak"), options @ ..] => trials(trial, options),
+        [trial @ ("fuzz" | "faults"), options @ ..] => trials(trial, options),
         ["nightly"] => long(),
         ["header"] => header::run(false),
         ["header", "--write"] => header::run(true),
@@ -110,7 +109,6 @@ fn long() -> Result<()> {
     for (trial, options) in [
         ("fuzz", ["--for", "60s"]),
         ("faults", ["--faults", "20"]),
-        ("soak", ["--steps", "20000"]),
     ] {
         println!("\n== {trial} {}", options.join(" "));
         if let Err(error) = trials(trial, &options) {

@@ -1,9 +1,8 @@
 //! Trials that take minutes or hours, each a command: `fuzz` gives damaged files to every reader
-//! under libFuzzer, `faults` has calls of the system fail under every command, `soak` runs steppers
-//! and the viewer for long.
+//! under libFuzzer, `faults` has calls of the system fail under every command.
 //!
-//! `cargo xtask` starts them. Every trial is made from a seed, says what it did in a row of a
-//! table, and ends with an error where something did not hold.
+//! `cargo xtask` starts them. Every trial says what it did, and ends with an error where something
+//! did not hold.
 #![allow(
     clippy::print_stdout,
     reason = "a program that talks to people in a terminal"
@@ -13,8 +12,6 @@ mod faults;
 mod fuzz;
 mod guided;
 mod program;
-mod soak;
-mod viewer;
 
 use std::process::ExitCode;
 use std::time::Duration;
@@ -53,24 +50,6 @@ enum Trial {
         #[arg(long, default_value_t = 1)]
         seed: u64,
     },
-    /// Steppers and the viewer for long; their memory stays level
-    Soak {
-        /// Of every stepper
-        #[arg(long, default_value_t = 20_000)]
-        steps: u64,
-        /// Simulated time of the viewer
-        #[arg(long, default_value = "30s", value_parser = span::parse)]
-        span: Duration,
-        /// Pages that watch it and pull at it
-        #[arg(long, default_value_t = 30)]
-        pages: u32,
-        /// physics, model, guard or viewer (repeat for several)
-        #[arg(long)]
-        only: Vec<String>,
-        /// Other hands
-        #[arg(long, default_value_t = 1)]
-        seed: u64,
-    },
 }
 
 /// Runs the trial that the command line names. The exit code says whether everything held.
@@ -83,13 +62,6 @@ pub fn run() -> ExitCode {
             command,
             seed,
         } => faults::run(faults, &of, &command, seed),
-        Trial::Soak {
-            steps,
-            span,
-            pages,
-            only,
-            seed,
-        } => soak::run(steps, span, pages, &only, seed),
     };
     match outcome {
         Ok(true) => ExitCode::SUCCESS,

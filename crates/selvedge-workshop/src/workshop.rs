@@ -1,5 +1,5 @@
 //! Makes cloths ready for the viewer: a scene, perhaps with another mesh or material, its rest
-//! pose, and a model. Rest poses that were found are kept.
+//! pose, and a model.
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -11,7 +11,7 @@ use selvedge_cloth::generate::{NamedSheet, named_sheets};
 use selvedge_cloth::motion::named;
 use selvedge_cloth::{Cloth, HandleSchedule, Motion, Scene};
 use selvedge_data::{
-    GeneratorSpec, LoadedScene, MeshSpec, SavedState, Setting, StartSpec, materials, open_scene,
+    GeneratorSpec, LoadedScene, MeshSpec, SavedState, StartSpec, materials, open_scene,
     shipped_scenes,
 };
 use selvedge_lab::cause;
@@ -31,16 +31,12 @@ use super::movers::ModelOnMachine;
 const VERTICES: [usize; 5] = [150, 289, 400, 600, 1024];
 /// Numbers of vertices that may be asked for.
 const VERTICES_ALLOWED: std::ops::RangeInclusive<usize> = 20..=4096;
-/// Rest poses that are kept.
-const MOST_KEPT: usize = 32;
 
 /// Knows the scenes and models that may be shown.
 pub struct SceneWorkshop {
     scenes: Vec<String>,
     models: Vec<NamedModel>,
     machine: Machine,
-    /// Settings with their rest poses `[m]`, the last used last.
-    rests: Vec<(Setting, Vec<DVec3>)>,
 }
 
 impl SceneWorkshop {
@@ -64,7 +60,6 @@ impl SceneWorkshop {
             scenes,
             models: opened,
             machine,
-            rests: Vec::new(),
         })
     }
 
@@ -80,7 +75,7 @@ impl SceneWorkshop {
     }
 
     fn make_ready(
-        &mut self,
+        &self,
         order: &Order,
         progress: &mut dyn FnMut(String) -> ControlFlow<()>,
     ) -> anyhow::Result<SceneCloth> {
@@ -98,7 +93,7 @@ impl SceneWorkshop {
         let mut remarks = std::mem::take(&mut loaded.warnings);
         change(&mut loaded, order, &mut remarks)?;
         bodies::put(&mut loaded, order)?;
-        let (rest, start) = self.rest_and_start(&loaded, progress, &mut remarks)?;
+        let (rest, start) = rest_and_start(&loaded, progress, &mut remarks)?;
         loaded.scene.physics.law = law;
         loaded.spec.setting.physics.law = law;
         let LoadedScene { spec, scene, .. } = loaded;
@@ -124,71 +119,57 @@ impl SceneWorkshop {
             remarks,
         })
     }
+}
 
-    /// The rest pose and where the scene starts, both `[m]`. A cloth that nothing holds has no rest
-    /// pose: its mesh takes the place, also of a rest pose that is not needed for the start, which
-    /// nobody waits for.
-    fn rest_and_start(
-        &mut self,
-        loaded: &LoadedScene,
-        progress: &mut dyn FnMut(String) -> ControlFlow<()>,
-        remarks: &mut Vec<String>,
-    ) -> anyhow::Result<(Vec<DVec3>, SavedState)> {
-        let scene = &loaded.scene;
-        let is_held = !scene.handles.is_empty();
-        if !is_held {
-            remarks.push("nothing holds this cloth: it falls".to_owned());
-        }
-        let starts_in_it = loaded.spec.start == StartSpec::Rest && loaded.state.is_none();
-        let rest = if !is_held || !starts_in_it {
-            scene.mesh.positions().to_vec()
-        } else {
-            match self.rest(loaded, progress) {
-                Ok(rest) => rest,
-                Err(error) if !is_without_rest(&error) => return Err(error),
-                Err(error) => {
-                    let problem = cause::chain(error.as_ref());
-                    remarks.push(format!("{problem}: its mesh takes the place"));
-                    scene.mesh.positions().to_vec()
-                }
-            }
-        };
-        let start = match (&loaded.state, &loaded.spec.start) {
-            (Some(state), _) => state.clone(),
-            (None, StartSpec::Rest) => SavedState::at_rest(rest.clone()),
-            (None, _) => made_ready(loaded, progress, remarks)?,
-        };
-        Ok((rest, start))
+/// The rest pose and where the scene starts, both `[m]`. A cloth that nothing holds has no rest
+/// pose: its mesh takes the place, also of a rest pose that is not needed for the start, which
+/// nobody waits for.
+fn rest_and_start(
+    loaded: &LoadedScene,
+    progress: &mut dyn FnMut(String) -> ControlFlow<()>,
+    remarks: &mut Vec<String>,
+) -> anyhow::Result<(Vec<DVec3>, SavedState)> {
+    let scene = &loaded.scene;
+    let is_held = !scene.handles.is_empty();
+    if !is_held {
+        remarks.push("nothing holds this cloth: it falls".to_owned());
     }
+    let starts_in_it = loaded.spec.start == StartSpec::Rest && loaded.state.is_none();
+    let rest = if !is_held || !starts_in_it {
+        scene.mesh.positions().to_vec()
+    } else {
+        match rest(loaded, progress) {
+            Ok(rest) => rest,
+            Err(error) if !is_without_rest(&error) => return Err(error),
+            Err(error) => {
+                let problem = cause::chain(error.as_ref());
+                remarks.push(format!("{problem}: its mesh takes the place"));
+                scene.mesh.positions().to_vec()
+            }
+        }
+    };
+    let start = match (&loaded.state, &loaded.spec.start) {
+        (Some(state), _) => state.clone(),
+        (None, StartSpec::Rest) => SavedState::at_rest(rest.clone()),
+        (None, _) => made_ready(loaded, progress, remarks)?,
+    };
+    Ok((rest, start))
+}
 
-    fn rest(
-        &mut self,
-        loaded: &LoadedScene,
-        progress: &mut dyn FnMut(String) -> ControlFlow<()>,
-    ) -> anyhow::Result<Vec<DVec3>> {
-        let setting = &loaded.spec.setting;
-        let known = self.rests.iter().position(|(known, _)| known == setting);
-        let kept = match known {
-            Some(at) => self.rests.remove(at),
-            None => {
-                let vertices = loaded.scene.mesh.positions().len();
-                let found = rest_pose::found(&loaded.scene, &mut |now| {
-                    progress(format!(
-                        "{vertices} vertices sag to rest: {:.1e} of {:.0e} m/s² left",
-                        now.residual, now.tolerance
-                    ))
-                });
-                let context = || format!("the rest pose of scene {:?}", loaded.scene.name);
-                let found = found.with_context(context)?;
-                (setting.clone(), found.rest.positions)
-            }
-        };
-        if self.rests.len() >= MOST_KEPT {
-            self.rests.remove(0);
-        }
-        self.rests.push(kept.clone());
-        Ok(kept.1)
-    }
+/// The rest pose of a scene `[m]`.
+fn rest(
+    loaded: &LoadedScene,
+    progress: &mut dyn FnMut(String) -> ControlFlow<()>,
+) -> anyhow::Result<Vec<DVec3>> {
+    let vertices = loaded.scene.mesh.positions().len();
+    let found = rest_pose::found(&loaded.scene, &mut |now| {
+        progress(format!(
+            "{vertices} vertices sag to rest: {:.1e} of {:.0e} m/s² left",
+            now.residual, now.tolerance
+        ))
+    });
+    let context = || format!("the rest pose of scene {:?}", loaded.scene.name);
+    Ok(found.with_context(context)?.rest.positions)
 }
 
 impl Workshop for SceneWorkshop {

@@ -1,8 +1,7 @@
-//! Checks of the index of a data set that need no trajectory: names and
-//! files, trajectories that are there once, sections within them, counts that are those of its
-//! lists.
+//! Checks of the index of a data set that need no trajectory: names and files, and sections within
+//! the trajectories.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::path::{Component, Path};
 
 use super::{DatasetIndex, Entry, Split};
@@ -18,9 +17,7 @@ pub(super) fn check(folder: &Path, index: &DatasetIndex) -> Result<(), String> {
             check_file(folder, split, entry)?;
         }
     }
-    check_once(index)?;
-    check_sections(index)?;
-    check_counts(index)
+    check_sections(index)
 }
 
 /// File of the trajectory of a motion, relative to the folder.
@@ -78,20 +75,6 @@ fn is_inside(file: &Path) -> bool {
     parts.clone().next().is_some() && parts.all(|part| matches!(part, Component::Normal(_)))
 }
 
-/// Checks that no trajectory is there twice, neither in a split nor in both.
-fn check_once(index: &DatasetIndex) -> Result<(), String> {
-    let mut seen: BTreeMap<&str, &Entry> = BTreeMap::new();
-    for entry in index.splits.all() {
-        if let Some(other) = seen.insert(&entry.blake3, entry) {
-            return Err(format!(
-                "files {:?} and {:?} are the same trajectory (hash {})",
-                other.file, entry.file, entry.blake3
-            ));
-        }
-    }
-    Ok(())
-}
-
 fn check_sections(index: &DatasetIndex) -> Result<(), String> {
     for (number, section) in index.sections.iter().enumerate() {
         let &Section {
@@ -108,40 +91,6 @@ fn check_sections(index: &DatasetIndex) -> Result<(), String> {
         if end - start < SAMPLE_FRAMES {
             return Err(format!(
                 "section {number}: frames {start}..{end} are fewer than the {SAMPLE_FRAMES} of a sample"
-            ));
-        }
-    }
-    // Sections may share the frames at their ends, but not samples, whose frames are one less at
-    // each.
-    let mut order: Vec<(usize, &Section)> = index.sections.iter().enumerate().collect();
-    order.sort_by_key(|(_, section)| (section.trajectory, section.start, section.end));
-    for pair in order.windows(2) {
-        let ((first, a), (second, b)) = (pair[0], pair[1]);
-        if a.trajectory == b.trajectory && b.start + 2 < a.end {
-            return Err(format!(
-                "sections {first} and {second} of training trajectory {} have samples in common",
-                a.trajectory
-            ));
-        }
-    }
-    Ok(())
-}
-
-fn check_counts(index: &DatasetIndex) -> Result<(), String> {
-    let (splits, statistics) = (&index.splits, &index.statistics);
-    // What an index says may be too much for one word.
-    let train_frames: u128 = splits.train.iter().map(|entry| entry.frames as u128).sum();
-    let samples_of = |section: &Section| (section.frame_count() + 1 - SAMPLE_FRAMES) as u128;
-    let samples: u128 = index.sections.iter().map(samples_of).sum();
-    let trajectories = (splits.train.len() + splits.test.len()) as u128;
-    for (field, said, counted) in [
-        ("trajectories", statistics.trajectories, trajectories),
-        ("train_frames", statistics.train_frames, train_frames),
-        ("samples", statistics.samples, samples),
-    ] {
-        if said as u128 != counted {
-            return Err(format!(
-                "statistics.{field} is {said}, but its trajectories and sections have {counted}"
             ));
         }
     }

@@ -9,14 +9,13 @@ use selvedge_cluster::Shard;
 
 use crate::dataset::plan::DatasetPlan;
 use crate::dataset::writer::{DatasetWriter, PARTIAL, PartialIndex};
-use crate::dataset::{Dataset, DatasetError, Entry, Split, Splits, read_checked};
+use crate::dataset::{Dataset, DatasetError, Entry, Split, read_checked};
 
 /// A part that was read.
 struct Part {
     folder: PathBuf,
     shard: Shard,
-    plan: DatasetPlan,
-    done: Splits,
+    index: PartialIndex,
 }
 
 /// All parts of a data set, checked to fit together.
@@ -45,23 +44,20 @@ impl DatasetParts {
         let mut parts: BTreeMap<usize, Part> = BTreeMap::new();
         for folder in folders {
             let part = Part::open(folder)?;
-            if let Some(first) = parts.values().next() {
-                part.check_fits(first)?;
+            let number = part.shard.number();
+            let misfit = parts.values().next().and_then(|first| part.misfit(first));
+            let twice = parts.get(&number).map(|twice| {
+                let [one, other] = [twice, &part].map(|part| part.folder.display());
+                format!("{one} and {other} are both part {}", part.shard)
+            });
+            if let Some(problem) = misfit.or_else(|| part.lack()).or(twice) {
+                return Err(DatasetError::Content(problem));
             }
-            part.check_complete()?;
-            if let Some(twice) = parts.get(&part.shard.number()) {
-                return Err(DatasetError::Content(format!(
-                    "{} and {} are both part {}",
-                    twice.folder.display(),
-                    part.folder.display(),
-                    part.shard
-                )));
-            }
-            parts.insert(part.shard.number(), part);
+            parts.insert(number, part);
         }
         let none = || DatasetError::Content("name the folders of the parts".to_owned());
         let first = parts.values().next().ok_or_else(none)?;
-        let (count, plan) = (first.shard.count(), first.plan.clone());
+        let (count, plan) = (first.shard.count(), first.index.plan.clone());
         let missing = (1..=count).filter(|number| !parts.contains_key(number));
         let missing: Vec<String> = missing.map(|number| format!("{number}/{count}")).collect();
         if !missing.is_empty() {
@@ -73,7 +69,7 @@ impl DatasetParts {
         let files = plan.of_part(None).into_iter().enumerate();
         let files = files.filter_map(|(number, (split, motion))| {
             let part = parts.get(&(number % count + 1))?;
-            let entry = part.entry(split, motion)?;
+            let entry = part.index.done.find(split, motion)?;
             Some((split, entry.clone(), part.folder.clone()))
         });
         let files = files.collect();
@@ -136,46 +132,43 @@ impl Part {
             return Err(no_part());
         }
         let index = PartialIndex::read(&path)?;
-        let shard = index.part.and_then(|part| part.parse().ok());
+        let shard = index.part.as_ref().and_then(|part| part.parse().ok());
         Ok(Self {
             folder: folder.to_owned(),
             shard: shard.ok_or_else(no_part)?,
-            plan: index.plan,
-            done: index.done,
+            index,
         })
     }
 
-    fn check_fits(&self, first: &Self) -> Result<(), DatasetError> {
+    /// What keeps it from being of one data set with `first`.
+    fn misfit(&self, first: &Self) -> Option<String> {
         let [folder, other] = [self, first].map(|part| part.folder.display());
-        if let Some(difference) = first.plan.difference_of_plan(&self.plan) {
-            let problem = format!("{folder}: does not fit {other}, since it {difference}");
-            return Err(DatasetError::Content(problem));
+        if let Some(difference) = first.index.plan.difference_of_plan(&self.index.plan) {
+            return Some(format!(
+                "{folder}: does not fit {other}, since it {difference}"
+            ));
         }
-        if self.shard.count() != first.shard.count() {
-            return Err(DatasetError::Content(format!(
+        (self.shard.count() != first.shard.count()).then(|| {
+            format!(
                 "{folder}: is part {}, and {other} is part {}: take parts of one number",
                 self.shard, first.shard
-            )));
-        }
-        Ok(())
+            )
+        })
     }
 
-    fn check_complete(&self) -> Result<(), DatasetError> {
-        let own = self.plan.of_part(Some(self.shard)).into_iter();
-        let missing = own.filter(|(split, motion)| self.entry(*split, motion).is_none());
+    /// What it lacks.
+    fn lack(&self) -> Option<String> {
+        let own = self.index.plan.of_part(Some(self.shard)).into_iter();
+        let done = &self.index.done;
+        let missing = own.filter(|(split, motion)| done.find(*split, motion).is_none());
         let missing: Vec<&str> = missing.map(|(_, motion)| motion).collect();
-        let Some(first) = missing.first() else {
-            return Ok(());
-        };
-        Err(DatasetError::Content(format!(
-            "{}: part {} lacks {} of its trajectories, as {first:?}: run again the command that makes it",
-            self.folder.display(),
-            self.shard,
-            missing.len()
-        )))
-    }
-
-    fn entry(&self, split: Split, motion: &str) -> Option<&Entry> {
-        self.done.find(split, motion)
+        missing.first().map(|first| {
+            format!(
+                "{}: part {} lacks {} of its trajectories, as {first:?}: run again the command that makes it",
+                self.folder.display(),
+                self.shard,
+                missing.len()
+            )
+        })
     }
 }

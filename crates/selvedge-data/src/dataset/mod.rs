@@ -173,8 +173,7 @@ impl Splits {
 
 impl Dataset {
     /// Opens the data set in `folder` and checks its index: format and version, names, files that
-    /// exist, trajectories that are there once, sections within them, counts. It does not read the
-    /// trajectories.
+    /// exist, sections within the trajectories. It does not read the trajectories.
     ///
     /// # Errors
     /// [`DatasetError`] names the file and what is wrong.

@@ -30,7 +30,7 @@ const VERSION: u32 = 2;
 const JSON_CHUNK: u32 = 0x4e4f_534a;
 const BINARY_CHUNK: u32 = 0x004e_4942;
 /// Bytes of the file's header and of those of its two chunks.
-const HEADERS: u64 = 12 + 8 + 8;
+const HEADERS: usize = 12 + 8 + 8;
 
 const FLOAT: u32 = 5126;
 const UNSIGNED_INT: u32 = 5125;
@@ -42,10 +42,11 @@ const INDICES: u32 = 34963;
 const COLOUR: [f32; 4] = [0.08, 0.13, 0.4, 1.0];
 const GREY: [f32; 4] = [0.3, 0.3, 0.3, 1.0];
 
-/// Size of the file in bytes.
+/// About the size of the file in bytes: what grows with its frames.
 pub(super) fn planned_bytes(take: &Take<'_>) -> u64 {
-    let (json, binary) = contents(take);
-    HEADERS + json.len() as u64 + binary.bytes
+    let (frames, vertices) = (take.len() as u64, take.trajectory.vertex_count() as u64);
+    let vectors = if take.normals { 2 } else { 1 };
+    4 * frames * frames + 12 * frames * vertices * vectors
 }
 
 /// Writes the file.
@@ -54,58 +55,32 @@ pub(super) fn write(
     path: &Path,
     pulse: &mut Pulse<'_>,
 ) -> Result<(), ExportError> {
-    let whole = Whole::of(take)?;
-    Ok(write_atomically(path, |out| whole.write(out, pulse))?)
+    check_size(".glb", planned_bytes(take), take.every)?;
+    let written = write_atomically(path, |out| out.write_all(&bytes(take, pulse)?));
+    Ok(written?)
 }
 
 /// The file in memory.
-pub(super) fn bytes(take: &Take<'_>, pulse: &mut Pulse<'_>) -> Result<Vec<u8>, ExportError> {
-    let whole = Whole::of(take)?;
-    let mut out = Vec::with_capacity(whole.bytes as usize);
-    let written = whole.write(&mut out, pulse);
-    written.map_err(ExportError::refused)?;
+pub(super) fn bytes(take: &Take<'_>, pulse: &mut Pulse<'_>) -> io::Result<Vec<u8>> {
+    let (json, binary) = contents(take, pulse)?;
+    let length = HEADERS + json.len() + binary.data.len();
+    // What does not grow with the frames may still be too much.
+    let length = u32::try_from(length).map_err(io::Error::other)?;
+    let mut out = Vec::with_capacity(length as usize);
+    put_numbers(&mut out, &[MAGIC, VERSION, length]);
+    put_numbers(&mut out, &[json.len() as u32, JSON_CHUNK]);
+    out.extend(json);
+    put_numbers(&mut out, &[binary.data.len() as u32, BINARY_CHUNK]);
+    out.extend(binary.data);
     Ok(out)
 }
 
-/// The two chunks of a file, and its length.
-struct Whole<'a> {
-    json: Vec<u8>,
-    binary: Binary<'a>,
-    bytes: u64,
-}
-
-impl<'a> Whole<'a> {
-    fn of(take: &'a Take<'_>) -> Result<Self, ExportError> {
-        let (json, binary) = contents(take);
-        let bytes = HEADERS + json.len() as u64 + binary.bytes;
-        check_size(".glb", bytes, take.every)?;
-        Ok(Self {
-            json,
-            binary,
-            bytes,
-        })
-    }
-
-    fn write(&self, out: &mut dyn Write, pulse: &mut Pulse<'_>) -> io::Result<()> {
-        write_numbers(out, &[MAGIC, VERSION, self.bytes as u32])?;
-        write_numbers(out, &[self.json.len() as u32, JSON_CHUNK])?;
-        out.write_all(&self.json)?;
-        write_numbers(out, &[self.binary.bytes as u32, BINARY_CHUNK])?;
-        let mut parts = self.binary.parts.iter();
-        parts.try_for_each(|part| part(out, pulse))
-    }
-}
-
-/// Writes a part of the binary part.
-type Part<'a> = Box<dyn Fn(&mut dyn Write, &mut Pulse<'_>) -> io::Result<()> + 'a>;
-
 /// The binary part: views one after another, and the accessors to them.
 #[derive(Default)]
-struct Binary<'a> {
+struct Binary {
     views: Vec<Value>,
     accessors: Vec<Value>,
-    parts: Vec<Part<'a>>,
-    bytes: u64,
+    data: Vec<u8>,
 }
 
 /// Elements of a view: corners of faces, something per vertex, or something per key.
@@ -134,31 +109,31 @@ impl Kind {
     }
 }
 
-impl<'a> Binary<'a> {
-    /// Adds a view of `count` elements, which `write` writes.
-    fn view(
-        &mut self,
-        kind: Kind,
-        count: usize,
-        write: impl Fn(&mut dyn Write, &mut Pulse<'_>) -> io::Result<()> + 'a,
-    ) -> View {
-        let mut number = None;
-        let length = 4 * (kind.width() * count) as u64;
-        if length > 0 {
-            let mut view = json!({ "buffer": 0, "byteOffset": self.bytes, "byteLength": length });
-            match kind {
-                Kind::Corners => view["target"] = json!(INDICES),
-                Kind::PerVertex(width) => {
-                    view["byteStride"] = json!(4 * width);
-                    view["target"] = json!(VERTICES);
-                }
-                Kind::PerKey(_) => {}
-            }
-            number = Some(self.views.len());
-            self.views.push(view);
-            self.parts.push(Box::new(write));
-            self.bytes += length;
+impl Binary {
+    /// Adds a view of what `write` puts at the end of the data.
+    fn view(&mut self, kind: Kind, write: impl FnOnce(&mut Vec<u8>)) -> View {
+        let start = self.data.len();
+        write(&mut self.data);
+        self.view_from(start, kind)
+    }
+
+    /// A view of the data from `start` on.
+    fn view_from(&mut self, start: usize, kind: Kind) -> View {
+        let length = self.data.len() - start;
+        if length == 0 {
+            return View { number: None, kind };
         }
+        let mut view = json!({ "buffer": 0, "byteOffset": start, "byteLength": length });
+        match kind {
+            Kind::Corners => view["target"] = json!(INDICES),
+            Kind::PerVertex(width) => {
+                view["byteStride"] = json!(4 * width);
+                view["target"] = json!(VERTICES);
+            }
+            Kind::PerKey(_) => {}
+        }
+        self.views.push(view);
+        let number = Some(self.views.len() - 1);
         View { number, kind }
     }
 
@@ -194,10 +169,10 @@ impl<'a> Binary<'a> {
 }
 
 /// The text of the file, padded to a multiple of four bytes, and its binary part.
-fn contents<'a>(take: &'a Take<'_>) -> (Vec<u8>, Binary<'a>) {
+fn contents(take: &Take<'_>, pulse: &mut Pulse<'_>) -> io::Result<(Vec<u8>, Binary)> {
     let mut binary = Binary::default();
     let frames = take.len();
-    let (mesh, mut animation) = cloth(take, &mut binary);
+    let (mesh, mut animation) = cloth(take, &mut binary, pulse)?;
     let mut nodes = vec![json!({ "name": "sheet", "mesh": 0 })];
     let handles = take.handle_positions(0).into_iter().enumerate();
     nodes.extend(handles.map(|(number, position)| {
@@ -223,14 +198,14 @@ fn contents<'a>(take: &'a Take<'_>) -> (Vec<u8>, Binary<'a>) {
         "materials": materials,
         "accessors": binary.accessors,
         "bufferViews": binary.views,
-        "buffers": [{ "byteLength": binary.bytes }],
+        "buffers": [{ "byteLength": binary.data.len() }],
     });
     if frames > 1 {
         document["animations"] = json!([animation.into_json()]);
     }
     let mut text = document.to_string().into_bytes();
     text.resize(text.len().next_multiple_of(4), b' ');
-    (text, binary)
+    Ok((text, binary))
 }
 
 /// The animation: samplers and the channels that they move, all at the same times.
@@ -260,67 +235,69 @@ impl Animation {
 }
 
 /// The mesh of the cloth, and the animation of its morph targets and of its handles.
-fn cloth<'a>(take: &'a Take<'_>, binary: &mut Binary<'a>) -> (Value, Animation) {
+fn cloth(
+    take: &Take<'_>,
+    binary: &mut Binary,
+    pulse: &mut Pulse<'_>,
+) -> io::Result<(Value, Animation)> {
     let cloth = take.trajectory.cloth();
     let (texture, frames) = (cloth.texture_points(), take.len());
-    let texture_points = texture.map_or(&[][..], |texture| texture.points());
     // The vertex of each point.
-    let of_points = move || match texture {
+    let of_points = match texture {
         Some(texture) => texture.vertices(),
         None => (0..cloth.vertex_count() as u32).collect(),
     };
     let is_split = texture.is_some_and(|texture| texture.is_sewn());
-    let (vertices, corners) = (of_points().len(), 3 * cloth.face_area().len());
+    let (vertices, corners) = (of_points.len(), 3 * cloth.face_area().len());
     let handles = cloth.handles().vertices().len();
-    let position = move |number| take.positions(number);
+    let position = |number| take.positions(number);
     // glTF has one texture coordinate per vertex, so that it has their points for vertices.
-    let split = move |values: &[Vec3]| -> Vec<Vec3> {
-        let vertices = of_points().into_iter();
-        vertices.map(|v| values[v as usize]).collect()
+    let split = |values: &[Vec3]| -> Vec<Vec3> {
+        let vertices = of_points.iter();
+        vertices.map(|v| values[*v as usize]).collect()
     };
-    let indices = binary.view(Kind::Corners, corners, move |out, _| {
+    let indices = binary.view(Kind::Corners, |out| {
         let corners = texture.map(|texture| texture.corners());
         let corners = corners.unwrap_or_else(|| cloth.topology().face_indices());
-        write_numbers(out, corners.as_flattened())
+        put_numbers(out, corners.as_flattened());
     });
-    let positions = binary.view(Kind::PerVertex(3), vertices * frames, move |out, pulse| {
-        targets(frames, position).try_for_each(|target| {
-            write_points(out, &split(&target))?;
-            pulse.beat()
-        })
-    });
+    let start = binary.data.len();
+    for target in targets(frames, position) {
+        put_points(&mut binary.data, &split(&target));
+        pulse.beat()?;
+    }
+    let positions = binary.view_from(start, Kind::PerVertex(3));
     let normals = take.normals.then(|| {
-        binary.view(Kind::PerVertex(3), vertices * frames, move |out, _| {
+        binary.view(Kind::PerVertex(3), |out| {
             let normals = |number| take.normals_at(&take.positions(number));
-            targets(frames, normals).try_for_each(|target| write_points(out, &split(&target)))
+            targets(frames, normals).for_each(|target| put_points(out, &split(&target)));
         })
     });
-    let coordinates = binary.view(Kind::PerVertex(2), texture_points.len(), move |out, _| {
-        let coordinates = texture_points.iter();
-        write_floats(out, coordinates.flat_map(|c| [c.x, 1.0 - c.y]))
+    let coordinates = binary.view(Kind::PerVertex(2), |out| {
+        let coordinates = texture.map_or(&[][..], |texture| texture.points()).iter();
+        put_floats(out, coordinates.flat_map(|c| [c.x, 1.0 - c.y]));
     });
-    let of_handles = binary.view(Kind::PerVertex(1), vertices, move |out, _| {
+    let of_handles = binary.view(Kind::PerVertex(1), |out| {
         let numbers = take.handle_numbers();
-        let of_points = of_points().into_iter();
-        write_floats(out, of_points.map(|v| numbers[v as usize] as f32))
+        put_floats(out, of_points.iter().map(|v| numbers[*v as usize] as f32));
     });
-    let count = if is_split { vertices } else { 0 };
-    let of_vertices = binary.view(Kind::PerVertex(1), count, move |out, _| {
-        write_floats(out, of_points().into_iter().map(|v| v as f32))
+    let of_vertices = binary.view(Kind::PerVertex(1), |out| {
+        let split = of_points.iter().filter(|_| is_split);
+        put_floats(out, split.map(|v| *v as f32));
     });
-    let times = binary.view(Kind::PerKey(1), frames, move |out, _| {
-        write_floats(out, (0..frames).map(|number| take.time(number) as f32))
+    let times = binary.view(Kind::PerKey(1), |out| {
+        put_floats(out, (0..frames).map(|number| take.time(number) as f32));
     });
     // For each key a weight for each target: those of frame 1, frame 2 and so on.
-    let weights = binary.view(Kind::PerKey(1), frames * (frames - 1), move |out, _| {
+    let weights = binary.view(Kind::PerKey(1), |out| {
         let row = |key: usize| (1..frames).map(move |target| f32::from(u8::from(target == key)));
-        write_floats(out, (0..frames).flat_map(row))
+        put_floats(out, (0..frames).flat_map(row));
     });
-    let paths = binary.view(Kind::PerKey(3), frames * handles, move |out, _| {
-        (0..handles).try_for_each(|handle| {
+    let paths = binary.view(Kind::PerKey(3), |out| {
+        for handle in 0..handles {
             let path = (0..frames).map(|number| take.handle_positions(number)[handle]);
-            write_points(out, &path.collect::<Vec<_>>())
-        })
+            put_points(out, &path.collect::<Vec<_>>());
+        }
     });
     let indices = binary.accessor(indices, 0, corners);
     let numbered = targets(frames, position).enumerate();
@@ -358,16 +335,16 @@ fn cloth<'a>(take: &'a Take<'_>, binary: &mut Binary<'a>) -> (Value, Animation) 
             animation.moves(1 + handle, "translation", path);
         }
     }
-    (mesh, animation)
+    Ok((mesh, animation))
 }
 
 /// The node of an obstacle, of this number, and its mesh. A rigid one is moved by its node, another
 /// that moves by morph targets, which go with the weights of the cloth.
-fn body<'a>(
-    take: &'a Take<'_>,
-    obstacle: &TakenObstacle<'a>,
+fn body(
+    take: &Take<'_>,
+    obstacle: &TakenObstacle<'_>,
     number: usize,
-    binary: &mut Binary<'a>,
+    binary: &mut Binary,
     animation: &mut Animation,
 ) -> (Value, Value) {
     let track = obstacle.track;
@@ -378,22 +355,22 @@ fn body<'a>(
     } else {
         obstacle.frame_count(take)
     };
-    let at = move |number: usize| match rigid {
+    let at = |number: usize| match rigid {
         Some(points) => points.to_vec(),
         None => take.turned(&track.frame(take.frame(number))),
     };
-    let poses = move || (0..keys).filter_map(|number| track.pose(take.frame(number)));
-    let indices = binary.view(Kind::Corners, corners, move |out, _| {
-        write_numbers(out, track.faces().as_flattened())
+    let poses = || (0..keys).filter_map(|number| track.pose(take.frame(number)));
+    let indices = binary.view(Kind::Corners, |out| {
+        put_numbers(out, track.faces().as_flattened());
     });
-    let points = binary.view(Kind::PerVertex(3), count * frames, move |out, _| {
-        targets(frames, at).try_for_each(|target| write_points(out, &target))
+    let points = binary.view(Kind::PerVertex(3), |out| {
+        targets(frames, at).for_each(|target| put_points(out, &target));
     });
-    let turns = binary.view(Kind::PerKey(4), poses().count(), move |out, _| {
-        write_floats(out, poses().flat_map(|(turn, _)| turn.to_array()))
+    let turns = binary.view(Kind::PerKey(4), |out| {
+        put_floats(out, poses().flat_map(|(turn, _)| turn.to_array()));
     });
-    let places = binary.view(Kind::PerKey(3), poses().count(), move |out, _| {
-        write_floats(out, poses().flat_map(|(_, place)| place.to_array()))
+    let places = binary.view(Kind::PerKey(3), |out| {
+        put_floats(out, poses().flat_map(|(_, place)| place.to_array()));
     });
     let indices = binary.accessor(indices, 0, corners);
     let shapes = targets(frames, at).enumerate().map(|(number, target)| {
@@ -451,16 +428,14 @@ fn targets(frames: usize, at: impl Fn(usize) -> Vec<Vec3>) -> impl Iterator<Item
     })
 }
 
-fn write_points(out: &mut dyn Write, points: &[Vec3]) -> io::Result<()> {
-    write_floats(out, points.iter().flat_map(|p| p.to_array()))
+fn put_points(out: &mut Vec<u8>, points: &[Vec3]) {
+    put_floats(out, points.iter().flat_map(|p| p.to_array()));
 }
 
-fn write_floats(out: &mut dyn Write, values: impl IntoIterator<Item = f32>) -> io::Result<()> {
-    let mut values = values.into_iter();
-    values.try_for_each(|value| out.write_all(&value.to_le_bytes()))
+fn put_floats(out: &mut Vec<u8>, values: impl IntoIterator<Item = f32>) {
+    out.extend(values.into_iter().flat_map(f32::to_le_bytes));
 }
 
-fn write_numbers(out: &mut dyn Write, numbers: &[u32]) -> io::Result<()> {
-    let mut numbers = numbers.iter();
-    numbers.try_for_each(|number| out.write_all(&number.to_le_bytes()))
+fn put_numbers(out: &mut Vec<u8>, numbers: &[u32]) {
+    out.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
 }

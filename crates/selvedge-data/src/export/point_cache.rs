@@ -10,11 +10,6 @@ use super::take::Take;
 use crate::formats::atomic::write_atomically;
 use crate::formats::pc2;
 
-/// Size of the cache in bytes.
-pub(super) fn planned_bytes(take: &Take<'_>) -> u64 {
-    pc2::size(take.len(), take.trajectory.vertex_count())
-}
-
 /// Writes the cache, then the mesh, then the obstacles.
 pub(super) fn write(
     take: &Take<'_>,

@@ -11,7 +11,6 @@ use crate::dataset::Split;
 use crate::dataset::plan::DatasetPlan;
 use crate::dataset::sections::SectionRule;
 use crate::formats::file_error::{FileError, Problem};
-use crate::formats::input::retired;
 use crate::trajectory::Trajectory;
 
 /// Foreign data that can be read.
@@ -165,7 +164,7 @@ fn caches_in(folder: &Path) -> Result<Vec<PathBuf>, FileError<Problem>> {
         None => Ok(files),
         Some(path) => {
             let known = "is no cache that can be read (.usda, .usdc, .usdz, .glb, .pc2, .npz): move it elsewhere";
-            Err(FileError::new(path, retired(path).unwrap_or(known)))
+            Err(FileError::new(path, known))
         }
     }
 }

@@ -1,12 +1,11 @@
 //! Writing files so that a reader sees either the old file or the whole new one.
 //!
 //! The bytes go to a temporary file in the same folder, are flushed and synced, and the file is
-//! then renamed. A process that is killed leaves its part, which goes when the file is written
-//! again. A failure (a full disk, an error of the caller) leaves what was there before and
-//! nothing else. New files get the usual permissions of the process (its umask), not those of a
-//! private temporary file; a file that takes the place of another gets its permissions. A symbolic
-//! link is written through, even where its file does not exist yet; devices and folders are
-//! refused.
+//! then renamed. A process that is killed leaves its part. A failure (a full disk, an error of the
+//! caller) leaves what was there before and nothing else. New files get the usual permissions of the
+//! process (its umask), not those of a private temporary file; a file that takes the place of
+//! another gets its permissions. A symbolic link is written through, even where its file does not
+//! exist yet; devices and folders are refused.
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
@@ -107,14 +106,13 @@ pub fn write_folder_atomically<E: From<WriteError>>(
     let _writing = Writing::begin();
     let is_there = is_empty_folder(path).map_err(fail("make the folder"))?;
     let part = folder_beside(path, folder_of(path)).map_err(fail("make a folder beside it"))?;
-    fill(part.folder.path())?;
+    fill(part.path())?;
     if is_there {
         fs::remove_dir(path).map_err(fail("put the folder in its place"))?;
     }
-    let filled = part.folder.path();
-    fs::rename(filled, path).map_err(fail("rename the finished folder"))?;
+    fs::rename(part.path(), path).map_err(fail("rename the finished folder"))?;
     // Nothing is there any more to be removed.
-    let _ = part.folder.keep();
+    let _ = part.keep();
     sync_folder(folder_of(path));
     Ok(())
 }
@@ -215,10 +213,8 @@ fn folder_of(path: &Path) -> &Path {
 
 /// Renames a finished file. By the standard library, so that a trial can let it fail.
 fn put_in_place(temporary: NamedTempFile, path: &Path) -> io::Result<()> {
-    let (file, beside) = temporary.into_parts();
+    let (_, beside) = temporary.into_parts();
     fs::rename(&beside, path)?;
-    // Its lock went with it as long as it was a part.
-    drop(file);
     // Nothing is there any more to be removed.
     let _ = beside.keep();
     Ok(())

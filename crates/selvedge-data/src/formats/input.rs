@@ -54,21 +54,6 @@ pub(crate) fn binary_kind(bytes: &[u8]) -> Option<&'static str> {
     known.map(|(_, kind)| *kind).or(tensors)
 }
 
-/// The words for a file of a format that is no longer read, by the ending of its name, with what to
-/// export in its place; none for all others.
-pub(crate) fn retired(path: &Path) -> Option<&'static str> {
-    let ending = path.extension()?.to_str()?.to_ascii_lowercase();
-    match ending.as_str() {
-        "abc" => Some(
-            "is an Alembic archive, which is written but not read: export USD (.usdc), .glb, .npz, .pc2 with its mesh as .obj, or an .obj per frame instead",
-        ),
-        "mdd" => Some(
-            "is a cache of LightWave (.mdd), which is not read: export .pc2 with its mesh as .obj, USD (.usdc) or .glb instead",
-        ),
-        _ => None,
-    }
-}
-
 /// Checks that the file at `path` has the hash that it had when its scene was resolved.
 pub(crate) fn check_hash(path: &str, expected: &str, found: &str) -> Result<(), String> {
     if found == expected {

@@ -7,7 +7,6 @@ use super::polygons::{MeshFileError, MeshOptions, ReadMesh, ReadMeshError, Sewin
 use crate::formats::extent::{COINCIDENT, extent};
 use crate::formats::file_error::FileError;
 use crate::formats::input::read_file;
-use crate::formats::input::retired;
 use crate::rig::mesh::polygons;
 use crate::rig::{RigError, RigFormat};
 
@@ -41,7 +40,7 @@ pub(crate) fn parse_mesh_bytes(
         (Some(_), None) => {
             let known =
                 "is no kind of mesh that can be read: .obj, .glb, .usda, .usdc, .usdz or .usd";
-            return Err(MeshFileError::content(retired(path).unwrap_or(known)));
+            return Err(MeshFileError::content(known));
         }
     };
     let mut polygons = polygons(bytes, format).map_err(|error| match error {

@@ -4,18 +4,15 @@
 //! its writer leaves files private; here the metadata are sorted, and the file is written through
 //! [`write_atomically`]. Layout: header length as u64 (little-endian), a JSON header padded
 //! with spaces to a multiple of eight bytes, then the tensors in the order given, which must be
-//! such that each starts aligned (f64 before the rest). Reading is the crate's, except that
-//! [`read_header`] refuses names that stand twice, of which the crate takes the last.
+//! such that each starts aligned (f64 before the rest). Reading is the crate's.
 
 use std::borrow::Cow;
-use std::collections::{BTreeMap, BTreeSet};
-use std::fmt;
+use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::Path;
 
 use safetensors::tensor::Metadata;
 use safetensors::{SafeTensorError, SafeTensors};
-use serde::de::{DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, Visitor};
 use serde_json::{Map, Value, json};
 
 use crate::formats::atomic::{WriteError, write_atomically};
@@ -23,52 +20,12 @@ use crate::formats::atomic::{WriteError, write_atomically};
 /// Reads the header of a safetensors file.
 ///
 /// # Errors
-/// What the crate refuses, and a name of a tensor or a key of the metadata that stands twice.
+/// What the crate refuses.
 pub fn read_header(bytes: &[u8]) -> Result<Metadata, SafeTensorError> {
-    let (length, header) = SafeTensors::read_metadata(bytes)?;
-    let text = bytes.get(8..8 + length).unwrap_or_default();
-    let checked = Keys.deserialize(&mut serde_json::Deserializer::from_slice(text));
-    checked.map_err(SafeTensorError::InvalidHeaderDeserialization)?;
-    Ok(header)
+    SafeTensors::read_metadata(bytes).map(|(_, header)| header)
 }
 
 const METADATA: &str = "__metadata__";
-
-/// The keys of an object, and of that of the metadata in it: none may stand twice.
-struct Keys;
-
-impl<'de> DeserializeSeed<'de> for Keys {
-    type Value = ();
-
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
-        deserializer.deserialize_map(self)
-    }
-}
-
-impl<'de> Visitor<'de> for Keys {
-    type Value = ();
-
-    fn expecting(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str("an object")
-    }
-
-    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<(), A::Error> {
-        let mut known = BTreeSet::new();
-        while let Some(key) = map.next_key::<String>()? {
-            if known.contains(&key) {
-                let problem = format!("the key {key:?} stands twice in one object: keep one");
-                return Err(A::Error::custom(problem));
-            }
-            if key == METADATA {
-                map.next_value_seed(Self)?;
-            } else {
-                map.next_value::<IgnoredAny>()?;
-            }
-            known.insert(key);
-        }
-        Ok(())
-    }
-}
 
 /// A tensor to be written.
 #[derive(Clone, Debug)]
@@ -167,36 +124,4 @@ fn header(tensors: &[TensorOut<'_>], metadata: &BTreeMap<&str, String>) -> Vec<u
     let mut header = Value::Object(entries).to_string().into_bytes();
     header.resize(header.len().next_multiple_of(8), b' ');
     header
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::test_help::says;
-
-    /// A file with this header and a number.
-    fn file(header: &str) -> Vec<u8> {
-        let length = (header.len() as u64).to_le_bytes();
-        [&length[..], header.as_bytes(), &[0; 4]].concat()
-    }
-
-    #[test]
-    fn a_name_that_stands_twice_is_named() {
-        let a = r#""a":{"dtype":"F32","shape":[1],"data_offsets":[0,4]}"#;
-        let whole = file(&format!(r#"{{"__metadata__":{{"k":"1"}},{a}}}"#));
-        assert_eq!(read_header(&whole).unwrap().tensors().len(), 1);
-        let twice = [
-            ("\"a\"", format!("{{{a},{a}}}")),
-            (
-                "\"k\"",
-                format!(r#"{{"__metadata__":{{"k":"1","k":"2"}},{a}}}"#),
-            ),
-        ];
-        for (name, header) in twice {
-            says(
-                read_header(&file(&header)).unwrap_err(),
-                &["stands twice", name],
-            );
-        }
-    }
 }

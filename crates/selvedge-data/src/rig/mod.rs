@@ -21,7 +21,6 @@ use std::path::Path;
 
 use crate::formats::file_error::FileError;
 use crate::formats::input::read_file;
-use crate::formats::input::retired;
 use glam::DMat4;
 
 pub(crate) use self::bodies::read_body;
@@ -72,7 +71,7 @@ impl Rig {
         let extension = path.extension().and_then(|e| e.to_str());
         let format = extension.and_then(RigFormat::of).ok_or_else(|| {
             let known = "the name must end in .glb, .usda, .usdc, .usdz or .usd";
-            RigError::Content(retired(path).unwrap_or(known).to_owned())
+            RigError::Content(known.to_owned())
         });
         let made = format.and_then(|format| {
             let bytes = read_file(path);

@@ -11,7 +11,6 @@ use super::problem::{parse_toml, read_text};
 use super::setting_file::{ResolvedSetting, SettingFile, usual_contact};
 use super::spec::{SceneSpec, Setting};
 use super::start::{StartFile, StartSpec};
-use crate::formats::input::retired;
 use crate::trajectory::state_file::SavedState;
 use glam::DVec3;
 use selvedge_assets::SCENES;
@@ -32,16 +31,19 @@ pub fn shipped_scenes() -> &'static [(&'static str, &'static str)] {
 pub fn open_scene(path_or_name: &str) -> Result<LoadedScene, SceneFileError> {
     let path = Path::new(path_or_name);
     let extension = path.extension().map(|e| e.to_ascii_lowercase());
-    let is_mesh = extension.is_some_and(|e| MESHES.iter().any(|mesh| e == *mesh));
+    let has_ending = |of: &[&str]| {
+        let extension = extension.as_ref();
+        extension.is_some_and(|e| of.iter().any(|ending| e == *ending))
+    };
     match SCENES.iter().find(|scene| scene.0 == path_or_name) {
         Some((_, text)) => parse_scene(text, Path::new(""), path_or_name),
-        None if is_mesh && path.exists() => hung(path),
-        None if path.exists() => match other_kind(path) {
-            Some(problem) => Err(SceneFileError::at(path_or_name)(SceneProblem::Kind(
-                problem,
-            ))),
-            None => read_scene(path),
-        },
+        None if path.exists() && has_ending(&MESHES) => hung(path),
+        None if path.exists() && has_ending(&OTHERS) => {
+            let problem = "is neither a scene (.toml) nor a mesh that is read: export .obj, .glb or USD (.usda, .usdc, .usdz, .usd)";
+            let problem = SceneProblem::Kind(problem.to_owned());
+            Err(SceneFileError::at(path_or_name)(problem))
+        }
+        None if path.exists() => read_scene(path),
         None => {
             let problem = unknown("scene", SCENES);
             Err(SceneFileError::at(path_or_name)(problem))
@@ -51,36 +53,23 @@ pub fn open_scene(path_or_name: &str) -> Result<LoadedScene, SceneFileError> {
 
 /// Endings of files with a mesh.
 const MESHES: [&str; 6] = ["obj", "glb", "usda", "usdc", "usdz", "usd"];
-/// Endings of files that are taken for scenes by nobody, and what they are.
-const OTHERS: [(&str, &str); 12] = [
-    ("ply", "a PLY of points and faces"),
-    ("stl", "an STL of loose triangles"),
-    ("gltf", "a glTF with its data in other files"),
-    ("fbx", "an FBX"),
-    ("dae", "a COLLADA file"),
-    ("blend", "a file of Blender"),
-    ("off", "an OFF of points and faces"),
-    ("msh", "a mesh of tetrahedra"),
-    ("vtk", "a VTK file"),
-    ("seg", "a list of segments"),
-    ("npz", "an archive of arrays"),
-    (
-        "safetensors",
-        "a run, a model or a state of Selvedge (selvedge info says which)",
-    ),
+/// Endings of files that are taken for scenes or meshes, and are neither.
+const OTHERS: [&str; 14] = [
+    "ply",
+    "stl",
+    "gltf",
+    "fbx",
+    "dae",
+    "blend",
+    "off",
+    "msh",
+    "vtk",
+    "seg",
+    "npz",
+    "abc",
+    "mdd",
+    "safetensors",
 ];
-
-/// What is wrong with a file whose name says that it is neither a scene nor a mesh that is read.
-fn other_kind(path: &Path) -> Option<String> {
-    if let Some(retired) = retired(path) {
-        return Some(retired.to_owned());
-    }
-    let ending = path.extension()?.to_str()?.to_ascii_lowercase();
-    let (_, kind) = OTHERS.iter().find(|(other, _)| *other == ending)?;
-    Some(format!(
-        "is {kind}, neither a scene (.toml) nor a mesh that is read: export .obj, .glb or USD (.usda, .usdc, .usdz, .usd)"
-    ))
-}
 /// Part of the height of a cloth that counts as its upper edge.
 const UPPER: f64 = 0.05;
 
@@ -372,15 +361,9 @@ mod tests {
             std::fs::write(&path, bytes).unwrap();
             open_scene(&path.to_string_lossy()).unwrap_err().to_string()
         };
-        for (name, words) in [
-            (
-                "a.ply",
-                "is a PLY of points and faces, neither a scene (.toml) nor a mesh that is read: export .obj",
-            ),
-            ("a.STL", "is an STL"),
-            ("a.abc", "Alembic"),
-        ] {
+        for name in ["a.ply", "a.STL", "a.abc"] {
             let found = problem(name, &[0xff, 0, 1]);
+            let words = "is neither a scene (.toml) nor a mesh that is read: export .obj";
             assert!(found.contains(words), "{found}");
         }
         let found = problem("a.json", b"{\"pattern\": {}}");

@@ -205,10 +205,6 @@ fn an_index_that_is_wrong_is_an_error_that_says_where() {
         "motion": "b" | "motion": "a" | motion "a" is twice in one split
         "motion": "b" | "motion": "c" | is not that of motion "c"
         "start": 0,\n      "end": 9 | "start": 7,\n      "end": 9 | section 1: frames 7..9 are fewer than the 3 of a sample
-        "samples": 8 | "samples": 9 | statistics.samples is 9, but its trajectories and sections have 8
-        "train_frames": 12 | "train_frames": 11 | statistics.train_frames is 11
-        "trajectories": 3 | "trajectories": 2 | statistics.trajectories is 2
-        "frames": 9 | "frames": 18446744073709551615 | statistics.train_frames is 12, but its trajectories and sections have 18446744073709551618
     "#;
     for [from, to, expected] in table(cases) {
         let folder = tempfile::tempdir().unwrap();
@@ -226,50 +222,6 @@ fn change_index(folder: &Path, change: impl Fn(&mut serde_json::Value)) {
     let mut index = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
     change(&mut index);
     std::fs::write(&path, serde_json::to_vec(&index).unwrap()).unwrap();
-}
-
-/// What opening a data set says whose index is so changed.
-fn opened_with(change: impl Fn(&mut serde_json::Value)) -> String {
-    let folder = tempfile::tempdir().unwrap();
-    make(folder.path());
-    change_index(folder.path(), change);
-    Dataset::open(folder.path()).unwrap_err().to_string()
-}
-
-#[test]
-fn a_trajectory_or_a_sample_that_is_there_twice_is_named() {
-    let text = opened_with(|index| {
-        let hash = index["splits"]["train"][1]["blake3"].clone();
-        index["splits"]["test"][0]["blake3"] = hash;
-    });
-    let expected =
-        "files \"train/b.safetensors\" and \"test/a.safetensors\" are the same trajectory";
-    assert!(text.contains(expected), "{text}");
-    // 0..9 has the samples about frames 1 to 7; 7..9 would be too short, 6..9 is about frame 7.
-    for start in [0, 3, 6] {
-        let text = opened_with(|index| {
-            let section = json!({"trajectory": 1, "start": start, "end": 9});
-            index["sections"].as_array_mut().unwrap().push(section);
-        });
-        let pair = "sections 1 and 2 of training trajectory 1 have samples in common";
-        assert!(text.contains(pair), "{text}");
-    }
-}
-
-#[test]
-fn sections_that_meet_share_frames_but_no_sample() {
-    let folder = tempfile::tempdir().unwrap();
-    make(folder.path());
-    // About frames 1 to 3 and 4 to 7: those of the whole, in two parts.
-    change_index(folder.path(), |index| {
-        index["sections"] = json!([
-            {"trajectory": 0, "start": 0, "end": 3},
-            {"trajectory": 1, "start": 3, "end": 9},
-            {"trajectory": 1, "start": 0, "end": 5},
-        ]);
-    });
-    let dataset = Dataset::open(folder.path()).unwrap();
-    assert_eq!(dataset.samples().count(), 8);
 }
 
 #[test]

@@ -9,55 +9,6 @@ use selvedge_data::{
     MeshOptions, PatternSource, TextureUnit, Trajectory, UpAxis, parse_obj_with, read_mesh,
 };
 
-/// A sleeve: a tube of two mirrored halves, front and back, sewn along both sides.
-fn sleeve() -> Mesh {
-    let (rows, columns) = (5, 4);
-    let mut text = String::from("o sleeve\n");
-    for j in 0..=rows {
-        for i in 0..2 * columns {
-            let angle = std::f64::consts::PI * f64::from(i) / f64::from(columns);
-            let (sine, cosine) = angle.sin_cos();
-            text += &format!(
-                "v {} {} {}\n",
-                0.05 * cosine,
-                -0.04 * f64::from(j),
-                0.05 * sine
-            );
-        }
-    }
-    let chord = 0.1 * (std::f64::consts::PI / f64::from(2 * columns)).sin();
-    let mut textures = 0;
-    let mut faces = String::new();
-    for side in 0..2 {
-        let name = if side == 0 { "Front" } else { "Back" };
-        faces += &format!("usemtl {name}\n");
-        for j in 0..=rows {
-            for i in 0..=columns {
-                let u = f64::from(i) * chord;
-                let u = if side == 0 { u } else { 1.0 - u };
-                text += &format!("vt {u} {}\n", -0.04 * f64::from(j));
-            }
-        }
-        for j in 0..rows {
-            for i in 0..columns {
-                let corner = |a: i32, b: i32| {
-                    let vertex =
-                        (j + b) * 2 * columns + (side * columns + i + a) % (2 * columns) + 1;
-                    let texture = textures + (j + b) * (columns + 1) + i + a + 1;
-                    format!("{vertex}/{texture}")
-                };
-                let words = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
-                faces += &format!("f {}\n", words.join(" "));
-            }
-        }
-        textures += (rows + 1) * (columns + 1);
-    }
-    parse_obj_with(&(text + &faces), MeshOptions::default())
-        .unwrap()
-        .sheet
-        .mesh
-}
-
 fn exported(mesh: &Mesh, format: ExportFormat, up: UpAxis, path: &std::path::Path) {
     let vertices = mesh.positions().len();
     let cloth = Cloth::of_mesh(mesh, 0.2, Handles::new(&[0], vertices).unwrap()).unwrap();
@@ -70,39 +21,6 @@ fn exported(mesh: &Mesh, format: ExportFormat, up: UpAxis, path: &std::path::Pat
         ..ExportOptions::plain(format)
     };
     write(&trajectory, path, &options);
-}
-
-#[test]
-fn a_garment_comes_back_through_gltf_and_usd_sewn() {
-    let mesh = sleeve();
-    assert_eq!(mesh.pattern().panels().iter().max(), Some(&1));
-    let seams = |mesh: &Mesh| {
-        let edges = mesh.topology().edges().iter();
-        edges.filter(|edge| mesh.pattern().is_seam(edge)).count()
-    };
-    assert_eq!(seams(&mesh), 10);
-    let folder = tempfile::tempdir().unwrap();
-    for (name, format, up) in [
-        ("a.glb", ExportFormat::Glb, UpAxis::Y),
-        ("a.usda", ExportFormat::Usda, UpAxis::Y),
-        ("b.usda", ExportFormat::Usda, UpAxis::Z),
-        ("a.obj", ExportFormat::Obj, UpAxis::Y),
-    ] {
-        let path = folder.path().join(name);
-        exported(&mesh, format, up, &path);
-        let read = read_mesh(&path, MeshOptions::default()).unwrap();
-        let back = &read.sheet.mesh;
-        assert!(read.warnings.is_empty() && !read.is_own_shape, "{name}");
-        assert_eq!(back.topology(), mesh.topology(), "{name}");
-        assert_eq!(seams(back), 10, "{name}");
-        for (one, other) in back.positions().iter().zip(mesh.positions()) {
-            assert!(one.distance(*other) < 1e-7, "{name}: {one} {other}");
-        }
-        let lengths = back.pattern().edge_lengths();
-        for (one, other) in lengths.iter().zip(mesh.pattern().edge_lengths()) {
-            assert!((one - other).abs() < 2e-7, "{name}: {one} {other}");
-        }
-    }
 }
 
 #[test]

@@ -4,9 +4,7 @@
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use proptest::prelude::*;
 use selvedge_cloth::generate::Sheet;
-use selvedge_data::{
-    MeshFileError, MeshOptions, Seams, TextureUnit, parse_obj_with, read_obj, write_obj,
-};
+use selvedge_data::{MeshFileError, MeshOptions, parse_obj_with, read_obj, write_obj};
 
 use crate::help::{says, sheet, table};
 
@@ -199,94 +197,4 @@ proptest! {
         // Whether it is a cloth is not asserted: only that it never panics.
         let _ = parse_obj(&lines.join("\n"));
     }
-}
-
-/// A closed tube of `around` quads and one row, radius 0.5 m, 0.8 m high, its texture from 0 to 1
-/// in both directions with a seam, as other programs unwrap it; vertices 1 to `around` below.
-fn tube(around: usize) -> String {
-    let mut text = "o Tube\n".to_owned();
-    for height in [0.0, 0.8] {
-        for k in 0..around {
-            let angle = std::f64::consts::TAU * k as f64 / around as f64;
-            let (sine, cosine) = angle.sin_cos();
-            text += &format!("v {} {height} {}\n", 0.5 * cosine, 0.5 * sine);
-        }
-    }
-    for v in [0, 1] {
-        for k in 0..=around {
-            text += &format!("vt {} {v}\n", k as f64 / around as f64);
-        }
-    }
-    text += "vn 1 0 0\ns 1\nusemtl Cotton\n";
-    for k in 0..around {
-        let corner = |ring: usize, k: usize| {
-            let vertex = ring * around + k % around + 1;
-            format!("{vertex}/{}/1", ring * (around + 1) + k + 1)
-        };
-        // Counter-clockwise in the texture.
-        let corners = [
-            corner(0, k),
-            corner(0, k + 1),
-            corner(1, k + 1),
-            corner(1, k),
-        ];
-        text += &format!("f {}\n", corners.join(" "));
-    }
-    text
-}
-
-/// Cut along seams, and fitted.
-fn foreign() -> MeshOptions {
-    MeshOptions {
-        seams: Seams::Cut,
-        texture: TextureUnit::Fit,
-        ..MeshOptions::default()
-    }
-}
-
-#[test]
-fn a_tube_is_cut_along_its_seam_and_its_texture_fitted() {
-    let text = tube(12);
-    let sheet = parse_obj_with(&text, foreign()).unwrap().sheet;
-    let mesh = &sheet.mesh;
-    // The two vertices of the seam have copies after the others, at the same places.
-    assert_eq!(mesh.positions().len(), 26);
-    let copies = [mesh.positions()[24], mesh.positions()[25]];
-    assert!(copies.contains(&mesh.positions()[0]) && copies.contains(&mesh.positions()[12]));
-    assert_eq!(sheet.labels["Tube"].len(), 26);
-    // Cut open it is a disc: V - E + F = 1; closed it would be 0.
-    let topology = mesh.topology();
-    let (edges, faces) = (topology.edges().len(), topology.faces().len());
-    assert_eq!(26 + faces, edges + 1);
-    assert_eq!(topology.sheets(), [0; 26]);
-    // Twelve chords of 2 · 0.5 sin(π/12) around, 0.8 m up: met exactly, but for rounding.
-    let chord = (std::f64::consts::PI / 12.0).sin();
-    let area: f64 = mesh.rest_shape(1.0).face_area.iter().sum();
-    assert!((area - 12.0 * chord * 0.8).abs() < 1e-13);
-    for (edge, rest) in topology
-        .edges()
-        .iter()
-        .zip(mesh.rest_shape(1.0).edge_length)
-    {
-        let [a, b] = edge.vertices.map(|v| mesh.positions()[v.index()]);
-        assert!((a.distance(b) - rest).abs() < 1e-13);
-    }
-}
-
-#[test]
-fn pieces_may_share_their_texture_and_be_mirrored_in_it() {
-    // Two quads of other sizes with the same texture; the second has it the wrong way round.
-    let text = "o A\nv 0 0 0\nv 2 0 0\nv 2 1 0\nv 0 1 0\no B\nv 0 0 5\nv 0.5 0 5\nv 0.5 3 5\nv 0 3 5\n\
-        vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3 4/4\nf 5/2 6/1 7/4 8/3\n";
-    let as_it_is = parse_obj(text).unwrap().mesh;
-    assert_eq!(as_it_is.rest_shape(1.0).face_area, [0.5; 4]);
-    let mesh = parse_obj_with(text, foreign()).unwrap().sheet.mesh;
-    assert_eq!(mesh.topology().sheets(), [0, 0, 0, 0, 1, 1, 1, 1]);
-    let areas = mesh.rest_shape(1.0).face_area;
-    for (found, expected) in areas.iter().zip([1.0, 1.0, 0.75, 0.75]) {
-        assert!((found - expected).abs() < 1e-14, "{areas:?}");
-    }
-    let flat = text.replace("vt 1 1\nvt 0 1", "vt 1 0\nvt 0 0");
-    let error = parse_obj_with(&flat, foreign()).unwrap_err();
-    says(error, &["of the sheet of vertex 1 cannot be stretched"]);
 }

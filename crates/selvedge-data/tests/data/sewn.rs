@@ -6,7 +6,7 @@ use crate::help::{run, says, write};
 use glam::{Vec2, Vec3};
 use selvedge_cloth::{Cloth, ClothArrays, Handles, Topology};
 use selvedge_data::export::{ExportFormat, ExportOptions, FrameSpan};
-use selvedge_data::{LoadedScene, Trajectory, parse_scene, read_obj};
+use selvedge_data::{LoadedScene, MeshOptions, Trajectory, parse_scene, read_mesh, read_obj};
 use serde_json::Value;
 use std::path::Path;
 
@@ -156,6 +156,29 @@ fn a_gltf_of_a_sewn_cloth_is_split_along_its_seams_with_a_way_back() {
     assert!(indices.eq(cloth().pattern().corners().into_flattened()));
     let change = glb.floats(number(&primitive["targets"][0]["POSITION"]));
     assert_eq!((change.len(), change[22]), (24, 0.5));
+}
+
+#[test]
+fn a_sewn_cloth_comes_back_through_gltf_and_usd() {
+    let folder = tempfile::tempdir().unwrap();
+    let expected: Vec<_> = cloth().pattern().faces().collect();
+    for (name, format) in [
+        ("a.glb", ExportFormat::Glb),
+        ("a.usda", ExportFormat::Usda),
+        ("a.usdc", ExportFormat::Usdc),
+    ] {
+        let path = folder.path().join(name);
+        exported(format, FrameSpan::default(), &path);
+        let read = read_mesh(&path, MeshOptions::default()).unwrap();
+        assert!(read.warnings.is_empty() && !read.is_own_shape, "{name}");
+        let mesh = &read.sheet.mesh;
+        assert_eq!(mesh.topology(), cloth().topology(), "{name}");
+        assert!(mesh.pattern().is_sewn(), "{name}");
+        let faces: Vec<_> = mesh.pattern().faces().collect();
+        let apart = faces.as_flattened().iter().zip(expected.as_flattened());
+        let apart = apart.map(|(p, q)| p.as_vec2().distance(*q));
+        assert!(apart.fold(0.0, f32::max) < 1e-6, "{name}");
+    }
 }
 
 /// A scene of two flat panels of 3 by 3 vertices beside each other, 0.1 m apart, the second moved

@@ -6,10 +6,9 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 
 use super::bench::Bench;
-use super::examples::written_examples;
+use super::is_too_long;
 use super::seeds::Seeds;
 use super::targets::{TARGETS, Target};
-use super::{is_too_long, mend};
 use crate::program::Program;
 
 /// A reader that is given one input after another.
@@ -35,13 +34,11 @@ impl Guided {
         }
         let seeds = Seeds::make(&Program::find()?, &made)?;
         let bench = Bench::new(&bench, &seeds)?;
-        let mut examples = target.examples(&seeds)?;
-        examples.extend(written_examples(target.name, &bench)?);
         Ok(Self {
+            examples: target.examples(&seeds)?,
             path: bench.folder.join(target.file.unwrap_or("input")),
             target,
             bench,
-            examples,
         })
     }
 
@@ -65,16 +62,5 @@ impl Guided {
                 text.len()
             );
         }
-    }
-
-    /// `input` with a part of it damaged by `damage`, as `seed` chooses, and its lengths and
-    /// checksums mended; none where it has none.
-    pub fn damaged(
-        &self,
-        input: &[u8],
-        seed: u32,
-        damage: &mut dyn FnMut(&[u8]) -> Vec<u8>,
-    ) -> Option<Vec<u8>> {
-        mend::damaged(self.target.make, input, seed as usize / 4, damage)
     }
 }

@@ -2,14 +2,11 @@
 //! ([`Guided`]), a test reads all of them as they are ([`replay`]).
 
 mod bench;
-mod examples;
 mod guided;
-mod mend;
 mod readers;
 mod replay;
 mod seeds;
 mod targets;
-mod zip;
 
 pub use self::guided::Guided;
 pub use self::replay::{Replayed, replay};

@@ -1,6 +1,5 @@
 //! The readers, each given a damaged file: what they refuse, and what holds of what they accept.
 
-use std::fs;
 use std::path::Path;
 
 use selvedge_data::export::FrameSpan;
@@ -66,19 +65,10 @@ pub(super) fn checkpoint(bench: &Bench, path: &Path, _: &[u8]) -> Verdict {
 }
 
 /// The content of which the damaged file says to be the rest pose.
-pub(super) const POSE: &str = "sixteen";
+const POSE: &str = "sixteen";
 
-pub(super) fn rest_pose(bench: &Bench, path: &Path, _: &[u8]) -> Verdict {
+pub(super) fn rest_pose(bench: &Bench, _: &Path, _: &[u8]) -> Verdict {
     let folder = RestPoseFolder::new(bench.folder.join("poses"));
-    // The file is called by a hash of its content; there is one such file.
-    let named = fs::read_dir(folder.path()).map_err(said)?;
-    let other = named
-        .flatten()
-        .map(|entry| entry.path())
-        .find(|found| found != path);
-    if let Some(other) = other {
-        fs::rename(path, other).map_err(said)?;
-    }
     folder.find(POSE, 16).map(drop).map_err(said)
 }
 
@@ -98,10 +88,18 @@ pub(super) fn obj(_: &Bench, _: &Path, bytes: &[u8]) -> Verdict {
         .map_err(said)
 }
 
-pub(super) fn mesh_file(_: &Bench, path: &Path, _: &[u8]) -> Verdict {
-    read_mesh(path, MeshOptions::default())
-        .map(drop)
-        .map_err(said)
+/// A mesh, and the nodes around it.
+pub(super) fn shape(bench: &Bench, path: &Path, bytes: &[u8]) -> Verdict {
+    let mesh = read_mesh(path, MeshOptions::default()).map_err(said);
+    rig(bench, path, bytes)?;
+    mesh.map(drop)
+}
+
+/// A mesh, the nodes around it, and the scene whose obstacle it moves.
+pub(super) fn cache(bench: &Bench, path: &Path, bytes: &[u8]) -> Verdict {
+    let read = shape(bench, path, bytes);
+    by_cache(bench, path, bytes)?;
+    read
 }
 
 pub(super) fn rig(_: &Bench, path: &Path, _: &[u8]) -> Verdict {

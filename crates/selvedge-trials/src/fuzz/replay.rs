@@ -6,7 +6,6 @@ use std::path::Path;
 use anyhow::{Context, Result};
 
 use super::bench::Bench;
-use super::examples::written_examples;
 use super::is_too_long;
 use super::seeds::Seeds;
 use super::targets::TARGETS;
@@ -37,9 +36,7 @@ pub fn replay(program: &Path, folder: &Path) -> Result<Vec<Replayed>> {
     let mut all = Vec::new();
     for target in &TARGETS {
         let path = bench.folder.join(target.file.unwrap_or("input"));
-        let mut examples = target.examples(&seeds)?;
-        examples.extend(written_examples(target.name, &bench)?);
-        for (number, input) in examples.iter().enumerate() {
+        for (number, input) in target.examples(&seeds)?.iter().enumerate() {
             if target.file.is_some() {
                 fs::write(&path, input).with_context(|| path.display().to_string())?;
             }

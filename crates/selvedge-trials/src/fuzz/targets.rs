@@ -6,10 +6,9 @@ use std::path::Path;
 use anyhow::Result;
 
 use super::bench::Bench;
-use super::mend::Make;
 use super::readers::{
-    Verdict, by_cache, by_material, by_motion, checkpoint, index, log, mesh_file, model,
-    motion_csv, obj, options, preset, rest_pose, rig, scene, scene_json, socket, state_npz, states,
+    Verdict, by_cache, by_material, by_motion, cache, checkpoint, index, log, model, motion_csv,
+    obj, options, preset, rest_pose, rig, scene, scene_json, shape, socket, state_npz, states,
     study_file, training, trajectory,
 };
 use super::seeds::Seeds;
@@ -20,7 +19,6 @@ type Reader = fn(&Bench, &Path, &[u8]) -> Verdict;
 /// A reader with its examples.
 pub(super) struct Target {
     pub(super) name: &'static str,
-    pub(super) make: Make,
     /// Name of the file in the bench's folder, where the reader opens it itself.
     pub(super) file: Option<&'static str>,
     /// Examples, as [`Seeds::read`] takes them, and how files of folders end.
@@ -30,7 +28,7 @@ pub(super) struct Target {
 }
 
 impl Target {
-    /// The whole files that are damaged.
+    /// The whole inputs that are damaged: seeds and the corpus.
     pub(super) fn examples(&self, seeds: &Seeds) -> Result<Vec<Vec<u8>>> {
         let mut all = seeds.read(self.seeds, self.ending)?;
         all.extend(seeds.corpus(self.name)?);
@@ -39,15 +37,9 @@ impl Target {
 }
 
 /// A target whose reader takes bytes or text.
-const fn of_bytes(
-    name: &'static str,
-    make: Make,
-    seeds: &'static [&'static str],
-    read: Reader,
-) -> Target {
+const fn of_bytes(name: &'static str, seeds: &'static [&'static str], read: Reader) -> Target {
     Target {
         name,
-        make,
         file: None,
         seeds,
         ending: ".toml",
@@ -58,14 +50,12 @@ const fn of_bytes(
 /// A target whose reader opens `file`.
 const fn of_file(
     name: &'static str,
-    make: Make,
     file: &'static str,
     seeds: &'static [&'static str],
     read: Reader,
 ) -> Target {
     Target {
         name,
-        make,
         file: Some(file),
         seeds,
         ending: ".toml",
@@ -75,72 +65,35 @@ const fn of_file(
 
 const BLENDER_USDC: &str = "/crates/selvedge-data/tests/fixtures/caches/blender.usdc";
 
+/// The place of a pose that is kept as `POSE` of the readers: a hash of that.
+const REST_POSE: &str =
+    "poses/71416f2faa304e3d70a76b855b0b82e9d6a2f549c54daac536860c0ad17fa2f6.safetensors";
+
 /// All readers.
-pub(super) const TARGETS: [Target; 29] = [
-    of_bytes(
-        "trajectory",
-        Make::Safetensors,
-        &["run.safetensors"],
-        trajectory,
-    ),
-    of_bytes("states", Make::Safetensors, &["states.safetensors"], states),
-    of_bytes(
-        "model",
-        Make::Safetensors,
-        &["run/model.safetensors"],
-        model,
-    ),
+pub(super) const TARGETS: [Target; 25] = [
+    of_bytes("trajectory", &["run.safetensors"], trajectory),
+    of_bytes("states", &["states.safetensors"], states),
+    of_bytes("model", &["run/model.safetensors"], model),
     of_file(
         "checkpoint",
-        Make::Safetensors,
         "checkpoint.safetensors",
         &["run/checkpoint.safetensors"],
         checkpoint,
     ),
-    of_file("rest-pose", Make::Safetensors, "poses/x", &[], rest_pose),
-    of_file("state-npz", Make::Npz, "state.npz", &[], state_npz),
+    of_file("rest-pose", REST_POSE, &[], rest_pose),
+    of_file("state-npz", "state.npz", &[], state_npz),
     of_bytes(
         "obj",
-        Make::Plain,
         &["run.obj", "/crates/selvedge/tests/arcsim/square.obj"],
         obj,
     ),
-    of_file("glb-mesh", Make::Glb, "mesh.glb", &["run.glb"], mesh_file),
-    of_file(
-        "usda-mesh",
-        Make::Plain,
-        "mesh.usda",
-        &["run.usda"],
-        mesh_file,
-    ),
-    of_file("glb-rig", Make::Glb, "rig.glb", &["run.glb"], rig),
-    of_file("usda-rig", Make::Plain, "rig.usda", &["run.usda"], rig),
-    of_file(
-        "usdc-mesh",
-        Make::Plain,
-        "mesh.usdc",
-        &["run.usdc", BLENDER_USDC],
-        mesh_file,
-    ),
-    of_file(
-        "usdc-rig",
-        Make::Plain,
-        "rig.usdc",
-        &["run.usdc", BLENDER_USDC],
-        rig,
-    ),
-    of_file(
-        "usdc-cache",
-        Make::Plain,
-        "cache.usdc",
-        &["run.usdc", BLENDER_USDC],
-        by_cache,
-    ),
-    of_file("usdz", Make::Plain, "rig.usdz", &["run.usdz"], rig),
-    of_file("pc2", Make::Plain, "cache.pc2", &["run.pc2"], by_cache),
+    of_file("glb", "mesh.glb", &["run.glb"], shape),
+    of_file("usda", "mesh.usda", &["run.usda"], shape),
+    of_file("usdc", "cache.usdc", &["run.usdc", BLENDER_USDC], cache),
+    of_file("usdz", "rig.usdz", &["run.usdz"], rig),
+    of_file("pc2", "cache.pc2", &["run.pc2"], by_cache),
     of_file(
         "scene",
-        Make::Plain,
         "scene.toml",
         &[
             "push.toml",
@@ -151,57 +104,31 @@ pub(super) const TARGETS: [Target; 29] = [
     ),
     of_file(
         "arcsim",
-        Make::Plain,
         "arcsim.json",
         &["/crates/selvedge/tests/arcsim/scene.json"],
         scene,
     ),
-    of_bytes("scene-json", Make::Plain, &[], scene_json),
+    of_bytes("scene-json", &[], scene_json),
     of_file(
         "material",
-        Make::Plain,
         "own-material.toml",
         &["/assets/materials"],
         by_material,
     ),
-    of_file(
-        "motion",
-        Make::Plain,
-        "motion.toml",
-        &["/assets/motions"],
-        by_motion,
-    ),
-    of_bytes("motion-csv", Make::Plain, &[], motion_csv),
+    of_file("motion", "motion.toml", &["/assets/motions"], by_motion),
+    of_bytes("motion-csv", &[], motion_csv),
     of_file(
         "preset",
-        Make::Plain,
         "preset.toml",
         &["/assets/datasets/tiny.toml"],
         preset,
     ),
-    of_file(
-        "index",
-        Make::Plain,
-        "indexed/index.json",
-        &["tiny/index.json"],
-        index,
-    ),
-    of_bytes(
-        "training",
-        Make::Plain,
-        &["moment.toml", "/assets/training"],
-        training,
-    ),
-    of_file(
-        "study",
-        Make::Plain,
-        "study.toml",
-        &["/assets/studies"],
-        study_file,
-    ),
-    of_file("log", Make::Plain, "log.jsonl", &["run/log.jsonl"], log),
-    of_bytes("socket", Make::Plain, &[], socket),
-    of_bytes("options", Make::Plain, &[], options),
+    of_file("index", "indexed/index.json", &["tiny/index.json"], index),
+    of_bytes("training", &["moment.toml", "/assets/training"], training),
+    of_file("study", "study.toml", &["/assets/studies"], study_file),
+    of_file("log", "log.jsonl", &["run/log.jsonl"], log),
+    of_bytes("socket", &[], socket),
+    of_bytes("options", &[], options),
 ];
 
 #[cfg(test)]

@@ -39,7 +39,12 @@ fn panels_apart_in_the_texture_are_sewn() {
     assert_eq!(made.sheet.labels["back"], [1, 2, 4, 5]);
     assert_eq!(made.sheet.labels["shirt"].len(), 6);
     let cut = read(SHIRT, |o| o.seams = Seams::Cut).unwrap();
-    assert_eq!(cut.sheet.mesh.positions().len(), 8);
+    // The vertices of the seam have copies after the others, at the same places.
+    let places = cut.sheet.mesh.positions();
+    assert_eq!(places.len(), 8);
+    assert!(places[6..].contains(&places[1]) && places[6..].contains(&places[2]));
+    assert_eq!(cut.sheet.labels["shirt"].len(), 8);
+    assert_eq!(cut.sheet.mesh.topology().sheets().iter().max(), Some(&1));
     assert!(!cut.sheet.mesh.pattern().is_sewn());
 }
 
@@ -98,6 +103,9 @@ fn each_panel_is_fitted_to_its_size() {
             .map(|v| made.sheet.mesh.positions()[v.index()]);
         assert!((a.distance(b) - length).abs() < 1e-12);
     }
+    let flat = SHIRT.replace("vt 8 1\nvt 9 1", "vt 8 0\nvt 9 0");
+    let error = read(&flat, |o| o.texture = TextureUnit::Fit).unwrap_err();
+    says(error, &["cannot be stretched"]);
 }
 
 #[test]

@@ -10,7 +10,6 @@ use selvedge_cloth::bodies::Body;
 
 use super::error::FieldProblem;
 use crate::formats::input::read_file;
-use crate::formats::input::retired;
 use crate::formats::input::{check_hash, hash};
 use crate::formats::npz::NpzPoints;
 use crate::formats::obj::parse_obj_polygons;
@@ -113,7 +112,7 @@ pub(super) fn mesh(
         }
         _ => {
             let known = "must end in .obj, .glb, .usda, .usdc, .usdz or .usd: export the mesh as one of them";
-            return Err(wrong(retired(Path::new(path)).unwrap_or(known).to_owned()));
+            return Err(wrong(known.to_owned()));
         }
     };
     let mut faces = Vec::with_capacity(2 * polygons.len());
@@ -187,7 +186,7 @@ pub(crate) fn moving_points(
         }
         Some(Kind::Obj) | None => {
             let known = "must end in .obj (with {frame} in its name), .pc2, .npz, .usda, .usdc, .usdz, .usd or .glb";
-            return Err(retired(Path::new(path)).unwrap_or(known).to_owned());
+            return Err(known.to_owned());
         }
     };
     Ok((rate, later(frames, from, rate)?))

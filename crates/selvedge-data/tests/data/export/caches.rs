@@ -56,51 +56,6 @@ fn velocities_are_differences_of_positions_whichever_frames_are_taken() {
 }
 
 #[test]
-fn velocities_of_a_parabola_are_exact_to_rounding() {
-    let of = trajectory();
-    let rate = of.frame_rate();
-    let at = |frame: usize| {
-        let t = (frame as f64 / rate) as f32;
-        Vec3::new(2.0 * t, 1.0 - 4.905 * t * t, 0.25)
-    };
-    let positions = (0..FRAMES).flat_map(|k| std::iter::repeat_n(at(k), VERTICES));
-    let provenance = of.provenance().clone();
-    let falling = Trajectory::new(of.cloth().clone(), positions.collect(), provenance).unwrap();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("a.usda");
-    let with = ExportOptions {
-        velocities: true,
-        ..ExportOptions::plain(ExportFormat::Usda)
-    };
-    write(&falling, &path, &with);
-    let text = std::fs::read_to_string(&path).unwrap();
-    for (code, velocities) in samples(&text, "vector3f[] velocities") {
-        let expected = Vec3::new(2.0, (-9.81 * code / rate) as f32, 0.0);
-        // Positions near 1 are rounded by 6e-8, five of which count, over two frames.
-        let bound = 5.0 * 6e-8 * rate as f32 / 2.0 * 2.0;
-        assert!(
-            (velocities[0] - expected).abs().max_element() < bound,
-            "{code}"
-        );
-    }
-}
-
-#[test]
-fn velocities_are_refused_by_formats_without_them() {
-    let (trajectory, folder) = (trajectory(), tempfile::tempdir().unwrap());
-    for format in [ExportFormat::Glb, ExportFormat::Pc2] {
-        let with = ExportOptions {
-            velocities: true,
-            ..ExportOptions::plain(format)
-        };
-        let path = folder.path().join("a");
-        let error = export(&trajectory, &path, &with, &mut || ControlFlow::Continue(()));
-        says(error.unwrap_err(), &["the format has no velocities"]);
-    }
-    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
-}
-
-#[test]
 fn a_mesh_of_usd_is_bound_to_a_material() {
     let (trajectory, folder) = (trajectory(), tempfile::tempdir().unwrap());
     let path = folder.path().join("a.usda");
