@@ -347,7 +347,7 @@ fn check_positive(arrays: &ClothArrays) -> Result<(), ClothError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::generate::{SquareSpec, square};
+    use crate::generate::square;
 
     fn cloth() -> Cloth {
         let arrays = ClothArrays {
@@ -423,12 +423,7 @@ mod tests {
 
     #[test]
     fn a_cloth_of_a_mesh_has_its_masses_and_gives_it_back() {
-        let spec = SquareSpec {
-            vertices: 30,
-            size: 1.0,
-            seed: 0,
-        };
-        let mesh = square(&spec).unwrap().mesh;
+        let mesh = square(30, 1.0, 0).unwrap().mesh;
         let none = Handles::new(&[], 30).unwrap();
         let cloth = Cloth::of_mesh(&mesh, 0.2, none).unwrap();
         let mass: f64 = cloth.vertex_mass().iter().map(|&m| f64::from(m)).sum();

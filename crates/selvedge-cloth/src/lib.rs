@@ -21,11 +21,11 @@
 //! A square that hangs from its upper corners, and where a motion leads them:
 //!
 //! ```
-//! use selvedge_cloth::generate::{SquareSpec, square};
+//! use selvedge_cloth::generate::square;
 //! use selvedge_cloth::motion::named;
 //! use selvedge_cloth::{Cloth, Handles};
 //!
-//! let sheet = square(&SquareSpec { vertices: 400, size: 1.0, seed: 1 })?;
+//! let sheet = square(400, 1.0, 1)?;
 //! let handles = Handles::new(&sheet.labels["upper-corners"], 400)?;
 //! let start = handles.select(sheet.mesh.positions());
 //! let cloth = Cloth::of_mesh(&sheet.mesh, 0.2, handles)?;
@@ -82,7 +82,7 @@ pub use ids::{EdgeId, FaceId, VertexId};
 pub use isotropic::{Isotropic, IsotropicError};
 pub use long_work::{LongWork, LongWorkObserver, observe_long_work};
 pub use loose_panels::LoosePanels;
-pub use material::{BendTable, Material, MaterialError, StrainLimits, StretchTable};
+pub use material::{BendTable, Material, MaterialError, StretchTable};
 pub use mesh::{FaceFabrics, Mesh, MeshError, RestShape};
 pub use motion::{
     Block, HandlePath, Keyframe, KeyframeGroup, KeyframeMotion, Motion, MotionError, Pace,

@@ -1,4 +1,4 @@
-//! A fabric: density, damping, limits, and the stiffness tables of the data-driven model of Wang,
+//! A fabric: density, damping, and the stiffness tables of the data-driven model of Wang,
 //! O'Brien and Ramamoorthi 2011, measured or made from the constants of an isotropic sheet
 //! ([`crate::Isotropic`]). The laws that read the tables are physics and live in `selvedge-sim`.
 
@@ -27,19 +27,6 @@ pub struct Material {
     pub stretch: StretchTable,
     /// Resistance to bending.
     pub bend: BendTable,
-    /// Bounds of every face's principal stretches, kept after each solve.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub strain_limits: Option<StrainLimits>,
-}
-
-/// Bounds of the principal stretches: the singular values of a face's deformation gradient.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct StrainLimits {
-    /// The smallest, 0 to 1; 0 is no bound.
-    pub min: f64,
-    /// The largest, at least 1.
-    pub max: f64,
 }
 
 /// In-plane stiffness: rows = zero strain, then principal stretch 1 + 1/6 with its direction at
@@ -76,7 +63,7 @@ impl Material {
         self
     }
 
-    /// Checks density, damping, limits and that the tables are finite.
+    /// Checks density, damping and that the tables are finite.
     ///
     /// # Errors
     /// Names the material, the field and the value.
@@ -101,14 +88,6 @@ impl Material {
         if let Some(&bad) = bend.iter().find(|k| !(k.is_finite() && **k >= 0.0)) {
             return Err(error("bend", "finite and not negative everywhere", bad));
         }
-        if let Some(limits) = self.strain_limits {
-            if !(0.0..=1.0).contains(&limits.min) {
-                return Err(error("strain_limits.min", "between 0 and 1", limits.min));
-            }
-            if !(limits.max.is_finite() && limits.max >= 1.0) {
-                return Err(error("strain_limits.max", "at least 1", limits.max));
-            }
-        }
         Ok(())
     }
 }
@@ -128,14 +107,13 @@ mod tests {
             // Coupling and shear may be negative: the law cuts them off where it must.
             stretch: StretchTable([[30.0, -12.5, 44.0, -30.0]; 6]),
             bend: BendTable([[2e-5, 3e-5, 3e-5, 2.5e-5, 1e-5]; 3]),
-            strain_limits: None,
         }
     }
 
     #[test]
     fn wrong_values_are_named() {
         material().validate().unwrap();
-        let wrong: [(&str, Spoil); 9] = [
+        let wrong: [(&str, Spoil); 7] = [
             ("density", |m| m.density = 0.0),
             ("density", |m| m.density = f64::NAN),
             ("damping", |m| m.damping = -1.0),
@@ -143,15 +121,6 @@ mod tests {
             ("stretch", |m| m.stretch.0[5][3] = f64::INFINITY),
             ("bend", |m| m.bend.0[2][4] = -1e-6),
             ("bend", |m| m.bend.0[0][0] = f64::NAN),
-            ("strain_limits.min", |m| {
-                m.strain_limits = Some(StrainLimits { min: 1.1, max: 1.2 });
-            }),
-            ("strain_limits.max", |m| {
-                m.strain_limits = Some(StrainLimits {
-                    min: 0.9,
-                    max: 0.99,
-                });
-            }),
         ];
         for (field, spoil) in wrong {
             let mut material = material();

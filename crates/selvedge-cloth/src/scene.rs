@@ -82,6 +82,26 @@ pub enum SceneError {
 }
 
 impl Scene {
+    /// A cloth that is held still for a second, by the default settings in all else, without contact.
+    #[must_use]
+    pub fn of(name: &str, mesh: Mesh, handles: Handles, material: Material) -> Self {
+        Self {
+            name: name.to_owned(),
+            mesh,
+            handles,
+            schedule: HandleSchedule::default(),
+            material,
+            fabrics: BTreeMap::new(),
+            environment: Environment::default(),
+            motion: Motion::still(1.0),
+            physics: PhysicsSettings::default(),
+            sag: SagSettings::default(),
+            frame_rate: DEFAULT_FRAME_RATE,
+            contact: None,
+            obstacles: Vec::new(),
+        }
+    }
+
     /// Checks every part, and that the motion can drive these handles.
     ///
     /// # Errors
@@ -191,38 +211,23 @@ impl Scene {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::generate::{SquareSpec, square};
+    use crate::generate::square;
     use crate::{BendTable, Gust, Release, StretchTable};
 
     fn scene() -> Scene {
-        let spec = SquareSpec {
-            vertices: 30,
-            size: 1.0,
-            seed: 0,
+        let sheet = square(30, 1.0, 0).unwrap();
+        let material = Material {
+            name: "felt".into(),
+            source: String::new(),
+            density: 0.2,
+            damping: 0.0,
+            stretch: StretchTable([[30.0; 4]; 6]),
+            bend: BendTable([[2e-5; 5]; 3]),
         };
-        let sheet = square(&spec).unwrap();
+        let handles = Handles::new(&sheet.labels["upper-corners"], 30).unwrap();
         Scene {
-            name: "square".into(),
-            handles: Handles::new(&sheet.labels["upper-corners"], 30).unwrap(),
-            mesh: sheet.mesh,
-            schedule: HandleSchedule::default(),
-            material: Material {
-                name: "felt".into(),
-                source: String::new(),
-                density: 0.2,
-                damping: 0.0,
-                stretch: StretchTable([[30.0; 4]; 6]),
-                bend: BendTable([[2e-5; 5]; 3]),
-                strain_limits: None,
-            },
-            fabrics: BTreeMap::new(),
-            environment: Environment::default(),
             motion: Motion::still(2.0),
-            physics: PhysicsSettings::default(),
-            sag: SagSettings::default(),
-            frame_rate: 60.0,
-            contact: None,
-            obstacles: Vec::new(),
+            ..Scene::of("square", sheet.mesh, handles, material)
         }
     }
 

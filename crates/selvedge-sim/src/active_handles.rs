@@ -8,7 +8,6 @@ use glam::DVec3;
 use selvedge_cloth::{HandleTargets, Scene};
 
 use crate::integrator::{History, SecondOrder, Substep};
-use crate::laws::strain_limit::StrainLimiter;
 use crate::solver::{FactorError, SolveError, System};
 use crate::state::State;
 
@@ -20,12 +19,8 @@ pub(crate) struct ActiveHandles {
     offsets: Vec<DVec3>,
     /// System of the cloth with the active handles, in their order.
     pub(crate) system: System,
-    /// Limits of the faces, if the material has any.
-    limiter: Option<StrainLimiter>,
     /// Formula of a substep, where that is not backward Euler.
     second_order: Option<SecondOrder>,
-    /// Start of the substep, where the cloth has limits.
-    start: State,
 }
 
 impl ActiveHandles {
@@ -74,9 +69,7 @@ impl ActiveHandles {
         Ok(Self {
             holds,
             offsets,
-            limiter: StrainLimiter::new(scene, system.mass()),
             second_order: SecondOrder::of(scene),
-            start: State::at_origin(system.mass().len()),
             system,
         })
     }
@@ -95,18 +88,16 @@ impl ActiveHandles {
             .all(|(h, holds)| *holds == targets.holds(h))
     }
 
-    /// Moves `state` by one substep over `dt` `[s]`, active handles to `targets` `[m]`, whatever the
-    /// limits of the material: by the scene's formula, or without a `history` by backward Euler, as
-    /// a cloth on its way to rest. Gives γ, the factor `[s]` from a change of velocity to one of
-    /// position in this substep. On an error state and history are unusable, and the caller
-    /// restores them.
+    /// Moves `state` by one substep over `dt` `[s]`, active handles to `targets` `[m]`: by the scene's
+    /// formula, or without a `history` by backward Euler, as a cloth on its way to rest. On an error
+    /// state and history are unusable, and the caller restores them.
     pub(crate) fn advance(
         &mut self,
         dt: f64,
         state: &mut State,
         history: Option<&mut History>,
         targets: &[DVec3],
-    ) -> Result<f64, SolveError> {
+    ) -> Result<(), SolveError> {
         let system = &mut self.system;
         match (&mut self.second_order, history) {
             (Some(second_order), Some(history)) => {
@@ -117,59 +108,13 @@ impl ActiveHandles {
                 };
                 second_order.advance(substep, state, history)
             }
-            _ => system.advance(dt, state, targets).map(|()| dt),
+            _ => system.advance(dt, state, targets),
         }
-    }
-
-    /// As [`Self::advance`], and then within the limits of the material.
-    pub(crate) fn advance_within_limits(
-        &mut self,
-        dt: f64,
-        state: &mut State,
-        history: Option<&mut History>,
-        targets: &[DVec3],
-    ) -> Result<(), SolveError> {
-        let history = history.filter(|_| self.looks_back());
-        let (limiter, history) = match (&self.limiter, history) {
-            (Some(limiter), Some(history)) => (limiter, history),
-            (_, history) => {
-                let gamma = self.advance(dt, state, history, targets)?;
-                return self.limit(gamma, state).map(|_| ());
-            }
-        };
-        // The shift onto the limits is no part of a smooth motion: a substep from or onto them is
-        // backward Euler, and the next one starts anew.
-        if !limiter.is_reached(state) {
-            self.start.copy_from(state);
-            let gamma = self.advance(dt, state, Some(history), targets)?;
-            if !self.limit(gamma, state)? {
-                return Ok(());
-            }
-            state.copy_from(&self.start);
-            history.counts.all -= 1;
-        }
-        history.forget();
-        history.counts.all += 1;
-        history.counts.fell_back += 1;
-        self.advance_within_limits(dt, state, None, targets)
     }
 
     /// Returns true if a substep depends on the state before the last one.
     pub(crate) fn looks_back(&self) -> bool {
         self.second_order.is_some()
-    }
-
-    /// Moves `state`, the end of a substep, within the limits of the material. Returns true if that
-    /// was needed.
-    pub(crate) fn limit(&self, gamma: f64, state: &mut State) -> Result<bool, SolveError> {
-        match &self.limiter {
-            None => Ok(false),
-            Some(limiter) => {
-                let moved = limiter.limit(gamma, state) > 0;
-                state.check_finite()?;
-                Ok(moved)
-            }
-        }
     }
 
     /// Puts the targets of the active handles `[m]` into `targets`; `path` gives the place of a

@@ -325,8 +325,7 @@ impl Simulator {
         match &mut self.contact {
             None => {
                 let targets = &self.targets;
-                self.active
-                    .advance_within_limits(dt, state, Some(history), targets)?;
+                self.active.advance(dt, state, Some(history), targets)?;
             }
             Some(contact) => {
                 let span = Span {

@@ -374,7 +374,7 @@ impl Contact {
             let left = span.dt * (1.0 - done);
             let now = span.from + (span.to - span.from) * done;
             self.put_start(&state.positions, now, span.to);
-            let mut is_limited = self.solve(left, span, active, state, history)?;
+            self.solve(left, span, active, state, history)?;
             let mut repeats = 0;
             let mut is_certified = self.certify_solve(span.threads, &state.positions);
             while repeats < REPEATS && self.arcsim.is_none() {
@@ -390,7 +390,6 @@ impl Contact {
                 state.copy_from(&self.before);
                 active.system.repeat_start();
                 active.advance(left, state, None, span.targets)?;
-                is_limited = false;
                 is_certified = self.certify_solve(span.threads, &state.positions);
             }
             let touches = &active.system.touches;
@@ -406,8 +405,7 @@ impl Contact {
                     active.system.repeat_start();
                 }
                 separation::Outcome::Settled { moved } => {
-                    let is_shifted = !is_limited && self.limit(left, span, active, state)?;
-                    if moved || is_shifted {
+                    if moved {
                         history.forget();
                         active.system.forget_changes();
                     }
@@ -454,8 +452,7 @@ impl Contact {
         Ok(was_moved)
     }
 
-    /// One linear solve over `left` `[s]`, with what touches in it. Returns true if its end is
-    /// within the limits of the material; where something touches, those come later.
+    /// One linear solve over `left` `[s]`, with what touches in it.
     fn solve(
         &mut self,
         left: f64,
@@ -463,7 +460,7 @@ impl Contact {
         active: &mut ActiveHandles,
         state: &mut State,
         history: &mut History,
-    ) -> Result<bool, SolveError> {
+    ) -> Result<(), SolveError> {
         self.find_candidates(left, state);
         let Found { touches, set, held } = self.find_touches(span.threads, left);
         self.counts.solves += 1;
@@ -476,13 +473,11 @@ impl Contact {
         active.system.touches = touches;
         self.before.copy_from(state);
         if active.system.touches.is_empty() && !jumps {
-            active.advance_within_limits(left, state, Some(history), span.targets)?;
-            return Ok(true);
+            return active.advance(left, state, Some(history), span.targets);
         }
         let looks_back = active.looks_back();
         if looks_back && !jumps && history.fits(left) {
-            active.advance(left, state, Some(history), span.targets)?;
-            return Ok(false);
+            return active.advance(left, state, Some(history), span.targets);
         }
         if looks_back {
             self.counts.fell_back += 1;
@@ -495,7 +490,7 @@ impl Contact {
         } else {
             history.keep(&self.before, left);
         }
-        Ok(false)
+        Ok(())
     }
 
     /// Puts the points at the start of a solve, and obstacles at its end; parts of the frame.

@@ -2,8 +2,7 @@
 
 use glam::{DVec2, DVec3};
 use selvedge_cloth::{
-    Environment, GeneralisedAlpha, HandleSchedule, Handles, Integrator, LinearSolver, Material,
-    Mesh, Motion, PhysicsSettings, SagSettings, Scene,
+    GeneralisedAlpha, Handles, Integrator, LinearSolver, Material, Mesh, PhysicsSettings, Scene,
 };
 use selvedge_sim::laws::stretch::StretchElement;
 
@@ -62,24 +61,10 @@ pub(crate) fn square_mesh(side: usize) -> Mesh {
 pub(crate) fn hanging(side: usize) -> Scene {
     let mesh = square_mesh(side);
     let vertex_count = mesh.topology().vertex_count();
-    Scene {
-        name: "hanging".to_owned(),
-        handles: Handles::new(&[0, side as u32 - 1], vertex_count).unwrap(),
-        fabrics: std::collections::BTreeMap::new(),
-        schedule: HandleSchedule::default(),
-        mesh,
-        material: material(GRAY),
-        environment: Environment::default(),
-        motion: Motion::still(1.0),
-        physics: PhysicsSettings {
-            solver: LinearSolver::Cholesky,
-            ..PhysicsSettings::default()
-        },
-        sag: SagSettings::default(),
-        frame_rate: 60.0,
-        contact: None,
-        obstacles: Vec::new(),
-    }
+    let handles = Handles::new(&[0, side as u32 - 1], vertex_count).unwrap();
+    let mut scene = Scene::of("hanging", mesh, handles, material(GRAY));
+    scene.physics.solver = LinearSolver::Cholesky;
+    scene
 }
 
 /// The same cloth by the default physics in all.

@@ -6,7 +6,7 @@ use std::thread;
 use std::time::Duration;
 
 use glam::DVec3;
-use selvedge_cloth::generate::{SquareSpec, square};
+use selvedge_cloth::generate::square;
 use selvedge_cloth::{
     AirLaw, ConjugateGradients, Correctable, HandleTargets, Handles, Integrator, LinearSolver,
     Scene, StepError, Stepper,
@@ -212,12 +212,7 @@ fn implicit_air_takes_energy_where_explicit_air_adds_it() {
 fn conjugate_gradients_end_however_few_the_unknowns_and_however_small_the_tolerance() {
     for vertices in [4, 5, 6, 9] {
         let size = 0.1;
-        let spec = SquareSpec {
-            vertices,
-            size,
-            seed: 1,
-        };
-        let sheet = square(&spec).unwrap();
+        let sheet = square(vertices, size, 1).unwrap();
         let mut scene = hanging(2);
         scene.handles = Handles::new(&sheet.labels["upper-corners"], vertices).unwrap();
         scene.mesh = sheet.mesh;

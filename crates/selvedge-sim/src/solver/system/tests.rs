@@ -4,9 +4,8 @@
 use glam::{DMat3, DVec2, DVec3};
 use selvedge_cloth::geometry::dihedral_angle;
 use selvedge_cloth::{
-    BendTable, ConjugateGradients as Settings, ElasticLaw, Environment, HandleConstraint,
-    HandleSchedule, Handles, Material, Mesh, Motion, PhysicsSettings, SagSettings, Scene,
-    StretchTable,
+    BendTable, ConjugateGradients as Settings, ElasticLaw, Environment, HandleConstraint, Handles,
+    Material, Mesh, Scene, StretchTable,
 };
 
 use super::*;
@@ -39,38 +38,22 @@ fn scene(handles: HandleConstraint, law: ElasticLaw) -> Scene {
             DVec3::new(1.1 * c.x, wave, 0.95 * c.y + 0.2 * wave)
         })
         .collect();
-    Scene {
-        name: "strip".to_owned(),
-        mesh: Mesh::new(&faces, coordinates, positions).unwrap(),
-        handles: Handles::new(&[7, 2], 10).unwrap(),
-        fabrics: std::collections::BTreeMap::new(),
-        schedule: HandleSchedule::default(),
-        material: Material {
-            name: "test".to_owned(),
-            source: String::new(),
-            density: 0.2,
-            damping: 0.004,
-            stretch: StretchTable([[40.0, 15.0, 80.0, 30.0]; 6]),
-            bend: BendTable([[3e-5; 5], [2e-5; 5], [1e-5; 5]]),
-            strain_limits: None,
-        },
-        environment: Environment {
-            wind: DVec3::new(0.5, -0.3, 0.2),
-            air_drag: 0.1,
-            ..Environment::default()
-        },
-        motion: Motion::still(1.0),
-        physics: PhysicsSettings {
-            handles,
-            law,
-            air: AirLaw::Explicit,
-            ..PhysicsSettings::default()
-        },
-        sag: SagSettings::default(),
-        frame_rate: 60.0,
-        contact: None,
-        obstacles: Vec::new(),
-    }
+    let material = Material {
+        name: "test".to_owned(),
+        source: String::new(),
+        density: 0.2,
+        damping: 0.004,
+        stretch: StretchTable([[40.0, 15.0, 80.0, 30.0]; 6]),
+        bend: BendTable([[3e-5; 5], [2e-5; 5], [1e-5; 5]]),
+    };
+    let mesh = Mesh::new(&faces, coordinates, positions).unwrap();
+    let mut scene = Scene::of("strip", mesh, Handles::new(&[7, 2], 10).unwrap(), material);
+    scene.environment.wind = DVec3::new(0.5, -0.3, 0.2);
+    scene.environment.air_drag = 0.1;
+    scene.physics.handles = handles;
+    scene.physics.law = law;
+    scene.physics.air = AirLaw::Explicit;
+    scene
 }
 
 fn state(scene: &Scene) -> State {
