@@ -3,7 +3,8 @@
 //! ([`crate::Isotropic`]). The laws that read the tables are physics and live in `selvedge-sim`.
 
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
+
+use crate::setting::{SettingError, require};
 
 /// Largest damping `[s]`: some ten thousand times that of cloth, and far from where the numbers of
 /// a solve lose their digits.
@@ -42,16 +43,6 @@ pub struct StretchTable(pub [[f64; 4]; 6]);
 #[serde(transparent)]
 pub struct BendTable(pub [[f64; 5]; 3]);
 
-/// A number of a material that is not physical.
-#[derive(Clone, Debug, Error, PartialEq)]
-#[error("material {material}: {field} must be {expected}, found {found}")]
-pub struct MaterialError {
-    material: String,
-    field: &'static str,
-    expected: &'static str,
-    found: f64,
-}
-
 impl Material {
     /// The material with its tables multiplied: `stretch` and `bend` times as stiff.
     #[must_use]
@@ -67,26 +58,21 @@ impl Material {
     ///
     /// # Errors
     /// Names the material, the field and the value.
-    pub fn validate(&self) -> Result<(), MaterialError> {
-        let error = |field, expected, found| MaterialError {
-            material: self.name.clone(),
-            field,
-            expected,
-            found,
+    pub fn validate(&self) -> Result<(), SettingError> {
+        let check = |holds, field: &str, expected, found: f64| {
+            let field = format!("material {}: {field}", self.name);
+            require(holds, &field, expected, found)
         };
-        if !(self.density.is_finite() && self.density > 0.0) {
-            return Err(error("density", "finite and positive", self.density));
+        let holds = self.density.is_finite() && self.density > 0.0;
+        check(holds, "density", "finite and positive", self.density)?;
+        let holds = (0.0..=LARGEST_DAMPING).contains(&self.damping);
+        check(holds, "damping", "between 0 and 100 s", self.damping)?;
+        for &k in self.stretch.0.as_flattened() {
+            check(k.is_finite(), "stretch", "finite everywhere", k)?;
         }
-        if !(0.0..=LARGEST_DAMPING).contains(&self.damping) {
-            return Err(error("damping", "between 0 and 100 s", self.damping));
-        }
-        let stretch = self.stretch.0.as_flattened();
-        if let Some(&bad) = stretch.iter().find(|k| !k.is_finite()) {
-            return Err(error("stretch", "finite everywhere", bad));
-        }
-        let bend = self.bend.0.as_flattened();
-        if let Some(&bad) = bend.iter().find(|k| !(k.is_finite() && **k >= 0.0)) {
-            return Err(error("bend", "finite and not negative everywhere", bad));
+        for &k in self.bend.0.as_flattened() {
+            let holds = k.is_finite() && k >= 0.0;
+            check(holds, "bend", "finite and not negative everywhere", k)?;
         }
         Ok(())
     }

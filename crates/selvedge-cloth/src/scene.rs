@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use thiserror::Error;
 
 use crate::{
-    ContactError, ContactLaw, ContactSettings, Environment, EnvironmentError, FaceId, HandleError,
-    HandlePath, HandleSchedule, Handles, Integrator, Material, MaterialError, Mesh, Motion,
-    MotionError, Obstacle, PhysicsError, PhysicsSettings, RestShape, SagSettings, ScheduleError,
+    ContactLaw, ContactSettings, Environment, FaceId, HandleError, HandlePath, HandleSchedule,
+    Handles, Integrator, Material, Mesh, Motion, MotionError, Obstacle, PhysicsSettings, RestShape,
+    SagSettings, ScheduleError, SettingError,
 };
 
 /// Frames per second of a scene that does not say otherwise.
@@ -54,15 +54,9 @@ pub enum SceneError {
     #[error("handles: {0}")]
     Schedule(#[from] ScheduleError),
     #[error(transparent)]
-    Material(#[from] MaterialError),
-    #[error(transparent)]
-    Environment(#[from] EnvironmentError),
+    Setting(#[from] SettingError),
     #[error(transparent)]
     Motion(#[from] MotionError),
-    #[error(transparent)]
-    Physics(#[from] PhysicsError),
-    #[error(transparent)]
-    Contact(#[from] ContactError),
     #[error("the scene has obstacles but no contact: write `contact = {{}}`, or remove them")]
     NoContact,
     #[error(
@@ -258,9 +252,9 @@ mod tests {
         });
         assert!(matches!(wrong, SceneError::Schedule(_)));
         let wrong = error(|s| s.material.density = 0.0);
-        assert!(matches!(wrong, SceneError::Material(_)));
+        assert!(matches!(wrong, SceneError::Setting(_)));
         let wrong = error(|s| s.environment.air_drag = -1.0);
-        assert!(matches!(wrong, SceneError::Environment(_)));
+        assert!(matches!(wrong, SceneError::Setting(_)));
         let wrong = error(|s| {
             s.environment.gust = Some(Gust {
                 speed: glam::DVec3::X,
@@ -275,7 +269,7 @@ mod tests {
         for spoil in [(|s| s.physics.substeps = 0) as fn(&mut Scene), |s| {
             s.sag.tolerance = 0.0
         }] {
-            assert!(matches!(error(spoil), SceneError::Physics(_)));
+            assert!(matches!(error(spoil), SceneError::Setting(_)));
         }
         let arcsim = |s: &mut Scene| {
             let law = ContactLaw::Arcsim;

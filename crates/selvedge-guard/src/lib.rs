@@ -88,5 +88,5 @@ mod trust;
 
 pub use gauge::Measured;
 pub use guard::{Guard, GuardError, PhysicsFailure};
-pub use settings::{Correction, GuardSettings, SettingsError};
+pub use settings::{Correction, GuardSettings};
 pub use trust::{ContactWord, GuardSummary, Moved, Replacement, Trust, Verdict};

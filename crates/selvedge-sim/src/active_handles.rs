@@ -8,7 +8,7 @@ use glam::DVec3;
 use selvedge_cloth::{HandleTargets, Scene};
 
 use crate::integrator::{History, SecondOrder, Substep};
-use crate::solver::{FactorError, SolveError, System};
+use crate::solver::{SolveError, System};
 use crate::state::State;
 
 /// The active handles and the solvers of all other vertices.
@@ -25,7 +25,7 @@ pub(crate) struct ActiveHandles {
 
 impl ActiveHandles {
     /// All handles of `scene` active, on their paths.
-    pub(crate) fn all(scene: &Scene) -> Result<Self, FactorError> {
+    pub(crate) fn all(scene: &Scene) -> Result<Self, SolveError> {
         let count = scene.handles.len();
         Self::new(scene, vec![true; count], vec![DVec3::ZERO; count])
     }
@@ -38,7 +38,7 @@ impl ActiveHandles {
         targets: &HandleTargets,
         state: &State,
         paths: &[DVec3],
-    ) -> Result<Self, FactorError> {
+    ) -> Result<Self, SolveError> {
         let holds: Vec<bool> = (0..self.holds.len()).map(|h| targets.holds(h)).collect();
         let mut offsets = self.offsets.clone();
         for (handle, vertex) in scene.handles.vertices().iter().enumerate() {
@@ -54,7 +54,7 @@ impl ActiveHandles {
         scene: &Scene,
         holds: Vec<bool>,
         offsets: Vec<DVec3>,
-    ) -> Result<Self, FactorError> {
+    ) -> Result<Self, SolveError> {
         let part;
         let scene = if holds.iter().all(|holds| *holds) {
             scene

@@ -22,17 +22,16 @@ mod touches;
 mod yielded;
 
 use glam::{DVec2, DVec3};
-use selvedge_cloth::{ContactLaw, ContactSettings, Obstacle, Scene, StepError, VertexId};
+use selvedge_cloth::{ContactLaw, ContactSettings, Obstacle, Scene, StepError, Touching, VertexId};
 use selvedge_contact::{Candidates, Intersection, Kind, Pair, Reach, Surface, Ways};
 
 use crate::active_handles::ActiveHandles;
 use crate::integrator::History;
-use crate::solver::SolveError;
+use crate::solver::{SolveError, SubstepError};
 use crate::state::State;
 use crate::threads::Threads;
 use clearances::Clearances;
 pub use gauge::{ContactGauge, FrameContact};
-use keys::Key;
 pub(crate) use led::Shift;
 pub use led::{FAR, Led};
 use memory::Held;
@@ -109,18 +108,6 @@ impl Unseparated {
     }
 }
 
-/// Reason for a failed substep with contact.
-pub(crate) enum ContactError {
-    Solve(SolveError),
-    Unseparated(Unseparated),
-}
-
-impl From<SolveError> for ContactError {
-    fn from(error: SolveError) -> Self {
-        Self::Solve(error)
-    }
-}
-
 /// A substep to be taken.
 #[derive(Clone, Copy)]
 pub(crate) struct Span<'a> {
@@ -143,7 +130,7 @@ pub(crate) struct Span<'a> {
 struct Found {
     touches: Touches,
     /// The pairs, in ascending order.
-    set: Vec<Key>,
+    set: Vec<Touching>,
     held: Held,
 }
 
@@ -367,7 +354,7 @@ impl Contact {
         active: &mut ActiveHandles,
         state: &mut State,
         history: &mut History,
-    ) -> Result<(), ContactError> {
+    ) -> Result<(), SubstepError> {
         self.update_inverse(active);
         let (mut done, mut divisions) = (0.0, 0);
         while divisions < self.settings.max_divisions {
@@ -432,7 +419,7 @@ impl Contact {
                 }
             }
         }
-        Err(ContactError::Unseparated(self.unseparated()))
+        Err(SubstepError::Contact(self.unseparated()))
     }
 
     /// Leads the cloth from `from` to `to` `[m]`, both of `[vertices]`, on straight ways over the
@@ -468,7 +455,7 @@ impl Contact {
         let jumps = self.memory.held.jumps_to(&held);
         self.memory
             .caught
-            .retain(|caught| set.binary_search(&caught.pair).is_ok());
+            .retain(|caught| set.binary_search(&caught.of).is_ok());
         self.memory.held = held;
         active.system.touches = touches;
         self.before.copy_from(state);

@@ -10,8 +10,8 @@ use selvedge_contact::{
 
 use super::clearances::against;
 use super::friction::along_surface;
-use super::{Contact, ContactCounts, ContactError, Span, Unseparated};
-use crate::solver::SolveError;
+use super::{Contact, ContactCounts, Span, Unseparated};
+use crate::solver::{SolveError, SubstepError};
 use crate::state::State;
 use crate::threads::Threads;
 
@@ -170,7 +170,7 @@ impl Contact {
         left: f64,
         span: Span<'_>,
         state: &mut State,
-    ) -> Result<Outcome, ContactError> {
+    ) -> Result<Outcome, SubstepError> {
         let rounds = self.settings.rounds;
         let last = if span.may_hold {
             rounds + HOLDING
@@ -217,7 +217,7 @@ impl Contact {
             if span.is_last && self.give_way(true) {
                 return Ok(Outcome::GivenWay);
             }
-            return Err(ContactError::Unseparated(self.unseparated()));
+            return Err(SubstepError::Contact(self.unseparated()));
         };
         self.received = received;
         self.end.clone_from(&self.room.best);

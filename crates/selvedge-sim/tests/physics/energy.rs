@@ -6,14 +6,16 @@ use selvedge_cloth::{ElasticLaw, Gust, HandleTargets, Isotropic, Scene, Stepper}
 use selvedge_sim::{Simulator, sag};
 
 use crate::scenes::{CAMEL, DENIM, GRAY, NAVY, by_default, hanging, material};
+use crate::sheets::isotropic;
+
+const SHEET: Isotropic = Isotropic {
+    youngs_modulus: 1e5,
+    poissons_ratio: 0.3,
+    thickness: 5e-4,
+};
 
 /// The shipped fabrics and an isotropic sheet, hanging from two corners.
 fn fabrics(side: usize) -> Vec<Scene> {
-    let isotropic = Isotropic {
-        youngs_modulus: 1e5,
-        poissons_ratio: 0.3,
-        thickness: 5e-4,
-    };
     let mut scenes: Vec<Scene> = [GRAY, CAMEL, DENIM, NAVY]
         .iter()
         .map(|text| Scene {
@@ -21,11 +23,9 @@ fn fabrics(side: usize) -> Vec<Scene> {
             ..by_default(side)
         })
         .collect();
-    let mut sheet = by_default(side);
-    sheet.material.name = "isotropic".to_owned();
-    sheet.material.stretch = isotropic.stretch_table();
-    sheet.material.bend = isotropic.bend_table();
-    scenes.push(sheet);
+    let sheet = by_default(side);
+    let material = isotropic(SHEET, sheet.material.density);
+    scenes.push(Scene { material, ..sheet });
     scenes
 }
 
