@@ -12,7 +12,7 @@
 //! ```
 //! use std::sync::Arc;
 //!
-//! use selvedge_cloth::generate::{SquareSpec, square};
+//! use selvedge_cloth::generate::square;
 //! use selvedge_cloth::{Cloth, Environment, HandleTargets, Handles, Stepper};
 //! use selvedge_model::{ClothGraph, LearnedStepper, Model};
 //!
@@ -21,7 +21,7 @@
 //! let model = Arc::new(Model::from_bytes(selvedge_assets::PAPER)?);
 //!
 //! // A square of cloth, 1 m wide and 150 g/m², held by its upper corners.
-//! let sheet = square(&SquareSpec { vertices: 60, size: 1.0, seed: 1 })?;
+//! let sheet = square(60, 1.0, 1)?;
 //! let handles = Handles::new(&sheet.labels["upper-corners"], 60)?;
 //! let cloth = Cloth::of_mesh(&sheet.mesh, 0.15, handles)?;
 //! let graph = ClothGraph::new(&cloth, Environment::default(), 60.0)?;

@@ -27,13 +27,13 @@
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! use std::path::Path;
 //!
-//! use selvedge_cloth::generate::{SquareSpec, square};
+//! use selvedge_cloth::generate::square;
 //! use selvedge_cloth::{Cloth, Handles};
 //! use selvedge_data::{DatasetPlan, DatasetWriter, Provenance, SectionRule, Split, Trajectory};
 //! use selvedge_train::{OnProcessor, TrainConfig, Trainer};
 //!
 //! // A square of nine vertices that hangs from two corners and swings, over 30 frames.
-//! let sheet = square(&SquareSpec { vertices: 9, size: 1.0, seed: 7 })?;
+//! let sheet = square(9, 1.0, 7)?;
 //! let handles = Handles::new(&sheet.labels["upper-corners"], 9)?;
 //! let cloth = Cloth::of_mesh(&sheet.mesh, 0.15, handles)?;
 //! let swing = |frame: usize, depth: f64| 0.1 * depth * (0.2 * frame as f64).sin();

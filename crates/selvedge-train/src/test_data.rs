@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use glam::{DVec3, Vec3};
-use selvedge_cloth::generate::{SquareSpec, square};
+use selvedge_cloth::generate::square;
 use selvedge_cloth::{Cloth, Handles, Mesh};
 use selvedge_data::{
     Dataset, DatasetPlan, DatasetWriter, Provenance, SectionRule, Split, Trajectory,
@@ -29,12 +29,7 @@ pub(crate) struct Swinging {
 pub(crate) type Plan<'a> = (&'a str, usize, usize);
 
 fn mesh(vertices: usize) -> Mesh {
-    let spec = SquareSpec {
-        vertices,
-        size: 1.0,
-        seed: 7,
-    };
-    square(&spec).expect("a square").mesh
+    square(vertices, 1.0, 7).expect("a square").mesh
 }
 
 fn cloth(mesh: &Mesh) -> Cloth {

@@ -1,6 +1,6 @@
 """Runs ARCSim's squeezed sheet from its state at 1 s with ARCSim's law of contact, and sets ARCSim's own recording beside it.
 
-    python ../../../crates/selvedge-sim/tests/physics/convert_reference.py FOLDER_WITH_NPZ REFERENCE
+    python convert_reference.py FOLDER_WITH_NPZ REFERENCE
     python squeeze.py REFERENCE OUT
 
 Needs numpy and safetensors from PyPI, and the program `selvedge` in the PATH (or named by SELVEDGE). Writes to OUT both

@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use glam::{DVec3, Vec3};
-use selvedge_cloth::generate::{SquareSpec, square};
+use selvedge_cloth::generate::square;
 use selvedge_cloth::{Cloth, Handles, Mesh};
 use selvedge_data::{
     Dataset, DatasetPlan, DatasetWriter, Provenance, SectionRule, Split, Trajectory,
@@ -46,12 +46,7 @@ fn swung(p: DVec3, frame: usize, number: usize) -> Vec3 {
 }
 
 fn trajectory(vertices: usize, frames: usize, number: usize) -> Trajectory {
-    let spec = SquareSpec {
-        vertices,
-        size: 1.0,
-        seed: 7,
-    };
-    let mesh = square(&spec).expect("a square").mesh;
+    let mesh = square(vertices, 1.0, 7).expect("a square").mesh;
     let of_frame = |frame| {
         mesh.positions()
             .iter()

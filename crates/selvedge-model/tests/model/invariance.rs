@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 
 use glam::{DVec3, Vec2, Vec3};
 use proptest::prelude::*;
-use selvedge_cloth::generate::{SquareSpec, square};
+use selvedge_cloth::generate::square;
 use selvedge_cloth::{Cloth, ClothArrays, Environment, Handles, Topology, VertexId};
 use selvedge_model::{ClothGraph, EdgeFeature, Encoder, Frames, ModelSpec, Place, Window, Yaw};
 
@@ -37,12 +37,7 @@ struct Case {
 /// Random positions about a hanging square: ripples of up to 6 cm, moves of up to 2 cm.
 fn case(side: usize, seed: u64, noise: &[f32]) -> Case {
     let vertices = side * side;
-    let sheet = square(&SquareSpec {
-        vertices,
-        size: 1.0,
-        seed,
-    })
-    .expect("a square");
+    let sheet = square(vertices, 1.0, seed).expect("a square");
     let shape = sheet.mesh.rest_shape(0.2);
     let draw = |k: usize, size: f32| {
         Vec3::from_array([0, 1, 2].map(|axis| size * noise[(3 * k + axis) % noise.len()]))

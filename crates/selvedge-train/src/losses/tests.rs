@@ -4,7 +4,7 @@
 use glam::Vec2;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use selvedge_cloth::generate::{SquareSpec, square};
+use selvedge_cloth::generate::square;
 use selvedge_cloth::{Cloth, ClothArrays, Environment, Handles};
 
 use super::*;
@@ -29,12 +29,7 @@ impl Sample {
 }
 
 fn sample(vertices: usize) -> Sample {
-    let spec = SquareSpec {
-        vertices,
-        size: 1.0,
-        seed: 3,
-    };
-    let sheet = square(&spec).expect("a square");
+    let sheet = square(vertices, 1.0, 3).expect("a square");
     let shape = sheet.mesh.rest_shape(0.15);
     let rest = sheet.mesh.positions();
     let arrays = ClothArrays {

@@ -156,12 +156,8 @@ fn warn_of_falls(scene: &Scene, substeps: Option<SubstepReport>) {
         return;
     }
     let substeps = scene.physics.substeps;
-    let limits = match scene.material.strain_limits {
-        Some(_) => ", or it was at its strain_limits, where every substep is of first order",
-        None => "",
-    };
     tracing::warn!(
-        "{fell_back} of {all} substeps fell back to first order: the cloth moves so fast that a prediction strained it too much{limits}; use more substeps (physics.substeps, {substeps} now) or slower handles"
+        "{fell_back} of {all} substeps fell back to first order: the cloth moves so fast that a prediction strained it too much; use more substeps (physics.substeps, {substeps} now) or slower handles"
     );
 }
 
