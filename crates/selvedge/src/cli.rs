@@ -276,9 +276,8 @@ pub(crate) struct InfoArgs {
     /// A file, a folder, or the name of a shipped scene or preset.
     pub(crate) path: PathBuf,
     /// Also draw it (.png; curves .svg): a run with its strain, a mesh or a scene as it stands, a
-    /// training as the curves of its loss, a data set and a model as histograms, states as speeds.
-    /// A name without an ending is a folder, which gets the histograms of a data set and a contact
-    /// sheet of every trajectory.
+    /// training as the curves of its loss. A name without an ending is a folder, which gets a contact
+    /// sheet of every trajectory of a data set.
     #[arg(long, alias = "pictures", value_name = "FILE|FOLDER")]
     pub(crate) picture: Option<PathBuf>,
 }

@@ -83,34 +83,17 @@ fn a_changed_file_is_found() {
 }
 
 #[test]
-fn inspection_counts_every_number_and_draws_every_trajectory() {
+fn inspection_draws_every_trajectory() {
     let desk = Desk::new();
     desk.tiny();
     let report = desk.json("info tiny --picture seen");
-    // 36 vertices of which two are held; runs of 91, 61 and 61 frames.
-    let frames = 91.0 + 61.0 + 61.0;
-    let count = |name: &str| number(&report, &format!("/distributions/{name}/count"));
-    assert_eq!(count("speed"), 36.0 * (frames - 3.0));
-    assert_eq!(count("acceleration"), 34.0 * (frames - 6.0));
-    let counts = &report["distributions"]["strain"]["histogram"]["counts"];
-    let counts = counts.as_array().unwrap().iter();
-    let sum: f64 = counts.map(|c| c.as_f64().unwrap()).sum();
-    assert_eq!(sum, count("strain"));
-    let largest = number(&report, "/distributions/speed/most");
-    let entry = number(&report, "/splits/train/0/max_speed");
-    assert!(largest >= entry);
-    let names = [
-        "histograms.png",
-        "test-lift.png",
-        "train-push.png",
-        "train-turn.png",
-    ];
+    let names = ["test-lift.png", "train-push.png", "train-turn.png"];
+    assert_eq!(report["pictures"].as_array().map(Vec::len), Some(names.len()));
     assert_eq!(names_in(&desk.path("seen")), names);
     for name in names {
         assert_eq!(desk.read(&format!("seen/{name}"))[1..4], *b"PNG");
     }
-    let said = desk.run("info tiny");
-    assert!(said.out.contains("bending angle"), "{}", said.out);
+    desk.fails("info tiny --picture tiny.png", 2, &["data set", "folder"]);
 }
 
 /// A folder `caches` with a run of the scene `push.toml` and a part of it.
