@@ -24,11 +24,7 @@ use crate::output::Answer;
 
 /// Returns true for a command that several ranks can share.
 pub(crate) fn shares(command: &Command) -> bool {
-    match command {
-        Command::Data(command) => matches!(command, DataCommand::Generate(_)),
-        Command::Train(_) | Command::Eval(_) | Command::Study(_) => true,
-        _ => false,
-    }
+    matches!(command, Command::Train(_))
 }
 
 /// Does what is asked.

@@ -88,7 +88,10 @@ fn inspection_draws_every_trajectory() {
     desk.tiny();
     let report = desk.json("info tiny --picture seen");
     let names = ["test-lift.png", "train-push.png", "train-turn.png"];
-    assert_eq!(report["pictures"].as_array().map(Vec::len), Some(names.len()));
+    assert_eq!(
+        report["pictures"].as_array().map(Vec::len),
+        Some(names.len())
+    );
     assert_eq!(names_in(&desk.path("seen")), names);
     for name in names {
         assert_eq!(desk.read(&format!("seen/{name}"))[1..4], *b"PNG");

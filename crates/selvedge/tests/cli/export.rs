@@ -351,8 +351,16 @@ fn every_file_can_be_looked_at() {
     for (call, code, words) in [
         ("run.safetensors --picture x.svg", 2, ["x.svg", ".png"]),
         ("run --picture x.png", 2, ["x.png", ".svg"]),
-        ("states.safetensors --picture x.svg", 1, ["states", "training"]),
-        ("run/model.safetensors --picture x.png", 1, ["model", "training"]),
+        (
+            "states.safetensors --picture x.svg",
+            1,
+            ["states", "training"],
+        ),
+        (
+            "run/model.safetensors --picture x.png",
+            1,
+            ["model", "training"],
+        ),
         ("run.safetensors --picture x.jpg", 2, ["x.jpg", ".png"]),
         (
             "run/checkpoint.safetensors --picture x.png",
