@@ -1,7 +1,6 @@
 //! The trainings of a study: each in a folder of its own, with a record of what it was made from
 //! and how far it is. A finished one is kept, one under way goes on from its checkpoint.
 
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 

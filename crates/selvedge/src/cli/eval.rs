@@ -122,10 +122,10 @@ pub(crate) struct EvalArgs {
     #[arg(long, value_name = "D", default_value_t = 400.0, requires = "mesh")]
     density: f64,
     /// The folder of the report; it is made. Scenes need one, for their references.
-    #[arg(short, long, alias = "report", alias = "out", value_name = "FOLDER")]
+    #[arg(short, long, value_name = "FOLDER")]
     pub(crate) output: Option<PathBuf>,
     /// Cases that are run at once [default: as many as there are processors].
-    #[arg(short, long, alias = "threads", value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS))]
+    #[arg(short, long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS))]
     pub(crate) jobs: Option<u16>,
     /// The machine of the models.
     #[command(flatten)]

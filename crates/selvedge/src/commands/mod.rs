@@ -9,7 +9,6 @@ mod eval;
 mod export;
 mod info;
 mod list;
-mod manual;
 mod model;
 mod rollout;
 mod run;
@@ -44,6 +43,5 @@ pub(crate) fn run(command: &Command) -> anyhow::Result<Answer> {
         Command::List(args) => list::run(args.what),
         Command::Model(ModelCommand::Convert(args)) => model::convert(args),
         Command::Completions(args) => completions::run(args),
-        Command::Manual(args) => manual::run(args),
     }
 }

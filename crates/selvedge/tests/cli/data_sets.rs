@@ -113,24 +113,24 @@ fn caches_become_a_data_set() {
     let desk = Desk::new();
     caches(&desk);
     let import = "data import caches --frame-rate 60 --handles handle_0";
-    let lacks = format!("{import} --out set");
+    let lacks = format!("{import} -o set");
     desk.fails(&lacks, 2, &["--density"]);
     let import = format!("{import} --test two");
-    let report = desk.json(&format!("{import} --density 0.2 --out set"));
+    let report = desk.json(&format!("{import} --density 0.2 -o set"));
     assert_eq!(
         (number(&report, "/train"), number(&report, "/test")),
         (1.0, 1.0)
     );
     assert!(number(&report, "/samples") > 0.0);
-    let again = desk.json(&format!("{import} --density 0.2 --out set"));
+    let again = desk.json(&format!("{import} --density 0.2 -o set"));
     assert_eq!(number(&again, "/trajectories_kept"), 2.0);
-    let other = format!("{import} --density 0.6 --out set");
+    let other = format!("{import} --density 0.6 -o set");
     desk.fails(&other, 1, &["another configuration"]);
     assert_eq!(desk.json("info set")["kind"], "dataset");
     desk.model();
     desk.json("eval --model run/model.safetensors --data set");
     // To measure with, a set needs nothing to train on.
-    let report = desk.json(&format!("{import},one --density 0.2 --out all"));
+    let report = desk.json(&format!("{import},one --density 0.2 -o all"));
     assert_eq!(
         (number(&report, "/train"), number(&report, "/test")),
         (0.0, 2.0)
@@ -149,7 +149,7 @@ fn the_handles_of_a_cache_can_be_named() {
         desk.json(&format!("export run.safetensors -o {ending}/run.{ending}"));
         // At another rate than that of the file: what turns is not rigid between its frames.
         let import = format!("data import {ending} --density 0.2 --frame-rate 90");
-        let named = format!("{import} --handles handle_1,handle_0 --out {ending}-named");
+        let named = format!("{import} --handles handle_1,handle_0 -o {ending}-named");
         if ending == "pc2" {
             desk.fails(&named, 1, &["run.pc2", "without nodes"]);
             continue;
@@ -208,14 +208,14 @@ fn frames_beyond_what_cloth_does_are_not_imported() {
         "bound of 0.000001",
         "--max-strain",
     ];
-    let small = format!("{import} --max-strain 0.000001 --out small");
+    let small = format!("{import} --max-strain 0.000001 -o small");
     desk.fails(&small, 1, &words);
     assert!(!desk.path("small").exists());
     for bad in ["nan", "0", "-1", "inf", "much"] {
-        let command = format!("{import} --max-strain {bad} --out bad");
+        let command = format!("{import} --max-strain {bad} -o bad");
         desk.fails(&command, 2, &["--max-strain", bad, "above 0"]);
     }
-    let taken = desk.json(&format!("{import} --max-strain 0.2 --out taken"));
+    let taken = desk.json(&format!("{import} --max-strain 0.2 -o taken"));
     assert!(number(&taken, "/samples") > 0.0);
 }
 

@@ -27,7 +27,7 @@ fn a_training_of_200_steps_has_the_same_bytes_on_1_to_4_ranks() {
     let desk = Desk::new();
     desk.write("steps.toml", training());
     desk.json_on(1, "data generate tiny -o tiny");
-    let train = "train steps.toml --data tiny --out";
+    let train = "train steps.toml --data tiny -o";
     desk.json_on(1, &format!("{train} one --steps 200"));
     let expected = trained(&desk, "one");
     for (first, then) in [(1, 2), (2, 3), (3, 4), (4, 1)] {
