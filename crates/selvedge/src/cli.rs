@@ -308,10 +308,6 @@ pub(crate) struct ConvertArgs {
     /// f32 widens them again.
     #[arg(long, value_enum)]
     pub(crate) weights: WeightsName,
-    /// The data set that the model was trained on, for a file that does not say what that was: its
-    /// bounds are written into the model, so that commands know what goes beyond them.
-    #[arg(long, value_name = "FOLDER")]
-    pub(crate) trained_on: Option<PathBuf>,
     /// The file to write (.safetensors).
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: PathBuf,

@@ -14,7 +14,7 @@ use super::error::EvaluateError;
 use super::method::PhysicsMethod;
 use crate::cause::chain;
 use crate::event::{End, Task};
-use crate::physics::{self, Keep, SimulationPlan, rounded};
+use crate::physics::{self, SimulationPlan, rounded};
 use crate::state_log::simulator_in;
 
 /// Frames of a kept run that are made again, to see that the physics still makes it.
@@ -298,7 +298,7 @@ impl Reference<'_> {
         let plan = SimulationPlan {
             frames: self.last.saturating_sub(start.frame),
             start,
-            keep: Keep::States,
+            keeps_states: true,
             threads: Threads::Pool,
             stop: Arc::default(),
         };

@@ -231,26 +231,12 @@ fn nothing_is_learned_from_a_damaged_data_set() {
     *altered.last_mut().unwrap() ^= 1;
     desk.write(file, altered);
     desk.fails(train, 1, &["push.safetensors", "has changed"]);
-    std::fs::remove_file(desk.path(file)).unwrap();
-    desk.fails(train, 1, &["train/push.safetensors", "is missing"]);
     desk.write(file, good);
     let text = String::from_utf8(good_index).unwrap();
-    for (from, to, expected) in [
-        (
-            "\"end\": 91",
-            "\"end\": 92",
-            "frames 0..92 of training trajectory 0 do not exist",
-        ),
-        (
-            "\"vertices\": 36",
-            "\"vertices\": 37",
-            "91 frames of 37 vertices",
-        ),
-    ] {
-        assert!(text.contains(from), "{from}");
-        desk.write(index, text.replace(from, to));
-        desk.fails(train, 1, &["tiny", expected]);
-    }
+    let (from, to) = ("\"vertices\": 36", "\"vertices\": 37");
+    assert!(text.contains(from));
+    desk.write(index, text.replace(from, to));
+    desk.fails(train, 1, &["tiny", "91 frames of 37 vertices"]);
     assert!(!desk.path("run/model.safetensors").exists());
 }
 
