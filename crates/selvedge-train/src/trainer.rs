@@ -18,7 +18,7 @@ use crate::expert::Expert;
 use crate::fit_normalizers::{Statistics, fit};
 use crate::losses::{LossStatistics, LossTerms, RunningLossStatistics};
 use crate::memory::{Arithmetic, MemoryError, check_memory};
-use crate::optimizer::{Adam, AdamError};
+use crate::optimizer::Adam;
 use crate::origin::Origin;
 use crate::slot::{Slot, pack_slots, unpack_slots};
 use crate::training_set::{TrainingSet, TrainingSetError};
@@ -83,8 +83,6 @@ pub enum TrainError {
     Config(#[from] InvalidConfig),
     #[error(transparent)]
     Spec(#[from] SpecError),
-    #[error(transparent)]
-    Optimizer(#[from] AdamError),
     #[error(transparent)]
     TrainingSet(#[from] TrainingSetError),
     #[error(transparent)]

@@ -9,7 +9,7 @@
 //! - A **still** ([`still`]) is one frame; a **contact sheet** ([`contact_sheet`]) shows
 //!   **moments** of one or several panels; a **clip** ([`write_clip`]) is an animated
 //!   GIF whose clock is real.
-//! - [`plot`] draws lines and histograms.
+//! - [`plot`] draws lines.
 //!
 //! Conventions: metres and seconds, y up. Pixels count from the top left corner, x to the right and
 //! y down. Colours are sRGB outside and linear light inside. The same values give the same bytes.

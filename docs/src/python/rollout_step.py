@@ -206,7 +206,7 @@ class Model:
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("model")
-    parser.add_argument("rollout", help="a trajectory that `selvedge rollout` made with this model")
+    parser.add_argument("rollout", help="a trajectory that `selvedge run` made with this model")
     parser.add_argument("--steps", type=int, default=100, help="frames to start from, evenly spread [default: 100]")
     args = parser.parse_args()
     model, cloth = Model(args.model), Cloth(*read(args.rollout))

@@ -1,14 +1,12 @@
 //! Plots of numbers as SVG: lines over an axis, in the manner of figure 3 of Libao et al. 2023, drawn
-//! by `plotters` without a font: the reader's browser has one. Pages of histograms are images.
+//! by `plotters` without a font: the reader's browser has one.
 //!
 //! Names are in the colours of their lines; the same names in the same order have the same colours. A chart is a pure function of its
 //! values: same values, same bytes.
 
-mod histogram;
 mod lines;
 mod ticks;
 
-pub use histogram::{HistogramPlot, histogram_page};
 pub use lines::{Axis, Line, LineChart, Role, Scale};
 
 use thiserror::Error;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use selvedge_cloth::Scene;
 use selvedge_data::{LoadedScene, SavedState, StartSpec, StateChoice, StateRun, metrics};
 use selvedge_lab::fitting::FittedCloth;
-use selvedge_lab::physics::{self, Keep, Simulated, SimulationError, SimulationPlan, TimedRun};
+use selvedge_lab::physics::{self, Simulated, SimulationError, SimulationPlan, TimedRun};
 use selvedge_lab::start;
 use selvedge_sim::{DividedFrames, SubstepCounts, Threads};
 use serde::Serialize;
@@ -181,10 +181,7 @@ fn simulate(
     let plan = SimulationPlan {
         start,
         frames,
-        keep: match args.states {
-            Some(_) => Keep::States,
-            None => Keep::Positions,
-        },
+        keeps_states: args.states.is_some(),
         threads: Threads::Pool,
         stop: interrupt::flag(),
     };

@@ -9,7 +9,7 @@ use selvedge_model::{
 
 use crate::config::TrainConfig;
 use crate::engine::OnProcessor;
-use crate::losses::{ComputedTerms, LossEvaluator, LossStatistics, LossTerms};
+use crate::losses::{LossEvaluator, LossStatistics, LossTerms};
 use crate::schedule::UnrollFrames;
 use crate::slot::{ShownSample, Slot, rng_of};
 use crate::test_data::{ENGINE, Swinging, busy, config, swinging, two_cloths};
@@ -115,7 +115,7 @@ fn whole(encoder: Encoder) -> Whole {
         nodes: wide(&window.nodes),
         edges: wide(&window.arcs),
         statistics: trainer.targets.freeze(),
-        losses: LossEvaluator::new(cfg.losses, ComputedTerms::Weighted),
+        losses: LossEvaluator::new(cfg.losses),
         weights: wide(model.weights()),
         network: model.network().clone(),
         shown,
