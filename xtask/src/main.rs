@@ -106,10 +106,7 @@ fn long() -> Result<()> {
     if let Err(error) = book::run() {
         failed.push(format!("book --run: {error:#}"));
     }
-    for (trial, options) in [
-        ("fuzz", ["--for", "60s"]),
-        ("faults", ["--faults", "20"]),
-    ] {
+    for (trial, options) in [("fuzz", ["--for", "60s"]), ("faults", ["--faults", "20"])] {
         println!("\n== {trial} {}", options.join(" "));
         if let Err(error) = trials(trial, &options) {
             failed.push(format!("{trial}: {error:#}"));

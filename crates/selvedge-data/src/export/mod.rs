@@ -2,12 +2,12 @@
 //! an .obj, .obj by the frame, .npz. One file per format; all of them write a `Take`, frames
 //! of the trajectory as they are wanted.
 //!
-//! Frames are streamed: beside the trajectory, memory holds a frame or two. Files are written
-//! beside their place and renamed, folders as a whole. Positions are those of the trajectory, in
-//! metres; the first exported frame is at time 0. Vertices keep their numbers. Texture coordinates are
-//! the material coordinates, or those of the mesh's file where these are others; a cloth without a
-//! pattern has none. Obstacles stand beside the cloth: in the same file where it has
-//! meshes with names (USD, .abc, .glb) or arrays (.npz), else in files of their own.
+//! Frames are streamed: beside the trajectory, memory holds a frame or two; of .glb and .usdz all of it.
+//! Files are written beside their place and renamed, folders as a whole. Positions are those of the
+//! trajectory, in metres; the first exported frame is at time 0. Vertices keep their numbers.
+//! Texture coordinates are the material coordinates, or those of the mesh's file where these are
+//! others; a cloth without a pattern has none. Obstacles stand beside the cloth: in the same file
+//! where it has meshes with names (USD, .abc, .glb) or arrays (.npz), else in files of their own.
 
 mod abc;
 mod glb;
@@ -72,20 +72,18 @@ pub fn export(
 /// A .glb of all frames of `trajectory`, in memory.
 pub fn glb(trajectory: &Trajectory) -> Result<Vec<u8>, ExportError> {
     let take = Take::new(trajectory, &ExportOptions::usual(ExportFormat::Glb))?;
-    glb::bytes(&take, &mut Pulse(&mut || ControlFlow::Continue(())))
+    let made = glb::bytes(&take, &mut Pulse(&mut || ControlFlow::Continue(())));
+    made.map_err(ExportError::refused)
 }
 
-/// Size of the file in bytes, where it is known before writing.
+/// About the size of a .glb in bytes, which grows with the square of its frames; none of others.
 pub fn planned_bytes(
     trajectory: &Trajectory,
     options: &ExportOptions,
 ) -> Result<Option<u64>, ExportError> {
     let take = Take::new(trajectory, options)?;
-    Ok(match options.format {
-        ExportFormat::Glb => Some(glb::planned_bytes(&take)),
-        ExportFormat::Pc2 => Some(point_cache::planned_bytes(&take)),
-        _ => None,
-    })
+    let is_glb = options.format == ExportFormat::Glb;
+    Ok(is_glb.then(|| glb::planned_bytes(&take)))
 }
 
 #[cfg(test)]

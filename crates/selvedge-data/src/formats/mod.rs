@@ -18,4 +18,3 @@ pub(crate) mod pc2;
 pub(crate) mod polygons;
 pub(crate) mod tensor_file;
 pub(crate) mod up_axis;
-pub(crate) mod zip;

@@ -27,7 +27,7 @@ use crate::trajectory::{Provenance, Trajectory, TrajectoryError};
 
 const FORMAT: &str = "selvedge-trajectory";
 /// Version of a cloth without seams, of a sewn one, of a cloth with obstacles, and of any whose
-/// texture is not its pattern.
+/// texture is not its pattern. They are for readers of old; what a file has is told by its tensors.
 const VERSION: &str = "1";
 const SEWN_VERSION: &str = "2";
 const OBSTACLE_VERSION: &str = "3";
@@ -97,30 +97,18 @@ impl Trajectory {
     /// [`TrajectoryFileError`] names what is missing or wrong.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, TrajectoryFileError> {
         let (file, metadata) = ArrayFile::safetensors(bytes)?;
-        let (provenance, version) = read_provenance(&metadata)?;
+        let provenance = read_provenance(&metadata)?;
         let obstacles = obstacle_file::names_in(&metadata)?;
-        let has_texture = version == TEXTURE_VERSION;
-        if !has_texture && obstacles.is_empty() == (version == OBSTACLE_VERSION) {
-            return Err(TrajectoryFileError::Metadata {
-                name: "version".to_owned(),
-                expected: "3 or 4 for a file with obstacles, and 3 for no other",
-                found: format!("{} obstacles", obstacles.len()),
-            });
-        }
-        let names = file.names();
-        let has_pattern = names.iter().any(|name| name == PATTERN_FACES);
-        let is_sewn = version == SEWN_VERSION || version != VERSION && has_pattern;
         let is_known = |name: &str| {
             TENSORS.contains(&name)
-                || is_sewn && name == PATTERN_FACES
-                || has_texture && [TEXTURE, TEXTURE_FACES].contains(&name)
+                || [PATTERN_FACES, TEXTURE, TEXTURE_FACES].contains(&name)
                 || obstacle_file::is_tensor(name, obstacles.len())
         };
-        if let Some(unknown) = names.into_iter().find(|name| !is_known(name)) {
+        if let Some(unknown) = file.names().into_iter().find(|name| !is_known(name)) {
             return Err(TrajectoryFileError::UnknownTensor { name: unknown });
         }
-        let (mut cloth, positions) = read_cloth(&file, is_sewn, UpAxis::Y)?;
-        if has_texture {
+        let (mut cloth, positions) = read_cloth(&file, UpAxis::Y)?;
+        if file.has(TEXTURE) {
             cloth = cloth.with_texture(read_texture(&file)?)?;
         }
         let read = Self::new(cloth, positions, provenance)?;
@@ -134,7 +122,7 @@ impl Trajectory {
     pub fn from_npz(bytes: &[u8]) -> Result<Self, TrajectoryFileError> {
         let file = ArrayFile::npz(bytes)?;
         let up = file.up_axis()?;
-        let (cloth, positions) = read_cloth(&file, file.has(PATTERN_FACES), up)?;
+        let (cloth, positions) = read_cloth(&file, up)?;
         let provenance = Provenance {
             frame_rate: file.floats("fps")?.single()?,
             scene: Value::Null,
@@ -193,10 +181,7 @@ impl Provenance {
     }
 }
 
-/// The provenance, and the version of the file.
-fn read_provenance(
-    metadata: &HashMap<String, String>,
-) -> Result<(Provenance, &str), TrajectoryFileError> {
+fn read_provenance(metadata: &HashMap<String, String>) -> Result<Provenance, TrajectoryFileError> {
     let entry = |name| {
         let found = metadata.get(name).map(String::as_str);
         found.ok_or(TrajectoryFileError::MissingMetadata { name })
@@ -224,20 +209,16 @@ fn read_provenance(
     }
     let (fps, scene) = (entry("fps")?, entry("scene")?);
     let frame_rate = fps.parse();
-    let provenance = Provenance {
+    Ok(Provenance {
         frame_rate: frame_rate.map_err(|_| wrong("fps", "a number of frames per second", fps))?,
         scene: serde_json::from_str(scene).map_err(|_| wrong("scene", "JSON", scene))?,
         made_by: entry("made_by")?.to_owned(),
-    };
-    Ok((provenance, version))
+    })
 }
 
 /// The cloth of a file whose world has this axis up, and its positions `[frames * vertices]`.
-fn read_cloth(
-    file: &ArrayFile<'_>,
-    is_sewn: bool,
-    up: UpAxis,
-) -> Result<(Cloth, Vec<Vec3>), TrajectoryFileError> {
+fn read_cloth(file: &ArrayFile<'_>, up: UpAxis) -> Result<(Cloth, Vec<Vec3>), TrajectoryFileError> {
+    let is_sewn = file.has(PATTERN_FACES);
     let points = |values: &[f32]| {
         let ours = |p| up.to_ours(Vec3::from_slice(p).as_dvec3()).as_vec3();
         values.chunks_exact(3).map(ours).collect()

@@ -97,7 +97,6 @@ fn what_does_not_fit_or_is_damaged_is_named() {
         Trajectory::from_bytes(&edited).unwrap_err().to_string()
     };
     let cases = r#"
-        "version":"3" | "version":"1" | expected 3 or 4 for a file with obstacles
         "version":"3" | "version":"9" | expected 1, 2, 3 or 4
         "obstacles" | "obstickle" | metadata obstickle
         [\"still\" |  \"still\" | a JSON list of names

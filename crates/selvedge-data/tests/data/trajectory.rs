@@ -79,7 +79,6 @@ fn errors_name_the_file_and_what_is_wrong() {
     let cases = r#"
         selvedge-trajectory | something-else | found "something-else"
         "version":"1" | "version":"5" | expected 1, 2, 3 or 4, found "5 (made by selvedge tests
-        "version":"1" | "version":"2" | no array named pattern_faces
         "made_by" | "made_at" | made_at
         "fps":"60" | "fps":"fast" | fps: expected a number
         "fps":"60" | "fps":"-1" | frame rate must be finite and positive

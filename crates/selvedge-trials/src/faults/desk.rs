@@ -60,7 +60,7 @@ impl Desk<'_> {
 
     /// Injects `faults` faults; none where the command makes no such call.
     pub(super) fn trial(&self, faults: u64, seed: u64) -> Result<Option<Tally>> {
-        let old = match self.case.old {
+        let old = match &self.case.old {
             None => Files::new(),
             Some(command) => {
                 self.set(&Files::new())?;
@@ -140,7 +140,7 @@ impl Desk<'_> {
     fn run(&self, fault: &str) -> Result<End> {
         let noted = self.folder.join("path");
         let _ = fs::remove_file(&noted);
-        let mut command = self.program.command(self.folder, self.case.new);
+        let mut command = self.program.command(self.folder, &self.case.new);
         command
             .env("LD_PRELOAD", self.library)
             .env("SELVEDGE_FAULT", format!("{} {fault}", self.side.name()))

@@ -17,7 +17,7 @@ use std::time::Instant;
 use anyhow::{Context, Result, ensure};
 use clap::ValueEnum;
 
-use self::cases::CASES;
+use self::cases::cases;
 use self::desk::Desk;
 pub(crate) use self::side::Side;
 use crate::fuzz::{SCENE, TRAINING};
@@ -27,10 +27,15 @@ use crate::program::Program;
 /// Injects faults of these sides, or all, into the commands of these names, or all; returns false
 /// where something did not hold.
 pub(crate) fn run(faults: u64, sides: &[Side], commands: &[String], seed: u64) -> Result<bool> {
+    let cases = cases();
+    let names: Vec<&str> = cases.iter().map(|case| case.name).collect();
     for name in commands {
-        let is_known = CASES.iter().any(|case| case.name == *name);
-        let names = CASES.map(|case| case.name).join(", ");
-        ensure!(is_known, "there is no command {name:?}: {names}");
+        let is_known = names.contains(&name.as_str());
+        ensure!(
+            is_known,
+            "there is no command {name:?}: {}",
+            names.join(", ")
+        );
     }
     let program = Program::find()?;
     let folder = tempfile::tempdir().context("a folder to work in")?;
@@ -43,7 +48,7 @@ pub(crate) fn run(faults: u64, sides: &[Side], commands: &[String], seed: u64) -
     let mut holds = true;
     let is_asked = |side: &&Side| sides.is_empty() || sides.contains(side);
     for &side in Side::value_variants().iter().filter(is_asked) {
-        for case in CASES.iter().filter(|case| is_wanted(case.name, commands)) {
+        for case in cases.iter().filter(|case| is_wanted(case.name, commands)) {
             let desk = Desk {
                 program: &program,
                 library: &library,

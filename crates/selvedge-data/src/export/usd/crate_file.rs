@@ -60,26 +60,22 @@ pub(super) fn here(kind: Kind, value: u32) -> u64 {
 /// A crate under way.
 pub(super) struct CrateOut<'a, W> {
     out: &'a mut W,
-    /// Offset of the crate in the file.
-    base: u64,
     at: u64,
     tables: Tables,
     /// Time codes, which all samples share.
     codes: u64,
 }
 
-/// Writes the crate from where `out` stands, at `base`; returns its length.
+/// Writes the crate.
 pub(super) fn write(
     stage: &Stage<'_>,
     out: &mut (impl Write + Seek),
-    base: u64,
     pulse: &mut Pulse<'_>,
-) -> io::Result<u64> {
+) -> io::Result<()> {
     out.write_all(b"PXR-USDC\x00\x08\x00\x00\x00\x00\x00\x00")?;
     out.write_all(&[0; 72])?;
     let mut made = CrateOut {
         out,
-        base,
         at: HEADER,
         tables: Tables::default(),
         codes: 0,
@@ -326,7 +322,7 @@ impl<W: Write + Seek> CrateOut<'_, W> {
     }
 
     /// Writes the tables and where they are; returns the length of the crate.
-    fn finish(mut self) -> io::Result<u64> {
+    fn finish(mut self) -> io::Result<()> {
         let tables = std::mem::take(&mut self.tables);
         let mut contents = Vec::new();
         self.align()?;
@@ -341,10 +337,8 @@ impl<W: Write + Seek> CrateOut<'_, W> {
         let place = self.at;
         self.put(&(contents.len() as u64 / 32).to_le_bytes())?;
         self.put(&contents)?;
-        self.out.seek(SeekFrom::Start(self.base + 16))?;
-        self.out.write_all(&place.to_le_bytes())?;
-        self.out.seek(SeekFrom::Start(self.base + self.at))?;
-        Ok(self.at)
+        self.out.seek(SeekFrom::Start(16))?;
+        self.out.write_all(&place.to_le_bytes())
     }
 }
 

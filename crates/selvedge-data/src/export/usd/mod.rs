@@ -42,7 +42,7 @@ pub(super) fn write(
     Ok(write_atomically(path, |out| match format {
         ExportFormat::Usda => text::write(&stage, out, pulse),
         ExportFormat::Usdz => package::write(&stage, &crate_name(path), out, pulse),
-        _ => crate_file::write(&stage, out, 0, pulse).map(drop),
+        _ => crate_file::write(&stage, out, pulse),
     })?)
 }
 

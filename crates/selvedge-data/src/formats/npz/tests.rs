@@ -1,4 +1,9 @@
-//! Archives made here byte by byte, as NumPy makes them.
+//! Archives of arrays, packed as NumPy packs them.
+
+use std::io::Write;
+
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipWriter};
 
 use super::*;
 use crate::formats::arrays::ArrayFile;
@@ -20,41 +25,13 @@ pub(crate) fn floats(shape: &str, values: &[f64]) -> Vec<u8> {
 
 /// A ZIP archive of `files`, deflated.
 pub(crate) fn archive(files: &[(&str, Vec<u8>)]) -> Vec<u8> {
-    let mut zip = Vec::new();
-    let mut directory = Vec::new();
+    let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
     for (name, content) in files {
-        let name = format!("{name}.npy");
-        let packed = miniz_oxide::deflate::compress_to_vec(content, 6);
-        let at = zip.len() as u32;
-        let mut common = Vec::new();
-        common.extend([20, 0, 0, 0, 8, 0, 0, 0, 0, 0]);
-        common.extend(crc32fast::hash(content).to_le_bytes());
-        common.extend((packed.len() as u32).to_le_bytes());
-        common.extend((content.len() as u32).to_le_bytes());
-        common.extend((name.len() as u16).to_le_bytes());
-        zip.extend(LOCAL.to_le_bytes());
-        zip.extend(&common);
-        zip.extend([3, 0]);
-        zip.extend(name.as_bytes());
-        zip.extend([1, 2, 3]);
-        zip.extend(packed);
-        directory.extend(DIRECTORY.to_le_bytes());
-        directory.extend([20, 0]);
-        directory.extend(&common);
-        directory.extend([0; 12]);
-        directory.extend(at.to_le_bytes());
-        directory.extend(name.as_bytes());
+        let packed = SimpleFileOptions::DEFAULT.compression_method(CompressionMethod::Deflated);
+        zip.start_file(format!("{name}.npy"), packed).unwrap();
+        zip.write_all(content).unwrap();
     }
-    let (start, length) = (zip.len() as u32, directory.len() as u32);
-    zip.extend(&directory);
-    zip.extend(END.to_le_bytes());
-    zip.extend([0; 4]);
-    zip.extend((files.len() as u16).to_le_bytes());
-    zip.extend((files.len() as u16).to_le_bytes());
-    zip.extend(length.to_le_bytes());
-    zip.extend(start.to_le_bytes());
-    zip.extend([0; 2]);
-    zip
+    zip.finish().unwrap().into_inner()
 }
 
 #[test]

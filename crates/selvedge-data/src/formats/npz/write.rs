@@ -1,12 +1,21 @@
 //! Writing NumPy's .npz: .npy arrays of version 1, not packed, in a ZIP archive with a directory.
 //!
-//! Bytes come in chunks that are made twice, once for the checksum, which stands before them, and
-//! once for the file: no array is held in memory whole. The date is that of the format's beginning,
-//! so that the same arrays make the same bytes. The caller sees to it that all is under 4 GiB.
+//! Bytes come in chunks: no array is held in memory whole. The date is that of the format's
+//! beginning, so that the same arrays make the same bytes. The caller sees to it that all is under
+//! 4 GiB.
 
-use std::io::{self, Write};
+use std::io::{self, Seek, Write};
 
-use crate::formats::zip::{self, DIRECTORY_LENGTH, END_LENGTH, LOCAL_LENGTH, Stored};
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipWriter};
+
+/// Bytes of the records of an entry without its name, and of the end.
+const RECORDS: u64 = 30 + 46;
+const END: u64 = 22;
+
+/// A file that is not packed, of the format's first day.
+pub(crate) const STORED: SimpleFileOptions =
+    SimpleFileOptions::DEFAULT.compression_method(CompressionMethod::Stored);
 
 /// An array to be written.
 pub(crate) struct EntryOut<'a> {
@@ -56,50 +65,29 @@ impl EntryOut<'_> {
         let elements: u64 = self.shape.iter().map(|&n| n as u64).product();
         self.header().len() as u64 + elements * self.element_bytes()
     }
-
-    fn checksum(&self) -> u32 {
-        let mut hasher = crc32fast::Hasher::new();
-        hasher.update(&self.header());
-        for k in 0..self.chunks {
-            hasher.update(&(self.chunk)(k));
-        }
-        hasher.finalize()
-    }
 }
 
 /// Size of the archive in bytes.
 pub(crate) fn archive_bytes(entries: &[EntryOut<'_>]) -> u64 {
-    let records = (LOCAL_LENGTH + DIRECTORY_LENGTH) as u64;
-    let of = |entry: &EntryOut<'_>| records + 2 * entry.file_name().len() as u64 + entry.length();
-    entries.iter().map(of).sum::<u64>() + END_LENGTH as u64
+    let of = |entry: &EntryOut<'_>| RECORDS + 2 * entry.file_name().len() as u64 + entry.length();
+    entries.iter().map(of).sum::<u64>() + END
 }
 
 /// Writes an archive; after each piece of an array `beat` is told its name, and may fail.
 pub(crate) fn write_archive(
     entries: &[EntryOut<'_>],
-    out: &mut impl Write,
+    out: &mut (impl Write + Seek),
     beat: &mut dyn FnMut(&str) -> io::Result<()>,
 ) -> io::Result<()> {
-    let mut directory = Vec::new();
-    let mut at = 0_u32;
+    let mut archive = ZipWriter::new(out);
     for entry in entries {
-        let name = entry.file_name();
-        let stored = Stored {
-            name: &name,
-            version: 20,
-            checksum: entry.checksum(),
-            length: entry.length() as u32,
-        };
-        out.write_all(&stored.local(&[]))?;
-        out.write_all(&entry.header())?;
+        archive.start_file(entry.file_name(), STORED)?;
+        archive.write_all(&entry.header())?;
         for k in 0..entry.chunks {
-            out.write_all(&(entry.chunk)(k))?;
+            archive.write_all(&(entry.chunk)(k))?;
             beat(&entry.name)?;
         }
-        directory.extend(stored.directory(at));
-        at += (LOCAL_LENGTH + name.len()) as u32 + entry.length() as u32;
     }
-    out.write_all(&directory)?;
-    let (count, length) = (entries.len() as u16, directory.len() as u32);
-    out.write_all(&zip::end(count, length, at))
+    archive.finish()?;
+    Ok(())
 }
