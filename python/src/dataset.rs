@@ -12,7 +12,6 @@ use selvedge_data::{
 use selvedge_lab::folder;
 use selvedge_lab::folder_kind::FolderKind;
 use selvedge_lab::generation::{self, Order};
-use selvedge_lab::workers::Crew;
 
 use crate::errors::{told, wrong};
 use crate::json;
@@ -60,8 +59,7 @@ impl Dataset {
                 folder: &folder,
                 part: None,
             };
-            let crew = Crew::of_threads(threads);
-            let made = generation::generate(order, &crew, &mut |event| teller.hear(event));
+            let made = generation::generate(order, threads, &mut |event| teller.hear(event));
             made.map_err(told)
         })??;
         Self::new(py, folder)

@@ -12,7 +12,6 @@ use selvedge_lab::evaluation::{
 use selvedge_lab::folder_kind::FolderKind;
 use selvedge_lab::machine::Machine;
 use selvedge_lab::report::{self, Heading};
-use selvedge_lab::workers::Crew;
 use selvedge_lab::{End, folder};
 use serde_json::Value;
 
@@ -153,7 +152,7 @@ pub(crate) fn evaluate(
         methods: &methods,
         horizons: &horizons,
         references: None,
-        crew: Crew::of_threads(threads),
+        threads,
     };
     check(&plan, are_asked).map_err(|error| wrong(error.to_string()))?;
     let stop = Stop::default();

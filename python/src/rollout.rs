@@ -12,7 +12,7 @@ use selvedge_guard::Trust;
 use selvedge_lab::domain::{self, Beyond};
 use selvedge_lab::machine::Machine;
 use selvedge_lab::models;
-use selvedge_lab::physics::{self, Keep, Simulated, SimulationPlan, TimedRun};
+use selvedge_lab::physics::{self, Simulated, SimulationPlan, TimedRun};
 use selvedge_lab::watched::{self, GuardSummary, WatchedModel};
 use selvedge_lab::{End, start};
 use selvedge_sim::Threads;
@@ -163,7 +163,7 @@ pub(crate) fn simulate(
         let plan = SimulationPlan {
             start: state,
             frames,
-            keep: Keep::Positions,
+            keeps_states: false,
             threads: Threads::Pool,
             stop: stop.flag(),
         };
@@ -293,7 +293,7 @@ fn simulated(
     let plan = SimulationPlan {
         start: selvedge_data::SavedState::at_rest(rest.to_vec()),
         frames,
-        keep: Keep::Positions,
+        keeps_states: false,
         threads: Threads::Pool,
         stop: stop.flag(),
     };

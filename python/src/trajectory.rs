@@ -247,7 +247,7 @@ impl Trajectory {
         Ok(Picture::of(png.map_err(told)?))
     }
 
-    /// A contact sheet of moments in motion; beside a `truth` of as many frames, with the error.
+    /// A contact sheet of even moments; beside a `truth` of as many frames, with the error.
     #[pyo3(signature = (truth=None))]
     fn sheet(&self, py: Python<'_>, truth: Option<&Self>) -> PyResult<Picture> {
         self.drawn(py, truth)

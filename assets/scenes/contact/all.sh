@@ -15,7 +15,7 @@ echo "| scene | vertices | frames | ms per frame | divisions | smallest gap | in
 echo "|---|---|---|---|---|---|---|" | tee -a "$folder/table.md"
 for scene in "$@"; do
     name=$(basename "$scene" .toml)
-    if ! "$program" simulate "$scene" --out "$folder/$name.safetensors" >"$folder/$name.txt" 2>"$folder/$name.log"; then
+    if ! "$program" run "$scene" -o "$folder/$name.safetensors" >"$folder/$name.txt" 2>"$folder/$name.log"; then
         echo "| $name | $(tail -n 1 "$folder/$name.log" | sed 's/^error: //') ||||||" | tee -a "$folder/table.md"
         continue
     fi
@@ -30,5 +30,5 @@ for scene in "$@"; do
         $1 == "solves" { divisions = $5 }
         END { print "| " name " | " vertices " | " frames " | " time " | " divisions + 0 " | " gap " | " met " |" }
     ' "$folder/$name.txt" | tee -a "$folder/table.md"
-    [ "${CLIPS:-yes}" = no ] || "$program" export "$folder/$name.safetensors" --to "$folder/$name.gif" >/dev/null
+    [ "${CLIPS:-yes}" = no ] || "$program" export "$folder/$name.safetensors" -o "$folder/$name.gif" >/dev/null
 done

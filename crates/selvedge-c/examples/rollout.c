@@ -1,6 +1,5 @@
 // Moves the cloth of a scene and prints its positions [m], a line per vertex, frame by frame from
-// the start on, with as many digits as an f32 has: the frames that `selvedge simulate` and
-// `selvedge rollout` write.
+// the start on, with as many digits as an f32 has: the frames that `selvedge run` writes.
 //
 //     rollout SCENE physics FRAMES      the physics
 //     rollout SCENE MODEL FRAMES        a model, by its file or the name of a shipped one

@@ -270,7 +270,7 @@ SelvedgeStatus selvedge_scene_warnings(SelvedgeScene scene,
 // Frees a scene. Steppers that were made of it go on.
 SelvedgeStatus selvedge_scene_free(SelvedgeScene scene);
 
-// Makes a stepper of the physics of a scene, where the scene starts: what `selvedge simulate`
+// Makes a stepper of the physics of a scene, where the scene starts: what `selvedge run`
 // runs. A rest pose is searched for first, which may take a while; it is kept for the other
 // steppers of the scene.
 //

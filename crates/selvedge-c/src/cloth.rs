@@ -4,7 +4,7 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 
 use glam::{DVec3, Vec3};
-use selvedge_cloth::{HandlePath, HandleTargets, Scene, StepError, Stepper};
+use selvedge_cloth::{HandlePath, HandleTargets, PhysicsSettings, Scene, StepError, Stepper};
 use selvedge_data::{LoadedScene, SavedState, StartSpec};
 use selvedge_guard::{Guard, GuardSettings, Trust};
 use selvedge_lab::machine::{Machine, Mover};
@@ -25,10 +25,10 @@ pub(crate) static MODELS: Registry<NamedModel> = Registry::new(Kind::Model);
 /// Steppers by their handles.
 pub(crate) static STEPPERS: Registry<KeptCloth> = Registry::new(Kind::Stepper);
 
-/// A scene, and its rest pose once that was needed.
+/// A scene, and its newest rest pose with the physics that it is of: a model has another law.
 pub(crate) struct OpenScene {
     loaded: LoadedScene,
-    rest: Option<Vec<DVec3>>,
+    rest: Option<(PhysicsSettings, Vec<DVec3>)>,
 }
 
 /// A cloth that moves, and beside its lock the wish that its steps stop.
@@ -62,13 +62,16 @@ impl OpenScene {
         &self.loaded.warnings
     }
 
-    /// The sagged rest pose `[m]`, `[vertices]`; searched for once.
+    /// The sagged rest pose `[m]`, `[vertices]`; searched for once as long as the physics is the same.
     fn rest(&mut self, at_rest: &LoadedScene, ear: &mut Ear) -> Result<Vec<DVec3>, Fault> {
-        if let Some(rest) = &self.rest {
+        let physics = at_rest.scene.physics;
+        if let Some((known, rest)) = &self.rest
+            && *known == physics
+        {
             return Ok(rest.clone());
         }
         let found = find(at_rest, ear)?.state.positions;
-        self.rest = Some(found.clone());
+        self.rest = Some((physics, found.clone()));
         Ok(found)
     }
 

@@ -12,9 +12,7 @@ use std::time::Duration;
 use glam::{DVec3, Vec3};
 use thiserror::Error;
 
-use crate::{
-    Correctable, HandleError, HandleTargets, Handles, StepError, Stepper, Stop, Topology, VertexId,
-};
+use crate::{Correctable, HandleError, HandleTargets, Handles, StepError, Stepper, Stop, Topology};
 
 /// Position of the handles after a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,63 +23,31 @@ pub enum HandlesEnd {
     Elsewhere,
 }
 
-/// A breach of the contract of [`Stepper`]. `trial` is the step that showed it.
+/// A breach of the contract of [`Stepper`]: the step that showed it, and what was wrong.
 #[derive(Clone, Debug, Error, PartialEq)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum Breach {
-    #[error("{trial}: the step failed: {source}")]
-    Failed {
-        trial: &'static str,
-        source: StepError,
-    },
-    #[error("{trial}: the step was accepted")]
-    Accepted { trial: &'static str },
-    #[error("{trial}: the step failed for another reason: {source}")]
-    OtherReason {
-        trial: &'static str,
-        source: StepError,
-    },
-    #[error("{trial}: the error names frame {found}, the step was to frame {expected}")]
-    ErrorFrame {
-        trial: &'static str,
-        expected: usize,
-        found: usize,
-    },
-    #[error("{trial}: the failed step changed positions or the frame count")]
-    Changed { trial: &'static str },
-    #[error("{trial}: after steps that failed, the motion is another one from vertex {vertex} on")]
-    Disturbed {
-        trial: &'static str,
-        vertex: VertexId,
-    },
-    #[error("{trial}: the frame count is {found}, expected {expected}")]
-    FrameCount {
-        trial: &'static str,
-        expected: usize,
-        found: usize,
-    },
-    #[error("{trial}: there are {found} positions of {expected} vertices")]
-    PositionCount {
-        trial: &'static str,
-        expected: usize,
-        found: usize,
-    },
-    #[error("{trial}: the position of vertex {vertex} is not finite")]
-    NonFinite {
-        trial: &'static str,
-        vertex: VertexId,
-    },
-    #[error("{trial}: handle {handle} is at {found}, its target is {target}")]
-    HandlePlace {
-        trial: &'static str,
-        handle: usize,
-        target: Vec3,
-        found: Vec3,
-    },
-    #[error("{trial}: the cloth is not as it was before the step that was undone")]
-    NotUndone { trial: &'static str },
-    #[error("{trial}: the topology or the handles are no longer those of the start")]
-    Connectivity { trial: &'static str },
+#[error("{trial}: {what}")]
+pub struct Breach {
+    trial: &'static str,
+    what: String,
+}
+
+/// A breach that `trial` showed.
+fn breach<T>(trial: &'static str, what: impl Into<String>) -> Result<T, Breach> {
+    let what = what.into();
+    Err(Breach { trial, what })
+}
+
+/// The breach of a step that should have failed.
+fn accepted<T>(trial: &'static str) -> Result<T, Breach> {
+    breach(trial, "the step was accepted")
+}
+
+/// The breach of a step that failed as it should not have.
+fn other_reason<T>(trial: &'static str, source: &StepError) -> Result<T, Breach> {
+    breach(
+        trial,
+        format!("the step failed for another reason: {source}"),
+    )
 }
 
 /// Distance that a handle moves per good step `[m]`.
@@ -135,7 +101,7 @@ pub fn check_stop<S: Stepper>(make: impl Fn() -> S) -> Result<(), Breach> {
     pair.stopped(trial, Duration::ZERO)?;
     match pair.tried.frame() == frame {
         true => pair.good("step after one that was to stop"),
-        false => Err(Breach::Accepted { trial }),
+        false => accepted(trial),
     }
 }
 
@@ -200,9 +166,8 @@ impl<S: Stepper> Pair<S> {
     /// A step that must succeed.
     fn good(&mut self, trial: &'static str) -> Result<(), Breach> {
         let expected = self.tried.frame() + 1;
-        let targets = targets(self.next(), None).map_err(failed(trial, expected))?;
-        let stepped = self.tried.step(&targets);
-        stepped.map_err(|source| Breach::Failed { trial, source })?;
+        let targets = targets(self.next(), None).map_err(refused(trial, expected))?;
+        self.tried.step(&targets).map_err(failed(trial))?;
         self.follow(trial, &targets, expected)
     }
 
@@ -213,15 +178,11 @@ impl<S: Stepper> Pair<S> {
         targets: &HandleTargets,
         expected: usize,
     ) -> Result<(), Breach> {
-        let stepped = self.spared.step(targets);
-        stepped.map_err(|source| Breach::Failed { trial, source })?;
+        self.spared.step(targets).map_err(failed(trial))?;
         let found = self.tried.frame();
         if found != expected {
-            return Err(Breach::FrameCount {
-                trial,
-                expected,
-                found,
-            });
+            let what = format!("the frame count is {found}, expected {expected}");
+            return breach(trial, what);
         }
         self.look(trial)?;
         self.compare(trial)?;
@@ -236,12 +197,8 @@ impl<S: Stepper> Pair<S> {
         for (handle, (found, target)) in places.zip(targets.end()).enumerate() {
             let target = target.as_vec3();
             if targets.holds(handle) && found != target {
-                return Err(Breach::HandlePlace {
-                    trial,
-                    handle,
-                    target,
-                    found,
-                });
+                let what = format!("handle {handle} is at {found}, its target is {target}");
+                return breach(trial, what);
             }
         }
         Ok(())
@@ -255,8 +212,8 @@ impl<S: Stepper> Pair<S> {
         let reason = HandleError::Count { expected, found };
         match self.refused(trial, places, None)? {
             Some(StepError::Handles { source, .. }) if source == reason => Ok(()),
-            Some(source) => Err(Breach::OtherReason { trial, source }),
-            None => Err(Breach::Accepted { trial }),
+            Some(source) => other_reason(trial, &source),
+            None => accepted(trial),
         }
     }
 
@@ -264,7 +221,7 @@ impl<S: Stepper> Pair<S> {
     fn far(&mut self, trial: &'static str) -> Result<(), Breach> {
         let places = vec![DVec3::splat(FAR); self.start.len()];
         match self.refused(trial, places, None)? {
-            None if self.handles_end == HandlesEnd::AtTargets => Err(Breach::Accepted { trial }),
+            None if self.handles_end == HandlesEnd::AtTargets => accepted(trial),
             _ => Ok(()),
         }
     }
@@ -274,7 +231,7 @@ impl<S: Stepper> Pair<S> {
         match self.refused(trial, self.next(), Some(handle))? {
             None => Ok(()),
             Some(StepError::Handles { .. }) => self.good("step after a refused release"),
-            Some(source) => Err(Breach::OtherReason { trial, source }),
+            Some(source) => other_reason(trial, &source),
         }
     }
 
@@ -292,7 +249,7 @@ impl<S: Stepper> Pair<S> {
         self.tried.stop_by(Stop::default());
         match refused? {
             None | Some(StepError::Stopped { .. }) => Ok(()),
-            Some(source) => Err(Breach::OtherReason { trial, source }),
+            Some(source) => other_reason(trial, &source),
         }
     }
 
@@ -306,7 +263,7 @@ impl<S: Stepper> Pair<S> {
     ) -> Result<Option<StepError>, Breach> {
         let expected = self.tried.frame() + 1;
         let before = self.tried.positions().to_vec();
-        let targets = targets(places, free).map_err(failed(trial, expected))?;
+        let targets = targets(places, free).map_err(refused(trial, expected))?;
         match self.tried.step(&targets) {
             Ok(()) => self.follow(trial, &targets, expected).map(|()| None),
             Err(error) => {
@@ -326,15 +283,15 @@ impl<S: Stepper> Pair<S> {
     ) -> Result<(), Breach> {
         let found = error.frame();
         if found != expected {
-            return Err(Breach::ErrorFrame {
-                trial,
-                expected,
-                found,
-            });
+            let what = format!("the error names frame {found}, the step was to frame {expected}");
+            return breach(trial, what);
         }
         let is_same = self.tried.positions() == before;
         if self.tried.frame() != self.spared.frame() || !is_same {
-            return Err(Breach::Changed { trial });
+            return breach(
+                trial,
+                "the failed step changed positions or the frame count",
+            );
         }
         self.look(trial)
     }
@@ -344,18 +301,18 @@ impl<S: Stepper> Pair<S> {
         let positions = self.tried.positions();
         let (expected, found) = (self.topology.vertex_count(), positions.len());
         if expected != found {
-            return Err(Breach::PositionCount {
-                trial,
-                expected,
-                found,
-            });
+            let what = format!("there are {found} positions of {expected} vertices");
+            return breach(trial, what);
         }
         if let Some(vertex) = positions.iter().position(|p| !p.is_finite()) {
-            let vertex = VertexId(vertex as u32);
-            return Err(Breach::NonFinite { trial, vertex });
+            return breach(
+                trial,
+                format!("the position of vertex {vertex} is not finite"),
+            );
         }
         if *self.tried.topology() != self.topology || *self.tried.handles() != self.handles {
-            return Err(Breach::Connectivity { trial });
+            let what = "the topology or the handles are no longer those of the start";
+            return breach(trial, what);
         }
         Ok(())
     }
@@ -363,10 +320,12 @@ impl<S: Stepper> Pair<S> {
     fn compare(&self, trial: &'static str) -> Result<(), Breach> {
         let mut pairs = self.tried.positions().iter().zip(self.spared.positions());
         match pairs.position(|(a, b)| a != b) {
-            Some(vertex) => Err(Breach::Disturbed {
+            Some(vertex) => breach(
                 trial,
-                vertex: VertexId(vertex as u32),
-            }),
+                format!(
+                    "after steps that failed, the motion is another one from vertex {vertex} on"
+                ),
+            ),
             None => Ok(()),
         }
     }
@@ -375,19 +334,19 @@ impl<S: Stepper> Pair<S> {
 impl<S: Correctable> Pair<S> {
     /// A step that is undone, twice: the second time there is nothing to undo.
     fn undone(&mut self, trial: &'static str, is_replaced: bool) -> Result<(), Breach> {
-        let failed_step = |source| Breach::Failed { trial, source };
         let (before, frame) = (self.tried.positions().to_vec(), self.tried.frame());
-        let targets = targets(self.next(), None).map_err(failed(trial, frame + 1))?;
-        self.tried.step(&targets).map_err(failed_step)?;
+        let targets = targets(self.next(), None).map_err(refused(trial, frame + 1))?;
+        self.tried.step(&targets).map_err(failed(trial))?;
         if is_replaced {
             let raised = self.tried.positions().iter().map(|p| *p + 0.001 * Vec3::Y);
             let raised: Vec<Vec3> = raised.collect();
-            self.tried.replace_frame(&raised).map_err(failed_step)?;
+            self.tried.replace_frame(&raised).map_err(failed(trial))?;
         }
         self.tried.undo_step();
         self.tried.undo_step();
         if self.tried.frame() != frame || self.tried.positions() != before {
-            return Err(Breach::NotUndone { trial });
+            let what = "the cloth is not as it was before the step that was undone";
+            return breach(trial, what);
         }
         Ok(())
     }
@@ -400,7 +359,7 @@ impl<S: Correctable> Pair<S> {
         expected: usize,
     ) -> Result<(), Breach> {
         match outcome {
-            Ok(()) => Err(Breach::Accepted { trial }),
+            Ok(()) => accepted(trial),
             Err(error) => self.unchanged(trial, &error, expected, self.spared.positions()),
         }
     }
@@ -416,12 +375,17 @@ fn targets(places: Vec<DVec3>, free: Option<usize>) -> Result<HandleTargets, Han
     }
 }
 
-/// The breach of a stepper whose own handle positions make no targets.
-fn failed(trial: &'static str, frame: usize) -> impl Fn(HandleError) -> Breach {
-    move |source| Breach::Failed {
+/// The breach of a stepper that fails where it must not.
+fn failed(trial: &'static str) -> impl Fn(StepError) -> Breach {
+    move |source| Breach {
         trial,
-        source: StepError::Handles { frame, source },
+        what: format!("the step failed: {source}"),
     }
+}
+
+/// The breach of a stepper whose own handle positions make no targets.
+fn refused(trial: &'static str, frame: usize) -> impl Fn(HandleError) -> Breach {
+    move |source| failed(trial)(StepError::Handles { frame, source })
 }
 
 #[cfg(test)]

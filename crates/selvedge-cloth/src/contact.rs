@@ -2,7 +2,8 @@
 //! in `selvedge-sim`, the geometry in `selvedge-contact`.
 
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
+
+use crate::setting::{SettingError, require};
 
 /// Contact of the cloth with the scene's obstacles and with itself. Lengths in metres.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -67,15 +68,6 @@ impl ContactLaw {
     }
 }
 
-/// A setting of contact that cannot be used.
-#[derive(Clone, Debug, Error, PartialEq)]
-#[error("contact.{field} must be {expected}, found {found}")]
-pub struct ContactError {
-    field: &'static str,
-    expected: &'static str,
-    found: String,
-}
-
 impl Default for ContactSettings {
     fn default() -> Self {
         Self {
@@ -117,32 +109,22 @@ impl ContactSettings {
     ///
     /// # Errors
     /// Names the field, what it must be and what was found.
-    pub fn validate(&self) -> Result<(), ContactError> {
-        let wrong = |field, expected, found: &dyn std::fmt::Display| {
-            let found = found.to_string();
-            Err(ContactError {
-                field,
-                expected,
-                found,
-            })
-        };
-        if !(1e-5..=1.0).contains(&self.thickness) {
-            return wrong("thickness", "between 1e-5 and 1 m", &self.thickness);
-        }
-        if !(0.0..=100.0).contains(&self.friction) {
-            return wrong("friction", "between 0 and 100", &self.friction);
-        }
-        if !(1e-6..=0.1 * self.thickness).contains(&self.floor) {
-            let expected = "between 1e-6 m and a tenth of contact.thickness";
-            return wrong("floor", expected, &self.floor);
-        }
-        if !(1..=1000).contains(&self.rounds) {
-            return wrong("rounds", "between 1 and 1000", &self.rounds);
-        }
-        if !(1..=100_000).contains(&self.max_divisions) {
-            return wrong("max_divisions", "between 1 and 100000", &self.max_divisions);
-        }
-        Ok(())
+    pub fn validate(&self) -> Result<(), SettingError> {
+        let holds = (1e-5..=1.0).contains(&self.thickness);
+        let expected = "between 1e-5 and 1 m";
+        require(holds, "contact.thickness", expected, self.thickness)?;
+        let holds = (0.0..=100.0).contains(&self.friction);
+        let expected = "between 0 and 100";
+        require(holds, "contact.friction", expected, self.friction)?;
+        let holds = (1e-6..=0.1 * self.thickness).contains(&self.floor);
+        let expected = "between 1e-6 m and a tenth of contact.thickness";
+        require(holds, "contact.floor", expected, self.floor)?;
+        let holds = (1..=1000).contains(&self.rounds);
+        let expected = "between 1 and 1000";
+        require(holds, "contact.rounds", expected, self.rounds)?;
+        let holds = (1..=100_000).contains(&self.max_divisions);
+        let expected = "between 1 and 100000";
+        require(holds, "contact.max_divisions", expected, self.max_divisions)
     }
 }
 

@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
 use crate::Gust;
+use crate::setting::{SettingError, require, require_positive};
 
 /// Fastest wind `[m/s]`, some ten hurricanes, and its gusts.
 const FASTEST_WIND: f64 = 1e3;
@@ -26,15 +26,6 @@ pub struct Environment {
     /// Gusts, which are added to the constant wind.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gust: Option<Gust>,
-}
-
-/// A setting of the environment that is not physical.
-#[derive(Clone, Debug, Error, PartialEq)]
-#[error("environment.{field} must be {expected}, found {found}")]
-pub struct EnvironmentError {
-    field: &'static str,
-    expected: &'static str,
-    found: String,
 }
 
 impl Default for Environment {
@@ -70,65 +61,32 @@ impl Environment {
     ///
     /// # Errors
     /// Names the field, what it must be and what was found.
-    pub fn validate(&self) -> Result<(), EnvironmentError> {
-        for (field, vector, most, expected) in [
-            (
-                "gravity",
-                self.gravity,
-                STRONGEST_GRAVITY,
-                "finite, of at most 1e6 m/s²",
-            ),
-            (
-                "wind",
-                self.wind,
-                FASTEST_WIND,
-                "finite, of at most 1000 m/s",
-            ),
-        ] {
-            if !(0.0..=most).contains(&vector.length()) {
-                return Err(EnvironmentError {
-                    field,
-                    expected,
-                    found: vector.to_string(),
-                });
-            }
-        }
+    pub fn validate(&self) -> Result<(), SettingError> {
+        let within = |vector: DVec3, most: f64| (0.0..=most).contains(&vector.length());
+        let holds = within(self.gravity, STRONGEST_GRAVITY);
+        let expected = "finite, of at most 1e6 m/s²";
+        require(holds, "environment.gravity", expected, self.gravity)?;
+        let holds = within(self.wind, FASTEST_WIND);
+        let expected = "finite, of at most 1000 m/s";
+        require(holds, "environment.wind", expected, self.wind)?;
         for (field, value) in [
-            ("air_density", self.air_density),
-            ("air_drag", self.air_drag),
+            ("environment.air_density", self.air_density),
+            ("environment.air_drag", self.air_drag),
         ] {
-            if !(value.is_finite() && value >= 0.0) {
-                return Err(EnvironmentError {
-                    field,
-                    expected: "finite and not negative",
-                    found: value.to_string(),
-                });
-            }
+            let holds = value.is_finite() && value >= 0.0;
+            require(holds, field, "finite and not negative", value)?;
         }
-        match &self.gust {
-            None => Ok(()),
-            Some(gust) => validate_gust(gust),
-        }
+        let Some(gust) = &self.gust else {
+            return Ok(());
+        };
+        require(
+            within(gust.speed, FASTEST_WIND) && gust.speed.min_element() >= 0.0,
+            "environment.gust.speed",
+            "finite, not negative along each axis, and of at most 1000 m/s",
+            gust.speed,
+        )?;
+        require_positive("environment.gust.period", gust.period)
     }
-}
-
-fn validate_gust(gust: &Gust) -> Result<(), EnvironmentError> {
-    let is_within_reason = (0.0..=FASTEST_WIND).contains(&gust.speed.length());
-    if !(is_within_reason && gust.speed.min_element() >= 0.0) {
-        return Err(EnvironmentError {
-            field: "gust.speed",
-            expected: "finite, not negative along each axis, and of at most 1000 m/s",
-            found: gust.speed.to_string(),
-        });
-    }
-    if !(gust.period.is_finite() && gust.period > 0.0) {
-        return Err(EnvironmentError {
-            field: "gust.period",
-            expected: "finite and positive",
-            found: gust.period.to_string(),
-        });
-    }
-    Ok(())
 }
 
 #[cfg(test)]

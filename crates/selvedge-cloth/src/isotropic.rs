@@ -10,8 +10,8 @@
 //! stiff.
 
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
+use crate::setting::{SettingError, require, require_positive};
 use crate::{BendTable, StretchTable};
 
 /// The constants of an isotropic sheet.
@@ -26,15 +26,6 @@ pub struct Isotropic {
     pub thickness: f64,
 }
 
-/// A constant of an isotropic sheet that is not physical.
-#[derive(Clone, Debug, Error, PartialEq)]
-#[error("isotropic.{field} must be {expected}, found {found}")]
-pub struct IsotropicError {
-    field: &'static str,
-    expected: &'static str,
-    found: f64,
-}
-
 /// The law doubles what it reads in the table of stretching.
 const LAW_FACTOR: f64 = 2.0;
 
@@ -44,27 +35,12 @@ impl Isotropic {
     ///
     /// # Errors
     /// Names the field and the value.
-    pub fn validate(&self) -> Result<(), IsotropicError> {
-        for (field, found) in [
-            ("youngs_modulus", self.youngs_modulus),
-            ("thickness", self.thickness),
-        ] {
-            if !(found.is_finite() && found > 0.0) {
-                return Err(IsotropicError {
-                    field,
-                    expected: "finite and positive",
-                    found,
-                });
-            }
-        }
-        if !(0.0..=0.5).contains(&self.poissons_ratio) {
-            return Err(IsotropicError {
-                field: "poissons_ratio",
-                expected: "between 0 and 0.5",
-                found: self.poissons_ratio,
-            });
-        }
-        Ok(())
+    pub fn validate(&self) -> Result<(), SettingError> {
+        require_positive("isotropic.youngs_modulus", self.youngs_modulus)?;
+        require_positive("isotropic.thickness", self.thickness)?;
+        let holds = (0.0..=0.5).contains(&self.poissons_ratio);
+        let field = "isotropic.poissons_ratio";
+        require(holds, field, "between 0 and 0.5", self.poissons_ratio)
     }
 
     /// Membrane stiffness C = E h/(1 - ν²) `[N/m]`.

@@ -21,11 +21,11 @@
 //! A square that hangs from its upper corners, and where a motion leads them:
 //!
 //! ```
-//! use selvedge_cloth::generate::{SquareSpec, square};
+//! use selvedge_cloth::generate::square;
 //! use selvedge_cloth::motion::named;
 //! use selvedge_cloth::{Cloth, Handles};
 //!
-//! let sheet = square(&SquareSpec { vertices: 400, size: 1.0, seed: 1 })?;
+//! let sheet = square(400, 1.0, 1)?;
 //! let handles = Handles::new(&sheet.labels["upper-corners"], 400)?;
 //! let start = handles.select(sheet.mesh.positions());
 //! let cloth = Cloth::of_mesh(&sheet.mesh, 0.2, handles)?;
@@ -66,37 +66,39 @@ mod pattern;
 mod physics;
 mod scene;
 mod schedule;
+mod setting;
 mod stepper;
 mod stop;
 mod topology;
 
 pub use cloth::{Cloth, ClothArrays, ClothError};
-pub use contact::{ContactError, ContactLaw, ContactSettings, Squeezed};
+pub use contact::{ContactLaw, ContactSettings, Squeezed};
 pub use contact_memory::{
     CaughtPair, ContactMemory, FrictionAnchor, Pushing, ReleasedContact, Touching,
 };
-pub use environment::{Environment, EnvironmentError};
+pub use environment::Environment;
 pub use gust::Gust;
 pub use handles::{HandleError, HandleTargets, Handles};
 pub use ids::{EdgeId, FaceId, VertexId};
-pub use isotropic::{Isotropic, IsotropicError};
+pub use isotropic::Isotropic;
 pub use long_work::{LongWork, LongWorkObserver, observe_long_work};
 pub use loose_panels::LoosePanels;
-pub use material::{BendTable, Material, MaterialError, StrainLimits, StretchTable};
+pub use material::{BendTable, Material, StretchTable};
 pub use mesh::{FaceFabrics, Mesh, MeshError, RestShape};
 pub use motion::{
     Block, HandlePath, Keyframe, KeyframeGroup, KeyframeMotion, Motion, MotionError, Pace,
-    PaceError, PoseKeyframe, Profile, RandomMotion, RecordedMotion, Rotation, SplineGroup,
-    SplineMotion, Translation, TurnSense,
+    PoseKeyframe, Profile, RandomMotion, RecordedMotion, Rotation, SplineGroup, SplineMotion,
+    Translation, TurnSense,
 };
 pub use obstacle::{Obstacle, ObstacleError, ObstaclePath, RigidKey};
 pub use pattern::{EdgeSide, NumberedPattern, Pattern, PatternError, PatternPoint, Texture};
 pub use physics::{
     AirLaw, ConjugateGradients, ElasticLaw, GeneralisedAlpha, HandleConstraint, Integrator,
-    LinearSolver, PhysicsError, PhysicsMode, PhysicsSettings, SagSettings,
+    LinearSolver, PhysicsMode, PhysicsSettings, SagSettings,
 };
 pub use scene::{DEFAULT_FRAME_RATE, Scene, SceneError};
 pub use schedule::{HandleSchedule, Release, ScheduleError};
+pub use setting::{SettingError, require};
 pub use stepper::{Correctable, StepError, Stepper, check_target_count, check_targets_hold};
 pub use stop::Stop;
 pub use topology::{Arc, Edge, Topology, TopologyError};

@@ -1,9 +1,10 @@
-//! A fabric: density, damping, limits, and the stiffness tables of the data-driven model of Wang,
+//! A fabric: density, damping, and the stiffness tables of the data-driven model of Wang,
 //! O'Brien and Ramamoorthi 2011, measured or made from the constants of an isotropic sheet
 //! ([`crate::Isotropic`]). The laws that read the tables are physics and live in `selvedge-sim`.
 
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
+
+use crate::setting::{SettingError, require};
 
 /// Largest damping `[s]`: some ten thousand times that of cloth, and far from where the numbers of
 /// a solve lose their digits.
@@ -27,19 +28,6 @@ pub struct Material {
     pub stretch: StretchTable,
     /// Resistance to bending.
     pub bend: BendTable,
-    /// Bounds of every face's principal stretches, kept after each solve.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub strain_limits: Option<StrainLimits>,
-}
-
-/// Bounds of the principal stretches: the singular values of a face's deformation gradient.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct StrainLimits {
-    /// The smallest, 0 to 1; 0 is no bound.
-    pub min: f64,
-    /// The largest, at least 1.
-    pub max: f64,
 }
 
 /// In-plane stiffness: rows = zero strain, then principal stretch 1 + 1/6 with its direction at
@@ -55,16 +43,6 @@ pub struct StretchTable(pub [[f64; 4]; 6]);
 #[serde(transparent)]
 pub struct BendTable(pub [[f64; 5]; 3]);
 
-/// A number of a material that is not physical.
-#[derive(Clone, Debug, Error, PartialEq)]
-#[error("material {material}: {field} must be {expected}, found {found}")]
-pub struct MaterialError {
-    material: String,
-    field: &'static str,
-    expected: &'static str,
-    found: f64,
-}
-
 impl Material {
     /// The material with its tables multiplied: `stretch` and `bend` times as stiff.
     #[must_use]
@@ -76,38 +54,25 @@ impl Material {
         self
     }
 
-    /// Checks density, damping, limits and that the tables are finite.
+    /// Checks density, damping and that the tables are finite.
     ///
     /// # Errors
     /// Names the material, the field and the value.
-    pub fn validate(&self) -> Result<(), MaterialError> {
-        let error = |field, expected, found| MaterialError {
-            material: self.name.clone(),
-            field,
-            expected,
-            found,
+    pub fn validate(&self) -> Result<(), SettingError> {
+        let check = |holds, field: &str, expected, found: f64| {
+            let field = format!("material {}: {field}", self.name);
+            require(holds, &field, expected, found)
         };
-        if !(self.density.is_finite() && self.density > 0.0) {
-            return Err(error("density", "finite and positive", self.density));
+        let holds = self.density.is_finite() && self.density > 0.0;
+        check(holds, "density", "finite and positive", self.density)?;
+        let holds = (0.0..=LARGEST_DAMPING).contains(&self.damping);
+        check(holds, "damping", "between 0 and 100 s", self.damping)?;
+        for &k in self.stretch.0.as_flattened() {
+            check(k.is_finite(), "stretch", "finite everywhere", k)?;
         }
-        if !(0.0..=LARGEST_DAMPING).contains(&self.damping) {
-            return Err(error("damping", "between 0 and 100 s", self.damping));
-        }
-        let stretch = self.stretch.0.as_flattened();
-        if let Some(&bad) = stretch.iter().find(|k| !k.is_finite()) {
-            return Err(error("stretch", "finite everywhere", bad));
-        }
-        let bend = self.bend.0.as_flattened();
-        if let Some(&bad) = bend.iter().find(|k| !(k.is_finite() && **k >= 0.0)) {
-            return Err(error("bend", "finite and not negative everywhere", bad));
-        }
-        if let Some(limits) = self.strain_limits {
-            if !(0.0..=1.0).contains(&limits.min) {
-                return Err(error("strain_limits.min", "between 0 and 1", limits.min));
-            }
-            if !(limits.max.is_finite() && limits.max >= 1.0) {
-                return Err(error("strain_limits.max", "at least 1", limits.max));
-            }
+        for &k in self.bend.0.as_flattened() {
+            let holds = k.is_finite() && k >= 0.0;
+            check(holds, "bend", "finite and not negative everywhere", k)?;
         }
         Ok(())
     }
@@ -128,14 +93,13 @@ mod tests {
             // Coupling and shear may be negative: the law cuts them off where it must.
             stretch: StretchTable([[30.0, -12.5, 44.0, -30.0]; 6]),
             bend: BendTable([[2e-5, 3e-5, 3e-5, 2.5e-5, 1e-5]; 3]),
-            strain_limits: None,
         }
     }
 
     #[test]
     fn wrong_values_are_named() {
         material().validate().unwrap();
-        let wrong: [(&str, Spoil); 9] = [
+        let wrong: [(&str, Spoil); 7] = [
             ("density", |m| m.density = 0.0),
             ("density", |m| m.density = f64::NAN),
             ("damping", |m| m.damping = -1.0),
@@ -143,15 +107,6 @@ mod tests {
             ("stretch", |m| m.stretch.0[5][3] = f64::INFINITY),
             ("bend", |m| m.bend.0[2][4] = -1e-6),
             ("bend", |m| m.bend.0[0][0] = f64::NAN),
-            ("strain_limits.min", |m| {
-                m.strain_limits = Some(StrainLimits { min: 1.1, max: 1.2 });
-            }),
-            ("strain_limits.max", |m| {
-                m.strain_limits = Some(StrainLimits {
-                    min: 0.9,
-                    max: 0.99,
-                });
-            }),
         ];
         for (field, spoil) in wrong {
             let mut material = material();

@@ -52,45 +52,8 @@ pub struct RigidKey {
 
 /// Parts that do not make an [`Obstacle`].
 #[derive(Clone, Debug, Error, PartialEq)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum ObstacleError {
-    #[error("obstacle {name:?} has no faces: it needs at least one triangle")]
-    Empty { name: String },
-    #[error("obstacle {name:?}: face {face} names point {point}, but there are {points}")]
-    OutOfRange {
-        name: String,
-        face: usize,
-        point: u32,
-        points: usize,
-    },
-    #[error("obstacle {name:?}: face {face} has no area at the start: remove it")]
-    NoArea { name: String, face: usize },
-    #[error(
-        "obstacle {name:?}: point {point} of frame {frame} is not finite or more than 1e6 m from the origin: {value}"
-    )]
-    Point {
-        name: String,
-        frame: usize,
-        point: usize,
-        value: DVec3,
-    },
-    #[error(
-        "obstacle {name:?}: frame {frame} has {found} points, expected {expected} as in the mesh: the number of points must not change"
-    )]
-    Count {
-        name: String,
-        frame: usize,
-        expected: usize,
-        found: usize,
-    },
-    #[error("obstacle {name:?}: {field} must be {expected}, found {found}")]
-    Setting {
-        name: String,
-        field: &'static str,
-        expected: &'static str,
-        found: String,
-    },
-}
+#[error("obstacle {0}")]
+pub struct ObstacleError(String);
 
 impl Obstacle {
     /// An obstacle of these `points` `[m]` and `faces` among them, still, as rough as the cloth.
@@ -145,7 +108,7 @@ impl Obstacle {
     /// The same obstacle with its own coefficient of friction; a pair has the lesser of two.
     ///
     /// # Errors
-    /// [`ObstacleError::Setting`] for one that is negative or not a number.
+    /// [`ObstacleError`] for one that is negative or not a number.
     pub fn with_friction(mut self, friction: f64) -> Result<Self, ObstacleError> {
         if friction.is_nan() || friction < 0.0 {
             return Err(self.setting("friction", "not negative", &friction));
@@ -157,7 +120,7 @@ impl Obstacle {
     /// The same obstacle with a thickness of its own `[m]`, in place of that of the scene.
     ///
     /// # Errors
-    /// [`ObstacleError::Setting`] for one beyond 1e-5 to 1 m.
+    /// [`ObstacleError`] for one beyond 1e-5 to 1 m.
     pub fn with_thickness(mut self, thickness: f64) -> Result<Self, ObstacleError> {
         if !(1e-5..=1.0).contains(&thickness) {
             return Err(self.setting("thickness", "between 1e-5 and 1 m", &thickness));
@@ -241,60 +204,46 @@ impl Obstacle {
         }
     }
 
-    fn setting(
-        &self,
-        field: &'static str,
-        expected: &'static str,
-        found: &dyn std::fmt::Display,
-    ) -> ObstacleError {
-        ObstacleError::Setting {
-            name: self.name.clone(),
-            field,
-            expected,
-            found: found.to_string(),
-        }
+    fn error(&self, what: &str) -> ObstacleError {
+        ObstacleError(format!("{:?}{what}", self.name))
+    }
+
+    fn setting(&self, field: &str, expected: &str, found: &dyn std::fmt::Display) -> ObstacleError {
+        self.error(&format!(": {field} must be {expected}, found {found}"))
     }
 
     fn check_points(&self, frame: usize, points: &[DVec3]) -> Result<(), ObstacleError> {
-        let name = || self.name.clone();
-        if points.len() != self.points.len() {
-            return Err(ObstacleError::Count {
-                name: name(),
-                frame,
-                expected: self.points.len(),
-                found: points.len(),
-            });
+        let (expected, found) = (self.points.len(), points.len());
+        if found != expected {
+            return Err(self.error(&format!(
+                ": frame {frame} has {found} points, expected {expected} as in the mesh: the number of points must not change"
+            )));
         }
         let is_far = |p: &DVec3| !(p.is_finite() && p.abs().max_element() <= FARTHEST);
         match points.iter().position(is_far) {
             None => Ok(()),
-            Some(point) => Err(ObstacleError::Point {
-                name: name(),
-                frame,
-                point,
-                value: points[point],
-            }),
+            Some(point) => Err(self.error(&format!(
+                ": point {point} of frame {frame} is not finite or more than 1e6 m from the origin: {}",
+                points[point]
+            ))),
         }
     }
 
     fn check_faces(&self) -> Result<(), ObstacleError> {
         if self.faces.is_empty() {
-            let name = self.name.clone();
-            return Err(ObstacleError::Empty { name });
+            return Err(self.error(" has no faces: it needs at least one triangle"));
         }
         let points = self.points.len();
         for (face, corners) in self.faces.iter().enumerate() {
-            if let Some(&point) = corners.iter().find(|p| **p as usize >= points) {
-                return Err(ObstacleError::OutOfRange {
-                    name: self.name.clone(),
-                    face,
-                    point,
-                    points,
-                });
+            if let Some(point) = corners.iter().find(|p| **p as usize >= points) {
+                return Err(self.error(&format!(
+                    ": face {face} names point {point}, but there are {points}"
+                )));
             }
             if is_without_area(corners.map(|p| self.points[p as usize])) {
-                let name = self.name.clone();
-                return Err(ObstacleError::NoArea { name, face });
+                return Err(self.error(&format!(
+                    ": face {face} has no area at the start: remove it"
+                )));
             }
         }
         Ok(())
@@ -375,25 +324,29 @@ mod tests {
     fn bad_meshes_are_named() {
         let points = vec![DVec3::ZERO, DVec3::X, DVec3::X * 2.0];
         let made = |faces: Vec<[u32; 3]>| Obstacle::new("a", points.clone(), faces).unwrap_err();
-        assert!(matches!(made(vec![]), ObstacleError::Empty { .. }));
-        assert!(matches!(
+        let says = |error: ObstacleError, words: &str| {
+            let text = error.to_string();
+            assert!(
+                text.starts_with("obstacle \"") && text.contains(words),
+                "{text}"
+            );
+        };
+        says(made(vec![]), "\"a\" has no faces");
+        says(
             made(vec![[0, 1, 3]]),
-            ObstacleError::OutOfRange { point: 3, .. }
-        ));
-        assert!(matches!(
-            made(vec![[0, 1, 2]]),
-            ObstacleError::NoArea { face: 0, .. }
-        ));
+            "\"a\": face 0 names point 3, but there are 3",
+        );
+        says(made(vec![[0, 1, 2]]), "face 0 has no area");
         let far = vec![DVec3::X * 1e7; 3];
         let error = Obstacle::new("a", far, vec![[0, 1, 2]]).unwrap_err();
-        assert!(matches!(error, ObstacleError::Point { point: 0, .. }));
+        says(error, "point 0 of frame 0 is not finite or more than");
         let frames = vec![vec![DVec3::ZERO, DVec3::X, DVec3::Z], vec![DVec3::ZERO; 2]];
         let path = ObstaclePath::Points {
             frame_rate: 60.0,
             frames,
         };
         let error = triangle().moving(path).unwrap_err();
-        assert!(matches!(error, ObstacleError::Count { frame: 1, .. }));
+        says(error, "\"wedge\": frame 1 has 2 points, expected 3");
     }
 
     #[test]
@@ -412,7 +365,8 @@ mod tests {
             assert!(found.distance(expected) < 1e-12, "{time}");
         }
         let error = triangle().moving(ObstaclePath::Rigid(vec![key(1.0), key(1.0)]));
-        assert!(matches!(error, Err(ObstacleError::Setting { .. })));
+        let text = error.unwrap_err().to_string();
+        assert!(text.contains("keyframe.time must be later"), "{text}");
     }
 
     #[test]

@@ -42,29 +42,8 @@ pub struct Pattern<'a, P> {
 
 /// Faces over points of a pattern that do not fit a topology.
 #[derive(Clone, Debug, Error, PartialEq)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum PatternError {
-    #[error("the pattern has {found} faces, the cloth {expected}")]
-    Faces { expected: usize, found: usize },
-    #[error("face {face} names point {point} of the pattern, which has {points} points")]
-    Range {
-        face: FaceId,
-        point: u32,
-        points: usize,
-    },
-    #[error(
-        "point {point} of the pattern belongs to vertices {first} and {second}: every point must have one vertex"
-    )]
-    Shared {
-        point: u32,
-        first: VertexId,
-        second: VertexId,
-    },
-    #[error("point {vertex} of the pattern must belong to vertex {vertex}")]
-    First { vertex: VertexId },
-    #[error("point {point} of the pattern belongs to no face: remove it")]
-    Unused { point: u32 },
-}
+#[error("{0}")]
+pub struct PatternError(String);
 
 /// Points and faces of a pattern, numbered as this module says.
 #[derive(Clone, Debug, PartialEq)]
@@ -134,39 +113,34 @@ pub(crate) fn check_corners(
 ) -> Result<(), PatternError> {
     let (expected, found) = (topology.faces().len(), corners.len());
     if expected != found {
-        return Err(PatternError::Faces { expected, found });
+        let text = format!("the pattern has {found} faces, the cloth {expected}");
+        return Err(PatternError(text));
     }
     let mut owners: Vec<Option<VertexId>> = vec![None; points];
-    for (number, (face, named)) in topology.faces().iter().zip(corners).enumerate() {
-        for (&vertex, &point) in face.iter().zip(named) {
+    for (face, (corners, named)) in topology.faces().iter().zip(corners).enumerate() {
+        for (&vertex, &point) in corners.iter().zip(named) {
             let Some(owner) = owners.get_mut(point as usize) else {
-                let face = FaceId(number as u32);
-                return Err(PatternError::Range {
-                    face,
-                    point,
-                    points,
-                });
+                return Err(PatternError(format!(
+                    "face {face} names point {point} of the pattern, which has {points} points"
+                )));
             };
             let first = *owner.get_or_insert(vertex);
             if first != vertex {
-                return Err(PatternError::Shared {
-                    point,
-                    first,
-                    second: vertex,
-                });
+                return Err(PatternError(format!(
+                    "point {point} of the pattern belongs to vertices {first} and {vertex}: every point must have one vertex"
+                )));
             }
         }
     }
-    for (number, owner) in owners.iter().enumerate() {
-        let point = number as u32;
-        match owner {
-            None => return Err(PatternError::Unused { point }),
-            Some(owner) if number < topology.vertex_count() && owner.index() != number => {
-                let vertex = VertexId(point);
-                return Err(PatternError::First { vertex });
+    for (point, owner) in owners.iter().enumerate() {
+        let what = match owner {
+            None => "belongs to no face: remove it".to_owned(),
+            Some(owner) if point < topology.vertex_count() && owner.index() != point => {
+                format!("must belong to vertex {point}")
             }
-            Some(_) => {}
-        }
+            Some(_) => continue,
+        };
+        return Err(PatternError(format!("point {point} of the pattern {what}")));
     }
     Ok(())
 }

@@ -2,7 +2,8 @@
 //! `selvedge-sim`.
 
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
+
+use crate::setting::{SettingError, require, require_positive};
 
 /// Settings of the reference simulator.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -126,15 +127,16 @@ impl Integrator {
         }
     }
 
-    fn validate(self) -> Result<(), PhysicsError> {
+    fn validate(self) -> Result<(), SettingError> {
         match self {
             Self::GeneralisedAlpha(GeneralisedAlpha {
                 spectral_radius: Some(radius),
-            }) if !(0.0..=0.9).contains(&radius) => Err(PhysicsError {
-                field: "physics.integrator.generalised-alpha.spectral_radius",
-                expected: "between 0 and 0.9",
-                found: radius.to_string(),
-            }),
+            }) => require(
+                (0.0..=0.9).contains(&radius),
+                "physics.integrator.generalised-alpha.spectral_radius",
+                "between 0 and 0.9",
+                radius,
+            ),
             _ => Ok(()),
         }
     }
@@ -195,15 +197,6 @@ pub struct SagSettings {
     pub tolerance: f64,
     /// Give up after this many solves.
     pub max_steps: u32,
-}
-
-/// A setting of the physics that cannot be used.
-#[derive(Clone, Debug, Error, PartialEq)]
-#[error("{field} must be {expected}, found {found}")]
-pub struct PhysicsError {
-    field: &'static str,
-    expected: &'static str,
-    found: String,
 }
 
 impl Default for PhysicsSettings {
@@ -301,38 +294,36 @@ impl PhysicsSettings {
     ///
     /// # Errors
     /// Names the field and the value.
-    pub fn validate(&self) -> Result<(), PhysicsError> {
-        check_count("physics.substeps", self.substeps)?;
-        check_positive("physics.max_strain", self.max_strain)?;
+    pub fn validate(&self) -> Result<(), SettingError> {
+        let is_count = (1..=1000).contains(&self.substeps);
+        require(
+            is_count,
+            "physics.substeps",
+            "between 1 and 1000",
+            self.substeps,
+        )?;
+        require_positive("physics.max_strain", self.max_strain)?;
         self.integrator.validate()?;
-        if let Some(least) = self.least_damping
-            && !(least.is_finite() && least >= 0.0)
-        {
-            return Err(PhysicsError {
-                field: "physics.least_damping",
-                expected: "finite and not negative",
-                found: least.to_string(),
-            });
-        }
-        if self.integrator.order() > 1 && self.air == AirLaw::Explicit {
-            return Err(PhysicsError {
-                field: "physics.air",
-                expected: "\"implicit\" with an integrator of second order",
-                found: "\"explicit\"".to_owned(),
-            });
-        }
-        if let LinearSolver::ConjugateGradients(settings) = &self.solver {
-            check_positive(
-                "physics.solver.conjugate-gradients.tolerance",
-                settings.tolerance,
+        if let Some(least) = self.least_damping {
+            let holds = least.is_finite() && least >= 0.0;
+            require(
+                holds,
+                "physics.least_damping",
+                "finite and not negative",
+                least,
             )?;
-            if settings.max_iterations == 0 {
-                return Err(PhysicsError {
-                    field: "physics.solver.conjugate-gradients.max_iterations",
-                    expected: "at least 1",
-                    found: 0.to_string(),
-                });
-            }
+        }
+        require(
+            self.integrator.order() == 1 || self.air == AirLaw::Implicit,
+            "physics.air",
+            "\"implicit\" with an integrator of second order",
+            "\"explicit\"",
+        )?;
+        if let LinearSolver::ConjugateGradients(settings) = &self.solver {
+            let field = |key: &str| format!("physics.solver.conjugate-gradients.{key}");
+            require_positive(&field("tolerance"), settings.tolerance)?;
+            let most = settings.max_iterations;
+            require(most > 0, &field("max_iterations"), "at least 1", most)?;
         }
         Ok(())
     }
@@ -343,52 +334,16 @@ impl SagSettings {
     ///
     /// # Errors
     /// Names the field and the value.
-    pub fn validate(&self) -> Result<(), PhysicsError> {
-        if !self.bulge.is_finite() {
-            return Err(PhysicsError {
-                field: "sag.bulge",
-                expected: "finite",
-                found: self.bulge.to_string(),
-            });
-        }
-        if !(self.tolerance.is_finite() && self.tolerance > 0.0) {
-            return Err(PhysicsError {
-                field: "sag.tolerance",
-                expected: "finite and positive",
-                found: self.tolerance.to_string(),
-            });
-        }
-        if self.max_steps == 0 {
-            return Err(PhysicsError {
-                field: "sag.max_steps",
-                expected: "at least 1",
-                found: 0.to_string(),
-            });
-        }
-        Ok(())
+    pub fn validate(&self) -> Result<(), SettingError> {
+        require(self.bulge.is_finite(), "sag.bulge", "finite", self.bulge)?;
+        require_positive("sag.tolerance", self.tolerance)?;
+        require(
+            self.max_steps > 0,
+            "sag.max_steps",
+            "at least 1",
+            self.max_steps,
+        )
     }
-}
-
-fn check_count(field: &'static str, found: u32) -> Result<(), PhysicsError> {
-    if (1..=1000).contains(&found) {
-        return Ok(());
-    }
-    Err(PhysicsError {
-        field,
-        expected: "between 1 and 1000",
-        found: found.to_string(),
-    })
-}
-
-fn check_positive(field: &'static str, found: f64) -> Result<(), PhysicsError> {
-    if found.is_finite() && found > 0.0 {
-        return Ok(());
-    }
-    Err(PhysicsError {
-        field,
-        expected: "finite and positive",
-        found: found.to_string(),
-    })
 }
 
 #[cfg(test)]

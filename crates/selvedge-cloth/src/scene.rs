@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use thiserror::Error;
 
 use crate::{
-    ContactError, ContactLaw, ContactSettings, Environment, EnvironmentError, FaceId, HandleError,
-    HandlePath, HandleSchedule, Handles, Integrator, Material, MaterialError, Mesh, Motion,
-    MotionError, Obstacle, PhysicsError, PhysicsSettings, RestShape, SagSettings, ScheduleError,
+    ContactLaw, ContactSettings, Environment, FaceId, HandleError, HandlePath, HandleSchedule,
+    Handles, Integrator, Material, Mesh, Motion, MotionError, Obstacle, PhysicsSettings, RestShape,
+    SagSettings, ScheduleError, SettingError,
 };
 
 /// Frames per second of a scene that does not say otherwise.
@@ -54,15 +54,9 @@ pub enum SceneError {
     #[error("handles: {0}")]
     Schedule(#[from] ScheduleError),
     #[error(transparent)]
-    Material(#[from] MaterialError),
-    #[error(transparent)]
-    Environment(#[from] EnvironmentError),
+    Setting(#[from] SettingError),
     #[error(transparent)]
     Motion(#[from] MotionError),
-    #[error(transparent)]
-    Physics(#[from] PhysicsError),
-    #[error(transparent)]
-    Contact(#[from] ContactError),
     #[error("the scene has obstacles but no contact: write `contact = {{}}`, or remove them")]
     NoContact,
     #[error(
@@ -82,6 +76,26 @@ pub enum SceneError {
 }
 
 impl Scene {
+    /// A cloth that is held still for a second, by the default settings in all else, without contact.
+    #[must_use]
+    pub fn of(name: &str, mesh: Mesh, handles: Handles, material: Material) -> Self {
+        Self {
+            name: name.to_owned(),
+            mesh,
+            handles,
+            schedule: HandleSchedule::default(),
+            material,
+            fabrics: BTreeMap::new(),
+            environment: Environment::default(),
+            motion: Motion::still(1.0),
+            physics: PhysicsSettings::default(),
+            sag: SagSettings::default(),
+            frame_rate: DEFAULT_FRAME_RATE,
+            contact: None,
+            obstacles: Vec::new(),
+        }
+    }
+
     /// Checks every part, and that the motion can drive these handles.
     ///
     /// # Errors
@@ -191,38 +205,23 @@ impl Scene {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::generate::{SquareSpec, square};
+    use crate::generate::square;
     use crate::{BendTable, Gust, Release, StretchTable};
 
     fn scene() -> Scene {
-        let spec = SquareSpec {
-            vertices: 30,
-            size: 1.0,
-            seed: 0,
+        let sheet = square(30, 1.0, 0).unwrap();
+        let material = Material {
+            name: "felt".into(),
+            source: String::new(),
+            density: 0.2,
+            damping: 0.0,
+            stretch: StretchTable([[30.0; 4]; 6]),
+            bend: BendTable([[2e-5; 5]; 3]),
         };
-        let sheet = square(&spec).unwrap();
+        let handles = Handles::new(&sheet.labels["upper-corners"], 30).unwrap();
         Scene {
-            name: "square".into(),
-            handles: Handles::new(&sheet.labels["upper-corners"], 30).unwrap(),
-            mesh: sheet.mesh,
-            schedule: HandleSchedule::default(),
-            material: Material {
-                name: "felt".into(),
-                source: String::new(),
-                density: 0.2,
-                damping: 0.0,
-                stretch: StretchTable([[30.0; 4]; 6]),
-                bend: BendTable([[2e-5; 5]; 3]),
-                strain_limits: None,
-            },
-            fabrics: BTreeMap::new(),
-            environment: Environment::default(),
             motion: Motion::still(2.0),
-            physics: PhysicsSettings::default(),
-            sag: SagSettings::default(),
-            frame_rate: 60.0,
-            contact: None,
-            obstacles: Vec::new(),
+            ..Scene::of("square", sheet.mesh, handles, material)
         }
     }
 
@@ -253,9 +252,9 @@ mod tests {
         });
         assert!(matches!(wrong, SceneError::Schedule(_)));
         let wrong = error(|s| s.material.density = 0.0);
-        assert!(matches!(wrong, SceneError::Material(_)));
+        assert!(matches!(wrong, SceneError::Setting(_)));
         let wrong = error(|s| s.environment.air_drag = -1.0);
-        assert!(matches!(wrong, SceneError::Environment(_)));
+        assert!(matches!(wrong, SceneError::Setting(_)));
         let wrong = error(|s| {
             s.environment.gust = Some(Gust {
                 speed: glam::DVec3::X,
@@ -270,7 +269,7 @@ mod tests {
         for spoil in [(|s| s.physics.substeps = 0) as fn(&mut Scene), |s| {
             s.sag.tolerance = 0.0
         }] {
-            assert!(matches!(error(spoil), SceneError::Physics(_)));
+            assert!(matches!(error(spoil), SceneError::Setting(_)));
         }
         let arcsim = |s: &mut Scene| {
             let law = ContactLaw::Arcsim;

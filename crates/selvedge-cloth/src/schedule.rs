@@ -35,33 +35,8 @@ const ROUNDING: f64 = 1e-6;
 
 /// A release that cannot be.
 #[derive(Clone, Debug, Error, PartialEq)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum ScheduleError {
-    #[error(
-        "released[{release}] names handle {handle}, but the scene has {handle_count} handles (numbered from 0)"
-    )]
-    HandleOutOfRange {
-        release: usize,
-        handle: usize,
-        handle_count: usize,
-    },
-    #[error("released[{release}].{field} must be {expected}, found {found}")]
-    Time {
-        release: usize,
-        field: &'static str,
-        expected: &'static str,
-        found: f64,
-    },
-    #[error(
-        "released[{later}].from is {from}, before released[{earlier}] of the same handle {handle} has ended: make one span of them, or let one end before the other begins"
-    )]
-    Overlap {
-        handle: usize,
-        earlier: usize,
-        later: usize,
-        from: f64,
-    },
-}
+#[error("{0}")]
+pub struct ScheduleError(String);
 
 impl HandleSchedule {
     /// Returns true when all handles hold all the time.
@@ -77,17 +52,14 @@ impl HandleSchedule {
     pub fn validate(&self, handle_count: usize) -> Result<(), ScheduleError> {
         for (release, span) in self.releases.iter().enumerate() {
             if let Some(&handle) = span.handles.iter().find(|h| **h >= handle_count) {
-                return Err(ScheduleError::HandleOutOfRange {
-                    release,
-                    handle,
-                    handle_count,
-                });
+                return Err(ScheduleError(format!(
+                    "released[{release}] names handle {handle}, but the scene has {handle_count} handles (numbered from 0)"
+                )));
             }
-            let error = |field, expected, found| ScheduleError::Time {
-                release,
-                field,
-                expected,
-                found,
+            let error = |field, expected, found| {
+                ScheduleError(format!(
+                    "released[{release}].{field} must be {expected}, found {found}"
+                ))
             };
             if !(span.from.is_finite() && span.from >= 0.0) {
                 return Err(error("from", "finite and not negative", span.from));
@@ -113,12 +85,10 @@ impl HandleSchedule {
             let [(handle, earlier), (same, later)] = [pair[0], pair[1]];
             let end = self.releases[earlier].to.unwrap_or(f64::INFINITY);
             if handle == same && from(later) < end {
-                return Err(ScheduleError::Overlap {
-                    handle,
-                    earlier,
-                    later,
-                    from: from(later),
-                });
+                return Err(ScheduleError(format!(
+                    "released[{later}].from is {}, before released[{earlier}] of the same handle {handle} has ended: make one span of them, or let one end before the other begins",
+                    from(later)
+                )));
             }
         }
         Ok(())

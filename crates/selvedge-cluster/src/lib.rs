@@ -1,10 +1,9 @@
 //! Many machines as one: **ranks**, the processes of one job, numbered from 0.
 //!
 //! [`Ranks`] sends messages between them and builds all else from that: gathers, broadcasts, a sum
-//! whose order is fixed by its pieces and not by the ranks ([`Ranks::sum_in_order`]), and a
-//! hand-out of jobs that differ in length ([`hand_out`]). A message goes over a [`Transport`]:
-//! threads of this process ([`threads`]), or MPI with the feature `mpi`. A rank alone needs none
-//! ([`Ranks::alone`]).
+//! whose order is fixed by its pieces and not by the ranks ([`Ranks::sum_in_order`]). A message goes
+//! over a [`Transport`]: threads of this process ([`threads`]), or MPI with the feature `mpi`. A rank
+//! alone needs none ([`Ranks::alone`]).
 //!
 //! A rank that fails tells the others, and a rank that has ended without a word is found out by
 //! those that wait for it; both are errors that name it.
@@ -38,7 +37,6 @@
 //! ```
 
 mod error;
-mod handout;
 mod local;
 #[cfg(feature = "mpi")]
 mod mpi;
@@ -48,7 +46,6 @@ mod together;
 mod transport;
 
 pub use error::ClusterError;
-pub use handout::{Done, HandOut, HandOutError, hand_out};
 pub use local::threads;
 #[cfg(feature = "mpi")]
 pub use mpi::{is_launched, open_mpi};

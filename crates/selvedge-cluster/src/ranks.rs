@@ -2,6 +2,7 @@
 //! and counts of what went over the wires.
 
 use std::collections::VecDeque;
+use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
@@ -16,15 +17,11 @@ pub struct Tag(pub(crate) u32);
 
 impl Tag {
     const FAILED: Self = Self(1);
-    const HALT: Self = Self(2);
-    pub(crate) const GATHER: Self = Self(3);
-    pub(crate) const BROADCAST: Self = Self(4);
-    pub(crate) const SUM: Self = Self(5);
-    pub(crate) const TOTAL: Self = Self(6);
-    pub(crate) const ASK: Self = Self(7);
-    const END: Self = Self(8);
-    /// Answers to the workers of a rank: the tag of the first, then one each.
-    pub(crate) const JOB: u32 = 1000;
+    pub(crate) const GATHER: Self = Self(2);
+    pub(crate) const BROADCAST: Self = Self(3);
+    pub(crate) const SUM: Self = Self(4);
+    pub(crate) const TOTAL: Self = Self(5);
+    const END: Self = Self(6);
 }
 
 /// Waiting without a pause: for answers that are on their way.
@@ -57,7 +54,7 @@ struct Inner {
     /// None for a rank alone.
     transport: Option<Box<dyn Transport>>,
     inbox: Mutex<Inbox>,
-    halted: AtomicBool,
+    has_failed: AtomicBool,
     bytes: AtomicU64,
     messages: AtomicU64,
     nanoseconds: AtomicU64,
@@ -85,7 +82,7 @@ impl Ranks {
             inner: Arc::new(Inner {
                 transport,
                 inbox: Mutex::default(),
-                halted: AtomicBool::new(false),
+                has_failed: AtomicBool::new(false),
                 bytes: AtomicU64::new(0),
                 messages: AtomicU64::new(0),
                 nanoseconds: AtomicU64::new(0),
@@ -137,20 +134,15 @@ impl Ranks {
         answer
     }
 
-    /// Sends a message and returns at once; one to this rank itself arrives like any other.
+    /// Sends a message to another rank and returns at once.
     pub(crate) fn send(&self, to: usize, tag: Tag, bytes: Vec<u8>) -> Result<(), ClusterError> {
-        let (from, Tag(tag)) = (self.rank(), tag);
-        if to == from {
-            self.inbox().letters.push_back(Letter { from, tag, bytes });
-            return Ok(());
-        }
         let Some(transport) = &self.inner.transport else {
             return Ok(());
         };
         let length = bytes.len() as u64;
         self.inner.bytes.fetch_add(length, Ordering::Relaxed);
         self.inner.messages.fetch_add(1, Ordering::Relaxed);
-        transport.send(to, tag, bytes)
+        transport.send(to, tag.0, bytes)
     }
 
     /// Waits for the next message of this tag from `from`.
@@ -158,47 +150,35 @@ impl Ranks {
     /// # Errors
     /// A rank that failed, one that has ended, or one that is silent for half an hour.
     pub(crate) fn receive(&self, from: usize, tag: Tag) -> Result<Vec<u8>, ClusterError> {
-        let is_it = |letter: &Letter| letter.from == from && letter.tag == tag.0;
-        let letter = self.wait(&[from], &is_it, Some(PATIENCE))?;
-        Ok(letter.bytes)
-    }
-
-    /// As [`Self::receive`], as long as it takes: for a rank that has work of its own to do.
-    pub(crate) fn receive_patiently(&self, from: usize, tag: Tag) -> Result<Vec<u8>, ClusterError> {
-        let is_it = |letter: &Letter| letter.from == from && letter.tag == tag.0;
-        Ok(self.wait(&[from], &is_it, None)?.bytes)
-    }
-
-    /// Waits for the next message of this tag from any rank, as long as it takes; `busy` are those
-    /// that must live meanwhile.
-    pub(crate) fn receive_any(&self, tag: Tag, busy: &[usize]) -> Result<Letter, ClusterError> {
-        self.wait(busy, &|letter| letter.tag == tag.0, None)
+        self.wait(from, tag, Some(PATIENCE))
     }
 
     fn wait(
         &self,
-        busy: &[usize],
-        is_it: &dyn Fn(&Letter) -> bool,
+        from: usize,
+        tag: Tag,
         patience: Option<Duration>,
-    ) -> Result<Letter, ClusterError> {
+    ) -> Result<Vec<u8>, ClusterError> {
         let (started, mut looked, mut pause) = (Instant::now(), Instant::now(), PAUSES[0]);
+        let is_it = |letter: &Letter| letter.from == from && letter.tag == tag.0;
         loop {
-            if let Some(letter) = self.take(is_it)? {
-                return Ok(letter);
+            if let Some(letter) = self.take(&is_it)? {
+                return Ok(letter.bytes);
             }
             if looked.elapsed() > LOOK {
                 looked = Instant::now();
-                if let Some(error) = self.missing(busy) {
+                if let Some(error) = self.missing(from..from + 1) {
                     // It may have written before it ended.
-                    return self.take(is_it)?.ok_or(error);
+                    let letter = self.take(&is_it)?.ok_or(error)?;
+                    return Ok(letter.bytes);
                 }
             }
             let waited = started.elapsed();
-            if let (Some(patience), Some(&rank)) = (patience, busy.first())
-                && waited > patience
-            {
-                let seconds = patience.as_secs();
-                return Err(ClusterError::Silent { rank, seconds });
+            if let Some(patience) = patience.filter(|patience| waited > *patience) {
+                return Err(ClusterError::Silent {
+                    rank: from,
+                    seconds: patience.as_secs(),
+                });
             }
             // What this rank has sent moves on only while it looks.
             if waited < EAGER || self.is_sending() {
@@ -225,7 +205,7 @@ impl Ranks {
             self.take(&is_none)?;
             if looked.elapsed() > LOOK {
                 looked = Instant::now();
-                self.missing(&[to]).map_or(Ok(()), Err)?;
+                self.missing(to..to + 1).map_or(Ok(()), Err)?;
             }
             if started.elapsed() > PATIENCE {
                 let seconds = PATIENCE.as_secs();
@@ -261,21 +241,17 @@ impl Ranks {
                     let rank = letter.from;
                     let failure = ClusterError::Failed { rank, message };
                     inbox.failure.get_or_insert(failure);
-                    self.inner.halted.store(true, Ordering::Relaxed);
+                    self.inner.has_failed.store(true, Ordering::Relaxed);
                 }
-                Tag::HALT => self.inner.halted.store(true, Ordering::Relaxed),
                 _ => inbox.letters.push_back(letter),
             }
         }
         Ok(())
     }
 
-    fn missing(&self, busy: &[usize]) -> Option<ClusterError> {
+    fn missing(&self, mut ranks: Range<usize>) -> Option<ClusterError> {
         let transport = self.inner.transport.as_ref()?;
-        let rank = busy
-            .iter()
-            .copied()
-            .find(|rank| !transport.is_alive(*rank))?;
+        let rank = ranks.find(|rank| !transport.is_alive(*rank))?;
         let place = transport.place(rank);
         Some(ClusterError::Gone { rank, place })
     }
@@ -285,12 +261,6 @@ impl Ranks {
         self.tell_others(Tag::FAILED, message.as_bytes());
     }
 
-    /// Asks all ranks to end what they are at; see [`Self::is_halted`].
-    pub(crate) fn halt(&self) {
-        self.inner.halted.store(true, Ordering::Relaxed);
-        self.tell_others(Tag::HALT, &[]);
-    }
-
     fn tell_others(&self, tag: Tag, bytes: &[u8]) {
         for to in (0..self.count()).filter(|to| *to != self.rank()) {
             // Who cannot be told is no longer there.
@@ -298,13 +268,13 @@ impl Ranks {
         }
     }
 
-    /// Returns true once a rank has failed or was stopped: long work is to end.
-    pub fn is_halted(&self) -> bool {
+    /// Returns true once another rank has failed.
+    pub fn has_failed(&self) -> bool {
         if let Ok(mut inbox) = self.inner.inbox.try_lock() {
             // What the carrier says is said again to whoever waits.
             let _ = self.fetch(&mut inbox);
         }
-        self.inner.halted.load(Ordering::Relaxed)
+        self.inner.has_failed.load(Ordering::Relaxed)
     }
 
     /// Waits until rank 0 has done all that it does alone, and takes leave of the others.
@@ -312,7 +282,7 @@ impl Ranks {
         if self.is_first() {
             self.tell_others(Tag::END, &[]);
         } else {
-            self.receive_patiently(0, Tag::END)?;
+            self.wait(0, Tag::END, None)?;
         }
         self.close();
         Ok(())
@@ -320,8 +290,7 @@ impl Ranks {
 
     /// Fails where another rank is known to have ended: before [`Self::leave`] none does.
     pub fn check_all_there(&self) -> Result<(), ClusterError> {
-        let all: Vec<usize> = (0..self.count()).collect();
-        self.missing(&all).map_or(Ok(()), Err)
+        self.missing(0..self.count()).map_or(Ok(()), Err)
     }
 
     /// Takes leave of the others without waiting for them longer than a few seconds.

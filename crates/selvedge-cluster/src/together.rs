@@ -44,7 +44,7 @@ impl Ranks {
     }
 
     /// The `bytes` of rank 0, on every rank; down the same tree.
-    pub fn broadcast(&self, bytes: Vec<u8>) -> Result<Vec<u8>, ClusterError> {
+    fn broadcast(&self, bytes: Vec<u8>) -> Result<Vec<u8>, ClusterError> {
         self.timed(|| self.broadcast_down(bytes))
     }
 

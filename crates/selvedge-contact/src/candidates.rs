@@ -373,7 +373,7 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
     use selvedge_cloth::Obstacle;
-    use selvedge_cloth::generate::{SquareSpec, square};
+    use selvedge_cloth::generate::square;
 
     /// All pairs without a common vertex, of the cloth with all.
     fn every_pair(surface: &Surface) -> Vec<Pair> {
@@ -429,12 +429,7 @@ mod tests {
 
     #[test]
     fn a_wider_search_keeps_what_there_is_and_misses_nothing() {
-        let spec = SquareSpec {
-            vertices: 36,
-            size: 1.0,
-            seed: 1,
-        };
-        let sheet = square(&spec).unwrap();
+        let sheet = square(36, 1.0, 1).unwrap();
         let mut rng = ChaCha8Rng::seed_from_u64(9);
         let mut point =
             |size: f64| DVec3::from_array([0; 3].map(|_| rng.random_range(-size..size)));
@@ -489,12 +484,7 @@ mod tests {
 
     #[test]
     fn no_near_pair_is_missed_and_none_comes_twice() {
-        let spec = SquareSpec {
-            vertices: 25,
-            size: 1.0,
-            seed: 1,
-        };
-        let sheet = square(&spec).unwrap();
+        let sheet = square(25, 1.0, 1).unwrap();
         let mut rng = ChaCha8Rng::seed_from_u64(6);
         let mut point =
             |size: f64| DVec3::from_array([0; 3].map(|_| rng.random_range(-size..size)));

@@ -10,7 +10,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use glam::Vec3;
-use selvedge_cloth::generate::{SquareSpec, square};
+use selvedge_cloth::generate::square;
 use selvedge_cloth::motion::named;
 use selvedge_cloth::{Cloth, HandleError, HandleTargets, Handles, StepError, Stepper, Topology};
 use selvedge_data::export::{ExportFormat, ExportOptions, export};
@@ -80,11 +80,7 @@ impl Stepper for Follower {
 
 /// A square of 100 vertices that is held by its upper corners.
 pub(crate) fn cloth() -> Result<Cloth, Box<dyn Error>> {
-    let sheet = square(&SquareSpec {
-        vertices: 100,
-        size: 1.0,
-        seed: 1,
-    })?;
+    let sheet = square(100, 1.0, 1)?;
     let handles = Handles::new(&sheet.labels["upper-corners"], 100)?;
     Ok(Cloth::of_mesh(&sheet.mesh, 0.2, handles)?)
 }

@@ -87,7 +87,6 @@ pub use formats::polygons::{
 };
 pub use formats::tensor_file::{TensorOut, TensorValues, read_header, write_tensors};
 pub use formats::up_axis::UpAxis;
-pub use metrics::distribution::{Distribution, Distributions, Histogram};
 pub use obstacle::{
     BodySpec, Capsule, Cuboid, Cylinder, FramesFile, NodeFile, ObstacleKeyframes, ObstacleMotion,
     ObstacleSpec, Placement, Plane, Sides, Sphere,

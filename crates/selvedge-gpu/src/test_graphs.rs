@@ -5,11 +5,11 @@ use std::sync::{Arc, OnceLock};
 use glam::{DVec3, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use selvedge_cloth::generate::{SquareSpec, square};
+use selvedge_cloth::generate::square;
 use selvedge_cloth::{Cloth, Environment, Handles};
 use selvedge_model::{
-    ClothGraph, Connectivity, EdgeFeature, Encoder, Model, ModelSpec, Network, NodeFeature,
-    Normalizer, Normalizers,
+    ClothGraph, Connectivity, EdgeFeature, Encoder, Model, ModelSpec, Network, Normalizer,
+    Normalizers,
 };
 
 use crate::gpu::{Gpu, GpuError};
@@ -19,12 +19,7 @@ pub(crate) fn squares(counts: &[usize]) -> Connectivity {
     let parts: Vec<Connectivity> = counts
         .iter()
         .map(|&vertices| {
-            let spec = SquareSpec {
-                vertices,
-                size: 1.0,
-                seed: vertices as u64,
-            };
-            let sheet = square(&spec).expect("a square");
+            let sheet = square(vertices, 1.0, vertices as u64).expect("a square");
             let handles = Handles::new(&[0], vertices).expect("a handle");
             let cloth = Cloth::of_mesh(&sheet.mesh, 0.15, handles).expect("a cloth");
             let graph = ClothGraph::new(&cloth, Environment::default(), 60.0);
@@ -73,12 +68,7 @@ pub(crate) fn specs() -> Vec<ModelSpec> {
 /// feature to share it would build that crate and all above it a second time.
 pub(crate) fn hanging(side: usize, seed: u64) -> Cloth {
     let vertices = side * side;
-    let spec = SquareSpec {
-        vertices,
-        size: 1.0,
-        seed,
-    };
-    let sheet = square(&spec).expect("a square");
+    let sheet = square(vertices, 1.0, seed).expect("a square");
     let [left, right] = sheet.labels["upper-corners"][..] else {
         panic!("two upper corners");
     };
@@ -114,7 +104,6 @@ pub(crate) fn full_specs() -> Vec<ModelSpec> {
     let mut specs = specs();
     for encoder in [Encoder::Gru { window: 3 }, Encoder::MLP] {
         let mut spec = ModelSpec::physical(encoder, 12, 1);
-        spec.node_features.insert(NodeFeature::Acceleration);
         spec.edge_features.insert(EdgeFeature::MaterialVector);
         specs.push(spec);
     }

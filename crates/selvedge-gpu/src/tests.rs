@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use selvedge_model::{
     Connectivity, Dropout, EdgeFeature, Encoder, Gradients, Input, InputGradient, Instructions,
-    ModelSpec, Network, NetworkScalar, NodeFeature, Pass, Purpose, Window, Workspace, reference,
+    ModelSpec, Network, NetworkScalar, Pass, Purpose, Window, Workspace, reference,
 };
 
 use crate::gpu::Gpu;
@@ -82,7 +82,6 @@ fn presets() -> Vec<ModelSpec> {
     specs.push(ModelSpec::physical(Encoder::Gru { window: 5 }, 16, 2));
     specs.push(ModelSpec::physical(Encoder::Gru { window: 10 }, 16, 1));
     let mut full = ModelSpec::physical(Encoder::MLP, 70, 2);
-    full.node_features.insert(NodeFeature::Acceleration);
     full.edge_features.insert(EdgeFeature::MaterialVector);
     specs.push(full);
     specs
@@ -100,14 +99,11 @@ fn the_forward_pass_is_that_of_the_processor_and_of_the_equations() {
             arcs: &given.arcs,
         };
         let (network, graph) = (&given.network, &given.graph);
-        let cpu = network.forward(
-            &given.weights,
-            graph,
-            input,
-            Pass::Inference,
-            &mut workspace,
-        );
-        let cpu: Vec<f64> = cpu.iter().map(|&x| f64::from(x)).collect();
+        let (purpose, pass) = (Purpose::Inference, Pass::Inference);
+        let packed = network.pack(&given.weights, purpose, Instructions::Detected);
+        let cpu = network.forward_packed(&packed, graph, input, pass, &mut workspace);
+        let cpu = cpu.expect("nobody stops it").iter();
+        let cpu: Vec<f64> = cpu.map(|&x| f64::from(x)).collect();
         let [weights, nodes, arcs, _] = given.wide::<f64>();
         let input = Input {
             nodes: &nodes[..],

@@ -12,8 +12,8 @@ use glam::Vec3;
 use rayon::prelude::*;
 use selvedge_model::{ClothGraph, Connectivity, InputGradient, OUTPUTS, Place, Window};
 use selvedge_train::{
-    Arithmetic, Batch, ComputedTerms, Engine, EngineError, EngineMaker, FramePasses, Learned,
-    LossEvaluator, LossTerms, Setup, ShownSample, SlotRun, Update, run_slots,
+    Arithmetic, Batch, Engine, EngineError, EngineMaker, FramePasses, Learned, LossEvaluator,
+    LossTerms, Setup, ShownSample, SlotRun, Update, run_slots,
 };
 
 use crate::gpu::{Gpu, GpuError};
@@ -91,7 +91,7 @@ impl GpuEngine {
         let union = Connectivity::union(parts.cycle().take(samples * graphs.len()));
         let passes = Passes::new(&gpu, setup.network, &union, Some(training), None)?;
         passes.set_learned(setup.learned);
-        let losses = || LossEvaluator::new(setup.cfg.losses, ComputedTerms::Weighted);
+        let losses = || LossEvaluator::new(setup.cfg.losses);
         Ok(Self {
             gpu,
             passes,

@@ -86,15 +86,10 @@ fn larger(a: f64, b: f64) -> f64 {
 mod tests {
     use super::*;
     use glam::DVec3;
-    use selvedge_cloth::generate::{SquareSpec, square};
+    use selvedge_cloth::generate::square;
 
     fn gauge() -> (Gauge, Vec<Vec3>) {
-        let spec = SquareSpec {
-            vertices: 40,
-            size: 1.0,
-            seed: 2,
-        };
-        let mesh = square(&spec).unwrap().mesh;
+        let mesh = square(40, 1.0, 2).unwrap().mesh;
         let flat = mesh.material_coordinates();
         let edges: Vec<[u32; 2]> = mesh
             .topology()

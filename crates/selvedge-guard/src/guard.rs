@@ -18,8 +18,8 @@ use std::sync::Arc;
 
 use glam::Vec3;
 use selvedge_cloth::{
-    Cloth, Correctable, HandleTargets, Handles, Scene, StepError, Stepper, Stop, Topology,
-    VertexId, check_target_count,
+    Cloth, Correctable, HandleTargets, Handles, Scene, SettingError, StepError, Stepper, Stop,
+    Topology, VertexId, check_target_count,
 };
 use selvedge_sim::{Led, SimulatorError};
 use thiserror::Error;
@@ -28,7 +28,7 @@ use crate::carry::carry;
 use crate::gauge::Gauge;
 use crate::limiter::{EdgeLimiter, LimitedEdge};
 use crate::rescue::Physics;
-use crate::settings::{Correction, GuardSettings, SettingsError};
+use crate::settings::{Correction, GuardSettings};
 use crate::trust::{ContactWord, Moved, Replacement, Trust, Verdict};
 
 /// Reason why a cloth cannot be guarded.
@@ -36,7 +36,7 @@ use crate::trust::{ContactWord, Moved, Replacement, Trust, Verdict};
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum GuardError {
     #[error(transparent)]
-    Settings(#[from] SettingsError),
+    Settings(#[from] SettingError),
     #[error("the cloth's {what} are not those that its stepper moves")]
     OtherCloth { what: &'static str },
     #[error(

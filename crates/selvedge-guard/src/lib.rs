@@ -11,7 +11,7 @@
 //!
 //! ```
 //! use glam::{DVec3, Vec3};
-//! use selvedge_cloth::generate::{SquareSpec, square};
+//! use selvedge_cloth::generate::square;
 //! use selvedge_cloth::{Cloth, Correctable, HandleTargets, Handles, StepError, Stepper, Topology};
 //! use selvedge_guard::{Guard, GuardSettings, Replacement, Verdict};
 //!
@@ -54,7 +54,7 @@
 //! #   }
 //! }
 //!
-//! let sheet = square(&SquareSpec { vertices: 49, size: 1.0, seed: 1 })?;
+//! let sheet = square(49, 1.0, 1)?;
 //! let handles = Handles::new(&sheet.labels["upper-corners"], 49)?;
 //! let cloth = Cloth::of_mesh(&sheet.mesh, 0.2, handles)?;
 //! let positions = cloth.rest_positions().to_vec();
@@ -88,5 +88,5 @@ mod trust;
 
 pub use gauge::Measured;
 pub use guard::{Guard, GuardError, PhysicsFailure};
-pub use settings::{Correction, GuardSettings, SettingsError};
+pub use settings::{Correction, GuardSettings};
 pub use trust::{ContactWord, GuardSummary, Moved, Replacement, Trust, Verdict};

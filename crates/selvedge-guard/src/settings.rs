@@ -1,6 +1,6 @@
 //! Settings of a guard: bounds, and the correction of frames beyond them.
 
-use thiserror::Error;
+use selvedge_cloth::{SettingError, require};
 
 /// Correction of a frame that is beyond its bounds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -36,15 +36,6 @@ pub struct GuardSettings {
     pub sweeps: u32,
 }
 
-/// A setting with an invalid value.
-#[derive(Clone, Debug, Error, PartialEq)]
-#[error("guard.{field} must be {expected}, found {found}")]
-pub struct SettingsError {
-    field: &'static str,
-    expected: &'static str,
-    found: f64,
-}
-
 impl Default for GuardSettings {
     fn default() -> Self {
         Self {
@@ -69,56 +60,37 @@ impl GuardSettings {
     }
 
     /// Checks every number.
-    pub fn validate(&self) -> Result<(), SettingsError> {
+    pub fn validate(&self) -> Result<(), SettingError> {
         let strain = self.most_stretch - 1.0;
         let positive = |x: f64| x.is_finite() && x > 0.0;
-        for (field, holds, expected, found) in [
-            (
-                "least_stretch",
-                (0.0..1.0).contains(&self.least_stretch),
-                "at least 0 and below 1",
-                self.least_stretch,
-            ),
-            (
-                "most_stretch",
-                positive(strain),
-                "finite and above 1",
-                self.most_stretch,
-            ),
-            (
-                "rest_margin",
-                positive(self.rest_margin) && self.rest_margin < 1.0,
-                "between 0 and 1",
-                self.rest_margin,
-            ),
-            (
-                "lost_strain",
-                self.lost_strain >= strain,
-                "at least most_stretch - 1",
-                self.lost_strain,
-            ),
-            (
-                "lost_correction",
-                self.lost_correction > 0.0,
-                "positive",
-                self.lost_correction,
-            ),
-            (
-                "sweeps",
-                self.sweeps > 0,
-                "at least 1",
-                f64::from(self.sweeps),
-            ),
-        ] {
-            if !holds {
-                return Err(SettingsError {
-                    field,
-                    expected,
-                    found,
-                });
-            }
-        }
-        Ok(())
+        let holds = (0.0..1.0).contains(&self.least_stretch);
+        let expected = "at least 0 and below 1";
+        require(holds, "guard.least_stretch", expected, self.least_stretch)?;
+        let expected = "finite and above 1";
+        require(
+            positive(strain),
+            "guard.most_stretch",
+            expected,
+            self.most_stretch,
+        )?;
+        let holds = positive(self.rest_margin) && self.rest_margin < 1.0;
+        require(
+            holds,
+            "guard.rest_margin",
+            "between 0 and 1",
+            self.rest_margin,
+        )?;
+        let holds = self.lost_strain >= strain;
+        let expected = "at least most_stretch - 1";
+        require(holds, "guard.lost_strain", expected, self.lost_strain)?;
+        let holds = self.lost_correction > 0.0;
+        require(
+            holds,
+            "guard.lost_correction",
+            "positive",
+            self.lost_correction,
+        )?;
+        require(self.sweeps > 0, "guard.sweeps", "at least 1", self.sweeps)
     }
 }
 

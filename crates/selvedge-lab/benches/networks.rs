@@ -24,7 +24,7 @@ use std::time::Instant;
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use selvedge_cloth::generate::{SquareSpec, square};
+use selvedge_cloth::generate::square;
 use selvedge_model::{
     Connectivity, Encoder, Gradients, Input, Instructions, ModelSpec, Network, Pass, Purpose,
     Workspace,
@@ -73,12 +73,7 @@ fn main() {
         ("small", physical(5, 64, 8)),
     ];
     let wanted = |name: &str| ["all", name].contains(&settings["network"].as_str());
-    let spec = SquareSpec {
-        vertices: number("vertices"),
-        size: 1.0,
-        seed: 1,
-    };
-    let one = Connectivity::of(square(&spec).unwrap().mesh.topology());
+    let one = Connectivity::of(square(number("vertices"), 1.0, 1).unwrap().mesh.topology());
     let graph = Connectivity::union(std::iter::repeat_n(&one, number("cloths")));
     println!("| network | pass | step | other pass | other step |");
     for (name, spec) in networks.iter().filter(|(name, _)| wanted(name)) {

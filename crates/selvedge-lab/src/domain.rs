@@ -2,7 +2,7 @@
 //! first frame.
 
 use selvedge_cloth::{MotionError, Scene};
-use selvedge_data::{Dataset, DatasetError, Split, Trajectory};
+use selvedge_data::Trajectory;
 use selvedge_model::{Aspect, Departure, Domain, Model};
 use selvedge_train::{TrainingSetError, domain_of};
 use thiserror::Error;
@@ -19,10 +19,6 @@ pub enum DomainError {
     Motion(#[from] MotionError),
     #[error(transparent)]
     Trajectory(#[from] TrainingSetError),
-    #[error(transparent)]
-    Dataset(#[from] DatasetError),
-    #[error("the data set has no trajectories to train on")]
-    Empty,
 }
 
 /// The ways in which a motion goes beyond a model's training.
@@ -66,16 +62,6 @@ pub fn of_trajectory(
         return Ok(None);
     };
     checked(&trained, &domain_of(motion, trajectory)?).map(Some)
-}
-
-/// The domain of the training trajectories of a data set.
-pub fn of_dataset(dataset: &Dataset) -> Result<Domain, DomainError> {
-    let mut all = None;
-    for entry in dataset.entries(Split::Train) {
-        let trajectory = dataset.read(entry)?;
-        Domain::widen(&mut all, domain_of(&entry.motion, &trajectory)?);
-    }
-    all.ok_or(DomainError::Empty)
 }
 
 fn checked(trained: &Domain, found: &Domain) -> Result<Vec<Departure>, DomainError> {

@@ -2,7 +2,7 @@
 //!
 //! The lock is the system's, on the file `.selvedge.lock` in the folder, which names its owner. A
 //! process that ends lets it go, however it ends: what a killed run left is taken over. Where a
-//! file system has no locks, an owner on the same machine counts as long as its process lives.
+//! file system has no locks, nothing keeps two runs apart.
 
 use std::fs::{self, File, TryLockError};
 use std::io::{self, Read, Seek, Write};
@@ -39,16 +39,11 @@ impl FolderLock {
             options.read(true).write(true).create(true).truncate(false);
             let mut file = options.open(&path).map_err(LockFailure::Io)?;
             match file.try_lock() {
-                Ok(()) => {}
                 Err(TryLockError::WouldBlock) => {
                     return Err(LockFailure::Held(owner(&mut file)));
                 }
-                Err(TryLockError::Error(_)) => {
-                    let owner = owner(&mut file);
-                    if is_alive(&owner) {
-                        return Err(LockFailure::Held(owner));
-                    }
-                }
+                // A file system without locks.
+                Ok(()) | Err(TryLockError::Error(_)) => {}
             }
             // Whoever held it may have removed the file meanwhile: then this lock is on nothing.
             if is_same(&file, &path) {
@@ -98,16 +93,6 @@ fn host() -> String {
     }
 }
 
-/// Returns true unless the owner is a process of this machine that has ended.
-fn is_alive(owner: &str) -> bool {
-    let mut words = owner.split_whitespace().skip(1);
-    let (Some(process), Some("on"), Some(machine)) = (words.next(), words.next(), words.next())
-    else {
-        return false;
-    };
-    machine != host() || Path::new("/proc").join(process).exists()
-}
-
 #[cfg(unix)]
 fn is_same(file: &File, path: &Path) -> bool {
     use std::os::unix::fs::MetadataExt;
@@ -135,7 +120,6 @@ mod tests {
         };
         let expected = format!("process {} on {}", std::process::id(), host());
         assert_eq!(owner, expected);
-        assert!(is_alive(&owner));
         drop(lock);
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
         drop(FolderLock::take(folder.path()).unwrap());
@@ -148,9 +132,6 @@ mod tests {
         // No process has this number on Linux.
         let ended = format!("process 4194999 on {}", host());
         fs::write(&path, &ended).unwrap();
-        assert!(!is_alive(&ended));
-        assert!(is_alive("process 1 on another-machine"));
-        assert!(!is_alive("nonsense"));
         let lock = FolderLock::take(folder.path()).unwrap();
         let text = fs::read_to_string(&path).unwrap();
         assert!(text.contains(&std::process::id().to_string()), "{text}");

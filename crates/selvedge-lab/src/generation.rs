@@ -5,9 +5,6 @@
 //! number of threads. A finished trajectory is in the index at once, so that an interrupted run
 //! loses at most the scenes under way. A run that ends before the first leaves nothing behind: its
 //! preset may be another the next time.
-//!
-//! With several ranks, rank 0 finds the rest poses and writes the files; the scenes are handed out,
-//! and trajectories travel as the bytes of their files.
 
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
@@ -17,21 +14,19 @@ use std::sync::{Mutex, PoisonError};
 use glam::DVec3;
 use rayon::prelude::*;
 use selvedge_cloth::MotionError;
-use selvedge_cluster::{ClusterError, Shard};
+use selvedge_cluster::Shard;
 use selvedge_data::{
     Dataset, DatasetError, DatasetParts, DatasetPreset, DatasetWriter, LoadedScene, Merged,
     SceneSpecError, Split, Trajectory,
 };
 use selvedge_sim::{DividedFrames, Threads};
-use serde::Serialize;
-use serde::de::DeserializeOwned;
 use thiserror::Error;
 
 use crate::event::{End, OnEvent, Reporter};
 use crate::folder::{self, FolderError};
 use crate::folder_kind::FolderKind;
 use crate::physics::{self, RestPoseError, RunTrajectoryError, SimulationError};
-use crate::workers::{self, Crew, Outcome, WorkerError};
+use crate::workers::WorkerError;
 
 /// A data set that cannot be made.
 #[derive(Debug, Error)]
@@ -48,9 +43,6 @@ pub enum GenerateError {
     Simulation(#[from] SimulationError),
     Trajectory(#[from] RunTrajectoryError),
     Threads(#[from] WorkerError),
-    Ranks(#[from] ClusterError),
-    #[error("rank 0 sent what no rank of this version sends: start one program on all ranks")]
-    Foreign,
 }
 
 /// A data set that cannot be opened.
@@ -125,62 +117,22 @@ pub struct Order<'a> {
     pub part: Option<Shard>,
 }
 
-/// Makes a data set or a part of one, or goes on with it. Rank 0 says what was made; the others
-/// return nothing.
+/// Makes a data set or a part of one, or goes on with it, on `threads`, by default one per processor.
 ///
 /// # Errors
-/// What of a scene, the folder or a file went wrong, and on which rank.
+/// What of a scene, the folder or a file went wrong.
 pub fn generate(
     order: Order<'_>,
-    crew: &Crew,
+    threads: Option<usize>,
     on_event: &mut OnEvent<'_>,
-) -> Result<Option<Generated>, GenerateError> {
-    let reporter = Reporter::new(on_event);
-    match crew.ranks.is_first() {
-        true => make_dataset(order, crew, &reporter).map(Some),
-        false => help(order, crew, &reporter).map(|()| None),
-    }
+) -> Result<Generated, GenerateError> {
+    make_dataset(order, threads, &Reporter::new(on_event))
 }
 
-/// The work of a rank that is not the first.
-pub(crate) fn help(
-    order: Order<'_>,
-    crew: &Crew,
-    reporter: &Reporter<'_>,
-) -> Result<(), GenerateError> {
-    let names = of_first::<Vec<(Split, String)>>(crew, &Vec::new())?;
-    let jobs = jobs(order.preset, names)?;
-    let rests = shared_rests(crew, Rests::new())?;
-    simulate_over_ranks(&jobs, &rests, None, crew, reporter)?;
-    Ok(())
-}
-
-/// Gives every rank the value of rank 0.
-pub(crate) fn of_first<T: Serialize + DeserializeOwned>(
-    crew: &Crew,
-    own: &T,
-) -> Result<T, GenerateError> {
-    let told = serde_json::to_vec(own).map_err(|_| GenerateError::Foreign)?;
-    let told = crew.ranks.broadcast(told)?;
-    serde_json::from_slice(&told).map_err(|_| GenerateError::Foreign)
-}
-
-/// The rest poses of rank 0, to the last bit.
-fn shared_rests(crew: &Crew, own: Rests) -> Result<Rests, GenerateError> {
-    let rows = |rest: Vec<DVec3>| rest.iter().map(|p| p.to_array()).collect();
-    let own: Vec<(Option<String>, Vec<[f64; 3]>)> = own
-        .into_iter()
-        .map(|(cloth, rest)| (cloth, rows(rest)))
-        .collect();
-    let all = of_first(crew, &own)?.into_iter();
-    let rest = |rows: Vec<[f64; 3]>| rows.into_iter().map(DVec3::from_array).collect();
-    Ok(all.map(|(cloth, rows)| (cloth, rest(rows))).collect())
-}
-
-/// As [`generate`], on rank 0 and within a longer operation.
+/// As [`generate`], within a longer operation.
 pub(crate) fn make_dataset(
     order: Order<'_>,
-    crew: &Crew,
+    threads: Option<usize>,
     reporter: &Reporter<'_>,
 ) -> Result<Generated, GenerateError> {
     let Order {
@@ -192,7 +144,7 @@ pub(crate) fn make_dataset(
     let _claimed = folder::claim_folder(folder, FolderKind::DataSet)?;
     let mut writer = DatasetWriter::open_part(folder, plan, part)?;
     let planned = writer.motion_count();
-    let (jobs, divided) = match make(preset, &mut writer, crew, reporter) {
+    let (jobs, divided) = match make(preset, &mut writer, threads, reporter) {
         Ok(made) => made,
         Err(error) => {
             writer.withdraw();
@@ -225,18 +177,12 @@ pub(crate) fn make_dataset(
 fn make(
     preset: &DatasetPreset,
     writer: &mut DatasetWriter,
-    crew: &Crew,
+    threads: Option<usize>,
     reporter: &Reporter<'_>,
 ) -> Result<(Vec<Job>, DividedFrames), GenerateError> {
-    let names = of_first(crew, &writer.missing())?;
-    let jobs = jobs(preset, names)?;
+    let jobs = jobs(preset, writer.missing())?;
     let rests = rest_poses(&jobs, reporter)?;
-    let divided = if crew.ranks.are_several() {
-        let rests = shared_rests(crew, rests)?;
-        simulate_over_ranks(&jobs, &rests, Some(writer), crew, reporter)?
-    } else {
-        simulate_all(&jobs, &rests, writer, crew.threads, reporter)?
-    };
+    let divided = simulate_all(&jobs, &rests, writer, threads, reporter)?;
     Ok((jobs, divided))
 }
 
@@ -332,52 +278,6 @@ fn simulate_all(
         })
     })?;
     let (_, divided) = writer.into_inner().unwrap_or_else(PoisonError::into_inner);
-    Ok(divided)
-}
-
-/// Simulates the jobs on all ranks; the writer is that of rank 0.
-fn simulate_over_ranks(
-    jobs: &[Job],
-    rests: &Rests,
-    mut writer: Option<&mut DatasetWriter>,
-    crew: &Crew,
-    reporter: &Reporter<'_>,
-) -> Result<DividedFrames, GenerateError> {
-    let task = reporter.count("simulating", jobs.len(), "trajectories");
-    let simulate = |number: usize| -> Result<Outcome<Vec<u8>>, GenerateError> {
-        let mut go_on = || match task.is_stopped() || crew.ranks.is_halted() {
-            true => ControlFlow::Break(()),
-            false => ControlFlow::Continue(()),
-        };
-        let Some((trajectory, divided)) = simulated(&jobs[number], rests, &mut go_on)? else {
-            return Ok(Outcome::Stopped);
-        };
-        let mut bytes = trajectory.to_bytes();
-        bytes.extend(divided.frames.to_le_bytes());
-        bytes.extend(divided.most_substeps.to_le_bytes());
-        Ok(Outcome::Answer(bytes))
-    };
-    let mut divided = DividedFrames::default();
-    workers::share_over_ranks(crew, jobs.len(), &simulate, &mut |number, mut bytes| {
-        let tail = bytes
-            .len()
-            .checked_sub(12)
-            .map(|place| bytes.split_off(place));
-        let tail = tail
-            .as_deref()
-            .and_then(|tail| tail.split_first_chunk::<8>());
-        let (Some((frames, most)), Some(writer)) = (tail, &mut writer) else {
-            return Err(GenerateError::Foreign);
-        };
-        divided = divided.and(DividedFrames {
-            frames: u64::from_le_bytes(*frames),
-            most_substeps: u32::from_le_bytes(most.try_into().unwrap_or_default()),
-        });
-        writer.add_file(jobs[number].split, &jobs[number].motion, &bytes)?;
-        // Whoever simulates asks whether to go on.
-        let _ = task.advance();
-        Ok(())
-    })?;
     Ok(divided)
 }
 

@@ -15,8 +15,8 @@ use selvedge_data::{
     SceneSpecError, StateRun, Trajectory, TrajectoryError, record,
 };
 use selvedge_sim::{
-    ContactCounts, DividedFrames, SagError, SaggedRest, Simulator, SimulatorError, SubstepCounts,
-    Threads, YieldedContact,
+    ContactCounts, DividedFrames, SagError, SaggedRest, SimulatorError, SubstepCounts, Threads,
+    YieldedContact,
 };
 use serde::Serialize;
 use thiserror::Error;
@@ -201,20 +201,11 @@ pub fn run(
     let plan = SimulationPlan {
         start: SavedState::at_rest(start),
         frames,
-        keep: Keep::Positions,
+        keeps_states: false,
         threads,
         stop: Arc::default(),
     };
     Ok(run_plan(scene, plan, on_frame)?.whole()?.0)
-}
-
-/// The part of a run that is kept.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Keep {
-    /// Positions as a trajectory has them.
-    Positions,
-    /// Also the states, in f64.
-    States,
 }
 
 /// A simulation to be made.
@@ -223,8 +214,8 @@ pub struct SimulationPlan {
     pub start: SavedState,
     /// Steps from there.
     pub frames: usize,
-    /// The part that is kept.
-    pub keep: Keep,
+    /// Keeps the states, in f64, beside the positions.
+    pub keeps_states: bool,
     /// The threads; the result is the same on any number.
     pub threads: Threads,
     /// A flag that ends the run within a frame once it is set.
@@ -283,52 +274,19 @@ fn simulate(
         path: &path,
         samples_per_frame: scene.physics.substeps as usize,
     };
-    let mut simulator = match plan.keep {
-        Keep::Positions => Kept::Positions(simulator),
-        Keep::States => Kept::States(StateLog::new(simulator)),
-    };
+    let mut log = StateLog::new(simulator, plan.keeps_states);
     let started = Instant::now();
-    let recording = record(simulator.stepper(), drive, plan.frames, &mut |_| on_frame());
+    let recording = record(&mut log, drive, plan.frames, &mut |_| on_frame());
     let (mut run, failure) = timed(recording, scene.mesh.positions().len(), started);
-    if scene.physics.integrator.order() > 1 {
-        run.substeps = Some(simulator.simulator().stats().substeps);
-    }
-    run.divided = simulator.simulator().stats().divided;
-    run.contact = simulator.simulator().stats().contact;
-    run.yielded = simulator.simulator().yielded().to_vec();
+    let stats = log.simulator.stats();
+    run.substeps = (scene.physics.integrator.order() > 1).then_some(stats.substeps);
+    run.divided = stats.divided;
+    run.contact = stats.contact;
+    run.yielded = log.simulator.yielded().to_vec();
     for words in let_through(scene, &run.yielded) {
         tracing::warn!("{}: {words}", scene.name);
     }
-    Ok((run, simulator.into_states(), failure))
-}
-
-#[allow(clippy::large_enum_variant, reason = "there is one at a time")]
-enum Kept {
-    Positions(Simulator),
-    States(StateLog),
-}
-
-impl Kept {
-    fn stepper(&mut self) -> &mut dyn Stepper {
-        match self {
-            Self::Positions(simulator) => simulator,
-            Self::States(simulator) => simulator,
-        }
-    }
-
-    fn simulator(&self) -> &Simulator {
-        match self {
-            Self::Positions(simulator) => simulator,
-            Self::States(log) => log.simulator(),
-        }
-    }
-
-    fn into_states(self) -> Option<StateRun> {
-        match self {
-            Self::Positions(_) => None,
-            Self::States(simulator) => Some(simulator.into_run()),
-        }
-    }
+    Ok((run, log.states, failure))
 }
 
 /// A recording with its cost since `started`, and the step that failed.

@@ -6,7 +6,7 @@ use std::ops::ControlFlow;
 use glam::Vec3;
 use selvedge_data::{Trajectory, metrics};
 use selvedge_view::{
-    Body, ClipEnd, ClipSettings, Colouring, Panel, Rgb, Run, ScalarField, SheetSettings, ViewError,
+    Body, ClipSettings, Colouring, Panel, Rgb, Run, ScalarField, SheetSettings, ViewError,
     contact_sheet, still, write_clip,
 };
 
@@ -27,7 +27,7 @@ pub const MODEL: &str = "model";
 /// The label over a run of the physics.
 const PHYSICS: &str = "physics";
 
-/// A contact sheet (.png) of moments in motion: the run; beside a truth, that one first, and the run
+/// A contact sheet (.png) of even moments: the run; beside a truth, that one first, and the run
 /// once more in the colours of its error.
 pub fn sheet(show: &Show<'_>) -> Result<Vec<u8>, ViewError> {
     let settings = SheetSettings {
@@ -40,7 +40,7 @@ pub fn sheet(show: &Show<'_>) -> Result<Vec<u8>, ViewError> {
     })
 }
 
-/// A contact sheet (.png) of moments in motion in the colours of the strain: of each vertex, the
+/// A contact sheet (.png) of even moments in the colours of the strain: of each vertex, the
 /// largest elongation of its edges against the material.
 pub fn strain_sheet(title: &str, trajectory: &Trajectory) -> Result<Vec<u8>, ViewError> {
     let run = run_of(trajectory)?;
@@ -61,7 +61,7 @@ pub fn picture(
 ) -> Result<Vec<u8>, ViewError> {
     let frames = trajectory.frame_count();
     if frame >= frames {
-        return Err(ViewError::FrameOutOfRange { frame, frames });
+        return Err(ViewError::no_frame(frame, frames));
     }
     let run = run_of_frames(trajectory, &[frame], trajectory.frame_rate())?;
     let panel = Panel {
@@ -85,7 +85,7 @@ pub fn clip(
     out: &mut dyn Write,
     show: &Show<'_>,
     on_picture: &mut dyn FnMut() -> ControlFlow<()>,
-) -> Result<ClipEnd, ViewError> {
+) -> Result<ControlFlow<()>, ViewError> {
     let settings = ClipSettings::default();
     with_panels(show, |panels| {
         write_clip(out, show.title, panels, &settings, on_picture)
@@ -153,7 +153,7 @@ pub fn run_of_frames<'a>(
         frames.iter().map(|&frame| trajectory.frame(frame)),
         trajectory.handles().vertices(),
         frame_rate,
-    );
+    )?;
     let bodies = trajectory.obstacles().iter().map(|obstacle| {
         let taken = if obstacle.is_still() {
             &frames[..1]
@@ -163,8 +163,7 @@ pub fn run_of_frames<'a>(
         let points = taken.iter().map(|&frame| obstacle.frame(frame));
         Body::new(obstacle.faces(), points)
     });
-    let bodies: Result<Vec<Body<'a>>, _> = bodies.collect();
-    let run = run.and_then(|run| run.with_bodies(bodies?))?;
+    let run = run.with_bodies(bodies.collect());
     let material = trajectory.provenance().scene["setting"]["material"]["name"].as_str();
     Ok(match material.and_then(colour_of) {
         Some(colour) => run.in_colour(colour),

@@ -6,34 +6,25 @@ use selvedge_cloth::{HandleTargets, Scene, StepError, Stepper};
 use selvedge_data::{LastChanges, PreviousState, SavedState, StateRun};
 use selvedge_sim::{Checkpoint, PreviousSubstep, Simulator, SimulatorError};
 
-/// A simulator and its states so far.
+/// A simulator, and its states so far where they are kept.
 pub(crate) struct StateLog {
-    simulator: Simulator,
-    run: StateRun,
+    pub(crate) simulator: Simulator,
+    pub(crate) states: Option<StateRun>,
 }
 
 impl StateLog {
     /// Begins with the state now; every step adds one.
-    pub(crate) fn new(simulator: Simulator) -> Self {
-        let mut log = Self {
-            simulator,
-            run: StateRun::default(),
-        };
+    pub(crate) fn new(simulator: Simulator, keeps_states: bool) -> Self {
+        let states = keeps_states.then(StateRun::default);
+        let mut log = Self { simulator, states };
         log.keep();
         log
     }
 
-    pub(crate) fn simulator(&self) -> &Simulator {
-        &self.simulator
-    }
-
-    /// The states so far.
-    pub(crate) fn into_run(self) -> StateRun {
-        self.run
-    }
-
     fn keep(&mut self) {
-        self.run.states.push(saved_state(&self.simulator));
+        if let Some(run) = &mut self.states {
+            run.states.push(saved_state(&self.simulator));
+        }
     }
 }
 
@@ -119,20 +110,20 @@ mod tests {
     #[test]
     fn a_simulator_with_a_log_conforms() {
         let scene = hanging();
-        let make = || StateLog::new(Simulator::new(&scene).unwrap());
+        let make = || StateLog::new(Simulator::new(&scene).unwrap(), true);
         assert_eq!(check(make, HandlesEnd::AtTargets), Ok(()));
     }
 
     #[test]
     fn a_step_that_fails_leaves_no_state() {
         let scene = hanging();
-        let mut log = StateLog::new(Simulator::new(&scene).unwrap());
+        let mut log = StateLog::new(Simulator::new(&scene).unwrap(), true);
         let none = HandleTargets::at_frame_end(Vec::new()).unwrap();
         assert!(log.step(&none).is_err());
         let held = scene.handles.select(scene.mesh.positions());
         log.step(&HandleTargets::at_frame_end(held).unwrap())
             .unwrap();
-        let frames: Vec<usize> = log.into_run().states.iter().map(|s| s.frame).collect();
+        let frames: Vec<usize> = log.states.unwrap().states.iter().map(|s| s.frame).collect();
         assert_eq!(frames, [0, 1]);
     }
 }

@@ -3,38 +3,13 @@
 //! Each worker has a pool of its own, so that a job that waits for its parts does not begin another
 //! job meanwhile: no more jobs are under way than there are workers, and each has its share of the
 //! threads. Answers come in the order of the jobs.
-//!
-//! With several ranks the jobs are handed out over all of them, and answers travel as bytes.
 
 use std::num::NonZero;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread;
 
 use rayon::ThreadPoolBuildError;
-use selvedge_cluster::{ClusterError, Done, HandOut, HandOutError, Ranks, hand_out};
 use thiserror::Error;
-
-/// Those who share the jobs.
-#[derive(Clone, Debug)]
-pub struct Crew {
-    /// Threads of this process; by default one per processor.
-    pub threads: Option<usize>,
-    /// The ranks that share with this one.
-    pub ranks: Ranks,
-}
-
-impl Crew {
-    /// So many threads of this process alone.
-    pub fn of_threads(threads: Option<usize>) -> Self {
-        let ranks = Ranks::alone();
-        Self { threads, ranks }
-    }
-
-    /// The threads of this process.
-    pub(crate) fn thread_count(&self) -> usize {
-        self.threads.unwrap_or_else(processors)
-    }
-}
 
 /// Threads that cannot do their work.
 #[derive(Debug, Error)]
@@ -44,84 +19,6 @@ pub enum WorkerError {
     Start(#[from] ThreadPoolBuildError),
     #[error("a thread has ended early")]
     Ended,
-    #[error(transparent)]
-    Ranks(#[from] ClusterError),
-}
-
-/// The end of a job that may be done on another rank.
-pub(crate) enum Outcome<R> {
-    /// It is done.
-    Answer(R),
-    /// An end was asked for.
-    Stopped,
-}
-
-/// Bytes of an answer that travels, and the way back.
-pub(crate) struct Packing<R> {
-    pub(crate) pack: fn(&R) -> Vec<u8>,
-    pub(crate) unpack: fn(&[u8]) -> Option<R>,
-}
-
-/// Does so many jobs on all ranks of `crew`, each on one worker with its share of the threads;
-/// `take` has the answers on rank 0, in any order. Returns true where all were done.
-pub(crate) fn share_over_ranks<E>(
-    crew: &Crew,
-    jobs: usize,
-    work: &(dyn Fn(usize) -> Result<Outcome<Vec<u8>>, E> + Sync),
-    take: &mut dyn FnMut(usize, Vec<u8>) -> Result<(), E>,
-) -> Result<bool, E>
-where
-    E: From<WorkerError> + std::error::Error + Send + 'static,
-{
-    let threads = crew.thread_count();
-    let workers = threads.min(jobs).max(1);
-    let plan = HandOut {
-        ranks: &crew.ranks,
-        workers,
-        jobs,
-    };
-    let work = |job| {
-        let done = match pool(threads / workers) {
-            Ok(pool) => pool.install(|| work(job)),
-            Err(error) => Err(error.into()),
-        };
-        match done {
-            Ok(Outcome::Answer(bytes)) => Done::Answer(bytes),
-            Ok(Outcome::Stopped) => Done::Stopped,
-            Err(error) => Done::Failed(crate::cause::chain(&error)),
-        }
-    };
-    hand_out(plan, &work, take).map_err(|error| match error {
-        HandOutError::Cluster(error) => WorkerError::from(error).into(),
-        HandOutError::Take(error) => error,
-    })
-}
-
-/// As [`share`], on all ranks of `crew`. Rank 0 has the answers, the others have none.
-pub(crate) fn share_with<J: Sync, R: Send, E>(
-    crew: &Crew,
-    jobs: &[J],
-    packing: &Packing<R>,
-    work: impl Fn(&J) -> Result<Option<R>, E> + Sync,
-) -> Result<Vec<Option<R>>, E>
-where
-    E: From<WorkerError> + std::error::Error + Send + 'static,
-{
-    if !crew.ranks.are_several() {
-        return share(crew.threads, jobs, work);
-    }
-    let mut answers: Vec<Option<R>> = jobs.iter().map(|_| None).collect();
-    let work = |job: usize| -> Result<Outcome<Vec<u8>>, E> {
-        Ok(match work(&jobs[job])? {
-            Some(answer) => Outcome::Answer((packing.pack)(&answer)),
-            None => Outcome::Stopped,
-        })
-    };
-    share_over_ranks(crew, jobs.len(), &work, &mut |job, bytes| {
-        answers[job] = (packing.unpack)(&bytes);
-        Ok(())
-    })?;
-    Ok(answers)
 }
 
 /// Does all `jobs` on `threads`, by default one per processor. After a job that fails no other is

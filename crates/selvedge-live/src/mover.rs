@@ -105,11 +105,15 @@ pub trait LiveStepper: Stepper + Send {
 /// The reason why a cloth cannot be made ready, moved or recorded, in words for people.
 #[derive(Debug, thiserror::Error)]
 #[error(transparent)]
-pub struct LiveError(Box<dyn Error + Send + Sync>);
+pub struct LiveError(Reason);
+
+/// The reason why a request is not met or a recording is lost, as pages are told it; everything
+/// goes on as before.
+pub(crate) type Reason = Box<dyn Error + Send + Sync>;
 
 impl LiveError {
     /// An error with the message of `cause`.
-    pub fn new(cause: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
+    pub fn new(cause: impl Into<Reason>) -> Self {
         Self(cause.into())
     }
 }

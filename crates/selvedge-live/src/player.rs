@@ -5,6 +5,7 @@ use std::sync::Arc;
 use glam::Vec3;
 use selvedge_data::Trajectory;
 
+use crate::mover::LiveError;
 use crate::state::{Show, TrackState};
 use crate::strain_gauge::StrainGauge;
 
@@ -24,42 +25,11 @@ pub struct Tape {
     tracks: Vec<NamedTrack>,
 }
 
-/// Recordings that cannot be played side by side.
-#[derive(Clone, Debug, thiserror::Error, PartialEq, Eq)]
-pub enum TapeError {
-    /// No recording.
-    #[error("there is no recording to play")]
-    Empty,
-    /// Recordings of several cloths.
-    #[error("{first} and {other} are not of one mesh: recordings side by side have the same faces")]
-    Cloth {
-        /// The name of one.
-        first: String,
-        /// The name of the other.
-        other: String,
-    },
-    /// Recordings with several clocks, or of cloths cut otherwise.
-    #[error(
-        "{other} has {found} {what}, but {first} has {expected}: recordings side by side must match, play them one by one"
-    )]
-    Differ {
-        /// The name of one.
-        first: String,
-        /// The name of the other.
-        other: String,
-        /// The quantity in which they differ.
-        what: String,
-        /// The value of the first.
-        expected: String,
-        /// The value of the other.
-        found: String,
-    },
-}
-
 impl Tape {
     /// Puts recordings of one cloth side by side.
-    pub fn new(name: impl Into<String>, tracks: Vec<NamedTrack>) -> Result<Self, TapeError> {
-        let first = tracks.first().ok_or(TapeError::Empty)?;
+    pub fn new(name: impl Into<String>, tracks: Vec<NamedTrack>) -> Result<Self, LiveError> {
+        let none = || LiveError::new("there is no recording to play");
+        let first = tracks.first().ok_or_else(none)?;
         for other in &tracks {
             check_match(first, other)?;
         }
@@ -82,42 +52,22 @@ impl Tape {
 }
 
 /// Checks that two recordings are of one cloth and have one clock.
-fn check_match(first: &NamedTrack, other: &NamedTrack) -> Result<(), TapeError> {
-    let names = || [first, other].map(|track| track.name.clone());
-    let differ = |what: String, [expected, found]: [String; 2]| {
-        let [first, other] = names();
-        Err(TapeError::Differ {
-            first,
-            other,
-            what,
-            expected,
-            found,
-        })
-    };
+fn check_match(first: &NamedTrack, other: &NamedTrack) -> Result<(), LiveError> {
     let (one, two) = (&*first.trajectory, &*other.trajectory);
-    if one.topology() != two.topology() {
-        let [first, other] = names();
-        return Err(TapeError::Cloth { first, other });
-    }
-    let rates = [one, two].map(Trajectory::frame_rate);
-    if rates[0] != rates[1] {
-        let what = "frames per second".to_owned();
-        return differ(what, rates.map(|rate| rate.to_string()));
-    }
     let [cut, cut_too] = [one, two].map(|track| track.cloth().pattern());
-    let seams = [cut, cut_too].map(|cut| cut.points().len());
-    if cut.corners() != cut_too.corners() {
-        let what = "points of the pattern, sewn otherwise".to_owned();
-        return differ(what, seams.map(|points| points.to_string()));
-    }
-    for (point, (p, q)) in cut.points().iter().zip(cut_too.points()).enumerate() {
-        if p != q {
-            let vertex = cut.vertices()[point];
-            let what = format!("as material coordinates of vertex {vertex}");
-            return differ(what, [p, q].map(ToString::to_string));
-        }
-    }
-    Ok(())
+    let differences = [
+        ("faces", one.topology() != two.topology()),
+        ("frames per second", one.frame_rate() != two.frame_rate()),
+        ("seams", cut.corners() != cut_too.corners()),
+        ("material coordinates", cut.points() != cut_too.points()),
+    ];
+    let Some((what, _)) = differences.into_iter().find(|(_, differ)| *differ) else {
+        return Ok(());
+    };
+    Err(LiveError::new(format!(
+        "{} and {} have different {what}: recordings side by side must match, play them one by one",
+        first.name, other.name
+    )))
 }
 
 /// A tape that is being played.
@@ -221,7 +171,7 @@ mod tests {
         let text = |other: NamedTrack| beside(other).unwrap_err().to_string();
         let message = text(track("b", cloth(), 30.0));
         assert!(
-            message.starts_with("b has 30 frames per second, but a has 60"),
+            message.starts_with("a and b have different frames per second:"),
             "{message}"
         );
         let mut arrays = cloth().arrays().clone();
@@ -229,7 +179,7 @@ mod tests {
         let (topology, handles) = (cloth().topology().clone(), cloth().handles().clone());
         let cut = Cloth::new(topology, handles, arrays).unwrap();
         let message = text(track("b", cut, 60.0));
-        let told = "b has [0.25, -1] as material coordinates of vertex 2, but a has [0, -1]";
+        let told = "a and b have different material coordinates:";
         assert!(message.starts_with(told), "{message}");
     }
 }

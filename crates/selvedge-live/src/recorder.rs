@@ -1,20 +1,17 @@
 //! Recordings: frames of the shown cloth are kept in memory, up to a bound, and written as
 //! trajectories.
 
-use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use selvedge_cloth::ClothError;
-use selvedge_data::export::{self, ExportError};
-use selvedge_data::{ObstacleTrack, Trajectory, TrajectoryError, WriteError};
-use thiserror::Error;
+use selvedge_data::export;
+use selvedge_data::{ObstacleTrack, Trajectory};
 
 use crate::body::{Body, BodyKind};
 use crate::live_cloth::LiveCloth;
-use crate::mover::{Hold, LiveError, MoverKind};
-use crate::player::{NamedTrack, Tape, TapeError};
+use crate::mover::{Hold, LiveError, MoverKind, Reason};
+use crate::player::{NamedTrack, Tape};
 use crate::state::RecordingState;
 
 /// A recording ends by itself here `[bytes]`.
@@ -26,25 +23,6 @@ const MOST_BYTES: usize = 512 << 20;
 const MOST_HEADER_BYTES: usize = 90_000_000;
 /// One such place: three numbers of at most 24 characters, with brackets and commas `[bytes]`.
 const PLACE_BYTES: usize = 80;
-
-/// The reason why a recording is lost.
-#[derive(Debug, Error)]
-pub(crate) enum RecordingError {
-    #[error(transparent)]
-    Provenance(#[from] LiveError),
-    #[error("the recording: {0}")]
-    Cloth(#[from] ClothError),
-    #[error("the recording: {0}")]
-    Trajectory(#[from] TrajectoryError),
-    #[error("{}: the folder cannot be made: {cause}", folder.display())]
-    Folder { folder: PathBuf, cause: io::Error },
-    #[error("{}: {cause}", file.display())]
-    File { file: PathBuf, cause: WriteError },
-    #[error("the recording: {0}")]
-    Glb(#[from] ExportError),
-    #[error(transparent)]
-    Tape(#[from] TapeError),
-}
 
 /// A recording under way.
 pub(crate) struct Recorder {
@@ -134,10 +112,11 @@ impl Recorder {
     }
 
     /// Returns the kept frames as trajectories of `live`.
-    pub(crate) fn finish(self, live: &LiveCloth) -> Result<Vec<RecordedTrack>, RecordingError> {
+    pub(crate) fn finish(self, live: &LiveCloth) -> Result<Vec<RecordedTrack>, Reason> {
         let ready = live.ready();
         let cloth = ready.cloth().clone();
-        let cloth = cloth.with_handles(self.hold.handles.clone())?;
+        let cloth = cloth.with_handles(self.hold.handles.clone());
+        let cloth = cloth.map_err(|error| of_recording(&error))?;
         let vertices = cloth.vertex_count();
         let bodies = bodies(ready.bodies(), &self.bodies);
         let mut finished = Vec::new();
@@ -145,8 +124,9 @@ impl Recorder {
             let frames = track.positions.chunks_exact(vertices);
             let handles = frames.map(|frame| selected(&self.hold, frame)).collect();
             let provenance = ready.provenance(&self.hold, handles)?;
-            let trajectory = Trajectory::new(cloth.clone(), track.positions, provenance)?;
-            let trajectory = trajectory.with_obstacles(bodies.clone())?;
+            let trajectory = Trajectory::new(cloth.clone(), track.positions, provenance)
+                .and_then(|trajectory| trajectory.with_obstacles(bodies.clone()))
+                .map_err(|error| of_recording(&error))?;
             finished.push(RecordedTrack {
                 kind: track.kind,
                 track: NamedTrack {
@@ -197,17 +177,16 @@ fn selected(hold: &Hold, frame: &[Vec3]) -> Vec<DVec3> {
 
 impl Destination {
     /// Writes the tracks of a recording.
-    pub(crate) fn write(
-        &mut self,
-        tracks: Vec<RecordedTrack>,
-    ) -> Result<WrittenRecording, RecordingError> {
+    pub(crate) fn write(&mut self, tracks: Vec<RecordedTrack>) -> Result<WrittenRecording, Reason> {
         match self {
             Self::Folder(folder) => write(tracks, folder),
             Self::Page { number, files } => {
                 *number += 1;
                 let first = files.len();
                 for RecordedTrack { kind, track } in &tracks {
-                    files.push((name(*number, *kind, "glb"), export::glb(&track.trajectory)?));
+                    let contents = export::glb(&track.trajectory);
+                    let contents = contents.map_err(|error| of_recording(&error))?;
+                    files.push((name(*number, *kind, "glb"), contents));
                 }
                 let written = files[first..].iter().map(|(name, _)| name.into());
                 Ok(WrittenRecording {
@@ -219,6 +198,11 @@ impl Destination {
     }
 }
 
+/// The reason why there is no recording.
+fn of_recording(error: &dyn std::error::Error) -> Reason {
+    format!("the recording: {error}").into()
+}
+
 fn name(number: u32, kind: MoverKind, ending: &str) -> String {
     let kind = match kind {
         MoverKind::Model => "model",
@@ -227,16 +211,16 @@ fn name(number: u32, kind: MoverKind, ending: &str) -> String {
     format!("recording-{number}-{kind}.{ending}")
 }
 
-fn tape(number: u32, tracks: Vec<RecordedTrack>) -> Result<Tape, TapeError> {
+fn tape(number: u32, tracks: Vec<RecordedTrack>) -> Result<Tape, LiveError> {
     let tracks = tracks.into_iter().map(|recorded| recorded.track).collect();
     Tape::new(format!("recording {number}"), tracks)
 }
 
 /// Writes the tracks of a recording into `folder`, under the first number that is free.
-fn write(tracks: Vec<RecordedTrack>, folder: &Path) -> Result<WrittenRecording, RecordingError> {
-    std::fs::create_dir_all(folder).map_err(|cause| RecordingError::Folder {
-        folder: folder.to_owned(),
-        cause,
+fn write(tracks: Vec<RecordedTrack>, folder: &Path) -> Result<WrittenRecording, Reason> {
+    std::fs::create_dir_all(folder).map_err(|cause| {
+        let folder = folder.display();
+        format!("{folder}: the folder cannot be made: {cause}")
     })?;
     let path = |number: u32, kind| folder.join(name(number, kind, "safetensors"));
     let is_free = |number: &u32| {
@@ -247,9 +231,8 @@ fn write(tracks: Vec<RecordedTrack>, folder: &Path) -> Result<WrittenRecording, 
     let mut files = Vec::new();
     for RecordedTrack { kind, track } in &tracks {
         let file = path(number, *kind);
-        if let Err(cause) = track.trajectory.write(&file) {
-            return Err(RecordingError::File { file, cause });
-        }
+        let written = track.trajectory.write(&file);
+        written.map_err(|cause| format!("{}: {cause}", file.display()))?;
         files.push(file);
     }
     let tape = tape(number, tracks)?;

@@ -5,7 +5,7 @@ use std::error::Error;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use selvedge_cloth::generate::{SquareSpec, square};
+use selvedge_cloth::generate::square;
 use selvedge_cloth::{Cloth, Environment, HandleTargets, Handles, Stepper};
 use selvedge_model::{ClothGraph, LearnedStepper, Model};
 
@@ -17,11 +17,7 @@ const MODEL: &[u8] = selvedge_assets::PAPER;
 #[allow(clippy::print_stdout, reason = "the result of the example")]
 pub(crate) fn main() -> Result<(), Box<dyn Error>> {
     let model = Arc::new(Model::from_bytes(MODEL)?);
-    let sheet = square(&SquareSpec {
-        vertices: 150,
-        size: 1.0,
-        seed: 1,
-    })?;
+    let sheet = square(150, 1.0, 1)?;
     // The rest pose is the flat square. A pose that sags under gravity is closer to the training.
     let handles = Handles::new(&sheet.labels["upper-corners"], 150)?;
     let cloth = Cloth::of_mesh(&sheet.mesh, 0.15, handles)?;

@@ -12,7 +12,7 @@
 //! ```
 //! use std::sync::Arc;
 //!
-//! use selvedge_cloth::generate::{SquareSpec, square};
+//! use selvedge_cloth::generate::square;
 //! use selvedge_cloth::{Cloth, Environment, HandleTargets, Handles, Stepper};
 //! use selvedge_model::{ClothGraph, LearnedStepper, Model};
 //!
@@ -21,7 +21,7 @@
 //! let model = Arc::new(Model::from_bytes(selvedge_assets::PAPER)?);
 //!
 //! // A square of cloth, 1 m wide and 150 g/m², held by its upper corners.
-//! let sheet = square(&SquareSpec { vertices: 60, size: 1.0, seed: 1 })?;
+//! let sheet = square(60, 1.0, 1)?;
 //! let handles = Handles::new(&sheet.labels["upper-corners"], 60)?;
 //! let cloth = Cloth::of_mesh(&sheet.mesh, 0.15, handles)?;
 //! let graph = ClothGraph::new(&cloth, Environment::default(), 60.0)?;
@@ -53,9 +53,9 @@
 //!   features, **blocks** pass messages along the arcs and update them, a **decoder** makes
 //!   accelerations from them.
 //! - **Integration**: the motion of a cloth without its network, uniform. [`advance`] adds the
-//!   acceleration to it; [`target_acceleration`] is its inverse.
+//!   acceleration to it; [`TwoFrames::acceleration_to`] is its inverse.
 //! - **Pass**: the network on one input. [`Pass::Inference`] gives the output, [`Pass::Training`]
-//!   also keeps the activations for [`Network::backward`].
+//!   also keeps the activations for [`Network::backward_packed`].
 //! - **Packed weights**: matrices in the order in which the kernels read them ([`PackedWeights`]).
 //!   They are packed once for inference and once per step in training.
 //!
@@ -91,7 +91,6 @@ pub use graph::{
     ClothGraph, ClothSize, Connectivity, GraphError, Hinge, LocalFrame, Yaw, geometry,
 };
 pub use kernels::dropout::Dropout;
-pub use kernels::gates::{Gate, GateLayout};
 pub use kernels::real::Real;
 pub use kernels::simd::Instructions;
 pub use network::packed::{PackedWeights, Purpose};
@@ -100,10 +99,7 @@ pub use network::reference;
 pub use network::workspace::Workspace;
 pub use network::{Gradients, Input, InputGradient, Network, NetworkScalar, Pass, Stopped};
 pub use rollout::{
-    LearnedStepper, LocalAcceleration, MODEL_FORMAT, Model, ModelError, ModelFileError, NonFinite,
-    Normalizers, RolloutError, TwoFrames, WeightType, advance, advance_backward, opening_frames,
-    target_acceleration,
+    LearnedStepper, LocalAcceleration, MODEL_FORMAT, Model, ModelFileError, NonFinite, Normalizers,
+    RolloutError, TwoFrames, WeightType, advance, advance_backward, opening_frames,
 };
-pub use spec::{
-    CurrentFrame, EdgeFeature, Encoder, Integration, ModelSpec, NodeFeature, OUTPUTS, SpecError,
-};
+pub use spec::{EdgeFeature, Encoder, Integration, ModelSpec, NodeFeature, OUTPUTS, SpecError};

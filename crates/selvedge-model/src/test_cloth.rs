@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use selvedge_cloth::generate::{SquareSpec, square};
+use selvedge_cloth::generate::square;
 use selvedge_cloth::{Cloth, Environment, Handles};
 
 use crate::graph::ClothGraph;
@@ -36,12 +36,7 @@ impl Hanging {
 /// slightly rippled; the air moves.
 pub(crate) fn parts(side: usize, seed: u64) -> Hanging {
     let vertices = side * side;
-    let spec = SquareSpec {
-        vertices,
-        size: 1.0,
-        seed,
-    };
-    let sheet = square(&spec).expect("a square");
+    let sheet = square(vertices, 1.0, seed).expect("a square");
     let [left, right] = sheet.labels["upper-corners"][..] else {
         panic!("two upper corners");
     };

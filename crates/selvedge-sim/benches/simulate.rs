@@ -1,12 +1,17 @@
-//! Times the simulator on a square of gray interlock whose two upper corners move forward, from the
-//! first move on: a table row per run, for `docs/src/benchmarks.md`.
+//! Times the simulator on a square of gray interlock: a table row per run, for `docs/src/benchmarks.md`.
 //!
-//! `cargo bench -p selvedge-sim --bench simulate -- [KEY=VALUE ...]` with `vertices` (1024), `size`
-//! of the square's side in m (1), `frames` that count (60; half as many before them do not),
-//! `substeps` (4), `threads` (1), `solver` (automatic, cholesky, or the tolerance of conjugate
-//! gradients in m/s), `integrator` (generalised-alpha or linearised). Wall time says
-//! what one waits, processor time what is left of it where the machine is shared. The largest
-//! memory is that of the whole process, mesh generation included.
+//! `cargo bench -p selvedge-sim --bench simulate -- [KEY=VALUE ...]` with `case` (forward), `vertices`
+//! (1024), `size` of the square's side in m (1), `frames` that count (60), those `before` them that do
+//! not (30), `substeps` (4), `threads` (1), `solver` (automatic, cholesky, or the tolerance of
+//! conjugate gradients in m/s), `integrator` (generalised-alpha or linearised). Cases:
+//!
+//! - `forward`: its two upper corners move forward, from the first move on.
+//! - `swing`: the corners swing by 20 cm. `apart`: the same with contact, where nothing touches.
+//! - `draped`: without handles it falls onto a ball. `crumpled`: onto the ground, from upright.
+//! - `thrown`: a ball of 0.3 kg is thrown at it with `speed` in m/s (5), as the viewer does.
+//!
+//! Wall time says what one waits, processor time what is left of it where the machine is shared. The
+//! largest memory is that of the whole process, mesh generation included.
 #![allow(
     clippy::unwrap_used,
     clippy::print_stdout,
@@ -16,22 +21,31 @@
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-use selvedge_cloth::generate::{SquareSpec, square};
+use glam::DVec3;
+use selvedge_cloth::bodies::{Body, plane, sphere};
+use selvedge_cloth::generate::square;
 use selvedge_cloth::motion::named::by_name;
 use selvedge_cloth::{
-    ConjugateGradients, Environment, HandleSchedule, Handles, Integrator, LinearSolver,
-    PhysicsSettings, SagSettings, Scene, Stepper,
+    ConjugateGradients, ContactSettings, HandleTargets, Handles, Integrator, LinearSolver, Mesh,
+    Obstacle, Scene, StepError, Stepper,
 };
 use selvedge_sim::Simulator;
 
 /// Frames that the shipped motion stands still before its first move.
 const STILL: usize = 60;
+/// Height at which a ball waits that is not thrown yet `[m]`.
+const AWAY: f64 = 1e3;
+/// Mass of the ball that is thrown `[kg]`.
+const BALL: f64 = 0.3;
 
 fn main() {
     let keys = [
+        ("case", "forward"),
         ("vertices", "1024"),
         ("size", "1"),
         ("frames", "60"),
+        ("before", "30"),
+        ("speed", "5"),
         ("substeps", "4"),
         ("threads", "1"),
         ("solver", "automatic"),
@@ -59,73 +73,157 @@ fn measure(settings: &BTreeMap<&str, String>) {
     let begin = Instant::now();
     let mut simulator = Simulator::new(&scene).unwrap();
     let set_up = begin.elapsed().as_secs_f64();
-    let path = scene.handle_path().unwrap();
-    let frames: usize = settings["frames"].parse().unwrap();
+    let [frames, before] = ["frames", "before"].map(|key| settings[key].parse::<usize>().unwrap());
+    let mut ball = (settings["case"] == "thrown").then(|| Ball::new(settings));
     let (mut begin, mut processor) = (Instant::now(), processor_seconds());
-    let mut iterations = 0;
-    for frame in 0..frames / 2 + frames {
-        if frame == frames / 2 {
+    let (mut iterations, mut times) = (0, Vec::new());
+    for frame in 0..before + frames {
+        if frame == before {
             (begin, processor) = (Instant::now(), processor_seconds());
         }
-        let targets = path.targets(STILL + frame, scene.physics.substeps as usize);
-        simulator.step(&targets.unwrap()).unwrap();
+        let targets = targets(settings, &scene, frame);
+        let clock = Instant::now();
+        match &mut ball {
+            Some(ball) if frame >= before => ball.step(&mut simulator, &targets),
+            _ => simulator.step(&targets).unwrap(),
+        }
         iterations += simulator.solver_iterations().unwrap_or(0);
+        if frame >= before {
+            times.push(1e3 * clock.elapsed().as_secs_f64());
+        }
     }
     let per_frame = 1e3 / frames as f64;
     println!(
-        "| {} vertices | {} m | {} substeps | {} threads | {} | {:.2} ms wall | {:.2} ms processor | {:.1} iterations | set-up {set_up:.2} s | {:.0} MB |",
+        "| {} | {} vertices | {} m | {} substeps | {} threads | {} | {:.2} ms wall, longest {:.1}, {} above 16.7 | {:.2} ms processor | {:.1} iterations | set-up {set_up:.2} s | {:.0} MB |",
+        settings["case"],
         settings["vertices"],
         settings["size"],
         settings["substeps"],
         settings["threads"],
         settings["solver"],
         begin.elapsed().as_secs_f64() * per_frame,
+        times.iter().copied().fold(0.0, f64::max),
+        times.iter().filter(|ms| **ms > 1e3 / 60.0).count(),
         (processor_seconds() - processor) * per_frame,
-        f64::from(iterations) / (frames / 2 + frames) as f64,
+        f64::from(iterations) / (before + frames) as f64,
         largest_memory_mb(),
     );
+    if scene.contact.is_some() {
+        println!("{:?}", simulator.stats());
+    }
+}
+
+/// Where the handles go in the step from `frame`.
+fn targets(settings: &BTreeMap<&str, String>, scene: &Scene, frame: usize) -> HandleTargets {
+    let aside = match settings["case"].as_str() {
+        "forward" => {
+            let path = scene.handle_path().unwrap();
+            let targets = path.targets(STILL + frame, scene.physics.substeps as usize);
+            return targets.unwrap();
+        }
+        "swing" | "apart" => 0.1 * (1.0 - (0.1 * (frame + 1) as f64).cos()),
+        _ => 0.0,
+    };
+    let start = scene.handles.select(scene.mesh.positions());
+    let moved = start.iter().map(|p| *p + DVec3::X * aside);
+    HandleTargets::at_frame_end(moved.collect()).unwrap()
+}
+
+/// A ball under way, slowed by the cloth.
+struct Ball {
+    place: DVec3,
+    velocity: DVec3,
+}
+
+impl Ball {
+    fn new(settings: &BTreeMap<&str, String>) -> Self {
+        let speed: f64 = settings["speed"].parse().unwrap();
+        Self {
+            place: DVec3::new(1.0, -0.5, 0.05),
+            velocity: DVec3::new(-speed, 1.2, 0.0),
+        }
+    }
+
+    /// A frame in which the ball flies on, or stays where nothing lets it through.
+    fn step(&mut self, simulator: &mut Simulator, targets: &HandleTargets) {
+        self.velocity -= DVec3::Y * (9.8 / 60.0);
+        let next = self.place + self.velocity / 60.0;
+        simulator.lead_obstacle(0, next + DVec3::Y * AWAY);
+        match simulator.step(targets) {
+            Ok(()) => self.place = next,
+            Err(StepError::Contact { .. } | StepError::Overstretched { .. }) => {
+                self.velocity = DVec3::ZERO;
+                simulator.lead_obstacle(0, self.place + DVec3::Y * AWAY);
+                simulator.step(targets).unwrap();
+            }
+            Err(error) => panic!("{error}"),
+        }
+        self.velocity += simulator.obstacle_impulses()[0] / BALL;
+    }
 }
 
 fn scene(settings: &BTreeMap<&str, String>) -> Scene {
     let vertices = settings["vertices"].parse().unwrap();
-    let sheet = square(&SquareSpec {
-        vertices,
-        size: settings["size"].parse().unwrap(),
-        seed: 1,
-    })
-    .unwrap();
-    let material = selvedge_assets::materials::GRAY_INTERLOCK;
-    Scene {
-        name: "forward".to_owned(),
-        handles: Handles::new(&sheet.labels["upper-corners"], vertices).unwrap(),
-        fabrics: BTreeMap::new(),
-        schedule: HandleSchedule::default(),
-        mesh: sheet.mesh,
-        material: toml::from_str(material).unwrap(),
-        environment: Environment::default(),
-        motion: by_name("forward").unwrap(),
-        physics: PhysicsSettings {
-            substeps: settings["substeps"].parse().unwrap(),
-            solver: match settings["solver"].as_str() {
-                "automatic" => LinearSolver::Automatic,
-                "cholesky" => LinearSolver::Cholesky,
-                tolerance => LinearSolver::ConjugateGradients(ConjugateGradients {
-                    tolerance: tolerance.parse().unwrap(),
-                    max_iterations: 10_000,
-                }),
-            },
-            integrator: match settings["integrator"].as_str() {
-                "linearised" => Integrator::Linearised,
-                "generalised-alpha" => Integrator::GeneralisedAlpha(Default::default()),
-                other => panic!("{other:?} is none of generalised-alpha, linearised"),
-            },
-            ..PhysicsSettings::default()
-        },
-        sag: SagSettings::default(),
-        frame_rate: 60.0,
-        contact: None,
-        obstacles: Vec::new(),
+    let sheet = square(vertices, settings["size"].parse().unwrap(), 1).unwrap();
+    let mut mesh = sheet.mesh;
+    let mut held = sheet.labels["upper-corners"].clone();
+    let placed = |body: Body, at: DVec3| {
+        let points = body.points.iter().map(|p| *p + at).collect();
+        vec![Obstacle::new("body", points, body.faces).unwrap()]
+    };
+    let mut obstacles = Vec::new();
+    match settings["case"].as_str() {
+        "forward" | "swing" | "apart" => {}
+        "draped" => {
+            held.clear();
+            mesh = lying(mesh);
+            obstacles = placed(sphere(0.3, 0.05), DVec3::Y * -0.35);
+        }
+        "crumpled" => {
+            held.clear();
+            obstacles = placed(plane([18.0; 2]), DVec3::Y * -1.05);
+        }
+        "thrown" => {
+            let place = DVec3::new(1.0, -0.5 - AWAY, 0.05);
+            obstacles = placed(sphere(0.12, 0.03), place);
+        }
+        other => {
+            panic!("case {other:?} is none of forward, swing, apart, draped, crumpled, thrown")
+        }
     }
+    let material = toml::from_str(selvedge_assets::materials::GRAY_INTERLOCK).unwrap();
+    let handles = Handles::new(&held, vertices).unwrap();
+    let mut scene = Scene::of("bench", mesh, handles, material);
+    scene.motion = by_name("forward").unwrap();
+    scene.obstacles = obstacles;
+    let touches = !matches!(settings["case"].as_str(), "forward" | "swing");
+    scene.contact = touches.then(ContactSettings::default);
+    set_physics(&mut scene, settings);
+    scene
+}
+
+/// The mesh, which hangs, lying flat about the origin.
+fn lying(mesh: Mesh) -> Mesh {
+    let flat = mesh.positions().iter();
+    let flat = flat.map(|p| DVec3::new(p.y + 0.5, 0.0, p.z)).collect();
+    mesh.with_positions(flat).unwrap()
+}
+
+fn set_physics(scene: &mut Scene, settings: &BTreeMap<&str, String>) {
+    scene.physics.substeps = settings["substeps"].parse().unwrap();
+    scene.physics.solver = match settings["solver"].as_str() {
+        "automatic" => LinearSolver::Automatic,
+        "cholesky" => LinearSolver::Cholesky,
+        tolerance => LinearSolver::ConjugateGradients(ConjugateGradients {
+            tolerance: tolerance.parse().unwrap(),
+            max_iterations: 10_000,
+        }),
+    };
+    scene.physics.integrator = match settings["integrator"].as_str() {
+        "linearised" => Integrator::Linearised,
+        "generalised-alpha" => Integrator::GeneralisedAlpha(Default::default()),
+        other => panic!("{other:?} is none of generalised-alpha, linearised"),
+    };
 }
 
 /// Processor time of all threads of this process so far `[s]`, where Linux tells it.

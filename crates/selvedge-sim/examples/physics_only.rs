@@ -8,11 +8,8 @@
 use std::error::Error;
 
 use glam::DVec3;
-use selvedge_cloth::generate::{SquareSpec, square};
-use selvedge_cloth::{
-    Environment, HandleSchedule, HandleTargets, Handles, Isotropic, Material, Motion,
-    PhysicsSettings, SagSettings, Scene, Stepper,
-};
+use selvedge_cloth::generate::square;
+use selvedge_cloth::{HandleTargets, Handles, Isotropic, Material, Motion, Scene, Stepper};
 use selvedge_sim::{Simulator, sag};
 
 /// Frames that are simulated, at 60 per second.
@@ -45,38 +42,24 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 /// A square sheet of 1 m in still air, held along its upper edge.
 fn curtain() -> Result<Scene, Box<dyn Error>> {
-    let sheet = square(&SquareSpec {
-        vertices: 144,
-        size: 1.0,
-        seed: 1,
-    })?;
+    let sheet = square(144, 1.0, 1)?;
     let elastic = Isotropic {
         youngs_modulus: 1e6,
         poissons_ratio: 0.3,
         thickness: 5e-4,
     };
+    let material = Material {
+        name: "isotropic".to_owned(),
+        source: String::new(),
+        density: 0.2,
+        damping: 0.0,
+        stretch: elastic.stretch_table(),
+        bend: elastic.bend_table(),
+    };
+    let handles = Handles::new(&sheet.labels["upper-edge"], 144)?;
     Ok(Scene {
-        name: "curtain".to_owned(),
-        handles: Handles::new(&sheet.labels["upper-edge"], 144)?,
-        mesh: sheet.mesh,
-        fabrics: std::collections::BTreeMap::new(),
-        schedule: HandleSchedule::default(),
-        material: Material {
-            name: "isotropic".to_owned(),
-            source: String::new(),
-            density: 0.2,
-            damping: 0.0,
-            stretch: elastic.stretch_table(),
-            bend: elastic.bend_table(),
-            strain_limits: None,
-        },
-        environment: Environment::default(),
         motion: Motion::still(2.0),
-        physics: PhysicsSettings::default(),
-        sag: SagSettings::default(),
-        frame_rate: 60.0,
-        contact: None,
-        obstacles: Vec::new(),
+        ..Scene::of("curtain", sheet.mesh, handles, material)
     })
 }
 

@@ -8,8 +8,7 @@ use glam::DVec3;
 use selvedge_cloth::{HandleTargets, Scene};
 
 use crate::integrator::{History, SecondOrder, Substep};
-use crate::laws::strain_limit::StrainLimiter;
-use crate::solver::{FactorError, SolveError, System};
+use crate::solver::{SolveError, System};
 use crate::state::State;
 
 /// The active handles and the solvers of all other vertices.
@@ -20,17 +19,13 @@ pub(crate) struct ActiveHandles {
     offsets: Vec<DVec3>,
     /// System of the cloth with the active handles, in their order.
     pub(crate) system: System,
-    /// Limits of the faces, if the material has any.
-    limiter: Option<StrainLimiter>,
     /// Formula of a substep, where that is not backward Euler.
     second_order: Option<SecondOrder>,
-    /// Start of the substep, where the cloth has limits.
-    start: State,
 }
 
 impl ActiveHandles {
     /// All handles of `scene` active, on their paths.
-    pub(crate) fn all(scene: &Scene) -> Result<Self, FactorError> {
+    pub(crate) fn all(scene: &Scene) -> Result<Self, SolveError> {
         let count = scene.handles.len();
         Self::new(scene, vec![true; count], vec![DVec3::ZERO; count])
     }
@@ -43,7 +38,7 @@ impl ActiveHandles {
         targets: &HandleTargets,
         state: &State,
         paths: &[DVec3],
-    ) -> Result<Self, FactorError> {
+    ) -> Result<Self, SolveError> {
         let holds: Vec<bool> = (0..self.holds.len()).map(|h| targets.holds(h)).collect();
         let mut offsets = self.offsets.clone();
         for (handle, vertex) in scene.handles.vertices().iter().enumerate() {
@@ -59,7 +54,7 @@ impl ActiveHandles {
         scene: &Scene,
         holds: Vec<bool>,
         offsets: Vec<DVec3>,
-    ) -> Result<Self, FactorError> {
+    ) -> Result<Self, SolveError> {
         let part;
         let scene = if holds.iter().all(|holds| *holds) {
             scene
@@ -74,9 +69,7 @@ impl ActiveHandles {
         Ok(Self {
             holds,
             offsets,
-            limiter: StrainLimiter::new(scene, system.mass()),
             second_order: SecondOrder::of(scene),
-            start: State::at_origin(system.mass().len()),
             system,
         })
     }
@@ -95,18 +88,16 @@ impl ActiveHandles {
             .all(|(h, holds)| *holds == targets.holds(h))
     }
 
-    /// Moves `state` by one substep over `dt` `[s]`, active handles to `targets` `[m]`, whatever the
-    /// limits of the material: by the scene's formula, or without a `history` by backward Euler, as
-    /// a cloth on its way to rest. Gives γ, the factor `[s]` from a change of velocity to one of
-    /// position in this substep. On an error state and history are unusable, and the caller
-    /// restores them.
+    /// Moves `state` by one substep over `dt` `[s]`, active handles to `targets` `[m]`: by the scene's
+    /// formula, or without a `history` by backward Euler, as a cloth on its way to rest. On an error
+    /// state and history are unusable, and the caller restores them.
     pub(crate) fn advance(
         &mut self,
         dt: f64,
         state: &mut State,
         history: Option<&mut History>,
         targets: &[DVec3],
-    ) -> Result<f64, SolveError> {
+    ) -> Result<(), SolveError> {
         let system = &mut self.system;
         match (&mut self.second_order, history) {
             (Some(second_order), Some(history)) => {
@@ -117,59 +108,13 @@ impl ActiveHandles {
                 };
                 second_order.advance(substep, state, history)
             }
-            _ => system.advance(dt, state, targets).map(|()| dt),
+            _ => system.advance(dt, state, targets),
         }
-    }
-
-    /// As [`Self::advance`], and then within the limits of the material.
-    pub(crate) fn advance_within_limits(
-        &mut self,
-        dt: f64,
-        state: &mut State,
-        history: Option<&mut History>,
-        targets: &[DVec3],
-    ) -> Result<(), SolveError> {
-        let history = history.filter(|_| self.looks_back());
-        let (limiter, history) = match (&self.limiter, history) {
-            (Some(limiter), Some(history)) => (limiter, history),
-            (_, history) => {
-                let gamma = self.advance(dt, state, history, targets)?;
-                return self.limit(gamma, state).map(|_| ());
-            }
-        };
-        // The shift onto the limits is no part of a smooth motion: a substep from or onto them is
-        // backward Euler, and the next one starts anew.
-        if !limiter.is_reached(state) {
-            self.start.copy_from(state);
-            let gamma = self.advance(dt, state, Some(history), targets)?;
-            if !self.limit(gamma, state)? {
-                return Ok(());
-            }
-            state.copy_from(&self.start);
-            history.counts.all -= 1;
-        }
-        history.forget();
-        history.counts.all += 1;
-        history.counts.fell_back += 1;
-        self.advance_within_limits(dt, state, None, targets)
     }
 
     /// Returns true if a substep depends on the state before the last one.
     pub(crate) fn looks_back(&self) -> bool {
         self.second_order.is_some()
-    }
-
-    /// Moves `state`, the end of a substep, within the limits of the material. Returns true if that
-    /// was needed.
-    pub(crate) fn limit(&self, gamma: f64, state: &mut State) -> Result<bool, SolveError> {
-        match &self.limiter {
-            None => Ok(false),
-            Some(limiter) => {
-                let moved = limiter.limit(gamma, state) > 0;
-                state.check_finite()?;
-                Ok(moved)
-            }
-        }
     }
 
     /// Puts the targets of the active handles `[m]` into `targets`; `path` gives the place of a

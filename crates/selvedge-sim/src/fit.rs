@@ -410,7 +410,7 @@ fn still_step(
             velocities: vec![DVec3::ZERO; positions.len()],
             positions: positions.clone(),
         };
-        let solved = active.advance_within_limits(dt, &mut state, None, targets);
+        let solved = active.advance(dt, &mut state, None, targets);
         let is_finite = state.positions.iter().all(|p| p.is_finite());
         if solved.is_ok()
             && is_finite

@@ -12,7 +12,7 @@
 //!
 //! ```
 //! use glam::DVec3;
-//! use selvedge_cloth::generate::{SquareSpec, square};
+//! use selvedge_cloth::generate::square;
 //! use selvedge_cloth::{
 //!     Environment, HandleSchedule, HandleTargets, Handles, Isotropic, Material, Motion,
 //!     PhysicsSettings, SagSettings, Scene, Stepper,
@@ -20,31 +20,18 @@
 //! use selvedge_sim::{Simulator, sag};
 //!
 //! // A sheet of 49 vertices, 1 m wide, held at its upper corners.
-//! let sheet = square(&SquareSpec { vertices: 49, size: 1.0, seed: 1 })?;
+//! let sheet = square(49, 1.0, 1)?;
 //! let elastic = Isotropic { youngs_modulus: 1e6, poissons_ratio: 0.3, thickness: 5e-4 };
-//! let scene = Scene {
-//!     name: "a first cloth".to_owned(),
-//!     handles: Handles::new(&sheet.labels["upper-corners"], 49)?,
-//!     mesh: sheet.mesh,
-//!     fabrics: std::collections::BTreeMap::new(),
-//!     schedule: HandleSchedule::default(),
-//!     material: Material {
-//!         name: "rubbery".to_owned(),
-//!         source: String::new(),
-//!         density: 0.2, // kg/m²
-//!         damping: 0.0,
-//!         stretch: elastic.stretch_table(),
-//!         bend: elastic.bend_table(),
-//!         strain_limits: None,
-//!     },
-//!     environment: Environment::default(),
-//!     motion: Motion::still(1.0),
-//!     physics: PhysicsSettings::default(),
-//!     sag: SagSettings::default(),
-//!     frame_rate: 60.0,
-//!     contact: None,
-//!     obstacles: Vec::new(),
+//! let rubber = Material {
+//!     name: "rubbery".to_owned(),
+//!     source: String::new(),
+//!     density: 0.2, // kg/m²
+//!     damping: 0.0,
+//!     stretch: elastic.stretch_table(),
+//!     bend: elastic.bend_table(),
 //! };
+//! let handles = Handles::new(&sheet.labels["upper-corners"], 49)?;
+//! let scene = Scene::of("a first cloth", sheet.mesh, handles, rubber);
 //!
 //! // The rest pose, then ten frames in which both handles move sideways by 1 cm each.
 //! let rest = sag(&scene)?;

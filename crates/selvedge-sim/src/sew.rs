@@ -75,7 +75,7 @@ pub(crate) fn sew(
         let targets: Vec<DVec3> = pairs.map(|(from, to)| from.lerp(*to, part)).collect();
         now.gap = Some(gap * (1.0 - part));
         let solved = stop::beside(&stop, &mut || progress(now), || {
-            active.advance_within_limits(dt, &mut state, None, &targets)
+            active.advance(dt, &mut state, None, &targets)
         });
         if stop.is_wanted() {
             return Err(FitError::Stopped);

@@ -13,7 +13,7 @@ use selvedge_cloth::{HandleError, HandleTargets, Scene, SceneError, StepError, S
 use crate::active_handles::ActiveHandles;
 use crate::contact::{Contact, ContactCounts, Span};
 use crate::integrator::{History, SubstepCounts};
-use crate::solver::SolveError;
+use crate::solver::{SolveError, SubstepError};
 use crate::state::State;
 use crate::threads::Threads;
 use crate::watched_edges::{Overstretched, WatchedEdges};
@@ -21,7 +21,6 @@ pub use checkpoint::{Checkpoint, PreviousSubstep};
 pub use error::SimulatorError;
 pub use snapshot::DividedFrames;
 use snapshot::{Part, Snapshot};
-use substep_error::SubstepError;
 
 mod checkpoint;
 mod contact;
@@ -31,7 +30,6 @@ mod frame;
 mod resume;
 mod snapshot;
 mod stepping;
-mod substep_error;
 
 /// A cloth that moves by its measured stiffness, gravity and air.
 pub struct Simulator {
@@ -313,7 +311,7 @@ impl Simulator {
         let mut active = self
             .active
             .changed(&self.scene, targets, &self.state, &self.reached)
-            .map_err(|cause| self.step_error(SolveError::from(cause).into(), 0))?;
+            .map_err(|cause| self.step_error(cause.into(), 0))?;
         active.system.stop_by(self.stop.clone());
         Ok(Some(std::mem::replace(&mut self.active, active)))
     }
@@ -325,8 +323,7 @@ impl Simulator {
         match &mut self.contact {
             None => {
                 let targets = &self.targets;
-                self.active
-                    .advance_within_limits(dt, state, Some(history), targets)?;
+                self.active.advance(dt, state, Some(history), targets)?;
             }
             Some(contact) => {
                 let span = Span {

@@ -11,7 +11,7 @@ use std::path::Path;
 use selvedge_data::{Dataset, TensorOut, TensorValues, WriteError, write_tensors};
 
 pub(crate) use self::differences::differences_but_encoder;
-pub use self::error::{ContentProblem, ResumeError};
+pub use self::error::ResumeError;
 pub use self::file::CHECKPOINT_FORMAT;
 use self::file::{CheckpointFile, State, VERSION, history_name};
 use crate::config::TrainConfig;
@@ -93,9 +93,8 @@ impl Trainer {
         engine: &dyn EngineMaker,
     ) -> Result<Self, ResumeError> {
         cfg.validate().map_err(TrainError::from)?;
-        let bytes = selvedge_data::read_file(path).map_err(|source| ResumeError::Read {
-            path: path.to_owned(),
-            source,
+        let bytes = selvedge_data::read_file(path).map_err(|source| {
+            ResumeError::File(format!("cannot read {}: {source}", path.display()))
         })?;
         let file = CheckpointFile::open(path, &bytes)?;
         file.check(&cfg)?;

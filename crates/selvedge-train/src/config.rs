@@ -83,20 +83,6 @@ impl TrainConfig {
         self.scheduled_sampling.labels == Labels::Expert
     }
 
-    /// Reads and checks the TOML file at `path`.
-    pub fn read(path: &Path) -> Result<Self, ConfigError> {
-        Self::read_with(path, &[])
-    }
-
-    /// The same with some of its values changed, later ones after earlier ones.
-    pub fn read_with(path: &Path, settings: &[Setting]) -> Result<Self, ConfigError> {
-        let text = selvedge_data::read_text(path).map_err(|source| ConfigError::Read {
-            path: path.to_owned(),
-            source,
-        })?;
-        Self::parse_with(&text, path, settings)
-    }
-
     /// Reads and checks the TOML text of a configuration; errors name it `path`.
     pub fn parse(text: &str, path: &Path) -> Result<Self, ConfigError> {
         Self::parse_with(text, path, &[])
@@ -120,23 +106,6 @@ impl TrainConfig {
             path: path(),
             source,
         })?;
-        Ok(cfg)
-    }
-
-    /// The whole course of this training in `steps` steps: its schedules shrunk or stretched in
-    /// proportion, to the nearest step.
-    pub fn scaled_to(&self, steps: u64) -> Result<Self, InvalidConfig> {
-        let mut cfg = self.clone();
-        let mut changes = cfg.learning_rate.steps();
-        changes.extend(cfg.scheduled_sampling.truth.steps());
-        changes.extend(cfg.unroll.steps());
-        for step in changes {
-            let exact = u128::from(*step) * u128::from(steps);
-            let of = u128::from(self.steps.max(1));
-            *step = u64::try_from((exact + of / 2) / of).unwrap_or(u64::MAX);
-        }
-        cfg.steps = steps;
-        cfg.validate()?;
         Ok(cfg)
     }
 

@@ -16,7 +16,7 @@ use std::sync::Arc;
 
 use selvedge_cloth::Stop;
 use selvedge_cluster::Ranks;
-use selvedge_model::{ClothGraph, Model, ModelError, ModelSpec, Network, Normalizers};
+use selvedge_model::{ClothGraph, Model, ModelSpec, Network, Normalizers, SpecError};
 use thiserror::Error;
 
 pub use self::cpu::OnProcessor;
@@ -73,7 +73,7 @@ impl Learned {
         spec: &ModelSpec,
         normalizers: &Normalizers,
         training: String,
-    ) -> Result<Model, ModelError> {
+    ) -> Result<Model, SpecError> {
         let weights = self.averaged.as_ref().unwrap_or(&self.weights).clone();
         Model::new(spec, weights, normalizers.clone(), training)
     }

@@ -27,13 +27,13 @@
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! use std::path::Path;
 //!
-//! use selvedge_cloth::generate::{SquareSpec, square};
+//! use selvedge_cloth::generate::square;
 //! use selvedge_cloth::{Cloth, Handles};
 //! use selvedge_data::{DatasetPlan, DatasetWriter, Provenance, SectionRule, Split, Trajectory};
 //! use selvedge_train::{OnProcessor, TrainConfig, Trainer};
 //!
 //! // A square of nine vertices that hangs from two corners and swings, over 30 frames.
-//! let sheet = square(&SquareSpec { vertices: 9, size: 1.0, seed: 7 })?;
+//! let sheet = square(9, 1.0, 7)?;
 //! let handles = Handles::new(&sheet.labels["upper-corners"], 9)?;
 //! let cloth = Cloth::of_mesh(&sheet.mesh, 0.15, handles)?;
 //! let swing = |frame: usize, depth: f64| 0.1 * depth * (0.2 * frame as f64).sin();
@@ -119,7 +119,7 @@ mod test_data;
 mod trainer;
 mod training_set;
 
-pub use checkpoint::{CHECKPOINT_FORMAT, ContentProblem, ResumeError};
+pub use checkpoint::{CHECKPOINT_FORMAT, ResumeError};
 pub use config::{
     BatchConfig, ConfigError, InvalidConfig, Labels, NoiseConfig, NoiseUnit, ScheduledSampling,
     Setting, SettingError, TrainConfig,
@@ -130,14 +130,13 @@ pub use engine::{
 };
 pub use expert::{Expert, ExpertState};
 pub use losses::{
-    ComputedTerms, LossEvaluator, LossStatistics, LossTerms, LossWeights, LossWeightsError,
-    RunningLossStatistics, Triplet,
+    LossEvaluator, LossStatistics, LossTerms, LossWeights, RunningLossStatistics, Triplet,
 };
 pub use memory::{Arithmetic, MemoryError, available_memory};
-pub use optimizer::{Adam, AdamError, AdamRates, AdamSettings, clip_norm};
+pub use optimizer::{Adam, AdamRates, AdamSettings, clip_norm};
 pub use origin::Origin;
-pub use run::{Kept, LogError, RunEnd, RunError, RunLimits, files, run};
-pub use schedule::{LearningRate, ScheduleError, TruthProbability, UnrollFrames};
+pub use run::{LogError, RunEnd, RunError, RunLimits, files, run};
+pub use schedule::{LearningRate, TruthProbability, UnrollFrames};
 pub use slot::ShownSample;
 pub use trainer::{StepReport, TrainError, Trainer};
 pub use training_set::{TrainingSetError, domain_of, graph_of};

@@ -167,7 +167,13 @@ mod tests {
             let error = error.err().expect("too much");
             assert!(matches!(error, TrainError::Memory(_)), "{error}");
             let text = error.to_string();
-            assert!(text.contains("for 65536 samples per step"), "{text}");
+            for words in [
+                "GiB of memory",
+                "for 65536 samples per step",
+                "lower batch.samples",
+            ] {
+                assert!(text.contains(words), "{text}");
+            }
         }
     }
 

@@ -10,10 +10,15 @@
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
+
+use crate::config::InvalidConfig;
+use crate::config::error::{positive, require};
 
 /// Parameters that one thread updates at a time.
 const CHUNK: usize = 1 << 15;
+
+const FIRST_MOMENT: &str = "the optimiser's first moment";
+const SECOND_MOMENT: &str = "the optimiser's second moment";
 
 /// The constants of Adam.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -36,31 +41,6 @@ pub struct Adam {
     steps: u64,
 }
 
-/// Settings or a saved state that Adam cannot go on from.
-#[derive(Clone, Debug, Error, PartialEq)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum AdamError {
-    #[error("optimizer.{field} must be {expected}, found {found}")]
-    Setting {
-        field: &'static str,
-        expected: &'static str,
-        found: f64,
-    },
-    #[error("the optimiser's {field} has {found} entries for {expected} parameters")]
-    Count {
-        field: &'static str,
-        expected: usize,
-        found: usize,
-    },
-    #[error("the optimiser's {field} must be {expected}, found {found} at entry {entry}")]
-    Moment {
-        field: &'static str,
-        expected: &'static str,
-        entry: usize,
-        found: f32,
-    },
-}
-
 impl Default for AdamSettings {
     fn default() -> Self {
         Self {
@@ -73,29 +53,21 @@ impl Default for AdamSettings {
 
 impl AdamSettings {
     /// Checks the range of each constant.
-    pub fn validate(&self) -> Result<(), AdamError> {
-        let error = |field, expected, found| {
-            Err(AdamError::Setting {
-                field,
-                expected,
-                found,
-            })
-        };
-        for (field, beta) in [("beta1", self.beta1), ("beta2", self.beta2)] {
-            if !(0.0..1.0).contains(&beta) {
-                return error(field, "at least 0 and below 1", beta);
-            }
+    pub fn validate(&self) -> Result<(), InvalidConfig> {
+        for (field, beta) in [
+            ("optimizer.beta1", self.beta1),
+            ("optimizer.beta2", self.beta2),
+        ] {
+            let holds = (0.0..1.0).contains(&beta);
+            require(holds, field, "at least 0 and below 1", beta)?;
         }
-        if !(self.epsilon.is_finite() && self.epsilon > 0.0) {
-            return error("epsilon", "finite and positive", self.epsilon);
-        }
-        Ok(())
+        positive("optimizer.epsilon", self.epsilon)
     }
 }
 
 impl Adam {
     /// Before the first step of `parameter_count` parameters.
-    pub fn new(settings: AdamSettings, parameter_count: usize) -> Result<Self, AdamError> {
+    pub fn new(settings: AdamSettings, parameter_count: usize) -> Result<Self, InvalidConfig> {
         settings.validate()?;
         Ok(Self {
             settings,
@@ -111,22 +83,26 @@ impl Adam {
         first_moment: Vec<f32>,
         second_moment: Vec<f32>,
         steps: u64,
-    ) -> Result<Self, AdamError> {
+    ) -> Result<Self, InvalidConfig> {
         settings.validate()?;
-        if first_moment.len() != second_moment.len() {
-            return Err(AdamError::Count {
-                field: "second moment",
-                expected: first_moment.len(),
-                found: second_moment.len(),
-            });
+        let (count, found) = (first_moment.len(), second_moment.len());
+        let expected = format!("of {count} parameters");
+        require(found == count, SECOND_MOMENT, expected, found)?;
+        let checks: [(_, _, _, fn(f32) -> bool); 2] = [
+            (FIRST_MOMENT, &first_moment, "finite", f32::is_finite),
+            (
+                SECOND_MOMENT,
+                &second_moment,
+                "finite and not negative",
+                |x| x.is_finite() && x >= 0.0,
+            ),
+        ];
+        for (field, values, expected, accept) in checks {
+            if let Some(entry) = values.iter().position(|&x| !accept(x)) {
+                let found = format!("{} at entry {entry}", values[entry]);
+                require(false, field, expected, found)?;
+            }
         }
-        check("first moment", &first_moment, "finite", f32::is_finite)?;
-        check(
-            "second moment",
-            &second_moment,
-            "finite and not negative",
-            |x| x.is_finite() && x >= 0.0,
-        )?;
         Ok(Self {
             settings,
             first_moment,
@@ -253,23 +229,6 @@ pub fn clip_norm(gradient: &mut [f32], limit: f64) -> f64 {
         });
     }
     norm
-}
-
-fn check(
-    field: &'static str,
-    values: &[f32],
-    expected: &'static str,
-    accept: impl Fn(f32) -> bool,
-) -> Result<(), AdamError> {
-    match values.iter().position(|&x| !accept(x)) {
-        Some(entry) => Err(AdamError::Moment {
-            field,
-            expected,
-            entry,
-            found: values[entry],
-        }),
-        None => Ok(()),
-    }
 }
 
 #[cfg(test)]

@@ -7,7 +7,6 @@
 //! Of several ranks the first one writes, and all go through the same steps: whether to stop and
 //! when to write is agreed on after each.
 
-use std::fmt;
 use std::fs::OpenOptions;
 use std::io::{ErrorKind, Write};
 use std::ops::ControlFlow;
@@ -54,42 +53,16 @@ pub enum RunEnd {
     Stopped,
 }
 
-/// The checkpoint to resume from after a run that failed.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Kept {
-    /// Nothing yet.
-    Nothing,
-    /// A checkpoint of an earlier step, whole.
-    Checkpoint(PathBuf),
-}
-
-impl Kept {
-    fn in_folder(folder: &Path) -> Self {
-        let path = folder.join(files::CHECKPOINT);
-        match path.is_file() {
-            true => Self::Checkpoint(path),
-            false => Self::Nothing,
-        }
-    }
-}
-
-impl fmt::Display for Kept {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Nothing => write!(f, "there is no checkpoint yet"),
-            Self::Checkpoint(path) => {
-                write!(f, "{} is of an earlier step and whole", path.display())
-            }
-        }
-    }
-}
-
 /// A run that failed; an earlier checkpoint is still whole.
 #[derive(Debug, Error)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum RunError {
-    #[error("{source}; {kept}")]
-    Train { source: TrainError, kept: Kept },
+    #[error("{source}; {}", words(.kept.as_deref()))]
+    Train {
+        source: TrainError,
+        /// The checkpoint of an earlier step, whole.
+        kept: Option<PathBuf>,
+    },
     #[error(transparent)]
     Write(#[from] WriteError),
     #[error(transparent)]
@@ -98,6 +71,13 @@ pub enum RunError {
     Config(#[from] toml::ser::Error),
     #[error("the model cannot be written: {0}")]
     Model(#[from] ModelFileError),
+}
+
+fn words(kept: Option<&Path>) -> String {
+    match kept {
+        Some(path) => format!("{} is of an earlier step and whole", path.display()),
+        None => "there is no checkpoint yet".to_owned(),
+    }
 }
 
 /// A log that cannot be kept.
@@ -194,7 +174,7 @@ fn agree(
 }
 
 fn failed(folder: &Path, source: TrainError) -> RunError {
-    let kept = Kept::in_folder(folder);
+    let kept = Some(folder.join(files::CHECKPOINT)).filter(|path| path.is_file());
     RunError::Train { source, kept }
 }
 

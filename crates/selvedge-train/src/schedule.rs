@@ -5,7 +5,9 @@
 //! Closed forms of the step alone, so that a resumed training continues exactly.
 
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
+
+use crate::config::InvalidConfig;
+use crate::config::error::{count, part, positive, require};
 
 /// Most steps of a training, and the last step at which something may change.
 pub(crate) const MOST_STEPS: u64 = 1_000_000_000;
@@ -87,27 +89,15 @@ impl Default for UnrollFrames {
 
 impl UnrollFrames {
     /// Checks the number and the order of steps.
-    pub(crate) fn validate(&self) -> Result<(), ScheduleError> {
-        let (schedule, most) = ("unroll", self.most());
-        check((1..=1000).contains(&most), || {
-            error(schedule, "frames", "between 1 and 1000", most)
-        })?;
+    pub(crate) fn validate(&self) -> Result<(), InvalidConfig> {
+        count("unroll.frames", self.most() as u64, 1000)?;
         match *self {
             Self::Growing { start, end, .. } => {
-                check(end > start, || {
-                    error(schedule, "end", format!("after start = {start}"), end)
-                })?;
-                within_training(schedule, "end", end)
+                let expected = format!("after start = {start}");
+                require(end > start, "unroll.end", expected, end)?;
+                within_training("unroll.end", end)
             }
             Self::Constant { .. } => Ok(()),
-        }
-    }
-
-    /// The steps at which something changes.
-    pub(crate) fn steps(&mut self) -> Vec<&mut u64> {
-        match self {
-            Self::Constant { .. } => vec![],
-            Self::Growing { start, end, .. } => vec![start, end],
         }
     }
 
@@ -131,54 +121,28 @@ impl UnrollFrames {
     }
 }
 
-/// A schedule that cannot be followed.
-#[derive(Clone, Debug, Error, PartialEq)]
-#[error("{schedule}.{field} must be {expected}, found {found}")]
-pub struct ScheduleError {
-    schedule: &'static str,
-    field: &'static str,
-    expected: String,
-    found: String,
-}
-
 impl LearningRate {
     /// Checks rates and the order of steps.
-    pub fn validate(&self) -> Result<(), ScheduleError> {
-        let positive = |field, rate: f64| {
-            check(rate.is_finite() && rate > 0.0, || {
-                error("learning_rate", field, "finite and positive", rate)
-            })
-        };
+    pub fn validate(&self) -> Result<(), InvalidConfig> {
         match *self {
-            Self::Constant { rate } => positive("rate", rate),
-            Self::Drop { from, to, at } => positive("from", from)
-                .and(positive("to", to))
-                .and(within_training("learning_rate", "at", at)),
+            Self::Constant { rate } => positive("learning_rate.rate", rate),
+            Self::Drop { from, to, at } => positive("learning_rate.from", from)
+                .and(positive("learning_rate.to", to))
+                .and(within_training("learning_rate.at", at)),
             Self::Cosine {
                 warmup,
                 from,
                 to,
                 end,
             } => {
-                positive("from", from)?;
-                check(to.is_finite() && (0.0..=from).contains(&to), || {
-                    error("learning_rate", "to", format!("between 0 and {from}"), to)
-                })?;
-                check(end > warmup, || {
-                    let expected = format!("after the warm-up of {warmup} steps");
-                    error("learning_rate", "end", expected, end)
-                })?;
-                within_training("learning_rate", "end", end)
+                positive("learning_rate.from", from)?;
+                let below = (0.0..=from).contains(&to);
+                let expected = format!("between 0 and {from}");
+                require(below, "learning_rate.to", expected, to)?;
+                let expected = format!("after the warm-up of {warmup} steps");
+                require(end > warmup, "learning_rate.end", expected, end)?;
+                within_training("learning_rate.end", end)
             }
-        }
-    }
-
-    /// The steps at which something changes.
-    pub(crate) fn steps(&mut self) -> Vec<&mut u64> {
-        match self {
-            Self::Constant { .. } => vec![],
-            Self::Drop { at, .. } => vec![at],
-            Self::Cosine { warmup, end, .. } => vec![warmup, end],
         }
     }
 
@@ -213,7 +177,7 @@ impl LearningRate {
 
 impl TruthProbability {
     /// Checks the probability and the order of steps.
-    pub fn validate(&self) -> Result<(), ScheduleError> {
+    pub fn validate(&self) -> Result<(), InvalidConfig> {
         let Self::Linear {
             start,
             end,
@@ -222,31 +186,13 @@ impl TruthProbability {
         else {
             return Ok(());
         };
-        check((0.0..=1.0).contains(&probability), || {
-            error(
-                "scheduled_sampling.truth",
-                "probability",
-                "between 0 and 1",
-                probability,
-            )
-        })?;
-        check(end > start, || {
-            error(
-                "scheduled_sampling.truth",
-                "end",
-                format!("after its start {start}"),
-                end,
-            )
-        })?;
-        within_training("scheduled_sampling.truth", "end", end)
-    }
-
-    /// The steps at which something changes.
-    pub(crate) fn steps(&mut self) -> Vec<&mut u64> {
-        match self {
-            Self::Always {} => vec![],
-            Self::Linear { start, end, .. } => vec![start, end],
-        }
+        part("scheduled_sampling.truth.probability", probability)?;
+        let (field, expected) = (
+            "scheduled_sampling.truth.end",
+            format!("after its start {start}"),
+        );
+        require(end > start, field, expected, end)?;
+        within_training(field, end)
     }
 
     /// The probability at step `step`, counted from 0 `[eq:scheduled-sampling]`:
@@ -271,32 +217,13 @@ fn progress(step: u64, start: u64, end: u64) -> f64 {
     step.saturating_sub(start) as f64 / end.saturating_sub(start) as f64
 }
 
-fn within_training(
-    schedule: &'static str,
-    field: &'static str,
-    step: u64,
-) -> Result<(), ScheduleError> {
-    check(step <= MOST_STEPS, || {
-        error(schedule, field, format!("at most {MOST_STEPS}"), step)
-    })
-}
-
-fn check(holds: bool, error: impl FnOnce() -> ScheduleError) -> Result<(), ScheduleError> {
-    if holds { Ok(()) } else { Err(error()) }
-}
-
-fn error(
-    schedule: &'static str,
-    field: &'static str,
-    expected: impl Into<String>,
-    found: impl ToString,
-) -> ScheduleError {
-    ScheduleError {
-        schedule,
+fn within_training(field: &str, step: u64) -> Result<(), InvalidConfig> {
+    require(
+        step <= MOST_STEPS,
         field,
-        expected: expected.into(),
-        found: found.to_string(),
-    }
+        format!("at most {MOST_STEPS}"),
+        step,
+    )
 }
 
 #[cfg(test)]

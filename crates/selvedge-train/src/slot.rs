@@ -323,13 +323,6 @@ pub(crate) fn rng_of(seed: u64, step: u64, slot: usize, slots: usize) -> ChaCha8
     rng
 }
 
-/// Mean length of the edges at rest `[m]`.
-fn mean_edge(graph: &ClothGraph) -> f64 {
-    let lengths = graph.rest_lengths();
-    let sum: f64 = lengths.iter().map(|&length| f64::from(length)).sum();
-    sum / lengths.len().max(1) as f64
-}
-
 /// Adds noise n to the newest positions of free vertices and (1 - γ) n to their targets.
 fn add_noise(
     cfg: &TrainConfig,
@@ -340,16 +333,12 @@ fn add_noise(
 ) {
     let NoiseConfig {
         deviation,
-        unit,
+        unit: NoiseUnit::Metre,
         correction,
     } = cfg.noise;
     if deviation == 0.0 {
         return;
     }
-    let deviation = match unit {
-        NoiseUnit::Metre => deviation,
-        NoiseUnit::Edge => deviation * mean_edge(graph),
-    };
     let rows = newest.iter_mut().zip(target).zip(graph.handle_mask());
     for ((now, target), _) in rows.filter(|(_, handle)| !**handle) {
         let mut normal = || -> f64 { StandardNormal.sample(rng) };

@@ -8,9 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::Stop;
 use selvedge_cluster::{ClusterError, Ranks};
 use selvedge_data::Dataset;
-use selvedge_model::{
-    Domain, Model, ModelError, Network, Normalizers, RunningStatistics, SpecError,
-};
+use selvedge_model::{Domain, Model, Network, Normalizers, RunningStatistics, SpecError};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -20,7 +18,7 @@ use crate::expert::Expert;
 use crate::fit_normalizers::{Statistics, fit};
 use crate::losses::{LossStatistics, LossTerms, RunningLossStatistics};
 use crate::memory::{Arithmetic, MemoryError, check_memory};
-use crate::optimizer::{Adam, AdamError};
+use crate::optimizer::Adam;
 use crate::origin::Origin;
 use crate::slot::{Slot, pack_slots, unpack_slots};
 use crate::training_set::{TrainingSet, TrainingSetError};
@@ -86,13 +84,9 @@ pub enum TrainError {
     #[error(transparent)]
     Spec(#[from] SpecError),
     #[error(transparent)]
-    Optimizer(#[from] AdamError),
-    #[error(transparent)]
     TrainingSet(#[from] TrainingSetError),
     #[error(transparent)]
     Memory(#[from] MemoryError),
-    #[error(transparent)]
-    Model(#[from] ModelError),
     #[error(transparent)]
     Engine(#[from] EngineError),
     #[error(transparent)]

@@ -10,7 +10,7 @@ use glam::{DVec3, Vec2, Vec3};
 use selvedge_cloth::{Cloth, ClothArrays, Environment, Handles, Topology};
 use selvedge_model::{ClothGraph, Real};
 use selvedge_train::{
-    Adam, AdamSettings, ComputedTerms, LossEvaluator, LossStatistics, LossTerms, LossWeights,
+    Adam, AdamSettings, LossEvaluator, LossStatistics, LossTerms, LossWeights,
     RunningLossStatistics, Triplet, clip_norm,
 };
 
@@ -138,7 +138,7 @@ fn losses_and_their_gradients_are_pytorchs() {
         let predicted = tensor("predicted");
         let single = narrow(&predicted);
         for (name, weights, term) in cases() {
-            let mut evaluator = LossEvaluator::new(weights, ComputedTerms::Weighted);
+            let mut evaluator = LossEvaluator::new(weights);
             let [value, slope] =
                 ["", ".gradient"].map(|kind| tensor(&format!("loss/{name}{kind}")));
             let mut gradient = vec![f64::NAN; predicted.len()];

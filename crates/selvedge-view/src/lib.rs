@@ -9,7 +9,7 @@
 //! - A **still** ([`still`]) is one frame; a **contact sheet** ([`contact_sheet`]) shows
 //!   **moments** of one or several panels; a **clip** ([`write_clip`]) is an animated
 //!   GIF whose clock is real.
-//! - [`plot`] draws lines and histograms.
+//! - [`plot`] draws lines.
 //!
 //! Conventions: metres and seconds, y up. Pixels count from the top left corner, x to the right and
 //! y down. Colours are sRGB outside and linear light inside. The same values give the same bytes.
@@ -46,9 +46,8 @@ pub use motion::body::Body;
 pub use motion::field::ScalarField;
 pub use motion::panel::{Colouring, Panel};
 pub use motion::run::Run;
-pub use page::clip::{ClipEnd, ClipSettings, write_clip};
+pub use page::clip::{ClipSettings, write_clip};
 pub use page::sheet::{SheetSettings, contact_sheet, still};
 pub use raster::camera::View;
 pub use raster::renderer::Renderer;
-pub use raster::settings::Supersampling;
 pub use raster::stage::Stage;

@@ -22,8 +22,6 @@ pub(crate) enum Align {
     Left,
     /// The middle of the text is there.
     Centre,
-    /// The text ends there.
-    Right,
 }
 
 /// The look of a text.
@@ -50,7 +48,6 @@ pub(crate) fn draw_text(image: &mut Image, text: &str, place: [f32; 2], style: &
     let share = match style.align {
         Align::Left => 0.0,
         Align::Centre => 0.5,
-        Align::Right => 1.0,
     };
     let mut x = place[0] - share * text_width(text, style.height);
     for character in text.chars() {
@@ -106,7 +103,6 @@ mod tests {
         };
         let width = text_width("Hi", 14.0);
         let left = first_dark(Align::Left, 20.0);
-        assert_eq!(first_dark(Align::Right, 20.0 + width), left);
         assert_eq!(first_dark(Align::Centre, 20.0 + 0.5 * width), left);
         assert_eq!(text_width("", 14.0), 0.0);
     }

@@ -7,14 +7,12 @@ mod eval;
 mod export;
 mod guard;
 mod import;
-mod old;
 #[cfg(test)]
 mod reference;
 mod run;
 mod study;
 mod view;
 
-use std::ffi::OsString;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -60,16 +58,6 @@ pub(crate) struct Cli {
 }
 
 impl Cli {
-    /// Reads the call of the program. An old name of a command is told on standard error with the
-    /// new one.
-    pub(crate) fn read(call: impl IntoIterator<Item = OsString>) -> Self {
-        let (call, note) = old::renewed(call.into_iter().collect());
-        if let Some(note) = note {
-            eprintln!("{note}");
-        }
-        Self::parse_from(call)
-    }
-
     /// The reader of the answer.
     pub(crate) fn reader(&self) -> Reader {
         if self.json {
@@ -115,8 +103,6 @@ pub(crate) enum Command {
     Model(ModelCommand),
     #[command(hide = true)]
     Completions(CompletionsArgs),
-    #[command(hide = true)]
-    Manual(ManualArgs),
 }
 
 /// Print what a shell needs to complete commands and options.
@@ -129,16 +115,6 @@ pub(crate) struct CompletionsArgs {
     /// The shell.
     #[arg(value_name = "SHELL")]
     pub(crate) shell: clap_complete::Shell,
-}
-
-/// Write manual pages, one for each command.
-///
-/// Into ~/.local/share/man/man1 they are found by `man`, as selvedge-rollout.
-#[derive(Debug, Args)]
-pub(crate) struct ManualArgs {
-    /// The folder, made if it is not there.
-    #[arg(value_name = "FOLDER")]
-    pub(crate) folder: PathBuf,
 }
 
 /// Make data sets to learn from (`selvedge info` looks at them).
@@ -167,10 +143,10 @@ pub(crate) struct GenerateArgs {
     /// A preset: a TOML file, or the name of a shipped one (`selvedge list presets`).
     pub(crate) preset: String,
     /// The folder of the data set; it is made.
-    #[arg(short, long, alias = "out", value_name = "FOLDER")]
+    #[arg(short, long, value_name = "FOLDER")]
     pub(crate) output: PathBuf,
     /// Scenes that are simulated at once [default: as many as there are processors].
-    #[arg(short, long, alias = "threads", value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    #[arg(short, long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) jobs: Option<u16>,
     /// Make only part I of N, counted from 1.
     #[arg(long, value_name = "I/N")]
@@ -190,7 +166,7 @@ pub(crate) struct MergeArgs {
     #[arg(required = true, value_name = "FOLDER")]
     pub(crate) parts: Vec<PathBuf>,
     /// The folder of the data set; it is made.
-    #[arg(short, long, alias = "out", value_name = "FOLDER")]
+    #[arg(short, long, value_name = "FOLDER")]
     pub(crate) output: PathBuf,
 }
 
@@ -209,7 +185,7 @@ pub(crate) struct TrainArgs {
     /// A configuration: a TOML file, or the name of a shipped one (`selvedge list configs`).
     pub(crate) config: String,
     /// The folder of the run: checkpoints, log, model.
-    #[arg(short, long, alias = "out", value_name = "FOLDER")]
+    #[arg(short, long, value_name = "FOLDER")]
     pub(crate) output: PathBuf,
     /// The folder of the data set, as `selvedge data generate` makes it.
     #[arg(long, value_name = "FOLDER")]
@@ -276,10 +252,9 @@ pub(crate) struct InfoArgs {
     /// A file, a folder, or the name of a shipped scene or preset.
     pub(crate) path: PathBuf,
     /// Also draw it (.png; curves .svg): a run with its strain, a mesh or a scene as it stands, a
-    /// training as the curves of its loss, a data set and a model as histograms, states as speeds.
-    /// A name without an ending is a folder, which gets the histograms of a data set and a contact
-    /// sheet of every trajectory.
-    #[arg(long, alias = "pictures", value_name = "FILE|FOLDER")]
+    /// training as the curves of its loss. A name without an ending is a folder, which gets a contact
+    /// sheet of every trajectory of a data set.
+    #[arg(long, value_name = "FILE|FOLDER")]
     pub(crate) picture: Option<PathBuf>,
 }
 
@@ -333,12 +308,8 @@ pub(crate) struct ConvertArgs {
     /// f32 widens them again.
     #[arg(long, value_enum)]
     pub(crate) weights: WeightsName,
-    /// The data set that the model was trained on, for a file that does not say what that was: its
-    /// bounds are written into the model, so that commands know what goes beyond them.
-    #[arg(long, value_name = "FOLDER")]
-    pub(crate) trained_on: Option<PathBuf>,
     /// The file to write (.safetensors).
-    #[arg(short, long, alias = "out", value_name = "FILE")]
+    #[arg(short, long, value_name = "FILE")]
     pub(crate) output: PathBuf,
 }
 

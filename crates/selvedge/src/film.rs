@@ -13,8 +13,7 @@ use selvedge_data::{
     Trajectory, WriteError, write_atomically, write_beside, write_folder_atomically,
 };
 use selvedge_view::{
-    ClipEnd, ClipSettings, Colouring, Image, Panel, Renderer, Rgb, Run, Stage, Supersampling, View,
-    write_clip,
+    ClipSettings, Colouring, Image, Panel, Renderer, Rgb, Run, Stage, View, write_clip,
 };
 
 use crate::interrupt;
@@ -112,7 +111,7 @@ impl<'a> Film<'a> {
 
     /// Writes the first frame.
     pub(crate) fn write_png(&self, path: &Path) -> anyhow::Result<()> {
-        let mut renderer = self.renderer(Supersampling::Four)?;
+        let mut renderer = self.renderer(4)?;
         let png = renderer.render(&self.panel(), 0)?.to_png()?;
         Ok(write_atomically(path, |out| out.write_all(&png))?)
     }
@@ -151,9 +150,8 @@ impl<'a> Film<'a> {
                 progress.advance();
                 interrupt::flow()
             });
-            match end.context("the clip")? {
-                ClipEnd::Complete { .. } => {}
-                ClipEnd::Stopped { .. } => return Err(Halt::Interrupted),
+            if end.context("the clip")?.is_break() {
+                return Err(Halt::Interrupted);
             }
             Ok(out.flush().context("the clip")?)
         };
@@ -241,7 +239,7 @@ impl<'a> Film<'a> {
     ) -> Result<(), Halt> {
         let frames = self.run.frames().len();
         let progress = Progress::new("drawing", frames, "pictures");
-        let mut renderer = self.renderer(Supersampling::Two)?;
+        let mut renderer = self.renderer(2)?;
         for number in 0..frames {
             let image = renderer.render(&self.panel(), number);
             take(number, &image.context("a picture")?)?;
@@ -257,7 +255,7 @@ impl<'a> Film<'a> {
         self.look.size.unwrap_or(SIZE)
     }
 
-    fn renderer(&self, samples: Supersampling) -> anyhow::Result<Renderer> {
+    fn renderer(&self, samples: u32) -> anyhow::Result<Renderer> {
         let size = self.size();
         let aspect = size[0] as f32 / size[1] as f32;
         let stage = Stage::of_runs(&[&self.run], self.look.view, aspect)?;

@@ -19,13 +19,14 @@ mod scenes;
 
 use std::process::ExitCode;
 
+use clap::Parser;
 use tracing_subscriber::filter::LevelFilter;
 
 use crate::cli::Cli;
 use crate::output::End;
 
 fn main() -> ExitCode {
-    let cli = Cli::read(std::env::args_os());
+    let cli = Cli::parse();
     listen_to_traces(cli.verbose);
     if cli.quiet {
         progress::be_quiet();

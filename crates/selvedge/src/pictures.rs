@@ -6,20 +6,19 @@ use std::path::Path;
 use selvedge_data::{Trajectory, write_atomically};
 use selvedge_lab::pictures;
 pub(crate) use selvedge_lab::pictures::{MODEL, Show, run_of_frames};
-use selvedge_view::ClipEnd;
 
 use crate::interrupt;
 use crate::output::End;
 use crate::progress::Progress;
 
-/// Writes a contact sheet (.png) of moments in motion; beside a truth, the model's run once
+/// Writes a contact sheet (.png) of even moments; beside a truth, the model's run once
 /// more in the colours of its error.
 pub(crate) fn write_sheet(path: &Path, show: &Show<'_>) -> anyhow::Result<()> {
     let png = pictures::sheet(show)?;
     Ok(write_atomically(path, |out| out.write_all(&png))?)
 }
 
-/// Writes a contact sheet (.png) of moments in motion in the colours of the strain: of each vertex,
+/// Writes a contact sheet (.png) of even moments in the colours of the strain: of each vertex,
 /// the largest elongation of its edges against the material.
 pub(crate) fn write_strain_sheet(
     path: &Path,
@@ -40,7 +39,7 @@ pub(crate) fn write_clip_of(path: &Path, show: &Show<'_>) -> anyhow::Result<End>
             progress.advance();
             interrupt::flow()
         });
-        if let ClipEnd::Stopped { .. } = result.map_err(io::Error::other)? {
+        if result.map_err(io::Error::other)?.is_break() {
             end = End::Interrupted;
         }
         Ok(())

@@ -6,7 +6,6 @@ use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use selvedge_cluster::{ClusterError, Ranks};
-use selvedge_lab::workers::Crew;
 
 use crate::failure::{self, WrongUsage};
 use crate::{interrupt, progress};
@@ -28,8 +27,8 @@ pub(crate) fn open(shares: bool) -> anyhow::Result<()> {
     match shares {
         true => Ok(()),
         false => Err(WrongUsage::new(
-            "this command is of one rank: start it without mpirun; data generate, train, \
-             eval and study run on several",
+            "this command is of one rank: start it without mpirun; train runs on several, and \
+             data generate and study share their work with --shard",
         )
         .into()),
     }
@@ -57,14 +56,6 @@ fn joined() -> anyhow::Result<Ranks> {
 /// The ranks of this job.
 pub(crate) fn all() -> Ranks {
     RANKS.get().cloned().unwrap_or_else(Ranks::alone)
-}
-
-/// All ranks, each with so many threads.
-pub(crate) fn crew(threads: Option<u16>) -> Crew {
-    Crew {
-        threads: threads.map(usize::from),
-        ranks: all(),
-    }
 }
 
 /// Takes leave of the other ranks after the command; `failure` is what this rank has to say.
@@ -112,7 +103,7 @@ pub(crate) fn leave(failure: Option<&anyhow::Error>) -> Option<u8> {
 fn is_said_by_first(ranks: &Ranks) -> bool {
     let started = Instant::now();
     while started.elapsed() < Duration::from_millis(300) {
-        if ranks.is_halted() {
+        if ranks.has_failed() {
             return true;
         }
         std::thread::sleep(Duration::from_millis(5));

@@ -2,8 +2,8 @@
 
     python docs/src/python/blender_rig.py
     selvedge info hands.glb
-    selvedge simulate glb.toml --out glb.safetensors
-    selvedge simulate usda.toml --out usda.safetensors
+    selvedge run glb.toml -o glb.safetensors
+    selvedge run usda.toml -o usda.safetensors
     python docs/src/python/blender_rig.py glb.safetensors usda.safetensors
 
 with, in the scenes,

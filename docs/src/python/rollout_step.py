@@ -18,7 +18,7 @@ from safetensors import safe_open
 
 from selvedge_network import Network
 
-NODE_FEATURES = ["velocity", "external-force", "kinetic-energy", "node-type", "acceleration"]
+NODE_FEATURES = ["velocity", "external-force", "kinetic-energy", "node-type"]
 KEYS = {"node_features", "edge_features", "encoder", "latent", "blocks", "integration"}
 EDGE_FEATURES = ["vector", "rest-vector", "material-vector", "elongation", "bending-angle"]
 
@@ -137,7 +137,6 @@ def node_columns(spec, cloth, frames, number, yaw):
         "external-force": lambda: local(external_force(cloth, previous, current)),
         "kinetic-energy": lambda: (0.5 * cloth.mass * ((current - previous) ** 2).sum(1))[:, None],
         "node-type": lambda: kind,
-        "acceleration": lambda: local((current - previous) - (previous - frames[number - 2])),
     }
     return np.concatenate([make[name]() for name in NODE_FEATURES if name in spec["node_features"]], axis=1)
 
@@ -179,7 +178,7 @@ class Model:
         self.network.eval()
 
     def history(self):
-        return self.spec["encoder"].get("window", 1) + 1 + ("acceleration" in self.spec["node_features"])
+        return self.spec["encoder"].get("window", 1) + 1
 
     def normalised(self, name, rows):
         mean, deviation = self.statistics[name]
@@ -207,7 +206,7 @@ class Model:
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("model")
-    parser.add_argument("rollout", help="a trajectory that `selvedge rollout` made with this model")
+    parser.add_argument("rollout", help="a trajectory that `selvedge run` made with this model")
     parser.add_argument("--steps", type=int, default=100, help="frames to start from, evenly spread [default: 100]")
     args = parser.parse_args()
     model, cloth = Model(args.model), Cloth(*read(args.rollout))

@@ -1,6 +1,6 @@
 """Runs ARCSim's squeezed sheet from its state at 1 s with ARCSim's law of contact, and sets ARCSim's own recording beside it.
 
-    python ../../../crates/selvedge-sim/tests/physics/convert_reference.py FOLDER_WITH_NPZ REFERENCE
+    python convert_reference.py FOLDER_WITH_NPZ REFERENCE
     python squeeze.py REFERENCE OUT
 
 Needs numpy and safetensors from PyPI, and the program `selvedge` in the PATH (or named by SELVEDGE). Writes to OUT both
@@ -50,7 +50,7 @@ def run(*words):
     subprocess.run([program, *map(str, words)], check=True)
 
 
-run("simulate", out / "squeeze.toml", "--frames", (LAST - FIRST) * SUBSTEPS, "--out", out / "selvedge.safetensors")
+run("run", out / "squeeze.toml", "--frames", (LAST - FIRST) * SUBSTEPS, "-o", out / "selvedge.safetensors")
 with safe_open(out / "selvedge.safetensors", "np") as file:
     arrays, metadata = {name: file.get_tensor(name) for name in file.keys()}, file.metadata()
 ours, theirs = arrays["positions"][::SUBSTEPS], truth[FIRST : LAST + 1].astype(np.float32)
@@ -65,4 +65,4 @@ for frame in [FIRST + 1, 77, 78, 81, 82, 83, 85, 90, 96, 100, 110, 124, 140, 160
 for name in ["selvedge", "arcsim"]:
     # From the first contact on, ten pictures a second.
     frames = ["--frames", f"{(78 - FIRST) * SUBSTEPS}..", "--every", 24]
-    run("export", out / f"{name}.safetensors", "--to", out / f"squeeze-{name}.gif", *frames)
+    run("export", out / f"{name}.safetensors", "-o", out / f"squeeze-{name}.gif", *frames)

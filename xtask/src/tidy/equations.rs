@@ -166,56 +166,46 @@ mod tests {
         check(&tree).into_iter().map(|v| v.what).collect()
     }
 
-    fn shown_all(texts: &[&str]) -> Vec<String> {
-        texts.iter().map(|t| t.replace("EQ:", OPENING)).collect()
-    }
-
     const GOOD: &str = "### EQ:a-a] A law\nx = y\n\nSource: us. File: `a.rs`\n";
 
     #[test]
-    fn labels_that_agree_pass() {
-        assert!(whats("//! Law.\n/// EQ:a-a] and again EQ:a-a]", GOOD).is_empty());
-        assert!(whats("/// EQ:a-a]", &GOOD.replace("EQ:a-a]", "`EQ:a-a]`")).is_empty());
-    }
-
-    #[test]
-    fn a_label_that_one_side_lacks_fails() {
-        let only_code = whats("/// EQ:a-a] EQ:b-b]", GOOD);
-        assert_eq!(
-            only_code,
-            shown_all(&["EQ:b-b] is not in docs/src/reference/equations.md"])
-        );
-        assert_eq!(whats("", GOOD), shown_all(&["EQ:a-a] is in no code"]));
-    }
-
-    #[test]
-    fn a_label_listed_twice_fails() {
-        let found = whats("/// EQ:a-a]", &GOOD.repeat(2));
-        assert_eq!(found, shown_all(&["EQ:a-a] is listed twice"]));
-    }
-
-    #[test]
-    fn a_section_names_its_source_and_the_right_file() {
-        let found = whats(
-            "/// EQ:a-a]",
-            "### EQ:a-a] A law\n## Next\nSource: x File: `a.rs`",
-        );
-        assert_eq!(
-            found,
-            shown_all(&["EQ:a-a] names no source", "EQ:a-a] names no file"])
-        );
-        let found = whats("/// EQ:a-a]", &GOOD.replace("a.rs", "b.rs"));
-        assert_eq!(found, shown_all(&["EQ:a-a] does not occur in `b.rs`"]));
-    }
-
-    #[test]
-    fn a_label_is_words_joined_by_hyphens() {
+    fn what_does_not_agree_is_named() {
+        let no_source = "### EQ:a-a] A law\n## Next\nSource: x File: `a.rs`";
+        let cases: [(&str, &str, &[&str]); 8] = [
+            ("//! Law.\n/// EQ:a-a] and again EQ:a-a]", GOOD, &[]),
+            ("/// EQ:a-a]", &GOOD.replace("EQ:a-a]", "`EQ:a-a]`"), &[]),
+            (
+                "/// EQ:a-a] EQ:b-b]",
+                GOOD,
+                &["EQ:b-b] is not in docs/src/reference/equations.md"],
+            ),
+            ("", GOOD, &["EQ:a-a] is in no code"]),
+            ("/// EQ:a-a]", &GOOD.repeat(2), &["EQ:a-a] is listed twice"]),
+            (
+                "/// EQ:a-a]",
+                no_source,
+                &["EQ:a-a] names no source", "EQ:a-a] names no file"],
+            ),
+            (
+                "/// EQ:a-a]",
+                &GOOD.replace("a.rs", "b.rs"),
+                &["EQ:a-a] does not occur in `b.rs`"],
+            ),
+            (
+                "/// EQ:a_a]",
+                &GOOD.replace("a-a", "a_a"),
+                &["EQ:a_a] is no label"],
+            ),
+        ];
+        for (code, document, expected) in cases {
+            let expected: Vec<String> =
+                expected.iter().map(|t| t.replace("EQ:", OPENING)).collect();
+            assert_eq!(whats(code, document), expected);
+        }
         for bad in ["", "layer_norm", "A-b", "a-", "-"] {
             assert!(!is_well_formed(bad), "{bad}");
         }
         assert!(is_well_formed("stretch-force-2"));
-        let found = whats("/// EQ:a_a]", &GOOD.replace("a-a", "a_a"));
-        assert_eq!(found, shown_all(&["EQ:a_a] is no label"]));
     }
 
     #[test]

@@ -8,6 +8,7 @@ use selvedge_cloth::{Handles, Scene, StepError, Stepper, Topology};
 use selvedge_data::open_scene;
 
 use super::*;
+use crate::models::selvedge_model_open;
 use crate::process::selvedge_last_error;
 use crate::scenes::{selvedge_scene_free, selvedge_scene_open, selvedge_scene_warnings};
 
@@ -22,9 +23,13 @@ fn words() -> String {
 }
 
 fn scene() -> SelvedgeScene {
+    scene_of(SMALL)
+}
+
+fn scene_of(text: &str) -> SelvedgeScene {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("small.toml");
-    std::fs::write(&path, SMALL).unwrap();
+    std::fs::write(&path, text).unwrap();
     let text = std::ffi::CString::new(path.to_str().unwrap()).unwrap();
     let mut handle = 0;
     let status = unsafe { selvedge_scene_open(text.as_ptr(), &raw mut handle) };
@@ -35,6 +40,16 @@ fn scene() -> SelvedgeScene {
 fn physics(scene: SelvedgeScene) -> SelvedgeStepper {
     let mut stepper = 0;
     let status = unsafe { selvedge_stepper_physics(scene, ptr::null(), &raw mut stepper) };
+    assert_eq!(status, SelvedgeStatus::Ok, "{}", words());
+    stepper
+}
+
+/// The shipped model on a scene, from the scene's rest pose.
+fn learned(scene: SelvedgeScene) -> SelvedgeStepper {
+    let (mut model, mut stepper) = (0, 0);
+    let status = unsafe { selvedge_model_open(ptr::null(), &raw mut model) };
+    assert_eq!(status, SelvedgeStatus::Ok, "{}", words());
+    let status = unsafe { selvedge_stepper_model(scene, model, 0, ptr::null(), &raw mut stepper) };
     assert_eq!(status, SelvedgeStatus::Ok, "{}", words());
     stepper
 }
@@ -207,6 +222,17 @@ fn a_listener_hears_of_the_rest_pose_and_stops_it() {
     let status = unsafe { selvedge_scene_warnings(scene, ptr::null_mut(), 0, &raw mut needed) };
     assert_eq!((status, needed), (SelvedgeStatus::Ok, 1));
     selvedge_scene_free(scene);
+}
+
+#[test]
+fn a_model_rests_by_its_own_law_whatever_was_made_before() {
+    let at_rest = SMALL.replace("start = \"mesh\"\n", "");
+    let alone = positions(learned(scene_of(&at_rest)), 25);
+    let scene = scene_of(&at_rest);
+    let by_physics = positions(physics(scene), 25);
+    assert_eq!(positions(learned(scene), 25), alone);
+    assert_eq!(positions(physics(scene), 25), by_physics);
+    assert_ne!(by_physics, alone);
 }
 
 #[test]

@@ -25,17 +25,6 @@ use crate::Mesh;
 use glam::{DVec2, DVec3};
 use std::collections::BTreeMap;
 
-/// A square sheet.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SquareSpec {
-    /// Number of vertices, at least 4; the mesh has exactly so many.
-    pub vertices: usize,
-    /// Length of a side `[m]`.
-    pub size: f64,
-    /// Decides where the inner vertices lie.
-    pub seed: u64,
-}
-
 /// A sheet of any shape.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SheetSpec {
@@ -60,8 +49,9 @@ pub struct Sheet {
     pub labels: BTreeMap<String, Vec<u32>>,
 }
 
-/// A square sheet that hangs flat in the plane x = 0, its top edge at y = 0, its material x axis u
-/// along z: (u, v) is at (0, v - size, u - size/2), its normals (-1, 0, 0). Vertex 0 is the upper
+/// A square sheet of exactly so many `vertices`, at least 4, and of sides of `size` `[m]`; `seed`
+/// decides where the inner vertices lie. It hangs flat in the plane x = 0, its top edge at y = 0, its
+/// material x axis u along z: (u, v) is at (0, v - size, u - size/2), its normals (-1, 0, 0). Vertex 0 is the upper
 /// left corner (u = 0, v = size); the boundary is numbered on from there along the top edge
 /// and round, then the inner vertices from top to bottom.
 ///
@@ -72,9 +62,9 @@ pub struct Sheet {
 /// `boundary`.
 ///
 /// ```
-/// use selvedge_cloth::generate::{SquareSpec, square};
+/// use selvedge_cloth::generate::square;
 ///
-/// let sheet = square(&SquareSpec { vertices: 1024, size: 1.0, seed: 1 })?;
+/// let sheet = square(1024, 1.0, 1)?;
 /// assert_eq!(sheet.mesh.topology().vertex_count(), 1024);
 /// assert_eq!(sheet.labels["upper-corners"], [0, 30]);
 /// # Ok::<(), selvedge_cloth::generate::GenerateError>(())
@@ -82,13 +72,13 @@ pub struct Sheet {
 ///
 /// # Errors
 /// [`GenerateError`] names what cannot be used.
-pub fn square(spec: &SquareSpec) -> Result<Sheet, GenerateError> {
+pub fn square(vertices: usize, size: f64, seed: u64) -> Result<Sheet, GenerateError> {
     sheet(&SheetSpec {
         shape: Shape::Square,
-        vertices: spec.vertices,
-        size: spec.size,
-        width: spec.size,
-        seed: spec.seed,
+        vertices,
+        size,
+        width: size,
+        seed,
     })
 }
 

@@ -1,7 +1,7 @@
 //! Tests of meshes and their rest shapes.
 
 use super::*;
-use crate::generate::{SquareSpec, square};
+use crate::generate::square;
 
 /// A quad of two triangles, 2 m wide and 1 m high, flat at z = 0.
 fn quad() -> (Vec<[u32; 3]>, Vec<DVec2>, Vec<DVec3>) {
@@ -30,12 +30,7 @@ fn a_quad_has_its_masses_and_lengths() {
 #[test]
 fn masses_sum_to_density_times_area() {
     for (size, density) in [(1.0, 0.187), (0.4, 2.0)] {
-        let spec = SquareSpec {
-            vertices: 200,
-            size,
-            seed: 4,
-        };
-        let rest = square(&spec).unwrap().mesh.rest_shape(density);
+        let rest = square(200, size, 4).unwrap().mesh.rest_shape(density);
         let mass: f64 = rest.vertex_mass.iter().sum();
         let expected = density * size * size;
         // 600 additions, each rounded to 1e-16 of the sum at most.

@@ -8,7 +8,7 @@
 
 use glam::DVec3;
 
-use super::error::{MotionError, value_error};
+use super::error::{MotionError, too_few_handles, value_error};
 use super::written::{Keyframe, KeyframeGroup, KeyframeMotion, Motion};
 
 /// Seconds after the still start, approach a of either outer handle, and forward f of the first and
@@ -31,11 +31,7 @@ const AFTER: f64 = 3.0;
 /// [`MotionError`] where there are fewer than two handles, or the outer ones are above each other.
 pub fn apart(start: &[DVec3]) -> Result<Motion, MotionError> {
     let [first, .., last] = start else {
-        return Err(MotionError::TooFewHandles {
-            what: "moving handles apart",
-            needed: 2,
-            found: start.len(),
-        });
+        return Err(too_few_handles("moving handles apart", start.len()));
     };
     let line = *last - *first;
     let forward = DVec3::Y.cross(line);
@@ -47,8 +43,13 @@ pub fn apart(start: &[DVec3]) -> Result<Motion, MotionError> {
             format!("{first} and {last}"),
         ));
     }
+    Ok(along_line(start, line, forward))
+}
+
+/// The motion for handles along `line` from the first of `start` on `[m]`, forward along `forward`.
+pub(super) fn along_line(start: &[DVec3], line: DVec3, forward: DVec3) -> Motion {
     let groups = start.iter().enumerate().map(|(handle, point)| {
-        let place = (*point - *first).dot(line) / line.length_squared();
+        let place = (*point - start[0]).dot(line) / line.length_squared();
         let keyframe = |&(time, approach, [of_first, of_last]): &(f64, f64, [f64; 2])| Keyframe {
             time: BEFORE + time,
             translation: approach * (1.0 - 2.0 * place) * line
@@ -68,30 +69,15 @@ pub fn apart(start: &[DVec3]) -> Result<Motion, MotionError> {
                 .collect(),
         }
     });
-    Ok(Motion::Keyframes(KeyframeMotion {
+    Motion::Keyframes(KeyframeMotion {
         duration: BEFORE + PLACES[PLACES.len() - 1].0 + AFTER,
         groups: groups.collect(),
-    }))
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::named;
-
-    #[test]
-    fn on_a_line_of_one_metre_it_is_the_motion_of_that_name() {
-        let line = [DVec3::new(0.0, 0.0, -0.5), DVec3::new(0.0, 0.0, 0.5)];
-        let named = named::by_name("apart").unwrap().bind(&line, 60.0).unwrap();
-        let made = apart(&line).unwrap().bind(&line, 60.0).unwrap();
-        assert_eq!(made.frame_count(), named.frame_count());
-        for frame in 0..=made.frame_count() {
-            let time = frame as f64 / 60.0;
-            for (a, b) in made.at(time).iter().zip(named.at(time)) {
-                assert!(a.distance(b) < 1e-15, "{time}");
-            }
-        }
-    }
 
     #[test]
     fn distances_on_any_line_are_between_0_6_and_1_of_what_they_were() {
@@ -100,6 +86,8 @@ mod tests {
             .map(|k| DVec3::new(0.2, 0.7, 0.1) + f64::from(k * k) / 16.0 * across)
             .collect();
         let path = apart(&line).unwrap().bind(&line, 60.0).unwrap();
+        assert_eq!(path.frame_count(), 30 + 300 + 180);
+        assert_eq!(path.at(8.5), line);
         let (mut least, mut most) = (f64::MAX, 0.0_f64);
         for frame in 0..=path.frame_count() {
             let now = path.at(frame as f64 / 60.0);

@@ -9,7 +9,7 @@
 use glam::DVec3;
 
 use super::bounds::{FARTHEST, turned, whole_frames};
-use super::error::{MotionError, value_error};
+use super::error::{MotionError, too_few_handles, value_error};
 use super::pace::Progress;
 use super::written::{Block, Rotation, Translation, TurnSense};
 
@@ -42,7 +42,7 @@ struct Turn {
 impl BlockPath {
     pub(super) fn new(blocks: &[Block], start: &[DVec3]) -> Result<Self, MotionError> {
         if blocks.is_empty() {
-            return Err(value_error("blocks", "at least one block", "none".into()));
+            return Err(value_error("blocks", "at least one block", "none"));
         }
         let mut segments = Vec::with_capacity(blocks.len());
         let (mut begin, mut positions) = (0, start.to_vec());
@@ -53,7 +53,7 @@ impl BlockPath {
             let is_usable = |p: &&DVec3| (0.0..=FARTHEST).contains(&p.length());
             if let Some(bad) = positions.iter().find(|p| !is_usable(p)) {
                 let expected = "a move that ends at most 1e6 m from the origin";
-                return Err(value_error(field, expected, bad.to_string()));
+                return Err(value_error(field, expected, bad));
             }
             begin += segment.frames;
             segments.push(segment);
@@ -150,14 +150,11 @@ impl Turn {
             .progress(&format!("{field}.rotation.arc"), frames)?;
         let field = format!("{field}.rotation.center");
         if !rotation.center.is_finite() {
-            return Err(value_error(field, "finite", rotation.center.to_string()));
+            return Err(value_error(field, "finite", rotation.center));
         }
         let [first, .., last] = start else {
-            return Err(MotionError::TooFewHandles {
-                what: "a rotation about a point of the handles' line",
-                needed: 2,
-                found: start.len(),
-            });
+            let what = "a rotation about a point of the handles' line";
+            return Err(too_few_handles(what, start.len()));
         };
         let axis = (*first + *last) / 2.0 + rotation.center * (*last - *first) / 2.0;
         let distance = |p: &DVec3| (p.x - axis.x).hypot(p.z - axis.z);

@@ -18,7 +18,10 @@ pub(super) const DISPLACEMENT: &str = "finite and at most 1e6 m long";
 pub(super) const LONGEST: f64 = 86_400.0;
 
 /// The frames of 1/60 s in `duration` `[s]`, which must be a whole number of them, one at least.
-pub(super) fn whole_frames(field: impl Into<String>, duration: f64) -> Result<usize, MotionError> {
+pub(super) fn whole_frames(
+    field: impl std::fmt::Display,
+    duration: f64,
+) -> Result<usize, MotionError> {
     let frames = duration * MOTION_RATE;
     // Eight digits of a duration such as 1/3 s are enough; 0.333 s is not meant to be 20 frames.
     let whole = (frames - frames.round()).abs() < 1e-6 && frames.round() >= 1.0;

@@ -95,23 +95,19 @@ pub(super) fn claim_handles(
 ) -> Result<(), MotionError> {
     if handles.is_empty() {
         let field = format!("groups[{number}].handles");
-        return Err(value_error(field, "at least one handle", "none".into()));
+        return Err(value_error(field, "at least one handle", "none"));
     }
     for &handle in handles {
         let handle_count = owner.len();
         let Some(owner) = owner.get_mut(handle) else {
-            return Err(MotionError::HandleOutOfRange {
-                group: number,
-                handle,
-                handle_count,
-            });
+            return Err(MotionError(format!(
+                "groups[{number}] names handle {handle}, but the scene has {handle_count} handles (numbered from 0)"
+            )));
         };
         if let Some(first) = owner.replace(number) {
-            return Err(MotionError::HandleRepeated {
-                handle,
-                first,
-                second: number,
-            });
+            return Err(MotionError(format!(
+                "handle {handle} is named by groups[{first}] and again by groups[{number}]"
+            )));
         }
     }
     Ok(())
@@ -124,7 +120,7 @@ fn check_axis(number: usize, axis: DVec3) -> Result<Option<DVec3>, MotionError> 
     }
     axis.try_normalize().map(Some).ok_or_else(|| {
         let field = format!("groups[{number}].axis");
-        value_error(field, "a direction", axis.to_string())
+        value_error(field, "a direction", axis)
     })
 }
 
@@ -153,17 +149,17 @@ fn check_keyframes(
         }
         if !(0.0..=duration).contains(&time) {
             let expected = "between 0 and the motion's duration";
-            return Err(value_error(field("time"), expected, time.to_string()));
+            return Err(value_error(field("time"), expected, time));
         }
         if k > 0 && time <= keyframes[keyframes.len() - 1].time {
             let expected = "later than the keyframe before";
-            return Err(value_error(field("time"), expected, time.to_string()));
+            return Err(value_error(field("time"), expected, time));
         }
         if time > 0.0 {
             keyframes.push(*keyframe);
         } else if keyframe.translation != DVec3::ZERO || keyframe.rotation_deg != 0.0 {
             let expected = "later than 0, or without translation and rotation: handles cannot jump";
-            return Err(value_error(field("time"), expected, time.to_string()));
+            return Err(value_error(field("time"), expected, time));
         }
     }
     Ok(keyframes)

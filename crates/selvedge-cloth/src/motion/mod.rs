@@ -22,7 +22,7 @@ mod written;
 
 pub use self::apart::apart;
 pub use self::error::MotionError;
-pub use self::pace::{Pace, PaceError, Profile};
+pub use self::pace::{Pace, Profile};
 pub use self::path::HandlePath;
 pub use self::random::RandomMotion;
 pub use self::written::{

@@ -9,9 +9,7 @@
 use glam::DVec3;
 
 use super::pace::{Pace, Profile};
-use super::written::{
-    Block, Keyframe, KeyframeGroup, KeyframeMotion, Motion, Rotation, Translation, TurnSense,
-};
+use super::written::{Block, Motion, Rotation, Translation, TurnSense};
 use TurnSense::{Clockwise, CounterClockwise};
 
 /// A move that a training or test motion repeats, there and back.
@@ -235,37 +233,7 @@ fn forward_to(speed: f64) -> Motion {
 /// one swinging forward before the first. Inward is +z for the first and -z for the last, wherever
 /// they stand; one handle alone is an error when the motion is bound, a third stays where it is.
 fn apart() -> Motion {
-    // Seconds after the still start, how far each handle is inward, and how far forward [m].
-    const FIRST: [(f64, f64, f64); 5] = [
-        (1.0, 0.2, 0.0),
-        (2.0, 0.1, 0.0),
-        (3.0, 0.0, 0.3),
-        (4.0, 0.2, 0.0),
-        (5.0, 0.0, 0.0),
-    ];
-    const LAST: [(f64, f64, f64); 5] = [
-        (1.0, 0.2, 0.0),
-        (2.0, 0.1, 0.3),
-        (3.0, 0.0, 0.3),
-        (4.0, 0.2, 0.0),
-        (5.0, 0.0, 0.0),
-    ];
-    let group = |handle, inward: f64, places: [(f64, f64, f64); 5]| KeyframeGroup {
-        handles: vec![handle],
-        axis: DVec3::Y,
-        keyframes: std::iter::once((0.0, 0.0, 0.0))
-            .chain(places)
-            .map(|(time, approach, forward)| Keyframe {
-                time: 0.5 + time,
-                translation: DVec3::new(forward, 0.0, inward * approach),
-                rotation_deg: 0.0,
-            })
-            .collect(),
-    };
-    Motion::Keyframes(KeyframeMotion {
-        duration: 0.5 + 5.0 + 3.0,
-        groups: vec![group(0, 1.0, FIRST), group(1, -1.0, LAST)],
-    })
+    super::apart::along_line(&[DVec3::ZERO, DVec3::Z], DVec3::Z, DVec3::X)
 }
 
 /// Half a second still, the blocks, three seconds still.

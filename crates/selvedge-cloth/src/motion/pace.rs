@@ -6,7 +6,6 @@
 use std::f64::consts::PI;
 
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
 use super::bounds::split_place;
 use super::error::{MotionError, value_error};
@@ -56,23 +55,12 @@ struct PaceFields {
     profile: Option<Profile>,
 }
 
-/// Keys that do not make a [`Pace`].
-#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum PaceError {
-    #[error("give either `distance`, or `start`, `end` and `profile`, not both")]
-    Both,
-    #[error("a pace needs `distance`, or `start`, `end` and `profile`")]
-    Neither,
-    #[error("a speed needs `start`, `end` and `profile`: `{key}` is missing")]
-    Missing { key: &'static str },
-}
-
 impl TryFrom<PaceFields> for Pace {
-    type Error = PaceError;
+    type Error = String;
 
-    fn try_from(fields: PaceFields) -> Result<Self, PaceError> {
-        let missing = |key| PaceError::Missing { key };
+    fn try_from(fields: PaceFields) -> Result<Self, String> {
+        let missing =
+            |key| format!("a speed needs `start`, `end` and `profile`: `{key}` is missing");
         match fields {
             PaceFields {
                 distance: Some(distance),
@@ -82,13 +70,15 @@ impl TryFrom<PaceFields> for Pace {
             } => Ok(Self::Distance { distance }),
             PaceFields {
                 distance: Some(_), ..
-            } => Err(PaceError::Both),
+            } => {
+                Err("give either `distance`, or `start`, `end` and `profile`, not both".to_owned())
+            }
             PaceFields {
                 start: None,
                 end: None,
                 profile: None,
                 ..
-            } => Err(PaceError::Neither),
+            } => Err("a pace needs `distance`, or `start`, `end` and `profile`".to_owned()),
             PaceFields {
                 start,
                 end,
@@ -159,7 +149,7 @@ impl Pace {
             true => Ok(value),
             false => {
                 let field = format!("{field}.{key}");
-                Err(value_error(field, "finite", value.to_string()))
+                Err(value_error(field, "finite", value))
             }
         };
         match *self {

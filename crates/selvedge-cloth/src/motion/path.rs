@@ -53,7 +53,7 @@ impl Motion {
         }
         if let Some(handle) = start.iter().position(|p| !p.is_finite()) {
             let field = format!("the start of handle {handle}");
-            return Err(value_error(field, "finite", start[handle].to_string()));
+            return Err(value_error(field, "finite", start[handle]));
         }
         let (form, frames) = match self {
             Self::Blocks { blocks } => {

@@ -21,7 +21,7 @@ impl RecordedPath {
     pub(super) fn new(motion: &RecordedMotion, start: &[DVec3]) -> Result<Self, MotionError> {
         let Some(first) = motion.positions.first() else {
             let expected = "at least one frame";
-            return Err(value_error("positions", expected, "none".into()));
+            return Err(value_error("positions", expected, "none"));
         };
         for (frame, positions) in motion.positions.iter().enumerate() {
             check_frame(frame, positions, start.len())?;
@@ -29,12 +29,10 @@ impl RecordedPath {
         for (handle, (&expected, &found)) in start.iter().zip(first).enumerate() {
             let distance = expected.distance(found);
             if distance > START_TOLERANCE {
-                return Err(MotionError::Start {
-                    handle,
-                    expected,
-                    found,
-                    millimetres: distance * 1e3,
-                });
+                let millimetres = distance * 1e3;
+                return Err(MotionError(format!(
+                    "the recording starts with handle {handle} at {found}, {millimetres:.3} mm from where it stands in the scene, {expected} (1 mm is allowed): move the mesh or the recording"
+                )));
             }
         }
         Ok(Self {
@@ -57,20 +55,18 @@ impl RecordedPath {
 }
 
 fn check_frame(frame: usize, positions: &[DVec3], expected: usize) -> Result<(), MotionError> {
-    if positions.len() != expected {
-        return Err(MotionError::HandleCount {
-            frame,
-            expected,
-            found: positions.len(),
-        });
+    let found = positions.len();
+    if found != expected {
+        return Err(MotionError(format!(
+            "frame {frame} has positions for {found} handles, the scene has {expected}"
+        )));
     }
     let is_usable = |p: &DVec3| (0.0..=FARTHEST).contains(&p.length());
     match positions.iter().position(|p| !is_usable(p)) {
-        Some(handle) => Err(MotionError::Position {
-            frame,
-            handle,
-            position: positions[handle],
-        }),
+        Some(handle) => Err(MotionError(format!(
+            "the position of handle {handle} in frame {frame} must be finite and at most 1e6 m from the origin, found {}",
+            positions[handle]
+        ))),
         None => Ok(()),
     }
 }

@@ -51,10 +51,10 @@ impl SplinePath {
         let duration = motion.duration;
         if !(duration > 0.0 && duration <= LONGEST) {
             let expected = "positive and at most a day";
-            return Err(value_error("duration", expected, duration.to_string()));
+            return Err(value_error("duration", expected, duration));
         }
         if !motion.taken.is_finite() {
-            return Err(value_error("taken", "finite", motion.taken.to_string()));
+            return Err(value_error("taken", "finite", motion.taken));
         }
         let mut splines: Vec<Option<usize>> = vec![None; start.len()];
         let mut origins = start.to_vec();
@@ -90,7 +90,7 @@ impl Spline {
     fn new(group: usize, keyframes: &[PoseKeyframe]) -> Result<Self, MotionError> {
         if keyframes.is_empty() {
             let field = format!("groups[{group}].keyframes");
-            return Err(value_error(field, "at least one keyframe", "none".into()));
+            return Err(value_error(field, "at least one keyframe", "none"));
         }
         let mut points: Vec<Point> = Vec::with_capacity(keyframes.len());
         for (k, keyframe) in keyframes.iter().enumerate() {
@@ -99,7 +99,7 @@ impl Spline {
                 if keyframe.time <= last.time {
                     let field = format!("groups[{group}].keyframes[{k}].time");
                     let expected = "later than the keyframe before";
-                    return Err(value_error(field, expected, keyframe.time.to_string()));
+                    return Err(value_error(field, expected, keyframe.time));
                 }
                 // q and -q are the same rotation: the nearer one is meant.
                 if last.pose.rotation.dot(pose.rotation) < 0.0 {

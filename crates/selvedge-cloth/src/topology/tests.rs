@@ -5,15 +5,10 @@ use std::collections::HashSet;
 use proptest::prelude::*;
 
 use super::*;
-use crate::generate::{SquareSpec, square};
+use crate::generate::square;
 
 fn sheet(vertices: usize, seed: u64) -> Topology {
-    let spec = SquareSpec {
-        vertices,
-        size: 1.0,
-        seed,
-    };
-    square(&spec).unwrap().mesh.topology().clone()
+    square(vertices, 1.0, seed).unwrap().mesh.topology().clone()
 }
 
 /// Everything that holds of any valid topology.

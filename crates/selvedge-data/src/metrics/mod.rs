@@ -12,7 +12,6 @@ use thiserror::Error;
 use crate::Frames;
 
 pub(crate) mod character;
-pub(crate) mod distribution;
 
 pub use character::Character;
 

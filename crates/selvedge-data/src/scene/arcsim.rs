@@ -16,8 +16,7 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 use selvedge_cloth::{
     BendTable, ContactSettings, Environment, HandleSchedule, Material, Motion, PhysicsMode,
-    PhysicsSettings, PoseKeyframe, Release, SagSettings, SplineGroup, SplineMotion, StrainLimits,
-    StretchTable,
+    PhysicsSettings, PoseKeyframe, Release, SagSettings, SplineGroup, SplineMotion, StretchTable,
 };
 use serde::Deserialize;
 use serde::de::{DeserializeOwned, IgnoredAny};
@@ -114,7 +113,7 @@ struct MaterialFile {
     bending_mult: Option<f64>,
     thicken: Option<f64>,
     damping: Option<f64>,
-    strain_limits: Option<[f64; 2]>,
+    strain_limits: Option<IgnoredAny>,
     yield_curv: Option<f64>,
     weakening: Option<f64>,
 }
@@ -344,11 +343,10 @@ fn material(
     if let Some(damping) = used.damping {
         material.damping = within(&key("damping"), damping, 0.0..=100.0)?;
     }
-    if !disabled.contains(&Part::StrainLimiting) {
-        material.strain_limits = used.strain_limits.map(|[min, max]| StrainLimits {
-            min: min.max(0.0),
-            max,
-        });
+    if used.strain_limits.is_some() && !disabled.contains(&Part::StrainLimiting) {
+        let text =
+            "strainlimiting is not disabled, but Selvedge has none: strain_limits has no effect";
+        warnings.push(text.to_owned());
     }
     let has_yield = used.yield_curv.is_some() || used.weakening.is_some();
     if has_yield && !disabled.contains(&Part::Plasticity) {
@@ -365,7 +363,6 @@ fn material_data(text: &str, name: &str) -> Result<Material, SceneProblem> {
         source: format!("{name}.json"),
         density: within("density", data.density, FACTORS)?,
         damping: 0.0,
-        strain_limits: None,
         stretch: StretchTable(data.stretching),
         bend: BendTable(data.bending),
     })

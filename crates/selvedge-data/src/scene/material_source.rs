@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use selvedge_assets::materials::ALL as MATERIALS;
-use selvedge_cloth::{BendTable, Isotropic, Material, StrainLimits, StretchTable};
+use selvedge_cloth::{BendTable, Isotropic, Material, StretchTable};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
@@ -37,7 +37,6 @@ pub(crate) struct MaterialTable {
     source: Option<String>,
     density: Option<f64>,
     damping: Option<f64>,
-    strain_limits: Option<StrainLimits>,
     /// Factor of the stretching stiffness.
     stretch_multiplier: Option<f64>,
     /// Factor of the bending stiffness.
@@ -135,7 +134,6 @@ impl MaterialTable {
         material.source = self.source.clone().unwrap_or(material.source);
         material.density = self.density.unwrap_or(material.density);
         material.damping = self.damping.unwrap_or(material.damping);
-        material.strain_limits = self.strain_limits.or(material.strain_limits);
         let stretch = multiplier("stretch_multiplier", self.stretch_multiplier)?;
         let bend = multiplier("bend_multiplier", self.bend_multiplier)?;
         let material = material.multiplied(stretch, bend);
@@ -171,7 +169,6 @@ impl MaterialTable {
             damping: 0.0,
             stretch,
             bend,
-            strain_limits: None,
         })
     }
 }

@@ -197,16 +197,11 @@ fn stretches(mesh: &Mesh, positions: &[DVec3]) -> Vec<f64> {
 mod tests {
     use super::*;
     use crate::test_help::says;
-    use selvedge_cloth::generate::{SquareSpec, square};
+    use selvedge_cloth::generate::square;
 
     #[test]
     fn what_starts_far_from_its_size_is_warned_of() {
-        let spec = SquareSpec {
-            vertices: 40,
-            size: 1.0,
-            seed: 3,
-        };
-        let mesh = square(&spec).unwrap().mesh;
+        let mesh = square(40, 1.0, 3).unwrap().mesh;
         let scaled = |by: f64| -> Vec<DVec3> { mesh.positions().iter().map(|p| *p * by).collect() };
         for by in [1.0, 0.81, 1.24] {
             assert!(warnings(&mesh, &scaled(by), "mend it").is_empty(), "{by}");
@@ -233,12 +228,7 @@ mod tests {
         ] {
             assert_eq!(Times(times).to_string(), words);
         }
-        let spec = SquareSpec {
-            vertices: 40,
-            size: 1.0,
-            seed: 3,
-        };
-        let mesh = square(&spec).unwrap().mesh;
+        let mesh = square(40, 1.0, 3).unwrap().mesh;
         let far: Vec<DVec3> = mesh.positions().iter().map(|p| *p * 1e200).collect();
         let text = warnings(&mesh, &far, "mend it").remove(0);
         says(
@@ -249,12 +239,7 @@ mod tests {
 
     #[test]
     fn single_edges_that_are_far_too_long_are_named() {
-        let spec = SquareSpec {
-            vertices: 100,
-            size: 1.0,
-            seed: 3,
-        };
-        let mesh = square(&spec).unwrap().mesh;
+        let mesh = square(100, 1.0, 3).unwrap().mesh;
         let mut positions = mesh.positions().to_vec();
         positions[70].x += 3.0;
         let text = warnings(&mesh, &positions, "mend it").remove(0);

@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use glam::DVec3;
-use selvedge_cloth::{Gust, Isotropic, Motion, Release, StrainLimits};
+use selvedge_cloth::{Gust, Isotropic, Motion, Release};
 use selvedge_data::{DatasetPreset, LoadedScene, SceneSpec, materials, parse_scene};
 
 use crate::help::{says, table};
@@ -45,12 +45,11 @@ fn a_material_can_change_another_or_be_isotropic() {
     let gray = material("\"gray-interlock\"");
     let changed = material(
         "{ from = \"gray-interlock\", stretch_multiplier = 2, bend_multiplier = 0.5, \
-         damping = 0.01, strain_limits = { min = 0.9, max = 1.1 } }",
+         damping = 0.01 }",
     );
     let mut expected = gray.clone().multiplied(2.0, 0.5);
     expected.name = "gray-interlock, changed".to_owned();
     expected.damping = 0.01;
-    expected.strain_limits = Some(StrainLimits { min: 0.9, max: 1.1 });
     assert_eq!(changed, expected);
     let constants = "{ youngs_modulus = 1e6, poissons_ratio = 0.3, thickness = 5e-4 }";
     let rubber = material(&format!(
@@ -113,10 +112,6 @@ fn wrong_materials_are_named() {
                 &rubber(", stretch_multiplier = 0"),
                 "material: stretch_multiplier must be finite and positive, found 0",
             ),
-            (
-                &rubber(", strain_limits = { min = 0.9, max = 0.95 }"),
-                "strain_limits.max must be at least 1, found 0.95",
-            ),
             ("{ from = \"gray\" }", "material: \"gray\" is neither"),
         ],
     );
@@ -174,7 +169,7 @@ fn groups_of_handles_move_rigidly_and_let_go() {
     // One without releases has no word of them, as before.
     let plain = parse(&[GRAY, CORNERS, STILL]).unwrap();
     let text = plain.spec.to_json().unwrap().to_string();
-    for word in ["schedule", "gust", "strain_limits"] {
+    for word in ["schedule", "gust"] {
         assert!(!text.contains(&format!("\"{word}\"")), "{word}");
     }
 }

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use selvedge_model::{EdgeFeature, Encoder, ModelSpec, NodeFeature};
+use selvedge_model::{EdgeFeature, Encoder, ModelSpec};
 use selvedge_train::{
     EngineMaker, OnProcessor, TrainConfig, Trainer, TruthProbability, UnrollFrames,
 };
@@ -17,7 +17,6 @@ use crate::test_graphs::gpu;
 /// All columns.
 fn everything(encoder: Encoder) -> ModelSpec {
     let mut spec = ModelSpec::physical(encoder, 8, 2);
-    spec.node_features.insert(NodeFeature::Acceleration);
     spec.edge_features.insert(EdgeFeature::MaterialVector);
     spec
 }

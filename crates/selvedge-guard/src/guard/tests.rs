@@ -3,10 +3,9 @@
 
 use glam::{DVec3, Vec2};
 use selvedge_cloth::conformance::{HandlesEnd, check, check_correctable, check_stop};
-use selvedge_cloth::generate::{SquareSpec, square};
+use selvedge_cloth::generate::square;
 use selvedge_cloth::{
-    Cloth, ClothArrays, ContactSettings, Environment, HandleSchedule, Handles, Material, Motion,
-    Obstacle, PhysicsSettings, SagSettings, Topology, bodies,
+    Cloth, ClothArrays, ContactSettings, Handles, Material, Motion, Obstacle, Topology, bodies,
 };
 use selvedge_sim::Simulator;
 
@@ -22,27 +21,12 @@ const FRAMES: usize = 300;
 
 /// A square of 36 vertices that hangs flat from its upper corners.
 fn scene() -> Scene {
-    let spec = SquareSpec {
-        vertices: 36,
-        size: 1.0,
-        seed: 1,
-    };
-    let sheet = square(&spec).unwrap();
+    let sheet = square(36, 1.0, 1).unwrap();
     let material: Material = toml::from_str(GRAY.trim()).unwrap();
+    let handles = Handles::new(&sheet.labels["upper-corners"], 36).unwrap();
     Scene {
-        name: "guarded".to_owned(),
-        handles: Handles::new(&sheet.labels["upper-corners"], 36).unwrap(),
-        mesh: sheet.mesh,
-        fabrics: std::collections::BTreeMap::new(),
-        schedule: HandleSchedule::default(),
-        material,
-        environment: Environment::default(),
         motion: Motion::still(10.0),
-        physics: PhysicsSettings::default(),
-        sag: SagSettings::default(),
-        frame_rate: 60.0,
-        contact: None,
-        obstacles: Vec::new(),
+        ..Scene::of("guarded", sheet.mesh, handles, material)
     }
 }
 

@@ -39,8 +39,8 @@ pub(super) enum Source {
 /// Random motions of the handles.
 #[derive(Clone, Debug)]
 pub struct RandomCases {
-    /// Numbers of the motions, rising.
-    pub numbers: Vec<usize>,
+    /// Number of motions.
+    pub count: usize,
     /// Frames of each.
     pub frames: usize,
     /// Seed of all.
@@ -127,7 +127,7 @@ impl Case {
             let rest = physics::find_rest_pose(&scene.scene, &reporter)?;
             stages.push((name, scene, SavedState::at_rest(rest.positions)));
         }
-        let cases = random.numbers.iter().map(|&number| {
+        let cases = (0..random.count).map(|number| {
             let (name, scene, rest) = &stages[number % stages.len()];
             let motion = RandomMotion {
                 seed: random.seed,

@@ -14,9 +14,9 @@ use super::method::{Kind, Method, Mover};
 use super::run::Run;
 use super::runner::Runner;
 use super::truth::{Prepared, Truth};
-use super::watch::Watch;
 use crate::cause::chain;
 use crate::domain::{self, DomainError};
+use crate::event::Task;
 use crate::physics;
 use crate::watched;
 
@@ -57,7 +57,7 @@ pub(super) struct Course<'a, 't, 'l> {
     pub(super) prepared: &'a Prepared<'a>,
     pub(super) truth: &'a Truth,
     pub(super) gauge: Gauge<'a>,
-    pub(super) watch: Watch<'a, 't, 'l>,
+    pub(super) task: &'a Task<'t, 'l>,
 }
 
 impl Course<'_, '_, '_> {
@@ -129,7 +129,7 @@ impl Course<'_, '_, '_> {
         let last_second = frames.min(run.frame_rate.round().max(1.0) as usize);
         let mut second: Vec<Vec3> = Vec::new();
         for frame in 1..=frames {
-            if self.watch.advance().is_break() {
+            if self.task.advance().is_break() {
                 return Ok(ControlFlow::Break(()));
             }
             runner

@@ -25,7 +25,6 @@ mod summary;
 #[cfg(test)]
 mod tests;
 mod truth;
-mod watch;
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -47,11 +46,9 @@ use self::horizons::Starts;
 use self::measures::Gauge;
 use self::runner::Runner;
 use self::truth::{Prepared, Reference, Truth};
-use self::watch::Watch;
 use crate::cause::chain;
-use crate::event::{End, OnEvent, Reporter};
-use crate::workers::{self, Packing};
-use crate::{folder, physics, start};
+use crate::event::{End, OnEvent, Reporter, Task};
+use crate::{folder, physics, start, workers};
 
 /// Runs every method on every case. An interrupted evaluation has the starts from which every method
 /// has run.
@@ -78,23 +75,14 @@ pub(crate) fn measure(
     let Some(prepared) = prepare(plan, reporter)? else {
         return interrupted(Vec::new());
     };
-    let ranks = &plan.crew.ranks;
-    // The share of a rank, about.
-    let frames = frames(plan, &prepared)?.div_ceil(ranks.count());
-    let task = reporter.count("evaluating", frames, "frames");
-    let watch = Watch { task: &task, ranks };
-    let runs = workers::share_with(&plan.crew, &prepared, &PACKING, |prepared| {
+    let task = reporter.count("evaluating", frames(plan, &prepared)?, "frames");
+    let runs = workers::share(plan.threads, &prepared, |prepared| {
         task.note(&prepared.case.name);
-        let runs = on_case(plan, prepared, watch)?;
-        Ok::<_, EvaluateError>(Some(runs).filter(|_| !ranks.is_halted()))
+        on_case(plan, prepared, &task)
     })?;
     drop(task);
-    if !ranks.is_first() {
-        return Ok((Evaluation::default(), End::Complete));
-    }
-    let are_all = runs.iter().all(Option::is_some);
-    let runs: Vec<Run> = runs.into_iter().flatten().flatten().collect();
-    if reporter.is_stopped() || !are_all {
+    let runs: Vec<Run> = runs.into_iter().flatten().collect();
+    if reporter.is_stopped() {
         return interrupted(runs);
     }
     match timings(plan, &prepared, reporter)? {
@@ -217,32 +205,26 @@ fn is_whole(plan: &EvaluationPlan<'_>, case: &Case) -> bool {
     plan.horizons.whole || !case.has_truth()
 }
 
-/// Runs of a case travel between ranks as they are kept in files.
-const PACKING: Packing<Vec<Run>> = Packing {
-    pack: |runs| serde_json::to_vec(runs).unwrap_or_default(),
-    unpack: |bytes| serde_json::from_slice(bytes).ok(),
-};
-
 /// Every method from every start of a case, and its whole runs.
 fn on_case(
     plan: &EvaluationPlan<'_>,
     prepared: &Prepared<'_>,
-    watch: Watch<'_, '_, '_>,
+    task: &Task<'_, '_>,
 ) -> Result<Vec<Run>, EvaluateError> {
     let on = plan.horizons.on(prepared.case)?;
     let methods = methods_on(plan, prepared.case);
-    if watch.task.is_stopped() {
+    if task.is_stopped() {
         return Ok(Vec::new());
     }
     let [first, last] = on.span;
-    let Some(truth) = truth_of(plan, prepared, &on, watch)? else {
+    let Some(truth) = truth_of(plan, prepared, &on, task)? else {
         return Ok(Vec::new());
     };
     let course = Course {
         prepared,
         truth: &truth,
         gauge: Gauge::of(truth.trajectory.cloth()),
-        watch,
+        task,
     };
     let mut jobs: Vec<(usize, Span<'_>)> = Vec::new();
     jobs.extend(on.starts.iter().map(|&start| (start, Span::At(&on.frames))));
@@ -278,11 +260,11 @@ fn truth_of(
     plan: &EvaluationPlan<'_>,
     prepared: &Prepared<'_>,
     on: &Starts,
-    watch: Watch<'_, '_, '_>,
+    task: &Task<'_, '_>,
 ) -> Result<Option<Truth>, EvaluateError> {
     let with_scene = plan.methods.iter().any(Method::wants_scene);
     let references = plan.references.as_deref();
-    prepared.truth(on.span[1], with_scene, references, watch)
+    prepared.truth(on.span[1], with_scene, references, task)
 }
 
 /// The time of a frame of each method on the first case of each mesh, from its middle on. None where
@@ -303,11 +285,7 @@ fn timings(
     let task = reporter.count("timing frames", first.len() * plan.methods.len(), "runs");
     for job in first {
         let on = plan.horizons.on(job.case)?;
-        let watch = Watch {
-            task: &task,
-            ranks: &plan.crew.ranks,
-        };
-        let Some(truth) = truth_of(plan, job, &on, watch)? else {
+        let Some(truth) = truth_of(plan, job, &on, &task)? else {
             return Ok(None);
         };
         for method in plan.methods {

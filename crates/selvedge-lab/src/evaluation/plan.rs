@@ -9,7 +9,6 @@ use super::course::departures;
 use super::error::ChoiceError;
 use super::horizons::Horizons;
 use super::method::{Method, Mover, PhysicsMethod};
-use crate::workers::Crew;
 
 /// An evaluation to be made.
 pub struct EvaluationPlan<'a> {
@@ -21,8 +20,8 @@ pub struct EvaluationPlan<'a> {
     pub horizons: &'a Horizons,
     /// The folder in which converged runs are kept; without it they are made anew.
     pub references: Option<PathBuf>,
-    /// Those who share the cases. Rank 0 has the outcome.
-    pub crew: Crew,
+    /// Threads that share the cases; by default one per processor.
+    pub threads: Option<usize>,
 }
 
 /// Checks that a plan makes sense before any work; horizons that nobody asked for (the usual ones)

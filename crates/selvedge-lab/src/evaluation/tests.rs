@@ -11,7 +11,6 @@ use selvedge_model::{Encoder, Model, ModelSpec, Network, Normalizer, Normalizers
 use super::*;
 use crate::event::Event;
 use crate::machine::Machine;
-use crate::workers::Crew;
 
 /// A square of 16 vertices that is pushed for a third of a second.
 const PUSH: &str = r#"
@@ -78,7 +77,7 @@ fn plan<'a>(
         methods,
         horizons,
         references: Some(folder.to_owned()),
-        crew: Crew::of_threads(Some(1)),
+        threads: Some(1),
     }
 }
 
@@ -159,7 +158,7 @@ fn threads_and_a_kept_reference_change_nothing() {
     let (cases, methods, horizons) = (cases(), methods(), horizons());
     let mut plan = plan(&cases, &methods, &horizons, folder.path());
     let first = complete(&plan);
-    plan.crew = Crew::of_threads(Some(3));
+    plan.threads = Some(3);
     assert_eq!(complete(&plan).runs, first.runs);
     // A reference that this program does not make is made again.
     let file = std::fs::read_dir(folder.path()).unwrap().next().unwrap();

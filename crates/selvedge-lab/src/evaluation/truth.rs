@@ -12,10 +12,9 @@ use selvedge_sim::{Simulator, Threads};
 use super::case::{Case, Source};
 use super::error::EvaluateError;
 use super::method::PhysicsMethod;
-use super::watch::Watch;
 use crate::cause::chain;
-use crate::event::End;
-use crate::physics::{self, Keep, SimulationPlan, rounded};
+use crate::event::{End, Task};
+use crate::physics::{self, SimulationPlan, rounded};
 use crate::state_log::simulator_in;
 
 /// Frames of a kept run that are made again, to see that the physics still makes it.
@@ -103,7 +102,7 @@ impl Prepared<'_> {
         last: usize,
         with_scene: bool,
         references: Option<&Path>,
-        watch: Watch<'_, '_, '_>,
+        task: &Task<'_, '_>,
     ) -> Result<Option<Truth>, EvaluateError> {
         match &self.case.source {
             Source::Recorded(data, entry) => recorded(data.read(entry)?, with_scene).map(Some),
@@ -129,7 +128,7 @@ impl Prepared<'_> {
                     method,
                     last,
                 };
-                reference.truth(self.start.as_ref(), references, watch)
+                reference.truth(self.start.as_ref(), references, task)
             }
         }
     }
@@ -200,7 +199,7 @@ impl Reference<'_> {
         &self,
         start: Option<&SavedState>,
         references: Option<&Path>,
-        watch: Watch<'_, '_, '_>,
+        task: &Task<'_, '_>,
     ) -> Result<Option<Truth>, EvaluateError> {
         let (scene, spec) = self.scene();
         let file = references
@@ -212,7 +211,7 @@ impl Reference<'_> {
                 let start = start.cloned().ok_or_else(|| EvaluateError::Vanished {
                     case: self.case.name.clone(),
                 })?;
-                let Some(made) = self.made(&scene, start, watch)? else {
+                let Some(made) = self.made(&scene, start, task)? else {
                     return Ok(None);
                 };
                 if let Some(file) = file {
@@ -294,16 +293,16 @@ impl Reference<'_> {
         &self,
         scene: &Scene,
         start: SavedState,
-        watch: Watch<'_, '_, '_>,
+        task: &Task<'_, '_>,
     ) -> Result<Option<StateRun>, EvaluateError> {
         let plan = SimulationPlan {
             frames: self.last.saturating_sub(start.frame),
             start,
-            keep: Keep::States,
+            keeps_states: true,
             threads: Threads::Pool,
             stop: Arc::default(),
         };
-        let (run, states) = physics::run_plan(scene, plan, &mut || watch.advance())?.whole()?;
+        let (run, states) = physics::run_plan(scene, plan, &mut || task.advance())?.whole()?;
         Ok(states.filter(|_| run.end == End::Complete))
     }
 }

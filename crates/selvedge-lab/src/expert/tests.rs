@@ -10,7 +10,6 @@ use tempfile::TempDir;
 
 use super::*;
 use crate::generation::{Order, generate};
-use crate::workers::Crew;
 
 /// The preset `tiny` by the physics of this name.
 fn made_by(physics: &str) -> (TempDir, Dataset) {
@@ -26,8 +25,7 @@ fn made_by(physics: &str) -> (TempDir, Dataset) {
         folder: &folder.path().join("data"),
         part: None,
     };
-    let crew = Crew::of_threads(Some(1));
-    generate(order, &crew, &mut |_| ControlFlow::Continue(())).unwrap();
+    generate(order, Some(1), &mut |_| ControlFlow::Continue(())).unwrap();
     let data = Dataset::open(order.folder).unwrap();
     (folder, data)
 }

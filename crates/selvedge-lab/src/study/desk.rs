@@ -8,13 +8,12 @@ use super::error::StudyError;
 use super::file::Study;
 use crate::event::Reporter;
 use crate::machine::Machine;
-use crate::workers::Crew;
 
 /// A study at work.
 pub(super) struct Desk<'a> {
     pub(super) study: &'a Study,
     pub(super) out: &'a Path,
-    pub(super) crew: &'a Crew,
+    pub(super) threads: Option<usize>,
     pub(super) machine: &'a Machine,
     pub(super) reporter: &'a Reporter<'a>,
     pub(super) data: Vec<StudyData>,

@@ -16,7 +16,6 @@ use crate::evaluation::{
 use crate::event::End;
 use crate::folder;
 use crate::folder_kind::EVALUATIONS;
-use crate::generation::of_first;
 use crate::models::NamedModel;
 
 /// An evaluation and what it is of.
@@ -64,7 +63,7 @@ pub(super) fn check(desk: &Desk<'_>) -> Result<(), StudyError> {
         methods: &rigid,
         horizons: &horizons(desk),
         references: None,
-        crew: desk.crew.clone(),
+        threads: desk.threads,
     };
     evaluation::check(&plan, desk.study.evaluation.horizons.is_some())
         .map_err(|error| StudyError::new(format!("evaluation.{error}")))
@@ -162,20 +161,15 @@ fn hashes(desk: &Desk<'_>, cases: &[Case]) -> Result<Vec<(String, String)>, Stud
     Ok(hashes)
 }
 
-/// The evaluation that is kept of `of`; on ranks other than the first one without runs.
-fn kept_of(desk: &Desk<'_>, path: &Path, of: &Subject) -> Result<Option<Evaluation>, StudyError> {
+/// The evaluation that is kept of `of`.
+fn kept_of(path: &Path, of: &Subject) -> Result<Option<Evaluation>, StudyError> {
     // What failed may have failed by a cause that is gone: it is tried again.
     let is_good = |kept: &Kept| {
         let mut runs = kept.evaluation.runs.iter();
         kept.of == *of && runs.all(|run| run.failure.is_none())
     };
-    let kept = match desk.crew.ranks.is_first() {
-        true => kept::read::<Kept>(path)?.filter(is_good),
-        false => None,
-    };
-    let is_kept = of_first(desk.crew, &kept.is_some())?;
-    let none = is_kept.then(Evaluation::default);
-    Ok(kept.map(|kept| kept.evaluation).or(none))
+    let kept = kept::read::<Kept>(path)?.filter(is_good);
+    Ok(kept.map(|kept| kept.evaluation))
 }
 
 fn measure(
@@ -197,7 +191,7 @@ fn measure(
     };
     let folder = desk.out.join(EVALUATIONS);
     let path = folder.join(format!("{}.json", waiting.name));
-    if let Some(kept) = kept_of(desk, &path, &of)? {
+    if let Some(kept) = kept_of(&path, &of)? {
         return Ok(Some(kept));
     }
     let method = match waiting.runs {
@@ -216,15 +210,11 @@ fn measure(
         methods: &[method],
         horizons: &of.horizons,
         references: None,
-        crew: desk.crew.clone(),
+        threads: desk.threads,
     };
     let (evaluation, end) = measure_plan(&plan, desk.reporter)?;
-    // Rank 0 alone knows whether all is there.
-    if of_first(desk.crew, &(end == End::Interrupted))? {
+    if end == End::Interrupted {
         return Ok(None);
-    }
-    if !desk.crew.ranks.is_first() {
-        return Ok(Some(evaluation));
     }
     let kept = Kept { of, evaluation };
     kept::write(&path, &kept)?;

@@ -27,9 +27,6 @@ pub struct Study {
     pub(super) data: BTreeMap<String, DataSource>,
     /// The budget of trainings that name none.
     budget: Option<Budget>,
-    /// Schedules of a configuration are scaled from its own steps to its budget.
-    #[serde(default)]
-    pub(super) scale_schedules: bool,
     /// Values that are changed in every training, before its own.
     #[serde(default)]
     set: Vec<String>,
@@ -166,18 +163,8 @@ impl Study {
         };
         let shown = Path::new(&entry.config);
         let set: Result<Vec<Setting>, _> = self.settings(entry).map(|text| text.parse()).collect();
-        let cfg = TrainConfig::parse_with(&text, shown, &set.of(|| "set".to_owned())?)?;
-        if !self.scale_schedules {
-            return Ok(cfg);
-        }
-        let Budget::Steps(steps) = self.budget(entry)? else {
-            return Err(StudyError::new(
-                "scale_schedules: a budget in time has no steps to scale to: give { steps = 1000 }"
-                    .to_string(),
-            ));
-        };
-        let scaled = cfg.scaled_to(steps);
-        scaled.of(|| format!("scaled from {} steps to the budget of {steps}", cfg.steps))
+        let set = set.of(|| "set".to_owned())?;
+        Ok(TrainConfig::parse_with(&text, shown, &set)?)
     }
 
     /// Values of its configuration that are changed for `entry`.

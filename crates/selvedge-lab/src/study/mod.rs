@@ -25,7 +25,6 @@ use crate::folder_kind::REPORT;
 use crate::generation;
 use crate::machine::Machine;
 use crate::report;
-use crate::workers::Crew;
 
 pub use self::error::StudyError;
 pub use self::file::{open, shipped};
@@ -39,6 +38,8 @@ pub struct StudyOrder<'a> {
     pub out: &'a Path,
     /// The machine that trains and runs models.
     pub machine: &'a Machine,
+    /// Threads of simulations and evaluations; by default one per processor.
+    pub threads: Option<usize>,
     /// The share of its trainings to be made, and nothing else; all without one.
     pub part: Option<Shard>,
 }
@@ -55,18 +56,14 @@ pub struct StudyOutcome {
     pub end: End,
 }
 
-/// Does what of `study` is not done yet, in `out`; models are trained and run on `machine`. Of
-/// several ranks each trains models of its own, and all share what is measured; rank 0 writes the
-/// report. A `part` trains its share of the models and ends there.
-pub fn run(
-    order: StudyOrder<'_>,
-    crew: &Crew,
-    on_event: &mut OnEvent<'_>,
-) -> Result<StudyOutcome, StudyError> {
+/// Does what of a study is not done yet, in its folder. A part trains its share of the models and
+/// ends there.
+pub fn run(order: StudyOrder<'_>, on_event: &mut OnEvent<'_>) -> Result<StudyOutcome, StudyError> {
     let StudyOrder {
         study,
         out,
         machine,
+        threads,
         part,
     } = order;
     let mut outcome = StudyOutcome {
@@ -76,23 +73,20 @@ pub fn run(
         end: End::Interrupted,
     };
     let reporter = Reporter::new(on_event);
-    let Some(data) = prepare(order, crew, &reporter)? else {
+    let Some(data) = prepare(order, &reporter)? else {
         return Ok(outcome);
     };
     let desk = Desk {
         study,
         out,
-        crew,
+        threads,
         machine,
         reporter: &reporter,
         data,
     };
     training::check_kept(&desk)?;
     evaluation::check(&desk)?;
-    let trained = match crew.ranks.are_several() {
-        true => shared::train_over_ranks(&desk)?,
-        false => shared::train_part(&desk, part)?,
-    };
+    let trained = shared::train_part(&desk, part)?;
     outcome.trained = trained.len();
     if part.is_some() {
         outcome.end = match trained.len() == shared::entries_of(study, part).len() {
@@ -108,10 +102,8 @@ pub fn run(
         return Ok(outcome);
     };
     outcome.measured = study.train.len() + study.model.len() + study.evaluation.baselines().count();
-    if crew.ranks.is_first() {
-        let heading = page::heading(study, &trained)?;
-        outcome.wrote = report::write(&out.join(REPORT), &heading, &measured)?;
-    }
+    let heading = page::heading(study, &trained)?;
+    outcome.wrote = report::write(&out.join(REPORT), &heading, &measured)?;
     outcome.end = End::Complete;
     Ok(outcome)
 }
@@ -119,7 +111,6 @@ pub fn run(
 /// Opens the data sets, and makes those that are to be made. None where an end was asked for.
 fn prepare(
     order: StudyOrder<'_>,
-    crew: &Crew,
     reporter: &Reporter<'_>,
 ) -> Result<Option<Vec<StudyData>>, StudyError> {
     let StudyOrder {
@@ -144,7 +135,7 @@ fn prepare(
                          first with `selvedge data generate {preset} -o {folder}`"
                     )));
                 }
-                let end = make(&preset, &folder, crew, reporter).of(context)?;
+                let end = make(&preset, &folder, order.threads, reporter).of(context)?;
                 if end == End::Interrupted {
                     return Ok(None);
                 }
@@ -166,33 +157,20 @@ fn prepare(
 fn make(
     name: &str,
     folder: &Path,
-    crew: &Crew,
+    threads: Option<usize>,
     reporter: &Reporter<'_>,
 ) -> Result<End, StudyError> {
     let preset = DatasetPreset::open(name)?;
     for warning in preset.warnings() {
         reporter.remark(&format!("{name}: {warning}"));
     }
-    let is_made = generation::of_first(crew, &folder.join("index.json").is_file())?;
-    if !is_made {
+    if !folder.join("index.json").is_file() {
         let order = generation::Order {
             preset: &preset,
             folder,
             part: None,
         };
-        let end = match crew.ranks.is_first() {
-            true => generation::make_dataset(order, crew, reporter)?.end(),
-            false => {
-                generation::help(order, crew, reporter)?;
-                End::Complete
-            }
-        };
-        let is_complete = generation::of_first(crew, &(end == End::Complete))?;
-        return Ok(if is_complete {
-            End::Complete
-        } else {
-            End::Interrupted
-        });
+        return Ok(generation::make_dataset(order, threads, reporter)?.end());
     }
     let plan = preset.plan()?;
     let made = generation::open(folder)?;

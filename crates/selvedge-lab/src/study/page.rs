@@ -30,9 +30,6 @@ fn models(study: &Study, trained: &[Record]) -> Result<String, StudyError> {
     for (entry, record) in study.train.iter().zip(trained) {
         let mut what = vec![entry.config.clone()];
         what.extend(study.settings(entry).cloned());
-        if study.scale_schedules {
-            what.push("scaled to its budget".to_owned());
-        }
         what.extend(entry.after.iter().map(|before| format!("after {before}")));
         rows.push(vec![
             entry.name.clone(),

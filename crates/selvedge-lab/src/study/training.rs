@@ -1,11 +1,9 @@
 //! The trainings of a study: each in a folder of its own, with a record of what it was made from
 //! and how far it is. A finished one is kept, one under way goes on from its checkpoint.
 
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use selvedge_cluster::Ranks;
 use selvedge_train::{RunEnd, RunLimits, TrainConfig, Trainer, files};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -151,8 +149,7 @@ pub(super) fn train(desk: &Desk<'_>, entry: &Training) -> Result<Option<Record>,
     kept::write(&path, &record)?;
     let task = begin(desk, &entry.name, &trainer, &record);
     loop {
-        let ranks = &desk.crew.ranks;
-        let end = slice(&mut trainer, &folder, ranks, &mut record, &task)?;
+        let end = slice(&mut trainer, &folder, &mut record, &task)?;
         let is_last = match (end, record.budget) {
             (RunEnd::Stopped, _) => false,
             (RunEnd::Finished, _) => true,
@@ -296,12 +293,10 @@ fn trainer(
     Ok(Some(trainer))
 }
 
-/// Trains until the end, or until a checkpoint is due where time is limited. Whoever of the `ranks`
-/// fails ends the others.
+/// Trains until the end, or until a checkpoint is due where time is limited.
 fn slice(
     trainer: &mut Trainer,
     folder: &Path,
-    ranks: &Ranks,
     record: &mut Record,
     task: &Task<'_, '_>,
 ) -> Result<RunEnd, StudyError> {
@@ -316,10 +311,7 @@ fn slice(
     let started = Instant::now();
     let end = selvedge_train::run(trainer, folder, limits, &mut |step| {
         task.note(&format!("loss {:.4}", step.terms.total));
-        match ranks.is_halted() {
-            true => ControlFlow::Break(()),
-            false => task.advance(),
-        }
+        task.advance()
     })?;
     record.seconds += started.elapsed().as_secs_f64();
     record.steps_done = trainer.steps_done();

@@ -133,34 +133,14 @@ pub enum Command {
 
 /// The reason why a message is refused.
 #[derive(Debug, Error)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum WireError {
-    #[error("the message has {found} bytes, {most} are the most")]
-    Long { found: usize, most: usize },
-    #[error("the message has {found} bytes, its header alone has 4")]
-    Short { found: usize },
-    #[error(
-        "the message is of version {found}, this program speaks version {VERSION}: reload the page"
-    )]
-    Version { found: u8 },
-    #[error("there is no message of kind {found} from a page")]
-    Kind { found: u8 },
-    #[error("the bytes 2 and 3 of a message are 0")]
-    Reserved,
-    #[error("a message of kind {kind} has {expected} bytes, found {found}")]
-    Length {
-        kind: u8,
-        expected: usize,
-        found: usize,
-    },
-    #[error("a drag moves 1 to {MOST_DRAGGED} handles, found {found}")]
-    Dragged { found: u32 },
-    #[error(
-        "a number in a message of kind {kind} is {found}, it must be finite and within {bound}"
-    )]
-    Number { kind: u8, found: f32, bound: f32 },
-    #[error("the command cannot be understood: {0}")]
-    Command(#[from] serde_json::Error),
+#[error("{0}")]
+pub struct WireError(String);
+
+/// The refusal of a message of `kind` that has another length than it should `[bytes]`.
+fn length(kind: u8, expected: usize, found: usize) -> WireError {
+    WireError(format!(
+        "a message of kind {kind} has {expected} bytes, found {found}"
+    ))
 }
 
 /// Nobody pulls a cloth farther from the origin `[m]`.
@@ -169,20 +149,24 @@ const FARTHEST: f32 = 1e3;
 /// Reads a message from a page.
 pub fn decode(bytes: &[u8]) -> Result<ClientMessage, WireError> {
     let found = bytes.len();
+    let refuse = |reason: String| Err(WireError(reason));
     if found > LONGEST {
-        return Err(WireError::Long {
-            found,
-            most: LONGEST,
-        });
+        return refuse(format!(
+            "the message has {found} bytes, {LONGEST} are the most"
+        ));
     }
     let Some((&[version, kind, a, b], body)) = bytes.split_first_chunk::<4>() else {
-        return Err(WireError::Short { found });
+        return refuse(format!(
+            "the message has {found} bytes, its header alone has 4"
+        ));
     };
     if version != VERSION {
-        return Err(WireError::Version { found: version });
+        return refuse(format!(
+            "the message is of version {version}, this program speaks version {VERSION}: reload the page"
+        ));
     }
     if [a, b] != [0, 0] {
-        return Err(WireError::Reserved);
+        return refuse("the bytes 2 and 3 of a message are 0".to_owned());
     }
     match kind {
         kind::READY => {
@@ -198,25 +182,24 @@ pub fn decode(bytes: &[u8]) -> Result<ClientMessage, WireError> {
                 turn: part(turn)?,
             }))
         }
-        kind::COMMAND => Ok(ClientMessage::Command(serde_json::from_slice(body)?)),
-        found => Err(WireError::Kind { found }),
+        kind::COMMAND => serde_json::from_slice(body)
+            .map(ClientMessage::Command)
+            .map_err(|error| WireError(format!("the command cannot be understood: {error}"))),
+        found => refuse(format!("there is no message of kind {found} from a page")),
     }
 }
 
 fn drag(body: &[u8]) -> Result<Drag, WireError> {
     let kind = kind::DRAG;
-    let length = |expected| WireError::Length {
-        kind,
-        expected,
-        found: body.len() + 4,
-    };
+    let length = |expected| length(kind, expected, body.len() + 4);
     let (words, rest) = body.as_chunks::<4>();
     let [drag, count, goals @ ..] = words else {
         return Err(length(12));
     };
     let found = u32::from_le_bytes(*count);
     if !(1..=MOST_DRAGGED as u32).contains(&found) {
-        return Err(WireError::Dragged { found });
+        let reason = format!("a drag moves 1 to {MOST_DRAGGED} handles, found {found}");
+        return Err(WireError(reason));
     }
     if !rest.is_empty() || goals.len() != 4 * found as usize {
         return Err(length(12 + 16 * found as usize));
@@ -237,11 +220,7 @@ fn words<const N: usize>(kind: u8, body: &[u8]) -> Result<[u32; N], WireError> {
     let (words, rest) = body.as_chunks::<4>();
     match <&[[u8; 4]; N]>::try_from(words) {
         Ok(words) if rest.is_empty() => Ok(words.map(u32::from_le_bytes)),
-        _ => Err(WireError::Length {
-            kind,
-            expected: 4 + 4 * N,
-            found: body.len() + 4,
-        }),
+        _ => Err(length(kind, 4 + 4 * N, body.len() + 4)),
     }
 }
 
@@ -251,6 +230,8 @@ fn number(kind: u8, word: u32, bound: f32) -> Result<f64, WireError> {
     if found.abs() <= bound {
         Ok(f64::from(found))
     } else {
-        Err(WireError::Number { kind, found, bound })
+        Err(WireError(format!(
+            "a number in a message of kind {kind} is {found}, it must be finite and within {bound}"
+        )))
     }
 }

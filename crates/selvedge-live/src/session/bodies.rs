@@ -7,10 +7,11 @@
 use glam::{DVec3, Vec3};
 
 use super::Session;
-use super::error::SessionError;
+use super::commands::NO_CLOTH;
 use crate::body::BodyKind;
 use crate::hand::{HandLimits, Hands};
 use crate::live_cloth::LiveCloth;
+use crate::mover::Reason;
 
 /// Gravity of a ball that flies `[m/s²]`.
 const GRAVITY: DVec3 = DVec3::new(0.0, -9.8, 0.0);
@@ -138,8 +139,8 @@ impl Session {
     }
 
     /// Leads a body so that the middle of its points goes to `goal` `[m]`.
-    pub(super) fn lead_body(&mut self, number: usize, goal: DVec3) -> Result<(), SessionError> {
-        let live = self.showing.live().ok_or(SessionError::NoCloth)?;
+    pub(super) fn lead_body(&mut self, number: usize, goal: DVec3) -> Result<(), Reason> {
+        let live = self.showing.live().ok_or(NO_CLOTH)?;
         let bodies = live.ready().bodies();
         let kind = bodies.get(number).map(|body| body.kind);
         let first: usize = bodies.iter().take(number).map(|body| body.points).sum();
@@ -147,10 +148,10 @@ impl Session {
         let points = live.body_points();
         let middle = middle(points.get(first..first + count).unwrap_or_default());
         if !goal.is_finite() || goal.length() > OUT {
-            return Err(SessionError::FarBody { farthest: OUT });
+            return Err(format!("bodies stay within {OUT} m").into());
         }
         match kind {
-            None => return Err(SessionError::NoBody),
+            None => return Err("there is no such body here".into()),
             Some(BodyKind::Floor) => return Ok(()),
             Some(BodyKind::Ball) => self.bodies.flight = None,
             Some(BodyKind::Thing) => {}
@@ -163,19 +164,19 @@ impl Session {
     }
 
     /// Throws the ball from `from` `[m]` with `velocity` `[m/s]`.
-    pub(super) fn throw(&mut self, from: DVec3, velocity: DVec3) -> Result<(), SessionError> {
+    pub(super) fn throw(&mut self, from: DVec3, velocity: DVec3) -> Result<(), Reason> {
         let Some((number, own, _)) = self.bodies.ball else {
-            return Err(SessionError::NoBall);
+            return Err("there is no ball here: it comes with contact (tick \"touches\")".into());
         };
         self.check_physics()?;
         let is_far = !from.is_finite() || !velocity.is_finite() || from.length() > OUT;
         if is_far || velocity.length() > FASTEST {
-            return Err(SessionError::Throw {
-                fastest: FASTEST,
-                farthest: OUT,
-            });
+            return Err(format!(
+                "the ball is thrown at no more than {FASTEST} m/s, and within {OUT} m"
+            )
+            .into());
         }
-        let live = self.showing.live_mut().ok_or(SessionError::NoCloth)?;
+        let live = self.showing.live_mut().ok_or(NO_CLOTH)?;
         live.put_body(number, from - own)?;
         self.bodies.hands.put(number, from - own);
         self.bodies.flight = Some(Flight {
@@ -186,11 +187,11 @@ impl Session {
     }
 
     /// Checks that the physics alone moves the cloth: a model does not see bodies.
-    fn check_physics(&self) -> Result<(), SessionError> {
-        let live = self.showing.live().ok_or(SessionError::NoCloth)?;
+    fn check_physics(&self) -> Result<(), Reason> {
+        let live = self.showing.live().ok_or(NO_CLOTH)?;
         match live.mover() {
             crate::mover::Mover::Physics => Ok(()),
-            _ => Err(SessionError::ModelBlind),
+            _ => Err("a learned model does not see bodies: let the physics move the cloth".into()),
         }
     }
 }

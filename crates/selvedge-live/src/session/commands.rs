@@ -4,11 +4,10 @@ use glam::DVec3;
 use selvedge_cloth::Handles;
 use web_time::Instant;
 
-use super::error::SessionError;
 use super::{Request, Session};
 use crate::hand::{HandLimits, Hands};
 use crate::live_cloth::LiveCloth;
-use crate::mover::Mover;
+use crate::mover::{Mover, Reason};
 use crate::order::Order;
 use crate::player::{Player, Tape};
 use crate::protocol::{ClientMessage, Command, Drag};
@@ -22,6 +21,8 @@ const STRONGEST_WIND: f64 = 30.0;
 const RATES: std::ops::RangeInclusive<f64> = 0.05..=4.0;
 /// Handles that can be added by hand.
 const MOST_HANDLES: usize = 256;
+/// The answer to a request about a cloth before there is one.
+pub(super) const NO_CLOTH: &str = "there is no cloth yet";
 
 impl Session {
     /// Meets a request; an error is told to the pages.
@@ -51,7 +52,7 @@ impl Session {
     }
 
     /// Meets the message of a page.
-    fn hear(&mut self, client: u32, message: ClientMessage) -> Result<(), SessionError> {
+    fn hear(&mut self, client: u32, message: ClientMessage) -> Result<(), Reason> {
         match message {
             ClientMessage::Drag(drag) => self.drag(client, &drag),
             ClientMessage::Keys(push) => {
@@ -82,7 +83,7 @@ impl Session {
         self.outlets.tell_soon();
     }
 
-    fn command(&mut self, command: Command) -> Result<(), SessionError> {
+    fn command(&mut self, command: Command) -> Result<(), Reason> {
         match command {
             Command::Pause => self.time.running = false,
             Command::Resume => self.resume(),
@@ -106,7 +107,7 @@ impl Session {
             Command::StopRecording => self.stop_recording(),
             Command::Replay => {
                 let tape = self.recordings.tape.clone();
-                self.play(tape.ok_or(SessionError::NoRecording)?);
+                self.play(tape.ok_or("nothing has been recorded yet")?);
             }
             Command::Live => self.go_live(),
             Command::Seek { frame } => {
@@ -138,13 +139,13 @@ impl Session {
         }
     }
 
-    fn set_rate(&mut self, rate: f64) -> Result<(), SessionError> {
+    fn set_rate(&mut self, rate: f64) -> Result<(), Reason> {
         if !RATES.contains(&rate) {
-            return Err(SessionError::Rate {
-                rate,
-                slowest: *RATES.start(),
-                fastest: *RATES.end(),
-            });
+            let (slowest, fastest) = (RATES.start(), RATES.end());
+            return Err(format!(
+                "time cannot go {rate} times as fast: {slowest} to {fastest} times are possible"
+            )
+            .into());
         }
         self.time.rate = rate;
         let frames = self.showing.frame_rate() * rate;
@@ -166,7 +167,7 @@ impl Session {
     }
 
     /// Puts a cloth that is ready on the table.
-    fn lay_out(&mut self, order: Order, ready: Box<dyn ReadyCloth>) -> Result<(), SessionError> {
+    fn lay_out(&mut self, order: Order, ready: Box<dyn ReadyCloth>) -> Result<(), Reason> {
         self.stop_recording();
         self.busy = None;
         let before = self.showing.live();
@@ -195,7 +196,7 @@ impl Session {
         Ok(())
     }
 
-    fn reset(&mut self) -> Result<(), SessionError> {
+    fn reset(&mut self) -> Result<(), Reason> {
         if let Some(player) = self.showing.player_mut() {
             player.seek(0);
             self.publish_frame();
@@ -214,14 +215,14 @@ impl Session {
     }
 
     /// Lets all handles go.
-    fn drop_cloth(&mut self) -> Result<(), SessionError> {
+    fn drop_cloth(&mut self) -> Result<(), Reason> {
         match self.held() {
             Some(held) => self.let_go(&held),
             None => Ok(()),
         }
     }
 
-    fn set_mover(&mut self, mover: Mover) -> Result<(), SessionError> {
+    fn set_mover(&mut self, mover: Mover) -> Result<(), Reason> {
         self.mover = mover;
         self.stop_recording();
         if let Some(live) = self.showing.live_mut() {
@@ -232,10 +233,9 @@ impl Session {
     }
 
     /// Changes the wind, of which `wind` is the velocity `[m/s]`.
-    fn set_wind(&mut self, wind: DVec3) -> Result<(), SessionError> {
+    fn set_wind(&mut self, wind: DVec3) -> Result<(), Reason> {
         if !wind.is_finite() || wind.length() > STRONGEST_WIND {
-            let most = STRONGEST_WIND;
-            return Err(SessionError::Wind { most });
+            return Err(format!("the wind is at most {STRONGEST_WIND} m/s").into());
         }
         let Some(live) = self.showing.live_mut() else {
             return Ok(());
@@ -247,7 +247,7 @@ impl Session {
         Ok(())
     }
 
-    fn drag(&mut self, client: u32, drag: &Drag) -> Result<(), SessionError> {
+    fn drag(&mut self, client: u32, drag: &Drag) -> Result<(), Reason> {
         if !matches!(self.showing, super::Showing::Live(_)) {
             return Ok(());
         }
@@ -273,7 +273,7 @@ impl Session {
     }
 
     /// Holds vertices that are not held yet.
-    fn hold(&mut self, vertices: &[u32]) -> Result<(), SessionError> {
+    fn hold(&mut self, vertices: &[u32]) -> Result<(), Reason> {
         let Some(held) = self.held() else {
             return Ok(());
         };
@@ -287,13 +287,12 @@ impl Session {
             return Ok(());
         }
         if all.len() > MOST_HANDLES {
-            let most = MOST_HANDLES;
-            return Err(SessionError::TooManyHandles { most });
+            return Err(format!("{MOST_HANDLES} handles are the most").into());
         }
         self.set_handles(&all, &held)
     }
 
-    fn let_go(&mut self, vertices: &[u32]) -> Result<(), SessionError> {
+    fn let_go(&mut self, vertices: &[u32]) -> Result<(), Reason> {
         let Some(held) = self.held() else {
             return Ok(());
         };
@@ -306,7 +305,7 @@ impl Session {
     }
 
     /// Goes on with the vertices `all` held, where `held` were before.
-    fn set_handles(&mut self, all: &[u32], held: &[u32]) -> Result<(), SessionError> {
+    fn set_handles(&mut self, all: &[u32], held: &[u32]) -> Result<(), Reason> {
         let Some(live) = self.showing.live() else {
             return Ok(());
         };
@@ -329,14 +328,14 @@ impl Session {
         Ok(())
     }
 
-    fn record(&mut self) -> Result<(), SessionError> {
+    fn record(&mut self) -> Result<(), Reason> {
         if self.showing.player().is_some() {
-            return Err(SessionError::Playing);
+            return Err("a recording is being played: go back to the cloth first".into());
         }
         if self.recordings.recorder.is_some() {
-            return Err(SessionError::Recording);
+            return Err("a recording is under way: end it before the next".into());
         }
-        let live = self.showing.live().ok_or(SessionError::NoCloth)?;
+        let live = self.showing.live().ok_or(NO_CLOTH)?;
         self.recordings.recorder = Some(Recorder::new(live));
         self.resume();
         Ok(())

@@ -9,7 +9,6 @@
 mod bodies;
 mod commands;
 mod embedded;
-mod error;
 mod following;
 mod motion;
 mod order_slot;

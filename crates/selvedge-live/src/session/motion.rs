@@ -11,10 +11,10 @@ use selvedge_cloth::motion::named;
 use selvedge_cloth::{HandlePath, HandleTargets, Motion};
 
 use super::Session;
-use super::error::SessionError;
+use super::commands::NO_CLOTH;
 use super::following::{Following, let_go};
 use crate::hand::{Hands, Reach};
-use crate::mover::MoverKind;
+use crate::mover::{MoverKind, Reason};
 use crate::recorder::Recorder;
 use crate::state::{Level, TrackState};
 
@@ -24,11 +24,11 @@ const SCENE_MOTION: &str = "scene";
 impl Session {
     /// Follows the motion of that name: the scene's own from the start of the scene, another from
     /// the place where the handles come to rest.
-    pub(super) fn follow(&mut self, name: String) -> Result<(), SessionError> {
+    pub(super) fn follow(&mut self, name: String) -> Result<(), Reason> {
         if name == SCENE_MOTION {
             self.end_recording("the scene's own motion starts from its beginning: ");
         }
-        let live = self.showing.live_mut().ok_or(SessionError::NoCloth)?;
+        let live = self.showing.live_mut().ok_or(NO_CLOTH)?;
         let following = if name == SCENE_MOTION {
             let path = Arc::new(live.ready().scene_path()?);
             live.restart(live.mover())?;
@@ -63,7 +63,7 @@ impl Session {
     }
 
     /// Hands whose handles were `free`, `[handles]`, are attached to the cloth where it is.
-    fn take_hold(&mut self, free: &[bool]) -> Result<(), SessionError> {
+    fn take_hold(&mut self, free: &[bool]) -> Result<(), Reason> {
         let Some(live) = self.showing.live_mut() else {
             return Ok(());
         };
@@ -124,7 +124,7 @@ impl Session {
         }
     }
 
-    fn next_targets(&mut self, rate: f64) -> Result<HandleTargets, SessionError> {
+    fn next_targets(&mut self, rate: f64) -> Result<HandleTargets, Reason> {
         self.begin_motion(rate)?;
         let path = self.lead.following.as_ref().and_then(|f| f.path.clone());
         if let Some(path) = path
@@ -163,7 +163,7 @@ impl Session {
         following: &mut Following,
         path: &HandlePath,
         rate: f64,
-    ) -> Result<HandleTargets, SessionError> {
+    ) -> Result<HandleTargets, Reason> {
         let mut targets = following.targets(path, rate)?;
         let before = std::mem::replace(&mut following.free, let_go(&targets));
         let now = before.iter().zip(&following.free);
@@ -179,7 +179,7 @@ impl Session {
     }
 
     /// Binds the motion that waits, once the handles are at rest.
-    fn begin_motion(&mut self, rate: f64) -> Result<(), SessionError> {
+    fn begin_motion(&mut self, rate: f64) -> Result<(), Reason> {
         if let Some(following) = &mut self.lead.following
             && following.path.is_none()
             && self.lead.hands.is_at_rest()
@@ -192,10 +192,8 @@ impl Session {
     }
 }
 
-fn motion_called(name: &str) -> Result<Motion, SessionError> {
-    named::by_name(name).ok_or_else(|| SessionError::UnknownMotion {
-        name: name.to_owned(),
-    })
+fn motion_called(name: &str) -> Result<Motion, Reason> {
+    named::by_name(name).ok_or_else(|| format!("there is no motion {name:?}").into())
 }
 
 /// A cloth that moves no more.

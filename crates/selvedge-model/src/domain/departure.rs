@@ -86,130 +86,101 @@ impl fmt::Display for Departure {
 impl Domain {
     /// The ways in which `scene` goes beyond this domain, in the order of [`Aspect`].
     pub fn departures(&self, scene: &Self) -> Vec<Departure> {
-        let all = [
-            self.of_rate(scene),
-            self.of_count(scene),
-            self.of_edges(scene),
-            found(Aspect::Seams, scene.sewn && !self.sewn, || {
-                "the cloth is sewn, trained on cloth in one piece".to_owned()
-            }),
-            self.of_handles(scene),
-            self.of_heights(scene),
-            self.of_distances(scene),
-            self.of_speed(scene),
-            self.of_wind(scene),
-            self.of_gravity(scene),
-            self.of_fabric(scene),
-            found(Aspect::Contact, scene.contact && !self.contact, || {
-                "the cloth touches itself or bodies, trained without: the network sees none"
-                    .to_owned()
-            }),
-        ];
-        all.into_iter().flatten().collect()
+        let mut found = Vec::new();
+        self.of_cloth(scene, &mut found);
+        self.of_hands(scene, &mut found);
+        self.of_surroundings(scene, &mut found);
+        found
     }
 
-    fn of_rate(&self, scene: &Self) -> Option<Departure> {
-        let bounds = self.frame_rate;
-        found(
+    fn of_cloth(&self, scene: &Self, found: &mut Vec<Departure>) {
+        let (own, bounds) = (scene.frame_rate, self.frame_rate);
+        let words = format_args!("{own} frames per second, trained at {bounds}");
+        add(
+            found,
             Aspect::FrameRate,
-            !bounds.hold(scene.frame_rate, SAME_RATE),
-            || {
-                format!(
-                    "{} frames per second, trained at {}",
-                    scene.frame_rate, bounds
-                )
-            },
-        )
-    }
-
-    fn of_count(&self, scene: &Self) -> Option<Departure> {
-        let bounds = self.vertices;
-        found(
+            !bounds.hold(own, SAME_RATE),
+            words,
+        );
+        let (own, bounds) = (scene.vertices, self.vertices);
+        let words = format_args!("{own} vertices, trained on {bounds}");
+        add(
+            found,
             Aspect::Vertices,
-            !bounds.hold(scene.vertices, LOOSE_COUNT),
-            || format!("{} vertices, trained on {}", scene.vertices, bounds),
-        )
-    }
-
-    fn of_edges(&self, scene: &Self) -> Option<Departure> {
+            !bounds.hold(own, LOOSE_COUNT),
+            words,
+        );
         let [own, bounds] = [scene.edge_length, self.edge_length].map(|b| b.times(1e3));
-        found(Aspect::EdgeLength, !bounds.hold(own, LOOSE), || {
-            format!("edges of {own:.0} mm on average, trained on {bounds:.0} mm")
-        })
+        let words = format_args!("edges of {own:.0} mm on average, trained on {bounds:.0} mm");
+        add(found, Aspect::EdgeLength, !bounds.hold(own, LOOSE), words);
+        let words = format_args!("the cloth is sewn, trained on cloth in one piece");
+        add(found, Aspect::Seams, scene.sewn && !self.sewn, words);
     }
 
-    fn of_handles(&self, scene: &Self) -> Option<Departure> {
+    fn of_hands(&self, scene: &Self, found: &mut Vec<Departure>) {
         let (own, bounds) = (scene.handles, self.handles);
-        found(Aspect::Handles, !bounds.hold(own, 0.0), || {
-            let plural = if own == Bounds::of(1.0) { "" } else { "s" };
-            format!("{own} handle{plural} held at once, trained with {bounds}")
-        })
-    }
-
-    fn of_heights(&self, scene: &Self) -> Option<Departure> {
+        let plural = if own == Bounds::of(1.0) { "" } else { "s" };
+        let words = format_args!("{own} handle{plural} held at once, trained with {bounds}");
+        add(found, Aspect::Handles, !bounds.hold(own, 0.0), words);
+        let beyond = |own: f64, most: f64, small: f64| own > most * (1.0 + LOOSE) + small;
         let (own, most) = (scene.height_difference, self.height_difference);
-        found(
+        let words =
+            format_args!("handles {own:.2} m apart in height, trained with at most {most:.2} m");
+        add(
+            found,
             Aspect::Heights,
-            own > most * (1.0 + LOOSE) + SMALL_DISTANCE,
-            || format!("handles {own:.2} m apart in height, trained with at most {most:.2} m"),
-        )
-    }
-
-    fn of_distances(&self, scene: &Self) -> Option<Departure> {
+            beyond(own, most, SMALL_DISTANCE),
+            words,
+        );
         let (own, most) = (scene.moved_apart, self.moved_apart);
-        found(
+        let words = format_args!(
+            "the distance between handles changes by {own:.2} m, trained with at most {most:.2} m"
+        );
+        add(
+            found,
             Aspect::Apart,
-            own > most * (1.0 + LOOSE) + SMALL_DISTANCE,
-            || {
-                format!(
-                    "the distance between handles changes by {own:.2} m, trained with at most {most:.2} m"
-                )
-            },
-        )
-    }
-
-    fn of_speed(&self, scene: &Self) -> Option<Departure> {
+            beyond(own, most, SMALL_DISTANCE),
+            words,
+        );
         let (own, most) = (scene.handle_speed, self.handle_speed);
-        found(
-            Aspect::Speed,
-            own > most * (1.0 + LOOSE) + SMALL_SPEED,
-            || format!("handles at up to {own:.1} m/s, trained with up to {most:.1} m/s"),
-        )
-    }
-
-    fn of_wind(&self, scene: &Self) -> Option<Departure> {
+        let words = format_args!("handles at up to {own:.1} m/s, trained with up to {most:.1} m/s");
+        add(found, Aspect::Speed, beyond(own, most, SMALL_SPEED), words);
         let (own, most) = (scene.wind, self.wind);
-        found(
-            Aspect::Wind,
-            own > most * (1.0 + LOOSE) + SMALL_SPEED,
-            || {
-                let trained = match most > 0.0 {
-                    true => format!("in wind of up to {most:.1} m/s"),
-                    false => "in still air".to_owned(),
-                };
-                format!("wind of up to {own:.1} m/s, trained {trained}")
-            },
-        )
+        let is_beyond = beyond(own, most, SMALL_SPEED);
+        let words = match most > 0.0 {
+            true => {
+                format_args!("wind of up to {own:.1} m/s, trained in wind of up to {most:.1} m/s")
+            }
+            false => format_args!("wind of up to {own:.1} m/s, trained in still air"),
+        };
+        add(found, Aspect::Wind, is_beyond, words);
     }
 
-    fn of_gravity(&self, scene: &Self) -> Option<Departure> {
+    fn of_surroundings(&self, scene: &Self, found: &mut Vec<Departure>) {
         let (own, bounds) = (scene.gravity, self.gravity);
-        found(Aspect::Gravity, !bounds.hold(own, LOOSE), || {
-            format!("gravity of {own:.2} m/s², trained with {bounds:.2} m/s²")
-        })
+        let words = format_args!("gravity of {own:.2} m/s², trained with {bounds:.2} m/s²");
+        add(found, Aspect::Gravity, !bounds.hold(own, LOOSE), words);
+        if let (Some(own), Some(known)) = (&scene.fabrics, &self.fabrics) {
+            let words = format_args!("the fabric {own}, trained on {known}");
+            add(found, Aspect::Fabric, !known.hold(own), words);
+        }
+        let words = format_args!(
+            "the cloth touches itself or bodies, trained without: the network sees none"
+        );
+        add(
+            found,
+            Aspect::Contact,
+            scene.contact && !self.contact,
+            words,
+        );
     }
+}
 
-    fn of_fabric(&self, scene: &Self) -> Option<Departure> {
-        let (own, known) = (scene.fabrics.as_ref()?, self.fabrics.as_ref()?);
-        found(Aspect::Fabric, !known.hold(own), || {
-            format!(
-                "the fabric {} ({}), trained on {} ({})",
-                own.names.join(", "),
-                own.numbers(),
-                known.names.join(", "),
-                known.numbers()
-            )
-        })
+/// Adds a departure, where there is one.
+fn add(found: &mut Vec<Departure>, aspect: Aspect, is: bool, words: fmt::Arguments<'_>) {
+    if is {
+        let words = words.to_string();
+        found.push(Departure { aspect, words });
     }
 }
 
@@ -247,20 +218,15 @@ impl FabricBounds {
         ];
         pairs.iter().all(|(own, other)| own.hold(*other, LOOSE))
     }
-
-    fn numbers(&self) -> String {
-        format!(
-            "{:.3} kg/m², {:.0} N/m, {:.1} µN m",
-            self.density,
-            self.stretch,
-            self.bend.times(1e6)
-        )
-    }
 }
 
-fn found(aspect: Aspect, is: bool, words: impl FnOnce() -> String) -> Option<Departure> {
-    is.then(|| Departure {
-        aspect,
-        words: words(),
-    })
+impl fmt::Display for FabricBounds {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (names, bend) = (self.names.join(", "), self.bend.times(1e6));
+        let (density, stretch) = (self.density, self.stretch);
+        write!(
+            f,
+            "{names} ({density:.3} kg/m², {stretch:.0} N/m, {bend:.1} µN m)"
+        )
+    }
 }

@@ -1,14 +1,9 @@
 //! Domains of scenes and of frames, and what goes beyond them.
 
-use std::collections::BTreeMap;
-
 use glam::{DVec3, Vec3};
-use selvedge_cloth::generate::{SquareSpec, square};
+use selvedge_cloth::generate::square;
 use selvedge_cloth::motion::named::by_name;
-use selvedge_cloth::{
-    ContactSettings, HandleSchedule, Isotropic, Motion, PhysicsSettings, RecordedMotion, Release,
-    SagSettings,
-};
+use selvedge_cloth::{ContactSettings, Isotropic, Motion, RecordedMotion, Release};
 
 use super::*;
 
@@ -16,26 +11,11 @@ const VERTICES: usize = 60;
 
 /// A square metre that hangs by two corners and swings.
 fn scene() -> Scene {
-    let spec = SquareSpec {
-        vertices: VERTICES,
-        size: 1.0,
-        seed: 1,
-    };
-    let sheet = square(&spec).expect("a sheet");
+    let sheet = square(VERTICES, 1.0, 1).expect("a sheet");
+    let handles = Handles::new(&sheet.labels["upper-corners"], VERTICES).expect("two handles");
     Scene {
-        name: "test".into(),
-        handles: Handles::new(&sheet.labels["upper-corners"], VERTICES).expect("two handles"),
-        mesh: sheet.mesh,
-        schedule: HandleSchedule::default(),
-        material: fabric("sheet", 1e5),
-        fabrics: BTreeMap::new(),
-        environment: Environment::default(),
         motion: by_name("test-x-minus-z").expect("a motion"),
-        physics: PhysicsSettings::default(),
-        sag: SagSettings::default(),
-        frame_rate: 60.0,
-        contact: None,
-        obstacles: Vec::new(),
+        ..Scene::of("test", sheet.mesh, handles, fabric("sheet", 1e5))
     }
 }
 
@@ -52,7 +32,6 @@ fn fabric(name: &str, youngs_modulus: f64) -> Material {
         damping: 0.0,
         stretch: sheet.stretch_table(),
         bend: sheet.bend_table(),
-        strain_limits: None,
     }
 }
 
@@ -199,12 +178,7 @@ fn each_departure_is_found_alone_and_says_both_numbers() {
         }),
         (Aspect::Vertices, "200 vertices, trained on 60", |s| {
             // Finer in a larger square, so that edges stay as long.
-            let spec = SquareSpec {
-                vertices: 200,
-                size: (200.0_f64 / 60.0).sqrt(),
-                seed: 1,
-            };
-            let sheet = square(&spec).expect("a sheet");
+            let sheet = square(200, (200.0_f64 / 60.0).sqrt(), 1).expect("a sheet");
             s.handles = Handles::new(&sheet.labels["upper-corners"], 200).expect("two handles");
             s.mesh = sheet.mesh;
         }),

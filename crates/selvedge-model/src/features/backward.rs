@@ -14,8 +14,6 @@ use crate::spec::{EdgeFeature, ModelSpec, NodeFeature};
 
 /// Gradients with respect to the positions of a [`Pose`], in the world, `[vertices]`; added to.
 pub struct PoseGradient<'a> {
-    /// With respect to `before`, if the spec has accelerations.
-    pub before: &'a mut [Vec3],
     /// With respect to `previous`.
     pub previous: &'a mut [Vec3],
     /// With respect to `current`.
@@ -65,14 +63,10 @@ pub fn node_features_backward(
             first,
         };
         match feature {
-            NodeFeature::Velocity => difference(pose, rows, to.current, to.previous),
+            NodeFeature::Velocity => velocity(pose, rows, to),
             NodeFeature::ExternalForce => external_force(graph, pose, rows, to),
             NodeFeature::KineticEnergy => kinetic_energy(graph, pose, rows, to),
             NodeFeature::NodeType => {}
-            NodeFeature::Acceleration => {
-                difference(pose, rows, to.current, to.previous);
-                difference(pose, rows, to.before, to.previous);
-            }
         }
         first += feature.width();
     }
@@ -110,11 +104,11 @@ pub fn edge_features_backward(
     }
 }
 
-fn difference(pose: Pose<'_>, rows: Rows<'_>, plus: &mut [Vec3], minus: &mut [Vec3]) {
-    for (v, (plus, minus)) in plus.iter_mut().zip(minus).enumerate() {
+fn velocity(pose: Pose<'_>, rows: Rows<'_>, to: &mut PoseGradient<'_>) {
+    for v in 0..to.current.len() {
         let by_world = pose.yaw.to_world(rows.vector(v));
-        *plus += by_world;
-        *minus -= by_world;
+        to.current[v] += by_world;
+        to.previous[v] -= by_world;
     }
 }
 
@@ -125,7 +119,12 @@ fn external_force(graph: &ClothGraph, pose: Pose<'_>, rows: Rows<'_>, to: &mut P
     let Some(air) = Air::around(graph) else {
         return;
     };
-    for (face, &area) in graph.topology().faces().iter().zip(graph.face_area()) {
+    for (face, &area) in graph
+        .topology()
+        .faces()
+        .iter()
+        .zip(graph.cloth().face_area())
+    {
         let corners = face.map(|v| v.index());
         let [a, b, c] = corners.map(|v| pose.current[v]);
         let relative = air.relative(corners, pose);
@@ -153,7 +152,7 @@ fn external_force(graph: &ClothGraph, pose: Pose<'_>, rows: Rows<'_>, to: &mut P
 }
 
 fn kinetic_energy(graph: &ClothGraph, pose: Pose<'_>, rows: Rows<'_>, to: &mut PoseGradient<'_>) {
-    for (v, &mass) in graph.vertex_mass().iter().enumerate() {
+    for (v, &mass) in graph.cloth().vertex_mass().iter().enumerate() {
         let momentum = mass * (pose.current[v] - pose.previous[v]);
         to.current[v] += rows.get(v, 0) * momentum;
         to.previous[v] -= rows.get(v, 0) * momentum;
@@ -163,7 +162,7 @@ fn kinetic_energy(graph: &ClothGraph, pose: Pose<'_>, rows: Rows<'_>, to: &mut P
 /// The vector between the two vertices of each edge and its length, in both arcs.
 fn vector(graph: &ClothGraph, pose: Pose<'_>, rows: Rows<'_>, to: &mut [Vec3]) {
     let edges = graph.topology().edges().iter();
-    for (edge, &arcs) in edges.zip(graph.edge_arcs()) {
+    for (edge, &arcs) in edges.zip(&graph.edge_arcs) {
         let ends = edge.vertices.map(|v| v.index());
         let [forward, back] = arcs.map(|arc| arc as usize);
         let by_difference = rows.vector(forward) - rows.vector(back);
@@ -190,7 +189,7 @@ fn bending(graph: &ClothGraph, pose: Pose<'_>, rows: Rows<'_>, to: &mut [Vec3]) 
         let vertices = [hinge.from, hinge.to, hinge.left, hinge.right].map(|v| v as usize);
         let points = vertices.map(|v| pose.current[v].as_dvec3());
         let (_, slopes) = bending_angle_with_gradient(points);
-        let arcs = graph.edge_arcs()[hinge.edge as usize];
+        let arcs = graph.edge_arcs[hinge.edge as usize];
         let by_angle: f32 = arcs.iter().map(|&arc| rows.get(arc as usize, 0)).sum();
         for (v, slope) in vertices.into_iter().zip(slopes) {
             to[v] += by_angle * slope.as_vec3();

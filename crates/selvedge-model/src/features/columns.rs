@@ -42,9 +42,6 @@ impl NodeFeature {
             Self::NodeType => columns!["": "free", "handle", "type 2 (unused)",
                 "type 3 (unused)", "type 4 (unused)", "type 5 (unused)", "type 6 (unused)",
                 "type 7 (unused)", "type 8 (unused)"],
-            Self::Acceleration => {
-                columns!["m/frame²": "acceleration x", "acceleration y", "acceleration z"]
-            }
         }
     }
 
@@ -102,8 +99,6 @@ pub fn edge_groups(spec: &ModelSpec) -> Vec<usize> {
 /// One frame of the network's window.
 #[derive(Clone, Copy, Debug)]
 pub struct Pose<'a> {
-    /// World positions two frames earlier `[m]`, `[vertices]`; only accelerations need them.
-    pub before: &'a [Vec3],
     /// World positions one frame earlier `[m]`, `[vertices]`.
     pub previous: &'a [Vec3],
     /// World positions in this frame `[m]`, `[vertices]`.
@@ -156,7 +151,6 @@ pub fn node_features(spec: &ModelSpec, graph: &ClothGraph, pose: Pose<'_>, out: 
             NodeFeature::ExternalForce => external_force(graph, pose, columns),
             NodeFeature::KineticEnergy => kinetic_energy(graph, pose, columns),
             NodeFeature::NodeType => node_type(graph, columns),
-            NodeFeature::Acceleration => acceleration(pose, columns),
         }
         first += feature.width();
     }
@@ -198,16 +192,6 @@ fn velocity(pose: Pose<'_>, mut out: FeatureColumns<'_>) {
     }
 }
 
-/// The acceleration that led to the current positions, p^t - 2 p^{t-1} + p^{t-2}
-/// `[eq:past-acceleration]`.
-fn acceleration(pose: Pose<'_>, mut out: FeatureColumns<'_>) {
-    assert_eq!(pose.before.len(), pose.current.len(), "earlier positions");
-    let frames = pose.current.iter().zip(pose.previous).zip(pose.before);
-    for (v, ((&p, &q), &r)) in frames.enumerate() {
-        out.put(v, pose.yaw.to_local((p - q) - (q - r)).to_array());
-    }
-}
-
 /// Properties of the air that the external force depends on.
 pub(super) struct Air {
     /// `[kg/m³]`.
@@ -245,13 +229,18 @@ impl Air {
 fn external_force(graph: &ClothGraph, pose: Pose<'_>, mut out: FeatureColumns<'_>) {
     let environment = graph.environment();
     let gravity = pose.yaw.to_local_f64(environment.gravity).as_vec3();
-    for (v, &mass) in graph.vertex_mass().iter().enumerate() {
+    for (v, &mass) in graph.cloth().vertex_mass().iter().enumerate() {
         out.put(v, (mass * gravity).to_array());
     }
     let Some(air) = Air::around(graph) else {
         return;
     };
-    for (face, &area) in graph.topology().faces().iter().zip(graph.face_area()) {
+    for (face, &area) in graph
+        .topology()
+        .faces()
+        .iter()
+        .zip(graph.cloth().face_area())
+    {
         let corners = face.map(|v| v.index());
         let [a, b, c] = corners.map(|v| pose.current[v]);
         let relative = air.relative(corners, pose);
@@ -269,7 +258,7 @@ fn external_force(graph: &ClothGraph, pose: Pose<'_>, mut out: FeatureColumns<'_
 /// Kinetic energy with the velocity per frame `[eq:kinetic-energy]`: m |v|² / 2.
 fn kinetic_energy(graph: &ClothGraph, pose: Pose<'_>, mut out: FeatureColumns<'_>) {
     let moves = pose.current.iter().zip(pose.previous);
-    for (v, ((&p, &before), &mass)) in moves.zip(graph.vertex_mass()).enumerate() {
+    for (v, ((&p, &before), &mass)) in moves.zip(graph.cloth().vertex_mass()).enumerate() {
         out.put(v, [0.5 * mass * (p - before).length_squared()]);
     }
 }
@@ -291,14 +280,14 @@ fn vector(graph: &ClothGraph, pose: Pose<'_>, mut out: FeatureColumns<'_>) {
 }
 
 fn rest_vector(graph: &ClothGraph, mut out: FeatureColumns<'_>) {
-    let rest = graph.rest_vectors().iter().zip(graph.rest_lengths());
-    for ((&d, &length), &arcs) in rest.zip(graph.edge_arcs()) {
+    let rest = graph.rest_vectors.iter().zip(graph.rest_lengths());
+    for ((&d, &length), &arcs) in rest.zip(&graph.edge_arcs) {
         put_vector(&mut out, arcs, d, length);
     }
 }
 
 fn material_vector(graph: &ClothGraph, mut out: FeatureColumns<'_>) {
-    for (vectors, arcs) in graph.material_vectors().iter().zip(graph.edge_arcs()) {
+    for (vectors, arcs) in graph.material_vectors().iter().zip(&graph.edge_arcs) {
         for (&arc, d) in arcs.iter().zip(vectors) {
             out.put(arc as usize, [d.x, d.y, d.length()]);
         }
@@ -317,7 +306,7 @@ fn elongation(graph: &ClothGraph, pose: Pose<'_>, mut out: FeatureColumns<'_>) {
 }
 
 fn bending(graph: &ClothGraph, pose: Pose<'_>, mut out: FeatureColumns<'_>) {
-    for (edge, arcs) in graph.topology().edges().iter().zip(graph.edge_arcs()) {
+    for (edge, arcs) in graph.topology().edges().iter().zip(&graph.edge_arcs) {
         if edge.is_boundary() {
             for &arc in arcs {
                 out.put(arc as usize, [0.0]);
@@ -326,7 +315,7 @@ fn bending(graph: &ClothGraph, pose: Pose<'_>, mut out: FeatureColumns<'_>) {
     }
     for hinge in graph.hinges() {
         let angle = bending_angle(hinge, pose.current);
-        for arc in graph.edge_arcs()[hinge.edge as usize] {
+        for arc in graph.edge_arcs[hinge.edge as usize] {
             out.put(arc as usize, [angle]);
         }
     }
@@ -352,7 +341,7 @@ pub(super) fn edge_ends<'a>(
     positions: &'a [Vec3],
 ) -> impl Iterator<Item = ((Vec3, Vec3), [u32; 2])> + 'a {
     let edges = graph.topology().edges().iter();
-    edges.zip(graph.edge_arcs()).map(|(edge, &arcs)| {
+    edges.zip(&graph.edge_arcs).map(|(edge, &arcs)| {
         let [a, b] = edge.vertices.map(|v| positions[v.index()]);
         ((a, b), arcs)
     })

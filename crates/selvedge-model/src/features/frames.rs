@@ -17,11 +17,10 @@ pub struct Frames<'a, F> {
 }
 
 impl<F: AsRef<[Vec3]>> Frames<'_, F> {
-    /// Frame `current` and the ones before it that features are made from.
+    /// Frame `current` and the one before it, which features are made from.
     pub(super) fn pose(&self, current: usize) -> Pose<'_> {
         let at = |number: usize| self.positions[number].as_ref();
         Pose {
-            before: current.checked_sub(2).map_or(&[], at),
             previous: at(current - 1),
             current: at(current),
             yaw: self.yaw,

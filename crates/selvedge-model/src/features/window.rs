@@ -114,11 +114,9 @@ impl Window {
         let edges = graph.arc_count() * spec.edge_width();
         for (step, current) in frames.window(spec).enumerate() {
             let pose = frames.pose(current);
-            let (before, later) = to.split_at_mut(current - 1);
-            let (previous, later) = later.split_at_mut(1);
+            let (before, later) = to.split_at_mut(current);
             let mut by_pose = PoseGradient {
-                before: before.last_mut().map_or(&mut [], Vec::as_mut_slice),
-                previous: &mut previous[0],
+                previous: &mut before[current - 1],
                 current: &mut later[0],
             };
             let rows = &gradient.nodes[step * nodes..][..nodes];

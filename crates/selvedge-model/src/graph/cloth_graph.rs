@@ -6,10 +6,10 @@
 //! or several, is in `connectivity`.
 
 use glam::{Vec2, Vec3};
-use selvedge_cloth::{Cloth, Environment, EnvironmentError, Handles, Topology, VertexId};
+use selvedge_cloth::{Cloth, Environment, Handles, SettingError, Topology, VertexId};
 use thiserror::Error;
 
-use crate::graph::connectivity::{Arcs, Connectivity};
+use crate::graph::connectivity::{Connectivity, edge_arcs};
 use crate::graph::frame::LocalFrame;
 
 /// An edge between two faces. `from` → `to` runs counter-clockwise in the face of `left`, and
@@ -37,11 +37,13 @@ pub struct ClothGraph {
     handle_mask: Vec<bool>,
     frame: LocalFrame,
     connectivity: Connectivity,
-    pub(crate) arc_edges: Vec<u32>,
+    /// Arcs of each edge: the arc that `vertices[0]` sends, then its reverse, `[edges, 2]`.
     pub(crate) edge_arcs: Vec<[u32; 2]>,
-    pub(crate) hinges: Vec<Hinge>,
+    hinges: Vec<Hinge>,
+    /// `vertices[0]` - `vertices[1]` of each edge at rest, in the rest pose's local frame `[m]`,
+    /// `[edges]`.
     pub(crate) rest_vectors: Vec<Vec3>,
-    pub(crate) rest_lengths: Vec<f32>,
+    rest_lengths: Vec<f32>,
 }
 
 /// An environment or a frame rate that the features cannot express.
@@ -49,7 +51,7 @@ pub struct ClothGraph {
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum GraphError {
     #[error(transparent)]
-    Environment(#[from] EnvironmentError),
+    Environment(#[from] SettingError),
     #[error(
         "environment.gust: the learned simulator sees one wind for a whole run, not gusts: take it out, or run the physics"
     )]
@@ -78,7 +80,6 @@ impl ClothGraph {
         let (topology, rest) = (cloth.topology(), cloth.rest_positions());
         let frame = LocalFrame::new(&cloth.handles().select(rest));
         let yaw = frame.rest_yaw();
-        let arcs = Arcs::new(topology);
         let rest_vectors: Vec<Vec3> = topology
             .edges()
             .iter()
@@ -90,14 +91,8 @@ impl ClothGraph {
         Ok(Self {
             handle_mask: cloth.handles().mask(topology.vertex_count()),
             frame,
-            connectivity: Connectivity::of_arcs(
-                topology.vertex_count(),
-                arcs.senders,
-                arcs.receivers,
-                &arcs.pairs,
-            ),
-            arc_edges: arcs.numbers,
-            edge_arcs: arcs.pairs,
+            connectivity: Connectivity::of(topology),
+            edge_arcs: edge_arcs(topology),
             hinges: hinges(topology),
             rest_lengths: rest_vectors.iter().map(|d| d.length()).collect(),
             rest_vectors,
@@ -134,24 +129,8 @@ impl ClothGraph {
         &self.handle_mask
     }
 
-    /// Mass of each vertex `[kg]`, `[vertices]`.
-    pub fn vertex_mass(&self) -> &[f32] {
-        self.cloth.vertex_mass()
-    }
-
-    /// Area of each face in material space `[m²]`, `[faces]`.
-    pub fn face_area(&self) -> &[f32] {
-        self.cloth.face_area()
-    }
-
-    /// Points of the pattern, the flat coordinates of the unstrained cloth `[m]`, `[points]`; of a
-    /// cloth without seams there is one for each vertex.
-    pub fn material_coordinates(&self) -> &[Vec2] {
-        self.cloth.material_coordinates()
-    }
-
-    /// Sender minus receiver of the two arcs of each edge in the pattern `[m]`, in the order of
-    /// [`Self::edge_arcs`], `[edges, 2]`. An arc lies in the face to its left, so that the two arcs
+    /// Sender minus receiver of the two arcs of each edge in the pattern `[m]`, that which
+    /// `vertices[0]` sends first, `[edges, 2]`. An arc lies in the face to its left, so that the two arcs
     /// of a seam see it as either panel does; without a face there, in the other.
     /// `[eq:seam-vector]`
     pub fn material_vectors(&self) -> Vec<[Vec2; 2]> {
@@ -203,35 +182,9 @@ impl ClothGraph {
         self.connectivity.arc_count()
     }
 
-    /// Sender of each arc, `[arcs]`.
-    pub fn senders(&self) -> &[u32] {
-        self.connectivity.senders()
-    }
-
-    /// Receiver of each arc, in ascending order, `[arcs]`.
-    pub fn receivers(&self) -> &[u32] {
-        self.connectivity.receivers()
-    }
-
-    /// Edge of each arc, `[arcs]`.
-    pub fn arc_edges(&self) -> &[u32] {
-        &self.arc_edges
-    }
-
-    /// Arcs of each edge: the arc that `vertices[0]` sends, then its reverse, `[edges, 2]`.
-    pub fn edge_arcs(&self) -> &[[u32; 2]] {
-        &self.edge_arcs
-    }
-
     /// The edges between two faces, in the order of the edges.
     pub fn hinges(&self) -> &[Hinge] {
         &self.hinges
-    }
-
-    /// `vertices[0]` - `vertices[1]` of each edge at rest, in the rest pose's local frame `[m]`,
-    /// `[edges]`.
-    pub fn rest_vectors(&self) -> &[Vec3] {
-        &self.rest_vectors
     }
 
     /// Length of each edge in the sagged rest pose `[m]`, `[edges]`.
@@ -276,17 +229,14 @@ mod tests {
     fn arcs_edges_and_hinges_name_each_other() {
         let graph = parts(6, 1).graph();
         let edges = graph.topology().edges();
-        for (number, &[forward, back]) in graph.edge_arcs().iter().enumerate() {
+        let arcs = graph.connectivity();
+        for (number, &[forward, back]) in graph.edge_arcs.iter().enumerate() {
             let [a, b] = edges[number].vertices.map(|v| v.0);
             for (arc, sender, receiver) in [(forward, a, b), (back, b, a)] {
-                assert_eq!(graph.senders()[arc as usize], sender);
-                assert_eq!(graph.receivers()[arc as usize], receiver);
-                assert_eq!(graph.arc_edges()[arc as usize] as usize, number);
+                assert_eq!(arcs.senders()[arc as usize], sender);
+                assert_eq!(arcs.receivers()[arc as usize], receiver);
             }
         }
-        let arcs = graph.topology().arcs().iter();
-        let ends = graph.senders().iter().zip(graph.receivers());
-        assert!(arcs.map(|arc| (&arc.sender.0, &arc.receiver.0)).eq(ends));
         let interior = edges.iter().filter(|edge| !edge.is_boundary()).count();
         assert_eq!(graph.hinges().len(), interior);
         assert!(graph.hinges().iter().all(|hinge| hinge.from < hinge.to));
@@ -298,7 +248,7 @@ mod tests {
         let rest = start.cloth.rest_positions();
         let moved = start.at_rest(turn(rest, Yaw::from_angle(2.1), Vec3::ONE));
         let (start, moved) = (start.graph(), moved.graph());
-        for (a, b) in start.rest_vectors().iter().zip(moved.rest_vectors()) {
+        for (a, b) in start.rest_vectors.iter().zip(&moved.rest_vectors) {
             // Positions of about 2 m, rounded to f32 twice.
             assert!(a.distance(*b) < 1e-6);
         }

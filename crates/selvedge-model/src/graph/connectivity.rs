@@ -1,7 +1,7 @@
 //! The graph as the network sees it: arcs sorted by receiver, as plain arrays, for one cloth or
 //! for several side by side (a disjoint union).
 
-use selvedge_cloth::Topology;
+use selvedge_cloth::{Topology, VertexId};
 
 use crate::graph::partition::{Partition, partitions};
 
@@ -28,76 +28,38 @@ pub struct ClothSize {
     pub arcs: usize,
 }
 
-/// All arcs of a cloth, by receiver and sender.
-pub(crate) struct Arcs {
-    pub(crate) senders: Vec<u32>,
-    pub(crate) receivers: Vec<u32>,
-    /// Number of the edge of each arc.
-    pub(crate) numbers: Vec<u32>,
-    /// Arcs of each edge: the arc that its first vertex sends, and its reverse.
-    pub(crate) pairs: Vec<[u32; 2]>,
-}
-
-impl Arcs {
-    /// The arcs of a mesh.
-    pub(crate) fn new(topology: &Topology) -> Self {
-        let edges = topology.edges().iter();
-        let ends: Vec<[u32; 2]> = edges.map(|edge| edge.vertices.map(|v| v.0)).collect();
-        let mut arcs: Vec<[u32; 3]> = ends
-            .iter()
-            .zip(0u32..)
-            .flat_map(|(&[a, b], number)| [[b, a, number], [a, b, number]])
-            .collect();
-        arcs.sort_unstable();
-        let mut pairs = vec![[0; 2]; ends.len()];
-        for (&[_, sender, number], arc) in arcs.iter().zip(0u32..) {
-            let reverse = sender != ends[number as usize][0];
-            pairs[number as usize][usize::from(reverse)] = arc;
-        }
-        Self {
-            receivers: arcs.iter().map(|arc| arc[0]).collect(),
-            senders: arcs.iter().map(|arc| arc[1]).collect(),
-            numbers: arcs.iter().map(|arc| arc[2]).collect(),
-            pairs,
-        }
+/// Arcs of each edge of a mesh: the arc that its first vertex sends, and its reverse, `[edges, 2]`.
+pub(crate) fn edge_arcs(topology: &Topology) -> Vec<[u32; 2]> {
+    let edges = topology.edges();
+    let mut pairs = vec![[0; 2]; edges.len()];
+    for (arc, number) in topology.arcs().iter().zip(0..) {
+        let edge = arc.edge.index();
+        let is_reverse = arc.sender != edges[edge].vertices[0];
+        pairs[edge][usize::from(is_reverse)] = number;
     }
+    pairs
 }
 
 impl Connectivity {
     /// The arcs of a mesh.
     pub fn of(topology: &Topology) -> Self {
-        let arcs = Arcs::new(topology);
-        let count = topology.vertex_count();
-        Self::of_arcs(count, arcs.senders, arcs.receivers, &arcs.pairs)
-    }
-
-    /// Arcs from `senders` to `receivers`, and the two arcs of every edge.
-    pub(crate) fn of_arcs(
-        vertex_count: usize,
-        senders: Vec<u32>,
-        receivers: Vec<u32>,
-        pairs: &[[u32; 2]],
-    ) -> Self {
-        let mut reverse_arcs = vec![0; senders.len()];
-        for &[forward, back] in pairs {
+        let (arcs, vertices) = (topology.arcs(), topology.vertex_count());
+        let mut reverse_arcs = vec![0; arcs.len()];
+        for [forward, back] in edge_arcs(topology) {
             reverse_arcs[forward as usize] = back;
             reverse_arcs[back as usize] = forward;
         }
-        let mut first_arc = vec![0; vertex_count + 1];
-        for &receiver in &receivers {
-            first_arc[receiver as usize + 1] += 1;
-        }
-        for vertex in 0..vertex_count {
-            first_arc[vertex + 1] += first_arc[vertex];
-        }
+        let first = |vertex| topology.arcs_into(VertexId(vertex)).start as u32;
+        let first_arc = (0..vertices as u32).map(first).chain([arcs.len() as u32]);
+        let first_arc: Vec<u32> = first_arc.collect();
         Self {
-            vertex_count,
-            senders,
-            receivers,
+            vertex_count: vertices,
+            senders: arcs.iter().map(|arc| arc.sender.0).collect(),
+            receivers: arcs.iter().map(|arc| arc.receiver.0).collect(),
             partitions: partitions(&first_arc),
             cloths: vec![ClothSize {
-                vertices: vertex_count,
-                arcs: first_arc[vertex_count] as usize,
+                vertices,
+                arcs: arcs.len(),
             }],
             first_arc,
             reverse_arcs,

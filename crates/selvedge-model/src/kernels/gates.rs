@@ -1,9 +1,16 @@
-//! The gates of a recurrent unit: their order in rows, one step forward with its products, and the
-//! gradient of a step.
+//! The gates of a recurrent unit: one step forward with its products, and the gradient of a step.
 //!
-//! For a vector of units there are four sums, one for each [`Gate`]. The products with the input
-//! add to three of them, those with the state to three; the gates follow while the sums are in
-//! registers.
+//! For a vector of units there are four sums: of r, the share of the old state that the candidate
+//! sees; of z, the share of it that stays; and of both parts of the candidate state
+//! n = tanh(new + r ∘ recurrent), new = W_in x + b_in and recurrent = W_hn h + b_hn. The products
+//! with the input add to three of them, those with the state to three; the gates follow while the
+//! sums are in registers.
+//!
+//! Orders of the gates in rows of `hidden` columns each:
+//! - **weights** and biases, as PyTorch stores them: r, z, n;
+//! - **kept** for the backward pass, and the sums: r, z, n or new, recurrent;
+//! - **gradients** of the sums: new, r, z, recurrent. The first three are the gradients of the
+//!   products with the input, the last three those of the products with the state.
 
 use pulp::{Simd, WithSimd};
 
@@ -11,78 +18,9 @@ use crate::kernels::gemm::{LaneCount, get, put};
 use crate::kernels::real::Real;
 use crate::kernels::simd::{Instructions, Lanes, has_32_registers};
 
-/// A sum of a recurrent unit: of one gate, or of one part of the candidate state
-/// n = tanh(new + r ∘ recurrent).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Gate {
-    /// r, the share of the old state that the candidate sees.
-    Reset,
-    /// z, the share of the old state that stays.
-    Update,
-    /// The candidate's part from the input, W_in x + b_in; after activation n.
-    New,
-    /// The candidate's part from the state, W_hn h + b_hn.
-    Recurrent,
-}
-
-/// Order of gates in rows `[rows, gates · hidden]`: gate `g` takes the columns from
-/// `offset(g) · hidden` on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct GateLayout {
-    reset: usize,
-    update: usize,
-    new: usize,
-    recurrent: usize,
-}
-
-impl GateLayout {
-    /// Place of `gate` among the gates of a row, from 0.
-    #[inline(always)]
-    pub const fn offset(&self, gate: Gate) -> usize {
-        match gate {
-            Gate::Reset => self.reset,
-            Gate::Update => self.update,
-            Gate::New => self.new,
-            Gate::Recurrent => self.recurrent,
-        }
-    }
-
-    /// The columns of `gate` in a row of gates of `hidden` numbers each.
-    pub(crate) fn part<'a, T>(&self, gate: Gate, row: &'a [T], hidden: usize) -> &'a [T] {
-        &row[self.offset(gate) * hidden..][..hidden]
-    }
-}
-
-impl Gate {
-    /// All gates.
-    pub const ALL: [Self; 4] = [Self::Reset, Self::Update, Self::New, Self::Recurrent];
-
-    /// Order of the activations that a forward step keeps: r, z, n, recurrent.
-    pub const KEPT: GateLayout = GateLayout {
-        reset: 0,
-        update: 1,
-        new: 2,
-        recurrent: 3,
-    };
-
-    /// Order of the gradients of the sums: n, r, z, recurrent. The first three are the gradients of
-    /// the products with the input, the last three those of the products with the state.
-    pub const GRADIENTS: GateLayout = GateLayout {
-        new: 0,
-        reset: 1,
-        update: 2,
-        recurrent: 3,
-    };
-
-    /// Order of the rows of W_ih, W_hh and both biases, as PyTorch stores them: r, z, n. Both parts
-    /// of the candidate have the same place, each in its own matrix.
-    pub const WEIGHTS: GateLayout = GateLayout {
-        reset: 0,
-        update: 1,
-        new: 2,
-        recurrent: 2,
-    };
-}
+/// Places of both parts of the candidate among the sums.
+const NEW: usize = 2;
+const RECURRENT: usize = 3;
 
 /// Most rows that are summed at a time.
 const ROWS: usize = 6;
@@ -101,8 +39,7 @@ pub(crate) struct GruStep<'a, T> {
     pub(crate) hidden: usize,
     /// Out: the state after `[rows, hidden]`.
     pub(crate) after: &'a mut [T],
-    /// Out, unless empty: the gates for the backward pass in the order of [`Gate::KEPT`],
-    /// `[rows, 4 hidden]`.
+    /// Out, unless empty: the gates that are kept, `[rows, 4 hidden]`.
     pub(crate) kept: &'a mut [T],
 }
 
@@ -165,19 +102,15 @@ pub(crate) fn pack_biases<T: Real>(
     for (number, vector) in vectors.take(hidden.div_ceil(lanes)).enumerate() {
         for lane in 0..lanes {
             let unit = number * lanes + lane;
-            let of = |bias: &[T], gate: Gate| {
-                if unit < hidden {
-                    bias[Gate::WEIGHTS.offset(gate) * hidden + unit]
-                } else {
-                    T::ZERO
-                }
+            let of = |bias: &[T], gate: usize| match unit < hidden {
+                true => bias[gate * hidden + unit],
+                false => T::ZERO,
             };
-            for gate in [Gate::Reset, Gate::Update] {
-                let to = Gate::KEPT.offset(gate) * lanes + lane;
-                vector[to] = of(input, gate) + of(state, gate);
+            for gate in 0..2 {
+                vector[gate * lanes + lane] = of(input, gate) + of(state, gate);
             }
-            vector[Gate::KEPT.offset(Gate::New) * lanes + lane] = of(input, Gate::New);
-            vector[Gate::KEPT.offset(Gate::Recurrent) * lanes + lane] = of(state, Gate::Recurrent);
+            vector[NEW * lanes + lane] = of(input, 2);
+            vector[RECURRENT * lanes + lane] = of(state, 2);
         }
     }
 }
@@ -225,28 +158,17 @@ impl<T: Real> GruStep<'_, T> {
         let mut sums = [bias; M];
         let packed = &self.packed[3 * first * (inputs + hidden)..];
         let (of_input, of_state) = packed.split_at(3 * lanes * inputs);
-        let input = TermRows {
-            values: self.input,
-            depth: inputs,
-            row,
-        };
-        add_terms::<T, S, M>(simd, &mut sums, input, of_input, Gate::New);
+        add_terms::<T, S, M>(simd, &mut sums, self.input, inputs, row, of_input, NEW);
         if let Some(before) = self.before {
             let of_state = &of_state[..3 * lanes * hidden];
-            let before = TermRows {
-                values: before,
-                depth: hidden,
-                row,
-            };
-            add_terms::<T, S, M>(simd, &mut sums, before, of_state, Gate::Recurrent);
+            add_terms::<T, S, M>(simd, &mut sums, before, hidden, row, of_state, RECURRENT);
         }
         for (r, sums) in sums.into_iter().enumerate() {
             self.gates(simd, row + r, first, sums);
         }
     }
 
-    /// The units `first..` of the state after from their sums, which are in the order of
-    /// [`Gate::KEPT`].
+    /// The units `first..` of the state after from their sums.
     #[inline(always)]
     fn gates<S: Simd>(&mut self, simd: S, row: usize, first: usize, sums: [T::Vector<S>; 4]) {
         let hidden = self.hidden;
@@ -263,93 +185,66 @@ impl<T: Real> GruStep<'_, T> {
         put::<T, S, 1>(simd, &mut self.after[at..at + count], [after]);
         if !self.kept.is_empty() {
             let kept = &mut self.kept[row * 4 * hidden..][..4 * hidden];
-            for (gate, values) in [
-                (Gate::Reset, r),
-                (Gate::Update, z),
-                (Gate::New, n),
-                (Gate::Recurrent, recurrent),
-            ] {
-                let to = &mut kept[Gate::KEPT.offset(gate) * hidden + first..][..count];
+            for (gate, values) in [r, z, n, recurrent].into_iter().enumerate() {
+                let to = &mut kept[gate * hidden + first..][..count];
                 put::<T, S, 1>(simd, to, [values]);
             }
         }
     }
 }
 
-/// TermRows of `depth` numbers, from number `row` on.
-struct TermRows<'a, T> {
-    values: &'a [T],
-    depth: usize,
-    row: usize,
-}
-
-/// Adds the products of `M` rows to the sums of r, of z and of `third`, one part of n.
+/// Adds the products of `M` rows of `depth` numbers, from number `row` of `values` on, to the sums
+/// of r, of z and of `third`, one part of n.
 #[inline(always)]
 fn add_terms<T: Lanes, S: Simd, const M: usize>(
     simd: S,
     sums: &mut [[T::Vector<S>; 4]; M],
-    rows: TermRows<'_, T>,
+    values: &[T],
+    depth: usize,
+    row: usize,
     weights: &[T],
-    third: Gate,
+    third: usize,
 ) {
-    let TermRows { values, depth, row } = rows;
     let rows: [&[T]; M] = std::array::from_fn(|r| &values[(row + r) * depth..][..depth]);
-    let (reset, update) = (
-        Gate::KEPT.offset(Gate::Reset),
-        Gate::KEPT.offset(Gate::Update),
-    );
-    let third = Gate::KEPT.offset(third);
     let weights = &T::vectors::<S>(weights).as_chunks::<3>().0[..depth];
     for (l, &[of_r, of_z, of_n]) in weights.iter().enumerate() {
         for (sums, values) in sums.iter_mut().zip(rows) {
             let value = T::splat(simd, values[l]);
-            sums[reset] = T::mul_add(simd, value, of_r, sums[reset]);
-            sums[update] = T::mul_add(simd, value, of_z, sums[update]);
+            sums[0] = T::mul_add(simd, value, of_r, sums[0]);
+            sums[1] = T::mul_add(simd, value, of_z, sums[1]);
             sums[third] = T::mul_add(simd, value, of_n, sums[third]);
         }
     }
 }
 
-/// Buffers of the gradient of the gates of [`gru_step`].
+/// The gradient of the gates of [`gru_step`], to be run.
 pub(crate) struct GateGradients<'a, T> {
-    /// In: the gates of the forward pass in the order of [`Gate::KEPT`], `[rows, 4 hidden]`.
+    pub(crate) hidden: usize,
+    /// In: the gates that the forward pass kept, `[rows, 4 hidden]`.
     pub(crate) kept: &'a [T],
     /// In: the state before, `[rows, hidden]`.
     pub(crate) before: &'a [T],
     /// In: gradient of the state after; out: its direct part for the state before.
     pub(crate) state: &'a mut [T],
-    /// Out: gradients of the sums in the order of [`Gate::GRADIENTS`], `[rows, 4 hidden]`.
+    /// Out: gradients of the sums, `[rows, 4 hidden]`.
     pub(crate) sums: &'a mut [T],
 }
 
-/// The gradient of the gates of [`gru_step`].
-pub(crate) fn gru_gates_backward<T: Real>(
-    instructions: Instructions,
-    gates: GateGradients<'_, T>,
-    hidden: usize,
-) {
-    instructions.run(Backward { gates, hidden });
-}
-
-struct Backward<'a, T> {
-    gates: GateGradients<'a, T>,
-    hidden: usize,
-}
-
-impl<T: Real> WithSimd for Backward<'_, T> {
+impl<T: Real> WithSimd for GateGradients<'_, T> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let (gates, hidden) = (self.gates, self.hidden);
-        let rows = gates
+        let hidden = self.hidden;
+        let rows = self
             .kept
             .chunks_exact(4 * hidden)
-            .zip(gates.before.chunks_exact(hidden))
-            .zip(gates.state.chunks_exact_mut(hidden))
-            .zip(gates.sums.chunks_exact_mut(4 * hidden));
+            .zip(self.before.chunks_exact(hidden))
+            .zip(self.state.chunks_exact_mut(hidden))
+            .zip(self.sums.chunks_exact_mut(4 * hidden));
         for (((kept, before), state), sums) in rows {
             let mut row = GateGradients {
+                hidden,
                 kept,
                 before,
                 state,
@@ -370,12 +265,12 @@ fn units_backward<T: Real, S: Simd>(
     row: &mut GateGradients<'_, T>,
     units: std::ops::Range<usize>,
 ) {
-    let (hidden, count) = (row.before.len(), units.len());
-    let of = |gate: Gate| Gate::KEPT.offset(gate) * hidden + units.start;
-    let [r] = get::<T, S, 1>(simd, &row.kept[of(Gate::Reset)..][..count]);
-    let [z] = get::<T, S, 1>(simd, &row.kept[of(Gate::Update)..][..count]);
-    let [n] = get::<T, S, 1>(simd, &row.kept[of(Gate::New)..][..count]);
-    let [recurrent] = get::<T, S, 1>(simd, &row.kept[of(Gate::Recurrent)..][..count]);
+    let (hidden, count) = (row.hidden, units.len());
+    let at = |gate: usize| gate * hidden + units.start;
+    let [r] = get::<T, S, 1>(simd, &row.kept[at(0)..][..count]);
+    let [z] = get::<T, S, 1>(simd, &row.kept[at(1)..][..count]);
+    let [n] = get::<T, S, 1>(simd, &row.kept[at(NEW)..][..count]);
+    let [recurrent] = get::<T, S, 1>(simd, &row.kept[at(RECURRENT)..][..count]);
     let [before] = get::<T, S, 1>(simd, &row.before[units.clone()]);
     let [after] = get::<T, S, 1>(simd, &row.state[units.clone()]);
     let one = T::splat(simd, T::ONE);
@@ -387,35 +282,9 @@ fn units_backward<T: Real, S: Simd>(
     let to_z = T::times(simd, along_z, T::times(simd, z, not_z));
     let to_r = T::times(simd, T::times(simd, to_n, recurrent), slope_r);
     let to_recurrent = T::times(simd, to_n, r);
-    for (gate, gradient) in [
-        (Gate::New, to_n),
-        (Gate::Reset, to_r),
-        (Gate::Update, to_z),
-        (Gate::Recurrent, to_recurrent),
-    ] {
-        let first = Gate::GRADIENTS.offset(gate) * hidden + units.start;
+    for (gate, gradient) in [to_n, to_r, to_z, to_recurrent].into_iter().enumerate() {
+        let first = gate * hidden + units.start;
         put::<T, S, 1>(simd, &mut row.sums[first..first + count], [gradient]);
     }
     put::<T, S, 1>(simd, &mut row.state[units], [T::times(simd, after, z)]);
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_layouts_of_gates_are_orders_with_input_and_state_side_by_side() {
-        for layout in [Gate::KEPT, Gate::GRADIENTS] {
-            let mut places = Gate::ALL.map(|gate| layout.offset(gate));
-            places.sort_unstable();
-            assert_eq!(places, [0, 1, 2, 3]);
-        }
-        // The engines multiply three neighbouring parts of the gradients with one matrix.
-        let order = |gates: [Gate; 3]| gates.map(|gate| Gate::GRADIENTS.offset(gate));
-        assert_eq!(order([Gate::New, Gate::Reset, Gate::Update]), [0, 1, 2]);
-        assert_eq!(
-            order([Gate::Reset, Gate::Update, Gate::Recurrent]),
-            [1, 2, 3]
-        );
-    }
 }

@@ -13,14 +13,6 @@ use crate::kernels::simd::Instructions;
 /// Added to a variance before its root, as in PyTorch.
 const EPSILON: f64 = 1e-5;
 
-/// Rows of a layer normalisation that are kept for the backward pass.
-pub(crate) struct NormRows<'a, T> {
-    /// In: the layer's input; out: (input - mean) / deviation, `[rows, width]`.
-    pub(crate) normal: &'a mut [T],
-    /// Out: 1 / deviation, `[rows]`.
-    pub(crate) inverse_deviation: &'a mut [T],
-}
-
 /// Use of the output, `[rows, width]`.
 pub(crate) enum Normalised<'a, T> {
     /// out ← output.
@@ -36,10 +28,11 @@ pub(crate) enum Normalised<'a, T> {
 }
 
 /// Layer normalisation (Ba et al. 2016) `[eq:layer-norm]`: x̂ = (x - mean) / √(variance + 1e-5);
-/// out = x̂ ∘ weight + shift.
+/// out = x̂ ∘ weight + shift. `rows` are for the backward pass: in the input, out x̂,
+/// `[rows, width]`; out 1 / deviation, `[rows]`.
 pub(crate) fn layer_norm<T: Real>(
     instructions: Instructions,
-    rows: NormRows<'_, T>,
+    rows: [&mut [T]; 2],
     weight: &[T],
     shift: &[T],
     out: Normalised<'_, T>,
@@ -53,7 +46,7 @@ pub(crate) fn layer_norm<T: Real>(
 }
 
 struct Norm<'a, T> {
-    rows: NormRows<'a, T>,
+    rows: [&'a mut [T]; 2],
     weight: &'a [T],
     shift: &'a [T],
     out: Normalised<'a, T>,
@@ -66,9 +59,9 @@ impl<T: Real> WithSimd for Norm<'_, T> {
     fn with_simd<S: Simd>(self, simd: S) {
         let width = self.weight.len();
         let mut out = self.out;
-        let normals = self.rows.normal.chunks_exact_mut(width);
-        let inverses = self.rows.inverse_deviation.iter_mut();
-        for (row, (x, inverse)) in normals.zip(inverses).enumerate() {
+        let [normals, inverses] = self.rows;
+        let rows = normals.chunks_exact_mut(width).zip(inverses);
+        for (row, (x, inverse)) in rows.enumerate() {
             let mean = mean::<T, S>(simd, x);
             let scale = inverse_deviation::<T, S>(simd, x, mean);
             *inverse = scale;
@@ -80,7 +73,12 @@ impl<T: Real> WithSimd for Norm<'_, T> {
             };
             let at = row * width..(row + 1) * width;
             match &mut out {
-                Normalised::Set(out) => write::<T, S>(simd, x, affine, &mut out[at]),
+                Normalised::Set(out) => {
+                    let out = &mut out[at];
+                    // The one number whose sum with any other is the other, bit for bit.
+                    out.fill(-T::ZERO);
+                    add::<T, S>(simd, x, affine, out, None);
+                }
                 Normalised::Add(out) => add::<T, S>(simd, x, affine, &mut out[at], None),
                 Normalised::Messages {
                     arcs,
@@ -147,22 +145,6 @@ fn vector<T: Real, S: Simd>(simd: S, x: &mut [T], affine: Affine<'_, T>) -> T::V
 }
 
 #[inline(always)]
-fn write<T: Real, S: Simd>(simd: S, x: &mut [T], affine: Affine<'_, T>, out: &mut [T]) {
-    let lanes = T::lanes::<S>();
-    let parts = x.chunks_mut(lanes).zip(out.chunks_mut(lanes));
-    let columns = affine.weight.chunks(lanes).zip(affine.shift.chunks(lanes));
-    for ((x, out), (weight, shift)) in parts.zip(columns) {
-        let affine = Affine {
-            weight,
-            shift,
-            ..affine
-        };
-        let value = vector::<T, S>(simd, x, affine);
-        put::<T, S, 1>(simd, out, [value]);
-    }
-}
-
-#[inline(always)]
 fn add<T: Real, S: Simd>(
     simd: S,
     x: &mut [T],
@@ -192,29 +174,14 @@ fn add<T: Real, S: Simd>(
     }
 }
 
-/// Normalised rows that the forward pass kept.
-#[derive(Clone, Copy)]
-pub(crate) struct NormKept<'a, T> {
-    /// (input - mean) / deviation, `[rows, width]`.
-    pub(crate) normal: &'a [T],
-    /// 1 / deviation, `[rows]`.
-    pub(crate) inverse_deviation: &'a [T],
-}
-
-/// Gradients of the weight and the shift of a layer normalisation, `[width]` each.
-pub(crate) struct NormGradient<'a, T> {
-    pub(crate) weight: &'a mut [T],
-    pub(crate) shift: &'a mut [T],
-}
-
-/// The gradient of [`layer_norm`]: `gradient` holds that of the output and receives that of the
-/// input. The gradients of weight and shift are added to.
+/// The gradient of [`layer_norm`] from the rows that it kept: `gradient` holds that of the output
+/// and receives that of the input. The gradients of weight and shift, `[width]` each, are added to.
 pub(crate) fn layer_norm_backward<T: Real>(
     instructions: Instructions,
     gradient: &mut [T],
-    kept: NormKept<'_, T>,
+    [normals, inverses]: [&[T]; 2],
     weight: &[T],
-    parameters: NormGradient<'_, T>,
+    [by_weight, by_shift]: [&mut [T]; 2],
 ) {
     let width = weight.len();
     let inverse_width = T::from_f64(1.0 / width as f64);
@@ -222,10 +189,9 @@ pub(crate) fn layer_norm_backward<T: Real>(
         #[inline(always)]
         || {
             let gradients = gradient.chunks_exact_mut(width);
-            let normals = kept.normal.chunks_exact(width);
-            for ((g, x), &inverse) in gradients.zip(normals).zip(kept.inverse_deviation) {
-                let dw = &mut parameters.weight[..width];
-                let ds = &mut parameters.shift[..width];
+            let normals = normals.chunks_exact(width);
+            for ((g, x), &inverse) in gradients.zip(normals).zip(inverses) {
+                let (dw, ds) = (&mut by_weight[..width], &mut by_shift[..width]);
                 for k in 0..width {
                     dw[k] += g[k] * x[k];
                     ds[k] += g[k];

@@ -24,7 +24,7 @@ pub struct Stopped;
 pub enum Pass<'a> {
     /// Only the output is used: activations are not kept.
     Inference,
-    /// Activations are kept for [`crate::Network::backward`].
+    /// Activations are kept for [`crate::Network::backward_packed`].
     Training(Option<Dropout<'a>>),
 }
 

@@ -10,8 +10,6 @@ use crate::kernels::gemm::{Columns, Epilogue, multiply};
 use crate::kernels::real::Real;
 use crate::network::arguments::{Gradients, Input};
 use crate::network::definition::{ARC_ENCODER, FIRST_BLOCK, NODE_ENCODER, Network};
-use crate::network::layers::block::BlockKept;
-use crate::network::layers::encoder::EncoderKept;
 use crate::network::packed::{PackedWeights, Purpose};
 use crate::network::workspace::{Group, Workspace};
 use crate::spec::OUTPUTS;
@@ -123,11 +121,7 @@ impl Network {
                     let vertices = counted_from(&partition.vertices, start.vertices.start);
                     let arcs = counted_from(&partition.arcs, start.arcs.start);
                     let (nodes, arcs) = (share.vertices.part(&vertices), share.arcs.part(&arcs));
-                    let kept = BlockKept {
-                        graph,
-                        partition,
-                        saved,
-                    };
+                    let kept = (graph, partition, saved);
                     block.backward(layer, kept, nodes, arcs, &mut group);
                 }
             },
@@ -148,11 +142,7 @@ impl Network {
                     let nodes = share
                         .vertices
                         .part(&counted_from(&partition.vertices, start));
-                    let kept = BlockKept {
-                        graph,
-                        partition,
-                        saved,
-                    };
+                    let kept = (graph, partition, saved);
                     block.endpoints_backward(layer, kept, by_sums, nodes, &mut group);
                 }
             },
@@ -188,14 +178,7 @@ impl Network {
                 Rows::new(to_arcs, arc_width),
             ),
         };
-        let of_nodes = EncoderKept {
-            input: nodes,
-            saved: &w.node_encoder,
-        };
-        let of_arcs = EncoderKept {
-            input: arcs,
-            saved: &w.arc_encoder,
-        };
+        let (of_nodes, of_arcs) = ((nodes, &w.node_encoder), (arcs, &w.arc_encoder));
         let range = self.weights_of(NODE_ENCODER, ARC_ENCODER);
         share.among(
             &graph.partitions,

@@ -9,7 +9,7 @@ use crate::kernels::norm::Normalised;
 use crate::kernels::real::Real;
 use crate::network::arguments::{Input, Pass};
 use crate::network::definition::{ARC_ENCODER, FIRST_BLOCK, NODE_ENCODER, Network};
-use crate::network::layers::block::{BlockInput, BlockSaved};
+use crate::network::layers::block::BlockSaved;
 use crate::network::layers::encoder::EncoderInput;
 use crate::network::layers::mlp::{ACTIVATIONS, tile};
 use crate::network::layers::scratch::Scratch;
@@ -139,11 +139,7 @@ impl Network {
                 return;
             }
             let (mut nodes, kept, mut next_products, decoded) = of_vertices;
-            let input = BlockInput {
-                graph,
-                partition,
-                endpoint_products: products,
-            };
+            let input = (graph, partition, products);
             Workspace::with_scratch(scratch, |scratch| {
                 let layer = weights.layer(FIRST_BLOCK + number);
                 block.forward(layer, input, (&mut nodes, kept), arcs, scratch);

@@ -205,12 +205,6 @@ impl<T: Real> PackedWeights<T> {
         }
     }
 
-    /// Returns true where the room is that of `count` weights in modules of these sizes.
-    pub(crate) fn fits(&self, sizes: &[ModuleSize], count: usize) -> bool {
-        let lengths = self.modules.iter().map(|module| module.forward.len());
-        self.flat.len() == count && lengths.eq(sizes.iter().map(|size| size.forward))
-    }
-
     /// Packs `weights`, module by module on all threads.
     ///
     /// # Panics

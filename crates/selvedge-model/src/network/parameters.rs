@@ -8,7 +8,6 @@ use std::ops::Range;
 
 use crate::kernels::gates::GruWeights;
 use crate::kernels::gemm::Columns;
-use crate::kernels::norm::NormGradient;
 use crate::kernels::outer::{Sums, add_outer};
 use crate::kernels::real::Real;
 use crate::kernels::rows::add_column_sums;
@@ -61,10 +60,9 @@ impl<'a, T: Real> ModuleGradient<'a, T> {
     }
 
     /// The gradients of weight and bias, which are contiguous.
-    pub(crate) fn layer_norm(&mut self, norm: &LayerNorm) -> NormGradient<'_, T> {
+    pub(crate) fn layer_norm(&mut self, norm: &LayerNorm) -> [&mut [T]; 2] {
         let both = norm.weight..norm.weight + 2 * norm.width;
-        let (weight, shift) = self.at(both).split_at_mut(norm.width);
-        NormGradient { weight, shift }
+        self.at(both).split_at_mut(norm.width).into()
     }
 
     /// Adds the gradients of weight and bias for an output gradient and the layer's input.

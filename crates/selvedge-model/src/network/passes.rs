@@ -100,41 +100,6 @@ impl Network {
 
     /// Normalised accelerations `[vertices, 3]` for normalised features.
     ///
-    /// Packs the weights first; [`Self::forward_packed`] takes packed ones. Hears of no stop.
-    ///
-    /// # Panics
-    /// When the lengths of `weights` or `input` are not those of the spec and the graph.
-    pub fn forward<'w, T: NetworkScalar>(
-        &self,
-        weights: &[T],
-        graph: &Connectivity,
-        input: Input<'_, T>,
-        pass: Pass<'_>,
-        workspace: &'w mut Workspace<T>,
-    ) -> &'w [T] {
-        let purpose = match pass {
-            Pass::Inference => Purpose::Inference,
-            Pass::Training(_) => Purpose::Training,
-        };
-        let fits = |packed: &PackedWeights<T>| {
-            packed.purpose == purpose && packed.fits(&self.sizes, self.parameter_count())
-        };
-        let packed = match workspace.packed.take().filter(fits) {
-            Some(mut packed) => {
-                self.repack(weights, &mut packed);
-                packed
-            }
-            None => self.pack(weights, purpose, workspace.instructions),
-        };
-        let stop = std::mem::take(&mut workspace.stop);
-        T::forward(self, &packed, graph, input, pass, workspace);
-        workspace.stop = stop;
-        workspace.packed = Some(packed);
-        &workspace.output
-    }
-
-    /// [`Self::forward`] for packed weights.
-    ///
     /// # Errors
     /// [`Stopped`] where the stop of [`Workspace::stop_by`] is wanted.
     ///
@@ -157,39 +122,15 @@ impl Network {
     }
 
     /// Derivatives of Σ `gradients.output` ∘ out, where out is the output of the last
-    /// [`Self::forward`] with [`Pass::Training`] on the same arguments. Uses up its activations.
-    ///
-    /// # Panics
-    /// When the lengths are not those of the spec and the graph, or the last pass was not a
-    /// forward one with [`Pass::Training`].
-    pub fn backward<T: NetworkScalar>(
-        &self,
-        weights: &[T],
-        graph: &Connectivity,
-        input: Input<'_, T>,
-        gradients: Gradients<'_, T>,
-        workspace: &mut Workspace<T>,
-    ) {
-        let packed = workspace.packed.take();
-        assert!(
-            packed.as_ref().is_some_and(|p| p.flat == weights),
-            "a forward pass to learn from, with the same weights, comes first"
-        );
-        if let Some(packed) = packed {
-            let stop = std::mem::take(&mut workspace.stop);
-            T::backward(self, &packed, graph, input, gradients, workspace);
-            workspace.stop = stop;
-            workspace.packed = Some(packed);
-        }
-    }
-
-    /// [`Self::backward`] after [`Self::forward_packed`].
+    /// [`Self::forward_packed`] with [`Pass::Training`] on the same arguments. Uses up its
+    /// activations.
     ///
     /// # Errors
     /// As [`Self::forward_packed`]; the gradients are then of a part of the network.
     ///
     /// # Panics
-    /// As [`Self::backward`], and for weights that are not packed for training.
+    /// When the lengths are not those of the spec and the graph, the weights are not packed for
+    /// training, or the last pass was not a forward one with [`Pass::Training`].
     pub fn backward_packed<T: NetworkScalar>(
         &self,
         weights: &PackedWeights<T>,

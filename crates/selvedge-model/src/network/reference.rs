@@ -92,7 +92,7 @@ impl Weights<'_> {
     }
 }
 
-/// Normalised accelerations `[vertices, 3]`, as [`Network::forward`] gives them. A recurrent
+/// Normalised accelerations `[vertices, 3]`, as [`Network::forward_packed`] gives them. A recurrent
 /// encoder starts from zero and takes all frames of the input; a stream's state is that of the
 /// frames before.
 pub fn forward(

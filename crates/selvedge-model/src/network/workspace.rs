@@ -13,14 +13,12 @@ use crate::graph::connectivity::Connectivity;
 use crate::kernels::aligned::Aligned;
 use crate::kernels::dropout::{ClothRows, Dropout, RowMasks};
 use crate::kernels::real::Real;
-use crate::kernels::simd::Instructions;
 use crate::network::arguments::Pass;
 use crate::network::definition::Network;
 use crate::network::layers::block::BlockSaved;
 use crate::network::layers::encoder::KEPT;
 use crate::network::layers::mlp::ACTIVATIONS;
 use crate::network::layers::scratch::{GroupWork, Scratch};
-use crate::network::packed::PackedWeights;
 use crate::network::parameters::ModuleGradient;
 use crate::network::saved::Saved;
 use crate::spec::OUTPUTS;
@@ -32,9 +30,6 @@ const GROUPS: usize = 8;
 /// Room for all that a pass writes: allocated on the first pass of a size, then reused.
 #[derive(Default)]
 pub struct Workspace<T> {
-    pub(crate) instructions: Instructions,
-    /// Packed weights of the last [`Network::forward`] on plain weights.
-    pub(crate) packed: Option<PackedWeights<T>>,
     /// Latent vectors of the nodes, `[vertices, latent]`.
     pub(crate) nodes: Aligned<T>,
     /// Latent vectors of the arcs, `[arcs, latent]`.
@@ -78,14 +73,6 @@ impl<T: Real> Workspace<T> {
     /// from when `stop` is wanted.
     pub fn stop_by(&mut self, stop: Stop) {
         self.stop = stop;
-    }
-
-    /// An empty workspace for passes on plain weights with these instructions.
-    pub fn with_instructions(instructions: Instructions) -> Self {
-        Self {
-            instructions,
-            ..Self::default()
-        }
     }
 
     /// Makes room for a forward pass.

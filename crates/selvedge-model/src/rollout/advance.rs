@@ -96,14 +96,6 @@ pub fn advance(
     require_finite(next)
 }
 
-/// The acceleration in the local frame `yaw` that leads to `next`, `[vertices, 3]`: the inverse of
-/// [`advance`] for free vertices.
-pub fn target_acceleration(frames: &TwoFrames<'_, Vec3>, yaw: Yaw, next: &[Vec3]) -> Vec<f32> {
-    let rows = next.iter().enumerate();
-    rows.flat_map(|(v, &p)| yaw.to_local(frames.acceleration_to(p, v)).to_array())
-        .collect()
-}
-
 /// Adds to `previous` and `current` the gradient of the last two frames for the gradient `by_next`
 /// of the next positions, all in the world, `[vertices]`. Handles are held.
 pub fn advance_backward(by_next: &[Vec3], previous: &mut [Vec3], current: &mut [Vec3]) {

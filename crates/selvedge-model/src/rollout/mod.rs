@@ -2,17 +2,13 @@
 //! it.
 
 mod advance;
-pub(crate) mod half;
 mod hands;
 pub(crate) mod model;
 pub(crate) mod model_file;
 mod names_once;
 mod stepper;
 
-pub use advance::{
-    LocalAcceleration, NonFinite, TwoFrames, advance, advance_backward, target_acceleration,
-};
-pub use half::WeightType;
-pub use model::{Model, ModelError, Normalizers};
-pub use model_file::{MODEL_FORMAT, ModelFileError};
+pub use advance::{LocalAcceleration, NonFinite, TwoFrames, advance, advance_backward};
+pub use model::{Model, Normalizers};
+pub use model_file::{MODEL_FORMAT, ModelFileError, WeightType};
 pub use stepper::{LearnedStepper, RolloutError, opening_frames};

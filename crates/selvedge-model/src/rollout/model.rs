@@ -1,7 +1,5 @@
 //! A trained model: network, weights and the frozen statistics of its inputs and its output.
 
-use thiserror::Error;
-
 use crate::domain::Domain;
 use crate::features::normalizer::Normalizer;
 use crate::network::Network;
@@ -28,34 +26,18 @@ pub struct Model {
     pub training: String,
 }
 
-/// Reason why parts make no model.
-#[derive(Clone, Debug, Error, PartialEq)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum ModelError {
-    #[error(transparent)]
-    Spec(#[from] SpecError),
-    #[error("{what} has {found} values, but the spec of the model needs {expected}")]
-    Count {
-        what: &'static str,
-        expected: usize,
-        found: usize,
-    },
-    #[error("weight {name}[{index}] is not finite")]
-    NonFinite { name: String, index: usize },
-}
-
 impl Model {
     /// Puts a model together; `weights` laid out as [`Network::parameters`] says.
     ///
     /// # Errors
-    /// [`ModelError`] when the spec is invalid, a count is not the spec's, or a weight is not
+    /// [`SpecError`] when the spec is invalid, a count is not the spec's, or a weight is not
     /// finite.
     pub fn new(
         spec: &ModelSpec,
         weights: Vec<f32>,
         normalizers: Normalizers,
         training: String,
-    ) -> Result<Self, ModelError> {
+    ) -> Result<Self, SpecError> {
         let network = Network::new(spec)?;
         check_counts(&network, &weights, &normalizers)?;
         check_finite(&network, &weights)?;
@@ -105,7 +87,7 @@ fn check_counts(
     network: &Network,
     weights: &[f32],
     normalizers: &Normalizers,
-) -> Result<(), ModelError> {
+) -> Result<(), SpecError> {
     let spec = network.spec();
     let counts = [
         (
@@ -131,24 +113,20 @@ fn check_counts(
     ];
     for (what, expected, found) in counts {
         if expected != found {
-            return Err(ModelError::Count {
-                what,
-                expected,
-                found,
-            });
+            return Err(SpecError(format!(
+                "{what} has {found} values, but the spec of the model needs {expected}"
+            )));
         }
     }
     Ok(())
 }
 
-fn check_finite(network: &Network, weights: &[f32]) -> Result<(), ModelError> {
+fn check_finite(network: &Network, weights: &[f32]) -> Result<(), SpecError> {
     for parameter in network.parameters() {
         let values = &weights[parameter.range.clone()];
         if let Some(index) = values.iter().position(|w| !w.is_finite()) {
-            return Err(ModelError::NonFinite {
-                name: parameter.name.clone(),
-                index,
-            });
+            let name = &parameter.name;
+            return Err(SpecError(format!("weight {name}[{index}] is not finite")));
         }
     }
     Ok(())

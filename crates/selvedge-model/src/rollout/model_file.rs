@@ -4,15 +4,15 @@
 //!
 //! This module works on bytes; it reads and writes no files.
 
+use half::{bf16, f16};
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
 use thiserror::Error;
 
 use crate::domain::Domain;
-use crate::features::normalizer::{Normalizer, NormalizerError};
+use crate::features::normalizer::Normalizer;
 use crate::network::Network;
 use crate::network::parameters::Parameter;
-use crate::rollout::half::{WeightType, bf16_bits, bf16_value, f16_bits, f16_value};
-use crate::rollout::model::{Model, ModelError, Normalizers};
+use crate::rollout::model::{Model, Normalizers};
 use crate::rollout::names_once::check_names_once;
 use crate::spec::{ModelSpec, OUTPUTS, SpecError};
 
@@ -26,53 +26,28 @@ const VERSION: &str = "1";
 pub enum ModelFileError {
     #[error("not a whole safetensors file ({0}): it may be truncated, or of another kind")]
     Container(#[from] SafeTensorError),
-    #[error(
-        "metadata \"{key}\" is {found}, expected \"{expected}\": this file is no model that this version reads"
-    )]
-    Metadata {
-        key: &'static str,
-        expected: &'static str,
-        found: String,
-    },
-    #[error("metadata \"spec\" is missing: the file does not say which network its weights are of")]
-    NoSpec,
     #[error("metadata \"spec\": {0}: this version has no such network, train one anew")]
     SpecText(#[from] serde_json::Error),
-    #[error(transparent)]
-    Spec(#[from] SpecError),
     #[error("metadata \"training\": domain: {0}")]
     Domain(serde_json::Error),
-    #[error("tensor {name} is missing: the weights are of another spec than the file says")]
-    Missing { name: String },
-    #[error("tensor {name} is in the file, but the spec of the model has no such weight")]
-    Unknown { name: String },
-    #[error(
-        "tensor {name} is {found_dtype:?} {found:?}, but the spec of the model needs {dtype:?} {expected:?}"
-    )]
-    Shape {
-        name: String,
-        dtype: Dtype,
-        expected: Vec<usize>,
-        found_dtype: Dtype,
-        found: Vec<usize>,
-    },
-    #[error(
-        "weight {name}[{index}] is {found}, more than {to} holds: keep this model in f32, or in bf16"
-    )]
-    TooLarge {
-        name: String,
-        index: usize,
-        found: f32,
-        to: &'static str,
-    },
-    #[error("normalizer.{name}: {source}")]
-    Normalizer {
-        name: &'static str,
-        #[source]
-        source: NormalizerError,
-    },
     #[error(transparent)]
-    Model(#[from] ModelError),
+    Invalid(#[from] SpecError),
+}
+
+fn invalid(problem: String) -> ModelFileError {
+    SpecError(problem).into()
+}
+
+/// Number type of the weights in a model file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum WeightType {
+    /// `f32`, exact.
+    #[default]
+    F32,
+    /// IEEE 754 binary16. Half the size, a relative error of up to 2⁻¹¹; nothing beyond 65504.
+    F16,
+    /// bfloat16. Half the size, a relative error of up to 2⁻⁸.
+    Bf16,
 }
 
 impl Model {
@@ -87,7 +62,10 @@ impl Model {
         let text = |key: &str| metadata.get(key).map(String::as_str);
         check_kind(text)?;
         let tensors = SafeTensors::deserialize(bytes)?;
-        let spec: ModelSpec = serde_json::from_str(text("spec").ok_or(ModelFileError::NoSpec)?)?;
+        let no_spec =
+            "metadata \"spec\" is missing: the file does not say which network its weights are of";
+        let spec = text("spec").ok_or_else(|| invalid(no_spec.to_owned()))?;
+        let spec: ModelSpec = serde_json::from_str(spec)?;
         let network = Network::new(&spec)?;
         check_names(&network, &tensors)?;
         let mut weights = Vec::new();
@@ -120,7 +98,7 @@ impl Model {
     /// [`Self::to_bytes`] with the weights rounded to another type.
     ///
     /// # Errors
-    /// As [`Self::to_bytes`], and [`ModelFileError::TooLarge`] for a weight beyond the range of the
+    /// As [`Self::to_bytes`], and [`ModelFileError::Invalid`] for a weight beyond the range of the
     /// type.
     pub fn to_bytes_as(&self, weights: WeightType) -> Result<Vec<u8>, ModelFileError> {
         let mut header = serde_json::Map::new();
@@ -202,23 +180,24 @@ fn weight_bytes(
     name: &str,
     values: &[f32],
 ) -> Result<(&'static str, Vec<u8>), ModelFileError> {
-    let half = |to: &'static str, bits: fn(f32) -> Option<u16>| {
-        let mut bytes = Vec::with_capacity(2 * values.len());
-        for (index, &found) in values.iter().enumerate() {
-            let too_large = || ModelFileError::TooLarge {
-                name: name.to_owned(),
-                index,
-                found,
-                to,
-            };
-            bytes.extend(bits(found).ok_or_else(too_large)?.to_le_bytes());
-        }
-        Ok((to, bytes))
+    let (to, bytes) = match weights {
+        WeightType::F32 => return Ok(("F32", bytes_of(values, f32::to_le_bytes))),
+        WeightType::F16 => ("F16", bytes_of(values, |x| f16::from_f32(x).to_le_bytes())),
+        WeightType::Bf16 => (
+            "BF16",
+            bytes_of(values, |x| bf16::from_f32(x).to_le_bytes()),
+        ),
     };
-    match weights {
-        WeightType::F32 => Ok(("F32", bytes_of(values, f32::to_le_bytes))),
-        WeightType::F16 => half("F16", f16_bits),
-        WeightType::Bf16 => half("BF16", bf16_bits),
+    let holds = |x: f32| match weights {
+        WeightType::F16 => f16::from_f32(x).is_finite(),
+        _ => bf16::from_f32(x).is_finite(),
+    };
+    match values.iter().position(|&x| !holds(x)) {
+        Some(index) => Err(invalid(format!(
+            "weight {name}[{index}] is {}, more than {to} holds: keep this model in f32, or in bf16",
+            values[index]
+        ))),
+        None => Ok((to, bytes)),
     }
 }
 
@@ -229,19 +208,14 @@ fn read_weight(
     weights: &mut Vec<f32>,
 ) -> Result<(), ModelFileError> {
     let (name, shape) = (&parameter.name, &parameter.shape);
-    let found = tensors.tensor(name).map(|view| view.dtype());
-    let half = |bytes: &[u8], value: fn(u16) -> f32| {
-        let numbers = bytes.as_chunks().0.iter();
-        numbers
-            .map(|b| value(u16::from_le_bytes(*b)))
-            .collect::<Vec<f32>>()
-    };
-    match found {
+    match tensors.tensor(name).map(|view| view.dtype()) {
         Ok(dtype @ Dtype::F16) => {
-            weights.extend(half(read(tensors, name, dtype, shape)?, f16_value));
+            let numbers = read(tensors, name, dtype, shape)?.as_chunks().0.iter();
+            weights.extend(numbers.map(|b| f16::from_le_bytes(*b).to_f32()));
         }
         Ok(dtype @ Dtype::BF16) => {
-            weights.extend(half(read(tensors, name, dtype, shape)?, bf16_value));
+            let numbers = read(tensors, name, dtype, shape)?.as_chunks().0.iter();
+            weights.extend(numbers.map(|b| bf16::from_le_bytes(*b).to_f32()));
         }
         _ => {
             let numbers = read(tensors, name, Dtype::F32, shape)?.as_chunks().0.iter();
@@ -254,11 +228,10 @@ fn read_weight(
 fn check_kind<'a>(text: impl Fn(&str) -> Option<&'a str>) -> Result<(), ModelFileError> {
     for (key, expected) in [("format", MODEL_FORMAT), ("version", VERSION)] {
         if text(key) != Some(expected) {
-            return Err(ModelFileError::Metadata {
-                key,
-                expected,
-                found: text(key).map_or("missing".into(), |found| format!("\"{found}\"")),
-            });
+            let found = text(key).map_or("missing".into(), |found| format!("\"{found}\""));
+            return Err(invalid(format!(
+                "metadata \"{key}\" is {found}, expected \"{expected}\": this file is no model that this version reads"
+            )));
         }
     }
     Ok(())
@@ -276,7 +249,9 @@ fn check_names(network: &Network, tensors: &SafeTensors<'_>) -> Result<(), Model
     names.sort_unstable();
     for name in names {
         if !is_statistic(name) && !network.parameters().iter().any(|p| p.name == name) {
-            return Err(ModelFileError::Unknown { name: name.into() });
+            return Err(invalid(format!(
+                "tensor {name} is in the file, but the spec of the model has no such weight"
+            )));
         }
     }
     Ok(())
@@ -288,24 +263,23 @@ fn read<'a>(
     dtype: Dtype,
     shape: &[usize],
 ) -> Result<&'a [u8], ModelFileError> {
-    let view = tensors
-        .tensor(name)
-        .map_err(|_| ModelFileError::Missing { name: name.into() })?;
+    let view = tensors.tensor(name).map_err(|_| {
+        invalid(format!(
+            "tensor {name} is missing: the weights are of another spec than the file says"
+        ))
+    })?;
     if view.dtype() != dtype || view.shape() != shape {
-        return Err(ModelFileError::Shape {
-            name: name.into(),
-            dtype,
-            expected: shape.to_vec(),
-            found_dtype: view.dtype(),
-            found: view.shape().to_vec(),
-        });
+        let (found_dtype, found) = (view.dtype(), view.shape());
+        return Err(invalid(format!(
+            "tensor {name} is {found_dtype:?} {found:?}, but the spec of the model needs {dtype:?} {shape:?}"
+        )));
     }
     Ok(view.data())
 }
 
 fn read_normalizer(
     tensors: &SafeTensors<'_>,
-    of: &'static str,
+    of: &str,
     width: usize,
 ) -> Result<Normalizer, ModelFileError> {
     let [mean, deviation] = STATISTIC_KINDS.map(|kind| -> Result<Vec<f64>, ModelFileError> {
@@ -314,7 +288,7 @@ fn read_normalizer(
         Ok(numbers.map(|b| f64::from_le_bytes(*b)).collect())
     });
     Normalizer::new(mean?, deviation?)
-        .map_err(|source| ModelFileError::Normalizer { name: of, source })
+        .map_err(|problem| invalid(format!("normalizer.{of}: {problem}")))
 }
 
 #[cfg(test)]

@@ -3,5 +3,5 @@
 mod model_spec;
 
 pub use model_spec::{
-    CurrentFrame, EdgeFeature, Encoder, Integration, ModelSpec, NodeFeature, OUTPUTS, SpecError,
+    EdgeFeature, Encoder, Integration, ModelSpec, NodeFeature, OUTPUTS, SpecError,
 };

@@ -43,9 +43,6 @@ pub enum NodeFeature {
     KineticEnergy,
     /// One-hot of 9: free vertex = 0, handle = 1.
     NodeType,
-    /// p^t - 2 p^{t-1} + p^{t-2} `[m/frame²]`, 3 columns: not in the paper, whose networks have to
-    /// take the small difference of two large velocities themselves.
-    Acceleration,
 }
 
 /// A group of columns of an arc, in the order in which they stand in the input.
@@ -85,9 +82,9 @@ impl Default for Integration {
 pub enum Encoder {
     /// A multi-layer perceptron on the current frame, as in MeshGraphNets.
     Mlp {
-        /// The frame that it sees: files say 1.
-        #[serde(default)]
-        window: CurrentFrame,
+        /// Frames in the window: 1, the current one.
+        #[serde(default = "one")]
+        window: usize,
     },
     /// A recurrent network of two layers of gated recurrent units over a window of frames, the
     /// current one last.
@@ -97,28 +94,9 @@ pub enum Encoder {
     },
 }
 
-/// The window of an encoder that sees the current frame alone: 1 in a file, and no other number.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(try_from = "usize", into = "usize")]
-pub struct CurrentFrame;
-
-impl From<CurrentFrame> for usize {
-    fn from(_: CurrentFrame) -> Self {
-        1
-    }
-}
-
-impl TryFrom<usize> for CurrentFrame {
-    type Error = String;
-
-    fn try_from(frames: usize) -> Result<Self, String> {
-        match frames {
-            1 => Ok(Self),
-            _ => Err(format!(
-                "model.encoder.window of the kind \"mlp\" must be 1, found {frames}: choose the kind \"gru\" for several frames"
-            )),
-        }
-    }
+/// The window of an encoder that sees the current frame alone.
+fn one() -> usize {
+    1
 }
 
 /// Reads a list without repetitions.
@@ -140,15 +118,12 @@ where
 
 impl Encoder {
     /// A perceptron on the current frame, as in MeshGraphNets.
-    pub const MLP: Self = Self::Mlp {
-        window: CurrentFrame,
-    };
+    pub const MLP: Self = Self::Mlp { window: 1 };
 
     /// Frames in its window.
     pub fn window(self) -> usize {
         match self {
-            Self::Mlp { .. } => 1,
-            Self::Gru { window } => window,
+            Self::Mlp { window } | Self::Gru { window } => window,
         }
     }
 
@@ -158,23 +133,10 @@ impl Encoder {
     }
 }
 
-/// A spec that no network can be built from.
+/// A spec that no network can be built from, or parts that do not fit it.
 #[derive(Clone, Debug, Error, PartialEq)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum SpecError {
-    #[error("model.{field} must be between {least} and {most}, found {found}")]
-    Size {
-        field: &'static str,
-        least: usize,
-        most: usize,
-        found: usize,
-    },
-    #[error("model.{field} must contain \"{needed}\"")]
-    Missing {
-        field: &'static str,
-        needed: &'static str,
-    },
-}
+#[error("{0}")]
+pub struct SpecError(pub(crate) String);
 
 impl ModelSpec {
     /// The paper's features (Libao et al. 2023) with the given encoder and sizes.
@@ -221,33 +183,50 @@ impl ModelSpec {
     }
 
     fn check_sizes(&self) -> Result<(), SpecError> {
+        if let Encoder::Mlp { window } = self.encoder
+            && window != 1
+        {
+            return Err(SpecError(format!(
+                "model.encoder.window of the kind \"mlp\" must be 1, found {window}: choose the kind \"gru\" for several frames"
+            )));
+        }
         for (field, found, least, most) in [
             ("latent", self.latent, 4, 4096),
             ("blocks", self.blocks, 1, 256),
             ("encoder.window", self.window(), 1, 64),
         ] {
             if !(least..=most).contains(&found) {
-                return Err(SpecError::Size {
-                    field,
-                    least,
-                    most,
-                    found,
-                });
+                return Err(SpecError(format!(
+                    "model.{field} must be between {least} and {most}, found {found}"
+                )));
             }
         }
         Ok(())
     }
 
     fn check_features(&self) -> Result<(), SpecError> {
-        let missing = |field, needed| Err(SpecError::Missing { field, needed });
-        if !self.node_features.contains(&NodeFeature::Velocity) {
-            return missing("node_features", "velocity");
-        }
-        if !self.node_features.contains(&NodeFeature::NodeType) {
-            return missing("node_features", "node-type");
-        }
-        if !self.edge_features.contains(&EdgeFeature::Vector) {
-            return missing("edge_features", "vector");
+        let (nodes, edges) = (&self.node_features, &self.edge_features);
+        for (field, needed, is_there) in [
+            (
+                "node_features",
+                "velocity",
+                nodes.contains(&NodeFeature::Velocity),
+            ),
+            (
+                "node_features",
+                "node-type",
+                nodes.contains(&NodeFeature::NodeType),
+            ),
+            (
+                "edge_features",
+                "vector",
+                edges.contains(&EdgeFeature::Vector),
+            ),
+        ] {
+            if !is_there {
+                let problem = format!("model.{field} must contain \"{needed}\"");
+                return Err(SpecError(problem));
+            }
         }
         Ok(())
     }
@@ -257,11 +236,10 @@ impl ModelSpec {
         self.encoder.window()
     }
 
-    /// Frames of positions that the features of a window are made from: the window, the frame
-    /// before it, and one more for accelerations.
+    /// Frames of positions that the features of a window are made from: the window and the frame
+    /// before it.
     pub fn history(&self) -> usize {
-        let accelerations = self.node_features.contains(&NodeFeature::Acceleration);
-        self.window() + 1 + usize::from(accelerations)
+        self.window() + 1
     }
 
     /// Columns of a vertex.

@@ -11,16 +11,13 @@ use std::collections::BTreeMap;
 
 use glam::{DVec3, Vec2, Vec3};
 use proptest::prelude::*;
-use selvedge_cloth::generate::{SquareSpec, square};
+use selvedge_cloth::generate::square;
 use selvedge_cloth::{Cloth, ClothArrays, Environment, Handles, Topology, VertexId};
-use selvedge_model::{
-    ClothGraph, EdgeFeature, Encoder, Frames, ModelSpec, NodeFeature, Place, Window, Yaw,
-};
+use selvedge_model::{ClothGraph, EdgeFeature, Encoder, Frames, ModelSpec, Place, Window, Yaw};
 
 /// Every feature over a window of two frames.
 fn spec() -> ModelSpec {
     let mut spec = ModelSpec::physical(Encoder::Gru { window: 2 }, 4, 1);
-    spec.node_features.insert(NodeFeature::Acceleration);
     spec.edge_features.insert(EdgeFeature::MaterialVector);
     spec
 }
@@ -40,12 +37,7 @@ struct Case {
 /// Random positions about a hanging square: ripples of up to 6 cm, moves of up to 2 cm.
 fn case(side: usize, seed: u64, noise: &[f32]) -> Case {
     let vertices = side * side;
-    let sheet = square(&SquareSpec {
-        vertices,
-        size: 1.0,
-        seed,
-    })
-    .expect("a square");
+    let sheet = square(vertices, 1.0, seed).expect("a square");
     let shape = sheet.mesh.rest_shape(0.2);
     let draw = |k: usize, size: f32| {
         Vec3::from_array([0, 1, 2].map(|axis| size * noise[(3 * k + axis) % noise.len()]))
@@ -119,7 +111,12 @@ fn seen(case: &Case, wind: DVec3) -> Seen {
     };
     let node = |v| rows(&window.nodes, v, vertices, spec.node_width());
     let arc = |a| rows(&window.arcs, a, graph.arc_count(), spec.edge_width());
-    let ends = graph.senders().iter().zip(graph.receivers()).enumerate();
+    let ends = graph
+        .connectivity()
+        .senders()
+        .iter()
+        .zip(graph.connectivity().receivers())
+        .enumerate();
     Seen {
         nodes: (0..vertices).map(node).collect(),
         arcs: ends.map(|(a, (&s, &r))| ((s, r), arc(a))).collect(),

@@ -9,7 +9,7 @@ use selvedge_model::{
     ModelSpec, Network, OUTPUTS, Pass, Purpose, Stopped, Workspace, reference,
 };
 
-use crate::specs::specs;
+use crate::specs::{packed, specs};
 use crate::strip::strip;
 
 struct Case {
@@ -60,9 +60,11 @@ impl Case {
     }
 
     fn objective(&self, weights: &[f64], pass: Pass<'_>, workspace: &mut Workspace<f64>) -> f64 {
+        let (packed, input) = (packed(&self.network, weights), self.input());
         let out = self
             .network
-            .forward(weights, &self.graph, self.input(), pass, workspace);
+            .forward_packed(&packed, &self.graph, input, pass, workspace)
+            .expect("no stop");
         out.iter()
             .enumerate()
             .map(|(k, x)| x * coefficient(k))
@@ -95,7 +97,9 @@ fn the_fast_network_is_the_reference() {
         for pass in [Pass::Inference, Pass::Training(None)] {
             let mut workspace = Workspace::new();
             let (network, graph) = (&case.network, &case.graph);
-            let found = network.forward(&case.weights, graph, case.input(), pass, &mut workspace);
+            let packed = packed(network, &case.weights);
+            let found = network.forward_packed(&packed, graph, case.input(), pass, &mut workspace);
+            let found = found.expect("no stop");
             for (found, expected) in found.iter().zip(&expected) {
                 // Sums of a few hundred terms of order one in another order.
                 assert!(
@@ -140,9 +144,11 @@ fn f32_agrees(case: &Case, name: &str) {
     };
     let scale = expected.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
     for instructions in [Instructions::Detected, Instructions::Plain] {
-        let mut workspace = Workspace::with_instructions(instructions);
-        let (network, graph) = (&case.network, &case.graph);
-        let found = network.forward(&weights, graph, input, Pass::Inference, &mut workspace);
+        let (network, graph, pass) = (&case.network, &case.graph, Pass::Inference);
+        let packed = network.pack(&weights, Purpose::Inference, instructions);
+        let mut workspace = Workspace::new();
+        let found = network.forward_packed(&packed, graph, input, pass, &mut workspace);
+        let found = found.expect("no stop");
         for (&found, expected) in found.iter().zip(&expected) {
             // A few roundings of 6e-8 per layer, amplified by LayerNorms: 1e-5 of the scale.
             let off = (f64::from(found) - expected).abs() / scale;
@@ -176,8 +182,11 @@ fn gradients_match_finite_differences_in_every_tensor() {
             ..Gradients::new(&output, &mut gradient)
         };
         let (graph, input) = (&case.graph, case.input());
-        case.network
-            .backward(&case.weights, graph, input, gradients, &mut workspace);
+        let packed = packed(&case.network, &case.weights);
+        let back = case
+            .network
+            .backward_packed(&packed, graph, input, gradients, &mut workspace);
+        back.expect("no stop");
         check_input_gradient(&mut case, pass, &nodes, &arcs);
         for parameter in case.network.parameters() {
             let count = parameter.range.len();
@@ -270,8 +279,10 @@ fn a_union_computes_what_its_parts_compute() {
         };
         let network = &parts[0].network;
         let weights = &parts[0].weights;
+        let (packed, pass) = (packed(network, weights), Pass::Inference);
         let mut workspace = Workspace::new();
-        let together = network.forward(weights, &whole, input, Pass::Inference, &mut workspace);
+        let together = network.forward_packed(&packed, &whole, input, pass, &mut workspace);
+        let together = together.expect("no stop");
         let apart: Vec<f64> = parts
             .iter()
             .flat_map(|part| reference::forward(network, weights, &part.graph, part.input()))
@@ -297,17 +308,19 @@ fn a_cloth_drops_the_same_values_alone_and_in_a_union() {
             arcs: &arcs,
         };
         let (network, weights) = (&parts[0].network, &parts[0].weights);
+        let packed = packed(network, weights);
         let dropped = |seeds| Pass::Training(Some(Dropout { rate: 0.4, seeds }));
         let mut workspace = Workspace::new();
         let pass = dropped(&[8, 9]);
         let together = network
-            .forward(weights, &whole, input, pass, &mut workspace)
+            .forward_packed(&packed, &whole, input, pass, &mut workspace)
+            .expect("no stop")
             .to_vec();
         let alone = |part: &Case, seeds| {
             let (graph, pass) = (&part.graph, dropped(seeds));
             let mut workspace = Workspace::new();
-            let out = network.forward(weights, graph, part.input(), pass, &mut workspace);
-            out.to_vec()
+            let out = network.forward_packed(&packed, graph, part.input(), pass, &mut workspace);
+            out.expect("no stop").to_vec()
         };
         let apart = [alone(&parts[0], &[8]), alone(&parts[1], &[9])].concat();
         assert_eq!(together.len(), apart.len());
@@ -330,13 +343,15 @@ fn a_machine_without_wide_vectors_gives_the_same_but_for_rounding() {
             .map(|k| coefficient(k) as f32)
             .collect();
         let [wide, plain] = [Instructions::Detected, Instructions::Plain].map(|instructions| {
-            let mut workspace = Workspace::with_instructions(instructions);
             let (network, graph, pass) = (&case.network, &case.graph, Pass::Training(None));
-            let out = network.forward(&weights, graph, input, pass, &mut workspace);
-            let out = out.to_vec();
+            let packed = network.pack(&weights, Purpose::Training, instructions);
+            let mut workspace = Workspace::new();
+            let out = network.forward_packed(&packed, graph, input, pass, &mut workspace);
+            let out = out.expect("no stop").to_vec();
             let mut gradient = vec![0.0; weights.len()];
             let gradients = Gradients::new(&output, &mut gradient);
-            network.backward(&weights, graph, input, gradients, &mut workspace);
+            let back = network.backward_packed(&packed, graph, input, gradients, &mut workspace);
+            back.expect("no stop");
             [out, gradient]
         });
         for (wide, plain) in wide.iter().zip(&plain) {
@@ -365,14 +380,19 @@ fn threads_change_no_bit() {
                 arcs: &arcs,
             };
             let (network, graph) = (&case.network, &case.graph);
+            let packed = packed(network, &weights);
             let mut workspace = Workspace::new();
-            let out = network.forward(&weights, graph, input, Pass::Inference, &mut workspace);
-            let frame = out.to_vec();
-            network.forward(&weights, graph, input, Pass::Training(None), &mut workspace);
+            let mut forward = |pass| {
+                let out = network.forward_packed(&packed, graph, input, pass, &mut workspace);
+                out.expect("no stop").to_vec()
+            };
+            let frame = forward(Pass::Inference);
+            forward(Pass::Training(None));
             let mut gradient = vec![0.0; weights.len()];
             let output: Vec<f32> = (0..frame.len()).map(|k| coefficient(k) as f32).collect();
             let gradients = Gradients::new(&output, &mut gradient);
-            network.backward(&weights, graph, input, gradients, &mut workspace);
+            let back = network.backward_packed(&packed, graph, input, gradients, &mut workspace);
+            back.expect("no stop");
             (frame, gradient)
         };
         let one = on_threads(1, run);
@@ -403,15 +423,6 @@ fn a_pass_that_is_stopped_gives_nothing() {
     assert_eq!(back, Err(Stopped));
     let out = network.forward_packed(&packed, graph, input, pass, &mut workspace);
     assert_eq!(out, Err(Stopped));
-    // Those that cannot say so do not hear it.
-    let weights = &case.weights;
-    let found = network
-        .forward(weights, graph, input, pass, &mut workspace)
-        .to_vec();
-    let expected = network
-        .forward(weights, graph, input, pass, &mut Workspace::new())
-        .to_vec();
-    assert_eq!(found, expected);
 }
 
 #[test]
@@ -425,8 +436,11 @@ fn activations_serve_one_backward_pass() {
         let mut backward = || {
             let gradients = Gradients::new(&output, &mut gradient);
             let (graph, input) = (&case.graph, case.input());
-            case.network
-                .backward(&case.weights, graph, input, gradients, &mut workspace);
+            let packed = packed(&case.network, &case.weights);
+            let back =
+                case.network
+                    .backward_packed(&packed, graph, input, gradients, &mut workspace);
+            back.expect("no stop");
         };
         for _ in 1..passes.len() {
             backward();

@@ -78,8 +78,9 @@ fn network_case<T: NetworkScalar>() {
     };
     let mut workspace = Workspace::new();
     let pass = Pass::Training(None);
-    let out = network.forward(&weights, &graph, input, pass, &mut workspace);
-    compare("output", out, &of("output.rows"));
+    let packed = crate::specs::packed(&network, &weights);
+    let out = network.forward_packed(&packed, &graph, input, pass, &mut workspace);
+    compare("output", out.expect("no stop"), &of("output.rows"));
     let mut gradient = vec![T::ZERO; weights.len()];
     let [mut by_nodes, mut by_arcs] = [&nodes, &arcs].map(|x| vec![T::ZERO; x.len()]);
     let output: Vec<T> = real(&of("cotangent.rows"));
@@ -90,7 +91,8 @@ fn network_case<T: NetworkScalar>() {
         }),
         ..Gradients::new(&output, &mut gradient)
     };
-    network.backward(&weights, &graph, input, gradients, &mut workspace);
+    let back = network.backward_packed(&packed, &graph, input, gradients, &mut workspace);
+    back.expect("no stop");
     compare("nodes", &by_nodes, &of("gradient.input.nodes"));
     let expected = reordered(&of("gradient.input.edges"), &order, 10);
     compare("arcs", &by_arcs, &expected);

@@ -1,6 +1,8 @@
 //! Specs of the networks that tests go through.
 
-use selvedge_model::{Encoder, ModelSpec};
+use selvedge_model::{
+    Encoder, Instructions, ModelSpec, Network, NetworkScalar, PackedWeights, Purpose,
+};
 
 /// One of every encoder.
 pub(crate) fn specs() -> Vec<ModelSpec> {
@@ -10,4 +12,9 @@ pub(crate) fn specs() -> Vec<ModelSpec> {
         ModelSpec::physical(Encoder::Gru { window: 1 }, 5, 1),
         ModelSpec::mesh_graph_nets(7, 2),
     ]
+}
+
+/// Weights for passes forward and backward.
+pub(crate) fn packed<T: NetworkScalar>(network: &Network, weights: &[T]) -> PackedWeights<T> {
+    network.pack(weights, Purpose::Training, Instructions::Detected)
 }

@@ -153,18 +153,6 @@ mod tests {
     }
 
     #[test]
-    fn the_cubic_is_that_of_arcsim() {
-        // E = k v³/(6h), v = h - g; -dE/dc = k v²/(2h), d²E/dc² = k v/h, with k = 4κ.
-        let (k, h) = (4.0 * 11.5, 1e-3);
-        for gap in [5e-4, 8e-4] {
-            let v = h - gap;
-            let found = BARRIER.tangent(gap);
-            assert!((found.force - k * v * v / (2.0 * h)).abs() < 1e-14);
-            assert!((found.stiffness - k * v / h).abs() < 1e-13);
-        }
-    }
-
-    #[test]
     fn a_pair_alone_does_not_meet() {
         for speed in [0.02, 0.004, 1e-4] {
             for start in [5e-3, 9e-4, 3e-4, 5e-5] {

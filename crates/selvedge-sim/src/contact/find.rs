@@ -4,14 +4,14 @@
 use std::collections::HashSet;
 
 use glam::DVec3;
-use selvedge_cloth::Scene;
+use selvedge_cloth::{CaughtPair, FrictionAnchor, Scene, Touching};
 use selvedge_contact::{Gap, Kind, Pair, Path, certify, gap, least_gap};
 
 use super::arcsim;
 use super::barrier::LEAST;
 use super::friction::{along_surface, kept};
-use super::keys::{Key, feature, key};
-use super::memory::{Anchor, Caught, Held};
+use super::keys::{feature, key};
+use super::memory::Held;
 use super::touches::{PairLaw, Touch, Touches};
 use super::{Contact, Found};
 use crate::active_handles::ActiveHandles;
@@ -72,7 +72,7 @@ struct Near {
     /// Part of the barrier's stiffness that it has, above 0.
     share: f64,
     /// What is known if a solve caught it: it pushes whatever else is near.
-    caught: Option<Caught>,
+    caught: Option<CaughtPair>,
 }
 
 impl Contact {
@@ -90,7 +90,7 @@ impl Contact {
             nearer.then_with(|| key(&a.pair).cmp(&key(&b.pair)))
         });
         let near = self.nearest(near);
-        let mut set: Vec<Key> = near.iter().map(|near| key(&near.pair)).collect();
+        let mut set: Vec<Touching> = near.iter().map(|near| key(&near.pair)).collect();
         set.sort_unstable();
         let mut list: Vec<Touch> = near.iter().map(|near| self.touch(near)).collect();
         list.extend(self.push_out());
@@ -119,7 +119,7 @@ impl Contact {
             pairs: self.candidates.pairs(),
             thickness: &self.thickness,
         });
-        let mut set: Vec<Key> = nearest.iter().map(|near| key(&near.pair)).collect();
+        let mut set: Vec<Touching> = nearest.iter().map(|near| key(&near.pair)).collect();
         set.sort_unstable();
         let mut list = Vec::new();
         for arcsim::Nearby {
@@ -402,8 +402,8 @@ impl Contact {
             };
             let own = key(pair);
             let once_more = known.is_ok() && self.memory.caught(own).is_some();
-            let next = Caught {
-                pair: own,
+            let next = CaughtPair {
+                of: own,
                 gap: once_more.then_some(at),
             };
             let near = Near {
@@ -459,7 +459,7 @@ impl Contact {
     }
 
     /// Pull that the anchor of a feature has left on this side `[N]`.
-    fn pull(&self, of: Key, normal: DVec3) -> DVec3 {
+    fn pull(&self, of: Touching, normal: DVec3) -> DVec3 {
         let anchors = &self.memory.anchors;
         let first = anchors.partition_point(|anchor| anchor.of < of);
         let mut own = anchors[first..].iter().take_while(|a| a.of == of);
@@ -470,7 +470,7 @@ impl Contact {
     /// Takes the anchors from what touched in the last solve, at its end, which is this `part` of
     /// what was solved.
     pub(super) fn remember(&mut self, part: f64, active: &mut ActiveHandles) {
-        let mut anchors: Vec<Anchor> = Vec::new();
+        let mut anchors: Vec<FrictionAnchor> = Vec::new();
         for touch in &active.system.touches.list {
             let Some(of) = touch.anchored else {
                 continue;
@@ -483,7 +483,7 @@ impl Contact {
                 continue;
             }
             let slip = along_surface(touch.normal, touch.pull / grip + displacement);
-            anchors.push(Anchor {
+            anchors.push(FrictionAnchor {
                 of,
                 normal: touch.normal,
                 pull: kept(slip, grip, most) * grip,

@@ -1,42 +1,23 @@
 //! The memory that one substep leaves for the next, and as a noun that a file of states has.
 
-use glam::DVec3;
 use selvedge_cloth::{
     CaughtPair, ContactMemory, FrictionAnchor, Pushing, ReleasedContact, Touching,
 };
-use selvedge_contact::Kind;
 
-use super::keys::{Key, includes};
-
-/// Friction that a feature has left from the substep before.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Anchor {
-    pub(super) of: Key,
-    pub(super) normal: DVec3,
-    /// Force along the surface `[N]`.
-    pub(super) pull: DVec3,
-}
-
-/// A pair that a solve had missed.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Caught {
-    pub(super) pair: Key,
-    /// Gap of the tangent that it needed `[m]`, of a pair that pushed too little in two substeps in
-    /// a row: it begins the next one with that. Without, every substep at rest finds it anew, by
-    /// solving once more.
-    pub(super) gap: Option<f64>,
-}
+use super::keys::includes;
 
 /// State that one substep leaves for the next.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Memory {
     /// In ascending order of their features.
-    pub(super) anchors: Vec<Anchor>,
+    pub(super) anchors: Vec<FrictionAnchor>,
     /// Features that pushed, in ascending order.
     pub(super) held: Held,
     /// Those of them that a solve had missed: they push on, whatever else is near. In ascending
-    /// order.
-    pub(super) caught: Vec<Caught>,
+    /// order. A pair that pushed too little in two substeps in a row begins the next one with the gap
+    /// of the tangent that it needed: without, every substep at rest finds it anew, by solving once
+    /// more.
+    pub(super) caught: Vec<CaughtPair>,
     /// Contact that is released, in the order of the candidates.
     pub(super) released: Vec<ReleasedContact>,
 }
@@ -45,9 +26,9 @@ pub(crate) struct Memory {
 /// is held by the same body. Each in ascending order, as often as it pushes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Held {
-    pub(super) all: Vec<Key>,
+    pub(super) all: Vec<Touching>,
     /// Those that bear more than a little, or are expected to.
-    pub(super) firmly: Vec<Key>,
+    pub(super) firmly: Vec<Touching>,
 }
 
 impl Held {
@@ -64,8 +45,8 @@ impl Held {
     /// As entries: of a feature that pushes several times as many are firm as push firmly.
     fn entries(&self) -> Vec<Pushing> {
         let mut firmly = self.firmly.iter().peekable();
-        let entry = |of: &Key| Pushing {
-            of: touching(*of),
+        let entry = |of: &Touching| Pushing {
+            of: *of,
             firmly: firmly.next_if_eq(&of).is_some(),
         };
         self.all.iter().map(entry).collect()
@@ -74,89 +55,50 @@ impl Held {
 
 impl Memory {
     /// What is known of a pair that was caught.
-    pub(super) fn caught(&self, pair: Key) -> Option<Caught> {
-        let found = self
-            .caught
-            .binary_search_by_key(&pair, |caught| caught.pair);
+    pub(super) fn caught(&self, pair: Touching) -> Option<CaughtPair> {
+        let found = self.caught.binary_search_by_key(&pair, |caught| caught.of);
         found.ok().map(|k| self.caught[k])
     }
 
     /// Takes pairs that a solve missed, in place of what was known of them.
-    pub(super) fn catch(&mut self, pairs: Vec<Caught>) {
+    pub(super) fn catch(&mut self, pairs: Vec<CaughtPair>) {
         self.caught.splice(0..0, pairs);
-        self.caught.sort_by_key(|caught| caught.pair);
-        self.caught.dedup_by_key(|caught| caught.pair);
+        self.caught.sort_by_key(|caught| caught.of);
+        self.caught.dedup_by_key(|caught| caught.of);
     }
 
     /// Forgets that a pair was caught.
-    pub(super) fn let_go(&mut self, pair: Key) {
-        self.caught.retain(|caught| caught.pair != pair);
+    pub(super) fn let_go(&mut self, pair: Touching) {
+        self.caught.retain(|caught| caught.of != pair);
     }
 
     /// As a noun.
     pub(crate) fn saved(&self) -> ContactMemory {
-        let anchor = |anchor: &Anchor| FrictionAnchor {
-            of: touching(anchor.of),
-            normal: anchor.normal,
-            pull: anchor.pull,
-        };
-        let caught = |caught: &Caught| CaughtPair {
-            of: touching(caught.pair),
-            gap: caught.gap,
-        };
         ContactMemory {
-            anchors: self.anchors.iter().map(anchor).collect(),
+            anchors: self.anchors.clone(),
             pushing: self.held.entries(),
-            caught: self.caught.iter().map(caught).collect(),
+            caught: self.caught.clone(),
             released: self.released.clone(),
         }
     }
 
     /// Of such a noun, in any order.
     pub(crate) fn of_saved(saved: &ContactMemory) -> Self {
-        let anchor = |anchor: &FrictionAnchor| Anchor {
-            of: key_of(anchor.of),
-            normal: anchor.normal,
-            pull: anchor.pull,
-        };
-        let mut anchors: Vec<Anchor> = saved.anchors.iter().map(anchor).collect();
+        let mut anchors = saved.anchors.clone();
         anchors.sort_by_key(|anchor| anchor.of);
-        let of = |pushing: &Pushing| key_of(pushing.of);
         let firmly = saved.pushing.iter().filter(|pushing| pushing.firmly);
         let mut held = Held {
-            all: saved.pushing.iter().map(of).collect(),
-            firmly: firmly.map(of).collect(),
+            all: saved.pushing.iter().map(|pushing| pushing.of).collect(),
+            firmly: firmly.map(|pushing| pushing.of).collect(),
         };
         held.sort();
-        let caught = |caught: &CaughtPair| Caught {
-            pair: key_of(caught.of),
-            gap: caught.gap,
-        };
-        let mut caught: Vec<Caught> = saved.caught.iter().map(caught).collect();
-        caught.sort_by_key(|caught| caught.pair);
+        let mut caught = saved.caught.clone();
+        caught.sort_by_key(|caught| caught.of);
         Self {
             anchors,
             held,
             caught,
             released: saved.released.clone(),
         }
-    }
-}
-
-fn touching(key: Key) -> Touching {
-    let (kind, first, second) = key;
-    match kind {
-        Kind::VertexFace => Touching::Vertex {
-            vertex: first,
-            other: second,
-        },
-        Kind::EdgeEdge => Touching::Edges { first, second },
-    }
-}
-
-fn key_of(touching: Touching) -> Key {
-    match touching {
-        Touching::Vertex { vertex, other } => (Kind::VertexFace, vertex, other),
-        Touching::Edges { first, second } => (Kind::EdgeEdge, first, second),
     }
 }

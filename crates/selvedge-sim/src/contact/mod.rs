@@ -22,17 +22,16 @@ mod touches;
 mod yielded;
 
 use glam::{DVec2, DVec3};
-use selvedge_cloth::{ContactLaw, ContactSettings, Obstacle, Scene, StepError, VertexId};
+use selvedge_cloth::{ContactLaw, ContactSettings, Obstacle, Scene, StepError, Touching, VertexId};
 use selvedge_contact::{Candidates, Intersection, Kind, Pair, Reach, Surface, Ways};
 
 use crate::active_handles::ActiveHandles;
 use crate::integrator::History;
-use crate::solver::SolveError;
+use crate::solver::{SolveError, SubstepError};
 use crate::state::State;
 use crate::threads::Threads;
 use clearances::Clearances;
 pub use gauge::{ContactGauge, FrameContact};
-use keys::Key;
 pub(crate) use led::Shift;
 pub use led::{FAR, Led};
 use memory::Held;
@@ -109,18 +108,6 @@ impl Unseparated {
     }
 }
 
-/// Reason for a failed substep with contact.
-pub(crate) enum ContactError {
-    Solve(SolveError),
-    Unseparated(Unseparated),
-}
-
-impl From<SolveError> for ContactError {
-    fn from(error: SolveError) -> Self {
-        Self::Solve(error)
-    }
-}
-
 /// A substep to be taken.
 #[derive(Clone, Copy)]
 pub(crate) struct Span<'a> {
@@ -143,7 +130,7 @@ pub(crate) struct Span<'a> {
 struct Found {
     touches: Touches,
     /// The pairs, in ascending order.
-    set: Vec<Key>,
+    set: Vec<Touching>,
     held: Held,
 }
 
@@ -367,14 +354,14 @@ impl Contact {
         active: &mut ActiveHandles,
         state: &mut State,
         history: &mut History,
-    ) -> Result<(), ContactError> {
+    ) -> Result<(), SubstepError> {
         self.update_inverse(active);
         let (mut done, mut divisions) = (0.0, 0);
         while divisions < self.settings.max_divisions {
             let left = span.dt * (1.0 - done);
             let now = span.from + (span.to - span.from) * done;
             self.put_start(&state.positions, now, span.to);
-            let mut is_limited = self.solve(left, span, active, state, history)?;
+            self.solve(left, span, active, state, history)?;
             let mut repeats = 0;
             let mut is_certified = self.certify_solve(span.threads, &state.positions);
             while repeats < REPEATS && self.arcsim.is_none() {
@@ -390,7 +377,6 @@ impl Contact {
                 state.copy_from(&self.before);
                 active.system.repeat_start();
                 active.advance(left, state, None, span.targets)?;
-                is_limited = false;
                 is_certified = self.certify_solve(span.threads, &state.positions);
             }
             let touches = &active.system.touches;
@@ -406,8 +392,7 @@ impl Contact {
                     active.system.repeat_start();
                 }
                 separation::Outcome::Settled { moved } => {
-                    let is_shifted = !is_limited && self.limit(left, span, active, state)?;
-                    if moved || is_shifted {
+                    if moved {
                         history.forget();
                         active.system.forget_changes();
                     }
@@ -434,7 +419,7 @@ impl Contact {
                 }
             }
         }
-        Err(ContactError::Unseparated(self.unseparated()))
+        Err(SubstepError::Contact(self.unseparated()))
     }
 
     /// Leads the cloth from `from` to `to` `[m]`, both of `[vertices]`, on straight ways over the
@@ -454,8 +439,7 @@ impl Contact {
         Ok(was_moved)
     }
 
-    /// One linear solve over `left` `[s]`, with what touches in it. Returns true if its end is
-    /// within the limits of the material; where something touches, those come later.
+    /// One linear solve over `left` `[s]`, with what touches in it.
     fn solve(
         &mut self,
         left: f64,
@@ -463,7 +447,7 @@ impl Contact {
         active: &mut ActiveHandles,
         state: &mut State,
         history: &mut History,
-    ) -> Result<bool, SolveError> {
+    ) -> Result<(), SolveError> {
         self.find_candidates(left, state);
         let Found { touches, set, held } = self.find_touches(span.threads, left);
         self.counts.solves += 1;
@@ -471,18 +455,16 @@ impl Contact {
         let jumps = self.memory.held.jumps_to(&held);
         self.memory
             .caught
-            .retain(|caught| set.binary_search(&caught.pair).is_ok());
+            .retain(|caught| set.binary_search(&caught.of).is_ok());
         self.memory.held = held;
         active.system.touches = touches;
         self.before.copy_from(state);
         if active.system.touches.is_empty() && !jumps {
-            active.advance_within_limits(left, state, Some(history), span.targets)?;
-            return Ok(true);
+            return active.advance(left, state, Some(history), span.targets);
         }
         let looks_back = active.looks_back();
         if looks_back && !jumps && history.fits(left) {
-            active.advance(left, state, Some(history), span.targets)?;
-            return Ok(false);
+            return active.advance(left, state, Some(history), span.targets);
         }
         if looks_back {
             self.counts.fell_back += 1;
@@ -495,7 +477,7 @@ impl Contact {
         } else {
             history.keep(&self.before, left);
         }
-        Ok(false)
+        Ok(())
     }
 
     /// Puts the points at the start of a solve, and obstacles at its end; parts of the frame.

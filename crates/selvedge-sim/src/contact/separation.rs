@@ -1,10 +1,6 @@
 //! Rounds after a solve, in which pairs without a certificate are pushed apart: by mass, with
 //! friction. Pairs that this does not settle are held back towards their start, or the substep is
 //! divided.
-//!
-//! Limits of strain come last, and give way: a vertex of a pair that would meet by its shift onto
-//! the limits stays where it was ([`Contact::limit`]). A sweep of theirs between two rounds undoes
-//! what the rounds did, and before them it brings together what the solve kept apart.
 
 use glam::DVec3;
 use selvedge_cloth::Squeezed;
@@ -14,9 +10,8 @@ use selvedge_contact::{
 
 use super::clearances::against;
 use super::friction::along_surface;
-use super::{Contact, ContactCounts, ContactError, Span, Unseparated};
-use crate::active_handles::ActiveHandles;
-use crate::solver::SolveError;
+use super::{Contact, ContactCounts, Span, Unseparated};
+use crate::solver::{SolveError, SubstepError};
 use crate::state::State;
 use crate::threads::Threads;
 
@@ -175,7 +170,7 @@ impl Contact {
         left: f64,
         span: Span<'_>,
         state: &mut State,
-    ) -> Result<Outcome, ContactError> {
+    ) -> Result<Outcome, SubstepError> {
         let rounds = self.settings.rounds;
         let last = if span.may_hold {
             rounds + HOLDING
@@ -222,7 +217,7 @@ impl Contact {
             if span.is_last && self.give_way(true) {
                 return Ok(Outcome::GivenWay);
             }
-            return Err(ContactError::Unseparated(self.unseparated()));
+            return Err(SubstepError::Contact(self.unseparated()));
         };
         self.received = received;
         self.end.clone_from(&self.room.best);
@@ -248,41 +243,6 @@ impl Contact {
             }
         }
         Err(self.unseparated())
-    }
-
-    /// Moves `state`, the end of a solve over `left` `[s]` in which all pairs are certified, within
-    /// the limits of the material, as far as that leaves them certified. Returns true if it moved.
-    pub(super) fn limit(
-        &mut self,
-        left: f64,
-        span: Span<'_>,
-        active: &ActiveHandles,
-        state: &mut State,
-    ) -> Result<bool, SolveError> {
-        let mut limited = state.clone();
-        if !active.limit(left, &mut limited)? {
-            return Ok(false);
-        }
-        // A pair whose vertices all stay is certified, as it was.
-        let mut is_certified = self.certify_solve(span.threads, &limited.positions);
-        let mut rounds = 0;
-        while !is_certified {
-            rounds += 1;
-            if rounds > HOLDING {
-                return Ok(false);
-            }
-            for (pair, ..) in &self.room.failed {
-                for p in pair.corners.map(|p| p as usize) {
-                    if let Some(solved) = state.positions.get(p) {
-                        self.end[p] = *solved;
-                    }
-                }
-            }
-            self.certify(span.threads, false);
-            is_certified = self.room.failed.is_empty();
-        }
-        self.take(left, state)?;
-        Ok(true)
     }
 
     /// The pair that is safe for the shortest part, in words.

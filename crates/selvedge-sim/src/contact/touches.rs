@@ -1,10 +1,10 @@
 //! Pairs that push in a substep, as the linear system sees them.
 
 use glam::{DMat3, DVec3, Mat3A};
+use selvedge_cloth::Touching;
 
 use super::barrier::{Barrier, Tangent};
 use super::friction::{along_surface, drag, outer};
-use super::keys::Key;
 
 /// Pull from which a touch is released, as a part of its inertial stiffness times the thickness: it
 /// would move the pair alone by a tenth of the thickness.
@@ -18,7 +18,7 @@ const OUT_PUSH: f64 = 50.0;
 #[derive(Clone, Debug)]
 pub(crate) struct Touch {
     /// The pair.
-    pub(super) pair: Key,
+    pub(super) pair: Touching,
     /// Points of the pair; obstacles' are not below the number of the cloth's vertices.
     pub(super) corners: [u32; 4],
     /// Weights of the cloth's corners; 0 for those of obstacles.
@@ -44,7 +44,7 @@ pub(crate) struct Touch {
     /// cloth couples already.
     pub(super) is_within: bool,
     /// Feature that has an anchor; none where friction does not hold.
-    pub(super) anchored: Option<Key>,
+    pub(super) anchored: Option<Touching>,
     /// Pull of the anchor at the start, along the surface `[N]`.
     pub(super) pull: DVec3,
     /// Gap at which to linearise, because a solve has shown that the usual one pushes too little
@@ -347,7 +347,10 @@ mod tests {
     /// A touch of four vertices of the cloth that slides while it comes nearer.
     fn touch(law: PairLaw, friction: f64) -> Touch {
         Touch {
-            pair: (selvedge_contact::Kind::VertexFace, 0, 0),
+            pair: Touching::Vertex {
+                vertex: 0,
+                other: 0,
+            },
             corners: [0, 1, 2, 3],
             weights: [1.0, -0.2, -0.3, -0.5],
             normal: DVec3::new(0.3, 0.9, -0.2).normalize(),

@@ -25,11 +25,10 @@ pub(crate) struct History {
 pub struct SubstepCounts {
     /// All substeps.
     pub all: u64,
-    /// Those without a usable state before: the first one, and those after a release, a shift
-    /// within limits of strain, or a substep of another length.
+    /// Those without a usable state before: the first one, and those after a release
+    /// or a substep of another length.
     pub started: u64,
-    /// Those that fell back to backward Euler: a prediction strained an edge too much, or limits of
-    /// strain moved the cloth.
+    /// Those that fell back to backward Euler: a prediction strained an edge too much.
     pub fell_back: u64,
 }
 

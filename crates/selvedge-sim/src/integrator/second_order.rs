@@ -101,16 +101,16 @@ impl SecondOrder {
 
     /// Moves `state` by `substep` and keeps the old one in `history`. A prediction that strains an
     /// edge too much, though edges were brought back, is dropped for backward Euler linearised at
-    /// the start. Gives γ `[s]`. On an error state and history are unusable.
+    /// the start. On an error state and history are unusable.
     pub(crate) fn advance(
         &mut self,
         mut substep: Substep<'_>,
         state: &mut State,
         history: &mut History,
-    ) -> Result<f64, SolveError> {
+    ) -> Result<(), SolveError> {
         let dt = substep.dt;
         let looks_back = history.fits(dt);
-        let (outcome, mut gamma) = if looks_back {
+        let (outcome, gamma) = if looks_back {
             self.looking_back(&mut substep, state, history)?
         } else {
             self.start(&mut substep, state)?
@@ -125,7 +125,6 @@ impl SecondOrder {
             Outcome::FirstOrder => {
                 history.keep(state, dt);
                 history.counts.fell_back += 1;
-                gamma = dt;
                 self.base.copy_from(state);
                 substep.system.advance(dt, state, substep.targets)?;
                 let start = &self.base.positions;
@@ -134,12 +133,19 @@ impl SecondOrder {
                     .keep_their_lengths(start, &state.positions, MOST_CHANGE)
                 {
                     self.predicted.copy_from(state);
-                    self.solve(substep.system, Factors { gamma, span: dt }, substep.targets)?;
+                    self.solve(
+                        substep.system,
+                        Factors {
+                            gamma: dt,
+                            span: dt,
+                        },
+                        substep.targets,
+                    )?;
                     state.copy_from(&self.estimate);
                 }
             }
         }
-        Ok(gamma)
+        Ok(())
     }
 
     /// Keeps what the next substep looks back to, after one from `state` over `dt` `[s]`; `started`

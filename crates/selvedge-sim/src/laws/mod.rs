@@ -5,7 +5,6 @@ pub mod bend;
 pub mod external;
 pub mod number;
 pub mod strain;
-pub(crate) mod strain_limit;
 pub mod stretch;
 pub mod stretch_energy;
 pub mod stretch_table;

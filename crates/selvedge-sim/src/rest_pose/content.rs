@@ -33,7 +33,7 @@ pub struct RestPoseContent {
 
 impl RestPoseContent {
     /// The content of `scene`. Its name, its motion, its wind, later releases and contact are no
-    /// part; nor are, where the search needs no motion, the settings of one.
+    /// part; nor are the settings of a motion.
     ///
     /// # Errors
     /// A scene that does not validate or has no handles.
@@ -67,12 +67,7 @@ impl RestPoseContent {
             sag,
             frame_rate,
         };
-        let is_limited = |material: &Material| material.strain_limits.is_some();
-        // Only within limits is it found by a motion.
-        let has_limits = is_limited(&content.material) || content.fabrics.values().any(is_limited);
-        if !has_limits {
-            content.leave_motion_out();
-        }
+        content.leave_motion_out();
         Ok(content)
     }
 

@@ -21,7 +21,7 @@ use crate::rest_pose::start::sheet_size;
 use crate::solver::{SolveError, System};
 use crate::state::State;
 
-/// Finds the pose in which no free vertex is accelerated, from `start` `[m]`, `[vertices]`, without regard to strain limits.
+/// Finds the pose in which no free vertex is accelerated, from `start` `[m]`, `[vertices]`.
 pub(super) fn find_equilibrium(
     scene: &Scene,
     start: Vec<DVec3>,

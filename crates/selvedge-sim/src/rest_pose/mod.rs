@@ -15,7 +15,6 @@ mod equilibrium;
 mod last_step;
 mod progress;
 mod start;
-mod within_limits;
 
 use std::ops::ControlFlow;
 
@@ -23,7 +22,6 @@ use selvedge_cloth::Scene;
 
 use equilibrium::find_equilibrium;
 use start::{bulged, scene_at_start};
-use within_limits::relax_within_limits;
 
 pub use content::RestPoseContent;
 pub use progress::{SagError, SagProgress, SaggedRest};
@@ -53,13 +51,5 @@ pub fn sag_with_progress(
         fabric.damping = 0.0;
     }
     scene.physics.least_damping = Some(0.0);
-    let rest = find_equilibrium(scene, start, progress)?;
-    let (materials, _) = scene.materials();
-    if materials
-        .iter()
-        .any(|material| material.strain_limits.is_some())
-    {
-        return relax_within_limits(scene, rest, progress);
-    }
-    Ok(rest)
+    find_equilibrium(scene, start, progress)
 }

@@ -14,26 +14,8 @@ use faer::sparse::linalg::cholesky::{
 };
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
 use faer::{Conj, MatMut, Par, Side, Spec};
-use thiserror::Error;
 
-/// Reason why a system could not be factorised or solved.
-#[derive(Clone, Debug, Error, PartialEq, Eq)]
-pub(crate) enum FactorError {
-    /// The matrix is not positive definite.
-    #[error("the matrix is not positive definite at unknown {index}")]
-    NotPositiveDefinite {
-        /// Scalar unknown of the pivot.
-        index: usize,
-    },
-    /// No memory, or more entries than an index can count.
-    #[error("the factorisation of {unknowns} unknowns failed: {cause}")]
-    Resources {
-        /// Size of the matrix.
-        unknowns: usize,
-        /// Message of the linear algebra.
-        cause: String,
-    },
-}
+use crate::solver::SolveError;
 
 /// A factorisation with its workspaces.
 pub(crate) struct Cholesky {
@@ -45,9 +27,9 @@ pub(crate) struct Cholesky {
 
 impl Cholesky {
     /// Analyses the lower triangle with these compressed columns (rows sorted within each).
-    pub(crate) fn new(column_starts: Vec<usize>, rows: Vec<usize>) -> Result<Self, FactorError> {
+    pub(crate) fn new(column_starts: Vec<usize>, rows: Vec<usize>) -> Result<Self, SolveError> {
         let unknowns = column_starts.len() - 1;
-        let resources = |cause: String| FactorError::Resources { unknowns, cause };
+        let resources = |cause: &str| SolveError::resources(unknowns, cause);
         let pattern =
             SymbolicSparseColMat::new_checked(unknowns, unknowns, column_starts, None, rows);
         let parameters = CholeskySymbolicParams {
@@ -63,13 +45,12 @@ impl Cholesky {
             SymmetricOrdering::Identity,
             parameters,
         )
-        .map_err(|cause| resources(format!("{cause:?}")))?;
+        .map_err(|cause| resources(&format!("{cause:?}")))?;
         let request = StackReq::or(
             symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Spec::default()),
             symbolic.solve_in_place_scratch::<f64>(1, Par::Seq),
         );
-        let workspace =
-            MemBuffer::try_new(request).map_err(|_| resources("out of memory".to_owned()))?;
+        let workspace = MemBuffer::try_new(request).map_err(|_| resources("out of memory"))?;
         let factor = vec![0.0; symbolic.len_val()];
         Ok(Self {
             pattern,
@@ -85,7 +66,7 @@ impl Cholesky {
         &mut self,
         values: &[f64],
         right_side: &mut [f64],
-    ) -> Result<(), FactorError> {
+    ) -> Result<(), SolveError> {
         let matrix = SparseColMatRef::new(self.pattern.as_ref(), values);
         self.symbolic
             .factorize_numeric_llt(
@@ -97,9 +78,10 @@ impl Cholesky {
                 MemStack::new(&mut self.workspace),
                 Spec::default(),
             )
-            .map_err(
-                |LltError::NonPositivePivot { index }| FactorError::NotPositiveDefinite { index },
-            )?;
+            .map_err(|LltError::NonPositivePivot { index }| {
+                let text = format!("the matrix is not positive definite at unknown {index}");
+                SolveError::Failed(text)
+            })?;
         let unknowns = right_side.len();
         LltRef::new(&self.symbolic, &self.factor).solve_in_place_with_conj(
             Conj::No,
@@ -184,7 +166,9 @@ mod tests {
         let mut x = vec![1.0; 12];
         assert_eq!(
             cholesky.solve(&spoilt, &mut x),
-            Err(FactorError::NotPositiveDefinite { index: 7 })
+            Err(SolveError::Failed(
+                "the matrix is not positive definite at unknown 7".to_owned()
+            ))
         );
         spoilt[starts[7]] = f64::NAN;
         assert!(cholesky.solve(&spoilt, &mut x).is_err());

@@ -8,7 +8,7 @@
 use glam::DVec3;
 
 use crate::contact::Touches;
-use crate::solver::cholesky::FactorError;
+use crate::solver::SolveError;
 use crate::solver::direct::{Direct, Springs};
 use crate::solver::elements::Elements;
 use crate::solver::ordering::Ordering;
@@ -55,7 +55,7 @@ impl Complete {
         system: &Coupling<'_>,
         impulses: &[DVec3],
         changes: &mut [DVec3],
-    ) -> Result<(), FactorError> {
+    ) -> Result<(), SolveError> {
         let touches: Vec<[u32; 4]> = system.touches.stencils().collect();
         let coupled = match self.last.take() {
             Some(last) if last.touches == touches => last,
@@ -70,7 +70,7 @@ impl Complete {
         direct.solve(pattern, impulses, changes)
     }
 
-    fn analyse(&self, touches: Vec<[u32; 4]>, elements: &Elements) -> Result<Coupled, FactorError> {
+    fn analyse(&self, touches: Vec<[u32; 4]>, elements: &Elements) -> Result<Coupled, SolveError> {
         let mut stencils = self.hinges.clone();
         stencils.extend(&touches);
         let order = Ordering::MinimumDegree;

@@ -8,52 +8,15 @@
 
 use glam::{DVec3, Mat3A, Vec3A};
 use selvedge_cloth::{ConjugateGradients as Settings, Stop};
-use thiserror::Error;
 
 use crate::contact::{Touches, to_single};
+use crate::solver::SolveError;
 use crate::solver::blocks::{Contributions, Singles};
 use crate::solver::elements::Elements;
 use crate::solver::gauss_seidel::{GaussSeidel, OVER_RELAXATION, tile_of};
 use crate::solver::pattern::Pattern;
 use crate::solver::woven::Woven;
 use crate::threads::Threads;
-
-/// Reason for a failed solve.
-#[derive(Clone, Debug, Error, PartialEq)]
-pub(crate) enum IterationError {
-    /// The solve needs more iterations than allowed, or more accuracy than f32 gives.
-    #[error(
-        "after {iterations} iterations of conjugate gradients velocities are still wrong by {error:.1e} m/s, tolerance is {tolerance:.1e}; raise tolerance or max_iterations in physics.solver, or choose \"cholesky\""
-    )]
-    NotConverged {
-        /// Iterations done.
-        iterations: u32,
-        /// Estimated error of the velocities `[m/s]`.
-        error: f64,
-        /// Largest error allowed `[m/s]`.
-        tolerance: f64,
-    },
-    /// Numbers beyond the range of f32.
-    #[error(
-        "the residual is not finite after iteration {iterations}: the targets or the state are too large"
-    )]
-    NonFinite {
-        /// Iterations done.
-        iterations: u32,
-    },
-    /// Someone wanted to stop.
-    #[error("stopped, as was asked, after {iterations} iterations")]
-    Stopped {
-        /// Iterations done.
-        iterations: u32,
-    },
-    /// The matrix is not positive in some direction.
-    #[error("the matrix is not positive definite, as iteration {iterations} has found")]
-    Indefinite {
-        /// Iterations done.
-        iterations: u32,
-    },
-}
 
 /// The solver with its workspaces.
 pub(crate) struct ConjugateGradients {
@@ -225,10 +188,10 @@ impl ConjugateGradients {
         pattern: &Pattern,
         changes: &mut [DVec3],
         mut residual_of: impl FnMut(&[DVec3], &mut [DVec3]),
-    ) -> Result<(), IterationError> {
+    ) -> Result<(), SolveError> {
         self.iterations = 0;
         if !(self.is_woven || self.is_definite) {
-            return Err(IterationError::Indefinite { iterations: 0 });
+            return Err(self.indefinite());
         }
         // In the scaled space a residual of this size is an error of 1 m/s everywhere.
         let unit = changes.len() as f64;
@@ -250,17 +213,14 @@ impl ConjugateGradients {
                 return Ok(());
             }
             if !size.is_finite() {
-                return Err(IterationError::NonFinite {
-                    iterations: self.iterations,
-                });
+                return Err(SolveError::Failed(format!(
+                    "the residual is not finite after iteration {}: the targets or the state are too large",
+                    self.iterations
+                )));
             }
             let is_stuck = last.is_some_and(|last| size > STUCK * last.start);
             if is_stuck || self.iterations >= most {
-                return Err(IterationError::NotConverged {
-                    iterations: self.iterations,
-                    error: (size / unit).sqrt(),
-                    tolerance: self.settings.tolerance,
-                });
+                return Err(self.not_converged((size / unit).sqrt()));
             }
             let truthful = last.filter(|last| size <= TRUSTED * last.end);
             let part = truthful.map_or(0.0, |last| size / last.before_end);
@@ -275,14 +235,26 @@ impl ConjugateGradients {
         }
     }
 
+    /// The solve needs more iterations than allowed, or more accuracy than f32 gives; `error` is that
+    /// of the velocities `[m/s]`.
+    fn not_converged(&self, error: f64) -> SolveError {
+        let (iterations, tolerance) = (self.iterations, self.settings.tolerance);
+        SolveError::Failed(format!(
+            "after {iterations} iterations of conjugate gradients velocities are still wrong by {error:.1e} m/s, tolerance is {tolerance:.1e}; raise tolerance or max_iterations in physics.solver, or choose \"cholesky\""
+        ))
+    }
+
+    /// The matrix is not positive in some direction.
+    fn indefinite(&self) -> SolveError {
+        SolveError::Failed(format!(
+            "the matrix is not positive definite, as iteration {} has found",
+            self.iterations
+        ))
+    }
+
     /// Iterates from a residual of size squared `size` until its estimate is at most `goal`, or
     /// until the iterations are used up. The first direction has `part` of the last one.
-    fn cycle(
-        &mut self,
-        threads: Threads,
-        start: Start,
-        goal: f64,
-    ) -> Result<Cycle, IterationError> {
+    fn cycle(&mut self, threads: Threads, start: Start, goal: f64) -> Result<Cycle, SolveError> {
         let Start {
             size,
             mut part,
@@ -292,17 +264,15 @@ impl ConjugateGradients {
         let (mut before, mut now) = (size, size);
         while now > goal && self.iterations < most {
             if self.stop.is_wanted() {
-                return Err(IterationError::Stopped {
-                    iterations: self.iterations,
-                });
+                let iterations = self.iterations;
+                return Err(SolveError::Stopped { iterations });
             }
             self.turn(threads, part);
             before = now;
-            now = self
-                .iterate(threads, now)
-                .ok_or(IterationError::Indefinite {
-                    iterations: self.iterations,
-                })?;
+            now = match self.iterate(threads, now) {
+                Some(now) => now,
+                None => return Err(self.indefinite()),
+            };
             part = now / before;
         }
         Ok(Cycle {

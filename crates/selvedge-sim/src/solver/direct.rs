@@ -4,8 +4,9 @@ use glam::{DMat3, DVec3};
 use selvedge_cloth::VertexId;
 
 use crate::contact::Touches;
+use crate::solver::SolveError;
 use crate::solver::blocks::{Contributions, Doubles};
-use crate::solver::cholesky::{Cholesky, FactorError};
+use crate::solver::cholesky::Cholesky;
 use crate::solver::elements::Elements;
 use crate::solver::pattern::Pattern;
 use crate::threads::Threads;
@@ -38,7 +39,7 @@ pub(super) struct Direct {
 
 impl Direct {
     /// A factor of matrices of this pattern.
-    pub(super) fn new(pattern: &Pattern, elements: &Elements) -> Result<Self, FactorError> {
+    pub(super) fn new(pattern: &Pattern, elements: &Elements) -> Result<Self, SolveError> {
         let (starts, rows) = pattern.scalar_columns();
         Ok(Self {
             contributions: Contributions::new(pattern, elements),
@@ -97,7 +98,7 @@ impl Direct {
         pattern: &Pattern,
         impulses: &[DVec3],
         changes: &mut [DVec3],
-    ) -> Result<(), FactorError> {
+    ) -> Result<(), SolveError> {
         self.take(pattern, impulses);
         pattern.expand(&self.blocks, &mut self.values);
         self.cholesky.solve(&self.values, &mut self.solution)?;

@@ -7,7 +7,7 @@ use faer::sparse::SymbolicSparseColMat;
 use faer::sparse::linalg::amd;
 
 use crate::lists::Lists;
-use crate::solver::cholesky::FactorError;
+use crate::solver::SolveError;
 
 /// Kind of an order, by its purpose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,7 +26,7 @@ pub(crate) fn order(
     ordering: Ordering,
     unknown_count: usize,
     pairs: &[(u32, u32)],
-) -> Result<Vec<usize>, FactorError> {
+) -> Result<Vec<usize>, SolveError> {
     match ordering {
         Ordering::MinimumDegree => minimum_degree(unknown_count, pairs),
         Ordering::Banded => Ok(banded(unknown_count, pairs)),
@@ -73,11 +73,8 @@ fn search(neighbours: &Lists, first: usize, placed: &mut [bool], order: &mut Vec
 }
 
 /// Order by approximate minimum degree.
-fn minimum_degree(unknown_count: usize, pairs: &[(u32, u32)]) -> Result<Vec<usize>, FactorError> {
-    let resources = |cause: String| FactorError::Resources {
-        unknowns: 3 * unknown_count,
-        cause,
-    };
+fn minimum_degree(unknown_count: usize, pairs: &[(u32, u32)]) -> Result<Vec<usize>, SolveError> {
+    let resources = |cause: &str| SolveError::resources(3 * unknown_count, cause);
     // The upper triangle by columns: column = larger unknown.
     let mut entries: Vec<(u32, u32)> = pairs.iter().map(|&(a, b)| (b, a)).collect();
     entries.extend((0..unknown_count as u32).map(|k| (k, k)));
@@ -95,7 +92,7 @@ fn minimum_degree(unknown_count: usize, pairs: &[(u32, u32)]) -> Result<Vec<usiz
     let mut order = vec![0_usize; unknown_count];
     let mut inverse = vec![0_usize; unknown_count];
     let mut workspace = MemBuffer::try_new(amd::order_scratch::<usize>(unknown_count, count))
-        .map_err(|_| resources("out of memory".to_owned()))?;
+        .map_err(|_| resources("out of memory"))?;
     amd::order(
         &mut order,
         &mut inverse,
@@ -103,7 +100,7 @@ fn minimum_degree(unknown_count: usize, pairs: &[(u32, u32)]) -> Result<Vec<usiz
         amd::Control::default(),
         MemStack::new(&mut workspace),
     )
-    .map_err(|cause| resources(format!("{cause:?}")))?;
+    .map_err(|cause| resources(&format!("{cause:?}")))?;
     Ok(order)
 }
 

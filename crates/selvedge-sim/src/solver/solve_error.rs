@@ -1,10 +1,10 @@
-//! The reason for a failed solve.
+//! Reasons for a failed solve or substep.
 
 use selvedge_cloth::VertexId;
 use thiserror::Error;
 
-use super::cholesky::FactorError;
-use super::conjugate_gradients::IterationError;
+use crate::contact::Unseparated;
+use crate::watched_edges::Overstretched;
 
 /// Reason for a failed solve.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -15,10 +15,42 @@ pub(crate) enum SolveError {
         /// The first such vertex.
         vertex: VertexId,
     },
-    /// The linear system could not be factorised.
-    #[error(transparent)]
-    Factor(#[from] FactorError),
-    /// Conjugate gradients did not converge.
-    #[error(transparent)]
-    Iteration(#[from] IterationError),
+    /// Someone wanted to stop.
+    #[error("stopped, as was asked, after {iterations} iterations")]
+    Stopped {
+        /// Iterations done.
+        iterations: u32,
+    },
+    /// The system could not be factorised, or conjugate gradients did not converge.
+    #[error("{0}")]
+    Failed(String),
+}
+
+impl SolveError {
+    /// No memory, or more entries than an index can count, in a matrix of so many `unknowns`.
+    pub(super) fn resources(unknowns: usize, cause: &str) -> Self {
+        let text = format!("the factorisation of {unknowns} unknowns failed: {cause}");
+        Self::Failed(text)
+    }
+}
+
+/// Reason for a failed substep, or for a frame that ends strained beyond its bound.
+pub(crate) enum SubstepError {
+    Solve(SolveError),
+    Contact(Unseparated),
+    Stretch(Overstretched),
+    /// Someone wanted to stop.
+    Stopped,
+}
+
+impl From<SolveError> for SubstepError {
+    fn from(error: SolveError) -> Self {
+        Self::Solve(error)
+    }
+}
+
+impl From<Overstretched> for SubstepError {
+    fn from(error: Overstretched) -> Self {
+        Self::Stretch(error)
+    }
 }

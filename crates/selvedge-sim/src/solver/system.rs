@@ -16,9 +16,8 @@ use selvedge_cloth::{
 
 use crate::contact::Touches;
 use crate::laws::external::AirResistance;
-use crate::solver::cholesky::FactorError;
 use crate::solver::complete::{Complete, Coupling};
-use crate::solver::conjugate_gradients::{ConjugateGradients, IterationError};
+use crate::solver::conjugate_gradients::ConjugateGradients;
 use crate::solver::direct::{Direct, Springs};
 use crate::solver::elements::{Elements, Linearisation, hinge_stencils};
 use crate::solver::ordering::Ordering;
@@ -83,12 +82,12 @@ enum Solver {
 
 impl System {
     /// The system of a validated scene, with the solver of its settings.
-    pub(crate) fn new(scene: &Scene) -> Result<Self, FactorError> {
+    pub(crate) fn new(scene: &Scene) -> Result<Self, SolveError> {
         Self::with_solver(scene, scene.physics.solver)
     }
 
     /// The system of a validated scene, with this solver in place of that of its settings.
-    pub(crate) fn with_solver(scene: &Scene, solver: LinearSolver) -> Result<Self, FactorError> {
+    pub(crate) fn with_solver(scene: &Scene, solver: LinearSolver) -> Result<Self, SolveError> {
         let mesh = &scene.mesh;
         let constraint = scene.physics.handles;
         let vertex_count = mesh.topology().vertex_count();
@@ -287,10 +286,7 @@ impl System {
             self.solve_whole()?;
         } else {
             match self.solve_as_set(span) {
-                Err(SolveError::Iteration(error))
-                    if self.touches.couple_at_all()
-                        && !matches!(error, IterationError::Stopped { .. }) =>
-                {
+                Err(SolveError::Failed(_)) if !is_direct && self.touches.couple_at_all() => {
                     self.solve_whole()?;
                 }
                 other => other?,
@@ -301,7 +297,7 @@ impl System {
     }
 
     /// As [`Self::solve`], by a factor of the whole matrix with all touches.
-    fn solve_whole(&mut self) -> Result<(), FactorError> {
+    fn solve_whole(&mut self) -> Result<(), SolveError> {
         let dt = self.elements.time_step();
         let coupling = Coupling {
             threads: self.threads,
@@ -325,7 +321,7 @@ impl System {
             Solver::Direct(direct) => {
                 direct.gather(threads, pattern, elements, springs);
                 direct.add(pattern, touches);
-                return Ok(direct.solve(pattern, impulses, changes)?);
+                return direct.solve(pattern, impulses, changes);
             }
         };
         // A change of velocity is about an acceleration times its span.
@@ -350,7 +346,7 @@ impl System {
             }
             touches.multiply(-1.0, changes, residual);
         };
-        Ok(solver.solve(threads, pattern, changes, residual)?)
+        solver.solve(threads, pattern, changes, residual)
     }
 
     fn check_impulses(&self) -> Result<(), SolveError> {

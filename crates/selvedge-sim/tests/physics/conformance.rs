@@ -6,7 +6,7 @@ use selvedge_cloth::{
 };
 use selvedge_sim::Simulator;
 
-use crate::scenes::{BDF2, floating, hanging};
+use crate::scenes::{BDF2, by_default, floating, hanging};
 
 #[test]
 fn the_simulator_conforms() {
@@ -24,6 +24,8 @@ fn the_simulator_conforms() {
         }),
         with(|physics| physics.integrator = Integrator::Linearised),
         with(|physics| physics.integrator = BDF2),
+        // Large enough for a press to come within a step.
+        by_default(24),
     ];
     for (number, scene) in scenes.iter().enumerate() {
         let make = || Simulator::new(scene).unwrap();

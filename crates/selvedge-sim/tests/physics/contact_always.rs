@@ -30,11 +30,11 @@ fn dropped(side: usize) -> Scene {
 fn the_energy_of_a_falling_sheet_does_not_rise() {
     let scene = dropped(13);
     let mut simulator = Simulator::new(&scene).unwrap();
-    let first = energy(&scene, &simulator);
+    let first = energy(&simulator);
     let (mut before, mut rises) = (first, 0.0_f64);
     for _ in 0..90 {
         run(&mut simulator, 1);
-        let now = energy(&scene, &simulator);
+        let now = energy(&simulator);
         rises = rises.max(now - before);
         before = now;
     }
@@ -58,7 +58,7 @@ fn no_gap_is_below_the_floor() {
         let mut least = 1e-3_f64;
         for _ in 0..frames {
             run(&mut simulator, 1);
-            let gap = smallest_gap(&scene, simulator.positions_f64(), 0.0, 1e-3);
+            let gap = smallest_gap(&scene, &simulator);
             least = least.min(gap);
         }
         println!("least gap {least:e} m");

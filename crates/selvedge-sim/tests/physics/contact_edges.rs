@@ -2,11 +2,11 @@
 #![allow(clippy::print_stdout, reason = "the numbers, for the docs")]
 
 use glam::{DQuat, DVec3};
-use selvedge_cloth::{ContactSettings, HandleTargets, Isotropic, Mesh, Scene, Stepper};
+use selvedge_cloth::{ContactSettings, HandleTargets, Isotropic, Scene, Stepper};
 use selvedge_sim::Simulator;
 
 use crate::sheets::{grid, isotropic, scene};
-use crate::touching::{GRAVITY, first_order, mean};
+use crate::touching::{GRAVITY, first_order, joined, mean};
 
 /// A card.
 const CARD: Isotropic = Isotropic {
@@ -14,19 +14,6 @@ const CARD: Isotropic = Isotropic {
     poissons_ratio: 0.3,
     thickness: 1e-3,
 };
-
-/// Several meshes as one, in their order.
-fn joined(parts: &[Mesh]) -> Mesh {
-    let (mut faces, mut coordinates, mut positions) = (Vec::new(), Vec::new(), Vec::new());
-    for part in parts {
-        let first = positions.len() as u32;
-        let own = part.topology().face_indices().into_iter();
-        faces.extend(own.map(|face| face.map(|v| v + first)));
-        coordinates.extend(part.material_coordinates());
-        positions.extend(part.positions());
-    }
-    Mesh::new(&faces, coordinates, positions).unwrap()
-}
 
 /// A sheet of nine vertices that lies across two rails, which run down a slope. The rails are the
 /// upper edges of cards that are held.

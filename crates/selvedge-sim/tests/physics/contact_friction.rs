@@ -57,7 +57,7 @@ fn stack(count: usize, turn: f64) -> (f64, f64) {
     let energy = simulator.kinetic_energy();
     assert!(energy < 1e-7, "{energy}");
     let top = &simulator.positions_f64()[25 * (count - 1)..];
-    let least = smallest_gap(&scene, simulator.positions_f64(), 0.0, 1e-3);
+    let least = smallest_gap(&scene, &simulator);
     (mean(top.iter().map(|p| p.y)) / count as f64, least)
 }
 

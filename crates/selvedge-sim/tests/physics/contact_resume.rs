@@ -3,8 +3,8 @@
 
 use glam::DVec3;
 use selvedge_cloth::{
-    ConjugateGradients, HandleConstraint, HandleSchedule, Handles, Keyframe, KeyframeGroup,
-    KeyframeMotion, LinearSolver, Motion, Release, Scene, Stepper,
+    HandleConstraint, HandleSchedule, Handles, Keyframe, KeyframeGroup, KeyframeMotion, Motion,
+    Release, Scene, Stepper,
 };
 use selvedge_sim::Simulator;
 
@@ -90,13 +90,6 @@ fn a_sheet_over_a_ball_goes_on() {
     check(&draped(12), &[5, 14, 25], Without::Contact);
 }
 
-/// From 300 vertices on conjugate gradients solve where something touches, and a factor elsewhere.
-#[test]
-fn a_sheet_that_is_iterated_while_it_touches_goes_on() {
-    check(&draped(18), &[5, 14], Without::Changes);
-    check(&draped(18), &[14], Without::Contact);
-}
-
 /// The sheet over a ball with two corners that are led upwards and back, one that lets go.
 fn led(side: usize) -> Scene {
     let mut scene = draped(side);
@@ -137,15 +130,6 @@ fn handles_that_hold_and_let_go_go_on() {
             check(&scene, &[8, 12, 13, 20], needed);
         }
     }
-}
-
-#[test]
-fn conjugate_gradients_go_on_from_the_last_solve() {
-    let mut scene = draped(12);
-    scene.name = "iterated".to_owned();
-    scene.physics.solver = LinearSolver::ConjugateGradients(ConjugateGradients::default());
-    check(&scene, &[5, 20], Without::Contact);
-    check(&scene, &[5, 20], Without::Changes);
 }
 
 #[test]

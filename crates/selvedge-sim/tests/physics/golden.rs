@@ -2,7 +2,7 @@
 //!
 //! `arcsim_lookups.txt`: stiffness look-ups of ARCSim itself. `substeps.txt`: three solves on a
 //! small mesh as this crate computed them when it agreed with 18 of ARCSim's own substeps to 4.5e-9
-//! m (`reference.rs`), with the look-ups as they now are. Setting `SELVEDGE_UPDATE_GOLDENS` writes
+//! m, with the look-ups as they now are. Setting `SELVEDGE_UPDATE_GOLDENS` writes
 //! it anew, which needs a reason.
 
 use std::fmt::Write as _;

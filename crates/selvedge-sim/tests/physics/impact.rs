@@ -2,11 +2,14 @@
 //! the ball's faces. And a tight band, which comes to rest on what it holds.
 
 use glam::{DVec2, DVec3};
-use selvedge_cloth::{ContactSettings, HandleTargets, Handles, Isotropic, Mesh, Scene, Stepper};
+use selvedge_cloth::{
+    ContactSettings, Environment, HandleTargets, Handles, Isotropic, Material, Mesh, Scene, Stepper,
+};
 use selvedge_sim::Simulator;
 
-use crate::scenes::{by_default, square_mesh};
-use crate::touching::sphere;
+use crate::scenes::by_default;
+use crate::sheets::isotropic;
+use crate::touching::{lying, sphere};
 
 /// Moves the cloth by `frames`. Gives the largest strain of an edge on the way, and the mean speed
 /// of the vertices at the end `[m/s]`.
@@ -32,22 +35,21 @@ fn run(scene: &Scene, frames: usize) -> [f64; 2] {
     ]
 }
 
-/// A sheet of this fabric that is let fall flat, 0.12 m above a ball of 20 · 4^`level` faces.
-fn falling(stiffness: f64, level: u32) -> Scene {
-    let side = 13;
-    let mut scene = by_default(side);
-    let mesh = square_mesh(side);
-    let flat = mesh.positions().iter();
-    let flat = flat.map(|p| DVec3::new(p.y + 0.5, 0.0, p.z)).collect();
-    scene.mesh = mesh.with_positions(flat).unwrap();
-    scene.handles = Handles::new(&[], side * side).unwrap();
-    let isotropic = Isotropic {
-        youngs_modulus: stiffness,
+/// An isotropic fabric of this modulus `[Pa]`.
+fn elastic(youngs_modulus: f64, density: f64) -> Material {
+    let sheet = Isotropic {
+        youngs_modulus,
         poissons_ratio: 0.3,
         thickness: 5e-4,
     };
-    scene.material.stretch = isotropic.stretch_table();
-    scene.material.bend = isotropic.bend_table();
+    isotropic(sheet, density)
+}
+
+/// A sheet of this fabric that is let fall flat, 0.12 m above a ball of 20 · 4^`level` faces.
+fn falling(stiffness: f64, level: i32) -> Scene {
+    let mut scene = lying(13, |p| p);
+    scene.environment = Environment::default();
+    scene.material = elastic(stiffness, scene.material.density);
     scene.contact = Some(ContactSettings {
         friction: 0.5,
         ..ContactSettings::default()
@@ -107,13 +109,7 @@ fn band(around: u32) -> Scene {
         }
     }
     scene.mesh = Mesh::sewn(&faces, &corners, positions).unwrap();
-    let isotropic = Isotropic {
-        youngs_modulus: 6e5,
-        poissons_ratio: 0.3,
-        thickness: 5e-4,
-    };
-    scene.material.stretch = isotropic.stretch_table();
-    scene.material.bend = isotropic.bend_table();
+    scene.material = elastic(6e5, scene.material.density);
     scene.handles = Handles::new(&[], (rows * around) as usize).unwrap();
     scene.environment.gravity = DVec3::ZERO;
     scene.environment.air_density = 0.0;

@@ -1,14 +1,11 @@
 //! Obstacles that are led by hand beside their own motion.
 
 use glam::DVec3;
-use selvedge_cloth::{
-    ContactSettings, HandleTargets, Obstacle, ObstaclePath, RigidKey, Scene, StepError, Stepper,
-    bodies,
-};
+use selvedge_cloth::{ContactSettings, Obstacle, Scene, StepError, Stepper, bodies};
 use selvedge_sim::{Checkpoint, FAR, Simulator};
 
-use crate::scenes::hanging;
-use crate::touching::{first_order, lying, none};
+use crate::scenes::{hanging, momentum, still};
+use crate::touching::{first_order, led, lying, none};
 
 /// A hanging sheet beside a ball of 0.1 m that stands 0.3 m before it.
 fn scene() -> Scene {
@@ -22,10 +19,6 @@ fn scene() -> Scene {
     scene.contact = Some(ContactSettings::default());
     scene.obstacles = vec![Obstacle::new("ball", points, ball.faces).unwrap()];
     scene
-}
-
-fn still(scene: &Scene) -> HandleTargets {
-    HandleTargets::at_frame_end(scene.handles.select(scene.mesh.positions())).unwrap()
 }
 
 fn depth(simulator: &Simulator) -> f32 {
@@ -67,14 +60,9 @@ fn a_ball_that_is_led_pushes_the_sheet_and_one_that_is_put_does_not_sweep_it() {
 #[test]
 fn a_simulator_that_begins_later_looks_for_obstacles_where_they_are_then() {
     let mut scene = scene();
-    let key = |time: f64, x: f64| RigidKey {
-        time,
-        rotation: glam::DQuat::IDENTITY,
-        translation: DVec3::X * x,
-    };
     // At first it stands in the sheet, after a second before it.
-    let path = ObstaclePath::Rigid(vec![key(0.0, -0.3), key(1.0, 0.0)]);
-    scene.obstacles = vec![scene.obstacles[0].clone().moving(path).unwrap()];
+    let ball = scene.obstacles.remove(0);
+    scene.obstacles = vec![led(ball, &[(0.0, DVec3::X * -0.3), (1.0, DVec3::ZERO)])];
     assert!(Simulator::new(&scene).is_err());
     let positions = scene.mesh.positions().to_vec();
     let rest = vec![DVec3::ZERO; positions.len()];
@@ -132,9 +120,7 @@ fn a_body_receives_the_momentum_that_it_gives() {
         let counts = simulator.stats().contact;
         assert!(counts.repeated > 0, "{counts:?}");
         assert_eq!((counts.held_back, counts.divisions), (0, 0), "{counts:?}");
-        let moving = simulator.vertex_mass().iter();
-        let moving = moving.zip(simulator.velocities_f64());
-        let momentum: DVec3 = moving.map(|(mass, velocity)| *velocity * *mass).sum();
+        let momentum = momentum(&simulator);
         assert!(momentum.y > 0.05, "{momentum}");
         let lost = (momentum + received).length() / momentum.length();
         assert!(lost < 1e-6, "{friction}: {lost} of {momentum}");

@@ -3,22 +3,17 @@
 
 use std::cell::RefCell;
 
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 use proptest::prelude::*;
 use proptest::test_runner::{RngAlgorithm, TestRng, TestRunner};
 use selvedge_cloth::{
-    ContactSettings, HandleTargets, Obstacle, ObstaclePath, PhysicsMode, PhysicsSettings, RigidKey,
-    Scene, StepError, Stepper, Topology,
+    ContactSettings, Obstacle, PhysicsMode, PhysicsSettings, Scene, StepError, Stepper, Topology,
 };
 use selvedge_sim::Simulator;
 
 use crate::robustness::{SEED, drags, scenes, targets};
-use crate::scenes::{hanging, square_mesh};
-use crate::touching::sphere;
-
-fn still(scene: &Scene) -> HandleTargets {
-    HandleTargets::at_frame_end(scene.handles.select(scene.mesh.positions())).unwrap()
-}
+use crate::scenes::{hanging, square_mesh, still};
+use crate::touching::{led, sphere};
 
 /// Stretches l/l₀ of the edges that handles do not hold at both ends.
 fn stretches(scene: &Scene, positions: &[DVec3]) -> Vec<f64> {
@@ -184,20 +179,15 @@ fn no_frame_of_a_random_scene_is_beyond_the_bound() {
 /// stays where it was.
 #[test]
 fn the_body_that_stretches_is_named() {
-    let key = |time: f64, translation: DVec3| RigidKey {
-        time,
-        rotation: DQuat::IDENTITY,
-        translation,
-    };
-    let (aside, at_once) = (DVec3::X * 0.3, 1.0 / 60.0);
-    let keys = vec![key(0.0, aside), key(at_once, -aside)];
+    let aside = DVec3::X * 0.3;
     let ball = sphere(DVec3::Y * -0.5, 0.1, 2);
+    let ball = led(ball, &[(0.0, aside), (1.0 / 60.0, -aside)]);
     let mut scene = hanging(12);
     scene.physics.max_strain = 0.15;
     scene.contact = Some(ContactSettings::default());
     let far = sphere(DVec3::Y * -3.0, 0.2, 2).positions_at(0.0).collect();
     let far = Obstacle::new("far", far, vec![[0, 1, 2]]).unwrap();
-    scene.obstacles = vec![far, ball.moving(ObstaclePath::Rigid(keys)).unwrap()];
+    scene.obstacles = vec![far, ball];
     let mut simulator = Simulator::new(&scene).unwrap();
     let before = simulator.positions_f64().to_vec();
     let error = simulator.step(&still(&scene)).unwrap_err();

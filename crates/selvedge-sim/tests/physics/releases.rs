@@ -9,6 +9,7 @@ use selvedge_cloth::{
 use selvedge_sim::{SagError, Simulator, sag};
 
 use crate::scenes::{floating, hanging, largest_distance};
+use crate::touching::copies;
 
 fn released(mut scene: Scene, handles: Vec<usize>, from: f64, to: Option<f64>) -> Scene {
     let release = Release { handles, from, to };
@@ -84,24 +85,6 @@ fn pushed() -> Motion {
 }
 
 #[test]
-fn a_run_is_taken_up_with_its_handles_where_they_are() {
-    let mut scene = released(hanging(5), vec![1], 0.1, Some(0.2));
-    scene.motion = pushed();
-    // Before, at and after letting go and taking hold, and in between.
-    for frame in [3, 6, 7, 11, 12, 13, 17] {
-        let mut whole = Simulator::new(&scene).unwrap();
-        run(&mut whole, &scene, frame);
-        let rest = Simulator::from_checkpoint(&scene, &whole.checkpoint()).unwrap();
-        let mut rest = rest.taken_up_at(frame).unwrap();
-        run(&mut whole, &scene, 10);
-        run(&mut rest, &scene, 10);
-        // What a handle is off its path is a difference, exact to the last digit of a position.
-        let apart = largest_distance(whole.positions_f64(), rest.positions_f64());
-        assert!(apart < 1e-12, "from frame {frame}: {apart:e} m");
-    }
-}
-
-#[test]
 fn after_taking_hold_a_handle_moves_by_as_much_as_its_path() {
     let scene = released(hanging(4), vec![0, 1], 0.0, Some(0.05));
     let mut simulator = Simulator::new(&scene).unwrap();
@@ -152,23 +135,8 @@ fn a_sheet_that_nothing_holds_rests_where_it_starts() {
     let whole = hanging(5);
     let rest = sag(&whole).unwrap();
     // The same sheet twice in one mesh; the second, elsewhere, has no handle.
-    let twice = {
-        let mesh = &whole.mesh;
-        let count = mesh.positions().len() as u32;
-        let mut faces = mesh.topology().face_indices();
-        faces.extend(
-            faces
-                .clone()
-                .into_iter()
-                .map(|face| face.map(|v| v + count)),
-        );
-        let uv = [mesh.material_coordinates(), mesh.material_coordinates()].concat();
-        let away = mesh.positions().iter().map(|p| *p + DVec3::X * 3.0);
-        let positions: Vec<DVec3> = mesh.positions().iter().copied().chain(away).collect();
-        let mut scene = whole.clone();
-        scene.mesh = selvedge_cloth::Mesh::new(&faces, uv, positions).unwrap();
-        scene
-    };
+    let mut twice = whole.clone();
+    twice.mesh = copies(&whole.mesh, 2, |copy, p| p + DVec3::X * (3.0 * copy as f64));
     let both = sag(&twice).unwrap();
     assert_eq!(&both.positions[25..], &twice.mesh.positions()[25..]);
     // Only the scale of the steps and the order of the unknowns differ: both are at rest.

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use glam::DVec3;
 use selvedge_cloth::{
     ConjugateGradients, ElasticLaw, Gust, HandleConstraint, Handles, Integrator, LinearSolver,
-    Motion, Scene, StrainLimits,
+    Motion, Scene,
 };
 use selvedge_sim::{RestPoseContent, SagError, SagProgress, Simulator, sag, sag_with_progress};
 
@@ -60,18 +60,6 @@ fn wind_and_damping_are_no_part_of_the_rest_pose() {
     });
     scene.material.damping = 50.0;
     assert_eq!(sag(&scene).unwrap(), still);
-}
-
-#[test]
-fn the_cloth_hangs_from_where_its_handles_are() {
-    let scene = hanging(8);
-    let rest = sag(&scene).unwrap();
-    assert_eq!(
-        scene.handles.select(&rest.positions),
-        scene.handles.select(scene.mesh.positions())
-    );
-    let middle_of_the_top = 0.5 * (rest.positions[3].y + rest.positions[4].y);
-    assert!((-0.2..-0.02).contains(&middle_of_the_top));
 }
 
 #[test]
@@ -130,31 +118,17 @@ fn progress_is_told_of_every_solve() {
 
 #[test]
 fn a_sag_stops_where_it_is_told_to() {
-    let limits = StrainLimits {
-        min: 0.995,
-        max: 1.001,
-    };
-    let limited = |scene: &mut Scene| scene.material.strain_limits = Some(limits);
-    let ways: [&dyn Fn(&mut Scene); 2] = [&|_| (), &limited];
-    for way in ways {
-        let mut scene = hanging(4);
-        way(&mut scene);
-        let all = sag(&scene).unwrap().solves;
-        let mut last = 0;
-        let mut stop_after = |limit: u32| {
-            sag_with_progress(&scene, &mut |progress| {
-                last = progress.solves;
-                if last >= limit {
-                    ControlFlow::Break(())
-                } else {
-                    ControlFlow::Continue(())
-                }
-            })
-        };
-        let stopped = stop_after(all);
-        assert_eq!(stopped, Err(SagError::Stopped { solves: all }));
-        let stopped = stop_after(2);
-        assert_eq!(stopped, Err(SagError::Stopped { solves: 2 }));
+    let scene = hanging(4);
+    let all = sag(&scene).unwrap().solves;
+    for limit in [all, 2] {
+        let stopped = sag_with_progress(&scene, &mut |progress| {
+            if progress.solves >= limit {
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
+            }
+        });
+        assert_eq!(stopped, Err(SagError::Stopped { solves: limit }));
     }
 }
 
@@ -217,13 +191,6 @@ fn scenes_of_the_same_content_have_the_same_rest_pose() {
     other.physics.solver = LinearSolver::ConjugateGradients(ConjugateGradients::default());
     assert_eq!(content(&scene), content(&other));
     assert_eq!(sag(&scene).unwrap(), sag(&other).unwrap());
-    // Within limits it is found by a motion, which counts.
-    let min = 0.995;
-    let max = 1.001;
-    other.material.strain_limits = Some(StrainLimits { min, max });
-    let before = content(&other);
-    other.physics.substeps += 1;
-    assert_ne!(content(&other), before);
 }
 
 #[test]

@@ -13,7 +13,7 @@ use selvedge_cloth::generate::{Shape, SheetSpec, sheet};
 use selvedge_cloth::{
     AirLaw, ConjugateGradients, ElasticLaw, Environment, Gust, HandleConstraint, HandleSchedule,
     HandleTargets, Handles, Integrator, LinearSolver, Mesh, PhysicsSettings, Release, Scene,
-    StepError, Stepper, StrainLimits,
+    StepError, Stepper,
 };
 use selvedge_sim::Simulator;
 
@@ -170,12 +170,10 @@ pub(crate) fn scenes() -> impl Strategy<Value = Scene> {
     let fabric = prop_oneof![Just(GRAY), Just(CAMEL), Just(DENIM), Just(NAVY)];
     let stiffness = (-1.0..1.0_f64, -1.0..1.0_f64);
     let damping = prop_oneof![Just(0.0), (-5.0..-1.0_f64).prop_map(|p| 10_f64.powf(p))];
-    let limits = (0.0..1.0_f64, 1.0..1.5_f64).prop_map(|(min, max)| StrainLimits { min, max });
-    let limits = proptest::option::weighted(0.25, limits);
-    let cloth = (meshes(), fabric, stiffness, damping, limits);
+    let cloth = (meshes(), fabric, stiffness, damping);
     let held = proptest::collection::vec(any::<prop::sample::Index>(), 0..6);
     (settings(), cloth, environments(), held, releases()).prop_map(
-        |(physics, (mesh, fabric, (stretch, bend), damping, limits), environment, held, spans)| {
+        |(physics, (mesh, fabric, (stretch, bend), damping), environment, held, spans)| {
             let vertices = mesh.positions().len();
             let mut held: Vec<u32> = held.iter().map(|v| v.index(vertices) as u32).collect();
             held.sort_unstable();
@@ -186,7 +184,6 @@ pub(crate) fn scenes() -> impl Strategy<Value = Scene> {
             scene.mesh = mesh;
             scene.material = material(fabric).multiplied(10_f64.powf(stretch), 10_f64.powf(bend));
             scene.material.damping = damping;
-            scene.material.strain_limits = limits;
             scene.environment = environment;
             scene.physics = physics;
             scene

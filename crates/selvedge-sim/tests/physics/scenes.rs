@@ -2,9 +2,10 @@
 
 use glam::{DVec2, DVec3};
 use selvedge_cloth::{
-    Environment, GeneralisedAlpha, HandleSchedule, Handles, Integrator, LinearSolver, Material,
-    Mesh, Motion, PhysicsSettings, SagSettings, Scene,
+    GeneralisedAlpha, HandleTargets, Handles, Integrator, LinearSolver, Material, Mesh,
+    PhysicsSettings, Scene,
 };
+use selvedge_sim::Simulator;
 use selvedge_sim::laws::stretch::StretchElement;
 
 pub(crate) const GRAY: &str = selvedge_assets::materials::GRAY_INTERLOCK;
@@ -16,6 +17,15 @@ pub(crate) const NAVY: &str = selvedge_assets::materials::NAVY_SPARKLE_SWEAT;
 pub(crate) const BDF2: Integrator = Integrator::GeneralisedAlpha(GeneralisedAlpha {
     spectral_radius: Some(0.0),
 });
+
+/// Every integrator: of first order, BDF2, and the default of the generalised-α method.
+pub(crate) const INTEGRATORS: [Integrator; 3] = [
+    Integrator::Linearised,
+    BDF2,
+    Integrator::GeneralisedAlpha(GeneralisedAlpha {
+        spectral_radius: None,
+    }),
+];
 
 pub(crate) fn material(text: &str) -> Material {
     let material: Material = toml::from_str(text).unwrap();
@@ -62,24 +72,10 @@ pub(crate) fn square_mesh(side: usize) -> Mesh {
 pub(crate) fn hanging(side: usize) -> Scene {
     let mesh = square_mesh(side);
     let vertex_count = mesh.topology().vertex_count();
-    Scene {
-        name: "hanging".to_owned(),
-        handles: Handles::new(&[0, side as u32 - 1], vertex_count).unwrap(),
-        fabrics: std::collections::BTreeMap::new(),
-        schedule: HandleSchedule::default(),
-        mesh,
-        material: material(GRAY),
-        environment: Environment::default(),
-        motion: Motion::still(1.0),
-        physics: PhysicsSettings {
-            solver: LinearSolver::Cholesky,
-            ..PhysicsSettings::default()
-        },
-        sag: SagSettings::default(),
-        frame_rate: 60.0,
-        contact: None,
-        obstacles: Vec::new(),
-    }
+    let handles = Handles::new(&[0, side as u32 - 1], vertex_count).unwrap();
+    let mut scene = Scene::of("hanging", mesh, handles, material(GRAY));
+    scene.physics.solver = LinearSolver::Cholesky;
+    scene
 }
 
 /// The same cloth by the default physics in all.
@@ -97,6 +93,23 @@ pub(crate) fn floating(side: usize) -> Scene {
     scene.environment.gravity = DVec3::ZERO;
     scene.environment.air_density = 0.0;
     scene
+}
+
+/// Places of the handles at the start `[m]`, `[handles]`.
+pub(crate) fn held(scene: &Scene) -> Vec<DVec3> {
+    scene.handles.select(scene.mesh.positions())
+}
+
+/// Targets of a frame in which the handles stay where they started.
+pub(crate) fn still(scene: &Scene) -> HandleTargets {
+    HandleTargets::at_frame_end(held(scene)).unwrap()
+}
+
+/// Momentum of the cloth `[N s]`.
+pub(crate) fn momentum(simulator: &Simulator) -> DVec3 {
+    let masses = simulator.vertex_mass().iter();
+    let pairs = masses.zip(simulator.velocities_f64());
+    pairs.map(|(mass, velocity)| *velocity * *mass).sum()
 }
 
 /// Vectors of length at most √3 · `scale` that look random and are always the same.

@@ -1,10 +1,7 @@
 //! Meshes and scenes for closed forms: regular strips and sheets of isotropic material, in vacuum.
 
 use glam::{DVec2, DVec3};
-use selvedge_cloth::{
-    Environment, HandleSchedule, Handles, Isotropic, LinearSolver, Material, Mesh, Motion,
-    PhysicsSettings, SagSettings, Scene,
-};
+use selvedge_cloth::{Handles, Isotropic, LinearSolver, Material, Mesh, Scene};
 
 /// A sheet of thickness 1 mm made of `isotropic`, of `density` [kg/m²].
 pub(crate) fn isotropic(isotropic: Isotropic, density: f64) -> Material {
@@ -16,37 +13,18 @@ pub(crate) fn isotropic(isotropic: Isotropic, density: f64) -> Material {
         damping: 0.0,
         stretch: isotropic.stretch_table(),
         bend: isotropic.bend_table(),
-        strain_limits: None,
     }
 }
 
 /// `mesh` of `material` held at `handles`, under gravity, without air, without a bulge.
 pub(crate) fn scene(mesh: Mesh, material: Material, handles: &[u32]) -> Scene {
     let vertices = mesh.positions().len();
-    Scene {
-        name: "closed form".to_owned(),
-        handles: Handles::new(handles, vertices).unwrap(),
-        fabrics: std::collections::BTreeMap::new(),
-        schedule: HandleSchedule::default(),
-        mesh,
-        material,
-        environment: Environment {
-            air_density: 0.0,
-            ..Environment::default()
-        },
-        motion: Motion::still(1.0),
-        physics: PhysicsSettings {
-            solver: LinearSolver::Cholesky,
-            ..PhysicsSettings::default()
-        },
-        sag: SagSettings {
-            bulge: 0.0,
-            ..SagSettings::default()
-        },
-        frame_rate: 60.0,
-        contact: None,
-        obstacles: Vec::new(),
-    }
+    let handles = Handles::new(handles, vertices).unwrap();
+    let mut scene = Scene::of("closed form", mesh, handles, material);
+    scene.environment.air_density = 0.0;
+    scene.physics.solver = LinearSolver::Cholesky;
+    scene.sag.bulge = 0.0;
+    scene
 }
 
 /// A rectangle of `columns` × `rows` squares of side `spacing`, u to the right and v up, placed by

@@ -2,10 +2,10 @@
 
 use glam::{DQuat, DVec3};
 use selvedge_cloth::{
-    ContactSettings, HandleTargets, Handles, Integrator, Mesh, Motion, Obstacle, Scene, Stepper,
+    ContactSettings, HandleTargets, Handles, Integrator, Mesh, Motion, Obstacle, ObstaclePath,
+    RigidKey, Scene, Stepper, bodies,
 };
-use selvedge_contact::{Candidates, Reach, Surface, Ways, gap};
-use selvedge_sim::Simulator;
+use selvedge_sim::{ContactGauge, Simulator};
 
 use crate::scenes::{GRAY, by_default, material, square_mesh};
 
@@ -25,78 +25,32 @@ pub(crate) fn ground(slope: f64) -> Obstacle {
 }
 
 /// A sphere of 20 · 4^`level` faces around `centre`.
-pub(crate) fn sphere(centre: DVec3, radius: f64, level: u32) -> Obstacle {
-    let t = (1.0 + 5_f64.sqrt()) / 2.0;
-    let mut points: Vec<DVec3> = [
-        (-1.0, t, 0.0),
-        (1.0, t, 0.0),
-        (-1.0, -t, 0.0),
-        (1.0, -t, 0.0),
-        (0.0, -1.0, t),
-        (0.0, 1.0, t),
-        (0.0, -1.0, -t),
-        (0.0, 1.0, -t),
-        (t, 0.0, -1.0),
-        (t, 0.0, 1.0),
-        (-t, 0.0, -1.0),
-        (-t, 0.0, 1.0),
-    ]
-    .map(|(x, y, z)| DVec3::new(x, y, z).normalize())
-    .to_vec();
-    let mut faces: Vec<[u32; 3]> = vec![
-        [0, 11, 5],
-        [0, 5, 1],
-        [0, 1, 7],
-        [0, 7, 10],
-        [0, 10, 11],
-        [1, 5, 9],
-        [5, 11, 4],
-        [11, 10, 2],
-        [10, 7, 6],
-        [7, 1, 8],
-        [3, 9, 4],
-        [3, 4, 2],
-        [3, 2, 6],
-        [3, 6, 8],
-        [3, 8, 9],
-        [4, 9, 5],
-        [2, 4, 11],
-        [6, 2, 10],
-        [8, 6, 7],
-        [9, 8, 1],
-    ];
-    for _ in 0..level {
-        let mut middles = std::collections::BTreeMap::new();
-        let mut finer = Vec::new();
-        for [a, b, c] in faces {
-            let mut middle = |p: u32, q: u32| {
-                *middles.entry([p.min(q), p.max(q)]).or_insert_with(|| {
-                    points.push((points[p as usize] + points[q as usize]).normalize());
-                    points.len() as u32 - 1
-                })
-            };
-            let [d, e, f] = [middle(a, b), middle(b, c), middle(c, a)];
-            finer.extend([[a, d, f], [d, b, e], [f, e, c], [d, e, f]]);
-        }
-        faces = finer;
-    }
-    let points = points.iter().map(|p| *p * radius + centre).collect();
-    Obstacle::new("sphere", points, faces).unwrap()
+pub(crate) fn sphere(centre: DVec3, radius: f64, level: i32) -> Obstacle {
+    // Longest edge of the icosahedron, and what is left of it where edges are halved.
+    let body = bodies::sphere(radius, 1.053 * radius * 0.588_f64.powi(level));
+    let points = body.points.iter().map(|p| *p + centre).collect();
+    Obstacle::new("sphere", points, body.faces).unwrap()
+}
+
+/// An obstacle that goes from one place to the next, each after so many seconds.
+pub(crate) fn led(obstacle: Obstacle, places: &[(f64, DVec3)]) -> Obstacle {
+    let key = |(time, translation): &(f64, DVec3)| RigidKey {
+        time: *time,
+        rotation: DQuat::IDENTITY,
+        translation: *translation,
+    };
+    let path = ObstaclePath::Rigid(places.iter().map(key).collect());
+    obstacle.moving(path).unwrap()
 }
 
 /// A free sheet of `side`² vertices, 1 m wide, turned by `place` from lying flat at the origin.
 pub(crate) fn lying(side: usize, place: impl Fn(DVec3) -> DVec3) -> Scene {
     let mesh = square_mesh(side);
-    let positions = mesh
-        .positions()
-        .iter()
-        .map(|p| place(DVec3::new(p.y + 0.5, 0.0, p.z)))
-        .collect();
-    let coordinates = mesh.material_coordinates().to_vec();
-    let faces = mesh.topology().face_indices();
+    let flat = mesh.positions().iter();
+    let flat = flat.map(|p| place(DVec3::new(p.y + 0.5, 0.0, p.z)));
     let mut scene = by_default(side);
     scene.name = "lying".to_owned();
-    scene.mesh = Mesh::new(&faces, coordinates, positions).unwrap();
+    scene.mesh = mesh.clone().with_positions(flat.collect()).unwrap();
     scene.handles = Handles::new(&[], side * side).unwrap();
     scene.material = material(GRAY);
     scene.motion = Motion::still(10.0);
@@ -138,24 +92,12 @@ pub(crate) fn glide(simulator: &mut Simulator, frames: usize) {
     assert_eq!(simulator.intersection_count(), 0);
 }
 
-/// The least gap of all pairs of the cloth with itself and with obstacles, up to `most`, at
-/// positions of the frame at `time` `[s]`, in metres.
-pub(crate) fn smallest_gap(scene: &Scene, positions: &[DVec3], time: f64, most: f64) -> f64 {
-    let surface = Surface::new(scene.mesh.topology(), &scene.obstacles);
-    let mut points = positions.to_vec();
-    for obstacle in &scene.obstacles {
-        points.extend(obstacle.positions_at(time));
-    }
-    let mut candidates = Candidates::new(&surface, &points, true);
-    let reach = Reach {
-        gap: most,
-        slack: 0.0,
-    };
-    candidates.find(&surface, Ways::still(&points), reach);
-    let pairs = candidates.pairs().iter();
-    pairs
-        .map(|pair| gap(pair.kind, pair.places(&points)).distance)
-        .fold(most, f64::min)
+/// The least gap of all pairs of the cloth with itself and with obstacles, which stand still, up to
+/// the thickness of 1 mm `[m]`.
+pub(crate) fn smallest_gap(scene: &Scene, simulator: &Simulator) -> f64 {
+    let mut gauge = ContactGauge::of(scene).unwrap();
+    let found = gauge.measure(0, simulator.positions()).smallest_gap;
+    found.unwrap_or(1e-3)
 }
 
 pub(crate) fn mean(values: impl Iterator<Item = f64>) -> f64 {
@@ -220,18 +162,26 @@ pub(crate) fn shrunk(mesh: &Mesh, scale: f64) -> Mesh {
     Mesh::new(&faces, coordinates, mesh.positions().to_vec()).unwrap()
 }
 
+/// Several meshes as one, in their order.
+pub(crate) fn joined(parts: &[Mesh]) -> Mesh {
+    let (mut faces, mut coordinates, mut positions) = (Vec::new(), Vec::new(), Vec::new());
+    for part in parts {
+        let first = positions.len() as u32;
+        let own = part.topology().face_indices().into_iter();
+        faces.extend(own.map(|face| face.map(|v| v + first)));
+        coordinates.extend(part.material_coordinates());
+        positions.extend(part.positions());
+    }
+    Mesh::new(&faces, coordinates, positions).unwrap()
+}
+
 /// Several copies of a mesh as one, each placed by its number.
 pub(crate) fn copies(mesh: &Mesh, count: usize, place: impl Fn(usize, DVec3) -> DVec3) -> Mesh {
-    let own = mesh.positions().len();
-    let (mut faces, mut positions) = (Vec::new(), Vec::new());
-    for copy in 0..count {
-        let first = (copy * own) as u32;
-        let moved = mesh.topology().face_indices().into_iter();
-        faces.extend(moved.map(|face| face.map(|v| v + first)));
-        positions.extend(mesh.positions().iter().map(|p| place(copy, *p)));
-    }
-    let coordinates = mesh.material_coordinates().repeat(count);
-    Mesh::new(&faces, coordinates, positions).unwrap()
+    let copy = |number: usize| {
+        let placed = mesh.positions().iter().map(|p| place(number, *p));
+        mesh.clone().with_positions(placed.collect()).unwrap()
+    };
+    joined(&(0..count).map(copy).collect::<Vec<Mesh>>())
 }
 
 /// Mean place and speed downhill `[m]`, `[m/s]`.

@@ -1,17 +1,18 @@
 //! The file of a checkpoint: its JSON, its tensors, and the checks before either is used.
 
 use std::collections::HashMap;
+use std::fmt::Display;
 use std::path::Path;
 use std::sync::Arc;
 
 use glam::Vec3;
-use safetensors::{Dtype, SafeTensors};
+use safetensors::{Dtype, SafeTensorError, SafeTensors};
 use selvedge_data::read_header;
 use selvedge_model::{Network, RunningStatistics};
 use serde::{Deserialize, Serialize};
 
 use super::differences::differences;
-use super::error::{ContentProblem, ResumeError};
+use super::error::ResumeError;
 use crate::config::TrainConfig;
 use crate::engine::Learned;
 use crate::fit_normalizers::Statistics;
@@ -51,9 +52,11 @@ pub(super) struct CheckpointFile<'a> {
 
 impl<'a> CheckpointFile<'a> {
     pub(super) fn open(path: &'a Path, bytes: &'a [u8]) -> Result<Self, ResumeError> {
-        let container = |source| ResumeError::Container {
-            path: path.to_owned(),
-            source,
+        let shown = path.display();
+        let container = |source: SafeTensorError| {
+            ResumeError::File(format!(
+                "{shown} is not a whole safetensors file ({source})"
+            ))
         };
         let header = read_header(bytes).map_err(container)?;
         let tensors = SafeTensors::deserialize(bytes).map_err(container)?;
@@ -61,12 +64,10 @@ impl<'a> CheckpointFile<'a> {
         for (key, expected) in [("format", CHECKPOINT_FORMAT), ("version", VERSION)] {
             let found = metadata.get(key);
             if found.map(String::as_str) != Some(expected) {
-                return Err(ResumeError::Metadata {
-                    path: path.to_owned(),
-                    key,
-                    expected,
-                    found: found.map_or("missing".into(), |found| format!("\"{found}\"")),
-                });
+                let found = found.map_or("missing".into(), |found| format!("\"{found}\""));
+                return Err(ResumeError::File(format!(
+                    "{shown}: metadata \"{key}\" is {found}, expected \"{expected}\""
+                )));
             }
         }
         Ok(Self {
@@ -76,16 +77,12 @@ impl<'a> CheckpointFile<'a> {
         })
     }
 
-    fn content(&self, what: &str, problem: impl Into<ContentProblem>) -> ResumeError {
-        ResumeError::Content {
-            path: self.path.to_owned(),
-            what: what.to_owned(),
-            problem: problem.into(),
-        }
+    fn content(&self, what: &str, problem: impl Display) -> ResumeError {
+        ResumeError::File(format!("{}: {what}: {problem}", self.path.display()))
     }
 
     fn json<T: serde::de::DeserializeOwned>(&self, key: &str) -> Result<T, ResumeError> {
-        let missing = || self.content(key, ContentProblem::Missing);
+        let missing = || self.content(key, "is missing");
         let text = self.metadata.get(key).ok_or_else(missing)?;
         serde_json::from_str(text).map_err(|error| self.content(key, error))
     }
@@ -105,12 +102,13 @@ impl<'a> CheckpointFile<'a> {
         let differences = differences(&value(&made)?, &value(cfg)?);
         match differences.into_iter().next() {
             None => Ok(()),
-            Some(first) => Err(ResumeError::Configuration {
-                path: self.path.to_owned(),
-                field: first.path,
-                expected: first.now,
-                found: first.made,
-            }),
+            Some(first) => Err(ResumeError::File(format!(
+                "{} was made with another {} ({}, now {}): train into a new folder, or restore it",
+                self.path.display(),
+                first.path,
+                first.made,
+                first.now
+            ))),
         }
     }
 
@@ -120,11 +118,12 @@ impl<'a> CheckpointFile<'a> {
         if made == set.fingerprint {
             return Ok(());
         }
-        Err(ResumeError::Data {
-            path: self.path.to_owned(),
-            expected: set.name.clone(),
-            found: made.split(' ').next().unwrap_or_default().to_owned(),
-        })
+        Err(ResumeError::File(format!(
+            "{} was made on other data (data set \"{}\", now \"{}\", or its files or sections have changed): give the same, or train into a new folder",
+            self.path.display(),
+            made.split(' ').next().unwrap_or_default(),
+            set.name
+        )))
     }
 
     /// Checks that the statistics have the columns of the configuration.
@@ -133,7 +132,8 @@ impl<'a> CheckpointFile<'a> {
         let (model, found) = (&cfg.model, (nodes.width(), edges.width()));
         let expected = (model.node_width(), model.edge_width());
         if found != expected || !state.targets.has_widths() {
-            return Err(self.content("state", ContentProblem::Columns { found, expected }));
+            let problem = format!("statistics of {found:?} columns, expected {expected:?}");
+            return Err(self.content("state", problem));
         }
         Ok(())
     }
@@ -142,17 +142,14 @@ impl<'a> CheckpointFile<'a> {
         let view = self.tensors.tensor(name);
         let view = view.map_err(|error| self.content(name, error))?;
         if view.dtype() != Dtype::F32 || view.shape().iter().product::<usize>() != count {
-            let problem = ContentProblem::Shape {
-                dtype: view.dtype(),
-                shape: view.shape().to_vec(),
-                expected: count,
-            };
+            let (dtype, shape) = (view.dtype(), view.shape());
+            let problem = format!("{dtype:?} {shape:?}, expected {count} × F32");
             return Err(self.content(name, problem));
         }
         let chunks = view.data().as_chunks().0.iter();
         let values: Vec<f32> = chunks.map(|bytes| f32::from_le_bytes(*bytes)).collect();
         match values.iter().position(|x| !x.is_finite()) {
-            Some(index) => Err(self.content(name, ContentProblem::NonFinite { index })),
+            Some(index) => Err(self.content(name, format!("entry {index} is not finite"))),
             None => Ok(values),
         }
     }
@@ -172,7 +169,7 @@ impl<'a> CheckpointFile<'a> {
         let adam = Adam::resume(cfg.optimizer, first, second, state.optimizer_steps);
         let (found, expected) = (state.slots.len(), cfg.batch.samples);
         if found != expected {
-            return Err(self.content("state", ContentProblem::Slots { found, expected }));
+            return Err(self.content("state", format!("{found} slots, expected {expected}")));
         }
         let slots = state.slots.into_iter().enumerate();
         let slots = slots.map(|(number, slot)| self.with_history(number, slot, cfg, set));
@@ -210,7 +207,8 @@ impl<'a> CheckpointFile<'a> {
         }
         let section = slot.section;
         if !set.has(&section) || !TrainingSet::section_has(&section, slot.current) {
-            return Err(self.content("state", ContentProblem::NoSection { slot: number }));
+            let problem = format!("slot {number} is in no section of the data set");
+            return Err(self.content("state", problem));
         }
         let vertices = set.motion(section.trajectory).graph.vertex_count();
         let frames = cfg.model.history();

@@ -5,10 +5,6 @@ use std::path::PathBuf;
 use selvedge_model::SpecError;
 use thiserror::Error;
 
-use crate::losses::LossWeightsError;
-use crate::optimizer::AdamError;
-use crate::schedule::ScheduleError;
-
 /// A configuration that cannot be used.
 #[derive(Debug, Error)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
@@ -56,55 +52,41 @@ pub enum SettingError {
 pub enum InvalidConfig {
     #[error(transparent)]
     Model(#[from] SpecError),
-    #[error(transparent)]
-    Losses(#[from] LossWeightsError),
-    #[error(transparent)]
-    Optimizer(#[from] AdamError),
-    #[error(transparent)]
-    Schedule(#[from] ScheduleError),
-    #[error("{field} must be between 1 and {most}, found {found}")]
-    Count {
-        field: &'static str,
-        most: u64,
-        found: u64,
-    },
     #[error("{field} must be {expected}, found {found}")]
     Value {
-        field: &'static str,
-        expected: &'static str,
-        found: f64,
+        field: String,
+        expected: String,
+        found: String,
     },
 }
 
-pub(crate) fn count(field: &'static str, found: u64, most: u64) -> Result<(), InvalidConfig> {
-    if (1..=most).contains(&found) {
-        return Ok(());
-    }
-    Err(InvalidConfig::Count { field, most, found })
+pub(crate) fn count(field: &str, found: u64, most: u64) -> Result<(), InvalidConfig> {
+    let expected = format!("between 1 and {most}");
+    require((1..=most).contains(&found), field, expected, found)
 }
 
-pub(crate) fn positive(field: &'static str, found: f64) -> Result<(), InvalidConfig> {
+pub(crate) fn positive(field: &str, found: f64) -> Result<(), InvalidConfig> {
     let holds = found.is_finite() && found > 0.0;
     require(holds, field, "finite and positive", found)
 }
 
-pub(crate) fn part(field: &'static str, found: f64) -> Result<(), InvalidConfig> {
+pub(crate) fn part(field: &str, found: f64) -> Result<(), InvalidConfig> {
     let holds = (0.0..=1.0).contains(&found);
     require(holds, field, "between 0 and 1", found)
 }
 
 pub(crate) fn require(
     holds: bool,
-    field: &'static str,
-    expected: &'static str,
-    found: f64,
+    field: &str,
+    expected: impl Into<String>,
+    found: impl ToString,
 ) -> Result<(), InvalidConfig> {
     if holds {
         return Ok(());
     }
     Err(InvalidConfig::Value {
-        field,
-        expected,
-        found,
+        field: field.to_owned(),
+        expected: expected.into(),
+        found: found.to_string(),
     })
 }

@@ -39,8 +39,6 @@ pub enum NoiseUnit {
     /// Metres.
     #[default]
     Metre,
-    /// The mean length of the cloth's edges at rest: the same for every fineness of the mesh.
-    Edge,
 }
 
 /// Scheduled sampling: with probability 1 - p the model's own prediction becomes the current
@@ -109,7 +107,7 @@ impl BatchConfig {
 impl NoiseConfig {
     pub(super) fn validate(&self) -> Result<(), InvalidConfig> {
         let small = (0.0..1.0).contains(&self.deviation);
-        let expected = "at least 0 and below 1 (noise.unit: metre or edge)";
+        let expected = "at least 0 and below 1";
         require(small, "noise.deviation", expected, self.deviation)?;
         part("noise.correction", self.correction)
     }

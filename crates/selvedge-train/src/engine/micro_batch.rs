@@ -16,7 +16,7 @@ use selvedge_model::{
 };
 
 use super::{FramePasses, Setup, SlotRun, run_slots};
-use crate::losses::{ComputedTerms, LossEvaluator, LossTerms, LossWeights};
+use crate::losses::{LossEvaluator, LossTerms, LossWeights};
 use crate::slot::ShownSample;
 
 /// A micro-batch: its buffers, its gradient and its losses.
@@ -90,7 +90,7 @@ impl MicroBatch {
         Self {
             frames: Vec::new(),
             union: Union::empty(),
-            losses: LossEvaluator::new(losses, ComputedTerms::Weighted),
+            losses: LossEvaluator::new(losses),
             input: InputBuffers::default(),
             by_position: Vec::new(),
             gradient: vec![0.0; weights],

@@ -19,7 +19,9 @@ use selvedge_model::geometry::{
 };
 use selvedge_model::{ClothGraph, Hinge, Normalizer, Real, TwoFrames};
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
+
+use crate::config::InvalidConfig;
+use crate::config::error::require;
 
 pub use statistics::{LossStatistics, RunningLossStatistics};
 
@@ -35,14 +37,6 @@ pub struct LossWeights {
     pub edge_length: f64,
     /// λ_θ.
     pub bending_angle: f64,
-}
-
-/// A weight that no loss can have.
-#[derive(Clone, Debug, Error, PartialEq)]
-#[error("losses.{field} must be finite and not negative, found {found}")]
-pub struct LossWeightsError {
-    field: &'static str,
-    found: f64,
 }
 
 impl Default for LossWeights {
@@ -67,7 +61,7 @@ impl LossWeights {
     };
 
     /// Checks that every weight is finite and none negative.
-    pub fn validate(&self) -> Result<(), LossWeightsError> {
+    pub fn validate(&self) -> Result<(), InvalidConfig> {
         let Self {
             kinetic_energy,
             edge_vector,
@@ -75,14 +69,13 @@ impl LossWeights {
             bending_angle,
         } = *self;
         for (field, found) in [
-            ("kinetic_energy", kinetic_energy),
-            ("edge_vector", edge_vector),
-            ("edge_length", edge_length),
-            ("bending_angle", bending_angle),
+            ("losses.kinetic_energy", kinetic_energy),
+            ("losses.edge_vector", edge_vector),
+            ("losses.edge_length", edge_length),
+            ("losses.bending_angle", bending_angle),
         ] {
-            if !(found.is_finite() && found >= 0.0) {
-                return Err(LossWeightsError { field, found });
-            }
+            let holds = found.is_finite() && found >= 0.0;
+            require(holds, field, "finite and not negative", found)?;
         }
         Ok(())
     }
@@ -117,7 +110,7 @@ impl Triplet<'_> {
 
     /// Kinetic energy of vertex `v` on its way to `next` `[kg m²/frame²]`.
     fn kinetic_energy(&self, v: usize, next: DVec3) -> f64 {
-        let mass = f64::from(self.graph.vertex_mass()[v]);
+        let mass = f64::from(self.graph.cloth().vertex_mass()[v]);
         0.5 * mass * (next - self.current[v]).length_squared()
     }
 
@@ -129,15 +122,6 @@ impl Triplet<'_> {
     fn hinge_points(&self, hinge: &Hinge, positions: &[DVec3]) -> [DVec3; 4] {
         [hinge.from, hinge.to, hinge.left, hinge.right].map(|v| positions[v as usize])
     }
-}
-
-/// Choice of the computed terms.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ComputedTerms {
-    /// Terms with a positive weight.
-    Weighted,
-    /// Terms of weight 0 as well, for a report; they do not enter total or gradient.
-    Every,
 }
 
 /// The terms of one sample's loss, each before its weight; `None` for one that was not computed.
@@ -253,7 +237,6 @@ impl LossTerms {
 #[derive(Clone, Debug)]
 pub struct LossEvaluator {
     weights: LossWeights,
-    computed: ComputedTerms,
     /// p̄ `[m]`, `[vertices]`.
     positions: Vec<DVec3>,
     /// ∂(weighted position terms)/∂p̄, `[vertices]`.
@@ -261,11 +244,10 @@ pub struct LossEvaluator {
 }
 
 impl LossEvaluator {
-    /// An evaluator of these terms.
-    pub fn new(weights: LossWeights, computed: ComputedTerms) -> Self {
+    /// An evaluator of the terms with a positive weight.
+    pub fn new(weights: LossWeights) -> Self {
         Self {
             weights,
-            computed,
             positions: Vec::new(),
             by_position: Vec::new(),
         }
@@ -293,39 +275,40 @@ impl LossEvaluator {
         assert_eq!(gradient.len(), 3 * vertices, "gradient");
         self.predict_positions(triplet, &statistics.acceleration, predicted);
         let weights = self.weights;
-        let kinetic_energy = self.term(weights.kinetic_energy, |this, weight| {
-            this.kinetic_energy(triplet, &statistics.kinetic_energy, weight)
-        });
-        let edge_vector = self.term(weights.edge_vector, |this, weight| {
-            this.edge_vector(triplet, &statistics.edge_vector, weight)
-        });
-        let edge_length = self.term(weights.edge_length, |this, weight| {
-            this.edge_length(triplet, &statistics.edge_length, weight)
-        });
-        let bending_angle = self.term(weights.bending_angle, |this, weight| {
-            this.bending_angle(triplet, &statistics.bending_angle, weight)
-        });
+        let rest = [
+            self.term(weights.kinetic_energy, |this, weight| {
+                this.kinetic_energy(triplet, &statistics.kinetic_energy, weight)
+            }),
+            self.term(weights.edge_vector, |this, weight| {
+                this.edge_vector(triplet, &statistics.edge_vector, weight)
+            }),
+            self.term(weights.edge_length, |this, weight| {
+                this.edge_length(triplet, &statistics.edge_length, weight)
+            }),
+            self.term(weights.bending_angle, |this, weight| {
+                this.bending_angle(triplet, &statistics.bending_angle, weight)
+            }),
+        ];
         let acceleration =
             self.acceleration(triplet, &statistics.acceleration, predicted, gradient);
-        let weighted = [
-            (weights.kinetic_energy, kinetic_energy),
-            (weights.edge_vector, edge_vector),
-            (weights.edge_length, edge_length),
-            (weights.bending_angle, bending_angle),
-        ];
-        let counted = weighted.iter().filter(|(weight, _)| *weight > 0.0);
-        LossTerms {
+        let [kinetic_energy, edge_vector, edge_length, bending_angle] = rest;
+        let terms = [
             acceleration,
             kinetic_energy,
             edge_vector,
             edge_length,
             bending_angle,
-            total: acceleration + counted.map(|(w, l)| w * l.unwrap_or(0.0)).sum::<f64>(),
-        }
+        ];
+        LossTerms::weighted(&weights, terms)
     }
 
-    fn term(&mut self, weight: f64, compute: impl FnOnce(&mut Self, f64) -> f64) -> Option<f64> {
-        (weight > 0.0 || self.computed == ComputedTerms::Every).then(|| compute(self, weight))
+    /// What `compute` gives for a term that has a weight.
+    fn term(&mut self, weight: f64, compute: impl FnOnce(&mut Self, f64) -> f64) -> f64 {
+        if weight > 0.0 {
+            compute(self, weight)
+        } else {
+            0.0
+        }
     }
 
     /// Sets p̄ to the positions that the prediction leads to ([`TwoFrames::moved`]); handles take
@@ -389,7 +372,7 @@ impl LossEvaluator {
             let found = triplet.kinetic_energy(v, self.positions[v]);
             let difference = scale * (found - target);
             loss += difference * difference;
-            let momentum = f64::from(triplet.graph.vertex_mass()[v])
+            let momentum = f64::from(triplet.graph.cloth().vertex_mass()[v])
                 * (self.positions[v] - triplet.current[v]);
             self.by_position[v] += 2.0 * weight * share * difference * scale * momentum;
         }

@@ -111,14 +111,6 @@ impl RunningLossStatistics {
         self
     }
 
-    /// Adds the samples of `other`.
-    pub fn merge(&mut self, other: &Self) {
-        let mut other = other.clone();
-        for (part, other) in self.parts().into_iter().zip(other.parts()) {
-            part.merge(other);
-        }
-    }
-
     /// The statistics of the samples so far.
     pub fn freeze(&self) -> LossStatistics {
         LossStatistics {

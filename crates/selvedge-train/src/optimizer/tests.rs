@@ -103,7 +103,7 @@ fn settings_and_saved_moments_are_checked() {
         let result = Adam::resume(AdamSettings::default(), m.to_vec(), v.to_vec(), 1);
         result.expect_err("a defect").to_string()
     };
-    assert!(resume(&[0.0], &[]).contains("second moment has 0 entries for 1"));
+    assert!(resume(&[0.0], &[]).contains("second moment must be of 1 parameters, found 0"));
     assert!(resume(&[f32::NAN], &[0.0]).contains("first moment must be finite"));
     assert!(resume(&[0.0], &[-1.0]).contains("not negative, found -1 at entry 0"));
 }

@@ -89,7 +89,8 @@ fn a_finished_run_leaves_four_files_and_nothing_else() {
         .collect();
     let expected = [files::CHECKPOINT, files::MODEL, files::LOG, files::CONFIG];
     assert_eq!(names, expected.map(str::to_owned).into());
-    let read = TrainConfig::read(&case.path(files::CONFIG)).expect("its own");
+    let text = String::from_utf8(case.bytes(files::CONFIG)).expect("text");
+    let read = TrainConfig::parse(&text, Path::new("")).expect("its own");
     assert_eq!(read, case.cfg);
     let model = Model::from_bytes(&case.bytes(files::MODEL)).expect("a model");
     assert_eq!(model.weights(), trainer.learned.weights);
@@ -241,7 +242,7 @@ fn a_training_that_blows_up_keeps_the_last_good_files() {
         error,
         RunError::Train {
             source: TrainError::NotFinite { step: 2 },
-            kept: Kept::Checkpoint(_)
+            kept: Some(_)
         }
     ));
     assert!(text.starts_with("step 2: the loss is not finite: lower learning_rate"));
@@ -255,7 +256,7 @@ fn a_training_that_blows_up_keeps_the_last_good_files() {
         matches!(
             error,
             RunError::Train {
-                source: TrainError::Model(_),
+                source: TrainError::Spec(_),
                 ..
             }
         )

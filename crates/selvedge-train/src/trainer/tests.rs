@@ -9,7 +9,7 @@ use glam::Vec3;
 use rayon::ThreadPoolBuilder;
 use selvedge_cloth::{HandleTargets, Stepper};
 use selvedge_data::SectionRule;
-use selvedge_model::{Encoder, LearnedStepper, NodeFeature};
+use selvedge_model::{Encoder, LearnedStepper};
 
 use super::*;
 use crate::schedule::{LearningRate, TruthProbability, UnrollFrames};
@@ -267,10 +267,8 @@ fn statistics_have_streams_of_their_own_within_all_bounds() {
 #[test]
 fn a_lane_in_a_run_goes_where_the_rollout_goes() {
     let data = swinging(&[("a", 9, 14)], SectionRule::Whole);
-    let mut accelerated = config(Encoder::Gru { window: 2 });
-    let columns = &mut accelerated.model.node_features;
-    columns.insert(NodeFeature::Acceleration);
-    for mut cfg in [accelerated, config(Encoder::Gru { window: 3 })] {
+    for encoder in [Encoder::MLP, Encoder::Gru { window: 3 }] {
+        let mut cfg = config(encoder);
         cfg.batch.samples = 1;
         cfg.scheduled_sampling.truth = TruthProbability::Linear {
             start: 0,

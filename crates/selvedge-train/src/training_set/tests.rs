@@ -71,7 +71,7 @@ fn a_set_without_anything_to_train_on_is_refused() {
 
 #[test]
 fn the_environment_is_that_of_the_scene() {
-    let plain = crate::test_data::trajectory(("a", 9, 3), 0);
+    let plain = crate::test_data::trajectory(("a", 9, 3), 0, &Value::Null);
     let graph = graph_of("a", &plain).expect("a graph");
     assert_eq!(graph.environment(), &Environment::default());
     let with = |environment: Value| {
@@ -96,7 +96,7 @@ fn the_environment_is_that_of_the_scene() {
 /// rollout has.
 #[test]
 fn a_sample_without_a_direction_keeps_the_one_before() {
-    let plain = crate::test_data::trajectory(("a", 9, 5), 0);
+    let plain = crate::test_data::trajectory(("a", 9, 5), 0, &Value::Null);
     let handles = plain.handles().vertices().to_vec();
     let [first, last] = [handles[0].index(), handles[handles.len() - 1].index()];
     assert_eq!(handles.len(), 2);

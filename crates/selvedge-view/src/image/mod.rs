@@ -114,20 +114,14 @@ pub(crate) fn check_size(field: &'static str, size: [u32; 2]) -> Result<(), View
     let [width, height] = size;
     let fits = 1..=LARGEST_SIDE;
     if !(fits.contains(&width) && fits.contains(&height)) {
-        return Err(ViewError::Size {
-            field,
-            width,
-            height,
-            largest: LARGEST_SIDE,
-        });
+        return Err(ViewError::Invalid(format!(
+            "{field} is {width} x {height} pixels: both must be between 1 and {LARGEST_SIDE}"
+        )));
     }
     if u64::from(width) * u64::from(height) > MOST_PIXELS {
-        return Err(ViewError::TooManyPixels {
-            field,
-            width,
-            height,
-            most: MOST_PIXELS,
-        });
+        return Err(ViewError::Invalid(format!(
+            "{field} is {width} x {height} pixels: together at most {MOST_PIXELS} are allowed"
+        )));
     }
     Ok(())
 }

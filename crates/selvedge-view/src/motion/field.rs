@@ -1,7 +1,5 @@
 //! Numbers to colour a cloth by: one per vertex and frame, and the range that the colours span.
 
-use selvedge_cloth::VertexId;
-
 use super::run::Run;
 use crate::ViewError;
 
@@ -19,16 +17,14 @@ impl ScalarField {
     pub fn new(name: impl Into<String>, values: Vec<Vec<f32>>) -> Result<Self, ViewError> {
         let name = name.into();
         if values.is_empty() {
-            return Err(ViewError::EmptyRun);
+            return Err(ViewError::empty_run());
         }
         for (frame, of_frame) in values.iter().enumerate() {
             if let Some(vertex) = of_frame.iter().position(|value| !value.is_finite()) {
-                return Err(ViewError::NonFiniteValue {
-                    name,
-                    frame,
-                    vertex: VertexId(vertex as u32),
-                    value: of_frame[vertex],
-                });
+                let value = of_frame[vertex];
+                return Err(ViewError::Invalid(format!(
+                    "frame {frame}: the value of {name} at vertex {vertex} is not finite: {value}"
+                )));
             }
         }
         let largest = values.iter().flatten().fold(0.0_f32, |a, &b| a.max(b));
@@ -41,8 +37,7 @@ impl ScalarField {
 
     /// The distance of each vertex of `prediction` from the same vertex of `truth` `[mm]`.
     pub fn distance(truth: &Run<'_>, prediction: &Run<'_>) -> Result<Self, ViewError> {
-        let differ = truth.check_match(prediction);
-        differ.map_err(|differ| differ.labelled("truth", "prediction"))?;
+        truth.check_match(prediction, ["truth", "prediction"])?;
         let values = truth
             .frames()
             .iter()
@@ -74,20 +69,17 @@ impl ScalarField {
 
     /// Checks that there is a value for each vertex and frame of `run`.
     pub(crate) fn check_fits(&self, run: &Run<'_>) -> Result<(), ViewError> {
-        let error = |what, expected, found| ViewError::ValueCount {
-            name: self.name.clone(),
-            what,
-            expected,
-            found,
+        let check = |what, expected: usize, found: usize| match expected == found {
+            true => Ok(()),
+            false => Err(ViewError::Invalid(format!(
+                "the values of {} have {found} {what}, but the run has {expected}: give one value per vertex and frame",
+                self.name
+            ))),
         };
-        if self.values.len() != run.frames().len() {
-            return Err(error("frames", run.frames().len(), self.values.len()));
-        }
+        check("frames", run.frames().len(), self.values.len())?;
         let expected = run.topology().vertex_count();
-        match self.values.iter().find(|v| v.len() != expected) {
-            Some(bad) => Err(error("vertices", expected, bad.len())),
-            None => Ok(()),
-        }
+        let mut counts = self.values.iter().map(Vec::len);
+        counts.try_for_each(|found| check("vertices", expected, found))
     }
 }
 

@@ -36,12 +36,10 @@ impl<'a> Panel<'a> {
 
 /// Checks that there are panels, that they run at one clock, and that their values fit.
 pub(crate) fn check_panels(panels: &[Panel<'_>]) -> Result<(), ViewError> {
-    let first = panels.first().ok_or(ViewError::NoPanels)?;
+    let first = panels.first().ok_or_else(ViewError::no_panels)?;
     for panel in panels {
-        let differ = first.run.check_clock(panel.run).err();
-        if let Some(differ) = differ {
-            return Err(differ.labelled(first.label, panel.label));
-        }
+        let labels = [first.label, panel.label];
+        first.run.check_clock(panel.run, labels)?;
         if let Some(field) = panel.field() {
             field.check_fits(panel.run)?;
         }
@@ -68,7 +66,8 @@ mod tests {
             colouring,
         };
         let plain = Colouring::Plain;
-        assert!(matches!(check_panels(&[]), Err(ViewError::NoPanels)));
+        let message = check_panels(&[]).unwrap_err().to_string();
+        assert!(message.starts_with("no panels were given"), "{message}");
         let message = check_panels(&[panel("a", &short, plain), panel("b", &long, plain)])
             .unwrap_err()
             .to_string();

@@ -1,5 +1,7 @@
 //! Runs: the frames of a motion, borrowed and checked once.
 
+use std::fmt::Display;
+
 use glam::Vec3;
 use selvedge_cloth::{Topology, VertexId};
 
@@ -34,16 +36,17 @@ impl<'a> Run<'a> {
         let frames: Vec<&[Vec3]> = frames.into_iter().collect();
         let vertex_count = topology.vertex_count();
         if frames.is_empty() {
-            return Err(ViewError::EmptyRun);
+            return Err(ViewError::empty_run());
         }
         if !(frame_rate.is_finite() && frame_rate > 0.0) {
-            return Err(ViewError::FrameRate { found: frame_rate });
+            return Err(ViewError::Invalid(format!(
+                "the frame rate must be finite and positive, found {frame_rate} frames per second"
+            )));
         }
         if let Some(&vertex) = handles.iter().find(|v| v.index() >= vertex_count) {
-            return Err(ViewError::Handle {
-                vertex,
-                vertex_count,
-            });
+            return Err(ViewError::Invalid(format!(
+                "handle vertex {vertex} is out of range: the mesh has {vertex_count} vertices"
+            )));
         }
         for (frame, positions) in frames.iter().enumerate() {
             check_frame(frame, positions, vertex_count)?;
@@ -71,16 +74,16 @@ impl<'a> Run<'a> {
     }
 
     /// The same run with bodies beside the cloth, still or with as many frames.
-    pub fn with_bodies(mut self, bodies: Vec<Body<'a>>) -> Result<Self, ViewError> {
-        let frames = self.frames.len();
-        let counts = bodies.iter().map(Body::frame_count);
-        if let Some(found) = counts.into_iter().find(|&n| n != 1 && n != frames) {
-            return Err(ViewError::Body {
-                problem: format!("has {found} frames, the cloth has {frames}"),
-            });
-        }
+    #[must_use]
+    pub fn with_bodies(mut self, bodies: Vec<Body<'a>>) -> Self {
+        let frames = [1, self.frames.len()];
+        debug_assert!(
+            bodies
+                .iter()
+                .all(|body| frames.contains(&body.frame_count()))
+        );
         self.bodies = bodies;
-        Ok(self)
+        self
     }
 
     /// Height of the lowest floor among the bodies: one that is still, level and much larger than
@@ -137,17 +140,19 @@ impl<'a> Run<'a> {
         frame as f64 / self.frame_rate
     }
 
-    /// Checks that another run has the same clock.
-    pub(crate) fn check_clock(&self, other: &Run<'_>) -> Result<(), RunsDiffer> {
-        differ("frames", self.frames.len(), other.frames.len())?;
-        differ("frames per second", self.frame_rate, other.frame_rate)
+    /// Checks that another run has the same clock; the labels are those of both.
+    pub(crate) fn check_clock(&self, other: &Run<'_>, labels: [&str; 2]) -> Result<(), ViewError> {
+        let frames = [self, other].map(|run| run.frames.len());
+        check_same("frames", frames, labels)?;
+        let rates = [self.frame_rate, other.frame_rate];
+        check_same("frames per second", rates, labels)
     }
 
     /// Checks that another run has the same clock and number of vertices.
-    pub(crate) fn check_match(&self, other: &Run<'_>) -> Result<(), RunsDiffer> {
-        self.check_clock(other)?;
-        let [expected, found] = [self, other].map(|run| run.topology.vertex_count());
-        differ("vertices", expected, found)
+    pub(crate) fn check_match(&self, other: &Run<'_>, labels: [&str; 2]) -> Result<(), ViewError> {
+        self.check_clock(other, labels)?;
+        let vertices = [self, other].map(|run| run.topology.vertex_count());
+        check_same("vertices", vertices, labels)
     }
 }
 
@@ -161,56 +166,32 @@ fn longest_side(points: &[Vec3]) -> f32 {
     (high - low).max_element()
 }
 
-/// The first difference of two runs.
-#[derive(Clone, Debug)]
-pub(crate) struct RunsDiffer {
-    what: &'static str,
-    expected: String,
-    found: String,
-}
-
-impl RunsDiffer {
-    /// The error of two runs with these labels.
-    pub(crate) fn labelled(self, first: &str, other: &str) -> ViewError {
-        ViewError::PanelsDiffer {
-            first: first.to_owned(),
-            label: other.to_owned(),
-            what: self.what,
-            expected: self.expected,
-            found: self.found,
-        }
+/// Checks that a number of two runs with these labels is the same.
+fn check_same<T: PartialEq + Display>(
+    what: &str,
+    [expected, found]: [T; 2],
+    [first, other]: [&str; 2],
+) -> Result<(), ViewError> {
+    match expected == found {
+        true => Ok(()),
+        false => Err(ViewError::Invalid(format!(
+            "panel \"{other}\" has {found} {what}, but panel \"{first}\" has {expected}: panels side by side must match"
+        ))),
     }
 }
 
-fn differ<T: PartialEq + ToString>(
-    what: &'static str,
-    expected: T,
-    found: T,
-) -> Result<(), RunsDiffer> {
-    if expected == found {
-        return Ok(());
-    }
-    Err(RunsDiffer {
-        what,
-        expected: expected.to_string(),
-        found: found.to_string(),
-    })
-}
-
-fn check_frame(frame: usize, positions: &[Vec3], vertex_count: usize) -> Result<(), ViewError> {
-    if positions.len() != vertex_count {
-        return Err(ViewError::VertexCount {
-            frame,
-            expected: vertex_count,
-            found: positions.len(),
-        });
+fn check_frame(frame: usize, positions: &[Vec3], expected: usize) -> Result<(), ViewError> {
+    let found = positions.len();
+    if found != expected {
+        return Err(ViewError::Invalid(format!(
+            "frame {frame} has {found} vertices, but the mesh has {expected}"
+        )));
     }
     match positions.iter().position(|p| !p.is_finite()) {
-        Some(vertex) => Err(ViewError::NonFinite {
-            frame,
-            vertex: VertexId(vertex as u32),
-            position: positions[vertex],
-        }),
+        Some(vertex) => Err(ViewError::Invalid(format!(
+            "frame {frame}: the position of vertex {vertex} is not finite: {}",
+            positions[vertex]
+        ))),
         None => Ok(()),
     }
 }
@@ -229,7 +210,7 @@ mod tests {
         let cloth = [Vec3::ZERO, Vec3::X, Vec3::Y];
         let at = |place: Vec3, size: f32| {
             let points = cloth.map(|point| place + size * point).to_vec();
-            Body::new(&[[0, 1, 2]], [points.into()]).unwrap()
+            Body::new(&[[0, 1, 2]], [points.into()])
         };
         let run = Run::new(&topology, [&cloth[..]], &[], 60.0).unwrap();
         for (place, size, held) in [
@@ -237,7 +218,7 @@ mod tests {
             (Vec3::Z, 5.0, 0),
             (1000.0 * Vec3::Z, 1.0, 0),
         ] {
-            let run = run.clone().with_bodies(vec![at(place, size)]).unwrap();
+            let run = run.clone().with_bodies(vec![at(place, size)]);
             assert_eq!(run.body_points(0).count(), held, "{place} {size}");
         }
     }

@@ -14,7 +14,7 @@ use crate::page::palette::{Palette, UNCHANGED, distance_squared};
 use crate::page::sheet::{aspect_of, clock, runs_of};
 use crate::raster::camera::View;
 use crate::raster::stage::Stage;
-use crate::{Image, Panel, Renderer, Run, Supersampling, ViewError};
+use crate::{Image, Panel, Renderer, Run, ViewError};
 
 /// The choices of a clip.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,23 +38,6 @@ impl Default for ClipSettings {
     }
 }
 
-/// The end of a clip; the file is whole either way.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ClipEnd {
-    /// All pictures were written.
-    Complete {
-        /// Pictures written.
-        pictures: usize,
-    },
-    /// `progress` asked to stop.
-    Stopped {
-        /// Pictures written until then.
-        pictures: usize,
-    },
-}
-
-/// Colours of the palette: all that a GIF has but one.
-const COLOURS: usize = 255;
 /// Pictures that the palette is chosen from.
 const PALETTE_SAMPLES: usize = 8;
 /// A pixel that is nearer than this to what is shown stays: two or three levels per channel, which
@@ -64,14 +47,15 @@ const TOLERANCE: u32 = 40;
 const MOST_PICTURES: usize = 1_000_000;
 
 /// Writes `panels` side by side under a title (may be empty) as a GIF that repeats for ever. After
-/// each picture `progress` is called, and may stop.
+/// each picture `progress` is called, and may stop: the file is whole either way, and what is
+/// returned says whether it was stopped.
 pub fn write_clip(
     out: &mut dyn Write,
     title: &str,
     panels: &[Panel<'_>],
     settings: &ClipSettings,
     progress: &mut dyn FnMut() -> ControlFlow<()>,
-) -> Result<ClipEnd, ViewError> {
+) -> Result<ControlFlow<()>, ViewError> {
     settings.validate()?;
     check_panels(panels)?;
     check_length(panels[0].run, settings.delay_ms)?;
@@ -87,13 +71,11 @@ pub fn write_clip(
         delay: settings.delay_ms / 10,
     };
     recorder.encoder.set_repeat(gif::Repeat::Infinite)?;
-    let total = frames.len();
-    let mut end = ClipEnd::Complete { pictures: total };
+    let mut end = ControlFlow::Continue(());
     for (number, &frame) in frames.iter().enumerate() {
         recorder.write(&studio.picture(frame)?)?;
-        let written = number + 1;
-        if progress().is_break() && written < total {
-            end = ClipEnd::Stopped { pictures: written };
+        if progress().is_break() && number + 1 < frames.len() {
+            end = ControlFlow::Break(());
             break;
         }
     }
@@ -172,7 +154,7 @@ impl<'a> Studio<'a> {
             panels,
             blank: page.draw()?,
             page,
-            renderer: Renderer::new(&stage, settings.tile, Supersampling::Two)?,
+            renderer: Renderer::new(&stage, settings.tile, 2)?,
         })
     }
 
@@ -200,7 +182,7 @@ impl<'a> Studio<'a> {
             .step_by(step)
             .map(|&frame| self.picture(frame))
             .collect();
-        Ok(Palette::of_images(&samples?, COLOURS))
+        Ok(Palette::of_images(&samples?))
     }
 }
 

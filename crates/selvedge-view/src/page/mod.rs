@@ -3,6 +3,5 @@
 pub(crate) mod clip;
 pub(crate) mod colour_bar;
 pub(crate) mod layout;
-pub(crate) mod moments;
 pub(crate) mod palette;
 pub(crate) mod sheet;

@@ -3,19 +3,18 @@
 
 use crate::motion::panel::check_panels;
 use crate::page::layout::Page;
-use crate::page::moments::moments;
 use crate::raster::camera::Orbit;
 use crate::raster::stage::Stage;
-use crate::{Image, Panel, Renderer, Run, Supersampling, ViewError};
+use crate::{Image, Panel, Renderer, Run, ViewError};
 
 /// The choices of a contact sheet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SheetSettings {
     /// Width and height of one picture `[pixels]`.
     pub tile: [u32; 2],
-    /// Pictures per row.
+    /// Pictures per row; at least one.
     pub columns: usize,
-    /// Number of pictures; no more than the run has frames.
+    /// Number of pictures; at least one, and no more than the run has frames.
     pub pictures: usize,
 }
 
@@ -29,26 +28,11 @@ impl Default for SheetSettings {
     }
 }
 
-impl SheetSettings {
-    fn validate(&self) -> Result<(), ViewError> {
-        for (field, found) in [("columns", self.columns), ("pictures", self.pictures)] {
-            if found == 0 || found > 10_000 {
-                return Err(ViewError::Setting {
-                    field,
-                    expected: "between 1 and 10000",
-                    found: found.to_string(),
-                });
-            }
-        }
-        Ok(())
-    }
-}
-
 /// One frame of a panel, as large as it fits into a picture of `size` (width, height) `[pixels]`.
 pub fn still(panel: &Panel<'_>, frame: usize, size: [u32; 2]) -> Result<Image, ViewError> {
     let aspect = aspect_of(size)?;
     let stages = Stage::following(&[panel.run], &[frame], &Orbit::default(), aspect)?;
-    let mut renderer = Renderer::new(&stages[0], size, Supersampling::Four)?;
+    let mut renderer = Renderer::new(&stages[0], size, 4)?;
     renderer.render(panel, frame)
 }
 
@@ -60,11 +44,10 @@ pub fn contact_sheet(
     panels: &[Panel<'_>],
     settings: &SheetSettings,
 ) -> Result<Image, ViewError> {
-    settings.validate()?;
     check_panels(panels)?;
     let run = panels[0].run;
-    let frames = moments(run, settings.pictures);
-    let columns = settings.columns.min(frames.len());
+    let frames = evenly_spaced(run.frames().len(), settings.pictures.max(1));
+    let columns = settings.columns.clamp(1, frames.len());
     let rows = frames.len().div_ceil(columns) * panels.len();
     let page = Page::new(
         title,
@@ -77,7 +60,7 @@ pub fn contact_sheet(
     let mut image = page.draw()?;
     for (number, (&frame, stage)) in frames.iter().zip(&stages).enumerate() {
         let (column, block) = (number % columns, number / columns);
-        let mut renderer = Renderer::new(stage, settings.tile, Supersampling::Four)?;
+        let mut renderer = Renderer::new(stage, settings.tile, 4)?;
         for (line, panel) in panels.iter().enumerate() {
             let row = block * panels.len() + line;
             let place = page.place(column as u32, row as u32);
@@ -87,6 +70,16 @@ pub fn contact_sheet(
         }
     }
     Ok(image)
+}
+
+/// `count` numbers from 0 to `frames` - 1, evenly spaced; all of them when there are fewer.
+fn evenly_spaced(frames: usize, count: usize) -> Vec<usize> {
+    let count = count.min(frames);
+    let steps = (count - 1).max(1);
+    // Rounded to the nearest frame, in whole numbers.
+    (0..count)
+        .map(|k| (2 * k * (frames - 1) + steps) / (2 * steps))
+        .collect()
 }
 
 pub(crate) fn runs_of<'a>(panels: &[Panel<'a>]) -> Vec<&'a Run<'a>> {
@@ -112,6 +105,14 @@ mod tests {
     use selvedge_cloth::Topology;
 
     #[test]
+    fn moments_are_spread_from_the_first_frame_to_the_last() {
+        assert_eq!(evenly_spaced(61, 4), [0, 20, 40, 60]);
+        assert_eq!(evenly_spaced(10, 4), [0, 3, 6, 9]);
+        assert_eq!(evenly_spaced(3, 8), [0, 1, 2]);
+        assert_eq!(evenly_spaced(9, 1), [0]);
+    }
+
+    #[test]
     fn a_sheet_holds_the_pictures_of_its_moments() {
         let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
         let frames: Vec<[Vec3; 3]> = (0..6)
@@ -132,16 +133,15 @@ mod tests {
         let sheet = contact_sheet("Title", &panels, &settings).unwrap();
         let page = Page::new("Title", &panels, settings.tile, [2, 4]).unwrap();
         let aspect = aspect_of(settings.tile).unwrap();
-        let frames = [1, 3, 4];
+        let frames = [0, 3, 5];
         let stages = Stage::following(&[&run], &frames, &Orbit::default(), aspect).unwrap();
-        // A quarter into each third of the way, frame 1, 3 and 4 is next: two rows of panels for the
-        // first two, then two more.
+        // The middle of frames 0 to 5 is rounded up. Two rows of panels for the first two, then two
+        // more.
         for (number, (column, rows)) in [(0, [0, 1]), (1, [0, 1]), (0, [2, 3])]
             .into_iter()
             .enumerate()
         {
-            let mut renderer =
-                Renderer::new(&stages[number], settings.tile, Supersampling::Four).unwrap();
+            let mut renderer = Renderer::new(&stages[number], settings.tile, 4).unwrap();
             let picture = renderer.render(&panels[0], frames[number]).unwrap();
             for row in rows {
                 let [left, top] = page.place(column, row);
@@ -151,16 +151,11 @@ mod tests {
                 }
             }
         }
-        let message = contact_sheet(
-            "",
-            &panels,
-            &SheetSettings {
-                columns: 0,
-                ..settings
-            },
-        )
-        .unwrap_err()
-        .to_string();
-        assert_eq!(message, "columns must be between 1 and 10000, found 0");
+        let lone = SheetSettings {
+            columns: 0,
+            pictures: 0,
+            ..settings
+        };
+        assert_eq!(contact_sheet("", &panels, &lone).unwrap().width(), 84);
     }
 }

@@ -138,28 +138,24 @@ impl Ranged for Ticks {
 impl LineChart {
     /// The picture as SVG.
     pub fn to_svg(&self) -> Result<String, PlotError> {
-        let title = || self.title.clone();
-        for line in &self.lines {
-            let mut values = line.points.iter().flatten();
-            if let Some(&value) = values.find(|value| !value.is_finite()) {
-                return Err(PlotError::NonFinite {
-                    title: title(),
-                    name: line.name.clone(),
-                    value,
-                });
+        let (title, lines) = (&self.title, &self.lines);
+        for Line { name, points, .. } in lines {
+            if let Some(value) = points.iter().flatten().find(|value| !value.is_finite()) {
+                return Err(PlotError::Invalid(format!(
+                    "{title:?}: a value of {name:?} is {value}: values must be finite"
+                )));
             }
         }
         let (Some(x), Some(y)) = (self.ticks(0), self.ticks(1)) else {
-            return Err(PlotError::Empty { title: title() });
+            return Err(PlotError::Empty(title.clone()));
         };
         let [width, height] = SIZE.map(|pixels| (UNIT * pixels) as u32);
         let mut svg = String::new();
         let area = SVGBackend::with_string(&mut svg, (width, height)).into_drawing_area();
         let drawn = self.draw(&area, x, y);
         drop(area);
-        drawn.map_err(|problem| PlotError::Drawing {
-            title: title(),
-            problem: problem.to_string(),
+        drawn.map_err(|problem| {
+            PlotError::Invalid(format!("{title:?} could not be drawn: {problem}"))
         })?;
         let drawn = format!("width=\"{width}\" height=\"{height}\"");
         let shown = format!("width=\"{}\" height=\"{}\"", SIZE[0], SIZE[1]);

@@ -7,7 +7,6 @@ pub(crate) mod marks;
 mod props;
 pub(crate) mod renderer;
 pub(crate) mod samples;
-pub(crate) mod settings;
 pub(crate) mod shade;
 pub(crate) mod stage;
 pub(crate) mod sun;

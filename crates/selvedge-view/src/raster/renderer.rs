@@ -13,7 +13,6 @@ use super::camera::Camera;
 use super::marks::Marker;
 use super::props::Props;
 use super::samples::Samples;
-use super::settings::Supersampling;
 use super::shade::{Shader, ValueColours};
 use super::stage::Stage;
 use super::sun::Sun;
@@ -21,7 +20,7 @@ use super::surface::Surface;
 use super::triangle::{ScreenVertex, Triangle};
 use crate::image::check_size;
 use crate::motion::panel::check_panels;
-use crate::{Image, Panel, Run, ViewError};
+use crate::{Image, Panel, ViewError};
 
 /// Draws frames of one size from one stage; keeps its buffers between frames.
 #[derive(Clone, Debug)]
@@ -40,32 +39,26 @@ pub struct Renderer {
     samples: Samples,
 }
 
-/// The part of the past in which the way of a handle is drawn `[s]`.
-const TRAIL_SECONDS: f64 = 0.45;
-
 impl Renderer {
-    /// A renderer of pictures of `size` (width, height) `[pixels]`.
-    pub fn new(
-        stage: &Stage,
-        size: [u32; 2],
-        supersampling: Supersampling,
-    ) -> Result<Self, ViewError> {
+    /// A renderer of pictures of `size` (width, height) `[pixels]`, with so many samples along each
+    /// side of a pixel: 1 for a draft, 2 as a rule, 4 for stills.
+    pub fn new(stage: &Stage, size: [u32; 2], samples: u32) -> Result<Self, ViewError> {
         check_size("picture", size)?;
-        let factor = supersampling.factor();
-        check_size("supersampled picture", size.map(|side| side * factor))?;
+        let sides = size.map(|side| side.saturating_mul(samples));
+        check_size("supersampled picture", sides)?;
         let shader = Shader::new(&stage.camera);
         Ok(Self {
             camera: stage.camera,
             backdrop: Backdrop::new(stage, size),
             size,
-            factor,
+            factor: samples,
             surface: Surface::default(),
             sun: Sun::new(shader.towards_sun()),
             shader,
             props: Props::default(),
             distance: distance_to(stage),
             vertices: Vec::new(),
-            samples: Samples::new(size, factor),
+            samples: Samples::new(size, samples),
         })
     }
 
@@ -74,10 +67,7 @@ impl Renderer {
         check_panels(std::slice::from_ref(panel))?;
         let frames = panel.run.frames();
         let Some(&positions) = frames.get(frame) else {
-            return Err(ViewError::FrameOutOfRange {
-                frame,
-                frames: frames.len(),
-            });
+            return Err(ViewError::no_frame(frame, frames.len()));
         };
         self.shader.dye(panel.run.colour());
         let topology = panel.run.topology();
@@ -97,11 +87,7 @@ impl Renderer {
         let marker = Marker {
             scale: self.line_scale(),
         };
-        let trails = trails(panel.run, frame);
-        self.clear(marker.reach(), &trails);
-        for trail in &trails {
-            marker.draw_trail(&mut self.samples, &self.camera, trail);
-        }
+        self.clear(marker.reach());
         self.fill_faces(topology, colours.as_ref());
         self.props.fill(&mut self.samples, &self.shader);
         let tint = match field {
@@ -114,17 +100,12 @@ impl Renderer {
         self.samples.resolve(&self.backdrop)
     }
 
-    /// Empties the last picture, and bounds this one by the vertices and trails.
-    fn clear(&mut self, reach: f32, trails: &[Vec<Vec3>]) {
+    /// Empties the last picture, and bounds this one by the vertices.
+    fn clear(&mut self, reach: f32) {
         let ahead = self.vertices.iter().filter(|v| v.nearness > 0.0);
         let vertices = ahead.map(|vertex| vertex.place);
-        let [width, height] = self.samples.extent().map(|side| side as f32);
-        let camera = &self.camera;
-        let seen = trails.iter().flatten().map(|&point| camera.project(point));
-        let ahead = seen.filter(|seen| seen.depth > 1e-6);
-        let trails = ahead.map(|seen| Vec2::new(seen.x * width, seen.y * height));
-        let places = vertices.chain(trails).chain(self.props.places());
-        self.samples.clear(places, reach);
+        self.samples
+            .clear(vertices.chain(self.props.places()), reach);
     }
 
     fn place_vertices(&mut self, positions: &[Vec3], values: Option<&[f32]>) {
@@ -185,16 +166,6 @@ fn distance_to(stage: &Stage) -> f32 {
     let middle = 0.5 * (stage.shadow_low + stage.shadow_high);
     let place = Vec3::new(middle.x, stage.floor, middle.y);
     stage.camera.position().distance(place).max(1e-3)
-}
-
-/// The way of each handle over the last [`TRAIL_SECONDS`], oldest place first `[m]`.
-fn trails(run: &Run<'_>, frame: usize) -> Vec<Vec<Vec3>> {
-    let past = (TRAIL_SECONDS * run.frame_rate()).round() as usize;
-    let frames = &run.frames()[frame.saturating_sub(past)..=frame];
-    let handles = run.handles().iter();
-    handles
-        .map(|handle| frames.iter().map(|at| at[handle.index()]).collect())
-        .collect()
 }
 
 #[cfg(test)]

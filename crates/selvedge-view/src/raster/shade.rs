@@ -22,8 +22,6 @@ const BORDER: Rgb = [190, 50, 44];
 /// The border of a cloth that is coloured by numbers: no hue that could be read as one.
 const VALUE_BORDER: Rgb = [52, 52, 60];
 pub(crate) const HANDLE: Rgb = [236, 124, 36];
-/// The way that a handle has come.
-pub(crate) const TRAIL: Rgb = [244, 176, 120];
 /// Around handles.
 pub(crate) const HANDLE_RING: Rgb = [255, 252, 246];
 

@@ -55,10 +55,7 @@ impl Stage {
         for run in runs {
             let count = run.frames().len();
             if let Some(&frame) = frames.iter().find(|&&frame| frame >= count) {
-                return Err(ViewError::FrameOutOfRange {
-                    frame,
-                    frames: count,
-                });
+                return Err(ViewError::no_frame(frame, count));
             }
         }
         let of_frame = |frame: usize| {
@@ -100,7 +97,7 @@ impl Stage {
 
 fn check(runs: &[&Run<'_>]) -> Result<(), ViewError> {
     match runs.is_empty() {
-        true => Err(ViewError::NoPanels),
+        true => Err(ViewError::no_panels()),
         false => Ok(()),
     }
 }

@@ -96,14 +96,6 @@ pub(crate) struct EvalArgs {
     /// Scenes: the physics that is the truth, with an even number of substeps.
     #[arg(long, value_name = "[INTEGRATOR:]SUBSTEPS", default_value = "generalised-alpha:64", value_parser = PhysicsMethod::from_str)]
     pub(crate) reference: PhysicsMethod,
-    /// Random motions: only these, by their numbers, separated by commas.
-    #[arg(
-        long,
-        value_name = "NUMBERS",
-        value_delimiter = ',',
-        requires = "random"
-    )]
-    only: Vec<u32>,
     /// Random motions: frames of each.
     #[arg(long, value_name = "N", default_value_t = 600, value_parser = clap::value_parser!(u32).range(1..=super::MOST_FRAMES))]
     frames: u32,
@@ -122,10 +114,10 @@ pub(crate) struct EvalArgs {
     #[arg(long, value_name = "D", default_value_t = 400.0, requires = "mesh")]
     density: f64,
     /// The folder of the report; it is made. Scenes need one, for their references.
-    #[arg(short, long, alias = "report", alias = "out", value_name = "FOLDER")]
+    #[arg(short, long, value_name = "FOLDER")]
     pub(crate) output: Option<PathBuf>,
     /// Cases that are run at once [default: as many as there are processors].
-    #[arg(short, long, alias = "threads", value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS))]
+    #[arg(short, long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS))]
     pub(crate) jobs: Option<u16>,
     /// The machine of the models.
     #[command(flatten)]
@@ -172,14 +164,8 @@ impl EvalArgs {
 
     /// The random motions that are asked for.
     pub(crate) fn random_cases(&self, count: u32) -> RandomCases {
-        let mut numbers: Vec<usize> = self.only.iter().map(|&number| number as usize).collect();
-        numbers.sort_unstable();
-        numbers.dedup();
-        if numbers.is_empty() {
-            numbers.extend(0..count as usize);
-        }
         RandomCases {
-            numbers,
+            count: count as usize,
             frames: self.frames as usize,
             seed: self.seed,
             speed: self.speed,

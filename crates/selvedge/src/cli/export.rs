@@ -33,7 +33,7 @@ pub(crate) struct ExportArgs {
     /// The trajectory (.safetensors).
     pub(crate) trajectory: PathBuf,
     /// The file to write; with --format obj or png a folder, which must not exist or be empty.
-    #[arg(short, long, alias = "to", value_name = "FILE|FOLDER")]
+    #[arg(short, long, value_name = "FILE|FOLDER")]
     pub(crate) output: PathBuf,
     /// The format [default: as the name ends].
     #[arg(long, value_enum)]

@@ -25,7 +25,7 @@ pub(crate) struct ImportArgs {
     /// The folder of the data.
     pub(crate) source: PathBuf,
     /// The folder of the data set; it is made.
-    #[arg(short, long, alias = "out", value_name = "FOLDER")]
+    #[arg(short, long, value_name = "FOLDER")]
     pub(crate) output: PathBuf,
     /// The name of the data set [default: that of the folder].
     #[arg(long)]

@@ -39,7 +39,7 @@ pub(crate) struct RunArgs {
     pub(crate) model: Option<PathBuf>,
     /// The trajectory to write (.safetensors; with --rest also .obj), or with --model the folder
     /// [default: run.safetensors, or out].
-    #[arg(short, long, alias = "out", value_name = "FILE|FOLDER")]
+    #[arg(short, long, value_name = "FILE|FOLDER")]
     output: Option<PathBuf>,
     /// Number of frames [default: as long as the scene's motion].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=MOST_FRAMES))]

@@ -25,10 +25,10 @@ pub(crate) struct StudyArgs {
     /// A study: a TOML file, or the name of a shipped one (`selvedge list studies`).
     pub(crate) study: String,
     /// The folder of the study; it is made.
-    #[arg(short, long, alias = "out", value_name = "FOLDER")]
+    #[arg(short, long, value_name = "FOLDER")]
     pub(crate) output: PathBuf,
     /// Cases that are measured at once [default: as many as there are processors].
-    #[arg(short, long, alias = "threads", value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS))]
+    #[arg(short, long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS))]
     pub(crate) jobs: Option<u16>,
     /// Only train the models of part I of N, counted from 1: trainings that go on from one another
     /// are one. Parts may run at once in one folder; when all are done, the same command without

@@ -7,11 +7,10 @@ use selvedge_data::DatasetPreset;
 use selvedge_lab::generation::{self, Order};
 use selvedge_sim::DividedFrames;
 use serde::Serialize;
-use serde_json::json;
 
 use crate::cli::GenerateArgs;
 use crate::output::{Answer, End, Facts};
-use crate::{progress, ranks};
+use crate::progress;
 
 #[derive(Serialize)]
 struct Report {
@@ -43,11 +42,8 @@ pub(crate) fn generate(args: &GenerateArgs) -> anyhow::Result<Answer> {
         folder: &args.output,
         part: args.shard,
     };
-    let crew = ranks::crew(args.jobs);
-    let made = generation::generate(order, &crew, &mut progress::listener_of_files())?;
-    let Some(made) = made else {
-        return Answer::new("", &json!({}));
-    };
+    let threads = args.jobs.map(usize::from);
+    let made = generation::generate(order, threads, &mut progress::listener_of_files())?;
     let report = Report {
         name: made.name.clone(),
         out: args.output.clone(),

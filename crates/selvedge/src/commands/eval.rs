@@ -24,7 +24,7 @@ use serde_json::Value;
 use crate::cli::EvalArgs;
 use crate::failure::WrongUsage;
 use crate::output::{Answer, End, Facts, Table};
-use crate::{place, progress, ranks, scenes};
+use crate::{place, progress, scenes};
 
 #[derive(Serialize)]
 struct Answered {
@@ -64,20 +64,14 @@ pub(crate) fn run(args: &EvalArgs) -> anyhow::Result<Answer> {
         methods: &methods,
         horizons: &horizons,
         references: references.map(|folder| folder.join(REFERENCES)),
-        crew: ranks::crew(args.jobs),
+        threads: args.jobs.map(usize::from),
     };
     evaluation::check(&plan, args.horizons.is_some())?;
-    let ranks = ranks::all();
     let _claimed = match &args.output {
-        Some(folder) if ranks.is_first() => {
-            Some(folder::claim_folder(folder, FolderKind::Evaluation)?)
-        }
-        _ => None,
+        Some(folder) => Some(folder::claim_folder(folder, FolderKind::Evaluation)?),
+        None => None,
     };
     let (found, end) = evaluate(&plan, &mut progress::listener())?;
-    if !ranks.is_first() {
-        return Answer::new("", &serde_json::json!({}));
-    }
     let wrote = match &args.output {
         Some(folder) if !found.runs.is_empty() => {
             let mut heading = heading(args, &models, &machine, end);

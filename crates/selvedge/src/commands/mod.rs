@@ -9,7 +9,6 @@ mod eval;
 mod export;
 mod info;
 mod list;
-mod manual;
 mod model;
 mod rollout;
 mod run;
@@ -24,11 +23,7 @@ use crate::output::Answer;
 
 /// Returns true for a command that several ranks can share.
 pub(crate) fn shares(command: &Command) -> bool {
-    match command {
-        Command::Data(command) => matches!(command, DataCommand::Generate(_)),
-        Command::Train(_) | Command::Eval(_) | Command::Study(_) => true,
-        _ => false,
-    }
+    matches!(command, Command::Train(_))
 }
 
 /// Does what is asked.
@@ -48,6 +43,5 @@ pub(crate) fn run(command: &Command) -> anyhow::Result<Answer> {
         Command::List(args) => list::run(args.what),
         Command::Model(ModelCommand::Convert(args)) => model::convert(args),
         Command::Completions(args) => completions::run(args),
-        Command::Manual(args) => manual::run(args),
     }
 }

@@ -2,11 +2,9 @@
 
 use std::io::Write;
 use std::path::Path;
-use std::sync::Arc;
 
 use anyhow::Context;
-use selvedge_data::{Dataset, write_atomically};
-use selvedge_lab::domain;
+use selvedge_data::write_atomically;
 use selvedge_lab::models::NamedModel;
 use selvedge_model::{Model, WeightType};
 use serde_json::json;
@@ -19,11 +17,7 @@ use crate::place;
 pub(crate) fn convert(args: &ConvertArgs) -> anyhow::Result<Answer> {
     place::check_file(&args.output, "--output", &["safetensors"])?;
     place::check_distinct(&[("the model", &args.model), ("--output", &args.output)])?;
-    let mut model = NamedModel::open(Some(&args.model))?.model;
-    if let Some(folder) = &args.trained_on {
-        let trained = domain::of_dataset(&Dataset::open(folder)?)?;
-        model = Arc::new(Model::clone(&model).with_domain(&trained));
-    }
+    let model = NamedModel::open(Some(&args.model))?.model;
     let bytes = model
         .to_bytes_as(weight_type(args.weights))
         .with_context(|| args.model.display().to_string())?;

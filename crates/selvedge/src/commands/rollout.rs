@@ -21,7 +21,7 @@ use selvedge_lab::folder;
 use selvedge_lab::folder_kind::{FolderKind, ROLLOUT};
 use selvedge_lab::machine::Machine;
 use selvedge_lab::models::{self, NamedModel};
-use selvedge_lab::physics::{self, Keep, SimulationPlan, TimedRun};
+use selvedge_lab::physics::{self, SimulationPlan, TimedRun};
 use selvedge_lab::rigid::RigidRest;
 use selvedge_lab::start;
 use selvedge_lab::watched::{self, GuardSummary, WatchedModel};
@@ -43,7 +43,7 @@ const CLIP: &str = "clip.gif";
 const FILES: [&str; 4] = [ROLLOUT, TRUTH, SHEET, CLIP];
 
 /// Text where a model has no domain.
-const NO_DOMAIN: &str = "unknown: the model's file does not say what it was trained on (`selvedge model convert --trained-on` writes it there)";
+const NO_DOMAIN: &str = "unknown: the model's file does not say what it was trained on";
 
 #[derive(Serialize)]
 struct RolloutReport {
@@ -298,7 +298,7 @@ fn simulate(setup: &Setup) -> anyhow::Result<TimedTrajectory> {
     let plan = SimulationPlan {
         start: SavedState::at_rest(setup.rest.positions.clone()),
         frames: setup.frames,
-        keep: Keep::Positions,
+        keeps_states: false,
         threads: Threads::Pool,
         stop: interrupt::flag(),
     };

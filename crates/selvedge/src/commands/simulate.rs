@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use selvedge_cloth::Scene;
 use selvedge_data::{LoadedScene, SavedState, StartSpec, StateChoice, StateRun, metrics};
 use selvedge_lab::fitting::FittedCloth;
-use selvedge_lab::physics::{self, Keep, Simulated, SimulationError, SimulationPlan, TimedRun};
+use selvedge_lab::physics::{self, Simulated, SimulationError, SimulationPlan, TimedRun};
 use selvedge_lab::start;
 use selvedge_sim::{DividedFrames, SubstepCounts, Threads};
 use serde::Serialize;
@@ -156,12 +156,8 @@ fn warn_of_falls(scene: &Scene, substeps: Option<SubstepReport>) {
         return;
     }
     let substeps = scene.physics.substeps;
-    let limits = match scene.material.strain_limits {
-        Some(_) => ", or it was at its strain_limits, where every substep is of first order",
-        None => "",
-    };
     tracing::warn!(
-        "{fell_back} of {all} substeps fell back to first order: the cloth moves so fast that a prediction strained it too much{limits}; use more substeps (physics.substeps, {substeps} now) or slower handles"
+        "{fell_back} of {all} substeps fell back to first order: the cloth moves so fast that a prediction strained it too much; use more substeps (physics.substeps, {substeps} now) or slower handles"
     );
 }
 
@@ -185,10 +181,7 @@ fn simulate(
     let plan = SimulationPlan {
         start,
         frames,
-        keep: match args.states {
-            Some(_) => Keep::States,
-            None => Keep::Positions,
-        },
+        keeps_states: args.states.is_some(),
         threads: Threads::Pool,
         stop: interrupt::flag(),
     };

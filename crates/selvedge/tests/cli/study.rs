@@ -326,14 +326,8 @@ fn what_cannot_be_measured_is_found_before_anything_is_trained() {
 #[test]
 fn bad_studies_leave_nothing_behind() {
     let desk = desk();
-    let cases = [
-        ("title", "titel", "titel"),
-        ("moment.toml\"\nset", "none.toml\"\nset", "none.toml"),
-    ];
-    for (from, to, word) in cases {
-        desk.write("study.toml", STUDY.replacen(from, to, 1));
-        desk.fails("study study.toml -o s", 1, &["study.toml", word]);
-        assert!(!desk.path("s").exists());
-    }
+    desk.write("study.toml", STUDY.replacen("title", "titel", 1));
+    desk.fails("study study.toml -o s", 1, &["study.toml", "titel"]);
+    assert!(!desk.path("s").exists());
     desk.fails("study none -o s", 1, &["none", "ten-minutes", "table1"]);
 }

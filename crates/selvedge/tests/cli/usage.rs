@@ -76,25 +76,6 @@ fn every_shell_has_a_script_that_knows_the_commands() {
 }
 
 #[test]
-fn every_command_has_a_manual_page() {
-    let desk = Desk::new();
-    // A second time over the first.
-    for _ in 0..2 {
-        let said = desk.run("manual man/man1");
-        assert_eq!((said.code, said.err.as_str()), (Some(0), ""));
-    }
-    let folder = desk.path("man/man1");
-    let page = |name: &str| std::fs::read_to_string(folder.join(name)).unwrap();
-    assert!(page("selvedge.1").contains(".TH selvedge 1"));
-    let run = page("selvedge-run.1");
-    // Roff has hyphens escaped.
-    assert!(run.contains("\\-\\-frames") && run.contains("by the physics, or by a model"));
-    assert!(page("selvedge-data-generate.1").contains("\\-\\-jobs"));
-    let words = ["man/man1/selvedge.1", "a file is there", "another name"];
-    desk.fails("manual man/man1/selvedge.1", 1, &words);
-}
-
-#[test]
 fn the_version_is_that_of_the_package_with_its_commit() {
     let said = Desk::new().run("--version").out;
     let rest = said.strip_prefix("selvedge ").unwrap().trim();
@@ -107,18 +88,6 @@ fn the_version_is_that_of_the_package_with_its_commit() {
     };
     // Without a repository there is none.
     assert!(commit.is_empty() || is_commit(commit), "{said}");
-}
-
-#[test]
-fn old_names_work_for_one_release_and_say_the_new_one() {
-    let desk = Desk::new();
-    desk.write("push.toml", PUSH);
-    let said = desk.run("simulate push.toml --out old.safetensors --frames 2 --from-start");
-    assert_eq!(said.code, Some(0), "{}", said.err);
-    let note = "`selvedge simulate` is called `selvedge run` now";
-    assert!(said.err.contains(note), "{}", said.err);
-    desk.json("run push.toml -o new.safetensors --frames 2 --start mesh");
-    assert!(desk.read("old.safetensors") == desk.read("new.safetensors"));
 }
 
 #[test]

@@ -7,15 +7,9 @@ use std::f64::consts::PI;
 use proptest::prelude::*;
 
 use super::*;
-use crate::Topology;
 
 fn unit_square(vertices: usize, seed: u64) -> Sheet {
-    square(&SquareSpec {
-        vertices,
-        size: 1.0,
-        seed,
-    })
-    .unwrap()
+    square(vertices, 1.0, seed).unwrap()
 }
 
 /// Smallest angle `[degrees]`, shortest and longest edge over the mean, and the mean `[m]`.
@@ -72,12 +66,7 @@ fn every_count_is_met_exactly() {
 #[test]
 fn the_boundary_is_even_and_runs_clockwise_from_the_upper_left() {
     let size = 0.7;
-    let spec = SquareSpec {
-        vertices: 1024,
-        size,
-        seed: 1,
-    };
-    let sheet = square(&spec).unwrap();
+    let sheet = square(1024, size, 1).unwrap();
     let uv = sheet.mesh.material_coordinates();
     let boundary = &sheet.labels["boundary"];
     let side = boundary.len() / 4;
@@ -180,35 +169,19 @@ const GOLDEN_289_42: u64 = 17_240_291_985_909_377_471;
 
 #[test]
 fn size_only_scales() {
-    let (one, big) = (
-        unit_square(120, 5).mesh,
-        SquareSpec {
-            vertices: 120,
-            size: 4.0,
-            seed: 5,
-        },
-    );
-    let big = square(&big).unwrap().mesh;
+    let (one, big) = (unit_square(120, 5).mesh, square(120, 4.0, 5).unwrap().mesh);
     assert_eq!(one.topology(), big.topology());
-    for (a, b) in one
+    let scaled: Vec<DVec2> = one
         .material_coordinates()
         .iter()
-        .zip(big.material_coordinates())
-    {
-        assert_eq!(4.0 * *a, *b);
-    }
+        .map(|c| 4.0 * *c)
+        .collect();
+    assert_eq!(scaled, big.material_coordinates());
 }
 
 #[test]
 fn wrong_numbers_are_errors() {
-    let error = |vertices, size| {
-        let spec = SquareSpec {
-            vertices,
-            size,
-            seed: 0,
-        };
-        square(&spec).unwrap_err()
-    };
+    let error = |vertices, size| square(vertices, size, 0).unwrap_err();
     assert_eq!(
         error(3, 1.0),
         GenerateError::TooFewVertices {
@@ -227,10 +200,6 @@ fn wrong_numbers_are_errors() {
     assert!(matches!(error(10, f64::NAN), GenerateError::Size { .. }));
 }
 
-fn flat_topology(sheet: &FlatSheet) -> Topology {
-    Topology::new(sheet.points.len(), &sheet.faces).unwrap()
-}
-
 fn area(sheet: &FlatSheet) -> f64 {
     let of = |f: &[u32; 3]| {
         let [a, b, c] = f.map(|v| sheet.points[v as usize]);
@@ -238,49 +207,6 @@ fn area(sheet: &FlatSheet) -> f64 {
     };
     assert!(sheet.faces.iter().all(|f| of(f) > 0.0));
     sheet.faces.iter().map(of).sum()
-}
-
-#[test]
-fn other_outlines_come_from_the_same_routine() {
-    let polygon = |points: &[(f64, f64)]| -> Vec<DVec2> {
-        points.iter().map(|&(x, y)| DVec2::new(x, y)).collect()
-    };
-    let ell = polygon(&[
-        (0.0, 1.0),
-        (0.5, 1.0),
-        (0.5, 0.5),
-        (1.0, 0.5),
-        (1.0, 0.0),
-        (0.0, 0.0),
-    ]);
-    let triangle = polygon(&[(0.0, 1.0), (1.0, 0.9), (0.4, 0.1)]);
-    let frame = polygon(&[(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)]);
-    let hole = polygon(&[(0.3, 0.3), (0.3, 0.7), (0.7, 0.7), (0.7, 0.3)]);
-    // Loops, area, Euler characteristic V - E + F: 1 for a disc, 0 with a hole.
-    let shapes = [
-        (vec![ell], 0.75, 1),
-        (vec![triangle], 0.5 * (1.0 * 0.9 - 0.4 * 0.1), 1),
-        (vec![frame, hole], 1.0 - 0.16, 0),
-    ];
-    for (loops, expected, euler) in shapes {
-        let sheet = sheet_from_outline(&loops, 400, 11).unwrap();
-        assert_eq!(sheet.points.len(), 400);
-        assert!((area(&sheet) - expected).abs() < 1e-12);
-        let topology = flat_topology(&sheet);
-        let count = |n: usize| n as i64;
-        let found = 400 - count(topology.edges().len()) + count(topology.faces().len());
-        assert_eq!(found, euler);
-        let boundary = topology.boundary_vertices();
-        assert_eq!(
-            boundary.iter().filter(|&&b| b).count(),
-            sheet.boundary_count
-        );
-        for (corners, polygon) in sheet.corners.iter().zip(&loops) {
-            for (&vertex, corner) in corners.iter().zip(polygon) {
-                assert_eq!(sheet.points[vertex as usize], *corner);
-            }
-        }
-    }
 }
 
 #[test]

@@ -2,16 +2,19 @@
 
 use glam::DVec3;
 
-use super::super::{Motion, RandomMotion, named};
+use super::super::{HandlePath, Motion, RandomMotion, named};
 use super::corners;
+
+/// The path of the paper's handles by the motion of this name.
+fn path(name: &str) -> HandlePath {
+    let motion = named::by_name(name).unwrap();
+    motion.bind(&corners(), 60.0).unwrap()
+}
 
 #[test]
 fn training_motions_close_and_last_1261_positions() {
     for name in named::training().into_iter().chain(named::test()) {
-        let path = named::by_name(name)
-            .unwrap()
-            .bind(&corners(), 60.0)
-            .unwrap();
+        let path = path(name);
         assert_eq!(path.frame_count() + 1, 1261, "{name}");
         for (end, start) in path.at(21.0).iter().zip(corners()) {
             assert!(end.distance(start) < 1e-12, "{name} ends at {end}");
@@ -41,8 +44,7 @@ fn training_motions_close_and_last_1261_positions() {
 #[test]
 fn a_factor_after_a_name_makes_a_motion_so_many_times_as_fast() {
     for name in ["test-xy-minus-z", "speed-0.03", "random-7"] {
-        let bound = |name: &str| named::by_name(name).unwrap().bind(&corners(), 60.0);
-        let (own, fast) = (bound(name).unwrap(), bound(&format!("{name}@1.5")).unwrap());
+        let (own, fast) = (path(name), path(&format!("{name}@1.5")));
         assert_eq!(own.frame_count(), fast.frame_count());
         if name.starts_with("random") {
             // It turns: the arcs of the farthest handle are longer, not its chords.
@@ -114,13 +116,7 @@ fn each_opposite_mirrors_its_move() {
         let Some(original) = name.strip_suffix("-opposite") else {
             continue;
         };
-        let bind = |name| {
-            named::by_name(name)
-                .unwrap()
-                .bind(&corners(), 60.0)
-                .unwrap()
-        };
-        let (there, back) = (bind(original), bind(name));
+        let (there, back) = (path(original), path(name));
         for (handle, start) in corners().into_iter().enumerate() {
             let sum = there.at(1.7)[handle] + back.at(1.7)[handle];
             assert!(sum.distance(2.0 * start) < 1e-15, "{name}");
@@ -130,10 +126,7 @@ fn each_opposite_mirrors_its_move() {
 
 #[test]
 fn bouncy_is_as_described() {
-    let path = named::by_name("bouncy")
-        .unwrap()
-        .bind(&corners(), 60.0)
-        .unwrap();
+    let path = path("bouncy");
     assert_eq!(path.frame_count(), 30 + 5 * 60 + 180);
     assert_eq!(path.at(0.5), corners());
     // Forward: (60 + 1)/2 + 3 · 60 + (60 - 1)/2 frames at 0.01. Up and down: -0.02 a block.
@@ -158,8 +151,7 @@ fn generalisation_motions_have_their_lengths_and_peak_speeds() {
         ("speed-0.05", 4.0, 0.05),
     ];
     for (name, seconds, peak) in expected {
-        let motion = named::by_name(name).unwrap();
-        let path = motion.bind(&corners(), 60.0).unwrap();
+        let path = path(name);
         let frames = (seconds * 60.0) as usize;
         assert_eq!(path.frame_count(), 30 + frames + 180, "{name}");
         let mut fastest: f64 = 0.0;
@@ -177,10 +169,7 @@ fn generalisation_motions_have_their_lengths_and_peak_speeds() {
 
 #[test]
 fn snake_turns_by_135_270_and_135_degrees() {
-    let path = named::by_name("snake")
-        .unwrap()
-        .bind(&corners(), 60.0)
-        .unwrap();
+    let path = path("snake");
     let heading = |t: f64| {
         let [a, b] = path.at(t)[..] else { panic!() };
         (b.x - a.x).atan2(b.z - a.z).to_degrees()
@@ -189,25 +178,6 @@ fn snake_turns_by_135_270_and_135_degrees() {
     assert!((heading(3.5) - 135.7).abs() < 0.1);
     assert!((heading(6.5) + 134.2).abs() < 0.1);
     assert!(heading(9.5).abs() < 0.1);
-}
-
-#[test]
-fn apart_keeps_the_handles_between_0_6_and_1() {
-    let path = named::by_name("apart")
-        .unwrap()
-        .bind(&corners(), 60.0)
-        .unwrap();
-    let distances: Vec<f64> = (0..=path.frame_count())
-        .map(|k| path.at(k as f64 / 60.0))
-        .map(|p| p[0].distance(p[1]))
-        .collect();
-    let least = distances.iter().copied().fold(f64::MAX, f64::min);
-    let most = distances.iter().copied().fold(0.0, f64::max);
-    assert!((least - 0.6).abs() < 1e-12 && (most - 1.0).abs() < 1e-12);
-    assert_eq!(path.frame_count(), 30 + 300 + 180);
-    assert_eq!(path.at(8.5), corners());
-    let alone = named::by_name("apart").unwrap();
-    assert!(alone.bind(&corners()[..1], 60.0).is_err());
 }
 
 #[test]

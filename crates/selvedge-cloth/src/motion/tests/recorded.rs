@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::super::{Motion, MotionError, RecordedMotion};
+use super::super::{Motion, RecordedMotion};
 use super::corners;
 
 fn recording(mut edit: impl FnMut(&mut Vec<Vec<DVec3>>)) -> Motion {
@@ -34,25 +34,17 @@ fn a_recording_is_played_as_it_is() {
 
 #[test]
 fn wrong_recordings_are_errors() {
-    let error = |motion: Motion| motion.bind(&corners(), 60.0).unwrap_err();
+    let error = |motion: Motion| motion.bind(&corners(), 60.0).unwrap_err().to_string();
     assert_eq!(
         error(recording(|p| p[2].truncate(1))),
-        MotionError::HandleCount {
-            frame: 2,
-            expected: 2,
-            found: 1
-        }
+        "motion: frame 2 has positions for 1 handles, the scene has 2"
     );
     let nan = error(recording(|p| p[3][1].y = f64::NAN));
-    assert!(matches!(
-        nan,
-        MotionError::Position {
-            frame: 3,
-            handle: 1,
-            ..
-        }
-    ));
-    let far = error(recording(|p| p[1][0].z = -1.1e6)).to_string();
+    assert!(
+        nan.contains("the position of handle 1 in frame 3 must be finite"),
+        "{nan}"
+    );
+    let far = error(recording(|p| p[1][0].z = -1.1e6));
     assert!(
         far.contains("handle 0 in frame 1") && far.contains("1e6"),
         "{far}"

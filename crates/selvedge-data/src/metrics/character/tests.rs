@@ -1,7 +1,7 @@
 //! Closed forms of what motions are like.
 
 use glam::{DVec2, DVec3, Vec3};
-use selvedge_cloth::generate::{SquareSpec, square};
+use selvedge_cloth::generate::square;
 use selvedge_cloth::{Handles, Mesh};
 
 use super::*;
@@ -9,12 +9,7 @@ use super::*;
 const RATE: f64 = 50.0;
 
 fn cloth() -> Cloth {
-    let spec = SquareSpec {
-        vertices: 30,
-        size: 1.0,
-        seed: 3,
-    };
-    let sheet = square(&spec).expect("a sheet");
+    let sheet = square(30, 1.0, 3).expect("a sheet");
     let handles = Handles::new(&[0], 30).expect("a handle");
     Cloth::of_mesh(&sheet.mesh, 0.2, handles).expect("a cloth")
 }

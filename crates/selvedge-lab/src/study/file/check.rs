@@ -56,9 +56,6 @@ impl Study {
         let Some(after) = &entry.after else {
             return Ok(());
         };
-        if self.scale_schedules {
-            return Err(StudyError::new("after: with scale_schedules every training is a whole one: leave one of the two out".to_string()));
-        }
         let Some(before) = before.iter().find(|entry| entry.name == *after) else {
             return Err(StudyError::new(format!(
                 "after: no training before this one is called {after:?}"

@@ -82,32 +82,6 @@ fn a_study_says_what_is_trained_and_for_how_long() {
 }
 
 #[test]
-fn schedules_are_scaled_to_the_budget_where_that_is_asked_for() {
-    let set =
-        "set = [\"model.latent=8\", \"model.blocks=1\"]\nbudget = { time = \"2s\" }\nafter = \"a\"";
-    let asked = STUDY.replace(
-        "budget = { steps = 3 }",
-        "budget = { steps = 30 }\nscale_schedules = true",
-    );
-    let whole = asked.replace(set, "budget = { steps = 60 }\nset = [\"steps=30\", \"learning_rate={ kind = \\\"drop\\\", from = 1e-3, to = 1e-4, at = 10 }\"]");
-    let study = parse(&whole, Path::new(""), "two.toml").unwrap();
-    let cfg = study.config(&study.train[1]).unwrap();
-    assert_eq!(cfg.steps, 60);
-    assert_eq!(
-        (cfg.learning_rate.at(19), cfg.learning_rate.at(20)),
-        (1e-3, 1e-4)
-    );
-    let refused = |text: &str| format!("{:#}", parse(text, Path::new(""), "two.toml").unwrap_err());
-    let error = refused(&asked);
-    assert!(
-        error.contains("a budget in time has no steps to scale to"),
-        "{error}"
-    );
-    let error = refused(&asked.replace("budget = { time = \"2s\" }", ""));
-    assert!(error.contains("every training is a whole one"), "{error}");
-}
-
-#[test]
 fn what_makes_no_sense_is_refused() {
     let cases = [
         ("title =", "titel =", "titel"),

@@ -24,6 +24,9 @@ use test_cloth::{TestCloth, order};
 /// Time that anything may take: a busy machine may stand still for seconds.
 const PATIENCE: Duration = Duration::from_secs(40);
 
+/// A name under which the server may be addressed.
+pub(crate) const NAME: &str = "studio.example";
+
 /// Makes the test cloth ready, with steps that take this time.
 struct TestWorkshop(Duration);
 
@@ -66,7 +69,7 @@ pub(crate) fn served(cost: Duration, folder: PathBuf) -> Served {
     let session = start(Box::new(TestWorkshop(cost)), opening, folder).unwrap();
     let settings = ServerSettings {
         address: SocketAddr::from(([127, 0, 0, 1], 0)),
-        names: Vec::new(),
+        names: vec![NAME.to_owned()],
     };
     let server = serve(settings, &session).unwrap();
     Served { session, server }

@@ -41,7 +41,6 @@ fn graph(parts: Hanging) -> ClothGraph {
 /// Features that two frames are enough for.
 fn pose<'a>(previous: &'a [Vec3], current: &'a [Vec3], yaw: Yaw) -> Pose<'a> {
     Pose {
-        before: &[],
         previous,
         current,
         yaw,
@@ -105,7 +104,11 @@ fn an_arc_sees_its_sender_from_its_receiver_and_its_elongation() {
     let arcs = features(&spec, &graph, pose).arcs;
     let row = |arc: u32| &arcs[arc as usize * 13..][..13];
     for arc in 0..graph.arc_count() {
-        let ends = [graph.senders()[arc], graph.receivers()[arc]].map(|v| current[v as usize]);
+        let ends = [
+            graph.connectivity().senders()[arc],
+            graph.connectivity().receivers()[arc],
+        ]
+        .map(|v| current[v as usize]);
         let d = row(arc as u32);
         let world = pose.yaw.to_world(Vec3::new(d[0], d[1], d[2]));
         assert!(
@@ -140,7 +143,7 @@ fn bending_follows_its_closed_form_positive_for_a_ridge() {
         let pose = pose(&positions, &positions, Yaw::WORLD);
         let arcs = features(&spec, &graph, pose).arcs;
         for (arc, row) in arcs.chunks(10).enumerate() {
-            let interior = graph.arc_edges()[arc] == graph.hinges()[0].edge;
+            let interior = graph.topology().arcs()[arc].edge.0 == graph.hinges()[0].edge;
             let expected = if interior { angle } else { 0.0 };
             // A few roundings of numbers of order 1.
             assert!(
@@ -185,8 +188,13 @@ fn bending_is_minus_the_simulators_dihedral_angle() {
 /// External force as the equations say it, in f64 and world axes, vertex by vertex.
 fn slow_external_force(graph: &ClothGraph, pose: Pose<'_>, vertex: usize) -> DVec3 {
     let air = graph.environment();
-    let mut force = f64::from(graph.vertex_mass()[vertex]) * air.gravity;
-    for (face, &area) in graph.topology().faces().iter().zip(graph.face_area()) {
+    let mut force = f64::from(graph.cloth().vertex_mass()[vertex]) * air.gravity;
+    for (face, &area) in graph
+        .topology()
+        .faces()
+        .iter()
+        .zip(graph.cloth().face_area())
+    {
         if face.iter().all(|v| v.index() != vertex) {
             continue;
         }
@@ -244,7 +252,7 @@ fn node_types_energies_and_velocities_are_what_they_say() {
         let moved = (current[v] - previous[v]).as_dvec3();
         let velocity = Vec3::new(row[0], row[1], row[2]);
         assert!(pose.yaw.to_world(velocity).as_dvec3().distance(moved) < 1e-8);
-        let energy = 0.5 * f64::from(graph.vertex_mass()[v]) * moved.length_squared();
+        let energy = 0.5 * f64::from(graph.cloth().vertex_mass()[v]) * moved.length_squared();
         assert!((f64::from(row[6]) / energy - 1.0).abs() < 1e-6);
         let kind = usize::from(graph.handle_mask()[v]);
         assert!((0..9).all(|k| row[7 + k] == f32::from(u8::from(k == kind))));
@@ -264,48 +272,4 @@ fn leaving_features_out_leaves_the_columns_of_the_others_unchanged() {
     for (all, some) in whole.arcs.chunks(13).zip(part.arcs.chunks(7)) {
         assert_eq!((&all[..4], &all[8..11]), (&some[..4], &some[4..]));
     }
-}
-
-#[test]
-fn acceleration_is_the_second_difference_of_positions_in_the_local_frame() {
-    let graph = graph(parts(6, 1));
-    let rest = graph.rest_positions();
-    let (before, previous) = moving(rest);
-    let current = shaken(rest, 0.01, 10);
-    let mut spec = physical();
-    spec.node_features = BTreeSet::from([NodeFeature::NodeType, NodeFeature::Acceleration]);
-    let yaw = Yaw::from_angle(1.2);
-    let rows = |current: &[Vec3]| {
-        let pose = Pose {
-            before: &before,
-            previous: &previous,
-            current,
-            yaw,
-        };
-        let mut nodes = vec![f32::NAN; graph.vertex_count() * spec.node_width()];
-        node_features(&spec, &graph, pose, &mut nodes);
-        nodes
-    };
-    for (v, row) in rows(&current).chunks_exact(spec.node_width()).enumerate() {
-        let expected = yaw.to_local(current[v] + before[v] - 2.0 * previous[v]);
-        // Sums of positions of about 1 m, rounded to 6e-8 each.
-        assert!(Vec3::from_slice(&row[9..]).distance(expected) < 1e-6);
-    }
-    // Uniform motion has none.
-    let on: Vec<Vec3> = before
-        .iter()
-        .zip(&previous)
-        .map(|(r, q)| 2.0 * *q - *r)
-        .collect();
-    for row in rows(&on).chunks_exact(spec.node_width()) {
-        assert!(Vec3::from_slice(&row[9..]).length() < 1e-6);
-    }
-}
-
-#[test]
-fn accelerations_need_one_more_frame() {
-    let mut spec = ModelSpec::physical(Encoder::Gru { window: 3 }, 8, 1);
-    assert_eq!((spec.window(), spec.history()), (3, 4));
-    spec.node_features.insert(NodeFeature::Acceleration);
-    assert_eq!((spec.window(), spec.history()), (3, 5));
 }

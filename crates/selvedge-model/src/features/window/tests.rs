@@ -110,7 +110,6 @@ fn each_feature(encoder: Encoder) -> Vec<ModelSpec> {
         NodeFeature::Velocity,
         NodeFeature::ExternalForce,
         NodeFeature::KineticEnergy,
-        NodeFeature::Acceleration,
     ];
     let edges = [
         EdgeFeature::Vector,

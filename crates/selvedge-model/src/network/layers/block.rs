@@ -61,22 +61,12 @@ pub(crate) type NodeGradients<'a, T> = (Rows<'a, T>, Rows<'a, T>);
 /// sums, `[arcs, latent]` both.
 pub(crate) type ArcGradients<'a, T> = (Rows<'a, T>, Rows<'a, T>);
 
-/// A partition before a block.
-#[derive(Clone, Copy)]
-pub(crate) struct BlockInput<'a, T> {
-    pub(crate) graph: &'a Connectivity,
-    pub(crate) partition: &'a Partition,
-    /// Endpoint products of all vertices, `[all vertices, 2 latent]`.
-    pub(crate) endpoint_products: &'a [T],
-}
+/// A partition before a block, and the endpoint products of all vertices,
+/// `[all vertices, 2 latent]`.
+pub(crate) type BlockInput<'a, T> = (&'a Connectivity, &'a Partition, &'a [T]);
 
-/// A partition after the forward pass of a block.
-#[derive(Clone, Copy)]
-pub(crate) struct BlockKept<'a, T> {
-    pub(crate) graph: &'a Connectivity,
-    pub(crate) partition: &'a Partition,
-    pub(crate) saved: &'a BlockSaved<T>,
-}
+/// A partition after the forward pass of a block, and what is kept of it.
+pub(crate) type BlockKept<'a, T> = (&'a Connectivity, &'a Partition, &'a BlockSaved<T>);
 
 impl<T: Real> BlockSaved<T> {
     /// Makes room for a graph of that many vertices and arcs.
@@ -155,7 +145,7 @@ impl Block {
     pub(crate) fn forward<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
-        input: BlockInput<'_, T>,
+        (graph, partition, endpoint_products): BlockInput<'_, T>,
         (nodes, kept): (&mut Rows<'_, T>, [Rows<'_, T>; 6]),
         mut arcs: ArcRows<'_, T>,
         scratch: &mut Scratch<T>,
@@ -166,16 +156,16 @@ impl Block {
             false => incoming.values,
         };
         incoming.fill(T::ZERO);
-        let range = &input.partition.arcs;
+        let range = &partition.arcs;
         for chunk in chunks(range.clone()) {
             let (arcs, kept) = arcs.part(&counted_from(&chunk, range.start));
             let [before, activations @ ..] = kept;
             keep(before, &arcs);
             let mut tile = tile(activations, &mut scratch.tiles, chunk.len());
-            let receivers = &input.graph.receivers[chunk.clone()];
+            let receivers = &graph.receivers[chunk.clone()];
             let epilogue = Epilogue::EndpointsRelu(Endpoints {
-                products: input.endpoint_products,
-                senders: &input.graph.senders[chunk],
+                products: endpoint_products,
+                senders: &graph.senders[chunk],
                 receivers,
             });
             let terms = &[self.of_arc.times(weights, &arcs)];
@@ -185,7 +175,7 @@ impl Block {
                 incoming: &mut *incoming,
                 receivers: Receivers {
                     of: receivers,
-                    first: input.partition.vertices.start,
+                    first: partition.vertices.start,
                 },
             };
             self.arc.forward(weights, tile, messages);
@@ -215,15 +205,16 @@ impl Block {
     ) {
         let (latent, using) = (self.latent(), weights.instructions);
         self.nodes_backward(weights, kept, &mut nodes, group);
+        let (graph, partition, saved) = kept;
         sums.fill(T::ZERO);
-        let range = &kept.partition.arcs;
+        let range = &partition.arcs;
         for chunk in chunks(range.clone()) {
             let (mut arcs, mut by_sums) = arcs.part(&counted_from(&chunk, range.start));
             let receivers = Receivers {
-                of: &kept.graph.receivers[chunk.clone()],
-                first: kept.partition.vertices.start,
+                of: &graph.receivers[chunk.clone()],
+                first: partition.vertices.start,
             };
-            let [before, activations @ ..] = kept.saved.arcs.at(&chunk);
+            let [before, activations @ ..] = saved.arcs.at(&chunk);
             let [output, hidden, ..] = &mut group.scratch.tiles;
             let (output, hidden) = (&mut output[..arcs.len()], &mut hidden[..arcs.len()]);
             let incoming = &group.scratch.incoming;
@@ -261,13 +252,13 @@ impl Block {
     fn nodes_backward<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
-        kept: BlockKept<'_, T>,
+        (_, partition, saved): BlockKept<'_, T>,
         nodes: &mut [T],
         group: &mut GroupWork<'_, T>,
     ) {
         let (latent, using) = (self.latent(), weights.instructions);
         let (scratch, gradient) = (&mut *group.scratch, &mut group.gradient);
-        let [before, incoming, activations @ ..] = kept.saved.nodes.at(&kept.partition.vertices);
+        let [before, incoming, activations @ ..] = saved.nodes.at(&partition.vertices);
         let size = nodes.len();
         let [output, hidden, by_sums, _] = &mut scratch.tiles;
         let [output, hidden, by_sums] = [output, hidden, by_sums].map(|tile| &mut tile[..size]);
@@ -291,20 +282,19 @@ impl Block {
     pub(crate) fn endpoints_backward<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
-        kept: BlockKept<'_, T>,
+        (graph, Partition { vertices, .. }, saved): BlockKept<'_, T>,
         by_sums: &[T],
         (mut nodes, mut sums): NodeGradients<'_, T>,
         group: &mut GroupWork<'_, T>,
     ) {
         let (latent, using) = (self.latent(), weights.instructions);
-        let (graph, vertices) = (kept.graph, &kept.partition.vertices);
         let arcs = OutgoingArcs {
             first_arc: &graph.first_arc[vertices.start..=vertices.end],
             reverse_arcs: &graph.reverse_arcs,
         };
         sum_outgoing(using, &mut sums, self.leaving(), by_sums, arcs);
         let all = Columns::all(&sums, 2 * latent);
-        let [before, ..] = kept.saved.nodes.at(vertices);
+        let [before, ..] = saved.nodes.at(vertices);
         for column in [0, latent] {
             let (part, before) = (all.part(column, latent), Columns::all(before, latent));
             let gradient = &mut group.gradient;

@@ -46,12 +46,8 @@ pub(crate) struct EncoderInput<'a, T> {
     pub(crate) dropout: Option<&'a RowMasks>,
 }
 
-/// A forward pass of an encoder that is taken back.
-#[derive(Clone, Copy)]
-pub(crate) struct EncoderKept<'a, T> {
-    pub(crate) input: EncoderInput<'a, T>,
-    pub(crate) saved: &'a Saved<T, KEPT>,
-}
+/// The input of a forward pass of an encoder that is taken back, and what is kept of it.
+pub(crate) type EncoderKept<'a, T> = (EncoderInput<'a, T>, &'a Saved<T, KEPT>);
 
 impl<'a, T> EncoderInput<'a, T> {
     /// The rows of a chunk in frame `step`.
@@ -132,20 +128,21 @@ impl EncoderLayers {
         mut gradients: EncoderGradients<'_, T>,
         group: &mut GroupWork<'_, T>,
     ) {
+        let (input, saved) = kept;
         for chunk in chunks(range.clone()) {
             let gradients = gradients.part(&counted_from(&chunk, range.start));
             match self {
                 Self::Mlp(mlp, piece) => {
                     let (output, to_input) = gradients;
-                    let (latent, width) = (output.width(), kept.input.width);
+                    let (latent, width) = (output.width(), input.width);
                     let gradient = &mut group.gradient;
                     let size = output.len();
                     let [_, hidden, sums, _] = &mut group.scratch.tiles;
                     let (hidden, sums) = (&mut hidden[..size], &mut sums[..size]);
-                    let [a, b, c, d, ..] = kept.saved.at(&chunk);
+                    let [a, b, c, d, ..] = saved.at(&chunk);
                     let through = [output.values, hidden, &mut *sums];
                     mlp.backward(weights, [a, b, c, d], through, gradient);
-                    let features = Columns::all(kept.input.at(0, &chunk), width);
+                    let features = Columns::all(input.at(0, &chunk), width);
                     let by_sums = Columns::all(&*sums, latent);
                     mlp.first_backward(weights, 0, by_sums, features, gradient);
                     if !to_input.is_empty() {

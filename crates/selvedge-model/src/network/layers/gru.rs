@@ -7,13 +7,13 @@
 use std::ops::Range;
 
 use crate::kernels::gemm::{Epilogue, multiply};
-use crate::kernels::norm::{NormKept, NormRows, Normalised, layer_norm, layer_norm_backward};
+use crate::kernels::norm::{Normalised, layer_norm, layer_norm_backward};
 use crate::kernels::real::Real;
 use crate::kernels::rows::add;
 use crate::network::layers::encoder::{
     EncoderGradients, EncoderInput, EncoderKept, EncoderRows, KEPT,
 };
-use crate::network::layers::gru_layer::{Layer, StepGradients, StepKept};
+use crate::network::layers::gru_layer::{Layer, StepBack};
 use crate::network::layers::scratch::{GroupWork, Scratch};
 use crate::network::packed::{LayerWeights, ModuleBuilder, Packer, Piece};
 use crate::network::parameters::{LayerNorm, Linear};
@@ -55,8 +55,7 @@ impl GruEncoder {
     }
 
     /// Numbers that are kept of a row, chunk after chunk: the states of each layer, the initial one
-    /// first, `[steps + 1, rows, hidden]`; its gates in the order of [`crate::Gate::KEPT`],
-    /// `[steps, rows, 4 hidden]`; the input of the second layer where dropout makes it differ from
+    /// first, `[steps + 1, rows, hidden]`; its gates, `[steps, rows, 4 hidden]`; the input of the second layer where dropout makes it differ from
     /// the first layer's states, `[steps, rows, hidden]`; the normalised output, 1 / its deviation.
     pub(crate) fn widths(&self, steps: usize, dropout: bool) -> [usize; KEPT] {
         let hidden = self.linear.inputs;
@@ -97,18 +96,9 @@ impl GruEncoder {
         let [_, _, spare, spare_deviations] = &mut scratch.tiles;
         let [spare0, spare1] = &mut scratch.states;
         let (states0, states1, norm) = match keeps {
-            true => {
-                let norm = NormRows {
-                    normal,
-                    inverse_deviation: deviations,
-                };
-                (states0, states1, norm)
-            }
+            true => (states0, states1, [normal, deviations]),
             false => {
-                let norm = NormRows {
-                    normal: &mut spare[..size],
-                    inverse_deviation: &mut spare_deviations[..chunk.len()],
-                };
+                let norm = [&mut spare[..size], &mut spare_deviations[..chunk.len()]];
                 (&mut spare0[..2 * size], &mut spare1[..2 * size], norm)
             }
         };
@@ -141,13 +131,7 @@ impl GruEncoder {
             };
         let epilogue = Epilogue::Bias(&weights.flat[self.linear.bias_range()]);
         let term = self.output.times(weights, &states1[last..][..size]);
-        multiply(
-            using,
-            &[term],
-            self.linear.outputs,
-            epilogue,
-            &mut *norm.normal,
-        );
+        multiply(using, &[term], self.linear.outputs, epilogue, norm[0]);
         let (weight, shift) = (self.norm.weight_range(), self.norm.bias_range());
         let (weight, shift) = (&weights.flat[weight], &weights.flat[shift]);
         layer_norm(using, norm, weight, shift, Normalised::Set(out.values));
@@ -157,12 +141,12 @@ impl GruEncoder {
     pub(crate) fn backward<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
-        kept: EncoderKept<'_, T>,
+        (input, saved): EncoderKept<'_, T>,
         chunk: &Range<usize>,
         (output, to_input): EncoderGradients<'_, T>,
         group: &mut GroupWork<'_, T>,
     ) {
-        let (input, steps, using) = (kept.input, kept.input.window, weights.instructions);
+        let (steps, using) = (input.window, weights.instructions);
         let (hidden, width) = (self.linear.inputs, input.width);
         let size = chunk.len() * hidden;
         let [
@@ -172,12 +156,9 @@ impl GruEncoder {
             gates1,
             between,
             normal,
-            inverse_deviation,
-        ] = kept.saved.at(chunk);
-        let norm = NormKept {
-            normal,
-            inverse_deviation,
-        };
+            deviations,
+        ] = saved.at(chunk);
+        let norm = [normal, deviations];
         let gradient = &mut group.gradient;
         let Scratch {
             tiles: [_, by_seen, ..],
@@ -205,29 +186,29 @@ impl GruEncoder {
                 Some(_) => &between[step * size..][..size],
                 None => &states0[(step + 1) * size..][..size],
             };
-            let taken = |layer: usize, input| StepKept {
-                input,
-                before: &[states0, states1][layer][step * size..][..size],
-                gates: &[gates0, gates1][layer][step * 4 * size..][..4 * size],
-            };
-            let through = StepGradients {
+            let taken = StepBack {
+                input: seen,
                 state: &mut *state1,
+                before: &states1[step * size..][..size],
+                kept: &gates1[step * 4 * size..][..4 * size],
                 gates: &mut *gates,
                 biases: biases1,
             };
-            second.step_backward(weights, taken(1, seen), through, gradient);
+            second.step_backward(weights, taken, gradient);
             second.input_backward(weights, gates, by_seen);
             if let Some(dropout) = input.dropout {
                 dropout.apply(by_seen, chunk.clone(), step);
             }
             add(using, state0, by_seen);
-            let through = StepGradients {
+            let taken = StepBack {
+                input: input.at(step, chunk),
                 state: &mut *state0,
+                before: &states0[step * size..][..size],
+                kept: &gates0[step * 4 * size..][..4 * size],
                 gates: &mut *gates,
                 biases: biases0,
             };
-            let x = input.at(step, chunk);
-            first.step_backward(weights, taken(0, x), through, gradient);
+            first.step_backward(weights, taken, gradient);
             if !to_input.is_empty() {
                 let by_x = &mut by_x[..chunk.len() * width];
                 first.input_backward(weights, gates, by_x);

@@ -1,8 +1,6 @@
 //! One layer of gated recurrent units: a step forward, and the gradient of a step.
 
-use crate::kernels::gates::{
-    Gate, GateGradients, GruStep, gru_gates_backward, gru_step, pack_biases, pack_gates,
-};
+use crate::kernels::gates::{GateGradients, GruStep, gru_step, pack_biases, pack_gates};
 use crate::kernels::gemm::{Columns, Epilogue, Slot, Term, multiply};
 use crate::kernels::outer::{Sums, add_outer};
 use crate::kernels::real::Real;
@@ -25,22 +23,16 @@ pub(crate) struct Layer {
     to_state: Slot,
 }
 
-/// A step that was taken.
-#[derive(Clone, Copy)]
-pub(crate) struct StepKept<'a, T> {
+/// A step that was taken, and its gradients on their way back.
+pub(crate) struct StepBack<'a, T> {
     /// `[rows, inputs]`.
     pub(crate) input: &'a [T],
-    /// State before the step, `[rows, hidden]`.
-    pub(crate) before: &'a [T],
-    /// In the order of [`Gate::KEPT`], `[rows, 4 hidden]`.
-    pub(crate) gates: &'a [T],
-}
-
-/// Gradients of a step on its way back.
-pub(crate) struct StepGradients<'a, T> {
-    /// In: with respect to the state after; out: before, `[rows, hidden]`.
+    /// In: gradient with respect to the state after; out: before, `[rows, hidden]`.
     pub(crate) state: &'a mut [T],
-    /// Out: of the sums in the order of [`Gate::GRADIENTS`], `[rows, 4 hidden]`.
+    /// State before the step, and the gates that it kept. `[rows, hidden]`, `[rows, 4 hidden]`.
+    pub(crate) before: &'a [T],
+    pub(crate) kept: &'a [T],
+    /// Out: gradients of the sums, `[rows, 4 hidden]`.
     pub(crate) gates: &'a mut [T],
     /// Sums of the columns of `gates` over all steps, `[4 hidden]`; added to.
     pub(crate) biases: &'a mut [T],
@@ -72,16 +64,12 @@ impl Layer {
         let (inputs, hidden) = (layer.inputs, layer.hidden);
         pack_gates(using, layer, packer.room(self.gates));
         pack_biases(using, layer, packer.room(self.biases));
-        // Row of the weights for row `l` of three parts of the gradients.
-        let row = |parts: [Gate; 3], l: usize| {
-            Gate::WEIGHTS.offset(parts[l / hidden]) * hidden + l % hidden
-        };
+        // Rows of the weights are of r, z, n; gradients of n, r, z reach the input.
         packer.backward(self.to_input, |l, j| {
-            layer.of_input[row(TO_INPUT, l) * inputs + j]
+            let row = (l + 2 * hidden) % (3 * hidden);
+            layer.of_input[row * inputs + j]
         });
-        packer.backward(self.to_state, |l, j| {
-            layer.of_state[row(TO_STATE, l) * hidden + j]
-        });
+        packer.backward(self.to_state, |l, j| layer.of_state[l * hidden + j]);
     }
 
     /// From the input and the state before to the state after. Keeps the gates unless `gates` is
@@ -111,30 +99,23 @@ impl Layer {
     pub(crate) fn step_backward<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
-        kept: StepKept<'_, T>,
-        gradients: StepGradients<'_, T>,
+        step: StepBack<'_, T>,
         gradient: &mut ModuleGradient<'_, T>,
     ) {
         let (layer, using) = (&self.weights, weights.instructions);
         let (inputs, hidden) = (layer.inputs, layer.hidden);
-        let StepGradients {
-            state,
-            gates,
-            biases,
-        } = gradients;
-        let of_gates = GateGradients {
-            kept: kept.gates,
-            before: kept.before,
+        let StepBack { state, gates, .. } = step;
+        using.run(GateGradients {
+            hidden,
+            kept: step.kept,
+            before: step.before,
             state: &mut *state,
             sums: &mut *gates,
-        };
-        gru_gates_backward(using, of_gates, hidden);
-        add_column_sums(using, biases, gates);
+        });
+        add_column_sums(using, step.biases, gates);
         let all = Columns::all(&*gates, 4 * hidden);
-        let columns = |first: Gate, count: usize| {
-            all.part(Gate::GRADIENTS.offset(first) * hidden, count * hidden)
-        };
-        let of_state = columns(TO_STATE[0], 3);
+        let columns = |first: usize, count: usize| all.part(first * hidden, count * hidden);
+        let of_state = columns(1, 3);
         let term = Term {
             rows: of_state,
             packed: self.to_state.of(&weights.module.backward),
@@ -145,19 +126,19 @@ impl Layer {
             stride: hidden,
             first: 0,
         };
-        add_outer(using, sums, of_state, Columns::all(kept.before, hidden));
+        add_outer(using, sums, of_state, Columns::all(step.before, hidden));
         let weight = gradient.at(layer.weight_ih_range());
         let (of_reset_and_update, of_new) = weight.split_at_mut(2 * hidden * inputs);
         for (rows, gates) in [
-            (of_reset_and_update, columns(Gate::Reset, 2)),
-            (of_new, columns(Gate::New, 1)),
+            (of_reset_and_update, columns(1, 2)),
+            (of_new, columns(0, 1)),
         ] {
             let sums = Sums {
                 rows,
                 stride: inputs,
                 first: 0,
             };
-            add_outer(using, sums, gates, Columns::all(kept.input, inputs));
+            add_outer(using, sums, gates, Columns::all(step.input, inputs));
         }
     }
 
@@ -169,9 +150,8 @@ impl Layer {
         to_input: &mut [T],
     ) {
         let (hidden, columns) = (self.weights.hidden, self.weights.inputs);
-        let first = Gate::GRADIENTS.offset(TO_INPUT[0]) * hidden;
         let term = Term {
-            rows: Columns::all(gates, 4 * hidden).part(first, 3 * hidden),
+            rows: Columns::all(gates, 4 * hidden).part(0, 3 * hidden),
             packed: self.to_input.of(&weights.module.backward),
         };
         let using = weights.instructions;
@@ -185,22 +165,15 @@ impl Layer {
         gradient: &mut ModuleGradient<'_, T>,
     ) {
         let (layer, hidden) = (&self.weights, self.weights.hidden);
-        let of = |gate: Gate| Gate::GRADIENTS.part(gate, sums, hidden);
+        let (new, others) = sums[..4 * hidden].split_at(hidden);
         for (range, candidate) in [
-            (layer.bias_ih_range(), Gate::New),
-            (layer.bias_hh_range(), Gate::Recurrent),
+            (layer.bias_ih_range(), new),
+            (layer.bias_hh_range(), &others[2 * hidden..]),
         ] {
-            let from = of(Gate::Reset).iter().chain(of(Gate::Update));
-            let to = gradient.at(range).iter_mut();
-            for (to, &x) in to.zip(from.chain(of(candidate))) {
+            let from = others[..2 * hidden].iter().chain(candidate);
+            for (to, &x) in gradient.at(range).iter_mut().zip(from) {
                 *to += x;
             }
         }
     }
 }
-
-/// Gradients that reach the input of a step, in the order of [`Gate::GRADIENTS`].
-const TO_INPUT: [Gate; 3] = [Gate::New, Gate::Reset, Gate::Update];
-
-/// Gradients that reach the state before a step, in the order of [`Gate::GRADIENTS`].
-const TO_STATE: [Gate; 3] = [Gate::Reset, Gate::Update, Gate::Recurrent];

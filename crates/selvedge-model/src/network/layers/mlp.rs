@@ -7,7 +7,7 @@
 use crate::graph::share::Rows;
 use crate::kernels::aligned::Aligned;
 use crate::kernels::gemm::{Columns, Epilogue, Term, multiply};
-use crate::kernels::norm::{NormKept, NormRows, Normalised, layer_norm, layer_norm_backward};
+use crate::kernels::norm::{Normalised, layer_norm, layer_norm_backward};
 use crate::kernels::outer::{Sums, add_outer};
 use crate::kernels::real::Real;
 use crate::kernels::rows::add_column_sums;
@@ -134,10 +134,7 @@ impl Mlp {
             return;
         };
         multiply(using, &[term], self.third.outputs, epilogue, normal);
-        let rows = NormRows {
-            normal,
-            inverse_deviation,
-        };
+        let rows = [normal, inverse_deviation];
         let (weight, shift) = (&flat[norm.weight_range()], &flat[norm.bias_range()]);
         layer_norm(using, rows, weight, shift, out);
     }
@@ -156,10 +153,7 @@ impl Mlp {
         let [second, third] = &self.pieces;
         if let Some(norm) = &self.norm {
             let weight = &weights.flat[norm.weight_range()];
-            let kept = NormKept {
-                normal,
-                inverse_deviation,
-            };
+            let kept = [normal, inverse_deviation];
             layer_norm_backward(using, output, kept, weight, gradient.layer_norm(norm));
         }
         gradient.add_linear(using, &self.third, output, hidden2);

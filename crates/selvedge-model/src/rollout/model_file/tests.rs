@@ -306,3 +306,13 @@ fn statistics_of_another_width_are_named() {
     let expected = "normalizer.nodes has 11 values, but the spec of the model needs 12";
     assert_eq!(error.to_string(), expected);
 }
+
+#[test]
+fn a_tensor_that_is_described_twice_is_refused() {
+    let (header, body) = split(&tiny());
+    let text = header.to_string();
+    let twice = text.replacen(r#""dtype":"#, r#""dtype":"F32","dtype":"#, 1);
+    let bytes = [&(twice.len() as u64).to_le_bytes(), twice.as_bytes(), &body].concat();
+    let error = Model::from_bytes(&bytes).expect_err("a defect").to_string();
+    assert!(error.contains("duplicate field `dtype`"), "{error}");
+}

@@ -3,10 +3,7 @@
 
 use glam::{DMat3, DVec2, DVec3, Mat3A};
 use selvedge_cloth::geometry::dihedral_angle;
-use selvedge_cloth::{
-    BendTable, Environment, FaceFabrics, HandleSchedule, Handles, Material, Mesh, Motion,
-    PhysicsSettings, SagSettings, Scene, StretchTable,
-};
+use selvedge_cloth::{BendTable, FaceFabrics, Handles, Material, Mesh, Scene, StretchTable};
 
 use super::*;
 use crate::laws::number::GROUP;
@@ -23,7 +20,6 @@ fn material(stretch: [f64; 4], bend: [f64; 3]) -> Material {
         damping: 0.0,
         stretch: StretchTable([stretch; 6]),
         bend: BendTable(bend.map(|row| [row; 5])),
-        strain_limits: None,
     }
 }
 
@@ -75,29 +71,13 @@ fn sewn(longer: f64, rest_angles: [f64; 9], positions: Vec<DVec3>) -> Scene {
         .and_then(|mesh| mesh.with_rest_angles(rest_angles.to_vec()))
         .and_then(|mesh| mesh.with_seam_stiffness(SEAM_STIFFNESS))
         .and_then(|mesh| mesh.with_fabrics(fabrics));
-    Scene {
-        name: "seam".to_owned(),
-        mesh: mesh.unwrap(),
-        handles: Handles::new(&[], 6).unwrap(),
-        schedule: HandleSchedule::default(),
-        material: material([40.0, 15.0, 80.0, 30.0], [3e-3, 2e-3, 1e-3]),
-        fabrics: [(
-            "lining".to_owned(),
-            material([20.0, 5.0, 10.0, 9.0], [1e-3; 3]),
-        )]
-        .into(),
-        environment: Environment {
-            gravity: DVec3::ZERO,
-            air_density: 0.0,
-            ..Environment::default()
-        },
-        motion: Motion::still(1.0),
-        physics: PhysicsSettings::default(),
-        sag: SagSettings::default(),
-        frame_rate: 60.0,
-        contact: None,
-        obstacles: Vec::new(),
-    }
+    let lining = material([20.0, 5.0, 10.0, 9.0], [1e-3; 3]);
+    let own = material([40.0, 15.0, 80.0, 30.0], [3e-3, 2e-3, 1e-3]);
+    let mut scene = Scene::of("seam", mesh.unwrap(), Handles::new(&[], 6).unwrap(), own);
+    scene.fabrics.insert("lining".to_owned(), lining);
+    scene.environment.gravity = DVec3::ZERO;
+    scene.environment.air_density = 0.0;
+    scene
 }
 
 /// Energy of each face `[J]`: a [(k0 G00² + k2 G11²)/2 + k1 G00 G11 + k3 G01²] with twice the
@@ -352,13 +332,8 @@ fn each_face_weighs_what_its_fabric_weighs() {
 /// blocks of faces are those of their Jacobians.
 #[test]
 fn elements_side_by_side_are_as_one_by_one() {
-    let spec = selvedge_cloth::generate::SquareSpec {
-        vertices: 60,
-        size: 0.3,
-        seed: 2,
-    };
     let mut scene = scene();
-    scene.mesh = selvedge_cloth::generate::square(&spec).unwrap().mesh;
+    scene.mesh = selvedge_cloth::generate::square(60, 0.3, 2).unwrap().mesh;
     scene.handles = Handles::new(&[], scene.mesh.positions().len()).unwrap();
     scene.physics.law = ElasticLaw::Energy;
     scene.environment.air_density = 1.2;

@@ -3,13 +3,13 @@
 
 use selvedge_data::SectionRule;
 use selvedge_model::{
-    Connectivity, Dropout, Encoder, Gradients, Input, ModelSpec, Network, NetworkScalar, Pass,
-    Place, Window, Workspace,
+    Connectivity, Dropout, Encoder, Gradients, Input, Instructions, ModelSpec, Network,
+    NetworkScalar, Pass, Place, Purpose, Window, Workspace,
 };
 
 use crate::config::TrainConfig;
 use crate::engine::OnProcessor;
-use crate::losses::{ComputedTerms, LossEvaluator, LossStatistics, LossTerms};
+use crate::losses::{LossEvaluator, LossStatistics, LossTerms};
 use crate::schedule::UnrollFrames;
 use crate::slot::{ShownSample, Slot, rng_of};
 use crate::test_data::{ENGINE, Swinging, busy, config, swinging, two_cloths};
@@ -115,7 +115,7 @@ fn whole(encoder: Encoder) -> Whole {
         nodes: wide(&window.nodes),
         edges: wide(&window.arcs),
         statistics: trainer.targets.freeze(),
-        losses: LossEvaluator::new(cfg.losses, ComputedTerms::Weighted),
+        losses: LossEvaluator::new(cfg.losses),
         weights: wide(model.weights()),
         network: model.network().clone(),
         shown,
@@ -134,13 +134,15 @@ impl Whole {
             arcs: &edges,
         };
         let (network, graph) = (&self.network, &self.connectivity);
+        let packed = network.pack(weights, Purpose::Training, Instructions::Detected);
         let mut workspace = Workspace::new();
         let pass = Pass::Training(Some(Dropout {
             rate: 0.2,
             seeds: &[5],
         }));
         let predicted = network
-            .forward(weights, graph, input, pass, &mut workspace)
+            .forward_packed(&packed, graph, input, pass, &mut workspace)
+            .expect("nobody stops it")
             .to_vec();
         let mut output = vec![T::ZERO; predicted.len()];
         let triplet = self.shown.triplet(&self.set.motion(0).graph);
@@ -149,7 +151,8 @@ impl Whole {
         let terms = losses.evaluate(&triplet, statistics, &predicted, &mut output);
         if let Some(gradient) = gradient {
             let gradients = Gradients::new(&output, gradient);
-            network.backward(weights, graph, input, gradients, &mut workspace);
+            let back = network.backward_packed(&packed, graph, input, gradients, &mut workspace);
+            back.expect("nobody stops it");
         }
         terms.total
     }

@@ -51,14 +51,14 @@ struct Shot {
 }
 
 /// The picture of a scene, and the same stage with the cloth shrunk to a point.
-fn shoot(triangles: &[[Vec3; 3]], side: u32, supersampling: Supersampling) -> Shot {
+fn shoot(triangles: &[[Vec3; 3]], side: u32, samples: u32) -> Shot {
     let (topology, positions) = scene(triangles);
     let gone = vec![positions[0]; positions.len()];
     let frames = [positions.as_slice(), gone.as_slice()];
     let run = Run::new(&topology, frames, &[], 60.0).unwrap();
     let stage = Stage::on_orbit(&[&run], &LEVEL, 1.0).unwrap();
     let panel = plain(&run);
-    let mut renderer = Renderer::new(&stage, [side; 2], supersampling).unwrap();
+    let mut renderer = Renderer::new(&stage, [side; 2], samples).unwrap();
     Shot {
         image: renderer.render(&panel, 0).unwrap(),
         backdrop: renderer.render(&panel, 1).unwrap(),
@@ -79,7 +79,7 @@ fn covered_pixels_are_the_projected_area() {
         Vec3::new(0.0, 0.7, 0.95),
     ];
     let side = 256;
-    let shot = shoot(&[triangle], side, Supersampling::One);
+    let shot = shoot(&[triangle], side, 1);
     let [a, b, c] = triangle.map(|point| {
         let seen = shot.stage.camera.project(point);
         Vec2::new(seen.x, seen.y) * side as f32
@@ -116,7 +116,7 @@ fn the_nearer_sheet_hides_the_farther_one_in_either_order() {
     let mut far = at(-0.2, 1.0);
     far.swap(1, 2);
     for order in [[near, far], [far, near]] {
-        let shot = shoot(&order, 64, Supersampling::Two);
+        let shot = shoot(&order, 64, 2);
         let colour_of = |point: Vec3| {
             let seen = shot.stage.camera.project(point);
             let [x, y] = [seen.x, seen.y].map(|share| (share * 64.0) as u32);
@@ -134,7 +134,7 @@ fn the_nearer_sheet_hides_the_farther_one_in_either_order() {
 fn above_the_horizon_a_pixel_shows_cloth_inside_and_backdrop_outside() {
     let [low, behind, before] = TRIANGLE;
     let triangle = [low, before, behind];
-    let shot = shoot(&[triangle], 64, Supersampling::Two);
+    let shot = shoot(&[triangle], 64, 2);
     let corners = triangle.map(|point| {
         let seen = shot.stage.camera.project(point);
         64.0 * Vec2::new(seen.x, seen.y)
@@ -205,7 +205,7 @@ fn handles_are_marked_where_they_are() {
     };
     let stage = Stage::on_orbit(&[&run], &orbit, 1.0).unwrap();
     let panel = plain(&run);
-    let mut renderer = Renderer::new(&stage, [200; 2], Supersampling::Two).unwrap();
+    let mut renderer = Renderer::new(&stage, [200; 2], 2).unwrap();
     let image = renderer.render(&panel, 0).unwrap();
     let seen = stage.camera.project(positions[2]);
     let [x, y] = [seen.x, seen.y].map(|share| (share * 200.0) as u32);
@@ -228,7 +228,7 @@ fn a_renderer_forgets_the_picture_before() {
     let run = Run::new(&topology, frames, &[VertexId(0)], 60.0).unwrap();
     let stage = Stage::of_runs(&[&run], crate::View::default(), 1.0).unwrap();
     let panel = plain(&run);
-    let fresh = || Renderer::new(&stage, [80; 2], Supersampling::Two).unwrap();
+    let fresh = || Renderer::new(&stage, [80; 2], 2).unwrap();
     let mut used = fresh();
     used.render(&panel, 0).unwrap();
     used.render(&panel, 1).unwrap();
@@ -254,7 +254,7 @@ fn a_flat_field_has_the_hue_of_its_value() {
         run: &run,
         colouring: Colouring::PerVertex(&field),
     };
-    let mut renderer = Renderer::new(&stage, [100; 2], Supersampling::One).unwrap();
+    let mut renderer = Renderer::new(&stage, [100; 2], 1).unwrap();
     let image = renderer.render(&panel, 0).unwrap();
     let seen = stage
         .camera
@@ -281,7 +281,7 @@ fn a_run_that_has_blown_up_is_drawn_without_a_panic() {
         let run = Run::new(&topology, frames, &[VertexId(0)], 60.0).unwrap();
         let stage = Stage::of_runs(&[&run], crate::View::default(), 1.0).unwrap();
         let panel = plain(&run);
-        let mut renderer = Renderer::new(&stage, [40; 2], Supersampling::Two).unwrap();
+        let mut renderer = Renderer::new(&stage, [40; 2], 2).unwrap();
         for frame in 0..2 {
             let image = renderer.render(&panel, frame).unwrap();
             assert_eq!([image.width(), image.height()], [40, 40]);
@@ -297,12 +297,12 @@ fn beside(body: &[Vec3], faces: &[[u32; 3]]) -> (Image, Stage) {
         Vec3::new(0.0, 1.0, 0.5),
     ];
     let (topology, positions) = scene(&[cloth]);
-    let body = crate::Body::new(faces, [std::borrow::Cow::Borrowed(body)]).unwrap();
+    let body = crate::Body::new(faces, [std::borrow::Cow::Borrowed(body)]);
     let run = Run::new(&topology, [positions.as_slice()], &[], 60.0).unwrap();
-    let run = run.with_bodies(vec![body]).unwrap();
+    let run = run.with_bodies(vec![body]);
     let stage = Stage::on_orbit(&[&run], &LEVEL, 1.0).unwrap();
     let panel = plain(&run);
-    let mut renderer = Renderer::new(&stage, [64; 2], Supersampling::One).unwrap();
+    let mut renderer = Renderer::new(&stage, [64; 2], 1).unwrap();
     (renderer.render(&panel, 0).unwrap(), stage)
 }
 
@@ -356,7 +356,7 @@ fn a_cloth_has_the_colour_of_its_run() {
             elevation: 5.0,
         };
         let stage = Stage::of_runs(&[run], view, 1.0).unwrap();
-        let mut renderer = Renderer::new(&stage, [32, 32], Supersampling::Two).unwrap();
+        let mut renderer = Renderer::new(&stage, [32, 32], 2).unwrap();
         let panel = Panel {
             label: "",
             run,

@@ -1,7 +1,6 @@
-"""Unpacks ARCSim reference runs (.npz) into the plain .npy files that reference.rs beside this file reads.
+"""Unpacks ARCSim reference runs (.npz) into the plain .npy files that squeeze.py beside this file reads.
 
     python3 convert_reference.py FOLDER_WITH_NPZ OUTPUT_FOLDER
-    SELVEDGE_ARCSIM_REFERENCE=OUTPUT_FOLDER cargo test --release -p selvedge-sim --test physics reference
 
 Floats become f64, integers i64, little endian, C order; texts are left out. Of squeeze_coll the
 handles' targets are also written for every substep, on ARCSim's curve through its keyframes.
