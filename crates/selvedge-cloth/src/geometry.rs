@@ -1,6 +1,14 @@
 //! Areas, normals and the signed dihedral angle, each for one element.
 
 use glam::{DQuat, DVec2, DVec3};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::Rng;
+
+/// A number in [0, 1), the same on every machine.
+pub(crate) fn unit(rng: &mut ChaCha8Rng) -> f64 {
+    const SCALE: f64 = 1.0 / (1_u64 << 53) as f64;
+    (rng.next_u64() >> 11) as f64 * SCALE
+}
 
 /// Signed area of a triangle in material space `[m²]`; positive when counter-clockwise.
 #[must_use]

@@ -9,10 +9,10 @@ use std::f64::consts::TAU;
 
 use glam::DVec3;
 use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
+use rand_chacha::rand_core::SeedableRng;
 use serde::{Deserialize, Serialize};
 
-use crate::geometry::sin_cos;
+use crate::geometry::{sin_cos, unit};
 
 /// Gusts on top of a constant wind.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -54,12 +54,6 @@ impl Gust {
         };
         self.speed * DVec3::new(component(), component(), component())
     }
-}
-
-/// A number in [0, 1), the same on every machine.
-fn unit(rng: &mut ChaCha8Rng) -> f64 {
-    const SCALE: f64 = 1.0 / (1_u64 << 53) as f64;
-    (rng.next_u64() >> 11) as f64 * SCALE
 }
 
 #[cfg(test)]

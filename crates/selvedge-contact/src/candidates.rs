@@ -399,6 +399,16 @@ mod tests {
         pairs
     }
 
+    /// A sheet of so many vertices, and three faces over six `corners` `[m]`, with all points.
+    fn scene(vertices: usize, corners: Vec<DVec3>) -> (Surface, Vec<DVec3>) {
+        let sheet = square(vertices, 1.0, 1).unwrap();
+        let body = Obstacle::new("body", corners, vec![[0, 1, 2], [3, 4, 5], [1, 2, 3]]).unwrap();
+        let mut start = sheet.mesh.positions().to_vec();
+        start.extend(body.positions_at(0.0));
+        let surface = Surface::new(sheet.mesh.topology(), std::slice::from_ref(&body));
+        (surface, start)
+    }
+
     fn ordered(pair: &Pair) -> Pair {
         let [a, b, c, d] = pair.corners;
         match pair.kind {
@@ -429,15 +439,10 @@ mod tests {
 
     #[test]
     fn a_wider_search_keeps_what_there_is_and_misses_nothing() {
-        let sheet = square(36, 1.0, 1).unwrap();
         let mut rng = ChaCha8Rng::seed_from_u64(9);
         let mut point =
             |size: f64| DVec3::from_array([0; 3].map(|_| rng.random_range(-size..size)));
-        let corners = (0..6).map(|_| point(0.7)).collect();
-        let body = Obstacle::new("body", corners, vec![[0, 1, 2], [3, 4, 5], [1, 2, 3]]).unwrap();
-        let surface = Surface::new(sheet.mesh.topology(), std::slice::from_ref(&body));
-        let mut start = sheet.mesh.positions().to_vec();
-        start.extend(body.positions_at(0.0));
+        let (surface, start) = scene(36, (0..6).map(|_| point(0.7)).collect());
         let mut candidates = Candidates::new(&surface, &start, true);
         let reach = Reach {
             gap: 0.02,
@@ -484,15 +489,10 @@ mod tests {
 
     #[test]
     fn no_near_pair_is_missed_and_none_comes_twice() {
-        let sheet = square(25, 1.0, 1).unwrap();
         let mut rng = ChaCha8Rng::seed_from_u64(6);
         let mut point =
             |size: f64| DVec3::from_array([0; 3].map(|_| rng.random_range(-size..size)));
-        let corners = (0..6).map(|_| point(0.7)).collect();
-        let body = Obstacle::new("body", corners, vec![[0, 1, 2], [3, 4, 5], [1, 2, 3]]).unwrap();
-        let surface = Surface::new(sheet.mesh.topology(), std::slice::from_ref(&body));
-        let mut start = sheet.mesh.positions().to_vec();
-        start.extend(body.positions_at(0.0));
+        let (surface, start) = scene(25, (0..6).map(|_| point(0.7)).collect());
         let mut candidates = Candidates::new(&surface, &start, true);
         let reach = Reach {
             gap: 0.02,

@@ -67,6 +67,7 @@ mod simulator;
 mod solver;
 mod state;
 mod stop;
+mod substep_error;
 mod threads;
 mod watched_edges;
 

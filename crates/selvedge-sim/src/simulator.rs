@@ -13,8 +13,9 @@ use selvedge_cloth::{HandleError, HandleTargets, Scene, SceneError, StepError, S
 use crate::active_handles::ActiveHandles;
 use crate::contact::{Contact, ContactCounts, Span};
 use crate::integrator::{History, SubstepCounts};
-use crate::solver::{SolveError, SubstepError};
+use crate::solver::SolveError;
 use crate::state::State;
+use crate::substep_error::SubstepError;
 use crate::threads::Threads;
 use crate::watched_edges::{Overstretched, WatchedEdges};
 pub use checkpoint::{Checkpoint, PreviousSubstep};

@@ -14,8 +14,8 @@ use spade::{ConstrainedDelaunayTriangulation, Point2, Triangulation};
 
 use super::boundary::{Boundary, is_within};
 use super::error::GenerateError;
-use super::scatter::unit;
 use crate::geometry::signed_area_2d;
+use crate::geometry::unit;
 use crate::long_work::Underway;
 
 /// Relaxation steps between two looks at the faces.

@@ -3,9 +3,9 @@
 
 use glam::DVec2;
 use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::Rng;
 
 use super::boundary::{Boundary, is_within};
+use crate::geometry::unit;
 
 /// First distance between points, in spacings. Darts jam at 0.81: this needs few throws.
 const FIRST_DISTANCE: f64 = 0.75;
@@ -39,12 +39,6 @@ pub(super) fn scatter(
         }
     }
     points
-}
-
-/// A number in [0, 1), the same on every machine.
-pub(super) fn unit(rng: &mut ChaCha8Rng) -> f64 {
-    const SCALE: f64 = 1.0 / (1_u64 << 53) as f64;
-    (rng.next_u64() >> 11) as f64 * SCALE
 }
 
 /// Points in square cells as wide as the spacing.

@@ -13,7 +13,7 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde::{Deserialize, Serialize};
 
 use super::boundary::{polygon_area, spacing};
-use super::scatter::unit;
+use crate::geometry::unit;
 
 /// The shape of a sheet. Lengths are in units of its size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]

@@ -11,7 +11,7 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 
 use super::pace::Pace;
 use super::written::{Block, Motion, Rotation, Translation, TurnSense};
-use crate::geometry::sin_cos;
+use crate::geometry::{sin_cos, unit};
 
 /// Moves between the still start and the still end.
 const MOVES: usize = 8;
@@ -107,6 +107,5 @@ fn direction(rng: &mut ChaCha8Rng) -> DVec3 {
 
 /// A number from `range`, uniform; the end is left out.
 fn between(rng: &mut ChaCha8Rng, range: Range<f64>) -> f64 {
-    const SCALE: f64 = 1.0 / (1_u64 << 53) as f64;
-    range.start + (range.end - range.start) * ((rng.next_u64() >> 11) as f64 * SCALE)
+    range.start + (range.end - range.start) * unit(rng)
 }

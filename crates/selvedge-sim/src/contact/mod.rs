@@ -22,13 +22,14 @@ mod touches;
 mod yielded;
 
 use glam::{DVec2, DVec3};
-use selvedge_cloth::{ContactLaw, ContactSettings, Obstacle, Scene, StepError, Touching, VertexId};
+use selvedge_cloth::{ContactLaw, ContactSettings, Obstacle, Scene, Touching, VertexId};
 use selvedge_contact::{Candidates, Intersection, Kind, Pair, Reach, Surface, Ways};
 
 use crate::active_handles::ActiveHandles;
 use crate::integrator::History;
-use crate::solver::{SolveError, SubstepError};
+use crate::solver::SolveError;
 use crate::state::State;
+use crate::substep_error::{SubstepError, Unseparated};
 use crate::threads::Threads;
 use clearances::Clearances;
 pub use gauge::{ContactGauge, FrameContact};
@@ -80,32 +81,6 @@ pub struct ContactCounts {
     pub fell_back: u64,
     /// Pairs that push now.
     pub touching: u64,
-}
-
-/// Pairs that cannot be kept apart.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Unseparated {
-    /// The pair in words.
-    pub(crate) pair: String,
-    /// Gap at its last safe place `[m]`.
-    pub(crate) gap: f64,
-    /// Names of the obstacles that squeeze it.
-    pub(crate) squeezed_by: Vec<String>,
-    /// True if the scene could let one of them through.
-    pub(crate) may_yield: bool,
-}
-
-impl Unseparated {
-    /// As the error of a frame.
-    pub(crate) fn at(self, frame: usize) -> StepError {
-        StepError::Contact {
-            frame,
-            pair: self.pair,
-            gap: self.gap,
-            squeezed_by: self.squeezed_by,
-            may_yield: self.may_yield,
-        }
-    }
 }
 
 /// A substep to be taken.

@@ -10,9 +10,10 @@ use selvedge_contact::{
 
 use super::clearances::against;
 use super::friction::along_surface;
-use super::{Contact, ContactCounts, Span, Unseparated};
-use crate::solver::{SolveError, SubstepError};
+use super::{Contact, ContactCounts, Span};
+use crate::solver::SolveError;
 use crate::state::State;
+use crate::substep_error::{SubstepError, Unseparated};
 use crate::threads::Threads;
 
 /// Part of the thickness to which a pair is pushed, at most.

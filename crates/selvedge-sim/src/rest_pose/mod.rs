@@ -1,8 +1,7 @@
 //! Rest poses: the static equilibrium of a cloth that hangs from handles held still.
 //!
 //! From the start positions with a smooth bulge ([`start`]), [`equilibrium`] repeats long implicit
-//! steps without velocity. The bulge decides the side to which the cloth buckles. A material with
-//! strain limits comes to rest within them ([`within_limits`]).
+//! steps without velocity. The bulge decides the side to which the cloth buckles.
 //!
 //! The rest pose belongs to the cloth and to the handles that hold at the start of the motion. The
 //! air is still: cloth in wind flutters and has no equilibrium (from some 3 m/s on). Damping is

@@ -229,7 +229,7 @@ impl Simulator {
 
     /// Momentum that each obstacle received from the cloth over the last frame
     /// `[N s]`, `[obstacles]`. Obstacles go on as they are led, whatever they
-    /// receive. Vertices that were held back, and limits of strain, give nothing.
+    /// receive. Vertices that were held back give nothing.
     #[must_use]
     pub fn obstacle_impulses(&self) -> Vec<DVec3> {
         let contact = self.contact.as_ref();

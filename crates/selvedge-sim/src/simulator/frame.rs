@@ -8,7 +8,7 @@ use selvedge_cloth::{HandleTargets, StepError};
 
 use super::Simulator;
 use super::snapshot::{DividedFrames, Part};
-use crate::solver::SubstepError;
+use crate::substep_error::SubstepError;
 
 /// Factor by which contact divides a frame before vertices are held back in it: a vertex that stays
 /// while its neighbours go on is strained, and what is strained meets again.

@@ -20,5 +20,5 @@ mod solve_error;
 mod system;
 mod woven;
 
-pub(crate) use solve_error::{SolveError, SubstepError};
+pub(crate) use solve_error::SolveError;
 pub(crate) use system::System;

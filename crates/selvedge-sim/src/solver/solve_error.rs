@@ -1,10 +1,7 @@
-//! Reasons for a failed solve or substep.
+//! The reason for a failed solve.
 
 use selvedge_cloth::VertexId;
 use thiserror::Error;
-
-use crate::contact::Unseparated;
-use crate::watched_edges::Overstretched;
 
 /// Reason for a failed solve.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -31,26 +28,5 @@ impl SolveError {
     pub(super) fn resources(unknowns: usize, cause: &str) -> Self {
         let text = format!("the factorisation of {unknowns} unknowns failed: {cause}");
         Self::Failed(text)
-    }
-}
-
-/// Reason for a failed substep, or for a frame that ends strained beyond its bound.
-pub(crate) enum SubstepError {
-    Solve(SolveError),
-    Contact(Unseparated),
-    Stretch(Overstretched),
-    /// Someone wanted to stop.
-    Stopped,
-}
-
-impl From<SolveError> for SubstepError {
-    fn from(error: SolveError) -> Self {
-        Self::Solve(error)
-    }
-}
-
-impl From<Overstretched> for SubstepError {
-    fn from(error: Overstretched) -> Self {
-        Self::Stretch(error)
     }
 }
