@@ -88,17 +88,17 @@ impl Adam {
         let (count, found) = (first_moment.len(), second_moment.len());
         let expected = format!("of {count} parameters");
         require(found == count, SECOND_MOMENT, expected, found)?;
-        let checks: [(_, _, _, fn(f32) -> bool); 2] = [
-            (FIRST_MOMENT, &first_moment, "finite", f32::is_finite),
+        for (field, values, expected, least) in [
+            (FIRST_MOMENT, &first_moment, "finite", f32::MIN),
             (
                 SECOND_MOMENT,
                 &second_moment,
                 "finite and not negative",
-                |x| x.is_finite() && x >= 0.0,
+                0.0,
             ),
-        ];
-        for (field, values, expected, accept) in checks {
-            if let Some(entry) = values.iter().position(|&x| !accept(x)) {
+        ] {
+            let is_bad = |x: &f32| !x.is_finite() || *x < least;
+            if let Some(entry) = values.iter().position(is_bad) {
                 let found = format!("{} at entry {entry}", values[entry]);
                 require(false, field, expected, found)?;
             }
