@@ -277,7 +277,8 @@ impl Trajectory {
         teller.begin("drawing the clip", Some(count as u64));
         let drawn = beside(py, &stop, || {
             let mut gif = Vec::new();
-            pictures::clip(&mut gif, &show, &mut || teller.advance()).map_err(told)?;
+            // A clip that was stopped is told by `beside`.
+            let _ = pictures::clip(&mut gif, &show, &mut || teller.advance()).map_err(told)?;
             write_atomically(&path, |out| out.write_all(&gif)).map_err(told)
         });
         drawn?

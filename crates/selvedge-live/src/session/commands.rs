@@ -157,7 +157,7 @@ impl Session {
     pub(super) fn place_order(&mut self, order: Order) {
         self.busy = Some("making the cloth ready".to_owned());
         self.outlets.tell_soon();
-        if !self.orders.send(order) {
+        if self.orders.send(Some(order)).is_err() {
             self.busy = None;
             self.notify(
                 Level::Bad,

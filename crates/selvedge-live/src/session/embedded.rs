@@ -5,9 +5,10 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use super::order_slot::{OrderReceiver, order_slot};
+use tokio::sync::watch;
+
 use super::{Inlets, Opening, Outlets, Request, Session};
-use crate::order::Catalogue;
+use crate::order::{Catalogue, Order};
 use crate::protocol::{self, ClientMessage, Hello, WireError, kind};
 use crate::recorder::Destination;
 use crate::workshop::Workshop;
@@ -23,7 +24,7 @@ pub struct EmbeddedSession {
     session: Session,
     workshop: Box<dyn Workshop>,
     catalogue: Catalogue,
-    orders: OrderReceiver,
+    orders: watch::Receiver<Option<Order>>,
     inlets: Inlets,
     /// The generation of the cloth that the page has.
     shown: u32,
@@ -36,7 +37,7 @@ impl EmbeddedSession {
     /// A session for one page. Its recordings go into `folder` or, where there is none, to the page,
     /// as files to save.
     pub fn new(workshop: Box<dyn Workshop>, opening: Opening, folder: Option<PathBuf>) -> Self {
-        let (sender, orders) = order_slot();
+        let (sender, orders) = watch::channel(None);
         let (outlets, inlets) = Outlets::new();
         let to_page = || Destination::Page {
             number: 0,
@@ -92,7 +93,9 @@ impl EmbeddedSession {
                 },
             ));
         }
-        if let Some(order) = self.orders.take() {
+        let is_new = self.orders.has_changed().unwrap_or(false);
+        let order = is_new.then(|| self.orders.borrow_and_update().clone());
+        if let Some(order) = order.flatten() {
             let (session, inlets) = (&mut self.session, &mut self.inlets);
             let mut tell = |text| {
                 session.take(Request::Progress(text));
@@ -139,7 +142,6 @@ mod tests {
 
     use super::*;
     use crate::mover::{LiveError, Mover};
-    use crate::order::Order;
     use crate::protocol::VERSION;
     use crate::test_cloth::{TestCloth, order};
     use crate::workshop::ReadyCloth;

@@ -11,7 +11,6 @@ mod commands;
 mod embedded;
 mod following;
 mod motion;
-mod order_slot;
 mod outlets;
 mod showing;
 #[cfg(feature = "server")]
@@ -20,12 +19,12 @@ mod threaded;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use tokio::sync::watch;
 use web_time::Instant;
 
 use self::bodies::Bodies;
 pub use self::embedded::EmbeddedSession;
 use self::following::Following;
-use self::order_slot::OrderSender;
 pub(crate) use self::outlets::Inlets;
 use self::outlets::{Outlets, TELL_EVERY};
 use self::showing::Showing;
@@ -71,7 +70,9 @@ pub(crate) enum Request {
 
 /// The state of a session.
 struct Session {
-    orders: OrderSender,
+    /// The latest order on its way to the workshop: nothing grows while a cloth takes long, and no
+    /// cloth is made for which nobody waits.
+    orders: watch::Sender<Option<Order>>,
     outlets: Outlets,
     /// The cloth on the table, as it was ordered.
     order: Order,
@@ -123,7 +124,7 @@ impl Session {
     fn new(
         opening: Opening,
         destination: Destination,
-        orders: OrderSender,
+        orders: watch::Sender<Option<Order>>,
         outlets: Outlets,
     ) -> Self {
         let mut session = Self {

@@ -9,7 +9,6 @@ use selvedge_cloth::Release;
 use selvedge_data::Trajectory;
 use serde_json::Value;
 
-use super::order_slot::order_slot;
 use super::*;
 use crate::order::Catalogue;
 use crate::protocol::{Command, Drag};
@@ -42,7 +41,7 @@ fn destination() -> Destination {
 /// A session with the cloth `ready` on the table.
 pub(super) fn session(ready: TestCloth, mover: Mover) -> Session {
     let (outlets, _) = Outlets::new();
-    let (orders, _) = order_slot();
+    let (orders, _) = watch::channel(None);
     let mut session = Session::new(opening("corners", mover), destination(), orders, outlets);
     session.take(Request::Prepared(order("corners"), Ok(Box::new(ready))));
     session

@@ -7,10 +7,12 @@ use std::sync::Arc;
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender, TrySendError};
 use std::thread::JoinHandle;
 
-use super::order_slot::{OrderReceiver, order_slot};
+use tokio::runtime::{Builder, Runtime};
+use tokio::sync::watch;
+
 use super::outlets::{Inlets, Outlets};
 use super::{Opening, Request, Session};
-use crate::order::Catalogue;
+use crate::order::{Catalogue, Order};
 use crate::recorder::Destination;
 use crate::workshop::Workshop;
 
@@ -38,12 +40,13 @@ pub fn start(
     folder: PathBuf,
 ) -> std::io::Result<RunningSession> {
     let (requests, inbox) = mpsc::sync_channel(QUEUE);
-    let (orders, to_make) = order_slot();
+    let (orders, to_make) = watch::channel(None);
+    let waiting = Builder::new_current_thread().build()?;
     let catalogue = Arc::new(workshop.catalogue());
     let back = requests.clone();
     std::thread::Builder::new()
         .name("workshop".to_owned())
-        .spawn(move || work(workshop, &to_make, &back))?;
+        .spawn(move || work(workshop, to_make, &waiting, &back))?;
     let (outlets, inlets) = Outlets::new();
     let port = SessionPort {
         requests,
@@ -73,18 +76,27 @@ impl RunningSession {
 
 /// Makes cloths ready, the latest order only, until the session has gone. An order that a later one
 /// overtakes is stopped.
-fn work(mut workshop: Box<dyn Workshop>, orders: &OrderReceiver, back: &SyncSender<Request>) {
-    while let Some(order) = orders.wait() {
+fn work(
+    mut workshop: Box<dyn Workshop>,
+    mut orders: watch::Receiver<Option<Order>>,
+    waiting: &Runtime,
+    back: &SyncSender<Request>,
+) {
+    while waiting.block_on(orders.changed()).is_ok() {
+        let Some(order) = orders.borrow_and_update().clone() else {
+            continue;
+        };
+        let is_one_waiting = || orders.has_changed().unwrap_or(false);
         let prepared = workshop.prepare(&order, &mut |text| {
             // Progress that does not fit in the queue is not missed.
             let told = back.try_send(Request::Progress(text));
             let is_over = matches!(told, Err(TrySendError::Disconnected(_)));
-            match is_over || orders.is_one_waiting() {
+            match is_over || is_one_waiting() {
                 true => ControlFlow::Break(()),
                 false => ControlFlow::Continue(()),
             }
         });
-        if prepared.is_err() && orders.is_one_waiting() {
+        if prepared.is_err() && is_one_waiting() {
             continue;
         }
         if back.send(Request::Prepared(order, prepared)).is_err() {
