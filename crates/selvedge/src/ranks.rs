@@ -48,7 +48,7 @@ fn joined() -> anyhow::Result<Ranks> {
     let mut sizes = sizes.filter_map(|name| std::env::var(name).ok()?.parse::<u32>().ok());
     anyhow::ensure!(
         sizes.all(|size| size < 2),
-        "started as one of several ranks, but built without the feature `mpi`: build the program with          `cargo build --release -p selvedge --features mpi`, or share the work with --shard"
+        "started as one of several ranks, but built without the feature `mpi`: build the program with `cargo build --release -p selvedge --features mpi`, or share the work with --shard"
     );
     Ok(Ranks::alone())
 }
