@@ -1,7 +1,7 @@
-//! Checks of the index of a data set that need no trajectory: names and files, and sections within
-//! the trajectories.
+//! Checks of the index of a data set that need no trajectory: names and files, trajectories that are
+//! there once, and sections within them.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path};
 
 use super::{DatasetIndex, Entry, Split};
@@ -17,6 +17,7 @@ pub(super) fn check(folder: &Path, index: &DatasetIndex) -> Result<(), String> {
             check_file(folder, split, entry)?;
         }
     }
+    check_once(index)?;
     check_sections(index)
 }
 
@@ -73,6 +74,20 @@ fn check_file(folder: &Path, split: Split, entry: &Entry) -> Result<(), String> 
 fn is_inside(file: &Path) -> bool {
     let mut parts = file.components();
     parts.clone().next().is_some() && parts.all(|part| matches!(part, Component::Normal(_)))
+}
+
+/// Checks that no trajectory is there twice, neither in a split nor in both.
+fn check_once(index: &DatasetIndex) -> Result<(), String> {
+    let mut seen: BTreeMap<&str, &Entry> = BTreeMap::new();
+    for entry in index.splits.all() {
+        if let Some(other) = seen.insert(&entry.blake3, entry) {
+            return Err(format!(
+                "files {:?} and {:?} are the same trajectory (hash {})",
+                other.file, entry.file, entry.blake3
+            ));
+        }
+    }
+    Ok(())
 }
 
 fn check_sections(index: &DatasetIndex) -> Result<(), String> {

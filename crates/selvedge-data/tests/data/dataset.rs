@@ -225,6 +225,20 @@ fn change_index(folder: &Path, change: impl Fn(&mut serde_json::Value)) {
 }
 
 #[test]
+fn a_trajectory_that_is_there_twice_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    make(folder.path());
+    change_index(folder.path(), |index| {
+        let hash = index["splits"]["train"][1]["blake3"].clone();
+        index["splits"]["test"][0]["blake3"] = hash;
+    });
+    let text = Dataset::open(folder.path()).unwrap_err().to_string();
+    let expected =
+        "files \"train/b.safetensors\" and \"test/a.safetensors\" are the same trajectory";
+    assert!(text.contains(expected), "{text}");
+}
+
+#[test]
 fn a_frame_rate_that_is_not_the_configurations_is_named() {
     for (place, rate, refused) in [
         ("setting", 2.0, false),

@@ -158,10 +158,12 @@ impl<T: Real> GruStep<'_, T> {
         let mut sums = [bias; M];
         let packed = &self.packed[3 * first * (inputs + hidden)..];
         let (of_input, of_state) = packed.split_at(3 * lanes * inputs);
-        add_terms::<T, S, M>(simd, &mut sums, self.input, inputs, row, of_input, NEW);
+        let input = rows_from::<T, M>(self.input, inputs, row);
+        add_terms::<T, S, M>(simd, &mut sums, input, of_input, NEW);
         if let Some(before) = self.before {
             let of_state = &of_state[..3 * lanes * hidden];
-            add_terms::<T, S, M>(simd, &mut sums, before, hidden, row, of_state, RECURRENT);
+            let before = rows_from::<T, M>(before, hidden, row);
+            add_terms::<T, S, M>(simd, &mut sums, before, of_state, RECURRENT);
         }
         for (r, sums) in sums.into_iter().enumerate() {
             self.gates(simd, row + r, first, sums);
@@ -193,19 +195,22 @@ impl<T: Real> GruStep<'_, T> {
     }
 }
 
-/// Adds the products of `M` rows of `depth` numbers, from number `row` of `values` on, to the sums
-/// of r, of z and of `third`, one part of n.
+/// `M` rows of `depth` numbers, from number `row` of `values` on.
+#[inline(always)]
+fn rows_from<T, const M: usize>(values: &[T], depth: usize, row: usize) -> [&[T]; M] {
+    std::array::from_fn(|r| &values[(row + r) * depth..][..depth])
+}
+
+/// Adds the products of `M` rows to the sums of r, of z and of `third`, one part of n.
 #[inline(always)]
 fn add_terms<T: Lanes, S: Simd, const M: usize>(
     simd: S,
     sums: &mut [[T::Vector<S>; 4]; M],
-    values: &[T],
-    depth: usize,
-    row: usize,
+    rows: [&[T]; M],
     weights: &[T],
     third: usize,
 ) {
-    let rows: [&[T]; M] = std::array::from_fn(|r| &values[(row + r) * depth..][..depth]);
+    let depth = rows[0].len();
     let weights = &T::vectors::<S>(weights).as_chunks::<3>().0[..depth];
     for (l, &[of_r, of_z, of_n]) in weights.iter().enumerate() {
         for (sums, values) in sums.iter_mut().zip(rows) {
