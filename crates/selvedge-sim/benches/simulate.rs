@@ -33,7 +33,7 @@ use selvedge_sim::Simulator;
 
 /// Frames that the shipped motion stands still before its first move.
 const STILL: usize = 60;
-/// Height at which a ball waits that is not thrown yet `[m]`.
+/// Depth in which a ball waits that is not thrown yet `[m]`.
 const AWAY: f64 = 1e3;
 /// Mass of the ball that is thrown `[kg]`.
 const BALL: f64 = 0.3;
@@ -79,6 +79,10 @@ fn measure(settings: &BTreeMap<&str, String>) {
     let (mut iterations, mut times) = (0, Vec::new());
     for frame in 0..before + frames {
         if frame == before {
+            if let Some(ball) = &ball {
+                let offset = ball.place + DVec3::Y * AWAY;
+                simulator.put_obstacle(0, offset).unwrap();
+            }
             (begin, processor) = (Instant::now(), processor_seconds());
         }
         let targets = targets(settings, &scene, frame);
@@ -184,8 +188,7 @@ fn scene(settings: &BTreeMap<&str, String>) -> Scene {
             obstacles = placed(plane([18.0; 2]), DVec3::Y * -1.05);
         }
         "thrown" => {
-            let place = DVec3::new(1.0, -0.5 - AWAY, 0.05);
-            obstacles = placed(sphere(0.12, 0.03), place);
+            obstacles = placed(sphere(0.12, 0.03), DVec3::Y * -AWAY);
         }
         other => {
             panic!("case {other:?} is none of forward, swing, apart, draped, crumpled, thrown")
