@@ -29,7 +29,7 @@ pub fn fresh(
     engine: &dyn EngineMaker,
     on_event: &mut OnEvent<'_>,
 ) -> Result<Option<Trainer>, TrainError> {
-    begin(cfg, data, engine, &Reporter::new(on_event))
+    begin(None, cfg, data, engine, &Reporter::new(on_event))
 }
 
 /// The same, with the weights and statistics of `model`.
@@ -40,7 +40,8 @@ pub fn from_model(
     model: &NamedModel,
     on_event: &mut OnEvent<'_>,
 ) -> Result<Option<Trainer>, TrainError> {
-    begin_with(&model.model, cfg, data, engine, &Reporter::new(on_event))
+    let reporter = Reporter::new(on_event);
+    begin(Some(&model.model), cfg, data, engine, &reporter)
 }
 
 /// Gives `trainer` the physics of `data`, where its configuration asks for expert labels.
@@ -51,27 +52,20 @@ pub fn with_expert(trainer: &mut Trainer, data: &Dataset) -> Result<(), ExpertEr
     Ok(())
 }
 
-/// As [`fresh`], within a longer operation.
+/// As [`fresh`], or with a model as [`from_model`], within a longer operation.
 pub(crate) fn begin(
+    from: Option<&Model>,
     cfg: TrainConfig,
     data: &Dataset,
     engine: &dyn EngineMaker,
     reporter: &Reporter<'_>,
 ) -> Result<Option<Trainer>, TrainError> {
     let task = reporter.count("gathering statistics", cfg.statistics_samples, "samples");
-    Trainer::new_observed(cfg, data, engine, &mut || task.advance())
-}
-
-/// As [`from_model`], within a longer operation.
-pub(crate) fn begin_with(
-    model: &Model,
-    cfg: TrainConfig,
-    data: &Dataset,
-    engine: &dyn EngineMaker,
-    reporter: &Reporter<'_>,
-) -> Result<Option<Trainer>, TrainError> {
-    let task = reporter.count("gathering statistics", cfg.statistics_samples, "samples");
-    let trainer = Trainer::from_model(cfg, data, engine, model, &mut || task.advance())?;
+    let mut observe = || task.advance();
+    let Some(model) = from else {
+        return Trainer::new_observed(cfg, data, engine, &mut observe);
+    };
+    let trainer = Trainer::from_model(cfg, data, engine, model, &mut observe)?;
     trainer.iter().for_each(say_what_is_fresh);
     Ok(trainer)
 }

@@ -276,7 +276,7 @@ fn trainer(
         Some(After { name, steps: 0, .. }) => {
             let file = folder(desk, name).join(files::MODEL);
             let before = NamedModel::open(Some(&file)).of(|| format!("training {name:?}"))?;
-            training::begin_with(&before.model, cfg, &data.set, &*engine, reporter)?
+            training::begin(Some(&before.model), cfg, &data.set, &*engine, reporter)?
         }
         Some(After { name, .. }) => {
             let checkpoint = folder(desk, name).join(files::CHECKPOINT);
@@ -284,7 +284,7 @@ fn trainer(
                 .of(|| format!("going on after training {name:?}"))?;
             Some(trainer)
         }
-        None => training::begin(cfg, &data.set, &*engine, reporter)?,
+        None => training::begin(None, cfg, &data.set, &*engine, reporter)?,
     };
     let Some(mut trainer) = trainer else {
         return Ok(None);
