@@ -54,16 +54,11 @@ fn models(study: &Study, trained: &[Record]) -> Result<String, StudyError> {
 fn training_times(study: &Study, trained: &[Record]) -> String {
     let headings = ["training", "begun on", "time (s)", "steps per second"];
     let cells = |(entry, record): (&super::file::Training, &Record)| {
-        let rate = record.steps_done as f64 / record.seconds.max(1e-9);
         vec![
             entry.name.clone(),
             record.device.clone(),
             format!("{:.0}", record.seconds),
-            match entry.after {
-                // The time before is not in it.
-                Some(_) => "–".to_owned(),
-                None => format!("{rate:.1}"),
-            },
+            format!("{:.1}", record.rate()),
         ]
     };
     let rows: Vec<Cells> = study.train.iter().zip(trained).map(cells).collect();

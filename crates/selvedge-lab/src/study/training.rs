@@ -45,6 +45,14 @@ pub(super) struct Record {
     model: Option<String>,
 }
 
+impl Record {
+    /// Its steps per second, without those of the training that it goes on from.
+    pub(super) fn rate(&self) -> f64 {
+        let before = self.after.as_ref().map_or(0, |after| after.steps);
+        self.steps_done.saturating_sub(before) as f64 / self.seconds.max(1e-9)
+    }
+}
+
 /// The training that another one goes on from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -78,6 +78,7 @@ struct Near {
 impl Contact {
     /// The touches of a solve over `time` `[s]`.
     pub(super) fn find_touches(&mut self, threads: Threads, time: f64) -> Found {
+        let _span = tracing::trace_span!("touches").entered();
         if let Some(law) = &self.arcsim {
             return self.find_as_arcsim(law, time);
         }

@@ -495,6 +495,7 @@ impl Contact {
         if self.candidates.cover(&self.start, &self.end) {
             return;
         }
+        let _span = tracing::trace_span!("candidates").entered();
         let mut reach = self.reach();
         reach.slack *= f64::from(1_u32 << self.searches.min(WIDENINGS));
         self.searches += 1;

@@ -172,6 +172,7 @@ impl Contact {
         span: Span<'_>,
         state: &mut State,
     ) -> Result<Outcome, SubstepError> {
+        let _span = tracing::trace_span!("separation").entered();
         let rounds = self.settings.rounds;
         let last = if span.may_hold {
             rounds + HOLDING
@@ -277,6 +278,7 @@ impl Contact {
 
     /// Certifies all candidates, of which some point moved, and lists those that fail.
     fn certify(&mut self, threads: Threads, first: bool) {
+        let _span = tracing::trace_span!("certificates").entered();
         self.cover(false);
         self.clearances.look_ahead(&self.start, &self.end);
         let mut room = std::mem::take(&mut self.room);

@@ -83,6 +83,7 @@ impl EdgeProjection {
     /// Moves the `predicted` positions until edges are as long as at the `start`, but for their
     /// bands, or the passes are done; both `[m]`, `[vertices]`. Returns true if any moved.
     pub(super) fn project(&mut self, start: &[DVec3], predicted: &mut [DVec3]) -> bool {
+        let _span = tracing::trace_span!("prediction").entered();
         for (limits, edge) in self.bands.iter_mut().zip(&self.edges) {
             let [a, b] = edge.ends;
             let length = start[a].distance(start[b]);

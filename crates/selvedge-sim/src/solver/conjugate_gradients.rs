@@ -135,6 +135,7 @@ impl ConjugateGradients {
         gathered: Option<(&Elements, impl Iterator<Item = (u32, f64)>)>,
         touches: &Touches,
     ) {
+        let _span = tracing::trace_span!("preconditioner").entered();
         if let Some((elements, springs)) = gathered {
             self.contributions.gather_single(
                 threads,
@@ -189,6 +190,7 @@ impl ConjugateGradients {
         changes: &mut [DVec3],
         mut residual_of: impl FnMut(&[DVec3], &mut [DVec3]),
     ) -> Result<(), SolveError> {
+        let _span = tracing::trace_span!("iterations").entered();
         self.iterations = 0;
         if !(self.is_woven || self.is_definite) {
             return Err(self.indefinite());

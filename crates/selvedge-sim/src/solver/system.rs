@@ -165,6 +165,7 @@ impl System {
     /// Assembles b at `state` for a solve over `dt` `[s]` with handles going to `targets` `[m]`,
     /// and evaluates the elements of A.
     pub(crate) fn assemble(&mut self, dt: f64, state: &State, targets: &[DVec3]) {
+        let _span = tracing::trace_span!("assembly").entered();
         let is_same = std::mem::take(&mut self.repeated.is_next);
         self.repeated.is_now = is_same && self.repeated.dt == Some(dt);
         if self.repeated.is_now {
@@ -231,6 +232,7 @@ impl System {
         now: &State,
         targets: &[DVec3],
     ) {
+        let _span = tracing::trace_span!("assembly").entered();
         self.repeated = Repeated {
             impulses: std::mem::take(&mut self.repeated.impulses),
             ..Repeated::default()
@@ -298,6 +300,7 @@ impl System {
 
     /// As [`Self::solve`], by a factor of the whole matrix with all touches.
     fn solve_whole(&mut self) -> Result<(), SolveError> {
+        let _span = tracing::trace_span!("complete factor").entered();
         let dt = self.elements.time_step();
         let coupling = Coupling {
             threads: self.threads,
@@ -319,6 +322,7 @@ impl System {
         let solver = match &mut self.solver {
             Solver::Iterative(solver) => solver.as_mut(),
             Solver::Direct(direct) => {
+                let _span = tracing::trace_span!("complete factor").entered();
                 direct.gather(threads, pattern, elements, springs);
                 direct.add(pattern, touches);
                 return direct.solve(pattern, impulses, changes);

@@ -1,6 +1,6 @@
 //! Times the simulator on a square of gray interlock: a table row per run, for `docs/src/benchmarks.md`.
 //!
-//! `cargo bench -p selvedge-sim --bench simulate -- [KEY=VALUE ...]` with `case` (forward), `vertices`
+//! `cargo bench -p selvedge-lab --bench simulate -- [KEY=VALUE ...]` with `case` (forward), `vertices`
 //! (1024), `size` of the square's side in m (1), `frames` that count (60), those `before` them that do
 //! not (30), `substeps` (4), `threads` (1), `solver` (automatic, cholesky, or the tolerance of
 //! conjugate gradients in m/s), `integrator` (generalised-alpha or linearised). Cases:
@@ -10,8 +10,11 @@
 //! - `draped`: without handles it falls onto a ball. `crumpled`: onto the ground, from upright.
 //! - `thrown`: a ball of 0.3 kg is thrown at it with `speed` in m/s (5), as the viewer does.
 //!
+//! `scene=FILE` instead runs so many `frames` of a scene as it is, from its own start, on `threads`.
+//!
 //! Wall time says what one waits, processor time what is left of it where the machine is shared. The
-//! largest memory is that of the whole process, mesh generation included.
+//! largest memory is that of the whole process, mesh generation included. The second line has the share
+//! of each phase, of wall time: the spans that the simulator opens for `tracing`.
 #![allow(
     clippy::unwrap_used,
     clippy::print_stdout,
@@ -19,6 +22,8 @@
 )]
 
 use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 use glam::DVec3;
@@ -29,7 +34,12 @@ use selvedge_cloth::{
     ConjugateGradients, ContactSettings, HandleTargets, Handles, Integrator, LinearSolver, Mesh,
     Obstacle, Scene, StepError, Stepper,
 };
-use selvedge_sim::Simulator;
+use selvedge_data::open_scene;
+use selvedge_lab::physics::{SimulationPlan, run_plan};
+use selvedge_lab::start;
+use selvedge_sim::{Simulator, Threads};
+use tracing::span::{Attributes, Id, Record};
+use tracing::{Event, Metadata, Subscriber};
 
 /// Frames that the shipped motion stands still before its first move.
 const STILL: usize = 60;
@@ -50,6 +60,7 @@ fn main() {
         ("threads", "1"),
         ("solver", "automatic"),
         ("integrator", "generalised-alpha"),
+        ("scene", ""),
     ];
     let mut settings = BTreeMap::from(keys.map(|(key, value)| (key, value.to_owned())));
     for argument in std::env::args().skip(1).filter(|a| a != "--bench") {
@@ -65,7 +76,11 @@ fn main() {
     let threads = settings["threads"].parse().unwrap();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
     pool.build_global().unwrap();
-    measure(&settings);
+    tracing::subscriber::set_global_default(Phases).unwrap();
+    match settings["scene"].as_str() {
+        "" => measure(&settings),
+        scene => measure_scene(scene, settings["frames"].parse().unwrap()),
+    }
 }
 
 fn measure(settings: &BTreeMap<&str, String>) {
@@ -83,6 +98,7 @@ fn measure(settings: &BTreeMap<&str, String>) {
                 let offset = ball.place + DVec3::Y * AWAY;
                 simulator.put_obstacle(0, offset).unwrap();
             }
+            PHASES.lock().unwrap().seconds.clear();
             (begin, processor) = (Instant::now(), processor_seconds());
         }
         let targets = targets(settings, &scene, frame);
@@ -97,6 +113,7 @@ fn measure(settings: &BTreeMap<&str, String>) {
         }
     }
     let per_frame = 1e3 / frames as f64;
+    let wall = begin.elapsed().as_secs_f64();
     println!(
         "| {} | {} vertices | {} m | {} substeps | {} threads | {} | {:.2} ms wall, longest {:.1}, {} above 16.7 | {:.2} ms processor | {:.1} iterations | set-up {set_up:.2} s | {:.0} MB |",
         settings["case"],
@@ -105,16 +122,118 @@ fn measure(settings: &BTreeMap<&str, String>) {
         settings["substeps"],
         settings["threads"],
         settings["solver"],
-        begin.elapsed().as_secs_f64() * per_frame,
+        wall * per_frame,
         times.iter().copied().fold(0.0, f64::max),
         times.iter().filter(|ms| **ms > 1e3 / 60.0).count(),
         (processor_seconds() - processor) * per_frame,
         f64::from(iterations) / (before + frames) as f64,
         largest_memory_mb(),
     );
+    print_shares(wall);
     if scene.contact.is_some() {
         println!("{:?}", simulator.stats());
     }
+}
+
+/// What [`Phases`] has measured. One thread drives the simulator and opens all spans.
+static PHASES: Mutex<Measured> = Mutex::new(Measured {
+    names: Vec::new(),
+    open: Vec::new(),
+    since: None,
+    seconds: BTreeMap::new(),
+});
+
+struct Measured {
+    /// Names of the spans so far; the number of a span is its place, from 1.
+    names: Vec<&'static str>,
+    /// Spans within each other, the innermost last.
+    open: Vec<&'static str>,
+    /// When the innermost one began or went on.
+    since: Option<Instant>,
+    /// Time within each span, but for the spans within it `[s]`.
+    seconds: BTreeMap<&'static str, f64>,
+}
+
+impl Measured {
+    /// Adds the time since the last change to the innermost span.
+    fn count(&mut self) {
+        let now = Instant::now();
+        if let (Some(name), Some(since)) = (self.open.last(), self.since) {
+            *self.seconds.entry(name).or_default() += (now - since).as_secs_f64();
+        }
+        self.since = Some(now);
+    }
+}
+
+/// Sums the time of the simulator's spans.
+struct Phases;
+
+impl Subscriber for Phases {
+    fn enabled(&self, metadata: &Metadata<'_>) -> bool {
+        metadata.is_span() && metadata.target().starts_with("selvedge_sim")
+    }
+
+    fn new_span(&self, span: &Attributes<'_>) -> Id {
+        let (name, mut measured) = (span.metadata().name(), PHASES.lock().unwrap());
+        let place = measured.names.iter().position(|known| *known == name);
+        let place = place.unwrap_or_else(|| {
+            measured.names.push(name);
+            measured.names.len() - 1
+        });
+        Id::from_u64(place as u64 + 1)
+    }
+
+    fn enter(&self, span: &Id) {
+        let mut measured = PHASES.lock().unwrap();
+        measured.count();
+        let name = measured.names[span.into_u64() as usize - 1];
+        measured.open.push(name);
+    }
+
+    fn exit(&self, _: &Id) {
+        let mut measured = PHASES.lock().unwrap();
+        measured.count();
+        measured.open.pop();
+    }
+
+    fn record(&self, _: &Id, _: &Record<'_>) {}
+    fn record_follows_from(&self, _: &Id, _: &Id) {}
+    fn event(&self, _: &Event<'_>) {}
+}
+
+/// Runs so many frames of a scene's file, or of a shipped scene.
+fn measure_scene(name: &str, frames: usize) {
+    let loaded = open_scene(name).unwrap();
+    let start = start::find(&loaded, &mut |_| ControlFlow::Continue(())).unwrap();
+    let plan = SimulationPlan {
+        start: start.state,
+        frames,
+        keeps_states: false,
+        threads: Threads::Pool,
+        stop: Arc::default(),
+    };
+    PHASES.lock().unwrap().seconds.clear();
+    let run = run_plan(&loaded.scene, plan, &mut || ControlFlow::Continue(()));
+    let (run, _) = run.unwrap().whole().unwrap();
+    let vertices = loaded.scene.mesh.positions().len();
+    let ms = run.ms_per_frame;
+    println!("| {name} | {vertices} vertices | {frames} frames | {ms:.2} ms |");
+    print_shares(1e-3 * ms * frames as f64);
+    println!("{:?}", run.contact);
+}
+
+/// Prints the share of each phase in the time of all frames `[s]`.
+fn print_shares(wall: f64) {
+    let phases = &PHASES.lock().unwrap().seconds;
+    let of_phase = |(phase, seconds): (&&'static str, &f64)| (*phase, 100.0 * seconds / wall);
+    let mut shares: Vec<_> = phases.iter().map(of_phase).collect();
+    let known: f64 = shares.iter().map(|(_, share)| share).sum();
+    shares.push(("rest", 100.0 - known));
+    shares.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let shares = shares
+        .iter()
+        .map(|(phase, share)| format!("{phase} {share:.0} %"));
+    println!("{}", shares.collect::<Vec<_>>().join(", "));
 }
 
 /// Where the handles go in the step from `frame`.
