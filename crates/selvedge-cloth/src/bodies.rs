@@ -51,8 +51,15 @@ pub fn cuboid(sides: DVec3) -> Body {
     }
 }
 
+/// Shortest `edge` of a [`sphere`] in radii: the edges of an icosahedron in a unit sphere, halved six
+/// times.
+pub const FINEST_SPHERE: f64 = 0.0436;
+
+/// Edges at most of a [`capsule`] or [`cylinder`] along its length, and around it.
+pub const MOST_PIECES: usize = 256;
+
 /// A sphere of `radius` `[m]` about the origin: an icosahedron whose edges are halved until none is
-/// longer than `edge` `[m]`, at most six times. Its points lie on the sphere.
+/// longer than `edge` `[m]`, but no shorter than [`FINEST_SPHERE`]. Its points lie on the sphere.
 #[must_use]
 pub fn sphere(radius: f64, edge: f64) -> Body {
     let mut body = icosahedron();
@@ -117,7 +124,7 @@ pub fn cylinder(radius: f64, length: f64, edge: f64) -> Body {
 
 /// Pieces of a `length` that are no longer than `edge` `[m]`, at least `least`.
 fn pieces(length: f64, edge: f64, least: usize) -> usize {
-    ((length / edge).ceil() as usize).clamp(least, 256)
+    ((length / edge).ceil() as usize).clamp(least, MOST_PIECES)
 }
 
 /// A body of `rings` about y from below, each of a radius and a height `[m]` and `around` points,

@@ -1,5 +1,6 @@
 //! The body of an obstacle: numbers of a simple one, a shipped one, or a file with its hash.
 
+use std::f64::consts::TAU;
 use std::path::Path;
 
 use glam::{DQuat, DVec3};
@@ -184,7 +185,7 @@ impl BodySpec {
             &Self::Sphere(Sphere { radius, edge }) => {
                 check("sphere.radius", radius)?;
                 let edge = edge.unwrap_or(SPHERE_EDGE * radius);
-                check("sphere.edge", edge)?;
+                check_edge("sphere.edge", edge, bodies::FINEST_SPHERE * radius)?;
                 Ok(bodies::sphere(radius, edge))
             }
             &Self::Capsule(Capsule {
@@ -196,8 +197,9 @@ impl BodySpec {
                 if length != 0.0 {
                     check("capsule.length", length)?;
                 }
-                let edge = edge.unwrap_or(CAPSULE_EDGE * radius);
-                check("capsule.edge", edge)?;
+                let shortest = shortest(radius, length);
+                let edge = edge.unwrap_or((CAPSULE_EDGE * radius).max(shortest));
+                check_edge("capsule.edge", edge, shortest)?;
                 Ok(bodies::capsule(radius, length, edge))
             }
             &Self::Cylinder(Cylinder {
@@ -207,8 +209,9 @@ impl BodySpec {
             }) => {
                 check("cylinder.radius", radius)?;
                 check("cylinder.length", length)?;
-                let edge = edge.unwrap_or(CAPSULE_EDGE * radius);
-                check("cylinder.edge", edge)?;
+                let shortest = shortest(radius, length);
+                let edge = edge.unwrap_or((CAPSULE_EDGE * radius).max(shortest));
+                check_edge("cylinder.edge", edge, shortest)?;
                 Ok(bodies::cylinder(radius, length, edge))
             }
             Self::Box(Cuboid { size }) => {
@@ -233,6 +236,21 @@ fn check(field: &'static str, value: f64) -> Result<(), FieldProblem> {
         return Ok(());
     }
     Err(wrong(field, "between 0.0001 and 100000 m", &value))
+}
+
+/// Checks the longest edge of a round body that has edges of `shortest` `[m]` at best.
+fn check_edge(field: &'static str, edge: f64, shortest: f64) -> Result<(), FieldProblem> {
+    check(field, edge)?;
+    if edge >= shortest {
+        return Ok(());
+    }
+    let expected = format!("at least {shortest:.3e} m for a body of this size");
+    Err(wrong(field, &expected, &edge))
+}
+
+/// Shortest edge of a capsule or cylinder `[m]`.
+fn shortest(radius: f64, length: f64) -> f64 {
+    (TAU * radius).max(length) / bodies::MOST_PIECES as f64
 }
 
 fn wrong(field: &'static str, expected: &str, found: &dyn std::fmt::Display) -> FieldProblem {
