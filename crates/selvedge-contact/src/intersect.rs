@@ -70,7 +70,8 @@ pub fn triangles_meet(points: &[DVec3], first: [u32; 3], second: [u32; 3]) -> bo
                 return true;
             };
             let (from, to, p, q) = (a[(k + 1) % 3], a[(k + 2) % 3], a[k], b[l]);
-            sign(from, to, p, q) == 0.0 && same_side(from, to, p, q)
+            // Faces that a fold has not closed are told apart without the sum of a flat one's sign.
+            same_side(from, to, p, q) && sign(from, to, p, q) == 0.0
         }
         _ => true,
     }

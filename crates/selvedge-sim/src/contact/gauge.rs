@@ -1,10 +1,16 @@
 //! What contact left in frames that are there already: intersections, and the smallest gap.
 
+use std::ops::ControlFlow;
+
 use glam::{DVec3, Vec3};
+use rayon::prelude::*;
 use selvedge_cloth::Scene;
 use selvedge_contact::{Candidates, Reach, Ways, gap};
 
 use super::{Contact, YieldedContact};
+
+/// Frames that one thread measures one after the other.
+const FRAMES: usize = 32;
 
 /// Measures the frames of a scene with contact.
 pub struct ContactGauge {
@@ -48,6 +54,35 @@ impl ContactGauge {
         self
     }
 
+    /// Measures the frames of a run, of which `positions` `[m]`, `[frames * vertices]`, has those from
+    /// `first` on, on the threads of rayon's pool; `yielded` is left out. Hears from `on_frame`, on
+    /// any thread, whether to go on. Gives each frame that was measured, in order, with its number;
+    /// none without contact.
+    pub fn measure_run(
+        scene: &Scene,
+        yielded: &[YieldedContact],
+        first: usize,
+        positions: &[Vec3],
+        on_frame: &(dyn Fn() -> ControlFlow<()> + Sync),
+    ) -> Option<Vec<(usize, FrameContact)>> {
+        let vertices = scene.mesh.positions().len();
+        let of_chunk = |(chunk, positions): (usize, &[Vec3])| {
+            let mut gauge = Self::of(scene)?.without(yielded);
+            let mut found = Vec::new();
+            for (k, positions) in positions.chunks(vertices).enumerate() {
+                if on_frame().is_break() {
+                    break;
+                }
+                let frame = first + FRAMES * chunk + k;
+                found.push((frame, gauge.measure(frame, positions)));
+            }
+            Some(found)
+        };
+        let chunks = positions.par_chunks(FRAMES * vertices).enumerate();
+        let found: Option<Vec<_>> = chunks.map(of_chunk).collect();
+        Some(found?.concat())
+    }
+
     /// Measures `positions` `[m]`, `[vertices]`, of frame `frame`, as they are in single precision.
     pub fn measure(&mut self, frame: usize, positions: &[Vec3]) -> FrameContact {
         if !self.yielded.is_empty() {
@@ -81,5 +116,73 @@ impl ContactGauge {
             intersections: met.len(),
             smallest_gap: (smallest < thickness).then_some(smallest),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    use selvedge_cloth::bodies::plane;
+    use selvedge_cloth::generate::square;
+    use selvedge_cloth::{ContactSettings, Handles, Obstacle};
+
+    use super::*;
+
+    /// A hanging sheet of 36 vertices that sinks through the ground, by a centimetre a frame.
+    fn sinking() -> (Scene, Vec<Vec3>) {
+        let mesh = square(36, 1.0, 1).unwrap().mesh;
+        let material = toml::from_str(selvedge_assets::materials::GRAY_INTERLOCK).unwrap();
+        let frames = (0..FRAMES + 9).flat_map(|frame| {
+            let way = DVec3::Y * (0.2 - 0.01 * frame as f64);
+            let moved = mesh.positions().iter().map(move |p| (*p + way).as_vec3());
+            moved.collect::<Vec<_>>()
+        });
+        let frames = frames.collect();
+        let handles = Handles::new(&[], 36).unwrap();
+        let mut scene = Scene::of("sinking", mesh, handles, material);
+        scene.contact = Some(ContactSettings::default());
+        let ground = plane([4.0; 2]);
+        let points = ground.points.iter().map(|p| *p - DVec3::Y).collect();
+        scene.obstacles = vec![Obstacle::new("ground", points, ground.faces).unwrap()];
+        (scene, frames)
+    }
+
+    #[test]
+    fn a_run_is_measured_as_its_frames_are() {
+        let (scene, positions) = sinking();
+        let mut gauge = ContactGauge::of(&scene).unwrap();
+        let frames = positions.chunks(36).zip(5..);
+        let each: Vec<_> = frames
+            .map(|(positions, frame)| (frame, gauge.measure(frame, positions)))
+            .collect();
+        let go_on = || ControlFlow::Continue(());
+        let all = ContactGauge::measure_run(&scene, &[], 5, &positions, &go_on).unwrap();
+        assert_eq!(all, each);
+        let meets = all
+            .iter()
+            .filter(|(_, found)| found.intersections > 0)
+            .count();
+        assert!((10..30).contains(&meets), "{meets}");
+    }
+
+    #[test]
+    fn a_measurement_that_is_stopped_has_no_more_frames() {
+        let (scene, positions) = sinking();
+        let heard = AtomicUsize::new(0);
+        let stop = || match heard.fetch_add(1, Ordering::Relaxed) {
+            0..4 => ControlFlow::Continue(()),
+            _ => ControlFlow::Break(()),
+        };
+        let found = ContactGauge::measure_run(&scene, &[], 0, &positions, &stop).unwrap();
+        assert_eq!(found.len(), 4);
+    }
+
+    #[test]
+    fn a_scene_without_contact_has_no_gauge() {
+        let (mut scene, positions) = sinking();
+        scene.contact = None;
+        let go_on = || ControlFlow::Continue(());
+        assert!(ContactGauge::measure_run(&scene, &[], 0, &positions, &go_on).is_none());
     }
 }

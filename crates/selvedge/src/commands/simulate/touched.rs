@@ -41,34 +41,29 @@ pub(super) fn measure(
     counts: ContactCounts,
     yielded: &[YieldedContact],
 ) -> Option<Touched> {
-    let mut gauge = ContactGauge::of(scene)?.without(yielded);
     let count = trajectory.frame_count();
     let progress = Progress::new("looking for intersections", count, "frames");
-    let mut touched = Touched {
-        intersections: Some(0),
-        smallest_gap: None,
-        smallest_gap_frame: None,
+    let on_frame = || {
+        progress.advance();
+        interrupt::flow()
+    };
+    let frames =
+        ContactGauge::measure_run(scene, yielded, passed, trajectory.positions(), &on_frame)?;
+    let intersections = frames.iter().map(|(_, found)| found.intersections);
+    let gaps = frames
+        .iter()
+        .filter_map(|(frame, found)| Some((*frame, found.smallest_gap?)));
+    let smallest = gaps.min_by(|a, b| a.1.total_cmp(&b.1));
+    Some(Touched {
+        intersections: (frames.len() == count).then(|| intersections.sum()),
+        smallest_gap: smallest.map(|(_, gap)| gap),
+        smallest_gap_frame: smallest.map(|(frame, _)| frame),
         solves: counts.solves,
         repeated: counts.repeated,
         divisions: counts.divisions,
         held_back: counts.held_back,
         let_through: physics::let_through(scene, yielded),
-    };
-    for (number, positions) in trajectory.frames().iter().enumerate() {
-        if interrupt::requested() {
-            touched.intersections = None;
-            break;
-        }
-        let found = gauge.measure(passed + number, positions);
-        touched.intersections = touched.intersections.map(|n| n + found.intersections);
-        let is_less = |gap: &f64| touched.smallest_gap.is_none_or(|least| *gap < least);
-        if let Some(gap) = found.smallest_gap.filter(is_less) {
-            touched.smallest_gap = Some(gap);
-            touched.smallest_gap_frame = Some(passed + number);
-        }
-        progress.advance();
-    }
-    Some(touched)
+    })
 }
 
 impl Touched {
