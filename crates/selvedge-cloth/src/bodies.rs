@@ -51,15 +51,14 @@ pub fn cuboid(sides: DVec3) -> Body {
     }
 }
 
-/// Shortest `edge` of a [`sphere`] in radii: the edges of an icosahedron in a unit sphere, halved six
-/// times.
-pub const FINEST_SPHERE: f64 = 0.0436;
+/// Longest edge of the finest [`sphere`] in radii: an icosahedron whose edges were halved six times.
+pub const FINEST_SPHERE: f64 = 0.0207;
 
-/// Edges at most of a [`capsule`] or [`cylinder`] along its length, and around it.
+/// Edges at most around a [`capsule`] or [`cylinder`], and along it.
 pub const MOST_PIECES: usize = 256;
 
 /// A sphere of `radius` `[m]` about the origin: an icosahedron whose edges are halved until none is
-/// longer than `edge` `[m]`, but no shorter than [`FINEST_SPHERE`]. Its points lie on the sphere.
+/// longer than `edge` `[m]`, six times at most ([`FINEST_SPHERE`]). Its points lie on the sphere.
 #[must_use]
 pub fn sphere(radius: f64, edge: f64) -> Body {
     let mut body = icosahedron();

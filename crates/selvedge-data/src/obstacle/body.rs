@@ -197,9 +197,8 @@ impl BodySpec {
                 if length != 0.0 {
                     check("capsule.length", length)?;
                 }
-                let shortest = shortest(radius, length);
-                let edge = edge.unwrap_or((CAPSULE_EDGE * radius).max(shortest));
-                check_edge("capsule.edge", edge, shortest)?;
+                let edge = edge.unwrap_or(CAPSULE_EDGE * radius);
+                check_edge("capsule.edge", edge, shortest_around(radius))?;
                 Ok(bodies::capsule(radius, length, edge))
             }
             &Self::Cylinder(Cylinder {
@@ -209,9 +208,8 @@ impl BodySpec {
             }) => {
                 check("cylinder.radius", radius)?;
                 check("cylinder.length", length)?;
-                let shortest = shortest(radius, length);
-                let edge = edge.unwrap_or((CAPSULE_EDGE * radius).max(shortest));
-                check_edge("cylinder.edge", edge, shortest)?;
+                let edge = edge.unwrap_or(CAPSULE_EDGE * radius);
+                check_edge("cylinder.edge", edge, shortest_around(radius))?;
                 Ok(bodies::cylinder(radius, length, edge))
             }
             Self::Box(Cuboid { size }) => {
@@ -244,13 +242,14 @@ fn check_edge(field: &'static str, edge: f64, shortest: f64) -> Result<(), Field
     if edge >= shortest {
         return Ok(());
     }
-    let expected = format!("at least {shortest:.3e} m for a body of this size");
+    let micrometres = (1e6 * shortest).ceil();
+    let expected = format!("at least {} m for this radius", micrometres * 1e-6);
     Err(wrong(field, &expected, &edge))
 }
 
-/// Shortest edge of a capsule or cylinder `[m]`.
-fn shortest(radius: f64, length: f64) -> f64 {
-    (TAU * radius).max(length) / bodies::MOST_PIECES as f64
+/// Shortest edge around a capsule or cylinder `[m]`.
+fn shortest_around(radius: f64) -> f64 {
+    TAU * radius / bodies::MOST_PIECES as f64
 }
 
 fn wrong(field: &'static str, expected: &str, found: &dyn std::fmt::Display) -> FieldProblem {

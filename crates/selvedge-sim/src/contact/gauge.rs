@@ -9,9 +9,6 @@ use selvedge_contact::{Candidates, Reach, Ways, gap};
 
 use super::{Contact, YieldedContact};
 
-/// Frames that one thread measures one after the other.
-const FRAMES: usize = 32;
-
 /// Measures the frames of a scene with contact.
 pub struct ContactGauge {
     contact: Contact,
@@ -65,22 +62,29 @@ impl ContactGauge {
         positions: &[Vec3],
         on_frame: &(dyn Fn() -> ControlFlow<()> + Sync),
     ) -> Option<Vec<(usize, FrameContact)>> {
+        scene.contact.as_ref()?;
         let vertices = scene.mesh.positions().len();
+        // Every piece needs a gauge of its own, with a copy of the obstacles.
+        let pieces = 4 * rayon::current_num_threads();
+        let frames = (positions.len() / vertices).div_ceil(pieces).max(1);
         let of_chunk = |(chunk, positions): (usize, &[Vec3])| {
-            let mut gauge = Self::of(scene)?.without(yielded);
+            let mut gauge = None;
             let mut found = Vec::new();
             for (k, positions) in positions.chunks(vertices).enumerate() {
                 if on_frame().is_break() {
                     break;
                 }
-                let frame = first + FRAMES * chunk + k;
-                found.push((frame, gauge.measure(frame, positions)));
+                if gauge.is_none() {
+                    gauge = Self::of(scene).map(|gauge| gauge.without(yielded));
+                }
+                let frame = first + frames * chunk + k;
+                let measured = gauge.as_mut().map(|gauge| gauge.measure(frame, positions));
+                found.extend(measured.map(|measured| (frame, measured)));
             }
-            Some(found)
+            found
         };
-        let chunks = positions.par_chunks(FRAMES * vertices).enumerate();
-        let found: Option<Vec<_>> = chunks.map(of_chunk).collect();
-        Some(found?.concat())
+        let chunks = positions.par_chunks(frames * vertices).enumerate();
+        Some(chunks.flat_map_iter(of_chunk).collect())
     }
 
     /// Measures `positions` `[m]`, `[vertices]`, of frame `frame`, as they are in single precision.
@@ -133,7 +137,7 @@ mod tests {
     fn sinking() -> (Scene, Vec<Vec3>) {
         let mesh = square(36, 1.0, 1).unwrap().mesh;
         let material = toml::from_str(selvedge_assets::materials::GRAY_INTERLOCK).unwrap();
-        let frames = (0..FRAMES + 9).flat_map(|frame| {
+        let frames = (0..41).flat_map(|frame| {
             let way = DVec3::Y * (0.2 - 0.01 * frame as f64);
             let moved = mesh.positions().iter().map(move |p| (*p + way).as_vec3());
             moved.collect::<Vec<_>>()

@@ -133,8 +133,8 @@ fn what_is_wrong_is_named_with_the_obstacle() {
         name = ""\nsphere = { radius = 1 } | name: is empty
         name = "a" | obstacles["a"].body: must be one of plane
         name = "a"\nsphere = { radius = 1 }\nbox = { size = [1, 1, 1] } | must be one of
-        name = "a"\nsphere = { radius = 1, edge = 0.04 } | sphere.edge: must be at least 4.360e-2 m
-        name = "a"\ncapsule = { radius = 1, length = 100, edge = 0.3 } | capsule.edge: must be at least 3.906e-1 m
+        name = "a"\nsphere = { radius = 1, edge = 0.02 } | sphere.edge: must be at least 0.0207 m
+        name = "a"\ncapsule = { radius = 1, length = 100, edge = 0.02 } | capsule.edge: must be at least 0.024544 m
         name = "a"\nsphere = { radius = 0 } | sphere.radius: must be between
         name = "a"\nsphere = { radios = 1 } | radios
         name = "a"\nplane = { normal = [0, 0, 0] } | plane.normal
