@@ -243,7 +243,7 @@ fn check_edge(field: &'static str, edge: f64, shortest: f64) -> Result<(), Field
         return Ok(());
     }
     let micrometres = (1e6 * shortest).ceil();
-    let expected = format!("at least {} m for this radius", micrometres * 1e-6);
+    let expected = format!("at least {} m for this radius", micrometres / 1e6);
     Err(wrong(field, &expected, &edge))
 }
 
