@@ -17,6 +17,8 @@
     reason = "a measuring program that prints its result"
 )]
 
+mod settings;
+
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Command, Stdio};
@@ -35,7 +37,7 @@ use selvedge_train::{Adam, AdamSettings};
 const WARM: usize = 3;
 
 fn main() {
-    let keys = [
+    let settings = settings::read([
         ("network", "all"),
         ("vertices", "1024"),
         ("cloths", "1"),
@@ -43,21 +45,8 @@ fn main() {
         ("threads", "1"),
         ("against", ""),
         ("device", "cpu"),
-    ];
-    let mut settings = BTreeMap::from(keys.map(|(key, value)| (key, value.to_owned())));
-    for argument in std::env::args().skip(1).filter(|a| a != "--bench") {
-        let Some((key, value)) = argument.split_once('=') else {
-            panic!("expected KEY=VALUE, found {argument:?}")
-        };
-        let Some(setting) = settings.get_mut(key) else {
-            let keys: Vec<&str> = settings.keys().copied().collect();
-            panic!("{key:?} is none of {}", keys.join(", "))
-        };
-        value.clone_into(setting);
-    }
+    ]);
     let number = |key: &str| -> usize { settings[key].parse().unwrap() };
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(number("threads"));
-    pool.build_global().unwrap();
     let physical = |window, latent, blocks| {
         let encoder = match window {
             1 => Encoder::MLP,

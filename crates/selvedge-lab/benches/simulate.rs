@@ -21,6 +21,8 @@
     reason = "a measuring program that prints its result"
 )]
 
+mod settings;
+
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::sync::{Arc, Mutex};
@@ -49,7 +51,7 @@ const AWAY: f64 = 1e3;
 const BALL: f64 = 0.3;
 
 fn main() {
-    let keys = [
+    let settings = settings::read([
         ("case", "forward"),
         ("vertices", "1024"),
         ("size", "1"),
@@ -61,21 +63,7 @@ fn main() {
         ("solver", "automatic"),
         ("integrator", "generalised-alpha"),
         ("scene", ""),
-    ];
-    let mut settings = BTreeMap::from(keys.map(|(key, value)| (key, value.to_owned())));
-    for argument in std::env::args().skip(1).filter(|a| a != "--bench") {
-        let Some((key, value)) = argument.split_once('=') else {
-            panic!("expected KEY=VALUE, found {argument:?}")
-        };
-        let Some(setting) = settings.get_mut(key) else {
-            let keys: Vec<&str> = settings.keys().copied().collect();
-            panic!("{key:?} is none of {}", keys.join(", "))
-        };
-        value.clone_into(setting);
-    }
-    let threads = settings["threads"].parse().unwrap();
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-    pool.build_global().unwrap();
+    ]);
     tracing::subscriber::set_global_default(Phases).unwrap();
     match settings["scene"].as_str() {
         "" => measure(&settings),
