@@ -6,7 +6,7 @@
 //! woven into the pattern, and the factor keeps all blocks of it, with what eliminations change in
 //! them (Meijerink and van der Vorst 1977): P = L Lᵀ. A product X Yᵀ for which the pattern has no
 //! block is dropped; its bound goes onto the two diagonal blocks, as |Y|/|X| X Xᵀ and |X|/|Y| Y Yᵀ
-//! (Ajiz and Jennings 1984), so that pivots stay positive however stiff a contact is. `[eq:woven]`
+//! (Ajiz and Jennings 1984), so that pivots stay positive however stiff a contact is. `[eq:contact-fill]`
 //!
 //! A product with the matrix costs as much as both triangular solves: there is no trick that saves
 //! it, as for [`crate::solver::gauss_seidel`].
