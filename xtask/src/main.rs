@@ -1,9 +1,8 @@
 //! The house's own chores: `cargo xtask tidy` checks what no compiler checks (see [`tidy`]),
 //! `cargo xtask book` checks the documents against the program (see [`book`]),
 //! `cargo xtask ci` runs everything that must hold before a change is taken, `cargo xtask nightly`
-//! what takes longer: the commands of the book, and the trials of the crate `selvedge-trials`,
-//! `fuzz` and `faults`, which are commands, too, `cargo xtask sanitize` and `miri` tests under
-//! nightly's checks,
+//! what takes longer: the commands of the book, and `fuzz` (the crate `selvedge-trials`), which is a
+//! command, too, `cargo xtask sanitize` and `miri` tests under nightly's checks,
 //! `cargo xtask header` makes the header of the library for C (see [`header`]).
 //!
 //! The steps of `ci` are listed in one place, `.ci/run`, which this program only starts.
@@ -32,7 +31,7 @@ const HELP: &str = "\
 usage: cargo xtask COMMAND
 
   ci      run every step of .ci/run: format, tidy, lints, tests
-  nightly the quick commands of the book, and every trial below, for an hour
+  nightly the quick commands of the book, and `fuzz`, for an hour
   tidy    check dependencies, circles of imports, equation labels, cards of models and the page of
           the viewer
   book    check summary and quotes of the documents, and their links where lychee is installed;
@@ -43,7 +42,6 @@ usage: cargo xtask COMMAND
             --write          write it
   fuzz    damaged files for every reader, by libFuzzer (--for 10m; see
           docs/src/contributing/trials.md)
-  faults  calls on files, and for memory, that fail under every command
   sanitize address|thread
           tests of what has unsafe code or threads under a sanitizer of nightly Rust; arguments of
           `cargo test` choose others
@@ -56,7 +54,7 @@ fn main() -> ExitCode {
     let outcome = match words.as_slice() {
         ["ci"] => ci(),
         ["tidy"] => tidy::run(),
-        [trial @ ("fuzz" | "faults"), options @ ..] => trials(trial, options),
+        ["fuzz", options @ ..] => fuzz(options),
         ["nightly"] => long(),
         ["header"] => header::run(false),
         ["header", "--write"] => header::run(true),
@@ -83,8 +81,8 @@ fn main() -> ExitCode {
     }
 }
 
-/// Builds the program and the trials, and starts one of them.
-fn trials(trial: &str, options: &[&str]) -> Result<()> {
+/// Builds the program and the fuzzer's, and starts it.
+fn fuzz(options: &[&str]) -> Result<()> {
     let root = metadata::workspace_root()?;
     let cargo = |arguments: &[&str]| -> Result<bool> {
         let mut command = Command::new(env!("CARGO"));
@@ -93,9 +91,9 @@ fn trials(trial: &str, options: &[&str]) -> Result<()> {
     };
     let packages = ["-p", "selvedge", "-p", "selvedge-trials"];
     let is_built = cargo(&[&["build", "--quiet"], &packages[..]].concat())?;
-    let run = ["run", "--quiet", "-p", "selvedge-trials", "--", trial];
+    let run = ["run", "--quiet", "-p", "selvedge-trials", "--"];
     if !is_built || !cargo(&[&run[..], options].concat())? {
-        bail!("the trial failed");
+        bail!("something was found");
     }
     Ok(())
 }
@@ -106,11 +104,8 @@ fn long() -> Result<()> {
     if let Err(error) = book::run() {
         failed.push(format!("book --run: {error:#}"));
     }
-    for (trial, options) in [("fuzz", ["--for", "60s"]), ("faults", ["--faults", "20"])] {
-        println!("\n== {trial} {}", options.join(" "));
-        if let Err(error) = trials(trial, &options) {
-            failed.push(format!("{trial}: {error:#}"));
-        }
+    if let Err(error) = fuzz(&["--for", "60s"]) {
+        failed.push(format!("fuzz: {error:#}"));
     }
     if !failed.is_empty() {
         bail!("{}", failed.join("\n"));

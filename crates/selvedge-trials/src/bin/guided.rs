@@ -1,18 +1,21 @@
 //! A reader under libFuzzer, built and started by `cargo xtask fuzz`: the variable
-//! `SELVEDGE_TARGET` names it, and `SELVEDGE_EXAMPLES` the folder in which its examples go.
+//! `SELVEDGE_TARGET` names it, `SELVEDGE_EXAMPLES` the folder in which its examples go, and
+//! `SELVEDGE` the program that writes some of them.
 #![no_main]
 #![allow(
     clippy::print_stderr,
     reason = "a program that talks to people in a terminal"
 )]
 
+use std::env::var;
 use std::path::Path;
 use std::sync::LazyLock;
 
+use anyhow::Context;
 use libfuzzer_sys::fuzz_target;
-use selvedge_trials::Guided;
+use selvedge_trials::{Bench, TARGETS, Target};
 
-static READER: LazyLock<Guided> = LazyLock::new(|| match open() {
+static READER: LazyLock<(Bench, &Target)> = LazyLock::new(|| match open() {
     Ok(reader) => reader,
     Err(error) => {
         eprintln!("error: {error:#}");
@@ -20,15 +23,21 @@ static READER: LazyLock<Guided> = LazyLock::new(|| match open() {
     }
 });
 
-fn open() -> anyhow::Result<Guided> {
-    let name = std::env::var("SELVEDGE_TARGET")?;
-    let examples = std::env::var("SELVEDGE_EXAMPLES")?;
-    let bench = Path::new("target/guided/bench").join(&name);
-    let reader = Guided::open(&name, &bench)?;
-    for (number, example) in reader.examples().iter().enumerate() {
+fn open() -> anyhow::Result<(Bench, &'static Target)> {
+    let name = var("SELVEDGE_TARGET")?;
+    let target = TARGETS.iter().find(|target| target.name == name);
+    let target = target.context("there is no such target")?;
+    let folder = Path::new("target/guided/bench").join(&name);
+    let bench = Bench::new(Path::new(&var("SELVEDGE")?), &folder)?;
+    let examples = var("SELVEDGE_EXAMPLES")?;
+    for (number, example) in bench.examples(target)?.iter().enumerate() {
         std::fs::write(Path::new(&examples).join(number.to_string()), example)?;
     }
-    Ok(reader)
+    Ok((bench, target))
 }
 
-fuzz_target!(init: { LazyLock::force(&READER); }, |data: &[u8]| READER.read(data));
+fuzz_target!(init: { LazyLock::force(&READER); }, |data: &[u8]| {
+    let (bench, target) = &*READER;
+    // What it refuses is no finding.
+    let _ = bench.read(target, data);
+});

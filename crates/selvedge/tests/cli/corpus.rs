@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use selvedge_trials::replay;
+use selvedge_trials::{Bench, TARGETS};
 
 /// Examples that are refused, all of the corpus: a target and the number of its example.
 const REFUSED: [(&str, usize); 5] = [
@@ -17,16 +17,25 @@ const REFUSED: [(&str, usize); 5] = [
 #[test]
 fn examples_and_corpus_are_taken_or_refused_as_before() {
     let folder = tempfile::tempdir().unwrap();
-    let all = replay(Path::new(env!("CARGO_BIN_EXE_selvedge")), folder.path()).unwrap();
-    // Large cloths are left out, not refused.
-    let is_refusal = |text: &String| !text.ends_with("left out");
-    let refused = all
-        .iter()
-        .filter(|one| one.refusal.as_ref().is_some_and(is_refusal));
-    let found: Vec<_> = refused
-        .clone()
-        .map(|one| (one.target, one.number))
-        .collect();
-    assert_eq!(found, REFUSED, "{:#?}", refused.collect::<Vec<_>>());
-    assert!(all.len() > 60, "{} examples", all.len());
+    let bench = Bench::new(
+        Path::new(env!("CARGO_BIN_EXE_selvedge")),
+        &folder.path().join("bench"),
+    )
+    .unwrap();
+    let (mut count, mut refused, mut words) = (0, Vec::new(), Vec::new());
+    for target in &TARGETS {
+        for (number, input) in bench.examples(target).unwrap().iter().enumerate() {
+            count += 1;
+            match bench.read(target, input) {
+                // Large cloths are left out, not refused.
+                Err(text) if !text.ends_with("left out") => {
+                    refused.push((target.name, number));
+                    words.push(text);
+                }
+                _ => {}
+            }
+        }
+    }
+    assert_eq!(refused, REFUSED, "{words:#?}");
+    assert!(count > 60, "{count} examples");
 }
