@@ -5,11 +5,10 @@
 //! `f32`, as files hold them and as models read them; [`Mesh`] is the description in `f64` that a
 //! simulator starts from.
 
+use crate::error::SceneError;
+use crate::pattern::{Pattern, Texture, check_corners};
+use crate::{Handles, Mesh, MeshError, RestShape, Scene, Topology};
 use glam::{DVec2, Vec2, Vec3};
-use thiserror::Error;
-
-use crate::pattern::{Pattern, PatternError, Texture, check_corners};
-use crate::{HandleError, Handles, Mesh, MeshError, RestShape, Scene, Topology};
 
 /// The arrays of a [`Cloth`], one entry per vertex or per face.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,33 +36,16 @@ pub struct Cloth {
     texture: Texture,
 }
 
-/// Parts that do not make a [`Cloth`].
-#[derive(Clone, Debug, Error, PartialEq)]
-#[error("{0}")]
-pub struct ClothError(String);
-
-impl From<HandleError> for ClothError {
-    fn from(error: HandleError) -> Self {
-        Self(error.to_string())
-    }
-}
-
-impl From<PatternError> for ClothError {
-    fn from(error: PatternError) -> Self {
-        Self(error.to_string())
-    }
-}
-
 impl Cloth {
     /// Makes a cloth of `topology` with `handles` and `arrays`.
     ///
     /// # Errors
-    /// [`ClothError`] names the first array, vertex, face or handle that cannot be used.
+    /// [`SceneError`] names the first array, vertex, face or handle that cannot be used.
     pub fn new(
         topology: Topology,
         handles: Handles,
         arrays: ClothArrays,
-    ) -> Result<Self, ClothError> {
+    ) -> Result<Self, SceneError> {
         Self::with_corners(topology, handles, arrays, None)
     }
 
@@ -77,7 +59,7 @@ impl Cloth {
         handles: Handles,
         arrays: ClothArrays,
         corners: Vec<[u32; 3]>,
-    ) -> Result<Self, ClothError> {
+    ) -> Result<Self, SceneError> {
         check_corners(&topology, arrays.material_coordinates.len(), &corners)?;
         let is_plain = arrays.material_coordinates.len() == topology.vertex_count();
         Self::with_corners(topology, handles, arrays, (!is_plain).then_some(corners))
@@ -88,7 +70,7 @@ impl Cloth {
         handles: Handles,
         arrays: ClothArrays,
         corners: Option<Vec<[u32; 3]>>,
-    ) -> Result<Self, ClothError> {
+    ) -> Result<Self, SceneError> {
         check_counts(&topology, &arrays, corners.is_some())?;
         check_finite("the rest position", &arrays.rest_positions, |p| *p)?;
         let coordinates = &arrays.material_coordinates;
@@ -107,13 +89,13 @@ impl Cloth {
     /// Makes a cloth of `mesh` with `density` `[kg/m²]`, at rest where the mesh starts.
     ///
     /// # Errors
-    /// [`ClothError`] when a handle is no vertex of the mesh, or a mass, an area or a coordinate
+    /// [`SceneError`] when a handle is no vertex of the mesh, or a mass, an area or a coordinate
     /// cannot be told from zero or infinity in `f32`.
-    pub fn of_mesh(mesh: &Mesh, density: f64, handles: Handles) -> Result<Self, ClothError> {
+    pub fn of_mesh(mesh: &Mesh, density: f64, handles: Handles) -> Result<Self, SceneError> {
         Self::of_shape(mesh, mesh.rest_shape(density), handles)
     }
 
-    fn of_shape(mesh: &Mesh, shape: RestShape, handles: Handles) -> Result<Self, ClothError> {
+    fn of_shape(mesh: &Mesh, shape: RestShape, handles: Handles) -> Result<Self, SceneError> {
         let coordinates = mesh.material_coordinates().iter();
         let arrays = ClothArrays {
             rest_positions: mesh.positions().iter().map(|p| p.as_vec3()).collect(),
@@ -131,8 +113,8 @@ impl Cloth {
     /// Makes the cloth of `scene` with its sagged `rest_positions` `[m]`, `[vertices]`.
     ///
     /// # Errors
-    /// [`ClothError`] as for [`Self::new`].
-    pub fn of_scene(scene: &Scene, rest_positions: Vec<Vec3>) -> Result<Self, ClothError> {
+    /// [`SceneError`] as for [`Self::new`].
+    pub fn of_scene(scene: &Scene, rest_positions: Vec<Vec3>) -> Result<Self, SceneError> {
         Self::of_shape(&scene.mesh, scene.rest_shape(), scene.handles.clone())?
             .with_rest_positions(rest_positions)
     }
@@ -140,8 +122,8 @@ impl Cloth {
     /// The same cloth with other `handles`.
     ///
     /// # Errors
-    /// [`ClothError`] when a handle is no vertex of the cloth.
-    pub fn with_handles(self, handles: Handles) -> Result<Self, ClothError> {
+    /// [`SceneError`] when a handle is no vertex of the cloth.
+    pub fn with_handles(self, handles: Handles) -> Result<Self, SceneError> {
         handles.check_range(self.vertex_count())?;
         Ok(Self { handles, ..self })
     }
@@ -149,8 +131,8 @@ impl Cloth {
     /// The same cloth with other `rest_positions` `[m]`, `[vertices]`.
     ///
     /// # Errors
-    /// [`ClothError`] where they are not as many as vertices, or not finite.
-    pub fn with_rest_positions(self, rest_positions: Vec<Vec3>) -> Result<Self, ClothError> {
+    /// [`SceneError`] where they are not as many as vertices, or not finite.
+    pub fn with_rest_positions(self, rest_positions: Vec<Vec3>) -> Result<Self, SceneError> {
         let arrays = ClothArrays {
             rest_positions,
             ..self.arrays
@@ -163,9 +145,9 @@ impl Cloth {
     /// The same cloth with these texture coordinates.
     ///
     /// # Errors
-    /// [`ClothError`] where they are not finite, their faces do not fit, or there are no faces and
+    /// [`SceneError`] where they are not finite, their faces do not fit, or there are no faces and
     /// not one per vertex.
-    pub fn with_texture(self, texture: Texture) -> Result<Self, ClothError> {
+    pub fn with_texture(self, texture: Texture) -> Result<Self, SceneError> {
         if let Texture::Own(own) = &texture {
             check_finite("the texture coordinate", &own.points, |c| c.extend(0.0))?;
             let (expected, found) = (self.vertex_count(), own.points.len());
@@ -273,7 +255,7 @@ fn check_counts(
     topology: &Topology,
     arrays: &ClothArrays,
     is_sewn: bool,
-) -> Result<(), ClothError> {
+) -> Result<(), SceneError> {
     let (vertices, faces) = (topology.vertex_count(), topology.faces().len());
     let coordinates = arrays.material_coordinates.len();
     // The points of a sewn cloth are checked against its corners.
@@ -289,17 +271,17 @@ fn check_counts(
     Ok(())
 }
 
-fn check_count(what: &str, expected: usize, found: usize) -> Result<(), ClothError> {
+fn check_count(what: &str, expected: usize, found: usize) -> Result<(), SceneError> {
     if expected == found {
         return Ok(());
     }
     let text = format!("{what} has {found} entries, expected {expected}");
-    Err(ClothError(text))
+    Err(SceneError(text))
 }
 
-fn check_finite<T>(what: &str, values: &[T], point: impl Fn(&T) -> Vec3) -> Result<(), ClothError> {
+fn check_finite<T>(what: &str, values: &[T], point: impl Fn(&T) -> Vec3) -> Result<(), SceneError> {
     match values.iter().position(|value| !point(value).is_finite()) {
-        Some(vertex) => Err(ClothError(format!(
+        Some(vertex) => Err(SceneError(format!(
             "{what} of vertex {vertex} must be finite, found {}",
             point(&values[vertex])
         ))),
@@ -307,13 +289,13 @@ fn check_finite<T>(what: &str, values: &[T], point: impl Fn(&T) -> Vec3) -> Resu
     }
 }
 
-fn check_positive(arrays: &ClothArrays) -> Result<(), ClothError> {
+fn check_positive(arrays: &ClothArrays) -> Result<(), SceneError> {
     for (what, values) in [
         ("the mass of vertex", &arrays.vertex_mass),
         ("the area of face", &arrays.face_area),
     ] {
         if let Some(bad) = values.iter().position(|x| !(x.is_finite() && *x > 0.0)) {
-            return Err(ClothError(format!(
+            return Err(SceneError(format!(
                 "{what} {bad} must be finite and positive, found {}",
                 values[bad]
             )));

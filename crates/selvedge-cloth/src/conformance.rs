@@ -31,25 +31,6 @@ pub struct Breach {
     what: String,
 }
 
-/// A breach that `trial` showed.
-fn breach<T>(trial: &'static str, what: impl Into<String>) -> Result<T, Breach> {
-    let what = what.into();
-    Err(Breach { trial, what })
-}
-
-/// The breach of a step that should have failed.
-fn accepted<T>(trial: &'static str) -> Result<T, Breach> {
-    breach(trial, "the step was accepted")
-}
-
-/// The breach of a step that failed as it should not have.
-fn other_reason<T>(trial: &'static str, source: &StepError) -> Result<T, Breach> {
-    breach(
-        trial,
-        format!("the step failed for another reason: {source}"),
-    )
-}
-
 /// Distance that a handle moves per good step `[m]`.
 const STEP: DVec3 = DVec3::new(0.001, 0.0005, -0.0008);
 /// Times after the beginning of a step at which it is to stop `[µs]`.
@@ -68,22 +49,24 @@ const FAR: f64 = 1e39;
 /// The first [`Breach`].
 pub fn check<S: Stepper>(make: impl Fn() -> S, handles_end: HandlesEnd) -> Result<(), Breach> {
     let mut pair = Pair::new(&make, handles_end);
-    pair.look("start")?;
-    pair.good("first step")?;
-    pair.good("second step")?;
-    pair.wrong_count("one target too many", pair.start.len() + 1)?;
-    if let Some(fewer) = pair.start.len().checked_sub(1) {
-        pair.wrong_count("one target too few", fewer)?;
-        pair.far("target beyond f32")?;
+    pair.tries("start", |pair| pair.look())?;
+    pair.tries("first step", Pair::good)?;
+    pair.tries("second step", Pair::good)?;
+    let count = pair.start.len();
+    pair.tries("one target too many", |pair| pair.wrong_count(count + 1))?;
+    if count > 0 {
+        pair.tries("one target too few", |pair| pair.wrong_count(count - 1))?;
+        pair.tries("target beyond f32", Pair::far)?;
     }
-    pair.good("step after failures")?;
-    for wait in WAITS {
-        pair.stopped("step that is to stop", Duration::from_micros(wait))?;
-        pair.good("step after one that was to stop")?;
+    pair.tries("step after failures", Pair::good)?;
+    for wait in WAITS.map(Duration::from_micros) {
+        pair.tries("step that is to stop", |pair| pair.stopped(wait))?;
+        pair.tries("step after one that was to stop", Pair::good)?;
     }
     // Last: a handle that takes hold again may be elsewhere.
-    if let Some(last) = pair.start.len().checked_sub(1) {
-        pair.release("step that lets the last handle go", last)?;
+    if count > 0 {
+        let trial = "step that lets the last handle go";
+        pair.tries(trial, |pair| pair.release(count - 1))?;
     }
     Ok(())
 }
@@ -94,15 +77,17 @@ pub fn check<S: Stepper>(make: impl Fn() -> S, handles_end: HandlesEnd) -> Resul
 /// # Errors
 /// The first [`Breach`].
 pub fn check_stop<S: Stepper>(make: impl Fn() -> S) -> Result<(), Breach> {
-    let trial = "step that is to stop";
     let mut pair = Pair::new(&make, HandlesEnd::Elsewhere);
-    pair.good("first step")?;
+    pair.tries("first step", Pair::good)?;
     let frame = pair.tried.frame();
-    pair.stopped(trial, Duration::ZERO)?;
-    match pair.tried.frame() == frame {
-        true => pair.good("step after one that was to stop"),
-        false => accepted(trial),
-    }
+    pair.tries("step that is to stop", |pair| {
+        pair.stopped(Duration::ZERO)?;
+        match pair.tried.frame() == frame {
+            true => Ok(()),
+            false => accepted(),
+        }
+    })?;
+    pair.tries("step after one that was to stop", Pair::good)
 }
 
 /// Checks correctable steppers as [`check`] does; also steps that are undone and frames that are
@@ -116,18 +101,22 @@ pub fn check_correctable<S: Correctable>(
 ) -> Result<(), Breach> {
     check(&make, handles_end)?;
     let mut pair = Pair::new(&make, handles_end);
-    pair.good("first step")?;
-    pair.undone("step that is undone", false)?;
-    pair.good("step after an undone one")?;
-    pair.undone("replaced step that is undone", true)?;
-    pair.good("step after an undone replacement")?;
+    pair.tries("first step", Pair::good)?;
+    pair.tries("step that is undone", |pair| pair.undone(false))?;
+    pair.tries("step after an undone one", Pair::good)?;
+    pair.tries("replaced step that is undone", |pair| pair.undone(true))?;
+    pair.tries("step after an undone replacement", Pair::good)?;
     let lost = vec![Vec3::NAN; pair.topology.vertex_count()];
     let frame = pair.tried.frame();
-    let replaced = pair.tried.replace_frame(&lost);
-    pair.refuses("replacement that is not finite", replaced, frame)?;
-    let taken = pair.tried.take_frame(&lost);
-    pair.refuses("taken frame that is not finite", taken, frame + 1)?;
-    pair.good("step after refused frames")
+    pair.tries("replacement that is not finite", |pair| {
+        let replaced = pair.tried.replace_frame(&lost);
+        pair.refuses(replaced, frame)
+    })?;
+    pair.tries("taken frame that is not finite", |pair| {
+        let taken = pair.tried.take_frame(&lost);
+        pair.refuses(taken, frame + 1)
+    })?;
+    pair.tries("step after refused frames", Pair::good)
 }
 
 /// Two steppers made alike.
@@ -157,6 +146,15 @@ impl<S: Stepper> Pair<S> {
         }
     }
 
+    /// Tries something, and names it where it shows a breach.
+    fn tries(
+        &mut self,
+        trial: &'static str,
+        run: impl FnOnce(&mut Self) -> Result<(), String>,
+    ) -> Result<(), Breach> {
+        run(self).map_err(|what| Breach { trial, what })
+    }
+
     /// Targets of the next good step `[m]`, `[handles]`.
     fn next(&self) -> Vec<DVec3> {
         let moved = STEP * (self.tried.frame() + 1) as f64;
@@ -164,79 +162,79 @@ impl<S: Stepper> Pair<S> {
     }
 
     /// A step that must succeed.
-    fn good(&mut self, trial: &'static str) -> Result<(), Breach> {
+    fn good(&mut self) -> Result<(), String> {
         let expected = self.tried.frame() + 1;
-        let targets = targets(self.next(), None).map_err(refused(trial, expected))?;
-        self.tried.step(&targets).map_err(failed(trial))?;
-        self.follow(trial, &targets, expected)
+        let targets = targets(self.next(), None)?;
+        self.tried.step(&targets).map_err(failed)?;
+        self.follow(&targets, expected)
     }
 
     /// The spared stepper takes the step that the other one has taken; both must agree.
-    fn follow(
-        &mut self,
-        trial: &'static str,
-        targets: &HandleTargets,
-        expected: usize,
-    ) -> Result<(), Breach> {
-        self.spared.step(targets).map_err(failed(trial))?;
+    fn follow(&mut self, targets: &HandleTargets, expected: usize) -> Result<(), String> {
+        self.spared.step(targets).map_err(failed)?;
         let found = self.tried.frame();
         if found != expected {
-            let what = format!("the frame count is {found}, expected {expected}");
-            return breach(trial, what);
+            return Err(format!("the frame count is {found}, expected {expected}"));
         }
-        self.look(trial)?;
-        self.compare(trial)?;
+        self.look()?;
+        let mut pairs = self.tried.positions().iter().zip(self.spared.positions());
+        if let Some(vertex) = pairs.position(|(a, b)| a != b) {
+            return Err(format!(
+                "after steps that failed, the motion is another one from vertex {vertex} on"
+            ));
+        }
         match self.handles_end {
-            HandlesEnd::AtTargets => self.at_targets(trial, targets),
+            HandlesEnd::AtTargets => self.at_targets(targets),
             HandlesEnd::Elsewhere => Ok(()),
         }
     }
 
-    fn at_targets(&self, trial: &'static str, targets: &HandleTargets) -> Result<(), Breach> {
+    fn at_targets(&self, targets: &HandleTargets) -> Result<(), String> {
         let places = self.handles.of(self.tried.positions());
         for (handle, (found, target)) in places.zip(targets.end()).enumerate() {
             let target = target.as_vec3();
             if targets.holds(handle) && found != target {
-                let what = format!("handle {handle} is at {found}, its target is {target}");
-                return breach(trial, what);
+                return Err(format!(
+                    "handle {handle} is at {found}, its target is {target}"
+                ));
             }
         }
         Ok(())
     }
 
     /// A step with `count` targets, which must be refused for it.
-    fn wrong_count(&mut self, trial: &'static str, count: usize) -> Result<(), Breach> {
+    fn wrong_count(&mut self, count: usize) -> Result<(), String> {
         let mut places = self.next();
         places.resize(count, DVec3::ZERO);
         let (expected, found) = (self.start.len(), count);
         let reason = HandleError::Count { expected, found };
-        match self.refused(trial, places, None)? {
+        match self.refused(places, None)? {
             Some(StepError::Handles { source, .. }) if source == reason => Ok(()),
-            Some(source) => other_reason(trial, &source),
-            None => accepted(trial),
+            Some(source) => other_reason(&source),
+            None => accepted(),
         }
     }
 
     /// A step to places that f32 does not reach.
-    fn far(&mut self, trial: &'static str) -> Result<(), Breach> {
+    fn far(&mut self) -> Result<(), String> {
         let places = vec![DVec3::splat(FAR); self.start.len()];
-        match self.refused(trial, places, None)? {
-            None if self.handles_end == HandlesEnd::AtTargets => accepted(trial),
+        match self.refused(places, None)? {
+            None if self.handles_end == HandlesEnd::AtTargets => accepted(),
             _ => Ok(()),
         }
     }
 
     /// A step that lets a handle go, which may be refused.
-    fn release(&mut self, trial: &'static str, handle: usize) -> Result<(), Breach> {
-        match self.refused(trial, self.next(), Some(handle))? {
+    fn release(&mut self, handle: usize) -> Result<(), String> {
+        match self.refused(self.next(), Some(handle))? {
             None => Ok(()),
-            Some(StepError::Handles { .. }) => self.good("step after a refused release"),
-            Some(source) => other_reason(trial, &source),
+            Some(StepError::Handles { .. }) => self.good(),
+            Some(source) => other_reason(&source),
         }
     }
 
     /// A step that is to stop `wait` after its beginning. It is made whole or not at all.
-    fn stopped(&mut self, trial: &'static str, wait: Duration) -> Result<(), Breach> {
+    fn stopped(&mut self, wait: Duration) -> Result<(), String> {
         let flag = Arc::new(AtomicBool::new(wait.is_zero()));
         self.tried.stop_by(Arc::clone(&flag).into());
         let refused = thread::scope(|scope| {
@@ -244,12 +242,12 @@ impl<S: Stepper> Pair<S> {
                 thread::sleep(wait);
                 flag.store(true, Ordering::Relaxed);
             });
-            self.refused(trial, self.next(), None)
+            self.refused(self.next(), None)
         });
         self.tried.stop_by(Stop::default());
         match refused? {
             None | Some(StepError::Stopped { .. }) => Ok(()),
-            Some(source) => other_reason(trial, &source),
+            Some(source) => other_reason(&source),
         }
     }
 
@@ -257,135 +255,107 @@ impl<S: Stepper> Pair<S> {
     /// cloth as it was; if not, the spared stepper follows.
     fn refused(
         &mut self,
-        trial: &'static str,
         places: Vec<DVec3>,
         free: Option<usize>,
-    ) -> Result<Option<StepError>, Breach> {
+    ) -> Result<Option<StepError>, String> {
         let expected = self.tried.frame() + 1;
         let before = self.tried.positions().to_vec();
-        let targets = targets(places, free).map_err(refused(trial, expected))?;
+        let targets = targets(places, free)?;
         match self.tried.step(&targets) {
-            Ok(()) => self.follow(trial, &targets, expected).map(|()| None),
+            Ok(()) => self.follow(&targets, expected).map(|()| None),
             Err(error) => {
-                self.unchanged(trial, &error, expected, &before)?;
+                self.unchanged(&error, expected, &before)?;
                 Ok(Some(error))
             }
         }
     }
 
     /// Checks the cloth after `error`, which must name frame `expected`: it is as it was `before`.
-    fn unchanged(
-        &self,
-        trial: &'static str,
-        error: &StepError,
-        expected: usize,
-        before: &[Vec3],
-    ) -> Result<(), Breach> {
+    fn unchanged(&self, error: &StepError, expected: usize, before: &[Vec3]) -> Result<(), String> {
         let found = error.frame();
         if found != expected {
-            let what = format!("the error names frame {found}, the step was to frame {expected}");
-            return breach(trial, what);
+            return Err(format!(
+                "the error names frame {found}, the step was to frame {expected}"
+            ));
         }
         let is_same = self.tried.positions() == before;
         if self.tried.frame() != self.spared.frame() || !is_same {
-            return breach(
-                trial,
-                "the failed step changed positions or the frame count",
-            );
+            return Err("the failed step changed positions or the frame count".to_owned());
         }
-        self.look(trial)
+        self.look()
     }
 
     /// Positions are as many as vertices and finite; topology and handles are as at the start.
-    fn look(&self, trial: &'static str) -> Result<(), Breach> {
+    fn look(&self) -> Result<(), String> {
         let positions = self.tried.positions();
         let (expected, found) = (self.topology.vertex_count(), positions.len());
         if expected != found {
-            let what = format!("there are {found} positions of {expected} vertices");
-            return breach(trial, what);
+            return Err(format!(
+                "there are {found} positions of {expected} vertices"
+            ));
         }
         if let Some(vertex) = positions.iter().position(|p| !p.is_finite()) {
-            return breach(
-                trial,
-                format!("the position of vertex {vertex} is not finite"),
-            );
+            return Err(format!("the position of vertex {vertex} is not finite"));
         }
         if *self.tried.topology() != self.topology || *self.tried.handles() != self.handles {
-            let what = "the topology or the handles are no longer those of the start";
-            return breach(trial, what);
+            return Err("the topology or the handles are no longer those of the start".to_owned());
         }
         Ok(())
-    }
-
-    fn compare(&self, trial: &'static str) -> Result<(), Breach> {
-        let mut pairs = self.tried.positions().iter().zip(self.spared.positions());
-        match pairs.position(|(a, b)| a != b) {
-            Some(vertex) => breach(
-                trial,
-                format!(
-                    "after steps that failed, the motion is another one from vertex {vertex} on"
-                ),
-            ),
-            None => Ok(()),
-        }
     }
 }
 
 impl<S: Correctable> Pair<S> {
     /// A step that is undone, twice: the second time there is nothing to undo.
-    fn undone(&mut self, trial: &'static str, is_replaced: bool) -> Result<(), Breach> {
+    fn undone(&mut self, is_replaced: bool) -> Result<(), String> {
         let (before, frame) = (self.tried.positions().to_vec(), self.tried.frame());
-        let targets = targets(self.next(), None).map_err(refused(trial, frame + 1))?;
-        self.tried.step(&targets).map_err(failed(trial))?;
+        let targets = targets(self.next(), None)?;
+        self.tried.step(&targets).map_err(failed)?;
         if is_replaced {
             let raised = self.tried.positions().iter().map(|p| *p + 0.001 * Vec3::Y);
             let raised: Vec<Vec3> = raised.collect();
-            self.tried.replace_frame(&raised).map_err(failed(trial))?;
+            self.tried.replace_frame(&raised).map_err(failed)?;
         }
         self.tried.undo_step();
         self.tried.undo_step();
         if self.tried.frame() != frame || self.tried.positions() != before {
-            let what = "the cloth is not as it was before the step that was undone";
-            return breach(trial, what);
+            return Err("the cloth is not as it was before the step that was undone".to_owned());
         }
         Ok(())
     }
 
     /// Checks that a frame was refused with an error of frame `expected`.
-    fn refuses(
-        &self,
-        trial: &'static str,
-        outcome: Result<(), StepError>,
-        expected: usize,
-    ) -> Result<(), Breach> {
+    fn refuses(&self, outcome: Result<(), StepError>, expected: usize) -> Result<(), String> {
         match outcome {
-            Ok(()) => accepted(trial),
-            Err(error) => self.unchanged(trial, &error, expected, self.spared.positions()),
+            Ok(()) => accepted(),
+            Err(error) => self.unchanged(&error, expected, self.spared.positions()),
         }
     }
 }
 
-fn targets(places: Vec<DVec3>, free: Option<usize>) -> Result<HandleTargets, HandleError> {
-    let released = (0..places.len()).map(|handle| Some(handle) == free);
-    let released: Vec<bool> = released.collect();
-    let targets = HandleTargets::at_frame_end(places)?;
-    match free {
-        Some(_) => targets.releasing(released),
-        None => Ok(targets),
-    }
+/// Targets at these places, one handle of them let go.
+fn targets(places: Vec<DVec3>, free: Option<usize>) -> Result<HandleTargets, String> {
+    let released: Vec<bool> = (0..places.len()).map(|k| Some(k) == free).collect();
+    let targets = HandleTargets::at_frame_end(places);
+    let targets = match free {
+        Some(_) => targets.and_then(|targets| targets.releasing(released)),
+        None => targets,
+    };
+    targets.map_err(|source| format!("the stepper's own places are no targets: {source}"))
 }
 
-/// The breach of a stepper that fails where it must not.
-fn failed(trial: &'static str) -> impl Fn(StepError) -> Breach {
-    move |source| Breach {
-        trial,
-        what: format!("the step failed: {source}"),
-    }
+/// What is wrong with a step that should have failed.
+fn accepted<T>() -> Result<T, String> {
+    Err("the step was accepted".to_owned())
 }
 
-/// The breach of a stepper whose own handle positions make no targets.
-fn refused(trial: &'static str, frame: usize) -> impl Fn(HandleError) -> Breach {
-    move |source| failed(trial)(StepError::Handles { frame, source })
+/// What is wrong with a step that failed as it should not have.
+fn other_reason<T>(source: &StepError) -> Result<T, String> {
+    Err(format!("the step failed for another reason: {source}"))
+}
+
+/// What is wrong with a step that fails where it must not.
+fn failed(source: StepError) -> String {
+    format!("the step failed: {source}")
 }
 
 #[cfg(test)]

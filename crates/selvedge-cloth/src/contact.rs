@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::setting::{SettingError, require};
+use crate::error::{SceneError, is_default, require};
 
 /// Contact of the cloth with the scene's obstacles and with itself. Lengths in metres.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -23,10 +23,10 @@ pub struct ContactSettings {
     /// An error after this many parts of a substep.
     pub max_divisions: u32,
     /// Law of what touches.
-    #[serde(skip_serializing_if = "ContactLaw::is_default")]
+    #[serde(skip_serializing_if = "is_default")]
     pub law: ContactLaw,
     /// Where two bodies, or two parts of one, leave the cloth between them no room.
-    #[serde(skip_serializing_if = "Squeezed::is_default")]
+    #[serde(skip_serializing_if = "is_default")]
     pub squeezed: Squeezed,
 }
 
@@ -42,13 +42,6 @@ pub enum Squeezed {
     Stop,
 }
 
-impl Squeezed {
-    #[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks for it")]
-    fn is_default(&self) -> bool {
-        *self == Self::default()
-    }
-}
-
 /// Law by which near pairs push each other and rub.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -59,13 +52,6 @@ pub enum ContactLaw {
     /// As ARCSim has it, for comparisons with it: a stiffness of 1e9 N/m³ times an area, and
     /// friction that creeps. Needs backward Euler, which `physics = "arcsim"` has.
     Arcsim,
-}
-
-impl ContactLaw {
-    #[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks for it")]
-    fn is_default(&self) -> bool {
-        *self == Self::default()
-    }
 }
 
 impl Default for ContactSettings {
@@ -109,47 +95,48 @@ impl ContactSettings {
     ///
     /// # Errors
     /// Names the field, what it must be and what was found.
-    pub fn validate(&self) -> Result<(), SettingError> {
-        let holds = (1e-5..=1.0).contains(&self.thickness);
-        let expected = "between 1e-5 and 1 m";
-        require(holds, "contact.thickness", expected, self.thickness)?;
+    pub fn validate(&self) -> Result<(), SceneError> {
+        let (thickness, floor) = (self.thickness, 1e-6..=0.1 * self.thickness);
+        let within = |holds, key: &str, expected, found: &dyn std::fmt::Display| {
+            require(holds, format_args!("contact.{key}"), expected, found)
+        };
+        let holds = (1e-5..=1.0).contains(&thickness);
+        within(holds, "thickness", "between 1e-5 and 1 m", &thickness)?;
         let holds = (0.0..=100.0).contains(&self.friction);
-        let expected = "between 0 and 100";
-        require(holds, "contact.friction", expected, self.friction)?;
-        let holds = (1e-6..=0.1 * self.thickness).contains(&self.floor);
+        within(holds, "friction", "between 0 and 100", &self.friction)?;
         let expected = "between 1e-6 m and a tenth of contact.thickness";
-        require(holds, "contact.floor", expected, self.floor)?;
+        within(floor.contains(&self.floor), "floor", expected, &self.floor)?;
         let holds = (1..=1000).contains(&self.rounds);
-        let expected = "between 1 and 1000";
-        require(holds, "contact.rounds", expected, self.rounds)?;
-        let holds = (1..=100_000).contains(&self.max_divisions);
-        let expected = "between 1 and 100000";
-        require(holds, "contact.max_divisions", expected, self.max_divisions)
+        within(holds, "rounds", "between 1 and 1000", &self.rounds)?;
+        let (most, expected) = (self.max_divisions, "between 1 and 100000");
+        within(
+            (1..=100_000).contains(&most),
+            "max_divisions",
+            expected,
+            &most,
+        )
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::refuses;
 
     #[test]
     fn wrong_values_are_named() {
-        ContactSettings::default().validate().unwrap();
-        type Spoil = fn(&mut ContactSettings);
-        let wrong: [(&str, Spoil); 6] = [
-            ("contact.thickness", |c| c.thickness = 0.0),
-            ("contact.thickness", |c| c.thickness = f64::NAN),
-            ("contact.friction", |c| c.friction = -0.1),
-            ("contact.floor", |c| c.floor = 2e-4),
-            ("contact.rounds", |c| c.rounds = 0),
-            ("contact.max_divisions", |c| c.max_divisions = 0),
-        ];
-        for (field, spoil) in wrong {
-            let mut settings = ContactSettings::default();
-            spoil(&mut settings);
-            let text = settings.validate().unwrap_err().to_string();
-            assert!(text.starts_with(field), "{text}");
-        }
+        refuses(
+            &ContactSettings::default(),
+            ContactSettings::validate,
+            &[
+                ("contact.thickness", |c| c.thickness = 0.0),
+                ("contact.thickness", |c| c.thickness = f64::NAN),
+                ("contact.friction", |c| c.friction = -0.1),
+                ("contact.floor", |c| c.floor = 2e-4),
+                ("contact.rounds", |c| c.rounds = 0),
+                ("contact.max_divisions", |c| c.max_divisions = 0),
+            ],
+        );
     }
 
     #[test]

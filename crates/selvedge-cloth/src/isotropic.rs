@@ -11,7 +11,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::setting::{SettingError, require, require_positive};
+use crate::error::{SceneError, require, require_positive};
 use crate::{BendTable, StretchTable};
 
 /// The constants of an isotropic sheet.
@@ -35,7 +35,7 @@ impl Isotropic {
     ///
     /// # Errors
     /// Names the field and the value.
-    pub fn validate(&self) -> Result<(), SettingError> {
+    pub fn validate(&self) -> Result<(), SceneError> {
         require_positive("isotropic.youngs_modulus", self.youngs_modulus)?;
         require_positive("isotropic.thickness", self.thickness)?;
         let holds = (0.0..=0.5).contains(&self.poissons_ratio);
@@ -84,8 +84,7 @@ impl Isotropic {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    type Spoil = fn(&mut Isotropic);
+    use crate::error::refuses;
 
     const RUBBER: Isotropic = Isotropic {
         youngs_modulus: 1e6,
@@ -95,23 +94,17 @@ mod tests {
 
     #[test]
     fn wrong_constants_are_named() {
-        RUBBER.validate().unwrap();
-        let wrong: [(&str, Spoil); 5] = [
-            ("youngs_modulus", |i| i.youngs_modulus = 0.0),
-            ("thickness", |i| i.thickness = -1e-3),
-            ("thickness", |i| i.thickness = f64::NAN),
-            ("poissons_ratio", |i| i.poissons_ratio = -0.1),
-            ("poissons_ratio", |i| i.poissons_ratio = 0.51),
-        ];
-        for (field, spoil) in wrong {
-            let mut isotropic = RUBBER;
-            spoil(&mut isotropic);
-            let text = isotropic.validate().unwrap_err().to_string();
-            assert!(
-                text.starts_with(&format!("isotropic.{field} must")),
-                "{text}"
-            );
-        }
+        refuses(
+            &RUBBER,
+            Isotropic::validate,
+            &[
+                ("isotropic.youngs_modulus must", |i| i.youngs_modulus = 0.0),
+                ("isotropic.thickness must", |i| i.thickness = -1e-3),
+                ("isotropic.thickness must", |i| i.thickness = f64::NAN),
+                ("isotropic.poissons_ratio must", |i| i.poissons_ratio = -0.1),
+                ("isotropic.poissons_ratio must", |i| i.poissons_ratio = 0.51),
+            ],
+        );
     }
 
     #[test]

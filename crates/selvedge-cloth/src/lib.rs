@@ -50,9 +50,9 @@ pub mod conformance;
 mod contact;
 mod contact_memory;
 mod environment;
+mod error;
 pub mod generate;
 pub mod geometry;
-mod gust;
 mod handles;
 mod ids;
 mod isotropic;
@@ -66,39 +66,35 @@ mod pattern;
 mod physics;
 mod scene;
 mod schedule;
-mod setting;
 mod stepper;
-mod stop;
 mod topology;
 
-pub use cloth::{Cloth, ClothArrays, ClothError};
+pub use cloth::{Cloth, ClothArrays};
 pub use contact::{ContactLaw, ContactSettings, Squeezed};
 pub use contact_memory::{
     CaughtPair, ContactMemory, FrictionAnchor, Pushing, ReleasedContact, Touching,
 };
-pub use environment::Environment;
-pub use gust::Gust;
+pub use environment::{Environment, Gust};
+pub use error::{ClothError, MotionError, ObstacleError, SceneError, SettingError, require};
 pub use handles::{HandleError, HandleTargets, Handles};
 pub use ids::{EdgeId, FaceId, VertexId};
 pub use isotropic::Isotropic;
-pub use long_work::{LongWork, LongWorkObserver, observe_long_work};
+pub use long_work::{LongWork, LongWorkObserver, Stop, observe_long_work};
 pub use loose_panels::LoosePanels;
 pub use material::{BendTable, Material, StretchTable};
 pub use mesh::{FaceFabrics, Mesh, MeshError, RestShape};
 pub use motion::{
-    Block, HandlePath, Keyframe, KeyframeGroup, KeyframeMotion, Motion, MotionError, Pace,
-    PoseKeyframe, Profile, RandomMotion, RecordedMotion, Rotation, SplineGroup, SplineMotion,
-    Translation, TurnSense,
+    Block, HandlePath, Keyframe, KeyframeGroup, KeyframeMotion, Motion, Pace, PoseKeyframe,
+    Profile, RandomMotion, RecordedMotion, Rotation, SplineGroup, SplineMotion, Translation,
+    TurnSense,
 };
-pub use obstacle::{Obstacle, ObstacleError, ObstaclePath, RigidKey};
-pub use pattern::{EdgeSide, NumberedPattern, Pattern, PatternError, PatternPoint, Texture};
+pub use obstacle::{Obstacle, ObstaclePath, RigidKey};
+pub use pattern::{EdgeSide, NumberedPattern, Pattern, PatternPoint, Texture};
 pub use physics::{
     AirLaw, ConjugateGradients, ElasticLaw, GeneralisedAlpha, HandleConstraint, Integrator,
     LinearSolver, PhysicsMode, PhysicsSettings, SagSettings,
 };
-pub use scene::{DEFAULT_FRAME_RATE, Scene, SceneError};
-pub use schedule::{HandleSchedule, Release, ScheduleError};
-pub use setting::{SettingError, require};
+pub use scene::{DEFAULT_FRAME_RATE, Scene};
+pub use schedule::{HandleSchedule, Release};
 pub use stepper::{Correctable, StepError, Stepper, check_target_count, check_targets_hold};
-pub use stop::Stop;
 pub use topology::{Arc, Edge, Topology, TopologyError};

@@ -1,10 +1,10 @@
-//! A word on work that may take long and has no listener of its own: the making of large meshes.
-//!
-//! A program sets one observer at its start, who shows what he hears and may ask for an end. Where
+//! Work that may take long: a wish to stop it, and a word on work that has no listener of its own, the
+//! making of large meshes. For that a program sets one observer at its start, who shows what he hears and may ask for an end. Where
 //! none is set, as in tests, nothing is said.
 
 use std::ops::ControlFlow;
-use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
 
 /// One step of such work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,5 +59,28 @@ impl Underway {
 impl Drop for Underway {
     fn drop(&mut self) {
         let _ = tell(LongWork::Ended);
+    }
+}
+
+/// A flag that is set where someone wants long work to end. Clones share it.
+#[derive(Clone, Debug, Default)]
+pub struct Stop(Arc<AtomicBool>);
+
+impl From<Arc<AtomicBool>> for Stop {
+    fn from(flag: Arc<AtomicBool>) -> Self {
+        Self(flag)
+    }
+}
+
+impl Stop {
+    /// Sets the flag.
+    pub fn ask(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
+    /// Returns true from when the flag was set.
+    #[must_use]
+    pub fn is_wanted(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
     }
 }

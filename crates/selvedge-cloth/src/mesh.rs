@@ -4,8 +4,9 @@
 use glam::{DVec2, DVec3, Vec2};
 use thiserror::Error;
 
+use crate::error::{SceneError, must, require};
 use crate::geometry::{dihedral_angle, signed_area_2d};
-use crate::pattern::{NumberedPattern, Pattern, PatternError, Texture, check_corners};
+use crate::pattern::{NumberedPattern, Pattern, Texture, check_corners};
 use crate::{FaceId, Topology, TopologyError, VertexId};
 
 /// A triangle mesh of one or more sheets, flat or sewn, valid by construction.
@@ -49,36 +50,18 @@ impl FaceFabrics {
 pub enum MeshError {
     #[error(transparent)]
     Topology(#[from] TopologyError),
-    #[error("{what} has {found} entries for {expected} vertices")]
-    Count {
-        what: &'static str,
-        expected: usize,
-        found: usize,
-    },
-    #[error("{what} of vertex {vertex} is not finite: {value}")]
-    NonFinite {
-        what: &'static str,
-        vertex: VertexId,
-        value: String,
-    },
-    #[error(
-        "{what} of vertex {vertex} is {value}, farther from the origin than 1e15 m, as no cloth is: check the unit of length, and the factors of the mesh"
-    )]
-    Far {
-        what: &'static str,
-        vertex: VertexId,
-        value: String,
-    },
     #[error(
         "face {face} has no area in material space ({area:e} m²): remove it, or mend its texture coordinates"
     )]
     ZeroArea { face: FaceId, area: f64 },
-    #[error(transparent)]
-    Pattern(#[from] PatternError),
-    #[error("the rest angle of edge {}-{} must be between -π and π, found {angle}", vertices[0], vertices[1])]
-    RestAngle { vertices: [VertexId; 2], angle: f64 },
-    #[error("the stiffness of seams must be finite and not negative, found {found}")]
-    SeamStiffness { found: f64 },
+    #[error("{0}")]
+    Unusable(String),
+}
+
+impl From<SceneError> for MeshError {
+    fn from(error: SceneError) -> Self {
+        Self::Unusable(error.to_string())
+    }
 }
 
 impl Mesh {
@@ -95,13 +78,8 @@ impl Mesh {
         positions: Vec<DVec3>,
     ) -> Result<Self, MeshError> {
         let topology = Topology::new(positions.len(), faces)?;
-        if material_coordinates.len() != positions.len() {
-            return Err(MeshError::Count {
-                what: "the list of material coordinates",
-                expected: positions.len(),
-                found: material_coordinates.len(),
-            });
-        }
+        let found = material_coordinates.len();
+        check_count("the list of material coordinates", positions.len(), found)?;
         Self::checked(topology, material_coordinates, None, positions)
     }
 
@@ -117,13 +95,11 @@ impl Mesh {
         positions: Vec<DVec3>,
     ) -> Result<Self, MeshError> {
         let topology = Topology::new(positions.len(), faces)?;
-        if corner_coordinates.len() != faces.len() {
-            return Err(MeshError::Count {
-                what: "the list of corners' material coordinates",
-                expected: faces.len(),
-                found: corner_coordinates.len(),
-            });
-        }
+        let (what, found) = (
+            "the list of corners' material coordinates",
+            corner_coordinates.len(),
+        );
+        check_count(what, faces.len(), found)?;
         let NumberedPattern { points, corners } =
             NumberedPattern::new(&topology, corner_coordinates);
         Self::checked(topology, points, corners, positions)
@@ -216,15 +192,10 @@ impl Mesh {
     /// The same mesh at other start positions `[m]`, `[vertices]`.
     ///
     /// # Errors
-    /// [`MeshError::Count`], [`MeshError::NonFinite`] or [`MeshError::Far`].
+    /// Another number of positions, or one that [`Self::new`] refuses.
     pub fn with_positions(self, positions: Vec<DVec3>) -> Result<Self, MeshError> {
-        if positions.len() != self.positions.len() {
-            return Err(MeshError::Count {
-                what: "the list of positions",
-                expected: self.positions.len(),
-                found: positions.len(),
-            });
-        }
+        let expected = self.positions.len();
+        check_count("the list of positions", expected, positions.len())?;
         check_positions(&positions)?;
         Ok(Self { positions, ..self })
     }
@@ -232,8 +203,7 @@ impl Mesh {
     /// The same mesh with its pattern `scale` times as large.
     ///
     /// # Errors
-    /// [`MeshError::NonFinite`] or [`MeshError::ZeroArea`] where a number is lost, or
-    /// [`MeshError::Far`].
+    /// A point that [`Self::new`] refuses, or [`MeshError::ZeroArea`] where a number is lost.
     pub fn with_pattern_scaled(mut self, scale: f64) -> Result<Self, MeshError> {
         self.points.iter_mut().for_each(|point| *point *= scale);
         check_points(self.pattern())?;
@@ -245,22 +215,15 @@ impl Mesh {
     /// nothing.
     ///
     /// # Errors
-    /// [`MeshError::Count`] or [`MeshError::RestAngle`].
+    /// Another number of angles, or one that is none.
     pub fn with_rest_angles(self, angles: Vec<f64>) -> Result<Self, MeshError> {
         let edges = self.topology.edges();
-        if angles.len() != edges.len() {
-            return Err(MeshError::Count {
-                what: "the list of rest angles",
-                expected: edges.len(),
-                found: angles.len(),
-            });
-        }
+        check_count("the list of rest angles", edges.len(), angles.len())?;
         let is_angle = |angle: &f64| angle.abs() <= std::f64::consts::PI;
         if let Some(bad) = angles.iter().position(|angle| !is_angle(angle)) {
-            return Err(MeshError::RestAngle {
-                vertices: edges[bad].vertices,
-                angle: angles[bad],
-            });
+            let ([a, b], found) = (edges[bad].vertices, angles[bad]);
+            let field = format!("the rest angle of edge {a}-{b}");
+            return Err(must(field, "between -π and π", found).into());
         }
         let rest_angles = match angles.iter().all(|angle| *angle == 0.0) {
             true => Vec::new(),
@@ -293,11 +256,11 @@ impl Mesh {
     /// The same mesh with seams that bend `factor` times as stiffly as the cloth beside them.
     ///
     /// # Errors
-    /// [`MeshError::SeamStiffness`].
+    /// A factor that is negative or not finite.
     pub fn with_seam_stiffness(self, factor: f64) -> Result<Self, MeshError> {
-        if !(factor.is_finite() && factor >= 0.0) {
-            return Err(MeshError::SeamStiffness { found: factor });
-        }
+        let holds = factor.is_finite() && factor >= 0.0;
+        let field = "the stiffness of seams";
+        require(holds, field, "finite and not negative", factor)?;
         Ok(Self {
             seam_stiffness: factor,
             ..self
@@ -307,15 +270,11 @@ impl Mesh {
     /// The same mesh with these names of its faces' fabrics.
     ///
     /// # Errors
-    /// [`MeshError::Count`] where not every face has an entry.
+    /// Where not every face has an entry.
     pub fn with_fabrics(self, fabrics: FaceFabrics) -> Result<Self, MeshError> {
         let (expected, found) = (self.topology.faces().len(), fabrics.of_face.len());
-        if found != 0 && expected != found {
-            return Err(MeshError::Count {
-                what: "the list of faces' fabrics",
-                expected,
-                found,
-            });
+        if found != 0 {
+            check_count("the list of faces' fabrics", expected, found)?;
         }
         Ok(Self { fabrics, ..self })
     }
@@ -338,50 +297,47 @@ impl Mesh {
 /// overflow, in f32 too.
 const FARTHEST: f64 = 1e15;
 
-fn check_positions(positions: &[DVec3]) -> Result<(), MeshError> {
-    for (vertex, position) in (0_u32..).zip(positions) {
-        let largest = position.abs().max_element();
-        let is_finite = position.is_finite();
-        check_coordinate("the position", vertex, is_finite, largest, position)?;
+fn check_count(what: &str, expected: usize, found: usize) -> Result<(), MeshError> {
+    match expected == found {
+        true => Ok(()),
+        false => Err(MeshError::Unusable(format!(
+            "{what} has {found} entries for {expected} vertices"
+        ))),
     }
-    Ok(())
+}
+
+fn check_positions(positions: &[DVec3]) -> Result<(), MeshError> {
+    let mut numbered = (0_u32..).zip(positions);
+    numbered.try_for_each(|(vertex, position)| {
+        check_coordinate("the position", vertex, &position.to_array(), position)
+    })
 }
 
 fn check_points(pattern: Pattern<'_, DVec2>) -> Result<(), MeshError> {
-    for (point, vertex) in pattern.points().iter().zip(pattern.vertices()) {
-        let (is_finite, largest) = (point.is_finite(), point.abs().max_element());
-        check_coordinate("the material coordinate", vertex, is_finite, largest, point)?;
-    }
-    Ok(())
+    let mut owned = pattern.points().iter().zip(pattern.vertices());
+    owned.try_for_each(|(point, vertex)| {
+        check_coordinate("the material coordinate", vertex, &point.to_array(), point)
+    })
 }
 
-/// Checks the coordinates `found` of a vertex, of which the `largest` magnitude counts.
+/// Checks the `coordinates` of a vertex, which are those of `found`.
 fn check_coordinate(
-    what: &'static str,
+    what: &str,
     vertex: u32,
-    is_finite: bool,
-    largest: f64,
+    coordinates: &[f64],
     found: &dyn std::fmt::Debug,
 ) -> Result<(), MeshError> {
-    let vertex = VertexId(vertex);
-    let value = || format!("{found:?}");
-    if !is_finite {
-        let value = value();
-        return Err(MeshError::NonFinite {
-            what,
-            vertex,
-            value,
-        });
+    if coordinates.iter().all(|x| x.abs() <= FARTHEST) {
+        return Ok(());
     }
-    if largest > FARTHEST {
-        let value = value();
-        return Err(MeshError::Far {
-            what,
-            vertex,
-            value,
-        });
-    }
-    Ok(())
+    Err(MeshError::Unusable(
+        match coordinates.iter().all(|x| x.is_finite()) {
+            false => format!("{what} of vertex {vertex} is not finite: {found:?}"),
+            true => format!(
+                "{what} of vertex {vertex} is {found:?}, farther from the origin than 1e15 m, as no cloth is: check the unit of length, and the factors of the mesh"
+            ),
+        },
+    ))
 }
 
 fn check_areas(pattern: Pattern<'_, DVec2>) -> Result<(), MeshError> {

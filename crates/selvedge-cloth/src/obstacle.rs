@@ -1,9 +1,11 @@
 //! Obstacles: bodies that the cloth touches and that do not feel it. Each is a triangle mesh that
 //! is still, moves as a rigid body, or moves point by point.
 
-use glam::{DQuat, DVec3};
-use thiserror::Error;
+use std::fmt::Display;
 
+use glam::{DQuat, DVec3};
+
+use crate::error::{SceneError, require};
 use crate::geometry::is_without_area;
 
 /// Farthest coordinate of an obstacle `[m]`.
@@ -50,21 +52,12 @@ pub struct RigidKey {
     pub translation: DVec3,
 }
 
-/// Parts that do not make an [`Obstacle`].
-#[derive(Clone, Debug, Error, PartialEq)]
-#[error("obstacle {0}")]
-pub struct ObstacleError(String);
-
 impl Obstacle {
     /// An obstacle of these `points` `[m]` and `faces` among them, still, as rough as the cloth.
     ///
     /// # Errors
-    /// [`ObstacleError`] names the first face or point that cannot be used.
-    pub fn new(
-        name: &str,
-        points: Vec<DVec3>,
-        faces: Vec<[u32; 3]>,
-    ) -> Result<Self, ObstacleError> {
+    /// [`SceneError`] names the first face or point that cannot be used.
+    pub fn new(name: &str, points: Vec<DVec3>, faces: Vec<[u32; 3]>) -> Result<Self, SceneError> {
         let obstacle = Self {
             name: name.to_owned(),
             faces,
@@ -81,23 +74,20 @@ impl Obstacle {
     /// The same obstacle on a `path`. The points of a path by points replace its own.
     ///
     /// # Errors
-    /// [`ObstacleError`] names the first frame, key or point that cannot be used.
-    pub fn moving(mut self, path: ObstaclePath) -> Result<Self, ObstacleError> {
+    /// [`SceneError`] names the first frame, key or point that cannot be used.
+    pub fn moving(mut self, path: ObstaclePath) -> Result<Self, SceneError> {
         match &path {
             ObstaclePath::Still => {}
             ObstaclePath::Rigid(keys) => self.check_keys(keys)?,
             ObstaclePath::Points { frame_rate, frames } => {
-                if !(1e-3..=1e5).contains(frame_rate) {
-                    let expected = "between 0.001 and 100000 per second";
-                    return Err(self.setting("frame_rate", expected, frame_rate));
-                }
+                let holds = (1e-3..=1e5).contains(frame_rate);
+                let expected = "between 0.001 and 100000 per second";
+                self.require(holds, "frame_rate", expected, frame_rate)?;
                 for (number, frame) in frames.iter().enumerate() {
                     self.check_points(number, frame)?;
                 }
-                match frames.first() {
-                    None => return Err(self.setting("frames", "at least one", &0)),
-                    Some(first) => self.points.clone_from(first),
-                }
+                self.require(!frames.is_empty(), "frames", "at least one", 0)?;
+                self.points.clone_from(&frames[0]);
                 self.check_faces()?;
             }
         }
@@ -108,11 +98,9 @@ impl Obstacle {
     /// The same obstacle with its own coefficient of friction; a pair has the lesser of two.
     ///
     /// # Errors
-    /// [`ObstacleError`] for one that is negative or not a number.
-    pub fn with_friction(mut self, friction: f64) -> Result<Self, ObstacleError> {
-        if friction.is_nan() || friction < 0.0 {
-            return Err(self.setting("friction", "not negative", &friction));
-        }
+    /// [`SceneError`] for one that is negative or not a number.
+    pub fn with_friction(mut self, friction: f64) -> Result<Self, SceneError> {
+        self.require(friction >= 0.0, "friction", "not negative", friction)?;
         self.friction = friction;
         Ok(self)
     }
@@ -120,11 +108,10 @@ impl Obstacle {
     /// The same obstacle with a thickness of its own `[m]`, in place of that of the scene.
     ///
     /// # Errors
-    /// [`ObstacleError`] for one beyond 1e-5 to 1 m.
-    pub fn with_thickness(mut self, thickness: f64) -> Result<Self, ObstacleError> {
-        if !(1e-5..=1.0).contains(&thickness) {
-            return Err(self.setting("thickness", "between 1e-5 and 1 m", &thickness));
-        }
+    /// [`SceneError`] for one beyond 1e-5 to 1 m.
+    pub fn with_thickness(mut self, thickness: f64) -> Result<Self, SceneError> {
+        let holds = (1e-5..=1.0).contains(&thickness);
+        self.require(holds, "thickness", "between 1e-5 and 1 m", thickness)?;
         self.thickness = Some(thickness);
         Ok(self)
     }
@@ -204,44 +191,51 @@ impl Obstacle {
         }
     }
 
-    fn error(&self, what: &str) -> ObstacleError {
-        ObstacleError(format!("{:?}{what}", self.name))
+    fn error(&self, what: impl Display) -> SceneError {
+        SceneError(format!("obstacle {:?}{what}", self.name))
     }
 
-    fn setting(&self, field: &str, expected: &str, found: &dyn std::fmt::Display) -> ObstacleError {
-        self.error(&format!(": {field} must be {expected}, found {found}"))
+    fn require(
+        &self,
+        holds: bool,
+        field: &str,
+        expected: &str,
+        found: impl Display,
+    ) -> Result<(), SceneError> {
+        let checked = require(holds, field, expected, found);
+        checked.map_err(|error| self.error(format_args!(": {error}")))
     }
 
-    fn check_points(&self, frame: usize, points: &[DVec3]) -> Result<(), ObstacleError> {
+    fn check_points(&self, frame: usize, points: &[DVec3]) -> Result<(), SceneError> {
         let (expected, found) = (self.points.len(), points.len());
         if found != expected {
-            return Err(self.error(&format!(
+            return Err(self.error(format_args!(
                 ": frame {frame} has {found} points, expected {expected} as in the mesh: the number of points must not change"
             )));
         }
         let is_far = |p: &DVec3| !(p.is_finite() && p.abs().max_element() <= FARTHEST);
         match points.iter().position(is_far) {
             None => Ok(()),
-            Some(point) => Err(self.error(&format!(
+            Some(point) => Err(self.error(format_args!(
                 ": point {point} of frame {frame} is not finite or more than 1e6 m from the origin: {}",
                 points[point]
             ))),
         }
     }
 
-    fn check_faces(&self) -> Result<(), ObstacleError> {
+    fn check_faces(&self) -> Result<(), SceneError> {
         if self.faces.is_empty() {
             return Err(self.error(" has no faces: it needs at least one triangle"));
         }
         let points = self.points.len();
         for (face, corners) in self.faces.iter().enumerate() {
             if let Some(point) = corners.iter().find(|p| **p as usize >= points) {
-                return Err(self.error(&format!(
+                return Err(self.error(format_args!(
                     ": face {face} names point {point}, but there are {points}"
                 )));
             }
             if is_without_area(corners.map(|p| self.points[p as usize])) {
-                return Err(self.error(&format!(
+                return Err(self.error(format_args!(
                     ": face {face} has no area at the start: remove it"
                 )));
             }
@@ -249,29 +243,26 @@ impl Obstacle {
         Ok(())
     }
 
-    fn check_keys(&self, keys: &[RigidKey]) -> Result<(), ObstacleError> {
-        if keys.is_empty() {
-            return Err(self.setting("keyframes", "at least one", &0));
-        }
+    fn check_keys(&self, keys: &[RigidKey]) -> Result<(), SceneError> {
+        self.require(!keys.is_empty(), "keyframes", "at least one", 0)?;
         for pair in keys.windows(2) {
-            if pair[1].time.partial_cmp(&pair[0].time) != Some(std::cmp::Ordering::Greater) {
-                let found = &pair[1].time;
-                return Err(self.setting("keyframe.time", "later than the one before", found));
-            }
+            let [before, time] = [pair[0].time, pair[1].time];
+            let expected = "later than the one before";
+            self.require(time > before, "keyframe.time", expected, time)?;
         }
-        for key in keys {
-            let translation = key.translation;
-            if !(translation.is_finite() && translation.abs().max_element() <= FARTHEST) {
-                let expected = "finite and within 1e6 m";
-                return Err(self.setting("keyframe.translation", expected, &translation));
-            }
-            if !(key.rotation.is_finite() && (key.rotation.length() - 1.0).abs() < 1e-6) {
-                let expected = "a unit quaternion";
-                return Err(self.setting("keyframe.rotation", expected, &key.rotation));
-            }
-            if !key.time.is_finite() {
-                return Err(self.setting("keyframe.time", "finite", &key.time));
-            }
+        for &RigidKey {
+            time,
+            rotation,
+            translation,
+        } in keys
+        {
+            let holds = translation.abs().max_element() <= FARTHEST && translation.is_finite();
+            let expected = "finite and within 1e6 m";
+            self.require(holds, "keyframe.translation", expected, translation)?;
+            let holds = rotation.is_finite() && (rotation.length() - 1.0).abs() < 1e-6;
+            let expected = "a unit quaternion";
+            self.require(holds, "keyframe.rotation", expected, rotation)?;
+            self.require(time.is_finite(), "keyframe.time", "finite", time)?;
         }
         Ok(())
     }
@@ -324,22 +315,22 @@ mod tests {
     fn bad_meshes_are_named() {
         let points = vec![DVec3::ZERO, DVec3::X, DVec3::X * 2.0];
         let made = |faces: Vec<[u32; 3]>| Obstacle::new("a", points.clone(), faces).unwrap_err();
-        let says = |error: ObstacleError, words: &str| {
+        let says = |error: SceneError, words: &str| {
             let text = error.to_string();
-            assert!(
-                text.starts_with("obstacle \"") && text.contains(words),
-                "{text}"
-            );
+            assert!(text.starts_with(&format!("obstacle {words}")), "{text}");
         };
         says(made(vec![]), "\"a\" has no faces");
         says(
             made(vec![[0, 1, 3]]),
             "\"a\": face 0 names point 3, but there are 3",
         );
-        says(made(vec![[0, 1, 2]]), "face 0 has no area");
+        says(made(vec![[0, 1, 2]]), "\"a\": face 0 has no area");
         let far = vec![DVec3::X * 1e7; 3];
         let error = Obstacle::new("a", far, vec![[0, 1, 2]]).unwrap_err();
-        says(error, "point 0 of frame 0 is not finite or more than");
+        says(
+            error,
+            "\"a\": point 0 of frame 0 is not finite or more than",
+        );
         let frames = vec![vec![DVec3::ZERO, DVec3::X, DVec3::Z], vec![DVec3::ZERO; 2]];
         let path = ObstaclePath::Points {
             frame_rate: 60.0,

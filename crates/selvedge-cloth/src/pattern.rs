@@ -9,8 +9,8 @@
 //! face that has it; the others follow in the order of the faces.
 
 use glam::{DVec2, Vec2};
-use thiserror::Error;
 
+use crate::error::SceneError;
 use crate::geometry::signed_area_2d;
 use crate::{Edge, FaceId, Topology, VertexId};
 
@@ -39,11 +39,6 @@ pub struct Pattern<'a, P> {
     points: &'a [P],
     corners: Option<&'a [[u32; 3]]>,
 }
-
-/// Faces over points of a pattern that do not fit a topology.
-#[derive(Clone, Debug, Error, PartialEq)]
-#[error("{0}")]
-pub struct PatternError(String);
 
 /// Points and faces of a pattern, numbered as this module says.
 #[derive(Clone, Debug, PartialEq)]
@@ -105,28 +100,28 @@ pub enum Texture {
 /// Checks faces over `points` points of a pattern, `[faces, 3]`, against the topology.
 ///
 /// # Errors
-/// [`PatternError`] names the first face or point that does not fit.
+/// [`SceneError`] names the first face or point that does not fit.
 pub(crate) fn check_corners(
     topology: &Topology,
     points: usize,
     corners: &[[u32; 3]],
-) -> Result<(), PatternError> {
+) -> Result<(), SceneError> {
     let (expected, found) = (topology.faces().len(), corners.len());
     if expected != found {
         let text = format!("the pattern has {found} faces, the cloth {expected}");
-        return Err(PatternError(text));
+        return Err(SceneError(text));
     }
     let mut owners: Vec<Option<VertexId>> = vec![None; points];
     for (face, (corners, named)) in topology.faces().iter().zip(corners).enumerate() {
         for (&vertex, &point) in corners.iter().zip(named) {
             let Some(owner) = owners.get_mut(point as usize) else {
-                return Err(PatternError(format!(
+                return Err(SceneError(format!(
                     "face {face} names point {point} of the pattern, which has {points} points"
                 )));
             };
             let first = *owner.get_or_insert(vertex);
             if first != vertex {
-                return Err(PatternError(format!(
+                return Err(SceneError(format!(
                     "point {point} of the pattern belongs to vertices {first} and {vertex}: every point must have one vertex"
                 )));
             }
@@ -140,7 +135,7 @@ pub(crate) fn check_corners(
             }
             Some(_) => continue,
         };
-        return Err(PatternError(format!("point {point} of the pattern {what}")));
+        return Err(SceneError(format!("point {point} of the pattern {what}")));
     }
     Ok(())
 }

@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::setting::{SettingError, require, require_positive};
+use crate::error::{SceneError, require, require_positive};
 
 /// Settings of the reference simulator.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -124,20 +124,6 @@ impl Integrator {
         match self {
             Self::Linearised => 1,
             Self::GeneralisedAlpha(_) => 2,
-        }
-    }
-
-    fn validate(self) -> Result<(), SettingError> {
-        match self {
-            Self::GeneralisedAlpha(GeneralisedAlpha {
-                spectral_radius: Some(radius),
-            }) => require(
-                (0.0..=0.9).contains(&radius),
-                "physics.integrator.generalised-alpha.spectral_radius",
-                "between 0 and 0.9",
-                radius,
-            ),
-            _ => Ok(()),
         }
     }
 }
@@ -294,36 +280,30 @@ impl PhysicsSettings {
     ///
     /// # Errors
     /// Names the field and the value.
-    pub fn validate(&self) -> Result<(), SettingError> {
-        let is_count = (1..=1000).contains(&self.substeps);
-        require(
-            is_count,
-            "physics.substeps",
-            "between 1 and 1000",
-            self.substeps,
-        )?;
+    pub fn validate(&self) -> Result<(), SceneError> {
+        let (substeps, expected) = (self.substeps, "between 1 and 1000");
+        let holds = (1..=1000).contains(&substeps);
+        require(holds, "physics.substeps", expected, substeps)?;
         require_positive("physics.max_strain", self.max_strain)?;
-        self.integrator.validate()?;
-        if let Some(least) = self.least_damping {
-            let holds = least.is_finite() && least >= 0.0;
-            require(
-                holds,
-                "physics.least_damping",
-                "finite and not negative",
-                least,
-            )?;
+        if let Integrator::GeneralisedAlpha(alpha) = self.integrator
+            && let Some(radius) = alpha.spectral_radius
+        {
+            let field = "physics.integrator.generalised-alpha.spectral_radius";
+            let holds = (0.0..=0.9).contains(&radius);
+            require(holds, field, "between 0 and 0.9", radius)?;
         }
-        require(
-            self.integrator.order() == 1 || self.air == AirLaw::Implicit,
-            "physics.air",
-            "\"implicit\" with an integrator of second order",
-            "\"explicit\"",
-        )?;
+        if let Some(least) = self.least_damping {
+            let (holds, field) = (least.is_finite() && least >= 0.0, "physics.least_damping");
+            require(holds, field, "finite and not negative", least)?;
+        }
+        let holds = self.integrator.order() == 1 || self.air == AirLaw::Implicit;
+        let expected = "\"implicit\" with an integrator of second order";
+        require(holds, "physics.air", expected, "\"explicit\"")?;
         if let LinearSolver::ConjugateGradients(settings) = &self.solver {
             let field = |key: &str| format!("physics.solver.conjugate-gradients.{key}");
-            require_positive(&field("tolerance"), settings.tolerance)?;
+            require_positive(field("tolerance"), settings.tolerance)?;
             let most = settings.max_iterations;
-            require(most > 0, &field("max_iterations"), "at least 1", most)?;
+            require(most > 0, field("max_iterations"), "at least 1", most)?;
         }
         Ok(())
     }
@@ -334,15 +314,11 @@ impl SagSettings {
     ///
     /// # Errors
     /// Names the field and the value.
-    pub fn validate(&self) -> Result<(), SettingError> {
+    pub fn validate(&self) -> Result<(), SceneError> {
         require(self.bulge.is_finite(), "sag.bulge", "finite", self.bulge)?;
         require_positive("sag.tolerance", self.tolerance)?;
-        require(
-            self.max_steps > 0,
-            "sag.max_steps",
-            "at least 1",
-            self.max_steps,
-        )
+        let most = self.max_steps;
+        require(most > 0, "sag.max_steps", "at least 1", most)
     }
 }
 

@@ -2,12 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use thiserror::Error;
-
+use crate::error::{SceneError, require};
 use crate::{
-    ContactLaw, ContactSettings, Environment, FaceId, HandleError, HandlePath, HandleSchedule,
-    Handles, Integrator, Material, Mesh, Motion, MotionError, Obstacle, PhysicsSettings, RestShape,
-    SagSettings, ScheduleError, SettingError,
+    ContactLaw, ContactSettings, Environment, FaceId, HandlePath, HandleSchedule, Handles,
+    Integrator, Material, Mesh, Motion, Obstacle, PhysicsSettings, RestShape, SagSettings,
 };
 
 /// Frames per second of a scene that does not say otherwise.
@@ -45,36 +43,6 @@ pub struct Scene {
     pub obstacles: Vec<Obstacle>,
 }
 
-/// Parts of a scene that do not fit.
-#[derive(Clone, Debug, Error, PartialEq)]
-#[allow(missing_docs, reason = "each message is its source's")]
-pub enum SceneError {
-    #[error(transparent)]
-    Handles(#[from] HandleError),
-    #[error("handles: {0}")]
-    Schedule(#[from] ScheduleError),
-    #[error(transparent)]
-    Setting(#[from] SettingError),
-    #[error(transparent)]
-    Motion(#[from] MotionError),
-    #[error("the scene has obstacles but no contact: write `contact = {{}}`, or remove them")]
-    NoContact,
-    #[error(
-        "contact.law is \"arcsim\", which needs an integrator of first order without iterations: set physics = \"arcsim\", or remove contact.law"
-    )]
-    ContactLaw,
-    #[error(
-        "fabrics: no face of the mesh has a fabric named {name:?}; it has [{known}], the names of its usemtl statements"
-    )]
-    Fabric { name: String, known: String },
-    #[error("frame_rate must be between 1 and 100000 frames per second, found {found}")]
-    FrameRate { found: f64 },
-    #[error(
-        "environment.gust.period must be at least a frame, {least} s, because the wind is held over each; found {found} s"
-    )]
-    GustPeriod { least: f64, found: f64 },
-}
-
 impl Scene {
     /// A cloth that is held still for a second, by the default settings in all else, without contact.
     #[must_use]
@@ -103,31 +71,43 @@ impl Scene {
     pub fn validate(&self) -> Result<(), SceneError> {
         self.handles
             .check_range(self.mesh.topology().vertex_count())?;
-        self.schedule.validate(self.handles.len())?;
+        let schedule = self.schedule.validate(self.handles.len());
+        schedule.map_err(|error| error.of("handles"))?;
         self.material.validate()?;
         self.validate_fabrics()?;
         self.environment.validate()?;
         self.physics.validate()?;
         self.sag.validate()?;
-        match &self.contact {
-            Some(contact) => {
-                contact.validate()?;
-                let is_arcsim = contact.law == ContactLaw::Arcsim;
-                if is_arcsim && self.physics.integrator != Integrator::Linearised {
-                    return Err(SceneError::ContactLaw);
-                }
+        self.validate_contact()?;
+        let (rate, expected) = (self.frame_rate, "between 1 and 100000 frames per second");
+        require((1.0..=1e5).contains(&rate), "frame_rate", expected, rate)?;
+        if let Some(gust) = self.environment.gust {
+            let least = 1.0 / rate;
+            if gust.period < least {
+                let found = gust.period;
+                return Err(SceneError(format!(
+                    "environment.gust.period must be at least a frame, {least} s, because the wind is held over each; found {found} s"
+                )));
             }
-            None if !self.obstacles.is_empty() => return Err(SceneError::NoContact),
-            None => {}
         }
-        if !(1.0..=1e5).contains(&self.frame_rate) {
-            return Err(SceneError::FrameRate {
-                found: self.frame_rate,
-            });
-        }
-        self.check_gusts()?;
         self.handle_path()?;
         Ok(())
+    }
+
+    fn validate_contact(&self) -> Result<(), SceneError> {
+        let problem = match &self.contact {
+            None if self.obstacles.is_empty() => return Ok(()),
+            None => "the scene has obstacles but no contact: write `contact = {}`, or remove them",
+            Some(contact) => {
+                contact.validate()?;
+                let is_linear = self.physics.integrator == Integrator::Linearised;
+                if contact.law != ContactLaw::Arcsim || is_linear {
+                    return Ok(());
+                }
+                "contact.law is \"arcsim\", which needs an integrator of first order without iterations: set physics = \"arcsim\", or remove contact.law"
+            }
+        };
+        Err(SceneError(problem.to_owned()))
     }
 
     fn validate_fabrics(&self) -> Result<(), SceneError> {
@@ -136,8 +116,9 @@ impl Scene {
             material.validate()?;
             if !names.contains(name) {
                 let known = names.join(", ");
-                let name = name.clone();
-                return Err(SceneError::Fabric { name, known });
+                return Err(SceneError(format!(
+                    "fabrics: no face of the mesh has a fabric named {name:?}; it has [{known}], the names of its usemtl statements"
+                )));
             }
         }
         Ok(())
@@ -172,22 +153,11 @@ impl Scene {
             .rest_shape_of(|face| materials[of_face[face.index()]].density)
     }
 
-    fn check_gusts(&self) -> Result<(), SceneError> {
-        let least = 1.0 / self.frame_rate;
-        match self.environment.gust {
-            Some(gust) if gust.period < least => Err(SceneError::GustPeriod {
-                least,
-                found: gust.period,
-            }),
-            _ => Ok(()),
-        }
-    }
-
     /// The path of the handles, from where they start.
     ///
     /// # Errors
-    /// [`MotionError`] when the motion cannot drive these handles.
-    pub fn handle_path(&self) -> Result<HandlePath, MotionError> {
+    /// [`SceneError`] when the motion cannot drive these handles.
+    pub fn handle_path(&self) -> Result<HandlePath, SceneError> {
         let start = self.handles.select(self.mesh.positions());
         let path = self.motion.bind(&start, self.frame_rate)?;
         Ok(path.scheduled(self.schedule.clone()))
@@ -196,8 +166,8 @@ impl Scene {
     /// Frames after the start that the motion lasts; a run has one position more.
     ///
     /// # Errors
-    /// [`MotionError`] when the motion cannot drive these handles.
-    pub fn frame_count(&self) -> Result<usize, MotionError> {
+    /// [`SceneError`] when the motion cannot drive these handles.
+    pub fn frame_count(&self) -> Result<usize, SceneError> {
         Ok(self.handle_path()?.frame_count())
     }
 }
@@ -205,6 +175,7 @@ impl Scene {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::refuses;
     use crate::generate::square;
     use crate::{BendTable, Gust, Release, StretchTable};
 
@@ -236,57 +207,53 @@ mod tests {
 
     #[test]
     fn each_part_is_checked() {
-        let error = |spoil: fn(&mut Scene)| {
-            let mut scene = scene();
-            spoil(&mut scene);
-            scene.validate().unwrap_err()
-        };
-        let wrong = error(|s| s.handles = Handles::new(&[40], 50).unwrap());
-        assert!(matches!(wrong, SceneError::Handles(_)));
-        let wrong = error(|s| {
-            s.schedule.releases = vec![Release {
-                handles: vec![2],
-                from: 0.0,
-                to: None,
-            }];
-        });
-        assert!(matches!(wrong, SceneError::Schedule(_)));
-        let wrong = error(|s| s.material.density = 0.0);
-        assert!(matches!(wrong, SceneError::Setting(_)));
-        let wrong = error(|s| s.environment.air_drag = -1.0);
-        assert!(matches!(wrong, SceneError::Setting(_)));
-        let wrong = error(|s| {
-            s.environment.gust = Some(Gust {
-                speed: glam::DVec3::X,
-                period: 1.0 / 61.0,
-                seed: 0,
-            });
-        });
-        let (least, found) = (1.0 / 60.0, 1.0 / 61.0);
-        assert_eq!(wrong, SceneError::GustPeriod { least, found });
-        let wrong = error(|s| s.motion = Motion::still(0.0));
-        assert!(matches!(wrong, SceneError::Motion(_)));
-        for spoil in [(|s| s.physics.substeps = 0) as fn(&mut Scene), |s| {
-            s.sag.tolerance = 0.0
-        }] {
-            assert!(matches!(error(spoil), SceneError::Setting(_)));
-        }
-        let arcsim = |s: &mut Scene| {
-            let law = ContactLaw::Arcsim;
-            s.contact = Some(ContactSettings {
+        let scene = scene();
+        refuses(
+            &scene,
+            Scene::validate,
+            &[
+                ("handle 0 is vertex 40", |s| {
+                    s.handles = Handles::new(&[40], 50).unwrap();
+                }),
+                ("handles: released[0] names handle 2", |s| {
+                    s.schedule.releases = vec![Release {
+                        handles: vec![2],
+                        from: 0.0,
+                        to: None,
+                    }];
+                }),
+                ("material felt: density", |s| s.material.density = 0.0),
+                ("environment.air_drag", |s| s.environment.air_drag = -1.0),
+                ("environment.gust.period must be at least a frame", |s| {
+                    s.environment.gust = Some(Gust {
+                        speed: glam::DVec3::X,
+                        period: 1.0 / 61.0,
+                        seed: 0,
+                    });
+                }),
+                ("motion: blocks[0].duration", |s| {
+                    s.motion = Motion::still(0.0)
+                }),
+                ("physics.substeps", |s| s.physics.substeps = 0),
+                ("sag.tolerance", |s| s.sag.tolerance = 0.0),
+                ("contact.law is \"arcsim\"", |s| {
+                    s.contact = Some(ContactSettings {
+                        law: ContactLaw::Arcsim,
+                        ..ContactSettings::default()
+                    });
+                }),
+                ("frame_rate must be between 1", |s| s.frame_rate = 0.5),
+            ],
+        );
+        let law = ContactLaw::Arcsim;
+        let compared = Scene {
+            contact: Some(ContactSettings {
                 law,
                 ..ContactSettings::default()
-            });
+            }),
+            physics: PhysicsSettings::in_mode(crate::PhysicsMode::Arcsim),
+            ..scene
         };
-        assert_eq!(error(arcsim), SceneError::ContactLaw);
-        let mut compared = scene();
-        arcsim(&mut compared);
-        compared.physics = PhysicsSettings::in_mode(crate::PhysicsMode::Arcsim);
         assert_eq!(compared.validate(), Ok(()));
-        let found = 0.5;
-        assert_eq!(
-            error(|s| s.frame_rate = 0.5),
-            SceneError::FrameRate { found }
-        );
     }
 }

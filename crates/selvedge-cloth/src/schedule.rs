@@ -6,7 +6,8 @@
 //! there moves by as much as its path does.
 
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
+
+use crate::error::{SceneError, require};
 
 /// A span of time in which some handles are let go.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -33,11 +34,6 @@ pub struct HandleSchedule {
 /// binary.
 const ROUNDING: f64 = 1e-6;
 
-/// A release that cannot be.
-#[derive(Clone, Debug, Error, PartialEq)]
-#[error("{0}")]
-pub struct ScheduleError(String);
-
 impl HandleSchedule {
     /// Returns true when all handles hold all the time.
     #[must_use]
@@ -49,32 +45,25 @@ impl HandleSchedule {
     ///
     /// # Errors
     /// Names the release, the field and what was found.
-    pub fn validate(&self, handle_count: usize) -> Result<(), ScheduleError> {
+    pub fn validate(&self, handle_count: usize) -> Result<(), SceneError> {
         for (release, span) in self.releases.iter().enumerate() {
             if let Some(&handle) = span.handles.iter().find(|h| **h >= handle_count) {
-                return Err(ScheduleError(format!(
+                return Err(SceneError(format!(
                     "released[{release}] names handle {handle}, but the scene has {handle_count} handles (numbered from 0)"
                 )));
             }
-            let error = |field, expected, found| {
-                ScheduleError(format!(
-                    "released[{release}].{field} must be {expected}, found {found}"
-                ))
-            };
-            if !(span.from.is_finite() && span.from >= 0.0) {
-                return Err(error("from", "finite and not negative", span.from));
-            }
-            match span.to {
-                Some(to) if !(to.is_finite() && to > span.from) => {
-                    return Err(error("to", "finite and later than from", to));
-                }
-                _ => {}
+            let field = |key: &str| format!("released[{release}].{key}");
+            let holds = span.from.is_finite() && span.from >= 0.0;
+            require(holds, field("from"), "finite and not negative", span.from)?;
+            if let Some(to) = span.to {
+                let holds = to.is_finite() && to > span.from;
+                require(holds, field("to"), "finite and later than from", to)?;
             }
         }
         self.check_overlaps()
     }
 
-    fn check_overlaps(&self) -> Result<(), ScheduleError> {
+    fn check_overlaps(&self) -> Result<(), SceneError> {
         let mut spans: Vec<(usize, usize)> = Vec::new();
         for (release, span) in self.releases.iter().enumerate() {
             spans.extend(span.handles.iter().map(|&handle| (handle, release)));
@@ -85,7 +74,7 @@ impl HandleSchedule {
             let [(handle, earlier), (same, later)] = [pair[0], pair[1]];
             let end = self.releases[earlier].to.unwrap_or(f64::INFINITY);
             if handle == same && from(later) < end {
-                return Err(ScheduleError(format!(
+                return Err(SceneError(format!(
                     "released[{later}].from is {}, before released[{earlier}] of the same handle {handle} has ended: make one span of them, or let one end before the other begins",
                     from(later)
                 )));
@@ -99,40 +88,43 @@ impl HandleSchedule {
     /// again.
     #[must_use]
     pub fn let_go_by(&self, frame: usize, frame_rate: f64, handle_count: usize) -> Vec<bool> {
-        let mut let_go = vec![false; handle_count];
-        for span in &self.releases {
-            let until = span.to.map_or(f64::INFINITY, |to| to * frame_rate);
+        self.marked(handle_count, |span| {
             let first = (span.from * frame_rate - ROUNDING).ceil();
-            if first <= frame as f64 && first + ROUNDING < until {
-                for &handle in span.handles.iter().filter(|h| **h < handle_count) {
-                    let_go[handle] = true;
-                }
-            }
-        }
-        let_go
+            first <= frame as f64 && first + ROUNDING < end(span, frame_rate)
+        })
     }
 
     /// Marks which of `handle_count` handles are let go during the step from `frame` to the next at
     /// `frame_rate` frames per second, `[handles]`.
     #[must_use]
     pub fn released(&self, frame: usize, frame_rate: f64, handle_count: usize) -> Vec<bool> {
-        let mut released = vec![false; handle_count];
         let now = frame as f64 + ROUNDING;
-        for span in &self.releases {
-            let until = span.to.map_or(f64::INFINITY, |to| to * frame_rate);
-            if (span.from * frame_rate..until).contains(&now) {
-                for &handle in span.handles.iter().filter(|h| **h < handle_count) {
-                    released[handle] = true;
-                }
+        self.marked(handle_count, |span| {
+            (span.from * frame_rate..end(span, frame_rate)).contains(&now)
+        })
+    }
+
+    /// Marks the handles of the spans that count.
+    fn marked(&self, handle_count: usize, counts: impl Fn(&Release) -> bool) -> Vec<bool> {
+        let mut marked = vec![false; handle_count];
+        for span in self.releases.iter().filter(|span| counts(span)) {
+            for &handle in span.handles.iter().filter(|h| **h < handle_count) {
+                marked[handle] = true;
             }
         }
-        released
+        marked
     }
+}
+
+/// The end of a span in frames.
+fn end(span: &Release, frame_rate: f64) -> f64 {
+    span.to.map_or(f64::INFINITY, |to| to * frame_rate)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::refuses;
 
     fn schedule() -> HandleSchedule {
         HandleSchedule {
@@ -197,27 +189,23 @@ mod tests {
 
     #[test]
     fn wrong_releases_are_named() {
-        let error = |spoil: fn(&mut HandleSchedule)| {
-            let mut schedule = schedule();
-            spoil(&mut schedule);
-            schedule.validate(3).unwrap_err().to_string()
-        };
         assert!(schedule().validate(2).is_err());
-        for (spoil, expected) in [
-            (
-                (|s| s.releases[0].handles = vec![3]) as fn(&mut HandleSchedule),
-                "released[0] names handle 3, but the scene has 3 handles",
-            ),
-            (|s| s.releases[1].from = -1.0, "released[1].from must be"),
-            (|s| s.releases[0].to = Some(0.1), "released[0].to must be"),
-            (|s| s.releases[0].to = Some(f64::NAN), "released[0].to must"),
-            (
-                |s| s.releases[1].handles = vec![1, 2],
-                "released[1].from is 0.2, before released[0] of the same handle 2 has ended",
-            ),
-        ] {
-            let text = error(spoil);
-            assert!(text.starts_with(expected), "{text}");
-        }
+        let validate = |s: &HandleSchedule| s.validate(3);
+        refuses(
+            &schedule(),
+            validate,
+            &[
+                ("released[0] names handle 3, but the scene has 3", |s| {
+                    s.releases[0].handles = vec![3];
+                }),
+                ("released[1].from must be", |s| s.releases[1].from = -1.0),
+                ("released[0].to must be", |s| s.releases[0].to = Some(0.1)),
+                ("released[0].to must", |s| s.releases[0].to = Some(f64::NAN)),
+                (
+                    "released[1].from is 0.2, before released[0] of the same handle 2 has ended",
+                    |s| s.releases[1].handles = vec![1, 2],
+                ),
+            ],
+        );
     }
 }

@@ -63,18 +63,8 @@ pub struct Topology {
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum TopologyError {
-    #[error("the mesh has no faces: a cloth needs at least one triangle")]
-    Empty,
-    #[error("the mesh has {count} {what}, more than the {LARGEST} that indices allow")]
-    TooLarge { what: &'static str, count: usize },
-    #[error("face {face} names vertex {vertex}, but the mesh has {vertex_count} vertices (0 to {})", vertex_count.saturating_sub(1))]
-    VertexOutOfRange {
-        face: FaceId,
-        vertex: u32,
-        vertex_count: usize,
-    },
-    #[error("face {face} names vertex {vertex} twice: remove the degenerate face")]
-    RepeatedVertex { face: FaceId, vertex: VertexId },
+    #[error("{0}")]
+    Unusable(String),
     #[error("faces {first} and {second} have the same three vertices: remove one of them")]
     DuplicateFace { first: FaceId, second: FaceId },
     #[error(
@@ -94,8 +84,6 @@ pub enum TopologyError {
         first: FaceId,
         second: FaceId,
     },
-    #[error("vertex {vertex} belongs to no face (one of {count}): remove isolated vertices")]
-    IsolatedVertex { vertex: VertexId, count: usize },
 }
 
 impl Topology {
@@ -106,7 +94,7 @@ impl Topology {
     /// Each defect of a mesh is an error of its own, with the first offending numbers.
     pub fn new(vertex_count: usize, faces: &[[u32; 3]]) -> Result<Self, TopologyError> {
         if faces.is_empty() {
-            return Err(TopologyError::Empty);
+            return unusable("the mesh has no faces: a cloth needs at least one triangle");
         }
         check_size("vertices", vertex_count)?;
         check_size("faces", faces.len())?;
@@ -210,9 +198,15 @@ impl Topology {
     }
 }
 
-fn check_size(what: &'static str, count: usize) -> Result<(), TopologyError> {
+fn unusable<T>(problem: impl Into<String>) -> Result<T, TopologyError> {
+    Err(TopologyError::Unusable(problem.into()))
+}
+
+fn check_size(what: &str, count: usize) -> Result<(), TopologyError> {
     if count > LARGEST {
-        return Err(TopologyError::TooLarge { what, count });
+        return unusable(format!(
+            "the mesh has {count} {what}, more than the {LARGEST} that indices allow"
+        ));
     }
     Ok(())
 }
@@ -220,26 +214,24 @@ fn check_size(what: &'static str, count: usize) -> Result<(), TopologyError> {
 fn check_faces(vertex_count: usize, faces: &[[u32; 3]]) -> Result<(), TopologyError> {
     let mut seen: HashMap<[u32; 3], u32> = HashMap::with_capacity(faces.len());
     for (number, &corners) in faces.iter().enumerate() {
-        let face = FaceId(number as u32);
         if let Some(&vertex) = corners.iter().find(|&&v| v as usize >= vertex_count) {
-            return Err(TopologyError::VertexOutOfRange {
-                face,
-                vertex,
-                vertex_count,
-            });
+            return unusable(format!(
+                "face {number} names vertex {vertex}, but the mesh has {vertex_count} vertices (0 to {})",
+                vertex_count.saturating_sub(1)
+            ));
         }
         let [a, b, c] = corners;
         if a == b || b == c || c == a {
-            let vertex = VertexId(if b == c { b } else { a });
-            return Err(TopologyError::RepeatedVertex { face, vertex });
+            let vertex = if b == c { b } else { a };
+            return unusable(format!(
+                "face {number} names vertex {vertex} twice: remove the degenerate face"
+            ));
         }
         let mut key = corners;
         key.sort_unstable();
-        if let Some(first) = seen.insert(key, face.0) {
-            return Err(TopologyError::DuplicateFace {
-                first: FaceId(first),
-                second: face,
-            });
+        if let Some(first) = seen.insert(key, number as u32) {
+            let [first, second] = [first, number as u32].map(FaceId);
+            return Err(TopologyError::DuplicateFace { first, second });
         }
     }
     Ok(())
@@ -252,10 +244,9 @@ fn check_isolated(vertex_count: usize, faces: &[[u32; 3]]) -> Result<(), Topolog
     }
     let count = used.iter().filter(|&&used| !used).count();
     match used.iter().position(|&used| !used) {
-        Some(vertex) => Err(TopologyError::IsolatedVertex {
-            vertex: VertexId(vertex as u32),
-            count,
-        }),
+        Some(vertex) => unusable(format!(
+            "vertex {vertex} belongs to no face (one of {count}): remove isolated vertices"
+        )),
         None => Ok(()),
     }
 }

@@ -94,16 +94,15 @@ pub use obstacle::{
 pub use rest_poses::{KeptRestPose, RestPoseFolder};
 pub use rig::{MeshMotion, Rig, RigError, RigNode};
 pub use scene::{
-    BuiltMesh, GeneratorSpec, LoadedScene, MeshSource, MeshSpec, MeshSpecError, ObjSource, Rotate,
-    SceneFileError, SceneProblem, SceneSpec, SceneSpecError, Setting, StartSpec, StrainedEdge,
-    Times, Transform, materials, open_scene, panel_stretches, parse_recorded_csv, parse_scene,
-    read_scene, shipped_scenes, size_warning, worst_edges, worst_free_edges,
+    LoadedScene, MeshSource, MeshSpec, ObjSource, Rotate, SceneFileError, SceneSpec,
+    SceneSpecError, Setting, StartSpec, StrainedEdge, Times, Transform, materials, open_scene,
+    panel_stretches, parse_recorded_csv, parse_scene, read_scene, shipped_scenes, size_warning,
+    worst_edges,
 };
 pub use trajectory::file::{ReadTrajectoryError, TrajectoryFileError};
 pub use trajectory::frames::Frames;
 pub use trajectory::obstacles::ObstacleTrack;
-pub use trajectory::playback::Playback;
-pub use trajectory::record::{Drive, Recording, RecordingEnd, record};
+pub use trajectory::record::{Drive, Playback, Recording, RecordingEnd, record};
 pub use trajectory::state_file::{
     LastChanges, PreviousState, STATES_FORMAT, SavedState, StateChoice, StateRun, StateSpec,
 };

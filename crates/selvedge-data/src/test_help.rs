@@ -67,3 +67,12 @@ pub(crate) fn table<const N: usize>(text: &str) -> Vec<[&'static str; N]> {
     });
     cells.collect()
 }
+
+/// Checks that what is made of each line but its last cell is refused with the words in that.
+#[track_caller]
+pub(crate) fn refuses<T>(cases: &str, make: impl Fn(&str, &str) -> Result<T, String>) {
+    for [first, second, words] in table(cases) {
+        let error = make(first, second).err();
+        says(error.as_deref().unwrap_or("nothing"), &[words]);
+    }
+}

@@ -100,20 +100,13 @@ mod tests {
     use super::*;
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
-    use selvedge_cloth::generate::{SheetSpec, named_sheets, sheet};
+    use selvedge_cloth::generate::{named_sheets, sheet};
 
     /// Bounds of 0.85 and 1.2 for every edge of a named mesh with uniform masses; also its handles
     /// and its positions.
     fn of(number: usize, density: f64) -> (EdgeLimiter, Vec<usize>, Vec<Vec3>) {
         let named = named_sheets()[number];
-        let spec = SheetSpec {
-            shape: named.shape,
-            vertices: named.vertices(density),
-            size: named.size,
-            width: 1.0,
-            seed: 3,
-        };
-        let made = sheet(&spec).unwrap();
+        let made = sheet(&named.of(named.vertices(density), 3)).unwrap();
         let handles: Vec<usize> = made.labels[named.handles]
             .iter()
             .map(|v| *v as usize)

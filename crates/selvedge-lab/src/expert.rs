@@ -1,7 +1,7 @@
 //! The physics of a data set as the expert of a training: it labels the model's own states.
 
 use glam::DVec3;
-use selvedge_cloth::{HandlePath, Scene, SceneError, Stepper};
+use selvedge_cloth::{HandlePath, Scene, Stepper};
 use selvedge_data::{Dataset, DatasetError, SceneSpec, SceneSpecError, Split};
 use selvedge_sim::{Simulator, Threads};
 use selvedge_train::{Expert, ExpertState};
@@ -47,7 +47,7 @@ impl PhysicsExpert {
             }
             let path = scene.handle_path().map_err(|source| ExpertError::Scene {
                 motion: motion(),
-                source: SceneError::from(source).into(),
+                source: source.into(),
             })?;
             Ok((scene, path))
         };

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 
 use glam::DVec3;
 use selvedge_cloth::Mesh;
-use selvedge_data::{LoadedScene, StartSpec, Times, panel_stretches, worst_free_edges};
+use selvedge_data::{LoadedScene, StartSpec, Times, panel_stretches, worst_edges};
 use selvedge_sim::{FitError, FitProgress, Fitted, dress, fit as fit_cloth, sew_and_fit, untangle};
 use thiserror::Error;
 
@@ -165,7 +165,7 @@ fn left(loaded: &LoadedScene, fitted: &Fitted) -> Result<Option<String>, Fitting
         return Ok(None);
     }
     let scene = &loaded.scene;
-    let worst = worst_free_edges(&scene.mesh, &scene.handles, &fitted.positions, NAMED);
+    let worst = worst_edges(&scene.mesh, &scene.handles, &fitted.positions, NAMED);
     let named: Vec<String> = worst.iter().map(ToString::to_string).collect();
     let left = format!(
         "strains of up to {} are left ({} before), the worst edges are {}",

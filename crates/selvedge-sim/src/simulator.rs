@@ -8,7 +8,7 @@
 //! [`Stepper::positions`]: selvedge_cloth::Stepper::positions
 
 use glam::{DVec3, Vec3};
-use selvedge_cloth::{HandleError, HandleTargets, Scene, SceneError, StepError, Stop, VertexId};
+use selvedge_cloth::{HandleError, HandleTargets, Scene, StepError, Stop, VertexId};
 
 use crate::active_handles::ActiveHandles;
 use crate::contact::{Contact, ContactCounts, Span};
@@ -157,7 +157,7 @@ impl Simulator {
         let Some(last) = frame.checked_sub(1) else {
             return Ok(simulator);
         };
-        let path = scene.handle_path().map_err(SceneError::from)?;
+        let path = scene.handle_path()?;
         // A spring handle is not where its path is.
         simulator.reached = path.at(frame as f64 / rate);
         let has_let_go = scene.schedule.let_go_by(last, rate, scene.handles.len());

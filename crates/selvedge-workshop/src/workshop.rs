@@ -11,8 +11,7 @@ use selvedge_cloth::generate::{NamedSheet, named_sheets};
 use selvedge_cloth::motion::named;
 use selvedge_cloth::{Cloth, HandleSchedule, Motion, Scene};
 use selvedge_data::{
-    GeneratorSpec, LoadedScene, MeshSpec, SavedState, StartSpec, materials, open_scene,
-    shipped_scenes,
+    LoadedScene, MeshSpec, SavedState, StartSpec, materials, open_scene, shipped_scenes,
 };
 use selvedge_lab::cause;
 use selvedge_lab::fitting;
@@ -265,13 +264,7 @@ fn put_mesh(loaded: &mut LoadedScene, order: &MeshOrder) -> anyhow::Result<()> {
             VERTICES_ALLOWED.end()
         );
     }
-    let spec = MeshSpec::from(GeneratorSpec {
-        kind: sheet.shape,
-        vertices,
-        size: sheet.size,
-        width: None,
-        seed: 1,
-    });
+    let spec = MeshSpec::from(sheet.of(vertices, 1));
     let made = spec.build(Path::new(""))?;
     let handles = made.labels.get(sheet.handles);
     let handles = handles.ok_or_else(|| anyhow!("mesh {name} has no {}", sheet.handles))?;

@@ -1,7 +1,7 @@
 //! The meshes that have a name: those that Libao et al. 2023 show their model on, and three that
 //! they do not have. The paper gives no measures; these are ours.
 
-use super::shapes::Shape;
+use super::{Shape, SheetSpec};
 
 /// A mesh that has a name.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,5 +57,17 @@ impl NamedSheet {
     #[must_use]
     pub fn vertices(&self, density: f64) -> usize {
         self.shape.vertices(self.size, density)
+    }
+
+    /// Its numbers for so many `vertices`.
+    #[must_use]
+    pub fn of(&self, vertices: usize, seed: u64) -> SheetSpec {
+        SheetSpec {
+            shape: self.shape,
+            vertices,
+            size: self.size,
+            width: None,
+            seed,
+        }
     }
 }

@@ -8,7 +8,6 @@
 
 mod boundary;
 mod catalogue;
-mod error;
 mod outline;
 mod relax;
 mod scatter;
@@ -16,28 +15,83 @@ mod shapes;
 mod tube;
 
 pub use self::catalogue::{NamedSheet, named_sheets};
-pub use self::error::GenerateError;
-use self::error::MOST_VERTICES;
 use self::outline::{FlatSheet, sheet_from_outline};
 pub use self::shapes::Shape;
 use self::shapes::{Cut, Label};
 use crate::Mesh;
+use crate::error::{SceneError, require_positive};
 use glam::{DVec2, DVec3};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// A sheet of any shape.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Most vertices that are made: a million take a minute or so.
+const MOST_VERTICES: usize = 1_000_000;
+
+/// The numbers of a sheet. A file may give a `density` `[vertices/m²]` instead of `vertices`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "SheetFields")]
 pub struct SheetSpec {
     /// Shape of the sheet.
+    #[serde(rename = "kind")]
     pub shape: Shape,
     /// Number of vertices; the mesh has exactly so many.
     pub vertices: usize,
-    /// The unit of length of the shape: of a rectangle or a tube its height `[m]`.
+    /// The unit of length of the shape, as the side of a square or the height of a rectangle `[m]`.
     pub size: f64,
-    /// Width of a rectangle, or the way around a tube `[m]`; other shapes have their own.
-    pub width: f64,
+    /// Width of a rectangle, or the way around a tube `[m]`; none for other shapes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub width: Option<f64>,
     /// Decides where the inner vertices lie, and the outline of a random shape.
     pub seed: u64,
+}
+
+/// [`SheetSpec`] as it is written.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SheetFields {
+    kind: Shape,
+    vertices: Option<usize>,
+    density: Option<f64>,
+    size: f64,
+    width: Option<f64>,
+    seed: u64,
+}
+
+impl TryFrom<SheetFields> for SheetSpec {
+    type Error = String;
+
+    fn try_from(fields: SheetFields) -> Result<Self, String> {
+        let (shape, size, width) = (fields.kind, fields.size, fields.width);
+        match (shape.has_width(), width) {
+            (true, None) => {
+                return Err("missing field: `width`, in m; `size` is the height".to_owned());
+            }
+            (false, Some(_)) => return Err("`width` is for a rectangle or a tube".to_owned()),
+            _ => (),
+        }
+        let vertices = match (fields.vertices, fields.density) {
+            (Some(vertices), None) => vertices,
+            (None, Some(density)) if density.is_finite() && density > 0.0 => {
+                // Of a rectangle as high as it is wide, and as large.
+                let side = width.map_or(size, |width| (size * width).sqrt());
+                shape.vertices(side, density)
+            }
+            (None, Some(density)) => {
+                return Err(format!(
+                    "density must be finite and positive, found {density} vertices/m²"
+                ));
+            }
+            (Some(_), Some(_)) => return Err("give `vertices` or `density`, not both".to_owned()),
+            (None, None) => return Err("missing field: `vertices` or `density`".to_owned()),
+        };
+        Ok(Self {
+            shape,
+            vertices,
+            size,
+            width,
+            seed: fields.seed,
+        })
+    }
 }
 
 /// A mesh and the names of some of its vertices.
@@ -67,17 +121,17 @@ pub struct Sheet {
 /// let sheet = square(1024, 1.0, 1)?;
 /// assert_eq!(sheet.mesh.topology().vertex_count(), 1024);
 /// assert_eq!(sheet.labels["upper-corners"], [0, 30]);
-/// # Ok::<(), selvedge_cloth::generate::GenerateError>(())
+/// # Ok::<(), selvedge_cloth::SceneError>(())
 /// ```
 ///
 /// # Errors
-/// [`GenerateError`] names what cannot be used.
-pub fn square(vertices: usize, size: f64, seed: u64) -> Result<Sheet, GenerateError> {
+/// [`SceneError`] names what cannot be used.
+pub fn square(vertices: usize, size: f64, seed: u64) -> Result<Sheet, SceneError> {
     sheet(&SheetSpec {
         shape: Shape::Square,
         vertices,
         size,
-        width: size,
+        width: None,
         seed,
     })
 }
@@ -95,23 +149,24 @@ pub fn square(vertices: usize, size: f64, seed: u64) -> Result<Sheet, GenerateEr
 /// upper edge at y = 0, and has `upper-edge`, `lower-edge` and both, `boundary`.
 ///
 /// # Errors
-/// [`GenerateError`] names what cannot be used.
-pub fn sheet(spec: &SheetSpec) -> Result<Sheet, GenerateError> {
-    if !(spec.size.is_finite() && spec.size > 0.0) {
-        return Err(GenerateError::Size { found: spec.size });
-    }
+/// [`SceneError`] names what cannot be used.
+pub fn sheet(spec: &SheetSpec) -> Result<Sheet, SceneError> {
+    let width = spec.width.unwrap_or(spec.size);
+    require_positive("size", spec.size).map_err(in_metres)?;
     if spec.vertices > MOST_VERTICES {
-        let found = spec.vertices;
-        return Err(GenerateError::TooManyVertices { found });
+        let problem = format!(
+            "vertices must be at most {MOST_VERTICES}, found {}",
+            spec.vertices
+        );
+        return Err(SceneError(problem));
     }
-    let is_wide = matches!(spec.shape, Shape::Rectangle | Shape::Tube);
-    if is_wide && !(spec.width.is_finite() && spec.width > 0.0) {
-        return Err(GenerateError::Width { found: spec.width });
+    if spec.shape.has_width() {
+        require_positive("width", width).map_err(in_metres)?;
     }
     if spec.shape == Shape::Tube {
-        return tube::tube(spec);
+        return tube::tube(spec, width);
     }
-    let cut = (spec.shape).cut(spec.width / spec.size, spec.vertices, spec.seed);
+    let cut = (spec.shape).cut(width / spec.size, spec.vertices, spec.seed);
     let flat = sheet_from_outline(&cut.loops, spec.vertices, spec.seed)?;
     let coordinates: Vec<DVec2> = flat.points.iter().map(|p| spec.size * *p).collect();
     let extent = spec.size * cut.extent;
@@ -123,7 +178,16 @@ pub fn sheet(spec: &SheetSpec) -> Result<Sheet, GenerateError> {
     })
 }
 
+fn in_metres(error: SceneError) -> SceneError {
+    SceneError(format!("{error} m"))
+}
+
 impl Shape {
+    /// Returns true for a shape whose width is said.
+    fn has_width(self) -> bool {
+        matches!(self, Self::Rectangle | Self::Tube)
+    }
+
     /// Vertices of a sheet of `size` `[m]` (and as wide, where that is said) at `density`
     /// `[vertices/m²]`, to the nearest; none where a number is not positive.
     #[must_use]

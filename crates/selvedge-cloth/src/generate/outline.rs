@@ -6,9 +6,9 @@
 //! gets as many equal segments as fit best; the rest of the vertices lie inside.
 
 use super::boundary::{fitting_spacing, region_area, sample_boundary};
-use super::error::{GenerateError, MOST_VERTICES};
 use super::relax::{relaxed, triangulate};
 use super::scatter::scatter;
+use crate::error::SceneError;
 use glam::DVec2;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -35,23 +35,16 @@ pub(super) struct FlatSheet {
 /// direction) with exactly `count` vertices.
 ///
 /// # Errors
-/// [`GenerateError::TooFewVertices`] when the corners alone are more than `count`, or
-/// [`GenerateError::TooManyVertices`]; [`GenerateError::Area`] when the region is (nearly) a line;
-/// [`GenerateError::Triangulation`] when the outline crosses itself.
+/// More corners than `count`, a region that is (nearly) a line, an outline that
+/// crosses itself.
 pub(super) fn sheet_from_outline(
     loops: &[Vec<DVec2>],
     count: usize,
     seed: u64,
-) -> Result<FlatSheet, GenerateError> {
+) -> Result<FlatSheet, SceneError> {
     let needed = loops.iter().map(Vec::len).sum();
-    if count > MOST_VERTICES {
-        return Err(GenerateError::TooManyVertices { found: count });
-    }
     if count < needed {
-        return Err(GenerateError::TooFewVertices {
-            found: count,
-            needed,
-        });
+        return Err(too_few(count, needed));
     }
     check_area(loops)?;
     let spacing = fitting_spacing(loops, count);
@@ -81,7 +74,7 @@ pub(super) fn sheet_from_outline(
 }
 
 /// Checks that random points in the rectangle around the region hit it; NaN fails too.
-fn check_area(loops: &[Vec<DVec2>]) -> Result<(), GenerateError> {
+fn check_area(loops: &[Vec<DVec2>]) -> Result<(), SceneError> {
     let corners = || loops.iter().flatten().copied();
     let low = corners().fold(DVec2::INFINITY, DVec2::min);
     let high = corners().fold(DVec2::NEG_INFINITY, DVec2::max);
@@ -90,5 +83,13 @@ fn check_area(loops: &[Vec<DVec2>]) -> Result<(), GenerateError> {
     if area.is_finite() && area > LEAST_SHARE * around {
         return Ok(());
     }
-    Err(GenerateError::Area { area, around })
+    Err(SceneError(format!(
+        "the outline encloses {area} m² of the {around} m² around it, too little to place vertices in: give it width, and sides that do not cross"
+    )))
+}
+
+pub(super) fn too_few(found: usize, needed: usize) -> SceneError {
+    SceneError(format!(
+        "a sheet of this shape needs at least {needed} vertices, found {found}"
+    ))
 }

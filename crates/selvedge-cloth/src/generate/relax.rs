@@ -13,10 +13,12 @@ use rand_chacha::ChaCha8Rng;
 use spade::{ConstrainedDelaunayTriangulation, Point2, Triangulation};
 
 use super::boundary::{Boundary, is_within};
-use super::error::GenerateError;
+use crate::error::SceneError;
 use crate::geometry::signed_area_2d;
 use crate::geometry::unit;
 use crate::long_work::Underway;
+
+const INTERRUPTED: &str = "interrupted while the mesh was being made";
 
 /// Relaxation steps between two looks at the faces.
 const ROUND: usize = 6;
@@ -38,7 +40,7 @@ pub(super) fn relaxed(
     boundary: &Boundary,
     inside: Vec<DVec2>,
     rng: &mut ChaCha8Rng,
-) -> Result<Vec<DVec2>, GenerateError> {
+) -> Result<Vec<DVec2>, SceneError> {
     let first_inner = boundary.points.len();
     let mut points = boundary.points.clone();
     points.extend(inside);
@@ -49,7 +51,7 @@ pub(super) fn relaxed(
     for _ in 0..MOST_ROUNDS {
         for _ in 0..ROUND {
             if work.advance().is_break() {
-                return Err(GenerateError::Interrupted);
+                return Err(SceneError(INTERRUPTED.to_owned()));
             }
             relax_once(loops, &mut points, &faces, first_inner);
             faces = triangulate(&points, &boundary.segments)?;
@@ -136,9 +138,9 @@ fn circumcenter(a: DVec2, b: DVec2, c: DVec2) -> DVec2 {
 pub(super) fn triangulate(
     points: &[DVec2],
     segments: &[[usize; 2]],
-) -> Result<Vec<[u32; 3]>, GenerateError> {
+) -> Result<Vec<[u32; 3]>, SceneError> {
     type Cdt = ConstrainedDelaunayTriangulation<Point2<f64>>;
-    let failed = |why: String| GenerateError::Triangulation { why };
+    let failed = |why: String| SceneError(format!("the sheet cannot be triangulated: {why}"));
     let vertices = points.iter().map(|p| Point2::new(p.x, p.y)).collect();
     let mut crossings = 0;
     let cdt = Cdt::try_bulk_load_cdt(vertices, segments.to_vec(), |_| crossings += 1)

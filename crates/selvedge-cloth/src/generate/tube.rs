@@ -6,17 +6,18 @@ use std::f64::consts::TAU;
 use glam::{DVec2, DVec3};
 
 use super::boundary::spacing;
-use super::outline::sheet_from_outline;
-use super::{GenerateError, Sheet, SheetSpec};
+use super::outline::{sheet_from_outline, too_few};
+use super::{Sheet, SheetSpec};
 use crate::Mesh;
+use crate::error::SceneError;
 use crate::geometry::sin_cos;
 
 /// Fewest segments around: with three or four, faces could lie on one another.
 const FEWEST_AROUND: usize = 6;
 
-/// The tube of `spec`.
-pub(super) fn tube(spec: &SheetSpec) -> Result<Sheet, GenerateError> {
-    let (width, height) = (spec.width, spec.size);
+/// The tube of `spec`, `width` `[m]` around.
+pub(super) fn tube(spec: &SheetSpec, width: f64) -> Result<Sheet, SceneError> {
+    let height = spec.size;
     // The boundary of the tube is its two rings.
     let mut spacing = spacing(width * height, width, spec.vertices.max(1));
     let (around, sides) = loop {
@@ -27,8 +28,7 @@ pub(super) fn tube(spec: &SheetSpec) -> Result<Sheet, GenerateError> {
             break (around, sides);
         }
         if (around, sides) == (FEWEST_AROUND, 1) {
-            let found = spec.vertices;
-            return Err(GenerateError::TooFewVertices { found, needed });
+            return Err(too_few(spec.vertices, needed));
         }
         spacing *= 1.05;
     };

@@ -8,12 +8,14 @@
 
 use glam::DVec3;
 
-use super::error::{MotionError, too_few_handles, value_error};
+use super::bounds::too_few_handles;
 use super::written::{Keyframe, KeyframeGroup, KeyframeMotion, Motion};
+use crate::error::{SceneError, must};
 
 /// Seconds after the still start, approach a of either outer handle, and forward f of the first and
 /// the last.
-const PLACES: [(f64, f64, [f64; 2]); 5] = [
+const PLACES: [(f64, f64, [f64; 2]); 6] = [
+    (0.0, 0.0, [0.0, 0.0]),
     (1.0, 0.2, [0.0, 0.0]),
     (2.0, 0.1, [0.0, 0.3]),
     (3.0, 0.0, [0.3, 0.3]),
@@ -28,20 +30,18 @@ const AFTER: f64 = 3.0;
 /// outer ones. It lasts 8.5 s.
 ///
 /// # Errors
-/// [`MotionError`] where there are fewer than two handles, or the outer ones are above each other.
-pub fn apart(start: &[DVec3]) -> Result<Motion, MotionError> {
+/// [`SceneError`] where there are fewer than two handles, or the outer ones are above each other.
+pub fn apart(start: &[DVec3]) -> Result<Motion, SceneError> {
     let [first, .., last] = start else {
-        return Err(too_few_handles("moving handles apart", start.len()));
+        let error = too_few_handles("moving handles apart", start.len());
+        return Err(error.of("motion"));
     };
     let line = *last - *first;
     let forward = DVec3::Y.cross(line);
     if !(forward.is_finite() && forward.length() > 1e-9) {
         let expected = "such that the first and the last are beside each other";
-        return Err(value_error(
-            "handles",
-            expected,
-            format!("{first} and {last}"),
-        ));
+        let error = must("handles", expected, format!("{first} and {last}"));
+        return Err(error.of("motion"));
     }
     Ok(along_line(start, line, forward))
 }
@@ -50,23 +50,16 @@ pub fn apart(start: &[DVec3]) -> Result<Motion, MotionError> {
 pub(super) fn along_line(start: &[DVec3], line: DVec3, forward: DVec3) -> Motion {
     let groups = start.iter().enumerate().map(|(handle, point)| {
         let place = (*point - start[0]).dot(line) / line.length_squared();
-        let keyframe = |&(time, approach, [of_first, of_last]): &(f64, f64, [f64; 2])| Keyframe {
+        let keyframe = |(time, approach, [of_first, of_last]): (f64, f64, [f64; 2])| Keyframe {
             time: BEFORE + time,
             translation: approach * (1.0 - 2.0 * place) * line
                 + (of_first * (1.0 - place) + of_last * place) * forward,
             rotation_deg: 0.0,
         };
-        let still = Keyframe {
-            time: BEFORE,
-            translation: DVec3::ZERO,
-            rotation_deg: 0.0,
-        };
         KeyframeGroup {
             handles: vec![handle],
             axis: DVec3::Y,
-            keyframes: std::iter::once(still)
-                .chain(PLACES.iter().map(keyframe))
-                .collect(),
+            keyframes: PLACES.map(keyframe).to_vec(),
         }
     });
     Motion::Keyframes(KeyframeMotion {

@@ -8,10 +8,10 @@
 
 use glam::DVec3;
 
-use super::bounds::{FARTHEST, turned, whole_frames};
-use super::error::{MotionError, too_few_handles, value_error};
+use super::bounds::{FARTHEST, too_few_handles, turned, whole_frames};
 use super::pace::Progress;
 use super::written::{Block, Rotation, Translation, TurnSense};
+use crate::error::{SceneError, must};
 
 /// Blocks bound to handles.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,9 +40,9 @@ struct Turn {
 }
 
 impl BlockPath {
-    pub(super) fn new(blocks: &[Block], start: &[DVec3]) -> Result<Self, MotionError> {
+    pub(super) fn new(blocks: &[Block], start: &[DVec3]) -> Result<Self, SceneError> {
         if blocks.is_empty() {
-            return Err(value_error("blocks", "at least one block", "none"));
+            return Err(must("blocks", "at least one block", "none"));
         }
         let mut segments = Vec::with_capacity(blocks.len());
         let (mut begin, mut positions) = (0, start.to_vec());
@@ -53,7 +53,7 @@ impl BlockPath {
             let is_usable = |p: &&DVec3| (0.0..=FARTHEST).contains(&p.length());
             if let Some(bad) = positions.iter().find(|p| !is_usable(p)) {
                 let expected = "a move that ends at most 1e6 m from the origin";
-                return Err(value_error(field, expected, bad));
+                return Err(must(field, expected, bad));
             }
             begin += segment.frames;
             segments.push(segment);
@@ -83,7 +83,7 @@ impl Segment {
         block: &Block,
         begin: usize,
         start: Vec<DVec3>,
-    ) -> Result<Self, MotionError> {
+    ) -> Result<Self, SceneError> {
         let frames = whole_frames(format!("{field}.duration"), block.duration)?;
         let mut translations = Vec::with_capacity(block.translations.len());
         for (number, translation) in block.translations.iter().enumerate() {
@@ -123,7 +123,7 @@ fn bind_translation(
     field: &str,
     translation: &Translation,
     frames: usize,
-) -> Result<(DVec3, Progress), MotionError> {
+) -> Result<(DVec3, Progress), SceneError> {
     let progress = translation
         .pace
         .progress(&format!("{field}.pace"), frames)?;
@@ -133,7 +133,7 @@ fn bind_translation(
     if !usable {
         let found = translation.direction.to_string();
         let expected = "a finite direction that is not zero";
-        return Err(value_error(format!("{field}.direction"), expected, found));
+        return Err(must(format!("{field}.direction"), expected, found));
     }
     Ok((unit.unwrap_or_default(), progress))
 }
@@ -144,13 +144,13 @@ impl Turn {
         rotation: &Rotation,
         frames: usize,
         start: &[DVec3],
-    ) -> Result<Self, MotionError> {
+    ) -> Result<Self, SceneError> {
         let arc = rotation
             .arc
             .progress(&format!("{field}.rotation.arc"), frames)?;
         let field = format!("{field}.rotation.center");
         if !rotation.center.is_finite() {
-            return Err(value_error(field, "finite", rotation.center));
+            return Err(must(field, "finite", rotation.center));
         }
         let [first, .., last] = start else {
             let what = "a rotation about a point of the handles' line";
@@ -166,7 +166,7 @@ impl Turn {
                 "{} with the farthest handle {radius} m off",
                 rotation.center
             );
-            return Err(value_error(field, expected, found));
+            return Err(must(field, expected, found));
         }
         let sign = match rotation.sense {
             TurnSense::CounterClockwise => 1.0,

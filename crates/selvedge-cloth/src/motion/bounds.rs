@@ -2,11 +2,16 @@
 
 use glam::DVec3;
 
-use super::error::{MotionError, value_error};
+use crate::error::{SceneError, must};
 use crate::geometry::sin_cos;
 
 /// Frames per second in which durations are counted and speeds are given.
 pub(crate) const MOTION_RATE: f64 = 60.0;
+
+/// The error of `what`, which needs two handles at least.
+pub(super) fn too_few_handles(what: &str, found: usize) -> SceneError {
+    SceneError(format!("{what} needs at least 2 handles, found {found}"))
+}
 
 /// Farthest from the origin that a handle may be led `[m]`, and the longest displacement: far
 /// beyond any cloth, near enough for f64 to tell micrometres.
@@ -21,7 +26,7 @@ pub(super) const LONGEST: f64 = 86_400.0;
 pub(super) fn whole_frames(
     field: impl std::fmt::Display,
     duration: f64,
-) -> Result<usize, MotionError> {
+) -> Result<usize, SceneError> {
     let frames = duration * MOTION_RATE;
     // Eight digits of a duration such as 1/3 s are enough; 0.333 s is not meant to be 20 frames.
     let whole = (frames - frames.round()).abs() < 1e-6 && frames.round() >= 1.0;
@@ -30,7 +35,7 @@ pub(super) fn whole_frames(
     }
     let expected = "a whole number of frames of 1/60 s, at least one, and at most a day";
     let found = format!("{duration} s, which is {frames} frames");
-    Err(value_error(field, expected, found))
+    Err(must(field, expected, found))
 }
 
 /// Frames of a scene that cover `frames` of 1/60 s.

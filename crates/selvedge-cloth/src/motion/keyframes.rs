@@ -8,8 +8,8 @@
 use glam::DVec3;
 
 use super::bounds::{DISPLACEMENT, FARTHEST, turned, whole_frames};
-use super::error::{MotionError, value_error};
 use super::written::{Keyframe, KeyframeGroup, KeyframeMotion};
+use crate::error::{SceneError, must, require};
 use crate::geometry::turn;
 
 /// Keyframes bound to handles.
@@ -30,7 +30,7 @@ struct Group {
 }
 
 impl KeyframePath {
-    pub(super) fn new(motion: &KeyframeMotion, start: &[DVec3]) -> Result<Self, MotionError> {
+    pub(super) fn new(motion: &KeyframeMotion, start: &[DVec3]) -> Result<Self, SceneError> {
         whole_frames("duration", motion.duration)?;
         let mut owner: Vec<Option<usize>> = vec![None; start.len()];
         let mut groups = Vec::with_capacity(motion.groups.len());
@@ -92,20 +92,20 @@ pub(super) fn claim_handles(
     number: usize,
     handles: &[usize],
     owner: &mut [Option<usize>],
-) -> Result<(), MotionError> {
+) -> Result<(), SceneError> {
     if handles.is_empty() {
         let field = format!("groups[{number}].handles");
-        return Err(value_error(field, "at least one handle", "none"));
+        return Err(must(field, "at least one handle", "none"));
     }
     for &handle in handles {
         let handle_count = owner.len();
         let Some(owner) = owner.get_mut(handle) else {
-            return Err(MotionError(format!(
+            return Err(SceneError(format!(
                 "groups[{number}] names handle {handle}, but the scene has {handle_count} handles (numbered from 0)"
             )));
         };
         if let Some(first) = owner.replace(number) {
-            return Err(MotionError(format!(
+            return Err(SceneError(format!(
                 "handle {handle} is named by groups[{first}] and again by groups[{number}]"
             )));
         }
@@ -114,13 +114,13 @@ pub(super) fn claim_handles(
 }
 
 /// The group's axis with length one; none where it is the vertical.
-fn check_axis(number: usize, axis: DVec3) -> Result<Option<DVec3>, MotionError> {
+fn check_axis(number: usize, axis: DVec3) -> Result<Option<DVec3>, SceneError> {
     if axis == DVec3::Y {
         return Ok(None);
     }
     axis.try_normalize().map(Some).ok_or_else(|| {
         let field = format!("groups[{number}].axis");
-        value_error(field, "a direction", axis)
+        must(field, "a direction", axis)
     })
 }
 
@@ -129,37 +129,30 @@ fn check_keyframes(
     number: usize,
     group: &KeyframeGroup,
     duration: f64,
-) -> Result<Vec<Keyframe>, MotionError> {
-    let rest = Keyframe {
+) -> Result<Vec<Keyframe>, SceneError> {
+    let mut keyframes = vec![Keyframe {
         time: 0.0,
         translation: DVec3::ZERO,
         rotation_deg: 0.0,
-    };
-    let mut keyframes = vec![rest];
+    }];
     for (k, keyframe) in group.keyframes.iter().enumerate() {
         let field = |key: &str| format!("groups[{number}].keyframes[{k}].{key}");
-        let time = keyframe.time;
-        if !(0.0..=FARTHEST).contains(&keyframe.translation.length()) {
-            let found = keyframe.translation.to_string();
-            return Err(value_error(field("translation"), DISPLACEMENT, found));
-        }
-        if !keyframe.rotation_deg.is_finite() {
-            let found = keyframe.rotation_deg.to_string();
-            return Err(value_error(field("rotation_deg"), "finite", found));
-        }
-        if !(0.0..=duration).contains(&time) {
-            let expected = "between 0 and the motion's duration";
-            return Err(value_error(field("time"), expected, time));
-        }
-        if k > 0 && time <= keyframes[keyframes.len() - 1].time {
-            let expected = "later than the keyframe before";
-            return Err(value_error(field("time"), expected, time));
-        }
+        let (time, angle, by) = (keyframe.time, keyframe.rotation_deg, keyframe.translation);
+        let holds = (0.0..=FARTHEST).contains(&by.length());
+        require(holds, field("translation"), DISPLACEMENT, by)?;
+        require(angle.is_finite(), field("rotation_deg"), "finite", angle)?;
+        let (holds, expected) = (
+            (0.0..=duration).contains(&time),
+            "between 0 and the motion's duration",
+        );
+        require(holds, field("time"), expected, time)?;
+        let holds = k == 0 || time > keyframes[keyframes.len() - 1].time;
+        require(holds, field("time"), "later than the keyframe before", time)?;
         if time > 0.0 {
             keyframes.push(*keyframe);
-        } else if keyframe.translation != DVec3::ZERO || keyframe.rotation_deg != 0.0 {
+        } else if by != DVec3::ZERO || angle != 0.0 {
             let expected = "later than 0, or without translation and rotation: handles cannot jump";
-            return Err(value_error(field("time"), expected, time));
+            return Err(must(field("time"), expected, time));
         }
     }
     Ok(keyframes)

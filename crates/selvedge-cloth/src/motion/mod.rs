@@ -10,7 +10,6 @@
 mod apart;
 mod blocks;
 mod bounds;
-mod error;
 mod keyframes;
 pub mod named;
 mod pace;
@@ -21,7 +20,6 @@ mod splines;
 mod written;
 
 pub use self::apart::apart;
-pub use self::error::MotionError;
 pub use self::pace::{Pace, Profile};
 pub use self::path::HandlePath;
 pub use self::random::RandomMotion;

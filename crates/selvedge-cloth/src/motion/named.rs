@@ -87,24 +87,20 @@ const STILL: &str = "still";
 /// Every name that [`by_name`] knows, in the order still, training, test, generalisation.
 #[must_use]
 pub fn names() -> Vec<&'static str> {
-    let mut names = vec![STILL];
-    names.extend(training());
-    names.extend(test());
-    names.extend(generalisation());
-    names
+    [vec![STILL], training(), test(), generalisation()].concat()
 }
 
 /// The 16 motions of the training set. Each lasts 1260 frames of 1/60 s: 60 still, ten moves of 60
 /// frames and 1 m there and back in turn, 600 still. An `-opposite` starts the other way.
 #[must_use]
 pub fn training() -> Vec<&'static str> {
-    TRAINING.iter().map(|(name, _)| *name).collect()
+    TRAINING.map(|(name, _)| name).to_vec()
 }
 
 /// The 15 motions of the test set, timed as the training motions.
 #[must_use]
 pub fn test() -> Vec<&'static str> {
-    TEST.iter().map(|(name, _)| *name).collect()
+    TEST.map(|(name, _)| name).to_vec()
 }
 
 /// Those of the test set of which the training set has no likeness either. Seen from the handles,
@@ -123,7 +119,7 @@ pub fn unseen() -> Vec<&'static str> {
 /// Motions unlike the training motions; each starts with 30 frames still and ends with 180.
 #[must_use]
 pub fn generalisation() -> Vec<&'static str> {
-    GENERALISATION.iter().map(|(name, _)| *name).collect()
+    GENERALISATION.map(|(name, _)| name).to_vec()
 }
 
 /// Fastest that a motion with a name can be asked for, in parts of its speed.
@@ -147,12 +143,8 @@ fn at_own_speed(name: &str) -> Option<Motion> {
         return Some(Motion::still(10.0));
     }
     if let Some(number) = name.strip_prefix("random-") {
-        let canonical = number == "0" || !number.starts_with(['0', '+']);
-        return number
-            .parse()
-            .ok()
-            .filter(|_| canonical)
-            .map(super::random::motion);
+        let parsed: u32 = number.parse().ok()?;
+        return (parsed.to_string() == number).then(|| super::random::motion(parsed));
     }
     let mut moves = TRAINING.iter().chain(&TEST);
     if let Some((_, what)) = moves.find(|entry| entry.0 == name) {

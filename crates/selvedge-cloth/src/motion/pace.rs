@@ -8,12 +8,12 @@ use std::f64::consts::PI;
 use serde::{Deserialize, Serialize};
 
 use super::bounds::split_place;
-use super::error::{MotionError, value_error};
+use crate::error::{SceneError, require};
 use crate::geometry::sin_cos;
 
 /// Distance or speed of a part of a block.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "PaceFields", into = "PaceFields")]
+#[serde(untagged, try_from = "PaceFields")]
 pub enum Pace {
     /// A distance, covered with s(t) = (1 - cos(π t/T))/2.
     Distance {
@@ -42,16 +42,12 @@ pub enum Profile {
 }
 
 /// [`Pace`] as it is written: an untagged enum would not say which key is unknown.
-#[derive(Serialize, Deserialize)]
+#[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct PaceFields {
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     distance: Option<f64>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     start: Option<f64>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     end: Option<f64>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     profile: Option<Profile>,
 }
 
@@ -59,60 +55,36 @@ impl TryFrom<PaceFields> for Pace {
     type Error = String;
 
     fn try_from(fields: PaceFields) -> Result<Self, String> {
-        let missing =
-            |key| format!("a speed needs `start`, `end` and `profile`: `{key}` is missing");
-        match fields {
-            PaceFields {
-                distance: Some(distance),
-                start: None,
-                end: None,
-                profile: None,
-            } => Ok(Self::Distance { distance }),
-            PaceFields {
-                distance: Some(_), ..
-            } => {
-                Err("give either `distance`, or `start`, `end` and `profile`, not both".to_owned())
+        let PaceFields {
+            distance,
+            start,
+            end,
+            profile,
+        } = fields;
+        let missing = match (distance, start, end, profile) {
+            (Some(distance), None, None, None) => return Ok(Self::Distance { distance }),
+            (None, Some(start), Some(end), Some(profile)) => {
+                return Ok(Self::Speed {
+                    start,
+                    end,
+                    profile,
+                });
             }
-            PaceFields {
-                start: None,
-                end: None,
-                profile: None,
-                ..
-            } => Err("a pace needs `distance`, or `start`, `end` and `profile`".to_owned()),
-            PaceFields {
-                start,
-                end,
-                profile,
-                ..
-            } => Ok(Self::Speed {
-                start: start.ok_or_else(|| missing("start"))?,
-                end: end.ok_or_else(|| missing("end"))?,
-                profile: profile.ok_or_else(|| missing("profile"))?,
-            }),
-        }
-    }
-}
-
-impl From<Pace> for PaceFields {
-    fn from(pace: Pace) -> Self {
-        match pace {
-            Pace::Distance { distance } => Self {
-                distance: Some(distance),
-                start: None,
-                end: None,
-                profile: None,
-            },
-            Pace::Speed {
-                start,
-                end,
-                profile,
-            } => Self {
-                distance: None,
-                start: Some(start),
-                end: Some(end),
-                profile: Some(profile),
-            },
-        }
+            (Some(_), ..) => {
+                return Err(
+                    "give either `distance`, or `start`, `end` and `profile`, not both".to_owned(),
+                );
+            }
+            (_, None, None, None) => {
+                return Err("a pace needs `distance`, or `start`, `end` and `profile`".to_owned());
+            }
+            (_, None, ..) => "start",
+            (_, _, None, _) => "end",
+            _ => "profile",
+        };
+        Err(format!(
+            "a speed needs `start`, `end` and `profile`: `{missing}` is missing"
+        ))
     }
 }
 
@@ -144,27 +116,23 @@ impl Pace {
     }
 
     /// The distance covered at any time of a block of `frames` frames of 1/60 s.
-    pub(super) fn progress(&self, field: &str, frames: usize) -> Result<Progress, MotionError> {
-        let finite = |key: &str, value: f64| match value.is_finite() {
-            true => Ok(value),
-            false => {
-                let field = format!("{field}.{key}");
-                Err(value_error(field, "finite", value))
-            }
+    pub(super) fn progress(&self, field: &str, frames: usize) -> Result<Progress, SceneError> {
+        let finite = |key: &str, value: f64| {
+            require(value.is_finite(), format!("{field}.{key}"), "finite", value)
         };
         match *self {
-            Self::Distance { distance } => Ok(Progress::Eased {
-                distance: finite("distance", distance)?,
-                frames,
-            }),
+            Self::Distance { distance } => {
+                finite("distance", distance)?;
+                Ok(Progress::Eased { distance, frames })
+            }
             Self::Speed {
                 start,
                 end,
                 profile,
             } => {
-                let (start, end) = (finite("start", start)?, finite("end", end)?);
-                let mut sums = Vec::with_capacity(frames + 1);
-                sums.push(0.0);
+                finite("start", start)?;
+                finite("end", end)?;
+                let mut sums = vec![0.0];
                 let mut sum = 0.0;
                 for frame in 1..=frames {
                     let place = frame as f64 / frames as f64;

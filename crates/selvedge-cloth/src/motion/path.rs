@@ -4,11 +4,11 @@ use glam::DVec3;
 
 use super::blocks::BlockPath;
 use super::bounds::{FARTHEST, MOTION_RATE, scene_frames, whole_frames};
-use super::error::{MotionError, value_error};
 use super::keyframes::KeyframePath;
 use super::recorded::RecordedPath;
 use super::splines::SplinePath;
 use super::written::Motion;
+use crate::error::{SceneError, must, require_positive};
 use crate::{HandleError, HandleSchedule, HandleTargets};
 
 /// A motion bound to start positions: where every handle is at any time.
@@ -41,51 +41,51 @@ impl Motion {
     /// let path = named::by_name("forward").expect("a known name").bind(&start, 60.0)?;
     /// assert_eq!(path.frame_count(), 1260);
     /// assert_eq!(path.at(2.0)[0], start[0] + DVec3::X);
-    /// # Ok::<(), selvedge_cloth::MotionError>(())
+    /// # Ok::<(), selvedge_cloth::SceneError>(())
     /// ```
     ///
     /// # Errors
-    /// [`MotionError`] names the field, or the frame of a recording, that cannot be used.
-    pub fn bind(&self, start: &[DVec3], frame_rate: f64) -> Result<HandlePath, MotionError> {
-        if !(frame_rate.is_finite() && frame_rate > 0.0) {
-            let found = frame_rate.to_string();
-            return Err(value_error("frame_rate", "finite and positive", found));
-        }
+    /// [`SceneError`] names the field, or the frame of a recording, that cannot be used.
+    pub fn bind(&self, start: &[DVec3], frame_rate: f64) -> Result<HandlePath, SceneError> {
+        let bound = self.form(start, frame_rate);
+        let (form, frame_count) = bound.map_err(|error| error.of("motion"))?;
+        Ok(HandlePath {
+            handle_count: start.len(),
+            frame_rate,
+            frame_count,
+            form,
+            schedule: HandleSchedule::default(),
+        })
+    }
+
+    /// The bound form, and the frames of the scene that it lasts.
+    fn form(&self, start: &[DVec3], frame_rate: f64) -> Result<(PathForm, usize), SceneError> {
+        require_positive("frame_rate", frame_rate)?;
         if let Some(handle) = start.iter().position(|p| !p.is_finite()) {
             let field = format!("the start of handle {handle}");
-            return Err(value_error(field, "finite", start[handle]));
+            return Err(must(field, "finite", start[handle]));
         }
-        let (form, frames) = match self {
+        let in_scene = |frames: f64| scene_frames(frames, frame_rate);
+        Ok(match self {
             Self::Blocks { blocks } => {
                 let path = BlockPath::new(blocks, start)?;
-                let frames = scene_frames(path.frames() as f64, frame_rate);
+                let frames = in_scene(path.frames() as f64);
                 (PathForm::Blocks(path), frames)
             }
             Self::Keyframes(motion) => {
                 let path = KeyframePath::new(motion, start)?;
                 let frames = whole_frames("duration", motion.duration)?;
-                (
-                    PathForm::Keyframes(path),
-                    scene_frames(frames as f64, frame_rate),
-                )
+                (PathForm::Keyframes(path), in_scene(frames as f64))
             }
             Self::Splines(motion) => {
                 let path = SplinePath::new(motion, start)?;
-                let frames = scene_frames(motion.duration * MOTION_RATE, frame_rate).max(1);
+                let frames = in_scene(motion.duration * MOTION_RATE).max(1);
                 (PathForm::Splines(path), frames)
             }
             Self::Recorded(motion) => {
                 let path = RecordedPath::new(motion, start)?;
-                let frames = motion.positions.len() - 1;
-                (PathForm::Recorded(path), frames)
+                (PathForm::Recorded(path), motion.positions.len() - 1)
             }
-        };
-        Ok(HandlePath {
-            handle_count: start.len(),
-            frame_rate,
-            frame_count: frames,
-            form,
-            schedule: HandleSchedule::default(),
         })
     }
 }
@@ -119,7 +119,7 @@ impl HandlePath {
     /// once), the last at the end of the step.
     ///
     /// # Errors
-    /// [`HandleError::NonFinite`] or [`HandleError::TooFar`].
+    /// [`HandleError`] for a target that is not finite, or too far away.
     pub fn targets(&self, frame: usize, samples: usize) -> Result<HandleTargets, HandleError> {
         let count = samples.max(1);
         let mut positions = Vec::with_capacity(count * self.handle_count);
@@ -128,10 +128,11 @@ impl HandlePath {
             positions.extend(self.at(frames / self.frame_rate));
         }
         if let Some(far) = positions.iter().position(|p| p.length() > FARTHEST) {
-            return Err(HandleError::TooFar {
-                handle: far % self.handle_count,
-                target: positions[far],
-            });
+            return Err(HandleError::Unusable(format!(
+                "the target of handle {} is more than 1e6 m from the origin: {}; check the motion's units",
+                far % self.handle_count,
+                positions[far]
+            )));
         }
         let targets = HandleTargets::sampled(positions, self.handle_count)?;
         if self.schedule.is_empty() {

@@ -57,14 +57,10 @@ impl RandomMotion {
 /// quarter both at half the speed), two seconds still; about 10.5 s.
 pub(super) fn motion(seed: u32) -> Motion {
     let mut rng = ChaCha8Rng::seed_from_u64(u64::from(seed));
-    let moves: Vec<Block> = (0..MOVES).map(|_| one_move(&mut rng, 1.0)).collect();
-    let (before, after) = (Block::still(0.5), Block::still(2.0));
-    Motion::Blocks {
-        blocks: std::iter::once(before)
-            .chain(moves)
-            .chain([after])
-            .collect(),
-    }
+    let mut blocks = vec![Block::still(0.5)];
+    blocks.extend((0..MOVES).map(|_| one_move(&mut rng, 1.0)));
+    blocks.push(Block::still(2.0));
+    Motion::Blocks { blocks }
 }
 
 /// A move at `speed` times the trained speed.

@@ -4,8 +4,8 @@
 use glam::DVec3;
 
 use super::bounds::{FARTHEST, split_place};
-use super::error::{MotionError, value_error};
 use super::written::RecordedMotion;
+use crate::error::{SceneError, must};
 
 /// Largest distance of the start of a recording from the handles `[m]`. Positions in files are
 /// often rounded to a tenth of a millimetre; more than this is another scene.
@@ -18,10 +18,10 @@ pub(super) struct RecordedPath {
 }
 
 impl RecordedPath {
-    pub(super) fn new(motion: &RecordedMotion, start: &[DVec3]) -> Result<Self, MotionError> {
+    pub(super) fn new(motion: &RecordedMotion, start: &[DVec3]) -> Result<Self, SceneError> {
         let Some(first) = motion.positions.first() else {
             let expected = "at least one frame";
-            return Err(value_error("positions", expected, "none"));
+            return Err(must("positions", expected, "none"));
         };
         for (frame, positions) in motion.positions.iter().enumerate() {
             check_frame(frame, positions, start.len())?;
@@ -30,7 +30,7 @@ impl RecordedPath {
             let distance = expected.distance(found);
             if distance > START_TOLERANCE {
                 let millimetres = distance * 1e3;
-                return Err(MotionError(format!(
+                return Err(SceneError(format!(
                     "the recording starts with handle {handle} at {found}, {millimetres:.3} mm from where it stands in the scene, {expected} (1 mm is allowed): move the mesh or the recording"
                 )));
             }
@@ -54,16 +54,16 @@ impl RecordedPath {
     }
 }
 
-fn check_frame(frame: usize, positions: &[DVec3], expected: usize) -> Result<(), MotionError> {
+fn check_frame(frame: usize, positions: &[DVec3], expected: usize) -> Result<(), SceneError> {
     let found = positions.len();
     if found != expected {
-        return Err(MotionError(format!(
+        return Err(SceneError(format!(
             "frame {frame} has positions for {found} handles, the scene has {expected}"
         )));
     }
     let is_usable = |p: &DVec3| (0.0..=FARTHEST).contains(&p.length());
     match positions.iter().position(|p| !is_usable(p)) {
-        Some(handle) => Err(MotionError(format!(
+        Some(handle) => Err(SceneError(format!(
             "the position of handle {handle} in frame {frame} must be finite and at most 1e6 m from the origin, found {}",
             positions[handle]
         ))),

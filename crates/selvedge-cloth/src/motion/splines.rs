@@ -10,9 +10,9 @@
 use glam::{DQuat, DVec3, DVec4};
 
 use super::bounds::{DISPLACEMENT, FARTHEST, LONGEST};
-use super::error::{MotionError, value_error};
 use super::keyframes::claim_handles;
 use super::written::{PoseKeyframe, SplineMotion};
+use crate::error::{SceneError, must, require, require_positive};
 use crate::geometry::turn;
 
 /// Splines bound to handles.
@@ -47,22 +47,18 @@ struct Pose {
 }
 
 impl SplinePath {
-    pub(super) fn new(motion: &SplineMotion, start: &[DVec3]) -> Result<Self, MotionError> {
-        let duration = motion.duration;
-        if !(duration > 0.0 && duration <= LONGEST) {
-            let expected = "positive and at most a day";
-            return Err(value_error("duration", expected, duration));
-        }
-        if !motion.taken.is_finite() {
-            return Err(value_error("taken", "finite", motion.taken));
-        }
+    pub(super) fn new(motion: &SplineMotion, start: &[DVec3]) -> Result<Self, SceneError> {
+        let (duration, taken) = (motion.duration, motion.taken);
+        let holds = duration > 0.0 && duration <= LONGEST;
+        require(holds, "duration", "positive and at most a day", duration)?;
+        require(taken.is_finite(), "taken", "finite", taken)?;
         let mut splines: Vec<Option<usize>> = vec![None; start.len()];
         let mut origins = start.to_vec();
         let mut curves = Vec::with_capacity(motion.groups.len());
         for (number, group) in motion.groups.iter().enumerate() {
             claim_handles(number, &group.handles, &mut splines)?;
             let spline = Spline::new(number, &group.keyframes)?;
-            let taken = spline.at(motion.taken);
+            let taken = spline.at(taken);
             for &handle in &group.handles {
                 origins[handle] = taken.take_back(start[handle]);
             }
@@ -87,20 +83,25 @@ impl SplinePath {
 }
 
 impl Spline {
-    fn new(group: usize, keyframes: &[PoseKeyframe]) -> Result<Self, MotionError> {
+    fn new(group: usize, keyframes: &[PoseKeyframe]) -> Result<Self, SceneError> {
         if keyframes.is_empty() {
             let field = format!("groups[{group}].keyframes");
-            return Err(value_error(field, "at least one keyframe", "none"));
+            return Err(must(field, "at least one keyframe", "none"));
         }
         let mut points: Vec<Point> = Vec::with_capacity(keyframes.len());
         for (k, keyframe) in keyframes.iter().enumerate() {
             let mut pose = check_pose(group, k, keyframe)?;
             if let Some(last) = points.last() {
-                if keyframe.time <= last.time {
-                    let field = format!("groups[{group}].keyframes[{k}].time");
-                    let expected = "later than the keyframe before";
-                    return Err(value_error(field, expected, keyframe.time));
-                }
+                let (time, field) = (
+                    keyframe.time,
+                    format!("groups[{group}].keyframes[{k}].time"),
+                );
+                require(
+                    time > last.time,
+                    field,
+                    "later than the keyframe before",
+                    time,
+                )?;
                 // q and -q are the same rotation: the nearer one is meant.
                 if last.pose.rotation.dot(pose.rotation) < 0.0 {
                     pose.rotation = -pose.rotation;
@@ -170,31 +171,26 @@ impl Pose {
     }
 }
 
-fn check_pose(group: usize, k: usize, keyframe: &PoseKeyframe) -> Result<Pose, MotionError> {
-    let error = |key: &str, expected, found: String| {
-        let field = format!("groups[{group}].keyframes[{k}].{key}");
-        Err(value_error(field, expected, found))
-    };
-    if !keyframe.time.is_finite() {
-        return error("time", "finite", keyframe.time.to_string());
-    }
-    if !(keyframe.scale.is_finite() && keyframe.scale > 0.0) {
-        return error("scale", "finite and positive", keyframe.scale.to_string());
-    }
-    if !(0.0..=FARTHEST).contains(&keyframe.translation.length()) {
-        let found = keyframe.translation.to_string();
-        return error("translation", DISPLACEMENT, found);
-    }
-    if !keyframe.angle_deg.is_finite() {
-        return error("angle_deg", "finite", keyframe.angle_deg.to_string());
-    }
-    let Some(axis) = keyframe.axis.try_normalize() else {
-        return error("axis", "a direction", keyframe.axis.to_string());
-    };
-    let rotation = turn(axis, keyframe.angle_deg.to_radians());
+fn check_pose(group: usize, k: usize, keyframe: &PoseKeyframe) -> Result<Pose, SceneError> {
+    let &PoseKeyframe {
+        time,
+        scale,
+        axis,
+        angle_deg,
+        translation,
+    } = keyframe;
+    let field = |key: &str| format!("groups[{group}].keyframes[{k}].{key}");
+    require(time.is_finite(), field("time"), "finite", time)?;
+    require_positive(field("scale"), scale)?;
+    let holds = (0.0..=FARTHEST).contains(&translation.length());
+    require(holds, field("translation"), DISPLACEMENT, translation)?;
+    let holds = angle_deg.is_finite();
+    require(holds, field("angle_deg"), "finite", angle_deg)?;
+    let unit = axis.try_normalize();
+    let unit = unit.ok_or_else(|| must(field("axis"), "a direction", axis))?;
     Ok(Pose {
-        scale: keyframe.scale,
-        rotation: DVec4::from(rotation),
-        translation: keyframe.translation,
+        scale,
+        rotation: DVec4::from(turn(unit, angle_deg.to_radians())),
+        translation,
     })
 }

@@ -87,10 +87,7 @@ pub struct KeyframeGroup {
     pub handles: Vec<usize>,
     /// Direction of the axis through the group's start centroid about which keyframes turn it; need
     /// not have length one.
-    #[serde(
-        default = "KeyframeGroup::default_axis",
-        skip_serializing_if = "is_upwards"
-    )]
+    #[serde(default = "upwards", skip_serializing_if = "is_upwards")]
     pub axis: DVec3,
     /// Keyframes in order of time; smooth (cubic Hermite, level at both ends) between them. The
     /// group starts from where it stands, as if a keyframe without displacement stood at time 0.
@@ -142,10 +139,10 @@ pub struct PoseKeyframe {
     /// Time `[s]`.
     pub time: f64,
     /// Factor.
-    #[serde(default = "PoseKeyframe::default_scale")]
+    #[serde(default = "one")]
     pub scale: f64,
     /// Axis of the turn; need not have length one.
-    #[serde(default = "PoseKeyframe::default_axis")]
+    #[serde(default = "upwards")]
     pub axis: DVec3,
     /// Right-handed angle about the axis `[degrees]`. What counts is the rotation, not the turns:
     /// from one keyframe to the next it goes the shorter way.
@@ -154,29 +151,6 @@ pub struct PoseKeyframe {
     /// Displacement `[m]`.
     #[serde(default)]
     pub translation: DVec3,
-}
-
-impl Default for PoseKeyframe {
-    /// The transform that leaves everything where it is, at time 0.
-    fn default() -> Self {
-        Self {
-            time: 0.0,
-            scale: 1.0,
-            axis: DVec3::Y,
-            angle_deg: 0.0,
-            translation: DVec3::ZERO,
-        }
-    }
-}
-
-impl PoseKeyframe {
-    fn default_scale() -> f64 {
-        Self::default().scale
-    }
-
-    fn default_axis() -> DVec3 {
-        Self::default().axis
-    }
 }
 
 /// One position per handle and frame of the scene.
@@ -228,24 +202,15 @@ impl Block {
     }
 }
 
-impl Default for KeyframeGroup {
-    /// No handles, which turn about the vertical.
-    fn default() -> Self {
-        Self {
-            handles: Vec::new(),
-            axis: DVec3::Y,
-            keyframes: Vec::new(),
-        }
-    }
+fn one() -> f64 {
+    1.0
 }
 
-impl KeyframeGroup {
-    fn default_axis() -> DVec3 {
-        Self::default().axis
-    }
+fn upwards() -> DVec3 {
+    DVec3::Y
 }
 
 #[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks for it")]
 fn is_upwards(axis: &DVec3) -> bool {
-    *axis == KeyframeGroup::default_axis()
+    *axis == upwards()
 }

@@ -28,10 +28,7 @@ pub(crate) fn file_of(split: Split, motion: &str) -> String {
 
 /// Folder of the trajectories of a split, relative to that of the data set.
 pub(crate) fn folder_of(split: Split) -> &'static str {
-    match split {
-        Split::Train => "train",
-        Split::Test => "test",
-    }
+    split.of("train", "test")
 }
 
 /// Checks that the motions of a split can be names of files and are all different. The error is the

@@ -17,8 +17,7 @@ pub(crate) mod writer;
 use crate::dataset::sections::{Sample, Section};
 use crate::formats::atomic::WriteError;
 use crate::formats::file_error::{FileError, Problem};
-use crate::formats::input::hash;
-use crate::formats::input::{read_file, read_text};
+use crate::formats::input::{hash, read_file, read_text};
 use crate::metrics::{MetricError, mean_edge_length, speeds};
 use crate::trajectory::Trajectory;
 use crate::trajectory::file::{ReadTrajectoryError, TrajectoryFileError};
@@ -148,16 +147,25 @@ impl DatasetError {
 impl Split {
     /// Both parts, in order.
     pub(crate) const BOTH: [Self; 2] = [Self::Train, Self::Test];
+
+    /// The one of two that is of this part.
+    pub(crate) fn of<T>(self, train: T, test: T) -> T {
+        match self {
+            Self::Train => train,
+            Self::Test => test,
+        }
+    }
 }
 
 impl Splits {
     /// The trajectories of a split.
     #[must_use]
     pub fn of(&self, split: Split) -> &[Entry] {
-        match split {
-            Split::Train => &self.train,
-            Split::Test => &self.test,
-        }
+        split.of(&self.train, &self.test)
+    }
+
+    fn of_mut(&mut self, split: Split) -> &mut Vec<Entry> {
+        split.of(&mut self.train, &mut self.test)
     }
 
     /// All trajectories, those learned from first.
@@ -180,13 +188,11 @@ impl Dataset {
     pub fn open(folder: &Path) -> Result<Self, DatasetError> {
         let path = folder.join(INDEX);
         let index = read_index(&path)?;
-        let dataset = Self {
+        check::check(folder, &index).map_err(|problem| wrong_index(&path, problem))?;
+        Ok(Self {
             folder: folder.to_owned(),
             index,
-        };
-        let wrong = |problem| wrong_index(&path, problem);
-        check::check(folder, &dataset.index).map_err(wrong)?;
-        Ok(dataset)
+        })
     }
 
     /// Folder of the data set.
@@ -226,26 +232,20 @@ impl Dataset {
         let path = self.folder.join(&entry.file);
         let bytes = read_checked(&path, entry)?;
         let trajectory = Trajectory::from_bytes(&bytes).map_err(FileError::at(&path))?;
-        let differs = |expected: String, found: String| {
-            DatasetError::Content(format!(
+        let agree = |expected: String, found: String| match expected == found {
+            true => Ok(()),
+            false => Err(DatasetError::Content(format!(
                 "{}: has {found}, the index says {expected}: restore the file or the index, or make the data set again",
                 path.display()
-            ))
+            ))),
         };
         let size = |frames, vertices| format!("{frames} frames of {vertices} vertices");
-        let expected = size(entry.frames, entry.vertices);
         let found = size(trajectory.frame_count(), trajectory.vertex_count());
-        if found != expected {
-            return Err(differs(expected, found));
-        }
-        let (expected, found) = (self.frame_rate(), trajectory.frame_rate());
-        match expected.filter(|&expected| expected != found) {
-            Some(expected) => {
-                let rate = |rate| format!("{rate} frames per second");
-                Err(differs(rate(expected), rate(found)))
-            }
-            None => Ok(trajectory),
-        }
+        agree(size(entry.frames, entry.vertices), found)?;
+        let rate = |rate| format!("{rate} frames per second");
+        let found = trajectory.frame_rate();
+        agree(rate(self.frame_rate().unwrap_or(found)), rate(found))?;
+        Ok(trajectory)
     }
 
     /// Frames per second, where the configuration has them.

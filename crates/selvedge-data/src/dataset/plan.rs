@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::dataset::check::check_names;
-use crate::dataset::preset::config::DatasetConfig;
+use crate::dataset::preset::DatasetConfig;
 use crate::dataset::sections::{Section, SectionRule};
 use crate::dataset::{DatasetError, DatasetIndex, Entry, Split, Splits};
 use crate::formats::file_error::Problem;
@@ -30,10 +30,7 @@ impl DatasetPlan {
     /// The motions of a split, in order.
     #[must_use]
     pub fn motions(&self, split: Split) -> &[String] {
-        match split {
-            Split::Train => &self.train,
-            Split::Test => &self.test,
-        }
+        split.of(&self.train, &self.test)
     }
 
     /// The motions of a part, the training split first; all of them without one.
@@ -69,20 +66,21 @@ impl DatasetPlan {
     }
 
     pub(super) fn difference_of_plan(&self, found: &Self) -> Option<String> {
-        let list = |motions: &[String]| format!("[{}]", motions.join(", "));
         if found.name != self.name {
-            Some(format!("is called {:?}, not {:?}", found.name, self.name))
-        } else if found.train != self.train {
-            let (found, ours) = (list(&found.train), list(&self.train));
-            Some(format!("has the training motions {found}, not {ours}"))
-        } else if found.test != self.test {
-            let (found, ours) = (list(&found.test), list(&self.test));
-            Some(format!("has the test motions {found}, not {ours}"))
-        } else if !is_same_config(&found.config, &self.config) {
-            Some("has another configuration".to_owned())
-        } else {
-            (found.sections != self.sections).then(other_sections)
+            return Some(format!("is called {:?}, not {:?}", found.name, self.name));
         }
+        let list = |motions: &[String]| format!("[{}]", motions.join(", "));
+        for split in Split::BOTH {
+            let [ours, found] = [self, found].map(|plan| plan.motions(split));
+            if found != ours {
+                let (what, found, ours) = (split.of("training", "test"), list(found), list(ours));
+                return Some(format!("has the {what} motions {found}, not {ours}"));
+            }
+        }
+        if !is_same_config(&found.config, &self.config) {
+            return Some("has another configuration".to_owned());
+        }
+        (found.sections != self.sections).then(other_sections)
     }
 
     pub(super) fn validate(&self) -> Result<(), DatasetError> {

@@ -28,7 +28,7 @@ pub(super) const PARTIAL: &str = "index.partial.json";
 const PARTIAL_FORMAT: &str = "selvedge-dataset-partial";
 
 /// The contents of `index.partial.json`.
-#[derive(Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct PartialIndex {
     format: String,
@@ -50,8 +50,7 @@ impl PartialIndex {
 #[derive(Clone, Debug)]
 pub struct DatasetWriter {
     folder: PathBuf,
-    plan: DatasetPlan,
-    done: Splits,
+    index: PartialIndex,
     part: Option<Shard>,
 }
 
@@ -76,10 +75,16 @@ impl DatasetWriter {
         part: Option<Shard>,
     ) -> Result<Self, DatasetError> {
         plan.validate()?;
-        let mut writer = Self {
-            folder: folder.to_owned(),
+        let index = PartialIndex {
+            format: PARTIAL_FORMAT.to_owned(),
+            version: VERSION,
             plan,
             done: Splits::default(),
+            part: part.map(|part| part.to_string()),
+        };
+        let mut writer = Self {
+            folder: folder.to_owned(),
+            index,
             part,
         };
         let [partial, finished] = [PARTIAL, INDEX].map(|name| folder.join(name));
@@ -98,13 +103,13 @@ impl DatasetWriter {
     /// The trajectory of this motion, if it is already written.
     #[must_use]
     pub fn written(&self, split: Split, motion: &str) -> Option<&Entry> {
-        self.done.find(split, motion)
+        self.index.done.find(split, motion)
     }
 
     /// The motions that are still to be written, in order; of a part only its own.
     #[must_use]
     pub fn missing(&self) -> Vec<(Split, String)> {
-        let own = self.plan.of_part(self.part).into_iter();
+        let own = self.index.plan.of_part(self.part).into_iter();
         own.filter(|(split, motion)| self.written(*split, motion).is_none())
             .map(|(split, motion)| (split, motion.to_owned()))
             .collect()
@@ -113,7 +118,7 @@ impl DatasetWriter {
     /// The number of motions that are to be written and kept here.
     #[must_use]
     pub fn motion_count(&self) -> usize {
-        self.plan.of_part(self.part).len()
+        self.index.plan.of_part(self.part).len()
     }
 
     /// Writes a trajectory, in place of an earlier one of the same motion.
@@ -127,12 +132,12 @@ impl DatasetWriter {
         motion: &str,
         trajectory: &Trajectory,
     ) -> Result<(), DatasetError> {
-        if !self.plan.motions(split).iter().any(|m| m == motion) {
+        if !self.index.plan.motions(split).iter().any(|m| m == motion) {
             let problem = "is not in the plan of this split";
             return Err(DatasetError::motion(motion, problem));
         }
         if split == Split::Train {
-            let rule = self.plan.sections;
+            let rule = self.index.plan.sections;
             rule.sections(&[(motion, trajectory.frame_count())])?;
         }
         let file = file_of(split, motion);
@@ -160,9 +165,11 @@ impl DatasetWriter {
 
     /// Puts a trajectory that is written on the list of what is done.
     fn list(&mut self, split: Split, entry: Entry) -> Result<(), DatasetError> {
-        let done = self.entries_mut(split);
-        done.retain(|other| other.motion != entry.motion);
-        if let Some(twin) = self.twin_of(&entry) {
+        let done = &mut self.index.done;
+        done.of_mut(split)
+            .retain(|other| other.motion != entry.motion);
+        let twin = done.all().find(|other| other.blake3 == entry.blake3);
+        if let Some(twin) = twin {
             let twins = DatasetError::Content(format!(
                 "motion {:?} ({}) is the same trajectory as motion {:?} ({}): leave one of them out",
                 entry.motion, entry.file, twin.motion, twin.file
@@ -172,7 +179,7 @@ impl DatasetWriter {
             self.write_partial()?;
             return Err(twins);
         }
-        self.entries_mut(split).push(entry);
+        self.index.done.of_mut(split).push(entry);
         self.write_partial()
     }
 
@@ -185,12 +192,22 @@ impl DatasetWriter {
             return Err(DatasetError::motion(motion, "has not been written yet"));
         }
         for split in Split::BOTH {
-            let order = self.plan.motions(split).to_vec();
+            let order = self.index.plan.motions(split).to_vec();
             let place = |entry: &Entry| order.iter().position(|m| *m == entry.motion);
-            self.entries_mut(split).sort_by_key(place);
+            self.index.done.of_mut(split).sort_by_key(place);
         }
-        let sections = sections(self.plan.sections, &self.done)?;
-        self.write_index(sections)?;
+        let sections = sections(self.index.plan.sections, &self.index.done)?;
+        let PartialIndex { plan, done, .. } = self.index.clone();
+        let index = DatasetIndex {
+            format: FORMAT.to_owned(),
+            version: VERSION,
+            name: plan.name,
+            config: plan.config,
+            statistics: statistics(&done, &sections),
+            splits: done,
+            sections,
+        };
+        self.write_json(INDEX, &index)?;
         // The finished index is in place: a partial one that cannot be removed is only untidy.
         let _ = std::fs::remove_file(self.folder.join(PARTIAL));
         Dataset::open(&self.folder)
@@ -199,7 +216,7 @@ impl DatasetWriter {
     /// Takes away what [`Self::open`] made, where no trajectory has been written: a plan alone is
     /// nothing to go on with.
     pub fn withdraw(self) {
-        if self.done != Splits::default() {
+        if self.index.done != Splits::default() {
             return;
         }
         // What cannot be taken away is only untidy.
@@ -215,17 +232,14 @@ impl DatasetWriter {
 
     fn resume_partial(&mut self, path: &Path) -> Result<(), DatasetError> {
         let partial = PartialIndex::read(path)?;
-        self.check_same(self.plan.difference_of_plan(&partial.plan))?;
-        let own = self.part.map(|part| part.to_string());
-        if partial.part != own {
-            let name = |part: Option<String>| match part {
-                Some(part) => format!("part {part}"),
-                None => "the whole".to_owned(),
-            };
+        self.check_same(self.index.plan.difference_of_plan(&partial.plan))?;
+        let [found, own] = [&partial.part, &self.index.part].map(|part| match part {
+            Some(part) => format!("part {part}"),
+            None => "the whole".to_owned(),
+        });
+        if found != own {
             return Err(self.folder_error(format!(
-                "holds {} of this data set, not {}: choose another folder",
-                name(partial.part),
-                name(own)
+                "holds {found} of this data set, not {own}: choose another folder"
             )));
         }
         self.keep(partial.done);
@@ -234,32 +248,29 @@ impl DatasetWriter {
 
     fn resume_finished(&mut self, path: &Path) -> Result<(), DatasetError> {
         let index = read_index(path)?;
-        self.check_same(self.plan.difference(&index))?;
+        self.check_same(self.index.plan.difference(&index))?;
         self.keep(index.splits);
         Ok(())
     }
 
     fn check_same(&self, difference: Option<String>) -> Result<(), DatasetError> {
-        match difference {
-            None => Ok(()),
-            Some(difference) => {
-                let problem = format!("holds a data set that {difference}: choose another folder");
-                Err(self.folder_error(problem))
-            }
-        }
+        difference.map_or(Ok(()), |difference| {
+            let problem = format!("holds a data set that {difference}: choose another folder");
+            Err(self.folder_error(problem))
+        })
     }
 
     /// Keeps the trajectories of `done` whose files are as they were written.
     fn keep(&mut self, done: Splits) {
         for (split, entries) in [(Split::Train, done.train), (Split::Test, done.test)] {
-            let planned = self.plan.motions(split);
+            let planned = self.index.plan.motions(split);
             let is_good = |entry: &Entry| {
                 planned.contains(&entry.motion)
                     && entry.file == file_of(split, &entry.motion)
                     && read_checked(&self.folder.join(&entry.file), entry).is_ok()
             };
-            let good: Vec<Entry> = entries.into_iter().filter(is_good).collect();
-            *self.entries_mut(split) = good;
+            let good = entries.into_iter().filter(is_good).collect();
+            *self.index.done.of_mut(split) = good;
         }
     }
 
@@ -288,27 +299,7 @@ impl DatasetWriter {
     }
 
     fn write_partial(&self) -> Result<(), DatasetError> {
-        let partial = PartialIndex {
-            format: PARTIAL_FORMAT.to_owned(),
-            version: VERSION,
-            plan: self.plan.clone(),
-            done: self.done.clone(),
-            part: self.part.map(|part| part.to_string()),
-        };
-        self.write_json(PARTIAL, &partial)
-    }
-
-    fn write_index(&self, sections: Vec<Section>) -> Result<(), DatasetError> {
-        let index = DatasetIndex {
-            format: FORMAT.to_owned(),
-            version: VERSION,
-            name: self.plan.name.clone(),
-            config: self.plan.config.clone(),
-            splits: self.done.clone(),
-            statistics: statistics(&self.done, &sections),
-            sections,
-        };
-        self.write_json(INDEX, &index)
+        self.write_json(PARTIAL, &self.index)
     }
 
     fn write_json(&self, name: &str, contents: &impl Serialize) -> Result<(), DatasetError> {
@@ -318,18 +309,6 @@ impl DatasetWriter {
             writer.write_all(b"\n")
         })?;
         Ok(())
-    }
-
-    /// The trajectory that is written already and has the same bytes.
-    fn twin_of(&self, entry: &Entry) -> Option<&Entry> {
-        self.done.all().find(|other| other.blake3 == entry.blake3)
-    }
-
-    fn entries_mut(&mut self, split: Split) -> &mut Vec<Entry> {
-        match split {
-            Split::Train => &mut self.done.train,
-            Split::Test => &mut self.done.test,
-        }
     }
 }
 

@@ -21,14 +21,12 @@ use selvedge_cloth::{
 use serde::Deserialize;
 use serde::de::{DeserializeOwned, IgnoredAny};
 
-use super::file::moving_mesh;
 use super::loaded::LoadedScene;
 use super::material_source::shipped_material;
-use super::mesh_spec::{BuiltMesh, MeshSource, MeshSpec, Rotate, Transform};
-use super::problem::read_text;
-use super::problem::{SceneProblem, field};
-use super::spec::{SceneSpec, SceneSpecError, Setting};
-use super::start::StartSpec;
+use super::mesh_spec::{MeshSource, MeshSpec, Rotate, Transform};
+use super::problem::{field, read_text};
+use super::spec::{SceneSpec, Setting, StartSpec};
+use crate::formats::file_error::Problem;
 use crate::formats::polygons::{MeshOptions, Sewing};
 use crate::obstacle::{BodySpec, ObstacleMotion, ObstacleSpec, Placement};
 
@@ -39,8 +37,10 @@ const DEFAULT_SECONDS: f64 = 10.0;
 const FRICTION: f64 = 0.6;
 const OBSTACLE_FRICTION: f64 = 0.3;
 const THICKNESS: f64 = 1e-3;
-/// Ranges of factors and densities of a material, and of the density and the drag of air.
+/// Ranges of factors and densities of a material, of coefficients of friction, and of the density
+/// and the drag of air.
 const FACTORS: RangeInclusive<f64> = 1e-6..=1e6;
+const FRICTIONS: RangeInclusive<f64> = 0.0..=100.0;
 const AIR: RangeInclusive<f64> = 0.0..=1e6;
 
 #[derive(Deserialize)]
@@ -96,12 +96,22 @@ struct ClothFile {
 }
 
 /// `rotate` is degrees and an axis.
-#[derive(Default, Deserialize)]
+#[derive(Deserialize)]
 #[serde(deny_unknown_fields, default)]
 struct TransformFile {
-    scale: Option<f64>,
+    scale: f64,
     rotate: [f64; 4],
     translate: DVec3,
+}
+
+impl Default for TransformFile {
+    fn default() -> Self {
+        Self {
+            scale: 1.0,
+            rotate: [0.0; 4],
+            translate: DVec3::ZERO,
+        }
+    }
 }
 
 #[derive(Deserialize)]
@@ -169,49 +179,73 @@ struct Magic {
     collision_stiffness: Option<f64>,
 }
 
-/// Motions by their numbers.
-type Motions = [Vec<PoseKeyframe>];
+/// A scene on its way to a spec.
+struct Reader<'a> {
+    file: &'a SceneFile,
+    folder: &'a Path,
+    /// Motions by their numbers.
+    motions: Vec<Vec<PoseKeyframe>>,
+    warnings: Vec<String>,
+}
 
 /// Reads a scene from the text of its file; paths in it are relative to `folder`.
-pub(super) fn parse_arcsim(
-    text: &str,
-    folder: &Path,
-    name: &str,
-) -> Result<LoadedScene, SceneProblem> {
-    let mut file: SceneFile = parse_json(text)?;
-    let mut warnings = Vec::new();
-    let count = file.cloths.len();
-    let (Some(cloth), true) = (file.cloths.pop(), count == 1) else {
-        return Err(wrong("cloths", "must have one cloth", count));
+pub(super) fn parse_arcsim(text: &str, folder: &Path, name: &str) -> Result<LoadedScene, Problem> {
+    let file: SceneFile = parse_json(text)?;
+    let mut reader = Reader {
+        file: &file,
+        folder,
+        motions: motions(&file.motions)?,
+        warnings: Vec::new(),
     };
-    let (material, material_file) = material(&cloth, &file.disable, folder, &mut warnings)?;
-    let frame_time = within("frame_time", file.frame_time, 1e-5..=1.0)?;
-    let substeps = file.frame_steps.unwrap_or(1);
-    let substeps = within("frame_steps", f64::from(substeps), 1.0..=1000.0)? as u32;
-    let end_frame = file.end_frame.map(|end| f64::from(end) * frame_time);
-    let ends = [file.end_time, end_frame, file.duration].into_iter();
-    let duration = ends.flatten().reduce(f64::min).unwrap_or_else(|| {
-        warnings.push(format!(
-            "neither end_time nor end_frame says how long the scene lasts: {DEFAULT_SECONDS} s are taken"
-        ));
-        DEFAULT_SECONDS
-    });
-    let motions = motions(&file.motions)?;
-    let (handles, schedule, groups) = handles(&file.handles, &motions, duration)?;
-    let (contact, obstacles) = contact(&file, &motions, folder, &mut warnings)?;
-    if !file.disable.contains(&Part::Remeshing) {
-        let text = "remeshing is not disabled, but Selvedge has none: the mesh stays as it is";
-        warnings.push(text.to_owned());
+    let (spec, material_file) = reader.spec(name)?;
+    let mut read = spec.setting.mesh.read(folder)?;
+    reader.warnings.append(&mut read.warnings);
+    read.warnings = reader.warnings;
+    let remedy = "scale the texture coordinates of the mesh's file";
+    let mut loaded = LoadedScene::of(spec, read, None, Vec::new(), folder, remedy)?;
+    loaded.files.extend(material_file);
+    Ok(loaded)
+}
+
+impl Reader<'_> {
+    fn warn(&mut self, text: impl Into<String>) {
+        self.warnings.push(text.into());
     }
-    let spec = SceneSpec {
-        name: name.to_owned(),
-        setting: Setting {
-            mesh: mesh(&cloth, folder)?,
+
+    fn disables(&self, part: Part) -> bool {
+        self.file.disable.contains(&part)
+    }
+
+    /// The spec, and the file of the material.
+    fn spec(&mut self, name: &str) -> Result<(SceneSpec, Option<PathBuf>), Problem> {
+        let file = self.file;
+        let [cloth] = file.cloths.as_slice() else {
+            return Err(wrong("cloths", "must have one cloth", file.cloths.len()));
+        };
+        let (material, material_file) = self.material(cloth)?;
+        let frame_time = within("frame_time", file.frame_time, 1e-5..=1.0)?;
+        let substeps = f64::from(file.frame_steps.unwrap_or(1));
+        let substeps = within("frame_steps", substeps, 1.0..=1000.0)? as u32;
+        let end_frame = file.end_frame.map(|end| f64::from(end) * frame_time);
+        let ends = [file.end_time, end_frame, file.duration].into_iter();
+        let duration = ends.flatten().reduce(f64::min).unwrap_or_else(|| {
+            self.warn(format!(
+                "neither end_time nor end_frame says how long the scene lasts: {DEFAULT_SECONDS} s are taken"
+            ));
+            DEFAULT_SECONDS
+        });
+        let (handles, schedule, groups) = self.handles(duration)?;
+        let (contact, obstacles) = self.contact()?;
+        if !self.disables(Part::Remeshing) {
+            self.warn("remeshing is not disabled, but Selvedge has none: the mesh stays as it is");
+        }
+        let setting = Setting {
+            mesh: self.mesh(cloth)?,
             handles,
             schedule,
             material,
             fabrics: BTreeMap::new(),
-            environment: environment(&file)?,
+            environment: environment(file)?,
             physics: PhysicsSettings {
                 substeps,
                 ..PhysicsSettings::in_mode(PhysicsMode::Arcsim)
@@ -220,52 +254,219 @@ pub(super) fn parse_arcsim(
             frame_rate: 1.0 / frame_time,
             contact,
             obstacles,
-        },
-        motion: Motion::Splines(SplineMotion {
+        };
+        let motion = Motion::Splines(SplineMotion {
             duration,
             // ARCSim takes hold of a node in its first solve, where the node then is; so the motion
             // is relative to its transform at the end of that solve.
             taken: frame_time / f64::from(substeps),
             groups,
-        }),
-        start: StartSpec::Mesh,
-        dress: None,
-    };
-    let mut files = spec.files(folder);
-    files.extend(material_file);
-    let built = spec.setting.mesh.read(folder);
-    let BuiltMesh {
-        sheet,
-        velocities,
-        is_own_shape,
-        warnings: mended,
-        ..
-    } = built.map_err(SceneSpecError::from)?;
-    warnings.extend(mended);
-    let state = moving_mesh(&spec.start, &sheet.mesh, velocities);
-    let scene = spec.with_mesh(sheet.mesh, folder, &mut warnings)?;
-    let loaded = LoadedScene {
-        state,
-        is_own_shape,
-        warnings,
-        files,
-        ..LoadedScene::new(spec, scene)
-    };
-    Ok(loaded.looked_over("scale the texture coordinates of the mesh's file"))
+        });
+        let spec = SceneSpec {
+            name: name.to_owned(),
+            setting,
+            motion,
+            start: StartSpec::Mesh,
+            dress: None,
+        };
+        Ok((spec, material_file))
+    }
+
+    fn mesh(&self, cloth: &ClothFile) -> Result<MeshSpec, Problem> {
+        let path = self.mesh_file("cloths[0].mesh", &cloth.mesh)?;
+        let placed = cloth.transform.placement("cloths[0].transform")?;
+        Ok(MeshSpec {
+            source: MeshSource::obj(&path, self.folder, MeshOptions::default())?,
+            transform: Transform {
+                scale: placed.scale,
+                rotation: placed.rotation,
+                translation: placed.translation,
+                ..Transform::default()
+            },
+            rest_angles: None,
+            sewing: Sewing::default(),
+            seam_stiffness: None,
+        })
+    }
+
+    /// The material, and the file that it is in.
+    fn material(&mut self, cloth: &ClothFile) -> Result<(Material, Option<PathBuf>), Problem> {
+        let [used] = cloth.materials.as_slice() else {
+            let must = "must have one material, that of all faces";
+            return Err(wrong("cloths[0].materials", must, cloth.materials.len()));
+        };
+        let key = |key: &str| format!("cloths[0].materials[0].{key}");
+        let (material, file) = self.named_material(&used.data, &key("data"))?;
+        let factor =
+            |name, value: Option<f64>, range| within(&key(name), value.unwrap_or(1.0), range);
+        let layers = factor("thicken", used.thicken, FACTORS)?;
+        let stretching = factor("stretching_mult", used.stretching_mult, FACTORS)?;
+        // A cloth that does not resist bending is one that can be run.
+        let bending = factor("bending_mult", used.bending_mult, 0.0..=*FACTORS.end())?;
+        let density = factor("density_mult", used.density_mult, FACTORS)?;
+        let mut material = material.multiplied(stretching * layers, bending * layers);
+        material.density *= density * layers;
+        if let Some(damping) = used.damping {
+            material.damping = within(&key("damping"), damping, 0.0..=100.0)?;
+        }
+        if used.strain_limits.is_some() && !self.disables(Part::StrainLimiting) {
+            self.warn(
+                "strainlimiting is not disabled, but Selvedge has none: strain_limits has no effect",
+            );
+        }
+        let has_yield = used.yield_curv.is_some() || used.weakening.is_some();
+        if has_yield && !self.disables(Part::Plasticity) {
+            self.warn("plasticity is not disabled, but Selvedge has none: yield_curv and weakening have no effect");
+        }
+        Ok((material, file))
+    }
+
+    /// The material in the file at `path`. Where there is no such file, it is the shipped one of its
+    /// name.
+    fn named_material(
+        &mut self,
+        path: &str,
+        key: &str,
+    ) -> Result<(Material, Option<PathBuf>), Problem> {
+        let name = Path::new(path).file_stem().unwrap_or_default();
+        let name = name.to_string_lossy();
+        if let Some(found) = find_file(path, self.folder) {
+            let file = self.folder.join(found);
+            let data = read_text(&file).and_then(|text| material_data(&text, &name));
+            let data = data.map_err(|problem| field(key, format_args!("{path}: {problem}")))?;
+            return Ok((data, Some(file)));
+        }
+        let none = || format!("there is no file {path}, and no shipped material is called {name}");
+        let shipped = shipped_material(&name).ok_or_else(|| field(key, none()))??;
+        self.warn(format!(
+            "{key}: there is no file {path}: the shipped material {name} is taken"
+        ));
+        Ok((shipped, None))
+    }
+
+    fn motion_of(&self, key: &str, number: usize) -> Result<Vec<PoseKeyframe>, Problem> {
+        let count = self.motions.len();
+        let must = || format!("must be one of the {count} motions, from 0");
+        let found = self.motions.get(number).cloned();
+        found.ok_or_else(|| wrong(key, &must(), number))
+    }
+
+    /// The held vertices, when they are let go, and their motions.
+    fn handles(&self, duration: f64) -> Result<Handles, Problem> {
+        let (mut vertices, mut groups) = (Vec::new(), Vec::new());
+        let mut schedule = HandleSchedule::default();
+        for (number, file) in self.file.handles.iter().enumerate() {
+            let key = |key: &str| format!("handles[{number}].{key}");
+            let first = vertices.len();
+            vertices.extend(&file.nodes);
+            let own: Vec<usize> = (first..vertices.len()).collect();
+            if let Some(motion) = file.motion {
+                groups.push(SplineGroup {
+                    handles: own.clone(),
+                    keyframes: self.motion_of(&key("motion"), motion)?,
+                });
+            }
+            match file.end_time {
+                Some(end) if end <= 0.0 => {
+                    let must = "must be later than the start, or the handle never holds";
+                    return Err(wrong(&key("end_time"), must, end));
+                }
+                Some(end) if end < duration => schedule.releases.push(Release {
+                    handles: own,
+                    from: end,
+                    to: None,
+                }),
+                _ => {}
+            }
+        }
+        Ok((vertices, schedule, groups))
+    }
+
+    /// Contact, and the obstacles that take part in it.
+    fn contact(&mut self) -> Result<(Option<ContactSettings>, Vec<ObstacleSpec>), Problem> {
+        let file = self.file;
+        let count = file.obstacles.len();
+        match [Part::Proximity, Part::Collision].map(|part| self.disables(part)) {
+            [true, true] => {
+                if count > 0 {
+                    self.warn(format!(
+                        "obstacles are left out, {count} of them: proximity and collision are disabled, so that nothing touches them"
+                    ));
+                }
+                return Ok((None, Vec::new()));
+            }
+            [false, false] => {}
+            [proximity, _] => {
+                let disabled = if proximity { "proximity" } else { "collision" };
+                self.warn(format!(
+                    "disable: {disabled} has no effect: Selvedge's contact has no such parts, disable proximity and collision to have none"
+                ));
+            }
+        }
+        if file.magic.collision_stiffness.is_some() {
+            self.warn("magic.collision_stiffness has no effect: Selvedge's contact is as stiff as masses and substeps allow");
+        }
+        let friction = within("friction", file.friction.unwrap_or(FRICTION), FRICTIONS)?;
+        let on_obstacles = file.obs_friction.unwrap_or(OBSTACLE_FRICTION);
+        let on_obstacles = within("obs_friction", on_obstacles, FRICTIONS)?;
+        if on_obstacles > friction && count > 0 {
+            self.warn(format!(
+                "obs_friction is {on_obstacles}, but a pair has the lesser of two, which is the cloth's {friction}"
+            ));
+        }
+        let numbered = file.obstacles.iter().enumerate();
+        let obstacles = numbered.map(|(number, file)| self.obstacle(number, file, on_obstacles));
+        let obstacles = obstacles.collect::<Result<_, _>>()?;
+        let thickness = file.magic.repulsion_thickness.unwrap_or(THICKNESS);
+        let settings = ContactSettings {
+            thickness: within("magic.repulsion_thickness", thickness, 1e-5..=1.0)?,
+            friction,
+            ..ContactSettings::default()
+        };
+        Ok((Some(settings), obstacles))
+    }
+
+    fn obstacle(
+        &self,
+        number: usize,
+        file: &ObstacleFile,
+        friction: f64,
+    ) -> Result<ObstacleSpec, Problem> {
+        let key = |key: &str| format!("obstacles[{number}].{key}");
+        let name = format!("obstacle {number}");
+        let path = self.mesh_file(&key("mesh"), &file.mesh)?;
+        let motion = match file.motion {
+            None => ObstacleMotion::Still,
+            Some(motion) => ObstacleMotion::Splines(self.motion_of(&key("motion"), motion)?),
+        };
+        Ok(ObstacleSpec {
+            body: BodySpec::mesh(path, self.folder, &name)?,
+            name,
+            transform: file.transform.placement(&key("transform"))?,
+            motion,
+            friction: Some(friction),
+            thickness: None,
+        })
+    }
+
+    /// The mesh that `path` means, as the scene names it.
+    fn mesh_file(&self, key: &str, path: &str) -> Result<String, Problem> {
+        let must = "must be an OBJ file beside the scene or in the working directory";
+        find_file(path, self.folder).ok_or_else(|| wrong(key, must, path))
+    }
 }
 
-fn environment(file: &SceneFile) -> Result<Environment, SceneProblem> {
+type Handles = (Vec<u32>, HandleSchedule, Vec<SplineGroup>);
+
+fn environment(file: &SceneFile) -> Result<Environment, Problem> {
     within("the length of gravity", file.gravity.length(), 0.0..=1e6)?;
     let mut environment = Environment {
         gravity: file.gravity,
         ..Environment::default()
     };
     if let Some(wind) = &file.wind {
-        within(
-            "the length of wind.velocity",
-            wind.velocity.length(),
-            0.0..=1e3,
-        )?;
+        let speed = wind.velocity.length();
+        within("the length of wind.velocity", speed, 0.0..=1e3)?;
         environment.wind = wind.velocity;
         environment.air_density = within("wind.density", wind.density.unwrap_or(1.0), AIR)?;
         environment.air_drag = within("wind.drag", wind.drag.unwrap_or(0.0), AIR)?;
@@ -273,90 +474,7 @@ fn environment(file: &SceneFile) -> Result<Environment, SceneProblem> {
     Ok(environment)
 }
 
-fn mesh(cloth: &ClothFile, folder: &Path) -> Result<MeshSpec, SceneProblem> {
-    let path = mesh_file("cloths[0].mesh", &cloth.mesh, folder)?;
-    let placed = &cloth.transform;
-    Ok(MeshSpec {
-        source: MeshSource::obj(&path, folder, MeshOptions::default())?,
-        transform: Transform {
-            scale: placed.scale.unwrap_or(1.0),
-            rotation: placed.rotation("cloths[0].transform")?,
-            translation: placed.translate,
-            ..Transform::default()
-        },
-        rest_angles: None,
-        sewing: Sewing::default(),
-        seam_stiffness: None,
-    })
-}
-
-/// The material, and the file that it is in. Where there is no such file, it is the shipped one of
-/// its name.
-fn material(
-    cloth: &ClothFile,
-    disabled: &[Part],
-    folder: &Path,
-    warnings: &mut Vec<String>,
-) -> Result<(Material, Option<PathBuf>), SceneProblem> {
-    let [used] = cloth.materials.as_slice() else {
-        let must = "must have one material, that of all faces";
-        return Err(wrong("cloths[0].materials", must, cloth.materials.len()));
-    };
-    let key = |key: &str| format!("cloths[0].materials[0].{key}");
-    let path = used.data.as_str();
-    let name = Path::new(path).file_stem().unwrap_or_default();
-    let name = name.to_string_lossy();
-    let (mut material, file) = match find_file(path, folder) {
-        Some(found) => {
-            let file = folder.join(found);
-            let text = read_text(&file);
-            let data = text.and_then(|text| material_data(&text, &name));
-            let data = data.map_err(|problem| field(key("data"), format!("{path}: {problem}")))?;
-            (data, Some(file))
-        }
-        None => {
-            let shipped = shipped_material(&name).ok_or_else(|| SceneProblem::Key {
-                key: key("data"),
-                problem: format!(
-                    "there is no file {path}, and no shipped material is called {name}"
-                ),
-            })??;
-            warnings.push(format!(
-                "{}: there is no file {path}: the shipped material {name} is taken",
-                key("data")
-            ));
-            (shipped, None)
-        }
-    };
-    let factor = |name, value: Option<f64>, range| within(&key(name), value.unwrap_or(1.0), range);
-    let layers = factor("thicken", used.thicken, FACTORS)?;
-    let stretching = factor("stretching_mult", used.stretching_mult, FACTORS)?;
-    // A cloth that does not resist bending is one that can be run.
-    let bending = factor("bending_mult", used.bending_mult, 0.0..=*FACTORS.end())?;
-    material.density *= factor("density_mult", used.density_mult, FACTORS)? * layers;
-    for stiffness in material.stretch.0.as_flattened_mut() {
-        *stiffness *= stretching * layers;
-    }
-    for stiffness in material.bend.0.as_flattened_mut() {
-        *stiffness *= bending * layers;
-    }
-    if let Some(damping) = used.damping {
-        material.damping = within(&key("damping"), damping, 0.0..=100.0)?;
-    }
-    if used.strain_limits.is_some() && !disabled.contains(&Part::StrainLimiting) {
-        let text =
-            "strainlimiting is not disabled, but Selvedge has none: strain_limits has no effect";
-        warnings.push(text.to_owned());
-    }
-    let has_yield = used.yield_curv.is_some() || used.weakening.is_some();
-    if has_yield && !disabled.contains(&Part::Plasticity) {
-        let text = "plasticity is not disabled, but Selvedge has none: yield_curv and weakening have no effect";
-        warnings.push(text.to_owned());
-    }
-    Ok((material, file))
-}
-
-fn material_data(text: &str, name: &str) -> Result<Material, SceneProblem> {
+fn material_data(text: &str, name: &str) -> Result<Material, Problem> {
     let data: MaterialData = parse_json(text)?;
     Ok(Material {
         name: name.to_owned(),
@@ -368,17 +486,16 @@ fn material_data(text: &str, name: &str) -> Result<Material, SceneProblem> {
     })
 }
 
-fn motions(files: &[Vec<KeyframeFile>]) -> Result<Vec<Vec<PoseKeyframe>>, SceneProblem> {
+fn motions(files: &[Vec<KeyframeFile>]) -> Result<Vec<Vec<PoseKeyframe>>, Problem> {
     let keyframe = |motion: usize, k: usize, file: &KeyframeFile| {
-        let rotation = file
-            .transform
-            .rotation(&format!("motions[{motion}][{k}].transform"))?;
+        let place = format!("motions[{motion}][{k}].transform");
+        let placed = file.transform.placement(&place)?;
         Ok(PoseKeyframe {
             time: file.time,
-            scale: file.transform.scale.unwrap_or(1.0),
-            axis: rotation.axis,
-            angle_deg: rotation.angle_deg,
-            translation: file.transform.translate,
+            scale: placed.scale,
+            axis: placed.rotation.axis,
+            angle_deg: placed.rotation.angle_deg,
+            translation: placed.translation,
         })
     };
     let motion = |(motion, keyframes): (usize, &Vec<KeyframeFile>)| {
@@ -390,147 +507,25 @@ fn motions(files: &[Vec<KeyframeFile>]) -> Result<Vec<Vec<PoseKeyframe>>, SceneP
     files.iter().enumerate().map(motion).collect()
 }
 
-fn motion_of(
-    key: &str,
-    number: usize,
-    motions: &Motions,
-) -> Result<Vec<PoseKeyframe>, SceneProblem> {
-    let must = || format!("must be one of the {} motions, from 0", motions.len());
-    let found = motions.get(number).cloned();
-    found.ok_or_else(|| wrong(key, &must(), number))
-}
-
-/// The held vertices, when they are let go, and their motions.
-type Handles = (Vec<u32>, HandleSchedule, Vec<SplineGroup>);
-
-fn handles(
-    files: &[HandleFile],
-    motions: &Motions,
-    duration: f64,
-) -> Result<Handles, SceneProblem> {
-    let (mut vertices, mut groups) = (Vec::new(), Vec::new());
-    let mut schedule = HandleSchedule::default();
-    for (number, file) in files.iter().enumerate() {
-        let first = vertices.len();
-        vertices.extend(&file.nodes);
-        let own: Vec<usize> = (first..vertices.len()).collect();
-        if let Some(motion) = file.motion {
-            groups.push(SplineGroup {
-                handles: own.clone(),
-                keyframes: motion_of(&format!("handles[{number}].motion"), motion, motions)?,
-            });
-        }
-        match file.end_time {
-            Some(end) if end <= 0.0 => {
-                let must = "must be later than the start, or the handle never holds";
-                return Err(wrong(&format!("handles[{number}].end_time"), must, end));
-            }
-            Some(end) if end < duration => schedule.releases.push(Release {
-                handles: own,
-                from: end,
-                to: None,
-            }),
-            _ => {}
-        }
-    }
-    Ok((vertices, schedule, groups))
-}
-
-/// Contact, and the obstacles that take part in it.
-type Contact = (Option<ContactSettings>, Vec<ObstacleSpec>);
-
-fn contact(
-    file: &SceneFile,
-    motions: &Motions,
-    folder: &Path,
-    warnings: &mut Vec<String>,
-) -> Result<Contact, SceneProblem> {
-    let [proximity, collision] =
-        [Part::Proximity, Part::Collision].map(|p| file.disable.contains(&p));
-    if proximity && collision {
-        if !file.obstacles.is_empty() {
-            warnings.push(format!(
-                "obstacles are left out, {} of them: proximity and collision are disabled, so that nothing touches them",
-                file.obstacles.len()
-            ));
-        }
-        return Ok((None, Vec::new()));
-    }
-    if proximity || collision {
-        let disabled = if proximity { "proximity" } else { "collision" };
-        warnings.push(format!(
-            "disable: {disabled} has no effect: Selvedge's contact has no such parts, disable proximity and collision to have none"
-        ));
-    }
-    if file.magic.collision_stiffness.is_some() {
-        let text = "magic.collision_stiffness has no effect: Selvedge's contact is as stiff as masses and substeps allow";
-        warnings.push(text.to_owned());
-    }
-    let friction = within("friction", file.friction.unwrap_or(FRICTION), 0.0..=100.0)?;
-    let on_obstacles = file.obs_friction.unwrap_or(OBSTACLE_FRICTION);
-    let on_obstacles = within("obs_friction", on_obstacles, 0.0..=100.0)?;
-    if on_obstacles > friction && !file.obstacles.is_empty() {
-        warnings.push(format!(
-            "obs_friction is {on_obstacles}, but a pair has the lesser of two, which is the cloth's {friction}"
-        ));
-    }
-    let mut obstacles = Vec::with_capacity(file.obstacles.len());
-    for (number, obstacle) in file.obstacles.iter().enumerate() {
-        let key = |key: &str| format!("obstacles[{number}].{key}");
-        let name = format!("obstacle {number}");
-        let path = mesh_file(&key("mesh"), &obstacle.mesh, folder)?;
-        obstacles.push(ObstacleSpec {
-            body: BodySpec::mesh(path, folder, &name).map_err(SceneSpecError::from)?,
-            name,
-            transform: Placement {
-                scale: obstacle.transform.scale.unwrap_or(1.0),
-                rotation: obstacle.transform.rotation(&key("transform"))?,
-                translation: obstacle.transform.translate,
-            },
-            motion: match obstacle.motion {
-                None => ObstacleMotion::Still,
-                Some(motion) => {
-                    ObstacleMotion::Splines(motion_of(&key("motion"), motion, motions)?)
-                }
-            },
-            friction: Some(on_obstacles),
-            thickness: None,
-        });
-    }
-    let thickness = file.magic.repulsion_thickness.unwrap_or(THICKNESS);
-    let settings = ContactSettings {
-        thickness: within("magic.repulsion_thickness", thickness, 1e-5..=1.0)?,
-        friction,
-        ..ContactSettings::default()
-    };
-    Ok((Some(settings), obstacles))
-}
-
 impl TransformFile {
-    fn rotation(&self, place: &str) -> Result<Rotate, SceneProblem> {
+    /// The transform that `place` has.
+    fn placement(&self, place: &str) -> Result<Placement, Problem> {
         let [angle_deg, x, y, z] = self.rotate;
-        match DVec3::new(x, y, z) {
+        let axis = match DVec3::new(x, y, z) {
             DVec3::ZERO if angle_deg != 0.0 => {
                 let found = format!("{angle_deg}° about no axis");
-                Err(wrong(
-                    &format!("{place}.rotate"),
-                    "must be degrees and an axis",
-                    found,
-                ))
+                let must = "must be degrees and an axis";
+                return Err(wrong(&format!("{place}.rotate"), must, found));
             }
-            DVec3::ZERO => Ok(Rotate {
-                axis: DVec3::Y,
-                angle_deg,
-            }),
-            axis => Ok(Rotate { axis, angle_deg }),
-        }
+            DVec3::ZERO => DVec3::Y,
+            axis => axis,
+        };
+        Ok(Placement {
+            scale: self.scale,
+            rotation: Rotate { axis, angle_deg },
+            translation: self.translate,
+        })
     }
-}
-
-/// The mesh that `path` means, as a scene in `folder` names it.
-fn mesh_file(key: &str, path: &str, folder: &Path) -> Result<String, SceneProblem> {
-    let must = "must be an OBJ file beside the scene or in the working directory";
-    find_file(path, folder).ok_or_else(|| wrong(key, must, path))
 }
 
 fn find_file(path: &str, folder: &Path) -> Option<String> {
@@ -541,7 +536,7 @@ fn find_file(path: &str, folder: &Path) -> Option<String> {
     here.is_file().then(|| here.to_string_lossy().into_owned())
 }
 
-fn within(key: &str, value: f64, range: RangeInclusive<f64>) -> Result<f64, SceneProblem> {
+fn within(key: &str, value: f64, range: RangeInclusive<f64>) -> Result<f64, Problem> {
     if range.contains(&value) {
         return Ok(value);
     }
@@ -549,23 +544,27 @@ fn within(key: &str, value: f64, range: RangeInclusive<f64>) -> Result<f64, Scen
     Err(wrong(key, &must, value))
 }
 
-fn wrong(key: &str, must: &str, found: impl std::fmt::Display) -> SceneProblem {
-    field(key, format!("{must}, found {found}"))
+fn wrong(key: &str, must: &str, found: impl std::fmt::Display) -> Problem {
+    field(key, format_args!("{must}, found {found}"))
 }
 
 /// Reads JSON in which `//` and `/* */` are comments; errors name the key and the line.
-fn parse_json<T: DeserializeOwned>(text: &str) -> Result<T, SceneProblem> {
+fn parse_json<T: DeserializeOwned>(text: &str) -> Result<T, Problem> {
     let text = without_comments(text);
     let mut reader = serde_json::Deserializer::from_str(&text);
     let read = serde_path_to_error::deserialize(&mut reader).map_err(|error| {
         let key = error.path().to_string();
         match error.into_inner() {
-            syntax if !syntax.is_data() => SceneProblem::Json(syntax),
-            data => field(key, data.to_string()),
+            syntax if !syntax.is_data() => no_json(&syntax),
+            data => field(key, data),
         }
     })?;
-    reader.end().map_err(SceneProblem::Json)?;
+    reader.end().map_err(|error| no_json(&error))?;
     Ok(read)
+}
+
+fn no_json(error: &serde_json::Error) -> Problem {
+    Problem(format!("is no JSON: {error}"))
 }
 
 /// The text with blanks for comments, so that lines and columns stay.

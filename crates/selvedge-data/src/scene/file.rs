@@ -6,13 +6,10 @@ use super::arcsim::parse_arcsim;
 use super::loaded::LoadedScene;
 use super::material_source::materials;
 use super::motion_source::Stand;
-use super::problem::{SceneFileError, SceneProblem, field, unknown};
-use super::problem::{parse_toml, read_text};
+use super::problem::{SceneFileError, field, parse_toml, read_text, unknown};
 use super::setting_file::{ResolvedSetting, SettingFile, usual_contact};
-use super::spec::{SceneSpec, Setting};
-use super::start::{StartFile, StartSpec};
-use crate::trajectory::state_file::SavedState;
-use glam::DVec3;
+use super::spec::{SceneSpec, Setting, StartFile};
+use crate::formats::file_error::Problem;
 use selvedge_assets::SCENES;
 use selvedge_cloth::Mesh;
 use std::path::{Path, PathBuf};
@@ -40,14 +37,12 @@ pub fn open_scene(path_or_name: &str) -> Result<LoadedScene, SceneFileError> {
         None if path.exists() && has_ending(&MESHES) => hung(path),
         None if path.exists() && has_ending(&OTHERS) => {
             let problem = "is neither a scene (.toml) nor a mesh that is read: export .obj, .glb or USD (.usda, .usdc, .usdz, .usd)";
-            let problem = SceneProblem::Kind(problem.to_owned());
-            Err(SceneFileError::at(path_or_name)(problem))
+            Err(SceneFileError::at(path_or_name)(Problem(
+                problem.to_owned(),
+            )))
         }
         None if path.exists() => read_scene(path),
-        None => {
-            let problem = unknown("scene", SCENES);
-            Err(SceneFileError::at(path_or_name)(problem))
-        }
+        None => Err(SceneFileError::at(path_or_name)(unknown("scene", SCENES))),
     }
 }
 
@@ -120,7 +115,7 @@ pub fn read_scene(path: &Path) -> Result<LoadedScene, SceneFileError> {
             serde_json::from_str(&text).ok();
         if json.is_some_and(|json| !["cloths", "frame_time"].iter().any(|key| json.contains_key(*key))) {
             let problem = "is JSON, but not a scene of ARCSim, which has cloths and a frame_time; scenes of Selvedge are TOML (.toml), meshes .obj, .glb or USD";
-            return Err(SceneProblem::Kind(problem.to_owned()));
+            return Err(Problem(problem.to_owned()));
         }
         parse_arcsim(&text, &folder, &name)
     });
@@ -138,31 +133,25 @@ pub fn parse_scene(text: &str, folder: &Path, origin: &str) -> Result<LoadedScen
     resolve(text, folder).map_err(SceneFileError::at(origin))
 }
 
-fn resolve(text: &str, folder: &Path) -> Result<LoadedScene, SceneProblem> {
+fn resolve(text: &str, folder: &Path) -> Result<LoadedScene, Problem> {
     let mut file: SettingFile = parse_toml(text)?;
-    let missing = |key| move || field(key, "is missing");
-    let name = file.name.take().ok_or_else(missing("name"))?;
+    let name = file.name.take();
+    let name = name.ok_or_else(|| field("name", "is missing"))?;
     let motion_source = file.motion.take().unwrap_or_default();
-    let start = file.start.take();
-    let dress = file.dress.take();
+    let (start, dress) = (file.start.take(), file.dress.take());
     let mut files = Vec::new();
     let ResolvedSetting {
         mut setting,
-        mesh,
+        mut read,
         groups,
-        velocities,
-        loose,
-        is_own_shape,
-        mut warnings,
         leaves_contact_open,
     } = file.resolve(folder, &mut files)?;
-    if leaves_contact_open && layers_can_meet(&mesh, &setting) {
-        setting.contact = Some(usual_contact(&mesh, &mut warnings));
+    if leaves_contact_open && layers_can_meet(&read.sheet.mesh, &setting) {
+        setting.contact = Some(usual_contact(&mut read));
     }
-    let stand = Stand::of(&setting, &mesh, &groups);
+    let stand = Stand::of(&setting, &read.sheet.mesh, &groups);
     let motion = motion_source.resolve(folder, &stand)?;
     files.extend(motion_source.file().map(|file| folder.join(file)));
-    let vertices = mesh.topology().vertex_count();
     let start = start.unwrap_or(match setting.handles.is_empty() || dress.is_some() {
         // What nothing holds has no rest pose.
         true => StartFile::Mesh,
@@ -171,8 +160,9 @@ fn resolve(text: &str, folder: &Path) -> Result<LoadedScene, SceneProblem> {
     if let Some(body) = &dress {
         check_dress(body, &start, &setting)?;
     }
+    let vertices = read.sheet.mesh.topology().vertex_count();
     let (start, state) = start.resolve(folder, vertices, setting.frame_rate)?;
-    let state = state.or_else(|| moving_mesh(&start, &mesh, velocities));
+    let remedy = setting.mesh.remedy();
     let spec = SceneSpec {
         name,
         setting,
@@ -180,22 +170,11 @@ fn resolve(text: &str, folder: &Path) -> Result<LoadedScene, SceneProblem> {
         start,
         dress,
     };
-    files.extend(spec.files(folder));
-    let scene = spec.with_mesh(mesh, folder, &mut warnings)?;
-    let loaded = LoadedScene {
-        state,
-        loose,
-        is_own_shape,
-        files,
-        warnings,
-        ..LoadedScene::new(spec, scene)
-    };
-    let remedy = loaded.spec.setting.mesh.remedy();
-    Ok(loaded.looked_over(&remedy))
+    LoadedScene::of(spec, read, state, files, folder, &remedy)
 }
 
 /// Checks that a scene has the body that the cloth is to be put onto. With a body it has contact.
-fn check_dress(body: &str, start: &StartFile, setting: &Setting) -> Result<(), SceneProblem> {
+fn check_dress(body: &str, start: &StartFile, setting: &Setting) -> Result<(), Problem> {
     let wrong = |problem: String| Err(field("dress", problem));
     if matches!(start, StartFile::Rest | StartFile::State { .. }) {
         let problem = "puts the cloth onto a body from where the mesh stands: write start = \"mesh\", \"untangle\" or \"fit\"";
@@ -219,20 +198,11 @@ fn layers_can_meet(mesh: &Mesh, setting: &Setting) -> bool {
     !setting.obstacles.is_empty() || has_pieces || mesh.pattern().is_sewn()
 }
 
-/// The state of a mesh whose file has velocities, where a run starts at the mesh.
-pub(super) fn moving_mesh(
-    start: &StartSpec,
-    mesh: &Mesh,
-    velocities: Option<Vec<DVec3>>,
-) -> Option<SavedState> {
-    let velocities = velocities.filter(|_| *start == StartSpec::Mesh)?;
-    Some(SavedState::moving(mesh.positions().to_vec(), velocities))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::formats::npz::tests::{archive, floats};
+    use crate::scene::StartSpec;
 
     #[test]
     fn what_is_not_said_hangs_still_or_falls() {

@@ -9,7 +9,8 @@ use selvedge_cloth::{HandleSchedule, Release};
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 
-use super::problem::{SceneProblem, field};
+use super::problem::field;
+use crate::formats::file_error::Problem;
 
 /// A choice of the held vertices, in exactly one way.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -122,7 +123,7 @@ pub(crate) struct Selected {
 
 impl HandleSelection {
     /// The vertices of `sheet` that are chosen.
-    pub(crate) fn select(&self, sheet: &Sheet) -> Result<Selected, SceneProblem> {
+    pub(crate) fn select(&self, sheet: &Sheet) -> Result<Selected, Problem> {
         let Self::Groups(groups) = self else {
             return Ok(Selected {
                 vertices: self.vertices(sheet)?,
@@ -156,7 +157,7 @@ impl HandleSelection {
         Ok(selected)
     }
 
-    fn vertices(&self, sheet: &Sheet) -> Result<Vec<u32>, SceneProblem> {
+    fn vertices(&self, sheet: &Sheet) -> Result<Vec<u32>, Problem> {
         match self {
             Self::Vertices(vertices) => Ok(vertices.clone()),
             Self::Label(name) => sheet.labels.get(name).cloned().ok_or_else(|| {

@@ -1,12 +1,17 @@
-//! A scene that has been read: its spec, what is built from it, and what to warn of.
+//! A scene that has been read: its spec, what is built from it, and what to warn of; also with
+//! another material or another motion in the place of its own.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use selvedge_cloth::{LoosePanels, Scene};
 
-use super::spec::SceneSpec;
-use super::start::StartSpec;
+use super::material_source::MaterialSource;
+use super::motion_source::{MotionSource, Stand};
+use super::problem::SceneFileError;
+use super::spec::{SceneSpec, StartSpec};
 use super::strained;
+use crate::formats::file_error::Problem;
+use crate::formats::polygons::ReadMesh;
 use crate::trajectory::state_file::SavedState;
 
 /// A scene, and the spec that it came from.
@@ -29,37 +34,151 @@ pub struct LoadedScene {
 }
 
 impl LoadedScene {
-    /// A scene that starts as its spec says, from no saved state.
-    pub(crate) fn new(spec: SceneSpec, scene: Scene) -> Self {
-        Self {
+    /// The scene of `spec` on the mesh that was read for it. It starts in `state`, or with the
+    /// velocities of the mesh's file; `files` are those that the spec does not name, and `remedy`
+    /// says how a mesh can be mended that starts far from its material size.
+    pub(super) fn of(
+        spec: SceneSpec,
+        read: ReadMesh,
+        state: Option<SavedState>,
+        mut files: Vec<PathBuf>,
+        folder: &Path,
+        remedy: &str,
+    ) -> Result<Self, Problem> {
+        let mut warnings = read.warnings;
+        let mesh = read.sheet.mesh;
+        let velocities = read.velocities.filter(|_| spec.start == StartSpec::Mesh);
+        let moving = |v| SavedState::moving(mesh.positions().to_vec(), v);
+        let state = state.or_else(|| velocities.map(moving));
+        files.extend(spec.files(folder));
+        let scene = spec.with_mesh(mesh, folder, &mut warnings)?;
+        let start = state.as_ref().map(|state| &state.positions[..]);
+        let start = start.unwrap_or(scene.mesh.positions());
+        // A start that fits the cloth says itself what it cannot mend.
+        if spec.start != StartSpec::Fit {
+            warnings.extend(strained::warnings(&scene.mesh, start, remedy));
+        }
+        // From a rest pose a free cloth does not start at all.
+        let is_free = scene.handles.is_empty() && scene.obstacles.is_empty();
+        if is_free && spec.start != StartSpec::Rest {
+            let text = "the scene has neither handles nor obstacles: the cloth falls freely";
+            warnings.push(text.to_owned());
+        }
+        Ok(Self {
             spec,
             scene,
-            state: None,
-            loose: None,
-            is_own_shape: false,
-            warnings: Vec::new(),
-            files: Vec::new(),
-        }
+            state,
+            loose: read.loose,
+            is_own_shape: read.is_own_shape,
+            warnings,
+            files,
+        })
     }
 
-    /// The same, with warnings where the cloth starts far from its material size (`remedy` says how
-    /// its file can be mended). A start that fits the cloth says itself what it cannot mend.
-    pub(super) fn looked_over(mut self, remedy: &str) -> Self {
-        let mesh = &self.scene.mesh;
-        let state = self.state.as_ref();
-        let start = state.map_or(mesh.positions(), |state| &state.positions);
-        if self.spec.start != StartSpec::Fit {
-            self.warnings
-                .extend(strained::warnings(mesh, start, remedy));
+    /// The same scene of another material: the name of a shipped one, or a TOML file relative to
+    /// the current folder.
+    ///
+    /// # Errors
+    /// [`SceneFileError`] names the scene, the field and what is wrong.
+    pub fn of_material(self, name_or_file: &str) -> Result<Self, SceneFileError> {
+        self.changed(|loaded| {
+            let source = MaterialSource::Named(name_or_file.to_owned());
+            let material = source.resolve(Path::new(""), &mut loaded.files)?;
+            loaded.spec.setting.material = material.clone();
+            loaded.scene.material = material;
+            Ok(())
+        })
+    }
+
+    /// The same scene with another motion: a name, a TOML file, or a recorded motion (.csv, .npz);
+    /// files are relative to the current folder.
+    ///
+    /// # Errors
+    /// As for [`Self::of_material`].
+    pub fn of_motion(self, name_or_file: &str) -> Result<Self, SceneFileError> {
+        self.changed(|loaded| {
+            let path = PathBuf::from(name_or_file);
+            let ending = path.extension().and_then(|ending| ending.to_str());
+            let source = match ending {
+                Some("toml") => MotionSource::File(path),
+                Some("csv" | "npz") => MotionSource::Recorded(path),
+                _ => MotionSource::Named(name_or_file.to_owned()),
+            };
+            let groups = Vec::new();
+            let stand = Stand::of(&loaded.spec.setting, &loaded.scene.mesh, &groups);
+            let motion = source.resolve(Path::new(""), &stand)?;
+            loaded.files.extend(source.file().map(Path::to_owned));
+            loaded.spec.motion = motion.clone();
+            loaded.scene.motion = motion;
+            Ok(())
+        })
+    }
+
+    /// Changes a part and checks the whole.
+    fn changed(
+        mut self,
+        change: impl FnOnce(&mut Self) -> Result<(), Problem>,
+    ) -> Result<Self, SceneFileError> {
+        let changed = change(&mut self).and_then(|()| Ok(self.scene.validate()?));
+        changed.map_err(SceneFileError::at(&self.spec.name))?;
+        Ok(self)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::file::open_scene;
+    use super::*;
+
+    #[test]
+    fn another_material_and_motion_are_in_scene_and_spec_alike() {
+        let own = open_scene("default").unwrap();
+        let changed = own.clone().of_material("11oz-black-denim").unwrap();
+        let changed = changed.of_motion("side").unwrap();
+        assert_eq!(changed.scene.material.name, "11oz-black-denim");
+        assert_ne!(changed.scene.motion, own.scene.motion);
+        // The spec makes the very scene.
+        assert_eq!(changed.spec.build(Path::new("")).unwrap(), changed.scene);
+    }
+
+    #[test]
+    fn files_are_read_and_known() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = |name: &str, text: &str| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, text).unwrap();
+            path
+        };
+        let stiff = "from = \"gray-interlock\"\nbend_multiplier = 2\n";
+        let material = file("stiff.toml", stiff);
+        let motion = file(
+            "still.toml",
+            "kind = \"blocks\"\nblocks = [{ duration = 1.0 }]\n",
+        );
+        let changed = open_scene("default").unwrap();
+        let changed = changed.of_material(&material.to_string_lossy()).unwrap();
+        let changed = changed.of_motion(&motion.to_string_lossy()).unwrap();
+        assert_eq!(changed.files, [material, motion]);
+        assert_eq!(changed.scene.frame_count().unwrap(), 60);
+    }
+
+    #[test]
+    fn what_is_wrong_is_named_with_its_remedy() {
+        let open = || open_scene("default").unwrap();
+        let wrong = [
+            (
+                open().of_material("silk"),
+                ["default: material", "gray-interlock"],
+            ),
+            (
+                open().of_motion("dance"),
+                ["default: motion.named", "forward"],
+            ),
+            (open().of_motion("gone.toml"), ["motion.file", "gone.toml"]),
+        ];
+        for (result, words) in wrong {
+            let error = result.unwrap_err().to_string();
+            assert!(words.iter().all(|word| error.contains(word)), "{error}");
         }
-        let setting = &self.spec.setting;
-        let is_free = setting.handles.is_empty() && setting.obstacles.is_empty();
-        // From a rest pose it does not start at all.
-        if is_free && self.spec.start != StartSpec::Rest {
-            self.warnings.push(
-                "the scene has neither handles nor obstacles: the cloth falls freely".to_owned(),
-            );
-        }
-        self
     }
 }

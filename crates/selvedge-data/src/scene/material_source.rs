@@ -9,8 +9,9 @@ use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
-use super::problem::{SceneProblem, field};
+use super::problem::field;
 use super::problem::{parse_toml, read_text};
+use crate::formats::file_error::Problem;
 
 /// One way to say what the cloth is made of.
 #[derive(Clone, Debug, PartialEq)]
@@ -77,7 +78,7 @@ impl MaterialSource {
         &self,
         folder: &Path,
         files: &mut Vec<PathBuf>,
-    ) -> Result<Material, SceneProblem> {
+    ) -> Result<Material, Problem> {
         let mut chain = Vec::new();
         let resolved = match self {
             Self::Named(name) => named(name, folder, &mut chain),
@@ -98,7 +99,7 @@ fn material_text(name: &str) -> Option<&'static str> {
     MATERIALS.iter().find(|entry| entry.0 == name).map(|e| e.1)
 }
 
-pub(super) fn shipped_material(name: &str) -> Option<Result<Material, SceneProblem>> {
+pub(super) fn shipped_material(name: &str) -> Option<Result<Material, Problem>> {
     material_text(name).map(parse_toml)
 }
 

@@ -3,21 +3,18 @@
 use std::path::Path;
 
 use glam::{DQuat, DVec3};
-use selvedge_cloth::generate::{GenerateError, Shape, Sheet, SheetSpec, sheet};
-use selvedge_cloth::geometry;
-use selvedge_cloth::{LoosePanels, Mesh, MeshError};
+use selvedge_cloth::generate::{Sheet, SheetSpec, sheet};
+use selvedge_cloth::{Mesh, geometry};
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
+use super::problem::field;
 use super::strained::Times;
 use crate::formats::extent::{extent, unit_remedy};
-use crate::formats::file_error::FileError;
-use crate::formats::input::read_file;
-use crate::formats::input::{check_hash, hash};
+use crate::formats::file_error::{FileError, Problem};
+use crate::formats::input::{check_hash, hash, read_file};
 use crate::formats::mesh_file::parse_mesh_bytes;
 use crate::formats::polygons::{
-    MeshFileError, MeshOptions, PatternSource, ReadMesh, ReadMeshError, RestAngles, Sewing,
-    TextureUnit,
+    MeshFileError, MeshOptions, PatternSource, ReadMesh, RestAngles, Sewing, TextureUnit,
 };
 use crate::obstacle::Placement;
 
@@ -42,27 +39,12 @@ pub struct MeshSpec {
     pub seam_stiffness: Option<f64>,
 }
 
-/// A mesh that has been made.
-#[derive(Clone, Debug, PartialEq)]
-pub struct BuiltMesh {
-    /// The mesh and its labels.
-    pub sheet: Sheet,
-    /// Velocities of the vertices, where its file has them `[m/s]`, `[vertices]`.
-    pub velocities: Option<Vec<DVec3>>,
-    /// The panels before they are sewn, where seams were named.
-    pub loose: Option<LoosePanels>,
-    /// True where each face rests as it stands in space: there is no pattern.
-    pub is_own_shape: bool,
-    /// Warnings of what was mended or passed over in its file.
-    pub warnings: Vec<String>,
-}
-
 /// Source of a mesh.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum MeshSource {
     /// Numbers.
-    Generator(GeneratorSpec),
+    Generator(SheetSpec),
     /// A file.
     Obj(ObjSource),
 }
@@ -78,79 +60,6 @@ pub struct ObjSource {
     /// Choices for reading it.
     #[serde(flatten)]
     pub options: MeshOptions,
-}
-
-/// The numbers of a generated mesh, which hangs flat; see [`sheet`]. A file may give a `density`
-/// `[vertices/m²]` instead of `vertices`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "GeneratorFields")]
-pub struct GeneratorSpec {
-    /// Shape of the sheet.
-    pub kind: Shape,
-    /// Number of vertices.
-    pub vertices: usize,
-    /// The unit of length of the shape, as the side of a square or the height of a rectangle `[m]`.
-    pub size: f64,
-    /// Width of a rectangle, or the way around a tube `[m]`; none for other shapes.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub width: Option<f64>,
-    /// Decides where the inner vertices lie.
-    pub seed: u64,
-}
-
-/// [`GeneratorSpec`] as it is written.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct GeneratorFields {
-    kind: Shape,
-    vertices: Option<usize>,
-    density: Option<f64>,
-    size: f64,
-    width: Option<f64>,
-    seed: u64,
-}
-
-impl TryFrom<GeneratorFields> for GeneratorSpec {
-    type Error = String;
-
-    fn try_from(fields: GeneratorFields) -> Result<Self, String> {
-        let GeneratorFields {
-            kind,
-            size,
-            width,
-            seed,
-            ..
-        } = fields;
-        match (kind, width) {
-            (Shape::Rectangle | Shape::Tube, None) => {
-                return Err("missing field: `width`, in m; `size` is the height".to_owned());
-            }
-            (Shape::Rectangle | Shape::Tube, Some(_)) | (_, None) => (),
-            (_, Some(_)) => return Err("`width` is for a rectangle or a tube".to_owned()),
-        }
-        let vertices = match (fields.vertices, fields.density) {
-            (Some(vertices), None) => vertices,
-            (None, Some(density)) if density.is_finite() && density > 0.0 => {
-                // Of a rectangle as high as it is wide, and as large.
-                let side = width.map_or(size, |width| (size * width).sqrt());
-                kind.vertices(side, density)
-            }
-            (None, Some(density)) => {
-                return Err(format!(
-                    "density must be finite and positive, found {density} vertices/m²"
-                ));
-            }
-            (Some(_), Some(_)) => return Err("give `vertices` or `density`, not both".to_owned()),
-            (None, None) => return Err("missing field: `vertices` or `density`".to_owned()),
-        };
-        Ok(Self {
-            kind,
-            vertices,
-            size,
-            width,
-            seed,
-        })
-    }
 }
 
 /// Placement of a mesh: scaled, then turned about the origin, then moved.
@@ -176,20 +85,6 @@ pub struct Rotate {
     pub axis: DVec3,
     /// Right-handed angle `[degrees]`.
     pub angle_deg: f64,
-}
-
-/// A mesh that cannot be made.
-#[derive(Debug, Error)]
-#[allow(missing_docs, reason = "each message says all")]
-pub enum MeshSpecError {
-    #[error("mesh.generator: {0}")]
-    Generate(#[from] GenerateError),
-    #[error("mesh.obj: {0}")]
-    Obj(#[from] ReadMeshError),
-    #[error("{0}")]
-    Content(String),
-    #[error("mesh: {0}")]
-    Mesh(#[from] MeshError),
 }
 
 /// Start positions may be stretched or folded up a little against the material, not this much.
@@ -237,8 +132,8 @@ impl MeshSource {
     /// The file at `path`, which is relative to `folder`, as it is now.
     ///
     /// # Errors
-    /// [`MeshSpecError::Obj`] when it cannot be read.
-    pub fn obj(path: &str, folder: &Path, options: MeshOptions) -> Result<Self, MeshSpecError> {
+    /// When it cannot be read.
+    pub fn obj(path: &str, folder: &Path, options: MeshOptions) -> Result<Self, Problem> {
         Ok(Self::Obj(ObjSource {
             path: path.to_owned(),
             blake3: hash(&read(&folder.join(path))?),
@@ -247,9 +142,9 @@ impl MeshSource {
     }
 }
 
-impl From<GeneratorSpec> for MeshSpec {
+impl From<SheetSpec> for MeshSpec {
     /// The mesh as it is generated: where it hangs, and with its seams whole.
-    fn from(generator: GeneratorSpec) -> Self {
+    fn from(generator: SheetSpec) -> Self {
         Self {
             source: MeshSource::Generator(generator),
             transform: Transform::default(),
@@ -264,8 +159,8 @@ impl MeshSpec {
     /// Makes the mesh; files are relative to `folder`.
     ///
     /// # Errors
-    /// [`MeshSpecError`] names the field and what is wrong.
-    pub fn build(&self, folder: &Path) -> Result<Sheet, MeshSpecError> {
+    /// [`Problem`] names the field and what is wrong.
+    pub fn build(&self, folder: &Path) -> Result<Sheet, Problem> {
         Ok(self.read(folder)?.sheet)
     }
 
@@ -273,47 +168,39 @@ impl MeshSpec {
     ///
     /// # Errors
     /// As for [`Self::build`].
-    pub fn read(&self, folder: &Path) -> Result<BuiltMesh, MeshSpecError> {
-        let read = self.source.read(folder, &self.sewing)?;
-        let mut sheet = self.transform.apply(read.sheet)?;
+    pub fn read(&self, folder: &Path) -> Result<ReadMesh, Problem> {
+        let mut read = self.source.read(folder, &self.sewing)?;
+        let mut mesh = self.transform.apply(read.sheet.mesh)?;
         let own = read.is_own_shape && !read.has_rest_angles;
-        let angles = self.rest_angles.or(own.then_some(RestAngles::Start));
-        sheet.mesh = match angles {
-            None => sheet.mesh,
-            Some(RestAngles::Start) => sheet.mesh.with_rest_angles_of_start(),
+        mesh = match self.rest_angles.or(own.then_some(RestAngles::Start)) {
+            None => mesh,
+            Some(RestAngles::Start) => mesh.with_rest_angles_of_start(),
             Some(RestAngles::Flat) => {
-                let edges = sheet.mesh.topology().edges().len();
-                sheet.mesh.with_rest_angles(vec![0.0; edges])?
+                let edges = mesh.topology().edges().len();
+                mesh.with_rest_angles(vec![0.0; edges])?
             }
         };
         if let Some(factor) = self.seam_stiffness {
             if read.is_own_shape {
-                let problem = "mesh.seam_stiffness is for cloth with a pattern, which has seams; this mesh has none: leave it out";
-                return Err(MeshSpecError::Content(problem.to_owned()));
+                let problem = "is for cloth with a pattern, which has seams; this mesh has none: leave it out";
+                return Err(Problem(format!("mesh.seam_stiffness {problem}")));
             }
-            sheet.mesh = sheet.mesh.with_seam_stiffness(factor)?;
+            mesh = mesh.with_seam_stiffness(factor)?;
         }
-        let loose = read.loose;
-        let loose = loose.map(|loose| loose.moved(|p| self.transform.place(p)));
-        match &loose {
+        let place = |p| self.transform.placement().place(p);
+        read.loose = read.loose.map(|loose| loose.moved(place));
+        match &read.loose {
             // Panels that are to be sewn may be far from each other.
-            Some(loose) => self.check_units(&loose.mesh(&sheet.mesh)?)?,
-            None => self.check_units(&sheet.mesh)?,
+            Some(loose) => self.check_units(&loose.mesh(&mesh)?)?,
+            None => self.check_units(&mesh)?,
         }
-        let mut warnings = read.warnings;
-        warnings.extend(size_warning(sheet.mesh.positions()));
-        let turn = self.transform.rotation.turn();
-        let velocities = read.velocities.map(|velocities| {
-            let turned = |v: DVec3| turn * (self.transform.scale * v);
-            velocities.into_iter().map(turned).collect()
-        });
-        Ok(BuiltMesh {
-            sheet,
-            velocities,
-            loose,
-            is_own_shape: read.is_own_shape,
-            warnings,
-        })
+        read.warnings.extend(size_warning(mesh.positions()));
+        let (turn, scale) = (self.transform.rotation.turn(), self.transform.scale);
+        for velocity in read.velocities.iter_mut().flatten() {
+            *velocity = turn * (scale * *velocity);
+        }
+        read.sheet.mesh = mesh;
+        Ok(read)
     }
 
     /// The remedy for material coordinates that do not fit the positions: of what is not chosen yet.
@@ -339,7 +226,7 @@ impl MeshSpec {
         .to_owned()
     }
 
-    fn check_units(&self, mesh: &Mesh) -> Result<(), MeshSpecError> {
+    fn check_units(&self, mesh: &Mesh) -> Result<(), Problem> {
         let (mut length, mut material) = (0.0, 0.0);
         let lengths = mesh.pattern().edge_lengths();
         for (edge, rest) in mesh.topology().edges().iter().zip(lengths) {
@@ -351,7 +238,7 @@ impl MeshSpec {
         if (1.0 / LARGEST_RATIO..=LARGEST_RATIO).contains(&ratio) {
             return Ok(());
         }
-        Err(MeshSpecError::Content(format!(
+        Err(Problem(format!(
             "the edges of the mesh are on average {} as long as in its material coordinates: these must be in metres too; {}",
             Times(ratio),
             self.remedy()
@@ -360,50 +247,42 @@ impl MeshSpec {
 }
 
 impl MeshSource {
-    fn read(&self, folder: &Path, sewing: &Sewing) -> Result<ReadMesh, MeshSpecError> {
-        let sheet = match self {
-            Self::Generator(numbers) => sheet(&SheetSpec {
-                shape: numbers.kind,
-                vertices: numbers.vertices,
-                size: numbers.size,
-                width: numbers.width.unwrap_or(numbers.size),
-                seed: numbers.seed,
-            })?,
-            Self::Obj(file) => {
-                let bytes = unchanged(&file.path, &file.blake3, folder)?;
-                let full = folder.join(&file.path);
-                let read = parse_mesh_bytes(&full, &bytes, file.options, sewing);
-                return Ok(read.map_err(FileError::at(&full))?);
+    fn read(&self, folder: &Path, sewing: &Sewing) -> Result<ReadMesh, Problem> {
+        match self {
+            Self::Generator(numbers) => {
+                let sheet = sheet(numbers).map_err(|error| field("mesh.generator", error))?;
+                Ok(ReadMesh {
+                    sheet,
+                    velocities: None,
+                    has_rest_angles: false,
+                    loose: None,
+                    is_own_shape: false,
+                    warnings: Vec::new(),
+                })
             }
-        };
-        Ok(ReadMesh {
-            sheet,
-            velocities: None,
-            has_rest_angles: false,
-            loose: None,
-            is_own_shape: false,
-            warnings: Vec::new(),
-        })
+            Self::Obj(file) => {
+                let full = folder.join(&file.path);
+                let bytes = read(&full)?;
+                check_hash(&file.path, &file.blake3, &hash(&bytes))
+                    .map_err(|problem| field("mesh.obj", problem))?;
+                let read = parse_mesh_bytes(&full, &bytes, file.options, sewing);
+                Ok(read.map_err(FileError::at(&full))?)
+            }
+        }
     }
 }
 
 impl Transform {
-    fn apply(&self, sheet: Sheet) -> Result<Sheet, MeshSpecError> {
+    fn apply(&self, mesh: Mesh) -> Result<Mesh, Problem> {
         self.validate()?;
         if *self == Self::default() {
-            return Ok(sheet);
+            return Ok(mesh);
         }
-        let positions = sheet.mesh.positions().iter();
-        let positions = positions.map(|p| self.place(*p)).collect();
-        let mesh = sheet.mesh.with_positions(positions)?;
-        Ok(Sheet {
-            mesh: mesh.with_pattern_scaled(self.scale * self.material_scale)?,
-            labels: sheet.labels,
-        })
-    }
-
-    fn place(&self, position: DVec3) -> DVec3 {
-        self.placement().place(position)
+        let placement = self.placement();
+        let positions = mesh.positions().iter().map(|p| placement.place(*p));
+        let positions = positions.collect();
+        let mesh = mesh.with_positions(positions)?;
+        Ok(mesh.with_pattern_scaled(self.scale * self.material_scale)?)
     }
 
     fn placement(&self) -> Placement {
@@ -414,20 +293,19 @@ impl Transform {
         }
     }
 
-    fn validate(&self) -> Result<(), MeshSpecError> {
-        let scaled = Placement {
+    fn validate(&self) -> Result<(), Problem> {
+        let of_material = Placement {
             scale: self.material_scale,
             ..Placement::default()
         };
-        let own = self.placement().check();
-        let scaled = scaled
-            .check()
-            .map_err(|(_, must, found)| ("material_scale", must, found));
-        let checked = own.and(scaled);
-        checked.map_err(|(field, expected, found)| {
-            let problem = format!("mesh.transform.{field} must be {expected}, found {found}");
-            MeshSpecError::Content(problem)
-        })
+        for (placement, prefix) in [(self.placement(), ""), (of_material, "material_")] {
+            placement.check().map_err(|(key, must, found)| {
+                Problem(format!(
+                    "mesh.transform.{prefix}{key} must be {must}, found {found}"
+                ))
+            })?;
+        }
+        Ok(())
     }
 }
 
@@ -438,15 +316,7 @@ impl Rotate {
     }
 }
 
-fn read(path: &Path) -> Result<Vec<u8>, ReadMeshError> {
+fn read(path: &Path) -> Result<Vec<u8>, Problem> {
     let bytes = read_file(path).map_err(MeshFileError::Read);
-    bytes.map_err(FileError::at(path))
-}
-
-/// The bytes of a file, which must have this hash.
-fn unchanged(path: &str, expected: &str, folder: &Path) -> Result<Vec<u8>, MeshSpecError> {
-    let bytes = read(&folder.join(path))?;
-    let checked = check_hash(path, expected, &hash(&bytes));
-    checked.map_err(|problem| MeshSpecError::Content(format!("mesh.obj: {problem}")))?;
-    Ok(bytes)
+    Ok(bytes.map_err(FileError::at(path))?)
 }

@@ -2,7 +2,6 @@
 //! from it and kept with every result ([`SceneSpec`], JSON), and what is shipped.
 
 mod arcsim;
-mod changed;
 mod file;
 mod handle_selection;
 mod loaded;
@@ -14,22 +13,17 @@ mod problem;
 mod recorded_csv;
 mod setting_file;
 mod spec;
-mod start;
 mod strained;
 
 pub use file::{open_scene, parse_scene, read_scene, shipped_scenes};
 pub(crate) use handle_selection::HandleSelection;
 pub use loaded::LoadedScene;
 pub use material_source::materials;
-pub use mesh_spec::{
-    BuiltMesh, GeneratorSpec, MeshSource, MeshSpec, MeshSpecError, ObjSource, Rotate, Transform,
-    size_warning,
-};
+pub use mesh_spec::{MeshSource, MeshSpec, ObjSource, Rotate, Transform, size_warning};
 pub(crate) use motion_source::{MotionSource, Stand};
-pub use problem::{SceneFileError, SceneProblem};
-pub(crate) use problem::{field, parse_toml, read_text, unknown};
+pub use problem::{SceneFileError, SceneSpecError};
+pub(crate) use problem::{field, not_understood, parse_toml, read_text, unknown};
 pub use recorded_csv::parse_recorded_csv;
 pub(crate) use setting_file::{MeshFile, ResolvedSetting, SettingFile};
-pub use spec::{SceneSpec, SceneSpecError, Setting};
-pub use start::StartSpec;
-pub use strained::{StrainedEdge, Times, panel_stretches, worst_edges, worst_free_edges};
+pub use spec::{SceneSpec, Setting, StartSpec};
+pub use strained::{StrainedEdge, Times, panel_stretches, worst_edges};

@@ -9,10 +9,11 @@ use selvedge_cloth::{Keyframe, KeyframeGroup, KeyframeMotion, Mesh, Motion, Reco
 use serde::Deserialize;
 
 use super::handle_selection::Groups;
-use super::problem::{SceneProblem, field};
+use super::problem::field;
 use super::problem::{parse_toml, read_text};
 use super::recorded_csv::parse_recorded_csv;
 use super::spec::Setting;
+use crate::formats::file_error::Problem;
 use crate::formats::input::read_file;
 use crate::formats::npz::NpzPoints;
 use crate::rig::Rig;
@@ -82,7 +83,7 @@ impl<'a> Stand<'a> {
 }
 
 impl RigMotion {
-    fn resolve(&self, folder: &Path, stand: &Stand<'_>) -> Result<Motion, SceneProblem> {
+    fn resolve(&self, folder: &Path, stand: &Stand<'_>) -> Result<Motion, Problem> {
         let nodes = self.nodes_of(stand)?;
         let frames = Rig::read_motion(&folder.join(&self.file), &nodes, stand.frame_rate)
             .map_err(|error| field("motion.rig", error.to_string()))?;
@@ -95,7 +96,7 @@ impl RigMotion {
     }
 
     /// The name of each handle's node.
-    fn nodes_of(&self, stand: &Stand<'_>) -> Result<Vec<String>, SceneProblem> {
+    fn nodes_of(&self, stand: &Stand<'_>) -> Result<Vec<String>, Problem> {
         let (groups, handles) = (stand.groups, stand.start.len());
         let expected = if groups.is_empty() {
             handles
@@ -180,11 +181,11 @@ pub(crate) struct GroupMove {
 }
 
 fn default_axis() -> DVec3 {
-    KeyframeGroup::default().axis
+    DVec3::Y
 }
 
 impl GroupMotion {
-    fn resolve(&self, groups: &Groups) -> Result<Motion, SceneProblem> {
+    fn resolve(&self, groups: &Groups) -> Result<Motion, Problem> {
         let handles = |name: &String| {
             let group = groups.iter().find(|group| group.0 == *name);
             group.map(|group| group.1.clone().collect()).ok_or_else(|| {
@@ -204,7 +205,7 @@ impl GroupMotion {
         });
         Ok(Motion::Keyframes(KeyframeMotion {
             duration: self.duration,
-            groups: moves.collect::<Result<_, SceneProblem>>()?,
+            groups: moves.collect::<Result<_, Problem>>()?,
         }))
     }
 }
@@ -220,7 +221,7 @@ impl MotionSource {
     }
 
     /// Looks up what is named, for handles that stand so.
-    pub(crate) fn resolve(&self, folder: &Path, stand: &Stand<'_>) -> Result<Motion, SceneProblem> {
+    pub(crate) fn resolve(&self, folder: &Path, stand: &Stand<'_>) -> Result<Motion, Problem> {
         match self {
             Self::Named(name) => named::by_name(name).ok_or_else(|| {
                 let known = named::names().join(", ");

@@ -5,23 +5,23 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
-use selvedge_cloth::{
-    ContactSettings, DEFAULT_FRAME_RATE, Environment, LoosePanels, Mesh, SagSettings,
-};
+use selvedge_cloth::generate::SheetSpec;
+use selvedge_cloth::{ContactSettings, DEFAULT_FRAME_RATE, Environment, SagSettings};
 use serde::Deserialize;
 use serde::de::Error;
 use toml::Value;
 
 use super::handle_selection::{Groups, HandleSelection, Selected};
 use super::material_source::MaterialSource;
-use super::mesh_spec::{BuiltMesh, GeneratorSpec, MeshSource, MeshSpec, Transform};
+use super::mesh_spec::{MeshSource, MeshSpec, Transform};
 use super::motion_source::MotionSource;
 use super::physics_file::PhysicsFile;
-use super::problem::{SceneProblem, field};
-use super::spec::{SceneSpecError, Setting};
-use super::start::StartFile;
+use super::problem::field;
+use super::spec::{Setting, StartFile};
+use crate::formats::file_error::Problem;
 use crate::formats::polygons::{
-    MeshOptions, PanelPlace, PatternSource, RestAngles, SeamPair, Seams, Sewing, TextureUnit,
+    MeshOptions, PanelPlace, PatternSource, ReadMesh, RestAngles, SeamPair, Seams, Sewing,
+    TextureUnit,
 };
 use crate::obstacle::{ObstacleFile, ObstacleSpec};
 
@@ -88,7 +88,7 @@ fn default_frame_rate() -> f64 {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct MeshFile {
-    generator: Option<GeneratorSpec>,
+    generator: Option<SheetSpec>,
     #[serde(alias = "obj")]
     file: Option<String>,
     seams: Option<Seams>,
@@ -109,16 +109,9 @@ pub(crate) struct MeshFile {
 /// A setting that has been looked up, with its mesh.
 pub(crate) struct ResolvedSetting {
     pub(crate) setting: Setting,
-    pub(crate) mesh: Mesh,
+    pub(crate) read: ReadMesh,
     /// Groups of the handles.
     pub(crate) groups: Groups,
-    /// Velocities of the vertices, where the mesh's file has them `[m/s]`, `[vertices]`.
-    pub(crate) velocities: Option<Vec<DVec3>>,
-    /// The panels before they are sewn, where seams were named.
-    pub(crate) loose: Option<LoosePanels>,
-    /// True where the mesh has no pattern.
-    pub(crate) is_own_shape: bool,
-    pub(crate) warnings: Vec<String>,
     /// True if the file says nothing of contact.
     pub(crate) leaves_contact_open: bool,
 }
@@ -130,47 +123,27 @@ impl SettingFile {
         self,
         folder: &Path,
         files: &mut Vec<PathBuf>,
-    ) -> Result<ResolvedSetting, SceneProblem> {
+    ) -> Result<ResolvedSetting, Problem> {
         let mut mesh = self.mesh.resolve(folder)?;
         mesh.sewing.seams = self.seams;
         if !mesh.sewing.is_empty() && matches!(mesh.source, MeshSource::Generator(_)) {
             let problem = "mesh.objects and mesh.panels are for a mesh from a file";
             return Err(field("seams", problem));
         }
-        let BuiltMesh {
-            sheet,
-            velocities,
-            loose,
-            is_own_shape,
-            mut warnings,
-        } = mesh.read(folder)?;
+        let mut read = mesh.read(folder)?;
         let leaves_contact_open = self.contact.is_none();
         let contact = match self.contact {
-            None | Some(ContactFile::Choice(false)) => None,
-            Some(ContactFile::Choice(true)) => {
-                let problem = "write contact = {} for the usual contact";
-                return Err(field("contact", problem));
-            }
-            Some(ContactFile::Settings(mut settings, keys)) => {
-                let is_said = |key: &str| keys.iter().any(|written| written == key);
-                if !is_said("thickness") {
-                    settings.thickness = usual_contact(&sheet.mesh, &mut warnings).thickness;
-                }
-                if !is_said("floor") {
-                    settings.floor = ContactSettings::of_thickness(settings.thickness).floor;
-                }
-                Some(settings)
-            }
+            Some(written) => written.resolve(&mut read)?,
+            None => None,
         };
-        let mut fabrics = BTreeMap::new();
-        for (name, source) in self.fabrics {
-            fabrics.insert(name, source.resolve(folder, files)?);
-        }
+        let fabrics = self.fabrics.into_iter();
+        let fabrics = fabrics.map(|(name, source)| Ok((name, source.resolve(folder, files)?)));
+        let fabrics = fabrics.collect::<Result<_, Problem>>()?;
         let Selected {
             vertices,
             groups,
             schedule,
-        } = self.handles.select(&sheet)?;
+        } = self.handles.select(&read.sheet)?;
         let setting = Setting {
             handles: vertices,
             schedule,
@@ -186,14 +159,32 @@ impl SettingFile {
         };
         Ok(ResolvedSetting {
             setting,
-            mesh: sheet.mesh,
+            read,
             groups,
-            velocities,
-            loose,
-            is_own_shape,
-            warnings,
             leaves_contact_open,
         })
+    }
+}
+
+impl ContactFile {
+    /// The settings for this mesh, which hears of what is hardly meant.
+    fn resolve(self, read: &mut ReadMesh) -> Result<Option<ContactSettings>, Problem> {
+        let (mut settings, keys) = match self {
+            Self::Choice(false) => return Ok(None),
+            Self::Choice(true) => {
+                let problem = "write contact = {} for the usual contact";
+                return Err(field("contact", problem));
+            }
+            Self::Settings(settings, keys) => (settings, keys),
+        };
+        let is_said = |key: &str| keys.iter().any(|written| written == key);
+        if !is_said("thickness") {
+            settings.thickness = usual_contact(read).thickness;
+        }
+        if !is_said("floor") {
+            settings.floor = ContactSettings::of_thickness(settings.thickness).floor;
+        }
+        Ok(Some(settings))
     }
 }
 
@@ -201,7 +192,8 @@ impl SettingFile {
 const THIN: f64 = 2e-4;
 
 /// The usual contact for a mesh; warns where a short edge makes it thin.
-pub(super) fn usual_contact(mesh: &Mesh, warnings: &mut Vec<String>) -> ContactSettings {
+pub(super) fn usual_contact(read: &mut ReadMesh) -> ContactSettings {
+    let mesh = &read.sheet.mesh;
     let lengths = mesh.pattern().edge_lengths();
     let edges = mesh.topology().edges().iter().zip(lengths);
     let shortest = edges.min_by(|a, b| a.1.total_cmp(&b.1));
@@ -211,7 +203,7 @@ pub(super) fn usual_contact(mesh: &Mesh, warnings: &mut Vec<String>) -> ContactS
     let contact = ContactSettings::for_edges(length);
     if contact.thickness < THIN {
         let [a, b] = edge.vertices;
-        warnings.push(format!(
+        read.warnings.push(format!(
             "contact.thickness is {:.1e} m, a fifth of the shortest edge, {length:.1e} m from vertex {a} to {b}: merge such vertices (mesh.weld), or choose the thickness",
             contact.thickness
         ));
@@ -223,10 +215,10 @@ pub(super) fn usual_contact(mesh: &Mesh, warnings: &mut Vec<String>) -> ContactS
 fn resolved_obstacles(
     files: Vec<ObstacleFile>,
     folder: &Path,
-) -> Result<Vec<ObstacleSpec>, SceneProblem> {
+) -> Result<Vec<ObstacleSpec>, Problem> {
     let mut made: Vec<ObstacleSpec> = Vec::with_capacity(files.len());
     for file in files {
-        let spec = file.resolve(folder).map_err(SceneSpecError::from)?;
+        let spec = file.resolve(folder)?;
         if made.iter().any(|other| other.name == spec.name) {
             let problem = format!("two are called {:?}: rename one", spec.name);
             return Err(field("obstacles.name", problem));
@@ -238,7 +230,7 @@ fn resolved_obstacles(
 
 impl MeshFile {
     /// Looks for a mesh file from `folder`.
-    pub(crate) fn resolve(self, folder: &Path) -> Result<MeshSpec, SceneProblem> {
+    pub(crate) fn resolve(self, folder: &Path) -> Result<MeshSpec, Problem> {
         let options = MeshOptions {
             seams: self.seams.unwrap_or_default(),
             texture: self.texture.unwrap_or_default(),

@@ -1,22 +1,25 @@
 //! A resolved scene: every default and every name filled in, as JSON beside what is made from it.
 //!
 //! Only a mesh from a file stays a reference, with its hash. The same spec makes the same scene.
+//!
+//! A run starts in the sagged rest pose, where the mesh has the vertices, from there moved apart
+//! where it meets itself or relaxed into its pattern, or in a state that was saved.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use selvedge_cloth::{
-    ContactSettings, Environment, HandleError, HandleSchedule, Handles, Material, Mesh, Motion,
-    PhysicsSettings, SagSettings, Scene, SceneError,
+    ContactSettings, Environment, HandleSchedule, Handles, Material, Mesh, Motion, PhysicsSettings,
+    SagSettings, Scene,
 };
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
-use thiserror::Error;
 
-use super::mesh_spec::{MeshSource, MeshSpec, MeshSpecError};
-use super::start::StartSpec;
+use super::mesh_spec::{MeshSource, MeshSpec};
+use super::problem::{field, not_understood};
 use crate::formats::file_error::Problem;
 use crate::obstacle::ObstacleSpec;
+use crate::trajectory::state_file::{SavedState, StateChoice, StateSpec};
 
 /// A resolved scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -29,7 +32,7 @@ pub struct SceneSpec {
     /// Motion of the handles.
     pub motion: Motion,
     /// Start of a run.
-    #[serde(default, skip_serializing_if = "StartSpec::is_rest")]
+    #[serde(default, skip_serializing_if = "is_rest")]
     pub start: StartSpec,
     /// The obstacle that the cloth is put onto at the start.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -68,64 +71,44 @@ pub struct Setting {
     pub obstacles: Vec<ObstacleSpec>,
 }
 
-/// A spec that makes no scene.
-#[derive(Debug, Error)]
-#[allow(missing_docs, reason = "each message is its source's")]
-pub enum SceneSpecError {
-    #[error("the scene cannot be understood: {0}")]
-    Json(#[from] serde_json::Error),
-    #[error(transparent)]
-    Mesh(#[from] MeshSpecError),
-    #[error("handles: {0}")]
-    Handles(#[from] HandleError),
-    #[error(transparent)]
-    Obstacle(#[from] Problem),
-    #[error(transparent)]
-    Scene(#[from] SceneError),
-}
-
 impl SceneSpec {
     /// The spec as JSON, as trajectories carry it. A number that is not finite becomes `null`,
     /// which [`Self::from_json`] refuses; no spec that makes a scene has one.
     ///
     /// # Errors
-    /// [`SceneSpecError::Json`] when a part cannot be written as JSON, which today none can cause.
-    pub fn to_json(&self) -> Result<Value, SceneSpecError> {
-        Ok(serde_json::to_value(self)?)
+    /// When a part cannot be written as JSON, which today none can cause.
+    pub fn to_json(&self) -> Result<Value, Problem> {
+        serde_json::to_value(self).map_err(not_understood)
     }
 
     /// A spec from JSON.
     ///
     /// # Errors
-    /// [`SceneSpecError::Json`] names the key that is unknown or missing.
-    pub fn from_json(json: &Value) -> Result<Self, SceneSpecError> {
-        Ok(Self::deserialize(json)?)
+    /// Names the key that is unknown or missing.
+    pub fn from_json(json: &Value) -> Result<Self, Problem> {
+        Self::deserialize(json).map_err(not_understood)
     }
 
     /// The files that stay references: of the mesh and of the state that it starts in, which are
     /// relative to `folder`.
     pub(super) fn files(&self, folder: &Path) -> Vec<PathBuf> {
-        let mesh = match &self.setting.mesh.source {
-            MeshSource::Obj(file) => Some(&file.path),
-            MeshSource::Generator(_) => None,
-        };
-        let state = match &self.start {
-            StartSpec::State(state) => Some(&state.path),
-            StartSpec::Rest | StartSpec::Mesh | StartSpec::Untangle | StartSpec::Fit => None,
-        };
-        let files = mesh.into_iter().chain(state);
-        let files = files.map(|file| folder.join(file));
+        let mut files = Vec::new();
+        if let MeshSource::Obj(file) = &self.setting.mesh.source {
+            files.push(folder.join(&file.path));
+        }
+        if let StartSpec::State(state) = &self.start {
+            files.push(folder.join(&state.path));
+        }
         let obstacles = self.setting.obstacles.iter();
+        files.extend(obstacles.flat_map(|obstacle| obstacle.files(folder)));
         files
-            .chain(obstacles.flat_map(|obstacle| obstacle.files(folder)))
-            .collect()
     }
 
     /// Makes the scene; a mesh file is relative to `folder`.
     ///
     /// # Errors
-    /// [`SceneSpecError`] names the part that cannot be used.
-    pub fn build(&self, folder: &Path) -> Result<Scene, SceneSpecError> {
+    /// [`Problem`] names the part that cannot be used.
+    pub fn build(&self, folder: &Path) -> Result<Scene, Problem> {
         let mesh = self.setting.mesh.build(folder)?.mesh;
         self.with_mesh(mesh, folder, &mut Vec::new())
     }
@@ -137,7 +120,7 @@ impl SceneSpec {
         mesh: Mesh,
         folder: &Path,
         warnings: &mut Vec<String>,
-    ) -> Result<Scene, SceneSpecError> {
+    ) -> Result<Scene, Problem> {
         let setting = &self.setting;
         let obstacles = setting.obstacles.iter();
         let obstacles: Result<_, _> = obstacles
@@ -160,5 +143,78 @@ impl SceneSpec {
         };
         scene.validate()?;
         Ok(scene)
+    }
+}
+
+fn is_rest(start: &StartSpec) -> bool {
+    *start == StartSpec::Rest
+}
+
+/// Start of a run, resolved.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub enum StartSpec {
+    /// In the sagged rest pose.
+    #[default]
+    Rest,
+    /// At the vertices of the mesh, at rest.
+    Mesh,
+    /// At the vertices of the mesh, moved apart where the cloth meets itself.
+    Untangle,
+    /// Relaxed into its pattern from the vertices of the mesh, at rest.
+    Fit,
+    /// In a saved state.
+    State(StateSpec),
+}
+
+/// Start of a run, as files have it.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(crate) enum StartFile {
+    #[default]
+    Rest,
+    Mesh,
+    Untangle,
+    Fit,
+    State {
+        /// Path of the file, relative to the scene's folder.
+        file: String,
+        frame: Option<usize>,
+        positions: Option<String>,
+        velocities: Option<String>,
+    },
+}
+
+impl StartFile {
+    /// Reads the state, if one is named, of a cloth of `vertices` that is run at `frame_rate`.
+    pub(super) fn resolve(
+        self,
+        folder: &Path,
+        vertices: usize,
+        frame_rate: f64,
+    ) -> Result<(StartSpec, Option<SavedState>), Problem> {
+        let (file, choice) = match self {
+            Self::Rest => return Ok((StartSpec::Rest, None)),
+            Self::Mesh => return Ok((StartSpec::Mesh, None)),
+            Self::Untangle => return Ok((StartSpec::Untangle, None)),
+            Self::Fit => return Ok((StartSpec::Fit, None)),
+            Self::State {
+                file,
+                frame,
+                positions,
+                velocities,
+            } => {
+                let choice = StateChoice {
+                    frame,
+                    positions,
+                    velocities,
+                    frame_rate: Some(frame_rate),
+                };
+                (file, choice)
+            }
+        };
+        let read = SavedState::read(folder, &file, &choice, vertices);
+        let (state, spec) = read.map_err(|error| field("start.state", error))?;
+        Ok((StartSpec::State(spec), Some(state)))
     }
 }

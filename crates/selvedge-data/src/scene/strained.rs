@@ -5,7 +5,7 @@
 //! start of this cloth. A few edges far from 1 are a fault of the mesh, and would fling it about.
 
 use glam::DVec3;
-use selvedge_cloth::{EdgeId, FaceId, Handles, Mesh, VertexId};
+use selvedge_cloth::{Handles, Mesh, VertexId};
 
 /// Medians beyond these are warned of: no fabric hangs so, no start is folded so by intent.
 const SMALLEST: f64 = 0.8;
@@ -49,24 +49,39 @@ impl std::fmt::Display for Times {
     }
 }
 
-/// The `count` edges that are longest at `positions` `[m]`, `[vertices]`, by their pattern.
+/// The `count` edges that are longest at `positions` `[m]`, `[vertices]`, by their pattern; but those
+/// that `handles` hold at both ends.
 #[must_use]
-pub fn worst_edges(mesh: &Mesh, positions: &[DVec3], count: usize) -> Vec<StrainedEdge> {
-    worst_of(mesh, positions, count, |_| true)
-}
-
-/// As [`worst_edges`], of those that `handles` do not hold at both ends.
-#[must_use]
-pub fn worst_free_edges(
+pub fn worst_edges(
     mesh: &Mesh,
     handles: &Handles,
     positions: &[DVec3],
     count: usize,
 ) -> Vec<StrainedEdge> {
     let held = handles.mask(positions.len());
-    worst_of(mesh, positions, count, |ends| {
-        ends.iter().any(|v| !held[v.index()])
-    })
+    let edges = mesh.topology().edges();
+    let is_free = |edge: usize| edges[edge].vertices.iter().any(|v| !held[v.index()]);
+    let mut order: Vec<(usize, f64)> = stretches(mesh, positions).into_iter().enumerate().collect();
+    order.retain(|(edge, _)| is_free(*edge));
+    order.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+    order.truncate(count);
+    let panels = mesh.pattern().panels();
+    let named = |(edge, stretch): (usize, f64)| {
+        let edge = &edges[edge];
+        let faces = || [Some(edge.faces.0), edge.faces.1].into_iter().flatten();
+        let mut on: Vec<u32> = faces().map(|face| panels[face.index()]).collect();
+        on.dedup();
+        let fabric = |face| Some(mesh.fabrics().names[mesh.fabrics().of(face)?].clone());
+        let mut fabrics: Vec<String> = faces().filter_map(fabric).collect();
+        fabrics.dedup();
+        StrainedEdge {
+            vertices: edge.vertices,
+            panels: on,
+            fabrics,
+            stretch,
+        }
+    };
+    order.into_iter().map(named).collect()
 }
 
 /// Length over length in the pattern of each panel's edges, the median, `[panels]`; see
@@ -89,38 +104,6 @@ pub fn panel_stretches(mesh: &Mesh, positions: &[DVec3]) -> Vec<f64> {
         stretches.get(stretches.len() / 2).copied().unwrap_or(1.0)
     };
     of_panel.into_iter().map(median).collect()
-}
-
-fn worst_of(
-    mesh: &Mesh,
-    positions: &[DVec3],
-    count: usize,
-    counts: impl Fn([VertexId; 2]) -> bool,
-) -> Vec<StrainedEdge> {
-    let mut order: Vec<(usize, f64)> = stretches(mesh, positions).into_iter().enumerate().collect();
-    order.retain(|(edge, _)| counts(mesh.topology().edges()[*edge].vertices));
-    order.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-    order.truncate(count);
-    let panels = mesh.pattern().panels();
-    let named = |(edge, stretch): (usize, f64)| {
-        let edge = &mesh.topology().edges()[EdgeId(edge as u32).index()];
-        let faces: Vec<FaceId> = [Some(edge.faces.0), edge.faces.1]
-            .into_iter()
-            .flatten()
-            .collect();
-        let mut on: Vec<u32> = faces.iter().map(|face| panels[face.index()]).collect();
-        on.dedup();
-        let fabric = |face: &FaceId| Some(mesh.fabrics().names[mesh.fabrics().of(*face)?].clone());
-        let mut fabrics: Vec<String> = faces.iter().filter_map(fabric).collect();
-        fabrics.dedup();
-        StrainedEdge {
-            vertices: edge.vertices,
-            panels: on,
-            fabrics,
-            stretch,
-        }
-    };
-    order.into_iter().map(named).collect()
 }
 
 impl std::fmt::Display for StrainedEdge {
@@ -169,7 +152,7 @@ pub(super) fn warnings(mesh: &Mesh, positions: &[DVec3], remedy: &str) -> Vec<St
     if over == 0 {
         return Vec::new();
     }
-    let worst = worst_edges(mesh, positions, NAMED);
+    let worst = worst_edges(mesh, &Handles::default(), positions, NAMED);
     let named: Vec<String> = worst.iter().map(ToString::to_string).collect();
     vec![format!(
         "mesh: {over} edges start at more than {OVERSTRAINED} × their length in the pattern, the worst are {}{}: mend them, or {remedy}, or let the cloth relax before it moves with start = \"fit\"",
@@ -245,7 +228,7 @@ mod tests {
         let text = warnings(&mesh, &positions, "mend it").remove(0);
         assert!(text.contains("70") && text.contains("in panel 0"), "{text}");
         assert!(text.contains("start = \"fit\""), "{text}");
-        let worst = worst_edges(&mesh, &positions, 2);
+        let worst = worst_edges(&mesh, &Handles::default(), &positions, 2);
         assert!(
             worst
                 .iter()

@@ -12,7 +12,6 @@ pub(crate) mod file;
 pub(crate) mod frames;
 mod obstacle_file;
 pub(crate) mod obstacles;
-pub(crate) mod playback;
 pub(crate) mod record;
 pub(crate) mod state_file;
 #[cfg(test)]

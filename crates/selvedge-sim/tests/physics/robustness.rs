@@ -98,7 +98,7 @@ fn meshes() -> impl Strategy<Value = Mesh> {
                 shape,
                 vertices,
                 size,
-                width: 1.0,
+                width: None,
                 seed,
             };
             sheet(&spec).unwrap().mesh

@@ -181,23 +181,15 @@ fn size_only_scales() {
 
 #[test]
 fn wrong_numbers_are_errors() {
-    let error = |vertices, size| square(vertices, size, 0).unwrap_err();
-    assert_eq!(
-        error(3, 1.0),
-        GenerateError::TooFewVertices {
-            found: 3,
-            needed: 4
-        }
-    );
-    let many = MOST_VERTICES + 1;
-    assert_eq!(
-        error(many, 1.0),
-        GenerateError::TooManyVertices { found: many }
-    );
-    for size in [0.0, -1.0, f64::INFINITY] {
-        assert_eq!(error(10, size), GenerateError::Size { found: size });
+    let error = |vertices, size| square(vertices, size, 0).unwrap_err().to_string();
+    let few = "a sheet of this shape needs at least 4 vertices, found 3";
+    assert_eq!(error(3, 1.0), few);
+    let many = "vertices must be at most 1000000, found 1000001";
+    assert_eq!(error(MOST_VERTICES + 1, 1.0), many);
+    for size in [0.0, -1.0, f64::INFINITY, f64::NAN] {
+        let text = format!("size must be finite and positive, found {size} m");
+        assert_eq!(error(10, size), text);
     }
-    assert!(matches!(error(10, f64::NAN), GenerateError::Size { .. }));
 }
 
 fn area(sheet: &FlatSheet) -> f64 {
@@ -212,9 +204,9 @@ fn area(sheet: &FlatSheet) -> f64 {
 #[test]
 fn an_outline_that_crosses_itself_is_an_error() {
     let bow = vec![DVec2::ZERO, DVec2::ONE, DVec2::X, DVec2::Y * 0.9];
-    let error = sheet_from_outline(&[bow], 60, 0).unwrap_err();
+    let error = sheet_from_outline(&[bow], 60, 0).unwrap_err().to_string();
     assert!(
-        matches!(error, GenerateError::Triangulation { .. }),
+        error.starts_with("the sheet cannot be triangulated"),
         "{error}"
     );
 }
@@ -234,8 +226,8 @@ fn an_outline_without_area_is_an_error() {
         vec![],
     ];
     for loops in shapes {
-        let error = sheet_from_outline(&loops, 60, 0).unwrap_err();
-        assert!(matches!(error, GenerateError::Area { .. }), "{error}");
+        let error = sheet_from_outline(&loops, 60, 0).unwrap_err().to_string();
+        assert!(error.starts_with("the outline encloses"), "{error}");
     }
     // A strip across the diagonal, a thousandth of the rectangle around it, is covered.
     let strip = polygon(&[(0.0, 0.0), (1.0, 1.0), (1.0, 1.002)]);

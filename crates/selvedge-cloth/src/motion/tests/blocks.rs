@@ -11,7 +11,7 @@ use super::*;
 #[test]
 fn a_smooth_metre_in_a_second_peaks_at_half_pi() {
     // s(t) = (1 - cos πt)/2 has the speed (π/2) sin πt.
-    let path = along(1.0, DVec3::X, METRE).bind(&corners(), 60.0).unwrap();
+    let path = bound(&along(1.0, DVec3::X, METRE));
     let h = 1e-5;
     let speed = |t: f64| (path.at(t + h)[0].x - path.at(t - h)[0].x) / (2.0 * h);
     // The central difference errs by h²/6 |s'''| ≤ h² π³/12 = 3e-10, its rounding by 1e-16/h =
@@ -28,10 +28,7 @@ fn a_smooth_metre_in_a_second_peaks_at_half_pi() {
 fn a_rotation_covers_its_arc_and_turns_the_right_way() {
     for (center, radius) in [(0.0, 0.5), (-1.0, 1.0), (1.0, 1.0), (2.0, 1.5), (0.4, 0.7)] {
         let block = turn_block(1.0, center, TurnSense::CounterClockwise, METRE);
-        let motion = Motion::Blocks {
-            blocks: vec![block],
-        };
-        let path = motion.bind(&corners(), 60.0).unwrap();
+        let path = bound(&of_blocks(vec![block]));
         let axis = DVec3::new(0.0, 0.0, 0.5 * center);
         for (start, end) in corners().into_iter().zip(path.at(1.0)) {
             let (a, b) = (start - axis, end - axis);
@@ -64,10 +61,7 @@ fn rotation_leaves_heights_and_adds_translations() {
         ],
         ..turn.clone()
     };
-    let bind = |block: Block| {
-        let blocks = vec![block];
-        Motion::Blocks { blocks }.bind(&start, 60.0).unwrap()
-    };
+    let bind = |block| of_blocks(vec![block]).bind(&start, 60.0).unwrap();
     let (turned, moved) = (bind(turn).at(1.0), bind(both).at(1.0));
     for ((from, turned), moved) in start.iter().zip(turned).zip(moved) {
         assert_eq!(turned.y, from.y);
@@ -78,7 +72,7 @@ fn rotation_leaves_heights_and_adds_translations() {
 #[test]
 fn speeds_add_up_frame_by_frame() {
     let linear = along(1.0, DVec3::X, speed(0.02, -0.02, Profile::Linear));
-    let path = linear.bind(&corners(), 60.0).unwrap();
+    let path = bound(&linear);
     let mut sum = 0.0;
     for k in 1..=60 {
         sum += 0.02 - 0.04 * f64::from(k) / 60.0;
@@ -88,7 +82,7 @@ fn speeds_add_up_frame_by_frame() {
     assert!((sum + 0.02).abs() < 1e-15);
     // Σ (1 - cos(πk/n))/2 over k = 1 … n is (n + 1)/2: the cosines cancel but for the last.
     let smooth = along(1.0, DVec3::X, speed(0.0, 0.02, Profile::Smooth));
-    let path = smooth.bind(&corners(), 60.0).unwrap();
+    let path = bound(&smooth);
     assert!((path.at(1.0)[1].x - 0.02 * 30.5).abs() < 1e-14);
     // Linear between frames.
     let middle = (path.at(19.0 / 60.0)[0] + path.at(20.0 / 60.0)[0]) / 2.0;
@@ -97,43 +91,50 @@ fn speeds_add_up_frame_by_frame() {
 
 #[test]
 fn wrong_blocks_are_errors() {
-    let error = |motion: Motion| motion.bind(&corners(), 60.0).unwrap_err().to_string();
     for duration in [0.0, -1.0, 0.5001, 1e9, f64::NAN, f64::INFINITY] {
-        let text = error(Motion::still(duration));
+        let text = refused(&Motion::still(duration));
         assert!(text.contains("blocks[0].duration"), "{text}");
     }
-    let text = error(along(1.0, DVec3::ZERO, METRE));
-    assert!(
-        text.contains("blocks[0].translations[0].direction"),
-        "{text}"
-    );
-    let nowhere = along(1.0, DVec3::ZERO, speed(0.0, 0.0, Profile::Linear));
-    nowhere.bind(&corners(), 60.0).unwrap();
-    let text = error(along(1.0, DVec3::X, speed(0.0, f64::NAN, Profile::Smooth)));
-    assert!(
-        text.contains("blocks[0].translations[0].pace.end"),
-        "{text}"
-    );
-    let text = error(Motion::Blocks { blocks: vec![] });
-    assert!(text.contains("at least one block"), "{text}");
+    bound(&along(1.0, DVec3::ZERO, speed(0.0, 0.0, Profile::Linear)));
     let far = Pace::Distance { distance: 6e5 };
-    let twice = vec![translation_block(1.0, DVec3::X, far); 2];
-    let text = error(Motion::Blocks { blocks: twice });
-    assert!(text.contains("blocks[1]"), "{text}");
-}
-
-#[test]
-fn a_rotation_needs_a_line() {
-    let turn = turn_block(1.0, 0.0, TurnSense::Clockwise, METRE);
-    let motion = Motion::Blocks { blocks: vec![turn] };
-    for count in [0, 1] {
-        let error = motion.bind(&corners()[..count], 60.0).unwrap_err();
-        let expected = "motion: a rotation about a point of the handles' line needs at least 2 handles, found ";
-        assert_eq!(error.to_string(), format!("{expected}{count}"));
+    let lost = speed(0.0, f64::NAN, Profile::Smooth);
+    for (motion, words) in [
+        (
+            along(1.0, DVec3::ZERO, METRE),
+            "blocks[0].translations[0].direction",
+        ),
+        (
+            along(1.0, DVec3::X, lost),
+            "blocks[0].translations[0].pace.end",
+        ),
+        (of_blocks(vec![]), "at least one block"),
+        (
+            of_blocks(vec![translation_block(1.0, DVec3::X, far); 2]),
+            "blocks[1]",
+        ),
+    ] {
+        let text = refused(&motion);
+        assert!(
+            text.starts_with("motion: ") && text.contains(words),
+            "{text}"
+        );
     }
-    let above = [DVec3::ZERO, DVec3::Y];
-    let text = motion.bind(&above, 60.0).unwrap_err().to_string();
-    assert!(text.contains("rotation.center"), "{text}");
+    let turn = of_blocks(vec![turn_block(1.0, 0.0, TurnSense::Clockwise, METRE)]);
+    let few =
+        "motion: a rotation about a point of the handles' line needs at least 2 handles, found";
+    for (start, words) in [
+        (&corners()[..0], &format!("{few} 0")[..]),
+        (&corners()[..1], &format!("{few} 1")),
+        (&[DVec3::ZERO, DVec3::Y], "rotation.center"),
+        (&[DVec3::NAN], "handle 0"),
+    ] {
+        let text = turn.bind(start, 60.0).unwrap_err().to_string();
+        assert!(text.contains(words), "{text}");
+    }
+    for rate in [0.0, -1.0, f64::NAN] {
+        let text = turn.bind(&corners(), rate).unwrap_err().to_string();
+        assert!(text.contains("frame_rate"), "{text}");
+    }
 }
 
 #[test]
@@ -153,17 +154,6 @@ fn a_free_cloth_can_have_any_motion_but_a_rotation() {
 }
 
 #[test]
-fn the_start_and_the_frame_rate_are_checked() {
-    let motion = Motion::still(1.0);
-    let text = motion.bind(&[DVec3::NAN], 60.0).unwrap_err().to_string();
-    assert!(text.contains("handle 0"), "{text}");
-    for rate in [0.0, -1.0, f64::NAN] {
-        let text = motion.bind(&corners(), rate).unwrap_err().to_string();
-        assert!(text.contains("frame_rate"), "{text}");
-    }
-}
-
-#[test]
 fn other_frame_rates_see_the_same_motion() {
     let motion = named::by_name("upward-spiral").unwrap();
     let bind = |rate| motion.bind(&corners(), rate).unwrap();
@@ -173,21 +163,13 @@ fn other_frame_rates_see_the_same_motion() {
         assert_eq!(at_60.at(t), at_24.at(t));
     }
     // 1/60 s needs a whole frame of 1/24 s.
-    assert_eq!(
-        Motion::still(1.0 / 60.0)
-            .bind(&[], 24.0)
-            .unwrap()
-            .frame_count(),
-        1
-    );
+    let short = Motion::still(1.0 / 60.0).bind(&[], 24.0).unwrap();
+    assert_eq!(short.frame_count(), 1);
 }
 
 #[test]
 fn targets_end_where_the_next_frame_starts() {
-    let path = named::by_name("xyz")
-        .unwrap()
-        .bind(&corners(), 60.0)
-        .unwrap();
+    let path = bound(&named::by_name("xyz").unwrap());
     let targets = path.targets(75, 4).unwrap();
     assert_eq!(targets.end(), path.at(76.0 / 60.0));
     for (k, fraction) in [0.25, 0.5, 0.75, 1.0].into_iter().enumerate() {
@@ -216,7 +198,7 @@ proptest! {
             turn(back),
             translation_block(duration, direction, back),
         ];
-        let path = Motion::Blocks { blocks }.bind(&corners(), 60.0).unwrap();
+        let path = bound(&of_blocks(blocks));
         prop_assert_eq!(path.frame_count(), 4 * frames as usize);
         for (end, start) in path.at(4.0 * duration).into_iter().zip(corners()) {
             prop_assert!(end.distance(start) < 1e-12);

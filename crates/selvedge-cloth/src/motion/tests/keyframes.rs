@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::super::{Keyframe, KeyframeGroup, KeyframeMotion, Motion};
-use super::corners;
+use super::{bound, corners, refused};
 use crate::{HandleSchedule, Release};
 
 fn keyframed(handles: Vec<usize>, keyframes: &[(f64, f64, f64)]) -> Motion {
@@ -28,7 +28,7 @@ fn keyframed(handles: Vec<usize>, keyframes: &[(f64, f64, f64)]) -> Motion {
 #[test]
 fn keyframes_are_met_with_no_speed() {
     let motion = keyframed(vec![1, 0], &[(0.5, 1.0, 90.0), (1.5, 3.0, -90.0)]);
-    let path = motion.bind(&corners(), 60.0).unwrap();
+    let path = bound(&motion);
     assert_eq!(path.frame_count(), 120);
     assert_eq!(path.at(0.0), corners());
     // Turned by +90° about y, +z goes to +x; at the start the centroid is the origin.
@@ -46,8 +46,7 @@ fn keyframes_are_met_with_no_speed() {
 
 #[test]
 fn a_handle_in_no_group_stays() {
-    let path = keyframed(vec![1], &[(1.0, 0.7, 40.0)]);
-    let path = path.bind(&corners(), 60.0).unwrap();
+    let path = bound(&keyframed(vec![1], &[(1.0, 0.7, 40.0)]));
     assert_eq!(path.at(1.0)[0], corners()[0]);
     // A single handle is its own centroid: the turn does not move it.
     assert!(path.at(1.0)[1].distance(corners()[1] + DVec3::X * 0.7) < 1e-15);
@@ -55,30 +54,53 @@ fn a_handle_in_no_group_stays() {
 
 #[test]
 fn wrong_keyframes_are_errors() {
-    let error = |motion: Motion| motion.bind(&corners(), 60.0).unwrap_err().to_string();
-    assert_eq!(
-        error(keyframed(vec![0, 2], &[(1.0, 1.0, 0.0)])),
-        "motion: groups[0] names handle 2, but the scene has 2 handles (numbered from 0)"
-    );
-    assert_eq!(
-        error(keyframed(vec![0, 0], &[(1.0, 1.0, 0.0)])),
-        "motion: handle 0 is named by groups[0] and again by groups[0]"
-    );
-    let disorder = error(keyframed(vec![0], &[(1.0, 1.0, 0.0), (1.0, 2.0, 0.0)]));
-    assert!(
-        disorder.contains("groups[0].keyframes[1].time"),
-        "{disorder}"
-    );
-    let late = error(keyframed(vec![0], &[(2.5, 1.0, 0.0)]));
-    assert!(late.contains("duration"), "{late}");
-    let jump = error(keyframed(vec![0], &[(0.0, 1.0, 0.0)]));
-    assert!(jump.contains("cannot jump"), "{jump}");
-    let nan = error(keyframed(vec![0], &[(1.0, 1.0, f64::NAN)]));
-    assert!(nan.contains("rotation_deg"), "{nan}");
-    let far = error(keyframed(vec![0], &[(1.0, 1.1e6, 0.0)]));
-    assert!(far.contains("keyframes[0].translation"), "{far}");
-    let nobody = error(keyframed(vec![], &[(1.0, 1.0, 0.0)]));
-    assert!(nobody.contains("groups[0].handles"), "{nobody}");
+    let cases: [(Vec<usize>, &[(f64, f64, f64)], &str); 9] = [
+        (
+            vec![0, 2],
+            &[(1.0, 1.0, 0.0)],
+            "groups[0] names handle 2, but the scene has 2 handles (numbered from 0)",
+        ),
+        (
+            vec![0, 0],
+            &[(1.0, 1.0, 0.0)],
+            "handle 0 is named by groups[0] and again by groups[0]",
+        ),
+        (
+            vec![0],
+            &[(1.0, 1.0, 0.0), (1.0, 2.0, 0.0)],
+            "groups[0].keyframes[1].time must be later",
+        ),
+        (
+            vec![0],
+            &[(2.5, 1.0, 0.0)],
+            "groups[0].keyframes[0].time must be between",
+        ),
+        (
+            vec![0],
+            &[(0.0, 1.0, 0.0)],
+            "groups[0].keyframes[0].time must be later than 0",
+        ),
+        (
+            vec![0],
+            &[(0.0, 0.0, 9.0)],
+            "groups[0].keyframes[0].time must be later than 0",
+        ),
+        (
+            vec![0],
+            &[(1.0, 1.0, f64::NAN)],
+            "groups[0].keyframes[0].rotation_deg",
+        ),
+        (
+            vec![0],
+            &[(1.0, 1.1e6, 0.0)],
+            "groups[0].keyframes[0].translation",
+        ),
+        (vec![], &[(1.0, 1.0, 0.0)], "groups[0].handles"),
+    ];
+    for (handles, keyframes, words) in cases {
+        let text = refused(&keyframed(handles, keyframes));
+        assert!(text.starts_with(&format!("motion: {words}")), "{text}");
+    }
 }
 
 #[test]
@@ -118,7 +140,6 @@ fn a_group_moves_rigidly_about_its_own_axis() {
 
 #[test]
 fn a_schedule_goes_with_the_targets() {
-    let path = keyframed(vec![1], &[(1.0, 0.7, 40.0)]);
     let schedule = HandleSchedule {
         releases: vec![Release {
             handles: vec![1],
@@ -126,7 +147,7 @@ fn a_schedule_goes_with_the_targets() {
             to: None,
         }],
     };
-    let path = path.bind(&corners(), 60.0).unwrap().scheduled(schedule);
+    let path = bound(&keyframed(vec![1], &[(1.0, 0.7, 40.0)])).scheduled(schedule);
     let holds = |frame| {
         let targets = path.targets(frame, 2).unwrap();
         [targets.holds(0), targets.holds(1)]

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::super::{Motion, RecordedMotion};
-use super::corners;
+use super::{bound, corners, refused};
 
 fn recording(mut edit: impl FnMut(&mut Vec<Vec<DVec3>>)) -> Motion {
     let mut positions: Vec<Vec<DVec3>> = (0..4)
@@ -34,29 +34,29 @@ fn a_recording_is_played_as_it_is() {
 
 #[test]
 fn wrong_recordings_are_errors() {
-    let error = |motion: Motion| motion.bind(&corners(), 60.0).unwrap_err().to_string();
-    assert_eq!(
-        error(recording(|p| p[2].truncate(1))),
-        "motion: frame 2 has positions for 1 handles, the scene has 2"
-    );
-    let nan = error(recording(|p| p[3][1].y = f64::NAN));
-    assert!(
-        nan.contains("the position of handle 1 in frame 3 must be finite"),
-        "{nan}"
-    );
-    let far = error(recording(|p| p[1][0].z = -1.1e6));
-    assert!(
-        far.contains("handle 0 in frame 1") && far.contains("1e6"),
-        "{far}"
-    );
-    let away = error(recording(|p| p[0][1].y = 0.002)).to_string();
-    assert!(
-        away.contains("handle 1") && away.contains("2.000 mm"),
-        "{away}"
-    );
-    recording(|p| p[0][1].y = 0.0009)
-        .bind(&corners(), 60.0)
-        .unwrap();
-    let empty = error(recording(Vec::clear)).to_string();
-    assert!(empty.contains("at least one frame"), "{empty}");
+    type Edit = fn(&mut Vec<Vec<DVec3>>);
+    let cases: [(Edit, &str); 5] = [
+        (
+            |p| p[2].truncate(1),
+            "frame 2 has positions for 1 handles, the scene has 2",
+        ),
+        (
+            |p| p[3][1].y = f64::NAN,
+            "the position of handle 1 in frame 3 must be finite",
+        ),
+        (
+            |p| p[1][0].z = -1.1e6,
+            "the position of handle 0 in frame 1 must be finite and at most 1e6 m",
+        ),
+        (
+            |p| p[0][1].y = 0.002,
+            "the recording starts with handle 1 at [0, 0.002, 0.5], 2.000 mm from",
+        ),
+        (Vec::clear, "positions must be at least one frame"),
+    ];
+    for (edit, words) in cases {
+        let text = refused(&recording(edit));
+        assert!(text.starts_with(&format!("motion: {words}")), "{text}");
+    }
+    bound(&recording(|p| p[0][1].y = 0.0009));
 }

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::super::{Motion, Profile, TurnSense};
-use super::{METRE, corners, speed, translation_block, turn_block};
+use super::{METRE, bound, corners, of_blocks, speed, translation_block, turn_block};
 
 const OWN: &str = r#"
 kind = "blocks"
@@ -18,17 +18,11 @@ rotation = { center = -1, sense = "clockwise", arc = { start = 0, end = 0.02, pr
 #[test]
 fn toml_reads_naturally() {
     let motion: Motion = toml::from_str(OWN).unwrap();
-    let expected = Motion::Blocks {
-        blocks: vec![
-            translation_block(1.0, DVec3::X, METRE),
-            turn_block(
-                0.5,
-                -1.0,
-                TurnSense::Clockwise,
-                speed(0.0, 0.02, Profile::Smooth),
-            ),
-        ],
-    };
+    let arc = speed(0.0, 0.02, Profile::Smooth);
+    let expected = of_blocks(vec![
+        translation_block(1.0, DVec3::X, METRE),
+        turn_block(0.5, -1.0, TurnSense::Clockwise, arc),
+    ]);
     assert_eq!(motion, expected);
     let keyframes = r#"
         kind = "keyframes"
@@ -83,12 +77,12 @@ fn unknown_and_missing_keys_are_named() {
 fn the_shipped_examples_play() {
     let the_loop = selvedge_assets::motions::LOOP;
     let motion: Motion = toml::from_str(the_loop).unwrap();
-    let path = motion.bind(&corners(), 60.0).unwrap();
+    let path = bound(&motion);
     assert_eq!(path.frame_count(), 390);
     // Each swing from 0.02 to -0.02 ends 0.02 m short of where it began: the two cancel.
     assert!(path.at(2.5)[0].distance(corners()[0]) < 1e-13);
     let curtsey = selvedge_assets::motions::CURTSEY;
     let motion: Motion = toml::from_str(curtsey).unwrap();
-    let path = motion.bind(&corners(), 60.0).unwrap();
+    let path = bound(&motion);
     assert_eq!(path.at(6.0), [0, 1].map(|k| corners()[k] + DVec3::X * 0.4));
 }

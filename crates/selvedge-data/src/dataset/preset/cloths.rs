@@ -4,14 +4,12 @@
 //! A trajectory is then called by mesh and motion, as `wide.bouncy`. The motion `apart` fits the
 //! handles of each mesh.
 
-use super::config::{NamedCloth, NamedMotion};
-use crate::scene::{
-    BuiltMesh, GeneratorSpec, HandleSelection, MeshFile, MeshSpec, SceneProblem, SceneSpecError,
-    field,
-};
+use super::{NamedCloth, NamedMotion};
+use crate::formats::file_error::Problem;
+use crate::scene::{HandleSelection, MeshFile, MeshSpec, field};
 use selvedge_cloth::generate::{NamedSheet, named_sheets};
 use selvedge_cloth::motion::apart;
-use selvedge_cloth::{Handles, Mesh, SceneError};
+use selvedge_cloth::{Handles, Mesh};
 use serde::Deserialize;
 use std::path::Path;
 
@@ -22,21 +20,10 @@ impl NamedCloth {
     /// The cloth that `sheet` is at `density` `[vertices/m²]`, and its mesh.
     ///
     /// # Errors
-    /// [`SceneProblem`] for a density at which there is no such mesh.
-    pub fn of_sheet(
-        sheet: &NamedSheet,
-        density: f64,
-        seed: u64,
-    ) -> Result<(Self, Mesh), SceneProblem> {
+    /// [`Problem`] for a density at which there is no such mesh.
+    pub fn of_sheet(sheet: &NamedSheet, density: f64, seed: u64) -> Result<(Self, Mesh), Problem> {
         check_density("meshes.density", density)?;
-        let generator = GeneratorSpec {
-            kind: sheet.shape,
-            vertices: sheet.vertices(density),
-            size: sheet.size,
-            width: None,
-            seed,
-        };
-        let mesh = MeshSpec::from(generator);
+        let mesh = MeshSpec::from(sheet.of(sheet.vertices(density), seed));
         let built = mesh.build("".as_ref())?;
         let handles = built.labels.get(sheet.handles).cloned();
         let cloth = Self {
@@ -48,7 +35,7 @@ impl NamedCloth {
     }
 }
 
-fn check_density(name: &'static str, density: f64) -> Result<(), SceneProblem> {
+fn check_density(name: &'static str, density: f64) -> Result<(), Problem> {
     if density.is_finite() && density > 0.0 {
         return Ok(());
     }
@@ -80,7 +67,7 @@ pub(super) fn all_of(
     cloths: Vec<ClothFile>,
     folder: &Path,
     warnings: &mut Vec<String>,
-) -> Result<Vec<(NamedCloth, Mesh)>, SceneProblem> {
+) -> Result<Vec<(NamedCloth, Mesh)>, Problem> {
     let mut all = meshes.map_or(Ok(Vec::new()), MeshesFile::resolve)?;
     for cloth in cloths {
         if all.iter().any(|(other, _)| other.name == cloth.name) {
@@ -97,7 +84,7 @@ impl ClothFile {
         self,
         folder: &Path,
         warnings: &mut Vec<String>,
-    ) -> Result<(NamedCloth, Mesh), SceneProblem> {
+    ) -> Result<(NamedCloth, Mesh), Problem> {
         let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_".contains(c);
         if self.name.is_empty() || !self.name.chars().all(is_plain) {
             let problem = format!(
@@ -107,16 +94,10 @@ impl ClothFile {
             return Err(field("cloths.name", problem));
         }
         let mesh = self.mesh.resolve(folder)?;
-        let BuiltMesh {
-            sheet,
-            warnings: mended,
-            ..
-        } = mesh.read(folder)?;
-        let named = mended
-            .into_iter()
-            .map(|text| format!("cloths.{}: {text}", self.name));
-        warnings.extend(named);
-        let selected = self.handles.select(&sheet)?;
+        let read = mesh.read(folder)?;
+        let mended = read.warnings.iter();
+        warnings.extend(mended.map(|text| format!("cloths.{}: {text}", self.name)));
+        let selected = self.handles.select(&read.sheet)?;
         if !selected.schedule.is_empty() {
             let problem = "has groups that let go, which no model can learn yet: take released out";
             return Err(field("cloths.handles", problem));
@@ -126,7 +107,7 @@ impl ClothFile {
             mesh,
             handles: selected.vertices,
         };
-        Ok((cloth, sheet.mesh))
+        Ok((cloth, read.sheet.mesh))
     }
 }
 
@@ -145,7 +126,7 @@ enum All {
 
 impl MeshesFile {
     /// The cloths and their meshes.
-    pub(super) fn resolve(self) -> Result<Vec<(NamedCloth, Mesh)>, SceneProblem> {
+    pub(super) fn resolve(self) -> Result<Vec<(NamedCloth, Mesh)>, Problem> {
         let density = self.density;
         check_density("meshes.density", density)?;
         let sheets: Vec<NamedSheet> = match self.names {
@@ -168,7 +149,7 @@ impl MeshesFile {
     }
 }
 
-fn by_name(name: &str) -> Result<NamedSheet, SceneProblem> {
+fn by_name(name: &str) -> Result<NamedSheet, Problem> {
     NamedSheet::by_name(name).ok_or_else(|| {
         let known: Vec<&str> = named_sheets().iter().map(|sheet| sheet.name).collect();
         let known = known.join(", ");
@@ -183,7 +164,7 @@ fn by_name(name: &str) -> Result<NamedSheet, SceneProblem> {
 pub(super) fn on_each(
     cloths: &[(NamedCloth, Mesh)],
     motions: &[NamedMotion],
-) -> Result<Vec<NamedMotion>, SceneProblem> {
+) -> Result<Vec<NamedMotion>, Problem> {
     let mut runs = Vec::with_capacity(cloths.len() * motions.len());
     for (cloth, mesh) in cloths {
         for motion in motions {
@@ -201,8 +182,8 @@ pub(super) fn on_each(
     Ok(runs)
 }
 
-fn apart_of(cloth: &NamedCloth, mesh: &Mesh) -> Result<selvedge_cloth::Motion, SceneSpecError> {
+fn apart_of(cloth: &NamedCloth, mesh: &Mesh) -> Result<selvedge_cloth::Motion, Problem> {
     let handles = Handles::new(&cloth.handles, mesh.topology().vertex_count())?;
     let start = handles.select(mesh.positions());
-    Ok(apart(&start).map_err(SceneError::Motion)?)
+    Ok(apart(&start)?)
 }

@@ -6,21 +6,20 @@
 //! This crate plans the runs; the physics is run elsewhere.
 
 mod cloths;
-pub(crate) mod config;
 
 use self::cloths::{ClothFile, MeshesFile, all_of, on_each};
-pub use self::config::{DatasetConfig, Forecast, NamedCloth, NamedMotion, PlannedRun};
 use crate::dataset::Split;
 use crate::dataset::plan::DatasetPlan;
-use crate::dataset::sections::SectionRule;
+use crate::dataset::sections::{Section, SectionRule};
+use crate::formats::file_error::Problem;
 use crate::scene::{
-    LoadedScene, MotionSource, ResolvedSetting, SceneFileError, SceneProblem, SceneSpec,
-    SceneSpecError, SettingFile, Stand, StartSpec, field, parse_toml, read_text, unknown,
+    LoadedScene, MeshSpec, MotionSource, ResolvedSetting, SceneFileError, SceneSpec, Setting,
+    SettingFile, Stand, StartSpec, field, not_understood, parse_toml, read_text, unknown,
 };
 use selvedge_assets::DATASETS as PRESETS;
 use selvedge_cloth::motion::named;
-use selvedge_cloth::{Mesh, Motion, SceneError};
-use serde::Deserialize;
+use selvedge_cloth::{Mesh, Motion};
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -30,6 +29,97 @@ const MOST_RANDOM: u32 = 100_000;
 
 /// Frames per second in which the paper's sections are counted.
 const PAPER_RATE: f64 = 60.0;
+
+/// A mesh, its handles and its name.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NamedCloth {
+    /// Name of the cloth.
+    pub name: String,
+    /// Source of the mesh.
+    pub mesh: MeshSpec,
+    /// The held vertices, in the order of the handle targets.
+    pub handles: Vec<u32>,
+}
+
+/// The configuration of a data set, as its index keeps it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DatasetConfig {
+    /// Name of the data set.
+    pub name: String,
+    /// Rule for the sections to learn from.
+    pub sections: SectionRule,
+    /// All of the scenes but their motions.
+    pub setting: Setting,
+    /// Cloths beside the setting's own.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub cloths: Vec<NamedCloth>,
+    /// Motions of the training split, in order.
+    pub train: Vec<NamedMotion>,
+    /// Motions of the test split, in order.
+    pub test: Vec<NamedMotion>,
+}
+
+/// A motion and its name.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NamedMotion {
+    /// Name of the motion and of its file.
+    pub name: String,
+    /// Motion of the handles.
+    pub motion: Motion,
+    /// The cloth that they move; the setting's own where none is named.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cloth: Option<String>,
+}
+
+/// Forecast of the data set that a preset will make.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Forecast {
+    /// The trajectories, in order; training first.
+    pub runs: Vec<PlannedRun>,
+    /// Sections of the training split to learn from.
+    pub sections: Vec<Section>,
+}
+
+/// A planned trajectory.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct PlannedRun {
+    /// Part of the data set.
+    pub split: Split,
+    /// Name of the trajectory in the data set.
+    pub name: String,
+    /// Vertices of its mesh.
+    pub vertices: usize,
+    /// Number of frames, the start included.
+    pub frames: usize,
+}
+
+impl Forecast {
+    /// The trajectories of a split.
+    pub fn of(&self, split: Split) -> impl Iterator<Item = &PlannedRun> {
+        self.runs.iter().filter(move |run| run.split == split)
+    }
+
+    /// Frames in all, starts included.
+    #[must_use]
+    pub fn frames(&self) -> usize {
+        self.runs.iter().map(|run| run.frames).sum()
+    }
+
+    /// Positions in all: vertices of every frame.
+    #[must_use]
+    pub fn positions(&self) -> usize {
+        self.runs.iter().map(|run| run.frames * run.vertices).sum()
+    }
+
+    /// Samples in the sections.
+    #[must_use]
+    pub fn samples(&self) -> usize {
+        self.sections.iter().map(|s| s.samples().count()).sum()
+    }
+}
 
 /// A resolved preset.
 #[derive(Clone, Debug, PartialEq)]
@@ -116,26 +206,22 @@ impl DatasetPreset {
     /// Reads a preset from the text of its file; paths in it are relative to `folder`.
     ///
     /// # Errors
-    /// [`SceneProblem`] names the field and what is wrong.
-    pub fn parse(text: &str, folder: &Path) -> Result<Self, SceneProblem> {
+    /// [`Problem`] names the field and what is wrong.
+    pub fn parse(text: &str, folder: &Path) -> Result<Self, Problem> {
         let file: PresetFile = parse_toml(text)?;
-        let of_scene = (
-            &file.setting.name,
-            &file.setting.motion,
-            &file.setting.start,
-            &file.setting.dress,
-        );
-        if !matches!(of_scene, (None, None, None, None)) {
+        let setting = &file.setting;
+        let is_of_scene = setting.name.is_some() || setting.motion.is_some();
+        if is_of_scene || setting.start.is_some() || setting.dress.is_some() {
             let problem = "has name, motion, start or dress, which only a scene has: take them out";
             return Err(field("setting", problem));
         }
         let ResolvedSetting {
             setting,
-            mesh,
+            read,
             groups,
-            mut warnings,
             ..
         } = file.setting.resolve(folder, &mut Vec::new())?;
+        let (mesh, mut warnings) = (read.sheet.mesh, read.warnings);
         let mut own = BTreeMap::new();
         let stand = Stand::of(&setting, &mesh, &groups);
         for (name, source) in &file.motions {
@@ -173,24 +259,23 @@ impl DatasetPreset {
     }
 
     /// Every scene, made once to see that it can be, and what comes of it.
-    fn foresee(&self) -> Result<Forecast, SceneProblem> {
+    fn foresee(&self) -> Result<Forecast, Problem> {
         let mut runs = Vec::new();
         for split in Split::BOTH {
             for motion in self.motions(split) {
                 let scene = self.scene(motion)?.scene;
-                let frames = scene.frame_count().map_err(SceneError::Motion);
                 runs.push(PlannedRun {
                     split,
                     name: motion.name.clone(),
                     vertices: scene.mesh.topology().vertex_count(),
-                    frames: frames.map_err(SceneSpecError::Scene)? + 1,
+                    frames: scene.frame_count()? + 1,
                 });
             }
         }
         let train = runs.iter().filter(|run| run.split == Split::Train);
         let lengths: Vec<(&str, usize)> = train.map(|r| (r.name.as_str(), r.frames)).collect();
         let sections = self.config.sections.sections(&lengths);
-        let sections = sections.map_err(|error| field("sections", error.to_string()))?;
+        let sections = sections.map_err(|error| field("sections", error))?;
         Ok(Forecast { runs, sections })
     }
 
@@ -215,17 +300,14 @@ impl DatasetPreset {
     /// The motions of a split, in order.
     #[must_use]
     pub fn motions(&self, split: Split) -> &[NamedMotion] {
-        match split {
-            Split::Train => &self.config.train,
-            Split::Test => &self.config.test,
-        }
+        split.of(&self.config.train, &self.config.test)
     }
 
     /// The scene in which the cloth moves so.
     ///
     /// # Errors
-    /// [`SceneSpecError`] when the motion cannot drive the handles.
-    pub fn scene(&self, motion: &NamedMotion) -> Result<LoadedScene, SceneSpecError> {
+    /// [`Problem`] when the motion cannot drive the handles.
+    pub fn scene(&self, motion: &NamedMotion) -> Result<LoadedScene, Problem> {
         let mut setting = self.config.setting.clone();
         let mut mesh = &self.mesh;
         let cloths = self.config.cloths.iter().zip(&self.meshes);
@@ -246,18 +328,23 @@ impl DatasetPreset {
         let mut warnings = Vec::new();
         let scene = spec.with_mesh(mesh.clone(), &self.folder, &mut warnings)?;
         Ok(LoadedScene {
+            spec,
+            scene,
+            state: None,
+            loose: None,
+            is_own_shape: false,
             warnings,
-            ..LoadedScene::new(spec, scene)
+            files: Vec::new(),
         })
     }
 
     /// The plan for [`DatasetWriter`](crate::DatasetWriter).
     ///
     /// # Errors
-    /// [`SceneSpecError::Json`], as of [`SceneSpec::to_json`].
-    pub fn plan(&self) -> Result<DatasetPlan, SceneSpecError> {
+    /// As of [`SceneSpec::to_json`].
+    pub fn plan(&self) -> Result<DatasetPlan, Problem> {
         let names = |split| self.motions(split).iter().map(|m| m.name.clone()).collect();
-        let config: Value = serde_json::to_value(&self.config)?;
+        let config: Value = serde_json::to_value(&self.config).map_err(not_understood)?;
         Ok(DatasetPlan {
             name: self.config.name.clone(),
             config,
@@ -277,7 +364,7 @@ pub fn shipped_presets() -> &'static [(&'static str, &'static str)] {
 impl DatasetConfig {
     /// Checks that the splits are fit to learn from and to test with; `own` are the file's own
     /// motions.
-    fn check(&self, own: &BTreeMap<String, Motion>) -> Result<(), SceneProblem> {
+    fn check(&self, own: &BTreeMap<String, Motion>) -> Result<(), Problem> {
         if self.train.is_empty() && self.cloths.is_empty() {
             let problem = "is empty: name at least one motion to learn from";
             return Err(field("train", problem));
@@ -319,7 +406,7 @@ impl MotionList {
         self,
         split: &'static str,
         own: &BTreeMap<String, Motion>,
-    ) -> Result<Vec<NamedMotion>, SceneProblem> {
+    ) -> Result<Vec<NamedMotion>, Problem> {
         let all_of = |set: &str| {
             let problem = "expected a list of motions, \"all-training\", \"all-test\" or \"all-generalisation\"";
             set_of(set).ok_or_else(|| field(split, format!("{problem}, found {set:?}")))
@@ -339,20 +426,16 @@ impl MotionList {
                 .flat_map(|name| set_of(&name).unwrap_or(vec![name]))
                 .collect(),
         };
-        names
-            .into_iter()
-            .map(|name| {
-                let motion = own.get(&name).cloned().or_else(|| named::by_name(&name));
-                let problem = || format!("no motion is called {name:?}, here or by name");
-                match motion {
-                    Some(motion) => Ok(NamedMotion {
-                        name,
-                        motion,
-                        cloth: None,
-                    }),
-                    None => Err(field(split, problem())),
-                }
+        let named = |name: String| {
+            let motion = own.get(&name).cloned().or_else(|| named::by_name(&name));
+            let none = || format!("no motion is called {name:?}, here or by name");
+            let motion = motion.ok_or_else(|| field(split, none()))?;
+            Ok(NamedMotion {
+                name,
+                motion,
+                cloth: None,
             })
-            .collect()
+        };
+        names.into_iter().map(named).collect()
     }
 }

@@ -8,8 +8,8 @@ use tempfile::TempDir;
 
 use super::super::file::read_scene;
 use super::super::loaded::LoadedScene;
-use super::super::start::StartSpec;
-use crate::test_help::table;
+use super::super::spec::StartSpec;
+use crate::test_help::{refuses, table};
 
 /// A unit square of two faces, its upper edge held.
 const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n\
@@ -60,12 +60,15 @@ impl Desk {
     }
 
     fn read(&self, text: &str) -> Result<LoadedScene, String> {
-        read_scene(&self.write("swing.json", text)).map_err(|error| error.to_string())
+        read_scene(&self.write("swing.json", text)).map_err(|error| {
+            let text = error.to_string();
+            assert!(text.contains("swing.json"), "{text}");
+            text
+        })
     }
 
-    /// `text` with an edit `from => to`; both may be of one line only.
-    fn edited(&self, text: &str, edit: &str) -> Result<LoadedScene, String> {
-        let (from, to) = edit.split_once(" => ").unwrap();
+    /// `text` with `to` in the place of `from`.
+    fn edited(&self, text: &str, from: &str, to: &str) -> Result<LoadedScene, String> {
         let edited = text.replacen(from, to, 1);
         assert_ne!(edited, text, "{from}");
         self.read(&edited)
@@ -157,7 +160,7 @@ fn handles_go_with_their_motions_from_the_first_solve() {
 #[test]
 fn handles_let_go() {
     let desk = Desk::new();
-    let scene = desk.edited(SCENE, "70 => 1.2").unwrap().scene;
+    let scene = desk.edited(SCENE, "70", "1.2").unwrap().scene;
     let path = scene.handle_path().unwrap();
     for (frame, holds) in [(0, true), (29, true), (30, false)] {
         let targets = path.targets(frame, 8).unwrap();
@@ -173,27 +176,28 @@ fn what_has_no_effect_is_named() {
     let double = SQUARE.replace("v 1", "v 2").replace(" 1 0\n", " 2 0\n");
     desk.write("double.obj", &double.replace("vt 2 0", "vt 1 0"));
     let cases = r#"
-        "remeshing", "sep => "sep | remeshing is not disabled
-        "proximity",  =>  | disable: collision has no effect
-        "friction" => "obstacles": [{"mesh": "a"}, {"mesh": "b"}], "friction" | obstacles are left out, 2 of them: proximity and collision are disabled
-        "end_time": 2, =>  | neither end_time nor end_frame
-        square.obj => double.obj | half of the edges start at 2.000 × their material length or more
-        felt.json => materials/11oz-black-denim.json | the shipped material 11oz-black-denim
+        "remeshing", "sep | "sep | remeshing is not disabled
+        "proximity",  |  | disable: collision has no effect
+        "friction" | "obstacles": [{"mesh": "a"}, {"mesh": "b"}], "friction" | obstacles are left out, 2 of them: proximity and collision are disabled
+        "end_time": 2, |  | neither end_time nor end_frame
+        square.obj | double.obj | half of the edges start at 2.000 × their material length or more
+        felt.json | materials/11oz-black-denim.json | the shipped material 11oz-black-denim
     "#;
-    for [edit, warning] in table(cases) {
-        let warnings = desk.edited(SCENE, edit).unwrap().warnings;
+    for [from, to, warning] in table(cases) {
+        let warnings = desk.edited(SCENE, from, to).unwrap().warnings;
         let is_told = warnings.len() == 1 && warnings[0].contains(warning);
-        assert!(is_told, "{edit}: {warnings:?}");
+        assert!(is_told, "{to}: {warnings:?}");
     }
     let keys = [
         ("plasticity", "\"yield_curv\": 200, \"weakening\": 2"),
         ("strainlimiting", "\"strain_limits\": [0.95, 1.05]"),
     ];
     for (part, key) in keys {
-        let used = format!("\"thicken\" => {key}, \"thicken\"");
-        assert_eq!(desk.edited(SCENE, &used).unwrap().warnings.len(), 0);
+        let used = format!("{key}, \"thicken\"");
+        let edited = |text| desk.edited(text, "\"thicken\"", &used).unwrap().warnings;
+        assert_eq!(edited(SCENE).len(), 0);
         let text = SCENE.replace(&format!("\"{part}\""), "\"fracture\"");
-        let warnings = desk.edited(&text, &used).unwrap().warnings;
+        let warnings = edited(&text);
         assert!(warnings[0].contains(&format!("{part} is not disabled")));
     }
 }
@@ -202,44 +206,40 @@ fn what_has_no_effect_is_named() {
 fn unknown_keys_and_wrong_values_are_errors_that_name_file_and_key() {
     let desk = Desk::new();
     let cases = r#"
-        "gravity" => "glow": 1, "gravity" | unknown field `glow`
-        "thicken" => "sheen": 1, "thicken" | cloths[0].materials[0].sheen: unknown field `sheen`
-        "nodes": [3] => "nodes": [3], "start_time": 2 | handles[0].start_time: unknown field `start_time`
-        "time": 1, => "time": 1, "velocity": {}, | motions[0][1].velocity: unknown field `velocity`
-        "repulsion_thickness" => "handle_stiffness": 1e6, "repulsion_thickness" | magic.handle_stiffness: unknown field
-        "popfilter" => "poppfilter" | disable[5]: unknown variant `poppfilter`, expected one of
-        "frame_time": 0.04, =>  | missing field `frame_time`
-        0.04 => -1 | frame_time: must be between 0.00001 and 1, found -1
-        "frame_steps": 8 => "frame_steps": 0 | frame_steps: must be between 1 and 1000, found 0
-        "frame_steps": 8 => "frame_steps": "four" | frame_steps: invalid type: string "four"
-        "stretching_mult": 3 => "stretching_mult": -3 | cloths[0].materials[0].stretching_mult: must be between 0.000001 and 1000000, found -3
-        "bending_mult": 5 => "bending_mult": -5 | cloths[0].materials[0].bending_mult: must be
-        "thicken": 2 => "thicken": 0 | cloths[0].materials[0].thicken: must be
-        "density_mult": 1.5 => "density_mult": 1e300 | cloths[0].materials[0].density_mult: must be
-        "damping": 0.001 => "damping": 1e9 | cloths[0].materials[0].damping: must be between 0 and 100, found 1000000000
-        "velocity": [0, 0, 1] => "velocity": [0, 0, 1e7] | the length of wind.velocity: must be between 0 and 1000
-        "density": 1.2 => "density": -1.2 | wind.density: must be
-        "end_time": 70 => "end_time": 0 | handles[1].end_time: must be later than the start, or the handle never holds, found 0
-        "friction": 0.6 => "friction": 0.6, "wind": {} | duplicate field `wind`
-        "thicken": 2 => "thicken": 2, "thicken": 3 | duplicate field `thicken`
-        square.obj => cube.obj | cloths[0].mesh: must be an OBJ file
-        felt.json => silk.json | cloths[0].materials[0].data: there is no file silk.json
-        "thicken": 2 => "thicken": "two" | cloths[0].materials[0].thicken: invalid type: string "two"
-        "damping": 0.001}], => "damping": 0.001}, {"data": "felt.json"}], | cloths[0].materials: must have one material, that of all faces, found 2
-        [-90, 0, 1, 0] => [-90, 0, 1] | cloths[0].transform.rotate: invalid length 3
-        [-90, 0, 1, 0] => [-90, 0, 0, 0] | cloths[0].transform.rotate: must be degrees and an axis
-        "nodes": [2] => "nodes": [2.5] | handles[1].nodes[0]: invalid type: floating point `2.5`
-        "nodes": [2] => "nodes": [9] | vertex 9
-        "motion": 0 => "motion": 1 | handles[1].motion: must be one of the 1 motions
-        "time": 1, => "time": 0, | groups[0].keyframes[1].time must be later
-        [0, -9.8, 0] => -9.8 | gravity: invalid type: floating point `-9.8`
-        "friction": 0.6 => "friction": 0.6, | is no JSON
+        "gravity" | "glow": 1, "gravity" | unknown field `glow`
+        "thicken" | "sheen": 1, "thicken" | cloths[0].materials[0].sheen: unknown field `sheen`
+        "nodes": [3] | "nodes": [3], "start_time": 2 | handles[0].start_time: unknown field `start_time`
+        "time": 1, | "time": 1, "velocity": {}, | motions[0][1].velocity: unknown field `velocity`
+        "repulsion_thickness" | "handle_stiffness": 1e6, "repulsion_thickness" | magic.handle_stiffness: unknown field
+        "popfilter" | "poppfilter" | disable[5]: unknown variant `poppfilter`, expected one of
+        "frame_time": 0.04, |  | missing field `frame_time`
+        0.04 | -1 | frame_time: must be between 0.00001 and 1, found -1
+        "frame_steps": 8 | "frame_steps": 0 | frame_steps: must be between 1 and 1000, found 0
+        "frame_steps": 8 | "frame_steps": "four" | frame_steps: invalid type: string "four"
+        "stretching_mult": 3 | "stretching_mult": -3 | cloths[0].materials[0].stretching_mult: must be between 0.000001 and 1000000, found -3
+        "bending_mult": 5 | "bending_mult": -5 | cloths[0].materials[0].bending_mult: must be
+        "thicken": 2 | "thicken": 0 | cloths[0].materials[0].thicken: must be
+        "density_mult": 1.5 | "density_mult": 1e300 | cloths[0].materials[0].density_mult: must be
+        "damping": 0.001 | "damping": 1e9 | cloths[0].materials[0].damping: must be between 0 and 100, found 1000000000
+        "velocity": [0, 0, 1] | "velocity": [0, 0, 1e7] | the length of wind.velocity: must be between 0 and 1000
+        "density": 1.2 | "density": -1.2 | wind.density: must be
+        "end_time": 70 | "end_time": 0 | handles[1].end_time: must be later than the start, or the handle never holds, found 0
+        "friction": 0.6 | "friction": 0.6, "wind": {} | duplicate field `wind`
+        "thicken": 2 | "thicken": 2, "thicken": 3 | duplicate field `thicken`
+        square.obj | cube.obj | cloths[0].mesh: must be an OBJ file
+        felt.json | silk.json | cloths[0].materials[0].data: there is no file silk.json
+        "thicken": 2 | "thicken": "two" | cloths[0].materials[0].thicken: invalid type: string "two"
+        "damping": 0.001}], | "damping": 0.001}, {"data": "felt.json"}], | cloths[0].materials: must have one material, that of all faces, found 2
+        [-90, 0, 1, 0] | [-90, 0, 1] | cloths[0].transform.rotate: invalid length 3
+        [-90, 0, 1, 0] | [-90, 0, 0, 0] | cloths[0].transform.rotate: must be degrees and an axis
+        "nodes": [2] | "nodes": [2.5] | handles[1].nodes[0]: invalid type: floating point `2.5`
+        "nodes": [2] | "nodes": [9] | vertex 9
+        "motion": 0 | "motion": 1 | handles[1].motion: must be one of the 1 motions
+        "time": 1, | "time": 0, | groups[0].keyframes[1].time must be later
+        [0, -9.8, 0] | -9.8 | gravity: invalid type: floating point `-9.8`
+        "friction": 0.6 | "friction": 0.6, | is no JSON
     "#;
-    for [edit, named] in table(cases) {
-        let error = desk.edited(SCENE, edit).unwrap_err();
-        assert!(error.contains("swing.json"), "{error}");
-        assert!(error.contains(named), "{edit}: {error}");
-    }
+    refuses(cases, |from, to| desk.edited(SCENE, from, to));
     for (from, to, named) in [
         (",4e-6,6e-6]", "]", "bending[2]: invalid length 3"),
         ("0.2", "-0.2", "density: must be between"),
@@ -286,8 +286,9 @@ fn obstacles_move_with_their_motions_and_contact_has_their_numbers() {
     assert_eq!(loaded.warnings, [""; 0]);
     assert_eq!(loaded.spec.build(desk.0.path()).unwrap(), loaded.scene);
     // One that grows moves point by point.
-    let grows = "\"translate\": [1, 0, 0], => \"translate\": [1, 0, 0], \"scale\": 3,";
-    let loaded = desk.edited(&with_bodies(), grows).unwrap();
+    let moved = "\"translate\": [1, 0, 0],";
+    let grows = format!("{moved} \"scale\": 3,");
+    let loaded = desk.edited(&with_bodies(), moved, &grows).unwrap();
     let end: Vec<DVec3> = loaded.scene.obstacles[1].positions_at(2.0).collect();
     let expected = DVec3::new(1.0, 6.0, -6.0);
     assert!(end[2].distance(expected) < 1e-12, "{}", end[2]);
@@ -297,26 +298,22 @@ fn obstacles_move_with_their_motions_and_contact_has_their_numbers() {
 fn obstacles_and_contact_that_cannot_be_read_are_named() {
     let desk = Desk::new();
     let wrong = r#"
-        "square.obj", "transform": {"scale": 2} => "gone.obj" | obstacles[1].mesh: must be an OBJ
-        "scale": 2}, "motion": 0 => "scale": 2}, "motion": 4 | obstacles[1].motion: must be one of the 1 motions
-        "scale": 2}, => "scale": 2}, "end_time": 1, | obstacles[1].end_time: unknown field `end_time`
-        "scale": 2} => "scale": -2} | obstacles["obstacle 1"].transform: scale must be
-        "obs_friction": 0.2 => "obs_friction": -1 | obs_friction: must be between 0 and 100
-        2e-3 => 2e3 | magic.repulsion_thickness: must be between
+        "square.obj", "transform": {"scale": 2} | "gone.obj" | obstacles[1].mesh: must be an OBJ
+        "scale": 2}, "motion": 0 | "scale": 2}, "motion": 4 | obstacles[1].motion: must be one of the 1 motions
+        "scale": 2}, | "scale": 2}, "end_time": 1, | obstacles[1].end_time: unknown field `end_time`
+        "scale": 2} | "scale": -2} | obstacles["obstacle 1"].transform: scale must be
+        "obs_friction": 0.2 | "obs_friction": -1 | obs_friction: must be between 0 and 100
+        2e-3 | 2e3 | magic.repulsion_thickness: must be between
     "#;
-    for [edit, problem] in table(wrong) {
-        let error = desk.edited(&with_bodies(), edit).unwrap_err();
-        let is_named = error.contains("swing.json") && error.contains(problem);
-        assert!(is_named, "{edit}: {error}");
-    }
+    refuses(wrong, |from, to| desk.edited(&with_bodies(), from, to));
     let told = r#"
-        "repulsion_thickness" => "collision_stiffness": 1e6, "repulsion_thickness" | magic.collision_stiffness has no effect
-        "obs_friction": 0.2 => "obs_friction": 0.9 | a pair has the lesser of two
+        "repulsion_thickness" | "collision_stiffness": 1e6, "repulsion_thickness" | magic.collision_stiffness has no effect
+        "obs_friction": 0.2 | "obs_friction": 0.9 | a pair has the lesser of two
     "#;
-    for [edit, warning] in table(told) {
-        let warnings = desk.edited(&with_bodies(), edit).unwrap().warnings;
+    for [from, to, warning] in table(told) {
+        let warnings = desk.edited(&with_bodies(), from, to).unwrap().warnings;
         let is_told = warnings.iter().any(|w| w.contains(warning));
-        assert!(is_told, "{edit}: {warnings:?}");
+        assert!(is_told, "{to}: {warnings:?}");
     }
 }
 

@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use selvedge_cloth::geometry::signed_area_2d;
-use selvedge_cloth::{Mesh, VertexId};
+use selvedge_cloth::{Handles, Mesh, VertexId};
 use selvedge_data::{ReadMesh, size_warning, worst_edges};
 use selvedge_lab::physics;
 use serde_json::{Value, json};
@@ -103,7 +103,7 @@ pub(super) fn facts(facts: &mut Facts, mesh: &Mesh, has_pattern: bool) -> Value 
         mirrored[*panel as usize] += signed_area_2d(a, b, c);
     }
     let mirrored = mirrored.iter().filter(|area| **area < 0.0).count();
-    let mut worst = worst_edges(mesh, mesh.positions(), NAMED);
+    let mut worst = worst_edges(mesh, &Handles::default(), mesh.positions(), NAMED);
     worst.retain(|edge| edge.stretch > WORTH_NAMING);
     facts.add("sheets", sheets);
     if seams > 0 && has_pattern {

@@ -1,0 +1,94 @@
+//! The error of what describes a cloth and its motion.
+
+use std::fmt::Display;
+
+use thiserror::Error;
+
+use crate::{HandleError, MeshError};
+
+/// A part of a scene that cannot be used: what it must be and what was found.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[error("{0}")]
+pub struct SceneError(pub(crate) String);
+
+/// The error of a cloth's parts.
+pub type ClothError = SceneError;
+/// The error of a motion.
+pub type MotionError = SceneError;
+/// The error of an obstacle.
+pub type ObstacleError = SceneError;
+/// The error of a setting.
+pub type SettingError = SceneError;
+
+impl SceneError {
+    /// The same error of a part of what this names.
+    pub(crate) fn of(self, whole: &str) -> Self {
+        Self(format!("{whole}: {self}"))
+    }
+}
+
+impl From<HandleError> for SceneError {
+    fn from(error: HandleError) -> Self {
+        Self(error.to_string())
+    }
+}
+
+impl From<MeshError> for SceneError {
+    fn from(error: MeshError) -> Self {
+        Self(error.to_string())
+    }
+}
+
+/// Checks that a setting holds.
+///
+/// # Errors
+/// Names the field, what it must be and what was `found`.
+pub fn require(
+    holds: bool,
+    field: impl Display,
+    expected: &str,
+    found: impl Display,
+) -> Result<(), SceneError> {
+    match holds {
+        true => Ok(()),
+        false => Err(must(field, expected, found)),
+    }
+}
+
+/// The error of a field that is not as `expected`.
+pub(crate) fn must(field: impl Display, expected: &str, found: impl Display) -> SceneError {
+    SceneError(format!("{field} must be {expected}, found {found}"))
+}
+
+/// Checks that a number is finite and positive.
+pub(crate) fn require_positive(field: impl Display, found: f64) -> Result<(), SceneError> {
+    let holds = found.is_finite() && found > 0.0;
+    require(holds, field, "finite and positive", found)
+}
+
+/// Returns true for a value that a file need not name.
+pub(crate) fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
+
+/// Checks for a test that `check` refuses `good` with each of the changes, by an error that begins
+/// with the words beside it.
+#[cfg(test)]
+#[track_caller]
+pub(crate) fn refuses<T: Clone, O: std::fmt::Debug, E: Display>(
+    good: &T,
+    check: impl Fn(&T) -> Result<O, E>,
+    changes: &[(&str, fn(&mut T))],
+) {
+    assert!(check(good).is_ok());
+    for (words, change) in changes {
+        let mut bad = good.clone();
+        change(&mut bad);
+        let text = check(&bad).map_err(|error| error.to_string());
+        let text = text.expect_err(words);
+        assert!(
+            text.starts_with(words),
+            "{text} does not begin with {words}"
+        );
+    }
+}
