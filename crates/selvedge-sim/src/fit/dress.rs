@@ -62,23 +62,17 @@ pub fn dress(scene: &Scene, body: &str, progress: Listener<'_>) -> Result<Dresse
     };
     let obstacle = &scene.obstacles[number];
     let (shapes, before) = shrink(scene, obstacle, progress)?;
-    let springs = springs(&scene.mesh, &scene.handles);
     let start = scene.mesh.positions();
     let shrunk = farthest(&shapes[0], &shapes[shapes.len() - 1]);
-    let strain = largest_strain(&springs, start);
-    if shapes.len() == 1 {
-        return Ok(Dressed {
-            positions: start.to_vec(),
-            before,
-            shrunk: 0.0,
-            strains: [strain; 2],
-        });
-    }
-    let positions = grow(scene, number, shapes, progress)?;
+    let positions = match shapes.len() {
+        1 => start.to_vec(),
+        _ => grow(scene, number, shapes, progress)?,
+    };
+    let springs = springs(&scene.mesh, &scene.handles);
     Ok(Dressed {
         before,
         shrunk,
-        strains: [strain, largest_strain(&springs, &positions)],
+        strains: [start, &positions].map(|places| largest_strain(&springs, places)),
         positions,
     })
 }
@@ -205,12 +199,9 @@ fn grow(
             break;
         }
         let passed = (frame as f64 / (frames + SETTLING) as f64).min(1.0);
-        let now = FitProgress {
-            done: SHRINKING + (1.0 - SHRINKING) * passed,
-            strain: largest_strain(&springs, simulator.positions_f64()),
-            ..FitProgress::default()
-        };
-        tell(progress, now)?;
+        let done = SHRINKING + (1.0 - SHRINKING) * passed;
+        let strain = largest_strain(&springs, simulator.positions_f64());
+        tell(progress, FitProgress::at(done, strain))?;
     }
     let positions = simulator.positions_f64().to_vec();
     let left = simulator.checkpoint().contact.unwrap_or_default();

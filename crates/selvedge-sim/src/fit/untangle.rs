@@ -12,7 +12,8 @@ use glam::DVec3;
 use selvedge_cloth::{Scene, Topology};
 use selvedge_contact::{Candidates, Intersection, Surface};
 
-use super::{FitError, FitProgress, Listener, Spring, springs, tell};
+use super::{FitError, FitProgress, Listener, springs, tell};
+use crate::edges::FreeEdge;
 
 /// Passes at most, those without fewer pairs after which the cloth is smoothed, and times that it
 /// is before it is given up.
@@ -118,7 +119,7 @@ struct Knot {
     /// Number of the piece of each vertex.
     pieces: Vec<u32>,
     held: Vec<bool>,
-    springs: Vec<Spring>,
+    springs: Vec<FreeEdge>,
     /// Way of a vertex in a pass `[m]`.
     step: f64,
     /// Way of each vertex in this pass `[m]`, and the sum of weights.
@@ -216,7 +217,7 @@ impl Knot {
                 *place += *way * (self.step / longest);
             }
         }
-        let is_near = |spring: &&Spring| spring.ends.iter().all(|v| near[*v]);
+        let is_near = |spring: &&FreeEdge| spring.ends.iter().all(|v| near[*v]);
         for spring in self.springs.iter().filter(is_near) {
             spring.correct(positions, KEEP);
         }

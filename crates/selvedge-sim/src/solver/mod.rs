@@ -3,11 +3,10 @@
 //! [`elements`] evaluates the laws on every face and hinge ([`faces`], [`hinges`]). [`system`] assembles and solves the
 //! equations of an implicit stage: by [`conjugate_gradients`] with the preconditioners [`gauss_seidel`], or
 //! where contact couples vertices [`woven`]; or by a complete factor ([`direct`], [`pattern`],
-//! [`ordering`], [`blocks`], [`cholesky`]), where contact couples vertices [`complete`].
+//! [`ordering`], [`blocks`], [`cholesky`]).
 
 mod blocks;
 mod cholesky;
-mod complete;
 mod conjugate_gradients;
 mod direct;
 mod elements;

@@ -229,43 +229,4 @@ mod tests {
             }
         }
     }
-
-    #[test]
-    fn elimination_order_keeps_a_grid_sparse() {
-        let side = 20_u32;
-        let mut triangles = Vec::new();
-        for row in 0..side - 1 {
-            for a in row * side..row * side + side - 1 {
-                triangles.extend([[a, a + side, a + side + 1], [a, a + side + 1, a + 1]]);
-            }
-        }
-        let none: [[u32; 4]; 0] = [];
-        let count = (side * side) as usize;
-        let pattern = Pattern::new(
-            Ordering::MinimumDegree,
-            &vec![false; count],
-            &triangles,
-            &none,
-        )
-        .unwrap();
-        // Row by row, eliminating fills the band of 21 below each column; a good order stays well
-        // below that.
-        let mut columns: Vec<std::collections::BTreeSet<u32>> = (0..count)
-            .map(|k| {
-                pattern.rows[pattern.starts[k]..pattern.starts[k + 1]]
-                    .iter()
-                    .copied()
-                    .collect()
-            })
-            .collect();
-        let mut filled = 0;
-        for k in 0..count {
-            let column = std::mem::take(&mut columns[k]);
-            filled += column.len();
-            if let Some(&parent) = column.first() {
-                columns[parent as usize].extend(column.into_iter().skip(1));
-            }
-        }
-        assert!(filled < 21 * count * 2 / 3, "{filled} blocks");
-    }
 }

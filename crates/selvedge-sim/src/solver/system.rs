@@ -16,9 +16,8 @@ use selvedge_cloth::{
 
 use crate::contact::Touches;
 use crate::laws::external::AirResistance;
-use crate::solver::complete::{Complete, Coupling};
 use crate::solver::conjugate_gradients::ConjugateGradients;
-use crate::solver::direct::{Direct, Springs};
+use crate::solver::direct::{Complete, Coupling, Direct, Springs};
 use crate::solver::elements::{Elements, Linearisation, hinge_stencils};
 use crate::solver::ordering::Ordering;
 use crate::solver::pattern::Pattern;

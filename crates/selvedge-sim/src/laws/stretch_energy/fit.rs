@@ -6,7 +6,7 @@ use selvedge_cloth::StretchTable;
 use selvedge_cloth::geometry::sin_cos;
 
 use super::{Ramp, SPAN, StretchEnergy};
-use crate::laws::strain::Strain;
+use crate::laws::stretch::Strain;
 use crate::laws::stretch_table::measured_stiffness;
 
 /// Strain below which the error of the stress counts as at this strain: elsewhere it is relative to
