@@ -118,7 +118,6 @@ impl Candidates {
         trees
     }
 
-    /// Whether the cloth touches itself.
     pub(crate) fn touches_itself(&self) -> bool {
         self.touches_itself
     }
@@ -263,7 +262,6 @@ impl Candidates {
     }
 }
 
-/// Boxes around the ways of all points.
 fn paths(ways: Ways<'_>) -> impl Iterator<Item = Bounds> {
     let ends = ways.from.iter().zip(ways.to).zip(ways.later);
     ends.map(|((from, to), later)| {
@@ -299,7 +297,6 @@ impl Boxes {
     }
 }
 
-/// The search among the features of two faces.
 struct Finder<'a> {
     surface: &'a Surface,
     boxes: &'a Boxes,

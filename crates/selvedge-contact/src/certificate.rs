@@ -237,7 +237,6 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
-    /// Outcomes of random moving pairs.
     #[derive(Debug, Default)]
     struct Count {
         apart: u32,

@@ -105,7 +105,6 @@ impl ActiveHandles {
         }
     }
 
-    /// Returns true if a substep depends on the state before the last one.
     pub(crate) fn looks_back(&self) -> bool {
         self.second_order.is_some()
     }

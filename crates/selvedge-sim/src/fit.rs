@@ -367,6 +367,18 @@ fn relax(
     Ok(())
 }
 
+/// Sum of the `values` of the neighbours of each along `sides`, and their number.
+fn of_neighbours(values: &[DVec3], sides: &[[usize; 2]]) -> Vec<(DVec3, u32)> {
+    let mut sums = vec![(DVec3::ZERO, 0); values.len()];
+    for &[a, b] in sides {
+        for (own, other) in [(a, b), (b, a)] {
+            sums[own].0 += values[other];
+            sums[own].1 += 1;
+        }
+    }
+    sums
+}
+
 /// Makes the fabrics of `bare` those of `scene`, their stiffness multiplied by `part`.
 fn soften(bare: &mut Scene, scene: &Scene, part: f64) {
     bare.material = scene.material.clone().multiplied(part, part);

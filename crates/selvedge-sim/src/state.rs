@@ -23,12 +23,10 @@ impl State {
         }
     }
 
-    /// Positions and velocities.
     pub(crate) fn both(&self) -> [&[DVec3]; 2] {
         [&self.positions, &self.velocities]
     }
 
-    /// As [`Self::both`].
     pub(crate) fn both_mut(&mut self) -> [&mut [DVec3]; 2] {
         [&mut self.positions, &mut self.velocities]
     }
@@ -47,7 +45,6 @@ impl State {
         }
     }
 
-    /// Makes this a copy of `other`, of the same size.
     pub(crate) fn copy_from(&mut self, other: &Self) {
         self.positions.copy_from_slice(&other.positions);
         self.velocities.copy_from_slice(&other.velocities);

@@ -19,7 +19,6 @@ pub(crate) struct Unseparated {
 }
 
 impl Unseparated {
-    /// As the error of a frame.
     pub(crate) fn at(self, frame: usize) -> StepError {
         StepError::Contact {
             frame,

@@ -13,7 +13,9 @@ use selvedge_cloth::{HandleTargets, Obstacle, ObstaclePath, Scene, Stepper, Vert
 use selvedge_contact::{Candidates, Surface, winding};
 
 use super::around::{at_the_start, bare};
-use super::{FitError, FitProgress, Listener, failed, largest_strain, springs, tell};
+use super::{
+    FitError, FitProgress, Listener, failed, largest_strain, of_neighbours, springs, tell,
+};
 use crate::simulator::{Checkpoint, Simulator};
 
 /// Farthest way of a point of the body in a frame `[m]`.
@@ -257,13 +259,7 @@ impl Smoothing {
 
     /// Every point half way to the mean of its neighbours, which inner sides count twice.
     fn pass(&self, points: &[DVec3]) -> Vec<DVec3> {
-        let mut sums = vec![(DVec3::ZERO, 0_u32); points.len()];
-        for &[a, b] in &self.sides {
-            sums[a].0 += points[b];
-            sums[a].1 += 1;
-            sums[b].0 += points[a];
-            sums[b].1 += 1;
-        }
+        let sums = of_neighbours(points, &self.sides);
         let moved = |&first: &usize| match sums[first] {
             (_, 0) => points[first],
             (sum, count) => {

@@ -42,7 +42,6 @@ impl History {
         }
     }
 
-    /// Makes this a copy of `other`, of the same size.
     pub(crate) fn copy_from(&mut self, other: &Self) {
         if other.dt > 0.0 {
             self.before.copy_from(&other.before);

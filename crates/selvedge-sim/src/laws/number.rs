@@ -7,7 +7,7 @@
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use glam::DVec3;
+use glam::{DVec3, Vec3A};
 use pulp::Simd;
 
 /// A number of a law.
@@ -242,6 +242,13 @@ pub(crate) fn scatter<const K: usize>(rows: &[[Row; 3]; K], vectors: &mut [[DVec
 #[inline(always)]
 pub(crate) fn of_lane<const K: usize>(rows: &[Row; K], lane: usize) -> [f64; K] {
     std::array::from_fn(|k| rows[k][lane])
+}
+
+/// The vector of one element of a group in f32.
+#[inline(always)]
+pub(crate) fn of_lanes(rows: &[Row; 3], lane: usize) -> Vec3A {
+    let [x, y, z] = rows;
+    Vec3A::new(x[lane] as f32, y[lane] as f32, z[lane] as f32)
 }
 
 /// Sets the numbers of one element of a group.

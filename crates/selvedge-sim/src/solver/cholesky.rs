@@ -171,8 +171,8 @@ mod tests {
         let square = |a: u32| [[a, a + side, a + side + 1], [a, a + side + 1, a + 1]];
         let rows = (0..side - 1).flat_map(|row| row * side..row * side + side - 1);
         let triangles: Vec<[u32; 3]> = rows.flat_map(square).collect();
-        let (none, held): ([[u32; 4]; 0], _) = ([], vec![false; 400]);
-        let pattern = Pattern::new(Ordering::MinimumDegree, &held, &triangles, &none).unwrap();
+        let order = Ordering::MinimumDegree;
+        let pattern = Pattern::new(order, &[false; 400], &triangles, &[]).unwrap();
         let (starts, rows) = pattern.scalar_columns();
         let filled = Cholesky::new(starts, rows).unwrap().factor.len();
         assert!(filled < 9 * 21 * 400, "{filled} numbers");

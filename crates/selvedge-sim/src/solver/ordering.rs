@@ -9,7 +9,6 @@ use faer::sparse::{Pair, SymbolicSparseColMat};
 use crate::lists::Lists;
 use crate::solver::SolveError;
 
-/// Kind of an order, by its purpose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Ordering {
     /// Little fill in a complete factorisation (approximate minimum degree; Amestoy, Davis and Duff
@@ -72,7 +71,6 @@ fn search(neighbours: &Lists, first: usize, placed: &mut [bool], order: &mut Vec
     }
 }
 
-/// Order by approximate minimum degree.
 fn minimum_degree(unknown_count: usize, pairs: &[(u32, u32)]) -> Result<Vec<usize>, SolveError> {
     let resources = |cause: &str| SolveError::resources(3 * unknown_count, cause);
     // The upper triangle: column = larger unknown.

@@ -8,15 +8,11 @@ use selvedge_sim::Simulator;
 
 use crate::dynamics::energy;
 use crate::scenes::{at_rest, largest_distance};
-use crate::sheets::isotropic;
+use crate::sheets::{elastic, isotropic};
 use crate::touching::{glide, ground, lying, run, smallest_gap, sphere};
 
 /// Ten times as stiff in the plane as a light knit.
-const SOFT: Isotropic = Isotropic {
-    youngs_modulus: 1e5,
-    poissons_ratio: 0.3,
-    thickness: 1e-3,
-};
+const SOFT: Isotropic = elastic(1e5, 0.3, 1e-3);
 
 /// A sheet of isotropic material that falls on a ball and a floor.
 fn dropped(side: usize) -> Scene {

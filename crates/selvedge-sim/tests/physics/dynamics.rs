@@ -7,15 +7,11 @@ use selvedge_sim::Simulator;
 use selvedge_sim::laws::bend::BendElement;
 
 use crate::scenes::{BDF2, GRAY, INTEGRATORS, crumpled, held, largest_distance, material, noise};
-use crate::sheets::{grid, isotropic, scene, slope};
+use crate::sheets::{elastic, grid, isotropic, scene, slope};
 
 const GRAVITY: f64 = 9.8;
 
-const SOFT: Isotropic = Isotropic {
-    youngs_modulus: 2e4,
-    poissons_ratio: 0.3,
-    thickness: 1e-3,
-};
+const SOFT: Isotropic = elastic(2e4, 0.3, 1e-3);
 
 fn angular_momentum(simulator: &Simulator) -> DVec3 {
     let state = simulator
@@ -28,11 +24,7 @@ fn angular_momentum(simulator: &Simulator) -> DVec3 {
 
 /// A stiff triangle of height 0.5 m held by its upper edge, turned out of rest by `start` `[rad]`.
 fn triangle_pendulum(length: f64, start: f64) -> Scene {
-    let sheet = Isotropic {
-        youngs_modulus: 1e7,
-        poissons_ratio: 0.0,
-        thickness: 1e-3,
-    };
+    let sheet = elastic(1e7, 0.0, 1e-3);
     let uv = vec![
         DVec2::ZERO,
         DVec2::new(-0.2, length),
@@ -83,11 +75,7 @@ fn a_triangle_held_by_an_edge_is_a_pendulum_in_second_order() {
 /// without gravity. For small angles m h² θ'' = -k (θ + c θ'), k the hinge's stiffness and h the
 /// wing's height. Gives the scene, k and h.
 fn folded_hinge(integrator: Integrator, start: f64) -> (Scene, f64, f64) {
-    let sheet = Isotropic {
-        youngs_modulus: 1e7,
-        poissons_ratio: 0.0,
-        thickness: 3e-4,
-    };
+    let sheet = elastic(1e7, 0.0, 3e-4);
     let side = 0.05;
     let height = 0.75_f64.sqrt() * side;
     let uv = vec![

@@ -8,13 +8,9 @@ use selvedge_sim::{Simulator, sag};
 use crate::scenes::{
     CAMEL, DENIM, GRAY, NAVY, at_rest, by_default, edge_stretches, hanging, material, moved, still,
 };
-use crate::sheets::isotropic;
+use crate::sheets::{elastic, isotropic};
 
-const SHEET: Isotropic = Isotropic {
-    youngs_modulus: 1e5,
-    poissons_ratio: 0.3,
-    thickness: 5e-4,
-};
+const SHEET: Isotropic = elastic(1e5, 0.3, 5e-4);
 
 /// The shipped fabrics and an isotropic sheet, hanging from two corners.
 fn fabrics(side: usize) -> Vec<Scene> {

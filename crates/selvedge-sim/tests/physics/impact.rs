@@ -2,12 +2,12 @@
 //! the ball's faces. And a tight band, which comes to rest on what it holds.
 
 use glam::DVec3;
-use selvedge_cloth::{Environment, Handles, Isotropic, Material, Scene, Stepper};
+use selvedge_cloth::{Environment, Handles, Material, Scene, Stepper};
 use selvedge_sim::Simulator;
 
 use crate::scenes::{edge_stretches, still};
 use crate::sewn::tube;
-use crate::sheets::isotropic;
+use crate::sheets::{elastic, isotropic};
 use crate::touching::{lying, mean, sphere};
 
 /// Moves the cloth by `frames`. Gives the largest strain of an edge on the way, and the mean speed
@@ -26,12 +26,8 @@ fn run(scene: &Scene, frames: usize) -> [f64; 2] {
 }
 
 /// An isotropic fabric of this modulus `[Pa]`.
-fn elastic(youngs_modulus: f64, density: f64) -> Material {
-    let sheet = Isotropic {
-        youngs_modulus,
-        poissons_ratio: 0.3,
-        thickness: 5e-4,
-    };
+fn fabric(youngs_modulus: f64, density: f64) -> Material {
+    let sheet = elastic(youngs_modulus, 0.3, 5e-4);
     isotropic(sheet, density)
 }
 
@@ -39,7 +35,7 @@ fn elastic(youngs_modulus: f64, density: f64) -> Material {
 fn falling(stiffness: f64, level: i32) -> Scene {
     let mut scene = lying(13, |p| p);
     scene.environment = Environment::default();
-    scene.material = elastic(stiffness, scene.material.density);
+    scene.material = fabric(stiffness, scene.material.density);
     scene.contact.as_mut().unwrap().friction = 0.5;
     scene.obstacles = vec![sphere(DVec3::new(0.0, -0.32, 0.0), 0.2, level)];
     scene
@@ -67,7 +63,7 @@ fn band() -> Scene {
     let places = places.map(|p| DVec3::new(wider * p.x, p.y + 2.0 * side, wider * p.z));
     let mut scene = lying(5, |p| p);
     scene.mesh = mesh.clone().with_positions(places.collect()).unwrap();
-    scene.material = elastic(6e5, scene.material.density);
+    scene.material = fabric(6e5, scene.material.density);
     scene.handles = Handles::new(&[], mesh.positions().len()).unwrap();
     scene.environment.gravity = DVec3::ZERO;
     scene.contact.as_mut().unwrap().friction = 0.5;

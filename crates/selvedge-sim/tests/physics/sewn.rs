@@ -3,13 +3,13 @@
 
 use glam::{DVec2, DVec3};
 use selvedge_cloth::{
-    ConjugateGradients, FaceFabrics, FaceId, Handles, Integrator, Isotropic, LinearSolver, Mesh,
-    Scene, Stepper,
+    ConjugateGradients, FaceFabrics, FaceId, Handles, Integrator, LinearSolver, Mesh, Scene,
+    Stepper,
 };
 use selvedge_sim::{Simulator, sag};
 
 use crate::scenes::{self, BDF2, at_rest, crumpled, hanging, largest_distance};
-use crate::sheets::{isotropic, scene};
+use crate::sheets::{elastic, isotropic, scene};
 use crate::touching::{copies, none};
 
 /// `mesh` with the material coordinates of faces whose middle lies beyond the line u = `line`
@@ -134,11 +134,7 @@ pub(crate) fn tube(columns: usize, rows: usize, side: f64) -> Mesh {
 fn a_sewn_tube_is_as_long_as_its_weight_makes_it() {
     // With ν = 0 every ring sinks without changing its shape, and each row of the tube has one
     // stretch: E h (λ³ - λ)/2 around the tube carries the lumped masses below the row.
-    let sheet = Isotropic {
-        youngs_modulus: 2e4,
-        poissons_ratio: 0.0,
-        thickness: 1e-3,
-    };
+    let sheet = elastic(2e4, 0.0, 1e-3);
     let (columns, rows, spacing) = (12, 10, 0.05);
     let mesh = tube(columns, rows, spacing);
     let seams = mesh.topology().edges().iter();
@@ -181,11 +177,7 @@ fn a_sewn_tube_is_as_long_as_its_weight_makes_it() {
 
 #[test]
 fn a_cloth_whose_rest_angles_are_those_of_its_start_stays_as_it_is() {
-    let sheet = Isotropic {
-        youngs_modulus: 2e4,
-        poissons_ratio: 0.3,
-        thickness: 1e-3,
-    };
+    let sheet = elastic(2e4, 0.3, 1e-3);
     let mut scene = scene(tube(9, 6, 0.05), isotropic(sheet, 0.3), &[]);
     scene.environment.gravity = DVec3::ZERO;
     let moved = |scene: &Scene| {

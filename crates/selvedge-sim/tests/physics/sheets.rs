@@ -5,6 +5,15 @@ use selvedge_cloth::{Handles, Isotropic, LinearSolver, Material, Mesh, Scene};
 
 use crate::scenes::squares;
 
+/// A material of this Young's modulus `[Pa]`, Poisson's ratio and thickness `[m]`.
+pub(crate) const fn elastic(youngs_modulus: f64, poissons_ratio: f64, thickness: f64) -> Isotropic {
+    Isotropic {
+        youngs_modulus,
+        poissons_ratio,
+        thickness,
+    }
+}
+
 /// A sheet of thickness 1 mm made of `isotropic`, of `density` [kg/m²].
 pub(crate) fn isotropic(isotropic: Isotropic, density: f64) -> Material {
     isotropic.validate().unwrap();
