@@ -118,7 +118,6 @@ impl Candidates {
         trees
     }
 
-    /// Whether the cloth touches itself.
     pub(crate) fn touches_itself(&self) -> bool {
         self.touches_itself
     }
@@ -263,7 +262,6 @@ impl Candidates {
     }
 }
 
-/// Boxes around the ways of all points.
 fn paths(ways: Ways<'_>) -> impl Iterator<Item = Bounds> {
     let ends = ways.from.iter().zip(ways.to).zip(ways.later);
     ends.map(|((from, to), later)| {
@@ -299,7 +297,6 @@ impl Boxes {
     }
 }
 
-/// The search among the features of two faces.
 struct Finder<'a> {
     surface: &'a Surface,
     boxes: &'a Boxes,
@@ -438,7 +435,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wider_search_keeps_what_there_is_and_misses_nothing() {
+    fn no_near_pair_is_missed_none_comes_twice_and_a_wider_search_keeps_what_there_is() {
         let mut rng = ChaCha8Rng::seed_from_u64(9);
         let mut point =
             |size: f64| DVec3::from_array([0; 3].map(|_| rng.random_range(-size..size)));
@@ -449,6 +446,13 @@ mod tests {
             slack: 0.02,
         };
         let every = every_pair(&surface);
+        let in_order = |pairs: &[Pair]| {
+            let mut found: Vec<Pair> = pairs.iter().map(ordered).collect();
+            found.sort_unstable();
+            found.dedup();
+            assert!(found.len() == pairs.len() && found.len() < every.len());
+            found
+        };
         let mut added = 0;
         for _ in 0..20 {
             let crumpled = |p: &DVec3, by: DVec3| DVec3::new(0.0, p.y * 0.5, p.z * 0.5) + by;
@@ -458,25 +462,26 @@ mod tests {
                 to,
                 later: to,
             };
-            let to: Vec<DVec3> = from.iter().map(|p| *p + point(0.02)).collect();
+            let to: Vec<DVec3> = from.iter().map(|p| *p + point(0.05)).collect();
             candidates.find(&surface, ways(&to), reach);
             let first = candidates.pairs().to_vec();
+            // A path that strays less than the slack along each axis.
+            let mut strayed = |from: &[DVec3]| from.iter().map(|p| *p + point(0.0199)).collect();
+            let [begin, end]: [Vec<DVec3>; 2] = [strayed(&from), strayed(&to)];
+            assert!(candidates.cover(&from, &to) && candidates.cover(&begin, &end));
+            assert_none_is_missed(&every, &in_order(&first), [&begin, &end], reach.gap);
             // Some points end elsewhere.
             let mut other = to.clone();
             for _ in 0..8 {
                 other[(point(1.0).x.abs() * 41.0) as usize] += point(0.3);
             }
+            assert!(!candidates.cover(&from, &other));
             candidates.widen(&surface, ways(&other), reach);
-            assert!(candidates.cover(&from, &other));
-            assert!(candidates.cover(&from, &to));
+            assert!(candidates.cover(&from, &other) && candidates.cover(&from, &to));
             let pairs = candidates.pairs();
             assert_eq!(pairs[..first.len()], first);
             added += pairs.len() - first.len();
-            let mut found: Vec<Pair> = pairs.iter().map(ordered).collect();
-            found.sort_unstable();
-            found.dedup();
-            assert_eq!(found.len(), pairs.len());
-            assert!(found.len() < every.len());
+            let found = in_order(pairs);
             for end in [&to, &other] {
                 assert_none_is_missed(&every, &found, [&from, end], reach.gap);
             }
@@ -485,45 +490,5 @@ mod tests {
             assert_eq!(candidates.pairs().len(), found.len());
         }
         assert!(added > 1000, "{added}");
-    }
-
-    #[test]
-    fn no_near_pair_is_missed_and_none_comes_twice() {
-        let mut rng = ChaCha8Rng::seed_from_u64(6);
-        let mut point =
-            |size: f64| DVec3::from_array([0; 3].map(|_| rng.random_range(-size..size)));
-        let (surface, start) = scene(25, (0..6).map(|_| point(0.7)).collect());
-        let mut candidates = Candidates::new(&surface, &start, true);
-        let reach = Reach {
-            gap: 0.02,
-            slack: 0.01,
-        };
-        let every = every_pair(&surface);
-        for _ in 0..50 {
-            let crumpled = |p: &DVec3, by: DVec3| DVec3::new(0.0, p.y * 0.5, p.z * 0.5) + by;
-            let from: Vec<DVec3> = start.iter().map(|p| crumpled(p, point(0.1))).collect();
-            let to: Vec<DVec3> = from.iter().map(|p| *p + point(0.05)).collect();
-            let ways = Ways {
-                from: &from,
-                to: &to,
-                later: &to,
-            };
-            candidates.find(&surface, ways, reach);
-            let mut found: Vec<Pair> = candidates.pairs().iter().map(ordered).collect();
-            found.sort_unstable();
-            let count = found.len();
-            found.dedup();
-            assert_eq!(found.len(), count);
-            assert!(count < every.len());
-            assert!(candidates.cover(&from, &to));
-            // A path that strays less than the slack along each axis.
-            let stray = |p: &DVec3, by: DVec3| *p + by;
-            let other: Vec<DVec3> = from.iter().map(|p| stray(p, point(0.0099))).collect();
-            let end: Vec<DVec3> = to.iter().map(|p| stray(p, point(0.0099))).collect();
-            assert!(candidates.cover(&other, &end));
-            let far: Vec<DVec3> = to.iter().map(|p| *p + DVec3::X * 0.2).collect();
-            assert!(!candidates.cover(&other, &far));
-            assert_none_is_missed(&every, &found, [&other, &end], reach.gap);
-        }
     }
 }

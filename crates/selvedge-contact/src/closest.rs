@@ -42,15 +42,20 @@ pub fn gap(kind: Kind, corners: [DVec3; 4]) -> Gap {
 #[must_use]
 #[inline]
 pub fn least_gap(kind: Kind, corners: [DVec3; 4]) -> f64 {
-    let (first, second) = corners.split_at(kind.split());
-    let ends = |points: &[DVec3]| {
-        let rest = points[1..].iter();
-        rest.fold((points[0], points[0]), |(least, greatest), p| {
-            (least.min(*p), greatest.max(*p))
-        })
+    let (above, below) = along_axes(kind, corners);
+    above.max(below).max_element()
+}
+
+/// Distances of the boxes around two features along the axes, the first above the second, and
+/// below it `[m]`.
+#[inline]
+pub(crate) fn along_axes(kind: Kind, corners: [DVec3; 4]) -> (DVec3, DVec3) {
+    let [a, b, c, d] = corners;
+    let (least, greatest) = match kind {
+        Kind::VertexFace => ((a, b.min(c).min(d)), (a, b.max(c).max(d))),
+        Kind::EdgeEdge => ((a.min(b), c.min(d)), (a.max(b), c.max(d))),
     };
-    let (first, second) = (ends(first), ends(second));
-    (first.0 - second.1).max(second.0 - first.1).max_element()
+    (least.0 - greatest.1, least.1 - greatest.0)
 }
 
 /// Weights of a vertex p and the nearest point of the triangle a, b, c (Ericson 2005, 5.1.5).

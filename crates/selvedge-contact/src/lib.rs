@@ -32,7 +32,7 @@ mod surface;
 pub use boxes::Bounds;
 pub use candidates::{Candidates, Reach, Ways};
 pub use certificate::{
-    Approach, Path, Straight, certify, certify_straight, certify_turning, extent,
+    Approach, Path, Straight, approach, certify, certify_straight, certify_turning, extent,
 };
 pub use closest::{Gap, gap, least_gap};
 pub use intersect::{Intersection, triangles_meet};

@@ -5,7 +5,6 @@ use selvedge_cloth::ReleasedContact;
 
 use crate::surface::Surface;
 
-/// Contact that is released.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Released {
     /// In ascending order of their vertices.

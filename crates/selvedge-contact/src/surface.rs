@@ -20,7 +20,6 @@ pub struct Surface {
     shares: Vec<Share>,
 }
 
-/// A number that is none.
 pub(crate) const NONE: u32 = u32::MAX;
 
 /// Features that a face stands for in the search for pairs. Every vertex and edge of a face has one

@@ -7,7 +7,7 @@
 use glam::DVec3;
 use selvedge_cloth::{HandleTargets, Scene};
 
-use crate::integrator::{History, SecondOrder, Substep};
+use crate::integrator::{History, SecondOrder};
 use crate::solver::{SolveError, System};
 use crate::state::State;
 
@@ -82,10 +82,8 @@ impl ActiveHandles {
 
     /// Returns true if the active handles are those of `targets`.
     pub(crate) fn fits(&self, targets: &HandleTargets) -> bool {
-        let holds = self.holds.iter().enumerate();
-        holds
-            .into_iter()
-            .all(|(h, holds)| *holds == targets.holds(h))
+        let mut holds = self.holds.iter().enumerate();
+        holds.all(|(h, holds)| *holds == targets.holds(h))
     }
 
     /// Moves `state` by one substep over `dt` `[s]`, active handles to `targets` `[m]`: by the scene's
@@ -101,18 +99,12 @@ impl ActiveHandles {
         let system = &mut self.system;
         match (&mut self.second_order, history) {
             (Some(second_order), Some(history)) => {
-                let substep = Substep {
-                    system,
-                    dt,
-                    targets,
-                };
-                second_order.advance(substep, state, history)
+                second_order.advance(system, dt, targets, state, history)
             }
             _ => system.advance(dt, state, targets),
         }
     }
 
-    /// Returns true if a substep depends on the state before the last one.
     pub(crate) fn looks_back(&self) -> bool {
         self.second_order.is_some()
     }

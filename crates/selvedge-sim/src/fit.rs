@@ -16,11 +16,11 @@ use selvedge_cloth::{Handles, LoosePanels, Mesh, Scene, SceneError, Stop, Vertex
 use thiserror::Error;
 
 use crate::active_handles::ActiveHandles;
+use crate::edges::{FreeEdge, WatchedEdges, free_edges};
 use crate::sew::{sew, widest_gap};
 use crate::simulator::SimulatorError;
 use crate::state::State;
 use crate::stop;
-use crate::watched_edges::WatchedEdges;
 
 mod around;
 mod dress;
@@ -79,6 +79,17 @@ pub struct FitProgress {
     pub meeting: Option<usize>,
 }
 
+impl FitProgress {
+    /// This part of the work done, and this largest strain.
+    fn at(done: f64, strain: f64) -> Self {
+        Self {
+            done,
+            strain,
+            ..Self::default()
+        }
+    }
+}
+
 /// Reason why a cloth was not fitted.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
@@ -125,14 +136,6 @@ pub enum FitError {
         percent: f64,
         cause: String,
     },
-}
-
-/// An edge with what it is brought to.
-pub(crate) struct Spring {
-    ends: [usize; 2],
-    /// Shares of the two ends in a correction; 0 where held.
-    shares: [f64; 2],
-    length: f64,
 }
 
 /// A callback that sees the progress and may stop the fit.
@@ -216,51 +219,38 @@ fn fit_from(
     })
 }
 
-/// The edges that are not held at both ends.
-pub(crate) fn springs(mesh: &Mesh, handles: &Handles) -> Vec<Spring> {
-    let held = handles.mask(mesh.topology().vertex_count());
-    let edges = mesh.topology().edges().iter();
-    edges
-        .zip(mesh.pattern().edge_lengths())
-        .map(|(edge, length)| {
-            let weight = |v: VertexId| if held[v.index()] { 0.0 } else { 1.0 };
-            let [a, b] = edge.vertices.map(weight);
-            let total = f64::max(a + b, 1.0);
-            Spring {
-                ends: edge.vertices.map(|v| v.index()),
-                shares: [a / total, b / total],
-                length,
-            }
-        })
-        .filter(|spring| spring.shares != [0.0; 2])
-        .collect()
+/// The edges that are brought to their lengths.
+pub(crate) fn springs(mesh: &Mesh, handles: &Handles) -> Vec<FreeEdge> {
+    free_edges(mesh, &handles.mask(mesh.topology().vertex_count()))
 }
 
-pub(crate) fn largest_strain(springs: &[Spring], positions: &[DVec3]) -> f64 {
-    let strain = |spring: &Spring| {
+/// Stretch l/l₀ of each edge.
+fn stretches<'a>(
+    springs: &'a [FreeEdge],
+    positions: &'a [DVec3],
+) -> impl Iterator<Item = f64> + 'a {
+    springs.iter().map(|spring| {
         let [a, b] = spring.ends.map(|v| positions[v]);
-        (a.distance(b) / spring.length - 1.0).abs()
-    };
-    springs.iter().map(strain).fold(0.0, f64::max)
+        a.distance(b) / spring.length
+    })
+}
+
+/// Largest strain of an edge, by its amount.
+pub(crate) fn largest_strain(springs: &[FreeEdge], positions: &[DVec3]) -> f64 {
+    let strains = stretches(springs, positions).map(|stretch| (stretch - 1.0).abs());
+    strains.fold(0.0, f64::max)
 }
 
 /// Root mean square of the edges' strains.
-fn strain_rms(springs: &[Spring], positions: &[DVec3]) -> f64 {
-    let square = |spring: &Spring| {
-        let [a, b] = spring.ends.map(|v| positions[v]);
-        (a.distance(b) / spring.length - 1.0).powi(2)
-    };
-    (springs.iter().map(square).sum::<f64>() / springs.len() as f64).sqrt()
+fn strain_rms(springs: &[FreeEdge], positions: &[DVec3]) -> f64 {
+    let squares = stretches(springs, positions).map(|stretch| (stretch - 1.0).powi(2));
+    (squares.sum::<f64>() / springs.len() as f64).sqrt()
 }
 
 /// Scales a cloth whose edges are too long or short in the median about the middle of its handles,
 /// which stay; about its own middle where it has none.
-fn scale(springs: &[Spring], handles: &Handles, positions: &mut [DVec3]) {
-    let stretch = |spring: &Spring| {
-        let [a, b] = spring.ends.map(|v| positions[v]);
-        a.distance(b) / spring.length
-    };
-    let mut stretches: Vec<f64> = springs.iter().map(stretch).collect();
+fn scale(springs: &[FreeEdge], handles: &Handles, positions: &mut [DVec3]) {
+    let mut stretches: Vec<f64> = stretches(springs, positions).collect();
     stretches.sort_by(f64::total_cmp);
     let median = stretches[stretches.len() / 2];
     if OWN_SIZE.contains(&median) || median <= 0.0 {
@@ -280,14 +270,14 @@ fn scale(springs: &[Spring], handles: &Handles, positions: &mut [DVec3]) {
 }
 
 /// Moves the ends of every edge by `part` of what it lacks; every second pass backwards.
-fn pass(springs: &[Spring], positions: &mut [DVec3], part: f64, backwards: bool) {
+fn pass(springs: &[FreeEdge], positions: &mut [DVec3], part: f64, backwards: bool) {
     let count = springs.len();
     for k in 0..count {
         springs[if backwards { count - 1 - k } else { k }].correct(positions, part);
     }
 }
 
-impl Spring {
+impl FreeEdge {
     /// Moves the ends by `part` of what the edge lacks.
     fn correct(&self, positions: &mut [DVec3], part: f64) {
         let [a, b] = self.ends;
@@ -295,15 +285,15 @@ impl Spring {
         let length = along.length();
         if length > 0.0 {
             let shift = along * (part * (1.0 - self.length / length));
-            positions[a] += shift * self.shares[0];
-            positions[b] -= shift * self.shares[1];
+            positions[a] += shift * self.parts[0];
+            positions[b] -= shift * self.parts[1];
         }
     }
 }
 
 /// Brings edges to their lengths, until they are or it gets no better.
 fn project(
-    springs: &[Spring],
+    springs: &[FreeEdge],
     positions: &mut [DVec3],
     progress: Listener<'_>,
 ) -> Result<(), FitError> {
@@ -326,12 +316,7 @@ fn project(
             told = Instant::now();
             let strain = largest_strain(springs, positions);
             let done = 0.5 * f64::from(number) / f64::from(MOST_PASSES);
-            let now = FitProgress {
-                done,
-                strain,
-                ..FitProgress::default()
-            };
-            tell(progress, now)?;
+            tell(progress, FitProgress::at(done, strain))?;
         }
     }
     positions.copy_from_slice(&kept);
@@ -341,7 +326,7 @@ fn project(
 /// Solves without gravity and air, from standstill to standstill, the stiffness rising.
 fn relax(
     scene: &Scene,
-    springs: &[Spring],
+    springs: &[FreeEdge],
     positions: &mut Vec<DVec3>,
     progress: Listener<'_>,
 ) -> Result<(), FitError> {
@@ -352,23 +337,15 @@ fn relax(
     let watched = WatchedEdges::new(&scene.mesh, &scene.handles);
     let targets = scene.handles.select(scene.mesh.positions());
     for (number, part) in STAGES.into_iter().enumerate() {
-        bare.material = scene.material.clone().multiplied(part, part);
-        let fabrics = scene.fabrics.iter();
-        let softer = |(name, fabric): (&String, &selvedge_cloth::Material)| {
-            (name.clone(), fabric.clone().multiplied(part, part))
-        };
-        bare.fabrics = fabrics.map(softer).collect();
+        soften(&mut bare, scene, part);
         let mut active = ActiveHandles::all(&bare).map_err(failed)?;
         let stop = Stop::default();
         active.system.stop_by(stop.clone());
         for solve in 0..SOLVES {
             let before = largest_strain(springs, positions);
             let all = (STAGES.len() as u32 * SOLVES) as f64;
-            let mut now = FitProgress {
-                done: 0.5 + 0.5 * f64::from(number as u32 * SOLVES + solve) / all,
-                strain: before,
-                ..FitProgress::default()
-            };
+            let done = 0.5 + 0.5 * f64::from(number as u32 * SOLVES + solve) / all;
+            let mut now = FitProgress::at(done, before);
             let solved = stop::beside(&stop, &mut || progress(now), || {
                 still_step(&mut active, &bare, positions, &targets, &watched)
             });
@@ -388,6 +365,27 @@ fn relax(
         }
     }
     Ok(())
+}
+
+/// Sum of the `values` of the neighbours of each along `sides`, and their number.
+fn of_neighbours(values: &[DVec3], sides: &[[usize; 2]]) -> Vec<(DVec3, u32)> {
+    let mut sums = vec![(DVec3::ZERO, 0); values.len()];
+    for &[a, b] in sides {
+        for (own, other) in [(a, b), (b, a)] {
+            sums[own].0 += values[other];
+            sums[own].1 += 1;
+        }
+    }
+    sums
+}
+
+/// Makes the fabrics of `bare` those of `scene`, their stiffness multiplied by `part`.
+fn soften(bare: &mut Scene, scene: &Scene, part: f64) {
+    bare.material = scene.material.clone().multiplied(part, part);
+    let fabrics = scene.fabrics.iter();
+    bare.fabrics = fabrics
+        .map(|(name, fabric)| (name.clone(), fabric.clone().multiplied(part, part)))
+        .collect();
 }
 
 pub(crate) fn failed(cause: impl std::error::Error) -> FitError {
@@ -411,9 +409,8 @@ fn still_step(
             positions: positions.clone(),
         };
         let solved = active.advance(dt, &mut state, None, targets);
-        let is_finite = state.positions.iter().all(|p| p.is_finite());
         if solved.is_ok()
-            && is_finite
+            && state.positions.iter().all(|p| p.is_finite())
             && watched.keep_their_lengths(positions, &state.positions, MOST_CHANGE)
         {
             *positions = state.positions;

@@ -57,6 +57,7 @@
 
 mod active_handles;
 mod contact;
+mod edges;
 mod fit;
 mod integrator;
 pub mod laws;
@@ -69,7 +70,6 @@ mod state;
 mod stop;
 mod substep_error;
 mod threads;
-mod watched_edges;
 
 pub use contact::{ContactCounts, ContactGauge, FAR, FrameContact, Led, YieldedContact};
 pub use fit::{

@@ -1,7 +1,9 @@
 //! Many short lists of numbers in two arrays: the entries of each key.
 
+use std::ops::Range;
+
 /// The lists of keys 0, 1, ….
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(crate) struct Lists {
     starts: Vec<u32>,
     entries: Vec<u32>,
@@ -27,10 +29,20 @@ impl Lists {
         Self { starts, entries }
     }
 
+    /// Places of the entries of `key` among all.
+    #[inline]
+    pub(crate) fn range(&self, key: usize) -> Range<usize> {
+        self.starts[key] as usize..self.starts[key + 1] as usize
+    }
+
     /// The entries of `key`, in order.
     #[inline]
     pub(crate) fn of(&self, key: usize) -> &[u32] {
-        &self.entries[self.starts[key] as usize..self.starts[key + 1] as usize]
+        &self.entries[self.range(key)]
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.entries.len()
     }
 }
 

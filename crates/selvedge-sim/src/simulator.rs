@@ -12,24 +12,21 @@ use selvedge_cloth::{HandleError, HandleTargets, Scene, StepError, Stop, VertexI
 
 use crate::active_handles::ActiveHandles;
 use crate::contact::{Contact, ContactCounts, Span};
+use crate::edges::{Overstretched, WatchedEdges};
 use crate::integrator::{History, SubstepCounts};
 use crate::solver::SolveError;
 use crate::state::State;
 use crate::substep_error::SubstepError;
 use crate::threads::Threads;
-use crate::watched_edges::{Overstretched, WatchedEdges};
 pub use checkpoint::{Checkpoint, PreviousSubstep};
 pub use error::SimulatorError;
-pub use snapshot::DividedFrames;
-use snapshot::{Part, Snapshot};
+pub use frame::DividedFrames;
+use frame::Snapshot;
 
 mod checkpoint;
 mod contact;
-mod correctable;
 mod error;
 mod frame;
-mod resume;
-mod snapshot;
 mod stepping;
 
 /// A cloth that moves by its measured stiffness, gravity and air.
@@ -42,8 +39,8 @@ pub struct Simulator {
     /// cloth back there.
     frame_start: Snapshot,
     part_start: Snapshot,
-    /// The rest of what undoes the last step, while that can be undone.
-    undo: Option<Undo>,
+    /// The active handles before the last step where they were others, while it can be undone.
+    undo: Option<Option<ActiveHandles>>,
     rounded: Vec<Vec3>,
     frame: usize,
     divided: DividedFrames,
@@ -71,12 +68,6 @@ pub struct StepStats {
     pub contact: ContactCounts,
 }
 
-/// The parts that undo a step beside the saved state.
-struct Undo {
-    /// The active handles before, where they were others.
-    active: Option<ActiveHandles>,
-}
-
 impl Simulator {
     /// A simulator of `scene` from its mesh's positions, at rest.
     ///
@@ -102,27 +93,26 @@ impl Simulator {
         Self::from_checkpoint(scene, &Checkpoint::of(0, positions, velocities))
     }
 
-    /// A simulator of a validated scene in the positions and velocities of a checked `checkpoint`.
-    fn starting(scene: &Scene, checkpoint: &Checkpoint) -> Result<Self, SimulatorError> {
-        let vertices = checkpoint.positions.len();
-        let active = ActiveHandles::all(scene).map_err(|cause| SimulatorError::Analysis {
-            vertices,
-            cause: cause.to_string(),
-        })?;
-        let state = State {
-            positions: checkpoint.positions.clone(),
-            velocities: checkpoint.velocities.clone(),
-        };
+    /// A simulator of a validated scene from its mesh's positions, at rest, which is not checked.
+    fn of_mesh(scene: &Scene) -> Result<Self, SimulatorError> {
+        let positions = scene.mesh.positions();
+        let vertices = positions.len();
+        let active = ActiveHandles::all(scene)
+            .map_err(|cause| SimulatorError::analysis(vertices, &cause))?;
         Ok(Self {
-            rounded: state.positions.iter().map(|p| p.as_vec3()).collect(),
-            reached: scene.handles.select(&state.positions),
-            reached_before: scene.handles.select(&state.positions),
+            rounded: vec![Vec3::ZERO; vertices],
+            reached: scene.handles.select(positions),
+            reached_before: scene.handles.select(positions),
             targets: vec![DVec3::ZERO; scene.handles.len()],
+            state: State {
+                positions: positions.to_vec(),
+                velocities: vec![DVec3::ZERO; vertices],
+            },
             history: History::none(vertices),
             frame_start: Snapshot::new(vertices),
             part_start: Snapshot::new(vertices),
             undo: None,
-            frame: checkpoint.frame,
+            frame: 0,
             divided: DividedFrames::default(),
             threads: Threads::Pool,
             stop: Stop::default(),
@@ -130,7 +120,6 @@ impl Simulator {
             contact: Contact::of(scene, active.system.mass()).map(Box::new),
             scene: scene.clone(),
             active,
-            state,
         })
     }
 
@@ -172,11 +161,8 @@ impl Simulator {
             false => DVec3::ZERO,
         };
         let offsets = (0..holds.len()).map(offset).collect();
-        let mut active = ActiveHandles::new(scene, holds, offsets).map_err(|cause| {
-            let vertices = simulator.rounded.len();
-            let cause = cause.to_string();
-            SimulatorError::Analysis { vertices, cause }
-        })?;
+        let mut active = ActiveHandles::new(scene, holds, offsets)
+            .map_err(|cause| SimulatorError::analysis(simulator.rounded.len(), &cause))?;
         if let Some((changes, seconds)) = simulator.active.system.last_changes() {
             active.system.put_changes(changes, seconds);
         }
@@ -270,13 +256,7 @@ impl Simulator {
         self.active.put_targets(&mut self.targets, |h| targets[h]);
         let threads = self.enter();
         self.enter_frame();
-        let still = Part {
-            from: 0.0,
-            to: 0.0,
-            may_hold: true,
-            is_last: true,
-        };
-        if let Err(error) = threads.run(|| self.solve(dt, still)) {
+        if let Err(error) = threads.run(|| self.solve(dt, [0.0; 2], true, true)) {
             let error = self.step_error(error, 1);
             self.undo_frame();
             return Err(error);
@@ -317,9 +297,16 @@ impl Simulator {
         Ok(Some(std::mem::replace(&mut self.active, active)))
     }
 
-    /// Moves the state by a substep over `dt` towards `self.targets`, in this part of the frame. On
+    /// Moves the state by a substep over `dt` towards `self.targets`, between two parts of the frame.
+    /// Contact may hold vertices back only if it `may_hold`; an error `is_last` if it is final. On
     /// an error the state is unusable.
-    fn solve(&mut self, dt: f64, part: Part) -> Result<(), SubstepError> {
+    fn solve(
+        &mut self,
+        dt: f64,
+        [from, to]: [f64; 2],
+        may_hold: bool,
+        is_last: bool,
+    ) -> Result<(), SubstepError> {
         let (state, history) = (&mut self.state, &mut self.history);
         match &mut self.contact {
             None => {
@@ -329,12 +316,12 @@ impl Simulator {
             Some(contact) => {
                 let span = Span {
                     dt,
-                    from: part.from,
-                    to: part.to,
+                    from,
+                    to,
                     targets: &self.targets,
                     threads: self.threads.for_cloth(state.positions.len()),
-                    may_hold: part.may_hold,
-                    is_last: part.is_last,
+                    may_hold,
+                    is_last,
                 };
                 contact.advance(span, &mut self.active, state, history)?;
             }

@@ -23,7 +23,28 @@ impl State {
         }
     }
 
-    /// Makes this a copy of `other`, of the same size.
+    pub(crate) fn both(&self) -> [&[DVec3]; 2] {
+        [&self.positions, &self.velocities]
+    }
+
+    pub(crate) fn both_mut(&mut self) -> [&mut [DVec3]; 2] {
+        [&mut self.positions, &mut self.velocities]
+    }
+
+    /// Sets this to `now` + `weight` (`now` - `before`), all of the same size.
+    pub(crate) fn extrapolate(&mut self, now: &Self, before: &Self, weight: f64) {
+        let states = self
+            .both_mut()
+            .into_iter()
+            .zip(now.both())
+            .zip(before.both());
+        for ((into, now), before) in states {
+            for ((into, now), before) in into.iter_mut().zip(now).zip(before) {
+                *into = *now + (*now - *before) * weight;
+            }
+        }
+    }
+
     pub(crate) fn copy_from(&mut self, other: &Self) {
         self.positions.copy_from_slice(&other.positions);
         self.velocities.copy_from_slice(&other.velocities);

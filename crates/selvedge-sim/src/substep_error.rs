@@ -2,8 +2,8 @@
 
 use selvedge_cloth::StepError;
 
+use crate::edges::Overstretched;
 use crate::solver::SolveError;
-use crate::watched_edges::Overstretched;
 
 /// Pairs that cannot be kept apart.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,7 +19,6 @@ pub(crate) struct Unseparated {
 }
 
 impl Unseparated {
-    /// As the error of a frame.
     pub(crate) fn at(self, frame: usize) -> StepError {
         StepError::Contact {
             frame,

@@ -16,10 +16,8 @@ use super::Group;
 const AROUND: f64 = 0.8;
 /// Angle by which a corner of a straight boundary may be off `[rad]`.
 const STRAIGHT: f64 = 1e-6;
-/// A number that is none.
 const NONE: u32 = u32::MAX;
 
-/// The faces of a cloth in its pattern.
 pub(super) struct Layout<'a> {
     faces: &'a [[u32; 3]],
     corners: &'a [[DVec2; 3]],
@@ -58,14 +56,6 @@ impl Rectangle {
 
     fn contains(&self, p: DVec2) -> bool {
         p.cmpge(self.least).all() && p.cmple(self.greatest).all()
-    }
-
-    /// Distance along the axis in which the two are farthest apart `[m]`, negative where they
-    /// overlap.
-    fn distance(&self, other: &Self) -> f64 {
-        (self.least - other.greatest)
-            .max(other.least - self.greatest)
-            .max_element()
     }
 
     /// Returns true if the segment from `a` to `b` has a point in the rectangle.
@@ -193,9 +183,7 @@ impl<'a> Layout<'a> {
                 group.around.dedup();
                 let close = group.around.iter().copied();
                 group.close = close.filter(|g| is_whole(g)).collect();
-                let near = |face: &u32| is_whole(&group_of[*face as usize]);
-                let near: Vec<u32> = wholly.into_iter().filter(near).collect();
-                group.clearance = self.clearance(&group.faces, &near);
+                group.clearance = self.clearance(&reached);
             }
             found.push(group);
         }
@@ -247,39 +235,15 @@ impl<'a> Layout<'a> {
         Some((reached, wholly))
     }
 
-    /// Least distance of a corner of one face and a side of another that does not end there, or
-    /// the other way round, in the pattern `[m]`: what is drawn in a plane without crossing is
-    /// nearest at a corner.
-    fn clearance(&self, own: &[u32], near: &[u32]) -> f64 {
-        let mut least = f64::INFINITY;
-        let bounds = |face: u32| Rectangle::around(self.corners[face as usize].into_iter());
-        let near: Vec<(u32, Rectangle)> = near.iter().map(|f| (*f, bounds(*f))).collect();
-        for first in own {
-            let rectangle = bounds(*first);
-            for (second, other) in &near {
-                if rectangle.distance(other) < least {
-                    least = least.min(self.of_corners(*first, *second));
-                    least = least.min(self.of_corners(*second, *first));
-                }
-            }
-        }
-        least
-    }
-
-    /// Least distance of a corner of `first` to a side of `second` that does not end there `[m]`.
-    fn of_corners(&self, first: u32, second: u32) -> f64 {
-        let (ids, points) = (self.faces[first as usize], self.corners[first as usize]);
-        let (others, ends) = (self.faces[second as usize], self.corners[second as usize]);
-        let mut least = f64::INFINITY;
-        for (id, p) in ids.iter().zip(points) {
-            for k in 0..3 {
-                let next = (k + 1) % 3;
-                if others[k] != *id && others[next] != *id {
-                    least = least.min(to_segment(p, ends[k], ends[next]));
-                }
-            }
-        }
-        least
+    /// Least distance of two features of these faces without a common vertex, in the pattern `[m]`:
+    /// what is drawn in a plane without crossing is nearest at a corner, and a corner sees first the
+    /// sides across the faces around it.
+    fn clearance(&self, faces: &[u32]) -> f64 {
+        let corners = faces.iter().map(|face| self.corners[*face as usize]);
+        let across = corners.flat_map(|[a, b, c]| {
+            [(a, b, c), (b, c, a), (c, a, b)].map(|(p, from, to)| to_segment(p, from, to))
+        });
+        across.fold(f64::INFINITY, f64::min)
     }
 }
 

@@ -39,7 +39,6 @@ pub(crate) struct Patches {
     shapes: [Vec<Shape>; 2],
     /// Points of the cloth there `[m]`; empty before.
     places: [Vec<DVec3>; 2],
-    /// Number of the cloth's points.
     points: usize,
     /// True for groups whose own pairs, and those with what is close, are left out.
     is_smooth: Vec<bool>,
@@ -49,7 +48,6 @@ pub(crate) struct Patches {
     group_of: Vec<u32>,
 }
 
-/// A group of faces.
 #[derive(Clone, Debug)]
 struct Group {
     faces: Vec<u32>,
@@ -131,7 +129,6 @@ impl Patches {
         (0..self.groups.len()).all(|k| !self.is_smooth[k] || self.keeps(k, KEPT))
     }
 
-    /// Forgets which groups were smooth.
     pub(crate) fn clear(&mut self) {
         self.is_smooth.fill(false);
     }

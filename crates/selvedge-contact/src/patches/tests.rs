@@ -56,6 +56,14 @@ impl Sheet {
         Surface::new(&Topology::new(self.points.len(), &self.faces).unwrap(), &[])
     }
 
+    /// Its surface and candidates with patches, without pairs yet.
+    fn candidates(&self) -> (Surface, Candidates) {
+        let surface = self.surface();
+        let plain = Candidates::new(&surface, &self.laid(flat), true);
+        let with = plain.with_pattern(&surface, &self.corners());
+        (surface, with)
+    }
+
     /// The points where `place` has them.
     fn laid(&self, place: impl Fn(DVec2) -> DVec3) -> Vec<DVec3> {
         self.points.iter().map(|p| place(*p)).collect()
@@ -145,19 +153,14 @@ fn what_is_left_out_stays_apart_on_the_whole_way() {
 #[test]
 fn points_of_a_smooth_patch_are_as_far_apart_as_promised() {
     let sheet = Sheet::new(10, 10, |_, _| true);
-    let surface = sheet.surface();
+    let reach = Reach {
+        gap: 0.01,
+        slack: 0.01,
+    };
     for radius in [1.5, 6.0, 20.0] {
         let places = sheet.laid(rolled(radius));
-        let mut candidates =
-            Candidates::new(&surface, &places, true).with_pattern(&surface, &sheet.corners());
-        candidates.find(
-            &surface,
-            Ways::still(&places),
-            Reach {
-                gap: 0.01,
-                slack: 0.01,
-            },
-        );
+        let (surface, mut candidates) = sheet.candidates();
+        candidates.find(&surface, Ways::still(&places), reach);
         let patches = candidates.patches().unwrap();
         let smooth = patches.is_smooth.iter().filter(|smooth| **smooth).count();
         assert_eq!(smooth > 0, radius > 2.0, "{radius}: {smooth}");
@@ -186,11 +189,9 @@ fn points_of_a_smooth_patch_are_as_far_apart_as_promised() {
 #[test]
 fn a_patch_that_folds_is_searched_again() {
     let sheet = Sheet::new(10, 10, |_, _| true);
-    let surface = sheet.surface();
+    let (surface, mut candidates) = sheet.candidates();
     let [start, bent] = [sheet.laid(flat), sheet.laid(rolled(30.0))];
     let folded = sheet.laid(rolled(1.0));
-    let mut candidates =
-        Candidates::new(&surface, &start, true).with_pattern(&surface, &sheet.corners());
     let reach = Reach {
         gap: 0.01,
         slack: 20.0,
@@ -211,7 +212,6 @@ fn a_patch_that_folds_is_searched_again() {
 #[test]
 fn a_wider_search_takes_up_patches_that_fold() {
     let sheet = Sheet::new(10, 10, |_, _| true);
-    let surface = sheet.surface();
     let (start, folded) = (sheet.laid(flat), sheet.laid(rolled(1.0)));
     let reach = Reach {
         gap: 0.01,
@@ -219,8 +219,7 @@ fn a_wider_search_takes_up_patches_that_fold() {
     };
     let [smooth, every] = found(&sheet, Ways::still(&start), reach);
     assert!(smooth.len() + 1000 < every.len());
-    let mut candidates =
-        Candidates::new(&surface, &start, true).with_pattern(&surface, &sheet.corners());
+    let (surface, mut candidates) = sheet.candidates();
     candidates.find(&surface, Ways::still(&start), reach);
     // All within their boxes: what is new is what was left out.
     candidates.widen(&surface, Ways::still(&folded), reach);
@@ -232,9 +231,7 @@ fn a_wider_search_takes_up_patches_that_fold() {
 
 /// Numbers of the groups that have something close, with the faces of each group.
 fn usable(sheet: &Sheet) -> Vec<(Vec<u32>, bool)> {
-    let surface = sheet.surface();
-    let candidates =
-        Candidates::new(&surface, &sheet.laid(flat), true).with_pattern(&surface, &sheet.corners());
+    let (_, candidates) = sheet.candidates();
     let patches = candidates.patches().unwrap();
     let groups = patches.groups.iter();
     groups

@@ -15,7 +15,6 @@ const WITHIN: f64 = -1e-6;
 /// across.
 const FLAT: [f64; 2] = [1e-6, 1e-8];
 
-/// Areas and orientations of all features.
 pub(super) struct Law {
     /// Area of a vertex: a third of its faces' `[m²]`.
     points: Vec<f64>,
@@ -36,7 +35,6 @@ struct Side {
     area: f64,
 }
 
-/// All bodies at the start of a solve.
 pub(super) struct Bodies<'a> {
     pub(super) surface: &'a Surface,
     /// Points `[m]`.
@@ -47,7 +45,6 @@ pub(super) struct Bodies<'a> {
     pub(super) thickness: &'a [f64],
 }
 
-/// A pair that is the nearest.
 pub(super) struct Nearby {
     pub(super) pair: Pair,
     pub(super) gap: Gap,
@@ -127,7 +124,6 @@ impl Law {
         self.face_edges.push(own);
     }
 
-    /// The pairs that are nearest.
     pub(super) fn nearest(&self, bodies: &Bodies<'_>) -> Vec<Nearby> {
         let normals = self.normals(bodies.surface, bodies.places);
         let mut found = Found::new(self, bodies);

@@ -2,7 +2,7 @@
 //! whose points cannot have come near needs no look. Nor does one whose two sides go the same way.
 
 use glam::DVec3;
-use selvedge_contact::{Kind, Pair};
+use selvedge_contact::{Pair, approach};
 
 /// Rounding of sums of distances `[m]`.
 const ROUNDING: f64 = 1e-9;
@@ -97,13 +97,7 @@ fn furthest(pair: &Pair, lengths: &[f64]) -> f64 {
 /// one of the other, at most.
 #[inline]
 pub(super) fn against(pair: &Pair, ways: &[DVec3]) -> f64 {
-    let [a, b, c, d] = pair.places(ways);
-    let apart = |p: DVec3, q: DVec3| (p - q).length_squared();
-    let most = match pair.kind {
-        Kind::VertexFace => apart(a, b).max(apart(a, c)).max(apart(a, d)),
-        Kind::EdgeEdge => (apart(a, c).max(apart(a, d))).max(apart(b, c).max(apart(b, d))),
-    };
-    most.sqrt() + ROUNDING
+    approach(pair.kind, pair.places(ways)) + ROUNDING
 }
 
 #[cfg(test)]

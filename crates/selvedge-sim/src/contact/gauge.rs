@@ -5,15 +5,13 @@ use std::ops::ControlFlow;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use selvedge_cloth::Scene;
-use selvedge_contact::{Candidates, Reach, Ways, gap};
+use selvedge_contact::{Reach, Ways, gap};
 
 use super::{Contact, YieldedContact};
 
 /// Measures the frames of a scene with contact.
 pub struct ContactGauge {
     contact: Contact,
-    candidates: Candidates,
-    points: Vec<DVec3>,
     rate: f64,
     yielded: Vec<YieldedContact>,
 }
@@ -32,13 +30,8 @@ impl ContactGauge {
     /// The gauge of a validated scene; none if that has no contact.
     #[must_use]
     pub fn of(scene: &Scene) -> Option<Self> {
-        let contact = Contact::of(scene, &vec![0.0; scene.mesh.positions().len()])?;
-        let touches_itself = contact.settings.self_contact;
-        let points = contact.start.clone();
         Some(Self {
-            candidates: Candidates::new(&contact.surface, &points, touches_itself),
-            contact,
-            points,
+            contact: Contact::of(scene, &vec![0.0; scene.mesh.positions().len()])?,
             rate: scene.frame_rate,
             yielded: Vec::new(),
         })
@@ -93,28 +86,21 @@ impl ContactGauge {
             let all = self.yielded.iter();
             let now = all.filter(|one| (one.frames[0]..=one.frames[1]).contains(&frame));
             let now: Vec<_> = now.map(|one| one.released).collect();
-            self.candidates.release(&now);
             self.contact.candidates.release(&now);
         }
-        let cloth: Vec<DVec3> = positions.iter().map(|p| p.as_dvec3()).collect();
-        let met = self.contact.intersections(&cloth, frame, self.rate);
-        self.points.clear();
-        self.points.extend(&cloth);
-        let time = frame as f64 / self.rate;
-        for obstacle in &self.contact.obstacles {
-            self.points.extend(obstacle.positions_at(time));
-        }
-        let thickness = self.contact.largest_thickness();
+        let mut points: Vec<DVec3> = positions.iter().map(|p| p.as_dvec3()).collect();
+        let contact = &mut self.contact;
+        let met = contact.intersections(&points, frame, self.rate);
+        points.extend(contact.obstacle_points(frame, self.rate));
+        let thickness = contact.largest_thickness();
         let reach = Reach {
             gap: thickness,
             slack: 0.0,
         };
-        let (surface, points) = (&self.contact.surface, &self.points);
-        self.candidates.find(surface, Ways::still(points), reach);
-        let gaps = self.candidates.pairs().iter().map(|pair| {
-            let corners = pair.corners.map(|p| points[p as usize]);
-            gap(pair.kind, corners).distance
-        });
+        let candidates = &mut contact.candidates;
+        candidates.find(&contact.surface, Ways::still(&points), reach);
+        let pairs = candidates.pairs().iter();
+        let gaps = pairs.map(|pair| gap(pair.kind, pair.places(&points)).distance);
         let smallest = gaps.fold(f64::INFINITY, f64::min);
         FrameContact {
             intersections: met.len(),

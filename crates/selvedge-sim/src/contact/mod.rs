@@ -12,7 +12,6 @@ mod clearances;
 mod find;
 mod friction;
 mod gauge;
-mod keys;
 mod led;
 mod memory;
 mod received;

@@ -10,9 +10,10 @@ use glam::DVec3;
 use selvedge_cloth::{HandleTargets, Obstacle, ObstacleError, Scene, Stepper};
 
 use super::{
-    FitError, FitProgress, Fitted, Listener, Spring, failed, largest_strain, pass, springs,
+    FitError, FitProgress, Fitted, Listener, failed, largest_strain, pass, soften, springs,
     strain_rms, tell,
 };
+use crate::edges::FreeEdge;
 use crate::simulator::{Checkpoint, Simulator};
 
 /// Passes over all edges, and those until an edge is corrected in full.
@@ -66,11 +67,7 @@ pub(super) fn bare(scene: &Scene, part: f64) -> Result<Scene, FitError> {
     bare.environment.air_density = 0.0;
     bare.environment.air_drag = 0.0;
     bare.schedule.releases.clear();
-    bare.material = scene.material.clone().multiplied(part, part);
-    let fabrics = scene.fabrics.iter();
-    bare.fabrics = fabrics
-        .map(|(name, fabric)| (name.clone(), fabric.clone().multiplied(part, part)))
-        .collect();
+    soften(&mut bare, scene, part);
     bare.physics.max_strain = ANY_STRAIN;
     bare.physics.substeps = scene.physics.substeps.max(SUBSTEPS);
     if let Some(contact) = &mut bare.contact {
@@ -95,7 +92,7 @@ pub(super) fn at_the_start(obstacle: &Obstacle) -> Result<Obstacle, ObstacleErro
 /// Brings edges to their lengths, as far as nothing is in the way.
 fn project(
     scene: &Scene,
-    springs: &[Spring],
+    springs: &[FreeEdge],
     positions: &mut [DVec3],
     progress: Listener<'_>,
 ) -> Result<(), FitError> {
@@ -108,7 +105,13 @@ fn project(
         let part = f64::from(number + 1) / f64::from(RISE);
         wanted.copy_from_slice(positions);
         pass(springs, &mut wanted, part.min(1.0), number % 2 == 1);
-        shorten(positions, &mut wanted);
+        for (from, to) in positions.iter().zip(&mut wanted) {
+            let way = *to - *from;
+            let length = way.length();
+            if length > FARTHEST {
+                *to = *from + way * (FARTHEST / length);
+            }
+        }
         if !go(&mut simulator, positions, &mut wanted) {
             break;
         }
@@ -118,25 +121,11 @@ fn project(
         } else if number > RISE.max(best.1 + PATIENCE) {
             break;
         }
-        let now = FitProgress {
-            done: PASSING * f64::from(number) / f64::from(PASSES),
-            strain: largest_strain(springs, positions),
-            ..FitProgress::default()
-        };
-        tell(progress, now)?;
+        let done = PASSING * f64::from(number) / f64::from(PASSES);
+        let strain = largest_strain(springs, positions);
+        tell(progress, FitProgress::at(done, strain))?;
     }
     Ok(())
-}
-
-/// Shortens the ways from `from` to `to` to the farthest that is allowed.
-fn shorten(from: &[DVec3], to: &mut [DVec3]) {
-    for (from, to) in from.iter().zip(to) {
-        let way = *to - *from;
-        let length = way.length();
-        if length > FARTHEST {
-            *to = *from + way * (FARTHEST / length);
-        }
-    }
 }
 
 /// Goes from `positions` towards `wanted` without meeting anything. Returns false if no part of the
@@ -157,7 +146,7 @@ fn go(simulator: &mut Simulator, positions: &mut [DVec3], wanted: &mut [DVec3]) 
 /// Frames of physics from standstill to standstill, the stiffness rising.
 fn relax(
     scene: &Scene,
-    springs: &[Spring],
+    springs: &[FreeEdge],
     positions: &mut [DVec3],
     progress: Listener<'_>,
 ) -> Result<(), FitError> {
@@ -175,12 +164,9 @@ fn relax(
             positions.copy_from_slice(simulator.positions_f64());
             simulator.restore(&Checkpoint::of(0, positions.to_vec(), rest.clone()))?;
             let passed = f64::from(stage * FRAMES + frame) / f64::from(3 * FRAMES);
-            let now = FitProgress {
-                done: PASSING + (1.0 - PASSING) * passed,
-                strain: largest_strain(springs, positions),
-                ..FitProgress::default()
-            };
-            tell(progress, now)?;
+            let done = PASSING + (1.0 - PASSING) * passed;
+            let strain = largest_strain(springs, positions);
+            tell(progress, FitProgress::at(done, strain))?;
         }
     }
     Ok(())

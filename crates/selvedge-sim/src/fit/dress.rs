@@ -13,7 +13,9 @@ use selvedge_cloth::{HandleTargets, Obstacle, ObstaclePath, Scene, Stepper, Vert
 use selvedge_contact::{Candidates, Surface, winding};
 
 use super::around::{at_the_start, bare};
-use super::{FitError, FitProgress, Listener, failed, largest_strain, springs, tell};
+use super::{
+    FitError, FitProgress, Listener, failed, largest_strain, of_neighbours, springs, tell,
+};
 use crate::simulator::{Checkpoint, Simulator};
 
 /// Farthest way of a point of the body in a frame `[m]`.
@@ -62,23 +64,17 @@ pub fn dress(scene: &Scene, body: &str, progress: Listener<'_>) -> Result<Dresse
     };
     let obstacle = &scene.obstacles[number];
     let (shapes, before) = shrink(scene, obstacle, progress)?;
-    let springs = springs(&scene.mesh, &scene.handles);
     let start = scene.mesh.positions();
     let shrunk = farthest(&shapes[0], &shapes[shapes.len() - 1]);
-    let strain = largest_strain(&springs, start);
-    if shapes.len() == 1 {
-        return Ok(Dressed {
-            positions: start.to_vec(),
-            before,
-            shrunk: 0.0,
-            strains: [strain; 2],
-        });
-    }
-    let positions = grow(scene, number, shapes, progress)?;
+    let positions = match shapes.len() {
+        1 => start.to_vec(),
+        _ => grow(scene, number, shapes, progress)?,
+    };
+    let springs = springs(&scene.mesh, &scene.handles);
     Ok(Dressed {
         before,
         shrunk,
-        strains: [strain, largest_strain(&springs, &positions)],
+        strains: [start, &positions].map(|places| largest_strain(&springs, places)),
         positions,
     })
 }
@@ -205,12 +201,9 @@ fn grow(
             break;
         }
         let passed = (frame as f64 / (frames + SETTLING) as f64).min(1.0);
-        let now = FitProgress {
-            done: SHRINKING + (1.0 - SHRINKING) * passed,
-            strain: largest_strain(&springs, simulator.positions_f64()),
-            ..FitProgress::default()
-        };
-        tell(progress, now)?;
+        let done = SHRINKING + (1.0 - SHRINKING) * passed;
+        let strain = largest_strain(&springs, simulator.positions_f64());
+        tell(progress, FitProgress::at(done, strain))?;
     }
     let positions = simulator.positions_f64().to_vec();
     let left = simulator.checkpoint().contact.unwrap_or_default();
@@ -266,13 +259,7 @@ impl Smoothing {
 
     /// Every point half way to the mean of its neighbours, which inner sides count twice.
     fn pass(&self, points: &[DVec3]) -> Vec<DVec3> {
-        let mut sums = vec![(DVec3::ZERO, 0_u32); points.len()];
-        for &[a, b] in &self.sides {
-            sums[a].0 += points[b];
-            sums[a].1 += 1;
-            sums[b].0 += points[a];
-            sums[b].1 += 1;
-        }
+        let sums = of_neighbours(points, &self.sides);
         let moved = |&first: &usize| match sums[first] {
             (_, 0) => points[first],
             (sum, count) => {

@@ -12,7 +12,8 @@ use glam::DVec3;
 use selvedge_cloth::{Scene, Topology};
 use selvedge_contact::{Candidates, Intersection, Surface};
 
-use super::{FitError, FitProgress, Listener, Spring, springs, tell};
+use super::{FitError, FitProgress, Listener, of_neighbours, springs, tell};
+use crate::edges::FreeEdge;
 
 /// Passes at most, those without fewer pairs after which the cloth is smoothed, and times that it
 /// is before it is given up.
@@ -118,7 +119,7 @@ struct Knot {
     /// Number of the piece of each vertex.
     pieces: Vec<u32>,
     held: Vec<bool>,
-    springs: Vec<Spring>,
+    springs: Vec<FreeEdge>,
     /// Way of a vertex in a pass `[m]`.
     step: f64,
     /// Way of each vertex in this pass `[m]`, and the sum of weights.
@@ -169,18 +170,12 @@ impl Knot {
     /// The `values` of vertices, those of free vertices that are `near` the mean of their
     /// neighbours'.
     fn mean(&self, values: &[DVec3], near: &[bool]) -> Vec<DVec3> {
-        let mut sums = vec![(DVec3::ZERO, 0_u32); values.len()];
-        for &[a, b] in &self.edges {
-            sums[a].0 += values[b];
-            sums[a].1 += 1;
-            sums[b].0 += values[a];
-            sums[b].1 += 1;
-        }
         let mean = |(v, (sum, count)): (usize, (DVec3, u32))| match near[v] && !self.held[v] {
             true => sum / f64::from(count),
             false => values[v],
         };
-        sums.into_iter().enumerate().map(mean).collect()
+        let sums = of_neighbours(values, &self.edges).into_iter();
+        sums.enumerate().map(mean).collect()
     }
 
     /// Smooths the cloth around faces that meet.
@@ -216,7 +211,7 @@ impl Knot {
                 *place += *way * (self.step / longest);
             }
         }
-        let is_near = |spring: &&Spring| spring.ends.iter().all(|v| near[*v]);
+        let is_near = |spring: &&FreeEdge| spring.ends.iter().all(|v| near[*v]);
         for spring in self.springs.iter().filter(is_near) {
             spring.correct(positions, KEEP);
         }

@@ -10,6 +10,8 @@
 use glam::DVec3;
 use selvedge_cloth::{Mesh, VertexId};
 
+use crate::edges::{FreeEdge, free_edges};
+
 /// Largest number of passes over the edges.
 const MOST_PASSES: usize = 6;
 
@@ -25,7 +27,7 @@ const OVER_RELAXATION: f64 = 1.5;
 
 /// The projection, with its workspaces. `[eq:projected-prediction]`
 pub(super) struct EdgeProjection {
-    edges: Vec<Edge>,
+    edges: Vec<FreeEdge>,
     /// Least and greatest squared lengths `[m²]`, `[edges]`.
     bands: Vec<[f64; 2]>,
     /// Sums of the shifts of a pass `[m]`, `[vertices]`.
@@ -36,14 +38,6 @@ pub(super) struct EdgeProjection {
     before: Vec<DVec3>,
 }
 
-struct Edge {
-    ends: [usize; 2],
-    /// Half the width of its band `[m]`.
-    band: f64,
-    /// Parts of a change of length that the ends take: halves, or all of it beside a held end.
-    parts: [f64; 2],
-}
-
 impl EdgeProjection {
     /// The edges of `mesh`, in which `held` vertices do not move.
     pub(super) fn new(mesh: &Mesh, held: &[VertexId]) -> Self {
@@ -51,21 +45,7 @@ impl EdgeProjection {
         for vertex in held {
             is_held[vertex.index()] = true;
         }
-        let edges = mesh.topology().edges().iter();
-        let edges: Vec<_> = edges
-            .zip(mesh.pattern().edge_lengths())
-            .filter_map(|(edge, rest_length)| {
-                let ends = edge.vertices.map(VertexId::index);
-                let parts = match ends.map(|v| is_held[v]) {
-                    [false, false] => [0.5, 0.5],
-                    [false, true] => [1.0, 0.0],
-                    [true, false] => [0.0, 1.0],
-                    [true, true] => return None,
-                };
-                let band = BAND * rest_length;
-                Some(Edge { ends, band, parts })
-            })
-            .collect();
+        let edges = free_edges(mesh, &is_held);
         let mut counts = vec![0_u32; is_held.len()];
         for vertex in edges.iter().flat_map(|edge| edge.ends) {
             counts[vertex] += 1;
@@ -87,7 +67,8 @@ impl EdgeProjection {
         for (limits, edge) in self.bands.iter_mut().zip(&self.edges) {
             let [a, b] = edge.ends;
             let length = start[a].distance(start[b]);
-            *limits = [-1.0, 1.0].map(|side| (length + side * edge.band).max(0.0).powi(2));
+            let band = BAND * edge.length;
+            *limits = [-1.0, 1.0].map(|side| (length + side * band).max(0.0).powi(2));
         }
         self.before.copy_from_slice(predicted);
         let mut weight = 1.0;

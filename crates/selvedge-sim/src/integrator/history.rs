@@ -9,7 +9,7 @@ const SAME_LENGTH: f64 = 1e-9;
 
 /// The state before the last substep, as far as the formula has it: y' = y - Δt ẏ, with ẏ the rate
 /// of y that the next substep goes on from. With BDF2 that is the state itself.
-#[derive(Clone, Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct History {
     /// The state, if `dt` is not 0.
     pub(crate) before: State,
@@ -42,7 +42,6 @@ impl History {
         }
     }
 
-    /// Makes this a copy of `other`, of the same size.
     pub(crate) fn copy_from(&mut self, other: &Self) {
         if other.dt > 0.0 {
             self.before.copy_from(&other.before);

@@ -8,4 +8,4 @@ mod two_step;
 
 pub(crate) use history::History;
 pub use history::SubstepCounts;
-pub(crate) use second_order::{SecondOrder, Substep};
+pub(crate) use second_order::SecondOrder;

@@ -15,9 +15,9 @@ use selvedge_cloth::{HandleConstraint, Integrator, Scene, VertexId};
 use super::edge_projection::EdgeProjection;
 use super::history::History;
 use super::two_step::TwoStep;
+use crate::edges::WatchedEdges;
 use crate::solver::{SolveError, System};
 use crate::state::State;
-use crate::watched_edges::WatchedEdges;
 
 /// Largest change of an edge's stretch l/l₀ from the start of a substep to its prediction.
 const MOST_CHANGE: f64 = 0.1;
@@ -49,19 +49,14 @@ pub(crate) struct SecondOrder {
 }
 
 /// A substep to be taken.
-pub(crate) struct Substep<'a> {
-    pub(crate) system: &'a mut System,
+struct Substep<'a> {
+    system: &'a mut System,
     /// Length `[s]`.
-    pub(crate) dt: f64,
+    dt: f64,
+    /// Its start.
+    start: &'a State,
     /// Targets of the active handles `[m]`, `[handles]`.
-    pub(crate) targets: &'a [DVec3],
-}
-
-/// A stage that was solved, or one that is left to backward Euler.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Outcome {
-    Solved,
-    FirstOrder,
+    targets: &'a [DVec3],
 }
 
 /// Factors of a stage `[s]`.
@@ -99,82 +94,65 @@ impl SecondOrder {
         })
     }
 
-    /// Moves `state` by `substep` and keeps the old one in `history`. A prediction that strains an
-    /// edge too much, though edges were brought back, is dropped for backward Euler linearised at
-    /// the start. On an error state and history are unusable.
+    /// Moves `state` by a substep over `dt` `[s]`, active handles to `targets` `[m]`, and keeps the old
+    /// one in `history`. A prediction that strains an edge too much, though edges were brought back, is
+    /// dropped for backward Euler linearised at the start. On an error state and history are unusable.
     pub(crate) fn advance(
         &mut self,
-        mut substep: Substep<'_>,
+        system: &mut System,
+        dt: f64,
+        targets: &[DVec3],
         state: &mut State,
         history: &mut History,
     ) -> Result<(), SolveError> {
-        let dt = substep.dt;
         let looks_back = history.fits(dt);
-        let (outcome, gamma) = if looks_back {
-            self.looking_back(&mut substep, state, history)?
-        } else {
-            self.start(&mut substep, state)?
+        let mut substep = Substep {
+            system,
+            dt,
+            start: state,
+            targets,
+        };
+        let is_solved = match looks_back {
+            true => self.look_back(&mut substep, history)?,
+            false => self.start(&mut substep)?,
         };
         history.counts.all += 1;
         history.counts.started += u64::from(!looks_back);
-        match outcome {
-            Outcome::Solved => {
-                self.keep(state, history, dt, (!looks_back).then_some(gamma));
-                state.copy_from(&self.estimate);
-            }
-            Outcome::FirstOrder => {
-                history.keep(state, dt);
-                history.counts.fell_back += 1;
-                self.base.copy_from(state);
-                substep.system.advance(dt, state, substep.targets)?;
-                let start = &self.base.positions;
-                if !self
-                    .edges
-                    .keep_their_lengths(start, &state.positions, MOST_CHANGE)
-                {
-                    self.predicted.copy_from(state);
-                    self.solve(
-                        substep.system,
-                        Factors {
-                            gamma: dt,
-                            span: dt,
-                        },
-                        substep.targets,
-                    )?;
-                    state.copy_from(&self.estimate);
-                }
-            }
+        if is_solved {
+            self.keep(state, history, dt, !looks_back);
+            state.copy_from(&self.estimate);
+            return Ok(());
+        }
+        history.keep(state, dt);
+        history.counts.fell_back += 1;
+        self.base.copy_from(state);
+        system.advance(dt, state, targets)?;
+        let [from, to] = [&self.base, &*state].map(|state| &state.positions);
+        if !self.edges.keep_their_lengths(from, to, MOST_CHANGE) {
+            self.predicted.copy_from(state);
+            let factors = Factors {
+                gamma: dt,
+                span: dt,
+            };
+            self.solve(system, factors, targets)?;
+            state.copy_from(&self.estimate);
         }
         Ok(())
     }
 
-    /// Keeps what the next substep looks back to, after one from `state` over `dt` `[s]`; `started`
-    /// is γ `[s]` of the last stage where that did not look back.
-    fn keep(&self, state: &State, history: &mut History, dt: f64, started: Option<f64>) {
-        let (end, base) = (&self.estimate, &self.base);
-        let before = &mut history.before;
-        for (before, start, end, base) in [
-            (
-                &mut before.positions,
-                &state.positions,
-                &end.positions,
-                &base.positions,
-            ),
-            (
-                &mut before.velocities,
-                &state.velocities,
-                &end.velocities,
-                &base.velocities,
-            ),
-        ] {
+    /// Keeps what the next substep looks back to, after one from `state` over `dt` `[s]`, which
+    /// `started` or looked back itself.
+    fn keep(&self, state: &State, history: &mut History, dt: f64, started: bool) {
+        let before = history.before.both_mut().into_iter().zip(state.both());
+        let ends = self.estimate.both().into_iter().zip(self.base.both());
+        for ((before, start), (end, base)) in before.zip(ends) {
             for (v, before) in before.iter_mut().enumerate() {
-                *before = match started {
-                    None => self.formula.before(start[v], *before, end[v]),
-                    Some(gamma) => {
-                        // The rate at the end of the last stage is (y - ȳ)/γ.
-                        let change = (end[v] - base[v]) * (dt / gamma);
-                        self.formula.first_before(start[v], end[v], change)
-                    }
+                *before = if started {
+                    // The rate at the end of the last stage is (y - ȳ)/γ.
+                    let change = (end[v] - base[v]) * (dt / (START * dt));
+                    self.formula.first_before(start[v], end[v], change)
+                } else {
+                    self.formula.before(start[v], *before, end[v])
                 };
             }
         }
@@ -182,43 +160,23 @@ impl SecondOrder {
     }
 
     /// Looks back to x', v': x̄ = x + w (x - x'), v̄ the same `[eq:generalised-alpha]`; with a
-    /// spectral radius of 0 it is `[eq:bdf2]`.
-    fn looking_back(
+    /// spectral radius of 0 it is `[eq:bdf2]`. Returns false as [`Self::stage`].
+    fn look_back(
         &mut self,
         substep: &mut Substep<'_>,
-        state: &State,
         history: &History,
-    ) -> Result<(Outcome, f64), SolveError> {
-        let formula = self.formula;
-        let weight = formula.weight;
-        let gamma = formula.gamma(substep.dt);
-        extrapolate(
-            &mut self.base.positions,
-            &state.positions,
-            &history.before.positions,
-            weight,
-        );
-        extrapolate(
-            &mut self.base.velocities,
-            &state.velocities,
-            &history.before.velocities,
-            weight,
-        );
-        self.estimate.velocities.copy_from_slice(&state.velocities);
+    ) -> Result<bool, SolveError> {
+        let (formula, start) = (self.formula, substep.start);
+        self.base
+            .extrapolate(start, &history.before, formula.weight);
+        self.estimate.velocities.copy_from_slice(&start.velocities);
         let factors = Factors {
-            gamma,
+            gamma: formula.gamma(substep.dt),
             span: substep.dt,
         };
-        self.find_targets(substep, state, formula.point);
-        let targets = std::mem::take(&mut self.targets);
-        let outcome = self.stage(substep.system, factors, state, &targets);
-        self.targets = targets;
-        let estimate = &mut self.estimate;
-        for (estimate, start) in [
-            (&mut estimate.positions, &state.positions),
-            (&mut estimate.velocities, &state.velocities),
-        ] {
-            for (end, start) in estimate.iter_mut().zip(start) {
+        let is_solved = self.stage_at(formula.point, substep, factors)?;
+        for (end, start) in self.estimate.both_mut().into_iter().zip(start.both()) {
+            for (end, start) in end.iter_mut().zip(start) {
                 *end = formula.end(*start, *end);
             }
         }
@@ -226,70 +184,56 @@ impl SecondOrder {
         for (vertex, target) in self.held.iter().zip(substep.targets) {
             self.estimate.positions[vertex.index()] = *target;
         }
-        Ok((outcome?, gamma))
-    }
-
-    /// Sets the targets of a stage at `point` of the way through `substep`.
-    fn find_targets(&mut self, substep: &Substep<'_>, state: &State, point: f64) {
-        let now = substep.system.handle_positions(state);
-        let places = now
-            .zip(substep.targets)
-            .map(|(now, end)| now.lerp(*end, point));
-        self.targets.clear();
-        self.targets.extend(places);
+        Ok(is_solved)
     }
 
     /// Two stages with γ = α dt, α = 1 - 1/√2: the first is backward Euler over γ, the second has
-    /// x̄ = x + (1 - α)/α (x₁ - x) and v̄ the same, x₁, v₁ the end of the first. `[eq:sdirk2]`
-    fn start(
-        &mut self,
-        substep: &mut Substep<'_>,
-        state: &State,
-    ) -> Result<(Outcome, f64), SolveError> {
-        let dt = substep.dt;
-        let gamma = START * dt;
-        self.find_targets(substep, state, START);
-        self.base.copy_from(state);
-        self.estimate.velocities.copy_from_slice(&state.velocities);
-        let targets = std::mem::take(&mut self.targets);
+    /// x̄ = x + (1 - α)/α (x₁ - x) and v̄ the same, x₁, v₁ the end of the first. Returns false as
+    /// [`Self::stage`]. `[eq:sdirk2]`
+    fn start(&mut self, substep: &mut Substep<'_>) -> Result<bool, SolveError> {
+        let start = substep.start;
+        let gamma = START * substep.dt;
+        self.base.copy_from(start);
+        self.estimate.velocities.copy_from_slice(&start.velocities);
         let first = Factors { gamma, span: gamma };
-        let outcome = self.stage(substep.system, first, state, &targets);
-        self.targets = targets;
-        if outcome? == Outcome::FirstOrder {
-            return Ok((Outcome::FirstOrder, gamma));
+        if !self.stage_at(START, substep, first)? {
+            return Ok(false);
         }
         // x + w (x₁ - x) = x₁ + (w - 1) (x₁ - x).
         let weight = (1.0 - START) / START - 1.0;
-        extrapolate(
-            &mut self.base.positions,
-            &self.estimate.positions,
-            &state.positions,
-            weight,
-        );
-        extrapolate(
-            &mut self.base.velocities,
-            &self.estimate.velocities,
-            &state.velocities,
-            weight,
-        );
+        self.base.extrapolate(&self.estimate, start, weight);
         let second = Factors {
             gamma,
-            span: dt - gamma,
+            span: substep.dt - gamma,
         };
-        let targets = substep.targets;
-        let outcome = self.stage(substep.system, second, state, targets)?;
-        Ok((outcome, gamma))
+        self.stage(substep, second, substep.targets)
+    }
+
+    /// As [`Self::stage`], with the handles at this `point` of their way through the substep.
+    fn stage_at(
+        &mut self,
+        point: f64,
+        substep: &mut Substep<'_>,
+        factors: Factors,
+    ) -> Result<bool, SolveError> {
+        let mut targets = std::mem::take(&mut self.targets);
+        targets.clear();
+        let places = substep.system.handle_positions(substep.start);
+        let ways = places.zip(substep.targets);
+        targets.extend(ways.map(|(now, end)| now.lerp(*end, point)));
+        let is_solved = self.stage(substep, factors, &targets);
+        self.targets = targets;
+        is_solved
     }
 
     /// Solves the stage of `self.base` from the velocities of `self.estimate`, and leaves the
-    /// solution there; `last` is the start of the substep.
+    /// solution there. Returns false if it is left to backward Euler.
     fn stage(
         &mut self,
-        system: &mut System,
+        substep: &mut Substep<'_>,
         factors: Factors,
-        last: &State,
         targets: &[DVec3],
-    ) -> Result<Outcome, SolveError> {
+    ) -> Result<bool, SolveError> {
         let gamma = factors.gamma;
         let (base, predicted) = (&self.base, &mut self.predicted);
         for (v, velocity) in self.estimate.velocities.iter().enumerate() {
@@ -301,11 +245,10 @@ impl SecondOrder {
             predicted.positions[v] = *target;
             predicted.velocities[v] = (*target - base.positions[v]) / gamma;
         }
-        let places = &mut predicted.positions;
-        if self.projection.project(&last.positions, places) {
-            let edges = &self.edges;
-            if !edges.keep_their_lengths(&last.positions, places, MOST_CHANGE) {
-                return Ok(Outcome::FirstOrder);
+        let (start, places) = (&substep.start.positions, &mut predicted.positions);
+        if self.projection.project(start, places) {
+            if !self.edges.keep_their_lengths(start, places, MOST_CHANGE) {
+                return Ok(false);
             }
             for (v, velocity) in predicted.velocities.iter_mut().enumerate() {
                 if places[v] != base.positions[v] + *velocity * gamma {
@@ -313,8 +256,8 @@ impl SecondOrder {
                 }
             }
         }
-        self.solve(system, factors, targets)?;
-        Ok(Outcome::Solved)
+        self.solve(substep.system, factors, targets)?;
+        Ok(true)
     }
 
     /// Solves the implicit equations of `self.base` from `self.predicted`, into `self.estimate`. A
@@ -322,10 +265,9 @@ impl SecondOrder {
     fn solve(
         &mut self,
         system: &mut System,
-        factors: Factors,
+        Factors { gamma, span }: Factors,
         targets: &[DVec3],
     ) -> Result<(), SolveError> {
-        let Factors { gamma, span } = factors;
         for solve in 1..=MOST_SOLVES {
             system.linearise(gamma, &self.base.velocities, &self.predicted, targets);
             system.solve(span)?;
@@ -339,12 +281,5 @@ impl SecondOrder {
             self.predicted.copy_from(&self.estimate);
         }
         Ok(())
-    }
-}
-
-/// `into` = `now` + `weight` (`now` - `before`).
-fn extrapolate(into: &mut [DVec3], now: &[DVec3], before: &[DVec3], weight: f64) {
-    for ((into, now), before) in into.iter_mut().zip(now).zip(before) {
-        *into = *now + (*now - *before) * weight;
     }
 }

@@ -4,7 +4,6 @@
 pub mod bend;
 pub mod external;
 pub mod number;
-pub mod strain;
 pub mod stretch;
 pub mod stretch_energy;
 pub mod stretch_table;

@@ -7,7 +7,7 @@
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use glam::DVec3;
+use glam::{DVec3, Vec3A};
 use pulp::Simd;
 
 /// A number of a law.
@@ -244,6 +244,13 @@ pub(crate) fn of_lane<const K: usize>(rows: &[Row; K], lane: usize) -> [f64; K] 
     std::array::from_fn(|k| rows[k][lane])
 }
 
+/// The vector of one element of a group in f32.
+#[inline(always)]
+pub(crate) fn of_lanes(rows: &[Row; 3], lane: usize) -> Vec3A {
+    let [x, y, z] = rows;
+    Vec3A::new(x[lane] as f32, y[lane] as f32, z[lane] as f32)
+}
+
 /// Sets the numbers of one element of a group.
 #[inline(always)]
 pub(crate) fn set_lane<const K: usize>(rows: &mut [Row; K], lane: usize, values: [f64; K]) {
@@ -283,6 +290,7 @@ impl<S: Simd> Number for Lanes<S> {
     }
 }
 
+/// An operator of numbers side by side, and of vectors by component.
 macro_rules! lanes {
     ($operator: ident, $method: ident, $call: ident) => {
         impl<S: Simd> $operator for Lanes<S> {
@@ -299,17 +307,29 @@ macro_rules! lanes {
 
             #[inline(always)]
             fn $method(self, other: f64) -> Self {
-                let other = self.same(other);
-                self.with(self.simd.$call(self.values, other.values))
+                self.$method(self.same(other))
+            }
+        }
+    };
+    ($operator: ident, $method: ident, $call: ident, $other: ty, $by: ident => $components: expr) => {
+        lanes!($operator, $method, $call);
+
+        impl<S: Simd> $operator<$other> for LanesVector<S> {
+            type Output = Self;
+
+            #[inline(always)]
+            fn $method(self, $by: $other) -> Self {
+                let ([x, y, z], [a, b, c]) = (self.0, $components);
+                Self([x.$method(a), y.$method(b), z.$method(c)])
             }
         }
     };
 }
 
-lanes!(Add, add, add_f64s);
-lanes!(Sub, sub, sub_f64s);
-lanes!(Mul, mul, mul_f64s);
-lanes!(Div, div, div_f64s);
+lanes!(Add, add, add_f64s, LanesVector<S>, other => other.0);
+lanes!(Sub, sub, sub_f64s, LanesVector<S>, other => other.0);
+lanes!(Mul, mul, mul_f64s, Lanes<S>, by => [by; 3]);
+lanes!(Div, div, div_f64s, Lanes<S>, by => [by; 3]);
 
 impl<S: Simd> Neg for Lanes<S> {
     type Output = Self;
@@ -344,26 +364,6 @@ impl<S: Simd> Vector<Lanes<S>> for LanesVector<S> {
     }
 }
 
-impl<S: Simd> Add for LanesVector<S> {
-    type Output = Self;
-
-    #[inline(always)]
-    fn add(self, other: Self) -> Self {
-        let ([x, y, z], [a, b, c]) = (self.0, other.0);
-        Self([x + a, y + b, z + c])
-    }
-}
-
-impl<S: Simd> Sub for LanesVector<S> {
-    type Output = Self;
-
-    #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        let ([x, y, z], [a, b, c]) = (self.0, other.0);
-        Self([x - a, y - b, z - c])
-    }
-}
-
 impl<S: Simd> Neg for LanesVector<S> {
     type Output = Self;
 
@@ -371,26 +371,6 @@ impl<S: Simd> Neg for LanesVector<S> {
     fn neg(self) -> Self {
         let [x, y, z] = self.0;
         Self([-x, -y, -z])
-    }
-}
-
-impl<S: Simd> Mul<Lanes<S>> for LanesVector<S> {
-    type Output = Self;
-
-    #[inline(always)]
-    fn mul(self, by: Lanes<S>) -> Self {
-        let [x, y, z] = self.0;
-        Self([x * by, y * by, z * by])
-    }
-}
-
-impl<S: Simd> Div<Lanes<S>> for LanesVector<S> {
-    type Output = Self;
-
-    #[inline(always)]
-    fn div(self, by: Lanes<S>) -> Self {
-        let [x, y, z] = self.0;
-        Self([x / by, y / by, z / by])
     }
 }
 

@@ -17,8 +17,7 @@ mod fit;
 use selvedge_cloth::StretchTable;
 
 use crate::laws::number::Number;
-use crate::laws::strain::Strain;
-use crate::laws::stretch::{Elastic, StretchLaw};
+use crate::laws::stretch::{Elastic, Strain, StretchLaw};
 
 /// The span m over which a ramp stiffens: two thirds of the strain of the measurements, 0.18.
 const SPAN: f64 = 0.12;

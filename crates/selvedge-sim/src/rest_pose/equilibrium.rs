@@ -11,13 +11,15 @@
 //! which a vertex steps to and fro and needs damping, and a slow way out of an unstable
 //! equilibrium, which needs inertia. From outside they look alike, so both are tried in turn.
 
-use glam::DVec3;
-use selvedge_cloth::{LinearSolver, Scene};
+use std::ops::ControlFlow;
 
-use crate::rest_pose::anderson::Anderson;
-use crate::rest_pose::last_step::LastStep;
-use crate::rest_pose::progress::{Largest, Listener, SagError, SagProgress, SaggedRest, tell};
-use crate::rest_pose::start::sheet_size;
+use glam::DVec3;
+use selvedge_cloth::{LinearSolver, Scene, VertexId};
+
+use super::anderson::Anderson;
+use super::last_step::LastStep;
+use super::start::sheet_size;
+use super::{SagError, SagProgress, SaggedRest};
 use crate::solver::{SolveError, System};
 use crate::state::State;
 
@@ -25,27 +27,43 @@ use crate::state::State;
 pub(super) fn find_equilibrium(
     scene: &Scene,
     start: Vec<DVec3>,
-    progress: Listener<'_>,
+    progress: &mut dyn FnMut(SagProgress) -> ControlFlow<()>,
 ) -> Result<SaggedRest, SagError> {
-    let mut solves = 0;
-    let mut relaxation = Relaxation::new(scene, start)?;
+    let failed = |solves: u32, cause: SolveError| SagError::Solve {
+        solves,
+        cause: cause.to_string(),
+    };
+    let mut relaxation = Relaxation::new(scene, start).map_err(|cause| failed(0, cause))?;
+    let (tolerance, mut solves) = (scene.sag.tolerance, 0);
     loop {
-        let largest = relaxation.residual();
+        let (residual, vertex) = relaxation.residual();
         let now = SagProgress {
             solves,
-            residual: largest.value,
-            vertex: largest.vertex,
-            tolerance: scene.sag.tolerance,
+            residual,
+            vertex,
+            tolerance,
         };
-        tell(progress, now)?;
-        if now.is_reached() {
-            return Ok(now.rest(relaxation.state.positions));
+        if progress(now).is_break() {
+            return Err(SagError::Stopped { solves });
         }
-        if solves >= scene.sag.max_steps || !now.residual.is_finite() {
-            return Err(now.not_converged());
+        if residual <= tolerance {
+            return Ok(SaggedRest {
+                positions: relaxation.state.positions,
+                solves,
+                residual,
+            });
         }
-        let stepped = relaxation.step(now.residual);
-        stepped.map_err(|cause| SagError::failed_solve(solves, &cause))?;
+        if solves >= scene.sag.max_steps || !residual.is_finite() {
+            return Err(SagError::NotConverged {
+                solves,
+                vertex,
+                residual,
+                tolerance,
+            });
+        }
+        relaxation
+            .step(residual)
+            .map_err(|cause| failed(solves, cause))?;
         solves += 1;
     }
 }
@@ -95,11 +113,9 @@ struct Relaxation {
 }
 
 impl Relaxation {
-    fn new(scene: &Scene, start: Vec<DVec3>) -> Result<Self, SagError> {
-        let system = System::with_solver(scene, LinearSolver::Cholesky)
-            .map_err(|cause| SagError::failed_solve(0, &cause))?;
+    fn new(scene: &Scene, start: Vec<DVec3>) -> Result<Self, SolveError> {
         Ok(Self {
-            system,
+            system: System::with_solver(scene, LinearSolver::Cholesky)?,
             state: State {
                 positions: start,
                 velocities: vec![DVec3::ZERO; scene.mesh.positions().len()],
@@ -117,14 +133,21 @@ impl Relaxation {
         })
     }
 
-    /// Assembles at the current positions. Gives the largest |F|/m of an unknown vertex.
-    /// `[eq:sag-residual]`
-    fn residual(&mut self) -> Largest {
+    /// Assembles at the current positions. Gives the largest |F|/m of an unknown vertex `[m/s²]`, not a
+    /// number where one of them is not, and the first vertex that has it. `[eq:sag-residual]`
+    fn residual(&mut self) -> (f64, VertexId) {
         self.system
             .assemble(self.time_step, &self.state, &self.targets);
         let (impulses, mass) = (self.system.impulses(), self.system.mass());
-        let unknown = self.system.unknown_vertices().iter().map(|&v| v as usize);
-        Largest::of(unknown.map(|v| (v, impulses[v].length() / (self.time_step * mass[v]))))
+        let mut largest = (0.0_f64, VertexId(0));
+        for &vertex in self.system.unknown_vertices() {
+            let v = vertex as usize;
+            let value = impulses[v].length() / (self.time_step * mass[v]);
+            if value > largest.0 || (value.is_nan() && !largest.0.is_nan()) {
+                largest = (value, VertexId(vertex));
+            }
+        }
+        largest
     }
 
     /// Takes the step that follows from what [`Self::residual`] assembled.

@@ -107,14 +107,4 @@ mod tests {
         let [x, y] = iterated(LastStep::accelerate, [rate; 2], 2);
         assert!((x - expected).abs() < 1e-15 && x == y);
     }
-
-    #[test]
-    fn the_first_step_is_the_correction() {
-        for change in [LastStep::accelerate as Change, LastStep::damp] {
-            let mut step = [DVec3::new(0.3, -0.2, 0.1)];
-            let correction = step;
-            change(&LastStep::new(1), &correction, &mut step);
-            assert_eq!(step, correction);
-        }
-    }
 }

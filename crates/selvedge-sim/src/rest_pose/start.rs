@@ -5,16 +5,21 @@ use glam::DVec3;
 use selvedge_cloth::geometry::area_vector;
 use selvedge_cloth::{Handles, Scene, SceneError};
 
-use crate::rest_pose::progress::SagError;
+use super::SagError;
 
-/// The scene at its start, in still air and without contact, with only the handles that hold then.
-/// In a sheet without one, all vertices become handles.
+/// The scene at its start, in still air, without contact and the damping of its fabrics, with only the
+/// handles that hold then. In a sheet without one, all vertices become handles.
 pub(super) fn scene_at_start(scene: &Scene) -> Result<Scene, SagError> {
     let mut scene = scene.clone();
     scene.environment.wind = DVec3::ZERO;
     scene.environment.gust = None;
     scene.contact = None;
     scene.obstacles.clear();
+    // Only the motion on the way to rest can be damped.
+    scene.material.damping = 0.0;
+    for fabric in scene.fabrics.values_mut() {
+        fabric.damping = 0.0;
+    }
     let released = scene
         .schedule
         .released(0, scene.frame_rate, scene.handles.len());

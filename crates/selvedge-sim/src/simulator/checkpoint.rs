@@ -1,9 +1,12 @@
 //! All that a run needs to go on bit for bit.
 
 use glam::DVec3;
-use selvedge_cloth::{ContactMemory, VertexId};
+use selvedge_cloth::{ContactMemory, Scene, VertexId};
 
+use super::Simulator;
 use super::error::SimulatorError;
+use crate::active_handles::ActiveHandles;
+use crate::contact::Memory;
 
 /// The state of a run after a frame.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -50,7 +53,7 @@ impl Checkpoint {
     }
 
     /// Checks that all values are finite in f32, and as many as the cloth has `vertices`.
-    pub(super) fn check(&self, vertices: usize) -> Result<(), SimulatorError> {
+    fn check(&self, vertices: usize) -> Result<(), SimulatorError> {
         check_state("positions", "position", &self.positions, vertices)?;
         check_state("velocities", "velocity", &self.velocities, vertices)?;
         if let Some(before) = &self.previous {
@@ -64,21 +67,10 @@ impl Checkpoint {
             check_state("changes", "change", changes, vertices)?;
             check_seconds(*seconds)?;
         }
-        let anchors = self.contact.iter().flat_map(|memory| &memory.anchors);
-        for anchor in anchors {
+        for anchor in self.contact.iter().flat_map(|memory| &memory.anchors) {
             let vertex = VertexId(anchor.of.numbers()[1]);
-            for (what, value) in [
-                ("direction of an anchor", anchor.normal),
-                ("pull of an anchor", anchor.pull),
-            ] {
-                if !value.as_vec3().is_finite() {
-                    return Err(SimulatorError::NonFinite {
-                        what,
-                        vertex,
-                        value,
-                    });
-                }
-            }
+            check_finite("direction of an anchor", vertex, anchor.normal)?;
+            check_finite("pull of an anchor", vertex, anchor.pull)?;
         }
         Ok(())
     }
@@ -98,19 +90,132 @@ fn check_state(
     values: &[DVec3],
     expected: usize,
 ) -> Result<(), SimulatorError> {
-    if values.len() != expected {
+    let found = values.len();
+    if found != expected {
         return Err(SimulatorError::Count {
             what,
             expected,
-            found: values.len(),
+            found,
         });
     }
-    match values.iter().position(|value| !value.as_vec3().is_finite()) {
-        Some(vertex) => Err(SimulatorError::NonFinite {
-            what: one,
-            vertex: VertexId(vertex as u32),
-            value: values[vertex],
+    let mut numbered = (0..).zip(values);
+    numbered.try_for_each(|(vertex, value)| check_finite(one, VertexId(vertex), *value))
+}
+
+fn check_finite(what: &'static str, vertex: VertexId, value: DVec3) -> Result<(), SimulatorError> {
+    match value.as_vec3().is_finite() {
+        true => Ok(()),
+        false => Err(SimulatorError::NonFinite {
+            what,
+            vertex,
+            value,
         }),
-        None => Ok(()),
+    }
+}
+
+impl Simulator {
+    /// A simulator of `scene` that goes on from `checkpoint`. All handles count as on their paths;
+    /// for a run along the scene's own motion see [`Self::taken_up_at`].
+    ///
+    /// # Errors
+    /// A scene that does not validate, or a system that does not fit in memory; a count that does
+    /// not match, a value that is not finite in f32, or a cloth that meets itself or an obstacle.
+    pub fn from_checkpoint(scene: &Scene, checkpoint: &Checkpoint) -> Result<Self, SimulatorError> {
+        scene.validate()?;
+        checkpoint.check(scene.mesh.topology().vertex_count())?;
+        let mut simulator = Self::of_mesh(scene)?;
+        simulator.shift_obstacles(&checkpoint.obstacles);
+        simulator.put(checkpoint);
+        simulator.check_contact()?;
+        Ok(simulator)
+    }
+
+    /// The state now.
+    #[must_use]
+    pub fn checkpoint(&self) -> Checkpoint {
+        let changes = self.active.system.last_changes();
+        let contact = self.contact.as_ref();
+        let memory = contact.map(|contact| contact.memory().saved());
+        Checkpoint {
+            frame: self.frame,
+            positions: self.state.positions.clone(),
+            velocities: self.state.velocities.clone(),
+            previous: self.history.last_substep().map(|seconds| PreviousSubstep {
+                positions: self.history.before.positions.clone(),
+                velocities: self.history.before.velocities.clone(),
+                seconds,
+            }),
+            changes: changes.map(|(changes, seconds)| (changes.to_vec(), seconds)),
+            contact: memory.filter(|memory| *memory != ContactMemory::default()),
+            obstacles: self.obstacle_offsets(),
+        }
+    }
+
+    /// Goes on from `checkpoint`. All handles hold and count as on their paths.
+    ///
+    /// # Errors
+    /// As for [`Self::from_checkpoint`]; the cloth is left as it was.
+    pub fn restore(&mut self, checkpoint: &Checkpoint) -> Result<(), SimulatorError> {
+        let vertices = self.rounded.len();
+        checkpoint.check(vertices)?;
+        let all = match self.active.holds_all() {
+            true => None,
+            false => Some(
+                ActiveHandles::all(&self.scene)
+                    .map_err(|cause| SimulatorError::analysis(vertices, &cause))?,
+            ),
+        };
+        let contact = self.contact.as_ref();
+        let before = contact.map(|contact| (contact.shifts.clone(), contact.memory().clone()));
+        self.shift_obstacles(&checkpoint.obstacles);
+        self.put_contact(checkpoint);
+        if let Err(error) = self.check_meeting(checkpoint.frame, &checkpoint.positions) {
+            if let (Some(contact), Some((shifts, memory))) = (&mut self.contact, before) {
+                contact.shifts = shifts;
+                contact.remember_saved(memory);
+            }
+            return Err(error);
+        }
+        if let Some(all) = all {
+            self.active = all;
+        }
+        self.put(checkpoint);
+        Ok(())
+    }
+
+    /// Takes all but the obstacles from a checked checkpoint.
+    fn put(&mut self, checkpoint: &Checkpoint) {
+        self.frame = checkpoint.frame;
+        self.undo = None;
+        self.update_wind();
+        self.state.positions.copy_from_slice(&checkpoint.positions);
+        self.state
+            .velocities
+            .copy_from_slice(&checkpoint.velocities);
+        self.reached = self.scene.handles.select(&self.state.positions);
+        self.round();
+        self.history.forget();
+        if let Some(previous) = &checkpoint.previous {
+            let before = &mut self.history.before;
+            before.positions.copy_from_slice(&previous.positions);
+            before.velocities.copy_from_slice(&previous.velocities);
+            self.history.set_last_substep(previous.seconds);
+        }
+        self.put_contact(checkpoint);
+        if let Some(contact) = &mut self.contact {
+            contact.note_released(checkpoint.frame);
+        }
+        self.active.system.forget_changes();
+        if let Some((changes, seconds)) = &checkpoint.changes {
+            self.active.system.put_changes(changes, *seconds);
+        }
+    }
+
+    /// Takes what contact left before a checked checkpoint.
+    fn put_contact(&mut self, checkpoint: &Checkpoint) {
+        if let Some(contact) = &mut self.contact {
+            let memory = checkpoint.contact.as_ref().map(Memory::of_saved);
+            contact.remember_saved(memory.unwrap_or_default());
+        }
     }
 }

@@ -4,6 +4,8 @@ use glam::DVec3;
 use selvedge_cloth::{SceneError, VertexId};
 use thiserror::Error;
 
+use crate::solver::SolveError;
+
 /// Reason why a simulator cannot be made or resumed.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
@@ -52,4 +54,12 @@ pub enum SimulatorError {
     },
     #[error("the system of {vertices} vertices cannot be set up ({cause}): use a smaller mesh")]
     Analysis { vertices: usize, cause: String },
+}
+
+impl SimulatorError {
+    /// A system that cannot be set up.
+    pub(super) fn analysis(vertices: usize, cause: &SolveError) -> Self {
+        let cause = cause.to_string();
+        Self::Analysis { vertices, cause }
+    }
 }

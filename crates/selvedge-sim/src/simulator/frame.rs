@@ -4,31 +4,99 @@
 //! even so, or that ends strained beyond the bound, is computed again with twice as many substeps.
 //! Neither goes beyond [`most_substeps`](selvedge_cloth::PhysicsSettings::most_substeps).
 
+use glam::DVec3;
 use selvedge_cloth::{HandleTargets, StepError};
 
 use super::Simulator;
-use super::snapshot::{DividedFrames, Part};
+use crate::contact::Carried;
+use crate::integrator::History;
+use crate::state::State;
 use crate::substep_error::SubstepError;
 
 /// Factor by which contact divides a frame before vertices are held back in it: a vertex that stays
 /// while its neighbours go on is strained, and what is strained meets again.
 const BEFORE_HOLDING: u32 = 8;
 
+/// The frames so far that took more substeps than the scene asks for: edges would have strained too
+/// much, or contact was too much for fewer.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DividedFrames {
+    /// Such frames.
+    pub frames: u64,
+    /// The most substeps that one would have taken, had all been as short as its shortest; 0 where
+    /// there is none.
+    pub most_substeps: u32,
+}
+
+impl DividedFrames {
+    /// Those of this run and of another.
+    #[must_use]
+    pub fn and(self, other: Self) -> Self {
+        Self {
+            frames: self.frames + other.frames,
+            most_substeps: self.most_substeps.max(other.most_substeps),
+        }
+    }
+}
+
+/// All that a substep changes, as it was at an earlier time.
+#[derive(Default)]
+pub(super) struct Snapshot {
+    state: State,
+    history: History,
+    /// Changes of velocity of the last solve `[m/s]`, `[vertices]`, and their time `[s]`.
+    changes: (Vec<DVec3>, f64),
+    contact: Carried,
+}
+
+impl Snapshot {
+    /// Room for a cloth with this number of vertices.
+    pub(super) fn new(vertices: usize) -> Self {
+        Self {
+            state: State::at_origin(vertices),
+            history: History::none(vertices),
+            changes: (vec![DVec3::ZERO; vertices], 0.0),
+            contact: Carried::default(),
+        }
+    }
+}
+
 impl Simulator {
+    /// Keeps all that a substep changes.
+    fn save(&self, into: &mut Snapshot) {
+        into.state.copy_from(&self.state);
+        into.history.copy_from(&self.history);
+        let (changes, seconds) = self.active.system.changes();
+        into.changes.0.copy_from_slice(changes);
+        into.changes.1 = seconds;
+        if let Some(contact) = &self.contact {
+            contact.carry(&mut into.contact);
+        }
+    }
+
+    /// Restores what [`Self::save`] kept.
+    fn put_back(&mut self, from: &Snapshot) {
+        self.state.copy_from(&from.state);
+        self.history.copy_from(&from.history);
+        let (changes, seconds) = &from.changes;
+        self.active.system.put_changes(changes, *seconds);
+        if let Some(contact) = &mut self.contact {
+            contact.put_back(&from.contact);
+        }
+    }
+
     /// Keeps the start of a frame for [`Self::undo_frame`].
     pub(super) fn begin_frame(&mut self) {
-        let contact = self.contact.as_deref();
-        let system = &self.active.system;
-        self.frame_start
-            .take(&self.state, &self.history, system, contact);
+        let mut start = std::mem::take(&mut self.frame_start);
+        self.save(&mut start);
+        self.frame_start = start;
     }
 
     /// Takes the cloth back to the start of the frame.
     pub(super) fn undo_frame(&mut self) {
-        let contact = self.contact.as_deref_mut();
-        let (state, history, system) =
-            (&mut self.state, &mut self.history, &mut self.active.system);
-        self.frame_start.put(state, history, system, contact);
+        let start = std::mem::take(&mut self.frame_start);
+        self.put_back(&start);
+        self.frame_start = start;
     }
 
     /// Moves the state by a frame. On an error it is as before.
@@ -89,18 +157,15 @@ impl Simulator {
             let reached = &self.reached;
             let path = |h: usize| targets.at(h, fraction, reached[h]);
             self.active.put_targets(&mut self.targets, path);
-            let part = Part {
-                from: f64::from(done) / f64::from(parts),
-                to: fraction,
-                may_hold: parts >= self.scene.physics.substeps * BEFORE_HOLDING || 2 * parts > most,
-                is_last: 2 * substeps > most,
-            };
-            if let Some(contact) = self.contact.as_deref() {
-                let system = &self.active.system;
-                self.part_start
-                    .take(&self.state, &self.history, system, Some(contact));
+            let way = [f64::from(done) / f64::from(parts), fraction];
+            let may_hold =
+                parts >= self.scene.physics.substeps * BEFORE_HOLDING || 2 * parts > most;
+            if self.contact.is_some() {
+                let mut start = std::mem::take(&mut self.part_start);
+                self.save(&mut start);
+                self.part_start = start;
             }
-            match self.solve(dt, part) {
+            match self.solve(dt, way, may_hold, 2 * substeps > most) {
                 Ok(()) => {
                     done += 1;
                     while parts > substeps && done % 2 == 0 {
@@ -108,10 +173,9 @@ impl Simulator {
                     }
                 }
                 Err(SubstepError::Contact(_)) if 2 * parts <= most => {
-                    let contact = self.contact.as_deref_mut();
-                    let (state, history, system) =
-                        (&mut self.state, &mut self.history, &mut self.active.system);
-                    self.part_start.put(state, history, system, contact);
+                    let start = std::mem::take(&mut self.part_start);
+                    self.put_back(&start);
+                    self.part_start = start;
                     self.active.system.forget_changes();
                     (done, parts) = (2 * done, 2 * parts);
                     finest = finest.max(parts);

@@ -4,13 +4,13 @@
 //! side by side; others face by face. The result is the same, whatever the width of the machine's
 //! vectors.
 
-use glam::{DVec3, Mat3A, Vec3A};
+use glam::{DVec3, Mat3A};
 use pulp::{Arch, Simd, WithSimd};
 use selvedge_cloth::Environment;
 
 use crate::laws::external::{Drag, air_response};
 use crate::laws::number::{
-    GROUP, Lanes, LanesVector, Number, Row, Vector, gather, of_lane, scatter, set_lane,
+    GROUP, Lanes, LanesVector, Number, Row, Vector, gather, of_lane, of_lanes, scatter, set_lane,
 };
 use crate::laws::stretch::{StretchElement, StretchLaw, StretchResponse};
 use crate::laws::stretch_energy::StretchEnergy;
@@ -34,14 +34,12 @@ pub(crate) struct FaceResponse<N: Number = f64> {
     pub(crate) jacobian: N,
 }
 
-/// Numbers of a face's response.
 const NUMBERS: usize = 24;
 
 /// The faces of a cloth, evaluated.
 pub(crate) struct Faces {
     count: usize,
     groups: Vec<Group>,
-    /// `[groups]`.
     responses: Vec<[Row; NUMBERS]>,
     /// Impulse on each corner `[N s]`, of whole groups.
     impulses: Vec<[DVec3; 3]>,
@@ -203,13 +201,11 @@ impl Faces {
         self.count
     }
 
-    /// Corners of each face.
     pub(crate) fn corners(&self) -> impl Iterator<Item = [u32; 3]> {
         let corners = self.groups.iter().flat_map(|group| group.corners);
         corners.take(self.count)
     }
 
-    /// Element and material of each face.
     pub(crate) fn elements(&self) -> impl Iterator<Item = (StretchElement, u32)> {
         let lanes = self.groups.iter().flat_map(|group| {
             let element = |lane| StretchElement::of(of_lane(&group.element, lane));
@@ -218,7 +214,6 @@ impl Faces {
         lanes.take(self.count)
     }
 
-    /// The last response of a face.
     pub(crate) fn response(&self, face: usize) -> FaceResponse {
         let (group, lane) = (face / GROUP, face % GROUP);
         let element = StretchElement::of(of_lane(&self.groups[group].element, lane));
@@ -310,7 +305,6 @@ impl Faces {
 }
 
 impl Group {
-    /// Evaluates its faces one by one.
     fn evaluate<L: StretchLaw>(
         &self,
         laws: &[L],
@@ -375,7 +369,6 @@ impl WithSimd for Evaluation<'_> {
     }
 }
 
-/// The product of a group with a vector.
 struct Product<'a> {
     group: &'a Group,
     dt: f64,
@@ -401,7 +394,6 @@ impl WithSimd for Product<'_> {
     }
 }
 
-/// The blocks of a group.
 struct Blocks<'a> {
     element: &'a [Row; 5],
     response: &'a [Row; NUMBERS],
@@ -433,12 +425,6 @@ impl WithSimd for Blocks<'_> {
             }
         }
     }
-}
-
-/// One lane's vector in f32.
-#[inline(always)]
-fn of_lanes([x, y, z]: &[Row; 3], lane: usize) -> Vec3A {
-    Vec3A::new(x[lane] as f32, y[lane] as f32, z[lane] as f32)
 }
 
 /// The components of columns, times `scale`.

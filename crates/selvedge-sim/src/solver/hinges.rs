@@ -7,7 +7,7 @@ use selvedge_cloth::ElasticLaw;
 
 use crate::laws::bend::{BendElement, BendResponse};
 use crate::laws::number::{
-    GROUP, Lanes, LanesVector, Number, Row, Vector, gather, of_lane, scatter, set_lane,
+    GROUP, Lanes, LanesVector, Number, Row, Vector, gather, of_lane, of_lanes, scatter, set_lane,
 };
 use crate::solver::elements::Linearisation;
 use crate::threads::Threads;
@@ -38,14 +38,12 @@ pub(crate) struct HingeResponse<N: Number = f64> {
     pub(crate) jacobian: N,
 }
 
-/// Numbers of a hinge's response.
 const NUMBERS: usize = 14;
 
 /// The hinges of a cloth, evaluated.
 pub(crate) struct Hinges {
     count: usize,
     groups: Vec<Group>,
-    /// `[groups]`.
     responses: Vec<[Row; NUMBERS]>,
     /// Impulse on each corner `[N s]`, of whole groups.
     impulses: Vec<[DVec3; 4]>,
@@ -54,40 +52,25 @@ pub(crate) struct Hinges {
 impl<N: Number> HingeResponse<N> {
     #[inline(always)]
     fn of(numbers: [N; NUMBERS]) -> Self {
-        let [a, b, c, d, e, f, g, h, i, j, k, l, tangent, jacobian] = numbers;
+        let mut gradient = [N::Vector::of([numbers[0]; 3]); 4];
+        for (k, vector) in gradient.iter_mut().enumerate() {
+            *vector = N::Vector::of([numbers[3 * k], numbers[3 * k + 1], numbers[3 * k + 2]]);
+        }
         Self {
-            gradient: [
-                N::Vector::of([a, b, c]),
-                N::Vector::of([d, e, f]),
-                N::Vector::of([g, h, i]),
-                N::Vector::of([j, k, l]),
-            ],
-            tangent,
-            jacobian,
+            gradient,
+            tangent: numbers[12],
+            jacobian: numbers[13],
         }
     }
 
     #[inline(always)]
     fn numbers(&self) -> [N; NUMBERS] {
-        let [first, second, third, fourth] = self.gradient;
-        let ([a, b, c], [d, e, f]) = (first.components(), second.components());
-        let ([g, h, i], [j, k, l]) = (third.components(), fourth.components());
-        [
-            a,
-            b,
-            c,
-            d,
-            e,
-            f,
-            g,
-            h,
-            i,
-            j,
-            k,
-            l,
-            self.tangent,
-            self.jacobian,
-        ]
+        let mut numbers = [self.jacobian; NUMBERS];
+        for (numbers, vector) in numbers.chunks_exact_mut(3).zip(self.gradient) {
+            numbers.copy_from_slice(&vector.components());
+        }
+        numbers[12] = self.tangent;
+        numbers
     }
 
     /// What is kept of a `response`, and the impulses on its corners `[N s]`.
@@ -119,7 +102,6 @@ impl<N: Number> HingeResponse<N> {
         self.along(push)
     }
 
-    /// The gradient times `by`.
     #[inline(always)]
     fn along(&self, by: N) -> [N::Vector; 4] {
         let [a, b, c, d] = self.gradient;
@@ -166,13 +148,11 @@ impl Hinges {
         self.count
     }
 
-    /// Corners of each hinge.
     pub(crate) fn corners(&self) -> impl Iterator<Item = [u32; 4]> {
         let corners = self.groups.iter().flat_map(|group| group.corners);
         corners.take(self.count)
     }
 
-    /// The element of each hinge.
     pub(crate) fn elements(&self) -> impl Iterator<Item = BendElement> {
         let lanes = self.groups.iter().flat_map(|group| {
             (0..GROUP).map(|lane| BendElement::of(of_lane(&group.element, lane)))
@@ -180,7 +160,6 @@ impl Hinges {
         lanes.take(self.count)
     }
 
-    /// The last response of a hinge.
     pub(crate) fn response(&self, hinge: usize) -> HingeResponse {
         HingeResponse::of(of_lane(&self.responses[hinge / GROUP], hinge % GROUP))
     }
@@ -191,7 +170,6 @@ impl Hinges {
         self.impulses[hinge][corner]
     }
 
-    /// Evaluates the hinges.
     pub(crate) fn evaluate(&mut self, threads: Threads, law: ElasticLaw, at: Linearisation<'_>) {
         self.each(threads, |group, response, impulses| {
             if law == ElasticLaw::Energy {
@@ -243,7 +221,6 @@ impl Hinges {
 }
 
 impl Group {
-    /// Evaluates its hinges one by one.
     fn evaluate(
         &self,
         law: ElasticLaw,
@@ -263,7 +240,6 @@ impl Group {
     }
 }
 
-/// The evaluation of a group.
 struct Evaluation<'a> {
     group: &'a Group,
     at: Linearisation<'a>,
@@ -292,7 +268,6 @@ impl WithSimd for Evaluation<'_> {
     }
 }
 
-/// The product of a group with a vector.
 struct Product<'a> {
     group: &'a Group,
     vector: &'a [DVec3],
@@ -316,7 +291,6 @@ impl WithSimd for Product<'_> {
     }
 }
 
-/// The scaled gradients of a group.
 struct Roots<'a> {
     response: &'a [Row; NUMBERS],
     scale: f64,
@@ -335,9 +309,8 @@ impl WithSimd for Roots<'_> {
             LanesVector::store_all(response.along(root), &mut rows, part);
         }
         for (corner, rows) in rows.iter().enumerate() {
-            let [x, y, z] = rows;
             for (lane, roots) in self.roots.iter_mut().enumerate() {
-                roots[corner] = Vec3A::new(x[lane] as f32, y[lane] as f32, z[lane] as f32);
+                roots[corner] = of_lanes(rows, lane);
             }
         }
     }

@@ -3,11 +3,10 @@
 //! [`elements`] evaluates the laws on every face and hinge ([`faces`], [`hinges`]). [`system`] assembles and solves the
 //! equations of an implicit stage: by [`conjugate_gradients`] with the preconditioners [`gauss_seidel`], or
 //! where contact couples vertices [`woven`]; or by a complete factor ([`direct`], [`pattern`],
-//! [`ordering`], [`blocks`], [`cholesky`]), where contact couples vertices [`complete`].
+//! [`ordering`], [`blocks`], [`cholesky`]).
 
 mod blocks;
 mod cholesky;
-mod complete;
 mod conjugate_gradients;
 mod direct;
 mod elements;
@@ -16,9 +15,31 @@ mod gauss_seidel;
 mod hinges;
 mod ordering;
 mod pattern;
-mod solve_error;
 mod system;
 mod woven;
 
-pub(crate) use solve_error::SolveError;
+use selvedge_cloth::VertexId;
+use thiserror::Error;
+
 pub(crate) use system::System;
+
+#[derive(Clone, Debug, Error, PartialEq)]
+pub(crate) enum SolveError {
+    /// A force or a result is not finite.
+    #[error("the motion of vertex {vertex} is no longer finite")]
+    NonFinite { vertex: VertexId },
+    /// Someone wanted to stop.
+    #[error("stopped, as was asked, after {iterations} iterations")]
+    Stopped { iterations: u32 },
+    /// The system could not be factorised, or conjugate gradients did not converge.
+    #[error("{0}")]
+    Failed(String),
+}
+
+impl SolveError {
+    /// No memory, or more entries than an index can count, in a matrix of so many `unknowns`.
+    pub(super) fn resources(unknowns: usize, cause: &str) -> Self {
+        let text = format!("the factorisation of {unknowns} unknowns failed: {cause}");
+        Self::Failed(text)
+    }
+}

@@ -3,13 +3,12 @@
 use std::collections::VecDeque;
 
 use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::sparse::SymbolicSparseColMat;
 use faer::sparse::linalg::amd;
+use faer::sparse::{Pair, SymbolicSparseColMat};
 
 use crate::lists::Lists;
 use crate::solver::SolveError;
 
-/// Kind of an order, by its purpose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Ordering {
     /// Little fill in a complete factorisation (approximate minimum degree; Amestoy, Davis and Duff
@@ -72,27 +71,23 @@ fn search(neighbours: &Lists, first: usize, placed: &mut [bool], order: &mut Vec
     }
 }
 
-/// Order by approximate minimum degree.
 fn minimum_degree(unknown_count: usize, pairs: &[(u32, u32)]) -> Result<Vec<usize>, SolveError> {
     let resources = |cause: &str| SolveError::resources(3 * unknown_count, cause);
-    // The upper triangle by columns: column = larger unknown.
-    let mut entries: Vec<(u32, u32)> = pairs.iter().map(|&(a, b)| (b, a)).collect();
-    entries.extend((0..unknown_count as u32).map(|k| (k, k)));
-    entries.sort_unstable();
-    let mut starts = vec![0_usize; unknown_count + 1];
-    for &(column, _) in &entries {
-        starts[column as usize + 1] += 1;
-    }
-    for column in 0..unknown_count {
-        starts[column + 1] += starts[column];
-    }
-    let rows: Vec<usize> = entries.iter().map(|&(_, row)| row as usize).collect();
-    let count = rows.len();
-    let graph = SymbolicSparseColMat::new_checked(unknown_count, unknown_count, starts, None, rows);
+    // The upper triangle: column = larger unknown.
+    let above = pairs
+        .iter()
+        .map(|&(a, b)| Pair::new(a as usize, b as usize));
+    let entries: Vec<_> = above
+        .chain((0..unknown_count).map(|k| Pair::new(k, k)))
+        .collect();
+    let graph = SymbolicSparseColMat::try_new_from_indices(unknown_count, unknown_count, &entries)
+        .map_err(|cause| resources(&format!("{cause:?}")))?
+        .0;
     let mut order = vec![0_usize; unknown_count];
     let mut inverse = vec![0_usize; unknown_count];
-    let mut workspace = MemBuffer::try_new(amd::order_scratch::<usize>(unknown_count, count))
-        .map_err(|_| resources("out of memory"))?;
+    let mut workspace =
+        MemBuffer::try_new(amd::order_scratch::<usize>(unknown_count, entries.len()))
+            .map_err(|_| resources("out of memory"))?;
     amd::order(
         &mut order,
         &mut inverse,

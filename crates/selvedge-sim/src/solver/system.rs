@@ -16,13 +16,12 @@ use selvedge_cloth::{
 
 use crate::contact::Touches;
 use crate::laws::external::AirResistance;
-use crate::solver::complete::{Complete, Coupling};
+use crate::solver::SolveError;
 use crate::solver::conjugate_gradients::ConjugateGradients;
-use crate::solver::direct::{Direct, Springs};
+use crate::solver::direct::{Complete, Coupling, Direct, Springs};
 use crate::solver::elements::{Elements, Linearisation, hinge_stencils};
 use crate::solver::ordering::Ordering;
 use crate::solver::pattern::Pattern;
-use crate::solver::solve_error::SolveError;
 use crate::state::State;
 use crate::threads::Threads;
 

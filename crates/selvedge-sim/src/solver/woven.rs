@@ -14,7 +14,7 @@
 use glam::{DMat3, Mat3A, Vec3A};
 
 use crate::contact::to_single;
-use crate::solver::gauss_seidel::inverse_root;
+use crate::solver::gauss_seidel::{gathered, inverse_root};
 use crate::solver::pattern::Pattern;
 
 /// Smallest ratio of a pivot to its diagonal entry: rounding is below. Below it, the block of the
@@ -180,7 +180,8 @@ impl Woven {
     /// Replaces `vector` by L⁻ᵀ of it.
     pub(crate) fn solve_upper(&self, vector: &mut [Vec3A]) {
         for column in (0..vector.len()).rev() {
-            let sum = self.gathered(&self.lower, column, vector);
+            let range = self.column(column);
+            let sum = gathered(&self.lower[range.clone()], &self.rows[range], vector);
             vector[column] = self.inverse[column].transpose() * (vector[column] - sum);
         }
     }
@@ -188,8 +189,9 @@ impl Woven {
     /// `product` = L⁻¹ A `solved`.
     pub(crate) fn multiply(&self, solved: &[Vec3A], product: &mut [Vec3A]) {
         for (column, product) in product.iter_mut().enumerate() {
+            let range = self.column(column);
             *product = self.diagonal[column] * solved[column]
-                + self.gathered(&self.blocks, column, solved);
+                + gathered(&self.blocks[range.clone()], &self.rows[range], solved);
         }
         for (column, own) in solved.iter().enumerate() {
             let range = self.column(column);
@@ -198,21 +200,6 @@ impl Woven {
             }
         }
         self.solve_lower(product);
-    }
-
-    /// Sum of the transposed `blocks` of a column times the entries of `vector` in their rows.
-    #[inline]
-    fn gathered(&self, blocks: &[Mat3A], column: usize, vector: &[Vec3A]) -> Vec3A {
-        let range = self.column(column);
-        let mut sums = Mat3A::ZERO;
-        for (block, row) in blocks[range.clone()].iter().zip(&self.rows[range]) {
-            let known = vector[*row as usize];
-            sums.x_axis += block.x_axis * known;
-            sums.y_axis += block.y_axis * known;
-            sums.z_axis += block.z_axis * known;
-        }
-        let sums = sums.transpose();
-        sums.x_axis + sums.y_axis + sums.z_axis
     }
 }
 
@@ -227,6 +214,7 @@ fn size(block: &Mat3A) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::solver::gauss_seidel::tests;
     use crate::solver::ordering::Ordering;
     use glam::DVec3;
 
@@ -234,9 +222,8 @@ mod tests {
     fn strips(count: u32) -> (Pattern, Vec<Mat3A>) {
         let strip = |first: u32| (first + 2..first + count).map(|k| [k - 2, k - 1, k]);
         let triangles: Vec<[u32; 3]> = strip(0).chain(strip(count)).collect();
-        let none: [[u32; 4]; 0] = [];
         let held = vec![false; 2 * count as usize];
-        let pattern = Pattern::new(Ordering::Banded, &held, &triangles, &none).unwrap();
+        let pattern = Pattern::new(Ordering::Banded, &held, &triangles, &[]).unwrap();
         let mut blocks = vec![Mat3A::IDENTITY * 0.1; pattern.slot_count()];
         for column in 0..pattern.unknown_count() {
             for (slot, row) in pattern.below(column) {
@@ -272,19 +259,11 @@ mod tests {
         springs: &[([u32; 2], DMat3)],
         vector: &[Vec3A],
     ) -> Vec<Vec3A> {
-        let mut product: Vec<Vec3A> = vector.iter().zip(blocks).map(|(v, b)| *b * *v).collect();
-        let mut couple = |block: Mat3A, [row, column]: [usize; 2]| {
-            product[row] += block * vector[column];
-            product[column] += block.transpose() * vector[row];
-        };
-        for column in 0..vector.len() {
-            for (slot, row) in pattern.below(column) {
-                couple(blocks[slot as usize], [row as usize, column]);
-            }
-        }
+        let mut product = tests::times(pattern, blocks, vector);
         for (vertices, block) in springs {
-            let places = vertices.map(|v| pattern.unknown(v) as usize);
-            couple(to_single(*block), places);
+            let [a, b] = vertices.map(|v| pattern.unknown(v) as usize);
+            product[a] += to_single(*block) * vector[b];
+            product[b] += to_single(*block).transpose() * vector[a];
         }
         product
     }
@@ -301,10 +280,7 @@ mod tests {
         // Twice, as the lists are kept.
         woven.factorise(&pattern, &blocks, springs[..4].iter().copied(), 1.0);
         woven.factorise(&pattern, &blocks, springs.iter().copied(), 1.0);
-        let p: Vec<Vec3A> = (0..18)
-            .map(|k| k as f32)
-            .map(|t| Vec3A::new(t.sin(), (1.7 * t).cos(), (0.3 * t).sin()))
-            .collect();
+        let p = tests::wave(18);
         let mut found = vec![Vec3A::ZERO; 18];
         woven.multiply(&p, &mut found);
         let mut expected = times(&pattern, &blocks, &springs, &p);

@@ -1,27 +1,11 @@
 //! Cloth that touches: draping, folding, momentum, threads, and that nothing ever intersects.
 
 use glam::{DQuat, DVec3};
-use selvedge_cloth::{
-    ContactSettings, HandleTargets, Handles, LinearSolver, Squeezed, StepError, Stepper,
-};
-use selvedge_sim::{Simulator, SimulatorError, Threads};
+use selvedge_cloth::{ContactSettings, Handles, LinearSolver, Squeezed, StepError, Stepper};
+use selvedge_sim::{Simulator, SimulatorError};
 
-use crate::scenes::{BDF2, hanging, momentum};
+use crate::scenes::{BDF2, hanging, in_pool, momentum, moved};
 use crate::touching::{OnSlope, copies, ground, led, lying, none, rest_gap, run, sphere};
-
-#[test]
-fn a_sheet_drapes_over_a_sphere() {
-    let mut scene = lying(16, |p| p + DVec3::Y * 0.31);
-    scene.obstacles = vec![
-        sphere(DVec3::ZERO, 0.3, 3),
-        led(ground(0.0), &[(0.0, DVec3::Y * -0.4)]),
-    ];
-    let mut simulator = Simulator::new(&scene).unwrap();
-    run(&mut simulator, 60);
-    let counts = simulator.stats().contact;
-    assert!(counts.touching > 20, "{counts:?}");
-    assert_eq!(counts.divisions, 0, "{counts:?}");
-}
 
 /// Twenty kilometres off the origin single precision is coarser than the gap: no frame is given in which
 /// the cloth meets, and the error says where it is.
@@ -46,23 +30,17 @@ fn two_free_sheets_that_meet_keep_their_momentum() {
     // Both in one mesh: the second above the first, turned, and thrown at it.
     let mut scene = lying(6, |p| p);
     let turn = DQuat::from_rotation_y(0.5);
-    let count = scene.mesh.positions().len() as u32;
+    let count = scene.mesh.positions().len();
     scene.mesh = copies(&scene.mesh, 2, |copy, p| match copy {
         0 => p,
         _ => turn * p + DVec3::Y * 0.01,
     });
     let positions = scene.mesh.positions().to_vec();
-    scene.handles = Handles::new(&[], 2 * count as usize).unwrap();
+    scene.handles = Handles::new(&[], 2 * count).unwrap();
     scene.environment.gravity = DVec3::ZERO;
     scene.physics.solver = LinearSolver::Cholesky;
-    let thrown = |v: u32| {
-        if v < count {
-            DVec3::ZERO
-        } else {
-            DVec3::new(0.3, -1.0, 0.0)
-        }
-    };
-    let velocities = (0..2 * count).map(thrown).collect();
+    let mut velocities = vec![DVec3::ZERO; count];
+    velocities.extend(vec![DVec3::new(0.3, -1.0, 0.0); count]);
     let mut simulator = Simulator::with_state(&scene, positions, velocities).unwrap();
     let (before, energy) = (momentum(&simulator), simulator.kinetic_energy());
     run(&mut simulator, 30);
@@ -80,24 +58,16 @@ fn any_number_of_threads_gives_the_same_bytes() {
         DVec3::new(p.z, p.x + 0.55, 0.02 * (7.0 * p.x).sin())
     });
     scene.obstacles = vec![ground(0.0)];
-    let run_with = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()
-            .unwrap();
-        pool.install(|| {
+    let [one, others @ ..] = [1, 2, 3, 8].map(|threads| {
+        in_pool(threads, || {
             let mut simulator = Simulator::new(&scene).unwrap();
-            simulator.set_threads(Threads::Pool);
             for _ in 0..8 {
                 simulator.step(&none()).unwrap();
             }
             simulator.positions_f64().to_vec()
         })
-    };
-    let one = run_with(1);
-    for threads in [2, 3, 8] {
-        assert_eq!(run_with(threads), one, "{threads}");
-    }
+    });
+    assert!(others.iter().all(|other| *other == one));
 }
 
 #[test]
@@ -135,31 +105,6 @@ fn what_cannot_be_is_said() {
     assert!(Simulator::new(&scene).is_ok());
 }
 
-/// A ground that lies still, and a lid that comes down on the sheet in between.
-#[test]
-fn planes_that_close_are_an_error_with_the_cloth_where_it_was() {
-    let mut scene = lying(6, |p| p + DVec3::Y * 0.01);
-    let lid = led(
-        ground(0.0),
-        &[(0.0, DVec3::Y * 0.1), (0.2, DVec3::Y * -0.02)],
-    );
-    scene.obstacles = vec![ground(0.0), lid];
-    scene.contact.as_mut().unwrap().squeezed = Squeezed::Stop;
-    let mut simulator = Simulator::new(&scene).unwrap();
-    let mut before = simulator.positions().to_vec();
-    let error = loop {
-        match simulator.step(&none()) {
-            Ok(()) => before = simulator.positions().to_vec(),
-            Err(error) => break error,
-        }
-        assert_eq!(simulator.intersection_count(), 0);
-        assert!(simulator.frame() < 20);
-    };
-    assert!(matches!(error, StepError::Contact { .. }), "{error}");
-    assert_eq!(simulator.positions(), before);
-    assert!(simulator.frame() > 5, "{}", simulator.frame());
-}
-
 /// A handle led through a body is an error that names both, and the cloth stays where it was. An
 /// obstacle that is suddenly within the cloth, or on its other side, has gone there straight within
 /// a frame, at 18 and 36 m/s: the cloth is pushed along.
@@ -185,12 +130,10 @@ fn a_led_handle_is_said_and_a_leap_of_an_obstacle_pushes() {
         });
         scene.obstacles = vec![obstacle];
         let mut simulator = Simulator::new(&scene).unwrap();
-        let start = scene.handles.select(scene.mesh.positions());
         for frame in 1..=30 {
             let led = DVec3::X * (speed * f64::from(frame));
-            let targets = start.iter().map(|p| *p + led).collect();
             let before = simulator.positions().to_vec();
-            let step = simulator.step(&HandleTargets::at_frame_end(targets).unwrap());
+            let step = simulator.step(&moved(&scene, led));
             assert_eq!(simulator.intersection_count(), 0, "{frame}");
             if let Err(error) = step {
                 assert!(matches!(error, StepError::Contact { .. }), "{error}");
@@ -269,14 +212,11 @@ fn contact_without_a_touch_changes_no_byte() {
     apart.physics.integrator = BDF2;
     let mut together = apart.clone();
     together.contact = Some(ContactSettings::default());
-    let mut runs = [apart, together].map(|scene| Simulator::new(&scene).unwrap());
-    let hold = runs[0].handles().select(runs[0].positions_f64());
+    let mut runs = [&apart, &together].map(|scene| Simulator::new(scene).unwrap());
     for frame in 1..=20 {
         let aside = DVec3::X * 0.1 * (0.1 * f64::from(frame)).sin();
-        let targets: Vec<DVec3> = hold.iter().map(|p| *p + aside).collect();
         for simulator in &mut runs {
-            let targets = HandleTargets::at_frame_end(targets.clone()).unwrap();
-            simulator.step(&targets).unwrap();
+            simulator.step(&moved(&apart, aside)).unwrap();
         }
         assert_eq!(runs[0].positions_f64(), runs[1].positions_f64());
     }

@@ -5,15 +5,11 @@ use glam::{DQuat, DVec3};
 use selvedge_cloth::{ContactSettings, HandleTargets, Isotropic, Scene, Stepper};
 use selvedge_sim::Simulator;
 
-use crate::sheets::{grid, isotropic, scene};
+use crate::sheets::{elastic, grid, isotropic, scene};
 use crate::touching::{GRAVITY, first_order, joined, mean};
 
 /// A card.
-const CARD: Isotropic = Isotropic {
-    youngs_modulus: 1.5e8,
-    poissons_ratio: 0.3,
-    thickness: 1e-3,
-};
+const CARD: Isotropic = elastic(1.5e8, 0.3, 1e-3);
 
 /// A sheet of nine vertices that lies across two rails, which run down a slope. The rails are the
 /// upper edges of cards that are held.

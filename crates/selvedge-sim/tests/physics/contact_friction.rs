@@ -11,7 +11,7 @@ use selvedge_cloth::{
 };
 use selvedge_sim::Simulator;
 
-use crate::sheets::{grid, isotropic, scene};
+use crate::sheets::{elastic, grid, isotropic, scene};
 use crate::touching::{
     GRAVITY, OnSlope, copies, downhill, first_order, glide, ground, lying, mean, rest_gap, run,
     shrunk, smallest_gap,
@@ -215,11 +215,7 @@ fn a_sliding_sheet_stops_after_its_distance() {
 }
 
 /// A stiff sheet.
-const STIFF: Isotropic = Isotropic {
-    youngs_modulus: 1e6,
-    poissons_ratio: 0.3,
-    thickness: 1e-3,
-};
+const STIFF: Isotropic = elastic(1e6, 0.3, 1e-3);
 
 #[test]
 fn a_spinning_sheet_stops_after_its_time() {
@@ -304,11 +300,7 @@ fn capstan(angle: f64, friction: f64) -> Scene {
     let middle = 0.5 * rows as f64 * 0.01;
     let mesh = grid(2, rows, 0.01, |c| wrapped(angle, c.y - middle, c.x - 0.01));
     let last = 3 * rows as u32;
-    let soft = Isotropic {
-        youngs_modulus: 1e6,
-        poissons_ratio: 0.0,
-        thickness: 1e-4,
-    };
+    let soft = elastic(1e6, 0.0, 1e-4);
     let handles = [0, 1, 2, last, last + 1, last + 2];
     let mut scene = first_order(scene(mesh, isotropic(soft, 0.2), &handles));
     scene.physics.handles = HandleConstraint::Spring;

@@ -1,7 +1,7 @@
 //! Random scenes with contact: whatever is thrown together, no frame ever intersects, and a motion
 //! that cannot go on ends in an error that says why.
 //!
-//! A scene that starts with an intersection is drawn again, which the tests count. Where a handle
+//! A scene that starts with an intersection is drawn again. Where a handle
 //! is led through an obstacle or past it within an edge's length, handles are springs, which yield:
 //! exact ones leave nothing that could move, and an error is the right end
 //! (`assets/scenes/contact/fail-handle.toml`). Elsewhere they are exact or springs as drawn.
@@ -14,7 +14,7 @@ use selvedge_cloth::{
     ObstaclePath, RigidKey, Scene, Stepper, bodies,
 };
 use selvedge_contact::{Kind, gap, least_gap};
-use selvedge_sim::{ContactCounts, Simulator, SimulatorError};
+use selvedge_sim::{Simulator, SimulatorError};
 
 use crate::scenes::{CAMEL, DENIM, GRAY, NAVY, hanging, material};
 
@@ -45,37 +45,16 @@ impl Dice {
     }
 }
 
-/// Ends of the runs.
+/// Runs by how they ended.
 #[derive(Debug, Default)]
 struct Ends {
     whole: u32,
     /// Stopped by an error.
     stopped: u32,
-    /// Scenes in which something was let through.
+    /// Something was let through.
     yielded: u32,
-    /// Scenes with handles that are exact.
-    exact: u32,
-    /// Scenes with springs for handles.
-    springs: u32,
-    /// Those of them whose handles are led through an obstacle, or past it.
-    led: u32,
-    /// Scenes that were drawn again, since they start with an intersection or have a thickness
-    /// that their mesh is too fine for.
-    drawn_again: u32,
-    frames: usize,
-}
-
-impl Ends {
-    fn add(&mut self, other: &Self) {
-        self.whole += other.whole;
-        self.stopped += other.stopped;
-        self.yielded += other.yielded;
-        self.exact += other.exact;
-        self.springs += other.springs;
-        self.led += other.led;
-        self.drawn_again += other.drawn_again;
-        self.frames += other.frames;
-    }
+    /// With handles that are exact, and with springs.
+    held: [u32; 2],
 }
 
 /// A needle, a ball, a box, a rod or a wall, anywhere, still or moving.
@@ -200,34 +179,29 @@ impl Swing {
     }
 }
 
-/// Runs a scene for `frames`.
-fn follow(number: u64, frames: usize, ends: &mut Ends) -> ContactCounts {
+/// Runs scene `number` for sixty frames.
+fn follow(number: u64, ends: &mut Ends) {
+    const FRAMES: usize = 60;
     let mut dice = Dice(1000 * number);
     let mut scene = loop {
         let scene = scene(&mut dice);
         match Simulator::new(&scene) {
             Ok(_) => break scene,
-            Err(SimulatorError::Intersections { .. } | SimulatorError::Thickness { .. }) => {
-                ends.drawn_again += 1;
-            }
+            Err(SimulatorError::Intersections { .. } | SimulatorError::Thickness { .. }) => {}
             Err(error) => panic!("scene {number}: {error}"),
         }
     };
     let swing = Swing::drawn(&mut dice, &scene);
     let is_led = !scene.handles.is_empty()
-        && swing.meets(&scene.obstacles, frames, longest_edge(&scene.mesh));
+        && swing.meets(&scene.obstacles, FRAMES, longest_edge(&scene.mesh));
     if is_led || dice.part() < 0.3 {
         scene.physics.handles = HandleConstraint::Spring;
     }
     if !scene.handles.is_empty() {
-        ends.led += u32::from(is_led);
-        match scene.physics.handles {
-            HandleConstraint::Exact => ends.exact += 1,
-            HandleConstraint::Spring => ends.springs += 1,
-        }
+        ends.held[usize::from(scene.physics.handles == HandleConstraint::Spring)] += 1;
     }
     let mut simulator = Simulator::new(&scene).unwrap();
-    for frame in 1..=frames {
+    for frame in 1..=FRAMES {
         let targets = HandleTargets::at_frame_end(swing.at_frame(frame)).unwrap();
         let before = simulator.positions().to_vec();
         if let Err(error) = simulator.step(&targets) {
@@ -235,18 +209,13 @@ fn follow(number: u64, frames: usize, ends: &mut Ends) -> ContactCounts {
             assert_eq!(simulator.frame(), frame - 1, "scene {number}");
             eprintln!("scene {number}: {error}");
             ends.stopped += 1;
-            return simulator.stats().contact;
+            return;
         }
-        assert_eq!(
-            simulator.intersection_count(),
-            0,
-            "scene {number}, frame {frame}"
-        );
-        ends.frames += 1;
+        let met = simulator.intersection_count();
+        assert_eq!(met, 0, "scene {number}, frame {frame}");
     }
     ends.yielded += u32::from(!simulator.yielded().is_empty());
     ends.whole += 1;
-    simulator.stats().contact
 }
 
 fn longest_edge(mesh: &Mesh) -> f64 {
@@ -259,26 +228,21 @@ fn longest_edge(mesh: &Mesh) -> f64 {
     lengths.fold(0.0, f64::max)
 }
 
-fn follow_all(numbers: impl Iterator<Item = u64>, frames: usize) -> Ends {
-    let mut ends = Ends::default();
-    for number in numbers {
-        let counts = follow(number, frames, &mut ends);
-        if std::env::var("SELVEDGE_TELL").is_ok() {
-            eprintln!("{number} {ends:?} {counts:?}");
-        }
-    }
-    ends
-}
-
-/// Fifty scenes of two hundred, so that threads share them. One of a hundred may stop, which of
-/// fifty is at most one.
+/// Of a hundred scenes one may stop, and of fifty none or one.
 fn no_scene_of(numbers: std::ops::Range<u64>) {
     let count = (numbers.end - numbers.start) as u32;
-    let ends = follow_all(numbers, 60);
+    let mut ends = Ends::default();
+    numbers.for_each(|number| follow(number, &mut ends));
     assert_eq!(ends.whole + ends.stopped, count, "{ends:?}");
-    assert!(ends.exact > 0 && ends.springs > 0, "{ends:?}");
-    assert!(ends.stopped <= 1 && ends.yielded <= 1, "{ends:?}");
+    assert!(ends.held.iter().all(|held| *held > 0), "{ends:?}");
+    let most = count.div_ceil(100);
+    assert!(
+        ends.stopped <= most && (ends.yielded <= 1 || count > 50),
+        "{ends:?}"
+    );
 }
+
+// Fifty scenes each, so that threads share them.
 
 #[test]
 fn no_random_scene_ever_intersects() {
@@ -301,17 +265,7 @@ fn no_random_scene_of_the_last_fifty_ever_intersects() {
 }
 
 #[test]
-#[ignore = "takes an hour: two thousand scenes of sixty frames"]
+#[ignore = "takes two hours: two thousand scenes"]
 fn no_scene_of_two_thousand_ever_intersects() {
-    let runs = [0_u64, 1].map(|first| {
-        let own = (0..2000).filter(move |number| number % 2 == first);
-        std::thread::spawn(move || follow_all(own, 60))
-    });
-    let mut ends = Ends::default();
-    for run in runs {
-        ends.add(&run.join().unwrap());
-    }
-    eprintln!("{ends:?}");
-    assert_eq!(ends.whole + ends.stopped, 2000, "{ends:?}");
-    assert!(ends.stopped <= 20, "{ends:?}");
+    no_scene_of(0..2000);
 }

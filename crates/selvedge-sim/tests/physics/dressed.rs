@@ -1,20 +1,15 @@
-//! A cloth made ready from where it meets itself, or a body.
+//! A cloth made ready from where it meets itself, or where a body is in the way.
 
 use std::f64::consts::PI;
 use std::ops::ControlFlow;
 
 use glam::DVec3;
-use selvedge_cloth::{
-    ContactSettings, HandleTargets, Handles, Motion, Obstacle, Scene, Stepper, bodies,
-};
-use selvedge_sim::{ContactGauge, FitError, FitProgress, Simulator, dress, untangle};
+use selvedge_cloth::{ContactSettings, Handles, Motion, Obstacle, Scene, Stepper, bodies};
+use selvedge_sim::{ContactGauge, FitError, Simulator, dress, fit, untangle};
 
-use crate::scenes::{hanging, noise};
+use crate::fit::carry_on;
+use crate::scenes::{at_rest, hanging, noise, still};
 use crate::sewn::tube;
-
-fn carry_on(_: FitProgress) -> ControlFlow<()> {
-    ControlFlow::Continue(())
-}
 
 fn meeting(scene: &Scene, positions: &[DVec3]) -> usize {
     let frame: Vec<_> = positions.iter().map(|p| p.as_vec3()).collect();
@@ -48,11 +43,9 @@ fn roll() -> Scene {
 
 /// Runs ten frames from `positions`, and counts what meets in any.
 fn run_from(scene: &Scene, positions: Vec<DVec3>) -> usize {
-    let rest = vec![DVec3::ZERO; positions.len()];
-    let mut simulator = Simulator::with_state(scene, positions, rest).unwrap();
-    let targets = HandleTargets::at_frame_end(Vec::new()).unwrap();
+    let mut simulator = at_rest(scene, positions);
     let frames = (0..10).map(|_| {
-        simulator.step(&targets).unwrap();
+        simulator.step(&still(scene)).unwrap();
         simulator.intersection_count()
     });
     frames.sum()
@@ -107,16 +100,21 @@ fn crumpled_sheets_are_moved_apart() {
     assert!(tangled >= 6, "{tangled}");
 }
 
-/// A tube of cloth about the y axis, of radius 0.1 m, with a capsule of `radius` `[m]` through it,
-/// `aside` `[m]`.
-fn around(radius: f64, aside: f64) -> Scene {
+/// Radius of the tube in its pattern `[m]`.
+const RADIUS: f64 = 0.1;
+
+/// A tube of cloth about the y axis that stands `open` times as wide as its pattern, with a capsule of
+/// `radius` `[m]` through it, `aside` `[m]`.
+fn around(open: f64, radius: f64, aside: f64) -> Scene {
     let columns = 24;
-    let side = 0.2 * (PI / columns as f64).sin();
-    let mut scene = hanging(4);
-    scene.mesh = tube(columns, 12, side);
-    scene.handles = Handles::new(&[], scene.mesh.positions().len()).unwrap();
-    scene.motion = Motion::still(1.0);
-    scene.contact = Some(ContactSettings::default());
+    let side = 2.0 * RADIUS * (PI / columns as f64).sin();
+    let mesh = tube(columns, 12, side);
+    let places = mesh.positions().iter();
+    let places = places.map(|p| DVec3::new(open * p.x, p.y, open * p.z));
+    let mut scene = sheet(4, |u, v| DVec3::new(u, -v, 0.0));
+    scene.mesh = mesh.clone().with_positions(places.collect()).unwrap();
+    scene.handles = Handles::new(&[], mesh.positions().len()).unwrap();
+    scene.environment = hanging(4).environment;
     let body = bodies::capsule(radius, 1.0, 0.02);
     let points = body.points.iter();
     let points = points.map(|p| *p + DVec3::new(aside, -0.15, 0.0)).collect();
@@ -125,10 +123,41 @@ fn around(radius: f64, aside: f64) -> Scene {
 }
 
 #[test]
+fn a_tube_shrinks_to_its_size_around_a_thin_post_and_onto_a_thick_one() {
+    let [thin, thick] = [0.08, 0.125].map(|radius| {
+        let scene = around(1.8, radius, 0.0);
+        let found = fit(&scene, &mut carry_on).unwrap();
+        assert_eq!(meeting(&scene, &found.positions), 0);
+        found
+    });
+    assert!(thin.before > 0.75, "{}", thin.before);
+    assert!(thin.after < 0.02, "{}", thin.after);
+    // Around a post that is thicker than it, the tube stays as wide as that.
+    let wanted = 0.125 / RADIUS - 1.0;
+    assert!(
+        (0.8 * wanted..1.3 * wanted).contains(&thick.after),
+        "{} instead of {wanted}",
+        thick.after
+    );
+    let axis = |p: &DVec3| p.with_y(0.0).length();
+    let inside = thick.positions.iter().filter(|p| axis(p) < 0.99 * 0.125);
+    assert_eq!(inside.count(), 0);
+}
+
+#[test]
+fn a_start_that_intersects_is_refused_and_a_fit_can_be_stopped() {
+    let error = fit(&around(1.8, 0.08, -0.15), &mut carry_on).unwrap_err();
+    assert!(matches!(error, FitError::Start(_)), "{error}");
+    assert!(error.to_string().contains("\"post\""), "{error}");
+    let stopped = fit(&around(1.8, 0.08, 0.0), &mut |_| ControlFlow::Break(()));
+    assert_eq!(stopped, Err(FitError::Stopped));
+}
+
+#[test]
 fn a_tube_gets_around_a_body_that_goes_through_its_wall() {
     // The last body has the whole tube within it, and meets it nowhere.
     for (radius, aside) in [(0.08, 0.06), (0.095, 0.03), (0.105, 0.0)] {
-        let scene = around(radius, aside);
+        let scene = around(1.0, radius, aside);
         let before = meeting(&scene, scene.mesh.positions());
         if aside > 0.0 {
             assert!(before > 20, "{before}");
@@ -157,7 +186,7 @@ fn a_tube_gets_around_a_body_that_goes_through_its_wall() {
 #[test]
 fn what_cannot_be_dressed_says_where() {
     // Beside the tube's axis, and across it.
-    let mut across = around(0.08, 0.0);
+    let mut across = around(1.0, 0.08, 0.0);
     let turned = across.obstacles[0].positions_at(0.0);
     let turned = turned.map(|p| DVec3::new(p.y, p.x - 0.1, p.z)).collect();
     let faces = across.obstacles[0].faces().to_vec();
@@ -169,6 +198,8 @@ fn what_cannot_be_dressed_says_where() {
     assert!(body == "bar" && (place.y + 0.1).abs() < 0.1, "{error}");
     let unknown = dress(&across, "post", &mut carry_on).unwrap_err();
     assert!(matches!(unknown, FitError::NoBody { .. }));
-    let stopped = dress(&around(0.105, 0.0), "post", &mut |_| ControlFlow::Break(()));
+    let stopped = dress(&around(1.0, 0.105, 0.0), "post", &mut |_| {
+        ControlFlow::Break(())
+    });
     assert_eq!(stopped, Err(FitError::Stopped));
 }

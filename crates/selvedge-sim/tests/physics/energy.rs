@@ -2,17 +2,15 @@
 //! still, or has swung, comes to rest; over 10⁵ frames none of it drifts.
 
 use glam::{DQuat, DVec3};
-use selvedge_cloth::{ElasticLaw, Gust, HandleTargets, Isotropic, Scene, Stepper};
+use selvedge_cloth::{ElasticLaw, Gust, Isotropic, Scene, Stepper};
 use selvedge_sim::{Simulator, sag};
 
-use crate::scenes::{CAMEL, DENIM, GRAY, NAVY, by_default, hanging, material};
-use crate::sheets::isotropic;
-
-const SHEET: Isotropic = Isotropic {
-    youngs_modulus: 1e5,
-    poissons_ratio: 0.3,
-    thickness: 5e-4,
+use crate::scenes::{
+    CAMEL, DENIM, GRAY, NAVY, at_rest, by_default, edge_stretches, hanging, material, moved, still,
 };
+use crate::sheets::{elastic, isotropic};
+
+const SHEET: Isotropic = elastic(1e5, 0.3, 5e-4);
 
 /// The shipped fabrics and an isotropic sheet, hanging from two corners.
 fn fabrics(side: usize) -> Vec<Scene> {
@@ -38,14 +36,12 @@ fn mean_speed(simulator: &Simulator) -> f64 {
 /// A flat sheet is let go, held at two corners. Gives the largest kinetic energies of the first and
 /// of the last of four seconds `[J]`, and the largest rise of the whole energy in a frame `[J]`.
 fn fall(scene: &Scene) -> [f64; 3] {
-    let start = scene.mesh.positions().to_vec();
-    let targets = HandleTargets::at_frame_end(scene.handles.select(&start)).unwrap();
     let mut simulator = Simulator::new(scene).unwrap();
     let mut peaks = [0.0_f64; 4];
     let mut rise = 0.0_f64;
     let mut last = simulator.potential_energy();
     for frame in 0..240 {
-        simulator.step(&targets).unwrap();
+        simulator.step(&still(scene)).unwrap();
         let kinetic = simulator.kinetic_energy();
         peaks[frame / 60] = peaks[frame / 60].max(kinetic);
         let now = simulator.potential_energy().map(|energy| energy + kinetic);
@@ -107,12 +103,9 @@ fn a_cloth_that_is_held_still_is_still() {
         for mut scene in fabrics(12) {
             scene.physics.substeps = substeps;
             let rest = sag(&scene).unwrap();
-            let still = vec![DVec3::ZERO; rest.positions.len()];
-            let targets = scene.handles.select(&rest.positions);
-            let targets = HandleTargets::at_frame_end(targets).unwrap();
-            let mut simulator = Simulator::with_state(&scene, rest.positions, still).unwrap();
+            let mut simulator = at_rest(&scene, rest.positions);
             for _ in 0..300 {
-                simulator.step(&targets).unwrap();
+                simulator.step(&still(&scene)).unwrap();
             }
             let speed = mean_speed(&simulator);
             assert!(speed < 1e-4, "{}: {speed} m/s", scene.material.name);
@@ -126,32 +119,15 @@ fn a_cloth_that_is_held_still_is_still() {
 fn a_cloth_that_has_swung_comes_to_rest_within_a_minute() {
     for scene in fabrics(20) {
         let rest = sag(&scene).unwrap();
-        let still = vec![DVec3::ZERO; rest.positions.len()];
-        let held = scene.handles.select(&rest.positions);
-        let mut simulator = Simulator::with_state(&scene, rest.positions, still).unwrap();
+        let mut simulator = at_rest(&scene, rest.positions);
         for frame in 1..=72 + 3600 {
             let part = f64::from(frame.min(72)) / 72.0;
             let aside = DVec3::X * (0.25 * (1.0 - (std::f64::consts::TAU * part).cos()));
-            let targets = held.iter().map(|place| *place + aside).collect();
-            let targets = HandleTargets::at_frame_end(targets).unwrap();
-            simulator.step(&targets).unwrap();
+            simulator.step(&moved(&scene, aside)).unwrap();
         }
         let speed = mean_speed(&simulator);
         assert!(speed < 5e-4, "{}: {speed} m/s", scene.material.name);
     }
-}
-
-/// Largest strain of an edge that is not between two handles.
-fn largest_strain(scene: &Scene, positions: &[DVec3]) -> f64 {
-    let uv = scene.mesh.material_coordinates();
-    let held = scene.handles.mask(positions.len());
-    let edges = scene.mesh.topology().edges().iter();
-    let strains = edges.filter_map(|edge| {
-        let [a, b] = edge.vertices.map(|v| v.index());
-        let strain = positions[a].distance(positions[b]) / uv[a].distance(uv[b]) - 1.0;
-        (!(held[a] && held[b])).then_some(strain)
-    });
-    strains.fold(f64::NEG_INFINITY, f64::max)
 }
 
 /// Means and extremes of a tenth of a long run.
@@ -166,23 +142,20 @@ struct Tenth {
 }
 
 fn tenths(scene: &Scene, frames: usize, place: impl Fn(f64) -> DVec3) -> [Tenth; 10] {
-    let start = scene.handles.select(scene.mesh.positions());
     let mut simulator = Simulator::new(scene).unwrap();
     let mut tenths = [Tenth::default(); 10];
     let part = 10.0 / frames as f64;
     for frame in 0..frames {
         let shift = place((frame + 1) as f64 / scene.frame_rate);
-        let targets = start.iter().map(|x| *x + shift).collect();
-        simulator
-            .step(&HandleTargets::at_frame_end(targets).unwrap())
-            .unwrap();
+        simulator.step(&moved(scene, shift)).unwrap();
         let tenth = &mut tenths[10 * frame / frames];
         tenth.kinetic += simulator.kinetic_energy() * part;
         let x = simulator.positions_f64();
         let masses = simulator.vertex_mass().iter();
         let weight = masses.zip(x).map(|(m, x)| 9.8 * m * x.y).sum::<f64>();
         tenth.height += weight * part;
-        tenth.strain = tenth.strain.max(largest_strain(scene, x));
+        let strains = edge_stretches(scene, x).into_iter().map(|l| l - 1.0);
+        tenth.strain = strains.fold(tenth.strain, f64::max);
     }
     tenths
 }

@@ -8,7 +8,7 @@ use selvedge_sim::{FitError, fit, sew_and_fit};
 
 use crate::scenes::{hanging, largest_distance, noise, stretches};
 
-fn carry_on(_: selvedge_sim::FitProgress) -> ControlFlow<()> {
+pub(crate) fn carry_on(_: selvedge_sim::FitProgress) -> ControlFlow<()> {
     ControlFlow::Continue(())
 }
 

@@ -7,16 +7,16 @@
 
 use std::fmt::Write as _;
 
-use glam::{DVec2, DVec3};
+use glam::DVec2;
 use selvedge_cloth::{
     ElasticLaw, HandleConstraint, LinearSolver, Material, PhysicsMode, PhysicsSettings,
 };
 use selvedge_sim::Simulator;
 use selvedge_sim::laws::bend::BendElement;
-use selvedge_sim::laws::strain::Strain;
+use selvedge_sim::laws::stretch::Strain;
 use selvedge_sim::laws::stretch_table::GridStiffness;
 
-use crate::scenes::{CAMEL, DENIM, GRAY, NAVY, hanging, material, noise};
+use crate::scenes::{CAMEL, DENIM, GRAY, NAVY, crumpled, hanging, material, noise};
 
 fn fabric(name: &str) -> Material {
     [GRAY, CAMEL, DENIM, NAVY]
@@ -26,18 +26,13 @@ fn fabric(name: &str) -> Material {
         .unwrap()
 }
 
-fn rows(text: &str) -> impl Iterator<Item = (&str, &str, Vec<f64>)> {
-    text.lines()
-        .filter(|line| !line.starts_with('#'))
-        .map(|line| {
-            let mut words = line.split(' ');
-            let (kind, name) = (words.next().unwrap(), words.next().unwrap());
-            (
-                kind,
-                name,
-                words.map(|word| word.parse().unwrap()).collect(),
-            )
-        })
+/// The name and the numbers of the lines of this kind.
+fn rows<'a>(text: &'a str, kind: &'a str) -> impl Iterator<Item = (&'a str, Vec<f64>)> {
+    text.lines().filter_map(move |line| {
+        let (name, numbers) = line.strip_prefix(kind)?.trim_start().split_once(' ')?;
+        let numbers = numbers.split(' ').map(|word| word.parse().unwrap());
+        Some((name, numbers.collect()))
+    })
 }
 
 /// Rounding of some ten operations and of the file's 17 digits.
@@ -50,49 +45,30 @@ fn assert_close(found: f64, expected: f64, what: &str) {
 }
 
 #[test]
-fn stretch_look_ups_are_arcsims() {
-    let mut checked = 0;
-    for (kind, name, numbers) in rows(include_str!("arcsim_lookups.txt")) {
-        if kind != "stretch" {
-            continue;
-        }
+fn look_ups_are_arcsims() {
+    let text = include_str!("arcsim_lookups.txt");
+    let mut checked = [0, 0];
+    for (name, numbers) in rows(text, "stretch") {
         let law = GridStiffness::new(fabric(name).stretch);
-        let strain = Strain {
-            uu: numbers[0],
-            vv: numbers[1],
-            uv: numbers[2],
-        };
-        let what = format!("{name} at {strain:?}");
-        for (found, expected) in law.stiffness(strain).into_iter().zip(&numbers[3..]) {
-            assert_close(found, *expected, &what);
+        let [uu, vv, uv] = [0, 1, 2].map(|k| numbers[k]);
+        let found = law.stiffness(Strain { uu, vv, uv });
+        for (found, expected) in found.into_iter().zip(&numbers[3..]) {
+            assert_close(found, *expected, &format!("{name} at {uu} {vv} {uv}"));
         }
-        checked += 1;
+        checked[0] += 1;
     }
-    assert_eq!(checked, 48);
-}
-
-#[test]
-fn bend_look_ups_are_arcsims() {
-    let mut checked = 0;
-    for (kind, name, numbers) in rows(include_str!("arcsim_lookups.txt")) {
-        if kind != "bend" {
-            continue;
-        }
+    for (name, numbers) in rows(text, "bend") {
         let [degrees, curvature, expected] = numbers[..] else {
             panic!("{name}: {numbers:?}")
         };
         let along = DVec2::from_angle(degrees.to_radians());
         let corners = [DVec2::ZERO, along, along.perp(), -along.perp()];
-        let element = BendElement::new(&fabric(name).bend, corners);
-        let found = element.stiffness_at(curvature);
-        assert_close(
-            found,
-            expected.max(0.0),
-            &format!("{name} at {degrees}°, {curvature}"),
-        );
-        checked += 1;
+        let found = BendElement::new(&fabric(name).bend, corners).stiffness_at(curvature);
+        let what = format!("{name} at {degrees}°, {curvature}");
+        assert_close(found, expected.max(0.0), &what);
+        checked[1] += 1;
     }
-    assert!(checked >= 4 * 20);
+    assert!(checked[0] == 48 && checked[1] >= 4 * 20, "{checked:?}");
 }
 
 #[test]
@@ -102,17 +78,11 @@ fn substeps_are_as_they_were() {
     scene.physics.handles = HandleConstraint::Spring;
     scene.physics.law = ElasticLaw::Arcsim;
     scene.physics.solver = LinearSolver::Cholesky;
-    let moved = |scale: f64| {
-        let positions = scene.mesh.positions().iter();
-        positions
-            .zip(noise(25, scale))
-            .map(|(x, d)| *x + d)
-            .collect::<Vec<DVec3>>()
-    };
     let mut text = String::from(
         "# Positions [m] of a 5 x 5 cloth after each of three solves; made by golden.rs.\n",
     );
-    let mut simulator = Simulator::with_state(&scene, moved(0.02), noise(25, 0.5)).unwrap();
+    let mut simulator =
+        Simulator::with_state(&scene, crumpled(&scene, 0.02), noise(25, 0.5)).unwrap();
     let targets = scene.handles.select(scene.mesh.positions());
     for _ in 0..3 {
         simulator.substep(1.0 / 240.0, &targets).unwrap();
@@ -125,10 +95,8 @@ fn substeps_are_as_they_were() {
         std::fs::write(path, &text).unwrap();
         return;
     }
-    let golden: Vec<Vec<f64>> = rows(include_str!("substeps.txt"))
-        .map(|(_, _, x)| x)
-        .collect();
-    let found: Vec<Vec<f64>> = rows(&text).map(|(_, _, x)| x).collect();
+    let [golden, found] = [include_str!("substeps.txt"), &text]
+        .map(|text| rows(text, "x").map(|row| row.1).collect::<Vec<_>>());
     assert_eq!((golden.len(), found.len()), (75, 75));
     for (found, golden) in found.iter().flatten().zip(golden.iter().flatten()) {
         // Rounding that differs between machines is 1e-15 m, grown by three solves.

@@ -1,23 +1,17 @@
 //! Obstacles that are led by hand beside their own motion.
 
 use glam::DVec3;
-use selvedge_cloth::{ContactSettings, Obstacle, Scene, StepError, Stepper, bodies};
+use selvedge_cloth::{ContactSettings, Scene, StepError, Stepper};
 use selvedge_sim::{Checkpoint, FAR, Simulator};
 
 use crate::scenes::{hanging, momentum, still};
-use crate::touching::{first_order, led, lying, none};
+use crate::touching::{first_order, led, lying, none, sphere};
 
 /// A hanging sheet beside a ball of 0.1 m that stands 0.3 m before it.
 fn scene() -> Scene {
     let mut scene = hanging(10);
-    let ball = bodies::sphere(0.1, 0.04);
-    let points = ball
-        .points
-        .iter()
-        .map(|p| *p + DVec3::new(0.3, -0.6, 0.0))
-        .collect();
     scene.contact = Some(ContactSettings::default());
-    scene.obstacles = vec![Obstacle::new("ball", points, ball.faces).unwrap()];
+    scene.obstacles = vec![sphere(DVec3::new(0.3, -0.6, 0.0), 0.1, 2)];
     scene
 }
 
@@ -100,14 +94,8 @@ fn a_body_receives_the_momentum_that_it_gives() {
     for friction in [0.0, 0.5] {
         let mut scene = first_order(lying(12, |p| p));
         scene.environment.gravity = DVec3::ZERO;
-        scene.contact = Some(ContactSettings {
-            friction,
-            ..ContactSettings::default()
-        });
-        let ball = bodies::sphere(0.15, 0.05);
-        let place = DVec3::new(0.08, -0.2, 0.03);
-        let points = ball.points.iter().map(|p| *p + place).collect();
-        scene.obstacles = vec![Obstacle::new("ball", points, ball.faces).unwrap()];
+        scene.contact.as_mut().unwrap().friction = friction;
+        scene.obstacles = vec![sphere(DVec3::new(0.08, -0.2, 0.03), 0.15, 2)];
         let mut simulator = Simulator::new(&scene).unwrap();
         let (mut received, mut offset) = (DVec3::ZERO, DVec3::ZERO);
         for frame in 0..30_u32 {

@@ -13,7 +13,6 @@ mod dressed;
 mod dynamics;
 mod energy;
 mod fit;
-mod fit_around;
 mod golden;
 mod impact;
 mod led;

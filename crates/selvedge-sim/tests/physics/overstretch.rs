@@ -5,32 +5,14 @@ use std::cell::RefCell;
 
 use glam::DVec3;
 use proptest::prelude::*;
-use proptest::test_runner::{RngAlgorithm, TestRng, TestRunner};
 use selvedge_cloth::{
-    ContactSettings, Obstacle, PhysicsMode, PhysicsSettings, Scene, StepError, Stepper, Topology,
+    ContactSettings, Obstacle, PhysicsMode, PhysicsSettings, Scene, StepError, Stepper,
 };
 use selvedge_sim::Simulator;
 
-use crate::robustness::{SEED, drags, scenes, targets};
-use crate::scenes::{hanging, square_mesh, still};
+use crate::robustness::{drags, run_all, scenes, targets};
+use crate::scenes::{at_rest, edge_stretches, hanging, square_mesh, still};
 use crate::touching::{led, sphere};
-
-/// Stretches l/l₀ of the edges that handles do not hold at both ends.
-fn stretches(scene: &Scene, positions: &[DVec3]) -> Vec<f64> {
-    let topology: &Topology = scene.mesh.topology();
-    let held = scene.handles.mask(positions.len());
-    let edges = topology
-        .edges()
-        .iter()
-        .zip(scene.mesh.pattern().edge_lengths());
-    edges
-        .filter(|(edge, _)| !edge.vertices.iter().all(|v| held[v.index()]))
-        .map(|(edge, rest)| {
-            let [a, b] = edge.vertices.map(|v| v.index());
-            positions[a].distance(positions[b]) / rest
-        })
-        .collect()
-}
 
 /// Steps until a frame fails or `frames` are done; every frame must be within the bound.
 fn run(scene: &Scene, frames: usize) -> Result<f64, StepError> {
@@ -42,7 +24,7 @@ fn run(scene: &Scene, frames: usize) -> Result<f64, StepError> {
             assert_eq!(simulator.positions_f64(), before);
             return Err(error);
         }
-        let strains = stretches(scene, simulator.positions_f64());
+        let strains = edge_stretches(scene, simulator.positions_f64());
         largest = strains.into_iter().fold(largest, f64::max);
         assert!(largest <= 1.0 + scene.physics.max_strain, "{largest}");
     }
@@ -116,12 +98,13 @@ fn what_starts_beyond_the_bound_may_relax() {
     let mut positions = mesh.positions().to_vec();
     // An edge of the free lower border, at four times its length.
     positions[35].z += 0.6;
-    let largest =
-        |positions: &[DVec3]| stretches(&scene, positions).into_iter().fold(0.0, f64::max);
+    let largest = |positions: &[DVec3]| {
+        let stretches = edge_stretches(&scene, positions).into_iter();
+        stretches.fold(0.0, f64::max)
+    };
     let before = largest(&positions);
     assert!(before > 3.0, "{before}");
-    let still_standing = vec![DVec3::ZERO; positions.len()];
-    let mut simulator = Simulator::with_state(&scene, positions, still_standing).unwrap();
+    let mut simulator = at_rest(&scene, positions);
     for _ in 0..60 {
         simulator.step(&still(&scene)).unwrap();
     }
@@ -138,39 +121,26 @@ fn what_starts_beyond_the_bound_may_relax() {
 /// frames were within it, and some scenes were stopped by it.
 #[test]
 fn no_frame_of_a_random_scene_is_beyond_the_bound() {
-    let config = ProptestConfig {
-        cases: 48,
-        failure_persistence: None,
-        max_shrink_iters: 0,
-        ..ProptestConfig::default()
-    };
-    let rng = TestRng::from_seed(RngAlgorithm::ChaCha, &SEED);
     let stopped = RefCell::new([0, 0]);
-    let outcome =
-        TestRunner::new_with_rng(config, rng).run(&(scenes(), drags()), |(mut scene, drag)| {
-            scene.physics.max_strain = 1.0;
-            let mut simulator = Simulator::new(&scene).unwrap();
-            for frame in 0..12 {
-                let before = stretches(&scene, simulator.positions_f64());
-                match simulator.step(&targets(&scene, &drag, frame)) {
-                    Ok(()) => {
-                        let after = stretches(&scene, simulator.positions_f64());
-                        for (before, after) in before.into_iter().zip(after) {
-                            let is_fine = after <= 2.0 + 1e-12 || after <= before + 1e-12;
-                            prop_assert!(is_fine, "{before} to {after}");
-                        }
-                        stopped.borrow_mut()[0] += 1;
-                    }
-                    Err(error) => {
-                        let by_bound = matches!(error, StepError::Overstretched { .. });
-                        stopped.borrow_mut()[1] += usize::from(by_bound);
-                        return Ok(());
-                    }
-                }
+    run_all(48, (scenes(), drags()), |(mut scene, drag)| {
+        scene.physics.max_strain = 1.0;
+        let mut simulator = Simulator::new(&scene).unwrap();
+        for frame in 0..12 {
+            let before = edge_stretches(&scene, simulator.positions_f64());
+            if let Err(error) = simulator.step(&targets(&scene, &drag, frame)) {
+                let by_bound = matches!(error, StepError::Overstretched { .. });
+                stopped.borrow_mut()[1] += usize::from(by_bound);
+                return Ok(());
             }
-            Ok(())
-        });
-    outcome.unwrap();
+            let after = edge_stretches(&scene, simulator.positions_f64());
+            for (before, after) in before.into_iter().zip(after) {
+                let is_fine = after <= 2.0 + 1e-12 || after <= before + 1e-12;
+                prop_assert!(is_fine, "{before} to {after}");
+            }
+            stopped.borrow_mut()[0] += 1;
+        }
+        Ok(())
+    });
     let [frames, by_bound] = stopped.into_inner();
     assert!(frames > 300 && by_bound > 0, "{frames} {by_bound}");
 }

@@ -8,7 +8,7 @@ use selvedge_cloth::{
 };
 use selvedge_sim::{SagError, Simulator, sag};
 
-use crate::scenes::{floating, hanging, largest_distance};
+use crate::scenes::{floating, hanging, held, largest_distance, moved, still};
 use crate::touching::copies;
 
 fn released(mut scene: Scene, handles: Vec<usize>, from: f64, to: Option<f64>) -> Scene {
@@ -91,10 +91,7 @@ fn after_taking_hold_a_handle_moves_by_as_much_as_its_path() {
     run(&mut simulator, &scene, 3);
     let before = scene.handles.select(simulator.positions_f64());
     let step = DVec3::new(0.01, -0.004, 0.002);
-    let start = scene.handles.select(scene.mesh.positions());
-    let targets: Vec<DVec3> = start.iter().map(|p| *p + step).collect();
-    let targets = HandleTargets::at_frame_end(targets).unwrap();
-    simulator.step(&targets).unwrap();
+    simulator.step(&moved(&scene, step)).unwrap();
     let after = scene.handles.select(simulator.positions_f64());
     let expected: Vec<DVec3> = before.iter().map(|p| *p + step).collect();
     // Differences and sums of numbers of size 1.
@@ -108,13 +105,12 @@ fn a_step_that_fails_gives_the_active_handles_back() {
     for (solver, far) in [(LinearSolver::Cholesky, 1e300), (iterative, 1e100)] {
         let mut scene = hanging(4);
         scene.physics.solver = solver;
-        let still = scene.handles.select(scene.mesh.positions());
-        let held = HandleTargets::at_frame_end(still.clone()).unwrap();
+        let held = still(&scene);
         let mut simulator = Simulator::new(&scene).unwrap();
         simulator.step(&held).unwrap();
         let mut undisturbed = Simulator::new(&scene).unwrap();
         undisturbed.step(&held).unwrap();
-        let absurd = HandleTargets::at_frame_end(vec![DVec3::splat(far), still[1]]).unwrap();
+        let absurd = HandleTargets::at_frame_end(vec![DVec3::splat(far), held.end()[1]]).unwrap();
         let absurd = absurd.releasing(vec![false, true]).unwrap();
         let error = simulator.step(&absurd).unwrap_err();
         match &error {
@@ -150,6 +146,12 @@ fn a_sheet_that_nothing_holds_rests_where_it_starts() {
     assert_eq!(one, sag(&alone).unwrap());
 }
 
+/// A simulator of `scene` in the positions and velocities of another.
+fn continued(scene: &Scene, from: &Simulator) -> Simulator {
+    let [x, v] = [from.positions_f64(), from.velocities_f64()].map(<[DVec3]>::to_vec);
+    Simulator::with_state(scene, x, v).unwrap()
+}
+
 #[test]
 fn a_substep_after_a_step_has_the_wind_of_its_own_frame() {
     let mut scene = hanging(4);
@@ -159,16 +161,11 @@ fn a_substep_after_a_step_has_the_wind_of_its_own_frame() {
         seed: 5,
     });
     scene.physics.integrator = Integrator::Linearised;
-    let still = scene.handles.select(scene.mesh.positions());
     let mut simulator = Simulator::new(&scene).unwrap();
     run(&mut simulator, &scene, 1);
-    let (x, v) = (
-        simulator.positions_f64().to_vec(),
-        simulator.velocities_f64().to_vec(),
-    );
-    let mut fresh = Simulator::with_state(&scene, x, v).unwrap().at_frame(1);
+    let mut fresh = continued(&scene, &simulator).at_frame(1);
     for simulator in [&mut simulator, &mut fresh] {
-        simulator.substep(1.0 / 120.0, &still).unwrap();
+        simulator.substep(1.0 / 120.0, &held(&scene)).unwrap();
     }
     let apart = largest_distance(simulator.positions_f64(), fresh.positions_f64());
     assert!(apart < 1e-12, "{apart}");
@@ -189,26 +186,20 @@ fn gusts_are_those_of_the_frame_and_a_run_can_be_taken_up_again() {
     run(&mut whole, &scene, 12);
     // Frame by frame in the constant wind of each.
     let mut steady = scene.clone();
-    let (mut positions, mut velocities) = (scene.mesh.positions().to_vec(), vec![DVec3::ZERO; 25]);
+    let mut one = Simulator::new(&scene).unwrap();
     for frame in 0..12 {
         steady.environment = scene.environment.during_step(frame, scene.frame_rate);
-        let mut one = Simulator::with_state(&steady, positions, velocities).unwrap();
+        one = continued(&steady, &one);
         run(&mut one, &steady, 1);
-        positions = one.positions_f64().to_vec();
-        velocities = one.velocities_f64().to_vec();
     }
-    assert_eq!(whole.positions_f64(), positions);
+    assert_eq!(whole.positions_f64(), one.positions_f64());
     // From half way, told which frame it is.
     let mut half = Simulator::new(&scene).unwrap();
     run(&mut half, &scene, 6);
-    let (x, v) = (
-        half.positions_f64().to_vec(),
-        half.velocities_f64().to_vec(),
-    );
-    let mut rest = Simulator::with_state(&scene, x, v).unwrap().at_frame(6);
+    let mut rest = continued(&scene, &half).at_frame(6);
     run(&mut rest, &scene, 6);
     assert_eq!(rest.frame(), 12);
-    assert_eq!(rest.positions_f64(), positions);
+    assert_eq!(rest.positions_f64(), one.positions_f64());
 }
 
 /// One step from the state of any frame leads to the next frame of the run, where handles let go,

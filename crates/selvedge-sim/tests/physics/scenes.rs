@@ -49,22 +49,26 @@ pub(crate) fn square_mesh(side: usize) -> Mesh {
             ));
         }
     }
-    let mut faces = Vec::new();
-    for row in 0..side - 1 {
-        for column in 0..side - 1 {
-            let [a, b] = [row * side + column, (row + 1) * side + column].map(|v| v as u32);
-            if (row + column) % 2 == 0 {
-                faces.extend([[a, b, b + 1], [a, b + 1, a + 1]]);
-            } else {
-                faces.extend([[a, b, a + 1], [a + 1, b, b + 1]]);
-            }
-        }
-    }
     let positions = coordinates
         .iter()
         .map(|c| DVec3::new(0.0, c.y - 1.0, c.x - 0.5))
         .collect();
-    Mesh::new(&faces, coordinates, positions).unwrap()
+    Mesh::new(&squares(side - 1, side - 1), coordinates, positions).unwrap()
+}
+
+/// Faces of `columns` × `rows` squares whose vertices are numbered row by row. Diagonals alternate, so
+/// that with an even number of columns the mesh is its own mirror image.
+pub(crate) fn squares(columns: usize, rows: usize) -> Vec<[u32; 3]> {
+    let square = |k: usize| {
+        let (row, column) = (k / columns, k % columns);
+        let a = (row * (columns + 1) + column) as u32;
+        let (b, c, d) = (a + columns as u32 + 1, a + columns as u32 + 2, a + 1);
+        match (row + column) % 2 {
+            0 => [[a, b, c], [a, c, d]],
+            _ => [[a, b, d], [d, b, c]],
+        }
+    };
+    (0..columns * rows).flat_map(square).collect()
 }
 
 /// Gray interlock hanging from its upper corners, solved by a complete factorisation: what closed
@@ -102,7 +106,39 @@ pub(crate) fn held(scene: &Scene) -> Vec<DVec3> {
 
 /// Targets of a frame in which the handles stay where they started.
 pub(crate) fn still(scene: &Scene) -> HandleTargets {
-    HandleTargets::at_frame_end(held(scene)).unwrap()
+    moved(scene, DVec3::ZERO)
+}
+
+/// Targets of a frame at whose end the handles are `by` from where they started `[m]`.
+pub(crate) fn moved(scene: &Scene, by: DVec3) -> HandleTargets {
+    let places = held(scene).into_iter().map(|place| place + by);
+    HandleTargets::at_frame_end(places.collect()).unwrap()
+}
+
+/// A simulator of `scene` that starts at `positions` `[m]` without velocity.
+pub(crate) fn at_rest(scene: &Scene, positions: Vec<DVec3>) -> Simulator {
+    let velocities = vec![DVec3::ZERO; positions.len()];
+    Simulator::with_state(scene, positions, velocities).unwrap()
+}
+
+/// What `work` gives in a pool of so many threads.
+pub(crate) fn in_pool<R: Send>(threads: usize, work: impl FnOnce() -> R + Send) -> R {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+    pool.build().unwrap().install(work)
+}
+
+/// Stretches l/l₀ of the edges that handles do not hold at both ends.
+pub(crate) fn edge_stretches(scene: &Scene, positions: &[DVec3]) -> Vec<f64> {
+    let held = scene.handles.mask(positions.len());
+    let edges = scene.mesh.topology().edges().iter();
+    edges
+        .zip(scene.mesh.pattern().edge_lengths())
+        .filter(|(edge, _)| !edge.vertices.iter().all(|v| held[v.index()]))
+        .map(|(edge, rest)| {
+            let [a, b] = edge.vertices.map(|v| v.index());
+            positions[a].distance(positions[b]) / rest
+        })
+        .collect()
 }
 
 /// Momentum of the cloth `[N s]`.
@@ -123,6 +159,17 @@ pub(crate) fn noise(count: usize, scale: f64) -> Vec<DVec3> {
     };
     (0..count)
         .map(|_| DVec3::new(next(), next(), next()))
+        .collect()
+}
+
+/// Positions of the mesh of `scene`, each moved by [`noise`] of this `scale` `[m]`.
+pub(crate) fn crumpled(scene: &Scene, scale: f64) -> Vec<DVec3> {
+    let positions = scene.mesh.positions();
+    let shifts = noise(positions.len(), scale);
+    positions
+        .iter()
+        .zip(shifts)
+        .map(|(x, shift)| *x + shift)
         .collect()
 }
 

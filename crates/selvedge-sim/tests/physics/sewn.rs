@@ -3,13 +3,14 @@
 
 use glam::{DVec2, DVec3};
 use selvedge_cloth::{
-    ConjugateGradients, FaceFabrics, FaceId, HandleTargets, Handles, Integrator, Isotropic,
-    LinearSolver, Mesh, Scene, Stepper,
+    ConjugateGradients, FaceFabrics, FaceId, Handles, Integrator, LinearSolver, Mesh, Scene,
+    Stepper,
 };
 use selvedge_sim::{Simulator, sag};
 
-use crate::scenes::{BDF2, hanging, largest_distance, noise};
-use crate::sheets::{isotropic, scene};
+use crate::scenes::{self, BDF2, at_rest, crumpled, hanging, largest_distance};
+use crate::sheets::{elastic, isotropic, scene};
+use crate::touching::{copies, none};
 
 /// `mesh` with the material coordinates of faces whose middle lies beyond the line u = `line`
 /// replaced by what `place` makes of them: cut along the line, and sewn again.
@@ -41,20 +42,10 @@ fn moved(scene: &Scene, frames: usize) -> Vec<DVec3> {
 
 /// As [`moved`], from a start that is crumpled by up to `crumple` `[m]`.
 fn moved_from(scene: &Scene, frames: usize, crumple: f64) -> Vec<DVec3> {
-    let start = scene.mesh.positions();
-    let crumpled: Vec<DVec3> = start
-        .iter()
-        .zip(noise(start.len(), crumple))
-        .map(|(p, shift)| *p + shift)
-        .collect();
-    let velocities = vec![DVec3::ZERO; start.len()];
-    let mut simulator = Simulator::with_state(scene, crumpled, velocities).unwrap();
-    let handles = scene.handles.select(start);
+    let mut simulator = at_rest(scene, crumpled(scene, crumple));
     for frame in 1..=frames {
         let shift = DVec3::new(0.3, 0.0, 0.1) * (frame as f64 / 60.0);
-        let targets = handles.iter().map(|p| *p + shift).collect();
-        let targets = HandleTargets::at_frame_end(targets).unwrap();
-        simulator.step(&targets).unwrap();
+        simulator.step(&scenes::moved(scene, shift)).unwrap();
     }
     simulator.positions_f64().to_vec()
 }
@@ -143,11 +134,7 @@ pub(crate) fn tube(columns: usize, rows: usize, side: f64) -> Mesh {
 fn a_sewn_tube_is_as_long_as_its_weight_makes_it() {
     // With ν = 0 every ring sinks without changing its shape, and each row of the tube has one
     // stretch: E h (λ³ - λ)/2 around the tube carries the lumped masses below the row.
-    let sheet = Isotropic {
-        youngs_modulus: 2e4,
-        poissons_ratio: 0.0,
-        thickness: 1e-3,
-    };
+    let sheet = elastic(2e4, 0.0, 1e-3);
     let (columns, rows, spacing) = (12, 10, 0.05);
     let mesh = tube(columns, rows, spacing);
     let seams = mesh.topology().edges().iter();
@@ -175,16 +162,10 @@ fn a_sewn_tube_is_as_long_as_its_weight_makes_it() {
             // Residual of 1e-7 m/s² on a tube that gives 0.1 m to 9.8 m/s²: 1e-9 m.
             assert!((found.y - y).abs() < 2e-8, "row {row}: {} {y}", found.y);
             error = error.max((found.y - y).abs());
-            aside = aside.max(
-                (found - scene.mesh.positions()[row * columns + column])
-                    .with_y(0.0)
-                    .length(),
-            );
             let start = scene.mesh.positions()[row * columns + column];
-            assert!(
-                found.with_y(0.0).distance(start.with_y(0.0)) < 2e-7,
-                "row {row}"
-            );
+            let off = found.with_y(0.0).distance(start.with_y(0.0));
+            assert!(off < 2e-7, "row {row}");
+            aside = aside.max(off);
         }
     }
     println!(
@@ -196,53 +177,39 @@ fn a_sewn_tube_is_as_long_as_its_weight_makes_it() {
 
 #[test]
 fn a_cloth_whose_rest_angles_are_those_of_its_start_stays_as_it_is() {
-    let sheet = Isotropic {
-        youngs_modulus: 2e4,
-        poissons_ratio: 0.3,
-        thickness: 1e-3,
-    };
+    let sheet = elastic(2e4, 0.3, 1e-3);
     let mut scene = scene(tube(9, 6, 0.05), isotropic(sheet, 0.3), &[]);
     scene.environment.gravity = DVec3::ZERO;
-    let start = scene.mesh.positions().to_vec();
-    let mut simulator = Simulator::new(&scene).unwrap();
-    let none = HandleTargets::at_frame_end(Vec::new()).unwrap();
-    for _ in 0..60 {
-        simulator.step(&none).unwrap();
-    }
-    assert!(largest_distance(simulator.positions_f64(), &start) < 1e-12);
+    let moved = |scene: &Scene| {
+        let mut simulator = Simulator::new(scene).unwrap();
+        for _ in 0..60 {
+            simulator.step(&none()).unwrap();
+        }
+        largest_distance(simulator.positions_f64(), scene.mesh.positions())
+    };
+    assert!(moved(&scene) < 1e-12);
     // Flat rest angles unroll it.
     let flat = vec![0.0; scene.mesh.topology().edges().len()];
     scene.mesh = scene.mesh.clone().with_rest_angles(flat).unwrap();
-    let mut simulator = Simulator::new(&scene).unwrap();
-    for _ in 0..60 {
-        simulator.step(&none).unwrap();
-    }
-    assert!(largest_distance(simulator.positions_f64(), &start) > 1e-6);
+    assert!(moved(&scene) > 1e-6);
 }
 
 /// Two sheets in one mesh that share no vertex, the second 2 m beside the first and of the fabric
 /// "second", handles on both.
 fn two_sheets(one: &Scene, damping: [f64; 2]) -> Scene {
-    let (mesh, count) = (&one.mesh, one.mesh.positions().len());
-    let shapes: Vec<[DVec2; 3]> = mesh.pattern().faces().collect();
-    let mut faces = mesh.topology().face_indices();
-    let second: Vec<[u32; 3]> = faces.iter().map(|f| f.map(|v| v + count as u32)).collect();
-    let corners: Vec<[DVec2; 3]> = shapes.iter().chain(&shapes).copied().collect();
-    let aside = |p: &DVec3| *p + 2.0 * DVec3::X;
-    let first = mesh.positions().iter();
-    let positions = first.clone().copied().chain(first.map(aside)).collect();
-    let mut of_face = vec![None; faces.len()];
-    of_face.extend(vec![Some(0); faces.len()]);
-    faces.extend(second);
-    let names = vec!["second".to_owned()];
-    let mesh = Mesh::sewn(&faces, &corners, positions)
-        .and_then(|mesh| mesh.with_fabrics(FaceFabrics { names, of_face }))
-        .unwrap();
+    let count = one.mesh.positions().len() as u32;
+    let faces = one.mesh.topology().faces().len();
+    let of_face = (0..2 * faces).map(|face| (face >= faces).then_some(0));
+    let fabrics = FaceFabrics {
+        names: vec!["second".to_owned()],
+        of_face: of_face.collect(),
+    };
+    let both = copies(&one.mesh, 2, |copy, p| p + DVec3::X * (2.0 * copy as f64));
     let held = one.handles.vertices().iter().map(|v| v.0);
-    let held: Vec<u32> = held.clone().chain(held.map(|v| v + count as u32)).collect();
+    let held: Vec<u32> = held.clone().chain(held.map(|v| v + count)).collect();
     let mut scene = one.clone();
-    scene.handles = Handles::new(&held, 2 * count).unwrap();
-    scene.mesh = mesh;
+    scene.mesh = both.with_fabrics(fabrics).unwrap();
+    scene.handles = Handles::new(&held, 2 * count as usize).unwrap();
     let mut fabric = one.material.clone();
     fabric.damping = damping[1];
     scene.fabrics = [("second".to_owned(), fabric)].into();

@@ -3,6 +3,17 @@
 use glam::{DVec2, DVec3};
 use selvedge_cloth::{Handles, Isotropic, LinearSolver, Material, Mesh, Scene};
 
+use crate::scenes::squares;
+
+/// A material of this Young's modulus `[Pa]`, Poisson's ratio and thickness `[m]`.
+pub(crate) const fn elastic(youngs_modulus: f64, poissons_ratio: f64, thickness: f64) -> Isotropic {
+    Isotropic {
+        youngs_modulus,
+        poissons_ratio,
+        thickness,
+    }
+}
+
 /// A sheet of thickness 1 mm made of `isotropic`, of `density` [kg/m²].
 pub(crate) fn isotropic(isotropic: Isotropic, density: f64) -> Material {
     isotropic.validate().unwrap();
@@ -28,8 +39,7 @@ pub(crate) fn scene(mesh: Mesh, material: Material, handles: &[u32]) -> Scene {
 }
 
 /// A rectangle of `columns` × `rows` squares of side `spacing`, u to the right and v up, placed by
-/// `place`; vertices row by row from the top. Diagonals alternate, so that with an even number of
-/// columns the mesh is its own mirror image.
+/// `place`; vertices row by row from the top.
 pub(crate) fn grid(
     columns: usize,
     rows: usize,
@@ -42,20 +52,8 @@ pub(crate) fn grid(
             DVec2::new(column as f64, (rows - row) as f64) * spacing
         })
         .collect();
-    let mut faces = Vec::new();
-    for row in 0..rows {
-        for column in 0..columns {
-            let a = (row * (columns + 1) + column) as u32;
-            let (b, c, d) = (a + columns as u32 + 1, a + columns as u32 + 2, a + 1);
-            if (row + column) % 2 == 0 {
-                faces.extend([[a, b, c], [a, c, d]]);
-            } else {
-                faces.extend([[a, b, d], [d, b, c]]);
-            }
-        }
-    }
     let positions = coordinates.iter().map(|c| place(*c)).collect();
-    Mesh::new(&faces, coordinates, positions).unwrap()
+    Mesh::new(&squares(columns, rows), coordinates, positions).unwrap()
 }
 
 /// A strip of `count` equilateral triangles of side `side` along u, placed by `place`; vertices in

@@ -2,16 +2,10 @@
 
 use glam::DVec3;
 use selvedge_cloth::generate::square;
-use selvedge_cloth::{
-    ConjugateGradients, HandleTargets, Handles, Integrator, LinearSolver, Scene, Stepper,
-};
+use selvedge_cloth::{ConjugateGradients, Handles, LinearSolver, Scene, Stepper};
 use selvedge_sim::Simulator;
 
-use crate::scenes::{BDF2, INTEGRATORS, hanging, held, largest_distance};
-
-fn moved(scene: &Scene, by: DVec3) -> HandleTargets {
-    HandleTargets::at_frame_end(held(scene).iter().map(|x| *x + by).collect()).unwrap()
-}
+use crate::scenes::{INTEGRATORS, hanging, in_pool, largest_distance, moved};
 
 /// A few frames of a sheet whose handles jerk sideways.
 fn run(scene: &Scene, frames: u32) -> Simulator {
@@ -43,26 +37,15 @@ fn any_number_of_threads_gives_the_same_bytes() {
     // More than one tile of the preconditioner, and enough vertices for threads to be used.
     let mut scene = hanging(48);
     let iterative = LinearSolver::ConjugateGradients(ConjugateGradients::default());
-    for (solver, integrator) in [
-        (iterative, Integrator::Linearised),
-        (iterative, BDF2),
-        (iterative, Integrator::GeneralisedAlpha(Default::default())),
-        (LinearSolver::Cholesky, Integrator::Linearised),
-        (LinearSolver::Cholesky, BDF2),
-        (
-            LinearSolver::Cholesky,
-            Integrator::GeneralisedAlpha(Default::default()),
-        ),
-    ] {
+    let solvers = [iterative, LinearSolver::Cholesky];
+    let cases = solvers.map(|solver| INTEGRATORS.map(|integrator| (solver, integrator)));
+    for (solver, integrator) in cases.into_iter().flatten() {
         scene.physics.solver = solver;
         scene.physics.integrator = integrator;
         // The second looks back at the first.
         scene.physics.substeps = 2;
-        let runs = [1, 2, 3].map(|threads| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-            let run = pool.build().unwrap().install(|| run(&scene, 1));
-            run.positions_f64().to_vec()
-        });
+        let runs =
+            [1, 2, 3].map(|threads| in_pool(threads, || run(&scene, 1).positions_f64().to_vec()));
         assert!(
             runs[0] == runs[1] && runs[0] == runs[2],
             "{solver:?} {integrator:?}"

@@ -7,7 +7,7 @@ use selvedge_cloth::{
 };
 use selvedge_sim::{Simulator, Threads};
 
-use crate::scenes::hanging;
+use crate::scenes::{hanging, in_pool};
 use crate::touching::{copies, ground, led, lying, sphere};
 
 fn named(name: &str, obstacle: &Obstacle) -> Obstacle {
@@ -228,11 +228,7 @@ fn a_run_in_which_something_is_let_through_goes_on_with_any_threads() {
     other.restore(&state).unwrap();
     for (simulator, threads) in [(&mut rest, 2), (&mut other, 3)] {
         simulator.set_threads(Threads::Pool);
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()
-            .unwrap();
-        pool.install(|| run(&scene, simulator, 35));
+        in_pool(threads, || run(&scene, simulator, 35));
     }
     run(&scene, &mut whole, 35);
     assert_eq!(whole.positions_f64(), rest.positions_f64());
@@ -256,9 +252,10 @@ fn a_scene_that_wants_to_stop_is_told_who_leaves_no_room() {
         let mut simulator = Simulator::new(&scene).unwrap();
         let path = scene.handle_path().unwrap();
         let error = loop {
-            let frame = simulator.frame();
+            let (frame, before) = (simulator.frame(), simulator.positions().to_vec());
             assert!(frame < 40);
             if let Err(error) = simulator.step(&path.targets(frame, 4).unwrap()) {
+                assert_eq!(simulator.positions(), before);
                 break error;
             }
             assert_eq!(simulator.intersection_count(), 0);

@@ -8,7 +8,7 @@ use selvedge_sim::laws::bend::BendElement;
 use selvedge_sim::sag;
 
 use crate::scenes::{largest_distance, stretches};
-use crate::sheets::{grid, isotropic, scene, slope, triangle_strip};
+use crate::sheets::{elastic, grid, isotropic, scene, slope, triangle_strip};
 
 const GRAVITY: f64 = 9.8;
 
@@ -27,11 +27,7 @@ fn hinges(mesh: &Mesh) -> Vec<[usize; 4]> {
 fn a_rolled_sheet_has_the_energy_of_a_plate() {
     // Rolled up with radius R in any direction, equilateral triangles have the energy D/(2 R²) per
     // area: the three edges of which there is one each for every two faces.
-    let sheet = Isotropic {
-        youngs_modulus: 2e6,
-        poissons_ratio: 0.3,
-        thickness: 5e-4,
-    };
+    let sheet = elastic(2e6, 0.3, 5e-4);
     let side = 0.01;
     for degrees in [0.0_f64, 10.0, 30.0, 45.0, 77.0] {
         let radius = 10.0;
@@ -65,11 +61,7 @@ fn a_hanging_strip_is_as_long_as_its_weight_makes_it() {
     // Per width, at the material height s above the lower end: N = E h (λ³ - λ)/2 = ρ g s, for the
     // Saint Venant-Kirchhoff strip with ν = 0. On a mesh the load of a row is that of the lumped
     // masses below, ρ g at the row's middle: the midpoint rule of ∫ (λ - 1) ds, second order.
-    let sheet = Isotropic {
-        youngs_modulus: 2e4,
-        poissons_ratio: 0.0,
-        thickness: 1e-3,
-    };
+    let sheet = elastic(2e4, 0.0, 1e-3);
     let (density, length) = (0.3, 1.0_f64);
     let membrane = sheet.youngs_modulus * sheet.thickness;
     let stretch = |s: f64| {
@@ -123,11 +115,7 @@ fn cantilever(sheet: Isotropic, density: f64, length: f64, count: usize) -> (Mes
 fn a_cantilever_carries_its_weight_hinge_by_hinge() {
     // A chain of triangles is statically determinate: at every hinge, stiffness times angle is the
     // moment of all weight beyond it about the hinge, however far it has bent.
-    let sheet = Isotropic {
-        youngs_modulus: 1e8,
-        poissons_ratio: 0.3,
-        thickness: 3e-4,
-    };
+    let sheet = elastic(1e8, 0.3, 3e-4);
     let density = 0.3;
     let (mesh, positions) = cantilever(sheet, density, 0.08, 15);
     let mass = mesh.rest_shape(density).vertex_mass;
@@ -171,11 +159,7 @@ fn a_cantilever_bends_like_a_beam() {
     // Small deflections under its own weight q = ρ g: w = q L⁴/(8 D'), with D' = 8/9 D, since the
     // edges of a narrow strip are free to curl (see `Isotropic`). The chain's own error is first
     // order in its side: hinges and lumped masses half a side off, 4 of L's powers.
-    let sheet = Isotropic {
-        youngs_modulus: 1e9,
-        poissons_ratio: 0.3,
-        thickness: 3e-4,
-    };
+    let sheet = elastic(1e9, 0.3, 3e-4);
     let (density, length) = (0.3, 0.08_f64);
     let expected = density * GRAVITY * length.powi(4) / (8.0 * 8.0 / 9.0 * sheet.plate_stiffness());
     assert!(expected < 0.1 * length);
@@ -197,11 +181,7 @@ fn finer_meshes_come_nearer_to_each_other() {
     // A square hanging by its upper edge, which cannot narrow there. Elements are linear and the
     // solution is smooth except at the upper corners: between first and second order. The 25
     // vertices that all meshes have are compared.
-    let sheet = Isotropic {
-        youngs_modulus: 2e4,
-        poissons_ratio: 0.3,
-        thickness: 1e-3,
-    };
+    let sheet = elastic(2e4, 0.3, 1e-3);
     let poses: Vec<Vec<DVec3>> = [4_usize, 8, 16, 32]
         .into_iter()
         .map(|side| {
@@ -231,11 +211,7 @@ fn stiff_cloth_approaches_the_inextensible() {
     // The load is the same whatever the stiffness: strain ∝ 1/E, a slope of -1.
     let mut points = Vec::new();
     for youngs_modulus in [3e5, 3e6, 3e7] {
-        let sheet = Isotropic {
-            youngs_modulus,
-            poissons_ratio: 0.3,
-            thickness: 1e-3,
-        };
+        let sheet = elastic(youngs_modulus, 0.3, 1e-3);
         let place = |c: DVec2| DVec3::new(0.0, c.y - 1.0, c.x - 0.5);
         let mesh = grid(8, 8, 0.125, place);
         let upper: Vec<u32> = (0..=8).collect();

@@ -6,7 +6,7 @@ use selvedge_cloth::StretchTable;
 use selvedge_cloth::geometry::sin_cos;
 
 use super::{Ramp, SPAN, StretchEnergy};
-use crate::laws::strain::Strain;
+use crate::laws::stretch::Strain;
 use crate::laws::stretch_table::measured_stiffness;
 
 /// Strain below which the error of the stress counts as at this strain: elsewhere it is relative to
@@ -93,7 +93,7 @@ pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 }
 
 /// Strain with principal values along `angle` and across it.
-fn principal(along: f64, across: f64, angle: f64) -> Strain {
+pub(super) fn principal(along: f64, across: f64, angle: f64) -> Strain {
     let (sine, cosine) = sin_cos(angle);
     Strain {
         uu: along * cosine * cosine + across * sine * sine,

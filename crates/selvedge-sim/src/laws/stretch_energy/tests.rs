@@ -1,7 +1,7 @@
 use super::*;
 use crate::laws::stretch::StretchElement;
-use crate::laws::stretch_energy::fit::{dot, mandel, measured_stress, weight};
-use glam::{DMat3, DVec2, DVec3};
+use crate::laws::stretch_energy::fit::{dot, mandel, measured_stress, principal, weight};
+use glam::{DVec2, DVec3};
 
 /// Gray interlock, the shipped fabric whose measured law gains the most from nothing.
 const GRAY: StretchTable = StretchTable([
@@ -153,14 +153,8 @@ fn fit_is_as_near_as_the_documentation_says() {
     let mut samples = Vec::new();
     for along in [0.004, 0.015, 0.04, 0.09, 0.16] {
         for ratio in [-0.4, -0.1, 0.1, 0.4, 0.9] {
-            for angle in [0.1, 0.4, 0.8, 1.2, 1.5_f64] {
-                let (sine, cosine) = angle.sin_cos();
-                let across = ratio * along;
-                samples.push(Strain {
-                    uu: along * cosine * cosine + across * sine * sine,
-                    vv: along * sine * sine + across * cosine * cosine,
-                    uv: (along - across) * sine * cosine,
-                });
+            for angle in [0.1, 0.4, 0.8, 1.2, 1.5] {
+                samples.push(principal(along, ratio * along, angle));
             }
         }
     }
@@ -222,31 +216,5 @@ fn jacobian_of_a_face_in_tension_is_exact() {
                 assert!(block[axis].distance(measured) < 1e-5 * 900.0);
             }
         }
-    }
-}
-
-#[test]
-fn jacobian_times_is_the_sum_of_its_blocks() {
-    let energy = StretchEnergy::new(&GRAY);
-    let corners = [
-        DVec3::new(0.1, -0.2, 0.3),
-        DVec3::new(0.2, 0.35, 0.25),
-        DVec3::new(-0.2, 0.1, 0.6),
-    ];
-    let response = StretchElement::new(REST).respond(&energy, true, corners);
-    let vectors = [
-        DVec3::new(1.0, -2.0, 0.5),
-        DVec3::X,
-        DVec3::new(-0.4, 0.2, 0.9),
-    ];
-    let product = response.negative_jacobian_times(vectors);
-    for (row, product) in product.iter().enumerate() {
-        let sum: DVec3 = (0..3)
-            .map(|column| {
-                let [x, y, z] = response.negative_jacobian(row, column);
-                DMat3::from_cols(x, y, z) * vectors[column]
-            })
-            .sum();
-        assert!(product.distance(sum) < 1e-10 * sum.length());
     }
 }

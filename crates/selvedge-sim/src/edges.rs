@@ -1,13 +1,43 @@
-//! The edges whose strain is watched: all but those between two handles.
+//! The edges that are not held at both ends, and their strain, which is watched.
 
 use glam::DVec3;
 use selvedge_cloth::{Handles, Mesh, VertexId};
+
+/// An edge that is not held at both ends.
+pub(crate) struct FreeEdge {
+    pub(crate) ends: [usize; 2],
+    /// Parts of a change of length that the ends take: halves, or all of it beside a held end.
+    pub(crate) parts: [f64; 2],
+    /// Length in the pattern `[m]`.
+    pub(crate) length: f64,
+}
+
+/// The edges of `mesh` that are not `held` at both ends, `[vertices]`.
+pub(crate) fn free_edges(mesh: &Mesh, held: &[bool]) -> Vec<FreeEdge> {
+    let edges = mesh.topology().edges().iter();
+    let edges = edges.zip(mesh.pattern().edge_lengths());
+    let free = edges.filter_map(|(edge, length)| {
+        let ends = edge.vertices.map(VertexId::index);
+        let parts = match ends.map(|v| held[v]) {
+            [false, false] => [0.5, 0.5],
+            [false, true] => [1.0, 0.0],
+            [true, false] => [0.0, 1.0],
+            [true, true] => return None,
+        };
+        Some(FreeEdge {
+            ends,
+            parts,
+            length,
+        })
+    });
+    free.collect()
+}
 
 /// The watched edges of a cloth.
 pub(crate) struct WatchedEdges(Vec<WatchedEdge>);
 
 struct WatchedEdge {
-    vertices: [VertexId; 2],
+    ends: [usize; 2],
     /// 1/l₀ `[1/m]`.
     inverse_rest: f64,
 }
@@ -26,7 +56,7 @@ impl WatchedEdge {
     /// (l² - l'²)² is (l - l')² (l + l')², and (l + l')² ≥ l² + l'².
     #[inline]
     fn keeps_its_length(&self, bound: f64, before: &[DVec3], after: &[DVec3]) -> bool {
-        let [a, b] = self.vertices.map(|v| v.index());
+        let [a, b] = self.ends;
         let from = before[a].distance_squared(before[b]);
         let to = after[a].distance_squared(after[b]);
         let difference = (to - from) * self.inverse_rest;
@@ -43,15 +73,9 @@ impl WatchedEdges {
     /// The edges of `mesh` that `handles` do not hold at both ends.
     pub(crate) fn new(mesh: &Mesh, handles: &Handles) -> Self {
         let held = handles.mask(mesh.topology().vertex_count());
-        let edges = mesh
-            .topology()
-            .edges()
-            .iter()
-            .zip(mesh.pattern().edge_lengths());
-        let watched = edges.filter(|(edge, _)| !edge.vertices.iter().all(|v| held[v.index()]));
-        let watched = watched.map(|(edge, length)| WatchedEdge {
-            vertices: edge.vertices,
-            inverse_rest: length.recip(),
+        let watched = free_edges(mesh, &held).into_iter().map(|edge| WatchedEdge {
+            ends: edge.ends,
+            inverse_rest: edge.length.recip(),
         });
         Self(watched.collect())
     }
@@ -74,16 +98,15 @@ impl WatchedEdges {
         after: &[DVec3],
         bound: f64,
     ) -> Result<(), Overstretched> {
-        let square =
-            |[a, b]: [VertexId; 2], of: &[DVec3]| of[a.index()].distance_squared(of[b.index()]);
+        let square = |[a, b]: [usize; 2], of: &[DVec3]| of[a].distance_squared(of[b]);
         let mut most = (1.0 + bound).powi(2);
         let mut worst = None;
         for edge in &self.0 {
-            let now = square(edge.vertices, after);
+            let now = square(edge.ends, after);
             let stretch = now * edge.inverse_rest * edge.inverse_rest;
-            if stretch > most && now > square(edge.vertices, before) {
+            if stretch > most && now > square(edge.ends, before) {
                 most = stretch;
-                worst = Some(edge.vertices);
+                worst = Some(edge.ends.map(|v| VertexId(v as u32)));
             }
         }
         let strain = most.sqrt() - 1.0;
