@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use numpy::IntoPyArray;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use selvedge_guard::{Correction, GuardSettings, Replacement, Trust};
+use selvedge_guard::{Correction, Replacement, Trust};
 
 use crate::errors::wrong;
 
@@ -13,10 +13,10 @@ use crate::errors::wrong;
 ///
 /// # Errors
 /// A name that no guard has.
-pub(crate) fn settings(name: &str) -> PyResult<GuardSettings> {
+pub(crate) fn settings(name: &str) -> PyResult<Correction> {
     match name {
-        "none" => Ok(GuardSettings::with(Correction::None)),
-        "limit" => Ok(GuardSettings::with(Correction::Limit)),
+        "none" => Ok(Correction::None),
+        "limit" => Ok(Correction::Limit),
         _ => Err(wrong(format!(
             "guard must be none or limit, found {name:?}"
         ))),

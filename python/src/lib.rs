@@ -3,6 +3,10 @@
 //! It composes the same library calls as the program, so that the same work gives the same bytes.
 //! Long work releases the interpreter's lock and hears Ctrl-C ([`long`]); arrays are shared where
 //! nothing changes them ([`arrays`]); errors keep their words ([`errors`]).
+#![allow(
+    clippy::too_many_arguments,
+    reason = "each has a name and a default in Python"
+)]
 
 mod arrays;
 mod dataset;

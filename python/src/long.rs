@@ -97,6 +97,20 @@ pub(crate) fn beside<R: Send>(
     }
 }
 
+/// [`beside`] for work that tells `progress` how far it is, and hears of the wish to stop.
+///
+/// # Errors
+/// As [`beside`].
+pub(crate) fn told_beside<R: Send>(
+    py: Python<'_>,
+    progress: Option<Py<PyAny>>,
+    work: impl FnOnce(&Stop, &mut Teller<'_>) -> R + Send,
+) -> PyResult<R> {
+    let stop = Stop::default();
+    let mut teller = Teller::new(progress, &stop);
+    beside(py, &stop, || work(&stop, &mut teller))
+}
+
 /// A callback of Python that hears of progress; none where nobody listens.
 pub(crate) struct Teller<'a> {
     callback: Option<Py<PyAny>>,

@@ -25,6 +25,8 @@ use crate::json;
 /// default "paper".
 #[pyclass(frozen, module = "selvedge")]
 pub(crate) struct Model {
+    /// Its file, or the name of the shipped one.
+    #[pyo3(get)]
     pub(crate) name: String,
     pub(crate) model: Arc<Trained>,
 }
@@ -124,12 +126,6 @@ impl Model {
     #[pyo3(signature = (weights="f32"))]
     fn to_bytes<'py>(&self, py: Python<'py>, weights: &str) -> PyResult<Bound<'py, PyBytes>> {
         Ok(PyBytes::new(py, &self.bytes_as(weights)?))
-    }
-
-    /// Its file, or the name of the shipped one.
-    #[getter]
-    fn name(&self) -> &str {
-        &self.name
     }
 
     /// The choices that make the network, as a dictionary.

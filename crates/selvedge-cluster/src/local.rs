@@ -5,9 +5,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use crate::error::ClusterError;
 use crate::ranks::Ranks;
-use crate::transport::{Letter, Transport};
+use crate::transport::{ClusterError, Letter, Transport};
 
 /// Ranks for so many threads of this process. A rank that is dropped has ended.
 pub fn threads(count: usize) -> Vec<Ranks> {
@@ -38,6 +37,14 @@ impl Threads {
             });
         all.collect()
     }
+
+    /// Reads the messages that have arrived and are not read yet.
+    fn with_waiting<R>(&self, read: impl FnOnce(&mut VecDeque<Letter>) -> R) -> R {
+        let mut arrivals = self.arrivals.lock().unwrap_or_else(PoisonError::into_inner);
+        let (receiver, waiting) = &mut *arrivals;
+        waiting.extend(receiver.try_iter());
+        read(waiting)
+    }
 }
 
 impl Transport for Threads {
@@ -57,14 +64,7 @@ impl Transport for Threads {
     }
 
     fn poll(&self) -> Result<Option<Letter>, ClusterError> {
-        let mut arrivals = self.arrivals.lock().unwrap_or_else(PoisonError::into_inner);
-        let (receiver, waiting) = &mut *arrivals;
-        waiting.extend(receiver.try_iter());
-        Ok(waiting.pop_front())
-    }
-
-    fn is_sending(&self) -> bool {
-        false
+        Ok(self.with_waiting(VecDeque::pop_front))
     }
 
     fn is_alive(&self, rank: usize) -> bool {
@@ -72,10 +72,7 @@ impl Transport for Threads {
             return true;
         }
         // What it sent before it ended may still be on its way.
-        let mut arrivals = self.arrivals.lock().unwrap_or_else(PoisonError::into_inner);
-        let (receiver, waiting) = &mut *arrivals;
-        waiting.extend(receiver.try_iter());
-        waiting.iter().any(|letter| letter.from == rank)
+        self.with_waiting(|waiting| waiting.iter().any(|letter| letter.from == rank))
     }
 
     fn local_rank(&self) -> usize {
@@ -85,8 +82,6 @@ impl Transport for Threads {
     fn place(&self, rank: usize) -> String {
         format!("thread {rank} of this process")
     }
-
-    fn close(&self) {}
 }
 
 impl Drop for Threads {

@@ -8,8 +8,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use crate::error::ClusterError;
-use crate::transport::{Letter, Transport};
+use crate::transport::{ClusterError, Letter, Transport};
 
 /// A kind of message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,7 +17,6 @@ pub struct Tag(pub(crate) u32);
 impl Tag {
     const FAILED: Self = Self(1);
     pub(crate) const GATHER: Self = Self(2);
-    pub(crate) const BROADCAST: Self = Self(3);
     pub(crate) const SUM: Self = Self(4);
     pub(crate) const TOTAL: Self = Self(5);
     const END: Self = Self(6);
@@ -40,7 +38,7 @@ pub struct Traffic {
     pub bytes: u64,
     /// Messages sent to other ranks.
     pub messages: u64,
-    /// Time spent in sums, gathers and broadcasts, waiting included.
+    /// Time spent in sums and gathers, waiting included.
     pub time: Duration,
 }
 
@@ -105,6 +103,12 @@ impl Ranks {
         self.inner.transport.as_ref().map_or(1, |t| t.count())
     }
 
+    /// The other ranks.
+    pub(crate) fn others(&self) -> impl Iterator<Item = usize> + use<> {
+        let own = self.rank();
+        (0..self.count()).filter(move |rank| *rank != own)
+    }
+
     /// Returns true for rank 0, which writes files and talks to people.
     pub fn is_first(&self) -> bool {
         self.rank() == 0
@@ -150,15 +154,10 @@ impl Ranks {
     /// # Errors
     /// A rank that failed, one that has ended, or one that is silent for half an hour.
     pub(crate) fn receive(&self, from: usize, tag: Tag) -> Result<Vec<u8>, ClusterError> {
-        self.wait(from, tag, Some(PATIENCE))
+        self.wait(from, tag, PATIENCE)
     }
 
-    fn wait(
-        &self,
-        from: usize,
-        tag: Tag,
-        patience: Option<Duration>,
-    ) -> Result<Vec<u8>, ClusterError> {
+    fn wait(&self, from: usize, tag: Tag, patience: Duration) -> Result<Vec<u8>, ClusterError> {
         let (started, mut looked, mut pause) = (Instant::now(), Instant::now(), PAUSES[0]);
         let is_it = |letter: &Letter| letter.from == from && letter.tag == tag.0;
         loop {
@@ -174,11 +173,10 @@ impl Ranks {
                 }
             }
             let waited = started.elapsed();
-            if let Some(patience) = patience.filter(|patience| waited > *patience) {
-                return Err(ClusterError::Silent {
-                    rank: from,
-                    seconds: patience.as_secs(),
-                });
+            if waited > patience {
+                let seconds = patience.as_secs();
+                let rank = from;
+                return Err(ClusterError::Silent { rank, seconds });
             }
             // What this rank has sent moves on only while it looks.
             if waited < EAGER || self.is_sending() {
@@ -262,7 +260,7 @@ impl Ranks {
     }
 
     fn tell_others(&self, tag: Tag, bytes: &[u8]) {
-        for to in (0..self.count()).filter(|to| *to != self.rank()) {
+        for to in self.others() {
             // Who cannot be told is no longer there.
             let _ = self.send(to, tag, bytes.to_vec());
         }
@@ -282,7 +280,7 @@ impl Ranks {
         if self.is_first() {
             self.tell_others(Tag::END, &[]);
         } else {
-            self.wait(0, Tag::END, None)?;
+            self.wait(0, Tag::END, Duration::MAX)?;
         }
         self.close();
         Ok(())

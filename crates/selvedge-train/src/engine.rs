@@ -10,19 +10,17 @@ mod micro_batch;
 mod over_ranks;
 mod slot_run;
 
-use std::error::Error;
 use std::ops::Range;
 use std::sync::Arc;
 
 use selvedge_cloth::Stop;
 use selvedge_cluster::Ranks;
 use selvedge_model::{ClothGraph, Model, ModelSpec, Network, Normalizers, SpecError};
-use thiserror::Error;
 
 pub use self::cpu::OnProcessor;
-pub use self::over_ranks::{OverRanks, OverRanksError};
+pub use self::over_ranks::OverRanks;
 pub use self::slot_run::{FramePasses, SlotRun, run_slots};
-use crate::config::TrainConfig;
+use crate::config::{ConfigError, TrainConfig};
 use crate::expert::Expert;
 use crate::losses::{LossStatistics, LossTerms};
 use crate::memory::Arithmetic;
@@ -42,6 +40,15 @@ pub struct Learned {
 }
 
 impl Learned {
+    /// Before the first step.
+    pub(crate) fn first(cfg: &TrainConfig, weights: Vec<f32>) -> Result<Self, ConfigError> {
+        Ok(Self {
+            adam: Adam::new(cfg.optimizer, weights.len())?,
+            averaged: cfg.weight_average.map(|_| weights.clone()),
+            weights,
+        })
+    }
+
     /// The part of the way to the weights that their running mean goes after `steps` steps of the
     /// optimiser; `part` is `weight_average` of the configuration.
     pub fn averaging(steps: u64, part: f64) -> f32 {
@@ -105,9 +112,9 @@ pub trait Engine: Send {
 }
 
 /// A failure of an engine.
-#[derive(Debug, Error)]
+#[derive(Debug, thiserror::Error)]
 #[error(transparent)]
-pub struct EngineError(pub Box<dyn Error + Send + Sync>);
+pub struct EngineError(pub Box<dyn std::error::Error + Send + Sync>);
 
 /// Settings of an engine, from which a training makes it. They decide speed and memory; results
 /// differ only by rounding.

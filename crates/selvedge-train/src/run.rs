@@ -65,8 +65,11 @@ pub enum RunError {
     },
     #[error(transparent)]
     Write(#[from] WriteError),
-    #[error(transparent)]
-    Log(#[from] LogError),
+    #[error("the log {path} cannot be kept: {source}")]
+    Log {
+        path: PathBuf,
+        source: std::io::Error,
+    },
     #[error("the configuration cannot be written as TOML: {0}")]
     Config(#[from] toml::ser::Error),
     #[error("the model cannot be written: {0}")]
@@ -78,14 +81,6 @@ fn words(kept: Option<&Path>) -> String {
         Some(path) => format!("{} is of an earlier step and whole", path.display()),
         None => "there is no checkpoint yet".to_owned(),
     }
-}
-
-/// A log that cannot be kept.
-#[derive(Debug, Error)]
-#[error("the log {path} cannot be kept: {source}")]
-pub struct LogError {
-    path: PathBuf,
-    source: std::io::Error,
 }
 
 #[derive(Serialize)]
@@ -137,15 +132,15 @@ pub fn run(
             Err(source) => return Err(failed(folder, source)),
         };
         let flow = observe(&report);
-        trainer.since_line.push(report);
+        trainer.state.since_line.push(report);
         if trainer
             .steps_done()
             .is_multiple_of(trainer.config().log_every)
         {
             if writes {
-                append(&log_path, &trainer.since_line)?;
+                append(&log_path, &trainer.state.since_line)?;
             }
-            trainer.since_line.clear();
+            trainer.state.since_line.clear();
         }
         let is_due = saved.elapsed() >= limits.checkpoint_every;
         agreed = agree(trainer, folder, is_over(), [flow.is_break(), is_due])?;
@@ -239,7 +234,7 @@ impl LogLine {
 }
 
 /// Appends the line of these steps to a log.
-fn append(path: &Path, steps: &[StepReport]) -> Result<(), LogError> {
+fn append(path: &Path, steps: &[StepReport]) -> Result<(), RunError> {
     let Some(line) = LogLine::of(steps) else {
         return Ok(());
     };
@@ -249,20 +244,20 @@ fn append(path: &Path, steps: &[StepReport]) -> Result<(), LogError> {
             let mut file = OpenOptions::new().create(true).append(true).open(path)?;
             file.write_all(format!("{text}\n").as_bytes())
         });
-    written.map_err(|source| LogError {
+    written.map_err(|source| RunError::Log {
         path: path.to_owned(),
         source,
     })
 }
 
 /// Drops the lines of steps that a resumed training will do again, and a line cut short.
-fn trim_log(path: &Path, steps_done: u64) -> Result<(), LogError> {
+fn trim_log(path: &Path, steps_done: u64) -> Result<(), RunError> {
     let text = match selvedge_data::read_text(path) {
         Ok(text) => text,
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
         Err(source) => {
             let path = path.to_owned();
-            return Err(LogError { path, source });
+            return Err(RunError::Log { path, source });
         }
     };
     let step_of = |line: &str| -> Option<u64> {
@@ -277,7 +272,7 @@ fn trim_log(path: &Path, steps_done: u64) -> Result<(), LogError> {
         }
     }
     let written = write_atomically(path, |out| out.write_all(kept.as_bytes()));
-    written.map_err(|error| LogError {
+    written.map_err(|error| RunError::Log {
         path: error.path,
         source: error.source,
     })

@@ -11,7 +11,7 @@ use super::*;
 use crate::schedule::LearningRate;
 use crate::test_data::{ENGINE, Swinging, busy, config, swinging, two_cloths};
 
-fn steps(trainer: &mut Trainer, count: usize) -> Vec<crate::trainer::StepReport> {
+fn steps(trainer: &mut Trainer, count: usize) -> Vec<StepReport> {
     (0..count)
         .map(|_| trainer.step().expect("a step"))
         .collect()
@@ -89,7 +89,7 @@ fn histories_of_lanes_in_a_run_are_kept() {
     assert!(histories > 0);
     let cfg = busy(Encoder::Gru { window: 3 });
     let trainer = Trainer::resume(cfg, &data.dataset, &path, &ENGINE).expect("resumed");
-    let in_runs = trainer.slots.iter().filter(|slot| slot.run > 0);
+    let in_runs = trainer.state.slots.iter().filter(|slot| slot.run > 0);
     assert_eq!(in_runs.clone().count(), histories);
     for slot in in_runs {
         assert_eq!(slot.history.len(), 4);
