@@ -54,9 +54,6 @@ pub(crate) fn flat_f64(positions: &[DVec3]) -> &[f64] {
 }
 
 /// An array of its own of positions in f64, `[n, 3]`.
-///
-/// # Errors
-/// Memory that NumPy does not get.
 pub(crate) fn of_f64<'py>(
     py: Python<'py>,
     positions: &[DVec3],
@@ -67,9 +64,6 @@ pub(crate) fn of_f64<'py>(
 }
 
 /// The faces of a mesh, `[faces, 3]`, that cannot be written.
-///
-/// # Errors
-/// Memory that NumPy does not get.
 pub(crate) fn faces_of(py: Python<'_>, topology: &Topology) -> PyResult<Py<PyArray2<u32>>> {
     let faces: Vec<u32> = topology.face_indices().into_iter().flatten().collect();
     let count = faces.len() / 3;
@@ -86,9 +80,6 @@ pub(crate) fn handles_of<'py>(py: Python<'py>, handles: &Handles) -> Bound<'py, 
 
 /// Targets of handles for the step from frame `frame` on `[m]`, `[samples, handles, 3]`, at equally
 /// spaced times of which the last is the end of the frame, at `rate` frames per second.
-///
-/// # Errors
-/// Memory that NumPy does not get.
 pub(crate) fn targets<'py>(
     py: Python<'py>,
     path: &HandlePath,

@@ -28,7 +28,6 @@ pub(crate) struct Dataset {
 
 #[pymethods]
 impl Dataset {
-    /// Opens a complete data set.
     #[new]
     fn new(py: Python<'_>, folder: PathBuf) -> PyResult<Self> {
         let opened = py.detach(|| generation::open(&folder)).map_err(told)?;
@@ -213,9 +212,6 @@ impl Split {
 }
 
 /// The split of this name.
-///
-/// # Errors
-/// Another name.
 pub(crate) fn split_named(name: &str) -> PyResult<Part> {
     match name {
         "train" => Ok(Part::Train),

@@ -39,9 +39,6 @@ pub(crate) fn options(
 }
 
 /// Writes `trajectory`; Ctrl-C leaves nothing.
-///
-/// # Errors
-/// What cannot be written.
 pub(crate) fn export_to(
     py: Python<'_>,
     trajectory: &Trajectory,

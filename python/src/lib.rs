@@ -28,9 +28,6 @@ mod trajectory;
 use pyo3::prelude::*;
 
 /// The native part of the package `selvedge`.
-///
-/// # Errors
-/// Memory that Python does not get.
 #[pymodule]
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     log::begin();

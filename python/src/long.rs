@@ -65,9 +65,6 @@ impl Stop {
 
 /// Runs `work` without the interpreter's lock while Ctrl-C is heard. The first exception, of a
 /// signal or of a callback, is raised once the work has ended.
-///
-/// # Errors
-/// That exception.
 pub(crate) fn beside<R: Send>(
     py: Python<'_>,
     stop: &Stop,
@@ -98,9 +95,6 @@ pub(crate) fn beside<R: Send>(
 }
 
 /// [`beside`] for work that tells `progress` how far it is, and hears of the wish to stop.
-///
-/// # Errors
-/// As [`beside`].
 pub(crate) fn told_beside<R: Send>(
     py: Python<'_>,
     progress: Option<Py<PyAny>>,

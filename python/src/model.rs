@@ -42,7 +42,6 @@ impl Model {
 
 #[pymethods]
 impl Model {
-    /// Opens a model file (.safetensors), or a shipped model by its name, by default "paper".
     #[new]
     #[pyo3(signature = (name_or_file=None))]
     fn new(py: Python<'_>, name_or_file: Option<PathBuf>) -> PyResult<Self> {

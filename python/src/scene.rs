@@ -51,8 +51,6 @@ impl Mesh {
 
 #[pymethods]
 impl Mesh {
-    /// A mesh of `positions` (n, 3) [m] and `faces` (f, 3). Without `material` (n, 2) [m], the
-    /// material coordinates, the mesh must be flat in a plane x = constant: they are (z, y).
     #[new]
     #[pyo3(signature = (positions, faces, material=None))]
     fn new(
@@ -167,7 +165,6 @@ pub(crate) struct Material {
 
 #[pymethods]
 impl Material {
-    /// A shipped fabric by its name, or a fabric of a TOML file.
     #[new]
     fn new(name_or_file: &str) -> PyResult<Self> {
         let scene = open_scene("default").map_err(told)?;
@@ -269,7 +266,6 @@ impl Scene {
 
 #[pymethods]
 impl Scene {
-    /// Opens a scene by the path of its file (.toml, ARCSim's .json) or by a shipped name.
     #[new]
     #[pyo3(signature = (name_or_file="default"))]
     fn new(py: Python<'_>, name_or_file: &str) -> PyResult<Self> {

@@ -316,8 +316,6 @@ pub(crate) struct Simulator;
 
 #[pymethods]
 impl Simulator {
-    /// Starts where the scene says (by default in its sagged rest pose, which is searched for), or
-    /// at `positions` (n, 3) [m] with `velocities` (n, 3) [m/s], zero without.
     #[new]
     #[pyo3(signature = (scene, positions=None, velocities=None, progress=None))]
     fn new(
@@ -371,9 +369,6 @@ fn physics_of<R>(
 }
 
 /// The state that Python gave; none where it gave none.
-///
-/// # Errors
-/// Arrays of other shapes.
 pub(crate) fn state_at(
     positions: Option<&Numbers<'_>>,
     velocities: Option<&Numbers<'_>>,
@@ -393,9 +388,6 @@ pub(crate) fn state_at(
 
 /// The state in which the physics of a scene starts, and the rest pose where it starts in that.
 /// Long work: the lock must be released.
-///
-/// # Errors
-/// A start that is not found.
 pub(crate) fn begin(
     scene: &Scene,
     given: Option<SavedState>,
@@ -425,7 +417,6 @@ pub(crate) struct LearnedStepper;
 
 #[pymethods]
 impl LearnedStepper {
-    /// Puts `model` on the cloth of `scene`; `guard` is none or limit.
     #[new]
     #[pyo3(signature = (scene, model, guard="limit", progress=None))]
     fn new(
@@ -459,7 +450,6 @@ pub(crate) struct PlaybackStepper;
 
 #[pymethods]
 impl PlaybackStepper {
-    /// Plays `trajectory` from its first frame.
     #[new]
     fn new(py: Python<'_>, trajectory: &Trajectory) -> PyResult<PyClassInitializer<Self>> {
         let played = trajectory.inner.as_ref().clone();
@@ -478,7 +468,6 @@ pub(crate) struct RigidStepper;
 
 #[pymethods]
 impl RigidStepper {
-    /// Starts in the sagged rest pose of `scene`.
     #[new]
     #[pyo3(signature = (scene, progress=None))]
     fn new(

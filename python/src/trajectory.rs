@@ -72,10 +72,6 @@ impl Trajectory {
 
 #[pymethods]
 impl Trajectory {
-    /// Makes a trajectory of arrays in metres, y up: `positions` (frames, n, 3); `faces` (f, 3);
-    /// `material`, (n, 2), the flat, unstrained cloth; `handles`, the numbers of the held vertices.
-    /// It weighs `density` [kg/m²], or has `masses`, (n,), and `areas` of the faces, (f,). `rest`,
-    /// (n, 3), is the rest pose, the first frame without.
     #[new]
     #[pyo3(signature = (positions, faces, material, handles, frame_rate, *, density=None, masses=None, areas=None, rest=None))]
     fn new(

@@ -4,18 +4,18 @@ use thiserror::Error;
 
 /// A message that has arrived.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Letter {
+pub(crate) struct Letter {
     /// The rank that sent it.
-    pub from: usize,
+    pub(crate) from: usize,
     /// Its tag.
-    pub tag: u32,
+    pub(crate) tag: u32,
     /// Its contents.
-    pub bytes: Vec<u8>,
+    pub(crate) bytes: Vec<u8>,
 }
 
 /// A carrier of messages. Messages of one rank to another arrive in the order in which they were
 /// sent.
-pub trait Transport: Send + Sync {
+pub(crate) trait Transport: Send + Sync {
     /// This rank, from 0.
     fn rank(&self) -> usize;
 

@@ -118,7 +118,7 @@ impl Trainer {
         })?;
         let file = CheckpointFile::open(path, &bytes)?;
         file.check(&cfg)?;
-        let (set, network) = prepare(&cfg, dataset, engine.arithmetic())?;
+        let (set, network) = prepare(&cfg, dataset, engine.micro_batch())?;
         file.check_data(&set)?;
         let mut state: State = file.json("state")?;
         file.check_state(&state, &cfg)?;

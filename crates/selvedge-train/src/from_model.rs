@@ -54,7 +54,7 @@ impl Trainer {
         if !differences.is_empty() {
             return Err(TrainError::OtherModel { differences });
         }
-        let (set, network) = prepare(&cfg, dataset, engine.arithmetic())?;
+        let (set, network) = prepare(&cfg, dataset, engine.micro_batch())?;
         let Some(mut state) = first_state(&cfg, &set, observe) else {
             return Ok(None);
         };

@@ -103,7 +103,6 @@
 mod checkpoint;
 mod config;
 mod engine;
-mod expert;
 mod from_model;
 mod losses;
 mod memory;
@@ -123,18 +122,18 @@ pub use config::{
     TrainConfig,
 };
 pub use engine::{
-    Batch, Engine, EngineError, EngineMaker, FramePasses, Learned, OnProcessor, OverRanks, Setup,
-    SlotRun, Update, run_slots,
+    Engine, EngineError, EngineMaker, FramePasses, Learned, OnProcessor, OverRanks, Setup, SlotRun,
+    Update, run_slots,
 };
-pub use expert::{Expert, ExpertState};
 pub use from_model::Origin;
 pub use losses::{
-    LossEvaluator, LossStatistics, LossTerms, LossWeights, RunningLossStatistics, Triplet,
+    LossEvaluator, LossStatistics, LossTerms, LossWeights, PerQuantity, RunningLossStatistics,
+    Triplet,
 };
-pub use memory::{Arithmetic, MemoryError, available_memory};
+pub use memory::MemoryError;
 pub use optimizer::{Adam, AdamRates, AdamSettings, clip_norm};
 pub use run::{RunEnd, RunError, RunLimits, files, run};
 pub use schedule::{LearningRate, TruthProbability, UnrollFrames};
-pub use slot::ShownSample;
+pub use slot::{Expert, ExpertState, ShownSample};
 pub use trainer::{StepReport, TrainError, Trainer};
 pub use training_set::{TrainingSetError, domain_of, graph_of};

@@ -19,7 +19,7 @@ use serde::Serialize;
 use thiserror::Error;
 
 use crate::losses::LossTerms;
-use crate::trainer::{StepReport, TrainError, Trainer, Wishes};
+use crate::trainer::{StepReport, TrainError, Trainer};
 
 /// File names in the folder of a training.
 pub mod files {
@@ -118,7 +118,11 @@ pub fn run(
     let started = Instant::now();
     let mut saved = Instant::now();
     let is_over = || limits.time.is_some_and(|time| started.elapsed() >= time);
-    let mut agreed = agree(trainer, folder, is_over(), [false; 2])?;
+    let begin = Wishes {
+        end: is_over(),
+        ..Wishes::default()
+    };
+    let mut agreed = agree(trainer, folder, begin)?;
     let end = loop {
         if trainer.steps_done() >= trainer.config().steps {
             break RunEnd::Finished;
@@ -142,8 +146,12 @@ pub fn run(
             }
             trainer.state.since_line.clear();
         }
-        let is_due = saved.elapsed() >= limits.checkpoint_every;
-        agreed = agree(trainer, folder, is_over(), [flow.is_break(), is_due])?;
+        let wishes = Wishes {
+            stop: flow.is_break(),
+            save: saved.elapsed() >= limits.checkpoint_every,
+            end: is_over(),
+        };
+        agreed = agree(trainer, folder, wishes)?;
         if agreed.save {
             save(trainer, folder)?;
             saved = Instant::now();
@@ -156,16 +164,31 @@ pub fn run(
     Ok(end)
 }
 
-/// Agrees on what all ranks do next; `wishes` are to stop and to save.
-fn agree(
-    trainer: &Trainer,
-    folder: &Path,
+/// Wishes of a rank after a step.
+#[derive(Clone, Copy, Default)]
+struct Wishes {
+    stop: bool,
+    /// To write a checkpoint.
+    save: bool,
+    /// To end, since the time is up.
     end: bool,
-    wishes: [bool; 2],
-) -> Result<Wishes, RunError> {
-    let [stop, save] = wishes;
-    let agreed = trainer.agree(Wishes { stop, save, end });
-    agreed.map_err(|source| failed(folder, source))
+}
+
+/// Agrees on what all ranks do next: rank 0 says whether time is up and a checkpoint is due, and
+/// any of them may stop.
+fn agree(trainer: &Trainer, folder: &Path, own: Wishes) -> Result<Wishes, RunError> {
+    if !trainer.ranks().are_several() {
+        return Ok(own);
+    }
+    let told = [own.stop, own.save, own.end].map(u8::from).to_vec();
+    let all = trainer.ranks().gather_for_all(told);
+    let all = all.map_err(|error| failed(folder, error.into()))?;
+    let of_first = |wish: usize| all[0].get(wish) == Some(&1);
+    Ok(Wishes {
+        stop: all.iter().any(|told| told.first() == Some(&1)),
+        save: of_first(1),
+        end: of_first(2),
+    })
 }
 
 fn failed(folder: &Path, source: TrainError) -> RunError {

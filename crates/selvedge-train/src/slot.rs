@@ -22,7 +22,6 @@ use selvedge_model::{
 use serde::{Deserialize, Serialize};
 
 use crate::config::{NoiseConfig, NoiseUnit, TrainConfig};
-use crate::expert::ExpertState;
 use crate::losses::Triplet;
 use crate::training_set::TrainingSet;
 
@@ -45,7 +44,7 @@ pub(crate) struct Slot {
 }
 
 /// A sample as the network and the losses see it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct ShownSample {
     pub(crate) trajectory: usize,
     /// The local frame of the current positions.
@@ -60,18 +59,29 @@ pub struct ShownSample {
     pub dropout_seed: u64,
 }
 
-/// The random numbers of a slot in one step.
-pub(crate) struct SlotRandom {
-    step: u64,
-    pub(crate) rng: ChaCha8Rng,
+/// The physics behind a data set, for expert labels on the model's own states (`DAgger`, Ross et al.
+/// 2011): the frames that it makes of a cloth that a rollout has led off the recorded motion.
+pub trait Expert: Send + Sync {
+    /// World positions after each of the next `frames` frames from `state` `[m]`, `[frames,
+    /// vertices]`; none where the physics cannot go on from there.
+    fn label(&self, state: ExpertState<'_>, frames: usize) -> Option<Vec<Vec<DVec3>>>;
 }
 
-impl SlotRandom {
-    /// Streams of slot `slot` of `slots` in step `step`.
-    pub(crate) fn new(seed: u64, step: u64, slot: usize, slots: usize) -> Self {
-        let rng = rng_of(seed, step, slot, slots);
-        Self { step, rng }
-    }
+/// A state to be labelled.
+///
+/// Two frames give the mean velocity between them. What the velocity has become at the end of the
+/// second is estimated from the recorded motion, whose three frames about it are known.
+#[derive(Clone, Copy, Debug)]
+pub struct ExpertState<'a> {
+    /// The number of the training trajectory.
+    pub trajectory: usize,
+    /// The number of its frame.
+    pub frame: usize,
+    /// World positions in the frame before and in this one `[m]`, `[vertices]`.
+    pub positions: [&'a [Vec3]; 2],
+    /// Recorded world positions two frames ago, in the frame before, in this one and one frame
+    /// later `[m]`, `[vertices]`.
+    pub recorded: [&'a [Vec3]; 4],
 }
 
 impl Slot {
@@ -220,9 +230,14 @@ impl Slot {
 
     /// Draws whether the next sample is ground truth again: with the probability of the step, and
     /// always when the run is long enough.
-    pub(crate) fn returns_to_truth(&self, cfg: &TrainConfig, random: &mut SlotRandom) -> bool {
+    pub(crate) fn returns_to_truth(
+        &self,
+        cfg: &TrainConfig,
+        step: u64,
+        rng: &mut ChaCha8Rng,
+    ) -> bool {
         let sampling = &cfg.scheduled_sampling;
-        let is_drawn = random.rng.random::<f64>() < sampling.truth.at(random.step);
+        let is_drawn = rng.random::<f64>() < sampling.truth.at(step);
         is_drawn || self.run >= sampling.longest
     }
 
@@ -334,19 +349,6 @@ fn add_noise(
         let noise = deviation * DVec3::new(normal(), normal(), normal());
         *now = (now.as_dvec3() + noise).as_vec3();
         *target += (1.0 - correction) * noise;
-    }
-}
-
-impl Default for ShownSample {
-    fn default() -> Self {
-        Self {
-            trajectory: 0,
-            yaw: Yaw::WORLD,
-            frames: Vec::new(),
-            next_handles: Vec::new(),
-            local: Default::default(),
-            dropout_seed: 0,
-        }
     }
 }
 

@@ -17,12 +17,11 @@ use thiserror::Error;
 
 use crate::checkpoint::State;
 use crate::config::{ConfigError, TrainConfig};
-use crate::engine::{Batch, Engine, EngineError, EngineMaker, Learned, Setup, Update};
-use crate::expert::Expert;
+use crate::engine::{Engine, EngineError, EngineMaker, Learned, Setup, SlotRun, Update};
 use crate::from_model::Origin;
 use crate::losses::{LossStatistics, LossTerms, RunningLossStatistics};
-use crate::memory::{Arithmetic, MemoryError, check_memory};
-use crate::slot::{ShownSample, Slot, pack_slots, rng_of, unpack_slots};
+use crate::memory::{MemoryError, check_memory};
+use crate::slot::{Expert, ShownSample, Slot, pack_slots, rng_of, unpack_slots};
 use crate::training_set::{TrainingSet, TrainingSetError};
 
 /// A training between two steps.
@@ -61,16 +60,6 @@ pub struct StepReport {
     pub frames: usize,
 }
 
-/// Wishes of a rank after a step.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Wishes {
-    pub(crate) stop: bool,
-    /// To write a checkpoint.
-    pub(crate) save: bool,
-    /// To end, since the time is up.
-    pub(crate) end: bool,
-}
-
 /// A training that cannot start or go on.
 #[derive(Debug, Error)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
@@ -85,8 +74,6 @@ pub enum TrainError {
     Memory(#[from] MemoryError),
     #[error(transparent)]
     Engine(#[from] EngineError),
-    #[error(transparent)]
-    Ranks(Box<ClusterError>),
     #[error(
         "rank {rank} sent slots that are none of this training's: start one program on all ranks"
     )]
@@ -109,7 +96,7 @@ pub enum TrainError {
 
 impl From<ClusterError> for TrainError {
     fn from(error: ClusterError) -> Self {
-        Self::Ranks(Box::new(error))
+        Self::Engine(error.into())
     }
 }
 
@@ -134,7 +121,7 @@ impl Trainer {
         engine: &dyn EngineMaker,
         observe: &mut dyn FnMut() -> ControlFlow<()>,
     ) -> Result<Option<Self>, TrainError> {
-        let (set, network) = prepare(&cfg, dataset, engine.arithmetic())?;
+        let (set, network) = prepare(&cfg, dataset, engine.micro_batch())?;
         let Some(state) = first_state(&cfg, &set, observe) else {
             return Ok(None);
         };
@@ -218,23 +205,6 @@ impl Trainer {
         &self.ranks
     }
 
-    /// Agrees on what all ranks do after a step: rank 0 says whether time is up and a checkpoint is
-    /// due, and any of them may stop.
-    pub(crate) fn agree(&self, own: Wishes) -> Result<Wishes, TrainError> {
-        if !self.ranks.are_several() {
-            return Ok(own);
-        }
-        let Wishes { stop, save, end } = own;
-        let told = [stop, save, end].map(u8::from).to_vec();
-        let all = self.ranks.gather_for_all(told)?;
-        let of_first = |wish: usize| all[0].get(wish) == Some(&1);
-        Ok(Wishes {
-            stop: all.iter().any(|told| told.first() == Some(&1)),
-            save: of_first(1),
-            end: of_first(2),
-        })
-    }
-
     /// Lets [`Self::step`] be given up in the middle from when `stop` is wanted. Where one of
     /// several ranks gives it up, all do, as soon as each has done or given up its part.
     pub fn stop_by(&mut self, stop: Stop) {
@@ -271,8 +241,11 @@ impl Trainer {
             expert: self.expert.as_deref().filter(|_| self.cfg.asks_expert()),
             set: &self.set,
         };
-        let batch = Batch::new(setup, &mut self.state.slots, step, frames);
-        let terms = self.engine.learn(batch)?;
+        let runs = self.state.slots.iter_mut().enumerate();
+        let mut runs: Vec<SlotRun<'_>> = runs
+            .map(|(number, slot)| SlotRun::new(setup, (step, frames), number, slot))
+            .collect();
+        let terms = self.engine.learn(setup, &mut runs)?;
         if terms.is_empty() {
             self.state.slots = slots;
             return Err(TrainError::Stopped { step: step + 1 });
@@ -377,11 +350,11 @@ pub(crate) fn first_weights(cfg: &TrainConfig, network: &Network) -> Vec<f32> {
 pub(crate) fn prepare(
     cfg: &TrainConfig,
     dataset: &Dataset,
-    on: Arithmetic,
+    micro_batch: Option<usize>,
 ) -> Result<(TrainingSet, Network), TrainError> {
     cfg.validate()?;
     let network = Network::new(&cfg.model)?;
-    check_memory(cfg, &network, dataset, on)?;
+    check_memory(cfg, &network, dataset, micro_batch)?;
     Ok((TrainingSet::load(dataset)?, network))
 }
 

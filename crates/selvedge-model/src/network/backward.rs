@@ -3,7 +3,6 @@
 
 use crate::graph::connectivity::Connectivity;
 use crate::graph::partition::split;
-use crate::kernels::gemm::{Columns, Epilogue, multiply};
 use crate::kernels::real::Real;
 use crate::network::definition::{ARC_ENCODER, FIRST_BLOCK, NODE_ENCODER, Network};
 use crate::network::packed::{PackedWeights, Purpose};
@@ -45,7 +44,7 @@ impl Network {
         gradients: &mut Gradients<'_, T>,
         w: &mut Workspace<T>,
     ) {
-        let (latent, module) = (self.spec.latent, FIRST_BLOCK + self.blocks.len());
+        let module = FIRST_BLOCK + self.blocks.len();
         let (layer, (_, range)) = (weights.layer(module), &self.modules[module]);
         let (decoder, of_output) = (&self.decoder, gradients.output);
         by_group(&mut w.groups, Some(range), &mut w.parts, |group, part| {
@@ -57,11 +56,9 @@ impl Network {
             let output = &mut output[..vertices.len() * OUTPUTS];
             output.copy_from_slice(&of_output[vertices.start * OUTPUTS..vertices.end * OUTPUTS]);
             let [hidden, by_sums] = [hidden, by_sums].map(|tile| &mut tile[..nodes.len()]);
-            decoder.backward(layer, kept, [output, hidden, &mut *by_sums], gradient);
-            let [left, right] = [&*by_sums, &*nodes].map(|rows| Columns::all(rows, latent));
-            decoder.first_backward(layer, 0, left, right, gradient);
-            let terms = &[self.decoder_first.back(layer, by_sums)];
-            multiply(layer.instructions, terms, latent, Epilogue::Set, nodes);
+            let through = [output, hidden, &mut *by_sums];
+            decoder.backward(layer, (&*nodes, kept), through, gradient);
+            decoder.input_backward(layer, by_sums, nodes);
         });
         add_groups(&w.groups, &mut gradients.weights[range.clone()]);
     }

@@ -5,8 +5,8 @@ use std::ops::Range;
 use crate::kernels::real::Real;
 use crate::network::layers::block::Block;
 use crate::network::layers::encoder::EncoderLayers;
-use crate::network::layers::mlp::Mlp;
-use crate::network::packed::{ModuleSize, Packer, Piece};
+use crate::network::layers::mlp::{Mlp, WholeMlp};
+use crate::network::packed::{ModuleSize, Packer};
 use crate::network::parameters::{Layout, Parameter, Start};
 use crate::spec::{ModelSpec, OUTPUTS, SpecError};
 
@@ -23,10 +23,9 @@ pub struct Network {
     /// Of nodes and of arcs.
     pub(super) encoders: [EncoderLayers; 2],
     pub(super) blocks: Vec<Block>,
-    pub(super) decoder: Mlp,
-    pub(super) decoder_first: Piece,
+    pub(super) decoder: WholeMlp,
     /// Lengths of the packed matrices of each module, and the places of its weights.
-    pub(super) modules: Vec<(ModuleSize, Range<usize>)>,
+    pub(crate) modules: Vec<(ModuleSize, Range<usize>)>,
 }
 
 impl Network {
@@ -49,10 +48,9 @@ impl Network {
             layout.module(|layout| Block::new(layout, &path, latent))
         });
         let blocks = blocks.collect();
-        let (decoder, decoder_first) = layout.module(|layout| {
+        let decoder = layout.module(|layout| {
             let decoder = Mlp::plain(layout, "decoder", latent, latent, OUTPUTS);
-            let first = Piece::whole(&mut layout.size, &decoder.first);
-            (decoder, first)
+            WholeMlp::new(layout, decoder)
         });
         Ok(Self {
             spec: spec.clone(),
@@ -60,7 +58,6 @@ impl Network {
             encoders,
             blocks,
             decoder,
-            decoder_first,
             modules: layout.modules,
         })
     }
@@ -99,7 +96,6 @@ impl Network {
         } else if let Some(block) = self.blocks.get(number - FIRST_BLOCK) {
             block.pack(packer);
         } else {
-            self.decoder_first.pack(packer);
             self.decoder.pack(packer);
         }
     }

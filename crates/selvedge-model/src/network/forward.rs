@@ -6,13 +6,12 @@ use rayon::prelude::*;
 use crate::graph::connectivity::Connectivity;
 use crate::graph::partition::split;
 use crate::kernels::dropout::RowMasks;
-use crate::kernels::norm::Normalised;
 use crate::kernels::real::Real;
 use crate::network::definition::{ARC_ENCODER, FIRST_BLOCK, NODE_ENCODER, Network};
 use crate::network::layers::encoder::EncoderInput;
 use crate::network::packed::PackedWeights;
 use crate::network::passes::{Input, Pass};
-use crate::network::workspace::{Part, Scratch, Workspace, with_scratch};
+use crate::network::workspace::{Workspace, with_scratch};
 use crate::spec::OUTPUTS;
 
 impl Network {
@@ -116,28 +115,13 @@ impl Network {
                     let layer = weights.layer(FIRST_BLOCK + number);
                     let block = &self.blocks[number];
                     block.forward(layer, (graph, products), number, part, scratch);
-                    let Some(next) = self.blocks.get(number + 1) else {
-                        return self.decode(weights, part, output, scratch);
-                    };
                     let layer = weights.layer(FIRST_BLOCK + number + 1);
+                    let Some(next) = self.blocks.get(number + 1) else {
+                        let kept = (part.decoder.as_mut(), &mut scratch.tiles);
+                        return self.decoder.forward(layer, &part.nodes, kept, output);
+                    };
                     next.endpoint_products(layer, &part.nodes, next_products);
                 });
             });
-    }
-
-    /// Latent nodes of a partition to the output, `[vertices, 3]`.
-    fn decode<T: Real>(
-        &self,
-        weights: &PackedWeights<T>,
-        part: &mut Part<T>,
-        output: &mut [T],
-        scratch: &mut Scratch<T>,
-    ) {
-        let layer = weights.layer(FIRST_BLOCK + self.blocks.len());
-        let (mlp, count) = (&self.decoder, part.rows.vertices.len());
-        let mut tile = mlp.tile(part.decoder.as_mut(), &mut scratch.tiles, count);
-        let terms = &[self.decoder_first.times(layer, &part.nodes)];
-        mlp.first_layer(layer, terms, &mut tile);
-        mlp.forward(layer, tile, Normalised::Set(output));
     }
 }

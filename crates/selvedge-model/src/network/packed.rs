@@ -11,6 +11,7 @@ use crate::kernels::aligned::Aligned;
 use crate::kernels::gemm::{Columns, Slot, Term, pack};
 use crate::kernels::real::Real;
 use crate::kernels::simd::Instructions;
+use crate::network::definition::Network;
 use crate::network::parameters::Linear;
 
 /// Purpose of packed weights.
@@ -163,18 +164,10 @@ impl<T: Real> Packer<'_, T> {
     }
 }
 
-/// Packs the matrices of the module of that number.
-type PackModule<'a, T> = &'a (dyn Fn(usize, &mut Packer<'_, T>) + Sync);
-
 impl<T: Real> PackedWeights<T> {
-    /// Room for `count` weights in modules of these sizes.
-    pub(crate) fn new(
-        sizes: impl Iterator<Item = ModuleSize>,
-        count: usize,
-        purpose: Purpose,
-        instructions: Instructions,
-    ) -> Self {
-        let modules = sizes.map(|size| PackedModule {
+    /// Room for the weights of a network.
+    pub(crate) fn new(network: &Network, purpose: Purpose, instructions: Instructions) -> Self {
+        let modules = network.modules.iter().map(|(size, _)| PackedModule {
             forward: Aligned::zeros(size.forward),
             backward: match purpose {
                 Purpose::Inference => Aligned::default(),
@@ -184,18 +177,13 @@ impl<T: Real> PackedWeights<T> {
         Self {
             instructions,
             purpose,
-            flat: vec![T::ZERO; count],
+            flat: vec![T::ZERO; network.parameter_count()],
             modules: modules.collect(),
         }
     }
 
-    /// Packs `weights`, module by module on all threads.
-    ///
-    /// # Panics
-    /// When there is room for another number of weights.
-    pub(crate) fn update(&mut self, weights: &[T], pack_module: PackModule<'_, T>) {
-        let room = self.flat.len();
-        assert_eq!(weights.len(), room, "weights of the same network");
+    /// Packs `weights` of this network, module by module on all threads.
+    pub(crate) fn update(&mut self, network: &Network, weights: &[T]) {
         self.flat.copy_from_slice(weights);
         let (instructions, flat) = (self.instructions, &*self.flat);
         let modules = self.modules.par_iter_mut().enumerate();
@@ -205,7 +193,7 @@ impl<T: Real> PackedWeights<T> {
                 flat,
                 module,
             };
-            pack_module(number, &mut packer);
+            network.pack_module(number, &mut packer);
         });
     }
 

@@ -87,8 +87,6 @@ pub trait NetworkScalar: Real {
         gradients: Gradients<'_, Self>,
         workspace: &mut Workspace<Self>,
     );
-    /// [`Network::repack`].
-    fn pack(network: &Network, weights: &[Self], packed: &mut PackedWeights<Self>);
 }
 
 macro_rules! network_scalar {
@@ -115,12 +113,6 @@ macro_rules! network_scalar {
             ) {
                 network.run_backward(weights, graph, input, gradients, workspace);
             }
-
-            fn pack(network: &Network, weights: &[Self], packed: &mut PackedWeights<Self>) {
-                packed.update(weights, &|number, packer| {
-                    network.pack_module(number, packer)
-                });
-            }
         }
     };
 }
@@ -139,8 +131,7 @@ impl Network {
         purpose: Purpose,
         instructions: Instructions,
     ) -> PackedWeights<T> {
-        let sizes = self.modules.iter().map(|(size, _)| *size);
-        let mut packed = PackedWeights::new(sizes, weights.len(), purpose, instructions);
+        let mut packed = PackedWeights::new(self, purpose, instructions);
         self.repack(weights, &mut packed);
         packed
     }
@@ -151,7 +142,8 @@ impl Network {
     /// When the number of weights is not the network's.
     pub fn repack<T: NetworkScalar>(&self, weights: &[T], packed: &mut PackedWeights<T>) {
         assert_eq!(weights.len(), self.parameter_count(), "weights");
-        T::pack(self, weights, packed);
+        assert_eq!(packed.flat.len(), weights.len(), "room");
+        packed.update(self, weights);
     }
 
     /// Normalised accelerations `[vertices, 3]` for normalised features.

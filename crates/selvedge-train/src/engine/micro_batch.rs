@@ -45,9 +45,11 @@ pub(super) struct Shared<'a> {
 }
 
 /// Cloths side by side.
+#[derive(Default)]
 struct Union {
     graphs: Vec<Arc<ClothGraph>>,
-    connectivity: Arc<Connectivity>,
+    /// The arcs of all, where there are several cloths.
+    several: Option<Connectivity>,
     places: Vec<Place>,
 }
 
@@ -74,7 +76,7 @@ impl MicroBatch {
     pub(super) fn new(losses: LossWeights, weights: usize) -> Self {
         Self {
             frames: Vec::new(),
-            union: Union::empty(),
+            union: Union::default(),
             losses: LossEvaluator::new(losses),
             input: Window::default(),
             by_position: Vec::new(),
@@ -172,7 +174,7 @@ impl Passes<'_, '_> {
         );
         let network = shared.setup.network;
         let history = network.spec().history();
-        let vertices = batch.union.connectivity.vertex_count();
+        let vertices = batch.union.connectivity().vertex_count();
         let count = history + weights.len();
         batch.by_position.resize_with(count, Vec::new);
         for row in &mut batch.by_position {
@@ -202,12 +204,9 @@ impl Passes<'_, '_> {
 }
 
 impl Union {
-    fn empty() -> Self {
-        Self {
-            graphs: Vec::new(),
-            connectivity: Arc::new(Connectivity::union([])),
-            places: Vec::new(),
-        }
+    fn connectivity(&self) -> &Connectivity {
+        let several = self.several.as_ref();
+        several.unwrap_or_else(|| self.graphs[0].connectivity())
     }
 
     /// Makes this the union of the slots' cloths, unless it is that already.
@@ -221,13 +220,9 @@ impl Union {
             return;
         }
         self.graphs = slots.iter().map(|slot| Arc::clone(slot.graph())).collect();
-        self.connectivity = match slots {
-            [slot] => Arc::clone(slot.connectivity()),
-            _ => Arc::new(Connectivity::union(
-                slots.iter().map(|slot| &**slot.connectivity()),
-            )),
-        };
         let graphs: Vec<&ClothGraph> = self.graphs.iter().map(|graph| &**graph).collect();
+        let arcs = graphs.iter().map(|graph| graph.connectivity());
+        self.several = (slots.len() > 1).then(|| Connectivity::union(arcs));
         self.places = Place::side_by_side(&graphs);
     }
 
@@ -268,7 +263,7 @@ impl FrameBuffers {
         };
         let out = shared.setup.network.forward_packed(
             shared.weights,
-            &union.connectivity,
+            union.connectivity(),
             self.window.input(),
             Pass::Training(Some(dropout)),
             &mut self.workspace,
@@ -313,7 +308,7 @@ impl FrameBuffers {
         };
         shared.setup.network.backward_packed(
             shared.weights,
-            &union.connectivity,
+            union.connectivity(),
             self.window.input(),
             gradients,
             &mut self.workspace,

@@ -10,10 +10,9 @@ use std::ops::Range;
 
 use selvedge_cluster::{ClusterError, Ranks, share_of};
 
-use super::{Batch, Engine, EngineError, EngineMaker, Learned, Setup, Update};
+use super::{Engine, EngineError, EngineMaker, Learned, Setup, SlotRun, Update};
 use crate::config::TrainConfig;
 use crate::losses::LossTerms;
-use crate::memory::Arithmetic;
 
 /// An engine on every rank.
 pub struct OverRanks<'a> {
@@ -26,16 +25,13 @@ pub struct OverRanks<'a> {
 impl OverRanks<'_> {
     /// Slots of a piece.
     fn piece(&self) -> usize {
-        match self.engine.arithmetic() {
-            Arithmetic::OnProcessor { micro_batch } => micro_batch,
-            Arithmetic::OnDevice => 1,
-        }
+        self.engine.micro_batch().unwrap_or(1)
     }
 }
 
 impl EngineMaker for OverRanks<'_> {
-    fn arithmetic(&self) -> Arithmetic {
-        self.engine.arithmetic()
+    fn micro_batch(&self) -> Option<usize> {
+        self.engine.micro_batch()
     }
 
     fn make(&self, setup: Setup<'_>) -> Result<Box<dyn Engine>, EngineError> {
@@ -95,11 +91,14 @@ struct RankEngine {
 }
 
 impl Engine for RankEngine {
-    fn learn(&mut self, batch: Batch<'_>) -> Result<Vec<LossTerms>, EngineError> {
-        let stop = batch.setup().stop;
-        let own = self.engine.learn(batch.part(self.own.clone()))?;
+    fn learn(
+        &mut self,
+        setup: Setup<'_>,
+        slots: &mut [SlotRun<'_>],
+    ) -> Result<Vec<LossTerms>, EngineError> {
+        let own = self.engine.learn(setup, &mut slots[self.own.clone()])?;
         // Every rank has slots, and so terms: who sends none gives the step up, and so do all.
-        let packed = match stop.is_wanted() {
+        let packed = match setup.stop.is_wanted() {
             true => Vec::new(),
             false => own.into_iter().flat_map(LossTerms::to_bytes).collect(),
         };

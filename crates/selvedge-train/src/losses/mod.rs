@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::{ConfigError, require};
 
-pub use statistics::{LossStatistics, RunningLossStatistics};
+pub use statistics::{LossStatistics, PerQuantity, RunningLossStatistics};
 
 /// Weights of the loss terms beside the acceleration, whose weight is 1. A term of weight 0 is off.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

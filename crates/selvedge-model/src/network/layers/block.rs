@@ -13,9 +13,7 @@ use crate::kernels::aligned::Aligned;
 use crate::kernels::gemm::{Columns, Endpoints, Epilogue, Slot, Term, multiply};
 use crate::kernels::norm::Normalised;
 use crate::kernels::real::Real;
-use crate::kernels::rows::{
-    ColumnBlock, OutgoingArcs, Receivers, gather_receivers, sum_incoming, sum_outgoing,
-};
+use crate::kernels::rows::{OutgoingArcs, Receivers, gather_receivers, sum_incoming, sum_outgoing};
 use crate::network::layers::mlp::{Activations, Mlp};
 use crate::network::packed::{LayerWeights, Packer, Piece};
 use crate::network::parameters::Layout;
@@ -212,24 +210,7 @@ impl Block {
                 .first_backward(weights, 2 * latent, left, right, gradient);
             let term = self.of_arc.back(weights, by_sums);
             multiply(using, &[term], latent, Epilogue::Add, arcs);
-            sum_incoming(using, sums, self.arriving(), by_sums, receivers);
-        }
-    }
-
-    /// The columns of sums over the arcs that leave a vertex.
-    fn leaving(&self) -> ColumnBlock {
-        ColumnBlock {
-            first: 0,
-            width: self.latent(),
-            stride: 2 * self.latent(),
-        }
-    }
-
-    /// The columns of sums over the arcs that arrive at a vertex.
-    fn arriving(&self) -> ColumnBlock {
-        ColumnBlock {
-            first: self.latent(),
-            ..self.leaving()
+            sum_incoming(using, sums, latent, by_sums, receivers);
         }
     }
 
@@ -277,7 +258,7 @@ impl Block {
             first_arc: &graph.first_arc[vertices.start..=vertices.end],
             reverse_arcs: &graph.reverse_arcs,
         };
-        sum_outgoing(using, sums, self.leaving(), by_sums, arcs);
+        sum_outgoing(using, sums, latent, by_sums, arcs);
         let all = Columns::all(&*sums, 2 * latent);
         let before = Columns::all(&part.blocks[number].nodes, latent);
         for column in [0, latent] {

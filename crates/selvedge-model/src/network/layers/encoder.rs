@@ -5,12 +5,10 @@ use std::ops::Range;
 
 use crate::graph::partition::{CHUNK, chunks};
 use crate::kernels::dropout::RowMasks;
-use crate::kernels::gemm::{Columns, Epilogue, multiply};
-use crate::kernels::norm::Normalised;
 use crate::kernels::real::Real;
 use crate::network::layers::gru::{GruEncoder, GruKept};
-use crate::network::layers::mlp::{Activations, Mlp};
-use crate::network::packed::{LayerWeights, Packer, Piece};
+use crate::network::layers::mlp::{Activations, Mlp, WholeMlp};
+use crate::network::packed::{LayerWeights, Packer};
 use crate::network::parameters::Layout;
 use crate::network::workspace::{Group, Scratch};
 use crate::spec::Encoder;
@@ -18,8 +16,7 @@ use crate::spec::Encoder;
 /// Places of the weights of an encoder.
 #[derive(Clone, Debug)]
 pub(crate) enum EncoderLayers {
-    /// A perceptron, with its first layer's matrix.
-    Mlp(Mlp, Piece),
+    Mlp(WholeMlp),
     Gru(GruEncoder),
 }
 
@@ -60,7 +57,7 @@ impl<T: Real> EncoderKept<T> {
         dropout: bool,
     ) {
         match encoder {
-            EncoderLayers::Mlp(mlp, _) => mlp.fit(&mut self.mlp, rows),
+            EncoderLayers::Mlp(mlp) => mlp.fit(&mut self.mlp, rows),
             EncoderLayers::Gru(gru) => gru.fit(&mut self.gru, rows, frames, dropout),
         }
     }
@@ -77,8 +74,7 @@ impl EncoderLayers {
         match encoder {
             Encoder::Mlp { .. } => {
                 let mlp = Mlp::normalised(layout, path, width, latent);
-                let first = Piece::whole(&mut layout.size, &mlp.first);
-                Self::Mlp(mlp, first)
+                Self::Mlp(WholeMlp::new(layout, mlp))
             }
             Encoder::Gru { .. } => Self::Gru(GruEncoder::new(layout, path, width, latent)),
         }
@@ -86,10 +82,7 @@ impl EncoderLayers {
 
     pub(crate) fn pack<T: Real>(&self, packer: &mut Packer<'_, T>) {
         match self {
-            Self::Mlp(mlp, first) => {
-                mlp.pack(packer);
-                first.pack(packer);
-            }
+            Self::Mlp(mlp) => mlp.pack(packer),
             Self::Gru(gru) => gru.pack(packer),
         }
     }
@@ -109,12 +102,9 @@ impl EncoderLayers {
         for (chunk, out) in chunks(range.clone()).zip(out) {
             let kept = kept.next();
             match self {
-                Self::Mlp(mlp, first) => {
-                    let kept = kept.map(|kept| &mut kept.mlp);
-                    let mut tile = mlp.tile(kept, &mut scratch.tiles, chunk.len());
-                    let terms = &[first.times(weights, input.at(0, &chunk))];
-                    mlp.first_layer(weights, terms, &mut tile);
-                    mlp.forward(weights, tile, Normalised::Set(out));
+                Self::Mlp(mlp) => {
+                    let kept = (kept.map(|kept| &mut kept.mlp), &mut scratch.tiles);
+                    mlp.forward(weights, input.at(0, &chunk), kept, out);
                 }
                 Self::Gru(gru) => {
                     let kept = kept.map(|kept| &mut kept.gru);
@@ -141,18 +131,17 @@ impl EncoderLayers {
             let rows = (chunk.start - range.start) * width..(chunk.end - range.start) * width;
             let mut to_input = to_input.iter_mut().map(|frame| &mut frame[rows.clone()]);
             match self {
-                Self::Mlp(mlp, piece) => {
+                Self::Mlp(mlp) => {
                     let Group { scratch, gradient } = &mut *group;
                     let [_, hidden, sums, _] = &mut scratch.tiles;
                     let (hidden, sums) = (&mut hidden[..output.len()], &mut sums[..output.len()]);
-                    mlp.backward(weights, &kept.mlp, [output, hidden, &mut *sums], gradient);
-                    let features = Columns::all(input.at(0, &chunk), width);
-                    let by_sums = Columns::all(&*sums, latent);
-                    mlp.first_backward(weights, 0, by_sums, features, gradient);
+                    let (kept, through) = (
+                        (input.at(0, &chunk), &kept.mlp),
+                        [output, hidden, &mut *sums],
+                    );
+                    mlp.backward(weights, kept, through, gradient);
                     if let Some(to_input) = to_input.next() {
-                        let terms = &[piece.back(weights, sums)];
-                        let using = weights.instructions;
-                        multiply(using, terms, width, Epilogue::Set, to_input);
+                        mlp.input_backward(weights, sums, to_input);
                     }
                 }
                 Self::Gru(gru) => {

@@ -184,6 +184,74 @@ impl Mlp {
     }
 }
 
+/// A perceptron whose first layer sees no other than its own inputs.
+#[derive(Clone, Debug)]
+pub(crate) struct WholeMlp {
+    mlp: Mlp,
+    first: Piece,
+}
+
+impl WholeMlp {
+    pub(crate) fn new(layout: &mut Layout, mlp: Mlp) -> Self {
+        let first = Piece::whole(&mut layout.size, &mlp.first);
+        Self { mlp, first }
+    }
+
+    pub(crate) fn pack<T: Real>(&self, packer: &mut Packer<'_, T>) {
+        self.mlp.pack(packer);
+        self.first.pack(packer);
+    }
+
+    /// Makes room for the activations of so many rows.
+    pub(crate) fn fit<T: Real>(&self, activations: &mut Activations<T>, rows: usize) {
+        self.mlp.fit(activations, rows);
+    }
+
+    /// From rows of inputs to `out`. Activations go where they are kept, else to `spare`.
+    pub(crate) fn forward<T: Real>(
+        &self,
+        weights: LayerWeights<'_, T>,
+        input: &[T],
+        (kept, spare): (Option<&mut Activations<T>>, &mut Activations<T>),
+        out: &mut [T],
+    ) {
+        let rows = input.len() / self.mlp.first.inputs;
+        let mut tile = self.mlp.tile(kept, spare, rows);
+        let terms = &[self.first.times(weights, input)];
+        self.mlp.first_layer(weights, terms, &mut tile);
+        self.mlp.forward(weights, tile, Normalised::Set(out));
+    }
+
+    /// As [`Mlp::backward`], and adds the gradient of the first layer's matrix.
+    pub(crate) fn backward<T: Real>(
+        &self,
+        weights: LayerWeights<'_, T>,
+        (input, kept): (&[T], &Activations<T>),
+        [output, hidden, pre_activation]: [&mut [T]; 3],
+        gradient: &mut ModuleGradient<T>,
+    ) {
+        let through = [output, hidden, &mut *pre_activation];
+        self.mlp.backward(weights, kept, through, gradient);
+        let first = &self.mlp.first;
+        let by_sums = Columns::all(&*pre_activation, first.outputs);
+        let input = Columns::all(input, first.inputs);
+        self.mlp
+            .first_backward(weights, 0, by_sums, input, gradient);
+    }
+
+    /// The gradient of the input from that of the sums of the first layer.
+    pub(crate) fn input_backward<T: Real>(
+        &self,
+        weights: LayerWeights<'_, T>,
+        pre_activation: &[T],
+        to_input: &mut [T],
+    ) {
+        let terms = &[self.first.back(weights, pre_activation)];
+        let (using, columns) = (weights.instructions, self.mlp.first.inputs);
+        multiply(using, terms, columns, Epilogue::Set, to_input);
+    }
+}
+
 impl LayerNorm {
     /// Takes the gradient of the output back to the input, from what the forward pass kept. Adds
     /// those of weight and shift.

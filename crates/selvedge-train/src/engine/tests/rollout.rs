@@ -11,8 +11,8 @@ use selvedge_data::SectionRule;
 use selvedge_model::{EdgeFeature, Encoder};
 
 use crate::config::{Labels, TrainConfig};
-use crate::expert::{Expert, ExpertState};
 use crate::schedule::{TruthProbability, UnrollFrames};
+use crate::slot::{Expert, ExpertState};
 use crate::test_data::{ENGINE, Swinging, busy, config, swinging, two_cloths};
 use crate::trainer::{TrainError, Trainer};
 
