@@ -5,10 +5,10 @@
 
 use glam::{DVec2, DVec3, Vec3};
 use numpy::ndarray::{ArrayView, Dimension, ShapeBuilder};
-use numpy::{AllowTypeChange, Element, IntoPyArray, PyArray, PyArray2, PyArrayLikeDyn};
-use numpy::{PyArrayMethods, PyUntypedArrayMethods};
+use numpy::{AllowTypeChange, Element, IntoPyArray, PyArray, PyArray1, PyArray2, PyArray3};
+use numpy::{PyArrayLikeDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use selvedge_cloth::Topology;
+use selvedge_cloth::{HandlePath, Handles, Topology};
 
 use crate::errors::wrong;
 
@@ -54,9 +54,6 @@ pub(crate) fn flat_f64(positions: &[DVec3]) -> &[f64] {
 }
 
 /// An array of its own of positions in f64, `[n, 3]`.
-///
-/// # Errors
-/// Memory that NumPy does not get.
 pub(crate) fn of_f64<'py>(
     py: Python<'py>,
     positions: &[DVec3],
@@ -67,15 +64,33 @@ pub(crate) fn of_f64<'py>(
 }
 
 /// The faces of a mesh, `[faces, 3]`, that cannot be written.
-///
-/// # Errors
-/// Memory that NumPy does not get.
 pub(crate) fn faces_of(py: Python<'_>, topology: &Topology) -> PyResult<Py<PyArray2<u32>>> {
     let faces: Vec<u32> = topology.face_indices().into_iter().flatten().collect();
     let count = faces.len() / 3;
     let faces = faces.into_pyarray(py).reshape([count, 3])?;
     lock(&faces)?;
     Ok(faces.unbind())
+}
+
+/// Numbers of the held vertices, `[handles]`.
+pub(crate) fn handles_of<'py>(py: Python<'py>, handles: &Handles) -> Bound<'py, PyArray1<u32>> {
+    let vertices = handles.vertices().iter();
+    vertices.map(|v| v.0).collect::<Vec<u32>>().into_pyarray(py)
+}
+
+/// Targets of handles for the step from frame `frame` on `[m]`, `[samples, handles, 3]`, at equally
+/// spaced times of which the last is the end of the frame, at `rate` frames per second.
+pub(crate) fn targets<'py>(
+    py: Python<'py>,
+    path: &HandlePath,
+    (frame, samples): (usize, usize),
+    rate: f64,
+) -> PyResult<Bound<'py, PyArray3<f64>>> {
+    let times = (1..=samples).map(|k| (frame as f64 + k as f64 / samples as f64) / rate);
+    let places: Vec<DVec3> = times.flat_map(|time| path.at(time)).collect();
+    let handles = path.at(0.0).len();
+    let numbers = flat_f64(&places).to_vec().into_pyarray(py);
+    numbers.reshape([samples, handles, 3])
 }
 
 /// Reads `[n, 3]` numbers as positions.

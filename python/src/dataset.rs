@@ -15,7 +15,7 @@ use selvedge_lab::generation::{self, Order};
 
 use crate::errors::{told, wrong};
 use crate::json;
-use crate::long::{Stop, Teller, beside};
+use crate::long::told_beside;
 use crate::trajectory::Trajectory;
 
 /// A folder of trajectories with an index: some to train on, others to test on.
@@ -28,7 +28,6 @@ pub(crate) struct Dataset {
 
 #[pymethods]
 impl Dataset {
-    /// Opens a complete data set.
     #[new]
     fn new(py: Python<'_>, folder: PathBuf) -> PyResult<Self> {
         let opened = py.detach(|| generation::open(&folder)).map_err(told)?;
@@ -47,9 +46,7 @@ impl Dataset {
         threads: Option<usize>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Self> {
-        let stop = Stop::default();
-        let mut teller = Teller::new(progress, &stop);
-        beside(py, &stop, || {
+        told_beside(py, progress, |_, teller| {
             let preset = DatasetPreset::open(preset).map_err(told)?;
             for warning in preset.warnings() {
                 tracing::warn!("{warning}");
@@ -69,10 +66,6 @@ impl Dataset {
     /// gives each trajectory of the names in `train` and `test` when it is wanted.
     #[staticmethod]
     #[pyo3(signature = (folder, name, train, test, read, config=None))]
-    #[allow(
-        clippy::too_many_arguments,
-        reason = "each has a name and a default in Python"
-    )]
     fn write(
         py: Python<'_>,
         folder: PathBuf,
@@ -219,9 +212,6 @@ impl Split {
 }
 
 /// The split of this name.
-///
-/// # Errors
-/// Another name.
 pub(crate) fn split_named(name: &str) -> PyResult<Part> {
     match name {
         "train" => Ok(Part::Train),

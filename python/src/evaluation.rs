@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use selvedge_guard::GuardSettings;
+use selvedge_guard::Correction;
 use selvedge_lab::evaluation::{
     Case, Evaluation as Outcome, EvaluationPlan, Horizons, Method, Mover, PhysicsMethod, Run,
     check, evaluate as measure, summaries,
@@ -19,7 +19,7 @@ use crate::dataset::{Dataset, split_named};
 use crate::errors::{told, wrong};
 use crate::guarding;
 use crate::json as python;
-use crate::long::{Stop, Teller, beside};
+use crate::long::told_beside;
 use crate::model::Model;
 
 /// The outcome of an evaluation.
@@ -29,6 +29,8 @@ pub(crate) struct Evaluation {
     split: String,
     /// Name, file and parameters of each model.
     models: Vec<Vec<String>>,
+    /// False where the progress callback asked to stop: then only the runs until that are here.
+    #[pyo3(get)]
     is_complete: bool,
 }
 
@@ -52,12 +54,6 @@ impl Evaluation {
     #[getter]
     fn timings<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         python::to_python(py, &self.outcome.timings)
-    }
-
-    /// False where the progress callback asked to stop: then only the runs until that are here.
-    #[getter]
-    fn is_complete(&self) -> bool {
-        self.is_complete
     }
 
     /// All errors as text (.csv), as `selvedge eval -o` writes them.
@@ -106,10 +102,6 @@ impl Evaluation {
 #[pyo3(signature = (models, data, *, guards=vec!["limit".to_owned()], split="test",
     motions=Vec::new(), horizons=None, starts=8, baselines=vec!["rigid".to_owned()],
     physics=Vec::new(), threads=None, progress=None))]
-#[allow(
-    clippy::too_many_arguments,
-    reason = "each has a name and a default in Python"
-)]
 pub(crate) fn evaluate(
     py: Python<'_>,
     models: &Bound<'_, PyDict>,
@@ -155,9 +147,7 @@ pub(crate) fn evaluate(
         threads,
     };
     check(&plan, are_asked).map_err(|error| wrong(error.to_string()))?;
-    let stop = Stop::default();
-    let mut teller = Teller::new(progress, &stop);
-    let measured = beside(py, &stop, || {
+    let measured = told_beside(py, progress, |_, teller| {
         measure(&plan, &mut |event| teller.hear(event))
     })?;
     let (outcome, end) = measured.map_err(told)?;
@@ -174,7 +164,7 @@ type Entrants = (Vec<Vec<String>>, Vec<Method>);
 /// The models by their names, each once for every guard.
 fn entrants(models: &Bound<'_, PyDict>, guards: &[String]) -> PyResult<Entrants> {
     let (mut files, mut methods) = (Vec::new(), Vec::new());
-    let settings: PyResult<Vec<GuardSettings>> =
+    let settings: PyResult<Vec<Correction>> =
         guards.iter().map(|name| guarding::settings(name)).collect();
     let settings = settings?;
     for (name, model) in models.iter() {

@@ -7,7 +7,7 @@ use selvedge_data::export::{ExportOptions, FrameSpan, export};
 use selvedge_data::{Trajectory, UpAxis};
 
 use crate::errors::{told, wrong};
-use crate::long::{Stop, Teller, beside};
+use crate::long::told_beside;
 
 /// Options of an export to `path`, whose name says the format.
 ///
@@ -39,9 +39,6 @@ pub(crate) fn options(
 }
 
 /// Writes `trajectory`; Ctrl-C leaves nothing.
-///
-/// # Errors
-/// What cannot be written.
 pub(crate) fn export_to(
     py: Python<'_>,
     trajectory: &Trajectory,
@@ -49,11 +46,9 @@ pub(crate) fn export_to(
     options: &ExportOptions,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<()> {
-    let stop = Stop::default();
-    let mut teller = Teller::new(progress, &stop);
     let frames = options.frames.of(trajectory.frame_count()).map_err(told)?;
-    teller.begin("writing", Some(frames.len() as u64));
-    let written = beside(py, &stop, || {
+    let written = told_beside(py, progress, |_, teller| {
+        teller.begin("writing", Some(frames.len() as u64));
         export(trajectory, path, options, &mut || teller.advance())
     })?;
     written.map(drop).map_err(told)

@@ -5,18 +5,15 @@ use std::collections::BTreeMap;
 use numpy::IntoPyArray;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use selvedge_guard::{Correction, GuardSettings, Replacement, Trust};
+use selvedge_guard::{Correction, Replacement, Trust};
 
 use crate::errors::wrong;
 
 /// Settings of the guard of this name, as the command line has them.
-///
-/// # Errors
-/// A name that no guard has.
-pub(crate) fn settings(name: &str) -> PyResult<GuardSettings> {
+pub(crate) fn settings(name: &str) -> PyResult<Correction> {
     match name {
-        "none" => Ok(GuardSettings::with(Correction::None)),
-        "limit" => Ok(GuardSettings::with(Correction::Limit)),
+        "none" => Ok(Correction::None),
+        "limit" => Ok(Correction::Limit),
         _ => Err(wrong(format!(
             "guard must be none or limit, found {name:?}"
         ))),
@@ -56,9 +53,6 @@ fn words(trust: &Trust) -> [(&'static str, &'static str); 3] {
 }
 
 /// The guard's word on a frame.
-///
-/// # Errors
-/// Memory that Python does not get.
 pub(crate) fn word<'py>(py: Python<'py>, trust: &Trust) -> PyResult<Bound<'py, PyDict>> {
     let dict = PyDict::new(py);
     dict.set_item("frame", trust.frame)?;
@@ -73,9 +67,6 @@ pub(crate) fn word<'py>(py: Python<'py>, trust: &Trust) -> PyResult<Bound<'py, P
 }
 
 /// The words on all frames as columns: arrays of numbers, lists of words.
-///
-/// # Errors
-/// Memory that Python does not get.
 pub(crate) fn columns<'py>(py: Python<'py>, log: &[Trust]) -> PyResult<Bound<'py, PyDict>> {
     let dict = PyDict::new(py);
     let frames: Vec<u64> = log.iter().map(|trust| trust.frame as u64).collect();

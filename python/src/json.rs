@@ -6,9 +6,6 @@ use serde::Serialize;
 use crate::errors::told;
 
 /// A value as Python has it.
-///
-/// # Errors
-/// A value that is no JSON.
 pub(crate) fn to_python<'py>(
     py: Python<'py>,
     value: &impl Serialize,
@@ -18,9 +15,6 @@ pub(crate) fn to_python<'py>(
 }
 
 /// Reads a value from a dictionary, or from the text of one.
-///
-/// # Errors
-/// What is no JSON of this kind.
 pub(crate) fn from_python<T: serde::de::DeserializeOwned>(value: &Bound<'_, PyAny>) -> PyResult<T> {
     let text: String = match value.extract() {
         Ok(text) => text,

@@ -3,6 +3,10 @@
 //! It composes the same library calls as the program, so that the same work gives the same bytes.
 //! Long work releases the interpreter's lock and hears Ctrl-C ([`long`]); arrays are shared where
 //! nothing changes them ([`arrays`]); errors keep their words ([`errors`]).
+#![allow(
+    clippy::too_many_arguments,
+    reason = "each has a name and a default in Python"
+)]
 
 mod arrays;
 mod dataset;
@@ -24,9 +28,6 @@ mod trajectory;
 use pyo3::prelude::*;
 
 /// The native part of the package `selvedge`.
-///
-/// # Errors
-/// Memory that Python does not get.
 #[pymodule]
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     log::begin();

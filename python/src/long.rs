@@ -65,9 +65,6 @@ impl Stop {
 
 /// Runs `work` without the interpreter's lock while Ctrl-C is heard. The first exception, of a
 /// signal or of a callback, is raised once the work has ended.
-///
-/// # Errors
-/// That exception.
 pub(crate) fn beside<R: Send>(
     py: Python<'_>,
     stop: &Stop,
@@ -95,6 +92,17 @@ pub(crate) fn beside<R: Send>(
         (Ok(result), None) => Ok(result),
         (Err(panic), None) => std::panic::resume_unwind(panic),
     }
+}
+
+/// [`beside`] for work that tells `progress` how far it is, and hears of the wish to stop.
+pub(crate) fn told_beside<R: Send>(
+    py: Python<'_>,
+    progress: Option<Py<PyAny>>,
+    work: impl FnOnce(&Stop, &mut Teller<'_>) -> R + Send,
+) -> PyResult<R> {
+    let stop = Stop::default();
+    let mut teller = Teller::new(progress, &stop);
+    beside(py, &stop, || work(&stop, &mut teller))
 }
 
 /// A callback of Python that hears of progress; none where nobody listens.

@@ -25,6 +25,8 @@ use crate::json;
 /// default "paper".
 #[pyclass(frozen, module = "selvedge")]
 pub(crate) struct Model {
+    /// Its file, or the name of the shipped one.
+    #[pyo3(get)]
     pub(crate) name: String,
     pub(crate) model: Arc<Trained>,
 }
@@ -40,7 +42,6 @@ impl Model {
 
 #[pymethods]
 impl Model {
-    /// Opens a model file (.safetensors), or a shipped model by its name, by default "paper".
     #[new]
     #[pyo3(signature = (name_or_file=None))]
     fn new(py: Python<'_>, name_or_file: Option<PathBuf>) -> PyResult<Self> {
@@ -124,12 +125,6 @@ impl Model {
     #[pyo3(signature = (weights="f32"))]
     fn to_bytes<'py>(&self, py: Python<'py>, weights: &str) -> PyResult<Bound<'py, PyBytes>> {
         Ok(PyBytes::new(py, &self.bytes_as(weights)?))
-    }
-
-    /// Its file, or the name of the shipped one.
-    #[getter]
-    fn name(&self) -> &str {
-        &self.name
     }
 
     /// The choices that make the network, as a dictionary.

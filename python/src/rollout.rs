@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use selvedge_cloth::{Cloth, Scene as Built, Stepper};
 use selvedge_data::{LoadedScene, Trajectory as Recorded};
-use selvedge_guard::Trust;
+use selvedge_guard::{Correction, Trust};
 use selvedge_lab::domain::{self, Beyond};
 use selvedge_lab::machine::Machine;
 use selvedge_lab::models;
@@ -22,7 +22,7 @@ use crate::arrays::Numbers;
 use crate::errors::told;
 use crate::guarding;
 use crate::json;
-use crate::long::{Stop, Teller, beside};
+use crate::long::{Stop, Teller, told_beside};
 use crate::model::Model;
 use crate::scene::Scene;
 use crate::stepper::{begin, state_at};
@@ -31,29 +31,25 @@ use crate::trajectory::Trajectory;
 /// A model's run, with the guard's word on every frame.
 #[pyclass(frozen, module = "selvedge")]
 pub(crate) struct Rollout {
+    /// The model's motion.
+    #[pyo3(get)]
     trajectory: Py<Trajectory>,
+    /// The physics from the same start, where it was asked for.
+    #[pyo3(get)]
     truth: Option<Py<Trajectory>>,
     log: Vec<Trust>,
     summary: GuardSummary,
     beyond: Option<Beyond>,
+    /// Wall time of a frame of the model [ms].
+    #[pyo3(get)]
     ms_per_frame: f64,
+    /// False where the progress callback asked to stop.
+    #[pyo3(get)]
     is_complete: bool,
 }
 
 #[pymethods]
 impl Rollout {
-    /// The model's motion.
-    #[getter]
-    fn trajectory(&self, py: Python<'_>) -> Py<Trajectory> {
-        self.trajectory.clone_ref(py)
-    }
-
-    /// The physics from the same start, where it was asked for.
-    #[getter]
-    fn truth(&self, py: Python<'_>) -> Option<Py<Trajectory>> {
-        self.truth.as_ref().map(|truth| truth.clone_ref(py))
-    }
-
     /// The guard's word on every frame but the first, as columns.
     #[getter]
     fn trust<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
@@ -72,18 +68,6 @@ impl Rollout {
     fn beyond(&self) -> Option<Vec<String>> {
         let beyond = self.beyond.as_ref()?;
         Some(beyond.departures.iter().map(ToString::to_string).collect())
-    }
-
-    /// Wall time of a frame of the model [ms].
-    #[getter]
-    fn ms_per_frame(&self) -> f64 {
-        self.ms_per_frame
-    }
-
-    /// False where the progress callback asked to stop.
-    #[getter]
-    fn is_complete(&self) -> bool {
-        self.is_complete
     }
 
     /// Writes the guard's words (.csv), as `selvedge run --trust` does.
@@ -151,10 +135,8 @@ pub(crate) fn simulate(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Trajectory> {
     let given = state_at(positions.as_ref(), velocities.as_ref())?;
-    let stop = Stop::default();
-    let mut teller = Teller::new(progress, &stop);
-    let made = beside(py, &stop, || {
-        let (state, rest) = begin(scene, given, &mut teller)?;
+    let made = told_beside(py, progress, |stop, teller| {
+        let (state, rest) = begin(scene, given, teller)?;
         let (built, first) = (&scene.loaded.scene, state.frame);
         let frames = match frames {
             Some(frames) => frames,
@@ -187,15 +169,6 @@ struct Made {
     end: End,
 }
 
-/// The wishes for a rollout.
-struct Asked<'a> {
-    scene: &'a Scene,
-    model: &'a Model,
-    frames: Option<usize>,
-    guard: selvedge_guard::GuardSettings,
-    has_truth: bool,
-}
-
 /// Runs a model on a scene from its rest pose, as `selvedge run --model` does, with the `guard` none
 /// or limit. `truth=True` also runs the physics. `progress(task, done,
 /// goal)` hears of every frame; its answer `False` keeps the frames until then.
@@ -204,10 +177,6 @@ struct Asked<'a> {
 /// What of the scene, the model or a step went wrong.
 #[pyfunction]
 #[pyo3(signature = (scene, model, frames=None, guard="limit", truth=false, progress=None))]
-#[allow(
-    clippy::too_many_arguments,
-    reason = "each has a name and a default in Python"
-)]
 pub(crate) fn rollout(
     py: Python<'_>,
     scene: &Scene,
@@ -217,16 +186,10 @@ pub(crate) fn rollout(
     truth: bool,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Rollout> {
-    let asked = Asked {
-        scene,
-        model,
-        frames,
-        guard: guarding::settings(guard)?,
-        has_truth: truth,
-    };
-    let stop = Stop::default();
-    let mut teller = Teller::new(progress, &stop);
-    let made = beside(py, &stop, || roll(&asked, &stop, &mut teller))??;
+    let guard = guarding::settings(guard)?;
+    let made = told_beside(py, progress, |stop, teller| {
+        roll((scene, model, frames), (guard, truth), stop, teller)
+    })??;
     let (log, summary) = made.watched;
     let truth = made.truth.map(|truth| Trajectory::of(py, truth));
     let truth = truth.transpose()?.map(|truth| Py::new(py, truth));
@@ -241,14 +204,18 @@ pub(crate) fn rollout(
     })
 }
 
-fn roll(asked: &Asked<'_>, stop: &Stop, teller: &mut Teller<'_>) -> PyResult<Made> {
-    let Asked { scene, model, .. } = asked;
+fn roll(
+    (scene, model, frames): (&Scene, &Model, Option<usize>),
+    (guard, has_truth): (Correction, bool),
+    stop: &Stop,
+    teller: &mut Teller<'_>,
+) -> PyResult<Made> {
     let mut loaded = scene.loaded.clone();
     for warning in start::for_model(&mut loaded) {
         tracing::warn!("{}: {warning}", loaded.spec.name);
     }
     let built = Arc::new(loaded.scene.clone());
-    let frames = match asked.frames {
+    let frames = match frames {
         Some(frames) => frames,
         None => built.frame_count().map_err(told)?,
     };
@@ -256,8 +223,8 @@ fn roll(asked: &Asked<'_>, stop: &Stop, teller: &mut Teller<'_>) -> PyResult<Mad
     let rest = scene.rest_of(&built, teller).map_err(told)?;
     let rest = &rest.positions;
     let path = built.handle_path().map_err(told)?;
-    let guard = start::guarded(&built, rest, &model.named(), &Machine::Cpu, asked.guard);
-    let mut watched = WatchedModel::of(guard.map_err(told)?);
+    let guarded = start::guarded(&built, rest, &model.named(), &Machine::Cpu, guard);
+    let mut watched = WatchedModel::of(guarded.map_err(told)?);
     watched.stop_by(stop.flag().into());
     teller.begin("predicting", Some(frames as u64));
     let run = models::drive(&mut watched, &path, frames, &mut || teller.advance());
@@ -268,7 +235,7 @@ fn roll(asked: &Asked<'_>, stop: &Stop, teller: &mut Teller<'_>) -> PyResult<Mad
     let mut end = run.end;
     let ms_per_frame = run.ms_per_frame;
     let mut truth = None;
-    if asked.has_truth && end == End::Complete {
+    if has_truth && end == End::Complete {
         let run = simulated(&built, rest, frames, stop, teller)?;
         end = run.end;
         truth = Some(trajectory_of(scene, &loaded, 0, rest, run.positions)?);

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyUntypedArrayMethods};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use selvedge_cloth::generate::{Shape, SheetSpec, sheet};
@@ -18,7 +18,7 @@ use selvedge_sim::SaggedRest;
 use crate::arrays::{self, Numbers};
 use crate::errors::{told, wrong};
 use crate::json;
-use crate::long::{Stop, Teller, beside};
+use crate::long::{Teller, told_beside};
 
 /// A mesh of triangles with its material coordinates, before anything moves it.
 ///
@@ -29,6 +29,8 @@ use crate::long::{Stop, Teller, beside};
 pub(crate) struct Mesh {
     pub(crate) mesh: ClothMesh,
     labels: std::collections::BTreeMap<String, Vec<u32>>,
+    /// Faces, (f, 3), uint32.
+    #[pyo3(get)]
     faces: Py<PyArray2<u32>>,
 }
 
@@ -49,8 +51,6 @@ impl Mesh {
 
 #[pymethods]
 impl Mesh {
-    /// A mesh of `positions` (n, 3) [m] and `faces` (f, 3). Without `material` (n, 2) [m], the
-    /// material coordinates, the mesh must be flat in a plane x = constant: they are (z, y).
     #[new]
     #[pyo3(signature = (positions, faces, material=None))]
     fn new(
@@ -113,12 +113,6 @@ impl Mesh {
         arrays::shared(slf.as_any(), arrays::flat_f64(positions), shape)
     }
 
-    /// Faces, (f, 3), uint32.
-    #[getter]
-    fn faces(&self, py: Python<'_>) -> Py<PyArray2<u32>> {
-        self.faces.clone_ref(py)
-    }
-
     /// Lists of vertices by their names.
     #[getter]
     fn labels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
@@ -171,7 +165,6 @@ pub(crate) struct Material {
 
 #[pymethods]
 impl Material {
-    /// A shipped fabric by its name, or a fabric of a TOML file.
     #[new]
     fn new(name_or_file: &str) -> PyResult<Self> {
         let scene = open_scene("default").map_err(told)?;
@@ -218,6 +211,8 @@ pub(crate) struct Scene {
     /// False where arrays of Python are in it, which its spec does not have.
     pub(crate) has_spec: bool,
     rest: Mutex<Option<Arc<SaggedRest>>>,
+    /// Faces, (f, 3), uint32.
+    #[pyo3(get)]
     faces: Py<PyArray2<u32>>,
 }
 
@@ -271,7 +266,6 @@ impl Scene {
 
 #[pymethods]
 impl Scene {
-    /// Opens a scene by the path of its file (.toml, ARCSim's .json) or by a shipped name.
     #[new]
     #[pyo3(signature = (name_or_file="default"))]
     fn new(py: Python<'_>, name_or_file: &str) -> PyResult<Self> {
@@ -379,18 +373,10 @@ impl Scene {
         arrays::shared(slf.as_any(), arrays::flat_f64(positions), shape)
     }
 
-    /// Faces, (f, 3), uint32.
-    #[getter]
-    fn faces(&self, py: Python<'_>) -> Py<PyArray2<u32>> {
-        self.faces.clone_ref(py)
-    }
-
     /// Numbers of the held vertices, (handles,), uint32, in the order of the targets.
     #[getter]
     fn handles<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
-        let vertices = self.loaded.scene.handles.vertices().iter();
-        let numbers: Vec<u32> = vertices.map(|vertex| vertex.0).collect();
-        numbers.into_pyarray(py)
+        arrays::handles_of(py, &self.loaded.scene.handles)
     }
 
     /// Warnings of what the file asks for and cannot have.
@@ -409,14 +395,7 @@ impl Scene {
         samples: usize,
     ) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let path = self.loaded.scene.handle_path().map_err(told)?;
-        let handles = self.loaded.scene.handles.len();
-        let rate = self.loaded.scene.frame_rate;
-        let mut numbers = Vec::with_capacity(3 * handles * samples);
-        for k in 1..=samples {
-            let time = (frame as f64 + k as f64 / samples as f64) / rate;
-            numbers.extend(path.at(time).into_iter().flat_map(|p| p.to_array()));
-        }
-        numbers.into_pyarray(py).reshape([samples, handles, 3])
+        arrays::targets(py, &path, (frame, samples), self.loaded.scene.frame_rate)
     }
 
     /// The static equilibrium in which the cloth hangs from its handles [m], (n, 3), float64. It is
@@ -427,9 +406,7 @@ impl Scene {
         py: Python<'py>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let stop = Stop::default();
-        let mut teller = Teller::new(progress, &stop);
-        let found = beside(py, &stop, || self.found_rest(&mut teller))?;
+        let found = told_beside(py, progress, |_, teller| self.found_rest(teller))?;
         arrays::of_f64(py, &found.map_err(told)?.positions)
     }
 

@@ -8,7 +8,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, TryLockError};
 use std::time::{Duration, Instant};
 
-use glam::Vec3;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
@@ -24,7 +23,7 @@ use selvedge_sim::{SaggedRest, Simulator as Physics};
 use crate::arrays::{self, Numbers};
 use crate::errors::{SelvedgeError, step_failed, told, wrong};
 use crate::guarding;
-use crate::long::{Stop, Teller, beside};
+use crate::long::{Stop, Teller, beside, told_beside};
 use crate::model::Model;
 use crate::scene::Scene;
 use crate::trajectory::Trajectory;
@@ -43,27 +42,19 @@ pub(crate) enum Kind {
 }
 
 impl Kind {
-    fn mover(&mut self) -> &mut (dyn MovesCloth + Send) {
+    fn mover(&self) -> &(dyn MovesCloth + Send) {
+        match self {
+            Self::Physics(physics) => physics.as_ref(),
+            Self::Model(model) => model.as_ref(),
+            Self::Other(other) => other.as_ref(),
+        }
+    }
+
+    fn mover_mut(&mut self) -> &mut (dyn MovesCloth + Send) {
         match self {
             Self::Physics(physics) => physics.as_mut(),
             Self::Model(model) => model.as_mut(),
             Self::Other(other) => other.as_mut(),
-        }
-    }
-
-    fn positions(&self) -> &[Vec3] {
-        match self {
-            Self::Physics(physics) => physics.positions(),
-            Self::Model(model) => model.positions(),
-            Self::Other(other) => other.positions(),
-        }
-    }
-
-    fn frame(&self) -> usize {
-        match self {
-            Self::Physics(physics) => physics.frame(),
-            Self::Model(model) => model.frame(),
-            Self::Other(other) => other.frame(),
         }
     }
 }
@@ -87,9 +78,16 @@ pub(crate) struct Stepper {
     core: Mutex<Core>,
     stop: Arc<AtomicBool>,
     buffer: Py<PyArray2<f32>>,
-    shown: Py<PyAny>,
+    /// Positions of the newest frame [m], (n, 3), float32. It is the same array for the whole life
+    /// of the stepper, and cannot be written; `step` returns a copy.
+    #[pyo3(get)]
+    positions: Py<PyAny>,
+    /// Faces, (f, 3), uint32.
+    #[pyo3(get)]
     faces: Py<PyArray2<u32>>,
     handles: Vec<u32>,
+    /// Frames per second.
+    #[pyo3(get)]
     frame_rate: f64,
     course: Option<Course>,
 }
@@ -102,7 +100,7 @@ impl Stepper {
         course: Option<Course>,
     ) -> PyResult<Self> {
         let stop = Arc::<AtomicBool>::default();
-        let mover = kind.mover();
+        let mover = kind.mover_mut();
         mover.stop_by(Arc::clone(&stop).into());
         let faces = arrays::faces_of(py, mover.topology())?;
         let handles = mover.handles().vertices().iter().map(|v| v.0).collect();
@@ -115,7 +113,7 @@ impl Stepper {
             core: Mutex::new(Core { kind, last: LONG }),
             stop,
             buffer: buffer.unbind(),
-            shown: shown.unbind(),
+            positions: shown.unbind(),
             faces,
             handles,
             frame_rate,
@@ -137,7 +135,7 @@ impl Stepper {
     fn show(&self, py: Python<'_>, core: &Core) -> PyResult<()> {
         let mut buffer = self.buffer.bind(py).try_readwrite()?;
         let shown = buffer.as_slice_mut()?;
-        shown.copy_from_slice(arrays::flat(core.kind.positions()));
+        shown.copy_from_slice(arrays::flat(core.kind.mover().positions()));
         Ok(())
     }
 
@@ -148,7 +146,7 @@ impl Stepper {
         let is_long = core.last >= LONG;
         let work = || {
             let began = Instant::now();
-            let moved = core.kind.mover().step(targets);
+            let moved = core.kind.mover_mut().step(targets);
             core.last = began.elapsed();
             moved
         };
@@ -165,6 +163,12 @@ impl Stepper {
         };
         moved.map_err(|error| step_failed(py, error))?;
         self.show(py, &guard)
+    }
+
+    fn course(&self) -> PyResult<&Course> {
+        self.course.as_ref().ok_or_else(|| {
+            wrong("targets are missing: this stepper has no motion of its own to follow")
+        })
     }
 
     fn targets_of(&self, numbers: &Numbers<'_>) -> PyResult<HandleTargets> {
@@ -202,7 +206,7 @@ impl Stepper {
             Some(numbers) => self.targets_of(numbers)?,
             None => {
                 let course = self.course()?;
-                let frame = self.free()?.kind.frame();
+                let frame = self.free()?.kind.mover().frame();
                 let targets = course.path.targets(frame, course.samples);
                 targets.map_err(told)?
             }
@@ -212,7 +216,7 @@ impl Stepper {
             None => targets,
         };
         self.move_on(py, &targets)?;
-        let numbers = arrays::flat(self.free()?.kind.positions()).to_vec();
+        let numbers = arrays::flat(self.free()?.kind.mover().positions()).to_vec();
         let count = numbers.len() / 3;
         numbers.into_pyarray(py).reshape([count, 3])
     }
@@ -238,7 +242,9 @@ impl Stepper {
             samples_per_frame: course.samples,
         };
         let made = beside(py, &stop, || {
-            record(core.kind.mover(), drive, frames, &mut |_| teller.advance())
+            record(core.kind.mover_mut(), drive, frames, &mut |_| {
+                teller.advance()
+            })
         });
         self.stop.store(false, Ordering::Relaxed);
         self.show(py, &guard)?;
@@ -246,7 +252,7 @@ impl Stepper {
         if let RecordingEnd::Failed(error) = made.end {
             return Err(step_failed(py, error));
         }
-        let vertices = guard.kind.positions().len();
+        let vertices = guard.kind.mover().positions().len();
         let count = made.positions.len() / vertices.max(1);
         let numbers = arrays::flat(&made.positions).to_vec();
         numbers.into_pyarray(py).reshape([count, vertices, 3])
@@ -256,39 +262,15 @@ impl Stepper {
     /// them.
     fn next_targets<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let course = self.course()?;
-        let frame = self.free()?.kind.frame();
-        let mut numbers = Vec::new();
-        for k in 1..=course.samples {
-            let time = (frame as f64 + k as f64 / course.samples as f64) / self.frame_rate;
-            numbers.extend(course.path.at(time).into_iter().flat_map(|p| p.to_array()));
-        }
-        let shape = [course.samples, self.handles.len(), 3];
-        numbers.into_pyarray(py).reshape(shape)
-    }
-
-    /// Positions of the newest frame [m], (n, 3), float32. It is the same array for the whole life
-    /// of the stepper, and cannot be written; `step` returns a copy.
-    #[getter]
-    fn positions(&self, py: Python<'_>) -> Py<PyAny> {
-        self.shown.clone_ref(py)
+        let frame = self.free()?.kind.mover().frame();
+        let steps = (frame, course.samples);
+        arrays::targets(py, &course.path, steps, self.frame_rate)
     }
 
     /// Frames stepped since the start.
     #[getter]
     fn frame(&self) -> PyResult<usize> {
-        Ok(self.free()?.kind.frame())
-    }
-
-    /// Frames per second.
-    #[getter]
-    fn frame_rate(&self) -> f64 {
-        self.frame_rate
-    }
-
-    /// Faces, (f, 3), uint32.
-    #[getter]
-    fn faces(&self, py: Python<'_>) -> Py<PyArray2<u32>> {
-        self.faces.clone_ref(py)
+        Ok(self.free()?.kind.mover().frame())
     }
 
     /// Numbers of the held vertices, (handles,), uint32, in the order of the targets.
@@ -312,17 +294,9 @@ impl Stepper {
         let core = stepper.free()?;
         Ok(format!(
             "{name}({} vertices, frame {})",
-            core.kind.positions().len(),
-            core.kind.frame()
+            core.kind.mover().positions().len(),
+            core.kind.mover().frame()
         ))
-    }
-}
-
-impl Stepper {
-    fn course(&self) -> PyResult<&Course> {
-        self.course.as_ref().ok_or_else(|| {
-            wrong("targets are missing: this stepper has no motion of its own to follow")
-        })
     }
 }
 
@@ -342,8 +316,6 @@ pub(crate) struct Simulator;
 
 #[pymethods]
 impl Simulator {
-    /// Starts where the scene says (by default in its sagged rest pose, which is searched for), or
-    /// at `positions` (n, 3) [m] with `velocities` (n, 3) [m/s], zero without.
     #[new]
     #[pyo3(signature = (scene, positions=None, velocities=None, progress=None))]
     fn new(
@@ -355,9 +327,8 @@ impl Simulator {
     ) -> PyResult<PyClassInitializer<Self>> {
         let built = &scene.loaded.scene;
         let given = state_at(positions.as_ref(), velocities.as_ref())?;
-        let stop = Stop::default();
-        let mut teller = Teller::new(progress, &stop);
-        let (state, _) = beside(py, &stop, || begin(scene, given, &mut teller))??;
+        let begun = told_beside(py, progress, |_, teller| begin(scene, given, teller));
+        let (state, _) = begun??;
         let made = py.detach(|| state_log::simulator_of_run(built, state));
         let kind = Kind::Physics(Box::new(made.map_err(told)?));
         let course = course_of(built, built.physics.substeps as usize)?;
@@ -398,9 +369,6 @@ fn physics_of<R>(
 }
 
 /// The state that Python gave; none where it gave none.
-///
-/// # Errors
-/// Arrays of other shapes.
 pub(crate) fn state_at(
     positions: Option<&Numbers<'_>>,
     velocities: Option<&Numbers<'_>>,
@@ -420,9 +388,6 @@ pub(crate) fn state_at(
 
 /// The state in which the physics of a scene starts, and the rest pose where it starts in that.
 /// Long work: the lock must be released.
-///
-/// # Errors
-/// A start that is not found.
 pub(crate) fn begin(
     scene: &Scene,
     given: Option<SavedState>,
@@ -450,32 +415,8 @@ pub(crate) fn begin(
 #[pyclass(frozen, extends = Stepper, module = "selvedge")]
 pub(crate) struct LearnedStepper;
 
-/// Puts a model on a scene.
-fn on_scene(
-    py: Python<'_>,
-    scene: &Scene,
-    model: &Model,
-    guard: &str,
-    progress: Option<Py<PyAny>>,
-) -> PyResult<Stepper> {
-    let settings = guarding::settings(guard)?;
-    let stop = Stop::default();
-    let mut teller = Teller::new(progress, &stop);
-    let mut loaded = scene.loaded.clone();
-    start::take_learned_law(&mut loaded);
-    let built = Arc::new(loaded.scene);
-    let named = model.named();
-    let made = beside(py, &stop, || {
-        let rest = scene.rest_of(&built, &mut teller).map_err(told)?;
-        start::guarded(&built, &rest.positions, &named, &Machine::Cpu, settings).map_err(told)
-    })??;
-    let course = course_of(&built, 1)?;
-    Stepper::of(py, Kind::Model(Box::new(made)), built.frame_rate, course)
-}
-
 #[pymethods]
 impl LearnedStepper {
-    /// Puts `model` on the cloth of `scene`; `guard` is none or limit.
     #[new]
     #[pyo3(signature = (scene, model, guard="limit", progress=None))]
     fn new(
@@ -485,7 +426,18 @@ impl LearnedStepper {
         guard: &str,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<PyClassInitializer<Self>> {
-        let stepper = on_scene(py, scene, model, guard, progress)?;
+        let settings = guarding::settings(guard)?;
+        let mut loaded = scene.loaded.clone();
+        start::take_learned_law(&mut loaded);
+        let built = Arc::new(loaded.scene);
+        let named = model.named();
+        let made = told_beside(py, progress, |_, teller| {
+            let rest = scene.rest_of(&built, teller).map_err(told)?;
+            start::guarded(&built, &rest.positions, &named, &Machine::Cpu, settings).map_err(told)
+        })??;
+        let course = course_of(&built, 1)?;
+        let kind = Kind::Model(Box::new(made));
+        let stepper = Stepper::of(py, kind, built.frame_rate, course)?;
         Ok(PyClassInitializer::from(stepper).add_subclass(Self))
     }
 }
@@ -498,7 +450,6 @@ pub(crate) struct PlaybackStepper;
 
 #[pymethods]
 impl PlaybackStepper {
-    /// Plays `trajectory` from its first frame.
     #[new]
     fn new(py: Python<'_>, trajectory: &Trajectory) -> PyResult<PyClassInitializer<Self>> {
         let played = trajectory.inner.as_ref().clone();
@@ -517,7 +468,6 @@ pub(crate) struct RigidStepper;
 
 #[pymethods]
 impl RigidStepper {
-    /// Starts in the sagged rest pose of `scene`.
     #[new]
     #[pyo3(signature = (scene, progress=None))]
     fn new(
@@ -525,9 +475,8 @@ impl RigidStepper {
         scene: &Scene,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<PyClassInitializer<Self>> {
-        let stop = Stop::default();
-        let mut teller = Teller::new(progress, &stop);
-        let rest = beside(py, &stop, || scene.found_rest(&mut teller))?.map_err(told)?;
+        let rest = told_beside(py, progress, |_, teller| scene.found_rest(teller))?;
+        let rest = rest.map_err(told)?;
         let built = &scene.loaded.scene;
         let cloth = Cloth::of_scene(built, physics::rounded(&rest.positions)).map_err(told)?;
         let kind = Kind::Other(Box::new(RigidRest::new(&cloth)));

@@ -1,5 +1,6 @@
 //! Trainings on data sets, with a callback per step.
 
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -30,14 +31,6 @@ struct Asked<'a> {
     limits: RunLimits,
 }
 
-/// The end of a training.
-struct Done {
-    end: RunEnd,
-    steps_done: u64,
-    steps: u64,
-    parameters: usize,
-}
-
 /// Names of the shipped configurations of trainings.
 #[pyfunction]
 pub(crate) fn training_presets() -> Vec<&'static str> {
@@ -58,10 +51,6 @@ pub(crate) fn training_presets() -> Vec<&'static str> {
 #[pyo3(signature = (config, data, *, out, steps=None, settings=None, resume=false,
     start_from=None, micro_batch=1, seconds=None, checkpoint_every=300.0, on_step=None,
     progress=None))]
-#[allow(
-    clippy::too_many_arguments,
-    reason = "each has a name and a default in Python"
-)]
 pub(crate) fn train<'py>(
     py: Python<'py>,
     config: &str,
@@ -101,25 +90,32 @@ pub(crate) fn train<'py>(
     };
     let stop = Stop::default();
     let mut teller = Teller::new(progress, &stop);
-    let listener = Listener {
-        on_step,
-        stop: &stop,
+    let hear = |report: &StepReport| {
+        if let Some(on_step) = &on_step {
+            call(on_step, &stop, |py| {
+                let report = python::to_python(py, report)?;
+                Ok((report,).into_pyobject(py)?.unbind())
+            });
+        }
+        stop.flow()
     };
-    let done = beside(py, &stop, || learn(&asked, data, &listener, &mut teller))??;
-    done.report(py, &out)
+    let done = beside(py, &stop, || learn(&asked, data, &stop, &hear, &mut teller))??;
+    let report = PyDict::new(py);
+    report.set_item("steps_done", done.steps_done)?;
+    report.set_item("steps", done.steps)?;
+    report.set_item("parameters", done.parameters)?;
+    report.set_item("is_finished", done.end == RunEnd::Finished)?;
+    report.set_item("model", out.join(files::MODEL))?;
+    report.set_item("log", out.join(files::LOG))?;
+    Ok(report)
 }
 
-impl Done {
-    fn report<'py>(&self, py: Python<'py>, out: &Path) -> PyResult<Bound<'py, PyDict>> {
-        let report = PyDict::new(py);
-        report.set_item("steps_done", self.steps_done)?;
-        report.set_item("steps", self.steps)?;
-        report.set_item("parameters", self.parameters)?;
-        report.set_item("is_finished", self.end == RunEnd::Finished)?;
-        report.set_item("model", out.join(files::MODEL))?;
-        report.set_item("log", out.join(files::LOG))?;
-        Ok(report)
-    }
+/// The end of a training.
+struct Done {
+    end: RunEnd,
+    steps_done: u64,
+    steps: u64,
+    parameters: usize,
 }
 
 /// A span of time of so many seconds.
@@ -144,24 +140,6 @@ fn settings_of(settings: Option<&Bound<'_, PyDict>>) -> PyResult<Vec<Setting>> {
     settings.iter().map(one).collect()
 }
 
-/// The callback that hears of steps.
-struct Listener<'a> {
-    on_step: Option<Py<PyAny>>,
-    stop: &'a Stop,
-}
-
-impl Listener<'_> {
-    fn hear(&self, report: &StepReport) -> std::ops::ControlFlow<()> {
-        if let Some(on_step) = &self.on_step {
-            call(on_step, self.stop, |py| {
-                let report = python::to_python(py, report)?;
-                Ok((report,).into_pyobject(py)?.unbind())
-            });
-        }
-        self.stop.flow()
-    }
-}
-
 /// The checkpoint of a folder, where the training goes on; otherwise the folder must have none.
 fn check_folder(asked: &Asked<'_>) -> PyResult<PathBuf> {
     let checkpoint = asked.out.join(files::CHECKPOINT);
@@ -179,7 +157,8 @@ fn check_folder(asked: &Asked<'_>) -> PyResult<PathBuf> {
 fn learn(
     asked: &Asked<'_>,
     data: &Dataset,
-    listener: &Listener<'_>,
+    stop: &Stop,
+    hear: &dyn Fn(&StepReport) -> ControlFlow<()>,
     teller: &mut Teller<'_>,
 ) -> PyResult<Done> {
     let origin = Path::new(asked.origin);
@@ -198,12 +177,12 @@ fn learn(
             parameters: 0,
         });
     };
-    trainer.stop_by(listener.stop.flag().into());
+    trainer.stop_by(stop.flag().into());
     teller.begin("training", Some(steps - trainer.steps_done().min(steps)));
     let end = selvedge_train::run(&mut trainer, asked.out, asked.limits, &mut |step| {
-        // Whoever wants to stop is heard by the listener too.
+        // Whoever wants to stop is heard below, too.
         let _ = teller.advance();
-        listener.hear(step)
+        hear(step)
     });
     Ok(Done {
         end: end.map_err(told)?,

@@ -16,7 +16,7 @@ use crate::arrays::{self, Numbers};
 use crate::errors::{told, wrong};
 use crate::exporting;
 use crate::json;
-use crate::long::{Stop, Teller, beside};
+use crate::long::told_beside;
 use crate::picture::Picture;
 
 /// A cloth and its positions over time: what simulations, rollouts and data sets are made of.
@@ -25,6 +25,8 @@ use crate::picture::Picture;
 #[pyclass(frozen, module = "selvedge")]
 pub(crate) struct Trajectory {
     pub(crate) inner: Arc<Recorded>,
+    /// Faces, (f, 3), uint32.
+    #[pyo3(get)]
     faces: Py<PyArray2<u32>>,
 }
 
@@ -70,16 +72,8 @@ impl Trajectory {
 
 #[pymethods]
 impl Trajectory {
-    /// Makes a trajectory of arrays in metres, y up: `positions` (frames, n, 3); `faces` (f, 3);
-    /// `material`, (n, 2), the flat, unstrained cloth; `handles`, the numbers of the held vertices.
-    /// It weighs `density` [kg/m²], or has `masses`, (n,), and `areas` of the faces, (f,). `rest`,
-    /// (n, 3), is the rest pose, the first frame without.
     #[new]
     #[pyo3(signature = (positions, faces, material, handles, frame_rate, *, density=None, masses=None, areas=None, rest=None))]
-    #[allow(
-        clippy::too_many_arguments,
-        reason = "each has a name and a default in Python"
-    )]
     fn new(
         py: Python<'_>,
         positions: Numbers<'_>,
@@ -166,12 +160,6 @@ impl Trajectory {
         arrays::shared(slf.as_any(), masses, masses.len())
     }
 
-    /// Faces, (f, 3), uint32.
-    #[getter]
-    fn faces(&self, py: Python<'_>) -> Py<PyArray2<u32>> {
-        self.faces.clone_ref(py)
-    }
-
     /// Edges, (e, 2), uint32.
     #[getter]
     fn edges<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
@@ -184,9 +172,7 @@ impl Trajectory {
     /// Numbers of the held vertices, (handles,), uint32.
     #[getter]
     fn handles<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
-        let vertices = self.inner.handles().vertices().iter();
-        let numbers: Vec<u32> = vertices.map(|vertex| vertex.0).collect();
-        numbers.into_pyarray(py)
+        arrays::handles_of(py, self.inner.handles())
     }
 
     /// Frames per second.
@@ -209,10 +195,6 @@ impl Trajectory {
     /// Writes the trajectory for other programs, in the format that the name ends in. `frames` is a
     /// span such as "20..80", of which `every` n-th frame is taken; `up` is "y" or "z".
     #[pyo3(signature = (path, frames=None, every=1, up="y", progress=None))]
-    #[allow(
-        clippy::too_many_arguments,
-        reason = "each has a name and a default in Python"
-    )]
     fn export(
         &self,
         py: Python<'_>,
@@ -271,17 +253,14 @@ impl Trajectory {
     ) -> PyResult<()> {
         let title = self.name();
         let show = self.show(&title, truth);
-        let stop = Stop::default();
-        let mut teller = Teller::new(progress, &stop);
         let count = pictures::clip_pictures(&self.inner);
-        teller.begin("drawing the clip", Some(count as u64));
-        let drawn = beside(py, &stop, || {
+        told_beside(py, progress, |_, teller| {
+            teller.begin("drawing the clip", Some(count as u64));
             let mut gif = Vec::new();
-            // A clip that was stopped is told by `beside`.
+            // A clip that was stopped is told by `told_beside`.
             let _ = pictures::clip(&mut gif, &show, &mut || teller.advance()).map_err(told)?;
             write_atomically(&path, |out| out.write_all(&gif)).map_err(told)
-        });
-        drawn?
+        })?
     }
 
     fn __len__(&self) -> usize {

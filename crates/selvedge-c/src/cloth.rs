@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{HandlePath, HandleTargets, PhysicsSettings, Scene, StepError, Stepper};
 use selvedge_data::{LoadedScene, SavedState, StartSpec};
-use selvedge_guard::{Guard, GuardSettings, Trust};
+use selvedge_guard::{Correction, Guard, Trust};
 use selvedge_lab::machine::{Machine, Mover};
 use selvedge_lab::models::NamedModel;
 use selvedge_lab::state_log::simulator_of_run;
@@ -97,7 +97,7 @@ impl OpenScene {
     pub(crate) fn model(
         &mut self,
         model: &NamedModel,
-        settings: GuardSettings,
+        settings: Correction,
         ear: &mut Ear,
     ) -> Result<MovingCloth, Fault> {
         let failed =

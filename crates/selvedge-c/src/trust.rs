@@ -1,6 +1,6 @@
 //! The guard's word on a frame, as C has it.
 
-use selvedge_guard::{ContactWord, Correction, GuardSettings, Moved, Replacement, Trust, Verdict};
+use selvedge_guard::{ContactWord, Correction, Moved, Replacement, Trust, Verdict};
 
 use crate::fault::Fault;
 
@@ -125,12 +125,12 @@ impl From<&Trust> for SelvedgeTrust {
 }
 
 /// The settings of the guard of this number.
-pub(crate) fn settings(guard: i32) -> Result<GuardSettings, Fault> {
+pub(crate) fn settings(guard: i32) -> Result<Correction, Fault> {
     const NONE: i32 = SelvedgeGuard::None as i32;
     const LIMIT: i32 = SelvedgeGuard::Limit as i32;
     match guard {
-        NONE => Ok(GuardSettings::with(Correction::None)),
-        LIMIT => Ok(GuardSettings::with(Correction::Limit)),
+        NONE => Ok(Correction::None),
+        LIMIT => Ok(Correction::Limit),
         found => {
             let text = format!("guard: expected a SelvedgeGuard, 0 or 1, found {found}");
             Err(Fault::argument(text))

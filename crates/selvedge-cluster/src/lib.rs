@@ -1,8 +1,8 @@
 //! Many machines as one: **ranks**, the processes of one job, numbered from 0.
 //!
-//! [`Ranks`] sends messages between them and builds all else from that: gathers, broadcasts, a sum
-//! whose order is fixed by its pieces and not by the ranks ([`Ranks::sum_in_order`]). A message goes
-//! over a [`Transport`]: threads of this process ([`threads`]), or MPI with the feature `mpi`. A rank
+//! [`Ranks`] sends messages between them and builds all else from that: gathers, and a sum whose
+//! order is fixed by its pieces and not by the ranks ([`Ranks::sum_in_order`]). A message goes
+//! over a transport: threads of this process ([`threads`]), or MPI with the feature `mpi`. A rank
 //! alone needs none ([`Ranks::alone`]).
 //!
 //! A rank that fails tells the others, and a rank that has ended without a word is found out by
@@ -36,7 +36,6 @@
 //! # }
 //! ```
 
-mod error;
 mod local;
 #[cfg(feature = "mpi")]
 mod mpi;
@@ -45,11 +44,10 @@ mod shard;
 mod together;
 mod transport;
 
-pub use error::ClusterError;
 pub use local::threads;
 #[cfg(feature = "mpi")]
 pub use mpi::{is_launched, open_mpi};
-pub use ranks::{Ranks, Tag, Traffic};
+pub use ranks::{Ranks, Traffic};
 pub use shard::{Shard, ShardError};
 pub use together::{Adding, share_of};
-pub use transport::{Letter, Transport};
+pub use transport::ClusterError;

@@ -5,9 +5,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use crate::error::ClusterError;
 use crate::ranks::Ranks;
-use crate::transport::{Letter, Transport};
+use crate::transport::{ClusterError, Letter, Transport};
 
 /// Ranks for so many threads of this process. A rank that is dropped has ended.
 pub fn threads(count: usize) -> Vec<Ranks> {
@@ -23,6 +22,17 @@ pub(crate) struct Threads {
 }
 
 impl Threads {
+    /// The transport of a rank without others.
+    pub(crate) fn alone() -> Self {
+        let (sender, receiver) = channel();
+        Self {
+            rank: 0,
+            senders: vec![sender],
+            arrivals: Mutex::new((receiver, VecDeque::new())),
+            alive: Arc::new([AtomicBool::new(true)]),
+        }
+    }
+
     /// The transports of so many ranks.
     pub(crate) fn joined(count: usize) -> Vec<Self> {
         let (senders, receivers): (Vec<_>, Vec<_>) = (0..count).map(|_| channel()).unzip();
@@ -37,6 +47,14 @@ impl Threads {
                 alive: Arc::clone(&alive),
             });
         all.collect()
+    }
+
+    /// Reads the messages that have arrived and are not read yet.
+    fn with_waiting<R>(&self, read: impl FnOnce(&mut VecDeque<Letter>) -> R) -> R {
+        let mut arrivals = self.arrivals.lock().unwrap_or_else(PoisonError::into_inner);
+        let (receiver, waiting) = &mut *arrivals;
+        waiting.extend(receiver.try_iter());
+        read(waiting)
     }
 }
 
@@ -57,14 +75,7 @@ impl Transport for Threads {
     }
 
     fn poll(&self) -> Result<Option<Letter>, ClusterError> {
-        let mut arrivals = self.arrivals.lock().unwrap_or_else(PoisonError::into_inner);
-        let (receiver, waiting) = &mut *arrivals;
-        waiting.extend(receiver.try_iter());
-        Ok(waiting.pop_front())
-    }
-
-    fn is_sending(&self) -> bool {
-        false
+        Ok(self.with_waiting(VecDeque::pop_front))
     }
 
     fn is_alive(&self, rank: usize) -> bool {
@@ -72,10 +83,7 @@ impl Transport for Threads {
             return true;
         }
         // What it sent before it ended may still be on its way.
-        let mut arrivals = self.arrivals.lock().unwrap_or_else(PoisonError::into_inner);
-        let (receiver, waiting) = &mut *arrivals;
-        waiting.extend(receiver.try_iter());
-        waiting.iter().any(|letter| letter.from == rank)
+        self.with_waiting(|waiting| waiting.iter().any(|letter| letter.from == rank))
     }
 
     fn local_rank(&self) -> usize {
@@ -85,8 +93,6 @@ impl Transport for Threads {
     fn place(&self, rank: usize) -> String {
         format!("thread {rank} of this process")
     }
-
-    fn close(&self) {}
 }
 
 impl Drop for Threads {

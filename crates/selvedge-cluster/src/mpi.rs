@@ -16,9 +16,8 @@ use std::time::{Duration, Instant};
 
 use mpi_sys as c;
 
-use crate::error::ClusterError;
 use crate::ranks::Ranks;
-use crate::transport::{Letter, Transport};
+use crate::transport::{ClusterError, Letter, Transport};
 
 /// Variables by which launchers say that a process is a rank: Open MPI, MPICH and Intel MPI, PMIx
 /// (Slurm), MVAPICH.

@@ -8,17 +8,16 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use crate::error::ClusterError;
-use crate::transport::{Letter, Transport};
+use crate::local::Threads;
+use crate::transport::{ClusterError, Letter, Transport};
 
 /// A kind of message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Tag(pub(crate) u32);
+pub(crate) struct Tag(u32);
 
 impl Tag {
     const FAILED: Self = Self(1);
     pub(crate) const GATHER: Self = Self(2);
-    pub(crate) const BROADCAST: Self = Self(3);
     pub(crate) const SUM: Self = Self(4);
     pub(crate) const TOTAL: Self = Self(5);
     const END: Self = Self(6);
@@ -40,7 +39,7 @@ pub struct Traffic {
     pub bytes: u64,
     /// Messages sent to other ranks.
     pub messages: u64,
-    /// Time spent in sums, gathers and broadcasts, waiting included.
+    /// Time spent in sums and gathers, waiting included.
     pub time: Duration,
 }
 
@@ -51,8 +50,7 @@ pub struct Ranks {
 }
 
 struct Inner {
-    /// None for a rank alone.
-    transport: Option<Box<dyn Transport>>,
+    transport: Box<dyn Transport>,
     inbox: Mutex<Inbox>,
     has_failed: AtomicBool,
     bytes: AtomicU64,
@@ -69,15 +67,11 @@ struct Inbox {
 impl Ranks {
     /// One rank without others.
     pub fn alone() -> Self {
-        Self::with(None)
+        Self::new(Box::new(Threads::alone()))
     }
 
     /// The ranks that `transport` joins.
-    pub fn new(transport: Box<dyn Transport>) -> Self {
-        Self::with(Some(transport))
-    }
-
-    fn with(transport: Option<Box<dyn Transport>>) -> Self {
+    pub(crate) fn new(transport: Box<dyn Transport>) -> Self {
         Self {
             inner: Arc::new(Inner {
                 transport,
@@ -92,17 +86,23 @@ impl Ranks {
 
     /// This rank, from 0.
     pub fn rank(&self) -> usize {
-        self.inner.transport.as_ref().map_or(0, |t| t.rank())
+        self.inner.transport.rank()
     }
 
     /// The number of this rank, from 0, among those of its machine.
     pub fn local_rank(&self) -> usize {
-        self.inner.transport.as_ref().map_or(0, |t| t.local_rank())
+        self.inner.transport.local_rank()
     }
 
     /// The number of ranks.
     pub fn count(&self) -> usize {
-        self.inner.transport.as_ref().map_or(1, |t| t.count())
+        self.inner.transport.count()
+    }
+
+    /// The other ranks.
+    pub(crate) fn others(&self) -> impl Iterator<Item = usize> + use<> {
+        let own = self.rank();
+        (0..self.count()).filter(move |rank| *rank != own)
     }
 
     /// Returns true for rank 0, which writes files and talks to people.
@@ -136,13 +136,10 @@ impl Ranks {
 
     /// Sends a message to another rank and returns at once.
     pub(crate) fn send(&self, to: usize, tag: Tag, bytes: Vec<u8>) -> Result<(), ClusterError> {
-        let Some(transport) = &self.inner.transport else {
-            return Ok(());
-        };
         let length = bytes.len() as u64;
         self.inner.bytes.fetch_add(length, Ordering::Relaxed);
         self.inner.messages.fetch_add(1, Ordering::Relaxed);
-        transport.send(to, tag.0, bytes)
+        self.inner.transport.send(to, tag.0, bytes)
     }
 
     /// Waits for the next message of this tag from `from`.
@@ -150,15 +147,10 @@ impl Ranks {
     /// # Errors
     /// A rank that failed, one that has ended, or one that is silent for half an hour.
     pub(crate) fn receive(&self, from: usize, tag: Tag) -> Result<Vec<u8>, ClusterError> {
-        self.wait(from, tag, Some(PATIENCE))
+        self.wait(from, tag, PATIENCE)
     }
 
-    fn wait(
-        &self,
-        from: usize,
-        tag: Tag,
-        patience: Option<Duration>,
-    ) -> Result<Vec<u8>, ClusterError> {
+    fn wait(&self, from: usize, tag: Tag, patience: Duration) -> Result<Vec<u8>, ClusterError> {
         let (started, mut looked, mut pause) = (Instant::now(), Instant::now(), PAUSES[0]);
         let is_it = |letter: &Letter| letter.from == from && letter.tag == tag.0;
         loop {
@@ -174,14 +166,13 @@ impl Ranks {
                 }
             }
             let waited = started.elapsed();
-            if let Some(patience) = patience.filter(|patience| waited > *patience) {
-                return Err(ClusterError::Silent {
-                    rank: from,
-                    seconds: patience.as_secs(),
-                });
+            if waited > patience {
+                let seconds = patience.as_secs();
+                let rank = from;
+                return Err(ClusterError::Silent { rank, seconds });
             }
             // What this rank has sent moves on only while it looks.
-            if waited < EAGER || self.is_sending() {
+            if waited < EAGER || self.inner.transport.is_sending() {
                 thread::yield_now();
             } else {
                 thread::sleep(pause);
@@ -190,18 +181,13 @@ impl Ranks {
         }
     }
 
-    fn is_sending(&self) -> bool {
-        let transport = self.inner.transport.as_ref();
-        transport.is_some_and(|transport| transport.is_sending())
-    }
-
     /// Waits until what was sent has reached `to`: large messages stand still while this rank works
     /// on something else.
     pub(crate) fn flush(&self, to: usize) -> Result<(), ClusterError> {
         let is_none = |_: &Letter| false;
         let started = Instant::now();
         let mut looked = started;
-        while self.is_sending() {
+        while self.inner.transport.is_sending() {
             self.take(&is_none)?;
             if looked.elapsed() > LOOK {
                 looked = Instant::now();
@@ -231,10 +217,7 @@ impl Ranks {
     }
 
     fn fetch(&self, inbox: &mut Inbox) -> Result<(), ClusterError> {
-        let Some(transport) = &self.inner.transport else {
-            return Ok(());
-        };
-        while let Some(letter) = transport.poll()? {
+        while let Some(letter) = self.inner.transport.poll()? {
             match Tag(letter.tag) {
                 Tag::FAILED => {
                     let message = String::from_utf8_lossy(&letter.bytes).into_owned();
@@ -250,7 +233,7 @@ impl Ranks {
     }
 
     fn missing(&self, mut ranks: Range<usize>) -> Option<ClusterError> {
-        let transport = self.inner.transport.as_ref()?;
+        let transport = &self.inner.transport;
         let rank = ranks.find(|rank| !transport.is_alive(*rank))?;
         let place = transport.place(rank);
         Some(ClusterError::Gone { rank, place })
@@ -262,7 +245,7 @@ impl Ranks {
     }
 
     fn tell_others(&self, tag: Tag, bytes: &[u8]) {
-        for to in (0..self.count()).filter(|to| *to != self.rank()) {
+        for to in self.others() {
             // Who cannot be told is no longer there.
             let _ = self.send(to, tag, bytes.to_vec());
         }
@@ -282,7 +265,7 @@ impl Ranks {
         if self.is_first() {
             self.tell_others(Tag::END, &[]);
         } else {
-            self.wait(0, Tag::END, None)?;
+            self.wait(0, Tag::END, Duration::MAX)?;
         }
         self.close();
         Ok(())
@@ -295,9 +278,7 @@ impl Ranks {
 
     /// Takes leave of the others without waiting for them longer than a few seconds.
     pub fn close(&self) {
-        if let Some(transport) = &self.inner.transport {
-            transport.close();
-        }
+        self.inner.transport.close();
     }
 
     fn inbox(&self) -> MutexGuard<'_, Inbox> {

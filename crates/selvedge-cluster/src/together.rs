@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
-use crate::error::ClusterError;
 use crate::ranks::{Ranks, Tag};
+use crate::transport::ClusterError;
 
 /// Numbers of a sum that travel in one message: 128 KiB, so that the first ranks add the next ones
 /// while these go on.
@@ -18,60 +18,32 @@ pub fn share_of(count: usize, rank: usize, ranks: usize) -> Range<usize> {
 }
 
 impl Ranks {
-    /// The `bytes` of every rank, in their order, on rank 0; nothing on the others. Goes up a tree:
-    /// as many messages in a row as the number of ranks has binary digits.
+    /// The `bytes` of every rank, in their order, on rank 0; nothing on the others.
     pub fn gather(&self, bytes: Vec<u8>) -> Result<Vec<Vec<u8>>, ClusterError> {
-        self.timed(|| self.gather_up(bytes))
+        self.timed(|| match self.is_first() {
+            true => self.hear_all(bytes),
+            false => self.send(0, Tag::GATHER, bytes).map(|()| Vec::new()),
+        })
     }
 
-    fn gather_up(&self, bytes: Vec<u8>) -> Result<Vec<Vec<u8>>, ClusterError> {
-        let (rank, count) = (self.rank(), self.count());
-        let mut all = vec![bytes];
-        let mut step = 1;
-        while step < count {
-            if rank & step != 0 {
-                self.send(rank - step, Tag::GATHER, pack(&all))?;
-                return Ok(Vec::new());
+    /// The `bytes` of every rank, in their order, on every rank. Each tells them to all others: for
+    /// few bytes.
+    pub fn gather_for_all(&self, bytes: Vec<u8>) -> Result<Vec<Vec<u8>>, ClusterError> {
+        self.timed(|| {
+            for to in self.others() {
+                self.send(to, Tag::GATHER, bytes.clone())?;
             }
-            if rank + step < count {
-                let from = rank + step;
-                let packed = self.receive(from, Tag::GATHER)?;
-                all.extend(unpack(&packed, from)?);
-            }
-            step *= 2;
+            self.hear_all(bytes)
+        })
+    }
+
+    /// What all others send, and in its place what is this rank's own.
+    fn hear_all(&self, own: Vec<u8>) -> Result<Vec<Vec<u8>>, ClusterError> {
+        let mut all = vec![own; self.count()];
+        for from in self.others() {
+            all[from] = self.receive(from, Tag::GATHER)?;
         }
         Ok(all)
-    }
-
-    /// The `bytes` of rank 0, on every rank; down the same tree.
-    fn broadcast(&self, bytes: Vec<u8>) -> Result<Vec<u8>, ClusterError> {
-        self.timed(|| self.broadcast_down(bytes))
-    }
-
-    fn broadcast_down(&self, mut bytes: Vec<u8>) -> Result<Vec<u8>, ClusterError> {
-        let (rank, count) = (self.rank(), self.count());
-        // The lowest binary digit of a rank says who is above it.
-        let mut step = count.next_power_of_two();
-        if rank > 0 {
-            step = 1 << rank.trailing_zeros();
-            bytes = self.receive(rank - step, Tag::BROADCAST)?;
-        }
-        while step > 1 {
-            step /= 2;
-            if rank + step < count {
-                self.send(rank + step, Tag::BROADCAST, bytes.clone())?;
-            }
-        }
-        Ok(bytes)
-    }
-
-    /// The `bytes` of every rank, in their order, on every rank.
-    pub fn gather_for_all(&self, bytes: Vec<u8>) -> Result<Vec<Vec<u8>>, ClusterError> {
-        if !self.are_several() {
-            return Ok(vec![bytes]);
-        }
-        let all = self.gather(bytes)?;
-        unpack(&self.broadcast(pack(&all))?, 0)
     }
 
     /// Sums numbers over the ranks in the order of the ranks: rank 0 begins with zeros, each rank
@@ -160,38 +132,6 @@ fn to_bytes(numbers: &[f32]) -> Vec<u8> {
         *word = number.to_le_bytes();
     }
     bytes
-}
-
-/// Parts one after another, each after its length.
-fn pack(parts: &[Vec<u8>]) -> Vec<u8> {
-    let mut packed = Vec::with_capacity(parts.iter().map(|part| part.len() + 8).sum());
-    for part in parts {
-        packed.extend((part.len() as u64).to_le_bytes());
-        packed.extend(part);
-    }
-    packed
-}
-
-fn unpack(mut packed: &[u8], rank: usize) -> Result<Vec<Vec<u8>>, ClusterError> {
-    let mut parts = Vec::new();
-    while !packed.is_empty() {
-        let found = packed.len();
-        let cut = packed.split_first_chunk::<8>().and_then(|(length, rest)| {
-            let length = usize::try_from(u64::from_le_bytes(*length)).ok()?;
-            rest.split_at_checked(length)
-        });
-        let Some((part, rest)) = cut else {
-            let expected = found + 1;
-            return Err(ClusterError::Size {
-                rank,
-                expected,
-                found,
-            });
-        };
-        parts.push(part.to_vec());
-        packed = rest;
-    }
-    Ok(parts)
 }
 
 #[cfg(test)]

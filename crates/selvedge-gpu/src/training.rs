@@ -12,8 +12,8 @@ use glam::Vec3;
 use rayon::prelude::*;
 use selvedge_model::{ClothGraph, Connectivity, InputGradient, OUTPUTS, Place, Window};
 use selvedge_train::{
-    Arithmetic, Batch, Engine, EngineError, EngineMaker, FramePasses, Learned, LossEvaluator,
-    LossTerms, Setup, ShownSample, SlotRun, Update, run_slots,
+    Engine, EngineError, EngineMaker, FramePasses, Learned, LossEvaluator, LossTerms, Setup,
+    ShownSample, SlotRun, Update, run_slots,
 };
 
 use crate::gpu::{Gpu, GpuError};
@@ -27,10 +27,6 @@ pub struct OnGpu {
 }
 
 impl EngineMaker for OnGpu {
-    fn arithmetic(&self) -> Arithmetic {
-        Arithmetic::OnDevice
-    }
-
     fn make(&self, setup: Setup<'_>) -> Result<Box<dyn Engine>, EngineError> {
         let engine = GpuEngine::new(Arc::clone(&self.gpu), setup).map_err(failed)?;
         Ok(Box::new(engine))
@@ -118,7 +114,7 @@ impl GpuEngine {
         if same {
             return Ok(());
         }
-        let union = Connectivity::union(slots.iter().map(|slot| &**slot.connectivity()));
+        let union = Connectivity::union(slots.iter().map(|slot| slot.graph().connectivity()));
         let training = Some(self.training);
         let before = Some(&self.passes);
         self.passes = Passes::new(&self.gpu, setup.network, &union, training, before)?;
@@ -130,11 +126,14 @@ impl GpuEngine {
 }
 
 impl Engine for GpuEngine {
-    fn learn(&mut self, batch: Batch<'_>) -> Result<Vec<LossTerms>, EngineError> {
+    fn learn(
+        &mut self,
+        setup: Setup<'_>,
+        slots: &mut [SlotRun<'_>],
+    ) -> Result<Vec<LossTerms>, EngineError> {
         self.clipped = 1.0;
-        let setup = batch.setup();
         let engine = &mut *self;
-        run_slots(&mut Work { engine, setup }, &mut batch.runs()).map_err(failed)
+        run_slots(&mut Work { engine, setup }, slots).map_err(failed)
     }
 
     fn update(&mut self, learned: &mut Learned, update: Update) -> Result<f64, EngineError> {

@@ -7,13 +7,13 @@
 //! bit for bit. A frame that was **corrected** had edges beyond their bounds and was brought back.
 //! A **lost** frame is replaced by a step of the physics, or without a scene by the last frame,
 //! carried by the handles ([`Replacement`]). [`Trust`] holds the verdict and the measures behind
-//! it, [`GuardSummary`] sums them up. [`GuardSettings`] sets the bounds and the kind of [`Correction`].
+//! it, [`GuardSummary`] sums them up. [`Correction`] says what a guard does.
 //!
 //! ```
 //! use glam::{DVec3, Vec3};
 //! use selvedge_cloth::generate::square;
 //! use selvedge_cloth::{Cloth, Correctable, HandleTargets, Handles, StepError, Stepper, Topology};
-//! use selvedge_guard::{Guard, GuardSettings, Replacement, Verdict};
+//! use selvedge_guard::{Guard, Correction, Replacement, Verdict};
 //!
 //! /// A bad model: whatever the targets are, the cloth grows by a tenth in every frame.
 //! struct Growing {
@@ -65,7 +65,7 @@
 //!
 //! // Edges may stretch to 1.28 of their length in the material. The sheet stretches to 1.1, then
 //! // to 1.21; from the third frame on the guard steps in.
-//! let mut guard = Guard::new(growing, &cloth, 60.0, None, GuardSettings::default())?;
+//! let mut guard = Guard::new(growing, &cloth, 60.0, None, Correction::default())?;
 //! for frame in 1..=10 {
 //!     guard.step(&HandleTargets::at_frame_end(held.clone())?)?;
 //!     assert_eq!(guard.trust().verdict == Verdict::Held, frame <= 2);
@@ -83,10 +83,8 @@ mod gauge;
 mod guard;
 mod limiter;
 mod rescue;
-mod settings;
 mod trust;
 
 pub use gauge::Measured;
-pub use guard::{Guard, GuardError, PhysicsFailure};
-pub use settings::{Correction, GuardSettings};
+pub use guard::{Correction, Guard, GuardError, PhysicsFailure};
 pub use trust::{ContactWord, GuardSummary, Moved, Replacement, Trust, Verdict};

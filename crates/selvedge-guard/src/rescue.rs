@@ -44,14 +44,21 @@ impl Physics {
         current: &[Vec3],
         targets: &HandleTargets,
     ) -> Result<&[Vec3], StepError> {
-        self.put(current);
         let pairs = current.iter().zip(previous);
         let rate = self.frame_rate;
-        self.start.velocities.clear();
-        self.start
+        let start = &mut self.start;
+        start.frame = frame;
+        start.positions.clear();
+        start.positions.extend(current.iter().map(|p| p.as_dvec3()));
+        start.velocities.clear();
+        start
             .velocities
             .extend(pairs.map(|(p, q)| (p.as_dvec3() - q.as_dvec3()) * rate));
-        self.resume(frame)?;
+        let resumed = self.simulator.restore(start);
+        resumed.map_err(|error| StepError::Solve {
+            frame: frame + 1,
+            cause: error.to_string(),
+        })?;
         self.simulator.step(targets)?;
         Ok(self.simulator.positions())
     }
@@ -70,21 +77,5 @@ impl Physics {
         to: &mut [Vec3],
     ) -> Result<Led, StepError> {
         self.simulator.lead(frame, from, to)
-    }
-
-    fn put(&mut self, positions: &[Vec3]) {
-        self.start.positions.clear();
-        self.start
-            .positions
-            .extend(positions.iter().map(|p| p.as_dvec3()));
-    }
-
-    fn resume(&mut self, frame: usize) -> Result<(), StepError> {
-        self.start.frame = frame;
-        let resumed = self.simulator.restore(&self.start);
-        resumed.map_err(|error| StepError::Solve {
-            frame: frame + 1,
-            cause: error.to_string(),
-        })
     }
 }

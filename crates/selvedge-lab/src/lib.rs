@@ -17,7 +17,7 @@
 //! use std::{ops::ControlFlow, sync::Arc};
 //!
 //! use selvedge_data::{DatasetPreset, Split};
-//! use selvedge_guard::GuardSettings;
+//! use selvedge_guard::Correction;
 //! use selvedge_lab::machine::Machine;
 //! use selvedge_lab::models::{self, NamedModel};
 //! use selvedge_lab::{Event, physics, start};
@@ -30,7 +30,7 @@
 //!     ControlFlow::Continue(())
 //! })?;
 //! assert!(solves > 0);
-//! let (scene, settings) = (Arc::new(scene), GuardSettings::default());
+//! let (scene, settings) = (Arc::new(scene), Correction::default());
 //! let model = NamedModel::open(None)?;
 //! let mut stepper = start::guarded(&scene, &rest.positions, &model, &Machine::Cpu, settings)?;
 //! let path = scene.handle_path()?;

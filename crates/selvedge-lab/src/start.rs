@@ -9,7 +9,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use selvedge_cloth::{Cloth, ClothError, ElasticLaw, Scene};
 use selvedge_data::{LoadedScene, SavedState, StartSpec};
-use selvedge_guard::{Guard, GuardError, GuardSettings};
+use selvedge_guard::{Correction, Guard, GuardError};
 use selvedge_model::{ClothGraph, GraphError};
 use selvedge_sim::{SagError, SaggedRest};
 use thiserror::Error;
@@ -154,7 +154,7 @@ pub fn guarded(
     rest: &[DVec3],
     model: &NamedModel,
     machine: &Machine,
-    settings: GuardSettings,
+    settings: Correction,
 ) -> Result<Guard<Mover>, ModelOnSceneError> {
     let cloth = Cloth::of_scene(scene, physics::rounded(rest))?;
     let graph = ClothGraph::new(&cloth, scene.environment, scene.frame_rate);

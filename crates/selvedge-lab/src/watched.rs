@@ -148,7 +148,7 @@ mod tests {
     use glam::DVec3;
     use selvedge_cloth::conformance::{HandlesEnd, check};
     use selvedge_cloth::{ContactSettings, Obstacle, Scene, bodies};
-    use selvedge_guard::{Correction, GuardSettings};
+    use selvedge_guard::Correction;
     use selvedge_sim::Simulator;
 
     use super::*;
@@ -163,7 +163,7 @@ mod tests {
     }
 
     fn watched_in(scene: Scene, correction: Correction) -> WatchedModel {
-        let (scene, settings) = (Arc::new(scene), GuardSettings::with(correction));
+        let (scene, settings) = (Arc::new(scene), correction);
         let model = NamedModel::open(Some("paper".as_ref())).unwrap();
         let rest = scene.mesh.positions();
         let guard = start::guarded(&scene, rest, &model, &Machine::Cpu, settings);

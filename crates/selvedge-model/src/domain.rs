@@ -5,14 +5,12 @@
 //! first frame what the model cannot know, exactly and for the price of one look at the hands.
 
 use glam::DVec3;
-use selvedge_cloth::{Cloth, Environment, Handles, Material, MotionError, Scene};
+use selvedge_cloth::{Cloth, Environment, Material, MotionError, Scene};
 use serde::{Deserialize, Serialize};
 
 mod departure;
-mod watch;
 
 pub use departure::{Aspect, Departure};
-pub use watch::DomainWatch;
 
 /// The domain's key in a model's account of its training.
 const ACCOUNT_KEY: &str = "domain";
@@ -158,7 +156,12 @@ impl Domain {
     ) -> Result<Self, MotionError> {
         let path = scene.handle_path()?;
         let handles = scene.handles.len();
-        let mut watch = DomainWatch::of_scene(scene);
+        let (mesh, pattern) = (&scene.mesh, scene.mesh.pattern());
+        let (vertices, edges) = (mesh.topology().vertex_count(), pattern.edge_lengths());
+        let (materials, contact) = (scene.materials().0, scene.contact.is_some());
+        let watch = DomainWatch::new(scene.environment.gravity, scene.frame_rate);
+        let pattern = (&edges[..], pattern.is_sewn());
+        let mut watch = watch.of_cloth(vertices, pattern, materials, contact);
         let mut start = path.at(0.0);
         let mut held: Vec<bool> = vec![true; handles];
         for frame in 0..frames {
@@ -186,16 +189,11 @@ impl Domain {
         frame_rate: f64,
         frames: impl Iterator<Item = &'a [glam::Vec3]>,
     ) -> Self {
-        let edges = cloth.pattern().edge_lengths();
-        let mut watch = DomainWatch::new(environment.gravity, frame_rate).with_mesh(
-            cloth.vertex_count(),
-            &edges,
-            cloth.pattern().is_sewn(),
-        );
-        for material in materials {
-            watch = watch.with_fabric(material);
-        }
-        let handles: &Handles = cloth.handles();
+        let watch = DomainWatch::new(environment.gravity, frame_rate);
+        let pattern = cloth.pattern();
+        let (vertices, edges) = (cloth.vertex_count(), pattern.edge_lengths());
+        let mut watch = watch.of_cloth(vertices, (&edges, pattern.is_sewn()), materials, false);
+        let handles = cloth.handles();
         let held = vec![true; handles.len()];
         for (frame, positions) in frames.enumerate() {
             let places: Vec<DVec3> = handles.of(positions).map(|p| p.as_dvec3()).collect();
@@ -236,7 +234,7 @@ impl Domain {
     }
 
     /// Widens the bounds by those of `other`.
-    pub fn include(&mut self, other: &Self) {
+    fn include(&mut self, other: &Self) {
         self.frame_rate = self.frame_rate.and(other.frame_rate);
         self.vertices = self.vertices.and(other.vertices);
         self.edge_length = self.edge_length.and(other.edge_length);
@@ -254,6 +252,135 @@ impl Domain {
             (_, None) => {}
         }
     }
+}
+
+/// A motion that is watched: its hands and its wind, in a cloth that does not change.
+#[derive(Clone, Debug)]
+pub struct DomainWatch {
+    seen: Domain,
+    /// The present frame alone.
+    now: Domain,
+    /// Against gravity; zero without any.
+    up: DVec3,
+    /// Handles in the frame before, and which of them held.
+    before: Vec<(DVec3, bool)>,
+    /// Handles when the present set of them took hold.
+    together: Vec<(DVec3, bool)>,
+}
+
+impl DomainWatch {
+    /// Nothing seen yet, under `gravity` `[m/s²]`, at so many frames per second.
+    pub fn new(gravity: DVec3, frame_rate: f64) -> Self {
+        let none = Bounds {
+            least: f64::INFINITY,
+            most: f64::NEG_INFINITY,
+        };
+        let nothing = Domain {
+            frame_rate: Bounds::of(frame_rate),
+            vertices: Bounds::of(0.0),
+            edge_length: Bounds::of(0.0),
+            sewn: false,
+            handles: none,
+            height_difference: 0.0,
+            moved_apart: 0.0,
+            handle_speed: 0.0,
+            wind: 0.0,
+            gravity: Bounds::of(gravity.length()),
+            fabrics: None,
+            contact: false,
+        };
+        Self {
+            now: nothing.clone(),
+            seen: nothing,
+            up: -gravity.normalize_or_zero(),
+            before: Vec::new(),
+            together: Vec::new(),
+        }
+    }
+
+    /// The same of a cloth with so many vertices, the lengths of the edges in its pattern `[m]`,
+    /// whether that is sewn, its fabrics, and contact with itself or bodies if there is any.
+    fn of_cloth<'a>(
+        mut self,
+        vertices: usize,
+        (edge_lengths, sewn): (&[f64], bool),
+        materials: impl IntoIterator<Item = &'a Material>,
+        contact: bool,
+    ) -> Self {
+        let mean = edge_lengths.iter().sum::<f64>() / edge_lengths.len().max(1) as f64;
+        let fabrics = materials.into_iter().map(FabricBounds::of);
+        let fabrics = fabrics.reduce(|mut known, fabric| {
+            known.include(&fabric);
+            known
+        });
+        for domain in [&mut self.seen, &mut self.now] {
+            domain.vertices = Bounds::of(vertices as f64);
+            domain.edge_length = Bounds::of(mean);
+            domain.sewn = sewn;
+            domain.fabrics.clone_from(&fabrics);
+            domain.contact = contact;
+        }
+        self
+    }
+
+    /// Sees a frame: where the handles are `[m]`, which of them hold, and the wind `[m/s]`.
+    ///
+    /// A handle that takes hold may jump; its speed counts from the next frame on.
+    pub fn see(&mut self, places: &[DVec3], held: &[bool], wind: DVec3) {
+        let frame: Vec<(DVec3, bool)> = places.iter().copied().zip(held.iter().copied()).collect();
+        let rate = self.now.frame_rate.most;
+        let same_hold = |old: &[(DVec3, bool)]| {
+            old.len() == frame.len() && old.iter().zip(&frame).all(|(a, b)| a.1 == b.1)
+        };
+        if !same_hold(&self.together) {
+            self.together.clone_from(&frame);
+        }
+        let holding = frame.iter().filter(|(_, held)| *held);
+        let heights = holding.clone().map(|(place, _)| place.dot(self.up));
+        let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), y| {
+            (low.min(y), high.max(y))
+        });
+        let speeds = self.before.iter().zip(&frame).filter(|(a, b)| a.1 && b.1);
+        let speed = speeds
+            .map(|(before, now)| now.0.distance(before.0) * rate)
+            .fold(0.0, f64::max);
+        self.now.handles = Bounds::of(holding.count() as f64);
+        self.now.height_difference = (high - low).max(0.0);
+        self.now.moved_apart = moved_apart(&self.together, &frame);
+        self.now.handle_speed = speed;
+        self.now.wind = wind.length();
+        self.before = frame;
+        self.seen.include(&self.now);
+    }
+
+    /// The present frame alone.
+    pub fn now(&self) -> &Domain {
+        &self.now
+    }
+
+    /// All frames so far.
+    pub fn seen(self) -> Domain {
+        self.seen
+    }
+}
+
+/// Largest change of a distance `[m]` to the first, the middle and the last of the handles that
+/// hold: all there are of up to three, and enough to know that many did not move as one body.
+fn moved_apart(then: &[(DVec3, bool)], now: &[(DVec3, bool)]) -> f64 {
+    let both = || {
+        let pairs = then.iter().zip(now).filter(|(_, now)| now.1);
+        pairs.map(|(then, now)| [then.0, now.0])
+    };
+    let Some(last) = both().count().checked_sub(1) else {
+        return 0.0;
+    };
+    let from = [0, last / 2, last].into_iter();
+    let changes = from
+        .filter_map(|from| both().nth(from))
+        .flat_map(|[then, now]| {
+            both().map(move |other| (other[1].distance(now) - other[0].distance(then)).abs())
+        });
+    changes.fold(0.0, f64::max)
 }
 
 #[cfg(test)]

@@ -1,24 +1,25 @@
 //! The configuration of a training: a TOML file, checked once, saved beside the result.
 
-pub(crate) mod error;
-mod sampling;
 mod setting;
 
 use std::path::Path;
 
-use selvedge_model::ModelSpec;
+use selvedge_model::{ModelSpec, SpecError};
 use serde::{Deserialize, Serialize};
+use thiserror::Error;
 
-pub use self::error::{ConfigError, InvalidConfig, SettingError};
-use self::error::{count, positive, require};
-pub use self::sampling::{BatchConfig, Labels, NoiseConfig, NoiseUnit, ScheduledSampling};
 pub use self::setting::Setting;
 use crate::losses::LossWeights;
 use crate::optimizer::AdamSettings;
-use crate::schedule::{LearningRate, MOST_STEPS, UnrollFrames};
+use crate::schedule::{LearningRate, MOST_STEPS, TruthProbability, UnrollFrames};
+
+/// Most samples per optimiser step. That they fit into memory is checked with the data.
+const MOST_SAMPLES: u64 = 65_536;
+/// Most predictions in a row.
+const MOST_IN_A_ROW: u64 = 1_000_000;
 
 /// Most samples that statistics are taken from.
-const MOST_STATISTICS_SAMPLES: usize = 1_000_000;
+const MOST_STATISTICS_SAMPLES: u64 = 1_000_000;
 /// Most steps between two lines of the log, which are kept until then.
 const MOST_LOG_EVERY: u64 = 100_000;
 
@@ -77,6 +78,93 @@ pub struct TrainConfig {
     pub log_every: u64,
 }
 
+/// Samples of a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BatchConfig {
+    /// Samples per optimiser step.
+    pub samples: usize,
+}
+
+/// Noise on ground truth (GNS, Sanchez-Gonzalez et al. 2020): n is added to the newest positions
+/// of free vertices, (1 - γ) n to the target; none on the model's own predictions.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct NoiseConfig {
+    /// Standard deviation per coordinate.
+    pub deviation: f64,
+    /// Unit of the deviation.
+    pub unit: NoiseUnit,
+    /// γ: the part of a displacement that the target takes back in one frame.
+    pub correction: f64,
+}
+
+/// Unit of a deviation of noise.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum NoiseUnit {
+    /// Metres.
+    #[default]
+    Metre,
+}
+
+/// Scheduled sampling: with probability 1 - p the model's own prediction becomes the current
+/// position of the next sample.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ScheduledSampling {
+    /// p by step.
+    pub truth: TruthProbability,
+    /// Predictions in a row, at most, before an unrolling begins; one that has begun goes to its
+    /// end.
+    pub longest: u32,
+    /// A run ends when a vertex is farther than this from its target `[m]`: from the recorded
+    /// motion, or from what the expert labels a rollout with.
+    pub farthest: f64,
+    /// Where the targets of the model's own states come from.
+    #[serde(default)]
+    pub labels: Labels,
+    /// The part of the distance to the truth that the target takes back in one frame: 1 aims at
+    /// the truth itself, as in the paper; less aims at the motion of the truth, shifted.
+    pub correction: f64,
+}
+
+/// Targets of states that are off the recorded motion: those that the model has led to, and those
+/// with noise on them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Labels {
+    /// The recorded motion, less a part of the distance to it (`correction`), as in the paper.
+    #[default]
+    Recorded,
+    /// What the physics of the data set makes of the state ([`crate::Expert`]).
+    Expert,
+}
+
+impl Default for NoiseConfig {
+    /// The paper's.
+    fn default() -> Self {
+        Self {
+            deviation: 0.003,
+            unit: NoiseUnit::Metre,
+            correction: 0.1,
+        }
+    }
+}
+
+impl Default for ScheduledSampling {
+    /// None; the rest as in the paper.
+    fn default() -> Self {
+        Self {
+            truth: TruthProbability::Always {},
+            longest: 30,
+            farthest: 1e3,
+            labels: Labels::default(),
+            correction: 1.0,
+        }
+    }
+}
+
 impl TrainConfig {
     /// True where the physics labels the model's own states.
     pub(crate) fn asks_expert(&self) -> bool {
@@ -90,27 +178,20 @@ impl TrainConfig {
 
     /// The same with some of its values changed, later ones after earlier ones.
     pub fn parse_with(text: &str, path: &Path, settings: &[Setting]) -> Result<Self, ConfigError> {
-        let path = || path.to_owned();
+        let named =
+            |error: &dyn std::fmt::Display| ConfigError(format!("{}: {error}", path.display()));
         // Read as it is first, so that a defect of the text has its line.
-        let cfg: Self = toml::from_str(text).map_err(|source| ConfigError::Syntax {
-            path: path(),
-            source: Box::new(source),
+        let cfg: Self = toml::from_str(text).map_err(|error| named(&error))?;
+        let cfg = setting::changed(cfg, text, settings).map_err(|error| {
+            let settings = setting::list(settings);
+            ConfigError(format!("{} with {settings}: {error}", path.display()))
         })?;
-        let cfg = setting::changed(cfg, text, settings).map_err(|source| ConfigError::Setting {
-            path: path(),
-            settings: setting::list(settings),
-            source,
-        })?;
-        let checked = cfg.validate();
-        checked.map_err(|source| ConfigError::Invalid {
-            path: path(),
-            source,
-        })?;
+        cfg.validate().map_err(|error| named(&error))?;
         Ok(cfg)
     }
 
     /// Checks every value.
-    pub fn validate(&self) -> Result<(), InvalidConfig> {
+    pub fn validate(&self) -> Result<(), ConfigError> {
         self.model.validate()?;
         self.losses.validate()?;
         self.optimizer.validate()?;
@@ -124,27 +205,76 @@ impl TrainConfig {
             positive("loss_cap", cap)?;
         }
         if let Some(part) = self.weight_average {
-            let below = (0.0..1.0).contains(&part);
-            require(below, "weight_average", "at least 0 and below 1", part)?;
+            below_one("weight_average", part)?;
         }
-        self.batch.validate()?;
-        let (statistics, most) = (self.statistics_samples, MOST_STATISTICS_SAMPLES);
-        count("statistics_samples", statistics as u64, most as u64)?;
-        let kept = (0.0..1.0).contains(&self.dropout);
-        let expected = "at least 0 and below 1";
-        require(kept, "dropout", expected, self.dropout)?;
+        count("batch.samples", self.batch.samples as u64, MOST_SAMPLES)?;
+        let statistics = self.statistics_samples as u64;
+        count("statistics_samples", statistics, MOST_STATISTICS_SAMPLES)?;
+        below_one("dropout", self.dropout)?;
         let recurrent = self.model.encoder.is_recurrent();
         let expected = "0 where model.encoder is no gru: it acts between recurrent layers";
         let has_place = recurrent || self.dropout == 0.0;
         require(has_place, "dropout", expected, self.dropout)?;
-        self.noise.validate()?;
-        self.scheduled_sampling.validate()?;
+        below_one("noise.deviation", self.noise.deviation)?;
+        part("noise.correction", self.noise.correction)?;
+        let sampling = &self.scheduled_sampling;
+        sampling.truth.validate()?;
+        let longest = sampling.longest.into();
+        count("scheduled_sampling.longest", longest, MOST_IN_A_ROW)?;
+        positive("scheduled_sampling.farthest", sampling.farthest)?;
+        part("scheduled_sampling.correction", sampling.correction)?;
         self.unroll.validate()?;
         // A kinetic energy depends on the positions before it, too: the way back leaves that out.
         let weight = self.losses.kinetic_energy;
         let expected = "0 where unroll.frames is above 1";
         let apart = self.unroll.most() == 1 || weight == 0.0;
         require(apart, "losses.kinetic_energy", expected, weight)
+    }
+}
+
+/// A configuration that cannot be used, a value of one, or a setting that cannot be followed. The
+/// message names it, what it must be and what was found.
+#[derive(Debug, Error)]
+#[error("{0}")]
+pub struct ConfigError(String);
+
+impl From<SpecError> for ConfigError {
+    fn from(error: SpecError) -> Self {
+        Self(error.to_string())
+    }
+}
+
+pub(crate) fn count(field: &str, found: u64, most: u64) -> Result<(), ConfigError> {
+    let expected = format!("between 1 and {most}");
+    require((1..=most).contains(&found), field, expected, found)
+}
+
+pub(crate) fn positive(field: &str, found: f64) -> Result<(), ConfigError> {
+    let holds = found.is_finite() && found > 0.0;
+    require(holds, field, "finite and positive", found)
+}
+
+pub(crate) fn part(field: &str, found: f64) -> Result<(), ConfigError> {
+    let holds = (0.0..=1.0).contains(&found);
+    require(holds, field, "between 0 and 1", found)
+}
+
+pub(crate) fn below_one(field: &str, found: f64) -> Result<(), ConfigError> {
+    let holds = (0.0..1.0).contains(&found);
+    require(holds, field, "at least 0 and below 1", found)
+}
+
+pub(crate) fn require(
+    holds: bool,
+    field: &str,
+    expected: impl std::fmt::Display,
+    found: impl std::fmt::Display,
+) -> Result<(), ConfigError> {
+    match holds {
+        true => Ok(()),
+        false => Err(ConfigError(format!(
+            "{field} must be {expected}, found {found}"
+        ))),
     }
 }
 

@@ -10,24 +10,20 @@ mod micro_batch;
 mod over_ranks;
 mod slot_run;
 
-use std::error::Error;
 use std::ops::Range;
 use std::sync::Arc;
 
 use selvedge_cloth::Stop;
 use selvedge_cluster::Ranks;
 use selvedge_model::{ClothGraph, Model, ModelSpec, Network, Normalizers, SpecError};
-use thiserror::Error;
 
 pub use self::cpu::OnProcessor;
-pub use self::over_ranks::{OverRanks, OverRanksError};
+pub use self::over_ranks::OverRanks;
 pub use self::slot_run::{FramePasses, SlotRun, run_slots};
-use crate::config::TrainConfig;
-use crate::expert::Expert;
+use crate::config::{ConfigError, TrainConfig};
 use crate::losses::{LossStatistics, LossTerms};
-use crate::memory::Arithmetic;
 use crate::optimizer::{Adam, clip_norm};
-use crate::slot::{Slot, SlotRandom};
+use crate::slot::Expert;
 use crate::training_set::TrainingSet;
 
 /// Weights and optimiser of a training.
@@ -42,6 +38,15 @@ pub struct Learned {
 }
 
 impl Learned {
+    /// Before the first step.
+    pub(crate) fn first(cfg: &TrainConfig, weights: Vec<f32>) -> Result<Self, ConfigError> {
+        Ok(Self {
+            adam: Adam::new(cfg.optimizer, weights.len())?,
+            averaged: cfg.weight_average.map(|_| weights.clone()),
+            weights,
+        })
+    }
+
     /// The part of the way to the weights that their running mean goes after `steps` steps of the
     /// optimiser; `part` is `weight_average` of the configuration.
     pub fn averaging(steps: u64, part: f64) -> f32 {
@@ -81,10 +86,14 @@ impl Learned {
 
 /// The arithmetic of a training.
 pub trait Engine: Send {
-    /// Takes every slot of the batch through its frames and keeps the gradient of the mean of the
-    /// slots' losses. Returns the terms of each slot; none where the step was given up, by this
-    /// engine or by one of several ranks, and then there is no gradient.
-    fn learn(&mut self, batch: Batch<'_>) -> Result<Vec<LossTerms>, EngineError>;
+    /// Takes every slot of a batch, each before its first frame, through its frames and keeps the
+    /// gradient of the mean of the slots' losses. Returns the terms of each slot; none where the
+    /// step was given up, by this engine or by one of several ranks, and then there is no gradient.
+    fn learn(
+        &mut self,
+        setup: Setup<'_>,
+        slots: &mut [SlotRun<'_>],
+    ) -> Result<Vec<LossTerms>, EngineError>;
 
     /// Takes the weights a step of the optimiser against that gradient. Returns its norm before
     /// clipping; where that is not finite nothing changes.
@@ -105,15 +114,18 @@ pub trait Engine: Send {
 }
 
 /// A failure of an engine.
-#[derive(Debug, Error)]
+#[derive(Debug, thiserror::Error)]
 #[error(transparent)]
-pub struct EngineError(pub Box<dyn Error + Send + Sync>);
+pub struct EngineError(pub Box<dyn std::error::Error + Send + Sync>);
 
 /// Settings of an engine, from which a training makes it. They decide speed and memory; results
 /// differ only by rounding.
 pub trait EngineMaker {
-    /// The machine whose memory a training takes.
-    fn arithmetic(&self) -> Arithmetic;
+    /// Slots that go through the network together on this machine's processor; none on a device
+    /// with memory of its own.
+    fn micro_batch(&self) -> Option<usize> {
+        None
+    }
 
     /// Makes the engine of a training.
     fn make(&self, setup: Setup<'_>) -> Result<Box<dyn Engine>, EngineError>;
@@ -165,63 +177,6 @@ impl<'a> Setup<'a> {
     /// The cloths of all trajectories; those of one cloth share it.
     pub fn graphs(&self) -> impl Iterator<Item = &'a Arc<ClothGraph>> {
         self.set.motions().map(|motion| &motion.graph)
-    }
-}
-
-/// A batch: the slots of one step.
-pub struct Batch<'a> {
-    setup: Setup<'a>,
-    slots: &'a mut [Slot],
-    /// The number of the first of them.
-    first: usize,
-    step: u64,
-    frames: usize,
-}
-
-impl<'a> Batch<'a> {
-    /// The batch of step `step`, from 0, through up to `frames` frames.
-    pub(crate) fn new(setup: Setup<'a>, slots: &'a mut [Slot], step: u64, frames: usize) -> Self {
-        Self {
-            setup,
-            slots,
-            first: 0,
-            step,
-            frames,
-        }
-    }
-
-    /// The same with only some of its slots.
-    fn part(self, own: Range<usize>) -> Self {
-        Self {
-            first: self.first + own.start,
-            slots: &mut self.slots[own],
-            ..self
-        }
-    }
-
-    /// The setup of the training.
-    pub fn setup(&self) -> Setup<'a> {
-        self.setup
-    }
-
-    /// Frames that every slot goes through, unless it ends before.
-    pub fn frames(&self) -> usize {
-        self.frames
-    }
-
-    /// The slots, each before its first frame.
-    pub fn runs(self) -> Vec<SlotRun<'a>> {
-        let (setup, frames) = (self.setup, self.frames);
-        let (seed, count) = (setup.cfg.seed, setup.cfg.batch.samples);
-        let slots = self.slots.iter_mut().enumerate();
-        slots
-            .map(|(number, slot)| {
-                let number = self.first + number;
-                let of_step = |step| SlotRandom::new(seed, step, number, count);
-                let random = [self.step, self.step + 1].map(of_step);
-                SlotRun::new(setup, frames, slot, random)
-            })
-            .collect()
     }
 }
 

@@ -4,14 +4,24 @@ use std::ops::ControlFlow;
 
 use selvedge_data::Dataset;
 use selvedge_model::{Model, Network, RunningStatistics, edge_groups, node_groups};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use crate::checkpoint::differences_but_encoder;
 use crate::config::TrainConfig;
-use crate::engine::EngineMaker;
-use crate::fit_normalizers::{Statistics, fit};
-use crate::origin::Origin;
-use crate::trainer::{Parts, TrainError, Trainer, first_weights, prepare};
+use crate::engine::{EngineMaker, Learned};
+use crate::trainer::{TrainError, Trainer, first_state, first_weights, prepare};
+
+/// A training whose weights another one began with.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Origin {
+    /// The name of its configuration.
+    pub name: String,
+    /// Its steps by then.
+    pub steps_done: u64,
+    /// The name of its data set.
+    pub dataset: String,
+}
 
 /// The account of a training, as far as it is one.
 #[derive(Default, Deserialize)]
@@ -44,23 +54,21 @@ impl Trainer {
         if !differences.is_empty() {
             return Err(TrainError::OtherModel { differences });
         }
-        let (set, network) = prepare(&cfg, dataset, engine.arithmetic())?;
-        let Some(fitted) = fit(&cfg, &set, observe) else {
+        let (set, network) = prepare(&cfg, dataset, engine.micro_batch())?;
+        let Some(mut state) = first_state(&cfg, &set, observe) else {
             return Ok(None);
         };
         let normalizers = model.normalizers();
-        let statistics = Statistics {
-            inputs: [
-                RunningStatistics::of(&normalizers.nodes, &node_groups(&cfg.model)),
-                RunningStatistics::of(&normalizers.edges, &edge_groups(&cfg.model)),
-            ],
-            targets: fitted.targets.with_acceleration(&normalizers.acceleration),
-        };
+        state.inputs = [
+            RunningStatistics::of(&normalizers.nodes, &node_groups(&cfg.model)),
+            RunningStatistics::of(&normalizers.edges, &edge_groups(&cfg.model)),
+        ];
+        state.targets = state.targets.with_acceleration(&normalizers.acceleration);
+        state.origins = origins(&model.training);
         let of_model = Network::new(model.spec())?;
         let (weights, fresh) = taken(&cfg, &network, &of_model, model.weights());
-        let origins = origins(&model.training);
-        let parts = Parts::at_first_step(&cfg, network, weights, statistics, origins)?;
-        let mut trainer = Self::assemble(cfg, set, engine, parts)?;
+        let learned = Learned::first(&cfg, weights)?;
+        let mut trainer = Self::assemble((cfg, set, network), engine, learned, state)?;
         trainer.fresh_tensors = fresh;
         Ok(Some(trainer))
     }

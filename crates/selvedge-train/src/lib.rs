@@ -103,13 +103,10 @@
 mod checkpoint;
 mod config;
 mod engine;
-mod expert;
-mod fit_normalizers;
 mod from_model;
 mod losses;
 mod memory;
 mod optimizer;
-mod origin;
 mod rollout_target;
 mod run;
 mod schedule;
@@ -121,22 +118,22 @@ mod training_set;
 
 pub use checkpoint::{CHECKPOINT_FORMAT, ResumeError};
 pub use config::{
-    BatchConfig, ConfigError, InvalidConfig, Labels, NoiseConfig, NoiseUnit, ScheduledSampling,
-    Setting, SettingError, TrainConfig,
+    BatchConfig, ConfigError, Labels, NoiseConfig, NoiseUnit, ScheduledSampling, Setting,
+    TrainConfig,
 };
 pub use engine::{
-    Batch, Engine, EngineError, EngineMaker, FramePasses, Learned, OnProcessor, OverRanks,
-    OverRanksError, Setup, SlotRun, Update, run_slots,
+    Engine, EngineError, EngineMaker, FramePasses, Learned, OnProcessor, OverRanks, Setup, SlotRun,
+    Update, run_slots,
 };
-pub use expert::{Expert, ExpertState};
+pub use from_model::Origin;
 pub use losses::{
-    LossEvaluator, LossStatistics, LossTerms, LossWeights, RunningLossStatistics, Triplet,
+    LossEvaluator, LossStatistics, LossTerms, LossWeights, PerQuantity, RunningLossStatistics,
+    Triplet,
 };
-pub use memory::{Arithmetic, MemoryError, available_memory};
+pub use memory::MemoryError;
 pub use optimizer::{Adam, AdamRates, AdamSettings, clip_norm};
-pub use origin::Origin;
-pub use run::{LogError, RunEnd, RunError, RunLimits, files, run};
+pub use run::{RunEnd, RunError, RunLimits, files, run};
 pub use schedule::{LearningRate, TruthProbability, UnrollFrames};
-pub use slot::ShownSample;
+pub use slot::{Expert, ExpertState, ShownSample};
 pub use trainer::{StepReport, TrainError, Trainer};
 pub use training_set::{TrainingSetError, domain_of, graph_of};

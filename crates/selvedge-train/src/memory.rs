@@ -15,18 +15,6 @@ const NUMBER: f64 = 4.0;
 /// Arcs of a vertex, about: six edges meet in most.
 const ARCS: f64 = 6.0;
 
-/// The machine that does the arithmetic of a training.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Arithmetic {
-    /// This machine's processor.
-    OnProcessor {
-        /// Slots that go through the network together.
-        micro_batch: usize,
-    },
-    /// A device with memory of its own, which it estimates by itself.
-    OnDevice,
-}
-
 /// A training that does not fit into memory.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[error(
@@ -41,29 +29,25 @@ pub struct MemoryError {
     samples: usize,
 }
 
-/// Checks that there is enough memory for a training.
+/// Checks that there is enough memory for a training with so many slots in a micro-batch on this
+/// machine's processor; a device estimates its own memory by itself.
 pub(crate) fn check_memory(
     cfg: &TrainConfig,
     network: &Network,
     dataset: &Dataset,
-    on: Arithmetic,
+    micro_batch: Option<usize>,
 ) -> Result<(), MemoryError> {
     let entries = || dataset.entries(Split::Train).iter();
     let positions: f64 = entries().map(|e| e.frames as f64 * e.vertices as f64).sum();
     let largest = entries().map(|e| e.vertices).max().unwrap_or(0);
     let samples = cfg.batch.samples;
-    let (slots, gradients) = match on {
-        Arithmetic::OnProcessor { micro_batch } => {
-            let micro_batches = samples.div_ceil(micro_batch);
-            (of_slots(cfg, micro_batches, largest), micro_batches)
-        }
-        Arithmetic::OnDevice => (0.0, 0),
-    };
+    let micro_batches = micro_batch.map_or(0, |size| samples.div_ceil(size));
+    let slots = micro_batch.map_or(0.0, |_| of_slots(cfg, micro_batches, largest));
     // Weights, their mean, their gradient and two moments, three where a checkpoint is written and
     // three that are packed; and the gradients of the micro-batches.
     let need = MemoryError {
         slots,
-        weights: NUMBER * (11 + gradients) as f64 * network.parameter_count() as f64,
+        weights: NUMBER * (11 + micro_batches) as f64 * network.parameter_count() as f64,
         trajectories: 3.0 * NUMBER * positions,
         available: available_memory(),
         samples,
@@ -95,7 +79,7 @@ fn of_slots(cfg: &TrainConfig, micro_batches: usize, vertices: usize) -> f64 {
 
 /// Memory for this program `[bytes]`: the least of the machine's, that of the control group and the
 /// limit of the address space (Linux).
-pub fn available_memory() -> f64 {
+fn available_memory() -> f64 {
     let text = |path| std::fs::read_to_string(path).unwrap_or_default();
     let said = [
         machine(&text("/proc/meminfo")),

@@ -11,8 +11,7 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::config::InvalidConfig;
-use crate::config::error::{positive, require};
+use crate::config::{ConfigError, below_one, positive, require};
 
 /// Parameters that one thread updates at a time.
 const CHUNK: usize = 1 << 15;
@@ -53,21 +52,16 @@ impl Default for AdamSettings {
 
 impl AdamSettings {
     /// Checks the range of each constant.
-    pub fn validate(&self) -> Result<(), InvalidConfig> {
-        for (field, beta) in [
-            ("optimizer.beta1", self.beta1),
-            ("optimizer.beta2", self.beta2),
-        ] {
-            let holds = (0.0..1.0).contains(&beta);
-            require(holds, field, "at least 0 and below 1", beta)?;
-        }
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        below_one("optimizer.beta1", self.beta1)?;
+        below_one("optimizer.beta2", self.beta2)?;
         positive("optimizer.epsilon", self.epsilon)
     }
 }
 
 impl Adam {
     /// Before the first step of `parameter_count` parameters.
-    pub fn new(settings: AdamSettings, parameter_count: usize) -> Result<Self, InvalidConfig> {
+    pub fn new(settings: AdamSettings, parameter_count: usize) -> Result<Self, ConfigError> {
         settings.validate()?;
         Ok(Self {
             settings,
@@ -83,7 +77,7 @@ impl Adam {
         first_moment: Vec<f32>,
         second_moment: Vec<f32>,
         steps: u64,
-    ) -> Result<Self, InvalidConfig> {
+    ) -> Result<Self, ConfigError> {
         settings.validate()?;
         let (count, found) = (first_moment.len(), second_moment.len());
         let expected = format!("of {count} parameters");

@@ -19,7 +19,7 @@ use serde::Serialize;
 use thiserror::Error;
 
 use crate::losses::LossTerms;
-use crate::trainer::{StepReport, TrainError, Trainer, Wishes};
+use crate::trainer::{StepReport, TrainError, Trainer};
 
 /// File names in the folder of a training.
 pub mod files {
@@ -65,8 +65,11 @@ pub enum RunError {
     },
     #[error(transparent)]
     Write(#[from] WriteError),
-    #[error(transparent)]
-    Log(#[from] LogError),
+    #[error("the log {path} cannot be kept: {source}")]
+    Log {
+        path: PathBuf,
+        source: std::io::Error,
+    },
     #[error("the configuration cannot be written as TOML: {0}")]
     Config(#[from] toml::ser::Error),
     #[error("the model cannot be written: {0}")]
@@ -78,14 +81,6 @@ fn words(kept: Option<&Path>) -> String {
         Some(path) => format!("{} is of an earlier step and whole", path.display()),
         None => "there is no checkpoint yet".to_owned(),
     }
-}
-
-/// A log that cannot be kept.
-#[derive(Debug, Error)]
-#[error("the log {path} cannot be kept: {source}")]
-pub struct LogError {
-    path: PathBuf,
-    source: std::io::Error,
 }
 
 #[derive(Serialize)]
@@ -123,7 +118,11 @@ pub fn run(
     let started = Instant::now();
     let mut saved = Instant::now();
     let is_over = || limits.time.is_some_and(|time| started.elapsed() >= time);
-    let mut agreed = agree(trainer, folder, is_over(), [false; 2])?;
+    let begin = Wishes {
+        end: is_over(),
+        ..Wishes::default()
+    };
+    let mut agreed = agree(trainer, folder, begin)?;
     let end = loop {
         if trainer.steps_done() >= trainer.config().steps {
             break RunEnd::Finished;
@@ -137,18 +136,22 @@ pub fn run(
             Err(source) => return Err(failed(folder, source)),
         };
         let flow = observe(&report);
-        trainer.since_line.push(report);
+        trainer.state.since_line.push(report);
         if trainer
             .steps_done()
             .is_multiple_of(trainer.config().log_every)
         {
             if writes {
-                append(&log_path, &trainer.since_line)?;
+                append(&log_path, &trainer.state.since_line)?;
             }
-            trainer.since_line.clear();
+            trainer.state.since_line.clear();
         }
-        let is_due = saved.elapsed() >= limits.checkpoint_every;
-        agreed = agree(trainer, folder, is_over(), [flow.is_break(), is_due])?;
+        let wishes = Wishes {
+            stop: flow.is_break(),
+            save: saved.elapsed() >= limits.checkpoint_every,
+            end: is_over(),
+        };
+        agreed = agree(trainer, folder, wishes)?;
         if agreed.save {
             save(trainer, folder)?;
             saved = Instant::now();
@@ -161,16 +164,31 @@ pub fn run(
     Ok(end)
 }
 
-/// Agrees on what all ranks do next; `wishes` are to stop and to save.
-fn agree(
-    trainer: &Trainer,
-    folder: &Path,
+/// Wishes of a rank after a step.
+#[derive(Clone, Copy, Default)]
+struct Wishes {
+    stop: bool,
+    /// To write a checkpoint.
+    save: bool,
+    /// To end, since the time is up.
     end: bool,
-    wishes: [bool; 2],
-) -> Result<Wishes, RunError> {
-    let [stop, save] = wishes;
-    let agreed = trainer.agree(Wishes { stop, save, end });
-    agreed.map_err(|source| failed(folder, source))
+}
+
+/// Agrees on what all ranks do next: rank 0 says whether time is up and a checkpoint is due, and
+/// any of them may stop.
+fn agree(trainer: &Trainer, folder: &Path, own: Wishes) -> Result<Wishes, RunError> {
+    if !trainer.ranks().are_several() {
+        return Ok(own);
+    }
+    let told = [own.stop, own.save, own.end].map(u8::from).to_vec();
+    let all = trainer.ranks().gather_for_all(told);
+    let all = all.map_err(|error| failed(folder, error.into()))?;
+    let of_first = |wish: usize| all[0].get(wish) == Some(&1);
+    Ok(Wishes {
+        stop: all.iter().any(|told| told.first() == Some(&1)),
+        save: of_first(1),
+        end: of_first(2),
+    })
 }
 
 fn failed(folder: &Path, source: TrainError) -> RunError {
@@ -239,7 +257,7 @@ impl LogLine {
 }
 
 /// Appends the line of these steps to a log.
-fn append(path: &Path, steps: &[StepReport]) -> Result<(), LogError> {
+fn append(path: &Path, steps: &[StepReport]) -> Result<(), RunError> {
     let Some(line) = LogLine::of(steps) else {
         return Ok(());
     };
@@ -249,20 +267,20 @@ fn append(path: &Path, steps: &[StepReport]) -> Result<(), LogError> {
             let mut file = OpenOptions::new().create(true).append(true).open(path)?;
             file.write_all(format!("{text}\n").as_bytes())
         });
-    written.map_err(|source| LogError {
+    written.map_err(|source| RunError::Log {
         path: path.to_owned(),
         source,
     })
 }
 
 /// Drops the lines of steps that a resumed training will do again, and a line cut short.
-fn trim_log(path: &Path, steps_done: u64) -> Result<(), LogError> {
+fn trim_log(path: &Path, steps_done: u64) -> Result<(), RunError> {
     let text = match selvedge_data::read_text(path) {
         Ok(text) => text,
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
         Err(source) => {
             let path = path.to_owned();
-            return Err(LogError { path, source });
+            return Err(RunError::Log { path, source });
         }
     };
     let step_of = |line: &str| -> Option<u64> {
@@ -277,7 +295,7 @@ fn trim_log(path: &Path, steps_done: u64) -> Result<(), LogError> {
         }
     }
     let written = write_atomically(path, |out| out.write_all(kept.as_bytes()));
-    written.map_err(|error| LogError {
+    written.map_err(|error| RunError::Log {
         path: error.path,
         source: error.source,
     })

@@ -6,8 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::config::InvalidConfig;
-use crate::config::error::{count, part, positive, require};
+use crate::config::{ConfigError, count, part, positive, require};
 
 /// Most steps of a training, and the last step at which something may change.
 pub(crate) const MOST_STEPS: u64 = 1_000_000_000;
@@ -89,7 +88,7 @@ impl Default for UnrollFrames {
 
 impl UnrollFrames {
     /// Checks the number and the order of steps.
-    pub(crate) fn validate(&self) -> Result<(), InvalidConfig> {
+    pub(crate) fn validate(&self) -> Result<(), ConfigError> {
         count("unroll.frames", self.most() as u64, 1000)?;
         match *self {
             Self::Growing { start, end, .. } => {
@@ -123,7 +122,7 @@ impl UnrollFrames {
 
 impl LearningRate {
     /// Checks rates and the order of steps.
-    pub fn validate(&self) -> Result<(), InvalidConfig> {
+    pub fn validate(&self) -> Result<(), ConfigError> {
         match *self {
             Self::Constant { rate } => positive("learning_rate.rate", rate),
             Self::Drop { from, to, at } => positive("learning_rate.from", from)
@@ -177,7 +176,7 @@ impl LearningRate {
 
 impl TruthProbability {
     /// Checks the probability and the order of steps.
-    pub fn validate(&self) -> Result<(), InvalidConfig> {
+    pub fn validate(&self) -> Result<(), ConfigError> {
         let Self::Linear {
             start,
             end,
@@ -217,7 +216,7 @@ fn progress(step: u64, start: u64, end: u64) -> f64 {
     step.saturating_sub(start) as f64 / end.saturating_sub(start) as f64
 }
 
-fn within_training(field: &str, step: u64) -> Result<(), InvalidConfig> {
+fn within_training(field: &str, step: u64) -> Result<(), ConfigError> {
     require(
         step <= MOST_STEPS,
         field,

@@ -22,7 +22,6 @@ use selvedge_model::{
 use serde::{Deserialize, Serialize};
 
 use crate::config::{NoiseConfig, NoiseUnit, TrainConfig};
-use crate::expert::ExpertState;
 use crate::losses::Triplet;
 use crate::training_set::TrainingSet;
 
@@ -45,7 +44,7 @@ pub(crate) struct Slot {
 }
 
 /// A sample as the network and the losses see it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct ShownSample {
     pub(crate) trajectory: usize,
     /// The local frame of the current positions.
@@ -60,18 +59,29 @@ pub struct ShownSample {
     pub dropout_seed: u64,
 }
 
-/// The random numbers of a slot in one step.
-pub(crate) struct SlotRandom {
-    step: u64,
-    pub(crate) rng: ChaCha8Rng,
+/// The physics behind a data set, for expert labels on the model's own states (`DAgger`, Ross et al.
+/// 2011): the frames that it makes of a cloth that a rollout has led off the recorded motion.
+pub trait Expert: Send + Sync {
+    /// World positions after each of the next `frames` frames from `state` `[m]`, `[frames,
+    /// vertices]`; none where the physics cannot go on from there.
+    fn label(&self, state: ExpertState<'_>, frames: usize) -> Option<Vec<Vec<DVec3>>>;
 }
 
-impl SlotRandom {
-    /// Streams of slot `slot` of `slots` in step `step`.
-    pub(crate) fn new(seed: u64, step: u64, slot: usize, slots: usize) -> Self {
-        let rng = rng_of(seed, step, slot, slots);
-        Self { step, rng }
-    }
+/// A state to be labelled.
+///
+/// Two frames give the mean velocity between them. What the velocity has become at the end of the
+/// second is estimated from the recorded motion, whose three frames about it are known.
+#[derive(Clone, Copy, Debug)]
+pub struct ExpertState<'a> {
+    /// The number of the training trajectory.
+    pub trajectory: usize,
+    /// The number of its frame.
+    pub frame: usize,
+    /// World positions in the frame before and in this one `[m]`, `[vertices]`.
+    pub positions: [&'a [Vec3]; 2],
+    /// Recorded world positions two frames ago, in the frame before, in this one and one frame
+    /// later `[m]`, `[vertices]`.
+    pub recorded: [&'a [Vec3]; 4],
 }
 
 impl Slot {
@@ -144,21 +154,23 @@ impl Slot {
         self.history = frames.map(|f| Arc::new(motion.frame(f).to_vec())).collect();
     }
 
+    /// The first handle in the current positions, where local axes begin `[m]`.
+    fn origin(&self, graph: &ClothGraph) -> DVec3 {
+        let mut handles = graph.handles().of(&self.history[self.history.len() - 1]);
+        handles.next().map_or(DVec3::ZERO, |p| p.as_dvec3())
+    }
+
     /// Sets previous, current and target positions, in the local frame of the current ones.
     fn to_local(&self, graph: &ClothGraph, target: &[DVec3], shown: &mut ShownSample) {
-        let count = self.history.len();
-        let (previous, current) = (&self.history[count - 2], &self.history[count - 1]);
-        let handles = graph.handles().select(current);
-        let yaw = shown.yaw;
-        let origin = handles.first().map_or(DVec3::ZERO, |p| p.as_dvec3());
-        let local = |p: DVec3| yaw.to_local_f64(p - origin);
-        let [to_previous, to_current, to_target] = &mut shown.local;
-        to_previous.clear();
-        to_previous.extend(previous.iter().map(|p| local(p.as_dvec3())));
-        to_current.clear();
-        to_current.extend(current.iter().map(|p| local(p.as_dvec3())));
-        to_target.clear();
-        to_target.extend(target.iter().map(|&p| local(p)));
+        let newest = self.history.len() - 1;
+        let (yaw, origin) = (shown.yaw, self.origin(graph));
+        for (to, from) in shown.local.iter_mut().zip(&self.history[newest - 1..]) {
+            let local = |p: &Vec3| yaw.to_local_f64(p.as_dvec3() - origin);
+            to.clear();
+            to.extend(from.iter().map(local));
+        }
+        let target = target.iter().map(|&p| yaw.to_local_f64(p - origin));
+        shown.set_target(target);
     }
 
     /// Offset of the current positions from the truth, in local axes `[m]`, `[vertices]`.
@@ -178,14 +190,9 @@ impl Slot {
         shown: &mut ShownSample,
     ) {
         let motion = set.motion(self.section.trajectory);
-        let current = &self.history[self.history.len() - 1];
-        let handles = motion.graph.handles().select(current);
-        let origin = handles.first().map_or(DVec3::ZERO, |p| p.as_dvec3());
         let truth = motion.frame(self.current as i64 + 1).iter().zip(offset);
-        let yaw = shown.yaw;
-        let [_, _, target] = &mut shown.local;
-        target.clear();
-        target.extend(truth.map(|(p, e)| yaw.to_local_f64(p.as_dvec3() - origin) + *e));
+        let (yaw, origin) = (shown.yaw, self.origin(&motion.graph));
+        shown.set_target(truth.map(|(p, e)| yaw.to_local_f64(p.as_dvec3() - origin) + *e));
     }
 
     /// True where the sample is off the recorded motion: led there by the model, or by noise.
@@ -208,14 +215,9 @@ impl Slot {
 
     /// Makes `label` (world positions `[m]`) the target of the sample.
     pub(crate) fn show_label(&self, set: &TrainingSet, label: &[DVec3], shown: &mut ShownSample) {
-        let motion = set.motion(self.section.trajectory);
-        let current = &self.history[self.history.len() - 1];
-        let handles = motion.graph.handles().select(current);
-        let origin = handles.first().map_or(DVec3::ZERO, |p| p.as_dvec3());
+        let origin = self.origin(&set.motion(self.section.trajectory).graph);
         let yaw = shown.yaw;
-        let [_, _, target] = &mut shown.local;
-        target.clear();
-        target.extend(label.iter().map(|&p| yaw.to_local_f64(p - origin)));
+        shown.set_target(label.iter().map(|&p| yaw.to_local_f64(p - origin)));
     }
 
     /// The part of the distance to the truth that the target of the sample takes back.
@@ -228,9 +230,14 @@ impl Slot {
 
     /// Draws whether the next sample is ground truth again: with the probability of the step, and
     /// always when the run is long enough.
-    pub(crate) fn returns_to_truth(&self, cfg: &TrainConfig, random: &mut SlotRandom) -> bool {
+    pub(crate) fn returns_to_truth(
+        &self,
+        cfg: &TrainConfig,
+        step: u64,
+        rng: &mut ChaCha8Rng,
+    ) -> bool {
         let sampling = &cfg.scheduled_sampling;
-        let is_drawn = random.rng.random::<f64>() < sampling.truth.at(random.step);
+        let is_drawn = rng.random::<f64>() < sampling.truth.at(step);
         is_drawn || self.run >= sampling.longest
     }
 
@@ -274,13 +281,10 @@ impl Slot {
         let farthest = cfg.scheduled_sampling.farthest as f32;
         let is_near = match label {
             Some(label) => {
-                let mut rows = predicted.iter().zip(label);
-                rows.all(|(p, q)| p.distance(q.as_vec3()) <= farthest)
+                (predicted.iter().zip(label)).all(|(p, q)| p.distance(q.as_vec3()) <= farthest)
             }
-            None => {
-                let mut rows = predicted.iter().zip(motion.frame(next as i64));
-                rows.all(|(p, q)| p.distance(*q) <= farthest)
-            }
+            None => (predicted.iter().zip(motion.frame(next as i64)))
+                .all(|(p, q)| p.distance(*q) <= farthest),
         };
         if !is_finite || !is_near {
             self.start_afresh();
@@ -348,20 +352,14 @@ fn add_noise(
     }
 }
 
-impl Default for ShownSample {
-    fn default() -> Self {
-        Self {
-            trajectory: 0,
-            yaw: Yaw::WORLD,
-            frames: Vec::new(),
-            next_handles: Vec::new(),
-            local: Default::default(),
-            dropout_seed: 0,
-        }
-    }
-}
-
 impl ShownSample {
+    /// Sets the target, in the local frame of the current positions `[m]`.
+    fn set_target(&mut self, positions: impl Iterator<Item = DVec3>) {
+        let [_, _, target] = &mut self.local;
+        target.clear();
+        target.extend(positions);
+    }
+
     /// The sample for the features.
     pub fn window(&self) -> Frames<'_, Vec<Vec3>> {
         Frames {

@@ -8,19 +8,20 @@ use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::Stop;
 use selvedge_cluster::{ClusterError, Ranks};
 use selvedge_data::Dataset;
-use selvedge_model::{Domain, Model, Network, Normalizers, RunningStatistics, SpecError};
+use selvedge_model::{
+    Domain, Model, Network, Normalizers, Place, RunningStatistics, SpecError, Window, edge_groups,
+    node_groups,
+};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::config::{InvalidConfig, TrainConfig};
-use crate::engine::{Batch, Engine, EngineError, EngineMaker, Learned, Setup, Update};
-use crate::expert::Expert;
-use crate::fit_normalizers::{Statistics, fit};
+use crate::checkpoint::State;
+use crate::config::{ConfigError, TrainConfig};
+use crate::engine::{Engine, EngineError, EngineMaker, Learned, Setup, SlotRun, Update};
+use crate::from_model::Origin;
 use crate::losses::{LossStatistics, LossTerms, RunningLossStatistics};
-use crate::memory::{Arithmetic, MemoryError, check_memory};
-use crate::optimizer::Adam;
-use crate::origin::Origin;
-use crate::slot::{Slot, pack_slots, unpack_slots};
+use crate::memory::{MemoryError, check_memory};
+use crate::slot::{Expert, ShownSample, Slot, pack_slots, rng_of, unpack_slots};
 use crate::training_set::{TrainingSet, TrainingSetError};
 
 /// A training between two steps.
@@ -29,16 +30,10 @@ pub struct Trainer {
     pub(crate) set: TrainingSet,
     network: Network,
     pub(crate) learned: Learned,
-    pub(crate) inputs: [RunningStatistics; 2],
-    pub(crate) targets: RunningLossStatistics,
+    pub(crate) state: State,
     statistics: LossStatistics,
     normalizers: Normalizers,
-    pub(crate) slots: Vec<Slot>,
-    pub(crate) step: u64,
-    pub(crate) origins: Vec<Origin>,
     pub(crate) fresh_tensors: Vec<String>,
-    /// Steps since the last line of the log, which a checkpoint keeps.
-    pub(crate) since_line: Vec<StepReport>,
     engine: Box<dyn Engine>,
     stop: Stop,
     expert: Option<Box<dyn Expert>>,
@@ -65,22 +60,12 @@ pub struct StepReport {
     pub frames: usize,
 }
 
-/// Wishes of a rank after a step.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Wishes {
-    pub(crate) stop: bool,
-    /// To write a checkpoint.
-    pub(crate) save: bool,
-    /// To end, since the time is up.
-    pub(crate) end: bool,
-}
-
 /// A training that cannot start or go on.
 #[derive(Debug, Error)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum TrainError {
     #[error(transparent)]
-    Config(#[from] InvalidConfig),
+    Config(#[from] ConfigError),
     #[error(transparent)]
     Spec(#[from] SpecError),
     #[error(transparent)]
@@ -89,8 +74,6 @@ pub enum TrainError {
     Memory(#[from] MemoryError),
     #[error(transparent)]
     Engine(#[from] EngineError),
-    #[error(transparent)]
-    Ranks(Box<ClusterError>),
     #[error(
         "rank {rank} sent slots that are none of this training's: start one program on all ranks"
     )]
@@ -113,7 +96,7 @@ pub enum TrainError {
 
 impl From<ClusterError> for TrainError {
     fn from(error: ClusterError) -> Self {
-        Self::Ranks(Box::new(error))
+        Self::Engine(error.into())
     }
 }
 
@@ -138,24 +121,22 @@ impl Trainer {
         engine: &dyn EngineMaker,
         observe: &mut dyn FnMut() -> ControlFlow<()>,
     ) -> Result<Option<Self>, TrainError> {
-        let (set, network) = prepare(&cfg, dataset, engine.arithmetic())?;
-        let Some(statistics) = fit(&cfg, &set, observe) else {
+        let (set, network) = prepare(&cfg, dataset, engine.micro_batch())?;
+        let Some(state) = first_state(&cfg, &set, observe) else {
             return Ok(None);
         };
-        let weights = first_weights(&cfg, &network);
-        let parts = Parts::at_first_step(&cfg, network, weights, statistics, Vec::new())?;
-        Self::assemble(cfg, set, engine, parts).map(Some)
+        let learned = Learned::first(&cfg, first_weights(&cfg, &network))?;
+        Self::assemble((cfg, set, network), engine, learned, state).map(Some)
     }
 
     pub(crate) fn assemble(
-        cfg: TrainConfig,
-        set: TrainingSet,
+        (cfg, set, network): (TrainConfig, TrainingSet, Network),
         engine: &dyn EngineMaker,
-        parts: Parts,
+        learned: Learned,
+        state: State,
     ) -> Result<Self, TrainError> {
-        let Statistics { inputs, targets } = parts.statistics;
-        let statistics = targets.freeze();
-        let [nodes, edges] = &inputs;
+        let statistics = state.targets.freeze();
+        let [nodes, edges] = &state.inputs;
         let normalizers = Normalizers {
             nodes: nodes.freeze(),
             edges: edges.freeze(),
@@ -163,10 +144,10 @@ impl Trainer {
         };
         let setup = Setup {
             cfg: &cfg,
-            network: &parts.network,
+            network: &network,
             normalizers: &normalizers,
             statistics: &statistics,
-            learned: &parts.learned,
+            learned: &learned,
             stop: &Stop::default(),
             expert: None,
             set: &set,
@@ -175,15 +156,10 @@ impl Trainer {
         Ok(Self {
             ranks: engine.ranks(),
             own: engine.own_slots(cfg.batch.samples),
-            network: parts.network,
-            learned: parts.learned,
-            inputs,
-            targets,
-            slots: parts.slots,
-            step: parts.step,
-            origins: parts.origins,
+            network,
+            learned,
+            state,
             fresh_tensors: Vec::new(),
-            since_line: parts.since_line,
             set,
             statistics,
             normalizers,
@@ -208,42 +184,25 @@ impl Trainer {
     fn collect_slots(&mut self) -> Result<(), TrainError> {
         let all = self
             .ranks
-            .gather(pack_slots(&self.slots[self.own.clone()]))?;
+            .gather(pack_slots(&self.state.slots[self.own.clone()]))?;
         if !self.ranks.is_first() {
             return Ok(());
         }
-        let mut slots = Vec::with_capacity(self.slots.len());
+        let mut slots = Vec::with_capacity(self.state.slots.len());
         for (rank, packed) in all.iter().enumerate() {
             slots.extend(unpack_slots(packed).ok_or(TrainError::Slots { rank })?);
         }
-        if slots.len() != self.slots.len() {
+        if slots.len() != self.state.slots.len() {
             let rank = all.len() - 1;
             return Err(TrainError::Slots { rank });
         }
-        self.slots = slots;
+        self.state.slots = slots;
         Ok(())
     }
 
     /// The ranks that share the training.
     pub fn ranks(&self) -> &Ranks {
         &self.ranks
-    }
-
-    /// Agrees on what all ranks do after a step: rank 0 says whether time is up and a checkpoint is
-    /// due, and any of them may stop.
-    pub(crate) fn agree(&self, own: Wishes) -> Result<Wishes, TrainError> {
-        if !self.ranks.are_several() {
-            return Ok(own);
-        }
-        let Wishes { stop, save, end } = own;
-        let told = [stop, save, end].map(u8::from).to_vec();
-        let all = self.ranks.gather_for_all(told)?;
-        let of_first = |wish: usize| all[0].get(wish) == Some(&1);
-        Ok(Wishes {
-            stop: all.iter().any(|told| told.first() == Some(&1)),
-            save: of_first(1),
-            end: of_first(2),
-        })
     }
 
     /// Lets [`Self::step`] be given up in the middle from when `stop` is wanted. Where one of
@@ -265,12 +224,12 @@ impl Trainer {
     /// [`TrainError::NotFinite`] or a failure of the engine. The weights are then those before the
     /// step, but the slots have moved on: resume from a checkpoint.
     pub fn step(&mut self) -> Result<StepReport, TrainError> {
-        let step = self.step;
+        let step = self.state.step;
         if self.expert.is_none() && self.cfg.asks_expert() {
             return Err(TrainError::NoExpert);
         }
         // Frames of a history are shared: none of their positions is copied.
-        let slots = self.slots.clone();
+        let slots = self.state.slots.clone();
         let frames = self.cfg.unroll.at(step);
         let setup = Setup {
             cfg: &self.cfg,
@@ -282,10 +241,13 @@ impl Trainer {
             expert: self.expert.as_deref().filter(|_| self.cfg.asks_expert()),
             set: &self.set,
         };
-        let batch = Batch::new(setup, &mut self.slots, step, frames);
-        let terms = self.engine.learn(batch)?;
+        let runs = self.state.slots.iter_mut().enumerate();
+        let mut runs: Vec<SlotRun<'_>> = runs
+            .map(|(number, slot)| SlotRun::new(setup, (step, frames), number, slot))
+            .collect();
+        let terms = self.engine.learn(setup, &mut runs)?;
         if terms.is_empty() {
-            self.slots = slots;
+            self.state.slots = slots;
             return Err(TrainError::Stopped { step: step + 1 });
         }
         let terms = LossTerms::mean(&terms);
@@ -302,9 +264,9 @@ impl Trainer {
         if !gradient_norm.is_finite() {
             return Err(not_finite);
         }
-        self.step += 1;
+        self.state.step += 1;
         Ok(StepReport {
-            step: self.step,
+            step: self.state.step,
             terms,
             gradient_norm,
             learning_rate: update.learning_rate,
@@ -320,7 +282,7 @@ impl Trainer {
 
     /// Steps done so far.
     pub fn steps_done(&self) -> u64 {
-        self.step
+        self.state.step
     }
 
     /// The configuration.
@@ -351,7 +313,7 @@ impl Trainer {
     /// The trainings whose weights this one began with, the first one first; none where it began
     /// with its own.
     pub fn origins(&self) -> &[Origin] {
-        &self.origins
+        &self.state.origins
     }
 
     /// Names of the tensors that the training or the model that this one began with has not, so
@@ -388,48 +350,51 @@ pub(crate) fn first_weights(cfg: &TrainConfig, network: &Network) -> Vec<f32> {
 pub(crate) fn prepare(
     cfg: &TrainConfig,
     dataset: &Dataset,
-    on: Arithmetic,
+    micro_batch: Option<usize>,
 ) -> Result<(TrainingSet, Network), TrainError> {
     cfg.validate()?;
     let network = Network::new(&cfg.model)?;
-    check_memory(cfg, &network, dataset, on)?;
+    check_memory(cfg, &network, dataset, micro_batch)?;
     Ok((TrainingSet::load(dataset)?, network))
 }
 
-/// The parts of a training besides configuration and data.
-pub(crate) struct Parts {
-    pub(crate) network: Network,
-    pub(crate) learned: Learned,
-    pub(crate) statistics: Statistics,
-    pub(crate) slots: Vec<Slot>,
-    pub(crate) step: u64,
-    pub(crate) origins: Vec<Origin>,
-    pub(crate) since_line: Vec<StepReport>,
-}
-
-impl Parts {
-    /// The parts of a training at its first step.
-    pub(crate) fn at_first_step(
-        cfg: &TrainConfig,
-        network: Network,
-        weights: Vec<f32>,
-        statistics: Statistics,
-        origins: Vec<Origin>,
-    ) -> Result<Self, TrainError> {
-        Ok(Self {
-            learned: Learned {
-                adam: Adam::new(cfg.optimizer, weights.len())?,
-                averaged: cfg.weight_average.map(|_| weights.clone()),
-                weights,
-            },
-            slots: vec![Slot::new(); cfg.batch.samples],
-            network,
-            statistics,
-            step: 0,
-            origins,
-            since_line: Vec::new(),
-        })
+/// The state before the first step, with statistics of as many samples as the configuration says,
+/// drawn as in training; none where `observe`, which is called after each, stops there.
+pub(crate) fn first_state(
+    cfg: &TrainConfig,
+    set: &TrainingSet,
+    observe: &mut dyn FnMut() -> ControlFlow<()>,
+) -> Option<State> {
+    let spec = &cfg.model;
+    let [mut nodes, mut edges] =
+        [node_groups(spec), edge_groups(spec)].map(|groups| RunningStatistics::new(&groups));
+    let mut targets = RunningLossStatistics::default();
+    let (mut shown, mut window) = (ShownSample::default(), Window::default());
+    // The last streams: no training reaches them. The bounds of both counts leave room.
+    let last = u64::MAX / cfg.batch.samples as u64 - 1;
+    for stream in last - cfg.statistics_samples as u64..last {
+        let mut rng = rng_of(cfg.seed, stream, 0, cfg.batch.samples);
+        Slot::new().show(cfg, set, &mut rng, &mut shown);
+        let graph = &*set.motion(shown.trajectory).graph;
+        let place = Place::alone(graph);
+        window.fit(spec, &place);
+        window.write(spec, graph, shown.window(), &place);
+        nodes.add(&window.nodes);
+        edges.add(&window.arcs);
+        targets.add(&shown.triplet(graph));
+        if observe().is_break() {
+            return None;
+        }
     }
+    Some(State {
+        step: 0,
+        optimizer_steps: 0,
+        inputs: [nodes, edges],
+        targets,
+        slots: vec![Slot::new(); cfg.batch.samples],
+        origins: Vec::new(),
+        since_line: Vec::new(),
+    })
 }
 
 #[cfg(test)]

@@ -5,14 +5,13 @@ use std::sync::Arc;
 use glam::Vec3;
 use selvedge_cloth::{Environment, Material};
 use selvedge_data::{Dataset, DatasetError, Sample, Section, Split, Trajectory};
-use selvedge_model::{ClothGraph, Connectivity, Domain, GraphError, Yaw};
+use selvedge_model::{ClothGraph, Domain, GraphError, Yaw};
 use serde_json::Value;
 use thiserror::Error;
 
 /// One trajectory with its graph.
 pub(crate) struct Motion {
     pub(crate) graph: Arc<ClothGraph>,
-    pub(crate) connectivity: Arc<Connectivity>,
     /// The local frame of each frame, as a rollout from the first one has it: handles without a
     /// direction keep the one before.
     yaws: Vec<Yaw>,
@@ -23,19 +22,13 @@ impl Motion {
     /// A trajectory with its graph, which those of one cloth share.
     fn new(graph: ClothGraph, trajectory: Trajectory, others: &[Self]) -> Self {
         let yaws = yaws(&graph, &trajectory);
-        match others.iter().find(|motion| *motion.graph == graph) {
-            Some(same) => Self {
-                graph: Arc::clone(&same.graph),
-                connectivity: Arc::clone(&same.connectivity),
-                yaws,
-                trajectory,
-            },
-            None => Self {
-                connectivity: Arc::new(graph.connectivity().clone()),
-                graph: Arc::new(graph),
-                yaws,
-                trajectory,
-            },
+        let mut others = others.iter();
+        let same = others.find(|motion| *motion.graph == graph);
+        let same = same.map(|motion| Arc::clone(&motion.graph));
+        Self {
+            graph: same.unwrap_or_else(|| Arc::new(graph)),
+            yaws,
+            trajectory,
         }
     }
 

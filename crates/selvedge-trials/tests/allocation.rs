@@ -18,7 +18,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use glam::DVec3;
 use selvedge_cloth::{Cloth, HandleTargets, Scene, Stepper};
 use selvedge_data::open_scene;
-use selvedge_guard::GuardSettings;
+use selvedge_guard::Correction;
 use selvedge_lab::machine::Machine;
 use selvedge_lab::models::NamedModel;
 use selvedge_lab::{physics, start};
@@ -91,7 +91,7 @@ fn frames_after_the_first_allocate_nothing() {
                 Box::new(LearnedStepper::new(model.model, graph.unwrap(), &[rest]).unwrap())
             }
             true => {
-                let (known, settings) = (Arc::new(scene.clone()), GuardSettings::default());
+                let (known, settings) = (Arc::new(scene.clone()), Correction::default());
                 let rest = &rest.positions;
                 Box::new(start::guarded(&known, rest, &model, &Machine::Cpu, settings).unwrap())
             }

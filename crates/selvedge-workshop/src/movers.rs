@@ -7,7 +7,7 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{Cloth, HandleTargets, Scene, Squeezed, StepError, Stepper};
 use selvedge_data::SavedState;
-use selvedge_guard::{Guard, GuardSettings, Replacement};
+use selvedge_guard::{Correction, Guard, Replacement};
 use selvedge_lab::machine::{Machine, Mover};
 use selvedge_lab::physics;
 use selvedge_lab::state_log::{saved_state, simulator_among};
@@ -180,7 +180,7 @@ impl LiveModel {
             .machine
             .start(&model.model, graph, frames)
             .map_err(LiveError::new)?;
-        let (known, settings) = (Arc::new(held_scene), GuardSettings::default());
+        let (known, settings) = (Arc::new(held_scene), Correction::default());
         let stepper = Guard::new(stepper, &held, scene.frame_rate, Some(known), settings);
         let needed = model.model.spec().history();
         let first = frames.len().saturating_sub(needed);

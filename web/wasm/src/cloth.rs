@@ -7,7 +7,7 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{HandlePath, HandleTargets, Scene, Stepper};
 use selvedge_data::{LoadedScene, SavedState, open_scene, parse_scene};
-use selvedge_guard::GuardSettings;
+use selvedge_guard::Correction;
 use selvedge_lab::machine::Machine;
 use selvedge_lab::models::NamedModel;
 use selvedge_lab::physics::rounded;
@@ -180,7 +180,7 @@ fn stepper(
     Ok(match model {
         None => Box::new(simulator_of_run(scene, start.clone()).map_err(told)?),
         Some(model) => {
-            let settings = GuardSettings::default();
+            let settings = Correction::default();
             let rest = &start.positions;
             let stepper = start::guarded(scene, rest, model, &Machine::Cpu, settings);
             Box::new(stepper.map_err(told)?)

@@ -47,10 +47,10 @@ fn cloth(scene: &Scene) -> Cloth {
 }
 
 /// A guard of a double, with its scene or without.
-fn watched(errs: Error, settings: GuardSettings, scene: Option<Scene>) -> Guard<Double> {
+fn watched(errs: Error, correction: Correction, scene: Option<Scene>) -> Guard<Double> {
     let double = Double::new(errs);
     let cloth = cloth(&double.scene);
-    Guard::new(double, &cloth, 60.0, scene.map(Arc::new), settings).unwrap()
+    Guard::new(double, &cloth, 60.0, scene.map(Arc::new), correction).unwrap()
 }
 
 fn largest_stretch(guard: &Guard<Double>) -> f64 {
@@ -61,7 +61,7 @@ fn largest_stretch(guard: &Guard<Double>) -> f64 {
 fn a_stepper_that_never_errs_is_left_alone_bit_for_bit() {
     let mut alone = Double::new(Error::Never);
     let mut all: Vec<Guard<Double>> = [Correction::None, Correction::Limit]
-        .map(|correction| watched(Error::Never, GuardSettings::with(correction), Some(scene())))
+        .map(|correction| watched(Error::Never, correction, Some(scene())))
         .into();
     for frame in 1..=60 {
         let targets = targets(&scene(), frame);
@@ -80,7 +80,6 @@ fn a_stepper_that_never_errs_is_left_alone_bit_for_bit() {
 
 #[test]
 fn whatever_a_stepper_does_it_is_kept_within_bounds() {
-    let settings = GuardSettings::default();
     for errs in [
         Error::Grows,
         Error::NotANumber,
@@ -90,14 +89,14 @@ fn whatever_a_stepper_does_it_is_kept_within_bounds() {
     ] {
         for scene_of in [None, Some(scene())] {
             let has_scene = scene_of.is_some();
-            let mut guard = watched(errs, settings, scene_of);
+            let mut guard = watched(errs, Correction::Limit, scene_of);
             let mut tally = crate::GuardSummary::default();
             for frame in 1..=FRAMES {
                 let targets = targets(&scene(), frame);
                 guard.step(&targets).unwrap();
                 tally.add(guard.trust());
                 // The bound and its slack, and positions of 1 m in f32 against edges of 0.1 m.
-                let most = settings.most_stretch * (1.0 + f64::from(SLACK)) + 1e-5;
+                let most = MOST_STRETCH * (1.0 + f64::from(SLACK)) + 1e-5;
                 let found = largest_stretch(&guard);
                 assert!(found <= most, "{errs:?} {has_scene} {frame}: {found}");
                 assert!(guard.positions().iter().all(|p| p.is_finite()));
@@ -150,8 +149,7 @@ fn whatever_a_stepper_does_no_frame_intersects() {
         Error::Jumps,
         Error::Trembles,
     ] {
-        let settings = GuardSettings::default();
-        let mut guard = watched(errs, settings, Some(scene.clone()));
+        let mut guard = watched(errs, Correction::Limit, Some(scene.clone()));
         let mut alone = Double::new(errs);
         let mut tally = crate::GuardSummary::default();
         for frame in 1..=40 {
@@ -184,13 +182,12 @@ fn a_start_that_intersects_is_refused() {
     moved.iter_mut().for_each(|p| *p += 0.25 * Vec3::X);
     let mut inside = Double::new(Error::Never);
     inside.last = [moved.clone(), moved];
-    let settings = GuardSettings::default();
     let error = Guard::new(
         inside,
         &cloth,
         60.0,
         Some(Arc::new(scene.clone())),
-        settings,
+        Correction::Limit,
     );
     let Err(error @ GuardError::Start(StepError::Intersections { .. })) = error.map(|_| ()) else {
         panic!("it was not refused");
@@ -201,12 +198,21 @@ fn a_start_that_intersects_is_refused() {
     );
     scene.contact = None;
     scene.obstacles.clear();
-    assert!(Guard::new(double, &cloth, 60.0, Some(Arc::new(scene)), settings).is_ok());
+    assert!(
+        Guard::new(
+            double,
+            &cloth,
+            60.0,
+            Some(Arc::new(scene)),
+            Correction::Limit
+        )
+        .is_ok()
+    );
 }
 
 #[test]
 fn a_guard_that_only_watches_changes_nothing_and_passes_errors_on() {
-    let none = GuardSettings::with(Correction::None);
+    let none = Correction::None;
     let mut guard = watched(Error::Grows, none, None);
     let mut alone = Double::new(Error::Grows);
     let mut worst = Verdict::Held;
@@ -234,7 +240,7 @@ fn a_guard_that_only_watches_changes_nothing_and_passes_errors_on() {
 
 #[test]
 fn what_the_caller_does_wrong_stays_an_error() {
-    let mut guard = watched(Error::Never, GuardSettings::default(), Some(scene()));
+    let mut guard = watched(Error::Never, Correction::Limit, Some(scene()));
     let one = HandleTargets::at_frame_end(vec![DVec3::ZERO]).unwrap();
     assert!(matches!(guard.step(&one), Err(StepError::Handles { .. })));
     assert_eq!(guard.frame(), 0);
@@ -246,9 +252,8 @@ fn verdicts_turn_at_their_thresholds() {
     // so.
     let scene = scene();
     let cloth = cloth(&scene);
-    let settings = GuardSettings::with(Correction::None);
     let double = Double::new(Error::Never);
-    let guard = Guard::new(double, &cloth, 60.0, None, settings).unwrap();
+    let guard = Guard::new(double, &cloth, 60.0, None, Correction::None).unwrap();
     let flat = cloth.rest_positions().to_vec();
     let lowest = (0..36).filter(|&v| flat[v].y < -0.99).max_by(|&a, &b| {
         let middle = |v: usize| -flat[v].z.abs();
@@ -285,7 +290,7 @@ fn verdicts_turn_at_their_thresholds() {
         ),
     ] {
         let double = Double::new(Error::Never);
-        let mut guard = Guard::new(double, &cloth, 60.0, None, settings).unwrap();
+        let mut guard = Guard::new(double, &cloth, 60.0, None, Correction::None).unwrap();
         guard.inner.last[1] = strained(strain);
         guard.step(&targets(&scene, 0)).unwrap();
         assert_eq!(guard.trust().verdict, verdict, "{strain}");
@@ -300,7 +305,7 @@ fn verdicts_turn_at_their_thresholds() {
 fn a_lost_frame_is_the_physics_from_the_last_good_ones() {
     let mut implicit = scene();
     implicit.physics.air = selvedge_cloth::AirLaw::Implicit;
-    let mut guard = watched(Error::Fails, GuardSettings::default(), Some(scene()));
+    let mut guard = watched(Error::Fails, Correction::Limit, Some(scene()));
     for frame in 1..=19 {
         guard.step(&targets(&implicit, frame)).unwrap();
     }
@@ -341,7 +346,7 @@ fn unsolvable() -> Scene {
 
 #[test]
 fn a_failure_of_the_physics_is_told() {
-    let mut guard = watched(Error::Fails, GuardSettings::default(), Some(unsolvable()));
+    let mut guard = watched(Error::Fails, Correction::Limit, Some(unsolvable()));
     let mut tally = crate::GuardSummary::default();
     for frame in 1..=20 {
         guard.step(&targets(&scene(), frame)).unwrap();
@@ -364,12 +369,17 @@ fn a_physics_that_cannot_be_set_up_is_an_error_if_it_is_to_hold_contact() {
     let make = |contact| {
         let double = Double::new(Error::Fails);
         let cloth = cloth(&double.scene);
-        let settings = GuardSettings::default();
         let broken = Scene {
             contact,
             ..broken.clone()
         };
-        Guard::new(double, &cloth, 60.0, Some(Arc::new(broken)), settings)
+        Guard::new(
+            double,
+            &cloth,
+            60.0,
+            Some(Arc::new(broken)),
+            Correction::Limit,
+        )
     };
     let refused = make(Some(ContactSettings::default())).err();
     assert!(
@@ -391,7 +401,7 @@ fn a_physics_that_cannot_be_set_up_is_an_error_if_it_is_to_hold_contact() {
 
 #[test]
 fn a_correction_that_is_not_taken_leaves_the_cloth_as_it_was() {
-    let mut guard = watched(Error::Refuses, GuardSettings::default(), None);
+    let mut guard = watched(Error::Refuses, Correction::Limit, None);
     let (start, trust) = (guard.positions().to_vec(), *guard.trust());
     for _ in 0..3 {
         let error = guard.step(&targets(&scene(), 1)).unwrap_err();
@@ -408,12 +418,12 @@ fn guards_and_what_they_guard_conform() {
     let never = || Double::new(Error::Never);
     assert_eq!(check_correctable(never, HandlesEnd::AtTargets), Ok(()));
     for errs in [Error::Never, Error::Trembles, Error::Grows] {
-        let make = || watched(errs, GuardSettings::default(), Some(scene()));
+        let make = || watched(errs, Correction::Limit, Some(scene()));
         let found = check(make, HandlesEnd::AtTargets);
         assert_eq!(found, Ok(()), "{errs:?}");
     }
     // The one under guard does not hear, the physics in its place does.
-    let lost = || watched(Error::Lost, GuardSettings::default(), Some(scene()));
+    let lost = || watched(Error::Lost, Correction::Limit, Some(scene()));
     assert_eq!(check_stop(lost), Ok(()));
 }
 
@@ -422,13 +432,12 @@ fn parts_that_do_not_fit_are_refused() {
     let scene = scene();
     let whole = cloth(&scene);
     let refused = |cloth: &Cloth, scene: Option<Scene>| {
-        let settings = GuardSettings::default();
         let made = Guard::new(
             Double::new(Error::Never),
             cloth,
             60.0,
             scene.map(Arc::new),
-            settings,
+            Correction::Limit,
         );
         made.err().unwrap()
     };

@@ -5,7 +5,7 @@ use std::str::FromStr;
 use std::sync::Arc;
 
 use selvedge_cloth::{Integrator, Scene};
-use selvedge_guard::{Correction, GuardSettings};
+use selvedge_guard::Correction;
 use selvedge_model::Model;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -26,7 +26,7 @@ pub struct Method {
 #[derive(Clone)]
 pub enum Mover {
     /// A model, guarded so, on this machine.
-    Model(Arc<Model>, GuardSettings, Machine),
+    Model(Arc<Model>, Correction, Machine),
     /// The physics of the case.
     Physics(PhysicsMethod),
     /// Baseline: the rest pose moves rigidly with the handles.
@@ -95,7 +95,7 @@ impl Method {
     /// it.
     pub(super) fn wants_scene(&self) -> bool {
         match &self.mover {
-            Mover::Model(_, guard, _) => guard.correction != Correction::None,
+            Mover::Model(_, guard, _) => *guard != Correction::None,
             Mover::Physics(_) | Mover::Mirror => true,
             Mover::Rigid => false,
         }

@@ -72,7 +72,7 @@ impl Runner {
                 let graph = graph.map_err(|error| chain(&error))?;
                 let stepper = machine.start(model, graph, &known);
                 let stepper = stepper.map_err(|error| chain(&error))?;
-                let cloth = match guard.correction {
+                let cloth = match guard {
                     Correction::None => Cloth::Other(Box::new(stepper)),
                     _ => {
                         let (cloth, rate) =

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use selvedge_data::{LoadedScene, StateRun, parse_scene};
-use selvedge_guard::{Correction, GuardSettings};
+use selvedge_guard::Correction;
 use selvedge_model::{Encoder, Model, ModelSpec, Network, Normalizer, Normalizers};
 
 use super::*;
@@ -52,7 +52,7 @@ fn model() -> Method {
         acceleration: even(3),
     };
     let model = Model::new(&spec, weights, normalizers, String::new()).unwrap();
-    let guard = GuardSettings::with(Correction::None);
+    let guard = Correction::None;
     Method {
         name: "mine".to_owned(),
         mover: Mover::Model(Arc::new(model), guard, Machine::Cpu),

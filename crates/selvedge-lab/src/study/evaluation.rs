@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use selvedge_data::Split;
-use selvedge_guard::{Correction, GuardSettings};
+use selvedge_guard::Correction;
 use serde::{Deserialize, Serialize};
 
 use super::desk::{Desk, StudyData};
@@ -200,7 +200,7 @@ fn measure(
             name: waiting.name,
             mover: Mover::Model(
                 NamedModel::open(Some(&file))?.model,
-                GuardSettings::with(Correction::None),
+                Correction::None,
                 desk.machine.clone(),
             ),
         },

@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 use selvedge_cloth::generate::square;
 use selvedge_cloth::motion::named::by_name;
-use selvedge_cloth::{ContactSettings, Isotropic, Motion, RecordedMotion, Release};
+use selvedge_cloth::{ContactSettings, Handles, Isotropic, Motion, RecordedMotion, Release};
 
 use super::*;
 

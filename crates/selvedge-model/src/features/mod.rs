@@ -3,8 +3,6 @@
 
 pub(crate) mod backward;
 pub(crate) mod columns;
-pub(crate) mod finite;
-pub(crate) mod frames;
 pub(crate) mod normalizer;
 pub(crate) mod window;
 
@@ -13,6 +11,5 @@ pub use columns::{
     Column, Pose, edge_columns, edge_features, edge_groups, node_columns, node_features,
     node_groups,
 };
-pub use frames::Frames;
 pub use normalizer::{Normalizer, NormalizerError, RunningStatistics};
-pub use window::{Place, Window};
+pub use window::{Frames, Place, Window};

@@ -2,14 +2,45 @@
 //! their gradient. Training and rollouts share this code.
 
 use glam::Vec3;
+use selvedge_cloth::VertexId;
 
 use crate::features::backward::{PoseGradient, edge_features_backward, node_features_backward};
-use crate::features::frames::Frames;
 use crate::features::normalizer::Normalizer;
-use crate::features::{edge_features, node_features};
+use crate::features::{Pose, edge_features, node_features};
 use crate::graph::ClothGraph;
-use crate::network::InputGradient;
+use crate::graph::connectivity::Connectivity;
+use crate::graph::frame::Yaw;
+use crate::network::{Input, InputGradient};
 use crate::spec::ModelSpec;
+
+/// Positions that a window of one cloth is made from.
+#[derive(Clone, Copy, Debug)]
+pub struct Frames<'a, F> {
+    /// Positions `[m]` in the frames before the window and in each frame of it, oldest first,
+    /// `[history][vertices]` with [`ModelSpec::history`] frames.
+    pub positions: &'a [F],
+    /// The local frame of the newest frame.
+    pub yaw: Yaw,
+}
+
+impl<F: AsRef<[Vec3]>> Frames<'_, F> {
+    /// Frame `current` and the one before it, which features are made from.
+    fn pose(&self, current: usize) -> Pose<'_> {
+        let at = |number: usize| self.positions[number].as_ref();
+        Pose {
+            previous: at(current - 1),
+            current: at(current),
+            yaw: self.yaw,
+        }
+    }
+
+    /// The numbers of the frames of the window.
+    fn window(&self, spec: &ModelSpec) -> std::ops::Range<usize> {
+        let history = self.positions.len();
+        assert_eq!(history, spec.history(), "frames of a window");
+        history - spec.window()..history
+    }
+}
 
 /// Place of one cloth in a disjoint union.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -124,6 +155,42 @@ impl Window {
             let rows = &gradient.arcs[step * edges..][..edges];
             edge_features_backward(spec, graph, pose, rows, by_pose.current);
         }
+    }
+
+    /// The features for the network.
+    pub fn input(&self) -> Input<'_, f32> {
+        Input {
+            nodes: &self.nodes,
+            arcs: &self.arcs,
+        }
+    }
+
+    /// The same room, for the gradient with respect to features.
+    pub fn gradient(&mut self) -> InputGradient<'_, f32> {
+        InputGradient {
+            nodes: &mut self.nodes,
+            arcs: &mut self.arcs,
+        }
+    }
+
+    /// The first vertex with a feature that is not finite, or else the vertex that such an arc
+    /// leads to. The network must not see one: a ReLU may make 0 of what is no number, on some
+    /// processors and not on others.
+    pub(crate) fn first_non_finite(
+        &self,
+        spec: &ModelSpec,
+        graph: &Connectivity,
+    ) -> Option<VertexId> {
+        let row = |values: &[f32], width: usize, rows: usize| {
+            let place = values.iter().position(|x| !x.is_finite())?;
+            Some(place / width % rows)
+        };
+        let vertex = row(&self.nodes, spec.node_width(), graph.vertex_count());
+        let vertex = vertex.or_else(|| {
+            let arc = row(&self.arcs, spec.edge_width(), graph.arc_count())?;
+            Some(graph.receivers[arc] as usize)
+        });
+        vertex.map(|vertex| VertexId(vertex as u32))
     }
 
     /// Normalises everything.

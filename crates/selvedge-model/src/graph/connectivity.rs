@@ -1,6 +1,8 @@
 //! The graph as the network sees it: arcs sorted by receiver, as plain arrays, for one cloth or
 //! for several side by side (a disjoint union).
 
+use std::ops::Range;
+
 use selvedge_cloth::{Topology, VertexId};
 
 use crate::graph::partition::{Partition, partitions};
@@ -97,6 +99,16 @@ impl Connectivity {
         }
         whole.partitions = partitions(&whole.first_arc);
         whole
+    }
+
+    /// The vertices of each partition.
+    pub(crate) fn vertex_ranges(&self) -> impl Iterator<Item = Range<usize>> {
+        self.partitions.iter().map(|rows| rows.vertices.clone())
+    }
+
+    /// The arcs of each partition.
+    pub(crate) fn arc_ranges(&self) -> impl Iterator<Item = Range<usize>> {
+        self.partitions.iter().map(|rows| rows.arcs.clone())
     }
 
     /// Number of vertices.

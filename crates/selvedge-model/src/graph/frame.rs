@@ -23,6 +23,12 @@ pub struct Yaw {
     sin: f64,
 }
 
+impl Default for Yaw {
+    fn default() -> Self {
+        Self::WORLD
+    }
+}
+
 impl Yaw {
     /// The world's own axes.
     pub const WORLD: Self = Self { cos: 1.0, sin: 0.0 };

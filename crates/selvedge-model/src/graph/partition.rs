@@ -20,7 +20,7 @@ const FEWEST_VERTICES: usize = 16;
 pub(crate) const CHUNK: usize = 96;
 
 /// A contiguous range of vertices and the arcs into them.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Partition {
     pub(crate) vertices: Range<usize>,
     pub(crate) arcs: Range<usize>,
@@ -47,12 +47,14 @@ pub(crate) fn chunks(rows: Range<usize>) -> impl Iterator<Item = Range<usize>> {
         .map(move |first| first..end.min(first + CHUNK))
 }
 
-/// `range` in rows of `width` numbers.
-pub(crate) fn of_rows(range: &Range<usize>, width: usize) -> Range<usize> {
-    range.start * width..range.end * width
-}
-
-/// `range` counted from row `first` on.
-pub(crate) fn counted_from(range: &Range<usize>, first: usize) -> Range<usize> {
-    range.start - first..range.end - first
+/// Splits rows of `width` numbers at the ends of consecutive ranges.
+pub(crate) fn split<'a, T>(
+    mut rows: &'a mut [T],
+    width: usize,
+    ranges: impl Iterator<Item = Range<usize>>,
+) -> Vec<&'a mut [T]> {
+    let mut part = |range: Range<usize>| rows.split_off_mut(..range.len() * width);
+    ranges
+        .map(|range| part(range).unwrap_or_default())
+        .collect()
 }

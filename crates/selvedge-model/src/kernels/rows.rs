@@ -15,16 +15,6 @@ pub(crate) struct Receivers<'a> {
     pub(crate) first: usize,
 }
 
-/// Some columns of rows of `stride` numbers.
-#[derive(Clone, Copy)]
-pub(crate) struct ColumnBlock {
-    pub(crate) first: usize,
-    /// Number of columns.
-    pub(crate) width: usize,
-    /// Numbers in a row.
-    pub(crate) stride: usize,
-}
-
 /// Arcs that leave the vertices of a contiguous range, found through the arcs that arrive.
 #[derive(Clone, Copy)]
 pub(crate) struct OutgoingArcs<'a> {
@@ -59,24 +49,20 @@ pub(crate) fn add_column_sums<T: Real>(instructions: Instructions, sums: &mut [T
     );
 }
 
-/// to\[receiver\]\[columns\] ← to\[receiver\]\[columns\] + row, arc after arc.
+/// to\[receiver\] ← to\[receiver\] + row, arc after arc, in the second half of rows of 2 `width`
+/// numbers.
 pub(crate) fn sum_incoming<T: Real>(
     instructions: Instructions,
     to: &mut [T],
-    columns: ColumnBlock,
+    width: usize,
     rows: &[T],
     receivers: Receivers<'_>,
 ) {
-    let ColumnBlock {
-        first,
-        width,
-        stride,
-    } = columns;
     instructions.vectorised(
         #[inline(always)]
         || {
             for (row, &r) in rows.chunks_exact(width).zip(receivers.of) {
-                let start = (r as usize - receivers.first) * stride + first;
+                let start = (r as usize - receivers.first) * 2 * width + width;
                 for (total, &x) in to[start..start + width].iter_mut().zip(row) {
                     *total += x;
                 }
@@ -85,25 +71,23 @@ pub(crate) fn sum_incoming<T: Real>(
     );
 }
 
-/// to\[vertex\]\[columns\] ← Σ rows\[a\] over the arcs that leave the vertex. These are the reverse
-/// arcs of `first_arc[v]..first_arc[v + 1]`.
+/// to\[vertex\] ← Σ rows\[a\] over the arcs that leave the vertex, in the first half of rows of
+/// 2 `width` numbers. These are the reverse arcs of `first_arc[v]..first_arc[v + 1]`.
 pub(crate) fn sum_outgoing<T: Real>(
     instructions: Instructions,
     to: &mut [T],
-    columns: ColumnBlock,
+    width: usize,
     rows: &[T],
     arcs: OutgoingArcs<'_>,
 ) {
-    let ColumnBlock {
-        first,
-        width,
-        stride,
-    } = columns;
     instructions.vectorised(
         #[inline(always)]
         || {
-            for (total, ends) in to.chunks_exact_mut(stride).zip(arcs.first_arc.windows(2)) {
-                let total = &mut total[first..first + width];
+            for (total, ends) in to
+                .chunks_exact_mut(2 * width)
+                .zip(arcs.first_arc.windows(2))
+            {
+                let total = &mut total[..width];
                 total.fill(T::ZERO);
                 for &reverse in &arcs.reverse_arcs[ends[0] as usize..ends[1] as usize] {
                     let row = &rows[reverse as usize * width..][..width];

@@ -5,9 +5,9 @@ use std::ops::Range;
 use crate::kernels::real::Real;
 use crate::network::layers::block::Block;
 use crate::network::layers::encoder::EncoderLayers;
-use crate::network::layers::mlp::Mlp;
-use crate::network::packed::{ModuleBuilder, ModuleSize, Packer, Piece};
-use crate::network::parameters::{Parameter, Start};
+use crate::network::layers::mlp::{Mlp, WholeMlp};
+use crate::network::packed::{ModuleSize, Packer};
+use crate::network::parameters::{Layout, Parameter, Start};
 use crate::spec::{ModelSpec, OUTPUTS, SpecError};
 
 /// Numbers of the modules: both encoders, the blocks, the decoder.
@@ -20,32 +20,12 @@ pub(super) const FIRST_BLOCK: usize = 2;
 pub struct Network {
     pub(super) spec: ModelSpec,
     parameters: Vec<Parameter>,
-    pub(super) node_encoder: EncoderLayers,
-    pub(super) arc_encoder: EncoderLayers,
+    /// Of nodes and of arcs.
+    pub(super) encoders: [EncoderLayers; 2],
     pub(super) blocks: Vec<Block>,
-    pub(super) decoder: Mlp,
-    pub(super) decoder_first: Piece,
-    pub(super) sizes: Vec<ModuleSize>,
-    /// First weight of each module, and the end of the last one, `[modules + 1]`.
-    ends: Vec<usize>,
-}
-
-/// The modules laid out so far.
-struct Modules {
-    builder: ModuleBuilder,
-    sizes: Vec<ModuleSize>,
-    ends: Vec<usize>,
-}
-
-impl Modules {
-    /// Lays out one more module.
-    fn add<L>(&mut self, make: impl FnOnce(&mut ModuleBuilder) -> L) -> L {
-        self.builder.size = ModuleSize::default();
-        let layers = make(&mut self.builder);
-        self.sizes.push(self.builder.size);
-        self.ends.push(self.builder.layout.length());
-        layers
-    }
+    pub(super) decoder: WholeMlp,
+    /// Lengths of the packed matrices of each module, and the places of its weights.
+    pub(crate) modules: Vec<(ModuleSize, Range<usize>)>,
 }
 
 impl Network {
@@ -55,38 +35,30 @@ impl Network {
     /// [`SpecError`] for a spec that no network can be built from.
     pub fn new(spec: &ModelSpec) -> Result<Self, SpecError> {
         spec.validate()?;
-        let mut modules = Modules {
-            builder: ModuleBuilder::default(),
-            sizes: Vec::new(),
-            ends: vec![0],
-        };
-        let latent = spec.latent;
-        let width = spec.node_width();
-        let node_encoder = modules
-            .add(|module| EncoderLayers::new(module, "encoder.nodes", spec.encoder, width, latent));
-        let width = spec.edge_width();
-        let arc_encoder = modules
-            .add(|module| EncoderLayers::new(module, "encoder.edges", spec.encoder, width, latent));
-        let mut blocks = Vec::with_capacity(spec.blocks);
-        for number in 0..spec.blocks {
+        let (latent, mut layout) = (spec.latent, Layout::default());
+        let widths = [
+            ("encoder.nodes", spec.node_width()),
+            ("encoder.edges", spec.edge_width()),
+        ];
+        let encoders = widths.map(|(path, width)| {
+            layout.module(|layout| EncoderLayers::new(layout, path, spec.encoder, width, latent))
+        });
+        let blocks = (0..spec.blocks).map(|number| {
             let path = format!("processor.{number}");
-            blocks.push(modules.add(|module| Block::new(module, &path, spec)));
-        }
-        let (decoder, decoder_first) = modules.add(|module| {
-            let decoder = Mlp::plain(module, "decoder", latent, latent, OUTPUTS);
-            let first = Piece::whole(&mut module.size, &decoder.first);
-            (decoder, first)
+            layout.module(|layout| Block::new(layout, &path, latent))
+        });
+        let blocks = blocks.collect();
+        let decoder = layout.module(|layout| {
+            let decoder = Mlp::plain(layout, "decoder", latent, latent, OUTPUTS);
+            WholeMlp::new(layout, decoder)
         });
         Ok(Self {
             spec: spec.clone(),
-            parameters: modules.builder.layout.finish(),
-            node_encoder,
-            arc_encoder,
+            parameters: layout.parameters,
+            encoders,
             blocks,
             decoder,
-            decoder_first,
-            sizes: modules.sizes,
-            ends: modules.ends,
+            modules: layout.modules,
         })
     }
 
@@ -119,21 +91,17 @@ impl Network {
 
     /// Packs the matrices of a module.
     pub(super) fn pack_module<T: Real>(&self, number: usize, packer: &mut Packer<'_, T>) {
-        match number {
-            NODE_ENCODER => self.node_encoder.pack(packer),
-            ARC_ENCODER => self.arc_encoder.pack(packer),
-            _ => match self.blocks.get(number - FIRST_BLOCK) {
-                Some(block) => block.pack(packer),
-                None => {
-                    self.decoder_first.pack(packer);
-                    self.decoder.pack(packer);
-                }
-            },
+        if let Some(encoder) = self.encoders.get(number) {
+            encoder.pack(packer);
+        } else if let Some(block) = self.blocks.get(number - FIRST_BLOCK) {
+            block.pack(packer);
+        } else {
+            self.decoder.pack(packer);
         }
     }
 
-    /// Places of the weights of modules `first..=last`.
-    pub(super) fn weights_of(&self, first: usize, last: usize) -> Range<usize> {
-        self.ends[first]..self.ends[last + 1]
+    /// Numbers in a row of the features of a vertex and of an arc.
+    pub(super) fn input_widths(&self) -> [usize; 2] {
+        [self.spec.node_width(), self.spec.edge_width()]
     }
 }

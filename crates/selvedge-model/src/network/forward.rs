@@ -1,24 +1,18 @@
 //! The forward pass: the partitions are shared among threads once for the encoders and once for
 //! each block. The last block also decodes.
 
-use crate::graph::connectivity::Connectivity;
-use crate::graph::share::{Rows, Share};
-use crate::kernels::aligned::Aligned;
-use crate::kernels::dropout::RowMasks;
-use crate::kernels::norm::Normalised;
-use crate::kernels::real::Real;
-use crate::network::arguments::{Input, Pass};
-use crate::network::definition::{ARC_ENCODER, FIRST_BLOCK, NODE_ENCODER, Network};
-use crate::network::layers::block::BlockSaved;
-use crate::network::layers::encoder::EncoderInput;
-use crate::network::layers::mlp::{ACTIVATIONS, tile};
-use crate::network::layers::scratch::Scratch;
-use crate::network::packed::PackedWeights;
-use crate::network::workspace::Workspace;
-use crate::spec::OUTPUTS;
+use rayon::prelude::*;
 
-/// The output `[vertices, 3]` and the activations of the decoder.
-type Decoded<'a, T> = (Rows<'a, T>, [Rows<'a, T>; ACTIVATIONS]);
+use crate::graph::connectivity::Connectivity;
+use crate::graph::partition::split;
+use crate::kernels::dropout::RowMasks;
+use crate::kernels::real::Real;
+use crate::network::definition::{ARC_ENCODER, FIRST_BLOCK, NODE_ENCODER, Network};
+use crate::network::layers::encoder::EncoderInput;
+use crate::network::packed::PackedWeights;
+use crate::network::passes::{Input, Pass};
+use crate::network::workspace::{Workspace, with_scratch};
+use crate::spec::OUTPUTS;
 
 impl Network {
     pub(super) fn run_forward<T: Real>(
@@ -40,11 +34,12 @@ impl Network {
 
     /// Panics where the input is not a window of the spec on the graph.
     pub(super) fn check_input<T>(&self, graph: &Connectivity, input: Input<'_, T>) {
-        let (spec, frames) = (&self.spec, self.spec.window());
-        let expected = [
-            frames * graph.vertex_count() * spec.node_width(),
-            frames * graph.arc_count() * spec.edge_width(),
-        ];
+        let (rows, frames) = (
+            [graph.vertex_count(), graph.arc_count()],
+            self.spec.window(),
+        );
+        let widths = self.input_widths();
+        let expected = [0, 1].map(|kind| frames * rows[kind] * widths[kind]);
         assert_eq!([input.nodes.len(), input.arcs.len()], expected, "input");
     }
 
@@ -54,21 +49,12 @@ impl Network {
         input: Input<'a, T>,
         masks: &'a [RowMasks; 2],
     ) -> [EncoderInput<'a, T>; 2] {
-        let [of_nodes, of_arcs] = masks;
-        let window = self.spec.window();
-        let nodes = EncoderInput {
-            window,
-            features: input.nodes,
-            width: self.spec.node_width(),
-            dropout: of_nodes.active(),
-        };
-        let arcs = EncoderInput {
-            window,
-            features: input.arcs,
-            width: self.spec.edge_width(),
-            dropout: of_arcs.active(),
-        };
-        [nodes, arcs]
+        [0, 1].map(|kind| EncoderInput {
+            window: self.spec.window(),
+            features: [input.nodes, input.arcs][kind],
+            width: self.input_widths()[kind],
+            dropout: masks[kind].active(),
+        })
     }
 
     /// Features to latent vectors, and the endpoint products for the first block.
@@ -79,35 +65,28 @@ impl Network {
         input: Input<'_, T>,
         w: &mut Workspace<T>,
     ) {
-        let latent = self.spec.latent;
         let [nodes, arcs] = self.encoder_inputs(input, &w.dropout);
+        let [of_nodes, of_arcs] = &self.encoders;
         let [products, _] = &mut w.endpoint_products;
-        let share = Share {
-            vertices: (
-                (Rows::new(&mut w.nodes, latent), w.node_encoder.rows()),
-                Rows::new(products, 2 * latent),
-            ),
-            arcs: (Rows::new(&mut w.arcs, latent), w.arc_encoder.rows()),
-        };
+        let products = split(products, 2 * self.spec.latent, graph.vertex_ranges());
         let (scratch, stop) = (&w.scratch, &w.stop);
-        share.each(
-            &graph.partitions,
-            |partition, (mut encoded, mut products), mut of_arcs| {
-                if stop.is_wanted() {
-                    return;
-                }
-                Workspace::with_scratch(scratch, |scratch| {
-                    let (layer, range) = (weights.layer(NODE_ENCODER), &partition.vertices);
-                    self.node_encoder
-                        .forward(layer, nodes, range, &mut encoded, scratch);
-                    let (layer, range) = (weights.layer(ARC_ENCODER), &partition.arcs);
-                    self.arc_encoder
-                        .forward(layer, arcs, range, &mut of_arcs, scratch);
-                    let layer = weights.layer(FIRST_BLOCK);
-                    self.blocks[0].endpoint_products(layer, &encoded.0, &mut products);
-                });
-            },
-        );
+        let each = w.parts.par_iter_mut().zip(products).with_max_len(1);
+        each.for_each(|(part, products)| {
+            if stop.is_wanted() {
+                return;
+            }
+            with_scratch(scratch, |scratch| {
+                let (layer, rows) = (weights.layer(NODE_ENCODER), &part.rows);
+                let [kept_nodes, kept_arcs] = &mut part.encoders;
+                let to = (&mut *part.nodes, &mut **kept_nodes);
+                of_nodes.forward(layer, nodes, &rows.vertices, to, scratch);
+                let layer = weights.layer(ARC_ENCODER);
+                let to = (&mut *part.arcs, &mut **kept_arcs);
+                of_arcs.forward(layer, arcs, &rows.arcs, to, scratch);
+                let layer = weights.layer(FIRST_BLOCK);
+                self.blocks[0].endpoint_products(layer, &part.nodes, products);
+            });
+        });
     }
 
     /// One block, and the endpoint products for the next one, or the decoder after the last.
@@ -118,63 +97,31 @@ impl Network {
         number: usize,
         w: &mut Workspace<T>,
     ) {
-        let (latent, block) = (self.spec.latent, &self.blocks[number]);
-        let (products, next_products) = in_turn(&mut w.endpoint_products, number);
-        let BlockSaved {
-            nodes: of_nodes,
-            arcs: of_arcs,
-        } = &mut w.blocks[number];
-        let share = Share {
-            vertices: (
-                Rows::new(&mut w.nodes, latent),
-                of_nodes.rows(),
-                Rows::new(next_products, 2 * latent),
-                (Rows::new(&mut w.output, OUTPUTS), w.decoder.rows()),
-            ),
-            arcs: (Rows::new(&mut w.arcs, latent), of_arcs.rows()),
+        let [even, odd] = &mut w.endpoint_products;
+        let (products, next_products) = match number.is_multiple_of(2) {
+            true => (&*even, odd),
+            false => (&*odd, even),
         };
+        let next_products = split(next_products, 2 * self.spec.latent, graph.vertex_ranges());
+        let output = split(&mut w.output, OUTPUTS, graph.vertex_ranges());
         let (scratch, stop) = (&w.scratch, &w.stop);
-        share.each(&graph.partitions, |partition, of_vertices, arcs| {
-            if stop.is_wanted() {
-                return;
-            }
-            let (mut nodes, kept, mut next_products, decoded) = of_vertices;
-            let input = (graph, partition, products);
-            Workspace::with_scratch(scratch, |scratch| {
-                let layer = weights.layer(FIRST_BLOCK + number);
-                block.forward(layer, input, (&mut nodes, kept), arcs, scratch);
-                let Some(next) = self.blocks.get(number + 1) else {
-                    return self.decode(weights, &nodes, decoded, scratch);
-                };
-                let layer = weights.layer(FIRST_BLOCK + number + 1);
-                next.endpoint_products(layer, &nodes, &mut next_products);
+        let each = w.parts.par_iter_mut().zip(next_products).zip(output);
+        each.with_max_len(1)
+            .for_each(|((part, next_products), output)| {
+                if stop.is_wanted() {
+                    return;
+                }
+                with_scratch(scratch, |scratch| {
+                    let layer = weights.layer(FIRST_BLOCK + number);
+                    let block = &self.blocks[number];
+                    block.forward(layer, (graph, products), number, part, scratch);
+                    let layer = weights.layer(FIRST_BLOCK + number + 1);
+                    let Some(next) = self.blocks.get(number + 1) else {
+                        let kept = (part.decoder.as_mut(), &mut scratch.tiles);
+                        return self.decoder.forward(layer, &part.nodes, kept, output);
+                    };
+                    next.endpoint_products(layer, &part.nodes, next_products);
+                });
             });
-        });
-    }
-
-    /// Latent nodes of a partition to the output.
-    fn decode<T: Real>(
-        &self,
-        weights: &PackedWeights<T>,
-        nodes: &[T],
-        (output, activations): Decoded<'_, T>,
-        scratch: &mut Scratch<T>,
-    ) {
-        let layer = weights.layer(FIRST_BLOCK + self.blocks.len());
-        let (mlp, count) = (&self.decoder, nodes.len() / self.spec.latent);
-        let mut tile = tile(activations, &mut scratch.tiles, count);
-        let terms = &[self.decoder_first.times(layer, nodes)];
-        mlp.first_layer(layer, terms, mlp.first_epilogue(layer), &mut tile);
-        mlp.forward(layer, tile, Normalised::Set(output.values));
-    }
-}
-
-/// The endpoint products of block `number`, and the room for those of the next.
-fn in_turn<T>(products: &mut [Aligned<T>; 2], number: usize) -> (&[T], &mut Aligned<T>) {
-    let [even, odd] = products;
-    if number.is_multiple_of(2) {
-        (&*even, odd)
-    } else {
-        (&*odd, even)
     }
 }

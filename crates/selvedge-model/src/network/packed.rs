@@ -3,13 +3,16 @@
 //!
 //! Weights are packed once for inference, and once per step in training.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use crate::kernels::aligned::Aligned;
 use crate::kernels::gemm::{Columns, Slot, Term, pack};
 use crate::kernels::real::Real;
 use crate::kernels::simd::Instructions;
-use crate::network::parameters::{LayoutBuilder, Linear};
+use crate::network::definition::Network;
+use crate::network::parameters::Linear;
 
 /// Purpose of packed weights.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,23 +37,12 @@ pub struct PackedWeights<T> {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct PackedModule<T> {
     pub(crate) forward: Aligned<T>,
+    /// Empty in weights for inference.
     pub(crate) backward: Aligned<T>,
 }
 
-impl<T: Real> PackedModule<T> {
-    /// Room for a module's matrices.
-    pub(crate) fn new(size: &ModuleSize, purpose: Purpose) -> Self {
-        Self {
-            forward: Aligned::zeros(size.forward),
-            backward: match purpose {
-                Purpose::Inference => Aligned::default(),
-                Purpose::Training => Aligned::zeros(size.backward),
-            },
-        }
-    }
-}
-
 /// The weights of a layer and its instructions.
+#[derive(Clone, Copy)]
 pub(crate) struct LayerWeights<'a, T> {
     pub(crate) instructions: Instructions,
     /// All weights of the network, plain.
@@ -59,19 +51,18 @@ pub(crate) struct LayerWeights<'a, T> {
     pub(crate) module: &'a PackedModule<T>,
 }
 
-impl<T> Clone for LayerWeights<'_, T> {
-    fn clone(&self) -> Self {
-        *self
+impl<'a, T> LayerWeights<'a, T> {
+    /// The plain weights of this place.
+    pub(crate) fn at(&self, place: &Range<usize>) -> &'a [T] {
+        &self.flat[place.clone()]
     }
 }
-
-impl<T> Copy for LayerWeights<'_, T> {}
 
 /// Lengths of the packed matrices of a module.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct ModuleSize {
-    pub(crate) forward: usize,
-    pub(crate) backward: usize,
+    forward: usize,
+    backward: usize,
 }
 
 impl ModuleSize {
@@ -96,15 +87,8 @@ impl ModuleSize {
     }
 }
 
-/// Lays out the weights of a module, plain and packed.
-#[derive(Default)]
-pub(crate) struct ModuleBuilder {
-    pub(crate) layout: LayoutBuilder,
-    pub(crate) size: ModuleSize,
-}
-
 /// Some input columns of a linear layer, packed for both passes.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Piece {
     weight: usize,
     stride: usize,
@@ -117,7 +101,7 @@ impl Piece {
     /// Input columns `first..first + count` of `linear`.
     pub(crate) fn new(size: &mut ModuleSize, linear: &Linear, first: usize, count: usize) -> Self {
         Self {
-            weight: linear.weight,
+            weight: linear.weight.start,
             stride: linear.inputs,
             first,
             forward: size.forward(count, linear.outputs),
@@ -131,15 +115,10 @@ impl Piece {
     }
 
     pub(crate) fn pack<T: Real>(&self, packer: &mut Packer<'_, T>) {
-        let Self {
-            weight,
-            stride,
-            first,
-            ..
-        } = *self;
-        let flat = packer.flat;
-        packer.forward(self.forward, |l, j| flat[weight + j * stride + first + l]);
-        packer.backward(self.backward, |l, j| flat[weight + l * stride + first + j]);
+        let (flat, stride) = (packer.flat, self.stride);
+        let first = self.weight + self.first;
+        packer.forward(self.forward, |l, j| flat[first + j * stride + l]);
+        packer.backward(self.backward, |l, j| flat[first + l * stride + j]);
     }
 
     /// rows Wᵀ.
@@ -185,33 +164,26 @@ impl<T: Real> Packer<'_, T> {
     }
 }
 
-/// Packs the matrices of the module of that number.
-type PackModule<'a, T> = &'a (dyn Fn(usize, &mut Packer<'_, T>) + Sync);
-
 impl<T: Real> PackedWeights<T> {
-    /// Room for `count` weights in modules of these sizes.
-    pub(crate) fn new(
-        sizes: &[ModuleSize],
-        count: usize,
-        purpose: Purpose,
-        instructions: Instructions,
-    ) -> Self {
-        let modules = sizes.iter().map(|size| PackedModule::new(size, purpose));
+    /// Room for the weights of a network.
+    pub(crate) fn new(network: &Network, purpose: Purpose, instructions: Instructions) -> Self {
+        let modules = network.modules.iter().map(|(size, _)| PackedModule {
+            forward: Aligned::zeros(size.forward),
+            backward: match purpose {
+                Purpose::Inference => Aligned::default(),
+                Purpose::Training => Aligned::zeros(size.backward),
+            },
+        });
         Self {
             instructions,
             purpose,
-            flat: vec![T::ZERO; count],
+            flat: vec![T::ZERO; network.parameter_count()],
             modules: modules.collect(),
         }
     }
 
-    /// Packs `weights`, module by module on all threads.
-    ///
-    /// # Panics
-    /// When there is room for another number of weights.
-    pub(crate) fn update(&mut self, weights: &[T], pack_module: PackModule<'_, T>) {
-        let room = self.flat.len();
-        assert_eq!(weights.len(), room, "weights of the same network");
+    /// Packs `weights` of this network, module by module on all threads.
+    pub(crate) fn update(&mut self, network: &Network, weights: &[T]) {
         self.flat.copy_from_slice(weights);
         let (instructions, flat) = (self.instructions, &*self.flat);
         let modules = self.modules.par_iter_mut().enumerate();
@@ -221,7 +193,7 @@ impl<T: Real> PackedWeights<T> {
                 flat,
                 module,
             };
-            pack_module(number, &mut packer);
+            network.pack_module(number, &mut packer);
         });
     }
 

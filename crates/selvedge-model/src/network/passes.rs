@@ -1,16 +1,71 @@
-//! Passes through a network and the packing of its weights, for each of the two scalars.
+//! Passes through a network, their arguments, and the packing of its weights, for each of the two
+//! scalars.
 //!
 //! The public methods are generic over [`NetworkScalar`], whose two implementations stand here.
 //! Their kernels, one of every kind for every instruction set, are therefore compiled once, in this
 //! crate.
 
+use thiserror::Error;
+
 use crate::graph::connectivity::Connectivity;
+use crate::kernels::dropout::Dropout;
 use crate::kernels::real::Real;
 use crate::kernels::simd::Instructions;
-use crate::network::arguments::{Gradients, Input, Pass, Stopped};
 use crate::network::definition::Network;
 use crate::network::packed::{PackedWeights, Purpose};
 use crate::network::workspace::Workspace;
+
+/// Normalised features of a window of frames, oldest first.
+#[derive(Clone, Copy, Debug)]
+pub struct Input<'a, T> {
+    /// `[window, vertices, node width]`.
+    pub nodes: &'a [T],
+    /// `[window, arcs, edge width]`.
+    pub arcs: &'a [T],
+}
+
+/// A pass that ended before it was done, as was asked. What it left is nothing to use.
+#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
+#[error("the pass was stopped, as was asked")]
+pub struct Stopped;
+
+/// Purpose of a pass through the network.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Pass<'a> {
+    /// Only the output is used: activations are not kept.
+    Inference,
+    /// Activations are kept for [`Network::backward_packed`].
+    Training(Option<Dropout<'a>>),
+}
+
+/// Derivatives of a scalar, given for the output and computed for weights and input.
+pub struct Gradients<'a, T> {
+    /// With respect to the output, `[vertices, outputs]`.
+    pub output: &'a [T],
+    /// With respect to the weights, laid out like them; added to.
+    pub weights: &'a mut [T],
+    /// With respect to the input, if wanted; overwritten.
+    pub input: Option<InputGradient<'a, T>>,
+}
+
+impl<'a, T> Gradients<'a, T> {
+    /// From the gradient of the output to that of the weights alone.
+    pub fn new(output: &'a [T], weights: &'a mut [T]) -> Self {
+        Self {
+            output,
+            weights,
+            input: None,
+        }
+    }
+}
+
+/// Derivatives with respect to an [`Input`].
+pub struct InputGradient<'a, T> {
+    /// `[window, vertices, node width]`.
+    pub nodes: &'a mut [T],
+    /// `[window, arcs, edge width]`.
+    pub arcs: &'a mut [T],
+}
 
 /// A scalar that passes through a network are compiled for: `f32` or `f64`.
 pub trait NetworkScalar: Real {
@@ -32,8 +87,6 @@ pub trait NetworkScalar: Real {
         gradients: Gradients<'_, Self>,
         workspace: &mut Workspace<Self>,
     );
-    /// [`Network::repack`].
-    fn pack(network: &Network, weights: &[Self], packed: &mut PackedWeights<Self>);
 }
 
 macro_rules! network_scalar {
@@ -60,12 +113,6 @@ macro_rules! network_scalar {
             ) {
                 network.run_backward(weights, graph, input, gradients, workspace);
             }
-
-            fn pack(network: &Network, weights: &[Self], packed: &mut PackedWeights<Self>) {
-                packed.update(weights, &|number, packer| {
-                    network.pack_module(number, packer)
-                });
-            }
         }
     };
 }
@@ -84,7 +131,7 @@ impl Network {
         purpose: Purpose,
         instructions: Instructions,
     ) -> PackedWeights<T> {
-        let mut packed = PackedWeights::new(&self.sizes, weights.len(), purpose, instructions);
+        let mut packed = PackedWeights::new(self, purpose, instructions);
         self.repack(weights, &mut packed);
         packed
     }
@@ -95,7 +142,8 @@ impl Network {
     /// When the number of weights is not the network's.
     pub fn repack<T: NetworkScalar>(&self, weights: &[T], packed: &mut PackedWeights<T>) {
         assert_eq!(weights.len(), self.parameter_count(), "weights");
-        T::pack(self, weights, packed);
+        assert_eq!(packed.flat.len(), weights.len(), "room");
+        packed.update(self, weights);
     }
 
     /// Normalised accelerations `[vertices, 3]` for normalised features.

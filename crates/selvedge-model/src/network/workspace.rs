@@ -7,20 +7,24 @@
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
+use rayon::prelude::*;
 use selvedge_cloth::Stop;
 
 use crate::graph::connectivity::Connectivity;
+use crate::graph::partition::{CHUNK, PARTITION_VERTICES, Partition, chunks};
 use crate::kernels::aligned::Aligned;
 use crate::kernels::dropout::{ClothRows, Dropout, RowMasks};
+use crate::kernels::gemm::Columns;
+use crate::kernels::outer::{Sums, add_outer};
 use crate::kernels::real::Real;
-use crate::network::arguments::Pass;
+use crate::kernels::rows::add_column_sums;
+use crate::kernels::simd::Instructions;
 use crate::network::definition::Network;
-use crate::network::layers::block::BlockSaved;
-use crate::network::layers::encoder::KEPT;
-use crate::network::layers::mlp::ACTIVATIONS;
-use crate::network::layers::scratch::{GroupWork, Scratch};
-use crate::network::parameters::ModuleGradient;
-use crate::network::saved::Saved;
+use crate::network::layers::block::BlockKept;
+use crate::network::layers::encoder::EncoderKept;
+use crate::network::layers::mlp::Activations;
+use crate::network::parameters::Linear;
+use crate::network::passes::Pass;
 use crate::spec::OUTPUTS;
 
 /// Groups of partitions, each with a sum of gradients of its own. More groups are more sums to add,
@@ -30,37 +34,68 @@ const GROUPS: usize = 8;
 /// Room for all that a pass writes: allocated on the first pass of a size, then reused.
 #[derive(Default)]
 pub struct Workspace<T> {
-    /// Latent vectors of the nodes, `[vertices, latent]`.
-    pub(crate) nodes: Aligned<T>,
-    /// Latent vectors of the arcs, `[arcs, latent]`.
-    pub(crate) arcs: Aligned<T>,
+    pub(super) parts: Vec<Part<T>>,
     /// Endpoint products for the even blocks and for the odd ones, `[vertices, 2 latent]`.
-    pub(crate) endpoint_products: [Aligned<T>; 2],
-    pub(crate) node_encoder: Saved<T, KEPT>,
-    pub(crate) arc_encoder: Saved<T, KEPT>,
-    pub(crate) blocks: Vec<BlockSaved<T>>,
-    pub(crate) decoder: Saved<T, ACTIVATIONS>,
-    pub(crate) output: Aligned<T>,
-    pub(crate) scratch: Vec<Mutex<Scratch<T>>>,
-    pub(crate) groups: Vec<Group<T>>,
+    pub(super) endpoint_products: [Aligned<T>; 2],
+    pub(super) output: Aligned<T>,
+    pub(super) scratch: Vec<Mutex<Scratch<T>>>,
+    pub(super) groups: Vec<Group<T>>,
     /// Gradients of the sums of the first arc layer, `[arcs, latent]`.
-    pub(crate) by_sums: Aligned<T>,
-    /// Gradients of the input of the nodes and of the arcs, row by row.
-    pub(crate) input_gradient: [Aligned<T>; 2],
+    pub(super) by_sums: Aligned<T>,
     /// Masks of nodes and of arcs in the last pass.
-    pub(crate) dropout: [RowMasks; 2],
+    pub(super) dropout: [RowMasks; 2],
     /// True while the activations of a training pass wait for its backward pass.
-    pub(crate) kept: bool,
+    pub(super) kept: bool,
     /// Wanted where nobody needs the pass any more.
-    pub(crate) stop: Stop,
+    pub(super) stop: Stop,
 }
 
-/// The backward pass of a group of partitions.
+/// What a pass keeps of a partition.
+#[derive(Default)]
+pub(crate) struct Part<T> {
+    pub(crate) rows: Partition,
+    /// Latent vectors of the nodes, or their gradients, `[vertices, latent]`.
+    pub(crate) nodes: Aligned<T>,
+    /// Latent vectors of the arcs, or their gradients, `[arcs, latent]`.
+    pub(crate) arcs: Aligned<T>,
+    /// Activations of both encoders, chunk by chunk. These and the following are kept in training.
+    pub(crate) encoders: [Vec<EncoderKept<T>>; 2],
+    pub(crate) blocks: Vec<BlockKept<T>>,
+    pub(crate) decoder: Option<Activations<T>>,
+}
+
+/// Room for a chunk of rows or a partition of vertices, for values that no later pass reads; one
+/// for each thread of a forward pass and for each group of partitions of a backward pass.
+#[derive(Default)]
+pub(crate) struct Scratch<T> {
+    /// Activations of a perceptron where they are not kept; in a backward pass the gradients of its
+    /// output and of the sums of its second and of its first layer. `[CHUNK, latent]`, the last one
+    /// `[CHUNK]`.
+    pub(crate) tiles: Activations<T>,
+    /// Sums of the messages that arrive, or their gradients, `[PARTITION_VERTICES, latent]`.
+    pub(crate) incoming: Aligned<T>,
+    /// Of both layers of a recurrent encoder the states before and after a step where they are not
+    /// kept, or the gradients of a state, `[2 CHUNK, latent]`.
+    pub(crate) states: [Aligned<T>; 2],
+    /// Gradients of the sums of the gates, `[CHUNK, 4 latent]`.
+    pub(crate) gates: Aligned<T>,
+    /// Sums of columns of `gates` of both layers, `[4 latent]`.
+    pub(crate) biases: [Aligned<T>; 2],
+}
+
+/// The backward pass of a group of partitions through one module.
 #[derive(Default)]
 pub(crate) struct Group<T> {
     pub(crate) scratch: Scratch<T>,
-    /// Gradient of a module's weights.
-    pub(crate) gradient: Aligned<T>,
+    pub(crate) gradient: ModuleGradient<T>,
+}
+
+/// The gradient of a module's weights, which are contiguous.
+#[derive(Default)]
+pub(crate) struct ModuleGradient<T> {
+    values: Aligned<T>,
+    /// Number of the first weight of the module.
+    first: usize,
 }
 
 impl<T: Real> Workspace<T> {
@@ -76,13 +111,10 @@ impl<T: Real> Workspace<T> {
     }
 
     /// Makes room for a forward pass.
-    pub(crate) fn fit(&mut self, network: &Network, graph: &Connectivity, pass: Pass<'_>) {
-        let (latent, frames) = (network.spec().latent, network.spec().window());
-        let (vertices, arcs) = (graph.vertex_count(), graph.arc_count());
+    pub(super) fn fit(&mut self, network: &Network, graph: &Connectivity, pass: Pass<'_>) {
+        let (latent, vertices) = (network.spec().latent, graph.vertex_count());
         self.kept = matches!(pass, Pass::Training(_));
-        self.fit_dropout(graph, pass, [frames * latent; 2]);
-        self.nodes.resize(vertices * latent);
-        self.arcs.resize(arcs * latent);
+        self.fit_dropout(graph, pass, network.spec().window() * latent);
         for products in &mut self.endpoint_products {
             products.resize(vertices * 2 * latent);
         }
@@ -91,13 +123,21 @@ impl<T: Real> Workspace<T> {
         self.scratch.resize_with(threads, Mutex::default);
         for scratch in &mut self.scratch {
             let scratch = scratch.get_mut().unwrap_or_else(PoisonError::into_inner);
-            fit_scratch(scratch, network);
+            scratch.fit(network);
         }
-        self.fit_saved(network, graph, frames);
+        let dropout = self
+            .dropout
+            .each_ref()
+            .map(|masks| masks.active().is_some());
+        self.parts
+            .resize_with(graph.partitions.len(), Part::default);
+        for (part, rows) in self.parts.iter_mut().zip(&graph.partitions) {
+            part.fit(network, rows, self.kept.then_some(dropout));
+        }
     }
 
     /// Prepares the masks of rows with that many values in all frames.
-    fn fit_dropout(&mut self, graph: &Connectivity, pass: Pass<'_>, values: [usize; 2]) {
+    fn fit_dropout(&mut self, graph: &Connectivity, pass: Pass<'_>, values: usize) {
         let none = Dropout {
             rate: 0.0,
             seeds: &[],
@@ -114,70 +154,159 @@ impl<T: Real> Workspace<T> {
                 seed: Dropout::row_seeds(seed)[kind],
                 rows: [cloth.vertices, cloth.arcs][kind],
             });
-            masks.fit(rate, rows, values[kind]);
+            masks.fit(rate, rows, values);
         }
-    }
-
-    /// Makes room for the activations of every layer, none where they are not kept.
-    fn fit_saved(&mut self, network: &Network, graph: &Connectivity, frames: usize) {
-        let rows = |count| if self.kept { count } else { 0 };
-        let (vertices, arcs) = (rows(graph.vertex_count()), rows(graph.arc_count()));
-        let [of_nodes, of_arcs] = &self.dropout;
-        let widths = network.node_encoder.widths(frames, of_nodes.active());
-        self.node_encoder.fit(vertices, widths);
-        let widths = network.arc_encoder.widths(frames, of_arcs.active());
-        self.arc_encoder.fit(arcs, widths);
-        self.blocks
-            .resize_with(network.blocks.len(), BlockSaved::default);
-        for (saved, block) in self.blocks.iter_mut().zip(&network.blocks) {
-            saved.fit(block, vertices, arcs);
-        }
-        self.decoder.fit(vertices, network.decoder.widths());
     }
 
     /// Makes room for a backward pass.
-    pub(crate) fn fit_groups(&mut self, network: &Network, partitions: usize) {
+    pub(super) fn fit_groups(&mut self, network: &Network) {
         self.groups
-            .resize_with(GROUPS.min(partitions), Group::default);
+            .resize_with(GROUPS.min(self.parts.len()), Group::default);
         for group in &mut self.groups {
-            fit_scratch(&mut group.scratch, network);
-        }
-    }
-
-    /// Does `work` with the scratch of this thread.
-    pub(crate) fn with_scratch(all: &[Mutex<Scratch<T>>], work: impl FnOnce(&mut Scratch<T>)) {
-        let thread = rayon::current_thread_index().unwrap_or(0) % all.len();
-        work(&mut lock(&all[thread]));
-    }
-}
-
-fn lock<S>(mutex: &Mutex<S>) -> std::sync::MutexGuard<'_, S> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-impl<T: Real> Group<T> {
-    /// The scratch, and a gradient of zeros for the weights of a module.
-    pub(crate) fn begin(&mut self, weights: &Range<usize>) -> GroupWork<'_, T> {
-        self.gradient.resize(weights.len());
-        self.gradient.fill(T::ZERO);
-        self.resume(weights)
-    }
-
-    /// The scratch, and the gradient so far for the weights of a module.
-    pub(crate) fn resume(&mut self, weights: &Range<usize>) -> GroupWork<'_, T> {
-        GroupWork {
-            scratch: &mut self.scratch,
-            gradient: ModuleGradient::new(&mut self.gradient, weights.start),
+            group.scratch.fit(network);
         }
     }
 }
 
-fn fit_scratch<T: Real>(scratch: &mut Scratch<T>, network: &Network) {
-    let spec = network.spec();
-    let width = spec.node_width().max(spec.edge_width());
-    let states = match spec.encoder.is_recurrent() {
-        true => spec.latent,
-        false => 0,
+/// Does `work` with the scratch of this thread.
+pub(super) fn with_scratch<T>(all: &[Mutex<Scratch<T>>], work: impl FnOnce(&mut Scratch<T>)) {
+    let thread = rayon::current_thread_index().unwrap_or(0) % all.len();
+    work(&mut all[thread].lock().unwrap_or_else(PoisonError::into_inner));
+}
+
+impl<T: Real> Part<T> {
+    /// Makes room for a partition; for its activations where they are kept, with dropout or without
+    /// between the layers of each encoder.
+    fn fit(&mut self, network: &Network, rows: &Partition, kept: Option<[bool; 2]>) {
+        let (latent, frames) = (network.spec().latent, network.spec().window());
+        self.rows = rows.clone();
+        self.nodes.resize(rows.vertices.len() * latent);
+        self.arcs.resize(rows.arcs.len() * latent);
+        let Some(dropout) = kept else {
+            self.encoders = Default::default();
+            self.blocks.clear();
+            self.decoder = None;
+            return;
+        };
+        for (kind, chunks_kept) in self.encoders.iter_mut().enumerate() {
+            let rows = [&rows.vertices, &rows.arcs][kind];
+            let encoder = &network.encoders[kind];
+            fit_chunks(chunks_kept, rows, |kept, rows| {
+                kept.fit(encoder, rows, frames, dropout[kind]);
+            });
+        }
+        self.blocks
+            .resize_with(network.blocks.len(), BlockKept::default);
+        for (kept, block) in self.blocks.iter_mut().zip(&network.blocks) {
+            kept.fit(block, rows);
+        }
+        let decoder = self.decoder.get_or_insert_default();
+        network.decoder.fit(decoder, rows.vertices.len());
+    }
+}
+
+/// Makes room for what is kept of each chunk of `rows`.
+pub(crate) fn fit_chunks<K: Default>(
+    kept: &mut Vec<K>,
+    rows: &Range<usize>,
+    fit: impl Fn(&mut K, usize),
+) {
+    kept.resize_with(rows.len().div_ceil(CHUNK), K::default);
+    for (kept, chunk) in kept.iter_mut().zip(chunks(rows.clone())) {
+        fit(kept, chunk.len());
+    }
+}
+
+impl<T: Real> Scratch<T> {
+    /// Makes room for the rows of a network.
+    fn fit(&mut self, network: &Network) {
+        let spec = network.spec();
+        let (latent, rows) = (spec.latent, CHUNK.max(PARTITION_VERTICES));
+        let states = usize::from(spec.encoder.is_recurrent()) * latent;
+        let [tiles @ .., deviations] = &mut self.tiles;
+        tiles.iter_mut().for_each(|tile| tile.resize(rows * latent));
+        deviations.resize(rows);
+        self.incoming.resize(PARTITION_VERTICES * latent);
+        self.gates.resize(rows * 4 * states);
+        for buffer in &mut self.states {
+            buffer.resize(2 * rows * states);
+        }
+        for buffer in &mut self.biases {
+            buffer.resize(4 * states);
+        }
+    }
+}
+
+impl<T: Real> ModuleGradient<T> {
+    /// Begins with zeros for a module with these weights.
+    fn begin(&mut self, weights: &Range<usize>) {
+        self.first = weights.start;
+        self.values.resize(weights.len());
+        self.values.fill(T::ZERO);
+    }
+
+    /// The gradient of the weights of this place.
+    pub(crate) fn at(&mut self, weights: &Range<usize>) -> &mut [T] {
+        &mut self.values[weights.start - self.first..weights.end - self.first]
+    }
+
+    /// Adds the gradients of weight and bias for an output gradient and the layer's input.
+    pub(crate) fn add_linear(
+        &mut self,
+        using: Instructions,
+        linear: &Linear,
+        output: &[T],
+        input: &[T],
+    ) {
+        add_column_sums(using, self.at(&linear.bias), output);
+        let sums = Sums {
+            rows: self.at(&linear.weight),
+            stride: linear.inputs,
+            first: 0,
+        };
+        let (left, right) = (
+            Columns::all(output, linear.outputs),
+            Columns::all(input, linear.inputs),
+        );
+        add_outer(using, sums, left, right);
+    }
+}
+
+/// Deals partitions, of each of which `rows` has an item, to the groups in order, and does `work`
+/// on those of a group one after the other, on all threads. A module whose gradient begins here has
+/// the weights `begins`.
+pub(super) fn by_group<T: Real, R: Send>(
+    groups: &mut [Group<T>],
+    begins: Option<&Range<usize>>,
+    rows: impl IntoIterator<Item = R, IntoIter: ExactSizeIterator>,
+    work: impl Fn(&mut Group<T>, R) + Sync,
+) {
+    let mut rows = rows.into_iter();
+    let (partitions, count) = (rows.len(), groups.len());
+    let deal = |(number, group)| {
+        let size = (number + 1) * partitions / count - number * partitions / count;
+        (group, rows.by_ref().take(size).collect::<Vec<R>>())
     };
-    scratch.fit(spec.latent, width, states);
+    let dealt: Vec<(&mut Group<T>, Vec<R>)> = groups.iter_mut().enumerate().map(deal).collect();
+    let dealt = dealt.into_par_iter().with_max_len(1);
+    dealt.for_each(|(group, rows)| {
+        if let Some(weights) = begins {
+            group.gradient.begin(weights);
+        }
+        rows.into_iter().for_each(|rows| work(group, rows));
+    });
+}
+
+/// Adds the groups' gradients of a module in their order.
+pub(super) fn add_groups<T: Real>(groups: &[Group<T>], gradient: &mut [T]) {
+    const PART: usize = 8 * 1024;
+    let parts = gradient.par_chunks_mut(PART).enumerate();
+    parts.for_each(|(number, sum)| {
+        for group in groups {
+            let part = &group.gradient.values[number * PART..][..sum.len()];
+            for (x, &y) in sum.iter_mut().zip(part) {
+                *x += y;
+            }
+        }
+    });
 }

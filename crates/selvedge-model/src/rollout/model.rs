@@ -16,6 +16,17 @@ pub struct Normalizers {
     pub acceleration: Normalizer,
 }
 
+impl Normalizers {
+    /// Each with its name in a model file.
+    pub(crate) fn named(&self) -> [(&'static str, &Normalizer); 3] {
+        [
+            ("nodes", &self.nodes),
+            ("edges", &self.edges),
+            ("acceleration", &self.acceleration),
+        ]
+    }
+}
+
 /// A network with its weights and statistics, ready for rollouts.
 #[derive(Clone, Debug)]
 pub struct Model {
@@ -89,34 +100,20 @@ fn check_counts(
     normalizers: &Normalizers,
 ) -> Result<(), SpecError> {
     let spec = network.spec();
-    let counts = [
-        (
-            "the array of weights",
-            network.parameter_count(),
-            weights.len(),
-        ),
-        (
-            "normalizer.nodes",
-            spec.node_width(),
-            normalizers.nodes.width(),
-        ),
-        (
-            "normalizer.edges",
-            spec.edge_width(),
-            normalizers.edges.width(),
-        ),
-        (
-            "normalizer.acceleration",
-            OUTPUTS,
-            normalizers.acceleration.width(),
-        ),
-    ];
-    for (what, expected, found) in counts {
-        if expected != found {
-            return Err(SpecError(format!(
-                "{what} has {found} values, but the spec of the model needs {expected}"
-            )));
-        }
+    let check = |what: &str, expected: usize, found: usize| match expected == found {
+        true => Ok(()),
+        false => Err(SpecError(format!(
+            "{what} has {found} values, but the spec of the model needs {expected}"
+        ))),
+    };
+    check(
+        "the array of weights",
+        network.parameter_count(),
+        weights.len(),
+    )?;
+    let widths = [spec.node_width(), spec.edge_width(), OUTPUTS];
+    for ((of, normalizer), width) in normalizers.named().into_iter().zip(widths) {
+        check(&format!("normalizer.{of}"), width, normalizer.width())?;
     }
     Ok(())
 }

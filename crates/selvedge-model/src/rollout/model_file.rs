@@ -151,17 +151,8 @@ fn statistic_name(of: &str, kind: &str) -> String {
 }
 
 fn statistics_bytes(model: &Model) -> Vec<(String, Vec<u8>)> {
-    let Normalizers {
-        nodes,
-        edges,
-        acceleration,
-    } = model.normalizers();
     let mut out = Vec::new();
-    for ((of, _), normalizer) in
-        statistics(model.spec())
-            .into_iter()
-            .zip([nodes, edges, acceleration])
-    {
+    for (of, normalizer) in model.normalizers().named() {
         let both = [normalizer.mean(), normalizer.deviation()];
         for (kind, values) in STATISTIC_KINDS.into_iter().zip(both) {
             out.push((statistic_name(of, kind), bytes_of(values, f64::to_le_bytes)));

@@ -12,14 +12,13 @@ use selvedge_cloth::{
 };
 use thiserror::Error;
 
-use crate::features::finite::first_non_finite;
 use crate::features::{Frames, Place, Window};
 use crate::graph::ClothGraph;
 use crate::graph::frame::Yaw;
 use crate::kernels::simd::Instructions;
 use crate::network::packed::{PackedWeights, Purpose};
 use crate::network::workspace::Workspace;
-use crate::network::{Input, Pass, Stopped};
+use crate::network::{Pass, Stopped};
 use crate::rollout::advance::{LocalAcceleration, NonFinite, TwoFrames, advance, require_finite};
 use crate::rollout::hands::Hands;
 use crate::rollout::model::Model;
@@ -151,18 +150,14 @@ impl LearnedStepper {
         let normalizers = self.model.normalizers();
         self.features
             .normalize(&normalizers.nodes, &normalizers.edges);
-        let input = Input {
-            nodes: &self.features.nodes,
-            arcs: &self.features.arcs,
-        };
         let connectivity = self.graph.connectivity();
-        if let Some(vertex) = first_non_finite(spec, connectivity, input) {
+        if let Some(vertex) = self.features.first_non_finite(spec, connectivity) {
             return Err(StepError::NonFinite { frame, vertex });
         }
         let out = self.model.network().forward_packed(
             &self.weights,
             connectivity,
-            input,
+            self.features.input(),
             Pass::Inference,
             &mut self.workspace,
         );

@@ -9,7 +9,7 @@ use selvedge_model::{
     ModelSpec, Network, OUTPUTS, Pass, Purpose, Stopped, Workspace, reference,
 };
 
-use crate::specs::{packed, specs};
+use crate::specs::{both, forward, packed, specs};
 use crate::strip::strip;
 
 struct Case {
@@ -59,16 +59,11 @@ impl Case {
         [&self.weights, &self.nodes, &self.arcs].map(|x| x.iter().map(|&x| x as f32).collect())
     }
 
-    fn objective(&self, weights: &[f64], pass: Pass<'_>, workspace: &mut Workspace<f64>) -> f64 {
-        let (packed, input) = (packed(&self.network, weights), self.input());
-        let out = self
-            .network
-            .forward_packed(&packed, &self.graph, input, pass, workspace)
-            .expect("no stop");
-        out.iter()
-            .enumerate()
-            .map(|(k, x)| x * coefficient(k))
-            .sum()
+    fn objective(&self, weights: &[f64], pass: Pass<'_>) -> f64 {
+        let packed = packed(&self.network, weights);
+        let out = forward(&self.network, &packed, &self.graph, self.input(), pass);
+        let terms = out.iter().enumerate();
+        terms.map(|(k, x)| x * coefficient(k)).sum()
     }
 }
 
@@ -95,11 +90,8 @@ fn the_fast_network_is_the_reference() {
         let case = case(&spec, 60, 1);
         let expected = reference::forward(&case.network, &case.weights, &case.graph, case.input());
         for pass in [Pass::Inference, Pass::Training(None)] {
-            let mut workspace = Workspace::new();
-            let (network, graph) = (&case.network, &case.graph);
-            let packed = packed(network, &case.weights);
-            let found = network.forward_packed(&packed, graph, case.input(), pass, &mut workspace);
-            let found = found.expect("no stop");
+            let packed = packed(&case.network, &case.weights);
+            let found = forward(&case.network, &packed, &case.graph, case.input(), pass);
             for (found, expected) in found.iter().zip(&expected) {
                 // Sums of a few hundred terms of order one in another order.
                 assert!(
@@ -146,9 +138,7 @@ fn f32_agrees(case: &Case, name: &str) {
     for instructions in [Instructions::Detected, Instructions::Plain] {
         let (network, graph, pass) = (&case.network, &case.graph, Pass::Inference);
         let packed = network.pack(&weights, Purpose::Inference, instructions);
-        let mut workspace = Workspace::new();
-        let found = network.forward_packed(&packed, graph, input, pass, &mut workspace);
-        let found = found.expect("no stop");
+        let found = forward(network, &packed, graph, input, pass);
         for (&found, expected) in found.iter().zip(&expected) {
             // A few roundings of 6e-8 per layer, amplified by LayerNorms: 1e-5 of the scale.
             let off = (f64::from(found) - expected).abs() / scale;
@@ -166,33 +156,25 @@ fn gradients_match_finite_differences_in_every_tensor() {
     for (number, spec) in specs().iter().enumerate() {
         let dropout = [1, 4].contains(&number).then_some(dropout);
         let mut case = case(spec, 4, 3);
-        let mut workspace = Workspace::new();
         let pass = Pass::Training(dropout);
-        case.objective(&case.weights, pass, &mut workspace);
-        let mut gradient = vec![0.0; case.weights.len()];
-        let output: Vec<f64> = (0..case.graph.vertex_count() * OUTPUTS)
-            .map(coefficient)
-            .collect();
+        let count = case.graph.vertex_count() * OUTPUTS;
+        let output: Vec<f64> = (0..count).map(coefficient).collect();
         let [mut nodes, mut arcs] = [&case.nodes, &case.arcs].map(|x| vec![f64::NAN; x.len()]);
-        let gradients = Gradients {
-            input: Some(InputGradient {
-                nodes: &mut nodes,
-                arcs: &mut arcs,
-            }),
-            ..Gradients::new(&output, &mut gradient)
+        let by_input = InputGradient {
+            nodes: &mut nodes,
+            arcs: &mut arcs,
         };
-        let (graph, input) = (&case.graph, case.input());
-        let packed = packed(&case.network, &case.weights);
-        let back = case
-            .network
-            .backward_packed(&packed, graph, input, gradients, &mut workspace);
-        back.expect("no stop");
+        let (packed, of) = (
+            packed(&case.network, &case.weights),
+            (&case.graph, case.input()),
+        );
+        let [_, gradient] = both(&case.network, &packed, of, pass, &output, Some(by_input));
         check_input_gradient(&mut case, pass, &nodes, &arcs);
         for parameter in case.network.parameters() {
             let count = parameter.range.len();
             for k in (0..count).step_by((count / 5).max(1)) {
                 let place = parameter.range.start + k;
-                let slope = slope(&case, place, pass, &mut workspace);
+                let slope = slope(&case, place, pass);
                 let error = (slope - gradient[place]).abs();
                 // Central differences of step 2e-6: error 4e-12 curvature + 1e-8 rounding; a ReLU
                 // that switches within the step shows as a part of its slope.
@@ -214,12 +196,12 @@ fn check_input_gradient(case: &mut Case, pass: Pass<'_>, nodes: &[f64], arcs: &[
         ("nodes", |case| &mut case.nodes, nodes),
         ("arcs", |case| &mut case.arcs, arcs),
     ];
-    let (step, mut workspace) = (1e-5, Workspace::new());
+    let step = 1e-5;
     for (name, part, gradient) in parts {
         for place in (0..gradient.len()).step_by(7) {
             let mut at = |moved: f64| {
                 part(case)[place] += moved;
-                let value = case.objective(&case.weights, pass, &mut workspace);
+                let value = case.objective(&case.weights, pass);
                 part(case)[place] -= moved;
                 value
             };
@@ -234,20 +216,20 @@ fn check_input_gradient(case: &mut Case, pass: Pass<'_>, nodes: &[f64], arcs: &[
     }
 }
 
-fn slope(case: &Case, place: usize, pass: Pass<'_>, workspace: &mut Workspace<f64>) -> f64 {
+fn slope(case: &Case, place: usize, pass: Pass<'_>) -> f64 {
     let step = 2e-6;
     let mut weights = case.weights.clone();
     weights[place] += step;
-    let above = case.objective(&weights, pass, workspace);
+    let above = case.objective(&weights, pass);
     weights[place] -= 2.0 * step;
-    let below = case.objective(&weights, pass, workspace);
+    let below = case.objective(&weights, pass);
     (above - below) / (2.0 * step)
 }
 
 #[test]
 fn dropout_changes_training_only_and_follows_its_seed() {
     let case = case(&ModelSpec::physical(Encoder::Gru { window: 3 }, 8, 1), 5, 4);
-    let run = |pass| case.objective(&case.weights, pass, &mut Workspace::new());
+    let run = |pass| case.objective(&case.weights, pass);
     let dropped = |seeds: &'static [u64]| Pass::Training(Some(Dropout { rate: 0.5, seeds }));
     assert_eq!(run(Pass::Inference), run(Pass::Training(None)));
     assert_eq!(run(dropped(&[1])), run(dropped(&[1])));
@@ -280,9 +262,7 @@ fn a_union_computes_what_its_parts_compute() {
         let network = &parts[0].network;
         let weights = &parts[0].weights;
         let (packed, pass) = (packed(network, weights), Pass::Inference);
-        let mut workspace = Workspace::new();
-        let together = network.forward_packed(&packed, &whole, input, pass, &mut workspace);
-        let together = together.expect("no stop");
+        let together = forward(network, &packed, &whole, input, pass);
         let apart: Vec<f64> = parts
             .iter()
             .flat_map(|part| reference::forward(network, weights, &part.graph, part.input()))
@@ -310,17 +290,9 @@ fn a_cloth_drops_the_same_values_alone_and_in_a_union() {
         let (network, weights) = (&parts[0].network, &parts[0].weights);
         let packed = packed(network, weights);
         let dropped = |seeds| Pass::Training(Some(Dropout { rate: 0.4, seeds }));
-        let mut workspace = Workspace::new();
-        let pass = dropped(&[8, 9]);
-        let together = network
-            .forward_packed(&packed, &whole, input, pass, &mut workspace)
-            .expect("no stop")
-            .to_vec();
+        let together = forward(network, &packed, &whole, input, dropped(&[8, 9]));
         let alone = |part: &Case, seeds| {
-            let (graph, pass) = (&part.graph, dropped(seeds));
-            let mut workspace = Workspace::new();
-            let out = network.forward_packed(&packed, graph, part.input(), pass, &mut workspace);
-            out.expect("no stop").to_vec()
+            forward(network, &packed, &part.graph, part.input(), dropped(seeds))
         };
         let apart = [alone(&parts[0], &[8]), alone(&parts[1], &[9])].concat();
         assert_eq!(together.len(), apart.len());
@@ -345,14 +317,7 @@ fn a_machine_without_wide_vectors_gives_the_same_but_for_rounding() {
         let [wide, plain] = [Instructions::Detected, Instructions::Plain].map(|instructions| {
             let (network, graph, pass) = (&case.network, &case.graph, Pass::Training(None));
             let packed = network.pack(&weights, Purpose::Training, instructions);
-            let mut workspace = Workspace::new();
-            let out = network.forward_packed(&packed, graph, input, pass, &mut workspace);
-            let out = out.expect("no stop").to_vec();
-            let mut gradient = vec![0.0; weights.len()];
-            let gradients = Gradients::new(&output, &mut gradient);
-            let back = network.backward_packed(&packed, graph, input, gradients, &mut workspace);
-            back.expect("no stop");
-            [out, gradient]
+            both(network, &packed, (graph, input), pass, &output, None)
         });
         for (wide, plain) in wide.iter().zip(&plain) {
             let scale = plain.iter().fold(0.0_f32, |m, x| m.max(x.abs()));
@@ -381,19 +346,11 @@ fn threads_change_no_bit() {
             };
             let (network, graph) = (&case.network, &case.graph);
             let packed = packed(network, &weights);
-            let mut workspace = Workspace::new();
-            let mut forward = |pass| {
-                let out = network.forward_packed(&packed, graph, input, pass, &mut workspace);
-                out.expect("no stop").to_vec()
-            };
-            let frame = forward(Pass::Inference);
-            forward(Pass::Training(None));
-            let mut gradient = vec![0.0; weights.len()];
+            let frame = forward(network, &packed, graph, input, Pass::Inference);
             let output: Vec<f32> = (0..frame.len()).map(|k| coefficient(k) as f32).collect();
-            let gradients = Gradients::new(&output, &mut gradient);
-            let back = network.backward_packed(&packed, graph, input, gradients, &mut workspace);
-            back.expect("no stop");
-            (frame, gradient)
+            let (of, pass) = ((graph, input), Pass::Training(None));
+            let learned = both(network, &packed, of, pass, &output, None);
+            (frame, learned)
         };
         let one = on_threads(1, run);
         assert_eq!(one, on_threads(2, run));
@@ -430,16 +387,15 @@ fn activations_serve_one_backward_pass() {
     for passes in [vec![Pass::Inference], vec![Pass::Training(None); 2]] {
         let case = case(&ModelSpec::mesh_graph_nets(4, 1), 2, 9);
         let mut workspace = Workspace::new();
-        case.objective(&case.weights, passes[0], &mut workspace);
+        let weights = packed(&case.network, &case.weights);
+        let (network, graph, input) = (&case.network, &case.graph, case.input());
+        let out = network.forward_packed(&weights, graph, input, passes[0], &mut workspace);
+        out.expect("no stop");
         let mut gradient = vec![0.0; case.weights.len()];
         let output = vec![1.0; case.graph.vertex_count() * 3];
         let mut backward = || {
             let gradients = Gradients::new(&output, &mut gradient);
-            let (graph, input) = (&case.graph, case.input());
-            let packed = packed(&case.network, &case.weights);
-            let back =
-                case.network
-                    .backward_packed(&packed, graph, input, gradients, &mut workspace);
+            let back = network.backward_packed(&weights, graph, input, gradients, &mut workspace);
             back.expect("no stop");
         };
         for _ in 1..passes.len() {

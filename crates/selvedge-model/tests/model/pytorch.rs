@@ -8,9 +8,10 @@ use std::collections::BTreeMap;
 
 use selvedge_cloth::Topology;
 use selvedge_model::{
-    Connectivity, Encoder, Gradients, Input, InputGradient, ModelSpec, Network, NetworkScalar,
-    Pass, Workspace,
+    Connectivity, Encoder, Input, InputGradient, ModelSpec, Network, NetworkScalar, Pass,
 };
+
+use crate::specs::{both, packed};
 
 #[path = "../pytorch/fixture.rs"]
 mod fixture;
@@ -76,23 +77,16 @@ fn network_case<T: NetworkScalar>() {
         nodes: &nodes,
         arcs: &arcs,
     };
-    let mut workspace = Workspace::new();
-    let pass = Pass::Training(None);
-    let packed = crate::specs::packed(&network, &weights);
-    let out = network.forward_packed(&packed, &graph, input, pass, &mut workspace);
-    compare("output", out.expect("no stop"), &of("output.rows"));
-    let mut gradient = vec![T::ZERO; weights.len()];
+    let packed = packed(&network, &weights);
     let [mut by_nodes, mut by_arcs] = [&nodes, &arcs].map(|x| vec![T::ZERO; x.len()]);
     let output: Vec<T> = real(&of("cotangent.rows"));
-    let gradients = Gradients {
-        input: Some(InputGradient {
-            nodes: &mut by_nodes,
-            arcs: &mut by_arcs,
-        }),
-        ..Gradients::new(&output, &mut gradient)
+    let by_input = InputGradient {
+        nodes: &mut by_nodes,
+        arcs: &mut by_arcs,
     };
-    let back = network.backward_packed(&packed, &graph, input, gradients, &mut workspace);
-    back.expect("no stop");
+    let (pass, by_input) = (Pass::Training(None), Some(by_input));
+    let [out, gradient] = both(&network, &packed, (&graph, input), pass, &output, by_input);
+    compare("output", &out, &of("output.rows"));
     compare("nodes", &by_nodes, &of("gradient.input.nodes"));
     let expected = reordered(&of("gradient.input.edges"), &order, 10);
     compare("arcs", &by_arcs, &expected);

@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use safetensors::SafeTensors;
 use selvedge_data::SectionRule;
 use selvedge_model::Encoder;
 use serde_json::Value;
@@ -11,7 +10,7 @@ use super::*;
 use crate::schedule::LearningRate;
 use crate::test_data::{ENGINE, Swinging, busy, config, swinging, two_cloths};
 
-fn steps(trainer: &mut Trainer, count: usize) -> Vec<crate::trainer::StepReport> {
+fn steps(trainer: &mut Trainer, count: usize) -> Vec<StepReport> {
     (0..count)
         .map(|_| trainer.step().expect("a step"))
         .collect()
@@ -73,26 +72,6 @@ fn a_resumed_training_is_the_uninterrupted_one() {
             let bytes = [&after, &whole].map(|trainer| model(trainer).to_bytes().expect("bytes"));
             assert_eq!(bytes[0], bytes[1]);
         }
-    }
-}
-
-#[test]
-fn histories_of_lanes_in_a_run_are_kept() {
-    let data = two_cloths();
-    let (path, bytes) = five(busy(Encoder::Gru { window: 3 }), &data);
-    let tensors = SafeTensors::deserialize(&bytes).expect("a container");
-    let histories = tensors
-        .names()
-        .iter()
-        .filter(|n| n.starts_with("lane."))
-        .count();
-    assert!(histories > 0);
-    let cfg = busy(Encoder::Gru { window: 3 });
-    let trainer = Trainer::resume(cfg, &data.dataset, &path, &ENGINE).expect("resumed");
-    let in_runs = trainer.slots.iter().filter(|slot| slot.run > 0);
-    assert_eq!(in_runs.clone().count(), histories);
-    for slot in in_runs {
-        assert_eq!(slot.history.len(), 4);
     }
 }
 

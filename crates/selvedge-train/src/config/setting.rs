@@ -8,8 +8,7 @@ use std::str::FromStr;
 use serde::Deserialize;
 use toml::{Table, Value};
 
-use super::TrainConfig;
-use super::error::SettingError;
+use super::{ConfigError, TrainConfig};
 
 /// A change of one value of a configuration.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,11 +18,13 @@ pub struct Setting {
 }
 
 impl FromStr for Setting {
-    type Err = SettingError;
+    type Err = ConfigError;
 
-    fn from_str(text: &str) -> Result<Self, SettingError> {
-        let no_setting = || SettingError::Text {
-            text: text.to_owned(),
+    fn from_str(text: &str) -> Result<Self, ConfigError> {
+        let no_setting = || {
+            ConfigError(format!(
+                "\"{text}\" is no setting: write the dotted path of a key, an equals sign and a value as in TOML, such as model.latent=32"
+            ))
         };
         let (path, value) = text.split_once('=').ok_or_else(no_setting)?;
         let path: Vec<String> = path.split('.').map(|key| key.trim().to_owned()).collect();
@@ -67,11 +68,11 @@ pub(super) fn changed(
     cfg: TrainConfig,
     text: &str,
     settings: &[Setting],
-) -> Result<TrainConfig, SettingError> {
+) -> Result<TrainConfig, ConfigError> {
     if settings.is_empty() {
         return Ok(cfg);
     }
-    let wrong = |source| SettingError::Value(Box::new(source));
+    let wrong = |error: toml::de::Error| ConfigError(error.to_string());
     let mut table: Table = text.parse().map_err(wrong)?;
     for setting in settings {
         put(&mut table, setting)?;
@@ -81,7 +82,7 @@ pub(super) fn changed(
 
 /// Tables on the way that are not there yet are made: what reads the whole refuses those that have
 /// no place.
-fn put(table: &mut Table, setting: &Setting) -> Result<(), SettingError> {
+fn put(table: &mut Table, setting: &Setting) -> Result<(), ConfigError> {
     let Some((last, way)) = setting.path.split_last() else {
         return Ok(());
     };
@@ -91,10 +92,9 @@ fn put(table: &mut Table, setting: &Setting) -> Result<(), SettingError> {
             .entry(key.clone())
             .or_insert_with(|| Value::Table(Table::new()));
         let Value::Table(next) = next else {
-            return Err(SettingError::NoTable {
-                path: way[..=number].join("."),
-                key: setting.path[number + 1].clone(),
-            });
+            let (path, key) = (way[..=number].join("."), &setting.path[number + 1]);
+            let problem = format!("{path} is no table, so that it has no key {key}");
+            return Err(ConfigError(problem));
         };
         at = next;
     }

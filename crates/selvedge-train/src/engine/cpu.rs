@@ -8,9 +8,8 @@ use rayon::prelude::*;
 use selvedge_model::{Instructions, PackedWeights, Purpose};
 
 use super::micro_batch::{MicroBatch, Shared};
-use super::{Batch, Engine, EngineError, EngineMaker, Learned, Setup, Update};
+use super::{Engine, EngineError, EngineMaker, Learned, Setup, SlotRun, Update};
 use crate::losses::LossTerms;
-use crate::memory::Arithmetic;
 
 /// Settings of the engine of this machine's processor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,10 +28,8 @@ impl Default for OnProcessor {
 }
 
 impl EngineMaker for OnProcessor {
-    fn arithmetic(&self) -> Arithmetic {
-        Arithmetic::OnProcessor {
-            micro_batch: self.micro_batch.max(1),
-        }
+    fn micro_batch(&self) -> Option<usize> {
+        Some(self.micro_batch.max(1))
     }
 
     fn make(&self, setup: Setup<'_>) -> Result<Box<dyn Engine>, EngineError> {
@@ -86,17 +83,18 @@ impl CpuEngine {
 }
 
 impl Engine for CpuEngine {
-    fn learn(&mut self, batch: Batch<'_>) -> Result<Vec<LossTerms>, EngineError> {
-        let setup = batch.setup();
-        setup
-            .network
-            .repack(&setup.learned.weights, &mut self.packed);
+    fn learn(
+        &mut self,
+        setup: Setup<'_>,
+        slots: &mut [SlotRun<'_>],
+    ) -> Result<Vec<LossTerms>, EngineError> {
+        let weights = &setup.learned.weights;
+        setup.network.repack(weights, &mut self.packed);
         let shared = Shared {
             setup,
-            frames: batch.frames(),
+            frames: slots.first().map_or(1, SlotRun::frames),
             weights: &self.packed,
         };
-        let mut slots = batch.runs();
         slots
             .par_chunks_mut(self.micro_batch)
             .zip(&mut self.batches)

@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 use selvedge_model::{
-    ClothGraph, Connectivity, Dropout, Gradients, Input, InputGradient, PackedWeights, Pass, Place,
+    ClothGraph, Connectivity, Dropout, Gradients, InputGradient, PackedWeights, Pass, Place,
     Stopped, Window, Workspace,
 };
 
@@ -24,7 +24,8 @@ pub(super) struct MicroBatch {
     frames: Vec<FrameBuffers>,
     union: Union,
     losses: LossEvaluator,
-    input: InputBuffers,
+    /// Gradients with respect to features.
+    input: Window,
     /// Gradients of the positions of all frames, the history of the first one included, in the
     /// world, `[frames][vertices]`.
     by_position: Vec<Vec<Vec3>>,
@@ -44,9 +45,11 @@ pub(super) struct Shared<'a> {
 }
 
 /// Cloths side by side.
+#[derive(Default)]
 struct Union {
     graphs: Vec<Arc<ClothGraph>>,
-    connectivity: Arc<Connectivity>,
+    /// The arcs of all, where there are several cloths.
+    several: Option<Connectivity>,
     places: Vec<Place>,
 }
 
@@ -62,22 +65,6 @@ struct FrameBuffers {
     by_output: Vec<f32>,
 }
 
-/// Gradients with respect to features.
-#[derive(Default)]
-struct InputBuffers {
-    nodes: Vec<f32>,
-    arcs: Vec<f32>,
-}
-
-/// Gradients on the way back through one frame of a rollout.
-struct FrameGradients<'a> {
-    weights: &'a mut [f32],
-    /// Room for those of the features, where the positions before are predictions.
-    input: Option<&'a mut InputBuffers>,
-    /// Gradients of the history and, last, of the predicted positions.
-    positions: &'a mut [Vec<Vec3>],
-}
-
 /// A micro-batch at work.
 struct Passes<'a, 'b> {
     batch: &'a mut MicroBatch,
@@ -89,9 +76,9 @@ impl MicroBatch {
     pub(super) fn new(losses: LossWeights, weights: usize) -> Self {
         Self {
             frames: Vec::new(),
-            union: Union::empty(),
+            union: Union::default(),
             losses: LossEvaluator::new(losses),
-            input: InputBuffers::default(),
+            input: Window::default(),
             by_position: Vec::new(),
             gradient: vec![0.0; weights],
             terms: Vec::new(),
@@ -187,43 +174,39 @@ impl Passes<'_, '_> {
         );
         let network = shared.setup.network;
         let history = network.spec().history();
-        let vertices = batch.union.connectivity.vertex_count();
+        let vertices = batch.union.connectivity().vertex_count();
         let count = history + weights.len();
         batch.by_position.resize_with(count, Vec::new);
         for row in &mut batch.by_position {
             row.clear();
             row.resize(vertices, Vec3::ZERO);
         }
+        let (spec, normalizers) = (network.spec(), shared.setup.normalizers);
+        let (graph, input) = (&batch.union.graphs[0], &mut batch.input);
         for (number, &weight) in weights.iter().enumerate().rev() {
             let frame = &mut batch.frames[number];
             let positions = &mut batch.by_position[number..=number + history];
-            let by_next = &mut positions[history];
-            frame.samples[0].join_gradient(
-                &batch.union.graphs[0],
-                shared.setup.normalizers,
-                weight as f32,
-                &mut frame.by_output,
-                by_next,
-            );
-            let gradients = FrameGradients {
-                weights: &mut batch.gradient,
+            let (rows, by_next) = (&mut frame.by_output, &mut positions[history]);
+            frame.samples[0].join_gradient(graph, normalizers, weight as f32, rows, by_next);
+            let gradient = &mut batch.gradient;
+            if number == 0 {
                 // The first frame starts from given positions.
-                input: (number > 0).then_some(&mut batch.input),
-                positions,
-            };
-            frame.backward(shared, &batch.union, gradients)?;
+                return frame.network_backward(shared, &batch.union, gradient, None);
+            }
+            input.fit(spec, &batch.union.places[0]);
+            let features = Some(input.gradient());
+            frame.network_backward(shared, &batch.union, gradient, features)?;
+            let features = input.gradient();
+            frame.samples[0].positions_backward(spec, graph, normalizers, features, positions);
         }
         Ok(())
     }
 }
 
 impl Union {
-    fn empty() -> Self {
-        Self {
-            graphs: Vec::new(),
-            connectivity: Arc::new(Connectivity::union([])),
-            places: Vec::new(),
-        }
+    fn connectivity(&self) -> &Connectivity {
+        let several = self.several.as_ref();
+        several.unwrap_or_else(|| self.graphs[0].connectivity())
     }
 
     /// Makes this the union of the slots' cloths, unless it is that already.
@@ -237,13 +220,9 @@ impl Union {
             return;
         }
         self.graphs = slots.iter().map(|slot| Arc::clone(slot.graph())).collect();
-        self.connectivity = match slots {
-            [slot] => Arc::clone(slot.connectivity()),
-            _ => Arc::new(Connectivity::union(
-                slots.iter().map(|slot| &**slot.connectivity()),
-            )),
-        };
         let graphs: Vec<&ClothGraph> = self.graphs.iter().map(|graph| &**graph).collect();
+        let arcs = graphs.iter().map(|graph| graph.connectivity());
+        self.several = (slots.len() > 1).then(|| Connectivity::union(arcs));
         self.places = Place::side_by_side(&graphs);
     }
 
@@ -284,8 +263,8 @@ impl FrameBuffers {
         };
         let out = shared.setup.network.forward_packed(
             shared.weights,
-            &union.connectivity,
-            input_of(&self.window),
+            union.connectivity(),
+            self.window.input(),
             Pass::Training(Some(dropout)),
             &mut self.workspace,
         )?;
@@ -314,30 +293,7 @@ impl FrameBuffers {
         }
     }
 
-    /// From `by_output` to the weights and, where the positions before are predictions, to those.
-    fn backward(
-        &mut self,
-        shared: &Shared<'_>,
-        union: &Union,
-        to: FrameGradients<'_>,
-    ) -> Result<(), Stopped> {
-        let FrameGradients {
-            weights,
-            input,
-            positions,
-        } = to;
-        let Some(input) = input else {
-            return self.network_backward(shared, union, weights, None);
-        };
-        input.nodes.resize(self.window.nodes.len(), 0.0);
-        input.arcs.resize(self.window.arcs.len(), 0.0);
-        self.network_backward(shared, union, weights, Some(input.gradient()))?;
-        let (spec, normalizers) = (shared.setup.network.spec(), shared.setup.normalizers);
-        let (graph, gradient) = (&union.graphs[0], input.gradient());
-        self.samples[0].positions_backward(spec, graph, normalizers, gradient, positions);
-        Ok(())
-    }
-
+    /// From `by_output` to the weights and, where it is wanted, to the features.
     fn network_backward(
         &mut self,
         shared: &Shared<'_>,
@@ -352,26 +308,10 @@ impl FrameBuffers {
         };
         shared.setup.network.backward_packed(
             shared.weights,
-            &union.connectivity,
-            input_of(&self.window),
+            union.connectivity(),
+            self.window.input(),
             gradients,
             &mut self.workspace,
         )
-    }
-}
-
-impl InputBuffers {
-    fn gradient(&mut self) -> InputGradient<'_, f32> {
-        InputGradient {
-            nodes: &mut self.nodes,
-            arcs: &mut self.arcs,
-        }
-    }
-}
-
-fn input_of(window: &Window) -> Input<'_, f32> {
-    Input {
-        nodes: &window.nodes,
-        arcs: &window.arcs,
     }
 }

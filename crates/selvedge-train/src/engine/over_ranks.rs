@@ -9,12 +9,10 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use std::ops::Range;
 
 use selvedge_cluster::{ClusterError, Ranks, share_of};
-use thiserror::Error;
 
-use super::{Batch, Engine, EngineError, EngineMaker, Learned, Setup, Update};
+use super::{Engine, EngineError, EngineMaker, Learned, Setup, SlotRun, Update};
 use crate::config::TrainConfig;
 use crate::losses::LossTerms;
-use crate::memory::Arithmetic;
 
 /// An engine on every rank.
 pub struct OverRanks<'a> {
@@ -24,44 +22,16 @@ pub struct OverRanks<'a> {
     pub ranks: Ranks,
 }
 
-/// Ranks that cannot train together.
-#[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum OverRanksError {
-    #[error(
-        "batch.samples = {samples} in micro-batches of {piece} gives work to {pieces} of {ranks} ranks: {idle} would have none; start {pieces}, or take --set batch.samples={} or more (another training, with a larger learning rate)",
-        ranks * piece
-    )]
-    TooFewPieces {
-        samples: usize,
-        piece: usize,
-        pieces: usize,
-        ranks: usize,
-        idle: String,
-    },
-    #[error(
-        "rank {rank} has another {what} than rank 0: start the same program with the same files on every rank, on processors of one kind"
-    )]
-    Differs { rank: usize, what: &'static str },
-    #[error(
-        "rank {rank} sent losses that are none of this program's: start one program on all ranks"
-    )]
-    Terms { rank: usize },
-}
-
 impl OverRanks<'_> {
     /// Slots of a piece.
     fn piece(&self) -> usize {
-        match self.engine.arithmetic() {
-            Arithmetic::OnProcessor { micro_batch } => micro_batch,
-            Arithmetic::OnDevice => 1,
-        }
+        self.engine.micro_batch().unwrap_or(1)
     }
 }
 
 impl EngineMaker for OverRanks<'_> {
-    fn arithmetic(&self) -> Arithmetic {
-        self.engine.arithmetic()
+    fn micro_batch(&self) -> Option<usize> {
+        self.engine.micro_batch()
     }
 
     fn make(&self, setup: Setup<'_>) -> Result<Box<dyn Engine>, EngineError> {
@@ -75,13 +45,11 @@ impl EngineMaker for OverRanks<'_> {
                 1 => format!("rank {pieces}"),
                 _ => format!("ranks {pieces} to {}", ranks - 1),
             };
-            return Err(failed(OverRanksError::TooFewPieces {
-                samples,
-                piece,
-                pieces,
-                ranks,
-                idle,
-            }));
+            let enough = ranks * piece;
+            let problem = format!(
+                "batch.samples = {samples} in micro-batches of {piece} gives work to {pieces} of {ranks} ranks: {idle} would have none; start {pieces}, or take --set batch.samples={enough} or more (another training, with a larger learning rate)"
+            );
+            return Err(EngineError(problem.into()));
         }
         let start = (format!("{:?}", setup.cfg), bits(&setup.learned.weights));
         check_same(&self.ranks, &start, "configuration or checkpoint")?;
@@ -123,32 +91,35 @@ struct RankEngine {
 }
 
 impl Engine for RankEngine {
-    fn learn(&mut self, batch: Batch<'_>) -> Result<Vec<LossTerms>, EngineError> {
-        let stop = batch.setup().stop;
-        let own = self.engine.learn(batch.part(self.own.clone()))?;
+    fn learn(
+        &mut self,
+        setup: Setup<'_>,
+        slots: &mut [SlotRun<'_>],
+    ) -> Result<Vec<LossTerms>, EngineError> {
+        let own = self.engine.learn(setup, &mut slots[self.own.clone()])?;
         // Every rank has slots, and so terms: who sends none gives the step up, and so do all.
-        let packed = match stop.is_wanted() {
+        let packed = match setup.stop.is_wanted() {
             true => Vec::new(),
             false => own.into_iter().flat_map(LossTerms::to_bytes).collect(),
         };
-        let all = self.ranks.gather_for_all(packed).map_err(failed)?;
+        let all = self.ranks.gather_for_all(packed)?;
         if all.iter().any(Vec::is_empty) {
             return Ok(Vec::new());
         }
         let mut terms = Vec::new();
         for (rank, packed) in all.iter().enumerate() {
             let theirs = LossTerms::from_bytes(packed);
-            terms.extend(theirs.ok_or_else(|| failed(OverRanksError::Terms { rank }))?);
+            let problem = || {
+                let problem = format!(
+                    "rank {rank} sent losses that are none of this program's: start one program on all ranks"
+                );
+                EngineError(problem.into())
+            };
+            terms.extend(theirs.ok_or_else(problem)?);
         }
         let engine = &mut self.engine;
-        let add = &mut |range: Range<usize>, sum: &mut [f32]| {
-            engine.add_gradient(range, sum).map_err(Summing::Engine)
-        };
-        let summed = self.ranks.sum_in_order(&mut self.gradient, add);
-        summed.map_err(|error| match error {
-            Summing::Engine(error) => error,
-            Summing::Ranks(error) => failed(error),
-        })?;
+        let add = &mut |range: Range<usize>, sum: &mut [f32]| engine.add_gradient(range, sum);
+        self.ranks.sum_in_order(&mut self.gradient, add)?;
         self.engine.set_gradient(&self.gradient)?;
         Ok(terms)
     }
@@ -177,34 +148,29 @@ impl Engine for RankEngine {
     }
 }
 
-/// An error while gradients are summed.
-enum Summing {
-    Engine(EngineError),
-    Ranks(ClusterError),
-}
-
-impl From<ClusterError> for Summing {
+impl From<ClusterError> for EngineError {
     fn from(error: ClusterError) -> Self {
-        Self::Ranks(error)
+        Self(Box::new(error))
     }
-}
-
-fn failed(error: impl std::error::Error + Send + Sync + 'static) -> EngineError {
-    EngineError(Box::new(error))
 }
 
 fn bits(numbers: &[f32]) -> Vec<u32> {
     numbers.iter().map(|number| number.to_bits()).collect()
 }
 
-fn check_same(ranks: &Ranks, own: &impl Hash, what: &'static str) -> Result<(), EngineError> {
+fn check_same(ranks: &Ranks, own: &impl Hash, what: &str) -> Result<(), EngineError> {
     let mut hasher = DefaultHasher::new();
     own.hash(&mut hasher);
     let told = hasher.finish().to_le_bytes().to_vec();
-    let all = ranks.gather_for_all(told).map_err(failed)?;
+    let all = ranks.gather_for_all(told)?;
     match all.iter().position(|other| *other != all[0]) {
         None => Ok(()),
-        Some(rank) => Err(failed(OverRanksError::Differs { rank, what })),
+        Some(rank) => {
+            let problem = format!(
+                "rank {rank} has another {what} than rank 0: start the same program with the same files on every rank, on processors of one kind"
+            );
+            Err(EngineError(problem.into()))
+        }
     }
 }
 

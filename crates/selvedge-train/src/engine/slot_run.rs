@@ -11,14 +11,15 @@
 use std::sync::Arc;
 
 use glam::DVec3;
+use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use selvedge_model::{ClothGraph, Connectivity};
+use selvedge_model::ClothGraph;
 
 use super::Setup;
 use crate::config::TrainConfig;
 use crate::losses::LossTerms;
 use crate::rollout_target::RolloutTarget;
-use crate::slot::{ShownSample, Slot, SlotRandom};
+use crate::slot::{ShownSample, Slot, rng_of};
 
 /// States in a row that the expert cannot go on from before one is shown with its recorded target.
 const MOST_REFUSALS: usize = 10;
@@ -82,11 +83,12 @@ fn each_going<'a>(slots: &mut [SlotRun<'a>], act: fn(&mut SlotRun<'a>)) {
 /// A slot on its way through the frames of a step.
 pub struct SlotRun<'a> {
     setup: Setup<'a>,
+    step: u64,
     frames: usize,
     slot: &'a mut Slot,
-    random: SlotRandom,
+    rng: ChaCha8Rng,
     /// The random numbers of the next step.
-    next_random: SlotRandom,
+    next_rng: ChaCha8Rng,
     sample: ShownSample,
     target: Option<RolloutTarget>,
     /// The latest prediction, normalised, `[vertices, 3]`.
@@ -97,26 +99,33 @@ pub struct SlotRun<'a> {
 }
 
 impl<'a> SlotRun<'a> {
-    /// A slot before the first of up to `frames` frames, with the random numbers of the step and of
-    /// the next one.
-    pub(super) fn new(
+    /// Slot `number` of a batch in step `step`, from 0, before the first of up to `frames` frames.
+    pub(crate) fn new(
         setup: Setup<'a>,
-        frames: usize,
+        (step, frames): (u64, usize),
+        number: usize,
         slot: &'a mut Slot,
-        [random, next_random]: [SlotRandom; 2],
     ) -> Self {
+        let (seed, count) = (setup.cfg.seed, setup.cfg.batch.samples);
+        let rng = |step| rng_of(seed, step, number, count);
         Self {
             setup,
+            step,
             frames,
             slot,
-            random,
-            next_random,
+            rng: rng(step),
+            next_rng: rng(step + 1),
             sample: ShownSample::default(),
             target: None,
             output: Vec::new(),
             terms: Vec::with_capacity(frames),
             is_going: true,
         }
+    }
+
+    /// Frames that it goes through, unless it ends before.
+    pub(super) fn frames(&self) -> usize {
+        self.frames
     }
 
     /// The sample that is shown now, or was shown last.
@@ -127,11 +136,6 @@ impl<'a> SlotRun<'a> {
     /// The cloth of the sample.
     pub fn graph(&self) -> &'a Arc<ClothGraph> {
         &self.setup.set.motion(self.sample.trajectory).graph
-    }
-
-    /// The arcs of that cloth.
-    pub fn connectivity(&self) -> &'a Arc<Connectivity> {
-        &self.setup.set.motion(self.sample.trajectory).connectivity
     }
 
     /// True while the slot shows samples in this step.
@@ -162,8 +166,7 @@ impl<'a> SlotRun<'a> {
 
     fn show_sample(&mut self) {
         let (cfg, set) = (self.setup.cfg, self.setup.set);
-        let rng = &mut self.random.rng;
-        self.slot.show(cfg, set, rng, &mut self.sample);
+        self.slot.show(cfg, set, &mut self.rng, &mut self.sample);
     }
 
     /// The targets from the sample on that is shown; none where the slot shows its own, that of a
@@ -193,7 +196,7 @@ impl<'a> SlotRun<'a> {
     /// Asks the expert about the sample that the next step shows, so that it need not wait for the
     /// answer. That step draws the same sample again, from the same random numbers.
     fn ask_ahead(&mut self) {
-        std::mem::swap(&mut self.random, &mut self.next_random);
+        std::mem::swap(&mut self.rng, &mut self.next_rng);
         if self.setup.expert.is_some() {
             self.show_sample();
             if self.slot.is_off(self.setup.cfg) {
@@ -218,13 +221,13 @@ impl<'a> SlotRun<'a> {
 
     /// Moves the slot on after a prediction.
     fn go_on(&mut self) {
-        let (cfg, set) = (self.setup.cfg, self.setup.set);
+        let (cfg, set, step) = (self.setup.cfg, self.setup.set, self.step);
         let normalizer = &self.setup.normalizers.acceleration;
         normalizer.denormalize(&mut self.output);
         let (sample, acceleration) = (&self.sample, &self.output[..]);
         let label = self.target.as_ref().and_then(RolloutTarget::label);
         if self.frames == 1 {
-            if self.slot.returns_to_truth(cfg, &mut self.random) {
+            if self.slot.returns_to_truth(cfg, step, &mut self.rng) {
                 self.slot.start_afresh();
             } else {
                 self.slot.follow(cfg, set, sample, acceleration, label);
@@ -234,7 +237,7 @@ impl<'a> SlotRun<'a> {
         }
         let went_on = self.slot.follow(cfg, set, sample, acceleration, label);
         self.is_going = went_on && self.terms.len() < self.frames;
-        if !self.is_going && self.slot.returns_to_truth(cfg, &mut self.random) {
+        if !self.is_going && self.slot.returns_to_truth(cfg, step, &mut self.rng) {
             self.slot.start_afresh();
         }
     }

@@ -20,10 +20,9 @@ use selvedge_model::geometry::{
 use selvedge_model::{ClothGraph, Hinge, Normalizer, Real, TwoFrames};
 use serde::{Deserialize, Serialize};
 
-use crate::config::InvalidConfig;
-use crate::config::error::require;
+use crate::config::{ConfigError, require};
 
-pub use statistics::{LossStatistics, RunningLossStatistics};
+pub use statistics::{LossStatistics, PerQuantity, RunningLossStatistics};
 
 /// Weights of the loss terms beside the acceleration, whose weight is 1. A term of weight 0 is off.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -61,7 +60,7 @@ impl LossWeights {
     };
 
     /// Checks that every weight is finite and none negative.
-    pub fn validate(&self) -> Result<(), InvalidConfig> {
+    pub fn validate(&self) -> Result<(), ConfigError> {
         let Self {
             kinetic_energy,
             edge_vector,
@@ -142,45 +141,45 @@ pub struct LossTerms {
     pub total: f64,
 }
 
-/// Bytes of the terms of one slot.
-const ROW: usize = 6 * 8 + 1;
-
 impl LossTerms {
-    /// Six numbers, NaN for a term that there is not; then a byte that says which there are.
-    pub(crate) fn to_bytes(self) -> Vec<u8> {
-        let terms = [
-            Some(self.total),
-            Some(self.acceleration),
+    /// Total, acceleration and the other terms in their order; NaN for one that there is not.
+    fn to_array(self) -> [f64; 6] {
+        let rest = [
             self.kinetic_energy,
             self.edge_vector,
             self.edge_length,
             self.bending_angle,
         ];
-        let numbers = terms.iter().map(|term| term.unwrap_or(f64::NAN));
-        let mut bytes: Vec<u8> = numbers.flat_map(f64::to_le_bytes).collect();
-        let there = terms.iter().enumerate();
-        bytes.push(there.map(|(k, term)| u8::from(term.is_some()) << k).sum());
-        bytes
+        let [a, b, c, d] = rest.map(|term| term.unwrap_or(f64::NAN));
+        [self.total, self.acceleration, a, b, c, d]
+    }
+
+    fn from_array([total, acceleration, rest @ ..]: [f64; 6]) -> Self {
+        let rest = rest.map(|term| (!term.is_nan()).then_some(term));
+        let [kinetic_energy, edge_vector, edge_length, bending_angle] = rest;
+        Self {
+            acceleration,
+            kinetic_energy,
+            edge_vector,
+            edge_length,
+            bending_angle,
+            total,
+        }
+    }
+
+    /// The six numbers as bytes.
+    pub(crate) fn to_bytes(self) -> Vec<u8> {
+        let numbers = self.to_array().into_iter();
+        numbers.flat_map(f64::to_le_bytes).collect()
     }
 
     /// The terms of several slots, one after another; none where the bytes are of something else.
     pub(crate) fn from_bytes(bytes: &[u8]) -> Option<Vec<Self>> {
-        let (rows, rest) = bytes.as_chunks::<ROW>();
-        let term = |row: &[u8; ROW], k: usize| {
-            let number = f64::from_le_bytes(row[8 * k..8 * k + 8].try_into().ok()?);
-            (row[ROW - 1] >> k & 1 == 1).then_some(number)
-        };
-        let all = rows.iter().map(|row| {
-            Some(Self {
-                total: term(row, 0)?,
-                acceleration: term(row, 1)?,
-                kinetic_energy: term(row, 2),
-                edge_vector: term(row, 3),
-                edge_length: term(row, 4),
-                bending_angle: term(row, 5),
-            })
-        });
-        if rest.is_empty() { all.collect() } else { None }
+        let (numbers, rest) = bytes.as_chunks::<8>();
+        let numbers: Vec<f64> = numbers.iter().map(|b| f64::from_le_bytes(*b)).collect();
+        let (rows, cut) = numbers.as_chunks::<6>();
+        let is_whole = rest.is_empty() && cut.is_empty();
+        is_whole.then(|| rows.iter().map(|row| Self::from_array(*row)).collect())
     }
 
     /// The terms of acceleration, kinetic energy, edge vector, edge length and bending angle, in
@@ -193,16 +192,16 @@ impl LossTerms {
             weights.edge_length,
             weights.bending_angle,
         ];
-        let [kinetic_energy, edge_vector, edge_length, bending_angle] =
-            [0, 1, 2, 3].map(|k| (all[k] > 0.0).then_some(rest[k]));
         let counted = all.iter().zip(rest).filter(|(weight, _)| **weight > 0.0);
+        let total = acceleration + counted.map(|(w, l)| w * l).sum::<f64>();
+        let term = |k: usize| (all[k] > 0.0).then_some(rest[k]);
         Self {
             acceleration,
-            kinetic_energy,
-            edge_vector,
-            edge_length,
-            bending_angle,
-            total: acceleration + counted.map(|(w, l)| w * l).sum::<f64>(),
+            kinetic_energy: term(0),
+            edge_vector: term(1),
+            edge_length: term(2),
+            bending_angle: term(3),
+            total,
         }
     }
 
@@ -216,20 +215,8 @@ impl LossTerms {
     pub(crate) fn weighted_mean(terms: &[(f64, Self)]) -> Self {
         let weights: f64 = terms.iter().map(|(weight, _)| weight).sum();
         let share = if weights > 0.0 { 1.0 / weights } else { 0.0 };
-        let sum = |of: fn(&Self) -> f64| share * terms.iter().map(|(w, t)| w * of(t)).sum::<f64>();
-        let sum_some = |of: fn(&Self) -> Option<f64>| {
-            let values: Option<Vec<f64>> =
-                terms.iter().map(|(w, t)| of(t).map(|x| w * x)).collect();
-            values.map(|values| share * values.iter().sum::<f64>())
-        };
-        Self {
-            acceleration: sum(|t| t.acceleration),
-            kinetic_energy: sum_some(|t| t.kinetic_energy),
-            edge_vector: sum_some(|t| t.edge_vector),
-            edge_length: sum_some(|t| t.edge_length),
-            bending_angle: sum_some(|t| t.bending_angle),
-            total: sum(|t| t.total),
-        }
+        let sum = |k: usize| terms.iter().map(|(w, t)| w * t.to_array()[k]).sum::<f64>();
+        Self::from_array(std::array::from_fn(|k| share * sum(k)))
     }
 }
 
@@ -275,7 +262,8 @@ impl LossEvaluator {
         assert_eq!(gradient.len(), 3 * vertices, "gradient");
         self.predict_positions(triplet, &statistics.acceleration, predicted);
         let weights = self.weights;
-        let rest = [
+        let mut terms = [
+            0.0,
             self.term(weights.kinetic_energy, |this, weight| {
                 this.kinetic_energy(triplet, &statistics.kinetic_energy, weight)
             }),
@@ -289,16 +277,8 @@ impl LossEvaluator {
                 this.bending_angle(triplet, &statistics.bending_angle, weight)
             }),
         ];
-        let acceleration =
-            self.acceleration(triplet, &statistics.acceleration, predicted, gradient);
-        let [kinetic_energy, edge_vector, edge_length, bending_angle] = rest;
-        let terms = [
-            acceleration,
-            kinetic_energy,
-            edge_vector,
-            edge_length,
-            bending_angle,
-        ];
+        // Last: it collects the gradient of all.
+        terms[0] = self.acceleration(triplet, &statistics.acceleration, predicted, gradient);
         LossTerms::weighted(&weights, terms)
     }
 

@@ -8,41 +8,53 @@ use serde::{Deserialize, Serialize};
 use super::Triplet;
 use selvedge_model::geometry::bending_angle;
 
-/// Frozen statistics of what the losses compare.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LossStatistics {
-    /// Acceleration of a free vertex `[m/frame²]`, width 3: the network's output.
-    pub acceleration: Normalizer,
-    /// Kinetic energy of a free vertex `[kg m²/frame²]`, width 1.
-    pub kinetic_energy: Normalizer,
-    /// Vector of an edge, both ways `[m]`, width 3.
-    pub edge_vector: Normalizer,
-    /// Length of an edge `[m]`, width 1.
-    pub edge_length: Normalizer,
-    /// Bending angle of an edge `[rad]`, 0 on the boundary, width 1.
-    pub bending_angle: Normalizer,
-}
-
-/// The same statistics while samples are added.
+/// One `T` for each quantity that the losses compare.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct RunningLossStatistics {
-    acceleration: RunningStatistics,
-    kinetic_energy: RunningStatistics,
-    edge_vector: RunningStatistics,
-    edge_length: RunningStatistics,
-    bending_angle: RunningStatistics,
+pub struct PerQuantity<T> {
+    /// Acceleration of a free vertex `[m/frame²]`, width 3: the network's output.
+    pub acceleration: T,
+    /// Kinetic energy of a free vertex `[kg m²/frame²]`, width 1.
+    pub kinetic_energy: T,
+    /// Vector of an edge, both ways `[m]`, width 3.
+    pub edge_vector: T,
+    /// Length of an edge `[m]`, width 1.
+    pub edge_length: T,
+    /// Bending angle of an edge `[rad]`, 0 on the boundary, width 1.
+    pub bending_angle: T,
+}
+
+/// Frozen statistics of what the losses compare.
+pub type LossStatistics = PerQuantity<Normalizer>;
+
+/// The same statistics while samples are added.
+pub type RunningLossStatistics = PerQuantity<RunningStatistics>;
+
+/// Numbers of each quantity.
+const WIDTHS: PerQuantity<usize> = PerQuantity {
+    acceleration: 3,
+    kinetic_energy: 1,
+    edge_vector: 3,
+    edge_length: 1,
+    bending_angle: 1,
+};
+
+impl<T> PerQuantity<T> {
+    /// `of` each.
+    fn map<U>(&self, of: impl Fn(&T) -> U) -> PerQuantity<U> {
+        PerQuantity {
+            acceleration: of(&self.acceleration),
+            kinetic_energy: of(&self.kinetic_energy),
+            edge_vector: of(&self.edge_vector),
+            edge_length: of(&self.edge_length),
+            bending_angle: of(&self.bending_angle),
+        }
+    }
 }
 
 impl Default for RunningLossStatistics {
     fn default() -> Self {
-        Self {
-            acceleration: RunningStatistics::new(&[3]),
-            kinetic_energy: RunningStatistics::new(&[1]),
-            edge_vector: RunningStatistics::new(&[3]),
-            edge_length: RunningStatistics::new(&[1]),
-            bending_angle: RunningStatistics::new(&[1]),
-        }
+        WIDTHS.map(|&width| RunningStatistics::new(&[width]))
     }
 }
 
@@ -54,26 +66,7 @@ impl RunningLossStatistics {
 
     /// True if every quantity has its number of components; a damaged checkpoint may not.
     pub(crate) fn has_widths(&self) -> bool {
-        let widths = self.clone().parts().map(|part| part.width());
-        widths == [3, 1, 3, 1, 1]
-    }
-
-    /// All statistics. A new one that is left out here does not compile.
-    fn parts(&mut self) -> [&mut RunningStatistics; 5] {
-        let Self {
-            acceleration,
-            kinetic_energy,
-            edge_vector,
-            edge_length,
-            bending_angle,
-        } = self;
-        [
-            acceleration,
-            kinetic_energy,
-            edge_vector,
-            edge_length,
-            bending_angle,
-        ]
+        self.map(RunningStatistics::width) == WIDTHS
     }
 
     /// Adds the targets of one sample.
@@ -113,12 +106,6 @@ impl RunningLossStatistics {
 
     /// The statistics of the samples so far.
     pub fn freeze(&self) -> LossStatistics {
-        LossStatistics {
-            acceleration: self.acceleration.freeze(),
-            kinetic_energy: self.kinetic_energy.freeze(),
-            edge_vector: self.edge_vector.freeze(),
-            edge_length: self.edge_length.freeze(),
-            bending_angle: self.bending_angle.freeze(),
-        }
+        self.map(RunningStatistics::freeze)
     }
 }

@@ -300,7 +300,7 @@ fn what_cannot_be_written_is_an_error_and_leaves_the_rest() {
     let error = case
         .run(&mut case.trainer(), NO_LIMITS, 4)
         .expect_err("no text");
-    assert!(matches!(error, RunError::Log(_)));
+    assert!(matches!(error, RunError::Log { .. }));
     assert_eq!(case.bytes(files::LOG), [0xff, 0xfe]);
     let missing = case.path("no/such");
     let mut trainer = case.trainer();

@@ -55,11 +55,7 @@ impl Case {
 
     /// The same with the random numbers of step `step`.
     fn advance_in(&self, slot: &mut Slot, shown: &ShownSample, acceleration: &[f32], step: u64) {
-        let mut random = SlotRandom {
-            step: 10,
-            rng: self.rng(step),
-        };
-        if slot.returns_to_truth(&self.cfg, &mut random) {
+        if slot.returns_to_truth(&self.cfg, 10, &mut self.rng(step)) {
             slot.start_afresh();
         } else {
             slot.follow(&self.cfg, &self.set, shown, acceleration, None);

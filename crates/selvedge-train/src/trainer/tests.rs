@@ -88,7 +88,7 @@ fn a_step_that_is_given_up_leaves_the_training_as_it_was() {
                 let before = trainer.steps_done();
                 let flag = Arc::new(AtomicBool::new(wait.is_zero()));
                 trainer.stop_by(Arc::clone(&flag).into());
-                let slots = trainer.slots.clone();
+                let slots = trainer.state.slots.clone();
                 let stepped = thread::scope(|scope| {
                     scope.spawn(|| {
                         thread::sleep(wait);
@@ -99,9 +99,9 @@ fn a_step_that_is_given_up_leaves_the_training_as_it_was() {
                 if let Err(error) = stepped {
                     let step = before + 1;
                     assert!(matches!(error, TrainError::Stopped { step: s } if s == step));
-                    assert_eq!(trainer.slots, slots);
+                    assert_eq!(trainer.state.slots, slots);
                     // Not a copy of their positions, but the very same.
-                    let pairs = trainer.slots.iter().zip(&slots);
+                    let pairs = trainer.state.slots.iter().zip(&slots);
                     let frames = pairs.flat_map(|(a, b)| a.history.iter().zip(&b.history));
                     assert!(frames.into_iter().all(|(a, b)| Arc::ptr_eq(a, b)));
                     given_up += 1;
@@ -162,10 +162,21 @@ fn lanes_are_in_runs_by_then() {
     let mut longest = 0;
     for _ in 0..8 {
         trainer.step().expect("a step");
-        longest = longest.max(trainer.slots.iter().map(|slot| slot.run).max().unwrap_or(0));
+        longest = longest.max(
+            trainer
+                .state
+                .slots
+                .iter()
+                .map(|slot| slot.run)
+                .max()
+                .unwrap_or(0),
+        );
     }
     assert!(longest >= 2, "{longest}");
-    assert!(trainer.slots.iter().any(|slot| slot.run > 0), "at the end");
+    assert!(
+        trainer.state.slots.iter().any(|slot| slot.run > 0),
+        "at the end"
+    );
 }
 
 #[test]
@@ -212,17 +223,17 @@ fn statistics_come_from_the_samples_and_are_those_of_the_model() {
     let data = two_cloths();
     let cfg = config(Encoder::Gru { window: 3 });
     let trainer = Trainer::new(cfg.clone(), &data.dataset, &ENGINE).expect("a training");
-    let [nodes, edges] = &trainer.inputs;
+    let [nodes, edges] = &trainer.state.inputs;
     // 12 samples of 3 frames of 9 or of 12 vertices.
     let samples = (nodes.count() / 3.0 - 12.0 * 9.0) / 3.0;
     assert!(samples.fract() == 0.0 && (0.0..=12.0).contains(&samples));
     let model = trainer.model(String::new()).expect("a model");
     assert_eq!(model.normalizers().nodes, nodes.freeze());
     assert_eq!(model.normalizers().edges, edges.freeze());
-    let targets = trainer.targets.freeze();
+    let targets = trainer.state.targets.freeze();
     assert_eq!(model.normalizers().acceleration, targets.acceleration);
     let again = Trainer::new(cfg, &data.dataset, &ENGINE).expect("a training");
-    assert_eq!(again.inputs, trainer.inputs);
+    assert_eq!(again.state.inputs, trainer.state.inputs);
 }
 
 #[test]
@@ -245,7 +256,7 @@ fn whoever_waits_for_the_statistics_hears_of_each_sample_and_may_stop() {
     let observed = observed.expect("nobody stopped it");
     assert_eq!(count, 12);
     let plain = Trainer::new(cfg(), &data.dataset, &ENGINE).expect("a training");
-    assert_eq!(observed.inputs, plain.inputs);
+    assert_eq!(observed.state.inputs, plain.state.inputs);
     assert_eq!(observed.learned.weights, plain.learned.weights);
     let (stopped, count) = observe(5);
     assert!(stopped.is_none() && count == 5);
@@ -279,9 +290,9 @@ fn a_lane_in_a_run_goes_where_the_rollout_goes() {
         let mut compared = 0;
         for _ in 0..30 {
             let model = Arc::new(trainer.model(String::new()).expect("a model"));
-            let before = trainer.slots[0].clone();
+            let before = trainer.state.slots[0].clone();
             trainer.step().expect("a step");
-            let after = &trainer.slots[0];
+            let after = &trainer.state.slots[0];
             if before.run == 0 || after.run == 0 {
                 continue;
             }

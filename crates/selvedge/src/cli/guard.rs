@@ -1,7 +1,7 @@
 //! The names of guards.
 
 use clap::ValueEnum;
-use selvedge_guard::{Correction, GuardSettings};
+use selvedge_guard::Correction;
 
 /// Correction of frames that no cloth could have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -21,10 +21,10 @@ impl GuardName {
         }
     }
 
-    pub(crate) fn settings(self) -> GuardSettings {
+    pub(crate) fn settings(self) -> Correction {
         match self {
-            Self::None => GuardSettings::with(Correction::None),
-            Self::Limit => GuardSettings::with(Correction::Limit),
+            Self::None => Correction::None,
+            Self::Limit => Correction::Limit,
         }
     }
 }

@@ -4,14 +4,12 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow, bail};
 use selvedge_data::Dataset;
 use selvedge_lab::folder_kind::FolderKind;
 use selvedge_lab::models::NamedModel;
 use selvedge_lab::{assets, folder, generation, training};
-use selvedge_train::{
-    ConfigError, EngineMaker, OverRanks, RunEnd, RunLimits, TrainConfig, Trainer, files,
-};
+use selvedge_train::{EngineMaker, OverRanks, RunEnd, RunLimits, TrainConfig, Trainer, files};
 use serde::Serialize;
 
 use crate::cli::TrainArgs;
@@ -120,12 +118,8 @@ fn text_of(config: &str) -> anyhow::Result<String> {
                 known.join(", ")
             )
         }
-        None => Ok(
-            selvedge_data::read_text(Path::new(config)).map_err(|source| {
-                let path = config.into();
-                ConfigError::Read { path, source }
-            })?,
-        ),
+        None => selvedge_data::read_text(Path::new(config))
+            .map_err(|error| anyhow!("cannot read {config}: {error}")),
     }
 }
 

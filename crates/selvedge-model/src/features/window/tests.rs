@@ -174,3 +174,18 @@ fn the_gradient_of_every_feature_matches_finite_differences() {
         }
     }
 }
+
+#[test]
+fn the_vertex_of_a_feature_is_found_in_any_frame_of_the_window() {
+    let graph = parts(4, 1).graph();
+    let spec = ModelSpec::physical(Encoder::Gru { window: 3 }, 8, 1);
+    let mut window = Window::default();
+    window.fit(&spec, &Place::alone(&graph));
+    let (arcs, graph) = (graph.arc_count(), graph.connectivity());
+    let found = |window: &Window| window.first_non_finite(&spec, graph).map(VertexId::index);
+    assert_eq!(found(&window), None);
+    window.arcs[(2 * arcs + 7) * spec.edge_width() + 1] = f32::NAN;
+    assert_eq!(found(&window), Some(graph.receivers[7] as usize));
+    window.nodes[(graph.vertex_count() + 5) * spec.node_width() + 3] = f32::INFINITY;
+    assert_eq!(found(&window), Some(5));
+}

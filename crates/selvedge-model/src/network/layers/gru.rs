@@ -6,20 +6,23 @@
 
 use std::ops::Range;
 
-use crate::kernels::gemm::{Epilogue, multiply};
-use crate::kernels::norm::{Normalised, layer_norm, layer_norm_backward};
-use crate::kernels::real::Real;
-use crate::kernels::rows::add;
-use crate::network::layers::encoder::{
-    EncoderGradients, EncoderInput, EncoderKept, EncoderRows, KEPT,
+use crate::kernels::aligned::Aligned;
+use crate::kernels::gates::{
+    GateGradients, GruStep, GruWeights, gru_step, pack_biases, pack_gates,
 };
-use crate::network::layers::gru_layer::{Layer, StepBack};
-use crate::network::layers::scratch::{GroupWork, Scratch};
-use crate::network::packed::{LayerWeights, ModuleBuilder, Packer, Piece};
-use crate::network::parameters::{LayerNorm, Linear};
+use crate::kernels::gemm::{Columns, Epilogue, Slot, Term, multiply};
+use crate::kernels::norm::{Normalised, layer_norm};
+use crate::kernels::outer::{Sums, add_outer};
+use crate::kernels::real::Real;
+use crate::kernels::rows::{add, add_column_sums};
+use crate::kernels::simd::MOST_LANES;
+use crate::network::layers::encoder::EncoderInput;
+use crate::network::packed::{LayerWeights, Packer, Piece};
+use crate::network::parameters::{LayerNorm, Layout, Linear, Start};
+use crate::network::workspace::{Group, ModuleGradient, Scratch};
 
 /// Places of the weights of a recurrent encoder.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct GruEncoder {
     layers: [Layer; 2],
     linear: Linear,
@@ -27,22 +30,65 @@ pub(crate) struct GruEncoder {
     norm: LayerNorm,
 }
 
+/// One layer of recurrent units: places of its weights, gates in the order r, z, n, and of their
+/// packed matrices.
+#[derive(Clone, Debug)]
+struct Layer {
+    inputs: usize,
+    hidden: usize,
+    weight_ih: Range<usize>,
+    weight_hh: Range<usize>,
+    bias_ih: Range<usize>,
+    bias_hh: Range<usize>,
+    /// Matrices of the forward pass.
+    gates: Slot,
+    /// Biases of the forward pass.
+    biases: Slot,
+    /// From the gradients of n, r, z to that of the input.
+    to_input: Slot,
+    /// From the gradients of r, z, recurrent to that of the state.
+    to_state: Slot,
+}
+
+/// What is kept of a chunk of rows.
+#[derive(Default)]
+pub(crate) struct GruKept<T> {
+    /// States of each layer, the initial one first, `[steps + 1, rows, hidden]`.
+    states: [Aligned<T>; 2],
+    /// Gates of each layer, `[steps, rows, 4 hidden]`.
+    gates: [Aligned<T>; 2],
+    /// The input of the second layer where dropout makes it differ from the first layer's states,
+    /// `[steps, rows, hidden]`.
+    between: Aligned<T>,
+    /// The normalised output `[rows, hidden]`, and 1 / its deviation `[rows]`.
+    norm: [Aligned<T>; 2],
+}
+
+/// A step that was taken, and its gradients on their way back.
+struct StepBack<'a, T> {
+    /// `[rows, inputs]`.
+    input: &'a [T],
+    /// In: gradient with respect to the state after; out: before, `[rows, hidden]`.
+    state: &'a mut [T],
+    /// State before the step, and the gates that it kept. `[rows, hidden]`, `[rows, 4 hidden]`.
+    before: &'a [T],
+    kept: &'a [T],
+    /// Out: gradients of the sums, `[rows, 4 hidden]`.
+    gates: &'a mut [T],
+    /// Sums of the columns of `gates` over all steps, `[4 hidden]`; added to.
+    biases: &'a mut [T],
+}
+
 impl GruEncoder {
-    pub(crate) fn new(
-        module: &mut ModuleBuilder,
-        path: &str,
-        inputs: usize,
-        latent: usize,
-    ) -> Self {
+    pub(crate) fn new(layout: &mut Layout, path: &str, inputs: usize, latent: usize) -> Self {
         let gru = format!("{path}.gru");
-        let first = Layer::new(module, &gru, 0, inputs, latent);
-        let second = Layer::new(module, &gru, 1, latent, latent);
-        let layout = &mut module.layout;
+        let first = Layer::new(layout, &gru, 0, inputs, latent);
+        let second = Layer::new(layout, &gru, 1, latent, latent);
         let linear = layout.linear(&format!("{path}.linear"), latent, latent);
         Self {
             layers: [first, second],
+            output: Piece::whole(&mut layout.size, &linear),
             linear,
-            output: Piece::whole(&mut module.size, &linear),
             norm: layout.layer_norm(&format!("{path}.norm"), latent),
         }
     }
@@ -54,54 +100,53 @@ impl GruEncoder {
         self.output.pack(packer);
     }
 
-    /// Numbers that are kept of a row, chunk after chunk: the states of each layer, the initial one
-    /// first, `[steps + 1, rows, hidden]`; its gates, `[steps, rows, 4 hidden]`; the input of the second layer where dropout makes it differ from
-    /// the first layer's states, `[steps, rows, hidden]`; the normalised output, 1 / its deviation.
-    pub(crate) fn widths(&self, steps: usize, dropout: bool) -> [usize; KEPT] {
-        let hidden = self.linear.inputs;
-        let (states, gates) = ((steps + 1) * hidden, steps * 4 * hidden);
-        let between = usize::from(dropout) * steps * hidden;
-        [
-            states,
-            states,
-            gates,
-            gates,
-            between,
-            self.linear.outputs,
-            1,
-        ]
+    /// Makes room for what is kept of `rows` rows.
+    pub(crate) fn fit<T: Real>(
+        &self,
+        kept: &mut GruKept<T>,
+        rows: usize,
+        steps: usize,
+        dropout: bool,
+    ) {
+        let size = rows * self.linear.inputs;
+        for (states, gates) in kept.states.iter_mut().zip(&mut kept.gates) {
+            states.resize((steps + 1) * size);
+            gates.resize(steps * 4 * size);
+        }
+        kept.between.resize(usize::from(dropout) * steps * size);
+        let [normal, deviations] = &mut kept.norm;
+        normal.resize(size);
+        deviations.resize(rows);
     }
 
-    /// Takes a chunk through the window to its latent rows.
+    /// Takes a chunk through the window to its latent rows `out`.
     pub(crate) fn forward<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
         input: EncoderInput<'_, T>,
         chunk: &Range<usize>,
-        (out, kept): EncoderRows<'_, T>,
+        (out, kept): (&mut [T], Option<&mut GruKept<T>>),
         scratch: &mut Scratch<T>,
     ) {
         let (hidden, using) = (self.linear.inputs, weights.instructions);
-        let size = chunk.len() * hidden;
-        let keeps = !kept[0].is_empty();
-        let [
-            states0,
-            states1,
-            gates0,
-            gates1,
-            between,
-            normal,
-            deviations,
-        ] = kept.map(|rows| rows.values);
-        let [_, _, spare, spare_deviations] = &mut scratch.tiles;
-        let [spare0, spare1] = &mut scratch.states;
-        let (states0, states1, norm) = match keeps {
-            true => (states0, states1, [normal, deviations]),
-            false => {
-                let norm = [&mut spare[..size], &mut spare_deviations[..chunk.len()]];
-                (&mut spare0[..2 * size], &mut spare1[..2 * size], norm)
-            }
+        let (size, keeps) = (chunk.len() * hidden, kept.is_some());
+        let [_, _, normal, deviations] = &mut scratch.tiles;
+        let spare = GruRows {
+            states: scratch
+                .states
+                .each_mut()
+                .map(|states| &mut states[..2 * size]),
+            gates: Default::default(),
+            between: Default::default(),
+            norm: [&mut normal[..size], &mut deviations[..chunk.len()]],
         };
+        let rows = kept.map_or(spare, GruKept::rows);
+        let GruRows {
+            states: [states0, states1],
+            gates: [gates0, gates1],
+            between,
+            norm,
+        } = rows;
         states0[..size].fill(T::ZERO);
         states1[..size].fill(T::ZERO);
         let [first, second] = &self.layers;
@@ -123,57 +168,40 @@ impl GruEncoder {
             let to = gates1.get_mut(gates).unwrap_or_default();
             second.step(weights, seen, some.then_some(before), after, to);
         }
-        let last = size
-            * if keeps {
-                input.window
-            } else {
-                input.window % 2
-            };
-        let epilogue = Epilogue::Bias(&weights.flat[self.linear.bias_range()]);
+        let last = match keeps {
+            true => input.window * size,
+            false => input.window % 2 * size,
+        };
+        let epilogue = Epilogue::Bias(weights.at(&self.linear.bias));
         let term = self.output.times(weights, &states1[last..][..size]);
-        multiply(using, &[term], self.linear.outputs, epilogue, norm[0]);
-        let (weight, shift) = (self.norm.weight_range(), self.norm.bias_range());
-        let (weight, shift) = (&weights.flat[weight], &weights.flat[shift]);
-        layer_norm(using, norm, weight, shift, Normalised::Set(out.values));
+        multiply(using, &[term], hidden, epilogue, norm[0]);
+        let (weight, shift) = (weights.at(&self.norm.weight), weights.at(&self.norm.bias));
+        layer_norm(using, norm, weight, shift, Normalised::Set(out));
     }
 
-    /// Adds the gradients of all weights for the gradient of a chunk's latent rows.
+    /// Adds the gradients of all weights for the gradient `output` of a chunk's latent rows, which
+    /// is overwritten. Sets those of the input in each frame, where they are wanted.
     pub(crate) fn backward<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
-        (input, saved): EncoderKept<'_, T>,
+        (input, kept): (EncoderInput<'_, T>, &GruKept<T>),
         chunk: &Range<usize>,
-        (output, to_input): EncoderGradients<'_, T>,
-        group: &mut GroupWork<'_, T>,
+        (output, mut to_input): (&mut [T], Vec<&mut [T]>),
+        group: &mut Group<T>,
     ) {
         let (steps, using) = (input.window, weights.instructions);
-        let (hidden, width) = (self.linear.inputs, input.width);
+        let hidden = self.linear.inputs;
         let size = chunk.len() * hidden;
-        let [
-            states0,
-            states1,
-            gates0,
-            gates1,
-            between,
-            normal,
-            deviations,
-        ] = saved.at(chunk);
-        let norm = [normal, deviations];
-        let gradient = &mut group.gradient;
-        let Scratch {
-            tiles: [_, by_seen, ..],
-            input: by_x,
-            states: [state0, state1],
-            gates,
-            biases: [biases0, biases1],
-            ..
-        } = &mut *group.scratch;
-        let (state0, state1) = (&mut state0[..size], &mut state1[..size]);
-        let (by_seen, gates) = (&mut by_seen[..size], &mut gates[..4 * size]);
+        let ([states0, states1], [gates0, gates1]) = (&kept.states, &kept.gates);
+        let Group { scratch, gradient } = group;
+        let [_, by_seen, ..] = &mut scratch.tiles;
+        let [state0, state1] = scratch.states.each_mut().map(|state| &mut state[..size]);
+        let (by_seen, gates) = (&mut by_seen[..size], &mut scratch.gates[..4 * size]);
+        let [biases0, biases1] = &mut scratch.biases;
         // From the gradient of the latent rows to that of the second layer's last state.
-        let output = output.values;
-        let weight = &weights.flat[self.norm.weight_range()];
-        layer_norm_backward(using, output, norm, weight, gradient.layer_norm(&self.norm));
+        let [normal, deviations] = &kept.norm;
+        let norm = [&**normal, deviations];
+        self.norm.backward(weights, output, norm, gradient);
         gradient.add_linear(using, &self.linear, output, &states1[steps * size..]);
         let term = self.output.back(weights, output);
         multiply(using, &[term], hidden, Epilogue::Set, state1);
@@ -183,7 +211,7 @@ impl GruEncoder {
         let [first, second] = &self.layers;
         for step in (0..steps).rev() {
             let seen = match input.dropout {
-                Some(_) => &between[step * size..][..size],
+                Some(_) => &kept.between[step * size..][..size],
                 None => &states0[(step + 1) * size..][..size],
             };
             let taken = StepBack {
@@ -209,17 +237,32 @@ impl GruEncoder {
                 biases: biases0,
             };
             first.step_backward(weights, taken, gradient);
-            if !to_input.is_empty() {
-                let by_x = &mut by_x[..chunk.len() * width];
-                first.input_backward(weights, gates, by_x);
-                let to = to_input.values.chunks_exact_mut(steps * width);
-                for (to, x) in to.zip(by_x.chunks_exact(width)) {
-                    to[step * width..(step + 1) * width].copy_from_slice(x);
-                }
+            if let Some(to_input) = to_input.get_mut(step) {
+                first.input_backward(weights, gates, to_input);
             }
         }
         for (layer, biases) in self.layers.iter().zip([biases0, biases1]) {
             layer.biases_backward(biases, gradient);
+        }
+    }
+}
+
+/// Rows that a chunk's way through the window writes, as in [`GruKept`]; without room for gates
+/// where they are not kept.
+struct GruRows<'a, T> {
+    states: [&'a mut [T]; 2],
+    gates: [&'a mut [T]; 2],
+    between: &'a mut [T],
+    norm: [&'a mut [T]; 2],
+}
+
+impl<T> GruKept<T> {
+    fn rows(&mut self) -> GruRows<'_, T> {
+        GruRows {
+            states: self.states.each_mut().map(|states| &mut states[..]),
+            gates: self.gates.each_mut().map(|gates| &mut gates[..]),
+            between: &mut self.between,
+            norm: self.norm.each_mut().map(|norm| &mut norm[..]),
         }
     }
 }
@@ -232,5 +275,145 @@ fn around<T>(states: &mut [T], size: usize, step: usize, keeps: bool) -> (&[T], 
     match keeps || step.is_multiple_of(2) {
         true => (before, after),
         false => (after, before),
+    }
+}
+
+impl Layer {
+    /// Lays out layer `number` of the recurrent network `path` as PyTorch starts it: uniform in
+    /// ±1/√hidden.
+    fn new(layout: &mut Layout, path: &str, number: usize, inputs: usize, hidden: usize) -> Self {
+        let start = Start::Uniform {
+            bound: (hidden as f64).sqrt().recip(),
+        };
+        let padded = hidden.next_multiple_of(MOST_LANES);
+        let mut add = |name: &str, shape: &[usize]| {
+            layout.add(format!("{path}.{name}_l{number}"), shape, start)
+        };
+        Self {
+            inputs,
+            hidden,
+            weight_ih: add("weight_ih", &[3 * hidden, inputs]),
+            weight_hh: add("weight_hh", &[3 * hidden, hidden]),
+            bias_ih: add("bias_ih", &[3 * hidden]),
+            bias_hh: add("bias_hh", &[3 * hidden]),
+            gates: layout.size.forward(inputs + hidden, 3 * padded),
+            biases: layout.size.forward(1, 4 * padded),
+            to_input: layout.size.backward(3 * hidden, inputs),
+            to_state: layout.size.backward(3 * hidden, hidden),
+        }
+    }
+
+    /// Packs the matrices of both passes and the biases.
+    fn pack<T: Real>(&self, packer: &mut Packer<'_, T>) {
+        let (flat, using) = (packer.flat, packer.instructions);
+        let (inputs, hidden) = (self.inputs, self.hidden);
+        let layer = GruWeights {
+            inputs,
+            hidden,
+            of_input: &flat[self.weight_ih.clone()],
+            of_state: &flat[self.weight_hh.clone()],
+            input_bias: &flat[self.bias_ih.clone()],
+            state_bias: &flat[self.bias_hh.clone()],
+        };
+        pack_gates(using, layer, packer.room(self.gates));
+        pack_biases(using, layer, packer.room(self.biases));
+        // Rows of the weights are of r, z, n; gradients of n, r, z reach the input.
+        packer.backward(self.to_input, |l, j| {
+            let row = (l + 2 * hidden) % (3 * hidden);
+            layer.of_input[row * inputs + j]
+        });
+        packer.backward(self.to_state, |l, j| layer.of_state[l * hidden + j]);
+    }
+
+    /// From the input and the state before to the state after. Keeps the gates unless `gates` is
+    /// empty.
+    fn step<T: Real>(
+        &self,
+        weights: LayerWeights<'_, T>,
+        input: &[T],
+        before: Option<&[T]>,
+        after: &mut [T],
+        gates: &mut [T],
+    ) {
+        let step = GruStep {
+            input,
+            inputs: self.inputs,
+            before,
+            packed: self.gates.of(&weights.module.forward),
+            biases: self.biases.of(&weights.module.forward),
+            hidden: self.hidden,
+            after,
+            kept: gates,
+        };
+        gru_step(weights.instructions, step);
+    }
+
+    /// Takes the gradient of the state back through a step. Adds the gradients of the matrices.
+    fn step_backward<T: Real>(
+        &self,
+        weights: LayerWeights<'_, T>,
+        step: StepBack<'_, T>,
+        gradient: &mut ModuleGradient<T>,
+    ) {
+        let (inputs, hidden, using) = (self.inputs, self.hidden, weights.instructions);
+        let StepBack { state, gates, .. } = step;
+        using.run(GateGradients {
+            hidden,
+            kept: step.kept,
+            before: step.before,
+            state: &mut *state,
+            sums: &mut *gates,
+        });
+        add_column_sums(using, step.biases, gates);
+        let all = Columns::all(&*gates, 4 * hidden);
+        let columns = |first: usize, count: usize| all.part(first * hidden, count * hidden);
+        let of_state = columns(1, 3);
+        let term = Term {
+            rows: of_state,
+            packed: self.to_state.of(&weights.module.backward),
+        };
+        multiply(using, &[term], hidden, Epilogue::Add, state);
+        let outer = |rows: &mut [T], gates, right, stride| {
+            let first = 0;
+            let sums = Sums {
+                rows,
+                stride,
+                first,
+            };
+            add_outer(using, sums, gates, Columns::all(right, stride));
+        };
+        outer(gradient.at(&self.weight_hh), of_state, step.before, hidden);
+        let weight = gradient.at(&self.weight_ih);
+        let (of_reset_and_update, of_new) = weight.split_at_mut(2 * hidden * inputs);
+        outer(of_reset_and_update, columns(1, 2), step.input, inputs);
+        outer(of_new, columns(0, 1), step.input, inputs);
+    }
+
+    /// The gradient of the input of a step from those of the sums.
+    fn input_backward<T: Real>(
+        &self,
+        weights: LayerWeights<'_, T>,
+        gates: &[T],
+        to_input: &mut [T],
+    ) {
+        let term = Term {
+            rows: Columns::all(gates, 4 * self.hidden).part(0, 3 * self.hidden),
+            packed: self.to_input.of(&weights.module.backward),
+        };
+        let using = weights.instructions;
+        multiply(using, &[term], self.inputs, Epilogue::Set, to_input);
+    }
+
+    /// Adds the gradients of the biases from the sums over all steps of the gradients of the gates.
+    fn biases_backward<T: Real>(&self, sums: &[T], gradient: &mut ModuleGradient<T>) {
+        let hidden = self.hidden;
+        let (new, others) = sums[..4 * hidden].split_at(hidden);
+        let both = [(&self.bias_ih, new), (&self.bias_hh, &others[2 * hidden..])];
+        for (place, candidate) in both {
+            let from = others[..2 * hidden].iter().chain(candidate);
+            for (to, &x) in gradient.at(place).iter_mut().zip(from) {
+                *to += x;
+            }
+        }
     }
 }

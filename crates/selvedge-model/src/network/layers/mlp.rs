@@ -4,18 +4,18 @@
 //! The sums of the first layer are the caller's: an arc update splits them by vertex (`block.rs`).
 //! The perceptron takes them from there, and leaves their gradient on the way back.
 
-use crate::graph::share::Rows;
 use crate::kernels::aligned::Aligned;
 use crate::kernels::gemm::{Columns, Epilogue, Term, multiply};
 use crate::kernels::norm::{Normalised, layer_norm, layer_norm_backward};
 use crate::kernels::outer::{Sums, add_outer};
 use crate::kernels::real::Real;
 use crate::kernels::rows::add_column_sums;
-use crate::network::packed::{LayerWeights, ModuleBuilder, Packer, Piece};
-use crate::network::parameters::{LayerNorm, Linear, ModuleGradient};
+use crate::network::packed::{LayerWeights, Packer, Piece};
+use crate::network::parameters::{LayerNorm, Layout, Linear};
+use crate::network::workspace::ModuleGradient;
 
 /// Places of the weights of a perceptron.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Mlp {
     pub(crate) first: Linear,
     second: Linear,
@@ -25,60 +25,46 @@ pub(crate) struct Mlp {
     pieces: [Piece; 2],
 }
 
-/// Activations of a chunk of rows: after the first and the second ReLU, both `[rows, latent]`; the
-/// normalised output `[rows, outputs]` and 1 / its deviation `[rows]`, both empty without LayerNorm.
-pub(crate) const ACTIVATIONS: usize = 4;
+/// Activations of rows: after the first and the second ReLU, both `[rows, latent]`; the normalised
+/// output `[rows, outputs]` and 1 / its deviation `[rows]`, both empty without LayerNorm.
+pub(crate) type Activations<T> = [Aligned<T>; 4];
 
-/// Activations of a chunk that are written.
-pub(crate) type Tile<'a, T> = [&'a mut [T]; ACTIVATIONS];
-
-/// The rows that are kept, or room for `rows` rows in `spare` where none are.
-pub(crate) fn tile<'a, T>(
-    kept: [Rows<'a, T>; ACTIVATIONS],
-    spare: &'a mut [Aligned<T>; ACTIVATIONS],
-    rows: usize,
-) -> Tile<'a, T> {
-    if !kept[0].is_empty() {
-        return kept.map(|rows| rows.values);
-    }
-    let mut widths = kept.iter().map(Rows::width);
-    let spare = spare.each_mut();
-    spare.map(|array| &mut array[..rows * widths.next().unwrap_or(0)])
-}
+/// Activations that are written.
+pub(crate) type Tile<'a, T> = [&'a mut [T]; 4];
 
 impl Mlp {
     /// A perceptron with a LayerNorm, `inputs` → `latent` → `latent` → `latent`.
     pub(crate) fn normalised(
-        module: &mut ModuleBuilder,
+        layout: &mut Layout,
         path: &str,
         inputs: usize,
         latent: usize,
     ) -> Self {
-        let mlp = Self::plain(module, path, inputs, latent, latent);
+        let mlp = Self::plain(layout, path, inputs, latent, latent);
         Self {
-            norm: Some(module.layout.layer_norm(&format!("{path}.5"), latent)),
+            norm: Some(layout.layer_norm(&format!("{path}.5"), latent)),
             ..mlp
         }
     }
 
     /// A perceptron without LayerNorm, `inputs` → `latent` → `latent` → `outputs`.
     pub(crate) fn plain(
-        module: &mut ModuleBuilder,
+        layout: &mut Layout,
         path: &str,
         inputs: usize,
         latent: usize,
         outputs: usize,
     ) -> Self {
-        let (layout, size) = (&mut module.layout, &mut module.size);
         let first = layout.linear(&format!("{path}.0"), inputs, latent);
         let second = layout.linear(&format!("{path}.2"), latent, latent);
         let third = layout.linear(&format!("{path}.4"), latent, outputs);
+        let pieces = [&second, &third].map(|linear| Piece::whole(&mut layout.size, linear));
         Self {
             first,
             second,
             third,
             norm: None,
-            pieces: [Piece::whole(size, &second), Piece::whole(size, &third)],
+            pieces,
         }
     }
 
@@ -89,27 +75,44 @@ impl Mlp {
         }
     }
 
-    /// The epilogue of a first layer with no other than its own inputs: bias, then ReLU.
-    pub(crate) fn first_epilogue<'a, T>(&self, weights: LayerWeights<'a, T>) -> Epilogue<'a, T> {
-        Epilogue::BiasRelu(&weights.flat[self.first.bias_range()])
-    }
-
     /// Numbers in a row of each of the activations.
-    pub(crate) fn widths(&self) -> [usize; ACTIVATIONS] {
-        let [normal, deviation] = self.norm.map_or([0, 0], |norm| [norm.width, 1]);
+    fn widths(&self) -> [usize; 4] {
+        let [normal, deviation] = match &self.norm {
+            Some(norm) => [norm.weight.len(), 1],
+            None => [0, 0],
+        };
         [self.first.outputs, self.second.outputs, normal, deviation]
     }
 
-    /// The first layer, from its terms and its epilogue.
+    /// Makes room for the activations of so many rows.
+    pub(crate) fn fit<T: Real>(&self, activations: &mut Activations<T>, rows: usize) {
+        for (array, width) in activations.iter_mut().zip(self.widths()) {
+            array.resize(rows * width);
+        }
+    }
+
+    /// The activations of `rows` rows, to be written where they are kept, else in `spare`.
+    pub(crate) fn tile<'a, T: Real>(
+        &self,
+        kept: Option<&'a mut Activations<T>>,
+        spare: &'a mut Activations<T>,
+        rows: usize,
+    ) -> Tile<'a, T> {
+        let mut widths = self.widths().into_iter();
+        let arrays = kept.unwrap_or(spare).each_mut();
+        arrays.map(|array| &mut array[..rows * widths.next().unwrap_or(0)])
+    }
+
+    /// The first layer with no other than its own inputs.
     pub(crate) fn first_layer<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
         terms: &[Term<'_, T>],
-        epilogue: Epilogue<'_, T>,
         [hidden1, ..]: &mut Tile<'_, T>,
     ) {
-        let using = weights.instructions;
-        multiply(using, terms, self.first.outputs, epilogue, hidden1);
+        let epilogue = Epilogue::BiasRelu(weights.at(&self.first.bias));
+        let columns = self.first.outputs;
+        multiply(weights.instructions, terms, columns, epilogue, hidden1);
     }
 
     /// From the first layer's activations to the output.
@@ -119,12 +122,12 @@ impl Mlp {
         [hidden1, hidden2, normal, inverse_deviation]: Tile<'_, T>,
         out: Normalised<'_, T>,
     ) {
-        let (using, flat) = (weights.instructions, weights.flat);
+        let using = weights.instructions;
         let [second, third] = &self.pieces;
-        let epilogue = Epilogue::BiasRelu(&flat[self.second.bias_range()]);
+        let epilogue = Epilogue::BiasRelu(weights.at(&self.second.bias));
         let term = second.times(weights, hidden1);
         multiply(using, &[term], self.second.outputs, epilogue, hidden2);
-        let epilogue = Epilogue::Bias(&flat[self.third.bias_range()]);
+        let epilogue = Epilogue::Bias(weights.at(&self.third.bias));
         let term = third.times(weights, hidden2);
         let Some(norm) = &self.norm else {
             // A decoder's output is nothing's update.
@@ -134,9 +137,8 @@ impl Mlp {
             return;
         };
         multiply(using, &[term], self.third.outputs, epilogue, normal);
-        let rows = [normal, inverse_deviation];
-        let (weight, shift) = (&flat[norm.weight_range()], &flat[norm.bias_range()]);
-        layer_norm(using, rows, weight, shift, out);
+        let (weight, shift) = (weights.at(&norm.weight), weights.at(&norm.bias));
+        layer_norm(using, [normal, inverse_deviation], weight, shift, out);
     }
 
     /// From the gradient of the output `[rows, outputs]`, which is overwritten, to that of the sums
@@ -145,16 +147,15 @@ impl Mlp {
     pub(crate) fn backward<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
-        [hidden1, hidden2, normal, inverse_deviation]: [&[T]; ACTIVATIONS],
+        [hidden1, hidden2, normal, inverse_deviation]: &Activations<T>,
         [output, hidden, pre_activation]: [&mut [T]; 3],
-        gradient: &mut ModuleGradient<'_, T>,
+        gradient: &mut ModuleGradient<T>,
     ) {
         let (using, latent) = (weights.instructions, self.first.outputs);
         let [second, third] = &self.pieces;
         if let Some(norm) = &self.norm {
-            let weight = &weights.flat[norm.weight_range()];
-            let kept = [normal, inverse_deviation];
-            layer_norm_backward(using, output, kept, weight, gradient.layer_norm(norm));
+            let kept = [&**normal, inverse_deviation];
+            norm.backward(weights, output, kept, gradient);
         }
         gradient.add_linear(using, &self.third, output, hidden2);
         let (term, mask) = (third.back(weights, output), Epilogue::Mask(hidden2));
@@ -162,8 +163,7 @@ impl Mlp {
         gradient.add_linear(using, &self.second, hidden, hidden1);
         let (term, mask) = (second.back(weights, hidden), Epilogue::Mask(hidden1));
         multiply(using, &[term], latent, mask, pre_activation);
-        let bias = gradient.at(self.first.bias_range());
-        add_column_sums(using, bias, pre_activation);
+        add_column_sums(using, gradient.at(&self.first.bias), pre_activation);
     }
 
     /// Adds the gradient of the first layer's matrix at the input columns from `from` on.
@@ -173,13 +173,98 @@ impl Mlp {
         from: usize,
         pre_activation: Columns<'_, T>,
         input: Columns<'_, T>,
-        gradient: &mut ModuleGradient<'_, T>,
+        gradient: &mut ModuleGradient<T>,
     ) {
         let sums = Sums {
-            rows: gradient.at(self.first.weight_range()),
+            rows: gradient.at(&self.first.weight),
             stride: self.first.inputs,
             first: from,
         };
         add_outer(weights.instructions, sums, pre_activation, input);
+    }
+}
+
+/// A perceptron whose first layer sees no other than its own inputs.
+#[derive(Clone, Debug)]
+pub(crate) struct WholeMlp {
+    mlp: Mlp,
+    first: Piece,
+}
+
+impl WholeMlp {
+    pub(crate) fn new(layout: &mut Layout, mlp: Mlp) -> Self {
+        let first = Piece::whole(&mut layout.size, &mlp.first);
+        Self { mlp, first }
+    }
+
+    pub(crate) fn pack<T: Real>(&self, packer: &mut Packer<'_, T>) {
+        self.mlp.pack(packer);
+        self.first.pack(packer);
+    }
+
+    /// Makes room for the activations of so many rows.
+    pub(crate) fn fit<T: Real>(&self, activations: &mut Activations<T>, rows: usize) {
+        self.mlp.fit(activations, rows);
+    }
+
+    /// From rows of inputs to `out`. Activations go where they are kept, else to `spare`.
+    pub(crate) fn forward<T: Real>(
+        &self,
+        weights: LayerWeights<'_, T>,
+        input: &[T],
+        (kept, spare): (Option<&mut Activations<T>>, &mut Activations<T>),
+        out: &mut [T],
+    ) {
+        let rows = input.len() / self.mlp.first.inputs;
+        let mut tile = self.mlp.tile(kept, spare, rows);
+        let terms = &[self.first.times(weights, input)];
+        self.mlp.first_layer(weights, terms, &mut tile);
+        self.mlp.forward(weights, tile, Normalised::Set(out));
+    }
+
+    /// As [`Mlp::backward`], and adds the gradient of the first layer's matrix.
+    pub(crate) fn backward<T: Real>(
+        &self,
+        weights: LayerWeights<'_, T>,
+        (input, kept): (&[T], &Activations<T>),
+        [output, hidden, pre_activation]: [&mut [T]; 3],
+        gradient: &mut ModuleGradient<T>,
+    ) {
+        let through = [output, hidden, &mut *pre_activation];
+        self.mlp.backward(weights, kept, through, gradient);
+        let first = &self.mlp.first;
+        let by_sums = Columns::all(&*pre_activation, first.outputs);
+        let input = Columns::all(input, first.inputs);
+        self.mlp
+            .first_backward(weights, 0, by_sums, input, gradient);
+    }
+
+    /// The gradient of the input from that of the sums of the first layer.
+    pub(crate) fn input_backward<T: Real>(
+        &self,
+        weights: LayerWeights<'_, T>,
+        pre_activation: &[T],
+        to_input: &mut [T],
+    ) {
+        let terms = &[self.first.back(weights, pre_activation)];
+        let (using, columns) = (weights.instructions, self.mlp.first.inputs);
+        multiply(using, terms, columns, Epilogue::Set, to_input);
+    }
+}
+
+impl LayerNorm {
+    /// Takes the gradient of the output back to the input, from what the forward pass kept. Adds
+    /// those of weight and shift.
+    pub(crate) fn backward<T: Real>(
+        &self,
+        weights: LayerWeights<'_, T>,
+        output: &mut [T],
+        kept: [&[T]; 2],
+        gradient: &mut ModuleGradient<T>,
+    ) {
+        let both = gradient.at(&(self.weight.start..self.bias.end));
+        let both = both.split_at_mut(self.weight.len()).into();
+        let weight = weights.at(&self.weight);
+        layer_norm_backward(weights.instructions, output, kept, weight, both);
     }
 }

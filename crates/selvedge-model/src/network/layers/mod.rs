@@ -6,6 +6,4 @@
 pub(crate) mod block;
 pub(crate) mod encoder;
 pub(crate) mod gru;
-mod gru_layer;
 pub(crate) mod mlp;
-pub(crate) mod scratch;

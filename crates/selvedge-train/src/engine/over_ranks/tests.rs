@@ -22,6 +22,15 @@ fn five_pieces(encoder: Encoder) -> TrainConfig {
     cfg
 }
 
+/// What `work` gives on each of so many ranks.
+fn on_all<R: Send>(count: usize, work: impl Fn(Ranks) -> R + Sync) -> Vec<R> {
+    thread::scope(|scope| {
+        let (work, ranks) = (&work, threads(count).into_iter());
+        let all: Vec<_> = ranks.map(|rank| scope.spawn(move || work(rank))).collect();
+        all.into_iter().map(|rank| rank.join().unwrap()).collect()
+    })
+}
+
 /// Trains up to step `steps` on so many ranks, from the checkpoint in `from` if there is one; gives
 /// the bytes of the checkpoint that rank 0 has written to `to`.
 fn trained(data: &Swinging, cfg: &TrainConfig, count: usize, names: [Option<&str>; 2]) -> Vec<u8> {
@@ -45,11 +54,7 @@ fn trained(data: &Swinging, cfg: &TrainConfig, count: usize, names: [Option<&str
         }
         trainer.learned().clone()
     };
-    let all: Vec<Learned> = thread::scope(|scope| {
-        let ranks = threads(count).into_iter();
-        let all: Vec<_> = ranks.map(|ranks| scope.spawn(|| train(ranks))).collect();
-        all.into_iter().map(|rank| rank.join().unwrap()).collect()
-    });
+    let all: Vec<Learned> = on_all(count, train);
     assert!(
         all.iter().all(|learned| *learned == all[0]),
         "{count} ranks"
@@ -140,11 +145,7 @@ fn where_one_rank_gives_a_step_up_all_do_and_all_go_on_from_before_it() {
         }
         given_up
     };
-    let given_up: Vec<Vec<u64>> = thread::scope(|scope| {
-        let ranks = threads(3).into_iter();
-        let all: Vec<_> = ranks.map(|ranks| scope.spawn(|| train(ranks))).collect();
-        all.into_iter().map(|rank| rank.join().unwrap()).collect()
-    });
+    let given_up: Vec<Vec<u64>> = on_all(3, train);
     assert!(given_up[0].starts_with(&[1, 1]), "{given_up:?}");
     assert!(given_up.iter().all(|steps| *steps == given_up[0]));
     assert!(std::fs::read(path).unwrap() == whole);
@@ -163,15 +164,7 @@ fn error_of(count: usize, cfg: impl Fn(usize) -> TrainConfig + Sync) -> String {
         made.err()
             .map_or_else(String::new, |error| error.to_string())
     };
-    let errors: Vec<String> = thread::scope(|scope| {
-        let make = &make;
-        let ranks = threads(count).into_iter();
-        let all: Vec<_> = ranks
-            .map(|ranks| scope.spawn(move || make(ranks)))
-            .collect();
-        all.into_iter().map(|rank| rank.join().unwrap()).collect()
-    });
-    errors[0].clone()
+    on_all(count, make).remove(0)
 }
 
 #[test]

@@ -114,7 +114,7 @@ fn whole(encoder: Encoder) -> Whole {
         connectivity: Connectivity::of(graph.topology()),
         nodes: wide(&window.nodes),
         edges: wide(&window.arcs),
-        statistics: trainer.targets.freeze(),
+        statistics: trainer.state.targets.freeze(),
         losses: LossEvaluator::new(cfg.losses),
         weights: wide(model.weights()),
         network: model.network().clone(),

@@ -11,8 +11,8 @@ use selvedge_data::SectionRule;
 use selvedge_model::{EdgeFeature, Encoder};
 
 use crate::config::{Labels, TrainConfig};
-use crate::expert::{Expert, ExpertState};
 use crate::schedule::{TruthProbability, UnrollFrames};
+use crate::slot::{Expert, ExpertState};
 use crate::test_data::{ENGINE, Swinging, busy, config, swinging, two_cloths};
 use crate::trainer::{TrainError, Trainer};
 
@@ -116,7 +116,7 @@ fn runs_go_on_over_steps_and_threads_do_not_show() {
             let frames_and_loss: Vec<(usize, u64)> = reports
                 .map(|report| (report.frames, report.terms.total.to_bits()))
                 .collect();
-            let longest = trainer.slots.iter().map(|slot| slot.run).max();
+            let longest = trainer.state.slots.iter().map(|slot| slot.run).max();
             (frames_and_loss, longest, trainer.learned.weights.clone())
         })
     };
@@ -166,7 +166,7 @@ fn with_expert(expert: Option<ByRecord>) -> Result<(usize, u32), TrainError> {
     let mut longest = 0;
     for _ in 0..12 {
         trainer.step()?;
-        let runs = trainer.slots.iter().map(|slot| slot.run);
+        let runs = trainer.state.slots.iter().map(|slot| slot.run);
         longest = longest.max(runs.max().unwrap_or(0));
     }
     Ok((
@@ -236,10 +236,14 @@ fn labels_asked_ahead_are_those_of_the_step() {
         trainer.ask(Box::new(expert));
         let losses = (0..12).map(|_| {
             if forgets {
-                trainer.slots.iter_mut().for_each(|slot| slot.labels = None);
+                trainer
+                    .state
+                    .slots
+                    .iter_mut()
+                    .for_each(|slot| slot.labels = None);
             }
             let loss = trainer.step().expect("a step").terms.total.to_bits();
-            let fresh = trainer.slots.iter().filter(|slot| slot.run == 0);
+            let fresh = trainer.state.slots.iter().filter(|slot| slot.run == 0);
             assert!(fresh.into_iter().all(|slot| slot.history.is_empty()));
             loss
         });
