@@ -239,12 +239,13 @@ impl Scene {
     pub(crate) fn found_rest(
         &self,
         teller: &mut Teller<'_>,
-    ) -> Result<Arc<SaggedRest>, physics::RestPoseError> {
+    ) -> PyResult<Arc<SaggedRest>> {
         let mut known = self.rest.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(rest) = &*known {
             return Ok(Arc::clone(rest));
         }
-        let found = physics::rest_pose(&self.loaded.scene, &mut |event| teller.hear(event))?;
+        let found = physics::rest_pose(&self.loaded.scene, &mut |event| teller.hear(event));
+        let found = found.map_err(told)?;
         Ok(Arc::clone(known.insert(Arc::new(found))))
     }
 
@@ -254,12 +255,12 @@ impl Scene {
         &self,
         built: &selvedge_cloth::Scene,
         teller: &mut Teller<'_>,
-    ) -> Result<Arc<SaggedRest>, physics::RestPoseError> {
+    ) -> PyResult<Arc<SaggedRest>> {
         if built.physics == self.loaded.scene.physics {
             return self.found_rest(teller);
         }
-        let found = physics::rest_pose(built, &mut |event| teller.hear(event))?;
-        Ok(Arc::new(found))
+        let found = physics::rest_pose(built, &mut |event| teller.hear(event));
+        Ok(Arc::new(found.map_err(told)?))
     }
 
     fn copy(&self) -> LoadedScene {

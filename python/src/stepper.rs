@@ -18,7 +18,7 @@ use selvedge_data::{Drive, Playback, RecordingEnd, SavedState, StartSpec, record
 use selvedge_guard::Guard;
 use selvedge_lab::machine::{Machine, Mover};
 use selvedge_lab::rigid::RigidRest;
-use selvedge_lab::{physics, start, state_log};
+use selvedge_lab::{physics, start};
 use selvedge_sim::{SaggedRest, Simulator as Physics};
 
 use crate::arrays::{self, Numbers};
@@ -358,7 +358,7 @@ impl Simulator {
         let stop = Stop::default();
         let mut teller = Teller::new(progress, &stop);
         let (state, _) = beside(py, &stop, || begin(scene, given, &mut teller))??;
-        let made = py.detach(|| state_log::simulator_of_run(built, state));
+        let made = py.detach(|| start::simulator_of_run(built, state));
         let kind = Kind::Physics(Box::new(made.map_err(told)?));
         let course = course_of(built, built.physics.substeps as usize)?;
         let stepper = Stepper::of(py, kind, built.frame_rate, course)?;
@@ -434,7 +434,7 @@ pub(crate) fn begin(
     let loaded = &scene.loaded;
     let is_at_rest = loaded.state.is_none() && loaded.spec.start == StartSpec::Rest;
     if is_at_rest && !loaded.scene.handles.is_empty() {
-        let rest = scene.found_rest(teller).map_err(told)?;
+        let rest = scene.found_rest(teller)?;
         return Ok((SavedState::at_rest(rest.positions.clone()), Some(rest)));
     }
     let found = start::find(loaded, &mut |event| teller.hear(event)).map_err(told)?;
@@ -466,7 +466,7 @@ fn on_scene(
     let built = Arc::new(loaded.scene);
     let named = model.named();
     let made = beside(py, &stop, || {
-        let rest = scene.rest_of(&built, &mut teller).map_err(told)?;
+        let rest = scene.rest_of(&built, &mut teller)?;
         start::guarded(&built, &rest.positions, &named, &Machine::Cpu, settings).map_err(told)
     })??;
     let course = course_of(&built, 1)?;
@@ -527,7 +527,7 @@ impl RigidStepper {
     ) -> PyResult<PyClassInitializer<Self>> {
         let stop = Stop::default();
         let mut teller = Teller::new(progress, &stop);
-        let rest = beside(py, &stop, || scene.found_rest(&mut teller))?.map_err(told)?;
+        let rest = beside(py, &stop, || scene.found_rest(&mut teller))??;
         let built = &scene.loaded.scene;
         let cloth = Cloth::of_scene(built, physics::rounded(&rest.positions)).map_err(told)?;
         let kind = Kind::Other(Box::new(RigidRest::new(&cloth)));

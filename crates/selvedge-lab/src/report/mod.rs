@@ -14,31 +14,20 @@ mod training;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use selvedge_data::{WriteError, write_atomically};
+use anyhow::Result;
+use selvedge_data::write_atomically;
 use selvedge_view::plot::PlotError;
-use thiserror::Error;
 
 pub use self::numbers::{errors_csv, write_errors};
 pub use self::tables::{Cells, Columns, after, character, failures, table, whole};
-pub use self::training::{ReadLogError, TrainingLog, training_chart};
+pub use self::training::{TrainingLog, training_chart};
 
 use self::plots::{by_frames, by_time, over_time};
 use crate::evaluation::{Evaluation, Run, Summary, own_errors, summaries};
-use crate::folder::{self, FolderError};
-use crate::folder_kind::ERRORS;
+use crate::folder::{self, ERRORS};
 
 /// The tables that every report has.
 pub const TABLES: [&str; 2] = [ERRORS, "times.csv"];
-
-/// A report that cannot be made or written.
-#[derive(Debug, Error)]
-#[error(transparent)]
-#[allow(missing_docs, reason = "the messages are those of the parts")]
-pub enum WriteReportError {
-    Folder(#[from] FolderError),
-    File(#[from] WriteError),
-    Plot(#[from] PlotError),
-}
 
 /// What a report says beside the numbers.
 #[derive(Default)]
@@ -64,11 +53,7 @@ enum Measure {
 
 /// Writes the report of an evaluation into `folder`, each file whole or not at all and the page
 /// last, and says where they are.
-pub fn write(
-    folder: &Path,
-    heading: &Heading,
-    evaluation: &Evaluation,
-) -> Result<Vec<PathBuf>, WriteReportError> {
+pub fn write(folder: &Path, heading: &Heading, evaluation: &Evaluation) -> Result<Vec<PathBuf>> {
     let files = files(heading, evaluation)?;
     folder::make_folder(folder)?;
     let mut wrote = Vec::with_capacity(files.len());

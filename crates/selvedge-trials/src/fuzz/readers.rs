@@ -19,7 +19,8 @@ use super::bench::Bench;
 pub(super) type Verdict = Result<(), String>;
 
 fn said(error: impl std::fmt::Display) -> String {
-    error.to_string()
+    // Errors of the laboratory tell their causes so.
+    format!("{error:#}")
 }
 
 /// The text of `bytes`; readers of text are given nothing else.

@@ -15,16 +15,14 @@ use selvedge_cloth::Stepper;
 use selvedge_data::metrics::Comparison;
 use selvedge_data::{LoadedScene, SavedState, Trajectory};
 use selvedge_guard::Trust;
-use selvedge_lab::comparison::compare;
 use selvedge_lab::domain::{self, Beyond};
-use selvedge_lab::folder;
-use selvedge_lab::folder_kind::{FolderKind, ROLLOUT};
+use selvedge_lab::folder::{self, FolderKind, ROLLOUT};
 use selvedge_lab::machine::Machine;
-use selvedge_lab::models::{self, NamedModel};
-use selvedge_lab::physics::{self, SimulationPlan, TimedRun};
+use selvedge_lab::models::NamedModel;
+use selvedge_lab::physics::{self, SimulationPlan, TimedRun, compare};
 use selvedge_lab::rigid::RigidRest;
 use selvedge_lab::start;
-use selvedge_lab::watched::{self, GuardSummary, WatchedModel};
+use selvedge_lab::watched::{self, GuardSummary};
 use selvedge_model::{Departure, Model};
 use selvedge_sim::{SaggedRest, Threads};
 use serde::Serialize;
@@ -175,7 +173,7 @@ fn rigid_rmse(setup: &Setup, truth: &Trajectory) -> anyhow::Result<f64> {
     let path = setup.loaded.scene.handle_path()?;
     let mut rigid = RigidRest::new(truth.cloth());
     let frames = truth.frame_count() - 1;
-    let run = models::drive(&mut rigid, &path, frames, &mut interrupt::flow)?;
+    let run = physics::drive(&mut rigid, &path, frames, &mut |_| interrupt::flow())?;
     let rigid = timed(setup, run)?.trajectory;
     Ok(compare(truth, &rigid)?.position_rmse)
 }
@@ -274,22 +272,23 @@ fn predict(
     let scene = &setup.loaded.scene;
     let path = scene.handle_path()?;
     let (known, rest) = (Arc::new(scene.clone()), &setup.rest.positions);
-    let guard = start::guarded(&known, rest, model, machine, args.guard.settings())?;
-    let mut watched = WatchedModel::of(guard);
-    watched.stop_by(interrupt::flag().into());
+    let mut guard = start::guarded(&known, rest, model, machine, args.guard.settings())?;
+    let mut log = Vec::new();
+    guard.stop_by(interrupt::flag().into());
     let progress = Progress::new("predicting", setup.frames, "frames");
-    let run = models::drive(&mut watched, &path, setup.frames, &mut || {
+    let run = physics::drive(&mut guard, &path, setup.frames, &mut |guard| {
+        log.push(*guard.trust());
         progress.advance();
         interrupt::flow()
     })
     .with_context(|| format!("the rollout of model {}", model.name))?;
-    if let Some(failure) = watched.physics_failure() {
+    if let Some(failure) = guard.physics_failure() {
         tracing::warn!("the guard did without its physics: {failure}");
     }
     Ok(Prediction {
         run: timed(setup, run)?,
-        log: watched.log().to_vec(),
-        guarded: watched.summary(),
+        guarded: watched::summary(&log),
+        log,
     })
 }
 
@@ -313,7 +312,7 @@ fn simulate(setup: &Setup) -> anyhow::Result<TimedTrajectory> {
 fn timed(setup: &Setup, run: TimedRun) -> anyhow::Result<TimedTrajectory> {
     let LoadedScene { spec, scene, .. } = &setup.loaded;
     Ok(TimedTrajectory {
-        trajectory: physics::trajectory(spec, scene, &setup.rest.positions, run.positions)?,
+        trajectory: physics::trajectory(0, spec, scene, &setup.rest.positions, run.positions)?,
         ms_per_frame: run.ms_per_frame,
         end: run.end,
     })

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow};
-use selvedge_lab::folder_kind::{EVALUATIONS, FolderKind, TRAININGS};
+use selvedge_lab::folder::{EVALUATIONS, FolderKind, TRAININGS};
 use selvedge_lab::report::TrainingLog;
 use selvedge_train::{TrainConfig, files};
 use serde_json::json;

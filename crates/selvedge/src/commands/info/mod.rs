@@ -25,14 +25,14 @@ use selvedge_data::{
     LoadedScene, MeshFileError, MeshOptions, STATES_FORMAT, StateRun, Trajectory,
     TrajectoryFileError, metrics, read_mesh, shipped_presets, shipped_scenes,
 };
-use selvedge_lab::folder_kind::FolderKind;
+use selvedge_lab::folder::FolderKind;
 use selvedge_lab::{physics, study};
 use selvedge_model::{MODEL_FORMAT, Model, Network};
 use selvedge_train::{CHECKPOINT_FORMAT, TrainConfig};
 use serde_json::{Value, json};
 
 use crate::cli::InfoArgs;
-use crate::failure::WrongUsage;
+use crate::failure::wrong;
 use crate::output::{Answer, Facts, folded, length, percent};
 use crate::{place, scenes};
 
@@ -46,7 +46,7 @@ pub(crate) fn run(args: &InfoArgs) -> anyhow::Result<Answer> {
             return dataset::run(&args.path, Some(to));
         }
         let problem = "--picture: only a data set is drawn into a folder: name a file (.png, .svg)";
-        return Err(WrongUsage::new(problem).into());
+        return Err(wrong(problem));
     }
     place::check_file(to, "--picture", &["png", "svg"])?;
     let answer = say(&args.path)?;
