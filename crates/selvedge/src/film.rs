@@ -174,24 +174,9 @@ impl<'a> Film<'a> {
         let rate = self.run.frame_rate().to_string();
         let mut command = Command::new(FFMPEG);
         command
-            .args([
-                "-loglevel",
-                "error",
-                "-y",
-                "-f",
-                "rawvideo",
-                "-pix_fmt",
-                "rgb24",
-            ])
+            .args("-loglevel error -y -f rawvideo -pix_fmt rgb24".split(' '))
             .args(["-s", &format!("{width}x{height}"), "-r", &rate, "-i", "-"])
-            .args([
-                "-f",
-                "mp4",
-                "-pix_fmt",
-                "yuv420p",
-                "-movflags",
-                "+faststart",
-            ])
+            .args("-f mp4 -pix_fmt yuv420p -movflags +faststart".split(' '))
             .arg(part)
             .stdin(Stdio::piped())
             .stdout(Stdio::null())

@@ -155,17 +155,18 @@ impl Course<'_, '_, '_> {
             run.final_speed = metrics::final_speed(second, run.frame_rate).ok();
         }
         if !positions.is_empty() {
-            let trajectory = &truth.trajectory;
-            let from = run.start - truth.first;
-            let true_frames = trajectory.frames().last(trajectory.frame_count() - from);
-            let true_frames = true_frames.first(frames + 1);
-            let found = Frames::new(&positions, trajectory.vertex_count())?;
-            let [found, expected] = [found, true_frames].map(|frames| {
-                let (cloth, rate) = (trajectory.cloth(), trajectory.frame_rate());
-                Character::of(frames, cloth, rate)
-            });
-            run.character = Some((found?, expected?));
+            run.character = Some(self.character(run.start, &positions)?);
         }
         Ok(ControlFlow::Continue(()))
+    }
+
+    /// The character of a run from frame `start` on, and that of as many frames of the truth.
+    fn character(&self, start: usize, positions: &[Vec3]) -> Result<(Character, Character)> {
+        let trajectory = &self.truth.trajectory;
+        let found = Frames::new(positions, trajectory.vertex_count())?;
+        let from = start - self.truth.first;
+        let expected = trajectory.frames().last(trajectory.frame_count() - from);
+        let of = |frames| Character::of(frames, trajectory.cloth(), trajectory.frame_rate());
+        Ok((of(found)?, of(expected.first(found.len()))?))
     }
 }

@@ -29,7 +29,7 @@ use anyhow::{Context, Result};
 use glam::DVec3;
 use rayon::prelude::*;
 use selvedge_cloth::Scene;
-use selvedge_data::LoadedScene;
+use selvedge_data::{LoadedScene, SavedState};
 use serde_json::Value;
 use thiserror::Error;
 
@@ -119,28 +119,9 @@ fn prepare<'a>(
                 (truth::standing(&loaded.scene), spec, None)
             }
             Source::Converged(loaded, method) => {
-                let reference = Reference {
-                    case,
-                    loaded,
-                    method,
-                    last: plan.horizons.on(case)?.span[1],
-                };
-                let is_kept = match &plan.references {
-                    Some(folder) => reference.is_kept(folder)?,
-                    None => false,
-                };
-                let start = match is_kept {
-                    true => None,
-                    false => match start::find(loaded, &mut reporter.listener()) {
-                        Err(_) if reporter.is_stopped() => return Ok(None),
-                        found => {
-                            let found = found?;
-                            if let Some(warning) = found.fitted.and_then(|cloth| cloth.warning) {
-                                reporter.remark(&warning);
-                            }
-                            Some(found.state)
-                        }
-                    },
+                let start = match start_of_reference(plan, case, loaded, method, reporter) {
+                    Err(_) if reporter.is_stopped() => return Ok(None),
+                    found => found?,
                 };
                 let spec = scene_json(loaded)?;
                 (truth::standing(&loaded.scene), spec, start)
@@ -168,6 +149,32 @@ fn prepare<'a>(
         });
     }
     Ok(Some(all))
+}
+
+/// The start of the reference of a case; none where the reference is kept already.
+fn start_of_reference(
+    plan: &EvaluationPlan<'_>,
+    case: &Case,
+    loaded: &LoadedScene,
+    method: &PhysicsMethod,
+    reporter: &Reporter<'_>,
+) -> Result<Option<SavedState>> {
+    let reference = Reference {
+        case,
+        loaded,
+        method,
+        last: plan.horizons.on(case)?.span[1],
+    };
+    if let Some(folder) = &plan.references
+        && reference.is_kept(folder)?
+    {
+        return Ok(None);
+    }
+    let found = start::find(loaded, &mut reporter.listener())?;
+    if let Some(warning) = found.fitted.and_then(|cloth| cloth.warning) {
+        reporter.remark(&warning);
+    }
+    Ok(Some(found.state))
 }
 
 /// The resolved scene of a case.

@@ -106,7 +106,9 @@ pub(crate) fn run(args: &RunArgs, model: &Path) -> anyhow::Result<Answer> {
     let mut loaded = scenes::open(&args.scene)?;
     check_places(args, &wishes, &loaded)?;
     let model = NamedModel::open(Some(model))?;
-    adapt(&mut loaded, &args.scene);
+    for warning in start::for_model(&mut loaded) {
+        tracing::warn!("{}: {warning}", args.scene);
+    }
     let machine = args.machine.open()?;
     let setup = setup(args, loaded, &model.model)?;
     let mut wrote = Vec::new();
@@ -118,13 +120,13 @@ pub(crate) fn run(args: &RunArgs, model: &Path) -> anyhow::Result<Answer> {
         wrote.push(trust.clone());
     }
     let truth = truth(&setup, args, run.end, &mut wrote)?;
-    let comparison = match &truth {
-        Some(truth) => Some(compare(&truth.trajectory, &run.trajectory)?),
-        None => None,
-    };
-    let rigid_rmse = match &truth {
-        Some(truth) => Some(rigid_rmse(&setup, &truth.trajectory)?),
-        None => None,
+    let (comparison, rigid_rmse, true_largest) = match truth.as_ref().map(|run| &run.trajectory) {
+        Some(truth) => (
+            Some(compare(truth, &run.trajectory)?),
+            Some(rigid_rmse(&setup, truth)?),
+            physics::largest_strain(truth)?,
+        ),
+        None => (None, None, 0.0),
     };
     let mut end = truth.as_ref().map_or(run.end, |truth| truth.end);
     if end == End::Complete {
@@ -139,10 +141,6 @@ pub(crate) fn run(args: &RunArgs, model: &Path) -> anyhow::Result<Answer> {
     end = exporting::fulfil(&wishes, &run.trajectory, end, &mut wrote)?;
     removed.retain(|path| !wrote.contains(path));
     let strains: Vec<f64> = log.iter().map(|t| t.given.largest_strain).collect();
-    let true_largest = match &truth {
-        Some(truth) => physics::largest_strain(&truth.trajectory)?,
-        None => 0.0,
-    };
     let report = RolloutReport {
         scene: setup.loaded.scene.name.clone(),
         model: model.name,
@@ -224,14 +222,6 @@ fn truth(
     let run = simulate(setup)?;
     write(&run.trajectory, args.folder().join(TRUTH), wrote)?;
     Ok(Some(run))
-}
-
-/// Lets the scene that was opened as `name` start in its sagged rest pose, the only start of a
-/// model; warns where it asks for what a model does not do.
-fn adapt(loaded: &mut LoadedScene, name: &str) {
-    for warning in start::for_model(loaded) {
-        tracing::warn!("{name}: {warning}");
-    }
 }
 
 /// Checks that nothing is written over something else that is written, and that nothing that is
@@ -403,9 +393,7 @@ fn text(report: &RolloutReport) -> Facts {
             "what is written is whole; the rest is missing",
         );
     }
-    for path in &report.wrote {
-        facts.add("wrote", path.display());
-    }
+    facts.add_paths("wrote", &report.wrote);
     for path in &report.removed {
         facts.add(
             "removed",

@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 
 use selvedge_cloth::Scene;
 use selvedge_data::{LoadedScene, SavedState, StartSpec, StateChoice, StateRun, metrics};
-use selvedge_lab::fitting::FittedCloth;
 use selvedge_lab::physics::{self, Simulated, SimulationPlan, TimedRun};
 use selvedge_lab::start;
 use selvedge_sim::{DividedFrames, SubstepCounts, Threads};
@@ -81,14 +80,10 @@ pub(crate) fn run(args: &RunArgs) -> anyhow::Result<Answer> {
     check_places(args, &wishes, &loaded)?;
     choose_start(&mut loaded, args.start.as_ref())?;
     let start = start::find(&loaded, &mut progress::listener())?;
-    if let Some(FittedCloth {
-        remarks, warning, ..
-    }) = &start.fitted
-    {
-        remarks.iter().for_each(|remark| tracing::info!("{remark}"));
-        warning
-            .iter()
-            .for_each(|warning| tracing::warn!("{warning}"));
+    if let Some(fitted) = &start.fitted {
+        let (remarks, warning) = (fitted.remarks.iter(), fitted.warning.iter());
+        remarks.for_each(|remark| tracing::info!("{remark}"));
+        warning.for_each(|warning| tracing::warn!("{warning}"));
     }
     let (rest, state) = (start.rest, start.state);
     let (scene, passed) = (&loaded.scene, state.frame);
@@ -294,8 +289,6 @@ fn text(report: &SimulateReport, wanted: usize, divided: DividedFrames) -> Facts
     if let Some(states) = &report.states {
         facts.add("states", states.display());
     }
-    for path in &report.exported {
-        facts.add("exported", path.display());
-    }
+    facts.add_paths("exported", &report.exported);
     facts
 }

@@ -165,25 +165,19 @@ fn inspect_training(cfg: &TrainConfig, name: &str) -> anyhow::Result<Answer> {
 /// A trajectory, or a model if the file says so.
 fn inspect_container(path: &Path) -> anyhow::Result<Answer> {
     let bytes = selvedge_data::read_file(path).with_context(|| path.display().to_string())?;
-    match Trajectory::from_bytes(&bytes) {
-        Ok(trajectory) => inspect_trajectory(&trajectory, path),
-        Err(TrajectoryFileError::Metadata { name, found, .. })
-            if name == "format" && found == MODEL_FORMAT =>
-        {
-            let model = Model::from_bytes(&bytes).with_context(|| path.display().to_string())?;
-            inspect_model(&model, path)
+    let read = Trajectory::from_bytes(&bytes);
+    let format = match &read {
+        Err(TrajectoryFileError::Metadata { name, found, .. }) if name == "format" => {
+            found.as_str()
         }
-        Err(TrajectoryFileError::Metadata { name, found, .. })
-            if name == "format" && found == STATES_FORMAT =>
-        {
-            inspect_states(&bytes, path)
-        }
-        Err(TrajectoryFileError::Metadata { name, found, .. })
-            if name == "format" && found == CHECKPOINT_FORMAT =>
-        {
-            inspect_checkpoint(bytes.len(), path)
-        }
-        Err(error) => Err(error).with_context(|| path.display().to_string()),
+        _ => "",
+    };
+    let context = || path.display().to_string();
+    match format {
+        MODEL_FORMAT => inspect_model(&Model::from_bytes(&bytes).with_context(context)?, path),
+        STATES_FORMAT => inspect_states(&bytes, path),
+        CHECKPOINT_FORMAT => inspect_checkpoint(bytes.len(), path),
+        _ => inspect_trajectory(&read.with_context(context)?, path),
     }
 }
 
