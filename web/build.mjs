@@ -1,18 +1,8 @@
-// Builds the page that the program carries, into ../crates/selvedge-live/page, and notes the hash
-// of every source beside it, so that a test can say whether what is carried is what stands here.
+// Builds the page that the program carries, into ../crates/selvedge-live/page.
 import { build } from "esbuild";
-import { copyFileSync, readFileSync, readdirSync, writeFileSync } from "node:fs";
+import { copyFileSync, readFileSync, writeFileSync } from "node:fs";
 
 const out = "../crates/selvedge-live/page";
-
-/** FNV-1a, 64 bits: enough to notice a change. */
-function hash(bytes) {
-  let value = 0xcbf29ce484222325n;
-  for (const byte of bytes) {
-    value = BigInt.asUintN(64, (value ^ BigInt(byte)) * 0x100000001b3n);
-  }
-  return value.toString(16).padStart(16, "0");
-}
 
 await build({
   entryPoints: ["src/main.ts"],
@@ -32,9 +22,3 @@ await build({ entryPoints: ["src/viewer.css"], minify: true, outfile: `${out}/vi
 for (const name of ["index.html", "icon.svg"]) {
   copyFileSync(`src/${name}`, `${out}/${name}`);
 }
-
-const sources = readdirSync("src").map((name) => `src/${name}`);
-sources.push("build.mjs", "package-lock.json", "package.json", "tsconfig.json");
-sources.sort();
-const lines = sources.map((name) => `${hash(readFileSync(name))}  ${name}\n`);
-writeFileSync(`${out}/sources.txt`, lines.join(""));

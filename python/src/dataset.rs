@@ -9,8 +9,7 @@ use pyo3::prelude::*;
 use selvedge_data::{
     Dataset as Folder, DatasetPlan, DatasetPreset, DatasetWriter, SectionRule, Split as Part,
 };
-use selvedge_lab::folder;
-use selvedge_lab::folder_kind::FolderKind;
+use selvedge_lab::folder::{self, FolderKind};
 use selvedge_lab::generation::{self, Order};
 
 use crate::errors::{told, wrong};

@@ -22,8 +22,8 @@ create_exception!(
 );
 
 /// An error with its causes as an exception.
-pub(crate) fn told(error: impl Error + 'static) -> PyErr {
-    SelvedgeError::new_err(cause::chain(&error))
+pub(crate) fn told(error: impl Into<Box<dyn Error + Send + Sync>>) -> PyErr {
+    SelvedgeError::new_err(cause::chain(&*error.into()))
 }
 
 /// A wrong argument as an exception.

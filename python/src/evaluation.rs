@@ -5,14 +5,14 @@ use std::path::PathBuf;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use selvedge_guard::Correction;
+use selvedge_lab::End;
 use selvedge_lab::evaluation::{
     Case, Evaluation as Outcome, EvaluationPlan, Horizons, Method, Mover, PhysicsMethod, Run,
     check, evaluate as measure, summaries,
 };
-use selvedge_lab::folder_kind::FolderKind;
+use selvedge_lab::folder::{self, FolderKind};
 use selvedge_lab::machine::Machine;
 use selvedge_lab::report::{self, Heading};
-use selvedge_lab::{End, folder};
 use serde_json::Value;
 
 use crate::dataset::{Dataset, split_named};

@@ -31,7 +31,7 @@ use pyo3::prelude::*;
 #[pymodule]
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     log::begin();
-    selvedge_lab::cache::open();
+    selvedge_lab::rest_pose::keep_in_cache();
     let py = module.py();
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("SelvedgeError", py.get_type::<errors::SelvedgeError>())?;

@@ -11,9 +11,8 @@ use selvedge_data::{LoadedScene, Trajectory as Recorded};
 use selvedge_guard::{Correction, Trust};
 use selvedge_lab::domain::{self, Beyond};
 use selvedge_lab::machine::Machine;
-use selvedge_lab::models;
 use selvedge_lab::physics::{self, Simulated, SimulationPlan, TimedRun};
-use selvedge_lab::watched::{self, GuardSummary, WatchedModel};
+use selvedge_lab::watched::{self, GuardSummary};
 use selvedge_lab::{End, start};
 use selvedge_sim::Threads;
 use serde_json::Value;
@@ -110,7 +109,7 @@ fn trajectory_of(
 ) -> PyResult<Recorded> {
     let (spec, built) = (&loaded.spec, &loaded.scene);
     if scene.has_spec {
-        return physics::trajectory_from(first, spec, built, rest, positions).map_err(told);
+        return physics::trajectory(first, spec, built, rest, positions).map_err(told);
     }
     let mut provenance = physics::provenance(spec, built).map_err(told)?;
     provenance.scene = Value::Null;
@@ -163,7 +162,8 @@ pub(crate) fn simulate(
 struct Made {
     run: Recorded,
     truth: Option<Recorded>,
-    watched: (Vec<Trust>, GuardSummary),
+    log: Vec<Trust>,
+    summary: GuardSummary,
     beyond: Option<Beyond>,
     ms_per_frame: f64,
     end: End,
@@ -190,14 +190,13 @@ pub(crate) fn rollout(
     let made = told_beside(py, progress, |stop, teller| {
         roll((scene, model, frames), (guard, truth), stop, teller)
     })??;
-    let (log, summary) = made.watched;
     let truth = made.truth.map(|truth| Trajectory::of(py, truth));
     let truth = truth.transpose()?.map(|truth| Py::new(py, truth));
     Ok(Rollout {
         trajectory: Py::new(py, Trajectory::of(py, made.run)?)?,
         truth: truth.transpose()?,
-        log,
-        summary,
+        log: made.log,
+        summary: made.summary,
         beyond: made.beyond,
         ms_per_frame: made.ms_per_frame,
         is_complete: made.end == End::Complete,
@@ -220,16 +219,19 @@ fn roll(
         None => built.frame_count().map_err(told)?,
     };
     let beyond = domain::of_scene(&model.model, &built, frames).map_err(told)?;
-    let rest = scene.rest_of(&built, teller).map_err(told)?;
+    let rest = scene.rest_of(&built, teller)?;
     let rest = &rest.positions;
     let path = built.handle_path().map_err(told)?;
-    let guarded = start::guarded(&built, rest, &model.named(), &Machine::Cpu, guard);
-    let mut watched = WatchedModel::of(guarded.map_err(told)?);
-    watched.stop_by(stop.flag().into());
+    let guard = start::guarded(&built, rest, &model.named(), &Machine::Cpu, guard);
+    let (mut guard, mut log) = (guard.map_err(told)?, Vec::new());
+    guard.stop_by(stop.flag().into());
     teller.begin("predicting", Some(frames as u64));
-    let run = models::drive(&mut watched, &path, frames, &mut || teller.advance());
+    let run = physics::drive(&mut guard, &path, frames, &mut |guard| {
+        log.push(*guard.trust());
+        teller.advance()
+    });
     let run = run.map_err(told)?;
-    if let Some(failure) = watched.physics_failure() {
+    if let Some(failure) = guard.physics_failure() {
         tracing::warn!("the guard did without its physics: {failure}");
     }
     let mut end = run.end;
@@ -243,7 +245,8 @@ fn roll(
     Ok(Made {
         run: trajectory_of(scene, &loaded, 0, rest, run.positions)?,
         truth,
-        watched: (watched.log().to_vec(), watched.summary()),
+        summary: watched::summary(&log),
+        log,
         beyond,
         ms_per_frame,
         end,

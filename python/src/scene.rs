@@ -231,15 +231,13 @@ impl Scene {
     }
 
     /// The rest pose, found once. Long work: the lock must be released.
-    pub(crate) fn found_rest(
-        &self,
-        teller: &mut Teller<'_>,
-    ) -> Result<Arc<SaggedRest>, physics::RestPoseError> {
+    pub(crate) fn found_rest(&self, teller: &mut Teller<'_>) -> PyResult<Arc<SaggedRest>> {
         let mut known = self.rest.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(rest) = &*known {
             return Ok(Arc::clone(rest));
         }
-        let found = physics::rest_pose(&self.loaded.scene, &mut |event| teller.hear(event))?;
+        let found = physics::rest_pose(&self.loaded.scene, &mut |event| teller.hear(event));
+        let found = found.map_err(told)?;
         Ok(Arc::clone(known.insert(Arc::new(found))))
     }
 
@@ -249,12 +247,12 @@ impl Scene {
         &self,
         built: &selvedge_cloth::Scene,
         teller: &mut Teller<'_>,
-    ) -> Result<Arc<SaggedRest>, physics::RestPoseError> {
+    ) -> PyResult<Arc<SaggedRest>> {
         if built.physics == self.loaded.scene.physics {
             return self.found_rest(teller);
         }
-        let found = physics::rest_pose(built, &mut |event| teller.hear(event))?;
-        Ok(Arc::new(found))
+        let found = physics::rest_pose(built, &mut |event| teller.hear(event));
+        Ok(Arc::new(found.map_err(told)?))
     }
 
     fn copy(&self) -> LoadedScene {
@@ -406,8 +404,8 @@ impl Scene {
         py: Python<'py>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let found = told_beside(py, progress, |_, teller| self.found_rest(teller))?;
-        arrays::of_f64(py, &found.map_err(told)?.positions)
+        let found = told_beside(py, progress, |_, teller| self.found_rest(teller))??;
+        arrays::of_f64(py, &found.positions)
     }
 
     /// The resolved scene as a dictionary, as results carry it; `None` where arrays are in it.

@@ -17,7 +17,7 @@ use selvedge_data::{Drive, Playback, RecordingEnd, SavedState, StartSpec, record
 use selvedge_guard::Guard;
 use selvedge_lab::machine::{Machine, Mover};
 use selvedge_lab::rigid::RigidRest;
-use selvedge_lab::{physics, start, state_log};
+use selvedge_lab::{physics, start};
 use selvedge_sim::{SaggedRest, Simulator as Physics};
 
 use crate::arrays::{self, Numbers};
@@ -329,7 +329,7 @@ impl Simulator {
         let given = state_at(positions.as_ref(), velocities.as_ref())?;
         let begun = told_beside(py, progress, |_, teller| begin(scene, given, teller));
         let (state, _) = begun??;
-        let made = py.detach(|| state_log::simulator_of_run(built, state));
+        let made = py.detach(|| start::simulator_of_run(built, state));
         let kind = Kind::Physics(Box::new(made.map_err(told)?));
         let course = course_of(built, built.physics.substeps as usize)?;
         let stepper = Stepper::of(py, kind, built.frame_rate, course)?;
@@ -399,7 +399,7 @@ pub(crate) fn begin(
     let loaded = &scene.loaded;
     let is_at_rest = loaded.state.is_none() && loaded.spec.start == StartSpec::Rest;
     if is_at_rest && !loaded.scene.handles.is_empty() {
-        let rest = scene.found_rest(teller).map_err(told)?;
+        let rest = scene.found_rest(teller)?;
         return Ok((SavedState::at_rest(rest.positions.clone()), Some(rest)));
     }
     let found = start::find(loaded, &mut |event| teller.hear(event)).map_err(told)?;
@@ -432,7 +432,7 @@ impl LearnedStepper {
         let built = Arc::new(loaded.scene);
         let named = model.named();
         let made = told_beside(py, progress, |_, teller| {
-            let rest = scene.rest_of(&built, teller).map_err(told)?;
+            let rest = scene.rest_of(&built, teller)?;
             start::guarded(&built, &rest.positions, &named, &Machine::Cpu, settings).map_err(told)
         })??;
         let course = course_of(&built, 1)?;
@@ -475,8 +475,7 @@ impl RigidStepper {
         scene: &Scene,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<PyClassInitializer<Self>> {
-        let rest = told_beside(py, progress, |_, teller| scene.found_rest(teller))?;
-        let rest = rest.map_err(told)?;
+        let rest = told_beside(py, progress, |_, teller| scene.found_rest(teller))??;
         let built = &scene.loaded.scene;
         let cloth = Cloth::of_scene(built, physics::rounded(&rest.positions)).map_err(told)?;
         let kind = Kind::Other(Box::new(RigidRest::new(&cloth)));

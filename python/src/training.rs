@@ -6,10 +6,10 @@ use std::time::Duration;
 
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use selvedge_lab::folder_kind::FolderKind;
+use selvedge_lab::folder::{self, FolderKind};
 use selvedge_lab::machine::Machine;
 use selvedge_lab::models::NamedModel;
-use selvedge_lab::{Event, assets, folder, training};
+use selvedge_lab::{assets, training};
 use selvedge_train::{RunEnd, RunLimits, Setting, StepReport, TrainConfig, Trainer, files};
 
 use crate::dataset::Dataset;
@@ -210,11 +210,13 @@ fn begin(
                 false => from.clone(),
             };
             let model = NamedModel::open(Some(&file)).map_err(told)?;
-            let listener = &mut |event: Event<'_>| teller.hear(event);
-            training::from_model(cfg, data, &*engine, &model, listener).map_err(told)?
+            let from = Some(&*model.model);
+            training::begin(from, cfg, data, &*engine, &mut |event| teller.hear(event))
+                .map_err(told)?
         }
         (None, false) => {
-            training::fresh(cfg, data, &*engine, &mut |event| teller.hear(event)).map_err(told)?
+            training::begin(None, cfg, data, &*engine, &mut |event| teller.hear(event))
+                .map_err(told)?
         }
     };
     if let Some(trainer) = &mut trainer {

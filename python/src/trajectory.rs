@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use selvedge_data::Trajectory as Recorded;
 use selvedge_data::foreign::{TrajectoryParts, Weight};
 use selvedge_data::{UpAxis, write_atomically};
-use selvedge_lab::comparison;
+use selvedge_lab::physics;
 use selvedge_lab::pictures::{self, Show};
 
 use crate::arrays::{self, Numbers};
@@ -43,7 +43,7 @@ impl Trajectory {
         py: Python<'py>,
         other: &Self,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let measures = py.detach(|| comparison::compare(&self.inner, &other.inner));
+        let measures = py.detach(|| physics::compare(&self.inner, &other.inner));
         json::to_python(py, &measures.map_err(told)?)
     }
 

@@ -15,7 +15,6 @@ mod book;
 mod header;
 mod metadata;
 mod nightly;
-mod rust;
 mod tidy;
 mod tree;
 mod violation;
@@ -32,8 +31,7 @@ usage: cargo xtask COMMAND
 
   ci      run every step of .ci/run: format, tidy, lints, tests
   nightly the quick commands of the book, and `fuzz`, for an hour
-  tidy    check dependencies, circles of imports, equation labels, cards of models and the page of
-          the viewer
+  tidy    check dependencies, equation labels and cards of models
   book    check summary and quotes of the documents, and their links where lychee is installed;
           build HTML where mdbook is
             --write   bring quotes and the commands reference up to date

@@ -1,14 +1,12 @@
 //! The repository's files as the checks see them: the text of every text file and the size of
-//! every file, with paths relative to the root and `/` between their parts.
-//!
-//! What `.gitignore` names is left out. Only its plain patterns are understood (`/name` at the
-//! root, `name` anywhere), which is all that this repository uses.
+//! every file, with paths relative to the root and `/` between their parts. Git lists them.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
+use std::process::Command;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 
 /// A file that people read.
 #[derive(Clone, Debug)]
@@ -30,37 +28,35 @@ pub(crate) struct Tree {
 const LARGEST_TEXT: u64 = 1 << 20;
 
 impl Tree {
-    /// Reads the files under `root`.
+    /// Reads the files under `root` that git keeps, or would.
     pub(crate) fn read(root: &Path) -> Result<Self> {
-        let ignore = fs::read_to_string(root.join(".gitignore")).unwrap_or_default();
+        let mut git = Command::new("git");
+        git.args([
+            "ls-files",
+            "-z",
+            "--cached",
+            "--others",
+            "--exclude-standard",
+        ]);
+        let told = git.current_dir(root).output().context("cannot start git")?;
+        ensure!(
+            told.status.success(),
+            "git cannot list the files of {}",
+            root.display()
+        );
         let mut tree = Self::default();
-        tree.read_folder(root, "", &ignore)?;
-        tree.texts.sort_by(|a, b| a.path.cmp(&b.path));
-        Ok(tree)
-    }
-
-    fn read_folder(&mut self, folder: &Path, prefix: &str, ignore: &str) -> Result<()> {
-        let entries = fs::read_dir(folder)
-            .with_context(|| format!("cannot read the folder {}", folder.display()))?;
-        for entry in entries {
-            let entry = entry?;
-            let name = entry.file_name().to_string_lossy().into_owned();
-            let path = format!("{prefix}{name}");
-            if name == ".git" || is_ignored(&path, ignore) {
-                continue;
-            }
-            if entry.file_type()?.is_dir() {
-                self.read_folder(&entry.path(), &format!("{path}/"), ignore)?;
-            } else {
-                self.read_file(&entry.path(), path)?;
-            }
+        let paths: BTreeSet<&str> = str::from_utf8(&told.stdout)?
+            .split_terminator('\0')
+            .collect();
+        for path in paths {
+            tree.read_file(&root.join(path), path.to_owned())?;
         }
-        Ok(())
+        Ok(tree)
     }
 
     fn read_file(&mut self, file: &Path, path: String) -> Result<()> {
         let Ok(about) = fs::metadata(file) else {
-            // Written beside and renamed while we looked, by somebody else's tool.
+            // Removed, but not from git yet.
             return Ok(());
         };
         self.sizes.insert(path.clone(), about.len());
@@ -97,29 +93,5 @@ pub(crate) fn tree_of(files: &[(&str, &str)]) -> Tree {
             .iter()
             .map(|&(path, text)| (path.to_owned(), text.len() as u64))
             .collect(),
-    }
-}
-
-fn is_ignored(path: &str, ignore: &str) -> bool {
-    let patterns = ignore.lines().map(str::trim);
-    patterns
-        .filter(|line| !line.is_empty() && !line.starts_with('#'))
-        .map(|line| line.trim_end_matches('/'))
-        .any(|pattern| match pattern.strip_prefix('/') {
-            Some(rooted) => path == rooted,
-            None => path.rsplit('/').next() == Some(pattern),
-        })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_rooted_pattern_ignores_only_at_the_root() {
-        assert!(is_ignored("target", "/target\n"));
-        assert!(!is_ignored("crates/target", "/target\n"));
-        assert!(is_ignored("web/node_modules", "node_modules/\n"));
-        assert!(!is_ignored("target", "# target\n\n"));
     }
 }

@@ -4,12 +4,12 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 
 use glam::{DVec3, Vec3};
-use selvedge_cloth::{HandlePath, HandleTargets, PhysicsSettings, Scene, StepError, Stepper};
+use selvedge_cloth::{HandlePath, HandleTargets, PhysicsSettings, Scene, Stepper};
 use selvedge_data::{LoadedScene, SavedState, StartSpec};
 use selvedge_guard::{Correction, Guard, Trust};
 use selvedge_lab::machine::{Machine, Mover};
 use selvedge_lab::models::NamedModel;
-use selvedge_lab::state_log::simulator_of_run;
+use selvedge_lab::start::simulator_of_run;
 use selvedge_lab::{domain, start};
 use selvedge_sim::{Simulator, Threads};
 
@@ -88,7 +88,7 @@ impl OpenScene {
         };
         let scene = Arc::new(loaded.scene);
         let simulator = simulator_of_run(&scene, state);
-        let mut simulator = simulator.map_err(|error| Fault::of(SelvedgeStatus::Start, &error))?;
+        let mut simulator = simulator.map_err(Fault::start)?;
         simulator.set_threads(Threads::Pool);
         MovingCloth::new(scene, Engine::Physics(simulator), warnings)
     }
@@ -100,14 +100,12 @@ impl OpenScene {
         settings: Correction,
         ear: &mut Ear,
     ) -> Result<MovingCloth, Fault> {
-        let failed =
-            |error: &(dyn std::error::Error + 'static)| Fault::of(SelvedgeStatus::Start, error);
         let mut loaded = self.loaded.clone();
         start::for_model(&mut loaded);
         let mut warnings = loaded.warnings.clone();
-        let frames = loaded.scene.frame_count().map_err(|error| failed(&error))?;
+        let frames = loaded.scene.frame_count().map_err(Fault::start)?;
         let beyond = domain::of_scene(&model.model, &loaded.scene, frames);
-        match beyond.map_err(|error| failed(&error))? {
+        match beyond.map_err(Fault::start)? {
             None => warnings.push(format!(
                 "model {}: its file does not say what it was trained on",
                 model.name
@@ -122,7 +120,7 @@ impl OpenScene {
         let rest = self.rest(&loaded, ear)?;
         let scene = Arc::new(loaded.scene);
         let guard = start::guarded(&scene, &rest, model, &Machine::Cpu, settings);
-        let guard = guard.map_err(|error| failed(&error))?;
+        let guard = guard.map_err(Fault::start)?;
         MovingCloth::new(scene, Engine::Model(guard), warnings)
     }
 }
@@ -133,7 +131,7 @@ fn find(loaded: &LoadedScene, ear: &mut Ear) -> Result<start::Start, Fault> {
             true => SelvedgeStatus::Stopped,
             false => SelvedgeStatus::Start,
         };
-        Fault::of(status, &error)
+        Fault::of(status, error)
     })
 }
 
@@ -148,8 +146,7 @@ impl From<MovingCloth> for KeptCloth {
 
 impl MovingCloth {
     fn new(scene: Arc<Scene>, engine: Engine, warnings: Vec<String>) -> Result<Self, Fault> {
-        let path = scene.handle_path();
-        let path = path.map_err(|error| Fault::of(SelvedgeStatus::Start, &error))?;
+        let path = scene.handle_path().map_err(Fault::start)?;
         Ok(Self {
             scene,
             path,
@@ -201,12 +198,11 @@ impl MovingCloth {
     /// Targets of the scene's motion for the next step.
     pub(crate) fn targets(&self, samples: usize) -> Result<HandleTargets, Fault> {
         let targets = self.path.targets(self.stepper().frame(), samples);
-        targets.map_err(|error| Fault::targets(&error))
+        targets.map_err(Fault::targets)
     }
 
     pub(crate) fn step(&mut self, targets: &HandleTargets) -> Result<(), Fault> {
-        let stepped = self.stepper_mut().step(targets);
-        stepped.map_err(|error: StepError| Fault::step(&error))
+        self.stepper_mut().step(targets).map_err(Fault::step)
     }
 
     /// Positions in f64 `[m]`, `[vertices]`: those of the state, where the stepper has one.

@@ -38,12 +38,20 @@ impl Fault {
     }
 
     /// An error of a library, with its causes.
-    pub(crate) fn of(status: SelvedgeStatus, error: &(dyn Error + 'static)) -> Self {
-        Self::new(status, cause::chain(error))
+    pub(crate) fn of(
+        status: SelvedgeStatus,
+        error: impl Into<Box<dyn Error + Send + Sync>>,
+    ) -> Self {
+        Self::new(status, cause::chain(&*error.into()))
     }
 
-    pub(crate) fn step(error: &StepError) -> Self {
-        let status = match error {
+    /// A scene that cannot be made ready to move.
+    pub(crate) fn start(error: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
+        Self::of(SelvedgeStatus::Start, error)
+    }
+
+    pub(crate) fn step(error: StepError) -> Self {
+        let status = match &error {
             StepError::Stopped { .. } => SelvedgeStatus::Stopped,
             StepError::Handles { source, .. } => of_targets(source),
             _ => SelvedgeStatus::Step,
@@ -51,8 +59,8 @@ impl Fault {
         Self::of(status, error)
     }
 
-    pub(crate) fn targets(error: &HandleError) -> Self {
-        Self::of(of_targets(error), error)
+    pub(crate) fn targets(error: HandleError) -> Self {
+        Self::of(of_targets(&error), error)
     }
 
     /// A panic, by its message.

@@ -33,7 +33,7 @@ pub unsafe extern "C" fn selvedge_model_open(
         // SAFETY: likewise.
         unsafe { put(out, "out", 0) }?;
         let model = NamedModel::open(name.map(Path::new));
-        let model = model.map_err(|error| Fault::of(SelvedgeStatus::Open, &error))?;
+        let model = model.map_err(|error| Fault::of(SelvedgeStatus::Open, error))?;
         let handle = MODELS.keep(model)?;
         // SAFETY: likewise.
         unsafe { put(out, "out", handle) }

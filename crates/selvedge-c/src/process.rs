@@ -9,7 +9,7 @@ use selvedge_lab::rest_pose;
 
 use crate::border::{call, text};
 use crate::fault::{self, Fault};
-use crate::status::SelvedgeStatus;
+use crate::status::{self, SelvedgeStatus};
 
 /// Number of this interface; another number has other functions or structures.
 pub const SELVEDGE_INTERFACE: u32 = 1;
@@ -39,8 +39,7 @@ pub extern "C" fn selvedge_last_error() -> *const c_char {
 /// Returns the words for a `SelvedgeStatus` alone, a text for as long as the library is loaded.
 #[unsafe(no_mangle)]
 pub extern "C" fn selvedge_status_text(status: i32) -> *const c_char {
-    let status = SelvedgeStatus::of(status);
-    status.map_or(c"no status", SelvedgeStatus::words).as_ptr()
+    status::words(status).unwrap_or(c"no status").as_ptr()
 }
 
 /// Sets the number of threads on which all steppers work together; as many as the machine has,

@@ -29,7 +29,7 @@ pub unsafe extern "C" fn selvedge_scene_open(
         let name = unsafe { text(path_or_name, "path_or_name") }?;
         // SAFETY: likewise.
         unsafe { put(out, "out", 0) }?;
-        let loaded = open_scene(name).map_err(|error| Fault::of(SelvedgeStatus::Open, &error))?;
+        let loaded = open_scene(name).map_err(|error| Fault::of(SelvedgeStatus::Open, error))?;
         let handle = SCENES.keep(Mutex::new(OpenScene::new(loaded)))?;
         // SAFETY: likewise.
         unsafe { put(out, "out", handle) }

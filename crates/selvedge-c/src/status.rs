@@ -1,5 +1,7 @@
 //! The codes that calls answer with.
 
+use std::ffi::CStr;
+
 /// Outcome of a call; `selvedge_last_error` has the words where it is not `SELVEDGE_STATUS_OK`.
 #[repr(i32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,39 +31,35 @@ pub enum SelvedgeStatus {
     Panic = 10,
 }
 
-impl SelvedgeStatus {
-    /// Returns the words for the code alone.
-    pub(crate) fn words(self) -> &'static std::ffi::CStr {
-        match self {
-            Self::Ok => c"done",
-            Self::Argument => c"an argument cannot be used",
-            Self::Count => c"an array has the wrong length",
-            Self::Handle => c"not a handle, or one of another kind",
-            Self::Freed => c"the handle was freed",
-            Self::Poisoned => c"an earlier call with the handle panicked: free it",
-            Self::Open => c"a scene or a model cannot be opened",
-            Self::Start => c"the scene cannot be made ready to move",
-            Self::Step => c"the step failed",
-            Self::Stopped => c"stopped, as was asked",
-            Self::Panic => c"a defect of Selvedge: a call panicked",
-        }
-    }
+/// The words for each code alone.
+const WORDS: [(SelvedgeStatus, &CStr); 11] = [
+    (SelvedgeStatus::Ok, c"done"),
+    (SelvedgeStatus::Argument, c"an argument cannot be used"),
+    (SelvedgeStatus::Count, c"an array has the wrong length"),
+    (
+        SelvedgeStatus::Handle,
+        c"not a handle, or one of another kind",
+    ),
+    (SelvedgeStatus::Freed, c"the handle was freed"),
+    (
+        SelvedgeStatus::Poisoned,
+        c"an earlier call with the handle panicked: free it",
+    ),
+    (SelvedgeStatus::Open, c"a scene or a model cannot be opened"),
+    (
+        SelvedgeStatus::Start,
+        c"the scene cannot be made ready to move",
+    ),
+    (SelvedgeStatus::Step, c"the step failed"),
+    (SelvedgeStatus::Stopped, c"stopped, as was asked"),
+    (
+        SelvedgeStatus::Panic,
+        c"a defect of Selvedge: a call panicked",
+    ),
+];
 
-    /// Returns the code of this number.
-    pub(crate) fn of(number: i32) -> Option<Self> {
-        const ALL: [SelvedgeStatus; 11] = [
-            SelvedgeStatus::Ok,
-            SelvedgeStatus::Argument,
-            SelvedgeStatus::Count,
-            SelvedgeStatus::Handle,
-            SelvedgeStatus::Freed,
-            SelvedgeStatus::Poisoned,
-            SelvedgeStatus::Open,
-            SelvedgeStatus::Start,
-            SelvedgeStatus::Step,
-            SelvedgeStatus::Stopped,
-            SelvedgeStatus::Panic,
-        ];
-        ALL.into_iter().find(|status| *status as i32 == number)
-    }
+/// The words for the code of this number.
+pub(crate) fn words(number: i32) -> Option<&'static CStr> {
+    let row = WORDS.iter().find(|(status, _)| *status as i32 == number);
+    row.map(|row| row.1)
 }

@@ -103,15 +103,12 @@ pub unsafe extern "C" fn selvedge_step(
         // SAFETY: as for this function.
         let numbers = unsafe { values(targets, count, "targets") }?;
         let positions = numbers.chunks_exact(3).map(DVec3::from_slice).collect();
-        let mut given =
-            HandleTargets::sampled(positions, handles).map_err(|error| Fault::targets(&error))?;
+        let mut given = HandleTargets::sampled(positions, handles).map_err(Fault::targets)?;
         if !released.is_null() {
             // SAFETY: likewise.
             let free = unsafe { values(released, handles, "released") }?;
             let free = free.into_iter().map(|byte| byte != 0).collect();
-            given = given
-                .releasing(free)
-                .map_err(|error| Fault::targets(&error))?;
+            given = given.releasing(free).map_err(Fault::targets)?;
         }
         cloth.step(&given)
     })

@@ -1,25 +1,11 @@
 //! What of a scene or of a trajectory goes beyond what a model was trained on, known before the
 //! first frame.
 
-use selvedge_cloth::{MotionError, Scene};
+use anyhow::{Result, bail};
+use selvedge_cloth::Scene;
 use selvedge_data::Trajectory;
 use selvedge_model::{Aspect, Departure, Domain, Model};
-use selvedge_train::{TrainingSetError, domain_of};
-use thiserror::Error;
-
-/// A motion that a model cannot be asked for.
-#[derive(Debug, Error)]
-#[allow(missing_docs, reason = "the messages are those of the parts")]
-pub enum DomainError {
-    #[error(
-        "{words}: a frame of the model is a step of that length, so its motion would be too fast or too slow; set frame_rate = {trained} in the scene"
-    )]
-    FrameRate { words: String, trained: f64 },
-    #[error(transparent)]
-    Motion(#[from] MotionError),
-    #[error(transparent)]
-    Trajectory(#[from] TrainingSetError),
-}
+use selvedge_train::domain_of;
 
 /// The ways in which a motion goes beyond a model's training.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -32,11 +18,7 @@ pub struct Beyond {
 
 /// Compares `frames` frames of a scene with what `model` was trained on; none where its file does
 /// not say.
-pub fn of_scene(
-    model: &Model,
-    scene: &Scene,
-    frames: usize,
-) -> Result<Option<Beyond>, DomainError> {
+pub fn of_scene(model: &Model, scene: &Scene, frames: usize) -> Result<Option<Beyond>> {
     let Some(trained) = model.domain() else {
         return Ok(None);
     };
@@ -57,22 +39,23 @@ pub fn of_trajectory(
     model: &Model,
     motion: &str,
     trajectory: &Trajectory,
-) -> Result<Option<Vec<Departure>>, DomainError> {
+) -> Result<Option<Vec<Departure>>> {
     let Some(trained) = model.domain() else {
         return Ok(None);
     };
     checked(&trained, &domain_of(motion, trajectory)?).map(Some)
 }
 
-fn checked(trained: &Domain, found: &Domain) -> Result<Vec<Departure>, DomainError> {
+fn checked(trained: &Domain, found: &Domain) -> Result<Vec<Departure>> {
     let departures = trained.departures(found);
-    match departures.iter().find(|d| d.aspect == Aspect::FrameRate) {
-        Some(rate) => Err(DomainError::FrameRate {
-            words: rate.words.clone(),
-            trained: trained.frame_rate.most,
-        }),
-        None => Ok(departures),
+    if let Some(rate) = departures.iter().find(|d| d.aspect == Aspect::FrameRate) {
+        bail!(
+            "{}: a frame of the model is a step of that length, so its motion would be too fast or too slow; set frame_rate = {} in the scene",
+            rate.words,
+            trained.frame_rate.most
+        );
     }
+    Ok(departures)
 }
 
 #[cfg(test)]

@@ -95,6 +95,11 @@ impl<'a> Reporter<'a> {
     pub(crate) fn is_stopped(&self) -> bool {
         self.tell(Event::Asked).is_break()
     }
+
+    /// A listener for an operation within this one.
+    pub(crate) fn listener(&self) -> impl FnMut(Event<'_>) -> ControlFlow<()> + Send {
+        |event| self.tell(event)
+    }
 }
 
 /// A task under way.

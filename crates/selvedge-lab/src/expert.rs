@@ -1,58 +1,42 @@
 //! The physics of a data set as the expert of a training: it labels the model's own states.
 
+use anyhow::{Context, Result, ensure};
 use glam::DVec3;
 use selvedge_cloth::{HandlePath, Scene, Stepper};
-use selvedge_data::{Dataset, DatasetError, SceneSpec, SceneSpecError, Split};
+use selvedge_data::{Dataset, SceneSpec, Split};
 use selvedge_sim::{Simulator, Threads};
 use selvedge_train::{Expert, ExpertState};
-use thiserror::Error;
 
 /// The physics of the scenes of a data set's training split.
 pub struct PhysicsExpert {
     runs: Vec<(Scene, HandlePath)>,
 }
 
-/// A data set whose states cannot be labelled.
-#[derive(Debug, Error)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum ExpertError {
-    #[error(transparent)]
-    Dataset(#[from] DatasetError),
-    #[error(
-        "training trajectory {motion}: {source}; expert labels need the scene of every trajectory: make the data set with `selvedge data generate`, or set scheduled_sampling.labels to \"recorded\""
-    )]
-    Scene {
-        motion: String,
-        source: SceneSpecError,
-    },
-    #[error("training trajectory {motion}: the mesh of its scene is not that of its frames")]
-    Mesh { motion: String },
-}
-
 impl PhysicsExpert {
     /// The physics of `data`. Mesh files of its scenes are looked for from the current folder.
-    pub fn new(data: &Dataset) -> Result<Self, ExpertError> {
-        let entries = data.entries(Split::Train);
-        let run = |entry| -> Result<(Scene, HandlePath), ExpertError> {
+    pub fn new(data: &Dataset) -> Result<Self> {
+        let run = |entry| -> Result<(Scene, HandlePath)> {
             let trajectory = data.read(entry)?;
-            let motion = || entry.motion.clone();
-            let scene = SceneSpec::from_json(&trajectory.provenance().scene)
+            let of = || format!("training trajectory {}", entry.motion);
+            let built = SceneSpec::from_json(&trajectory.provenance().scene)
                 .and_then(|spec| spec.build("".as_ref()))
-                .map_err(|source| ExpertError::Scene {
-                    motion: motion(),
-                    source,
-                })?;
-            if scene.mesh.topology() != trajectory.topology() {
-                return Err(ExpertError::Mesh { motion: motion() });
-            }
-            let path = scene.handle_path().map_err(|source| ExpertError::Scene {
-                motion: motion(),
-                source: source.into(),
+                .map_err(anyhow::Error::from)
+                .and_then(|scene| Ok((scene.handle_path()?, scene)));
+            let (path, scene) = built.with_context(|| {
+                let remedy = "expert labels need the scene of every trajectory: make the data set with `selvedge data generate`, or set scheduled_sampling.labels to \"recorded\"";
+                format!("{}: {remedy}", of())
             })?;
+            ensure!(
+                scene.mesh.topology() == trajectory.topology(),
+                "{}: the mesh of its scene is not that of its frames",
+                of()
+            );
             Ok((scene, path))
         };
-        let runs = entries.iter().map(run).collect::<Result<_, _>>()?;
-        Ok(Self { runs })
+        let runs = data.entries(Split::Train).iter().map(run);
+        Ok(Self {
+            runs: runs.collect::<Result<_>>()?,
+        })
     }
 }
 

@@ -3,13 +3,13 @@
 
 use std::ops::ControlFlow;
 
+use anyhow::{Result, bail};
 use glam::DVec3;
 use selvedge_cloth::Mesh;
 use selvedge_data::{LoadedScene, StartSpec, Times, panel_stretches, worst_edges};
 use selvedge_sim::{FitError, FitProgress, Fitted, dress, fit as fit_cloth, sew_and_fit, untangle};
-use thiserror::Error;
 
-use crate::event::{Goal, Reporter, Task};
+use crate::event::{Goal, OnEvent, Reporter, Task};
 use crate::numbers::percent;
 
 /// Strain that a fit may leave without a word.
@@ -21,22 +21,6 @@ const MOST: f64 = 1.0;
 const NAMED: usize = 3;
 /// Median stretch of a panel's edges at the start, or its inverse, from which the panel is named.
 const ODD_PANEL: f64 = 1.5;
-
-/// Reason why a cloth was not fitted.
-#[derive(Debug, Error)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum FittingError {
-    #[error(transparent)]
-    Fit(#[from] FitError),
-    #[error(
-        "the cloth of scene {scene:?} does not fit into its pattern: {left}; {panels}mend the pattern or the handles, let mesh.texture = \"fit\" size each panel as it stands, take the form in space for the pattern with mesh.pattern = \"shape\", or start where the mesh stands (start = \"mesh\")"
-    )]
-    Unfit {
-        scene: String,
-        left: String,
-        panels: String,
-    },
-}
 
 /// A cloth made ready from its mesh.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,11 +37,9 @@ pub struct FittedCloth {
 type Listener<'a> = &'a mut dyn FnMut(&'static str, FitProgress) -> ControlFlow<()>;
 
 /// Makes the cloth of a scene ready as [`fit_told`] does.
-pub(crate) fn fit(
-    loaded: &LoadedScene,
-    reporter: &Reporter<'_>,
-) -> Result<FittedCloth, FittingError> {
+pub(crate) fn fit(loaded: &LoadedScene, on_event: &mut OnEvent<'_>) -> Result<FittedCloth> {
     const STEPS: f64 = 100.0;
+    let reporter = Reporter::new(on_event);
     let mut stage: Option<(&str, Task<'_, '_>, f64)> = None;
     fit_told(loaded, &mut |what, now| {
         let (_, task, done) = match stage.take_if(|(name, ..)| *name == what) {
@@ -96,7 +78,7 @@ pub fn state(now: FitProgress) -> String {
 /// Makes the cloth of a scene ready from its mesh, as its start says: moved apart where it meets
 /// itself, put onto a body, and relaxed into its pattern; where its panels are loose, they are sewn
 /// first.
-pub fn fit_told(loaded: &LoadedScene, progress: Listener<'_>) -> Result<FittedCloth, FittingError> {
+pub fn fit_told(loaded: &LoadedScene, progress: Listener<'_>) -> Result<FittedCloth> {
     let mut scene = loaded.scene.clone();
     let mut remarks = Vec::new();
     let start = &loaded.spec.start;
@@ -160,7 +142,7 @@ fn at(mesh: Mesh, positions: Vec<DVec3>) -> Result<Mesh, FitError> {
 }
 
 /// A warning of the strain that a fit left; an error where that is too much.
-fn left(loaded: &LoadedScene, fitted: &Fitted) -> Result<Option<String>, FittingError> {
+fn left(loaded: &LoadedScene, fitted: &Fitted) -> Result<Option<String>> {
     if fitted.after <= LEFT {
         return Ok(None);
     }
@@ -174,11 +156,11 @@ fn left(loaded: &LoadedScene, fitted: &Fitted) -> Result<Option<String>, Fitting
         named.join(", ")
     );
     if fitted.after > MOST {
-        return Err(FittingError::Unfit {
-            scene: scene.name.clone(),
-            left,
-            panels: odd_panels(loaded),
-        });
+        bail!(
+            "the cloth of scene {:?} does not fit into its pattern: {left}; {}mend the pattern or the handles, let mesh.texture = \"fit\" size each panel as it stands, take the form in space for the pattern with mesh.pattern = \"shape\", or start where the mesh stands (start = \"mesh\")",
+            scene.name,
+            odd_panels(loaded)
+        );
     }
     Ok(Some(format!(
         "the cloth does not fit into its pattern: {left}; look at these panels, or at handles that are too far apart"

@@ -8,60 +8,21 @@
 
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
+use anyhow::{Context, Result, anyhow};
 use glam::DVec3;
 use rayon::prelude::*;
-use selvedge_cloth::MotionError;
 use selvedge_cluster::Shard;
 use selvedge_data::{
-    Dataset, DatasetError, DatasetParts, DatasetPreset, DatasetWriter, LoadedScene, Merged,
-    SceneSpecError, Split, Trajectory,
+    Dataset, DatasetParts, DatasetPreset, DatasetWriter, LoadedScene, Merged, Split, Trajectory,
 };
 use selvedge_sim::{DividedFrames, Threads};
-use thiserror::Error;
 
 use crate::event::{End, OnEvent, Reporter};
-use crate::folder::{self, FolderError};
-use crate::folder_kind::FolderKind;
-use crate::physics::{self, RestPoseError, RunTrajectoryError, SimulationError};
-use crate::workers::WorkerError;
-
-/// A data set that cannot be made.
-#[derive(Debug, Error)]
-#[error(transparent)]
-#[allow(missing_docs, reason = "the messages are those of the parts")]
-pub enum GenerateError {
-    Preset(#[from] SceneSpecError),
-    #[error("motion {0:?} is not in the preset")]
-    NoMotion(String),
-    Motion(#[from] MotionError),
-    Folder(#[from] FolderError),
-    Dataset(#[from] DatasetError),
-    RestPose(#[from] RestPoseError),
-    Simulation(#[from] SimulationError),
-    Trajectory(#[from] RunTrajectoryError),
-    Threads(#[from] WorkerError),
-}
-
-/// A data set that cannot be opened.
-#[derive(Debug, Error)]
-#[error(transparent)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum OpenDatasetError {
-    #[error(
-        "{}: this data set is not complete: run again the command that began it, \
-         `selvedge data generate` or `selvedge data import`; parts are joined by \
-         `selvedge data merge`: {source}",
-        folder.display()
-    )]
-    Incomplete {
-        folder: PathBuf,
-        source: DatasetError,
-    },
-    Dataset(#[from] DatasetError),
-}
+use crate::folder::{self, FolderKind};
+use crate::{physics, workers};
 
 /// A data set after [`generate`].
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -125,21 +86,13 @@ pub fn generate(
     order: Order<'_>,
     threads: Option<usize>,
     on_event: &mut OnEvent<'_>,
-) -> Result<Generated, GenerateError> {
-    make_dataset(order, threads, &Reporter::new(on_event))
-}
-
-/// As [`generate`], within a longer operation.
-pub(crate) fn make_dataset(
-    order: Order<'_>,
-    threads: Option<usize>,
-    reporter: &Reporter<'_>,
-) -> Result<Generated, GenerateError> {
+) -> Result<Generated> {
     let Order {
         preset,
         folder,
         part,
     } = order;
+    let reporter = &Reporter::new(on_event);
     let plan = preset.plan()?;
     let _claimed = folder::claim_folder(folder, FolderKind::DataSet)?;
     let mut writer = DatasetWriter::open_part(folder, plan, part)?;
@@ -179,18 +132,18 @@ fn make(
     writer: &mut DatasetWriter,
     threads: Option<usize>,
     reporter: &Reporter<'_>,
-) -> Result<(Vec<Job>, DividedFrames), GenerateError> {
+) -> Result<(Vec<Job>, DividedFrames)> {
     let jobs = jobs(preset, writer.missing())?;
     let rests = rest_poses(&jobs, reporter)?;
     let divided = simulate_all(&jobs, &rests, writer, threads, reporter)?;
     Ok((jobs, divided))
 }
 
-fn jobs(preset: &DatasetPreset, missing: Vec<(Split, String)>) -> Result<Vec<Job>, GenerateError> {
+fn jobs(preset: &DatasetPreset, missing: Vec<(Split, String)>) -> Result<Vec<Job>> {
     let mut jobs = Vec::with_capacity(missing.len());
     for (split, name) in missing {
         let motion = preset.motions(split).iter().find(|m| m.name == name);
-        let motion = motion.ok_or_else(|| GenerateError::NoMotion(name.clone()))?;
+        let motion = motion.ok_or_else(|| anyhow!("motion {name:?} is not in the preset"))?;
         let scene = preset.scene(motion)?;
         jobs.push(Job {
             split,
@@ -207,13 +160,13 @@ fn jobs(preset: &DatasetPreset, missing: Vec<(Split, String)>) -> Result<Vec<Job
 type Rests = BTreeMap<Option<String>, Vec<DVec3>>;
 
 /// The rest pose of every cloth that the jobs have, until an end is asked for.
-fn rest_poses(jobs: &[Job], reporter: &Reporter<'_>) -> Result<Rests, GenerateError> {
+fn rest_poses(jobs: &[Job], reporter: &Reporter<'_>) -> Result<Rests> {
     let mut rests = Rests::new();
     for job in jobs {
         if rests.contains_key(&job.cloth) {
             continue;
         }
-        let rest = physics::find_rest_pose(&job.scene.scene, reporter);
+        let rest = physics::rest_pose(&job.scene.scene, &mut reporter.listener());
         if reporter.is_stopped() {
             break;
         }
@@ -227,7 +180,7 @@ fn simulated(
     job: &Job,
     rests: &Rests,
     go_on: &mut dyn FnMut() -> ControlFlow<()>,
-) -> Result<Option<(Trajectory, DividedFrames)>, GenerateError> {
+) -> Result<Option<(Trajectory, DividedFrames)>> {
     let scene = &job.scene.scene;
     // There is none where an end was asked for before.
     let Some(rest) = rests.get(&job.cloth) else {
@@ -237,7 +190,7 @@ fn simulated(
     if run.end == End::Interrupted {
         return Ok(None);
     }
-    let trajectory = physics::trajectory(&job.scene.spec, scene, rest, run.positions)?;
+    let trajectory = physics::trajectory(0, &job.scene.spec, scene, rest, run.positions)?;
     Ok(Some((trajectory, run.divided)))
 }
 
@@ -249,17 +202,12 @@ fn simulate_all(
     writer: &mut DatasetWriter,
     threads: Option<usize>,
     reporter: &Reporter<'_>,
-) -> Result<DividedFrames, GenerateError> {
+) -> Result<DividedFrames> {
     let frames = jobs.iter().map(|job| job.frames).sum();
     let task = reporter.count("simulating", frames, "frames");
     let writer = Mutex::new((writer, DividedFrames::default()));
-    // Zero threads mean one per processor.
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(threads.unwrap_or(0))
-        .build()
-        .map_err(WorkerError::from)?;
     // One job at a time for each thread: blocks of them would leave threads idle at the end.
-    let simulate = |job: &Job| -> Result<(), GenerateError> {
+    let simulate = |job: &Job| -> Result<()> {
         let Some((trajectory, divided)) = simulated(job, rests, &mut || task.advance())? else {
             return Ok(());
         };
@@ -269,7 +217,7 @@ fn simulate_all(
         writer.1 = writer.1.and(divided);
         Ok(())
     };
-    pool.install(|| {
+    workers::pool(threads)?.install(|| {
         jobs.par_iter().with_max_len(1).try_for_each(|job| {
             if task.is_stopped() {
                 return Ok(());
@@ -282,11 +230,7 @@ fn simulate_all(
 }
 
 /// Makes the parts of a data set one, in `folder`.
-pub fn merge(
-    parts: &DatasetParts,
-    folder: &Path,
-    on_event: &mut OnEvent<'_>,
-) -> Result<Merged, GenerateError> {
+pub fn merge(parts: &DatasetParts, folder: &Path, on_event: &mut OnEvent<'_>) -> Result<Merged> {
     let _claimed = folder::claim_folder(folder, FolderKind::DataSet)?;
     let reporter = Reporter::new(on_event);
     let task = reporter.count("merging", parts.len(), "trajectories");
@@ -294,14 +238,18 @@ pub fn merge(
 }
 
 /// Opens a complete data set, and says of an incomplete one how to complete it.
-pub fn open(folder: &Path) -> Result<Dataset, OpenDatasetError> {
+pub fn open(folder: &Path) -> Result<Dataset> {
     let dataset = Dataset::open(folder);
-    let begun = folder.join("index.partial.json").is_file();
-    match dataset {
-        Err(source) if begun && !folder.join("index.json").exists() => {
-            let folder = folder.to_owned();
-            Err(OpenDatasetError::Incomplete { folder, source })
-        }
-        other => Ok(other?),
+    let has = |name: &str| folder.join(name).exists();
+    if dataset.is_err() && has("index.partial.json") && !has("index.json") {
+        return dataset.with_context(|| {
+            format!(
+                "{}: this data set is not complete: run again the command that began it, \
+                 `selvedge data generate` or `selvedge data import`; parts are joined by \
+                 `selvedge data merge`",
+                folder.display()
+            )
+        });
     }
+    Ok(dataset?)
 }

@@ -7,15 +7,15 @@ use std::fmt;
 use std::str::FromStr;
 use std::sync::Arc;
 
+use anyhow::{Result, anyhow};
 use glam::Vec3;
 use selvedge_cloth::Correctable;
 #[cfg(feature = "gpu")]
-use selvedge_gpu::gpu::{Gpu, GpuError};
+use selvedge_gpu::gpu::Gpu;
 #[cfg(feature = "gpu")]
-use selvedge_gpu::rollout::{GpuStepper, OpeningError};
-use selvedge_model::{ClothGraph, LearnedStepper, Model, RolloutError};
+use selvedge_gpu::rollout::GpuStepper;
+use selvedge_model::{ClothGraph, LearnedStepper, Model};
 use selvedge_train::{EngineMaker, OnProcessor};
-use thiserror::Error;
 
 /// A name of a device, as the command line has it: `cpu`, `gpu`, `gpu:N`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,10 +37,10 @@ impl fmt::Display for DeviceName {
 }
 
 impl FromStr for DeviceName {
-    type Err = DeviceNameError;
+    type Err = anyhow::Error;
 
-    fn from_str(text: &str) -> Result<Self, DeviceNameError> {
-        let problem = || DeviceNameError(text.to_owned());
+    fn from_str(text: &str) -> Result<Self> {
+        let problem = || anyhow!("there is no device {text:?}: there are cpu, gpu and gpu:N");
         match text.split_once(':') {
             None if text == "cpu" => Ok(Self::Cpu),
             None if text == "gpu" => Ok(Self::Gpu(0)),
@@ -53,12 +53,12 @@ impl FromStr for DeviceName {
 impl DeviceName {
     /// The device of a rank that is number `local`, from 0, of those on its machine: they take the
     /// GPUs in turn, beginning with the one that is named.
-    pub fn of_rank(self, local: usize) -> Result<Self, MachineError> {
+    pub fn of_rank(self, local: usize) -> Result<Self> {
         match self {
             #[cfg(feature = "gpu")]
             Self::Gpu(first) => Ok(Self::Gpu(card_of(first, local, Gpu::count()))),
             #[cfg(not(feature = "gpu"))]
-            Self::Gpu(_) => Err(MachineError::BuiltWithout),
+            Self::Gpu(_) => anyhow::bail!(BUILT_WITHOUT),
             Self::Cpu => {
                 let _ = local;
                 Ok(self)
@@ -77,10 +77,9 @@ fn card_of(first: usize, local: usize, cards: usize) -> usize {
     }
 }
 
-/// A name that no device has.
-#[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("there is no device {0:?}: there are cpu, gpu and gpu:N")]
-pub struct DeviceNameError(pub String);
+#[cfg(any(not(feature = "gpu"), test))]
+const BUILT_WITHOUT: &str = "device: this selvedge was built without GPUs: build it with the feature \
+                             gpu, or take the processor";
 
 /// The name of [`Machine::Cpu`].
 pub const PROCESSOR: &str = "cpu";
@@ -98,53 +97,24 @@ pub enum Machine {
     Gpu(Arc<Gpu>),
 }
 
-/// A machine that cannot be opened.
-#[derive(Debug, Error)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum MachineError {
-    #[error(
-        "device: this selvedge was built without GPUs: build it with the feature gpu, or take the \
-         processor"
-    )]
-    BuiltWithout,
-    #[cfg(feature = "gpu")]
-    #[error("device {name}: {source}")]
-    Device { name: DeviceName, source: GpuError },
-}
-
-/// A model that a machine cannot start.
-#[derive(Debug, Error)]
-#[error(transparent)]
-#[allow(missing_docs, reason = "the messages are those of the engines")]
-pub enum StartError {
-    Processor(#[from] RolloutError),
-    #[cfg(feature = "gpu")]
-    Gpu(#[from] OpeningError),
-}
-
 impl Machine {
     /// Opens the machine of this name.
-    pub fn open(name: DeviceName) -> Result<Self, MachineError> {
+    pub fn open(name: DeviceName) -> Result<Self> {
         match name {
             DeviceName::Cpu => Ok(Self::Cpu),
             #[cfg(feature = "gpu")]
             DeviceName::Gpu(number) => {
-                let opened = Gpu::open(number);
-                let gpu = opened.map_err(|source| MachineError::Device { name, source })?;
+                use anyhow::Context;
+                let gpu = Gpu::open(number).with_context(|| format!("device {name}"))?;
                 Ok(Self::Gpu(gpu))
             }
             #[cfg(not(feature = "gpu"))]
-            DeviceName::Gpu(_) => Err(MachineError::BuiltWithout),
+            DeviceName::Gpu(_) => anyhow::bail!(BUILT_WITHOUT),
         }
     }
 
     /// Starts `model` from the last frames before now, oldest first `[m]`, `[frames][vertices]`.
-    pub fn start(
-        &self,
-        model: &Arc<Model>,
-        graph: ClothGraph,
-        start: &[&[Vec3]],
-    ) -> Result<Mover, StartError> {
+    pub fn start(&self, model: &Arc<Model>, graph: ClothGraph, start: &[&[Vec3]]) -> Result<Mover> {
         let model = Arc::clone(model);
         match self {
             Self::Cpu => Ok(Box::new(LearnedStepper::new(model, graph, start)?)),
@@ -181,11 +151,14 @@ mod tests {
 
     #[test]
     fn devices_are_named_and_numbered() {
-        assert_eq!("cpu".parse(), Ok(DeviceName::Cpu));
-        assert_eq!("gpu".parse(), Ok(DeviceName::Gpu(0)));
-        assert_eq!("gpu:3".parse(), Ok(DeviceName::Gpu(3)));
-        for name in ["cpu", "gpu", "gpu:3"] {
-            assert_eq!(name.parse::<DeviceName>().unwrap().to_string(), name);
+        let all = [
+            ("cpu", DeviceName::Cpu),
+            ("gpu", DeviceName::Gpu(0)),
+            ("gpu:3", DeviceName::Gpu(3)),
+        ];
+        for (name, device) in all {
+            assert_eq!(name.parse::<DeviceName>().unwrap(), device);
+            assert_eq!(device.to_string(), name);
         }
         for wrong in ["cuda", "gpu:", "gpu:x", "gpu:-1", "cpu:0", ""] {
             let problem = wrong.parse::<DeviceName>().unwrap_err().to_string();
@@ -199,8 +172,7 @@ mod tests {
     /// Their reader may be a program in Python or C#, which has no command line.
     #[test]
     fn errors_name_no_options_of_the_command_line() {
-        let error = MachineError::BuiltWithout.to_string();
-        assert!(!error.contains("--"), "{error}");
+        assert!(!BUILT_WITHOUT.contains("--"), "{BUILT_WITHOUT}");
     }
 
     #[test]

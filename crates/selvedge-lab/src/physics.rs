@@ -7,23 +7,22 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use web_time::Instant;
 
+use anyhow::{Context, Result, ensure};
 use glam::{DVec3, Vec3};
-use selvedge_cloth::{Cloth, ClothError, MotionError, Scene, StepError, Stepper};
-use selvedge_data::metrics::{self, MetricError};
+use selvedge_cloth::{Cloth, HandlePath, Scene, StepError, Stepper};
+use selvedge_data::metrics::{self, Comparison};
 use selvedge_data::{
-    Drive, ObstacleTrack, Provenance, Recording, RecordingEnd, SavedState, SceneSpec,
-    SceneSpecError, StateRun, Trajectory, TrajectoryError, record,
+    Drive, ObstacleTrack, Provenance, RecordingEnd, SavedState, SceneSpec, StateRun, Trajectory,
+    record,
 };
 use selvedge_sim::{
-    ContactCounts, DividedFrames, SagError, SaggedRest, SimulatorError, SubstepCounts, Threads,
-    YieldedContact,
+    ContactCounts, DividedFrames, SaggedRest, SubstepCounts, Threads, YieldedContact,
 };
 use serde::Serialize;
-use thiserror::Error;
 
 use crate::event::{End, Goal, OnEvent, Reporter};
 use crate::rest_pose;
-use crate::state_log::{StateLog, simulator_of_run};
+use crate::start::{saved_state, simulator_of_run};
 
 /// The program, as the files that it writes name it.
 pub(crate) const MADE_BY: &str = concat!("selvedge ", env!("CARGO_PKG_VERSION"));
@@ -116,56 +115,9 @@ pub fn let_through(scene: &Scene, yielded: &[YieldedContact]) -> Vec<LetThrough>
     pairs.into_iter().filter_map(of).collect()
 }
 
-/// A rest pose that was not found, or not before the listener asked to stop.
-#[derive(Debug, Error)]
-#[error("the rest pose of scene {scene:?}: {source}")]
-pub struct RestPoseError {
-    scene: String,
-    /// The reason.
-    pub source: SagError,
-}
-
-/// A simulation that failed.
-#[derive(Debug, Error)]
-#[error("simulating scene {scene:?}: {source}")]
-pub struct SimulationError {
-    scene: String,
-    source: SimulationProblem,
-}
-
-#[derive(Debug, Error)]
-#[error(transparent)]
-enum SimulationProblem {
-    Start(#[from] SimulatorError),
-    Motion(#[from] MotionError),
-    Step(#[from] StepError),
-}
-
-/// A run whose parts make no trajectory.
-#[derive(Debug, Error)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum RunTrajectoryError {
-    #[error("the resolved scene as JSON: {0}")]
-    Scene(#[from] SceneSpecError),
-    #[error("the trajectory of scene {scene:?}: {source}")]
-    Cloth { scene: String, source: ClothError },
-    #[error("the trajectory of scene {scene:?}: {source}")]
-    Trajectory {
-        scene: String,
-        source: TrajectoryError,
-    },
-}
-
 /// Finds the sagged rest pose of a scene.
-pub fn rest_pose(scene: &Scene, on_event: &mut OnEvent<'_>) -> Result<SaggedRest, RestPoseError> {
-    find_rest_pose(scene, &Reporter::new(on_event))
-}
-
-/// As [`rest_pose`], within a longer operation.
-pub(crate) fn find_rest_pose(
-    scene: &Scene,
-    reporter: &Reporter<'_>,
-) -> Result<SaggedRest, RestPoseError> {
+pub fn rest_pose(scene: &Scene, on_event: &mut OnEvent<'_>) -> Result<SaggedRest> {
+    let reporter = Reporter::new(on_event);
     let task = reporter.begin("sagging to rest", Goal::Open, "solves");
     let found = rest_pose::found(scene, &mut |now| {
         let (left, wanted) = (now.residual, now.tolerance);
@@ -173,10 +125,7 @@ pub(crate) fn find_rest_pose(
         task.advance()
     });
     drop(task);
-    let found = found.map_err(|source| RestPoseError {
-        scene: scene.name.clone(),
-        source,
-    })?;
+    let found = found.with_context(|| format!("the rest pose of scene {:?}", scene.name))?;
     if let Some(remark) = found.remark() {
         reporter.remark(&remark);
     }
@@ -197,7 +146,7 @@ pub fn run(
     frames: usize,
     threads: Threads,
     on_frame: &mut dyn FnMut() -> ControlFlow<()>,
-) -> Result<TimedRun, SimulationError> {
+) -> Result<TimedRun> {
     let plan = SimulationPlan {
         start: SavedState::at_rest(start),
         frames,
@@ -229,12 +178,12 @@ pub struct Simulated {
     /// Their states, where they are kept.
     pub states: Option<StateRun>,
     /// The step that failed, after which nothing was simulated.
-    pub failure: Option<SimulationError>,
+    pub failure: Option<anyhow::Error>,
 }
 
 impl Simulated {
     /// The run and its states.
-    pub fn whole(self) -> Result<(TimedRun, Option<StateRun>), SimulationError> {
+    pub fn whole(self) -> Result<(TimedRun, Option<StateRun>)> {
         match self.failure {
             Some(error) => Err(error),
             None => Ok((self.run, self.states)),
@@ -248,53 +197,65 @@ pub fn run_plan(
     scene: &Scene,
     plan: SimulationPlan,
     on_frame: &mut dyn FnMut() -> ControlFlow<()>,
-) -> Result<Simulated, SimulationError> {
-    let failed = |source| SimulationError {
-        scene: scene.name.clone(),
-        source,
-    };
-    let (run, states, failure) = simulate(scene, plan, on_frame).map_err(failed)?;
-    Ok(Simulated {
-        run,
-        states,
-        failure: failure.map(|error| failed(error.into())),
-    })
-}
-
-fn simulate(
-    scene: &Scene,
-    plan: SimulationPlan,
-    on_frame: &mut dyn FnMut() -> ControlFlow<()>,
-) -> Result<(TimedRun, Option<StateRun>, Option<StepError>), SimulationProblem> {
-    let mut simulator = simulator_of_run(scene, plan.start)?;
+) -> Result<Simulated> {
+    let what = || format!("simulating scene {:?}", scene.name);
+    let mut simulator = simulator_of_run(scene, plan.start).with_context(what)?;
     simulator.set_threads(plan.threads);
     simulator.stop_by(plan.stop.into());
-    let path = scene.handle_path()?;
-    let drive = Drive {
-        path: &path,
-        samples_per_frame: scene.physics.substeps as usize,
-    };
-    let mut log = StateLog::new(simulator, plan.keeps_states);
-    let started = Instant::now();
-    let recording = record(&mut log, drive, plan.frames, &mut |_| on_frame());
-    let (mut run, failure) = timed(recording, scene.mesh.positions().len(), started);
-    let stats = log.simulator.stats();
+    let path = scene.handle_path().with_context(what)?;
+    let mut states = plan.keeps_states.then(StateRun::default);
+    if let Some(run) = &mut states {
+        run.states.push(saved_state(&simulator));
+    }
+    let samples = scene.physics.substeps as usize;
+    let (mut run, failure) = timed(&mut simulator, &path, samples, plan.frames, &mut |now| {
+        if let Some(run) = &mut states {
+            run.states.push(saved_state(now));
+        }
+        on_frame()
+    });
+    let stats = simulator.stats();
     run.substeps = (scene.physics.integrator.order() > 1).then_some(stats.substeps);
     run.divided = stats.divided;
     run.contact = stats.contact;
-    run.yielded = log.simulator.yielded().to_vec();
+    run.yielded = simulator.yielded().to_vec();
     for words in let_through(scene, &run.yielded) {
         tracing::warn!("{}: {words}", scene.name);
     }
-    Ok((run, log.states, failure))
+    Ok(Simulated {
+        run,
+        states,
+        failure: failure.map(|error| anyhow::Error::new(error).context(what())),
+    })
 }
 
-/// A recording with its cost since `started`, and the step that failed.
-pub(crate) fn timed(
-    recording: Recording,
-    vertices: usize,
-    started: Instant,
+/// Steps `stepper` for `frames` along `path`, with one target per frame, and times it. `on_frame`
+/// sees it after every frame and may stop.
+pub fn drive<S: Stepper>(
+    stepper: &mut S,
+    path: &HandlePath,
+    frames: usize,
+    on_frame: &mut dyn FnMut(&S) -> ControlFlow<()>,
+) -> Result<TimedRun, StepError> {
+    let (run, failure) = timed(stepper, path, 1, frames, on_frame);
+    failure.map_or(Ok(run), Err)
+}
+
+/// A recording with its cost, and the step that failed.
+fn timed<S: Stepper>(
+    stepper: &mut S,
+    path: &HandlePath,
+    samples_per_frame: usize,
+    frames: usize,
+    on_frame: &mut dyn FnMut(&S) -> ControlFlow<()>,
 ) -> (TimedRun, Option<StepError>) {
+    let vertices = stepper.positions().len();
+    let drive = Drive {
+        path,
+        samples_per_frame,
+    };
+    let started = Instant::now();
+    let recording = record(stepper, drive, frames, on_frame);
     let elapsed_ms = 1e3 * started.elapsed().as_secs_f64();
     let steps = (recording.positions.len() / vertices).saturating_sub(1);
     let (end, failure) = match recording.end {
@@ -315,46 +276,31 @@ pub(crate) fn timed(
 }
 
 /// Returns the origin of a run of `spec`.
-pub fn provenance(spec: &SceneSpec, scene: &Scene) -> Result<Provenance, RunTrajectoryError> {
+pub fn provenance(spec: &SceneSpec, scene: &Scene) -> Result<Provenance> {
     Ok(Provenance {
         frame_rate: scene.frame_rate,
-        scene: spec.to_json()?,
+        scene: spec.to_json().context("the resolved scene as JSON")?,
         made_by: MADE_BY.to_owned(),
     })
 }
 
-/// Makes the trajectory of a run of `spec`, whose cloth rests at `rest` `[m]`, `[vertices]`.
+/// Makes the trajectory of a run of `spec` that begins with frame `first` of its motion, and whose
+/// cloth rests at `rest` `[m]`, `[vertices]`. Obstacles stand where they are then.
 pub fn trajectory(
-    spec: &SceneSpec,
-    scene: &Scene,
-    rest: &[DVec3],
-    positions: Vec<Vec3>,
-) -> Result<Trajectory, RunTrajectoryError> {
-    trajectory_from(0, spec, scene, rest, positions)
-}
-
-/// Makes the trajectory of a run of `spec` that begins with frame `first` of its motion, as
-/// [`trajectory`] does; obstacles stand where they are then.
-pub fn trajectory_from(
     first: usize,
     spec: &SceneSpec,
     scene: &Scene,
     rest: &[DVec3],
     positions: Vec<Vec3>,
-) -> Result<Trajectory, RunTrajectoryError> {
-    let cloth = Cloth::of_scene(scene, rounded(rest)).map_err(|source| {
-        let scene = scene.name.clone();
-        RunTrajectoryError::Cloth { scene, source }
-    })?;
+) -> Result<Trajectory> {
+    let what = || format!("the trajectory of scene {:?}", scene.name);
+    let cloth = Cloth::of_scene(scene, rounded(rest)).with_context(what)?;
     let frames = positions.len() / cloth.vertex_count().max(1);
     let track = |obstacle| ObstacleTrack::of(obstacle, scene.frame_rate, first, frames);
     let obstacles = scene.obstacles.iter().map(track).collect();
-    let made = Trajectory::new(cloth, positions, provenance(spec, scene)?);
-    let made = made.and_then(|trajectory| trajectory.with_obstacles(obstacles));
-    made.map_err(|source| {
-        let scene = scene.name.clone();
-        RunTrajectoryError::Trajectory { scene, source }
-    })
+    Trajectory::new(cloth, positions, provenance(spec, scene)?)
+        .and_then(|trajectory| trajectory.with_obstacles(obstacles))
+        .with_context(what)
 }
 
 /// Positions in f32, as files have them.
@@ -363,11 +309,30 @@ pub fn rounded(positions: &[DVec3]) -> Vec<Vec3> {
 }
 
 /// The largest strain of an edge over all frames: (l - l₀)/l₀ against the material.
-pub fn largest_strain(trajectory: &Trajectory) -> Result<f64, MetricError> {
+pub fn largest_strain(trajectory: &Trajectory) -> Result<f64> {
     let topology = trajectory.topology();
     let lengths = metrics::material_edge_lengths(trajectory.cloth());
     let strains = metrics::largest_strain(trajectory.frames(), topology, &lengths)?;
     Ok(strains.into_iter().fold(f64::NEG_INFINITY, f64::max))
+}
+
+/// The measures of a trajectory `b` against `a`, which is of the same mesh and frame rate.
+pub fn compare(a: &Trajectory, b: &Trajectory) -> Result<Comparison> {
+    let (first, second) = (a.vertex_count(), b.vertex_count());
+    ensure!(
+        first == second,
+        "they are of different meshes: {first} and {second} vertices"
+    );
+    ensure!(
+        a.topology() == b.topology(),
+        "they are of different meshes: as many vertices, but other faces"
+    );
+    let (first, second) = (a.frame_rate(), b.frame_rate());
+    ensure!(
+        first == second,
+        "they have {first} and {second} frames per second: a frame of one is no frame of the other"
+    );
+    Ok(metrics::compare(a.frames(), b.frames(), a.topology())?)
 }
 
 #[cfg(test)]

@@ -6,20 +6,19 @@
 
 use std::sync::Arc;
 
+use anyhow::{Context, Result, bail};
 use glam::DVec3;
-use selvedge_cloth::{Cloth, ClothError, ElasticLaw, Scene};
-use selvedge_data::{LoadedScene, SavedState, StartSpec};
-use selvedge_guard::{Correction, Guard, GuardError};
-use selvedge_model::{ClothGraph, GraphError};
-use selvedge_sim::{SagError, SaggedRest};
-use thiserror::Error;
+use selvedge_cloth::{Cloth, ElasticLaw, Scene};
+use selvedge_data::{LastChanges, LoadedScene, PreviousState, SavedState, StartSpec};
+use selvedge_guard::{Correction, Guard};
+use selvedge_model::ClothGraph;
+use selvedge_sim::{Checkpoint, PreviousSubstep, SagError, SaggedRest, Simulator, SimulatorError};
 
-use crate::event::{OnEvent, Reporter};
-use crate::fitting::{self, FittedCloth, FittingError};
-use crate::machine::{self, Machine, Mover};
+use crate::event::OnEvent;
+use crate::fitting::{self, FittedCloth};
+use crate::machine::{Machine, Mover};
 use crate::models::NamedModel;
-use crate::physics::{self, RestPoseError};
-use crate::watched::WatchError;
+use crate::physics;
 
 /// A cloth where its motion begins.
 pub struct Start {
@@ -31,89 +30,43 @@ pub struct Start {
     pub fitted: Option<FittedCloth>,
 }
 
-/// A scene whose start is not found.
-#[derive(Debug, Error)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum StartError {
-    #[error(
-        "scene {scene:?} has no handles, so that nothing holds the cloth: let it fall (start = \"mesh\" in the scene)"
-    )]
-    NothingHolds { scene: String },
-    #[error(
-        "the run was to start in its rest pose, and can start where the mesh stands instead (start = \"mesh\" in the scene), or relaxed from there into its pattern (start = \"fit\")"
-    )]
-    Rest(#[source] RestPoseError),
-    #[error(transparent)]
-    Stopped(RestPoseError),
-    #[error(transparent)]
-    Fitting(#[from] FittingError),
-}
-
-/// A model that cannot be started on the cloth of a scene.
-#[derive(Debug, Error)]
-#[error(transparent)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum ModelOnSceneError {
-    Cloth(#[from] ClothError),
-    #[error("the graph of scene {scene:?}: {source}")]
-    Graph {
-        scene: String,
-        source: GraphError,
-    },
-    #[error("starting model {model}: {source}")]
-    Model {
-        model: String,
-        source: machine::StartError,
-    },
-    Guard(#[from] WatchError),
-}
-
 /// Finds where the cloth of a scene starts, as the scene says. Only a start in the rest pose waits
 /// for that. A cloth that nothing holds has none: it can only be let go elsewhere.
-pub fn find(loaded: &LoadedScene, on_event: &mut OnEvent<'_>) -> Result<Start, StartError> {
-    find_within(loaded, &Reporter::new(on_event))
-}
-
-/// As [`find`], within a longer operation.
-pub(crate) fn find_within(
-    loaded: &LoadedScene,
-    reporter: &Reporter<'_>,
-) -> Result<Start, StartError> {
-    let scene = &loaded.scene;
-    let only = |state| Start {
+pub fn find(loaded: &LoadedScene, on_event: &mut OnEvent<'_>) -> Result<Start> {
+    let from = |state, rest, fitted| Start {
         state,
-        rest: None,
-        fitted: None,
+        rest,
+        fitted,
     };
     match (&loaded.state, &loaded.spec.start) {
-        (Some(state), _) => Ok(only(state.clone())),
-        (None, StartSpec::Rest) => at_rest(scene, reporter),
+        (Some(state), _) => Ok(from(state.clone(), None, None)),
+        (None, StartSpec::Rest) => {
+            let rest = rest(&loaded.scene, on_event)?;
+            let state = SavedState::at_rest(rest.positions.clone());
+            Ok(from(state, Some(rest), None))
+        }
         (None, _) => {
-            let fitted = fitting::fit(loaded, reporter)?;
-            Ok(Start {
-                state: SavedState::at_rest(fitted.positions.clone()),
-                rest: None,
-                fitted: Some(fitted),
-            })
+            let fitted = fitting::fit(loaded, on_event)?;
+            let state = SavedState::at_rest(fitted.positions.clone());
+            Ok(from(state, None, Some(fitted)))
         }
     }
 }
 
-fn at_rest(scene: &Scene, reporter: &Reporter<'_>) -> Result<Start, StartError> {
+/// The rest pose in which a run is to start; says how to start without one where none is found.
+fn rest(scene: &Scene, on_event: &mut OnEvent<'_>) -> Result<SaggedRest> {
     if scene.handles.is_empty() {
-        let scene = scene.name.clone();
-        return Err(StartError::NothingHolds { scene });
+        bail!(
+            "scene {:?} has no handles, so that nothing holds the cloth: let it fall (start = \"mesh\" in the scene)",
+            scene.name
+        );
     }
-    match physics::find_rest_pose(scene, reporter) {
-        Ok(rest) => Ok(Start {
-            state: SavedState::at_rest(rest.positions.clone()),
-            rest: Some(rest),
-            fitted: None,
-        }),
-        Err(error) if matches!(error.source, SagError::Stopped { .. }) => {
-            Err(StartError::Stopped(error))
-        }
-        Err(error) => Err(StartError::Rest(error)),
+    let found = physics::rest_pose(scene, on_event);
+    match &found {
+        Err(error) if !matches!(error.downcast_ref(), Some(SagError::Stopped { .. })) => found.context(
+            "the run was to start in its rest pose, and can start where the mesh stands instead (start = \"mesh\" in the scene), or relaxed from there into its pattern (start = \"fit\")",
+        ),
+        _ => found,
     }
 }
 
@@ -155,21 +108,80 @@ pub fn guarded(
     model: &NamedModel,
     machine: &Machine,
     settings: Correction,
-) -> Result<Guard<Mover>, ModelOnSceneError> {
+) -> Result<Guard<Mover>> {
     let cloth = Cloth::of_scene(scene, physics::rounded(rest))?;
-    let graph = ClothGraph::new(&cloth, scene.environment, scene.frame_rate);
-    let graph = graph.map_err(|source| {
-        let scene = scene.name.clone();
-        ModelOnSceneError::Graph { scene, source }
-    })?;
-    let stepper = machine.start(&model.model, graph, &[cloth.rest_positions()]);
-    let stepper = stepper.map_err(|source| {
-        let model = model.name.clone();
-        ModelOnSceneError::Model { model, source }
-    })?;
+    let graph = ClothGraph::new(&cloth, scene.environment, scene.frame_rate)
+        .with_context(|| format!("the graph of scene {:?}", scene.name))?;
+    let stepper = machine
+        .start(&model.model, graph, &[cloth.rest_positions()])
+        .with_context(|| format!("starting model {}", model.name))?;
     let known = Some(Arc::clone(scene));
-    let guard = Guard::new(stepper, &cloth, scene.frame_rate, known, settings);
-    Ok(guard.map_err(|source: GuardError| WatchError::from(source))?)
+    Guard::new(stepper, &cloth, scene.frame_rate, known, settings).context(WITHOUT_GUARD)
+}
+
+/// What helps where there is no guard to be had.
+pub(crate) const WITHOUT_GUARD: &str = "the guard (the guard \"none\" does without)";
+
+/// The state of `simulator` now, from which a run can go on bit for bit.
+pub fn saved_state(simulator: &Simulator) -> SavedState {
+    let Checkpoint {
+        frame,
+        positions,
+        velocities,
+        previous,
+        changes,
+        contact,
+        obstacles: _,
+    } = simulator.checkpoint();
+    SavedState {
+        positions,
+        velocities,
+        frame,
+        previous: previous.map(|before| PreviousState {
+            positions: before.positions,
+            velocities: before.velocities,
+            seconds: before.seconds,
+        }),
+        contact,
+        changes: changes.map(|(velocities, seconds)| LastChanges {
+            velocities,
+            seconds,
+        }),
+    }
+}
+
+/// A simulator of `scene` in `state`, with frames counted from there.
+pub fn simulator_in(scene: &Scene, state: SavedState) -> Result<Simulator, SimulatorError> {
+    simulator_among(scene, state, &[])
+}
+
+/// The physics of a run of `scene` from `state` on: as [`simulator_in`], handles and obstacles
+/// where the motion has them by then.
+pub fn simulator_of_run(scene: &Scene, state: SavedState) -> Result<Simulator, SimulatorError> {
+    let frame = state.frame;
+    simulator_in(scene, state)?.taken_up_at(frame)
+}
+
+/// As [`simulator_in`], the first obstacles at `offsets` `[m]` from their own paths.
+pub fn simulator_among(
+    scene: &Scene,
+    state: SavedState,
+    offsets: &[DVec3],
+) -> Result<Simulator, SimulatorError> {
+    let checkpoint = Checkpoint {
+        frame: state.frame,
+        positions: state.positions,
+        velocities: state.velocities,
+        previous: state.previous.map(|before| PreviousSubstep {
+            positions: before.positions,
+            velocities: before.velocities,
+            seconds: before.seconds,
+        }),
+        changes: state.changes.map(|last| (last.velocities, last.seconds)),
+        contact: state.contact,
+        obstacles: offsets.to_vec(),
+    };
+    Simulator::from_checkpoint(scene, &checkpoint)
 }
 
 #[cfg(test)]
@@ -218,7 +230,8 @@ mod tests {
     #[test]
     fn a_search_that_is_stopped_says_so_and_not_how_to_do_without() {
         let stopped = find(&default_scene(), &mut |_| ControlFlow::Break(()));
-        assert!(matches!(stopped, Err(StartError::Stopped(_))));
+        let stopped = format!("{:#}", stopped.err().unwrap());
+        assert!(stopped.starts_with("the rest pose of scene"), "{stopped}");
         let mut loaded = default_scene();
         loaded.scene.handles = selvedge_cloth::Handles::new(&[], 400).unwrap();
         let mut go_on = |_: crate::Event<'_>| ControlFlow::Continue(());

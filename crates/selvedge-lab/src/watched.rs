@@ -1,17 +1,14 @@
-//! A model under a guard whose word on every frame is kept and summed up.
+//! The word of a model's guard on every frame, summed up and written; and when a run diverges.
 
 use std::io::Write;
 use std::path::Path;
 
-use selvedge_cloth::{HandleTargets, StepError, Stepper};
 use selvedge_data::{WriteError, metrics, write_atomically};
 pub use selvedge_guard::GuardSummary;
-use selvedge_guard::{Guard, GuardError, PhysicsFailure, Replacement, Trust};
+use selvedge_guard::{Replacement, Trust};
 use selvedge_model::Aspect;
-use thiserror::Error;
 
 use crate::domain::Beyond;
-use crate::machine::Mover;
 
 /// Strain (l - l₀)/l₀ of an edge, against the material, over which a run diverges ...
 const DIVERGED_STRAIN: f64 = 0.3;
@@ -30,52 +27,11 @@ pub fn diverged_frame(strains: &[f64], true_largest: f64) -> Option<usize> {
     metrics::diverged_frame(strains, limit, DIVERGED_FRAMES).map(|frame| frame + 1)
 }
 
-/// A cloth that cannot be guarded.
-#[derive(Debug, Error)]
-#[error("the guard (the guard \"none\" does without): {0}")]
-pub struct WatchError(#[from] GuardError);
-
-/// A model under a guard.
-pub struct WatchedModel {
-    guard: Guard<Mover>,
-    log: Vec<Trust>,
-}
-
-impl WatchedModel {
-    /// Watches a model that has its guard.
-    pub fn of(guard: Guard<Mover>) -> Self {
-        Self {
-            guard,
-            log: Vec::new(),
-        }
-    }
-
-    /// The guard's word on each frame that was stepped.
-    pub fn log(&self) -> &[Trust] {
-        &self.log
-    }
-
-    /// Reason of the newest failure of the physics beside the model; none if it never failed.
-    pub fn physics_failure(&self) -> Option<&PhysicsFailure> {
-        self.guard.physics_failure()
-    }
-
-    /// The log summed up.
-    pub fn summary(&self) -> GuardSummary {
-        let mut summary = GuardSummary::default();
-        self.log.iter().for_each(|trust| summary.add(trust));
-        summary
-    }
-}
-
-impl Stepper for WatchedModel {
-    selvedge_cloth::delegate_stepper!(guard);
-
-    fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
-        self.guard.step(targets)?;
-        self.log.push(*self.guard.trust());
-        Ok(())
-    }
+/// The words of a guard summed up.
+pub fn summary(log: &[Trust]) -> GuardSummary {
+    let mut summary = GuardSummary::default();
+    log.iter().for_each(|trust| summary.add(trust));
+    summary
 }
 
 /// Writes a line per frame with the guard's verdict, measures and correction, and the aspects of
@@ -147,27 +103,22 @@ mod tests {
 
     use glam::DVec3;
     use selvedge_cloth::conformance::{HandlesEnd, check};
-    use selvedge_cloth::{ContactSettings, Obstacle, Scene, bodies};
-    use selvedge_guard::Correction;
+    use selvedge_cloth::{ContactSettings, HandleTargets, Obstacle, Scene, Stepper, bodies};
+    use selvedge_guard::{Correction, Guard};
     use selvedge_sim::Simulator;
 
     use super::*;
-    use crate::machine::Machine;
+    use crate::machine::{Machine, Mover};
     use crate::models::NamedModel;
     use crate::start;
     use crate::test_scene::hanging;
 
-    /// The shipped network on a small square, under a guard.
-    fn watched(correction: Correction) -> WatchedModel {
-        watched_in(hanging(), correction)
-    }
-
-    fn watched_in(scene: Scene, correction: Correction) -> WatchedModel {
+    /// The shipped network on the cloth of a scene, under a guard.
+    fn guarded(scene: Scene, correction: Correction) -> Guard<Mover> {
         let (scene, settings) = (Arc::new(scene), correction);
         let model = NamedModel::open(Some("paper".as_ref())).unwrap();
         let rest = scene.mesh.positions();
-        let guard = start::guarded(&scene, rest, &model, &Machine::Cpu, settings);
-        WatchedModel::of(guard.unwrap())
+        start::guarded(&scene, rest, &model, &Machine::Cpu, settings).unwrap()
     }
 
     #[test]
@@ -179,9 +130,9 @@ mod tests {
     }
 
     #[test]
-    fn a_watched_model_conforms() {
+    fn a_guarded_model_conforms() {
         for correction in [Correction::None, Correction::default()] {
-            let make = || watched(correction);
+            let make = || guarded(hanging(), correction);
             assert_eq!(check(make, HandlesEnd::AtTargets), Ok(()), "{correction:?}");
         }
     }
@@ -210,35 +161,25 @@ mod tests {
     fn a_network_led_through_a_ball_writes_no_frame_that_intersects() {
         let scene = with_ball();
         let oracle = Simulator::new(&scene).unwrap();
-        let mut free = watched_in(scene.clone(), Correction::None);
-        let mut held = watched_in(scene.clone(), Correction::default());
-        let mut passes_through = 0;
+        let mut free = guarded(scene.clone(), Correction::None);
+        let mut held = guarded(scene.clone(), Correction::default());
+        let (mut passes_through, mut logs) = (0, [Vec::new(), Vec::new()]);
         for frame in 1..=60 {
             let targets = led(&scene, frame);
             free.step(&targets).unwrap();
             held.step(&targets).unwrap();
+            logs[0].push(*free.trust());
+            logs[1].push(*held.trust());
             oracle.check_apart(frame, held.positions()).unwrap();
             passes_through += usize::from(oracle.check_apart(frame, free.positions()).is_err());
         }
-        let summary = held.summary();
+        let [alone, summary] = logs.map(|log| summary(&log));
         assert!(passes_through > 10, "{passes_through}");
         assert!(
             summary.pushed_apart + summary.lost_to_contact > 10,
             "{summary:?}"
         );
         assert!(summary.contact_in_words().is_some());
-        assert_eq!(free.summary().contact_in_words(), None);
-    }
-
-    #[test]
-    fn a_frame_that_is_refused_has_no_word_in_the_log() {
-        let mut watched = watched(Correction::default());
-        let none = HandleTargets::at_frame_end(Vec::new()).unwrap();
-        assert!(watched.step(&none).is_err());
-        assert_eq!(watched.summary().frames, 0);
-        let held = watched.handles().of(watched.positions());
-        let held = HandleTargets::at_frame_end(held.map(|p| p.as_dvec3()).collect());
-        watched.step(&held.unwrap()).unwrap();
-        assert_eq!((watched.log().len(), watched.summary().frames), (1, 1));
+        assert_eq!(alone.contact_in_words(), None);
     }
 }

@@ -10,7 +10,7 @@ use selvedge_data::SavedState;
 use selvedge_guard::{Correction, Guard, Replacement};
 use selvedge_lab::machine::{Machine, Mover};
 use selvedge_lab::physics;
-use selvedge_lab::state_log::{saved_state, simulator_among};
+use selvedge_lab::start::{saved_state, simulator_among};
 use selvedge_live::{Hold, LiveError, LiveStepper};
 use selvedge_model::{ClothGraph, Model};
 use selvedge_sim::Simulator;

@@ -16,7 +16,7 @@ use selvedge_data::{
 use selvedge_lab::cause;
 use selvedge_lab::fitting;
 use selvedge_lab::machine::Machine;
-use selvedge_lab::models::{NamedModel, OpenModelError};
+use selvedge_lab::models::NamedModel;
 use selvedge_lab::{assets, domain, physics, rest_pose, start};
 use selvedge_live::{Catalogue, LiveError, MeshOrder, Order, ReadyCloth, Workshop};
 use selvedge_model::Model;
@@ -41,7 +41,7 @@ pub struct SceneWorkshop {
 impl SceneWorkshop {
     /// A workshop for `scene`, the shipped ones, and models from files beside the shipped
     /// ones, which run on `machine`.
-    pub fn new(scene: &str, models: &[PathBuf], machine: Machine) -> Result<Self, OpenModelError> {
+    pub fn new(scene: &str, models: &[PathBuf], machine: Machine) -> anyhow::Result<Self> {
         let mut scenes = vec![scene.to_owned()];
         let shipped = shipped_scenes().iter().map(|(name, _)| (*name).to_owned());
         scenes.extend(shipped.filter(|name| name != scene));

@@ -7,8 +7,6 @@ mod eval;
 mod export;
 mod guard;
 mod import;
-#[cfg(test)]
-mod reference;
 mod run;
 mod study;
 mod view;

@@ -3,13 +3,14 @@
 
 use std::path::{Path, PathBuf};
 
+use clap::ValueEnum;
 use selvedge_data::export::{
     ExportEnd, ExportFormat, ExportOptions, FrameSpan, export, files_beside, planned_bytes,
 };
 use selvedge_data::{Trajectory, UpAxis};
 
 use crate::cli::FormatName;
-use crate::failure::WrongUsage;
+use crate::failure::wrong;
 use crate::film::{self, Film, Look};
 use crate::output::End;
 use crate::progress::Progress;
@@ -22,7 +23,9 @@ const HEAVY: u64 = 500_000_000;
 #[derive(Debug)]
 pub(crate) struct Wish {
     path: PathBuf,
-    kind: Kind,
+    format: FormatName,
+    /// True for a folder with a file per frame.
+    is_folder: bool,
     choice: Choice,
 }
 
@@ -42,18 +45,6 @@ pub(crate) struct Choice {
     pub(crate) of_pictures: Option<&'static str>,
 }
 
-/// The kind of an export.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
-    Numbers(ExportFormat),
-    /// One frame (.png).
-    Picture,
-    /// A folder of frames (.png).
-    Pictures,
-    Gif,
-    Mp4,
-}
-
 impl Wish {
     /// All frames to `path`, in the `format` that is named or else as the name ends; what is in the
     /// way shows now.
@@ -62,52 +53,38 @@ impl Wish {
     /// Wrong usage for a name that says no format; otherwise what is in the way.
     pub(crate) fn new(path: &Path, format: Option<FormatName>) -> anyhow::Result<Self> {
         let extension = path.extension().and_then(|e| e.to_str());
-        let named = extension.and_then(FormatName::of_extension);
+        let named = extension.and_then(|e| FormatName::from_str(e, false).ok());
         let Some(format) = format.or(named) else {
             if extension.is_some_and(|e| e.eq_ignore_ascii_case("mdd")) {
-                return Err(WrongUsage::new(format!(
+                return Err(wrong(format!(
                     "{}: .mdd is not written: take .pc2, which the same programs read",
                     path.display()
-                ))
-                .into());
+                )));
             }
-            return Err(WrongUsage::new(format!(
+            return Err(wrong(format!(
                 "{}: the name must end in .usda, .usdc, .usdz, .abc, .glb, .pc2, .npz, .obj, .png, .gif or .mp4; for a folder of frames say --format obj or --format png",
                 path.display()
-            ))
-            .into());
+            )));
         };
         let is_cache = format == FormatName::Pc2;
         if is_cache && extension.is_some_and(|e| e.eq_ignore_ascii_case("obj")) {
-            return Err(WrongUsage::new(format!(
+            return Err(wrong(format!(
                 "{}: a point cache gets its mesh beside it, as .obj of the same name, which would take its place: let the name end in .pc2",
                 path.display()
-            ))
-            .into());
+            )));
         }
         let is_folder = named != Some(format);
-        let kind = match format {
-            FormatName::Usda => Kind::Numbers(ExportFormat::Usda),
-            FormatName::Usdc => Kind::Numbers(ExportFormat::Usdc),
-            FormatName::Usdz => Kind::Numbers(ExportFormat::Usdz),
-            FormatName::Glb => Kind::Numbers(ExportFormat::Glb),
-            FormatName::Pc2 => Kind::Numbers(ExportFormat::Pc2),
-            FormatName::Abc => Kind::Numbers(ExportFormat::Abc),
-            FormatName::Npz => Kind::Numbers(ExportFormat::Npz),
-            FormatName::Obj if is_folder => Kind::Numbers(ExportFormat::ObjSequence),
-            FormatName::Obj => Kind::Numbers(ExportFormat::Obj),
-            FormatName::Png if is_folder => Kind::Pictures,
-            FormatName::Png => Kind::Picture,
-            FormatName::Gif => Kind::Gif,
-            FormatName::Mp4 => Kind::Mp4,
-        };
-        kind.check(path)?;
-        if kind == Kind::Mp4 {
+        match is_folder && matches!(format, FormatName::Obj | FormatName::Png) {
+            true => place::check_new_folder(path)?,
+            false => place::check_new_file(path)?,
+        }
+        if format == FormatName::Mp4 {
             film::check_ffmpeg()?;
         }
         Ok(Self {
             path: path.to_owned(),
-            kind,
+            format,
+            is_folder,
             choice: Choice::default(),
         })
     }
@@ -117,52 +94,73 @@ impl Wish {
         Self { choice, ..self }
     }
 
+    /// The format of numbers; none of pictures.
+    fn numbers(&self) -> Option<ExportFormat> {
+        Some(match self.format {
+            FormatName::Usda => ExportFormat::Usda,
+            FormatName::Usdc => ExportFormat::Usdc,
+            FormatName::Usdz => ExportFormat::Usdz,
+            FormatName::Glb => ExportFormat::Glb,
+            FormatName::Pc2 => ExportFormat::Pc2,
+            FormatName::Abc => ExportFormat::Abc,
+            FormatName::Npz => ExportFormat::Npz,
+            FormatName::Obj if self.is_folder => ExportFormat::ObjSequence,
+            FormatName::Obj => ExportFormat::Obj,
+            FormatName::Png | FormatName::Gif | FormatName::Mp4 => return None,
+        })
+    }
+
+    /// True for a file that holds one frame.
+    fn holds_one_frame(&self) -> bool {
+        matches!(self.format, FormatName::Obj | FormatName::Png) && !self.is_folder
+    }
+
     /// Checks what was asked for against a run of `frames`.
     ///
     /// # Errors
     /// Wrong usage for frames that there are not, and for what the format does not have.
     pub(crate) fn check(&self, frames: usize) -> anyhow::Result<()> {
-        let wrong = |problem: String| Err(WrongUsage::new(problem).into());
+        let wrong = |problem: String| Err(wrong(problem));
         let count = match self.choice.frames.of(frames) {
             Ok(frames) => frames.len(),
             Err(error) => return wrong(format!("--frames: {error}")),
         };
-        if self.kind.holds_one_frame() && count > 1 {
+        if self.holds_one_frame() && count > 1 {
             return wrong(format!(
                 "{}: such a file holds one frame, and {count} were asked for: choose one with --frames, or name a folder with --format",
                 self.path.display()
             ));
         }
-        if let (Kind::Numbers(_), Some(option)) = (self.kind, self.choice.of_pictures) {
+        if let (Some(_), Some(option)) = (self.numbers(), self.choice.of_pictures) {
             return wrong(format!(
                 "{option}: is for pictures, clips and films (.png, .gif, .mp4), and {} is none",
                 self.path.display()
             ));
         }
-        if let (Kind::Mp4, Some(size)) = (self.kind, self.choice.look.size)
+        if let (FormatName::Mp4, Some(size)) = (self.format, self.choice.look.size)
             && size.iter().any(|side| side % 2 == 1)
         {
             return wrong("--size: the sides of a film are even".to_owned());
         }
-        match self.kind {
-            Kind::Numbers(ExportFormat::Glb) if self.choice.up == UpAxis::Z => {
+        let Choice {
+            up,
+            normals,
+            velocities,
+            ..
+        } = self.choice;
+        match self.numbers() {
+            Some(ExportFormat::Glb) if up == UpAxis::Z => {
                 wrong("--up z: glTF has y up, and every reader turns it".to_owned())
             }
-            Kind::Numbers(format)
-                if !format.has_velocities() && self.choice.velocities == Some(true) =>
-            {
-                wrong(format!(
-                    "--velocities: {} has none; USD and Alembic have them",
-                    self.path.display()
-                ))
-            }
-            Kind::Numbers(_) => Ok(()),
-            _ if self.choice.up == UpAxis::Z => wrong("--up z: a picture has no axes".to_owned()),
-            _ if self.choice.normals.is_some() => wrong("--normals: a picture has none".to_owned()),
-            _ if self.choice.velocities.is_some() => {
-                wrong("--velocities: a picture has none".to_owned())
-            }
-            _ => Ok(()),
+            Some(format) if !format.has_velocities() && velocities == Some(true) => wrong(format!(
+                "--velocities: {} has none; USD and Alembic have them",
+                self.path.display()
+            )),
+            Some(_) => Ok(()),
+            None if up == UpAxis::Z => wrong("--up z: a picture has no axes".to_owned()),
+            None if normals.is_some() => wrong("--normals: a picture has none".to_owned()),
+            None if velocities.is_some() => wrong("--velocities: a picture has none".to_owned()),
+            None => Ok(()),
         }
     }
 
@@ -173,17 +171,16 @@ impl Wish {
 
     /// All that is written of `trajectory`, with the obstacles beside it.
     pub(crate) fn outputs_of(&self, trajectory: &Trajectory) -> Vec<PathBuf> {
-        let beside = match self.kind {
-            Kind::Numbers(format) => files_beside(trajectory, format, &self.path),
-            _ => Vec::new(),
-        };
+        let beside = self.numbers();
+        let beside = beside.map(|format| files_beside(trajectory, format, &self.path));
+        let beside = beside.unwrap_or_default();
         std::iter::once(self.path.clone()).chain(beside).collect()
     }
 
     /// All that is written whatever the trajectory has beside its cloth.
     pub(crate) fn outputs(&self) -> Vec<PathBuf> {
         let mut outputs = vec![self.path.clone()];
-        if let Kind::Numbers(ExportFormat::Pc2) = self.kind {
+        if self.format == FormatName::Pc2 {
             outputs.push(self.path.with_extension("obj"));
         }
         outputs
@@ -196,18 +193,18 @@ impl Wish {
     pub(crate) fn fulfil(&self, trajectory: &Trajectory) -> anyhow::Result<End> {
         self.check(trajectory.frame_count())?;
         let frames = self.choice.frames.of(trajectory.frame_count())?;
-        if let Kind::Numbers(format) = self.kind {
+        if let Some(format) = self.numbers() {
             return self.write_numbers(trajectory, format, frames.len());
         }
         let film = Film::new(trajectory, &frames, self.choice.look)?;
-        match self.kind {
-            Kind::Picture | Kind::Numbers(_) => {
+        match self.format {
+            FormatName::Gif => film.write_gif(&self.path),
+            FormatName::Mp4 => film.write_mp4(&self.path),
+            _ if self.is_folder => film.write_pngs(&self.path),
+            _ => {
                 film.write_png(&self.path)?;
                 Ok(End::Complete)
             }
-            Kind::Pictures => film.write_pngs(&self.path),
-            Kind::Gif => film.write_gif(&self.path),
-            Kind::Mp4 => film.write_mp4(&self.path),
         }
     }
 
@@ -247,37 +244,15 @@ impl Wish {
     }
 }
 
-impl Kind {
-    /// True for a file that holds one frame.
-    fn holds_one_frame(self) -> bool {
-        match self {
-            Self::Numbers(format) => format.holds_one_frame(),
-            Self::Picture => true,
-            Self::Pictures | Self::Gif | Self::Mp4 => false,
-        }
-    }
-
-    /// Checks that `path` can be made.
-    fn check(self, path: &Path) -> anyhow::Result<()> {
-        match self {
-            Self::Pictures | Self::Numbers(ExportFormat::ObjSequence) => {
-                place::check_new_folder(path)
-            }
-            _ => place::check_new_file(path),
-        }
-    }
-}
-
 /// Returns the exports that `--export` asks for, each checked.
 pub(crate) fn wishes(paths: &[PathBuf]) -> anyhow::Result<Vec<Wish>> {
     let wish = |path: &PathBuf| {
         let wish = Wish::new(path, None)?;
-        if wish.kind.holds_one_frame() {
-            return Err(WrongUsage::new(format!(
+        if wish.holds_one_frame() {
+            return Err(wrong(format!(
                 "--export {}: such a file holds one frame: take `selvedge export`, which can choose one",
                 path.display()
-            ))
-            .into());
+            )));
         }
         Ok(wish)
     };

@@ -1,7 +1,6 @@
 //! Messages of failures: one line, `error: what was done: what went wrong: why`, and an exit code
 //! that says whether the call itself was wrong.
 
-use std::fmt;
 use std::io::Write;
 
 use selvedge_lab::evaluation::ChoiceError;
@@ -10,29 +9,18 @@ const FAILED: u8 = 1;
 /// Wrong usage, as clap has it.
 const WRONG_USAGE: u8 = 2;
 
-/// A call that makes no sense, as opposed to one that went wrong.
-#[derive(Debug)]
-pub(crate) struct WrongUsage(String);
-
-impl WrongUsage {
-    /// Says what is wrong with the call, and how it should be.
-    pub(crate) fn new(problem: impl Into<String>) -> Self {
-        Self(problem.into())
-    }
+/// A call that makes no sense, as opposed to one that went wrong: says what is wrong with it, and
+/// how it should be.
+pub(crate) fn wrong(problem: impl Into<String>) -> anyhow::Error {
+    ChoiceError(problem.into()).into()
 }
-
-impl fmt::Display for WrongUsage {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.fmt(f)
-    }
-}
-
-impl std::error::Error for WrongUsage {}
 
 /// The exit code of the program.
 pub(crate) fn exit_code(error: &anyhow::Error) -> u8 {
-    let is_wrong_usage = error.is::<WrongUsage>() || error.is::<ChoiceError>();
-    if is_wrong_usage { WRONG_USAGE } else { FAILED }
+    match error.is::<ChoiceError>() {
+        true => WRONG_USAGE,
+        false => FAILED,
+    }
 }
 
 /// Tells a person.
@@ -62,8 +50,7 @@ mod tests {
 
     #[test]
     fn only_wrong_usage_exits_with_2() {
-        let wrong = anyhow::Error::new(WrongUsage::new("no")).context("reading the call");
-        assert_eq!(exit_code(&wrong), 2);
+        assert_eq!(exit_code(&wrong("no").context("reading the call")), 2);
         assert_eq!(exit_code(&anyhow::anyhow!("no")), 1);
     }
 }

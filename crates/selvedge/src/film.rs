@@ -8,10 +8,8 @@ use std::io::{self, Write};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
-use anyhow::{Context, anyhow, bail};
-use selvedge_data::{
-    Trajectory, WriteError, write_atomically, write_beside, write_folder_atomically,
-};
+use anyhow::{Context, anyhow, bail, ensure};
+use selvedge_data::{Trajectory, write_atomically, write_beside, write_folder_atomically};
 use selvedge_view::{
     ClipSettings, Colouring, Image, Panel, Renderer, Rgb, Run, Stage, View, write_clip,
 };
@@ -34,6 +32,9 @@ pub(crate) struct Look {
 /// Width and height of a picture in pixels, where none are said; even, as films want it.
 pub(crate) const SIZE: [u32; 2] = [960, 720];
 
+/// Why a film is not written after Ctrl-C.
+const INTERRUPTED: &str = "interrupted";
+
 /// The program that makes films.
 const FFMPEG: &str = "ffmpeg";
 
@@ -44,29 +45,12 @@ pub(crate) struct Film<'a> {
     look: Look,
 }
 
-/// Reason for no film: Ctrl-C, or something that went wrong.
-enum Halt {
-    Interrupted,
-    Failed(anyhow::Error),
-}
-
-impl From<WriteError> for Halt {
-    fn from(error: WriteError) -> Self {
-        Self::Failed(error.into())
-    }
-}
-
-impl From<anyhow::Error> for Halt {
-    fn from(error: anyhow::Error) -> Self {
-        Self::Failed(error)
-    }
-}
-
-fn ended(result: Result<(), Halt>) -> anyhow::Result<End> {
+/// What came of a film: where Ctrl-C was pressed, any failure is that interruption.
+fn ended(result: anyhow::Result<()>) -> anyhow::Result<End> {
     match result {
         Ok(()) => Ok(End::Complete),
-        Err(Halt::Interrupted) => Ok(End::Interrupted),
-        Err(Halt::Failed(error)) => Err(error),
+        Err(_) if interrupt::requested() => Ok(End::Interrupted),
+        Err(error) => Err(error),
     }
 }
 
@@ -150,10 +134,8 @@ impl<'a> Film<'a> {
                 progress.advance();
                 interrupt::flow()
             });
-            if end.context("the clip")?.is_break() {
-                return Err(Halt::Interrupted);
-            }
-            Ok(out.flush().context("the clip")?)
+            ensure!(end.context("the clip")?.is_continue(), INTERRUPTED);
+            out.flush().context("the clip")
         };
         ended(write_beside(path, draw))
     }
@@ -167,29 +149,21 @@ impl<'a> Film<'a> {
                     let pixels = image.pixels().as_flattened();
                     pipe.write_all(pixels).context("giving ffmpeg a picture")
                 }),
-                None => Err(Halt::Failed(anyhow!("ffmpeg takes no pictures"))),
+                None => Err(anyhow!("ffmpeg takes no pictures")),
             };
-            let is_stopped = match &drawn {
-                Ok(()) => false,
-                Err(Halt::Interrupted) => true,
-                // What presses Ctrl-C may have ended ffmpeg, too.
-                Err(Halt::Failed(_)) => interrupt::requested_by_now(),
-            };
-            if is_stopped {
+            // What presses Ctrl-C may have ended ffmpeg, too.
+            if drawn.is_err() && interrupt::requested_by_now() {
                 // It has written a part of a film that nobody wants.
                 let _ = child.kill();
                 let _ = child.wait();
-                return Err(Halt::Interrupted);
+                return drawn;
             }
             let output = child.wait_with_output().context("waiting for ffmpeg")?;
-            if !output.status.success() && interrupt::requested_by_now() {
-                return Err(Halt::Interrupted);
-            }
             if !output.status.success() {
+                ensure!(!interrupt::requested_by_now(), INTERRUPTED);
                 let said = String::from_utf8_lossy(&output.stderr);
-                let said = said.lines().last().unwrap_or("nothing").to_owned();
-                let failed = anyhow!("ffmpeg failed ({}): it said {said:?}", output.status);
-                return Err(Halt::Failed(failed));
+                let said = said.lines().last().unwrap_or("nothing");
+                bail!("ffmpeg failed ({}): it said {said:?}", output.status);
             }
             drawn
         }))
@@ -200,24 +174,9 @@ impl<'a> Film<'a> {
         let rate = self.run.frame_rate().to_string();
         let mut command = Command::new(FFMPEG);
         command
-            .args([
-                "-loglevel",
-                "error",
-                "-y",
-                "-f",
-                "rawvideo",
-                "-pix_fmt",
-                "rgb24",
-            ])
+            .args("-loglevel error -y -f rawvideo -pix_fmt rgb24".split(' '))
             .args(["-s", &format!("{width}x{height}"), "-r", &rate, "-i", "-"])
-            .args([
-                "-f",
-                "mp4",
-                "-pix_fmt",
-                "yuv420p",
-                "-movflags",
-                "+faststart",
-            ])
+            .args("-f mp4 -pix_fmt yuv420p -movflags +faststart".split(' '))
             .arg(part)
             .stdin(Stdio::piped())
             .stdout(Stdio::null())
@@ -236,7 +195,7 @@ impl<'a> Film<'a> {
     fn draw_all(
         &self,
         take: &mut dyn FnMut(usize, &Image) -> anyhow::Result<()>,
-    ) -> Result<(), Halt> {
+    ) -> anyhow::Result<()> {
         let frames = self.run.frames().len();
         let progress = Progress::new("drawing", frames, "pictures");
         let mut renderer = self.renderer(2)?;
@@ -244,9 +203,7 @@ impl<'a> Film<'a> {
             let image = renderer.render(&self.panel(), number);
             take(number, &image.context("a picture")?)?;
             progress.advance();
-            if interrupt::requested() && number + 1 < frames {
-                return Err(Halt::Interrupted);
-            }
+            ensure!(!interrupt::requested() || number + 1 == frames, INTERRUPTED);
         }
         Ok(())
     }

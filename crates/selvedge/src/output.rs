@@ -3,7 +3,7 @@
 
 use std::fmt::{self, Display, Write as _};
 use std::io::{self, Write as _};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use serde::Serialize;
@@ -175,6 +175,13 @@ impl Facts {
 
     pub(crate) fn add(&mut self, name: &'static str, value: impl Display) {
         self.lines.push((name, value.to_string()));
+    }
+
+    /// A line of this name for each of `paths`.
+    pub(crate) fn add_paths(&mut self, name: &'static str, paths: &[PathBuf]) {
+        for path in paths {
+            self.add(name, path.display());
+        }
     }
 }
 

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 
-use crate::failure::WrongUsage;
+use crate::failure::wrong;
 
 /// Checks that the file `path` can be made: it ends in one of `extensions`, its folder exists, and
 /// it is no folder itself.
@@ -26,7 +26,7 @@ pub(crate) fn check_file(path: &Path, flag: &str, extensions: &[&str]) -> anyhow
             path.display(),
             known.join(" or ")
         );
-        return Err(WrongUsage::new(problem).into());
+        return Err(wrong(problem));
     }
     check_new_file(path)
 }
@@ -83,7 +83,7 @@ pub(crate) fn check_distinct(files: &[(&str, &Path)]) -> anyhow::Result<()> {
                 files[other].0,
                 path.display()
             );
-            return Err(WrongUsage::new(problem).into());
+            return Err(wrong(problem));
         }
     }
     Ok(())
@@ -148,6 +148,7 @@ mod tests {
         let error = told(&[("--out", b), ("--clip", a)]).to_string();
         assert!(error.starts_with("--clip and the mesh are"), "{error}");
         let error = told(&[("--out", c), ("--clip", same)]);
-        assert!(error.is::<WrongUsage>() && error.to_string().starts_with("--out and --clip"));
+        assert_eq!(crate::failure::exit_code(&error), 2);
+        assert!(error.to_string().starts_with("--out and --clip"));
     }
 }

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use selvedge_cluster::{ClusterError, Ranks};
 
-use crate::failure::{self, WrongUsage};
+use crate::failure::{self, wrong};
 use crate::{interrupt, progress};
 
 static RANKS: OnceLock<Ranks> = OnceLock::new();
@@ -26,11 +26,10 @@ pub(crate) fn open(shares: bool) -> anyhow::Result<()> {
     interrupt::keep_results();
     match shares {
         true => Ok(()),
-        false => Err(WrongUsage::new(
+        false => Err(wrong(
             "this command is of one rank: start it without mpirun; train runs on several, and \
              data generate and study share their work with --shard",
-        )
-        .into()),
+        )),
     }
 }
 

@@ -11,8 +11,7 @@ use selvedge_guard::Correction;
 use selvedge_lab::machine::Machine;
 use selvedge_lab::models::NamedModel;
 use selvedge_lab::physics::rounded;
-use selvedge_lab::start;
-use selvedge_lab::state_log::simulator_of_run;
+use selvedge_lab::start::{self, simulator_of_run};
 use wasm_bindgen::prelude::*;
 
 use crate::told;

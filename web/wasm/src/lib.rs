@@ -24,6 +24,6 @@ fn start() {
 }
 
 /// An error with its causes.
-fn told(error: impl Error + 'static) -> JsError {
-    JsError::new(&selvedge_lab::cause::chain(&error))
+fn told(error: impl Into<Box<dyn Error + Send + Sync>>) -> JsError {
+    JsError::new(&selvedge_lab::cause::chain(&*error.into()))
 }

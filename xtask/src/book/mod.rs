@@ -1,10 +1,10 @@
 //! `cargo xtask book`: checks the documents, their links by `lychee` where it is installed, and
 //! builds the book under `docs/src` as HTML where `mdbook` is installed.
 //!
-//! Every page is in the summary, and quoted examples are their files. Commands are parsed by a test of the program (`documents` in `crates/selvedge`).
+//! Every page is in the summary, and quoted examples are their files. Commands are parsed by a test
+//! of the program (`documents` in `crates/selvedge`).
 
 mod markdown;
-mod places;
 mod quick;
 mod quotes;
 mod summary;
@@ -13,10 +13,13 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 
 use crate::metadata;
 use crate::tree::Tree;
+
+/// Folder of the book's pages.
+const PAGES: &str = "docs/src/";
 
 /// Checks the book and builds it.
 pub(crate) fn check() -> Result<()> {
@@ -57,23 +60,15 @@ pub(crate) fn write() -> Result<()> {
     let root = PathBuf::from(metadata::workspace_root()?);
     quotes::write(&root, &Tree::read(&root)?)?;
     let mut test = Command::new(env!("CARGO"));
-    test.args([
-        "test",
-        "--quiet",
-        "-p",
-        "selvedge",
-        "--bin",
-        "selvedge",
-        "the_book_has",
-    ]);
-    if !test
+    test.args("test --quiet -p selvedge --bin selvedge the_book_has".split(' '));
+    let test = test
         .env("SELVEDGE_WRITE", "1")
         .current_dir(&root)
-        .status()?
-        .success()
-    {
-        bail!("the commands reference could not be written");
-    }
+        .status()?;
+    ensure!(
+        test.success(),
+        "the commands reference could not be written"
+    );
     Ok(())
 }
 

@@ -10,8 +10,8 @@ use std::{env, fs};
 
 use anyhow::{Context, Result, bail};
 
+use super::PAGES;
 use super::markdown::{self, Block};
-use super::places::PAGES;
 use crate::metadata;
 use crate::tree::{TextFile, Tree};
 

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 
-use super::places::PAGES;
+use super::PAGES;
 use crate::tree::Tree;
 use crate::violation::Violation;
 

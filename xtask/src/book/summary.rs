@@ -1,9 +1,11 @@
 //! Every page of the book stands in its summary, once.
 
-use super::places::{PAGES, SUMMARY};
+use super::PAGES;
 use crate::tree::Tree;
 use crate::violation::Violation;
 
+/// List of the book's pages, in their order.
+const SUMMARY: &str = "docs/src/SUMMARY.md";
 /// Remedy.
 const LIST: &str = "list it there once";
 

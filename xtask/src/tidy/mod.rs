@@ -5,17 +5,14 @@
 //! violation.
 
 mod cards;
-mod circles;
 mod dependencies;
 mod equations;
-mod page;
 
 use std::path::Path;
 
 use anyhow::{Result, bail};
 
 use crate::metadata::{self, Graph};
-use crate::rust;
 use crate::tree::Tree;
 use crate::violation::Violation;
 
@@ -43,14 +40,6 @@ fn violations(tree: &Tree, graph: &Graph) -> Vec<Violation> {
     let mut all = dependencies::check(graph);
     all.extend(equations::check(tree));
     all.extend(cards::check(tree));
-    all.extend(page::check(tree));
-    let (files, refused) = rust::parse(tree);
-    all.extend(
-        refused.iter().map(|(path, why)| {
-            Violation::new(path, 0, format!("does not parse: {why}"), "mend it")
-        }),
-    );
-    all.extend(circles::check(&files));
     all.sort();
     all
 }

@@ -44,12 +44,12 @@ pub struct Drive<'a> {
 }
 
 /// Steps `stepper` `frames` times from where it is and collects its positions, `frames + 1` frames
-/// with the start. `on_frame` is told after each step how many have been done, and may stop.
-pub fn record(
-    stepper: &mut dyn Stepper,
+/// with the start. `on_frame` sees the stepper after each step, and may stop.
+pub fn record<S: Stepper + ?Sized>(
+    stepper: &mut S,
     drive: Drive<'_>,
     frames: usize,
-    on_frame: &mut dyn FnMut(usize) -> ControlFlow<()>,
+    on_frame: &mut dyn FnMut(&S) -> ControlFlow<()>,
 ) -> Recording {
     let whole = frames
         .saturating_add(1)
@@ -66,7 +66,7 @@ pub fn record(
             break;
         }
         positions.extend_from_slice(stepper.positions());
-        if on_frame(done).is_break() && done < frames {
+        if on_frame(stepper).is_break() && done < frames {
             end = RecordingEnd::Stopped;
             break;
         }
@@ -74,7 +74,7 @@ pub fn record(
     Recording { positions, end }
 }
 
-fn step(stepper: &mut dyn Stepper, drive: Drive<'_>) -> Result<(), StepError> {
+fn step<S: Stepper + ?Sized>(stepper: &mut S, drive: Drive<'_>) -> Result<(), StepError> {
     let frame = stepper.frame();
     let targets = drive
         .path

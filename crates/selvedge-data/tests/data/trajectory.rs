@@ -140,8 +140,8 @@ fn recording_a_playback_gives_the_trajectory_back() {
         samples_per_frame: 1,
     };
     let mut seen = Vec::new();
-    let recording = record(&mut playback, drive, 4, &mut |done| {
-        seen.push(done);
+    let recording = record(&mut playback, drive, 4, &mut |playback| {
+        seen.push(playback.frame());
         ControlFlow::Continue(())
     });
     assert_eq!(recording.end, RecordingEnd::Complete);
@@ -149,10 +149,15 @@ fn recording_a_playback_gives_the_trajectory_back() {
     assert_eq!(seen, [1, 2, 3, 4]);
 
     playback.rewind();
-    let stopped = record(&mut playback, drive, 4, &mut |done| match done {
-        2 => ControlFlow::Break(()),
-        _ => ControlFlow::Continue(()),
-    });
+    let stopped = record(
+        &mut playback,
+        drive,
+        4,
+        &mut |playback| match playback.frame() {
+            2 => ControlFlow::Break(()),
+            _ => ControlFlow::Continue(()),
+        },
+    );
     assert_eq!(stopped.end, RecordingEnd::Stopped);
     assert_eq!(stopped.positions, &original.positions()[..3 * 4]);
 

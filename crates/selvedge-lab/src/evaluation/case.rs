@@ -3,6 +3,7 @@
 
 use std::path::Path;
 
+use anyhow::Result;
 use selvedge_cloth::generate::{NamedSheet, named_sheets};
 use selvedge_cloth::{Cloth, Integrator, Motion, PhysicsSettings, RandomMotion};
 use selvedge_data::{
@@ -10,9 +11,9 @@ use selvedge_data::{
 };
 use serde_json::Value;
 
-use super::error::{ChoiceError, EvaluateError};
+use super::ChoiceError;
 use super::method::PhysicsMethod;
-use crate::event::{OnEvent, Reporter};
+use crate::event::OnEvent;
 use crate::physics;
 
 /// A cloth and a motion on which methods are measured.
@@ -113,8 +114,7 @@ impl Case {
         loaded: &LoadedScene,
         random: &RandomCases,
         on_event: &mut OnEvent<'_>,
-    ) -> Result<Vec<Self>, EvaluateError> {
-        let reporter = Reporter::new(on_event);
+    ) -> Result<Vec<Self>> {
         if !loaded.scene.schedule.is_empty() {
             let problem = format!(
                 "scene {}: releases handles, which no model can follow",
@@ -124,7 +124,7 @@ impl Case {
         }
         let mut stages: Vec<(String, LoadedScene, SavedState)> = Vec::new();
         for (name, scene) in cloths(loaded, random)? {
-            let rest = physics::find_rest_pose(&scene.scene, &reporter)?;
+            let rest = physics::rest_pose(&scene.scene, on_event)?;
             stages.push((name, scene, SavedState::at_rest(rest.positions)));
         }
         let cases = (0..random.count).map(|number| {
@@ -209,10 +209,7 @@ fn varied(
 }
 
 /// The cloths that are asked for, still; the scene's own where none is.
-fn cloths(
-    loaded: &LoadedScene,
-    random: &RandomCases,
-) -> Result<Vec<(String, LoadedScene)>, EvaluateError> {
+fn cloths(loaded: &LoadedScene, random: &RandomCases) -> Result<Vec<(String, LoadedScene)>> {
     if random.meshes.is_empty() {
         return Ok(vec![(loaded.spec.name.clone(), loaded.clone())]);
     }

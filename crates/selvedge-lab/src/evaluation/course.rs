@@ -2,6 +2,7 @@
 
 use std::ops::ControlFlow;
 
+use anyhow::{Context, Result, bail};
 use glam::{DVec3, Vec3};
 use selvedge_cloth::Scene;
 use selvedge_data::metrics::{self, Character};
@@ -15,7 +16,7 @@ use super::run::Run;
 use super::runner::Runner;
 use super::truth::{Prepared, Truth};
 use crate::cause::chain;
-use crate::domain::{self, DomainError};
+use crate::domain;
 use crate::event::Task;
 use crate::physics;
 use crate::watched;
@@ -25,7 +26,7 @@ pub(super) fn departures(
     model: &Model,
     case: &Case,
     trajectory: Option<&Trajectory>,
-) -> Result<Vec<Departure>, DomainError> {
+) -> Result<Vec<Departure>> {
     let of_scene = |scene: &Scene, frames| {
         let beyond = domain::of_scene(model, scene, frames)?;
         Ok(beyond.map_or_else(Vec::new, |beyond| beyond.departures))
@@ -90,7 +91,7 @@ impl Course<'_, '_, '_> {
         match self.steps(method, span, &mut run) {
             Ok(ControlFlow::Continue(())) => {}
             Ok(ControlFlow::Break(())) => return None,
-            Err(problem) => run.failure = Some(problem),
+            Err(error) => run.failure = Some(chain(error.as_ref())),
         }
         if let Span::Whole(frames) = span {
             let strains: Vec<f64> = run.frames.iter().map(|at| at.largest_strain).collect();
@@ -103,16 +104,10 @@ impl Course<'_, '_, '_> {
         Some(run)
     }
 
-    fn steps(
-        &self,
-        method: &Method,
-        span: Span<'_>,
-        run: &mut Run,
-    ) -> Result<ControlFlow<()>, String> {
+    fn steps(&self, method: &Method, span: Span<'_>, run: &mut Run) -> Result<ControlFlow<()>> {
         let (case, truth) = (self.prepared.case, self.truth);
         if let (Mover::Model(model, ..), true) = (&method.mover, run.is_whole) {
-            let found = departures(model, case, Some(&truth.trajectory));
-            run.out_of_distribution = found.map_err(|error| chain(&error))?;
+            run.out_of_distribution = departures(model, case, Some(&truth.trajectory))?;
         }
         let mut runner = Runner::start(method, self.prepared, truth, run.start)?;
         let mut positions: Vec<Vec3> = Vec::new();
@@ -134,7 +129,7 @@ impl Course<'_, '_, '_> {
             }
             runner
                 .step()
-                .map_err(|problem| format!("frame {}: {problem}", run.start + frame))?;
+                .with_context(|| format!("frame {}", run.start + frame))?;
             run.guarded = runner.guarded();
             let is_measured = match span {
                 Span::At(frames) => frames.contains(&frame),
@@ -146,7 +141,7 @@ impl Course<'_, '_, '_> {
                 let expected = expected.filter(|_| case.has_truth());
                 let at = self.gauge.measure(frame, &found, expected.as_deref());
                 if !at.is_finite() {
-                    return Err(format!("frame {frame} has a measure that is not finite"));
+                    bail!("frame {frame} has a measure that is not finite");
                 }
                 run.frames.push(at);
                 keep(&found);
@@ -156,23 +151,22 @@ impl Course<'_, '_, '_> {
             }
         }
         if run.is_whole {
-            let second = Frames::new(&second, truth.trajectory.vertex_count());
-            let second = second.map_err(|error| chain(&error))?;
+            let second = Frames::new(&second, truth.trajectory.vertex_count())?;
             run.final_speed = metrics::final_speed(second, run.frame_rate).ok();
         }
         if !positions.is_empty() {
-            let trajectory = &truth.trajectory;
-            let from = run.start - truth.first;
-            let true_frames = trajectory.frames().last(trajectory.frame_count() - from);
-            let true_frames = true_frames.first(frames + 1);
-            let found = Frames::new(&positions, trajectory.vertex_count());
-            let found = found.map_err(|error| chain(&error))?;
-            let [found, expected] = [found, true_frames].map(|frames| {
-                let (cloth, rate) = (trajectory.cloth(), trajectory.frame_rate());
-                Character::of(frames, cloth, rate).map_err(|error| chain(&error))
-            });
-            run.character = Some((found?, expected?));
+            run.character = Some(self.character(run.start, &positions)?);
         }
         Ok(ControlFlow::Continue(()))
+    }
+
+    /// The character of a run from frame `start` on, and that of as many frames of the truth.
+    fn character(&self, start: usize, positions: &[Vec3]) -> Result<(Character, Character)> {
+        let trajectory = &self.truth.trajectory;
+        let found = Frames::new(positions, trajectory.vertex_count())?;
+        let from = start - self.truth.first;
+        let expected = trajectory.frames().last(trajectory.frame_count() - from);
+        let of = |frames| Character::of(frames, trajectory.cloth(), trajectory.frame_rate());
+        Ok((of(found)?, of(expected.first(found.len()))?))
     }
 }

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::ChoiceError;
 use super::case::Case;
-use super::error::ChoiceError;
 
 /// Runs from true states, and whole runs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

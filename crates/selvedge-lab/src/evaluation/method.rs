@@ -10,7 +10,7 @@ use selvedge_model::Model;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::error::ChoiceError;
+use super::ChoiceError;
 use crate::machine::Machine;
 
 /// A method with its name in tables.

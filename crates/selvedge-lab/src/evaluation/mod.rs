@@ -14,7 +14,6 @@
 
 mod case;
 mod course;
-mod error;
 mod horizons;
 mod measures;
 mod method;
@@ -26,13 +25,15 @@ mod summary;
 mod tests;
 mod truth;
 
+use anyhow::{Context, Result};
 use glam::DVec3;
 use rayon::prelude::*;
 use selvedge_cloth::Scene;
+use selvedge_data::{LoadedScene, SavedState};
 use serde_json::Value;
+use thiserror::Error;
 
 pub use self::case::{Case, RandomCases};
-pub use self::error::{ChoiceError, EvaluateError};
 pub use self::horizons::Horizons;
 pub use self::measures::{Errors, FrameErrors};
 pub use self::method::{Kind, Method, Mover, PhysicsMethod};
@@ -50,20 +51,19 @@ use crate::cause::chain;
 use crate::event::{End, OnEvent, Reporter, Task};
 use crate::{folder, physics, start, workers};
 
+/// A choice of cases, methods or numbers that makes no sense; the message names the field and the
+/// remedy.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("{0}")]
+pub struct ChoiceError(pub String);
+
 /// Runs every method on every case. An interrupted evaluation has the starts from which every method
 /// has run.
 pub fn evaluate(
     plan: &EvaluationPlan<'_>,
     on_event: &mut OnEvent<'_>,
-) -> Result<(Evaluation, End), EvaluateError> {
-    measure(plan, &Reporter::new(on_event))
-}
-
-/// As [`evaluate`], within a longer operation.
-pub(crate) fn measure(
-    plan: &EvaluationPlan<'_>,
-    reporter: &Reporter<'_>,
-) -> Result<(Evaluation, End), EvaluateError> {
+) -> Result<(Evaluation, End)> {
+    let reporter = &Reporter::new(on_event);
     check(plan, false)?;
     if let Some(folder) = &plan.references {
         folder::make_folder(folder)?;
@@ -76,12 +76,16 @@ pub(crate) fn measure(
         return interrupted(Vec::new());
     };
     let task = reporter.count("evaluating", frames(plan, &prepared)?, "frames");
-    let runs = workers::share(plan.threads, &prepared, |prepared| {
+    // One case at a time for each thread: blocks of them would leave threads idle at the end.
+    let jobs = prepared.par_iter().with_max_len(1);
+    let runs = jobs.map(|prepared| {
         task.note(&prepared.case.name);
         on_case(plan, prepared, &task)
-    })?;
+    });
+    let pool = workers::pool(plan.threads)?;
+    let runs: Vec<Vec<Run>> = pool.install(|| runs.collect::<Result<_>>())?;
     drop(task);
-    let runs: Vec<Run> = runs.into_iter().flatten().collect();
+    let runs = runs.concat();
     if reporter.is_stopped() {
         return interrupted(runs);
     }
@@ -96,7 +100,7 @@ pub(crate) fn measure(
 fn prepare<'a>(
     plan: &EvaluationPlan<'a>,
     reporter: &Reporter<'_>,
-) -> Result<Option<Vec<Prepared<'a>>>, EvaluateError> {
+) -> Result<Option<Vec<Prepared<'a>>>> {
     let is_mirror = |method: &Method| matches!(method.mover, Mover::Mirror);
     let with_mirror = plan.horizons.whole && plan.methods.iter().any(is_mirror);
     let mut meshes = Meshes::default();
@@ -111,34 +115,15 @@ fn prepare<'a>(
                 (Some(truth.cloth().clone()), spec, None)
             }
             Source::Random(loaded, ..) => {
-                let spec = loaded.spec.to_json().map_err(EvaluateError::Scene)?;
+                let spec = scene_json(loaded)?;
                 (truth::standing(&loaded.scene), spec, None)
             }
             Source::Converged(loaded, method) => {
-                let reference = Reference {
-                    case,
-                    loaded,
-                    method,
-                    last: plan.horizons.on(case)?.span[1],
+                let start = match start_of_reference(plan, case, loaded, method, reporter) {
+                    Err(_) if reporter.is_stopped() => return Ok(None),
+                    found => found?,
                 };
-                let is_kept = match &plan.references {
-                    Some(folder) => reference.is_kept(folder)?,
-                    None => false,
-                };
-                let start = match is_kept {
-                    true => None,
-                    false => match start::find_within(loaded, reporter) {
-                        Err(_) if reporter.is_stopped() => return Ok(None),
-                        found => {
-                            let found = found?;
-                            if let Some(warning) = found.fitted.and_then(|cloth| cloth.warning) {
-                                reporter.remark(&warning);
-                            }
-                            Some(found.state)
-                        }
-                    },
-                };
-                let spec = loaded.spec.to_json().map_err(EvaluateError::Scene)?;
+                let spec = scene_json(loaded)?;
                 (truth::standing(&loaded.scene), spec, start)
             }
         };
@@ -150,7 +135,7 @@ fn prepare<'a>(
             if let (None, Ok((_, rest))) = (known, &found) {
                 mirrored_rests.push((spec["setting"].clone(), rest.clone()));
             }
-            found
+            found.map_err(|error| chain(error.as_ref()))
         });
         if reporter.is_stopped() {
             return Ok(None);
@@ -166,25 +151,56 @@ fn prepare<'a>(
     Ok(Some(all))
 }
 
+/// The start of the reference of a case; none where the reference is kept already.
+fn start_of_reference(
+    plan: &EvaluationPlan<'_>,
+    case: &Case,
+    loaded: &LoadedScene,
+    method: &PhysicsMethod,
+    reporter: &Reporter<'_>,
+) -> Result<Option<SavedState>> {
+    let reference = Reference {
+        case,
+        loaded,
+        method,
+        last: plan.horizons.on(case)?.span[1],
+    };
+    if let Some(folder) = &plan.references
+        && reference.is_kept(folder)?
+    {
+        return Ok(None);
+    }
+    let found = start::find(loaded, &mut reporter.listener())?;
+    if let Some(warning) = found.fitted.and_then(|cloth| cloth.warning) {
+        reporter.remark(&warning);
+    }
+    Ok(Some(found.state))
+}
+
+/// The resolved scene of a case.
+fn scene_json(loaded: &LoadedScene) -> Result<Value> {
+    loaded.spec.to_json().context("the resolved scene as JSON")
+}
+
 /// The scene of a case in the mirrored buckling mode: with the sign of its bulge turned, and its
 /// rest pose, where that is not `known`.
 fn mirrored(
     case: &Case,
     known: Option<Vec<DVec3>>,
     reporter: &Reporter<'_>,
-) -> Result<(Scene, Vec<DVec3>), String> {
+) -> Result<(Scene, Vec<DVec3>)> {
     let mut scene = match &case.source {
         Source::Converged(loaded, _) | Source::Random(loaded, ..) => loaded.scene.clone(),
         Source::Recorded(data, entry) => {
-            let trajectory = data.read(entry).map_err(|error| chain(&error))?;
-            truth::built(&truth::spec_of(&trajectory)?, &trajectory)?
+            let trajectory = data.read(entry)?;
+            truth::scene_of(&trajectory)?
         }
     };
     scene.sag.bulge = -scene.sag.bulge;
     if let Some(rest) = known {
         return Ok((scene, rest));
     }
-    let rest = physics::find_rest_pose(&scene, reporter).map_err(|error| chain(&error))?;
+    let rest = physics::rest_pose(&scene, &mut reporter.listener())?;
     Ok((scene, rest.positions))
 }
 
@@ -210,7 +226,7 @@ fn on_case(
     plan: &EvaluationPlan<'_>,
     prepared: &Prepared<'_>,
     task: &Task<'_, '_>,
-) -> Result<Vec<Run>, EvaluateError> {
+) -> Result<Vec<Run>> {
     let on = plan.horizons.on(prepared.case)?;
     let methods = methods_on(plan, prepared.case);
     if task.is_stopped() {
@@ -261,7 +277,7 @@ fn truth_of(
     prepared: &Prepared<'_>,
     on: &Starts,
     task: &Task<'_, '_>,
-) -> Result<Option<Truth>, EvaluateError> {
+) -> Result<Option<Truth>> {
     let with_scene = plan.methods.iter().any(Method::wants_scene);
     let references = plan.references.as_deref();
     prepared.truth(on.span[1], with_scene, references, task)
@@ -273,7 +289,7 @@ fn timings(
     plan: &EvaluationPlan<'_>,
     prepared: &[Prepared<'_>],
     reporter: &Reporter<'_>,
-) -> Result<Option<Vec<Timing>>, EvaluateError> {
+) -> Result<Option<Vec<Timing>>> {
     let mut found: Vec<Timing> = Vec::new();
     let mut meshes: Vec<&str> = Vec::new();
     let first = prepared.iter().filter(|job| {
@@ -282,6 +298,7 @@ fn timings(
         is_new
     });
     let first: Vec<&Prepared<'_>> = first.collect();
+    let one = workers::pool(Some(1))?;
     let task = reporter.count("timing frames", first.len() * plan.methods.len(), "runs");
     for job in first {
         let on = plan.horizons.on(job.case)?;
@@ -299,7 +316,7 @@ fn timings(
                 runner.milliseconds(last - start, reporter)
             };
             // A method that cannot run has a row that says why.
-            if let Some(ms_per_frame) = workers::alone(Some(1), time)? {
+            if let Some(ms_per_frame) = one.install(time) {
                 found.push(Timing {
                     mesh: job.mesh.clone(),
                     method: method.name.clone(),

@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use selvedge_data::LoadedScene;
 
+use super::ChoiceError;
 use super::case::{Case, Source};
 use super::course::departures;
-use super::error::ChoiceError;
 use super::horizons::Horizons;
 use super::method::{Method, Mover, PhysicsMethod};
 
@@ -60,7 +60,7 @@ pub fn check(plan: &EvaluationPlan<'_>, are_asked: bool) -> Result<(), ChoiceErr
             if let Mover::Model(model, ..) = &method.mover {
                 let checked = departures(model, case, None);
                 checked.map_err(|error| {
-                    ChoiceError(format!("{:?} by {}: {error}", case.name, method.name))
+                    ChoiceError(format!("{:?} by {}: {error:#}", case.name, method.name))
                 })?;
             }
         }

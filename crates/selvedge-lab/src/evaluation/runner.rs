@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use anyhow::{Context, Result, anyhow};
 use glam::DVec3;
 use selvedge_cloth::{HandlePath, Stepper};
 use selvedge_data::SavedState;
@@ -11,10 +12,11 @@ use selvedge_sim::Simulator;
 
 use super::method::{Method, Mover};
 use super::truth::{Prepared, Truth, simulator};
-use crate::cause::chain;
 use crate::event::Reporter;
+use crate::machine;
 use crate::rigid::RigidRest;
-use crate::watched::{GuardSummary, WatchError, WatchedModel};
+use crate::start::WITHOUT_GUARD;
+use crate::watched::GuardSummary;
 
 /// Frames that are timed at most, and the time after which there are enough.
 const TIMED: usize = 120;
@@ -29,7 +31,7 @@ pub(super) struct Runner {
 }
 
 enum Cloth {
-    Watched(Box<WatchedModel>),
+    Guarded(Box<Guard<machine::Mover>>, GuardSummary),
     Physics(Box<Simulator>),
     Other(Box<dyn Stepper>),
 }
@@ -41,11 +43,11 @@ impl Runner {
         prepared: &Prepared<'_>,
         truth: &Truth,
         frame: usize,
-    ) -> Result<Self, String> {
+    ) -> Result<Self> {
         let state = || {
             truth
                 .state(frame)
-                .ok_or("there is no true state to start from")
+                .context("there is no true state to start from")
         };
         let (cloth, of_scene, samples_per_frame) = match &method.mover {
             Mover::Rigid => {
@@ -53,25 +55,23 @@ impl Runner {
                 (Cloth::Other(Box::new(rest)), false, 1)
             }
             Mover::Physics(physics) => {
-                let scene = physics.scene(truth.scene.as_ref().map_err(Clone::clone)?);
+                let scene = physics.scene(truth.scene()?);
                 let cloth = simulator(&scene, state()?, frame)?;
                 let samples = physics.substeps as usize;
                 (Cloth::Physics(Box::new(cloth)), true, samples)
             }
             Mover::Mirror => {
                 let mirror = prepared.mirror.as_ref();
-                let mirror = mirror.ok_or("the mirrored mode was not asked for")?;
-                let (scene, rest) = mirror.as_ref().map_err(Clone::clone)?;
+                let mirror = mirror.context("the mirrored mode was not asked for")?;
+                let (scene, rest) = mirror.as_ref().map_err(|why| anyhow!("{why}"))?;
                 let cloth = simulator(scene, SavedState::at_rest(rest.clone()), frame)?;
                 let samples = scene.physics.substeps as usize;
                 (Cloth::Physics(Box::new(cloth)), true, samples)
             }
             Mover::Model(model, guard, machine) => {
                 let known = truth.known(frame, model.spec().history());
-                let graph = selvedge_train::graph_of(&prepared.case.name, &truth.trajectory);
-                let graph = graph.map_err(|error| chain(&error))?;
-                let stepper = machine.start(model, graph, &known);
-                let stepper = stepper.map_err(|error| chain(&error))?;
+                let graph = selvedge_train::graph_of(&prepared.case.name, &truth.trajectory)?;
+                let stepper = machine.start(model, graph, &known)?;
                 let cloth = match guard {
                     Correction::None => Cloth::Other(Box::new(stepper)),
                     _ => {
@@ -79,8 +79,8 @@ impl Runner {
                             (truth.trajectory.cloth(), truth.trajectory.frame_rate());
                         let scene = truth.scene.as_ref().ok().map(Arc::clone);
                         let guarded = Guard::new(stepper, cloth, rate, scene, *guard);
-                        let guarded = guarded.map_err(|error| chain(&WatchError::from(error)))?;
-                        Cloth::Watched(Box::new(WatchedModel::of(guarded)))
+                        let guarded = guarded.context(WITHOUT_GUARD)?;
+                        Cloth::Guarded(Box::new(guarded), GuardSummary::default())
                     }
                 };
                 (cloth, false, 1)
@@ -95,15 +95,16 @@ impl Runner {
     }
 
     /// Moves the cloth by a frame.
-    pub(super) fn step(&mut self) -> Result<(), String> {
-        let targets = self.path.targets(self.frame, self.samples_per_frame);
-        let targets = targets.map_err(|error| error.to_string())?;
-        let stepped = match &mut self.cloth {
-            Cloth::Watched(cloth) => cloth.step(&targets),
-            Cloth::Physics(cloth) => cloth.step(&targets),
-            Cloth::Other(cloth) => cloth.step(&targets),
-        };
-        stepped.map_err(|error| chain(&error))?;
+    pub(super) fn step(&mut self) -> Result<()> {
+        let targets = self.path.targets(self.frame, self.samples_per_frame)?;
+        match &mut self.cloth {
+            Cloth::Guarded(cloth, summary) => {
+                cloth.step(&targets)?;
+                summary.add(cloth.trust());
+            }
+            Cloth::Physics(cloth) => cloth.step(&targets)?,
+            Cloth::Other(cloth) => cloth.step(&targets)?,
+        }
         self.frame += 1;
         Ok(())
     }
@@ -112,7 +113,7 @@ impl Runner {
     pub(super) fn positions(&self) -> Vec<DVec3> {
         let of = |stepper: &dyn Stepper| stepper.positions().iter().map(|p| p.as_dvec3()).collect();
         match &self.cloth {
-            Cloth::Watched(cloth) => of(&**cloth),
+            Cloth::Guarded(cloth, _) => of(&**cloth),
             Cloth::Physics(cloth) => cloth.positions_f64().to_vec(),
             Cloth::Other(cloth) => of(&**cloth),
         }
@@ -121,7 +122,7 @@ impl Runner {
     /// Counts of the guard so far; none without a guard.
     pub(super) fn guarded(&self) -> Option<GuardSummary> {
         match &self.cloth {
-            Cloth::Watched(watched) => Some(watched.summary()),
+            Cloth::Guarded(_, summary) => Some(*summary),
             Cloth::Physics(_) | Cloth::Other(_) => None,
         }
     }

@@ -246,7 +246,7 @@ fn a_recorded_run_of_a_method_is_followed_by_the_same_method() {
     );
     let positions = run.unwrap().positions;
     let trajectory =
-        physics::trajectory(&loaded.spec, &loaded.scene, &rest.positions, positions).unwrap();
+        physics::trajectory(0, &loaded.spec, &loaded.scene, &rest.positions, positions).unwrap();
     let truth = truth::recorded(trajectory.clone(), true).unwrap();
     // Velocities are those between frames.
     let state = truth.state(3).unwrap();

@@ -4,18 +4,18 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use anyhow::{Context, Result, anyhow, bail, ensure};
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{Cloth, HandlePath, Motion, RecordedMotion, Scene, Stepper};
 use selvedge_data::{LoadedScene, SavedState, SceneSpec, StartSpec, StateRun, Trajectory};
 use selvedge_sim::{Simulator, Threads};
 
 use super::case::{Case, Source};
-use super::error::EvaluateError;
 use super::method::PhysicsMethod;
 use crate::cause::chain;
 use crate::event::{End, Task};
-use crate::physics::{self, SimulationPlan, rounded};
-use crate::state_log::simulator_in;
+use crate::physics::{self, Simulated, SimulationPlan, rounded};
+use crate::start::simulator_in;
 
 /// Frames of a kept run that are made again, to see that the physics still makes it.
 const CHECKED: usize = 5;
@@ -80,14 +80,16 @@ impl Truth {
     }
 
     /// The path of the handles for a method that needs the scene, or for one that does not.
-    pub(super) fn path(&self, of_scene: bool) -> Result<HandlePath, String> {
+    pub(super) fn path(&self, of_scene: bool) -> Result<HandlePath> {
         match &self.recorded {
             Some(path) if !of_scene => Ok(path.clone()),
-            _ => {
-                let scene = self.scene.as_ref().map_err(Clone::clone)?;
-                scene.handle_path().map_err(|error| chain(&error))
-            }
+            _ => Ok(self.scene()?.handle_path()?),
         }
+    }
+
+    /// The scene with its motion.
+    pub(super) fn scene(&self) -> Result<&Arc<Scene>> {
+        self.scene.as_ref().map_err(|why| anyhow!("{why}"))
     }
 }
 
@@ -103,11 +105,12 @@ impl Prepared<'_> {
         with_scene: bool,
         references: Option<&Path>,
         task: &Task<'_, '_>,
-    ) -> Result<Option<Truth>, EvaluateError> {
+    ) -> Result<Option<Truth>> {
         match &self.case.source {
             Source::Recorded(data, entry) => recorded(data.read(entry)?, with_scene).map(Some),
             Source::Random(loaded, rest, _) => {
                 let trajectory = physics::trajectory(
+                    0,
                     &loaded.spec,
                     &loaded.scene,
                     &rest.positions,
@@ -134,14 +137,14 @@ impl Prepared<'_> {
     }
 }
 
-pub(super) fn recorded(trajectory: Trajectory, with_scene: bool) -> Result<Truth, EvaluateError> {
+pub(super) fn recorded(trajectory: Trajectory, with_scene: bool) -> Result<Truth> {
     let held = |frame: usize| widened(&trajectory.handles().select(trajectory.frame(frame)));
     let positions = (0..trajectory.frame_count()).map(held).collect();
     let path = Motion::Recorded(RecordedMotion { positions })
         .bind(&held(0), trajectory.frame_rate())
-        .map_err(EvaluateError::Path)?;
+        .context("the recorded path of the handles")?;
     let scene = match with_scene {
-        true => scene_of(&trajectory),
+        true => scene_of(&trajectory).map_err(|error| chain(error.as_ref())),
         false => Err("the scene was not asked for".to_owned()),
     };
     Ok(Truth {
@@ -153,28 +156,19 @@ pub(super) fn recorded(trajectory: Trajectory, with_scene: bool) -> Result<Truth
     })
 }
 
-/// The scene that a trajectory says it was made from. Mesh files are looked for from the current
-/// folder.
-fn scene_of(trajectory: &Trajectory) -> Result<Scene, String> {
-    let spec = spec_of(trajectory)?;
-    built(&spec, trajectory)
-}
-
-pub(super) fn spec_of(trajectory: &Trajectory) -> Result<SceneSpec, String> {
+/// The scene that a trajectory says it was made from, of its mesh and handles. Mesh files are looked
+/// for from the current folder.
+pub(super) fn scene_of(trajectory: &Trajectory) -> Result<Scene> {
     let json = &trajectory.provenance().scene;
     if json.is_null() {
-        return Err("the trajectory does not say from which scene it is".to_owned());
+        bail!("the trajectory does not say from which scene it is");
     }
-    SceneSpec::from_json(json).map_err(|error| chain(&error))
-}
-
-/// The scene of `spec`, which is to be of the mesh and the handles of `trajectory`.
-pub(super) fn built(spec: &SceneSpec, trajectory: &Trajectory) -> Result<Scene, String> {
-    let scene = spec.build("".as_ref()).map_err(|error| chain(&error))?;
+    let scene = SceneSpec::from_json(json)?.build("".as_ref())?;
     let fits = scene.mesh.topology() == trajectory.topology();
-    if !fits || scene.handles != *trajectory.handles() {
-        return Err("the scene's mesh is not that of the trajectory".to_owned());
-    }
+    ensure!(
+        fits && scene.handles == *trajectory.handles(),
+        "the scene's mesh is not that of the trajectory"
+    );
     Ok(scene)
 }
 
@@ -200,7 +194,7 @@ impl Reference<'_> {
         start: Option<&SavedState>,
         references: Option<&Path>,
         task: &Task<'_, '_>,
-    ) -> Result<Option<Truth>, EvaluateError> {
+    ) -> Result<Option<Truth>> {
         let (scene, spec) = self.scene();
         let file = references
             .map(|folder| self.file(folder, &spec))
@@ -208,8 +202,9 @@ impl Reference<'_> {
         let states = match file.as_ref().and_then(|file| self.kept(file, &scene)) {
             Some(kept) => kept,
             None => {
-                let start = start.cloned().ok_or_else(|| EvaluateError::Vanished {
-                    case: self.case.name.clone(),
+                let start = start.cloned().with_context(|| {
+                    let case = &self.case.name;
+                    format!("{case}: the kept reference has vanished or changed: run it again")
                 })?;
                 let Some(made) = self.made(&scene, start, task)? else {
                     return Ok(None);
@@ -232,7 +227,7 @@ impl Reference<'_> {
         let all = states.states.iter();
         let positions = all.flat_map(|state| rounded(&state.positions)).collect();
         let own = &self.loaded.scene;
-        let trajectory = physics::trajectory_from(first, &self.loaded.spec, own, &rest, positions)?;
+        let trajectory = physics::trajectory(first, &self.loaded.spec, own, &rest, positions)?;
         Ok(Some(Truth {
             trajectory,
             states: Some(states),
@@ -243,15 +238,16 @@ impl Reference<'_> {
     }
 
     /// Returns true where the run is kept in `folder`.
-    pub(super) fn is_kept(&self, folder: &Path) -> Result<bool, EvaluateError> {
+    pub(super) fn is_kept(&self, folder: &Path) -> Result<bool> {
         let (scene, spec) = self.scene();
         let file = self.file(folder, &spec)?;
         Ok(self.kept(&file, &scene).is_some())
     }
 
     /// The file of the run in `folder`. Its name tells the scene and the method apart from others.
-    fn file(&self, folder: &Path, spec: &SceneSpec) -> Result<PathBuf, EvaluateError> {
-        let json = spec.to_json().map_err(EvaluateError::Scene)?.to_string();
+    fn file(&self, folder: &Path, spec: &SceneSpec) -> Result<PathBuf> {
+        let json = spec.to_json().context("the resolved scene as JSON")?;
+        let json = json.to_string();
         let hash = blake3::hash(json.as_bytes()).to_hex();
         Ok(folder.join(format!("{}-{}.safetensors", self.case.slug(), &hash[..16])))
     }
@@ -285,7 +281,7 @@ impl Reference<'_> {
         match made_again(&run, first, scene) {
             Ok(true) => Some(run),
             Ok(false) => unfit("this program makes another reference".to_owned()),
-            Err(error) => unfit(error),
+            Err(error) => unfit(chain(error.as_ref())),
         }
     }
 
@@ -294,7 +290,7 @@ impl Reference<'_> {
         scene: &Scene,
         start: SavedState,
         task: &Task<'_, '_>,
-    ) -> Result<Option<StateRun>, EvaluateError> {
+    ) -> Result<Option<StateRun>> {
         let plan = SimulationPlan {
             frames: self.last.saturating_sub(start.frame),
             start,
@@ -302,13 +298,16 @@ impl Reference<'_> {
             threads: Threads::Pool,
             stop: Arc::default(),
         };
-        let (run, states) = physics::run_plan(scene, plan, &mut || task.advance())?.whole()?;
+        let made = physics::run_plan(scene, plan, &mut || task.advance());
+        let (run, states) = made
+            .and_then(Simulated::whole)
+            .context("the reference run")?;
         Ok(states.filter(|_| run.end == End::Complete))
     }
 }
 
 /// Makes the first frames of a kept run again and returns true where they are the same.
-fn made_again(run: &StateRun, first: usize, scene: &Scene) -> Result<bool, String> {
+fn made_again(run: &StateRun, first: usize, scene: &Scene) -> Result<bool> {
     let of = |place: usize| {
         (
             &run.states[place].positions[..],
@@ -318,14 +317,10 @@ fn made_again(run: &StateRun, first: usize, scene: &Scene) -> Result<bool, Strin
     let (positions, velocities) = of(0);
     let state = SavedState::moving(positions.to_vec(), velocities.to_vec());
     let mut simulator = simulator(scene, state, first)?;
-    let path = scene.handle_path().map_err(|error| error.to_string())?;
+    let path = scene.handle_path()?;
     let substeps = scene.physics.substeps as usize;
     for place in 1..run.states.len().min(CHECKED + 1) {
-        let targets = path.targets(first + place - 1, substeps);
-        let targets = targets.map_err(|error| error.to_string())?;
-        simulator
-            .step(&targets)
-            .map_err(|error| error.to_string())?;
+        simulator.step(&path.targets(first + place - 1, substeps)?)?;
         if of(place) != (simulator.positions_f64(), simulator.velocities_f64()) {
             return Ok(false);
         }
@@ -334,14 +329,9 @@ fn made_again(run: &StateRun, first: usize, scene: &Scene) -> Result<bool, Strin
 }
 
 /// The physics of `scene` on one thread, in this state in this frame.
-pub(super) fn simulator(
-    scene: &Scene,
-    state: SavedState,
-    frame: usize,
-) -> Result<Simulator, String> {
+pub(super) fn simulator(scene: &Scene, state: SavedState, frame: usize) -> Result<Simulator> {
     let state = SavedState { frame, ..state };
-    let simulator = simulator_in(scene, state).and_then(|it| it.taken_up_at(frame));
-    let mut simulator = simulator.map_err(|error| chain(&error))?;
+    let mut simulator = simulator_in(scene, state)?.taken_up_at(frame)?;
     simulator.set_threads(Threads::One);
     Ok(simulator)
 }

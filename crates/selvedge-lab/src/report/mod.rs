@@ -14,31 +14,20 @@ mod training;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use selvedge_data::{WriteError, write_atomically};
+use anyhow::Result;
+use selvedge_data::write_atomically;
 use selvedge_view::plot::PlotError;
-use thiserror::Error;
 
 pub use self::numbers::{errors_csv, write_errors};
 pub use self::tables::{Cells, Columns, after, character, failures, table, whole};
-pub use self::training::{ReadLogError, TrainingLog, training_chart};
+pub use self::training::{TrainingLog, training_chart};
 
 use self::plots::{by_frames, by_time, over_time};
 use crate::evaluation::{Evaluation, Run, Summary, own_errors, summaries};
-use crate::folder::{self, FolderError};
-use crate::folder_kind::ERRORS;
+use crate::folder::{self, ERRORS};
 
 /// The tables that every report has.
 pub const TABLES: [&str; 2] = [ERRORS, "times.csv"];
-
-/// A report that cannot be made or written.
-#[derive(Debug, Error)]
-#[error(transparent)]
-#[allow(missing_docs, reason = "the messages are those of the parts")]
-pub enum WriteReportError {
-    Folder(#[from] FolderError),
-    File(#[from] WriteError),
-    Plot(#[from] PlotError),
-}
 
 /// What a report says beside the numbers.
 #[derive(Default)]
@@ -64,11 +53,7 @@ enum Measure {
 
 /// Writes the report of an evaluation into `folder`, each file whole or not at all and the page
 /// last, and says where they are.
-pub fn write(
-    folder: &Path,
-    heading: &Heading,
-    evaluation: &Evaluation,
-) -> Result<Vec<PathBuf>, WriteReportError> {
+pub fn write(folder: &Path, heading: &Heading, evaluation: &Evaluation) -> Result<Vec<PathBuf>> {
     let files = files(heading, evaluation)?;
     folder::make_folder(folder)?;
     let mut wrote = Vec::with_capacity(files.len());
@@ -84,48 +69,81 @@ pub fn write(
 fn files(heading: &Heading, evaluation: &Evaluation) -> Result<Vec<(String, Vec<u8>)>, PlotError> {
     let runs: Vec<&Run> = evaluation.runs.iter().collect();
     let summaries = summaries(&runs);
-    let mut files: Vec<(String, Vec<u8>)> = Vec::new();
-    let mut page = format!("# {}\n", heading.title);
-    say(&mut page, &heading.note);
-    heading
-        .tables
-        .iter()
-        .for_each(|table| say(&mut page, table));
-    say(&mut page, &tables::cases(&evaluation.runs));
-    say(&mut page, "## Errors after k frames");
-    say(&mut page, &markdown(&after(&summaries)));
+    let page = errors_page(heading, &runs, &summaries, evaluation)?;
+    let times = times_page(heading, &summaries, evaluation)?;
+    let csv = [
+        errors_csv(&evaluation.runs),
+        numbers::times_csv(&evaluation.timings),
+    ];
+    let mut files = page.plots;
+    files.extend(times.plots);
+    files.extend(TABLES.map(str::to_owned).into_iter().zip(csv));
+    files.push(("times.md".to_owned(), times.text.into_bytes()));
+    files.push(("report.md".to_owned(), page.text.into_bytes()));
+    Ok(files)
+}
+
+/// A page, and the files of its plots.
+struct Page {
+    text: String,
+    plots: Vec<(String, Vec<u8>)>,
+}
+
+impl Page {
+    fn new(text: String) -> Self {
+        let plots = Vec::new();
+        Self { text, plots }
+    }
+
+    /// Adds a paragraph or a table; nothing where there is none.
+    fn say(&mut self, text: &str) {
+        if !text.trim().is_empty() {
+            self.text.push('\n');
+            self.text.push_str(text.trim());
+            self.text.push('\n');
+        }
+    }
+
+    fn table(&mut self, (headings, rows): &Columns) {
+        self.say(&table(headings, rows));
+    }
+
+    fn plot(&mut self, file: &str, what: &str, svg: Option<String>) {
+        if let Some(svg) = svg {
+            self.say(&format!("![{what}]({file})"));
+            self.plots.push((file.to_owned(), svg.into_bytes()));
+        }
+    }
+}
+
+fn errors_page(
+    heading: &Heading,
+    runs: &[&Run],
+    summaries: &[Summary],
+    evaluation: &Evaluation,
+) -> Result<Page, PlotError> {
+    let mut page = Page::new(format!("# {}\n", heading.title));
+    page.say(&heading.note);
+    heading.tables.iter().for_each(|table| page.say(table));
+    page.say(&tables::cases(&evaluation.runs));
+    page.say("## Errors after k frames");
+    page.table(&after(summaries));
     if let Some(order) = heading.reference_order {
         let own = own_errors(&evaluation.runs, order);
-        say(&mut page, &tables::own_error(&own, order));
+        page.say(&tables::own_error(&own, order));
     }
-    let mut plot = |page: &mut String, file: &str, what: &str, svg: Option<String>| {
-        if let Some(svg) = svg {
-            say(page, &format!("![{what}]({file})"));
-            files.push((file.to_owned(), svg.into_bytes()));
-        }
-    };
-    plot(
-        &mut page,
-        "after.svg",
-        "errors by frames",
-        by_frames(&summaries)?,
-    );
-    say(&mut page, "## Whole runs");
-    say(&mut page, &markdown(&whole(&summaries)));
+    page.plot("after.svg", "errors by frames", by_frames(summaries)?);
+    page.say("## Whole runs");
+    page.table(&whole(summaries));
     for (measure, file) in [
         (Measure::Position, "time-position.svg"),
         (Measure::EdgeLength, "time-edge-length.svg"),
     ] {
-        plot(
-            &mut page,
-            file,
-            "errors by time",
-            over_time(&runs, measure)?,
-        );
+        page.plot(file, "errors by time", over_time(runs, measure)?);
     }
-    let character = character(&summaries);
+    let character = character(summaries);
     if !character.1.is_empty() {
-        say(&mut page, &markdown(&character));
+        page.table(&character);
     }
     for (title, table) in [
         ("Case by case", tables::by_case(&evaluation.runs)),
@@ -133,45 +151,27 @@ fn files(heading: &Heading, evaluation: &Evaluation) -> Result<Vec<(String, Vec<
         ("What failed", failures(&evaluation.runs)),
     ] {
         if !table.is_empty() {
-            say(&mut page, &format!("## {title}"));
-            say(&mut page, &table);
+            page.say(&format!("## {title}"));
+            page.say(&table);
         }
     }
-    say(&mut page, NOTES);
-    let mut times = TIMES.to_owned();
-    heading.times.iter().for_each(|line| say(&mut times, line));
-    say(&mut times, &tables::times(&evaluation.timings));
-    say(
-        &mut times,
-        &tables::equal_time(&summaries, &evaluation.timings),
-    );
-    plot(
-        &mut times,
-        "times.svg",
-        "errors by the time of a frame",
-        by_time(&summaries, &evaluation.timings)?,
-    );
-    let csv = [
-        errors_csv(&evaluation.runs),
-        numbers::times_csv(&evaluation.timings),
-    ];
-    files.extend(TABLES.map(str::to_owned).into_iter().zip(csv));
-    files.push(("times.md".to_owned(), times.into_bytes()));
-    files.push(("report.md".to_owned(), page.into_bytes()));
-    Ok(files)
+    page.say(NOTES);
+    Ok(page)
 }
 
-/// Adds a paragraph or a table; nothing where there is none.
-fn markdown((headings, rows): &Columns) -> String {
-    table(headings, rows)
-}
-
-fn say(page: &mut String, text: &str) {
-    if !text.trim().is_empty() {
-        page.push('\n');
-        page.push_str(text.trim());
-        page.push('\n');
-    }
+fn times_page(
+    heading: &Heading,
+    summaries: &[Summary],
+    evaluation: &Evaluation,
+) -> Result<Page, PlotError> {
+    let timings = &evaluation.timings;
+    let mut page = Page::new(TIMES.to_owned());
+    heading.times.iter().for_each(|line| page.say(line));
+    page.say(&tables::times(timings));
+    page.say(&tables::equal_time(summaries, timings));
+    let plot = by_time(summaries, timings)?;
+    page.plot("times.svg", "errors by the time of a frame", plot);
+    Ok(page)
 }
 
 /// The times of a frame of a method over all meshes, as their mean `[ms]`.

@@ -1,25 +1,10 @@
 //! The log of a training as curves: the loss by step, and the parts that it is made of.
 
-use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+use anyhow::{Context, Result};
 use selvedge_view::plot::{Axis, Line, LineChart, Role, Scale};
 use serde::Deserialize;
-use thiserror::Error;
-
-/// A log that cannot be read.
-#[derive(Debug, Error)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum ReadLogError {
-    #[error("{}: could not be read: {source}", path.display())]
-    Read { path: PathBuf, source: io::Error },
-    #[error("{}: line {line} is no line of a log: {source}", path.display())]
-    Line {
-        path: PathBuf,
-        line: usize,
-        source: serde_json::Error,
-    },
-}
 
 /// The lines of a log.
 pub struct TrainingLog {
@@ -47,22 +32,17 @@ impl TrainingLog {
     ///
     /// # Errors
     /// When it cannot be read, with the line that is none.
-    pub fn read(path: &Path) -> Result<Self, ReadLogError> {
-        let text = selvedge_data::read_text(path).map_err(|source| {
-            let path = path.to_owned();
-            ReadLogError::Read { path, source }
-        })?;
+    pub fn read(path: &Path) -> Result<Self> {
+        let shown = path.display();
+        let text = selvedge_data::read_text(path)
+            .with_context(|| format!("{shown}: could not be read"))?;
         let whole = text.rfind('\n').map_or("", |end| &text[..end]);
-        let lines = whole.lines().enumerate();
-        let rows = lines.map(|(number, line)| {
-            serde_json::from_str(line).map_err(|source| ReadLogError::Line {
-                path: path.to_owned(),
-                line: number + 1,
-                source,
-            })
+        let rows = (1..).zip(whole.lines()).map(|(number, line)| {
+            serde_json::from_str(line)
+                .with_context(|| format!("{shown}: line {number} is no line of a log"))
         });
         Ok(Self {
-            rows: rows.collect::<Result<_, _>>()?,
+            rows: rows.collect::<Result<_>>()?,
         })
     }
 

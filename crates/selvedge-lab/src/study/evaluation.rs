@@ -3,19 +3,17 @@
 
 use std::path::{Path, PathBuf};
 
+use anyhow::{Context, Result, anyhow};
 use selvedge_data::Split;
 use selvedge_guard::Correction;
 use serde::{Deserialize, Serialize};
 
-use super::desk::{Desk, StudyData};
-use super::error::{OfPart, StudyError};
-use super::{kept, training};
+use super::{Desk, StudyData, processor, read_kept, training, write_kept};
 use crate::evaluation::{
-    self, Case, Evaluation, EvaluationPlan, Horizons, Method, Mover, measure as measure_plan,
+    self, Case, Evaluation, EvaluationPlan, Horizons, Method, Mover, evaluate,
 };
 use crate::event::End;
-use crate::folder;
-use crate::folder_kind::EVALUATIONS;
+use crate::folder::{self, EVALUATIONS};
 use crate::models::NamedModel;
 
 /// An evaluation and what it is of.
@@ -39,7 +37,7 @@ struct Subject {
     motions: Vec<String>,
     horizons: Horizons,
     /// The device, since times depend on it: `cpu` for a baseline, and by default.
-    #[serde(default = "kept::processor")]
+    #[serde(default = "super::processor")]
     device: String,
 }
 
@@ -47,14 +45,14 @@ struct Subject {
 const VERSION: u32 = 4;
 
 /// Fails where something that is to be measured cannot be: before any work is done.
-pub(super) fn check(desk: &Desk<'_>) -> Result<(), StudyError> {
+pub(super) fn check(desk: &Desk<'_>) -> Result<()> {
     for data in &desk.data {
         let context = || format!("data set {:?} of the study", data.name);
-        data.set.verify_hashes().of(context)?;
+        data.set.verify_hashes().with_context(context)?;
     }
     for entry in &desk.study.model {
         let (path, _) = training::model_file(desk, entry)?;
-        NamedModel::open(Some(&path)).of(|| format!("model {:?}", entry.name))?;
+        NamedModel::open(Some(&path)).with_context(|| format!("model {:?}", entry.name))?;
     }
     let cases = cases(desk)?;
     let rigid: Vec<Method> = Method::baseline("rigid").into_iter().collect();
@@ -66,7 +64,7 @@ pub(super) fn check(desk: &Desk<'_>) -> Result<(), StudyError> {
         threads: desk.threads,
     };
     evaluation::check(&plan, desk.study.evaluation.horizons.is_some())
-        .map_err(|error| StudyError::new(format!("evaluation.{error}")))
+        .map_err(|error| anyhow!("evaluation.{error}"))
 }
 
 fn horizons(desk: &Desk<'_>) -> Horizons {
@@ -76,67 +74,35 @@ fn horizons(desk: &Desk<'_>) -> Horizons {
 }
 
 /// Measures every method that is not measured yet. None where the listener asked to stop.
-pub(super) fn measure_all(desk: &Desk<'_>) -> Result<Option<Evaluation>, StudyError> {
+pub(super) fn measure_all(desk: &Desk<'_>) -> Result<Option<Evaluation>> {
     let cases = cases(desk)?;
     folder::make_folder(&desk.out.join(EVALUATIONS))?;
+    let mut waiting: Vec<(String, Option<Model>)> = Vec::new();
+    for entry in &desk.study.train {
+        let model = training::finished_model(desk, entry)?;
+        waiting.push((entry.name.clone(), Some(model)));
+    }
+    for entry in &desk.study.model {
+        let model = training::model_file(desk, entry)?;
+        waiting.push((entry.name.clone(), Some(model)));
+    }
+    let baselines = desk.study.evaluation.baselines();
+    waiting.extend(baselines.map(|baseline| (baseline.name, None)));
     let mut results = Evaluation::default();
-    let mut add = |method: Waiting| -> Result<bool, StudyError> {
-        let Some(found) = measure(desk, &cases, method)? else {
-            return Ok(false);
+    for (name, model) in waiting {
+        let Some(found) = measure(desk, &cases, &name, model)? else {
+            return Ok(None);
         };
         results.runs.extend(found.runs);
         results.timings.extend(found.timings);
-        Ok(true)
-    };
-    for entry in &desk.study.train {
-        let (path, hash) = training::finished_model(desk, entry)?;
-        if !add(Waiting::model(&entry.name, path, hash))? {
-            return Ok(None);
-        }
-    }
-    for entry in &desk.study.model {
-        let (path, hash) = training::model_file(desk, entry)?;
-        if !add(Waiting::model(&entry.name, path, hash))? {
-            return Ok(None);
-        }
-    }
-    for baseline in desk.study.evaluation.baselines() {
-        let waiting = Waiting {
-            name: baseline.name.clone(),
-            hash: baseline.name.clone(),
-            runs: Runs::Baseline(baseline),
-        };
-        if !add(waiting)? {
-            return Ok(None);
-        }
     }
     Ok(Some(results))
 }
 
-/// A method to be measured, with a hash that changes where it does.
-struct Waiting {
-    name: String,
-    hash: String,
-    runs: Runs,
-}
+/// The file of a model, which is opened where it must run, and its hash.
+type Model = (PathBuf, String);
 
-/// A method to be; a model is opened late, where it must run.
-enum Runs {
-    Model(PathBuf),
-    Baseline(Method),
-}
-
-impl Waiting {
-    fn model(name: &str, path: PathBuf, hash: String) -> Self {
-        Self {
-            name: name.to_owned(),
-            hash,
-            runs: Runs::Model(path),
-        }
-    }
-}
-
-fn cases(desk: &Desk<'_>) -> Result<Vec<Case>, StudyError> {
+fn cases(desk: &Desk<'_>) -> Result<Vec<Case>> {
     let asked = &desk.study.evaluation;
     let is_asked = |name: &String| asked.data.is_empty() || asked.data.contains(name);
     let sets = desk.data.iter().filter(|data| is_asked(&data.name));
@@ -144,14 +110,14 @@ fn cases(desk: &Desk<'_>) -> Result<Vec<Case>, StudyError> {
     for StudyData { name, set, .. } in sets {
         let of_set = Case::recorded(name, set, Split::Test, &asked.motions);
         // The study's mistake, not one of the command line.
-        let told = |error| StudyError::new(format!("evaluation.motions: {error}"));
+        let told = |error| anyhow!("evaluation.motions: {error}");
         cases.extend(of_set.map_err(told)?);
     }
     Ok(cases)
 }
 
 /// Names and hashes of the data sets of `cases`.
-fn hashes(desk: &Desk<'_>, cases: &[Case]) -> Result<Vec<(String, String)>, StudyError> {
+fn hashes(desk: &Desk<'_>, cases: &[Case]) -> Result<Vec<(String, String)>> {
     let mut hashes: Vec<(String, String)> = Vec::new();
     for case in cases {
         if !hashes.iter().any(|known| known.0 == case.set) {
@@ -162,42 +128,43 @@ fn hashes(desk: &Desk<'_>, cases: &[Case]) -> Result<Vec<(String, String)>, Stud
 }
 
 /// The evaluation that is kept of `of`.
-fn kept_of(path: &Path, of: &Subject) -> Result<Option<Evaluation>, StudyError> {
+fn kept_of(path: &Path, of: &Subject) -> Result<Option<Evaluation>> {
     // What failed may have failed by a cause that is gone: it is tried again.
     let is_good = |kept: &Kept| {
         let mut runs = kept.evaluation.runs.iter();
         kept.of == *of && runs.all(|run| run.failure.is_none())
     };
-    let kept = kept::read::<Kept>(path)?.filter(is_good);
+    let kept = read_kept::<Kept>(path)?.filter(is_good);
     Ok(kept.map(|kept| kept.evaluation))
 }
 
+/// Measures a model, or the baseline of this name where there is none.
 fn measure(
     desk: &Desk<'_>,
     cases: &[Case],
-    waiting: Waiting,
-) -> Result<Option<Evaluation>, StudyError> {
+    name: &str,
+    model: Option<Model>,
+) -> Result<Option<Evaluation>> {
     let asked = &desk.study.evaluation;
     let of = Subject {
         version: VERSION,
-        model: waiting.hash,
+        model: model.as_ref().map_or(name, |model| &model.1).to_owned(),
         data: hashes(desk, cases)?,
         motions: asked.motions.clone(),
         horizons: horizons(desk),
-        device: match waiting.runs {
-            Runs::Model(_) => desk.machine.name(),
-            Runs::Baseline(_) => kept::processor(),
+        device: match model {
+            Some(_) => desk.machine.name(),
+            None => processor(),
         },
     };
-    let folder = desk.out.join(EVALUATIONS);
-    let path = folder.join(format!("{}.json", waiting.name));
+    let path = desk.out.join(EVALUATIONS).join(format!("{name}.json"));
     if let Some(kept) = kept_of(&path, &of)? {
         return Ok(Some(kept));
     }
-    let method = match waiting.runs {
-        Runs::Baseline(method) => method,
-        Runs::Model(file) => Method {
-            name: waiting.name,
+    let method = match model {
+        None => Method::baseline(name).with_context(|| format!("no baseline {name:?}"))?,
+        Some((file, _)) => Method {
+            name: name.to_owned(),
             mover: Mover::Model(
                 NamedModel::open(Some(&file))?.model,
                 Correction::None,
@@ -212,11 +179,11 @@ fn measure(
         references: None,
         threads: desk.threads,
     };
-    let (evaluation, end) = measure_plan(&plan, desk.reporter)?;
+    let (evaluation, end) = evaluate(&plan, &mut desk.reporter.listener())?;
     if end == End::Interrupted {
         return Ok(None);
     }
     let kept = Kept { of, evaluation };
-    kept::write(&path, &kept)?;
+    write_kept(&path, &kept)?;
     Ok(Some(kept.evaluation))
 }

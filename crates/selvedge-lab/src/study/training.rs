@@ -4,16 +4,15 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use anyhow::{Context, Result, anyhow, bail};
 use selvedge_train::{RunEnd, RunLimits, TrainConfig, Trainer, files};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::desk::{Desk, StudyData};
-use super::error::{OfPart, StudyError};
 use super::file::{Budget, Finished, Training};
-use super::kept;
+use super::{Desk, StudyData, hash_of, read_kept, write_kept};
 use crate::event::{Goal, Task};
-use crate::folder_kind::{FolderKind, TRAININGS};
+use crate::folder::{FolderKind, TRAININGS};
 use crate::models::NamedModel;
 use crate::{folder, training};
 
@@ -33,7 +32,7 @@ pub(super) struct Record {
     budget: Budget,
     after: Option<After>,
     /// The device at its beginning; by default `cpu`.
-    #[serde(default = "kept::processor")]
+    #[serde(default = "super::processor")]
     pub(super) device: String,
     /// Steps in all, with those of the training that this one goes on from.
     pub(super) steps_done: u64,
@@ -65,11 +64,10 @@ struct After {
 }
 
 /// Fails where a finished model is gone or another one: before any work is done.
-pub(super) fn check_kept(desk: &Desk<'_>) -> Result<(), StudyError> {
+pub(super) fn check_kept(desk: &Desk<'_>) -> Result<()> {
     for entry in &desk.study.train {
         let folder = folder(desk, &entry.name);
-        if kept::read::<Record>(&folder.join(RECORD))?.is_some_and(|record| record.model.is_some())
-        {
+        if read_kept::<Record>(&folder.join(RECORD))?.is_some_and(|record| record.model.is_some()) {
             finished_model(desk, entry)?;
         }
     }
@@ -80,12 +78,9 @@ pub(super) fn check_kept(desk: &Desk<'_>) -> Result<(), StudyError> {
 }
 
 /// The file of a model that is there already, and its hash.
-pub(super) fn model_file(
-    desk: &Desk<'_>,
-    entry: &Finished,
-) -> Result<(PathBuf, String), StudyError> {
+pub(super) fn model_file(desk: &Desk<'_>, entry: &Finished) -> Result<(PathBuf, String)> {
     let path = desk.study.folder.join(&entry.file);
-    let hash = kept::hash_of(&path).of(|| {
+    let hash = hash_of(&path).with_context(|| {
         format!(
             "model {:?} of the study has vanished: train it again to {}, or remove the entry from the study",
             entry.name,
@@ -96,10 +91,7 @@ pub(super) fn model_file(
 }
 
 /// The file of a model whose training is finished, and its hash.
-pub(super) fn finished_model(
-    desk: &Desk<'_>,
-    entry: &Training,
-) -> Result<(PathBuf, String), StudyError> {
+pub(super) fn finished_model(desk: &Desk<'_>, entry: &Training) -> Result<(PathBuf, String)> {
     let folder = folder(desk, &entry.name);
     let path = folder.join(files::MODEL);
     let remedy = || {
@@ -110,26 +102,26 @@ pub(super) fn finished_model(
     };
     let name = &entry.name;
     if !path.is_file() {
-        return Err(StudyError::new(format!(
+        bail!(
             "training {name:?} is finished, but its model {} has vanished: {}",
             path.display(),
             remedy()
-        )));
+        );
     }
-    let hash = kept::hash_of(&path)?;
-    let record: Option<Record> = kept::read(&folder.join(RECORD))?;
+    let hash = hash_of(&path)?;
+    let record: Option<Record> = read_kept(&folder.join(RECORD))?;
     if record.and_then(|record| record.model).as_ref() != Some(&hash) {
-        return Err(StudyError::new(format!(
+        bail!(
             "training {name:?} is finished, but its model {} is another one by now: {}",
             path.display(),
             remedy()
-        )));
+        );
     }
     Ok((path, hash))
 }
 
 /// Trains `entry`, or goes on with it, or finds it finished. None where an end was asked for.
-pub(super) fn train(desk: &Desk<'_>, entry: &Training) -> Result<Option<Record>, StudyError> {
+pub(super) fn train(desk: &Desk<'_>, entry: &Training) -> Result<Option<Record>> {
     let data = desk.data(desk.study.data_of(entry)?)?;
     let mut cfg = desk.study.config(entry)?;
     let after = after(desk, entry)?;
@@ -140,11 +132,11 @@ pub(super) fn train(desk: &Desk<'_>, entry: &Training) -> Result<Option<Record>,
     let _claimed = folder::claim_folder(&folder, FolderKind::Training)?;
     let path = folder.join(RECORD);
     if folder.join(files::CHECKPOINT).is_file() && !path.is_file() {
-        return Err(StudyError::new(format!(
+        bail!(
             "{}: there is a checkpoint, but no {RECORD} that says what it was made from and how long it was \
              trained: remove the folder to train again",
             folder.display()
-        )));
+        );
     }
     let mut record = record(desk, entry, after, &cfg, data)?;
     if record.model.is_some() {
@@ -154,7 +146,7 @@ pub(super) fn train(desk: &Desk<'_>, entry: &Training) -> Result<Option<Record>,
         return Ok(None);
     };
     record.parameters = trainer.parameter_count();
-    kept::write(&path, &record)?;
+    write_kept(&path, &record)?;
     let task = begin(desk, &entry.name, &trainer, &record);
     loop {
         let end = slice(&mut trainer, &folder, &mut record, &task)?;
@@ -165,9 +157,9 @@ pub(super) fn train(desk: &Desk<'_>, entry: &Training) -> Result<Option<Record>,
             (RunEnd::TimeUp, Budget::Steps(_)) => false,
         };
         if is_last {
-            record.model = Some(kept::hash_of(&folder.join(files::MODEL))?);
+            record.model = Some(hash_of(&folder.join(files::MODEL))?);
         }
-        kept::write(&path, &record)?;
+        write_kept(&path, &record)?;
         if is_last {
             return Ok(Some(record));
         }
@@ -178,16 +170,16 @@ pub(super) fn train(desk: &Desk<'_>, entry: &Training) -> Result<Option<Record>,
 }
 
 /// The finished training that `entry` goes on from.
-fn after(desk: &Desk<'_>, entry: &Training) -> Result<Option<After>, StudyError> {
+fn after(desk: &Desk<'_>, entry: &Training) -> Result<Option<After>> {
     let Some(name) = &entry.after else {
         return Ok(None);
     };
     let path = folder(desk, name).join(RECORD);
-    let record = kept::read::<Record>(&path)?;
+    let record = read_kept::<Record>(&path)?;
     let finished = record.and_then(|record| Some((record.model?, record.steps_done)));
     let (model, steps) = finished.ok_or_else(|| {
         let path = path.display();
-        StudyError::new(format!("{path}: training {name:?} is not finished"))
+        anyhow!("{path}: training {name:?} is not finished")
     })?;
     let before = desk.study.train.iter().find(|entry| entry.name == *name);
     let continues = match before {
@@ -208,7 +200,7 @@ fn record(
     after: Option<After>,
     cfg: &TrainConfig,
     data: &StudyData,
-) -> Result<Record, StudyError> {
+) -> Result<Record> {
     let fresh = Record {
         config: serde_json::to_value(cfg)?,
         data: data.hash.clone(),
@@ -221,7 +213,7 @@ fn record(
         model: None,
     };
     let folder = folder(desk, &entry.name);
-    match kept::read::<Record>(&folder.join(RECORD))? {
+    match read_kept::<Record>(&folder.join(RECORD))? {
         Some(known) => check_same(&known, &fresh, &folder).map(|()| known),
         None => Ok(fresh),
     }
@@ -235,7 +227,7 @@ fn folder(desk: &Desk<'_>, name: &str) -> PathBuf {
 }
 
 /// A training in this folder goes on only as what it was begun as.
-fn check_same(known: &Record, now: &Record, folder: &Path) -> Result<(), StudyError> {
+fn check_same(known: &Record, now: &Record, folder: &Path) -> Result<()> {
     let what = if known.config != now.config {
         "configuration"
     } else if known.data != now.data {
@@ -247,24 +239,24 @@ fn check_same(known: &Record, now: &Record, folder: &Path) -> Result<(), StudyEr
     } else {
         return check_device(known, now, folder);
     };
-    Err(StudyError::new(format!(
+    Err(anyhow!(
         "{} was made with another {what}: remove the folder to train again, or give the entry another name",
         folder.display()
-    )))
+    ))
 }
 
 /// So many steps are the same wherever they are made, but for rounding; so many seconds are not.
-fn check_device(known: &Record, now: &Record, folder: &Path) -> Result<(), StudyError> {
+fn check_device(known: &Record, now: &Record, folder: &Path) -> Result<()> {
     if known.device == now.device || matches!(now.budget, Budget::Steps(_)) {
         return Ok(());
     }
-    Err(StudyError::new(format!(
+    Err(anyhow!(
         "{} has a budget in time and was begun on {:?}, not on {:?}: take the device that it was \
          begun with, remove the folder to train again, or give the entry another name",
         folder.display(),
         known.device,
         now.device
-    )))
+    ))
 }
 
 /// At the checkpoint of its folder, at the end of the training before it or with the weights of
@@ -275,24 +267,25 @@ fn trainer(
     after: Option<&After>,
     cfg: TrainConfig,
     data: &StudyData,
-) -> Result<Option<Trainer>, StudyError> {
+) -> Result<Option<Trainer>> {
     let engine = desk.machine.engine(MICRO_BATCH);
     let own = folder(desk, &entry.name).join(files::CHECKPOINT);
-    let reporter = desk.reporter;
+    let listener = &mut desk.reporter.listener();
     let trainer = match after {
         _ if own.is_file() => Some(Trainer::resume(cfg, &data.set, &own, &*engine)?),
         Some(After { name, steps: 0, .. }) => {
             let file = folder(desk, name).join(files::MODEL);
-            let before = NamedModel::open(Some(&file)).of(|| format!("training {name:?}"))?;
-            training::begin(Some(&before.model), cfg, &data.set, &*engine, reporter)?
+            let before =
+                NamedModel::open(Some(&file)).with_context(|| format!("training {name:?}"))?;
+            training::begin(Some(&before.model), cfg, &data.set, &*engine, listener)?
         }
         Some(After { name, .. }) => {
             let checkpoint = folder(desk, name).join(files::CHECKPOINT);
             let trainer = Trainer::resume(cfg, &data.set, &checkpoint, &*engine)
-                .of(|| format!("going on after training {name:?}"))?;
+                .with_context(|| format!("going on after training {name:?}"))?;
             Some(trainer)
         }
-        None => training::begin(None, cfg, &data.set, &*engine, reporter)?,
+        None => training::begin(None, cfg, &data.set, &*engine, listener)?,
     };
     let Some(mut trainer) = trainer else {
         return Ok(None);
@@ -307,7 +300,7 @@ fn slice(
     folder: &Path,
     record: &mut Record,
     task: &Task<'_, '_>,
-) -> Result<RunEnd, StudyError> {
+) -> Result<RunEnd> {
     let time = match record.budget {
         Budget::Time(time) => Some(time_left(time, record).min(CHECKPOINT_EVERY)),
         Budget::Steps(_) => None,

@@ -8,6 +8,7 @@ use selvedge_data::UpAxis;
 use selvedge_data::export::FrameSpan;
 use selvedge_view::{Rgb, View};
 
+use crate::exporting::Choice;
 use crate::film::Look;
 
 /// Write a trajectory in the format of another program.
@@ -123,13 +124,6 @@ pub(crate) enum FormatName {
     Mp4,
 }
 
-impl FormatName {
-    /// The format of a file that ends so.
-    pub(crate) fn of_extension(extension: &str) -> Option<Self> {
-        <Self as ValueEnum>::from_str(extension, false).ok()
-    }
-}
-
 /// An axis that points up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum UpName {
@@ -149,45 +143,30 @@ impl UpName {
 }
 
 impl ExportArgs {
-    /// The frames that are asked for.
-    pub(crate) fn frames(&self) -> FrameSpan {
-        FrameSpan {
-            every: self.every as usize,
-            ..self.frames.unwrap_or_default()
-        }
-    }
-
-    /// The axis that points up.
-    pub(crate) fn up(&self) -> UpAxis {
-        self.up.axis()
-    }
-
-    /// The choice of normals, where there was one.
-    pub(crate) fn normals(&self) -> Option<bool> {
-        self.normals
-    }
-
-    /// The choice of velocities, where there was one.
-    pub(crate) fn velocities(&self) -> Option<bool> {
-        self.velocities
-    }
-
-    /// How pictures are to be drawn.
-    pub(crate) fn look(&self) -> Look {
-        Look {
-            size: self.size,
-            view: self.camera.unwrap_or_default(),
-            colour: self.colour,
-        }
-    }
-
-    /// The option that is for pictures alone, where one was given.
-    pub(crate) fn of_pictures(&self) -> Option<&'static str> {
-        let given = [
+    /// What was chosen.
+    pub(crate) fn choice(&self) -> Choice {
+        let of_pictures = [
             (self.size.is_some(), "--size"),
             (self.camera.is_some(), "--camera"),
             (self.colour.is_some(), "--colour"),
         ];
-        given.into_iter().find(|given| given.0).map(|given| given.1)
+        Choice {
+            frames: FrameSpan {
+                every: self.every as usize,
+                ..self.frames.unwrap_or_default()
+            },
+            up: self.up.axis(),
+            normals: self.normals,
+            velocities: self.velocities,
+            look: Look {
+                size: self.size,
+                view: self.camera.unwrap_or_default(),
+                colour: self.colour,
+            },
+            of_pictures: of_pictures
+                .into_iter()
+                .find(|given| given.0)
+                .map(|given| given.1),
+        }
     }
 }

@@ -1,25 +1,13 @@
 //! `selvedge compare`: how far two trajectories of one mesh are apart.
 
-use std::path::PathBuf;
-
 use anyhow::Context;
 use selvedge_data::Trajectory;
 use selvedge_data::metrics::Comparison;
-use selvedge_lab::comparison::compare;
-use serde::Serialize;
+use selvedge_lab::physics::compare;
+use serde_json::json;
 
 use crate::cli::CompareArgs;
 use crate::output::{Answer, Facts, length, percent};
-
-#[derive(Serialize)]
-struct Report {
-    a: PathBuf,
-    b: PathBuf,
-    frames_a: usize,
-    frames_b: usize,
-    #[serde(flatten)]
-    comparison: Comparison,
-}
 
 /// Compares two trajectories.
 pub(crate) fn run(args: &CompareArgs) -> anyhow::Result<Answer> {
@@ -32,26 +20,21 @@ pub(crate) fn run(args: &CompareArgs) -> anyhow::Result<Answer> {
             args.b.display()
         )
     })?;
-    let report = Report {
-        a: args.a.clone(),
-        b: args.b.clone(),
-        frames_a: a.frame_count(),
-        frames_b: b.frame_count(),
-        comparison,
-    };
-    Answer::new(text(&report), &report)
+    let [frames_a, frames_b] = [&a, &b].map(Trajectory::frame_count);
+    let mut report = serde_json::to_value(&comparison)?;
+    report["a"] = json!(args.a);
+    report["b"] = json!(args.b);
+    report["frames_a"] = json!(frames_a);
+    report["frames_b"] = json!(frames_b);
+    Answer::new(text(&comparison, [frames_a, frames_b]), &report)
 }
 
-fn text(report: &Report) -> Facts {
-    let measures = &report.comparison;
+fn text(measures: &Comparison, [a, b]: [usize; 2]) -> Facts {
     let mut facts = Facts::new();
-    let frames = if report.frames_a == report.frames_b {
-        measures.frames.to_string()
-    } else {
-        format!(
-            "{} (the first has {}, the second {})",
-            measures.frames, report.frames_a, report.frames_b
-        )
+    let compared = measures.frames;
+    let frames = match a == b {
+        true => compared.to_string(),
+        false => format!("{compared} (the first has {a}, the second {b})"),
     };
     facts.add("frames compared", frames);
     facts.add("position RMSE", length(measures.position_rmse));

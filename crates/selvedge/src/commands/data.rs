@@ -1,34 +1,15 @@
-//! `selvedge data generate`: simulates the motions of a preset, scenes side by side.
+//! `selvedge data generate` and `merge`: simulates the motions of a preset, scenes side by side, and
+//! makes the parts of a data set one.
 
-use std::path::PathBuf;
 use std::time::Instant;
 
-use selvedge_data::DatasetPreset;
+use selvedge_data::{DatasetParts, DatasetPreset, Merged};
 use selvedge_lab::generation::{self, Order};
-use selvedge_sim::DividedFrames;
-use serde::Serialize;
+use serde_json::json;
 
-use crate::cli::GenerateArgs;
+use crate::cli::{GenerateArgs, MergeArgs};
 use crate::output::{Answer, End, Facts};
 use crate::progress;
-
-#[derive(Serialize)]
-struct Report {
-    name: String,
-    out: PathBuf,
-    train: usize,
-    test: usize,
-    samples: usize,
-    frames_made: usize,
-    /// Those of them that took more substeps than their scene asks for.
-    divided_frames: u64,
-    trajectories_kept: usize,
-    trajectories_missing: usize,
-    seconds: f64,
-    /// The part of the data set that this is, as 2/8.
-    part: Option<String>,
-    interrupted: bool,
-}
 
 /// Makes a data set, or goes on with one.
 pub(crate) fn generate(args: &GenerateArgs) -> anyhow::Result<Answer> {
@@ -44,56 +25,100 @@ pub(crate) fn generate(args: &GenerateArgs) -> anyhow::Result<Answer> {
     };
     let threads = args.jobs.map(usize::from);
     let made = generation::generate(order, threads, &mut progress::listener_of_files())?;
-    let report = Report {
-        name: made.name.clone(),
-        out: args.output.clone(),
-        train: made.train,
-        test: made.test,
-        samples: made.samples,
-        frames_made: made.frames_made,
-        divided_frames: made.divided.frames,
-        trajectories_kept: made.kept,
-        trajectories_missing: made.missing,
-        seconds: started.elapsed().as_secs_f64(),
-        part: made.part.map(|part| part.to_string()),
-        interrupted: made.end() == End::Interrupted,
-    };
-    Ok(Answer::new(text(&report, made.divided), &report)?.ended(made.end()))
-}
-
-fn text(report: &Report, made: DividedFrames) -> Facts {
-    let mut facts = Facts::new();
-    facts.add("data set", &report.name);
-    facts.add(
-        "trajectories",
-        format!("{} to train on, {} to test on", report.train, report.test),
-    );
-    if let Some(part) = &report.part {
+    let seconds = started.elapsed().as_secs_f64();
+    let (part, is_interrupted) = (made.part, made.end() == End::Interrupted);
+    let mut facts = data_set(&made.name, made.train, made.test);
+    if let Some(part) = part {
         facts.add("part", part);
     }
-    if report.trajectories_kept > 0 {
-        facts.add("already there", report.trajectories_kept);
-    }
+    already_there(&mut facts, made.kept);
     facts.add(
         "simulated",
-        format!("{} frames in {:.1} s", report.frames_made, report.seconds),
+        format!("{} frames in {seconds:.1} s", made.frames_made),
     );
-    if let Some(words) = crate::output::divided(made) {
+    if let Some(words) = crate::output::divided(made.divided) {
         facts.add("divided", words);
     }
-    if report.interrupted {
-        let missing = report.trajectories_missing;
-        facts.add(
+    match part {
+        Some(_) if !is_interrupted => {
+            facts.add("to go on", "`selvedge data merge`, with the other parts");
+        }
+        _ => samples_or_missing(&mut facts, made.samples, made.missing),
+    }
+    if made.missing < made.train + made.test {
+        facts.add("wrote", args.output.display());
+    }
+    let report = json!({
+        "name": made.name,
+        "out": args.output,
+        "train": made.train,
+        "test": made.test,
+        "samples": made.samples,
+        "frames_made": made.frames_made,
+        "divided_frames": made.divided.frames,
+        "trajectories_kept": made.kept,
+        "trajectories_missing": made.missing,
+        "seconds": seconds,
+        "part": part.map(|part| part.to_string()),
+        "interrupted": is_interrupted,
+    });
+    Ok(Answer::new(facts, &report)?.ended(made.end()))
+}
+
+/// The first facts of a data set that is made.
+pub(super) fn data_set(name: &str, train: usize, test: usize) -> Facts {
+    let mut facts = Facts::new();
+    facts.add("data set", name);
+    let split = format!("{train} to train on, {test} to test on");
+    facts.add("trajectories", split);
+    facts
+}
+
+/// Says how many trajectories an earlier run has made.
+pub(super) fn already_there(facts: &mut Facts, kept: usize) {
+    if kept > 0 {
+        facts.add("already there", kept);
+    }
+}
+
+/// Says how many samples a data set has, or how to go on with one that is not complete.
+pub(super) fn samples_or_missing(facts: &mut Facts, samples: usize, missing: usize) {
+    match missing {
+        0 => facts.add("samples", samples),
+        missing => facts.add(
             "interrupted",
             format!("{missing} trajectories are missing: run the same command again"),
-        );
-    } else if report.part.is_some() {
-        facts.add("to go on", "`selvedge data merge`, with the other parts");
-    } else {
-        facts.add("samples", report.samples);
+        ),
     }
-    if report.trajectories_missing < report.train + report.test {
-        facts.add("wrote", report.out.display());
-    }
-    facts
+}
+
+/// Merges the parts.
+pub(crate) fn merge(args: &MergeArgs) -> anyhow::Result<Answer> {
+    let parts = DatasetParts::open(&args.parts)?;
+    let merged = generation::merge(&parts, &args.output, &mut progress::listener_of_files())?;
+    let mut facts = Facts::new();
+    facts.add("data set", parts.name());
+    facts.add("parts", args.parts.len());
+    facts.add("trajectories", parts.len());
+    let (samples, end) = match &merged {
+        Merged::Complete(dataset) => {
+            let samples = dataset.index().statistics.samples;
+            facts.add("samples", samples);
+            (samples, End::Complete)
+        }
+        Merged::Stopped => {
+            facts.add("interrupted", "run the same command again");
+            (0, End::Interrupted)
+        }
+    };
+    facts.add("wrote", args.output.display());
+    let report = json!({
+        "name": parts.name(),
+        "out": args.output,
+        "parts": args.parts.len(),
+        "trajectories": parts.len(),
+        "samples": samples,
+        "interrupted": end == End::Interrupted,
+    });
+    Ok(Answer::new(facts, &report)?.ended(end))
 }

@@ -4,36 +4,19 @@
 //! needs the memory of one trajectory, and an interrupted one goes on.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 use std::time::Instant;
 
 use anyhow::{Context, bail};
 use selvedge_data::foreign::{ForeignSource, HandleSource};
 use selvedge_data::{DatasetWriter, Trajectory, metrics};
-use selvedge_lab::folder;
-use selvedge_lab::folder_kind::FolderKind;
-use serde::Serialize;
+use selvedge_lab::folder::{self, FolderKind};
+use serde_json::json;
 
+use super::data::{already_there, data_set, samples_or_missing};
 use crate::cli::ImportArgs;
 use crate::interrupt;
-use crate::output::{Answer, End, Facts, folded};
+use crate::output::{Answer, End, folded};
 use crate::progress::Progress;
-
-#[derive(Serialize)]
-struct Report {
-    name: String,
-    source: PathBuf,
-    out: PathBuf,
-    train: usize,
-    test: usize,
-    samples: usize,
-    /// Held vertices of each trajectory that was read, where the call did not number them.
-    handles: BTreeMap<String, Vec<u32>>,
-    trajectories_kept: usize,
-    trajectories_missing: usize,
-    seconds: f64,
-    interrupted: bool,
-}
 
 /// Imports a folder of foreign data, or goes on with it.
 pub(crate) fn run(args: &ImportArgs) -> anyhow::Result<Answer> {
@@ -54,29 +37,38 @@ pub(crate) fn run(args: &ImportArgs) -> anyhow::Result<Answer> {
     if matches!(args.handles, HandleSource::Vertices(_)) {
         handles.clear();
     }
-    let trajectories_missing = writer.missing().len();
-    let mut report = Report {
-        name,
-        source: args.source.clone(),
-        out: args.output.clone(),
-        train,
-        test,
-        samples: 0,
-        handles,
-        trajectories_kept: train + test - missing,
-        trajectories_missing,
-        seconds: 0.0,
-        interrupted: trajectories_missing > 0,
-    };
-    let end = if trajectories_missing > 0 {
+    let still_missing = writer.missing().len();
+    let (samples, end) = if still_missing > 0 {
         writer.withdraw();
-        End::Interrupted
+        (0, End::Interrupted)
     } else {
-        report.samples = writer.finish()?.index().statistics.samples;
-        End::Complete
+        (writer.finish()?.index().statistics.samples, End::Complete)
     };
-    report.seconds = started.elapsed().as_secs_f64();
-    Ok(Answer::new(text(&report), &report)?.ended(end))
+    let kept = train + test - missing;
+    let mut facts = data_set(&name, train, test);
+    already_there(&mut facts, kept);
+    for (name, handles) in &handles {
+        facts.add("held", format!("{name}: {}", folded(handles)));
+    }
+    samples_or_missing(&mut facts, samples, still_missing);
+    if still_missing < train + test {
+        facts.add("wrote", args.output.display());
+    }
+    let report = json!({
+        "name": name,
+        "source": args.source,
+        "out": args.output,
+        "train": train,
+        "test": test,
+        "samples": samples,
+        // Held vertices of each trajectory that was read, where the call did not number them.
+        "handles": handles,
+        "trajectories_kept": kept,
+        "trajectories_missing": still_missing,
+        "seconds": started.elapsed().as_secs_f64(),
+        "interrupted": end == End::Interrupted,
+    });
+    Ok(Answer::new(facts, &report)?.ended(end))
 }
 
 /// Reads and writes what is missing, one trajectory after another, until an end is asked for, and
@@ -119,29 +111,4 @@ fn check_strain(trajectory: &Trajectory, bound: f64) -> anyhow::Result<()> {
     bail!(
         "from frame {frame} on an edge is strained beyond the bound of {bound}, by {most:.3} at most: cloth does not stretch so far; check the units and the rest pose (--rest, --flat), leave this trajectory out, or raise --max-strain"
     )
-}
-
-fn text(report: &Report) -> Facts {
-    let mut facts = Facts::new();
-    facts.add("data set", &report.name);
-    let (train, test) = (report.train, report.test);
-    let split = format!("{train} to train on, {test} to test on");
-    facts.add("trajectories", split);
-    if report.trajectories_kept > 0 {
-        facts.add("already there", report.trajectories_kept);
-    }
-    for (name, handles) in &report.handles {
-        facts.add("held", format!("{name}: {}", folded(handles)));
-    }
-    if report.interrupted {
-        let missing = report.trajectories_missing;
-        let problem = format!("{missing} trajectories are missing: run the same command again");
-        facts.add("interrupted", problem);
-    } else {
-        facts.add("samples", report.samples);
-    }
-    if report.trajectories_missing < report.train + report.test {
-        facts.add("wrote", report.out.display());
-    }
-    facts
 }

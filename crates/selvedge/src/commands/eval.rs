@@ -9,37 +9,21 @@ use anyhow::Context;
 use selvedge_cloth::motion::named;
 use selvedge_data::{Dataset, LoadedScene, materials};
 use selvedge_lab::evaluation::{
-    self, Case, EvaluateError, Evaluation, EvaluationPlan, Method, Mover, Run, Summary, Timing,
-    evaluate, summaries,
+    self, Case, Evaluation, EvaluationPlan, Method, Mover, Run, Summary, evaluate, summaries,
 };
-use selvedge_lab::folder_kind::{FolderKind, REFERENCES};
+use selvedge_lab::folder::{self, FolderKind, REFERENCES};
 use selvedge_lab::machine::Machine;
 use selvedge_lab::models::NamedModel;
 use selvedge_lab::report::{self, Heading};
-use selvedge_lab::{folder, generation, start};
+use selvedge_lab::{generation, start};
 use selvedge_model::Aspect;
 use serde::Serialize;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use crate::cli::EvalArgs;
-use crate::failure::WrongUsage;
+use crate::failure::wrong;
 use crate::output::{Answer, End, Facts, Table};
 use crate::{place, progress, scenes};
-
-#[derive(Serialize)]
-struct Answered {
-    models: Vec<ModelFile>,
-    /// The device of the models.
-    device: String,
-    cases: usize,
-    guards: Vec<&'static str>,
-    /// One for each run: without the frames of whole runs, which are summed up.
-    runs: Vec<Value>,
-    means: Vec<Summary>,
-    timings: Vec<Timing>,
-    wrote: Vec<PathBuf>,
-    interrupted: bool,
-}
 
 /// A model that is measured.
 #[derive(Clone, Debug, Serialize)]
@@ -81,23 +65,45 @@ pub(crate) fn run(args: &EvalArgs) -> anyhow::Result<Answer> {
         _ => Vec::new(),
     };
     let all: Vec<&Run> = found.runs.iter().collect();
-    let answered = Answered {
-        models,
-        device: machine.name(),
-        cases: cases.len(),
-        guards: args.guards().iter().map(|guard| guard.name()).collect(),
-        runs: found
-            .runs
-            .iter()
-            .map(Run::to_json)
-            .collect::<Result<_, _>>()?,
-        means: summaries(&all),
-        timings: found.timings.clone(),
-        wrote,
-        interrupted: end == End::Interrupted,
-    };
-    let text = text(&answered, &found);
-    Ok(Answer::new(text, &answered)?.ended(end))
+    let means = summaries(&all);
+    let runs: Result<Vec<Value>, _> = found.runs.iter().map(Run::to_json).collect();
+    let guards = args.guards();
+    let report = json!({
+        "models": models,
+        "device": machine.name(),
+        "cases": cases.len(),
+        "guards": guards.iter().map(|guard| guard.name()).collect::<Vec<_>>(),
+        // One for each run: without the frames of whole runs, which are summed up.
+        "runs": runs?,
+        "means": means,
+        "timings": found.timings,
+        "wrote": wrote,
+        "interrupted": end == End::Interrupted,
+    });
+    let mut facts = facts(&models, &machine, cases.len(), &found.runs);
+    if end == End::Interrupted {
+        facts.add("interrupted", "only the starts until then are here");
+    }
+    facts.add_paths("wrote", &wrote);
+    let tables = tables(&means, &found);
+    Ok(Answer::new(format!("{facts}{tables}"), &report)?.ended(end))
+}
+
+/// What was measured, of which model, and what of it is far from what the models learned from.
+fn facts(models: &[ModelFile], machine: &Machine, cases: usize, runs: &[Run]) -> Facts {
+    let mut facts = Facts::new();
+    for model in models {
+        let file = model.file.display();
+        facts.add("model", format!("{} ({file})", model.name));
+    }
+    facts.add("device", machine.name());
+    facts.add("cases", cases);
+    for (name, words, count) in out_of_distribution(runs) {
+        let plural = if count == 1 { "" } else { "s" };
+        let words = format!("{name}: {words} ({count} case{plural})");
+        facts.add("out of distribution", words);
+    }
+    facts
 }
 
 /// Returns true where scenes are measured against their converged physics.
@@ -107,7 +113,7 @@ fn is_converged(args: &EvalArgs) -> bool {
 
 /// The scenes that are named, by the law from which models learned where there is one.
 fn open_scenes(args: &EvalArgs, with_models: bool) -> anyhow::Result<Vec<LoadedScene>> {
-    let wrong = |problem: &str| Err(WrongUsage::new(problem.to_owned()).into());
+    let wrong = |problem: &str| Err(wrong(problem.to_owned()));
     let mut names = args.scenes.clone();
     match (args.random, names.len()) {
         (Some(_), 0) => names.push("default".to_owned()),
@@ -144,10 +150,7 @@ fn check_places(args: &EvalArgs, opened: &[LoadedScene]) -> anyhow::Result<()> {
 fn cases(args: &EvalArgs, opened: &[LoadedScene]) -> anyhow::Result<Vec<Case>> {
     if let (Some(count), Some(scene)) = (args.random, opened.first()) {
         let random = args.random_cases(count);
-        return match Case::random(scene, &random, &mut progress::listener()) {
-            Err(EvaluateError::Choice(choice)) => Err(choice.into()),
-            cases => Ok(cases?),
-        };
+        return Case::random(scene, &random, &mut progress::listener());
     }
     if !args.data.is_empty() {
         let mut cases = Vec::new();
@@ -200,7 +203,7 @@ fn open_models(
         let is_baseline = Method::BASELINES.contains(&name.as_str());
         if is_baseline || models.iter().any(|model| model.name == name) {
             let problem = format!("--model: two are called {name}: give each a name, as a=FILE");
-            return Err(WrongUsage::new(problem).into());
+            return Err(wrong(problem));
         }
         let model = NamedModel::open(Some(file))?.model;
         models.push(ModelFile {
@@ -254,7 +257,7 @@ fn open_data(args: &EvalArgs) -> anyhow::Result<Vec<(String, Dataset)>> {
             .with_context(|| format!("{}: could not be found", folder.display()))?;
         if seen.contains(&place) {
             let problem = format!("--data {}: stands twice", folder.display());
-            return Err(WrongUsage::new(problem).into());
+            return Err(wrong(problem));
         }
         seen.push(place);
         all.push(data);
@@ -308,35 +311,16 @@ fn reference_order(args: &EvalArgs, opened: &[LoadedScene]) -> Option<u32> {
     is_converged(args).then(|| named.map_or(own, |known| known.1).order())
 }
 
-fn text(answered: &Answered, found: &Evaluation) -> String {
-    let mut facts = Facts::new();
-    for model in &answered.models {
-        let file = model.file.display();
-        facts.add("model", format!("{} ({file})", model.name));
-    }
-    facts.add("device", &answered.device);
-    facts.add("cases", answered.cases);
-    for (name, words, runs) in out_of_distribution(&found.runs) {
-        let runs = match runs {
-            1 => "1 case".to_owned(),
-            runs => format!("{runs} cases"),
-        };
-        facts.add("out of distribution", format!("{name}: {words} ({runs})"));
-    }
-    if answered.interrupted {
-        facts.add("interrupted", "only the starts until then are here");
-    }
-    for path in &answered.wrote {
-        facts.add("wrote", path.display());
-    }
+/// Means, times and failures, for people.
+fn tables(means: &[Summary], found: &Evaluation) -> String {
     let mut times = Table::new(["time of a frame on", "method", "one thread"]);
-    for timing in &answered.timings {
+    for timing in &found.timings {
         let ms = format!("{:.2} ms", timing.ms_per_frame);
         times.row([timing.mesh.clone(), timing.method.clone(), ms]);
     }
     let mut tables = String::new();
     for of in [report::after, report::whole, report::character] {
-        let (headings, rows) = of(&answered.means);
+        let (headings, rows) = of(means);
         if !rows.is_empty() {
             let mut table = Table::new(headings.iter().map(String::as_str));
             rows.into_iter().for_each(|row| table.row(row));
@@ -344,7 +328,7 @@ fn text(answered: &Answered, found: &Evaluation) -> String {
         }
     }
     let failures = report::failures(&found.runs);
-    format!("{facts}{tables}\n{times}\n{failures}")
+    format!("{tables}\n{times}\n{failures}")
 }
 
 /// Departures from the training of each model: its name, the first words, and in how many cases.

@@ -4,33 +4,16 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use selvedge_data::Trajectory;
-use serde::Serialize;
+use serde_json::json;
 
 use crate::cli::ExportArgs;
-use crate::exporting::{self, Choice, Wish};
+use crate::exporting::{self, Wish};
 use crate::output::{Answer, End, Facts};
 use crate::place;
 
-#[derive(Serialize)]
-struct Report {
-    trajectory: PathBuf,
-    wrote: Vec<PathBuf>,
-    bytes: u64,
-    frames: usize,
-    seconds: f64,
-    interrupted: bool,
-}
-
 /// Writes what is asked for.
 pub(crate) fn run(args: &ExportArgs) -> anyhow::Result<Answer> {
-    let wish = Wish::new(&args.output, args.format)?.with(Choice {
-        frames: args.frames(),
-        up: args.up(),
-        normals: args.normals(),
-        velocities: args.velocities(),
-        look: args.look(),
-        of_pictures: args.of_pictures(),
-    });
+    let wish = Wish::new(&args.output, args.format)?.with(args.choice());
     check_places(args, &wish.outputs())?;
     let trajectory = Trajectory::read(&args.trajectory)?;
     check_places(args, &wish.outputs_of(&trajectory))?;
@@ -42,15 +25,27 @@ pub(crate) fn run(args: &ExportArgs) -> anyhow::Result<Answer> {
         End::Complete => wish.outputs_of(&trajectory),
         End::Interrupted => Vec::new(),
     };
-    let report = Report {
-        trajectory: args.trajectory.clone(),
-        bytes: wrote.iter().map(|path| exporting::size_of(path)).sum(),
-        wrote,
-        frames: wish.count(trajectory.frame_count())?,
-        seconds,
-        interrupted: end == End::Interrupted,
-    };
-    Ok(Answer::new(text(&report), &report)?.ended(end))
+    let frames = wish.count(trajectory.frame_count())?;
+    let bytes: u64 = wrote.iter().map(|path| exporting::size_of(path)).sum();
+    let mut facts = Facts::new();
+    match end {
+        End::Interrupted => facts.add("interrupted", "nothing was written"),
+        End::Complete => {
+            facts.add("frames", frames);
+            facts.add("size", exporting::bytes(bytes));
+            facts.add("time", format!("{seconds:.2} s"));
+            facts.add_paths("wrote", &wrote);
+        }
+    }
+    let report = json!({
+        "trajectory": args.trajectory,
+        "wrote": wrote,
+        "bytes": bytes,
+        "frames": frames,
+        "seconds": seconds,
+        "interrupted": end == End::Interrupted,
+    });
+    Ok(Answer::new(facts, &report)?.ended(end))
 }
 
 /// Checks that nothing is written over the trajectory or over something else that is written.
@@ -60,19 +55,4 @@ fn check_places(args: &ExportArgs, outputs: &[PathBuf]) -> anyhow::Result<()> {
         .map(|to| ("--output", to.as_path()))
         .collect();
     place::check_outputs(&outputs, &[("the trajectory", args.trajectory.as_path())])
-}
-
-fn text(report: &Report) -> Facts {
-    let mut facts = Facts::new();
-    if report.interrupted {
-        facts.add("interrupted", "nothing was written");
-        return facts;
-    }
-    facts.add("frames", report.frames);
-    facts.add("size", exporting::bytes(report.bytes));
-    facts.add("time", format!("{:.2} s", report.seconds));
-    for path in &report.wrote {
-        facts.add("wrote", path.display());
-    }
-    facts
 }

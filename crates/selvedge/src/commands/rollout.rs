@@ -15,16 +15,14 @@ use selvedge_cloth::Stepper;
 use selvedge_data::metrics::Comparison;
 use selvedge_data::{LoadedScene, SavedState, Trajectory};
 use selvedge_guard::Trust;
-use selvedge_lab::comparison::compare;
 use selvedge_lab::domain::{self, Beyond};
-use selvedge_lab::folder;
-use selvedge_lab::folder_kind::{FolderKind, ROLLOUT};
+use selvedge_lab::folder::{self, FolderKind, ROLLOUT};
 use selvedge_lab::machine::Machine;
-use selvedge_lab::models::{self, NamedModel};
-use selvedge_lab::physics::{self, SimulationPlan, TimedRun};
+use selvedge_lab::models::NamedModel;
+use selvedge_lab::physics::{self, SimulationPlan, TimedRun, compare};
 use selvedge_lab::rigid::RigidRest;
 use selvedge_lab::start;
-use selvedge_lab::watched::{self, GuardSummary, WatchedModel};
+use selvedge_lab::watched::{self, GuardSummary};
 use selvedge_model::{Departure, Model};
 use selvedge_sim::{SaggedRest, Threads};
 use serde::Serialize;
@@ -108,7 +106,9 @@ pub(crate) fn run(args: &RunArgs, model: &Path) -> anyhow::Result<Answer> {
     let mut loaded = scenes::open(&args.scene)?;
     check_places(args, &wishes, &loaded)?;
     let model = NamedModel::open(Some(model))?;
-    adapt(&mut loaded, &args.scene);
+    for warning in start::for_model(&mut loaded) {
+        tracing::warn!("{}: {warning}", args.scene);
+    }
     let machine = args.machine.open()?;
     let setup = setup(args, loaded, &model.model)?;
     let mut wrote = Vec::new();
@@ -120,13 +120,13 @@ pub(crate) fn run(args: &RunArgs, model: &Path) -> anyhow::Result<Answer> {
         wrote.push(trust.clone());
     }
     let truth = truth(&setup, args, run.end, &mut wrote)?;
-    let comparison = match &truth {
-        Some(truth) => Some(compare(&truth.trajectory, &run.trajectory)?),
-        None => None,
-    };
-    let rigid_rmse = match &truth {
-        Some(truth) => Some(rigid_rmse(&setup, &truth.trajectory)?),
-        None => None,
+    let (comparison, rigid_rmse, true_largest) = match truth.as_ref().map(|run| &run.trajectory) {
+        Some(truth) => (
+            Some(compare(truth, &run.trajectory)?),
+            Some(rigid_rmse(&setup, truth)?),
+            physics::largest_strain(truth)?,
+        ),
+        None => (None, None, 0.0),
     };
     let mut end = truth.as_ref().map_or(run.end, |truth| truth.end);
     if end == End::Complete {
@@ -141,10 +141,6 @@ pub(crate) fn run(args: &RunArgs, model: &Path) -> anyhow::Result<Answer> {
     end = exporting::fulfil(&wishes, &run.trajectory, end, &mut wrote)?;
     removed.retain(|path| !wrote.contains(path));
     let strains: Vec<f64> = log.iter().map(|t| t.given.largest_strain).collect();
-    let true_largest = match &truth {
-        Some(truth) => physics::largest_strain(&truth.trajectory)?,
-        None => 0.0,
-    };
     let report = RolloutReport {
         scene: setup.loaded.scene.name.clone(),
         model: model.name,
@@ -175,7 +171,7 @@ fn rigid_rmse(setup: &Setup, truth: &Trajectory) -> anyhow::Result<f64> {
     let path = setup.loaded.scene.handle_path()?;
     let mut rigid = RigidRest::new(truth.cloth());
     let frames = truth.frame_count() - 1;
-    let run = models::drive(&mut rigid, &path, frames, &mut interrupt::flow)?;
+    let run = physics::drive(&mut rigid, &path, frames, &mut |_| interrupt::flow())?;
     let rigid = timed(setup, run)?.trajectory;
     Ok(compare(truth, &rigid)?.position_rmse)
 }
@@ -228,14 +224,6 @@ fn truth(
     Ok(Some(run))
 }
 
-/// Lets the scene that was opened as `name` start in its sagged rest pose, the only start of a
-/// model; warns where it asks for what a model does not do.
-fn adapt(loaded: &mut LoadedScene, name: &str) {
-    for warning in start::for_model(loaded) {
-        tracing::warn!("{name}: {warning}");
-    }
-}
-
 /// Checks that nothing is written over something else that is written, and that nothing that is
 /// read is written over or removed.
 fn check_places(args: &RunArgs, wishes: &[Wish], loaded: &LoadedScene) -> anyhow::Result<()> {
@@ -274,22 +262,23 @@ fn predict(
     let scene = &setup.loaded.scene;
     let path = scene.handle_path()?;
     let (known, rest) = (Arc::new(scene.clone()), &setup.rest.positions);
-    let guard = start::guarded(&known, rest, model, machine, args.guard.settings())?;
-    let mut watched = WatchedModel::of(guard);
-    watched.stop_by(interrupt::flag().into());
+    let mut guard = start::guarded(&known, rest, model, machine, args.guard.settings())?;
+    let mut log = Vec::new();
+    guard.stop_by(interrupt::flag().into());
     let progress = Progress::new("predicting", setup.frames, "frames");
-    let run = models::drive(&mut watched, &path, setup.frames, &mut || {
+    let run = physics::drive(&mut guard, &path, setup.frames, &mut |guard| {
+        log.push(*guard.trust());
         progress.advance();
         interrupt::flow()
     })
     .with_context(|| format!("the rollout of model {}", model.name))?;
-    if let Some(failure) = watched.physics_failure() {
+    if let Some(failure) = guard.physics_failure() {
         tracing::warn!("the guard did without its physics: {failure}");
     }
     Ok(Prediction {
         run: timed(setup, run)?,
-        log: watched.log().to_vec(),
-        guarded: watched.summary(),
+        guarded: watched::summary(&log),
+        log,
     })
 }
 
@@ -313,7 +302,7 @@ fn simulate(setup: &Setup) -> anyhow::Result<TimedTrajectory> {
 fn timed(setup: &Setup, run: TimedRun) -> anyhow::Result<TimedTrajectory> {
     let LoadedScene { spec, scene, .. } = &setup.loaded;
     Ok(TimedTrajectory {
-        trajectory: physics::trajectory(spec, scene, &setup.rest.positions, run.positions)?,
+        trajectory: physics::trajectory(0, spec, scene, &setup.rest.positions, run.positions)?,
         ms_per_frame: run.ms_per_frame,
         end: run.end,
     })
@@ -404,9 +393,7 @@ fn text(report: &RolloutReport) -> Facts {
             "what is written is whole; the rest is missing",
         );
     }
-    for path in &report.wrote {
-        facts.add("wrote", path.display());
-    }
+    facts.add_paths("wrote", &report.wrote);
     for path in &report.removed {
         facts.add(
             "removed",

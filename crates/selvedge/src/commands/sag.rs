@@ -1,32 +1,16 @@
 //! `selvedge run --rest`: the sagged rest pose of a scene, as a trajectory of one frame or as a mesh.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use glam::{DVec2, DVec3};
 use selvedge_cloth::Scene;
 use selvedge_data::{LoadedScene, write_obj};
 use selvedge_lab::physics;
-use serde::Serialize;
+use serde_json::json;
 
 use crate::cli::RunArgs;
-use crate::output::{Answer, Facts, length};
+use crate::output::{Answer, Facts, length, percent};
 use crate::{place, progress, scenes};
-
-#[derive(Serialize)]
-struct Report {
-    scene: String,
-    out: PathBuf,
-    vertices: usize,
-    /// Depth of the middle between the handles below them `[m]`.
-    middle_sag: f64,
-    /// Depth of the lowest vertex below the handles `[m]`.
-    lowest: f64,
-    largest_strain: f64,
-    solves: u32,
-    residual: f64,
-    /// Wishes of the scene that cannot be met, or are likely mistakes.
-    warnings: Vec<String>,
-}
 
 /// Finds the rest pose and writes it.
 pub(crate) fn run(args: &RunArgs) -> anyhow::Result<Answer> {
@@ -36,35 +20,31 @@ pub(crate) fn run(args: &RunArgs) -> anyhow::Result<Answer> {
     let scene = &loaded.scene;
     let rest = physics::rest_pose(scene, &mut progress::listener())?;
     let largest_strain = write(args.file(), &loaded, &rest.positions)?;
-    let report = Report {
-        scene: scene.name.clone(),
-        out: args.file().to_owned(),
-        vertices: rest.positions.len(),
-        middle_sag: below_handles(scene, rest.positions[middle(scene)]),
-        lowest: rest
-            .positions
-            .iter()
-            .map(|p| below_handles(scene, *p))
-            .fold(f64::NEG_INFINITY, f64::max),
-        largest_strain,
-        solves: rest.solves,
-        residual: rest.residual,
-        warnings: loaded.warnings.clone(),
-    };
+    let middle_sag = below_handles(scene, rest.positions[middle(scene)]);
+    let depths = rest.positions.iter().map(|p| below_handles(scene, *p));
+    let lowest = depths.fold(f64::NEG_INFINITY, f64::max);
     let mut facts = Facts::new();
-    facts.add("scene", &report.scene);
-    facts.add("vertices", report.vertices);
-    facts.add("middle", below(report.middle_sag));
-    facts.add("lowest point", below(report.lowest));
-    facts.add("largest strain", crate::output::percent(largest_strain));
+    facts.add("scene", &scene.name);
+    facts.add("vertices", rest.positions.len());
+    facts.add("middle", below(middle_sag));
+    facts.add("lowest point", below(lowest));
+    facts.add("largest strain", percent(largest_strain));
     facts.add(
         "residual",
-        format!(
-            "{:.1e} m/s² after {} solves",
-            report.residual, report.solves
-        ),
+        format!("{:.1e} m/s² after {} solves", rest.residual, rest.solves),
     );
-    facts.add("wrote", report.out.display());
+    facts.add("wrote", args.file().display());
+    let report = json!({
+        "scene": scene.name,
+        "out": args.file(),
+        "vertices": rest.positions.len(),
+        "middle_sag": middle_sag,
+        "lowest": lowest,
+        "largest_strain": largest_strain,
+        "solves": rest.solves,
+        "residual": rest.residual,
+        "warnings": loaded.warnings,
+    });
     Answer::new(facts, &report)
 }
 
@@ -76,14 +56,14 @@ fn below(metres: f64) -> String {
 fn write(out: &Path, loaded: &LoadedScene, rest: &[DVec3]) -> anyhow::Result<f64> {
     let scene = &loaded.scene;
     let frame = physics::rounded(rest);
-    let trajectory = physics::trajectory(&loaded.spec, scene, rest, frame)?;
+    let trajectory = physics::trajectory(0, &loaded.spec, scene, rest, frame)?;
     if out.extension().is_some_and(|e| e == "obj") {
         let cloth = trajectory.cloth();
         write_obj(out, cloth, cloth.rest_positions())?;
     } else {
         trajectory.write(out)?;
     }
-    Ok(physics::largest_strain(&trajectory)?)
+    physics::largest_strain(&trajectory)
 }
 
 /// The vertex nearest in the material to the middle of the handles: for a square held by two

@@ -4,14 +4,14 @@ use std::path::{Path, PathBuf};
 
 use selvedge_cloth::Scene;
 use selvedge_data::{LoadedScene, SavedState, StartSpec, StateChoice, StateRun, metrics};
-use selvedge_lab::fitting::FittedCloth;
-use selvedge_lab::physics::{self, Simulated, SimulationError, SimulationPlan, TimedRun};
+use selvedge_lab::physics::{self, Simulated, SimulationPlan, TimedRun};
 use selvedge_lab::start;
 use selvedge_sim::{DividedFrames, SubstepCounts, Threads};
 use serde::Serialize;
 
 use crate::cli::{RunArgs, StartChoice};
 use crate::exporting::Wish;
+use crate::failure::chain;
 use crate::output::{Answer, End, Facts, percent};
 use crate::progress::{self, Progress};
 use crate::{exporting, interrupt, output, place, scenes};
@@ -80,14 +80,10 @@ pub(crate) fn run(args: &RunArgs) -> anyhow::Result<Answer> {
     check_places(args, &wishes, &loaded)?;
     choose_start(&mut loaded, args.start.as_ref())?;
     let start = start::find(&loaded, &mut progress::listener())?;
-    if let Some(FittedCloth {
-        remarks, warning, ..
-    }) = &start.fitted
-    {
-        remarks.iter().for_each(|remark| tracing::info!("{remark}"));
-        warning
-            .iter()
-            .for_each(|warning| tracing::warn!("{warning}"));
+    if let Some(fitted) = &start.fitted {
+        let (remarks, warning) = (fitted.remarks.iter(), fitted.warning.iter());
+        remarks.for_each(|remark| tracing::info!("{remark}"));
+        warning.for_each(|warning| tracing::warn!("{warning}"));
     }
     let (rest, state) = (start.rest, start.state);
     let (scene, passed) = (&loaded.scene, state.frame);
@@ -100,7 +96,7 @@ pub(crate) fn run(args: &RunArgs) -> anyhow::Result<Answer> {
         .as_ref()
         .map_or(scene.mesh.positions(), |rest| &rest.positions);
     let spec = &loaded.spec;
-    let trajectory = physics::trajectory_from(passed, spec, scene, rest_positions, run.positions)?;
+    let trajectory = physics::trajectory(passed, spec, scene, rest_positions, run.positions)?;
     trajectory.write(args.file())?;
     if let (Some(states), Some(path)) = (states, &args.states) {
         states.write(path, trajectory.provenance())?;
@@ -128,7 +124,7 @@ pub(crate) fn run(args: &RunArgs) -> anyhow::Result<Answer> {
         exported,
         warnings: loaded.warnings.clone(),
         interrupted: end == End::Interrupted && failure.is_none(),
-        failure: failure.as_ref().map(ToString::to_string),
+        failure: failure.as_ref().map(chain),
     };
     let answer = Answer::new(text(&report, frames + 1, run.divided), &report)?.ended(end);
     Ok(match failure {
@@ -138,10 +134,11 @@ pub(crate) fn run(args: &RunArgs) -> anyhow::Result<Answer> {
 }
 
 /// Says why a run failed, and where the frames before are.
-fn whats_left(error: &SimulationError, report: &SimulateReport) -> String {
+fn whats_left(error: &anyhow::Error, report: &SimulateReport) -> String {
     let last = report.first_frame + report.frames - 1;
     format!(
-        "{error}; the frames before, up to {last}, are in {}",
+        "{}; the frames before, up to {last}, are in {}",
+        chain(error),
         report.out.display()
     )
 }
@@ -177,7 +174,7 @@ fn simulate(
     scene: &Scene,
     start: SavedState,
     frames: usize,
-) -> anyhow::Result<(TimedRun, Option<StateRun>, Option<SimulationError>)> {
+) -> anyhow::Result<(TimedRun, Option<StateRun>, Option<anyhow::Error>)> {
     let plan = SimulationPlan {
         start,
         frames,
@@ -195,7 +192,7 @@ fn simulate(
         interrupt::flow()
     })?;
     match failure {
-        Some(error) if run.positions.len() <= scene.mesh.positions().len() => Err(error.into()),
+        Some(error) if run.positions.len() <= scene.mesh.positions().len() => Err(error),
         failure => Ok((run, states, failure)),
     }
 }
@@ -292,8 +289,6 @@ fn text(report: &SimulateReport, wanted: usize, divided: DividedFrames) -> Facts
     if let Some(states) = &report.states {
         facts.add("states", states.display());
     }
-    for path in &report.exported {
-        facts.add("exported", path.display());
-    }
+    facts.add_paths("exported", &report.exported);
     facts
 }

@@ -1,16 +1,16 @@
 //! `selvedge train`: the loop of `selvedge-train`, with a bar, Ctrl-C and a summary.
 
 use std::num::NonZeroUsize;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Instant;
 
 use anyhow::{Context, anyhow, bail};
 use selvedge_data::Dataset;
-use selvedge_lab::folder_kind::FolderKind;
+use selvedge_lab::folder::{self, FolderKind};
 use selvedge_lab::models::NamedModel;
-use selvedge_lab::{assets, folder, generation, training};
+use selvedge_lab::{assets, generation, training};
 use selvedge_train::{EngineMaker, OverRanks, RunEnd, RunLimits, TrainConfig, Trainer, files};
-use serde::Serialize;
+use serde_json::{Value, json};
 
 use crate::cli::TrainArgs;
 use crate::output::{Answer, End, Facts, percent};
@@ -19,41 +19,6 @@ use crate::{interrupt, ranks};
 
 /// Weight of the newest loss in the one that is shown.
 const NEWEST: f64 = 0.02;
-
-#[derive(Serialize)]
-struct TrainReport {
-    name: String,
-    /// The device of the arithmetic.
-    device: String,
-    out: PathBuf,
-    parameters: usize,
-    /// Samples of the data set.
-    samples: u64,
-    steps_done: u64,
-    steps: u64,
-    /// A moving mean over about fifty steps; none where no step was made.
-    loss: Option<f64>,
-    seconds: f64,
-    /// Samples that it learned from, in the whole time with checkpoints; a sample of several frames
-    /// counts once.
-    samples_per_second: f64,
-    /// Ranks that shared it.
-    ranks: usize,
-    /// Bytes that rank 0 sent in a step.
-    bytes_per_step: f64,
-    /// The part of its time that rank 0 summed over ranks, or waited for others.
-    talk_share: f64,
-    interrupted: bool,
-}
-
-/// A training that was interrupted before its first step.
-#[derive(Serialize)]
-struct StoppedReport {
-    out: PathBuf,
-    steps_done: u64,
-    steps: u64,
-    interrupted: bool,
-}
 
 /// Trains, or goes on with training.
 pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
@@ -72,39 +37,41 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
         ranks: ranks.clone(),
     };
     let Some(mut trainer) = trainer(cfg, &data, args, &engine)? else {
-        let report = StoppedReport {
-            out: args.output.clone(),
-            steps_done: 0,
-            steps,
-            interrupted: true,
-        };
-        return Ok(Answer::new(stopped(steps), &report)?.ended(End::Interrupted));
+        let mut facts = Facts::new();
+        facts.add("steps", format!("0 of {steps}"));
+        facts.add("to go on", "the same command: nothing is written yet");
+        let report =
+            json!({ "out": args.output, "steps_done": 0, "steps": steps, "interrupted": true });
+        return Ok(Answer::new(facts, &report)?.ended(End::Interrupted));
     };
     training::with_expert(&mut trainer, &data)?;
     let (started, first) = (Instant::now(), trainer.steps_done());
     let before = ranks.traffic();
     let (end, loss) = steps_until_end(&mut trainer, args)?;
-    let seconds = started.elapsed().as_secs_f64();
+    let seconds = started.elapsed().as_secs_f64().max(f64::MIN_POSITIVE);
     let talk = ranks.traffic();
-    let made = (trainer.steps_done() - first).max(1) as f64;
-    let shown = (trainer.steps_done() - first) * trainer.config().batch.samples as u64;
-    let report = TrainReport {
-        name: trainer.config().name.clone(),
-        device: machine.name(),
-        out: args.output.clone(),
-        parameters: trainer.parameter_count(),
-        samples: trainer.sample_count(),
-        steps_done: trainer.steps_done(),
-        steps: trainer.config().steps,
-        loss,
-        seconds,
-        samples_per_second: shown as f64 / seconds.max(f64::MIN_POSITIVE),
-        ranks: ranks.count(),
-        bytes_per_step: (talk.bytes - before.bytes) as f64 / made,
-        talk_share: (talk.time - before.time).as_secs_f64() / seconds.max(f64::MIN_POSITIVE),
-        interrupted: end == End::Interrupted,
-    };
-    Ok(Answer::new(text(&report), &report)?.ended(end))
+    let steps_made = trainer.steps_done() - first;
+    let shown = steps_made * trainer.config().batch.samples as u64;
+    let report = json!({
+        "name": trainer.config().name,
+        "device": machine.name(),
+        "out": args.output,
+        "parameters": trainer.parameter_count(),
+        "samples": trainer.sample_count(),
+        "steps_done": trainer.steps_done(),
+        "steps": trainer.config().steps,
+        // A moving mean over about fifty steps.
+        "loss": loss,
+        "seconds": seconds,
+        // A sample of several frames counts once; the time is that with checkpoints.
+        "samples_per_second": shown as f64 / seconds,
+        "ranks": ranks.count(),
+        // What rank 0 sent, and the part of its time that it summed over ranks or waited for them.
+        "bytes_per_step": (talk.bytes - before.bytes) as f64 / steps_made.max(1) as f64,
+        "talk_share": (talk.time - before.time).as_secs_f64() / seconds,
+        "interrupted": end == End::Interrupted,
+    });
+    Ok(Answer::new(text(&report, &trainer, &args.output), &report)?.ended(end))
 }
 
 /// The text of a configuration: a shipped one's, or that of a file.
@@ -172,19 +139,15 @@ fn trainer(
     }
     require_empty(&args.output)?;
     let Some(from) = &args.from else {
-        return Ok(training::fresh(
-            cfg,
-            data,
-            engine,
-            &mut progress::listener(),
-        )?);
+        return training::begin(None, cfg, data, engine, &mut progress::listener());
     };
     let file = match from.is_dir() {
         true => from.join(files::MODEL),
         false => from.clone(),
     };
     let model = NamedModel::open(Some(&file))?;
-    training::from_model(cfg, data, engine, &model, &mut progress::listener())
+    let start = Some(&*model.model);
+    training::begin(start, cfg, data, engine, &mut progress::listener())
         .with_context(|| format!("--from {}", from.display()))
 }
 
@@ -201,55 +164,39 @@ fn require_empty(out: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn stopped(steps: u64) -> Facts {
+fn text(report: &Value, trainer: &Trainer, out: &Path) -> Facts {
+    let number = |key: &str| report[key].as_f64().unwrap_or(f64::NAN);
+    let (done, all) = (trainer.steps_done(), trainer.config().steps);
     let mut facts = Facts::new();
-    facts.add("steps", format!("0 of {steps}"));
-    let how = "the same command: nothing is written yet";
-    facts.add("to go on", how);
-    facts
-}
-
-fn text(report: &TrainReport) -> Facts {
-    let mut facts = Facts::new();
-    facts.add("training", &report.name);
-    facts.add("device", &report.device);
-    facts.add("parameters", report.parameters);
-    facts.add("samples", report.samples);
-    facts.add(
-        "steps",
-        format!("{} of {}", report.steps_done, report.steps),
-    );
-    let (seconds, pace) = (report.seconds, report.samples_per_second);
+    facts.add("training", &trainer.config().name);
+    facts.add("device", report["device"].as_str().unwrap_or_default());
+    facts.add("parameters", trainer.parameter_count());
+    facts.add("samples", trainer.sample_count());
+    facts.add("steps", format!("{done} of {all}"));
+    let (seconds, pace) = (number("seconds"), number("samples_per_second"));
     facts.add(
         "time",
         format!("{seconds:.0} s, {pace:.1} samples per second"),
     );
-    if report.ranks > 1 {
-        let share = percent(report.talk_share);
-        let sent = report.bytes_per_step / 1e6;
-        let words = format!(
-            "{}: {share} of the time for sums, {sent:.2} MB per step",
-            report.ranks
-        );
+    let ranks = number("ranks");
+    if ranks > 1.0 {
+        let share = percent(number("talk_share"));
+        let sent = number("bytes_per_step") / 1e6;
+        let words = format!("{ranks}: {share} of the time for sums, {sent:.2} MB per step");
         facts.add("ranks", words);
     }
-    if let Some(loss) = report.loss {
+    if let Some(loss) = report["loss"].as_f64() {
         facts.add("loss", format!("{loss:.5} (mean of the last steps)"));
     }
-    add_files(&mut facts, &report.out, report.steps_done < report.steps);
-    facts
-}
-
-/// Adds the files of a training, and how to go on with one that is not at its end.
-fn add_files(facts: &mut Facts, out: &Path, goes_on: bool) {
-    if goes_on {
+    if done < all {
         facts.add("to go on", "the same command with --resume");
     }
-    for file in [files::MODEL, files::CHECKPOINT, files::LOG, files::CONFIG] {
-        let path = out.join(file);
-        // There is no log of fewer steps than a line is of.
-        if path.exists() {
-            facts.add("wrote", path.display());
-        }
-    }
+    // There is no log of fewer steps than a line is of.
+    let files = [files::MODEL, files::CHECKPOINT, files::LOG, files::CONFIG];
+    let there = files.map(|file| out.join(file)).into_iter();
+    facts.add_paths(
+        "wrote",
+        &there.filter(|path| path.exists()).collect::<Vec<_>>(),
+    );
+    facts
 }

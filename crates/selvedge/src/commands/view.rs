@@ -1,7 +1,7 @@
 //! `selvedge view`: the live viewer.
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -11,21 +11,15 @@ use selvedge_live::{
     Mover, NamedTrack, Opening, RunningServer, ServerSettings, Tape, serve, start,
 };
 use selvedge_workshop::SceneWorkshop;
-use serde::Serialize;
+use serde_json::json;
 
 use crate::cli::{Shown, ViewArgs};
-use crate::failure::WrongUsage;
+use crate::failure::wrong;
 use crate::interrupt;
 use crate::output::{Answer, Facts};
 
 /// The scene to go live with from a recording.
 const FALLBACK_SCENE: &str = "default";
-
-#[derive(Serialize)]
-struct Report {
-    address: String,
-    recordings: PathBuf,
-}
 
 /// Serves the viewer until Ctrl-C.
 pub(crate) fn run(args: &ViewArgs) -> anyhow::Result<Answer> {
@@ -68,12 +62,9 @@ pub(crate) fn run(args: &ViewArgs) -> anyhow::Result<Answer> {
     }
     server.close();
     session.close();
-    let report = Report {
-        address,
-        recordings: args.recordings.clone(),
-    };
     let mut facts = Facts::new();
-    facts.add("served", &report.address);
+    facts.add("served", &address);
+    let report = json!({ "address": address, "recordings": args.recordings });
     Answer::new(facts, &report)
 }
 
@@ -110,7 +101,7 @@ fn tape(args: &ViewArgs) -> anyhow::Result<Option<Tape>> {
         .is_some_and(|extension| extension == "safetensors");
     if !is_recording {
         return match args.beside {
-            Some(_) => Err(WrongUsage::new("--beside needs a trajectory to stand beside").into()),
+            Some(_) => Err(wrong("--beside needs a trajectory to stand beside")),
             None => Ok(None),
         };
     }

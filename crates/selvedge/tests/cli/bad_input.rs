@@ -112,7 +112,7 @@ fn two_outputs_are_never_one_file() {
 #[test]
 fn no_output_takes_the_place_of_what_is_read() {
     let desk = desk_with(GENERATOR, "obj = \"sheet.obj\"");
-    let scene = String::from_utf8(desk.read("scene.toml")).unwrap();
+    let scene = desk.text("scene.toml");
     let scene = scene.replace("label = \"upper-corners\"", "vertices = [2, 3]");
     desk.write("scene.toml", scene);
     desk.write("sheet.obj", SQUARE_OBJ);
@@ -165,7 +165,7 @@ fn more_motions_at_random_than_can_be_meant_are_refused_at_once() {
 #[test]
 fn a_cloth_that_starts_far_from_its_size_is_warned_of() {
     let desk = desk_with(GENERATOR, "obj = \"cloth.obj\"");
-    let scene = String::from_utf8(desk.read("scene.toml")).unwrap();
+    let scene = desk.text("scene.toml");
     let scene = scene.replace("label = \"upper-corners\"", "vertices = [2, 3]");
     desk.write("scene.toml", &scene);
     // Two metres, and texture coordinates from 0 to 1.
@@ -188,9 +188,8 @@ fn a_cloth_that_starts_far_from_its_size_is_warned_of() {
 
 #[test]
 fn files_that_are_cut_short_are_refused() {
-    let desk = Desk::new();
+    let desk = Desk::with_push();
     desk.model();
-    desk.write("push.toml", PUSH);
     desk.json("run push.toml -o run.safetensors --frames 2");
     for (file, short) in [
         ("run.safetensors", "short.safetensors"),
@@ -288,9 +287,8 @@ fn what_is_nothing_of_ours_is_refused() {
 
 #[test]
 fn a_folder_of_results_takes_no_results_of_another_kind() {
-    let desk = Desk::new();
+    let desk = Desk::with_push();
     desk.model();
-    desk.write("push.toml", PUSH);
     desk.json("data generate tiny -o part --shard 1/1");
     std::fs::create_dir_all(desk.path("studied/trainings")).unwrap();
     let before = ["tiny", "run", "studied"].map(|folder| contents(&desk.path(folder)));

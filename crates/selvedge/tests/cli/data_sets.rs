@@ -1,13 +1,12 @@
 //! Data sets from the command line: the same bytes for any number of threads, and after any
 //! interruption.
 
-use crate::common::{Desk, PUSH, PUSH_FRAMES, contents, names_in, number};
-use selvedge_data::{Dataset, Split, shipped_presets};
+use crate::common::{Desk, PUSH, PUSH_FRAMES, TRAINING, contents, names_in, number, tiny_preset};
+use selvedge_data::{Dataset, Split};
 
 /// The text of the preset `tiny`, with other settings of its sag.
 fn tiny_with(sag: &str) -> String {
-    let tiny = shipped_presets().iter().find(|preset| preset.0 == "tiny");
-    format!("{}\n[setting.sag]\n{sag}\n", tiny.unwrap().1)
+    format!("{}\n[setting.sag]\n{sag}\n", tiny_preset())
 }
 
 #[test]
@@ -140,8 +139,7 @@ fn caches_become_a_data_set() {
 
 #[test]
 fn the_handles_of_a_cache_can_be_named() {
-    let desk = Desk::new();
-    desk.write("push.toml", PUSH);
+    let desk = Desk::with_push();
     desk.json("run push.toml -o run.safetensors");
     let held = numbers(&desk.json("info run.safetensors")["handles"]);
     for ending in ["usda", "usdc", "glb", "pc2"] {
@@ -222,8 +220,7 @@ fn frames_beyond_what_cloth_does_are_not_imported() {
 #[test]
 fn nothing_is_learned_from_a_damaged_data_set() {
     let desk = Desk::new();
-    desk.tiny();
-    desk.write("moment.toml", crate::common::TRAINING);
+    desk.to_train();
     let train = "train moment.toml --data tiny -o run";
     let (file, index) = ("tiny/train/push.safetensors", "tiny/index.json");
     let [good, good_index] = [desk.read(file), desk.read(index)];
@@ -287,6 +284,6 @@ blocks = [{ duration = 0.1, translations = [{ direction = [1, 0, 0], pace = { di
         assert_eq!(trajectory.frame(0), trajectory.cloth().rest_positions());
         assert_eq!(trajectory.frame_count(), 7);
     }
-    desk.write("moment.toml", crate::common::TRAINING);
+    desk.write("moment.toml", TRAINING);
     desk.fails("train moment.toml --data two -o run", 1, &["no samples"]);
 }

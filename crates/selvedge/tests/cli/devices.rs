@@ -2,12 +2,11 @@
 //! GPU computes. A driver that calculates on the processor (Debian: mesa-vulkan-drivers) is one too;
 //! where there is neither, these tests say so and show nothing.
 
-use crate::common::{Desk, PUSH, TRAINING};
+use crate::common::{Desk, TRAINING};
 
 #[test]
 fn a_gpu_that_cannot_be_had_is_said_before_anything_is_written() {
-    let desk = Desk::new();
-    desk.write("push.toml", PUSH);
+    let desk = Desk::with_push();
     desk.write("moment.toml", TRAINING);
     let words: &[&str] = if cfg!(feature = "gpu") {
         &["no GPU was found", "the GPU"]
@@ -35,8 +34,7 @@ fn a_gpu_that_cannot_be_had_is_said_before_anything_is_written() {
 
 #[test]
 fn a_device_without_a_model_is_refused() {
-    let desk = Desk::new();
-    desk.write("push.toml", PUSH);
+    let desk = Desk::with_push();
     for physics in ["--frames 2", "--rest"] {
         let said = desk.run(&format!("run push.toml {physics} --device gpu"));
         assert_eq!(said.code, Some(1), "{}", said.err);
@@ -60,19 +58,15 @@ fn no_gpu() -> bool {
 #[cfg(feature = "gpu")]
 #[test]
 fn a_rollout_on_a_gpu_is_that_of_the_processor() {
-    use selvedge_data::Trajectory;
-
     if no_gpu() {
         return;
     }
-    let desk = Desk::new();
-    desk.write("push.toml", PUSH);
+    let desk = Desk::with_push();
     let call = "run push.toml --model paper --frames 20 --guard none --no-clip";
     desk.json(&format!("{call} -o cpu"));
     let report = desk.json(&format!("{call} -o gpu --device gpu"));
     assert_ne!(report["device"], "cpu");
-    let read = |name: &str| Trajectory::read(&desk.path(name)).unwrap();
-    let [a, b] = ["cpu/rollout.safetensors", "gpu/rollout.safetensors"].map(read);
+    let [a, b] = ["cpu", "gpu"].map(|on| desk.trajectory(&format!("{on}/rollout.safetensors")));
     for frame in 0..a.frame_count() {
         for (p, q) in a.frame(frame).iter().zip(b.frame(frame)) {
             // Roundings of 1e-7 m that the model feeds back for a third of a second.

@@ -1,14 +1,14 @@
 //! `eval`: methods side by side on data sets, on scenes against their converged physics, and in
 //! random motions; the same numbers for any number of threads; reports.
 
-use crate::common::{Desk, PUSH, names_in, number};
+use crate::common::{Desk, PUSH, TRAINING, names_in, number};
 use serde_json::Value;
 
 /// A desk with the data set `tiny` and two models that have barely learned.
 fn two_models() -> Desk {
     let desk = Desk::new();
     desk.model();
-    let other = crate::common::TRAINING.replace("seed = 1", "seed = 2");
+    let other = TRAINING.replace("seed = 1", "seed = 2");
     desk.write("other.toml", other);
     desk.json("train other.toml --data tiny -o other");
     desk
@@ -74,9 +74,9 @@ fn the_physics_runs_beside_the_models_with_the_substeps_asked_for() {
     let (own, coarse) = (error("physics, 2 substeps"), error("physics, 1 substep"));
     assert!(coarse > 1e-4, "{coarse}");
     assert!(own < 1e-2 * coarse, "{own} {coarse}");
-    let times = String::from_utf8(desk.read("r/times.md")).unwrap();
+    let times = desk.text("r/times.md");
     assert!(times.contains("](times.svg)"), "{times}");
-    let plot = String::from_utf8(desk.read("r/times.svg")).unwrap();
+    let plot = desk.text("r/times.svg");
     assert!(plot.contains("time of a frame (ms)") && plot.contains("physics"));
     desk.fails(
         "eval --model run/model.safetensors --data tiny --physics 0",
@@ -120,7 +120,7 @@ fn scenes_are_measured_against_their_converged_physics() {
     desk.write("scene.toml", PUSH);
     let answer = desk.json(SCENE);
     assert_eq!(answer["means"][3]["kind"], "reference");
-    let page = String::from_utf8(desk.read("c/report.md")).unwrap();
+    let page = desk.text("c/report.md");
     for text in [
         "The truth is a run by linearised, 32 substeps.",
         "| position RMSE (mm) | k = 1 | k = 5 | whole runs |",
@@ -162,9 +162,8 @@ fn materials_and_motions_take_the_place_of_the_scenes_own() {
 
 #[test]
 fn random_motions_are_the_same_for_any_number_of_threads() {
-    let desk = Desk::new();
+    let desk = Desk::with_push();
     desk.model();
-    desk.write("push.toml", PUSH);
     let drive = "eval push.toml --model run/model.safetensors --random 5 --frames 40";
     let one = desk.json(&format!("{drive} -j 1"));
     assert_eq!(one["runs"], desk.json(&format!("{drive} -j 3"))["runs"]);
@@ -181,8 +180,7 @@ fn random_motions_are_the_same_for_any_number_of_threads() {
 
 #[test]
 fn random_motions_take_cloths_in_turn_and_physics_too() {
-    let desk = Desk::new();
-    desk.write("push.toml", PUSH);
+    let desk = Desk::with_push();
     let answer = desk.json(
         "eval push.toml --random 4 --frames 60 --mesh wide,triangle --density 40 --physics 1,4 -o r",
     );
@@ -196,7 +194,7 @@ fn random_motions_take_cloths_in_turn_and_physics_too() {
     assert_eq!(answer["means"][0]["method"], "physics, 1 substep");
     let strain = |k: usize| number(&answer, &format!("/means/{k}/whole/largest_strain"));
     assert_ne!(strain(0), strain(1));
-    let text = String::from_utf8(desk.read("r/errors.csv")).unwrap();
+    let text = desk.text("r/errors.csv");
     assert_eq!(text.lines().count(), 1 + 4 * 2 * 60);
 }
 

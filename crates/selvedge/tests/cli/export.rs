@@ -7,10 +7,9 @@ use selvedge_data::Trajectory;
 
 /// A desk with a simulated [`PUSH`] in `run.safetensors`.
 fn pushed() -> (Desk, Trajectory) {
-    let desk = Desk::new();
-    desk.write("push.toml", PUSH);
+    let desk = Desk::with_push();
     desk.json("run push.toml -o run.safetensors");
-    let run = Trajectory::read(&desk.path("run.safetensors")).unwrap();
+    let run = desk.trajectory("run.safetensors");
     (desk, run)
 }
 
@@ -39,7 +38,7 @@ fn a_run_goes_to_other_programs_and_its_handles_come_back() {
         assert_eq!(number(&said, "/frames"), (PUSH_FRAMES + 1) as f64);
         desk.write("again.toml", with_motion(motion));
         desk.json("run again.toml -o again.safetensors");
-        let again = Trajectory::read(&desk.path("again.safetensors")).unwrap();
+        let again = desk.trajectory("again.safetensors");
         assert_eq!(again.frame_count(), run.frame_count(), "{to}");
         for frame in 0..run.frame_count() {
             for vertex in run.handles().vertices() {
@@ -93,7 +92,7 @@ def Xform "hands"
 "#,
     );
     desk.json("run scene.toml -o run.safetensors");
-    let run = Trajectory::read(&desk.path("run.safetensors")).unwrap();
+    let run = desk.trajectory("run.safetensors");
     assert_eq!(run.frame_count(), 31);
     for frame in 0..31 {
         let [left, right] = [0, 5].map(|vertex| run.frame(frame)[vertex] - run.frame(0)[vertex]);
@@ -115,8 +114,7 @@ def Xform "hands"
 
 #[test]
 fn simulate_and_rollout_export_as_they_go() {
-    let desk = Desk::new();
-    desk.write("push.toml", PUSH);
+    let desk = Desk::with_push();
     let said =
         desk.json("run push.toml -o run.safetensors --frames 4 --export a.glb --export a.pc2");
     let exported: Vec<&str> = said["exported"]
@@ -167,8 +165,7 @@ fn a_format_that_is_named_takes_any_other_ending_for_a_folder() {
 
 #[test]
 fn a_rollout_exports_into_the_folder_that_it_makes() {
-    let desk = Desk::new();
-    desk.write("push.toml", PUSH);
+    let desk = Desk::with_push();
     desk.json(
         "run --model paper push.toml --frames 2 --no-clip --export out/a.glb --trust out/t.csv",
     );
@@ -309,8 +306,7 @@ fn a_film_that_is_interrupted_is_no_failure_of_ffmpeg() {
 
 #[test]
 fn every_file_can_be_looked_at() {
-    let desk = Desk::new();
-    desk.write("push.toml", PUSH);
+    let desk = Desk::with_push();
     desk.json(
         "run push.toml -o run.safetensors --frames 6 --states states.safetensors --export run.npz",
     );

@@ -10,7 +10,7 @@
 use std::path::Path;
 use std::process::Command;
 
-use crate::common::{Desk, PUSH, TRAINING, contents};
+use crate::common::{Desk, TRAINING, contents};
 
 const KEPT: &str = include_str!("../goldens.txt");
 
@@ -78,8 +78,7 @@ fn through_emulator(command: Command) -> Command {
 
 /// Makes everything on so many threads. Returns names and hashes.
 fn make(threads: usize) -> Vec<(&'static str, String)> {
-    let desk = Desk::new();
-    desk.write("push.toml", PUSH);
+    let desk = Desk::with_push();
     desk.write("steps.toml", TRAINING.replace("steps = 6", "steps = 50"));
     let run = |arguments: &str| {
         let mut command = through_emulator(desk.command(arguments));

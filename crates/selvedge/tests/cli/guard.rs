@@ -1,6 +1,6 @@
 //! Guarded models from the command line: `run --guard --trust`.
 
-use crate::common::{Desk, PUSH, PUSH_FRAMES, number};
+use crate::common::{Desk, PUSH_FRAMES, number};
 use selvedge_data::{Trajectory, metrics};
 use serde_json::Value;
 
@@ -20,15 +20,14 @@ fn column(text: &str, name: &str) -> Vec<String> {
 
 #[test]
 fn a_rollout_says_how_far_each_frame_can_be_trusted() {
-    let desk = Desk::new();
+    let desk = Desk::with_push();
     desk.model();
-    desk.write("push.toml", PUSH);
     let model = "--model run/model.safetensors --no-clip";
     for guard in ["none", "limit"] {
         let call = format!("run push.toml {model} -o {guard} --guard {guard} --trust {guard}.csv");
         let report = desk.json(&call);
-        let run = Trajectory::read(&desk.path(&format!("{guard}/rollout.safetensors"))).unwrap();
-        let text = String::from_utf8(desk.read(&format!("{guard}.csv"))).unwrap();
+        let run = desk.trajectory(&format!("{guard}/rollout.safetensors"));
+        let text = desk.text(&format!("{guard}.csv"));
         let told = column(&text, "largest_strain");
         assert_eq!(told.len(), PUSH_FRAMES);
         // The same number by two routes, both in f64 from f32 positions; material coordinates

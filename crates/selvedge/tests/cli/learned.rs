@@ -4,6 +4,14 @@ use crate::common::{Desk, PUSH, PUSH_FRAMES, TRAINING, names_in, number};
 use selvedge_data::Trajectory;
 use serde_json::Value;
 
+/// The files of a training.
+const TRAINED: [&str; 4] = [
+    "checkpoint.safetensors",
+    "config.toml",
+    "log.jsonl",
+    "model.safetensors",
+];
+
 #[test]
 fn a_resumed_training_ends_with_the_same_weights() {
     let desk = Desk::new();
@@ -16,46 +24,35 @@ fn a_resumed_training_ends_with_the_same_weights() {
         &["halves", "--resume"],
     );
     desk.json("train moment.toml --data tiny -o halves --resume");
-    let names = [
-        "checkpoint.safetensors",
-        "config.toml",
-        "log.jsonl",
-        "model.safetensors",
-    ];
-    assert_eq!(names_in(&desk.path("halves")), names);
+    assert_eq!(names_in(&desk.path("halves")), TRAINED);
     for name in ["checkpoint.safetensors", "model.safetensors"] {
         let [whole, halves] =
             ["run", "halves"].map(|folder| desk.read(&format!("{folder}/{name}")));
         assert!(whole == halves, "{name}");
     }
-    desk.fails(
-        "train moment.toml --data tiny -o nothing --resume",
-        1,
-        &["checkpoint.safetensors"],
-    );
-    // What failed before it wrote anything leaves no folder behind, nor those above it.
-    desk.fails(
-        "train moment.toml --data tiny -o deep/other --from run --set model.latent=16",
-        1,
-        &[
-            "--from run",
-            "is another one",
-            "model.latent is 8 there, 16 here",
-        ],
-    );
-    // A model will do, by its file or its name, if it is of the same network.
-    desk.fails(
-        "train moment.toml --data tiny -o deep/other --from paper",
-        1,
-        &["--from paper", "is another one", "model.latent is 64 there"],
-    );
-    desk.fails(
-        "train moment.toml --data tiny -o deep/other --from nobody",
-        1,
-        &["nobody", "paper"],
-    );
+    // What failed before it wrote anything leaves no folder behind, nor those above it. A model will
+    // do, by its file or its name, if it is of the same network.
+    let another = "is another one";
+    for (options, words) in [
+        ("-o nothing --resume", &["checkpoint.safetensors"][..]),
+        (
+            "-o deep/other --from run --set model.latent=16",
+            &["--from run", another, "model.latent is 8 there, 16 here"],
+        ),
+        (
+            "-o deep/other --from paper",
+            &["--from paper", another, "model.latent is 64 there"],
+        ),
+        ("-o deep/other --from nobody", &["nobody", "paper"]),
+    ] {
+        desk.fails(
+            &format!("train moment.toml --data tiny {options}"),
+            1,
+            words,
+        );
+    }
     desk.json("train moment.toml --data tiny -o on --from run/model.safetensors --steps 2");
-    assert_eq!(names_in(&desk.path("on")), names);
+    assert_eq!(names_in(&desk.path("on")), TRAINED);
     for folder in ["nothing", "deep"] {
         assert!(!desk.path(folder).exists(), "{folder}");
     }
@@ -90,14 +87,7 @@ fn a_folder_is_trained_into_by_one_run_at_a_time() {
     desk.write("run/.model.safetensors.left.part", "half");
     let report = desk.json("train long.toml --data tiny -o run --resume --for 1s");
     assert!(number(&report, "/steps_done") > 0.0);
-    let names = names_in(&desk.path("run"));
-    let kept = [
-        "checkpoint.safetensors",
-        "config.toml",
-        "log.jsonl",
-        "model.safetensors",
-    ];
-    assert_eq!(names, kept);
+    assert_eq!(names_in(&desk.path("run")), TRAINED);
 }
 
 #[cfg(unix)]
@@ -127,8 +117,7 @@ fn statistics_can_be_interrupted() {
 #[test]
 fn a_span_ends_a_training_cleanly() {
     let desk = Desk::new();
-    desk.tiny();
-    desk.write("moment.toml", TRAINING);
+    desk.to_train();
     let report =
         desk.json("train moment.toml --data tiny -o run --steps 1000000 --for 1s --micro-batch 2");
     let done = number(&report, "/steps_done");
@@ -147,7 +136,7 @@ fn a_model_is_measured_beside_the_baselines() {
     let means = report["means"].as_array().unwrap();
     let mean = |name: &str| means.iter().find(|mean| mean["method"] == name).unwrap();
     // The rigid baseline keeps the rest pose's strain.
-    let rest = Trajectory::read(&desk.path("tiny/test/lift.safetensors")).unwrap();
+    let rest = desk.trajectory("tiny/test/lift.safetensors");
     let rest = Trajectory::new(
         rest.cloth().clone(),
         rest.cloth().rest_positions().to_vec(),
@@ -190,8 +179,8 @@ fn a_rollout_stands_beside_the_truth() {
     let compared = desk.json("compare out/truth.safetensors out/rollout.safetensors");
     let told = number(&report, "/comparison/position_rmse");
     assert_eq!(number(&compared, "/position_rmse"), told);
-    let [truth, rollout] = ["truth", "rollout"]
-        .map(|name| Trajectory::read(&desk.path(&format!("out/{name}.safetensors"))).unwrap());
+    let [truth, rollout] =
+        ["truth", "rollout"].map(|name| desk.trajectory(&format!("out/{name}.safetensors")));
     for frame in 0..=PUSH_FRAMES {
         let held = |run: &Trajectory| run.handles().select(run.frame(frame));
         assert_eq!(held(&truth), held(&rollout));
@@ -202,15 +191,14 @@ fn a_rollout_stands_beside_the_truth() {
 
 #[test]
 fn a_rollout_into_a_used_folder_leaves_nothing_of_the_earlier_one() {
-    let desk = Desk::new();
-    desk.write("push.toml", PUSH);
+    let desk = Desk::with_push();
     // The shipped scene, where none is named, into the folder that none is named for.
     let first = desk.json("run --model paper --compare --frames 3");
     assert_eq!(
         (&first["scene"], &first["model"]),
         (&"default".into(), &"paper".into())
     );
-    let run = Trajectory::read(&desk.path("out/rollout.safetensors")).unwrap();
+    let run = desk.trajectory("out/rollout.safetensors");
     assert_eq!((run.frame_count(), run.vertex_count()), (4, 400));
     assert_eq!(first["removed"].as_array().unwrap().len(), 0);
     desk.write("out/notes.txt", "mine");

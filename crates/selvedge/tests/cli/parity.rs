@@ -7,7 +7,7 @@ use std::path::Path;
 
 use crate::common::{Desk, PUSH, PUSH_FRAMES, number};
 use selvedge_cloth::Stepper;
-use selvedge_data::{SavedState, StateChoice, StateRun, Trajectory, open_scene};
+use selvedge_data::{SavedState, StateChoice, StateRun, open_scene};
 use selvedge_sim::Simulator;
 
 /// A sheet of 3 x 3 vertices whose upper corners go forward, as ARCSim has it.
@@ -75,7 +75,7 @@ fn a_scene_of_arcsim_runs_from_where_its_mesh_stands() {
         "{}",
         said.err
     );
-    let run = Trajectory::read(&desk.path("run.safetensors")).unwrap();
+    let run = desk.trajectory("run.safetensors");
     assert_eq!(run.frame_count(), 13);
     assert_eq!(run.frame(0)[4].to_array(), [0.05, 0.05, 0.0]);
     // Spring handles lag behind their targets: by the force on them over 1000 N/m, for a sheet of 2
@@ -119,8 +119,8 @@ fn a_run_goes_on_from_a_kept_state_bit_for_bit() {
         // The default looks back at the substep before, ARCSim's mode does not.
         let looks_back = scene == "push.toml";
         assert_eq!(whole.states[7].previous.is_some(), looks_back);
-        let [long, short] = ["whole.safetensors", "on.safetensors"]
-            .map(|name| Trajectory::read(&desk.path(name)).unwrap());
+        let [long, short] =
+            ["whole.safetensors", "on.safetensors"].map(|name| desk.trajectory(name));
         assert_eq!(short.positions(), &long.positions()[7 * vertices..]);
     }
     let report = desk.json("info whole-s.safetensors");
@@ -151,8 +151,8 @@ physics = "arcsim"
     desk.write("on.toml", format!("{scene}{start}"));
     desk.json("run mesh.toml -o mesh.safetensors");
     desk.json("run on.toml -o on.safetensors --frames 3");
-    let [swing, mesh, on] = ["run.safetensors", "mesh.safetensors", "on.safetensors"]
-        .map(|name| Trajectory::read(&desk.path(name)).unwrap());
+    let [swing, mesh, on] =
+        ["run.safetensors", "mesh.safetensors", "on.safetensors"].map(|name| desk.trajectory(name));
     assert_eq!(mesh.frame(0), swing.frame(0));
     assert_eq!(on.frame(0), swing.frame(12));
     desk.write("none.toml", format!("{scene}{}", start.replace("12", "99")));

@@ -2,25 +2,18 @@
 //! make.
 
 use crate::common::{Desk, PUSH, PUSH_FRAMES, number};
-use selvedge_data::{Trajectory, open_scene, read_obj, shipped_scenes};
-
-fn desk() -> Desk {
-    let desk = Desk::new();
-    desk.write("push.toml", PUSH);
-    desk
-}
+use selvedge_data::{open_scene, read_obj, shipped_scenes};
 
 #[test]
 fn a_simulation_starts_at_rest_and_takes_the_handles_along() {
-    let desk = desk();
+    let desk = Desk::with_push();
     let report = desk.json("run push.toml -o push.safetensors");
-    let run = Trajectory::read(&desk.path("push.safetensors")).unwrap();
+    let run = desk.trajectory("push.safetensors");
     assert_eq!(run.frame_count(), PUSH_FRAMES + 1);
     assert_eq!(number(&report, "/frames"), run.frame_count() as f64);
     assert_eq!(run.frame(0), run.cloth().rest_positions());
-    let scene = open_scene(desk.path("push.toml").to_str().unwrap())
-        .unwrap()
-        .scene;
+    let scene = open_scene(desk.path("push.toml").to_str().unwrap());
+    let scene = scene.unwrap().scene;
     let path = scene.handle_path().unwrap();
     for frame in [0, 20, PUSH_FRAMES] {
         let expected = path.at(frame as f64 / 60.0);
@@ -33,7 +26,7 @@ fn a_simulation_starts_at_rest_and_takes_the_handles_along() {
 
 #[test]
 fn a_run_says_how_many_substeps_fell_back_to_first_order() {
-    let desk = desk();
+    let desk = Desk::with_push();
     let said = desk.run("run push.toml -o push.safetensors");
     assert!(
         said.out.contains("60, 1 started anew, 0 fell back"),
@@ -66,7 +59,7 @@ fn a_run_says_how_many_substeps_fell_back_to_first_order() {
 
 #[test]
 fn shipped_scenes_come_to_rest() {
-    let desk = desk();
+    let desk = Desk::with_push();
     for (scene, _) in shipped_scenes()
         .iter()
         .filter(|s| s.1.contains("handles ="))
@@ -78,12 +71,11 @@ fn shipped_scenes_come_to_rest() {
 
 #[test]
 fn a_cloth_can_be_let_go_where_its_mesh_stands() {
-    let desk = desk();
+    let desk = Desk::with_push();
     desk.json("run push.toml -o fall.safetensors --start mesh --frames 1");
-    let run = Trajectory::read(&desk.path("fall.safetensors")).unwrap();
-    let scene = open_scene(desk.path("push.toml").to_str().unwrap())
-        .unwrap()
-        .scene;
+    let run = desk.trajectory("fall.safetensors");
+    let scene = open_scene(desk.path("push.toml").to_str().unwrap());
+    let scene = scene.unwrap().scene;
     let start: Vec<_> = scene.mesh.positions().iter().map(|p| p.as_vec3()).collect();
     assert_eq!(run.frame(0), start);
     // Nobody waited for a rest pose: the start has its place.
@@ -92,15 +84,15 @@ fn a_cloth_can_be_let_go_where_its_mesh_stands() {
 
 #[test]
 fn the_rest_pose_is_where_the_cloth_stays() {
-    let desk = desk();
+    let desk = Desk::with_push();
     let still = PUSH.replace("distance = 0.2", "distance = 0.0");
     desk.write("still.toml", still);
     let report = desk.json("run --rest still.toml -o rest.safetensors");
     desk.json("run still.toml -o still.safetensors");
     let residual = number(&report, "/residual");
     assert!(residual <= 1e-3);
-    let run = Trajectory::read(&desk.path("still.safetensors")).unwrap();
-    let rest = Trajectory::read(&desk.path("rest.safetensors")).unwrap();
+    let run = desk.trajectory("still.safetensors");
+    let rest = desk.trajectory("rest.safetensors");
     assert_eq!(rest.frame_count(), 1);
     assert_eq!(rest.frame(0), run.frame(0));
     // An acceleration of at most the residual over t = 0.5 s moves a vertex by residual t²/2 if
@@ -124,7 +116,7 @@ fn the_first_scene_of_the_docs_runs() {
     let report = desk.json("run flag.toml -o flag.safetensors --frames 30");
     assert!(number(&report, "/sag_residual") <= 1e-3);
     // It hangs still at first and is then blown along x: a speed of the wind's order.
-    let run = Trajectory::read(&desk.path("flag.safetensors")).unwrap();
+    let run = desk.trajectory("flag.safetensors");
     let mean = |frame: usize| {
         let x = run.frame(frame).iter().map(|p| f64::from(p.x));
         x.sum::<f64>() / run.vertex_count() as f64
@@ -134,11 +126,11 @@ fn the_first_scene_of_the_docs_runs() {
 
 #[test]
 fn a_rest_pose_is_the_same_as_a_mesh() {
-    let desk = desk();
+    let desk = Desk::with_push();
     let report = desk.json("run --rest push.toml -o rest.obj");
     desk.json("run --rest push.toml -o rest.safetensors");
     let mesh = read_obj(&desk.path("rest.obj")).unwrap().mesh;
-    let rest = Trajectory::read(&desk.path("rest.safetensors")).unwrap();
+    let rest = desk.trajectory("rest.safetensors");
     assert_eq!(mesh.topology(), rest.topology());
     let positions: Vec<_> = mesh.positions().iter().map(|p| p.as_vec3()).collect();
     assert_eq!(positions, rest.frame(0));
@@ -187,14 +179,14 @@ fn handles_let_go_of_a_learned_cloth_too() {
     assert_ne!(scene, PUSH);
     desk.write("drop.toml", &scene);
     desk.json("run drop.toml -o drop.safetensors --frames 12");
-    let run = Trajectory::read(&desk.path("drop.safetensors")).unwrap();
+    let run = desk.trajectory("drop.safetensors");
     let height = |frame: usize| run.handles().select(run.frame(frame))[0].y;
     assert_eq!(height(3), height(0));
     // Nine frames of free fall would be 0.11 m; the air and the cloth hold it up a little.
     assert!(height(12) < height(3) - 0.02);
     let command = "run drop.toml --model run/model.safetensors -o out --frames 12";
     desk.json(command);
-    let rolled = Trajectory::read(&desk.path("out/rollout.safetensors")).unwrap();
+    let rolled = desk.trajectory("out/rollout.safetensors");
     let corner = |frame: usize| rolled.handles().select(rolled.frame(frame))[0];
     assert_eq!(corner(3), run.handles().select(run.frame(3))[0]);
     assert_ne!(corner(12), corner(3));
@@ -216,7 +208,7 @@ fn a_rollout_starts_at_rest_whatever_the_scene_says() {
     let warning = report["warnings"][0].as_str().unwrap();
     assert!(warning.contains("sagged rest pose"), "{warning}");
     for name in ["rollout", "truth"] {
-        let run = Trajectory::read(&desk.path(&format!("out/{name}.safetensors"))).unwrap();
+        let run = desk.trajectory(&format!("out/{name}.safetensors"));
         assert_eq!(run.frame(0), run.cloth().rest_positions(), "{name}");
         assert_eq!(run.provenance().scene.get("start"), None, "{name}");
     }
@@ -224,7 +216,7 @@ fn a_rollout_starts_at_rest_whatever_the_scene_says() {
 
 #[test]
 fn a_state_goes_on_at_its_own_frame_rate_only() {
-    let desk = desk();
+    let desk = Desk::with_push();
     desk.json("run push.toml -o run.safetensors --states states.safetensors --frames 2");
     let fast = format!("frame_rate = 120\n{PUSH}");
     let start = "start = { state = { file = \"states.safetensors\", frame = 2 } }";
@@ -265,7 +257,7 @@ keyframes = [{ time = 1.0, translation = [0, -0.7, 0] }]
     for words in ["frame ", "\"ball\"", "the frames before", "led.safetensors"] {
         assert!(said.err.contains(words), "{words}: {}", said.err);
     }
-    let trajectory = Trajectory::read(&desk.path("led.safetensors")).unwrap();
+    let trajectory = desk.trajectory("led.safetensors");
     let kept = trajectory.frame_count();
     assert!((2..61).contains(&kept), "{kept}");
     assert!(
@@ -282,7 +274,7 @@ keyframes = [{ time = 1.0, translation = [0, -0.7, 0] }]
         report["failure"].is_null() && report["contact"]["intersections"] == 0,
         "{report}"
     );
-    let short = Trajectory::read(&desk.path("short.safetensors")).unwrap();
+    let short = desk.trajectory("short.safetensors");
     assert_eq!(short.frame_count(), kept);
     assert_eq!(trajectory.frames(), short.frames());
 }

@@ -1,6 +1,6 @@
 //! Parts of a data set, made by runs that never meet, and the whole that they are merged into.
 
-use crate::common::{Desk, TRAINING, number};
+use crate::common::{Desk, number, tiny_preset};
 
 #[test]
 fn parts_merge_into_the_bytes_of_the_whole() {
@@ -15,8 +15,7 @@ fn parts_merge_into_the_bytes_of_the_whole() {
             ));
             assert_eq!(report["part"], format!("{part}/{count}"));
             assert_eq!(number(&report, "/trajectories_missing"), 0.0);
-            let index =
-                String::from_utf8(desk.read(&format!("{name}/index.partial.json"))).unwrap();
+            let index = desk.text(&format!("{name}/index.partial.json"));
             let trajectories = index.matches("blake3").count() as f64;
             assert_eq!(trajectories, made[part - 1], "{name}");
             parts.insert(0, name);
@@ -67,11 +66,7 @@ fn a_merge_says_what_is_missing_or_does_not_fit() {
     desk.json("data generate tiny -o whole");
     let whole = ["whole", "no part", "--shard I/N"];
     desk.fails("data merge whole -o all", 1, &whole);
-    let preset = selvedge_data::shipped_presets()
-        .iter()
-        .find(|p| p.0 == "tiny");
-    let other = preset.unwrap().1.replace("seed = 1", "seed = 2");
-    desk.write("other.toml", other);
+    desk.write("other.toml", tiny_preset().replace("seed = 1", "seed = 2"));
     desk.json("data generate other.toml -o third --shard 3/3");
     let other = ["third", "does not fit", "another configuration"];
     desk.fails("data merge 1 2 third -o all", 1, &other);
@@ -99,8 +94,7 @@ fn a_merge_says_what_is_missing_or_does_not_fit() {
 #[test]
 fn parts_of_a_study_train_in_one_folder() {
     let desk = Desk::new();
-    desk.tiny();
-    desk.write("moment.toml", TRAINING);
+    desk.to_train();
     let entry = |name: &str, more: &str| {
         format!("[[train]]\nname = \"{name}\"\nconfig = \"moment.toml\"\n{more}\n")
     };

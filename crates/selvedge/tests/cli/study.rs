@@ -5,8 +5,7 @@ use std::process::{Command, Stdio};
 use std::thread;
 use std::time::Duration;
 
-use crate::common::{Desk, contents, number};
-use selvedge_data::shipped_presets;
+use crate::common::{Desk, TRAINING, contents, number, tiny_preset};
 use selvedge_model::Model;
 
 /// Four trainings of a moment, two of them after another, on a data set that is made.
@@ -49,9 +48,14 @@ set = ['model.node_features=["velocity", "node-type"]', "losses.kinetic_energy=0
 
 fn desk() -> Desk {
     let desk = Desk::new();
-    desk.write("moment.toml", crate::common::TRAINING);
+    desk.write("moment.toml", TRAINING);
     desk.write("study.toml", STUDY);
     desk
+}
+
+/// Making the study must fail with all of `words`.
+fn refused(desk: &Desk, words: &[&str]) {
+    desk.fails("study study.toml -o s", 1, words);
 }
 
 /// The report without what depends on the machine.
@@ -73,7 +77,7 @@ fn a_study_runs_to_its_report_and_a_second_time_does_nothing() {
         (number(&answer, "/trained"), number(&answer, "/measured")),
         (4.0, 5.0)
     );
-    let page = String::from_utf8(desk.read("s/report/report.md")).unwrap();
+    let page = desk.text("s/report/report.md");
     for text in [
         "# A moment\n\nNothing is learned here.\n",
         "![errors by frames](after.svg)",
@@ -88,7 +92,7 @@ fn a_study_runs_to_its_report_and_a_second_time_does_nothing() {
     desk.json("train moment.toml --data s/data/tiny -o whole --steps 406");
     desk.write(
         "slower.toml",
-        crate::common::TRAINING.replace("rate = 1e-3", "rate = 1e-5"),
+        TRAINING.replace("rate = 1e-3", "rate = 1e-5"),
     );
     desk.json("train slower.toml --data s/data/tiny -o slower --steps 6 --from s/trainings/early");
     let weights = |file: &str| {
@@ -178,13 +182,9 @@ fn a_model_that_has_vanished_or_changed_is_named_with_the_remedy() {
         "remove the folder",
         "remove the entry",
     ];
-    desk.fails("study study.toml -o s", 1, &words);
+    refused(&desk, &words);
     std::fs::write(&model, "another").unwrap();
-    desk.fails(
-        "study study.toml -o s",
-        1,
-        &["\"bare\"", "another one by now"],
-    );
+    refused(&desk, &["\"bare\"", "another one by now"]);
     std::fs::write(&model, bytes).unwrap();
     desk.json("study study.toml -o s");
     // A model that was never this study's.
@@ -196,7 +196,7 @@ fn a_model_that_has_vanished_or_changed_is_named_with_the_remedy() {
         "has vanished",
         "remove the entry",
     ];
-    desk.fails("study study.toml -o s", 1, &words);
+    refused(&desk, &words);
     std::fs::copy(model, desk.path("old.safetensors")).unwrap();
     let answer = desk.json("study study.toml -o s");
     assert_eq!(number(&answer, "/measured"), 6.0);
@@ -210,17 +210,12 @@ fn what_was_made_otherwise_is_not_taken_for_the_same() {
         "study.toml",
         STUDY.replace("losses.kinetic_energy=0.0", "losses.kinetic_energy=0.5"),
     );
-    desk.fails(
-        "study study.toml -o s",
-        1,
+    refused(
+        &desk,
         &["\"bare\"", "another configuration", "remove the folder"],
     );
     desk.write("study.toml", STUDY.replace("steps = 6", "steps = 7"));
-    desk.fails(
-        "study study.toml -o s",
-        1,
-        &["\"early\"", "another configuration"],
-    );
+    refused(&desk, &["\"early\"", "another configuration"]);
     // What is measured otherwise is measured again; trainings are kept.
     desk.write("study.toml", STUDY.replace("starts = 3", "starts = 2"));
     let before = desk.read("s/report/errors.csv");
@@ -231,8 +226,7 @@ fn what_was_made_otherwise_is_not_taken_for_the_same() {
 #[test]
 fn a_data_set_of_another_preset_is_not_taken_for_the_same() {
     let desk = desk();
-    let tiny = shipped_presets().iter().find(|preset| preset.0 == "tiny");
-    let tiny = tiny.unwrap().1;
+    let tiny = tiny_preset();
     desk.write("own.toml", tiny);
     let study = STUDY.replace("\"tiny\" }", "\"own.toml\" }");
     desk.write("study.toml", study);
@@ -243,7 +237,7 @@ fn a_data_set_of_another_preset_is_not_taken_for_the_same() {
     ] {
         desk.write("own.toml", tiny.replace(from, to));
         let words = ["data set \"tiny\"", word, "remove the folder", "another"];
-        desk.fails("study study.toml -o s", 1, &words);
+        refused(&desk, &words);
         assert!(!desk.path("s/trainings").exists());
     }
     // From the same preset it is taken, whoever made it.
@@ -259,7 +253,7 @@ fn a_time_is_kept_to_and_is_not_spent_twice() {
     let late = "budget = { steps = 400 }";
     desk.write(
         "moment.toml",
-        crate::common::TRAINING.replace("steps = 6", "steps = 100000000"),
+        TRAINING.replace("steps = 6", "steps = 100000000"),
     );
     desk.write(
         "study.toml",
@@ -276,11 +270,7 @@ fn a_time_is_kept_to_and_is_not_spent_twice() {
     std::fs::remove_dir_all(desk.path("s/trainings/early")).unwrap();
     let timed = STUDY.replace(late, "budget = { time = \"1s\" }");
     desk.write("study.toml", timed.replacen("steps = 6", "steps = 7", 1));
-    desk.fails(
-        "study study.toml -o s",
-        1,
-        &["\"late\"", "another training to go on from"],
-    );
+    refused(&desk, &["\"late\"", "another training to go on from"]);
 }
 
 #[test]
@@ -307,7 +297,7 @@ fn what_cannot_be_measured_is_found_before_anything_is_trained() {
     ];
     for (from, to, word) in cases {
         desk.write("study.toml", there.replacen(from, to, 1));
-        desk.fails("study study.toml -o s", 1, &["study.toml", word]);
+        refused(&desk, &["study.toml", word]);
         assert!(!desk.path("s/trainings").exists());
     }
     desk.write("study.toml", &there);
@@ -315,11 +305,7 @@ fn what_cannot_be_measured_is_found_before_anything_is_trained() {
     let mut bytes = std::fs::read(&lift).unwrap();
     *bytes.last_mut().unwrap() ^= 1;
     std::fs::write(&lift, bytes).unwrap();
-    desk.fails(
-        "study study.toml -o s",
-        1,
-        &["data set \"tiny\"", "lift.safetensors"],
-    );
+    refused(&desk, &["data set \"tiny\"", "lift.safetensors"]);
     assert!(!desk.path("s/trainings").exists());
 }
 
@@ -327,7 +313,7 @@ fn what_cannot_be_measured_is_found_before_anything_is_trained() {
 fn bad_studies_leave_nothing_behind() {
     let desk = desk();
     desk.write("study.toml", STUDY.replacen("title", "titel", 1));
-    desk.fails("study study.toml -o s", 1, &["study.toml", "titel"]);
+    refused(&desk, &["study.toml", "titel"]);
     assert!(!desk.path("s").exists());
     desk.fails("study none -o s", 1, &["none", "ten-minutes", "table1"]);
 }

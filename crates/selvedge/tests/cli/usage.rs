@@ -109,8 +109,7 @@ fn what_ships_is_listed() {
 
 #[test]
 fn a_person_gets_a_table_and_a_program_gets_json() {
-    let desk = Desk::new();
-    desk.write("push.toml", PUSH);
+    let desk = Desk::with_push();
     let said = desk.run("run push.toml -o run.safetensors --frames 2");
     assert_eq!(said.code, Some(0), "{}", said.err);
     assert!(said.out.contains("wrote"), "{}", said.out);
@@ -124,7 +123,6 @@ fn a_person_gets_a_table_and_a_program_gets_json() {
 mod interrupts {
     use super::*;
     use crate::common::{Running, Said, contents, names_in};
-    use selvedge_data::Trajectory;
 
     #[test]
     fn a_sag_can_be_interrupted() {
@@ -144,15 +142,14 @@ mod interrupts {
 
     #[test]
     fn an_interrupted_simulation_writes_the_frames_so_far() {
-        let desk = Desk::new();
-        desk.write("push.toml", PUSH);
+        let desk = Desk::with_push();
         let mut run = desk.start("run push.toml -o run.safetensors --frames 100000");
         run.wait_for(Running::HAS_RESULTS);
         run.press();
         let Said { code, out, .. } = run.ended();
         assert_eq!(code, Some(130));
         assert!(out.contains("interrupted"), "{out}");
-        let run = Trajectory::read(&desk.path("run.safetensors")).unwrap();
+        let run = desk.trajectory("run.safetensors");
         let frames = run.frame_count();
         assert!((1..100_001).contains(&frames));
         assert!(out.contains(&format!("{frames} of 100001")), "{out}");
@@ -161,8 +158,7 @@ mod interrupts {
 
     #[test]
     fn an_interrupted_rollout_leaves_no_file_of_an_earlier_one() {
-        let desk = Desk::new();
-        desk.write("push.toml", PUSH);
+        let desk = Desk::with_push();
         // The earlier one is of another mesh, to be told from the new one however far that comes.
         desk.write("other.toml", PUSH.replace("vertices = 36", "vertices = 25"));
         desk.json("run --model paper --compare other.toml --frames 2 -o out");
@@ -174,7 +170,7 @@ mod interrupts {
         assert_eq!(code, Some(130));
         assert!(out.contains("interrupted"), "{out}");
         assert_eq!(names_in(&desk.path("out")), ["rollout.safetensors"]);
-        let run = Trajectory::read(&desk.path("out/rollout.safetensors")).unwrap();
+        let run = desk.trajectory("out/rollout.safetensors");
         assert_eq!(run.vertex_count(), 36);
         for name in ["truth.safetensors", "sheet.png", "clip.gif"] {
             let line = format!("{name}, of an earlier rollout");

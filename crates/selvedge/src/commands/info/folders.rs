@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow};
-use selvedge_lab::folder_kind::{EVALUATIONS, FolderKind, TRAININGS};
+use selvedge_lab::folder::{EVALUATIONS, FolderKind, TRAININGS};
 use selvedge_lab::report::TrainingLog;
 use selvedge_train::{TrainConfig, files};
 use serde_json::json;
@@ -88,10 +88,9 @@ fn inspect_study(folder: &Path) -> anyhow::Result<Answer> {
     facts.add("trainings", folded(&trainings));
     facts.add("evaluations", evaluations.len());
     let is_done = report.exists();
-    if is_done {
-        facts.add("report", report.display());
-    } else {
-        facts.add("report", "not yet: the study is not done");
+    match is_done {
+        true => facts.add("report", report.display()),
+        false => facts.add("report", "not yet: the study is not done"),
     }
     let answer = json!({
         "kind": "study-folder",

@@ -25,14 +25,14 @@ use selvedge_data::{
     LoadedScene, MeshFileError, MeshOptions, STATES_FORMAT, StateRun, Trajectory,
     TrajectoryFileError, metrics, read_mesh, shipped_presets, shipped_scenes,
 };
-use selvedge_lab::folder_kind::FolderKind;
+use selvedge_lab::folder::FolderKind;
 use selvedge_lab::{physics, study};
 use selvedge_model::{MODEL_FORMAT, Model, Network};
 use selvedge_train::{CHECKPOINT_FORMAT, TrainConfig};
 use serde_json::{Value, json};
 
 use crate::cli::InfoArgs;
-use crate::failure::WrongUsage;
+use crate::failure::wrong;
 use crate::output::{Answer, Facts, folded, length, percent};
 use crate::{place, scenes};
 
@@ -46,7 +46,7 @@ pub(crate) fn run(args: &InfoArgs) -> anyhow::Result<Answer> {
             return dataset::run(&args.path, Some(to));
         }
         let problem = "--picture: only a data set is drawn into a folder: name a file (.png, .svg)";
-        return Err(WrongUsage::new(problem).into());
+        return Err(wrong(problem));
     }
     place::check_file(to, "--picture", &["png", "svg"])?;
     let answer = say(&args.path)?;
@@ -165,25 +165,19 @@ fn inspect_training(cfg: &TrainConfig, name: &str) -> anyhow::Result<Answer> {
 /// A trajectory, or a model if the file says so.
 fn inspect_container(path: &Path) -> anyhow::Result<Answer> {
     let bytes = selvedge_data::read_file(path).with_context(|| path.display().to_string())?;
-    match Trajectory::from_bytes(&bytes) {
-        Ok(trajectory) => inspect_trajectory(&trajectory, path),
-        Err(TrajectoryFileError::Metadata { name, found, .. })
-            if name == "format" && found == MODEL_FORMAT =>
-        {
-            let model = Model::from_bytes(&bytes).with_context(|| path.display().to_string())?;
-            inspect_model(&model, path)
+    let read = Trajectory::from_bytes(&bytes);
+    let format = match &read {
+        Err(TrajectoryFileError::Metadata { name, found, .. }) if name == "format" => {
+            found.as_str()
         }
-        Err(TrajectoryFileError::Metadata { name, found, .. })
-            if name == "format" && found == STATES_FORMAT =>
-        {
-            inspect_states(&bytes, path)
-        }
-        Err(TrajectoryFileError::Metadata { name, found, .. })
-            if name == "format" && found == CHECKPOINT_FORMAT =>
-        {
-            inspect_checkpoint(bytes.len(), path)
-        }
-        Err(error) => Err(error).with_context(|| path.display().to_string()),
+        _ => "",
+    };
+    let context = || path.display().to_string();
+    match format {
+        MODEL_FORMAT => inspect_model(&Model::from_bytes(&bytes).with_context(context)?, path),
+        STATES_FORMAT => inspect_states(&bytes, path),
+        CHECKPOINT_FORMAT => inspect_checkpoint(bytes.len(), path),
+        _ => inspect_trajectory(&read.with_context(context)?, path),
     }
 }
 

@@ -29,51 +29,48 @@ pub(super) fn scene_facts(
             ),
         );
     }
-    let mut reports = Vec::new();
-    for obstacle in obstacles {
-        let (kind, seconds) = motion_of(obstacle);
-        let (points, faces) = (obstacle.point_count(), obstacle.faces().len());
-        let motion = match seconds {
-            Some(seconds) => format!("moves {kind} for {seconds:.2} s"),
-            None => "still".to_owned(),
-        };
-        let friction = match obstacle.friction() {
-            friction if friction.is_finite() => format!(", friction {friction}"),
-            _ => String::new(),
-        };
-        facts.add(
-            "obstacle",
-            format!(
-                "{}: {points} points, {faces} faces, {motion}{friction}",
-                obstacle.name()
-            ),
-        );
-        let places: Vec<DVec3> = obstacle.positions_at(0.0).collect();
-        let (low, high) = box_of(&physics::rounded(&places));
-        let edges = obstacle
-            .faces()
-            .iter()
-            .flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
-        let lengths = edges.map(|ends| {
-            let [a, b] = ends.map(|p| places[p as usize]);
-            a.distance(b)
-        });
-        facts.add(
-            "its size",
-            format!("{}, from {low} to {high} m", sides(low, high)),
-        );
-        facts.add("its edges", shortest_mean_longest(lengths));
-        reports.push(json!({
-            "name": obstacle.name(),
-            "points": points,
-            "faces": faces,
-            "motion": kind,
-            "seconds": seconds,
-            "lowest_corner": low.to_array(),
-            "highest_corner": high.to_array(),
-        }));
-    }
-    Value::Array(reports)
+    let reports = obstacles.iter().map(|obstacle| of_scene(facts, obstacle));
+    Value::Array(reports.collect())
+}
+
+/// Adds lines for an obstacle; the same for JSON.
+fn of_scene(facts: &mut Facts, obstacle: &Obstacle) -> Value {
+    let (kind, seconds) = motion_of(obstacle);
+    let (name, points, faces) = (obstacle.name(), obstacle.point_count(), obstacle.faces());
+    let motion = match seconds {
+        Some(seconds) => format!("moves {kind} for {seconds:.2} s"),
+        None => "still".to_owned(),
+    };
+    let friction = match obstacle.friction() {
+        friction if friction.is_finite() => format!(", friction {friction}"),
+        _ => String::new(),
+    };
+    facts.add(
+        "obstacle",
+        format!(
+            "{name}: {points} points, {} faces, {motion}{friction}",
+            faces.len()
+        ),
+    );
+    let places: Vec<DVec3> = obstacle.positions_at(0.0).collect();
+    let (low, high) = box_of(&physics::rounded(&places));
+    let edges = faces.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
+    let lengths = edges.map(|ends| {
+        let [a, b] = ends.map(|p| places[p as usize]);
+        a.distance(b)
+    });
+    let sides = sides(low, high);
+    facts.add("its size", format!("{sides}, from {low} to {high} m"));
+    facts.add("its edges", shortest_mean_longest(lengths));
+    json!({
+        "name": name,
+        "points": points,
+        "faces": faces.len(),
+        "motion": kind,
+        "seconds": seconds,
+        "lowest_corner": low.to_array(),
+        "highest_corner": high.to_array(),
+    })
 }
 
 /// Kind of a motion, and how long it lasts `[s]`.

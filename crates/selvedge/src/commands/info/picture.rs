@@ -7,7 +7,7 @@ use std::path::Path;
 use anyhow::{Context, bail};
 use selvedge_cloth::{Mesh, Obstacle, VertexId};
 use selvedge_data::{MeshOptions, Trajectory, TrajectoryFileError, read_mesh, write_atomically};
-use selvedge_lab::folder_kind::FolderKind;
+use selvedge_lab::folder::FolderKind;
 use selvedge_lab::physics;
 use selvedge_lab::report::{TrainingLog, training_chart};
 use selvedge_train::files;
@@ -16,7 +16,7 @@ use selvedge_view::{Body, Colouring, Image, Panel, Run, still};
 
 use super::exported::read_npz;
 use super::folders;
-use crate::failure::WrongUsage;
+use crate::failure::wrong;
 use crate::film::SIZE;
 use crate::{pictures, scenes};
 
@@ -27,7 +27,7 @@ pub(super) fn draw(path: &Path, to: &Path) -> anyhow::Result<()> {
         return match FolderKind::of(path) {
             Some(FolderKind::DataSet) => {
                 let problem = "--picture: a data set is drawn into a folder: name one";
-                Err(WrongUsage::new(problem).into())
+                Err(wrong(problem))
             }
             Some(FolderKind::Training) => {
                 let cfg = folders::config_in(path)?;
@@ -107,7 +107,7 @@ fn only_png(to: &Path) -> anyhow::Result<()> {
             "--picture {}: only curves are drawn as .svg: take .png",
             to.display()
         );
-        return Err(WrongUsage::new(problem).into());
+        return Err(wrong(problem));
     }
     Ok(())
 }
@@ -124,7 +124,7 @@ fn write_chart(to: &Path, chart: &LineChart) -> anyhow::Result<()> {
             "--picture {}: curves are drawn as .svg: take that",
             to.display()
         );
-        return Err(WrongUsage::new(problem).into());
+        return Err(wrong(problem));
     }
     let svg = chart.to_svg()?;
     Ok(write_atomically(to, |out| out.write_all(svg.as_bytes()))?)

@@ -5,6 +5,7 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStderr, Command, Stdio};
 
+use selvedge_data::{Trajectory, shipped_presets};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -63,6 +64,13 @@ impl Desk {
         }
     }
 
+    /// A desk with [`PUSH`] in `push.toml`.
+    pub(crate) fn with_push() -> Self {
+        let desk = Self::new();
+        desk.write("push.toml", PUSH);
+        desk
+    }
+
     pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
@@ -73,6 +81,14 @@ impl Desk {
 
     pub(crate) fn read(&self, name: &str) -> Vec<u8> {
         std::fs::read(self.path(name)).unwrap()
+    }
+
+    pub(crate) fn text(&self, name: &str) -> String {
+        String::from_utf8(self.read(name)).unwrap()
+    }
+
+    pub(crate) fn trajectory(&self, name: &str) -> Trajectory {
+        Trajectory::read(&self.path(name)).unwrap()
     }
 
     /// Names of everything in the folder, sorted.
@@ -160,10 +176,15 @@ impl Desk {
         self.json("data generate tiny -o tiny");
     }
 
-    /// A model that has barely learned, in `run/model.safetensors`.
-    pub(crate) fn model(&self) {
+    /// The data set `tiny`, and [`TRAINING`] in `moment.toml`.
+    pub(crate) fn to_train(&self) {
         self.tiny();
         self.write("moment.toml", TRAINING);
+    }
+
+    /// A model that has barely learned, in `run/model.safetensors`.
+    pub(crate) fn model(&self) {
+        self.to_train();
         self.json("train moment.toml --data tiny -o run");
     }
 }
@@ -238,6 +259,12 @@ pub(crate) fn contents(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
         }
     }
     found
+}
+
+/// The text of the shipped preset `tiny`.
+pub(crate) fn tiny_preset() -> &'static str {
+    let mut shipped = shipped_presets().iter();
+    shipped.find(|preset| preset.0 == "tiny").unwrap().1
 }
 
 /// The number at `pointer` of a JSON object.
