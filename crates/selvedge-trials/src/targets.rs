@@ -114,11 +114,16 @@ pub static TARGETS: [Target; 25] = [
     ),
     of_file("glb", "mesh.glb", &["run.glb"], shape),
     of_file("usda", "mesh.usda", &["run.usda"], shape),
-    of_file("usdc", "cache.usdc", &["run.usdc", BLENDER], |b, path, _| {
-        let read = shape(b, path, &[]);
-        beside(b, "by-usdc.toml")?;
-        read
-    }),
+    of_file(
+        "usdc",
+        "cache.usdc",
+        &["run.usdc", BLENDER],
+        |b, path, _| {
+            let read = shape(b, path, &[]);
+            beside(b, "by-usdc.toml")?;
+            read
+        },
+    ),
     of_file("usdz", "rig.usdz", &["run.usdz"], |_, path, _| rig(path)),
     of_file("pc2", "cache.pc2", &["run.pc2"], |bench, _, _| {
         beside(bench, "by-pc2.toml")
