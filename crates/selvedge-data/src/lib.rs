@@ -74,13 +74,12 @@ pub use dataset::sections::{Sample, Section, SectionRule};
 pub use dataset::writer::DatasetWriter;
 pub use dataset::{Dataset, DatasetError, DatasetIndex, DatasetStatistics, Entry, Split, Splits};
 pub use formats::atomic::{
-    WriteError, is_writing, write_atomically, write_beside, write_folder_atomically,
+    WriteError, is_writing, remove_parts, write_atomically, write_beside, write_folder_atomically,
 };
 pub use formats::file_error::{FileError, Problem};
 pub use formats::input::{read_file, read_text};
 pub use formats::mesh_file::read_mesh;
 pub use formats::obj::{parse_obj_with, read_obj, write_obj};
-pub use formats::parts::remove_parts;
 pub use formats::polygons::{
     MeshFileError, MeshOptions, PanelPlace, PatternSource, ReadMesh, ReadMeshError, RestAngles,
     SeamPair, Seams, Sewing, TextureUnit,
@@ -88,8 +87,8 @@ pub use formats::polygons::{
 pub use formats::tensor_file::{TensorOut, TensorValues, read_header, write_tensors};
 pub use formats::up_axis::UpAxis;
 pub use obstacle::{
-    BodySpec, Capsule, Cuboid, Cylinder, FramesFile, NodeFile, ObstacleKeyframes, ObstacleMotion,
-    ObstacleSpec, Placement, Plane, Sides, Sphere,
+    BodySpec, Cuboid, FramesFile, NodeFile, ObstacleKeyframes, ObstacleMotion, ObstacleSpec,
+    Placement, Plane, Sides, Sphere, Tube,
 };
 pub use rest_poses::{KeptRestPose, RestPoseFolder};
 pub use rig::{MeshMotion, Rig, RigError, RigNode};

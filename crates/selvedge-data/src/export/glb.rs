@@ -20,9 +20,8 @@ use std::path::Path;
 use glam::Vec3;
 use serde_json::{Value, json};
 
-use super::obstacles::TakenObstacle;
-use super::outcome::{ExportError, Pulse, check_size};
-use super::take::{Take, extent};
+use super::common::{ExportError, check_size, le_floats, le_points, le_words};
+use super::take::{Body, Take, extent};
 use crate::formats::atomic::write_atomically;
 
 const MAGIC: u32 = 0x4654_6c67;
@@ -50,108 +49,128 @@ pub(super) fn planned_bytes(take: &Take<'_>) -> u64 {
 }
 
 /// Writes the file.
-pub(super) fn write(
-    take: &Take<'_>,
-    path: &Path,
-    pulse: &mut Pulse<'_>,
-) -> Result<(), ExportError> {
+pub(super) fn write(take: &Take<'_>, path: &Path) -> Result<(), ExportError> {
     check_size(".glb", planned_bytes(take), take.every)?;
-    let written = write_atomically(path, |out| out.write_all(&bytes(take, pulse)?));
+    let written = write_atomically(path, |out| out.write_all(&bytes(take)?));
     Ok(written?)
 }
 
 /// The file in memory.
-pub(super) fn bytes(take: &Take<'_>, pulse: &mut Pulse<'_>) -> io::Result<Vec<u8>> {
-    let (json, binary) = contents(take, pulse)?;
-    let length = HEADERS + json.len() + binary.data.len();
+pub(super) fn bytes(take: &Take<'_>) -> io::Result<Vec<u8>> {
+    let (json, binary) = contents(take)?;
+    let length = HEADERS + json.len() + binary.len();
     // What does not grow with the frames may still be too much.
     let length = u32::try_from(length).map_err(io::Error::other)?;
     let mut out = Vec::with_capacity(length as usize);
-    put_numbers(&mut out, &[MAGIC, VERSION, length]);
-    put_numbers(&mut out, &[json.len() as u32, JSON_CHUNK]);
+    out.extend(le_words(&[MAGIC, VERSION, length]));
+    out.extend(le_words(&[json.len() as u32, JSON_CHUNK]));
     out.extend(json);
-    put_numbers(&mut out, &[binary.data.len() as u32, BINARY_CHUNK]);
-    out.extend(binary.data);
+    out.extend(le_words(&[binary.len() as u32, BINARY_CHUNK]));
+    out.extend(binary);
     Ok(out)
 }
 
-/// The binary part: views one after another, and the accessors to them.
+/// The text of the file, padded to a multiple of four bytes, and its binary part.
+fn contents(take: &Take<'_>) -> io::Result<(Vec<u8>, Vec<u8>)> {
+    let mut scene = Scene::default();
+    if take.len() > 1 {
+        let times: Vec<f32> = (0..take.len()).map(|k| take.time(k) as f32).collect();
+        scene.times = scene.floats(1, None, times.iter().copied());
+        scene.bound(scene.times, &[0.0], &times[take.len() - 1..]);
+    }
+    cloth(take, &mut scene)?;
+    for body in take.obstacles() {
+        obstacle(take, &body, &mut scene);
+    }
+    let mut materials = vec![material("cloth", COLOUR)];
+    if scene.meshes.len() > 1 {
+        materials.push(material("obstacle", GREY));
+    }
+    let mut document = json!({
+        "asset": { "version": "2.0", "generator": take.trajectory.provenance().made_by },
+        "scene": 0,
+        "scenes": [{ "nodes": (0..scene.nodes.len()).collect::<Vec<_>>() }],
+        "nodes": scene.nodes,
+        "meshes": scene.meshes,
+        "materials": materials,
+        "accessors": scene.accessors,
+        "bufferViews": scene.views,
+        "buffers": [{ "byteLength": scene.binary.len() }],
+    });
+    if take.len() > 1 {
+        let (samplers, channels) = (scene.samplers, scene.channels);
+        document["animations"] =
+            json!([{ "name": "cloth", "samplers": samplers, "channels": channels }]);
+    }
+    let mut text = document.to_string().into_bytes();
+    text.resize(text.len().next_multiple_of(4), b' ');
+    Ok((text, scene.binary))
+}
+
+/// The parts of a file under way: the binary part with a view and an accessor for each array, nodes
+/// with their meshes, and the samplers and channels of the animation.
 #[derive(Default)]
-struct Binary {
+struct Scene {
+    binary: Vec<u8>,
     views: Vec<Value>,
     accessors: Vec<Value>,
-    data: Vec<u8>,
+    nodes: Vec<Value>,
+    meshes: Vec<Value>,
+    samplers: Vec<Value>,
+    channels: Vec<Value>,
+    /// Accessor of the times of all keys.
+    times: usize,
 }
 
-/// Elements of a view: corners of faces, something per vertex, or something per key.
-#[derive(Clone, Copy)]
-enum Kind {
-    Corners,
-    PerVertex(usize),
-    PerKey(usize),
-}
-
-/// A view, and its elements.
-#[derive(Clone, Copy)]
-struct View {
-    /// None where it has no elements.
-    number: Option<usize>,
-    kind: Kind,
-}
-
-impl Kind {
-    /// Numbers of an element.
-    fn width(self) -> usize {
-        match self {
-            Self::Corners => 1,
-            Self::PerVertex(width) | Self::PerKey(width) => width,
-        }
-    }
-}
-
-impl Binary {
-    /// Adds a view of what `write` puts at the end of the data.
-    fn view(&mut self, kind: Kind, write: impl FnOnce(&mut Vec<u8>)) -> View {
-        let start = self.data.len();
-        write(&mut self.data);
-        self.view_from(start, kind)
-    }
-
-    /// A view of the data from `start` on.
-    fn view_from(&mut self, start: usize, kind: Kind) -> View {
-        let length = self.data.len() - start;
-        if length == 0 {
-            return View { number: None, kind };
-        }
-        let mut view = json!({ "buffer": 0, "byteOffset": start, "byteLength": length });
-        match kind {
-            Kind::Corners => view["target"] = json!(INDICES),
-            Kind::PerVertex(width) => {
-                view["byteStride"] = json!(4 * width);
-                view["target"] = json!(VERTICES);
-            }
-            Kind::PerKey(_) => {}
-        }
-        self.views.push(view);
-        let number = Some(self.views.len() - 1);
-        View { number, kind }
-    }
-
-    /// Adds an accessor to `count` elements of a view after the first `skipped`; its number.
-    fn accessor(&mut self, view: View, skipped: usize, count: usize) -> usize {
-        let component = match view.kind {
-            Kind::Corners => UNSIGNED_INT,
-            Kind::PerVertex(_) | Kind::PerKey(_) => FLOAT,
-        };
-        let form = ["SCALAR", "VEC2", "VEC3", "VEC4"][view.kind.width() - 1];
-        self.accessors.push(json!({
-            "bufferView": view.number,
-            "byteOffset": 4 * view.kind.width() * skipped,
-            "componentType": component,
-            "count": count,
+impl Scene {
+    /// Adds an array of elements of `width` numbers of four bytes; returns its accessor.
+    fn array(&mut self, width: usize, kind: u32, target: Option<u32>, bytes: &[u8]) -> usize {
+        let form = ["SCALAR", "VEC2", "VEC3", "VEC4"][width - 1];
+        let mut accessor = json!({
+            "componentType": kind,
+            "count": bytes.len() / 4 / width,
             "type": form,
-        }));
+        });
+        // There are no empty views.
+        if !bytes.is_empty() {
+            accessor["bufferView"] = json!(self.views.len());
+            let (start, length) = (self.binary.len(), bytes.len());
+            let mut view = json!({ "buffer": 0, "byteOffset": start, "byteLength": length });
+            if let Some(target) = target {
+                view["target"] = json!(target);
+            }
+            self.views.push(view);
+            self.binary.extend(bytes);
+        }
+        self.accessors.push(accessor);
         self.accessors.len() - 1
+    }
+
+    fn floats(
+        &mut self,
+        width: usize,
+        target: Option<u32>,
+        values: impl Iterator<Item = f32>,
+    ) -> usize {
+        self.array(width, FLOAT, target, &le_floats(values))
+    }
+
+    /// Adds vectors of vertices.
+    fn vectors(&mut self, vectors: &[Vec3]) -> usize {
+        self.array(3, FLOAT, Some(VERTICES), &le_points(vectors))
+    }
+
+    /// Adds positions of vertices, with their extent as the bounds of the accessor.
+    fn points(&mut self, points: &[Vec3]) -> usize {
+        let accessor = self.vectors(points);
+        let [low, high] = extent(points).map(|corner| corner.to_array());
+        self.bound(accessor, &low, &high);
+        accessor
+    }
+
+    fn indices(&mut self, faces: &[[u32; 3]]) -> usize {
+        let bytes = le_words(faces.as_flattened());
+        self.array(1, UNSIGNED_INT, Some(INDICES), &bytes)
     }
 
     /// Says the bounds of an accessor.
@@ -160,67 +179,29 @@ impl Binary {
         self.accessors[accessor]["max"] = json!(high);
     }
 
-    /// An accessor to the `frame`th `count` points of a view, with their extent as its bounds.
-    fn points(&mut self, view: View, frame: usize, count: usize, [low, high]: [Vec3; 2]) -> usize {
-        let accessor = self.accessor(view, count * frame, count);
-        self.bound(accessor, &low.to_array(), &high.to_array());
-        accessor
+    /// Adds a mesh of one primitive, which the last node has: the first shape are its attributes,
+    /// the others its morph targets.
+    fn mesh(&mut self, name: &str, mut shapes: Vec<Value>, indices: usize, material: usize) {
+        let attributes = shapes.remove(0);
+        let mut primitive =
+            json!({ "attributes": attributes, "indices": indices, "material": material });
+        let mut mesh = json!({ "name": name });
+        if !shapes.is_empty() {
+            mesh["weights"] = json!(vec![0; shapes.len()]);
+            primitive["targets"] = json!(shapes);
+        }
+        mesh["primitives"] = json!([primitive]);
+        if let Some(node) = self.nodes.last_mut() {
+            node["mesh"] = json!(self.meshes.len());
+        }
+        self.meshes.push(mesh);
     }
-}
 
-/// The text of the file, padded to a multiple of four bytes, and its binary part.
-fn contents(take: &Take<'_>, pulse: &mut Pulse<'_>) -> io::Result<(Vec<u8>, Binary)> {
-    let mut binary = Binary::default();
-    let frames = take.len();
-    let (mesh, mut animation) = cloth(take, &mut binary, pulse)?;
-    let mut nodes = vec![json!({ "name": "sheet", "mesh": 0 })];
-    let handles = take.handle_positions(0).into_iter().enumerate();
-    nodes.extend(handles.map(|(number, position)| {
-        json!({ "name": format!("handle_{number}"), "translation": position.to_array() })
-    }));
-    let mut meshes = vec![mesh];
-    let mut materials = vec![material("cloth", COLOUR)];
-    for obstacle in take.obstacles() {
-        let (mut node, mesh) = body(take, &obstacle, nodes.len(), &mut binary, &mut animation);
-        node["mesh"] = json!(meshes.len());
-        nodes.push(node);
-        meshes.push(mesh);
-    }
-    if meshes.len() > 1 {
-        materials.push(material("obstacle", GREY));
-    }
-    let mut document = json!({
-        "asset": { "version": "2.0", "generator": take.trajectory.provenance().made_by },
-        "scene": 0,
-        "scenes": [{ "nodes": (0..nodes.len()).collect::<Vec<_>>() }],
-        "nodes": nodes,
-        "meshes": meshes,
-        "materials": materials,
-        "accessors": binary.accessors,
-        "bufferViews": binary.views,
-        "buffers": [{ "byteLength": binary.data.len() }],
-    });
-    if frames > 1 {
-        document["animations"] = json!([animation.into_json()]);
-    }
-    let mut text = document.to_string().into_bytes();
-    text.resize(text.len().next_multiple_of(4), b' ');
-    Ok((text, binary))
-}
-
-/// The animation: samplers and the channels that they move, all at the same times.
-#[derive(Default)]
-struct Animation {
-    times: usize,
-    samplers: Vec<Value>,
-    channels: Vec<Value>,
-}
-
-impl Animation {
     /// Moves what `path` names of a node by the values of an accessor.
     fn moves(&mut self, node: usize, path: &str, output: usize) {
+        let times = self.times;
         self.samplers
-            .push(json!({ "input": self.times, "output": output, "interpolation": "LINEAR" }));
+            .push(json!({ "input": times, "output": output, "interpolation": "LINEAR" }));
         self.goes_with(self.samplers.len() - 1, node, path);
     }
 
@@ -228,181 +209,116 @@ impl Animation {
         self.channels
             .push(json!({ "sampler": sampler, "target": { "node": node, "path": path } }));
     }
-
-    fn into_json(self) -> Value {
-        json!({ "name": "cloth", "samplers": self.samplers, "channels": self.channels })
-    }
 }
 
-/// The mesh of the cloth, and the animation of its morph targets and of its handles.
-fn cloth(
-    take: &Take<'_>,
-    binary: &mut Binary,
-    pulse: &mut Pulse<'_>,
-) -> io::Result<(Value, Animation)> {
-    let cloth = take.trajectory.cloth();
-    let (texture, frames) = (cloth.texture_points(), take.len());
-    // The vertex of each point.
+/// Adds the cloth with a morph target by the frame, and the handles.
+fn cloth(take: &Take<'_>, scene: &mut Scene) -> io::Result<()> {
+    let (cloth, sheet, frames) = (take.trajectory.cloth(), take.sheet(), take.len());
+    let texture = cloth.texture_points();
+    // The vertex of each point: glTF has one texture coordinate per vertex.
     let of_points = match texture {
         Some(texture) => texture.vertices(),
         None => (0..cloth.vertex_count() as u32).collect(),
     };
-    let is_split = texture.is_some_and(|texture| texture.is_sewn());
-    let (vertices, corners) = (of_points.len(), 3 * cloth.face_area().len());
-    let handles = cloth.handles().vertices().len();
-    let position = |number| take.positions(number);
-    // glTF has one texture coordinate per vertex, so that it has their points for vertices.
     let split = |values: &[Vec3]| -> Vec<Vec3> {
         let vertices = of_points.iter();
         vertices.map(|v| values[*v as usize]).collect()
     };
-    let indices = binary.view(Kind::Corners, |out| {
-        let corners = texture.map(|texture| texture.corners());
-        let corners = corners.unwrap_or_else(|| cloth.topology().face_indices());
-        put_numbers(out, corners.as_flattened());
-    });
-    let start = binary.data.len();
-    for target in targets(frames, position) {
-        put_points(&mut binary.data, &split(&target));
-        pulse.beat()?;
-    }
-    let positions = binary.view_from(start, Kind::PerVertex(3));
-    let normals = take.normals.then(|| {
-        binary.view(Kind::PerVertex(3), |out| {
-            let normals = |number| take.normals_at(&take.positions(number));
-            targets(frames, normals).for_each(|target| put_points(out, &split(&target)));
-        })
-    });
-    let coordinates = binary.view(Kind::PerVertex(2), |out| {
-        let coordinates = texture.map_or(&[][..], |texture| texture.points()).iter();
-        put_floats(out, coordinates.flat_map(|c| [c.x, 1.0 - c.y]));
-    });
-    let of_handles = binary.view(Kind::PerVertex(1), |out| {
-        let numbers = take.handle_numbers();
-        put_floats(out, of_points.iter().map(|v| numbers[*v as usize] as f32));
-    });
-    let of_vertices = binary.view(Kind::PerVertex(1), |out| {
-        let split = of_points.iter().filter(|_| is_split);
-        put_floats(out, split.map(|v| *v as f32));
-    });
-    let times = binary.view(Kind::PerKey(1), |out| {
-        put_floats(out, (0..frames).map(|number| take.time(number) as f32));
-    });
-    // For each key a weight for each target: those of frame 1, frame 2 and so on.
-    let weights = binary.view(Kind::PerKey(1), |out| {
-        let row = |key: usize| (1..frames).map(move |target| f32::from(u8::from(target == key)));
-        put_floats(out, (0..frames).flat_map(row));
-    });
-    let paths = binary.view(Kind::PerKey(3), |out| {
-        for handle in 0..handles {
-            let path = (0..frames).map(|number| take.handle_positions(number)[handle]);
-            put_points(out, &path.collect::<Vec<_>>());
+    let corners = texture.map(|texture| texture.corners());
+    let indices = scene.indices(&corners.unwrap_or_else(|| sheet.faces()));
+    let mut shapes = Vec::with_capacity(frames);
+    let first = sheet.positions(0);
+    let upright = take.normals.then(|| take.normals_at(&first));
+    for number in 0..frames {
+        let positions = sheet.positions(number);
+        let moved = split(&change(number, &positions, &first));
+        let mut shape = json!({ "POSITION": scene.points(&moved) });
+        if let Some(upright) = &upright {
+            let normals = change(number, &take.normals_at(&positions), upright);
+            shape["NORMAL"] = json!(scene.vectors(&split(&normals)));
         }
-    });
-    let indices = binary.accessor(indices, 0, corners);
-    let numbered = targets(frames, position).enumerate();
-    let shapes = numbered.map(|(number, target)| {
-        let position = binary.points(positions, number, vertices, extent(&target));
-        let mut shape = json!({ "POSITION": position });
-        if let Some(normals) = normals {
-            shape["NORMAL"] = json!(binary.accessor(normals, vertices * number, vertices));
-        }
-        shape
-    });
-    let mut shapes: Vec<Value> = shapes.collect();
-    let attributes = &mut shapes[0];
-    if texture.is_some() {
-        attributes["TEXCOORD_0"] = json!(binary.accessor(coordinates, 0, vertices));
+        shapes.push(shape);
+        (take.beat)()?;
     }
-    attributes["_HANDLE"] = json!(binary.accessor(of_handles, 0, vertices));
-    if is_split {
-        attributes["_VERTEX"] = json!(binary.accessor(of_vertices, 0, vertices));
+    let per_vertex = Some(VERTICES);
+    if let Some(texture) = texture {
+        let coordinates = texture.points().iter().flat_map(|c| [c.x, 1.0 - c.y]);
+        shapes[0]["TEXCOORD_0"] = json!(scene.floats(2, per_vertex, coordinates));
     }
-    let mut mesh = mesh("sheet", shapes, indices, 0);
-    let mut animation = Animation::default();
+    let numbers = take.handle_numbers();
+    let numbers = of_points.iter().map(|v| numbers[*v as usize] as f32);
+    shapes[0]["_HANDLE"] = json!(scene.floats(1, per_vertex, numbers));
+    if texture.is_some_and(|texture| texture.is_sewn()) {
+        let vertices = of_points.iter().map(|v| *v as f32);
+        shapes[0]["_VERTEX"] = json!(scene.floats(1, per_vertex, vertices));
+    }
+    scene.nodes.push(json!({ "name": "sheet" }));
+    scene.mesh("sheet", shapes, indices, 0);
     if frames > 1 {
         let names: Vec<String> = (1..frames).map(|k| format!("frame {k}")).collect();
-        mesh["extras"] = json!({ "targetNames": names });
-        animation.times = binary.accessor(times, 0, frames);
-        binary.bound(animation.times, &[0.0], &[take.time(frames - 1) as f32]);
-        animation.moves(
-            0,
-            "weights",
-            binary.accessor(weights, 0, frames * (frames - 1)),
-        );
-        for handle in 0..handles {
-            let path = binary.accessor(paths, frames * handle, frames);
-            animation.moves(1 + handle, "translation", path);
+        scene.meshes[0]["extras"] = json!({ "targetNames": names });
+        // For each key a weight for each target: those of frame 1, frame 2 and so on.
+        let row = |key: usize| (1..frames).map(move |target| f32::from(u8::from(target == key)));
+        let weights = scene.floats(1, None, (0..frames).flat_map(row));
+        scene.moves(0, "weights", weights);
+    }
+    for (handle, position) in take.handle_positions(0).into_iter().enumerate() {
+        let node = scene.nodes.len();
+        let name = format!("handle_{handle}");
+        scene
+            .nodes
+            .push(json!({ "name": name, "translation": position.to_array() }));
+        if frames > 1 {
+            let path = (0..frames).map(|number| take.handle_positions(number)[handle]);
+            let path = scene.floats(3, None, path.flat_map(|place| place.to_array()));
+            scene.moves(node, "translation", path);
         }
     }
-    Ok((mesh, animation))
+    Ok(())
 }
 
-/// The node of an obstacle, of this number, and its mesh. A rigid one is moved by its node, another
-/// that moves by morph targets, which go with the weights of the cloth.
-fn body(
-    take: &Take<'_>,
-    obstacle: &TakenObstacle<'_>,
-    number: usize,
-    binary: &mut Binary,
-    animation: &mut Animation,
-) -> (Value, Value) {
-    let track = obstacle.track;
-    let (corners, count) = (3 * track.faces().len(), track.point_count());
-    let (keys, rigid) = (take.len(), track.rigid_points());
-    let frames = if rigid.is_some() {
-        1
-    } else {
-        obstacle.frame_count(take)
+/// Adds an obstacle. A rigid one is moved by its node, another that moves by morph targets, which go
+/// with the weights of the cloth.
+fn obstacle(take: &Take<'_>, body: &Body<'_>, scene: &mut Scene) {
+    let (number, keys) = (scene.nodes.len(), take.len());
+    let rigid = body.track.and_then(|track| track.rigid_points());
+    let pose = |number: usize| body.track?.pose(take.frame(number));
+    let indices = scene.indices(&body.faces());
+    let shapes = match rigid {
+        Some(points) => vec![json!({ "POSITION": scene.points(points) })],
+        None => {
+            let first = body.positions(0);
+            let shape = |number| {
+                let moved = change(number, &body.positions(number), &first);
+                json!({ "POSITION": scene.points(&moved) })
+            };
+            (0..body.frame_count()).map(shape).collect()
+        }
     };
-    let at = |number: usize| match rigid {
-        Some(points) => points.to_vec(),
-        None => take.turned(&track.frame(take.frame(number))),
-    };
-    let poses = || (0..keys).filter_map(|number| track.pose(take.frame(number)));
-    let indices = binary.view(Kind::Corners, |out| {
-        put_numbers(out, track.faces().as_flattened());
-    });
-    let points = binary.view(Kind::PerVertex(3), |out| {
-        targets(frames, at).for_each(|target| put_points(out, &target));
-    });
-    let turns = binary.view(Kind::PerKey(4), |out| {
-        put_floats(out, poses().flat_map(|(turn, _)| turn.to_array()));
-    });
-    let places = binary.view(Kind::PerKey(3), |out| {
-        put_floats(out, poses().flat_map(|(_, place)| place.to_array()));
-    });
-    let indices = binary.accessor(indices, 0, corners);
-    let shapes = targets(frames, at).enumerate().map(|(number, target)| {
-        json!({ "POSITION": binary.points(points, number, count, extent(&target)) })
-    });
-    let shapes = shapes.collect();
-    let mut node = json!({ "name": obstacle.name });
-    if let Some((turn, place)) = poses().next() {
+    let mut node = json!({ "name": body.name });
+    if let Some((turn, place)) = pose(0) {
         node["rotation"] = json!(turn.to_array());
         node["translation"] = json!(place.to_array());
     }
+    scene.nodes.push(node);
+    scene.mesh(&body.name, shapes, indices, 1);
     if keys > 1 && rigid.is_some() {
-        animation.moves(number, "rotation", binary.accessor(turns, 0, keys));
-        animation.moves(number, "translation", binary.accessor(places, 0, keys));
-    } else if keys > 1 && !track.is_still() {
-        animation.goes_with(0, number, "weights");
+        let poses = || (0..keys).filter_map(pose);
+        let turns = scene.floats(4, None, poses().flat_map(|(turn, _)| turn.to_array()));
+        scene.moves(number, "rotation", turns);
+        let places = scene.floats(3, None, poses().flat_map(|(_, place)| place.to_array()));
+        scene.moves(number, "translation", places);
+    } else if keys > 1 && !body.is_still() {
+        scene.goes_with(0, number, "weights");
     }
-    (node, mesh(&obstacle.name, shapes, indices, 1))
 }
 
-/// A mesh of one primitive: the first shape are its attributes, the others its morph targets.
-fn mesh(name: &str, mut shapes: Vec<Value>, indices: usize, material: usize) -> Value {
-    let attributes = shapes.remove(0);
-    let mut primitive =
-        json!({ "attributes": attributes, "indices": indices, "material": material });
-    let mut mesh = json!({ "name": name });
-    if !shapes.is_empty() {
-        mesh["weights"] = json!(vec![0; shapes.len()]);
-        primitive["targets"] = json!(shapes);
+/// The values of frame 0, or what those of a further frame differ from the `first` by.
+fn change(number: usize, values: &[Vec3], first: &[Vec3]) -> Vec<Vec3> {
+    match number {
+        0 => values.to_vec(),
+        _ => values.iter().zip(first).map(|(v, f)| *v - *f).collect(),
     }
-    mesh["primitives"] = json!([primitive]);
-    mesh
 }
 
 /// A matte material that is seen from both sides.
@@ -414,28 +330,4 @@ fn material(name: &str, colour: [f32; 4]) -> Value {
             "baseColorFactor": colour, "metallicFactor": 0, "roughnessFactor": 0.9,
         },
     })
-}
-
-/// The first of `frames` frames, then what each further one differs from it by.
-fn targets(frames: usize, at: impl Fn(usize) -> Vec<Vec3>) -> impl Iterator<Item = Vec<Vec3>> {
-    let first = at(0);
-    (0..frames).map(move |number| {
-        let mut values = at(number);
-        if number > 0 {
-            values.iter_mut().zip(&first).for_each(|(v, f)| *v -= *f);
-        }
-        values
-    })
-}
-
-fn put_points(out: &mut Vec<u8>, points: &[Vec3]) {
-    put_floats(out, points.iter().flat_map(|p| p.to_array()));
-}
-
-fn put_floats(out: &mut Vec<u8>, values: impl IntoIterator<Item = f32>) {
-    out.extend(values.into_iter().flat_map(f32::to_le_bytes));
-}
-
-fn put_numbers(out: &mut Vec<u8>, numbers: &[u32]) {
-    out.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
 }

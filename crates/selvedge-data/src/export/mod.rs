@@ -10,25 +10,28 @@
 //! where it has meshes with names (USD, .abc, .glb) or arrays (.npz), else in files of their own.
 
 mod abc;
+mod common;
 mod glb;
 mod npz;
 mod obj;
-mod obstacles;
 mod options;
-mod outcome;
-mod point_cache;
 mod take;
 mod usd;
 
+use std::cell::RefCell;
+use std::io;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-pub use self::obstacles::files_beside;
-pub use self::options::{ExportFormat, ExportOptions, FrameSpan};
-pub use self::outcome::ExportError;
-use self::outcome::{Pulse, is_stop};
+use thiserror::Error;
+
 use self::take::Take;
+use crate::formats::file_error::Problem;
 use crate::trajectory::Trajectory;
+
+pub use self::common::ExportError;
+pub use self::options::{ExportFormat, ExportOptions, FrameSpan};
+pub use self::take::files_beside;
 
 /// End of an export that did not fail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,6 +41,11 @@ pub enum ExportEnd {
     /// `observe` asked to stop: nothing was written.
     Stopped,
 }
+
+/// The observer asked to stop.
+#[derive(Debug, Error)]
+#[error("stopped")]
+struct Stop;
 
 /// Writes frames of `trajectory` to `path`; after each frame `observe` is told, and may stop.
 ///
@@ -49,18 +57,23 @@ pub fn export(
     options: &ExportOptions,
     observe: &mut dyn FnMut() -> ControlFlow<()>,
 ) -> Result<ExportEnd, ExportError> {
-    let take = Take::new(trajectory, options)?;
-    let mut pulse = Pulse(observe);
+    let observe = RefCell::new(observe);
+    let beat = || match (observe.borrow_mut())() {
+        ControlFlow::Continue(()) => Ok(()),
+        ControlFlow::Break(()) => Err(io::Error::other(Stop)),
+    };
+    let take = Take::new(trajectory, options, &beat)?;
+    let is_stop = |error: &io::Error| error.get_ref().is_some_and(|inner| inner.is::<Stop>());
     let written = match options.format {
         format @ (ExportFormat::Usda | ExportFormat::Usdc | ExportFormat::Usdz) => {
-            usd::write(&take, path, format, &mut pulse)
+            usd::write(&take, path, format)
         }
-        ExportFormat::Glb => glb::write(&take, path, &mut pulse),
-        ExportFormat::Pc2 => point_cache::write(&take, path, &mut pulse),
-        ExportFormat::Obj => obj::write_one(&take, path, &mut pulse),
-        ExportFormat::ObjSequence => obj::write_all(&take, path, &mut pulse),
-        ExportFormat::Abc => abc::write(&take, path, &mut pulse),
-        ExportFormat::Npz => npz::write(&take, path, &mut pulse),
+        ExportFormat::Glb => glb::write(&take, path),
+        ExportFormat::Pc2 => obj::write_cache(&take, path),
+        ExportFormat::Obj => obj::write_one(&take, path),
+        ExportFormat::ObjSequence => obj::write_all(&take, path),
+        ExportFormat::Abc => abc::write(&take, path),
+        ExportFormat::Npz => npz::write(&take, path),
     };
     match written {
         Ok(()) => Ok(ExportEnd::Complete),
@@ -71,9 +84,13 @@ pub fn export(
 
 /// A .glb of all frames of `trajectory`, in memory.
 pub fn glb(trajectory: &Trajectory) -> Result<Vec<u8>, ExportError> {
-    let take = Take::new(trajectory, &ExportOptions::usual(ExportFormat::Glb))?;
-    let made = glb::bytes(&take, &mut Pulse(&mut || ControlFlow::Continue(())));
-    made.map_err(ExportError::refused)
+    let take = Take::new(
+        trajectory,
+        &ExportOptions::usual(ExportFormat::Glb),
+        &|| Ok(()),
+    )?;
+    let made = glb::bytes(&take);
+    Ok(made.map_err(|error| Problem(error.to_string()))?)
 }
 
 /// About the size of a .glb in bytes, which grows with the square of its frames; none of others.
@@ -81,19 +98,7 @@ pub fn planned_bytes(
     trajectory: &Trajectory,
     options: &ExportOptions,
 ) -> Result<Option<u64>, ExportError> {
-    let take = Take::new(trajectory, options)?;
+    let take = Take::new(trajectory, options, &|| Ok(()))?;
     let is_glb = options.format == ExportFormat::Glb;
     Ok(is_glb.then(|| glb::planned_bytes(&take)))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::outcome::{LARGEST, check_size};
-
-    #[test]
-    fn what_is_too_large_is_told_with_the_thinning_that_helps() {
-        check_size(".npz", LARGEST, 2).unwrap();
-        let error = check_size(".npz", 5 * LARGEST - 1, 2).unwrap_err();
-        assert!(error.to_string().contains("every 10th frame"), "{error}");
-    }
 }

@@ -3,122 +3,88 @@
 //!
 //! The archive has no 64-bit extension: at most 4 GiB.
 
+use std::io::{self, Seek, Write};
 use std::path::Path;
 
-use glam::Vec3;
-
-use super::outcome::{ExportError, Pulse, check_size};
+use super::common::{ExportError, check_size, le_floats, le_points, le_words};
 use super::take::Take;
 use crate::UpAxis;
 use crate::formats::atomic::write_atomically;
-use crate::formats::npz::{EntryOut, archive_bytes, write_archive};
+use crate::formats::npz::NpzOut;
 use crate::formats::tensor_file::{TensorOut, TensorValues};
 use crate::trajectory::file::cloth_tensors;
 
+/// Bytes that what does not grow with the frames may have, for every vertex and in all.
+const PER_VERTEX: u64 = 200;
+const BESIDE: u64 = 1 << 16;
+
 /// Writes the archive.
-pub(super) fn write(
-    take: &Take<'_>,
-    path: &Path,
-    pulse: &mut Pulse<'_>,
-) -> Result<(), ExportError> {
-    let entries = entries(take);
-    check_size(".npz", archive_bytes(&entries), take.every)?;
-    Ok(write_atomically(path, |out| {
-        write_archive(&entries, out, &mut |name| match name {
-            "positions" => pulse.beat(),
-            _ => Ok(()),
-        })
-    })?)
+pub(super) fn write(take: &Take<'_>, path: &Path) -> Result<(), ExportError> {
+    check_size(".npz", planned_bytes(take), take.every)?;
+    Ok(write_atomically(path, |out| write_arrays(take, out))?)
 }
 
-fn entries<'a>(take: &'a Take<'_>) -> Vec<EntryOut<'a>> {
-    let by_frame = |name: &str, of: Box<dyn Fn(usize) -> Vec<u8> + 'a>| EntryOut {
-        name: name.to_owned(),
-        kind: "<f4",
-        shape: vec![take.len(), take.trajectory.vertex_count(), 3],
-        chunks: take.len(),
-        chunk: of,
-    };
-    let positions = by_frame("positions", Box::new(|k| floats3(&take.positions(k))));
-    let mut entries = vec![positions];
+/// Bytes of the archive, not fewer than it will have.
+fn planned_bytes(take: &Take<'_>) -> u64 {
+    let (frames, vertices) = (take.len() as u64, take.trajectory.vertex_count() as u64);
+    let by_frame = 12 * frames * vertices * (1 + u64::from(take.normals));
+    let bodies = take.obstacles();
+    let bodies = bodies.iter().map(|body| {
+        let points = (body.frame_count() * body.point_count()) as u64;
+        12 * points + 12 * body.faces().len() as u64 + 1024
+    });
+    by_frame + PER_VERTEX * vertices + bodies.sum::<u64>() + BESIDE
+}
+
+fn write_arrays(take: &Take<'_>, out: &mut (impl Write + Seek)) -> io::Result<()> {
+    let sheet = take.sheet();
+    let shape = [take.len(), sheet.point_count(), 3];
+    let mut out = NpzOut::new(out);
+    out.array("positions", "<f4", &shape)?;
+    for number in 0..take.len() {
+        out.bytes(&le_points(&sheet.positions(number)))?;
+        (take.beat)()?;
+    }
     if take.normals {
-        let normals = move |k| floats3(&take.normals_at(&take.positions(k)));
-        entries.push(by_frame("normals", Box::new(normals)));
+        out.array("normals", "<f4", &shape)?;
+        for number in 0..take.len() {
+            let normals = take.normals_at(&sheet.positions(number));
+            out.bytes(&le_points(&normals))?;
+        }
     }
-    entries.extend(of_cloth(take));
-    for obstacle in take.obstacles() {
-        let (frames, track) = (obstacle.frame_count(take), obstacle.track);
-        let faces = integers(track.faces().as_flattened());
-        let name = format!("obstacle_{}", obstacle.name);
-        let shape = [track.faces().len(), 3];
-        let of_faces = unchanging(&format!("{name}_faces"), "<i4", &shape, faces);
-        entries.push(EntryOut {
-            name,
-            kind: "<f4",
-            shape: vec![frames, track.point_count(), 3],
-            chunks: frames,
-            chunk: Box::new(move |k| floats3(&obstacle.positions(take, k))),
-        });
-        entries.push(of_faces);
-    }
-    entries
-}
-
-/// An array that does not change over time.
-fn unchanging(
-    name: &str,
-    kind: &'static str,
-    shape: &[usize],
-    bytes: Vec<u8>,
-) -> EntryOut<'static> {
-    EntryOut {
-        name: name.to_owned(),
-        kind,
-        shape: shape.to_vec(),
-        chunks: 1,
-        chunk: Box::new(move |_| bytes.clone()),
-    }
-}
-
-/// Arrays of the cloth that do not change over time.
-fn of_cloth(take: &Take<'_>) -> Vec<EntryOut<'static>> {
-    let entry = |tensor: TensorOut<'_>| {
+    for tensor in of_cloth(take) {
         let (kind, bytes) = match tensor.values {
             TensorValues::F64(values) => {
                 ("<f8", values.iter().flat_map(|v| v.to_le_bytes()).collect())
             }
-            TensorValues::F32(values) => ("<f4", floats(values.iter().copied())),
-            TensorValues::U32(values) => ("<i4", integers(&values)),
+            TensorValues::F32(values) => ("<f4", le_floats(values.iter().copied())),
+            TensorValues::U32(values) => ("<i4", le_words(&values)),
         };
-        unchanging(&tensor.name, kind, &tensor.shape, bytes)
-    };
+        out.array(&tensor.name, kind, &tensor.shape)?;
+        out.bytes(&bytes)?;
+    }
+    for body in take.obstacles() {
+        let (name, faces) = (format!("obstacle_{}", body.name), body.faces());
+        out.array(&name, "<f4", &[body.frame_count(), body.point_count(), 3])?;
+        for number in 0..body.frame_count() {
+            out.bytes(&le_points(&body.positions(number)))?;
+        }
+        out.array(&format!("{name}_faces"), "<i4", &[faces.len(), 3])?;
+        out.bytes(&le_words(faces.as_flattened()))?;
+    }
+    out.finish()
+}
+
+/// Arrays of the cloth that do not change over time, the rate and the axis.
+fn of_cloth<'a>(take: &Take<'a>) -> Vec<TensorOut<'a>> {
     let up = match take.up {
         UpAxis::Y => 1,
         UpAxis::Z => 2,
     };
     let fps = take.trajectory.frame_rate() / take.every as f64;
     let mut tensors = cloth_tensors(take.trajectory.cloth(), &take.rest_positions());
-    tensors.push(TensorOut::new(
-        "fps",
-        &[1],
-        TensorValues::F64(vec![fps].into()),
-    ));
-    tensors.push(TensorOut::new(
-        "up_axis",
-        &[1],
-        TensorValues::U32(vec![up].into()),
-    ));
-    tensors.into_iter().map(entry).collect()
-}
-
-fn floats(values: impl IntoIterator<Item = f32>) -> Vec<u8> {
-    values.into_iter().flat_map(f32::to_le_bytes).collect()
-}
-
-fn floats3(values: &[Vec3]) -> Vec<u8> {
-    floats(values.iter().flat_map(|p| p.to_array()))
-}
-
-fn integers(values: &[u32]) -> Vec<u8> {
-    values.iter().flat_map(|v| v.to_le_bytes()).collect()
+    let one = |name, value| TensorOut::new(name, &[1], value);
+    tensors.push(one("fps", TensorValues::F64(vec![fps].into())));
+    tensors.push(one("up_axis", TensorValues::U32(vec![up].into())));
+    tensors
 }

@@ -1,38 +1,42 @@
 //! Frames as Wavefront OBJ: one, or all of them in a folder of their own as `cloth_0000.obj`,
-//! `cloth_0001.obj` and so on, numbered without gaps whatever frames were taken.
+//! `cloth_0001.obj` and so on, numbered without gaps whatever frames were taken. Or a point cache
+//! (.pc2): the positions of every vertex in every frame, and beside it the mesh of the first frame
+//! as .obj of the same name, whose vertices they are.
 //!
-//! An obstacle is in files of its own: beside `x.obj` in `x.NAME.obj`; in a folder in `NAME.obj`,
-//! or `NAME_0000.obj` and so on where it moves.
+//! An obstacle is in files of its own: beside `x.obj` or `x.pc2` in `x.NAME.obj`, and as
+//! `x.NAME.pc2` where it moves; in a folder in `NAME.obj`, or `NAME_0000.obj` and so on where it
+//! moves.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
-use super::obstacles::TakenObstacle;
-use super::outcome::{ExportError, Pulse};
-use super::take::Take;
+use super::common::ExportError;
+use super::take::{Body, Take};
 use crate::formats::atomic::{WriteError, write_atomically, write_folder_atomically};
 use crate::formats::obj::{ObjFrame, write_obj_frame};
+use crate::formats::pc2;
 
 /// Writes the only frame.
-pub(super) fn write_one(
-    take: &Take<'_>,
-    path: &Path,
-    pulse: &mut Pulse<'_>,
-) -> Result<(), ExportError> {
-    write_frame(take, 0, path)?;
-    write_obstacles(take, path)?;
+pub(super) fn write_one(take: &Take<'_>, path: &Path) -> Result<(), ExportError> {
+    write_meshes(take, path)?;
     // The file is whole: an end that was asked for comes too late.
-    let _ = pulse.beat();
+    let _ = (take.beat)();
+    Ok(())
+}
+
+/// Writes a point cache, then the mesh, then the obstacles.
+pub(super) fn write_cache(take: &Take<'_>, path: &Path) -> Result<(), ExportError> {
+    write_points(take, &take.sheet(), path)?;
+    write_meshes(take, &path.with_extension("obj"))?;
+    for body in take.obstacles().iter().filter(|body| !body.is_still()) {
+        write_points(take, body, &body.beside(path, "pc2"))?;
+    }
     Ok(())
 }
 
 /// Writes a folder with a file per frame.
-pub(super) fn write_all(
-    take: &Take<'_>,
-    path: &Path,
-    pulse: &mut Pulse<'_>,
-) -> Result<(), ExportError> {
+pub(super) fn write_all(take: &Take<'_>, path: &Path) -> Result<(), ExportError> {
     let width = (take.len() - 1).to_string().len().max(4);
     write_folder_atomically(path, |folder| {
         for number in 0..take.len() {
@@ -41,45 +45,40 @@ pub(super) fn write_all(
                 let mut out = BufWriter::new(File::create(file)?);
                 with_frame(take, number, |frame| frame.write(&mut out))?;
                 out.flush()?;
-                pulse.beat()
+                (take.beat)()
             };
             write().map_err(WriteError::when(path, "write into it"))?;
         }
-        for obstacle in take.obstacles() {
-            for number in 0..obstacle.frame_count(take) {
-                let name = match obstacle.is_still() {
-                    true => format!("{}.obj", obstacle.name),
-                    false => format!("{}_{number:0width$}.obj", obstacle.name),
+        for body in take.obstacles() {
+            for number in 0..body.frame_count() {
+                let name = match body.is_still() {
+                    true => format!("{}.obj", body.name),
+                    false => format!("{}_{number:0width$}.obj", body.name),
                 };
-                write_body(&obstacle, take, number, &folder.join(name))?;
+                write_body(&body, number, &folder.join(name))?;
             }
         }
         Ok(())
     })
 }
 
-/// Writes every obstacle as it is in the first frame beside `path`, as `x.NAME.obj`.
-pub(super) fn write_obstacles(take: &Take<'_>, path: &Path) -> Result<(), ExportError> {
-    for obstacle in take.obstacles() {
-        let beside = obstacle.beside(path, "obj");
-        write_body(&obstacle, take, 0, &beside)?;
+/// Writes the cloth as it is in the first frame, and every obstacle beside it.
+fn write_meshes(take: &Take<'_>, path: &Path) -> Result<(), WriteError> {
+    with_frame(take, 0, |frame| write_obj_frame(path, frame))?;
+    for body in take.obstacles() {
+        write_body(&body, 0, &body.beside(path, "obj"))?;
     }
     Ok(())
 }
 
 /// Writes an obstacle in the frame taken as `number`.
-fn write_body(
-    obstacle: &TakenObstacle<'_>,
-    take: &Take<'_>,
-    number: usize,
-    path: &Path,
-) -> Result<(), WriteError> {
+fn write_body(body: &Body<'_>, number: usize, path: &Path) -> Result<(), WriteError> {
     write_atomically(path, |out| {
-        writeln!(out, "o {}", obstacle.name)?;
-        for p in obstacle.positions(take, number) {
+        writeln!(out, "o {}", body.name)?;
+        for p in body.positions(number) {
             writeln!(out, "v {} {} {}", p.x, p.y, p.z)?;
         }
-        for face in obstacle.track.faces() {
+        for face in body.faces() {
             let [a, b, c] = face.map(|point| point + 1);
             writeln!(out, "f {a} {b} {c}")?;
         }
@@ -87,12 +86,22 @@ fn write_body(
     })
 }
 
-pub(super) fn write_frame(take: &Take<'_>, number: usize, path: &Path) -> Result<(), ExportError> {
-    with_frame(take, number, |frame| Ok(write_obj_frame(path, frame)?))
+/// Writes the points of a body in all frames.
+fn write_points(take: &Take<'_>, body: &Body<'_>, path: &Path) -> Result<(), WriteError> {
+    write_atomically(path, |out| {
+        pc2::write_header(out, take.len(), body.point_count(), take.every)?;
+        for number in 0..take.len() {
+            pc2::write_points(out, &body.positions(number))?;
+            if body.track.is_none() {
+                (take.beat)()?;
+            }
+        }
+        Ok(())
+    })
 }
 
 fn with_frame<T>(take: &Take<'_>, number: usize, act: impl FnOnce(&ObjFrame<'_>) -> T) -> T {
-    let positions = take.positions(number);
+    let positions = take.sheet().positions(number);
     let normals = take.normals.then(|| take.normals_at(&positions));
     let cloth = take.trajectory.cloth();
     act(&ObjFrame {

@@ -12,10 +12,8 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use tempfile::NamedTempFile;
+use tempfile::{Builder, NamedTempFile};
 use thiserror::Error;
-
-use super::parts::{file_beside, folder_beside};
 
 /// A file that could not be written; whatever was at its path is still there.
 #[derive(Debug, Error)]
@@ -43,6 +41,10 @@ impl WriteError {
 
 /// Links that are followed before they are taken to go round in a circle, as Linux does.
 const MOST_LINKS: usize = 40;
+
+/// How the names of parts end: hidden files and folders beside their place. A writer that is killed
+/// leaves its part behind.
+const ENDING: &str = ".part";
 
 /// Files and folders under way.
 static UNDER_WAY: AtomicUsize = AtomicUsize::new(0);
@@ -105,7 +107,8 @@ pub fn write_folder_atomically<E: From<WriteError>>(
     let fail = |action| WriteError::when(path, action);
     let _writing = Writing::begin();
     let is_there = is_empty_folder(path).map_err(fail("make the folder"))?;
-    let part = folder_beside(path, folder_of(path)).map_err(fail("make a folder beside it"))?;
+    let part = part_of(path, 0o777, |builder| builder.tempdir_in(folder_of(path)));
+    let part = part.map_err(fail("make a folder beside it"))?;
     fill(part.path())?;
     if is_there {
         fs::remove_dir(path).map_err(fail("put the folder in its place"))?;
@@ -155,7 +158,9 @@ fn replace<E: From<WriteError>>(
     let _writing = Writing::begin();
     let target = target_of(path).map_err(fail("write there"))?;
     let folder = folder_of(&target.path);
-    let part = file_beside(&target.path, folder).map_err(fail("create a file in its folder"))?;
+    // What an ordinary new file asks for; the umask takes its bits away.
+    let part = part_of(&target.path, 0o666, |builder| builder.tempfile_in(folder));
+    let part = part.map_err(fail("create a file in its folder"))?;
     #[cfg(unix)]
     if let Some(permissions) = &target.permissions {
         use std::os::unix::fs::PermissionsExt;
@@ -172,7 +177,8 @@ fn replace<E: From<WriteError>>(
         written.set_permissions(permissions).map_err(fail(keep))?;
     }
     written.sync_all().map_err(fail("write it"))?;
-    put_in_place(part, &target.path).map_err(fail("rename the finished file"))?;
+    part.persist(&target.path)
+        .map_err(|error| fail("rename the finished file")(error.error))?;
     sync_folder(folder);
     Ok(())
 }
@@ -211,15 +217,6 @@ fn folder_of(path: &Path) -> &Path {
     }
 }
 
-/// Renames a finished file. By the standard library, so that a trial can let it fail.
-fn put_in_place(temporary: NamedTempFile, path: &Path) -> io::Result<()> {
-    let (_, beside) = temporary.into_parts();
-    fs::rename(&beside, path)?;
-    // Nothing is there any more to be removed.
-    let _ = beside.keep();
-    Ok(())
-}
-
 fn write_through(
     file: &File,
     write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
@@ -237,12 +234,54 @@ fn sync_folder(folder: &Path) {
     }
 }
 
+/// Makes a part of `target` with this mode.
+fn part_of<T>(
+    target: &Path,
+    mode: u32,
+    make: impl FnOnce(&Builder<'_, '_>) -> io::Result<T>,
+) -> io::Result<T> {
+    let name = target.file_name().unwrap_or_default().to_string_lossy();
+    let prefix = format!(".{name}.");
+    let mut builder = Builder::new();
+    builder.prefix(&prefix).suffix(ENDING);
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        builder.permissions(fs::Permissions::from_mode(mode));
+    }
+    #[cfg(not(unix))]
+    let _ = mode;
+    make(&builder)
+}
+
+/// Removes what writers that were killed left in `folder`: hidden files and folders that end in
+/// `.part`. Nobody may be writing there now. Returns what was removed.
+///
+/// # Errors
+/// A folder that cannot be read, or a leftover that cannot be removed.
+pub fn remove_parts(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    let mut removed = Vec::new();
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        let name = entry.file_name();
+        let name = name.to_string_lossy();
+        if name.starts_with('.') && name.ends_with(ENDING) {
+            match entry.file_type()?.is_dir() {
+                true => fs::remove_dir_all(entry.path())?,
+                false => fs::remove_file(entry.path())?,
+            }
+            removed.push(entry.path());
+        }
+    }
+    Ok(removed)
+}
+
 #[cfg(test)]
-pub(super) mod tests {
+mod tests {
     use super::*;
 
     /// The names of what is in a folder, in order.
-    pub(in crate::formats) fn names_in(folder: &Path) -> Vec<String> {
+    fn names_in(folder: &Path) -> Vec<String> {
         let entries = fs::read_dir(folder).unwrap();
         let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());
         let mut names: Vec<String> = names.collect();
@@ -400,5 +439,23 @@ pub(super) mod tests {
             let found = fs::metadata(&path).unwrap().permissions().mode() & 0o777;
             assert_eq!(found, mode, "{found:o} {mode:o}");
         }
+    }
+
+    #[test]
+    fn what_a_killed_writer_left_is_removed_and_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::write(at("a.txt"), "kept").unwrap();
+        fs::write(at("b.part"), "kept: not hidden").unwrap();
+        fs::write(at(".c"), "kept: no part").unwrap();
+        // As a writer leaves it that is killed before it renames.
+        let beside = part_of(&at("a.txt"), 0o666, |b| b.tempfile_in(folder.path())).unwrap();
+        let (_, left) = beside.keep().unwrap();
+        fs::create_dir(at(".frames.x.part")).unwrap();
+        fs::write(at(".frames.x.part/0001.obj"), "half").unwrap();
+        let removed = remove_parts(folder.path()).unwrap();
+        assert!(removed.contains(&left) && removed.len() == 2, "{removed:?}");
+        assert_eq!(names_in(folder.path()), [".c", "a.txt", "b.part"]);
+        assert!(remove_parts(&at("missing")).is_err());
     }
 }

@@ -7,8 +7,7 @@ use super::polygons::{MeshFileError, MeshOptions, ReadMesh, ReadMeshError, Sewin
 use crate::formats::extent::{COINCIDENT, extent};
 use crate::formats::file_error::FileError;
 use crate::formats::input::read_file;
-use crate::rig::mesh::polygons;
-use crate::rig::{RigError, RigFormat};
+use crate::rig::{Rig, RigError, RigFormat, Wanted};
 
 /// Reads a mesh from a file (.obj, .glb, USD), as `options` say.
 ///
@@ -28,29 +27,29 @@ pub(crate) fn parse_mesh_bytes(
     mut options: MeshOptions,
     sewing: &Sewing,
 ) -> Result<ReadMesh, MeshFileError> {
-    let is_sewn = !sewing.seams.is_empty();
     let extension = path.extension().and_then(|e| e.to_str());
-    let format = match (extension, extension.and_then(RigFormat::of)) {
-        (_, Some(format)) => format,
-        (Some("obj") | None, None) => {
-            let mut polygons = parse_obj_polygons(bytes)?;
-            sew(&mut polygons, sewing)?;
-            return assemble(polygons, options).map_err(|error| error.of_sewn(is_sewn));
+    let format = extension.and_then(RigFormat::of);
+    let mut polygons = match (extension, format) {
+        (_, Some(format)) => {
+            let rig = Rig::parse(bytes, format, Wanted::Meshes);
+            rig.and_then(|rig| rig.polygons())
+                .map_err(|error| match error {
+                    RigError::NoMesh(left) if left.is_empty() => MeshFileError::NoMesh,
+                    other => MeshFileError::content(other),
+                })?
         }
+        (Some("obj") | None, None) => parse_obj_polygons(bytes)?,
         (Some(_), None) => {
             let known =
                 "is no kind of mesh that can be read: .obj, .glb, .usda, .usdc, .usdz or .usd";
             return Err(MeshFileError::content(known));
         }
     };
-    let mut polygons = polygons(bytes, format).map_err(|error| match error {
-        RigError::NoMesh(left) if left.is_empty() => MeshFileError::NoMesh,
-        other => MeshFileError::content(other),
-    })?;
     sew(&mut polygons, sewing)?;
-    // These formats split vertices along seams.
-    options
-        .weld
-        .get_or_insert(COINCIDENT * extent(&polygons.positions));
-    assemble(polygons, options).map_err(|error| error.of_sewn(is_sewn))
+    if format.is_some() {
+        // These formats split vertices along seams.
+        let apart = COINCIDENT * extent(&polygons.positions);
+        options.weld.get_or_insert(apart);
+    }
+    assemble(polygons, options)
 }

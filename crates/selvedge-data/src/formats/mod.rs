@@ -13,7 +13,6 @@ pub(crate) mod npz;
 pub(crate) mod obj;
 pub(crate) mod ogawa;
 pub(crate) mod packing;
-pub(crate) mod parts;
 pub(crate) mod pc2;
 pub(crate) mod polygons;
 pub(crate) mod tensor_file;

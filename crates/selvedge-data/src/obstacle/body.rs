@@ -1,13 +1,16 @@
 //! The body of an obstacle: numbers of a simple one, a shipped one, or a file with its hash.
+//!
+//! Errors in this module, as in all of obstacles, are the field and its problem, and get the name of
+//! the obstacle where they leave.
 
 use std::f64::consts::TAU;
+use std::fmt::Display;
 use std::path::Path;
 
 use glam::{DQuat, DVec3};
 use selvedge_cloth::bodies::{self, Body};
 use serde::{Deserialize, Serialize};
 
-use super::error::FieldProblem;
 use super::read;
 use crate::formats::file_error::Problem;
 use crate::formats::input::hash;
@@ -17,7 +20,7 @@ const SIZES: std::ops::RangeInclusive<f64> = 1e-4..=1e5;
 
 /// Edges of round bodies in units of their radius, where nothing else is said.
 const SPHERE_EDGE: f64 = 0.15;
-const CAPSULE_EDGE: f64 = 0.25;
+const TUBE_EDGE: f64 = 0.25;
 
 /// A body before it is placed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -28,9 +31,9 @@ pub enum BodySpec {
     /// A sphere about the origin.
     Sphere(Sphere),
     /// A capsule along y about the origin.
-    Capsule(Capsule),
+    Capsule(Tube),
     /// A cylinder along y about the origin.
-    Cylinder(Cylinder),
+    Cylinder(Tube),
     /// A box about the origin.
     Box(Cuboid),
     /// A mesh, closed or open.
@@ -81,26 +84,13 @@ pub struct Sphere {
     pub edge: Option<f64>,
 }
 
-/// A capsule along y about the origin.
+/// A capsule or a cylinder along y about the origin.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Capsule {
+pub struct Tube {
     /// Radius `[m]`.
     pub radius: f64,
-    /// Length of its axis, without the round ends `[m]`.
-    pub length: f64,
-    /// Edges of its mesh `[m]`; 0.25 of the radius where none are given.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub edge: Option<f64>,
-}
-
-/// A cylinder along y about the origin.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Cylinder {
-    /// Radius `[m]`.
-    pub radius: f64,
-    /// Length between its flat ends `[m]`.
+    /// Length of its axis, without round ends `[m]`.
     pub length: f64,
     /// Edges of its mesh `[m]`; 0.25 of the radius where none are given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -126,11 +116,11 @@ fn far() -> Sides {
 impl BodySpec {
     /// The mesh in the file at `path`, as it is now, for the obstacle of this name.
     pub(crate) fn mesh(path: String, folder: &Path, name: &str) -> Result<Self, Problem> {
-        Self::mesh_now(path, folder).map_err(|problem| problem.of(name))
+        Self::mesh_now(path, folder).map_err(problem_of(name))
     }
 
     /// The mesh in the file at `path`, as it is now.
-    pub(super) fn mesh_now(path: String, folder: &Path) -> Result<Self, FieldProblem> {
+    pub(super) fn mesh_now(path: String, folder: &Path) -> Result<Self, String> {
         let blake3 = hash(&read::bytes_of("mesh", &path, folder)?);
         Ok(Self::Mesh { path, blake3 })
     }
@@ -155,62 +145,22 @@ impl BodySpec {
         folder: &Path,
         is_still: bool,
         warnings: &mut Vec<String>,
-    ) -> Result<Body, FieldProblem> {
+    ) -> Result<Body, String> {
         match self {
-            &Self::Plane(Plane {
-                normal,
-                height,
-                size,
-            }) => {
-                let Some(normal) = normal.try_normalize() else {
-                    return Err(wrong("plane.normal", "a direction", &normal));
-                };
-                let sides = match size {
-                    Sides::Square(side) => [side; 2],
-                    Sides::Rectangle(sides) => sides,
-                };
-                for side in sides {
-                    check("plane.size", side)?;
-                }
-                if !height.is_finite() {
-                    return Err(wrong("plane.height", "finite", &height));
-                }
-                let turn = DQuat::from_rotation_arc(DVec3::Y, normal);
-                let mut body = bodies::plane(sides);
-                for point in &mut body.points {
-                    *point = turn * *point + height * normal;
-                }
-                Ok(body)
-            }
+            Self::Plane(plane) => plane.build(),
             &Self::Sphere(Sphere { radius, edge }) => {
                 check("sphere.radius", radius)?;
                 let edge = edge.unwrap_or(SPHERE_EDGE * radius);
                 check_edge("sphere.edge", edge, bodies::FINEST_SPHERE * radius)?;
                 Ok(bodies::sphere(radius, edge))
             }
-            &Self::Capsule(Capsule {
-                radius,
-                length,
-                edge,
-            }) => {
-                check("capsule.radius", radius)?;
-                if length != 0.0 {
-                    check("capsule.length", length)?;
-                }
-                let edge = edge.unwrap_or(CAPSULE_EDGE * radius);
-                check_edge("capsule.edge", edge, shortest_around(radius))?;
-                Ok(bodies::capsule(radius, length, edge))
+            Self::Capsule(tube) => {
+                let edge = tube.check("capsule", true)?;
+                Ok(bodies::capsule(tube.radius, tube.length, edge))
             }
-            &Self::Cylinder(Cylinder {
-                radius,
-                length,
-                edge,
-            }) => {
-                check("cylinder.radius", radius)?;
-                check("cylinder.length", length)?;
-                let edge = edge.unwrap_or(CAPSULE_EDGE * radius);
-                check_edge("cylinder.edge", edge, shortest_around(radius))?;
-                Ok(bodies::cylinder(radius, length, edge))
+            Self::Cylinder(tube) => {
+                let edge = tube.check("cylinder", false)?;
+                Ok(bodies::cylinder(tube.radius, tube.length, edge))
             }
             Self::Box(Cuboid { size }) => {
                 for side in size.to_array() {
@@ -229,29 +179,66 @@ impl BodySpec {
     }
 }
 
-fn check(field: &'static str, value: f64) -> Result<(), FieldProblem> {
-    if SIZES.contains(&value) {
-        return Ok(());
+impl Plane {
+    fn build(&self) -> Result<Body, String> {
+        let normal = self.normal.try_normalize();
+        let normal = normal.ok_or_else(|| wrong("plane.normal", "a direction", self.normal))?;
+        let sides = match self.size {
+            Sides::Square(side) => [side; 2],
+            Sides::Rectangle(sides) => sides,
+        };
+        for side in sides {
+            check("plane.size", side)?;
+        }
+        if !self.height.is_finite() {
+            return Err(wrong("plane.height", "finite", self.height));
+        }
+        let turn = DQuat::from_rotation_arc(DVec3::Y, normal);
+        let mut body = bodies::plane(sides);
+        for point in &mut body.points {
+            *point = turn * *point + self.height * normal;
+        }
+        Ok(body)
     }
-    Err(wrong(field, "between 0.0001 and 100000 m", &value))
+}
+
+impl Tube {
+    /// The edges of its mesh, of a body of this `kind` that may have a length of zero or not.
+    fn check(&self, kind: &str, may_be_round: bool) -> Result<f64, String> {
+        check(&format!("{kind}.radius"), self.radius)?;
+        if self.length != 0.0 || !may_be_round {
+            check(&format!("{kind}.length"), self.length)?;
+        }
+        let edge = self.edge.unwrap_or(TUBE_EDGE * self.radius);
+        let shortest = TAU * self.radius / bodies::MOST_PIECES as f64;
+        check_edge(&format!("{kind}.edge"), edge, shortest)?;
+        Ok(edge)
+    }
+}
+
+fn check(field: &str, value: f64) -> Result<(), String> {
+    match SIZES.contains(&value) {
+        true => Ok(()),
+        false => Err(wrong(field, "between 0.0001 and 100000 m", value)),
+    }
 }
 
 /// Checks the longest edge of a round body that has edges of `shortest` `[m]` at best.
-fn check_edge(field: &'static str, edge: f64, shortest: f64) -> Result<(), FieldProblem> {
+fn check_edge(field: &str, edge: f64, shortest: f64) -> Result<(), String> {
     check(field, edge)?;
     if edge >= shortest {
         return Ok(());
     }
     let micrometres = (1e6 * shortest).ceil();
     let expected = format!("at least {} m for this radius", micrometres / 1e6);
-    Err(wrong(field, &expected, &edge))
+    Err(wrong(field, &expected, edge))
 }
 
-/// Shortest edge around a capsule or cylinder `[m]`.
-fn shortest_around(radius: f64) -> f64 {
-    TAU * radius / bodies::MOST_PIECES as f64
+fn wrong(field: &str, expected: &str, found: impl Display) -> String {
+    format!("{field}: must be {expected}, found {found}")
 }
 
-fn wrong(field: &'static str, expected: &str, found: &dyn std::fmt::Display) -> FieldProblem {
-    FieldProblem(field, format!("must be {expected}, found {found}"))
+/// Adds the name of the obstacle to the problem of a field.
+pub(super) fn problem_of(name: &str) -> impl Fn(String) -> Problem {
+    move |problem| Problem(format!("obstacles[{name:?}].{problem}"))
 }

@@ -6,16 +6,15 @@
 //! .pc2, an .npz, a .usda with samples, a .glb with morph targets and skins.
 
 mod body;
-mod error;
 mod motion;
 mod read;
 mod spec;
 mod weld;
 mod written;
 
-pub use self::body::{BodySpec, Capsule, Cuboid, Cylinder, Plane, Sides, Sphere};
+pub use self::body::{BodySpec, Cuboid, Plane, Sides, Sphere, Tube};
 pub use self::motion::{FramesFile, NodeFile, ObstacleKeyframes, ObstacleMotion};
-pub(crate) use self::read::moving_points;
+pub(crate) use self::read::{moving_points, rig_frames};
 pub use self::spec::{ObstacleSpec, Placement};
 pub(crate) use self::written::ObstacleFile;
 

@@ -1,5 +1,6 @@
 //! Motion of an obstacle: keyframes, a node of a rig, or its points as a file has them.
 
+use std::fmt::Display;
 use std::path::Path;
 
 use glam::{DMat3, DMat4, DVec3};
@@ -11,7 +12,6 @@ use selvedge_cloth::{
 use serde::{Deserialize, Serialize};
 
 use super::body::BodySpec;
-use super::error::FieldProblem;
 use super::read::{self, Frames, Kind, Sequence, moving_points};
 use crate::formats::input::{check_hash, hash};
 use crate::rig::Rig;
@@ -113,13 +113,13 @@ impl ObstacleMotion {
         body: &BodySpec,
         folder: &Path,
         frame_rate: f64,
-    ) -> Result<Option<Frames>, FieldProblem> {
+    ) -> Result<Option<Frames>, String> {
         let Self::Points(file) = self else {
             return Ok(None);
         };
         if !matches!(body, BodySpec::Mesh { .. }) {
             let problem = "points of a file move a mesh from a file: give mesh, or keyframes";
-            return Err(FieldProblem("motion", problem.to_owned()));
+            return Err(wrong(problem));
         }
         file.frames(folder, frame_rate).map(Some)
     }
@@ -130,7 +130,7 @@ impl ObstacleMotion {
         points: &[DVec3],
         folder: &Path,
         frame_rate: f64,
-    ) -> Result<ObstaclePath, FieldProblem> {
+    ) -> Result<ObstaclePath, String> {
         match self {
             Self::Still | Self::Points(_) => Ok(ObstaclePath::Still),
             Self::Keyframes(keyframes) => keyframes.path(points, frame_rate),
@@ -142,13 +142,9 @@ impl ObstacleMotion {
 
 impl FramesFile {
     /// The file at `path` as it is now.
-    pub(super) fn now(
-        path: String,
-        first: Option<usize>,
-        folder: &Path,
-    ) -> Result<Self, FieldProblem> {
+    pub(super) fn now(path: String, first: Option<usize>, folder: &Path) -> Result<Self, String> {
         let blake3 = match Sequence::of(&path)? {
-            Some(sequence) => sequence.read(first, folder)?.blake3,
+            Some(sequence) => sequence.read(first, folder)?.1,
             None => hash(&read::bytes_of("motion", &path, folder)?),
         };
         Ok(Self {
@@ -161,7 +157,7 @@ impl FramesFile {
         })
     }
 
-    fn frames(&self, folder: &Path, frame_rate: f64) -> Result<Frames, FieldProblem> {
+    fn frames(&self, folder: &Path, frame_rate: f64) -> Result<Frames, String> {
         if let Some(rate) = self.rate.filter(|rate| !(1e-3..=1e5).contains(rate)) {
             let problem = format!("rate must be between 0.001 and 100000, found {rate}");
             return Err(wrong(problem));
@@ -171,11 +167,11 @@ impl FramesFile {
             return Err(wrong(problem));
         }
         let rate = self.rate.unwrap_or(frame_rate);
-        let within = |problem: String| FieldProblem("motion", format!("{}: {problem}", self.path));
+        let within = |problem: String| wrong(format!("{}: {problem}", self.path));
         if let Some(sequence) = Sequence::of(&self.path)? {
-            let read = sequence.read(self.first, folder)?;
-            check_hash(&self.path, &self.blake3, &read.blake3).map_err(wrong)?;
-            let frames = read::later(read.frames, self.from, rate).map_err(within)?;
+            let (frames, found) = sequence.read(self.first, folder)?;
+            check_hash(&self.path, &self.blake3, &found).map_err(wrong)?;
+            let frames = read::later(frames, self.from, rate).map_err(within)?;
             return Ok((rate, frames));
         }
         let has_times = matches!(Kind::of(&self.path), Some(Kind::Rig(_)));
@@ -192,7 +188,7 @@ impl FramesFile {
 }
 
 impl ObstacleKeyframes {
-    fn path(&self, points: &[DVec3], frame_rate: f64) -> Result<ObstaclePath, FieldProblem> {
+    fn path(&self, points: &[DVec3], frame_rate: f64) -> Result<ObstaclePath, String> {
         let mean = points.iter().sum::<DVec3>() / points.len().max(1) as f64;
         let centre = self.centre.unwrap_or(mean);
         let last = self.keyframes.last().map_or(0.0, |keyframe| keyframe.time);
@@ -213,7 +209,7 @@ impl ObstacleKeyframes {
 }
 
 impl NodeFile {
-    fn path(&self, folder: &Path, frame_rate: f64) -> Result<ObstaclePath, FieldProblem> {
+    fn path(&self, folder: &Path, frame_rate: f64) -> Result<ObstaclePath, String> {
         read::unchanged("motion", &self.path, &self.blake3, folder)?;
         let nodes = [self.node.clone()];
         let frames = Rig::read_motion(&folder.join(&self.path), &nodes, frame_rate);
@@ -224,7 +220,7 @@ impl NodeFile {
                 "{}: node {:?} is scaled: obstacles that follow a node are rigid, bake the points instead",
                 self.path, self.node
             );
-            return Err(FieldProblem("motion", problem));
+            return Err(wrong(problem));
         }
         let times = (0..frames.len()).map(|frame| frame as f64 / frame_rate);
         let mut frames = frames.iter();
@@ -237,7 +233,7 @@ fn splines(
     keyframes: &[PoseKeyframe],
     points: &[DVec3],
     frame_rate: f64,
-) -> Result<ObstaclePath, FieldProblem> {
+) -> Result<ObstaclePath, String> {
     let (Some(first), Some(last)) = (keyframes.first(), keyframes.last()) else {
         return Err(wrong("needs at least one keyframe"));
     };
@@ -271,8 +267,8 @@ fn splines(
     })
 }
 
-fn wrong(problem: impl ToString) -> FieldProblem {
-    FieldProblem("motion", problem.to_string())
+pub(super) fn wrong(problem: impl Display) -> String {
+    format!("motion: {problem}")
 }
 
 /// Times of all frames until `last` `[s]`.

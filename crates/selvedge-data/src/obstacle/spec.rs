@@ -3,11 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
-use selvedge_cloth::{Obstacle, ObstaclePath};
+use selvedge_cloth::bodies::Body;
+use selvedge_cloth::{Obstacle, ObstacleError, ObstaclePath};
 use serde::{Deserialize, Serialize};
 
-use super::body::BodySpec;
-use super::error::FieldProblem;
+use super::body::{BodySpec, problem_of};
 use super::motion::ObstacleMotion;
 use super::weld::{drop_flat, weld};
 use crate::formats::extent::{extent, unit_remedy};
@@ -118,41 +118,53 @@ impl ObstacleSpec {
         frame_rate: f64,
         warnings: &mut Vec<String>,
     ) -> Result<Obstacle, Problem> {
-        let own = |problem: FieldProblem| problem.of(&self.name);
-        let placed = self.transform.check().map_err(|(field, expected, found)| {
-            FieldProblem(
-                "transform",
-                format!("{field} must be {expected}, found {found}"),
-            )
-        });
-        placed.map_err(own)?;
         let mut left = Vec::new();
-        let is_still = self.motion.is_still();
-        let body = self.body.build(folder, is_still, &mut left);
-        let mut body = body.map_err(own)?;
-        let mut frames = self
-            .motion
-            .frames(&self.body, folder, frame_rate)
-            .map_err(own)?;
-        if let Some((_, frames)) = &mut frames {
-            for (number, frame) in frames.iter().enumerate() {
-                if frame.len() != body.points.len() {
-                    let problem = format!(
-                        "frame {number} has {} points, but the mesh has {}: their number must not change, so export both without merging points",
-                        frame.len(),
-                        body.points.len()
-                    );
-                    return Err(own(FieldProblem("motion", problem)));
-                }
+        let made = self.body_and_path(folder, frame_rate, &mut left);
+        let (body, path) = made.map_err(problem_of(&self.name))?;
+        let name = &self.name;
+        let left = left.into_iter();
+        warnings.extend(left.map(|left| format!("obstacles[{name:?}].mesh: {left}")));
+        let wrong = |error: ObstacleError| Problem(error.to_string());
+        let made = || {
+            let mut obstacle = Obstacle::new(name, body.points, body.faces)?.moving(path)?;
+            if let Some(friction) = self.friction {
+                obstacle = obstacle.with_friction(friction)?;
             }
+            match self.thickness {
+                Some(thickness) => obstacle.with_thickness(thickness),
+                None => Ok(obstacle),
+            }
+        };
+        made().map_err(wrong)
+    }
+
+    /// The body where it is placed, and its path; what is hardly meant is said in `left`.
+    fn body_and_path(
+        &self,
+        folder: &Path,
+        frame_rate: f64,
+        left: &mut Vec<String>,
+    ) -> Result<(Body, ObstaclePath), String> {
+        let placed = self.transform.check();
+        placed.map_err(|(field, expected, found)| {
+            format!("transform: {field} must be {expected}, found {found}")
+        })?;
+        let mut body = self.body.build(folder, self.motion.is_still(), left)?;
+        let frames = self.motion.frames(&self.body, folder, frame_rate)?;
+        let (rate, mut frames) = frames.unwrap_or_default();
+        let count = body.points.len();
+        let mut numbered = frames.iter().enumerate();
+        if let Some((number, frame)) = numbered.find(|(_, frame)| frame.len() != count) {
+            return Err(format!(
+                "motion: frame {number} has {} points, but the mesh has {count}: their number must not change, so export both without merging points",
+                frame.len()
+            ));
         }
         let count = body.faces.len();
         if self.body.is_split() {
-            let frames = frames.as_mut().map(|(_, frames)| frames.as_mut_slice());
-            weld(&mut body, frames.unwrap_or_default());
+            weld(&mut body, &mut frames);
         }
-        let first = frames.as_ref().and_then(|(_, frames)| frames.first());
-        drop_flat(&mut body, first.map(Vec::as_slice));
+        drop_flat(&mut body, frames.first().map(Vec::as_slice));
         if body.faces.len() < count {
             left.push(format!(
                 "{} of {count} faces have no area at the start and are left out",
@@ -162,39 +174,19 @@ impl ObstacleSpec {
         self.transform.apply(&mut body.points);
         let size = extent(&body.points);
         if matches!(self.body, BodySpec::Mesh { .. }) && !SIZES.contains(&size) {
-            left.push(format!(
-                "it is {size:.4} m long: {}",
-                unit_remedy(size, "transform.scale")
-            ));
+            let remedy = unit_remedy(size, "transform.scale");
+            left.push(format!("it is {size:.4} m long: {remedy}"));
         }
-        let name = &self.name;
-        warnings.extend(
-            left.iter()
-                .map(|left| format!("obstacles[{name:?}].mesh: {left}")),
-        );
-        let path = match frames {
-            Some((rate, mut frames)) => {
-                for frame in &mut frames {
-                    self.transform.apply(frame);
-                }
-                ObstaclePath::Points {
-                    frame_rate: rate,
-                    frames,
-                }
-            }
-            None => self
-                .motion
-                .path(&body.points, folder, frame_rate)
-                .map_err(own)?,
+        for frame in &mut frames {
+            self.transform.apply(frame);
+        }
+        let path = match self.motion {
+            ObstacleMotion::Points(_) => ObstaclePath::Points {
+                frame_rate: rate,
+                frames,
+            },
+            _ => self.motion.path(&body.points, folder, frame_rate)?,
         };
-        let obstacle = Obstacle::new(&self.name, body.points, body.faces)?.moving(path)?;
-        let obstacle = match self.friction {
-            Some(friction) => obstacle.with_friction(friction)?,
-            None => obstacle,
-        };
-        Ok(match self.thickness {
-            Some(thickness) => obstacle.with_thickness(thickness)?,
-            None => obstacle,
-        })
+        Ok((body, path))
     }
 }

@@ -6,9 +6,8 @@ use glam::DVec3;
 use selvedge_cloth::Keyframe;
 use serde::Deserialize;
 
-use super::body::{BodySpec, Capsule, Cuboid, Cylinder, Plane, Sphere};
-use super::error::FieldProblem;
-use super::motion::{FramesFile, NodeFile, ObstacleKeyframes, ObstacleMotion};
+use super::body::{BodySpec, Cuboid, Plane, Sphere, Tube, problem_of};
+use super::motion::{FramesFile, NodeFile, ObstacleKeyframes, ObstacleMotion, wrong};
 use super::read;
 use super::spec::{ObstacleSpec, Placement};
 use crate::formats::file_error::Problem;
@@ -21,8 +20,8 @@ pub(crate) struct ObstacleFile {
     pub(super) name: String,
     plane: Option<Plane>,
     sphere: Option<Sphere>,
-    capsule: Option<Capsule>,
-    cylinder: Option<Cylinder>,
+    capsule: Option<Tube>,
+    cylinder: Option<Tube>,
     #[serde(rename = "box")]
     cuboid: Option<Cuboid>,
     mesh: Option<String>,
@@ -59,20 +58,16 @@ struct MotionTable {
     from: f64,
 }
 
-fn wrong(field: &'static str, problem: impl Into<String>) -> FieldProblem {
-    FieldProblem(field, problem.into())
-}
-
 impl ObstacleFile {
     /// Looks for files from `folder`.
     pub(crate) fn resolve(self, folder: &Path) -> Result<ObstacleSpec, Problem> {
         let name = self.name.clone();
-        self.resolved(folder).map_err(|problem| problem.of(&name))
+        self.resolved(folder).map_err(problem_of(&name))
     }
 
-    fn resolved(self, folder: &Path) -> Result<ObstacleSpec, FieldProblem> {
+    fn resolved(self, folder: &Path) -> Result<ObstacleSpec, String> {
         if self.name.is_empty() {
-            return Err(wrong("name", "is empty: give the obstacle a name"));
+            return Err("name: is empty: give the obstacle a name".to_owned());
         }
         let mesh = self.mesh.map(|path| BodySpec::mesh_now(path, folder));
         let bodies = [
@@ -85,8 +80,8 @@ impl ObstacleFile {
         ];
         let mut bodies = bodies.into_iter().flatten();
         let (Some(body), None) = (bodies.next(), bodies.next()) else {
-            let problem = "must be one of plane, sphere, capsule, cylinder, box and mesh";
-            return Err(wrong("body", problem));
+            let problem = "body: must be one of plane, sphere, capsule, cylinder, box and mesh";
+            return Err(problem.to_owned());
         };
         let motion = match self.motion {
             None => ObstacleMotion::Still,
@@ -107,14 +102,14 @@ impl ObstacleFile {
 }
 
 impl MotionTable {
-    fn resolve(self, body: &BodySpec, folder: &Path) -> Result<ObstacleMotion, FieldProblem> {
+    fn resolve(self, body: &BodySpec, folder: &Path) -> Result<ObstacleMotion, String> {
         let of_points = self.rate.is_some()
             || self.first.is_some()
             || self.from != 0.0
             || self.animation.is_some();
         if let Some(keyframes) = self.keyframes {
             if of_points || self.file.is_some() || self.node.is_some() {
-                return Err(wrong("motion", "has keyframes and a file: keep one"));
+                return Err(wrong("has keyframes and a file: keep one"));
             }
             return Ok(ObstacleMotion::Keyframes(ObstacleKeyframes {
                 axis: self.axis.unwrap_or(DVec3::Y),
@@ -123,15 +118,15 @@ impl MotionTable {
             }));
         }
         if self.axis.is_some() || self.centre.is_some() {
-            return Err(wrong("motion", "axis and centre are for keyframes"));
+            return Err(wrong("axis and centre are for keyframes"));
         }
         if let Some(node) = self.node {
             let Some(path) = self.file else {
-                return Err(wrong("motion", "names a node but no file that has it"));
+                return Err(wrong("names a node but no file that has it"));
             };
             if of_points {
                 let problem = "follows a node: rate, first, from and animation are for points";
-                return Err(wrong("motion", problem));
+                return Err(wrong(problem));
             }
             let blake3 = hash(&read::bytes_of("motion", &path, folder)?);
             return Ok(ObstacleMotion::Node(NodeFile { path, blake3, node }));
@@ -143,7 +138,7 @@ impl MotionTable {
         };
         let Some(path) = self.file.or(own) else {
             let problem = "needs keyframes, a file, or an animation of the mesh's own file";
-            return Err(wrong("motion", problem));
+            return Err(wrong(problem));
         };
         let file = FramesFile::now(path, self.first, folder)?;
         Ok(ObstacleMotion::Points(FramesFile {

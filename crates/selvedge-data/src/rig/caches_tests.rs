@@ -1,5 +1,5 @@
 //! Caches of other programs: what Blender wrote of a scene that is known, and damage. What we write
-//! comes back in the tests of `foreign::cache`.
+//! comes back in the tests of `foreign`.
 
 use glam::{DVec2, DVec3};
 
@@ -14,9 +14,14 @@ use crate::trajectory::test_square::moving_square;
 /// in moves by (1, 2, 3), all in Blender's axes; exported by Blender 5.0.1.
 const BLENDER_USDC: &[u8] = include_bytes!("../../tests/fixtures/caches/blender.usdc");
 
-fn check_blender(bytes: &[u8], format: RigFormat) {
-    let body = read_body(bytes, format, None, false).unwrap();
-    let [first, last] = body.span().unwrap();
+fn read_body(bytes: &[u8]) -> Result<Rig, RigError> {
+    Rig::parse(bytes, RigFormat::Usd, Wanted::Motion(None))
+}
+
+#[test]
+fn binary_usd_of_blender_is_read() {
+    let body = read_body(BLENDER_USDC).unwrap();
+    let [first, last] = body.span_of_meshes().unwrap();
     assert!((last - first - 3.0 / 24.0).abs() < 1e-9, "{first} {last}");
     let frames = body.frames(24.0, 0.0).unwrap();
     assert_eq!(frames.len(), 4);
@@ -32,7 +37,7 @@ fn check_blender(bytes: &[u8], format: RigFormat) {
         let at = |corner: usize| frames[0][face[corner] as usize];
         assert!((at(1) - at(0)).cross(at(2) - at(0)).y > 0.0);
     }
-    let polygons = mesh::polygons(bytes, format).unwrap();
+    let polygons = body.polygons().unwrap();
     assert_eq!((polygons.positions.len(), polygons.polygons.len()), (6, 2));
     // The grid's texture coordinates are its place in the unit square.
     for corner in polygons
@@ -45,13 +50,18 @@ fn check_blender(bytes: &[u8], format: RigFormat) {
         let found = polygons.texture[corner.texture.unwrap()];
         assert!(found.distance(expected) < 1e-6, "{place}: {found}");
     }
+    let hand = body.find("hand").unwrap();
+    let [first, last] = body.span(hand).unwrap();
+    let place = |time| body.placement(hand, time).transform_point3(DVec3::ZERO);
+    assert!(place(first).length() < 1e-6);
+    assert!(place(last).distance(DVec3::new(1.0, 3.0, -2.0)) < 1e-6);
 }
 
 fn trajectory() -> Trajectory {
     moving_square(60.0)
 }
 
-fn exported(format: ExportFormat, up: UpAxis, frames: &str) -> Vec<u8> {
+fn exported(format: ExportFormat, frames: &str) -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a");
     let options = ExportOptions {
@@ -60,7 +70,7 @@ fn exported(format: ExportFormat, up: UpAxis, frames: &str) -> Vec<u8> {
             every: 2,
             ..frames.parse().unwrap()
         },
-        up,
+        up: UpAxis::Y,
         normals: true,
         velocities: format != ExportFormat::Glb,
     };
@@ -70,55 +80,42 @@ fn exported(format: ExportFormat, up: UpAxis, frames: &str) -> Vec<u8> {
 
 #[test]
 fn one_frame_does_not_move() {
-    let one = exported(ExportFormat::Usdc, UpAxis::Y, "3");
-    let body = read_body(&one, RigFormat::Usd, None, false).unwrap();
-    assert_eq!(body.span(), None);
+    let one = exported(ExportFormat::Usdc, "3");
+    let body = read_body(&one).unwrap();
+    assert_eq!(body.span_of_meshes(), None);
     assert_eq!(body.positions(9.0)[0], trajectory().frame(3)[0].as_dvec3());
 }
 
 /// Reads `bytes` cut short, an error, and with every byte changed in some ways: no panic.
-fn damage(bytes: &[u8], format: RigFormat) {
+fn damage(bytes: &[u8]) {
     for at in 0..bytes.len() {
         for value in [0, 1, 0x7f, 0x80, 0xff, bytes[at] ^ 4] {
             let mut spoilt = bytes.to_vec();
             spoilt[at] = value;
-            if let Ok(body) = read_body(&spoilt, format, None, false) {
+            if let Ok(body) = read_body(&spoilt) {
                 let _ = (body.faces(), body.frames(24.0, 0.0).map(|f| f.len()));
             }
-            let _ = mesh::polygons(&spoilt, format);
+            let meshes = Rig::parse(&spoilt, RigFormat::Usd, Wanted::Meshes);
+            let _ = meshes.and_then(|rig| rig.polygons());
         }
-        assert!(at % 7 > 0 || read_body(&bytes[..at], format, None, false).is_err());
+        assert!(at % 7 > 0 || read_body(&bytes[..at]).is_err());
     }
 }
 
 #[test]
-fn binary_usd_of_blender_is_read() {
-    check_blender(BLENDER_USDC, RigFormat::Usd);
-    let rig = usda::parse(BLENDER_USDC).unwrap();
-    let hand = rig.find("hand").unwrap();
-    let [first, last] = rig.span(hand).unwrap();
-    let place = |time| rig.placement(hand, time).transform_point3(DVec3::ZERO);
-    assert!(place(first).length() < 1e-6);
-    assert!(place(last).distance(DVec3::new(1.0, 3.0, -2.0)) < 1e-6);
-}
-
-#[test]
 fn archives_of_usd_that_are_packed_or_old_are_refused() {
-    let mut packed = exported(ExportFormat::Usdz, UpAxis::Y, "0..4");
+    let mut packed = exported(ExportFormat::Usdz, "0..4");
     packed[8] = 8;
-    says(usda::parse(&packed).unwrap_err(), &["packed or encrypted"]);
-    let mut old = exported(ExportFormat::Usdc, UpAxis::Y, "0..4");
+    says(read_body(&packed).unwrap_err(), &["packed or encrypted"]);
+    let mut old = exported(ExportFormat::Usdc, "0..4");
     old[9] = 3;
-    says(usda::parse(&old).unwrap_err(), &["0.3", "usdcat"]);
+    says(read_body(&old).unwrap_err(), &["0.3", "usdcat"]);
 }
 
 #[test]
 fn damaged_binary_usd_is_an_error_or_another_stage() {
-    damage(BLENDER_USDC, RigFormat::Usd);
-    damage(
-        &exported(ExportFormat::Usdc, UpAxis::Y, "0..4"),
-        RigFormat::Usd,
-    );
+    damage(BLENDER_USDC);
+    damage(&exported(ExportFormat::Usdc, "0..4"));
 }
 
 #[test]
@@ -130,7 +127,7 @@ fn what_a_cache_has_can_be_told() {
         (ExportFormat::Glb, "glb"),
     ] {
         let path = folder.path().join(format!("a.{ending}"));
-        std::fs::write(&path, exported(format, UpAxis::Y, "0..4")).unwrap();
+        std::fs::write(&path, exported(format, "0..4")).unwrap();
         let [sheet] = &Rig::read_meshes(&path).unwrap()[..] else {
             panic!("{ending}: several meshes");
         };

@@ -1,75 +1,152 @@
-//! Meshes in the files of rigs (USD, .glb), as polygons in our world: every node's mesh,
-//! placed as the node stands at the start.
+//! A mesh of a node as it moves: by morph targets, by samples of its points, by a skin, or with its
+//! node.
 //!
-//! glTF, and some writers of USD, split vertices along seams; [`polygons`] leaves them so, and the
-//! caller welds them. Names of nodes become labels, names of materials (in USD of `GeomSubset`s)
-//! become fabrics.
+//! A point is its position plus every target times its weight. In a mesh with a skin it then goes
+//! with its joints: Σ w M(t) B p, M from the joint's space to the world and B its inverse bind
+//! matrix; the node's own transform does not count. `[eq:skin]` Without a skin it goes with its
+//! node.
 
-use glam::DMat4;
+use glam::{DMat4, DVec2, DVec3};
 
-use super::error::RigError;
 use super::node::Rig;
-use super::node_mesh::NodeMesh;
-use super::{RigFormat, glb, usda};
-use crate::formats::polygons::{Corner, Place, Polygon, Polygons};
+use super::track::{Joined, Track, ends};
 
-/// The polygons of all meshes in the bytes of a file; `format` says which kind it is of.
-pub(crate) fn polygons(bytes: &[u8], format: RigFormat) -> Result<Polygons, RigError> {
-    let (mut rig, meshes) = match format {
-        RigFormat::Glb => glb::parse_meshes(bytes)?,
-        RigFormat::Usd => usda::parse_meshes(bytes)?,
-    };
-    if meshes.is_empty() {
-        return Err(RigError::NoMesh(rig.warnings));
-    }
-    let mut polygons = Polygons {
-        warnings: std::mem::take(&mut rig.warnings),
-        ..Polygons::default()
-    };
-    for mesh in meshes {
-        add(&mut polygons, &rig, mesh)?;
-    }
-    polygons.numbers = (0..polygons.positions.len()).collect();
-    Ok(polygons)
+/// A mesh of a node, and what moves its points.
+#[derive(Debug, Default)]
+pub(super) struct RigMesh {
+    pub(super) node: usize,
+    /// Positions in the space of the node or, with a skin, of the bind.
+    pub(super) positions: Vec<DVec3>,
+    pub(super) faces: Vec<Face>,
+    /// Morph targets of every point.
+    pub(super) targets: Vec<Target>,
+    /// Samples of the points, in place of the positions.
+    pub(super) samples: Option<Samples>,
+    pub(super) skin: Option<Skin>,
 }
 
-fn add(polygons: &mut Polygons, rig: &Rig, mesh: NodeMesh) -> Result<(), RigError> {
-    let node = rig.check_chain(mesh.node)?;
-    let name = &rig.nodes[node].name;
-    let placement: DMat4 = rig.placement(node, 0.0);
-    let first = polygons.positions.len() as u32;
-    let count = mesh.positions.len() as u32;
-    let placed = mesh
-        .positions
-        .iter()
-        .map(|p| placement.transform_point3(*p));
-    polygons.positions.extend(placed);
-    let label = polygons.labels.entry(name.clone()).or_default();
-    label.extend(first..first + count);
-    for (number, face) in mesh.faces.iter().enumerate() {
-        if let Some(&beyond) = face.iter().find(|&&v| v >= count) {
-            let problem = format!("face {number} of its mesh names vertex {beyond} of {count}");
-            return Err(RigError::node(name, problem));
-        }
-        let uv = mesh.texture.as_ref().map(|texture| &texture[number]);
-        let corners = face.iter().enumerate().map(|(k, &vertex)| Corner {
-            vertex: first + vertex,
-            texture: uv.map(|uv| {
-                polygons.texture.push(uv[k]);
-                polygons.texture.len() - 1
-            }),
-            loose: None,
-        });
-        let corners = corners.collect();
-        let fabric = mesh.fabrics.get(number).and_then(Option::as_deref);
-        let fabric = fabric.map(|name| polygons.fabric_of(name));
-        polygons.polygons.push(Polygon {
-            place: Place::Face(polygons.polygons.len()),
-            corners,
-            fabric,
-            part: polygons.parts.len(),
-        });
+#[derive(Clone, Debug, Default)]
+pub(super) struct Face {
+    /// Points.
+    pub(super) corners: Vec<u32>,
+    /// Texture coordinates of the corners, v upwards; none where the mesh has none.
+    pub(super) texture: Vec<DVec2>,
+    /// Name of the material.
+    pub(super) fabric: Option<String>,
+}
+
+/// A morph target.
+#[derive(Debug)]
+pub(super) struct Target {
+    /// Displacements of every point.
+    pub(super) offsets: Vec<DVec3>,
+    /// Share of them over time.
+    pub(super) weight: Track<f64>,
+}
+
+/// Points over time.
+#[derive(Debug)]
+pub(super) struct Samples {
+    /// The place in `frames`, in frames.
+    place: Track<f64>,
+    frames: Vec<Vec<DVec3>>,
+}
+
+/// Joints and what follows them.
+#[derive(Debug)]
+pub(super) struct Skin {
+    /// Nodes, and the matrices from the bind to their spaces.
+    pub(super) joints: Vec<(usize, DMat4)>,
+    /// Joints of every point with their shares, which sum to 1.
+    pub(super) shares: Vec<Vec<(usize, f64)>>,
+}
+
+impl RigMesh {
+    /// Makes `frames` at `times` `[s]` its points, linear in between; there is at least one.
+    pub(super) fn sample(
+        &mut self,
+        times: Vec<f64>,
+        frames: Vec<Vec<DVec3>>,
+    ) -> Result<(), &'static str> {
+        let places = (0..frames.len()).map(|frame| frame as f64).collect();
+        let place = Track::new(times, places, Joined::Linearly)?;
+        self.samples = Some(Samples { place, frames });
+        Ok(())
     }
-    polygons.parts.push(vec![name.clone()]);
-    Ok(())
+
+    /// Positions at `time` `[s]` in our world `[m]`, `[points]`. `[eq:skin]`
+    pub(super) fn positions(&self, rig: &Rig, time: f64) -> Vec<DVec3> {
+        let mut points = match &self.samples {
+            Some(samples) => samples.at(time),
+            None => self.positions.clone(),
+        };
+        for target in &self.targets {
+            let weight = target.weight.at(time);
+            for (point, offset) in points.iter_mut().zip(&target.offsets) {
+                *point += weight * *offset;
+            }
+        }
+        let Some(skin) = &self.skin else {
+            let placement = rig.placement(self.node, time);
+            let placed = points.iter().map(|p| placement.transform_point3(*p));
+            return placed.collect();
+        };
+        let joints = skin.joints.iter();
+        let joints: Vec<DMat4> = joints
+            .map(|&(node, bind)| rig.placement(node, time) * bind)
+            .collect();
+        let place = |(point, shares): (&DVec3, &Vec<(usize, f64)>)| {
+            let moved = shares
+                .iter()
+                .map(|&(joint, share)| share * joints[joint].transform_point3(*point));
+            moved.sum()
+        };
+        points.iter().zip(&skin.shares).map(place).collect()
+    }
+
+    /// Times of the first and the last key that move it `[s]`; none if nothing does.
+    pub(super) fn span(&self, rig: &Rig) -> Option<[f64; 2]> {
+        let of_nodes = self.nodes().into_iter().flat_map(|node| rig.keys(node));
+        ends(of_nodes.chain(self.own_keys()))
+    }
+
+    /// Times of its samples and morph targets `[s]`.
+    fn own_keys(&self) -> impl Iterator<Item = f64> {
+        let of_targets = self.targets.iter().flat_map(|t| t.weight.keys());
+        let of_samples = self.samples.iter().flat_map(|s| s.place.keys());
+        of_targets.chain(of_samples).copied()
+    }
+
+    /// The times `[s]` at which its points are known, and not only between others: those of its
+    /// samples and morph targets, or of its nodes where it has neither; ascending. None if nothing
+    /// moves it.
+    pub(super) fn keys(&self, rig: &Rig) -> Vec<f64> {
+        let mut keys: Vec<f64> = self.own_keys().collect();
+        if keys.is_empty() {
+            let nodes = self.nodes().into_iter();
+            keys = nodes.flat_map(|node| rig.keys(node)).collect();
+        }
+        keys.sort_by(f64::total_cmp);
+        keys.dedup();
+        keys
+    }
+
+    /// The nodes whose places must be known.
+    pub(super) fn nodes(&self) -> Vec<usize> {
+        match &self.skin {
+            Some(skin) => skin.joints.iter().map(|joint| joint.0).collect(),
+            None => vec![self.node],
+        }
+    }
+}
+
+impl Samples {
+    fn at(&self, time: f64) -> Vec<DVec3> {
+        let place = self.place.at(time);
+        let from = (place.floor() as usize).min(self.frames.len() - 1);
+        let to = (from + 1).min(self.frames.len() - 1);
+        let part = place - from as f64;
+        let pairs = self.frames[from].iter().zip(&self.frames[to]);
+        pairs.map(|(a, b)| a.lerp(*b, part)).collect()
+    }
 }

@@ -2,8 +2,7 @@
 
 use glam::Vec3;
 
-use super::super::obstacles::TakenObstacle;
-use super::super::take::{Take, extent};
+use super::super::take::{Body, Take, extent};
 use super::stage::{Prim, Stage, Value};
 use crate::UpAxis;
 
@@ -52,12 +51,11 @@ fn cloth<'a>(take: &'a Take<'a>) -> Prim<'a> {
     root
 }
 
+/// The cloth.
 fn sheet<'a>(take: &'a Take<'a>) -> Prim<'a> {
-    let cloth = take.trajectory.cloth();
-    let faces = cloth.topology().face_indices();
-    let mut mesh = mesh("sheet", &faces, COLOUR);
-    bind(&mut mesh, "/cloth");
-    if let Some(texture) = cloth.texture_points() {
+    let body = take.sheet();
+    let mut mesh = mesh(&body, COLOUR, "/cloth");
+    if let Some(texture) = take.trajectory.cloth().texture_points() {
         let (corners, how) = match texture.is_sewn() {
             true => (texture.faces().flatten().collect(), "faceVarying"),
             false => (texture.points().to_vec(), "vertex"),
@@ -71,19 +69,9 @@ fn sheet<'a>(take: &'a Take<'a>) -> Prim<'a> {
     let numbers = Value::Whole(take.handle_numbers());
     mesh.add("int[]", "primvars:handle", numbers)
         .interpolated("vertex");
-    let points = Value::Frames {
-        of: Box::new(|number| take.positions(number)),
-        beats: true,
-    };
-    mesh.add("point3f[]", "points", points);
-    let boxes = frames(|number| extent(&take.positions(number)).to_vec());
-    mesh.add("float3[]", "extent", boxes);
-    if take.velocities {
-        let velocities = frames(|number| take.velocities(number));
-        mesh.add("vector3f[]", "velocities", velocities);
-    }
+    add_points(take, &body, &mut mesh);
     if take.normals {
-        let normals = frames(|number| take.normals_at(&take.positions(number)));
+        let normals = frames(move |number| take.normals_at(&body.positions(number)));
         mesh.add("normal3f[]", "normals", normals)
             .interpolated("vertex");
     }
@@ -96,38 +84,47 @@ fn obstacles<'a>(take: &'a Take<'a>) -> Option<Prim<'a>> {
         return None;
     }
     let mut root = Prim::new("obstacles", "Xform");
-    root.children
-        .extend(obstacles.iter().map(|body| obstacle(take, body)));
+    for body in obstacles {
+        let mut mesh = mesh(&body, GREY, "/obstacles");
+        add_points(take, &body, &mut mesh);
+        root.children.push(mesh);
+    }
     root.children.push(materials("/obstacles", GREY));
     Some(root)
 }
 
-fn obstacle<'a>(take: &'a Take<'a>, body: &TakenObstacle<'a>) -> Prim<'a> {
-    let mut mesh = mesh(&body.name, body.track.faces(), GREY);
-    bind(&mut mesh, "/obstacles");
+/// Adds points, their extent and their velocities.
+fn add_points<'a>(take: &'a Take<'a>, body: &Body<'a>, mesh: &mut Prim<'a>) {
     if body.is_still() {
-        let points = body.positions(take, 0);
+        let points = body.positions(0);
         let corners = extent(&points).to_vec();
         mesh.add("point3f[]", "points", Value::Triples(points));
         mesh.add("float3[]", "extent", Value::Triples(corners));
-        return mesh;
+        return;
     }
-    let track = body.track;
-    let at = move |number| take.turned(&track.frame(take.frame(number)));
-    mesh.add("point3f[]", "points", frames(at));
-    let boxes = frames(move |number| extent(&at(number)).to_vec());
+    let own = body.clone();
+    let points = move |number| {
+        let points = own.positions(number);
+        if own.track.is_none() {
+            (take.beat)()?;
+        }
+        Ok(points)
+    };
+    mesh.add("point3f[]", "points", Value::Frames(Box::new(points)));
+    let own = body.clone();
+    let boxes = frames(move |number| extent(&own.positions(number)).to_vec());
     mesh.add("float3[]", "extent", boxes);
-    if take.velocities {
-        let points = |frame| take.turned(&track.frame(frame));
-        let velocities = frames(move |number| take.slopes(number, points));
+    if body.has_velocities() {
+        let own = body.clone();
+        let velocities = frames(move |number| own.velocities(number));
         mesh.add("vector3f[]", "velocities", velocities);
     }
-    mesh
 }
 
-/// A mesh that is seen from both sides, without points.
-fn mesh<'a>(name: &str, faces: &[[u32; 3]], colour: Vec3) -> Prim<'a> {
-    let mut mesh = Prim::new(name, "Mesh");
+/// A mesh that is seen from both sides, without points, bound to the material below `root`.
+fn mesh<'a>(body: &Body<'_>, colour: Vec3, root: &str) -> Prim<'a> {
+    let faces = body.faces();
+    let mut mesh = Prim::new(&*body.name, "Mesh");
     mesh.add_uniform("bool", "doubleSided", Value::Flag(true));
     mesh.add_uniform("token", "orientation", Value::Token("rightHanded"));
     mesh.add_uniform("token", "subdivisionScheme", Value::Token("none"));
@@ -139,13 +136,10 @@ fn mesh<'a>(name: &str, faces: &[[u32; 3]], colour: Vec3) -> Prim<'a> {
     let colours = Value::Triples(vec![colour]);
     mesh.add("color3f[]", "primvars:displayColor", colours)
         .interpolated("constant");
-    mesh
-}
-
-fn bind(mesh: &mut Prim<'_>, root: &str) {
     mesh.applies.push(BINDS);
     let target = Value::Target(format!("{root}/materials/matte"));
     mesh.add("", "material:binding", target);
+    mesh
 }
 
 /// The scope of a matte material of this colour, below the prim at `root`.
@@ -166,8 +160,5 @@ fn materials<'a>(root: &str, colour: Vec3) -> Prim<'a> {
 }
 
 fn frames<'a>(of: impl Fn(usize) -> Vec<Vec3> + 'a) -> Value<'a> {
-    Value::Frames {
-        of: Box::new(of),
-        beats: false,
-    }
+    Value::Frames(Box::new(move |number| Ok(of(number))))
 }

@@ -13,7 +13,7 @@ use std::io::{self, Seek, SeekFrom, Write};
 
 use glam::Vec3;
 
-use super::super::outcome::Pulse;
+use super::super::common::le_floats as floats;
 use super::stage::{Prim, Property, Stage, Value};
 use super::tables::Tables;
 
@@ -67,11 +67,7 @@ pub(super) struct CrateOut<'a, W> {
 }
 
 /// Writes the crate.
-pub(super) fn write(
-    stage: &Stage<'_>,
-    out: &mut (impl Write + Seek),
-    pulse: &mut Pulse<'_>,
-) -> io::Result<()> {
+pub(super) fn write(stage: &Stage<'_>, out: &mut (impl Write + Seek)) -> io::Result<()> {
     out.write_all(b"PXR-USDC\x00\x08\x00\x00\x00\x00\x00\x00")?;
     out.write_all(&[0; 72])?;
     let mut made = CrateOut {
@@ -86,7 +82,7 @@ pub(super) fn write(
     made.codes = made.value(Kind::DoubleVector, &bytes)?;
     made.root(stage)?;
     for prim in &stage.prims {
-        made.prim(prim, "", stage, pulse)?;
+        made.prim(prim, "", stage)?;
     }
     made.finish()
 }
@@ -174,13 +170,7 @@ impl<W: Write + Seek> CrateOut<'_, W> {
         Ok(())
     }
 
-    fn prim(
-        &mut self,
-        prim: &Prim<'_>,
-        above: &str,
-        stage: &Stage<'_>,
-        pulse: &mut Pulse<'_>,
-    ) -> io::Result<()> {
+    fn prim(&mut self, prim: &Prim<'_>, above: &str, stage: &Stage<'_>) -> io::Result<()> {
         const PREPENDED: u8 = 1 << 5;
         let path = format!("{above}/{}", prim.name);
         let mut fields = BTreeMap::new();
@@ -206,10 +196,10 @@ impl<W: Write + Seek> CrateOut<'_, W> {
         }
         self.tables.spec(&path, Spec::Prim, &fields);
         for property in &prim.properties {
-            self.property(property, &path, stage, pulse)?;
+            self.property(property, &path, stage)?;
         }
         for child in &prim.children {
-            self.prim(child, &path, stage, pulse)?;
+            self.prim(child, &path, stage)?;
         }
         Ok(())
     }
@@ -219,7 +209,6 @@ impl<W: Write + Seek> CrateOut<'_, W> {
         property: &Property<'_>,
         above: &str,
         stage: &Stage<'_>,
-        pulse: &mut Pulse<'_>,
     ) -> io::Result<()> {
         let path = format!("{above}.{}", property.name);
         let mut fields = BTreeMap::new();
@@ -241,8 +230,8 @@ impl<W: Write + Seek> CrateOut<'_, W> {
             Value::Source(source) => {
                 fields.insert("connectionPaths", self.path(source)?);
             }
-            Value::Frames { .. } | Value::Places(_) => {
-                let samples = self.samples(&property.value, stage, pulse)?;
+            Value::Frames(_) | Value::Places(_) => {
+                let samples = self.samples(&property.value, stage)?;
                 fields.insert("timeSamples", samples);
             }
             value => {
@@ -283,7 +272,7 @@ impl<W: Write + Seek> CrateOut<'_, W> {
             Value::Triple(point) => self.value(Kind::Vec3f, &floats(point.to_array())),
             Value::Triples(points) => self.triples(points),
             Value::Nothing
-            | Value::Frames { .. }
+            | Value::Frames(_)
             | Value::Places(_)
             | Value::Target(_)
             | Value::Source(_) => Err(io::Error::other("a value that is no default")),
@@ -291,25 +280,14 @@ impl<W: Write + Seek> CrateOut<'_, W> {
     }
 
     /// Time samples: the way to their codes, the way on, and a value for each.
-    fn samples(
-        &mut self,
-        value: &Value<'_>,
-        stage: &Stage<'_>,
-        pulse: &mut Pulse<'_>,
-    ) -> io::Result<u64> {
+    fn samples(&mut self, value: &Value<'_>, stage: &Stage<'_>) -> io::Result<u64> {
         let mut bytes = 8_i64.to_le_bytes().to_vec();
         bytes.extend(self.codes.to_le_bytes());
         bytes.extend(8_i64.to_le_bytes());
         bytes.extend((stage.codes.len() as u64).to_le_bytes());
         for number in 0..stage.codes.len() {
             let sample = match value {
-                Value::Frames { of, beats } => {
-                    let sample = self.triples(&of(number))?;
-                    if *beats {
-                        pulse.beat()?;
-                    }
-                    sample
-                }
+                Value::Frames(of) => self.triples(&of(number)?)?,
                 Value::Places(place) => {
                     let place = place(number).as_dvec3().to_array();
                     self.value(Kind::Vec3d, &place.map(f64::to_le_bytes).concat())?
@@ -340,8 +318,4 @@ impl<W: Write + Seek> CrateOut<'_, W> {
         self.out.seek(SeekFrom::Start(16))?;
         self.out.write_all(&place.to_le_bytes())
     }
-}
-
-fn floats(numbers: impl IntoIterator<Item = f32>) -> Vec<u8> {
-    numbers.into_iter().flat_map(f32::to_le_bytes).collect()
 }

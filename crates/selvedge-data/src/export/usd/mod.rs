@@ -10,40 +10,55 @@
 //! one per corner of a face; the rest pose is `primvars:rest`, and `primvars:handle` is the number
 //! of the handle that a vertex is, or -1.
 //!
-//! Format: the USD documentation, `UsdGeomMesh`, `UsdGeomPointBased` and `UsdPreviewSurface`.
+//! Format: the USD documentation, `UsdGeomMesh`, `UsdGeomPointBased`, `UsdPreviewSurface` and "Usdz
+//! File Format Specification".
 
 mod cloth;
 mod crate_file;
-mod package;
 mod stage;
 mod tables;
 mod text;
 
+use std::io::{self, Cursor, Seek, Write};
 use std::path::Path;
 
+use zip::ZipWriter;
+
 use self::cloth::stage_of;
+use self::stage::Stage;
+use super::common::{ExportError, check_size};
 use super::options::ExportFormat;
-use super::outcome::{ExportError, Pulse, check_size};
-use super::take::Take;
+use super::take::{Body, Take};
 use crate::formats::atomic::write_atomically;
+use crate::formats::npz::STORED;
+
+/// Multiple of bytes at which the file in an archive begins.
+const ALIGNED: u16 = 64;
 
 /// Writes the stage: as text, whose numbers are the shortest decimals that are read back exactly, as
 /// a crate, or as an archive of one crate, which is called as the archive is.
-pub(super) fn write(
-    take: &Take<'_>,
-    path: &Path,
-    format: ExportFormat,
-    pulse: &mut Pulse<'_>,
-) -> Result<(), ExportError> {
+pub(super) fn write(take: &Take<'_>, path: &Path, format: ExportFormat) -> Result<(), ExportError> {
     if format == ExportFormat::Usdz {
         check_size(".usdz", package_bytes(take), take.every)?;
     }
     let stage = stage_of(take);
     Ok(write_atomically(path, |out| match format {
-        ExportFormat::Usda => text::write(&stage, out, pulse),
-        ExportFormat::Usdz => package::write(&stage, &crate_name(path), out, pulse),
-        _ => crate_file::write(&stage, out, pulse),
+        ExportFormat::Usda => text::write(&stage, out),
+        ExportFormat::Usdz => write_package(&stage, &crate_name(path), out),
+        _ => crate_file::write(&stage, out),
     })?)
+}
+
+/// Writes an archive (.usdz) of one crate of this name: ZIP without packing, and without the 64-bit
+/// extension, which a .usdz must not have.
+fn write_package(stage: &Stage<'_>, name: &str, out: &mut (impl Write + Seek)) -> io::Result<()> {
+    let mut inside = Cursor::new(Vec::new());
+    crate_file::write(stage, &mut inside)?;
+    let mut archive = ZipWriter::new(out);
+    archive.start_file(name, STORED.with_alignment(ALIGNED))?;
+    archive.write_all(inside.get_ref())?;
+    archive.finish()?;
+    Ok(())
 }
 
 /// A name of letters that every ZIP knows, and of a length that its header can hold.
@@ -55,14 +70,14 @@ fn crate_name(path: &Path) -> String {
 
 /// Bytes of an archive, not fewer than it will have.
 fn package_bytes(take: &Take<'_>) -> u64 {
-    let lists = 1 + u64::from(take.velocities) + u64::from(take.normals);
-    let vertices = take.trajectory.vertex_count() as u64;
-    let cloth = take.len() as u64 * (12 * vertices * lists + 200);
+    let of_body = |body: &Body<'_>| {
+        let is_cloth = body.track.is_none();
+        let lists = 1 + u64::from(body.has_velocities()) + u64::from(is_cloth && take.normals);
+        let (frames, points) = (body.frame_count() as u64, body.point_count() as u64);
+        let faces = body.faces().len() as u64;
+        frames * (12 * points * lists + 200) + if is_cloth { 100 * points } else { 20 * faces }
+    };
+    let bodies: u64 = take.obstacles().iter().map(of_body).sum();
     let handles = take.trajectory.handles().vertices().len() as u64;
-    let bodies = take.obstacles();
-    let bodies = bodies.iter().map(|body| {
-        let points = 12 * body.track.point_count() as u64 * (1 + u64::from(take.velocities));
-        body.frame_count(take) as u64 * (points + 200) + 20 * body.track.faces().len() as u64
-    });
-    cloth + 40 * handles * take.len() as u64 + bodies.sum::<u64>() + 100 * vertices + (1 << 20)
+    of_body(&take.sheet()) + bodies + 40 * handles * take.len() as u64 + (1 << 20)
 }

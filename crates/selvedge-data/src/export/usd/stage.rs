@@ -1,10 +1,12 @@
 //! A stage of USD before it is written: prims, their properties, and values that are made when they
 //! are wanted.
 
+use std::io;
+
 use glam::{Vec2, Vec3};
 
 /// Points `[points]` in the frame taken as a number.
-pub(super) type Frame<'a> = Box<dyn Fn(usize) -> Vec<Vec3> + 'a>;
+pub(super) type Frame<'a> = Box<dyn Fn(usize) -> io::Result<Vec<Vec3>> + 'a>;
 
 /// A stage: metadata and prims.
 pub(super) struct Stage<'a> {
@@ -55,11 +57,8 @@ pub(super) enum Value<'a> {
     Pairs(Vec<Vec2>),
     Triple(Vec3),
     Triples(Vec<Vec3>),
-    /// Lists by the time code; the observer of the export is told of each where it `beats`.
-    Frames {
-        of: Frame<'a>,
-        beats: bool,
-    },
+    /// Lists by the time code.
+    Frames(Frame<'a>),
     /// A place in double precision by the time code.
     Places(Box<dyn Fn(usize) -> Vec3 + 'a>),
     /// The path of a prim that a relationship leads to.

@@ -4,14 +4,9 @@ use std::io::{self, Write};
 
 use glam::Vec3;
 
-use super::super::outcome::Pulse;
 use super::stage::{Prim, Property, Stage, Value};
 
-pub(super) fn write(
-    stage: &Stage<'_>,
-    out: &mut impl Write,
-    pulse: &mut Pulse<'_>,
-) -> io::Result<()> {
+pub(super) fn write(stage: &Stage<'_>, out: &mut impl Write) -> io::Result<()> {
     let (rate, up) = (stage.rate, stage.up);
     let end = stage.codes.last().unwrap_or(&0);
     writeln!(out, "#usda 1.0\n(")?;
@@ -27,7 +22,7 @@ pub(super) fn write(
     writeln!(out, "    upAxis = \"{up}\"\n)")?;
     for prim in &stage.prims {
         writeln!(out)?;
-        write_prim(stage, prim, out, pulse, 0)?;
+        write_prim(stage, prim, out, 0)?;
     }
     Ok(())
 }
@@ -36,7 +31,6 @@ fn write_prim(
     stage: &Stage<'_>,
     prim: &Prim<'_>,
     out: &mut impl Write,
-    pulse: &mut Pulse<'_>,
     depth: usize,
 ) -> io::Result<()> {
     let pad = "    ".repeat(depth);
@@ -54,13 +48,13 @@ fn write_prim(
     }
     writeln!(out, "\n{pad}{{")?;
     for property in &prim.properties {
-        write_property(stage, property, out, pulse, &format!("{pad}    "))?;
+        write_property(stage, property, out, &format!("{pad}    "))?;
     }
     for (number, child) in prim.children.iter().enumerate() {
         if number > 0 || !prim.properties.is_empty() {
             writeln!(out)?;
         }
-        write_prim(stage, child, out, pulse, depth + 1)?;
+        write_prim(stage, child, out, depth + 1)?;
     }
     writeln!(out, "{pad}}}")
 }
@@ -69,7 +63,6 @@ fn write_property(
     stage: &Stage<'_>,
     property: &Property<'_>,
     out: &mut impl Write,
-    pulse: &mut Pulse<'_>,
     pad: &str,
 ) -> io::Result<()> {
     let uniform = if property.is_uniform { "uniform " } else { "" };
@@ -77,7 +70,7 @@ fn write_property(
         "" => format!("rel {}", property.name),
         kind => format!("{uniform}{kind} {}", property.name),
     };
-    let is_timed = matches!(property.value, Value::Frames { .. } | Value::Places(_));
+    let is_timed = matches!(property.value, Value::Frames(_) | Value::Places(_));
     let is_bare = is_timed || matches!(property.value, Value::Nothing | Value::Source(_));
     if !is_bare {
         write!(out, "{pad}{title} = ")?;
@@ -98,32 +91,20 @@ fn write_property(
     match &property.value {
         Value::Nothing => writeln!(out, "{pad}{title}"),
         Value::Source(path) => writeln!(out, "{pad}{title}.connect = <{path}>"),
-        Value::Frames { .. } | Value::Places(_) => {
+        Value::Frames(_) | Value::Places(_) => {
             writeln!(out, "{pad}{title}.timeSamples = {{")?;
             for (number, code) in stage.codes.iter().enumerate() {
                 write!(out, "{pad}    {code}: ")?;
-                write_sample(&property.value, number, out, pulse)?;
+                match &property.value {
+                    Value::Places(place) => write_point(out, &place(number))?,
+                    Value::Frames(of) => write_list(out, of(number)?.iter(), write_point)?,
+                    _ => {}
+                }
                 writeln!(out, ",")?;
             }
             writeln!(out, "{pad}}}")
         }
         _ => Ok(()),
-    }
-}
-
-fn write_sample(
-    value: &Value<'_>,
-    number: usize,
-    out: &mut impl Write,
-    pulse: &mut Pulse<'_>,
-) -> io::Result<()> {
-    match value {
-        Value::Places(place) => write_point(out, &place(number)),
-        Value::Frames { of, beats } => {
-            write_list(out, of(number).iter(), write_point)?;
-            if *beats { pulse.beat() } else { Ok(()) }
-        }
-        other => write_value(other, out),
     }
 }
 
@@ -144,7 +125,7 @@ fn write_value(value: &Value<'_>, out: &mut impl Write) -> io::Result<()> {
         Value::Triple(p) => write_point(out, p),
         Value::Triples(points) => write_list(out, points.iter(), write_point),
         Value::Target(path) => write!(out, "<{path}>"),
-        Value::Nothing | Value::Source(_) | Value::Frames { .. } | Value::Places(_) => Ok(()),
+        Value::Nothing | Value::Source(_) | Value::Frames(_) | Value::Places(_) => Ok(()),
     }
 }
 

@@ -1,7 +1,7 @@
 //! Reading NumPy's .npz: a ZIP archive of .npy files, stored or deflated.
 //!
 //! Each array is unpacked and checked against its checksum when it is asked for. Arrays over 4 GB,
-//! encrypted entries and other methods are errors. What is written ([`write_archive`]) is for other
+//! encrypted entries and other methods are errors. What is written ([`NpzOut`]) is for other
 //! programs: safetensors is our own container.
 
 mod points;
@@ -14,7 +14,7 @@ use zip::ZipArchive;
 use crate::formats::npy::Array;
 
 pub(crate) use self::points::NpzPoints;
-pub(crate) use self::write::{EntryOut, STORED, archive_bytes, write_archive};
+pub(crate) use self::write::{NpzOut, STORED};
 
 /// An archive of arrays.
 #[derive(Clone, Debug)]

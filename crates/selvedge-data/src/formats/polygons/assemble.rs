@@ -4,17 +4,16 @@ use glam::{DVec2, DVec3, Vec2};
 use selvedge_cloth::generate::Sheet;
 use selvedge_cloth::{FaceFabrics, FaceId, LoosePanels, Mesh, MeshError, TopologyError, VertexId};
 
-use super::clean::{check_corners, drop_unused};
-use super::error::MeshFileError;
 use super::fit::fit;
-use super::options::{MeshOptions, PatternSource, Seams, TextureUnit};
 use super::orient::orient;
-use super::shape::planar_coordinates;
-use super::shape::{in_own_plane, own_shape};
+use super::shape::{in_own_plane, own_shape, planar_coordinates};
 use super::slits::warn_of_slits;
-use super::soup::{Corner, Place, Polygon, Polygons, ReadMesh};
 use super::triangulate::triangulate;
-use super::weld::weld;
+use super::weld::{check_corners, drop_unused, weld};
+use super::{
+    Corner, MeshFileError, MeshOptions, PatternSource, Place, Polygon, Polygons, ReadMesh, Seams,
+    TextureUnit,
+};
 
 /// Makes a mesh as `options` say.
 pub(crate) fn assemble(
@@ -52,16 +51,16 @@ pub(crate) fn assemble(
     finish(polygons, &triangles, flat.is_none(), is_other)
 }
 
-/// Triangles with their rest shapes and where they come from.
-struct Triangles {
-    faces: Vec<[u32; 3]>,
-    shapes: Vec<[DVec2; 3]>,
-    fabrics: Vec<Option<u32>>,
-    places: Vec<Place>,
-    /// Corners' places before the panels were sewn; of no face where they were not.
-    loose: Vec<[u32; 3]>,
-    /// Texture coordinates of the corners; of no face where there are none.
-    texture: Vec<[Vec2; 3]>,
+/// A triangle with its rest shape and where it comes from.
+struct Triangle {
+    corners: [u32; 3],
+    shape: [DVec2; 3],
+    fabric: Option<u32>,
+    place: Place,
+    /// Corners' places before the panels were sewn, where they were.
+    loose: Option<[u32; 3]>,
+    /// Texture coordinates of the corners, where there are some.
+    texture: Option<[Vec2; 3]>,
 }
 
 /// Material coordinates of each polygon's corners `[m]`, `[polygons][corners]`; none where the rest
@@ -168,15 +167,8 @@ fn split(
     polygons: &Polygons,
     coordinates: Option<&[Vec<DVec2>]>,
     thread: DVec3,
-) -> Result<Triangles, MeshFileError> {
-    let mut made = Triangles {
-        faces: Vec::new(),
-        shapes: Vec::new(),
-        fabrics: Vec::new(),
-        places: Vec::new(),
-        loose: Vec::new(),
-        texture: Vec::new(),
-    };
+) -> Result<Vec<Triangle>, MeshFileError> {
+    let mut made = Vec::new();
     for (number, polygon) in polygons.polygons.iter().enumerate() {
         let corners = polygon.corners.len();
         let place = polygon.place;
@@ -205,68 +197,76 @@ fn split(
             ))
         };
         for triangle in triangles.ok_or_else(crossed)? {
-            made.faces.push(triangle.map(|k| polygon.corners[k].vertex));
-            made.shapes.push(match own {
-                Some(flat) => triangle.map(|k| flat[k]),
-                None => own_shape(triangle.map(|k| at(&polygon.corners[k])), thread),
+            let corners = triangle.map(|k| &polygon.corners[k]);
+            let point = |corner: &Corner| Some(polygons.texture[corner.texture?].as_vec2());
+            made.push(Triangle {
+                corners: corners.map(|corner| corner.vertex),
+                shape: match own {
+                    Some(flat) => triangle.map(|k| flat[k]),
+                    None => own_shape(corners.map(at), thread),
+                },
+                fabric: polygon.fabric,
+                place,
+                loose: all(corners.map(|corner| corner.loose)),
+                texture: all(corners.map(point)),
             });
-            made.fabrics.push(polygon.fabric);
-            made.places.push(place);
-            if let [Some(a), Some(b), Some(c)] = triangle.map(|k| polygon.corners[k].loose) {
-                made.loose.push([a, b, c]);
-            }
-            if let [Some(a), Some(b), Some(c)] = triangle.map(|k| polygon.corners[k].texture) {
-                let texture = [a, b, c].map(|k| polygons.texture[k].as_vec2());
-                made.texture.push(texture);
-            }
         }
     }
     Ok(made)
+}
+
+fn all<T>(values: [Option<T>; 3]) -> Option<[T; 3]> {
+    let [Some(a), Some(b), Some(c)] = values else {
+        return None;
+    };
+    Some([a, b, c])
 }
 
 /// The mesh of these triangles; `is_own_shape` where their shapes are no pattern, and
 /// `is_other_texture` where the texture coordinates of the file are not those of the pattern.
 fn finish(
     mut polygons: Polygons,
-    triangles: &Triangles,
+    triangles: &[Triangle],
     is_own_shape: bool,
     is_other_texture: bool,
 ) -> Result<ReadMesh, MeshFileError> {
     let positions = polygons.positions.clone();
-    let mesh = Mesh::sewn(&triangles.faces, &triangles.shapes, positions);
-    let mut mesh = mesh.map_err(|error| placed(error, &polygons, &triangles.places))?;
-    if is_other_texture && triangles.texture.len() == triangles.faces.len() {
-        mesh = mesh.with_texture(Some(&triangles.texture));
-    } else if is_own_shape {
-        mesh = mesh.with_texture(None);
+    let faces: Vec<[u32; 3]> = triangles.iter().map(|t| t.corners).collect();
+    let shapes: Vec<[DVec2; 3]> = triangles.iter().map(|t| t.shape).collect();
+    let mesh = Mesh::sewn(&faces, &shapes, positions);
+    let mut mesh = mesh.map_err(|error| placed(error, &polygons, triangles))?;
+    let texture: Option<Vec<_>> = triangles.iter().map(|t| t.texture).collect();
+    match texture {
+        Some(texture) if is_other_texture => mesh = mesh.with_texture(Some(&texture)),
+        _ if is_own_shape => mesh = mesh.with_texture(None),
+        _ => {}
     }
-    if triangles.fabrics.iter().any(Option::is_some) {
+    if triangles.iter().any(|t| t.fabric.is_some()) {
         mesh = mesh.with_fabrics(FaceFabrics {
             names: std::mem::take(&mut polygons.fabrics),
-            of_face: triangles.fabrics.clone(),
+            of_face: triangles.iter().map(|t| t.fabric).collect(),
         })?;
     }
     let has_rest_angles = !polygons.angles.is_empty();
     if has_rest_angles {
         mesh = rest_angles(mesh, &mut polygons)?;
     }
-    let labels = polygons
-        .labels
-        .into_iter()
-        .map(|(name, vertices)| (name, vertices.into_iter().collect()))
-        .collect();
-    let loose = (!triangles.loose.is_empty())
-        .then(|| LoosePanels::new(&triangles.loose, &polygons.loose))
-        .flatten();
+    let labels = polygons.labels.into_iter();
+    let labels = labels.map(|(name, vertices)| (name, vertices.into_iter().collect()));
+    let loose: Vec<[u32; 3]> = triangles.iter().filter_map(|t| t.loose).collect();
+    let loose = (!loose.is_empty()).then(|| LoosePanels::new(&loose, &polygons.loose));
     let vertices = 0..mesh.positions().len() as u32;
     let given = &polygons.velocities;
     let velocity = |v: u32| given.get(&v).copied().unwrap_or_default();
     let velocities = (!given.is_empty()).then(|| vertices.map(velocity).collect());
     Ok(ReadMesh {
-        sheet: Sheet { mesh, labels },
+        sheet: Sheet {
+            mesh,
+            labels: labels.collect(),
+        },
         velocities,
         has_rest_angles,
-        loose,
+        loose: loose.flatten(),
         is_own_shape,
         warnings: polygons.warnings,
     })
@@ -293,8 +293,8 @@ fn rest_angles(mesh: Mesh, polygons: &mut Polygons) -> Result<Mesh, MeshFileErro
 }
 
 /// The error with the places of its faces and the file's own numbers of its vertices.
-fn placed(error: MeshError, polygons: &Polygons, places: &[Place]) -> MeshFileError {
-    let place = |face: FaceId| places[face.index()];
+fn placed(error: MeshError, polygons: &Polygons, triangles: &[Triangle]) -> MeshFileError {
+    let place = |face: FaceId| triangles[face.index()].place;
     let number = |vertex: VertexId| polygons.number(vertex.0);
     match error {
         MeshError::ZeroArea { face, area } => MeshFileError::content(format!(
@@ -306,7 +306,7 @@ fn placed(error: MeshError, polygons: &Polygons, places: &[Place]) -> MeshFileEr
                 .into_iter()
                 .map(|face| place(FaceId(face)).to_string());
             let [a, b] = vertices.map(number);
-            MeshFileError::Faces(format!(
+            polygons.no_sheet(format!(
                 "{}: the edge from vertex {a} to vertex {b} belongs to more than two faces (the mesh is not manifold there): separate the layers, each with vertices of its own",
                 faces.collect::<Vec<_>>().join(", ")
             ))
@@ -317,14 +317,14 @@ fn placed(error: MeshError, polygons: &Polygons, places: &[Place]) -> MeshFileEr
             second,
         }) => {
             let [a, b] = vertices.map(number);
-            MeshFileError::Faces(format!(
+            polygons.no_sheet(format!(
                 "{} and {}: these faces run through the edge from vertex {a} to vertex {b} in the same direction, and no turning of faces mends it: the sheet is twisted into itself (as a Möbius strip is); cut it open there",
                 place(first),
                 place(second)
             ))
         }
         MeshError::Topology(TopologyError::DuplicateFace { first, second }) => {
-            MeshFileError::Faces(format!(
+            polygons.no_sheet(format!(
                 "{} and {}: these faces have the same three vertices: remove one of them",
                 place(first),
                 place(second)

@@ -4,8 +4,7 @@ use std::collections::BTreeMap;
 
 use glam::{DVec2, DVec3};
 
-use super::error::MeshFileError;
-use super::soup::{Corner, Polygons};
+use super::{Corner, MeshFileError, Polygons};
 
 /// A side of a polygon, by the corner at which it begins in the polygon's own sense.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

@@ -11,9 +11,8 @@ use std::collections::hash_map::Entry;
 use glam::DVec2;
 use selvedge_cloth::geometry::signed_area_2d;
 
-use super::error::MeshFileError;
-use super::soup::Polygons;
 use super::weld::{root, unite};
+use super::{MeshFileError, Polygons};
 
 /// Scales the corners' `coordinates`, `[polygons][corners]`, panel by panel.
 pub(super) fn fit(

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::soup::Polygons;
+use super::Polygons;
 
 /// A face's side of an edge, and true where it runs from the smaller vertex to the larger.
 type Sides = Vec<(usize, bool)>;

@@ -11,11 +11,9 @@ use selvedge_cloth::geometry;
 use serde::{Deserialize, Serialize};
 
 use super::border::Border;
-use super::clean::drop_unnamed;
-use super::error::MeshFileError;
 use super::shape::planar_coordinates;
-use super::soup::Polygons;
-use super::weld::{merge, root, unite};
+use super::weld::{drop_unnamed, merge, root, unite};
+use super::{MeshFileError, Polygons};
 
 /// Two borders that are sewn together, by the names of their objects or groups.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

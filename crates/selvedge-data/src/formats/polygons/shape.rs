@@ -9,7 +9,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::soup::Polygons;
+use super::Polygons;
 
 /// Parts of a direction's length below which a face counts as across it.
 const ACROSS: f64 = 1e-3;

@@ -3,8 +3,8 @@
 
 use std::collections::BTreeSet;
 
+use super::Polygons;
 use super::border::open_edges;
-use super::soup::Polygons;
 use super::weld::{owners, root, unite};
 use crate::formats::extent::{COINCIDENT, extent};
 

@@ -8,14 +8,13 @@ use glam::DVec3;
 use selvedge_assets::BODIES;
 use selvedge_cloth::bodies::Body;
 
-use super::error::FieldProblem;
 use crate::formats::input::read_file;
 use crate::formats::input::{check_hash, hash};
 use crate::formats::npz::NpzPoints;
 use crate::formats::obj::parse_obj_polygons;
 use crate::formats::pc2;
 use crate::formats::polygons::triangles_of_body;
-use crate::rig::{RigError, RigFormat, read_body};
+use crate::rig::{Rig, RigError, RigFormat, Wanted};
 
 pub(super) use self::sequence::Sequence;
 
@@ -51,48 +50,39 @@ impl Kind {
 }
 
 /// The bytes of a file or of a shipped body, for `field`.
-pub(super) fn bytes_of(
-    field: &'static str,
-    path: &str,
-    folder: &Path,
-) -> Result<Vec<u8>, FieldProblem> {
+pub(super) fn bytes_of(field: &str, path: &str, folder: &Path) -> Result<Vec<u8>, String> {
     if let Some(bytes) = shipped(path) {
         return Ok(bytes.to_vec());
     }
     read_file(&folder.join(path)).map_err(|error| {
         let names: Vec<&str> = BODIES.iter().map(|body| body.0).collect();
-        let problem = match Kind::of(path) {
-            Some(_) => format!("{path} could not be read: {error}"),
+        match Kind::of(path) {
+            Some(_) => format!("{field}: {path} could not be read: {error}"),
             None => format!(
-                "{path} is neither a shipped body ({}) nor a file that can be read: {error}",
+                "{field}: {path} is neither a shipped body ({}) nor a file that can be read: {error}",
                 names.join(", ")
             ),
-        };
-        FieldProblem(field, problem)
+        }
     })
 }
 
 /// The bytes of a file, which must have this hash.
 pub(super) fn unchanged(
-    field: &'static str,
+    field: &str,
     path: &str,
     expected: &str,
     folder: &Path,
-) -> Result<Vec<u8>, FieldProblem> {
+) -> Result<Vec<u8>, String> {
     let bytes = bytes_of(field, path, folder)?;
     let checked = check_hash(path, expected, &hash(&bytes));
-    checked.map_err(|problem| FieldProblem(field, problem))?;
+    checked.map_err(|problem| format!("{field}: {problem}"))?;
     Ok(bytes)
 }
 
 /// The mesh in the bytes of the file at `path`, as it stands at the start; what is left out is said
 /// in `warnings`.
-pub(super) fn mesh(
-    path: &str,
-    bytes: &[u8],
-    warnings: &mut Vec<String>,
-) -> Result<Body, FieldProblem> {
-    let wrong = |problem: String| FieldProblem("mesh", format!("{path}: {problem}"));
+pub(super) fn mesh(path: &str, bytes: &[u8], warnings: &mut Vec<String>) -> Result<Body, String> {
+    let wrong = |problem: String| format!("mesh: {path}: {problem}");
     let (points, polygons) = match Kind::of(path) {
         Some(Kind::Obj) => {
             let read = parse_obj_polygons(bytes).map_err(|error| wrong(error.to_string()))?;
@@ -103,12 +93,12 @@ pub(super) fn mesh(
             (read.positions, polygons)
         }
         Some(Kind::Rig(format)) => {
-            let body = read_body(bytes, format, None, true);
-            let body = body.map_err(|error| wrong(error.to_string()))?;
-            let faces = body.faces().map_err(|error| wrong(error.to_string()))?;
-            let left = body.warnings().iter();
+            let rig = Rig::parse(bytes, format, Wanted::Still);
+            let rig = rig.map_err(|error| wrong(error.to_string()))?;
+            let faces = rig.faces().map_err(|error| wrong(error.to_string()))?;
+            let left = rig.warnings().iter();
             warnings.extend(left.map(|left| format!("{path}: {left}")));
-            (body.positions(0.0), faces)
+            (rig.positions(0.0), faces)
         }
         _ => {
             let known = "must end in .obj, .glb, .usda, .usdc, .usdz or .usd: export the mesh as one of them";
@@ -130,9 +120,9 @@ pub(super) fn own_motion(path: &str, bytes: &[u8]) -> Option<String> {
     let Some(Kind::Rig(format)) = Kind::of(path).filter(|_| shipped(path).is_none()) else {
         return None;
     };
-    let (moves, key) = match read_body(bytes, format, None, false) {
-        Ok(body) => {
-            let [first, last] = body.span()?;
+    let (moves, key) = match Rig::parse(bytes, format, Wanted::Motion(None)) {
+        Ok(rig) => {
+            let [first, last] = rig.span_of_meshes()?;
             let moves = format!("moves from {first:.3} s to {last:.3} s");
             (moves, format!("motion = {path:?}"))
         }
@@ -167,14 +157,9 @@ pub(crate) fn moving_points(
     }
     let (rate, frames) = match kind {
         Some(Kind::Rig(format)) => {
-            let body = read_body(bytes, format, animation, false);
-            let body = body.map_err(|error| error.to_string())?;
-            if body.span().is_none() {
-                let problem = ["nothing in it moves: leave motion out, or animate it".to_owned()];
-                return Err([&problem, body.warnings()].concat().join("; "));
-            }
-            let frames = body.frames(rate, from).map_err(|error| error.to_string())?;
-            return Ok((rate, frames));
+            let rig = Rig::parse(bytes, format, Wanted::Motion(animation));
+            let rig = rig.map_err(|error| error.to_string())?;
+            return Ok((rate, rig_frames(&rig, from, rate)?));
         }
         Some(Kind::Pc2) => {
             let cache = pc2::parse(bytes)?;
@@ -190,6 +175,15 @@ pub(crate) fn moving_points(
         }
     };
     Ok((rate, later(frames, from, rate)?))
+}
+
+/// The points of a rig's meshes from `from` `[s]` after its start on, `rate` frames a second.
+pub(crate) fn rig_frames(rig: &Rig, from: f64, rate: f64) -> Result<Vec<Vec<DVec3>>, String> {
+    if rig.span_of_meshes().is_none() {
+        let problem = ["nothing in it moves: leave motion out, or animate it".to_owned()];
+        return Err([&problem, rig.warnings()].concat().join("; "));
+    }
+    rig.frames(rate, from).map_err(|error| error.to_string())
 }
 
 /// The frames from `from` `[s]` on.

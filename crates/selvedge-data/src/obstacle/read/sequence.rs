@@ -5,7 +5,7 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::super::error::FieldProblem;
+use super::super::motion::wrong;
 use super::bytes_of;
 use crate::formats::input::hash;
 use crate::formats::obj::parse_obj_polygons;
@@ -20,33 +20,30 @@ pub(in super::super) struct Sequence<'a> {
     after: &'a str,
 }
 
-/// The points of a sequence, and the hash of the hashes of its files.
-#[derive(Debug)]
-pub(in super::super) struct SequencePoints {
-    pub(in super::super) frames: Vec<Vec<DVec3>>,
-    pub(in super::super) blake3: String,
-}
-
 impl<'a> Sequence<'a> {
     /// The pattern, if `path` is one.
-    pub(in super::super) fn of(path: &'a str) -> Result<Option<Self>, FieldProblem> {
+    pub(in super::super) fn of(path: &'a str) -> Result<Option<Self>, String> {
         let Some((before, rest)) = path.split_once("{frame") else {
             return Ok(None);
         };
-        let wrong = || {
-            let problem =
-                format!("{path}: write {{frame}}, or {{frame:04}} for numbers of four digits");
-            FieldProblem("motion", problem)
+        let unclear = || {
+            wrong(format!(
+                "{path}: write {{frame}}, or {{frame:04}} for numbers of four digits"
+            ))
         };
-        let (form, after) = rest.split_once('}').ok_or_else(wrong)?;
+        let (form, after) = rest.split_once('}').ok_or_else(unclear)?;
         let width = match form.strip_prefix(":0") {
             None if form.is_empty() => 0,
-            None => return Err(wrong()),
-            Some(digits) => digits.parse().ok().filter(|w| *w <= 20).ok_or_else(wrong)?,
+            None => return Err(unclear()),
+            Some(digits) => digits
+                .parse()
+                .ok()
+                .filter(|w| *w <= 20)
+                .ok_or_else(unclear)?,
         };
         if !after.to_ascii_lowercase().ends_with(".obj") || after.contains('{') {
             let problem = format!("{path}: a sequence of files must be of .obj");
-            return Err(FieldProblem("motion", problem));
+            return Err(wrong(problem));
         }
         Ok(Some(Self {
             before,
@@ -65,12 +62,12 @@ impl<'a> Sequence<'a> {
     }
 
     /// The points in every frame: files from number `first`, or from 0 or 1 where none is given, to
-    /// the last one without a gap.
+    /// the last one without a gap; and the hash of the hashes of the files.
     pub(in super::super) fn read(
         &self,
         first: Option<usize>,
         folder: &Path,
-    ) -> Result<SequencePoints, FieldProblem> {
+    ) -> Result<(Vec<Vec<DVec3>>, String), String> {
         let is_there = |frame: usize| folder.join(self.name(frame)).is_file();
         let first = first.unwrap_or(usize::from(!is_there(0)));
         let mut frames: Vec<Vec<DVec3>> = Vec::new();
@@ -83,13 +80,13 @@ impl<'a> Sequence<'a> {
             let name = self.name(frame);
             if frames.len() == MOST_FRAMES {
                 let problem = format!("{name}: more than {MOST_FRAMES} frames");
-                return Err(FieldProblem("motion", problem));
+                return Err(wrong(problem));
             }
             let bytes = bytes_of("motion", &name, folder)?;
             hashes.push_str(&hash(&bytes));
             let read = parse_obj_polygons(&bytes);
             let read = read
-                .map_err(|error| FieldProblem("motion", format!("{name}: {error}")))?
+                .map_err(|error| wrong(format!("{name}: {error}")))?
                 .positions;
             if let Some(before) = frames.first()
                 && before.len() != read.len()
@@ -100,14 +97,11 @@ impl<'a> Sequence<'a> {
                     self.name(first),
                     before.len()
                 );
-                return Err(FieldProblem("motion", problem));
+                return Err(wrong(problem));
             }
             frames.push(read);
         }
-        Ok(SequencePoints {
-            frames,
-            blake3: hash(hashes.as_bytes()),
-        })
+        Ok((frames, hash(hashes.as_bytes())))
     }
 }
 
@@ -143,16 +137,13 @@ mod tests {
             write(number, &["0 0 0", &format!("{number} 0 0")]);
         }
         let sequence = Sequence::of("b{frame}.obj").unwrap().unwrap();
-        let read = sequence.read(None, folder.path()).unwrap();
-        assert_eq!(read.frames.len(), 2);
-        assert_eq!(read.frames[1][1], DVec3::X * 2.0);
-        let late = sequence.read(Some(4), folder.path()).unwrap();
-        assert_ne!(late.blake3, read.blake3);
+        let (frames, blake3) = sequence.read(None, folder.path()).unwrap();
+        assert_eq!(frames.len(), 2);
+        assert_eq!(frames[1][1], DVec3::X * 2.0);
+        assert_ne!(sequence.read(Some(4), folder.path()).unwrap().1, blake3);
         assert!(sequence.read(Some(9), folder.path()).is_err());
         write(2, &["0 0 0"]);
-        let Err(FieldProblem(_, problem)) = sequence.read(None, folder.path()) else {
-            panic!("a point is missing");
-        };
+        let problem = sequence.read(None, folder.path()).unwrap_err();
         says(&problem, &["b2.obj has 1 points, but b1.obj has 2"]);
     }
 }

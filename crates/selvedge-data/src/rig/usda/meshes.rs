@@ -8,9 +8,8 @@
 
 use glam::{DVec2, DVec3};
 
-use super::super::error::RigError;
-use super::super::moving_mesh::MovingMesh;
-use super::super::node_mesh::{NodeMesh, texture_by_corner};
+use super::super::mesh::{Face, RigMesh};
+use super::super::node::RigError;
 use super::prim::{Absence, Prim};
 
 pub(super) const POINTS: &str = "points";
@@ -38,7 +37,6 @@ const SHAPES: [&str; 10] = [
 
 /// The name under which a property of this type and name is kept; none if no mesh needs it.
 pub(super) fn array_of(kind: &str, name: &str) -> Option<String> {
-    let name = name.strip_suffix(".timeSamples").unwrap_or(name);
     if [POINTS, COUNTS, INDICES, SUBSET, HOLES].contains(&name) {
         return Some(name.to_owned());
     }
@@ -60,10 +58,7 @@ pub(super) fn is_of_skeleton(name: &str) -> bool {
 }
 
 /// The meshes of these prims that are seen; what is left out is said in `warnings`.
-pub(super) fn meshes(
-    prims: &[Prim],
-    warnings: &mut Vec<String>,
-) -> Result<Vec<NodeMesh>, RigError> {
+pub(super) fn meshes(prims: &[Prim], warnings: &mut Vec<String>) -> Result<Vec<RigMesh>, RigError> {
     let absences = absences(prims);
     let is_seen = |k: usize| absences[k].is_none();
     for (_, prim) in prims.iter().enumerate().filter(|(k, _)| is_seen(*k)) {
@@ -142,13 +137,20 @@ pub(super) fn meshes(
                 continue;
             }
             for &face in subset.array(SUBSET).into_iter().flatten() {
-                if let Some(fabric) = mesh.fabrics.get_mut(face as usize) {
-                    *fabric = Some(subset.name.clone());
+                if let Some(face) = mesh.faces.get_mut(face as usize) {
+                    face.fabric = Some(subset.name.clone());
                 }
             }
         }
         if let Some(holes) = prims[node].array(HOLES) {
-            mesh.without(holes);
+            let mut is_hole = vec![false; mesh.faces.len()];
+            for &hole in holes {
+                if let Some(is_hole) = is_hole.get_mut(hole as usize) {
+                    *is_hole = true;
+                }
+            }
+            let mut is_hole = is_hole.into_iter();
+            mesh.faces.retain(|_| is_hole.next() == Some(false));
         }
         made.push(mesh);
     }
@@ -181,73 +183,68 @@ fn absences(prims: &[Prim]) -> Vec<Option<Absence>> {
         .collect()
 }
 
-/// A mesh whose points are these `samples` by time codes, of which there are `rate` per second.
-pub(super) fn moving(
-    mesh: NodeMesh,
-    samples: Vec<(f64, Vec<f64>)>,
-    rate: f64,
-    name: &str,
-) -> Result<MovingMesh, RigError> {
-    let wrong = |problem: String| RigError::node(name, problem);
+/// Moves the points of a mesh by the samples of its prim; time codes are `rate` per second.
+pub(super) fn move_points(mesh: &mut RigMesh, prim: &mut Prim, rate: f64) -> Result<(), RigError> {
+    let samples = prim.take_samples(POINTS);
+    if samples.is_empty() {
+        return Ok(());
+    }
+    let wrong = |problem: String| RigError::node(&prim.name, problem);
     let expected = mesh.positions.len();
     let mut frames = Vec::with_capacity(samples.len());
     let mut times = Vec::with_capacity(samples.len());
     for (code, numbers) in samples {
         if numbers.len() != 3 * expected {
-            let problem = format!(
+            return Err(wrong(format!(
                 "it has {} points at time code {code} and {expected} at the first: their number must not change",
                 numbers.len() / 3
-            );
-            return Err(wrong(problem));
+            )));
         }
         times.push(code / rate);
         frames.push(numbers.chunks_exact(3).map(DVec3::from_slice).collect());
     }
-    MovingMesh::sampled(mesh, times, frames)
-        .map_err(|problem| wrong(format!("the samples of its points {problem}")))
+    let sampled = mesh.sample(times, frames);
+    sampled.map_err(|problem| wrong(format!("the samples of its points {problem}")))
 }
 
-fn mesh(prim: &Prim, node: usize) -> Result<NodeMesh, RigError> {
+fn mesh(prim: &Prim, node: usize) -> Result<RigMesh, RigError> {
     let wrong = |problem: String| RigError::node(&prim.name, problem);
     let array = |name: &str| {
         let found = prim.array(name);
         found.ok_or_else(|| wrong(format!("its mesh has no {name}")))
     };
-    let positions: Vec<DVec3> = array(POINTS)?
-        .chunks_exact(3)
-        .map(DVec3::from_slice)
-        .collect();
+    let positions = array(POINTS)?.chunks_exact(3).map(DVec3::from_slice);
+    let positions: Vec<DVec3> = positions.collect();
     let counts = array(COUNTS)?;
     let indices: Vec<u32> = array(INDICES)?.iter().map(|&v| v as u32).collect();
     let total: f64 = counts.iter().sum();
     if total != indices.len() as f64 {
-        let problem = format!(
+        return Err(wrong(format!(
             "{COUNTS} sum to {total}, but {INDICES} has {}",
             indices.len()
-        );
-        return Err(wrong(problem));
+        )));
     }
-    let mut corners = indices.into_iter();
-    let faces: Vec<Vec<u32>> = counts
-        .iter()
-        .map(|&count| corners.by_ref().take(count as usize).collect())
-        .collect();
-    let texture = texture(prim, &faces, positions.len()).map_err(wrong)?;
-    Ok(NodeMesh {
+    let texture = texture(prim, &indices, positions.len()).map_err(wrong)?;
+    let mut start = 0_usize;
+    let faces = counts.iter().map(|&count| {
+        let own = start..start.saturating_add(count as usize).min(indices.len());
+        start = own.end;
+        Face {
+            corners: indices[own.clone()].to_vec(),
+            texture: texture.get(own).unwrap_or_default().to_vec(),
+            fabric: None,
+        }
+    });
+    Ok(RigMesh {
         node,
-        fabrics: vec![None; faces.len()],
+        faces: faces.collect(),
         positions,
-        faces,
-        texture,
+        ..RigMesh::default()
     })
 }
 
-/// Texture coordinates of the faces' corners.
-fn texture(
-    prim: &Prim,
-    faces: &[Vec<u32>],
-    points: usize,
-) -> Result<Option<Vec<Vec<DVec2>>>, String> {
+/// Texture coordinates of `corners`; none where there are none.
+fn texture(prim: &Prim, corners: &[u32], points: usize) -> Result<Vec<DVec2>, String> {
     let sets = prim.attributes.iter();
     let mut sets: Vec<&str> = sets
         .filter_map(|set| set.name.strip_prefix(TEXTURE)?.strip_prefix(' '))
@@ -256,7 +253,7 @@ fn texture(
     sets.sort_by_key(|name| (*name != ORIENTED, *name));
     sets.dedup();
     let Some(&name) = sets.first() else {
-        return Ok(None);
+        return Ok(Vec::new());
     };
     if sets.len() > 1 && name != ORIENTED {
         return Err(format!(
@@ -272,5 +269,16 @@ fn texture(
         None => Some(values.clone()),
     };
     let values = values.ok_or("an index of its texture coordinates has no value")?;
-    texture_by_corner(&values, faces, points).map(Some)
+    if values.len() == corners.len() {
+        return Ok(values);
+    }
+    if values.len() != points {
+        return Err(format!(
+            "it has {} texture coordinates, for {} corners of faces and {points} points",
+            values.len(),
+            corners.len()
+        ));
+    }
+    let at = |&v: &u32| values.get(v as usize).copied().unwrap_or_default();
+    Ok(corners.iter().map(at).collect())
 }

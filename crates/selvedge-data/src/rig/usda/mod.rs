@@ -22,52 +22,31 @@ mod references;
 mod tokens;
 
 use self::operations::{Attribute, Samples};
-use self::prim::{Absence, Prim, Stage, rig};
+use self::prim::{Absence, Kept, Prim, Stage, rig};
 use self::tokens::{Token, Tokens, in_line};
-use super::error::RigError;
-use super::moving_mesh::MovingMesh;
-use super::node::Rig;
-use super::node_mesh::NodeMesh;
+use super::node::{Rig, RigError, Wanted};
 
 /// Prims within prims, and brackets within brackets, at most.
 const DEEPEST: usize = 200;
 
 /// The rig in the bytes of a file.
-pub(super) fn parse(bytes: &[u8]) -> Result<Rig, RigError> {
-    let (prims, stage) = read(bytes, false)?;
-    Ok(rig(&prims, &stage))
-}
-
-/// The rig in the bytes of a file, and its meshes as they move.
-pub(super) fn parse_bodies(bytes: &[u8]) -> Result<(Rig, Vec<MovingMesh>), RigError> {
-    let (mut prims, stage) = read(bytes, true)?;
-    let rate = stage.rate();
-    let mut rig = rig(&prims, &stage);
-    let mut made = Vec::new();
-    for mesh in meshes::meshes(&prims, &mut rig.warnings)? {
-        let prim = &mut prims[mesh.node];
-        let timed = prim.take_samples(meshes::POINTS);
-        made.push(meshes::moving(mesh, timed, rate, &prim.name)?);
-    }
-    Ok((rig, made))
-}
-
-/// The rig in the bytes of a file, and the meshes of its prims.
-pub(super) fn parse_meshes(bytes: &[u8]) -> Result<(Rig, Vec<NodeMesh>), RigError> {
-    let (prims, stage) = read(bytes, true)?;
-    let mut rig = rig(&prims, &stage);
-    let meshes = meshes::meshes(&prims, &mut rig.warnings)?;
-    Ok((rig, meshes))
-}
-
-/// The prims of a file, with the arrays of meshes where they are wanted, and its stage.
-fn read(bytes: &[u8], keeps_arrays: bool) -> Result<(Vec<Prim>, Stage), RigError> {
-    let (mut prims, stage) = layer(bytes, keeps_arrays)?;
+pub(super) fn parse(bytes: &[u8], wanted: Wanted<'_>) -> Result<Rig, RigError> {
+    let (mut prims, stage) = layer(bytes, wanted != Wanted::Nodes)?;
     references::follow(&mut prims).map_err(RigError::Content)?;
-    Ok((prims, stage))
+    let mut rig = rig(&prims, &stage);
+    if wanted != Wanted::Nodes {
+        rig.meshes = meshes::meshes(&prims, &mut rig.warnings)?;
+    }
+    if wanted != Wanted::Meshes {
+        for mesh in &mut rig.meshes {
+            meshes::move_points(mesh, &mut prims[mesh.node], stage.rate())?;
+        }
+    }
+    Ok(rig)
 }
 
-/// As [`read`], before references are followed.
+/// The prims of a file, with the arrays of meshes where they are wanted, and its stage; references
+/// are not followed yet.
 fn layer(bytes: &[u8], keeps_arrays: bool) -> Result<(Vec<Prim>, Stage), RigError> {
     if bytes.starts_with(package::ZIP) {
         let inside = package::first_file(bytes).map_err(RigError::Content)?;
@@ -121,35 +100,16 @@ impl<'a> Reader<'a> {
             if !self.tokens.skip_if("=")? {
                 continue;
             }
-            match key {
-                "timeCodesPerSecond" => stage.codes_per_second = Some(self.positive(key)?),
-                "startTimeCode" => stage.start_code = Some(self.tokens.number()?),
-                "endTimeCode" => stage.end_code = Some(self.tokens.number()?),
-                "framesPerSecond" => stage.frames_per_second = Some(self.positive(key)?),
-                "metersPerUnit" => stage.metres_per_unit = self.positive(key)?,
-                "upAxis" => {
-                    stage.is_z_up = match self.tokens.next()? {
-                        Token::Text("Y") => false,
-                        Token::Text("Z") => true,
-                        found => {
-                            let found = format!("upAxis: expected \"Y\" or \"Z\", found {found}");
-                            return Err(self.tokens.wrong(found));
-                        }
-                    };
-                }
-                _ => self.skip_value()?,
-            }
+            let (number, token) = match self.tokens.peek()? {
+                Some(Token::Word(word)) => (word.parse().ok(), ""),
+                Some(Token::Text(text)) => (None, text),
+                _ => (None, ""),
+            };
+            self.skip_value()?;
+            let set = stage.set(key, number, token);
+            set.map_err(|problem| self.tokens.wrong(problem))?;
         }
         Ok(stage)
-    }
-
-    fn positive(&mut self, key: &str) -> Result<f64, RigError> {
-        let value = self.tokens.number()?;
-        if value > 0.0 {
-            return Ok(value);
-        }
-        let problem = format!("{key} must be positive, found {value}");
-        Err(self.tokens.wrong(problem))
     }
 
     /// `def Type "name" ( … ) { … }`.
@@ -290,35 +250,36 @@ impl<'a> Reader<'a> {
     }
 
     fn value_of(&mut self, number: usize, kind: &str, name: &'a str) -> Result<(), RigError> {
-        if name == "xformOpOrder" {
-            let order = self.texts()?;
-            self.prims[number].order = Some(order);
-            return Ok(());
-        }
-        if let Some(Token::Text(token)) = self.tokens.peek()? {
-            self.prims[number].says(name, token);
-        }
-        self.prims[number].is_skinned |= meshes::is_of_skeleton(name);
-        self.prims[number].is_timed |= name == "visibility.timeSamples";
-        let array = meshes::array_of(kind, name).filter(|_| self.keeps_arrays);
-        let is_array = array.is_some();
-        if !is_array && !name.starts_with("xformOp:") {
-            return self.skip_value();
-        }
-        if !is_array && name.ends_with(".connect") {
-            self.skip_value()?;
-            let problem = format!("its {name} is not understood here: bake it to samples");
-            self.prims[number].obstacle = Some(problem);
-            return Ok(());
-        }
-        let line = self.tokens.line_of_last();
-        let (own, samples) = match name.strip_suffix(".timeSamples") {
-            Some(own) => match self.time_samples(is_array)? {
+        let (own, of) = name.split_once('.').unwrap_or((name, ""));
+        let is_timed = of == "timeSamples";
+        let token = match self.tokens.peek()? {
+            Some(Token::Text(token)) if of.is_empty() => Some(token),
+            _ => None,
+        };
+        let prim = &mut self.prims[number];
+        let array = match prim.takes_property(kind, own, token, is_timed, self.keeps_arrays) {
+            Kept::Order if of.is_empty() => {
+                let order = self.texts()?;
+                self.prims[number].order = Some(order);
+                return Ok(());
+            }
+            Kept::Nothing | Kept::Order => return self.skip_value(),
+            Kept::Operation if of == "connect" => {
+                prim.connects(name);
+                return self.skip_value();
+            }
+            Kept::Array(_) if of == "connect" => return self.skip_value(),
+            Kept::Operation => None,
+            Kept::Array(array) => Some(array),
+        };
+        let (line, is_array) = (self.tokens.line_of_last(), array.is_some());
+        let samples = match is_timed {
+            true => match self.time_samples(is_array)? {
                 samples if is_array && samples.is_empty() => return Ok(()),
-                samples => (own, Samples::Timed(samples)),
+                samples => Samples::Timed(samples),
             },
-            None => match self.value(is_array)? {
-                Some(numbers) => (name, Samples::Constant(numbers)),
+            false => match self.value(is_array)? {
+                Some(numbers) => Samples::Constant(numbers),
                 None => return Ok(()),
             },
         };
@@ -330,28 +291,29 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// The numbers of an array, if it is one, or of a transform.
+    /// The numbers of a transform, one or those in parentheses; or of an array, `[(0, 0, 0), …]`,
+    /// none for another value, which is passed over.
     fn value(&mut self, is_array: bool) -> Result<Option<Vec<f64>>, RigError> {
-        match is_array {
-            true => self.bracketed(),
-            false => self.numbers().map(Some),
-        }
-    }
-
-    /// `[(0, 0, 0), …]`; none for another value, which is passed over.
-    fn bracketed(&mut self) -> Result<Option<Vec<f64>>, RigError> {
-        if !self.tokens.skip_if("[")? {
-            self.skip_value()?;
-            return Ok(None);
+        if !self.tokens.skip_if(if is_array { "[" } else { "(" })? {
+            if is_array {
+                return self.skip_value().map(|()| None);
+            }
+            return Ok(Some(vec![self.tokens.number()?]));
         }
         let mut numbers = Vec::new();
-        while !self.tokens.skip_if("]")? {
-            let is_sign = matches!(self.tokens.peek()?, Some(Token::Sign("(" | ")" | ",")));
-            if is_sign {
-                self.tokens.next()?;
-            } else {
-                numbers.push(self.tokens.number()?);
+        let mut open = 1;
+        while open > 0 {
+            match self.tokens.peek()? {
+                Some(Token::Sign("]")) if is_array => open = 0,
+                Some(Token::Sign("(")) if !is_array => open += 1,
+                Some(Token::Sign(")")) if !is_array => open -= 1,
+                Some(Token::Sign("(" | ")" | ",")) => {}
+                _ => {
+                    numbers.push(self.tokens.number()?);
+                    continue;
+                }
             }
+            self.tokens.next()?;
         }
         Ok(Some(numbers))
     }
@@ -369,28 +331,6 @@ impl<'a> Reader<'a> {
             self.tokens.skip_if(",")?;
         }
         Ok(samples)
-    }
-
-    /// A number, or numbers in parentheses, one after another.
-    fn numbers(&mut self) -> Result<Vec<f64>, RigError> {
-        let mut numbers = Vec::new();
-        let mut depth = 0;
-        loop {
-            if self.tokens.skip_if("(")? {
-                depth += 1;
-            } else if depth > 0 && self.tokens.skip_if(")")? {
-                depth -= 1;
-            } else if depth == 0 || !self.tokens.skip_if(",")? {
-                numbers.push(self.tokens.number()?);
-            }
-            // No transform has more than the 16 numbers of a matrix.
-            if numbers.len() > 16 || depth > 2 {
-                return Err(self.tokens.wrong("a transform has too many numbers"));
-            }
-            if depth == 0 {
-                return Ok(numbers);
-            }
-        }
     }
 
     /// `["a", "b"]`.

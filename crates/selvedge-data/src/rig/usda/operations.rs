@@ -75,44 +75,24 @@ fn change(attribute: &Attribute, rate: f64) -> Result<Change, String> {
     // xformOp:KIND or xformOp:KIND:NAME.
     let kind = attribute.name.split(':').nth(1).unwrap_or_default();
     let samples = &attribute.samples;
-    let angles = |order| Ok(Change::Angles(track(samples, rate, 3, point)?, order));
-    match kind {
-        "translate" => Ok(Change::Translation(track(samples, rate, 3, point)?)),
-        "scale" => Ok(Change::Scale(track(samples, rate, 3, point)?)),
-        "orient" => Ok(Change::Turn(track(samples, rate, 4, |q| {
-            DQuat::from_xyzw(q[1], q[2], q[3], q[0])
-        })?)),
-        "transform" => Ok(Change::Matrix(track(
-            samples,
-            rate,
-            16,
-            DMat4::from_cols_slice,
-        )?)),
-        "rotateX" => about(samples, rate, DVec3::X, &[0]),
-        "rotateY" => about(samples, rate, DVec3::Y, &[1]),
-        "rotateZ" => about(samples, rate, DVec3::Z, &[2]),
-        "rotateXYZ" => angles(&[0, 1, 2]),
-        "rotateXZY" => angles(&[0, 2, 1]),
-        "rotateYXZ" => angles(&[1, 0, 2]),
-        "rotateYZX" => angles(&[1, 2, 0]),
-        "rotateZXY" => angles(&[2, 0, 1]),
-        "rotateZYX" => angles(&[2, 1, 0]),
+    let axes = kind.strip_prefix("rotate").unwrap_or_default().chars();
+    let axes: Option<Vec<usize>> = axes.map(|axis| "XYZ".find(axis)).collect();
+    let real_first = |q: &[f64]| DQuat::from_xyzw(q[1], q[2], q[3], q[0]);
+    match (kind, axes.as_deref()) {
+        ("translate", _) => track(samples, rate, 3, DVec3::from_slice).map(Change::Translation),
+        ("scale", _) => track(samples, rate, 3, DVec3::from_slice).map(Change::Scale),
+        ("orient", _) => track(samples, rate, 4, real_first).map(Change::Turn),
+        ("transform", _) => track(samples, rate, 16, DMat4::from_cols_slice).map(Change::Matrix),
+        (_, Some(&[axis])) => {
+            let angle = |numbers: &[f64]| numbers[0] * DVec3::AXES[axis];
+            Ok(Change::Angles(track(samples, rate, 1, angle)?, vec![axis]))
+        }
+        (_, Some(&[a, b, c])) if a != b && b != c && c != a => {
+            let angles = track(samples, rate, 3, DVec3::from_slice)?;
+            Ok(Change::Angles(angles, vec![a, b, c]))
+        }
         _ => Err("is an operation that is not understood here".to_owned()),
     }
-}
-
-fn about(
-    samples: &Samples,
-    rate: f64,
-    axis: DVec3,
-    order: &'static [usize],
-) -> Result<Change, String> {
-    let angle = |numbers: &[f64]| numbers[0] * axis;
-    Ok(Change::Angles(track(samples, rate, 1, angle)?, order))
-}
-
-fn point(numbers: &[f64]) -> DVec3 {
-    DVec3::from_slice(numbers)
 }
 
 /// Values of `width` numbers over time; a time code is 1/`rate` s.

@@ -3,6 +3,7 @@
 use glam::DMat4;
 
 use super::super::node::{Rig, RigNode};
+use super::meshes;
 use super::operations::{Attribute, RESET, Samples, named, operations_of};
 
 /// USD's own defaults.
@@ -33,6 +34,32 @@ impl Default for Stage {
 }
 
 impl Stage {
+    /// Keeps a piece of metadata, a number or a token; others are passed over.
+    pub(super) fn set(
+        &mut self,
+        key: &str,
+        number: Option<f64>,
+        token: &str,
+    ) -> Result<(), String> {
+        let number = number.filter(|number| number.is_finite());
+        let finite = || number.ok_or_else(|| format!("{key} must be a finite number"));
+        let positive = || match finite()? {
+            number if number > 0.0 => Ok(number),
+            number => Err(format!("{key} must be positive, found {number}")),
+        };
+        match (key, token) {
+            ("timeCodesPerSecond", _) => self.codes_per_second = Some(positive()?),
+            ("framesPerSecond", _) => self.frames_per_second = Some(positive()?),
+            ("metersPerUnit", _) => self.metres_per_unit = positive()?,
+            ("startTimeCode", _) => self.start_code = Some(finite()?),
+            ("endTimeCode", _) => self.end_code = Some(finite()?),
+            ("upAxis", "Y" | "Z") => self.is_z_up = token == "Z",
+            ("upAxis", _) => return Err(format!("upAxis: expected Y or Z, found {token:?}")),
+            _ => {}
+        }
+        Ok(())
+    }
+
     /// Time codes per second.
     pub(super) fn rate(&self) -> f64 {
         let codes = self.codes_per_second.or(self.frames_per_second);
@@ -73,6 +100,17 @@ pub(super) struct Prim {
     pub(super) is_polygonal: bool,
     /// True where its visibility has time samples.
     pub(super) is_timed: bool,
+}
+
+/// What is kept of a property.
+pub(super) enum Kept {
+    Nothing,
+    /// The order of its operations.
+    Order,
+    /// The numbers of an operation.
+    Operation,
+    /// Numbers that make a mesh, under this name.
+    Array(String),
 }
 
 /// Reasons why a prim is not there, the weakest first.
@@ -159,14 +197,38 @@ impl Prim {
         self.is_timed |= other.is_timed;
     }
 
-    /// Keeps what an attribute with a token says of the prim.
-    pub(super) fn says(&mut self, name: &str, token: &str) {
-        match name {
-            "visibility" if token == "invisible" => self.is_absent(Absence::Invisible),
-            "subdivisionScheme" => self.is_polygonal = token == "none",
-            "purpose" => self.purpose = Some(token.to_owned()),
+    /// Keeps what the type, the name and the token (if it is one) of a property say of the prim, and
+    /// says what of its value is to be kept; of arrays only where they are wanted.
+    pub(super) fn takes_property(
+        &mut self,
+        kind: &str,
+        name: &str,
+        token: Option<&str>,
+        is_timed: bool,
+        wants_arrays: bool,
+    ) -> Kept {
+        if name == "xformOpOrder" {
+            return Kept::Order;
+        }
+        match (name, token) {
+            ("visibility", Some("invisible")) => self.is_absent(Absence::Invisible),
+            ("subdivisionScheme", Some(token)) => self.is_polygonal = token == "none",
+            ("purpose", Some(token)) => self.purpose = Some(token.to_owned()),
             _ => {}
         }
+        self.is_skinned |= meshes::is_of_skeleton(name);
+        self.is_timed |= name == "visibility" && is_timed;
+        match meshes::array_of(kind, name).filter(|_| wants_arrays) {
+            Some(array) => Kept::Array(array),
+            None if name.starts_with("xformOp:") => Kept::Operation,
+            None => Kept::Nothing,
+        }
+    }
+
+    /// Keeps that an operation gets its value from another property.
+    pub(super) fn connects(&mut self, name: &str) {
+        let problem = format!("its {name} is not understood here: bake it to samples");
+        self.obstacle = Some(problem);
     }
 
     /// The first numbers of an array that makes a mesh.
@@ -208,6 +270,7 @@ pub(super) fn rig(prims: &[Prim], stage: &Stage) -> Rig {
         world: stage.world(),
         start: first.unwrap_or_default() / rate,
         warnings: Vec::new(),
+        meshes: Vec::new(),
     }
 }
 

@@ -3,7 +3,7 @@
 
 use std::fmt;
 
-use super::super::error::RigError;
+use super::super::node::RigError;
 
 /// A piece of the text.
 #[derive(Clone, Copy, Debug, PartialEq)]

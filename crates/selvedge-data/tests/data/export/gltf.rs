@@ -1,5 +1,5 @@
 //! .glb: what of it no reader of ours takes. Its frames and handles come back in the tests of
-//! `foreign::cache`.
+//! `foreign`.
 
 use super::*;
 
@@ -31,7 +31,7 @@ impl Glb {
         let widths = [("SCALAR", 1), ("VEC2", 2), ("VEC3", 3)];
         let form = &self.json["accessors"][accessor]["type"];
         let width = widths.iter().find(|(name, _)| form == name).unwrap().1;
-        let data = &self.binary[self.number(&view) + at("byteOffset")..];
+        let data = &self.binary[self.number(&view)..];
         data[..4 * width * at("count")].as_chunks().0.to_vec()
     }
 

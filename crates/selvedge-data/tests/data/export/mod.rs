@@ -1,5 +1,5 @@
 //! What is exported says what the formats ask for. That positions come back is in the tests of
-//! `foreign::cache` and `export::obstacles`.
+//! `foreign` and `export::take`.
 
 mod caches;
 pub(crate) mod gltf;

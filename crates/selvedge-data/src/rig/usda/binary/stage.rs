@@ -2,7 +2,7 @@
 
 use super::super::meshes;
 use super::super::operations::{Attribute, Samples};
-use super::super::prim::{Absence, Prim, Stage};
+use super::super::prim::{Absence, Kept, Prim, Stage};
 use super::tables::{ATTRIBUTE, PRIM, PSEUDO_ROOT, Spec, Tables, VARIANT_SET};
 use super::values::{Rep, Values};
 
@@ -33,8 +33,8 @@ pub(in super::super) fn read(
             PRIM => reader.prim(spec)?,
             ATTRIBUTE => reader.attribute(spec)?,
             kind if kind >= VARIANT_SET - 1 => {
-                if let Some(prim) = reader.above(spec) {
-                    prim.composes("variants");
+                if let Some(number) = reader.above(spec) {
+                    reader.prims[number].composes("variants");
                 }
             }
             _ => {}
@@ -52,52 +52,27 @@ struct Reader<'a> {
     keeps_arrays: bool,
 }
 
-impl Reader<'_> {
-    fn above(&mut self, spec: Spec) -> Option<&mut Prim> {
-        let above = self.tables.paths[spec.path].above?;
-        let number = self.numbers[above]?;
-        self.prims.get_mut(number)
+impl<'a> Reader<'a> {
+    /// The number of the prim above.
+    fn above(&self, spec: Spec) -> Option<usize> {
+        self.numbers[self.tables.paths[spec.path].above?]
     }
 
-    fn token(&self, rep: Rep) -> &str {
+    fn token(&self, rep: Rep) -> &'a str {
         let token = self.tables.tokens.get(rep.low() as usize);
         token.map(String::as_str).unwrap_or_default()
     }
 
     fn stage(&self, spec: Spec) -> Result<Stage, String> {
         let mut stage = Stage::default();
-        let positive = |name: &str, rep: Rep| match self.values.numbers(rep)?.as_deref() {
-            Some(&[number]) if number > 0.0 && number.is_finite() => Ok(number),
-            found => Err(format!("{name} must be positive, found {found:?}")),
-        };
         for (name, rep) in self.tables.fields(spec)? {
-            match name {
-                "timeCodesPerSecond" => stage.codes_per_second = Some(positive(name, rep)?),
-                "framesPerSecond" => stage.frames_per_second = Some(positive(name, rep)?),
-                "startTimeCode" | "endTimeCode" => {
-                    let code = self.values.numbers(rep)?;
-                    let code = code.and_then(|code| code.first().copied());
-                    match name {
-                        "startTimeCode" => stage.start_code = code,
-                        _ => stage.end_code = code,
-                    }
-                }
-                "metersPerUnit" => stage.metres_per_unit = positive(name, rep)?,
-                "upAxis" => {
-                    stage.is_z_up = match self.token(rep) {
-                        "Y" => false,
-                        "Z" => true,
-                        found => return Err(format!("upAxis: expected Y or Z, found {found:?}")),
-                    };
-                }
-                "subLayers" if rep.is_strings() => {
-                    return Err(
-                        "has sublayers, which are not followed: flatten it (usdcat --flatten)"
-                            .to_owned(),
-                    );
-                }
-                _ => {}
+            if name == "subLayers" && rep.is_strings() {
+                let problem =
+                    "has sublayers, which are not followed: flatten it (usdcat --flatten)";
+                return Err(problem.to_owned());
             }
+            let numbers = self.values.numbers(rep)?.unwrap_or_default();
+            stage.set(name, numbers.first().copied(), self.token(rep))?;
         }
         Ok(stage)
     }
@@ -134,49 +109,56 @@ impl Reader<'_> {
     fn attribute(&mut self, spec: Spec) -> Result<(), String> {
         let tables = self.tables;
         let path = &tables.paths[spec.path];
-        if !path.is_property {
+        let (true, Some(number)) = (path.is_property, self.above(spec)) else {
             return Ok(());
-        }
+        };
         let fields = tables.fields(spec)?;
         let find = |wanted: &str| fields.iter().find(|field| field.0 == wanted).map(|f| f.1);
-        let kind = find("typeName")
-            .map_or("", |rep| self.token(rep))
-            .to_owned();
-        let (name, default) = (path.name.as_str(), find("default"));
-        if name == "xformOpOrder" {
-            let order = default.map(|rep| self.values.tokens(rep)).transpose()?;
-            let order = order.flatten().unwrap_or_default();
-            let text = |token: usize| tables.tokens.get(token).cloned().unwrap_or_default();
-            let order = order.into_iter().map(text).collect();
-            if let Some(prim) = self.above(spec) {
-                prim.order = Some(order);
+        let kind = find("typeName").map_or("", |rep| self.token(rep));
+        let (name, default, timed) = (path.name.as_str(), find("default"), find("timeSamples"));
+        let token = default.map(|rep| self.token(rep));
+        let prim = &mut self.prims[number];
+        let wants = self.keeps_arrays;
+        let array = match prim.takes_property(kind, name, token, timed.is_some(), wants) {
+            Kept::Nothing => return Ok(()),
+            Kept::Order => {
+                let order = default.map(|rep| self.values.tokens(rep)).transpose()?;
+                let order = order.flatten().unwrap_or_default().into_iter();
+                let text = |token: usize| tables.tokens.get(token).cloned().unwrap_or_default();
+                prim.order = Some(order.map(text).collect());
+                return Ok(());
             }
-            return Ok(());
-        }
-        let token = default.map(|rep| self.token(rep).to_owned());
-        if let Some(prim) = self.above(spec) {
-            prim.says(name, &token.unwrap_or_default());
-            prim.is_skinned |= meshes::is_of_skeleton(name);
-            prim.is_timed |= name == "visibility" && find("timeSamples").is_some();
-        }
-        let array = meshes::array_of(&kind, name).filter(|_| self.keeps_arrays);
-        if array.is_none() && !name.starts_with("xformOp:") {
-            return Ok(());
-        }
-        if find("connectionPaths").is_some() && array.is_none() {
-            if let Some(prim) = self.above(spec) {
-                let problem = format!("its {name} is not understood here: bake it to samples");
-                prim.obstacle = Some(problem);
+            Kept::Operation if find("connectionPaths").is_some() => {
+                prim.connects(name);
+                return Ok(());
             }
-            return Ok(());
+            Kept::Operation => None,
+            Kept::Array(array) => Some(array),
+        };
+        if let Some(samples) = self.samples(array.as_deref(), default, timed)? {
+            self.prims[number].attributes.push(Attribute {
+                name: array.unwrap_or_else(|| name.to_owned()),
+                samples,
+                line: 0,
+            });
         }
-        let timed = find("timeSamples").map(|rep| self.values.samples(rep));
+        Ok(())
+    }
+
+    /// The values of an operation, or of an `array`; none where an array has none.
+    fn samples(
+        &self,
+        array: Option<&str>,
+        default: Option<Rep>,
+        timed: Option<Rep>,
+    ) -> Result<Option<Samples>, String> {
+        let timed = timed.map(|rep| self.values.samples(rep)).transpose()?;
+        let timed = timed.flatten();
         let mut samples = Vec::new();
-        let timed = timed.transpose()?.flatten();
         for &(code, rep) in timed.iter().flatten() {
             // Of an array that is not of points the first counts.
-            let is_done = array.as_ref().is_some_and(|a| a != meshes::POINTS);
-            if rep.is_block() || is_done && !samples.is_empty() {
+            let is_done = array.is_some_and(|a| a != meshes::POINTS) && !samples.is_empty();
+            if rep.is_block() || is_done {
                 continue;
             }
             match self.values.numbers(rep)? {
@@ -184,22 +166,14 @@ impl Reader<'_> {
                 numbers => samples.push((code, numbers.unwrap_or_default())),
             }
         }
-        let is_timed = !samples.is_empty() || timed.is_some() && array.is_none();
-        let samples = match default {
-            _ if is_timed => Samples::Timed(samples),
-            None => return Ok(()),
-            Some(rep) => match self.values.numbers(rep)? {
-                None if array.is_some() => return Ok(()),
-                numbers => Samples::Constant(numbers.unwrap_or_default()),
-            },
-        };
-        if let Some(prim) = self.above(spec) {
-            prim.attributes.push(Attribute {
-                name: array.unwrap_or_else(|| name.to_owned()),
-                samples,
-                line: 0,
-            });
+        if !samples.is_empty() || timed.is_some() && array.is_none() {
+            return Ok(Some(Samples::Timed(samples)));
         }
-        Ok(())
+        let numbers = default.map(|rep| self.values.numbers(rep)).transpose()?;
+        Ok(match numbers {
+            None => None,
+            Some(None) if array.is_some() => None,
+            Some(numbers) => Some(Samples::Constant(numbers.unwrap_or_default())),
+        })
     }
 }

@@ -48,40 +48,30 @@ impl Tables {
         };
         let contents = Part {
             bytes,
-            at: Part { bytes, at: 16 }.count()?,
+            at: Part { bytes, at: 16 }.number(8)?,
         };
         let most = bytes.len().saturating_mul(4) + 4096;
         let section = |name: &str| contents.section(name);
         let tokens = tokens(section("TOKENS")?, most)?;
         let mut part = section("STRINGS")?;
         let count = part.bounded(most)?;
-        let texts = part.take(count.checked_mul(4).ok_or_else(cut)?)?;
-        let number = |b: &[u8]| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize;
-        let texts = texts.chunks_exact(4).map(number).collect();
+        let texts = part.words(count)?;
         let mut part = section("FIELDS")?;
         let count = part.bounded(most)?;
-        let names = part.numbers(count)?;
+        let names = part.numbers(count, 4)?;
         let values = unpack(part.counted()?, 8 * count)?;
         let values = values.chunks_exact(8).map(Rep::of);
         let fields = names.into_iter().map(|name| name as usize).zip(values);
         let mut sets = section("FIELDSETS")?;
         let count = sets.bounded(most)?;
-        let sets = sets.numbers(count)?;
+        let sets = sets.numbers(count, 4)?;
         let mut part = section("PATHS")?;
         let all = part.bounded(most)?;
         let count = part.bounded(all)?;
-        let lists = [
-            part.numbers(count)?,
-            part.numbers(count)?,
-            part.numbers(count)?,
-        ];
+        let lists = part.columns(count)?;
         let mut part = section("SPECS")?;
         let count = part.bounded(most)?;
-        let columns = [
-            part.numbers(count)?,
-            part.numbers(count)?,
-            part.numbers(count)?,
-        ];
+        let columns = part.columns(count)?;
         let spec = |k: usize| Spec {
             path: columns[0][k] as usize,
             set: columns[1][k] as usize,
@@ -193,13 +183,13 @@ fn paths(lists: &[Vec<i64>; 3], count: usize, tokens: &[String]) -> Result<Vec<P
     Ok(all)
 }
 
-fn cut() -> String {
+pub(super) fn cut() -> String {
     "is no whole binary USD file: it was cut short or changed".to_owned()
 }
 
 /// Texts, each ended by a zero.
 fn tokens(mut part: Part<'_>, most: usize) -> Result<Vec<String>, String> {
-    let (count, length) = (part.bounded(most)?, part.count()?);
+    let (count, length) = (part.bounded(most)?, part.number(8)?);
     let packed = part.counted()?;
     if length > packed.len().saturating_mul(256) {
         return Err(cut());
@@ -211,30 +201,35 @@ fn tokens(mut part: Part<'_>, most: usize) -> Result<Vec<String>, String> {
         .collect())
 }
 
+/// A number of at most eight bytes.
+pub(super) fn little(bytes: &[u8]) -> u64 {
+    let digits = bytes.iter().rev();
+    digits.fold(0, |n, &byte| (n << 8) | u64::from(byte))
+}
+
 /// Bytes that are read from a place on.
 #[derive(Clone, Copy)]
-struct Part<'a> {
-    bytes: &'a [u8],
-    at: usize,
+pub(super) struct Part<'a> {
+    pub(super) bytes: &'a [u8],
+    pub(super) at: usize,
 }
 
 impl<'a> Part<'a> {
-    fn take(&mut self, length: usize) -> Result<&'a [u8], String> {
+    pub(super) fn take(&mut self, length: usize) -> Result<&'a [u8], String> {
         let end = self.at.checked_add(length).ok_or_else(cut)?;
         let taken = self.bytes.get(self.at..end).ok_or_else(cut)?;
         self.at = end;
         Ok(taken)
     }
 
-    /// A number of 64 bits.
-    fn count(&mut self) -> Result<usize, String> {
-        let eight = self.take(8)?.try_into().map_err(|_| cut())?;
-        usize::try_from(u64::from_le_bytes(eight)).map_err(|_| cut())
+    /// A number of so many bytes.
+    pub(super) fn number(&mut self, width: usize) -> Result<usize, String> {
+        usize::try_from(little(self.take(width)?)).map_err(|_| cut())
     }
 
     /// A number of entries, at most `most`.
     fn bounded(&mut self, most: usize) -> Result<usize, String> {
-        match self.count()? {
+        match self.number(8)? {
             count if count <= most => Ok(count),
             count => Err(format!("has a table of {count} entries, more than {most}")),
         }
@@ -242,14 +237,25 @@ impl<'a> Part<'a> {
 
     /// Bytes after their length.
     fn counted(&mut self) -> Result<&'a [u8], String> {
-        let length = self.count()?;
+        let length = self.number(8)?;
         self.take(length)
     }
 
-    /// Packed whole numbers of 32 bits after their length.
-    fn numbers(&mut self, count: usize) -> Result<Vec<i64>, String> {
-        let packed = self.counted()?;
-        unpack_numbers(packed, count, 4)
+    /// Whole numbers of 32 bits.
+    pub(super) fn words(&mut self, count: usize) -> Result<Vec<usize>, String> {
+        let bytes = self.take(count.checked_mul(4).ok_or_else(cut)?)?;
+        Ok(bytes.chunks_exact(4).map(|b| little(b) as usize).collect())
+    }
+
+    /// Packed whole numbers after their length, whose differences have at most `width` bytes.
+    pub(super) fn numbers(&mut self, count: usize, width: usize) -> Result<Vec<i64>, String> {
+        unpack_numbers(self.counted()?, count, width)
+    }
+
+    /// Three lists of packed whole numbers of 32 bits.
+    fn columns(&mut self, count: usize) -> Result<[Vec<i64>; 3], String> {
+        let mut column = || self.numbers(count, 4);
+        Ok([column()?, column()?, column()?])
     }
 
     /// The table of this name, of the contents here.
@@ -257,13 +263,10 @@ impl<'a> Part<'a> {
         let count = self.bounded(64)?;
         for _ in 0..count {
             let entry = self.take(16)?;
-            let start = self.count()?;
-            self.count()?;
+            let (bytes, at) = (self.bytes, self.number(8)?);
+            self.number(8)?;
             if entry.split(|&byte| byte == 0).next() == Some(name.as_bytes()) {
-                return Ok(Self {
-                    bytes: self.bytes,
-                    at: start,
-                });
+                return Ok(Self { bytes, at });
             }
         }
         Err(format!("has no table {name}"))

@@ -3,7 +3,7 @@
 
 use std::cell::Cell;
 
-use crate::formats::packing::unpack_numbers;
+use super::tables::{Part, cut, little};
 
 const TOKEN: u64 = 11;
 const REFERENCES: u64 = 35;
@@ -18,12 +18,6 @@ const LEAST_PACKED: usize = 16;
 
 /// Samples at most of a property.
 const MOST_SAMPLES: usize = 100_000;
-
-/// A number of at most eight bytes.
-fn little(bytes: &[u8]) -> u64 {
-    let digits = bytes.iter().rev();
-    digits.fold(0, |n, &byte| (n << 8) | u64::from(byte))
-}
 
 /// A value of 64 bits.
 #[derive(Clone, Copy, Debug)]
@@ -156,10 +150,6 @@ pub(super) struct Values<'a> {
     left: Cell<usize>,
 }
 
-fn cut() -> String {
-    "has a value that leads out of the file: it was cut short or changed".to_owned()
-}
-
 impl<'a> Values<'a> {
     pub(super) fn new(bytes: &'a [u8], version: u8) -> Self {
         Self {
@@ -169,14 +159,11 @@ impl<'a> Values<'a> {
         }
     }
 
-    fn slice(&self, at: u64, length: usize) -> Result<&'a [u8], String> {
+    /// The file from a place on.
+    fn part(&self, at: u64) -> Result<Part<'a>, String> {
         let at = usize::try_from(at).map_err(|_| cut())?;
-        let end = at.checked_add(length).ok_or_else(cut)?;
-        self.bytes.get(at..end).ok_or_else(cut)
-    }
-
-    fn word(&self, at: u64, width: usize) -> Result<u64, String> {
-        self.slice(at, width).map(little)
+        let bytes = self.bytes;
+        Ok(Part { bytes, at })
     }
 
     fn spend(&self, count: usize) -> Result<(), String> {
@@ -194,13 +181,7 @@ impl<'a> Values<'a> {
         let mut numbers = match (rep.is_array(), rep.is_here()) {
             (true, _) => self.array(rep, width, number)?,
             (false, true) => Self::inlined(rep, width, number),
-            (false, false) => {
-                let bytes = self.slice(rep.payload(), width * number.width())?;
-                bytes
-                    .chunks_exact(number.width())
-                    .map(|b| number.read(b))
-                    .collect()
-            }
+            (false, false) => self.part(rep.payload())?.reals(width, number)?,
         };
         // Turns have their real part last here, and first in text.
         if (16..=18).contains(&rep.kind()) {
@@ -226,66 +207,18 @@ impl<'a> Values<'a> {
     }
 
     fn array(&self, rep: Rep, width: usize, number: Number) -> Result<Vec<f64>, String> {
-        let mut at = rep.payload();
+        let at = rep.payload();
         if at == 0 {
             return Ok(Vec::new());
         }
-        if self.version < 5 {
-            at += 4;
+        let mut part = self.part(at + if self.version < 5 { 4 } else { 0 })?;
+        let count = part.number(if self.version < 7 { 4 } else { 8 })?;
+        let all = count.checked_mul(width).ok_or_else(cut)?;
+        self.spend(all)?;
+        match rep.is_packed() && width == 1 && count >= LEAST_PACKED {
+            true => packed(part, count, number),
+            false => part.reals(all, number),
         }
-        let size = if self.version < 7 { 4 } else { 8 };
-        let count = usize::try_from(self.word(at, size)?).map_err(|_| cut())?;
-        at += size as u64;
-        self.spend(count.checked_mul(width).ok_or_else(cut)?)?;
-        if rep.is_packed() && width == 1 && count >= LEAST_PACKED {
-            return self.packed(at, count, number);
-        }
-        let length = count.checked_mul(width * number.width()).ok_or_else(cut)?;
-        let bytes = self.slice(at, length)?;
-        Ok(bytes
-            .chunks_exact(number.width())
-            .map(|b| number.read(b))
-            .collect())
-    }
-
-    fn packed(&self, at: u64, count: usize, number: Number) -> Result<Vec<f64>, String> {
-        if number.is_whole() {
-            let whole = self.packed_whole(at, count, number.width())?;
-            let unsigned = number == Number::UInt;
-            let as_real = |n: i64| {
-                if unsigned {
-                    f64::from(n as u32)
-                } else {
-                    n as f64
-                }
-            };
-            return Ok(whole.into_iter().map(as_real).collect());
-        }
-        match self.word(at, 1)? as u8 {
-            b'i' => {
-                let whole = self.packed_whole(at + 1, count, 4)?;
-                Ok(whole.into_iter().map(|n| n as f64).collect())
-            }
-            b't' => {
-                let entries = self.word(at + 1, 4)? as usize;
-                let length = entries.checked_mul(number.width()).ok_or_else(cut)?;
-                let table = self.slice(at + 5, length)?;
-                let entry = |n: i64| {
-                    let start = usize::try_from(n).ok()?.checked_mul(number.width())?;
-                    let own = table.get(start..start.checked_add(number.width())?)?;
-                    Some(number.read(own))
-                };
-                let places = self.packed_whole(at + 5 + length as u64, count, 4)?;
-                let found: Option<Vec<f64>> = places.into_iter().map(entry).collect();
-                found.ok_or_else(cut)
-            }
-            _ => Err("has an array that is packed in an unknown way".to_owned()),
-        }
-    }
-
-    fn packed_whole(&self, at: u64, count: usize, width: usize) -> Result<Vec<i64>, String> {
-        let length = usize::try_from(self.word(at, 8)?).map_err(|_| cut())?;
-        unpack_numbers(self.slice(at + 8, length)?, count, width)
     }
 
     /// The tokens of an array or a list of them, by number; none for another value.
@@ -301,11 +234,9 @@ impl<'a> Values<'a> {
         if self.version < 5 && rep.is_array() {
             at += 4;
         }
-        let count = usize::try_from(self.word(at, size)?).map_err(|_| cut())?;
-        let length = count.checked_mul(4).ok_or_else(cut)?;
-        let bytes = self.slice(at + size as u64, length)?;
-        let number = |b: &[u8]| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize;
-        Ok(Some(bytes.chunks_exact(4).map(number).collect()))
+        let mut part = self.part(at)?;
+        let count = part.number(size)?;
+        part.words(count).map(Some)
     }
 
     /// The only reference of a list, without an offset in time: number of the text of its file,
@@ -315,15 +246,16 @@ impl<'a> Values<'a> {
             return Ok(None);
         }
         // A byte says which lists there are: 2 the whole one, 4, 32 and 64 what is added.
-        let at = rep.payload();
-        let lists = self.word(at, 1)? & !1;
-        if ![2, 4, 32, 64].contains(&lists) || self.word(at + 1, 8)? != 1 {
+        let mut part = self.part(rep.payload())?;
+        let lists = part.number(1)? & !1;
+        if ![2, 4, 32, 64].contains(&lists) || part.number(8)? != 1 {
             return Ok(None);
         }
-        let number = |way: u64| Ok::<_, String>(self.word(at + way, 4)? as usize);
-        let real = |way: u64| Ok::<_, String>(f64::from_bits(self.word(at + way, 8)?));
-        let is_plain = real(17)? == 0.0 && real(25)? == 1.0;
-        Ok(is_plain.then_some((number(9)?, number(13)?)))
+        let reference = (part.number(4)?, part.number(4)?);
+        let [offset, scale] = part.reals(2, Number::Double)?[..] else {
+            return Ok(None);
+        };
+        Ok((offset == 0.0 && scale == 1.0).then_some(reference))
     }
 
     /// Time samples: codes and values. None for another value.
@@ -333,19 +265,19 @@ impl<'a> Values<'a> {
         }
         // A way to the codes, a way on, each from where it stands.
         let jump = |at: u64| -> Result<u64, String> {
-            let way = self.word(at, 8)?.cast_signed();
+            let way = little(self.part(at)?.take(8)?).cast_signed();
             at.checked_add_signed(way).ok_or_else(cut)
         };
         let codes = jump(rep.payload())?;
-        let times = Rep(self.word(codes, 8)?);
-        let next = jump(codes.checked_add(8).ok_or_else(cut)?)?;
-        let count = self.word(next, 8)? as usize;
+        let times = Rep::of(self.part(codes)?.take(8)?);
+        let mut part = self.part(jump(codes.checked_add(8).ok_or_else(cut)?)?)?;
+        let count = part.number(8)?;
         if count > MOST_SAMPLES {
             return Err(format!(
                 "has {count} samples of a property, more than {MOST_SAMPLES}"
             ));
         }
-        let values = self.slice(next + 8, 8 * count)?.chunks_exact(8);
+        let values = part.take(8 * count)?.chunks_exact(8);
         let times = self.times(times)?;
         if times.len() != count {
             return Err(format!("has {count} samples at {} times", times.len()));
@@ -357,11 +289,43 @@ impl<'a> Values<'a> {
         if rep.kind() != DOUBLE_VECTOR {
             return Ok(self.numbers(rep)?.unwrap_or_default());
         }
-        let at = rep.payload();
-        let count = usize::try_from(self.word(at, 8)?).map_err(|_| cut())?;
+        let mut part = self.part(rep.payload())?;
+        let count = part.number(8)?;
         self.spend(count)?;
-        let length = count.checked_mul(8).ok_or_else(cut)?;
-        let bytes = self.slice(at + 8, length)?.chunks_exact(8);
-        Ok(bytes.map(|b| Number::Double.read(b)).collect())
+        part.reals(count, Number::Double)
+    }
+}
+
+impl Part<'_> {
+    /// The next `count` numbers of a type.
+    fn reals(&mut self, count: usize, number: Number) -> Result<Vec<f64>, String> {
+        let length = count.checked_mul(number.width()).ok_or_else(cut)?;
+        let bytes = self.take(length)?.chunks_exact(number.width());
+        Ok(bytes.map(|b| number.read(b)).collect())
+    }
+}
+
+/// The numbers of a packed array.
+fn packed(mut part: Part<'_>, count: usize, number: Number) -> Result<Vec<f64>, String> {
+    if number.is_whole() {
+        let whole = part.numbers(count, number.width())?.into_iter();
+        return Ok(match number {
+            Number::UInt => whole.map(|n| f64::from(n as u32)).collect(),
+            _ => whole.map(|n| n as f64).collect(),
+        });
+    }
+    match part.number(1)? as u8 {
+        b'i' => {
+            let whole = part.numbers(count, 4)?.into_iter();
+            Ok(whole.map(|n| n as f64).collect())
+        }
+        b't' => {
+            let entries = part.number(4)?;
+            let table = part.reals(entries, number)?;
+            let entry = |n: i64| table.get(usize::try_from(n).ok()?).copied();
+            let places = part.numbers(count, 4)?.into_iter();
+            places.map(entry).collect::<Option<_>>().ok_or_else(cut)
+        }
+        _ => Err("has an array that is packed in an unknown way".to_owned()),
     }
 }

@@ -3,9 +3,7 @@
 
 use super::*;
 use crate::export::{ExportFormat, ExportOptions};
-use crate::foreign::{ForeignSource, HandleSource};
 use crate::test_help::{says, write};
-use crate::trajectory::Trajectory;
 use crate::trajectory::test_square::moving_square;
 
 fn trajectory() -> Trajectory {
