@@ -2,9 +2,10 @@
 //!
 //! A frame within its bounds is passed on bit for bit. The edges of a frame beyond them are brought
 //! back; the inner stepper continues from the corrected frame. A lost frame is replaced by a step of
-//! the physics from the last two frames, or without a scene by the last frame, carried by the handles. So a step fails only for
-//! its caller (targets that do not fit, a recording that has ended) or for a device. Edges stay too
-//! long where handles are farther apart than the cloth can reach.
+//! the physics from the last two frames, or without a scene by the last frame, carried by the
+//! handles. So a step fails only for its caller (targets that do not fit, a recording that has
+//! ended) or for a device. Edges stay too long where handles are farther apart than the cloth can
+//! reach.
 //!
 //! Where the scene has contact, every frame that is corrected or good is held to it too: on its way
 //! from the last frame no pair of features meets. Pairs that would are pushed apart; where that
@@ -131,7 +132,8 @@ impl<S: Correctable> Guard<S> {
         let physics = match &scene {
             Some(scene) if is_held_apart => {
                 let physics = Physics::new(scene).map_err(GuardError::Physics)?;
-                let apart = physics.check_apart(inner.frame(), inner.positions());
+                let (frame, start) = (inner.frame(), inner.positions());
+                let apart = physics.simulator.check_apart(frame, start);
                 apart.map_err(GuardError::Start)?;
                 Some(Ok(physics))
             }
@@ -285,7 +287,8 @@ impl<S: Correctable> Guard<S> {
         let Some(Ok(physics)) = &mut self.physics else {
             return Ok(ContactWord::Free);
         };
-        let led = physics.lead(frame, &self.last[1], &mut self.next)?;
+        let simulator = &mut physics.simulator;
+        let led = simulator.lead(frame, &self.last[1], &mut self.next)?;
         Ok(match led {
             Led::Free => ContactWord::Free,
             Led::Pushed => ContactWord::Pushed,
@@ -339,7 +342,7 @@ impl<S: Correctable> Guard<S> {
     fn physics(&mut self) -> Option<Result<&mut Physics, PhysicsFailure>> {
         if let (None, Some(scene)) = (&self.physics, &self.scene) {
             self.physics = Some(Physics::new(scene).map(|mut physics| {
-                physics.stop_by(self.stop.clone());
+                physics.simulator.stop_by(self.stop.clone());
                 physics
             }));
         }
@@ -385,7 +388,7 @@ impl<S: Correctable> Stepper for Guard<S> {
     fn stop_by(&mut self, stop: Stop) {
         self.inner.stop_by(stop.clone());
         if let Some(Ok(physics)) = &mut self.physics {
-            physics.stop_by(stop.clone());
+            physics.simulator.stop_by(stop.clone());
         }
         self.stop = stop;
     }

@@ -4,12 +4,12 @@
 //! velocity.
 
 use glam::Vec3;
-use selvedge_cloth::{AirLaw, HandleTargets, Scene, StepError, Stepper, Stop};
-use selvedge_sim::{Checkpoint, Led, Simulator, SimulatorError, Threads};
+use selvedge_cloth::{AirLaw, HandleTargets, Scene, StepError, Stepper};
+use selvedge_sim::{Checkpoint, Simulator, SimulatorError, Threads};
 
 /// A simulator with buffers for its states.
 pub(crate) struct Physics {
-    simulator: Simulator,
+    pub(crate) simulator: Simulator,
     frame_rate: f64,
     /// Where the next step begins.
     start: Checkpoint,
@@ -28,11 +28,6 @@ impl Physics {
             frame_rate: scene.frame_rate,
             start: Checkpoint::default(),
         })
-    }
-
-    /// Lets solves end with an error from when `stop` is wanted.
-    pub(crate) fn stop_by(&mut self, stop: Stop) {
-        self.simulator.stop_by(stop);
     }
 
     /// Computes the frame after `frame`. `current` `[m]`, `[vertices]`, is that frame and
@@ -61,21 +56,5 @@ impl Physics {
         })?;
         self.simulator.step(targets)?;
         Ok(self.simulator.positions())
-    }
-
-    /// Checks that nothing meets in `positions` `[m]`, `[vertices]`, of frame `frame`.
-    pub(crate) fn check_apart(&self, frame: usize, positions: &[Vec3]) -> Result<(), StepError> {
-        self.simulator.check_apart(frame, positions)
-    }
-
-    /// Holds `to`, the frame after `frame`, to contact on its way from `from`
-    /// ([`Simulator::lead`]).
-    pub(crate) fn lead(
-        &mut self,
-        frame: usize,
-        from: &[Vec3],
-        to: &mut [Vec3],
-    ) -> Result<Led, StepError> {
-        self.simulator.lead(frame, from, to)
     }
 }

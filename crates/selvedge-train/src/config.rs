@@ -4,11 +4,11 @@ mod setting;
 
 use std::path::Path;
 
-use selvedge_model::{ModelSpec, SpecError};
+use selvedge_model::ModelSpec;
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
 pub use self::setting::Setting;
+use crate::bounds::{ConfigError, below_one, count, part, positive, require};
 use crate::losses::LossWeights;
 use crate::optimizer::AdamSettings;
 use crate::schedule::{LearningRate, MOST_STEPS, TruthProbability, UnrollFrames};
@@ -229,52 +229,6 @@ impl TrainConfig {
         let expected = "0 where unroll.frames is above 1";
         let apart = self.unroll.most() == 1 || weight == 0.0;
         require(apart, "losses.kinetic_energy", expected, weight)
-    }
-}
-
-/// A configuration that cannot be used, a value of one, or a setting that cannot be followed. The
-/// message names it, what it must be and what was found.
-#[derive(Debug, Error)]
-#[error("{0}")]
-pub struct ConfigError(String);
-
-impl From<SpecError> for ConfigError {
-    fn from(error: SpecError) -> Self {
-        Self(error.to_string())
-    }
-}
-
-pub(crate) fn count(field: &str, found: u64, most: u64) -> Result<(), ConfigError> {
-    let expected = format!("between 1 and {most}");
-    require((1..=most).contains(&found), field, expected, found)
-}
-
-pub(crate) fn positive(field: &str, found: f64) -> Result<(), ConfigError> {
-    let holds = found.is_finite() && found > 0.0;
-    require(holds, field, "finite and positive", found)
-}
-
-pub(crate) fn part(field: &str, found: f64) -> Result<(), ConfigError> {
-    let holds = (0.0..=1.0).contains(&found);
-    require(holds, field, "between 0 and 1", found)
-}
-
-pub(crate) fn below_one(field: &str, found: f64) -> Result<(), ConfigError> {
-    let holds = (0.0..1.0).contains(&found);
-    require(holds, field, "at least 0 and below 1", found)
-}
-
-pub(crate) fn require(
-    holds: bool,
-    field: &str,
-    expected: impl std::fmt::Display,
-    found: impl std::fmt::Display,
-) -> Result<(), ConfigError> {
-    match holds {
-        true => Ok(()),
-        false => Err(ConfigError(format!(
-            "{field} must be {expected}, found {found}"
-        ))),
     }
 }
 

@@ -20,7 +20,8 @@ use selvedge_model::{ClothGraph, Model, ModelSpec, Network, Normalizers, SpecErr
 pub use self::cpu::OnProcessor;
 pub use self::over_ranks::OverRanks;
 pub use self::slot_run::{FramePasses, SlotRun, run_slots};
-use crate::config::{ConfigError, TrainConfig};
+use crate::bounds::ConfigError;
+use crate::config::TrainConfig;
 use crate::losses::{LossStatistics, LossTerms};
 use crate::optimizer::{Adam, clip_norm};
 use crate::slot::Expert;

@@ -100,6 +100,7 @@
 //! This crate moves no cloth by itself: `LearnedStepper` of `selvedge-model` uses a model, and
 //! `selvedge-lab` evaluates it. It makes no data either; `selvedge-data` reads and writes them.
 
+mod bounds;
 mod checkpoint;
 mod config;
 mod engine;
@@ -116,10 +117,10 @@ mod test_data;
 mod trainer;
 mod training_set;
 
+pub use bounds::ConfigError;
 pub use checkpoint::{CHECKPOINT_FORMAT, ResumeError};
 pub use config::{
-    BatchConfig, ConfigError, Labels, NoiseConfig, NoiseUnit, ScheduledSampling, Setting,
-    TrainConfig,
+    BatchConfig, Labels, NoiseConfig, NoiseUnit, ScheduledSampling, Setting, TrainConfig,
 };
 pub use engine::{
     Engine, EngineError, EngineMaker, FramePasses, Learned, OnProcessor, OverRanks, Setup, SlotRun,

@@ -11,7 +11,7 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::config::{ConfigError, below_one, positive, require};
+use crate::bounds::{ConfigError, below_one, positive, require};
 
 /// Parameters that one thread updates at a time.
 const CHUNK: usize = 1 << 15;

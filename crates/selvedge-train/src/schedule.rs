@@ -6,7 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::config::{ConfigError, count, part, positive, require};
+use crate::bounds::{ConfigError, count, part, positive, require};
 
 /// Most steps of a training, and the last step at which something may change.
 pub(crate) const MOST_STEPS: u64 = 1_000_000_000;

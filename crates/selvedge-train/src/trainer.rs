@@ -15,8 +15,9 @@ use selvedge_model::{
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::bounds::ConfigError;
 use crate::checkpoint::State;
-use crate::config::{ConfigError, TrainConfig};
+use crate::config::TrainConfig;
 use crate::engine::{Engine, EngineError, EngineMaker, Learned, Setup, SlotRun, Update};
 use crate::from_model::Origin;
 use crate::losses::{LossStatistics, LossTerms, RunningLossStatistics};

@@ -1,7 +1,4 @@
 //! The two scalars that the network is written for: `f32` runs it, `f64` proves its derivatives.
-//!
-//! The `f32` transcendental functions are branch-free polynomials that vectorise; they use no
-//! fused multiply-add, so that they give the same bits on every machine.
 
 use std::fmt::Debug;
 use std::iter::Sum;

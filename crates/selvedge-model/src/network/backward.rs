@@ -5,9 +5,10 @@ use crate::graph::connectivity::Connectivity;
 use crate::graph::partition::split;
 use crate::kernels::real::Real;
 use crate::network::definition::{ARC_ENCODER, FIRST_BLOCK, NODE_ENCODER, Network};
+use crate::network::kept::Group;
 use crate::network::packed::{PackedWeights, Purpose};
 use crate::network::passes::{Gradients, Input};
-use crate::network::workspace::{Group, Workspace, add_groups, by_group};
+use crate::network::workspace::{Workspace, add_groups, by_group};
 use crate::spec::OUTPUTS;
 
 impl Network {

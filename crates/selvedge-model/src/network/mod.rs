@@ -7,6 +7,7 @@
 mod backward;
 mod definition;
 mod forward;
+pub(crate) mod kept;
 mod layers;
 pub(crate) mod packed;
 pub(crate) mod parameters;

@@ -5,13 +5,10 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use crate::kernels::aligned::Aligned;
 use crate::kernels::gemm::{Columns, Slot, Term, pack};
 use crate::kernels::real::Real;
 use crate::kernels::simd::Instructions;
-use crate::network::definition::Network;
 use crate::network::parameters::Linear;
 
 /// Purpose of packed weights.
@@ -74,6 +71,17 @@ impl ModuleSize {
     /// Room for a matrix of the backward pass.
     pub(crate) fn backward(&mut self, depth: usize, columns: usize) -> Slot {
         Self::slot(&mut self.backward, depth, columns)
+    }
+
+    /// Room for the matrices of all slots.
+    pub(crate) fn room<T: Real>(&self, purpose: Purpose) -> PackedModule<T> {
+        PackedModule {
+            forward: Aligned::zeros(self.forward),
+            backward: match purpose {
+                Purpose::Inference => Aligned::default(),
+                Purpose::Training => Aligned::zeros(self.backward),
+            },
+        }
     }
 
     fn slot(end: &mut usize, depth: usize, columns: usize) -> Slot {
@@ -165,38 +173,6 @@ impl<T: Real> Packer<'_, T> {
 }
 
 impl<T: Real> PackedWeights<T> {
-    /// Room for the weights of a network.
-    pub(crate) fn new(network: &Network, purpose: Purpose, instructions: Instructions) -> Self {
-        let modules = network.modules.iter().map(|(size, _)| PackedModule {
-            forward: Aligned::zeros(size.forward),
-            backward: match purpose {
-                Purpose::Inference => Aligned::default(),
-                Purpose::Training => Aligned::zeros(size.backward),
-            },
-        });
-        Self {
-            instructions,
-            purpose,
-            flat: vec![T::ZERO; network.parameter_count()],
-            modules: modules.collect(),
-        }
-    }
-
-    /// Packs `weights` of this network, module by module on all threads.
-    pub(crate) fn update(&mut self, network: &Network, weights: &[T]) {
-        self.flat.copy_from_slice(weights);
-        let (instructions, flat) = (self.instructions, &*self.flat);
-        let modules = self.modules.par_iter_mut().enumerate();
-        modules.for_each(|(number, module)| {
-            let mut packer = Packer {
-                instructions,
-                flat,
-                module,
-            };
-            network.pack_module(number, &mut packer);
-        });
-    }
-
     /// The weights of the layers of a module.
     pub(crate) fn layer(&self, module: usize) -> LayerWeights<'_, T> {
         LayerWeights {

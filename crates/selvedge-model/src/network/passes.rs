@@ -5,6 +5,7 @@
 //! Their kernels, one of every kind for every instruction set, are therefore compiled once, in this
 //! crate.
 
+use rayon::prelude::*;
 use thiserror::Error;
 
 use crate::graph::connectivity::Connectivity;
@@ -12,7 +13,7 @@ use crate::kernels::dropout::Dropout;
 use crate::kernels::real::Real;
 use crate::kernels::simd::Instructions;
 use crate::network::definition::Network;
-use crate::network::packed::{PackedWeights, Purpose};
+use crate::network::packed::{PackedWeights, Packer, Purpose};
 use crate::network::workspace::Workspace;
 
 /// Normalised features of a window of frames, oldest first.
@@ -131,19 +132,35 @@ impl Network {
         purpose: Purpose,
         instructions: Instructions,
     ) -> PackedWeights<T> {
-        let mut packed = PackedWeights::new(self, purpose, instructions);
+        let rooms = self.modules.iter().map(|(size, _)| size.room(purpose));
+        let mut packed = PackedWeights {
+            instructions,
+            purpose,
+            flat: vec![T::ZERO; self.parameter_count()],
+            modules: rooms.collect(),
+        };
         self.repack(weights, &mut packed);
         packed
     }
 
-    /// Packs other weights of the same network into the same room.
+    /// Packs other weights of the same network into the same room, module by module on all threads.
     ///
     /// # Panics
     /// When the number of weights is not the network's.
     pub fn repack<T: NetworkScalar>(&self, weights: &[T], packed: &mut PackedWeights<T>) {
         assert_eq!(weights.len(), self.parameter_count(), "weights");
         assert_eq!(packed.flat.len(), weights.len(), "room");
-        packed.update(self, weights);
+        packed.flat.copy_from_slice(weights);
+        let (instructions, flat) = (packed.instructions, &*packed.flat);
+        let modules = packed.modules.par_iter_mut().enumerate();
+        modules.for_each(|(number, module)| {
+            let mut packer = Packer {
+                instructions,
+                flat,
+                module,
+            };
+            self.pack_module(number, &mut packer);
+        });
     }
 
     /// Normalised accelerations `[vertices, 3]` for normalised features.

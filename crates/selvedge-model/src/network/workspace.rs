@@ -11,19 +11,12 @@ use rayon::prelude::*;
 use selvedge_cloth::Stop;
 
 use crate::graph::connectivity::Connectivity;
-use crate::graph::partition::{CHUNK, PARTITION_VERTICES, Partition, chunks};
+use crate::graph::partition::{CHUNK, PARTITION_VERTICES, Partition};
 use crate::kernels::aligned::Aligned;
 use crate::kernels::dropout::{ClothRows, Dropout, RowMasks};
-use crate::kernels::gemm::Columns;
-use crate::kernels::outer::{Sums, add_outer};
 use crate::kernels::real::Real;
-use crate::kernels::rows::add_column_sums;
-use crate::kernels::simd::Instructions;
 use crate::network::definition::Network;
-use crate::network::layers::block::BlockKept;
-use crate::network::layers::encoder::EncoderKept;
-use crate::network::layers::mlp::Activations;
-use crate::network::parameters::Linear;
+use crate::network::kept::{BlockKept, Group, Part, Scratch, fit_chunks};
 use crate::network::passes::Pass;
 use crate::spec::OUTPUTS;
 
@@ -48,54 +41,6 @@ pub struct Workspace<T> {
     pub(super) kept: bool,
     /// Wanted where nobody needs the pass any more.
     pub(super) stop: Stop,
-}
-
-/// What a pass keeps of a partition.
-#[derive(Default)]
-pub(crate) struct Part<T> {
-    pub(crate) rows: Partition,
-    /// Latent vectors of the nodes, or their gradients, `[vertices, latent]`.
-    pub(crate) nodes: Aligned<T>,
-    /// Latent vectors of the arcs, or their gradients, `[arcs, latent]`.
-    pub(crate) arcs: Aligned<T>,
-    /// Activations of both encoders, chunk by chunk. These and the following are kept in training.
-    pub(crate) encoders: [Vec<EncoderKept<T>>; 2],
-    pub(crate) blocks: Vec<BlockKept<T>>,
-    pub(crate) decoder: Option<Activations<T>>,
-}
-
-/// Room for a chunk of rows or a partition of vertices, for values that no later pass reads; one
-/// for each thread of a forward pass and for each group of partitions of a backward pass.
-#[derive(Default)]
-pub(crate) struct Scratch<T> {
-    /// Activations of a perceptron where they are not kept; in a backward pass the gradients of its
-    /// output and of the sums of its second and of its first layer. `[CHUNK, latent]`, the last one
-    /// `[CHUNK]`.
-    pub(crate) tiles: Activations<T>,
-    /// Sums of the messages that arrive, or their gradients, `[PARTITION_VERTICES, latent]`.
-    pub(crate) incoming: Aligned<T>,
-    /// Of both layers of a recurrent encoder the states before and after a step where they are not
-    /// kept, or the gradients of a state, `[2 CHUNK, latent]`.
-    pub(crate) states: [Aligned<T>; 2],
-    /// Gradients of the sums of the gates, `[CHUNK, 4 latent]`.
-    pub(crate) gates: Aligned<T>,
-    /// Sums of columns of `gates` of both layers, `[4 latent]`.
-    pub(crate) biases: [Aligned<T>; 2],
-}
-
-/// The backward pass of a group of partitions through one module.
-#[derive(Default)]
-pub(crate) struct Group<T> {
-    pub(crate) scratch: Scratch<T>,
-    pub(crate) gradient: ModuleGradient<T>,
-}
-
-/// The gradient of a module's weights, which are contiguous.
-#[derive(Default)]
-pub(crate) struct ModuleGradient<T> {
-    values: Aligned<T>,
-    /// Number of the first weight of the module.
-    first: usize,
 }
 
 impl<T: Real> Workspace<T> {
@@ -205,18 +150,6 @@ impl<T: Real> Part<T> {
     }
 }
 
-/// Makes room for what is kept of each chunk of `rows`.
-pub(crate) fn fit_chunks<K: Default>(
-    kept: &mut Vec<K>,
-    rows: &Range<usize>,
-    fit: impl Fn(&mut K, usize),
-) {
-    kept.resize_with(rows.len().div_ceil(CHUNK), K::default);
-    for (kept, chunk) in kept.iter_mut().zip(chunks(rows.clone())) {
-        fit(kept, chunk.len());
-    }
-}
-
 impl<T: Real> Scratch<T> {
     /// Makes room for the rows of a network.
     fn fit(&mut self, network: &Network) {
@@ -228,47 +161,10 @@ impl<T: Real> Scratch<T> {
         deviations.resize(rows);
         self.incoming.resize(PARTITION_VERTICES * latent);
         self.gates.resize(rows * 4 * states);
-        for buffer in &mut self.states {
-            buffer.resize(2 * rows * states);
-        }
+        self.gru.fit_spare(rows, states);
         for buffer in &mut self.biases {
             buffer.resize(4 * states);
         }
-    }
-}
-
-impl<T: Real> ModuleGradient<T> {
-    /// Begins with zeros for a module with these weights.
-    fn begin(&mut self, weights: &Range<usize>) {
-        self.first = weights.start;
-        self.values.resize(weights.len());
-        self.values.fill(T::ZERO);
-    }
-
-    /// The gradient of the weights of this place.
-    pub(crate) fn at(&mut self, weights: &Range<usize>) -> &mut [T] {
-        &mut self.values[weights.start - self.first..weights.end - self.first]
-    }
-
-    /// Adds the gradients of weight and bias for an output gradient and the layer's input.
-    pub(crate) fn add_linear(
-        &mut self,
-        using: Instructions,
-        linear: &Linear,
-        output: &[T],
-        input: &[T],
-    ) {
-        add_column_sums(using, self.at(&linear.bias), output);
-        let sums = Sums {
-            rows: self.at(&linear.weight),
-            stride: linear.inputs,
-            first: 0,
-        };
-        let (left, right) = (
-            Columns::all(output, linear.outputs),
-            Columns::all(input, linear.inputs),
-        );
-        add_outer(using, sums, left, right);
     }
 }
 

@@ -8,7 +8,8 @@ use std::str::FromStr;
 use serde::Deserialize;
 use toml::{Table, Value};
 
-use super::{ConfigError, TrainConfig};
+use super::TrainConfig;
+use crate::bounds::ConfigError;
 
 /// A change of one value of a configuration.
 #[derive(Clone, Debug, PartialEq)]

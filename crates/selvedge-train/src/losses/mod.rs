@@ -20,7 +20,7 @@ use selvedge_model::geometry::{
 use selvedge_model::{ClothGraph, Hinge, Normalizer, Real, TwoFrames};
 use serde::{Deserialize, Serialize};
 
-use crate::config::{ConfigError, require};
+use crate::bounds::{ConfigError, require};
 
 pub use statistics::{LossStatistics, PerQuantity, RunningLossStatistics};
 

@@ -30,6 +30,11 @@ fn bytes(cfg: TrainConfig, data: &Swinging, steps: usize) -> [Vec<u8>; 2] {
     for _ in 0..steps {
         trainer.step().expect("a step");
     }
+    written(&trainer, data)
+}
+
+/// The bytes of checkpoint and model.
+fn written(trainer: &Trainer, data: &Swinging) -> [Vec<u8>; 2] {
     let path = data.folder.path().join("checkpoint");
     trainer.save(&path).expect("room");
     let model = trainer.model("a note".to_owned()).expect("a model");
@@ -115,13 +120,7 @@ fn a_step_that_is_given_up_leaves_the_training_as_it_was() {
         }
         assert!(given_up > 0);
         let steps = usize::try_from(trainer.steps_done()).expect("few");
-        let path = data.folder.path().join("given-up");
-        trainer.save(&path).expect("room");
-        let model = trainer.model("a note".to_owned()).expect("a model");
-        let found = [
-            std::fs::read(&path).expect("just written"),
-            model.to_bytes().expect("bytes"),
-        ];
+        let found = written(&trainer, &data);
         assert!(found == bytes(cfg(), &data, steps), "{encoder:?}");
     }
 }
@@ -162,15 +161,8 @@ fn lanes_are_in_runs_by_then() {
     let mut longest = 0;
     for _ in 0..8 {
         trainer.step().expect("a step");
-        longest = longest.max(
-            trainer
-                .state
-                .slots
-                .iter()
-                .map(|slot| slot.run)
-                .max()
-                .unwrap_or(0),
-        );
+        let runs = trainer.state.slots.iter().map(|slot| slot.run);
+        longest = runs.fold(longest, u32::max);
     }
     assert!(longest >= 2, "{longest}");
     assert!(

@@ -9,15 +9,14 @@
 
 use crate::graph::connectivity::Connectivity;
 use crate::graph::partition::{CHUNK, Partition, chunks};
-use crate::kernels::aligned::Aligned;
 use crate::kernels::gemm::{Columns, Endpoints, Epilogue, Slot, Term, multiply};
 use crate::kernels::norm::Normalised;
 use crate::kernels::real::Real;
 use crate::kernels::rows::{OutgoingArcs, Receivers, gather_receivers, sum_incoming, sum_outgoing};
-use crate::network::layers::mlp::{Activations, Mlp};
+use crate::network::kept::{BlockKept, Group, ModuleGradient, Part, Scratch, fit_chunks};
+use crate::network::layers::mlp::Mlp;
 use crate::network::packed::{LayerWeights, Packer, Piece};
 use crate::network::parameters::Layout;
-use crate::network::workspace::{Group, ModuleGradient, Part, Scratch, fit_chunks};
 
 /// Places of the weights of a block.
 #[derive(Clone, Debug)]
@@ -34,18 +33,6 @@ pub(crate) struct Block {
     of_node: Piece,
     /// The first node layer's columns for Σ e'.
     of_incoming: Piece,
-}
-
-/// What is kept of a partition in one block for the backward pass.
-#[derive(Default)]
-pub(crate) struct BlockKept<T> {
-    /// Latent nodes before the block, and the sums of the messages that arrive,
-    /// `[vertices, latent]`.
-    nodes: Aligned<T>,
-    incoming: Aligned<T>,
-    node: Activations<T>,
-    /// Latent arcs before the block and activations of the arc update, chunk by chunk.
-    arcs: Vec<(Aligned<T>, Activations<T>)>,
 }
 
 impl<T: Real> BlockKept<T> {

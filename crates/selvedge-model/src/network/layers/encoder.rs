@@ -6,11 +6,11 @@ use std::ops::Range;
 use crate::graph::partition::{CHUNK, chunks};
 use crate::kernels::dropout::RowMasks;
 use crate::kernels::real::Real;
-use crate::network::layers::gru::{GruEncoder, GruKept};
-use crate::network::layers::mlp::{Activations, Mlp, WholeMlp};
+use crate::network::kept::{EncoderKept, Group, Scratch};
+use crate::network::layers::gru::GruEncoder;
+use crate::network::layers::mlp::{Mlp, WholeMlp};
 use crate::network::packed::{LayerWeights, Packer};
 use crate::network::parameters::Layout;
-use crate::network::workspace::{Group, Scratch};
 use crate::spec::Encoder;
 
 /// Places of the weights of an encoder.
@@ -18,14 +18,6 @@ use crate::spec::Encoder;
 pub(crate) enum EncoderLayers {
     Mlp(WholeMlp),
     Gru(GruEncoder),
-}
-
-/// What is kept of a chunk of rows for the backward pass: arrays of a perceptron, or of a recurrent
-/// network.
-#[derive(Default)]
-pub(crate) struct EncoderKept<T> {
-    mlp: Activations<T>,
-    gru: GruKept<T>,
 }
 
 #[derive(Clone, Copy)]

@@ -6,7 +6,6 @@
 
 use std::ops::Range;
 
-use crate::kernels::aligned::Aligned;
 use crate::kernels::gates::{
     GateGradients, GruStep, GruWeights, gru_step, pack_biases, pack_gates,
 };
@@ -16,10 +15,10 @@ use crate::kernels::outer::{Sums, add_outer};
 use crate::kernels::real::Real;
 use crate::kernels::rows::{add, add_column_sums};
 use crate::kernels::simd::MOST_LANES;
+use crate::network::kept::{Group, GruKept, ModuleGradient, Scratch};
 use crate::network::layers::encoder::EncoderInput;
 use crate::network::packed::{LayerWeights, Packer, Piece};
 use crate::network::parameters::{LayerNorm, Layout, Linear, Start};
-use crate::network::workspace::{Group, ModuleGradient, Scratch};
 
 /// Places of the weights of a recurrent encoder.
 #[derive(Clone, Debug)]
@@ -50,20 +49,6 @@ struct Layer {
     to_state: Slot,
 }
 
-/// What is kept of a chunk of rows.
-#[derive(Default)]
-pub(crate) struct GruKept<T> {
-    /// States of each layer, the initial one first, `[steps + 1, rows, hidden]`.
-    states: [Aligned<T>; 2],
-    /// Gates of each layer, `[steps, rows, 4 hidden]`.
-    gates: [Aligned<T>; 2],
-    /// The input of the second layer where dropout makes it differ from the first layer's states,
-    /// `[steps, rows, hidden]`.
-    between: Aligned<T>,
-    /// The normalised output `[rows, hidden]`, and 1 / its deviation `[rows]`.
-    norm: [Aligned<T>; 2],
-}
-
 /// A step that was taken, and its gradients on their way back.
 struct StepBack<'a, T> {
     /// `[rows, inputs]`.
@@ -77,6 +62,18 @@ struct StepBack<'a, T> {
     gates: &'a mut [T],
     /// Sums of the columns of `gates` over all steps, `[4 hidden]`; added to.
     biases: &'a mut [T],
+}
+
+impl<T: Real> GruKept<T> {
+    /// Makes room for a chunk of which nothing is kept: two states of each layer, no gates.
+    pub(crate) fn fit_spare(&mut self, rows: usize, hidden: usize) {
+        for states in &mut self.states {
+            states.resize(2 * rows * hidden);
+        }
+        let [normal, deviations] = &mut self.norm;
+        normal.resize(rows * hidden);
+        deviations.resize(rows);
+    }
 }
 
 impl GruEncoder {
@@ -130,23 +127,12 @@ impl GruEncoder {
     ) {
         let (hidden, using) = (self.linear.inputs, weights.instructions);
         let (size, keeps) = (chunk.len() * hidden, kept.is_some());
-        let [_, _, normal, deviations] = &mut scratch.tiles;
-        let spare = GruRows {
-            states: scratch
-                .states
-                .each_mut()
-                .map(|states| &mut states[..2 * size]),
-            gates: Default::default(),
-            between: Default::default(),
-            norm: [&mut normal[..size], &mut deviations[..chunk.len()]],
-        };
-        let rows = kept.map_or(spare, GruKept::rows);
-        let GruRows {
+        let GruKept {
             states: [states0, states1],
             gates: [gates0, gates1],
             between,
-            norm,
-        } = rows;
+            norm: [normal, deviations],
+        } = kept.unwrap_or(&mut scratch.gru);
         states0[..size].fill(T::ZERO);
         states1[..size].fill(T::ZERO);
         let [first, second] = &self.layers;
@@ -174,6 +160,7 @@ impl GruEncoder {
         };
         let epilogue = Epilogue::Bias(weights.at(&self.linear.bias));
         let term = self.output.times(weights, &states1[last..][..size]);
+        let norm = [&mut normal[..size], &mut deviations[..chunk.len()]];
         multiply(using, &[term], hidden, epilogue, norm[0]);
         let (weight, shift) = (weights.at(&self.norm.weight), weights.at(&self.norm.bias));
         layer_norm(using, norm, weight, shift, Normalised::Set(out));
@@ -195,7 +182,8 @@ impl GruEncoder {
         let ([states0, states1], [gates0, gates1]) = (&kept.states, &kept.gates);
         let Group { scratch, gradient } = group;
         let [_, by_seen, ..] = &mut scratch.tiles;
-        let [state0, state1] = scratch.states.each_mut().map(|state| &mut state[..size]);
+        let states = scratch.gru.states.each_mut();
+        let [state0, state1] = states.map(|state| &mut state[..size]);
         let (by_seen, gates) = (&mut by_seen[..size], &mut scratch.gates[..4 * size]);
         let [biases0, biases1] = &mut scratch.biases;
         // From the gradient of the latent rows to that of the second layer's last state.
@@ -243,26 +231,6 @@ impl GruEncoder {
         }
         for (layer, biases) in self.layers.iter().zip([biases0, biases1]) {
             layer.biases_backward(biases, gradient);
-        }
-    }
-}
-
-/// Rows that a chunk's way through the window writes, as in [`GruKept`]; without room for gates
-/// where they are not kept.
-struct GruRows<'a, T> {
-    states: [&'a mut [T]; 2],
-    gates: [&'a mut [T]; 2],
-    between: &'a mut [T],
-    norm: [&'a mut [T]; 2],
-}
-
-impl<T> GruKept<T> {
-    fn rows(&mut self) -> GruRows<'_, T> {
-        GruRows {
-            states: self.states.each_mut().map(|states| &mut states[..]),
-            gates: self.gates.each_mut().map(|gates| &mut gates[..]),
-            between: &mut self.between,
-            norm: self.norm.each_mut().map(|norm| &mut norm[..]),
         }
     }
 }

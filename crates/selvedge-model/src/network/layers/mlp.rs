@@ -4,15 +4,14 @@
 //! The sums of the first layer are the caller's: an arc update splits them by vertex (`block.rs`).
 //! The perceptron takes them from there, and leaves their gradient on the way back.
 
-use crate::kernels::aligned::Aligned;
 use crate::kernels::gemm::{Columns, Epilogue, Term, multiply};
 use crate::kernels::norm::{Normalised, layer_norm, layer_norm_backward};
 use crate::kernels::outer::{Sums, add_outer};
 use crate::kernels::real::Real;
 use crate::kernels::rows::add_column_sums;
+use crate::network::kept::{Activations, ModuleGradient};
 use crate::network::packed::{LayerWeights, Packer, Piece};
 use crate::network::parameters::{LayerNorm, Layout, Linear};
-use crate::network::workspace::ModuleGradient;
 
 /// Places of the weights of a perceptron.
 #[derive(Clone, Debug)]
@@ -24,10 +23,6 @@ pub(crate) struct Mlp {
     /// Matrices of the second and of the third layer.
     pieces: [Piece; 2],
 }
-
-/// Activations of rows: after the first and the second ReLU, both `[rows, latent]`; the normalised
-/// output `[rows, outputs]` and 1 / its deviation `[rows]`, both empty without LayerNorm.
-pub(crate) type Activations<T> = [Aligned<T>; 4];
 
 /// Activations that are written.
 pub(crate) type Tile<'a, T> = [&'a mut [T]; 4];
