@@ -98,7 +98,7 @@ impl Mesh {
             shape,
             vertices,
             size,
-            width: width.unwrap_or(size),
+            width,
             seed,
         };
         let made = py.detach(|| sheet(&spec)).map_err(told)?;

@@ -18,20 +18,7 @@ const FEWEST_AROUND: usize = 6;
 /// The tube of `spec`, `width` `[m]` around.
 pub(super) fn tube(spec: &SheetSpec, width: f64) -> Result<Sheet, SceneError> {
     let height = spec.size;
-    // The boundary of the tube is its two rings.
-    let mut spacing = spacing(width * height, width, spec.vertices.max(1));
-    let (around, sides) = loop {
-        let segments = |length: f64| (length / spacing).round().max(1.0) as usize;
-        let (around, sides) = (segments(width).max(FEWEST_AROUND), segments(height));
-        let needed = 2 * around + sides - 1;
-        if needed <= spec.vertices {
-            break (around, sides);
-        }
-        if (around, sides) == (FEWEST_AROUND, 1) {
-            return Err(too_few(spec.vertices, needed));
-        }
-        spacing *= 1.05;
-    };
+    let (around, sides) = segments(spec, width)?;
     // Every point of the boundary is a corner, so that the two sides are alike. The flat rectangle
     // has its right one in addition.
     let at = |k: usize, segments: usize| k as f64 / segments as f64;
@@ -79,4 +66,23 @@ pub(super) fn tube(spec: &SheetSpec, width: f64) -> Result<Sheet, SceneError> {
         mesh: Mesh::sewn(&faces, &material, positions)?,
         labels,
     })
+}
+
+/// Segments around a tube, and along its side.
+fn segments(spec: &SheetSpec, width: f64) -> Result<(usize, usize), SceneError> {
+    let height = spec.size;
+    // The boundary of the tube is its two rings.
+    let mut spacing = spacing(width * height, width, spec.vertices.max(1));
+    loop {
+        let segments = |length: f64| (length / spacing).round().max(1.0) as usize;
+        let (around, sides) = (segments(width).max(FEWEST_AROUND), segments(height));
+        let needed = 2 * around + sides - 1;
+        if needed <= spec.vertices {
+            return Ok((around, sides));
+        }
+        if (around, sides) == (FEWEST_AROUND, 1) {
+            return Err(too_few(spec.vertices, needed));
+        }
+        spacing *= 1.05;
+    }
 }

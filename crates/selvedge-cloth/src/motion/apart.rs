@@ -14,8 +14,7 @@ use crate::error::{SceneError, must};
 
 /// Seconds after the still start, approach a of either outer handle, and forward f of the first and
 /// the last.
-const PLACES: [(f64, f64, [f64; 2]); 6] = [
-    (0.0, 0.0, [0.0, 0.0]),
+const PLACES: [(f64, f64, [f64; 2]); 5] = [
     (1.0, 0.2, [0.0, 0.0]),
     (2.0, 0.1, [0.0, 0.3]),
     (3.0, 0.0, [0.3, 0.3]),
@@ -56,10 +55,15 @@ pub(super) fn along_line(start: &[DVec3], line: DVec3, forward: DVec3) -> Motion
                 + (of_first * (1.0 - place) + of_last * place) * forward,
             rotation_deg: 0.0,
         };
+        let still = Keyframe {
+            time: BEFORE,
+            translation: DVec3::ZERO,
+            rotation_deg: 0.0,
+        };
         KeyframeGroup {
             handles: vec![handle],
             axis: DVec3::Y,
-            keyframes: PLACES.map(keyframe).to_vec(),
+            keyframes: [&[still][..], &PLACES.map(keyframe)].concat(),
         }
     });
     Motion::Keyframes(KeyframeMotion {

@@ -336,8 +336,8 @@ impl Reader<'_> {
             let data = data.map_err(|problem| field(key, format_args!("{path}: {problem}")))?;
             return Ok((data, Some(file)));
         }
-        let none = || format!("there is no file {path}, and no shipped material is called {name}");
-        let shipped = shipped_material(&name).ok_or_else(|| field(key, none()))??;
+        let none = format!("there is no file {path}, and no shipped material is called {name}");
+        let shipped = shipped_material(&name).ok_or_else(|| field(key, none))??;
         self.warn(format!(
             "{key}: there is no file {path}: the shipped material {name} is taken"
         ));
@@ -345,14 +345,16 @@ impl Reader<'_> {
     }
 
     fn motion_of(&self, key: &str, number: usize) -> Result<Vec<PoseKeyframe>, Problem> {
-        let count = self.motions.len();
-        let must = || format!("must be one of the {count} motions, from 0");
+        let must = format!("must be one of the {} motions, from 0", self.motions.len());
         let found = self.motions.get(number).cloned();
-        found.ok_or_else(|| wrong(key, &must(), number))
+        found.ok_or_else(|| wrong(key, &must, number))
     }
 
     /// The held vertices, when they are let go, and their motions.
-    fn handles(&self, duration: f64) -> Result<Handles, Problem> {
+    fn handles(
+        &self,
+        duration: f64,
+    ) -> Result<(Vec<u32>, HandleSchedule, Vec<SplineGroup>), Problem> {
         let (mut vertices, mut groups) = (Vec::new(), Vec::new());
         let mut schedule = HandleSchedule::default();
         for (number, file) in self.file.handles.iter().enumerate() {
@@ -414,8 +416,7 @@ impl Reader<'_> {
                 "obs_friction is {on_obstacles}, but a pair has the lesser of two, which is the cloth's {friction}"
             ));
         }
-        let numbered = file.obstacles.iter().enumerate();
-        let obstacles = numbered.map(|(number, file)| self.obstacle(number, file, on_obstacles));
+        let obstacles = (0..count).map(|number| self.obstacle(number, on_obstacles));
         let obstacles = obstacles.collect::<Result<_, _>>()?;
         let thickness = file.magic.repulsion_thickness.unwrap_or(THICKNESS);
         let settings = ContactSettings {
@@ -426,12 +427,8 @@ impl Reader<'_> {
         Ok((Some(settings), obstacles))
     }
 
-    fn obstacle(
-        &self,
-        number: usize,
-        file: &ObstacleFile,
-        friction: f64,
-    ) -> Result<ObstacleSpec, Problem> {
+    fn obstacle(&self, number: usize, friction: f64) -> Result<ObstacleSpec, Problem> {
+        let file = &self.file.obstacles[number];
         let key = |key: &str| format!("obstacles[{number}].{key}");
         let name = format!("obstacle {number}");
         let path = self.mesh_file(&key("mesh"), &file.mesh)?;
@@ -455,8 +452,6 @@ impl Reader<'_> {
         find_file(path, self.folder).ok_or_else(|| wrong(key, must, path))
     }
 }
-
-type Handles = (Vec<u32>, HandleSchedule, Vec<SplineGroup>);
 
 fn environment(file: &SceneFile) -> Result<Environment, Problem> {
     within("the length of gravity", file.gravity.length(), 0.0..=1e6)?;
@@ -487,24 +482,21 @@ fn material_data(text: &str, name: &str) -> Result<Material, Problem> {
 }
 
 fn motions(files: &[Vec<KeyframeFile>]) -> Result<Vec<Vec<PoseKeyframe>>, Problem> {
-    let keyframe = |motion: usize, k: usize, file: &KeyframeFile| {
-        let place = format!("motions[{motion}][{k}].transform");
-        let placed = file.transform.placement(&place)?;
-        Ok(PoseKeyframe {
-            time: file.time,
-            scale: placed.scale,
-            axis: placed.rotation.axis,
-            angle_deg: placed.rotation.angle_deg,
-            translation: placed.translation,
-        })
-    };
-    let motion = |(motion, keyframes): (usize, &Vec<KeyframeFile>)| {
-        let numbered = keyframes.iter().enumerate();
-        numbered
-            .map(|(k, file)| keyframe(motion, k, file))
-            .collect()
-    };
-    files.iter().enumerate().map(motion).collect()
+    let mut motions = vec![Vec::new(); files.len()];
+    for (motion, keyframes) in files.iter().enumerate() {
+        for (k, file) in keyframes.iter().enumerate() {
+            let place = format!("motions[{motion}][{k}].transform");
+            let placed = file.transform.placement(&place)?;
+            motions[motion].push(PoseKeyframe {
+                time: file.time,
+                scale: placed.scale,
+                axis: placed.rotation.axis,
+                angle_deg: placed.rotation.angle_deg,
+                translation: placed.translation,
+            });
+        }
+    }
+    Ok(motions)
 }
 
 impl TransformFile {

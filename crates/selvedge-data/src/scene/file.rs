@@ -203,23 +203,32 @@ mod tests {
     use super::*;
     use crate::formats::npz::tests::{archive, floats};
     use crate::scene::StartSpec;
+    use crate::test_help::says;
+
+    /// A scene of this mesh of about 100 vertices, with these lines.
+    fn parse(mesh: &str, rest: &str) -> Result<LoadedScene, String> {
+        let text = format!(
+            "name = \"s\"\nmaterial = \"gray-interlock\"\nmesh = {{ generator = {{ {mesh}, seed = 1 }} }}\n{rest}\n"
+        );
+        parse_scene(&text, Path::new(""), "s").map_err(|error| error.to_string())
+    }
+
+    const SQUARE: &str = "kind = \"square\", size = 1.0, vertices = 100";
+    const TUBE: &str = "kind = \"tube\", width = 1.0, size = 0.5, vertices = 100";
+    const BALL: &str = "obstacles = [{ name = \"post\", sphere = { radius = 0.1 } }]";
+    const HELD: &str = "handles = { vertices = [0] }\n";
 
     #[test]
     fn what_is_not_said_hangs_still_or_falls() {
-        let text = "name = \"s\"\nmaterial = \"gray-interlock\"\n\
-            mesh = { generator = { kind = \"rectangle\", width = 2.0, size = 1.0, density = 50, seed = 1 } }\n";
-        let parse = |text: &str| parse_scene(text, Path::new(""), "s").unwrap();
-        let free = parse(text);
+        let sheet = "kind = \"rectangle\", width = 2.0, size = 1.0, density = 50";
+        let free = parse(sheet, "").unwrap();
         assert_eq!(free.scene.mesh.topology().vertex_count(), 100);
         assert!(free.scene.handles.vertices().is_empty());
         assert_eq!(free.spec.start, StartSpec::Mesh);
         assert_eq!(free.warnings.len(), 1, "{:?}", free.warnings);
-        let onto = parse(
-            &(text.to_owned()
-                + "contact = {}\nobstacles = [{ name = \"leg\", cylinder = { radius = 0.1, length = 1 } }]\n"),
-        );
+        let onto = parse(sheet, BALL).unwrap();
         assert!(onto.warnings.is_empty(), "{:?}", onto.warnings);
-        let hung = parse(&(text.to_owned() + "handles = { label = \"upper-corners\" }\n"));
+        let hung = parse(sheet, "handles = { label = \"upper-corners\" }").unwrap();
         assert!(hung.warnings.is_empty());
         let path = hung.scene.handle_path().unwrap();
         assert_eq!(path.at(0.0), path.at(5.0));
@@ -227,79 +236,55 @@ mod tests {
 
     #[test]
     fn contact_is_on_where_layers_can_meet_unless_it_is_said_to_be_off() {
-        let text = |kind: &str, rest: &str| {
-            format!(
-                "name = \"s\"\nmaterial = \"gray-interlock\"\nhandles = {{ vertices = [0] }}\n\
-                mesh = {{ generator = {{ kind = {kind}, vertices = 100, seed = 1 }} }}\n{rest}"
-            )
+        let contact = |mesh: &str, rest: &str| {
+            let loaded = parse(mesh, &format!("{HELD}{rest}")).unwrap();
+            (loaded.scene.contact, loaded.warnings.len())
         };
-        let square = "\"square\", size = 1.0";
-        let tube = "\"tube\", width = 1.0, size = 0.5";
-        let thickness = |text: &str| {
-            let loaded = parse_scene(text, Path::new(""), "s").unwrap();
-            (
-                loaded.scene.contact.map(|contact| contact.thickness),
-                loaded.warnings.len(),
-            )
-        };
-        assert_eq!(thickness(&text(square, "")), (None, 0));
-        assert_eq!(thickness(&text(tube, "")), (Some(1e-3), 0));
-        assert_eq!(thickness(&text(tube, "contact = false\n")), (None, 0));
-        assert_eq!(
-            thickness(&text(tube, "contact = { thickness = 0.002 }\n")),
-            (Some(2e-3), 0)
-        );
-        let ball = "obstacles = [{ name = \"b\", sphere = { radius = 0.1 } }]\n";
-        assert_eq!(thickness(&text(square, ball)), (Some(1e-3), 0));
-        let small = "\"tube\", width = 0.01, size = 0.005";
-        let (found, warnings) = thickness(&text(small, ""));
-        assert!(found.unwrap() < 2e-4 && warnings > 0);
-        // What is not said of contact is chosen by the edges, too.
-        for (said, expected) in [("", found), ("thickness = 5e-5", Some(5e-5))] {
-            let text = text(small, &format!("contact = {{ friction = 0.5, {said} }}\n"));
-            let contact = parse_scene(&text, Path::new(""), "s").unwrap();
-            let contact = contact.scene.contact.unwrap();
-            assert_eq!((Some(contact.thickness), contact.friction), (expected, 0.5));
-            contact.validate().unwrap();
+        for (mesh, rest, thickness) in [
+            (SQUARE, "", None),
+            (TUBE, "", Some(1e-3)),
+            (TUBE, "contact = false", None),
+            (TUBE, "contact = { thickness = 0.002 }", Some(2e-3)),
+            (SQUARE, BALL, Some(1e-3)),
+        ] {
+            let (found, warnings) = contact(mesh, rest);
+            assert_eq!(found.map(|contact| contact.thickness), thickness, "{rest}");
+            assert_eq!(warnings, 0, "{rest}");
         }
-        let wrong = text(square, "contact = { thicknes = 1 }\n");
-        let error = parse_scene(&wrong, Path::new(""), "s")
-            .unwrap_err()
-            .to_string();
-        assert!(
-            error.contains("thicknes") && error.contains("line"),
-            "{error}"
-        );
-        let refused = text(square, &format!("contact = false\n{ball}"));
-        let error = parse_scene(&refused, Path::new(""), "s").unwrap_err();
-        assert!(error.to_string().contains("no contact"), "{error}");
+        // What is not said of contact is chosen by the edges, too.
+        let small = "kind = \"tube\", width = 0.01, size = 0.005, vertices = 100";
+        let (usual, warnings) = contact(small, "");
+        let usual = usual.unwrap().thickness;
+        assert!(usual < 2e-4 && warnings > 0);
+        for (said, expected) in [("", usual), ("thickness = 5e-5", 5e-5)] {
+            let (found, _) = contact(small, &format!("contact = {{ friction = 0.5, {said} }}"));
+            let found = found.unwrap();
+            assert_eq!((found.thickness, found.friction), (expected, 0.5));
+            found.validate().unwrap();
+        }
+        for (rest, words) in [
+            ("contact = { thicknes = 1 }", ["thicknes", "line"]),
+            (&format!("contact = false\n{BALL}"), ["no contact", "write"]),
+        ] {
+            says(parse(SQUARE, rest).unwrap_err(), &words);
+        }
     }
 
     #[test]
     fn a_cloth_is_put_onto_an_obstacle_from_where_the_mesh_stands() {
-        let text = |rest: &str| {
-            let text = format!(
-                "name = \"s\"\nmaterial = \"gray-interlock\"\nhandles = {{ vertices = [0] }}\n{rest}\n\
-                mesh = {{ generator = {{ kind = \"tube\", width = 1.0, size = 0.5, vertices = 100, seed = 1 }} }}\n\
-                obstacles = [{{ name = \"post\", sphere = {{ radius = 0.1 }} }}]\n"
-            );
-            parse_scene(&text, Path::new(""), "s")
-        };
-        let spec = text("dress = \"post\"").unwrap().spec;
-        assert_eq!(
-            (&spec.start, spec.dress.as_deref()),
-            (&StartSpec::Mesh, Some("post"))
-        );
+        let parse = |rest: &str| parse(TUBE, &format!("{HELD}{BALL}\ndress = {rest}"));
+        let spec = parse("\"post\"").unwrap().spec;
+        assert_eq!(spec.start, StartSpec::Mesh);
+        assert_eq!(spec.dress.as_deref(), Some("post"));
         let again = SceneSpec::from_json(&spec.to_json().unwrap()).unwrap();
         assert_eq!(again, spec);
-        let spec = text("dress = \"post\"\nstart = \"untangle\"").unwrap().spec;
+        let spec = parse("\"post\"\nstart = \"untangle\"").unwrap().spec;
         assert_eq!(spec.start, StartSpec::Untangle);
         for (rest, said) in [
-            ("dress = \"pole\"", "there are post"),
-            ("dress = \"post\"\nstart = \"rest\"", "start = \"mesh\""),
+            ("\"pole\"", "there are post"),
+            ("\"post\"\nstart = \"rest\"", "start = \"mesh\""),
         ] {
-            let error = text(rest).unwrap_err().to_string();
-            assert!(error.contains(said), "{error}");
+            says(parse(rest).unwrap_err(), &[said]);
         }
     }
 
