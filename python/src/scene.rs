@@ -236,10 +236,7 @@ impl Scene {
     }
 
     /// The rest pose, found once. Long work: the lock must be released.
-    pub(crate) fn found_rest(
-        &self,
-        teller: &mut Teller<'_>,
-    ) -> PyResult<Arc<SaggedRest>> {
+    pub(crate) fn found_rest(&self, teller: &mut Teller<'_>) -> PyResult<Arc<SaggedRest>> {
         let mut known = self.rest.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(rest) = &*known {
             return Ok(Arc::clone(rest));
