@@ -192,6 +192,24 @@ mod tests {
     /// A vector of whole numbers, for which all products are exact.
     type Whole = [i128; 3];
 
+    /// Random points on a grid of this size, or in its plane.
+    fn draw<const N: usize>(rng: &mut ChaCha8Rng, size: i32, is_flat: bool) -> [Whole; N] {
+        [0; N].map(|_| {
+            let mut p: Whole = [0; 3].map(|_| i128::from(rng.random_range(-size..=size)));
+            p[2] *= i128::from(!is_flat);
+            p
+        })
+    }
+
+    /// Whether two triangles of these corners meet, whichever is the first.
+    fn meet(corners: &[Whole], first: [u32; 3], second: [u32; 3]) -> bool {
+        let place = |p: &Whole| DVec3::from_array(p.map(|x| x as f64 * 0.25));
+        let places: Vec<DVec3> = corners.iter().map(place).collect();
+        let found = triangles_meet(&places, first, second);
+        assert_eq!(found, triangles_meet(&places, second, first));
+        found
+    }
+
     fn minus(a: Whole, b: Whole) -> Whole {
         [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
     }
@@ -237,21 +255,13 @@ mod tests {
         let mut rng = ChaCha8Rng::seed_from_u64(7);
         let (mut meeting, mut tested) = (0, 0);
         while tested < 100_000 {
-            let size = [2, 3, 6, 1000][tested % 4];
-            let flat = tested % 8 == 3;
-            let mut point = || -> Whole {
-                let mut p: Whole = [0; 3].map(|_| i128::from(rng.random_range(-size..=size)));
-                p[2] *= i128::from(!flat);
-                p
-            };
-            let corners = [0; 6].map(|_| point());
+            let corners: [Whole; 6] = draw(&mut rng, [2, 3, 6, 1000][tested % 4], tested % 8 == 3);
             let [a, b, c, d, e, f] = corners;
             let has_area = |a, b, c| cross(minus(b, a), minus(c, a)) != [0; 3];
             if !has_area(a, b, c) || !has_area(d, e, f) {
                 continue;
             }
-            let places = corners.map(|p| DVec3::from_array(p.map(|x| x as f64 * 0.25)));
-            let found = triangles_meet(&places, [0, 1, 2], [3, 4, 5]);
+            let found = meet(&corners, [0, 1, 2], [3, 4, 5]);
             assert_eq!(found, meet_by_axes([a, b, c], [d, e, f]), "{corners:?}");
             tested += 1;
             meeting += i32::from(found);
@@ -283,15 +293,9 @@ mod tests {
         let mut rng = ChaCha8Rng::seed_from_u64(8);
         let (mut meeting, mut tested) = (0, 0);
         while tested < 100_000 {
-            let size = [1, 2, 5, 1000][tested % 4];
-            let flat = tested % 8 == 3;
             let shares_side = tested % 3 == 0;
-            let mut point = || -> Whole {
-                let mut p: Whole = [0; 3].map(|_| i128::from(rng.random_range(-size..=size)));
-                p[2] *= i128::from(!flat);
-                p
-            };
-            let [tip, a, b, c, mut d] = [0; 5].map(|_| point());
+            let size = [1, 2, 5, 1000][tested % 4];
+            let [tip, a, b, c, mut d] = draw(&mut rng, size, tested % 8 == 3);
             if shares_side {
                 d = a;
             }
@@ -299,14 +303,14 @@ mod tests {
             if cross(u, v) == [0; 3] || cross(w, x) == [0; 3] {
                 continue;
             }
-            let places = [tip, a, b, c, d].map(|p| DVec3::from_array(p.map(|x| x as f64 * 0.25)));
+            let corners = [tip, a, b, c, d];
             let (found, expected) = if shares_side {
                 let (own, other) = (cross(u, v), cross(u, w));
                 let folded = cross(own, other) == [0; 3] && dot(own, other) > 0;
-                (triangles_meet(&places, [0, 1, 2], [3, 0, 1]), folded)
+                (meet(&corners, [0, 1, 2], [3, 0, 1]), folded)
             } else {
                 let expected = cones_meet([u, v], [w, x]);
-                (triangles_meet(&places, [0, 1, 2], [3, 4, 0]), expected)
+                (meet(&corners, [0, 1, 2], [3, 4, 0]), expected)
             };
             assert_eq!(
                 found, expected,
@@ -316,29 +320,5 @@ mod tests {
             meeting += i32::from(found);
         }
         assert!((10_000..90_000).contains(&meeting), "{meeting}");
-    }
-
-    #[test]
-    fn neighbours_meet_only_elsewhere() {
-        let grid = |x: f64, y: f64, z: f64| DVec3::new(x, y, z);
-        let points = [
-            grid(0.0, 0.0, 0.0),
-            grid(1.0, 0.0, 0.0),
-            grid(0.0, 1.0, 0.0),
-            grid(0.0, -1.0, 0.0),
-            grid(0.0, 0.5, 0.0),
-            grid(0.2, 0.2, -1.0),
-            grid(0.2, 0.2, 1.0),
-            grid(-1.0, -1.0, 1.0),
-        ];
-        let first = [0, 1, 2];
-        // A common side, flat, folded shut, and folded in space.
-        assert!(!triangles_meet(&points, first, [0, 3, 1]));
-        assert!(triangles_meet(&points, first, [0, 4, 1]));
-        assert!(!triangles_meet(&points, first, [0, 6, 1]));
-        // A common corner, with the side opposite through the face or beside it.
-        assert!(triangles_meet(&points, first, [0, 5, 6]));
-        assert!(!triangles_meet(&points, first, [0, 3, 7]));
-        assert!(triangles_meet(&points, [0, 5, 6], first));
     }
 }

@@ -26,7 +26,6 @@ mod intersect;
 mod pair;
 mod patches;
 mod release;
-mod separate;
 mod surface;
 
 pub use boxes::Bounds;
@@ -34,9 +33,8 @@ pub use candidates::{Candidates, Reach, Ways};
 pub use certificate::{
     Approach, Path, Straight, approach, certify, certify_straight, certify_turning, extent,
 };
-pub use closest::{Gap, gap, least_gap};
+pub use closest::{Gap, Push, gap, least_gap, push};
 pub use intersect::{Intersection, triangles_meet};
 pub use pair::{Kind, Pair};
 pub use release::winding;
-pub use separate::{Push, push};
 pub use surface::{Body, Surface, SurfaceEdge};

@@ -189,7 +189,6 @@ impl Rollout {
             let yaw = cloth.yaw_now();
             let (window, place) = (&mut cloth.window, Place::alone(&cloth.graph));
             let positions = &cloth.history;
-            window.fit(spec, &place);
             window.write(spec, &cloth.graph, Frames { positions, yaw }, &place);
             window.normalize(&normalizers.nodes, &normalizers.edges);
             yaw

@@ -195,7 +195,6 @@ impl FramePasses for Work<'_, '_> {
             let SlotFrame { sample, window, .. } = &mut kept.frames[frame];
             sample.clone_from(slot.sample());
             let place = Place::alone(graph);
-            window.fit(spec, &place);
             window.write(spec, graph, sample.window(), &place);
             window.normalize(&setup.normalizers.nodes, &setup.normalizers.edges);
         });

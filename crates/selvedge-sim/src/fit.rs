@@ -172,9 +172,9 @@ pub fn sew_and_fit(
         fitted.gap = Some(widest_gap(scene, loose));
         return Ok(fitted);
     }
-    let sewn = sew(scene, loose, SEWING, progress)?;
-    let mut fitted = fit_from(scene, sewn.positions, SEWING, progress)?;
-    fitted.gap = Some(sewn.gap);
+    let (positions, gap) = sew(scene, loose, SEWING, progress)?;
+    let mut fitted = fit_from(scene, positions, SEWING, progress)?;
+    fitted.gap = Some(gap);
     Ok(fitted)
 }
 

@@ -22,14 +22,6 @@ const FADING: f64 = 0.05;
 /// Calls of the listener are this many substeps apart.
 const BEAT: u32 = 4;
 
-/// Panels that have been sewn.
-pub(crate) struct SewnPanels {
-    /// Positions of the sewn mesh `[m]`, `[vertices]`.
-    pub(crate) positions: Vec<DVec3>,
-    /// Largest distance between vertices that became one, at the start `[m]`.
-    pub(crate) gap: f64,
-}
-
 /// Loose vertices that become one, with their largest distance from their centre at the start.
 struct Seam {
     copies: Vec<usize>,
@@ -37,7 +29,8 @@ struct Seam {
 }
 
 /// Pulls the `loose` panels of the scene's mesh together; `share` is the part of all progress that
-/// this is.
+/// this is. Gives the positions of the sewn mesh `[m]`, `[vertices]`, and the largest distance between
+/// vertices that became one, at the start `[m]`.
 ///
 /// # Errors
 /// As for [`crate::fit`]; panels that are not those of the scene's mesh.
@@ -46,7 +39,7 @@ pub(crate) fn sew(
     loose: &LoosePanels,
     share: f64,
     progress: Listener<'_>,
-) -> Result<SewnPanels, FitError> {
+) -> Result<(Vec<DVec3>, f64), FitError> {
     let copies = loose.copies(&scene.mesh);
     let apart = apart(scene, loose, &copies)?;
     let springs = springs(&apart.mesh, &apart.handles);
@@ -98,7 +91,7 @@ pub(crate) fn sew(
     for vertex in scene.handles.vertices() {
         positions[vertex.index()] = scene.mesh.positions()[vertex.index()];
     }
-    Ok(SewnPanels { positions, gap })
+    Ok((positions, gap))
 }
 
 /// The scene of the loose panels, every copy of a held vertex held.

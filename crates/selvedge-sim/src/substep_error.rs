@@ -44,9 +44,3 @@ impl From<SolveError> for SubstepError {
         Self::Solve(error)
     }
 }
-
-impl From<Overstretched> for SubstepError {
-    fn from(error: Overstretched) -> Self {
-        Self::Stretch(error)
-    }
-}

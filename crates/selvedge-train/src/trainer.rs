@@ -378,7 +378,6 @@ pub(crate) fn first_state(
         Slot::new().show(cfg, set, &mut rng, &mut shown);
         let graph = &*set.motion(shown.trajectory).graph;
         let place = Place::alone(graph);
-        window.fit(spec, &place);
         window.write(spec, graph, shown.window(), &place);
         nodes.add(&window.nodes);
         edges.add(&window.arcs);

@@ -105,10 +105,10 @@ impl Window {
             .resize(frames * place.arc_count * spec.edge_width(), 0.0);
     }
 
-    /// Writes the features of one cloth, not yet normalised.
+    /// Makes room for the union and writes the features of one cloth of it, not yet normalised.
     ///
     /// # Panics
-    /// When there are not `history` frames, or [`Self::fit`] made room for another union.
+    /// When there are not `history` frames.
     pub fn write<F: AsRef<[Vec3]>>(
         &mut self,
         spec: &ModelSpec,
@@ -116,6 +116,7 @@ impl Window {
         frames: Frames<'_, F>,
         place: &Place,
     ) {
+        self.fit(spec, place);
         let (node_width, edge_width) = (spec.node_width(), spec.edge_width());
         for (step, current) in frames.window(spec).enumerate() {
             let pose = frames.pose(current);

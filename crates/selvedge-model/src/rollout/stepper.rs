@@ -145,7 +145,6 @@ impl LearnedStepper {
             positions: &self.history,
             yaw,
         };
-        self.features.fit(spec, &place);
         self.features.write(spec, &self.graph, frames, &place);
         let normalizers = self.model.normalizers();
         self.features

@@ -101,7 +101,6 @@ fn seen(case: &Case, wind: DVec3) -> Seen {
     };
     let mut window = Window::default();
     let place = Place::alone(&graph);
-    window.fit(&spec, &place);
     window.write(&spec, &graph, frames, &place);
     let rows = |values: &[f32], row: usize, count: usize, width: usize| -> Vec<f32> {
         let steps = values.chunks_exact(count * width);

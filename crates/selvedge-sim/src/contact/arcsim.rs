@@ -5,7 +5,7 @@
 
 use glam::DVec3;
 use selvedge_cloth::Scene;
-use selvedge_contact::{Gap, Kind, Pair, Surface};
+use selvedge_contact::{Gap, Kind, Pair, Surface, SurfaceEdge};
 
 /// Stiffness per area, ARCSim's own where a scene is silent `[N/m³]`.
 const STIFFNESS: f64 = 1e9;
@@ -84,9 +84,14 @@ impl Law {
             pattern.get(number).copied().unwrap_or(lies)
         };
         let faces: Vec<f64> = surface.faces().iter().enumerate().map(area).collect();
+        let unseen = |edge: &SurfaceEdge| Side {
+            ends: edge.ends,
+            faces: [None; 2],
+            area: 0.0,
+        };
         let mut law = Self {
             points: vec![0.0; places.len()],
-            edges: surface.edges().iter().map(Side::unseen).collect(),
+            edges: surface.edges().iter().map(unseen).collect(),
             face_edges: Vec::new(),
             is_bounding: vec![false; places.len()],
             faces,
@@ -174,55 +179,49 @@ impl Law {
     }
 }
 
-impl Side {
-    fn unseen(edge: &selvedge_contact::SurfaceEdge) -> Self {
-        Self {
-            ends: edge.ends,
-            faces: [None; 2],
-            area: 0.0,
-        }
-    }
-}
+/// Kinds of the cloth's features that have a nearest: also a vertex at the boundary, to which an edge
+/// is, and such an edge.
+const POINTS: usize = 0;
+const RIM_POINTS: usize = 1;
+const EDGES: usize = 2;
+const RIM_EDGES: usize = 3;
+const FACES: usize = 4;
 
 /// The nearest of each feature of the cloth so far.
 struct Found<'a> {
     law: &'a Law,
     bodies: &'a Bodies<'a>,
-    points: Vec<Nearest>,
-    faces: Vec<Nearest>,
-    edges: Vec<Nearest>,
-    /// At the boundary: the nearest edge of a vertex, and vertex of an edge.
-    rim_points: Vec<Nearest>,
-    rim_edges: Vec<Nearest>,
+    /// By kind and number.
+    nearest: [Vec<Nearest>; 5],
 }
 
 impl<'a> Found<'a> {
     fn new(law: &'a Law, bodies: &'a Bodies<'a>) -> Self {
         let cloth = &bodies.surface.bodies()[0];
-        let none = |end: u32| vec![[None; 2]; end as usize];
+        let (points, edges) = (cloth.points.end, cloth.edges.end);
+        let counts = [points, points, edges, edges, cloth.faces.end];
         Self {
             law,
             bodies,
-            points: none(cloth.points.end),
-            faces: none(cloth.faces.end),
-            edges: none(cloth.edges.end),
-            rim_points: none(cloth.points.end),
-            rim_edges: none(cloth.edges.end),
+            nearest: counts.map(|count| vec![[None; 2]; count as usize]),
         }
     }
 
     /// All that are near enough.
     fn pairs(&self) -> impl Iterator<Item = Pair> {
-        let all = [
-            &self.points,
-            &self.rim_points,
-            &self.edges,
-            &self.rim_edges,
-            &self.faces,
-        ];
-        let all = all.into_iter().flatten().flatten().flatten();
+        let all = self.nearest.iter().flatten().flatten().flatten();
         let near = all.filter(|offer| offer.distance < self.reach(&offer.pair));
         near.map(|offer| offer.pair)
+    }
+
+    /// Keeps the nearer one; obstacles have no slots.
+    fn take(&mut self, kind: usize, number: u32, side: usize, offer: Offer) {
+        if let Some(slots) = self.nearest[kind].get_mut(number as usize) {
+            let slot = &mut slots[side];
+            if slot.is_none_or(|last| offer.distance < last.distance) {
+                *slot = Some(offer);
+            }
+        }
     }
 
     fn reach(&self, pair: &Pair) -> f64 {
@@ -241,9 +240,9 @@ impl<'a> Found<'a> {
                 pair: *pair,
             };
             let side = usize::from(normal.dot(normals.points[vertex as usize]) < 0.0);
-            take(&mut self.points, vertex, side, offer);
+            self.take(POINTS, vertex, side, offer);
             let side = usize::from(-normal.dot(normals.faces[face as usize]) < 0.0);
-            take(&mut self.faces, face, side, offer);
+            self.take(FACES, face, side, offer);
         }
         if self.law.is_bounding[vertex as usize] {
             for edge in self.law.face_edges[face as usize] {
@@ -276,8 +275,8 @@ impl<'a> Found<'a> {
             distance: at.distance(a.lerp(b, part)),
             pair,
         };
-        take(&mut self.rim_points, vertex, 0, offer);
-        take(&mut self.rim_edges, number, 0, offer);
+        self.take(RIM_POINTS, vertex, 0, offer);
+        self.take(RIM_EDGES, number, 0, offer);
     }
 
     fn edges(&mut self, pair: &Pair, normals: &Normals) {
@@ -307,7 +306,7 @@ impl<'a> Found<'a> {
             let [from, to] = self.law.edges[number as usize].ends;
             let own = normals.points[from as usize] + normals.points[to as usize];
             let side = usize::from(sign * normal.dot(own) < 0.0);
-            take(&mut self.edges, number, side, offer);
+            self.take(EDGES, number, side, offer);
         }
     }
 }
@@ -322,16 +321,6 @@ fn is_beyond(edge: Side, place: DVec3, places: &[DVec3], normals: &Normals) -> b
         let along = places[to as usize] - from;
         along.cross(normals.faces[face as usize]).dot(place - from) >= 0.0
     })
-}
-
-/// Keeps the nearer one; obstacles have no slots.
-fn take(slots: &mut [Nearest], number: u32, side: usize, offer: Offer) {
-    if let Some(slots) = slots.get_mut(number as usize) {
-        let slot = &mut slots[side];
-        if slot.is_none_or(|last| offer.distance < last.distance) {
-            *slot = Some(offer);
-        }
-    }
 }
 
 /// True for a vertex and an edge: their last two corners are one.

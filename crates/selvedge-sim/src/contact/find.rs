@@ -375,70 +375,72 @@ impl Contact {
     /// first did not. So a pair is caught if it is among the [`EARLIEST`] of a vertex of the cloth.
     /// What was caught before and pulls is let go.
     pub(super) fn catch(&mut self, touches: &mut Touches) -> bool {
-        let (mut caught, mut new) = (Vec::new(), Vec::new());
+        let mut caught = Vec::new();
+        let mut held = self.memory.held.clone();
         let mut met = vec![0; self.mass.len()];
         let count = touches.list.len();
         let mut failed: Vec<_> = self.failed().collect();
         failed.sort_by(|a, b| a.1.safe.total_cmp(&b.1.safe));
         for (pair, approach) in failed {
-            let gap = approach.gap;
-            if !is_early(pair, &gap, &mut met) {
+            if !is_early(pair, &approach.gap, &mut met) {
                 continue;
             }
-            let distance = extent(&gap, pair.places(&self.start));
-            let missed = extent(&gap, pair.places(&self.end));
-            if gap.normal == DVec3::ZERO || distance <= 0.0 || missed >= distance {
+            let place = touches.list[..count].binary_search_by_key(&pair.corners, |t| t.corners);
+            let known = place.ok().map(|k| &touches.list[k]);
+            let Some((near, touch)) = self.caught(pair, approach.gap, known) else {
                 continue;
-            }
-            let known = touches.list[..count].binary_search_by_key(&pair.corners, |t| t.corners);
-            let body = self.other_body(pair);
-            let thickness = self.thickness[body];
-            let at = match known {
-                Ok(k) => {
-                    let last = touches.list[k].response.tangent.gap;
-                    0.5 * last.min(0.5 * thickness)
-                }
-                Err(_) => distance.min(LEAST * thickness),
             };
-            let own = key(pair);
-            let once_more = known.is_ok() && self.memory.caught(own).is_some();
-            let next = CaughtPair {
-                of: own,
-                gap: once_more.then_some(at),
-            };
-            let near = Near {
-                pair: *pair,
-                body,
-                gap,
-                distance,
-                share: 1.0,
-                caught: Some(next),
-            };
-            if !self.can_move(&near) {
-                continue;
-            }
-            let mut touch = self.touch(&near);
-            touch.at = Some(at);
-            self.leave_obstacles(&mut touch);
-            caught.push(next);
-            match known {
+            caught.extend(near.caught);
+            match place {
                 Ok(k) => touches.list[k] = touch,
                 Err(_) => {
                     touches.list.push(touch);
-                    new.push(near);
+                    self.hold(&near, &mut held);
                 }
             }
         }
         touches.list.sort_by_key(|touch| touch.corners);
         let has_caught = !caught.is_empty();
         self.memory.catch(caught);
-        let mut held = std::mem::take(&mut self.memory.held);
-        for near in &new {
-            self.hold(near, &mut held);
-        }
         held.sort();
         self.memory.held = held;
         has_caught
+    }
+
+    /// A pair with this `gap` that a solve has missed, and its touch for the next one, which pushes
+    /// harder than the `known` one of the last. None where that is in vain.
+    fn caught(&self, pair: &Pair, gap: Gap, known: Option<&Touch>) -> Option<(Near, Touch)> {
+        let distance = extent(&gap, pair.places(&self.start));
+        let missed = extent(&gap, pair.places(&self.end));
+        if gap.normal == DVec3::ZERO || distance <= 0.0 || missed >= distance {
+            return None;
+        }
+        let body = self.other_body(pair);
+        let thickness = self.thickness[body];
+        let at = match known {
+            Some(touch) => 0.5 * touch.response.tangent.gap.min(0.5 * thickness),
+            None => distance.min(LEAST * thickness),
+        };
+        let of = key(pair);
+        let once_more = known.is_some() && self.memory.caught(of).is_some();
+        let near = Near {
+            pair: *pair,
+            body,
+            gap,
+            distance,
+            share: 1.0,
+            caught: Some(CaughtPair {
+                of,
+                gap: once_more.then_some(at),
+            }),
+        };
+        if !self.can_move(&near) {
+            return None;
+        }
+        let mut touch = self.touch(&near);
+        touch.at = Some(at);
+        self.leave_obstacles(&mut touch);
+        Some((near, touch))
     }
 
     /// Returns true if a push moves something.

@@ -139,18 +139,29 @@ fn shrink(
             break;
         }
     }
-    let vertices = met
+    let faces = met
         .iter()
-        .flat_map(|pair| surface.faces()[pair.faces[0] as usize]);
-    let vertices: Vec<u32> = vertices.collect();
+        .map(|pair| surface.faces()[pair.faces[0] as usize]);
+    let vertices: Vec<u32> = faces.flatten().collect();
+    Err(not_clear(body, cloth, [before, met.len()], &vertices))
+}
+
+/// The error of a body that meets `cloth` at so many pairs of faces at first and now, now around these
+/// `vertices`.
+fn not_clear(
+    body: &Obstacle,
+    cloth: &[DVec3],
+    [before, left]: [usize; 2],
+    vertices: &[u32],
+) -> FitError {
     let sum: DVec3 = vertices.iter().map(|v| cloth[*v as usize]).sum();
-    Err(FitError::NotClear {
+    FitError::NotClear {
         body: body.name().to_owned(),
         before,
-        left: met.len(),
+        left,
         vertex: VertexId(vertices.first().copied().unwrap_or(0)),
         place: sum / vertices.len().max(1) as f64,
-    })
+    }
 }
 
 /// Grows the body of this `number` through its shapes, the last first, and lets the cloth come to
@@ -161,26 +172,12 @@ fn grow(
     shapes: Vec<Vec<DVec3>>,
     progress: Listener<'_>,
 ) -> Result<Vec<DVec3>, FitError> {
-    let mut growing = bare(scene, 1.0)?;
-    let body = &scene.obstacles[number];
-    let name = body.name();
+    let name = scene.obstacles[number].name();
     let frames = shapes.len() - 1;
-    // What is let through is known by its place in frame 0, where the body is whole; it starts in
-    // frame 1.
-    let whole = shapes[..1].to_vec();
-    let path = ObstaclePath::Points {
-        frame_rate: scene.frame_rate,
-        frames: whole.into_iter().chain(shapes.into_iter().rev()).collect(),
-    };
-    let moving = at_the_start(body).and_then(|body| body.moving(path));
-    growing.obstacles[number] = moving.map_err(failed)?;
+    let mut simulator = growing(scene, number, shapes)?;
     let springs = springs(&scene.mesh, &scene.handles);
-    let positions = scene.mesh.positions().to_vec();
-    let held = scene.handles.select(&positions);
+    let held = scene.handles.select(scene.mesh.positions());
     let targets = HandleTargets::at_frame_end(held).map_err(failed)?;
-    let rest = vec![DVec3::ZERO; positions.len()];
-    let start = Checkpoint::of(1, positions, rest);
-    let mut simulator = Simulator::from_checkpoint(&growing, &start)?;
     for frame in 0..frames + LONGEST {
         simulator
             .step(&targets)
@@ -219,6 +216,24 @@ fn grow(
             ),
         }),
     }
+}
+
+/// A simulator of the cloth with the body growing.
+fn growing(scene: &Scene, number: usize, shapes: Vec<Vec<DVec3>>) -> Result<Simulator, FitError> {
+    let mut growing = bare(scene, 1.0)?;
+    // What is let through is known by its place in frame 0, where the body is whole; it starts in
+    // frame 1.
+    let whole = shapes[..1].to_vec();
+    let path = ObstaclePath::Points {
+        frame_rate: scene.frame_rate,
+        frames: whole.into_iter().chain(shapes.into_iter().rev()).collect(),
+    };
+    let moving = at_the_start(&scene.obstacles[number]).and_then(|body| body.moving(path));
+    growing.obstacles[number] = moving.map_err(failed)?;
+    let positions = scene.mesh.positions().to_vec();
+    let rest = vec![DVec3::ZERO; positions.len()];
+    let start = Checkpoint::of(1, positions, rest);
+    Ok(Simulator::from_checkpoint(&growing, &start)?)
 }
 
 /// Diagonal of the box around `points` `[m]`.

@@ -10,20 +10,10 @@ use glam::DVec3;
 #[derive(Clone, Debug)]
 pub(crate) struct Anderson {
     depth: usize,
-    history: VecDeque<Record>,
-    last: Option<Last>,
-}
-
-#[derive(Clone, Debug)]
-struct Record {
-    step: Vec<DVec3>,
-    change: Vec<DVec3>,
-}
-
-#[derive(Clone, Debug)]
-struct Last {
-    step: Vec<DVec3>,
-    correction: Vec<DVec3>,
+    /// Each step with the change of f over it.
+    history: VecDeque<[Vec<DVec3>; 2]>,
+    /// The last step, and f at its start.
+    last: Option<[Vec<DVec3>; 2]>,
 }
 
 /// Regularisation of the normal equations, relative to their largest diagonal entry: below it,
@@ -49,19 +39,17 @@ impl Anderson {
     /// The step s = f - (ΔX + ΔF) γ, γ = argmin |f - ΔF γ|, with f the `correction` at the end of
     /// the last step. `[eq:anderson]`
     pub(crate) fn step(&mut self, correction: &[DVec3]) -> Vec<DVec3> {
-        if let Some(last) = self.last.take() {
-            let change = zip_map(correction, &last.correction, |now, before| now - before);
+        if let Some([step, before]) = self.last.take() {
+            let change = correction.iter().zip(&before).map(|(now, f)| *now - *f);
+            let record = [step, change.collect()];
             if self.history.len() == self.depth {
                 self.history.pop_front();
             }
-            self.history.push_back(Record {
-                step: last.step,
-                change,
-            });
+            self.history.push_back(record);
         }
         let mut step = correction.to_vec();
-        for (weight, record) in self.weights(correction).into_iter().zip(&self.history) {
-            for (entry, (x, f)) in step.iter_mut().zip(record.step.iter().zip(&record.change)) {
+        for (weight, [x, f]) in self.weights(correction).into_iter().zip(&self.history) {
+            for (entry, (x, f)) in step.iter_mut().zip(x.iter().zip(f)) {
                 *entry -= (*x + *f) * weight;
             }
         }
@@ -70,33 +58,24 @@ impl Anderson {
 
     /// Stores the step that was taken from the point with this `correction`.
     pub(crate) fn taken(&mut self, step: Vec<DVec3>, correction: Vec<DVec3>) {
-        self.last = Some(Last { step, correction });
+        self.last = Some([step, correction]);
     }
 
     fn weights(&self, correction: &[DVec3]) -> Vec<f64> {
-        let changes: Vec<&[DVec3]> = self.history.iter().map(|r| r.change.as_slice()).collect();
-        let mut matrix: Vec<Vec<f64>> = changes
-            .iter()
-            .map(|a| changes.iter().map(|b| dot(a, b)).collect())
-            .collect();
+        let changes = || self.history.iter().map(|[_, change]| change);
+        let row = |a: &Vec<DVec3>| changes().map(|b| dot(a, b)).collect();
+        let mut matrix: Vec<Vec<f64>> = changes().map(row).collect();
         let largest = (0..matrix.len()).map(|k| matrix[k][k]).fold(0.0, f64::max);
         for (k, row) in matrix.iter_mut().enumerate() {
             row[k] += REGULARISATION * largest;
         }
-        let right_side = changes
-            .iter()
-            .map(|change| dot(change, correction))
-            .collect();
-        solve_positive(matrix, right_side)
+        let right_side = changes().map(|change| dot(change, correction));
+        solve_positive(matrix, right_side.collect())
     }
 }
 
 fn dot(a: &[DVec3], b: &[DVec3]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a.dot(*b)).sum()
-}
-
-fn zip_map(a: &[DVec3], b: &[DVec3], f: impl Fn(DVec3, DVec3) -> DVec3) -> Vec<DVec3> {
-    a.iter().zip(b).map(|(a, b)| f(*a, *b)).collect()
 }
 
 /// Solves a small symmetric positive definite system by elimination. A direction without a positive

@@ -185,8 +185,10 @@ impl Simulator {
         }
         let bound = self.scene.physics.max_strain;
         let began = &self.frame_start.state.positions;
-        self.edges
-            .check_stretch(began, &self.state.positions, bound)?;
+        let checked = self
+            .edges
+            .check_stretch(began, &self.state.positions, bound);
+        checked.map_err(SubstepError::Stretch)?;
         Ok(finest)
     }
 }

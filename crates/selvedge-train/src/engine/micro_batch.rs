@@ -246,7 +246,6 @@ impl FrameBuffers {
         let spec = shared.setup.network.spec();
         let cloths = union.graphs.iter().zip(&union.places);
         for (sample, (graph, place)) in self.samples.iter().zip(cloths) {
-            self.window.fit(spec, place);
             self.window.write(spec, graph, sample.window(), place);
         }
         let normalizers = shared.setup.normalizers;

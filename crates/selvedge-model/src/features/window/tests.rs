@@ -27,7 +27,6 @@ fn normalized(spec: &ModelSpec, cloths: &[&(ClothGraph, Vec<Vec<Vec3>>)], yaw: Y
     let graphs: Vec<&ClothGraph> = cloths.iter().map(|(graph, _)| graph).collect();
     let mut window = Window::default();
     for ((graph, frames), place) in cloths.iter().zip(Place::side_by_side(&graphs)) {
-        window.fit(spec, &place);
         window.write(spec, graph, of(frames, yaw), &place);
     }
     window.normalize(
@@ -76,7 +75,6 @@ fn room_made_for_another_union_leaves_nothing_of_it() {
     let (small, large) = (cloth(3, 2), cloth(4, 2));
     let mut window = normalized(&spec, &[&large, &small], Yaw::WORLD);
     let place = Place::alone(&small.0);
-    window.fit(&spec, &place);
     window.write(&spec, &small.0, of(&small.1, Yaw::WORLD), &place);
     window.normalize(
         &normalizer(spec.node_width()),
@@ -89,7 +87,6 @@ fn room_made_for_another_union_leaves_nothing_of_it() {
 fn objective(spec: &ModelSpec, graph: &ClothGraph, frames: Frames<'_, Vec<Vec3>>) -> f64 {
     let mut window = Window::default();
     let place = Place::alone(graph);
-    window.fit(spec, &place);
     window.write(spec, graph, frames, &place);
     let sum = |features: &[f32]| -> f64 {
         let rows = features.iter().enumerate();

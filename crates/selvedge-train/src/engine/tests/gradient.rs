@@ -105,7 +105,6 @@ fn whole(encoder: Encoder) -> Whole {
     let graph = &set.motion(0).graph;
     let place = Place::alone(graph);
     let mut window = Window::default();
-    window.fit(&cfg.model, &place);
     window.write(&cfg.model, graph, shown.window(), &place);
     let normalizers = model.normalizers();
     window.normalize(&normalizers.nodes, &normalizers.edges);
