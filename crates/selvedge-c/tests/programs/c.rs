@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-use crate::common::{self, Desk, SMALL, declared, read_positions};
+use crate::common::{self, Desk, SMALL, declared};
 
 #[test]
 fn the_header_declares_every_exported_function_and_no_other() {
@@ -31,7 +31,7 @@ fn a_c_program_prints_the_positions_of_the_command_line_to_the_bit() {
             .split_whitespace()
             .map(|number| number.parse().unwrap())
             .collect();
-        let wanted = read_positions(&desk.command_line(model, 12));
+        let wanted = desk.wanted(model, 12);
         assert_eq!(numbers.len(), 13 * 25 * 3, "{model}");
         let bits = |numbers: &[f32]| numbers.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
         assert_eq!(bits(&numbers), bits(&wanted), "{model}");

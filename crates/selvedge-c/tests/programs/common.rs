@@ -1,10 +1,16 @@
-//! What the tests share: the library and the program, built; a folder with a scene; compilers.
+//! What the tests share: the library; a folder with a scene; compilers.
 
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::OnceLock;
+use std::sync::Arc;
 
-use selvedge_data::Trajectory;
+use selvedge_data::open_scene;
+use selvedge_guard::Correction;
+use selvedge_lab::machine::Machine;
+use selvedge_lab::models::NamedModel;
+use selvedge_lab::{physics, start};
+use selvedge_sim::Threads;
 use tempfile::TempDir;
 
 /// A square of 25 vertices that is held by two corners and pushed about.
@@ -35,26 +41,10 @@ pub(crate) struct Desk {
     folder: TempDir,
 }
 
-/// The folder with the library and the program, both built with the profile of this test.
-pub(crate) fn built() -> &'static Path {
-    static BUILT: OnceLock<PathBuf> = OnceLock::new();
-    BUILT.get_or_init(|| {
-        let test = std::env::current_exe().unwrap();
-        let folder = test.parent().and_then(Path::parent).unwrap().to_owned();
-        let profile = match folder.file_name().and_then(|name| name.to_str()) {
-            Some("debug") | None => "dev",
-            Some(name) => name,
-        };
-        let mut cargo = Command::new(env!("CARGO"));
-        cargo.args(["build", "--quiet", "-p", "selvedge", "-p", "selvedge-c"]);
-        cargo.args(["--profile", profile, "--target-dir"]);
-        let status = cargo
-            .arg(folder.parent().unwrap())
-            .current_dir(CRATE)
-            .status();
-        assert!(status.unwrap().success(), "cargo build");
-        folder
-    })
+/// The folder with the library: Cargo builds all kinds of it for these tests.
+pub(crate) fn built() -> PathBuf {
+    let test = std::env::current_exe().unwrap();
+    test.parent().unwrap().to_owned()
 }
 
 /// Rust files below `folder`, without tests.
@@ -69,13 +59,6 @@ pub(crate) fn sources(folder: &Path) -> Vec<PathBuf> {
         }
     }
     found
-}
-
-/// Positions of a trajectory, in a row.
-pub(crate) fn read_positions(path: &Path) -> Vec<f32> {
-    let trajectory = Trajectory::read(path).unwrap();
-    let frames = (0..trajectory.frame_count()).flat_map(|frame| trajectory.frame(frame));
-    frames.flat_map(|p| p.to_array()).collect()
 }
 
 impl Desk {
@@ -103,25 +86,40 @@ impl Desk {
         said.into_owned()
     }
 
-    /// Runs a model, or the physics, on `small.toml` by the command line; returns the trajectory.
-    pub(crate) fn command_line(&self, model: &str, frames: u32) -> PathBuf {
-        if model == "physics" {
-            let words = format!("run small.toml --frames {frames} -o physics.safetensors");
-            self.selvedge(&words.split(' ').collect::<Vec<_>>());
-            return self.path("physics.safetensors");
-        }
-        // A folder with the name of a model would be taken for its file.
-        let out = format!("run-{model}");
-        let words = format!("run small.toml --model {model} --frames {frames} -o {out}");
-        let words = words.split(' ').chain(["--no-clip"]);
-        self.selvedge(&words.collect::<Vec<_>>());
-        self.path(&out).join("rollout.safetensors")
-    }
-
-    /// Runs the command line.
-    fn selvedge(&self, arguments: &[&str]) {
-        let mut command = Command::new(built().join("selvedge"));
-        self.run(command.args(["--no-cache"]).args(arguments));
+    /// Positions of a model, or of the physics, on `small.toml`, in a row, as the command line has
+    /// them.
+    pub(crate) fn wanted(&self, model: &str, frames: usize) -> Vec<f32> {
+        let mut loaded = open_scene(self.path("small.toml").to_str().unwrap()).unwrap();
+        let run = match model {
+            "physics" => {
+                let begun = start::find(&loaded, &mut |_| go_on()).unwrap().state;
+                physics::run(
+                    &loaded.scene,
+                    begun.positions,
+                    frames,
+                    Threads::One,
+                    &mut go_on,
+                )
+                .unwrap()
+            }
+            name => {
+                start::for_model(&mut loaded);
+                let model = NamedModel::open(Some(name.as_ref())).unwrap();
+                let rest = physics::rest_pose(&loaded.scene, &mut |_| go_on()).unwrap();
+                let path = loaded.scene.handle_path().unwrap();
+                let scene = Arc::new(loaded.scene);
+                let mut guard = start::guarded(
+                    &scene,
+                    &rest.positions,
+                    &model,
+                    &Machine::Cpu,
+                    Correction::Limit,
+                )
+                .unwrap();
+                physics::drive(&mut guard, &path, frames, &mut |_| go_on()).unwrap()
+            }
+        };
+        run.positions.iter().flat_map(|p| p.to_array()).collect()
     }
 
     /// Compiles an example with the library beside it.
@@ -152,6 +150,10 @@ impl Desk {
         self.run(cc.args(["-lpthread", "-ldl", "-lm"]));
         program
     }
+}
+
+fn go_on() -> ControlFlow<()> {
+    ControlFlow::Continue(())
 }
 
 /// The compiler of C, with all its warnings as errors, and an example.

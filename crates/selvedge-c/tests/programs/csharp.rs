@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::common::{Desk, HEADER, SMALL, declared, read_positions};
+use crate::common::{Desk, HEADER, SMALL, declared};
 
 const PACKAGE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/unity");
 
@@ -52,7 +52,7 @@ fn a_program_in_csharp_prints_the_positions_of_the_command_line_to_the_bit() {
         let bits: Vec<u32> = bits
             .map(|bits| u32::from_str_radix(bits, 16).unwrap())
             .collect();
-        let wanted = read_positions(&desk.command_line(model, 12));
+        let wanted = desk.wanted(model, 12);
         let wanted: Vec<u32> = wanted.iter().map(|number| number.to_bits()).collect();
         assert_eq!(bits.len(), 13 * 25 * 3, "{model}");
         assert_eq!(bits, wanted, "{model}");

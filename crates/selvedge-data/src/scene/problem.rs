@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use selvedge_cloth::{HandleError, MeshError};
+use selvedge_cloth::{HandleError, MeshError, SceneError};
 use serde::de::DeserializeOwned;
 use thiserror::Error;
 
@@ -28,6 +28,12 @@ impl SceneFileError {
     pub(crate) fn at(origin: impl Into<String>) -> impl FnOnce(Problem) -> Self {
         let origin = origin.into();
         |problem| Self { origin, problem }
+    }
+}
+
+impl From<SceneError> for Problem {
+    fn from(error: SceneError) -> Self {
+        Self(error.to_string())
     }
 }
 
