@@ -71,6 +71,10 @@ pub(crate) fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }
 
+/// The words that an error begins with, and the change that it is about.
+#[cfg(test)]
+pub(crate) type Change<'a, T> = (&'a str, fn(&mut T));
+
 /// Checks for a test that `check` refuses `good` with each of the changes, by an error that begins
 /// with the words beside it.
 #[cfg(test)]
@@ -78,7 +82,7 @@ pub(crate) fn is_default<T: Default + PartialEq>(value: &T) -> bool {
 pub(crate) fn refuses<T: Clone, O: std::fmt::Debug, E: Display>(
     good: &T,
     check: impl Fn(&T) -> Result<O, E>,
-    changes: &[(&str, fn(&mut T))],
+    changes: &[Change<'_, T>],
 ) {
     assert!(check(good).is_ok());
     for (words, change) in changes {

@@ -48,11 +48,11 @@ pub(crate) fn chunks(rows: Range<usize>) -> impl Iterator<Item = Range<usize>> {
 }
 
 /// Splits rows of `width` numbers at the ends of consecutive ranges.
-pub(crate) fn split<'a, T>(
-    mut rows: &'a mut [T],
+pub(crate) fn split<T>(
+    mut rows: &mut [T],
     width: usize,
     ranges: impl Iterator<Item = Range<usize>>,
-) -> Vec<&'a mut [T]> {
+) -> Vec<&mut [T]> {
     let mut part = |range: Range<usize>| rows.split_off_mut(..range.len() * width);
     ranges
         .map(|range| part(range).unwrap_or_default())

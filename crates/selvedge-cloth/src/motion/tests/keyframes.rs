@@ -54,7 +54,8 @@ fn a_handle_in_no_group_stays() {
 
 #[test]
 fn wrong_keyframes_are_errors() {
-    let cases: [(Vec<usize>, &[(f64, f64, f64)], &str); 9] = [
+    type Case = (Vec<usize>, &'static [(f64, f64, f64)], &'static str);
+    let cases: [Case; 9] = [
         (
             vec![0, 2],
             &[(1.0, 1.0, 0.0)],
