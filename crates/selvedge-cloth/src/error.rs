@@ -11,15 +11,6 @@ use crate::{HandleError, MeshError};
 #[error("{0}")]
 pub struct SceneError(pub(crate) String);
 
-/// The error of a cloth's parts.
-pub type ClothError = SceneError;
-/// The error of a motion.
-pub type MotionError = SceneError;
-/// The error of an obstacle.
-pub type ObstacleError = SceneError;
-/// The error of a setting.
-pub type SettingError = SceneError;
-
 impl SceneError {
     /// The same error of a part of what this names.
     pub(crate) fn of(self, whole: &str) -> Self {

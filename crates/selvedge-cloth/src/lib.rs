@@ -75,7 +75,7 @@ pub use contact_memory::{
     CaughtPair, ContactMemory, FrictionAnchor, Pushing, ReleasedContact, Touching,
 };
 pub use environment::{Environment, Gust};
-pub use error::{ClothError, MotionError, ObstacleError, SceneError, SettingError, require};
+pub use error::{SceneError, require};
 pub use handles::{HandleError, HandleTargets, Handles};
 pub use ids::{EdgeId, FaceId, VertexId};
 pub use isotropic::Isotropic;

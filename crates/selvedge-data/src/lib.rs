@@ -93,10 +93,9 @@ pub use obstacle::{
 pub use rest_poses::{KeptRestPose, RestPoseFolder};
 pub use rig::{MeshMotion, Rig, RigError, RigNode};
 pub use scene::{
-    LoadedScene, MeshSource, MeshSpec, ObjSource, Rotate, SceneFileError, SceneSpec,
-    SceneSpecError, Setting, StartSpec, StrainedEdge, Times, Transform, materials, open_scene,
-    panel_stretches, parse_recorded_csv, parse_scene, read_scene, shipped_scenes, size_warning,
-    worst_edges,
+    LoadedScene, MeshSource, MeshSpec, ObjSource, Rotate, SceneFileError, SceneSpec, Setting,
+    StartSpec, StrainedEdge, Times, Transform, materials, open_scene, panel_stretches,
+    parse_recorded_csv, parse_scene, read_scene, shipped_scenes, size_warning, worst_edges,
 };
 pub use trajectory::file::{ReadTrajectoryError, TrajectoryFileError};
 pub use trajectory::frames::Frames;

@@ -6,7 +6,7 @@ use std::time::Duration;
 use glam::{DVec3, Vec2, Vec3};
 use selvedge_cloth::{
     Cloth, ClothArrays, Environment, HandlePath, HandleSchedule, HandleTargets, Handles, Motion,
-    MotionError, RecordedMotion, StepError, Stepper, Topology, check_target_count,
+    RecordedMotion, SceneError, StepError, Stepper, Topology, check_target_count,
 };
 use selvedge_data::Provenance;
 use selvedge_live::{
@@ -117,7 +117,7 @@ impl ReadyCloth for TestCloth {
         Environment::default()
     }
 
-    fn scene_path(&self) -> Result<HandlePath, MotionError> {
+    fn scene_path(&self) -> Result<HandlePath, SceneError> {
         let start: Vec<DVec3> = CORNERS[..2].iter().map(|p| p.as_dvec3()).collect();
         let after = |frame: usize| DVec3::X * (PACE * frame as f64);
         let places = |frame| -> Vec<DVec3> { start.iter().map(|p| *p + after(frame)).collect() };

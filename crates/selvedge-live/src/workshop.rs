@@ -4,7 +4,7 @@
 use std::ops::ControlFlow;
 
 use glam::DVec3;
-use selvedge_cloth::{Cloth, Environment, HandlePath, MotionError};
+use selvedge_cloth::{Cloth, Environment, HandlePath, SceneError};
 use selvedge_data::Provenance;
 
 use crate::body::Body;
@@ -23,7 +23,7 @@ pub trait ReadyCloth: Send {
     fn environment(&self) -> Environment;
 
     /// The way of the handles along the scene's own motion, from its start.
-    fn scene_path(&self) -> Result<HandlePath, MotionError>;
+    fn scene_path(&self) -> Result<HandlePath, SceneError>;
 
     /// Frames of that motion that have passed at the start of the cloth.
     fn start_frame(&self) -> usize;

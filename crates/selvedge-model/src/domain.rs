@@ -5,7 +5,7 @@
 //! first frame what the model cannot know, exactly and for the price of one look at the hands.
 
 use glam::DVec3;
-use selvedge_cloth::{Cloth, Environment, Material, MotionError, Scene};
+use selvedge_cloth::{Cloth, Environment, Material, Scene, SceneError};
 use serde::{Deserialize, Serialize};
 
 mod departure;
@@ -140,7 +140,7 @@ impl Domain {
     ///
     /// # Errors
     /// A motion that cannot drive the handles.
-    pub fn of_scene(scene: &Scene, frames: usize) -> Result<Self, MotionError> {
+    pub fn of_scene(scene: &Scene, frames: usize) -> Result<Self, SceneError> {
         Self::by_frame(scene, frames, |_| {})
     }
 
@@ -153,7 +153,7 @@ impl Domain {
         scene: &Scene,
         frames: usize,
         mut each: impl FnMut(&Self),
-    ) -> Result<Self, MotionError> {
+    ) -> Result<Self, SceneError> {
         let path = scene.handle_path()?;
         let handles = scene.handles.len();
         let (mesh, pattern) = (&scene.mesh, scene.mesh.pattern());

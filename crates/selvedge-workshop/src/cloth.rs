@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use selvedge_cloth::{Cloth, Environment, HandlePath, Motion, MotionError, RecordedMotion, Scene};
+use selvedge_cloth::{Cloth, Environment, HandlePath, Motion, RecordedMotion, Scene, SceneError};
 use selvedge_data::{Provenance, SavedState, SceneSpec};
 use selvedge_lab::physics;
 use selvedge_live::{Body, Hold, LiveError, LiveStepper, Mover, MoverKind, ReadyCloth, Start};
@@ -44,7 +44,7 @@ impl ReadyCloth for SceneCloth {
         self.scene.environment
     }
 
-    fn scene_path(&self) -> Result<HandlePath, MotionError> {
+    fn scene_path(&self) -> Result<HandlePath, SceneError> {
         self.scene.handle_path()
     }
 

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use selvedge_cloth::bodies::Body;
-use selvedge_cloth::{Obstacle, ObstacleError, ObstaclePath};
+use selvedge_cloth::{Obstacle, ObstaclePath, SceneError};
 use serde::{Deserialize, Serialize};
 
 use super::body::{BodySpec, problem_of};
@@ -124,7 +124,7 @@ impl ObstacleSpec {
         let name = &self.name;
         let left = left.into_iter();
         warnings.extend(left.map(|left| format!("obstacles[{name:?}].mesh: {left}")));
-        let wrong = |error: ObstacleError| Problem(error.to_string());
+        let wrong = |error: SceneError| Problem(error.to_string());
         let made = || {
             let mut obstacle = Obstacle::new(name, body.points, body.faces)?.moving(path)?;
             if let Some(friction) = self.friction {

@@ -20,9 +20,6 @@ pub struct SceneFileError {
     pub problem: Problem,
 }
 
-/// A spec that makes no scene.
-pub type SceneSpecError = Problem;
-
 impl SceneFileError {
     /// A problem of what `origin` names, for `map_err`.
     pub(crate) fn at(origin: impl Into<String>) -> impl FnOnce(Problem) -> Self {

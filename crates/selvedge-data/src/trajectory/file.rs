@@ -10,7 +10,7 @@ use std::path::Path;
 
 use glam::{Vec2, Vec3};
 use selvedge_cloth::{
-    Cloth, ClothArrays, ClothError, HandleError, Handles, NumberedPattern, Texture, Topology,
+    Cloth, ClothArrays, HandleError, Handles, NumberedPattern, SceneError, Texture, Topology,
     TopologyError,
 };
 use serde_json::Value;
@@ -75,7 +75,7 @@ pub enum TrajectoryFileError {
     #[error(transparent)]
     Handles(#[from] HandleError),
     #[error(transparent)]
-    Cloth(#[from] ClothError),
+    Cloth(#[from] SceneError),
     #[error(transparent)]
     Content(#[from] TrajectoryError),
 }

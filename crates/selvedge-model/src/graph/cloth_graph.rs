@@ -6,7 +6,7 @@
 //! or several, is in `connectivity`.
 
 use glam::{Vec2, Vec3};
-use selvedge_cloth::{Cloth, Environment, Handles, SettingError, Topology, VertexId};
+use selvedge_cloth::{Cloth, Environment, Handles, SceneError, Topology, VertexId};
 use thiserror::Error;
 
 use crate::graph::connectivity::{Connectivity, edge_arcs};
@@ -51,7 +51,7 @@ pub struct ClothGraph {
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum GraphError {
     #[error(transparent)]
-    Environment(#[from] SettingError),
+    Environment(#[from] SceneError),
     #[error(
         "environment.gust: the learned simulator sees one wind for a whole run, not gusts: take it out, or run the physics"
     )]
