@@ -47,6 +47,42 @@ pub(crate) fn chunks(rows: Range<usize>) -> impl Iterator<Item = Range<usize>> {
         .map(move |first| first..end.min(first + CHUNK))
 }
 
+/// Rows of `width` numbers, one for each vertex.
+pub(crate) struct Rows<'a, T> {
+    pub(crate) values: &'a mut [T],
+    pub(crate) width: usize,
+}
+
+/// Calls `work` for each of `parts` with its vertices' rows of each array, shared among threads.
+/// Unlike parallel iterators over lists of rows it allocates nothing.
+pub(crate) fn each_with_rows<P: Send, T: Send, const N: usize>(
+    parts: &mut [P],
+    rows: [Rows<'_, T>; N],
+    vertices: &(impl Fn(&P) -> usize + Sync),
+    work: &(impl Fn(&mut P, [&mut [T]; N]) + Sync),
+) {
+    if let [part] = parts {
+        return work(part, rows.map(|rows| rows.values));
+    }
+    let (first, second) = parts.split_at_mut(parts.len() / 2);
+    if second.is_empty() {
+        return;
+    }
+    let count: usize = first.iter().map(vertices).sum();
+    let mut seconds = rows;
+    let firsts = seconds.each_mut().map(|rows| Rows {
+        values: rows
+            .values
+            .split_off_mut(..count * rows.width)
+            .unwrap_or_default(),
+        width: rows.width,
+    });
+    rayon::join(
+        || each_with_rows(first, firsts, vertices, work),
+        || each_with_rows(second, seconds, vertices, work),
+    );
+}
+
 /// Splits rows of `width` numbers at the ends of consecutive ranges.
 pub(crate) fn split<T>(
     mut rows: &mut [T],

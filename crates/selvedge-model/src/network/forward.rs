@@ -1,13 +1,12 @@
 //! The forward pass: the partitions are shared among threads once for the encoders and once for
 //! each block. The last block also decodes.
 
-use rayon::prelude::*;
-
 use crate::graph::connectivity::Connectivity;
-use crate::graph::partition::split;
+use crate::graph::partition::{Rows, each_with_rows};
 use crate::kernels::dropout::RowMasks;
 use crate::kernels::real::Real;
 use crate::network::definition::{ARC_ENCODER, FIRST_BLOCK, NODE_ENCODER, Network};
+use crate::network::kept::Part;
 use crate::network::layers::encoder::EncoderInput;
 use crate::network::packed::PackedWeights;
 use crate::network::passes::{Input, Pass};
@@ -26,7 +25,7 @@ impl Network {
         assert_eq!(weights.flat.len(), self.parameter_count(), "packed weights");
         self.check_input(graph, input);
         workspace.fit(self, graph, pass);
-        self.encode(weights, graph, input, workspace);
+        self.encode(weights, input, workspace);
         for number in 0..self.blocks.len() {
             self.run_block(weights, graph, number, workspace);
         }
@@ -61,17 +60,19 @@ impl Network {
     fn encode<T: Real>(
         &self,
         weights: &PackedWeights<T>,
-        graph: &Connectivity,
         input: Input<'_, T>,
         w: &mut Workspace<T>,
     ) {
         let [nodes, arcs] = self.encoder_inputs(input, &w.dropout);
         let [of_nodes, of_arcs] = &self.encoders;
         let [products, _] = &mut w.endpoint_products;
-        let products = split(products, 2 * self.spec.latent, graph.vertex_ranges());
+        let products = Rows {
+            values: products,
+            width: 2 * self.spec.latent,
+        };
         let (scratch, stop) = (&w.scratch, &w.stop);
-        let each = w.parts.par_iter_mut().zip(products).with_max_len(1);
-        each.for_each(|(part, products)| {
+        let vertices = |part: &Part<T>| part.rows.vertices.len();
+        each_with_rows(&mut w.parts, [products], &vertices, &|part, [products]| {
             if stop.is_wanted() {
                 return;
             }
@@ -102,26 +103,34 @@ impl Network {
             true => (&*even, odd),
             false => (&*odd, even),
         };
-        let next_products = split(next_products, 2 * self.spec.latent, graph.vertex_ranges());
-        let output = split(&mut w.output, OUTPUTS, graph.vertex_ranges());
+        let rows = [
+            Rows {
+                values: next_products,
+                width: 2 * self.spec.latent,
+            },
+            Rows {
+                values: &mut w.output,
+                width: OUTPUTS,
+            },
+        ];
         let (scratch, stop) = (&w.scratch, &w.stop);
-        let each = w.parts.par_iter_mut().zip(next_products).zip(output);
-        each.with_max_len(1)
-            .for_each(|((part, next_products), output)| {
-                if stop.is_wanted() {
-                    return;
-                }
-                with_scratch(scratch, |scratch| {
-                    let layer = weights.layer(FIRST_BLOCK + number);
-                    let block = &self.blocks[number];
-                    block.forward(layer, (graph, products), number, part, scratch);
-                    let layer = weights.layer(FIRST_BLOCK + number + 1);
-                    let Some(next) = self.blocks.get(number + 1) else {
-                        let kept = (part.decoder.as_mut(), &mut scratch.tiles);
-                        return self.decoder.forward(layer, &part.nodes, kept, output);
-                    };
-                    next.endpoint_products(layer, &part.nodes, next_products);
-                });
+        let vertices = |part: &Part<T>| part.rows.vertices.len();
+        each_with_rows(&mut w.parts, rows, &vertices, &|part, rows| {
+            let [next_products, output] = rows;
+            if stop.is_wanted() {
+                return;
+            }
+            with_scratch(scratch, |scratch| {
+                let layer = weights.layer(FIRST_BLOCK + number);
+                let block = &self.blocks[number];
+                block.forward(layer, (graph, products), number, part, scratch);
+                let layer = weights.layer(FIRST_BLOCK + number + 1);
+                let Some(next) = self.blocks.get(number + 1) else {
+                    let kept = (part.decoder.as_mut(), &mut scratch.tiles);
+                    return self.decoder.forward(layer, &part.nodes, kept, output);
+                };
+                next.endpoint_products(layer, &part.nodes, next_products);
             });
+        });
     }
 }
