@@ -188,7 +188,7 @@ pub(crate) fn rollout(
 ) -> PyResult<Rollout> {
     let guard = guarding::settings(guard)?;
     let made = told_beside(py, progress, |stop, teller| {
-        roll((scene, model, frames), (guard, truth), stop, teller)
+        roll(scene, model, frames, guard, truth, stop, teller)
     })??;
     let truth = made.truth.map(|truth| Trajectory::of(py, truth));
     let truth = truth.transpose()?.map(|truth| Py::new(py, truth));
@@ -204,8 +204,11 @@ pub(crate) fn rollout(
 }
 
 fn roll(
-    (scene, model, frames): (&Scene, &Model, Option<usize>),
-    (guard, has_truth): (Correction, bool),
+    scene: &Scene,
+    model: &Model,
+    frames: Option<usize>,
+    guard: Correction,
+    has_truth: bool,
     stop: &Stop,
     teller: &mut Teller<'_>,
 ) -> PyResult<Made> {
