@@ -246,7 +246,10 @@ impl PhysicsSettings {
                 integrator: Integrator::Linearised,
                 least_damping: Some(0.0),
                 max_strain: DEFAULT_MAX_STRAIN,
-                solver: LinearSolver::Cholesky,
+                solver: LinearSolver::ConjugateGradients(ConjugateGradients {
+                    tolerance: 1e-10,
+                    ..ConjugateGradients::default()
+                }),
             },
         }
     }

@@ -38,23 +38,20 @@ pub(super) struct Direct {
     contributions: Contributions,
     elements: Doubles,
     pub(super) blocks: Vec<DMat3>,
-    values: Vec<f64>,
-    solution: Vec<f64>,
+    solution: Vec<DVec3>,
     cholesky: Cholesky,
 }
 
 impl Direct {
     /// A factor of matrices of this pattern.
-    pub(super) fn new(pattern: &Pattern, elements: &Elements) -> Result<Self, SolveError> {
-        let (starts, rows) = pattern.scalar_columns();
-        Ok(Self {
+    pub(super) fn new(pattern: &Pattern, elements: &Elements) -> Self {
+        Self {
             contributions: Contributions::new(pattern, elements),
             elements: Doubles::new(elements),
             blocks: vec![DMat3::ZERO; pattern.slot_count()],
-            values: vec![0.0; rows.len()],
-            solution: vec![0.0; 3 * pattern.unknown_count()],
-            cholesky: Cholesky::new(starts, rows)?,
-        })
+            solution: vec![DVec3::ZERO; pattern.unknown_count()],
+            cholesky: Cholesky::new(pattern),
+        }
     }
 
     /// Gathers the matrix from the evaluated `elements`, with `springs` on its diagonal.
@@ -105,14 +102,12 @@ impl Direct {
         impulses: &[DVec3],
         changes: &mut [DVec3],
     ) -> Result<(), SolveError> {
-        let entries = self.solution.chunks_exact_mut(3);
-        for (entry, &vertex) in entries.zip(pattern.vertices()) {
-            entry.copy_from_slice(&impulses[vertex as usize].to_array());
+        for (entry, &vertex) in self.solution.iter_mut().zip(pattern.vertices()) {
+            *entry = impulses[vertex as usize];
         }
-        pattern.expand(&self.blocks, &mut self.values);
-        self.cholesky.solve(&self.values, &mut self.solution)?;
-        for (entry, &vertex) in self.solution.chunks_exact(3).zip(pattern.vertices()) {
-            changes[vertex as usize] = DVec3::from_slice(entry);
+        self.cholesky.solve(&self.blocks, &mut self.solution)?;
+        for (entry, &vertex) in self.solution.iter().zip(pattern.vertices()) {
+            changes[vertex as usize] = *entry;
         }
         Ok(())
     }
@@ -162,7 +157,7 @@ impl Complete {
         let touches: Vec<[u32; 4]> = system.touches.stencils().collect();
         let coupled = match self.last.take() {
             Some(last) if last.touches == touches => last,
-            _ => self.analyse(touches, system.elements)?,
+            _ => self.analyse(touches, system.elements),
         };
         let Coupled {
             pattern, direct, ..
@@ -173,15 +168,15 @@ impl Complete {
         direct.solve(pattern, impulses, changes)
     }
 
-    fn analyse(&self, touches: Vec<[u32; 4]>, elements: &Elements) -> Result<Coupled, SolveError> {
+    fn analyse(&self, touches: Vec<[u32; 4]>, elements: &Elements) -> Coupled {
         let mut stencils = self.hinges.clone();
         stencils.extend(&touches);
-        let order = Ordering::MinimumDegree;
-        let pattern = Pattern::new(order, &self.held, &self.triangles, &stencils)?;
-        Ok(Coupled {
-            direct: Direct::new(&pattern, elements)?,
+        let order = Ordering::Dissection;
+        let pattern = Pattern::new(order, &self.held, &self.triangles, &stencils);
+        Coupled {
+            direct: Direct::new(&pattern, elements),
             touches,
             pattern,
-        })
+        }
     }
 }

@@ -35,11 +35,3 @@ pub(crate) enum SolveError {
     #[error("{0}")]
     Failed(String),
 }
-
-impl SolveError {
-    /// No memory, or more entries than an index can count, in a matrix of so many `unknowns`.
-    pub(super) fn resources(unknowns: usize, cause: &str) -> Self {
-        let text = format!("the factorisation of {unknowns} unknowns failed: {cause}");
-        Self::Failed(text)
-    }
-}

@@ -2,18 +2,12 @@
 
 use std::collections::VecDeque;
 
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::sparse::linalg::amd;
-use faer::sparse::{Pair, SymbolicSparseColMat};
-
 use crate::lists::Lists;
-use crate::solver::SolveError;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Ordering {
-    /// Little fill in a complete factorisation (approximate minimum degree; Amestoy, Davis and Duff
-    /// 1996).
-    MinimumDegree,
+    /// Little fill in a complete factorisation (nested dissection; George and Liu 1978).
+    Dissection,
     /// Neighbours near each other: a preconditioner by tiles loses little, and memory is read in
     /// order (Cuthill and McKee 1969, reversed).
     Banded,
@@ -21,39 +15,43 @@ pub(crate) enum Ordering {
 
 /// The order of `unknown_count` unknowns coupled in `pairs` (smaller first). Entry k is the unknown
 /// at place k.
-pub(crate) fn order(
-    ordering: Ordering,
-    unknown_count: usize,
-    pairs: &[(u32, u32)],
-) -> Result<Vec<usize>, SolveError> {
+pub(crate) fn order(ordering: Ordering, unknown_count: usize, pairs: &[(u32, u32)]) -> Vec<usize> {
     match ordering {
-        Ordering::MinimumDegree => minimum_degree(unknown_count, pairs),
-        Ordering::Banded => Ok(banded(unknown_count, pairs)),
+        Ordering::Dissection => dissected(unknown_count, pairs),
+        Ordering::Banded => banded(unknown_count, pairs),
     }
 }
 
 /// Breadth-first order from an end of each piece, neighbours with few neighbours first, reversed.
 fn banded(unknown_count: usize, pairs: &[(u32, u32)]) -> Vec<usize> {
-    let both: Vec<(u32, u32)> = pairs.iter().flat_map(|&(a, b)| [(a, b), (b, a)]).collect();
-    let neighbours = Lists::group(unknown_count, &both);
+    let neighbours = both_ways(unknown_count, pairs);
     let mut order = Vec::with_capacity(unknown_count);
     let mut placed = vec![false; unknown_count];
     for seed in 0..unknown_count {
-        if placed[seed] {
-            continue;
+        if !placed[seed] {
+            search_from_end(&neighbours, seed, &mut placed, &mut order);
         }
-        // The last unknown of a search from anywhere lies near an end; two searches are enough.
-        let mut first = seed;
-        for _ in 0..2 {
-            let begin = order.len();
-            search(&neighbours, first, &mut placed, &mut order);
-            first = order[order.len() - 1];
-            order.drain(begin..).for_each(|k| placed[k] = false);
-        }
-        search(&neighbours, first, &mut placed, &mut order);
     }
     order.reverse();
     order
+}
+
+fn both_ways(unknown_count: usize, pairs: &[(u32, u32)]) -> Lists {
+    let both: Vec<(u32, u32)> = pairs.iter().flat_map(|&(a, b)| [(a, b), (b, a)]).collect();
+    Lists::group(unknown_count, &both)
+}
+
+/// Appends the piece of `seed` to `order`, from one of its ends.
+fn search_from_end(neighbours: &Lists, seed: usize, placed: &mut [bool], order: &mut Vec<usize>) {
+    // The last unknown of a search from anywhere lies near an end; two searches are enough.
+    let mut first = seed;
+    for _ in 0..2 {
+        let begin = order.len();
+        search(neighbours, first, placed, order);
+        first = order[order.len() - 1];
+        order.drain(begin..).for_each(|k| placed[k] = false);
+    }
+    search(neighbours, first, placed, order);
 }
 
 fn search(neighbours: &Lists, first: usize, placed: &mut [bool], order: &mut Vec<usize>) {
@@ -71,32 +69,71 @@ fn search(neighbours: &Lists, first: usize, placed: &mut [bool], order: &mut Vec
     }
 }
 
-fn minimum_degree(unknown_count: usize, pairs: &[(u32, u32)]) -> Result<Vec<usize>, SolveError> {
-    let resources = |cause: &str| SolveError::resources(3 * unknown_count, cause);
-    // The upper triangle: column = larger unknown.
-    let above = pairs
-        .iter()
-        .map(|&(a, b)| Pair::new(a as usize, b as usize));
-    let entries: Vec<_> = above
-        .chain((0..unknown_count).map(|k| Pair::new(k, k)))
-        .collect();
-    let graph = SymbolicSparseColMat::try_new_from_indices(unknown_count, unknown_count, &entries)
-        .map_err(|cause| resources(&format!("{cause:?}")))?
-        .0;
-    let mut order = vec![0_usize; unknown_count];
-    let mut inverse = vec![0_usize; unknown_count];
-    let mut workspace =
-        MemBuffer::try_new(amd::order_scratch::<usize>(unknown_count, entries.len()))
-            .map_err(|_| resources("out of memory"))?;
-    amd::order(
-        &mut order,
-        &mut inverse,
-        graph.as_ref(),
-        amd::Control::default(),
-        MemStack::new(&mut workspace),
-    )
-    .map_err(|cause| resources(&format!("{cause:?}")))?;
-    Ok(order)
+/// Parts of at most so many unknowns are not divided further.
+const LEAF: usize = 8;
+
+/// By nested dissection: of each part those last that separate what a breadth-first search meets
+/// first from the others, so that the two fill nothing in each other.
+fn dissected(unknown_count: usize, pairs: &[(u32, u32)]) -> Vec<usize> {
+    let neighbours = both_ways(unknown_count, pairs);
+    let mut order = Vec::with_capacity(unknown_count);
+    let mut placed = vec![true; unknown_count];
+    let mut ranks = vec![usize::MAX; unknown_count];
+    let mut parts: Vec<Vec<usize>> = vec![(0..unknown_count).collect()];
+    while let Some(part) = parts.pop() {
+        if part.len() <= LEAF {
+            order.extend(part);
+            continue;
+        }
+        part.iter().for_each(|k| placed[*k] = false);
+        let mut found = Vec::with_capacity(part.len());
+        search_from_end(&neighbours, part[0], &mut placed, &mut found);
+        let (rest, _): (Vec<usize>, Vec<usize>) = part.iter().partition(|k| !placed[**k]);
+        rest.iter().for_each(|k| placed[*k] = true);
+
+        for (rank, unknown) in found.iter().enumerate() {
+            ranks[*unknown] = rank;
+        }
+        let least = |k: &usize| neighbours.of(*k).iter().map(|n| ranks[*n as usize]).min();
+        let nearest: Vec<usize> = found.iter().map(|k| least(k).unwrap_or(0)).collect();
+        let (near, far) = found.split_at(best_cut(&nearest));
+        let far = far.iter().zip(&nearest[near.len()..]);
+        let (between, far): (Vec<_>, Vec<_>) = far.partition(|(_, nearest)| **nearest < near.len());
+        found.iter().for_each(|k| ranks[*k] = usize::MAX);
+
+        let unknowns = |of: Vec<(&usize, &usize)>| of.into_iter().map(|(k, _)| *k).collect();
+        let between: Vec<usize> = unknowns(between);
+        order.extend(between);
+        let halves = [near.to_vec(), unknowns(far), rest];
+        parts.extend(halves.into_iter().filter(|part| !part.is_empty()));
+    }
+    order.reverse();
+    order
+}
+
+/// How many unknowns of a search come before the cut that separates two halves with the fewest
+/// others between them. An unknown lies between where it comes after the cut, and the `nearest` of
+/// its neighbours before.
+fn best_cut(nearest: &[usize]) -> usize {
+    let count = nearest.len();
+    let mut change = vec![0_i64; count + 1];
+    for (rank, nearest) in nearest.iter().enumerate() {
+        if *nearest < rank {
+            change[*nearest + 1] += 1;
+            change[rank + 1] -= 1;
+        }
+    }
+    let mut between = 0;
+    let (mut least, mut best) = (f64::INFINITY, count / 2);
+    for (cut, change) in change.iter().enumerate().take(3 * count / 5 + 1) {
+        between += change;
+        let left = count as f64 - cut as f64 - between as f64;
+        let cost = between as f64 * (1.0 + (cut as f64 - left).abs() / count as f64);
+        if cut > count / 3 && cost < least {
+            (least, best) = (cost, cut);
+        }
+    }
+    best
 }
 
 #[cfg(test)]
@@ -119,7 +156,7 @@ mod tests {
                 }
             }
         }
-        let order = order(Ordering::Banded, 120, &pairs).unwrap();
+        let order = order(Ordering::Banded, 120, &pairs);
         let mut place = vec![usize::MAX; 120];
         for (k, &unknown) in order.iter().enumerate() {
             place[unknown] = k;
@@ -131,8 +168,8 @@ mod tests {
 
     #[test]
     fn every_unknown_of_every_piece_is_placed_once() {
-        for ordering in [Ordering::Banded, Ordering::MinimumDegree] {
-            let mut order = order(ordering, 6, &[(0, 3), (3, 5), (1, 2)]).unwrap();
+        for ordering in [Ordering::Banded, Ordering::Dissection] {
+            let mut order = order(ordering, 6, &[(0, 3), (3, 5), (1, 2)]);
             order.sort_unstable();
             assert_eq!(order, [0, 1, 2, 3, 4, 5]);
         }

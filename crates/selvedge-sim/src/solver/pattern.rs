@@ -6,10 +6,7 @@
 //! unknowns. Each block has a slot: first those on the diagonal, then those below it column by
 //! column.
 
-use glam::DMat3;
-
 use crate::lists::Lists;
-use crate::solver::SolveError;
 use crate::solver::ordering::{Ordering, order};
 
 #[derive(Clone, Debug)]
@@ -30,21 +27,21 @@ impl Pattern {
         held: &[bool],
         triangles: &[[u32; 3]],
         stencils: &[[u32; 4]],
-    ) -> Result<Self, SolveError> {
+    ) -> Self {
         let free: Vec<u32> = (0..held.len() as u32)
             .filter(|&v| !held[v as usize])
             .collect();
         let number = number_unknowns(held.len(), &free);
         let pairs = coupled_pairs(&number, free.len(), triangles, stencils);
-        let order = order(ordering, free.len(), &pairs)?;
+        let order = order(ordering, free.len(), &pairs);
         let vertex_of_unknown: Vec<u32> = order.iter().map(|&k| free[k]).collect();
         let unknown_of_vertex = number_unknowns(held.len(), &vertex_of_unknown);
         let renumbered = coupled_pairs(&unknown_of_vertex, free.len(), triangles, stencils);
-        Ok(Self {
+        Self {
             unknown_of_vertex,
             vertex_of_unknown,
             rows: Lists::group(free.len(), &renumbered),
-        })
+        }
     }
 
     pub(crate) fn unknown_count(&self) -> usize {
@@ -85,41 +82,6 @@ impl Pattern {
         let column = column as usize;
         let place = self.rows.of(column).binary_search(&row).ok()?;
         Some((self.unknown_count() + self.rows.range(column).start + place) as u32)
-    }
-
-    /// The lower triangle as compressed scalar columns: starts and row indices.
-    pub(crate) fn scalar_columns(&self) -> (Vec<usize>, Vec<usize>) {
-        let mut starts = vec![0];
-        let mut rows = Vec::with_capacity(6 * self.unknown_count() + 9 * self.rows.len());
-        for column in 0..self.unknown_count() {
-            let below = self.rows.of(column);
-            for axis in 0..3 {
-                rows.extend((axis..3).map(|r| 3 * column + r));
-                for &row in below {
-                    rows.extend((0..3).map(|r| 3 * row as usize + r));
-                }
-                starts.push(rows.len());
-            }
-        }
-        (starts, rows)
-    }
-
-    /// Copies blocks (by slot) into the order of [`Self::scalar_columns`].
-    pub(crate) fn expand(&self, blocks: &[DMat3], values: &mut [f64]) {
-        let mut rest = values;
-        for column in 0..self.unknown_count() {
-            let diagonal = blocks[column].to_cols_array_2d();
-            let below = &blocks[self.unknown_count()..][self.rows.range(column)];
-            for axis in 0..3 {
-                let head = 3 - axis;
-                let (now, later) = rest.split_at_mut(head + 3 * below.len());
-                now[..head].copy_from_slice(&diagonal[axis][axis..]);
-                for (entry, block) in now[head..].chunks_exact_mut(3).zip(below) {
-                    entry.copy_from_slice(&block.col(axis).to_array());
-                }
-                rest = later;
-            }
-        }
     }
 }
 
@@ -165,7 +127,7 @@ mod tests {
 
     fn pattern(held: &[u32]) -> Pattern {
         let held: Vec<bool> = (0..6).map(|v| held.contains(&v)).collect();
-        Pattern::new(Ordering::MinimumDegree, &held, &TRIANGLES, &HINGES).unwrap()
+        Pattern::new(Ordering::Dissection, &held, &TRIANGLES, &HINGES)
     }
 
     fn coupled(a: u32, b: u32) -> bool {
@@ -188,30 +150,5 @@ mod tests {
             }
         }
         assert_eq!(seen.len(), pattern.slot_count());
-    }
-
-    #[test]
-    fn expanded_values_stand_where_the_columns_say() {
-        let pattern = pattern(&[5]);
-        // Block of slot s: entry (r, c) = 100 s + 10 r + c.
-        let blocks: Vec<DMat3> = (0..pattern.slot_count())
-            .map(|slot| {
-                let entry = |r: usize, c: usize| (100 * slot + 10 * r + c) as f64;
-                DMat3::from_cols_array_2d(&[0, 1, 2].map(|c| [0, 1, 2].map(|r| entry(r, c))))
-            })
-            .collect();
-        let (starts, rows) = pattern.scalar_columns();
-        let mut values = vec![f64::NAN; rows.len()];
-        pattern.expand(&blocks, &mut values);
-        for column in 0..15 {
-            let range = starts[column]..starts[column + 1];
-            assert!(rows[range.clone()].is_sorted());
-            assert_eq!(rows[range.start], column);
-            for (row, value) in rows[range.clone()].iter().zip(&values[range]) {
-                let [a, b] = [row / 3, column / 3].map(|unknown| pattern.vertices()[unknown]);
-                let slot = pattern.slot(a, b).unwrap() as usize;
-                assert_eq!(*value, (100 * slot + 10 * (row % 3) + column % 3) as f64);
-            }
-        }
     }
 }

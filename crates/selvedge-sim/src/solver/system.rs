@@ -100,16 +100,16 @@ impl System {
             LinearSolver::ConjugateGradients(settings) => Some(settings),
         };
         let ordering = match settings {
-            None => Ordering::MinimumDegree,
+            None => Ordering::Dissection,
             Some(_) => Ordering::Banded,
         };
         let triangles = mesh.topology().face_indices();
         let hinges = hinge_stencils(mesh);
-        let pattern = Pattern::new(ordering, &held, &triangles, &hinges)?;
+        let pattern = Pattern::new(ordering, &held, &triangles, &hinges);
         let elements = Elements::new(scene);
         Ok(Self {
             solver: match settings {
-                None => Solver::Direct(Box::new(Direct::new(&pattern, &elements)?)),
+                None => Solver::Direct(Box::new(Direct::new(&pattern, &elements))),
                 Some(settings) => Solver::Iterative(Box::new(ConjugateGradients::new(
                     settings, &pattern, &elements,
                 ))),
@@ -282,7 +282,7 @@ impl System {
         self.check_impulses()?;
         let is_direct = matches!(self.solver, Solver::Direct(_));
         if is_direct && self.touches.couple()
-            || self.touches.are_exact() && self.touches.couple_at_all()
+            || self.touches.are_exact() && !self.touches.is_empty()
         {
             self.solve_whole()?;
         } else {
