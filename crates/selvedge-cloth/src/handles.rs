@@ -1,13 +1,14 @@
 //! Handles: the vertices whose motion is given, and where they are to be in a frame.
 
 use glam::DVec3;
+use serde::Serialize;
 use thiserror::Error;
 
 use crate::VertexId;
 
 /// The handle vertices of a cloth: distinct and in range. Their order is the order of every list
 /// of handle positions. There may be none.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Handles {
     vertices: Vec<VertexId>,
 }

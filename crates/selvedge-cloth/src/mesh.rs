@@ -2,6 +2,7 @@
 //! quantities of its rest shape.
 
 use glam::{DVec2, DVec3, Vec2};
+use serde::Serialize;
 use thiserror::Error;
 
 use crate::error::{SceneError, must, require};
@@ -10,7 +11,7 @@ use crate::pattern::{NumberedPattern, Pattern, Texture, check_corners};
 use crate::{FaceId, Topology, TopologyError, VertexId};
 
 /// A triangle mesh of one or more sheets, flat or sewn, valid by construction.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Mesh {
     topology: Topology,
     /// Points of the pattern `[m]`.
@@ -26,7 +27,7 @@ pub struct Mesh {
 }
 
 /// Names of the fabrics of faces, as a file gives them.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct FaceFabrics {
     /// The names.
     pub names: Vec<String>,

@@ -9,6 +9,7 @@
 //! face that has it; the others follow in the order of the faces.
 
 use glam::{DVec2, Vec2};
+use serde::Serialize;
 
 use crate::error::SceneError;
 use crate::geometry::signed_area_2d;
@@ -41,7 +42,7 @@ pub struct Pattern<'a, P> {
 }
 
 /// Points and faces of a pattern, numbered as this module says.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct NumberedPattern<P> {
     /// The points `[m]`, `[points]`.
     pub points: Vec<P>,
@@ -86,7 +87,7 @@ impl<P: PatternPoint> NumberedPattern<P> {
 }
 
 /// The texture coordinates of a cloth, for those who draw it.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub enum Texture {
     /// The points of its pattern.
     #[default]

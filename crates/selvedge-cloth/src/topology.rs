@@ -6,6 +6,7 @@
 
 use std::collections::HashMap;
 
+use serde::Serialize;
 use thiserror::Error;
 
 use crate::{EdgeId, FaceId, VertexId};
@@ -49,13 +50,19 @@ pub struct Arc {
 ///
 /// Edges are numbered by their (smaller, larger) vertex, so that their order does not depend on
 /// the order of the faces. Arcs, two per edge, are sorted by (receiver, sender).
-#[derive(Clone, Debug, PartialEq, Eq)]
+///
+/// Serialised are the vertices and the faces, from which all else comes.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Topology {
     vertex_count: usize,
     faces: Vec<[VertexId; 3]>,
+    #[serde(skip)]
     edges: Vec<Edge>,
+    #[serde(skip)]
     face_edges: Vec<[EdgeId; 3]>,
+    #[serde(skip)]
     arcs: Vec<Arc>,
+    #[serde(skip)]
     first_arc: Vec<u32>,
 }
 

@@ -114,7 +114,10 @@ fn found_in(
     scene: &Scene,
     progress: &mut dyn FnMut(SagProgress) -> ControlFlow<()>,
 ) -> Result<FoundRest, SagError> {
-    let content = format!("{MADE_BY} {:?}", RestPoseContent::of(scene)?);
+    let content = (MADE_BY, RestPoseContent::of(scene)?);
+    let Ok(content) = serde_json::to_string(&content) else {
+        return searched(scene, progress);
+    };
     match folder.find(&content, scene.mesh.positions().len()) {
         Ok(None) => {}
         Ok(Some(kept)) => {

@@ -13,10 +13,15 @@ mod equilibrium;
 mod last_step;
 mod start;
 
+use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
 use glam::DVec3;
-use selvedge_cloth::{Integrator, LinearSolver, Motion, Scene, SceneError, VertexId};
+use selvedge_cloth::{
+    Environment, Handles, Integrator, LinearSolver, Material, Mesh, PhysicsSettings, SagSettings,
+    Scene, SceneError, VertexId,
+};
+use serde::Serialize;
 use thiserror::Error;
 
 use equilibrium::find_equilibrium;
@@ -24,7 +29,7 @@ use start::{bulged, scene_at_start};
 
 /// Version of the laws and of the search. To be raised with every change that moves a rest pose,
 /// be it by a rounding.
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 
 /// A cloth in static equilibrium.
 #[derive(Clone, Debug, PartialEq)]
@@ -95,13 +100,18 @@ pub fn sag_with_progress(
     find_equilibrium(&scene, bulged(&scene), progress)
 }
 
-/// Everything that decides the bytes of a scene's rest pose. Its [`Debug`](std::fmt::Debug)
-/// form tells two of them apart; it belongs to this version of the program.
-#[derive(Clone, Debug)]
-#[allow(dead_code, reason = "the fields are read by Debug")]
+/// Everything that decides the bytes of a scene's rest pose: its serialised form tells two of them
+/// apart. A field that is added to any part is in it, or has to be named here.
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RestPoseContent {
     version: u32,
-    scene: Scene,
+    mesh: Mesh,
+    handles: Handles,
+    material: Material,
+    fabrics: BTreeMap<String, Material>,
+    environment: Environment,
+    physics: PhysicsSettings,
+    sag: SagSettings,
 }
 
 impl RestPoseContent {
@@ -113,15 +123,36 @@ impl RestPoseContent {
     /// A scene that does not validate or has no handles.
     pub fn of(scene: &Scene) -> Result<Self, SagError> {
         scene.validate()?;
-        let mut scene = scene_at_start(scene)?;
-        scene.name.clear();
-        scene.motion = Motion::still(0.0);
-        scene.frame_rate = 0.0;
-        scene.physics.substeps = 0;
-        scene.physics.integrator = Integrator::Linearised;
-        scene.physics.least_damping = None;
-        scene.physics.solver = LinearSolver::Cholesky;
-        let version = VERSION;
-        Ok(Self { version, scene })
+        let Scene {
+            mesh,
+            handles,
+            material,
+            fabrics,
+            environment,
+            physics,
+            sag,
+            name: _,
+            schedule: _,
+            motion: _,
+            frame_rate: _,
+            contact: _,
+            obstacles: _,
+        } = scene_at_start(scene)?;
+        Ok(Self {
+            version: VERSION,
+            mesh,
+            handles,
+            material,
+            fabrics,
+            environment,
+            physics: PhysicsSettings {
+                substeps: 0,
+                integrator: Integrator::Linearised,
+                least_damping: None,
+                solver: LinearSolver::Cholesky,
+                ..physics
+            },
+            sag,
+        })
     }
 }

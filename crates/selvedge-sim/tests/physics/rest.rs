@@ -149,7 +149,7 @@ fn what_cannot_hang_says_why_and_names_the_vertex() {
 }
 
 fn content(scene: &Scene) -> String {
-    format!("{:?}", RestPoseContent::of(scene).unwrap())
+    serde_json::to_string(&RestPoseContent::of(scene).unwrap()).unwrap()
 }
 
 #[test]
