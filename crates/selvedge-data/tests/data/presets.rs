@@ -265,6 +265,48 @@ fn cloths_of_the_file_run_every_test_motion() {
 }
 
 #[test]
+fn a_cloth_with_training_motions_is_learned_from_and_not_tested_on() {
+    let own = |train: &str| {
+        format!(
+            "[motions.mine.inline]\nkind = \"blocks\"\nblocks = [{{ duration = 1.5 }}]\n\
+             [[cloths]]\nname = \"half\"\ntrain = {train}\nhandles = {{ vertices = [0, 3] }}\n\
+             mesh = {{ generator = {{ kind = \"square\", vertices = 20, size = 1.0, seed = 2 }} }}"
+        )
+    };
+    let lists = "train = [\"forward\"]\ntest = [\"side\"]";
+    let preset = |train| preset(lists, "whole", "60", &own(train));
+    let found = preset("[\"mine\", \"random-3\"]").unwrap();
+    let names = |split| {
+        found
+            .forecast()
+            .of(split)
+            .map(|run| (run.name.as_str(), run.vertices))
+    };
+    let learned: Vec<_> = names(Split::Train).collect();
+    assert_eq!(
+        learned,
+        [("forward", 36), ("half.mine", 20), ("half.random-3", 20)]
+    );
+    assert_eq!(names(Split::Test).collect::<Vec<_>>(), [("side", 36)]);
+    for (train, expected) in [
+        (
+            "[\"side\", \"mine\"]",
+            "test: \"side\" is the motion \"side\" of train",
+        ),
+        (
+            "[\"none\", \"mine\"]",
+            "cloths.train: no motion is called \"none\"",
+        ),
+        (
+            "[\"forward\"]",
+            "motions: \"mine\" is neither in train nor in test",
+        ),
+    ] {
+        says(&preset(train).unwrap_err(), &[expected]);
+    }
+}
+
+#[test]
 fn what_is_measured_on_square_400_is_not_learned_from() {
     for (name, runs) in [("speeds-400", 45), ("cloths-400", 28), ("fine-400", 15)] {
         let preset = DatasetPreset::open(name).unwrap();

@@ -1,16 +1,17 @@
 //! Cloths beside the setting's own: the meshes that have a name, at one density, and any that the
-//! file describes, on each of which the test motions are run.
+//! file describes, on each of which the test motions are run, or those that it learns from.
 //!
 //! A trajectory is then called by mesh and motion, as `wide.bouncy`. The motion `apart` fits the
 //! handles of each mesh.
 
-use super::{NamedCloth, NamedMotion};
+use super::{MotionList, NamedCloth, NamedMotion};
 use crate::formats::file_error::Problem;
 use crate::scene::{HandleSelection, MeshFile, MeshSpec, field};
 use selvedge_cloth::generate::{NamedSheet, named_sheets};
 use selvedge_cloth::motion::apart;
-use selvedge_cloth::{Handles, Mesh};
+use selvedge_cloth::{Handles, Mesh, Motion};
 use serde::Deserialize;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// A motion that depends on where the handles are.
@@ -59,22 +60,33 @@ pub(super) struct ClothFile {
     name: String,
     mesh: MeshFile,
     handles: HandleSelection,
+    /// Motions of the training split; none for a cloth to test on.
+    train: Option<MotionList>,
+}
+
+/// A cloth beside the setting's own.
+pub(super) struct Other {
+    pub(super) cloth: NamedCloth,
+    pub(super) mesh: Mesh,
+    /// Motions to learn from, where it is not one to test on.
+    pub(super) train: Option<Vec<NamedMotion>>,
 }
 
 /// Every cloth of a file, each with a name of its own.
 pub(super) fn all_of(
     meshes: Option<MeshesFile>,
     cloths: Vec<ClothFile>,
+    own: &BTreeMap<String, Motion>,
     folder: &Path,
     warnings: &mut Vec<String>,
-) -> Result<Vec<(NamedCloth, Mesh)>, Problem> {
+) -> Result<Vec<Other>, Problem> {
     let mut all = meshes.map_or(Ok(Vec::new()), MeshesFile::resolve)?;
     for cloth in cloths {
-        if all.iter().any(|(other, _)| other.name == cloth.name) {
+        if all.iter().any(|other| other.cloth.name == cloth.name) {
             let problem = format!("two are called {:?}: rename one", cloth.name);
             return Err(field("cloths.name", problem));
         }
-        all.push(cloth.resolve(folder, warnings)?);
+        all.push(cloth.resolve(own, folder, warnings)?);
     }
     Ok(all)
 }
@@ -82,9 +94,10 @@ pub(super) fn all_of(
 impl ClothFile {
     fn resolve(
         self,
+        own: &BTreeMap<String, Motion>,
         folder: &Path,
         warnings: &mut Vec<String>,
-    ) -> Result<(NamedCloth, Mesh), Problem> {
+    ) -> Result<Other, Problem> {
         let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_".contains(c);
         if self.name.is_empty() || !self.name.chars().all(is_plain) {
             let problem = format!(
@@ -107,7 +120,14 @@ impl ClothFile {
             mesh,
             handles: selected.vertices,
         };
-        Ok((cloth, read.sheet.mesh))
+        Ok(Other {
+            cloth,
+            mesh: read.sheet.mesh,
+            train: match self.train {
+                Some(list) => Some(list.resolve("cloths.train", own)?),
+                None => None,
+            },
+        })
     }
 }
 
@@ -126,7 +146,7 @@ enum All {
 
 impl MeshesFile {
     /// The cloths and their meshes.
-    pub(super) fn resolve(self) -> Result<Vec<(NamedCloth, Mesh)>, Problem> {
+    pub(super) fn resolve(self) -> Result<Vec<Other>, Problem> {
         let density = self.density;
         check_density("meshes.density", density)?;
         let sheets: Vec<NamedSheet> = match self.names {
@@ -138,12 +158,14 @@ impl MeshesFile {
         if sheets.is_empty() {
             return Err(field("meshes.names", "is empty: name at least one mesh"));
         }
-        let mut cloths: Vec<(NamedCloth, Mesh)> = Vec::with_capacity(sheets.len());
+        let mut cloths: Vec<Other> = Vec::with_capacity(sheets.len());
         for sheet in sheets {
-            if cloths.iter().any(|(cloth, _)| cloth.name == sheet.name) {
+            if cloths.iter().any(|other| other.cloth.name == sheet.name) {
                 return Err(field("meshes.names", format!("has {:?} twice", sheet.name)));
             }
-            cloths.push(NamedCloth::of_sheet(&sheet, density, self.seed)?);
+            let (cloth, mesh) = NamedCloth::of_sheet(&sheet, density, self.seed)?;
+            let train = None;
+            cloths.push(Other { cloth, mesh, train });
         }
         Ok(cloths)
     }
@@ -160,29 +182,24 @@ fn by_name(name: &str) -> Result<NamedSheet, Problem> {
     })
 }
 
-/// Every motion on every cloth.
-pub(super) fn on_each(
-    cloths: &[(NamedCloth, Mesh)],
-    motions: &[NamedMotion],
-) -> Result<Vec<NamedMotion>, Problem> {
-    let mut runs = Vec::with_capacity(cloths.len() * motions.len());
-    for (cloth, mesh) in cloths {
-        for motion in motions {
-            let motion_of = match motion.name.as_str() {
-                APART => apart_of(cloth, mesh)?,
-                _ => motion.motion.clone(),
-            };
-            runs.push(NamedMotion {
-                name: format!("{}.{}", cloth.name, motion.name),
-                motion: motion_of,
-                cloth: Some(cloth.name.clone()),
-            });
-        }
+impl Other {
+    /// Runs of the cloth in these motions.
+    pub(super) fn runs(&self, motions: &[NamedMotion]) -> Result<Vec<NamedMotion>, Problem> {
+        let run = |motion: &NamedMotion| {
+            Ok(NamedMotion {
+                name: format!("{}.{}", self.cloth.name, motion.name),
+                motion: match motion.name.as_str() {
+                    APART => apart_of(&self.cloth, &self.mesh)?,
+                    _ => motion.motion.clone(),
+                },
+                cloth: Some(self.cloth.name.clone()),
+            })
+        };
+        motions.iter().map(run).collect()
     }
-    Ok(runs)
 }
 
-fn apart_of(cloth: &NamedCloth, mesh: &Mesh) -> Result<selvedge_cloth::Motion, Problem> {
+fn apart_of(cloth: &NamedCloth, mesh: &Mesh) -> Result<Motion, Problem> {
     let handles = Handles::new(&cloth.handles, mesh.topology().vertex_count())?;
     let start = handles.select(mesh.positions());
     Ok(apart(&start)?)

@@ -7,7 +7,7 @@
 
 mod cloths;
 
-use self::cloths::{ClothFile, MeshesFile, all_of, on_each};
+use self::cloths::{ClothFile, MeshesFile, Other, all_of};
 use crate::dataset::Split;
 use crate::dataset::plan::DatasetPlan;
 use crate::dataset::sections::{Section, SectionRule};
@@ -233,23 +233,34 @@ impl DatasetPreset {
         }
         let train = file.train.resolve("train", &own)?;
         let test = file.test.resolve("test", &own)?;
-        let cloths = all_of(file.meshes, file.cloths, folder, &mut warnings)?;
+        let cloths = all_of(file.meshes, file.cloths, &own, folder, &mut warnings)?;
+        let learned = cloths.iter().filter_map(|other| other.train.as_ref());
         let mut config = DatasetConfig {
             name: file.name,
             sections: file.sections,
             setting,
-            cloths: cloths.iter().map(|(cloth, _)| cloth.clone()).collect(),
-            train,
+            cloths: cloths.iter().map(|other| other.cloth.clone()).collect(),
+            train: train.iter().chain(learned.flatten()).cloned().collect(),
             test,
         };
         config.check(&own)?;
-        if !cloths.is_empty() {
-            config.test = on_each(&cloths, &config.test)?;
+        config.train = train;
+        for other in &cloths {
+            let motions = other.train.as_deref().unwrap_or_default();
+            config.train.extend(other.runs(motions)?);
+        }
+        let tested: Vec<&Other> = cloths
+            .iter()
+            .filter(|other| other.train.is_none())
+            .collect();
+        if !tested.is_empty() {
+            let runs = tested.iter().map(|other| other.runs(&config.test));
+            config.test = runs.collect::<Result<Vec<_>, _>>()?.concat();
         }
         let mut preset = Self {
             config,
             mesh,
-            meshes: cloths.into_iter().map(|(_, mesh)| mesh).collect(),
+            meshes: cloths.into_iter().map(|other| other.mesh).collect(),
             folder: folder.to_owned(),
             warnings,
             forecast: Forecast::default(),
