@@ -53,7 +53,7 @@ pub(crate) struct Cholesky {
     lower: Vec<Block>,
     /// C⁻¹ of each block C of L on the diagonal.
     inverse: Vec<DMat3>,
-    /// Place in L of the block of each row, while its column is formed.
+    /// Place of the block of each row in the column that is formed.
     place_of_row: Vec<u32>,
     /// First finished column whose next block is in this row, and the one that follows a column in
     /// such a list; [`NONE`] at its end.
@@ -127,15 +127,15 @@ impl Cholesky {
         self.first.fill(NONE);
         for (column, own) in diagonal.iter().enumerate() {
             let range = self.rows.range(column);
-            for (place, row) in range.clone().zip(self.rows.of(column)) {
-                self.place_of_row[*row as usize] = place as u32;
+            for (place, row) in (0..).zip(self.rows.of(column)) {
+                self.place_of_row[*row as usize] = place;
             }
             let mut pivot = *own;
             let mut finished = self.first[column];
             while finished != NONE {
                 let other = finished as usize;
                 finished = self.following[other];
-                pivot -= self.take_from(other);
+                pivot -= self.take_from(other, range.start);
             }
             let inverse = inverse_root(pivot).map_err(|axis| {
                 let unknown = 3 * column + axis;
@@ -153,16 +153,18 @@ impl Cholesky {
     }
 
     /// Takes from the column that is formed what the finished column `other` makes below its
-    /// diagonal, and returns what it makes on it. `other` waits for its next row.
+    /// diagonal, whose blocks `begin` there in L, and returns what it makes on it. `other` waits for
+    /// its next row.
     #[inline(always)]
-    fn take_from(&mut self, other: usize) -> DMat3 {
+    fn take_from(&mut self, other: usize, begin: usize) -> DMat3 {
         let range = self.rows.range(other);
         let own = self.next[other] as usize;
-        let across = self.lower[own];
         let rows = &self.rows.of(other)[own + 1 - range.start..];
-        for (place, row) in (own + 1..range.end).zip(rows) {
-            let left = self.lower[place];
-            self.lower[self.place_of_row[*row as usize] as usize].subtract(&left, &across);
+        // Finished blocks lie before those of the column.
+        let (finished, open) = self.lower.split_at_mut(begin);
+        let across = finished[own];
+        for (left, row) in finished[own + 1..range.end].iter().zip(rows) {
+            open[self.place_of_row[*row as usize] as usize].subtract(left, &across);
         }
         self.wait(other, own + 1);
         let across = across.matrix();
