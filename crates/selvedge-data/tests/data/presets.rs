@@ -302,7 +302,7 @@ fn a_cloth_with_training_motions_is_learned_from_and_not_tested_on() {
             "motions: \"mine\" is neither in train nor in test",
         ),
     ] {
-        says(&preset(train).unwrap_err(), &[expected]);
+        says(preset(train).unwrap_err(), &[expected]);
     }
 }
 
