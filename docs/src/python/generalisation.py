@@ -1,4 +1,4 @@
-"""Motions and meshes that the model `paper` never saw: each beside the physics, with its error.
+"""Motions and meshes that the model never saw: each beside the physics, with its error.
 
     pip install pillow
     python docs/src/python/generalisation.py selvedge -o out/generalisation      # 5 min
@@ -31,9 +31,9 @@ CASES = [("square", motion) for motion in MOTIONS] + [(mesh, "upward-spiral") fo
 WIDTH, COLUMNS = 170, 7
 
 
-def run(program: str, scene: Path, guard: str, folder: Path) -> dict:
+def run(program: str, model: str, scene: Path, guard: str, folder: Path) -> dict:
     """What `selvedge run` says of the model in this scene under this guard, beside the physics."""
-    command = [program, "run", scene, "--model", "paper", "--compare", "--guard", guard]
+    command = [program, "run", scene, "--model", model, "--compare", "--guard", guard]
     command += ["--no-clip", "--json", "-q", "-o", folder]
     return json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
 
@@ -70,6 +70,7 @@ def tile(program: str, folder: Path, frame: int, lines: list[str]) -> Image.Imag
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("program", help="the program, `selvedge`")
+    parser.add_argument("--model", default="paper-broad", help="a name or a file")
     parser.add_argument("-o", "--output", type=Path, default=Path("out/generalisation"))
     options = parser.parse_args()
     options.output.mkdir(parents=True, exist_ok=True)
@@ -81,10 +82,10 @@ def main() -> None:
         folder.mkdir(exist_ok=True)
         file = folder / "scene.toml"
         file.write_text(scene(mesh, motion))
-        answer = run(options.program, file, "none", folder)
+        answer = run(options.program, options.model, file, "none", folder)
         frame = answer["diverged_frame"]
         if frame is not None:
-            answer = run(options.program, file, "limit", folder)
+            answer = run(options.program, options.model, file, "limit", folder)
         error = 1e3 * answer["comparison"]["position_rmse"]
         guarded = "" if frame is None else ", guarded"
         print(f"| {mesh} | {motion} | {frame or '–'} | {error:.1f}{guarded} | {1e3 * answer['rigid_rmse']:.1f} |", flush=True)

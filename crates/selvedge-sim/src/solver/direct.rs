@@ -2,8 +2,7 @@
 //! what is left where conjugate gradients with them do not converge.
 //!
 //! Where many touches lie side by side, stiff against what holds their pairs together, those take
-//! hundreds of iterations. The factor of the whole takes as long as about sixty, most of it for its
-//! new pattern.
+//! hundreds of iterations. The factor of the whole takes no longer, half of it for its new pattern.
 
 use glam::{DMat3, DVec3};
 use selvedge_cloth::VertexId;
