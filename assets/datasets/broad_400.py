@@ -5,7 +5,7 @@
     selvedge data generate out/broad-400/broad-400.toml -o data/broad-400
     python3 assets/datasets/broad_400.py out/broad-400 --jumps data/broad-400
 
-The last command lists what surrounds each jump of a speed twice more among the sections to learn from: such frames are
+The last command lists what surrounds each jump of a speed twice or thrice more among the sections to learn from: such frames are
 one in a hundred otherwise.
 
 The motions and meshes are drawn at random, the same ones every time. None is a test or a generalisation motion, and none
@@ -113,6 +113,33 @@ def reversal(draw):
     return blocks(moves, 2.0)
 
 
+def leap(draw):
+    """Moves that turn round from their end to the next start, again and again."""
+    if draw.random() < 0.6:
+        base = [draw.gauss(0, 0.15), draw.choice([-1.0, 1.0]), draw.gauss(0, 0.15)]
+    else:
+        base = unit(draw)
+    speed, part = draw.choice([-1, 1]) * draw.uniform(0.013, 0.025), draw.uniform(0.7, 1.1)
+    moves = []
+    for _ in range(draw.randint(4, 7)):
+        way = scaled([c + draw.gauss(0, 0.1) for c in base])
+        main = translation(way, pace(speed, -part * speed, draw.choice(["linear", "linear", "smooth"])), 6)
+        translations, turn = [main], ""
+        kind = draw.random()
+        if kind < 0.4:
+            start = draw.uniform(0.003, 0.014)
+            way = unit(draw)
+            end = start if draw.random() < 0.6 else draw.uniform(0.003, 0.014)
+            translations.append(translation(way, pace(start, end, "smooth")))
+        elif kind < 0.8:
+            start = draw.uniform(0.005, 0.022)
+            end = start if draw.random() < 0.6 else draw.uniform(0.005, 0.022)
+            center = draw.uniform(-2.2, 2.2)
+            turn = rotation(center, draw.choice(["clockwise", "counter-clockwise"]), start, end)
+        moves.append((draw.randint(30, 70) / 60, translations, turn))
+    return blocks(moves, 2.0)
+
+
 def apart(draw):
     """Places of both handles in each frame, at distances from 0.55 to 1 m and heights of their own, as CSV."""
     frames, keys = 540, [30]
@@ -184,6 +211,10 @@ def main(folder):
         own.update({name: reversal(draw) for name in motions})
         cloths.append((mesh, motions + [f"random-{500 + 2 * k}", f"random-{501 + 2 * k}@1.3"]))
 
+    draw = random.Random(4041)
+    own.update({f"leap-{k}": leap(draw) for k in range(40)})
+    train += [f"leap-{k}" for k in range(40)]
+
     text = f'name = "broad-400"\nsections = "whole"\ntrain = {json.dumps(train)}\ntest = "all-test"\n\n[setting]\n'
     text += f'material = "gray-interlock"\nmesh = {SQUARE}\nhandles = {CORNERS}\nphysics = "first-order"\n'
     for name, motion in own.items():
@@ -195,7 +226,7 @@ def main(folder):
 
 
 def list_jumps(folder, data):
-    """Adds the 29 frames about each jump to the sections of the data set, twice."""
+    """Adds the 29 frames about each jump to the sections of the data set, twice, or thrice where it leaps."""
     motions = tomllib.loads((folder / "broad-400.toml").read_text())["motions"]
     index = json.loads((data / "index.json").read_text())
     for number, entry in enumerate(index["splits"]["train"]):
@@ -204,8 +235,9 @@ def list_jumps(folder, data):
         for block in motion.get("inline", {"blocks": []})["blocks"][:-1]:
             frame += round(60 * block["duration"])
             section = {"trajectory": number, "start": max(0, frame - 7), "end": min(entry["frames"], frame + 22)}
-            index["sections"] += [section, section]
-            index["statistics"]["samples"] += 2 * (section["end"] - section["start"] - 2)
+            times = 3 if "leap" in entry["motion"] else 2
+            index["sections"] += times * [section]
+            index["statistics"]["samples"] += times * (section["end"] - section["start"] - 2)
     (data / "index.json").write_text(json.dumps(index))
 
 
