@@ -245,18 +245,7 @@ impl DatasetPreset {
         };
         config.check(&own)?;
         config.train = train;
-        for other in &cloths {
-            let motions = other.train.as_deref().unwrap_or_default();
-            config.train.extend(other.runs(motions)?);
-        }
-        let tested: Vec<&Other> = cloths
-            .iter()
-            .filter(|other| other.train.is_none())
-            .collect();
-        if !tested.is_empty() {
-            let runs = tested.iter().map(|other| other.runs(&config.test));
-            config.test = runs.collect::<Result<Vec<_>, _>>()?.concat();
-        }
+        config.run_on(&cloths)?;
         let mut preset = Self {
             config,
             mesh,
@@ -373,6 +362,22 @@ pub fn shipped_presets() -> &'static [(&'static str, &'static str)] {
 }
 
 impl DatasetConfig {
+    /// Adds what is learned on the other cloths. Tests are on those that nothing is learned on, where
+    /// there are any.
+    fn run_on(&mut self, cloths: &[Other]) -> Result<(), Problem> {
+        for other in cloths {
+            let motions = other.train.as_deref().unwrap_or_default();
+            self.train.extend(other.runs(motions)?);
+        }
+        let tested = cloths.iter().filter(|other| other.train.is_none());
+        let runs = tested.map(|other| other.runs(&self.test));
+        let runs = runs.collect::<Result<Vec<_>, _>>()?;
+        if !runs.is_empty() {
+            self.test = runs.concat();
+        }
+        Ok(())
+    }
+
     /// Checks that the splits are fit to learn from and to test with; `own` are the file's own
     /// motions.
     fn check(&self, own: &BTreeMap<String, Motion>) -> Result<(), Problem> {
