@@ -67,15 +67,11 @@ pub const DATASETS: &[(&str, &str)] = texts!("datasets":
 /// Models by their names, in the files that `selvedge train` writes.
 pub const MODELS: &[(&str, &[u8])] = &[
     ("paper", PAPER),
-    ("paper-broad", PAPER_BROAD),
     ("paper-gru5", PAPER_GRU5),
 ];
 
 /// The model `paper`, which needs no physics to move a cloth.
 pub const PAPER: &[u8] = include_bytes!("models/paper.safetensors");
-
-/// The same, trained on with motions that jerk and with other meshes.
-pub const PAPER_BROAD: &[u8] = include_bytes!("models/paper-broad.safetensors");
 
 /// The same with a recurrent encoder over five frames.
 pub const PAPER_GRU5: &[u8] = include_bytes!("models/paper-gru5.safetensors");

@@ -1,4 +1,4 @@
-"""Writes the preset of the data set that `paper-broad` learned from: motions that jerk, faster ones, handles that move apart, and
+"""Writes the preset of the data set that `paper` learned from in its last stages: motions that jerk, faster ones, handles that move apart, and
 38 other meshes.
 
     python3 assets/datasets/broad_400.py out/broad-400

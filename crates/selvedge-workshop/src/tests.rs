@@ -70,7 +70,7 @@ fn hands_beyond_training_are_said_while_the_model_moves_the_cloth() {
     let catalogue = workshop.catalogue();
     assert_eq!(
         catalogue.models,
-        ["paper", "paper-broad", "paper-gru5"],
+        ["paper", "paper-gru5"],
         "each once"
     );
     let order = Order {

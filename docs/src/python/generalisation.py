@@ -70,7 +70,7 @@ def tile(program: str, folder: Path, frame: int, lines: list[str]) -> Image.Imag
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("program", help="the program, `selvedge`")
-    parser.add_argument("--model", default="paper-broad", help="a name or a file")
+    parser.add_argument("--model", default="paper", help="a name or a file")
     parser.add_argument("-o", "--output", type=Path, default=Path("out/generalisation"))
     options = parser.parse_args()
     options.output.mkdir(parents=True, exist_ok=True)
