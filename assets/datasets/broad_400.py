@@ -1,15 +1,15 @@
-"""Writes the preset of the data set that `paper` learned from in its last stages: motions that jerk, faster ones, handles that move apart, and
-38 other meshes.
+"""Writes the preset of the data set that `paper` learned from in its last stages: motions that jerk,
+faster ones, handles that move apart, and 50 other meshes.
 
     python3 assets/datasets/broad_400.py out/broad-400
     selvedge data generate out/broad-400/broad-400.toml -o data/broad-400
     python3 assets/datasets/broad_400.py out/broad-400 --jumps data/broad-400
 
-The last command lists what surrounds each jump of a speed twice or thrice more among the sections to learn from: such frames are
-one in a hundred otherwise.
+The last command lists what surrounds each jump of a speed several times more among the sections to
+learn from: such frames are one in a hundred otherwise.
 
-The motions and meshes are drawn at random, the same ones every time. None is a test or a generalisation motion, and none
-a mesh that has a name.
+The motions and meshes are drawn at random, the same ones every time. None is a test or a
+generalisation motion, and none a mesh that has a name.
 """
 
 import argparse
@@ -140,6 +140,21 @@ def leap(draw):
     return blocks(moves, 2.0)
 
 
+def bounce(draw):
+    """Leaps to and fro, half of them all alike."""
+    base = [draw.gauss(0, 0.1), draw.choice([-1.0, 1.0]), draw.gauss(0, 0.1)] if draw.random() < 0.7 else unit(draw)
+    speed, part = draw.choice([-1, 1]) * draw.uniform(0.014, 0.027), draw.uniform(0.7, 1.1)
+    alike, length, turns = draw.random() < 0.5, draw.randint(40, 70), draw.random() < 0.5
+    start, end = draw.uniform(0.005, 0.022), draw.uniform(0.005, 0.022)
+    turn = rotation(draw.uniform(-2.2, 2.2), draw.choice(["clockwise", "counter-clockwise"]), start, end)
+    moves = []
+    for _ in range(draw.randint(5, 8)):
+        way = scaled([c + draw.gauss(0, 0.0 if alike else 0.1) for c in base])
+        main = translation(way, pace(speed, -part * speed, "linear"), 6)
+        moves.append(((length if alike else draw.randint(30, 70)) / 60, [main], turn if turns else ""))
+    return blocks(moves, 2.0)
+
+
 def apart(draw):
     """Places of both handles in each frame, at distances from 0.55 to 1 m and heights of their own, as CSV."""
     frames, keys = 540, [30]
@@ -215,6 +230,15 @@ def main(folder):
     own.update({f"leap-{k}": leap(draw) for k in range(40)})
     train += [f"leap-{k}" for k in range(40)]
 
+    draw = random.Random(5115)
+    own.update({f"leap-{k}": bounce(draw) for k in range(40, 76)})
+    train += [f"leap-{k}" for k in range(40, 76)]
+    for k in range(38, 50):
+        mesh = generator(draw, draw.random(), 212 + k, square=True)
+        motions = [f"m{k}-leap-{j}" for j in range(3)]
+        own.update({name: bounce(draw) for name in motions})
+        cloths.append((mesh, motions))
+
     text = f'name = "broad-400"\nsections = "whole"\ntrain = {json.dumps(train)}\ntest = "all-test"\n\n[setting]\n'
     text += f'material = "gray-interlock"\nmesh = {SQUARE}\nhandles = {CORNERS}\nphysics = "first-order"\n'
     for name, motion in own.items():
@@ -226,7 +250,8 @@ def main(folder):
 
 
 def list_jumps(folder, data):
-    """Adds the 29 frames about each jump to the sections of the data set, twice, or thrice where it leaps."""
+    """Adds the 29 frames about each jump to the sections of the data set, twice, or thrice where it leaps,
+    and the 11 nearest twice more."""
     motions = tomllib.loads((folder / "broad-400.toml").read_text())["motions"]
     index = json.loads((data / "index.json").read_text())
     for number, entry in enumerate(index["splits"]["train"]):
@@ -234,10 +259,10 @@ def list_jumps(folder, data):
         frame = 0
         for block in motion.get("inline", {"blocks": []})["blocks"][:-1]:
             frame += round(60 * block["duration"])
-            section = {"trajectory": number, "start": max(0, frame - 7), "end": min(entry["frames"], frame + 22)}
-            times = 3 if "leap" in entry["motion"] else 2
-            index["sections"] += times * [section]
-            index["statistics"]["samples"] += times * (section["end"] - section["start"] - 2)
+            for before, after, times in ((7, 22, 3 if "leap" in entry["motion"] else 2), (3, 8, 2)):
+                section = {"trajectory": number, "start": max(0, frame - before), "end": min(entry["frames"], frame + after)}
+                index["sections"] += times * [section]
+                index["statistics"]["samples"] += times * (section["end"] - section["start"] - 2)
     (data / "index.json").write_text(json.dumps(index))
 
 
