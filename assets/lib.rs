@@ -65,10 +65,7 @@ pub const DATASETS: &[(&str, &str)] = texts!("datasets":
 );
 
 /// Models by their names, in the files that `selvedge train` writes.
-pub const MODELS: &[(&str, &[u8])] = &[
-    ("paper", PAPER),
-    ("paper-gru5", PAPER_GRU5),
-];
+pub const MODELS: &[(&str, &[u8])] = &[("paper", PAPER), ("paper-gru5", PAPER_GRU5)];
 
 /// The model `paper`, which needs no physics to move a cloth.
 pub const PAPER: &[u8] = include_bytes!("models/paper.safetensors");
