@@ -8,7 +8,8 @@ let served, chrome, page;
 const errors = [];
 
 before(async () => {
-  served = await start(["--show", "model"]);
+  // A model of one cloth whose handles stay at one height.
+  served = await start(["--show", "model", "--model", "paper-gru5"]);
   chrome = await browser({ width: 900, height: 600 });
   page = await open(chrome.context, served.url, errors);
 });
