@@ -1,7 +1,7 @@
 """Motions and meshes that the model never saw: each beside the physics, with its error.
 
     pip install pillow
-    python docs/src/python/generalisation.py selvedge -o out/generalisation      # 5 min
+    python docs/src/python/generalisation.py selvedge -o out/generalisation      # 9 min
 
 A run that diverges is repeated with the default guard, and marked. Writes `generalisation.png` and
 prints the errors as a Markdown table.
@@ -14,7 +14,7 @@ from pathlib import Path
 
 from PIL import Image, ImageDraw, ImageFont
 
-#: Kind, size [m] and handles of the meshes that the paper shows its model on, 400 vertices per m².
+#: Kind, size [m] and handles of the meshes, 400 vertices per m²: those that the paper shows, and three more.
 MESHES = {
     "square": ("square", 1.0, "upper-corners"),
     "long": ("long", 1.0, "upper-corners"),
@@ -25,10 +25,19 @@ MESHES = {
     "diamond, 3 handles": ("diamond", 1.0, "upper-three"),
     "wide, 3 handles": ("wide", 1.0, "upper-three"),
     "triangle, 17 handles": ("triangle", 1.0, "upper-row"),
+    "disc": ("disc", 1.0, "upper-corners"),
+    "l-shape": ("l-shape", 1.0, "upper-corners"),
+    "with a hole": ("holed", 1.0, "upper-corners"),
 }
 MOTIONS = ["bouncy", "rotate-bounce", "spiral", "snake", "upward-spiral", "apart"]
-CASES = [("square", motion) for motion in MOTIONS] + [(mesh, "upward-spiral") for mesh in list(MESHES)[1:]]
-WIDTH, COLUMNS = 170, 7
+#: Top speeds [m/frame]; that of the training is 0.02617.
+SPEEDS = ["0.015", "0.02", "0.02617", "0.03", "0.04", "0.05"]
+CASES = (
+    [("square", motion) for motion in MOTIONS]
+    + [(mesh, "upward-spiral") for mesh in list(MESHES)[1:]]
+    + [("square", f"speed-{speed}") for speed in SPEEDS]
+)
+WIDTH, COLUMNS = 170, 8
 
 
 def run(program: str, model: str, scene: Path, guard: str, folder: Path) -> dict:
