@@ -55,8 +55,8 @@ fn gltf_says_how_the_cloth_is_to_be_shown() {
     // The bounds of accessors are what other readers want.
     let change = glb.number("/meshes/0/primitives/0/targets/1/POSITION");
     let moved = points(&glb.floats(change)).into_iter();
-    let pick: [(&str, fn(Vec3, Vec3) -> Vec3); 2] = [("min", Vec3::min), ("max", Vec3::max)];
-    for (name, pick) in pick {
+    let least: fn(Vec3, Vec3) -> Vec3 = Vec3::min;
+    for (name, pick) in [("min", least), ("max", Vec3::max)] {
         let said = glb.json["accessors"][change][name].as_array().unwrap();
         let said: Vec<f32> = said.iter().map(|b| b.as_f64().unwrap() as f32).collect();
         let expected = moved.clone().reduce(pick).unwrap();
