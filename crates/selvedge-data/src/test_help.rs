@@ -2,12 +2,13 @@
 
 use std::fmt::Display;
 use std::ops::ControlFlow;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::{Vec2, Vec3};
 use selvedge_cloth::{Cloth, ClothArrays, Handles, Topology};
-use selvedge_data::export::{ExportOptions, export};
+use selvedge_data::export::{ExportFormat, ExportOptions, export};
 use selvedge_data::{Provenance, Trajectory};
+use tempfile::TempDir;
 
 /// A cloth of these rest positions, material coordinates, faces and handles.
 pub(crate) fn sheet(rest: &[Vec3], flat: &[Vec2], faces: &[[u32; 3]], handles: &[u32]) -> Cloth {
@@ -21,20 +22,47 @@ pub(crate) fn sheet(rest: &[Vec3], flat: &[Vec2], faces: &[[u32; 3]], handles: &
     Cloth::new(topology, Handles::new(handles, rest.len()).unwrap(), arrays).unwrap()
 }
 
-/// A run of `cloth`, without a scene.
-pub(crate) fn run(cloth: Cloth, frame_rate: f64, positions: Vec<Vec3>) -> Trajectory {
-    let provenance = Provenance {
+/// Of a run without a scene.
+pub(crate) fn provenance(frame_rate: f64, made_by: &str) -> Provenance {
+    Provenance {
         frame_rate,
         scene: serde_json::Value::Null,
-        made_by: "tests".to_owned(),
-    };
-    Trajectory::new(cloth, positions, provenance).unwrap()
+        made_by: made_by.to_owned(),
+    }
+}
+
+/// A run of `cloth`, without a scene.
+pub(crate) fn run(cloth: Cloth, frame_rate: f64, positions: Vec<Vec3>) -> Trajectory {
+    Trajectory::new(cloth, positions, provenance(frame_rate, "tests")).unwrap()
 }
 
 /// Writes what `options` choose of a run.
 pub(crate) fn write(trajectory: &Trajectory, path: &Path, options: &ExportOptions) {
     let mut go_on = || ControlFlow::Continue(());
     export(trajectory, path, options, &mut go_on).unwrap();
+}
+
+/// The plain options of a format, as `edit` changes them.
+pub(crate) fn options(
+    format: ExportFormat,
+    edit: impl FnOnce(&mut ExportOptions),
+) -> ExportOptions {
+    let mut options = ExportOptions::plain(format);
+    edit(&mut options);
+    options
+}
+
+/// A new folder, and in it the file of this name that [`options`] make of a run.
+pub(crate) fn exported(
+    trajectory: &Trajectory,
+    format: ExportFormat,
+    name: &str,
+    edit: impl FnOnce(&mut ExportOptions),
+) -> (TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join(name);
+    write(trajectory, &path, &options(format, edit));
+    (folder, path)
 }
 
 /// A file of tensors with its header replaced by `edit` of it.

@@ -124,32 +124,6 @@ impl SectionRule {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use selvedge_cloth::motion::named;
-
-    fn training() -> Vec<(&'static str, usize)> {
-        named::training().into_iter().map(|n| (n, 1261)).collect()
-    }
-
-    #[test]
-    fn the_paper_has_42_sections_and_6550_samples() {
-        let sections = SectionRule::Paper.sections(&training()).unwrap();
-        assert_eq!(sections.len(), 42);
-        let samples: usize = sections.iter().map(|s| s.samples().count()).sum();
-        assert_eq!(samples, 6550);
-        let sorted = sections.is_sorted_by_key(|s| (s.trajectory, s.start));
-        assert!(sorted);
-    }
-
-    #[test]
-    fn whole_trajectories_give_all_samples_but_the_two_ends() {
-        let sections = SectionRule::Whole.sections(&[("a", 5), ("b", 3)]).unwrap();
-        let samples: Vec<Sample> = sections.iter().flat_map(Section::samples).collect();
-        let expected = [(0, 1), (0, 2), (0, 3), (1, 1)].map(|(trajectory, current)| Sample {
-            trajectory,
-            current,
-        });
-        assert_eq!(samples, expected);
-    }
 
     #[test]
     fn a_section_shorter_than_three_frames_has_no_sample() {
@@ -161,18 +135,5 @@ mod tests {
             };
             assert_eq!(section.samples().count(), 0, "{end}");
         }
-    }
-
-    #[test]
-    fn a_trajectory_that_is_too_short_is_named() {
-        let error = SectionRule::Paper
-            .sections(&[("forward", 900)])
-            .unwrap_err();
-        let expected =
-            "trajectory forward has 900 frames, but the section rule needs at least 1202";
-        assert!(error.to_string().starts_with(expected), "{error}");
-        let error = SectionRule::Whole.sections(&[("a", 2)]).unwrap_err();
-        let expected = "trajectory a has 2 frames, but the section rule needs at least 3";
-        assert!(error.to_string().starts_with(expected), "{error}");
     }
 }

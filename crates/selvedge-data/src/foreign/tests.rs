@@ -2,27 +2,14 @@
 //! is missing is said.
 
 use super::*;
-use crate::export::{ExportFormat, ExportOptions};
-use crate::test_help::{says, write};
+use crate::export::ExportFormat;
+use crate::test_help::{exported, says};
 use crate::trajectory::test_square::moving_square;
+use tempfile::TempDir;
 
-fn trajectory() -> Trajectory {
-    moving_square(30.0)
-}
-
-fn exported(format: ExportFormat, ending: &str) -> tempfile::TempDir {
-    exported_with(UpAxis::Y, format, ending)
-}
-
-fn exported_with(up: UpAxis, format: ExportFormat, ending: &str) -> tempfile::TempDir {
-    let folder = tempfile::tempdir().unwrap();
-    let options = ExportOptions {
-        up,
-        ..ExportOptions::plain(format)
-    };
-    let path = folder.path().join(format!("a.{ending}"));
-    write(&trajectory(), &path, &options);
-    folder
+fn cache(format: ExportFormat, ending: &str) -> TempDir {
+    let name = format!("a.{ending}");
+    exported(&moving_square(30.0), format, &name, |_| {}).0
 }
 
 fn options(rate: f64) -> ImportOptions {
@@ -46,7 +33,7 @@ fn import(folder: &Path, rate: f64) -> Result<Trajectory, FileError<Problem>> {
 
 #[test]
 fn every_cache_that_is_written_can_be_learned_from() {
-    let expected = trajectory();
+    let expected = moving_square(30.0);
     for (up, format, ending) in [
         (UpAxis::Y, ExportFormat::Usda, "usda"),
         (UpAxis::Z, ExportFormat::Usda, "usda"),
@@ -56,18 +43,16 @@ fn every_cache_that_is_written_can_be_learned_from() {
         (UpAxis::Y, ExportFormat::Glb, "glb"),
         (UpAxis::Y, ExportFormat::Pc2, "pc2"),
     ] {
-        let folder = exported_with(up, format, ending);
+        let name = format!("a.{ending}");
+        let (folder, _) = exported(&expected, format, &name, |o| o.up = up);
         let read = import(folder.path(), 30.0).unwrap();
         assert_eq!(read.frame_count(), 5, "{ending}");
         assert_eq!(read.frame_rate(), 30.0);
         for (a, b) in read.positions().iter().zip(expected.positions()) {
             assert!(a.distance(*b) < 1e-6, "{ending}: {a} {b}");
         }
-        assert_eq!(
-            read.topology().faces(),
-            expected.topology().faces(),
-            "{ending}"
-        );
+        let [found, faces] = [&read, &expected].map(|run| run.topology().faces());
+        assert_eq!(found, faces, "{ending}");
         assert_eq!(read.handles().vertices(), expected.handles().vertices());
         let [found, flat] = [&read, &expected].map(|run| run.cloth().material_coordinates());
         assert_eq!(found, flat, "{ending}");
@@ -79,22 +64,20 @@ fn every_cache_that_is_written_can_be_learned_from() {
 #[test]
 fn frames_are_taken_at_the_rate_that_is_asked_for() {
     for (format, ending) in [(ExportFormat::Glb, "glb"), (ExportFormat::Usdc, "usdc")] {
-        let folder = exported(format, ending);
+        let folder = cache(format, ending);
         let twice = import(folder.path(), 60.0).unwrap();
         assert_eq!(twice.frame_count(), 9, "{ending}");
         for vertex in 0..4 {
-            let [a, b] = [0, 1].map(|frame| trajectory().frame(frame)[vertex]);
-            assert!(
-                twice.frame(1)[vertex].distance(a.midpoint(b)) < 1e-5,
-                "{ending}"
-            );
+            let [a, b] = [0, 1].map(|frame| moving_square(30.0).frame(frame)[vertex]);
+            let apart = twice.frame(1)[vertex].distance(a.midpoint(b));
+            assert!(apart < 1e-5, "{ending}: {apart}");
         }
     }
 }
 
 #[test]
 fn what_is_missing_is_named() {
-    let folder = exported(ExportFormat::Pc2, "pc2");
+    let folder = cache(ExportFormat::Pc2, "pc2");
     std::fs::remove_file(folder.path().join("a.obj")).unwrap();
     says(import(folder.path(), 30.0).unwrap_err(), &["a.obj"]);
     let light = ImportOptions {
@@ -112,11 +95,9 @@ fn what_is_missing_is_named() {
 }
 
 fn handles(folder: &Path, options: &ImportOptions) -> Result<Vec<u32>, String> {
-    let source = ForeignSource::open(folder, options);
-    let source = source.map_err(|error| error.to_string())?;
-    let read = source
-        .read(&source.runs()[0])
-        .map_err(|error| error.to_string())?;
+    let read = ForeignSource::open(folder, options);
+    let read = read.and_then(|source| source.read(&source.runs()[0]));
+    let read = read.map_err(|error| error.to_string())?;
     Ok(read.handles().vertices().iter().map(|v| v.0).collect())
 }
 
@@ -134,21 +115,19 @@ fn handles_are_those_that_go_with_nodes() {
         (ExportFormat::Usdc, "usdc"),
         (ExportFormat::Glb, "glb"),
     ] {
-        let folder = exported(format, ending);
-        let found = handles(folder.path(), &named(&["handle_0", "handle_1"]));
-        assert_eq!(found.unwrap(), [3, 2], "{ending}");
-        let found = handles(folder.path(), &named(&["handle_1"]));
-        assert_eq!(found.unwrap(), [2], "{ending}");
-        says(
-            handles(folder.path(), &named(&["hand"])).unwrap_err(),
-            &["\"hand\"", "handle_1"],
+        let folder = cache(format, ending);
+        let found = |names: &[&str]| handles(folder.path(), &named(names));
+        assert_eq!(
+            found(&["handle_0", "handle_1"]).unwrap(),
+            [3, 2],
+            "{ending}"
         );
+        assert_eq!(found(&["handle_1"]).unwrap(), [2], "{ending}");
+        says(found(&["hand"]).unwrap_err(), &["\"hand\"", "handle_1"]);
     }
-    let folder = exported(ExportFormat::Pc2, "pc2");
-    says(
-        handles(folder.path(), &named(&["handle_0"])).unwrap_err(),
-        &["a.pc2", "without nodes"],
-    );
+    let folder = cache(ExportFormat::Pc2, "pc2");
+    let none = handles(folder.path(), &named(&["handle_0"]));
+    says(none.unwrap_err(), &["a.pc2", "without nodes"]);
 }
 
 /// Two triangles, of which the one called `left` is moved by its vertices 0 and 2.
@@ -185,18 +164,16 @@ def Mesh "left"
 fn one_cloth_of_several_is_named() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("two.usda"), TWO).unwrap();
-    let of = |object: Option<&str>| ImportOptions {
-        handles: HandleSource::Vertices(vec![0, 2]),
-        object: object.map(str::to_owned),
-        ..options(30.0)
+    let of = |object: Option<&str>| {
+        let options = ImportOptions {
+            handles: HandleSource::Vertices(vec![0, 2]),
+            object: object.map(str::to_owned),
+            ..options(30.0)
+        };
+        handles(folder.path(), &options)
     };
-    assert_eq!(handles(folder.path(), &of(Some("left"))).unwrap(), [0, 2]);
-    says(
-        handles(folder.path(), &of(None)).unwrap_err(),
-        &["[left, right]", "`object`"],
-    );
-    says(
-        handles(folder.path(), &of(Some("middle"))).unwrap_err(),
-        &["\"middle\"", "[left, right]"],
-    );
+    assert_eq!(of(Some("left")).unwrap(), [0, 2]);
+    says(of(None).unwrap_err(), &["[left, right]", "`object`"]);
+    let words = ["\"middle\"", "[left, right]"];
+    says(of(Some("middle")).unwrap_err(), &words);
 }

@@ -279,6 +279,7 @@ pub fn remove_parts(folder: &Path) -> io::Result<Vec<PathBuf>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::test_help::says;
 
     /// The names of what is in a folder, in order.
     fn names_in(folder: &Path) -> Vec<String> {
@@ -289,28 +290,30 @@ mod tests {
         names
     }
 
+    /// The permissions of what is at a path.
+    #[cfg(unix)]
+    fn mode(path: &Path) -> u32 {
+        use std::os::unix::fs::PermissionsExt;
+        fs::metadata(path).unwrap().permissions().mode() & 0o7777
+    }
+
+    #[cfg(unix)]
+    fn is_link(path: &Path) -> bool {
+        fs::symlink_metadata(path).unwrap().is_symlink()
+    }
+
     #[test]
-    fn replaces_a_file_and_leaves_nothing_else() {
+    fn a_file_is_replaced_and_a_failure_keeps_it_and_names_it() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.txt");
         fs::write(&path, "old").unwrap();
         write_atomically(&path, |w| w.write_all(b"new")).unwrap();
-        assert_eq!(fs::read(&path).unwrap(), b"new");
-        assert_eq!(names_in(folder.path()), ["a.txt"]);
-    }
-
-    #[test]
-    fn a_failure_keeps_the_old_file_and_names_it() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.txt");
-        fs::write(&path, "old").unwrap();
         let error = write_atomically(&path, |w| {
             w.write_all(&[0; 1 << 20])?;
             Err(io::Error::from(io::ErrorKind::StorageFull))
-        })
-        .unwrap_err();
-        assert!(error.to_string().contains("a.txt"), "{error}");
-        assert_eq!(fs::read(&path).unwrap(), b"old");
+        });
+        says(error.unwrap_err(), &["a.txt"]);
+        assert_eq!(fs::read(&path).unwrap(), b"new");
         assert_eq!(names_in(folder.path()), ["a.txt"]);
     }
 
@@ -331,17 +334,15 @@ mod tests {
         write_folder_atomically(&path, fill).unwrap();
         assert_eq!(names_in(folder.path()), ["frames"]);
         assert_eq!(names_in(&path), ["a"]);
-        let error = write_folder_atomically(&path, fill).unwrap_err();
-        assert!(error.to_string().contains("not empty"), "{error}");
+        let again = write_folder_atomically(&path, fill);
+        says(again.unwrap_err(), &["not empty"]);
         let file = path.join("a");
         assert!(write_folder_atomically(&file, fill).is_err());
         assert_eq!(fs::read(&file).unwrap(), b"a");
         #[cfg(unix)]
         {
-            use std::os::unix::fs::PermissionsExt;
             let ordinary = folder.path().join("ordinary");
             fs::create_dir(&ordinary).unwrap();
-            let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode();
             assert_eq!(mode(&ordinary), mode(&path));
         }
     }
@@ -379,16 +380,14 @@ mod tests {
     #[cfg(unix)]
     #[test]
     fn has_the_permissions_of_an_ordinary_file_and_writes_through_links() {
-        use std::os::unix::fs::PermissionsExt;
         let folder = tempfile::tempdir().unwrap();
         let [ordinary, ours, link] = ["ordinary", "ours", "link"].map(|n| folder.path().join(n));
         fs::write(&ordinary, "").unwrap();
         write_atomically(&ours, |_| Ok(())).unwrap();
-        let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode();
         assert_eq!(mode(&ours), mode(&ordinary));
         std::os::unix::fs::symlink(&ours, &link).unwrap();
         write_atomically(&link, |w| w.write_all(b"through")).unwrap();
-        assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+        assert!(is_link(&link));
         assert_eq!(fs::read(&ours).unwrap(), b"through");
     }
 
@@ -403,17 +402,12 @@ mod tests {
         symlink("inner/second", at("first")).unwrap();
         symlink("../file", at("inner/second")).unwrap();
         write_atomically(&at("first"), |w| w.write_all(b"new")).unwrap();
-        assert!(fs::symlink_metadata(at("first")).unwrap().is_symlink());
-        assert!(
-            fs::symlink_metadata(at("inner/second"))
-                .unwrap()
-                .is_symlink()
-        );
+        assert!(is_link(&at("first")) && is_link(&at("inner/second")));
         assert_eq!(fs::read(at("file")).unwrap(), b"new");
         symlink("round", at("round")).unwrap();
-        let error = write_atomically(&at("round"), |_| Ok(())).unwrap_err();
-        assert!(error.to_string().contains("in a circle"), "{error}");
-        assert!(fs::symlink_metadata(at("round")).unwrap().is_symlink());
+        let error = write_atomically(&at("round"), |_| Ok(()));
+        says(error.unwrap_err(), &["in a circle"]);
+        assert!(is_link(&at("round")));
     }
 
     #[cfg(unix)]
@@ -423,21 +417,18 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.txt");
         fs::write(&path, "old").unwrap();
-        for mode in [0o600, 0o664, 0o755, 0o440] {
-            fs::set_permissions(&path, fs::Permissions::from_mode(mode)).unwrap();
+        for kept in [0o600, 0o664, 0o755, 0o440] {
+            fs::set_permissions(&path, fs::Permissions::from_mode(kept)).unwrap();
             write_atomically(&path, |w| w.write_all(b"new")).unwrap();
-            let found = fs::metadata(&path).unwrap().permissions().mode() & 0o777;
-            assert_eq!(found, mode, "{found:o} {mode:o}");
+            assert_eq!(mode(&path), kept, "{kept:o}");
             write_beside(&path, |part| -> Result<(), WriteError> {
-                let meanwhile = fs::metadata(part).unwrap().permissions().mode() & 0o777;
-                assert_eq!(meanwhile, mode | 0o200, "{meanwhile:o} {mode:o}");
+                assert_eq!(mode(part), kept | 0o200, "{kept:o}");
                 fs::write(part, "theirs").unwrap();
                 Ok(())
             })
             .unwrap();
             assert_eq!(fs::read(&path).unwrap(), b"theirs");
-            let found = fs::metadata(&path).unwrap().permissions().mode() & 0o777;
-            assert_eq!(found, mode, "{found:o} {mode:o}");
+            assert_eq!(mode(&path), kept, "{kept:o}");
         }
     }
 

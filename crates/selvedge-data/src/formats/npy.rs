@@ -113,17 +113,9 @@ mod tests {
 
     const HEADER: &str = "{'descr': '<i4', 'fortran_order': False, 'shape': (2, 1), }";
 
-    /// Type, shape and number of bytes of an array.
-    fn read(bytes: &[u8]) -> Result<(String, Vec<usize>, usize), String> {
-        let array = Array::parse(bytes)?;
-        let length = array.data()?.len();
-        Ok((array.kind, array.shape, length))
-    }
-
-    #[test]
-    fn an_array_is_read_as_it_was_written() {
-        let bytes = file(HEADER, &[1, 0, 0, 0, 0, 1, 0, 0]);
-        assert_eq!(read(&bytes), Ok(("<i4".to_owned(), vec![2, 1], 8)));
+    /// The number of bytes of an array.
+    fn read(bytes: &[u8]) -> Result<usize, String> {
+        Ok(Array::parse(bytes)?.data()?.len())
     }
 
     #[test]

@@ -110,15 +110,6 @@ mod tests {
     }
 
     #[test]
-    fn samples_are_read_in_order() {
-        let numbers: Vec<f32> = (0..12).map(|n| n as f32).collect();
-        let read = parse(&cache(2, 2, 0.5, &numbers)).unwrap();
-        assert_eq!(read.every, 0.5);
-        assert_eq!(read.frames[1][0], DVec3::new(6.0, 7.0, 8.0));
-        assert_eq!(read.frames[0].len(), 2);
-    }
-
-    #[test]
     fn what_is_written_is_read() {
         let mut out = Vec::new();
         write_header(&mut out, 2, 1, 3).unwrap();

@@ -297,19 +297,19 @@ mod tests {
 
     #[test]
     fn a_run_diverges_where_it_stays_strained() {
-        let run = |strained: &[usize]| -> Vec<f64> {
+        for (strained, patience, expected) in [
+            (&[2, 3, 4][..], 3, None),
+            (&[2, 3, 4, 5], 3, Some(2)),
+            (&[2, 3, 4, 6, 7, 8, 9], 3, Some(6)),
+            (&[8, 9, 10, 11], 3, Some(8)),
+            (&[9, 10, 11], 3, None),
+            (&[4], 0, Some(4)),
+        ] {
             let strain = |frame| if strained.contains(&frame) { 0.4 } else { 0.1 };
-            (0..12).map(strain).collect()
-        };
-        assert_eq!(diverged_frame(&run(&[2, 3, 4]), 0.3, 3), None);
-        assert_eq!(diverged_frame(&run(&[2, 3, 4, 5]), 0.3, 3), Some(2));
-        assert_eq!(
-            diverged_frame(&run(&[2, 3, 4, 6, 7, 8, 9]), 0.3, 3),
-            Some(6)
-        );
-        assert_eq!(diverged_frame(&run(&[8, 9, 10, 11]), 0.3, 3), Some(8));
-        assert_eq!(diverged_frame(&run(&[9, 10, 11]), 0.3, 3), None);
-        assert_eq!(diverged_frame(&run(&[4]), 0.3, 0), Some(4));
+            let run: Vec<f64> = (0..12).map(strain).collect();
+            let found = diverged_frame(&run, 0.3, patience);
+            assert_eq!(found, expected, "{strained:?}");
+        }
         let lost = vec![f64::NAN; 3];
         assert_eq!(diverged_frame(&lost, 0.3, 2), Some(0));
     }

@@ -4,10 +4,8 @@
 use glam::{DVec2, DVec3};
 
 use super::*;
-use crate::UpAxis;
-use crate::export::{ExportFormat, ExportOptions, FrameSpan};
-use crate::test_help::{says, write};
-use crate::trajectory::Trajectory;
+use crate::export::ExportFormat;
+use crate::test_help::{exported, says};
 use crate::trajectory::test_square::moving_square;
 
 /// A grid of two quads that rises by a metre in three frames of 1/24 s while the node that it hangs
@@ -40,11 +38,8 @@ fn binary_usd_of_blender_is_read() {
     let polygons = body.polygons().unwrap();
     assert_eq!((polygons.positions.len(), polygons.polygons.len()), (6, 2));
     // The grid's texture coordinates are its place in the unit square.
-    for corner in polygons
-        .polygons
-        .iter()
-        .flat_map(|polygon| &polygon.corners)
-    {
+    let corners = polygons.polygons.iter().flat_map(|p| &p.corners);
+    for corner in corners {
         let place = polygons.positions[corner.vertex as usize];
         let expected = DVec2::new(place.x + 0.5, 0.5 - place.z);
         let found = polygons.texture[corner.texture.unwrap()];
@@ -57,33 +52,25 @@ fn binary_usd_of_blender_is_read() {
     assert!(place(last).distance(DVec3::new(1.0, 3.0, -2.0)) < 1e-6);
 }
 
-fn trajectory() -> Trajectory {
-    moving_square(60.0)
-}
-
-fn exported(format: ExportFormat, frames: &str) -> Vec<u8> {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("a");
-    let options = ExportOptions {
-        format,
-        frames: FrameSpan {
-            every: 2,
-            ..frames.parse().unwrap()
-        },
-        up: UpAxis::Y,
-        normals: true,
-        velocities: format != ExportFormat::Glb,
-    };
-    write(&trajectory(), &path, &options);
+fn cache(format: ExportFormat, frames: &str) -> Vec<u8> {
+    let (_folder, path) = exported(&moving_square(60.0), format, "a", |o| {
+        o.frames = frames.parse().unwrap();
+        o.frames.every = 2;
+        o.normals = true;
+        o.velocities = format != ExportFormat::Glb;
+    });
     std::fs::read(path).unwrap()
 }
 
 #[test]
 fn one_frame_does_not_move() {
-    let one = exported(ExportFormat::Usdc, "3");
+    let one = cache(ExportFormat::Usdc, "3");
     let body = read_body(&one).unwrap();
     assert_eq!(body.span_of_meshes(), None);
-    assert_eq!(body.positions(9.0)[0], trajectory().frame(3)[0].as_dvec3());
+    assert_eq!(
+        body.positions(9.0)[0],
+        moving_square(60.0).frame(3)[0].as_dvec3()
+    );
 }
 
 /// Reads `bytes` cut short, an error, and with every byte changed in some ways: no panic.
@@ -104,10 +91,10 @@ fn damage(bytes: &[u8]) {
 
 #[test]
 fn archives_of_usd_that_are_packed_or_old_are_refused() {
-    let mut packed = exported(ExportFormat::Usdz, "0..4");
+    let mut packed = cache(ExportFormat::Usdz, "0..4");
     packed[8] = 8;
     says(read_body(&packed).unwrap_err(), &["packed or encrypted"]);
-    let mut old = exported(ExportFormat::Usdc, "0..4");
+    let mut old = cache(ExportFormat::Usdc, "0..4");
     old[9] = 3;
     says(read_body(&old).unwrap_err(), &["0.3", "usdcat"]);
 }
@@ -115,7 +102,7 @@ fn archives_of_usd_that_are_packed_or_old_are_refused() {
 #[test]
 fn damaged_binary_usd_is_an_error_or_another_stage() {
     damage(BLENDER_USDC);
-    damage(&exported(ExportFormat::Usdc, "0..4"));
+    damage(&cache(ExportFormat::Usdc, "0..4"));
 }
 
 #[test]
@@ -127,17 +114,14 @@ fn what_a_cache_has_can_be_told() {
         (ExportFormat::Glb, "glb"),
     ] {
         let path = folder.path().join(format!("a.{ending}"));
-        std::fs::write(&path, exported(format, "0..4")).unwrap();
+        std::fs::write(&path, cache(format, "0..4")).unwrap();
         let [sheet] = &Rig::read_meshes(&path).unwrap()[..] else {
             panic!("{ending}: several meshes");
         };
         assert_eq!((sheet.points, sheet.faces), (4, 2), "{ending}");
-        assert_eq!(sheet.name, "sheet");
-        assert_eq!(sheet.times.len(), 3, "{ending}");
-        assert!(
-            (sheet.frame_rate().unwrap() - 30.0).abs() < 1e-3,
-            "{ending}"
-        );
+        assert_eq!((sheet.name.as_str(), sheet.times.len()), ("sheet", 3));
+        let rate = sheet.frame_rate().unwrap();
+        assert!((rate - 30.0).abs() < 1e-3, "{ending}: {rate}");
     }
     let path = folder.path().join("blender.usdc");
     std::fs::write(&path, BLENDER_USDC).unwrap();

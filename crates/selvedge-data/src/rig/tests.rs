@@ -4,7 +4,7 @@ use glam::{DMat4, DQuat, DVec3};
 use serde_json::{Value, json};
 
 use super::*;
-use crate::test_help::says;
+use crate::test_help::{refuses, says, table};
 
 fn parse_glb(bytes: &[u8]) -> Result<Rig, RigError> {
     Rig::parse(bytes, RigFormat::Glb, Wanted::Nodes)
@@ -83,12 +83,8 @@ fn arm_bytes(json: Value) -> Vec<u8> {
         let half = turns * std::f64::consts::PI;
         [0, unit(half.sin()), 0, unit(half.cos())]
     });
-    let turns: Vec<u8> = turns
-        .iter()
-        .flatten()
-        .flat_map(|v| v.to_le_bytes())
-        .collect();
-    glb(json, &floats, &turns)
+    let turns = turns.map(|turn| turn.map(i16::to_le_bytes));
+    glb(json, &floats, turns.as_flattened().as_flattened())
 }
 
 #[test]
@@ -104,11 +100,8 @@ fn handles_move_rigidly_with_a_node_within_a_node() {
         let angle = std::f64::consts::PI * share;
         let expected = DVec3::new(3.0 * angle.cos(), share, -3.0 * angle.sin());
         // The turns are rounded to 1/32767, on an arm of 3 m.
-        assert!(
-            frame[0].distance(expected) < 3.0 * 2.0 / 32767.0,
-            "{number}: {} {expected}",
-            frame[0]
-        );
+        let apart = frame[0].distance(expected);
+        assert!(apart < 3.0 * 2.0 / 32767.0, "{number}: {apart}");
     }
 }
 
@@ -118,22 +111,20 @@ fn a_node_that_stands_may_be_followed_beside_one_that_moves() {
     let frames = follow(&rig, &["lamp", "shoulder"], &[DVec3::X, DVec3::ZERO], 2.0);
     assert!(frames.iter().all(|frame| frame[0] == DVec3::X));
     assert_eq!(frames[2][1], DVec3::Y);
-    assert_eq!(
-        problem(&rig, &["lamp"]),
-        "none of the nodes [lamp] is animated"
-    );
+    let still = "none of the nodes [lamp] is animated";
+    assert_eq!(problem(&rig, &["lamp"]), still);
 }
 
 #[test]
 fn a_node_whose_keys_begin_later_than_the_file_rests_until_then() {
     let mut json = arm();
     // The second and the third time of the others, with their first two heights.
-    let late = json!([
-        { "bufferView": 0, "byteOffset": 4, "componentType": 5126, "count": 2, "type": "SCALAR" },
-        { "bufferView": 0, "byteOffset": 12, "componentType": 5126, "count": 2, "type": "VEC3" },
-    ]);
     let accessors = json["accessors"].as_array_mut().unwrap();
-    accessors.extend(late.as_array().unwrap().clone());
+    for (place, form) in [(4, "SCALAR"), (12, "VEC3")] {
+        accessors.push(json!({
+            "bufferView": 0, "byteOffset": place, "componentType": 5126, "count": 2, "type": form,
+        }));
+    }
     json["animations"].as_array_mut().unwrap().push(json!({
         "samplers": [{ "input": 3, "output": 4 }],
         "channels": [{ "sampler": 0, "target": { "node": 2, "path": "translation" } }],
@@ -146,30 +137,31 @@ fn a_node_whose_keys_begin_later_than_the_file_rests_until_then() {
 
 #[test]
 fn what_a_gltf_file_lacks_is_named() {
-    let parsed = |from: &str, to: Value| {
+    let parsed = |place: &str, to: Value| {
         let mut json = arm();
-        *json.pointer_mut(from).unwrap() = to;
+        *json.pointer_mut(place).unwrap() = to;
         parse_glb(&arm_bytes(json))
     };
-    let error = |from: &str, to: Value| parsed(from, to).unwrap_err().to_string();
     let rig = parse_glb(&arm_bytes(arm())).unwrap();
-    assert_eq!(
-        problem(&rig, &["hnad"]),
-        "there is no node called \"hnad\"; there are [shoulder, hand, lamp]"
-    );
+    let none = "there is no node called \"hnad\"; there are [shoulder, hand, lamp]";
+    assert_eq!(problem(&rig, &["hnad"]), none);
     let twice = parsed("/nodes/2/name", json!("hand")).unwrap();
-    assert!(problem(&twice, &["hand"]).contains("2 nodes are called"));
-    assert!(error("/nodes/0/children", json!([7])).contains("no child 7"));
-    assert!(error("/nodes/1", json!({ "children": [0] })).contains("within itself"));
-    assert!(error("/accessors/1/count", json!(4)).contains("reaches beyond"));
-    assert!(error("/accessors/1/count", json!(2)).contains("as many values as times"));
-    assert!(error("/accessors/0/byteOffset", json!(40)).contains("reaches beyond"));
-    assert!(error("/accessors/1/type", json!("VEC2")).contains("expected VEC3, found VEC2"));
-    assert!(error("/accessors/1/componentType", json!(5121)).contains("type"));
-    assert!(error("/animations/0/samplers/0/interpolation", json!("SMOOTH")).contains("SMOOTH"));
-    assert!(
-        error("/animations/0/channels/1/target/path", json!("translation")).contains("keep one")
-    );
+    says(problem(&twice, &["hand"]), &["2 nodes are called"]);
+    let cases = r#"
+        /nodes/0/children | [7] | no child 7
+        /nodes/1 | { "children": [0] } | within itself
+        /accessors/1/count | 4 | reaches beyond
+        /accessors/1/count | 2 | as many values as times
+        /accessors/0/byteOffset | 40 | reaches beyond
+        /accessors/1/type | "VEC2" | expected VEC3, found VEC2
+        /accessors/1/componentType | 5121 | type
+        /animations/0/samplers/0/interpolation | "SMOOTH" | SMOOTH
+        /animations/0/channels/1/target/path | "translation" | keep one
+    "#;
+    for [place, to, named] in table(cases) {
+        let error = parsed(place, serde_json::from_str(to).unwrap());
+        says(error.unwrap_err(), &[named]);
+    }
     let whole = arm_bytes(arm());
     for end in 0..whole.len() - 4 {
         assert!(parse_glb(&whole[..end]).is_err(), "{end}");
@@ -187,28 +179,29 @@ fn gltf_splines_go_through_their_keys() {
     let mut json = arm();
     json["animations"][0]["samplers"][0]["interpolation"] = json!("CUBICSPLINE");
     json["accessors"] = json!([
-        { "bufferView": 0, "componentType": 5126, "count": 2, "type": "SCALAR" },
-        { "bufferView": 0, "byteOffset": 8, "componentType": 5126, "count": 6, "type": "VEC3" },
+        { "bufferView": 0, "componentType": 5126, "count": 3, "type": "SCALAR" },
+        { "bufferView": 0, "byteOffset": 12, "componentType": 5126, "count": 9, "type": "VEC3" },
     ]);
     json["animations"][0]["channels"] = json!([
         { "sampler": 0, "target": { "node": 0, "path": "translation" } }
     ]);
-    json["bufferViews"] = json!([{ "buffer": 0, "byteLength": 80 }]);
-    // x(t) = t² from 0 to 2 s: tangents 0 and 4.
-    let mut floats = vec![0.0, 2.0];
-    for value in [0.0, 0.0, 0.0, 4.0, 4.0, 4.0] {
-        floats.extend([value, 0.0, 0.0]);
+    json["bufferViews"] = json!([{ "buffer": 0, "byteLength": 120 }]);
+    // A Hermite piece is exact for any cubic: a tangent, the value, and the tangent again.
+    let x = |t: f32| t * t * t - 2.0 * t + 1.0;
+    let slope = |t: f32| 3.0 * t * t - 2.0;
+    let mut floats = vec![0.0, 0.5, 2.0];
+    for t in floats.clone() {
+        floats.extend([slope(t), 0.0, 0.0, x(t), 0.0, 0.0, slope(t), 0.0, 0.0]);
     }
     let rig = parse_glb(&glb(json, &floats, &[])).unwrap();
-    let frames = follow(&rig, &["shoulder"], &[DVec3::ZERO], 4.0);
-    assert_eq!(frames.len(), 9);
+    let frames = follow(&rig, &["shoulder"], &[DVec3::ZERO], 10.0);
+    assert_eq!(frames.len(), 21);
     for (number, frame) in frames.iter().enumerate() {
-        let time = number as f64 / 4.0;
-        // A few roundings of numbers up to 4.
-        assert!(
-            frame[0].distance(time * time * DVec3::X) < 1e-14,
-            "{number}"
-        );
+        let t = number as f64 / 10.0;
+        // The handle is where the node has gone from its first frame, at 1 m. A dozen roundings of
+        // numbers below 10.
+        let expected = (t * t * t - 2.0 * t) * DVec3::X;
+        assert!(frame[0].distance(expected) < 1e-13, "{number}: {frame:?}");
     }
 }
 
@@ -281,11 +274,7 @@ fn usd_text_is_read_with_its_axes_units_and_time() {
     for (number, frame) in frames.iter().enumerate() {
         let expected = DVec3::new(1.0, 2.0 + 0.505 * number as f64 / 12.0, 3.0);
         // A dozen roundings of numbers below 10.
-        assert!(
-            frame[0].distance(expected) < 1e-13,
-            "{number}: {}",
-            frame[0]
-        );
+        assert!(frame[0].distance(expected) < 1e-13, "{number}: {frame:?}");
     }
 }
 
@@ -312,14 +301,15 @@ fn a_stage_begins_at_its_start_code() {
 fn every_order_of_turns_is_the_product_of_its_three() {
     let angles = DVec3::new(20.0, -35.0, 50.0);
     let about = |axis: usize| DQuat::from_axis_angle(DVec3::AXES[axis], angles[axis].to_radians());
-    for (name, order) in [
-        ("XYZ", [0, 1, 2]),
-        ("XZY", [0, 2, 1]),
-        ("YXZ", [1, 0, 2]),
-        ("YZX", [1, 2, 0]),
-        ("ZXY", [2, 0, 1]),
-        ("ZYX", [2, 1, 0]),
+    for order in [
+        [0, 1, 2],
+        [0, 2, 1],
+        [1, 0, 2],
+        [1, 2, 0],
+        [2, 0, 1],
+        [2, 1, 0],
     ] {
+        let name: String = order.map(|axis| ['X', 'Y', 'Z'][axis]).iter().collect();
         let text = format!(
             "#usda 1.0\n(\n metersPerUnit = 1\n)\ndef Xform \"a\"\n{{\n float3 xformOp:rotate{name} = (20, -35, 50)\n uniform token[] xformOpOrder = [\"xformOp:rotate{name}\"]\n}}\n"
         );
@@ -357,29 +347,27 @@ def "parent"
 
 #[test]
 fn what_is_not_understood_is_named_with_its_line() {
-    let error = |from: &str, to: &str| {
+    let cases = r#"
+        #usda 1.0 | #sdf 1 | line 1: expected #usda 1.0
+        "Z" | "X" | line 8: upAxis
+        metersPerUnit = 0.01 | metersPerUnit = 0 | line 5: metersPerUnit
+        (100, 0, 0) | (100, nan, 0) | expected a finite number, found nan
+        defaultPrim | subLayers = [@a.usda@]\n defaultPrim | sublayers
+        def Xform "hand" | deff Xform "hand" | hand
+    "#;
+    refuses(cases, |from, to| {
         assert!(STAGE.contains(from), "{from}");
         let parsed = parse_usd(STAGE.replacen(from, to, 1).as_bytes());
-        parsed.unwrap_err().to_string()
-    };
-    assert!(error("#usda 1.0", "#sdf 1").contains("line 1: expected #usda 1.0"));
-    assert!(error("\"Z\"", "\"X\"").contains("line 8: upAxis"));
-    assert!(error("metersPerUnit = 0.01", "metersPerUnit = 0").contains("line 5: metersPerUnit"));
-    assert!(error("(100, 0, 0)", "(100, nan, 0)").contains("expected a finite number, found nan"));
-    assert!(error("defaultPrim", "subLayers = [@a.usda@]\n defaultPrim").contains("sublayers"));
-    assert!(error("def Xform \"hand\"", "deff Xform \"hand\"").contains("hand"));
+        parsed.map_err(|error| error.to_string())
+    });
     let rig = parse_usd(STAGE.as_bytes()).unwrap();
-    says(
-        problem(&rig, &["ghost"]),
-        &["it is an over of what this file does not define"],
-    );
-    assert!(problem(&rig, &["none"]).contains("[world, hand, sheet, ghost]"));
+    let ghost = problem(&rig, &["ghost"]);
+    says(ghost, &["it is an over of what this file does not define"]);
+    says(problem(&rig, &["none"]), &["[world, hand, sheet, ghost]"]);
     let shear = STAGE.replace("xformOp:orient", "xformOp:shear");
     let rig = parse_usd(shear.as_bytes()).unwrap();
-    says(
-        problem(&rig, &["hand"]),
-        &["xformOp:shear (line 32)", "not understood"],
-    );
+    let words = ["xformOp:shear (line 32)", "not understood"];
+    says(problem(&rig, &["hand"]), &words);
     says(parse_usd(b"PXR-USDC\0\0").unwrap_err(), &["version 0.0"]);
 }
 

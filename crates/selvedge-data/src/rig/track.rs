@@ -199,26 +199,6 @@ mod tests {
     }
 
     #[test]
-    fn a_spline_with_the_tangents_of_a_cubic_is_that_cubic() {
-        // x(t) = t³ - 2t + 1: a Hermite piece is exact for any cubic.
-        let x = |t: f64| DVec3::splat(t * t * t - 2.0 * t + 1.0);
-        let slope = |t: f64| DVec3::splat(3.0 * t * t - 2.0);
-        let times = [-1.0, 0.5, 2.0];
-        let tangents = times.map(|t| [slope(t); 2]).to_vec();
-        let track = Track::new(
-            times.to_vec(),
-            times.map(x).to_vec(),
-            Joined::BySplines(tangents),
-        );
-        let track = track.unwrap();
-        for k in 0..=30 {
-            let t = -1.0 + 0.1 * f64::from(k);
-            // A dozen roundings of numbers below 10.
-            assert!(track.at(t).distance(x(t)) < 1e-13, "{t}");
-        }
-    }
-
-    #[test]
     fn turns_go_the_shorter_way() {
         let turn = |angle: f64| DQuat::from_rotation_y(angle);
         let track = Track::new(

@@ -129,6 +129,7 @@ impl LoadedScene {
 mod tests {
     use super::super::file::open_scene;
     use super::*;
+    use crate::test_help::says;
 
     #[test]
     fn another_material_and_motion_are_in_scene_and_spec_alike() {
@@ -151,10 +152,8 @@ mod tests {
         };
         let stiff = "from = \"gray-interlock\"\nbend_multiplier = 2\n";
         let material = file("stiff.toml", stiff);
-        let motion = file(
-            "still.toml",
-            "kind = \"blocks\"\nblocks = [{ duration = 1.0 }]\n",
-        );
+        let still = "kind = \"blocks\"\nblocks = [{ duration = 1.0 }]\n";
+        let motion = file("still.toml", still);
         let changed = open_scene("default").unwrap();
         let changed = changed.of_material(&material.to_string_lossy()).unwrap();
         let changed = changed.of_motion(&motion.to_string_lossy()).unwrap();
@@ -165,20 +164,11 @@ mod tests {
     #[test]
     fn what_is_wrong_is_named_with_its_remedy() {
         let open = || open_scene("default").unwrap();
-        let wrong = [
-            (
-                open().of_material("silk"),
-                ["default: material", "gray-interlock"],
-            ),
-            (
-                open().of_motion("dance"),
-                ["default: motion.named", "forward"],
-            ),
-            (open().of_motion("gone.toml"), ["motion.file", "gone.toml"]),
-        ];
-        for (result, words) in wrong {
-            let error = result.unwrap_err().to_string();
-            assert!(words.iter().all(|word| error.contains(word)), "{error}");
-        }
+        let material = open().of_material("silk").unwrap_err();
+        says(material, &["default: material", "gray-interlock"]);
+        let motion = open().of_motion("dance").unwrap_err();
+        says(motion, &["default: motion.named", "forward"]);
+        let gone = open().of_motion("gone.toml").unwrap_err();
+        says(gone, &["motion.file", "gone.toml"]);
     }
 }

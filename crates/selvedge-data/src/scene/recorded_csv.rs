@@ -88,6 +88,7 @@ fn collect(rows: &HashMap<(usize, usize), (usize, DVec3)>) -> Result<RecordedMot
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::test_help::{says, table};
 
     #[test]
     fn rows_may_come_in_any_order() {
@@ -99,38 +100,21 @@ mod tests {
 
     #[test]
     fn what_is_wrong_is_named_with_its_line() {
-        let cases = [
-            ("", "line 1: expected the header"),
-            ("time,handle,x,y,z\n", "found \"time,handle,x,y,z\""),
-            ("frame,handle,x,y,z\n", "there are no rows"),
-            (
-                "frame,handle,x,y,z\n0,0,1,2\n",
-                "line 2: expected 5 columns, found 4",
-            ),
-            (
-                "frame,handle,x,y,z\n0,0,1,2,NaN\n",
-                "line 2: z must be a finite number, found \"NaN\"",
-            ),
-            (
-                "frame,handle,x,y,z\n\n0,-1,1,2,3\n",
-                "line 3: handle must be a number from 0",
-            ),
-            (
-                "frame,handle,x,y,z\n0,0,1,2,3\n2,0,1,2,3\n",
-                "no row for frame 1, handle 0",
-            ),
-            (
-                "frame,handle,x,y,z\n0,0,1,2,3\n0,0,1,2,3\n",
-                "line 3: frame 0, handle 0 was already given in line 2",
-            ),
-            (
-                "frame,handle,x,y,z\n18446744073709551615,0,1,2,3\n",
-                "no row for frame 0, handle 0",
-            ),
-        ];
-        for (text, expected) in cases {
-            let error = parse_recorded_csv(text).unwrap_err().to_string();
-            assert!(error.contains(expected), "{error} lacks {expected}");
+        let refused = |text: &str| parse_recorded_csv(text).unwrap_err();
+        says(refused(""), &["line 1: expected the header"]);
+        let words = ["found \"time,handle,x,y,z\""];
+        says(refused("time,handle,x,y,z\n"), &words);
+        says(refused("frame,handle,x,y,z\n"), &["there are no rows"]);
+        let cases = r#"
+            0,0,1,2\n | line 2: expected 5 columns, found 4
+            0,0,1,2,NaN\n | line 2: z must be a finite number, found "NaN"
+            \n0,-1,1,2,3\n | line 3: handle must be a number from 0
+            0,0,1,2,3\n2,0,1,2,3\n | no row for frame 1, handle 0
+            0,0,1,2,3\n0,0,1,2,3\n | line 3: frame 0, handle 0 was already given in line 2
+            18446744073709551615,0,1,2,3\n | no row for frame 0, handle 0
+        "#;
+        for [rows, expected] in table(cases) {
+            says(refused(&format!("frame,handle,x,y,z\n{rows}")), &[expected]);
         }
     }
 }

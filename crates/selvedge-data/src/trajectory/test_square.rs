@@ -1,10 +1,9 @@
 //! A small cloth that moves, for tests of files.
 
 use glam::{Vec2, Vec3};
-use serde_json::Value;
 
-use super::{Provenance, Trajectory};
-use crate::test_help::sheet;
+use super::Trajectory;
+use crate::test_help::{provenance, sheet};
 
 /// A square of two triangles that moves and bends for five frames, held by its vertices 3 and 2.
 pub(crate) fn moving_square(frame_rate: f64) -> Trajectory {
@@ -14,10 +13,6 @@ pub(crate) fn moving_square(frame_rate: f64) -> Trajectory {
         flat.map(|c| Vec3::new(c.x + 0.1 * t, c.y * (1.0 - 0.01 * t), 0.05 * t * t * c.x))
     };
     let cloth = sheet(&at(0), &flat, &[[0, 1, 2], [0, 2, 3]], &[3, 2]);
-    let provenance = Provenance {
-        frame_rate,
-        scene: Value::Null,
-        made_by: "tests; of = caches".to_owned(),
-    };
+    let provenance = provenance(frame_rate, "tests; of = caches");
     Trajectory::new(cloth, (0..5).flat_map(at).collect(), provenance).unwrap()
 }

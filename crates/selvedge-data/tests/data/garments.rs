@@ -1,26 +1,25 @@
 //! Garments in files of other programs: what Selvedge exports comes back sewn, and a shirt written
 //! by a script, as Blender would write it, is one cloth of four panels.
 
-use crate::help::{run, says, write};
+use crate::help::{exported, run, says, table};
 use glam::DVec3;
 use selvedge_cloth::{Cloth, Handles, Mesh};
-use selvedge_data::export::{ExportFormat, ExportOptions};
+use selvedge_data::export::ExportFormat;
 use selvedge_data::{
-    MeshOptions, PatternSource, TextureUnit, Trajectory, UpAxis, parse_obj_with, read_mesh,
+    MeshOptions, PatternSource, ReadMesh, TextureUnit, Trajectory, parse_obj_with, read_mesh,
 };
 
-fn exported(mesh: &Mesh, format: ExportFormat, up: UpAxis, path: &std::path::Path) {
+/// The mesh as it comes back from a file of this format, and the bytes of the file.
+fn back(mesh: &Mesh, format: ExportFormat, name: &str) -> (ReadMesh, Vec<u8>) {
     let vertices = mesh.positions().len();
     let cloth = Cloth::of_mesh(mesh, 0.2, Handles::new(&[0], vertices).unwrap()).unwrap();
     let positions = cloth.rest_positions().to_vec();
     let trajectory = run(cloth, 60.0, positions);
     let again = Trajectory::from_bytes(&trajectory.to_bytes()).unwrap();
     assert_eq!(again, trajectory);
-    let options = ExportOptions {
-        up,
-        ..ExportOptions::plain(format)
-    };
-    write(&trajectory, path, &options);
+    let (_folder, path) = exported(&trajectory, format, name, |_| {});
+    let read = read_mesh(&path, MeshOptions::default()).unwrap();
+    (read, std::fs::read(path).unwrap())
 }
 
 #[test]
@@ -43,29 +42,24 @@ fn exports_have_the_texture_of_the_file_or_none() {
     };
     let read = |text: &str, options| parse_obj_with(text, options).unwrap().sheet.mesh;
     let own = read(&atlas, MeshOptions::default());
-    let own: Vec<_> = own.pattern().faces().collect();
-    let folder = tempfile::tempdir().unwrap();
     for (name, format) in [
         ("a.glb", ExportFormat::Glb),
         ("a.usda", ExportFormat::Usda),
+        ("a.usdc", ExportFormat::Usdc),
         ("a.obj", ExportFormat::Obj),
     ] {
-        let path = folder.path().join(name);
         for options in [fit, shape] {
-            exported(&read(&atlas, options), format, UpAxis::Y, &path);
-            let back = read_mesh(&path, MeshOptions::default()).unwrap();
-            let faces: Vec<_> = back.sheet.mesh.pattern().faces().collect();
-            assert_eq!(faces, own, "{name}");
+            let (back, _) = back(&read(&atlas, options), format, name);
+            assert!(back.warnings.is_empty() && !back.is_own_shape, "{name}");
+            let mesh = &back.sheet.mesh;
+            assert_eq!(mesh.topology(), own.topology(), "{name}");
+            assert!(mesh.pattern().is_sewn(), "{name}");
+            assert!(mesh.pattern().faces().eq(own.pattern().faces()), "{name}");
         }
-        exported(
-            &read(&plain, MeshOptions::default()),
-            format,
-            UpAxis::Y,
-            &path,
-        );
-        let back = read_mesh(&path, MeshOptions::default()).unwrap();
+        let bare = read(&plain, MeshOptions::default());
+        let (back, bytes) = back(&bare, format, name);
         assert!(back.is_own_shape, "{name}");
-        let text = String::from_utf8_lossy(&std::fs::read(&path).unwrap()).into_owned();
+        let text = String::from_utf8_lossy(&bytes);
         let texture = ["TEXCOORD", "primvars:st", "vt "];
         assert!(!texture.iter().any(|words| text.contains(words)), "{name}");
         // No vertex is split where there is no texture.
@@ -91,33 +85,25 @@ fn materials_and_units_of_other_formats_are_read() {
     std::fs::write(&path, text).unwrap();
     let read = read_mesh(&path, MeshOptions::default()).unwrap();
     let mesh = &read.sheet.mesh;
-    assert!(
-        mesh.positions()[2].distance(DVec3::new(0.1, 1.1, 0.0)) < 1e-12,
-        "{}",
-        mesh.positions()[2]
-    );
+    let place = mesh.positions()[2];
+    assert!(place.distance(DVec3::new(0.1, 1.1, 0.0)) < 1e-12, "{place}");
     assert_eq!(mesh.fabrics().names, ["Lining"]);
     assert_eq!(mesh.fabrics().of_face, [None, None, Some(0)]);
     assert_eq!(mesh.pattern().panels(), [0, 0, 1]);
     assert_eq!(read.sheet.labels["skirt"].len(), 5);
     let message = |from: &str, to: &str| {
         std::fs::write(&path, text.replace(from, to)).unwrap();
-        read_mesh(&path, MeshOptions::default())
-            .unwrap_err()
-            .to_string()
+        let read = read_mesh(&path, MeshOptions::default());
+        read.unwrap_err().to_string()
     };
-    says(
-        message("[4, 3]", "[4, 4]"),
-        &["sum to 8, but faceVertexIndices has 7"],
-    );
-    says(
-        message("1, 4, 2]\n", "1, 9, 2]\n"),
-        &["names vertex 9 of 5"],
-    );
-    says(
-        message("[0, 1, 2, 3, 4, 5, 6]", "[0, 1]"),
-        &["2 texture coordinates, for 7 corners"],
-    );
+    let cases = r#"
+        [4, 3] | [4, 4] | sum to 8, but faceVertexIndices has 7
+        1, 4, 2]\n | 1, 9, 2]\n | names vertex 9 of 5
+        [0, 1, 2, 3, 4, 5, 6] | [0, 1] | 2 texture coordinates, for 7 corners
+    "#;
+    for [from, to, named] in table(cases) {
+        says(message(from, to), &[named]);
+    }
     let error = message("def Mesh", "def Xform");
     assert!(error.ends_with("has no mesh, only nodes"), "{error}");
 }

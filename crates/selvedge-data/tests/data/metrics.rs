@@ -45,9 +45,8 @@ fn a_shift_of_3_4_5_is_5_everywhere_and_leaves_edges_alone() {
     let b = repeated(&positions, 3, |_| Vec3::new(3.0, 0.0, 4.0));
     let measures = compare(frames(&a), frames(&b), &topology).unwrap();
     assert_eq!((measures.frames, measures.frame_counts), (3, [3, 3]));
-    assert_eq!(measures.position_rmse, 5.0);
-    assert_eq!(measures.mean_vertex_error, 5.0);
-    assert_eq!(measures.position_max, 5.0);
+    let means = [measures.position_rmse, measures.mean_vertex_error];
+    assert_eq!((means, measures.position_max), ([5.0; 2], 5.0));
     assert_eq!(measures.per_frame_rmse, [5.0; 3]);
     assert_eq!(measures.edge_length_rmse, 0.0);
 }
@@ -111,8 +110,7 @@ fn a_position_that_is_not_finite_is_never_left_out() {
     broken[1].y = f32::NAN;
     let [a, b] = [&positions, &broken].map(|run| frames(run));
     let measures = compare(a, b, &topology).unwrap();
-    assert!(measures.position_rmse.is_nan());
-    assert!(measures.position_max.is_nan());
+    assert!(measures.position_rmse.is_nan() && measures.position_max.is_nan());
     let rest = material_edge_lengths(&cloth(&coordinates));
     assert!(largest_strain(b, &topology, &rest).unwrap()[0].is_nan());
 }
@@ -124,19 +122,13 @@ fn what_does_not_fit_is_an_error() {
     let two = Frames::new(&positions, 2).unwrap();
     assert!(Frames::new(&positions, 3).is_err());
     assert!(Frames::new(&positions, 0).is_err());
-    let different = MetricError::Vertices {
-        first: 4,
-        second: 2,
-    };
+    let [first, second] = [4, 2];
+    let different = MetricError::Vertices { first, second };
     assert_eq!(compare(four, two, &topology), Err(different));
-    assert_eq!(
-        compare(four, four.first(0), &topology),
-        Err(MetricError::NoFrames)
-    );
-    let short = MetricError::RestLengths {
-        expected: 5,
-        found: 1,
-    };
+    let none = compare(four, four.first(0), &topology);
+    assert_eq!(none, Err(MetricError::NoFrames));
+    let (expected, found) = (5, 1);
+    let short = MetricError::RestLengths { expected, found };
     assert_eq!(largest_strain(four, &topology, &[1.0]), Err(short));
 }
 

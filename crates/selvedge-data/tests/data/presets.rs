@@ -9,7 +9,7 @@ use selvedge_data::{
     DatasetConfig, DatasetPreset, PlannedRun, SectionRule, Split, shipped_presets,
 };
 
-use crate::help::{refuses, says};
+use crate::help::{refuses, says, table};
 
 /// A preset with these lists, sections, frame rate and own motions.
 fn preset(lists: &str, rule: &str, rate: &str, own: &str) -> Result<DatasetPreset, String> {
@@ -35,8 +35,13 @@ fn presets_resolve_to_scenes_and_a_plan() {
     assert_eq!(scene.scene.frame_count().unwrap(), 90);
     let plan = tiny.plan().unwrap();
     assert_eq!(plan.train, ["push", "turn"]);
-    let config: DatasetConfig = serde_json::from_str(&plan.config.to_string()).unwrap();
-    assert_eq!(&config, tiny.config());
+    // What is written in the configuration makes the same scenes.
+    for name in ["tiny", "generalisation-small"] {
+        let preset = DatasetPreset::open(name).unwrap();
+        let config = preset.plan().unwrap().config.to_string();
+        let config: DatasetConfig = serde_json::from_str(&config).unwrap();
+        assert_eq!(&config, preset.config());
+    }
 }
 
 #[test]
@@ -56,9 +61,9 @@ fn mistakes_in_a_preset_are_named() {
         let preset = DatasetPreset::parse(&tiny.replacen(from, to, 1), Path::new(""));
         preset.map_err(|error| error.to_string())
     });
-    let error = DatasetPreset::open("none").unwrap_err().to_string();
+    let error = DatasetPreset::open("none").unwrap_err();
     assert_eq!(
-        error,
+        error.to_string(),
         "none: is neither a file nor a shipped preset; shipped are first, tiny, small, square-100, square-400, paper, generalisation, generalisation-small, speeds-400, cloths-400, fine-400"
     );
 }
@@ -70,40 +75,24 @@ fn a_motion_under_another_name_is_still_in_both_splits() {
         let blocks = "kind = \"blocks\"\nblocks = [{ duration = 5.0 }]";
         format!("[motions.{name}.inline]\n{blocks}\n")
     };
-    for (lists, rule, own, expected) in [
-        (
-            "train = [\"forward\"]\ntest = [\"mine\"]",
-            "whole",
-            own,
-            "test: \"mine\" is the motion \"forward\" of train: test on others",
-        ),
-        (
-            "train = [\"forward\"]\ntest = []",
-            "whole",
-            &still("forward"),
-            "motions: \"forward\" is the name of a shipped motion: choose another",
-        ),
-        (
-            "train = [\"mine\"]\ntest = []",
-            "paper",
-            &still("mine"),
-            "sections: trajectory mine has 301 frames",
-        ),
-    ] {
-        let error = preset(lists, rule, "60", own).unwrap_err();
+    let lists = |train: &str, test: &str| format!("train = [{train}]\ntest = [{test}]");
+    let cases = r#"
+        "forward" | "mine" | test: "mine" is the motion "forward" of train: test on others
+        "forward" |  | motions: "forward" is the name of a shipped motion: choose another
+        "mine" |  | sections: trajectory mine has 301 frames, but the section rule needs at least 802
+    "#;
+    let owns = [
+        ("whole", own),
+        ("whole", &still("forward")),
+        ("paper", &still("mine")),
+    ];
+    for ([train, test, expected], (rule, own)) in table(cases).into_iter().zip(owns) {
+        let error = preset(&lists(train, test), rule, "60", own).unwrap_err();
         assert!(error.starts_with(expected), "{error}");
     }
-    let lists = "train = [\"mine\"]\ntest = [\"side\"]";
-    let other = preset(lists, "whole", "60", own).unwrap();
-    let plan = other.plan().unwrap();
-    assert_eq!(
-        (plan.train, plan.test),
-        (vec!["mine".to_owned()], vec!["side".to_owned()])
-    );
-    let lists = "train = \"all-training\"\ntest = \"all-test\"";
-    let all = preset(lists, "whole", "60", "").unwrap();
-    let counts = [Split::Train, Split::Test].map(|split| all.motions(split).len());
-    assert_eq!(counts, [16, 15]);
+    let other = preset(&lists("\"mine\"", "\"side\""), "whole", "60", own);
+    let plan = other.unwrap().plan().unwrap();
+    assert_eq!([plan.train, plan.test], [["mine"], ["side"]]);
 }
 
 #[test]
@@ -113,10 +102,8 @@ fn the_sections_of_the_paper_are_for_its_frame_rate() {
     assert_eq!(papers.config().sections, SectionRule::Paper);
     let whole = preset(lists, "whole", "30", "").unwrap();
     assert_eq!(whole.config().setting.frame_rate, 30.0);
-    says(
-        preset(lists, "paper", "30", "").unwrap_err(),
-        &["sections: \"paper\" counts frames of 1/60 s, but setting.frame_rate is 30"],
-    );
+    let words = ["sections: \"paper\" counts frames of 1/60 s, but setting.frame_rate is 30"];
+    says(preset(lists, "paper", "30", "").unwrap_err(), &words);
 }
 
 #[test]
@@ -124,18 +111,13 @@ fn the_paper_and_the_small_preset_have_the_counts_of_the_paper() {
     for (name, vertices) in [("paper", 1024), ("small", 400)] {
         let preset = DatasetPreset::open(name).unwrap();
         let forecast = preset.forecast();
-        let (train, test) = (Split::Train, Split::Test);
-        assert_eq!(
-            (forecast.of(train).count(), forecast.of(test).count()),
-            (16, 15)
-        );
+        let counts = [Split::Train, Split::Test].map(|split| forecast.of(split).count());
+        assert_eq!(counts, [16, 15], "{name}");
         let is_right = |run: &PlannedRun| (run.vertices, run.frames) == (vertices, 1261);
         assert!(forecast.runs.iter().all(is_right), "{name}");
-        assert_eq!(
-            (forecast.sections.len(), forecast.samples()),
-            (42, 6550),
-            "{name}"
-        );
+        let sections = &forecast.sections;
+        assert_eq!((sections.len(), forecast.samples()), (42, 6550), "{name}");
+        assert!(sections.is_sorted_by_key(|s| (s.trajectory, s.start)));
         assert_eq!(preset.plan().unwrap().train.len(), 16);
     }
 }
@@ -153,17 +135,11 @@ fn generalisation_is_every_mesh_in_every_motion() {
     assert_eq!(forecast.samples(), 0);
     for sheet in meshes {
         let prefix = format!("{}.", sheet.name);
-        let runs = forecast
-            .runs
-            .iter()
-            .filter(|run| run.name.starts_with(&prefix));
+        let runs = forecast.runs.iter();
+        let runs = runs.filter(|run| run.name.starts_with(&prefix));
         let vertices: Vec<usize> = runs.map(|run| run.vertices).collect();
         assert_eq!(vertices, vec![sheet.vertices(400.0); motions], "{prefix}");
     }
-    // What is written in the configuration makes the same scenes.
-    let config = serde_json::to_string(preset.config()).unwrap();
-    let config: DatasetConfig = serde_json::from_str(&config).unwrap();
-    assert_eq!(&config, preset.config());
     let run = |name: &str| preset.motions(Split::Test).iter().find(|m| m.name == name);
     let wide = preset.scene(run("wide-3.apart").unwrap()).unwrap();
     assert_eq!(wide.spec.setting.handles.len(), 3);
@@ -183,12 +159,8 @@ fn mistakes_in_meshes_are_named() {
         preset(lists, "whole", "60", &format!("[meshes]\n{meshes}\n"))
     };
     let two = preset("names = [\"disc\", \"quarter\"]\ndensity = 60.0\nseed = 1").unwrap();
-    let names: Vec<&str> = two
-        .forecast()
-        .runs
-        .iter()
-        .map(|r| r.name.as_str())
-        .collect();
+    let forecast = two.forecast();
+    let names: Vec<&String> = forecast.runs.iter().map(|run| &run.name).collect();
     assert_eq!(names, ["disc.bouncy", "quarter.bouncy"]);
     let cases = r#"
         names = ["cube"] | density = 60.0\nseed = 1 | no mesh is called "cube"; known are square,
@@ -214,10 +186,8 @@ fn a_set_can_be_asked_for_at_another_speed() {
     for (wrong, name) in [("all-test@0", "test-x-minus-z@0"), ("apart@2", "apart@2")] {
         let lists = format!("train = [\"side\"]\ntest = [\"{wrong}\"]");
         let error = preset(&lists, "whole", "60", "").unwrap_err();
-        assert_eq!(
-            error,
-            format!("test: no motion is called {name:?}, here or by name")
-        );
+        let expected = format!("test: no motion is called {name:?}, here or by name");
+        assert_eq!(error, expected);
     }
 }
 
@@ -233,26 +203,23 @@ fn cloths_of_the_file_run_every_test_motion() {
     let names = both.plan().unwrap().test;
     assert_eq!(names, ["one.side", "one.updown", "row.side", "row.updown"]);
     let held = |number: usize| {
-        let scene = both
-            .scene(&both.motions(Split::Test)[number])
-            .unwrap()
-            .scene;
+        let scene = both.scene(&both.motions(Split::Test)[number]);
+        let scene = scene.unwrap().scene;
         (scene.mesh.topology().vertex_count(), scene.handles.len())
     };
     assert_eq!([held(0), held(2)], [(25, 1), (25, 5)]);
     let released =
-        "{ groups = [{ name = \"a\", select = { vertices = [0] }, released = [{ from = 1.0 }] }] }";
+        "{ groups = [{ name = \"a\", select = { vertices = [0] }, released = [{ from = 1 }] }] }";
+    let corner = "{ vertices = [0] }";
+    let part = "becomes part of the name of a file";
     for (own, expected) in [
         (
-            cloth("a/b", "{ vertices = [0] }"),
-            "cloths.name: \"a/b\" becomes part of the name of a file",
+            cloth("a/b", corner),
+            &*format!("cloths.name: \"a/b\" {part}"),
         ),
+        (cloth("", corner), &format!("cloths.name: \"\" {part}")),
         (
-            cloth("", "{ vertices = [0] }"),
-            "cloths.name: \"\" becomes part",
-        ),
-        (
-            cloth("a", "{ vertices = [0] }").repeat(2),
+            cloth("a", corner).repeat(2),
             "cloths.name: two are called \"a\"",
         ),
         (
@@ -260,7 +227,8 @@ fn cloths_of_the_file_run_every_test_motion() {
             "cloths.handles: has groups that let go",
         ),
     ] {
-        says(preset(lists, "whole", "60", &own).unwrap_err(), &[expected]);
+        let error = preset(lists, "whole", "60", &own).unwrap_err();
+        says(error, &[expected]);
     }
 }
 
@@ -274,35 +242,23 @@ fn a_cloth_with_training_motions_is_learned_from_and_not_tested_on() {
         )
     };
     let lists = "train = [\"forward\"]\ntest = [\"side\"]";
-    let preset = |train| preset(lists, "whole", "60", &own(train));
+    let preset = |train: &str| preset(lists, "whole", "60", &own(train));
     let found = preset("[\"mine\", \"random-3\"]").unwrap();
-    let names = |split| {
-        found
-            .forecast()
-            .of(split)
-            .map(|run| (run.name.as_str(), run.vertices))
+    let forecast = found.forecast();
+    let names = |split| -> Vec<(&str, usize)> {
+        let runs = forecast.of(split);
+        runs.map(|run| (run.name.as_str(), run.vertices)).collect()
     };
-    let learned: Vec<_> = names(Split::Train).collect();
-    assert_eq!(
-        learned,
-        [("forward", 36), ("half.mine", 20), ("half.random-3", 20)]
-    );
-    assert_eq!(names(Split::Test).collect::<Vec<_>>(), [("side", 36)]);
-    for (train, expected) in [
-        (
-            "[\"side\", \"mine\"]",
-            "test: \"side\" is the motion \"side\" of train",
-        ),
-        (
-            "[\"none\", \"mine\"]",
-            "cloths.train: no motion is called \"none\"",
-        ),
-        (
-            "[\"forward\"]",
-            "motions: \"mine\" is neither in train nor in test",
-        ),
-    ] {
-        says(preset(train).unwrap_err(), &[expected]);
+    let learned = [("forward", 36), ("half.mine", 20), ("half.random-3", 20)];
+    assert_eq!(names(Split::Train), learned);
+    assert_eq!(names(Split::Test), [("side", 36)]);
+    let cases = r#"
+        "side", "mine" | test: "side" is the motion "side" of train
+        "none", "mine" | cloths.train: no motion is called "none"
+        "forward" | motions: "mine" is neither in train nor in test
+    "#;
+    for [train, expected] in table(cases) {
+        says(preset(&format!("[{train}]")).unwrap_err(), &[expected]);
     }
 }
 

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use glam::DVec3;
 use selvedge_cloth::{Gust, Isotropic, Motion, Release};
-use selvedge_data::{DatasetPreset, LoadedScene, SceneSpec, materials, parse_scene};
+use selvedge_data::{DatasetPreset, LoadedScene, SceneSpec, Split, materials, parse_scene};
 
 use crate::help::{refuses, says};
 
@@ -38,20 +38,17 @@ fn a_material_can_change_another_or_be_isotropic() {
         loaded.scene.material
     };
     let gray = material("\"gray-interlock\"");
-    let changed = material(
-        "{ from = \"gray-interlock\", stretch_multiplier = 2, bend_multiplier = 0.5, \
-         damping = 0.01 }",
-    );
+    let changed = "stretch_multiplier = 2, bend_multiplier = 0.5, damping = 0.01";
+    let changed = material(&format!("{{ from = \"gray-interlock\", {changed} }}"));
     let mut expected = gray.clone().multiplied(2.0, 0.5);
     expected.name = "gray-interlock, changed".to_owned();
     expected.damping = 0.01;
     assert_eq!(changed, expected);
     let constants = "{ youngs_modulus = 1e6, poissons_ratio = 0.3, thickness = 5e-4 }";
-    let rubber = material(&format!(
-        "{{ name = \"rubber\", density = 0.5, isotropic = {constants} }}"
-    ));
-    let isotropic: Isotropic =
-        toml::from_str(&constants[1..constants.len() - 1].replace(',', "\n")).unwrap();
+    let rubber = format!("{{ name = \"rubber\", density = 0.5, isotropic = {constants} }}");
+    let rubber = material(&rubber);
+    let lines = constants.trim_matches(['{', '}']).replace(',', "\n");
+    let isotropic: Isotropic = toml::from_str(&lines).unwrap();
     assert_eq!(rubber.stretch, isotropic.stretch_table());
     assert_eq!(rubber.bend, isotropic.bend_table());
     assert_eq!((rubber.density, rubber.damping), (0.5, 0.0));
@@ -61,14 +58,10 @@ fn a_material_can_change_another_or_be_isotropic() {
 fn a_material_file_has_the_same_keys() {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
-    write(
-        "mine.toml",
-        &materials()[2].1.replace("11oz-black-denim", "mine"),
-    );
-    write(
-        "stiff.toml",
-        "from = \"mine.toml\"\nname = \"stiff\"\nbend_multiplier = 10\n",
-    );
+    let mine = materials()[2].1.replace("11oz-black-denim", "mine");
+    write("mine.toml", &mine);
+    let stiff = "from = \"mine.toml\"\nname = \"stiff\"\nbend_multiplier = 10\n";
+    write("stiff.toml", stiff);
     write("loop.toml", "from = \"loop.toml\"\n");
     let material = |name: &str| {
         let material = format!("material = \"{name}\"\n");
@@ -130,10 +123,8 @@ fn groups_of_handles_move_rigidly_and_let_go() {
         from,
         to,
     };
-    assert_eq!(
-        scene.schedule.releases,
-        [release(0.5, Some(0.75)), release(1.5, None)]
-    );
+    let releases = [release(0.5, Some(0.75)), release(1.5, None)];
+    assert_eq!(scene.schedule.releases, releases);
     assert!(count > 3);
     let path = scene.handle_path().unwrap();
     assert_eq!(path.frame_count(), 120);
@@ -185,12 +176,10 @@ fn gusts_are_part_of_the_environment() {
     let windy = |text: &str| parse(&[GRAY, CORNERS, STILL, "[environment]\n", text, "\n"]);
     let loaded = windy("wind = [2, 0, 0]\ngust = { speed = [1, 0, 0.5], period = 3, seed = 7 }");
     let environment = loaded.unwrap().scene.environment;
-    let speed = DVec3::new(1.0, 0.0, 0.5);
-    let (period, seed) = (3.0, 7);
     let gust = Gust {
-        speed,
-        period,
-        seed,
+        speed: DVec3::new(1.0, 0.0, 0.5),
+        period: 3.0,
+        seed: 7,
     };
     assert_eq!(environment.gust, Some(gust));
     let cases = r#"
@@ -219,14 +208,10 @@ fn a_data_set_has_no_handles_that_let_go() {
     };
     let released = "released = [{ from = 0.5, to = 0.75 }, { from = 1.5 }]\n";
     let held = preset(&GROUPS.replace(released, "")).unwrap();
-    assert!(matches!(
-        held.motions(selvedge_data::Split::Train)[0].motion,
-        Motion::Keyframes(_)
-    ));
-    says(
-        preset(GROUPS).unwrap_err(),
-        &["setting.handles: has groups that let go"],
-    );
+    let motion = &held.motions(Split::Train)[0].motion;
+    assert!(matches!(motion, Motion::Keyframes(_)));
+    let words = ["setting.handles: has groups that let go"];
+    says(preset(GROUPS).unwrap_err(), &words);
 }
 
 const BALL: &str = "contact = { thickness = 0.002, self = false }\n[[obstacles]]\nname = \"ball\"\n\
@@ -251,12 +236,9 @@ fn obstacles_and_contact_are_read_and_written_back() {
     assert_eq!(spec, loaded.spec);
     assert_eq!(spec.build(folder.path()).unwrap(), loaded.scene);
     // Without them nothing is written.
-    let bare = parse(&[GRAY, CORNERS, STILL])
-        .unwrap()
-        .spec
-        .to_json()
-        .unwrap();
-    assert!(bare["setting"].get("contact").is_none() && bare["setting"].get("obstacles").is_none());
+    let bare = parse(&[GRAY, CORNERS, STILL]).unwrap();
+    let bare = &bare.spec.to_json().unwrap()["setting"];
+    assert!(bare.get("contact").is_none() && bare.get("obstacles").is_none());
 }
 
 #[test]
@@ -269,7 +251,6 @@ fn wrong_obstacles_and_contact_are_named() {
         thickness = 0.002 | thickness = -1 | contact.thickness must be
         thickness | thickest | thickest
         radius = 0.2 | radius = -1 | obstacles["ball"].sphere.radius
-        sphere | spere | unknown field `spere`
     "#;
     refuses(cases, make);
     let twice = format!("{BALL}{alone}");

@@ -7,10 +7,10 @@ use selvedge_cloth::{Obstacle, ObstaclePath, RigidKey};
 use tempfile::TempDir;
 
 use crate::UpAxis;
-use crate::export::{ExportFormat, ExportOptions, FrameSpan, files_beside};
+use crate::export::{ExportFormat, files_beside};
 use crate::formats::arrays::ArrayFile;
 use crate::obstacle::ObstacleFile;
-use crate::test_help::{run, sheet, write};
+use crate::test_help::{exported, run, says, sheet};
 use crate::trajectory::Trajectory;
 use crate::trajectory::obstacles::ObstacleTrack;
 
@@ -30,14 +30,11 @@ fn trajectory() -> Trajectory {
         translation: DVec3::new(1.0, time, 0.0),
     };
     let turning = ObstaclePath::Rigid(vec![key(0.0), key(0.1)]);
-    let frame = |y: f64| {
-        [DVec3::Y * y, DVec3::X, DVec3::Z]
-            .map(|p| p - DVec3::Y * 3.0)
-            .to_vec()
-    };
+    let lower = |p: DVec3| p - DVec3::Y * 3.0;
+    let frame = |y: f64| [DVec3::Y * y, DVec3::X, DVec3::Z].map(lower).to_vec();
     let bending = ObstaclePath::Points {
         frame_rate: RATE,
-        frames: vec![frame(0.0), frame(1.0), frame(0.5), frame(2.0), frame(4.0)],
+        frames: [0.0, 1.0, 0.5, 2.0, 4.0].map(frame).to_vec(),
     };
     let obstacles = [
         triangle("a still-one", 5.0),
@@ -50,34 +47,25 @@ fn trajectory() -> Trajectory {
     let at = |frame: usize| corners.map(|p| p + Vec3::Z * frame as f32);
     let positions = (0..FRAMES).flat_map(at).collect();
     let made = run(cloth, RATE, positions);
-    let tracks = obstacles
-        .iter()
-        .map(|o| ObstacleTrack::of(o, RATE, 0, FRAMES));
-    made.with_obstacles(tracks.collect()).unwrap()
+    let track = |o: &Obstacle| ObstacleTrack::of(o, RATE, 0, FRAMES);
+    let tracks = obstacles.iter().map(track).collect();
+    made.with_obstacles(tracks).unwrap()
 }
 
 fn written(format: ExportFormat, name: &str, up: UpAxis) -> TempDir {
-    let folder = tempfile::tempdir().unwrap();
-    let frames = match format {
-        ExportFormat::Obj => "2".parse().unwrap(),
-        _ => FrameSpan::default(),
-    };
-    let options = ExportOptions {
-        frames,
-        up,
-        ..ExportOptions::plain(format)
-    };
-    let path = folder.path().join(name);
-    write(&trajectory(), &path, &options);
-    folder
+    let written = exported(&trajectory(), format, name, |o| {
+        o.up = up;
+        if format == ExportFormat::Obj {
+            o.frames = "2".parse().unwrap();
+        }
+    });
+    written.0
 }
 
 fn read(folder: &Path, text: &str) -> Obstacle {
     let file: ObstacleFile = toml::from_str(&format!("name = \"o\"\n{text}")).unwrap();
-    file.resolve(folder)
-        .unwrap()
-        .build(folder, RATE, &mut Vec::new())
-        .unwrap()
+    let spec = file.resolve(folder).unwrap();
+    spec.build(folder, RATE, &mut Vec::new()).unwrap()
 }
 
 /// Checks that the points of every obstacle are among those that were read, in every frame.
@@ -124,14 +112,11 @@ fn scenes_of_other_programs_have_them_in_the_same_file() {
     }
     // Turned by the writer and back by the reader.
     let folder = written(ExportFormat::Usda, "z.usda", UpAxis::Z);
-    assert_among(&read(
-        folder.path(),
-        "mesh = \"z.usda\"\nmotion = \"z.usda\"",
-    ));
+    let moving = "mesh = \"z.usda\"\nmotion = \"z.usda\"";
+    assert_among(&read(folder.path(), moving));
     let text = std::fs::read_to_string(folder.path().join("z.usda")).unwrap();
-    for name in ["\"a_still_one\"", "\"obstacle_sheet_1\"", "\"bending\""] {
-        assert!(text.contains(name), "{name}");
-    }
+    let names = ["\"a_still_one\"", "\"obstacle_sheet_1\"", "\"bending\""];
+    says(text, &names);
 }
 
 /// Alembic is written and not read: its bytes are those that Blender read (guides/export.md).
@@ -154,11 +139,8 @@ fn other_formats_have_them_in_files_of_their_own() {
     assert_is(&of("mesh = \"x.a_still_one.obj\""), 0, 0..FRAMES);
     let turning = "mesh = \"x.obstacle_sheet_1.obj\"\nmotion = \"x.obstacle_sheet_1.pc2\"";
     assert_is(&of(turning), 1, 0..FRAMES);
-    assert_is(
-        &of("mesh = \"x.bending.obj\"\nmotion = \"x.bending.pc2\""),
-        2,
-        0..FRAMES,
-    );
+    let bending = "mesh = \"x.bending.obj\"\nmotion = \"x.bending.pc2\"";
+    assert_is(&of(bending), 2, 0..FRAMES);
     assert!(!folder.path().join("x.a_still_one.pc2").exists());
 
     let folder = written(ExportFormat::ObjSequence, "all", UpAxis::Y);
@@ -197,21 +179,13 @@ fn an_archive_has_them_as_arrays() {
     let bytes = std::fs::read(folder.path().join("x.npz")).unwrap();
     let archive = ArrayFile::npz(&bytes).unwrap();
     let trajectory = trajectory();
-    for (number, (name, frames)) in [
-        ("a_still_one", 1),
-        ("obstacle_sheet_1", FRAMES),
-        ("bending", FRAMES),
-    ]
-    .into_iter()
-    .enumerate()
-    {
+    let names = ["a_still_one", "obstacle_sheet_1", "bending"];
+    for (track, name) in trajectory.obstacles().iter().zip(names) {
+        let frames = if track.is_still() { 1 } else { FRAMES };
         let array = archive.floats(&format!("obstacle_{name}")).unwrap();
         assert_eq!(array.shape, [frames, 3, 3]);
-        let track = &trajectory.obstacles()[number];
-        let expected: Vec<f64> = (0..frames)
-            .flat_map(|frame| track.frame(frame).into_owned())
-            .flat_map(|p| p.as_dvec3().to_array())
-            .collect();
+        let expected = (0..frames).flat_map(|frame| track.frame(frame).into_owned());
+        let expected: Vec<f64> = expected.flat_map(|p| p.as_dvec3().to_array()).collect();
         assert_eq!(array.values, expected);
         let faces = archive.wholes(&format!("obstacle_{name}_faces")).unwrap();
         assert_eq!(faces.values, [0, 2, 1]);

@@ -17,14 +17,12 @@ fn cloth() -> Cloth {
 /// Frames of `cloth`, vertices where `place` puts them at a time `[s]`.
 fn frames(cloth: &Cloth, count: usize, place: impl Fn(DVec3, f64) -> DVec3) -> Vec<Vec3> {
     let rest = cloth.rest_positions();
-    (0..count)
-        .flat_map(|frame| {
-            let time = frame as f64 / RATE;
-            rest.iter()
-                .map(|p| place(p.as_dvec3(), time).as_vec3())
-                .collect::<Vec<_>>()
-        })
-        .collect()
+    let at = |frame: usize| {
+        let time = frame as f64 / RATE;
+        let places = rest.iter().map(|p| place(p.as_dvec3(), time).as_vec3());
+        places.collect::<Vec<_>>()
+    };
+    (0..count).flat_map(at).collect()
 }
 
 fn character(cloth: &Cloth, positions: &[Vec3]) -> Character {
@@ -41,9 +39,8 @@ fn a_thrown_sheet_has_its_energy_and_acceleration_and_no_folds() {
     let cloth = cloth();
     let (speed, gravity) = (DVec3::new(1.0, 2.0, 0.0), DVec3::new(0.0, -9.8, 0.0));
     let count = 21;
-    let positions = frames(&cloth, count, |p, t| {
-        p + speed * t + gravity * (0.5 * t * t)
-    });
+    let thrown = |p: DVec3, t: f64| p + speed * t + gravity * (0.5 * t * t);
+    let positions = frames(&cloth, count, thrown);
     let found = character(&cloth, &positions);
     near(found.acceleration, 9.8, 2e-3);
     // Rounding of f32 positions, times the third power of the rate.
@@ -95,15 +92,8 @@ fn a_rolled_strip_has_the_curvature_of_its_cylinder() {
             rolled.push(DVec3::new(radius * angle.cos(), side, radius * angle.sin()));
         }
     }
-    let faces: Vec<[u32; 3]> = (0..strips)
-        .flat_map(|strip| {
-            let first = 2 * strip;
-            [
-                [first, first + 2, first + 1],
-                [first + 2, first + 3, first + 1],
-            ]
-        })
-        .collect();
+    let quad = |strip: u32| [[0, 2, 1], [2, 3, 1]].map(|face| face.map(|v: u32| v + 2 * strip));
+    let faces: Vec<[u32; 3]> = (0..strips).flat_map(quad).collect();
     let mesh = Mesh::new(&faces, flat, rolled.clone()).expect("a mesh");
     let handles = Handles::new(&[0], rolled.len()).expect("a handle");
     let cloth = Cloth::of_mesh(&mesh, 0.2, handles).expect("a cloth");

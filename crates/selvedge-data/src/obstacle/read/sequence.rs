@@ -108,7 +108,6 @@ impl<'a> Sequence<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::test_help::says;
 
     #[test]
     fn patterns_number_their_files() {
@@ -127,14 +126,11 @@ mod tests {
     }
 
     #[test]
-    fn files_are_taken_without_a_gap_and_have_the_same_points() {
+    fn files_are_taken_up_to_the_first_gap() {
         let folder = tempfile::tempdir().unwrap();
-        let write = |number: usize, points: &[&str]| {
-            let text: String = points.iter().map(|p| format!("v {p}\n")).collect();
-            std::fs::write(folder.path().join(format!("b{number}.obj")), text).unwrap();
-        };
         for number in [1, 2, 4] {
-            write(number, &["0 0 0", &format!("{number} 0 0")]);
+            let text = format!("v 0 0 0\nv {number} 0 0\n");
+            std::fs::write(folder.path().join(format!("b{number}.obj")), text).unwrap();
         }
         let sequence = Sequence::of("b{frame}.obj").unwrap().unwrap();
         let (frames, blake3) = sequence.read(None, folder.path()).unwrap();
@@ -142,8 +138,5 @@ mod tests {
         assert_eq!(frames[1][1], DVec3::X * 2.0);
         assert_ne!(sequence.read(Some(4), folder.path()).unwrap().1, blake3);
         assert!(sequence.read(Some(9), folder.path()).is_err());
-        write(2, &["0 0 0"]);
-        let problem = sequence.read(None, folder.path()).unwrap_err();
-        says(&problem, &["b2.obj has 1 points, but b1.obj has 2"]);
     }
 }

@@ -52,9 +52,12 @@ fn it_stands_on_the_ground_and_is_clear_of_itself_in_all_that_it_does() {
 
 #[test]
 fn what_it_does_is_chosen_by_name() {
-    let problem =
-        Desk::new().problem("name = \"m\"\nmesh = \"mannequin\"\nmotion = { animation = \"fly\" }");
-    says(&problem, &["no animation called \"fly\"; there are [stand"]);
-    let problem = Desk::new().problem("name = \"m\"\nmesh = \"mannequin\"\nmotion = \"mannequin\"");
-    says(&problem, &["several animations: choose one by `animation`"]);
+    let problem = |motion: &str| {
+        let text = format!("name = \"m\"\nmesh = \"mannequin\"\nmotion = {motion}");
+        Desk::new().problem(&text)
+    };
+    let flying = problem("{ animation = \"fly\" }");
+    says(flying, &["no animation called \"fly\"; there are [stand"]);
+    let words = ["several animations: choose one by `animation`"];
+    says(problem("\"mannequin\""), &words);
 }

@@ -37,8 +37,14 @@ impl Desk {
         let spec = self.spec(text)?;
         let json = serde_json::to_string(&spec).unwrap();
         assert_eq!(serde_json::from_str::<ObstacleSpec>(&json).unwrap(), spec);
-        let made = spec.build(self.0.path(), 60.0, &mut Vec::new());
-        made.map_err(|error| error.to_string())
+        Ok(self.warned(text)?.0)
+    }
+
+    /// The obstacle that a text makes, and the warnings.
+    fn warned(&self, text: &str) -> Result<(Obstacle, Vec<String>), String> {
+        let mut warnings = Vec::new();
+        let made = self.spec(text)?.build(self.0.path(), 60.0, &mut warnings);
+        Ok((made.map_err(|error| error.to_string())?, warnings))
     }
 
     fn problem(&self, text: &str) -> String {
@@ -60,12 +66,9 @@ fn assert_near(found: &[DVec3], expected: &[DVec3], bound: f64) {
 #[test]
 fn simple_bodies_are_placed() {
     let desk = Desk::new();
-    let ball = desk
-        .read(
-            "name = \"ball\"\nsphere = { radius = 0.3 }\nfriction = 0.2\nthickness = 0.002\n\
-            transform = { scale = 2, translation = [1, 2, 3] }",
-        )
-        .unwrap();
+    let ball = "name = \"ball\"\nsphere = { radius = 0.3 }\nfriction = 0.2\nthickness = 0.002\n\
+        transform = { scale = 2, translation = [1, 2, 3] }";
+    let ball = desk.read(ball).unwrap();
     let centre = DVec3::new(1.0, 2.0, 3.0);
     let is_on = |p: DVec3| (p.distance(centre) - 0.6).abs() < 1e-14;
     assert!(ball.positions_at(0.0).all(is_on));
@@ -78,9 +81,8 @@ fn simple_bodies_are_placed() {
     assert!((at(&wall, 0.0)[0].distance(at(&wall, 0.0)[1]) - 3.0).abs() < 1e-15);
     assert_eq!(wall.friction(), f64::INFINITY);
 
-    let cube = desk
-        .read("name = \"b\"\nbox = { size = [1, 2, 3] }")
-        .unwrap();
+    let cube = desk.read("name = \"b\"\nbox = { size = [1, 2, 3] }");
+    let cube = cube.unwrap();
     assert_eq!((cube.point_count(), cube.faces().len()), (8, 12));
     let capsule = "name = \"c\"\ncapsule = { radius = 0.1, length = 0.4 }";
     let capsule = desk.read(capsule).unwrap();
@@ -92,14 +94,13 @@ fn simple_bodies_are_placed() {
 fn meshes_are_cut_into_triangles_and_keep_their_numbers() {
     let desk = Desk::new();
     // A point without a face stays, so that motions by number fit.
-    desk.write(
-        "step.obj",
-        "v 9 9 9\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 2 3 4 5\n",
-    );
-    let step = desk.read("name = \"s\"\nmesh = \"step.obj\"").unwrap();
+    let step = "v 9 9 9\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 2 3 4 5\n";
+    desk.write("step.obj", step);
+    let text = "name = \"s\"\nmesh = \"step.obj\"";
+    let step = desk.read(text).unwrap();
     assert_eq!((step.point_count(), step.faces().len()), (5, 2));
     assert!(step.faces().as_flattened().iter().all(|&p| p > 0));
-    let spec = desk.spec("name = \"s\"\nmesh = \"step.obj\"").unwrap();
+    let spec = desk.spec(text).unwrap();
     assert_eq!(spec.files(Path::new("a")), [Path::new("a/step.obj")]);
 }
 
@@ -112,14 +113,10 @@ fn faces_without_area_are_left_out_and_crooked_ones_are_cut() {
         "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nv 0.5 0 0\nv 3 0 0\nv 4 1 0\nv 4 0 0\nv 3 1 0\n\
         f 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\nf 1 5 2\nf 1 1 2\nf 6 7 8 9\n",
     );
-    let spec = desk.spec("name = \"b\"\nmesh = \"b.obj\"").unwrap();
-    let mut warnings = Vec::new();
-    let made = spec.build(desk.0.path(), 60.0, &mut warnings).unwrap();
+    let (made, warnings) = desk.warned("name = \"b\"\nmesh = \"b.obj\"").unwrap();
     assert_eq!((made.point_count(), made.faces().len()), (9, 6));
-    assert_eq!(
-        warnings,
-        ["obstacles[\"b\"].mesh: 2 of 8 faces have no area at the start and are left out"]
-    );
+    let left_out = "2 of 8 faces have no area at the start and are left out";
+    assert_eq!(warnings, [format!("obstacles[\"b\"].mesh: {left_out}")]);
 }
 
 #[test]
@@ -152,16 +149,12 @@ fn what_is_wrong_is_named_with_the_obstacle() {
         name = "a"\nsphere = { radius = 1 }\nmotion = { file = "empty.obj" } | motion: points of a file move a mesh
     "#;
     for [text, named] in table(cases) {
-        let problem = desk.problem(text);
-        assert!(problem.contains(named), "{named}: {problem}");
+        says(desk.problem(text), &[named]);
     }
     let spec = desk.spec("name = \"a\"\nmesh = \"far.obj\"").unwrap();
     desk.write("far.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
-    says(
-        spec.build(desk.0.path(), 60.0, &mut Vec::new())
-            .unwrap_err(),
-        &["far.obj has changed since"],
-    );
+    let error = spec.build(desk.0.path(), 60.0, &mut Vec::new());
+    says(error.unwrap_err(), &["far.obj has changed since"]);
 }
 
 /// The frames of a path by points.

@@ -1,6 +1,6 @@
 //! What of a USD stage is a body, and what is said of the rest.
 
-use super::Desk;
+use super::{Desk, at};
 use crate::test_help::{says, table};
 
 /// A prim of a triangle; `with` is in its brackets, `meta` in its parentheses.
@@ -22,136 +22,100 @@ fn around(inner: &str, first: &str, with: &str) -> String {
 fn read(desk: &Desk, prims: &str) -> Result<(usize, Vec<String>), String> {
     let stage = format!("#usda 1.0\n(\n    metersPerUnit = 1\n)\n{prims}");
     desk.write("leaf.usda", stage);
-    let spec = desk.spec("name = \"leaf\"\nmesh = \"leaf.usda\"")?;
-    let mut warnings = Vec::new();
-    let made = spec.build(desk.0.path(), 60.0, &mut warnings);
-    let made = made.map_err(|error| error.to_string())?;
+    let (made, warnings) = desk.warned("name = \"leaf\"\nmesh = \"leaf.usda\"")?;
     Ok((made.point_count(), warnings))
+}
+
+/// Checks that these prims make one triangle, with one warning of these words, or none of none.
+#[track_caller]
+fn warns(prims: &str, words: &[&str]) {
+    let (points, warnings) = read(&Desk::new(), prims).unwrap();
+    let expected = usize::from(!words.is_empty());
+    assert_eq!(
+        (points, warnings.len()),
+        (3, expected),
+        "{warnings:?} {prims}"
+    );
+    says(warnings.concat(), words);
+}
+
+/// Checks that there is no body in these prims, and that the error has these words.
+#[track_caller]
+fn refuses(prims: &str, words: &[&str]) {
+    says(read(&Desk::new(), prims).unwrap_err(), words);
 }
 
 #[test]
 fn what_is_not_seen_is_no_body_and_is_said() {
-    let desk = Desk::new();
     let leaf = prim("leaf", "", "");
-    assert_eq!(read(&desk, &leaf).unwrap(), (3, Vec::new()));
+    warns(&leaf, &[]);
     let inner = prim("inner", "", "");
-    let hidden = [
-        prim("inner", "", "token visibility = \"invisible\""),
-        prim("inner", "", "uniform token purpose = \"guide\""),
-        around(
-            &inner,
-            "def Xform \"a\"",
-            "token visibility = \"invisible\"",
-        ),
-        around(
-            &inner,
-            "def Scope \"a\"",
-            "uniform token purpose = \"guide\"",
-        ),
-    ];
-    for hidden in hidden {
-        let (points, warnings) = read(&desk, &format!("{leaf}{hidden}")).unwrap();
-        assert_eq!((points, warnings.len()), (3, 1), "{hidden}");
-        says(
-            &warnings[0],
-            &[
-                "obstacles[\"leaf\"].mesh: leaf.usda: 1 meshes are invisible",
-                "\"inner\"",
-            ],
-        );
-        // Alone it leaves nothing, and the error says why.
-        let problem = read(&desk, &hidden).unwrap_err();
-        says(&problem, &["has no mesh; 1 meshes are invisible"]);
-    }
-    for inner in [
-        prim("inner", "active = false", ""),
-        around(&inner, "def \"a\" (active = false)", ""),
+    let invisible = "token visibility = \"invisible\"";
+    let guide = "uniform token purpose = \"guide\"";
+    let unseen = "1 meshes are invisible";
+    let inactive = "1 meshes are inactive (active = false)";
+    let undefined = "1 meshes are in an over of what this file does not define";
+    for (hidden, said) in [
+        (prim("inner", "", invisible), unseen),
+        (prim("inner", "", guide), unseen),
+        (around(&inner, "def Xform \"a\"", invisible), unseen),
+        (around(&inner, "def Scope \"a\"", guide), unseen),
+        (prim("inner", "active = false", ""), inactive),
+        (around(&inner, "def \"a\" (active = false)", ""), inactive),
+        (around(&inner, "over \"a\"", ""), undefined),
     ] {
-        let (points, warnings) = read(&desk, &format!("{leaf}{inner}")).unwrap();
-        assert_eq!((points, warnings.len()), (3, 1), "{inner}");
-        says(
-            &warnings[0],
-            &["1 meshes are inactive (active = false)", "\"inner\""],
-        );
+        let warning = format!("obstacles[\"leaf\"].mesh: leaf.usda: {said}");
+        warns(&format!("{leaf}{hidden}"), &[&warning, "\"inner\""]);
+        // Alone it leaves nothing, and the error says why.
+        refuses(&hidden, &[&format!("has no mesh; {said}")]);
     }
-    let over = around(&inner, "over \"a\"", "");
-    let (points, warnings) = read(&desk, &format!("{leaf}{over}")).unwrap();
-    assert_eq!((points, warnings.len()), (3, 1));
-    says(
-        &warnings[0],
-        &["1 meshes are in an over of what this file does not define"],
-    );
-    says(
-        read(&desk, &over).unwrap_err(),
-        &["has no mesh; 1 meshes are in an over"],
-    );
     let class = around(&inner, "class Xform \"a\"", "");
-    assert_eq!(
-        read(&desk, &format!("{leaf}{class}")).unwrap(),
-        (3, Vec::new())
-    );
+    warns(&format!("{leaf}{class}"), &[]);
     let shown = "token visibility = \"inherited\"\n    uniform token purpose = \"render\"";
     let shown = prim("shown", "", shown);
     let proxy = prim("stand", "", "uniform token purpose = \"proxy\"");
-    assert_eq!(read(&desk, &proxy).unwrap().0, 3);
-    let (points, warnings) = read(&desk, &format!("{proxy}{shown}")).unwrap();
-    assert_eq!(points, 3);
-    says(&warnings[0], &["the first is \"stand\""]);
+    warns(&proxy, &[]);
+    warns(&format!("{proxy}{shown}"), &["the first is \"stand\""]);
 }
 
 #[test]
 fn what_comes_from_elsewhere_is_an_error_that_names_it() {
-    let desk = Desk::new();
     let leaf = prim("leaf", "", "");
     let cases = r#"
-        prepend references = @./a.usda@</body> | references
-        references = [</leaf>, </leaf>] | references
-        prepend references = @other.usda@</x> (offset = 2; scale = 0.5) | references
-        prepend references = </leaf> (offset = 2) | references
-        payload = @a.usdc@ | payload
-        prepend inherits = </leaf> | inherits
-        specializes = </leaf> | specializes
-        prepend variantSets = "size" | variantSets
+        prepend references = @./a.usda@</body> | has references
+        references = [</leaf>, </leaf>] | has references
+        prepend references = @other.usda@</x> (offset = 2; scale = 0.5) | has references
+        prepend references = </leaf> (offset = 2) | has references
+        payload = @a.usdc@ | has payload
+        prepend inherits = </leaf> | has inherits
+        specializes = </leaf> | has specializes
+        prepend variantSets = "size" | has variantSets
     "#;
     for [meta, named] in table(cases) {
         let other = format!("def Xform \"other\" ({meta})\n{{\n}}\n");
         for stage in [&other, &format!("{leaf}{other}")] {
-            says(
-                read(&desk, stage).unwrap_err(),
-                &[
-                    "node \"other\"",
-                    &format!("has {named}"),
-                    "usdcat --flatten",
-                ],
-            );
+            refuses(stage, &["node \"other\"", named, "usdcat --flatten"]);
         }
         // What is not seen, or is of looks alone, brings no body.
-        let unseen = around(
-            &other,
-            "def Xform \"a\"",
-            "token visibility = \"invisible\"",
-        );
+        let invisible = "token visibility = \"invisible\"";
+        let unseen = around(&other, "def Xform \"a\"", invisible);
         let inactive = other.replace(meta, &format!("{meta}\nactive = false"));
         let material = other.replace("Xform", "Material");
         for stage in [unseen, inactive, material] {
-            assert_eq!(read(&desk, &format!("{leaf}{stage}")).unwrap().0, 3);
+            let found = read(&Desk::new(), &format!("{leaf}{stage}")).unwrap();
+            assert_eq!(found.0, 3, "{stage}");
         }
     }
     let instancer = "def PointInstancer \"many\"\n{\n    int[] protoIndices = [0]\n}\n";
-    says(
-        read(&desk, &format!("{leaf}{instancer}")).unwrap_err(),
-        &["node \"many\": its instances are not read"],
-    );
+    let words = ["node \"many\": its instances are not read"];
+    refuses(&format!("{leaf}{instancer}"), &words);
 }
 
 #[test]
 fn instances_within_the_file_are_bodies_of_their_own() {
     let desk = Desk::new();
-    let original = around(
-        &around(&prim("leaf", "", ""), "def Xform \"twig\"", ""),
-        "over \"Flattened_Prototype_1\"",
-        "",
-    );
+    let twig = around(&prim("leaf", "", ""), "def Xform \"twig\"", "");
+    let original = around(&twig, "over \"Flattened_Prototype_1\"", "");
     let instance = |name: &str, x: f64, path: &str| {
         format!(
             "def Xform \"{name}\" (\n    instanceable = true\n    prepend references = <{path}>\n)\n{{\n    \
@@ -166,27 +130,27 @@ fn instances_within_the_file_are_bodies_of_their_own() {
     let three = instance("three", 20.0, "/Flattened_Prototype_2");
     let stage = format!("#usda 1.0\n(\n    metersPerUnit = 1\n)\n{one}{three}{original}{tree}");
     desk.write("tree.usda", stage);
-    let made = desk.read("name = \"t\"\nmesh = \"tree.usda\"").unwrap();
-    let mut found: Vec<f64> = super::at(&made, 0.0).iter().map(|p| p.x).collect();
-    found.sort_by(f64::total_cmp);
-    assert_eq!(found, [5.0, 5.0, 6.0, 27.0, 27.0, 28.0]);
-    assert_eq!(read(&desk, &format!("{original}{one}")).unwrap().1, [""; 0]);
+    let (xs, _) = sorted_xs(&desk, "tree.usda");
+    assert_eq!(xs, [5.0, 5.0, 6.0, 27.0, 27.0, 28.0]);
+    warns(&format!("{original}{one}"), &[]);
     // What cannot be followed: nothing there, itself, or with prims of its own.
+    let gone = instance("one", 0.0, "/Gone");
+    let itself = instance("one", 0.0, "/one");
     let own = instance("one", 5.0, path).replace("]\n}", "]\n    over \"twig\"\n    {\n    }\n}");
-    for one in [
-        instance("one", 0.0, "/Gone"),
-        instance("one", 0.0, "/one"),
-        own,
-    ] {
-        says(
-            read(&desk, &format!("{original}{one}")).unwrap_err(),
-            &[
-                "node \"one\": its reference to </",
-                "instanceable = false",
-                "export .glb",
-            ],
-        );
+    for one in [gone, itself, own] {
+        let named = "node \"one\": its reference to </";
+        let remedies = [named, "instanceable = false", "export .glb"];
+        refuses(&format!("{original}{one}"), &remedies);
     }
+}
+
+/// The places of the points of a body along x, in order, and the warnings.
+fn sorted_xs(desk: &Desk, file: &str) -> (Vec<f64>, Vec<String>) {
+    let text = format!("name = \"t\"\nmesh = \"{file}\"");
+    let (made, warnings) = desk.warned(&text).unwrap();
+    let mut xs: Vec<f64> = at(&made, 0.0).iter().map(|p| p.x).collect();
+    xs.sort_by(f64::total_cmp);
+    (xs, warnings)
 }
 
 /// A crate of two instances of a triangle, a cage whose visibility changes in time, beside a prim
@@ -197,12 +161,8 @@ const CRATE: &[u8] = include_bytes!("../../../tests/fixtures/caches/instances.us
 fn a_crate_says_what_text_says() {
     let desk = Desk::new();
     desk.write("tree.usdc", CRATE);
-    let spec = desk.spec("name = \"t\"\nmesh = \"tree.usdc\"").unwrap();
-    let mut warnings = Vec::new();
-    let made = spec.build(desk.0.path(), 60.0, &mut warnings).unwrap();
-    let mut found: Vec<f64> = super::at(&made, 0.0).iter().map(|p| p.x).collect();
-    found.sort_by(f64::total_cmp);
-    assert_eq!(found, [5.0, 5.0, 6.0, 7.0, 7.0, 8.0]);
+    let (xs, warnings) = sorted_xs(&desk, "tree.usdc");
+    assert_eq!(xs, [5.0, 5.0, 6.0, 7.0, 7.0, 8.0]);
     let words = [
         "1 meshes are inactive",
         "1 meshes are in an over",
@@ -218,7 +178,6 @@ fn a_crate_says_what_text_says() {
 
 #[test]
 fn references_that_multiply_are_refused() {
-    let desk = Desk::new();
     let mut stage = prim("leaf0", "", "");
     for level in 1..40 {
         let to = level - 1;
@@ -227,38 +186,25 @@ fn references_that_multiply_are_refused() {
         );
         stage.push_str(&around(&pair, &format!("def \"leaf{level}\""), ""));
     }
-    says(
-        read(&desk, &stage).unwrap_err(),
-        &["make more than 100000 prims"],
-    );
+    refuses(&stage, &["make more than 100000 prims"]);
 }
 
 #[test]
 fn cages_holes_and_empty_meshes_are_said() {
-    let desk = Desk::new();
     let leaf = prim("leaf", "", "");
     let cage = leaf.replace("\"none\"", "\"catmullClark\"");
     let silent = leaf.replace("uniform token subdivisionScheme = \"none\"", "");
     for cage in [cage, silent] {
-        let (points, warnings) = read(&desk, &cage).unwrap();
-        assert_eq!((points, warnings.len()), (3, 1), "{cage}");
-        says(
-            &warnings[0],
-            &["1 meshes are subdivision surfaces", "cages", "\"none\""],
-        );
+        let words = ["1 meshes are subdivision surfaces", "cages", "\"none\""];
+        warns(&cage, &words);
     }
-    let blinks = prim(
-        "leaf",
-        "",
-        "token visibility.timeSamples = { 0: \"inherited\", 5: \"invisible\" }",
-    );
-    let (points, warnings) = read(&desk, &blinks).unwrap();
-    assert_eq!((points, warnings.len()), (3, 1));
-    says(&warnings[0], &["visibility that changes in time"]);
+    let blinks = "token visibility.timeSamples = { 0: \"inherited\", 5: \"invisible\" }";
+    let blinks = prim("leaf", "", blinks);
+    warns(&blinks, &["visibility that changes in time"]);
     let two = "int[] faceVertexCounts = [3, 3]\n    int[] faceVertexIndices = [0, 1, 2, 3, 1, 0]\n    \
         point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]\n    uniform token subdivisionScheme = \"none\"\n";
     let holed = format!("def Mesh \"a\"\n{{\n    {two}    int[] holeIndices = [1]\n}}\n");
-    assert_eq!(read(&desk, &holed).unwrap(), (3, Vec::new()));
+    warns(&holed, &[]);
     // A mesh without points, or with one in place of many, counts beside good ones.
     let empty = "def Mesh \"nothing\"\n{\n}\n".to_owned();
     let one = leaf.replace(
@@ -266,18 +212,15 @@ fn cages_holes_and_empty_meshes_are_said() {
         "point3f points = (0, 0, 0)",
     );
     for empty in [empty, one] {
-        let (points, warnings) = read(&desk, &format!("{empty}{leaf}")).unwrap();
+        let (points, warnings) = read(&Desk::new(), &format!("{empty}{leaf}")).unwrap();
         assert_eq!(points, 3);
-        says(
-            warnings.last().unwrap(),
-            &["1 meshes have no points or no faces"],
-        );
-        says(
-            read(&desk, &empty).unwrap_err(),
-            &["its mesh has no points"],
-        );
+        let words = ["1 meshes have no points or no faces"];
+        says(warnings.last().unwrap(), &words);
+        refuses(&empty, &["its mesh has no points"]);
     }
 }
+
+const MOVING: &str = "name = \"leaf\"\nmesh = \"leaf.usda\"\nmotion = \"leaf.usda\"";
 
 #[test]
 fn a_motion_that_nobody_asks_for_is_said() {
@@ -285,62 +228,42 @@ fn a_motion_that_nobody_asks_for_is_said() {
     let moves = "double3 xformOp:translate.timeSamples = { 24: (0, 0, 0), 72: (1, 0, 0) }\n    \
         uniform token[] xformOpOrder = [\"xformOp:translate\"]";
     let (_, warnings) = read(&desk, &prim("leaf", "", moves)).unwrap();
-    says(
-        warnings.first().unwrap(),
-        &[
-            "leaf.usda: it moves from 1.000 s to 3.000 s",
-            "motion = \"leaf.usda\" plays it",
-        ],
-    );
-    let asked = desk
-        .spec("name = \"leaf\"\nmesh = \"leaf.usda\"\nmotion = \"leaf.usda\"")
-        .unwrap();
-    let mut warnings = Vec::new();
-    asked.build(desk.0.path(), 60.0, &mut warnings).unwrap();
-    assert!(warnings.is_empty(), "{warnings:?}");
+    let from = "leaf.usda: it moves from 1.000 s to 3.000 s";
+    says(&warnings[0], &[from, "motion = \"leaf.usda\" plays it"]);
+    assert_eq!(desk.warned(MOVING).unwrap().1, [""; 0]);
 }
 
 #[test]
 fn skeletons_blend_shapes_and_shapes_are_warned_of() {
-    let desk = Desk::new();
+    let leaf = prim("leaf", "", "");
     for with in [
         "rel skel:skeleton = </body/skel>",
         "int[] primvars:skel:jointIndices = [0, 0, 0] (\n        elementSize = 1\n    )",
         "uniform token[] skel:blendShapes = [\"nose\"]",
     ] {
-        let (points, warnings) = read(&desk, &prim("leaf", "", with)).unwrap();
-        assert_eq!((points, warnings.len()), (3, 1), "{with}");
-        says(
-            &warnings[0],
-            &["skeleton or blend shapes, which are not read", "\"leaf\""],
-        );
+        let bound = prim("leaf", "", with);
+        let said = "skeleton or blend shapes, which are not read";
+        warns(&bound, &[said, "\"leaf\""]);
         // A motion that it would give says the same.
-        let moving = "name = \"leaf\"\nmesh = \"leaf.usda\"\nmotion = \"leaf.usda\"";
-        says(
-            desk.problem(moving),
-            &["nothing in it moves", "skeleton or blend shapes"],
-        );
+        let desk = Desk::new();
+        read(&desk, &bound).unwrap();
+        let words = ["nothing in it moves", "skeleton or blend shapes"];
+        says(desk.problem(MOVING), &words);
     }
     let ball = "def Sphere \"ball\"\n{\n    double radius = 1\n}\n";
-    let leaf = prim("leaf", "", "");
-    let (points, warnings) = read(&desk, &format!("{leaf}{ball}")).unwrap();
-    assert_eq!(points, 3);
-    says(&warnings[0], &["shapes without a mesh", "\"ball\""]);
-    says(read(&desk, ball).unwrap_err(), &["has no mesh; 1 prims"]);
+    let words = ["shapes without a mesh", "\"ball\""];
+    warns(&format!("{leaf}{ball}"), &words);
+    refuses(ball, &["has no mesh; 1 prims"]);
 }
 
 #[test]
 fn a_body_in_another_unit_is_warned_of() {
-    let desk = Desk::new();
     for scale in [0.001, 200.0] {
         let scale = format!(
             "float3 xformOp:scale = ({scale}, {scale}, {scale})\n    \
             uniform token[] xformOpOrder = [\"xformOp:scale\"]"
         );
-        let (_, warnings) = read(&desk, &prim("leaf", "", &scale)).unwrap();
-        says(
-            &warnings[0],
-            &["m long: is its file in metres? transform.scale"],
-        );
+        let words = ["m long: is its file in metres? transform.scale"];
+        warns(&prim("leaf", "", &scale), &words);
     }
 }

@@ -3,13 +3,13 @@
 use std::path::PathBuf;
 
 use glam::DVec3;
-use selvedge_cloth::{HandleConstraint, PhysicsMode, PhysicsSettings};
+use selvedge_cloth::{HandleConstraint, PhysicsMode, PhysicsSettings, VertexId};
 use tempfile::TempDir;
 
 use super::super::file::read_scene;
 use super::super::loaded::LoadedScene;
 use super::super::spec::StartSpec;
-use crate::test_help::{refuses, table};
+use crate::test_help::{refuses, says, table};
 
 /// A unit square of two faces, its upper edge held.
 const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n\
@@ -99,10 +99,7 @@ fn everything_of_a_scene_is_read() {
     assert_eq!(scene.frame_count(), Ok(50));
     // Half as large, x to z, moved; the material coordinates shrink too.
     let corner = scene.mesh.positions()[2];
-    assert!(
-        corner.distance(DVec3::new(0.0, 0.5, 0.0)) < 1e-15,
-        "{corner}"
-    );
+    assert!(corner.distance(DVec3::Y * 0.5) < 1e-15, "{corner}");
     assert_eq!(scene.mesh.material_coordinates()[2].x, 0.5);
     let (density, damping) = (scene.material.density, scene.material.damping);
     assert!((density - 0.2 * 2.0 * 1.5).abs() < 1e-15 && damping == 0.001);
@@ -111,18 +108,15 @@ fn everything_of_a_scene_is_read() {
     let air = scene.environment;
     assert_eq!((air.gravity.y, air.wind.z), (-9.8, 1.0));
     assert_eq!((air.air_density, air.air_drag), (1.2, 0.1));
-    let held: Vec<u32> = scene.handles.vertices().iter().map(|v| v.0).collect();
-    assert_eq!(held, [3, 2]);
+    assert_eq!(scene.handles.vertices(), [3, 2].map(VertexId));
     assert_eq!(spec.build(desk.0.path()).unwrap(), scene);
 }
 
 #[test]
 fn a_run_starts_with_the_velocities_of_its_mesh() {
     let desk = Desk::new();
-    desk.write(
-        "square.obj",
-        &SQUARE.replace("v 1 0 0\n", "v 1 0 0\nnv 0 0 2\n"),
-    );
+    let moving = SQUARE.replace("v 1 0 0\n", "v 1 0 0\nnv 0 0 2\n");
+    desk.write("square.obj", &moving);
     let loaded = desk.read(SCENE).unwrap();
     // Half as large and turned by -90° about y: +z becomes -x.
     let state = loaded.state.unwrap();
@@ -245,9 +239,8 @@ fn unknown_keys_and_wrong_values_are_errors_that_name_file_and_key() {
         ("0.2", "-0.2", "density: must be between"),
     ] {
         desk.write("felt.json", &FELT.replace(from, to));
-        let error = desk.read(SCENE).unwrap_err();
         let named = format!("materials[0].data: felt.json: {named}");
-        assert!(error.contains(&named), "{error}");
+        says(desk.read(SCENE).unwrap_err(), &[&named]);
     }
 }
 
@@ -320,9 +313,6 @@ fn obstacles_and_contact_that_cannot_be_read_are_named() {
 #[test]
 fn comments_are_blanks_and_strings_are_left_alone() {
     let text = "{\"a//b\": /* \"x\n */ \"c\\\" /*\", // end\n\"d\": 1}";
-    let plain = super::without_comments(text);
-    assert_eq!(
-        plain,
-        "{\"a//b\":      \n    \"c\\\" /*\",       \n\"d\": 1}"
-    );
+    let plain = "{\"a//b\":      \n    \"c\\\" /*\",       \n\"d\": 1}";
+    assert_eq!(super::without_comments(text), plain);
 }

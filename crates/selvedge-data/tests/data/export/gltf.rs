@@ -46,28 +46,22 @@ impl Glb {
 fn gltf_says_how_the_cloth_is_to_be_shown() {
     let (trajectory, folder) = (trajectory(), tempfile::tempdir().unwrap());
     let path = folder.path().join("a.glb");
-    let with_normals = ExportOptions {
-        normals: true,
-        ..ExportOptions::plain(ExportFormat::Glb)
-    };
+    let with_normals = options(ExportFormat::Glb, |o| o.normals = true);
     write(&trajectory, &path, &with_normals);
     let glb = Glb::read(&path);
     let planned = planned_bytes(&trajectory, &with_normals).unwrap().unwrap();
-    assert!((glb.binary.len() as u64 * 3 / 4..=glb.binary.len() as u64).contains(&planned));
+    let bytes = glb.binary.len() as u64;
+    assert!((bytes * 3 / 4..=bytes).contains(&planned), "{planned}");
     // The bounds of accessors are what other readers want.
-    let bound = |name: &str, pick: fn(Vec3, Vec3) -> Vec3| {
-        let pointer = "/meshes/0/primitives/0/targets/1/POSITION";
-        let change = glb.number(pointer);
-        let expected = points(&glb.floats(change))
-            .into_iter()
-            .reduce(pick)
-            .unwrap();
+    let change = glb.number("/meshes/0/primitives/0/targets/1/POSITION");
+    let moved = points(&glb.floats(change)).into_iter();
+    let least: fn(Vec3, Vec3) -> Vec3 = Vec3::min;
+    for (name, pick) in [("min", least), ("max", Vec3::max)] {
         let said = glb.json["accessors"][change][name].as_array().unwrap();
         let said: Vec<f32> = said.iter().map(|b| b.as_f64().unwrap() as f32).collect();
+        let expected = moved.clone().reduce(pick).unwrap();
         assert_eq!(said, expected.to_array(), "{name}");
-    };
-    bound("min", Vec3::min);
-    bound("max", Vec3::max);
+    }
     assert_eq!(glb.json["materials"][0]["doubleSided"], true);
     let attribute = |name: &str| {
         let pointer = format!("/meshes/0/primitives/0/attributes/{name}");
@@ -94,13 +88,11 @@ fn gltf_says_how_the_cloth_is_to_be_shown() {
 fn one_frame_makes_a_gltf_without_animation() {
     let (trajectory, folder) = (trajectory(), tempfile::tempdir().unwrap());
     let path = folder.path().join("a.glb");
-    let one = ExportOptions {
-        frames: span("4"),
-        ..ExportOptions::plain(ExportFormat::Glb)
-    };
+    let one = options(ExportFormat::Glb, |o| o.frames = span("4"));
     write(&trajectory, &path, &one);
     let glb = Glb::read(&path);
-    assert!(glb.json.get("animations").is_none() && glb.json["meshes"][0].get("weights").is_none());
+    assert!(glb.json.get("animations").is_none());
+    assert!(glb.json["meshes"][0].get("weights").is_none());
     let base = glb.floats(glb.number("/meshes/0/primitives/0/attributes/POSITION"));
     assert_eq!(points(&base), trajectory.frame(4));
 }
