@@ -141,9 +141,7 @@ mod tests {
     use super::*;
 
     fn status<T>(outcome: Result<T, Fault>) -> SelvedgeStatus {
-        outcome
-            .err()
-            .map_or(SelvedgeStatus::Ok, |fault| fault.status)
+        outcome.map_or_else(|fault| fault.status, |_| SelvedgeStatus::Ok)
     }
 
     #[test]
@@ -171,22 +169,12 @@ mod tests {
         scenes.keep(()).unwrap();
         let other = scenes.get(model).err().unwrap();
         assert_eq!(other.status, SelvedgeStatus::Handle);
-        for number in [
-            0,
-            1,
-            u64::MAX,
-            model + 1,
-            model + (1 << 32),
-            model ^ 1 << 60,
-        ] {
-            assert_eq!(
-                status(models.get(number)),
-                SelvedgeStatus::Handle,
-                "{number:#x}"
-            );
-        }
         let never = model & !(u64::from(LAST_GENERATION) << 32);
-        assert_eq!(status(models.get(never)), SelvedgeStatus::Handle);
+        let near = [model + 1, model + (1 << 32), model ^ 1 << 60, never];
+        for number in [0, 1, u64::MAX].into_iter().chain(near) {
+            let found = status(models.get(number));
+            assert_eq!(found, SelvedgeStatus::Handle, "{number:#x}");
+        }
     }
 
     #[test]

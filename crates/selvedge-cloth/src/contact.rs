@@ -121,32 +121,19 @@ impl ContactSettings {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::error::refuses;
+    use crate::error::refuses_toml;
 
     #[test]
     fn wrong_values_are_named() {
-        refuses(
-            &ContactSettings::default(),
+        refuses_toml(
             ContactSettings::validate,
-            &[
-                ("contact.thickness", |c| c.thickness = 0.0),
-                ("contact.thickness", |c| c.thickness = f64::NAN),
-                ("contact.friction", |c| c.friction = -0.1),
-                ("contact.floor", |c| c.floor = 2e-4),
-                ("contact.rounds", |c| c.rounds = 0),
-                ("contact.max_divisions", |c| c.max_divisions = 0),
-            ],
+            "thickness = 0.0 | contact.thickness
+             thickness = nan | contact.thickness
+             friction = -0.1 | contact.friction
+             floor = 2e-4 | contact.floor
+             rounds = 0 | contact.rounds
+             max_divisions = 0 | contact.max_divisions
+             thicknes = 1 | thicknes",
         );
-    }
-
-    #[test]
-    fn toml_says_self() {
-        let text = "thickness = 0.002\nself = false";
-        let settings: ContactSettings = toml::from_str(text).unwrap();
-        assert!(!settings.self_contact);
-        assert_eq!(settings.thickness, 0.002);
-        assert_eq!(settings.friction, ContactSettings::default().friction);
-        let error = toml::from_str::<ContactSettings>("thicknes = 1").unwrap_err();
-        assert!(error.to_string().contains("thicknes"), "{error}");
     }
 }

@@ -87,3 +87,20 @@ pub(crate) fn refuses<T: Clone, O: std::fmt::Debug, E: Display>(
         );
     }
 }
+
+/// Checks for a test that each line of `cases`, settings in TOML and words with ` | ` between them,
+/// is refused, while it is read or by `check`, by an error with these words.
+#[cfg(test)]
+#[track_caller]
+pub(crate) fn refuses_toml<T: serde::de::DeserializeOwned, E: Display>(
+    check: impl Fn(&T) -> Result<(), E>,
+    cases: &str,
+) {
+    for case in cases.trim().lines() {
+        let (settings, words) = case.trim().split_once(" | ").expect("two columns");
+        let read = toml::from_str::<T>(settings).map_err(|error| error.to_string());
+        let checked = read.and_then(|read| check(&read).map_err(|error| error.to_string()));
+        let text = checked.expect_err(case);
+        assert!(text.contains(words), "{case}: {text}");
+    }
+}

@@ -128,18 +128,16 @@ mod tests {
     }
 
     #[test]
-    fn degenerate_faces_are_flat() {
+    fn faces_that_are_degenerate_or_not_finite_are_flat() {
         let p = folded(1.0, 0.7, 1.9);
-        assert_eq!(dihedral_angle(p[0], p[0], p[2], p[3]), 0.0);
-        assert_eq!(dihedral_angle(p[0], p[1], p[1], p[3]), 0.0);
-        assert_eq!(dihedral_angle(p[0], p[1], p[2], p[0]), 0.0);
-    }
-
-    #[test]
-    fn an_angle_does_not_tell_of_positions_that_are_not_finite() {
-        let p = folded(1.0, 0.7, 1.9);
-        for lost in [DVec3::NAN, DVec3::INFINITY] {
-            assert_eq!(dihedral_angle(p[0], p[1], p[2], lost), 0.0);
+        for [a, b, c, d] in [
+            [p[0], p[0], p[2], p[3]],
+            [p[0], p[1], p[1], p[3]],
+            [p[0], p[1], p[2], p[0]],
+            [p[0], p[1], p[2], DVec3::NAN],
+            [p[0], p[1], p[2], DVec3::INFINITY],
+        ] {
+            assert_eq!(dihedral_angle(a, b, c, d), 0.0, "{a} {b} {c} {d}");
         }
     }
 

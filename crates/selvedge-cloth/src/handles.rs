@@ -261,24 +261,17 @@ mod tests {
         let count =
             |samples: usize, handles| HandleTargets::sampled(vec![DVec3::ZERO; samples], handles);
         assert_eq!(count(6, 2).unwrap().end().len(), 2);
-        for (samples, handles) in [(5, 2), (0, 2), (1, 0)] {
-            assert_eq!(
-                count(samples, handles),
-                Err(HandleError::Count {
-                    expected: handles,
-                    found: samples
-                })
-            );
+        for (found, expected) in [(5, 2), (0, 2), (1, 0)] {
+            let error = HandleError::Count { expected, found };
+            assert_eq!(count(found, expected), Err(error));
         }
         assert!(count(0, 0).unwrap().end().is_empty());
         // The fourth sample is the second handle's, at the second time.
         let mut samples = vec![DVec3::ZERO; 4];
         samples[3].z = f64::NAN;
         let error = HandleTargets::sampled(samples, 2).unwrap_err().to_string();
-        assert!(
-            error.starts_with("the target of handle 1 is not finite"),
-            "{error}"
-        );
+        let words = "the target of handle 1 is not finite";
+        assert!(error.starts_with(words), "{error}");
     }
 
     #[test]
@@ -307,10 +300,8 @@ mod tests {
         let once = HandleTargets::at_frame_end(vec![DVec3::X * 3.0]).unwrap();
         let third = once.at(0, 1.0 / 3.0, DVec3::ZERO);
         assert!(third.distance(DVec3::X) < 1e-15);
-        assert_eq!(
-            once.at(0, 2.0 / 3.0 + 1.0 / 3.0, DVec3::ZERO),
-            DVec3::X * 3.0
-        );
+        let end = once.at(0, 2.0 / 3.0 + 1.0 / 3.0, DVec3::ZERO);
+        assert_eq!(end, DVec3::X * 3.0);
     }
 
     #[test]

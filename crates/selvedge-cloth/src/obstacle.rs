@@ -313,31 +313,30 @@ mod tests {
 
     #[test]
     fn bad_meshes_are_named() {
-        let points = vec![DVec3::ZERO, DVec3::X, DVec3::X * 2.0];
-        let made = |faces: Vec<[u32; 3]>| Obstacle::new("a", points.clone(), faces).unwrap_err();
-        let says = |error: SceneError, words: &str| {
+        let line = [DVec3::ZERO, DVec3::X, DVec3::X * 2.0];
+        let made = |points: [DVec3; 3], faces: &[[u32; 3]]| {
+            Obstacle::new("a", points.to_vec(), faces.to_vec()).unwrap_err()
+        };
+        let frames = vec![vec![DVec3::ZERO, DVec3::X, DVec3::Z], vec![DVec3::ZERO; 2]];
+        let frame_rate = 60.0;
+        let far = made([DVec3::X * 1e7; 3], &[[0, 1, 2]]);
+        let short = triangle().moving(ObstaclePath::Points { frame_rate, frames });
+        for (error, words) in [
+            (made(line, &[]), "\"a\" has no faces"),
+            (
+                made(line, &[[0, 1, 3]]),
+                "\"a\": face 0 names point 3, but there are 3",
+            ),
+            (made(line, &[[0, 1, 2]]), "\"a\": face 0 has no area"),
+            (far, "\"a\": point 0 of frame 0 is not finite or more than"),
+            (
+                short.unwrap_err(),
+                "\"wedge\": frame 1 has 2 points, expected 3",
+            ),
+        ] {
             let text = error.to_string();
             assert!(text.starts_with(&format!("obstacle {words}")), "{text}");
-        };
-        says(made(vec![]), "\"a\" has no faces");
-        says(
-            made(vec![[0, 1, 3]]),
-            "\"a\": face 0 names point 3, but there are 3",
-        );
-        says(made(vec![[0, 1, 2]]), "\"a\": face 0 has no area");
-        let far = vec![DVec3::X * 1e7; 3];
-        let error = Obstacle::new("a", far, vec![[0, 1, 2]]).unwrap_err();
-        says(
-            error,
-            "\"a\": point 0 of frame 0 is not finite or more than",
-        );
-        let frames = vec![vec![DVec3::ZERO, DVec3::X, DVec3::Z], vec![DVec3::ZERO; 2]];
-        let path = ObstaclePath::Points {
-            frame_rate: 60.0,
-            frames,
-        };
-        let error = triangle().moving(path).unwrap_err();
-        says(error, "\"wedge\": frame 1 has 2 points, expected 3");
+        }
     }
 
     #[test]

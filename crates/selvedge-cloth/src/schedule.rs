@@ -127,19 +127,13 @@ mod tests {
     use crate::error::refuses;
 
     fn schedule() -> HandleSchedule {
+        let release = |handles: &[usize], from, to| Release {
+            handles: handles.to_vec(),
+            from,
+            to,
+        };
         HandleSchedule {
-            releases: vec![
-                Release {
-                    handles: vec![0, 2],
-                    from: 0.1,
-                    to: Some(0.3),
-                },
-                Release {
-                    handles: vec![1],
-                    from: 0.2,
-                    to: None,
-                },
-            ],
+            releases: vec![release(&[0, 2], 0.1, Some(0.3)), release(&[1], 0.2, None)],
         }
     }
 

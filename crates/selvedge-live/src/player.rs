@@ -168,18 +168,17 @@ mod tests {
         let beside = |other: NamedTrack| Tape::new("both", vec![track("a", cloth(), 60.0), other]);
         let tape = beside(track("b", cloth(), 60.0)).unwrap();
         assert_eq!(tape.tracks.len(), 2);
-        let text = |other: NamedTrack| beside(other).unwrap_err().to_string();
-        let message = text(track("b", cloth(), 30.0));
-        assert!(
-            message.starts_with("a and b have different frames per second:"),
-            "{message}"
-        );
         let mut arrays = cloth().arrays().clone();
         arrays.material_coordinates[2] = Vec2::new(0.25, -1.0);
         let (topology, handles) = (cloth().topology().clone(), cloth().handles().clone());
         let cut = Cloth::new(topology, handles, arrays).unwrap();
-        let message = text(track("b", cut, 60.0));
-        let told = "a and b have different material coordinates:";
-        assert!(message.starts_with(told), "{message}");
+        for (other, what) in [
+            (track("b", cloth(), 30.0), "frames per second"),
+            (track("b", cut, 60.0), "material coordinates"),
+        ] {
+            let text = beside(other).unwrap_err().to_string();
+            let told = format!("a and b have different {what}:");
+            assert!(text.starts_with(&told), "{text}");
+        }
     }
 }

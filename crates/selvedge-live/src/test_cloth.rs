@@ -1,6 +1,8 @@
 //! A cloth of two triangles and movers that anyone can predict, for the tests of this crate, inside
 //! it and from outside: what nobody holds falls, and a handle goes where it is told.
 
+use std::ops::ControlFlow;
+use std::sync::mpsc;
 use std::time::Duration;
 
 use glam::{DVec3, Vec2, Vec3};
@@ -10,7 +12,8 @@ use selvedge_cloth::{
 };
 use selvedge_data::Provenance;
 use selvedge_live::{
-    Body, BodyKind, Hold, LiveError, LiveStepper, MoverKind, Order, ReadyCloth, Start,
+    Body, BodyKind, Catalogue, Hold, LiveError, LiveStepper, MoverKind, Order, ReadyCloth, Start,
+    Workshop,
 };
 use serde_json::Value;
 
@@ -50,6 +53,46 @@ pub(crate) fn order(scene: &str) -> Order {
         material: None,
         model: String::new(),
         touches: false,
+    }
+}
+
+/// Makes the test cloth ready. The scene "none" it has not, and "slow" it never has ready.
+#[derive(Default)]
+pub(crate) struct TestWorkshop {
+    /// The time that a step takes.
+    pub(crate) cost: Duration,
+    /// Hears that "slow" is begun with.
+    pub(crate) begun: Option<mpsc::Sender<()>>,
+}
+
+impl Workshop for TestWorkshop {
+    fn catalogue(&self) -> Catalogue {
+        Catalogue::default()
+    }
+
+    fn prepare(
+        &mut self,
+        order: &Order,
+        progress: &mut dyn FnMut(String) -> ControlFlow<()>,
+    ) -> Result<Box<dyn ReadyCloth>, LiveError> {
+        if order.scene == "none" {
+            return Err(LiveError::new("there is no scene \"none\""));
+        }
+        if let Some(begun) = self.begun.take() {
+            begun.send(()).unwrap();
+        }
+        let mut go_on = || progress(format!("{} half way", order.scene)).is_continue();
+        while go_on() {
+            if order.scene != "slow" {
+                let cost = self.cost;
+                return Ok(Box::new(TestCloth {
+                    cost,
+                    ..TestCloth::new()
+                }));
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        Err(LiveError::new("it was stopped"))
     }
 }
 

@@ -302,12 +302,8 @@ mod tests {
     }
 
     #[test]
-    fn a_model_goes_on_from_its_last_frames_bit_for_bit() {
-        assert_eq!(difference(MoverKind::Model), 0.0);
-    }
-
-    #[test]
-    fn physics_goes_on_from_its_state() {
+    fn models_and_physics_go_on_from_where_they_are() {
+        assert_eq!(difference(MoverKind::Model), 0.0, "bit for bit");
         // Handles are stiff springs: what is lost is by how little they lag behind their paths.
         let lost = difference(MoverKind::Physics);
         assert!(lost < 1e-6, "{lost} m");

@@ -47,10 +47,4 @@ mod tests {
             "saving: a.txt: disk full"
         );
     }
-
-    #[test]
-    fn only_wrong_usage_exits_with_2() {
-        assert_eq!(exit_code(&wrong("no").context("reading the call")), 2);
-        assert_eq!(exit_code(&anyhow::anyhow!("no")), 1);
-    }
 }

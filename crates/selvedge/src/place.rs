@@ -132,23 +132,3 @@ fn folder_of(path: &Path) -> PathBuf {
         _ => PathBuf::from("."),
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn an_output_is_no_input_but_two_inputs_may_be_one_file() {
-        let folder = tempfile::tempdir().unwrap();
-        let [a, b, c, same] = ["a", "b", "./c", "c"].map(|name| folder.path().join(name));
-        let [a, b, c, same] = [&a, &b, &c, &same].map(|path| path.as_path());
-        let inputs = [("the mesh", a), ("the state", a)];
-        check_outputs(&[("--out", b), ("--clip", c)], &inputs).unwrap();
-        let told = |outputs: &[(&str, &Path)]| check_outputs(outputs, &inputs).unwrap_err();
-        let error = told(&[("--out", b), ("--clip", a)]).to_string();
-        assert!(error.starts_with("--clip and the mesh are"), "{error}");
-        let error = told(&[("--out", c), ("--clip", same)]);
-        assert_eq!(crate::failure::exit_code(&error), 2);
-        assert!(error.to_string().starts_with("--out and --clip"));
-    }
-}

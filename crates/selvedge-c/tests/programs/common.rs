@@ -87,20 +87,14 @@ impl Desk {
     }
 
     /// Positions of a model, or of the physics, on `small.toml`, in a row, as the command line has
-    /// them.
-    pub(crate) fn wanted(&self, model: &str, frames: usize) -> Vec<f32> {
+    /// them: the bits of their numbers.
+    pub(crate) fn wanted(&self, model: &str, frames: usize) -> Vec<u32> {
         let mut loaded = open_scene(self.path("small.toml").to_str().unwrap()).unwrap();
         let run = match model {
             "physics" => {
                 let begun = start::find(&loaded, &mut |_| go_on()).unwrap().state;
-                physics::run(
-                    &loaded.scene,
-                    begun.positions,
-                    frames,
-                    Threads::One,
-                    &mut go_on,
-                )
-                .unwrap()
+                let (scene, threads) = (&loaded.scene, Threads::One);
+                physics::run(scene, begun.positions, frames, threads, &mut go_on).unwrap()
             }
             name => {
                 start::for_model(&mut loaded);
@@ -108,18 +102,15 @@ impl Desk {
                 let rest = physics::rest_pose(&loaded.scene, &mut |_| go_on()).unwrap();
                 let path = loaded.scene.handle_path().unwrap();
                 let scene = Arc::new(loaded.scene);
-                let mut guard = start::guarded(
-                    &scene,
-                    &rest.positions,
-                    &model,
-                    &Machine::Cpu,
-                    Correction::Limit,
-                )
-                .unwrap();
+                let (machine, guard) = (Machine::Cpu, Correction::Limit);
+                let guarded = start::guarded(&scene, &rest.positions, &model, &machine, guard);
+                let mut guard = guarded.unwrap();
                 physics::drive(&mut guard, &path, frames, &mut |_| go_on()).unwrap()
             }
         };
-        run.positions.iter().flat_map(|p| p.to_array()).collect()
+        assert_eq!(run.positions.len(), (frames + 1) * 25);
+        let numbers = run.positions.iter().flat_map(|p| p.to_array());
+        numbers.map(f32::to_bits).collect()
     }
 
     /// Compiles an example with the library beside it.

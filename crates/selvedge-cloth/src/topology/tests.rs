@@ -17,10 +17,8 @@ fn check_identities(topology: &Topology) {
     // Each face has three sides; an edge is one or two of them.
     let inner = edges.iter().filter(|edge| !edge.is_boundary()).count();
     assert_eq!(3 * faces.len(), edges.len() + inner);
-    let keys: Vec<_> = edges
-        .iter()
-        .map(|edge| (edge.vertices.iter().min(), edge.vertices.iter().max()))
-        .collect();
+    let ends = edges.iter().map(|edge| edge.vertices.iter());
+    let keys: Vec<_> = ends.map(|ends| (ends.clone().min(), ends.max())).collect();
     assert!(keys.is_sorted_by(|a, b| a < b));
     for (number, edge) in edges.iter().enumerate() {
         let [a, b] = edge.vertices;
@@ -55,10 +53,8 @@ fn check_arcs(topology: &Topology) {
     let arcs = topology.arcs();
     assert_eq!(arcs.len(), 2 * topology.edges().len());
     assert!(arcs.is_sorted_by_key(|arc| (arc.receiver, arc.sender)));
-    let directions: HashSet<_> = arcs
-        .iter()
-        .map(|a| (a.sender, a.receiver, a.edge))
-        .collect();
+    let directions = arcs.iter().map(|a| (a.sender, a.receiver, a.edge));
+    let directions: HashSet<_> = directions.collect();
     assert_eq!(directions.len(), arcs.len());
     for arc in arcs {
         assert!(directions.contains(&(arc.receiver, arc.sender, arc.edge)));
@@ -69,24 +65,16 @@ fn check_arcs(topology: &Topology) {
     for vertex in 0..topology.vertex_count() as u32 {
         let range = topology.arcs_into(VertexId(vertex));
         assert_eq!(range.start, next);
-        assert!(
-            arcs[range.clone()]
-                .iter()
-                .all(|arc| arc.receiver.0 == vertex)
-        );
+        let mut here = arcs[range.clone()].iter();
+        assert!(here.all(|arc| arc.receiver.0 == vertex));
         next = range.end;
     }
     assert_eq!(next, arcs.len());
 }
 
 fn euler(topology: &Topology) -> i64 {
-    let [v, e, f] = [
-        topology.vertex_count(),
-        topology.edges().len(),
-        topology.faces().len(),
-    ]
-    .map(|count| count as i64);
-    v - e + f
+    let (v, e) = (topology.vertex_count(), topology.edges().len());
+    (v + topology.faces().len()) as i64 - e as i64
 }
 
 #[test]
@@ -101,11 +89,9 @@ fn a_pair_of_triangles() {
     let face_edges = topology.face_edges();
     assert_eq!(face_edges[0].map(|e| e.0), [4, 2, 1]);
     assert_eq!(face_edges[1].map(|e| e.0), [0, 3, 1]);
-    let into_2: Vec<u32> = topology.arcs()[topology.arcs_into(VertexId(2))]
-        .iter()
-        .map(|arc| arc.sender.0)
-        .collect();
-    assert_eq!(into_2, [0, 1, 3]);
+    let into_2 = topology.arcs()[topology.arcs_into(VertexId(2))].iter();
+    let senders: Vec<u32> = into_2.map(|arc| arc.sender.0).collect();
+    assert_eq!(senders, [0, 1, 3]);
     assert_eq!(topology.boundary_vertices(), [true; 4]);
     assert_eq!(topology.face_indices(), [[2, 3, 0], [0, 1, 2]]);
 }

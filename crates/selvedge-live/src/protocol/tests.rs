@@ -62,36 +62,38 @@ proptest! {
     }
 }
 
+/// A message with a command.
+fn command(json: &str) -> Vec<u8> {
+    [&message(kind::COMMAND, &[])[..], json.as_bytes()].concat()
+}
+
 #[test]
 fn each_defect_has_its_reason() {
-    let text = |bytes: &[u8]| decode(bytes).unwrap_err().to_string();
-    assert_eq!(text(&[]), "the message has 0 bytes, its header alone has 4");
-    assert!(text(&[1, 16, 0, 0, 0, 0, 0, 0]).contains("version 1"));
-    assert!(text(&message(99, &[])).contains("kind 99"));
-    assert!(text(&[VERSION, 16, 1, 0, 0, 0, 0, 0]).contains("are 0"));
-    assert!(text(&message(kind::READY, &[])).contains("has 8 bytes, found 4"));
-    assert!(text(&message(kind::DRAG, &[1, u32::MAX])).contains("found 4294967295"));
     let nan = f32::NAN.to_bits();
-    assert!(text(&message(kind::DRAG, &[1, 1, 0, nan, 0, 0])).contains("NaN"));
-    assert!(text(&message(kind::KEYS, &[2.0_f32.to_bits(), 0, 0, 0])).contains("within 1"));
-    assert!(text(&vec![0; LONGEST + 1]).contains("are the most"));
-    let unknown = [&message(kind::COMMAND, &[])[..], br#"{"do":"fly"}"#].concat();
-    assert!(text(&unknown).contains("fly"));
-    let extra = [
-        &message(kind::COMMAND, &[])[..],
-        br#"{"do":"seek","frame":1,"x":2}"#,
-    ]
-    .concat();
-    assert!(text(&extra).contains("`x`"), "{}", text(&extra));
+    for (bytes, words) in [
+        (vec![], "the message has 0 bytes, its header alone has 4"),
+        (vec![1, 16, 0, 0, 0, 0, 0, 0], "version 1"),
+        (message(99, &[]), "kind 99"),
+        (vec![VERSION, 16, 1, 0, 0, 0, 0, 0], "are 0"),
+        (message(kind::READY, &[]), "has 8 bytes, found 4"),
+        (message(kind::DRAG, &[1, u32::MAX]), "found 4294967295"),
+        (message(kind::DRAG, &[1, 1, 0, nan, 0, 0]), "NaN"),
+        (
+            message(kind::KEYS, &[2.0_f32.to_bits(), 0, 0, 0]),
+            "within 1",
+        ),
+        (vec![0; LONGEST + 1], "are the most"),
+        (command(r#"{"do":"fly"}"#), "fly"),
+        (command(r#"{"do":"seek","frame":1,"x":2}"#), "`x`"),
+    ] {
+        let text = decode(&bytes).unwrap_err().to_string();
+        assert!(text.contains(words), "{words}: {text}");
+    }
 }
 
 #[test]
 fn a_command_is_json() {
-    let bytes = [
-        &message(kind::COMMAND, &[])[..],
-        br#"{"do":"let-go","vertices":[3]}"#,
-    ]
-    .concat();
+    let bytes = command(r#"{"do":"let-go","vertices":[3]}"#);
     let expected = Command::LetGo { vertices: vec![3] };
     assert_eq!(decode(&bytes).unwrap(), ClientMessage::Command(expected));
 }

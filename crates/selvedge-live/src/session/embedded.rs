@@ -141,27 +141,9 @@ mod tests {
     use serde_json::Value;
 
     use super::*;
-    use crate::mover::{LiveError, Mover};
+    use crate::mover::Mover;
     use crate::protocol::VERSION;
-    use crate::test_cloth::{TestCloth, order};
-    use crate::workshop::ReadyCloth;
-
-    struct Bench;
-
-    impl Workshop for Bench {
-        fn catalogue(&self) -> Catalogue {
-            Catalogue::default()
-        }
-
-        fn prepare(
-            &mut self,
-            order: &Order,
-            progress: &mut dyn FnMut(String) -> ControlFlow<()>,
-        ) -> Result<Box<dyn ReadyCloth>, LiveError> {
-            assert!(progress(format!("{} half way", order.scene)).is_continue());
-            Ok(Box::new(TestCloth::new()))
-        }
-    }
+    use crate::test_cloth::{TestWorkshop, order};
 
     fn session() -> EmbeddedSession {
         let opening = Opening {
@@ -169,7 +151,7 @@ mod tests {
             mover: Mover::Physics,
             tape: None,
         };
-        EmbeddedSession::new(Box::new(Bench), opening, None)
+        EmbeddedSession::new(Box::<TestWorkshop>::default(), opening, None)
     }
 
     /// The messages of turns until one of this kind has come.

@@ -1,6 +1,5 @@
 //! A session by itself: frames are made when a test says so, without a clock or a socket.
 
-use std::ops::ControlFlow;
 use std::sync::mpsc;
 use std::time::Duration;
 
@@ -10,10 +9,8 @@ use selvedge_data::Trajectory;
 use serde_json::Value;
 
 use super::*;
-use crate::order::Catalogue;
 use crate::protocol::{Command, Drag};
-use crate::test_cloth::{CORNERS, PACE, TestCloth, order};
-use crate::workshop::Workshop;
+use crate::test_cloth::{CORNERS, PACE, TestCloth, TestWorkshop, order};
 
 /// The fall of a free vertex in a frame `[m]`.
 const FALL: f32 = 0.01;
@@ -72,6 +69,12 @@ fn track(session: &Session, number: usize) -> Vec<Vec3> {
     session.showing.live().unwrap().positions()[number].to_vec()
 }
 
+/// Frames of the recording under way, which is given up.
+fn recorded_frames(session: &mut Session) -> usize {
+    let recorder = session.recordings.recorder.take().unwrap();
+    recorder.state().frames
+}
+
 pub(super) fn assert_told(session: &Session, what: &str) {
     let text = &session.outlets.notice().unwrap().text;
     assert!(text.contains(what), "{text}");
@@ -94,10 +97,8 @@ fn another_mover_takes_over_where_the_one_before_has_stopped() {
     let after = track(&session, 0);
     // The next frame of the drag, no faster than a hand may be.
     let way = f64::from(after[0].distance(before[0]));
-    assert!(
-        way > 0.01 && way < session.lead.limits.speed / 60.0,
-        "{way}"
-    );
+    let most = session.lead.limits.speed / 60.0;
+    assert!(way > 0.01 && way < most, "{way}");
     assert_eq!(after[3], CORNERS[3]);
     (0..120).for_each(|_| session.advance());
     assert!(track(&session, 0)[0].distance(0.4 * Vec3::X) < 1e-5);
@@ -143,10 +144,8 @@ fn a_handle_that_a_motion_has_let_go_stays_where_it_is() {
             session.advance();
             let way = track(&session, 0)[1].distance(before);
             // It falls or is led, a hundredth of a metre either way.
-            assert!(
-                way < 1.01 * FALL,
-                "{way} m in frame {frame}, {to:?}, {stop}"
-            );
+            let when = format!("frame {frame}, {to:?}, {stop}");
+            assert!(way < 1.01 * FALL, "{way} m in {when}");
         }
         assert!(session.lead.following.is_none());
         let there = track(&session, 0)[1].as_dvec3();
@@ -164,11 +163,8 @@ fn the_motion_of_a_scene_goes_on_from_where_the_scene_starts() {
     session.advance();
     let way = f64::from(track(&session, 0)[0].x);
     assert!((way - 5.0 * PACE).abs() < 1e-6, "{way} m");
-    let following = session.lead.following.as_ref().map(Following::state);
-    assert_eq!(
-        following.map(|state| (state.frame, state.frames)),
-        Some((5, 12))
-    );
+    let following = session.lead.following.as_ref().unwrap().state();
+    assert_eq!((following.frame, following.frames), (5, 12));
 }
 
 #[test]
@@ -195,12 +191,7 @@ fn a_recording_is_not_begun_twice() {
     (0..3).for_each(|_| session.advance());
     ask(&mut session, Command::Record);
     assert_told(&session, "under way");
-    let frames = session
-        .recordings
-        .recorder
-        .take()
-        .map(|recorder| recorder.state().frames);
-    assert_eq!(frames, Some(4));
+    assert_eq!(recorded_frames(&mut session), 4);
 }
 
 #[test]
@@ -214,14 +205,9 @@ fn a_vertex_that_is_not_there_ends_nothing() {
     assert_told(&session, "vertex 9");
     drag(&mut session, &[(9, DVec3::X)]);
     session.advance();
-    let following = session.lead.following.as_ref().map(Following::state);
-    assert_eq!(following.map(|state| state.frame), Some(2));
-    let recorder = session
-        .recordings
-        .recorder
-        .take()
-        .map(|recorder| recorder.state());
-    assert_eq!(recorder.map(|state| state.frames), Some(3));
+    let following = session.lead.following.as_ref().unwrap().state();
+    assert_eq!(following.frame, 2);
+    assert_eq!(recorded_frames(&mut session), 3);
 }
 
 #[test]
@@ -238,42 +224,15 @@ fn what_stands_in_for_a_model_is_told_for_half_a_second() {
     assert_eq!(told(&session), None);
 }
 
-/// Never has the scene "slow" ready; says that it has begun with it.
-struct SlowWorkshop {
-    begun: mpsc::Sender<()>,
-}
-
-impl Workshop for SlowWorkshop {
-    fn catalogue(&self) -> Catalogue {
-        Catalogue::default()
-    }
-
-    fn prepare(
-        &mut self,
-        order: &Order,
-        progress: &mut dyn FnMut(String) -> ControlFlow<()>,
-    ) -> Result<Box<dyn ReadyCloth>, LiveError> {
-        if order.scene == "slow" {
-            self.begun.send(()).unwrap();
-            while progress("it sags".to_owned()).is_continue() {
-                std::thread::sleep(Duration::from_millis(1));
-            }
-            return Err(LiveError::new("it was stopped"));
-        }
-        Ok(Box::new(falling()))
-    }
-}
-
 #[test]
 fn an_order_that_a_later_one_overtakes_is_stopped() {
     let opening = opening("slow", Mover::Physics);
     let (begun, has_begun) = mpsc::channel();
-    let running = start(
-        Box::new(SlowWorkshop { begun }),
-        opening,
-        std::env::temp_dir(),
-    )
-    .unwrap();
+    let workshop = Box::new(TestWorkshop {
+        begun: Some(begun),
+        ..TestWorkshop::default()
+    });
+    let running = start(workshop, opening, std::env::temp_dir()).unwrap();
     has_begun.recv_timeout(Duration::from_secs(20)).unwrap();
     let order = order("quick");
     let later = ClientMessage::Command(Command::Order { order });

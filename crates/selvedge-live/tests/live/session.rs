@@ -3,13 +3,9 @@
 use std::cell::Cell;
 use std::time::Duration;
 
-use crate::common::{CORNERS, served};
+use crate::common::{CORNERS, quick, served};
 use glam::Vec3;
 use selvedge_data::Trajectory;
-
-fn quick() -> crate::common::Served {
-    served(Duration::ZERO, std::env::temp_dir())
-}
 
 #[test]
 fn a_dragged_handle_goes_there_and_the_frame_says_whose_drag_it_follows() {
@@ -100,11 +96,8 @@ fn a_recording_is_a_trajectory_that_can_be_replayed() {
     // A busy page may have missed the first frame.
     page.command(r#"{"do":"seek","frame":0}"#);
     page.frame(|frame| frame.tracks[0] == CORNERS);
-    let seek = format!(
-        r#"{{"do":"seek","frame":{}}}"#,
-        trajectory.frame_count() - 1
-    );
-    page.command(&seek);
+    let last_frame = trajectory.frame_count() - 1;
+    page.command(&format!(r#"{{"do":"seek","frame":{last_frame}}}"#));
     page.frame(|frame| frame.tracks[0] == last);
     // Hands do not move what is recorded; the cloth is where it was when they come back to it.
     page.drag(2, 0, Vec3::ONE);

@@ -148,23 +148,17 @@ mod tests {
     }
 
     #[test]
-    fn a_side_of_no_pixels_is_an_error_that_names_it() {
-        let message = Image::filled(0, 5, [0; 3]).unwrap_err().to_string();
-        assert_eq!(
-            message,
-            "image is 0 x 5 pixels: both must be between 1 and 65535"
-        );
-    }
-
-    #[test]
-    fn more_pixels_than_fit_in_memory_are_an_error_not_an_abort() {
-        let message = Image::filled(60_000, 60_000, [0; 3])
-            .unwrap_err()
-            .to_string();
-        assert_eq!(
-            message,
-            "image is 60000 x 60000 pixels: together at most 268435456 are allowed"
-        );
+    fn no_pixels_or_more_than_fit_in_memory_are_an_error() {
+        for ([width, height], words) in [
+            ([0, 5], "0 x 5 pixels: both must be between 1 and 65535"),
+            (
+                [60_000; 2],
+                "60000 x 60000 pixels: together at most 268435456 are allowed",
+            ),
+        ] {
+            let error = Image::filled(width, height, [0; 3]).unwrap_err();
+            assert_eq!(error.to_string(), format!("image is {words}"));
+        }
     }
 
     #[test]

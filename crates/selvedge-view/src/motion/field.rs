@@ -117,20 +117,14 @@ mod tests {
             assert!((value - 5.0).abs() < 2e-4, "{value}");
         }
         assert!(field.range()[1] >= 4.999 && field.range()[1] <= 6.0);
-        assert_eq!(
-            [0.0, 0.9, 1.0, 1.2, 7.0, 450.0].map(round_up),
-            [1.0, 1.0, 1.0, 1.5, 8.0, 500.0]
-        );
+        let rounded = [0.0, 0.9, 1.0, 1.2, 7.0, 450.0].map(round_up);
+        assert_eq!(rounded, [1.0, 1.0, 1.0, 1.5, 8.0, 500.0]);
     }
 
     #[test]
     fn values_must_be_finite() {
-        let message = ScalarField::new("strain", vec![vec![0.0], vec![f32::NAN]])
-            .unwrap_err()
-            .to_string();
-        assert_eq!(
-            message,
-            "frame 1: the value of strain at vertex 0 is not finite: NaN"
-        );
+        let field = ScalarField::new("strain", vec![vec![0.0], vec![f32::NAN]]);
+        let words = "frame 1: the value of strain at vertex 0 is not finite: NaN";
+        assert_eq!(field.unwrap_err().to_string(), words);
     }
 }

@@ -66,21 +66,17 @@ mod tests {
             colouring,
         };
         let plain = Colouring::Plain;
-        let message = check_panels(&[]).unwrap_err().to_string();
-        assert!(message.starts_with("no panels were given"), "{message}");
-        let message = check_panels(&[panel("a", &short, plain), panel("b", &long, plain)])
-            .unwrap_err()
-            .to_string();
-        assert_eq!(
-            message,
-            "panel \"b\" has 2 frames, but panel \"a\" has 1: panels side by side must match"
-        );
-        let message = check_panels(&[panel("b", &long, Colouring::PerVertex(&field))])
-            .unwrap_err()
-            .to_string();
-        assert!(
-            message.contains("2 vertices, but the run has 3"),
-            "{message}"
-        );
+        let two = [panel("a", &short, plain), panel("b", &long, plain)];
+        let coloured = [panel("b", &long, Colouring::PerVertex(&field))];
+        let told =
+            "panel \"b\" has 2 frames, but panel \"a\" has 1: panels side by side must match";
+        for (panels, words) in [
+            (&two[..], told),
+            (&[], "no panels were given"),
+            (&coloured, "2 vertices, but the run has 3"),
+        ] {
+            let text = check_panels(panels).unwrap_err().to_string();
+            assert!(text.contains(words), "{text}");
+        }
     }
 }

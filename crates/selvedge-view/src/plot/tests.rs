@@ -27,15 +27,12 @@ fn chart(points: Vec<[f64; 2]>) -> LineChart {
 fn marks_are_at_round_numbers() {
     assert_eq!(linear(0.0, 9.3).at, [0.0, 2.0, 4.0, 6.0, 8.0, 10.0]);
     assert_eq!(linear(0.0, 0.0).at.len(), 6);
-    let ticks = logarithmic(0.0, 200_f64.log10());
-    let values: Vec<String> = ticks.at.iter().map(|m| label(10_f64.powf(*m))).collect();
-    assert_eq!(values, ["1", "10", "100", "1000"]);
-    let values: Vec<String> = logarithmic(3_f64.log10(), 40_f64.log10())
-        .at
-        .iter()
-        .map(|m| label(10_f64.powf(*m)))
-        .collect();
-    assert_eq!(values, ["2", "5", "10", "20", "50"]);
+    let decades = |low: f64, high: f64| -> Vec<String> {
+        let marks = logarithmic(low.log10(), high.log10()).at;
+        marks.iter().map(|m| label(10_f64.powf(*m))).collect()
+    };
+    assert_eq!(decades(1.0, 200.0), ["1", "10", "100", "1000"]);
+    assert_eq!(decades(3.0, 40.0), ["2", "5", "10", "20", "50"]);
     let words = [0.0, 1e-17, 0.25, 1000.0, 2e6, 1e-5].map(label);
     assert_eq!(words, ["0", "0", "0.25", "1000", "2e6", "1e-5"]);
 }
@@ -93,9 +90,8 @@ fn polyline(svg: &str, width: &str) -> Vec<[f64; 2]> {
 
 #[test]
 fn points_are_where_their_values_say() {
-    let svg = chart(vec![[0.0, 0.0], [1.0, 5.0], [2.0, 10.0]])
-        .to_svg()
-        .unwrap();
+    let chart = chart(vec![[0.0, 0.0], [1.0, 5.0], [2.0, 10.0]]);
+    let svg = chart.to_svg().unwrap();
     let [a, b, c] = polyline(&svg, "16")[..] else {
         panic!("three points");
     };

@@ -40,26 +40,6 @@ fn every_command_of_readme_and_book_is_understood() {
     assert!(count > 100, "only {count} commands were found");
 }
 
-#[test]
-fn commands_are_found_in_blocks_and_sentences() {
-    let page = "run `selvedge info` or `other`, `selvedge x <FILE>`\n\n```console quick\n\
-        selvedge train x --set \"a = b\" \\\n    --steps 3    # 2 s\nother\n```\n\n\
-        ```toml\nselvedge no\n```\n\n```sh\ncargo run --release -- rollout\n```\n";
-    let found: Vec<_> = calls(page)
-        .into_iter()
-        .map(|call| (call.text, call.is_whole))
-        .collect();
-    let expected = [
-        ("info", false),
-        ("train x --set \"a = b\" --steps 3", true),
-        ("rollout", true),
-    ];
-    assert_eq!(
-        found,
-        expected.map(|(text, is_whole)| (text.to_owned(), is_whole))
-    );
-}
-
 /// The commands reference: what `--help` says of the program and of each command.
 fn reference() -> String {
     let mut program = Cli::command().term_width(100);

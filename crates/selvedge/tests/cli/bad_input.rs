@@ -1,7 +1,7 @@
 //! Bad input: each kind has an error that names file, field and remedy, the exit code 1 (2 where
 //! the call itself is wrong), and leaves nothing behind.
 
-use crate::common::{Desk, PUSH, contents};
+use crate::common::{Desk, PUSH, rows};
 
 /// A desk with [`PUSH`] in which `from` has become `to`.
 fn desk_with(from: &str, to: &str) -> Desk {
@@ -24,15 +24,16 @@ const GENERATOR: &str = r#"generator = { kind = "square", vertices = 36, size = 
 const SQUARE_OBJ: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n";
 
 #[test]
-fn a_missing_scene_is_named_with_those_that_are_shipped() {
-    let desk = Desk::new();
-    refuses(&desk, &["scene.toml", "default"]);
-    desk.fails("info nothing.safetensors", 1, &["nothing.safetensors"]);
-    desk.fails("compare a.safetensors b.safetensors", 1, &["a.safetensors"]);
-    desk.fails("data generate none -o d", 1, &["none", "tiny"]);
-    let known = ["none.safetensors", "no such file", "are: paper"];
-    desk.fails("run --compare --model none.safetensors", 1, &known);
-    assert_eq!(desk.names(), Vec::<String>::new());
+fn what_is_not_there_is_named_with_what_is_shipped() {
+    Desk::new().refuses(
+        "1 | run scene.toml -o run.safetensors | scene.toml | default
+         1 | info nothing.safetensors | nothing.safetensors
+         1 | info nothing | nothing | preset that ships
+         1 | compare a.safetensors b.safetensors | a.safetensors
+         1 | data generate none -o d | none | tiny
+         1 | study none -o s | none | ten-minutes | table1
+         1 | run --compare --model none.safetensors | none.safetensors | no such file | are: paper",
+    );
 }
 
 #[test]
@@ -57,30 +58,27 @@ fn a_motion_that_is_not_finite_is_refused() {
 
 #[test]
 fn a_scene_without_handles_says_how_to_run_it() {
-    let desk = desk_with(
-        "handles = { label = \"upper-corners\" }",
-        "start = \"rest\"\nhandles = { vertices = [] }",
-    );
+    let handles = "handles = { label = \"upper-corners\" }";
+    let desk = desk_with(handles, "start = \"rest\"\nhandles = { vertices = [] }");
     refuses(&desk, &["no handles", "start = \"mesh\""]);
     desk.json("run scene.toml -o run.safetensors --start mesh --frames 2");
-    let desk = desk_with("handles = { label = \"upper-corners\" }", "");
+    let desk = desk_with(handles, "");
     let report = desk.json("run scene.toml -o run.safetensors --frames 2");
-    assert!(
-        report["warnings"][0]
-            .as_str()
-            .unwrap()
-            .contains("falls freely")
-    );
+    let warning = report["warnings"][0].as_str().unwrap();
+    assert!(warning.contains("falls freely"), "{warning}");
 }
 
 #[test]
 fn a_sag_that_does_not_come_to_rest_says_what_to_change() {
-    let desk = desk_with(
-        "name = \"push\"",
-        "name = \"push\"\nsag = { max_steps = 3 }",
-    );
-    refuses(&desk, &["sag.max_steps", "push"]);
-    refuses(&desk, &["start = \"mesh\"", "start = \"fit\""]);
+    let name = "name = \"push\"";
+    let desk = desk_with(name, &format!("{name}\nsag = {{ max_steps = 3 }}"));
+    let words = [
+        "sag.max_steps",
+        "push",
+        "start = \"mesh\"",
+        "start = \"fit\"",
+    ];
+    refuses(&desk, &words);
     // Where the rest pose is not needed for the run, it goes on without.
     let report = desk.json("run scene.toml -o run.safetensors --start mesh --frames 2");
     assert!(report["sag_solves"].is_null());
@@ -126,7 +124,6 @@ fn no_output_takes_the_place_of_what_is_read() {
     desk.write("hands.toml", format!("{}{hands}", &PUSH[..motion]));
     std::fs::create_dir(desk.path("out")).unwrap();
     desk.write("out/rollout.safetensors", "a model");
-    let before = contents(&desk.path(""));
     for call in [
         "run --rest scene.toml -o sheet.obj",
         // A point cache has its mesh beside it, as .obj.
@@ -141,8 +138,7 @@ fn no_output_takes_the_place_of_what_is_read() {
         "export run.safetensors -o run.safetensors --format glb",
         "model convert out/rollout.safetensors --weights f16 -o out/./rollout.safetensors",
     ] {
-        desk.fails(call, 2, &["the same file", "a name of its own"]);
-        assert!(contents(&desk.path("")) == before, "{call}");
+        desk.refuses(&format!("2 | {call} | the same file | a name of its own"));
     }
     // What is read twice is no reason to refuse.
     desk.json("run on.toml -o x.safetensors --start states.safetensors:2");
@@ -158,8 +154,7 @@ fn more_motions_at_random_than_can_be_meant_are_refused_at_once() {
         mesh = {{ {GENERATOR} }}\n"
     );
     desk.write("many.toml", many);
-    let words = ["many.toml", "train.random", "100000"];
-    desk.fails("info many.toml", 1, &words);
+    desk.refuses("1 | info many.toml | many.toml | train.random | 100000");
 }
 
 #[test]
@@ -178,16 +173,14 @@ fn a_cloth_that_starts_far_from_its_size_is_warned_of() {
         assert!(told.contains("2.000 × their material length"), "{told}");
         assert!(told.contains("mesh.texture ="), "{told}");
     }
-    desk.write(
-        "scene.toml",
-        scene.replace("cloth.obj\"", "cloth.obj\", texture = \"fit\""),
-    );
+    let fitted = scene.replace("cloth.obj\"", "cloth.obj\", texture = \"fit\"");
+    desk.write("scene.toml", fitted);
     let report = desk.json("info scene.toml");
-    assert_eq!(report["warnings"].as_array().unwrap().len(), 0);
+    assert_eq!(rows(&report, "warnings").len(), 0);
 }
 
 #[test]
-fn files_that_are_cut_short_are_refused() {
+fn files_that_are_cut_short_or_nothing_of_ours_are_refused() {
     let desk = Desk::with_push();
     desk.model();
     desk.json("run push.toml -o run.safetensors --frames 2");
@@ -197,24 +190,22 @@ fn files_that_are_cut_short_are_refused() {
     ] {
         let bytes = desk.read(file);
         desk.write(short, &bytes[..bytes.len() / 2]);
-        desk.fails(&format!("info {short}"), 1, &[short]);
     }
-    desk.fails(
-        "compare run.safetensors short.safetensors",
-        1,
-        &["short.safetensors"],
-    );
-    desk.fails(
-        "run --compare push.toml --model weights.safetensors -o out",
-        1,
-        &["weights.safetensors"],
-    );
-    desk.fails(
-        "run --compare push.toml --model run.safetensors -o out",
-        1,
-        &["run.safetensors", "selvedge-trajectory", "no model"],
-    );
-    assert!(!desk.path("out").exists());
+    desk.write("a.safetensors", "no tensors");
+    desk.write("a.xyz", "1 2 3");
+    desk.write("a.toml", "name = [");
+    let roll = "run --compare push.toml -o out --model";
+    desk.refuses(&format!(
+        "1 | info short.safetensors | short.safetensors
+         1 | info weights.safetensors | weights.safetensors
+         1 | compare run.safetensors short.safetensors | short.safetensors
+         1 | {roll} weights.safetensors | weights.safetensors
+         1 | {roll} run.safetensors | run.safetensors | selvedge-trajectory | no model
+         1 | info a.safetensors | a.safetensors
+         1 | info a.xyz | a.xyz | .safetensors
+         1 | info a.toml | a.toml | line 1
+         1 | export push.toml -o a.usda | push.toml",
+    ));
 }
 
 #[test]
@@ -226,63 +217,35 @@ fn trajectories_of_different_meshes_are_not_compared() {
     for name in ["a", "b", "c"] {
         desk.json(&format!("run {name}.toml -o {name}.safetensors --frames 1"));
     }
-    let compare = |other: &str, words: &[&str]| {
-        desk.fails(
-            &format!("compare a.safetensors {other}.safetensors"),
-            1,
-            words,
-        );
-    };
-    compare("b", &["a.safetensors", "b.safetensors", "36 and 25"]);
-    compare("c", &["different meshes", "other faces"]);
+    desk.refuses(
+        "1 | compare a.safetensors b.safetensors | a.safetensors | b.safetensors | 36 and 25
+         1 | compare a.safetensors c.safetensors | different meshes | other faces",
+    );
 }
 
 #[test]
 fn a_place_that_cannot_be_written_is_found_before_the_work() {
-    let desk = Desk::new();
-    desk.write("scene.toml", PUSH);
+    let desk = Desk::with_push();
     desk.write("file", "");
     std::fs::create_dir(desk.path("folder.safetensors")).unwrap();
-    for (out, word) in [
-        ("no/such/folder/run.safetensors", "no folder"),
-        ("folder.safetensors", "folder"),
-        ("file/run.safetensors", "no folder"),
-    ] {
-        desk.fails(&format!("run scene.toml -o {out}"), 1, &[out, word]);
-    }
-    desk.fails("data generate tiny -o file/d", 1, &["file/d"]);
-    desk.fails("run scene.toml -o run.txt", 2, &["run.txt", ".safetensors"]);
-    desk.fails(
-        "run --rest scene.toml -o rest.stl",
-        2,
-        &[".safetensors or .obj"],
+    desk.refuses(
+        "1 | run push.toml -o no/such/folder/run.safetensors | no/such/folder/run | no folder
+         1 | run push.toml -o folder.safetensors | folder.safetensors | folder
+         1 | run push.toml -o file/run.safetensors | file/run.safetensors | no folder
+         1 | data generate tiny -o file/d | file/d
+         2 | run push.toml -o run.txt | run.txt | .safetensors
+         2 | run --rest push.toml -o rest.stl | .safetensors or .obj",
     );
-    assert_eq!(desk.names(), ["file", "folder.safetensors", "scene.toml"]);
 }
 
 #[cfg(target_os = "linux")]
 #[test]
 fn a_write_that_fails_at_the_end_says_so() {
-    let desk = Desk::new();
-    desk.write("scene.toml", PUSH);
+    let desk = Desk::with_push();
     std::os::unix::fs::symlink("/dev/full", desk.path("full.safetensors")).unwrap();
-    desk.fails(
-        "run scene.toml -o full.safetensors --frames 1",
-        1,
-        &["full.safetensors", "not a regular file"],
-    );
-    assert_eq!(desk.names(), ["full.safetensors", "scene.toml"]);
-}
-
-#[test]
-fn what_is_nothing_of_ours_is_refused() {
-    let desk = Desk::new();
-    desk.write("a.safetensors", "no tensors");
-    desk.write("a.xyz", "1 2 3");
-    desk.write("a.toml", "name = [");
-    desk.fails("info a.safetensors", 1, &["a.safetensors"]);
-    desk.fails("info a.xyz", 1, &["a.xyz", ".safetensors"]);
-    desk.fails("info a.toml", 1, &["a.toml", "line 1"]);
+    let words = ["full.safetensors", "not a regular file"];
+    desk.fails("run push.toml -o full.safetensors --frames 1", 1, &words);
+    assert_eq!(desk.names(), ["full.safetensors", "push.toml"]);
 }
 
 #[test]
@@ -291,34 +254,21 @@ fn a_folder_of_results_takes_no_results_of_another_kind() {
     desk.model();
     desk.json("data generate tiny -o part --shard 1/1");
     std::fs::create_dir_all(desk.path("studied/trainings")).unwrap();
-    let before = ["tiny", "run", "studied"].map(|folder| contents(&desk.path(folder)));
-    let data = "the folder holds a data set (index.json)";
-    let run = "the folder holds a training (log.jsonl)";
-    for (arguments, held) in [
-        ("train moment.toml --data tiny -o tiny", data),
-        ("train moment.toml --data tiny -o tiny --resume", data),
-        ("train moment.toml --data tiny -o studied", "a study"),
-        (
-            "run --compare push.toml --model run/model.safetensors -o tiny",
-            data,
-        ),
-        (
-            "run --compare push.toml --model run/model.safetensors -o run",
-            run,
-        ),
-        (
-            "eval --model run/model.safetensors --data tiny -o tiny",
-            data,
-        ),
-        ("eval --model run/model.safetensors --data tiny -o run", run),
-        ("data generate tiny -o run", run),
-        ("data merge part -o run", run),
-        ("info tiny --picture tiny", data),
-        ("info tiny --picture run", run),
-        ("eval push.toml -o tiny --physics 1", data),
-    ] {
-        desk.fails(arguments, 1, &[held, "choose another folder"]);
-    }
-    let after = ["tiny", "run", "studied"].map(|folder| contents(&desk.path(folder)));
-    assert!(before == after);
+    let data = "the folder holds a data set (index.json) | choose another folder";
+    let run = "the folder holds a training (log.jsonl) | choose another folder";
+    let model = "--model run/model.safetensors";
+    desk.refuses(&format!(
+        "1 | train moment.toml --data tiny -o tiny | {data}
+         1 | train moment.toml --data tiny -o tiny --resume | {data}
+         1 | train moment.toml --data tiny -o studied | a study | choose another folder
+         1 | run --compare push.toml {model} -o tiny | {data}
+         1 | run --compare push.toml {model} -o run | {run}
+         1 | eval {model} --data tiny -o tiny | {data}
+         1 | eval {model} --data tiny -o run | {run}
+         1 | data generate tiny -o run | {run}
+         1 | data merge part -o run | {run}
+         1 | info tiny --picture tiny | {data}
+         1 | info tiny --picture run | {run}
+         1 | eval push.toml -o tiny --physics 1 | {data}",
+    ));
 }

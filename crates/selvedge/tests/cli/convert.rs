@@ -1,6 +1,6 @@
 //! `selvedge model convert`: models in half precision.
 
-use crate::common::Desk;
+use crate::common::{Desk, number};
 
 #[test]
 fn a_model_in_half_precision_is_a_model_of_half_the_size() {
@@ -10,23 +10,18 @@ fn a_model_in_half_precision_is_a_model_of_half_the_size() {
         "/../../assets/models/paper.safetensors"
     );
     std::fs::copy(shipped, desk.path("paper.safetensors")).unwrap();
-    let call = "model convert paper.safetensors --weights f32 -o wide.safetensors --json";
-    let report: serde_json::Value = serde_json::from_str(&desk.run(call).out).unwrap();
+    let report = desk.json("model convert paper.safetensors --weights f32 -o wide.safetensors");
     assert_eq!(report["change_rms"], 0.0);
     // The shipped model was f16 before.
     for (name, most) in [("f16", 0.0), ("bf16", 4e-3)] {
-        let call =
-            format!("model convert wide.safetensors --weights {name} -o {name}.safetensors --json");
-        let said = desk.run(&call);
-        assert_eq!(said.code, Some(0), "{}", said.err);
-        let report: serde_json::Value = serde_json::from_str(&said.out).unwrap();
+        let call = format!("model convert wide.safetensors --weights {name} -o {name}.safetensors");
+        let report = desk.json(&call);
         let [bytes, before, change] =
-            ["bytes", "bytes_before", "change_rms"].map(|key| report[key].as_f64().unwrap());
+            ["/bytes", "/bytes_before", "/change_rms"].map(|at| number(&report, at));
         assert!(bytes < 0.55 * before, "{bytes} of {before}");
         assert!(change <= most, "{name}: {change}");
         assert_eq!(change > 0.0, name == "bf16");
-        let said = desk.run(&format!("info {name}.safetensors"));
-        assert_eq!(said.code, Some(0), "{}", said.err);
+        desk.json(&format!("info {name}.safetensors"));
     }
     let again = desk.run("model convert f16.safetensors --weights f16 -o again.safetensors");
     assert!(again.out.contains("like this already"), "{}", again.out);

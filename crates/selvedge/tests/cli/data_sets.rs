@@ -1,8 +1,11 @@
 //! Data sets from the command line: the same bytes for any number of threads, and after any
 //! interruption.
 
-use crate::common::{Desk, PUSH, PUSH_FRAMES, TRAINING, contents, names_in, number, tiny_preset};
+use crate::common::{
+    Desk, PUSH, PUSH_FRAMES, TRAINING, contents, names_in, number, rows, tiny_preset,
+};
 use selvedge_data::{Dataset, Split};
+use serde_json::Value;
 
 /// The text of the preset `tiny`, with other settings of its sag.
 fn tiny_with(sag: &str) -> String {
@@ -33,34 +36,6 @@ fn a_preset_whose_cloth_finds_no_rest_is_corrected_in_the_same_folder() {
     desk.json(generate);
 }
 
-#[cfg(unix)]
-#[test]
-fn an_interruption_before_the_first_trajectory_leaves_nothing_behind() {
-    let desk = Desk::new();
-    // Hours of it, if it went on.
-    let never = tiny_with("tolerance = 1e-300\nmax_steps = 1000000000");
-    desk.write("never.toml", never);
-    let mut generate = desk.start("data generate never.toml -o never");
-    generate.wait_for("sagging to rest: begun");
-    assert!(desk.path("never/index.partial.json").is_file());
-    generate.press();
-    assert_eq!(generate.ended().code, Some(130));
-    assert!(!desk.path("never").exists());
-}
-
-#[test]
-fn a_data_set_is_told_by_its_folder() {
-    let desk = Desk::new();
-    desk.tiny();
-    let report = desk.json("info tiny");
-    let dataset = Dataset::open(&desk.path("tiny")).unwrap();
-    assert_eq!(report["kind"], "dataset");
-    let samples = dataset.samples().count() as f64;
-    assert_eq!(number(&report, "/statistics/samples"), samples);
-    assert_eq!(dataset.entries(Split::Train).len(), 2);
-    assert_eq!(report, desk.json("info tiny"));
-}
-
 #[test]
 fn a_folder_of_something_else_is_left_alone() {
     let desk = Desk::new();
@@ -72,30 +47,26 @@ fn a_folder_of_something_else_is_left_alone() {
 }
 
 #[test]
-fn a_changed_file_is_found() {
-    let desk = Desk::new();
-    desk.tiny();
-    let mut bytes = desk.read("tiny/test/lift.safetensors");
-    *bytes.last_mut().unwrap() ^= 1;
-    desk.write("tiny/test/lift.safetensors", bytes);
-    desk.fails("info tiny", 1, &["lift.safetensors", "has changed"]);
-}
-
-#[test]
-fn inspection_draws_every_trajectory() {
+fn inspection_tells_of_a_data_set_and_draws_every_trajectory() {
     let desk = Desk::new();
     desk.tiny();
     let report = desk.json("info tiny --picture seen");
+    let dataset = Dataset::open(&desk.path("tiny")).unwrap();
+    let samples = dataset.samples().count() as f64;
+    assert_eq!(number(&report, "/statistics/samples"), samples);
     let names = ["test-lift.png", "train-push.png", "train-turn.png"];
-    assert_eq!(
-        report["pictures"].as_array().map(Vec::len),
-        Some(names.len())
-    );
+    assert_eq!(rows(&report, "pictures").len(), names.len());
     assert_eq!(names_in(&desk.path("seen")), names);
     for name in names {
         assert_eq!(desk.read(&format!("seen/{name}"))[1..4], *b"PNG");
     }
-    desk.fails("info tiny --picture tiny.png", 2, &["data set", "folder"]);
+    desk.refuses("2 | info tiny --picture tiny.png | data set | folder");
+    // What a preset will make is told without making it.
+    let plan = desk.json("info paper");
+    assert_eq!(number(&plan, "/samples"), 6550.0);
+    assert_eq!(number(&plan, "/frames"), 31.0 * 1261.0);
+    assert_eq!(rows(&plan["forecast"], "sections").len(), 42);
+    assert_eq!(desk.names(), ["seen", "tiny"]);
 }
 
 /// A folder `caches` with a run of the scene `push.toml` and a part of it.
@@ -112,28 +83,23 @@ fn caches_become_a_data_set() {
     let desk = Desk::new();
     caches(&desk);
     let import = "data import caches --frame-rate 60 --handles handle_0";
-    let lacks = format!("{import} -o set");
-    desk.fails(&lacks, 2, &["--density"]);
+    desk.refuses(&format!("2 | {import} -o set | --density"));
+    let parts = |report: &Value| ["/train", "/test"].map(|part| number(report, part));
     let import = format!("{import} --test two");
     let report = desk.json(&format!("{import} --density 0.2 -o set"));
-    assert_eq!(
-        (number(&report, "/train"), number(&report, "/test")),
-        (1.0, 1.0)
-    );
+    assert_eq!(parts(&report), [1.0, 1.0]);
     assert!(number(&report, "/samples") > 0.0);
     let again = desk.json(&format!("{import} --density 0.2 -o set"));
     assert_eq!(number(&again, "/trajectories_kept"), 2.0);
-    let other = format!("{import} --density 0.6 -o set");
-    desk.fails(&other, 1, &["another configuration"]);
+    desk.refuses(&format!(
+        "1 | {import} --density 0.6 -o set | another configuration"
+    ));
     assert_eq!(desk.json("info set")["kind"], "dataset");
     desk.model();
     desk.json("eval --model run/model.safetensors --data set");
     // To measure with, a set needs nothing to train on.
     let report = desk.json(&format!("{import},one --density 0.2 -o all"));
-    assert_eq!(
-        (number(&report, "/train"), number(&report, "/test")),
-        (0.0, 2.0)
-    );
+    assert_eq!(parts(&report), [0.0, 2.0]);
     desk.json("eval --model run/model.safetensors --data all");
 }
 
@@ -149,7 +115,7 @@ fn the_handles_of_a_cache_can_be_named() {
         let import = format!("data import {ending} --density 0.2 --frame-rate 90");
         let named = format!("{import} --handles handle_1,handle_0 -o {ending}-named");
         if ending == "pc2" {
-            desk.fails(&named, 1, &["run.pc2", "without nodes"]);
+            desk.refuses(&format!("1 | {named} | run.pc2 | without nodes"));
             continue;
         }
         // Both corners move alike, so that each node has both; the nearest comes first.
@@ -164,16 +130,14 @@ fn the_handles_of_a_cache_can_be_named() {
         assert!((rate - 60.0).abs() < 1e-2, "{ending}: {rate}");
     }
     let import = "data import usdc --density 0.2 --frame-rate 60 -o new --handles";
-    desk.fails(&format!("{import} 0,left"), 2, &["not both"]);
-    desk.fails(&format!("{import} 0.5,1"), 2, &["whole numbers"]);
-    desk.fails(
-        &format!("{import} 0 --object hem"),
-        1,
-        &["\"hem\"", "sheet"],
-    );
+    desk.refuses(&format!(
+        "2 | {import} 0,left | not both
+         2 | {import} 0.5,1 | whole numbers
+         1 | {import} 0 --object hem | \"hem\" | sheet",
+    ));
 }
 
-fn numbers(list: &serde_json::Value) -> Vec<f64> {
+fn numbers(list: &Value) -> Vec<f64> {
     let list = list.as_array().unwrap().iter();
     list.map(|number| number.as_f64().unwrap()).collect()
 }
@@ -199,21 +163,15 @@ fn an_import_that_fails_at_once_leaves_nothing_behind() {
 fn frames_beyond_what_cloth_does_are_not_imported() {
     let desk = Desk::new();
     caches(&desk);
-    let import = "data import caches --density 0.2 --frame-rate 60 --handles handle_0";
-    let words = [
-        "trajectory one",
-        "from frame",
-        "bound of 0.000001",
-        "--max-strain",
-    ];
-    let small = format!("{import} --max-strain 0.000001 -o small");
-    desk.fails(&small, 1, &words);
-    assert!(!desk.path("small").exists());
+    let import = "data import caches --density 0.2 --frame-rate 60 --handles handle_0 --max-strain";
+    let words = "trajectory one | from frame | bound of 0.000001 | --max-strain";
+    desk.refuses(&format!("1 | {import} 0.000001 -o small | {words}"));
     for bad in ["nan", "0", "-1", "inf", "much"] {
-        let command = format!("{import} --max-strain {bad} -o bad");
-        desk.fails(&command, 2, &["--max-strain", bad, "above 0"]);
+        desk.refuses(&format!(
+            "2 | {import} {bad} -o bad | --max-strain | {bad} | above 0"
+        ));
     }
-    let taken = desk.json(&format!("{import} --max-strain 0.2 -o taken"));
+    let taken = desk.json(&format!("{import} 0.2 -o taken"));
     assert!(number(&taken, "/samples") > 0.0);
 }
 
@@ -223,30 +181,19 @@ fn nothing_is_learned_from_a_damaged_data_set() {
     desk.to_train();
     let train = "train moment.toml --data tiny -o run";
     let (file, index) = ("tiny/train/push.safetensors", "tiny/index.json");
-    let [good, good_index] = [desk.read(file), desk.read(index)];
+    let good = desk.read(file);
     let mut altered = good.clone();
     *altered.last_mut().unwrap() ^= 1;
     desk.write(file, altered);
-    desk.fails(train, 1, &["push.safetensors", "has changed"]);
+    desk.refuses(&format!(
+        "1 | info tiny | push.safetensors | has changed
+         1 | {train} | push.safetensors | has changed",
+    ));
     desk.write(file, good);
-    let text = String::from_utf8(good_index).unwrap();
-    let (from, to) = ("\"vertices\": 36", "\"vertices\": 37");
+    let (text, from) = (desk.text(index), "\"vertices\": 36");
     assert!(text.contains(from));
-    desk.write(index, text.replace(from, to));
-    desk.fails(train, 1, &["tiny", "91 frames of 37 vertices"]);
-    assert!(!desk.path("run/model.safetensors").exists());
-}
-
-#[test]
-fn a_plan_is_told_without_simulating_anything() {
-    let desk = Desk::new();
-    let report = desk.json("info paper");
-    assert_eq!(number(&report, "/samples"), 6550.0);
-    assert_eq!(number(&report, "/frames"), 31.0 * 1261.0);
-    let sections = report["forecast"]["sections"].as_array().unwrap();
-    assert_eq!(sections.len(), 42);
-    assert!(desk.names().is_empty());
-    desk.fails("info nothing", 1, &["nothing", "preset that ships"]);
+    desk.write(index, text.replace(from, "\"vertices\": 37"));
+    desk.refuses(&format!("1 | {train} | tiny | 91 frames of 37 vertices"));
 }
 
 #[test]
@@ -272,13 +219,9 @@ blocks = [{ duration = 0.1, translations = [{ direction = [1, 0, 0], pace = { di
     desk.write("two.toml", preset);
     desk.json("data generate two.toml -o two");
     let dataset = Dataset::open(&desk.path("two")).unwrap();
-    let vertices: Vec<usize> = dataset
-        .entries(Split::Test)
-        .iter()
-        .map(|e| e.vertices)
-        .collect();
-    assert_eq!(vertices, [15, 90]);
-    for entry in dataset.entries(Split::Test) {
+    let entries = dataset.entries(Split::Test);
+    assert_eq!([entries[0].vertices, entries[1].vertices], [15, 90]);
+    for entry in entries {
         let trajectory = dataset.read(entry).unwrap();
         // It starts in its own rest pose.
         assert_eq!(trajectory.frame(0), trajectory.cloth().rest_positions());

@@ -35,12 +35,10 @@ fn a_gpu_that_cannot_be_had_is_said_before_anything_is_written() {
 #[test]
 fn a_device_without_a_model_is_refused() {
     let desk = Desk::with_push();
-    for physics in ["--frames 2", "--rest"] {
-        let said = desk.run(&format!("run push.toml {physics} --device gpu"));
-        assert_eq!(said.code, Some(1), "{}", said.err);
-        assert!(said.err.contains("--device") && said.err.contains("--model"));
-    }
-    assert_eq!(desk.names(), ["push.toml"]);
+    desk.refuses(
+        "1 | run push.toml --frames 2 --device gpu | --device | --model
+         1 | run push.toml --rest --device gpu | --device | --model",
+    );
 }
 
 /// True where there is no GPU, which is then said.

@@ -60,7 +60,7 @@ fn a_rollout_says_how_far_each_frame_can_be_trusted() {
         }
     }
     let wrong = "run --model paper --compare push.toml --trust trust.txt -o other";
-    desk.fails(wrong, 2, &["--trust", "csv"]);
+    desk.refuses(&format!("2 | {wrong} | --trust | csv"));
 }
 
 #[test]

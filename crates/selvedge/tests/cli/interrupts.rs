@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use crate::common::Desk;
+use crate::common::{Desk, PUSH, TRAINING, tiny_preset};
 
 /// A mesh that takes a minute.
 const LARGE: &str = r#"
@@ -13,39 +13,56 @@ handles = { label = "upper-corners" }
 motion = { inline = { kind = "blocks", blocks = [{ duration = 0.1 }] } }
 "#;
 
-/// Calls the program, presses Ctrl-C after `wait`, and returns what it said on standard error and
-/// how long it went on.
-#[cfg(unix)]
-fn interrupted(desk: &Desk, arguments: &str, wait: Duration) -> (String, Duration) {
-    use std::io::Read;
-    use std::process::{Command, Stdio};
-
-    let mut command = desk.command(arguments);
-    command.stdout(Stdio::null()).stderr(Stdio::piped());
-    let mut child = command.spawn().unwrap();
-    std::thread::sleep(wait);
-    assert!(child.try_wait().unwrap().is_none(), "it ended early");
-    let pid = child.id().to_string();
-    let pressed = Instant::now();
-    let status = Command::new("kill").args(["-INT", &pid]).status().unwrap();
-    assert!(status.success());
-    assert_eq!(child.wait().unwrap().code(), Some(130));
-    let mut said = String::new();
-    child.stderr.unwrap().read_to_string(&mut said).unwrap();
-    (said, pressed.elapsed())
-}
-
 #[cfg(unix)]
 #[test]
 fn a_mesh_that_is_being_made_is_given_up_within_a_second() {
     let desk = Desk::new();
     desk.write("large.toml", LARGE);
     for command in ["info large.toml", "run large.toml -o x.safetensors"] {
-        let (said, took) = interrupted(&desk, command, Duration::from_secs(3));
+        let mut running = desk.start(command);
+        std::thread::sleep(Duration::from_secs(3));
+        assert!(running.goes_on(), "it ended early");
+        let pressed = Instant::now();
+        running.press();
+        let said = running.ended();
+        let took = pressed.elapsed();
+        assert_eq!(said.code, Some(130), "{command}: {}", said.err);
         // A second, and what a busy machine adds.
-        assert!(took < Duration::from_secs(4), "{command}: {took:?}: {said}");
-        assert!(said.contains("interrupted"), "{said}");
+        assert!(took < Duration::from_secs(4), "{command}: {took:?}");
+        assert!(said.err.contains("interrupted"), "{}", said.err);
         assert!(!desk.path("x.safetensors").exists());
+    }
+}
+
+/// What has nothing to show for itself when it is stopped: hours of it, if it went on.
+#[cfg(unix)]
+#[test]
+fn work_that_is_stopped_before_its_first_result_leaves_no_folder() {
+    let desk = Desk::new();
+    desk.tiny();
+    let never = "sag]\ntolerance = 1e-300\nmax_steps = 1000000000\n";
+    desk.write("never.toml", format!("{PUSH}\n[{never}"));
+    desk.write("set.toml", format!("{}\n[setting.{never}", tiny_preset()));
+    let recurrent = "encoder = { kind = \"gru\", window = 64 }";
+    let recurrent = TRAINING.replace("encoder = { kind = \"mlp\" }", recurrent);
+    desk.write("moment.toml", recurrent);
+    let (sag, statistics) = ("sagging to rest: begun", "gathering statistics: begun");
+    let roll = "run --model paper --compare never.toml";
+    let train = "train moment.toml --data tiny --set statistics_samples=1000000 --json";
+    for (call, begun, told) in [
+        (roll, sag, "stopped, as was asked"),
+        ("data generate set.toml", sag, ""),
+        (train, statistics, "\"interrupted\":true"),
+    ] {
+        let mut running = desk.start(&format!("{call} -o made"));
+        running.wait_for(begun);
+        assert!(desk.path("made").is_dir(), "{call}");
+        running.press();
+        let said = running.ended();
+        assert_eq!(said.code, Some(130), "{call}: {}", said.err);
+        let words = said.out + &said.err;
+        assert!(words.contains(told), "{call}: {words}");
+        assert!(!desk.path("made").exists(), "{call}");
     }
 }
 

@@ -70,11 +70,8 @@ fn a_scene_of_arcsim_runs_from_where_its_mesh_stands() {
     let desk = swing();
     let said = desk.run("run swing.json -o run.safetensors");
     assert_eq!(said.code, Some(0), "{}", said.err);
-    assert!(
-        said.err.contains("the shipped material gray-interlock"),
-        "{}",
-        said.err
-    );
+    let material = "the shipped material gray-interlock";
+    assert!(said.err.contains(material), "{}", said.err);
     let run = desk.trajectory("run.safetensors");
     assert_eq!(run.frame_count(), 13);
     assert_eq!(run.frame(0)[4].to_array(), [0.05, 0.05, 0.0]);
@@ -87,14 +84,15 @@ fn a_scene_of_arcsim_runs_from_where_its_mesh_stands() {
     desk.json("run --rest swing.json -o rest.safetensors");
     for (key, words) in [
         (
-            "\"frame_steps\": \"four\"",
-            ["frame_steps: invalid type", "four"],
+            r#""frame_steps": "four""#,
+            "frame_steps: invalid type | four",
         ),
-        ("\"glow\": 1, \"frame_steps\": 4", ["unknown field", "glow"]),
+        (r#""glow": 1, "frame_steps": 4"#, "unknown field | glow"),
     ] {
-        desk.write("bad.json", SWING.replace("\"frame_steps\": 4", key));
-        let words = ["bad.json", words[0], words[1]];
-        desk.fails("run bad.json -o run.safetensors", 1, &words);
+        desk.write("bad.json", SWING.replace(r#""frame_steps": 4"#, key));
+        desk.refuses(&format!(
+            "1 | run bad.json -o x.safetensors | bad.json | {words}"
+        ));
     }
 }
 
@@ -125,13 +123,13 @@ fn a_run_goes_on_from_a_kept_state_bit_for_bit() {
     }
     let report = desk.json("info whole-s.safetensors");
     assert_eq!(report["kind"], "states");
-    let wrong = "run push.toml -o on.safetensors --start whole-s.safetensors:1";
-    desk.fails(wrong, 1, &["array positions: expected [36, 3]"]);
     desk.json("run push.toml -o on.safetensors --states own-s.safetensors");
-    let late = "run push.toml -o on.safetensors --start own-s.safetensors";
-    desk.fails(&format!("{late}:30"), 1, &["30 of them have passed"]);
-    let words = ["own-s.safetensors", "frames 0, 1, 2"];
-    desk.fails(&format!("{late}:31"), 1, &words);
+    let start = "run push.toml -o on.safetensors --start";
+    desk.refuses(&format!(
+        "1 | {start} whole-s.safetensors:1 | array positions: expected [36, 3]
+         1 | {start} own-s.safetensors:30 | 30 of them have passed
+         1 | {start} own-s.safetensors:31 | own-s.safetensors | frames 0, 1, 2",
+    ));
 }
 
 #[test]
@@ -156,11 +154,6 @@ physics = "arcsim"
     assert_eq!(mesh.frame(0), swing.frame(0));
     assert_eq!(on.frame(0), swing.frame(12));
     desk.write("none.toml", format!("{scene}{}", start.replace("12", "99")));
-    let words = [
-        "none.toml",
-        "start.state",
-        "states.safetensors",
-        "frames 0, 1, 2",
-    ];
-    desk.fails("run none.toml -o on.safetensors", 1, &words);
+    let words = "none.toml | start.state | states.safetensors | frames 0, 1, 2";
+    desk.refuses(&format!("1 | run none.toml -o on.safetensors | {words}"));
 }

@@ -1,6 +1,7 @@
 //! Parts of a data set, made by runs that never meet, and the whole that they are merged into.
 
 use crate::common::{Desk, number, tiny_preset};
+use serde_json::{Value, json};
 
 #[test]
 fn parts_merge_into_the_bytes_of_the_whole() {
@@ -10,9 +11,8 @@ fn parts_merge_into_the_bytes_of_the_whole() {
         let mut parts = Vec::new();
         for part in 1..=count {
             let name = format!("part-{part}-{count}");
-            let report = desk.json(&format!(
-                "data generate tiny -o {name} --shard {part}/{count}"
-            ));
+            let generate = format!("data generate tiny -o {name} --shard {part}/{count}");
+            let report = desk.json(&generate);
             assert_eq!(report["part"], format!("{part}/{count}"));
             assert_eq!(number(&report, "/trajectories_missing"), 0.0);
             let index = desk.text(&format!("{name}/index.partial.json"));
@@ -42,53 +42,40 @@ fn a_part_goes_on_and_is_no_other_part() {
     std::fs::remove_file(desk.path("part/train/push.safetensors")).unwrap();
     let report = desk.json(generate);
     assert_eq!(number(&report, "/trajectories_kept"), 1.0);
-    let names = |files: &[(String, Vec<u8>)]| files.iter().map(|f| f.0.clone()).collect::<Vec<_>>();
-    assert_eq!(names(&desk.files("part")), names(&whole));
-    let other = "data generate tiny -o part --shard 2/2";
-    desk.fails(other, 1, &["part", "1/2", "not part 2/2", "another folder"]);
+    assert!(desk.files("part") == whole);
     let all = "data generate tiny -o part";
-    desk.fails(all, 1, &["1/2", "not the whole", "another folder"]);
-    desk.fails("info part", 1, &["part"]);
+    desk.refuses(&format!(
+        "1 | {all} --shard 2/2 | part | 1/2 | not part 2/2 | another folder
+         1 | {all} | 1/2 | not the whole | another folder
+         1 | info part | part",
+    ));
 }
 
 #[test]
 fn a_merge_says_what_is_missing_or_does_not_fit() {
     let desk = Desk::new();
-    for part in [1, 2] {
+    for part in [1, 2, 3] {
         desk.json(&format!("data generate tiny -o {part} --shard {part}/3"));
     }
-    let missing = ["parts 3/3 are missing"];
-    desk.fails("data merge 1 2 -o all", 1, &missing);
-    desk.fails("data merge 1 1 2 -o all", 1, &["both part 1/3"]);
     desk.json("data generate tiny -o of-two --shard 1/2");
-    let count = ["of-two", "part 1/2", "part 2/3"];
-    desk.fails("data merge 2 of-two -o all", 1, &count);
     desk.json("data generate tiny -o whole");
-    let whole = ["whole", "no part", "--shard I/N"];
-    desk.fails("data merge whole -o all", 1, &whole);
     desk.write("other.toml", tiny_preset().replace("seed = 1", "seed = 2"));
     desk.json("data generate other.toml -o third --shard 3/3");
-    let other = ["third", "does not fit", "another configuration"];
-    desk.fails("data merge 1 2 third -o all", 1, &other);
-    desk.json("data generate tiny -o 3 --shard 3/3");
-    std::fs::write(desk.path("2/train/turn.safetensors"), "short").unwrap();
-    desk.fails(
-        "data merge 1 2 3 -o all",
-        1,
-        &["turn.safetensors", "changed"],
+    desk.refuses(
+        "1 | data merge 1 2 -o all | parts 3/3 are missing
+         1 | data merge 1 1 2 -o all | both part 1/3
+         1 | data merge 2 of-two -o all | of-two | part 1/2 | part 2/3
+         1 | data merge whole -o all | whole | no part | --shard I/N
+         1 | data merge 1 2 third -o all | third | does not fit | another configuration
+         2 | data generate tiny -o x --shard 4/3 | --shard | I/N",
     );
-    let index = desk.path("1/index.partial.json");
-    let text = std::fs::read_to_string(&index).unwrap();
-    let mut value: serde_json::Value = serde_json::from_str(&text).unwrap();
-    value["done"]["train"] = serde_json::json!([]);
-    std::fs::write(index, value.to_string()).unwrap();
-    let lacks = ["part 1/3 lacks 1", "push", "run again"];
-    desk.fails("data merge 1 2 3 -o all", 1, &lacks);
-    desk.fails(
-        "data generate tiny -o x --shard 4/3",
-        2,
-        &["--shard", "I/N"],
-    );
+    desk.write("2/train/turn.safetensors", "short");
+    let merge = "data merge 1 2 3 -o all";
+    desk.fails(merge, 1, &["turn.safetensors", "changed"]);
+    let mut value: Value = serde_json::from_slice(&desk.read("1/index.partial.json")).unwrap();
+    value["done"]["train"] = json!([]);
+    desk.write("1/index.partial.json", value.to_string());
+    desk.fails(merge, 1, &["part 1/3 lacks 1", "push", "run again"]);
 }
 
 #[test]
@@ -118,10 +105,10 @@ fn parts_of_a_study_train_in_one_folder() {
         let model = |out| desk.read(&format!("{out}/trainings/{name}/model.safetensors"));
         assert!(model("whole") == model("parts"), "{name}");
     }
-    desk.write(
-        "made.toml",
-        study.concat().replace("folder = ", "preset = "),
-    );
-    let words = ["parts/data/tiny", "not there yet", "data generate tiny"];
-    desk.fails("study made.toml -o parts --shard 1/2", 1, &words);
+    let made = study.concat().replace("folder = ", "preset = ");
+    desk.write("made.toml", made);
+    let words = "parts/data/tiny | not there yet | data generate tiny";
+    desk.refuses(&format!(
+        "1 | study made.toml -o parts --shard 1/2 | {words}"
+    ));
 }

@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use crate::common::{Desk, TRAINING, contents, number, tiny_preset};
 use selvedge_model::Model;
+use serde_json::Value;
 
 /// Four trainings of a moment, two of them after another, on a data set that is made.
 const STUDY: &str = r#"
@@ -53,9 +54,15 @@ fn desk() -> Desk {
     desk
 }
 
-/// Making the study must fail with all of `words`.
-fn refused(desk: &Desk, words: &[&str]) {
-    desk.fails("study study.toml -o s", 1, words);
+/// Making the study must fail with all of `words`, between ` | `.
+fn refused(desk: &Desk, words: &str) {
+    let words: Vec<&str> = words.split(" | ").collect();
+    desk.fails("study study.toml -o s", 1, &words);
+}
+
+/// The JSON object in a file.
+fn read(desk: &Desk, file: &str) -> Value {
+    serde_json::from_slice(&desk.read(file)).unwrap()
 }
 
 /// The report without what depends on the machine.
@@ -73,10 +80,8 @@ fn report(desk: &Desk, out: &str) -> Vec<(PathBuf, Vec<u8>)> {
 fn a_study_runs_to_its_report_and_a_second_time_does_nothing() {
     let desk = desk();
     let answer = desk.json("study study.toml -o s");
-    assert_eq!(
-        (number(&answer, "/trained"), number(&answer, "/measured")),
-        (4.0, 5.0)
-    );
+    let counts = ["/trained", "/measured"].map(|count| number(&answer, count));
+    assert_eq!(counts, [4.0, 5.0]);
     let page = desk.text("s/report/report.md");
     for text in [
         "# A moment\n\nNothing is learned here.\n",
@@ -90,10 +95,8 @@ fn a_study_runs_to_its_report_and_a_second_time_does_nothing() {
     // The training that goes on after another is the one that was never cut; with another
     // configuration it is one from the weights of the other.
     desk.json("train moment.toml --data s/data/tiny -o whole --steps 406");
-    desk.write(
-        "slower.toml",
-        TRAINING.replace("rate = 1e-3", "rate = 1e-5"),
-    );
+    let slower = TRAINING.replace("rate = 1e-3", "rate = 1e-5");
+    desk.write("slower.toml", slower);
     desk.json("train slower.toml --data s/data/tiny -o slower --steps 6 --from s/trainings/early");
     let weights = |file: &str| {
         let model = Model::from_bytes(&desk.read(file)).unwrap();
@@ -106,45 +109,25 @@ fn a_study_runs_to_its_report_and_a_second_time_does_nothing() {
     let before = contents(&desk.path("s"));
     desk.json("study study.toml -o s -j 1");
     assert!(before == contents(&desk.path("s")));
-}
-
-#[test]
-fn an_evaluation_that_failed_is_tried_again() {
-    let desk = desk();
-    desk.json("study study.toml -o out");
-    let kept = "out/evaluations/bare.json";
-    let good = desk.read(kept);
-    let mut spoilt: serde_json::Value = serde_json::from_slice(&good).unwrap();
+    // An evaluation that failed is tried again.
+    let kept = "s/evaluations/bare.json";
+    let good = read(&desk, kept);
+    let mut spoilt = good.clone();
     spoilt["evaluation"]["runs"][0]["failure"] = "the disk was full".into();
     desk.write(kept, spoilt.to_string());
-    desk.json("study study.toml -o out");
-    let again: serde_json::Value = serde_json::from_slice(&desk.read(kept)).unwrap();
-    let good: serde_json::Value = serde_json::from_slice(&good).unwrap();
-    let row = |kept: &serde_json::Value| kept["evaluation"]["runs"][0].clone();
-    assert_eq!(row(&again), row(&good));
-}
-
-#[test]
-fn the_file_of_a_study_is_inspected() {
-    let desk = desk();
-    let report = desk.json("info study.toml");
-    assert_eq!(report["kind"], "study-file");
-    assert_eq!(report["trainings"], 4);
-    desk.write(
-        "bad.toml",
-        STUDY.replace("after = \"early\"", "after = \"nobody\""),
-    );
-    desk.fails("info bad.toml", 1, &["bad.toml", "nobody"]);
+    desk.json("study study.toml -o s");
+    let row = |kept: &Value| kept["evaluation"]["runs"][0].clone();
+    assert_eq!(row(&read(&desk, kept)), row(&good));
 }
 
 #[test]
 fn an_interrupted_study_goes_on_to_the_same_report() {
     let desk = desk();
     desk.json("study study.toml -o whole");
-    let mut study = desk
-        .command("study study.toml -o cut")
-        .stdout(Stdio::null())
+    let mut study = desk.command("study study.toml -o cut");
+    let mut study = study
         .stderr(Stdio::null())
+        .stdout(Stdio::null())
         .spawn()
         .unwrap();
     // While the longest training is under way.
@@ -169,53 +152,38 @@ fn an_interrupted_study_goes_on_to_the_same_report() {
 }
 
 #[test]
-fn a_model_that_has_vanished_or_changed_is_named_with_the_remedy() {
+fn what_was_made_otherwise_or_has_vanished_is_not_taken_for_the_same() {
     let desk = desk();
     desk.json("study study.toml -o s");
     let model = desk.path("s/trainings/bare/model.safetensors");
-    let bytes = desk.read("s/trainings/bare/model.safetensors");
+    let bytes = std::fs::read(&model).unwrap();
     std::fs::remove_file(&model).unwrap();
-    let words = [
-        "\"bare\"",
-        "model.safetensors",
-        "has vanished",
-        "remove the folder",
-        "remove the entry",
-    ];
-    refused(&desk, &words);
+    let remedy = "remove the folder | remove the entry";
+    refused(
+        &desk,
+        &format!("\"bare\" | model.safetensors | has vanished | {remedy}"),
+    );
     std::fs::write(&model, "another").unwrap();
-    refused(&desk, &["\"bare\"", "another one by now"]);
+    refused(&desk, "\"bare\" | another one by now");
     std::fs::write(&model, bytes).unwrap();
     desk.json("study study.toml -o s");
     // A model that was never this study's.
     let entry = "\n[[model]]\nname = \"old\"\nfile = \"old.safetensors\"\n";
     desk.write("study.toml", format!("{STUDY}{entry}"));
-    let words = [
-        "\"old\"",
-        "old.safetensors",
-        "has vanished",
-        "remove the entry",
-    ];
-    refused(&desk, &words);
+    refused(
+        &desk,
+        "\"old\" | old.safetensors | has vanished | remove the entry",
+    );
     std::fs::copy(model, desk.path("old.safetensors")).unwrap();
     let answer = desk.json("study study.toml -o s");
     assert_eq!(number(&answer, "/measured"), 6.0);
-}
-
-#[test]
-fn what_was_made_otherwise_is_not_taken_for_the_same() {
-    let desk = desk();
-    desk.json("study study.toml -o s");
-    desk.write(
-        "study.toml",
-        STUDY.replace("losses.kinetic_energy=0.0", "losses.kinetic_energy=0.5"),
-    );
+    desk.write("study.toml", STUDY.replace("energy=0.0", "energy=0.5"));
     refused(
         &desk,
-        &["\"bare\"", "another configuration", "remove the folder"],
+        "\"bare\" | another configuration | remove the folder",
     );
     desk.write("study.toml", STUDY.replace("steps = 6", "steps = 7"));
-    refused(&desk, &["\"early\"", "another configuration"]);
+    refused(&desk, "\"early\" | another configuration");
     // What is measured otherwise is measured again; trainings are kept.
     desk.write("study.toml", STUDY.replace("starts = 3", "starts = 2"));
     let before = desk.read("s/report/errors.csv");
@@ -236,7 +204,7 @@ fn a_data_set_of_another_preset_is_not_taken_for_the_same() {
         ("\"tiny\"", "\"large\"", "called \"tiny\", not \"large\""),
     ] {
         desk.write("own.toml", tiny.replace(from, to));
-        let words = ["data set \"tiny\"", word, "remove the folder", "another"];
+        let words = format!("data set \"tiny\" | {word} | remove the folder | another");
         refused(&desk, &words);
         assert!(!desk.path("s/trainings").exists());
     }
@@ -251,26 +219,20 @@ fn a_data_set_of_another_preset_is_not_taken_for_the_same() {
 fn a_time_is_kept_to_and_is_not_spent_twice() {
     let desk = desk();
     let late = "budget = { steps = 400 }";
-    desk.write(
-        "moment.toml",
-        TRAINING.replace("steps = 6", "steps = 100000000"),
-    );
-    desk.write(
-        "study.toml",
-        STUDY.replace(late, "budget = { time = \"1s\" }"),
-    );
+    let long = TRAINING.replace("steps = 6", "steps = 100000000");
+    desk.write("moment.toml", long);
+    let timed = STUDY.replace(late, "budget = { time = \"1s\" }");
+    desk.write("study.toml", &timed);
     desk.json("study study.toml -o s");
-    let record: serde_json::Value =
-        serde_json::from_slice(&desk.read("s/trainings/late/record.json")).unwrap();
+    let record = read(&desk, "s/trainings/late/record.json");
     assert!(number(&record, "/seconds") >= 1.0 && number(&record, "/steps_done") > 6.0);
     let before = contents(&desk.path("s"));
     desk.json("study study.toml -o s");
     assert!(before == contents(&desk.path("s")));
     // A training that was made again ends elsewhere, and is another to go on from.
     std::fs::remove_dir_all(desk.path("s/trainings/early")).unwrap();
-    let timed = STUDY.replace(late, "budget = { time = \"1s\" }");
     desk.write("study.toml", timed.replacen("steps = 6", "steps = 7", 1));
-    refused(&desk, &["\"late\"", "another training to go on from"]);
+    refused(&desk, "\"late\" | another training to go on from");
 }
 
 #[test]
@@ -279,41 +241,42 @@ fn what_cannot_be_measured_is_found_before_anything_is_trained() {
     desk.tiny();
     let preset = "tiny = { preset = \"tiny\" }";
     let there = STUDY.replace(preset, "tiny = { folder = \"tiny\" }");
-    let model =
-        "[[model]]\nname = \"old\"\nfile = \"old.safetensors\"\n\n[[train]]\nname = \"early\"";
+    let entry = "[[train]]\nname = \"early\"";
+    let model = format!("[[model]]\nname = \"old\"\nfile = \"old.safetensors\"\n\n{entry}");
+    let (early, nobody) = ("\"early\"\nbudget", "\"nobody\"\nbudget");
+    for (from, to, word) in [("title", "titel", "titel"), (early, nobody, "nobody")] {
+        desk.write("study.toml", STUDY.replacen(from, to, 1));
+        desk.refuses(&format!(
+            "1 | study study.toml -o s | study.toml | {word}
+             1 | info study.toml | study.toml | {word}",
+        ));
+    }
     desk.write("old.safetensors", "no model");
-    let cases = [
+    for (from, to, words) in [
         (
             "starts = 3",
             "motions = [\"zz\"]",
             "evaluation.motions: motion zz",
         ),
         (
-            "horizons = [1, 5]",
-            "horizons = [1, 5000]",
+            "[1, 5]",
+            "[1, 5000]",
             "evaluation.horizons: 5000 frames fit into no",
         ),
-        ("[[train]]\nname = \"early\"", model, "model \"old\""),
-    ];
-    for (from, to, word) in cases {
+        (entry, model.as_str(), "model \"old\""),
+    ] {
         desk.write("study.toml", there.replacen(from, to, 1));
-        refused(&desk, &["study.toml", word]);
+        refused(&desk, &format!("study.toml | {words}"));
         assert!(!desk.path("s/trainings").exists());
     }
     desk.write("study.toml", &there);
-    let lift = desk.path("tiny/test/lift.safetensors");
-    let mut bytes = std::fs::read(&lift).unwrap();
+    let report = desk.json("info study.toml");
+    assert_eq!(report["kind"], "study-file");
+    assert_eq!(report["trainings"], 4);
+    let lift = "tiny/test/lift.safetensors";
+    let mut bytes = desk.read(lift);
     *bytes.last_mut().unwrap() ^= 1;
-    std::fs::write(&lift, bytes).unwrap();
-    refused(&desk, &["data set \"tiny\"", "lift.safetensors"]);
+    desk.write(lift, bytes);
+    refused(&desk, "data set \"tiny\" | lift.safetensors");
     assert!(!desk.path("s/trainings").exists());
-}
-
-#[test]
-fn bad_studies_leave_nothing_behind() {
-    let desk = desk();
-    desk.write("study.toml", STUDY.replacen("title", "titel", 1));
-    refused(&desk, &["study.toml", "titel"]);
-    assert!(!desk.path("s").exists());
-    desk.fails("study none -o s", 1, &["none", "ten-minutes", "table1"]);
 }

@@ -5,33 +5,27 @@ use crate::common::{Desk, PUSH};
 #[test]
 fn wrong_calls_exit_with_2_and_say_why() {
     let desk = Desk::new();
-    for (call, word) in [
-        ("", "Usage"),
-        ("exprt", "export"),
-        ("run default --compare", "--model"),
-        ("run default -o a.safetensors --frames 0", "--frames"),
-        ("run default -o a.safetensors --frames many", "--frames"),
-        (
-            "run default -o a.safetensors --start rest --start mesh",
-            "--start",
-        ),
-        ("train a.toml --data d -o o --for soon", "1h30m"),
-        ("data generate tiny -o d -j 0", "--jobs"),
-        ("run --model paper --states s.safetensors", "--states"),
-        ("view default --beside a.safetensors", "--beside"),
-        ("view --address here", "--address"),
-        ("run --device cuda", "gpu:N"),
-        ("eval --model a --data b --device gpu:x", "gpu:N"),
-        ("run --device double", "--device"),
-        ("run --rest default --quiet --verbose", "--verbose"),
-        ("completions tcsh", "bash"),
-    ] {
-        let said = desk.run(call);
-        assert_eq!(said.code, Some(2), "{call}");
-        assert_eq!(said.out, "", "{call}");
-        assert!(said.err.contains(word), "{call}: {}", said.err);
-    }
-    assert_eq!(desk.names(), Vec::<String>::new());
+    // It is the help that is said where there is no call.
+    let said = desk.run("");
+    assert_eq!((said.code, said.out.as_str()), (Some(2), ""));
+    assert!(said.err.contains("Usage"), "{}", said.err);
+    desk.refuses(
+        "2 | exprt | export
+         2 | run default --compare | --model
+         2 | run default -o a.safetensors --frames 0 | --frames
+         2 | run default -o a.safetensors --frames many | --frames
+         2 | run default -o a.safetensors --start rest --start mesh | --start
+         2 | train a.toml --data d -o o --for soon | 1h30m
+         2 | data generate tiny -o d -j 0 | --jobs
+         2 | run --model paper --states s.safetensors | --states
+         2 | view default --beside a.safetensors | --beside
+         2 | view --address here | --address
+         2 | run --device cuda | gpu:N
+         2 | eval --model a --data b --device gpu:x | gpu:N
+         2 | run --device double | --device
+         2 | run --rest default --quiet --verbose | --verbose
+         2 | completions tcsh | bash",
+    );
 }
 
 /// A scene or a preset goes by its shipped name first. So does a model, unless the folder could be
@@ -48,15 +42,12 @@ fn a_folder_hides_nothing_that_is_shipped() {
     desk.write("push.toml", PUSH);
     let rollout = "run push.toml --no-clip --frames 1 -o out --model";
     desk.json(&format!("{rollout} paper"));
-    let a_folder = ["mine: is a folder", "name the model in it, mine/model.safe"];
-    desk.fails(&format!("{rollout} mine"), 1, &a_folder);
+    let words = "mine: is a folder | name the model in it, mine/model.safe";
+    desk.refuses(&format!("1 | {rollout} mine | {words}"));
     desk.write("paper/model.safetensors", "a model of the user's");
-    let both = [
-        "paper: is a folder",
-        "paper/model.safetensors",
-        "for the shipped model of this name, start from another folder",
-    ];
-    desk.fails(&format!("{rollout} paper"), 1, &both);
+    let words = "paper: is a folder | paper/model.safetensors \
+        | for the shipped model of this name, start from another folder";
+    desk.refuses(&format!("1 | {rollout} paper | {words}"));
     // What the program made in a folder is what the folder stands for.
     std::fs::rename(desk.path("default"), desk.path("empty")).unwrap();
     std::fs::rename(desk.path("set"), desk.path("default")).unwrap();
@@ -122,23 +113,7 @@ fn a_person_gets_a_table_and_a_program_gets_json() {
 #[cfg(unix)]
 mod interrupts {
     use super::*;
-    use crate::common::{Running, Said, contents, names_in};
-
-    #[test]
-    fn a_sag_can_be_interrupted() {
-        let desk = Desk::new();
-        // Hours of it, if it went on.
-        let never = "[sag]\ntolerance = 1e-300\nmax_steps = 1000000000\n";
-        desk.write("never.toml", format!("{PUSH}\n{never}"));
-        let mut rollout = desk.start("run --model paper --compare never.toml -o run");
-        rollout.wait_for("sagging to rest: begun");
-        assert!(desk.path("run").is_dir());
-        rollout.press();
-        let said = rollout.ended();
-        assert_eq!(said.code, Some(130));
-        assert!(said.err.contains("stopped, as was asked"), "{}", said.err);
-        assert!(!desk.path("run").exists());
-    }
+    use crate::common::{Running, Said, names_in};
 
     #[test]
     fn an_interrupted_simulation_writes_the_frames_so_far() {
@@ -206,15 +181,9 @@ mod interrupts {
         assert_eq!(code, Some(130));
         assert!(out.contains("run the same command again"), "{out}");
         assert!(!desk.path("pieces/index.json").exists());
-        desk.fails("info pieces", 1, &["not complete", "again"]);
+        desk.refuses("1 | info pieces | not complete | again");
         desk.json("data generate long.toml -o pieces");
         desk.json("data generate long.toml -o whole");
-        let bytes = |folder: &str| -> Vec<Vec<u8>> {
-            contents(&desk.path(folder))
-                .into_iter()
-                .map(|(_, bytes)| bytes)
-                .collect()
-        };
-        assert!(bytes("pieces") == bytes("whole"));
+        assert!(desk.files("pieces") == desk.files("whole"));
     }
 }

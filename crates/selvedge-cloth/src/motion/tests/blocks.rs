@@ -114,10 +114,8 @@ fn wrong_blocks_are_errors() {
         ),
     ] {
         let text = refused(&motion);
-        assert!(
-            text.starts_with("motion: ") && text.contains(words),
-            "{text}"
-        );
+        assert!(text.starts_with("motion: "), "{text}");
+        assert!(text.contains(words), "{text}");
     }
     let turn = of_blocks(vec![turn_block(1.0, 0.0, TurnSense::Clockwise, METRE)]);
     let few =

@@ -54,52 +54,24 @@ fn a_handle_in_no_group_stays() {
 
 #[test]
 fn wrong_keyframes_are_errors() {
-    type Case = (Vec<usize>, &'static [(f64, f64, f64)], &'static str);
-    let cases: [Case; 9] = [
-        (
-            vec![0, 2],
-            &[(1.0, 1.0, 0.0)],
-            "groups[0] names handle 2, but the scene has 2 handles (numbered from 0)",
-        ),
-        (
-            vec![0, 0],
-            &[(1.0, 1.0, 0.0)],
-            "handle 0 is named by groups[0] and again by groups[0]",
-        ),
-        (
-            vec![0],
-            &[(1.0, 1.0, 0.0), (1.0, 2.0, 0.0)],
-            "groups[0].keyframes[1].time must be later",
-        ),
-        (
-            vec![0],
-            &[(2.5, 1.0, 0.0)],
-            "groups[0].keyframes[0].time must be between",
-        ),
-        (
-            vec![0],
-            &[(0.0, 1.0, 0.0)],
-            "groups[0].keyframes[0].time must be later than 0",
-        ),
-        (
-            vec![0],
-            &[(0.0, 0.0, 9.0)],
-            "groups[0].keyframes[0].time must be later than 0",
-        ),
-        (
-            vec![0],
-            &[(1.0, 1.0, f64::NAN)],
-            "groups[0].keyframes[0].rotation_deg",
-        ),
-        (
-            vec![0],
-            &[(1.0, 1.1e6, 0.0)],
-            "groups[0].keyframes[0].translation",
-        ),
-        (vec![], &[(1.0, 1.0, 0.0)], "groups[0].handles"),
-    ];
-    for (handles, keyframes, words) in cases {
-        let text = refused(&keyframed(handles, keyframes));
+    // Handles, keyframes, and what is said.
+    let cases = "\
+    [0, 2] | { time = 1 } | groups[0] names handle 2, but the scene has 2 handles (numbered from 0)
+    [0, 0] | { time = 1 } | handle 0 is named by groups[0] and again by groups[0]
+    [0] | { time = 1 }, { time = 1, rotation_deg = 2 } | groups[0].keyframes[1].time must be later
+    [0] | { time = 2.5 } | groups[0].keyframes[0].time must be between
+    [0] | { time = 0, translation = [1, 0, 0] } | groups[0].keyframes[0].time must be later than 0
+    [0] | { time = 0, rotation_deg = 9 } | groups[0].keyframes[0].time must be later than 0
+    [0] | { time = 1, rotation_deg = nan } | groups[0].keyframes[0].rotation_deg
+    [0] | { time = 1, translation = [1.1e6, 0, 0] } | groups[0].keyframes[0].translation
+    [] | { time = 1 } | groups[0].handles";
+    for case in cases.lines() {
+        let [handles, keyframes, words] = case.split(" | ").collect::<Vec<_>>()[..] else {
+            panic!("three columns: {case}");
+        };
+        let group = format!("handles = {handles}\nkeyframes = [{keyframes}]");
+        let text = format!("kind = \"keyframes\"\nduration = 2\n[[groups]]\n{group}");
+        let text = refused(&toml::from_str(&text).unwrap());
         assert!(text.starts_with(&format!("motion: {words}")), "{text}");
     }
 }

@@ -47,10 +47,8 @@ fn training_motions_close_and_last_1261_positions() {
         // 60 chords of an arc of up to 2 rad: each is short by a share of at most
         // (2 · 0.02618)²/24 = 1.1e-4; straight moves have no such defect.
         let tolerance = if turn { 1.2e-4 } else { 1e-12 };
-        assert!(
-            (longest - 1.0).abs() < tolerance,
-            "{name} moves {longest} m"
-        );
+        let off = (longest - 1.0).abs();
+        assert!(off < tolerance, "{name} moves {longest} m");
     }
 }
 
@@ -103,14 +101,9 @@ fn random_motions_keep_to_the_trained_speed_and_go_everywhere() {
     }
     // 320 moves of which each goes along a uniform direction or turns: every way is taken fast.
     assert!(reached.iter().all(|&speed| speed > 0.015), "{reached:?}");
-    for name in [
-        "random-",
-        "random-01",
-        "random-+1",
-        "random--1",
-        "random-4294967296",
-    ] {
-        assert_eq!(named::by_name(name), None, "{name}");
+    for number in ["", "01", "+1", "-1", "4294967296"] {
+        let name = format!("random-{number}");
+        assert_eq!(named::by_name(&name), None, "{name}");
     }
 }
 
@@ -135,10 +128,8 @@ fn bouncy_is_as_described() {
     assert_eq!(path.at(0.5), corners());
     // Forward: (60 + 1)/2 + 3 · 60 + (60 - 1)/2 frames at 0.01. Up and down: -0.02 a block.
     let end = path.at(5.5)[0] - corners()[0];
-    assert!(
-        end.distance(DVec3::new(0.01 * 240.0, -0.1, 0.0)) < 1e-13,
-        "{end}"
-    );
+    let expected = DVec3::new(0.01 * 240.0, -0.1, 0.0);
+    assert!(end.distance(expected) < 1e-13, "{end}");
     // Top of the first bounce: the first 30 speeds are 0.02(1 - k/30), their sum 0.02 · 14.5.
     assert!((path.at(1.0)[0].y - 0.29).abs() < 1e-14);
     assert_eq!(path.at(5.5), path.at(8.5));
@@ -225,10 +216,8 @@ fn motions_drawn_for_a_test_keep_to_their_speed_and_are_none_of_the_named() {
 #[test]
 fn five_test_motions_are_images_of_training_motions() {
     let unseen = named::unseen();
-    let images: Vec<&str> = named::test()
-        .into_iter()
-        .filter(|name| !unseen.contains(name))
-        .collect();
+    let mut images = named::test();
+    images.retain(|name| !unseen.contains(name));
     let expected = [
         "test-x-minus-z",
         "test-x-minus-z-opposite",

@@ -1,15 +1,11 @@
 //! A session of a cloth that anyone can predict, served to a client that speaks the wire by hand.
 
 use std::net::{SocketAddr, TcpStream};
-use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use glam::Vec3;
-use selvedge_live::{
-    Catalogue, LiveError, Mover, Opening, Order, ReadyCloth, RunningServer, RunningSession,
-    ServerSettings, Workshop, serve, start,
-};
+use selvedge_live::{Mover, Opening, RunningServer, RunningSession, ServerSettings, serve, start};
 use serde_json::Value;
 use tungstenite::client::IntoClientRequest;
 use tungstenite::http::Request;
@@ -19,39 +15,13 @@ use tungstenite::{Message, WebSocket};
 mod test_cloth;
 
 pub(crate) use test_cloth::CORNERS;
-use test_cloth::{TestCloth, order};
+use test_cloth::{TestWorkshop, order};
 
 /// Time that anything may take: a busy machine may stand still for seconds.
 const PATIENCE: Duration = Duration::from_secs(40);
 
 /// A name under which the server may be addressed.
 pub(crate) const NAME: &str = "studio.example";
-
-/// Makes the test cloth ready, with steps that take this time.
-struct TestWorkshop(Duration);
-
-impl Workshop for TestWorkshop {
-    fn catalogue(&self) -> Catalogue {
-        Catalogue::default()
-    }
-
-    fn prepare(
-        &mut self,
-        order: &Order,
-        progress: &mut dyn FnMut(String) -> ControlFlow<()>,
-    ) -> Result<Box<dyn ReadyCloth>, LiveError> {
-        if progress("half way".to_owned()).is_break() {
-            return Err(LiveError::new("it was stopped"));
-        }
-        if order.scene == "none" {
-            return Err(LiveError::new("there is no scene \"none\""));
-        }
-        Ok(Box::new(TestCloth {
-            cost: self.0,
-            ..TestCloth::new()
-        }))
-    }
-}
 
 /// A session that is served.
 pub(crate) struct Served {
@@ -66,13 +36,19 @@ pub(crate) fn served(cost: Duration, folder: PathBuf) -> Served {
         mover: Mover::Physics,
         tape: None,
     };
-    let session = start(Box::new(TestWorkshop(cost)), opening, folder).unwrap();
+    let workshop = Box::new(TestWorkshop { cost, begun: None });
+    let session = start(workshop, opening, folder).unwrap();
     let settings = ServerSettings {
         address: SocketAddr::from(([127, 0, 0, 1], 0)),
         names: vec![NAME.to_owned()],
     };
     let server = serve(settings, &session).unwrap();
     Served { session, server }
+}
+
+/// Serves a session whose steps take no time.
+pub(crate) fn quick() -> Served {
+    served(Duration::ZERO, std::env::temp_dir())
 }
 
 impl Served {

@@ -24,18 +24,12 @@ fn frames(count: usize) -> Vec<[Vec3; 3]> {
         .collect()
 }
 
-fn run<'a>(topology: &'a Topology, frames: &'a [[Vec3; 3]], rate: f64) -> Run<'a> {
-    Run::new(
-        topology,
-        frames.iter().map(<[Vec3; 3]>::as_slice),
-        &[],
-        rate,
-    )
-    .unwrap()
-}
-
-fn triangle() -> Topology {
-    Topology::new(3, &[[0, 1, 2]]).unwrap()
+/// Calls `with` with the run of so many frames of the triangle.
+fn on_run<T>(count: usize, rate: f64, with: impl FnOnce(&Run<'_>) -> T) -> T {
+    let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
+    let frames = frames(count);
+    let frames = frames.iter().map(<[Vec3; 3]>::as_slice);
+    with(&Run::new(&topology, frames, &[], rate).unwrap())
 }
 
 fn panel<'a>(label: &'a str, run: &'a Run<'a>) -> Panel<'a> {
@@ -44,6 +38,14 @@ fn panel<'a>(label: &'a str, run: &'a Run<'a>) -> Panel<'a> {
         run,
         colouring: Colouring::Plain,
     }
+}
+
+/// What is said where a clip cannot be written.
+fn refused(panels: &[Panel<'_>], settings: ClipSettings) -> String {
+    let end = write_clip(&mut Vec::new(), "", panels, &settings, &mut || {
+        ControlFlow::Continue(())
+    });
+    end.unwrap_err().to_string()
 }
 
 /// The pictures of a GIF as numbers of its palette, with their delays.
@@ -100,17 +102,14 @@ fn clip(panels: &[Panel<'_>], settings: &ClipSettings) -> Vec<u8> {
 
 #[test]
 fn a_clip_lasts_as_long_as_its_run() {
-    let topology = triangle();
     // 3 s at 60 and at 24 frames per second, 50 ms and 30 ms.
     for (rate, count, delay_ms) in [(60.0, 181, 50), (24.0, 73, 50), (60.0, 181, 30)] {
-        let frames = frames(count);
-        let run = run(&topology, &frames, rate);
-        let panel = panel("one", &run);
         let settings = ClipSettings {
             delay_ms,
             ..SETTINGS
         };
-        let played = play(&clip(&[panel], &settings));
+        let bytes = on_run(count, rate, |run| clip(&[panel("one", run)], &settings));
+        let played = play(&bytes);
         // Pictures at 0, d, 2 d, ... 3 s.
         assert_eq!(played.pictures.len(), 3000 / usize::from(delay_ms) + 1);
         assert!(played.delays.iter().all(|&delay| 10 * delay == delay_ms));
@@ -120,45 +119,35 @@ fn a_clip_lasts_as_long_as_its_run() {
 
 #[test]
 fn frames_are_those_nearest_to_each_moment() {
-    let topology = triangle();
-    let frames = frames(25);
     // 24 frames per second every 100 ms: 0, 2.4, 4.8, 7.2, 9.6, 12, ...
-    let run = run(&topology, &frames, 24.0);
-    assert_eq!(
-        frames_at(&run, 100),
-        [0, 2, 5, 7, 10, 12, 14, 17, 19, 22, 24]
-    );
+    let found = on_run(25, 24.0, |run| frames_at(run, 100));
+    assert_eq!(found, [0, 2, 5, 7, 10, 12, 14, 17, 19, 22, 24]);
 }
 
 #[test]
 fn decoded_pixels_are_the_pictures_within_the_tolerance() {
-    let topology = triangle();
-    let frames = frames(31);
-    let run = run(&topology, &frames, 60.0);
-    let panels = ["truth", "prediction"].map(|label| panel(label, &run));
-    let played = play(&clip(&panels, &SETTINGS));
-    let mut studio = Studio::new("Title", &panels, &SETTINGS).unwrap();
-    let numbers = frames_at(&run, SETTINGS.delay_ms);
-    let mut palette = studio.palette(&numbers).unwrap();
-    assert_eq!(played.palette[..palette.table().len()], palette.table());
-    assert_eq!(played.size, studio.size().map(usize::from));
-    for (picture, &frame) in played.pictures.iter().zip(&numbers) {
-        let original = studio.picture(frame).unwrap();
-        for (&number, &colour) in picture.iter().zip(original.pixels()) {
-            let shown = palette.colour(number).unwrap();
-            let best = palette.number(colour);
-            assert!(number == best || distance_squared(shown, colour) <= TOLERANCE);
+    on_run(31, 60.0, |run| {
+        let panels = ["truth", "prediction"].map(|label| panel(label, run));
+        let played = play(&clip(&panels, &SETTINGS));
+        let mut studio = Studio::new("Title", &panels, &SETTINGS).unwrap();
+        let numbers = frames_at(run, SETTINGS.delay_ms);
+        let mut palette = studio.palette(&numbers).unwrap();
+        assert_eq!(played.palette[..palette.table().len()], palette.table());
+        assert_eq!(played.size, studio.size().map(usize::from));
+        for (picture, &frame) in played.pictures.iter().zip(&numbers) {
+            let original = studio.picture(frame).unwrap();
+            for (&number, &colour) in picture.iter().zip(original.pixels()) {
+                let shown = palette.colour(number).unwrap();
+                let best = palette.number(colour);
+                assert!(number == best || distance_squared(shown, colour) <= TOLERANCE);
+            }
         }
-    }
+    });
 }
 
 #[test]
 fn what_stands_still_costs_nothing_but_its_clock() {
-    let topology = triangle();
-    let frames = frames(61);
-    let run = run(&topology, &frames, 60.0);
-    let panel = panel("", &run);
-    let played = play(&clip(&[panel], &SETTINGS));
+    let played = play(&on_run(61, 60.0, |run| clip(&[panel("", run)], &SETTINGS)));
     let whole = played.size[0] * played.size[1];
     assert_eq!(played.areas[0], whole);
     // The last quarter shows the running time only: less than an eighth of the picture.
@@ -167,19 +156,16 @@ fn what_stands_still_costs_nothing_but_its_clock() {
 
 #[test]
 fn a_stopped_clip_is_whole() {
-    let topology = triangle();
-    let frames = frames(61);
-    let run = run(&topology, &frames, 60.0);
-    let panel = panel("", &run);
-    let mut bytes = Vec::new();
-    let mut written = 0;
-    let end = write_clip(&mut bytes, "", &[panel], &SETTINGS, &mut || {
+    let (mut bytes, mut written) = (Vec::new(), 0);
+    let mut stop = || {
         written += 1;
-        if written == 3 {
-            ControlFlow::Break(())
-        } else {
-            ControlFlow::Continue(())
+        match written {
+            3 => ControlFlow::Break(()),
+            _ => ControlFlow::Continue(()),
         }
+    };
+    let end = on_run(61, 60.0, |run| {
+        write_clip(&mut bytes, "", &[panel("", run)], &SETTINGS, &mut stop)
     });
     assert_eq!(end.unwrap(), ControlFlow::Break(()));
     assert_eq!(play(&bytes).pictures.len(), 3);
@@ -188,45 +174,37 @@ fn a_stopped_clip_is_whole() {
 
 #[test]
 fn settings_out_of_range_are_errors_that_name_them() {
-    let topology = triangle();
-    let frames = frames(3);
-    let run = run(&topology, &frames, 60.0);
-    let panel = panel("", &run);
-    let refuse = |panels: &[Panel<'_>], settings: ClipSettings| {
-        write_clip(&mut Vec::new(), "", panels, &settings, &mut || {
-            ControlFlow::Continue(())
-        })
-        .unwrap_err()
-        .to_string()
+    let of = |delay_ms, tile| ClipSettings {
+        delay_ms,
+        tile,
+        ..SETTINGS
     };
-    let cases = [
-        (
-            ClipSettings {
-                delay_ms: 35,
-                ..SETTINGS
-            },
-            "delay_ms must be a multiple of 10 from 20 to 1000, found 35",
-        ),
-        (
-            ClipSettings {
-                tile: [0, 40],
-                ..SETTINGS
-            },
-            "tile is 0 x 40 pixels: both must be between 1 and 65535",
-        ),
-    ];
-    for (settings, message) in cases {
-        assert_eq!(refuse(&[panel], settings), message);
+    on_run(3, 60.0, |run| {
+        let panels = [panel("", run); 3];
+        for (count, settings, words) in [
+            (
+                1,
+                of(35, [48, 40]),
+                "delay_ms must be a multiple of 10 from 20 to 1000, found 35",
+            ),
+            (
+                1,
+                of(50, [0, 40]),
+                "tile is 0 x 40 pixels: both must be between 1 and 65535",
+            ),
+            (0, SETTINGS, "at least one run"),
+            (3, of(50, [40_000, 40]), "page is 120"),
+        ] {
+            let text = refused(&panels[..count], settings);
+            assert!(text.contains(words), "{text}");
+        }
+    });
+    // A run whose frames hardly pass.
+    for rate in [1e-9, 1e-17, 1e-300] {
+        let text = on_run(2, rate, |run| refused(&[panel("", run)], SETTINGS));
+        let words = "the clip must be of at most 1000000 pictures";
+        assert!(text.starts_with(words), "{text}");
     }
-    assert!(refuse(&[], SETTINGS).contains("at least one run"));
-    let message = refuse(
-        &[panel; 3],
-        ClipSettings {
-            tile: [40_000, 40],
-            ..SETTINGS
-        },
-    );
-    assert!(message.starts_with("page is 120"), "{message}");
 }
 
 #[test]
@@ -240,30 +218,11 @@ fn a_writer_that_fails_is_an_error() {
             Ok(())
         }
     }
-    let topology = triangle();
-    let frames = frames(3);
-    let run = run(&topology, &frames, 60.0);
-    let panel = panel("", &run);
-    let end = write_clip(&mut Full, "", &[panel], &SETTINGS, &mut || {
-        ControlFlow::Continue(())
+    let end = on_run(3, 60.0, |run| {
+        write_clip(&mut Full, "", &[panel("", run)], &SETTINGS, &mut || {
+            ControlFlow::Continue(())
+        })
     });
     let message = end.unwrap_err().to_string();
     assert_eq!(message, "the GIF clip could not be written: disk full");
-}
-
-#[test]
-fn a_run_whose_frames_hardly_pass_makes_no_clip() {
-    let topology = triangle();
-    let frame = [Vec3::ZERO, Vec3::X, Vec3::Y];
-    for rate in [1e-9, 1e-17, 1e-300] {
-        let run = Run::new(&topology, [&frame[..]; 2], &[], rate).unwrap();
-        let panel = panel("", &run);
-        let settings = ClipSettings::default();
-        let end = write_clip(&mut Vec::new(), "", &[panel], &settings, &mut || {
-            ControlFlow::Continue(())
-        });
-        let message = end.unwrap_err().to_string();
-        let expected = "the clip must be of at most 1000000 pictures";
-        assert!(message.starts_with(expected), "{message}");
-    }
 }

@@ -85,21 +85,15 @@ fn covered_pixels_are_the_projected_area() {
         Vec2::new(seen.x, seen.y) * side as f32
     });
     let expected = 0.5 * (b - a).perp_dot(c - a).abs();
-    let covered = shot
-        .image
-        .pixels()
-        .iter()
-        .filter(|p| is_bluish(**p))
-        .count() as f32;
+    let pixels = shot.image.pixels().iter();
+    let covered = pixels.filter(|p| is_bluish(**p)).count() as f32;
     // The inner half of the border is not blue.
     let perimeter = a.distance(b) + b.distance(c) + c.distance(a);
     let expected = expected - HALF_BORDER * perimeter;
     // Counting middles errs at the outline only, by at most about half a pixel per row it crosses,
     // at random: a small part of the perimeter.
-    assert!(
-        (covered - expected).abs() < 0.05 * perimeter,
-        "{covered} {expected}"
-    );
+    let allowed = 0.05 * perimeter;
+    assert!((covered - expected).abs() < allowed, "{covered} {expected}");
 }
 
 #[test]
@@ -211,20 +205,15 @@ fn handles_are_marked_where_they_are() {
     let [x, y] = [seen.x, seen.y].map(|share| (share * 200.0) as u32);
     let middle = image.pixel(x, y).unwrap();
     // Tables of 4096 steps of light return a byte to within one.
-    assert!(
-        (0..3).all(|k| middle[k].abs_diff(HANDLE[k]) <= 1),
-        "{middle:?}"
-    );
+    let is_near = |k: usize| middle[k].abs_diff(HANDLE[k]) <= 1;
+    assert!((0..3).all(is_near), "{middle:?}");
 }
 
 #[test]
 fn a_renderer_forgets_the_picture_before() {
     let (topology, positions) = scene(&[TRIANGLE]);
-    let moved: Vec<Vec3> = positions
-        .iter()
-        .map(|p| *p + Vec3::new(0.1, 0.4, -0.3))
-        .collect();
-    let frames = [positions.as_slice(), moved.as_slice()];
+    let moved = TRIANGLE.map(|p| p + Vec3::new(0.1, 0.4, -0.3));
+    let frames = [positions.as_slice(), &moved];
     let run = Run::new(&topology, frames, &[VertexId(0)], 60.0).unwrap();
     let stage = Stage::of_runs(&[&run], crate::View::default(), 1.0).unwrap();
     let panel = plain(&run);
@@ -232,15 +221,11 @@ fn a_renderer_forgets_the_picture_before() {
     let mut used = fresh();
     used.render(&panel, 0).unwrap();
     used.render(&panel, 1).unwrap();
-    assert_eq!(
-        used.render(&panel, 0).unwrap(),
-        fresh().render(&panel, 0).unwrap()
-    );
+    let expected = fresh().render(&panel, 0).unwrap();
+    assert_eq!(used.render(&panel, 0).unwrap(), expected);
     let error = used.render(&panel, 2).unwrap_err().to_string();
-    assert_eq!(
-        error,
-        "frame 2 was asked for, but the run has only 2 frames"
-    );
+    let words = "frame 2 was asked for, but the run has only 2 frames";
+    assert_eq!(error, words);
 }
 
 #[test]
@@ -256,19 +241,16 @@ fn a_flat_field_has_the_hue_of_its_value() {
     };
     let mut renderer = Renderer::new(&stage, [100; 2], 1).unwrap();
     let image = renderer.render(&panel, 0).unwrap();
-    let seen = stage
-        .camera
-        .project((positions[0] + positions[1] + positions[2]) / 3.0);
+    let centre = (positions[0] + positions[1] + positions[2]) / 3.0;
+    let seen = stage.camera.project(centre);
     let [x, y] = [seen.x, seen.y].map(|share| (share * 100.0) as u32);
     // Shading scales light alike in all channels: the ratios stay those of the map's last colour.
     let light = to_linear(image.pixel(x, y).unwrap());
     let expected = to_linear([92, 12, 52]);
     let scale = light.x / expected.x;
     // A byte near the green channel's value of 12 is 10 % of its light.
-    assert!(
-        (light / expected - scale).abs().max_element() < 0.12 * scale,
-        "{light}"
-    );
+    let off = (light / expected - scale).abs().max_element();
+    assert!(off < 0.12 * scale, "{light}");
     assert!(scale > 0.5 && scale < 1.2);
 }
 
@@ -308,14 +290,8 @@ fn beside(body: &[Vec3], faces: &[[u32; 3]]) -> (Image, Stage) {
 
 #[test]
 fn a_body_hides_the_cloth_behind_it_and_is_hidden_before_it() {
-    let wall = |x: f32| {
-        [
-            Vec3::new(x, -1.0, -1.0),
-            Vec3::new(x, 2.0, -1.0),
-            Vec3::new(x, 2.0, 1.0),
-            Vec3::new(x, -1.0, 1.0),
-        ]
-    };
+    let corners = [(-1.0, -1.0), (2.0, -1.0), (2.0, 1.0), (-1.0, 1.0)];
+    let wall = |x: f32| corners.map(|(y, z)| Vec3::new(x, y, z));
     let faces = [[0, 1, 2], [0, 2, 3]];
     for (x, is_seen) in [(-0.4, true), (0.4, false)] {
         let (image, stage) = beside(&wall(x), &faces);
@@ -348,28 +324,23 @@ fn a_large_level_body_is_the_floor_of_the_picture() {
 fn a_cloth_has_the_colour_of_its_run() {
     let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
     let frame = [Vec3::ZERO, Vec3::Z, Vec3::Y];
-    let plain = Run::new(&topology, [&frame[..]], &[], 60.0).unwrap();
-    let red = plain.clone().in_colour([200, 20, 20]);
-    let middle = |run: &Run<'_>, azimuth: f32| {
+    let usual = Run::new(&topology, [&frame[..]], &[], 60.0).unwrap();
+    let red = usual.clone().in_colour([200, 20, 20]);
+    let middle = |run: &Run<'_>, azimuth: f32| -> [i32; 3] {
         let view = crate::View {
             azimuth,
             elevation: 5.0,
         };
         let stage = Stage::of_runs(&[run], view, 1.0).unwrap();
         let mut renderer = Renderer::new(&stage, [32, 32], 2).unwrap();
-        let panel = Panel {
-            label: "",
-            run,
-            colouring: Colouring::Plain,
-        };
-        let image = renderer.render(&panel, 0).unwrap();
+        let image = renderer.render(&plain(run), 0).unwrap();
         let seen = stage.camera.project(Vec3::new(0.0, 0.3, 0.3));
         image.pixels()[(seen.y * 32.0) as usize * 32 + (seen.x * 32.0) as usize].map(i32::from)
     };
     for azimuth in [0.0, 180.0] {
         let [r, g, b] = middle(&red, azimuth);
         assert!(r > g + 40 && r > b + 40, "{azimuth}: {r} {g} {b}");
-        assert_ne!(middle(&plain, azimuth), [r, g, b]);
+        assert_ne!(middle(&usual, azimuth), [r, g, b]);
     }
     // The front is the stronger one.
     let [front, back] = [180.0, 0.0].map(|azimuth| middle(&red, azimuth));

@@ -152,23 +152,26 @@ impl Desk {
     /// one line that contains all of `words` to standard error.
     pub(crate) fn fails(&self, arguments: &str, code: i32, words: &[&str]) {
         let said = self.run(arguments);
-        assert_eq!(
-            said.code,
-            Some(code),
-            "{arguments}: {} {}",
-            said.out,
-            said.err
-        );
-        assert_eq!(said.out, "", "{arguments}");
-        assert!(said.err.starts_with("error: "), "{arguments}: {}", said.err);
+        let (out, err) = (said.out, said.err);
+        assert_eq!(said.code, Some(code), "{arguments}: {out} {err}");
+        assert_eq!(out, "", "{arguments}");
+        assert!(err.starts_with("error: "), "{arguments}: {err}");
         for word in words {
-            assert!(
-                said.err.contains(word),
-                "{arguments}: {} lacks {word}",
-                said.err
-            );
+            assert!(err.contains(word), "{arguments}: {err} lacks {word}");
         }
-        assert!(!said.err.contains("panicked"), "{}", said.err);
+        assert!(!err.contains("panicked"), "{err}");
+    }
+
+    /// Calls that must fail as [`Self::fails`] says and leave nothing behind, one a line: the exit
+    /// code, the call, and words of its error, with ` | ` between them.
+    pub(crate) fn refuses(&self, calls: &str) {
+        let all = || (self.names(), contents(&self.path("")));
+        let before = all();
+        for line in calls.trim().lines() {
+            let columns: Vec<&str> = line.split('|').map(str::trim).collect();
+            self.fails(columns[1], columns[0].parse().unwrap(), &columns[2..]);
+            assert!(all() == before, "{line}: it changed something");
+        }
     }
 
     /// A data set of three short motions, in `tiny`.
@@ -271,4 +274,15 @@ pub(crate) fn tiny_preset() -> &'static str {
 pub(crate) fn number(value: &Value, pointer: &str) -> f64 {
     let found = value.pointer(pointer).and_then(Value::as_f64);
     found.unwrap_or_else(|| panic!("{value} has no number {pointer}"))
+}
+
+/// The words at `key` of every row of a JSON list.
+pub(crate) fn column<'a>(rows: impl IntoIterator<Item = &'a Value>, key: &str) -> Vec<&'a str> {
+    let words = rows.into_iter().map(|row| row[key].as_str());
+    words.map(Option::unwrap).collect()
+}
+
+/// The rows of the list at `key` of a JSON object.
+pub(crate) fn rows<'a>(value: &'a Value, key: &str) -> &'a [Value] {
+    value[key].as_array().unwrap()
 }
