@@ -51,7 +51,8 @@ fn a_sheet_that_is_cut_moved_or_mirrored_and_sewn_again_is_the_uncut_sheet() {
     let uncut = hanging(13);
     let before = moved(&uncut, 60);
     assert!(largest_distance(&before, uncut.mesh.positions()) > 0.3);
-    let places: [(&str, fn(DVec2) -> DVec2); 4] = [
+    type Place = fn(DVec2) -> DVec2;
+    let places: [(&str, Place); 4] = [
         ("shifted", |p| p + DVec2::new(3.0, -0.7)),
         ("mirrored along u", |p| DVec2::new(-p.x, p.y)),
         ("mirrored along v", |p| DVec2::new(p.x, 2.0 - p.y)),
