@@ -381,6 +381,31 @@ mod tests {
     }
 
     #[test]
+    fn across_a_seam_of_one_cloth_that_lies_flat_nothing_changes() {
+        let [from, to, left, right] = REST;
+        let side = |opposite: DVec2| HingeSide {
+            table: &TABLE,
+            along: to - from,
+            area: signed_area_2d(from, to, opposite).abs(),
+        };
+        let across = BendElement::across([side(left), side(right)]);
+        assert_eq!(across, BendElement::new(&TABLE, REST));
+        // The other side turned by a quarter is read in its own direction.
+        let turned = HingeSide {
+            along: (to - from).perp(),
+            ..side(right)
+        };
+        let mixed = BendElement::across([side(left), turned]);
+        let other = BendElement::across([turned, turned]);
+        for curvature in [0.0, 1.5, 4.0] {
+            let mean = 0.5 * (across.stiffness_at(curvature) + other.stiffness_at(curvature));
+            assert!((mixed.stiffness_at(curvature) - mean).abs() < 1e-19);
+            let twice = mixed.stiffened(2.0).stiffness_at(curvature);
+            assert!((twice - 2.0 * mean).abs() < 1e-19);
+        }
+    }
+
+    #[test]
     fn flat_and_folded_shut_are_finite() {
         let element = BendElement::new(&TABLE, REST);
         let flat = REST.map(|c| c.extend(0.0));
