@@ -45,15 +45,3 @@ impl Lists {
         self.entries.len()
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn entries_are_found_under_their_key_in_order() {
-        let lists = Lists::group(4, &[(2, 7), (0, 5), (2, 1), (3, 9), (2, 7)]);
-        let found: Vec<&[u32]> = (0..4).map(|key| lists.of(key)).collect();
-        assert_eq!(found, [&[5][..], &[], &[7, 1, 7], &[9]]);
-    }
-}

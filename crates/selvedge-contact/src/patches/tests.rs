@@ -5,7 +5,6 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::Topology;
 
-use super::KEPT;
 use super::layout::Layout;
 use crate::candidates::{Candidates, Reach, Ways};
 use crate::closest::gap;
@@ -148,42 +147,6 @@ fn what_is_left_out_stays_apart_on_the_whole_way() {
         left_out > 10_000 && searched > 10_000,
         "{left_out} {searched}"
     );
-}
-
-#[test]
-fn points_of_a_smooth_patch_are_as_far_apart_as_promised() {
-    let sheet = Sheet::new(10, 10, |_, _| true);
-    let reach = Reach {
-        gap: 0.01,
-        slack: 0.01,
-    };
-    for radius in [1.5, 6.0, 20.0] {
-        let places = sheet.laid(rolled(radius));
-        let (surface, mut candidates) = sheet.candidates();
-        candidates.find(&surface, Ways::still(&places), reach);
-        let patches = candidates.patches().unwrap();
-        let smooth = patches.is_smooth.iter().filter(|smooth| **smooth).count();
-        assert_eq!(smooth > 0, radius > 2.0, "{radius}: {smooth}");
-        for (k, group) in patches.groups.iter().enumerate() {
-            if !patches.is_smooth[k] {
-                continue;
-            }
-            let vertices = |groups: &[u32]| -> Vec<usize> {
-                let faces = groups
-                    .iter()
-                    .flat_map(|g| &patches.groups[*g as usize].faces);
-                let corners = faces.flat_map(|f| sheet.faces[*f as usize]);
-                corners.map(|p| p as usize).collect()
-            };
-            for a in vertices(&[k as u32]) {
-                for b in vertices(&group.close) {
-                    let own = places[a].distance(places[b]);
-                    let pattern = sheet.points[a].distance(sheet.points[b]);
-                    assert!(own >= f64::from(KEPT) * pattern, "{own} of {pattern}");
-                }
-            }
-        }
-    }
 }
 
 #[test]

@@ -355,18 +355,6 @@ mod tests {
     }
 
     #[test]
-    fn forces_make_no_momentum() {
-        let corners = folded();
-        let force = BendElement::new(&TABLE, REST)
-            .respond(ElasticLaw::Arcsim, corners)
-            .force();
-        let largest = force.iter().map(|f| f.length()).fold(0.0, f64::max);
-        let torque: DVec3 = corners.iter().zip(force).map(|(x, f)| x.cross(f)).sum();
-        assert!(force.iter().sum::<DVec3>().length() < 1e-14 * largest);
-        assert!(torque.length() < 1e-15 * largest);
-    }
-
-    #[test]
     fn symmetric_law_answers_to_either_side_alike() {
         let element = BendElement::new(&TABLE, REST);
         let mirrored = folded().map(|x| DVec3::new(x.x, x.y, -x.z));
@@ -383,50 +371,6 @@ mod tests {
         let negative = element.respond(ElasticLaw::Arcsim, mirrored);
         assert_eq!(positive.stiffness, one.stiffness);
         assert!((negative.stiffness - one.stiffness).abs() > 1e-3 * one.stiffness);
-    }
-
-    #[test]
-    fn table_is_met_at_its_own_directions_and_curvatures() {
-        let square = [DVec2::ZERO, DVec2::X, DVec2::Y, -DVec2::Y];
-        for (row, degrees) in [(0, 0.0_f64), (1, 45.0), (2, 90.0), (1, 135.0), (0, 180.0)] {
-            let turn = DVec2::from_angle(degrees.to_radians());
-            let element = BendElement::new(&TABLE, square.map(|c| turn.rotate(c)));
-            for (column, expected) in TABLE.0[row].iter().enumerate() {
-                assert!((element.stiffness_at(column as f64) - expected).abs() < 1e-19);
-            }
-            assert_eq!(element.stiffness_at(9.0), element.stiffness_at(4.0));
-        }
-    }
-
-    #[test]
-    fn stiffness_is_continuous_and_never_negative() {
-        let element = BendElement::new(&TABLE, REST);
-        for k in 0..1000 {
-            let curvature = -20.0 + 0.03 * f64::from(k);
-            let difference =
-                element.stiffness_at(curvature + 1e-9) - element.stiffness_at(curvature);
-            assert!(difference.abs() < 1e-9 * 20e-6 + 1e-19);
-            assert!(element.stiffness_at(curvature) >= 0.0);
-        }
-    }
-
-    #[test]
-    fn at_its_rest_angle_a_hinge_has_no_force_and_beyond_it_that_of_the_difference() {
-        let flat = BendElement::new(&TABLE, REST);
-        let theta = angle(folded());
-        let at = |rest| {
-            flat.resting_at(rest)
-                .respond(ElasticLaw::Measured, folded())
-        };
-        assert_eq!(at(theta).angle, 0.0);
-        assert_eq!(at(theta).force(), [DVec3::ZERO; 4]);
-        // Against the gradient of k/2 (θ - θ₀)², k held constant.
-        let response = at(-0.3);
-        assert!((response.angle - theta - 0.3).abs() < 1e-15);
-        for (force, gradient) in response.force().iter().zip(angle_gradient::<f64>(folded())) {
-            let expected = gradient * (-response.stiffness * (theta + 0.3));
-            assert!(force.distance(expected) < 1e-14 * expected.length());
-        }
     }
 
     #[test]

@@ -183,17 +183,6 @@ mod tests {
     }
 
     #[test]
-    fn side_of_the_face_does_not_matter() {
-        let environment = air(1.0, 0.1, DVec3::new(0.3, 0.2, 4.0));
-        let turned = [FACE[1], FACE[0], FACE[2]];
-        let still = [DVec3::ZERO; 3];
-        assert_eq!(
-            air_force(&environment, 0.5, FACE, still),
-            air_force(&environment, 0.5, turned, still)
-        );
-    }
-
-    #[test]
     fn resistance_takes_power_from_whatever_moves() {
         let environment = air(1.2, 0.4, DVec3::ZERO);
         let velocities = [
@@ -240,10 +229,8 @@ mod tests {
     }
 
     #[test]
-    fn a_face_that_moves_with_the_air_feels_nothing() {
+    fn a_face_without_area_feels_nothing() {
         let wind = DVec3::new(0.3, -0.2, 4.0);
-        let force = air_force(&air(1.0, 1.0, wind), 0.5, FACE, [wind; 3]);
-        assert!(force.length() < 1e-15);
         let degenerate = air_force(&air(1.0, 0.0, wind), 0.5, [DVec3::ZERO; 3], [DVec3::X; 3]);
         assert_eq!(degenerate, DVec3::ZERO);
     }

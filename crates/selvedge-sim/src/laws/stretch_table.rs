@@ -211,30 +211,6 @@ mod tests {
         [127.0, 85.0, 405.0, 32.0],
     ]);
 
-    /// Strain of a principal stretch of 7/6 in a direction, with none across it.
-    fn stretched(degrees: f64) -> Strain {
-        let green = 0.5 * ((7.0_f64 / 6.0).powi(2) - 1.0);
-        let (sine, cosine) = degrees.to_radians().sin_cos();
-        Strain {
-            uu: green * cosine * cosine,
-            vv: green * sine * sine,
-            uv: green * sine * cosine,
-        }
-    }
-
-    #[test]
-    fn table_is_met_at_its_own_strains() {
-        let exact = |strain| measured_stiffness(&TABLE, strain);
-        let doubled = |row: usize| TABLE.0[row].map(|k| 2.0 * k.max(0.0));
-        assert_eq!(exact(Strain::default()), doubled(0));
-        for (row, degrees) in [(1, 0.0), (2, 22.5), (3, 45.0), (4, 67.5), (5, 90.0)] {
-            for (found, expected) in exact(stretched(degrees)).iter().zip(doubled(row)) {
-                // Both indices stop short of the next row by up to 1e-6.
-                assert!((found - expected).abs() < 3e-6 * 600.0, "{degrees}°");
-            }
-        }
-    }
-
     #[test]
     fn growth_is_the_derivative_along_the_strain() {
         let law = GridStiffness::new(TABLE);
@@ -269,84 +245,12 @@ mod tests {
         for [uu, vv, uv] in strains {
             check(Strain { uu, vv, uv });
         }
-        // It does grow: these fabrics stiffen.
+        // It does grow: these fabrics stiffen. Half of the strain of a stretch of 7/6.
         let half = Strain {
-            uu: 0.5 * stretched(0.0).uu,
+            uu: 0.25 * ((7.0_f64 / 6.0).powi(2) - 1.0),
             ..Strain::default()
         };
         let [stiffness, growth] = law.with_growth(half);
         assert!(growth[0] > 0.3 * stiffness[0]);
-    }
-
-    #[test]
-    fn grid_is_exact_at_its_samples_and_linear_between() {
-        let exact = |strain| measured_stiffness(&TABLE, strain);
-        let grid = GridStiffness::new(TABLE);
-        let sample = |i: f64, j: f64, k: f64| Strain {
-            uu: -0.25 + i / 30.0,
-            vv: -0.25 + j / 30.0,
-            uv: k / 30.0,
-        };
-        for (i, j, k) in [(0.0, 0.0, 0.0), (8.0, 11.0, 2.0), (20.0, 5.0, 28.0)] {
-            let pairs = grid.stiffness(sample(i, j, k)).into_iter();
-            for (found, expected) in pairs.zip(exact(sample(i, j, k))) {
-                // Directions and shears in single precision: 6e-8 of a step of at most 830 N/m
-                // between two rows (of 8 to the half turn) or two samples (of 30 to one).
-                assert!((found - expected).abs() < 6e-8 * 30.0 * 830.0);
-            }
-            let (low, high) = (
-                grid.stiffness(sample(i, j, k)),
-                grid.stiffness(sample(i + 1.0, j, k)),
-            );
-            let middle = grid.stiffness(sample(i + 0.5, j, k));
-            for c in 0..4 {
-                assert!((middle[c] - 0.5 * (low[c] + high[c])).abs() < 1e-9);
-            }
-        }
-    }
-
-    #[test]
-    fn grid_is_continuous_and_ends_at_its_rim() {
-        let grid = GridStiffness::new(TABLE);
-        for t in 0..400 {
-            let along = |s: f64| Strain {
-                uu: -0.4 + 0.005 * s,
-                vv: 0.9 - 0.004 * s,
-                uv: -0.5 + 0.003 * s,
-            };
-            let t = f64::from(t);
-            let (before, after) = (grid.stiffness(along(t)), grid.stiffness(along(t + 1e-6)));
-            for c in 0..4 {
-                // No sample differs from its neighbour by more than 830 N/m.
-                assert!((before[c] - after[c]).abs() < 3.0 * 830.0 * 30.0 * 5e-9);
-                assert!(before[c] >= 0.0);
-            }
-        }
-        let far = Strain {
-            uu: 50.0,
-            vv: -3.0,
-            uv: 9.0,
-        };
-        let rim = Strain {
-            uu: -0.25 + 29.0 / 30.0,
-            vv: -0.25,
-            uv: 29.0 / 30.0,
-        };
-        for (far, rim) in grid.stiffness(far).iter().zip(grid.stiffness(rim)) {
-            assert!((far - rim).abs() < 1e-5 * 830.0 * 2.0);
-        }
-    }
-
-    #[test]
-    fn sign_of_the_shear_does_not_matter() {
-        let exact = |strain| measured_stiffness(&TABLE, strain);
-        let grid = GridStiffness::new(TABLE);
-        let strain = stretched(30.0);
-        let mirrored = Strain {
-            uv: -strain.uv,
-            ..strain
-        };
-        assert_eq!(exact(strain), exact(mirrored));
-        assert_eq!(grid.stiffness(strain), grid.stiffness(mirrored));
     }
 }

@@ -138,16 +138,6 @@ mod tests {
     }
 
     #[test]
-    fn without_history_the_correction_is_the_step() {
-        let f = vec![DVec3::new(1.0, 2.0, 3.0)];
-        let mut anderson = Anderson::new(3);
-        assert_eq!(anderson.step(&f), f);
-        anderson.taken(f.clone(), f.clone());
-        anderson.restart();
-        assert_eq!(anderson.step(&f), f);
-    }
-
-    #[test]
     fn repeated_directions_do_no_harm() {
         let f = vec![DVec3::X];
         let mut anderson = Anderson::new(3);

@@ -268,37 +268,9 @@ mod tests {
             .collect()
     }
 
-    fn times(pattern: &Pattern, blocks: &[DMat3], vector: &[DVec3]) -> Vec<DVec3> {
-        let diagonal = blocks.iter().zip(vector);
-        let mut product: Vec<DVec3> = diagonal.map(|(block, x)| *block * *x).collect();
-        for column in 0..pattern.unknown_count() {
-            for (slot, row) in pattern.below(column) {
-                let (block, row) = (blocks[slot as usize], row as usize);
-                product[row] += block * vector[column];
-                product[column] += block.transpose() * vector[row];
-            }
-        }
-        product
-    }
-
     fn wave(count: usize) -> Vec<DVec3> {
         let at = |k: usize| DVec3::new((k as f64).sin(), 1.0, (2.0 * k as f64).cos());
         (0..count).map(at).collect()
-    }
-
-    #[test]
-    fn solution_solves_the_full_system_again_and_again() {
-        let pattern = grid(9);
-        let mut cholesky = Cholesky::new(&pattern);
-        for scale in [1.0, 3.0] {
-            let blocks: Vec<DMat3> = blocks(&pattern).iter().map(|b| *b * scale).collect();
-            let expected = wave(81);
-            let mut x = expected.clone();
-            cholesky.solve(&blocks, &mut x).unwrap();
-            for (found, expected) in times(&pattern, &blocks, &x).iter().zip(&expected) {
-                assert!(found.distance(*expected) < 1e-13);
-            }
-        }
     }
 
     #[test]
@@ -327,11 +299,5 @@ mod tests {
     fn elimination_order_keeps_a_grid_sparse() {
         let filled = Cholesky::new(&grid(20)).lower.len();
         assert!(filled < 15 * 400, "{filled} blocks");
-    }
-
-    #[test]
-    fn nothing_to_solve_is_no_error() {
-        let pattern = Pattern::new(Ordering::Dissection, &[], &[], &[]);
-        assert_eq!(Cholesky::new(&pattern).solve(&[], &mut []), Ok(()));
     }
 }

@@ -117,38 +117,3 @@ fn coupled_pairs(
     pairs.dedup();
     pairs
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    const TRIANGLES: [[u32; 3]; 4] = [[0, 1, 2], [2, 1, 3], [2, 3, 4], [4, 3, 5]];
-    const HINGES: [[u32; 4]; 3] = [[1, 2, 0, 3], [2, 3, 1, 4], [3, 4, 2, 5]];
-
-    fn pattern(held: &[u32]) -> Pattern {
-        let held: Vec<bool> = (0..6).map(|v| held.contains(&v)).collect();
-        Pattern::new(Ordering::Dissection, &held, &TRIANGLES, &HINGES)
-    }
-
-    fn coupled(a: u32, b: u32) -> bool {
-        HINGES
-            .iter()
-            .any(|hinge| hinge.contains(&a) && hinge.contains(&b))
-    }
-
-    #[test]
-    fn every_coupled_pair_of_free_vertices_has_its_own_slot() {
-        let pattern = pattern(&[1]);
-        let mut seen = std::collections::HashSet::new();
-        for a in 0..6 {
-            for b in a..6 {
-                let slot = pattern.slot(a, b);
-                assert_eq!(slot, pattern.slot(b, a));
-                let expected = a != 1 && b != 1 && (a == b || coupled(a, b));
-                assert_eq!(slot.is_some(), expected, "{a} {b}");
-                assert!(slot.is_none_or(|slot| seen.insert(slot)));
-            }
-        }
-        assert_eq!(seen.len(), pattern.slot_count());
-    }
-}

@@ -2,12 +2,11 @@
 //! a stack, with springs for handles, and with handles that have let go.
 
 use glam::DVec3;
-use selvedge_cloth::{
-    HandleConstraint, HandleSchedule, Handles, Keyframe, KeyframeGroup, KeyframeMotion, Motion,
-    Release, Scene, Stepper,
-};
+use selvedge_cloth::{HandleConstraint, Handles, Scene, Stepper};
 use selvedge_sim::Simulator;
 
+use crate::releases::released;
+use crate::scenes::led_by;
 use crate::touching::{OnSlope, copies, ground, lying, shrunk, sphere};
 
 /// Steps along the scene's own motion, and looks for intersections in every frame.
@@ -95,27 +94,8 @@ fn led(side: usize) -> Scene {
     let mut scene = draped(side);
     scene.name = "led".to_owned();
     scene.handles = Handles::new(&[0, side as u32 - 1], side * side).unwrap();
-    let lifted = Keyframe {
-        time: 0.6,
-        translation: DVec3::new(0.1, 0.15, 0.05),
-        rotation_deg: 0.0,
-    };
-    scene.motion = Motion::Keyframes(KeyframeMotion {
-        duration: 0.6,
-        groups: vec![KeyframeGroup {
-            handles: vec![0, 1],
-            axis: DVec3::Y,
-            keyframes: vec![lifted],
-        }],
-    });
-    scene.schedule = HandleSchedule {
-        releases: vec![Release {
-            handles: vec![1],
-            from: 0.2,
-            to: None,
-        }],
-    };
-    scene
+    scene.motion = led_by(DVec3::new(0.1, 0.15, 0.05));
+    released(scene, vec![1], 0.2, None)
 }
 
 /// Before, at and after one handle lets go. More substeps than samples of the path: where the path

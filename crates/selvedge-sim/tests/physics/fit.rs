@@ -71,15 +71,6 @@ fn a_cloth_in_its_pattern_stays_as_it_is_and_one_that_cannot_fit_keeps_its_strai
     assert!(held.positions.iter().all(|p| p.is_finite()));
 }
 
-#[test]
-fn a_fit_can_be_stopped() {
-    let mut scene = hanging(9);
-    let positions = scene.mesh.positions().iter().map(|p| *p * 5.0).collect();
-    scene.mesh = scene.mesh.with_positions(positions).unwrap();
-    let stopped = fit(&scene, &mut |_| ControlFlow::Break(()));
-    assert_eq!(stopped, Err(FitError::Stopped));
-}
-
 /// The faces of a sheet in the yz-plane beyond z = 0 as a panel of its own, moved by `shift`.
 fn cut_apart(scene: &Scene, shift: DVec3) -> LoosePanels {
     let mesh = &scene.mesh;

@@ -45,21 +45,6 @@ fn nothing_moves_in_the_rest_pose() {
 }
 
 #[test]
-fn wind_and_damping_are_no_part_of_the_rest_pose() {
-    let mut scene = hanging(5);
-    let still = sag(&scene).unwrap();
-    // Wind in which it flutters.
-    scene.environment.wind = DVec3::new(4.0, 0.0, 1.0);
-    scene.environment.gust = Some(Gust {
-        speed: DVec3::ONE,
-        period: 1.0,
-        seed: 1,
-    });
-    scene.material.damping = 50.0;
-    assert_eq!(sag(&scene).unwrap(), still);
-}
-
-#[test]
 fn the_sign_of_the_bulge_mirrors_the_pose() {
     let mut scene = hanging(8);
     let one = sag(&scene).unwrap();
@@ -158,9 +143,15 @@ fn scenes_of_the_same_content_have_the_same_rest_pose() {
     let mut other = scene.clone();
     other.name = "another".to_owned();
     other.motion = Motion::still(3.0);
-    other.environment.wind = DVec3::X;
+    // Wind in which it flutters.
+    other.environment.wind = DVec3::new(4.0, 0.0, 1.0);
+    other.environment.gust = Some(Gust {
+        speed: DVec3::ONE,
+        period: 1.0,
+        seed: 1,
+    });
     other.frame_rate = 24.0;
-    other.material.damping = 0.01;
+    other.material.damping = 50.0;
     other.physics.substeps = 7;
     other.physics.integrator = Integrator::Linearised;
     other.physics.least_damping = Some(0.1);

@@ -2,8 +2,8 @@
 
 use glam::{DVec2, DVec3};
 use selvedge_cloth::{
-    GeneralisedAlpha, HandleTargets, Handles, Integrator, LinearSolver, Material, Mesh,
-    PhysicsSettings, Scene,
+    GeneralisedAlpha, HandleTargets, Handles, Integrator, Keyframe, KeyframeGroup, KeyframeMotion,
+    LinearSolver, Material, Mesh, Motion, PhysicsSettings, Scene,
 };
 use selvedge_sim::Simulator;
 use selvedge_sim::laws::stretch::StretchElement;
@@ -113,6 +113,23 @@ pub(crate) fn still(scene: &Scene) -> HandleTargets {
 pub(crate) fn moved(scene: &Scene, by: DVec3) -> HandleTargets {
     let places = held(scene).into_iter().map(|place| place + by);
     HandleTargets::at_frame_end(places.collect()).unwrap()
+}
+
+/// Both of two handles led by `by` `[m]` within 0.6 s.
+pub(crate) fn led_by(by: DVec3) -> Motion {
+    let end = Keyframe {
+        time: 0.6,
+        translation: by,
+        rotation_deg: 0.0,
+    };
+    Motion::Keyframes(KeyframeMotion {
+        duration: 0.6,
+        groups: vec![KeyframeGroup {
+            handles: vec![0, 1],
+            axis: DVec3::Y,
+            keyframes: vec![end],
+        }],
+    })
 }
 
 /// A simulator of `scene` that starts at `positions` `[m]` without velocity.

@@ -21,6 +21,13 @@ fn cuboid(name: &str, size: DVec3, middle: DVec3) -> Obstacle {
     Obstacle::new(name, points, body.faces).unwrap()
 }
 
+/// `obstacle`, which goes by `way` `[m]`, stays there for a while, and comes back.
+fn pressing(obstacle: Obstacle, way: DVec3) -> Obstacle {
+    let [apart, near] = [DVec3::ZERO, way];
+    let places = [(0.1, apart), (0.4, near), (0.5, near), (0.8, apart)];
+    led(obstacle, &places)
+}
+
 /// A hanging sheet of `side`² vertices, 1 m wide, in the plane x = 0.
 fn sheet(side: usize, obstacles: Vec<Obstacle>) -> Scene {
     let mut scene = hanging(side);
@@ -33,11 +40,7 @@ fn sheet(side: usize, obstacles: Vec<Obstacle>) -> Scene {
 fn balls() -> Scene {
     let ball = |name: &str, side: f64| {
         let ball = named(name, &sphere(DVec3::new(0.12 * side, -0.5, 0.0), 0.1, 2));
-        let (apart, near) = (DVec3::ZERO, DVec3::X * (-0.04 * side));
-        led(
-            ball,
-            &[(0.1, apart), (0.4, near), (0.5, near), (0.8, apart)],
-        )
+        pressing(ball, DVec3::X * (-0.04 * side))
     };
     sheet(20, vec![ball("arm", -1.0), ball("side", 1.0)])
 }
@@ -115,16 +118,7 @@ fn walls(height: f64) -> Scene {
     let wall = |name: &str, side: f64| {
         let middle = DVec3::new(0.1 * side, height - 0.4, 0.0);
         let wall = cuboid(name, DVec3::new(0.1, 0.8, 1.2), middle);
-        let near = DVec3::X * (-0.07 * side);
-        led(
-            wall,
-            &[
-                (0.1, DVec3::ZERO),
-                (0.4, near),
-                (0.5, near),
-                (0.8, DVec3::ZERO),
-            ],
-        )
+        pressing(wall, DVec3::X * (-0.07 * side))
     };
     sheet(12, vec![wall("left", -1.0), wall("right", 1.0)])
 }
@@ -132,23 +126,13 @@ fn walls(height: f64) -> Scene {
 /// A free sheet on a ground, on which a lid comes down, or a ball.
 fn pressed(by: &str) -> Scene {
     let mut scene = lying(8, |p| p + DVec3::Y * 0.01);
-    let down = |way: f64| {
-        let [up, down] = [0.0, -way].map(|y| DVec3::Y * y);
-        [(0.1, up), (0.4, down), (0.5, down), (0.8, up)]
-    };
     let still = ground(0.0);
-    scene.obstacles = match by {
-        "lid" => vec![
-            still,
-            led(
-                cuboid("lid", DVec3::new(2.0, 0.1, 2.0), DVec3::Y * 0.1),
-                &down(0.08),
-            ),
-        ],
-        _ => vec![
-            led(named("ball", &sphere(DVec3::Y * 0.2, 0.15, 2)), &down(0.1)),
-            still,
-        ],
+    scene.obstacles = if by == "lid" {
+        let lid = cuboid("lid", DVec3::new(2.0, 0.1, 2.0), DVec3::Y * 0.1);
+        vec![still, pressing(lid, DVec3::Y * -0.08)]
+    } else {
+        let ball = named("ball", &sphere(DVec3::Y * 0.2, 0.15, 2));
+        vec![pressing(ball, DVec3::Y * -0.1), still]
     };
     scene
 }

@@ -1,27 +1,15 @@
-//! Rest poses against closed forms: a hanging strip, a cantilever, the energy of a rolled sheet,
-//! meshes that are refined, cloth that hardly stretches.
+//! Rest poses against closed forms: a cantilever, the energy of a rolled sheet,
+//! meshes that are refined.
 
 use glam::{DVec2, DVec3};
-use selvedge_cloth::geometry::dihedral_angle;
 use selvedge_cloth::{ElasticLaw, Isotropic, Mesh};
 use selvedge_sim::laws::bend::BendElement;
 use selvedge_sim::sag;
 
-use crate::scenes::{largest_distance, stretches};
+use crate::scenes::largest_distance;
 use crate::sheets::{elastic, grid, isotropic, scene, slope, triangle_strip};
 
 const GRAVITY: f64 = 9.8;
-
-/// Interior edges of `mesh`: from, to, left, right.
-fn hinges(mesh: &Mesh) -> Vec<[usize; 4]> {
-    let edges = mesh.topology().edges().iter();
-    edges
-        .filter_map(|edge| {
-            let [from, to] = edge.vertices.map(|v| v.index());
-            Some([from, to, edge.opposite.0.index(), edge.opposite.1?.index()])
-        })
-        .collect()
-}
 
 #[test]
 fn a_rolled_sheet_has_the_energy_of_a_plate() {
@@ -56,50 +44,6 @@ fn a_rolled_sheet_has_the_energy_of_a_plate() {
     }
 }
 
-#[test]
-fn a_hanging_strip_is_as_long_as_its_weight_makes_it() {
-    // Per width, at the material height s above the lower end: N = E h (λ³ - λ)/2 = ρ g s, for the
-    // Saint Venant-Kirchhoff strip with ν = 0. On a mesh the load of a row is that of the lumped
-    // masses below, ρ g at the row's middle: the midpoint rule of ∫ (λ - 1) ds, second order.
-    let sheet = elastic(2e4, 0.0, 1e-3);
-    let (density, length) = (0.3, 1.0_f64);
-    let membrane = sheet.youngs_modulus * sheet.thickness;
-    let stretch = |s: f64| {
-        // Newton's method for λ³ - λ = 2 ρ g s/(E h), which is convex above 1.
-        let load = 2.0 * density * GRAVITY * s / membrane;
-        (0..50).fold(1.5_f64, |x, _| {
-            x - (x.powi(3) - x - load) / (3.0 * x * x - 1.0)
-        })
-    };
-    let exact: f64 = (0..10_000)
-        .map(|k| (stretch(length * (f64::from(k) + 0.5) / 1e4) - 1.0) * length / 1e4)
-        .sum();
-    // Small strains: ρ g L²/(2 E h), 73.5 mm; of the next order -3/2 of the mean square strain.
-    let linear = density * GRAVITY * length.powi(2) / (2.0 * membrane);
-    assert!((exact / linear - 1.0).abs() < 0.15);
-    let mut errors = Vec::new();
-    for rows in [8_usize, 16, 32] {
-        let spacing = length / rows as f64;
-        let mesh = grid(2, rows, spacing, |c| DVec3::new(0.0, c.y - length, c.x));
-        let mut scene = scene(mesh, isotropic(sheet, density), &[0, 1, 2]);
-        scene.sag.tolerance = 1e-6;
-        let rest = sag(&scene).unwrap();
-        let last = rest.positions.len();
-        let found = -rest.positions[last - 3..].iter().map(|p| p.y).sum::<f64>() / 3.0 - length;
-        let midpoint: f64 = (0..rows)
-            .map(|k| (stretch(spacing * (k as f64 + 0.5)) - 1.0) * spacing)
-            .sum();
-        // Lumped thirds load the rows a little unevenly across the width: a bending in the plane,
-        // second order in the strain.
-        assert!(
-            (found / midpoint - 1.0).abs() < 2e-3,
-            "{rows}: {found} {midpoint}"
-        );
-        errors.push((found - exact).abs() / exact);
-    }
-    assert!(errors[2] < 2e-3, "{errors:?}");
-}
-
 /// A strip clamped at its first two triangles, horizontal along x, its tip's height at rest.
 fn cantilever(sheet: Isotropic, density: f64, length: f64, count: usize) -> (Mesh, Vec<DVec3>) {
     // The first hinge is the far edge of the second triangle, half a side beyond the clamped ones.
@@ -120,10 +64,15 @@ fn a_cantilever_carries_its_weight_hinge_by_hinge() {
     let (mesh, positions) = cantilever(sheet, density, 0.08, 15);
     let mass = mesh.rest_shape(density).vertex_mass;
     let uv = mesh.material_coordinates();
-    let chain = hinges(&mesh);
+    // From, to, left, right.
+    let chain = mesh.topology().edges().iter().filter_map(|edge| {
+        let [from, to] = edge.vertices;
+        let corners = [from, to, edge.opposite.0, edge.opposite.1?];
+        Some(corners.map(|v| v.index()))
+    });
     let mut tested = 0;
     for corners in chain {
-        let [from, to, left, right] = corners;
+        let [from, to, ..] = corners;
         // Beyond the edge of vertices k and k + 1 are those after.
         let beyond = from.max(to) + 1;
         if from.min(to) < 2 {
@@ -136,13 +85,6 @@ fn a_cantilever_carries_its_weight_hinge_by_hinge() {
         let moment: f64 = (beyond..positions.len())
             .map(|v| (positions[v] - positions[from]).cross(weight(v)).dot(axis))
             .sum();
-        let theta = dihedral_angle(
-            positions[from],
-            positions[to],
-            positions[left],
-            positions[right],
-        );
-        assert!((theta - response.angle).abs() <= 4e-16 * theta.abs());
         // Unbalanced: 1e-5 m/s² of 9.8; a tip has no moment to compare with but its own.
         let torque = (response.stiffness * response.angle).abs();
         assert!(
@@ -204,25 +146,4 @@ fn finer_meshes_come_nearer_to_each_other() {
         changes[1] < 0.6 * changes[0] && changes[2] < 0.6 * changes[1],
         "{changes:?}"
     );
-}
-
-#[test]
-fn stiff_cloth_approaches_the_inextensible() {
-    // The load is the same whatever the stiffness: strain ∝ 1/E, a slope of -1.
-    let mut points = Vec::new();
-    for youngs_modulus in [3e5, 3e6, 3e7] {
-        let sheet = elastic(youngs_modulus, 0.3, 1e-3);
-        let place = |c: DVec2| DVec3::new(0.0, c.y - 1.0, c.x - 0.5);
-        let mesh = grid(8, 8, 0.125, place);
-        let upper: Vec<u32> = (0..=8).collect();
-        let scene = scene(mesh, isotropic(sheet, 0.3), &upper);
-        let rest = sag(&scene).unwrap();
-        let largest = stretches(&scene.mesh, &rest.positions)
-            .into_iter()
-            .fold(0.0_f64, |most, [largest, _]| most.max(largest - 1.0));
-        points.push((youngs_modulus.ln(), largest.ln()));
-    }
-    // Strains of 1 % and less: the law's curvature changes the slope by as much.
-    let slope = slope(&points);
-    assert!((slope + 1.0).abs() < 0.02, "{slope}");
 }
