@@ -76,10 +76,5 @@ mod tests {
             let error = text.parse::<Shard>().expect_err(text);
             assert!(error.to_string().contains("write I/N"), "{error}");
         }
-        let shard: Shard = "2/8".parse().expect("a shard");
-        assert_eq!(
-            (shard.number(), shard.count(), shard.to_string()),
-            (2, 8, "2/8".to_owned())
-        );
     }
 }

@@ -169,12 +169,6 @@ mod tests {
         }
     }
 
-    /// Their reader may be a program in Python or C#, which has no command line.
-    #[test]
-    fn errors_name_no_options_of_the_command_line() {
-        assert!(!BUILT_WITHOUT.contains("--"), "{BUILT_WITHOUT}");
-    }
-
     #[test]
     fn ranks_of_a_machine_take_its_cards_in_turn() {
         let cards = |first, cards| [0, 1, 2, 3, 4].map(|local| card_of(first, local, cards));

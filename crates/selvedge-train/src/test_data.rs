@@ -4,7 +4,8 @@ mod swinging;
 
 use std::path::Path;
 
-use selvedge_data::SectionRule;
+use rayon::ThreadPoolBuilder;
+use selvedge_data::{Dataset, SectionRule};
 use selvedge_model::Encoder;
 use serde_json::Value;
 
@@ -12,6 +13,7 @@ pub(crate) use self::swinging::{Plan, Swinging, swinging_in, trajectory};
 use crate::config::TrainConfig;
 use crate::engine::OnProcessor;
 use crate::schedule::TruthProbability;
+use crate::trainer::Trainer;
 
 /// An engine whose micro-batches are unions.
 pub(crate) const ENGINE: OnProcessor = OnProcessor { micro_batch: 2 };
@@ -57,8 +59,17 @@ pub(crate) fn config(encoder: Encoder) -> TrainConfig {
     cfg
 }
 
-/// The same, in which noise, dropout, a mean of the weights and the model's own predictions all
-/// play a part.
+/// A training of `cfg` after so many steps.
+pub(crate) fn stepped(cfg: TrainConfig, data: &Dataset, steps: usize) -> Trainer {
+    let mut trainer = Trainer::new(cfg, data, &ENGINE).expect("a training");
+    for _ in 0..steps {
+        trainer.step().expect("a step");
+    }
+    trainer
+}
+
+/// The configuration above, in which noise, dropout, a mean of the weights and the model's own
+/// predictions all play a part.
 pub(crate) fn busy(encoder: Encoder) -> TrainConfig {
     let mut cfg = config(encoder);
     cfg.noise.deviation = 0.003;
@@ -72,4 +83,10 @@ pub(crate) fn busy(encoder: Encoder) -> TrainConfig {
         probability: 0.1,
     };
     cfg
+}
+
+/// What `work` gives on a pool of so many threads.
+pub(crate) fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
+    let pool = ThreadPoolBuilder::new().num_threads(threads).build();
+    pool.expect("a pool").install(work)
 }

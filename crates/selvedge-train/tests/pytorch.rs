@@ -160,13 +160,18 @@ fn losses_and_their_gradients_are_pytorchs() {
 
 #[test]
 fn the_steps_of_adam_are_pytorchs() {
-    let mut weights = narrow(&tensor("adam/start"));
+    let start = narrow(&tensor("adam/start"));
     let (gradients, rates) = (narrow(&tensor("adam/gradients")), tensor("adam/rates"));
+    let count = start.len();
+    // Many times over: more than the 2¹⁵ numbers that one thread takes at a time.
+    let copies = (1 << 16) / count;
+    let mut weights = start.repeat(copies);
     let mut adam = Adam::new(AdamSettings::default(), weights.len()).expect("valid settings");
     let mut path = Vec::new();
-    for (gradient, &rate) in gradients.chunks_exact(weights.len()).zip(&rates) {
-        adam.step(&mut weights, gradient, rate);
-        path.extend_from_slice(&weights);
+    for (gradient, &rate) in gradients.chunks_exact(count).zip(&rates) {
+        adam.step(&mut weights, &gradient.repeat(copies), rate);
+        assert!(weights.chunks(count).all(|copy| *copy == weights[..count]));
+        path.extend_from_slice(&weights[..count]);
     }
     compare(
         "weights after each step of Adam",
@@ -175,7 +180,6 @@ fn the_steps_of_adam_are_pytorchs() {
         NARROW,
     );
     // Weights hardly move: their moves are what Adam decides.
-    let count = weights.len();
     let start = tensor("adam/start");
     let moves = |path: &[f64]| -> Vec<f64> {
         path.iter()
@@ -195,8 +199,8 @@ fn the_steps_of_adam_are_pytorchs() {
         NARROW,
     );
     for (name, found) in [
-        ("first_moment", adam.first_moment()),
-        ("second_moment", adam.second_moment()),
+        ("first_moment", &adam.first_moment()[..count]),
+        ("second_moment", &adam.second_moment()[..count]),
     ] {
         // Entries of very different size, each by itself.
         for (k, expected) in tensor(&format!("adam/{name}")).iter().enumerate() {

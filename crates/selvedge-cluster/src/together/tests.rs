@@ -50,20 +50,13 @@ fn gathers_reach_all_that_they_are_for() {
 fn a_sum_has_the_same_bits_on_any_number_of_ranks() {
     let (pieces, numbers) = (11, 2 * CHUNK + 17);
     let all: Vec<Vec<f32>> = (0..pieces).map(|k| piece(k, numbers)).collect();
-    let mut expected = vec![0.0_f32; numbers];
-    for piece in &all {
-        expected
-            .iter_mut()
-            .zip(piece)
-            .for_each(|(sum, p)| *sum += p);
-    }
-    let mut backwards = vec![0.0_f32; numbers];
-    for piece in all.iter().rev() {
-        backwards
-            .iter_mut()
-            .zip(piece)
-            .for_each(|(sum, p)| *sum += p);
-    }
+    let sum = |pieces: &mut dyn Iterator<Item = &Vec<f32>>| {
+        pieces.fold(vec![0.0_f32; numbers], |mut sum, piece| {
+            sum.iter_mut().zip(piece).for_each(|(sum, p)| *sum += p);
+            sum
+        })
+    };
+    let (expected, backwards) = (sum(&mut all.iter()), sum(&mut all.iter().rev()));
     assert_ne!(expected, backwards, "the order of the sum can be seen");
     for count in [1, 2, 3, 4, 7, 11, 13] {
         let sums = on_all(count, |ranks| {

@@ -22,16 +22,20 @@ fn at(frame: usize, size: f64) -> FrameErrors {
     }
 }
 
+fn kind(method: &str) -> Kind {
+    match method.starts_with("physics") {
+        true => Kind::Physics,
+        false => Kind::Model,
+    }
+}
+
 fn run(method: &str, case: &str, start: usize, is_whole: bool, size: f64) -> Run {
     Run {
         set: "d".to_owned(),
         case: case.to_owned(),
         mesh: "square, 4 vertices".to_owned(),
         method: method.to_owned(),
-        kind: match method.starts_with("physics") {
-            true => Kind::Physics,
-            false => Kind::Model,
-        },
+        kind: kind(method),
         start,
         is_whole,
         frame_rate: 2.0,
@@ -68,10 +72,7 @@ fn evaluation() -> Evaluation {
     let timing = |method: &str, ms_per_frame| Timing {
         mesh: "square, 4 vertices".to_owned(),
         method: method.to_owned(),
-        kind: match method.starts_with("physics") {
-            true => Kind::Physics,
-            false => Kind::Model,
-        },
+        kind: kind(method),
         ms_per_frame,
     };
     let timings = vec![

@@ -72,17 +72,6 @@ fn a_scene_is_within_its_own_domain() {
 }
 
 #[test]
-fn a_domain_is_read_back_as_it_was_written() {
-    let own = domain(&scene());
-    let text = serde_json::to_string(&own).expect("JSON");
-    assert_eq!(
-        serde_json::from_str::<Domain>(&text).expect("a domain"),
-        own
-    );
-    assert!(text.contains("\"vertices\":[60.0,60.0]"), "{text}");
-}
-
-#[test]
 fn an_account_of_a_training_has_the_domain_of_its_model() {
     let own = domain(&scene());
     for account in ["", "by hand", "[3]", r#"{"steps": 3}"#] {

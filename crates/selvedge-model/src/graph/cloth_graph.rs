@@ -219,48 +219,13 @@ fn hinges(topology: &Topology) -> Vec<Hinge> {
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
-    use selvedge_cloth::Gust;
+    use selvedge_cloth::{Gust, Handles, Mesh};
 
     use super::*;
-    use crate::graph::frame::Yaw;
-    use crate::test_cloth::{parts, turn};
-
-    #[test]
-    fn arcs_edges_and_hinges_name_each_other() {
-        let graph = parts(6, 1).graph();
-        let edges = graph.topology().edges();
-        let arcs = graph.connectivity();
-        for (number, &[forward, back]) in graph.edge_arcs.iter().enumerate() {
-            let [a, b] = edges[number].vertices.map(|v| v.0);
-            for (arc, sender, receiver) in [(forward, a, b), (back, b, a)] {
-                assert_eq!(arcs.senders()[arc as usize], sender);
-                assert_eq!(arcs.receivers()[arc as usize], receiver);
-            }
-        }
-        let interior = edges.iter().filter(|edge| !edge.is_boundary()).count();
-        assert_eq!(graph.hinges().len(), interior);
-        assert!(graph.hinges().iter().all(|hinge| hinge.from < hinge.to));
-    }
-
-    #[test]
-    fn rest_vectors_do_not_depend_on_where_the_rest_pose_stands() {
-        let start = parts(6, 2);
-        let rest = start.cloth.rest_positions();
-        let moved = start.at_rest(turn(rest, Yaw::from_angle(2.1), Vec3::ONE));
-        let (start, moved) = (start.graph(), moved.graph());
-        for (a, b) in start.rest_vectors.iter().zip(&moved.rest_vectors) {
-            // Positions of about 2 m, rounded to f32 twice.
-            assert!(a.distance(*b) < 1e-6);
-        }
-    }
+    use crate::test_cloth::parts;
 
     #[test]
     fn what_a_graph_cannot_be_made_in_is_named() {
-        let message = |environment, frame_rate| {
-            let cloth = parts(3, 1).cloth;
-            let made = ClothGraph::new(&cloth, environment, frame_rate);
-            made.expect_err("a defect").to_string()
-        };
         let calm = Environment::default();
         let thick = Environment {
             air_drag: -1.0,
@@ -279,14 +244,14 @@ mod tests {
             (thick, 60.0, "environment.air_drag"),
             (gusty, 60.0, "environment.gust"),
         ] {
-            let found = message(environment, frame_rate);
+            let made = ClothGraph::new(&parts(3, 1).cloth, environment, frame_rate);
+            let found = made.expect_err(expected).to_string();
             assert!(found.contains(expected), "{found}");
         }
     }
 
     #[test]
     fn each_arc_of_a_seam_lies_in_the_face_to_its_left() {
-        use selvedge_cloth::{Handles, Mesh};
         // Two faces sewn along 1-2; the second is turned by a quarter and a tenth larger.
         let (faces, turn) = (
             [[0, 1, 2], [1, 3, 2]],

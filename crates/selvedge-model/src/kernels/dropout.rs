@@ -95,56 +95,22 @@ mod tests {
 
     const RATE: f64 = 0.3;
 
-    /// The masks of cloths of so many rows with these seeds, all steps of all rows, `[rows, steps,
-    /// width]`.
-    fn masks(cloths: &[(u64, usize)], steps: usize, width: usize) -> Vec<f64> {
+    /// The masks of a cloth of so many rows with this seed, all steps of all rows.
+    fn masks(seed: u64, rows: usize, steps: usize, width: usize) -> Vec<f64> {
         let mut masks = RowMasks::default();
-        let rows = cloths.iter().map(|&(seed, rows)| ClothRows { seed, rows });
-        masks.fit(RATE, rows, steps * width);
-        let count = cloths.iter().map(|(_, rows)| rows).sum::<usize>();
-        let mut all = Vec::new();
-        for row in 0..count {
-            for step in 0..steps {
-                let mut values = vec![1.0; width];
-                masks.apply(&mut values, row..row + 1, step);
-                all.extend(values);
-            }
-        }
-        all
-    }
-
-    #[test]
-    fn a_cloth_has_its_mask_alone_and_beside_others() {
-        let together = masks(&[(5, 40), (9, 7), (6, 3)], 2, 8);
-        let apart = [
-            masks(&[(5, 40)], 2, 8),
-            masks(&[(9, 7)], 2, 8),
-            masks(&[(6, 3)], 2, 8),
-        ];
-        assert_eq!(together, apart.concat());
-    }
-
-    #[test]
-    fn rows_taken_together_have_the_masks_of_single_rows() {
-        let mut masks = RowMasks::default();
-        let rows = [
-            ClothRows { seed: 1, rows: 30 },
-            ClothRows { seed: 2, rows: 30 },
-        ];
-        masks.fit(RATE, rows.into_iter(), 3 * 4);
-        let mut chunk = vec![1.0; 40 * 4];
-        masks.apply(&mut chunk, 10..50, 2);
-        for (row, values) in (10..50).zip(chunk.chunks_exact(4)) {
-            let mut single = [1.0; 4];
-            masks.apply(&mut single, row..row + 1, 2);
-            assert_eq!(single[..], *values);
-        }
+        masks.fit(RATE, [ClothRows { seed, rows }].into_iter(), steps * width);
+        let all = (0..steps).map(|step| {
+            let mut values = vec![1.0; rows * width];
+            masks.apply(&mut values, 0..rows, step);
+            values
+        });
+        all.flatten().collect()
     }
 
     #[test]
     fn the_part_of_zeros_is_the_rate_and_the_mean_is_kept() {
         let rows = if cfg!(miri) { 20 } else { 500 };
-        let values = masks(&[(3, rows)], 4, 16);
+        let values = masks(3, rows, 4, 16);
         let count = values.len() as f64;
         let zeros = values.iter().filter(|&&x| x == 0.0).count() as f64 / count;
         // Six deviations of the mean of all draws: 0.015 for 32000.
@@ -152,6 +118,6 @@ mod tests {
         assert!((zeros - RATE).abs() < bound, "{zeros}");
         let mean = values.iter().sum::<f64>() / count;
         assert!((mean - 1.0).abs() < bound / (1.0 - RATE), "{mean}");
-        assert_ne!(values, masks(&[(4, rows)], 4, 16));
+        assert_ne!(values, masks(4, rows, 4, 16));
     }
 }

@@ -330,15 +330,19 @@ fn select<S: Simd>(simd: S, mask: S::m32s, yes: S::f32s, no: S::f32s) -> S::f32s
 mod tests {
     use super::*;
 
-    /// A function of each number.
-    struct Each<'a, F>(&'a [f32], F);
-
-    /// A function of a vector.
-    trait OfVector {
-        fn of<S: Simd>(&self, simd: S, x: S::f32s) -> S::f32s;
+    #[derive(Clone, Copy)]
+    enum Function {
+        Exp,
+        Sigmoid,
+        Tanh,
     }
 
-    impl<F: OfVector> WithSimd for Each<'_, F> {
+    use Function::{Exp, Sigmoid, Tanh};
+
+    /// A function of each number.
+    struct Each<'a>(&'a [f32], Function);
+
+    impl WithSimd for Each<'_> {
         type Output = Vec<f32>;
 
         #[inline(always)]
@@ -346,31 +350,14 @@ mod tests {
             let mut out = self.0.to_vec();
             for chunk in out.chunks_mut(S::F32_LANES) {
                 let x = simd.partial_load_f32s(chunk);
-                simd.partial_store_f32s(chunk, self.1.of(simd, x));
+                let y = match self.1 {
+                    Exp => exps(simd, x),
+                    Sigmoid => f32::sigmoids(simd, x),
+                    Tanh => f32::tanhs(simd, x),
+                };
+                simd.partial_store_f32s(chunk, y);
             }
             out
-        }
-    }
-
-    struct Exp;
-    struct Sigmoid;
-    struct Tanh;
-
-    impl OfVector for Exp {
-        fn of<S: Simd>(&self, simd: S, x: S::f32s) -> S::f32s {
-            exps(simd, x)
-        }
-    }
-
-    impl OfVector for Sigmoid {
-        fn of<S: Simd>(&self, simd: S, x: S::f32s) -> S::f32s {
-            f32::sigmoids(simd, x)
-        }
-    }
-
-    impl OfVector for Tanh {
-        fn of<S: Simd>(&self, simd: S, x: S::f32s) -> S::f32s {
-            f32::tanhs(simd, x)
         }
     }
 

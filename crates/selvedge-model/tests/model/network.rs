@@ -9,7 +9,7 @@ use selvedge_model::{
     ModelSpec, Network, OUTPUTS, Pass, Purpose, Stopped, Workspace, reference,
 };
 
-use crate::specs::{both, forward, packed, specs};
+use crate::specs::{both, forward, input, packed, specs};
 use crate::strip::strip;
 
 struct Case {
@@ -48,10 +48,7 @@ fn case(spec: &ModelSpec, columns: u32, seed: u64) -> Case {
 
 impl Case {
     fn input(&self) -> Input<'_, f64> {
-        Input {
-            nodes: &self.nodes,
-            arcs: &self.arcs,
-        }
+        input(&self.nodes, &self.arcs)
     }
 
     /// Weights, nodes and arcs in f32.
@@ -130,10 +127,7 @@ fn f32_agrees_with_f64_on_trained_weights() {
 fn f32_agrees(case: &Case, name: &str) {
     let expected = reference::forward(&case.network, &case.weights, &case.graph, case.input());
     let [weights, nodes, arcs] = case.narrow();
-    let input = Input {
-        nodes: &nodes,
-        arcs: &arcs,
-    };
+    let input = input(&nodes, &arcs);
     let scale = expected.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
     for instructions in [Instructions::Detected, Instructions::Plain] {
         let (network, graph, pass) = (&case.network, &case.graph, Pass::Inference);
@@ -249,55 +243,31 @@ fn join(parts: &[Case], of: fn(&Case) -> &[f64], window: usize) -> Vec<f64> {
 }
 
 #[test]
-fn a_union_computes_what_its_parts_compute() {
+fn a_union_computes_and_drops_what_its_parts_do() {
     for spec in specs() {
-        let parts = &[case(&spec, 3, 5), case(&spec, 50, 6)];
+        let parts = &[case(&spec, 3, 5), case(&spec, 150, 6)];
         let whole = Connectivity::union(parts.iter().map(|part| &part.graph));
         let nodes = join(parts, |c| &c.nodes, spec.window());
         let arcs = join(parts, |c| &c.arcs, spec.window());
-        let input = Input {
-            nodes: &nodes,
-            arcs: &arcs,
-        };
-        let network = &parts[0].network;
-        let weights = &parts[0].weights;
-        let (packed, pass) = (packed(network, weights), Pass::Inference);
-        let together = forward(network, &packed, &whole, input, pass);
-        let apart: Vec<f64> = parts
-            .iter()
-            .flat_map(|part| reference::forward(network, weights, &part.graph, part.input()))
-            .collect();
-        assert_eq!(together.len(), apart.len());
-        for (a, b) in together.iter().zip(&apart) {
-            assert!((a - b).abs() < 1e-11);
-        }
-    }
-}
-
-#[test]
-fn a_cloth_drops_the_same_values_alone_and_in_a_union() {
-    for spec in specs().iter().filter(|spec| spec.window() > 1) {
-        let parts = &[case(spec, 3, 5), case(spec, 150, 6)];
-        let whole = Connectivity::union(parts.iter().map(|part| &part.graph));
-        let (nodes, arcs) = (
-            join(parts, |c| &c.nodes, spec.window()),
-            join(parts, |c| &c.arcs, spec.window()),
-        );
-        let input = Input {
-            nodes: &nodes,
-            arcs: &arcs,
-        };
+        let input = input(&nodes, &arcs);
         let (network, weights) = (&parts[0].network, &parts[0].weights);
         let packed = packed(network, weights);
+        // A cloth has its seed wherever it stands.
         let dropped = |seeds| Pass::Training(Some(Dropout { rate: 0.4, seeds }));
-        let together = forward(network, &packed, &whole, input, dropped(&[8, 9]));
-        let alone = |part: &Case, seeds| {
-            forward(network, &packed, &part.graph, part.input(), dropped(seeds))
-        };
-        let apart = [alone(&parts[0], &[8]), alone(&parts[1], &[9])].concat();
-        assert_eq!(together.len(), apart.len());
-        for (a, b) in together.iter().zip(&apart) {
-            assert!((a - b).abs() < 1e-11);
+        let mut passes = vec![(Pass::Inference, [Pass::Inference; 2])];
+        if spec.window() > 1 {
+            passes.push((dropped(&[8, 9]), [dropped(&[8]), dropped(&[9])]));
+        }
+        for (pass, of_parts) in passes {
+            let together = forward(network, &packed, &whole, input, pass);
+            let apart = parts.iter().zip(of_parts).flat_map(|(part, pass)| {
+                forward(network, &packed, &part.graph, part.input(), pass)
+            });
+            let apart: Vec<f64> = apart.collect();
+            assert_eq!(together.len(), apart.len());
+            for (a, b) in together.iter().zip(&apart) {
+                assert!((a - b).abs() < 1e-11, "{spec:?} {pass:?}");
+            }
         }
     }
 }
@@ -307,10 +277,7 @@ fn a_machine_without_wide_vectors_gives_the_same_but_for_rounding() {
     for spec in specs() {
         let case = case(&spec, 60, 10);
         let [weights, nodes, arcs] = case.narrow();
-        let input = Input {
-            nodes: &nodes,
-            arcs: &arcs,
-        };
+        let input = input(&nodes, &arcs);
         let output: Vec<f32> = (0..OUTPUTS * case.graph.vertex_count())
             .map(|k| coefficient(k) as f32)
             .collect();
@@ -340,10 +307,7 @@ fn threads_change_no_bit() {
         let case = case(&spec, 150, 12);
         let [weights, nodes, arcs] = case.narrow();
         let run = || {
-            let input = Input {
-                nodes: &nodes,
-                arcs: &arcs,
-            };
+            let input = input(&nodes, &arcs);
             let (network, graph) = (&case.network, &case.graph);
             let packed = packed(network, &weights);
             let frame = forward(network, &packed, graph, input, Pass::Inference);

@@ -8,10 +8,10 @@ use std::collections::BTreeMap;
 
 use selvedge_cloth::Topology;
 use selvedge_model::{
-    Connectivity, Encoder, Input, InputGradient, ModelSpec, Network, NetworkScalar, Pass,
+    Connectivity, Encoder, InputGradient, ModelSpec, Network, NetworkScalar, Pass,
 };
 
-use crate::specs::{both, packed};
+use crate::specs::{both, input, packed};
 
 #[path = "../pytorch/fixture.rs"]
 mod fixture;
@@ -73,10 +73,7 @@ fn network_case<T: NetworkScalar>() {
     let weights: Vec<T> = real(&weights);
     let nodes: Vec<T> = real(&of("input.nodes"));
     let arcs: Vec<T> = real(&reordered(&of("input.edges"), &order, 10));
-    let input = Input {
-        nodes: &nodes,
-        arcs: &arcs,
-    };
+    let input = input(&nodes, &arcs);
     let packed = packed(&network, &weights);
     let [mut by_nodes, mut by_arcs] = [&nodes, &arcs].map(|x| vec![T::ZERO; x.len()]);
     let output: Vec<T> = real(&of("cotangent.rows"));

@@ -20,6 +20,11 @@ pub(crate) fn packed<T: NetworkScalar>(network: &Network, weights: &[T]) -> Pack
     network.pack(weights, Purpose::Training, Instructions::Detected)
 }
 
+/// The input of a network.
+pub(crate) fn input<'a, T>(nodes: &'a [T], arcs: &'a [T]) -> Input<'a, T> {
+    Input { nodes, arcs }
+}
+
 /// The output of a pass that nobody stops.
 pub(crate) fn forward<T: NetworkScalar>(
     network: &Network,

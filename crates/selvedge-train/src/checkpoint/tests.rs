@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use super::*;
 use crate::schedule::LearningRate;
-use crate::test_data::{ENGINE, Swinging, busy, config, swinging, two_cloths};
+use crate::test_data::{ENGINE, Swinging, busy, stepped, swinging, two_cloths};
 
 fn steps(trainer: &mut Trainer, count: usize) -> Vec<StepReport> {
     (0..count)
@@ -25,9 +25,7 @@ fn saved(trainer: &Trainer, data: &Swinging, name: &str) -> (PathBuf, Vec<u8>) {
 
 /// A checkpoint after five steps.
 fn five(cfg: TrainConfig, data: &Swinging) -> (PathBuf, Vec<u8>) {
-    let mut trainer = Trainer::new(cfg, &data.dataset, &ENGINE).expect("a training");
-    steps(&mut trainer, 5);
-    saved(&trainer, data, "five")
+    saved(&stepped(cfg, &data.dataset, 5), data, "five")
 }
 
 /// The message when `cfg` resumes from `bytes`.
@@ -197,13 +195,4 @@ fn states_that_fit_nothing_are_refused() {
     broken[8 + length..][..4].copy_from_slice(&f32::NAN.to_le_bytes());
     let text = refusal(cfg(), &data, &broken);
     assert_eq!(text, "FILE: weights: entry 0 is not finite");
-}
-
-#[test]
-fn a_folder_that_is_not_there_is_an_error() {
-    let data = two_cloths();
-    let trainer = Trainer::new(config(Encoder::MLP), &data.dataset, &ENGINE).expect("a training");
-    let path = data.folder.path().join("no/such/checkpoint");
-    let error = trainer.save(&path).expect_err("no folder");
-    assert_eq!(error.path, path);
 }

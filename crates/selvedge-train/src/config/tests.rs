@@ -34,122 +34,12 @@ fn toml_round_trips() {
 }
 
 #[test]
-fn what_is_left_out_is_the_papers() {
-    let cfg = config(Encoder::MLP);
-    assert_eq!((cfg.gradient_clip, cfg.dropout), (None, 0.0));
-    assert_eq!(cfg.losses, LossWeights::default());
-    assert_eq!(cfg.optimizer, AdamSettings::default());
-    assert_eq!(cfg.scheduled_sampling, ScheduledSampling::default());
-    assert_eq!(cfg.noise.correction, NoiseConfig::default().correction);
-}
-
-#[test]
 fn unknown_keys_are_named() {
     let text = toml::to_string(&config(Encoder::MLP)).expect("plain");
     let unknown = format!("colour = 3\n{text}");
     let error = TrainConfig::parse(&unknown, &path()).expect_err("unknown");
     let error = error.to_string();
     assert!(error.starts_with("training.toml: ") && error.contains("unknown field `colour`"));
-}
-
-#[test]
-fn values_out_of_range_are_named() {
-    type Edit = fn(&mut TrainConfig);
-    let cases: [(Edit, &str); 17] = [
-        (
-            |c| c.steps = u64::MAX,
-            "steps must be between 1 and 1000000000, found 18446744073709551615",
-        ),
-        (
-            |c| c.statistics_samples = 0,
-            "statistics_samples must be between 1 and 1000000, found 0",
-        ),
-        (
-            |c| c.log_every = 0,
-            "log_every must be between 1 and 100000, found 0",
-        ),
-        (
-            |c| c.gradient_clip = Some(-1.0),
-            "gradient_clip must be finite and positive, found -1",
-        ),
-        (
-            |c| c.loss_cap = Some(0.0),
-            "loss_cap must be finite and positive, found 0",
-        ),
-        (
-            |c| c.dropout = 1.0,
-            "dropout must be at least 0 and below 1, found 1",
-        ),
-        (
-            |c| c.dropout = 0.2,
-            "dropout must be 0 where model.encoder is no gru: it acts between recurrent layers, found 0.2",
-        ),
-        (
-            |c| c.scheduled_sampling.longest = 0,
-            "scheduled_sampling.longest must be between 1 and 1000000, found 0",
-        ),
-        (
-            |c| c.batch.samples = 0,
-            "batch.samples must be between 1 and 65536, found 0",
-        ),
-        (
-            |c| c.noise.deviation = f64::NAN,
-            "noise.deviation must be at least 0 and below 1, found NaN",
-        ),
-        (
-            |c| c.noise.correction = 1.5,
-            "noise.correction must be between 0 and 1, found 1.5",
-        ),
-        (
-            |c| c.scheduled_sampling.correction = -0.5,
-            "scheduled_sampling.correction must be between 0 and 1, found -0.5",
-        ),
-        (
-            |c| c.scheduled_sampling.farthest = f64::INFINITY,
-            "scheduled_sampling.farthest must be finite and positive, found inf",
-        ),
-        (
-            |c| {
-                c.learning_rate = LearningRate::Cosine {
-                    warmup: 3,
-                    from: 1.0,
-                    to: 0.1,
-                    end: u64::MAX,
-                }
-            },
-            "learning_rate.end must be at most 1000000000, found 18446744073709551615",
-        ),
-        (
-            |c| {
-                c.scheduled_sampling.truth = TruthProbability::Linear {
-                    start: 0,
-                    end: 2_000_000_000,
-                    probability: 0.5,
-                };
-            },
-            "scheduled_sampling.truth.end must be at most 1000000000, found 2000000000",
-        ),
-        (
-            |c| {
-                c.unroll = UnrollFrames::Growing {
-                    start: 0,
-                    end: u64::MAX,
-                    frames: 9,
-                }
-            },
-            "unroll.end must be at most 1000000000, found 18446744073709551615",
-        ),
-        (
-            |c| c.model.latent = 1,
-            "model.latent must be between 4 and 4096, found 1",
-        ),
-    ];
-    for (edit, expected) in cases {
-        let mut cfg = config(Encoder::MLP);
-        edit(&mut cfg);
-        let found = cfg.validate().expect_err(expected).to_string();
-        assert_eq!(found, expected);
-    }
 }
 
 fn with(settings: &[&str]) -> Result<TrainConfig, String> {
@@ -186,33 +76,105 @@ fn settings_change_what_they_name_and_nothing_else() {
     assert_eq!(found, Ok(expected));
 }
 
+/// Settings of one value, and how the error ends.
+const OUT_OF_RANGE: &str = r#"
+steps=9223372036854775807 => steps must be between 1 and 1000000000, found 9223372036854775807
+statistics_samples=0 => statistics_samples must be between 1 and 1000000, found 0
+log_every=0 => log_every must be between 1 and 100000, found 0
+gradient_clip=-1.0 => gradient_clip must be finite and positive, found -1
+loss_cap=0.0 => loss_cap must be finite and positive, found 0
+weight_average=1.0 => weight_average must be at least 0 and below 1, found 1
+dropout=1.0 => dropout must be at least 0 and below 1, found 1
+batch.samples=0 => batch.samples must be between 1 and 65536, found 0
+noise.deviation=nan => noise.deviation must be at least 0 and below 1, found NaN
+noise.correction=1.5 => noise.correction must be between 0 and 1, found 1.5
+losses.edge_length=-1.0 => losses.edge_length must be finite and not negative, found -1
+optimizer.beta2=1.0 => optimizer.beta2 must be at least 0 and below 1, found 1
+model.latent=1 => model.latent must be between 4 and 4096, found 1
+scheduled_sampling.longest=0 => longest must be between 1 and 1000000, found 0
+scheduled_sampling.correction=-0.5 => correction must be between 0 and 1, found -0.5
+scheduled_sampling.farthest=inf => farthest must be finite and positive, found inf
+unroll={ kind="constant", frames=0 } => unroll.frames must be between 1 and 1000, found 0
+learning_rate.rate=nan => learning_rate.rate must be finite and positive, found NaN
+"#;
+
+/// Settings of a schedule of three numbers, from step 5 on, and how the error ends.
+const SCHEDULES: &str = r#"
+cosine from=0.0, to=0.0, end=20 => learning_rate.from must be finite and positive, found 0
+cosine from=1.0, to=2.0, end=20 => learning_rate.to must be between 0 and 1, found 2
+cosine from=1.0, to=0.5, end=5 => learning_rate.end must be after the warm-up of 5 steps, found 5
+cosine from=1.0, to=0.1, end=2000000000 => end must be at most 1000000000, found 2000000000
+linear end=6, probability=1.5 => truth.probability must be between 0 and 1, found 1.5
+linear end=5, probability=0.5 => scheduled_sampling.truth.end must be after its start 5, found 5
+linear end=2000000000, probability=0.5 => truth.end must be at most 1000000000, found 2000000000
+growing end=5, frames=2 => unroll.end must be after start = 5, found 5
+growing end=2000000000, frames=9 => unroll.end must be at most 1000000000, found 2000000000
+"#;
+
+/// The columns of a table of the two above.
+fn rows(table: &str) -> impl Iterator<Item = (&str, &str)> {
+    let lines = table.trim().lines();
+    lines.map(|line| line.split_once(" => ").expect("two columns"))
+}
+
+#[test]
+fn values_out_of_range_are_named() {
+    for (setting, expected) in rows(OUT_OF_RANGE) {
+        let found = with(&[setting]).expect_err(setting);
+        assert!(found.ends_with(expected), "{setting}: {found}");
+        assert!(found.starts_with("training.toml: "), "{setting}: {found}");
+    }
+    for (schedule, expected) in rows(SCHEDULES) {
+        let (kind, numbers) = schedule.split_once(' ').expect("a kind");
+        let (field, start) = match kind {
+            "cosine" => ("learning_rate", "warmup"),
+            "linear" => ("scheduled_sampling.truth", "start"),
+            _ => ("unroll", "start"),
+        };
+        let setting = format!("{field}={{ kind={kind:?}, {start}=5, {numbers} }}");
+        let found = with(&[&setting]).expect_err(schedule);
+        assert!(found.ends_with(expected), "{schedule}: {found}");
+    }
+}
+
+#[test]
+fn values_that_do_not_go_together_are_named() {
+    let found = with(&["model.encoder={ kind=\"mlp\" }", "dropout=0.2"]).expect_err("no gru");
+    let expected = "dropout must be 0 where model.encoder is no gru";
+    assert!(found.contains(expected), "{found}");
+    let unrolled = "unroll={ kind=\"constant\", frames=4 }";
+    with(&[unrolled, "losses.kinetic_energy=0.0"]).expect("a good one");
+    let found = with(&[unrolled, "losses.kinetic_energy=1.0"]).expect_err("a mix");
+    let expected = "losses.kinetic_energy must be 0 where unroll.frames is above 1, found 1";
+    assert!(found.ends_with(expected), "{found}");
+}
+
+/// Settings of one value, and words of the error.
+const MISFITS: &str = r#"
+model.latnet=32 => training.toml with model.latnet = 32:
+model.latnet=32 => unknown field `latnet`, expected one of
+colour=3 => unknown field `colour`
+losses.bending=1.0 => unknown field `bending`
+learning_rate.at=3 => unknown field `at`
+learning_rate={ kind="cosin", rate=1.0 } => unknown variant `cosin`
+scheduled_sampling.truth={ kind="always", end=3 } => unknown field `end`
+model.latent=wide => invalid type: string "wide"
+model.latent=2.5 => invalid type: floating point `2.5`
+model.latent.size=2 => model.latent is no table
+model.encoder.kind=lstm => unknown variant `lstm`
+model.encoder={ kind="mlp", window=2 } => of the kind "mlp" must be 1, found 2: choose the kind "gru"
+model.latent => "model.latent" is no setting
+=3 => "=3" is no setting
+model..latent=3 => "model..latent=3" is no setting
+model.latent=[3 => "model.latent=[3" is no setting
+steps=3\nseed=4 => is no setting
+model.node_features=["velocity", "velocity"] => "velocity" stands twice in a list of features
+"#;
+
 #[test]
 fn settings_that_do_not_fit_are_named() {
-    let cases = [
-        ("model.latnet=32", "training.toml with model.latnet = 32: "),
-        ("model.latnet=32", "unknown field `latnet`, expected one of"),
-        ("colour=3", "unknown field `colour`"),
-        ("model.latent=wide", "invalid type: string \"wide\""),
-        ("model.latent=2.5", "invalid type: floating point `2.5`"),
-        ("model.latent=2", "model.latent must be between 4 and 4096"),
-        ("model.latent.size=2", "model.latent is no table"),
-        ("model.encoder.kind=lstm", "unknown variant `lstm`"),
-        (
-            "model.encoder={ kind = \"mlp\", window = 2 }",
-            "model.encoder.window of the kind \"mlp\" must be 1, found 2: choose the kind \"gru\"",
-        ),
-        ("model.latent", "\"model.latent\" is no setting"),
-        ("=3", "\"=3\" is no setting"),
-        ("model..latent=3", "\"model..latent=3\" is no setting"),
-        ("model.latent=[3", "\"model.latent=[3\" is no setting"),
-        ("steps=3\nseed=4", "is no setting"),
-        (
-            "model.node_features=[\"velocity\", \"node-type\", \"velocity\"]",
-            "\"velocity\" stands twice in a list of features",
-        ),
-    ];
-    for (setting, expected) in cases {
-        let found = with(&[setting]).expect_err(expected);
+    for (setting, expected) in rows(MISFITS) {
+        let found = with(&[&setting.replace("\\n", "\n")]).expect_err(setting);
         assert!(found.contains(expected), "{setting}: {found}");
     }
 }

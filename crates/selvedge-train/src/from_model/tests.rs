@@ -4,16 +4,13 @@ use selvedge_model::Encoder;
 use serde_json::json;
 
 use super::*;
-use crate::test_data::{ENGINE, busy, two_cloths};
+use crate::test_data::{ENGINE, busy, stepped, two_cloths};
 
 const MLP: Encoder = Encoder::MLP;
 
 /// The model of five steps, with an account of its training.
 fn learned(data: &Dataset, account: &str) -> Model {
-    let mut trainer = Trainer::new(busy(MLP), data, &ENGINE).expect("a training");
-    for _ in 0..5 {
-        trainer.step().expect("a step");
-    }
+    let mut trainer = stepped(busy(MLP), data, 5);
     trainer.collect().expect("weights");
     trainer.model(account.to_owned()).expect("a model")
 }

@@ -144,24 +144,13 @@ fn a_log_is_the_same_bit_for_bit_after_a_resume_in_the_middle_of_a_line() {
     for stop in [1, 3, 5, 6] {
         let mut case = case(9);
         case.cfg.log_every = 4;
-        case.run(&mut case.trainer(), NO_LIMITS, stop)
-            .expect("a run");
+        let end = case.run(&mut case.trainer(), NO_LIMITS, stop);
+        assert_eq!(end.expect("a run"), RunEnd::Stopped);
+        assert_eq!(case.resumed().steps_done(), stop);
         let end = case.run(&mut case.resumed(), NO_LIMITS, u64::MAX);
         assert_eq!(end.expect("a run"), RunEnd::Finished);
         assert_eq!(case.bytes(files::LOG), whole, "stopped after {stop}");
     }
-}
-
-#[test]
-fn the_observer_stops_a_run_and_it_is_saved() {
-    let case = case(100);
-    let mut trainer = case.trainer();
-    let end = case.run(&mut trainer, NO_LIMITS, 5).expect("a run");
-    assert_eq!((end, trainer.steps_done()), (RunEnd::Stopped, 5));
-    let resumed = case.resumed();
-    assert_eq!(resumed.steps_done(), 5);
-    assert_eq!(resumed.learned.weights, trainer.learned.weights);
-    assert_eq!(case.logged_steps(), [2, 4]);
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Closed forms of the schedules, and those that are refused.
+//! Closed forms of the schedules; those that are refused are in the tests of configurations.
 
 use super::*;
 
@@ -64,15 +64,6 @@ fn the_frames_of_a_rollout_grow_from_one_to_the_last_number() {
     let expected = [1, 1, 1, 2, 2, 3, 4, 4, 5, 5];
     assert_eq!(steps.map(|step| growing.at(step)), expected);
     assert_eq!(UnrollFrames::default().at(7), 1);
-    let refused = |frames: UnrollFrames| frames.validate().expect_err("a defect").to_string();
-    let none = UnrollFrames::Constant { frames: 0 };
-    assert!(refused(none).contains("unroll.frames must be between 1 and 1000, found 0"));
-    let back = UnrollFrames::Growing {
-        start: 5,
-        end: 5,
-        frames: 2,
-    };
-    assert!(refused(back).contains("unroll.end must be after start = 5, found 5"));
 }
 
 #[test]
@@ -93,66 +84,4 @@ fn the_probability_of_ground_truth_falls_linearly() {
         close(linear.at(step), expected);
     }
     assert_eq!(TruthProbability::Always {}.at(10), 1.0);
-}
-
-#[test]
-fn schedules_that_make_no_sense_are_refused() {
-    let cosine = |from, to, end| {
-        let warmup = 10;
-        let schedule = LearningRate::Cosine {
-            warmup,
-            from,
-            to,
-            end,
-        };
-        schedule.validate().expect_err("a defect").to_string()
-    };
-    assert_eq!(
-        cosine(0.0, 0.0, 20),
-        "learning_rate.from must be finite and positive, found 0"
-    );
-    assert_eq!(
-        cosine(1.0, 2.0, 20),
-        "learning_rate.to must be between 0 and 1, found 2"
-    );
-    assert!(cosine(1.0, 0.5, 10).contains("end must be after the warm-up of 10 steps"));
-    assert!(
-        LearningRate::Constant { rate: f64::NAN }
-            .validate()
-            .is_err()
-    );
-    let linear = |end, probability| {
-        let start = 5;
-        let schedule = TruthProbability::Linear {
-            start,
-            end,
-            probability,
-        };
-        schedule.validate().expect_err("a defect").to_string()
-    };
-    assert!(linear(6, 1.5).starts_with("scheduled_sampling.truth.probability must be between"));
-    assert!(linear(5, 0.5).contains("end must be after its start 5"));
-    COSINE.validate().expect("a good one");
-    TruthProbability::Always {}.validate().expect("a good one");
-}
-
-#[test]
-fn configuration_round_trips_and_unknown_keys_are_errors() {
-    let text = toml::to_string(&COSINE).expect("plain");
-    assert_eq!(
-        toml::from_str::<LearningRate>(&text).expect("its own text"),
-        COSINE
-    );
-    let unknown = [
-        "kind = 'constant'\nrate = 1.0\nat = 3",
-        "kind = 'cosin'\nrate = 1.0",
-    ];
-    assert!(
-        unknown
-            .iter()
-            .all(|text| toml::from_str::<LearningRate>(text).is_err())
-    );
-    let always = toml::from_str::<TruthProbability>("kind = 'always'");
-    assert_eq!(always.expect("no fields"), TruthProbability::Always {});
-    assert!(toml::from_str::<TruthProbability>("kind = 'always'\nend = 3").is_err());
 }

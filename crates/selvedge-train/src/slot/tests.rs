@@ -272,17 +272,6 @@ fn a_run_ends_after_the_longest_at_the_sections_end_or_far_from_the_truth() {
 }
 
 #[test]
-fn with_truth_only_every_sample_is_drawn_afresh() {
-    let case = case(|_| ());
-    let (mut slot, mut shown) = case.early();
-    for step in 0..20 {
-        case.advance(&mut slot, &shown, &[0.0; 36]);
-        assert_eq!((slot.run, slot.history.len()), (0, 0));
-        shown = case.show(&mut slot, step);
-    }
-}
-
-#[test]
 fn the_probability_decides_how_often_a_run_goes_on() {
     let case = case(|cfg| {
         cfg.scheduled_sampling.truth = TruthProbability::Linear {

@@ -6,19 +6,15 @@ use std::thread;
 use std::time::Duration;
 
 use glam::Vec3;
-use rayon::ThreadPoolBuilder;
 use selvedge_cloth::{HandleTargets, Stepper};
 use selvedge_data::SectionRule;
 use selvedge_model::{Encoder, LearnedStepper};
 
 use super::*;
 use crate::schedule::{LearningRate, TruthProbability, UnrollFrames};
-use crate::test_data::{ENGINE, Swinging, busy, config, swinging, two_cloths};
-
-fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
-    let pool = ThreadPoolBuilder::new().num_threads(threads).build();
-    pool.expect("a pool").install(work)
-}
+use crate::test_data::{
+    ENGINE, Swinging, busy, config, stepped, swinging, two_cloths, with_threads,
+};
 
 fn encoders() -> [Encoder; 2] {
     [Encoder::MLP, Encoder::Gru { window: 3 }]
@@ -26,11 +22,7 @@ fn encoders() -> [Encoder; 2] {
 
 /// The bytes of checkpoint and model after `steps` steps.
 fn bytes(cfg: TrainConfig, data: &Swinging, steps: usize) -> [Vec<u8>; 2] {
-    let mut trainer = Trainer::new(cfg, &data.dataset, &ENGINE).expect("a training");
-    for _ in 0..steps {
-        trainer.step().expect("a step");
-    }
-    written(&trainer, data)
+    written(&stepped(cfg, &data.dataset, steps), data)
 }
 
 /// The bytes of checkpoint and model.
@@ -73,6 +65,9 @@ fn threads_change_no_bit_and_seeds_do() {
             ..busy(encoder)
         };
         assert_ne!(one, run(other, 1));
+        // Without slots in runs this would say less than it seems to.
+        let slots = stepped(busy(encoder), &data.dataset, 8).state.slots;
+        assert!(slots.iter().any(|slot| slot.run > 0), "{encoder:?}");
     }
 }
 
@@ -153,31 +148,11 @@ fn the_model_is_made_of_the_mean_of_the_weights() {
 }
 
 #[test]
-fn lanes_are_in_runs_by_then() {
-    // Without this the test above would say less than it seems to.
-    let data = two_cloths();
-    let trainer = Trainer::new(busy(Encoder::MLP), &data.dataset, &ENGINE);
-    let mut trainer = trainer.expect("a training");
-    let mut longest = 0;
-    for _ in 0..8 {
-        trainer.step().expect("a step");
-        let runs = trainer.state.slots.iter().map(|slot| slot.run);
-        longest = runs.fold(longest, u32::max);
-    }
-    assert!(longest >= 2, "{longest}");
-    assert!(
-        trainer.state.slots.iter().any(|slot| slot.run > 0),
-        "at the end"
-    );
-}
-
-#[test]
 fn a_step_that_is_not_finite_leaves_the_weights() {
     let data = two_cloths();
     let mut cfg = config(Encoder::MLP);
     cfg.learning_rate = LearningRate::Constant { rate: 1e30 };
-    let mut trainer = Trainer::new(cfg, &data.dataset, &ENGINE).expect("a training");
-    trainer.step().expect("the first gradient is finite");
+    let mut trainer = stepped(cfg, &data.dataset, 1);
     let weights = trainer.learned.weights.clone();
     let adam = trainer.learned.adam.clone();
     for _ in 0..2 {

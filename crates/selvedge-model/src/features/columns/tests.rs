@@ -34,10 +34,6 @@ fn features(spec: &ModelSpec, graph: &ClothGraph, pose: Pose<'_>) -> Features {
     Features { nodes, arcs }
 }
 
-fn graph(parts: Hanging) -> ClothGraph {
-    parts.graph()
-}
-
 /// Features that two frames are enough for.
 fn pose<'a>(previous: &'a [Vec3], current: &'a [Vec3], yaw: Yaw) -> Pose<'a> {
     Pose {
@@ -69,20 +65,11 @@ fn fold(angle: f32) -> (ClothGraph, [Vec3; 4]) {
         cloth: Cloth::new(topology, none, arrays).expect("a cloth"),
         environment: Environment::default(),
     };
-    (graph(parts), positions)
+    (parts.graph(), positions)
 }
 
 #[test]
-fn widths_are_those_of_the_method_and_names_are_distinct() {
-    let node = [3, 3, 1, 9];
-    let features = physical().node_features;
-    assert!(features.iter().map(|f| f.width()).eq(node));
-    let edge = [4, 4, 3, 1, 1];
-    let features = everything().edge_features;
-    assert!(features.iter().map(|f| f.width()).eq(edge));
-    let widths = |spec: &ModelSpec| (spec.node_width(), spec.edge_width());
-    assert_eq!(widths(&physical()), (16, 10));
-    assert_eq!(widths(&ModelSpec::mesh_graph_nets(8, 1)), (12, 7));
+fn every_column_has_a_name_of_its_own_and_a_group() {
     for spec in [physical(), everything(), ModelSpec::mesh_graph_nets(8, 1)] {
         assert_eq!(node_columns(&spec).len(), spec.node_width());
         assert_eq!(edge_columns(&spec).len(), spec.edge_width());
@@ -97,7 +84,7 @@ fn widths_are_those_of_the_method_and_names_are_distinct() {
 
 #[test]
 fn an_arc_sees_its_sender_from_its_receiver_and_its_elongation() {
-    let graph = graph(parts(6, 3));
+    let graph = parts(6, 3).graph();
     let (previous, current) = moving(graph.rest_positions());
     let pose = pose(&previous, &current, Yaw::from_angle(0.4));
     let spec = everything();
@@ -125,7 +112,7 @@ fn an_arc_sees_its_sender_from_its_receiver_and_its_elongation() {
 
 #[test]
 fn the_rest_pose_at_rest_has_no_elongation_and_its_own_vectors() {
-    let graph = graph(parts(6, 4));
+    let graph = parts(6, 4).graph();
     let rest = graph.rest_positions();
     let pose = pose(rest, rest, graph.frame().rest_yaw());
     for row in features(&everything(), &graph, pose).arcs.chunks(13) {
@@ -173,7 +160,7 @@ fn a_flat_hinge_is_plus_0_a_closed_one_plus_pi_and_a_degenerate_one_0() {
 
 #[test]
 fn bending_is_minus_the_simulators_dihedral_angle() {
-    let graph = graph(parts(8, 5));
+    let graph = parts(8, 5).graph();
     let positions = shaken(graph.rest_positions(), 0.05, 6);
     for hinge in graph.hinges() {
         let [from, to, left, right] = [hinge.from, hinge.to, hinge.left, hinge.right]
@@ -213,7 +200,7 @@ fn slow_external_force(graph: &ClothGraph, pose: Pose<'_>, vertex: usize) -> DVe
 
 #[test]
 fn external_force_matches_a_slow_version_in_f64() {
-    let graph = graph(parts(7, 2));
+    let graph = parts(7, 2).graph();
     let (previous, current) = moving(graph.rest_positions());
     let pose = pose(&previous, &current, Yaw::from_angle(-1.2));
     let nodes = features(&physical(), &graph, pose).nodes;
@@ -229,22 +216,8 @@ fn external_force_matches_a_slow_version_in_f64() {
 }
 
 #[test]
-fn drag_of_a_sheet_across_the_wind_is_density_area_speed_squared_against_the_motion() {
-    // A flat sheet with unit normal y falls at 3 m/s: ρ A v² = 1 · 1 · 9 N in all, upwards.
-    let (graph, positions) = fold(0.0);
-    let previous = positions.map(|p| p + Vec3::Y * (3.0 / 60.0));
-    let pose = pose(&previous, &positions, Yaw::WORLD);
-    let nodes = features(&physical(), &graph, pose).nodes;
-    let total: Vec3 = nodes.chunks(16).map(|r| Vec3::new(r[3], r[4], r[5])).sum();
-    assert!(
-        total.distance(Vec3::Y * (9.0 - 0.4 * 9.8)) < 1e-5,
-        "{total}"
-    );
-}
-
-#[test]
 fn node_types_energies_and_velocities_are_what_they_say() {
-    let graph = graph(parts(4, 2));
+    let graph = parts(4, 2).graph();
     let (previous, current) = moving(graph.rest_positions());
     let pose = pose(&previous, &current, Yaw::from_angle(2.0));
     let nodes = features(&physical(), &graph, pose).nodes;
@@ -261,7 +234,7 @@ fn node_types_energies_and_velocities_are_what_they_say() {
 
 #[test]
 fn leaving_features_out_leaves_the_columns_of_the_others_unchanged() {
-    let graph = graph(parts(5, 2));
+    let graph = parts(5, 2).graph();
     let (previous, current) = moving(graph.rest_positions());
     let pose = pose(&previous, &current, Yaw::from_angle(0.3));
     let whole = features(&everything(), &graph, pose);

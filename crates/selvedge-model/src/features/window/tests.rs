@@ -102,7 +102,11 @@ fn coefficient(k: usize) -> f32 {
 
 /// Each feature by itself, so that a large one hides no other.
 fn each_feature(encoder: Encoder) -> Vec<ModelSpec> {
-    let start = ModelSpec::physical(encoder, 4, 1);
+    let none = ModelSpec {
+        node_features: [].into(),
+        edge_features: [].into(),
+        ..ModelSpec::physical(encoder, 4, 1)
+    };
     let nodes = [
         NodeFeature::Velocity,
         NodeFeature::ExternalForce,
@@ -115,13 +119,11 @@ fn each_feature(encoder: Encoder) -> Vec<ModelSpec> {
     ];
     let of_node = nodes.map(|feature| ModelSpec {
         node_features: [feature].into(),
-        edge_features: [].into(),
-        ..start.clone()
+        ..none.clone()
     });
     let of_edge = edges.map(|feature| ModelSpec {
-        node_features: [].into(),
         edge_features: [feature].into(),
-        ..start.clone()
+        ..none.clone()
     });
     of_node.into_iter().chain(of_edge).collect()
 }

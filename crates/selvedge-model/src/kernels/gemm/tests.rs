@@ -25,13 +25,13 @@ const SHAPES: &[(usize, usize, usize)] = if cfg!(miri) {
     ]
 };
 
-fn packed(using: Instructions, matrix: &[f64], columns: usize) -> Vec<f64> {
+fn packed<T: Real>(using: Instructions, matrix: &[T], columns: usize) -> Vec<T> {
     let slot = Slot {
         offset: 0,
         depth: matrix.len() / columns,
         columns,
     };
-    let mut out = vec![f64::NAN; slot.length()];
+    let mut out = vec![T::from_f64(f64::NAN); slot.length()];
     let entry = |l: usize, j: usize| matrix[l * columns + j];
     pack(using, slot, entry, &mut out);
     out
@@ -125,14 +125,7 @@ fn a_row_does_not_depend_on_the_rows_beside_it() {
     let narrow = |values: Vec<f64>| values.into_iter().map(|x| x as f32).collect::<Vec<_>>();
     let rows = narrow(numbers(count * depth, 1));
     let matrix = narrow(numbers(depth * columns, 2));
-    let slot = Slot {
-        offset: 0,
-        depth,
-        columns,
-    };
-    let mut packed = vec![0.0; slot.length()];
-    let entry = |l: usize, j: usize| matrix[l * columns + j];
-    pack(using, slot, entry, &mut packed);
+    let packed = packed(using, &matrix, columns);
     let times = |rows: &[f32]| {
         let mut out = vec![0.0; rows.len() / depth * columns];
         let term = Term {

@@ -57,36 +57,6 @@ fn accelerations(vertices: usize) -> Vec<f32> {
 }
 
 #[test]
-fn positions_and_accelerations_lead_to_each_other() {
-    let case = case();
-    // The acceleration that training aims at.
-    let target = |next: &[Vec3]| -> Vec<f32> {
-        let rows = next.iter().enumerate();
-        rows.flat_map(|(v, &p)| {
-            let acceleration = case.two().acceleration_to(p, v);
-            case.yaw.to_local(acceleration).to_array()
-        })
-        .collect()
-    };
-    let given = accelerations(case.graph.vertex_count());
-    let next = case.advance(&given).expect("finite");
-    for (k, (found, given)) in target(&next).iter().zip(&given).enumerate() {
-        // Half a dozen roundings of positions of 1 m.
-        let off = (found - given).abs();
-        assert!(!case.is_free(k / 3) || off < 5e-7, "{off}");
-    }
-    let mut goal = shaken(case.graph.rest_positions(), 0.02, 9);
-    let handles = case.graph.handles().vertices().iter();
-    for (vertex, p) in handles.zip(&case.next_handles) {
-        goal[vertex.index()] = *p;
-    }
-    let next = case.advance(&target(&goal)).expect("finite");
-    for (found, expected) in next.iter().zip(&goal) {
-        assert!(found.distance(*expected) < 1e-6);
-    }
-}
-
-#[test]
 fn in_f64_and_local_axes_it_is_the_same_equation() {
     let case = case();
     let local = |positions: &[Vec3]| -> Vec<DVec3> {

@@ -60,13 +60,9 @@ fn specs() -> [ModelSpec; 3] {
     ]
 }
 
-fn graph(parts: Hanging) -> ClothGraph {
-    parts.graph()
-}
-
 fn stepper(model: &Arc<Model>, parts: Hanging, start: &[Vec<Vec3>]) -> LearnedStepper {
     let start: Vec<&[Vec3]> = start.iter().map(Vec::as_slice).collect();
-    LearnedStepper::new(Arc::clone(model), graph(parts), &start).expect("a start")
+    LearnedStepper::new(Arc::clone(model), parts.graph(), &start).expect("a start")
 }
 
 fn targets(positions: Vec<DVec3>) -> HandleTargets {
@@ -126,7 +122,7 @@ fn without_acceleration_free_vertices_go_on_uniformly() {
         let now: Vec<Vec3> = shaken(&before, 0.01, 1).into_iter().map(grid).collect();
         let model = constant(spec, DVec3::ZERO);
         let stepper = stepper(&model, parts.clone(), &[before.clone(), now.clone()]);
-        let mask = graph(parts.clone()).handle_mask().to_vec();
+        let mask = parts.graph().handle_mask().to_vec();
         for (number, frame) in rollout(stepper, |f| swing(&parts, f)).iter().enumerate() {
             let time = (number + 1) as f32;
             for v in (0..mask.len()).filter(|&v| !mask[v]) {
@@ -154,7 +150,7 @@ fn a_constant_acceleration_acts_along_the_axes_of_the_handles() {
     );
     let handles = parts.cloth.handles().select(&turned);
     let still: Vec<DVec3> = handles.into_iter().map(|p| p.as_dvec3()).collect();
-    let graph = graph(parts.clone());
+    let graph = parts.graph();
     let rest_angle = graph.frame().rest_yaw().angle();
     let world = Yaw::from_angle(rest_angle + 0.5).to_world_f64(local);
     for (number, frame) in rollout(stepper, |_| still.clone()).iter().enumerate() {
@@ -249,7 +245,7 @@ fn a_prediction_that_is_not_finite_is_an_error() {
 fn a_start_that_does_not_fit_is_refused() {
     let model = constant(&specs()[0], DVec3::ZERO);
     let start = |frames: &[&[Vec3]]| {
-        let stepper = LearnedStepper::new(Arc::clone(&model), graph(parts(3, 3)), frames);
+        let stepper = LearnedStepper::new(Arc::clone(&model), parts(3, 3).graph(), frames);
         stepper.err().expect("a defect")
     };
     assert_eq!(start(&[]), RolloutError::NoFrame);

@@ -9,11 +9,9 @@ use selvedge_cluster::threads;
 use selvedge_model::Encoder;
 
 use super::*;
-use crate::engine::OnProcessor;
-use crate::test_data::{Swinging, busy, config, two_cloths};
+use crate::schedule::UnrollFrames;
+use crate::test_data::{ENGINE, Swinging, busy, config, stepped, two_cloths};
 use crate::trainer::{TrainError, Trainer};
-
-const ENGINE: OnProcessor = OnProcessor { micro_batch: 2 };
 
 /// A configuration whose slots go on from predictions, in five pieces.
 fn five_pieces(encoder: Encoder) -> TrainConfig {
@@ -65,15 +63,19 @@ fn trained(data: &Swinging, cfg: &TrainConfig, count: usize, names: [Option<&str
 #[test]
 fn any_number_of_ranks_gives_the_bytes_of_one_with_a_resume_on_another_number() {
     let data = two_cloths();
-    for encoder in [Encoder::MLP, Encoder::Gru { window: 3 }] {
-        let mut cfg = five_pieces(encoder);
+    let mut unrolled = five_pieces(Encoder::MLP);
+    unrolled.unroll = UnrollFrames::Constant { frames: 3 };
+    unrolled.losses.kinetic_energy = 0.0;
+    let cases = [
+        ("perceptrons", five_pieces(Encoder::MLP)),
+        ("recurrent", five_pieces(Encoder::Gru { window: 3 })),
+        ("several frames", unrolled),
+    ];
+    for (name, mut cfg) in cases {
         cfg.steps = 10;
         let whole = trained(&data, &cfg, 1, [None, Some("whole")]);
         // Without ranks at all.
-        let mut alone = Trainer::new(cfg.clone(), &data.dataset, &ENGINE).unwrap();
-        for _ in 0..10 {
-            alone.step().unwrap();
-        }
+        let alone = stepped(cfg.clone(), &data.dataset, 10);
         let path = data.folder.path().join("alone");
         alone.save(&path).unwrap();
         assert!(std::fs::read(path).unwrap() == whole);
@@ -82,20 +84,9 @@ fn any_number_of_ranks_gives_the_bytes_of_one_with_a_resume_on_another_number() 
             trained(&data, &cfg, count, [None, Some("half")]);
             cfg.steps = 10;
             let resumed = trained(&data, &cfg, then, [Some("half"), Some("resumed")]);
-            assert!(resumed == whole, "{encoder:?}: {count} ranks, then {then}");
+            assert!(resumed == whole, "{name}: {count} ranks, then {then}");
         }
     }
-}
-
-#[test]
-fn steps_of_several_frames_are_the_same_too() {
-    let data = two_cloths();
-    let mut cfg = five_pieces(Encoder::MLP);
-    cfg.unroll = crate::schedule::UnrollFrames::Constant { frames: 3 };
-    cfg.losses.kinetic_energy = 0.0;
-    cfg.steps = 6;
-    let whole = trained(&data, &cfg, 1, [None, Some("whole")]);
-    assert!(trained(&data, &cfg, 3, [None, Some("three")]) == whole);
 }
 
 /// A rank that is asked to stop says so to the others, at whatever moment it hears of it.
