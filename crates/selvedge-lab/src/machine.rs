@@ -77,7 +77,7 @@ fn card_of(first: usize, local: usize, cards: usize) -> usize {
     }
 }
 
-#[cfg(any(not(feature = "gpu"), test))]
+#[cfg(not(feature = "gpu"))]
 const BUILT_WITHOUT: &str = "device: this selvedge was built without GPUs: build it with the feature \
                              gpu, or take the processor";
 
