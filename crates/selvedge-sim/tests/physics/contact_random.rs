@@ -228,7 +228,7 @@ fn longest_edge(mesh: &Mesh) -> f64 {
     lengths.fold(0.0, f64::max)
 }
 
-/// Of a hundred scenes one may stop, and of fifty none or one.
+/// Of a hundred scenes one may stop, and of twenty none or one.
 fn no_scene_of(numbers: std::ops::Range<u64>) {
     let count = (numbers.end - numbers.start) as u32;
     let mut ends = Ends::default();
@@ -242,26 +242,21 @@ fn no_scene_of(numbers: std::ops::Range<u64>) {
     );
 }
 
-// Fifty scenes each, so that threads share them.
+// Twenty scenes each, so that threads share them.
 
 #[test]
 fn no_random_scene_ever_intersects() {
-    no_scene_of(0..50);
+    no_scene_of(0..20);
 }
 
 #[test]
-fn no_random_scene_of_the_second_fifty_ever_intersects() {
-    no_scene_of(50..100);
+fn no_random_scene_of_the_second_twenty_ever_intersects() {
+    no_scene_of(20..40);
 }
 
 #[test]
-fn no_random_scene_of_the_third_fifty_ever_intersects() {
-    no_scene_of(100..150);
-}
-
-#[test]
-fn no_random_scene_of_the_last_fifty_ever_intersects() {
-    no_scene_of(150..200);
+fn no_random_scene_of_the_third_twenty_ever_intersects() {
+    no_scene_of(40..60);
 }
 
 #[test]
