@@ -124,9 +124,12 @@ impl<S: Correctable> Guard<S> {
         correction: Correction,
     ) -> Result<Self, GuardError> {
         if let Some(scene) = &scene {
-            check_scene(scene, &inner)?;
+            let found = moved_by(&inner, scene.mesh.topology(), &scene.handles);
+            found.map_err(|what| GuardError::OtherScene { what })?;
         }
-        let lengths = check_cloth(cloth, &inner)?;
+        moved_by(&inner, cloth.topology(), cloth.handles())
+            .map_err(|what| GuardError::OtherCloth { what })?;
+        let lengths = edge_lengths(cloth)?;
         let has_contact = scene.as_ref().is_some_and(|scene| scene.contact.is_some());
         let is_held_apart = has_contact && correction != Correction::None;
         let physics = match &scene {
@@ -257,10 +260,8 @@ impl<S: Correctable> Guard<S> {
     /// else replaced. A frame of the physics is free of contact already. Where that failed too, the
     /// step fails.
     fn keep_apart(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
-        let is_physics = |guard: &Self| {
-            let physics = Some(Replacement::Physics);
-            guard.trust.verdict.replaced_by() == physics
-        };
+        let is_physics =
+            |guard: &Self| guard.trust.verdict.replaced_by() == Some(Replacement::Physics);
         if !self.is_held_apart || is_physics(self) {
             return Ok(());
         }
@@ -284,15 +285,13 @@ impl<S: Correctable> Guard<S> {
     /// Leads the next frame from the last one, pushing apart what would meet.
     fn lead(&mut self) -> Result<ContactWord, StepError> {
         let frame = self.trust.frame.saturating_sub(1);
-        let Some(Ok(physics)) = &mut self.physics else {
+        let Some(Ok(Physics { simulator, .. })) = &mut self.physics else {
             return Ok(ContactWord::Free);
         };
-        let simulator = &mut physics.simulator;
-        let led = simulator.lead(frame, &self.last[1], &mut self.next)?;
-        Ok(match led {
-            Led::Free => ContactWord::Free,
-            Led::Pushed => ContactWord::Pushed,
-        })
+        match simulator.lead(frame, &self.last[1], &mut self.next)? {
+            Led::Free => Ok(ContactWord::Free),
+            Led::Pushed => Ok(ContactWord::Pushed),
+        }
     }
 
     /// Brings the edges of the next frame back. Returns false if it is lost after all.
@@ -313,19 +312,22 @@ impl<S: Correctable> Guard<S> {
             next.extend_from_slice(found);
             Ok(())
         });
-        let replaced_by = match outcome {
-            Some(Ok(())) => Replacement::Physics,
-            Some(Err(failure)) => {
-                self.note(failure);
-                Replacement::Carry
-            }
-            None => Replacement::Carry,
-        };
-        if replaced_by == Replacement::Carry {
-            carry(self.inner.handles(), &last[1], targets.end(), &mut next);
+        let is_physics = matches!(outcome, Some(Ok(())));
+        if let Some(Err(failure)) = outcome
+            && !self.stop.is_wanted()
+        {
+            // Where it was stopped the frame will be dropped.
+            self.trust.physics_failed = true;
+            self.physics_failure = Some(failure);
         }
+        let replaced_by = if is_physics {
+            Replacement::Physics
+        } else {
+            carry(self.inner.handles(), &last[1], targets.end(), &mut next);
+            Replacement::Carry
+        };
         self.trust.verdict = Verdict::Lost { replaced_by };
-        if self.is_held_apart && replaced_by == Replacement::Physics {
+        if self.is_held_apart && is_physics {
             // Nothing meets in it, if nothing is moved.
             (self.last, self.next) = (last, next);
             return;
@@ -348,16 +350,6 @@ impl<S: Correctable> Guard<S> {
         }
         let physics = self.physics.as_mut()?.as_mut();
         Some(physics.map_err(|error| PhysicsFailure::SetUp(error.clone())))
-    }
-
-    /// Records that the physics failed for the frame in hand.
-    fn note(&mut self, failure: PhysicsFailure) {
-        if self.stop.is_wanted() {
-            // It was stopped, and the frame will be dropped.
-            return;
-        }
-        self.trust.physics_failed = true;
-        self.physics_failure = Some(failure);
     }
 
     /// Makes the next frame the newest one.
@@ -470,25 +462,21 @@ fn limited_edge(ends: [u32; 2], shares: [f32; 2], length: f64, rest: f64) -> Lim
     }
 }
 
-fn check_scene(scene: &Scene, inner: &impl Stepper) -> Result<(), GuardError> {
-    if scene.mesh.topology() != inner.topology() {
-        return Err(GuardError::OtherScene { what: "faces" });
+/// Checks that these are the faces and handles that `inner` moves; else says which are not.
+fn moved_by(
+    inner: &impl Stepper,
+    topology: &Topology,
+    handles: &Handles,
+) -> Result<(), &'static str> {
+    match (topology == inner.topology(), handles == inner.handles()) {
+        (true, true) => Ok(()),
+        (true, false) => Err("handles"),
+        (false, _) => Err("faces"),
     }
-    if scene.handles != *inner.handles() {
-        return Err(GuardError::OtherScene { what: "handles" });
-    }
-    Ok(())
 }
 
-/// Checks that `cloth` is the one that `inner` moves. Gives the material length of each edge `[m]`,
-/// `[edges]`.
-fn check_cloth(cloth: &Cloth, inner: &impl Stepper) -> Result<Vec<f64>, GuardError> {
-    if cloth.topology() != inner.topology() {
-        return Err(GuardError::OtherCloth { what: "faces" });
-    }
-    if cloth.handles() != inner.handles() {
-        return Err(GuardError::OtherCloth { what: "handles" });
-    }
+/// The material length of each edge of `cloth` `[m]`, `[edges]`.
+fn edge_lengths(cloth: &Cloth) -> Result<Vec<f64>, GuardError> {
     let lengths = cloth.pattern().edge_lengths();
     let mut edges = cloth.topology().edges().iter().zip(&lengths);
     let is_bad = |length: f64| !(length.is_finite() && length > 0.0);
