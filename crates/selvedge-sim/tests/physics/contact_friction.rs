@@ -53,7 +53,14 @@ fn stack(count: usize, turn: f64) -> (f64, f64) {
     scene.handles = Handles::new(&[], 25 * count).unwrap();
     scene.obstacles = vec![ground(0.0)];
     let mut simulator = Simulator::new(&scene).unwrap();
-    run(&mut simulator, 150);
+    let mut most = None;
+    for _ in 0..60 {
+        run(&mut simulator, 1);
+        most = most.max(simulator.solver_iterations());
+    }
+    // A preconditioner that knows only each vertex' own part of the couplings needs several times as
+    // many.
+    assert!(most.is_some_and(|most| most <= 20), "{most:?}");
     let energy = simulator.kinetic_energy();
     assert!(energy < 1e-7, "{energy}");
     let top = &simulator.positions_f64()[25 * (count - 1)..];
@@ -98,7 +105,7 @@ fn ten_layers_keep_their_gaps() {
 /// Slopes, sizes of the mesh, and its angle on the slope.
 fn slopes() -> impl Iterator<Item = OnSlope> {
     let degrees = [10.0_f64, 20.0, 35.0].into_iter();
-    let meshes = [(5, 0.0), (5, 0.4), (17, 0.0), (17, 0.7)];
+    let meshes = [(5, 0.0), (5, 0.4), (17, 0.7)];
     degrees.flat_map(move |degrees| {
         meshes.map(|(side, turn)| OnSlope {
             side,
@@ -116,11 +123,11 @@ fn friction_above_the_slope_holds_without_creep() {
     for on in slopes() {
         let friction = 1.02 * on.slope.tan();
         let mut simulator = OnSlope { friction, ..on }.simulator();
-        glide(&mut simulator, 60);
+        glide(&mut simulator, 30);
         let (from, _) = downhill(&simulator, on.slope);
-        glide(&mut simulator, 240);
+        glide(&mut simulator, 60);
         let (to, _) = downhill(&simulator, on.slope);
-        let creep = (to - from) / 4.0;
+        let creep = to - from;
         println!("{} {} {}: creep {creep:e}", on.side, on.slope, on.turn);
         assert!(creep.abs() < 1e-5, "{} {}: {creep}", on.side, on.slope);
     }
@@ -154,10 +161,10 @@ fn friction_below_the_slope_slides_as_coulomb_has_it() {
             let mut simulator = OnSlope { friction, ..on }.simulator();
             glide(&mut simulator, 10);
             let (_, from) = downhill(&simulator, on.slope);
-            glide(&mut simulator, 60);
+            glide(&mut simulator, 30);
             let (_, to) = downhill(&simulator, on.slope);
             let expected = GRAVITY * (on.slope.sin() - friction * on.slope.cos());
-            let error = (to - from) / expected - 1.0;
+            let error = (to - from) / 0.5 / expected - 1.0;
             println!("{} {} {} {part}: {error}", on.side, on.slope, on.turn);
             assert!(error.abs() < 0.02, "{} {}: {error}", on.side, on.slope);
         }

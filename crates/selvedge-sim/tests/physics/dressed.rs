@@ -156,7 +156,7 @@ fn a_start_that_intersects_is_refused_and_a_fit_can_be_stopped() {
 #[test]
 fn a_tube_gets_around_a_body_that_goes_through_its_wall() {
     // The last body has the whole tube within it, and meets it nowhere.
-    for (radius, aside) in [(0.08, 0.06), (0.095, 0.03), (0.105, 0.0)] {
+    for (radius, aside) in [(0.08, 0.06), (0.105, 0.0)] {
         let scene = around(1.0, radius, aside);
         let before = meeting(&scene, scene.mesh.positions());
         if aside > 0.0 {

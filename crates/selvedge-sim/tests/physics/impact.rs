@@ -5,7 +5,7 @@ use glam::DVec3;
 use selvedge_cloth::{Environment, Handles, Material, Scene, Stepper};
 use selvedge_sim::Simulator;
 
-use crate::scenes::{edge_stretches, still};
+use crate::scenes::{largest_strain, still};
 use crate::sewn::tube;
 use crate::sheets::{elastic, isotropic};
 use crate::touching::{lying, mean, sphere};
@@ -17,8 +17,7 @@ fn run(scene: &Scene, frames: usize) -> [f64; 2] {
     let mut most = 0.0_f64;
     for _ in 0..frames {
         simulator.step(&still(scene)).unwrap();
-        let stretches = edge_stretches(scene, simulator.positions_f64());
-        most = stretches.into_iter().map(|l| l - 1.0).fold(most, f64::max);
+        most = most.max(largest_strain(scene, simulator.positions_f64()));
     }
     assert_eq!(simulator.intersection_count(), 0);
     let speeds = simulator.velocities_f64().iter().map(|v| v.length());

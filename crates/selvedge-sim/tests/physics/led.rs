@@ -4,7 +4,7 @@ use glam::DVec3;
 use selvedge_cloth::{ContactSettings, Scene, StepError, Stepper};
 use selvedge_sim::{Checkpoint, FAR, Simulator};
 
-use crate::scenes::{hanging, momentum, still};
+use crate::scenes::{hanging, momentum, steps, still};
 use crate::touching::{first_order, led, lying, none, sphere};
 
 /// A hanging sheet beside a ball of 0.1 m that stands 0.3 m before it.
@@ -42,9 +42,7 @@ fn a_ball_that_is_led_pushes_the_sheet_and_one_that_is_put_does_not_sweep_it() {
     assert_eq!(simulator.obstacle_offsets(), [DVec3::X * -0.4]);
     let mut other = Simulator::new(&scene).unwrap();
     other.put_obstacle(0, DVec3::X * -0.6).unwrap();
-    for _ in 0..30 {
-        other.step(&hold).unwrap();
-    }
+    steps(&mut other, &hold, 30);
     assert!(depth(&other) > -0.05, "{}", depth(&other));
     // There is no second one.
     other.lead_obstacle(1, DVec3::X);

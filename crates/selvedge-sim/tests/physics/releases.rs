@@ -19,7 +19,8 @@ pub(crate) fn released(mut scene: Scene, handles: Vec<usize>, from: f64, to: Opt
     scene
 }
 
-fn run(simulator: &mut Simulator, scene: &Scene, frames: usize) {
+/// Steps along the scene's own motion.
+pub(crate) fn run(simulator: &mut Simulator, scene: &Scene, frames: usize) {
     let path = scene.handle_path().unwrap();
     for _ in 0..frames {
         let targets = path.targets(simulator.frame(), 4).unwrap();

@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3};
 use selvedge_cloth::{
     GeneralisedAlpha, HandleTargets, Handles, Integrator, Keyframe, KeyframeGroup, KeyframeMotion,
-    LinearSolver, Material, Mesh, Motion, PhysicsSettings, Scene,
+    LinearSolver, Material, Mesh, Motion, PhysicsSettings, Scene, Stepper,
 };
 use selvedge_sim::Simulator;
 use selvedge_sim::laws::stretch::StretchElement;
@@ -138,6 +138,13 @@ pub(crate) fn at_rest(scene: &Scene, positions: Vec<DVec3>) -> Simulator {
     Simulator::with_state(scene, positions, velocities).unwrap()
 }
 
+/// Moves the cloth by so many frames, its handles to these targets in each.
+pub(crate) fn steps(simulator: &mut Simulator, targets: &HandleTargets, frames: usize) {
+    for _ in 0..frames {
+        simulator.step(targets).unwrap();
+    }
+}
+
 /// What `work` gives in a pool of so many threads.
 pub(crate) fn in_pool<R: Send>(threads: usize, work: impl FnOnce() -> R + Send) -> R {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
@@ -156,6 +163,12 @@ pub(crate) fn edge_stretches(scene: &Scene, positions: &[DVec3]) -> Vec<f64> {
             positions[a].distance(positions[b]) / rest
         })
         .collect()
+}
+
+/// Largest strain of such an edge.
+pub(crate) fn largest_strain(scene: &Scene, positions: &[DVec3]) -> f64 {
+    let stretches = edge_stretches(scene, positions).into_iter();
+    stretches.fold(f64::NEG_INFINITY, f64::max) - 1.0
 }
 
 /// Momentum of the cloth `[N s]`.

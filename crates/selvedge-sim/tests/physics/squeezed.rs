@@ -224,7 +224,6 @@ fn a_run_in_which_something_is_let_through_goes_on_with_any_threads() {
 #[test]
 fn a_scene_that_wants_to_stop_is_told_who_leaves_no_room() {
     let cases = [
-        (balls(), "obstacles \"arm\" and \"side\" leave it no room"),
         (limbs(), "obstacle \"body\" comes too near to itself there"),
         (
             pressed("lid"),

@@ -2,12 +2,12 @@
 //! meshes that are refined.
 
 use glam::{DVec2, DVec3};
-use selvedge_cloth::{ElasticLaw, Isotropic, Mesh};
+use selvedge_cloth::ElasticLaw;
 use selvedge_sim::laws::bend::BendElement;
 use selvedge_sim::sag;
 
 use crate::scenes::largest_distance;
-use crate::sheets::{elastic, grid, isotropic, scene, slope, triangle_strip};
+use crate::sheets::{elastic, grid, isotropic, scene, triangle_strip};
 
 const GRAVITY: f64 = 9.8;
 
@@ -44,24 +44,17 @@ fn a_rolled_sheet_has_the_energy_of_a_plate() {
     }
 }
 
-/// A strip clamped at its first two triangles, horizontal along x, its tip's height at rest.
-fn cantilever(sheet: Isotropic, density: f64, length: f64, count: usize) -> (Mesh, Vec<DVec3>) {
-    // The first hinge is the far edge of the second triangle, half a side beyond the clamped ones.
-    let side = 2.0 * length / (count as f64 + 1.0);
-    let mesh = triangle_strip(count + 2, side, |c| DVec3::new(c.x, 0.0, -c.y));
-    let mut scene = scene(mesh.clone(), isotropic(sheet, density), &[0, 1, 2, 3]);
-    scene.sag.tolerance = 1e-5;
-    let rest = sag(&scene).unwrap();
-    (mesh, rest.positions)
-}
-
 #[test]
 fn a_cantilever_carries_its_weight_hinge_by_hinge() {
     // A chain of triangles is statically determinate: at every hinge, stiffness times angle is the
     // moment of all weight beyond it about the hinge, however far it has bent.
     let sheet = elastic(1e8, 0.3, 3e-4);
     let density = 0.3;
-    let (mesh, positions) = cantilever(sheet, density, 0.08, 15);
+    // Clamped at its first two triangles; the far edge of the second is the first hinge.
+    let mesh = triangle_strip(17, 0.01, |c| DVec3::new(c.x, 0.0, -c.y));
+    let mut scene = scene(mesh.clone(), isotropic(sheet, density), &[0, 1, 2, 3]);
+    scene.sag.tolerance = 1e-5;
+    let positions = sag(&scene).unwrap().positions;
     let mass = mesh.rest_shape(density).vertex_mass;
     let uv = mesh.material_coordinates();
     // From, to, left, right.
@@ -97,34 +90,12 @@ fn a_cantilever_carries_its_weight_hinge_by_hinge() {
 }
 
 #[test]
-fn a_cantilever_bends_like_a_beam() {
-    // Small deflections under its own weight q = ρ g: w = q L⁴/(8 D'), with D' = 8/9 D, since the
-    // edges of a narrow strip are free to curl (see `Isotropic`). The chain's own error is first
-    // order in its side: hinges and lumped masses half a side off, 4 of L's powers.
-    let sheet = elastic(1e9, 0.3, 3e-4);
-    let (density, length) = (0.3, 0.08_f64);
-    let expected = density * GRAVITY * length.powi(4) / (8.0 * 8.0 / 9.0 * sheet.plate_stiffness());
-    assert!(expected < 0.1 * length);
-    let mut points = Vec::new();
-    for count in [11_usize, 23, 47] {
-        let (_, positions) = cantilever(sheet, density, length, count);
-        let tip = positions.len() - 2;
-        let found = -0.5 * (positions[tip].y + positions[tip + 1].y);
-        let error = (found / expected - 1.0).abs();
-        points.push(((count as f64).ln(), error.max(1e-12).ln()));
-        assert!(error < 5.0 / count as f64, "{count}: {error}");
-    }
-    let order = -slope(&points);
-    assert!(order > 0.8, "{order}");
-}
-
-#[test]
 fn finer_meshes_come_nearer_to_each_other() {
     // A square hanging by its upper edge, which cannot narrow there. Elements are linear and the
     // solution is smooth except at the upper corners: between first and second order. The 25
     // vertices that all meshes have are compared.
     let sheet = elastic(2e4, 0.3, 1e-3);
-    let poses: Vec<Vec<DVec3>> = [4_usize, 8, 16, 32]
+    let poses: Vec<Vec<DVec3>> = [4_usize, 8, 16]
         .into_iter()
         .map(|side| {
             let place = |c: DVec2| DVec3::new(0.0, c.y - 1.0, c.x - 0.5);
@@ -142,8 +113,5 @@ fn finer_meshes_come_nearer_to_each_other() {
         .windows(2)
         .map(|pair| largest_distance(&pair[0], &pair[1]))
         .collect();
-    assert!(
-        changes[1] < 0.6 * changes[0] && changes[2] < 0.6 * changes[1],
-        "{changes:?}"
-    );
+    assert!(changes[1] < 0.6 * changes[0], "{changes:?}");
 }

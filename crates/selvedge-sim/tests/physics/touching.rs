@@ -7,7 +7,7 @@ use selvedge_cloth::{
 };
 use selvedge_sim::{ContactGauge, Simulator};
 
-use crate::scenes::{GRAY, by_default, material, square_mesh};
+use crate::scenes::{GRAY, by_default, material, square_mesh, steps};
 
 pub(crate) const GRAVITY: f64 = 9.8;
 
@@ -86,9 +86,7 @@ pub(crate) fn run(simulator: &mut Simulator, frames: usize) {
 
 /// Steps, and looks for intersections at the end.
 pub(crate) fn glide(simulator: &mut Simulator, frames: usize) {
-    for _ in 0..frames {
-        simulator.step(&none()).unwrap();
-    }
+    steps(simulator, &none(), frames);
     assert_eq!(simulator.intersection_count(), 0);
 }
 
