@@ -135,28 +135,10 @@ impl Candidates {
         self.clear();
     }
 
-    /// Contact whose pairs are left out, in ascending order of vertices.
+    /// Contact whose pairs are left out.
     #[must_use]
-    pub fn released(&self) -> &[ReleasedContact] {
-        self.released.list()
-    }
-
-    /// Places of all points when the scene begins `[m]`, `[points]`.
-    #[must_use]
-    pub fn first(&self) -> &[DVec3] {
-        self.released.first()
-    }
-
-    /// Returns true if features of these corners are left out.
-    #[must_use]
-    pub fn frees(&self, surface: &Surface, first: &[u32], second: &[u32]) -> bool {
-        self.released.frees(surface, first, second)
-    }
-
-    /// Returns true if this contact lets its vertex pass a point of its body.
-    #[must_use]
-    pub fn frees_point(&self, surface: &Surface, one: &ReleasedContact, point: u32) -> bool {
-        self.released.frees_point(surface, one, point)
+    pub fn released(&self) -> &Released {
+        &self.released
     }
 
     /// Drops the pairs: they hold nowhere.
@@ -374,9 +356,10 @@ mod tests {
 
     /// All pairs without a common vertex, of the cloth with all.
     fn every_pair(surface: &Surface) -> Vec<Pair> {
-        let cloth = surface.cloth_points() as u32;
+        let bodies = surface.bodies();
+        let (cloth, all) = (bodies[0].points.end, bodies[bodies.len() - 1].points.end);
         let mut pairs = Vec::new();
-        for vertex in 0..surface.point_count() as u32 {
+        for vertex in 0..all {
             for (number, face) in (0..).zip(surface.faces()) {
                 if !face.contains(&vertex) && (vertex < cloth || face[0] < cloth) {
                     let corners = [vertex, face[0], face[1], face[2]];

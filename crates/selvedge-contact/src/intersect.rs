@@ -25,7 +25,7 @@ impl Candidates {
         let mut found = Vec::new();
         let mut test = |a: u32, b: u32, _| {
             if triangles_meet(points, corners(a), corners(b))
-                && !self.frees(surface, &corners(a), &corners(b))
+                && !self.released().frees(surface, &corners(a), &corners(b))
             {
                 let faces = [a.min(b), a.max(b)];
                 found.push(Intersection { faces });

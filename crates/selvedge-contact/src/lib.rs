@@ -36,5 +36,5 @@ pub use certificate::{
 pub use closest::{Gap, Push, gap, least_gap, push};
 pub use intersect::{Intersection, triangles_meet};
 pub use pair::{Kind, Pair};
-pub use release::winding;
+pub use release::{Released, winding};
 pub use surface::{Body, Surface, SurfaceEdge};

@@ -5,8 +5,9 @@ use selvedge_cloth::ReleasedContact;
 
 use crate::surface::Surface;
 
+/// Contact whose pairs are left out of a search.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Released {
+pub struct Released {
     /// In ascending order of their vertices.
     list: Vec<ReleasedContact>,
     /// Places of all points when the scene begins `[m]`.
@@ -22,11 +23,15 @@ impl Released {
         }
     }
 
-    pub(crate) fn first(&self) -> &[DVec3] {
+    /// Places of all points when the scene begins `[m]`, `[points]`.
+    #[must_use]
+    pub fn first(&self) -> &[DVec3] {
         &self.first
     }
 
-    pub(crate) fn list(&self) -> &[ReleasedContact] {
+    /// What is released, in ascending order of vertices.
+    #[must_use]
+    pub fn list(&self) -> &[ReleasedContact] {
         &self.list
     }
 
@@ -38,12 +43,13 @@ impl Released {
     }
 
     /// Returns true if two features with these corners may pass each other.
+    #[must_use]
     #[inline]
-    pub(crate) fn frees(&self, surface: &Surface, first: &[u32], second: &[u32]) -> bool {
+    pub fn frees(&self, surface: &Surface, first: &[u32], second: &[u32]) -> bool {
         if self.list.is_empty() {
             return false;
         }
-        let is_cloth = |feature: &[u32]| (feature[0] as usize) < surface.cloth_points();
+        let is_cloth = |feature: &[u32]| feature[0] < surface.bodies()[0].points.end;
         let (cloth, other) = match (is_cloth(first), is_cloth(second)) {
             (true, false) => (first, second),
             (false, true) => (second, first),
@@ -60,7 +66,8 @@ impl Released {
     }
 
     /// Returns true if this point of the body of `one` may be passed.
-    pub(crate) fn frees_point(&self, surface: &Surface, one: &ReleasedContact, point: u32) -> bool {
+    #[must_use]
+    pub fn frees_point(&self, surface: &Surface, one: &ReleasedContact, point: u32) -> bool {
         let [own, other] = one
             .places
             .map(|p| p.distance_squared(self.first[point as usize]));

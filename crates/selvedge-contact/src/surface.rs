@@ -9,8 +9,6 @@ use selvedge_cloth::{Obstacle, Topology};
 /// The connectivity of a cloth and its obstacles.
 #[derive(Clone, Debug)]
 pub struct Surface {
-    points: usize,
-    cloth_points: usize,
     faces: Vec<[u32; 3]>,
     edges: Vec<SurfaceEdge>,
     bodies: Vec<Body>,
@@ -55,8 +53,6 @@ impl Surface {
     #[must_use]
     pub fn new(cloth: &Topology, obstacles: &[Obstacle]) -> Self {
         let mut surface = Self {
-            points: 0,
-            cloth_points: cloth.vertex_count(),
             faces: Vec::new(),
             edges: Vec::new(),
             bodies: Vec::new(),
@@ -71,12 +67,11 @@ impl Surface {
     }
 
     fn push(&mut self, points: usize, faces: &[[u32; 3]]) {
-        let (first, first_face) = (self.points as u32, self.faces.len() as u32);
-        let first_edge = self.edges.len() as u32;
+        let (first, first_face) = (self.parts.len() as u32, self.faces.len() as u32);
+        let (last, first_edge) = (first + points as u32, self.edges.len() as u32);
         let moved = faces.iter().map(|face| face.map(|p| p + first));
         self.faces.extend(moved);
-        self.points += points;
-        self.join(first, first_face as usize);
+        self.join(first..last, first_face as usize);
         let mut numbers = BTreeMap::new();
         for face in &self.faces[first_face as usize..] {
             for k in 0..3 {
@@ -115,14 +110,14 @@ impl Surface {
             self.shares.push(share);
         }
         self.bodies.push(Body {
-            points: first..self.points as u32,
+            points: first..last,
             faces: first_face..self.faces.len() as u32,
             edges: first_edge..self.edges.len() as u32,
         });
     }
 
-    /// Finds the connected parts of the faces and points from these on.
-    fn join(&mut self, first: u32, first_face: usize) {
+    /// Finds the connected parts of these `points`, and of the faces from this one on.
+    fn join(&mut self, points: Range<u32>, first_face: usize) {
         fn root(parts: &mut [u32], mut p: u32) -> u32 {
             while parts[p as usize] != p {
                 parts[p as usize] = parts[parts[p as usize] as usize];
@@ -130,14 +125,14 @@ impl Surface {
             }
             p
         }
-        self.parts.extend(first..self.points as u32);
+        self.parts.extend(points.clone());
         for [a, b, c] in &self.faces[first_face..] {
             for other in [b, c] {
                 let two = [root(&mut self.parts, *a), root(&mut self.parts, *other)];
                 self.parts[two[0].max(two[1]) as usize] = two[0].min(two[1]);
             }
         }
-        for p in first..self.points as u32 {
+        for p in points {
             self.parts[p as usize] = root(&mut self.parts, p);
         }
     }
@@ -146,18 +141,6 @@ impl Surface {
     #[must_use]
     pub fn part_of(&self, point: u32) -> u32 {
         self.parts[point as usize]
-    }
-
-    /// Number of points of all bodies.
-    #[must_use]
-    pub fn point_count(&self) -> usize {
-        self.points
-    }
-
-    /// Number of points of the cloth; they come first.
-    #[must_use]
-    pub fn cloth_points(&self) -> usize {
-        self.cloth_points
     }
 
     /// Corners of every face.

@@ -150,7 +150,7 @@ pub(crate) type Listener<'a> = &'a mut dyn FnMut(FitProgress) -> ControlFlow<()>
 pub fn fit(scene: &Scene, progress: Listener<'_>) -> Result<Fitted, FitError> {
     scene.validate()?;
     if scene.contact.is_some() {
-        return around::fit_around(scene, scene.mesh.positions().to_vec(), progress);
+        return around::fit_around(scene, progress);
     }
     fit_from(scene, scene.mesh.positions().to_vec(), 0.0, progress)
 }
@@ -347,7 +347,7 @@ fn relax(
             let done = 0.5 + 0.5 * f64::from(number as u32 * SOLVES + solve) / all;
             let mut now = FitProgress::at(done, before);
             let solved = stop::beside(&stop, &mut || progress(now), || {
-                still_step(&mut active, &bare, positions, &targets, &watched)
+                still_step(&mut active, &bare, positions, &targets, &watched, &stop)
             });
             if stop.is_wanted() {
                 return Err(FitError::Stopped);
@@ -394,13 +394,15 @@ pub(crate) fn failed(cause: impl std::error::Error) -> FitError {
     }
 }
 
-/// One solve from a standstill, in which no edge strains too much; returns false if there is none.
+/// One solve from a standstill, in which no edge strains too much; returns false if there is none, or
+/// a stop is wanted.
 fn still_step(
     active: &mut ActiveHandles,
     scene: &Scene,
     positions: &mut Vec<DVec3>,
     targets: &[DVec3],
     watched: &WatchedEdges,
+    stop: &Stop,
 ) -> bool {
     let mut dt = 1.0 / scene.frame_rate;
     for _ in 0..MOST_HALVINGS {
@@ -416,7 +418,7 @@ fn still_step(
             *positions = state.positions;
             return true;
         }
-        if active.system.is_stopped() {
+        if stop.is_wanted() {
             return false;
         }
         active.system.forget_changes();

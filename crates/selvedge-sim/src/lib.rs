@@ -68,7 +68,6 @@ mod simulator;
 mod solver;
 mod state;
 mod stop;
-mod substep_error;
 mod threads;
 
 pub use contact::{ContactCounts, ContactGauge, FAR, FrameContact, Led, YieldedContact};

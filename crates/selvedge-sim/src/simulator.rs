@@ -12,16 +12,14 @@ use selvedge_cloth::{HandleError, HandleTargets, Scene, StepError, Stop, VertexI
 
 use crate::active_handles::ActiveHandles;
 use crate::contact::{Contact, ContactCounts, Span};
-use crate::edges::{Overstretched, WatchedEdges};
+use crate::edges::WatchedEdges;
 use crate::integrator::{History, SubstepCounts};
-use crate::solver::SolveError;
 use crate::state::State;
-use crate::substep_error::SubstepError;
 use crate::threads::Threads;
 pub use checkpoint::{Checkpoint, PreviousSubstep};
 pub use error::SimulatorError;
 pub use frame::DividedFrames;
-use frame::Snapshot;
+use frame::{FRAME, Snapshot};
 
 mod checkpoint;
 mod contact;
@@ -37,8 +35,7 @@ pub struct Simulator {
     history: History,
     /// The start of the frame, and that of the part of it under way, where contact may take the
     /// cloth back there.
-    frame_start: Snapshot,
-    part_start: Snapshot,
+    starts: [Snapshot; 2],
     /// The active handles before the last step where they were others, while it can be undone.
     undo: Option<Option<ActiveHandles>>,
     rounded: Vec<Vec3>,
@@ -109,8 +106,7 @@ impl Simulator {
                 velocities: vec![DVec3::ZERO; vertices],
             },
             history: History::none(vertices),
-            frame_start: Snapshot::new(vertices),
-            part_start: Snapshot::new(vertices),
+            starts: [Snapshot::new(vertices), Snapshot::new(vertices)],
             undo: None,
             frame: 0,
             divided: DividedFrames::default(),
@@ -250,15 +246,14 @@ impl Simulator {
                 source: HandleError::Count { expected, found },
             });
         }
-        self.begin_frame();
+        self.save(FRAME);
         self.undo = None;
         self.update_wind();
         self.active.put_targets(&mut self.targets, |h| targets[h]);
         let threads = self.enter();
         self.enter_frame();
         if let Err(error) = threads.run(|| self.solve(dt, [0.0; 2], true, true)) {
-            let error = self.step_error(error, 1);
-            self.undo_frame();
+            self.put_back(FRAME);
             return Err(error);
         }
         self.round_new()?;
@@ -292,7 +287,7 @@ impl Simulator {
         let mut active = self
             .active
             .changed(&self.scene, targets, &self.state, &self.reached)
-            .map_err(|cause| self.step_error(cause.into(), 0))?;
+            .map_err(|error| error.at(self.frame + 1))?;
         active.system.stop_by(self.stop.clone());
         Ok(Some(std::mem::replace(&mut self.active, active)))
     }
@@ -306,12 +301,13 @@ impl Simulator {
         [from, to]: [f64; 2],
         may_hold: bool,
         is_last: bool,
-    ) -> Result<(), SubstepError> {
+    ) -> Result<(), StepError> {
         let (state, history) = (&mut self.state, &mut self.history);
         match &mut self.contact {
             None => {
                 let targets = &self.targets;
-                self.active.advance(dt, state, Some(history), targets)?;
+                let solved = self.active.advance(dt, state, Some(history), targets);
+                solved.map_err(|error| error.at(self.frame + 1))
             }
             Some(contact) => {
                 let span = Span {
@@ -323,33 +319,8 @@ impl Simulator {
                     may_hold,
                     is_last,
                 };
-                contact.advance(span, &mut self.active, state, history)?;
+                contact.advance(span, &mut self.active, state, history)
             }
-        }
-        Ok(())
-    }
-
-    fn step_error(&self, error: SubstepError, substeps: u32) -> StepError {
-        let frame = self.frame + 1;
-        match error {
-            SubstepError::Stopped => StepError::Stopped { frame },
-            SubstepError::Solve(SolveError::NonFinite { vertex }) => {
-                StepError::NonFinite { frame, vertex }
-            }
-            SubstepError::Solve(other) => StepError::Solve {
-                frame,
-                cause: other.to_string(),
-            },
-            SubstepError::Contact(pair) => pair.at(frame),
-            SubstepError::Stretch(Overstretched { vertices, strain }) => StepError::Overstretched {
-                frame,
-                substeps,
-                from: vertices[0],
-                to: vertices[1],
-                strain,
-                bound: self.scene.physics.max_strain,
-                pushed_by: self.contact.as_ref().map_or_else(Vec::new, |c| c.pushers()),
-            },
         }
     }
 
@@ -372,7 +343,7 @@ impl Simulator {
                 None => return Ok(()),
             },
         };
-        self.undo_frame();
+        self.put_back(FRAME);
         self.round();
         Err(error)
     }

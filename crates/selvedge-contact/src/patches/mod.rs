@@ -93,7 +93,7 @@ impl Patches {
             groups,
             shapes: [vec![Shape::default(); count], vec![Shape::default(); count]],
             places: [Vec::new(), Vec::new()],
-            points: surface.cloth_points(),
+            points: surface.bodies()[0].points.end as usize,
             is_smooth: vec![false; count],
         }
     }

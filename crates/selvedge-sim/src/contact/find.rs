@@ -4,13 +4,13 @@
 use std::collections::HashSet;
 
 use glam::DVec3;
-use selvedge_cloth::{CaughtPair, FrictionAnchor, Scene, Touching};
+use selvedge_cloth::{CaughtPair, FrictionAnchor, Pushing, Scene, Touching};
 use selvedge_contact::{Gap, Kind, Pair, Path, certify, gap, least_gap};
 
 use super::arcsim;
 use super::barrier::LEAST;
 use super::friction::{along_surface, kept};
-use super::memory::{Held, feature, key};
+use super::memory::{self, feature, key};
 use super::touches::{PairLaw, Touch, Touches};
 use super::{Contact, Found};
 use crate::active_handles::ActiveHandles;
@@ -98,16 +98,13 @@ impl Contact {
         for touch in &mut list {
             self.leave_obstacles(touch);
         }
-        let mut held = Held::default();
-        for near in &near {
-            self.hold(near, &mut held);
-        }
-        held.sort();
+        let mut pushing: Vec<Pushing> = near.iter().map(|near| self.pushing(near)).collect();
+        memory::sort(&mut pushing);
         let exact = false;
         Found {
             touches: Touches { list, exact, time },
             set,
-            held,
+            pushing,
         }
     }
 
@@ -142,22 +139,18 @@ impl Contact {
         Found {
             touches: Touches { list, exact, time },
             set,
-            held: Held::default(),
+            pushing: Vec::new(),
         }
     }
 
-    /// Adds what pushes in `near`.
-    fn hold(&self, near: &Near, held: &mut Held) {
-        let Near {
-            pair, body, gap, ..
-        } = near;
-        let own = feature(pair, *body);
-        let expected = extent(gap, pair.places(&self.end));
-        let least = near.distance.min(expected) / self.thickness[*body];
+    /// The feature of `near` that pushes.
+    fn pushing(&self, near: &Near) -> Pushing {
+        let expected = extent(&near.gap, near.pair.places(&self.end));
+        let least = near.distance.min(expected) / self.thickness[near.body];
         let depth = (1.0 - least).max(0.0);
-        held.all.push(own);
-        if near.share * depth * depth > FIRM {
-            held.firmly.push(own);
+        Pushing {
+            of: feature(&near.pair, near.body),
+            firmly: near.share * depth * depth > FIRM,
         }
     }
 
@@ -207,7 +200,7 @@ impl Contact {
         if body == 0 && self.neighbours.join(pair) && self.neighbours.gap(pair) < 2.0 * thickness {
             return None;
         }
-        let caught = self.memory.caught(key(pair));
+        let caught = memory::caught(&self.memory.caught, key(pair));
         let share = match pair.kind {
             Kind::EdgeEdge if caught.is_none() => self.share(pair, &gap, thickness),
             _ => 1.0,
@@ -357,11 +350,11 @@ impl Contact {
     /// true if there were some.
     pub(super) fn release(&mut self, touches: &mut Touches) -> bool {
         let count = touches.list.len();
-        let (end, memory) = (&self.end, &mut self.memory);
+        let (end, caught) = (&self.end, &mut self.memory.caught);
         touches.list.retain(|touch| {
             let pulls = touch.pulls(|v| end[v]);
             if pulls && touch.at.is_some() {
-                memory.let_go(touch.pair);
+                caught.retain(|caught| caught.of != touch.pair);
             }
             !pulls
         });
@@ -375,8 +368,7 @@ impl Contact {
     /// first did not. So a pair is caught if it is among the [`EARLIEST`] of a vertex of the cloth.
     /// What was caught before and pulls is let go.
     pub(super) fn catch(&mut self, touches: &mut Touches) -> bool {
-        let mut caught = Vec::new();
-        let mut held = self.memory.held.clone();
+        let (mut caught, mut pushing) = (Vec::new(), Vec::new());
         let mut met = vec![0; self.mass.len()];
         let count = touches.list.len();
         let mut failed: Vec<_> = self.failed().collect();
@@ -395,15 +387,15 @@ impl Contact {
                 Ok(k) => touches.list[k] = touch,
                 Err(_) => {
                     touches.list.push(touch);
-                    self.hold(&near, &mut held);
+                    pushing.push(self.pushing(&near));
                 }
             }
         }
         touches.list.sort_by_key(|touch| touch.corners);
         let has_caught = !caught.is_empty();
-        self.memory.catch(caught);
-        held.sort();
-        self.memory.held = held;
+        memory::catch(&mut self.memory.caught, caught);
+        self.memory.pushing.extend(pushing);
+        memory::sort(&mut self.memory.pushing);
         has_caught
     }
 
@@ -422,7 +414,7 @@ impl Contact {
             None => distance.min(LEAST * thickness),
         };
         let of = key(pair);
-        let once_more = known.is_some() && self.memory.caught(of).is_some();
+        let once_more = known.is_some() && memory::caught(&self.memory.caught, of).is_some();
         let near = Near {
             pair: *pair,
             body,

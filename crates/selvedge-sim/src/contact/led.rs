@@ -26,11 +26,21 @@ pub(crate) struct Shift {
     pub(crate) next: DVec3,
 }
 
+impl Shift {
+    /// That of an obstacle that stays at `offset` `[m]`.
+    pub(crate) fn at(offset: DVec3) -> Self {
+        Self {
+            now: offset,
+            next: offset,
+        }
+    }
+}
+
 impl Contact {
     /// Takes the frame as done: obstacles are where they were led to.
     pub(crate) fn arrive(&mut self) {
         for shift in &mut self.shifts {
-            shift.now = shift.next;
+            *shift = Shift::at(shift.next);
         }
     }
 
@@ -68,8 +78,7 @@ impl Contact {
             if is_own && self.neighbours.gap(pair) < 2.0 * far {
                 continue;
             }
-            let corners = pair.corners.map(|p| points[p as usize]);
-            let distance = gap(pair.kind, corners).distance;
+            let distance = gap(pair.kind, pair.places(&points)).distance;
             for corner in pair.corners {
                 if let Some(least) = gaps.get_mut(corner as usize) {
                     *least = least.min(distance);

@@ -1,112 +1,48 @@
-//! The memory that one substep leaves for the next, and as a noun that a file of states has; names of
-//! pairs and of what touches, in an order that does not depend on the search.
+//! The memory that one substep leaves for the next, a [`ContactMemory`] whose lists are in ascending
+//! order; names of pairs and of what touches, in an order that does not depend on the search.
+//!
+//! What pushes is named without the face that it pushes against: a vertex that slides over an edge is
+//! held by the same body. It is in the list as often as it pushes. A pair that pushed too little in
+//! two substeps in a row is caught, and begins the next one with the gap of the tangent that it
+//! needed: without, every substep at rest finds it anew, by solving once more.
 
-use selvedge_cloth::{
-    CaughtPair, ContactMemory, FrictionAnchor, Pushing, ReleasedContact, Touching,
-};
+use selvedge_cloth::{CaughtPair, ContactMemory, Pushing, Touching};
 use selvedge_contact::{Kind, Pair};
 
-/// State that one substep leaves for the next.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Memory {
-    /// In ascending order of their features.
-    pub(super) anchors: Vec<FrictionAnchor>,
-    /// Features that pushed, in ascending order.
-    pub(super) held: Held,
-    /// Those of them that a solve had missed: they push on, whatever else is near. In ascending
-    /// order. A pair that pushed too little in two substeps in a row begins the next one with the gap
-    /// of the tangent that it needed: without, every substep at rest finds it anew, by solving once
-    /// more.
-    pub(super) caught: Vec<CaughtPair>,
-    /// Contact that is released, in the order of the candidates.
-    pub(super) released: Vec<ReleasedContact>,
+/// A saved memory, whose lists may be in any order.
+pub(crate) fn of_saved(mut memory: ContactMemory) -> ContactMemory {
+    memory.anchors.sort_by_key(|anchor| anchor.of);
+    sort(&mut memory.pushing);
+    memory.caught.sort_by_key(|caught| caught.of);
+    memory
 }
 
-/// Features that push, without the faces that they push against: a vertex that slides over an edge
-/// is held by the same body. Each in ascending order, as often as it pushes.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Held {
-    pub(super) all: Vec<Touching>,
-    /// Those that bear more than a little, or are expected to.
-    pub(super) firmly: Vec<Touching>,
+/// Of a feature that pushes several times those come first that push firmly.
+pub(super) fn sort(pushing: &mut [Pushing]) {
+    pushing.sort_unstable_by_key(|one| (one.of, !one.firmly));
 }
 
-impl Held {
-    /// Returns true if something begins to push firmly, or ends while it did.
-    pub(super) fn jumps_to(&self, next: &Self) -> bool {
-        !includes(&self.all, &next.firmly) || !includes(&next.all, &self.firmly)
-    }
-
-    pub(super) fn sort(&mut self) {
-        self.all.sort_unstable();
-        self.firmly.sort_unstable();
-    }
-
-    /// As entries: of a feature that pushes several times as many are firm as push firmly.
-    fn entries(&self) -> Vec<Pushing> {
-        let mut firmly = self.firmly.iter().peekable();
-        let entry = |of: &Touching| Pushing {
-            of: *of,
-            firmly: firmly.next_if_eq(&of).is_some(),
-        };
-        self.all.iter().map(entry).collect()
-    }
+/// Returns true if something begins to push firmly, or ends while it did; both in order.
+pub(super) fn jumps(before: &[Pushing], now: &[Pushing]) -> bool {
+    let includes = |all: &[Pushing], part: &[Pushing]| {
+        let mut all = all.iter();
+        let mut firm = part.iter().filter(|own| own.firmly);
+        firm.all(|own| all.any(|other| other.of == own.of))
+    };
+    !includes(before, now) || !includes(now, before)
 }
 
-impl Memory {
-    /// What is known of a pair that was caught.
-    pub(super) fn caught(&self, pair: Touching) -> Option<CaughtPair> {
-        let found = self.caught.binary_search_by_key(&pair, |caught| caught.of);
-        found.ok().map(|k| self.caught[k])
-    }
-
-    /// Takes pairs that a solve missed, in place of what was known of them.
-    pub(super) fn catch(&mut self, pairs: Vec<CaughtPair>) {
-        self.caught.splice(0..0, pairs);
-        self.caught.sort_by_key(|caught| caught.of);
-        self.caught.dedup_by_key(|caught| caught.of);
-    }
-
-    /// Forgets that a pair was caught.
-    pub(super) fn let_go(&mut self, pair: Touching) {
-        self.caught.retain(|caught| caught.of != pair);
-    }
-
-    /// As a noun.
-    pub(crate) fn saved(&self) -> ContactMemory {
-        ContactMemory {
-            anchors: self.anchors.clone(),
-            pushing: self.held.entries(),
-            caught: self.caught.clone(),
-            released: self.released.clone(),
-        }
-    }
-
-    /// Of such a noun, in any order.
-    pub(crate) fn of_saved(saved: &ContactMemory) -> Self {
-        let mut anchors = saved.anchors.clone();
-        anchors.sort_by_key(|anchor| anchor.of);
-        let firmly = saved.pushing.iter().filter(|pushing| pushing.firmly);
-        let mut held = Held {
-            all: saved.pushing.iter().map(|pushing| pushing.of).collect(),
-            firmly: firmly.map(|pushing| pushing.of).collect(),
-        };
-        held.sort();
-        let mut caught = saved.caught.clone();
-        caught.sort_by_key(|caught| caught.of);
-        Self {
-            anchors,
-            held,
-            caught,
-            released: saved.released.clone(),
-        }
-    }
+/// What is known of a pair that was caught.
+pub(super) fn caught(all: &[CaughtPair], pair: Touching) -> Option<CaughtPair> {
+    let found = all.binary_search_by_key(&pair, |caught| caught.of);
+    found.ok().map(|k| all[k])
 }
 
-/// Returns true if `all` has every entry of `part`, as often; both in ascending order.
-pub(super) fn includes(all: &[Touching], part: &[Touching]) -> bool {
-    let mut all = all.iter();
-    part.iter().all(|own| all.any(|other| other == own))
+/// Takes pairs that a solve missed, in place of what was known of them.
+pub(super) fn catch(all: &mut Vec<CaughtPair>, pairs: Vec<CaughtPair>) {
+    all.splice(0..0, pairs);
+    all.sort_by_key(|caught| caught.of);
+    all.dedup_by_key(|caught| caught.of);
 }
 
 /// Kind and numbers of a pair.

@@ -18,27 +18,27 @@ mod received;
 mod separation;
 mod squeezed;
 mod touches;
-mod yielded;
 
 use glam::{DVec2, DVec3};
-use selvedge_cloth::{ContactLaw, ContactSettings, Obstacle, Scene, Touching, VertexId};
+use selvedge_cloth::{
+    ContactLaw, ContactMemory, ContactSettings, Obstacle, Pushing, Scene, StepError, Touching,
+    VertexId,
+};
 use selvedge_contact::{Candidates, Intersection, Kind, Pair, Reach, Surface, Ways};
 
 use crate::active_handles::ActiveHandles;
 use crate::integrator::History;
 use crate::solver::SolveError;
 use crate::state::State;
-use crate::substep_error::{SubstepError, Unseparated};
 use crate::threads::Threads;
 use clearances::Clearances;
 pub use gauge::{ContactGauge, FrameContact};
 pub(crate) use led::Shift;
 pub use led::{FAR, Led};
-use memory::Held;
-pub(crate) use memory::Memory;
+pub(crate) use memory::of_saved;
+use squeezed::WayOut;
+pub use squeezed::YieldedContact;
 pub(crate) use touches::{Touches, to_single};
-use yielded::WayOut;
-pub use yielded::YieldedContact;
 
 /// Times that a solve is repeated, at most, with pairs that met unexpectedly and without those that
 /// pulled.
@@ -105,13 +105,14 @@ struct Found {
     touches: Touches,
     /// The pairs, in ascending order.
     set: Vec<Touching>,
-    held: Held,
+    /// The features that push, in order.
+    pushing: Vec<Pushing>,
 }
 
 /// What a substep changes of contact.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Carried {
-    memory: Memory,
+    memory: ContactMemory,
     received: received::Received,
 }
 
@@ -138,6 +139,8 @@ pub(crate) struct Contact {
     inverse: Vec<f64>,
     /// Points of obstacles at the start and the end of the frame `[m]`.
     frame: [Vec<DVec3>; 2],
+    /// Number of the frame at its end.
+    next_frame: usize,
     /// All points at the start and the end of a solve `[m]`.
     start: Vec<DVec3>,
     end: Vec<DVec3>,
@@ -145,7 +148,8 @@ pub(crate) struct Contact {
     ahead: Vec<DVec3>,
     /// State at the start of a solve.
     before: State,
-    memory: Memory,
+    /// What the last substep left, its lists in order.
+    pub(crate) memory: ContactMemory,
     /// Direction of gravity, or zero.
     down: DVec3,
     /// Ways out of bodies that are let through, in this frame.
@@ -187,11 +191,12 @@ impl Contact {
             mass: mass.to_vec(),
             inverse: vec![0.0; count],
             frame: [obstacle_points.clone(), obstacle_points],
+            next_frame: 0,
             start: points.clone(),
             ahead: Vec::with_capacity(count),
             end: points,
             before: State::at_origin(mass.len()),
-            memory: Memory::default(),
+            memory: ContactMemory::default(),
             down: scene.environment.gravity.normalize_or_zero(),
             ways_out: Vec::new(),
             yielded: Vec::new(),
@@ -215,10 +220,7 @@ impl Contact {
         rate: f64,
     ) -> Vec<Intersection> {
         let mut points = positions.to_vec();
-        for (obstacle, shift) in self.obstacles.iter().zip(&self.shifts) {
-            let places = obstacle.positions_at(frame as f64 / rate);
-            points.extend(places.map(|p| p + shift.now));
-        }
+        points.extend(self.obstacle_points(frame, rate));
         self.candidates.intersections(&self.surface, &points)
     }
 
@@ -248,6 +250,7 @@ impl Contact {
 
     /// Takes the places of obstacles for the step from `frame` on, at `rate` frames per second.
     pub(crate) fn enter_frame(&mut self, frame: usize, rate: f64) {
+        self.next_frame = frame + 1;
         for (k, points) in self.frame.iter_mut().enumerate() {
             points.clear();
             for (obstacle, shift) in self.obstacles.iter().zip(&self.shifts) {
@@ -273,19 +276,14 @@ impl Contact {
 
     /// Has the candidates leave out what is released.
     fn leave_out_released(&mut self) {
-        if self.candidates.released() != self.memory.released {
+        if self.candidates.released().list() != self.memory.released {
             self.candidates.release(&self.memory.released);
         }
     }
 
-    /// The memory that the last substep left.
-    pub(crate) fn memory(&self) -> &Memory {
-        &self.memory
-    }
-
     /// Takes this for the memory that the last substep left. What is released of another scene is
     /// dropped.
-    pub(crate) fn remember_saved(&mut self, mut memory: Memory) {
+    pub(crate) fn remember_saved(&mut self, mut memory: ContactMemory) {
         let (vertices, bodies) = (self.mass.len(), self.surface.bodies().len());
         memory.released.retain(|one| {
             (one.vertex as usize) < vertices && (1..bodies).contains(&(one.body as usize))
@@ -296,20 +294,20 @@ impl Contact {
 
     /// Drops what the last substep left, but for what is released: friction takes hold anew.
     pub(crate) fn forget(&mut self) {
-        self.memory = Memory {
+        self.memory = ContactMemory {
             released: std::mem::take(&mut self.memory.released),
-            ..Memory::default()
+            ..ContactMemory::default()
         };
     }
 
     /// Momentum that each obstacle received since [`Self::forget_received`] `[N s]`, `[obstacles]`.
     pub(crate) fn received(&self) -> &[DVec3] {
-        self.received.all()
+        &self.received.all
     }
 
     /// Names of the obstacles that received momentum since [`Self::forget_received`].
     pub(crate) fn pushers(&self) -> Vec<String> {
-        let pairs = self.obstacles.iter().zip(self.received.all());
+        let pairs = self.obstacles.iter().zip(&self.received.all);
         let pushers = pairs.filter(|(_, momentum)| **momentum != DVec3::ZERO);
         pushers
             .map(|(obstacle, _)| obstacle.name().to_owned())
@@ -318,7 +316,7 @@ impl Contact {
 
     /// Begins to sum what obstacles receive anew.
     pub(crate) fn forget_received(&mut self) {
-        self.received.forget();
+        self.received.all.fill(DVec3::ZERO);
     }
 
     /// Moves `state` by a substep. On an error the state is unusable.
@@ -328,31 +326,18 @@ impl Contact {
         active: &mut ActiveHandles,
         state: &mut State,
         history: &mut History,
-    ) -> Result<(), SubstepError> {
+    ) -> Result<(), StepError> {
+        let frame = self.next_frame;
         self.update_inverse(active);
         let (mut done, mut divisions) = (0.0, 0);
         while divisions < self.settings.max_divisions {
             let left = span.dt * (1.0 - done);
             let now = span.from + (span.to - span.from) * done;
             self.put_start(&state.positions, now, span.to);
-            self.solve(left, span, active, state, history)?;
-            let mut repeats = 0;
-            let mut is_certified = self.certify_solve(span.threads, &state.positions);
-            while repeats < REPEATS && self.arcsim.is_none() {
-                let touches = &mut active.system.touches;
-                let has_released = self.release(touches);
-                let has_caught = !is_certified && self.catch(touches);
-                if !(has_released || has_caught) {
-                    break;
-                }
-                repeats += 1;
-                self.counts.repeated += 1;
-                history.forget();
-                state.copy_from(&self.before);
-                active.system.repeat_start();
-                active.advance(left, state, None, span.targets)?;
-                is_certified = self.certify_solve(span.threads, &state.positions);
-            }
+            let solved = self.solve(left, span, active, state, history);
+            solved.map_err(|error| error.at(frame))?;
+            let repeated = self.repeat(left, span, active, state, history);
+            repeated.map_err(|error| error.at(frame))?;
             let touches = &active.system.touches;
             self.received
                 .add_forces(&self.surface, &self.end, left, touches);
@@ -393,7 +378,36 @@ impl Contact {
                 }
             }
         }
-        Err(SubstepError::Contact(self.unseparated()))
+        Err(self.unseparated())
+    }
+
+    /// Certifies the end of a solve over `left` `[s]`, and repeats the solve with the pairs that it
+    /// missed and without those that pulled.
+    fn repeat(
+        &mut self,
+        left: f64,
+        span: Span<'_>,
+        active: &mut ActiveHandles,
+        state: &mut State,
+        history: &mut History,
+    ) -> Result<(), SolveError> {
+        let mut is_certified = self.certify_solve(span.threads, &state.positions);
+        let most = if self.arcsim.is_none() { REPEATS } else { 0 };
+        for _ in 0..most {
+            let touches = &mut active.system.touches;
+            let has_released = self.release(touches);
+            let has_caught = !is_certified && self.catch(touches);
+            if !(has_released || has_caught) {
+                break;
+            }
+            self.counts.repeated += 1;
+            history.forget();
+            state.copy_from(&self.before);
+            active.system.repeat_start();
+            active.advance(left, state, None, span.targets)?;
+            is_certified = self.certify_solve(span.threads, &state.positions);
+        }
+        Ok(())
     }
 
     /// Leads the cloth from `from` to `to` `[m]`, both of `[vertices]`, on straight ways over the
@@ -405,7 +419,7 @@ impl Contact {
         active: &ActiveHandles,
         from: &[DVec3],
         to: &mut [DVec3],
-    ) -> Result<bool, Unseparated> {
+    ) -> Result<bool, StepError> {
         self.update_inverse(active);
         self.put_start(from, 0.0, 1.0);
         let was_moved = self.push_apart(threads, to)?;
@@ -423,14 +437,18 @@ impl Contact {
         history: &mut History,
     ) -> Result<(), SolveError> {
         self.find_candidates(left, state);
-        let Found { touches, set, held } = self.find_touches(span.threads, left);
+        let Found {
+            touches,
+            set,
+            pushing,
+        } = self.find_touches(span.threads, left);
         self.counts.solves += 1;
         self.counts.touching = touches.list.len() as u64;
-        let jumps = self.memory.held.jumps_to(&held);
+        let jumps = memory::jumps(&self.memory.pushing, &pushing);
         self.memory
             .caught
             .retain(|caught| set.binary_search(&caught.of).is_ok());
-        self.memory.held = held;
+        self.memory.pushing = pushing;
         active.system.touches = touches;
         self.before.copy_from(state);
         if active.system.touches.is_empty() && !jumps {

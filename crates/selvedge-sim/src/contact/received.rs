@@ -10,7 +10,7 @@ use super::touches::Touches;
 #[derive(Clone, Debug, Default)]
 pub(super) struct Received {
     /// `[N s]`, `[obstacles]`.
-    all: Vec<DVec3>,
+    pub(super) all: Vec<DVec3>,
     /// The same before the last solve.
     before: Vec<DVec3>,
     /// Mass by way that pushes of a projection moved since the last solve `[kg m]`, `[obstacles]`.
@@ -25,16 +25,6 @@ impl Received {
             before: vec![DVec3::ZERO; obstacles],
             pushed: vec![DVec3::ZERO; obstacles],
         }
-    }
-
-    /// Momentum of each obstacle since [`Self::forget`] `[N s]`, `[obstacles]`.
-    pub(super) fn all(&self) -> &[DVec3] {
-        &self.all
-    }
-
-    /// Begins anew.
-    pub(super) fn forget(&mut self) {
-        self.all.fill(DVec3::ZERO);
     }
 
     /// Adds the forces at the end of a solve, where points are at `end` `[m]`, over all of its

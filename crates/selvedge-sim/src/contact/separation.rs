@@ -3,7 +3,7 @@
 //! divided.
 
 use glam::DVec3;
-use selvedge_cloth::Squeezed;
+use selvedge_cloth::{Squeezed, StepError};
 use selvedge_contact::{
     Approach, Gap, Pair, Path, Straight, certify_straight, certify_turning, extent, least_gap, push,
 };
@@ -11,9 +11,7 @@ use selvedge_contact::{
 use super::clearances::against;
 use super::friction::along_surface;
 use super::{Contact, ContactCounts, Span};
-use crate::solver::SolveError;
 use crate::state::State;
-use crate::substep_error::{SubstepError, Unseparated};
 use crate::threads::Threads;
 
 /// Part of the thickness to which a pair is pushed, at most.
@@ -171,7 +169,7 @@ impl Contact {
         left: f64,
         span: Span<'_>,
         state: &mut State,
-    ) -> Result<Outcome, SubstepError> {
+    ) -> Result<Outcome, StepError> {
         let _span = tracing::trace_span!("separation").entered();
         let rounds = self.settings.rounds;
         let last = if span.may_hold {
@@ -219,7 +217,7 @@ impl Contact {
             if span.is_last && self.give_way(true) {
                 return Ok(Outcome::GivenWay);
             }
-            return Err(SubstepError::Contact(self.unseparated()));
+            return Err(self.unseparated());
         };
         self.received = received;
         self.end.clone_from(&self.room.best);
@@ -233,7 +231,7 @@ impl Contact {
         &mut self,
         threads: Threads,
         end: &[DVec3],
-    ) -> Result<bool, Unseparated> {
+    ) -> Result<bool, StepError> {
         if self.certify_solve(threads, end) {
             return Ok(false);
         }
@@ -247,10 +245,11 @@ impl Contact {
         Err(self.unseparated())
     }
 
-    /// The pair that is safe for the shortest part, in words.
-    pub(super) fn unseparated(&self) -> Unseparated {
+    /// The pair that is safe for the shortest part, which cannot be kept apart.
+    pub(super) fn unseparated(&self) -> StepError {
         let worst = self.room.worst.as_ref();
-        Unseparated {
+        StepError::Contact {
+            frame: self.next_frame,
             pair: worst.map_or_else(String::new, |worst| self.name(&worst.pair)),
             gap: worst.map_or(0.0, |worst| worst.gap),
             squeezed_by: self.squeezers(),
@@ -442,12 +441,13 @@ impl Contact {
     }
 
     /// Moves `state` to the end that is certified; velocities follow the moves.
-    fn take(&mut self, left: f64, state: &mut State) -> Result<(), SolveError> {
+    fn take(&mut self, left: f64, state: &mut State) -> Result<(), StepError> {
         let places = state.positions.iter_mut().zip(&mut state.velocities);
         for ((place, velocity), end) in places.zip(&self.end) {
             *velocity += (*end - *place) / left;
             *place = *end;
         }
-        state.check_finite()
+        let checked = state.check_finite();
+        checked.map_err(|error| error.at(self.next_frame))
     }
 }

@@ -15,7 +15,6 @@ use selvedge_contact::{Approach, Bounds, Gap, Kind, Pair, Reach, Ways, gap, leas
 use super::Contact;
 use super::barrier::LEAST;
 use super::touches::{PairLaw, Touch};
-use super::yielded::{WayOut, YieldedContact};
 
 /// Cosine against the direction of a gap within which a body is on one side of the cloth.
 const OPPOSED: f64 = 0.5;
@@ -32,12 +31,31 @@ const ASIDE: f64 = 0.5;
 /// Difference of two speeds, as a part of the larger, from which one is the faster.
 const FASTER: f64 = 0.1;
 
+/// Released contact, and the frames at whose end it was.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct YieldedContact {
+    /// The contact.
+    pub released: ReleasedContact,
+    /// First and last frame.
+    pub frames: [usize; 2],
+}
+
+/// The way of a vertex out of the body that it may pass, over a frame.
+pub(super) struct WayOut {
+    /// The vertex and the face through which it is to leave.
+    pair: Pair,
+    /// Their gap at the begin of the frame, its direction out of the body.
+    gap: Gap,
+}
+
 /// Obstacles near pairs that failed.
 struct Around {
     /// Their faces.
     faces: Vec<u32>,
     /// Their pairs with the vertices of the cloth that are in the pairs that failed.
     pairs: Vec<Pair>,
+    /// Farthest that a face of an obstacle is looked for `[m]`.
+    reach: f64,
 }
 
 /// A body on one side of a place in the cloth.
@@ -76,7 +94,8 @@ impl Contact {
         let mut has_more = false;
         for (pair, approach) in &failed {
             let (first, second) = pair.corners.split_at(pair.kind.split());
-            if self.candidates.frees(&self.surface, first, second) {
+            let released = self.candidates.released();
+            if released.frees(&self.surface, first, second) {
                 continue;
             }
             let more = self.release_of(pair, approach, at_last, &around);
@@ -86,7 +105,7 @@ impl Contact {
                 has_more = true;
             }
         }
-        self.memory.released = self.candidates.released().to_vec();
+        self.memory.released = self.candidates.released().list().to_vec();
         has_more
     }
 
@@ -98,56 +117,26 @@ impl Contact {
         at_last: bool,
         around: &Around,
     ) -> Vec<ReleasedContact> {
-        let weights = approach.gap.weights;
-        let cloth = self.mass.len();
-        let corners = || pair.corners.iter().zip(weights);
-        let own = || corners().filter(|(p, _)| (**p as usize) < cloth);
-        let body = self.other_body(pair);
-        let led: f64 = own()
-            .filter(|(p, _)| self.inverse[**p as usize] == 0.0)
-            .map(|(_, weight)| weight.abs())
-            .sum();
-        let known = &self.memory.released;
-        let of = |weak: &Side, strong: Option<&Side>| -> Vec<ReleasedContact> {
-            let is_new = |vertex: u32| {
-                known.iter().all(|one| {
-                    (one.vertex, one.body) != (vertex, weak.body as u32)
-                        || one.against == one.body && !self.passes(one, weak.point)
-                })
-            };
-            let other = strong.unwrap_or(weak);
-            let against = strong.map_or(0, |side| side.body as u32);
-            let parts = [weak, other].map(|side| self.surface.part_of(side.point));
-            let is_new = |vertex: u32| {
-                is_new(vertex)
-                    && !known
-                        .iter()
-                        .any(|one| (one.vertex, one.parts, one.against) == (vertex, parts, against))
-            };
-            let own = own().filter(|(vertex, part)| part.abs() >= OWN_PART && is_new(**vertex));
-            own.map(|(vertex, _)| ReleasedContact {
-                vertex: *vertex,
-                body: weak.body as u32,
-                against,
-                parts,
-                places: [weak.first, other.first],
-                winding: self.winding(weak.body, &self.start, self.start[*vertex as usize]),
-            })
-            .collect()
-        };
+        let corners = pair.corners.into_iter().zip(approach.gap.weights);
+        let (own, met): (Vec<_>, Vec<_>) =
+            corners.partition(|(p, _)| (*p as usize) < self.mass.len());
+        let held = own.iter().filter(|(p, _)| self.inverse[*p as usize] == 0.0);
+        let led: f64 = held.map(|(_, weight)| weight.abs()).sum();
+        let of = |weak: &Side, strong: Option<&Side>| self.newly_released(&own, weak, strong);
         // The body of the pair itself.
-        let met = || corners().filter(|(p, _)| **p as usize >= cloth);
-        let nearest = met().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
-        let first = |(p, weight): (&u32, f64)| self.candidates.first()[*p as usize] * weight.abs();
+        let body = self.other_body(pair);
+        let nearest = met.iter().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+        let begin = self.candidates.released().first();
+        let first = |(p, weight): &(u32, f64)| begin[*p as usize] * weight.abs();
         let whole = nearest.map(|(point, _)| Side {
             body,
             point: *point,
-            first: met().map(first).sum(),
+            first: met.iter().map(first).sum(),
             normal: DVec3::ZERO,
             distance: 0.0,
             way: 0.0,
         });
-        let comes = met().any(|(p, _)| {
+        let comes = met.iter().any(|(p, _)| {
             let way = self.start[*p as usize].distance(self.end[*p as usize]);
             way > CLOSING * self.thickness[body]
         });
@@ -172,16 +161,41 @@ impl Contact {
         }
     }
 
-    /// Returns true if released contact lets its vertex pass this point.
-    fn passes(&self, one: &ReleasedContact, point: u32) -> bool {
-        self.candidates.frees_point(&self.surface, one, point)
+    /// Contact with `weak` of the corners of the cloth, each with its weight, that are a large part of
+    /// the closest point, where it is not released yet. `strong` presses them.
+    fn newly_released(
+        &self,
+        corners: &[(u32, f64)],
+        weak: &Side,
+        strong: Option<&Side>,
+    ) -> Vec<ReleasedContact> {
+        let other = strong.unwrap_or(weak);
+        let (body, against) = (weak.body as u32, strong.map_or(0, |side| side.body as u32));
+        let parts = [weak, other].map(|side| self.surface.part_of(side.point));
+        let is_new = |vertex: u32| {
+            self.memory.released.iter().all(|one| {
+                let is_same = (one.parts, one.against) == (parts, against);
+                let is_passed = one.body == body && self.passes(one, weak.point);
+                one.vertex != vertex || !(is_same || is_passed)
+            })
+        };
+        let own = corners.iter().map(|(vertex, part)| (*vertex, part.abs()));
+        let new = own.filter(|(vertex, part)| *part >= OWN_PART && is_new(*vertex));
+        new.map(|(vertex, _)| ReleasedContact {
+            vertex,
+            body,
+            against,
+            parts,
+            places: [weak.first, other.first],
+            winding: self.winding(weak.body, &self.start, self.start[vertex as usize]),
+        })
+        .collect()
     }
 
-    /// Farthest that a face of an obstacle is looked for `[m]`.
-    fn reach_of_bodies(&self) -> f64 {
-        let ways = self.start.iter().zip(&self.end).skip(self.mass.len());
-        let ways = ways.map(|(start, end)| start.distance(*end));
-        self.largest_thickness() + ways.fold(0.0, f64::max)
+    /// Returns true if released contact lets its vertex pass this point.
+    fn passes(&self, one: &ReleasedContact, point: u32) -> bool {
+        let released = self.candidates.released();
+        released.frees_point(&self.surface, one, point)
     }
 
     fn around_failed(&self) -> Around {
@@ -192,14 +206,17 @@ impl Contact {
             points.reduce(Bounds::around)
         };
         let all = self.failed().filter_map(|(pair, _)| around(&pair.corners));
+        let ways = self.start.iter().zip(&self.end).skip(self.mass.len());
+        let ways = ways.map(|(start, end)| start.distance(*end));
         let mut near = Around {
             faces: Vec::new(),
             pairs: Vec::new(),
+            reach: self.largest_thickness() + ways.fold(0.0, f64::max),
         };
         let Some(all) = all.reduce(Bounds::around) else {
             return near;
         };
-        let all = all.widened(self.reach_of_bodies());
+        let all = all.widened(near.reach);
         for number in self.surface.bodies()[0].faces.end..self.surface.faces().len() as u32 {
             let own = around(&self.surface.faces()[number as usize]);
             if own.is_some_and(|own| own.meets(&all)) {
@@ -212,7 +229,7 @@ impl Contact {
         }
         let pairs = self.candidates.pairs().iter();
         let pairs = pairs.filter(|pair| pair.corners.iter().any(|p| is_failed[*p as usize]));
-        let reach = self.reach_of_bodies();
+        let reach = near.reach;
         let comes_near = |pair: &&Pair| {
             [&self.start, &self.end]
                 .iter()
@@ -243,10 +260,8 @@ impl Contact {
     /// those near the place, and those that press on the edges and faces of its vertices, which may
     /// be coarser than the bodies.
     fn sides(&self, pair: &Pair, approach: &Approach, around: &Around) -> [Option<Side>; 2] {
-        let (along, part) = (approach.gap.normal, approach.safe);
-        let then = |p: u32| self.start[p as usize].lerp(self.end[p as usize], part);
-        let way = |p: u32| (self.end[p as usize] - self.start[p as usize]) * (1.0 - part);
         let cloth = self.mass.len() as u32;
+        let then = |p: u32| self.start[p as usize].lerp(self.end[p as usize], approach.safe);
         // The closest point of the feature that is the cloth's; of two, of the first.
         let of_cloth = match pair.corners[0] < cloth {
             true => 0..pair.kind.split(),
@@ -255,52 +270,20 @@ impl Contact {
         let place: DVec3 = of_cloth
             .map(|k| then(pair.corners[k]) * approach.gap.weights[k].abs())
             .sum();
-        let reach = self.reach_of_bodies();
         let mut sides: [Option<Side>; 2] = [None, None];
-        let mut look = |kind: Kind, corners: [u32; 4], places: [DVec3; 4]| {
-            if least_gap(kind, places) > reach {
+        let mut look = |near: &Pair, places: [DVec3; 4]| {
+            let Some(found) = self.side(near, places, place, approach, around.reach) else {
                 return;
-            }
-            let found = gap(kind, places);
-            let bodies = || (0..4).filter(|k| corners[*k] >= cloth);
-            let weighted = |of: &dyn Fn(u32) -> DVec3| -> DVec3 {
-                let terms = bodies().map(|k| of(corners[k]) * found.weights[k].abs());
-                terms.sum()
             };
-            // From the body to the cloth.
-            let is_second = corners[3] >= cloth;
-            let normal = if is_second {
-                found.normal
-            } else {
-                -found.normal
-            };
-            let cosine = normal.dot(along);
-            let is_beyond = (place - weighted(&then)).dot(normal) <= 0.0;
-            if found.distance > reach || cosine.abs() < OPPOSED || is_beyond {
-                return;
-            }
-            let side = &mut sides[usize::from(cosine < 0.0)];
-            let way = weighted(&way).dot(normal);
-            let distance = found.distance - way;
-            if side.as_ref().is_none_or(|s| distance < s.distance) {
-                let heaviest = |a: &usize, b: &usize| {
-                    found.weights[*a].abs().total_cmp(&found.weights[*b].abs())
-                };
-                let point = corners[bodies().max_by(heaviest).unwrap_or(0)];
-                *side = Some(Side {
-                    body: self.surface.body_of(point),
-                    point,
-                    first: weighted(&|p| self.candidates.first()[p as usize]),
-                    normal,
-                    distance,
-                    way,
-                });
+            let side = &mut sides[usize::from(found.normal.dot(approach.gap.normal) < 0.0)];
+            if side.as_ref().is_none_or(|s| found.distance < s.distance) {
+                *side = Some(found);
             }
         };
         for number in &around.faces {
             let [a, b, c] = self.surface.faces()[*number as usize];
             let places = [place, then(a), then(b), then(c)];
-            look(Kind::VertexFace, [0, a, b, c], places);
+            look(&Pair::vertex_face(0, *number, [0, a, b, c]), places);
         }
         let own = |p: &u32| *p < cloth && pair.corners.contains(p);
         // A body is not on both sides of a face that it presses on.
@@ -310,9 +293,57 @@ impl Contact {
         };
         let has_own = |near: &&Pair| near.corners.iter().any(own) && part_of(near) != part_of(pair);
         for near in around.pairs.iter().filter(has_own) {
-            look(near.kind, near.corners, near.corners.map(then));
+            look(near, near.corners.map(then));
         }
         sides
+    }
+
+    /// The body of a pair at these `places`, if it is within `reach` of the cloth's `place` `[m]`
+    /// where a pair fails with this `approach`, and on one side of it.
+    fn side(
+        &self,
+        near: &Pair,
+        places: [DVec3; 4],
+        place: DVec3,
+        approach: &Approach,
+        reach: f64,
+    ) -> Option<Side> {
+        let Pair { kind, corners, .. } = *near;
+        if least_gap(kind, places) > reach {
+            return None;
+        }
+        let found = gap(kind, places);
+        let cloth = self.mass.len() as u32;
+        let bodies = || (0..4).filter(|k| corners[*k] >= cloth);
+        let weighted = |of: &dyn Fn(usize) -> DVec3| -> DVec3 {
+            bodies().map(|k| of(k) * found.weights[k].abs()).sum()
+        };
+        // From the body to the cloth.
+        let normal = if corners[3] >= cloth {
+            found.normal
+        } else {
+            -found.normal
+        };
+        let is_beside = normal.dot(approach.gap.normal).abs() >= OPPOSED;
+        let is_beyond = (place - weighted(&|k| places[k])).dot(normal) <= 0.0;
+        if found.distance > reach || !is_beside || is_beyond {
+            return None;
+        }
+        let point = |k: usize| corners[k] as usize;
+        let left = 1.0 - approach.safe;
+        let way = weighted(&|k| (self.end[point(k)] - self.start[point(k)]) * left).dot(normal);
+        let weight = |k: usize| found.weights[k].abs();
+        let heaviest = bodies().max_by(|a, b| weight(*a).total_cmp(&weight(*b)));
+        let nearest = corners[heaviest.unwrap_or(0)];
+        let begin = self.candidates.released().first();
+        Some(Side {
+            body: self.surface.body_of(nearest),
+            point: nearest,
+            first: weighted(&|k| begin[point(k)]),
+            normal,
+            distance: found.distance - way,
+            way,
+        })
     }
 
     /// Returns true if two bodies come nearer to each other than one layer needs. What stands still
@@ -392,7 +423,7 @@ impl Contact {
             is_near.binary_search(&own).is_ok()
         }));
         self.candidates.release(&kept);
-        self.memory.released = self.candidates.released().to_vec();
+        self.memory.released = self.candidates.released().list().to_vec();
         let ways = self.memory.released.iter();
         self.ways_out = ways.filter_map(|one| self.way_out(one, &points)).collect();
     }
@@ -401,7 +432,7 @@ impl Contact {
     /// those count as farther that are far from where it was let in.
     fn way_out(&self, one: &ReleasedContact, points: &[DVec3]) -> Option<WayOut> {
         let (place, body) = (points[one.vertex as usize], one.body as usize);
-        let first = self.candidates.first();
+        let first = self.candidates.released().first();
         let mut best = (f64::INFINITY, None);
         for number in self.surface.bodies()[body].faces.clone() {
             let face = self.surface.faces()[number as usize];
@@ -424,13 +455,12 @@ impl Contact {
         }
         let (pair, found) = best.1?;
         let is_within = (self.winding(body, points, place) - one.winding).abs() >= 0.5;
+        let sign = if is_within { -1.0 } else { 1.0 };
         Some(WayOut {
             pair,
-            weights: found.weights,
-            normal: if is_within {
-                -found.normal
-            } else {
-                found.normal
+            gap: Gap {
+                normal: found.normal * sign,
+                ..found
             },
         })
     }
@@ -438,18 +468,14 @@ impl Contact {
     /// Pushes of vertices out of the bodies that they may pass.
     pub(super) fn push_out(&self) -> impl Iterator<Item = Touch> {
         self.ways_out.iter().filter_map(|way| {
-            let places = way.pair.places(&self.start);
-            let between: DVec3 = (0..4).map(|k| places[k] * way.weights[k]).sum();
-            let distance = way.normal.dot(between);
-            let body = self.other_body(&way.pair);
-            let is_free = self.inverse[way.pair.first as usize] > 0.0;
-            let gap = Gap {
-                distance,
-                normal: way.normal,
-                weights: way.weights,
-            };
+            let WayOut { pair, gap } = way;
+            let places = pair.places(&self.start);
+            let between: DVec3 = (0..4).map(|k| places[k] * gap.weights[k]).sum();
+            let distance = gap.normal.dot(between);
+            let body = self.other_body(pair);
+            let is_free = self.inverse[pair.first as usize] > 0.0;
             (is_free && distance < self.thickness[body]).then(|| {
-                let touch = self.touch_of(&way.pair, body, &gap, distance, PairLaw::Out);
+                let touch = self.touch_of(pair, body, gap, distance, PairLaw::Out);
                 Touch {
                     friction: 0.0,
                     anchored: None,

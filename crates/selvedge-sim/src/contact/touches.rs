@@ -85,7 +85,7 @@ pub(super) struct Response {
 pub(crate) struct Touches {
     pub(super) list: Vec<Touch>,
     /// True if a system with them is to be factorised as a whole, not iterated.
-    pub(super) exact: bool,
+    pub(crate) exact: bool,
     /// Time of the solve, by whose square barriers and anchors are stiff `[s]`: the same whichever
     /// formula serves.
     pub(super) time: f64,
@@ -242,11 +242,6 @@ impl Touches {
         self.list.is_empty()
     }
 
-    /// Returns true if a system with them is to be factorised as a whole.
-    pub(crate) fn are_exact(&self) -> bool {
-        self.exact
-    }
-
     /// Returns true if a touch couples vertices.
     pub(crate) fn couple_at_all(&self) -> bool {
         let mut touches = self.list.iter();
@@ -295,14 +290,17 @@ impl Touches {
         }
     }
 
-    /// Each vertex and what a touch adds to its diagonal block `[kg]`.
-    pub(crate) fn diagonal(&self) -> impl Iterator<Item = (u32, DMat3)> {
-        self.list.iter().flat_map(|touch| {
+    /// Each two vertices that the matrix of the cloth couples already, first each vertex with itself,
+    /// and the block that touches add there `[kg]`.
+    pub(crate) fn blocks_within(&self) -> impl Iterator<Item = ([u32; 2], DMat3)> {
+        let diagonal = self.list.iter().flat_map(|touch| {
             let parts = touch.corners.iter().zip(touch.weights);
             parts
                 .filter(|(_, weight)| *weight != 0.0)
-                .map(|(corner, weight)| (*corner, touch.response.block * (weight * weight)))
-        })
+                .map(|(corner, weight)| ([*corner; 2], touch.response.block * (weight * weight)))
+        });
+        let within = self.list.iter().filter(|touch| touch.is_within);
+        diagonal.chain(within.flat_map(Touch::couplings))
     }
 
     /// Vertices of each touch that couples some that the matrix of the cloth does not; in the place
@@ -322,12 +320,6 @@ impl Touches {
     pub(crate) fn couplings_beyond(&self) -> impl Iterator<Item = ([u32; 2], DMat3)> + Clone {
         let beyond = self.list.iter().filter(|touch| touch.reaches_beyond());
         beyond.flat_map(Touch::couplings)
-    }
-
-    /// As [`Self::couplings_beyond`], of vertices that the matrix of the cloth couples already.
-    pub(crate) fn couplings_within(&self) -> impl Iterator<Item = ([u32; 2], DMat3)> {
-        let within = self.list.iter().filter(|touch| touch.is_within);
-        within.flat_map(Touch::couplings)
     }
 }
 

@@ -36,15 +36,12 @@ const ANY_STRAIN: f64 = 1e6;
 /// Part of all progress that the passes are.
 const PASSING: f64 = 0.7;
 
-/// Relaxes the cloth of a scene with contact from `positions` `[m]`, `[vertices]`.
+/// Relaxes the cloth of a scene with contact from where its mesh is.
 ///
 /// # Errors
 /// A start that intersects; a cloth that cannot be set up; [`FitError::Stopped`].
-pub(super) fn fit_around(
-    scene: &Scene,
-    mut positions: Vec<DVec3>,
-    progress: Listener<'_>,
-) -> Result<Fitted, FitError> {
+pub(super) fn fit_around(scene: &Scene, progress: Listener<'_>) -> Result<Fitted, FitError> {
+    let mut positions = scene.mesh.positions().to_vec();
     let springs = springs(&scene.mesh, &scene.handles);
     let before = largest_strain(&springs, &positions);
     project(scene, &springs, &mut positions, progress)?;

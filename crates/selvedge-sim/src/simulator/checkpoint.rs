@@ -6,7 +6,7 @@ use selvedge_cloth::{ContactMemory, Scene, VertexId};
 use super::Simulator;
 use super::error::SimulatorError;
 use crate::active_handles::ActiveHandles;
-use crate::contact::Memory;
+use crate::contact::of_saved;
 
 /// The state of a run after a frame.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -135,7 +135,7 @@ impl Simulator {
     pub fn checkpoint(&self) -> Checkpoint {
         let changes = self.active.system.last_changes();
         let contact = self.contact.as_ref();
-        let memory = contact.map(|contact| contact.memory().saved());
+        let memory = contact.map(|contact| contact.memory.clone());
         Checkpoint {
             frame: self.frame,
             positions: self.state.positions.clone(),
@@ -166,7 +166,7 @@ impl Simulator {
             ),
         };
         let contact = self.contact.as_ref();
-        let before = contact.map(|contact| (contact.shifts.clone(), contact.memory().clone()));
+        let before = contact.map(|contact| (contact.shifts.clone(), contact.memory.clone()));
         self.shift_obstacles(&checkpoint.obstacles);
         self.put_contact(checkpoint);
         if let Err(error) = self.check_meeting(checkpoint.frame, &checkpoint.positions) {
@@ -214,8 +214,8 @@ impl Simulator {
     /// Takes what contact left before a checked checkpoint.
     fn put_contact(&mut self, checkpoint: &Checkpoint) {
         if let Some(contact) = &mut self.contact {
-            let memory = checkpoint.contact.as_ref().map(Memory::of_saved);
-            contact.remember_saved(memory.unwrap_or_default());
+            let memory = checkpoint.contact.clone();
+            contact.remember_saved(of_saved(memory.unwrap_or_default()));
         }
     }
 }

@@ -6,19 +6,13 @@ use selvedge_cloth::{Squeezed, StepError};
 
 use super::Simulator;
 use super::error::SimulatorError;
-use crate::contact::{FAR, Led, Shift, YieldedContact};
+use crate::contact::{Contact, FAR, Led, Shift, YieldedContact};
 
 impl Simulator {
     /// Puts obstacles on their way from this frame to the next.
     pub(super) fn enter_frame(&mut self) {
         if let Some(contact) = &mut self.contact {
             contact.enter_frame(self.frame, self.scene.frame_rate);
-        }
-    }
-
-    pub(super) fn forget_received(&mut self) {
-        if let Some(contact) = &mut self.contact {
-            contact.forget_received();
         }
     }
 
@@ -68,7 +62,7 @@ impl Simulator {
         if 3.0_f64.sqrt() * largest * f64::from(f32::EPSILON) < floor {
             return None;
         }
-        let rounded = self.widened();
+        let rounded = wide(&self.rounded);
         let Meeting { count, pairs, .. } = self.meeting(frame, &rounded)?;
         let distance = rounded.iter().map(|p| p.length()).fold(0.0, f64::max);
         Some(StepError::Rounded {
@@ -110,8 +104,12 @@ impl Simulator {
         if self.contact.is_none() {
             return Ok(());
         }
-        let positions: Vec<DVec3> = positions.iter().map(|p| p.as_dvec3()).collect();
-        match self.meeting(frame, &positions) {
+        self.check_apart_wide(frame, &wide(positions))
+    }
+
+    /// As [`Self::check_apart`], of positions in double precision.
+    fn check_apart_wide(&self, frame: usize, positions: &[DVec3]) -> Result<(), StepError> {
+        match self.meeting(frame, positions) {
             None => Ok(()),
             Some(Meeting { count, pairs, .. }) => Err(StepError::Intersections {
                 frame,
@@ -134,7 +132,6 @@ impl Simulator {
         if self.contact.is_none() {
             return Ok(Led::Free);
         }
-        let wide = |frame: &[Vec3]| frame.iter().map(|p| p.as_dvec3()).collect::<Vec<_>>();
         let (from, mut end) = (wide(from), wide(to));
         let led = self.lead_wide(frame, &from, &mut end)?;
         if led == Led::Pushed {
@@ -158,10 +155,9 @@ impl Simulator {
         contact.enter_frame(frame, self.scene.frame_rate);
         let threads = self.threads.for_cloth(to.len());
         let active = &self.active;
-        match threads.run(|| contact.lead(threads, active, from, to)) {
-            Ok(false) => Ok(Led::Free),
-            Ok(true) => Ok(Led::Pushed),
-            Err(pair) => Err(pair.at(frame + 1)),
+        match threads.run(|| contact.lead(threads, active, from, to))? {
+            false => Ok(Led::Free),
+            true => Ok(Led::Pushed),
         }
     }
 
@@ -179,39 +175,22 @@ impl Simulator {
     /// # Errors
     /// [`StepError::Intersections`] where it would meet the cloth; it stays where it was.
     pub fn put_obstacle(&mut self, number: usize, offset: DVec3) -> Result<(), StepError> {
-        let Some(before) = self.obstacle_shift(number).copied() else {
+        let Some(shift) = self.obstacle_shift(number) else {
             return Ok(());
         };
-        let shift = Shift {
-            now: offset,
-            next: offset,
-        };
-        if let Some(found) = self.obstacle_shift(number) {
-            *found = shift;
+        let before = std::mem::replace(shift, Shift::at(offset));
+        let apart = self.check_apart_wide(self.frame, &self.state.positions);
+        if let (Err(_), Some(shift)) = (&apart, self.obstacle_shift(number)) {
+            *shift = before;
         }
-        let Some(Meeting { count, pairs, .. }) = self.meeting(self.frame, &self.state.positions)
-        else {
-            return Ok(());
-        };
-        if let Some(found) = self.obstacle_shift(number) {
-            *found = before;
-        }
-        let frame = self.frame;
-        Err(StepError::Intersections {
-            frame,
-            count,
-            pairs,
-        })
+        apart
     }
 
     /// Puts the first obstacles at these distances from their own paths `[m]`, unchecked.
     pub(super) fn shift_obstacles(&mut self, offsets: &[DVec3]) {
         for (number, offset) in offsets.iter().enumerate() {
             if let Some(shift) = self.obstacle_shift(number) {
-                *shift = Shift {
-                    now: *offset,
-                    next: *offset,
-                };
+                *shift = Shift::at(*offset);
             }
         }
     }
@@ -255,13 +234,6 @@ impl Simulator {
         Some(contact.vertex_gaps(positions, frame, rate, FAR))
     }
 
-    pub(super) fn arrive(&mut self) {
-        if let Some(contact) = &mut self.contact {
-            contact.arrive();
-            contact.note_released(self.frame);
-        }
-    }
-
     /// Chooses what becomes of cloth without room from now on, in place of what the scene says.
     pub fn set_squeezed(&mut self, squeezed: Squeezed) {
         if let Some(contact) = &mut self.contact {
@@ -278,28 +250,21 @@ impl Simulator {
             .map_or(&[], |contact| &contact.yielded)
     }
 
-    pub(super) fn forget_touches(&mut self) {
-        if let Some(contact) = &mut self.contact {
-            contact.forget();
-        }
-    }
-
     /// Pairs of faces that meet now, exactly, of the cloth at its rounded positions with itself and
     /// with obstacles; 0 without contact.
     #[must_use]
     pub fn intersection_count(&self) -> usize {
-        let Some(contact) = &self.contact else {
-            return 0;
-        };
-        let rate = self.scene.frame_rate;
-        let rounded = self.widened();
-        contact.intersections(&rounded, self.frame, rate).len()
+        let (frame, rate) = (self.frame, self.scene.frame_rate);
+        let met = |contact: &Contact| contact.intersections(&wide(&self.rounded), frame, rate);
+        self.contact
+            .as_deref()
+            .map_or(0, |contact| met(contact).len())
     }
+}
 
-    /// The rounded positions in double precision `[m]`, `[vertices]`.
-    fn widened(&self) -> Vec<DVec3> {
-        self.rounded.iter().map(|p| p.as_dvec3()).collect()
-    }
+/// Positions in double precision.
+fn wide(positions: &[Vec3]) -> Vec<DVec3> {
+    positions.iter().map(|p| p.as_dvec3()).collect()
 }
 
 /// Faces that meet.

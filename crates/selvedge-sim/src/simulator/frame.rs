@@ -9,9 +9,9 @@ use selvedge_cloth::{HandleTargets, StepError};
 
 use super::Simulator;
 use crate::contact::Carried;
+use crate::edges::Overstretched;
 use crate::integrator::History;
 use crate::state::State;
-use crate::substep_error::SubstepError;
 
 /// Factor by which contact divides a frame before vertices are held back in it: a vertex that stays
 /// while its neighbours go on is strained, and what is strained meets again.
@@ -39,8 +39,11 @@ impl DividedFrames {
     }
 }
 
+/// The start of the frame, and that of the part of it under way, among those that are kept.
+pub(super) const FRAME: usize = 0;
+const PART: usize = 1;
+
 /// All that a substep changes, as it was at an earlier time.
-#[derive(Default)]
 pub(super) struct Snapshot {
     state: State,
     history: History,
@@ -62,8 +65,9 @@ impl Snapshot {
 }
 
 impl Simulator {
-    /// Keeps all that a substep changes.
-    fn save(&self, into: &mut Snapshot) {
+    /// Keeps all that a substep changes as this start.
+    pub(super) fn save(&mut self, start: usize) {
+        let into = &mut self.starts[start];
         into.state.copy_from(&self.state);
         into.history.copy_from(&self.history);
         let (changes, seconds) = self.active.system.changes();
@@ -75,7 +79,8 @@ impl Simulator {
     }
 
     /// Restores what [`Self::save`] kept.
-    fn put_back(&mut self, from: &Snapshot) {
+    pub(super) fn put_back(&mut self, start: usize) {
+        let from = &self.starts[start];
         self.state.copy_from(&from.state);
         self.history.copy_from(&from.history);
         let (changes, seconds) = &from.changes;
@@ -83,20 +88,6 @@ impl Simulator {
         if let Some(contact) = &mut self.contact {
             contact.put_back(&from.contact);
         }
-    }
-
-    /// Keeps the start of a frame for [`Self::undo_frame`].
-    pub(super) fn begin_frame(&mut self) {
-        let mut start = std::mem::take(&mut self.frame_start);
-        self.save(&mut start);
-        self.frame_start = start;
-    }
-
-    /// Takes the cloth back to the start of the frame.
-    pub(super) fn undo_frame(&mut self) {
-        let start = std::mem::take(&mut self.frame_start);
-        self.put_back(&start);
-        self.frame_start = start;
     }
 
     /// Moves the state by a frame. On an error it is as before.
@@ -107,18 +98,14 @@ impl Simulator {
         let most = self.scene.physics.most_substeps();
         let mut substeps = asked;
         let finest = loop {
-            let mut error = match threads.run(|| self.advance_in(substeps, most, targets)) {
+            let error = match threads.run(|| self.advance_in(substeps, most, targets)) {
                 Ok(finest) => break finest,
                 Err(error) => error,
             };
-            let more_would_do = matches!(error, SubstepError::Stretch(_)) || self.contact.is_some();
-            let is_stopped = self.stop.is_wanted();
-            if is_stopped {
-                error = SubstepError::Stopped;
-            }
-            let error = self.step_error(error, substeps);
-            self.undo_frame();
-            if is_stopped || !more_would_do || 2 * substeps > most {
+            self.put_back(FRAME);
+            self.check_stop()?;
+            let is_strained = matches!(error, StepError::Overstretched { .. });
+            if !(is_strained || self.contact.is_some()) || 2 * substeps > most {
                 return Err(error);
             }
             substeps *= 2;
@@ -132,6 +119,15 @@ impl Simulator {
         Ok(())
     }
 
+    /// Fails if someone wants to stop.
+    fn check_stop(&self) -> Result<(), StepError> {
+        let frame = self.frame + 1;
+        match self.stop.is_wanted() {
+            true => Err(StepError::Stopped { frame }),
+            false => Ok(()),
+        }
+    }
+
     /// Moves the state by a frame in `substeps` substeps, of which one is halved, and halves of it
     /// again, where contact is too much for it. Returns how many of the shortest make a frame. On
     /// an error the state is unusable.
@@ -140,18 +136,16 @@ impl Simulator {
         substeps: u32,
         most: u32,
         targets: &HandleTargets,
-    ) -> Result<u32, SubstepError> {
-        self.forget_received();
+    ) -> Result<u32, StepError> {
         if let Some(contact) = &mut self.contact {
+            contact.forget_received();
             contact.take_back(&self.state.positions);
         }
         let mut finest = substeps;
         // Parts of the frame that are done, and how many of their length it has.
         let (mut done, mut parts) = (0, substeps);
         while done < parts {
-            if self.stop.is_wanted() {
-                return Err(SubstepError::Stopped);
-            }
+            self.check_stop()?;
             let dt = 1.0 / self.scene.frame_rate / f64::from(parts);
             let fraction = f64::from(done + 1) / f64::from(parts);
             let reached = &self.reached;
@@ -161,9 +155,7 @@ impl Simulator {
             let may_hold =
                 parts >= self.scene.physics.substeps * BEFORE_HOLDING || 2 * parts > most;
             if self.contact.is_some() {
-                let mut start = std::mem::take(&mut self.part_start);
-                self.save(&mut start);
-                self.part_start = start;
+                self.save(PART);
             }
             match self.solve(dt, way, may_hold, 2 * substeps > most) {
                 Ok(()) => {
@@ -172,10 +164,8 @@ impl Simulator {
                         (done, parts) = (done / 2, parts / 2);
                     }
                 }
-                Err(SubstepError::Contact(_)) if 2 * parts <= most => {
-                    let start = std::mem::take(&mut self.part_start);
-                    self.put_back(&start);
-                    self.part_start = start;
+                Err(StepError::Contact { .. }) if 2 * parts <= most => {
+                    self.put_back(PART);
                     self.active.system.forget_changes();
                     (done, parts) = (2 * done, 2 * parts);
                     finest = finest.max(parts);
@@ -184,11 +174,21 @@ impl Simulator {
             }
         }
         let bound = self.scene.physics.max_strain;
-        let began = &self.frame_start.state.positions;
+        let began = &self.starts[FRAME].state.positions;
         let checked = self
             .edges
             .check_stretch(began, &self.state.positions, bound);
-        checked.map_err(SubstepError::Stretch)?;
-        Ok(finest)
+        match checked {
+            Ok(()) => Ok(finest),
+            Err(Overstretched { vertices, strain }) => Err(StepError::Overstretched {
+                frame: self.frame + 1,
+                substeps,
+                from: vertices[0],
+                to: vertices[1],
+                strain,
+                bound,
+                pushed_by: self.contact.as_ref().map_or_else(Vec::new, |c| c.pushers()),
+            }),
+        }
     }
 }

@@ -8,6 +8,7 @@ use selvedge_cloth::{
 };
 
 use super::Simulator;
+use super::frame::FRAME;
 
 impl Stepper for Simulator {
     fn topology(&self) -> &Topology {
@@ -31,7 +32,7 @@ impl Stepper for Simulator {
         check_target_count(self, targets)?;
         let before = self.change_active(targets)?;
         self.update_wind();
-        self.begin_frame();
+        self.save(FRAME);
         if before.is_some() {
             // The cloth was another one.
             self.history.forget();
@@ -46,7 +47,10 @@ impl Stepper for Simulator {
         self.reached.copy_from_slice(targets.end());
         self.undo = Some(before);
         self.frame += 1;
-        self.arrive();
+        if let Some(contact) = &mut self.contact {
+            contact.arrive();
+            contact.note_released(self.frame);
+        }
         Ok(())
     }
 
@@ -108,7 +112,9 @@ impl Correctable for Simulator {
         self.reached = self.scene.handles.select(&self.state.positions);
         self.active.system.forget_changes();
         self.history.forget();
-        self.forget_touches();
+        if let Some(contact) = &mut self.contact {
+            contact.forget();
+        }
         self.frame += 1;
         self.update_wind();
         self.round();
@@ -119,7 +125,7 @@ impl Correctable for Simulator {
         let Some(active) = self.undo.take() else {
             return;
         };
-        self.undo_frame();
+        self.put_back(FRAME);
         if let Some(active) = active {
             self.active = active;
         }

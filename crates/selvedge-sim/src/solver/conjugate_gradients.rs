@@ -115,11 +115,6 @@ impl ConjugateGradients {
         self.stop = stop;
     }
 
-    /// Returns true from when a stop is wanted.
-    pub(crate) fn is_stopped(&self) -> bool {
-        self.stop.is_wanted()
-    }
-
     /// Iterations of the last solve.
     pub(crate) fn iterations(&self) -> u32 {
         self.iterations
@@ -156,13 +151,7 @@ impl ConjugateGradients {
         } else {
             self.blocks.copy_from_slice(&self.untouched);
         }
-        for (vertex, block) in touches.diagonal() {
-            let unknown = pattern.unknown(vertex) as usize;
-            if unknown < pattern.unknown_count() {
-                self.blocks[unknown] += to_single(block * self.scale);
-            }
-        }
-        for ([a, b], block) in touches.couplings_within() {
+        for ([a, b], block) in touches.blocks_within() {
             if let Some(slot) = pattern.slot(a, b) {
                 self.blocks[slot as usize] += to_single(block * self.scale);
             }

@@ -69,24 +69,13 @@ impl Direct {
         }
     }
 
-    /// Adds the blocks of what touches: the diagonal ones, and those of vertices that the cloth
-    /// couples already.
-    pub(super) fn add(&mut self, pattern: &Pattern, touches: &Touches) {
-        for (vertex, block) in touches.diagonal() {
-            let unknown = pattern.unknown(vertex) as usize;
-            if unknown < pattern.unknown_count() {
-                self.blocks[unknown] += block;
-            }
-        }
-        self.couple(pattern, touches.couplings_within());
-    }
-
-    /// Adds the blocks by which touches couple other vertices; the pattern has them.
-    pub(super) fn add_beyond(&mut self, pattern: &Pattern, touches: &Touches) {
-        self.couple(pattern, touches.couplings_beyond());
-    }
-
-    fn couple(&mut self, pattern: &Pattern, blocks: impl Iterator<Item = ([u32; 2], DMat3)>) {
+    /// Adds blocks that touches have between two vertices, or on the diagonal, where the pattern has
+    /// room for them.
+    pub(super) fn add(
+        &mut self,
+        pattern: &Pattern,
+        blocks: impl Iterator<Item = ([u32; 2], DMat3)>,
+    ) {
         for ([a, b], block) in blocks {
             if let Some(slot) = pattern.slot(a, b) {
                 self.blocks[slot as usize] += block;
@@ -162,8 +151,8 @@ impl Complete {
             pattern, direct, ..
         } = self.last.insert(coupled);
         direct.gather(system.threads, pattern, system.elements, system.springs);
-        direct.add(pattern, system.touches);
-        direct.add_beyond(pattern, system.touches);
+        direct.add(pattern, system.touches.blocks_within());
+        direct.add(pattern, system.touches.couplings_beyond());
         direct.solve(pattern, impulses, changes)
     }
 

@@ -5,9 +5,9 @@
 //! number of threads gives the same bytes. Nothing is allocated after construction.
 
 use glam::{DVec2, DVec3};
-use selvedge_cloth::{EdgeSide, ElasticLaw, Environment, Material, Mesh, Scene};
+use selvedge_cloth::{EdgeSide, ElasticLaw, Environment, Material, Scene};
 
-use crate::laws::bend::{BendElement, HingeSide};
+use crate::laws::bend::BendElement;
 use crate::laws::external::AirResistance;
 use crate::laws::stretch::StretchElement;
 use crate::laws::stretch_energy::StretchEnergy;
@@ -217,10 +217,9 @@ fn hinges(
             let (left, right) = pattern.sides(edge);
             let (right, opposite) = (right?, edge.opposite.1?);
             let is_seam = pattern.is_seam(edge);
-            let side = |side: EdgeSide<DVec2>| HingeSide {
-                table: &materials[material_of[side.face.index()]].bend,
-                along: side.ends[1] - side.ends[0],
-                area: side.area(),
+            let side = |side: EdgeSide<DVec2>| {
+                let material = material_of[side.face.index()];
+                (&materials[material].bend, side)
             };
             let [one, other] = [&left, &right].map(|s| damping[material_of[s.face.index()]]);
             let element = BendElement::across([side(left), side(right)])
@@ -233,19 +232,6 @@ fn hinges(
                 element,
                 damping: 0.5 * (one + other),
             })
-        })
-        .collect()
-}
-
-/// Corners of every interior edge in the order of [`BendElement`].
-pub(crate) fn hinge_stencils(mesh: &Mesh) -> Vec<[u32; 4]> {
-    mesh.topology()
-        .edges()
-        .iter()
-        .filter_map(|edge| {
-            let right = edge.opposite.1?;
-            let [from, to] = edge.vertices;
-            Some([from.0, to.0, edge.opposite.0.0, right.0])
         })
         .collect()
 }

@@ -18,7 +18,7 @@ mod pattern;
 mod system;
 mod woven;
 
-use selvedge_cloth::VertexId;
+use selvedge_cloth::{StepError, VertexId};
 use thiserror::Error;
 
 pub(crate) use system::System;
@@ -34,4 +34,17 @@ pub(crate) enum SolveError {
     /// The system could not be factorised, or conjugate gradients did not converge.
     #[error("{0}")]
     Failed(String),
+}
+
+impl SolveError {
+    /// The error of the step to this frame.
+    pub(crate) fn at(self, frame: usize) -> StepError {
+        match self {
+            Self::NonFinite { vertex } => StepError::NonFinite { frame, vertex },
+            other => StepError::Solve {
+                frame,
+                cause: other.to_string(),
+            },
+        }
+    }
 }

@@ -19,7 +19,7 @@ use crate::laws::external::AirResistance;
 use crate::solver::SolveError;
 use crate::solver::conjugate_gradients::ConjugateGradients;
 use crate::solver::direct::{Complete, Coupling, Direct, Springs};
-use crate::solver::elements::{Elements, Linearisation, hinge_stencils};
+use crate::solver::elements::{Elements, Linearisation};
 use crate::solver::ordering::Ordering;
 use crate::solver::pattern::Pattern;
 use crate::state::State;
@@ -103,10 +103,10 @@ impl System {
             None => Ordering::Dissection,
             Some(_) => Ordering::Banded,
         };
-        let triangles = mesh.topology().face_indices();
-        let hinges = hinge_stencils(mesh);
-        let pattern = Pattern::new(ordering, &held, &triangles, &hinges);
         let elements = Elements::new(scene);
+        let triangles = mesh.topology().face_indices();
+        let hinges: Vec<[u32; 4]> = elements.hinges.corners().collect();
+        let pattern = Pattern::new(ordering, &held, &triangles, &hinges);
         Ok(Self {
             solver: match settings {
                 None => Solver::Direct(Box::new(Direct::new(&pattern, &elements))),
@@ -130,6 +130,22 @@ impl System {
         })
     }
 
+    /// Mass of each vertex `[kg]`, `[vertices]`.
+    pub(crate) fn mass(&self) -> &[f64] {
+        &self.elements.mass
+    }
+
+    /// Vertices that are unknowns.
+    pub(crate) fn unknown_vertices(&self) -> &[u32] {
+        self.pattern.vertices()
+    }
+
+    /// Positions of the active handles `[m]`, `[handles]`.
+    pub(crate) fn handle_positions(&self, state: &State) -> impl Iterator<Item = DVec3> {
+        let vertices = self.handles.vertices().iter();
+        vertices.map(|vertex| state.positions[vertex.index()])
+    }
+
     /// Sets gravity and air for the solves that follow. Gusts are ignored.
     pub(crate) fn set_environment(&mut self, environment: Environment) {
         self.elements.set_environment(environment);
@@ -144,14 +160,6 @@ impl System {
     pub(crate) fn stop_by(&mut self, stop: Stop) {
         if let Solver::Iterative(solver) = &mut self.solver {
             solver.stop_by(stop);
-        }
-    }
-
-    /// Returns true once a solve was to stop.
-    pub(crate) fn is_stopped(&self) -> bool {
-        match &self.solver {
-            Solver::Direct(_) => false,
-            Solver::Iterative(solver) => solver.is_stopped(),
         }
     }
 
@@ -281,9 +289,7 @@ impl System {
     pub(crate) fn solve(&mut self, span: f64) -> Result<(), SolveError> {
         self.check_impulses()?;
         let is_direct = matches!(self.solver, Solver::Direct(_));
-        if is_direct && self.touches.couple()
-            || self.touches.are_exact() && !self.touches.is_empty()
-        {
+        if is_direct && self.touches.couple() || self.touches.exact && !self.touches.is_empty() {
             self.solve_whole()?;
         } else {
             match self.solve_as_set(span) {
@@ -323,7 +329,7 @@ impl System {
             Solver::Direct(direct) => {
                 let _span = tracing::trace_span!("complete factor").entered();
                 direct.gather(threads, pattern, elements, springs);
-                direct.add(pattern, touches);
+                direct.add(pattern, touches.blocks_within());
                 return direct.solve(pattern, impulses, changes);
             }
         };
@@ -460,6 +466,5 @@ fn springs(constraint: HandleConstraint, handles: &Handles, dt: f64) -> Springs<
     }
 }
 
-mod parts;
 #[cfg(test)]
 mod tests;
