@@ -68,3 +68,31 @@ pub(super) fn feature(pair: &Pair, body: usize) -> Touching {
         Kind::EdgeEdge => key(pair),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_firm_push_that_begins_or_ends_is_a_jump() {
+        let push = |firmly| Pushing {
+            of: Touching::Edges {
+                first: 1,
+                second: 2,
+            },
+            firmly,
+        };
+        let (soft, firm) = (push(false), push(true));
+        let cases: [(&[Pushing], &[Pushing], bool); 6] = [
+            (&[], &[soft], false),
+            (&[soft], &[firm], false),
+            (&[], &[firm], true),
+            (&[firm, soft], &[firm], false),
+            (&[firm, firm], &[firm], true),
+            (&[firm], &[firm, firm], true),
+        ];
+        for (before, now, expected) in cases {
+            assert_eq!(jumps(before, now), expected, "{before:?} {now:?}");
+        }
+    }
+}

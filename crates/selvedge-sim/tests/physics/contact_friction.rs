@@ -58,8 +58,7 @@ fn stack(count: usize, turn: f64) -> (f64, f64) {
         run(&mut simulator, 1);
         most = most.max(simulator.solver_iterations());
     }
-    // A preconditioner that knows only each vertex' own part of the couplings needs several times as
-    // many.
+    // Some 10; without the couplings in its factor the preconditioner needs 30.
     assert!(most.is_some_and(|most| most <= 20), "{most:?}");
     let energy = simulator.kinetic_energy();
     assert!(energy < 1e-7, "{energy}");
