@@ -18,7 +18,7 @@ use crate::solver::SolveError;
 use crate::state::State;
 use crate::substep_error::SubstepError;
 use crate::threads::Threads;
-pub use checkpoint::{Checkpoint, PreviousSubstep};
+pub use checkpoint::Checkpoint;
 pub use error::SimulatorError;
 pub use frame::DividedFrames;
 use frame::Snapshot;
