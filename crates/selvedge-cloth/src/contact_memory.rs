@@ -1,7 +1,17 @@
-//! What contact leaves from one substep to the next. A noun of saved states; the law is in
-//! `selvedge-sim`.
+//! What one substep leaves for the next. Nouns of saved states; the laws are in `selvedge-sim`.
 
 use glam::DVec3;
+
+/// The state of a cloth one substep ago.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PreviousSubstep {
+    /// Positions `[m]`, `[vertices]`.
+    pub positions: Vec<DVec3>,
+    /// Velocities `[m/s]`, `[vertices]`.
+    pub velocities: Vec<DVec3>,
+    /// Length of the substep that led from there `[s]`.
+    pub seconds: f64,
+}
 
 /// State of contact beside positions and velocities, which one substep leaves for the next. A run
 /// with contact goes on bit for bit only with it.

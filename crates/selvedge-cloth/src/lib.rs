@@ -72,7 +72,7 @@ mod topology;
 pub use cloth::{Cloth, ClothArrays};
 pub use contact::{ContactLaw, ContactSettings, Squeezed};
 pub use contact_memory::{
-    CaughtPair, ContactMemory, FrictionAnchor, Pushing, ReleasedContact, Touching,
+    CaughtPair, ContactMemory, FrictionAnchor, PreviousSubstep, Pushing, ReleasedContact, Touching,
 };
 pub use environment::{Environment, Gust};
 pub use error::{SceneError, require};

@@ -65,14 +65,14 @@ mod scene;
 mod test_help;
 mod trajectory;
 
-pub use dataset::merge::{DatasetParts, Merged};
+pub use dataset::merge::DatasetParts;
 pub use dataset::plan::DatasetPlan;
 pub use dataset::preset::{
     DatasetConfig, DatasetPreset, Forecast, NamedCloth, NamedMotion, PlannedRun, shipped_presets,
 };
 pub use dataset::sections::{Sample, Section, SectionRule};
 pub use dataset::writer::DatasetWriter;
-pub use dataset::{Dataset, DatasetError, DatasetIndex, DatasetStatistics, Entry, Split, Splits};
+pub use dataset::{Dataset, DatasetIndex, DatasetStatistics, Entry, Split, Splits};
 pub use formats::atomic::{
     WriteError, is_writing, remove_parts, write_atomically, write_beside, write_folder_atomically,
 };
@@ -93,15 +93,13 @@ pub use obstacle::{
 pub use rest_poses::{KeptRestPose, RestPoseFolder};
 pub use rig::{MeshMotion, Rig, RigError, RigNode};
 pub use scene::{
-    LoadedScene, MeshSource, MeshSpec, ObjSource, Rotate, SceneFileError, SceneSpec, Setting,
-    StartSpec, StrainedEdge, Times, Transform, materials, open_scene, panel_stretches,
-    parse_recorded_csv, parse_scene, read_scene, shipped_scenes, size_warning, worst_edges,
+    LoadedScene, MeshSource, MeshSpec, ObjSource, Rotate, SceneSpec, Setting, StartSpec,
+    StrainedEdge, Times, Transform, materials, open_scene, panel_stretches, parse_recorded_csv,
+    parse_scene, read_scene, shipped_scenes, size_warning, worst_edges,
 };
-pub use trajectory::file::{ReadTrajectoryError, TrajectoryFileError};
+pub use trajectory::file::TRAJECTORY_FORMAT;
 pub use trajectory::frames::Frames;
 pub use trajectory::obstacles::ObstacleTrack;
 pub use trajectory::record::{Drive, Playback, Recording, RecordingEnd, record};
-pub use trajectory::state_file::{
-    LastChanges, PreviousState, STATES_FORMAT, SavedState, StateChoice, StateRun, StateSpec,
-};
-pub use trajectory::{Provenance, Trajectory, TrajectoryError};
+pub use trajectory::state_file::{STATES_FORMAT, SavedState, StateChoice, StateRun, StateSpec};
+pub use trajectory::{Provenance, Trajectory};

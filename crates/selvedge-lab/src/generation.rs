@@ -16,7 +16,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 use selvedge_cluster::Shard;
 use selvedge_data::{
-    Dataset, DatasetParts, DatasetPreset, DatasetWriter, LoadedScene, Merged, Split, Trajectory,
+    Dataset, DatasetParts, DatasetPreset, DatasetWriter, LoadedScene, Split, Trajectory,
 };
 use selvedge_sim::{DividedFrames, Threads};
 
@@ -229,11 +229,15 @@ fn simulate_all(
     Ok(divided)
 }
 
-/// Makes the parts of a data set one, in `folder`.
-pub fn merge(parts: &DatasetParts, folder: &Path, on_event: &mut OnEvent<'_>) -> Result<Merged> {
+/// Makes the parts of a data set one, in `folder`; none where an end was asked for.
+pub fn merge(
+    parts: &DatasetParts,
+    folder: &Path,
+    on_event: &mut OnEvent<'_>,
+) -> Result<Option<Dataset>> {
     let _claimed = folder::claim_folder(folder, FolderKind::DataSet)?;
     let reporter = Reporter::new(on_event);
-    let task = reporter.count("merging", parts.len(), "trajectories");
+    let task = reporter.count("merging", parts.trajectory_count(), "trajectories");
     Ok(parts.merge(folder, &mut || task.advance())?)
 }
 

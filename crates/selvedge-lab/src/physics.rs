@@ -311,7 +311,7 @@ pub fn rounded(positions: &[DVec3]) -> Vec<Vec3> {
 /// The largest strain of an edge over all frames: (l - l₀)/l₀ against the material.
 pub fn largest_strain(trajectory: &Trajectory) -> Result<f64> {
     let topology = trajectory.topology();
-    let lengths = metrics::material_edge_lengths(trajectory.cloth());
+    let lengths = trajectory.cloth().pattern().edge_lengths();
     let strains = metrics::largest_strain(trajectory.frames(), topology, &lengths)?;
     Ok(strains.into_iter().fold(f64::NEG_INFINITY, f64::max))
 }

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::ops::ControlFlow;
 
 use glam::Vec3;
-use selvedge_data::{Trajectory, metrics};
+use selvedge_data::Trajectory;
 use selvedge_view::{
     Body, ClipSettings, Colouring, Panel, Rgb, Run, ScalarField, SheetSettings, ViewError,
     contact_sheet, still, write_clip,
@@ -94,7 +94,7 @@ pub fn clip(
 
 fn strain_of(trajectory: &Trajectory) -> Result<ScalarField, ViewError> {
     let topology = trajectory.topology();
-    let lengths = metrics::material_edge_lengths(trajectory.cloth());
+    let lengths = trajectory.cloth().pattern().edge_lengths();
     let of_frame = |positions: &[Vec3]| {
         let mut strain = vec![0.0_f32; positions.len()];
         for (edge, length) in topology.edges().iter().zip(&lengths) {

@@ -9,10 +9,10 @@ use std::sync::Arc;
 use anyhow::{Context, Result, bail};
 use glam::DVec3;
 use selvedge_cloth::{Cloth, ElasticLaw, Scene};
-use selvedge_data::{LastChanges, LoadedScene, PreviousState, SavedState, StartSpec};
+use selvedge_data::{LoadedScene, SavedState, StartSpec};
 use selvedge_guard::{Correction, Guard};
 use selvedge_model::ClothGraph;
-use selvedge_sim::{Checkpoint, PreviousSubstep, SagError, SaggedRest, Simulator, SimulatorError};
+use selvedge_sim::{Checkpoint, SagError, SaggedRest, Simulator, SimulatorError};
 
 use crate::event::OnEvent;
 use crate::fitting::{self, FittedCloth};
@@ -137,16 +137,9 @@ pub fn saved_state(simulator: &Simulator) -> SavedState {
         positions,
         velocities,
         frame,
-        previous: previous.map(|before| PreviousState {
-            positions: before.positions,
-            velocities: before.velocities,
-            seconds: before.seconds,
-        }),
+        previous,
         contact,
-        changes: changes.map(|(velocities, seconds)| LastChanges {
-            velocities,
-            seconds,
-        }),
+        changes,
     }
 }
 
@@ -172,12 +165,8 @@ pub fn simulator_among(
         frame: state.frame,
         positions: state.positions,
         velocities: state.velocities,
-        previous: state.previous.map(|before| PreviousSubstep {
-            positions: before.positions,
-            velocities: before.velocities,
-            seconds: before.seconds,
-        }),
-        changes: state.changes.map(|last| (last.velocities, last.seconds)),
+        previous: state.previous,
+        changes: state.changes,
         contact: state.contact,
         obstacles: offsets.to_vec(),
     };

@@ -2,7 +2,6 @@
 
 use glam::Vec3;
 use selvedge_cloth::Cloth;
-use selvedge_data::metrics::material_edge_lengths;
 
 /// Measures the largest strain of an edge against the material.
 pub(crate) struct StrainGauge {
@@ -14,7 +13,7 @@ pub(crate) struct StrainGauge {
 impl StrainGauge {
     pub(crate) fn new(cloth: &Cloth) -> Self {
         let edges = cloth.topology().edges().iter();
-        let lengths = material_edge_lengths(cloth);
+        let lengths = cloth.pattern().edge_lengths();
         Self {
             edges: edges.map(|edge| edge.vertices.map(|v| v.0)).collect(),
             inverse: lengths

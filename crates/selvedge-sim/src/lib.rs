@@ -76,7 +76,5 @@ pub use fit::{
 };
 pub use integrator::SubstepCounts;
 pub use rest_pose::{RestPoseContent, SagError, SagProgress, SaggedRest, sag, sag_with_progress};
-pub use simulator::{
-    Checkpoint, DividedFrames, PreviousSubstep, Simulator, SimulatorError, StepStats,
-};
+pub use simulator::{Checkpoint, DividedFrames, Simulator, SimulatorError, StepStats};
 pub use threads::Threads;

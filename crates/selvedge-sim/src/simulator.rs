@@ -16,7 +16,7 @@ use crate::edges::WatchedEdges;
 use crate::integrator::{History, SubstepCounts};
 use crate::state::State;
 use crate::threads::Threads;
-pub use checkpoint::{Checkpoint, PreviousSubstep};
+pub use checkpoint::Checkpoint;
 pub use error::SimulatorError;
 pub use frame::DividedFrames;
 use frame::{FRAME, Snapshot};

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 use selvedge_cloth::{Environment, Material};
-use selvedge_data::{Dataset, DatasetError, Sample, Section, Split, Trajectory};
+use selvedge_data::{Dataset, Problem, Sample, Section, Split, Trajectory};
 use selvedge_model::{ClothGraph, Domain, GraphError, Yaw};
 use serde_json::Value;
 use thiserror::Error;
@@ -75,7 +75,7 @@ pub(crate) struct TrainingSet {
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum TrainingSetError {
     #[error(transparent)]
-    Dataset(#[from] DatasetError),
+    Dataset(#[from] Problem),
     #[error("training trajectory {motion}: {source}")]
     Graph { motion: String, source: GraphError },
     #[error("training trajectory {motion}: the environment of its scene: {source}")]

@@ -102,10 +102,11 @@ pub static TARGETS: [Target; 25] = [
     }),
     of_file("state-npz", "state.npz", &[], |bench, _, _| {
         let choice = StateChoice {
+            file: "state.npz".to_owned(),
             frame: Some(1),
             ..StateChoice::default()
         };
-        done(SavedState::read(&bench.folder, "state.npz", &choice, 16))
+        done(SavedState::read(&bench.folder, &choice, 16))
     }),
     of_bytes(
         "obj",

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use selvedge_data::export::{
-    ExportEnd, ExportFormat, ExportOptions, FrameSpan, export, files_beside, planned_bytes,
+    ExportFormat, ExportOptions, FrameSpan, export, files_beside, planned_bytes,
 };
 use selvedge_data::{Trajectory, UpAxis};
 
@@ -222,7 +222,7 @@ impl Wish {
             normals: self.choice.normals.unwrap_or(usual.normals),
             velocities: self.choice.velocities.unwrap_or(usual.velocities),
         };
-        if let (ExportFormat::Glb, Some(bytes)) = (format, planned_bytes(trajectory, &options)?)
+        if let Some(bytes) = planned_bytes(trajectory, &options)?
             && bytes > HEAVY
         {
             tracing::warn!(
@@ -233,13 +233,13 @@ impl Wish {
         }
         let what = format!("writing {}", self.path.display());
         let progress = Progress::new(what, frames, "frames");
-        let end = export(trajectory, &self.path, &options, &mut || {
+        let is_complete = export(trajectory, &self.path, &options, &mut || {
             progress.advance();
             interrupt::flow()
         })?;
-        Ok(match end {
-            ExportEnd::Complete => End::Complete,
-            ExportEnd::Stopped => End::Interrupted,
+        Ok(match is_complete {
+            true => End::Complete,
+            false => End::Interrupted,
         })
     }
 }

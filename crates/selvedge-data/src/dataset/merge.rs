@@ -9,7 +9,9 @@ use selvedge_cluster::Shard;
 
 use crate::dataset::plan::DatasetPlan;
 use crate::dataset::writer::{DatasetWriter, PARTIAL, PartialIndex};
-use crate::dataset::{Dataset, DatasetError, Entry, Split, read_checked};
+use crate::dataset::{Dataset, Entry, Split, read_checked};
+use crate::formats::file_error::{FileError, Problem};
+use crate::trajectory::Trajectory;
 
 /// A part that was read.
 struct Part {
@@ -25,22 +27,13 @@ pub struct DatasetParts {
     files: Vec<(Split, Entry, PathBuf)>,
 }
 
-/// The end of a merge.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Merged {
-    /// The data set is complete.
-    Complete(Box<Dataset>),
-    /// An end was asked for; the same merge goes on.
-    Stopped,
-}
-
 impl DatasetParts {
     /// Opens the parts in `folders`, in any order.
     ///
     /// # Errors
-    /// [`DatasetError`] names the folder that is no part, does not fit the others or lacks
+    /// [`Problem`] names the folder that is no part, does not fit the others or lacks
     /// something, or the parts that are missing.
-    pub fn open(folders: &[PathBuf]) -> Result<Self, DatasetError> {
+    pub fn open(folders: &[PathBuf]) -> Result<Self, Problem> {
         let mut parts: BTreeMap<usize, Part> = BTreeMap::new();
         for folder in folders {
             let part = Part::open(folder)?;
@@ -51,17 +44,17 @@ impl DatasetParts {
                 format!("{one} and {other} are both part {}", part.shard)
             });
             if let Some(problem) = misfit.or_else(|| part.lack()).or(twice) {
-                return Err(DatasetError::Content(problem));
+                return Err(Problem(problem));
             }
             parts.insert(number, part);
         }
-        let none = || DatasetError::Content("name the folders of the parts".to_owned());
+        let none = || Problem("name the folders of the parts".to_owned());
         let first = parts.values().next().ok_or_else(none)?;
         let (count, plan) = (first.shard.count(), first.index.plan.clone());
         let missing = (1..=count).filter(|number| !parts.contains_key(number));
         let missing: Vec<String> = missing.map(|number| format!("{number}/{count}")).collect();
         if !missing.is_empty() {
-            return Err(DatasetError::Content(format!(
+            return Err(Problem(format!(
                 "parts {} are missing: name their folders, too, or make them",
                 missing.join(", ")
             )));
@@ -84,18 +77,13 @@ impl DatasetParts {
 
     /// Number of trajectories.
     #[must_use]
-    pub fn len(&self) -> usize {
+    pub fn trajectory_count(&self) -> usize {
         self.files.len()
     }
 
-    /// Returns true for a data set without trajectories.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.files.is_empty()
-    }
-
     /// Writes the whole into `folder`, or goes on with it; `observe` hears of every trajectory and
-    /// may break. The parts stay as they are.
+    /// may break: then there is no data set yet, and the same merge goes on. The parts stay as they
+    /// are.
     ///
     /// # Errors
     /// A file of a part that has changed, a folder that holds something else, two trajectories that
@@ -104,25 +92,27 @@ impl DatasetParts {
         &self,
         folder: &Path,
         observe: &mut dyn FnMut() -> ControlFlow<()>,
-    ) -> Result<Merged, DatasetError> {
+    ) -> Result<Option<Dataset>, Problem> {
         let mut writer = DatasetWriter::open(folder, self.plan.clone())?;
         for (split, entry, from) in &self.files {
             if writer.written(*split, &entry.motion).is_none() {
                 let bytes = read_checked(&from.join(&entry.file), entry)?;
-                writer.add_file(*split, &entry.motion, &bytes)?;
+                let read = Trajectory::from_bytes(&bytes);
+                let read = read.map_err(FileError::at(entry.file.as_ref()))?;
+                writer.add(*split, &entry.motion, &read)?;
             }
             if observe().is_break() {
-                return Ok(Merged::Stopped);
+                return Ok(None);
             }
         }
-        Ok(Merged::Complete(Box::new(writer.finish()?)))
+        Ok(Some(writer.finish()?))
     }
 }
 
 impl Part {
-    fn open(folder: &Path) -> Result<Self, DatasetError> {
+    fn open(folder: &Path) -> Result<Self, Problem> {
         let no_part = || {
-            DatasetError::Content(format!(
+            Problem(format!(
                 "{}: is no part of a data set: `selvedge data generate --shard I/N` makes one",
                 folder.display()
             ))

@@ -15,17 +15,14 @@ pub(crate) mod sections;
 pub(crate) mod writer;
 
 use crate::dataset::sections::{Sample, Section};
-use crate::formats::atomic::WriteError;
 use crate::formats::file_error::{FileError, Problem};
 use crate::formats::input::{hash, read_file, read_text};
-use crate::metrics::{MetricError, mean_edge_length, speeds};
+use crate::metrics::{mean_edge_length, speeds};
 use crate::trajectory::Trajectory;
-use crate::trajectory::file::{ReadTrajectoryError, TrajectoryFileError};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
-use thiserror::Error;
 
 pub(crate) const INDEX: &str = "index.json";
 
@@ -113,35 +110,11 @@ pub struct DatasetStatistics {
     pub mean_edge_length: f64,
 }
 
-/// A data set that cannot be opened, read or made.
-#[derive(Debug, Error)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum DatasetError {
-    #[error(transparent)]
-    Read(#[from] FileError<Problem>),
-    #[error("{0}")]
-    Content(String),
-    #[error(transparent)]
-    Trajectory(#[from] ReadTrajectoryError),
-    #[error(transparent)]
-    Write(#[from] WriteError),
-    #[error(transparent)]
-    Sections(#[from] Problem),
-    #[error(transparent)]
-    Metric(#[from] MetricError),
-}
-
 /// A complete data set.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dataset {
     folder: PathBuf,
     index: DatasetIndex,
-}
-
-impl DatasetError {
-    pub(crate) fn motion(motion: &str, problem: &str) -> Self {
-        Self::Content(format!("motion {motion:?}: {problem}"))
-    }
 }
 
 impl Split {
@@ -184,8 +157,8 @@ impl Dataset {
     /// exist, sections within the trajectories. It does not read the trajectories.
     ///
     /// # Errors
-    /// [`DatasetError`] names the file and what is wrong.
-    pub fn open(folder: &Path) -> Result<Self, DatasetError> {
+    /// [`Problem`] names the file and what is wrong.
+    pub fn open(folder: &Path) -> Result<Self, Problem> {
         let path = folder.join(INDEX);
         let index = read_index(&path)?;
         check::check(folder, &index).map_err(|problem| wrong_index(&path, problem))?;
@@ -227,14 +200,14 @@ impl Dataset {
     /// Reads a trajectory and checks its hash, size and frame rate against the index.
     ///
     /// # Errors
-    /// [`DatasetError`] names the file and what is wrong.
-    pub fn read(&self, entry: &Entry) -> Result<Trajectory, DatasetError> {
+    /// [`Problem`] names the file and what is wrong.
+    pub fn read(&self, entry: &Entry) -> Result<Trajectory, Problem> {
         let path = self.folder.join(&entry.file);
         let bytes = read_checked(&path, entry)?;
         let trajectory = Trajectory::from_bytes(&bytes).map_err(FileError::at(&path))?;
         let agree = |expected: String, found: String| match expected == found {
             true => Ok(()),
-            false => Err(DatasetError::Content(format!(
+            false => Err(Problem(format!(
                 "{}: has {found}, the index says {expected}: restore the file or the index, or make the data set again",
                 path.display()
             ))),
@@ -258,8 +231,8 @@ impl Dataset {
     /// Reads every file and compares its hash with the index.
     ///
     /// # Errors
-    /// [`DatasetError`] for the first file that has changed.
-    pub fn verify_hashes(&self) -> Result<(), DatasetError> {
+    /// [`Problem`] for the first file that has changed.
+    pub fn verify_hashes(&self) -> Result<(), Problem> {
         let mut all = self.index.splits.all();
         all.try_for_each(|entry| read_checked(&self.folder.join(&entry.file), entry).map(drop))
     }
@@ -272,7 +245,7 @@ impl Entry {
         file: &str,
         bytes: &[u8],
         trajectory: &Trajectory,
-    ) -> Result<Self, MetricError> {
+    ) -> Result<Self, Problem> {
         let speeds = speeds(trajectory.frames(), trajectory.frame_rate())?;
         Ok(Self {
             motion: motion.to_owned(),
@@ -288,13 +261,13 @@ impl Entry {
 }
 
 /// Reads the index of a finished data set.
-pub(crate) fn read_index(path: &Path) -> Result<DatasetIndex, DatasetError> {
+pub(crate) fn read_index(path: &Path) -> Result<DatasetIndex, Problem> {
     read_json(path, FORMAT)
 }
 
 /// Reads an index file and checks format and version first, so that another version is named as
 /// such.
-pub(crate) fn read_json<T: DeserializeOwned>(path: &Path, format: &str) -> Result<T, DatasetError> {
+pub(crate) fn read_json<T: DeserializeOwned>(path: &Path, format: &str) -> Result<T, Problem> {
     let text = read_text(path).map_err(FileError::unread(path))?;
     let problem = |problem: String| wrong_index(path, problem);
     let kind: Kind =
@@ -312,9 +285,9 @@ pub(crate) fn read_json<T: DeserializeOwned>(path: &Path, format: &str) -> Resul
     serde_json::from_str(&text).map_err(|error| problem(error.to_string()))
 }
 
-fn wrong_index(path: &Path, problem: String) -> DatasetError {
+fn wrong_index(path: &Path, problem: String) -> Problem {
     let remedy = "restore the index, or make the data set again";
-    DatasetError::Content(format!("{}: {problem}: {remedy}", path.display()))
+    Problem(format!("{}: {problem}: {remedy}", path.display()))
 }
 
 /// What an index file says that it is.
@@ -326,14 +299,13 @@ struct Kind {
 }
 
 /// The bytes of an entry's file, if they are those of the index.
-pub(crate) fn read_checked(path: &Path, entry: &Entry) -> Result<Vec<u8>, DatasetError> {
-    let bytes = read_file(path).map_err(TrajectoryFileError::Read);
-    let bytes = bytes.map_err(FileError::at(path))?;
+pub(crate) fn read_checked(path: &Path, entry: &Entry) -> Result<Vec<u8>, Problem> {
+    let bytes = read_file(path).map_err(FileError::unread(path))?;
     let found = hash(&bytes);
     if found == entry.blake3 {
         return Ok(bytes);
     }
-    Err(DatasetError::Content(format!(
+    Err(Problem(format!(
         "{}: the file has changed since the data set was made (its hash is {found}, the index says {}): restore it, or make the data set again",
         path.display(),
         entry.blake3

@@ -4,10 +4,10 @@ use selvedge_cluster::Shard;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::dataset::check::check_names;
+use crate::dataset::check::{check_names, of_motion};
 use crate::dataset::preset::DatasetConfig;
 use crate::dataset::sections::{Section, SectionRule};
-use crate::dataset::{DatasetError, DatasetIndex, Entry, Split, Splits};
+use crate::dataset::{DatasetIndex, Entry, Split, Splits};
 use crate::formats::file_error::Problem;
 
 /// Planned contents of a data set.
@@ -83,11 +83,10 @@ impl DatasetPlan {
         (found.sections != self.sections).then(other_sections)
     }
 
-    pub(super) fn validate(&self) -> Result<(), DatasetError> {
+    pub(super) fn validate(&self) -> Result<(), Problem> {
         for split in Split::BOTH {
             let motions = self.motions(split).iter().map(String::as_str);
-            check_names(motions)
-                .map_err(|(motion, problem)| DatasetError::motion(motion, problem))?;
+            check_names(motions).map_err(|(motion, problem)| of_motion(motion, problem))?;
         }
         Ok(())
     }

@@ -7,15 +7,15 @@
 //! A part of a data set is such a folder that is never finished: its plan is that of the whole, and
 //! it is to have the trajectories of one shard. `merge` makes parts one.
 
-use crate::dataset::check::{file_of, folder_of};
+use crate::dataset::check::{file_of, folder_of, of_motion};
 use crate::dataset::plan::{DatasetPlan, sections};
 use crate::dataset::sections::Section;
 use crate::dataset::{
-    Dataset, DatasetError, DatasetIndex, DatasetStatistics, Entry, FORMAT, INDEX, Split, Splits,
-    VERSION, read_checked, read_index, read_json,
+    Dataset, DatasetIndex, DatasetStatistics, Entry, FORMAT, INDEX, Split, Splits, VERSION,
+    read_checked, read_index, read_json,
 };
 use crate::formats::atomic::write_atomically;
-use crate::formats::file_error::FileError;
+use crate::formats::file_error::{FileError, Problem};
 use crate::formats::input::read_file;
 use crate::trajectory::Trajectory;
 use selvedge_cluster::Shard;
@@ -41,8 +41,18 @@ pub(super) struct PartialIndex {
 }
 
 impl PartialIndex {
-    pub(super) fn read(path: &Path) -> Result<Self, DatasetError> {
+    pub(super) fn read(path: &Path) -> Result<Self, Problem> {
         read_json(path, PARTIAL_FORMAT)
+    }
+
+    /// What keeps a run from going on with `found`.
+    fn difference(&self, found: &Self) -> Option<String> {
+        let [there, own] = [found, self].map(|index| match &index.part {
+            Some(part) => format!("part {part}"),
+            None => "the whole".to_owned(),
+        });
+        let difference = self.plan.difference_of_plan(&found.plan);
+        difference.or_else(|| (there != own).then(|| format!("is {there}, not {own}")))
     }
 }
 
@@ -58,9 +68,9 @@ impl DatasetWriter {
     /// Starts a data set in `folder`, which is made, or continues one of the same plan.
     ///
     /// # Errors
-    /// [`DatasetError`] when the folder holds something else, even a data set whose plan differs in
+    /// [`Problem`] when the folder holds something else, even a data set whose plan differs in
     /// a name, a motion or the order of motions; or when a name cannot be a file's.
-    pub fn open(folder: &Path, plan: DatasetPlan) -> Result<Self, DatasetError> {
+    pub fn open(folder: &Path, plan: DatasetPlan) -> Result<Self, Problem> {
         Self::open_part(folder, plan, None)
     }
 
@@ -73,7 +83,7 @@ impl DatasetWriter {
         folder: &Path,
         plan: DatasetPlan,
         part: Option<Shard>,
-    ) -> Result<Self, DatasetError> {
+    ) -> Result<Self, Problem> {
         plan.validate()?;
         let index = PartialIndex {
             format: PARTIAL_FORMAT.to_owned(),
@@ -89,9 +99,11 @@ impl DatasetWriter {
         };
         let [partial, finished] = [PARTIAL, INDEX].map(|name| folder.join(name));
         if partial.is_file() {
-            writer.resume_partial(&partial)?;
+            let found = PartialIndex::read(&partial)?;
+            writer.resume(writer.index.difference(&found), found.done)?;
         } else if finished.is_file() {
-            writer.resume_finished(&finished)?;
+            let found = read_index(&finished)?;
+            writer.resume(writer.index.plan.difference(&found), found.splits)?;
         } else {
             writer.check_empty()?;
         }
@@ -124,17 +136,17 @@ impl DatasetWriter {
     /// Writes a trajectory, in place of an earlier one of the same motion.
     ///
     /// # Errors
-    /// [`DatasetError`] when the motion is not in the plan, the trajectory is too short for its
+    /// [`Problem`] when the motion is not in the plan, the trajectory is too short for its
     /// sections or that of another motion, or writing fails.
     pub fn add(
         &mut self,
         split: Split,
         motion: &str,
         trajectory: &Trajectory,
-    ) -> Result<(), DatasetError> {
+    ) -> Result<(), Problem> {
         if !self.index.plan.motions(split).iter().any(|m| m == motion) {
             let problem = "is not in the plan of this split";
-            return Err(DatasetError::motion(motion, problem));
+            return Err(of_motion(motion, problem));
         }
         if split == Split::Train {
             let rule = self.index.plan.sections;
@@ -148,29 +160,14 @@ impl DatasetWriter {
         self.list(split, entry)
     }
 
-    /// Writes a trajectory whose file has these bytes, made by another run of the same plan.
-    ///
-    /// # Errors
-    /// As [`Self::add`]; also when the bytes are no trajectory.
-    pub fn add_file(
-        &mut self,
-        split: Split,
-        motion: &str,
-        bytes: &[u8],
-    ) -> Result<(), DatasetError> {
-        let file = file_of(split, motion);
-        let trajectory = Trajectory::from_bytes(bytes).map_err(FileError::at(file.as_ref()))?;
-        self.add(split, motion, &trajectory)
-    }
-
     /// Puts a trajectory that is written on the list of what is done.
-    fn list(&mut self, split: Split, entry: Entry) -> Result<(), DatasetError> {
+    fn list(&mut self, split: Split, entry: Entry) -> Result<(), Problem> {
         let done = &mut self.index.done;
         done.of_mut(split)
             .retain(|other| other.motion != entry.motion);
         let twin = done.all().find(|other| other.blake3 == entry.blake3);
         if let Some(twin) = twin {
-            let twins = DatasetError::Content(format!(
+            let twins = Problem(format!(
                 "motion {:?} ({}) is the same trajectory as motion {:?} ({}): leave one of them out",
                 entry.motion, entry.file, twin.motion, twin.file
             ));
@@ -186,10 +183,10 @@ impl DatasetWriter {
     /// Writes the index of the finished data set and opens it.
     ///
     /// # Errors
-    /// [`DatasetError`] when a trajectory is missing or too short for its sections.
-    pub fn finish(mut self) -> Result<Dataset, DatasetError> {
+    /// [`Problem`] when a trajectory is missing or too short for its sections.
+    pub fn finish(mut self) -> Result<Dataset, Problem> {
         if let Some((_, motion)) = self.missing().first() {
-            return Err(DatasetError::motion(motion, "has not been written yet"));
+            return Err(of_motion(motion, "has not been written yet"));
         }
         for split in Split::BOTH {
             let order = self.index.plan.motions(split).to_vec();
@@ -230,38 +227,13 @@ impl DatasetWriter {
         }
     }
 
-    fn resume_partial(&mut self, path: &Path) -> Result<(), DatasetError> {
-        let partial = PartialIndex::read(path)?;
-        self.check_same(self.index.plan.difference_of_plan(&partial.plan))?;
-        let [found, own] = [&partial.part, &self.index.part].map(|part| match part {
-            Some(part) => format!("part {part}"),
-            None => "the whole".to_owned(),
-        });
-        if found != own {
-            return Err(self.folder_error(format!(
-                "holds {found} of this data set, not {own}: choose another folder"
-            )));
-        }
-        self.keep(partial.done);
-        Ok(())
-    }
-
-    fn resume_finished(&mut self, path: &Path) -> Result<(), DatasetError> {
-        let index = read_index(path)?;
-        self.check_same(self.index.plan.difference(&index))?;
-        self.keep(index.splits);
-        Ok(())
-    }
-
-    fn check_same(&self, difference: Option<String>) -> Result<(), DatasetError> {
-        difference.map_or(Ok(()), |difference| {
+    /// Keeps the trajectories of `done` whose files are as they were written, unless there is a
+    /// difference.
+    fn resume(&mut self, difference: Option<String>, done: Splits) -> Result<(), Problem> {
+        if let Some(difference) = difference {
             let problem = format!("holds a data set that {difference}: choose another folder");
-            Err(self.folder_error(problem))
-        })
-    }
-
-    /// Keeps the trajectories of `done` whose files are as they were written.
-    fn keep(&mut self, done: Splits) {
+            return Err(self.folder_error(problem));
+        }
         for (split, entries) in [(Split::Train, done.train), (Split::Test, done.test)] {
             let planned = self.index.plan.motions(split);
             let is_good = |entry: &Entry| {
@@ -272,10 +244,11 @@ impl DatasetWriter {
             let good = entries.into_iter().filter(is_good).collect();
             *self.index.done.of_mut(split) = good;
         }
+        Ok(())
     }
 
     /// Without an index, what is in the folders is not ours to replace.
-    fn check_empty(&self) -> Result<(), DatasetError> {
+    fn check_empty(&self) -> Result<(), Problem> {
         for name in Split::BOTH.map(folder_of) {
             let inner = std::fs::read_dir(self.folder.join(name));
             if inner.is_ok_and(|mut files| files.next().is_some()) {
@@ -286,7 +259,7 @@ impl DatasetWriter {
         Ok(())
     }
 
-    fn make_folders(&self) -> Result<(), DatasetError> {
+    fn make_folders(&self) -> Result<(), Problem> {
         for name in Split::BOTH.map(folder_of) {
             std::fs::create_dir_all(self.folder.join(name))
                 .map_err(|error| self.folder_error(format!("could not be made: {error}")))?;
@@ -294,15 +267,15 @@ impl DatasetWriter {
         Ok(())
     }
 
-    fn folder_error(&self, problem: String) -> DatasetError {
-        DatasetError::Content(format!("{}: {problem}", self.folder.display()))
+    fn folder_error(&self, problem: String) -> Problem {
+        Problem(format!("{}: {problem}", self.folder.display()))
     }
 
-    fn write_partial(&self) -> Result<(), DatasetError> {
+    fn write_partial(&self) -> Result<(), Problem> {
         self.write_json(PARTIAL, &self.index)
     }
 
-    fn write_json(&self, name: &str, contents: &impl Serialize) -> Result<(), DatasetError> {
+    fn write_json(&self, name: &str, contents: &impl Serialize) -> Result<(), Problem> {
         let path = self.folder.join(name);
         write_atomically(&path, |writer| {
             serde_json::to_writer_pretty(&mut *writer, contents)?;

@@ -1,20 +1,8 @@
-//! What the writers of exports share: errors, the largest size of a file, and bytes of numbers.
+//! What the writers of exports share: the largest size of a file, and bytes of numbers.
 
 use glam::Vec3;
-use thiserror::Error;
 
-use crate::formats::atomic::WriteError;
 use crate::formats::file_error::Problem;
-
-/// A trajectory that was not exported; what was there before still is.
-#[derive(Debug, Error)]
-#[allow(missing_docs, reason = "each message says all")]
-pub enum ExportError {
-    #[error(transparent)]
-    Refused(#[from] Problem),
-    #[error(transparent)]
-    Write(#[from] WriteError),
-}
 
 /// The most bytes that a file can have whose lengths have 32 bits.
 const LARGEST: u64 = u32::MAX as u64;

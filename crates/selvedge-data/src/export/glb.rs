@@ -20,9 +20,10 @@ use std::path::Path;
 use glam::Vec3;
 use serde_json::{Value, json};
 
-use super::common::{ExportError, check_size, le_floats, le_points, le_words};
+use super::common::{check_size, le_floats, le_points, le_words};
 use super::take::{Body, Take, extent};
 use crate::formats::atomic::write_atomically;
+use crate::formats::file_error::Problem;
 
 const MAGIC: u32 = 0x4654_6c67;
 const VERSION: u32 = 2;
@@ -49,7 +50,7 @@ pub(super) fn planned_bytes(take: &Take<'_>) -> u64 {
 }
 
 /// Writes the file.
-pub(super) fn write(take: &Take<'_>, path: &Path) -> Result<(), ExportError> {
+pub(super) fn write(take: &Take<'_>, path: &Path) -> Result<(), Problem> {
     check_size(".glb", planned_bytes(take), take.every)?;
     let written = write_atomically(path, |out| out.write_all(&bytes(take)?));
     Ok(written?)
@@ -281,11 +282,14 @@ fn cloth(take: &Take<'_>, scene: &mut Scene) -> io::Result<()> {
 /// with the weights of the cloth.
 fn obstacle(take: &Take<'_>, body: &Body<'_>, scene: &mut Scene) {
     let (number, keys) = (scene.nodes.len(), take.len());
-    let rigid = body.track.and_then(|track| track.rigid_points());
-    let pose = |number: usize| body.track?.pose(take.frame(number));
+    let rigid = body.track.and_then(|track| track.rigid());
+    let pose = |number: usize| {
+        let pose = rigid?.1[take.frame(number)];
+        Some((pose.rotation.normalize(), pose.translation))
+    };
     let indices = scene.indices(&body.faces());
     let shapes = match rigid {
-        Some(points) => vec![json!({ "POSITION": scene.points(points) })],
+        Some((points, _)) => vec![json!({ "POSITION": scene.points(points) })],
         None => {
             let first = body.positions(0);
             let shape = |number| {

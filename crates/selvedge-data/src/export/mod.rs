@@ -18,52 +18,39 @@ mod options;
 mod take;
 mod usd;
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::io;
 use std::ops::ControlFlow;
 use std::path::Path;
-
-use thiserror::Error;
 
 use self::take::Take;
 use crate::formats::file_error::Problem;
 use crate::trajectory::Trajectory;
 
-pub use self::common::ExportError;
 pub use self::options::{ExportFormat, ExportOptions, FrameSpan};
 pub use self::take::files_beside;
 
-/// End of an export that did not fail.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ExportEnd {
-    /// All frames were written.
-    Complete,
-    /// `observe` asked to stop: nothing was written.
-    Stopped,
-}
-
-/// The observer asked to stop.
-#[derive(Debug, Error)]
-#[error("stopped")]
-struct Stop;
-
-/// Writes frames of `trajectory` to `path`; after each frame `observe` is told, and may stop.
+/// Writes frames of `trajectory` to `path`; after each frame `observe` is told, and may stop. Returns
+/// false where it did: nothing is then written.
 ///
 /// # Errors
-/// [`ExportError`] says what cannot be written, and why; nothing is then written.
+/// [`Problem`] says what cannot be written, and why; nothing is then written.
 pub fn export(
     trajectory: &Trajectory,
     path: &Path,
     options: &ExportOptions,
     observe: &mut dyn FnMut() -> ControlFlow<()>,
-) -> Result<ExportEnd, ExportError> {
+) -> Result<bool, Problem> {
     let observe = RefCell::new(observe);
-    let beat = || match (observe.borrow_mut())() {
-        ControlFlow::Continue(()) => Ok(()),
-        ControlFlow::Break(()) => Err(io::Error::other(Stop)),
+    let is_stopped = Cell::new(false);
+    let beat = || {
+        is_stopped.set((observe.borrow_mut())().is_break());
+        match is_stopped.get() {
+            false => Ok(()),
+            true => Err(io::Error::other("stopped")),
+        }
     };
     let take = Take::new(trajectory, options, &beat)?;
-    let is_stop = |error: &io::Error| error.get_ref().is_some_and(|inner| inner.is::<Stop>());
     let written = match options.format {
         format @ (ExportFormat::Usda | ExportFormat::Usdc | ExportFormat::Usdz) => {
             usd::write(&take, path, format)
@@ -76,28 +63,26 @@ pub fn export(
         ExportFormat::Npz => npz::write(&take, path),
     };
     match written {
-        Ok(()) => Ok(ExportEnd::Complete),
-        Err(ExportError::Write(error)) if is_stop(&error.source) => Ok(ExportEnd::Stopped),
-        Err(error) => Err(error),
+        Err(_) if is_stopped.get() => Ok(false),
+        written => written.map(|()| true),
     }
 }
 
 /// A .glb of all frames of `trajectory`, in memory.
-pub fn glb(trajectory: &Trajectory) -> Result<Vec<u8>, ExportError> {
+pub fn glb(trajectory: &Trajectory) -> Result<Vec<u8>, Problem> {
     let take = Take::new(
         trajectory,
         &ExportOptions::usual(ExportFormat::Glb),
         &|| Ok(()),
     )?;
-    let made = glb::bytes(&take);
-    Ok(made.map_err(|error| Problem(error.to_string()))?)
+    glb::bytes(&take).map_err(|error| Problem(error.to_string()))
 }
 
 /// About the size of a .glb in bytes, which grows with the square of its frames; none of others.
 pub fn planned_bytes(
     trajectory: &Trajectory,
     options: &ExportOptions,
-) -> Result<Option<u64>, ExportError> {
+) -> Result<Option<u64>, Problem> {
     let take = Take::new(trajectory, options, &|| Ok(()))?;
     let is_glb = options.format == ExportFormat::Glb;
     Ok(is_glb.then(|| glb::planned_bytes(&take)))

@@ -6,10 +6,11 @@
 use std::io::{self, Seek, Write};
 use std::path::Path;
 
-use super::common::{ExportError, check_size, le_floats, le_points, le_words};
+use super::common::{check_size, le_floats, le_points, le_words};
 use super::take::Take;
 use crate::UpAxis;
 use crate::formats::atomic::write_atomically;
+use crate::formats::file_error::Problem;
 use crate::formats::npz::NpzOut;
 use crate::formats::tensor_file::{TensorOut, TensorValues};
 use crate::trajectory::file::cloth_tensors;
@@ -19,7 +20,7 @@ const PER_VERTEX: u64 = 200;
 const BESIDE: u64 = 1 << 16;
 
 /// Writes the archive.
-pub(super) fn write(take: &Take<'_>, path: &Path) -> Result<(), ExportError> {
+pub(super) fn write(take: &Take<'_>, path: &Path) -> Result<(), Problem> {
     check_size(".npz", planned_bytes(take), take.every)?;
     Ok(write_atomically(path, |out| write_arrays(take, out))?)
 }

@@ -11,14 +11,14 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
-use super::common::ExportError;
 use super::take::{Body, Take};
 use crate::formats::atomic::{WriteError, write_atomically, write_folder_atomically};
+use crate::formats::file_error::Problem;
 use crate::formats::obj::{ObjFrame, write_obj_frame};
 use crate::formats::pc2;
 
 /// Writes the only frame.
-pub(super) fn write_one(take: &Take<'_>, path: &Path) -> Result<(), ExportError> {
+pub(super) fn write_one(take: &Take<'_>, path: &Path) -> Result<(), Problem> {
     write_meshes(take, path)?;
     // The file is whole: an end that was asked for comes too late.
     let _ = (take.beat)();
@@ -26,7 +26,7 @@ pub(super) fn write_one(take: &Take<'_>, path: &Path) -> Result<(), ExportError>
 }
 
 /// Writes a point cache, then the mesh, then the obstacles.
-pub(super) fn write_cache(take: &Take<'_>, path: &Path) -> Result<(), ExportError> {
+pub(super) fn write_cache(take: &Take<'_>, path: &Path) -> Result<(), Problem> {
     write_points(take, &take.sheet(), path)?;
     write_meshes(take, &path.with_extension("obj"))?;
     for body in take.obstacles().iter().filter(|body| !body.is_still()) {
@@ -36,7 +36,7 @@ pub(super) fn write_cache(take: &Take<'_>, path: &Path) -> Result<(), ExportErro
 }
 
 /// Writes a folder with a file per frame.
-pub(super) fn write_all(take: &Take<'_>, path: &Path) -> Result<(), ExportError> {
+pub(super) fn write_all(take: &Take<'_>, path: &Path) -> Result<(), Problem> {
     let width = (take.len() - 1).to_string().len().max(4);
     write_folder_atomically(path, |folder| {
         for number in 0..take.len() {

@@ -7,8 +7,9 @@ use selvedge_cloth::geometry::dihedral_angle;
 use selvedge_cloth::{Cloth, Topology};
 use serde::{Deserialize, Serialize};
 
-use super::{MetricError, check_mesh, edge_lengths, material_edge_lengths};
+use super::{check_mesh, edge_lengths};
 use crate::Frames;
+use crate::formats::file_error::Problem;
 
 /// Strains that percentiles are of, at most: those of whole frames, spread evenly.
 const MOST_STRAINS: usize = 2_000_000;
@@ -53,24 +54,24 @@ impl Character {
     /// where there are too few frames for a difference.
     ///
     /// # Errors
-    /// [`MetricError`] for frames of another mesh, or none.
-    pub fn of(frames: Frames<'_>, cloth: &Cloth, frame_rate: f64) -> Result<Self, MetricError> {
+    /// [`Problem`] for frames of another mesh, or none.
+    pub fn of(frames: Frames<'_>, cloth: &Cloth, frame_rate: f64) -> Result<Self, Problem> {
         check_mesh(frames, cloth.topology())?;
         let [folds, curvature] = bending(frames, cloth);
         let [compression, stretch] = strains(frames, cloth);
         let masses = cloth.vertex_mass();
         let rate = frame_rate;
-        let velocity = Difference::of(frames, [-1.0, 1.0, 0.0, 0.0], masses);
-        let acceleration = Difference::of(frames, [1.0, -2.0, 1.0, 0.0], masses);
-        let jerk = Difference::of(frames, [-1.0, 3.0, -3.0, 1.0], masses);
+        let [_, energy] = difference(frames, [-1.0, 1.0, 0.0, 0.0], masses);
+        let [acceleration, _] = difference(frames, [1.0, -2.0, 1.0, 0.0], masses);
+        let [jerk, _] = difference(frames, [-1.0, 3.0, -3.0, 1.0], masses);
         Ok(Self {
             folds,
             curvature,
             stretch,
             compression,
-            kinetic_energy: 0.5 * velocity.weighted * rate.powi(2),
-            acceleration: acceleration.mean_square.sqrt() * rate.powi(2),
-            jerk: jerk.mean_square.sqrt() * rate.powi(3),
+            kinetic_energy: 0.5 * energy * rate.powi(2),
+            acceleration: acceleration.sqrt() * rate.powi(2),
+            jerk: jerk.sqrt() * rate.powi(3),
         })
     }
 
@@ -103,37 +104,28 @@ impl Character {
     }
 }
 
-/// Means over frames of a difference between neighbouring frames.
-struct Difference {
-    /// Of the squares, over vertices too `[m²]`.
-    mean_square: f64,
-    /// Of the sums over vertices of mass times square `[kg m²]`.
-    weighted: f64,
-}
-
-impl Difference {
-    /// The difference with these weights of a frame and those after it.
-    fn of(frames: Frames<'_>, weights: [f64; 4], masses: &[f32]) -> Self {
-        let width = weights.iter().rposition(|w| *w != 0.0).unwrap_or(0);
-        let (mut squares, mut weighted, mut count) = (0.0, 0.0, 0_usize);
-        for first in 0..frames.len().saturating_sub(width) {
-            for (vertex, mass) in masses.iter().enumerate() {
-                let mut sum = DVec3::ZERO;
-                for (offset, weight) in weights.iter().enumerate().take(width + 1) {
-                    sum += frames.frame(first + offset)[vertex].as_dvec3() * *weight;
-                }
-                let square = sum.length_squared();
-                squares += square;
-                weighted += f64::from(*mass) * square;
+/// Means over frames of a difference with these weights of a frame and those after it: of its
+/// squares, over vertices too `[m²]`, and of the sums over vertices of mass times square `[kg m²]`.
+fn difference(frames: Frames<'_>, weights: [f64; 4], masses: &[f32]) -> [f64; 2] {
+    let width = weights.iter().rposition(|w| *w != 0.0).unwrap_or(0);
+    let (mut squares, mut weighted, mut count) = (0.0, 0.0, 0_usize);
+    for first in 0..frames.len().saturating_sub(width) {
+        for (vertex, mass) in masses.iter().enumerate() {
+            let mut sum = DVec3::ZERO;
+            for (offset, weight) in weights.iter().enumerate().take(width + 1) {
+                sum += frames.frame(first + offset)[vertex].as_dvec3() * *weight;
             }
-            count += 1;
+            let square = sum.length_squared();
+            squares += square;
+            weighted += f64::from(*mass) * square;
         }
-        let vertices = masses.len().max(1);
-        Self {
-            mean_square: squares / (count.max(1) * vertices) as f64,
-            weighted: weighted / count.max(1) as f64,
-        }
+        count += 1;
     }
+    let vertices = masses.len().max(1);
+    [
+        squares / (count.max(1) * vertices) as f64,
+        weighted / count.max(1) as f64,
+    ]
 }
 
 /// Mean of |θ| over the interior edges, and sum of |θ| l over the area of the cloth.
@@ -163,7 +155,7 @@ fn bending(frames: Frames<'_>, cloth: &Cloth) -> [f64; 2] {
 
 /// The strains of which 1 % and 99 % of all edges have less.
 fn strains(frames: Frames<'_>, cloth: &Cloth) -> [f64; 2] {
-    let lengths = material_edge_lengths(cloth);
+    let lengths = cloth.pattern().edge_lengths();
     let every = (frames.len() * lengths.len()).div_ceil(MOST_STRAINS).max(1);
     let of_frame = |positions: &[Vec3]| -> Vec<f64> {
         edge_lengths(positions, cloth.topology())

@@ -5,11 +5,11 @@
 //! have. A value that is not finite makes the measure so: it is never left out.
 
 use glam::Vec3;
-use selvedge_cloth::{Cloth, Topology};
+use selvedge_cloth::Topology;
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
 use crate::Frames;
+use crate::formats::file_error::Problem;
 
 pub(crate) mod character;
 
@@ -36,29 +36,13 @@ pub struct Comparison {
     pub per_frame_rmse: Vec<f64>,
 }
 
-/// Two runs, or a run and a mesh, that cannot be measured.
-#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum MetricError {
-    #[error("the runs are of different meshes: {first} and {second} vertices")]
-    Vertices { first: usize, second: usize },
-    #[error("there is no frame to measure")]
-    NoFrames,
-    #[error("found rest lengths for {found} edges, the mesh has {expected}")]
-    RestLengths { expected: usize, found: usize },
-}
-
 /// All measures of run `b` against run `a`, over the frames that both have.
 /// [`Comparison::frame_counts`] shows when one run is longer. The caller makes sure that both runs
 /// are of one mesh: only the numbers of vertices are compared.
 ///
 /// # Errors
-/// [`MetricError`] when the runs or the mesh do not fit, or have no frame in common.
-pub fn compare(
-    a: Frames<'_>,
-    b: Frames<'_>,
-    topology: &Topology,
-) -> Result<Comparison, MetricError> {
+/// [`Problem`] when the runs or the mesh do not fit, or have no frame in common.
+pub fn compare(a: Frames<'_>, b: Frames<'_>, topology: &Topology) -> Result<Comparison, Problem> {
     let frame_counts = [a.len(), b.len()];
     let (a, b) = common(a, b)?;
     Ok(Comparison {
@@ -84,36 +68,28 @@ pub fn compare(
 /// assert_eq!(rmse, 12.5_f64.sqrt());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-pub fn position_rmse(a: Frames<'_>, b: Frames<'_>) -> Result<f64, MetricError> {
+pub fn position_rmse(a: Frames<'_>, b: Frames<'_>) -> Result<f64, Problem> {
     let (squares, count) = fold_vertices(a, b, 0.0, |sum, d| sum + d * d)?;
     Ok((squares / count).sqrt())
 }
 
 /// Position RMSE of each frame `[m]`, `[frames]`.
-pub fn per_frame_rmse(a: Frames<'_>, b: Frames<'_>) -> Result<Vec<f64>, MetricError> {
+pub fn per_frame_rmse<'a>(a: Frames<'a>, b: Frames<'a>) -> Result<Vec<f64>, Problem> {
     let (a, b) = common(a, b)?;
-    Ok(a.iter()
-        .zip(b.iter())
-        .map(|(p, q)| {
-            let squares: f64 = distances(p, q).map(|d| d * d).sum();
-            (squares / p.len() as f64).sqrt()
-        })
-        .collect())
+    let alone = |frame: &'a [Vec3]| Frames::of_whole(frame, frame.len());
+    let of_frame = |(p, q)| position_rmse(alone(p), alone(q));
+    a.iter().zip(b.iter()).map(of_frame).collect()
 }
 
 /// Mean distance of a vertex from where it should be `[m]`.
-pub fn mean_vertex_error(a: Frames<'_>, b: Frames<'_>) -> Result<f64, MetricError> {
+pub fn mean_vertex_error(a: Frames<'_>, b: Frames<'_>) -> Result<f64, Problem> {
     let (sum, count) = fold_vertices(a, b, 0.0, |sum, d| sum + d)?;
     Ok(sum / count)
 }
 
 /// Edge-length RMSE `[eq:edge-length-rmse]`: √(mean over frames and undirected edges of
 /// (|d| - |d̂|)²) `[m]`.
-pub fn edge_length_rmse(
-    a: Frames<'_>,
-    b: Frames<'_>,
-    topology: &Topology,
-) -> Result<f64, MetricError> {
+pub fn edge_length_rmse(a: Frames<'_>, b: Frames<'_>, topology: &Topology) -> Result<f64, Problem> {
     let (a, b) = common(a, b)?;
     check_mesh(a, topology)?;
     let mut squares = 0.0;
@@ -128,7 +104,7 @@ pub fn edge_length_rmse(
 /// a frame's positions `[vertices, 3]` with P the truth `a`. No unit. It depends on where the
 /// origin is, unlike the other errors: the farther away, the smaller. Infinite where all of a frame
 /// lies at the origin and the run does not.
-pub fn relative_error(a: Frames<'_>, b: Frames<'_>) -> Result<f64, MetricError> {
+pub fn relative_error(a: Frames<'_>, b: Frames<'_>) -> Result<f64, Problem> {
     let (a, b) = common(a, b)?;
     let of_frame = |(p, q): (&[Vec3], &[Vec3])| {
         let error: f64 = distances(p, q).map(|d| d * d).sum();
@@ -161,7 +137,7 @@ pub fn diverged_frame(largest_strains: &[f64], limit: f64, frames: usize) -> Opt
 }
 
 /// Mean length of the edges over all frames `[m]`.
-pub fn mean_edge_length(frames: Frames<'_>, topology: &Topology) -> Result<f64, MetricError> {
+pub fn mean_edge_length(frames: Frames<'_>, topology: &Topology) -> Result<f64, Problem> {
     check_mesh(frames, topology)?;
     let sum: f64 = frames
         .iter()
@@ -170,23 +146,19 @@ pub fn mean_edge_length(frames: Frames<'_>, topology: &Topology) -> Result<f64, 
     Ok(sum / (frames.len() * topology.edges().len()) as f64)
 }
 
-/// Length of each edge in material space `[m]`, `[edges]`; at a seam the mean of its two sides.
-#[must_use]
-pub fn material_edge_lengths(cloth: &Cloth) -> Vec<f64> {
-    cloth.pattern().edge_lengths()
-}
-
 /// Largest strain of each frame, max over edges of (l - l₀)/l₀, `[frames]`; `rest_lengths` `[m]`,
-/// `[edges]`, as from [`material_edge_lengths`]. Negative where every edge is shortened.
+/// `[edges]`, as from [`Pattern::edge_lengths`](selvedge_cloth::Pattern::edge_lengths). Negative where every edge is shortened.
 pub fn largest_strain(
     frames: Frames<'_>,
     topology: &Topology,
     rest_lengths: &[f64],
-) -> Result<Vec<f64>, MetricError> {
+) -> Result<Vec<f64>, Problem> {
     check_mesh(frames, topology)?;
     let (expected, found) = (topology.edges().len(), rest_lengths.len());
     if found != expected {
-        return Err(MetricError::RestLengths { expected, found });
+        return Err(Problem(format!(
+            "found rest lengths for {found} edges, the mesh has {expected}"
+        )));
     }
     let of_frame = |positions| {
         edge_lengths(positions, topology)
@@ -208,9 +180,9 @@ pub struct Speeds {
 }
 
 /// Speeds over all pairs of neighbouring frames; both zero for a single frame.
-pub fn speeds(frames: Frames<'_>, frame_rate: f64) -> Result<Speeds, MetricError> {
+pub fn speeds(frames: Frames<'_>, frame_rate: f64) -> Result<Speeds, Problem> {
     if frames.is_empty() {
-        return Err(MetricError::NoFrames);
+        return Err(no_frames());
     }
     let pairs = frames.len() - 1;
     let (mut sum, mut max) = (0.0, 0.0);
@@ -228,31 +200,41 @@ pub fn speeds(frames: Frames<'_>, frame_rate: f64) -> Result<Speeds, MetricError
 }
 
 /// Mean speed of the vertices in the last second `[m/s]`: how far a run is from rest at its end.
-pub fn final_speed(frames: Frames<'_>, frame_rate: f64) -> Result<f64, MetricError> {
+pub fn final_speed(frames: Frames<'_>, frame_rate: f64) -> Result<f64, Problem> {
     let steps = (frame_rate.round() as usize).max(1);
     Ok(speeds(frames.last(steps + 1), frame_rate)?.mean)
 }
 
 /// The frames that both runs have.
-fn common<'a, 'b>(a: Frames<'a>, b: Frames<'b>) -> Result<(Frames<'a>, Frames<'b>), MetricError> {
+fn common<'a, 'b>(a: Frames<'a>, b: Frames<'b>) -> Result<(Frames<'a>, Frames<'b>), Problem> {
     let (first, second) = (a.vertex_count(), b.vertex_count());
     if first != second {
-        return Err(MetricError::Vertices { first, second });
+        return Err(other_mesh(first, second));
     }
     let count = a.len().min(b.len());
     if count == 0 {
-        return Err(MetricError::NoFrames);
+        return Err(no_frames());
     }
     Ok((a.first(count), b.first(count)))
 }
 
-fn check_mesh(frames: Frames<'_>, topology: &Topology) -> Result<(), MetricError> {
+fn other_mesh(first: usize, second: usize) -> Problem {
+    Problem(format!(
+        "the runs are of different meshes: {first} and {second} vertices"
+    ))
+}
+
+fn no_frames() -> Problem {
+    Problem("there is no frame to measure".to_owned())
+}
+
+fn check_mesh(frames: Frames<'_>, topology: &Topology) -> Result<(), Problem> {
     let (first, second) = (frames.vertex_count(), topology.vertex_count());
     if first != second {
-        return Err(MetricError::Vertices { first, second });
+        return Err(other_mesh(first, second));
     }
     if frames.is_empty() {
-        return Err(MetricError::NoFrames);
+        return Err(no_frames());
     }
     Ok(())
 }
@@ -263,7 +245,7 @@ fn fold_vertices(
     b: Frames<'_>,
     start: f64,
     fold: impl Fn(f64, f64) -> f64,
-) -> Result<(f64, f64), MetricError> {
+) -> Result<(f64, f64), Problem> {
     let (a, b) = common(a, b)?;
     let value = a
         .iter()

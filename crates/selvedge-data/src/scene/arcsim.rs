@@ -186,6 +186,8 @@ struct Reader<'a> {
     /// Motions by their numbers.
     motions: Vec<Vec<PoseKeyframe>>,
     warnings: Vec<String>,
+    /// The files that were read but the mesh.
+    files: Vec<PathBuf>,
 }
 
 /// Reads a scene from the text of its file; paths in it are relative to `folder`.
@@ -196,15 +198,14 @@ pub(super) fn parse_arcsim(text: &str, folder: &Path, name: &str) -> Result<Load
         folder,
         motions: motions(&file.motions)?,
         warnings: Vec::new(),
+        files: Vec::new(),
     };
-    let (spec, material_file) = reader.spec(name)?;
+    let spec = reader.spec(name)?;
     let mut read = spec.setting.mesh.read(folder)?;
     reader.warnings.append(&mut read.warnings);
     read.warnings = reader.warnings;
     let remedy = "scale the texture coordinates of the mesh's file";
-    let mut loaded = LoadedScene::of(spec, read, None, Vec::new(), folder, remedy)?;
-    loaded.files.extend(material_file);
-    Ok(loaded)
+    LoadedScene::of(spec, read, None, reader.files, folder, remedy)
 }
 
 impl Reader<'_> {
@@ -216,13 +217,12 @@ impl Reader<'_> {
         self.file.disable.contains(&part)
     }
 
-    /// The spec, and the file of the material.
-    fn spec(&mut self, name: &str) -> Result<(SceneSpec, Option<PathBuf>), Problem> {
+    fn spec(&mut self, name: &str) -> Result<SceneSpec, Problem> {
         let file = self.file;
         let [cloth] = file.cloths.as_slice() else {
             return Err(wrong("cloths", "must have one cloth", file.cloths.len()));
         };
-        let (material, material_file) = self.material(cloth)?;
+        let material = self.material(cloth)?;
         let frame_time = within("frame_time", file.frame_time, 1e-5..=1.0)?;
         let substeps = f64::from(file.frame_steps.unwrap_or(1));
         let substeps = within("frame_steps", substeps, 1.0..=1000.0)? as u32;
@@ -262,14 +262,13 @@ impl Reader<'_> {
             taken: frame_time / f64::from(substeps),
             groups,
         });
-        let spec = SceneSpec {
+        Ok(SceneSpec {
             name: name.to_owned(),
             setting,
             motion,
             start: StartSpec::Mesh,
             dress: None,
-        };
-        Ok((spec, material_file))
+        })
     }
 
     fn mesh(&self, cloth: &ClothFile) -> Result<MeshSpec, Problem> {
@@ -289,14 +288,13 @@ impl Reader<'_> {
         })
     }
 
-    /// The material, and the file that it is in.
-    fn material(&mut self, cloth: &ClothFile) -> Result<(Material, Option<PathBuf>), Problem> {
+    fn material(&mut self, cloth: &ClothFile) -> Result<Material, Problem> {
         let [used] = cloth.materials.as_slice() else {
             let must = "must have one material, that of all faces";
             return Err(wrong("cloths[0].materials", must, cloth.materials.len()));
         };
         let key = |key: &str| format!("cloths[0].materials[0].{key}");
-        let (material, file) = self.named_material(&used.data, &key("data"))?;
+        let material = self.named_material(&used.data, &key("data"))?;
         let factor =
             |name, value: Option<f64>, range| within(&key(name), value.unwrap_or(1.0), range);
         let layers = factor("thicken", used.thicken, FACTORS)?;
@@ -318,30 +316,26 @@ impl Reader<'_> {
         if has_yield && !self.disables(Part::Plasticity) {
             self.warn("plasticity is not disabled, but Selvedge has none: yield_curv and weakening have no effect");
         }
-        Ok((material, file))
+        Ok(material)
     }
 
     /// The material in the file at `path`. Where there is no such file, it is the shipped one of its
     /// name.
-    fn named_material(
-        &mut self,
-        path: &str,
-        key: &str,
-    ) -> Result<(Material, Option<PathBuf>), Problem> {
+    fn named_material(&mut self, path: &str, key: &str) -> Result<Material, Problem> {
         let name = Path::new(path).file_stem().unwrap_or_default();
         let name = name.to_string_lossy();
         if let Some(found) = find_file(path, self.folder) {
             let file = self.folder.join(found);
             let data = read_text(&file).and_then(|text| material_data(&text, &name));
-            let data = data.map_err(|problem| field(key, format_args!("{path}: {problem}")))?;
-            return Ok((data, Some(file)));
+            self.files.push(file);
+            return data.map_err(|problem| field(key, format_args!("{path}: {problem}")));
         }
         let none = format!("there is no file {path}, and no shipped material is called {name}");
         let shipped = shipped_material(&name).ok_or_else(|| field(key, none))??;
         self.warn(format!(
             "{key}: there is no file {path}: the shipped material {name} is taken"
         ));
-        Ok((shipped, None))
+        Ok(shipped)
     }
 
     fn motion_of(&self, key: &str, number: usize) -> Result<Vec<PoseKeyframe>, Problem> {

@@ -6,10 +6,10 @@ use super::arcsim::parse_arcsim;
 use super::loaded::LoadedScene;
 use super::material_source::materials;
 use super::motion_source::Stand;
-use super::problem::{SceneFileError, field, parse_toml, read_text, unknown};
+use super::problem::{field, parse_toml, read_text, unknown};
 use super::setting_file::{ResolvedSetting, SettingFile, usual_contact};
 use super::spec::{SceneSpec, Setting, StartFile};
-use crate::formats::file_error::Problem;
+use crate::formats::file_error::{FileError, Problem};
 use selvedge_assets::SCENES;
 use selvedge_cloth::Mesh;
 use std::path::{Path, PathBuf};
@@ -24,8 +24,8 @@ pub fn shipped_scenes() -> &'static [(&'static str, &'static str)] {
 /// (.obj, .glb, USD): from the two ends of its upper edge, made of the default fabric.
 ///
 /// # Errors
-/// [`SceneFileError`] names the scene, the field and what is wrong.
-pub fn open_scene(path_or_name: &str) -> Result<LoadedScene, SceneFileError> {
+/// [`FileError`] names the scene, the field and what is wrong.
+pub fn open_scene(path_or_name: &str) -> Result<LoadedScene, FileError<Problem>> {
     let path = Path::new(path_or_name);
     let extension = path.extension().map(|e| e.to_ascii_lowercase());
     let has_ending = |of: &[&str]| {
@@ -37,12 +37,10 @@ pub fn open_scene(path_or_name: &str) -> Result<LoadedScene, SceneFileError> {
         None if path.exists() && has_ending(&MESHES) => hung(path),
         None if path.exists() && has_ending(&OTHERS) => {
             let problem = "is neither a scene (.toml) nor a mesh that is read: export .obj, .glb or USD (.usda, .usdc, .usdz, .usd)";
-            Err(SceneFileError::at(path_or_name)(Problem(
-                problem.to_owned(),
-            )))
+            Err(FileError::new(path, problem))
         }
         None if path.exists() => read_scene(path),
-        None => Err(SceneFileError::at(path_or_name)(unknown("scene", SCENES))),
+        None => Err(FileError::new(path, unknown("scene", SCENES))),
     }
 }
 
@@ -69,7 +67,7 @@ const OTHERS: [&str; 14] = [
 const UPPER: f64 = 0.05;
 
 /// The mesh of a file, hung up by the two ends of its upper edge, along the longer of x and z.
-fn hung(path: &Path) -> Result<LoadedScene, SceneFileError> {
+fn hung(path: &Path) -> Result<LoadedScene, FileError<Problem>> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let file = path.file_name().unwrap_or_default().to_string_lossy();
     let name = path.file_stem().unwrap_or_default().to_string_lossy();
@@ -103,8 +101,8 @@ fn hung(path: &Path) -> Result<LoadedScene, SceneFileError> {
 /// Reads a scene file: TOML, or ARCSim's JSON where the name ends in `.json`.
 ///
 /// # Errors
-/// [`SceneFileError`] names the file, the field and what is wrong.
-pub fn read_scene(path: &Path) -> Result<LoadedScene, SceneFileError> {
+/// [`FileError`] names the file, the field and what is wrong.
+pub fn read_scene(path: &Path) -> Result<LoadedScene, FileError<Problem>> {
     let folder = path.parent().map_or_else(PathBuf::new, Path::to_owned);
     let loaded = read_text(path).and_then(|text| {
         if path.extension().is_none_or(|e| e != "json") {
@@ -119,7 +117,7 @@ pub fn read_scene(path: &Path) -> Result<LoadedScene, SceneFileError> {
         }
         parse_arcsim(&text, &folder, &name)
     });
-    let mut loaded = loaded.map_err(SceneFileError::at(path.display().to_string()))?;
+    let mut loaded = loaded.map_err(FileError::at(path))?;
     loaded.files.push(path.to_owned());
     Ok(loaded)
 }
@@ -128,9 +126,13 @@ pub fn read_scene(path: &Path) -> Result<LoadedScene, SceneFileError> {
 /// begin with `origin`.
 ///
 /// # Errors
-/// [`SceneFileError`] names the origin, the field and what is wrong.
-pub fn parse_scene(text: &str, folder: &Path, origin: &str) -> Result<LoadedScene, SceneFileError> {
-    resolve(text, folder).map_err(SceneFileError::at(origin))
+/// [`FileError`] names the origin, the field and what is wrong.
+pub fn parse_scene(
+    text: &str,
+    folder: &Path,
+    origin: &str,
+) -> Result<LoadedScene, FileError<Problem>> {
+    resolve(text, folder).map_err(FileError::at(origin.as_ref()))
 }
 
 fn resolve(text: &str, folder: &Path) -> Result<LoadedScene, Problem> {

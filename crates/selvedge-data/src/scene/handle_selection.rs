@@ -7,80 +7,33 @@ use glam::DVec3;
 use selvedge_cloth::generate::Sheet;
 use selvedge_cloth::{HandleSchedule, Release};
 use serde::Deserialize;
-use serde::de::IgnoredAny;
 
 use super::problem::field;
 use crate::formats::file_error::Problem;
 
-/// A choice of the held vertices, in exactly one way.
+/// A choice of the held vertices: exactly one of `vertices`, `label`, `box` and `groups`.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(try_from = "SelectionTable")]
-pub(crate) enum HandleSelection {
-    /// By number, from 0; the order is that of the handles.
-    Vertices(Vec<u32>),
-    /// By the label of a generated mesh, or the name of an object or group of an OBJ.
-    Label(String),
-    /// All start positions in a box, its faces included, by number.
-    Box {
-        /// Smallest x, y and z `[m]`.
-        min: DVec3,
-        /// Largest x, y and z `[m]`.
-        max: DVec3,
-    },
-    /// Groups, one after another.
-    Groups(Vec<HandleGroup>),
-}
-
-/// A selection as it stands in a file.
-#[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct SelectionTable {
+pub(crate) struct HandleSelection {
+    /// By number, from 0; the order is that of the handles.
     vertices: Option<Vec<u32>>,
+    /// By the label of a generated mesh, or the name of an object or group of an OBJ.
     label: Option<String>,
+    /// All start positions in a box, its faces included, by number.
     r#box: Option<BoxTable>,
+    /// Groups, one after another.
     groups: Option<Vec<HandleGroup>>,
     /// Only groups have it, but people write it here.
-    released: Option<IgnoredAny>,
+    released: Option<Vec<ReleaseSpan>>,
 }
 
-#[derive(Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct BoxTable {
+    /// Smallest x, y and z `[m]`.
     min: DVec3,
+    /// Largest x, y and z `[m]`.
     max: DVec3,
-}
-
-impl Default for HandleSelection {
-    /// None: the cloth is free.
-    fn default() -> Self {
-        Self::Vertices(Vec::new())
-    }
-}
-
-impl TryFrom<SelectionTable> for HandleSelection {
-    type Error = &'static str;
-
-    fn try_from(table: SelectionTable) -> Result<Self, Self::Error> {
-        if table.released.is_some() {
-            return Err(
-                "released belongs to a group: groups = [{ name = \"all\", select = { label = \"…\" }, released = […] }]",
-            );
-        }
-        let within = |BoxTable { min, max }| Self::Box { min, max };
-        let ways = [
-            table.vertices.map(Self::Vertices),
-            table.label.map(Self::Label),
-            table.r#box.map(within),
-            table.groups.map(Self::Groups),
-        ];
-        let mut said = ways.into_iter().flatten();
-        match (said.next(), said.next()) {
-            (Some(only), None) => Ok(only),
-            _ => Err(
-                "say which vertices are handles in exactly one way: vertices, label, box or groups",
-            ),
-        }
-    }
 }
 
 /// Handles that have a name.
@@ -124,12 +77,13 @@ pub(crate) struct Selected {
 impl HandleSelection {
     /// The vertices of `sheet` that are chosen.
     pub(crate) fn select(&self, sheet: &Sheet) -> Result<Selected, Problem> {
-        let Self::Groups(groups) = self else {
+        let Some(groups) = &self.groups else {
             return Ok(Selected {
                 vertices: self.vertices(sheet)?,
                 ..Selected::default()
             });
         };
+        self.check()?;
         let mut selected = Selected::default();
         for group in groups {
             if selected.groups.iter().any(|(name, _)| *name == group.name) {
@@ -157,32 +111,50 @@ impl HandleSelection {
         Ok(selected)
     }
 
+    /// Checks that it says which vertices are meant in one way.
+    fn check(&self) -> Result<(), Problem> {
+        let ways = [
+            self.vertices.is_some(),
+            self.label.is_some(),
+            self.r#box.is_some(),
+            self.groups.is_some(),
+        ];
+        let problem = if self.released.is_some() {
+            "released belongs to a group: groups = [{ name = \"all\", select = { label = \"…\" }, released = […] }]"
+        } else if ways.into_iter().filter(|way| *way).count() != 1 {
+            "say which vertices are handles in exactly one way: vertices, label, box or groups"
+        } else {
+            return Ok(());
+        };
+        Err(field("handles", problem))
+    }
+
     fn vertices(&self, sheet: &Sheet) -> Result<Vec<u32>, Problem> {
-        match self {
-            Self::Vertices(vertices) => Ok(vertices.clone()),
-            Self::Label(name) => sheet.labels.get(name).cloned().ok_or_else(|| {
+        self.check()?;
+        if let Some(name) = &self.label {
+            return sheet.labels.get(name).cloned().ok_or_else(|| {
                 let known: Vec<&str> = sheet.labels.keys().map(String::as_str).collect();
                 let known = known.join(", ");
                 let problem = format!("the mesh has no label {name:?}; it has [{known}]");
                 field("handles.label", problem)
-            }),
-            Self::Box { min, max } => {
-                let is_inside = |p: &DVec3| p.cmpge(*min).all() && p.cmple(*max).all();
-                let positions = sheet.mesh.positions().iter().zip(0_u32..);
-                let inside: Vec<u32> = positions
-                    .filter(|(position, _)| is_inside(position))
-                    .map(|(_, vertex)| vertex)
-                    .collect();
-                if inside.is_empty() {
-                    let problem = format!("no vertex starts between {min} and {max}");
-                    return Err(field("handles.box", problem));
-                }
-                Ok(inside)
-            }
-            Self::Groups(_) => {
-                let problem = "selects groups: take vertices, label or box";
-                Err(field("handles.groups.select", problem))
-            }
+            });
         }
+        if let Some(BoxTable { min, max }) = self.r#box {
+            let is_inside = |p: &DVec3| p.cmpge(min).all() && p.cmple(max).all();
+            let positions = sheet.mesh.positions().iter().zip(0_u32..);
+            let inside: Vec<u32> = positions
+                .filter(|(position, _)| is_inside(position))
+                .map(|(_, vertex)| vertex)
+                .collect();
+            if inside.is_empty() {
+                let problem = format!("no vertex starts between {min} and {max}");
+                return Err(field("handles.box", problem));
+            }
+            return Ok(inside);
+        }
+        self.vertices.clone().ok_or_else(|| {
+            let problem = "selects groups: take vertices, label or box";
+            field("handles.groups.select", problem)
+        })
     }
 }

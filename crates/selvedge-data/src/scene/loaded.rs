@@ -7,10 +7,9 @@ use selvedge_cloth::{LoosePanels, Scene};
 
 use super::material_source::MaterialSource;
 use super::motion_source::{MotionSource, Stand};
-use super::problem::SceneFileError;
 use super::spec::{SceneSpec, StartSpec};
 use super::strained;
-use crate::formats::file_error::Problem;
+use crate::formats::file_error::{FileError, Problem};
 use crate::formats::polygons::ReadMesh;
 use crate::trajectory::state_file::SavedState;
 
@@ -79,8 +78,8 @@ impl LoadedScene {
     /// the current folder.
     ///
     /// # Errors
-    /// [`SceneFileError`] names the scene, the field and what is wrong.
-    pub fn of_material(self, name_or_file: &str) -> Result<Self, SceneFileError> {
+    /// [`FileError`] names the scene, the field and what is wrong.
+    pub fn of_material(self, name_or_file: &str) -> Result<Self, FileError<Problem>> {
         self.changed(|loaded| {
             let source = MaterialSource::Named(name_or_file.to_owned());
             let material = source.resolve(Path::new(""), &mut loaded.files)?;
@@ -95,7 +94,7 @@ impl LoadedScene {
     ///
     /// # Errors
     /// As for [`Self::of_material`].
-    pub fn of_motion(self, name_or_file: &str) -> Result<Self, SceneFileError> {
+    pub fn of_motion(self, name_or_file: &str) -> Result<Self, FileError<Problem>> {
         self.changed(|loaded| {
             let path = PathBuf::from(name_or_file);
             let ending = path.extension().and_then(|ending| ending.to_str());
@@ -118,9 +117,9 @@ impl LoadedScene {
     fn changed(
         mut self,
         change: impl FnOnce(&mut Self) -> Result<(), Problem>,
-    ) -> Result<Self, SceneFileError> {
+    ) -> Result<Self, FileError<Problem>> {
         let changed = change(&mut self).and_then(|()| Ok(self.scene.validate()?));
-        changed.map_err(SceneFileError::at(&self.spec.name))?;
+        changed.map_err(FileError::at(self.spec.name.as_ref()))?;
         Ok(self)
     }
 }

@@ -9,8 +9,7 @@ use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
-use super::problem::field;
-use super::problem::{parse_toml, read_text};
+use super::problem::{field, parse_toml, read_text};
 use crate::formats::file_error::Problem;
 
 /// One way to say what the cloth is made of.

@@ -14,7 +14,7 @@ use crate::formats::file_error::{FileError, Problem};
 use crate::formats::input::{check_hash, hash, read_file};
 use crate::formats::mesh_file::parse_mesh_bytes;
 use crate::formats::polygons::{
-    MeshFileError, MeshOptions, PatternSource, ReadMesh, RestAngles, Sewing, TextureUnit,
+    MeshOptions, PatternSource, ReadMesh, RestAngles, Sewing, TextureUnit,
 };
 use crate::obstacle::Placement;
 
@@ -266,7 +266,8 @@ impl MeshSource {
                 check_hash(&file.path, &file.blake3, &hash(&bytes))
                     .map_err(|problem| field("mesh.obj", problem))?;
                 let read = parse_mesh_bytes(&full, &bytes, file.options, sewing);
-                Ok(read.map_err(FileError::at(&full))?)
+                let read = read.map_err(FileError::at(&full));
+                read.map_err(|error| field("mesh.obj", error))
             }
         }
     }
@@ -317,6 +318,6 @@ impl Rotate {
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, Problem> {
-    let bytes = read_file(path).map_err(MeshFileError::Read);
-    Ok(bytes.map_err(FileError::at(path))?)
+    let bytes = read_file(path).map_err(FileError::unread(path));
+    bytes.map_err(|error| field("mesh.obj", error))
 }

@@ -21,7 +21,6 @@ pub use loaded::LoadedScene;
 pub use material_source::materials;
 pub use mesh_spec::{MeshSource, MeshSpec, ObjSource, Rotate, Transform, size_warning};
 pub(crate) use motion_source::{MotionSource, Stand};
-pub use problem::SceneFileError;
 pub(crate) use problem::{field, not_understood, parse_toml, read_text, unknown};
 pub use recorded_csv::parse_recorded_csv;
 pub(crate) use setting_file::{MeshFile, ResolvedSetting, SettingFile};

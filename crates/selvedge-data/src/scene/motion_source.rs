@@ -9,11 +9,10 @@ use selvedge_cloth::{Keyframe, KeyframeGroup, KeyframeMotion, Mesh, Motion, Reco
 use serde::Deserialize;
 
 use super::handle_selection::Groups;
-use super::problem::field;
-use super::problem::{parse_toml, read_text};
+use super::problem::{field, parse_toml, read_text};
 use super::recorded_csv::parse_recorded_csv;
 use super::spec::Setting;
-use crate::formats::file_error::Problem;
+use crate::formats::file_error::{FileError, Problem};
 use crate::formats::input::read_file;
 use crate::formats::npz::NpzPoints;
 use crate::rig::Rig;
@@ -97,31 +96,18 @@ impl RigMotion {
 
     /// The name of each handle's node.
     fn nodes_of(&self, stand: &Stand<'_>) -> Result<Vec<String>, Problem> {
-        let (groups, handles) = (stand.groups, stand.start.len());
-        let expected = if groups.is_empty() {
-            handles
-        } else {
-            groups.len()
+        let alone = |k: usize| (format!("handle_{k}"), k..k + 1);
+        let single: Groups = (0..stand.start.len()).map(alone).collect();
+        let (groups, what) = match stand.groups.is_empty() {
+            true => (&single, "handles"),
+            false => (stand.groups, "groups of handles"),
         };
-        let default = || match groups.as_slice() {
-            [] => (0..handles).map(|k| format!("handle_{k}")).collect(),
-            groups => groups.iter().map(|group| group.0.clone()).collect(),
-        };
+        let default = || groups.iter().map(|group| group.0.clone()).collect();
         let names: Vec<String> = self.nodes.clone().unwrap_or_else(default);
-        if names.len() != expected {
-            let what = if groups.is_empty() {
-                "handles"
-            } else {
-                "groups of handles"
-            };
-            let problem = format!(
-                "names {} nodes, but there are {expected} {what}",
-                names.len()
-            );
+        let (found, expected) = (names.len(), groups.len());
+        if found != expected {
+            let problem = format!("names {found} nodes, but there are {expected} {what}");
             return Err(field("motion.rig.nodes", problem));
-        }
-        if groups.is_empty() {
-            return Ok(names);
         }
         let of_group = |(name, group): (&String, &(String, Range<usize>))| {
             std::iter::repeat_n(name.clone(), group.1.len())
@@ -133,17 +119,16 @@ impl RigMotion {
 /// The motion in a file: CSV, or an archive with `positions` `[frames, handles, 3]` `[m]`. Where
 /// the archive has `handles`, as in an export, these vertices of `[frames, vertices, 3]` are taken;
 /// a rate in it must be that of the scene.
-fn read_recorded(path: &Path, frame_rate: f64) -> Result<RecordedMotion, String> {
+fn read_recorded(path: &Path, frame_rate: f64) -> Result<RecordedMotion, Problem> {
     if path
         .extension()
         .is_some_and(|e| e.eq_ignore_ascii_case("npz"))
     {
-        let bytes = read_file(path).map_err(|error| format!("could not be read: {error}"))?;
-        let read = NpzPoints::read(&bytes).map_err(|error| error.to_string())?;
+        let unread = |error| Problem(format!("could not be read: {error}"));
+        let read = NpzPoints::read(&read_file(path).map_err(unread)?)?;
         if let Some(found) = read.frame_rate.filter(|&found| found != frame_rate) {
-            return Err(format!(
-                "array fps: expected {frame_rate}, the frame rate of the scene, found {found}"
-            ));
+            let expected = format!("{frame_rate}, the frame rate of the scene");
+            return Err(Problem::array("fps", &expected, found));
         }
         let of_handles = |frame: Vec<DVec3>| match &read.handles {
             Some(handles) => handles.iter().map(|&h| frame[h as usize]).collect(),
@@ -152,8 +137,7 @@ fn read_recorded(path: &Path, frame_rate: f64) -> Result<RecordedMotion, String>
         let positions = read.frames.into_iter().map(of_handles).collect();
         return Ok(RecordedMotion { positions });
     }
-    let text = read_text(path).map_err(|error| error.to_string())?;
-    parse_recorded_csv(&text).map_err(|error| error.to_string())
+    parse_recorded_csv(&read_text(path)?)
 }
 
 /// Groups of handles that move rigidly from keyframe to keyframe; a group without moves stays.
@@ -235,16 +219,15 @@ impl MotionSource {
             Self::File(path) => {
                 let path = folder.join(path);
                 let motion = read_text(&path).and_then(|text| parse_toml(&text));
-                motion.map_err(|problem| {
-                    field("motion.file", format!("{}: {problem}", path.display()))
-                })
+                let motion = motion.map_err(FileError::at(&path));
+                motion.map_err(|error| field("motion.file", error))
             }
             Self::Recorded(path) => {
                 let path = folder.join(path);
                 let motion = read_recorded(&path, stand.frame_rate);
-                motion.map(Motion::Recorded).map_err(|problem| {
-                    field("motion.recorded", format!("{}: {problem}", path.display()))
-                })
+                let motion = motion.map_err(FileError::at(&path));
+                let motion = motion.map_err(|error| field("motion.recorded", error))?;
+                Ok(Motion::Recorded(motion))
             }
             Self::Rig(motion) => motion.resolve(folder, stand),
         }

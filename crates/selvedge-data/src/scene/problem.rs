@@ -1,35 +1,34 @@
-//! What is wrong with a scene, and the error that names it.
+//! What is wrong with a scene, in the words of the parts that found it.
 
 use std::path::Path;
 
-use selvedge_cloth::{HandleError, MeshError, SceneError};
+use selvedge_cloth::{HandleError, MeshError, SceneError, TopologyError};
 use serde::de::DeserializeOwned;
-use thiserror::Error;
 
-use crate::formats::file_error::Problem;
+use crate::formats::atomic::WriteError;
+use crate::formats::file_error::{FileError, Problem};
 use crate::formats::input;
-use crate::formats::polygons::ReadMeshError;
-
-/// A scene that cannot be used.
-#[derive(Debug, Error)]
-#[error("{origin}: {problem}")]
-pub struct SceneFileError {
-    /// The file, or the name of a shipped scene.
-    pub origin: String,
-    /// The problem.
-    pub problem: Problem,
-}
-
-impl SceneFileError {
-    /// A problem of what `origin` names, for `map_err`.
-    pub(crate) fn at(origin: impl Into<String>) -> impl FnOnce(Problem) -> Self {
-        let origin = origin.into();
-        |problem| Self { origin, problem }
-    }
-}
 
 impl From<SceneError> for Problem {
     fn from(error: SceneError) -> Self {
+        Self(error.to_string())
+    }
+}
+
+impl From<TopologyError> for Problem {
+    fn from(error: TopologyError) -> Self {
+        Self(error.to_string())
+    }
+}
+
+impl From<WriteError> for Problem {
+    fn from(error: WriteError) -> Self {
+        Self(error.to_string())
+    }
+}
+
+impl<E: std::error::Error> From<FileError<E>> for Problem {
+    fn from(error: FileError<E>) -> Self {
         Self(error.to_string())
     }
 }
@@ -43,12 +42,6 @@ impl From<HandleError> for Problem {
 impl From<MeshError> for Problem {
     fn from(error: MeshError) -> Self {
         field("mesh", error.to_string())
-    }
-}
-
-impl From<ReadMeshError> for Problem {
-    fn from(error: ReadMeshError) -> Self {
-        field("mesh.obj", error.to_string())
     }
 }
 

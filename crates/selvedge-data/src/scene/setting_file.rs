@@ -34,8 +34,8 @@ pub(crate) struct SettingFile {
     pub(crate) start: Option<StartFile>,
     pub(crate) dress: Option<String>,
     mesh: MeshFile,
-    #[serde(default)]
-    handles: HandleSelection,
+    /// None: the cloth is free.
+    handles: Option<HandleSelection>,
     material: MaterialSource,
     #[serde(default)]
     fabrics: BTreeMap<String, MaterialSource>,
@@ -143,7 +143,10 @@ impl SettingFile {
             vertices,
             groups,
             schedule,
-        } = self.handles.select(&read.sheet)?;
+        } = match self.handles {
+            Some(handles) => handles.select(&read.sheet)?,
+            None => Selected::default(),
+        };
         let setting = Setting {
             handles: vertices,
             schedule,

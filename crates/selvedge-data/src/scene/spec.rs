@@ -153,7 +153,7 @@ fn is_rest(start: &StartSpec) -> bool {
 /// Start of a run, resolved.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub enum StartSpec {
+pub enum StartSpec<State = StateSpec> {
     /// In the sagged rest pose.
     #[default]
     Rest,
@@ -164,26 +164,11 @@ pub enum StartSpec {
     /// Relaxed into its pattern from the vertices of the mesh, at rest.
     Fit,
     /// In a saved state.
-    State(StateSpec),
+    State(State),
 }
 
 /// Start of a run, as files have it.
-#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub(crate) enum StartFile {
-    #[default]
-    Rest,
-    Mesh,
-    Untangle,
-    Fit,
-    State {
-        /// Path of the file, relative to the scene's folder.
-        file: String,
-        frame: Option<usize>,
-        positions: Option<String>,
-        velocities: Option<String>,
-    },
-}
+pub(crate) type StartFile = StartSpec<StateChoice>;
 
 impl StartFile {
     /// Reads the state, if one is named, of a cloth of `vertices` that is run at `frame_rate`.
@@ -193,27 +178,15 @@ impl StartFile {
         vertices: usize,
         frame_rate: f64,
     ) -> Result<(StartSpec, Option<SavedState>), Problem> {
-        let (file, choice) = match self {
+        let mut choice = match self {
             Self::Rest => return Ok((StartSpec::Rest, None)),
             Self::Mesh => return Ok((StartSpec::Mesh, None)),
             Self::Untangle => return Ok((StartSpec::Untangle, None)),
             Self::Fit => return Ok((StartSpec::Fit, None)),
-            Self::State {
-                file,
-                frame,
-                positions,
-                velocities,
-            } => {
-                let choice = StateChoice {
-                    frame,
-                    positions,
-                    velocities,
-                    frame_rate: Some(frame_rate),
-                };
-                (file, choice)
-            }
+            Self::State(choice) => choice,
         };
-        let read = SavedState::read(folder, &file, &choice, vertices);
+        choice.frame_rate = Some(frame_rate);
+        let read = SavedState::read(folder, &choice, vertices);
         let (state, spec) = read.map_err(|error| field("start.state", error))?;
         Ok((StartSpec::State(spec), Some(state)))
     }

@@ -9,12 +9,8 @@ use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
 use glam::{Vec2, Vec3};
-use selvedge_cloth::{
-    Cloth, ClothArrays, HandleError, Handles, NumberedPattern, SceneError, Texture, Topology,
-    TopologyError,
-};
+use selvedge_cloth::{Cloth, ClothArrays, Handles, NumberedPattern, Texture, Topology};
 use serde_json::Value;
-use thiserror::Error;
 
 use crate::UpAxis;
 use crate::formats::arrays::ArrayFile;
@@ -23,9 +19,10 @@ use crate::formats::file_error::{FileError, Problem};
 use crate::formats::input::read_file;
 use crate::formats::tensor_file::{TensorOut, TensorValues, put_tensors, write_tensors};
 use crate::trajectory::obstacle_file;
-use crate::trajectory::{Provenance, Trajectory, TrajectoryError};
+use crate::trajectory::{Provenance, Trajectory};
 
-const FORMAT: &str = "selvedge-trajectory";
+/// The format that a trajectory file names in its metadata.
+pub const TRAJECTORY_FORMAT: &str = "selvedge-trajectory";
 /// Version of a cloth without seams, of a sewn one, of a cloth with obstacles, and of any whose
 /// texture is not its pattern. They are for readers of old; what a file has is told by its tensors.
 const VERSION: &str = "1";
@@ -49,53 +46,21 @@ const TENSORS: [&str; 7] = [
     "handles",
 ];
 
-/// A trajectory that could not be read from a file.
-pub type ReadTrajectoryError = FileError<TrajectoryFileError>;
-
-/// Bytes that are not a trajectory.
-#[derive(Debug, Error)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum TrajectoryFileError {
-    #[error("could not be read: {0}")]
-    Read(#[source] std::io::Error),
-    #[error("is not a trajectory: its metadata has no entry named {name}")]
-    MissingMetadata { name: &'static str },
-    #[error("metadata {name}: expected {expected}, found {found:?}")]
-    Metadata {
-        name: String,
-        expected: &'static str,
-        found: String,
-    },
-    #[error("has a tensor named {name}, which this version does not know")]
-    UnknownTensor { name: String },
-    #[error(transparent)]
-    Arrays(#[from] Problem),
-    #[error(transparent)]
-    Topology(#[from] TopologyError),
-    #[error(transparent)]
-    Handles(#[from] HandleError),
-    #[error(transparent)]
-    Cloth(#[from] SceneError),
-    #[error(transparent)]
-    Content(#[from] TrajectoryError),
-}
-
 impl Trajectory {
     /// Reads a trajectory file and checks all of it.
     ///
     /// # Errors
-    /// [`ReadTrajectoryError`] names the file, and what in it is missing or wrong.
-    pub fn read(path: &Path) -> Result<Self, ReadTrajectoryError> {
-        let bytes = read_file(path).map_err(TrajectoryFileError::Read);
-        let read = bytes.and_then(|bytes| Self::from_bytes(&bytes));
-        read.map_err(FileError::at(path))
+    /// [`FileError`] names the file, and what in it is missing or wrong.
+    pub fn read(path: &Path) -> Result<Self, FileError<Problem>> {
+        let bytes = read_file(path).map_err(FileError::unread(path))?;
+        Self::from_bytes(&bytes).map_err(FileError::at(path))
     }
 
     /// Reads a trajectory from the bytes of its file.
     ///
     /// # Errors
-    /// [`TrajectoryFileError`] names what is missing or wrong.
-    pub fn from_bytes(bytes: &[u8]) -> Result<Self, TrajectoryFileError> {
+    /// [`Problem`] names what is missing or wrong.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, Problem> {
         let (file, metadata) = ArrayFile::safetensors(bytes)?;
         let provenance = read_provenance(&metadata)?;
         let obstacles = obstacle_file::names_in(&metadata)?;
@@ -105,21 +70,23 @@ impl Trajectory {
                 || obstacle_file::is_tensor(name, obstacles.len())
         };
         if let Some(unknown) = file.names().into_iter().find(|name| !is_known(name)) {
-            return Err(TrajectoryFileError::UnknownTensor { name: unknown });
+            return Err(Problem(format!(
+                "has a tensor named {unknown}, which this version does not know"
+            )));
         }
         let (mut cloth, positions) = read_cloth(&file, UpAxis::Y)?;
         if file.has(TEXTURE) {
             cloth = cloth.with_texture(read_texture(&file)?)?;
         }
         let read = Self::new(cloth, positions, provenance)?;
-        Ok(read.with_obstacles(obstacle_file::read(&file, &obstacles)?)?)
+        read.with_obstacles(obstacle_file::read(&file, &obstacles)?)
     }
 
     /// Reads a trajectory from the bytes of an exported archive (.npz); it has no scene.
     ///
     /// # Errors
-    /// [`TrajectoryFileError`] names the array that is missing or wrong.
-    pub fn from_npz(bytes: &[u8]) -> Result<Self, TrajectoryFileError> {
+    /// [`Problem`] names the array that is missing or wrong.
+    pub fn from_npz(bytes: &[u8]) -> Result<Self, Problem> {
         let file = ArrayFile::npz(bytes)?;
         let up = file.up_axis()?;
         let (cloth, positions) = read_cloth(&file, up)?;
@@ -128,7 +95,7 @@ impl Trajectory {
             scene: Value::Null,
             made_by: "an archive of NumPy's".to_owned(),
         };
-        Ok(Self::new(cloth, positions, provenance)?)
+        Self::new(cloth, positions, provenance)
     }
 
     /// Writes the trajectory file, all or nothing.
@@ -162,7 +129,7 @@ impl Trajectory {
             (true, true) => SEWN_VERSION,
             (true, false) => VERSION,
         };
-        let mut metadata = self.provenance().metadata(FORMAT, version);
+        let mut metadata = self.provenance().metadata(TRAJECTORY_FORMAT, version);
         metadata.extend(obstacle_file::metadata(self.obstacles()));
         put(&tensors, &metadata)
     }
@@ -181,19 +148,15 @@ impl Provenance {
     }
 }
 
-fn read_provenance(metadata: &HashMap<String, String>) -> Result<Provenance, TrajectoryFileError> {
+fn read_provenance(metadata: &HashMap<String, String>) -> Result<Provenance, Problem> {
     let entry = |name| {
         let found = metadata.get(name).map(String::as_str);
-        found.ok_or(TrajectoryFileError::MissingMetadata { name })
-    };
-    let wrong = |name: &str, expected, found: &str| TrajectoryFileError::Metadata {
-        name: name.to_owned(),
-        expected,
-        found: found.to_owned(),
+        let none = || format!("is not a trajectory: its metadata has no entry named {name}");
+        found.ok_or_else(|| Problem(none()))
     };
     let format = entry("format")?;
-    if format != FORMAT {
-        return Err(wrong("format", FORMAT, format));
+    if format != TRAJECTORY_FORMAT {
+        return Err(wrong("format", TRAJECTORY_FORMAT, format));
     }
     let version = entry("version")?;
     if ![VERSION, SEWN_VERSION, OBSTACLE_VERSION, TEXTURE_VERSION].contains(&version) {
@@ -216,8 +179,15 @@ fn read_provenance(metadata: &HashMap<String, String>) -> Result<Provenance, Tra
     })
 }
 
+/// The error that an entry of the metadata is not as `expected`.
+pub(super) fn wrong(name: &str, expected: &str, found: &str) -> Problem {
+    Problem(format!(
+        "metadata {name}: expected {expected}, found {found:?}"
+    ))
+}
+
 /// The cloth of a file whose world has this axis up, and its positions `[frames * vertices]`.
-fn read_cloth(file: &ArrayFile<'_>, up: UpAxis) -> Result<(Cloth, Vec<Vec3>), TrajectoryFileError> {
+fn read_cloth(file: &ArrayFile<'_>, up: UpAxis) -> Result<(Cloth, Vec<Vec3>), Problem> {
     let is_sewn = file.has(PATTERN_FACES);
     let points = |values: &[f32]| {
         let ours = |p| up.to_ours(Vec3::from_slice(p).as_dvec3()).as_vec3();
@@ -255,7 +225,7 @@ fn read_cloth(file: &ArrayFile<'_>, up: UpAxis) -> Result<(Cloth, Vec<Vec3>), Tr
 }
 
 /// The texture coordinates of a file in which they are not those of the pattern.
-fn read_texture(file: &ArrayFile<'_>) -> Result<Texture, TrajectoryFileError> {
+fn read_texture(file: &ArrayFile<'_>) -> Result<Texture, Problem> {
     let points = file.singles(TEXTURE)?.of_shape(&[None, Some(2)])?.values;
     if points.is_empty() {
         return Ok(Texture::None);

@@ -20,8 +20,8 @@ pub(crate) mod test_square;
 use glam::Vec3;
 use selvedge_cloth::{Cloth, Handles, Topology};
 use serde_json::Value;
-use thiserror::Error;
 
+use crate::formats::file_error::Problem;
 use crate::trajectory::frames::Frames;
 use crate::trajectory::obstacles::ObstacleTrack;
 
@@ -47,38 +47,33 @@ pub struct Trajectory {
     obstacles: Vec<ObstacleTrack>,
 }
 
-/// Arrays that do not make a trajectory.
-#[derive(Clone, Debug, Error, PartialEq)]
-#[error("{0}")]
-pub struct TrajectoryError(String);
-
 impl Trajectory {
     /// Makes a trajectory of `positions` `[m]`, `[frames * vertices]`, one frame after another.
     ///
     /// # Errors
-    /// [`TrajectoryError`] names the first array, frame and vertex that cannot be used.
+    /// [`Problem`] names the first array, frame and vertex that cannot be used.
     pub fn new(
         cloth: Cloth,
         positions: Vec<Vec3>,
         provenance: Provenance,
-    ) -> Result<Self, TrajectoryError> {
+    ) -> Result<Self, Problem> {
         let vertices = cloth.vertex_count();
         if positions.is_empty() || !positions.len().is_multiple_of(vertices) {
             let found = positions.len();
-            return Err(TrajectoryError(format!(
+            return Err(Problem(format!(
                 "positions have {found} entries, which is no whole number of frames of {vertices} vertices"
             )));
         }
         if let Some(bad) = positions.iter().position(|p| !p.is_finite()) {
             let (frame, vertex) = (bad / vertices, bad % vertices);
-            return Err(TrajectoryError(format!(
+            return Err(Problem(format!(
                 "frame {frame}: the position of vertex {vertex} is not finite: {}",
                 positions[bad]
             )));
         }
         let frame_rate = provenance.frame_rate;
         if !(frame_rate.is_finite() && frame_rate > 0.0) {
-            return Err(TrajectoryError(format!(
+            return Err(Problem(format!(
                 "the frame rate must be finite and positive, found {frame_rate}"
             )));
         }
@@ -93,11 +88,8 @@ impl Trajectory {
     /// Returns the same trajectory with these obstacles beside the cloth.
     ///
     /// # Errors
-    /// [`TrajectoryError`] names one that does not fit.
-    pub fn with_obstacles(
-        mut self,
-        obstacles: Vec<ObstacleTrack>,
-    ) -> Result<Self, TrajectoryError> {
+    /// [`Problem`] names one that does not fit.
+    pub fn with_obstacles(mut self, obstacles: Vec<ObstacleTrack>) -> Result<Self, Problem> {
         for obstacle in &obstacles {
             obstacle.check(self.frame_count())?;
         }

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 
 use glam::{Quat, Vec3};
 
-use super::file::{TrajectoryFileError, flat3};
+use super::file::{flat3, wrong};
 use super::obstacles::{ObstacleTrack, Pose, TrackMotion};
 use crate::formats::arrays::ArrayFile;
 use crate::formats::file_error::Problem;
@@ -24,7 +24,7 @@ pub(super) fn tensors(obstacles: &[ObstacleTrack]) -> Vec<TensorOut<'_>> {
         };
         let faces = TensorValues::U32(obstacle.faces.as_flattened().into());
         add("faces", &[obstacle.faces.len(), 3], faces);
-        let count = obstacle.points;
+        let count = obstacle.point_count();
         match &obstacle.motion {
             TrackMotion::Points(frames) => {
                 add("points", &[frames.len(), count, 3], flat3(&frames.concat()));
@@ -55,17 +55,11 @@ fn title(number: usize, part: &str) -> String {
 }
 
 /// The names of the obstacles of a file.
-pub(super) fn names_in(
-    metadata: &HashMap<String, String>,
-) -> Result<Vec<String>, TrajectoryFileError> {
+pub(super) fn names_in(metadata: &HashMap<String, String>) -> Result<Vec<String>, Problem> {
     let Some(text) = metadata.get(METADATA) else {
         return Ok(Vec::new());
     };
-    serde_json::from_str(text).map_err(|_| TrajectoryFileError::Metadata {
-        name: METADATA.to_owned(),
-        expected: "a JSON list of names",
-        found: text.clone(),
-    })
+    serde_json::from_str(text).map_err(|_| wrong(METADATA, "a JSON list of names", text))
 }
 
 /// Returns true for the name of a tensor of one of `count` obstacles.
@@ -112,7 +106,6 @@ fn read_one(file: &ArrayFile<'_>, number: usize, name: &str) -> Result<ObstacleT
     Ok(ObstacleTrack {
         name: name.to_owned(),
         faces: faces.values.as_chunks::<3>().0.to_vec(),
-        points: count,
         motion,
     })
 }

@@ -3,16 +3,15 @@
 use std::borrow::Cow;
 
 use glam::{DVec3, Quat, Vec3};
-use selvedge_cloth::{Obstacle, ObstaclePath, RigidKey};
+use selvedge_cloth::{Obstacle, ObstaclePath};
 
-use super::TrajectoryError;
+use crate::formats::file_error::Problem;
 
 /// A body over the frames of a trajectory. Positions are in metres.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ObstacleTrack {
     pub(super) name: String,
     pub(super) faces: Vec<[u32; 3]>,
-    pub(super) points: usize,
     pub(super) motion: TrackMotion,
 }
 
@@ -27,9 +26,9 @@ pub(super) enum TrackMotion {
 
 /// A place of a rigid body.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Pose {
-    pub(super) rotation: Quat,
-    pub(super) translation: Vec3,
+pub(crate) struct Pose {
+    pub(crate) rotation: Quat,
+    pub(crate) translation: Vec3,
 }
 
 impl Pose {
@@ -49,13 +48,25 @@ impl ObstacleTrack {
         let at = |time: f64| rounded(obstacle.positions_at(time));
         let motion = match obstacle.path() {
             _ if obstacle.is_still() => TrackMotion::Points(vec![at(0.0)]),
-            ObstaclePath::Rigid(keys) => Self::rigid(obstacle, &keys[0], &time, frames),
+            ObstaclePath::Rigid(keys) => {
+                let start = &keys[0];
+                // Where the first key holds, its inverse brings the points back to the body's own.
+                let own = |p: DVec3| start.rotation.inverse() * (p - start.translation);
+                let points = rounded(obstacle.positions_at(start.time).map(own));
+                let pose = |frame: usize| {
+                    let (rotation, translation) = obstacle.rigid_place(time(frame));
+                    Pose {
+                        rotation: rotation.as_quat(),
+                        translation: translation.as_vec3(),
+                    }
+                };
+                TrackMotion::Rigid(points, (0..frames).map(pose).collect())
+            }
             _ => TrackMotion::Points((0..frames).map(|frame| at(time(frame))).collect()),
         };
         Self {
             name: obstacle.name().to_owned(),
             faces: obstacle.faces().to_vec(),
-            points: obstacle.point_count(),
             motion,
         }
     }
@@ -73,29 +84,8 @@ impl ObstacleTrack {
         Self {
             name,
             faces,
-            points: frames[0].len(),
             motion: TrackMotion::Points(frames),
         }
-    }
-
-    /// Poses of a rigid body against its own points, which are those of its path.
-    fn rigid(
-        obstacle: &Obstacle,
-        start: &RigidKey,
-        time: &dyn Fn(usize) -> f64,
-        frames: usize,
-    ) -> TrackMotion {
-        // Where the first key holds, its inverse brings the points back to the body's own.
-        let own = |p: DVec3| start.rotation.inverse() * (p - start.translation);
-        let points = rounded(obstacle.positions_at(start.time).map(own));
-        let pose = |frame: usize| {
-            let (rotation, translation) = obstacle.rigid_place(time(frame));
-            Pose {
-                rotation: rotation.as_quat(),
-                translation: translation.as_vec3(),
-            }
-        };
-        TrackMotion::Rigid(points, (0..frames).map(pose).collect())
     }
 
     /// Name of the obstacle.
@@ -113,7 +103,10 @@ impl ObstacleTrack {
     /// Number of points.
     #[must_use]
     pub fn point_count(&self) -> usize {
-        self.points
+        match &self.motion {
+            TrackMotion::Rigid(points, _) => points.len(),
+            TrackMotion::Points(frames) => frames.first().map_or(0, Vec::len),
+        }
     }
 
     /// Returns true if it never moves.
@@ -135,58 +128,44 @@ impl ObstacleTrack {
         }
     }
 
-    /// Points of a rigid body that moves, before it is placed `[m]`.
-    pub(crate) fn rigid_points(&self) -> Option<&[Vec3]> {
+    /// Points of a rigid body that moves, before it is placed `[m]`, and its place in every frame.
+    pub(crate) fn rigid(&self) -> Option<(&[Vec3], &[Pose])> {
         match &self.motion {
-            TrackMotion::Rigid(points, _) => Some(points),
-            TrackMotion::Points(_) => None,
-        }
-    }
-
-    /// Rotation and translation `[m]` of a rigid body that moves, in frame `index`.
-    pub(crate) fn pose(&self, index: usize) -> Option<(Quat, Vec3)> {
-        match &self.motion {
-            TrackMotion::Rigid(_, poses) => {
-                let pose = poses[index.min(poses.len() - 1)];
-                Some((pose.rotation.normalize(), pose.translation))
-            }
+            TrackMotion::Rigid(points, poses) => Some((points, poses)),
             TrackMotion::Points(_) => None,
         }
     }
 
     /// Checks that it has `frames` frames, finite, of the same points, which the faces name.
-    pub(super) fn check(&self, frames: usize) -> Result<(), TrajectoryError> {
+    pub(super) fn check(&self, frames: usize) -> Result<(), Problem> {
         let name = &self.name;
-        let wrong = |problem: String| TrajectoryError(format!("obstacle {name:?}: {problem}"));
+        let wrong = |problem: String| Problem(format!("obstacle {name:?}: {problem}"));
         let is_sound = |pose: &Pose| {
             let length = pose.rotation.length();
             pose.translation.is_finite() && (length - 1.0).abs() < 1e-3
         };
         let all_finite = |points: &Vec<Vec3>| points.iter().all(|p| p.is_finite());
-        let (found, counts, is_finite): (usize, Vec<usize>, bool) = match &self.motion {
-            TrackMotion::Points(frames) => (
-                frames.len(),
-                frames.iter().map(Vec::len).collect(),
-                frames.iter().all(all_finite),
-            ),
-            TrackMotion::Rigid(points, poses) => (
-                poses.len(),
-                vec![points.len()],
-                all_finite(points) && poses.iter().all(is_sound),
-            ),
+        let points = self.point_count();
+        let (found, is_finite) = match &self.motion {
+            TrackMotion::Points(frames) => (frames.len(), frames.iter().all(all_finite)),
+            TrackMotion::Rigid(points, poses) => {
+                let is_finite = all_finite(points) && poses.iter().all(is_sound);
+                (poses.len(), is_finite)
+            }
         };
         if found != frames && !self.is_still() {
             return Err(wrong(format!("has {found} frames, the cloth has {frames}")));
         }
         let corners = self.faces.as_flattened().iter();
-        if let Some(beyond) = corners.copied().find(|&p| p as usize >= self.points) {
-            let points = self.points;
+        if let Some(beyond) = corners.copied().find(|&p| p as usize >= points) {
             return Err(wrong(format!("a face names point {beyond} of {points}")));
         }
-        if let Some(found) = counts.into_iter().find(|&found| found != self.points) {
-            let points = self.points;
+        if let TrackMotion::Points(frames) = &self.motion
+            && let Some(other) = frames.iter().find(|frame| frame.len() != points)
+        {
+            let found = other.len();
             return Err(wrong(format!(
-                "has {found} points in a frame, and {points} in all"
+                "has {found} points in a frame, and {points} in the first"
             )));
         }
         match is_finite {

@@ -109,11 +109,6 @@ impl Playback {
     pub fn trajectory(&self) -> &Trajectory {
         &self.trajectory
     }
-
-    /// Goes back to frame 0.
-    pub fn rewind(&mut self) {
-        self.frame = 0;
-    }
 }
 
 impl Stepper for Playback {

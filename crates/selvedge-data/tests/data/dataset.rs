@@ -186,8 +186,7 @@ fn an_index_that_is_wrong_is_an_error_that_says_where() {
         "sections" | "section" | unknown field `section`
         "end": 9 | "end": 10 | frames 0..10 of training trajectory 1
         "trajectory": 1 | "trajectory": 2 | trajectory 2 do not exist
-        train/b.safetensors | ../b.safetensors | not inside
-        train/b.safetensors | train/c.safetensors | is missing
+        train/b.safetensors | ../b.safetensors | file "../b.safetensors" is not that of motion "b"
         train/b.safetensors | train/a.safetensors | file "train/a.safetensors" is not that of motion "b"
         "motion": "b" | "motion": "../../evil" | motion "../../evil" is no name
         "motion": "b" | "motion": "a" | motion "a" is twice in one split

@@ -33,24 +33,17 @@ fn trajectory(frames: usize) -> Trajectory {
     Trajectory::new(cloth(), positions, provenance()).unwrap()
 }
 
-fn bytes_of(trajectory: &Trajectory) -> Vec<u8> {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("t.safetensors");
-    trajectory.write(&path).unwrap();
-    std::fs::read(&path).unwrap()
-}
-
 #[test]
 fn equal_trajectories_make_equal_bytes_and_the_data_are_aligned() {
-    let bytes = bytes_of(&trajectory(3));
-    assert_eq!(bytes, bytes_of(&trajectory(3)));
+    let bytes = trajectory(3).to_bytes();
+    assert_eq!(bytes, trajectory(3).to_bytes());
     let header = u64::from_le_bytes(bytes[..8].try_into().unwrap());
     assert_eq!(header % 8, 0);
 }
 
 #[test]
 fn a_file_cut_anywhere_is_an_error() {
-    let bytes = bytes_of(&trajectory(2));
+    let bytes = trajectory(2).to_bytes();
     for length in 0..bytes.len() {
         let cut = Trajectory::from_bytes(&bytes[..length]);
         assert!(cut.is_err(), "{length}");
@@ -62,7 +55,7 @@ fn a_file_cut_anywhere_is_an_error() {
 
 #[test]
 fn errors_name_the_file_and_what_is_wrong() {
-    let bytes = bytes_of(&trajectory(2));
+    let bytes = trajectory(2).to_bytes();
     let swap = |from: &str, to: &str| {
         let edited = with_header(&bytes, |header| {
             assert!(header.contains(from), "{from} is not in {header}");
@@ -92,7 +85,7 @@ fn a_position_that_is_not_finite_is_named() {
     positions[2 * 4 + 1].y = f32::NAN;
     let error = Trajectory::new(cloth(), positions, provenance());
     says(error.unwrap_err(), &["frame 2: the position of vertex 1"]);
-    let bytes = bytes_of(&trajectory(2));
+    let bytes = trajectory(2).to_bytes();
     let needle = 0.7_f32.to_le_bytes();
     let at = bytes.windows(4).position(|w| w == needle).unwrap();
     let mut broken = bytes;
@@ -118,7 +111,6 @@ fn a_playback_conforms() {
 #[test]
 fn recording_a_playback_gives_the_trajectory_back() {
     let original = trajectory(5);
-    let mut playback = Playback::new(original.clone());
     let start = original.handles().select(original.frame(0));
     let start: Vec<_> = start.iter().map(|p| p.as_dvec3()).collect();
     let path = Motion::still(1.0).bind(&start, 60.0).unwrap();
@@ -127,11 +119,10 @@ fn recording_a_playback_gives_the_trajectory_back() {
         samples_per_frame: 1,
     };
     // Records this many frames, or until one.
-    let mut seen = Vec::new();
-    let mut go = |playback: &mut Playback, frames: usize, last: usize| {
-        playback.rewind();
-        seen.clear();
-        let recording = record(playback, drive, frames, &mut |playback| {
+    let go = |frames: usize, last: usize| {
+        let mut playback = Playback::new(original.clone());
+        let mut seen = Vec::new();
+        let recording = record(&mut playback, drive, frames, &mut |playback| {
             seen.push(playback.frame());
             if playback.frame() == last {
                 ControlFlow::Break(())
@@ -139,26 +130,26 @@ fn recording_a_playback_gives_the_trajectory_back() {
                 ControlFlow::Continue(())
             }
         });
-        (recording, seen.clone())
+        (recording, seen)
     };
-    let (recording, seen) = go(&mut playback, 4, 9);
+    let (recording, seen) = go(4, 9);
     assert_eq!(recording.end, RecordingEnd::Complete);
     assert_eq!(recording.positions, original.positions());
     assert_eq!(seen, [1, 2, 3, 4]);
     // However many frames are asked for, memory is taken as they come.
     for (frames, last) in [(4, 2), (usize::MAX, 1)] {
-        let (stopped, _) = go(&mut playback, frames, last);
+        let (stopped, _) = go(frames, last);
         assert_eq!(stopped.end, RecordingEnd::Stopped);
         let expected = &original.positions()[..(last + 1) * 4];
         assert_eq!(stopped.positions, expected);
     }
-    let (failed, _) = go(&mut playback, 9, 9);
+    let (failed, _) = go(9, 9);
     assert_eq!(failed.positions, original.positions());
     let (frame, frames) = (5, 5);
     let end = StepError::EndOfRecording { frame, frames };
     assert_eq!(failed.end, RecordingEnd::Failed(end));
 
-    playback.rewind();
+    let mut playback = Playback::new(original);
     let none = HandleTargets::at_frame_end(Vec::new()).unwrap();
     assert!(playback.step(&none).is_err());
     assert_eq!(playback.frame(), 0);
@@ -176,7 +167,7 @@ proptest! {
         let positions = values.iter().flat_map(|&v| [Vec3::from(v); 4]).collect();
         let provenance = Provenance { frame_rate, made_by, ..provenance() };
         let original = Trajectory::new(cloth(), positions, provenance).unwrap();
-        let read = Trajectory::from_bytes(&bytes_of(&original)).unwrap();
+        let read = Trajectory::from_bytes(&original.to_bytes()).unwrap();
         prop_assert_eq!(read, original);
     }
 
@@ -187,7 +178,7 @@ proptest! {
 
     #[test]
     fn a_damaged_file_never_panics(at in any::<prop::sample::Index>(), byte in any::<u8>()) {
-        let mut bytes = bytes_of(&trajectory(2));
+        let mut bytes = trajectory(2).to_bytes();
         let at = at.index(bytes.len());
         bytes[at] = byte;
         // A damaged number may still be a valid one: only that it returns is asserted.

@@ -7,7 +7,7 @@ use anyhow::Result;
 use selvedge_cloth::generate::{NamedSheet, named_sheets};
 use selvedge_cloth::{Cloth, Integrator, Motion, PhysicsSettings, RandomMotion};
 use selvedge_data::{
-    Dataset, Entry, LoadedScene, NamedCloth, SavedState, SceneFileError, SceneSpec, Split,
+    Dataset, Entry, FileError, LoadedScene, NamedCloth, Problem, SavedState, SceneSpec, Split,
 };
 use serde_json::Value;
 
@@ -93,7 +93,7 @@ impl Case {
         materials: &[String],
         motions: &[String],
         reference: &PhysicsMethod,
-    ) -> Result<Vec<Self>, SceneFileError> {
+    ) -> Result<Vec<Self>> {
         let mut named: Vec<(String, LoadedScene)> = Vec::new();
         for scene in scenes {
             named.push((scene.spec.name.clone(), fixed(scene)));
@@ -191,8 +191,8 @@ fn fixed(loaded: &LoadedScene) -> LoadedScene {
 fn varied(
     scenes: Vec<(String, LoadedScene)>,
     names: &[String],
-    change: fn(LoadedScene, &str) -> Result<LoadedScene, SceneFileError>,
-) -> Result<Vec<(String, LoadedScene)>, SceneFileError> {
+    change: fn(LoadedScene, &str) -> Result<LoadedScene, FileError<Problem>>,
+) -> Result<Vec<(String, LoadedScene)>> {
     if names.is_empty() {
         return Ok(scenes);
     }

@@ -3,7 +3,6 @@
 use glam::{DVec2, DVec3};
 use selvedge_cloth::geometry::dihedral_angle;
 use selvedge_cloth::{Cloth, Topology};
-use selvedge_data::metrics;
 use serde::{Deserialize, Serialize};
 
 /// How the measures of the frames of a run become one.
@@ -141,7 +140,7 @@ impl<'a> Gauge<'a> {
     pub(super) fn of(cloth: &'a Cloth) -> Self {
         Self {
             topology: cloth.topology(),
-            material_length: metrics::material_edge_lengths(cloth),
+            material_length: cloth.pattern().edge_lengths(),
         }
     }
 

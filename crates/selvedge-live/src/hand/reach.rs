@@ -4,7 +4,6 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 use selvedge_cloth::{Cloth, Handles};
-use selvedge_data::metrics::material_edge_lengths;
 
 /// Distance over the way along the edges: cloth gives so much, and then resists.
 const GIVES: f64 = 1.1;
@@ -61,7 +60,7 @@ struct Ways {
 impl Ways {
     fn of(cloth: &Cloth) -> Self {
         let mut neighbours = vec![Vec::new(); cloth.vertex_count()];
-        let lengths = material_edge_lengths(cloth);
+        let lengths = cloth.pattern().edge_lengths();
         for (edge, length) in cloth.topology().edges().iter().zip(lengths) {
             let [a, b] = edge.vertices.map(|v| v.index());
             neighbours[a].push((b, length));

@@ -1,7 +1,7 @@
 //! All that a run needs to go on bit for bit.
 
 use glam::DVec3;
-use selvedge_cloth::{ContactMemory, Scene, VertexId};
+use selvedge_cloth::{ContactMemory, PreviousSubstep, Scene, VertexId};
 
 use super::Simulator;
 use super::error::SimulatorError;
@@ -27,17 +27,6 @@ pub struct Checkpoint {
     pub contact: Option<ContactMemory>,
     /// Distances of the first obstacles from their own paths `[m]`; the others stay where they are.
     pub obstacles: Vec<DVec3>,
-}
-
-/// The state of a cloth one substep ago.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PreviousSubstep {
-    /// Positions `[m]`, `[vertices]`.
-    pub positions: Vec<DVec3>,
-    /// Velocities `[m/s]`, `[vertices]`.
-    pub velocities: Vec<DVec3>,
-    /// Length of the substep that led from there `[s]`.
-    pub seconds: f64,
 }
 
 impl Checkpoint {

@@ -3,7 +3,7 @@
 
 use std::time::Instant;
 
-use selvedge_data::{DatasetParts, DatasetPreset, Merged};
+use selvedge_data::{DatasetParts, DatasetPreset};
 use selvedge_lab::generation::{self, Order};
 use serde_json::json;
 
@@ -99,14 +99,14 @@ pub(crate) fn merge(args: &MergeArgs) -> anyhow::Result<Answer> {
     let mut facts = Facts::new();
     facts.add("data set", parts.name());
     facts.add("parts", args.parts.len());
-    facts.add("trajectories", parts.len());
+    facts.add("trajectories", parts.trajectory_count());
     let (samples, end) = match &merged {
-        Merged::Complete(dataset) => {
+        Some(dataset) => {
             let samples = dataset.index().statistics.samples;
             facts.add("samples", samples);
             (samples, End::Complete)
         }
-        Merged::Stopped => {
+        None => {
             facts.add("interrupted", "run the same command again");
             (0, End::Interrupted)
         }
@@ -116,7 +116,7 @@ pub(crate) fn merge(args: &MergeArgs) -> anyhow::Result<Answer> {
         "name": parts.name(),
         "out": args.output,
         "parts": args.parts.len(),
-        "trajectories": parts.len(),
+        "trajectories": parts.trajectory_count(),
         "samples": samples,
         "interrupted": end == End::Interrupted,
     });

@@ -100,7 +100,7 @@ fn write(
 
 /// Checks that no edge is strained beyond what cloth can.
 fn check_strain(trajectory: &Trajectory, bound: f64) -> anyhow::Result<()> {
-    let lengths = metrics::material_edge_lengths(trajectory.cloth());
+    let lengths = trajectory.cloth().pattern().edge_lengths();
     let topology = trajectory.topology();
     let strains = metrics::largest_strain(trajectory.frames(), topology, &lengths)?;
     let beyond = strains.iter().position(|strain| *strain > bound);

@@ -164,12 +164,7 @@ fn cases(args: &EvalArgs, opened: &[LoadedScene]) -> anyhow::Result<Vec<Case>> {
     let materials = expanded(&args.materials, "all", shipped.collect());
     let motions = expanded(&args.motions, "test", named::test());
     let motions = expanded(&motions, "unseen", named::unseen());
-    Ok(Case::converged(
-        opened,
-        &materials,
-        &motions,
-        &args.reference,
-    )?)
+    Case::converged(opened, &materials, &motions, &args.reference)
 }
 
 /// `names` with `word` replaced by what it stands for.

@@ -223,13 +223,13 @@ fn choose_start(loaded: &mut LoadedScene, start: Option<&StartChoice>) -> anyhow
         Some(StartChoice::Fit) => (StartSpec::Fit, None),
         Some(StartChoice::State(path, frame)) => {
             let choice = StateChoice {
+                file: path.to_string_lossy().into_owned(),
                 frame: *frame,
                 frame_rate: Some(loaded.scene.frame_rate),
                 ..StateChoice::default()
             };
             let vertices = loaded.scene.mesh.topology().vertex_count();
-            let path = path.to_string_lossy();
-            let (state, spec) = SavedState::read(Path::new(""), &path, &choice, vertices)?;
+            let (state, spec) = SavedState::read(Path::new(""), &choice, vertices)?;
             (StartSpec::State(spec), Some(state))
         }
     };

@@ -6,7 +6,7 @@ use serde_json::Value;
 
 /// Largest strain of each frame of a run, by the metrics of trajectories.
 fn strains(run: &Trajectory) -> Vec<f64> {
-    let lengths = metrics::material_edge_lengths(run.cloth());
+    let lengths = run.cloth().pattern().edge_lengths();
     metrics::largest_strain(run.frames(), run.topology(), &lengths).unwrap()
 }
 

@@ -23,12 +23,11 @@ const SWING: &str = r#"{
 fn state(frame: usize) -> SavedState {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/arcsim");
     let choice = StateChoice {
+        file: "states.npz".to_owned(),
         frame: Some(frame),
         ..StateChoice::default()
     };
-    SavedState::read(&folder, "states.npz", &choice, 1024)
-        .unwrap()
-        .0
+    SavedState::read(&folder, &choice, 1024).unwrap().0
 }
 
 #[test]

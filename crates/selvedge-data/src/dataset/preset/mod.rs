@@ -11,10 +11,10 @@ use self::cloths::{ClothFile, MeshesFile, Other, all_of};
 use crate::dataset::Split;
 use crate::dataset::plan::DatasetPlan;
 use crate::dataset::sections::{Section, SectionRule};
-use crate::formats::file_error::Problem;
+use crate::formats::file_error::{FileError, Problem};
 use crate::scene::{
-    LoadedScene, MeshSpec, MotionSource, ResolvedSetting, SceneFileError, SceneSpec, Setting,
-    SettingFile, Stand, StartSpec, field, not_understood, parse_toml, read_text, unknown,
+    LoadedScene, MeshSpec, MotionSource, ResolvedSetting, SceneSpec, Setting, SettingFile, Stand,
+    StartSpec, field, not_understood, parse_toml, read_text, unknown,
 };
 use selvedge_assets::DATASETS as PRESETS;
 use selvedge_cloth::motion::named;
@@ -188,8 +188,8 @@ impl DatasetPreset {
     /// Opens a preset by the path of its file or by the name of a shipped one.
     ///
     /// # Errors
-    /// [`SceneFileError`] names the preset, the field and what is wrong.
-    pub fn open(path_or_name: &str) -> Result<Self, SceneFileError> {
+    /// [`FileError`] names the preset, the field and what is wrong.
+    pub fn open(path_or_name: &str) -> Result<Self, FileError<Problem>> {
         let path = Path::new(path_or_name);
         let shipped = PRESETS.iter().find(|preset| preset.0 == path_or_name);
         let result = match shipped {
@@ -200,7 +200,7 @@ impl DatasetPreset {
             }),
             None => Err(unknown("preset", PRESETS)),
         };
-        result.map_err(SceneFileError::at(path_or_name))
+        result.map_err(FileError::at(path))
     }
 
     /// Reads a preset from the text of its file; paths in it are relative to `folder`.

@@ -3,6 +3,8 @@
 
 use std::io;
 
+use indexmap::IndexSet;
+
 use super::super::take::Take;
 use crate::formats::ogawa::{NO_DATA, NO_GROUP, OgawaOut, Sink};
 
@@ -14,50 +16,27 @@ const LIBRARY: i32 = 10_803;
 pub(super) struct Archive<'a> {
     out: OgawaOut<'a>,
     /// Metadata of properties and objects, numbered from 1.
-    metadata: Vec<&'static str>,
+    metadata: IndexSet<&'static str>,
 }
 
-/// An object that was written: its header, and what the group above has of it.
+/// An object or a property that was written: its header, and what the group above has of it.
 #[derive(Debug)]
-pub(super) struct Object {
+pub(super) struct Written {
     header: Vec<u8>,
     group: u64,
 }
 
-/// Times of the samples, and what the archive says of itself.
-pub(super) struct Sampling {
-    samples: usize,
-    /// Time from one sample to the next `[s]`.
-    step: f64,
-    rate: f64,
-    made_by: String,
-}
-
-impl Sampling {
-    pub(super) fn of(take: &Take<'_>) -> Self {
-        let rate = take.trajectory.frame_rate();
-        let made_by = take.trajectory.provenance().made_by.chars();
-        // These separate metadata.
-        let is_plain = |c: &char| !c.is_control() && *c != ';' && *c != '=';
-        Self {
-            samples: take.len(),
-            step: take.every as f64 / rate,
-            rate,
-            made_by: made_by.filter(is_plain).collect(),
-        }
+/// Sampling 0, of what never changes, and sampling 1, of the frames taken.
+fn samplings(take: &Take<'_>) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let step = take.every as f64 / take.trajectory.frame_rate();
+    for (samples, step) in [(1, 1.0), (take.len() as u32, step)] {
+        bytes.extend(samples.to_le_bytes());
+        bytes.extend(f64::to_le_bytes(step));
+        bytes.extend(1_u32.to_le_bytes());
+        bytes.extend(0_f64.to_le_bytes());
     }
-
-    /// Sampling 0, of what never changes, and sampling 1.
-    fn to_bytes(&self) -> Vec<u8> {
-        let mut bytes = Vec::new();
-        for (samples, step) in [(1, 1.0), (self.samples as u32, self.step)] {
-            bytes.extend(samples.to_le_bytes());
-            bytes.extend(f64::to_le_bytes(step));
-            bytes.extend(1_u32.to_le_bytes());
-            bytes.extend(0_f64.to_le_bytes());
-        }
-        bytes
-    }
+    bytes
 }
 
 impl<'a> Archive<'a> {
@@ -65,7 +44,7 @@ impl<'a> Archive<'a> {
     pub(super) fn new(out: &'a mut dyn Sink) -> io::Result<Self> {
         Ok(Self {
             out: OgawaOut::new(out)?,
-            metadata: Vec::new(),
+            metadata: IndexSet::new(),
         })
     }
 
@@ -91,21 +70,16 @@ impl<'a> Archive<'a> {
         form: Form,
         samples: usize,
         children: &[u64],
-    ) -> io::Result<Property> {
+    ) -> io::Result<Written> {
         let metadata = self.number_of(form.metadata);
-        Ok(Property {
+        Ok(Written {
             header: form.header(name, samples, metadata),
             group: self.out.group(children)?,
         })
     }
 
     /// A property of one sample of many elements.
-    pub(super) fn constant(
-        &mut self,
-        name: &str,
-        form: Form,
-        bytes: &[u8],
-    ) -> io::Result<Property> {
+    pub(super) fn constant(&mut self, name: &str, form: Form, bytes: &[u8]) -> io::Result<Written> {
         let children = self.array(bytes)?;
         self.property(name, form, 1, &children)
     }
@@ -114,10 +88,10 @@ impl<'a> Archive<'a> {
         &mut self,
         name: &str,
         metadata: &'static str,
-        properties: Vec<Property>,
-    ) -> io::Result<Property> {
+        properties: Vec<Written>,
+    ) -> io::Result<Written> {
         let metadata = self.number_of(metadata);
-        Ok(Property {
+        Ok(Written {
             header: compound_header(name, metadata),
             group: self.group_of(properties)?,
         })
@@ -127,30 +101,34 @@ impl<'a> Archive<'a> {
         &mut self,
         name: &str,
         metadata: &'static str,
-        properties: Vec<Property>,
-        children: Vec<Object>,
-    ) -> io::Result<Object> {
+        properties: Vec<Written>,
+        children: Vec<Written>,
+    ) -> io::Result<Written> {
         let metadata = self.number_of(metadata) as u8;
         let mut header = (name.len() as u32).to_le_bytes().to_vec();
         header.extend(name.as_bytes());
         header.push(metadata);
-        Ok(Object {
+        Ok(Written {
             header,
             group: self.family(properties, children)?,
         })
     }
 
     /// Ends the archive; `top` are the objects that are in no other.
-    pub(super) fn finish(mut self, top: Vec<Object>, sampling: &Sampling) -> io::Result<()> {
+    pub(super) fn finish(mut self, top: Vec<Written>, take: &Take<'_>) -> io::Result<()> {
         let version = self.out.data(&[&VERSION.to_le_bytes()])?;
         let library = self.out.data(&[&LIBRARY.to_le_bytes()])?;
         let objects = self.family(Vec::new(), top)?;
+        let made_by = take.trajectory.provenance().made_by.chars();
+        // These separate metadata.
+        let is_plain = |c: &char| !c.is_control() && *c != ';' && *c != '=';
         let said = format!(
             "FramesPerTimeUnit={};_ai_AlembicVersion=1.8.3;_ai_Application={}",
-            sampling.rate, sampling.made_by
+            take.trajectory.frame_rate(),
+            made_by.filter(is_plain).collect::<String>()
         );
         let said = self.out.data(&[said.as_bytes()])?;
-        let times = self.out.data(&[&sampling.to_bytes()])?;
+        let times = self.out.data(&[&samplings(take)])?;
         let mut indexed = Vec::new();
         for text in &self.metadata {
             indexed.push(text.len() as u8);
@@ -164,7 +142,7 @@ impl<'a> Archive<'a> {
 
     /// The group of an object: its properties, its children, their headers and two hashes, which
     /// say whether two objects are alike.
-    fn family(&mut self, properties: Vec<Property>, children: Vec<Object>) -> io::Result<u64> {
+    fn family(&mut self, properties: Vec<Written>, children: Vec<Written>) -> io::Result<u64> {
         let own: Vec<u8> = properties.iter().flat_map(|p| p.header.clone()).collect();
         let own_place: Vec<u8> = properties
             .iter()
@@ -181,7 +159,7 @@ impl<'a> Archive<'a> {
         self.out.group(&groups)
     }
 
-    fn group_of(&mut self, properties: Vec<Property>) -> io::Result<u64> {
+    fn group_of(&mut self, properties: Vec<Written>) -> io::Result<u64> {
         if properties.is_empty() {
             return Ok(NO_GROUP);
         }
@@ -192,15 +170,10 @@ impl<'a> Archive<'a> {
     }
 
     fn number_of(&mut self, metadata: &'static str) -> u32 {
-        if metadata.is_empty() {
-            return 0;
+        match metadata {
+            "" => 0,
+            said => self.metadata.insert_full(said).0 as u32 + 1,
         }
-        let known = self.metadata.iter().position(|&known| known == metadata);
-        let number = known.unwrap_or_else(|| {
-            self.metadata.push(metadata);
-            self.metadata.len() - 1
-        });
-        number as u32 + 1
     }
 }
 
@@ -213,7 +186,7 @@ pub(super) struct Form {
     extent: u32,
     is_scalar: bool,
     /// `key=value;key=value`.
-    pub(super) metadata: &'static str,
+    metadata: &'static str,
 }
 
 /// The box of a mesh.
@@ -223,13 +196,6 @@ pub(super) const BOUNDS: Form = Form {
     is_scalar: true,
     metadata: "interpretation=box",
 };
-
-/// A property that was written: its header, and what the group above has of it.
-#[derive(Debug)]
-pub(super) struct Property {
-    pub(super) header: Vec<u8>,
-    pub(super) group: u64,
-}
 
 impl Form {
     /// One element in a sample, without metadata.
@@ -254,7 +220,7 @@ impl Form {
 
     /// The header of a property of `samples` samples, each different from the last; of more than
     /// one they are at the times of sampling 1.
-    pub(super) fn header(self, name: &str, samples: usize, metadata: u32) -> Vec<u8> {
+    fn header(self, name: &str, samples: usize, metadata: u32) -> Vec<u8> {
         const TIMED: u32 = 0x100;
         const ALIKE_IN_SIZE: u32 = 0x400;
         const CONSTANT: u32 = 0x800;
@@ -281,7 +247,7 @@ impl Form {
 }
 
 /// The header of a property that has properties.
-pub(super) fn compound_header(name: &str, metadata: u32) -> Vec<u8> {
+fn compound_header(name: &str, metadata: u32) -> Vec<u8> {
     let width = width_of(name.len());
     let mut header = ((width << 2) | (metadata << 20)).to_le_bytes().to_vec();
     push(&mut header, width, name.len());

@@ -14,10 +14,11 @@ mod archive;
 use std::io;
 use std::path::Path;
 
-use self::archive::{Archive, BOUNDS, Form, Object, Property, Sampling};
-use super::common::{ExportError, le_floats, le_points, le_words};
+use self::archive::{Archive, BOUNDS, Form, Written};
+use super::common::{le_floats, le_points, le_words};
 use super::take::{Body, Take, extent};
 use crate::formats::atomic::write_atomically;
+use crate::formats::file_error::Problem;
 
 const MESH: &str = "schema=AbcGeom_PolyMesh_v1;schemaBaseType=AbcGeom_GeomBase_v1;schemaObjTitle=AbcGeom_PolyMesh_v1:.geom";
 const MESH_SCHEMA: &str = "schema=AbcGeom_PolyMesh_v1;schemaBaseType=AbcGeom_GeomBase_v1";
@@ -28,7 +29,7 @@ const NODE_SCHEMA: &str = "schema=AbcGeom_Xform_v3";
 const TRANSLATE: u8 = 1 << 4;
 
 /// Writes the archive.
-pub(super) fn write(take: &Take<'_>, path: &Path) -> Result<(), ExportError> {
+pub(super) fn write(take: &Take<'_>, path: &Path) -> Result<(), Problem> {
     Ok(write_atomically(path, |out| {
         let mut archive = Archive::new(out)?;
         let mut top = vec![cloth(take, &mut archive)?];
@@ -40,11 +41,11 @@ pub(super) fn write(take: &Take<'_>, path: &Path) -> Result<(), ExportError> {
             let shape = geometry(&mut archive, &format!("{}_mesh", obstacle.name), properties)?;
             top.push(node(&mut archive, &obstacle.name, None, vec![shape])?);
         }
-        archive.finish(top, &Sampling::of(take))
+        archive.finish(top, take)
     })?)
 }
 
-fn cloth(take: &Take<'_>, archive: &mut Archive<'_>) -> io::Result<Object> {
+fn cloth(take: &Take<'_>, archive: &mut Archive<'_>) -> io::Result<Written> {
     let mut properties = mesh(take, archive, &take.sheet())?;
     properties.extend(texture(take, archive)?);
     properties.push(per_vertex(take, archive)?);
@@ -53,7 +54,7 @@ fn cloth(take: &Take<'_>, archive: &mut Archive<'_>) -> io::Result<Object> {
 }
 
 /// A node that moves as a handle does.
-fn handle(take: &Take<'_>, archive: &mut Archive<'_>, handle: usize) -> io::Result<Object> {
+fn handle(take: &Take<'_>, archive: &mut Archive<'_>, handle: usize) -> io::Result<Written> {
     let mut places = Vec::with_capacity(take.len());
     for number in 0..take.len() {
         let place = take.handle_positions(number)[handle].as_dvec3();
@@ -68,7 +69,7 @@ fn handle(take: &Take<'_>, archive: &mut Archive<'_>, handle: usize) -> io::Resu
 }
 
 /// Properties of a body but its texture: its own box, positions, faces and what goes with them.
-fn mesh(take: &Take<'_>, archive: &mut Archive<'_>, body: &Body<'_>) -> io::Result<Vec<Property>> {
+fn mesh(take: &Take<'_>, archive: &mut Archive<'_>, body: &Body<'_>) -> io::Result<Vec<Written>> {
     let (is_cloth, count) = (body.track.is_none(), body.frame_count());
     let has_normals = is_cloth && take.normals;
     let [mut boxes, mut points, mut velocities, mut normals] = [const { Vec::new() }; 4];
@@ -114,7 +115,7 @@ fn mesh(take: &Take<'_>, archive: &mut Archive<'_>, body: &Body<'_>) -> io::Resu
 }
 
 /// Texture coordinates by the corners of faces, if there are some.
-fn texture(take: &Take<'_>, archive: &mut Archive<'_>) -> io::Result<Option<Property>> {
+fn texture(take: &Take<'_>, archive: &mut Archive<'_>) -> io::Result<Option<Written>> {
     const FORM: &str = "arrayExtent=1;geoScope=fvr;interpretation=vector;isGeomParam=true;podExtent=2;podName=float32_t";
     let cloth = take.trajectory.cloth();
     let Some(pattern) = cloth.texture_points() else {
@@ -139,7 +140,7 @@ fn texture(take: &Take<'_>, archive: &mut Archive<'_>) -> io::Result<Option<Prop
 }
 
 /// The rest pose and the numbers of handles.
-fn per_vertex(take: &Take<'_>, archive: &mut Archive<'_>) -> io::Result<Property> {
+fn per_vertex(take: &Take<'_>, archive: &mut Archive<'_>) -> io::Result<Written> {
     let numbers = take.handle_numbers().into_iter();
     let numbers: Vec<u8> = numbers.flat_map(i32::to_le_bytes).collect();
     let rest = archive.array(&le_points(&take.rest_positions()))?;
@@ -164,8 +165,8 @@ fn per_vertex(take: &Take<'_>, archive: &mut Archive<'_>) -> io::Result<Property
 fn geometry(
     archive: &mut Archive<'_>,
     name: &str,
-    properties: Vec<Property>,
-) -> io::Result<Object> {
+    properties: Vec<Written>,
+) -> io::Result<Written> {
     let schema = archive.compound(".geom", MESH_SCHEMA, properties)?;
     archive.object(name, MESH, vec![schema], Vec::new())
 }
@@ -175,8 +176,8 @@ fn node(
     archive: &mut Archive<'_>,
     name: &str,
     places: Option<Vec<u64>>,
-    children: Vec<Object>,
-) -> io::Result<Object> {
+    children: Vec<Written>,
+) -> io::Result<Written> {
     let yes = archive.scalar(&[1])?;
     let mut properties = vec![archive.property(".inherits", Form::scalar(0, 1), 1, &[yes])?];
     if let Some(places) = places {

@@ -61,19 +61,16 @@ fn sheet<'a>(take: &'a Take<'a>) -> Prim<'a> {
             false => (texture.points().to_vec(), "vertex"),
         };
         mesh.add("texCoord2f[]", "primvars:st", Value::Pairs(corners))
-            .interpolated(how);
+            .interpolation = Some(how);
     }
     let rest = Value::Triples(take.rest_positions());
-    mesh.add("point3f[]", "primvars:rest", rest)
-        .interpolated("vertex");
+    mesh.add("point3f[]", "primvars:rest", rest).interpolation = Some("vertex");
     let numbers = Value::Whole(take.handle_numbers());
-    mesh.add("int[]", "primvars:handle", numbers)
-        .interpolated("vertex");
+    mesh.add("int[]", "primvars:handle", numbers).interpolation = Some("vertex");
     add_points(take, &body, &mut mesh);
     if take.normals {
         let normals = frames(move |number| take.normals_at(&body.positions(number)));
-        mesh.add("normal3f[]", "normals", normals)
-            .interpolated("vertex");
+        mesh.add("normal3f[]", "normals", normals).interpolation = Some("vertex");
     }
     mesh
 }
@@ -135,7 +132,7 @@ fn mesh<'a>(body: &Body<'_>, colour: Vec3, root: &str) -> Prim<'a> {
     mesh.add("int[]", "faceVertexIndices", Value::Whole(corners));
     let colours = Value::Triples(vec![colour]);
     mesh.add("color3f[]", "primvars:displayColor", colours)
-        .interpolated("constant");
+        .interpolation = Some("constant");
     mesh.applies.push(BINDS);
     let target = Value::Target(format!("{root}/materials/matte"));
     mesh.add("", "material:binding", target);

@@ -26,10 +26,11 @@ use zip::ZipWriter;
 
 use self::cloth::stage_of;
 use self::stage::Stage;
-use super::common::{ExportError, check_size};
+use super::common::check_size;
 use super::options::ExportFormat;
 use super::take::{Body, Take};
 use crate::formats::atomic::write_atomically;
+use crate::formats::file_error::Problem;
 use crate::formats::npz::STORED;
 
 /// Multiple of bytes at which the file in an archive begins.
@@ -37,7 +38,7 @@ const ALIGNED: u16 = 64;
 
 /// Writes the stage: as text, whose numbers are the shortest decimals that are read back exactly, as
 /// a crate, or as an archive of one crate, which is called as the archive is.
-pub(super) fn write(take: &Take<'_>, path: &Path, format: ExportFormat) -> Result<(), ExportError> {
+pub(super) fn write(take: &Take<'_>, path: &Path, format: ExportFormat) -> Result<(), Problem> {
     if format == ExportFormat::Usdz {
         check_size(".usdz", package_bytes(take), take.every)?;
     }

@@ -103,10 +103,3 @@ impl<'a> Prim<'a> {
         self.add(kind, name, value).is_uniform = true;
     }
 }
-
-impl Property<'_> {
-    /// Says how many values there are.
-    pub(super) fn interpolated(&mut self, how: &'static str) {
-        self.interpolation = Some(how);
-    }
-}

@@ -3,6 +3,8 @@
 
 use std::collections::BTreeMap;
 
+use indexmap::IndexSet;
+
 use super::crate_file::Spec;
 use crate::formats::packing::{pack, pack_numbers};
 
@@ -12,38 +14,26 @@ const END: u32 = u32::MAX;
 /// Tables under way. Equal texts and paths are one entry.
 #[derive(Debug, Default)]
 pub(super) struct Tables {
-    tokens: Numbered,
+    tokens: Texts,
     strings: Vec<u32>,
     /// Paths from the root: "/", "/a", "/a/b.c".
-    paths: Numbered,
+    paths: Texts,
     fields: Vec<(u32, u64)>,
     sets: Vec<u32>,
     specs: Vec<[u32; 3]>,
 }
 
-/// Texts by the order in which they came.
-#[derive(Debug, Default)]
-struct Numbered {
-    numbers: BTreeMap<String, u32>,
-    texts: Vec<String>,
-}
+/// Texts, numbered in the order in which they came.
+type Texts = IndexSet<String>;
 
-impl Numbered {
-    fn number(&mut self, text: &str) -> u32 {
-        if let Some(number) = self.numbers.get(text) {
-            return *number;
-        }
-        let number = self.texts.len() as u32;
-        self.numbers.insert(text.to_owned(), number);
-        self.texts.push(text.to_owned());
-        number
-    }
+fn number(texts: &mut Texts, text: &str) -> u32 {
+    texts.insert_full(text.to_owned()).0 as u32
 }
 
 impl Tables {
     /// The number of a token.
     pub(super) fn token(&mut self, text: &str) -> u32 {
-        self.tokens.number(text)
+        number(&mut self.tokens, text)
     }
 
     /// The number of a string.
@@ -56,7 +46,7 @@ impl Tables {
 
     /// The number of a path.
     pub(super) fn path(&mut self, path: &str) -> u32 {
-        self.paths.number(path)
+        number(&mut self.paths, path)
     }
 
     /// Adds a spec with these fields.
@@ -76,13 +66,13 @@ impl Tables {
     pub(super) fn sections(mut self) -> [(&'static str, Vec<u8>); 6] {
         // The tree of paths names parts of paths by tokens.
         let mut tree = Tree::default();
-        Node::tree(&self.paths.texts).add_to(&mut tree, &mut self.tokens, false);
+        Node::tree(&self.paths).add_to(&mut tree, &mut self.tokens, false);
         let mut tokens = Vec::new();
-        for text in &self.tokens.texts {
+        for text in &self.tokens {
             tokens.extend(text.as_bytes());
             tokens.push(0);
         }
-        let mut token_table = count(self.tokens.texts.len());
+        let mut token_table = count(self.tokens.len());
         token_table.extend(count(tokens.len()));
         token_table.extend(counted(pack(&tokens)));
         let mut strings = count(self.strings.len());
@@ -95,7 +85,7 @@ impl Tables {
         fields.extend(counted(pack(&values)));
         let mut sets = count(self.sets.len());
         sets.extend(numbers(self.sets.iter().map(|n| n.cast_signed())));
-        let mut paths = count(self.paths.texts.len());
+        let mut paths = count(self.paths.len());
         paths.extend(count(tree.paths.len()));
         for list in [tree.paths, tree.names, tree.jumps] {
             paths.extend(numbers(list.into_iter()));
@@ -152,7 +142,7 @@ struct Node {
 
 impl Node {
     /// The tree of all paths, with "/" at its root. Every path is there with all that are above it.
-    fn tree(paths: &[String]) -> Self {
+    fn tree(paths: &Texts) -> Self {
         let mut root = Self::default();
         for (number, path) in paths.iter().enumerate() {
             let mut node = &mut root;
@@ -187,11 +177,11 @@ impl Node {
     }
 
     /// Adds the node and all below it.
-    fn add_to(&self, tree: &mut Tree, tokens: &mut Numbered, has_sibling: bool) {
+    fn add_to(&self, tree: &mut Tree, tokens: &mut Texts, has_sibling: bool) {
         let place = tree.paths.len();
         tree.paths.push(self.number.cast_signed());
         // Token 0 is the name of a prim: every property has a sign.
-        let name = tokens.number(&self.name).cast_signed();
+        let name = number(tokens, &self.name).cast_signed();
         tree.names.push(if self.is_property { -name } else { name });
         tree.jumps.push(0);
         for (number, child) in self.children.iter().enumerate() {

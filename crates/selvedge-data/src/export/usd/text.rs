@@ -70,28 +70,17 @@ fn write_property(
         "" => format!("rel {}", property.name),
         kind => format!("{uniform}{kind} {}", property.name),
     };
-    let is_timed = matches!(property.value, Value::Frames(_) | Value::Places(_));
-    let is_bare = is_timed || matches!(property.value, Value::Nothing | Value::Source(_));
-    if !is_bare {
-        write!(out, "{pad}{title} = ")?;
-        write_value(&property.value, out)?;
-    }
-    match (property.interpolation, is_bare) {
-        (Some(how), _) => {
-            let start = if is_bare { pad } else { "" };
-            let name = if is_bare { title.as_str() } else { "" };
-            writeln!(
-                out,
-                "{start}{name} (\n{pad}    interpolation = \"{how}\"\n{pad})"
-            )?;
-        }
-        (None, false) => writeln!(out)?,
-        (None, true) => {}
-    }
+    let metadata = match property.interpolation {
+        Some(how) => format!(" (\n{pad}    interpolation = \"{how}\"\n{pad})"),
+        None => String::new(),
+    };
     match &property.value {
         Value::Nothing => writeln!(out, "{pad}{title}"),
         Value::Source(path) => writeln!(out, "{pad}{title}.connect = <{path}>"),
         Value::Frames(_) | Value::Places(_) => {
+            if !metadata.is_empty() {
+                writeln!(out, "{pad}{title}{metadata}")?;
+            }
             writeln!(out, "{pad}{title}.timeSamples = {{")?;
             for (number, code) in stage.codes.iter().enumerate() {
                 write!(out, "{pad}    {code}: ")?;
@@ -104,7 +93,11 @@ fn write_property(
             }
             writeln!(out, "{pad}}}")
         }
-        _ => Ok(()),
+        value => {
+            write!(out, "{pad}{title} = ")?;
+            write_value(value, out)?;
+            writeln!(out, "{metadata}")
+        }
     }
 }
 

@@ -86,7 +86,7 @@ fn everything_of_a_scene_is_read() {
         ..
     } = desk.read(SCENE).unwrap();
     assert_eq!(warnings, [""; 0]);
-    let names = ["square.obj", "felt.json", "swing.json"];
+    let names = ["felt.json", "square.obj", "swing.json"];
     assert_eq!(files, names.map(|name| desk.0.path().join(name)));
     assert_eq!((scene.name.as_str(), scene.frame_rate), ("swing", 25.0));
     assert_eq!(spec.start, StartSpec::Mesh);

@@ -11,35 +11,37 @@ use crate::formats::arrays::ArrayFile;
 use crate::formats::file_error::Problem;
 use crate::formats::tensor_file::{TensorOut, TensorValues};
 
-/// Number of entries of each state in each of [`TABLES`], u32 `[states, 4]`; without the last where
-/// that has no entries.
+/// Number of entries of each state of each kind, u32 `[states, 4]`; without the last where that has
+/// no entries.
 const COUNTS: &str = "contact_counts";
-/// Normal and pull `[N]` of each anchor, f64 `[anchors, 6]`.
-const PULLS: &str = "contact_pulls";
-/// Gap of the tangent of each caught pair `[m]`, 0 for the usual one, f64 `[caught]`.
-const GAPS: &str = "contact_gaps";
 /// Tables of u32 and their columns: features of anchors; features that push, and 1 where they do so
 /// firmly; caught pairs; released contact by vertex, two bodies and two of their parts.
-const TABLES: [(&str, usize); 4] = [
+const WHOLES: [(&str, usize); 4] = [
     ("contact_anchors", 3),
     ("contact_pushing", 4),
     ("contact_caught", 3),
     ("contact_released", 5),
 ];
-/// Two places `[m]` and the winding number of each released contact, f64 `[released, 7]`.
-const PLACES: &str = "contact_places";
+/// Tables of f64 beside them: normal and pull `[N]` of each anchor; none; the gap of the tangent of
+/// each caught pair `[m]`, 0 for the usual one; two places `[m]` and the winding number of each
+/// released contact.
+const REALS: [(&str, usize); 4] = [
+    ("contact_pulls", 6),
+    ("", 0),
+    (GAPS, 1),
+    ("contact_places", 7),
+];
+const GAPS: &str = "contact_gaps";
 
 /// Largest pull `[N]`, gap or coordinate `[m]` of a state.
 const LARGEST: f64 = 1e9;
 
-/// The entries of several states.
+/// The entries of several states, by kind.
 #[derive(Default)]
 pub(super) struct Tables {
     counts: Vec<[u32; 4]>,
-    tables: [Vec<u32>; 4],
-    pulls: Vec<f64>,
-    gaps: Vec<f64>,
-    places: Vec<f64>,
+    wholes: [Vec<u32>; 4],
+    reals: [Vec<f64>; 4],
 }
 
 impl Tables {
@@ -49,7 +51,8 @@ impl Tables {
         let nothing = ContactMemory::default();
         for state in states {
             let memory = state.contact.as_ref().unwrap_or(&nothing);
-            let [anchors, pushing, caught, released] = &mut made.tables;
+            let [anchors, pushing, caught, released] = &mut made.wholes;
+            let [pulls, _, gaps, places] = &mut made.reals;
             let counts = [
                 memory.anchors.len(),
                 memory.pushing.len(),
@@ -59,8 +62,8 @@ impl Tables {
             made.counts.push(counts.map(|count| count as u32));
             for anchor in &memory.anchors {
                 anchors.extend(anchor.of.numbers());
-                made.pulls.extend(anchor.normal.to_array());
-                made.pulls.extend(anchor.pull.to_array());
+                pulls.extend(anchor.normal.to_array());
+                pulls.extend(anchor.pull.to_array());
             }
             for one in &memory.pushing {
                 pushing.extend(one.of.numbers());
@@ -68,14 +71,13 @@ impl Tables {
             }
             for one in &memory.caught {
                 caught.extend(one.of.numbers());
-                made.gaps.push(one.gap.unwrap_or(0.0));
+                gaps.push(one.gap.unwrap_or(0.0));
             }
             for one in &memory.released {
                 released.extend([one.vertex, one.body, one.against]);
                 released.extend(one.parts);
-                made.places
-                    .extend(one.places.iter().flat_map(|p| p.to_array()));
-                made.places.push(one.winding);
+                places.extend(one.places.iter().flat_map(|p| p.to_array()));
+                places.push(one.winding);
             }
         }
         if made.counts.iter().all(|counts| *counts == [0; 4]) {
@@ -86,38 +88,26 @@ impl Tables {
 
     /// The tensors that have entries: those of reals, and those of whole numbers.
     pub(super) fn tensors(self) -> [Vec<TensorOut<'static>>; 2] {
-        let shape = |columns: usize, length: usize| [length / columns, columns];
-        let real = |name: &'static str, columns: usize, values: Vec<f64>| {
-            let shape = match columns {
-                1 => vec![values.len()],
-                _ => shape(columns, values.len()).to_vec(),
-            };
-            (!values.is_empty())
-                .then(|| TensorOut::new(name, &shape, TensorValues::F64(values.into())))
+        let shape = |columns: usize, length: usize| match columns {
+            1 => vec![length],
+            _ => vec![length / columns, columns],
         };
-        let reals = [
-            real(PULLS, 6, self.pulls),
-            real(GAPS, 1, self.gaps),
-            real(PLACES, 7, self.places),
-        ];
-        let kinds = if self.tables[3].is_empty() { 3 } else { 4 };
-        let counts: Vec<u32> = self
-            .counts
-            .iter()
-            .flat_map(|c| &c[..kinds])
-            .copied()
-            .collect();
-        let named = [(COUNTS, kinds)].into_iter().chain(TABLES);
-        let wholes = named.zip([counts].into_iter().chain(self.tables));
-        let wholes = wholes.filter(|(_, values)| !values.is_empty());
-        let wholes = wholes.map(|((name, columns), values)| {
-            TensorOut::new(
-                name,
-                &shape(columns, values.len()),
-                TensorValues::U32(values.into()),
-            )
+        let reals = REALS.into_iter().zip(self.reals);
+        let reals = reals.filter(|(_, values)| !values.is_empty());
+        let reals = reals.map(|((name, columns), values)| {
+            let shape = shape(columns, values.len());
+            TensorOut::new(name, &shape, TensorValues::F64(values.into()))
         });
-        [reals.into_iter().flatten().collect(), wholes.collect()]
+        let kinds = if self.wholes[3].is_empty() { 3 } else { 4 };
+        let counts = self.counts.iter().flat_map(|c| &c[..kinds]).copied();
+        let named = [(COUNTS, kinds)].into_iter().chain(WHOLES);
+        let wholes = named.zip([counts.collect()].into_iter().chain(self.wholes));
+        let wholes = wholes.filter(|(_, values): &(_, Vec<u32>)| !values.is_empty());
+        let wholes = wholes.map(|((name, columns), values)| {
+            let shape = shape(columns, values.len());
+            TensorOut::new(name, &shape, TensorValues::U32(values.into()))
+        });
+        [reals.collect(), wholes.collect()]
     }
 
     /// Reads those of `states` states; empty where the file has none.
@@ -135,37 +125,29 @@ impl Tables {
                 .collect(),
             ..Self::default()
         };
-        for (kind, (name, columns)) in TABLES.into_iter().enumerate() {
+        for (kind, (name, columns)) in WHOLES.into_iter().enumerate() {
+            let wholes = &mut read.wholes[kind];
             if file.has(name) {
-                read.tables[kind] = file.wholes(name)?.values;
+                *wholes = file.wholes(name)?.values;
             }
             let counts = read.counts.iter().map(|counts| counts[kind] as usize);
             let total = counts.fold(0_usize, usize::saturating_add);
-            check_length(name, read.tables[kind].len(), total.saturating_mul(columns))?;
-        }
-        let reals = |name: &'static str, expected: usize| {
-            let values = match file.has(name) {
+            check_length(name, wholes.len(), total.saturating_mul(columns))?;
+            let (name, columns) = REALS[kind];
+            let reals = match file.has(name) {
                 true => file.floats(name)?.values,
+                // Files from before there was a gap have none.
+                false if name == GAPS => vec![0.0; total],
                 false => Vec::new(),
             };
-            check_length(name, values.len(), expected)?;
+            check_length(name, reals.len(), total * columns)?;
             let is_usable = |value: &f64| value.abs() <= LARGEST;
-            match values.iter().find(|value| !is_usable(value)) {
-                None => Ok(values),
-                Some(value) => {
-                    let expected = format!("finite numbers up to {LARGEST:e}");
-                    Err(Problem::array(name, &expected, value))
-                }
+            if let Some(value) = reals.iter().find(|value| !is_usable(value)) {
+                let expected = format!("finite numbers up to {LARGEST:e}");
+                return Err(Problem::array(name, &expected, value));
             }
-        };
-        read.pulls = reals(PULLS, 2 * read.tables[0].len())?;
-        let caught = read.tables[2].len() / 3;
-        // Files from before there was a gap have none.
-        read.gaps = match file.has(GAPS) {
-            true => reals(GAPS, caught)?,
-            false => vec![0.0; caught],
-        };
-        read.places = reals(PLACES, read.tables[3].len() / 5 * 7)?;
+            read.reals[kind] = reals;
+        }
         Ok(read)
     }
 
@@ -174,45 +156,43 @@ impl Tables {
         let Some(own) = self.counts.get(index) else {
             return Ok(None);
         };
-        // Each entry with its number.
+        // The numbers of each entry.
         let entries = |kind: usize| {
             let before = self.counts[..index].iter();
             let first: usize = before.map(|counts| counts[kind] as usize).sum();
-            let rows = self.tables[kind].chunks_exact(TABLES[kind].1).enumerate();
-            rows.skip(first).take(own[kind] as usize)
+            let (wholes, reals) = (WHOLES[kind].1, REALS[kind].1);
+            (first..first + own[kind] as usize).map(move |number| {
+                let row = &self.wholes[kind][wholes * number..][..wholes];
+                (row, &self.reals[kind][reals * number..][..reals])
+            })
         };
-        let of = |kind: usize, row: &[u32]| touching(TABLES[kind].0, row);
-        let anchor = |(number, row): (usize, &[u32])| {
-            let pulls = &self.pulls[6 * number..];
+        let of = |kind: usize, row: &[u32]| touching(WHOLES[kind].0, row);
+        let anchor = |(row, pulls): (&[u32], &[f64])| {
             Ok(FrictionAnchor {
                 of: of(0, row)?,
                 normal: DVec3::from_slice(pulls),
                 pull: DVec3::from_slice(&pulls[3..]),
             })
         };
-        let pushing = |(_, row): (usize, &[u32])| {
+        let pushing = |(row, _): (&[u32], _)| {
             Ok(Pushing {
                 of: of(1, row)?,
                 firmly: row[3] > 0,
             })
         };
-        let caught = |(number, row): (usize, &[u32])| {
-            let gap = self.gaps[number];
+        let caught = |(row, gaps): (&[u32], &[f64])| {
             Ok(CaughtPair {
                 of: of(2, row)?,
-                gap: (gap > 0.0).then_some(gap),
+                gap: (gaps[0] > 0.0).then_some(gaps[0]),
             })
         };
-        let released = |(number, row): (usize, &[u32])| {
-            let places = &self.places[7 * number..];
-            ReleasedContact {
-                vertex: row[0],
-                body: row[1],
-                against: row[2],
-                parts: [row[3], row[4]],
-                places: [DVec3::from_slice(places), DVec3::from_slice(&places[3..])],
-                winding: places[6],
-            }
+        let released = |(row, places): (&[u32], &[f64])| ReleasedContact {
+            vertex: row[0],
+            body: row[1],
+            against: row[2],
+            parts: [row[3], row[4]],
+            places: [DVec3::from_slice(places), DVec3::from_slice(&places[3..])],
+            winding: places[6],
         };
         let memory = ContactMemory {
             anchors: entries(0).map(anchor).collect::<Result<_, Problem>>()?,

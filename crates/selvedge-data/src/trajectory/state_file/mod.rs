@@ -13,17 +13,17 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use glam::DVec3;
-use selvedge_cloth::ContactMemory;
+use selvedge_cloth::{ContactMemory, PreviousSubstep};
 use serde::{Deserialize, Serialize};
 
 use self::contact::Tables;
 use crate::formats::arrays::{Array, ArrayFile};
 use crate::formats::atomic::WriteError;
 use crate::formats::file_error::{FileError, Problem};
-use crate::formats::input::hash;
-use crate::formats::input::read_file;
+use crate::formats::input::{hash, read_file};
 use crate::formats::tensor_file::{TensorOut, TensorValues, write_tensors};
 use crate::trajectory::Provenance;
+use crate::trajectory::file::wrong;
 
 /// The format that a file of states names in its metadata, and its version.
 pub const STATES_FORMAT: &str = "selvedge-states";
@@ -37,13 +37,13 @@ const PAIRS: [[&str; 3]; 2] = [
     ["positions", "velocities", "frames"],
     ["ckpt_x", "ckpt_v", "ckpt_frames"],
 ];
-/// Names of the arrays of [`PreviousState`]; where a state has none, its seconds are 0.
+/// Names of the arrays of [`PreviousSubstep`]; where a state has none, its seconds are 0.
 const PREVIOUS: [&str; 3] = [
     "previous_positions",
     "previous_velocities",
     "previous_seconds",
 ];
-/// Names of the arrays of [`LastChanges`]; where a state has none, its seconds are 0.
+/// Names of the arrays of [`SavedState::changes`]; where a state has none, its seconds are 0.
 const CHANGES: [&str; 2] = ["changes", "changes_seconds"];
 
 /// A state from which a run can continue.
@@ -56,31 +56,12 @@ pub struct SavedState {
     /// Frames of the motion that have passed.
     pub frame: usize,
     /// State one substep before, where a run of second order left it.
-    pub previous: Option<PreviousState>,
+    pub previous: Option<PreviousSubstep>,
     /// Memory of contact for the next substep, where there is some.
     pub contact: Option<ContactMemory>,
-    /// The last solve, from which the next one of an iterative solver begins.
-    pub changes: Option<LastChanges>,
-}
-
-/// State of a cloth one substep ago.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PreviousState {
-    /// Positions `[m]`, `[vertices]`.
-    pub positions: Vec<DVec3>,
-    /// Velocities `[m/s]`, `[vertices]`.
-    pub velocities: Vec<DVec3>,
-    /// Length of the substep that led from there `[s]`.
-    pub seconds: f64,
-}
-
-/// Changes of velocity in the last solve.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LastChanges {
-    /// Changes `[m/s]`, `[vertices]`.
-    pub velocities: Vec<DVec3>,
-    /// Time over which they came about `[s]`.
-    pub seconds: f64,
+    /// Changes of velocity in the last solve `[m/s]`, `[vertices]`, and the time over which they
+    /// came about `[s]`: the next one of an iterative solver begins there.
+    pub changes: Option<(Vec<DVec3>, f64)>,
 }
 
 /// A state of a file, resolved.
@@ -100,8 +81,11 @@ pub struct StateSpec {
 }
 
 /// A choice of one state of a file.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct StateChoice {
+    /// Path of the file.
+    pub file: String,
     /// Frames of the motion that have passed; must be given where the file has several states.
     pub frame: Option<usize>,
     /// Name of the array of positions.
@@ -110,6 +94,7 @@ pub struct StateChoice {
     pub velocities: Option<String>,
     /// Frames per second of the run that continues from the state. Where they are given, a file of
     /// our own must have as many.
+    #[serde(skip)]
     pub frame_rate: Option<f64>,
 }
 
@@ -141,24 +126,23 @@ impl SavedState {
         }
     }
 
-    /// Reads the state of `vertices` vertices that `choice` means from the file at `path`, which is
-    /// relative to `folder`; also how it was found.
+    /// Reads the state of `vertices` vertices that `choice` means, whose file is relative to
+    /// `folder`; also how it was found.
     ///
     /// # Errors
     /// [`FileError<Problem>`] names the file, the array and what is wrong with it.
     pub fn read(
         folder: &Path,
-        path: &str,
         choice: &StateChoice,
         vertices: usize,
     ) -> Result<(Self, StateSpec), FileError<Problem>> {
-        let full = folder.join(path);
+        let full = folder.join(&choice.file);
         let within = FileError::at(&full);
         let bytes = read_file(&full).map_err(FileError::unread(&full))?;
         let file = open(&full, &bytes, choice.frame_rate).map_err(&within)?;
         let (state, [positions, velocities]) = select(&file, choice, vertices).map_err(&within)?;
         let spec = StateSpec {
-            path: path.to_owned(),
+            path: choice.file.clone(),
             blake3: hash(&bytes),
             frame: state.frame,
             positions,
@@ -224,8 +208,8 @@ impl StateRun {
         }
         if states.iter().any(|state| state.changes.is_some()) {
             tensors.extend([
-                vectors(CHANGES[0], |s| Some(&s.changes.as_ref()?.velocities)),
-                seconds(CHANGES[1], |s| Some(s.changes.as_ref()?.seconds)),
+                vectors(CHANGES[0], |s| Some(&s.changes.as_ref()?.0)),
+                seconds(CHANGES[1], |s| Some(s.changes.as_ref()?.1)),
             ]);
         }
         let [reals, wholes] = Tables::of(states).tensors();
@@ -245,7 +229,7 @@ fn open<'a>(
     frame_rate: Option<f64>,
 ) -> Result<ArrayFile<'a>, Problem> {
     match path.extension().and_then(|e| e.to_str()) {
-        Some("npz") => Ok(ArrayFile::npz(bytes)?),
+        Some("npz") => ArrayFile::npz(bytes),
         Some("safetensors") => {
             let (file, metadata) = ArrayFile::safetensors(bytes)?;
             check_metadata(&metadata, frame_rate)?;
@@ -268,17 +252,13 @@ fn check_metadata(
     if entry("format") != STATES_FORMAT {
         return Ok(());
     }
-    let wrong = |name, expected| {
-        let found = entry(name);
-        Problem(format!(
-            "metadata {name}: expected {expected}, found {found:?}"
-        ))
-    };
-    if entry("version") != VERSION {
-        return Err(wrong("version", VERSION));
+    let version = entry("version");
+    if version != VERSION {
+        return Err(wrong("version", VERSION, version));
     }
-    let fps = entry("fps").parse::<f64>();
-    let found = fps.map_err(|_| wrong("fps", "a number of frames per second"))?;
+    let fps = entry("fps");
+    let found = fps.parse::<f64>();
+    let found = found.map_err(|_| wrong("fps", "a number of frames per second", fps))?;
     match frame_rate {
         Some(expected) if found != expected => Err(Problem(format!(
             "was saved at {found} frames per second, but the scene has {expected}, and the motion would jump: set frame_rate = {found} in the scene, or save the states of a run at {expected}"
@@ -365,7 +345,7 @@ impl Arrays {
         if let Some([x, v, seconds]) = &self.previous
             && let Some(seconds) = seconds_of(seconds, index)?
         {
-            state.previous = Some(PreviousState {
+            state.previous = Some(PreviousSubstep {
                 positions: own(x)?,
                 velocities: own(v)?,
                 seconds,
@@ -374,11 +354,7 @@ impl Arrays {
         if let Some([v, seconds]) = &self.changes
             && let Some(seconds) = seconds_of(seconds, index)?
         {
-            let velocities = own(v)?;
-            state.changes = Some(LastChanges {
-                velocities,
-                seconds,
-            });
+            state.changes = Some((own(v)?, seconds));
         }
         Ok(state)
     }

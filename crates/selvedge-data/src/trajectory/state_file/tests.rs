@@ -17,16 +17,13 @@ fn run() -> StateRun {
         positions: vectors(0, k),
         velocities: vectors(10, k),
         frame: 4 + k as usize,
-        previous: (k > 0).then(|| PreviousState {
+        previous: (k > 0).then(|| PreviousSubstep {
             positions: vectors(20, k),
             velocities: vectors(30, k),
             seconds: 1.0 / f64::from(60 * k),
         }),
         contact: (k != 1).then(|| memory(2 - k / 2)),
-        changes: (k != 1).then(|| LastChanges {
-            velocities: vectors(40, k),
-            seconds: 1.0 / f64::from(120 + k),
-        }),
+        changes: (k != 1).then(|| (vectors(40, k), 1.0 / f64::from(120 + k))),
     };
     StateRun {
         states: (0..3).map(state).collect(),
@@ -75,17 +72,24 @@ fn memory(anchors: u32) -> ContactMemory {
     }
 }
 
-fn at(frame: usize) -> StateChoice {
+fn of(file: &str) -> StateChoice {
     StateChoice {
-        frame: Some(frame),
+        file: file.to_owned(),
         ..StateChoice::default()
     }
 }
 
-fn error(folder: &Path, path: &str, choice: &StateChoice, vertices: usize) -> String {
-    let error = SavedState::read(folder, path, choice, vertices).unwrap_err();
+fn at(file: &str, frame: usize) -> StateChoice {
+    StateChoice {
+        frame: Some(frame),
+        ..of(file)
+    }
+}
+
+fn error(folder: &Path, choice: &StateChoice, vertices: usize) -> String {
+    let error = SavedState::read(folder, choice, vertices).unwrap_err();
     let text = error.to_string();
-    assert!(text.contains(path), "{text}");
+    assert!(text.contains(&choice.file), "{text}");
     text
 }
 
@@ -97,16 +101,13 @@ fn every_bit_of_a_run_comes_back() {
     run.write(&path, &provenance(60.0, "a test")).unwrap();
     let bytes = std::fs::read(&path).unwrap();
     assert_eq!(StateRun::from_bytes(&bytes).unwrap(), run);
-    let read = |choice| SavedState::read(folder.path(), "states.safetensors", &choice, 2);
+    let at = |frame| at("states.safetensors", frame);
     for expected in &run.states {
-        let (state, spec) = read(at(expected.frame)).unwrap();
+        let (state, spec) = SavedState::read(folder.path(), &at(expected.frame), 2).unwrap();
         assert_eq!(state, *expected);
         assert_eq!(spec.blake3, hash(&bytes));
     }
-    let problem = |frame, vertices| {
-        let choice = at(frame);
-        error(folder.path(), "states.safetensors", &choice, vertices)
-    };
+    let problem = |frame, vertices| error(folder.path(), &at(frame), vertices);
     says(problem(7, 2), &["frames 4, 5, 6"]);
     says(problem(4, 3), &["positions: expected [3, 3]"]);
 }
@@ -126,21 +127,21 @@ fn checkpoints_of_an_archive_are_found_by_their_frames() {
         ("rest_v", floats("(2, 3)", &v[6..])),
     ]);
     std::fs::write(folder.path().join("run.npz"), zip).unwrap();
-    let read = |choice: &StateChoice| SavedState::read(folder.path(), "run.npz", choice, 2);
-    let (state, spec) = read(&at(120)).unwrap();
+    let read = |choice: &StateChoice| SavedState::read(folder.path(), choice, 2);
+    let (state, spec) = read(&at("run.npz", 120)).unwrap();
     assert_eq!((state.frame, spec.positions.as_str()), (120, "ckpt_x"));
     assert_eq!(state.positions[1], DVec3::from_slice(&x[9..]));
     let named = |positions: &str, velocities: &str| StateChoice {
         positions: Some(positions.into()),
         velocities: Some(velocities.into()),
-        ..StateChoice::default()
+        ..of("run.npz")
     };
     let (rest, _) = read(&named("rest_x", "rest_v")).unwrap();
     assert_eq!(rest.frame, 0);
     assert_eq!(rest.velocities, state.velocities);
-    let problem = |choice| error(folder.path(), "run.npz", &choice, 2);
+    let problem = |choice| error(folder.path(), &choice, 2);
     let words = ["frames 60, 120: say which"];
-    says(problem(StateChoice::default()), &words);
+    says(problem(of("run.npz")), &words);
     let none = StateChoice {
         frame: Some(60),
         ..named("ckpt_y", "ckpt_v")
@@ -189,8 +190,7 @@ fn what_is_no_state_is_named() {
         none.npz | could not be read
     "#;
     for [path, named] in table(cases) {
-        let problem = error(folder.path(), path, &StateChoice::default(), 1);
-        says(problem, &[named]);
+        says(error(folder.path(), &of(path), 1), &[named]);
     }
 }
 
@@ -210,9 +210,9 @@ fn states_of_another_version_or_frame_rate_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let at_rate = |rate: f64| StateChoice {
         frame_rate: Some(rate),
-        ..at(5)
+        ..at("states.safetensors", 5)
     };
-    let read = |rate: f64| SavedState::read(folder.path(), "states.safetensors", &at_rate(rate), 2);
+    let read = |rate: f64| SavedState::read(folder.path(), &at_rate(rate), 2);
     let told = |rate: f64| read(rate).unwrap_err().to_string();
     write_edited(folder.path(), "selvedge-states", "selvedge-states");
     assert_eq!(read(60.0).unwrap().0.frame, 5);
@@ -239,7 +239,7 @@ fn a_shape_that_no_bytes_stand_behind_is_an_error_and_no_panic() {
     let tensors = ["positions", "velocities"].map(tensor);
     write_tensors(&path, &tensors, &std::collections::BTreeMap::new()).unwrap();
     for vertices in [0, 2] {
-        let problem = error(folder.path(), "empty.safetensors", &at(0), vertices);
+        let problem = error(folder.path(), &at("empty.safetensors", 0), vertices);
         says(problem, &["array positions: expected ["]);
     }
     let read = StateRun::from_bytes(&std::fs::read(&path).unwrap());
@@ -273,12 +273,10 @@ fn contact_that_does_not_fit_is_named() {
         ([1, 0, 0], 0, &far, "contact_pulls: expected finite"),
     ] {
         write(&counts, &[first, 0, 0], pulls);
-        let problem = error(folder.path(), "states.npz", &StateChoice::default(), 1);
-        says(problem, &[word]);
+        says(error(folder.path(), &of("states.npz"), 1), &[word]);
     }
     write(&[1, 0, 0], &[1, 4, 5], &normal);
-    let choice = StateChoice::default();
-    let (state, _) = SavedState::read(folder.path(), "states.npz", &choice, 1).unwrap();
+    let (state, _) = SavedState::read(folder.path(), &of("states.npz"), 1).unwrap();
     let edges = Touching::Edges {
         first: 4,
         second: 5,

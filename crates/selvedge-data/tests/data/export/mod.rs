@@ -8,9 +8,7 @@ use std::path::Path;
 
 use glam::{DVec3, Vec2, Vec3};
 use selvedge_cloth::Mesh;
-use selvedge_data::export::{
-    ExportEnd, ExportFormat, ExportOptions, FrameSpan, export, planned_bytes,
-};
+use selvedge_data::export::{ExportFormat, ExportOptions, FrameSpan, export, planned_bytes};
 use selvedge_data::{Trajectory, UpAxis, read_obj};
 use serde_json::Value;
 
@@ -43,7 +41,7 @@ fn write(trajectory: &Trajectory, path: &Path, options: &ExportOptions) {
         beats += 1;
         ControlFlow::Continue(())
     });
-    assert_eq!(end.unwrap(), ExportEnd::Complete);
+    assert!(end.unwrap());
     let frames = options.frames.of(trajectory.frame_count()).unwrap();
     assert_eq!(beats, frames.len());
 }
@@ -305,7 +303,7 @@ fn what_is_interrupted_leaves_nothing() {
         let path = folder.path().join(name);
         let options = ExportOptions::plain(format);
         let end = export(&trajectory, &path, &options, &mut third);
-        assert_eq!(end.unwrap(), ExportEnd::Stopped, "{name}");
+        assert!(!end.unwrap(), "{name}");
         let left = std::fs::read_dir(folder.path()).unwrap().count();
         assert_eq!(left, 0, "{name}");
     }

@@ -22,8 +22,8 @@ use anyhow::{Context, bail};
 use glam::Vec3;
 use selvedge_cloth::Handles;
 use selvedge_data::{
-    LoadedScene, MeshFileError, MeshOptions, STATES_FORMAT, StateRun, Trajectory,
-    TrajectoryFileError, metrics, read_mesh, shipped_presets, shipped_scenes,
+    LoadedScene, MeshFileError, MeshOptions, STATES_FORMAT, StateRun, Trajectory, metrics,
+    read_mesh, shipped_presets, shipped_scenes,
 };
 use selvedge_lab::folder::FolderKind;
 use selvedge_lab::{physics, study};
@@ -165,20 +165,23 @@ fn inspect_training(cfg: &TrainConfig, name: &str) -> anyhow::Result<Answer> {
 /// A trajectory, or a model if the file says so.
 fn inspect_container(path: &Path) -> anyhow::Result<Answer> {
     let bytes = selvedge_data::read_file(path).with_context(|| path.display().to_string())?;
-    let read = Trajectory::from_bytes(&bytes);
-    let format = match &read {
-        Err(TrajectoryFileError::Metadata { name, found, .. }) if name == "format" => {
-            found.as_str()
-        }
-        _ => "",
-    };
     let context = || path.display().to_string();
-    match format {
+    match format_of(&bytes).as_str() {
         MODEL_FORMAT => inspect_model(&Model::from_bytes(&bytes).with_context(context)?, path),
         STATES_FORMAT => inspect_states(&bytes, path),
         CHECKPOINT_FORMAT => inspect_checkpoint(bytes.len(), path),
-        _ => inspect_trajectory(&read.with_context(context)?, path),
+        _ => {
+            let trajectory = Trajectory::from_bytes(&bytes).with_context(context)?;
+            inspect_trajectory(&trajectory, path)
+        }
     }
+}
+
+/// The format that a container names in its metadata; empty where it names none.
+fn format_of(bytes: &[u8]) -> String {
+    let header = selvedge_data::read_header(bytes).ok();
+    let format = header.and_then(|header| header.metadata().as_ref()?.get("format").cloned());
+    format.unwrap_or_default()
 }
 
 /// A checkpoint is read whole only with the data that it was made on.

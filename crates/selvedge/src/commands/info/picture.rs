@@ -6,7 +6,7 @@ use std::path::Path;
 
 use anyhow::{Context, bail};
 use selvedge_cloth::{Mesh, Obstacle, VertexId};
-use selvedge_data::{MeshOptions, Trajectory, TrajectoryFileError, read_mesh, write_atomically};
+use selvedge_data::{MeshOptions, TRAJECTORY_FORMAT, Trajectory, read_mesh, write_atomically};
 use selvedge_lab::folder::FolderKind;
 use selvedge_lab::physics;
 use selvedge_lab::report::{TrainingLog, training_chart};
@@ -15,7 +15,7 @@ use selvedge_view::plot::LineChart;
 use selvedge_view::{Body, Colouring, Image, Panel, Run, still};
 
 use super::exported::read_npz;
-use super::folders;
+use super::{folders, format_of};
 use crate::failure::wrong;
 use crate::film::SIZE;
 use crate::{pictures, scenes};
@@ -62,13 +62,19 @@ pub(super) fn draw(path: &Path, to: &Path) -> anyhow::Result<()> {
 
 fn draw_container(path: &Path, to: &Path) -> anyhow::Result<()> {
     let bytes = selvedge_data::read_file(path).with_context(|| path.display().to_string())?;
-    match Trajectory::from_bytes(&bytes) {
-        Ok(trajectory) => draw_run(&trajectory, path, to),
-        Err(TrajectoryFileError::Metadata { name, found, .. }) if name == "format" => bail!(
-            "{}: there is nothing to draw of a file of the format {found}; the folder of a training has curves",
+    match format_of(&bytes).as_str() {
+        "" | TRAJECTORY_FORMAT => {
+            let trajectory = Trajectory::from_bytes(&bytes);
+            draw_run(
+                &trajectory.with_context(|| path.display().to_string())?,
+                path,
+                to,
+            )
+        }
+        other => bail!(
+            "{}: there is nothing to draw of a file of the format {other}; the folder of a training has curves",
             path.display()
         ),
-        Err(error) => Err(error).with_context(|| path.display().to_string()),
     }
 }
 
