@@ -5,7 +5,7 @@ use std::ops::Range;
 use crate::kernels::real::Real;
 use crate::network::layers::block::Block;
 use crate::network::layers::encoder::EncoderLayers;
-use crate::network::layers::mlp::{Mlp, WholeMlp};
+use crate::network::layers::mlp::Mlp;
 use crate::network::packed::{ModuleSize, Packer};
 use crate::network::parameters::{Layout, Parameter, Start};
 use crate::spec::{ModelSpec, OUTPUTS, SpecError};
@@ -23,7 +23,7 @@ pub struct Network {
     /// Of nodes and of arcs.
     pub(super) encoders: [EncoderLayers; 2],
     pub(super) blocks: Vec<Block>,
-    pub(super) decoder: WholeMlp,
+    pub(super) decoder: Mlp,
     /// Lengths of the packed matrices of each module, and the places of its weights.
     pub(crate) modules: Vec<(ModuleSize, Range<usize>)>,
 }
@@ -48,10 +48,8 @@ impl Network {
             layout.module(|layout| Block::new(layout, &path, latent))
         });
         let blocks = blocks.collect();
-        let decoder = layout.module(|layout| {
-            let decoder = Mlp::plain(layout, "decoder", latent, latent, OUTPUTS);
-            WholeMlp::new(layout, decoder)
-        });
+        let decoder =
+            layout.module(|layout| Mlp::plain(layout, "decoder", &[0..latent], latent, OUTPUTS));
         Ok(Self {
             spec: spec.clone(),
             parameters: layout.parameters,
