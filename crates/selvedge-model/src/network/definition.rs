@@ -1,6 +1,7 @@
 //! The layers of a network and the places of their weights in one flat array.
 
 use std::ops::Range;
+use std::slice::from_ref;
 
 use crate::kernels::real::Real;
 use crate::network::layers::block::Block;
@@ -48,8 +49,9 @@ impl Network {
             layout.module(|layout| Block::new(layout, &path, latent))
         });
         let blocks = blocks.collect();
+        let all = 0..latent;
         let decoder =
-            layout.module(|layout| Mlp::plain(layout, "decoder", &[0..latent], latent, OUTPUTS));
+            layout.module(|layout| Mlp::plain(layout, "decoder", from_ref(&all), latent, OUTPUTS));
         Ok(Self {
             spec: spec.clone(),
             parameters: layout.parameters,

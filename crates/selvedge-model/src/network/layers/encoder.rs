@@ -2,6 +2,7 @@
 //! current frame, or by a recurrent network on a window of frames.
 
 use std::ops::Range;
+use std::slice::from_ref;
 
 use crate::graph::partition::{CHUNK, chunks};
 use crate::kernels::dropout::RowMasks;
@@ -65,7 +66,10 @@ impl EncoderLayers {
         latent: usize,
     ) -> Self {
         match encoder {
-            Encoder::Mlp { .. } => Self::Mlp(Mlp::normalised(layout, path, &[0..width], latent)),
+            Encoder::Mlp { .. } => {
+                let all = 0..width;
+                Self::Mlp(Mlp::normalised(layout, path, from_ref(&all), latent))
+            }
             Encoder::Gru { .. } => Self::Gru(GruEncoder::new(layout, path, width, latent)),
         }
     }
