@@ -34,10 +34,7 @@ pub fn begin(
     let reporter = Reporter::new(on_event);
     let task = reporter.count("gathering statistics", cfg.statistics_samples, "samples");
     let mut observe = || task.advance();
-    let Some(model) = from else {
-        return Ok(Trainer::new_observed(cfg, data, engine, &mut observe)?);
-    };
-    let trainer = Trainer::from_model(cfg, data, engine, model, &mut observe)?;
+    let trainer = Trainer::begin(cfg, data, engine, from, &mut observe)?;
     trainer.iter().for_each(say_what_is_fresh);
     Ok(trainer)
 }

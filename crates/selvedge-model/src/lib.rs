@@ -83,9 +83,8 @@ mod test_cloth;
 
 pub use domain::{Aspect, Bounds, Departure, Domain, DomainWatch, FabricBounds};
 pub use features::{
-    Column, Frames, Normalizer, NormalizerError, Place, Pose, PoseGradient, RunningStatistics,
-    Window, edge_columns, edge_features, edge_features_backward, edge_groups, node_columns,
-    node_features, node_features_backward, node_groups,
+    Column, Frames, Normalizer, Place, RunningStatistics, Window, edge_columns, edge_groups,
+    node_columns, node_groups,
 };
 pub use graph::{
     ClothGraph, ClothSize, Connectivity, GraphError, Hinge, LocalFrame, Yaw, geometry,

@@ -206,22 +206,13 @@ impl ModelSpec {
 
     fn check_features(&self) -> Result<(), SpecError> {
         let (nodes, edges) = (&self.node_features, &self.edge_features);
-        for (field, needed, is_there) in [
-            (
-                "node_features",
-                "velocity",
-                nodes.contains(&NodeFeature::Velocity),
-            ),
-            (
-                "node_features",
-                "node-type",
-                nodes.contains(&NodeFeature::NodeType),
-            ),
-            (
-                "edge_features",
-                "vector",
-                edges.contains(&EdgeFeature::Vector),
-            ),
+        let velocity = nodes.contains(&NodeFeature::Velocity);
+        let node_type = nodes.contains(&NodeFeature::NodeType);
+        let vector = edges.contains(&EdgeFeature::Vector);
+        for (is_there, field, needed) in [
+            (velocity, "node_features", "velocity"),
+            (node_type, "node_features", "node-type"),
+            (vector, "edge_features", "vector"),
         ] {
             if !is_there {
                 let problem = format!("model.{field} must contain \"{needed}\"");

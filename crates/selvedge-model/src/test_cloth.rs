@@ -1,4 +1,4 @@
-//! Small irregular cloths for the tests of this crate, hanging and rippled.
+//! Small irregular cloths for the tests of this crate, hanging and rippled, and models.
 
 use glam::{DVec3, Vec3};
 use rand::{RngExt, SeedableRng};
@@ -8,6 +8,9 @@ use selvedge_cloth::{Cloth, Environment, Handles};
 
 use crate::graph::ClothGraph;
 use crate::graph::frame::Yaw;
+use crate::network::Network;
+use crate::rollout::{Model, Normalizers};
+use crate::spec::ModelSpec;
 
 /// A cloth and the air around it, of which a graph is made.
 #[derive(Clone)]
@@ -53,6 +56,14 @@ pub(crate) fn parts(side: usize, seed: u64) -> Hanging {
         },
     };
     flat.at_rest(positions.map(|p| ripple(p).as_vec3()).collect())
+}
+
+/// A model of random weights.
+pub(crate) fn model(spec: &ModelSpec, normalizers: Normalizers, training: &str) -> Model {
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    let network = Network::new(spec).expect("a valid spec");
+    let weights = network.initialise(&mut || rng.random::<f64>());
+    Model::new(spec, weights, normalizers, training.to_owned()).expect("a model")
 }
 
 /// `positions` moved at random by up to `size` `[m]` per coordinate.

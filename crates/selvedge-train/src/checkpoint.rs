@@ -9,7 +9,7 @@ use std::sync::Arc;
 use glam::Vec3;
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
 use selvedge_data::{Dataset, TensorOut, TensorValues, WriteError, read_header, write_tensors};
-use selvedge_model::{ModelSpec, RunningStatistics};
+use selvedge_model::{ModelSpec, RunningStatistics, edge_groups, node_groups};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use thiserror::Error;
@@ -93,14 +93,10 @@ impl Trainer {
             ("second_moment", adam.second_moment()),
         ];
         flat.extend(averaged.iter().map(|averaged| ("averaged", &averaged[..])));
-        let histories = histories(&state.slots);
         let flat = flat.into_iter().map(|(name, values)| {
             TensorOut::new(name, &[values.len()], TensorValues::F32(values.into()))
         });
-        let of_slots = histories.iter().map(|(name, shape, values)| {
-            TensorOut::new(name, shape, TensorValues::F32(values.into()))
-        });
-        let tensors: Vec<TensorOut<'_>> = flat.chain(of_slots).collect();
+        let tensors: Vec<TensorOut<'_>> = flat.chain(histories(&state.slots)).collect();
         write_tensors(path, &tensors, &metadata)
     }
 
@@ -135,18 +131,20 @@ fn history_name(slot: usize) -> String {
     format!("lane.{slot}.history")
 }
 
-/// Name, shape and numbers of the history of each slot that is in a run.
-fn histories(slots: &[Slot]) -> Vec<(String, Vec<usize>, Vec<f32>)> {
+/// The history of each slot that is in a run, `[frames, vertices, 3]`.
+fn histories(slots: &[Slot]) -> impl Iterator<Item = TensorOut<'_>> {
     let in_runs = slots.iter().enumerate();
-    in_runs
-        .filter(|(_, slot)| !slot.history.is_empty())
-        .map(|(number, slot)| {
-            let shape = vec![slot.history.len(), slot.history[0].len(), 3];
-            let values = slot.history.iter().flat_map(|frame| frame.iter());
-            let values = values.flat_map(|p| p.to_array());
-            (history_name(number), shape, values.collect())
-        })
-        .collect()
+    let in_runs = in_runs.filter(|(_, slot)| !slot.history.is_empty());
+    in_runs.map(|(number, slot)| {
+        let shape = [slot.history.len(), slot.history[0].len(), 3];
+        let points = slot.history.iter().flat_map(|frame| frame.iter());
+        let values: Vec<f32> = points.flat_map(|p| p.to_array()).collect();
+        TensorOut::new(
+            history_name(number),
+            &shape,
+            TensorValues::F32(values.into()),
+        )
+    })
 }
 
 struct CheckpointFile<'a> {
@@ -230,13 +228,11 @@ impl<'a> CheckpointFile<'a> {
     /// Checks that the statistics have the columns of the configuration, and that there are as many
     /// slots.
     fn check_state(&self, state: &State, cfg: &TrainConfig) -> Result<(), ResumeError> {
-        let [nodes, edges] = &state.inputs;
-        let (model, found) = (&cfg.model, (nodes.width(), edges.width()));
-        let expected = (model.node_width(), model.edge_width());
-        if found != expected || !state.targets.has_widths() {
-            let problem = format!("statistics of {found:?} columns, expected {expected:?}");
-            return Err(self.content("state", problem));
-        }
+        let groups = [node_groups(&cfg.model), edge_groups(&cfg.model)];
+        let inputs = state.inputs.iter().zip(&groups);
+        let inputs = inputs.map(|(statistics, groups)| statistics.check(groups));
+        let all: Result<(), _> = inputs.chain([state.targets.check()]).collect();
+        all.map_err(|problem| self.content("state: statistics", problem))?;
         let (found, expected) = (state.slots.len(), cfg.batch.samples);
         if found != expected {
             return Err(self.content("state", format!("{found} slots, expected {expected}")));

@@ -121,32 +121,18 @@ mod tests {
     use selvedge_model::Encoder;
 
     use super::*;
-    use crate::schedule::UnrollFrames;
-    use crate::test_data::{ENGINE, config, two_cloths};
+    use crate::test_data::{ENGINE, config, through, two_cloths};
     use crate::trainer::{TrainError, Trainer};
 
     #[test]
     fn a_training_that_no_machine_has_room_for_is_an_error() {
         let data = two_cloths();
-        type Edit = fn(&mut TrainConfig);
         // Numbers within their own bounds: petabytes of weights, or of frames to learn through.
-        let edits: [Edit; 2] = [
-            |cfg| {
-                cfg.model.latent = 4096;
-                cfg.model.blocks = 256;
-                cfg.batch.samples = 65_536;
-            },
-            |cfg| {
-                cfg.model.latent = 1024;
-                cfg.model.blocks = 100;
-                cfg.batch.samples = 65_536;
-                cfg.unroll = UnrollFrames::Constant { frames: 1000 };
-                cfg.losses.kinetic_energy = 0.0;
-            },
-        ];
-        for edit in edits {
-            let mut cfg = config(Encoder::MLP);
-            edit(&mut cfg);
+        for (latent, blocks, frames) in [(4096, 256, 1), (1024, 100, 1000)] {
+            let mut cfg = through(frames, config(Encoder::MLP));
+            cfg.model.latent = latent;
+            cfg.model.blocks = blocks;
+            cfg.batch.samples = 65_536;
             let error = Trainer::new(cfg, &data.dataset, &ENGINE);
             let error = error.err().expect("too much");
             assert!(matches!(error, TrainError::Memory(_)), "{error}");

@@ -123,7 +123,17 @@ impl Adam {
     /// The constants of the next step, for a machine that takes it by itself and then says so by
     /// [`Self::count_step`].
     pub fn next_rates(&self, learning_rate: f64) -> AdamRates {
-        AdamRates::new(&self.settings, self.steps + 1, learning_rate)
+        let (settings, step) = (&self.settings, self.steps + 1);
+        let correction = |beta: f64| 1.0 - beta.powf(step as f64);
+        AdamRates {
+            keep1: settings.beta1 as f32,
+            take1: (1.0 - settings.beta1) as f32,
+            keep2: settings.beta2 as f32,
+            take2: (1.0 - settings.beta2) as f32,
+            rate: (learning_rate / correction(settings.beta1)) as f32,
+            root: correction(settings.beta2).sqrt().recip() as f32,
+            epsilon: settings.epsilon as f32,
+        }
     }
 
     /// Counts a step that was taken.
@@ -176,19 +186,6 @@ pub struct AdamRates {
 }
 
 impl AdamRates {
-    fn new(settings: &AdamSettings, step: u64, learning_rate: f64) -> Self {
-        let correction = |beta: f64| 1.0 - beta.powf(step as f64);
-        Self {
-            keep1: settings.beta1 as f32,
-            take1: (1.0 - settings.beta1) as f32,
-            keep2: settings.beta2 as f32,
-            take2: (1.0 - settings.beta2) as f32,
-            rate: (learning_rate / correction(settings.beta1)) as f32,
-            root: correction(settings.beta2).sqrt().recip() as f32,
-            epsilon: settings.epsilon as f32,
-        }
-    }
-
     fn apply(
         &self,
         parameters: &mut [f32],

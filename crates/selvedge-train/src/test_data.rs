@@ -2,7 +2,7 @@
 
 mod swinging;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use rayon::ThreadPoolBuilder;
 use selvedge_data::{Dataset, SectionRule};
@@ -12,7 +12,7 @@ use serde_json::Value;
 pub(crate) use self::swinging::{Plan, Swinging, swinging_in, trajectory};
 use crate::config::TrainConfig;
 use crate::engine::OnProcessor;
-use crate::schedule::TruthProbability;
+use crate::schedule::{TruthProbability, UnrollFrames};
 use crate::trainer::Trainer;
 
 /// An engine whose micro-batches are unions.
@@ -83,6 +83,35 @@ pub(crate) fn busy(encoder: Encoder) -> TrainConfig {
         probability: 0.1,
     };
     cfg
+}
+
+/// After the first step a next sample is ground truth with this probability.
+pub(crate) fn truth(probability: f64) -> TruthProbability {
+    TruthProbability::Linear {
+        start: 0,
+        end: 1,
+        probability,
+    }
+}
+
+/// `cfg`, learning through so many frames.
+pub(crate) fn through(frames: usize, cfg: TrainConfig) -> TrainConfig {
+    let mut cfg = TrainConfig {
+        unroll: UnrollFrames::Constant { frames },
+        ..cfg
+    };
+    if frames > 1 {
+        cfg.losses.kinetic_energy = 0.0;
+    }
+    cfg
+}
+
+/// The bytes of a checkpoint, and its path.
+pub(crate) fn saved(trainer: &Trainer, data: &Swinging, name: &str) -> (PathBuf, Vec<u8>) {
+    let path = data.folder.path().join(name);
+    trainer.save(&path).expect("room");
+    let bytes = std::fs::read(&path).expect("just written");
+    (path, bytes)
 }
 
 /// What `work` gives on a pool of so many threads.

@@ -19,7 +19,7 @@ use crate::bounds::ConfigError;
 use crate::checkpoint::State;
 use crate::config::TrainConfig;
 use crate::engine::{Engine, EngineError, EngineMaker, Learned, Setup, SlotRun, Update};
-use crate::from_model::Origin;
+use crate::from_model::{Origin, check_model, take_model};
 use crate::losses::{LossStatistics, LossTerms, RunningLossStatistics};
 use crate::memory::{MemoryError, check_memory};
 use crate::slot::{Expert, ShownSample, Slot, pack_slots, rng_of, unpack_slots};
@@ -34,7 +34,7 @@ pub struct Trainer {
     pub(crate) state: State,
     statistics: LossStatistics,
     normalizers: Normalizers,
-    pub(crate) fresh_tensors: Vec<String>,
+    fresh_tensors: Vec<String>,
     engine: Box<dyn Engine>,
     stop: Stop,
     expert: Option<Box<dyn Expert>>,
@@ -110,24 +110,41 @@ impl Trainer {
         engine: &dyn EngineMaker,
     ) -> Result<Self, TrainError> {
         let mut go_on = || ControlFlow::Continue(());
-        let trainer = Self::new_observed(cfg, dataset, engine, &mut go_on)?;
+        let trainer = Self::begin(cfg, dataset, engine, None, &mut go_on)?;
         trainer.ok_or(TrainError::Stopped { step: 0 })
     }
 
     /// The same with an observer: `observe` is called after every sample of the statistics and may
-    /// stop the fit, which gives no training.
-    pub fn new_observed(
+    /// stop the fit, which gives no training. Where there is a `model`, the training has its weights
+    /// and the statistics of its inputs and its output, and takes from samples only what the losses
+    /// are measured by. Only the network must be that of the configuration, except its encoder:
+    /// weights that the model has none for are fresh ([`Self::fresh_tensors`]).
+    pub fn begin(
         cfg: TrainConfig,
         dataset: &Dataset,
         engine: &dyn EngineMaker,
+        model: Option<&Model>,
         observe: &mut dyn FnMut() -> ControlFlow<()>,
     ) -> Result<Option<Self>, TrainError> {
+        if let Some(model) = model {
+            check_model(&cfg, model)?;
+        }
         let (set, network) = prepare(&cfg, dataset, engine.micro_batch())?;
-        let Some(state) = first_state(&cfg, &set, observe) else {
+        let Some(mut state) = first_state(&cfg, &set, observe) else {
             return Ok(None);
         };
-        let learned = Learned::first(&cfg, first_weights(&cfg, &network))?;
-        Self::assemble((cfg, set, network), engine, learned, state).map(Some)
+        let mut rng = ChaCha8Rng::seed_from_u64(cfg.seed);
+        let mut weights = network.initialise(&mut || rng.random::<f64>());
+        let fresh_tensors = match model {
+            Some(model) => take_model(model, &cfg, &mut state, &network, &mut weights)?,
+            None => Vec::new(),
+        };
+        let learned = Learned::first(&cfg, weights)?;
+        let trainer = Self::assemble((cfg, set, network), engine, learned, state)?;
+        Ok(Some(Self {
+            fresh_tensors,
+            ..trainer
+        }))
     }
 
     pub(crate) fn assemble(
@@ -340,12 +357,6 @@ impl Trainer {
     }
 }
 
-/// The weights of a training that begins with nothing.
-pub(crate) fn first_weights(cfg: &TrainConfig, network: &Network) -> Vec<f32> {
-    let mut rng = ChaCha8Rng::seed_from_u64(cfg.seed);
-    network.initialise(&mut || rng.random::<f64>())
-}
-
 /// Reads the data and builds the network, after checking the configuration and the memory of this
 /// machine.
 pub(crate) fn prepare(
@@ -361,7 +372,7 @@ pub(crate) fn prepare(
 
 /// The state before the first step, with statistics of as many samples as the configuration says,
 /// drawn as in training; none where `observe`, which is called after each, stops there.
-pub(crate) fn first_state(
+fn first_state(
     cfg: &TrainConfig,
     set: &TrainingSet,
     observe: &mut dyn FnMut() -> ControlFlow<()>,

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::Vec3;
 use selvedge_cloth::{Environment, Material};
 use selvedge_data::{Dataset, Problem, Sample, Section, Split, Trajectory};
-use selvedge_model::{ClothGraph, Domain, GraphError, Yaw};
+use selvedge_model::{ClothGraph, Domain, Yaw};
 use serde_json::Value;
 use thiserror::Error;
 
@@ -76,13 +76,8 @@ pub(crate) struct TrainingSet {
 pub enum TrainingSetError {
     #[error(transparent)]
     Dataset(#[from] Problem),
-    #[error("training trajectory {motion}: {source}")]
-    Graph { motion: String, source: GraphError },
-    #[error("training trajectory {motion}: the environment of its scene: {source}")]
-    Environment {
-        motion: String,
-        source: serde_json::Error,
-    },
+    #[error("training trajectory {0}")]
+    Trajectory(String),
     #[error(
         "the data set has no samples: it has nothing to train on, give one with training trajectories"
     )]
@@ -96,10 +91,8 @@ pub enum TrainingSetError {
 pub fn graph_of(motion: &str, trajectory: &Trajectory) -> Result<ClothGraph, TrainingSetError> {
     let environment = environment_of(motion, trajectory)?;
     let cloth = trajectory.cloth();
-    ClothGraph::new(cloth, environment, trajectory.frame_rate()).map_err(|source| {
-        let motion = motion.to_owned();
-        TrainingSetError::Graph { motion, source }
-    })
+    let graph = ClothGraph::new(cloth, environment, trajectory.frame_rate());
+    graph.map_err(|error| TrainingSetError::Trajectory(format!("{motion}: {error}")))
 }
 
 /// The domain of a trajectory: its handles frame by frame, its cloth and, where its scene is known,
@@ -126,9 +119,9 @@ pub fn domain_of(motion: &str, trajectory: &Trajectory) -> Result<Domain, Traini
 fn environment_of(motion: &str, trajectory: &Trajectory) -> Result<Environment, TrainingSetError> {
     let scene = &trajectory.provenance().scene;
     match scene.pointer("/setting/environment") {
-        Some(value) => serde_json::from_value(value.clone()).map_err(|source| {
-            let motion = motion.to_owned();
-            TrainingSetError::Environment { motion, source }
+        Some(value) => serde_json::from_value(value.clone()).map_err(|error| {
+            let problem = format!("{motion}: the environment of its scene: {error}");
+            TrainingSetError::Trajectory(problem)
         }),
         None => Ok(Environment::default()),
     }

@@ -87,100 +87,63 @@ impl Domain {
     /// The ways in which `scene` goes beyond this domain, in the order of [`Aspect`].
     pub fn departures(&self, scene: &Self) -> Vec<Departure> {
         let mut found = Vec::new();
-        self.of_cloth(scene, &mut found);
-        self.of_hands(scene, &mut found);
-        self.of_surroundings(scene, &mut found);
-        found
-    }
-
-    fn of_cloth(&self, scene: &Self, found: &mut Vec<Departure>) {
-        let (own, bounds) = (scene.frame_rate, self.frame_rate);
-        let words = format_args!("{own} frames per second, trained at {bounds}");
-        add(
-            found,
-            Aspect::FrameRate,
-            !bounds.hold(own, SAME_RATE),
-            words,
-        );
-        let (own, bounds) = (scene.vertices, self.vertices);
-        let words = format_args!("{own} vertices, trained on {bounds}");
-        add(
-            found,
-            Aspect::Vertices,
-            !bounds.hold(own, LOOSE_COUNT),
-            words,
-        );
-        let [own, bounds] = [scene.edge_length, self.edge_length].map(|b| b.times(1e3));
-        let words = format_args!("edges of {own:.0} mm on average, trained on {bounds:.0} mm");
-        add(found, Aspect::EdgeLength, !bounds.hold(own, LOOSE), words);
-        let words = format_args!("the cloth is sewn, trained on cloth in one piece");
-        add(found, Aspect::Seams, scene.sewn && !self.sewn, words);
-    }
-
-    fn of_hands(&self, scene: &Self, found: &mut Vec<Departure>) {
-        let (own, bounds) = (scene.handles, self.handles);
-        let plural = if own == Bounds::of(1.0) { "" } else { "s" };
-        let words = format_args!("{own} handle{plural} held at once, trained with {bounds}");
-        add(found, Aspect::Handles, !bounds.hold(own, 0.0), words);
+        let mut add = |aspect, is_beyond: bool, words: fmt::Arguments<'_>| {
+            if is_beyond {
+                let words = words.to_string();
+                found.push(Departure { aspect, words });
+            }
+        };
         let beyond = |own: f64, most: f64, small: f64| own > most * (1.0 + LOOSE) + small;
+
+        let (own, known) = (scene.frame_rate, self.frame_rate);
+        let words = format_args!("{own} frames per second, trained at {known}");
+        add(Aspect::FrameRate, !known.hold(own, SAME_RATE), words);
+        let (own, known) = (scene.vertices, self.vertices);
+        let words = format_args!("{own} vertices, trained on {known}");
+        add(Aspect::Vertices, !known.hold(own, LOOSE_COUNT), words);
+        let [own, known] = [scene.edge_length, self.edge_length].map(|b| b.times(1e3));
+        let words = format_args!("edges of {own:.0} mm on average, trained on {known:.0} mm");
+        add(Aspect::EdgeLength, !known.hold(own, LOOSE), words);
+        let words = format_args!("the cloth is sewn, trained on cloth in one piece");
+        add(Aspect::Seams, scene.sewn && !self.sewn, words);
+
+        let (own, known) = (scene.handles, self.handles);
+        let plural = if own == Bounds::of(1.0) { "" } else { "s" };
+        let words = format_args!("{own} handle{plural} held at once, trained with {known}");
+        add(Aspect::Handles, !known.hold(own, 0.0), words);
         let (own, most) = (scene.height_difference, self.height_difference);
         let words =
             format_args!("handles {own:.2} m apart in height, trained with at most {most:.2} m");
-        add(
-            found,
-            Aspect::Heights,
-            beyond(own, most, SMALL_DISTANCE),
-            words,
-        );
+        add(Aspect::Heights, beyond(own, most, SMALL_DISTANCE), words);
         let (own, most) = (scene.moved_apart, self.moved_apart);
         let words = format_args!(
             "the distance between handles changes by {own:.2} m, trained with at most {most:.2} m"
         );
-        add(
-            found,
-            Aspect::Apart,
-            beyond(own, most, SMALL_DISTANCE),
-            words,
-        );
+        add(Aspect::Apart, beyond(own, most, SMALL_DISTANCE), words);
         let (own, most) = (scene.handle_speed, self.handle_speed);
         let words = format_args!("handles at up to {own:.1} m/s, trained with up to {most:.1} m/s");
-        add(found, Aspect::Speed, beyond(own, most, SMALL_SPEED), words);
+        add(Aspect::Speed, beyond(own, most, SMALL_SPEED), words);
+
         let (own, most) = (scene.wind, self.wind);
-        let is_beyond = beyond(own, most, SMALL_SPEED);
         let words = match most > 0.0 {
             true => {
                 format_args!("wind of up to {own:.1} m/s, trained in wind of up to {most:.1} m/s")
             }
             false => format_args!("wind of up to {own:.1} m/s, trained in still air"),
         };
-        add(found, Aspect::Wind, is_beyond, words);
-    }
-
-    fn of_surroundings(&self, scene: &Self, found: &mut Vec<Departure>) {
-        let (own, bounds) = (scene.gravity, self.gravity);
-        let words = format_args!("gravity of {own:.2} m/s², trained with {bounds:.2} m/s²");
-        add(found, Aspect::Gravity, !bounds.hold(own, LOOSE), words);
+        add(Aspect::Wind, beyond(own, most, SMALL_SPEED), words);
+        let (own, known) = (scene.gravity, self.gravity);
+        let words = format_args!("gravity of {own:.2} m/s², trained with {known:.2} m/s²");
+        add(Aspect::Gravity, !known.hold(own, LOOSE), words);
         if let (Some(own), Some(known)) = (&scene.fabrics, &self.fabrics) {
             let words = format_args!("the fabric {own}, trained on {known}");
-            add(found, Aspect::Fabric, !known.hold(own), words);
+            add(Aspect::Fabric, !known.hold(own), words);
         }
         let words = format_args!(
             "the cloth touches itself or bodies, trained without: the network sees none"
         );
-        add(
-            found,
-            Aspect::Contact,
-            scene.contact && !self.contact,
-            words,
-        );
-    }
-}
-
-/// Adds a departure, where there is one.
-fn add(found: &mut Vec<Departure>, aspect: Aspect, is: bool, words: fmt::Arguments<'_>) {
-    if is {
-        let words = words.to_string();
-        found.push(Departure { aspect, words });
+        add(Aspect::Contact, scene.contact && !self.contact, words);
+        found
     }
 }
 

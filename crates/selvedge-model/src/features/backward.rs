@@ -1,32 +1,26 @@
 //! From the gradient of a loss with respect to features to that with respect to the positions they
 //! were computed from, for learning through several frames of a rollout.
 //!
-//! Each function is the transpose of the derivative of its namesake in [`super`], in the same order
+//! Each function is the transpose of the derivative of its namesake in `columns`, in the same order
 //! of columns. Handles are treated like other vertices; the caller drops their gradient. A feature
 //! that is not differentiable (an edge or a face without extent, air at rest) has gradient 0.
 
 use glam::Vec3;
 
-use super::columns::{Air, Pose, edge_ends};
+use super::columns::{Air, FeatureColumns, Pose, edge_ends};
 use crate::graph::ClothGraph;
 use crate::graph::geometry::bending_angle_with_gradient;
 use crate::spec::{EdgeFeature, ModelSpec, NodeFeature};
 
 /// Gradients with respect to the positions of a [`Pose`], in the world, `[vertices]`; added to.
-pub struct PoseGradient<'a> {
+pub(crate) struct PoseGradient<'a> {
     /// With respect to `previous`.
-    pub previous: &'a mut [Vec3],
+    pub(crate) previous: &'a mut [Vec3],
     /// With respect to `current`.
-    pub current: &'a mut [Vec3],
+    pub(crate) current: &'a mut [Vec3],
 }
 
-/// Rows of the gradient of one feature.
-#[derive(Clone, Copy)]
-struct Rows<'a> {
-    rows: &'a [f32],
-    width: usize,
-    first: usize,
-}
+type Rows<'a> = FeatureColumns<&'a [f32]>;
 
 impl Rows<'_> {
     #[inline]
@@ -40,28 +34,25 @@ impl Rows<'_> {
     }
 }
 
-/// Adds to `to` the gradient with respect to the positions, given `gradient`
-/// (`[vertices, node_width]`) with respect to [`node_features`](super::node_features).
+/// Adds to `to` the gradient with respect to the positions, given those with respect to what
+/// [`features`](super::columns::features) fills: `nodes` (`[vertices, node_width]`) and `arcs`
+/// (`[arcs, edge_width]`).
 ///
 /// # Panics
 /// When a slice does not have the size of the cloth.
-pub fn node_features_backward(
+pub(crate) fn features_backward(
     spec: &ModelSpec,
     graph: &ClothGraph,
     pose: Pose<'_>,
-    gradient: &[f32],
+    [nodes, arcs]: [&[f32]; 2],
     to: &mut PoseGradient<'_>,
 ) {
     let (vertices, width) = (graph.vertex_count(), spec.node_width());
-    assert_eq!(gradient.len(), vertices * width, "gradient of the features");
+    assert_eq!(nodes.len(), vertices * width, "gradient of the nodes");
     assert_eq!(to.current.len(), vertices, "gradient of the positions");
-    let mut first = 0;
+    let (mut first, rows) = (0, nodes);
     for &feature in &spec.node_features {
-        let rows = Rows {
-            rows: gradient,
-            width,
-            first,
-        };
+        let rows = Rows { rows, width, first };
         match feature {
             NodeFeature::Velocity => velocity(pose, rows, to),
             NodeFeature::ExternalForce => external_force(graph, pose, rows, to),
@@ -70,30 +61,15 @@ pub fn node_features_backward(
         }
         first += feature.width();
     }
-}
-
-/// Adds to `to` the gradient with respect to the current positions, given `gradient`
-/// (`[arcs, edge_width]`) with respect to [`edge_features`](super::edge_features).
-///
-/// # Panics
-/// When a slice does not have the size of the cloth.
-pub fn edge_features_backward(
-    spec: &ModelSpec,
-    graph: &ClothGraph,
-    pose: Pose<'_>,
-    gradient: &[f32],
-    to: &mut [Vec3],
-) {
-    let width = spec.edge_width();
-    assert_eq!(gradient.len(), graph.arc_count() * width, "gradient");
-    assert_eq!(to.len(), graph.vertex_count(), "gradient of the positions");
-    let mut first = 0;
+    let (width, rows, to) = (spec.edge_width(), arcs, &mut *to.current);
+    assert_eq!(
+        arcs.len(),
+        graph.arc_count() * width,
+        "gradient of the arcs"
+    );
+    first = 0;
     for &feature in &spec.edge_features {
-        let rows = Rows {
-            rows: gradient,
-            width,
-            first,
-        };
+        let rows = Rows { rows, width, first };
         match feature {
             EdgeFeature::Vector => vector(graph, pose, rows, to),
             EdgeFeature::RestVector | EdgeFeature::MaterialVector => {}

@@ -98,23 +98,24 @@ pub fn edge_groups(spec: &ModelSpec) -> Vec<usize> {
 
 /// One frame of the network's window.
 #[derive(Clone, Copy, Debug)]
-pub struct Pose<'a> {
+pub(crate) struct Pose<'a> {
     /// World positions one frame earlier `[m]`, `[vertices]`.
-    pub previous: &'a [Vec3],
+    pub(crate) previous: &'a [Vec3],
     /// World positions in this frame `[m]`, `[vertices]`.
-    pub current: &'a [Vec3],
+    pub(crate) current: &'a [Vec3],
     /// The local frame that features are expressed in: that of the *newest* frame of the window.
-    pub yaw: Yaw,
+    pub(crate) yaw: Yaw,
 }
 
 /// The columns of one feature in rows of `width` columns.
-struct FeatureColumns<'a> {
-    rows: &'a mut [f32],
-    width: usize,
-    first: usize,
+#[derive(Clone, Copy)]
+pub(super) struct FeatureColumns<R> {
+    pub(super) rows: R,
+    pub(super) width: usize,
+    pub(super) first: usize,
 }
 
-impl FeatureColumns<'_> {
+impl FeatureColumns<&mut [f32]> {
     #[inline]
     fn put<const N: usize>(&mut self, row: usize, values: [f32; N]) {
         let start = row * self.width + self.first;
@@ -130,22 +131,26 @@ impl FeatureColumns<'_> {
     }
 }
 
-/// Fills `out` (`[vertices, node_width]`) with the features of every vertex.
+/// Fills `nodes` (`[vertices, node_width]`) and `arcs` (`[arcs, edge_width]`) with the features of
+/// every vertex and of every arc, in the graph's order.
 ///
 /// # Panics
-/// When a slice that the spec needs does not have the size of the cloth.
-pub fn node_features(spec: &ModelSpec, graph: &ClothGraph, pose: Pose<'_>, out: &mut [f32]) {
+/// When a slice does not have the size of the cloth.
+pub(crate) fn features(
+    spec: &ModelSpec,
+    graph: &ClothGraph,
+    pose: Pose<'_>,
+    nodes: &mut [f32],
+    arcs: &mut [f32],
+) {
     let (vertices, width) = (graph.vertex_count(), spec.node_width());
     assert_eq!(pose.previous.len(), vertices, "previous positions");
     assert_eq!(pose.current.len(), vertices, "current positions");
-    assert_eq!(out.len(), vertices * width, "node features");
+    assert_eq!(nodes.len(), vertices * width, "node features");
     let mut first = 0;
     for &feature in &spec.node_features {
-        let columns = FeatureColumns {
-            rows: &mut *out,
-            width,
-            first,
-        };
+        let rows = &mut *nodes;
+        let columns = FeatureColumns { rows, width, first };
         match feature {
             NodeFeature::Velocity => velocity(pose, columns),
             NodeFeature::ExternalForce => external_force(graph, pose, columns),
@@ -154,27 +159,12 @@ pub fn node_features(spec: &ModelSpec, graph: &ClothGraph, pose: Pose<'_>, out: 
         }
         first += feature.width();
     }
-}
-
-/// Fills `out` (`[arcs, edge_width]`) with the features of every arc, in the graph's order.
-///
-/// # Panics
-/// When a slice does not have the size of the cloth.
-pub fn edge_features(spec: &ModelSpec, graph: &ClothGraph, pose: Pose<'_>, out: &mut [f32]) {
     let width = spec.edge_width();
-    assert_eq!(
-        pose.current.len(),
-        graph.vertex_count(),
-        "current positions"
-    );
-    assert_eq!(out.len(), graph.arc_count() * width, "edge features");
-    let mut first = 0;
+    assert_eq!(arcs.len(), graph.arc_count() * width, "edge features");
+    first = 0;
     for &feature in &spec.edge_features {
-        let columns = FeatureColumns {
-            rows: &mut *out,
-            width,
-            first,
-        };
+        let rows = &mut *arcs;
+        let columns = FeatureColumns { rows, width, first };
         match feature {
             EdgeFeature::Vector => vector(graph, pose, columns),
             EdgeFeature::RestVector => rest_vector(graph, columns),
@@ -186,7 +176,7 @@ pub fn edge_features(spec: &ModelSpec, graph: &ClothGraph, pose: Pose<'_>, out: 
     }
 }
 
-fn velocity(pose: Pose<'_>, mut out: FeatureColumns<'_>) {
+fn velocity(pose: Pose<'_>, mut out: FeatureColumns<&mut [f32]>) {
     for (v, (&p, &q)) in pose.current.iter().zip(pose.previous).enumerate() {
         out.put(v, pose.yaw.to_local(p - q).to_array());
     }
@@ -226,7 +216,7 @@ impl Air {
 /// `[eq:external-force]`: f = m g + ⅓ Σ A (ρ |vₙ| vₙ n + c v_t) over the faces of a vertex, with
 /// the air's velocity relative to the face v = wind - mean corner velocity `[m/s]`, vₙ = n·v,
 /// v_t = v - vₙ n.
-fn external_force(graph: &ClothGraph, pose: Pose<'_>, mut out: FeatureColumns<'_>) {
+fn external_force(graph: &ClothGraph, pose: Pose<'_>, mut out: FeatureColumns<&mut [f32]>) {
     let environment = graph.environment();
     let gravity = pose.yaw.to_local_f64(environment.gravity).as_vec3();
     for (v, &mass) in graph.cloth().vertex_mass().iter().enumerate() {
@@ -256,14 +246,14 @@ fn external_force(graph: &ClothGraph, pose: Pose<'_>, mut out: FeatureColumns<'_
 }
 
 /// Kinetic energy with the velocity per frame `[eq:kinetic-energy]`: m |v|² / 2.
-fn kinetic_energy(graph: &ClothGraph, pose: Pose<'_>, mut out: FeatureColumns<'_>) {
+fn kinetic_energy(graph: &ClothGraph, pose: Pose<'_>, mut out: FeatureColumns<&mut [f32]>) {
     let moves = pose.current.iter().zip(pose.previous);
     for (v, ((&p, &before), &mass)) in moves.zip(graph.cloth().vertex_mass()).enumerate() {
         out.put(v, [0.5 * mass * (p - before).length_squared()]);
     }
 }
 
-fn node_type(graph: &ClothGraph, mut out: FeatureColumns<'_>) {
+fn node_type(graph: &ClothGraph, mut out: FeatureColumns<&mut [f32]>) {
     const FREE: [f32; 9] = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
     const HANDLE: [f32; 9] = [0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
     for (v, &handle) in graph.handle_mask().iter().enumerate() {
@@ -272,21 +262,21 @@ fn node_type(graph: &ClothGraph, mut out: FeatureColumns<'_>) {
 }
 
 /// Position of the sender minus that of the receiver, and its length.
-fn vector(graph: &ClothGraph, pose: Pose<'_>, mut out: FeatureColumns<'_>) {
+fn vector(graph: &ClothGraph, pose: Pose<'_>, mut out: FeatureColumns<&mut [f32]>) {
     for ((a, b), arcs) in edge_ends(graph, pose.current) {
         let d = pose.yaw.to_local(a - b);
         put_vector(&mut out, arcs, d, d.length());
     }
 }
 
-fn rest_vector(graph: &ClothGraph, mut out: FeatureColumns<'_>) {
+fn rest_vector(graph: &ClothGraph, mut out: FeatureColumns<&mut [f32]>) {
     let rest = graph.rest_vectors.iter().zip(graph.rest_lengths());
     for ((&d, &length), &arcs) in rest.zip(&graph.edge_arcs) {
         put_vector(&mut out, arcs, d, length);
     }
 }
 
-fn material_vector(graph: &ClothGraph, mut out: FeatureColumns<'_>) {
+fn material_vector(graph: &ClothGraph, mut out: FeatureColumns<&mut [f32]>) {
     for (vectors, arcs) in graph.material_vectors().iter().zip(&graph.edge_arcs) {
         for (&arc, d) in arcs.iter().zip(vectors) {
             out.put(arc as usize, [d.x, d.y, d.length()]);
@@ -295,7 +285,7 @@ fn material_vector(graph: &ClothGraph, mut out: FeatureColumns<'_>) {
 }
 
 /// Length minus length in the sagged rest pose.
-fn elongation(graph: &ClothGraph, pose: Pose<'_>, mut out: FeatureColumns<'_>) {
+fn elongation(graph: &ClothGraph, pose: Pose<'_>, mut out: FeatureColumns<&mut [f32]>) {
     let ends = edge_ends(graph, pose.current);
     for (((a, b), arcs), &rest_length) in ends.zip(graph.rest_lengths()) {
         let longer = a.distance(b) - rest_length;
@@ -305,7 +295,7 @@ fn elongation(graph: &ClothGraph, pose: Pose<'_>, mut out: FeatureColumns<'_>) {
     }
 }
 
-fn bending(graph: &ClothGraph, pose: Pose<'_>, mut out: FeatureColumns<'_>) {
+fn bending(graph: &ClothGraph, pose: Pose<'_>, mut out: FeatureColumns<&mut [f32]>) {
     for (edge, arcs) in graph.topology().edges().iter().zip(&graph.edge_arcs) {
         if edge.is_boundary() {
             for &arc in arcs {
@@ -349,7 +339,7 @@ pub(super) fn edge_ends<'a>(
 
 /// `d` and `length` for the first arc, the opposite for its reverse.
 #[inline]
-fn put_vector(out: &mut FeatureColumns<'_>, arcs: [u32; 2], d: Vec3, length: f32) {
+fn put_vector(out: &mut FeatureColumns<&mut [f32]>, arcs: [u32; 2], d: Vec3, length: f32) {
     let [forward, back] = arcs;
     out.put(forward as usize, [d.x, d.y, d.z, length]);
     out.put(back as usize, [-d.x, -d.y, -d.z, length]);

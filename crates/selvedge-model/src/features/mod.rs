@@ -6,10 +6,6 @@ pub(crate) mod columns;
 pub(crate) mod normalizer;
 pub(crate) mod window;
 
-pub use backward::{PoseGradient, edge_features_backward, node_features_backward};
-pub use columns::{
-    Column, Pose, edge_columns, edge_features, edge_groups, node_columns, node_features,
-    node_groups,
-};
-pub use normalizer::{Normalizer, NormalizerError, RunningStatistics};
+pub use columns::{Column, edge_columns, edge_groups, node_columns, node_groups};
+pub use normalizer::{Normalizer, RunningStatistics};
 pub use window::{Frames, Place, Window};

@@ -11,7 +11,8 @@
 //! energy of 1e-8 varies, a vector's component of 1e-8 m beside others of 0.03 m does not.
 
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
+
+use crate::spec::SpecError;
 
 /// A component whose deviation is below this part of its group's root mean square is constant:
 /// f32 positions of 1 m give an edge of 0.03 m a rounding noise of 2e-6 of its length.
@@ -20,22 +21,12 @@ const LEAST_DEVIATION: f64 = 1e-4;
 /// Statistics that still change. `groups` are the widths of consecutive columns that share a unit
 /// and a scale.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "StoredStatistics")]
+#[serde(deny_unknown_fields)]
 pub struct RunningStatistics {
     groups: Vec<usize>,
     count: f64,
     mean: Vec<f64>,
     /// Sums of squared differences from the mean.
-    squares: Vec<f64>,
-}
-
-/// [`RunningStatistics`] of a checkpoint, unchecked.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct StoredStatistics {
-    groups: Vec<usize>,
-    count: f64,
-    mean: Vec<f64>,
     squares: Vec<f64>,
 }
 
@@ -49,11 +40,6 @@ pub struct Normalizer {
     scale: Vec<f32>,
     spread: Vec<f32>,
 }
-
-/// Reason why numbers are no statistics.
-#[derive(Clone, Debug, Error, PartialEq)]
-#[error("{0}")]
-pub struct NormalizerError(String);
 
 impl RunningStatistics {
     /// Statistics of no samples, for rows whose consecutive columns form `groups` of these widths.
@@ -82,9 +68,20 @@ impl RunningStatistics {
         }
     }
 
-    /// Number of components of a row.
-    pub fn width(&self) -> usize {
-        self.mean.len()
+    /// Checks what was read from a file: that it has `groups`, and numbers that statistics can have.
+    ///
+    /// # Errors
+    /// Names the numbers and the first one that cannot be.
+    pub fn check(&self, groups: &[usize]) -> Result<(), SpecError> {
+        if self.groups != groups {
+            let found = &self.groups;
+            let problem = format!("groups of {found:?} columns, expected {groups:?}");
+            return Err(SpecError(problem));
+        }
+        let width = groups.iter().sum();
+        check("mean", &self.mean, width, f64::NEG_INFINITY)?;
+        check("squares", &self.squares, width, 0.0)?;
+        check("count", &[self.count], 1, 0.0)
     }
 
     /// Number of rows so far.
@@ -98,7 +95,7 @@ impl RunningStatistics {
     /// # Panics
     /// When `rows` is not whole rows.
     pub fn add<T: Copy + Into<f64>>(&mut self, rows: &[T]) {
-        let width = self.width();
+        let width = self.mean.len();
         if rows.is_empty() {
             return;
         }
@@ -165,32 +162,13 @@ impl RunningStatistics {
     }
 }
 
-impl TryFrom<StoredStatistics> for RunningStatistics {
-    type Error = NormalizerError;
-
-    fn try_from(stored: StoredStatistics) -> Result<Self, NormalizerError> {
-        // Widths of a damaged file may be beyond every length.
-        let add = |sum: usize, width: &usize| sum.saturating_add(*width);
-        let width = stored.groups.iter().fold(0, add);
-        check("mean", &stored.mean, width, f64::NEG_INFINITY)?;
-        check("squares", &stored.squares, width, 0.0)?;
-        check("count", &[stored.count], 1, 0.0)?;
-        Ok(Self {
-            groups: stored.groups,
-            count: stored.count,
-            mean: stored.mean,
-            squares: stored.squares,
-        })
-    }
-}
-
 impl Normalizer {
     /// Statistics from a weight file: `mean` and `deviation` (0 for a constant component),
     /// `[width]`.
     ///
     /// # Errors
     /// Different widths, a value that is not finite, a negative deviation.
-    pub fn new(mean: Vec<f64>, deviation: Vec<f64>) -> Result<Self, NormalizerError> {
+    pub fn new(mean: Vec<f64>, deviation: Vec<f64>) -> Result<Self, SpecError> {
         check("mean", &mean, mean.len(), f64::NEG_INFINITY)?;
         check("deviation", &deviation, mean.len(), 0.0)?;
         Ok(Self::from_checked(mean, deviation))
@@ -278,10 +256,10 @@ impl Normalizer {
 }
 
 /// Checks that there are `width` finite values, none of them below `least`.
-fn check(field: &str, values: &[f64], width: usize, least: f64) -> Result<(), NormalizerError> {
+fn check(field: &str, values: &[f64], width: usize, least: f64) -> Result<(), SpecError> {
     let found = values.len();
     if found != width {
-        return Err(NormalizerError(format!(
+        return Err(SpecError(format!(
             "{field} has {found} components, expected {width}"
         )));
     }
@@ -290,7 +268,7 @@ fn check(field: &str, values: &[f64], width: usize, least: f64) -> Result<(), No
         false => "finite and not negative",
     };
     match values.iter().position(|x| !x.is_finite() || *x < least) {
-        Some(component) => Err(NormalizerError(format!(
+        Some(component) => Err(SpecError(format!(
             "{field} of component {component} must be {expected}, found {}",
             values[component]
         ))),
@@ -408,16 +386,27 @@ mod tests {
         let text = serde_json::to_string(&running).expect("plain numbers");
         let back: RunningStatistics = serde_json::from_str(&text).expect("what was written");
         assert_eq!(back, running);
-        let too_wide = format!("[2,{}]", u64::MAX);
+        assert_eq!(back.check(&[2, 1]), Ok(()));
         for (from, to, expected) in [
-            ("[2,1]", "[2,2]", "mean has 3 components, expected 4"),
-            ("[2,1]", &*too_wide, "mean has 3 components"),
+            (
+                "[2,1]",
+                "[2,2]",
+                "groups of [2, 2] columns, expected [2, 1]",
+            ),
+            (
+                "\"mean\":[",
+                "\"mean\":[0.5,",
+                "mean has 4 components, expected 3",
+            ),
             ("1001.0", "-1.0", "count of component 0"),
-            ("count", "counts", "unknown field"),
+            ("\"squares\":[", "\"squares\":[-", "squares of component 0"),
         ] {
             let damaged = serde_json::from_str::<RunningStatistics>(&text.replace(from, to));
-            let error = damaged.expect_err(expected).to_string();
-            assert!(error.contains(expected), "{error}");
+            let error = damaged
+                .expect("numbers")
+                .check(&[2, 1])
+                .expect_err(expected);
+            assert!(error.to_string().contains(expected), "{error}");
         }
     }
 }

@@ -4,9 +4,9 @@
 use glam::Vec3;
 use selvedge_cloth::VertexId;
 
-use crate::features::backward::{PoseGradient, edge_features_backward, node_features_backward};
+use crate::features::backward::{PoseGradient, features_backward};
+use crate::features::columns::{Pose, features};
 use crate::features::normalizer::Normalizer;
-use crate::features::{Pose, edge_features, node_features};
 use crate::graph::ClothGraph;
 use crate::graph::connectivity::Connectivity;
 use crate::graph::frame::Yaw;
@@ -121,11 +121,10 @@ impl Window {
         for (step, current) in frames.window(spec).enumerate() {
             let pose = frames.pose(current);
             let row = step * place.vertex_count + place.first_vertex;
-            let rows = &mut self.nodes[row * node_width..][..graph.vertex_count() * node_width];
-            node_features(spec, graph, pose, rows);
+            let nodes = &mut self.nodes[row * node_width..][..graph.vertex_count() * node_width];
             let row = step * place.arc_count + place.first_arc;
-            let rows = &mut self.arcs[row * edge_width..][..graph.arc_count() * edge_width];
-            edge_features(spec, graph, pose, rows);
+            let arcs = &mut self.arcs[row * edge_width..][..graph.arc_count() * edge_width];
+            features(spec, graph, pose, nodes, arcs);
         }
     }
 
@@ -151,10 +150,9 @@ impl Window {
                 previous: &mut before[current - 1],
                 current: &mut later[0],
             };
-            let rows = &gradient.nodes[step * nodes..][..nodes];
-            node_features_backward(spec, graph, pose, rows, &mut by_pose);
-            let rows = &gradient.arcs[step * edges..][..edges];
-            edge_features_backward(spec, graph, pose, rows, by_pose.current);
+            let nodes = &gradient.nodes[step * nodes..][..nodes];
+            let arcs = &gradient.arcs[step * edges..][..edges];
+            features_backward(spec, graph, pose, [nodes, arcs], &mut by_pose);
         }
     }
 

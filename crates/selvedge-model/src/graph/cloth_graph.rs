@@ -6,7 +6,7 @@
 //! or several, is in `connectivity`.
 
 use glam::{Vec2, Vec3};
-use selvedge_cloth::{Cloth, Environment, Handles, SceneError, Topology, VertexId};
+use selvedge_cloth::{Cloth, Environment, Handles, Topology, VertexId};
 use thiserror::Error;
 
 use crate::graph::connectivity::{Connectivity, edge_arcs};
@@ -48,17 +48,8 @@ pub struct ClothGraph {
 
 /// An environment or a frame rate that the features cannot express.
 #[derive(Clone, Debug, Error, PartialEq)]
-#[allow(missing_docs, reason = "the fields are named in the messages")]
-pub enum GraphError {
-    #[error(transparent)]
-    Environment(#[from] SceneError),
-    #[error(
-        "environment.gust: the learned simulator sees one wind for a whole run, not gusts: take it out, or run the physics"
-    )]
-    Gust,
-    #[error("frame_rate must be between 1 and 100000 frames per second, found {found}")]
-    FrameRate { found: f64 },
-}
+#[error("{0}")]
+pub struct GraphError(String);
 
 impl ClothGraph {
     /// Makes the graph of `cloth` in `environment`, moving by `frame_rate` frames per second.
@@ -70,12 +61,16 @@ impl ClothGraph {
         environment: Environment,
         frame_rate: f64,
     ) -> Result<Self, GraphError> {
-        environment.validate()?;
+        let valid = environment.validate();
+        valid.map_err(|error| GraphError(error.to_string()))?;
         if environment.gust.is_some() {
-            return Err(GraphError::Gust);
+            let problem = "environment.gust: the learned simulator sees one wind for a whole run, not gusts: take it out, or run the physics";
+            return Err(GraphError(problem.to_owned()));
         }
         if !(1.0..=1e5).contains(&frame_rate) {
-            return Err(GraphError::FrameRate { found: frame_rate });
+            return Err(GraphError(format!(
+                "frame_rate must be between 1 and 100000 frames per second, found {frame_rate}"
+            )));
         }
         let (topology, rest) = (cloth.topology(), cloth.rest_positions());
         let frame = LocalFrame::new(&cloth.handles().select(rest));

@@ -83,19 +83,15 @@ impl Connectivity {
         for part in parts {
             let (vertices, arcs) = (whole.vertex_count as u32, whole.arc_count() as u32);
             whole.vertex_count += part.vertex_count;
-            whole
-                .senders
-                .extend(part.senders.iter().map(|v| v + vertices));
-            whole
-                .receivers
-                .extend(part.receivers.iter().map(|v| v + vertices));
-            whole
-                .first_arc
-                .extend(part.first_arc[1..].iter().map(|a| a + arcs));
+            for (all, own, before) in [
+                (&mut whole.senders, &part.senders[..], vertices),
+                (&mut whole.receivers, &part.receivers, vertices),
+                (&mut whole.first_arc, &part.first_arc[1..], arcs),
+                (&mut whole.reverse_arcs, &part.reverse_arcs, arcs),
+            ] {
+                all.extend(own.iter().map(|number| number + before));
+            }
             whole.cloths.extend(&part.cloths);
-            whole
-                .reverse_arcs
-                .extend(part.reverse_arcs.iter().map(|a| a + arcs));
         }
         whole.partitions = partitions(&whole.first_arc);
         whole

@@ -34,18 +34,13 @@ pub(crate) struct RowMasks {
     first: Vec<u64>,
 }
 
-/// Rows of one cloth: their seed and their number.
-pub(crate) struct ClothRows {
-    pub(crate) seed: u64,
-    pub(crate) rows: usize,
-}
-
 impl RowMasks {
-    /// Prepares the masks of the rows of `cloths`, each with `values` values in all its frames.
+    /// Prepares the masks of the rows of `cloths`, of each its seed and the number of its rows; a row
+    /// has `values` values in all its frames.
     pub(crate) fn fit(
         &mut self,
         rate: f64,
-        cloths: impl Iterator<Item = ClothRows>,
+        cloths: impl Iterator<Item = (u64, usize)>,
         values: usize,
     ) {
         self.rate = rate;
@@ -53,7 +48,7 @@ impl RowMasks {
         if rate <= 0.0 {
             return;
         }
-        for ClothRows { seed, rows } in cloths {
+        for (seed, rows) in cloths {
             let numbers = (0..rows).map(|row| seed.wrapping_add((row * values) as u64));
             self.first.extend(numbers);
         }
@@ -98,7 +93,7 @@ mod tests {
     /// The masks of a cloth of so many rows with this seed, all steps of all rows.
     fn masks(seed: u64, rows: usize, steps: usize, width: usize) -> Vec<f64> {
         let mut masks = RowMasks::default();
-        masks.fit(RATE, [ClothRows { seed, rows }].into_iter(), steps * width);
+        masks.fit(RATE, [(seed, rows)].into_iter(), steps * width);
         let all = (0..steps).map(|step| {
             let mut values = vec![1.0; rows * width];
             masks.apply(&mut values, 0..rows, step);

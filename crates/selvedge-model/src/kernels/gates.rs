@@ -43,35 +43,17 @@ pub(crate) struct GruStep<'a, T> {
     pub(crate) kept: &'a mut [T],
 }
 
-/// Weights of one layer of recurrent units as PyTorch stores them, gates in the order r, z, n.
-#[derive(Clone, Copy)]
-pub(crate) struct GruWeights<'a, T> {
-    pub(crate) inputs: usize,
-    pub(crate) hidden: usize,
-    /// W_ih, `[3 hidden, inputs]`.
-    pub(crate) of_input: &'a [T],
-    /// W_hh, `[3 hidden, hidden]`.
-    pub(crate) of_state: &'a [T],
-    /// b_ih, `[3 hidden]`.
-    pub(crate) input_bias: &'a [T],
-    /// b_hh, `[3 hidden]`.
-    pub(crate) state_bias: &'a [T],
-}
-
-/// Packs the matrices of a layer: for each vector of units the weights of the input, then those of
-/// the state, gates r, z, n. The slot of `out` has depth inputs + hidden and columns 3 hidden.
+/// Packs the matrices W_ih `[3 hidden, inputs]` and W_hh `[3 hidden, hidden]` of a layer, each with
+/// its number of columns: for each vector of units the weights of the input, then those of the
+/// state, gates r, z, n. The slot of `out` has depth inputs + hidden and columns 3 hidden.
 pub(crate) fn pack_gates<T: Real>(
     instructions: Instructions,
-    layer: GruWeights<'_, T>,
+    matrices: [(&[T], usize); 2],
     out: &mut [T],
 ) {
-    let hidden = layer.hidden;
+    let [_, (_, hidden)] = matrices;
     let lanes = instructions.run(LaneCount::<T>::default());
     let mut rows = out.chunks_exact_mut(3 * lanes);
-    let matrices = [
-        (layer.of_input, layer.inputs),
-        (layer.of_state, layer.hidden),
-    ];
     for first in (0..hidden).step_by(lanes) {
         for (weight, count) in matrices {
             for (l, row) in rows.by_ref().take(count).enumerate() {
@@ -90,13 +72,14 @@ pub(crate) fn pack_gates<T: Real>(
     }
 }
 
-/// Packs the biases: for each vector of units those of r and z, summed, then both of n.
+/// Packs the biases b_ih and b_hh, `[3 hidden]` each: for each vector of units those of r and z,
+/// summed, then both of n.
 pub(crate) fn pack_biases<T: Real>(
     instructions: Instructions,
-    layer: GruWeights<'_, T>,
+    [input, state]: [&[T]; 2],
     out: &mut [T],
 ) {
-    let (hidden, input, state) = (layer.hidden, layer.input_bias, layer.state_bias);
+    let hidden = input.len() / 3;
     let lanes = instructions.run(LaneCount::<T>::default());
     let vectors = out.chunks_exact_mut(4 * lanes);
     for (number, vector) in vectors.take(hidden.div_ceil(lanes)).enumerate() {

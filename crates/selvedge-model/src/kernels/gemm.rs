@@ -160,20 +160,16 @@ pub(crate) enum Epilogue<'a, T> {
     /// out ← max(sums + bias, 0).
     BiasRelu(&'a [T]),
     /// out ← max(sums + A v of the sender + B v of the receiver, 0): the split first arc layer.
-    EndpointsRelu(Endpoints<'a, T>),
+    EndpointsRelu {
+        /// A v and B v + bias of every vertex side by side, `[vertices, 2 columns]`.
+        products: &'a [T],
+        /// Sender of each row.
+        senders: &'a [u32],
+        /// Receiver of each row.
+        receivers: &'a [u32],
+    },
     /// out ← sums where the activation of a ReLU is positive, else 0; laid out like out.
     Mask(&'a [T]),
-}
-
-/// Endpoint products of arcs, which are added to the first layer of an arc.
-#[derive(Clone, Copy)]
-pub(crate) struct Endpoints<'a, T> {
-    /// A v and B v + bias of every vertex side by side, `[vertices, 2 columns]`.
-    pub(crate) products: &'a [T],
-    /// Sender of each row.
-    pub(crate) senders: &'a [u32],
-    /// Receiver of each row.
-    pub(crate) receivers: &'a [u32],
 }
 
 /// out `[rows, columns]` ← epilogue(Σ over terms of rows times matrix).
@@ -308,11 +304,15 @@ impl<T: Real> Product<'_, T> {
                     *x = T::relu(simd, *x);
                 }
             }
-            Epilogue::EndpointsRelu(ends) => {
-                let sender = ends.senders[row] as usize * 2 * columns + first;
-                let receiver = ends.receivers[row] as usize * 2 * columns + columns + first;
-                let sender = get::<T, S, V>(simd, &ends.products[sender..sender + count]);
-                let receiver = get::<T, S, V>(simd, &ends.products[receiver..receiver + count]);
+            Epilogue::EndpointsRelu {
+                products,
+                senders,
+                receivers,
+            } => {
+                let sender = senders[row] as usize * 2 * columns + first;
+                let receiver = receivers[row] as usize * 2 * columns + columns + first;
+                let sender = get::<T, S, V>(simd, &products[sender..sender + count]);
+                let receiver = get::<T, S, V>(simd, &products[receiver..receiver + count]);
                 let both = sum::<T, S, V>(simd, sender, receiver);
                 values = sum::<T, S, V>(simd, values, both);
                 for x in &mut values {

@@ -15,15 +15,6 @@ pub(crate) struct Receivers<'a> {
     pub(crate) first: usize,
 }
 
-/// Arcs that leave the vertices of a contiguous range, found through the arcs that arrive.
-#[derive(Clone, Copy)]
-pub(crate) struct OutgoingArcs<'a> {
-    /// First arc into each vertex of the range, and the end of the last one, `[vertices + 1]`.
-    pub(crate) first_arc: &'a [u32],
-    /// Reverse arc of every arc of the graph, `[arcs]`.
-    pub(crate) reverse_arcs: &'a [u32],
-}
-
 pub(crate) fn add<T: Real>(instructions: Instructions, to: &mut [T], from: &[T]) {
     instructions.vectorised(
         #[inline(always)]
@@ -72,24 +63,25 @@ pub(crate) fn sum_incoming<T: Real>(
 }
 
 /// to\[vertex\] ← Σ rows\[a\] over the arcs that leave the vertex, in the first half of rows of
-/// 2 `width` numbers. These are the reverse arcs of `first_arc[v]..first_arc[v + 1]`.
+/// 2 `width` numbers. These are the reverse arcs of `first_arc[v]..first_arc[v + 1]`, with a
+/// reverse arc for every arc of the graph, and the first arc into each of these vertices and the
+/// end of the last one, `[vertices + 1]`.
 pub(crate) fn sum_outgoing<T: Real>(
     instructions: Instructions,
     to: &mut [T],
     width: usize,
     rows: &[T],
-    arcs: OutgoingArcs<'_>,
+    first_arc: &[u32],
+    reverse_arcs: &[u32],
 ) {
     instructions.vectorised(
         #[inline(always)]
         || {
-            for (total, ends) in to
-                .chunks_exact_mut(2 * width)
-                .zip(arcs.first_arc.windows(2))
-            {
+            let vertices = to.chunks_exact_mut(2 * width).zip(first_arc.windows(2));
+            for (total, ends) in vertices {
                 let total = &mut total[..width];
                 total.fill(T::ZERO);
-                for &reverse in &arcs.reverse_arcs[ends[0] as usize..ends[1] as usize] {
+                for &reverse in &reverse_arcs[ends[0] as usize..ends[1] as usize] {
                     let row = &rows[reverse as usize * width..][..width];
                     for (total, &x) in total.iter_mut().zip(row) {
                         *total += x;

@@ -1,11 +1,12 @@
 //! The layers of a network and the places of their weights in one flat array.
 
 use std::ops::Range;
+use std::slice::from_ref;
 
 use crate::kernels::real::Real;
 use crate::network::layers::block::Block;
 use crate::network::layers::encoder::EncoderLayers;
-use crate::network::layers::mlp::{Mlp, WholeMlp};
+use crate::network::layers::mlp::Mlp;
 use crate::network::packed::{ModuleSize, Packer};
 use crate::network::parameters::{Layout, Parameter, Start};
 use crate::spec::{ModelSpec, OUTPUTS, SpecError};
@@ -23,7 +24,7 @@ pub struct Network {
     /// Of nodes and of arcs.
     pub(super) encoders: [EncoderLayers; 2],
     pub(super) blocks: Vec<Block>,
-    pub(super) decoder: WholeMlp,
+    pub(super) decoder: Mlp,
     /// Lengths of the packed matrices of each module, and the places of its weights.
     pub(crate) modules: Vec<(ModuleSize, Range<usize>)>,
 }
@@ -48,10 +49,9 @@ impl Network {
             layout.module(|layout| Block::new(layout, &path, latent))
         });
         let blocks = blocks.collect();
-        let decoder = layout.module(|layout| {
-            let decoder = Mlp::plain(layout, "decoder", latent, latent, OUTPUTS);
-            WholeMlp::new(layout, decoder)
-        });
+        let all = 0..latent;
+        let decoder =
+            layout.module(|layout| Mlp::plain(layout, "decoder", from_ref(&all), latent, OUTPUTS));
         Ok(Self {
             spec: spec.clone(),
             parameters: layout.parameters,

@@ -132,15 +132,26 @@ impl<T: Real> ModuleGradient<T> {
         input: &[T],
     ) {
         add_column_sums(using, self.at(&linear.bias), output);
+        let by_output = Columns::all(output, linear.outputs);
+        let input = Columns::all(input, linear.inputs);
+        self.add_matrix(using, linear, 0, by_output, input);
+    }
+
+    /// Adds the gradient of the columns of a layer's matrix from `first` on, for the inputs of
+    /// these columns.
+    pub(crate) fn add_matrix(
+        &mut self,
+        using: Instructions,
+        linear: &Linear,
+        first: usize,
+        by_output: Columns<'_, T>,
+        input: Columns<'_, T>,
+    ) {
         let sums = Sums {
             rows: self.at(&linear.weight),
             stride: linear.inputs,
-            first: 0,
+            first,
         };
-        let (left, right) = (
-            Columns::all(output, linear.outputs),
-            Columns::all(input, linear.inputs),
-        );
-        add_outer(using, sums, left, right);
+        add_outer(using, sums, by_output, input);
     }
 }

@@ -100,26 +100,32 @@ impl ModuleSize {
 pub(crate) struct Piece {
     weight: usize,
     stride: usize,
-    first: usize,
+    /// The first of the columns.
+    pub(crate) first: usize,
     forward: Slot,
     backward: Slot,
 }
 
 impl Piece {
-    /// Input columns `first..first + count` of `linear`.
-    pub(crate) fn new(size: &mut ModuleSize, linear: &Linear, first: usize, count: usize) -> Self {
+    /// These input columns of `linear`.
+    pub(crate) fn new(size: &mut ModuleSize, linear: &Linear, columns: &Range<usize>) -> Self {
         Self {
             weight: linear.weight.start,
             stride: linear.inputs,
-            first,
-            forward: size.forward(count, linear.outputs),
-            backward: size.backward(linear.outputs, count),
+            first: columns.start,
+            forward: size.forward(columns.len(), linear.outputs),
+            backward: size.backward(linear.outputs, columns.len()),
         }
     }
 
     /// All input columns.
     pub(crate) fn whole(size: &mut ModuleSize, linear: &Linear) -> Self {
-        Self::new(size, linear, 0, linear.inputs)
+        Self::new(size, linear, &(0..linear.inputs))
+    }
+
+    /// Number of its input columns.
+    pub(crate) fn inputs(&self) -> usize {
+        self.forward.depth
     }
 
     pub(crate) fn pack<T: Real>(&self, packer: &mut Packer<'_, T>) {
@@ -132,7 +138,7 @@ impl Piece {
     /// rows Wᵀ.
     pub(crate) fn times<'a, T>(&self, weights: LayerWeights<'a, T>, rows: &'a [T]) -> Term<'a, T> {
         Term {
-            rows: Columns::all(rows, self.forward.depth),
+            rows: Columns::all(rows, self.inputs()),
             packed: self.forward.of(&weights.module.forward),
         }
     }

@@ -68,51 +68,32 @@ pub struct InputGradient<'a, T> {
     pub arcs: &'a mut [T],
 }
 
+/// What a pass goes through, in either direction.
+#[derive(Clone, Copy)]
+pub struct Passage<'a, T> {
+    pub(super) network: &'a Network,
+    pub(super) weights: &'a PackedWeights<T>,
+    pub(super) graph: &'a Connectivity,
+    pub(super) input: Input<'a, T>,
+}
+
 /// A scalar that passes through a network are compiled for: `f32` or `f64`.
 pub trait NetworkScalar: Real {
     /// [`Network::forward_packed`].
-    fn forward(
-        network: &Network,
-        weights: &PackedWeights<Self>,
-        graph: &Connectivity,
-        input: Input<'_, Self>,
-        pass: Pass<'_>,
-        workspace: &mut Workspace<Self>,
-    );
+    fn forward(of: Passage<'_, Self>, pass: Pass<'_>, to: &mut Workspace<Self>);
     /// [`Network::backward_packed`].
-    fn backward(
-        network: &Network,
-        weights: &PackedWeights<Self>,
-        graph: &Connectivity,
-        input: Input<'_, Self>,
-        gradients: Gradients<'_, Self>,
-        workspace: &mut Workspace<Self>,
-    );
+    fn backward(of: Passage<'_, Self>, by: Gradients<'_, Self>, to: &mut Workspace<Self>);
 }
 
 macro_rules! network_scalar {
     ($scalar:ty) => {
         impl NetworkScalar for $scalar {
-            fn forward(
-                network: &Network,
-                weights: &PackedWeights<Self>,
-                graph: &Connectivity,
-                input: Input<'_, Self>,
-                pass: Pass<'_>,
-                workspace: &mut Workspace<Self>,
-            ) {
-                network.run_forward(weights, graph, input, pass, workspace);
+            fn forward(of: Passage<'_, Self>, pass: Pass<'_>, to: &mut Workspace<Self>) {
+                of.forward(pass, to);
             }
 
-            fn backward(
-                network: &Network,
-                weights: &PackedWeights<Self>,
-                graph: &Connectivity,
-                input: Input<'_, Self>,
-                gradients: Gradients<'_, Self>,
-                workspace: &mut Workspace<Self>,
-            ) {
-                network.run_backward(weights, graph, input, gradients, workspace);
+            fn backward(of: Passage<'_, Self>, by: Gradients<'_, Self>, to: &mut Workspace<Self>) {
+                of.backward(by, to);
             }
         }
     };
@@ -163,6 +144,20 @@ impl Network {
         });
     }
 
+    fn passage<'a, T>(
+        &'a self,
+        weights: &'a PackedWeights<T>,
+        graph: &'a Connectivity,
+        input: Input<'a, T>,
+    ) -> Passage<'a, T> {
+        Passage {
+            network: self,
+            weights,
+            graph,
+            input,
+        }
+    }
+
     /// Normalised accelerations `[vertices, 3]` for normalised features.
     ///
     /// # Errors
@@ -178,7 +173,7 @@ impl Network {
         pass: Pass<'_>,
         workspace: &'w mut Workspace<T>,
     ) -> Result<&'w [T], Stopped> {
-        T::forward(self, weights, graph, input, pass, workspace);
+        T::forward(self.passage(weights, graph, input), pass, workspace);
         if workspace.stop.is_wanted() {
             workspace.kept = false;
             return Err(Stopped);
@@ -204,7 +199,7 @@ impl Network {
         gradients: Gradients<'_, T>,
         workspace: &mut Workspace<T>,
     ) -> Result<(), Stopped> {
-        T::backward(self, weights, graph, input, gradients, workspace);
+        T::backward(self.passage(weights, graph, input), gradients, workspace);
         match workspace.stop.is_wanted() {
             true => Err(Stopped),
             false => Ok(()),

@@ -13,7 +13,7 @@ use selvedge_cloth::Stop;
 use crate::graph::connectivity::Connectivity;
 use crate::graph::partition::{CHUNK, PARTITION_VERTICES, Partition};
 use crate::kernels::aligned::Aligned;
-use crate::kernels::dropout::{ClothRows, Dropout, RowMasks};
+use crate::kernels::dropout::{Dropout, RowMasks};
 use crate::kernels::real::Real;
 use crate::network::definition::Network;
 use crate::network::kept::{BlockKept, Group, Part, Scratch, fit_chunks};
@@ -83,21 +83,18 @@ impl<T: Real> Workspace<T> {
 
     /// Prepares the masks of rows with that many values in all frames.
     fn fit_dropout(&mut self, graph: &Connectivity, pass: Pass<'_>, values: usize) {
-        let none = Dropout {
-            rate: 0.0,
-            seeds: &[],
-        };
-        let Dropout { rate, seeds } = match pass {
-            Pass::Training(Some(dropout)) if dropout.rate > 0.0 => dropout,
-            _ => none,
-        };
         let cloths = graph.cloths();
-        let seeded = if rate > 0.0 { cloths.len() } else { 0 };
-        assert_eq!(seeds.len(), seeded, "seeds of cloths");
+        let (rate, seeds) = match pass {
+            Pass::Training(Some(dropout)) if dropout.rate > 0.0 => {
+                assert_eq!(dropout.seeds.len(), cloths.len(), "seeds of cloths");
+                (dropout.rate, dropout.seeds)
+            }
+            _ => (0.0, &[][..]),
+        };
         for (kind, masks) in self.dropout.iter_mut().enumerate() {
-            let rows = seeds.iter().zip(cloths).map(|(&seed, cloth)| ClothRows {
-                seed: Dropout::row_seeds(seed)[kind],
-                rows: [cloth.vertices, cloth.arcs][kind],
+            let rows = seeds.iter().zip(cloths).map(|(&seed, cloth)| {
+                let count = [cloth.vertices, cloth.arcs][kind];
+                (Dropout::row_seeds(seed)[kind], count)
             });
             masks.fit(rate, rows, values);
         }

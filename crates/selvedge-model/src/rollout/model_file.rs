@@ -4,6 +4,8 @@
 //!
 //! This module works on bytes; it reads and writes no files.
 
+use std::collections::BTreeSet;
+
 use half::{bf16, f16};
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
 use thiserror::Error;
@@ -229,23 +231,19 @@ fn check_kind<'a>(text: impl Fn(&str) -> Option<&'a str>) -> Result<(), ModelFil
 }
 
 fn check_names(network: &Network, tensors: &SafeTensors<'_>) -> Result<(), ModelFileError> {
-    let statistics = statistics(network.spec()).map(|(of, _)| of);
-    let is_statistic = |name: &str| {
-        let mut all = statistics
-            .iter()
-            .flat_map(|of| STATISTIC_KINDS.map(|kind| statistic_name(of, kind)));
-        all.any(|known| known == name)
-    };
+    let statistics = statistics(network.spec()).into_iter();
+    let statistics =
+        statistics.flat_map(|(of, _)| STATISTIC_KINDS.map(|kind| statistic_name(of, kind)));
+    let weights = network.parameters().iter().map(|p| p.name.clone());
+    let known: BTreeSet<String> = statistics.chain(weights).collect();
     let mut names = tensors.names();
     names.sort_unstable();
-    for name in names {
-        if !is_statistic(name) && !network.parameters().iter().any(|p| p.name == name) {
-            return Err(invalid(format!(
-                "tensor {name} is in the file, but the spec of the model has no such weight"
-            )));
-        }
+    match names.into_iter().find(|name| !known.contains(*name)) {
+        Some(name) => Err(invalid(format!(
+            "tensor {name} is in the file, but the spec of the model has no such weight"
+        ))),
+        None => Ok(()),
     }
-    Ok(())
 }
 
 fn read<'a>(

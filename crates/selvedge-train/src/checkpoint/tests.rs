@@ -8,19 +8,12 @@ use serde_json::Value;
 
 use super::*;
 use crate::schedule::LearningRate;
-use crate::test_data::{ENGINE, Swinging, busy, stepped, swinging, two_cloths};
+use crate::test_data::{ENGINE, Swinging, busy, saved, stepped, swinging, two_cloths};
 
 fn steps(trainer: &mut Trainer, count: usize) -> Vec<StepReport> {
     (0..count)
         .map(|_| trainer.step().expect("a step"))
         .collect()
-}
-
-fn saved(trainer: &Trainer, data: &Swinging, name: &str) -> (PathBuf, Vec<u8>) {
-    let path = data.folder.path().join(name);
-    trainer.save(&path).expect("room");
-    let bytes = std::fs::read(&path).expect("just written");
-    (path, bytes)
 }
 
 /// A checkpoint after five steps.
@@ -187,7 +180,10 @@ fn states_that_fit_nothing_are_refused() {
     });
     assert!(text.ends_with("is in no section of the data set"), "{text}");
     let text = state(|state| state["inputs"][0] = state["inputs"][1].clone());
-    assert!(text.starts_with("FILE: state: statistics of (10, 10) columns, expected (16, 10)"));
+    let expected = "FILE: state: statistics: groups of [4, 4, 1, 1] columns, expected [3, 3, 1, 9]";
+    assert_eq!(text, expected);
+    let text = state(|state| state["targets"]["edge_length"]["count"] = (-1.0).into());
+    assert!(text.contains("statistics: count of component 0"), "{text}");
     let text = state(|state| state["colour"] = 3.into());
     assert!(text.contains("unknown field `colour`"), "{text}");
     let mut broken = bytes.clone();

@@ -33,7 +33,17 @@ impl EngineMaker for OnProcessor {
     }
 
     fn make(&self, setup: Setup<'_>) -> Result<Box<dyn Engine>, EngineError> {
-        Ok(Box::new(CpuEngine::new(setup, self.micro_batch.max(1))))
+        let (weights, micro_batch) = (&setup.learned.weights, self.micro_batch.max(1));
+        let count = setup.cfg.batch.samples.div_ceil(micro_batch);
+        let batch = |_| MicroBatch::new(setup.cfg.losses, weights.len());
+        let (purpose, using) = (Purpose::Training, Instructions::Detected);
+        Ok(Box::new(CpuEngine {
+            packed: setup.network.pack(weights, purpose, using),
+            micro_batch,
+            batches: (0..count).map(batch).collect(),
+            gradient: vec![0.0; weights.len()],
+            is_summed: true,
+        }))
     }
 }
 
@@ -49,20 +59,6 @@ struct CpuEngine {
 }
 
 impl CpuEngine {
-    fn new(setup: Setup<'_>, micro_batch: usize) -> Self {
-        let weights = &setup.learned.weights;
-        let count = setup.cfg.batch.samples.div_ceil(micro_batch);
-        let batch = || MicroBatch::new(setup.cfg.losses, weights.len());
-        let (purpose, using) = (Purpose::Training, Instructions::Detected);
-        Self {
-            packed: setup.network.pack(weights, purpose, using),
-            micro_batch,
-            batches: (0..count).map(|_| batch()).collect(),
-            gradient: vec![0.0; weights.len()],
-            is_summed: true,
-        }
-    }
-
     /// Adds the gradients of the micro-batches in their order, whatever the number of threads.
     fn sum_gradients(&mut self) {
         if self.is_summed {
@@ -75,7 +71,7 @@ impl CpuEngine {
         chunks.for_each(|(chunk, sum)| {
             sum.fill(0.0);
             for batch in batches {
-                let part = &batch.gradient()[chunk * CHUNK..][..sum.len()];
+                let part = &batch.gradient[chunk * CHUNK..][..sum.len()];
                 sum.iter_mut().zip(part).for_each(|(s, g)| *s += g);
             }
         });
@@ -100,10 +96,10 @@ impl Engine for CpuEngine {
             .zip(&mut self.batches)
             .for_each(|(slots, batch)| batch.learn(&shared, slots));
         self.is_summed = false;
-        if self.batches.iter().any(|batch| batch.terms().is_empty()) {
+        if self.batches.iter().any(|batch| batch.terms.is_empty()) {
             return Ok(Vec::new());
         }
-        let terms = self.batches.iter().flat_map(MicroBatch::terms);
+        let terms = self.batches.iter().flat_map(|batch| &batch.terms);
         Ok(terms.copied().collect())
     }
 
@@ -114,7 +110,7 @@ impl Engine for CpuEngine {
 
     fn add_gradient(&mut self, range: Range<usize>, sum: &mut [f32]) -> Result<(), EngineError> {
         for batch in &self.batches {
-            let part = &batch.gradient()[range.clone()];
+            let part = &batch.gradient[range.clone()];
             sum.iter_mut().zip(part).for_each(|(s, g)| *s += g);
         }
         Ok(())

@@ -29,11 +29,11 @@ pub(super) struct MicroBatch {
     /// Gradients of the positions of all frames, the history of the first one included, in the
     /// world, `[frames][vertices]`.
     by_position: Vec<Vec<Vec3>>,
-    /// Gradient of the sum of the slots' losses, each times its share of the batch, laid out like
-    /// the weights.
-    gradient: Vec<f32>,
-    /// Terms of each slot.
-    terms: Vec<LossTerms>,
+    /// Gradient of the sum of the slots' losses in the latest step, each times its share of the
+    /// batch, laid out like the weights.
+    pub(super) gradient: Vec<f32>,
+    /// Terms of each slot in the latest step; none where that was given up.
+    pub(super) terms: Vec<LossTerms>,
 }
 
 /// The parts that all micro-batches share in a step.
@@ -85,16 +85,6 @@ impl MicroBatch {
         }
     }
 
-    /// The gradient of the latest step.
-    pub(super) fn gradient(&self) -> &[f32] {
-        &self.gradient
-    }
-
-    /// The terms of each slot in the latest step.
-    pub(super) fn terms(&self) -> &[LossTerms] {
-        &self.terms
-    }
-
     /// Takes the slots through the frames of a step and back: all together where there is one
     /// frame, else one after the other. There are no terms where the step is given up.
     pub(super) fn learn(&mut self, shared: &Shared<'_>, slots: &mut [SlotRun<'_>]) {
@@ -130,11 +120,44 @@ impl FramePasses for Passes<'_, '_> {
             let stop = shared.setup.stop.clone();
             batch.frames[frame].workspace.stop_by(stop);
         }
-        let buffers = &mut batch.frames[frame];
-        buffers.keep_samples(slots);
-        buffers.write_window(shared, &batch.union);
-        buffers.forward(shared, &batch.union)?;
-        buffers.judge(shared, &batch.union, &mut batch.losses, slots);
+        let (setup, union) = (&shared.setup, &batch.union);
+        let FrameBuffers {
+            samples,
+            window,
+            workspace,
+            output,
+            by_output,
+        } = &mut batch.frames[frame];
+        // The samples of this frame are kept, in buffers of the step before.
+        samples.resize_with(slots.len(), ShownSample::default);
+        for (number, (kept, slot)) in samples.iter_mut().zip(&*slots).enumerate() {
+            kept.clone_from(slot.sample());
+            let (graph, place) = (&union.graphs[number], &union.places[number]);
+            window.write(setup.network.spec(), graph, kept.window(), place);
+        }
+        let normalizers = setup.normalizers;
+        window.normalize(&normalizers.nodes, &normalizers.edges);
+        let seeds: Vec<u64> = samples.iter().map(|sample| sample.dropout_seed).collect();
+        let dropout = Dropout {
+            rate: setup.cfg.dropout,
+            seeds: &seeds,
+        };
+        let (graph, pass) = (union.connectivity(), Pass::Training(Some(dropout)));
+        let out =
+            setup
+                .network
+                .forward_packed(shared.weights, graph, window.input(), pass, workspace)?;
+        output.clear();
+        output.extend_from_slice(out);
+        by_output.resize(output.len(), 0.0);
+        for (number, slot) in slots.iter_mut().enumerate() {
+            let rows = union.rows(number);
+            let triplet = samples[number].triplet(&union.graphs[number]);
+            let (predicted, gradient) = (&output[rows.clone()], &mut by_output[rows]);
+            let losses = &mut batch.losses;
+            let terms = losses.evaluate(&triplet, setup.statistics, predicted, gradient);
+            slot.receive(predicted, terms);
+        }
         Ok(())
     }
 
@@ -234,64 +257,6 @@ impl Union {
 }
 
 impl FrameBuffers {
-    /// Keeps the samples of this frame, in buffers of the step before.
-    fn keep_samples(&mut self, slots: &[SlotRun<'_>]) {
-        self.samples.resize_with(slots.len(), ShownSample::default);
-        for (kept, slot) in self.samples.iter_mut().zip(slots) {
-            kept.clone_from(slot.sample());
-        }
-    }
-
-    fn write_window(&mut self, shared: &Shared<'_>, union: &Union) {
-        let spec = shared.setup.network.spec();
-        let cloths = union.graphs.iter().zip(&union.places);
-        for (sample, (graph, place)) in self.samples.iter().zip(cloths) {
-            self.window.write(spec, graph, sample.window(), place);
-        }
-        let normalizers = shared.setup.normalizers;
-        self.window
-            .normalize(&normalizers.nodes, &normalizers.edges);
-    }
-
-    fn forward(&mut self, shared: &Shared<'_>, union: &Union) -> Result<(), Stopped> {
-        let samples = self.samples.iter();
-        let seeds: Vec<u64> = samples.map(|sample| sample.dropout_seed).collect();
-        let dropout = Dropout {
-            rate: shared.setup.cfg.dropout,
-            seeds: &seeds,
-        };
-        let out = shared.setup.network.forward_packed(
-            shared.weights,
-            union.connectivity(),
-            self.window.input(),
-            Pass::Training(Some(dropout)),
-            &mut self.workspace,
-        )?;
-        self.output.clear();
-        self.output.extend_from_slice(out);
-        Ok(())
-    }
-
-    /// Computes the losses of the predictions and their gradients, and hands both to the slots.
-    fn judge(
-        &mut self,
-        shared: &Shared<'_>,
-        union: &Union,
-        losses: &mut LossEvaluator,
-        slots: &mut [SlotRun<'_>],
-    ) {
-        self.by_output.resize(self.output.len(), 0.0);
-        let statistics = shared.setup.statistics;
-        for (number, slot) in slots.iter_mut().enumerate() {
-            let rows = union.rows(number);
-            let triplet = self.samples[number].triplet(&union.graphs[number]);
-            let gradient = &mut self.by_output[rows.clone()];
-            let predicted = &self.output[rows];
-            let terms = losses.evaluate(&triplet, statistics, predicted, gradient);
-            slot.receive(predicted, terms);
-        }
-    }
-
     /// From `by_output` to the weights and, where it is wanted, to the features.
     fn network_backward(
         &mut self,

@@ -16,7 +16,6 @@ use rayon::prelude::*;
 use selvedge_model::ClothGraph;
 
 use super::Setup;
-use crate::config::TrainConfig;
 use crate::losses::LossTerms;
 use crate::rollout_target::RolloutTarget;
 use crate::slot::{ShownSample, Slot, rng_of};
@@ -243,29 +242,19 @@ impl<'a> SlotRun<'a> {
     }
 
     /// The mean of the terms of the frames, and the weight of each frame in the mean over the
-    /// batch.
+    /// batch; a mean above the cap of the configuration counts as the cap.
     fn weigh(&self) -> (LossTerms, Vec<f64>) {
         let cfg = self.setup.cfg;
-        let (mean, mut weights) = weigh(cfg, &self.terms);
+        let frames = self.terms.iter().enumerate();
+        let terms: Vec<(f64, LossTerms)> = frames
+            .map(|(frame, terms)| ((frame as f64 + 1.0).powi(-2), *terms))
+            .collect();
+        let mean = LossTerms::weighted_mean(&terms);
+        let cap = cfg.loss_cap.filter(|&cap| mean.total > cap);
+        let weight = cap.map_or(1.0, |cap| cap / mean.total);
+        let sum: f64 = terms.iter().map(|(weight, _)| weight).sum();
         let share = 1.0 / cfg.batch.samples as f64;
-        weights.iter_mut().for_each(|weight| *weight *= share);
-        (mean, weights)
+        let weights = terms.iter().map(|(w, _)| w * weight / sum * share);
+        (mean, weights.collect())
     }
-}
-
-/// The mean of the terms of a rollout's frames, and the weight of each frame in it; a mean above
-/// the cap of the configuration counts as the cap.
-fn weigh(cfg: &TrainConfig, terms: &[LossTerms]) -> (LossTerms, Vec<f64>) {
-    let number = |frame: usize| frame as f64 + 1.0;
-    let terms: Vec<(f64, LossTerms)> = terms
-        .iter()
-        .enumerate()
-        .map(|(frame, terms)| (number(frame).powi(-2), *terms))
-        .collect();
-    let mean = LossTerms::weighted_mean(&terms);
-    let cap = cfg.loss_cap.filter(|&cap| mean.total > cap);
-    let weight = cap.map_or(1.0, |cap| cap / mean.total);
-    let sum: f64 = terms.iter().map(|(weight, _)| weight).sum();
-    let weights = terms.iter().map(|(w, _)| w * weight / sum).collect();
-    (mean, weights)
 }

@@ -1,10 +1,14 @@
 //! A training that begins with a model is that model, whatever else is new.
 
+use std::ops::ControlFlow;
+
+use selvedge_data::Dataset;
 use selvedge_model::Encoder;
 use serde_json::json;
 
 use super::*;
 use crate::test_data::{ENGINE, busy, stepped, two_cloths};
+use crate::trainer::Trainer;
 
 const MLP: Encoder = Encoder::MLP;
 
@@ -17,7 +21,7 @@ fn learned(data: &Dataset, account: &str) -> Model {
 
 fn started(cfg: TrainConfig, data: &Dataset, model: &Model) -> Result<Trainer, TrainError> {
     let observe = &mut || ControlFlow::Continue(());
-    let trainer = Trainer::from_model(cfg, data, &ENGINE, model, observe)?;
+    let trainer = Trainer::begin(cfg, data, &ENGINE, Some(model), observe)?;
     Ok(trainer.expect("nobody stops it"))
 }
 
@@ -125,7 +129,7 @@ fn another_network_is_refused_and_an_observer_may_stop_it() {
         "the model to start from is another one: model.blocks is 2 there, 3 here; model.latent is 8 there, 16 here: set these values as they are there, or train without it"
     );
     let stop = &mut || ControlFlow::Break(());
-    let none = Trainer::from_model(busy(MLP), &data.dataset, &ENGINE, &model, stop);
+    let none = Trainer::begin(busy(MLP), &data.dataset, &ENGINE, Some(&model), stop);
     assert!(none.expect("no error").is_none());
     let trainer = started(busy(MLP), &data.dataset, &model).expect("the same network");
     assert_eq!(trainer.origins()[0].name, "a model");

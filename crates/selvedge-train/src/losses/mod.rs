@@ -261,34 +261,23 @@ impl LossEvaluator {
         assert_eq!(predicted.len(), 3 * vertices, "predicted acceleration");
         assert_eq!(gradient.len(), 3 * vertices, "gradient");
         self.predict_positions(triplet, &statistics.acceleration, predicted);
-        let weights = self.weights;
-        let mut terms = [
-            0.0,
-            self.term(weights.kinetic_energy, |this, weight| {
-                this.kinetic_energy(triplet, &statistics.kinetic_energy, weight)
-            }),
-            self.term(weights.edge_vector, |this, weight| {
-                this.edge_vector(triplet, &statistics.edge_vector, weight)
-            }),
-            self.term(weights.edge_length, |this, weight| {
-                this.edge_length(triplet, &statistics.edge_length, weight)
-            }),
-            self.term(weights.bending_angle, |this, weight| {
-                this.bending_angle(triplet, &statistics.bending_angle, weight)
-            }),
-        ];
-        // Last: it collects the gradient of all.
-        terms[0] = self.acceleration(triplet, &statistics.acceleration, predicted, gradient);
-        LossTerms::weighted(&weights, terms)
-    }
-
-    /// What `compute` gives for a term that has a weight.
-    fn term(&mut self, weight: f64, compute: impl FnOnce(&mut Self, f64) -> f64) -> f64 {
-        if weight > 0.0 {
-            compute(self, weight)
-        } else {
-            0.0
+        let (weights, of) = (self.weights, statistics);
+        let mut terms = [0.0; 5];
+        if weights.kinetic_energy > 0.0 {
+            terms[1] = self.kinetic_energy(triplet, &of.kinetic_energy, weights.kinetic_energy);
         }
+        if weights.edge_vector > 0.0 {
+            terms[2] = self.edge_vector(triplet, &of.edge_vector, weights.edge_vector);
+        }
+        if weights.edge_length > 0.0 {
+            terms[3] = self.edge_length(triplet, &of.edge_length, weights.edge_length);
+        }
+        if weights.bending_angle > 0.0 {
+            terms[4] = self.bending_angle(triplet, &of.bending_angle, weights.bending_angle);
+        }
+        // Last: it collects the gradient of all.
+        terms[0] = self.acceleration(triplet, &of.acceleration, predicted, gradient);
+        LossTerms::weighted(&weights, terms)
     }
 
     /// Sets p̄ to the positions that the prediction leads to ([`TwoFrames::moved`]); handles take

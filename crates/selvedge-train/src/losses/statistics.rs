@@ -2,7 +2,7 @@
 //! a prediction cannot move its own yardstick.
 
 use glam::DVec3;
-use selvedge_model::{Normalizer, RunningStatistics};
+use selvedge_model::{Normalizer, RunningStatistics, SpecError};
 use serde::{Deserialize, Serialize};
 
 use super::Triplet;
@@ -64,9 +64,13 @@ impl RunningLossStatistics {
         self.acceleration.count()
     }
 
-    /// True if every quantity has its number of components; a damaged checkpoint may not.
-    pub(crate) fn has_widths(&self) -> bool {
-        self.map(RunningStatistics::width) == WIDTHS
+    /// Checks what was read from a checkpoint.
+    pub(crate) fn check(&self) -> Result<(), SpecError> {
+        self.acceleration.check(&[WIDTHS.acceleration])?;
+        self.kinetic_energy.check(&[WIDTHS.kinetic_energy])?;
+        self.edge_vector.check(&[WIDTHS.edge_vector])?;
+        self.edge_length.check(&[WIDTHS.edge_length])?;
+        self.bending_angle.check(&[WIDTHS.bending_angle])
     }
 
     /// Adds the targets of one sample.
@@ -96,12 +100,6 @@ impl RunningLossStatistics {
             angles[hinge.edge as usize] = bending_angle(points);
         }
         self.bending_angle.add(&angles);
-    }
-
-    /// The same, with the accelerations of a model.
-    pub(crate) fn with_acceleration(mut self, normalizer: &Normalizer) -> Self {
-        self.acceleration = RunningStatistics::of(normalizer, &[3]);
-        self
     }
 
     /// The statistics of the samples so far.

@@ -1,5 +1,5 @@
-//! Gradients against finite differences, and what is reported. The values of the terms and their
-//! statistics are compared with PyTorch's in `tests/pytorch.rs`.
+//! What is reported. The values of the terms, their gradients and their statistics are compared with
+//! PyTorch's in `tests/pytorch.rs`.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -67,60 +67,6 @@ fn evaluate(weights: LossWeights, sample: &Sample, predicted: &[f64]) -> (LossTe
 }
 
 const OFF: LossWeights = LossWeights::ACCELERATION_ONLY;
-
-/// Each term by itself beside the acceleration, and all together.
-fn cases() -> [(&'static str, LossWeights); 6] {
-    let mut one = [OFF; 4];
-    one[0].kinetic_energy = 7.0;
-    one[1].edge_vector = 7.0;
-    one[2].edge_length = 7.0;
-    one[3].bending_angle = 7.0;
-    [
-        ("acceleration", OFF),
-        ("kinetic energy", one[0]),
-        ("edge vector", one[1]),
-        ("edge length", one[2]),
-        ("bending angle", one[3]),
-        ("all", LossWeights::default()),
-    ]
-}
-
-#[test]
-fn every_term_has_the_gradient_of_its_finite_differences() {
-    let sample = sample(40);
-    let start = numbers(3 * 40, 1);
-    for (name, weights) in cases() {
-        let (_, gradient) = evaluate(weights, &sample, &start);
-        for seed in 0..20 {
-            // Along random directions, every component at once.
-            let direction = numbers(start.len(), 100 + seed);
-            let step = 1e-5;
-            let at = |sign: f64| {
-                let moved: Vec<f64> = start
-                    .iter()
-                    .zip(&direction)
-                    .map(|(x, d)| x + sign * step * d)
-                    .collect();
-                evaluate(weights, &sample, &moved).0.total
-            };
-            let expected = (at(1.0) - at(-1.0)) / (2.0 * step);
-            let found: f64 = gradient.iter().zip(&direction).map(|(g, d)| g * d).sum();
-            let size = gradient.iter().map(|g| g * g).sum::<f64>().sqrt();
-            // Truncation step² times third derivatives, rounding 1e-16 · loss / step.
-            assert!(
-                (found - expected).abs() < 1e-7 * size,
-                "{name}: {found} {expected}"
-            );
-        }
-        for (v, &handle) in sample.graph.handle_mask().iter().enumerate() {
-            assert_eq!(
-                handle,
-                gradient[3 * v..][..3] == [0.0; 3],
-                "{name}, vertex {v}"
-            );
-        }
-    }
-}
 
 #[test]
 fn terms_go_to_other_ranks_and_back() {

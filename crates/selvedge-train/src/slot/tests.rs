@@ -5,14 +5,7 @@ use selvedge_data::SectionRule;
 use selvedge_model::Encoder;
 
 use super::*;
-use crate::schedule::TruthProbability;
-use crate::test_data::{Swinging, config, swinging};
-
-const NEVER_TRUTH: TruthProbability = TruthProbability::Linear {
-    start: 0,
-    end: 1,
-    probability: 0.0,
-};
+use crate::test_data::{Swinging, config, swinging, truth};
 
 struct Case {
     cfg: TrainConfig,
@@ -180,7 +173,7 @@ fn noise_goes_to_the_newest_free_positions_and_its_rest_to_the_target() {
 
 #[test]
 fn a_run_keeps_the_prediction_as_its_newest_positions() {
-    let case = case(|cfg| cfg.scheduled_sampling.truth = NEVER_TRUTH);
+    let case = case(|cfg| cfg.scheduled_sampling.truth = truth(0.0));
     let (mut slot, mut shown) = case.early();
     let graph = case.graph(&slot);
     let local = Vec3::new(2e-3, -1e-3, 3e-3);
@@ -212,7 +205,7 @@ fn yaw_of(graph: &ClothGraph, positions: &[Vec3]) -> Yaw {
 fn the_target_of_a_run_takes_back_the_given_part_of_the_distance() {
     for correction in [1.0, 0.3, 0.0] {
         let case = case(|cfg| {
-            cfg.scheduled_sampling.truth = NEVER_TRUTH;
+            cfg.scheduled_sampling.truth = truth(0.0);
             cfg.scheduled_sampling.correction = correction;
             // Predictions get no noise.
             cfg.noise.deviation = 0.01;
@@ -235,7 +228,7 @@ fn the_target_of_a_run_takes_back_the_given_part_of_the_distance() {
 #[test]
 fn a_run_ends_after_the_longest_at_the_sections_end_or_far_from_the_truth() {
     let longest = case(|cfg| {
-        cfg.scheduled_sampling.truth = NEVER_TRUTH;
+        cfg.scheduled_sampling.truth = truth(0.0);
         cfg.scheduled_sampling.longest = 4;
     });
     let (mut slot, mut shown) = longest.early();
@@ -245,7 +238,7 @@ fn a_run_ends_after_the_longest_at_the_sections_end_or_far_from_the_truth() {
         shown = longest.show(&mut slot, 300);
     }
 
-    let section = case(|cfg| cfg.scheduled_sampling.truth = NEVER_TRUTH);
+    let section = case(|cfg| cfg.scheduled_sampling.truth = truth(0.0));
     let (mut slot, mut shown) = section.early();
     let last = slot.section.end - 2;
     for current in slot.current + 1..=last {
@@ -258,7 +251,7 @@ fn a_run_ends_after_the_longest_at_the_sections_end_or_far_from_the_truth() {
     assert_eq!(slot.run, 0, "there is no frame to predict after the last");
 
     let far = case(|cfg| {
-        cfg.scheduled_sampling.truth = NEVER_TRUTH;
+        cfg.scheduled_sampling.truth = truth(0.0);
         cfg.scheduled_sampling.farthest = 0.5;
     });
     for astray in [1.0, f32::NAN] {
@@ -274,11 +267,7 @@ fn a_run_ends_after_the_longest_at_the_sections_end_or_far_from_the_truth() {
 #[test]
 fn the_probability_decides_how_often_a_run_goes_on() {
     let case = case(|cfg| {
-        cfg.scheduled_sampling.truth = TruthProbability::Linear {
-            start: 0,
-            end: 1,
-            probability: 0.25,
-        };
+        cfg.scheduled_sampling.truth = truth(0.25);
     });
     let (slot, shown) = case.early();
     let acceleration = vec![0.0; 3 * case.graph(&slot).vertex_count()];

@@ -11,9 +11,10 @@ use selvedge_data::SectionRule;
 use selvedge_model::{Encoder, LearnedStepper};
 
 use super::*;
-use crate::schedule::{LearningRate, TruthProbability, UnrollFrames};
+use crate::schedule::LearningRate;
 use crate::test_data::{
-    ENGINE, Swinging, busy, config, stepped, swinging, two_cloths, with_threads,
+    ENGINE, Swinging, busy, config, saved, stepped, swinging, through, truth, two_cloths,
+    with_threads,
 };
 
 fn encoders() -> [Encoder; 2] {
@@ -27,13 +28,9 @@ fn bytes(cfg: TrainConfig, data: &Swinging, steps: usize) -> [Vec<u8>; 2] {
 
 /// The bytes of checkpoint and model.
 fn written(trainer: &Trainer, data: &Swinging) -> [Vec<u8>; 2] {
-    let path = data.folder.path().join("checkpoint");
-    trainer.save(&path).expect("room");
+    let (_, checkpoint) = saved(trainer, data, "checkpoint");
     let model = trainer.model("a note".to_owned()).expect("a model");
-    [
-        std::fs::read(&path).expect("just written"),
-        model.to_bytes().expect("bytes"),
-    ]
+    [checkpoint, model.to_bytes().expect("bytes")]
 }
 
 #[test]
@@ -75,12 +72,7 @@ fn threads_change_no_bit_and_seeds_do() {
 fn a_step_that_is_given_up_leaves_the_training_as_it_was() {
     let data = two_cloths();
     for (encoder, frames) in [(Encoder::MLP, 1), (Encoder::Gru { window: 3 }, 3)] {
-        let cfg = || {
-            let mut cfg = busy(encoder);
-            cfg.unroll = UnrollFrames::Constant { frames };
-            cfg.losses.kinetic_energy = 0.0;
-            cfg
-        };
+        let cfg = || through(frames, busy(encoder));
         let mut trainer = Trainer::new(cfg(), &data.dataset, &ENGINE).expect("a training");
         let mut given_up = 0;
         for _ in 0..8 {
@@ -216,7 +208,7 @@ fn whoever_waits_for_the_statistics_hears_of_each_sample_and_may_stop() {
                 false => ControlFlow::Continue(()),
             }
         };
-        let made = Trainer::new_observed(cfg(), &data.dataset, &ENGINE, &mut listen);
+        let made = Trainer::begin(cfg(), &data.dataset, &ENGINE, None, &mut listen);
         (made.expect("good"), count)
     };
     let (observed, count) = observe(100);
@@ -238,7 +230,7 @@ fn statistics_have_streams_of_their_own_within_all_bounds() {
     cfg.batch.samples = 65_536;
     cfg.validate().expect("within its bounds");
     let mut stop = || ControlFlow::Break(());
-    let stopped = Trainer::new_observed(cfg, &data.dataset, &ENGINE, &mut stop);
+    let stopped = Trainer::begin(cfg, &data.dataset, &ENGINE, None, &mut stop);
     assert!(stopped.expect("room").is_none());
 }
 
@@ -248,11 +240,7 @@ fn a_lane_in_a_run_goes_where_the_rollout_goes() {
     for encoder in [Encoder::MLP, Encoder::Gru { window: 3 }] {
         let mut cfg = config(encoder);
         cfg.batch.samples = 1;
-        cfg.scheduled_sampling.truth = TruthProbability::Linear {
-            start: 0,
-            end: 1,
-            probability: 0.0,
-        };
+        cfg.scheduled_sampling.truth = truth(0.0);
         let mut trainer = Trainer::new(cfg, &data.dataset, &ENGINE).expect("a training");
         let mut compared = 0;
         for _ in 0..30 {

@@ -92,10 +92,10 @@ fn the_environment_is_that_of_the_scene() {
     assert!(text.starts_with("training trajectory a: the environment of its scene: "));
 }
 
-/// Handles above each other have no direction: a sample has then that of the frame before, as a
+/// Handles above each other have no direction: a frame has then that of the one before, as a
 /// rollout has.
 #[test]
-fn a_sample_without_a_direction_keeps_the_one_before() {
+fn a_frame_without_a_direction_keeps_the_one_before() {
     let plain = crate::test_data::trajectory(("a", 9, 5), 0, &Value::Null);
     let handles = plain.handles().vertices().to_vec();
     let [first, last] = [handles[0].index(), handles[handles.len() - 1].index()];
@@ -120,32 +120,6 @@ fn a_sample_without_a_direction_keeps_the_one_before() {
         .collect();
     assert_eq!([expected[3], expected[4]], [expected[2]; 2]);
     assert_ne!(expected[2], graph.frame().rest_yaw());
-    let section = Section {
-        trajectory: 0,
-        start: 0,
-        end: 5,
-    };
-    let set = TrainingSet {
-        domain: domain_of("a", &trajectory).expect("a domain"),
-        motions: vec![Motion::new(graph, trajectory, &[])],
-        sections: vec![section],
-        first_sample: vec![0, 3],
-        name: String::new(),
-        fingerprint: String::new(),
-    };
-    let mut cfg = crate::test_data::config(selvedge_model::Encoder::MLP);
-    cfg.noise.deviation = 0.0;
-    let mut seen = BTreeSet::new();
-    for seed in 0..40 {
-        let (mut slot, mut shown) = (crate::slot::Slot::new(), Default::default());
-        slot.show(
-            &cfg,
-            &set,
-            &mut crate::slot::rng_of(seed, 0, 0, 1),
-            &mut shown,
-        );
-        assert_eq!(shown.yaw, expected[slot.current]);
-        seen.insert(slot.current);
-    }
-    assert_eq!(seen, BTreeSet::from([1, 2, 3]));
+    let motion = Motion::new(graph, trajectory, &[]);
+    assert!((0..5).all(|frame| motion.yaw(frame) == expected[frame]));
 }

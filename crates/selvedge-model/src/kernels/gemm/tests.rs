@@ -66,7 +66,7 @@ fn products_are_the_sums_they_stand_for_however_they_end() {
             let at = numbers(9 * 2 * columns, 7);
             let senders: Vec<u32> = (0..rows as u32).map(|i| i * 5 % 9).collect();
             let receivers: Vec<u32> = (0..rows as u32).map(|i| i * 4 % 9).collect();
-            let ends = Endpoints {
+            let ends = Epilogue::EndpointsRelu {
                 products: &at,
                 senders: &senders,
                 receivers: &receivers,
@@ -87,9 +87,7 @@ fn products_are_the_sums_they_stand_for_however_they_end() {
                 (Epilogue::SecondHalfBias(&bias), &|i, j| {
                     sum(i, j) + half(j).unwrap_or(0.0)
                 }),
-                (Epilogue::EndpointsRelu(ends), &|i, j| {
-                    (sum(i, j) + gathered(i, j)).max(0.0)
-                }),
+                (ends, &|i, j| (sum(i, j) + gathered(i, j)).max(0.0)),
                 (Epilogue::Mask(&before), &|i, j| {
                     if before[i * columns + j] > 0.0 {
                         sum(i, j)

@@ -9,30 +9,26 @@
 
 use crate::graph::connectivity::Connectivity;
 use crate::graph::partition::{CHUNK, Partition, chunks};
-use crate::kernels::gemm::{Columns, Endpoints, Epilogue, Slot, Term, multiply};
+use crate::kernels::gemm::{Columns, Epilogue, Slot, Term, multiply};
 use crate::kernels::norm::Normalised;
 use crate::kernels::real::Real;
-use crate::kernels::rows::{OutgoingArcs, Receivers, gather_receivers, sum_incoming, sum_outgoing};
+use crate::kernels::rows::{Receivers, gather_receivers, sum_incoming, sum_outgoing};
 use crate::network::kept::{BlockKept, Group, ModuleGradient, Part, Scratch, fit_chunks};
 use crate::network::layers::mlp::Mlp;
-use crate::network::packed::{LayerWeights, Packer, Piece};
+use crate::network::packed::{LayerWeights, Packer};
 use crate::network::parameters::Layout;
 
 /// Places of the weights of a block.
 #[derive(Clone, Debug)]
 pub(crate) struct Block {
+    /// Its part is e, multiplied by C.
     arc: Mlp,
+    /// Its parts are v and Σ e'.
     node: Mlp,
     /// A and B of the first arc layer side by side.
     endpoints: Slot,
     /// A and B for the backward pass.
     endpoints_backward: Slot,
-    /// C of the first arc layer.
-    of_arc: Piece,
-    /// The first node layer's columns for v.
-    of_node: Piece,
-    /// The first node layer's columns for Σ e'.
-    of_incoming: Piece,
 }
 
 impl<T: Real> BlockKept<T> {
@@ -51,15 +47,13 @@ impl<T: Real> BlockKept<T> {
 
 impl Block {
     pub(crate) fn new(layout: &mut Layout, path: &str, latent: usize) -> Self {
-        let arc = Mlp::normalised(layout, &format!("{path}.edge"), 3 * latent, latent);
-        let node = Mlp::normalised(layout, &format!("{path}.node"), 2 * latent, latent);
+        let [first, second, third] = [0, 1, 2].map(|k| k * latent..(k + 1) * latent);
+        let arc = Mlp::normalised(layout, &format!("{path}.edge"), &[third], latent);
+        let node = Mlp::normalised(layout, &format!("{path}.node"), &[first, second], latent);
         let size = &mut layout.size;
         Self {
             endpoints: size.forward(latent, 2 * latent),
             endpoints_backward: size.backward(2 * latent, latent),
-            of_arc: Piece::new(size, &arc.first, 2 * latent, latent),
-            of_node: Piece::new(size, &node.first, 0, latent),
-            of_incoming: Piece::new(size, &node.first, latent, latent),
             arc,
             node,
         }
@@ -72,9 +66,6 @@ impl Block {
     pub(crate) fn pack<T: Real>(&self, packer: &mut Packer<'_, T>) {
         for mlp in [&self.arc, &self.node] {
             mlp.pack(packer);
-        }
-        for piece in [&self.of_arc, &self.of_node, &self.of_incoming] {
-            piece.pack(packer);
         }
         let (latent, flat) = (self.latent(), packer.flat);
         let weight = &flat[self.arc.first.weight.clone()];
@@ -114,7 +105,7 @@ impl Block {
         part: &mut Part<T>,
         scratch: &mut Scratch<T>,
     ) {
-        let (latent, using) = (self.latent(), weights.instructions);
+        let latent = self.latent();
         let (rows, nodes) = (&part.rows, &mut part.nodes);
         let (mut incoming, mut kept_node) = (&mut scratch.incoming[..nodes.len()], None);
         let mut kept_arcs = [].iter_mut();
@@ -132,13 +123,12 @@ impl Block {
             });
             let tile = self.arc.tile(kept, &mut scratch.tiles, chunk.len());
             let receivers = &graph.receivers[chunk.clone()];
-            let epilogue = Epilogue::EndpointsRelu(Endpoints {
+            let epilogue = Epilogue::EndpointsRelu {
                 products: endpoint_products,
                 senders: &graph.senders[chunk],
                 receivers,
-            });
-            let terms = &[self.of_arc.times(weights, arcs)];
-            multiply(using, terms, latent, epilogue, tile[0]);
+            };
+            self.arc.first_layer(weights, [&*arcs], epilogue, tile[0]);
             let messages = Normalised::Messages {
                 arcs,
                 incoming: &mut *incoming,
@@ -150,12 +140,9 @@ impl Block {
             self.arc.forward(weights, tile, messages);
         }
         let count = rows.vertices.len();
-        let mut tile = self.node.tile(kept_node, &mut scratch.tiles, count);
-        let terms = &[
-            self.of_node.times(weights, nodes),
-            self.of_incoming.times(weights, incoming),
-        ];
-        self.node.first_layer(weights, terms, &mut tile);
+        let tile = self.node.tile(kept_node, &mut scratch.tiles, count);
+        let (parts, relu) = ([&**nodes, &*incoming], self.node.first_relu(weights));
+        self.node.first_layer(weights, parts, relu, tile[0]);
         self.node.forward(weights, tile, Normalised::Add(nodes));
     }
 
@@ -190,13 +177,10 @@ impl Block {
             let [output, hidden, ..] = &mut scratch.tiles;
             let (output, hidden) = (&mut output[..arcs.len()], &mut hidden[..arcs.len()]);
             gather_receivers(using, output, latent, arcs, &scratch.incoming, receivers);
-            let through = [output, hidden, &mut *by_sums];
-            self.arc.backward(weights, activations, through, gradient);
-            let [left, right] = [&*by_sums, before].map(|rows| Columns::all(rows, latent));
+            let (kept, through) = (([&**before], activations), [output, hidden, &mut *by_sums]);
+            self.arc.backward(weights, kept, through, gradient);
             self.arc
-                .first_backward(weights, 2 * latent, left, right, gradient);
-            let term = self.of_arc.back(weights, by_sums);
-            multiply(using, &[term], latent, Epilogue::Add, arcs);
+                .input_backward(weights, 0, by_sums, Epilogue::Add, arcs);
             sum_incoming(using, sums, latent, by_sums, receivers);
         }
     }
@@ -210,23 +194,21 @@ impl Block {
         nodes: &mut [T],
         Group { scratch, gradient }: &mut Group<T>,
     ) {
-        let (latent, using) = (self.latent(), weights.instructions);
         let size = nodes.len();
         let [output, hidden, by_sums, _] = &mut scratch.tiles;
         let [output, hidden, by_sums] = [output, hidden, by_sums].map(|tile| &mut tile[..size]);
         output.copy_from_slice(nodes);
-        let through = [output, hidden, &mut *by_sums];
-        self.node.backward(weights, &kept.node, through, gradient);
-        for (number, input) in [&kept.nodes, &kept.incoming].into_iter().enumerate() {
-            let [left, right] = [&*by_sums, input].map(|rows| Columns::all(rows, latent));
-            self.node
-                .first_backward(weights, number * latent, left, right, gradient);
-        }
-        let term = self.of_node.back(weights, by_sums);
-        multiply(using, &[term], latent, Epilogue::Add, nodes);
-        let term = self.of_incoming.back(weights, by_sums);
+        let (parts, through) = (
+            [&*kept.nodes, &kept.incoming],
+            [output, hidden, &mut *by_sums],
+        );
+        self.node
+            .backward(weights, (parts, &kept.node), through, gradient);
+        self.node
+            .input_backward(weights, 0, by_sums, Epilogue::Add, nodes);
         let by_incoming = &mut scratch.incoming[..size];
-        multiply(using, &[term], latent, Epilogue::Set, by_incoming);
+        self.node
+            .input_backward(weights, 1, by_sums, Epilogue::Set, by_incoming);
     }
 
     /// The gradient of the nodes through A and B, after [`Self::backward`] of all partitions left
@@ -241,17 +223,13 @@ impl Block {
     ) {
         let (latent, using) = (self.latent(), weights.instructions);
         let vertices = &part.rows.vertices;
-        let arcs = OutgoingArcs {
-            first_arc: &graph.first_arc[vertices.start..=vertices.end],
-            reverse_arcs: &graph.reverse_arcs,
-        };
-        sum_outgoing(using, sums, latent, by_sums, arcs);
+        let first_arc = &graph.first_arc[vertices.start..=vertices.end];
+        sum_outgoing(using, sums, latent, by_sums, first_arc, &graph.reverse_arcs);
         let all = Columns::all(&*sums, 2 * latent);
         let before = Columns::all(&part.blocks[number].nodes, latent);
         for column in [0, latent] {
             let by_end = all.part(column, latent);
-            self.arc
-                .first_backward(weights, column, by_end, before, gradient);
+            gradient.add_matrix(using, &self.arc.first, column, by_end, before);
         }
         let term = Term {
             rows: all,

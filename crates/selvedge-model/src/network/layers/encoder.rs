@@ -2,13 +2,15 @@
 //! current frame, or by a recurrent network on a window of frames.
 
 use std::ops::Range;
+use std::slice::from_ref;
 
 use crate::graph::partition::{CHUNK, chunks};
 use crate::kernels::dropout::RowMasks;
+use crate::kernels::gemm::Epilogue;
 use crate::kernels::real::Real;
 use crate::network::kept::{EncoderKept, Group, Scratch};
 use crate::network::layers::gru::GruEncoder;
-use crate::network::layers::mlp::{Mlp, WholeMlp};
+use crate::network::layers::mlp::Mlp;
 use crate::network::packed::{LayerWeights, Packer};
 use crate::network::parameters::Layout;
 use crate::spec::Encoder;
@@ -16,7 +18,7 @@ use crate::spec::Encoder;
 /// Places of the weights of an encoder.
 #[derive(Clone, Debug)]
 pub(crate) enum EncoderLayers {
-    Mlp(WholeMlp),
+    Mlp(Mlp),
     Gru(GruEncoder),
 }
 
@@ -65,8 +67,8 @@ impl EncoderLayers {
     ) -> Self {
         match encoder {
             Encoder::Mlp { .. } => {
-                let mlp = Mlp::normalised(layout, path, width, latent);
-                Self::Mlp(WholeMlp::new(layout, mlp))
+                let all = 0..width;
+                Self::Mlp(Mlp::normalised(layout, path, from_ref(&all), latent))
             }
             Encoder::Gru { .. } => Self::Gru(GruEncoder::new(layout, path, width, latent)),
         }
@@ -96,7 +98,7 @@ impl EncoderLayers {
             match self {
                 Self::Mlp(mlp) => {
                     let kept = (kept.map(|kept| &mut kept.mlp), &mut scratch.tiles);
-                    mlp.forward(weights, input.at(0, &chunk), kept, out);
+                    mlp.forward_whole(weights, input.at(0, &chunk), kept, out);
                 }
                 Self::Gru(gru) => {
                     let kept = kept.map(|kept| &mut kept.gru);
@@ -127,13 +129,10 @@ impl EncoderLayers {
                     let Group { scratch, gradient } = &mut *group;
                     let [_, hidden, sums, _] = &mut scratch.tiles;
                     let (hidden, sums) = (&mut hidden[..output.len()], &mut sums[..output.len()]);
-                    let (kept, through) = (
-                        (input.at(0, &chunk), &kept.mlp),
-                        [output, hidden, &mut *sums],
-                    );
-                    mlp.backward(weights, kept, through, gradient);
+                    let kept = ([input.at(0, &chunk)], &kept.mlp);
+                    mlp.backward(weights, kept, [output, hidden, &mut *sums], gradient);
                     if let Some(to_input) = to_input.next() {
-                        mlp.input_backward(weights, sums, to_input);
+                        mlp.input_backward(weights, 0, sums, Epilogue::Set, to_input);
                     }
                 }
                 Self::Gru(gru) => {

@@ -6,9 +6,7 @@
 
 use std::ops::Range;
 
-use crate::kernels::gates::{
-    GateGradients, GruStep, GruWeights, gru_step, pack_biases, pack_gates,
-};
+use crate::kernels::gates::{GateGradients, GruStep, gru_step, pack_biases, pack_gates};
 use crate::kernels::gemm::{Columns, Epilogue, Slot, Term, multiply};
 use crate::kernels::norm::{Normalised, layer_norm};
 use crate::kernels::outer::{Sums, add_outer};
@@ -47,21 +45,6 @@ struct Layer {
     to_input: Slot,
     /// From the gradients of r, z, recurrent to that of the state.
     to_state: Slot,
-}
-
-/// A step that was taken, and its gradients on their way back.
-struct StepBack<'a, T> {
-    /// `[rows, inputs]`.
-    input: &'a [T],
-    /// In: gradient with respect to the state after; out: before, `[rows, hidden]`.
-    state: &'a mut [T],
-    /// State before the step, and the gates that it kept. `[rows, hidden]`, `[rows, 4 hidden]`.
-    before: &'a [T],
-    kept: &'a [T],
-    /// Out: gradients of the sums, `[rows, 4 hidden]`.
-    gates: &'a mut [T],
-    /// Sums of the columns of `gates` over all steps, `[4 hidden]`; added to.
-    biases: &'a mut [T],
 }
 
 impl<T: Real> GruKept<T> {
@@ -202,29 +185,28 @@ impl GruEncoder {
                 Some(_) => &kept.between[step * size..][..size],
                 None => &states0[(step + 1) * size..][..size],
             };
-            let taken = StepBack {
-                input: seen,
-                state: &mut *state1,
-                before: &states1[step * size..][..size],
+            let taken = GateGradients {
+                hidden,
                 kept: &gates1[step * 4 * size..][..4 * size],
-                gates: &mut *gates,
-                biases: biases1,
+                before: &states1[step * size..][..size],
+                state: &mut *state1,
+                sums: &mut *gates,
             };
-            second.step_backward(weights, taken, gradient);
+            second.step_backward(weights, seen, taken, biases1, gradient);
             second.input_backward(weights, gates, by_seen);
             if let Some(dropout) = input.dropout {
                 dropout.apply(by_seen, chunk.clone(), step);
             }
             add(using, state0, by_seen);
-            let taken = StepBack {
-                input: input.at(step, chunk),
-                state: &mut *state0,
-                before: &states0[step * size..][..size],
+            let taken = GateGradients {
+                hidden,
                 kept: &gates0[step * 4 * size..][..4 * size],
-                gates: &mut *gates,
-                biases: biases0,
+                before: &states0[step * size..][..size],
+                state: &mut *state0,
+                sums: &mut *gates,
             };
-            first.step_backward(weights, taken, gradient);
+            let x = input.at(step, chunk);
+            first.step_backward(weights, x, taken, biases0, gradient);
             if let Some(to_input) = to_input.get_mut(step) {
                 first.input_backward(weights, gates, to_input);
             }
@@ -275,22 +257,22 @@ impl Layer {
     fn pack<T: Real>(&self, packer: &mut Packer<'_, T>) {
         let (flat, using) = (packer.flat, packer.instructions);
         let (inputs, hidden) = (self.inputs, self.hidden);
-        let layer = GruWeights {
-            inputs,
-            hidden,
-            of_input: &flat[self.weight_ih.clone()],
-            of_state: &flat[self.weight_hh.clone()],
-            input_bias: &flat[self.bias_ih.clone()],
-            state_bias: &flat[self.bias_hh.clone()],
-        };
-        pack_gates(using, layer, packer.room(self.gates));
-        pack_biases(using, layer, packer.room(self.biases));
+        let [of_input, of_state, input_bias, state_bias] = [
+            &self.weight_ih,
+            &self.weight_hh,
+            &self.bias_ih,
+            &self.bias_hh,
+        ]
+        .map(|place| &flat[place.clone()]);
+        let matrices = [(of_input, inputs), (of_state, hidden)];
+        pack_gates(using, matrices, packer.room(self.gates));
+        pack_biases(using, [input_bias, state_bias], packer.room(self.biases));
         // Rows of the weights are of r, z, n; gradients of n, r, z reach the input.
         packer.backward(self.to_input, |l, j| {
             let row = (l + 2 * hidden) % (3 * hidden);
-            layer.of_input[row * inputs + j]
+            of_input[row * inputs + j]
         });
-        packer.backward(self.to_state, |l, j| layer.of_state[l * hidden + j]);
+        packer.backward(self.to_state, |l, j| of_state[l * hidden + j]);
     }
 
     /// From the input and the state before to the state after. Keeps the gates unless `gates` is
@@ -316,23 +298,26 @@ impl Layer {
         gru_step(weights.instructions, step);
     }
 
-    /// Takes the gradient of the state back through a step. Adds the gradients of the matrices.
+    /// Takes the gradient of the state after a step on `input` `[rows, inputs]` back to that of the
+    /// state before. Adds the gradients of the matrices, and to `biases` the sums of the columns of
+    /// the gradients of the gates, `[4 hidden]`.
     fn step_backward<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
-        step: StepBack<'_, T>,
+        input: &[T],
+        step: GateGradients<'_, T>,
+        biases: &mut [T],
         gradient: &mut ModuleGradient<T>,
     ) {
         let (inputs, hidden, using) = (self.inputs, self.hidden, weights.instructions);
-        let StepBack { state, gates, .. } = step;
+        let before = step.before;
+        let (state, gates) = (step.state, step.sums);
         using.run(GateGradients {
-            hidden,
-            kept: step.kept,
-            before: step.before,
             state: &mut *state,
             sums: &mut *gates,
+            ..step
         });
-        add_column_sums(using, step.biases, gates);
+        add_column_sums(using, biases, gates);
         let all = Columns::all(&*gates, 4 * hidden);
         let columns = |first: usize, count: usize| all.part(first * hidden, count * hidden);
         let of_state = columns(1, 3);
@@ -350,11 +335,11 @@ impl Layer {
             };
             add_outer(using, sums, gates, Columns::all(right, stride));
         };
-        outer(gradient.at(&self.weight_hh), of_state, step.before, hidden);
+        outer(gradient.at(&self.weight_hh), of_state, before, hidden);
         let weight = gradient.at(&self.weight_ih);
         let (of_reset_and_update, of_new) = weight.split_at_mut(2 * hidden * inputs);
-        outer(of_reset_and_update, columns(1, 2), step.input, inputs);
-        outer(of_new, columns(0, 1), step.input, inputs);
+        outer(of_reset_and_update, columns(1, 2), input, inputs);
+        outer(of_new, columns(0, 1), input, inputs);
     }
 
     /// The gradient of the input of a step from those of the sums.

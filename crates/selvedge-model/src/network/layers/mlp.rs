@@ -1,12 +1,14 @@
 //! The multi-layer perceptron of the paper: Linear, ReLU, Linear, ReLU, Linear, and a LayerNorm on
 //! its output, which the decoder does without.
 //!
-//! The sums of the first layer are the caller's: an arc update splits them by vertex (`block.rs`).
-//! The perceptron takes them from there, and leaves their gradient on the way back.
+//! The first layer takes its inputs in parts, rows of one array each. An arc update adds to their
+//! sums what it computes by vertex (`block.rs`); on the way back the perceptron leaves the gradient
+//! of the sums.
+
+use std::ops::Range;
 
 use crate::kernels::gemm::{Columns, Epilogue, Term, multiply};
 use crate::kernels::norm::{Normalised, layer_norm, layer_norm_backward};
-use crate::kernels::outer::{Sums, add_outer};
 use crate::kernels::real::Real;
 use crate::kernels::rows::add_column_sums;
 use crate::network::kept::{Activations, ModuleGradient};
@@ -20,6 +22,8 @@ pub(crate) struct Mlp {
     second: Linear,
     third: Linear,
     norm: Option<LayerNorm>,
+    /// The parts of the first layer's input.
+    parts: Vec<Piece>,
     /// Matrices of the second and of the third layer.
     pieces: [Piece; 2],
 }
@@ -28,33 +32,41 @@ pub(crate) struct Mlp {
 pub(crate) type Tile<'a, T> = [&'a mut [T]; 4];
 
 impl Mlp {
-    /// A perceptron with a LayerNorm, `inputs` → `latent` → `latent` → `latent`.
+    /// A perceptron with a LayerNorm, inputs → `latent` → `latent` → `latent`; its inputs are those
+    /// of [`Self::plain`].
     pub(crate) fn normalised(
         layout: &mut Layout,
         path: &str,
-        inputs: usize,
+        parts: &[Range<usize>],
         latent: usize,
     ) -> Self {
-        let mlp = Self::plain(layout, path, inputs, latent, latent);
+        let mlp = Self::plain(layout, path, parts, latent, latent);
         Self {
             norm: Some(layout.layer_norm(&format!("{path}.5"), latent)),
             ..mlp
         }
     }
 
-    /// A perceptron without LayerNorm, `inputs` → `latent` → `latent` → `outputs`.
+    /// A perceptron without LayerNorm, inputs → `latent` → `latent` → `outputs`. The columns of
+    /// `parts`, in order, end with its last input; those before or between are the caller's.
     pub(crate) fn plain(
         layout: &mut Layout,
         path: &str,
-        inputs: usize,
+        parts: &[Range<usize>],
         latent: usize,
         outputs: usize,
     ) -> Self {
+        let inputs = parts.last().map_or(0, |last| last.end);
         let first = layout.linear(&format!("{path}.0"), inputs, latent);
         let second = layout.linear(&format!("{path}.2"), latent, latent);
         let third = layout.linear(&format!("{path}.4"), latent, outputs);
-        let pieces = [&second, &third].map(|linear| Piece::whole(&mut layout.size, linear));
+        let size = &mut layout.size;
+        let pieces = [&second, &third].map(|linear| Piece::whole(size, linear));
+        let parts = parts
+            .iter()
+            .map(|columns| Piece::new(size, &first, columns));
         Self {
+            parts: parts.collect(),
             first,
             second,
             third,
@@ -63,9 +75,8 @@ impl Mlp {
         }
     }
 
-    /// Packs all but the first layer, which is the caller's.
     pub(crate) fn pack<T: Real>(&self, packer: &mut Packer<'_, T>) {
-        for piece in &self.pieces {
+        for piece in self.parts.iter().chain(&self.pieces) {
             piece.pack(packer);
         }
     }
@@ -98,16 +109,36 @@ impl Mlp {
         arrays.map(|array| &mut array[..rows * widths.next().unwrap_or(0)])
     }
 
-    /// The first layer with no other than its own inputs.
-    pub(crate) fn first_layer<T: Real>(
+    /// The first layer, from rows of each part of its input.
+    pub(crate) fn first_layer<T: Real, const N: usize>(
         &self,
         weights: LayerWeights<'_, T>,
-        terms: &[Term<'_, T>],
-        [hidden1, ..]: &mut Tile<'_, T>,
+        rows: [&[T]; N],
+        epilogue: Epilogue<'_, T>,
+        hidden1: &mut [T],
     ) {
-        let epilogue = Epilogue::BiasRelu(weights.at(&self.first.bias));
+        let terms: [Term<'_, T>; N] =
+            std::array::from_fn(|part| self.parts[part].times(weights, rows[part]));
         let columns = self.first.outputs;
-        multiply(weights.instructions, terms, columns, epilogue, hidden1);
+        multiply(weights.instructions, &terms, columns, epilogue, hidden1);
+    }
+
+    /// The end of the first layer where all its inputs are in its parts.
+    pub(crate) fn first_relu<'a, T>(&self, weights: LayerWeights<'a, T>) -> Epilogue<'a, T> {
+        Epilogue::BiasRelu(weights.at(&self.first.bias))
+    }
+
+    /// From rows of the only part to `out`. Activations go where they are kept, else to `spare`.
+    pub(crate) fn forward_whole<T: Real>(
+        &self,
+        weights: LayerWeights<'_, T>,
+        input: &[T],
+        (kept, spare): (Option<&mut Activations<T>>, &mut Activations<T>),
+        out: &mut [T],
+    ) {
+        let tile = self.tile(kept, spare, input.len() / self.first.inputs);
+        self.first_layer(weights, [input], self.first_relu(weights), tile[0]);
+        self.forward(weights, tile, Normalised::Set(out));
     }
 
     /// From the first layer's activations to the output.
@@ -138,15 +169,16 @@ impl Mlp {
 
     /// From the gradient of the output `[rows, outputs]`, which is overwritten, to that of the sums
     /// of the first layer, with room for that of the second layer's, `[rows, latent]` both. Adds
-    /// the gradients of all weights except the first layer's matrix.
-    pub(crate) fn backward<T: Real>(
+    /// the gradients of all weights, of the first layer's matrix for its parts with these `rows`.
+    pub(crate) fn backward<T: Real, const N: usize>(
         &self,
         weights: LayerWeights<'_, T>,
-        [hidden1, hidden2, normal, inverse_deviation]: &Activations<T>,
-        [output, hidden, pre_activation]: [&mut [T]; 3],
+        (rows, kept): ([&[T]; N], &Activations<T>),
+        [output, hidden, by_sums]: [&mut [T]; 3],
         gradient: &mut ModuleGradient<T>,
     ) {
         let (using, latent) = (weights.instructions, self.first.outputs);
+        let [hidden1, hidden2, normal, inverse_deviation] = kept;
         let [second, third] = &self.pieces;
         if let Some(norm) = &self.norm {
             let kept = [&**normal, inverse_deviation];
@@ -157,93 +189,27 @@ impl Mlp {
         multiply(using, &[term], latent, mask, hidden);
         gradient.add_linear(using, &self.second, hidden, hidden1);
         let (term, mask) = (second.back(weights, hidden), Epilogue::Mask(hidden1));
-        multiply(using, &[term], latent, mask, pre_activation);
-        add_column_sums(using, gradient.at(&self.first.bias), pre_activation);
+        multiply(using, &[term], latent, mask, by_sums);
+        add_column_sums(using, gradient.at(&self.first.bias), by_sums);
+        let by_sums = Columns::all(&*by_sums, latent);
+        for (part, rows) in self.parts.iter().zip(rows) {
+            let rows = Columns::all(rows, part.inputs());
+            gradient.add_matrix(using, &self.first, part.first, by_sums, rows);
+        }
     }
 
-    /// Adds the gradient of the first layer's matrix at the input columns from `from` on.
-    pub(crate) fn first_backward<T: Real>(
-        &self,
-        weights: LayerWeights<'_, T>,
-        from: usize,
-        pre_activation: Columns<'_, T>,
-        input: Columns<'_, T>,
-        gradient: &mut ModuleGradient<T>,
-    ) {
-        let sums = Sums {
-            rows: gradient.at(&self.first.weight),
-            stride: self.first.inputs,
-            first: from,
-        };
-        add_outer(weights.instructions, sums, pre_activation, input);
-    }
-}
-
-/// A perceptron whose first layer sees no other than its own inputs.
-#[derive(Clone, Debug)]
-pub(crate) struct WholeMlp {
-    mlp: Mlp,
-    first: Piece,
-}
-
-impl WholeMlp {
-    pub(crate) fn new(layout: &mut Layout, mlp: Mlp) -> Self {
-        let first = Piece::whole(&mut layout.size, &mlp.first);
-        Self { mlp, first }
-    }
-
-    pub(crate) fn pack<T: Real>(&self, packer: &mut Packer<'_, T>) {
-        self.mlp.pack(packer);
-        self.first.pack(packer);
-    }
-
-    /// Makes room for the activations of so many rows.
-    pub(crate) fn fit<T: Real>(&self, activations: &mut Activations<T>, rows: usize) {
-        self.mlp.fit(activations, rows);
-    }
-
-    /// From rows of inputs to `out`. Activations go where they are kept, else to `spare`.
-    pub(crate) fn forward<T: Real>(
-        &self,
-        weights: LayerWeights<'_, T>,
-        input: &[T],
-        (kept, spare): (Option<&mut Activations<T>>, &mut Activations<T>),
-        out: &mut [T],
-    ) {
-        let rows = input.len() / self.mlp.first.inputs;
-        let mut tile = self.mlp.tile(kept, spare, rows);
-        let terms = &[self.first.times(weights, input)];
-        self.mlp.first_layer(weights, terms, &mut tile);
-        self.mlp.forward(weights, tile, Normalised::Set(out));
-    }
-
-    /// As [`Mlp::backward`], and adds the gradient of the first layer's matrix.
-    pub(crate) fn backward<T: Real>(
-        &self,
-        weights: LayerWeights<'_, T>,
-        (input, kept): (&[T], &Activations<T>),
-        [output, hidden, pre_activation]: [&mut [T]; 3],
-        gradient: &mut ModuleGradient<T>,
-    ) {
-        let through = [output, hidden, &mut *pre_activation];
-        self.mlp.backward(weights, kept, through, gradient);
-        let first = &self.mlp.first;
-        let by_sums = Columns::all(&*pre_activation, first.outputs);
-        let input = Columns::all(input, first.inputs);
-        self.mlp
-            .first_backward(weights, 0, by_sums, input, gradient);
-    }
-
-    /// The gradient of the input from that of the sums of the first layer.
+    /// From the gradient of the sums of the first layer to that of the rows of a part.
     pub(crate) fn input_backward<T: Real>(
         &self,
         weights: LayerWeights<'_, T>,
-        pre_activation: &[T],
-        to_input: &mut [T],
+        part: usize,
+        by_sums: &[T],
+        epilogue: Epilogue<'_, T>,
+        to: &mut [T],
     ) {
-        let terms = &[self.first.back(weights, pre_activation)];
-        let (using, columns) = (weights.instructions, self.mlp.first.inputs);
-        multiply(using, terms, columns, Epilogue::Set, to_input);
+        let part = &self.parts[part];
+        let terms = &[part.back(weights, by_sums)];
+        multiply(weights.instructions, terms, part.inputs(), epilogue, to);
     }
 }
 

@@ -1,7 +1,5 @@
 //! What is written is read back to the last bit; what cannot be used is an error that says what.
 
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use serde_json::{Value, json};
 
 use super::*;
@@ -14,16 +12,13 @@ fn normalizer(width: usize, first: f64) -> Normalizer {
 }
 
 pub(crate) fn model(spec: &ModelSpec) -> Model {
-    let mut rng = ChaCha8Rng::seed_from_u64(1);
-    let network = Network::new(spec).expect("a valid spec");
-    let weights = network.initialise(&mut || rng.random::<f64>());
     let normalizers = Normalizers {
         nodes: normalizer(spec.node_width(), 0.1),
         edges: normalizer(spec.edge_width(), -0.2),
         acceleration: normalizer(OUTPUTS, 1e-9),
     };
-    let training = r#"{"steps": 3, "note": "ünï \"quoted\""}"#.to_owned();
-    Model::new(spec, weights, normalizers, training).expect("a model")
+    let training = r#"{"steps": 3, "note": "ünï \"quoted\""}"#;
+    crate::test_cloth::model(spec, normalizers, training)
 }
 
 fn specs() -> [ModelSpec; 3] {

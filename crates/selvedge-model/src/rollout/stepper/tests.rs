@@ -2,41 +2,30 @@
 //! and moved, starts that are padded, and errors that leave everything as it was.
 
 use glam::DVec3;
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::conformance::{HandlesEnd, check_correctable, check_stop};
 
 use super::*;
 use crate::features::normalizer::Normalizer;
-use crate::network::Network;
 use crate::rollout::model::Normalizers;
 use crate::spec::{Encoder, ModelSpec};
 use crate::test_cloth::{Hanging, parts, shaken, turn};
-
-/// Statistics as of a cloth that swings by centimetres per frame.
-fn normalizers(spec: &ModelSpec, acceleration: Normalizer) -> Normalizers {
-    let of = |width: usize, deviation: f64| {
-        Normalizer::new(vec![0.0; width], vec![deviation; width]).expect("statistics")
-    };
-    Normalizers {
-        nodes: of(spec.node_width(), 0.02),
-        edges: of(spec.edge_width(), 0.2),
-        acceleration,
-    }
-}
 
 fn acceleration(mean: DVec3, deviation: f64) -> Normalizer {
     Normalizer::new(mean.to_array().to_vec(), vec![deviation; 3]).expect("statistics")
 }
 
-/// A model of random weights whose accelerations have these statistics.
+/// A model of random weights whose accelerations have these statistics; those of its inputs are as
+/// of a cloth that swings by centimetres per frame.
 fn model(spec: &ModelSpec, acceleration: Normalizer) -> Arc<Model> {
-    let mut rng = ChaCha8Rng::seed_from_u64(5);
-    let network = Network::new(spec).expect("a valid spec");
-    let weights = network.initialise(&mut || rng.random::<f64>());
-    let normalizers = normalizers(spec, acceleration);
-    let model = Model::new(spec, weights, normalizers, String::new());
-    Arc::new(model.expect("a model"))
+    let of = |width: usize, deviation: f64| {
+        Normalizer::new(vec![0.0; width], vec![deviation; width]).expect("statistics")
+    };
+    let normalizers = Normalizers {
+        nodes: of(spec.node_width(), 0.02),
+        edges: of(spec.edge_width(), 0.2),
+        acceleration,
+    };
+    Arc::new(crate::test_cloth::model(spec, normalizers, ""))
 }
 
 /// A model whose output is 0, so that its acceleration is `mean` `[m/frame²]`, local.

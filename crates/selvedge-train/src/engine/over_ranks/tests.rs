@@ -9,8 +9,7 @@ use selvedge_cluster::threads;
 use selvedge_model::Encoder;
 
 use super::*;
-use crate::schedule::UnrollFrames;
-use crate::test_data::{ENGINE, Swinging, busy, config, stepped, two_cloths};
+use crate::test_data::{ENGINE, Swinging, busy, config, saved, stepped, through, two_cloths};
 use crate::trainer::{TrainError, Trainer};
 
 /// A configuration whose slots go on from predictions, in five pieces.
@@ -63,22 +62,17 @@ fn trained(data: &Swinging, cfg: &TrainConfig, count: usize, names: [Option<&str
 #[test]
 fn any_number_of_ranks_gives_the_bytes_of_one_with_a_resume_on_another_number() {
     let data = two_cloths();
-    let mut unrolled = five_pieces(Encoder::MLP);
-    unrolled.unroll = UnrollFrames::Constant { frames: 3 };
-    unrolled.losses.kinetic_energy = 0.0;
     let cases = [
         ("perceptrons", five_pieces(Encoder::MLP)),
         ("recurrent", five_pieces(Encoder::Gru { window: 3 })),
-        ("several frames", unrolled),
+        ("several frames", through(3, five_pieces(Encoder::MLP))),
     ];
     for (name, mut cfg) in cases {
         cfg.steps = 10;
         let whole = trained(&data, &cfg, 1, [None, Some("whole")]);
         // Without ranks at all.
         let alone = stepped(cfg.clone(), &data.dataset, 10);
-        let path = data.folder.path().join("alone");
-        alone.save(&path).unwrap();
-        assert!(std::fs::read(path).unwrap() == whole);
+        assert!(saved(&alone, &data, "alone").1 == whole);
         for (count, then) in [(2, 3), (3, 1), (4, 5), (5, 2)] {
             cfg.steps = 4;
             trained(&data, &cfg, count, [None, Some("half")]);

@@ -6,8 +6,7 @@ use selvedge_model::Encoder;
 use crate::config::TrainConfig;
 use crate::engine::OnProcessor;
 use crate::losses::LossTerms;
-use crate::schedule::UnrollFrames;
-use crate::test_data::{ENGINE, Swinging, busy, config, swinging, two_cloths};
+use crate::test_data::{ENGINE, Swinging, busy, config, swinging, through, two_cloths};
 use crate::trainer::Trainer;
 
 /// The loss terms of a step and its gradient, with micro-batches of so many slots.
@@ -26,12 +25,8 @@ fn grouping_changes_nothing_but_rounding() {
         (Encoder::Gru { window: 3 }, 1),
         (Encoder::Gru { window: 3 }, 2),
     ] {
-        let mut cfg = busy(encoder);
+        let mut cfg = through(frames, busy(encoder));
         cfg.batch.samples = 5;
-        cfg.unroll = UnrollFrames::Constant { frames };
-        if frames > 1 {
-            cfg.losses.kinetic_energy = 0.0;
-        }
         let (expected, apart) = step(&data, &cfg, 1);
         let length =
             |x: &mut dyn Iterator<Item = f32>| x.map(|x| f64::from(x).powi(2)).sum::<f64>().sqrt();

@@ -11,17 +11,15 @@ use selvedge_data::SectionRule;
 use selvedge_model::{EdgeFeature, Encoder};
 
 use crate::config::{Labels, TrainConfig};
-use crate::schedule::{TruthProbability, UnrollFrames};
+use crate::schedule::UnrollFrames;
 use crate::slot::{Expert, ExpertState};
 use crate::test_data::{
-    ENGINE, Swinging, busy, config, stepped, swinging, two_cloths, with_threads,
+    ENGINE, Swinging, busy, config, stepped, swinging, through, truth, two_cloths, with_threads,
 };
 use crate::trainer::{TrainError, Trainer};
 
 fn unrolled(encoder: Encoder, frames: usize) -> TrainConfig {
-    let mut cfg = config(encoder);
-    cfg.unroll = UnrollFrames::Constant { frames };
-    cfg.losses.kinetic_energy = 0.0;
+    let mut cfg = through(frames, config(encoder));
     cfg.batch.samples = 2;
     cfg
 }
@@ -140,11 +138,7 @@ fn with_expert(expert: Option<ByRecord>) -> Result<(usize, u32), TrainError> {
     let mut cfg = unrolled(Encoder::MLP, 3);
     cfg.noise.deviation = 0.0;
     cfg.scheduled_sampling.labels = Labels::Expert;
-    cfg.scheduled_sampling.truth = TruthProbability::Linear {
-        start: 0,
-        end: 1,
-        probability: 0.0,
-    };
+    cfg.scheduled_sampling.truth = truth(0.0);
     let mut trainer = Trainer::new(cfg, &data.dataset, &ENGINE).expect("a training");
     let asked = expert.as_ref().map(|expert| Arc::clone(&expert.asked));
     if let Some(expert) = expert {
@@ -211,11 +205,7 @@ fn labels_asked_ahead_are_those_of_the_step() {
     let mut cfg = unrolled(Encoder::MLP, 3);
     cfg.noise.deviation = 1e-3;
     cfg.scheduled_sampling.labels = Labels::Expert;
-    cfg.scheduled_sampling.truth = TruthProbability::Linear {
-        start: 0,
-        end: 1,
-        probability: 0.5,
-    };
+    cfg.scheduled_sampling.truth = truth(0.5);
     let losses = |forgets: bool| -> (Vec<u64>, usize) {
         let mut trainer = Trainer::new(cfg.clone(), &data.dataset, &ENGINE).expect("a training");
         let expert = expert(false);
