@@ -60,9 +60,8 @@ pub(crate) fn generate(args: &GenerateArgs) -> anyhow::Result<Answer> {
         "trajectories_missing": made.missing,
         "seconds": seconds,
         "part": part.map(|part| part.to_string()),
-        "interrupted": is_interrupted,
     });
-    Ok(Answer::new(facts, &report)?.ended(made.end()))
+    Ok(facts.answer_at(made.end(), report))
 }
 
 /// The first facts of a data set that is made.
@@ -98,8 +97,8 @@ pub(crate) fn merge(args: &MergeArgs) -> anyhow::Result<Answer> {
     let merged = generation::merge(&parts, &args.output, &mut progress::listener_of_files())?;
     let mut facts = Facts::new();
     facts.add("data set", parts.name());
-    facts.add("parts", args.parts.len());
-    facts.add("trajectories", parts.len());
+    facts.tell("parts", args.parts.len());
+    facts.tell("trajectories", parts.len());
     let (samples, end) = match &merged {
         Merged::Complete(dataset) => {
             let samples = dataset.index().statistics.samples;
@@ -115,10 +114,7 @@ pub(crate) fn merge(args: &MergeArgs) -> anyhow::Result<Answer> {
     let report = json!({
         "name": parts.name(),
         "out": args.output,
-        "parts": args.parts.len(),
-        "trajectories": parts.len(),
         "samples": samples,
-        "interrupted": end == End::Interrupted,
     });
-    Ok(Answer::new(facts, &report)?.ended(end))
+    Ok(facts.answer_at(end, report))
 }
