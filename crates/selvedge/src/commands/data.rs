@@ -8,7 +8,7 @@ use selvedge_lab::generation::{self, Order};
 use serde_json::json;
 
 use crate::cli::{GenerateArgs, MergeArgs};
-use crate::output::{Answer, End, Facts};
+use crate::output::{self, Answer, End, Facts};
 use crate::progress;
 
 /// Makes a data set, or goes on with one.
@@ -28,17 +28,13 @@ pub(crate) fn generate(args: &GenerateArgs) -> anyhow::Result<Answer> {
     let seconds = started.elapsed().as_secs_f64();
     let (part, is_interrupted) = (made.part, made.end() == End::Interrupted);
     let mut facts = data_set(&made.name, made.train, made.test);
-    if let Some(part) = part {
-        facts.add("part", part);
-    }
+    facts.add_all("part", part);
     already_there(&mut facts, made.kept);
     facts.add(
         "simulated",
         format!("{} frames in {seconds:.1} s", made.frames_made),
     );
-    if let Some(words) = crate::output::divided(made.divided) {
-        facts.add("divided", words);
-    }
+    facts.add_all("divided", output::divided(made.divided));
     match part {
         Some(_) if !is_interrupted => {
             facts.add("to go on", "`selvedge data merge`, with the other parts");

@@ -51,10 +51,8 @@ pub(crate) fn run(args: &EvalArgs) -> anyhow::Result<Answer> {
         threads: args.jobs.map(usize::from),
     };
     evaluation::check(&plan, args.horizons.is_some())?;
-    let _claimed = match &args.output {
-        Some(folder) => Some(folder::claim_folder(folder, FolderKind::Evaluation)?),
-        None => None,
-    };
+    let claim = |folder| folder::claim_folder(folder, FolderKind::Evaluation);
+    let _claimed = args.output.as_deref().map(claim).transpose()?;
     let (found, end) = evaluate(&plan, &mut progress::listener())?;
     let wrote = match &args.output {
         Some(folder) if !found.runs.is_empty() => {

@@ -127,9 +127,8 @@ pub(crate) fn run(args: &RunArgs, model: &Path) -> anyhow::Result<Answer> {
         Some(departures) => facts.add_all("out of distribution", departures),
         None => facts.add("out of distribution", NO_DOMAIN),
     }
-    if let Some(frame) = diverged_frame {
-        facts.add("diverges", format!("from frame {frame} on"));
-    }
+    let from = diverged_frame.map(|frame| format!("from frame {frame} on"));
+    facts.add_all("diverges", from);
     if let (Some(measures), Some(rigid)) = (&comparison, rigid_rmse) {
         let baseline = format!(" (rigid motion: {})", length(rigid));
         facts.add("position RMSE", length(measures.position_rmse) + &baseline);

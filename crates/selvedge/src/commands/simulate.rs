@@ -92,16 +92,12 @@ pub(crate) fn run(args: &RunArgs) -> anyhow::Result<Answer> {
         let words = format!("{all}, {started} started anew, {fell_back} fell back to first order");
         facts.add("substeps", words);
     }
-    if let Some(words) = output::divided(run.divided) {
-        facts.add("divided", words);
-    }
+    facts.add_all("divided", output::divided(run.divided));
     if let Some(contact) = &contact {
         contact.add_to(&mut facts);
     }
     facts.add("wrote", args.file().display());
-    if let Some(states) = &args.states {
-        facts.add("states", states.display());
-    }
+    facts.add_paths("states", args.states.as_slice());
     facts.add_paths("exported", &exported);
     if failure.is_some() {
         end = End::Complete;

@@ -14,10 +14,8 @@ pub(crate) fn run(args: &StudyArgs) -> anyhow::Result<Answer> {
     let study = study::open(&args.study)?;
     let machine = args.machine.open()?;
     // Parts share the folder, and each training has a lock of its own.
-    let _claimed = match args.shard.is_none() {
-        true => Some(folder::claim_folder(&args.output, FolderKind::Study)?),
-        false => None,
-    };
+    let claim = || folder::claim_folder(&args.output, FolderKind::Study);
+    let _claimed = args.shard.is_none().then(claim).transpose()?;
     let order = StudyOrder {
         study: &study,
         out: &args.output,

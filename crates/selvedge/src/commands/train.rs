@@ -26,10 +26,8 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
     let machine = args.machine.open()?;
     let data = generation::open(&args.data)?;
     let ranks = ranks::all();
-    let _claimed = match ranks.is_first() {
-        true => Some(folder::claim_folder(&args.output, FolderKind::Training)?),
-        false => None,
-    };
+    let claim = || folder::claim_folder(&args.output, FolderKind::Training);
+    let _claimed = ranks.is_first().then(claim).transpose()?;
     let steps = cfg.steps;
     let micro_batch = args.micro_batch.map_or(1, NonZeroUsize::get);
     let engine = OverRanks {
@@ -69,9 +67,8 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
         let words = format!("{count}: {share} of the time for sums, {sent:.2} MB per step");
         facts.add("ranks", words);
     }
-    if let Some(loss) = loss {
-        facts.add("loss", format!("{loss:.5} (mean of the last steps)"));
-    }
+    let mean = loss.map(|loss| format!("{loss:.5} (mean of the last steps)"));
+    facts.add_all("loss", mean);
     if done < steps {
         facts.add("to go on", "the same command with --resume");
     }
