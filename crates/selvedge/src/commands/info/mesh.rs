@@ -68,7 +68,7 @@ pub(super) fn inspect(read: ReadMesh, path: &Path, has_nodes: bool) -> anyhow::R
         "nodes": nodes,
         "warnings": warnings,
     });
-    let picture = Picture::Still(read.sheet.mesh, Vec::new(), Vec::new());
+    let picture = Picture::Still(Box::new(read.sheet.mesh), Vec::new(), Vec::new());
     Ok((facts.answer(report), picture))
 }
 

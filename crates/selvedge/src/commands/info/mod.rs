@@ -350,7 +350,7 @@ fn inspect_scene(loaded: LoadedScene, name: &str) -> anyhow::Result<Seen> {
         "scene": loaded.spec.to_json()?,
     });
     let held = scene.handles.vertices().to_vec();
-    let picture = Picture::Still(scene.mesh.clone(), held, scene.obstacles.clone());
+    let picture = Picture::Still(Box::new(scene.mesh.clone()), held, scene.obstacles.clone());
     Ok((facts.answer(report), picture))
 }
 

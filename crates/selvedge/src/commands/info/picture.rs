@@ -19,7 +19,7 @@ pub(super) enum Picture {
     /// A run with its strain, under this name where its scene has none.
     Run(Box<Trajectory>, String),
     /// A mesh as it stands, with its held vertices and the bodies beside it.
-    Still(Mesh, Vec<VertexId>, Vec<Obstacle>),
+    Still(Box<Mesh>, Vec<VertexId>, Vec<Obstacle>),
     Curves(LineChart),
     /// Nothing, and why.
     Nothing(anyhow::Error),
