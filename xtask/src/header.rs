@@ -1,7 +1,6 @@
 //! The header of the library for C, made by cbindgen: the file that is kept is what the sources
 //! make. cbindgen is a program beside cargo, not a dependency: it would be the heaviest of all.
 
-use std::path::Path;
 use std::process::Command;
 
 use anyhow::{Context, Result, bail};
@@ -14,8 +13,7 @@ const REMEDY: &str = "install it: cargo install cbindgen --locked";
 
 /// Compares the header that is kept with that of the sources, or writes it.
 pub(crate) fn run(write: bool) -> Result<()> {
-    let root = metadata::workspace_root()?;
-    let root = Path::new(&root);
+    let root = metadata::root();
     let folder = root.join(CRATE);
     let output = Command::new("cbindgen")
         .args(["--quiet", "--config"])

@@ -19,10 +19,9 @@ mod tidy;
 mod tree;
 mod violation;
 
-use std::path::Path;
 use std::process::{Command, ExitCode};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 
 use nightly::Sanitizer;
 
@@ -81,10 +80,12 @@ fn main() -> ExitCode {
 
 /// Builds the program and the fuzzer's, and starts it.
 fn fuzz(options: &[&str]) -> Result<()> {
-    let root = metadata::workspace_root()?;
     let cargo = |arguments: &[&str]| -> Result<bool> {
         let mut command = Command::new(env!("CARGO"));
-        let status = command.args(arguments).current_dir(&root).status();
+        let status = command
+            .args(arguments)
+            .current_dir(metadata::root())
+            .status();
         Ok(status.context("cannot start cargo")?.success())
     };
     let packages = ["-p", "selvedge", "-p", "selvedge-trials"];
@@ -112,15 +113,9 @@ fn long() -> Result<()> {
 }
 
 fn ci() -> Result<()> {
-    let root = metadata::workspace_root()?;
-    let script = Path::new(&root).join(".ci/run");
-    let status = Command::new("bash")
-        .arg(&script)
-        .current_dir(&root)
-        .status()
-        .with_context(|| format!("cannot start bash for {}", script.display()))?;
-    if !status.success() {
-        bail!("a step of .ci/run failed");
-    }
+    let mut bash = Command::new("bash");
+    let status = bash.arg(".ci/run").current_dir(metadata::root()).status();
+    let status = status.context("cannot start bash for .ci/run")?;
+    ensure!(status.success(), "a step of .ci/run failed");
     Ok(())
 }

@@ -5,7 +5,7 @@
 //! than this one are left out, so that nothing has to be downloaded.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
 use anyhow::{Context, Result};
@@ -22,28 +22,17 @@ pub(crate) struct Graph {
     pub(crate) development: BTreeMap<String, BTreeSet<String>>,
 }
 
-/// Folder of the workspace that the current directory belongs to.
-pub(crate) fn workspace_root() -> Result<String> {
-    Ok(metadata_of(Path::new("."))?.workspace_root.into_string())
-}
-
-/// Folder into which the workspace at `root` is built, which the environment can move.
-pub(crate) fn target_folder(root: &Path) -> Result<PathBuf> {
-    Ok(metadata_of(root)?.target_directory.into_std_path_buf())
-}
-
-fn metadata_of(folder: &Path) -> Result<Metadata> {
-    let mut command = MetadataCommand::new();
-    let command = command.no_deps().current_dir(folder);
-    command
-        .exec()
-        .context("cannot read the workspace with cargo metadata")
+/// Folder of the workspace.
+pub(crate) fn root() -> &'static Path {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent();
+    root.unwrap_or(Path::new("."))
 }
 
 /// The graph of all packages of the workspace.
 pub(crate) fn graph() -> Result<Graph> {
     let metadata = MetadataCommand::new()
         .features(CargoOpt::AllFeatures)
+        .current_dir(root())
         .other_options(vec![
             "--locked".to_owned(),
             "--filter-platform".to_owned(),

@@ -78,7 +78,7 @@ fn cargo(arguments: &[&str], flags: &str, components: &str) -> Result<()> {
     println!("RUSTFLAGS='{flags}' cargo +nightly {}", arguments.join(" "));
     let mut command = Command::new("rustup");
     command.args(["run", "nightly", "cargo"]).args(arguments);
-    command.current_dir(metadata::workspace_root()?);
+    command.current_dir(metadata::root());
     command.env("RUSTFLAGS", flags);
     // These name the compiler that built this program, and would be taken in nightly's place.
     for name in ["CARGO", "RUSTC", "RUSTDOC", "RUSTUP_TOOLCHAIN"] {

@@ -22,17 +22,6 @@ pub(crate) struct Threads {
 }
 
 impl Threads {
-    /// The transport of a rank without others.
-    pub(crate) fn alone() -> Self {
-        let (sender, receiver) = channel();
-        Self {
-            rank: 0,
-            senders: vec![sender],
-            arrivals: Mutex::new((receiver, VecDeque::new())),
-            alive: Arc::new([AtomicBool::new(true)]),
-        }
-    }
-
     /// The transports of so many ranks.
     pub(crate) fn joined(count: usize) -> Vec<Self> {
         let (senders, receivers): (Vec<_>, Vec<_>) = (0..count).map(|_| channel()).unzip();

@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use crate::local::Threads;
+use crate::local::threads;
 use crate::transport::{ClusterError, Letter, Transport};
 
 /// A kind of message.
@@ -32,13 +32,11 @@ const LOOK: Duration = Duration::from_millis(20);
 /// Waiting for a rank that works on the same thing as this one.
 const PATIENCE: Duration = Duration::from_secs(1800);
 
-/// Messages that this rank sent, and the time of its talk.
+/// What this rank sent, and the time of its talk.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Traffic {
     /// Bytes sent to other ranks.
     pub bytes: u64,
-    /// Messages sent to other ranks.
-    pub messages: u64,
     /// Time spent in sums and gathers, waiting included.
     pub time: Duration,
 }
@@ -54,7 +52,6 @@ struct Inner {
     inbox: Mutex<Inbox>,
     has_failed: AtomicBool,
     bytes: AtomicU64,
-    messages: AtomicU64,
     nanoseconds: AtomicU64,
 }
 
@@ -67,7 +64,7 @@ struct Inbox {
 impl Ranks {
     /// One rank without others.
     pub fn alone() -> Self {
-        Self::new(Box::new(Threads::alone()))
+        threads(1).remove(0)
     }
 
     /// The ranks that `transport` joins.
@@ -78,7 +75,6 @@ impl Ranks {
                 inbox: Mutex::default(),
                 has_failed: AtomicBool::new(false),
                 bytes: AtomicU64::new(0),
-                messages: AtomicU64::new(0),
                 nanoseconds: AtomicU64::new(0),
             }),
         }
@@ -115,12 +111,11 @@ impl Ranks {
         self.count() > 1
     }
 
-    /// Messages sent so far, and the time of them.
+    /// What was sent so far, and the time of it.
     pub fn traffic(&self) -> Traffic {
         let inner = &self.inner;
         Traffic {
             bytes: inner.bytes.load(Ordering::Relaxed),
-            messages: inner.messages.load(Ordering::Relaxed),
             time: Duration::from_nanos(inner.nanoseconds.load(Ordering::Relaxed)),
         }
     }
@@ -138,7 +133,6 @@ impl Ranks {
     pub(crate) fn send(&self, to: usize, tag: Tag, bytes: Vec<u8>) -> Result<(), ClusterError> {
         let length = bytes.len() as u64;
         self.inner.bytes.fetch_add(length, Ordering::Relaxed);
-        self.inner.messages.fetch_add(1, Ordering::Relaxed);
         self.inner.transport.send(to, tag.0, bytes)
     }
 

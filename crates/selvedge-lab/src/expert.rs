@@ -1,11 +1,13 @@
 //! The physics of a data set as the expert of a training: it labels the model's own states.
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result};
 use glam::DVec3;
 use selvedge_cloth::{HandlePath, Scene, Stepper};
-use selvedge_data::{Dataset, SceneSpec, Split};
+use selvedge_data::{Dataset, Entry, Split};
 use selvedge_sim::{Simulator, Threads};
 use selvedge_train::{Expert, ExpertState};
+
+use crate::physics;
 
 /// The physics of the scenes of a data set's training split.
 pub struct PhysicsExpert {
@@ -15,22 +17,13 @@ pub struct PhysicsExpert {
 impl PhysicsExpert {
     /// The physics of `data`. Mesh files of its scenes are looked for from the current folder.
     pub fn new(data: &Dataset) -> Result<Self> {
-        let run = |entry| -> Result<(Scene, HandlePath)> {
-            let trajectory = data.read(entry)?;
-            let of = || format!("training trajectory {}", entry.motion);
-            let built = SceneSpec::from_json(&trajectory.provenance().scene)
-                .and_then(|spec| spec.build("".as_ref()))
-                .map_err(anyhow::Error::from)
-                .and_then(|scene| Ok((scene.handle_path()?, scene)));
+        let run = |entry: &Entry| -> Result<(Scene, HandlePath)> {
+            let scene = physics::scene_of(&data.read(entry)?);
+            let built = scene.and_then(|scene| Ok((scene.handle_path()?, scene)));
             let (path, scene) = built.with_context(|| {
                 let remedy = "expert labels need the scene of every trajectory: make the data set with `selvedge data generate`, or set scheduled_sampling.labels to \"recorded\"";
-                format!("{}: {remedy}", of())
+                format!("training trajectory {}: {remedy}", entry.motion)
             })?;
-            ensure!(
-                scene.mesh.topology() == trajectory.topology(),
-                "{}: the mesh of its scene is not that of its frames",
-                of()
-            );
             Ok((scene, path))
         };
         let runs = data.entries(Split::Train).iter().map(run);

@@ -271,35 +271,27 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_folder_is_claimed_once_at_a_time_and_freed_of_leftovers() {
+    fn a_folder_is_claimed_once_at_a_time() {
         let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("run");
-        fs::create_dir_all(path.join("train")).unwrap();
-        for name in [".a.x.part", "train/.b.y.part", "kept"] {
-            fs::write(path.join(name), "half").unwrap();
-        }
-        let claimed = claim_folder(&path, FolderKind::DataSet).unwrap();
-        assert!(!path.join(".a.x.part").exists() && !path.join("train/.b.y.part").exists());
-        assert!(path.join("kept").exists());
-        let error = format!(
-            "{:#}",
-            claim_folder(&path, FolderKind::DataSet).err().unwrap()
-        );
+        let claim = || claim_folder(folder.path(), FolderKind::DataSet);
+        let claimed = claim().unwrap();
+        let error = format!("{:#}", claim().err().unwrap());
         let owner = format!("process {} on {}", std::process::id(), host());
         for word in ["another run writes", &owner, "choose another folder"] {
             assert!(error.contains(word), "{error}");
         }
         drop(claimed);
-        drop(claim_folder(&path, FolderKind::DataSet).unwrap());
+        drop(claim().unwrap());
     }
 
     #[test]
-    fn every_inner_folder_of_a_kind_is_freed_of_leftovers() {
+    fn a_folder_of_any_kind_is_freed_of_leftovers() {
         for kind in FolderKind::ALL {
             let folder = tempfile::tempdir().unwrap();
-            let parts = kind.inner().iter().map(|inner| {
+            fs::write(folder.path().join("kept"), "whole").unwrap();
+            let parts = [""].iter().chain(kind.inner()).map(|inner| {
                 let inner = folder.path().join(inner);
-                fs::create_dir(&inner).unwrap();
+                fs::create_dir_all(&inner).unwrap();
                 let part = inner.join(".a.x.part");
                 fs::write(&part, "half").unwrap();
                 part
@@ -307,6 +299,7 @@ mod tests {
             let parts: Vec<PathBuf> = parts.collect();
             drop(claim_folder(folder.path(), kind).unwrap());
             assert!(!parts.iter().any(|part| part.exists()), "{kind}");
+            assert!(folder.path().join("kept").exists());
         }
     }
 

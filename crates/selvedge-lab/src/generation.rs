@@ -7,7 +7,6 @@
 //! preset may be another the next time.
 
 use std::collections::BTreeMap;
-use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
@@ -16,7 +15,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 use selvedge_cluster::Shard;
 use selvedge_data::{
-    Dataset, DatasetParts, DatasetPreset, DatasetWriter, LoadedScene, Split, Trajectory,
+    Dataset, DatasetParts, DatasetPreset, DatasetWriter, LoadedScene, Split,
 };
 use selvedge_sim::{DividedFrames, Threads};
 
@@ -175,25 +174,6 @@ fn rest_poses(jobs: &[Job], reporter: &Reporter<'_>) -> Result<Rests> {
     Ok(rests)
 }
 
-/// Simulates one job, until it is done or an end is asked for.
-fn simulated(
-    job: &Job,
-    rests: &Rests,
-    go_on: &mut dyn FnMut() -> ControlFlow<()>,
-) -> Result<Option<(Trajectory, DividedFrames)>> {
-    let scene = &job.scene.scene;
-    // There is none where an end was asked for before.
-    let Some(rest) = rests.get(&job.cloth) else {
-        return Ok(None);
-    };
-    let run = physics::run(scene, rest.clone(), job.frames, Threads::One, go_on)?;
-    if run.end == End::Interrupted {
-        return Ok(None);
-    }
-    let trajectory = physics::trajectory(0, &job.scene.spec, scene, rest, run.positions)?;
-    Ok(Some((trajectory, run.divided)))
-}
-
 /// Simulates the jobs from the rest poses of their cloths, until all are done or an end is asked
 /// for. Gives the frames that were written and took more substeps than their scene asks for.
 fn simulate_all(
@@ -208,23 +188,25 @@ fn simulate_all(
     let writer = Mutex::new((writer, DividedFrames::default()));
     // One job at a time for each thread: blocks of them would leave threads idle at the end.
     let simulate = |job: &Job| -> Result<()> {
-        let Some((trajectory, divided)) = simulated(job, rests, &mut || task.advance())? else {
+        let scene = &job.scene.scene;
+        // There is none where an end was asked for before.
+        let Some(rest) = rests.get(&job.cloth).filter(|_| !task.is_stopped()) else {
             return Ok(());
         };
+        let go_on = &mut || task.advance();
+        let run = physics::run(scene, rest.clone(), job.frames, Threads::One, go_on)?;
+        if run.end == End::Interrupted {
+            return Ok(());
+        }
+        let trajectory = physics::trajectory(0, &job.scene.spec, scene, rest, run.positions)?;
         // `add` leaves the writer as it was where it fails, so that it is never half done.
         let mut writer = writer.lock().unwrap_or_else(PoisonError::into_inner);
         writer.0.add(job.split, &job.motion, &trajectory)?;
-        writer.1 = writer.1.and(divided);
+        writer.1 = writer.1.and(run.divided);
         Ok(())
     };
-    workers::pool(threads)?.install(|| {
-        jobs.par_iter().with_max_len(1).try_for_each(|job| {
-            if task.is_stopped() {
-                return Ok(());
-            }
-            simulate(job)
-        })
-    })?;
+    let jobs = jobs.par_iter().with_max_len(1);
+    workers::pool(threads)?.install(|| jobs.try_for_each(simulate))?;
     let (_, divided) = writer.into_inner().unwrap_or_else(PoisonError::into_inner);
     Ok(divided)
 }

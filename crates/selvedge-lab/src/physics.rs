@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use web_time::Instant;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{Cloth, HandlePath, Scene, StepError, Stepper};
 use selvedge_data::metrics::{self, Comparison};
@@ -126,10 +126,10 @@ pub fn rest_pose(scene: &Scene, on_event: &mut OnEvent<'_>) -> Result<SaggedRest
     });
     drop(task);
     let found = found.with_context(|| format!("the rest pose of scene {:?}", scene.name))?;
-    if let Some(remark) = found.remark() {
+    if let Some(remark) = rest_pose::remark(&found) {
         reporter.remark(&remark);
     }
-    let rest = found.rest;
+    let (rest, _) = found;
     tracing::info!(
         solves = rest.solves,
         residual = rest.residual,
@@ -301,6 +301,22 @@ pub fn trajectory(
     Trajectory::new(cloth, positions, provenance(spec, scene)?)
         .and_then(|trajectory| trajectory.with_obstacles(obstacles))
         .with_context(what)
+}
+
+/// The scene that a trajectory says it was made from, of its mesh and handles. Mesh files are looked
+/// for from the current folder.
+pub(crate) fn scene_of(trajectory: &Trajectory) -> Result<Scene> {
+    let json = &trajectory.provenance().scene;
+    if json.is_null() {
+        bail!("the trajectory does not say from which scene it is");
+    }
+    let scene = SceneSpec::from_json(json)?.build("".as_ref())?;
+    let fits = scene.mesh.topology() == trajectory.topology();
+    ensure!(
+        fits && scene.handles == *trajectory.handles(),
+        "the scene's mesh is not that of the trajectory"
+    );
+    Ok(scene)
 }
 
 /// Positions in f32, as files have them.

@@ -59,26 +59,17 @@ fn cache_folder(variable: impl Fn(&str) -> Option<OsString>) -> Option<PathBuf> 
     Some(shared.join("selvedge"))
 }
 
-/// A rest pose, and where it is from.
-#[derive(Clone, Debug, PartialEq)]
-pub struct FoundRest {
-    /// The pose.
-    pub rest: SaggedRest,
-    /// Time that an earlier search took `[s]`; none where the search was this one.
-    pub kept_seconds: Option<f64>,
-}
+/// A rest pose, and the time that an earlier search for it took `[s]`; none where the search was this
+/// one.
+pub type Found = (SaggedRest, Option<f64>);
 
-impl FoundRest {
-    /// A line on a search that was spared, where it would have been waited for.
-    pub fn remark(&self) -> Option<String> {
-        let seconds = self
-            .kept_seconds
-            .filter(|seconds| *seconds >= WORTH_A_WORD)?;
-        let vertices = self.rest.positions.len();
-        Some(format!(
-            "the rest pose of {vertices} vertices is known from before (a search of {seconds:.0} s)"
-        ))
-    }
+/// A line on a search that was spared, where it would have been waited for.
+pub(crate) fn remark((rest, kept_seconds): &Found) -> Option<String> {
+    let seconds = kept_seconds.filter(|seconds| *seconds >= WORTH_A_WORD)?;
+    let vertices = rest.positions.len();
+    Some(format!(
+        "the rest pose of {vertices} vertices is known from before (a search of {seconds:.0} s)"
+    ))
 }
 
 /// The sagged rest pose of `scene`: from the folder of [`keep_in`] where it is known, otherwise
@@ -90,21 +81,11 @@ impl FoundRest {
 pub fn found(
     scene: &Scene,
     progress: &mut dyn FnMut(SagProgress) -> ControlFlow<()>,
-) -> Result<FoundRest, SagError> {
+) -> Result<Found, SagError> {
     match FOLDER.get() {
         Some(folder) => found_in(folder, WORTH_KEEPING, scene, progress),
-        None => searched(scene, progress),
+        None => Ok((sag_with_progress(scene, progress)?, None)),
     }
-}
-
-fn searched(
-    scene: &Scene,
-    progress: &mut dyn FnMut(SagProgress) -> ControlFlow<()>,
-) -> Result<FoundRest, SagError> {
-    Ok(FoundRest {
-        rest: sag_with_progress(scene, progress)?,
-        kept_seconds: None,
-    })
 }
 
 /// As [`found`], in `folder`; searches from `worth_keeping` seconds on are kept.
@@ -113,40 +94,38 @@ fn found_in(
     worth_keeping: f64,
     scene: &Scene,
     progress: &mut dyn FnMut(SagProgress) -> ControlFlow<()>,
-) -> Result<FoundRest, SagError> {
+) -> Result<Found, SagError> {
     let content = (MADE_BY, RestPoseContent::of(scene)?);
     let Ok(content) = serde_json::to_string(&content) else {
-        return searched(scene, progress);
+        return Ok((sag_with_progress(scene, progress)?, None));
     };
     match folder.find(&content, scene.mesh.positions().len()) {
         Ok(None) => {}
         Ok(Some(kept)) => {
-            return Ok(FoundRest {
-                rest: SaggedRest {
-                    positions: kept.positions,
-                    solves: kept.solves,
-                    residual: kept.residual,
-                },
-                kept_seconds: Some(kept.seconds),
-            });
+            let rest = SaggedRest {
+                positions: kept.positions,
+                solves: kept.solves,
+                residual: kept.residual,
+            };
+            return Ok((rest, Some(kept.seconds)));
         }
         Err(error) => tracing::warn!("a rest pose from before: {error}; it is searched for again"),
     }
     let began = Instant::now();
-    let found = searched(scene, progress)?;
+    let rest = sag_with_progress(scene, progress)?;
     let seconds = began.elapsed().as_secs_f64();
     if seconds >= worth_keeping {
         let kept = KeptRestPose {
-            positions: found.rest.positions.clone(),
-            solves: found.rest.solves,
-            residual: found.rest.residual,
+            positions: rest.positions.clone(),
+            solves: rest.solves,
+            residual: rest.residual,
             seconds,
         };
         if let Err(error) = folder.keep(&content, &kept) {
             tracing::warn!("the rest pose is not kept for another time: {error}");
         }
     }
-    Ok(found)
+    Ok((rest, None))
 }
 
 #[cfg(test)]
@@ -157,7 +136,7 @@ mod tests {
     use crate::test_scene::hanging;
 
     /// The pose of `scene` by way of `folder`, and the solves that it took now.
-    fn through(folder: &RestPoseFolder, scene: &Scene) -> (FoundRest, u32) {
+    fn through(folder: &RestPoseFolder, scene: &Scene) -> (Found, u32) {
         let mut solves = 0;
         let found = found_in(folder, 0.0, scene, &mut |now| {
             solves = now.solves;
@@ -172,18 +151,18 @@ mod tests {
         let folder = RestPoseFolder::new(place.path().join("poses"));
         let mut scene = hanging();
         let (first, solves) = through(&folder, &scene);
-        assert!(solves > 0 && first.kept_seconds.is_none());
-        let alone = searched(&scene, &mut |_| ControlFlow::Continue(())).unwrap();
-        assert_eq!(first, alone);
+        let alone = sag_with_progress(&scene, &mut |_| ControlFlow::Continue(())).unwrap();
+        assert!(solves > 0);
+        assert_eq!(first, (alone, None));
         // Settings of the motion are no part of a rest pose.
         scene.physics.substeps += 1;
         scene.physics.solver = LinearSolver::Cholesky;
         let (second, solves) = through(&folder, &scene);
-        assert_eq!((&second.rest, solves), (&first.rest, 0));
-        assert!(second.kept_seconds.is_some());
+        assert_eq!((&second.0, solves), (&first.0, 0));
+        assert!(second.1.is_some());
         scene.material.density *= 1.01;
         let (other, solves) = through(&folder, &scene);
-        assert!(solves > 0 && other.rest != first.rest);
+        assert!(solves > 0 && other.0 != first.0);
     }
 
     #[test]
@@ -219,10 +198,7 @@ mod tests {
             solves: 3,
             residual: 1e-4,
         };
-        let remark = |kept_seconds| {
-            let rest = rest.clone();
-            FoundRest { rest, kept_seconds }.remark()
-        };
+        let remark = |kept_seconds| remark(&(rest.clone(), kept_seconds));
         assert_eq!((remark(None), remark(Some(1.9))), (None, None));
         assert!(remark(Some(36.0)).unwrap().contains("36 s"));
     }

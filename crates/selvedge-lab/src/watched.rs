@@ -9,6 +9,7 @@ use selvedge_guard::{Replacement, Trust};
 use selvedge_model::Aspect;
 
 use crate::domain::Beyond;
+use crate::report::csv_of;
 
 /// Strain (l - l₀)/l₀ of an edge, against the material, over which a run diverges ...
 const DIVERGED_STRAIN: f64 = 0.3;
@@ -37,20 +38,15 @@ pub fn summary(log: &[Trust]) -> GuardSummary {
 /// Writes a line per frame with the guard's verdict, measures and correction, and the aspects of
 /// the scene that are beyond the training (.csv). SI units; strains have none.
 pub fn write_trust(path: &Path, log: &[Trust], beyond: Option<&Beyond>) -> Result<(), WriteError> {
-    let mut csv = csv::Writer::from_writer(Vec::new());
-    let mut record = |fields: Vec<String>| {
-        // Writing to memory cannot fail, nor can rows of one length.
-        let _ = csv.write_record(fields);
-    };
-    record(TRUST.map(str::to_owned).to_vec());
-    for (frame, trust) in log.iter().enumerate() {
+    let number = |value: Option<f64>| value.map_or_else(String::new, |x| x.to_string());
+    let rows = log.iter().enumerate().map(|(frame, trust)| {
         let beyond = match beyond {
             Some(beyond) => names(beyond.by_frame.get(frame).map_or(&[], Vec::as_slice)),
             None => "unknown".to_owned(),
         };
-        let number = |value: Option<f64>| value.map_or_else(String::new, |x| x.to_string());
         let given = &trust.given;
-        record(vec![
+        let replaced = trust.verdict.replaced_by();
+        vec![
             trust.frame.to_string(),
             trust.verdict.name().to_owned(),
             given.largest_strain.to_string(),
@@ -61,17 +57,13 @@ pub fn write_trust(path: &Path, log: &[Trust], beyond: Option<&Beyond>) -> Resul
             number(trust.predicted.map(|m| m.largest_strain)),
             number(trust.correction.map(|m| m.rms)),
             number(trust.correction.map(|m| m.largest)),
-            trust
-                .verdict
-                .replaced_by()
-                .map_or("", Replacement::name)
-                .to_owned(),
+            replaced.map_or("", Replacement::name).to_owned(),
             trust.physics_failed.to_string(),
             trust.contact.name().to_owned(),
             beyond,
-        ]);
-    }
-    let text = csv.into_inner().unwrap_or_default();
+        ]
+    });
+    let text = csv_of(TRUST, rows);
     write_atomically(path, |out| out.write_all(&text))
 }
 

@@ -168,7 +168,7 @@ fn rest(
         ))
     });
     let context = || format!("the rest pose of scene {:?}", loaded.scene.name);
-    Ok(found.with_context(context)?.rest.positions)
+    Ok(found.with_context(context)?.0.positions)
 }
 
 impl Workshop for SceneWorkshop {

@@ -13,8 +13,8 @@ use crate::cli::FormatName;
 use crate::failure::wrong;
 use crate::film::{self, Film, Look};
 use crate::output::End;
+use crate::place;
 use crate::progress::Progress;
-use crate::{interrupt, place};
 
 /// A .glb of more bytes than this is better something else.
 const HEAVY: u64 = 500_000_000;
@@ -233,10 +233,7 @@ impl Wish {
         }
         let what = format!("writing {}", self.path.display());
         let progress = Progress::new(what, frames, "frames");
-        let is_complete = export(trajectory, &self.path, &options, &mut || {
-            progress.advance();
-            interrupt::flow()
-        })?;
+        let is_complete = export(trajectory, &self.path, &options, &mut || progress.step())?;
         Ok(match is_complete {
             true => End::Complete,
             false => End::Interrupted,

@@ -9,15 +9,15 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
 use anyhow::{Context, anyhow, bail, ensure};
-use selvedge_data::{Trajectory, write_atomically, write_beside, write_folder_atomically};
+use selvedge_data::{Trajectory, write_beside, write_folder_atomically};
+use selvedge_lab::pictures::run_of_frames;
 use selvedge_view::{
     ClipSettings, Colouring, Image, Panel, Renderer, Rgb, Run, Stage, View, write_clip,
 };
 
-use crate::interrupt;
 use crate::output::End;
-use crate::pictures::run_of_frames;
 use crate::progress::Progress;
+use crate::{interrupt, place};
 
 /// How frames are drawn.
 #[derive(Clone, Copy, Debug, Default)]
@@ -97,7 +97,7 @@ impl<'a> Film<'a> {
     pub(crate) fn write_png(&self, path: &Path) -> anyhow::Result<()> {
         let mut renderer = self.renderer(4)?;
         let png = renderer.render(&self.panel(), 0)?.to_png()?;
-        Ok(write_atomically(path, |out| out.write_all(&png))?)
+        place::write(path, &png)
     }
 
     /// Writes a folder with a picture per frame, as `cloth_0000.png`.
@@ -131,8 +131,7 @@ impl<'a> Film<'a> {
             let mut out = io::BufWriter::new(file);
             let panels = std::slice::from_ref(&panel);
             let end = write_clip(&mut out, &self.title, panels, &settings, &mut || {
-                progress.advance();
-                interrupt::flow()
+                progress.step()
             });
             ensure!(end.context("the clip")?.is_continue(), INTERRUPTED);
             out.flush().context("the clip")

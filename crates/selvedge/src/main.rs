@@ -11,7 +11,6 @@ mod failure;
 mod film;
 mod interrupt;
 mod output;
-mod pictures;
 mod place;
 mod progress;
 mod ranks;

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use serde::Serialize;
-use serde_json::Value;
+use serde_json::{Map, Value, json};
 
 pub(crate) use selvedge_lab::End;
 pub(crate) use selvedge_lab::numbers::{length, percent};
@@ -57,14 +57,14 @@ pub(crate) enum Reader {
 }
 
 impl Answer {
-    /// An answer whose JSON is `report`.
-    pub(crate) fn new(text: impl Display, report: &impl Serialize) -> anyhow::Result<Self> {
-        Ok(Self {
+    /// An answer whose JSON is `json`.
+    pub(crate) fn new(text: impl Display, json: Value) -> Self {
+        Self {
             text: text.to_string(),
-            json: serde_json::to_value(report).context("writing the answer as JSON")?,
+            json,
             end: End::Complete,
             problem: None,
-        })
+        }
     }
 
     /// The same, ended as `end` says.
@@ -161,10 +161,11 @@ impl Display for Table {
     }
 }
 
-/// Named facts under each other.
+/// Named facts under each other for people; for programs some of them, as JSON.
 #[derive(Default)]
 pub(crate) struct Facts {
     lines: Vec<(&'static str, String)>,
+    report: Map<String, Value>,
 }
 
 impl Facts {
@@ -173,15 +174,51 @@ impl Facts {
         Self::default()
     }
 
+    /// A fact for people.
     pub(crate) fn add(&mut self, name: &'static str, value: impl Display) {
         self.lines.push((name, value.to_string()));
     }
 
+    /// A fact for people and programs; these have it under its name with `_` for spaces.
+    pub(crate) fn tell(&mut self, name: &'static str, value: impl Display + Serialize) {
+        self.report.insert(name.replace(' ', "_"), json!(value));
+        self.add(name, value);
+    }
+
+    /// A path for people and programs.
+    pub(crate) fn tell_path(&mut self, name: &'static str, path: &Path) {
+        self.report.insert(name.to_owned(), json!(path));
+        self.add(name, path.display());
+    }
+
+    /// A line of this name for each of `values`.
+    pub(crate) fn add_all<T: Display>(
+        &mut self,
+        name: &'static str,
+        values: impl IntoIterator<Item = T>,
+    ) {
+        values.into_iter().for_each(|value| self.add(name, value));
+    }
+
     /// A line of this name for each of `paths`.
     pub(crate) fn add_paths(&mut self, name: &'static str, paths: &[PathBuf]) {
-        for path in paths {
-            self.add(name, path.display());
+        self.add_all(name, paths.iter().map(|path| path.display()));
+    }
+
+    /// The answer with these facts, and with `more` for programs.
+    pub(crate) fn answer(mut self, more: Value) -> Answer {
+        if let Value::Object(more) = more {
+            self.report.extend(more);
         }
+        Answer::new(&self, json!(self.report))
+    }
+
+    /// The answer of a command that ended so, which programs are told, too.
+    pub(crate) fn answer_at(mut self, end: End, more: Value) -> Answer {
+        let is_interrupted = end == End::Interrupted;
+        self.report
+            .insert("interrupted".to_owned(), json!(is_interrupted));
+        self.answer(more).ended(end)
     }
 }
 

@@ -1,11 +1,13 @@
 //! Places of results: checked before the work begins, so that an hour is not spent on a file that
-//! cannot be written.
+//! cannot be written; and files of bytes.
 
 use std::ffi::OsStr;
 use std::fs;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
+use selvedge_data::write_atomically;
 
 use crate::failure::wrong;
 
@@ -95,16 +97,25 @@ pub(crate) fn check_distinct(files: &[(&str, &Path)]) -> anyhow::Result<()> {
 /// # Errors
 /// Wrong usage that names both.
 pub(crate) fn check_outputs(
-    outputs: &[(&str, &Path)],
-    inputs: &[(&str, &Path)],
+    outputs: &[(&str, impl AsRef<Path>)],
+    inputs: &[(&str, impl AsRef<Path>)],
 ) -> anyhow::Result<()> {
-    check_distinct(outputs)?;
-    for &input in inputs {
-        for &output in outputs {
-            check_distinct(&[output, input])?;
+    let outputs: Vec<_> = outputs
+        .iter()
+        .map(|(flag, to)| (*flag, to.as_ref()))
+        .collect();
+    check_distinct(&outputs)?;
+    for (name, input) in inputs {
+        for &output in &outputs {
+            check_distinct(&[output, (*name, input.as_ref())])?;
         }
     }
     Ok(())
+}
+
+/// Writes a file of these bytes, whole or not at all.
+pub(crate) fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+    Ok(write_atomically(path, |out| out.write_all(bytes))?)
 }
 
 /// The place of the bytes of a file at `path`, which may not exist yet, with links followed.

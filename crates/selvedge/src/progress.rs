@@ -108,6 +108,12 @@ impl Progress {
         self.count();
     }
 
+    /// One more is done, as [`Self::advance`]; breaks after Ctrl-C.
+    pub(crate) fn step(&self) -> ControlFlow<()> {
+        self.advance();
+        interrupt::flow()
+    }
+
     /// One more is done; nothing is lost where the program ends now.
     pub(crate) fn count(&self) {
         match &self.form {

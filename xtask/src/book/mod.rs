@@ -10,7 +10,6 @@ mod quotes;
 mod summary;
 
 use std::io::ErrorKind;
-use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
@@ -23,8 +22,7 @@ const PAGES: &str = "docs/src/";
 
 /// Checks the book and builds it.
 pub(crate) fn check() -> Result<()> {
-    let root = PathBuf::from(metadata::workspace_root()?);
-    let tree = Tree::read(&root)?;
+    let tree = Tree::read(metadata::root())?;
     let mut faults = summary::check(&tree);
     faults.extend(quotes::check(&tree));
     for fault in &faults {
@@ -37,14 +35,14 @@ pub(crate) fn check() -> Result<()> {
     let mut links = vec!["--offline", "--include-fragments", "--no-progress"];
     let paths = tree.texts.iter().map(|file| file.path.as_str());
     links.extend(paths.filter(|path| path.ends_with(".md")));
-    with_tool(&root, "lychee", &links)?;
-    with_tool(&root, "mdbook", &["build", "docs"])
+    with_tool("lychee", &links)?;
+    with_tool("mdbook", &["build", "docs"])
 }
 
-/// Runs a tool in the folder `root` where it is installed, and says so where it is not.
-fn with_tool(root: &Path, name: &str, arguments: &[&str]) -> Result<()> {
+/// Runs a tool where it is installed, and says so where it is not.
+fn with_tool(name: &str, arguments: &[&str]) -> Result<()> {
     let mut tool = Command::new(name);
-    match tool.args(arguments).current_dir(root).status() {
+    match tool.args(arguments).current_dir(metadata::root()).status() {
         Ok(status) if status.success() => Ok(()),
         Ok(status) => bail!("{name} failed: {status}"),
         Err(error) if error.kind() == ErrorKind::NotFound => {
@@ -57,14 +55,11 @@ fn with_tool(root: &Path, name: &str, arguments: &[&str]) -> Result<()> {
 
 /// Writes the quotes and the commands reference anew.
 pub(crate) fn write() -> Result<()> {
-    let root = PathBuf::from(metadata::workspace_root()?);
-    quotes::write(&root, &Tree::read(&root)?)?;
+    let root = metadata::root();
+    quotes::write(root, &Tree::read(root)?)?;
     let mut test = Command::new(env!("CARGO"));
     test.args("test --quiet -p selvedge --bin selvedge the_book_has".split(' '));
-    let test = test
-        .env("SELVEDGE_WRITE", "1")
-        .current_dir(&root)
-        .status()?;
+    let test = test.env("SELVEDGE_WRITE", "1").current_dir(root).status()?;
     ensure!(
         test.success(),
         "the commands reference could not be written"
@@ -74,6 +69,6 @@ pub(crate) fn write() -> Result<()> {
 
 /// Runs the quick commands of README and book.
 pub(crate) fn run() -> Result<()> {
-    let root = PathBuf::from(metadata::workspace_root()?);
-    quick::run(&root, &Tree::read(&root)?)
+    let root = metadata::root();
+    quick::run(root, &Tree::read(root)?)
 }

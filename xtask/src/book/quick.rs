@@ -12,7 +12,6 @@ use anyhow::{Context, Result, bail};
 
 use super::PAGES;
 use super::markdown::{self, Block};
-use crate::metadata;
 use crate::tree::{TextFile, Tree};
 
 /// Folder in which pages are tried, relative to the root.
@@ -27,9 +26,9 @@ pub(super) fn run(root: &Path, tree: &Tree) -> Result<()> {
     if !build.current_dir(root).status()?.success() {
         bail!("the program could not be built");
     }
-    let mut path = metadata::target_folder(root)?
-        .join("debug")
-        .into_os_string();
+    // It is built beside this program.
+    let own = env::current_exe().context("the path of this program")?;
+    let mut path = own.parent().unwrap_or(root).as_os_str().to_owned();
     path.push(":");
     path.push(env::var_os("PATH").unwrap_or_default());
 

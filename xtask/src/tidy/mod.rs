@@ -8,8 +8,6 @@ mod cards;
 mod dependencies;
 mod equations;
 
-use std::path::Path;
-
 use anyhow::{Result, bail};
 
 use crate::metadata::{self, Graph};
@@ -18,8 +16,7 @@ use crate::violation::Violation;
 
 /// Runs every check on the workspace of the current directory.
 pub(crate) fn run() -> Result<()> {
-    let root = metadata::workspace_root()?;
-    let tree = Tree::read(Path::new(&root))?;
+    let tree = Tree::read(metadata::root())?;
     let graph = metadata::graph()?;
     let violations = violations(&tree, &graph);
     for violation in &violations {

@@ -44,15 +44,6 @@ pub(super) fn departures(
     }
 }
 
-/// Frames of a run that are measured.
-#[derive(Clone, Copy)]
-pub(super) enum Span<'a> {
-    /// So many frames after the start.
-    At(&'a [usize]),
-    /// Every frame of so many.
-    Whole(usize),
-}
-
 /// A case that is run along.
 pub(super) struct Course<'a, 't, 'l> {
     pub(super) prepared: &'a Prepared<'a>,
@@ -62,13 +53,14 @@ pub(super) struct Course<'a, 't, 'l> {
 }
 
 impl Course<'_, '_, '_> {
-    /// Runs `method` from the true state of frame `start`. None where an end is asked for.
+    /// Runs `method` from the true state of frame `start` and measures it so many `frames` after that;
+    /// a whole run is measured in all. None where an end is asked for.
     pub(super) fn run(
         &self,
-        method: &Method,
-        kind: Kind,
+        (method, kind): &(Method, Kind),
         start: usize,
-        span: Span<'_>,
+        frames: &[usize],
+        is_whole: bool,
     ) -> Option<Run> {
         let case = self.prepared.case;
         let mut run = Run {
@@ -76,9 +68,9 @@ impl Course<'_, '_, '_> {
             case: case.name.clone(),
             mesh: self.prepared.mesh.clone(),
             method: method.name.clone(),
-            kind,
+            kind: *kind,
             start,
-            is_whole: matches!(span, Span::Whole(_)),
+            is_whole,
             frame_rate: self.truth.trajectory.frame_rate(),
             frames: Vec::new(),
             diverged_frame: None,
@@ -88,23 +80,23 @@ impl Course<'_, '_, '_> {
             out_of_distribution: Vec::new(),
             failure: None,
         };
-        match self.steps(method, span, &mut run) {
+        match self.steps(method, frames, &mut run) {
             Ok(ControlFlow::Continue(())) => {}
             Ok(ControlFlow::Break(())) => return None,
             Err(error) => run.failure = Some(chain(error.as_ref())),
         }
-        if let Span::Whole(frames) = span {
+        if is_whole {
             let strains: Vec<f64> = run.frames.iter().map(|at| at.largest_strain).collect();
             let errors = run.frames.iter().filter_map(|at| at.errors.as_ref());
             let true_largest = errors.map(|e| e.true_largest_strain).fold(0.0, f64::max);
             let diverged = watched::diverged_frame(&strains, true_largest);
-            let lost = (strains.len() < frames).then_some(strains.len() + 1);
+            let lost = (strains.len() < frames.len()).then_some(strains.len() + 1);
             run.diverged_frame = diverged.or(lost);
         }
         Some(run)
     }
 
-    fn steps(&self, method: &Method, span: Span<'_>, run: &mut Run) -> Result<ControlFlow<()>> {
+    fn steps(&self, method: &Method, measured: &[usize], run: &mut Run) -> Result<ControlFlow<()>> {
         let (case, truth) = (self.prepared.case, self.truth);
         if let (Mover::Model(model, ..), true) = (&method.mover, run.is_whole) {
             run.out_of_distribution = departures(model, case, Some(&truth.trajectory))?;
@@ -117,10 +109,7 @@ impl Course<'_, '_, '_> {
             }
         };
         keep(&runner.positions());
-        let frames = match span {
-            Span::At(frames) => frames.last().copied().unwrap_or(0),
-            Span::Whole(frames) => frames,
-        };
+        let frames = measured.last().copied().unwrap_or(0);
         let last_second = frames.min(run.frame_rate.round().max(1.0) as usize);
         let mut second: Vec<Vec3> = Vec::new();
         for frame in 1..=frames {
@@ -131,11 +120,7 @@ impl Course<'_, '_, '_> {
                 .step()
                 .with_context(|| format!("frame {}", run.start + frame))?;
             run.guarded = runner.guarded();
-            let is_measured = match span {
-                Span::At(frames) => frames.contains(&frame),
-                Span::Whole(_) => true,
-            };
-            if is_measured {
+            if measured.binary_search(&frame).is_ok() {
                 let found = runner.positions();
                 let expected = truth.positions(run.start + frame);
                 let expected = expected.filter(|_| case.has_truth());

@@ -29,7 +29,7 @@ use anyhow::{Context, Result};
 use glam::DVec3;
 use rayon::prelude::*;
 use selvedge_cloth::Scene;
-use selvedge_data::{LoadedScene, SavedState};
+use selvedge_data::SavedState;
 use serde_json::Value;
 use thiserror::Error;
 
@@ -42,8 +42,7 @@ pub use self::run::{Evaluation, Run, Timing};
 pub use self::summary::{Summary, richardson, summaries, time_of};
 
 use self::case::{Meshes, Source};
-use self::course::{Course, Span};
-use self::horizons::Starts;
+use self::course::Course;
 use self::measures::Gauge;
 use self::runner::Runner;
 use self::truth::{Prepared, Reference, Truth};
@@ -75,7 +74,7 @@ pub fn evaluate(
     let Some(prepared) = prepare(plan, reporter)? else {
         return interrupted(Vec::new());
     };
-    let task = reporter.count("evaluating", frames(plan, &prepared)?, "frames");
+    let task = reporter.count("evaluating", frames(plan, &prepared), "frames");
     // One case at a time for each thread: blocks of them would leave threads idle at the end.
     let jobs = prepared.par_iter().with_max_len(1);
     let runs = jobs.map(|prepared| {
@@ -108,24 +107,22 @@ fn prepare<'a>(
     let mut mirrored_rests: Vec<(Value, Vec<DVec3>)> = Vec::new();
     let mut all: Vec<Prepared<'a>> = Vec::with_capacity(plan.cases.len());
     for case in plan.cases {
-        let (cloth, spec, start) = match &case.source {
+        let on = plan.horizons.on(case)?;
+        let (cloth, spec) = match &case.source {
             Source::Recorded(data, entry) => {
                 let truth = data.read(entry)?;
                 let spec = truth.provenance().scene.clone();
-                (Some(truth.cloth().clone()), spec, None)
+                (Some(truth.cloth().clone()), spec)
             }
-            Source::Random(loaded, ..) => {
-                let spec = scene_json(loaded)?;
-                (truth::standing(&loaded.scene), spec, None)
+            Source::Random(loaded, ..) | Source::Converged(loaded, _) => {
+                let spec = loaded.spec.to_json();
+                let spec = spec.context("the resolved scene as JSON")?;
+                (truth::standing(&loaded.scene), spec)
             }
-            Source::Converged(loaded, method) => {
-                let start = match start_of_reference(plan, case, loaded, method, reporter) {
-                    Err(_) if reporter.is_stopped() => return Ok(None),
-                    found => found?,
-                };
-                let spec = scene_json(loaded)?;
-                (truth::standing(&loaded.scene), spec, start)
-            }
+        };
+        let start = match start_of_reference(plan, case, on.span[1], reporter) {
+            Err(_) if reporter.is_stopped() => return Ok(None),
+            found => found?,
         };
         let mirror = with_mirror.then(|| {
             let known = mirrored_rests
@@ -143,6 +140,7 @@ fn prepare<'a>(
         let mesh = cloth.map(|cloth| meshes.name(&cloth, &spec));
         all.push(Prepared {
             case,
+            on,
             mesh: mesh.unwrap_or_default(),
             start,
             mirror,
@@ -151,19 +149,22 @@ fn prepare<'a>(
     Ok(Some(all))
 }
 
-/// The start of the reference of a case; none where the reference is kept already.
+/// The start of the reference of a case up to frame `last`; none where the reference is kept already,
+/// or there is none.
 fn start_of_reference(
     plan: &EvaluationPlan<'_>,
     case: &Case,
-    loaded: &LoadedScene,
-    method: &PhysicsMethod,
+    last: usize,
     reporter: &Reporter<'_>,
 ) -> Result<Option<SavedState>> {
+    let Source::Converged(loaded, method) = &case.source else {
+        return Ok(None);
+    };
     let reference = Reference {
         case,
         loaded,
         method,
-        last: plan.horizons.on(case)?.span[1],
+        last,
     };
     if let Some(folder) = &plan.references
         && reference.is_kept(folder)?
@@ -177,11 +178,6 @@ fn start_of_reference(
     Ok(Some(found.state))
 }
 
-/// The resolved scene of a case.
-fn scene_json(loaded: &LoadedScene) -> Result<Value> {
-    loaded.spec.to_json().context("the resolved scene as JSON")
-}
-
 /// The scene of a case in the mirrored buckling mode: with the sign of its bulge turned, and its
 /// rest pose, where that is not `known`.
 fn mirrored(
@@ -193,7 +189,7 @@ fn mirrored(
         Source::Converged(loaded, _) | Source::Random(loaded, ..) => loaded.scene.clone(),
         Source::Recorded(data, entry) => {
             let trajectory = data.read(entry)?;
-            truth::scene_of(&trajectory)?
+            physics::scene_of(&trajectory)?
         }
     };
     scene.sag.bulge = -scene.sag.bulge;
@@ -205,16 +201,15 @@ fn mirrored(
 }
 
 /// Frames of all runs that are to be made.
-fn frames(plan: &EvaluationPlan<'_>, prepared: &[Prepared<'_>]) -> Result<usize, ChoiceError> {
-    let mut count = 0;
-    for job in prepared {
-        let on = plan.horizons.on(job.case)?;
+fn frames(plan: &EvaluationPlan<'_>, prepared: &[Prepared<'_>]) -> usize {
+    let of_case = |job: &Prepared<'_>| {
+        let on = &job.on;
         let whole = on.span[1] - on.span[0];
         let starts = on.starts.len() * on.frames.last().copied().unwrap_or(0);
         let runs = starts + usize::from(is_whole(plan, job.case)) * whole;
-        count += runs * methods_on(plan, job.case).len() + job.start.as_ref().map_or(0, |_| whole);
-    }
-    Ok(count)
+        runs * methods_on(plan, job.case).len() + job.start.as_ref().map_or(0, |_| whole)
+    };
+    prepared.iter().map(of_case).sum()
 }
 
 fn is_whole(plan: &EvaluationPlan<'_>, case: &Case) -> bool {
@@ -227,13 +222,13 @@ fn on_case(
     prepared: &Prepared<'_>,
     task: &Task<'_, '_>,
 ) -> Result<Vec<Run>> {
-    let on = plan.horizons.on(prepared.case)?;
+    let on = &prepared.on;
     let methods = methods_on(plan, prepared.case);
     if task.is_stopped() {
         return Ok(Vec::new());
     }
     let [first, last] = on.span;
-    let Some(truth) = truth_of(plan, prepared, &on, task)? else {
+    let Some(truth) = truth_of(plan, prepared, task)? else {
         return Ok(Vec::new());
     };
     let course = Course {
@@ -242,16 +237,19 @@ fn on_case(
         gauge: Gauge::of(truth.trajectory.cloth()),
         task,
     };
-    let mut jobs: Vec<(usize, Span<'_>)> = Vec::new();
-    jobs.extend(on.starts.iter().map(|&start| (start, Span::At(&on.frames))));
-    jobs.extend(is_whole(plan, prepared.case).then_some((first, Span::Whole(last - first))));
+    let all: Vec<usize> = (1..=last - first).collect();
+    let starts = on
+        .starts
+        .iter()
+        .map(|&start| (start, &on.frames[..], false));
+    let whole = is_whole(plan, prepared.case).then_some((first, &all[..], true));
+    let jobs: Vec<(usize, &[usize], bool)> = starts.chain(whole).collect();
     // A start counts when all methods have run from it.
-    let of_start = |&(start, span): &(usize, Span<'_>)| -> Option<Vec<Run>> {
-        let runs_here = |(method, _): &&(Method, Kind)| {
-            !matches!((&method.mover, span), (Mover::Mirror, Span::At(_)))
-        };
+    let of_start = |&(start, frames, is_whole): &(usize, &[usize], bool)| -> Option<Vec<Run>> {
+        let runs_here =
+            |method: &&(Method, Kind)| is_whole || !matches!(method.0.mover, Mover::Mirror);
         let methods = methods.iter().filter(runs_here);
-        let runs = methods.map(|(method, kind)| course.run(method, *kind, start, span));
+        let runs = methods.map(|method| course.run(method, start, frames, is_whole));
         runs.collect()
     };
     let runs: Vec<Option<Vec<Run>>> = jobs.par_iter().map(of_start).collect();
@@ -275,12 +273,10 @@ fn methods_on(plan: &EvaluationPlan<'_>, case: &Case) -> Vec<(Method, Kind)> {
 fn truth_of(
     plan: &EvaluationPlan<'_>,
     prepared: &Prepared<'_>,
-    on: &Starts,
     task: &Task<'_, '_>,
 ) -> Result<Option<Truth>> {
     let with_scene = plan.methods.iter().any(Method::wants_scene);
-    let references = plan.references.as_deref();
-    prepared.truth(on.span[1], with_scene, references, task)
+    prepared.truth(with_scene, plan.references.as_deref(), task)
 }
 
 /// The time of a frame of each method on the first case of each mesh, from its middle on. None where
@@ -301,12 +297,11 @@ fn timings(
     let one = workers::pool(Some(1))?;
     let task = reporter.count("timing frames", first.len() * plan.methods.len(), "runs");
     for job in first {
-        let on = plan.horizons.on(job.case)?;
-        let Some(truth) = truth_of(plan, job, &on, &task)? else {
+        let Some(truth) = truth_of(plan, job, &task)? else {
             return Ok(None);
         };
         for method in plan.methods {
-            let [first, last] = on.span;
+            let [first, last] = job.on.span;
             let start = match (&method.mover, job.case.has_truth()) {
                 (Mover::Mirror, _) | (_, false) => first,
                 _ => first + (last - first) / 2,

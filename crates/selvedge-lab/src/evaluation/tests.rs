@@ -265,6 +265,7 @@ fn a_recorded_run_of_a_method_is_followed_by_the_same_method() {
     assert_eq!(truth.known(0, 2), [trajectory.frame(0)]);
     let prepared = Prepared {
         case: &cases()[0],
+        on: horizons().on(&cases()[0]).unwrap(),
         mesh: String::new(),
         start: None,
         mirror: None,

@@ -4,13 +4,14 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::{Context, Result, anyhow, bail, ensure};
+use anyhow::{Context, Result, anyhow};
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{Cloth, HandlePath, Motion, RecordedMotion, Scene, Stepper};
 use selvedge_data::{LoadedScene, SavedState, SceneSpec, StartSpec, StateRun, Trajectory};
 use selvedge_sim::{Simulator, Threads};
 
 use super::case::{Case, Source};
+use super::horizons::Starts;
 use super::method::PhysicsMethod;
 use crate::cause::chain;
 use crate::event::{End, Task};
@@ -37,6 +38,8 @@ pub(super) struct Truth {
 /// A case with what is found before any run.
 pub(super) struct Prepared<'a> {
     pub(super) case: &'a Case,
+    /// Its runs.
+    pub(super) on: Starts,
     /// Its mesh, in words.
     pub(super) mesh: String,
     /// The start of a converged run.
@@ -98,10 +101,9 @@ fn widened(positions: &[Vec3]) -> Vec<DVec3> {
 }
 
 impl Prepared<'_> {
-    /// Opens the truth up to frame `last`, or makes it. None where an end is asked for.
+    /// Opens the truth, or makes it. None where an end is asked for.
     pub(super) fn truth(
         &self,
-        last: usize,
         with_scene: bool,
         references: Option<&Path>,
         task: &Task<'_, '_>,
@@ -129,7 +131,7 @@ impl Prepared<'_> {
                     case: self.case,
                     loaded,
                     method,
-                    last,
+                    last: self.on.span[1],
                 };
                 reference.truth(self.start.as_ref(), references, task)
             }
@@ -144,7 +146,7 @@ pub(super) fn recorded(trajectory: Trajectory, with_scene: bool) -> Result<Truth
         .bind(&held(0), trajectory.frame_rate())
         .context("the recorded path of the handles")?;
     let scene = match with_scene {
-        true => scene_of(&trajectory).map_err(|error| chain(error.as_ref())),
+        true => physics::scene_of(&trajectory).map_err(|error| chain(error.as_ref())),
         false => Err("the scene was not asked for".to_owned()),
     };
     Ok(Truth {
@@ -154,22 +156,6 @@ pub(super) fn recorded(trajectory: Trajectory, with_scene: bool) -> Result<Truth
         recorded: Some(path),
         trajectory,
     })
-}
-
-/// The scene that a trajectory says it was made from, of its mesh and handles. Mesh files are looked
-/// for from the current folder.
-pub(super) fn scene_of(trajectory: &Trajectory) -> Result<Scene> {
-    let json = &trajectory.provenance().scene;
-    if json.is_null() {
-        bail!("the trajectory does not say from which scene it is");
-    }
-    let scene = SceneSpec::from_json(json)?.build("".as_ref())?;
-    let fits = scene.mesh.topology() == trajectory.topology();
-    ensure!(
-        fits && scene.handles == *trajectory.handles(),
-        "the scene's mesh is not that of the trajectory"
-    );
-    Ok(scene)
 }
 
 /// A converged run, kept or to be made.

@@ -18,6 +18,7 @@ use anyhow::Result;
 use selvedge_data::write_atomically;
 use selvedge_view::plot::PlotError;
 
+pub(crate) use self::numbers::csv_of;
 pub use self::numbers::{errors_csv, write_errors};
 pub use self::tables::{Cells, Columns, after, character, failures, table, whole};
 pub use self::training::{TrainingLog, training_chart};

@@ -10,7 +10,6 @@ use crate::evaluation::{Errors, FrameErrors, Run, Timing};
 /// A row for each run and frame in which it was measured; one without a frame for a run that failed
 /// before.
 pub fn errors_csv(runs: &[Run]) -> Vec<u8> {
-    let mut csv = csv::Writer::from_writer(Vec::new());
     let head = [
         "set", "case", "mesh", "method", "kind", "start", "whole", "frame",
     ];
@@ -23,22 +22,13 @@ pub fn errors_csv(runs: &[Run]) -> Vec<u8> {
         "failure",
     ];
     let measures = Errors::NAMES.iter().copied();
-    let head = head
-        .into_iter()
-        .chain(["largest_strain"])
-        .chain(measures)
-        .chain(end);
-    record(&mut csv, head.map(str::to_owned));
-    for run in runs {
-        match run.frames.is_empty() {
-            true => record(&mut csv, row(run, None)),
-            false => run
-                .frames
-                .iter()
-                .for_each(|at| record(&mut csv, row(run, Some(at)))),
-        }
-    }
-    csv.into_inner().unwrap_or_default()
+    let head = head.into_iter().chain(["largest_strain"]);
+    let head = head.chain(measures).chain(end);
+    let rows = runs.iter().flat_map(|run| match run.frames.is_empty() {
+        true => vec![row(run, None)],
+        false => run.frames.iter().map(|at| row(run, Some(at))).collect(),
+    });
+    csv_of(head, rows)
 }
 
 fn row(run: &Run, at: Option<&FrameErrors>) -> Vec<String> {
@@ -79,19 +69,23 @@ pub fn write_errors(path: &Path, runs: &[Run]) -> Result<(), WriteError> {
 
 /// A row for each method and mesh.
 pub(super) fn times_csv(timings: &[Timing]) -> Vec<u8> {
-    let mut csv = csv::Writer::from_writer(Vec::new());
-    record(
-        &mut csv,
-        ["method", "mesh", "ms_per_frame"].map(str::to_owned),
-    );
-    for timing in timings {
+    let row = |timing: &Timing| {
         let ms = timing.ms_per_frame.to_string();
-        record(&mut csv, [timing.method.clone(), timing.mesh.clone(), ms]);
-    }
-    csv.into_inner().unwrap_or_default()
+        vec![timing.method.clone(), timing.mesh.clone(), ms]
+    };
+    csv_of(["method", "mesh", "ms_per_frame"], timings.iter().map(row))
 }
 
-/// Writing to memory cannot fail, nor can rows of one length.
-fn record(csv: &mut csv::Writer<Vec<u8>>, fields: impl IntoIterator<Item = String>) {
-    let _ = csv.write_record(fields);
+/// A table as CSV.
+pub(crate) fn csv_of<'a>(
+    head: impl IntoIterator<Item = &'a str>,
+    rows: impl Iterator<Item = Vec<String>>,
+) -> Vec<u8> {
+    let mut csv = csv::Writer::from_writer(Vec::new());
+    // Writing to memory cannot fail, nor can rows of one length.
+    let _ = csv.write_record(head);
+    for row in rows {
+        let _ = csv.write_record(row);
+    }
+    csv.into_inner().unwrap_or_default()
 }

@@ -50,7 +50,7 @@ pub(super) fn check(desk: &Desk<'_>) -> Result<()> {
         let context = || format!("data set {:?} of the study", data.name);
         data.set.verify_hashes().with_context(context)?;
     }
-    for entry in &desk.study.model {
+    for entry in &desk.order.study.model {
         let (path, _) = training::model_file(desk, entry)?;
         NamedModel::open(Some(&path)).with_context(|| format!("model {:?}", entry.name))?;
     }
@@ -61,14 +61,14 @@ pub(super) fn check(desk: &Desk<'_>) -> Result<()> {
         methods: &rigid,
         horizons: &horizons(desk),
         references: None,
-        threads: desk.threads,
+        threads: desk.order.threads,
     };
-    evaluation::check(&plan, desk.study.evaluation.horizons.is_some())
+    evaluation::check(&plan, desk.order.study.evaluation.horizons.is_some())
         .map_err(|error| anyhow!("evaluation.{error}"))
 }
 
 fn horizons(desk: &Desk<'_>) -> Horizons {
-    let asked = &desk.study.evaluation;
+    let asked = &desk.order.study.evaluation;
     let frames = asked.horizons.as_deref().unwrap_or(&Horizons::USUAL);
     Horizons::new(frames.iter().copied(), asked.starts)
 }
@@ -76,17 +76,17 @@ fn horizons(desk: &Desk<'_>) -> Horizons {
 /// Measures every method that is not measured yet. None where the listener asked to stop.
 pub(super) fn measure_all(desk: &Desk<'_>) -> Result<Option<Evaluation>> {
     let cases = cases(desk)?;
-    folder::make_folder(&desk.out.join(EVALUATIONS))?;
+    folder::make_folder(&desk.order.out.join(EVALUATIONS))?;
     let mut waiting: Vec<(String, Option<Model>)> = Vec::new();
-    for entry in &desk.study.train {
+    for entry in &desk.order.study.train {
         let model = training::finished_model(desk, entry)?;
         waiting.push((entry.name.clone(), Some(model)));
     }
-    for entry in &desk.study.model {
+    for entry in &desk.order.study.model {
         let model = training::model_file(desk, entry)?;
         waiting.push((entry.name.clone(), Some(model)));
     }
-    let baselines = desk.study.evaluation.baselines();
+    let baselines = desk.order.study.evaluation.baselines();
     waiting.extend(baselines.map(|baseline| (baseline.name, None)));
     let mut results = Evaluation::default();
     for (name, model) in waiting {
@@ -103,7 +103,7 @@ pub(super) fn measure_all(desk: &Desk<'_>) -> Result<Option<Evaluation>> {
 type Model = (PathBuf, String);
 
 fn cases(desk: &Desk<'_>) -> Result<Vec<Case>> {
-    let asked = &desk.study.evaluation;
+    let asked = &desk.order.study.evaluation;
     let is_asked = |name: &String| asked.data.is_empty() || asked.data.contains(name);
     let sets = desk.data.iter().filter(|data| is_asked(&data.name));
     let mut cases = Vec::new();
@@ -145,7 +145,7 @@ fn measure(
     name: &str,
     model: Option<Model>,
 ) -> Result<Option<Evaluation>> {
-    let asked = &desk.study.evaluation;
+    let asked = &desk.order.study.evaluation;
     let of = Subject {
         version: VERSION,
         model: model.as_ref().map_or(name, |model| &model.1).to_owned(),
@@ -153,11 +153,15 @@ fn measure(
         motions: asked.motions.clone(),
         horizons: horizons(desk),
         device: match model {
-            Some(_) => desk.machine.name(),
+            Some(_) => desk.order.machine.name(),
             None => processor(),
         },
     };
-    let path = desk.out.join(EVALUATIONS).join(format!("{name}.json"));
+    let path = desk
+        .order
+        .out
+        .join(EVALUATIONS)
+        .join(format!("{name}.json"));
     if let Some(kept) = kept_of(&path, &of)? {
         return Ok(Some(kept));
     }
@@ -168,7 +172,7 @@ fn measure(
             mover: Mover::Model(
                 NamedModel::open(Some(&file))?.model,
                 Correction::None,
-                desk.machine.clone(),
+                desk.order.machine.clone(),
             ),
         },
     };
@@ -177,7 +181,7 @@ fn measure(
         methods: &[method],
         horizons: &of.horizons,
         references: None,
-        threads: desk.threads,
+        threads: desk.order.threads,
     };
     let (evaluation, end) = evaluate(&plan, &mut desk.reporter.listener())?;
     if end == End::Interrupted {

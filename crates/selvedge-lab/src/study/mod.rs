@@ -58,11 +58,7 @@ pub struct StudyOutcome {
 /// ends there.
 pub fn run(order: StudyOrder<'_>, on_event: &mut OnEvent<'_>) -> Result<StudyOutcome> {
     let StudyOrder {
-        study,
-        out,
-        machine,
-        threads,
-        part,
+        study, out, part, ..
     } = order;
     let mut outcome = StudyOutcome {
         trained: 0,
@@ -75,25 +71,20 @@ pub fn run(order: StudyOrder<'_>, on_event: &mut OnEvent<'_>) -> Result<StudyOut
         return Ok(outcome);
     };
     let desk = Desk {
-        study,
-        out,
-        threads,
-        machine,
+        order,
         reporter: &reporter,
         data,
     };
     training::check_kept(&desk)?;
     evaluation::check(&desk)?;
-    let trained = train_part(&desk, part)?;
+    let entries = entries_of(study, part);
+    let trained = train(&desk, &entries)?;
     outcome.trained = trained.len();
-    if part.is_some() {
-        outcome.end = match trained.len() == entries_of(study, part).len() {
-            true => End::Complete,
-            false => End::Interrupted,
-        };
+    if trained.len() < entries.len() {
         return Ok(outcome);
     }
-    if trained.len() < study.train.len() {
+    if part.is_some() {
+        outcome.end = End::Complete;
         return Ok(outcome);
     }
     let Some(measured) = evaluation::measure_all(&desk)? else {
@@ -175,10 +166,7 @@ fn make(name: &str, folder: &Path, threads: Option<usize>, reporter: &Reporter<'
 
 /// A study at work.
 struct Desk<'a> {
-    study: &'a Study,
-    out: &'a Path,
-    threads: Option<usize>,
-    machine: &'a Machine,
+    order: StudyOrder<'a>,
     reporter: &'a Reporter<'a>,
     data: Vec<StudyData>,
 }
@@ -222,11 +210,11 @@ fn entries_of(study: &Study, part: Option<Shard>) -> Vec<usize> {
     places
 }
 
-/// The trainings of a part, one after another, as far as nobody asks for an end.
-fn train_part(desk: &Desk<'_>, part: Option<Shard>) -> Result<Vec<Record>> {
+/// These trainings, one after another, as far as nobody asks for an end.
+fn train(desk: &Desk<'_>, entries: &[usize]) -> Result<Vec<Record>> {
     let mut trained = Vec::new();
-    for place in entries_of(desk.study, part) {
-        let entry = &desk.study.train[place];
+    for place in entries {
+        let entry = &desk.order.study.train[*place];
         let context = || format!("training {:?} of the study", entry.name);
         match training::train(desk, entry).with_context(context)? {
             Some(record) => trained.push(record),

@@ -65,13 +65,14 @@ struct After {
 
 /// Fails where a finished model is gone or another one: before any work is done.
 pub(super) fn check_kept(desk: &Desk<'_>) -> Result<()> {
-    for entry in &desk.study.train {
+    for entry in &desk.order.study.train {
         let folder = folder(desk, &entry.name);
         if read_kept::<Record>(&folder.join(RECORD))?.is_some_and(|record| record.model.is_some()) {
             finished_model(desk, entry)?;
         }
     }
-    desk.study
+    desk.order
+        .study
         .model
         .iter()
         .try_for_each(|entry| model_file(desk, entry).map(drop))
@@ -79,7 +80,7 @@ pub(super) fn check_kept(desk: &Desk<'_>) -> Result<()> {
 
 /// The file of a model that is there already, and its hash.
 pub(super) fn model_file(desk: &Desk<'_>, entry: &Finished) -> Result<(PathBuf, String)> {
-    let path = desk.study.folder.join(&entry.file);
+    let path = desk.order.study.folder.join(&entry.file);
     let hash = hash_of(&path).with_context(|| {
         format!(
             "model {:?} of the study has vanished: train it again to {}, or remove the entry from the study",
@@ -122,10 +123,10 @@ pub(super) fn finished_model(desk: &Desk<'_>, entry: &Training) -> Result<(PathB
 
 /// Trains `entry`, or goes on with it, or finds it finished. None where an end was asked for.
 pub(super) fn train(desk: &Desk<'_>, entry: &Training) -> Result<Option<Record>> {
-    let data = desk.data(desk.study.data_of(entry)?)?;
-    let mut cfg = desk.study.config(entry)?;
+    let data = desk.data(desk.order.study.data_of(entry)?)?;
+    let mut cfg = desk.order.study.config(entry)?;
     let after = after(desk, entry)?;
-    if let Budget::Steps(steps) = desk.study.budget(entry)? {
+    if let Budget::Steps(steps) = desk.order.study.budget(entry)? {
         cfg.steps = steps + after.as_ref().map_or(0, |after| after.steps);
     }
     let folder = folder(desk, &entry.name);
@@ -181,9 +182,14 @@ fn after(desk: &Desk<'_>, entry: &Training) -> Result<Option<After>> {
         let path = path.display();
         anyhow!("{path}: training {name:?} is not finished")
     })?;
-    let before = desk.study.train.iter().find(|entry| entry.name == *name);
+    let before = desk
+        .order
+        .study
+        .train
+        .iter()
+        .find(|entry| entry.name == *name);
     let continues = match before {
-        Some(before) => desk.study.continues(entry, before)?,
+        Some(before) => desk.order.study.continues(entry, before)?,
         None => false,
     };
     Ok(Some(After {
@@ -204,9 +210,9 @@ fn record(
     let fresh = Record {
         config: serde_json::to_value(cfg)?,
         data: data.hash.clone(),
-        budget: desk.study.budget(entry)?,
+        budget: desk.order.study.budget(entry)?,
         after,
-        device: desk.machine.name(),
+        device: desk.order.machine.name(),
         steps_done: 0,
         seconds: 0.0,
         parameters: 0,
@@ -223,7 +229,7 @@ fn record(
 const RECORD: &str = "record.json";
 
 fn folder(desk: &Desk<'_>, name: &str) -> PathBuf {
-    desk.out.join(TRAININGS).join(name)
+    desk.order.out.join(TRAININGS).join(name)
 }
 
 /// A training in this folder goes on only as what it was begun as.
@@ -268,7 +274,7 @@ fn trainer(
     cfg: TrainConfig,
     data: &StudyData,
 ) -> Result<Option<Trainer>> {
-    let engine = desk.machine.engine(MICRO_BATCH);
+    let engine = desk.order.machine.engine(MICRO_BATCH);
     let own = folder(desk, &entry.name).join(files::CHECKPOINT);
     let listener = &mut desk.reporter.listener();
     let trainer = match after {

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use clap::Args;
+use selvedge_data::StartSpec;
 
 use super::{DeviceArgs, GuardName, MOST_FRAMES};
 
@@ -96,16 +97,10 @@ impl RunArgs {
 }
 
 /// The start of a run by the physics.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) enum StartChoice {
-    /// The sagged rest pose.
-    Rest,
-    /// The positions of the mesh.
-    Mesh,
-    /// The mesh, moved apart where it meets itself.
-    Untangle,
-    /// The mesh, relaxed into its pattern.
-    Fit,
+    /// The rest pose or the mesh, as scenes say it.
+    Named(StartSpec),
     /// A saved state: its file, and its frame where one is named.
     State(PathBuf, Option<usize>),
 }
@@ -115,7 +110,7 @@ impl StartChoice {
     pub(crate) fn file(&self) -> Option<&Path> {
         match self {
             Self::State(path, _) => Some(path),
-            Self::Rest | Self::Mesh | Self::Untangle | Self::Fit => None,
+            Self::Named(_) => None,
         }
     }
 }
@@ -125,10 +120,10 @@ impl FromStr for StartChoice {
 
     fn from_str(text: &str) -> Result<Self, String> {
         match text {
-            "rest" => return Ok(Self::Rest),
-            "mesh" => return Ok(Self::Mesh),
-            "untangle" => return Ok(Self::Untangle),
-            "fit" => return Ok(Self::Fit),
+            "rest" => return Ok(Self::Named(StartSpec::Rest)),
+            "mesh" => return Ok(Self::Named(StartSpec::Mesh)),
+            "untangle" => return Ok(Self::Named(StartSpec::Untangle)),
+            "fit" => return Ok(Self::Named(StartSpec::Fit)),
             _ => {}
         }
         let (file, frame) = match text.rsplit_once(':') {
@@ -155,7 +150,7 @@ mod tests {
     #[test]
     fn starts_are_named_or_files_with_a_frame() {
         let of = |text: &str| text.parse::<StartChoice>();
-        assert_eq!(of("fit"), Ok(StartChoice::Fit));
+        assert_eq!(of("fit"), Ok(StartChoice::Named(StartSpec::Fit)));
         let state = |frame| Ok(StartChoice::State("a/s.npz".into(), frame));
         assert_eq!(of("a/s.npz"), state(None));
         assert_eq!(of("a/s.npz:60"), state(Some(60)));

@@ -26,7 +26,7 @@ pub(crate) fn run(args: &CompareArgs) -> anyhow::Result<Answer> {
     report["b"] = json!(args.b);
     report["frames_a"] = json!(frames_a);
     report["frames_b"] = json!(frames_b);
-    Answer::new(text(&comparison, [frames_a, frames_b]), &report)
+    Ok(text(&comparison, [frames_a, frames_b]).answer(report))
 }
 
 fn text(measures: &Comparison, [a, b]: [usize; 2]) -> Facts {

@@ -8,7 +8,7 @@ use selvedge_lab::generation::{self, Order};
 use serde_json::json;
 
 use crate::cli::{GenerateArgs, MergeArgs};
-use crate::output::{Answer, End, Facts};
+use crate::output::{self, Answer, End, Facts};
 use crate::progress;
 
 /// Makes a data set, or goes on with one.
@@ -28,17 +28,13 @@ pub(crate) fn generate(args: &GenerateArgs) -> anyhow::Result<Answer> {
     let seconds = started.elapsed().as_secs_f64();
     let (part, is_interrupted) = (made.part, made.end() == End::Interrupted);
     let mut facts = data_set(&made.name, made.train, made.test);
-    if let Some(part) = part {
-        facts.add("part", part);
-    }
+    facts.add_all("part", part);
     already_there(&mut facts, made.kept);
     facts.add(
         "simulated",
         format!("{} frames in {seconds:.1} s", made.frames_made),
     );
-    if let Some(words) = crate::output::divided(made.divided) {
-        facts.add("divided", words);
-    }
+    facts.add_all("divided", output::divided(made.divided));
     match part {
         Some(_) if !is_interrupted => {
             facts.add("to go on", "`selvedge data merge`, with the other parts");
@@ -60,9 +56,8 @@ pub(crate) fn generate(args: &GenerateArgs) -> anyhow::Result<Answer> {
         "trajectories_missing": made.missing,
         "seconds": seconds,
         "part": part.map(|part| part.to_string()),
-        "interrupted": is_interrupted,
     });
-    Ok(Answer::new(facts, &report)?.ended(made.end()))
+    Ok(facts.answer_at(made.end(), report))
 }
 
 /// The first facts of a data set that is made.
@@ -98,8 +93,8 @@ pub(crate) fn merge(args: &MergeArgs) -> anyhow::Result<Answer> {
     let merged = generation::merge(&parts, &args.output, &mut progress::listener_of_files())?;
     let mut facts = Facts::new();
     facts.add("data set", parts.name());
-    facts.add("parts", args.parts.len());
-    facts.add("trajectories", parts.trajectory_count());
+    facts.tell("parts", args.parts.len());
+    facts.tell("trajectories", parts.trajectory_count());
     let (samples, end) = match &merged {
         Some(dataset) => {
             let samples = dataset.index().statistics.samples;
@@ -115,10 +110,7 @@ pub(crate) fn merge(args: &MergeArgs) -> anyhow::Result<Answer> {
     let report = json!({
         "name": parts.name(),
         "out": args.output,
-        "parts": args.parts.len(),
-        "trajectories": parts.trajectory_count(),
         "samples": samples,
-        "interrupted": end == End::Interrupted,
     });
-    Ok(Answer::new(facts, &report)?.ended(end))
+    Ok(facts.answer_at(end, report))
 }

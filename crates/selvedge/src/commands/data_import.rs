@@ -47,9 +47,11 @@ pub(crate) fn run(args: &ImportArgs) -> anyhow::Result<Answer> {
     let kept = train + test - missing;
     let mut facts = data_set(&name, train, test);
     already_there(&mut facts, kept);
-    for (name, handles) in &handles {
-        facts.add("held", format!("{name}: {}", folded(handles)));
-    }
+    let held = handles.iter();
+    facts.add_all(
+        "held",
+        held.map(|(name, held)| format!("{name}: {}", folded(held))),
+    );
     samples_or_missing(&mut facts, samples, still_missing);
     if still_missing < train + test {
         facts.add("wrote", args.output.display());
@@ -66,9 +68,8 @@ pub(crate) fn run(args: &ImportArgs) -> anyhow::Result<Answer> {
         "trajectories_kept": kept,
         "trajectories_missing": still_missing,
         "seconds": started.elapsed().as_secs_f64(),
-        "interrupted": end == End::Interrupted,
     });
-    Ok(Answer::new(facts, &report)?.ended(end))
+    Ok(facts.answer_at(end, report))
 }
 
 /// Reads and writes what is missing, one trajectory after another, until an end is asked for, and

@@ -51,10 +51,8 @@ pub(crate) fn run(args: &EvalArgs) -> anyhow::Result<Answer> {
         threads: args.jobs.map(usize::from),
     };
     evaluation::check(&plan, args.horizons.is_some())?;
-    let _claimed = match &args.output {
-        Some(folder) => Some(folder::claim_folder(folder, FolderKind::Evaluation)?),
-        None => None,
-    };
+    let claim = |folder| folder::claim_folder(folder, FolderKind::Evaluation);
+    let _claimed = args.output.as_deref().map(claim).transpose()?;
     let (found, end) = evaluate(&plan, &mut progress::listener())?;
     let wrote = match &args.output {
         Some(folder) if !found.runs.is_empty() => {
@@ -86,7 +84,7 @@ pub(crate) fn run(args: &EvalArgs) -> anyhow::Result<Answer> {
     }
     facts.add_paths("wrote", &wrote);
     let tables = tables(&means, &found);
-    Ok(Answer::new(format!("{facts}{tables}"), &report)?.ended(end))
+    Ok(Answer::new(format!("{facts}{tables}"), report).ended(end))
 }
 
 /// What was measured, of which model, and what of it is far from what the models learned from.
@@ -141,8 +139,7 @@ fn check_places(args: &EvalArgs, opened: &[LoadedScene]) -> anyhow::Result<()> {
     let Some(folder) = &args.output else {
         return Ok(());
     };
-    let written = report::TABLES.map(|name| folder.join(name));
-    let outputs: Vec<(&str, &Path)> = written.iter().map(|p| ("--output", p.as_path())).collect();
+    let outputs = report::TABLES.map(|name| ("--output", folder.join(name)));
     let inputs: Vec<_> = opened.iter().flat_map(scenes::inputs).collect();
     place::check_outputs(&outputs, &inputs)
 }

@@ -43,16 +43,12 @@ pub(crate) fn run(args: &ExportArgs) -> anyhow::Result<Answer> {
         "bytes": bytes,
         "frames": frames,
         "seconds": seconds,
-        "interrupted": end == End::Interrupted,
     });
-    Ok(Answer::new(facts, &report)?.ended(end))
+    Ok(facts.answer_at(end, report))
 }
 
 /// Checks that nothing is written over the trajectory or over something else that is written.
 fn check_places(args: &ExportArgs, outputs: &[PathBuf]) -> anyhow::Result<()> {
-    let outputs: Vec<_> = outputs
-        .iter()
-        .map(|to| ("--output", to.as_path()))
-        .collect();
-    place::check_outputs(&outputs, &[("the trajectory", args.trajectory.as_path())])
+    let outputs: Vec<_> = outputs.iter().map(|to| ("--output", to)).collect();
+    place::check_outputs(&outputs, &[("the trajectory", &args.trajectory)])
 }

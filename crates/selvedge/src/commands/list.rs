@@ -6,22 +6,10 @@ use selvedge_data::{materials, shipped_presets, shipped_scenes};
 use selvedge_lab::{assets, study};
 use selvedge_model::{Encoder, Network};
 use selvedge_train::TrainConfig;
-use serde::Serialize;
 use serde_json::json;
 
 use crate::cli::Shipped;
 use crate::output::{Answer, Table};
-
-/// A training configuration.
-#[derive(Serialize)]
-struct Config {
-    name: &'static str,
-    encoder: Encoder,
-    latent: usize,
-    blocks: usize,
-    parameters: usize,
-    steps: u64,
-}
 
 /// Lists them.
 pub(crate) fn run(what: Shipped) -> anyhow::Result<Answer> {
@@ -38,48 +26,40 @@ pub(crate) fn run(what: Shipped) -> anyhow::Result<Answer> {
 
 fn names(all: impl Iterator<Item = &'static str>) -> anyhow::Result<Answer> {
     let all: Vec<&str> = all.collect();
-    Answer::new(all.join("\n"), &json!({ "names": all }))
+    Ok(Answer::new(all.join("\n"), json!({ "names": all })))
 }
 
+/// The training configurations, with their networks.
 fn configs() -> anyhow::Result<Answer> {
-    let all = assets::TRAININGS
-        .iter()
-        .map(|&(name, text)| config(name, text));
-    let all: Vec<Config> = all.collect::<anyhow::Result<_>>()?;
-    let mut table = Table::new([
+    let headings = [
         "config",
         "encoder",
         "latent",
         "blocks",
         "parameters",
         "steps",
-    ]);
-    for config in &all {
-        let encoder = match config.encoder {
+    ];
+    let mut table = Table::new(headings);
+    let mut all = Vec::with_capacity(assets::TRAININGS.len());
+    for &(name, text) in assets::TRAININGS {
+        let cfg = TrainConfig::parse(text, name.as_ref())?;
+        let network = Network::new(&cfg.model).with_context(|| name.to_owned())?;
+        let (model, parameters) = (&cfg.model, network.parameter_count());
+        let encoder = match model.encoder {
             Encoder::Mlp { .. } => "mlp".to_owned(),
             Encoder::Gru { window } => format!("gru {window}"),
         };
-        table.row([
-            config.name.to_owned(),
-            encoder,
-            config.latent.to_string(),
-            config.blocks.to_string(),
-            config.parameters.to_string(),
-            config.steps.to_string(),
-        ]);
+        let numbers = [model.latent, model.blocks, parameters].map(|n| n.to_string());
+        let cells = [name.to_owned(), encoder].into_iter().chain(numbers);
+        table.row(cells.chain([cfg.steps.to_string()]));
+        all.push(json!({
+            "name": name,
+            "encoder": model.encoder,
+            "latent": model.latent,
+            "blocks": model.blocks,
+            "parameters": parameters,
+            "steps": cfg.steps,
+        }));
     }
-    Answer::new(table, &json!({ "configs": all }))
-}
-
-fn config(name: &'static str, text: &str) -> anyhow::Result<Config> {
-    let cfg = TrainConfig::parse(text, name.as_ref())?;
-    let network = Network::new(&cfg.model).with_context(|| name.to_owned())?;
-    Ok(Config {
-        name,
-        encoder: cfg.model.encoder,
-        latent: cfg.model.latent,
-        blocks: cfg.model.blocks,
-        parameters: network.parameter_count(),
-        steps: cfg.steps,
-    })
+    Ok(Answer::new(table, json!({ "configs": all })))
 }

@@ -43,7 +43,7 @@ pub(crate) fn run(command: &Command) -> anyhow::Result<Answer> {
         Command::Info(args) => info::run(args),
         Command::List(args) => list::run(args.what),
         Command::Model(ModelCommand::Convert(args)) => model::convert(args),
-        Command::Completions(args) => complete(args),
+        Command::Completions(args) => Ok(complete(args)),
     }
 }
 
@@ -60,10 +60,10 @@ fn run_scene(args: &RunArgs) -> anyhow::Result<Answer> {
 }
 
 /// The script with which a shell completes commands and options.
-fn complete(args: &CompletionsArgs) -> anyhow::Result<Answer> {
+fn complete(args: &CompletionsArgs) -> Answer {
     let mut script = Vec::new();
     let mut program = Cli::command();
     clap_complete::generate(args.shell, &mut program, "selvedge", &mut script);
     let script = String::from_utf8_lossy(&script).into_owned();
-    Answer::new(&script, &json!({ "script": script }))
+    Answer::new(&script, json!({ "script": script }))
 }

@@ -1,10 +1,8 @@
 //! `selvedge model convert`: a model with its weights in another number format.
 
-use std::io::Write;
 use std::path::Path;
 
 use anyhow::Context;
-use selvedge_data::write_atomically;
 use selvedge_lab::models::NamedModel;
 use selvedge_model::{Model, WeightType};
 use serde_json::json;
@@ -23,7 +21,7 @@ pub(crate) fn convert(args: &ConvertArgs) -> anyhow::Result<Answer> {
         .with_context(|| args.model.display().to_string())?;
     let converted = Model::from_bytes(&bytes).context("reading back what was written")?;
     let (root_mean_square, largest) = change(model.weights(), converted.weights());
-    write_atomically(&args.output, |out| out.write_all(&bytes))?;
+    place::write(&args.output, &bytes)?;
     let before = size(&args.model);
     let is_unchanged = std::fs::read(&args.model).is_ok_and(|was| was == bytes);
     let report = json!({
@@ -43,7 +41,7 @@ pub(crate) fn convert(args: &ConvertArgs) -> anyhow::Result<Answer> {
         model.weights().len(),
         bytes.len(),
     );
-    Ok(Answer::new(text, &report)?.noting("model", &args.output))
+    Ok(Answer::new(text, report).noting("model", &args.output))
 }
 
 fn weight_type(name: WeightsName) -> WeightType {

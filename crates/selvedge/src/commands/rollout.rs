@@ -6,31 +6,30 @@
 //! first one is written, so that a folder never has files of two runs.
 
 use std::fs;
-use std::io::ErrorKind;
+use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::Context;
 use selvedge_cloth::Stepper;
-use selvedge_data::metrics::Comparison;
-use selvedge_data::{LoadedScene, SavedState, Trajectory};
+use selvedge_data::{LoadedScene, SavedState, Trajectory, write_atomically};
 use selvedge_guard::Trust;
 use selvedge_lab::domain::{self, Beyond};
 use selvedge_lab::folder::{self, FolderKind, ROLLOUT};
 use selvedge_lab::machine::Machine;
 use selvedge_lab::models::NamedModel;
 use selvedge_lab::physics::{self, SimulationPlan, TimedRun, compare};
+use selvedge_lab::pictures::{self, Show};
 use selvedge_lab::rigid::RigidRest;
 use selvedge_lab::start;
 use selvedge_lab::watched::{self, GuardSummary};
-use selvedge_model::{Departure, Model};
+use selvedge_model::Model;
 use selvedge_sim::{SaggedRest, Threads};
-use serde::Serialize;
+use serde_json::json;
 
 use crate::cli::RunArgs;
 use crate::exporting::Wish;
 use crate::output::{Answer, End, Facts, length, percent};
-use crate::pictures::{self, Show, write_clip_of, write_sheet};
 use crate::progress::{self, Progress};
 use crate::{exporting, interrupt, place, scenes};
 
@@ -43,49 +42,11 @@ const FILES: [&str; 4] = [ROLLOUT, TRUTH, SHEET, CLIP];
 /// Text where a model has no domain.
 const NO_DOMAIN: &str = "unknown: the model's file does not say what it was trained on";
 
-#[derive(Serialize)]
-struct RolloutReport {
-    scene: String,
-    model: String,
-    device: String,
-    vertices: usize,
-    frames: usize,
-    model_ms_per_frame: f64,
-    truth_ms_per_frame: Option<f64>,
-    /// Substeps per frame of the physics that was compared with.
-    truth_substeps: Option<u32>,
-    largest_strain: f64,
-    /// The guard of frames that no cloth could have.
-    guard: &'static str,
-    guarded: GuardSummary,
-    /// The first of more than ten frames in a row with an edge over 30 % strain, and over 1.5
-    /// times the ground truth's largest where that was run.
-    diverged_frame: Option<usize>,
-    /// Parts of the scene that the model was not trained on; none where its file does not say.
-    beyond: Option<Vec<Departure>>,
-    comparison: Option<Comparison>,
-    /// Position RMSE of a baseline, the rest pose that follows its handles as a rigid body `[m]`.
-    rigid_rmse: Option<f64>,
-    wrote: Vec<PathBuf>,
-    /// Files of an earlier rollout that this one does not write anew.
-    removed: Vec<PathBuf>,
-    /// Wishes of the scene that cannot be met, or are likely mistakes.
-    warnings: Vec<String>,
-    interrupted: bool,
-}
-
 /// A trajectory and the wall time of a frame `[ms]`.
 struct TimedTrajectory {
     trajectory: Trajectory,
     ms_per_frame: f64,
     end: End,
-}
-
-/// The model's run, with the guard's word on every frame.
-struct Prediction {
-    run: TimedTrajectory,
-    log: Vec<Trust>,
-    guarded: GuardSummary,
 }
 
 /// A scene at rest, the frames to be run, and the parts of both that the model was not trained on.
@@ -112,7 +73,7 @@ pub(crate) fn run(args: &RunArgs, model: &Path) -> anyhow::Result<Answer> {
     let machine = args.machine.open()?;
     let setup = setup(args, loaded, &model.model)?;
     let mut wrote = Vec::new();
-    let Prediction { run, log, guarded } = predict(&setup, &model, &machine, args)?;
+    let (run, log) = predict(&setup, &model, &machine, args)?;
     let mut removed = remove_earlier(args.folder())?;
     write(&run.trajectory, args.folder().join(ROLLOUT), &mut wrote)?;
     if let Some(trust) = &args.trust {
@@ -141,28 +102,66 @@ pub(crate) fn run(args: &RunArgs, model: &Path) -> anyhow::Result<Answer> {
     end = exporting::fulfil(&wishes, &run.trajectory, end, &mut wrote)?;
     removed.retain(|path| !wrote.contains(path));
     let strains: Vec<f64> = log.iter().map(|t| t.given.largest_strain).collect();
-    let report = RolloutReport {
-        scene: setup.loaded.scene.name.clone(),
-        model: model.name,
-        device: machine.name(),
-        vertices: run.trajectory.vertex_count(),
-        frames: run.trajectory.frame_count(),
-        model_ms_per_frame: run.ms_per_frame,
-        truth_ms_per_frame: truth.as_ref().map(|truth| truth.ms_per_frame),
-        truth_substeps: truth.as_ref().map(|_| setup.loaded.scene.physics.substeps),
-        largest_strain: physics::largest_strain(&run.trajectory)?,
-        guard: args.guard.name(),
-        guarded,
-        diverged_frame: watched::diverged_frame(&strains, true_largest),
-        beyond: setup.beyond.map(|beyond| beyond.departures),
-        comparison,
-        rigid_rmse,
-        wrote,
-        removed,
-        warnings: setup.loaded.warnings.clone(),
-        interrupted: end == End::Interrupted,
-    };
-    Ok(Answer::new(text(&report), &report)?.ended(end))
+    let diverged_frame = watched::diverged_frame(&strains, true_largest);
+    let largest_strain = physics::largest_strain(&run.trajectory)?;
+    let (guarded, scene) = (watched::summary(&log), &setup.loaded.scene);
+    let departures = setup.beyond.map(|beyond| beyond.departures);
+    let mut facts = Facts::new();
+    facts.tell("scene", &scene.name);
+    facts.tell("model", &model.name);
+    facts.tell("device", machine.name());
+    facts.tell("vertices", run.trajectory.vertex_count());
+    facts.tell("frames", run.trajectory.frame_count());
+    let pace = format!("{:.2} ms per frame", run.ms_per_frame);
+    facts.add("time of the model", pace);
+    if let Some(truth) = &truth {
+        let substeps = scene.physics.substeps;
+        let plural = if substeps == 1 { "" } else { "s" };
+        let ms = truth.ms_per_frame;
+        let words = format!("{ms:.2} ms per frame, {substeps} substep{plural}");
+        facts.add("physics", words);
+    }
+    facts.add("largest strain", percent(largest_strain));
+    facts.add("guard", guard_line(args.guard.name(), &guarded));
+    match &departures {
+        Some(departures) => facts.add_all("out of distribution", departures),
+        None => facts.add("out of distribution", NO_DOMAIN),
+    }
+    let from = diverged_frame.map(|frame| format!("from frame {frame} on"));
+    facts.add_all("diverges", from);
+    if let (Some(measures), Some(rigid)) = (&comparison, rigid_rmse) {
+        let baseline = format!(" (rigid motion: {})", length(rigid));
+        facts.add("position RMSE", length(measures.position_rmse) + &baseline);
+        facts.add("largest distance", length(measures.position_max));
+        facts.add("edge-length RMSE", length(measures.edge_length_rmse));
+    }
+    if end == End::Interrupted {
+        let words = "what is written is whole; the rest is missing";
+        facts.add("interrupted", words);
+    }
+    facts.add_paths("wrote", &wrote);
+    let earlier = |path: &PathBuf| format!("{}, of an earlier rollout", path.display());
+    facts.add_all("removed", removed.iter().map(earlier));
+    let report = json!({
+        "model_ms_per_frame": run.ms_per_frame,
+        "truth_ms_per_frame": truth.as_ref().map(|truth| truth.ms_per_frame),
+        "truth_substeps": truth.as_ref().map(|_| scene.physics.substeps),
+        "largest_strain": largest_strain,
+        "guard": args.guard.name(),
+        "guarded": guarded,
+        // The first of more than ten frames in a row with an edge over 30 % strain, and over 1.5
+        // times the ground truth's largest where that was run.
+        "diverged_frame": diverged_frame,
+        // Parts of the scene that the model was not trained on; none where its file does not say.
+        "beyond": departures,
+        "comparison": comparison,
+        // Of a baseline, the rest pose that follows its handles as a rigid body [m].
+        "rigid_rmse": rigid_rmse,
+        "wrote": wrote,
+        "removed": removed,
+        "warnings": setup.loaded.warnings,
+    });
+    Ok(facts.answer_at(end, report))
 }
 
 /// Position RMSE of the rest pose that follows its handles as a rigid body, against the ground truth
@@ -219,7 +218,16 @@ fn truth(
     if !args.compare || end == End::Interrupted {
         return Ok(None);
     }
-    let run = simulate(setup)?;
+    let progress = Progress::new("simulating the truth", setup.frames, "frames");
+    let plan = SimulationPlan {
+        start: SavedState::at_rest(setup.rest.positions.clone()),
+        frames: setup.frames,
+        keeps_states: false,
+        threads: Threads::Pool,
+        stop: interrupt::flag(),
+    };
+    let made = physics::run_plan(&setup.loaded.scene, plan, &mut || progress.step())?;
+    let run = timed(setup, made.whole()?.0)?;
     write(&run.trajectory, args.folder().join(TRUTH), wrote)?;
     Ok(Some(run))
 }
@@ -227,38 +235,26 @@ fn truth(
 /// Checks that nothing is written over something else that is written, and that nothing that is
 /// read is written over or removed.
 fn check_places(args: &RunArgs, wishes: &[Wish], loaded: &LoadedScene) -> anyhow::Result<()> {
-    let wanted = [
-        (ROLLOUT, true),
-        (TRUTH, args.compare),
-        (SHEET, true),
-        (CLIP, !args.no_clip),
-    ];
-    let own = wanted.into_iter().filter(|file| file.1);
-    let own: Vec<PathBuf> = own.map(|(name, _)| args.folder().join(name)).collect();
-    let all = FILES.map(|name| args.folder().join(name));
-    let exports = exporting::outputs(wishes);
-    let own = own
-        .iter()
-        .map(|path| ("a file of --output", path.as_path()));
-    let mut outputs: Vec<_> = own.collect();
-    outputs.extend(args.trust.as_deref().map(|path| ("--trust", path)));
-    outputs.extend(exports.iter().map(|path| ("--export", path.as_path())));
+    let own = |name: &str| ("a file of --output", args.folder().join(name));
+    let mut outputs = vec![own(ROLLOUT), own(SHEET)];
+    outputs.extend(args.compare.then(|| own(TRUTH)));
+    outputs.extend((!args.no_clip).then(|| own(CLIP)));
+    outputs.extend(args.trust.iter().map(|path| ("--trust", path.clone())));
+    let exports = exporting::outputs(wishes).into_iter();
+    outputs.extend(exports.map(|path| ("--export", path)));
     let mut inputs = scenes::inputs(loaded);
     inputs.extend(args.model.as_deref().map(|path| ("--model", path)));
     place::check_outputs(&outputs, &inputs)?;
-    let all: Vec<_> = all
-        .iter()
-        .map(|path| ("a file of --output", path.as_path()))
-        .collect();
-    place::check_outputs(&all, &inputs)
+    place::check_outputs(&FILES.map(own), &inputs)
 }
 
+/// The model's run, with the guard's word on every frame.
 fn predict(
     setup: &Setup,
     model: &NamedModel,
     machine: &Machine,
     args: &RunArgs,
-) -> anyhow::Result<Prediction> {
+) -> anyhow::Result<(TimedTrajectory, Vec<Trust>)> {
     let scene = &setup.loaded.scene;
     let path = scene.handle_path()?;
     let (known, rest) = (Arc::new(scene.clone()), &setup.rest.positions);
@@ -268,35 +264,13 @@ fn predict(
     let progress = Progress::new("predicting", setup.frames, "frames");
     let run = physics::drive(&mut guard, &path, setup.frames, &mut |guard| {
         log.push(*guard.trust());
-        progress.advance();
-        interrupt::flow()
+        progress.step()
     })
     .with_context(|| format!("the rollout of model {}", model.name))?;
     if let Some(failure) = guard.physics_failure() {
         tracing::warn!("the guard did without its physics: {failure}");
     }
-    Ok(Prediction {
-        run: timed(setup, run)?,
-        guarded: watched::summary(&log),
-        log,
-    })
-}
-
-fn simulate(setup: &Setup) -> anyhow::Result<TimedTrajectory> {
-    let progress = Progress::new("simulating the truth", setup.frames, "frames");
-    let plan = SimulationPlan {
-        start: SavedState::at_rest(setup.rest.positions.clone()),
-        frames: setup.frames,
-        keeps_states: false,
-        threads: Threads::Pool,
-        stop: interrupt::flag(),
-    };
-    let (run, _) = physics::run_plan(&setup.loaded.scene, plan, &mut || {
-        progress.advance();
-        interrupt::flow()
-    })?
-    .whole()?;
-    timed(setup, run)
+    Ok((timed(setup, run)?, log))
 }
 
 fn timed(setup: &Setup, run: TimedRun) -> anyhow::Result<TimedTrajectory> {
@@ -316,89 +290,40 @@ fn write(trajectory: &Trajectory, path: PathBuf, wrote: &mut Vec<PathBuf>) -> an
 
 fn draw(show: &Show<'_>, args: &RunArgs, wrote: &mut Vec<PathBuf>) -> anyhow::Result<End> {
     let sheet = args.folder().join(SHEET);
-    write_sheet(&sheet, show).context("the contact sheet")?;
+    let png = pictures::sheet(show).context("the contact sheet")?;
+    place::write(&sheet, &png).context("the contact sheet")?;
     wrote.push(sheet);
     if args.no_clip {
         return Ok(End::Complete);
     }
     let clip = args.folder().join(CLIP);
-    let end = write_clip_of(&clip, show).context("the clip")?;
+    let end = write_clip(&clip, show).context("the clip")?;
     wrote.push(clip);
     Ok(end)
 }
 
-fn guard_line(report: &RolloutReport) -> String {
-    let GuardSummary {
-        corrected,
-        lost,
-        largest_correction,
-        ..
-    } = report.guarded;
-    let lost_in_words = report.guarded.lost_in_words();
-    let farthest = length(largest_correction);
-    match report.guard {
-        "none" => format!("none ({} frames beyond bounds)", corrected + lost),
-        name => {
-            let contact = report.guarded.contact_in_words();
-            let contact = contact.map_or_else(String::new, |words| format!("; {words}"));
-            format!(
-                "{name}: {corrected} frames corrected, by {farthest} at most; {lost_in_words} lost{contact}"
-            )
+/// Writes a clip (.gif) in real time; one that is interrupted ends early, but is whole.
+fn write_clip(path: &Path, show: &Show<'_>) -> anyhow::Result<End> {
+    let count = pictures::clip_pictures(show.prediction);
+    let progress = Progress::new("drawing the clip", count, "pictures");
+    let mut end = End::Complete;
+    write_atomically(path, |out| {
+        let result = pictures::clip(out, show, &mut || progress.step());
+        if result.map_err(io::Error::other)?.is_break() {
+            end = End::Interrupted;
         }
-    }
+        Ok(())
+    })?;
+    Ok(end)
 }
 
-fn text(report: &RolloutReport) -> Facts {
-    let mut facts = Facts::new();
-    facts.add("scene", &report.scene);
-    facts.add("model", &report.model);
-    facts.add("device", &report.device);
-    facts.add("vertices", report.vertices);
-    facts.add("frames", report.frames);
-    facts.add(
-        "time of the model",
-        format!("{:.2} ms per frame", report.model_ms_per_frame),
-    );
-    if let (Some(ms), Some(substeps)) = (report.truth_ms_per_frame, report.truth_substeps) {
-        let plural = if substeps == 1 { "" } else { "s" };
-        facts.add(
-            "physics",
-            format!("{ms:.2} ms per frame, {substeps} substep{plural}"),
-        );
+fn guard_line(guard: &str, summary: &GuardSummary) -> String {
+    let (corrected, lost) = (summary.corrected, summary.lost);
+    if guard == "none" {
+        return format!("none ({} frames beyond bounds)", corrected + lost);
     }
-    facts.add("largest strain", percent(report.largest_strain));
-    facts.add("guard", guard_line(report));
-    match &report.beyond {
-        Some(departures) => {
-            for departure in departures {
-                facts.add("out of distribution", departure);
-            }
-        }
-        None => facts.add("out of distribution", NO_DOMAIN),
-    }
-    if let Some(frame) = report.diverged_frame {
-        facts.add("diverges", format!("from frame {frame} on"));
-    }
-    if let Some(measures) = &report.comparison {
-        let baseline = report.rigid_rmse.map_or_else(String::new, |rmse| {
-            format!(" (rigid motion: {})", length(rmse))
-        });
-        facts.add("position RMSE", length(measures.position_rmse) + &baseline);
-        facts.add("largest distance", length(measures.position_max));
-        facts.add("edge-length RMSE", length(measures.edge_length_rmse));
-    }
-    if report.interrupted {
-        facts.add(
-            "interrupted",
-            "what is written is whole; the rest is missing",
-        );
-    }
-    facts.add_paths("wrote", &report.wrote);
-    for path in &report.removed {
-        facts.add(
-            "removed",
-            format!("{}, of an earlier rollout", path.display()),
-        );
-    }
-    facts
+    let (farthest, lost) = (length(summary.largest_correction), summary.lost_in_words());
+    let contact = summary.contact_in_words();
+    let contact = contact.map_or_else(String::new, |words| format!("; {words}"));
+    format!("{guard}: {corrected} frames corrected, by {farthest} at most; {lost} lost{contact}")
 }

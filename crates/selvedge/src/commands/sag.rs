@@ -24,8 +24,8 @@ pub(crate) fn run(args: &RunArgs) -> anyhow::Result<Answer> {
     let depths = rest.positions.iter().map(|p| below_handles(scene, *p));
     let lowest = depths.fold(f64::NEG_INFINITY, f64::max);
     let mut facts = Facts::new();
-    facts.add("scene", &scene.name);
-    facts.add("vertices", rest.positions.len());
+    facts.tell("scene", &scene.name);
+    facts.tell("vertices", rest.positions.len());
     facts.add("middle", below(middle_sag));
     facts.add("lowest point", below(lowest));
     facts.add("largest strain", percent(largest_strain));
@@ -35,9 +35,7 @@ pub(crate) fn run(args: &RunArgs) -> anyhow::Result<Answer> {
     );
     facts.add("wrote", args.file().display());
     let report = json!({
-        "scene": scene.name,
         "out": args.file(),
-        "vertices": rest.positions.len(),
         "middle_sag": middle_sag,
         "lowest": lowest,
         "largest_strain": largest_strain,
@@ -45,7 +43,7 @@ pub(crate) fn run(args: &RunArgs) -> anyhow::Result<Answer> {
         "residual": rest.residual,
         "warnings": loaded.warnings,
     });
-    Answer::new(facts, &report)
+    Ok(facts.answer(report))
 }
 
 fn below(metres: f64) -> String {

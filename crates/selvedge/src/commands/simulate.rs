@@ -1,13 +1,13 @@
 //! `selvedge run` without a model: the physics on a scene, as a trajectory.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use selvedge_cloth::Scene;
-use selvedge_data::{LoadedScene, SavedState, StartSpec, StateChoice, StateRun, metrics};
-use selvedge_lab::physics::{self, Simulated, SimulationPlan, TimedRun};
+use selvedge_data::{LoadedScene, SavedState, StartSpec, StateChoice, metrics};
+use selvedge_lab::physics::{self, Simulated, SimulationPlan};
 use selvedge_lab::start;
-use selvedge_sim::{DividedFrames, SubstepCounts, Threads};
-use serde::Serialize;
+use selvedge_sim::{SaggedRest, SubstepCounts, Threads};
+use serde_json::json;
 
 use crate::cli::{RunArgs, StartChoice};
 use crate::exporting::Wish;
@@ -17,57 +17,6 @@ use crate::progress::{self, Progress};
 use crate::{exporting, interrupt, output, place, scenes};
 
 mod touched;
-
-use touched::Touched;
-
-#[derive(Serialize)]
-struct SimulateReport {
-    scene: String,
-    out: PathBuf,
-    states: Option<PathBuf>,
-    vertices: usize,
-    /// Frames of the motion that had passed at the start.
-    first_frame: usize,
-    frames: usize,
-    ms_per_frame: f64,
-    sag_solves: Option<u32>,
-    sag_residual: Option<f64>,
-    largest_strain: f64,
-    /// Mean speed of the vertices in the last second `[m/s]`.
-    final_speed: f64,
-    /// Substeps by what they came to; none with an integrator of first order.
-    substeps: Option<SubstepReport>,
-    /// Frames that took more substeps than the scene asks for.
-    divided_frames: u64,
-    /// Contact in the run; none in a scene without.
-    contact: Option<Touched>,
-    exported: Vec<PathBuf>,
-    /// Wishes of the scene that cannot be met, or are likely mistakes.
-    warnings: Vec<String>,
-    interrupted: bool,
-    /// The step that failed, after the frames that were written.
-    failure: Option<String>,
-}
-
-/// Substeps of second order.
-#[derive(Clone, Copy, Serialize)]
-struct SubstepReport {
-    all: u64,
-    /// Those without a state one substep before.
-    started_anew: u64,
-    /// Those of first order.
-    fell_back: u64,
-}
-
-impl SubstepReport {
-    fn of(counts: SubstepCounts) -> Self {
-        Self {
-            all: counts.all,
-            started_anew: counts.started,
-            fell_back: counts.fell_back,
-        }
-    }
-}
 
 /// Share of substeps that fell back to first order from which a run warns.
 const MANY: f64 = 0.1;
@@ -91,7 +40,11 @@ pub(crate) fn run(args: &RunArgs) -> anyhow::Result<Answer> {
         Some(frames) => frames as usize,
         None => frames_left(scene.frame_count()?, passed)?,
     };
-    let (run, states, failure) = simulate(args, scene, state, frames)?;
+    let Simulated {
+        run,
+        states,
+        failure,
+    } = simulate(args, scene, state, frames)?;
     let rest_positions = rest
         .as_ref()
         .map_or(scene.mesh.positions(), |rest| &rest.positions);
@@ -102,50 +55,92 @@ pub(crate) fn run(args: &RunArgs) -> anyhow::Result<Answer> {
         states.write(path, trajectory.provenance())?;
     }
     let contact = touched::measure(scene, &trajectory, passed, run.contact, &run.yielded);
-    let substeps = run.substeps.map(SubstepReport::of);
-    warn_of_falls(scene, substeps);
+    warn_of_falls(scene, run.substeps);
     let mut exported = Vec::new();
-    let end = exporting::fulfil(&wishes, &trajectory, run.end, &mut exported)?;
-    let report = SimulateReport {
-        scene: scene.name.clone(),
-        out: args.file().to_owned(),
-        states: args.states.clone(),
-        vertices: trajectory.vertex_count(),
-        first_frame: passed,
-        frames: trajectory.frame_count(),
-        ms_per_frame: run.ms_per_frame,
-        sag_solves: rest.as_ref().map(|rest| rest.solves),
-        sag_residual: rest.as_ref().map(|rest| rest.residual),
-        largest_strain: physics::largest_strain(&trajectory)?,
-        final_speed: metrics::final_speed(trajectory.frames(), scene.frame_rate)?,
-        substeps,
-        divided_frames: run.divided.frames,
-        contact,
-        exported,
-        warnings: loaded.warnings.clone(),
-        interrupted: end == End::Interrupted && failure.is_none(),
-        failure: failure.as_ref().map(chain),
+    let mut end = exporting::fulfil(&wishes, &trajectory, run.end, &mut exported)?;
+    let wanted = frames + 1;
+    let frames = trajectory.frame_count();
+    let mut facts = Facts::new();
+    facts.tell("scene", &scene.name);
+    facts.tell("vertices", trajectory.vertex_count());
+    let made = match end {
+        _ if failure.is_some() => format!("{frames} of {wanted}: failed"),
+        End::Interrupted => format!("{frames} of {wanted}: interrupted"),
+        End::Complete => frames.to_string(),
     };
-    let answer = Answer::new(text(&report, frames + 1, run.divided), &report)?.ended(end);
+    facts.add("frames", made);
+    if passed > 0 {
+        facts.add("from frame", passed);
+    }
+    facts.add("time", format!("{:.2} ms per frame", run.ms_per_frame));
+    if let Some(SaggedRest {
+        solves, residual, ..
+    }) = &rest
+    {
+        facts.add("sag", format!("{solves} solves, {residual:.1e} m/s² left"));
+    }
+    let largest_strain = physics::largest_strain(&trajectory)?;
+    facts.add("largest strain", percent(largest_strain));
+    let final_speed = metrics::final_speed(trajectory.frames(), scene.frame_rate)?;
+    facts.add("speed", format!("{final_speed:.4} m/s in the last second"));
+    if let Some(SubstepCounts {
+        all,
+        started,
+        fell_back,
+    }) = run.substeps
+    {
+        let words = format!("{all}, {started} started anew, {fell_back} fell back to first order");
+        facts.add("substeps", words);
+    }
+    facts.add_all("divided", output::divided(run.divided));
+    if let Some(contact) = &contact {
+        contact.add_to(&mut facts);
+    }
+    facts.add("wrote", args.file().display());
+    facts.add_paths("states", args.states.as_slice());
+    facts.add_paths("exported", &exported);
+    if failure.is_some() {
+        end = End::Complete;
+    }
+    let report = json!({
+        "out": args.file(),
+        "states": args.states,
+        // Frames of the motion that had passed at the start.
+        "first_frame": passed,
+        "frames": frames,
+        "ms_per_frame": run.ms_per_frame,
+        "sag_solves": rest.as_ref().map(|rest| rest.solves),
+        "sag_residual": rest.as_ref().map(|rest| rest.residual),
+        "largest_strain": largest_strain,
+        // Of the vertices on average in the last second [m/s].
+        "final_speed": final_speed,
+        // None with an integrator of first order.
+        "substeps": run.substeps.map(|substeps| json!({
+            "all": substeps.all,
+            // Those without a state one substep before, and those of first order.
+            "started_anew": substeps.started,
+            "fell_back": substeps.fell_back,
+        })),
+        "divided_frames": run.divided.frames,
+        "contact": contact,
+        "exported": exported,
+        "warnings": loaded.warnings,
+        "failure": failure.as_ref().map(chain),
+    });
+    let answer = facts.answer_at(end, report);
     Ok(match failure {
-        Some(error) => answer.failing(whats_left(&error, &report)),
+        Some(error) => {
+            let (why, last, out) = (chain(&error), passed + frames - 1, args.file().display());
+            let problem = format!("{why}; the frames before, up to {last}, are in {out}");
+            answer.failing(problem)
+        }
         None => answer,
     })
 }
 
-/// Says why a run failed, and where the frames before are.
-fn whats_left(error: &anyhow::Error, report: &SimulateReport) -> String {
-    let last = report.first_frame + report.frames - 1;
-    format!(
-        "{}; the frames before, up to {last}, are in {}",
-        chain(error),
-        report.out.display()
-    )
-}
-
 /// Warns of a run of second order with many substeps of first order, and says what helps.
-fn warn_of_falls(scene: &Scene, substeps: Option<SubstepReport>) {
-    let Some(SubstepReport { all, fell_back, .. }) = substeps else {
+fn warn_of_falls(scene: &Scene, substeps: Option<SubstepCounts>) {
+    let Some(SubstepCounts { all, fell_back, .. }) = substeps else {
         return;
     };
     // What touches is of first order anyway.
@@ -174,7 +169,7 @@ fn simulate(
     scene: &Scene,
     start: SavedState,
     frames: usize,
-) -> anyhow::Result<(TimedRun, Option<StateRun>, Option<anyhow::Error>)> {
+) -> anyhow::Result<Simulated> {
     let plan = SimulationPlan {
         start,
         frames,
@@ -183,17 +178,10 @@ fn simulate(
         stop: interrupt::flag(),
     };
     let progress = Progress::new("simulating", frames, "frames");
-    let Simulated {
-        run,
-        states,
-        failure,
-    } = physics::run_plan(scene, plan, &mut || {
-        progress.advance();
-        interrupt::flow()
-    })?;
-    match failure {
-        Some(error) if run.positions.len() <= scene.mesh.positions().len() => Err(error),
-        failure => Ok((run, states, failure)),
+    let made = physics::run_plan(scene, plan, &mut || progress.step())?;
+    match made.failure {
+        Some(error) if made.run.positions.len() <= scene.mesh.positions().len() => Err(error),
+        _ => Ok(made),
     }
 }
 
@@ -204,12 +192,8 @@ fn check_places(args: &RunArgs, wishes: &[Wish], loaded: &LoadedScene) -> anyhow
     outputs.extend(args.states.as_deref().map(|path| ("--states", path)));
     outputs.extend(exports.iter().map(|path| ("--export", path.as_path())));
     let mut inputs = scenes::inputs(loaded);
-    inputs.extend(
-        args.start
-            .as_ref()
-            .and_then(StartChoice::file)
-            .map(|path| ("--start", path)),
-    );
+    let start = args.start.as_ref().and_then(StartChoice::file);
+    inputs.extend(start.map(|path| ("--start", path)));
     place::check_outputs(&outputs, &inputs)
 }
 
@@ -217,10 +201,7 @@ fn check_places(args: &RunArgs, wishes: &[Wish], loaded: &LoadedScene) -> anyhow
 fn choose_start(loaded: &mut LoadedScene, start: Option<&StartChoice>) -> anyhow::Result<()> {
     let (spec, state) = match start {
         None => return Ok(()),
-        Some(StartChoice::Rest) => (StartSpec::Rest, None),
-        Some(StartChoice::Mesh) => (StartSpec::Mesh, None),
-        Some(StartChoice::Untangle) => (StartSpec::Untangle, None),
-        Some(StartChoice::Fit) => (StartSpec::Fit, None),
+        Some(StartChoice::Named(start)) => (start.clone(), None),
         Some(StartChoice::State(path, frame)) => {
             let choice = StateChoice {
                 file: path.to_string_lossy().into_owned(),
@@ -246,49 +227,4 @@ fn frames_left(all: usize, passed: usize) -> anyhow::Result<usize> {
             "the motion lasts {all} frames, and {passed} of them have passed: say how many with --frames"
         ),
     }
-}
-
-fn text(report: &SimulateReport, wanted: usize, divided: DividedFrames) -> Facts {
-    let mut facts = Facts::new();
-    facts.add("scene", &report.scene);
-    facts.add("vertices", report.vertices);
-    let frames = match &report.failure {
-        Some(_) => format!("{} of {wanted}: failed", report.frames),
-        None if report.interrupted => format!("{} of {wanted}: interrupted", report.frames),
-        None => report.frames.to_string(),
-    };
-    facts.add("frames", frames);
-    if report.first_frame > 0 {
-        facts.add("from frame", report.first_frame);
-    }
-    facts.add("time", format!("{:.2} ms per frame", report.ms_per_frame));
-    if let (Some(solves), Some(residual)) = (report.sag_solves, report.sag_residual) {
-        facts.add("sag", format!("{solves} solves, {residual:.1e} m/s² left"));
-    }
-    facts.add("largest strain", percent(report.largest_strain));
-    facts.add(
-        "speed",
-        format!("{:.4} m/s in the last second", report.final_speed),
-    );
-    if let Some(substeps) = report.substeps {
-        facts.add(
-            "substeps",
-            format!(
-                "{}, {} started anew, {} fell back to first order",
-                substeps.all, substeps.started_anew, substeps.fell_back
-            ),
-        );
-    }
-    if let Some(words) = output::divided(divided) {
-        facts.add("divided", words);
-    }
-    if let Some(contact) = &report.contact {
-        contact.add_to(&mut facts);
-    }
-    facts.add("wrote", report.out.display());
-    if let Some(states) = &report.states {
-        facts.add("states", states.display());
-    }
-    facts.add_paths("exported", &report.exported);
-    facts
 }

@@ -14,10 +14,8 @@ pub(crate) fn run(args: &StudyArgs) -> anyhow::Result<Answer> {
     let study = study::open(&args.study)?;
     let machine = args.machine.open()?;
     // Parts share the folder, and each training has a lock of its own.
-    let _claimed = match args.shard.is_none() {
-        true => Some(folder::claim_folder(&args.output, FolderKind::Study)?),
-        false => None,
-    };
+    let claim = || folder::claim_folder(&args.output, FolderKind::Study);
+    let _claimed = args.shard.is_none().then(claim).transpose()?;
     let order = StudyOrder {
         study: &study,
         out: &args.output,
@@ -29,9 +27,9 @@ pub(crate) fn run(args: &StudyArgs) -> anyhow::Result<Answer> {
         .with_context(|| format!("study {}", args.study))?;
     let mut facts = Facts::new();
     facts.add("study", &study.title);
-    facts.add("device", machine.name());
-    facts.add("trained", outcome.trained);
-    facts.add("measured", outcome.measured);
+    facts.tell("device", machine.name());
+    facts.tell("trained", outcome.trained);
+    facts.tell("measured", outcome.measured);
     if let Some(part) = args.shard {
         facts.add("part", part);
         let how = "when all parts are done, the same command without --shard";
@@ -43,13 +41,9 @@ pub(crate) fn run(args: &StudyArgs) -> anyhow::Result<Answer> {
     facts.add_paths("wrote", &outcome.wrote);
     let report = json!({
         "title": study.title,
-        "device": machine.name(),
         "out": args.output,
-        "trained": outcome.trained,
-        "measured": outcome.measured,
         "wrote": outcome.wrote,
         "part": args.shard.map(|part| part.to_string()),
-        "interrupted": outcome.end == End::Interrupted,
     });
-    Ok(Answer::new(facts, &report)?.ended(outcome.end))
+    Ok(facts.answer_at(outcome.end, report))
 }

@@ -10,7 +10,7 @@ use selvedge_lab::folder::{self, FolderKind};
 use selvedge_lab::models::NamedModel;
 use selvedge_lab::{assets, generation, training};
 use selvedge_train::{EngineMaker, OverRanks, RunEnd, RunLimits, TrainConfig, Trainer, files};
-use serde_json::{Value, json};
+use serde_json::json;
 
 use crate::cli::TrainArgs;
 use crate::output::{Answer, End, Facts, percent};
@@ -26,23 +26,20 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
     let machine = args.machine.open()?;
     let data = generation::open(&args.data)?;
     let ranks = ranks::all();
-    let _claimed = match ranks.is_first() {
-        true => Some(folder::claim_folder(&args.output, FolderKind::Training)?),
-        false => None,
-    };
+    let claim = || folder::claim_folder(&args.output, FolderKind::Training);
+    let _claimed = ranks.is_first().then(claim).transpose()?;
     let steps = cfg.steps;
     let micro_batch = args.micro_batch.map_or(1, NonZeroUsize::get);
     let engine = OverRanks {
         engine: &*machine.engine(micro_batch),
         ranks: ranks.clone(),
     };
+    let mut facts = Facts::new();
     let Some(mut trainer) = trainer(cfg, &data, args, &engine)? else {
-        let mut facts = Facts::new();
         facts.add("steps", format!("0 of {steps}"));
         facts.add("to go on", "the same command: nothing is written yet");
-        let report =
-            json!({ "out": args.output, "steps_done": 0, "steps": steps, "interrupted": true });
-        return Ok(Answer::new(facts, &report)?.ended(End::Interrupted));
+        let report = json!({ "out": args.output, "steps_done": 0, "steps": steps });
+        return Ok(facts.answer_at(End::Interrupted, report));
     };
     training::with_expert(&mut trainer, &data)?;
     let (started, first) = (Instant::now(), trainer.steps_done());
@@ -50,28 +47,50 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
     let (end, loss) = steps_until_end(&mut trainer, args)?;
     let seconds = started.elapsed().as_secs_f64().max(f64::MIN_POSITIVE);
     let talk = ranks.traffic();
-    let steps_made = trainer.steps_done() - first;
-    let shown = steps_made * trainer.config().batch.samples as u64;
+    let done = trainer.steps_done();
+    let shown = (done - first) * trainer.config().batch.samples as u64;
+    // A sample of several frames counts once; the time is that with checkpoints.
+    let pace = shown as f64 / seconds;
+    // What rank 0 sent, and the part of its time that it summed over ranks or waited for them.
+    let bytes_per_step = (talk.bytes - before.bytes) as f64 / (done - first).max(1) as f64;
+    let talk_share = (talk.time - before.time).as_secs_f64() / seconds;
+    facts.add("training", &trainer.config().name);
+    facts.tell("device", machine.name());
+    facts.tell("parameters", trainer.parameter_count());
+    facts.tell("samples", trainer.sample_count());
+    facts.add("steps", format!("{done} of {steps}"));
+    let time = format!("{seconds:.0} s, {pace:.1} samples per second");
+    facts.add("time", time);
+    if ranks.are_several() {
+        let (count, share) = (ranks.count(), percent(talk_share));
+        let sent = bytes_per_step / 1e6;
+        let words = format!("{count}: {share} of the time for sums, {sent:.2} MB per step");
+        facts.add("ranks", words);
+    }
+    let mean = loss.map(|loss| format!("{loss:.5} (mean of the last steps)"));
+    facts.add_all("loss", mean);
+    if done < steps {
+        facts.add("to go on", "the same command with --resume");
+    }
+    // There is no log of fewer steps than a line is of.
+    let files = [files::MODEL, files::CHECKPOINT, files::LOG, files::CONFIG];
+    let mut there = files.map(|file| args.output.join(file)).to_vec();
+    there.retain(|path| path.exists());
+    facts.add_paths("wrote", &there);
     let report = json!({
         "name": trainer.config().name,
-        "device": machine.name(),
         "out": args.output,
-        "parameters": trainer.parameter_count(),
-        "samples": trainer.sample_count(),
-        "steps_done": trainer.steps_done(),
-        "steps": trainer.config().steps,
+        "steps_done": done,
+        "steps": steps,
         // A moving mean over about fifty steps.
         "loss": loss,
         "seconds": seconds,
-        // A sample of several frames counts once; the time is that with checkpoints.
-        "samples_per_second": shown as f64 / seconds,
+        "samples_per_second": pace,
         "ranks": ranks.count(),
-        // What rank 0 sent, and the part of its time that it summed over ranks or waited for them.
-        "bytes_per_step": (talk.bytes - before.bytes) as f64 / steps_made.max(1) as f64,
-        "talk_share": (talk.time - before.time).as_secs_f64() / seconds,
-        "interrupted": end == End::Interrupted,
+        "bytes_per_step": bytes_per_step,
+        "talk_share": talk_share,
     });
-    Ok(Answer::new(text(&report, &trainer, &args.output), &report)?.ended(end))
+    Ok(facts.answer_at(end, report))
 }
 
 /// The text of a configuration: a shipped one's, or that of a file.
@@ -115,8 +134,7 @@ fn steps_until_end(trainer: &mut Trainer, args: &TrainArgs) -> anyhow::Result<(E
         let mean = loss.map_or(newest, |mean| mean + NEWEST * (newest - mean));
         loss = Some(mean);
         progress.note(format!("loss {mean:.4}"));
-        progress.advance();
-        interrupt::flow()
+        progress.step()
     })
     .with_context(|| format!("training into {}", args.output.display()))?;
     let end = match end {
@@ -162,41 +180,4 @@ fn require_empty(out: &Path) -> anyhow::Result<()> {
         );
     }
     Ok(())
-}
-
-fn text(report: &Value, trainer: &Trainer, out: &Path) -> Facts {
-    let number = |key: &str| report[key].as_f64().unwrap_or(f64::NAN);
-    let (done, all) = (trainer.steps_done(), trainer.config().steps);
-    let mut facts = Facts::new();
-    facts.add("training", &trainer.config().name);
-    facts.add("device", report["device"].as_str().unwrap_or_default());
-    facts.add("parameters", trainer.parameter_count());
-    facts.add("samples", trainer.sample_count());
-    facts.add("steps", format!("{done} of {all}"));
-    let (seconds, pace) = (number("seconds"), number("samples_per_second"));
-    facts.add(
-        "time",
-        format!("{seconds:.0} s, {pace:.1} samples per second"),
-    );
-    let ranks = number("ranks");
-    if ranks > 1.0 {
-        let share = percent(number("talk_share"));
-        let sent = number("bytes_per_step") / 1e6;
-        let words = format!("{ranks}: {share} of the time for sums, {sent:.2} MB per step");
-        facts.add("ranks", words);
-    }
-    if let Some(loss) = report["loss"].as_f64() {
-        facts.add("loss", format!("{loss:.5} (mean of the last steps)"));
-    }
-    if done < all {
-        facts.add("to go on", "the same command with --resume");
-    }
-    // There is no log of fewer steps than a line is of.
-    let files = [files::MODEL, files::CHECKPOINT, files::LOG, files::CONFIG];
-    let there = files.map(|file| out.join(file)).into_iter();
-    facts.add_paths(
-        "wrote",
-        &there.filter(|path| path.exists()).collect::<Vec<_>>(),
-    );
-    facts
 }

@@ -65,7 +65,7 @@ pub(crate) fn run(args: &ViewArgs) -> anyhow::Result<Answer> {
     let mut facts = Facts::new();
     facts.add("served", &address);
     let report = json!({ "address": address, "recordings": args.recordings });
-    Answer::new(facts, &report)
+    Ok(facts.answer(report))
 }
 
 /// Says where the page is, and opens it if that is wanted.

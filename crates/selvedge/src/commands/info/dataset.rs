@@ -3,24 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
-use selvedge_data::{Dataset, DatasetIndex, Split};
+use selvedge_data::{Dataset, Split};
+use selvedge_lab::pictures::{Show, sheet};
 use selvedge_lab::{folder, generation};
-use serde::Serialize;
+use serde_json::json;
 
-use crate::interrupt;
 use crate::output::{Answer, Facts, Table, length};
-use crate::pictures::{Show, write_sheet};
 use crate::progress::Progress;
-
-#[derive(Serialize)]
-struct Contents<'a> {
-    kind: &'static str,
-    folder: &'a Path,
-    #[serde(flatten)]
-    index: &'a DatasetIndex,
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pictures: Vec<PathBuf>,
-}
+use crate::{interrupt, place};
 
 const SPLITS: [(Split, &str); 2] = [(Split::Train, "train"), (Split::Test, "test")];
 
@@ -32,14 +22,15 @@ pub(crate) fn run(folder: &Path, pictures: Option<&Path>) -> anyhow::Result<Answ
         folder::check_kind(out, None)?;
         folder::make_folder(out)?;
     }
-    let contents = Contents {
-        kind: "dataset",
-        folder,
-        index: dataset.index(),
-        pictures: read_all(&dataset, pictures)?,
-    };
-    let facts = facts(&dataset, &contents);
-    Answer::new(format!("{facts}\n{}", motions(&dataset)), &contents)
+    let drawn = read_all(&dataset, pictures)?;
+    let text = format!("{}\n{}", facts(&dataset, &drawn), motions(&dataset));
+    let mut report = serde_json::to_value(dataset.index())?;
+    report["kind"] = json!("dataset");
+    report["folder"] = json!(folder);
+    if !drawn.is_empty() {
+        report["pictures"] = json!(drawn);
+    }
+    Ok(Answer::new(text, report))
 }
 
 /// Reads every trajectory, which checks its hash, and draws it where that is wanted.
@@ -61,7 +52,7 @@ fn read_all(dataset: &Dataset, pictures: Option<&Path>) -> anyhow::Result<Vec<Pa
                     prediction: &trajectory,
                     truth: None,
                 };
-                write_sheet(&path, &show)?;
+                place::write(&path, &sheet(&show)?)?;
                 drawn.push(path);
             }
             progress.advance();
@@ -70,7 +61,7 @@ fn read_all(dataset: &Dataset, pictures: Option<&Path>) -> anyhow::Result<Vec<Pa
     Ok(drawn)
 }
 
-fn facts(dataset: &Dataset, contents: &Contents<'_>) -> Facts {
+fn facts(dataset: &Dataset, drawn: &[PathBuf]) -> Facts {
     let index = dataset.index();
     let mut facts = Facts::new();
     facts.add("kind", "data set");
@@ -85,10 +76,9 @@ fn facts(dataset: &Dataset, contents: &Contents<'_>) -> Facts {
     facts.add("sections", index.sections.len());
     facts.add("samples", index.statistics.samples);
     facts.add("files", "complete, all hashes right");
-    if let Some(last) = contents.pictures.last() {
-        let count = contents.pictures.len();
+    if let Some(last) = drawn.last() {
         let folder = last.parent().unwrap_or(last).display();
-        facts.add("pictures", format!("{count} in {folder}"));
+        facts.add("pictures", format!("{} in {folder}", drawn.len()));
     }
     facts
 }

@@ -6,7 +6,8 @@ use anyhow::Context;
 use selvedge_data::{MeshMotion, Rig, Trajectory};
 use serde_json::{Value, json};
 
-use crate::output::{Answer, Facts};
+use super::{Seen, bare};
+use crate::output::Facts;
 
 /// Reads an exported archive.
 pub(super) fn read_npz(path: &Path) -> anyhow::Result<Trajectory> {
@@ -15,14 +16,15 @@ pub(super) fn read_npz(path: &Path) -> anyhow::Result<Trajectory> {
 }
 
 /// Says which nodes a file has, and when they move.
-pub(super) fn inspect_rig(path: &Path) -> anyhow::Result<Answer> {
+pub(super) fn inspect_rig(path: &Path) -> anyhow::Result<Seen> {
     let mut facts = Facts::new();
     facts.add("kind", "nodes of another program");
-    facts.add("file", path.display());
+    facts.tell_path("file", path);
     let meshes = meshes(&mut facts, path);
     let nodes = nodes(&mut facts, path)?;
-    let report = json!({ "kind": "rig", "file": path, "meshes": meshes, "nodes": nodes });
-    Answer::new(facts, &report)
+    let answer = facts.answer(json!({ "kind": "rig", "meshes": meshes, "nodes": nodes }));
+    let why = "there is nothing to draw of such a file";
+    Ok(bare(answer, format!("{}: {why}", path.display())))
 }
 
 /// Adds the nodes of a file, and gives them for the report.

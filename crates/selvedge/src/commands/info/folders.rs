@@ -2,41 +2,36 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, anyhow};
+use anyhow::{Context, bail};
 use selvedge_lab::folder::{EVALUATIONS, FolderKind, TRAININGS};
-use selvedge_lab::report::TrainingLog;
+use selvedge_lab::report::{TrainingLog, training_chart};
 use selvedge_train::{TrainConfig, files};
 use serde_json::json;
 
-use super::dataset;
+use super::picture::Picture;
+use super::{Seen, bare, dataset};
+use crate::failure::wrong;
 use crate::output::{Answer, Facts, folded};
 
 /// Says what is in `folder`.
-pub(super) fn inspect(folder: &Path) -> anyhow::Result<Answer> {
+pub(super) fn inspect(folder: &Path) -> anyhow::Result<Seen> {
     match FolderKind::of(folder) {
-        Some(FolderKind::DataSet) => dataset::run(folder, None),
+        Some(FolderKind::DataSet) => {
+            let problem = "--picture: a data set is drawn into a folder: name one";
+            let picture = Picture::Nothing(wrong(problem));
+            Ok((dataset::run(folder, None)?, picture))
+        }
         Some(FolderKind::Training) => inspect_training(folder),
-        Some(FolderKind::Study) => inspect_study(folder),
-        other => Err(unknown(folder, other)),
-    }
-}
-
-/// The configuration in the folder of a training.
-pub(super) fn config_in(folder: &Path) -> anyhow::Result<TrainConfig> {
-    let path = folder.join(files::CONFIG);
-    let text = selvedge_data::read_text(&path)
-        .with_context(|| format!("{}: could not be read", path.display()))?;
-    Ok(TrainConfig::parse(&text, &path)?)
-}
-
-/// Says that there is nothing to say on a folder of this kind.
-pub(super) fn unknown(folder: &Path, kind: Option<FolderKind>) -> anyhow::Error {
-    match kind {
-        Some(kind) => anyhow!(
+        Some(FolderKind::Study) => {
+            let why = "a study has its plots in the folder report, and each training its own";
+            let why = format!("{}: {why}", folder.display());
+            Ok(bare(inspect_study(folder)?, why))
+        }
+        Some(kind) => bail!(
             "{}: holds {kind}, of which only the files are inspected: name one of them",
             folder.display()
         ),
-        None => anyhow!(
+        None => bail!(
             "{}: is no folder that Selvedge makes: a data set has an index.json, a training a {}, a study a folder {TRAININGS}",
             folder.display(),
             files::LOG
@@ -44,13 +39,16 @@ pub(super) fn unknown(folder: &Path, kind: Option<FolderKind>) -> anyhow::Error 
     }
 }
 
-fn inspect_training(folder: &Path) -> anyhow::Result<Answer> {
-    let cfg = config_in(folder)?;
+fn inspect_training(folder: &Path) -> anyhow::Result<Seen> {
+    let path = folder.join(files::CONFIG);
+    let text = selvedge_data::read_text(&path)
+        .with_context(|| format!("{}: could not be read", path.display()))?;
+    let cfg = TrainConfig::parse(&text, &path)?;
     let log = TrainingLog::read(&folder.join(files::LOG))?;
     let [first, last] = [log.rows().first(), log.rows().last()];
     let mut facts = Facts::new();
     facts.add("kind", "training");
-    facts.add("folder", folder.display());
+    facts.tell_path("folder", folder);
     facts.add("name", &cfg.name);
     let steps = last.map_or(0, |row| row.step);
     facts.add("steps", format!("{steps} of {} in the log", cfg.steps));
@@ -68,14 +66,14 @@ fn inspect_training(folder: &Path) -> anyhow::Result<Answer> {
     facts.add("files", there.join(", "));
     let report = json!({
         "kind": "training-folder",
-        "folder": folder,
         "steps_logged": steps,
         "first_loss": first.map(|row| row.loss),
         "last_loss": last.map(|row| row.loss),
         "files": there,
         "config": cfg,
     });
-    Answer::new(facts, &report)
+    let picture = Picture::Curves(training_chart(&cfg.name, &log));
+    Ok((facts.answer(report), picture))
 }
 
 fn inspect_study(folder: &Path) -> anyhow::Result<Answer> {
@@ -84,7 +82,7 @@ fn inspect_study(folder: &Path) -> anyhow::Result<Answer> {
     let report = folder.join("report").join("report.md");
     let mut facts = Facts::new();
     facts.add("kind", "study");
-    facts.add("folder", folder.display());
+    facts.tell_path("folder", folder);
     facts.add("trainings", folded(&trainings));
     facts.add("evaluations", evaluations.len());
     let is_done = report.exists();
@@ -94,12 +92,11 @@ fn inspect_study(folder: &Path) -> anyhow::Result<Answer> {
     }
     let answer = json!({
         "kind": "study-folder",
-        "folder": folder,
         "trainings": trainings,
         "evaluations": evaluations,
         "report": is_done.then_some(report),
     });
-    Answer::new(facts, &answer)
+    Ok(facts.answer(answer))
 }
 
 /// Names of what is in a folder, sorted; none where there is no such folder.

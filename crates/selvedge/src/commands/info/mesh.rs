@@ -9,8 +9,9 @@ use selvedge_data::{ReadMesh, size_warning, worst_edges};
 use selvedge_lab::physics;
 use serde_json::{Value, json};
 
-use super::{box_of, exported, shortest_mean_longest, sides};
-use crate::output::{Answer, Facts, folded};
+use super::picture::Picture;
+use super::{Seen, box_of, exported, shortest_mean_longest, sides};
+use crate::output::{Facts, folded};
 
 /// Worst edges that are named.
 const NAMED: usize = 5;
@@ -18,7 +19,7 @@ const NAMED: usize = 5;
 const WORTH_NAMING: f64 = 1.001;
 
 /// Says what the mesh in a file is, and which nodes there are beside it if it `has_nodes`.
-pub(super) fn inspect(read: &ReadMesh, path: &Path, has_nodes: bool) -> anyhow::Result<Answer> {
+pub(super) fn inspect(read: ReadMesh, path: &Path, has_nodes: bool) -> anyhow::Result<Seen> {
     let mesh = &read.sheet.mesh;
     let mut warnings = read.warnings.clone();
     warnings.extend(size_warning(mesh.positions()));
@@ -29,10 +30,10 @@ pub(super) fn inspect(read: &ReadMesh, path: &Path, has_nodes: bool) -> anyhow::
     let labels: Vec<&String> = read.sheet.labels.keys().collect();
     let boundary = topology.edges().iter().filter(|e| e.is_boundary()).count();
     let mut facts = Facts::new();
-    facts.add("kind", "mesh");
-    facts.add("file", path.display());
-    facts.add("vertices", topology.vertex_count());
-    facts.add("faces", topology.faces().len());
+    facts.tell("kind", "mesh");
+    facts.tell_path("file", path);
+    facts.tell("vertices", topology.vertex_count());
+    facts.tell("faces", topology.faces().len());
     facts.add(
         "edges",
         format!("{}, {boundary} on the boundary", topology.edges().len()),
@@ -55,10 +56,6 @@ pub(super) fn inspect(read: &ReadMesh, path: &Path, has_nodes: bool) -> anyhow::
         false => (Value::Null, Value::Null),
     };
     let report = json!({
-        "kind": "mesh",
-        "file": path,
-        "vertices": topology.vertex_count(),
-        "faces": topology.faces().len(),
         "edges": topology.edges().len(),
         "boundary_edges": boundary,
         "area": area,
@@ -71,7 +68,8 @@ pub(super) fn inspect(read: &ReadMesh, path: &Path, has_nodes: bool) -> anyhow::
         "nodes": nodes,
         "warnings": warnings,
     });
-    Answer::new(facts, &report)
+    let picture = Picture::Still(Box::new(read.sheet.mesh), Vec::new(), Vec::new());
+    Ok((facts.answer(report), picture))
 }
 
 /// Adds how large `mesh` is in space, and its area in the pattern, which is returned `[m²]`.
@@ -118,9 +116,7 @@ pub(super) fn facts(facts: &mut Facts, mesh: &Mesh, has_pattern: bool) -> Value 
     if !fabrics.is_empty() {
         facts.add("fabrics", folded(fabrics));
     }
-    for edge in &worst {
-        facts.add("longest edge", edge);
-    }
+    facts.add_all("longest edge", &worst);
     let worst: Vec<Value> = worst
         .iter()
         .map(|edge| {

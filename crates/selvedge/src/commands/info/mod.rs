@@ -31,6 +31,7 @@ use selvedge_model::{MODEL_FORMAT, Model, Network};
 use selvedge_train::{CHECKPOINT_FORMAT, TrainConfig};
 use serde_json::{Value, json};
 
+use self::picture::Picture;
 use crate::cli::InfoArgs;
 use crate::failure::wrong;
 use crate::output::{Answer, Facts, folded, length, percent};
@@ -39,7 +40,7 @@ use crate::{place, scenes};
 /// Says what a path is, and draws it where that is wanted.
 pub(crate) fn run(args: &InfoArgs) -> anyhow::Result<Answer> {
     let Some(to) = &args.picture else {
-        return say(&args.path);
+        return Ok(look_at(&args.path)?.0);
     };
     if to.extension().is_none() {
         if FolderKind::of(&args.path) == Some(FolderKind::DataSet) {
@@ -49,22 +50,30 @@ pub(crate) fn run(args: &InfoArgs) -> anyhow::Result<Answer> {
         return Err(wrong(problem));
     }
     place::check_file(to, "--picture", &["png", "svg"])?;
-    let answer = say(&args.path)?;
-    picture::draw(&args.path, to)?;
+    let (answer, picture) = look_at(&args.path)?;
+    picture.write(to)?;
     Ok(answer.noting("picture", to))
 }
 
-fn say(path: &Path) -> anyhow::Result<Answer> {
+/// An answer, and what there is to draw of its subject.
+type Seen = (Answer, Picture);
+
+/// An answer of whose subject there is nothing to draw, and why.
+fn bare(answer: Answer, why: String) -> Seen {
+    (answer, Picture::Nothing(anyhow::Error::msg(why)))
+}
+
+fn look_at(path: &Path) -> anyhow::Result<Seen> {
     let name = path.to_string_lossy();
     let is_shipped = || shipped_scenes().iter().any(|scene| scene.0 == name);
     // A folder with nothing of the program's in it hides no scene.
     let is_other = path.is_dir() && FolderKind::of(path).is_none();
     if (is_other || !path.exists()) && is_shipped() {
-        return inspect_scene(&scenes::open(&name)?, &name);
+        return inspect_scene(scenes::open(&name)?, &name);
     }
     let is_preset = || shipped_presets().iter().any(|preset| preset.0 == name);
     if (is_other || !path.exists()) && is_preset() {
-        return plan::run(&name);
+        return Ok(of_configuration(plan::run(&name)?, &name));
     }
     if path.is_dir() {
         return folders::inspect(path);
@@ -77,12 +86,12 @@ fn say(path: &Path) -> anyhow::Result<Answer> {
     match path.extension().and_then(|e| e.to_str()) {
         Some("safetensors") => inspect_container(path),
         Some("toml") => inspect_toml(path, &name),
-        Some("json") => inspect_scene(&scenes::open(&name)?, &name),
-        Some("obj") => mesh::inspect(&read_mesh(path, MeshOptions::default())?, path, false),
-        Some("npz") => inspect_trajectory(&exported::read_npz(path)?, path),
+        Some("json") => inspect_scene(scenes::open(&name)?, &name),
+        Some("obj") => mesh::inspect(read_mesh(path, MeshOptions::default())?, path, false),
+        Some("npz") => inspect_trajectory(exported::read_npz(path)?, path),
         Some("glb" | "usda" | "usdc" | "usdz" | "usd") => {
             match read_mesh(path, MeshOptions::default()) {
-                Ok(read) => mesh::inspect(&read, path, true),
+                Ok(read) => mesh::inspect(read, path, true),
                 Err(error) if matches!(error.source, MeshFileError::Read(_)) => Err(error.into()),
                 // What has no mesh to read has nodes, for handles to follow.
                 Err(error) => {
@@ -101,21 +110,27 @@ fn say(path: &Path) -> anyhow::Result<Answer> {
     }
 }
 
-fn inspect_toml(path: &Path, name: &str) -> anyhow::Result<Answer> {
+/// A configuration that is no scene.
+fn of_configuration(answer: Answer, name: &str) -> Seen {
+    let why = "only scenes, and no other configurations, can be drawn";
+    bare(answer, format!("{name}: {why}"))
+}
+
+fn inspect_toml(path: &Path, name: &str) -> anyhow::Result<Seen> {
     let text =
         selvedge_data::read_text(path).with_context(|| format!("{name}: could not be read"))?;
     // What is no TOML is a scene that says where it is wrong.
     let table: toml::Table = toml::from_str(&text).unwrap_or_default();
-    if table.contains_key("setting") {
-        return plan::run(name);
-    }
-    if table.contains_key("evaluation") {
-        return inspect_study(&table, name);
-    }
-    if table.contains_key("batch") {
-        return inspect_training(&TrainConfig::parse(&text, path)?, name);
-    }
-    inspect_scene(&scenes::open(name)?, name)
+    let answer = if table.contains_key("setting") {
+        plan::run(name)?
+    } else if table.contains_key("evaluation") {
+        inspect_study(&table, name)?
+    } else if table.contains_key("batch") {
+        inspect_training(&TrainConfig::parse(&text, path)?, name)?
+    } else {
+        return inspect_scene(scenes::open(name)?, name);
+    };
+    Ok(of_configuration(answer, name))
 }
 
 /// The file of a study, which is checked as a whole first.
@@ -127,30 +142,20 @@ fn inspect_study(table: &toml::Table, name: &str) -> anyhow::Result<Answer> {
         Some(toml::Value::Table(named)) => named.len(),
         _ => 0,
     };
-    let (data, train) = (count("data"), count("train"));
-    let models = count("model");
     let mut facts = Facts::new();
     facts.add("kind", "study, to be made with selvedge study");
-    facts.add("file", name);
-    facts.add("title", &study.title);
-    facts.add("data sets", data);
-    facts.add("trainings", train);
-    facts.add("finished models", models);
-    let report = json!({
-        "kind": "study-file",
-        "file": name,
-        "title": study.title,
-        "data_sets": data,
-        "trainings": train,
-        "finished_models": models,
-    });
-    Answer::new(facts, &report)
+    facts.tell("file", name);
+    facts.tell("title", &study.title);
+    facts.tell("data sets", count("data"));
+    facts.tell("trainings", count("train"));
+    facts.tell("finished models", count("model"));
+    Ok(facts.answer(json!({ "kind": "study-file" })))
 }
 
 fn inspect_training(cfg: &TrainConfig, name: &str) -> anyhow::Result<Answer> {
     let mut facts = Facts::new();
     facts.add("kind", "training configuration");
-    facts.add("file", name);
+    facts.tell("file", name);
     facts.add("name", &cfg.name);
     facts.add("steps", cfg.steps);
     facts.add("samples per step", cfg.batch.samples);
@@ -158,23 +163,29 @@ fn inspect_training(cfg: &TrainConfig, name: &str) -> anyhow::Result<Answer> {
     facts.add("encoder", serde_json::to_string(&cfg.model.encoder)?);
     facts.add("latent", cfg.model.latent);
     facts.add("blocks", cfg.model.blocks);
-    let report = json!({ "kind": "training", "file": name, "config": cfg });
-    Answer::new(facts, &report)
+    Ok(facts.answer(json!({ "kind": "training", "config": cfg })))
 }
 
-/// A trajectory, or a model if the file says so.
-fn inspect_container(path: &Path) -> anyhow::Result<Answer> {
-    let bytes = selvedge_data::read_file(path).with_context(|| path.display().to_string())?;
+/// A trajectory, or what else the file says that it is.
+fn inspect_container(path: &Path) -> anyhow::Result<Seen> {
     let context = || path.display().to_string();
-    match format_of(&bytes).as_str() {
-        MODEL_FORMAT => inspect_model(&Model::from_bytes(&bytes).with_context(context)?, path),
-        STATES_FORMAT => inspect_states(&bytes, path),
+    let bytes = selvedge_data::read_file(path).with_context(context)?;
+    let format = format_of(&bytes);
+    let answer = match format.as_str() {
+        MODEL_FORMAT => inspect_model(&Model::from_bytes(&bytes).with_context(context)?, path)?,
+        STATES_FORMAT => inspect_states(&bytes, path)?,
         CHECKPOINT_FORMAT => inspect_checkpoint(bytes.len(), path),
         _ => {
             let trajectory = Trajectory::from_bytes(&bytes).with_context(context)?;
-            inspect_trajectory(&trajectory, path)
+            return inspect_trajectory(trajectory, path);
         }
-    }
+    };
+    let why = "there is nothing to draw of a file of the format";
+    let hint = "the folder of a training has curves";
+    Ok(bare(
+        answer,
+        format!("{}: {why} {format}; {hint}", path.display()),
+    ))
 }
 
 /// The format that a container names in its metadata; empty where it names none.
@@ -185,14 +196,13 @@ fn format_of(bytes: &[u8]) -> String {
 }
 
 /// A checkpoint is read whole only with the data that it was made on.
-fn inspect_checkpoint(size: usize, path: &Path) -> anyhow::Result<Answer> {
+fn inspect_checkpoint(size: usize, path: &Path) -> Answer {
     let mut facts = Facts::new();
     facts.add("kind", "checkpoint of a training");
-    facts.add("file", path.display());
+    facts.tell_path("file", path);
     facts.add("size", format!("{size} bytes"));
     facts.add("use", "selvedge train with --resume goes on from it");
-    let report = json!({ "kind": "checkpoint", "file": path, "bytes": size });
-    Answer::new(facts, &report)
+    facts.answer(json!({ "kind": "checkpoint", "bytes": size }))
 }
 
 fn inspect_states(bytes: &[u8], path: &Path) -> anyhow::Result<Answer> {
@@ -201,8 +211,8 @@ fn inspect_states(bytes: &[u8], path: &Path) -> anyhow::Result<Answer> {
     let vertices = states.first().map_or(0, |state| state.positions.len());
     let mut facts = Facts::new();
     facts.add("kind", "states of a run");
-    facts.add("file", path.display());
-    facts.add("vertices", vertices);
+    facts.tell_path("file", path);
+    facts.tell("vertices", vertices);
     facts.add("states", states.len());
     if let (Some(first), Some(last)) = (states.first(), states.last()) {
         facts.add("frames", format!("{} to {}", first.frame, last.frame));
@@ -213,29 +223,27 @@ fn inspect_states(bytes: &[u8], path: &Path) -> anyhow::Result<Answer> {
     facts.add("largest speed", format!("{fastest:.3} m/s"));
     let report = json!({
         "kind": "states",
-        "file": path,
-        "vertices": vertices,
         "frames": states.iter().map(|state| state.frame).collect::<Vec<_>>(),
         "largest_speed": fastest,
     });
-    Answer::new(facts, &report)
+    Ok(facts.answer(report))
 }
 
-fn inspect_trajectory(trajectory: &Trajectory, path: &Path) -> anyhow::Result<Answer> {
+fn inspect_trajectory(trajectory: Trajectory, path: &Path) -> anyhow::Result<Seen> {
     let provenance = trajectory.provenance();
     let frames = trajectory.frames();
     let speeds = metrics::speeds(frames, provenance.frame_rate)?;
     let edge = metrics::mean_edge_length(frames, trajectory.topology())?;
-    let strain = physics::largest_strain(trajectory)?;
+    let strain = physics::largest_strain(&trajectory)?;
     let (low, high) = box_of(trajectory.positions());
     let handles = numbers_of(trajectory.handles());
     let duration = (trajectory.frame_count() - 1) as f64 / provenance.frame_rate;
     let scene = provenance.scene["name"].as_str().unwrap_or("none");
     let mut facts = Facts::new();
-    facts.add("kind", "trajectory");
-    facts.add("file", path.display());
+    facts.tell("kind", "trajectory");
+    facts.tell_path("file", path);
     facts.add("scene", scene);
-    facts.add("made by", &provenance.made_by);
+    facts.tell("made by", &provenance.made_by);
     facts.add(
         "frames",
         format!(
@@ -244,9 +252,9 @@ fn inspect_trajectory(trajectory: &Trajectory, path: &Path) -> anyhow::Result<An
             provenance.frame_rate
         ),
     );
-    facts.add("vertices", trajectory.vertex_count());
-    facts.add("faces", trajectory.topology().faces().len());
-    facts.add("edges", trajectory.topology().edges().len());
+    facts.tell("vertices", trajectory.vertex_count());
+    facts.tell("faces", trajectory.topology().faces().len());
+    facts.tell("edges", trajectory.topology().edges().len());
     facts.add("handles", folded(&handles));
     facts.add("from", format!("{low} m"));
     facts.add("to", format!("{high} m"));
@@ -258,14 +266,8 @@ fn inspect_trajectory(trajectory: &Trajectory, path: &Path) -> anyhow::Result<An
     facts.add("largest strain", percent(strain));
     let obstacles = obstacles::run_facts(&mut facts, trajectory.obstacles());
     let report = json!({
-        "kind": "trajectory",
-        "file": path,
-        "made_by": provenance.made_by,
         "frames": trajectory.frame_count(),
         "frame_rate": provenance.frame_rate,
-        "vertices": trajectory.vertex_count(),
-        "faces": trajectory.topology().faces().len(),
-        "edges": trajectory.topology().edges().len(),
         "handles": handles,
         "lowest_corner": low.to_array(),
         "highest_corner": high.to_array(),
@@ -276,7 +278,9 @@ fn inspect_trajectory(trajectory: &Trajectory, path: &Path) -> anyhow::Result<An
         "obstacles": obstacles,
         "scene": provenance.scene,
     });
-    Answer::new(facts, &report)
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let picture = Picture::Run(Box::new(trajectory), stem.into_owned());
+    Ok((facts.answer(report), picture))
 }
 
 fn inspect_model(model: &Model, path: &Path) -> anyhow::Result<Answer> {
@@ -286,9 +290,9 @@ fn inspect_model(model: &Model, path: &Path) -> anyhow::Result<Answer> {
     let weights = model.weights();
     let largest = weights.iter().fold(0.0_f32, |a, w| a.max(w.abs()));
     let mut facts = Facts::new();
-    facts.add("kind", "model");
-    facts.add("file", path.display());
-    facts.add("parameters", weights.len());
+    facts.tell("kind", "model");
+    facts.tell_path("file", path);
+    facts.tell("parameters", weights.len());
     facts.add("largest weight", format!("{largest:.3}"));
     facts.add("encoder", serde_json::to_string(&spec.encoder)?);
     facts.add("latent", spec.latent);
@@ -298,29 +302,25 @@ fn inspect_model(model: &Model, path: &Path) -> anyhow::Result<Answer> {
         serde_json::to_string(&spec.node_features)?,
     );
     facts.add("edge features", serde_json::to_string(&spec.edge_features)?);
-    facts.add("training", &training);
+    facts.tell("training", &training);
     let report = json!({
-        "kind": "model",
-        "file": path,
-        "parameters": weights.len(),
         "largest_weight": largest,
         "spec": spec,
-        "training": training,
     });
-    Answer::new(facts, &report)
+    Ok(facts.answer(report))
 }
 
-fn inspect_scene(loaded: &LoadedScene, name: &str) -> anyhow::Result<Answer> {
+fn inspect_scene(loaded: LoadedScene, name: &str) -> anyhow::Result<Seen> {
     let scene = &loaded.scene;
     let frames = scene.frame_count()?;
     let handles = numbers_of(&scene.handles);
     let topology = scene.mesh.topology();
     let mut facts = Facts::new();
-    facts.add("kind", "scene");
-    facts.add("file", name);
+    facts.tell("kind", "scene");
+    facts.tell("file", name);
     facts.add("name", &scene.name);
-    facts.add("vertices", topology.vertex_count());
-    facts.add("faces", topology.faces().len());
+    facts.tell("vertices", topology.vertex_count());
+    facts.tell("faces", topology.faces().len());
     let (low, high) = box_of(&physics::rounded(scene.mesh.positions()));
     let area = mesh::size(&mut facts, &scene.mesh);
     let seen = mesh::facts(&mut facts, &scene.mesh, !loaded.is_own_shape);
@@ -344,10 +344,6 @@ fn inspect_scene(loaded: &LoadedScene, name: &str) -> anyhow::Result<Answer> {
     let contact = scene.contact.as_ref();
     let obstacles = obstacles::scene_facts(&mut facts, contact, &scene.obstacles);
     let report = json!({
-        "kind": "scene",
-        "file": name,
-        "vertices": topology.vertex_count(),
-        "faces": topology.faces().len(),
         "frames": frames,
         "area": area,
         "lowest_corner": low.to_array(),
@@ -357,7 +353,9 @@ fn inspect_scene(loaded: &LoadedScene, name: &str) -> anyhow::Result<Answer> {
         "warnings": loaded.warnings,
         "scene": loaded.spec.to_json()?,
     });
-    Answer::new(facts, &report)
+    let held = scene.handles.vertices().to_vec();
+    let picture = Picture::Still(Box::new(scene.mesh.clone()), held, scene.obstacles.clone());
+    Ok((facts.answer(report), picture))
 }
 
 /// The sides of a box along x, y and z, in words.

@@ -49,7 +49,8 @@ pub(crate) fn run(name: &str) -> anyhow::Result<Answer> {
         "samples": forecast.samples(),
         "forecast": forecast,
     });
-    Answer::new(format!("{facts}\n{}", sizes(&forecast.runs)), &report)
+    let text = format!("{facts}\n{}", sizes(&forecast.runs));
+    Ok(Answer::new(text, report))
 }
 
 /// The trajectories by mesh size and length.

@@ -6,7 +6,6 @@ use selvedge_lab::physics::{self, LetThrough};
 use selvedge_sim::{ContactCounts, ContactGauge, YieldedContact};
 use serde::Serialize;
 
-use crate::interrupt;
 use crate::output::Facts;
 use crate::progress::Progress;
 
@@ -43,10 +42,7 @@ pub(super) fn measure(
 ) -> Option<Touched> {
     let count = trajectory.frame_count();
     let progress = Progress::new("looking for intersections", count, "frames");
-    let on_frame = || {
-        progress.advance();
-        interrupt::flow()
-    };
+    let on_frame = || progress.step();
     let frames =
         ContactGauge::measure_run(scene, yielded, passed, trajectory.positions(), &on_frame)?;
     let intersections = frames.iter().map(|(_, found)| found.intersections);
@@ -81,9 +77,7 @@ impl Touched {
             _ => ", nothing nearer than the thickness".to_owned(),
         };
         facts.add("contact", met + &gap);
-        for body in &self.let_through {
-            facts.add("let through", body);
-        }
+        facts.add_all("let through", &self.let_through);
         if self.repeated + self.divisions > 0 {
             facts.add(
                 "solves",
