@@ -112,6 +112,23 @@ fn hands_that_were_led_brake_within_their_limits() {
 }
 
 #[test]
+fn hands_that_come_apart_while_they_turn_keep_the_speed_limit() {
+    let limits = HandLimits::default();
+    let mut hands = Hands::at(&[DVec3::ZERO, DVec3::X * 0.004]);
+    let (direction, turn) = (DVec3::ZERO, 0.5);
+    hands.push(Push { direction, turn });
+    for frame in 0..180 {
+        if frame == 60 {
+            hands.want(1, DVec3::X);
+        }
+        let reach = hands.reach();
+        hands.advance(&limits, DT);
+        let speed = hands.drift.length() + hands.spin.abs() * reach;
+        assert!(speed <= limits.speed + 1e-9, "{speed} in frame {frame}");
+    }
+}
+
+#[test]
 fn a_hand_that_joins_those_that_turn_keeps_the_speed_limit() {
     let limits = HandLimits::default();
     let mut hands = Hands::at(&[DVec3::ZERO, DVec3::X * 0.004]);

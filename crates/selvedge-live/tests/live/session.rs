@@ -120,6 +120,22 @@ fn a_recording_that_is_under_way_is_written_at_the_end() {
 }
 
 #[test]
+fn a_page_that_goes_harms_nobody() {
+    let served = quick();
+    let mut one = served.ready_page();
+    let mut other = served.ready_page();
+    other.state(|state| state["viewers"] == 2);
+    one.drag(1, 0, Vec3::new(0.1, 0.0, 0.0));
+    // It was heard: a connection that is dropped with frames unread is reset, and what it has sent
+    // and nobody has read yet is lost with it.
+    one.frame(|frame| frame.drag[1] == 1);
+    drop(one);
+    other.state(|state| state["viewers"] == 1);
+    other.frame(|frame| (frame.tracks[0][0].x - 0.1).abs() < 1e-6);
+    served.close();
+}
+
+#[test]
 fn keys_that_are_down_stay_down_until_their_own_page_goes() {
     let served = quick();
     let mut one = served.ready_page();
