@@ -3,7 +3,7 @@
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use selvedge_cloth::{HandlePath, HandleTargets, PhysicsSettings, Scene, Stepper};
 use selvedge_data::{LoadedScene, SavedState, StartSpec};
 use selvedge_guard::{Correction, Guard, Trust};
@@ -38,8 +38,8 @@ pub(crate) struct KeptCloth {
 }
 
 pub(crate) struct MovingCloth {
-    scene: Arc<Scene>,
-    path: HandlePath,
+    pub(crate) scene: Arc<Scene>,
+    pub(crate) path: HandlePath,
     engine: Engine,
     /// A line each.
     pub(crate) warnings: Vec<String>,
@@ -186,15 +186,6 @@ impl MovingCloth {
         }
     }
 
-    /// Frames of the scene's motion.
-    pub(crate) fn frames(&self) -> usize {
-        self.path.frame_count()
-    }
-
-    pub(crate) fn frame_rate(&self) -> f64 {
-        self.scene.frame_rate
-    }
-
     /// Targets of the scene's motion for the next step.
     pub(crate) fn targets(&self, samples: usize) -> Result<HandleTargets, Fault> {
         let targets = self.path.targets(self.stepper().frame(), samples);
@@ -209,7 +200,10 @@ impl MovingCloth {
     pub(crate) fn positions_f64(&self) -> Vec<DVec3> {
         match &self.engine {
             Engine::Physics(simulator) => simulator.positions_f64().to_vec(),
-            _ => self.stepper().positions().iter().map(wide).collect(),
+            _ => {
+                let positions = self.stepper().positions().iter();
+                positions.map(|p| p.as_dvec3()).collect()
+            }
         }
     }
 
@@ -220,8 +214,4 @@ impl MovingCloth {
             _ => None,
         }
     }
-}
-
-fn wide(position: &Vec3) -> DVec3 {
-    position.as_dvec3()
 }

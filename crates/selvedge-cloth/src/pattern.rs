@@ -13,6 +13,7 @@ use serde::Serialize;
 
 use crate::error::SceneError;
 use crate::geometry::signed_area_2d;
+use crate::topology::pieces;
 use crate::{Edge, FaceId, Topology, VertexId};
 
 /// A point of the plane in one of the two precisions.
@@ -294,32 +295,13 @@ impl<'a, P: PatternPoint> Pattern<'a, P> {
     /// from 0 in the order of their first faces.
     #[must_use]
     pub fn panels(&self) -> Vec<u32> {
-        const UNKNOWN: u32 = u32::MAX;
-        let mut panels = vec![UNKNOWN; self.topology.faces().len()];
-        let mut count = 0;
-        for first in 0..panels.len() {
-            if panels[first] != UNKNOWN {
-                continue;
-            }
-            panels[first] = count;
-            let mut open = vec![first];
-            while let Some(face) = open.pop() {
-                for edge in self.topology.face_edges()[face] {
-                    let edge = &self.topology.edges()[edge.index()];
-                    if self.is_seam(edge) {
-                        continue;
-                    }
-                    for other in [Some(edge.faces.0), edge.faces.1].into_iter().flatten() {
-                        if panels[other.index()] == UNKNOWN {
-                            panels[other.index()] = count;
-                            open.push(other.index());
-                        }
-                    }
-                }
-            }
-            count += 1;
-        }
-        panels
+        pieces(self.topology.faces().len(), |face| {
+            let edges = self.topology.face_edges()[face].into_iter();
+            let edges = edges.map(move |edge| &self.topology.edges()[edge.index()]);
+            let inner = edges.filter(move |edge| !self.is_seam(edge));
+            let faces = inner.flat_map(|edge| [Some(edge.faces.0), edge.faces.1]);
+            faces.flatten().map(FaceId::index)
+        })
     }
 }
 

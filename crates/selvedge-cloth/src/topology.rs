@@ -174,28 +174,10 @@ impl Topology {
     /// order of their smallest vertices.
     #[must_use]
     pub fn sheets(&self) -> Vec<u32> {
-        const UNKNOWN: u32 = u32::MAX;
-        let mut sheets = vec![UNKNOWN; self.vertex_count];
-        let mut count = 0;
-        let mut open = Vec::new();
-        for first in 0..self.vertex_count {
-            if sheets[first] != UNKNOWN {
-                continue;
-            }
-            sheets[first] = count;
-            open.push(VertexId(first as u32));
-            while let Some(vertex) = open.pop() {
-                for arc in &self.arcs[self.arcs_into(vertex)] {
-                    let sheet = &mut sheets[arc.sender.index()];
-                    if *sheet == UNKNOWN {
-                        *sheet = count;
-                        open.push(arc.sender);
-                    }
-                }
-            }
-            count += 1;
-        }
-        sheets
+        pieces(self.vertex_count, |vertex| {
+            let arcs = self.arcs[self.arcs_into(VertexId(vertex as u32))].iter();
+            arcs.map(|arc| arc.sender.index())
+        })
     }
 
     /// The faces as plain numbers, `[faces, 3]`, as files want them.
@@ -203,6 +185,32 @@ impl Topology {
     pub fn face_indices(&self) -> Vec<[u32; 3]> {
         self.faces.iter().map(|face| face.map(|v| v.0)).collect()
     }
+}
+
+/// The number of the connected piece of each of `count` things, counted from 0 in the order of their
+/// first ones.
+pub(crate) fn pieces<N: Iterator<Item = usize>>(
+    count: usize,
+    neighbours: impl Fn(usize) -> N,
+) -> Vec<u32> {
+    let mut pieces: Vec<Option<u32>> = vec![None; count];
+    let mut found = 0;
+    for first in 0..count {
+        if pieces[first].is_some() {
+            continue;
+        }
+        pieces[first] = Some(found);
+        let mut open = vec![first];
+        while let Some(one) = open.pop() {
+            for next in neighbours(one) {
+                if pieces[next].replace(found).is_none() {
+                    open.push(next);
+                }
+            }
+        }
+        found += 1;
+    }
+    pieces.into_iter().flatten().collect()
 }
 
 fn unusable<T>(problem: impl Into<String>) -> Result<T, TopologyError> {

@@ -2,9 +2,9 @@
 //!
 //! - A **session** ([`start`]) runs on a thread of its own. It moves one cloth at the rate of the
 //!   scene, or plays a recording, and leaves the latest frame where every page can take it.
-//! - A **workshop** ([`Workshop`]) makes a cloth ready when a page orders it, and a [`ReadyCloth`]
-//!   starts its **movers** ([`LiveStepper`]): steppers that can continue under other handles and in
-//!   another wind. The program implements these traits.
+//! - A **workshop** ([`Workshop`]) makes a cloth ready ([`ReadyCloth`]) when a page orders it, with
+//!   its **movers** ([`Movers`], [`LiveStepper`]): steppers that can continue under other handles
+//!   and in another wind. The program implements these traits.
 //! - **Hands** ([`Hands`]) lead the handles to where people drag them, within limits of speed and
 //!   acceleration.
 //! - A **tape** ([`Tape`]) holds recordings side by side, with one clock.
@@ -63,4 +63,4 @@ pub use session::{EmbeddedSession, Opening};
 #[cfg(feature = "server")]
 pub use session::{RunningSession, start};
 pub use state::{Level, MotionState, Notice, RecordingState, Show, State, TrackState};
-pub use workshop::{ReadyCloth, Workshop};
+pub use workshop::{Movers, ReadyCloth, Workshop};

@@ -26,9 +26,10 @@ const SMOOTHING: f64 = 0.1;
 
 /// The cloth that moves.
 pub(crate) struct LiveCloth {
-    ready: Box<dyn ReadyCloth>,
+    ready: Box<ReadyCloth>,
     mover: Mover,
     hold: Hold,
+    /// The steppers of the mover; at least one.
     all: Vec<Driven>,
     gauge: StrainGauge,
     frame: usize,
@@ -55,59 +56,58 @@ impl LiveCloth {
     /// A cloth at its beginning. Where `mover` cannot move it the physics does, and the error is
     /// returned beside it.
     pub(crate) fn new(
-        ready: Box<dyn ReadyCloth>,
+        ready: Box<ReadyCloth>,
         mover: Mover,
     ) -> Result<(Self, Option<LiveError>), LiveError> {
         let hold = Hold {
-            handles: ready.cloth().handles().clone(),
-            environment: ready.environment(),
+            handles: ready.cloth.handles().clone(),
+            environment: ready.environment,
         };
-        let gauge = StrainGauge::new(ready.cloth());
-        let mut live = Self {
+        let gauge = StrainGauge::new(&ready.cloth);
+        let (mover, all, problem) = match at_beginning(&ready, mover, &hold, &gauge) {
+            Ok(all) => (mover, all, None),
+            Err(problem) if mover == Mover::Physics => return Err(problem),
+            Err(problem) => {
+                let mover = Mover::Physics;
+                let all = at_beginning(&ready, mover, &hold, &gauge)?;
+                (mover, all, Some(problem))
+            }
+        };
+        let live = Self {
             ready,
             mover,
             hold,
-            all: Vec::new(),
+            all,
             gauge,
             frame: 0,
         };
-        match live.restart(mover) {
-            Ok(()) => Ok((live, None)),
-            Err(problem) if mover == Mover::Physics => Err(problem),
-            Err(problem) => {
-                live.restart(Mover::Physics)?;
-                Ok((live, Some(problem)))
-            }
-        }
+        Ok((live, problem))
     }
 
     /// Back to the beginning, with the handles of the scene; the wind stays.
-    pub(crate) fn restart(&mut self, mover: Mover) -> Result<(), LiveError> {
+    pub(crate) fn restart(&mut self) -> Result<(), LiveError> {
         let hold = Hold {
-            handles: self.ready.cloth().handles().clone(),
+            handles: self.ready.cloth.handles().clone(),
             environment: self.hold.environment,
         };
-        let one = |&kind: &MoverKind| {
-            let stepper = self.ready.start(kind, Start::Beginning, &hold)?;
-            Ok(Driven::new(kind, stepper, VecDeque::new(), &self.gauge))
-        };
-        let all: Result<Vec<Driven>, LiveError> = mover.kinds().iter().map(one).collect();
-        (self.all, self.hold, self.mover, self.frame) = (all?, hold, mover, 0);
+        self.all = at_beginning(&self.ready, self.mover, &hold, &self.gauge)?;
+        (self.hold, self.frame) = (hold, 0);
         Ok(())
     }
 
     /// Continues with `mover`. A stepper of its kind stays; one that joins takes up the motion of
     /// the leader, also where the leader has stopped.
     pub(crate) fn set_mover(&mut self, mover: Mover) -> Result<(), LiveError> {
-        let Some(leader) = self.leader() else {
-            return self.restart(mover);
-        };
+        let leader = self.leader();
         let frames: Vec<Vec<Vec3>> = leader.recent.iter().cloned().collect();
         let offsets = leader.offsets.clone();
         let mut joining = Vec::new();
         for &kind in mover.kinds() {
             if !self.all.iter().any(|one| one.is_usable(kind)) {
-                let stepper = self.ready.start(kind, Start::Frames(&frames), &self.hold)?;
+                let stepper = self
+                    .ready
+                    .movers
+                    .start(kind, Start::Frames(&frames), &self.hold)?;
                 let recent = frames.iter().cloned().collect();
                 joining.push(Driven {
                     offsets: offsets.clone(),
@@ -173,7 +173,7 @@ impl LiveCloth {
     /// Takes hold of each vertex at its own place in each cloth, though all follow one hand. A
     /// handle that is `kept` stays as far from the hand as it was.
     fn take_hold(&mut self, kept: &[Option<usize>]) {
-        let places = self.places(&self.hold.handles);
+        let places = self.places();
         for one in &mut self.all {
             let own = self.hold.handles.select(one.stepper.positions());
             let apart = |(own, place): (&Vec3, &DVec3)| own.as_dvec3() - *place;
@@ -189,18 +189,22 @@ impl LiveCloth {
 
     /// The stepper whose cloth the hands are at: the first that moves or, where none does, the last
     /// to have stopped.
-    fn leader(&self) -> Option<&Driven> {
+    fn leader(&self) -> &Driven {
         let moving = self.all.iter().find(|one| one.stopped.is_none());
-        moving.or_else(|| self.all.iter().max_by_key(|one| one.reached))
+        let last = || self.all.iter().max_by_key(|one| one.reached);
+        moving.or_else(last).unwrap_or(&self.all[0])
     }
 
     /// Steps by one frame, the handles to `targets`. A stepper that fails stops; the other
-    /// continues.
-    pub(crate) fn step(&mut self, targets: &HandleTargets) {
+    /// continues. Returns what to tell people of the first that has stopped now.
+    pub(crate) fn step(&mut self, targets: &HandleTargets) -> Option<String> {
         self.frame += 1;
+        let mut first = None;
         for one in &mut self.all {
-            one.step(targets, &self.gauge, self.frame);
+            let stopped = one.step(targets, &self.gauge, self.frame);
+            first = first.or(stopped);
         }
+        first
     }
 
     /// Returns true while a stepper moves.
@@ -208,8 +212,8 @@ impl LiveCloth {
         self.all.iter().any(|one| one.stopped.is_none())
     }
 
-    pub(crate) fn ready(&self) -> &dyn ReadyCloth {
-        &*self.ready
+    pub(crate) fn ready(&self) -> &ReadyCloth {
+        &self.ready
     }
 
     pub(crate) fn mover(&self) -> Mover {
@@ -230,15 +234,10 @@ impl LiveCloth {
         self.all.iter().map(|one| one.stepper.positions()).collect()
     }
 
-    /// Present places of handles in the cloth that the hands are at `[m]`, `[handles]`.
-    pub(crate) fn places(&self, handles: &Handles) -> Vec<DVec3> {
-        match self.leader() {
-            Some(one) => {
-                let selected = handles.select(one.stepper.positions());
-                selected.iter().map(|p| p.as_dvec3()).collect()
-            }
-            None => Vec::new(),
-        }
+    /// Present places of the handles in the cloth that the hands are at `[m]`, `[handles]`.
+    pub(crate) fn places(&self) -> Vec<DVec3> {
+        let places = self.hold.handles.of(self.leader().stepper.positions());
+        places.map(|p| p.as_dvec3()).collect()
     }
 
     /// Leads the bodies over the next frame to `offsets` `[m]` from their own paths, `[bodies]`.
@@ -258,20 +257,18 @@ impl LiveCloth {
 
     /// Points of all bodies now `[m]`.
     pub(crate) fn body_points(&self) -> Vec<Vec3> {
-        let leader = self.leader();
-        leader.map_or_else(Vec::new, |one| one.stepper.body_points())
+        self.leader().stepper.body_points()
     }
 
     /// Offsets of the bodies where what was led had no room in the last frame.
     pub(crate) fn blocked(&self) -> Option<Vec<DVec3>> {
-        self.leader().and_then(|one| one.stepper.blocked())
+        self.leader().stepper.blocked()
     }
 
     /// Momentum that each body received in the last frame `[N s]`, `[bodies]`; empty where there
     /// are none.
     pub(crate) fn impulses(&self) -> Vec<DVec3> {
-        let leader = self.leader();
-        leader.map_or_else(Vec::new, |one| one.stepper.impulses())
+        self.leader().stepper.impulses()
     }
 
     /// Smallest gap of each vertex of each cloth `[m]`, `[tracks][vertices]`; 0 vertices where
@@ -287,16 +284,28 @@ impl LiveCloth {
     }
 }
 
+/// The steppers of `mover` at the beginning of a cloth.
+fn at_beginning(
+    ready: &ReadyCloth,
+    mover: Mover,
+    hold: &Hold,
+    gauge: &StrainGauge,
+) -> Result<Vec<Driven>, LiveError> {
+    let one = |&kind: &MoverKind| {
+        let stepper = ready.movers.start(kind, Start::Beginning, hold)?;
+        let recent = VecDeque::from([stepper.positions().to_vec()]);
+        Ok(Driven::new(kind, stepper, recent, gauge))
+    };
+    mover.kinds().iter().map(one).collect()
+}
+
 impl Driven {
     fn new(
         kind: MoverKind,
         stepper: Box<dyn LiveStepper>,
-        mut recent: VecDeque<Vec<Vec3>>,
+        recent: VecDeque<Vec<Vec3>>,
         gauge: &StrainGauge,
     ) -> Self {
-        if recent.is_empty() {
-            recent.push_back(stepper.positions().to_vec());
-        }
         Self {
             kind,
             strain: gauge.largest(stepper.positions()),
@@ -314,16 +323,25 @@ impl Driven {
         self.kind == kind && self.stopped.is_none()
     }
 
-    /// One step, to `frame` of the cloth.
-    fn step(&mut self, targets: &HandleTargets, gauge: &StrainGauge, frame: usize) {
+    /// One step, to `frame` of the cloth. Returns what to tell people where it stops.
+    fn step(
+        &mut self,
+        targets: &HandleTargets,
+        gauge: &StrainGauge,
+        frame: usize,
+    ) -> Option<String> {
         if self.stopped.is_some() {
-            return;
+            return None;
         }
         let shifted = self.shifted(targets);
         let started = Instant::now();
         if let Err(error) = self.stepper.step(shifted.as_ref().unwrap_or(targets)) {
+            let remedy = match self.kind {
+                MoverKind::Model => "reset, or let the physics take over",
+                MoverKind::Physics => "reset",
+            };
             self.stopped = Some(error.to_string());
-            return;
+            return Some(format!("{} stopped: {error} ({remedy})", self.name()));
         }
         self.reached = frame;
         if let Some(what) = self.stepper.stand_in() {
@@ -341,6 +359,7 @@ impl Driven {
         oldest.clear();
         oldest.extend_from_slice(positions);
         self.recent.push_back(oldest);
+        None
     }
 
     /// The targets for this cloth, where they differ from those of the hands.
@@ -360,13 +379,16 @@ impl Driven {
         shifted.releasing(released).ok()
     }
 
-    fn track(&self) -> TrackState {
-        let name = match self.kind {
+    fn name(&self) -> &'static str {
+        match self.kind {
             MoverKind::Model => "Learned model",
             MoverKind::Physics => "Physics",
-        };
+        }
+    }
+
+    fn track(&self) -> TrackState {
         TrackState {
-            name: name.to_owned(),
+            name: self.name().to_owned(),
             kind: Some(self.kind),
             step_ms: self.step_ms.unwrap_or(0.0),
             strain: self.strain,

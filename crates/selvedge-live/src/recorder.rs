@@ -1,7 +1,7 @@
 //! Recordings: frames of the shown cloth are kept in memory, up to a bound, and written as
 //! trajectories.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
@@ -10,7 +10,7 @@ use selvedge_data::{ObstacleTrack, Trajectory};
 
 use crate::body::{Body, BodyKind};
 use crate::live_cloth::LiveCloth;
-use crate::mover::{Hold, LiveError, MoverKind, Reason};
+use crate::mover::{Hold, MoverKind, Reason};
 use crate::player::{NamedTrack, Tape};
 use crate::state::RecordingState;
 
@@ -30,7 +30,7 @@ pub(crate) struct Recorder {
     tracks: Vec<KeptTrack>,
     /// Points of all bodies, `[frames][points of all bodies]` `[m]`.
     bodies: Vec<Vec<Vec3>>,
-    frames: usize,
+    /// Frames at most.
     most: usize,
 }
 
@@ -40,12 +40,6 @@ struct KeptTrack {
     name: String,
     /// `[frames * vertices]` `[m]`.
     positions: Vec<Vec3>,
-}
-
-/// The trajectory of one mover.
-pub(crate) struct RecordedTrack {
-    kind: MoverKind,
-    track: NamedTrack,
 }
 
 /// The place for recordings.
@@ -84,7 +78,6 @@ impl Recorder {
                 })
                 .collect(),
             bodies: Vec::new(),
-            frames: 0,
             most: most_frames(of_frame, live.hold().handles.len()),
         };
         recorder.keep(live);
@@ -97,43 +90,44 @@ impl Recorder {
             track.positions.extend_from_slice(now);
         }
         self.bodies.push(live.body_points());
-        self.frames += 1;
     }
 
     pub(crate) fn is_full(&self) -> bool {
-        self.frames >= self.most
+        self.bodies.len() >= self.most
     }
 
     pub(crate) fn state(&self) -> RecordingState {
         RecordingState {
-            frames: self.frames,
+            frames: self.bodies.len(),
             most: self.most,
         }
     }
 
-    /// Returns the kept frames as trajectories of `live`.
-    pub(crate) fn finish(self, live: &LiveCloth) -> Result<Vec<RecordedTrack>, Reason> {
+    /// Returns the kept frames as trajectories of `live`, one per mover.
+    pub(crate) fn finish(self, live: &LiveCloth) -> Result<Vec<(MoverKind, NamedTrack)>, Reason> {
         let ready = live.ready();
-        let cloth = ready.cloth().clone();
+        let cloth = (*ready.cloth).clone();
         let cloth = cloth.with_handles(self.hold.handles.clone());
         let cloth = cloth.map_err(|error| of_recording(&error))?;
         let vertices = cloth.vertex_count();
-        let bodies = bodies(ready.bodies(), &self.bodies);
+        let bodies = bodies(&ready.bodies, &self.bodies);
         let mut finished = Vec::new();
         for track in self.tracks {
             let frames = track.positions.chunks_exact(vertices);
-            let handles = frames.map(|frame| selected(&self.hold, frame)).collect();
-            let provenance = ready.provenance(&self.hold, handles)?;
+            let places = |frame: &[Vec3]| -> Vec<DVec3> {
+                let handles = self.hold.handles.of(frame);
+                handles.map(|p| p.as_dvec3()).collect()
+            };
+            let handles = frames.map(places).collect();
+            let provenance = ready.movers.provenance(&self.hold, handles)?;
             let trajectory = Trajectory::new(cloth.clone(), track.positions, provenance)
                 .and_then(|trajectory| trajectory.with_obstacles(bodies.clone()))
                 .map_err(|error| of_recording(&error))?;
-            finished.push(RecordedTrack {
-                kind: track.kind,
-                track: NamedTrack {
-                    name: track.name,
-                    trajectory: Arc::new(trajectory),
-                },
-            });
+            let named = NamedTrack {
+                name: track.name,
+                trajectory: Arc::new(trajectory),
+            };
+            finished.push((track.kind, named));
         }
         Ok(finished)
     }
@@ -170,31 +164,60 @@ fn most_frames(of_frame: usize, handles: usize) -> usize {
     kept.min(readable).max(1)
 }
 
-fn selected(hold: &Hold, frame: &[Vec3]) -> Vec<DVec3> {
-    let positions = hold.handles.select(frame);
-    positions.iter().map(|p| p.as_dvec3()).collect()
-}
-
 impl Destination {
     /// Writes the tracks of a recording.
-    pub(crate) fn write(&mut self, tracks: Vec<RecordedTrack>) -> Result<WrittenRecording, Reason> {
-        match self {
-            Self::Folder(folder) => write(tracks, folder),
-            Self::Page { number, files } => {
-                *number += 1;
-                let first = files.len();
-                for RecordedTrack { kind, track } in &tracks {
+    pub(crate) fn write(
+        &mut self,
+        tracks: Vec<(MoverKind, NamedTrack)>,
+    ) -> Result<WrittenRecording, Reason> {
+        let number = self.next_number()?;
+        let mut written = Vec::new();
+        for (kind, track) in &tracks {
+            written.push(match self {
+                Self::Folder(folder) => {
+                    let file = folder.join(name(number, *kind, "safetensors"));
+                    let outcome = track.trajectory.write(&file);
+                    outcome.map_err(|cause| format!("{}: {cause}", file.display()))?;
+                    file
+                }
+                Self::Page { files, .. } => {
                     let contents = export::glb(&track.trajectory);
                     let contents = contents.map_err(|error| of_recording(&error))?;
-                    files.push((name(*number, *kind, "glb"), contents));
+                    let file = name(number, *kind, "glb");
+                    files.push((file.clone(), contents));
+                    file.into()
                 }
-                let written = files[first..].iter().map(|(name, _)| name.into());
-                Ok(WrittenRecording {
-                    files: written.collect(),
-                    tape: tape(*number, tracks)?,
-                })
-            }
+            });
         }
+        let tracks = tracks.into_iter().map(|(_, track)| track).collect();
+        Ok(WrittenRecording {
+            tape: Tape::new(format!("recording {number}"), tracks)?,
+            files: written,
+        })
+    }
+
+    /// The number of the next recording; in a folder, which is made where it is missing, the first
+    /// that is free.
+    fn next_number(&mut self) -> Result<u32, Reason> {
+        let folder = match self {
+            Self::Folder(folder) => folder,
+            Self::Page { number, .. } => {
+                *number += 1;
+                return Ok(*number);
+            }
+        };
+        std::fs::create_dir_all(&*folder).map_err(|cause| {
+            let folder = folder.display();
+            format!("{folder}: the folder cannot be made: {cause}")
+        })?;
+        let is_free = |number: &u32| {
+            let kinds = [MoverKind::Model, MoverKind::Physics];
+            let mut names = kinds
+                .map(|kind| name(*number, kind, "safetensors"))
+                .into_iter();
+            names.all(|name| !folder.join(name).exists())
+        };
+        Ok((1..=u32::MAX).find(is_free).unwrap_or(u32::MAX))
     }
 }
 
@@ -209,34 +232,6 @@ fn name(number: u32, kind: MoverKind, ending: &str) -> String {
         MoverKind::Physics => "physics",
     };
     format!("recording-{number}-{kind}.{ending}")
-}
-
-fn tape(number: u32, tracks: Vec<RecordedTrack>) -> Result<Tape, LiveError> {
-    let tracks = tracks.into_iter().map(|recorded| recorded.track).collect();
-    Tape::new(format!("recording {number}"), tracks)
-}
-
-/// Writes the tracks of a recording into `folder`, under the first number that is free.
-fn write(tracks: Vec<RecordedTrack>, folder: &Path) -> Result<WrittenRecording, Reason> {
-    std::fs::create_dir_all(folder).map_err(|cause| {
-        let folder = folder.display();
-        format!("{folder}: the folder cannot be made: {cause}")
-    })?;
-    let path = |number: u32, kind| folder.join(name(number, kind, "safetensors"));
-    let is_free = |number: &u32| {
-        let kinds = [MoverKind::Model, MoverKind::Physics];
-        kinds.iter().all(|&kind| !path(*number, kind).exists())
-    };
-    let number = (1..=u32::MAX).find(is_free).unwrap_or(u32::MAX);
-    let mut files = Vec::new();
-    for RecordedTrack { kind, track } in &tracks {
-        let file = path(number, *kind);
-        let written = track.trajectory.write(&file);
-        written.map_err(|cause| format!("{}: {cause}", file.display()))?;
-        files.push(file);
-    }
-    let tape = tape(number, tracks)?;
-    Ok(WrittenRecording { tape, files })
 }
 
 #[cfg(test)]

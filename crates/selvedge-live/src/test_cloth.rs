@@ -2,18 +2,18 @@
 //! it and from outside: what nobody holds falls, and a handle goes where it is told.
 
 use std::ops::ControlFlow;
-use std::sync::mpsc;
+use std::sync::{Arc, mpsc};
 use std::time::Duration;
 
 use glam::{DVec3, Vec2, Vec3};
 use selvedge_cloth::{
     Cloth, ClothArrays, Environment, HandlePath, HandleSchedule, HandleTargets, Handles, Motion,
-    RecordedMotion, SceneError, StepError, Stepper, Topology, check_target_count,
+    RecordedMotion, StepError, Stepper, Topology, check_target_count,
 };
 use selvedge_data::Provenance;
 use selvedge_live::{
-    Body, BodyKind, Catalogue, Hold, LiveError, LiveStepper, MoverKind, Order, ReadyCloth, Start,
-    Workshop,
+    Body, BodyKind, Catalogue, Hold, LiveError, LiveStepper, MoverKind, Movers, Order, ReadyCloth,
+    Start, Workshop,
 };
 use serde_json::Value;
 
@@ -74,7 +74,7 @@ impl Workshop for TestWorkshop {
         &mut self,
         order: &Order,
         progress: &mut dyn FnMut(String) -> ControlFlow<()>,
-    ) -> Result<Box<dyn ReadyCloth>, LiveError> {
+    ) -> Result<Box<ReadyCloth>, LiveError> {
         if order.scene == "none" {
             return Err(LiveError::new("there is no scene \"none\""));
         }
@@ -85,10 +85,11 @@ impl Workshop for TestWorkshop {
         while go_on() {
             if order.scene != "slow" {
                 let cost = self.cost;
-                return Ok(Box::new(TestCloth {
+                let cloth = TestCloth {
                     cost,
-                    ..TestCloth::new()
-                }));
+                    ..TestCloth::default()
+                };
+                return Ok(Box::new(cloth.ready()));
             }
             std::thread::sleep(Duration::from_millis(1));
         }
@@ -96,9 +97,9 @@ impl Workshop for TestWorkshop {
     }
 }
 
-/// The cloth, ready to be moved.
+/// The cloth. By default its free vertices stay where they are, and steps take no time.
+#[derive(Clone, Default)]
 pub(crate) struct TestCloth {
-    pub(crate) cloth: Cloth,
     /// The times at which the scene's own motion lets handles go.
     pub(crate) schedule: HandleSchedule,
     /// Frames of that motion that have passed at the start.
@@ -133,55 +134,32 @@ pub(crate) fn body(kind: BodyKind) -> Body {
 }
 
 impl TestCloth {
-    /// A cloth whose free vertices stay where they are, with steps that take no time.
-    pub(crate) fn new() -> Self {
-        Self {
-            cloth: cloth(),
-            schedule: HandleSchedule::default(),
-            start_frame: 0,
-            fall: 0.0,
-            push: DVec3::ZERO,
-            cost: Duration::ZERO,
-            bodies: Vec::new(),
+    /// The cloth, ready to be moved.
+    pub(crate) fn ready(self) -> ReadyCloth {
+        ReadyCloth {
+            cloth: Arc::new(cloth()),
+            frame_rate: 60.0,
+            environment: Environment::default(),
+            scene_path: Arc::new(scene_path().scheduled(self.schedule.clone())),
+            start_frame: self.start_frame,
+            remarks: Vec::new(),
+            bodies: self.bodies.clone(),
+            movers: Box::new(self),
         }
     }
 }
 
-impl ReadyCloth for TestCloth {
-    fn cloth(&self) -> &Cloth {
-        &self.cloth
-    }
+/// The way of the handles along the scene's own motion.
+fn scene_path() -> HandlePath {
+    let start: Vec<DVec3> = CORNERS[..2].iter().map(|p| p.as_dvec3()).collect();
+    let after = |frame: usize| DVec3::X * (PACE * frame as f64);
+    let places = |frame| -> Vec<DVec3> { start.iter().map(|p| *p + after(frame)).collect() };
+    let positions = (0..=FRAMES).map(places).collect();
+    let motion = Motion::Recorded(RecordedMotion { positions });
+    motion.bind(&start, 60.0).unwrap()
+}
 
-    fn frame_rate(&self) -> f64 {
-        60.0
-    }
-
-    fn environment(&self) -> Environment {
-        Environment::default()
-    }
-
-    fn scene_path(&self) -> Result<HandlePath, SceneError> {
-        let start: Vec<DVec3> = CORNERS[..2].iter().map(|p| p.as_dvec3()).collect();
-        let after = |frame: usize| DVec3::X * (PACE * frame as f64);
-        let places = |frame| -> Vec<DVec3> { start.iter().map(|p| *p + after(frame)).collect() };
-        let positions = (0..=FRAMES).map(places).collect();
-        let motion = Motion::Recorded(RecordedMotion { positions });
-        let path = motion.bind(&start, 60.0)?;
-        Ok(path.scheduled(self.schedule.clone()))
-    }
-
-    fn start_frame(&self) -> usize {
-        self.start_frame
-    }
-
-    fn remarks(&self) -> &[String] {
-        &[]
-    }
-
-    fn bodies(&self) -> &[Body] {
-        &self.bodies
-    }
-
+impl Movers for TestCloth {
     fn start(
         &self,
         kind: MoverKind,
@@ -193,14 +171,9 @@ impl ReadyCloth for TestCloth {
             Start::Beginning => CORNERS.map(|p| p + passed).to_vec(),
             Start::Frames(frames) => frames.last().unwrap().clone(),
         };
-        Ok(Box::new(Puppet {
-            kind,
-            fall: self.fall,
-            push: self.push,
-            cost: self.cost,
-            shifts: vec![DVec3::ZERO; self.bodies.len()],
-            ..Puppet::new(&self.cloth, hold, positions)
-        }))
+        let shifts = vec![DVec3::ZERO; self.bodies.len()];
+        let puppet = Puppet::new(kind, self.clone(), hold, positions);
+        Ok(Box::new(Puppet { shifts, ..puppet }))
     }
 
     fn provenance(&self, hold: &Hold, _: Vec<Vec<DVec3>>) -> Result<Provenance, LiveError> {
@@ -216,9 +189,7 @@ impl ReadyCloth for TestCloth {
 /// the vertex is, and a stepper that is made anew knows nothing of it.
 struct Puppet {
     kind: MoverKind,
-    fall: f32,
-    push: DVec3,
-    cost: Duration,
+    of: TestCloth,
     cloth: Cloth,
     positions: Vec<Vec3>,
     frame: usize,
@@ -234,17 +205,15 @@ struct Puppet {
 }
 
 impl Puppet {
-    fn new(cloth: &Cloth, hold: &Hold, positions: Vec<Vec3>) -> Self {
+    fn new(kind: MoverKind, of: TestCloth, hold: &Hold, positions: Vec<Vec3>) -> Self {
         let handles = hold.handles.clone();
         Self {
-            kind: MoverKind::Physics,
-            fall: 0.0,
-            push: DVec3::ZERO,
-            cost: Duration::ZERO,
+            kind,
+            of,
             told: handles.select(&positions),
             held: vec![true; handles.len()],
             offsets: vec![Vec3::ZERO; handles.len()],
-            cloth: cloth.clone().with_handles(handles).unwrap(),
+            cloth: cloth().with_handles(handles).unwrap(),
             positions,
             frame: 0,
             shifts: Vec::new(),
@@ -278,7 +247,7 @@ impl Stepper for Puppet {
             let frame = self.frame + 1;
             return Err(StepError::NonFinite { frame, vertex });
         }
-        std::thread::sleep(self.cost);
+        std::thread::sleep(self.of.cost);
         let led = std::mem::replace(&mut self.led, self.shifts.clone());
         self.blocked = None;
         if led.iter().any(|shift| shift.x > WALL) {
@@ -295,7 +264,7 @@ impl Stepper for Puppet {
         }
         let before = self.positions.clone();
         for position in &mut self.positions {
-            position.y -= self.fall;
+            position.y -= self.of.fall;
         }
         for (handle, vertex) in self.cloth.handles().vertices().iter().enumerate() {
             let (vertex, target) = (vertex.index(), targets.end()[handle].as_vec3());
@@ -342,7 +311,7 @@ impl LiveStepper for Puppet {
     }
 
     fn impulses(&self) -> Vec<DVec3> {
-        vec![self.push; self.shifts.len()]
+        vec![self.of.push; self.shifts.len()]
     }
 
     fn gaps(&self) -> Option<Vec<f32>> {
@@ -350,14 +319,10 @@ impl LiveStepper for Puppet {
     }
 
     fn changed(&self, hold: &Hold) -> Result<Box<dyn LiveStepper>, LiveError> {
-        let positions = self.positions.clone();
+        let (of, positions) = (self.of.clone(), self.positions.clone());
         Ok(Box::new(Self {
-            kind: self.kind,
-            fall: self.fall,
-            push: self.push,
-            cost: self.cost,
             shifts: self.shifts.clone(),
-            ..Self::new(&self.cloth, hold, positions)
+            ..Self::new(self.kind, of, hold, positions)
         }))
     }
 }
@@ -366,16 +331,12 @@ impl LiveStepper for Puppet {
 fn puppets_conform() {
     use selvedge_cloth::conformance::{HandlesEnd, check};
 
-    let cloth = cloth();
     let hold = Hold {
-        handles: cloth.handles().clone(),
+        handles: cloth().handles().clone(),
         environment: Environment::default(),
     };
     for kind in [MoverKind::Physics, MoverKind::Model] {
-        let make = || Puppet {
-            kind,
-            ..Puppet::new(&cloth, &hold, CORNERS.to_vec())
-        };
+        let make = || Puppet::new(kind, TestCloth::default(), &hold, CORNERS.to_vec());
         assert_eq!(check(make, HandlesEnd::AtTargets), Ok(()));
     }
 }

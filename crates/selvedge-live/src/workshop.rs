@@ -2,9 +2,10 @@
 //! this crate implements it.
 
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 use glam::DVec3;
-use selvedge_cloth::{Cloth, Environment, HandlePath, SceneError};
+use selvedge_cloth::{Cloth, Environment, HandlePath};
 use selvedge_data::Provenance;
 
 use crate::body::Body;
@@ -12,32 +13,27 @@ use crate::mover::{Hold, LiveError, LiveStepper, Mover, MoverKind, Start};
 use crate::order::{Catalogue, Order};
 
 /// A cloth that is ready to be moved: its mesh is made, its rest pose found.
-pub trait ReadyCloth: Send {
+pub struct ReadyCloth {
     /// The constant part of the cloth, with the handles of the scene.
-    fn cloth(&self) -> &Cloth;
-
+    pub cloth: Arc<Cloth>,
     /// Frames per second.
-    fn frame_rate(&self) -> f64;
-
+    pub frame_rate: f64,
     /// Gravity and air of the scene.
-    fn environment(&self) -> Environment;
-
+    pub environment: Environment,
     /// The way of the handles along the scene's own motion, from its start.
-    fn scene_path(&self) -> Result<HandlePath, SceneError>;
-
+    pub scene_path: Arc<HandlePath>,
     /// Frames of that motion that have passed at the start of the cloth.
-    fn start_frame(&self) -> usize;
-
+    pub start_frame: usize,
     /// Remarks for people, such as parts of the scene that are not available here.
-    fn remarks(&self) -> &[String];
+    pub remarks: Vec<String>,
+    /// The bodies beside the cloth.
+    pub bodies: Vec<Body>,
+    /// What moves the cloth.
+    pub movers: Box<dyn Movers>,
+}
 
-    /// A remark for people on what moves the cloth now, such as a model in a wind that it has not
-    /// learned; none where there is nothing to say. The held vertices are at `places` `[m]`. What
-    /// is said anew is shown anew: a remark has no numbers that change with every frame.
-    fn remark_on(&self, _mover: Mover, _hold: &Hold, _places: &[DVec3]) -> Option<String> {
-        None
-    }
-
+/// The movers of a cloth that is ready.
+pub trait Movers: Send {
     /// Starts a mover. This must be quick: the session waits.
     fn start(
         &self,
@@ -46,9 +42,11 @@ pub trait ReadyCloth: Send {
         hold: &Hold,
     ) -> Result<Box<dyn LiveStepper>, LiveError>;
 
-    /// The bodies beside the cloth.
-    fn bodies(&self) -> &[Body] {
-        &[]
+    /// A remark for people on what moves the cloth now, such as a model in a wind that it has not
+    /// learned; none where there is nothing to say. The held vertices are at `places` `[m]`. What
+    /// is said anew is shown anew: a remark has no numbers that change with every frame.
+    fn remark_on(&self, _mover: Mover, _hold: &Hold, _places: &[DVec3]) -> Option<String> {
+        None
     }
 
     /// The provenance of a recording of this cloth with its handles at `handles` `[m]`,
@@ -67,5 +65,5 @@ pub trait Workshop: Send {
         &mut self,
         order: &Order,
         progress: &mut dyn FnMut(String) -> ControlFlow<()>,
-    ) -> Result<Box<dyn ReadyCloth>, LiveError>;
+    ) -> Result<Box<ReadyCloth>, LiveError>;
 }

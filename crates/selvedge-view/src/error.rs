@@ -1,5 +1,7 @@
 //! The reasons why a picture could not be made.
 
+use std::fmt::Display;
+
 use thiserror::Error;
 
 /// The reason why a picture could not be made.
@@ -8,12 +10,6 @@ use thiserror::Error;
 pub enum ViewError {
     #[error("{0}")]
     Invalid(String),
-    #[error("{field} must be {expected}, found {found}")]
-    Setting {
-        field: &'static str,
-        expected: &'static str,
-        found: String,
-    },
     #[error("the PNG image could not be written: {0}")]
     Png(#[from] png::EncodingError),
     #[error("the GIF clip could not be written: {0}")]
@@ -24,6 +20,11 @@ impl ViewError {
     /// Nothing to show.
     pub(crate) fn empty_run() -> Self {
         Self::Invalid("the run has no frames: there is nothing to show".to_owned())
+    }
+
+    /// A setting that is not as `expected`.
+    pub(crate) fn setting(field: &str, expected: &str, found: impl Display) -> Self {
+        Self::Invalid(format!("{field} must be {expected}, found {found}"))
     }
 
     /// No run to show.

@@ -1,18 +1,18 @@
-//! A cloth of a scene that is ready to be moved, by the physics or by a model.
+//! The movers of a cloth of a scene: the physics, and a model.
 
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use selvedge_cloth::{Cloth, Environment, HandlePath, Motion, RecordedMotion, Scene, SceneError};
+use selvedge_cloth::{Cloth, Environment, Motion, RecordedMotion, Scene};
 use selvedge_data::{Provenance, SavedState, SceneSpec};
 use selvedge_lab::physics;
-use selvedge_live::{Body, Hold, LiveError, LiveStepper, Mover, MoverKind, ReadyCloth, Start};
+use selvedge_live::{Hold, LiveError, LiveStepper, Mover, MoverKind, Movers, Start};
 use selvedge_model::{Aspect, Domain, DomainWatch, Model};
 
 use super::movers::{LiveModel, LivePhysics, ModelOnMachine};
 
 /// A scene with its rest pose and a model.
-pub(super) struct SceneCloth {
+pub(super) struct SceneMovers {
     /// The scene as it is written beside recordings.
     pub(super) spec: SceneSpec,
     /// The scene with its own motion.
@@ -22,44 +22,12 @@ pub(super) struct SceneCloth {
     /// The cloth, with the rest pose.
     pub(super) cloth: Arc<Cloth>,
     pub(super) start: SavedState,
-    /// The bodies beside the cloth.
-    pub(super) bodies: Vec<Body>,
     pub(super) model_name: String,
     /// The model, for the learned mover.
     pub(super) model: ModelOnMachine,
-    /// Remarks for people.
-    pub(super) remarks: Vec<String>,
 }
 
-impl ReadyCloth for SceneCloth {
-    fn cloth(&self) -> &Cloth {
-        &self.cloth
-    }
-
-    fn frame_rate(&self) -> f64 {
-        self.scene.frame_rate
-    }
-
-    fn environment(&self) -> Environment {
-        self.scene.environment
-    }
-
-    fn scene_path(&self) -> Result<HandlePath, SceneError> {
-        self.scene.handle_path()
-    }
-
-    fn start_frame(&self) -> usize {
-        self.start.frame
-    }
-
-    fn remarks(&self) -> &[String] {
-        &self.remarks
-    }
-
-    fn bodies(&self) -> &[Body] {
-        &self.bodies
-    }
-
+impl Movers for SceneMovers {
     fn remark_on(&self, mover: Mover, hold: &Hold, places: &[DVec3]) -> Option<String> {
         let is_moved_by_it = mover.kinds().contains(&MoverKind::Model);
         let start = hold.handles.select(&self.start.positions);

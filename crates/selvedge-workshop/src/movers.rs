@@ -245,7 +245,7 @@ mod tests {
     use std::ops::ControlFlow;
 
     /// The cloth of the default scene, and its handles.
-    fn ready() -> (Box<dyn ReadyCloth>, Hold) {
+    fn ready() -> (Box<ReadyCloth>, Hold) {
         let mut workshop = SceneWorkshop::new("default", &[], Machine::Cpu).unwrap();
         let order = Order {
             model: "paper".to_owned(),
@@ -255,8 +255,8 @@ mod tests {
             .prepare(&order, &mut |_| ControlFlow::Continue(()))
             .unwrap();
         let hold = Hold {
-            handles: ready.cloth().handles().clone(),
-            environment: ready.environment(),
+            handles: ready.cloth.handles().clone(),
+            environment: ready.environment,
         };
         (ready, hold)
     }
@@ -272,7 +272,7 @@ mod tests {
     /// largest distance of a vertex over ten frames after ten `[m]`.
     fn difference(kind: MoverKind) -> f32 {
         let (ready, hold) = ready();
-        let mut one = ready.start(kind, Start::Beginning, &hold).unwrap();
+        let mut one = ready.movers.start(kind, Start::Beginning, &hold).unwrap();
         let start = hold.handles.select(one.positions());
         for frame in 1..=10 {
             one.step(&pulled(&start, frame)).unwrap();
@@ -291,7 +291,7 @@ mod tests {
     fn movers_conform() {
         let (ready, hold) = ready();
         for kind in [MoverKind::Model, MoverKind::Physics] {
-            let make = || ready.start(kind, Start::Beginning, &hold).unwrap();
+            let make = || ready.movers.start(kind, Start::Beginning, &hold).unwrap();
             // The physics of the viewer holds by springs.
             let end = match kind {
                 MoverKind::Physics => HandlesEnd::Elsewhere,
@@ -313,10 +313,11 @@ mod tests {
     fn a_model_that_is_shaken_keeps_its_edges() {
         let (ready, hold) = ready();
         let mut stepper = ready
+            .movers
             .start(MoverKind::Model, Start::Beginning, &hold)
             .unwrap();
         let start = hold.handles.select(stepper.positions());
-        let material = ready.cloth().material_coordinates();
+        let material = ready.cloth.material_coordinates();
         let mut worst = 0.0_f32;
         for frame in 0..60 {
             // To and fro by half a metre, at eight times the speed of any motion learned from.

@@ -47,13 +47,13 @@ fn another_mesh_has_its_own_handles_and_is_said_to_be_beyond_training() {
         ..workshop.first_order()
     };
     let ready = workshop.prepare(&order, &mut go_on).unwrap();
-    assert!(ready.cloth().handles().len() > 2);
-    assert!(ready.remarks().join("; ").contains("a guess"));
+    assert!(ready.cloth.handles().len() > 2);
+    assert!(ready.remarks.join("; ").contains("a guess"));
     // The one that it was trained on is not.
     let first = workshop.first_order();
     let ready = workshop.prepare(&first, &mut go_on).unwrap();
-    assert!(ready.remarks().is_empty(), "{:?}", ready.remarks());
-    assert_eq!(ready.cloth().handles().len(), 2);
+    assert!(ready.remarks.is_empty(), "{:?}", ready.remarks);
+    assert_eq!(ready.cloth.handles().len(), 2);
 }
 
 #[test]
@@ -68,12 +68,12 @@ fn hands_beyond_training_are_said_while_the_model_moves_the_cloth() {
     };
     let ready = workshop.prepare(&order, &mut go_on).unwrap();
     let hold = Hold {
-        handles: ready.cloth().handles().clone(),
-        environment: ready.environment(),
+        handles: ready.cloth.handles().clone(),
+        environment: ready.environment,
     };
-    let at_rest = hold.handles.select(ready.cloth().rest_positions());
+    let at_rest = hold.handles.select(ready.cloth.rest_positions());
     let mut places: Vec<DVec3> = at_rest.iter().map(|p| p.as_dvec3()).collect();
-    let remark = |mover, places: &[DVec3]| ready.remark_on(mover, &hold, places);
+    let remark = |mover, places: &[DVec3]| ready.movers.remark_on(mover, &hold, places);
     assert_eq!(remark(Mover::Model, &places), None);
     places[0].y += 0.6;
     let said = remark(Mover::Model, &places).unwrap();
@@ -100,7 +100,7 @@ fn a_cloth_whose_rest_pose_is_not_needed_is_shown_without_a_search() {
         let mut workshop = SceneWorkshop::new(&name, &[], Machine::Cpu).unwrap();
         let order = workshop.first_order();
         let ready = workshop.prepare(&order, &mut |_| flow)?;
-        Ok::<_, LiveError>((ready.remarks().join("; "), ready.cloth().clone()))
+        Ok::<_, LiveError>((ready.remarks.join("; "), ready.cloth))
     };
     let (held, on) = ("{ label = \"upper-corners\" }", ControlFlow::Continue(()));
     let hasty = "sag = { max_steps = 3 }\n";

@@ -23,7 +23,7 @@ use selvedge_model::Model;
 use selvedge_sim::{FitProgress, SagError};
 
 use super::bodies;
-use super::cloth::SceneCloth;
+use super::cloth::SceneMovers;
 use super::movers::ModelOnMachine;
 
 /// Numbers of vertices to choose from; the shipped model's is among them.
@@ -77,7 +77,7 @@ impl SceneWorkshop {
         &self,
         order: &Order,
         progress: &mut dyn FnMut(String) -> ControlFlow<()>,
-    ) -> anyhow::Result<SceneCloth> {
+    ) -> anyhow::Result<ReadyCloth> {
         // Only what was named at the start may be opened, whatever a page asks for.
         if !self.scenes.contains(&order.scene) {
             bail!("there is no scene {:?} here", order.scene);
@@ -102,20 +102,27 @@ impl SceneWorkshop {
             ..scene.clone()
         };
         remarks.extend(beyond_training(&name, &model, &led)?);
-        let bodies = bodies::of(&scene);
-        Ok(SceneCloth {
-            cloth: Arc::new(Cloth::of_scene(&scene, physics::rounded(&rest))?),
-            spec,
-            scene,
-            led: Arc::new(led),
-            start,
-            bodies,
-            model_name: name,
-            model: ModelOnMachine {
-                model,
-                machine: self.machine.clone(),
-            },
+        let cloth = Arc::new(Cloth::of_scene(&scene, physics::rounded(&rest))?);
+        Ok(ReadyCloth {
+            cloth: Arc::clone(&cloth),
+            frame_rate: scene.frame_rate,
+            environment: scene.environment,
+            scene_path: Arc::new(scene.handle_path()?),
+            start_frame: start.frame,
             remarks,
+            bodies: bodies::of(&scene),
+            movers: Box::new(SceneMovers {
+                spec,
+                scene,
+                led: Arc::new(led),
+                cloth,
+                start,
+                model_name: name,
+                model: ModelOnMachine {
+                    model,
+                    machine: self.machine.clone(),
+                },
+            }),
         })
     }
 }
@@ -191,11 +198,10 @@ impl Workshop for SceneWorkshop {
         &mut self,
         order: &Order,
         progress: &mut dyn FnMut(String) -> ControlFlow<()>,
-    ) -> Result<Box<dyn ReadyCloth>, LiveError> {
-        match self.make_ready(order, progress) {
-            Ok(ready) => Ok(Box::new(ready)),
-            Err(error) => Err(LiveError::new(cause::chain(error.as_ref()))),
-        }
+    ) -> Result<Box<ReadyCloth>, LiveError> {
+        let made = self.make_ready(order, progress);
+        made.map(Box::new)
+            .map_err(|error| LiveError::new(cause::chain(error.as_ref())))
     }
 }
 

@@ -48,9 +48,9 @@ pub unsafe extern "C" fn selvedge_stepper_counts(
             faces: now.topology().faces().len() as u64,
             handles: now.handles().len() as u64,
             samples: cloth.samples() as u64,
-            motion_frames: cloth.frames() as u64,
+            motion_frames: cloth.path.frame_count() as u64,
             frame: now.frame() as u64,
-            frame_rate: cloth.frame_rate(),
+            frame_rate: cloth.scene.frame_rate,
         };
         // SAFETY: as for this function.
         unsafe { put(out, "out", counts) }

@@ -20,9 +20,8 @@ use crate::geometry::turn;
 pub(super) struct SplinePath {
     /// Start positions, taken back by T(taken)⁻¹.
     origins: Vec<DVec3>,
-    /// The spline of each handle, if it follows one.
-    splines: Vec<Option<usize>>,
-    curves: Vec<Spline>,
+    /// Handles, and the spline that they follow.
+    groups: Vec<(Vec<usize>, Spline)>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -52,33 +51,31 @@ impl SplinePath {
         let holds = duration > 0.0 && duration <= LONGEST;
         require(holds, "duration", "positive and at most a day", duration)?;
         require(taken.is_finite(), "taken", "finite", taken)?;
-        let mut splines: Vec<Option<usize>> = vec![None; start.len()];
+        let mut owner: Vec<Option<usize>> = vec![None; start.len()];
         let mut origins = start.to_vec();
-        let mut curves = Vec::with_capacity(motion.groups.len());
+        let mut groups = Vec::with_capacity(motion.groups.len());
         for (number, group) in motion.groups.iter().enumerate() {
-            claim_handles(number, &group.handles, &mut splines)?;
+            claim_handles(number, &group.handles, &mut owner)?;
             let spline = Spline::new(number, &group.keyframes)?;
             let taken = spline.at(taken);
             for &handle in &group.handles {
                 origins[handle] = taken.take_back(start[handle]);
             }
-            curves.push(spline);
+            groups.push((group.handles.clone(), spline));
         }
-        Ok(Self {
-            origins,
-            splines,
-            curves,
-        })
+        Ok(Self { origins, groups })
     }
 
     /// Positions at `time` `[s]`.
     pub(super) fn at(&self, time: f64) -> Vec<DVec3> {
-        let poses: Vec<Pose> = self.curves.iter().map(|spline| spline.at(time)).collect();
-        let place = |(origin, spline): (&DVec3, &Option<usize>)| match spline {
-            Some(spline) => poses[*spline].apply(*origin),
-            None => *origin,
-        };
-        self.origins.iter().zip(&self.splines).map(place).collect()
+        let mut places = self.origins.clone();
+        for (handles, spline) in &self.groups {
+            let pose = spline.at(time);
+            for &handle in handles {
+                places[handle] = pose.apply(places[handle]);
+            }
+        }
+        places
     }
 }
 
@@ -92,16 +89,9 @@ impl Spline {
         for (k, keyframe) in keyframes.iter().enumerate() {
             let mut pose = check_pose(group, k, keyframe)?;
             if let Some(last) = points.last() {
-                let (time, field) = (
-                    keyframe.time,
-                    format!("groups[{group}].keyframes[{k}].time"),
-                );
-                require(
-                    time > last.time,
-                    field,
-                    "later than the keyframe before",
-                    time,
-                )?;
+                let (time, expected) = (keyframe.time, "later than the keyframe before");
+                let field = format!("groups[{group}].keyframes[{k}].time");
+                require(time > last.time, field, expected, time)?;
                 // q and -q are the same rotation: the nearer one is meant.
                 if last.pose.rotation.dot(pose.rotation) < 0.0 {
                     pose.rotation = -pose.rotation;

@@ -40,7 +40,7 @@ mod receive;
 mod send;
 
 pub use receive::{ClientMessage, Command, Drag, Push, WireError, decode};
-pub use send::{FrameParts, Hello, cloth, file, frame, json};
+pub use send::{FrameParts, Hello, cloth, file, frame, hello, json};
 
 /// The version of these messages; a page of another version is told to reload.
 pub const VERSION: u8 = 3;

@@ -20,7 +20,7 @@ pub struct Hello<'a> {
 }
 
 /// The parts of a frame.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct FrameParts<'a> {
     /// The generation of its cloth.
     pub generation: u32,
@@ -31,13 +31,13 @@ pub struct FrameParts<'a> {
     /// The last drag that this frame follows: the page, and its number.
     pub drag: [u32; 2],
     /// The vertices of the handles, and their goals `[m]`.
-    pub goals: &'a [(u32, DVec3)],
+    pub goals: Vec<(u32, DVec3)>,
     /// Positions `[m]`, `[tracks][vertices]`.
-    pub tracks: &'a [&'a [Vec3]],
+    pub tracks: Vec<&'a [Vec3]>,
     /// Points of all bodies `[m]`.
-    pub bodies: &'a [Vec3],
+    pub bodies: Vec<Vec3>,
     /// Smallest gaps of the vertices `[m]`, `[tracks][vertices]`, or nothing.
-    pub gaps: &'a [Vec<f32>],
+    pub gaps: Vec<Vec<f32>>,
 }
 
 /// A message of `kind` with `value` as JSON.
@@ -51,31 +51,37 @@ pub fn json<T: Serialize>(kind: u8, value: &T) -> Vec<u8> {
     bytes
 }
 
+/// The greeting of the page that is `client`.
+pub fn hello(client: u32, catalogue: &Catalogue) -> Vec<u8> {
+    let program = concat!("selvedge ", env!("CARGO_PKG_VERSION"));
+    json(
+        kind::HELLO,
+        &Hello {
+            client,
+            program,
+            catalogue,
+        },
+    )
+}
+
 /// The cloth of a generation, and the bodies beside it.
 pub fn cloth(generation: u32, cloth: &Cloth, bodies: &[Body]) -> Vec<u8> {
     let faces = cloth.topology().face_indices();
     let pattern = cloth.pattern();
-    let coordinates = pattern.points();
-    let size = 20 + 24 * faces.len() + 8 * coordinates.len();
+    let points = pattern.points();
+    let size = 20 + 24 * faces.len() + 8 * points.len();
     let mut bytes = header(kind::CLOTH, size);
-    let counts = [cloth.vertex_count(), faces.len(), coordinates.len()];
-    for word in std::iter::once(generation).chain(counts.map(|count| count as u32)) {
-        bytes.extend_from_slice(&word.to_le_bytes());
-    }
-    for word in [faces, pattern.corners()].concat().as_flattened() {
-        bytes.extend_from_slice(&word.to_le_bytes());
-    }
-    for point in coordinates {
-        bytes.extend_from_slice(&point.x.to_le_bytes());
-        bytes.extend_from_slice(&point.y.to_le_bytes());
-    }
-    bytes.extend_from_slice(&(bodies.len() as u32).to_le_bytes());
+    put(&mut bytes, [generation]);
+    let counts = [cloth.vertex_count(), faces.len(), points.len()];
+    put(&mut bytes, counts.map(|count| count as u32));
+    put(&mut bytes, faces.into_iter().flatten());
+    put(&mut bytes, pattern.corners().into_iter().flatten());
+    put(&mut bytes, points.iter().flat_map(|p| bits(p.to_array())));
+    put(&mut bytes, [bodies.len() as u32]);
     for body in bodies {
         let counts = [body.kind as usize, body.points, body.faces.len()];
-        let numbers = counts.into_iter().map(|count| count as u32);
-        for word in numbers.chain(body.faces.as_flattened().iter().copied()) {
-            bytes.extend_from_slice(&word.to_le_bytes());
-        }
+        put(&mut bytes, counts.map(|count| count as u32));
+        put(&mut bytes, body.faces.iter().copied().flatten());
     }
     bytes
 }
@@ -83,7 +89,7 @@ pub fn cloth(generation: u32, cloth: &Cloth, bodies: &[Body]) -> Vec<u8> {
 /// A file for the page to save.
 pub fn file(name: &str, contents: &[u8]) -> Vec<u8> {
     let mut bytes = header(kind::FILE, 8 + name.len() + contents.len());
-    bytes.extend_from_slice(&(name.len() as u32).to_le_bytes());
+    put(&mut bytes, [name.len() as u32]);
     bytes.extend_from_slice(name.as_bytes());
     bytes.extend_from_slice(contents);
     bytes
@@ -96,32 +102,24 @@ pub fn frame(parts: &FrameParts<'_>) -> Vec<u8> {
     let points = vertices * parts.tracks.len() + parts.bodies.len();
     let size = 44 + 16 * parts.goals.len() + 12 * points + 4 * gaps;
     let mut bytes = header(kind::FRAME, size);
-    let [client, drag] = parts.drag;
-    for word in [
-        parts.generation,
-        parts.number,
-        (parts.time as f32).to_bits(),
-        client,
-        drag,
-        parts.goals.len() as u32,
-        parts.tracks.len() as u32,
-        vertices as u32,
-        parts.bodies.len() as u32,
-        gaps as u32,
-    ] {
-        bytes.extend_from_slice(&word.to_le_bytes());
+    let time = (parts.time as f32).to_bits();
+    put(&mut bytes, [parts.generation, parts.number, time]);
+    put(&mut bytes, parts.drag);
+    let (goals, tracks, bodies) = (parts.goals.len(), parts.tracks.len(), parts.bodies.len());
+    let counts = [goals, tracks, vertices, bodies, gaps];
+    put(&mut bytes, counts.map(|count| count as u32));
+    for (vertex, goal) in &parts.goals {
+        put(&mut bytes, [*vertex]);
+        put(&mut bytes, bits(goal.as_vec3().to_array()));
     }
-    for (vertex, goal) in parts.goals {
-        bytes.extend_from_slice(&vertex.to_le_bytes());
-        push(&mut bytes, goal.as_vec3());
+    let cloths = parts.tracks.iter().copied().flatten();
+    for point in cloths.chain(&parts.bodies) {
+        put(&mut bytes, bits(point.to_array()));
     }
-    let cloths = parts.tracks.iter().flat_map(|track| track.iter());
-    for position in cloths.chain(parts.bodies) {
-        push(&mut bytes, *position);
-    }
-    for gap in parts.gaps.iter().flatten() {
-        bytes.extend_from_slice(&gap.to_le_bytes());
-    }
+    put(
+        &mut bytes,
+        parts.gaps.iter().flatten().map(|gap| gap.to_bits()),
+    );
     bytes
 }
 
@@ -131,8 +129,12 @@ fn header(kind: u8, size: usize) -> Vec<u8> {
     bytes
 }
 
-fn push(bytes: &mut Vec<u8>, position: Vec3) {
-    for part in position.to_array() {
-        bytes.extend_from_slice(&part.to_le_bytes());
+fn put(bytes: &mut Vec<u8>, words: impl IntoIterator<Item = u32>) {
+    for word in words {
+        bytes.extend_from_slice(&word.to_le_bytes());
     }
+}
+
+fn bits<const N: usize>(numbers: [f32; N]) -> [u32; N] {
+    numbers.map(f32::to_bits)
 }

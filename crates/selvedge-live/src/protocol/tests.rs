@@ -129,10 +129,10 @@ fn cloths_and_frames_have_the_documented_layout() {
         number: 9,
         time: 0.5,
         drag: [2, 11],
-        goals: &[(1, DVec3::new(0.0, -1.0, 0.0))],
-        tracks: &[&track, &track],
-        bodies: &[Vec3::splat(5.0)],
-        gaps: &[vec![0.25; 3], vec![0.5; 3]],
+        goals: vec![(1, DVec3::new(0.0, -1.0, 0.0))],
+        tracks: vec![&track, &track],
+        bodies: vec![Vec3::splat(5.0)],
+        gaps: vec![vec![0.25; 3], vec![0.5; 3]],
     });
     assert_eq!(bytes.len(), 44 + 16 + 2 * 36 + 12 + 24);
     let header = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9].map(|k| word(&bytes, 1 + k));

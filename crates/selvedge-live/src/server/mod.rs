@@ -7,13 +7,12 @@
 mod gate;
 mod listener;
 mod page;
-mod shared;
 mod socket;
 
 use std::io;
 use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread::JoinHandle;
 
 use axum::Router;
@@ -23,14 +22,15 @@ use axum::http::{HeaderValue, Method, StatusCode, header};
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use axum::routing::any;
-use tokio::sync::watch;
+use tokio::sync::{Semaphore, watch};
 
 use self::gate::Gate;
 use self::listener::BoundedListener;
-pub use self::shared::MOST_PAGES;
-use self::shared::Shared;
 use crate::protocol::{LONGEST, SUBPROTOCOL};
-use crate::session::RunningSession;
+use crate::session::{RunningSession, SessionPort};
+
+/// Pages that may watch at once.
+pub const MOST_PAGES: usize = 32;
 
 /// The address of a server, and its names.
 #[derive(Clone, Debug)]
@@ -48,6 +48,19 @@ pub struct RunningServer {
     thread: JoinHandle<()>,
 }
 
+/// The session that is served, and the counters of its pages: what all connections share.
+#[derive(Clone)]
+struct Shared {
+    session: SessionPort,
+    gate: Arc<Gate>,
+    /// Room for pages that watch.
+    places: Arc<Semaphore>,
+    next_client: Arc<AtomicU32>,
+    /// True when the server ends.
+    stop: watch::Receiver<bool>,
+    viewers: Arc<watch::Sender<usize>>,
+}
+
 /// Connections at once: a browser opens a few per page before it has its socket.
 const MOST_CONNECTIONS: usize = 128;
 
@@ -57,10 +70,15 @@ pub fn serve(settings: ServerSettings, session: &RunningSession) -> io::Result<R
     listener.set_nonblocking(true)?;
     let address = listener.local_addr()?;
     let (stop, stopped) = watch::channel(false);
-    let gate = Gate {
-        names: settings.names,
+    let names = settings.names;
+    let shared = Shared {
+        session: session.port().clone(),
+        gate: Arc::new(Gate { names }),
+        places: Arc::new(Semaphore::new(MOST_PAGES)),
+        next_client: Arc::new(AtomicU32::new(1)),
+        stop: stopped,
+        viewers: Arc::new(watch::channel(0).0),
     };
-    let shared = Shared::new(session.port().clone(), gate, stopped);
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()?;
@@ -138,11 +156,7 @@ async fn file(request: Request) -> Response {
         return (StatusCode::METHOD_NOT_ALLOWED, "only GET is answered").into_response();
     }
     match page::at(request.uri().path()) {
-        Some(file) => (
-            [(header::CONTENT_TYPE, file.content_type)],
-            Body::from(file.bytes),
-        )
-            .into_response(),
+        Some((kind, bytes)) => ([(header::CONTENT_TYPE, kind)], Body::from(bytes)).into_response(),
         None => (StatusCode::NOT_FOUND, "there is no such file").into_response(),
     }
 }

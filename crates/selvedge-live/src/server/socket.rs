@@ -1,11 +1,10 @@
 //! One page: its messages are checked and passed on, and it gets the latest of everything, as fast
 //! as it takes it up.
 //!
-//! A page says of each frame when it has taken it up; while [`AHEAD`] frames are on their way no
-//! other is sent, so that a slow page skips frames and never falls behind. A page with a message
-//! that is refused, or with too many, is told the reason and closed. A page that takes nothing for
-//! [`PATIENCE`] is dropped.
+//! A page with a message that is refused, or with too many, is told the reason and closed. A page
+//! that takes nothing for [`PATIENCE`] is dropped.
 
+use std::convert::Infallible;
 use std::sync::mpsc::TrySendError;
 use std::time::Duration;
 
@@ -13,12 +12,10 @@ use axum::extract::ws::{CloseCode, CloseFrame, Message, WebSocket, close_code};
 use bytes::Bytes;
 use tokio::time::{Instant, timeout};
 
-use crate::protocol::{self, ClientMessage, Hello, kind};
-use crate::server::shared::Shared;
-use crate::session::{Inlets, Request};
+use crate::protocol::{self, ClientMessage};
+use crate::server::Shared;
+use crate::session::{Feed, Request};
 
-/// Frames on their way to a page at most.
-const AHEAD: u32 = 3;
 /// The time in which a page reads a message.
 const PATIENCE: Duration = Duration::from_secs(10);
 /// Messages per second that a page may send for long, and at once.
@@ -48,12 +45,9 @@ impl Closing {
 }
 
 /// Serves one page until it goes.
-pub(crate) async fn watch(mut socket: WebSocket, client: u32, shared: Shared) {
+pub(super) async fn watch(mut socket: WebSocket, client: u32, shared: Shared) {
     count(&shared, 1, None).await;
-    let closing = match talk(&mut socket, client, &shared).await {
-        Ok(never) => match never {},
-        Err(closing) => closing,
-    };
+    let Err(closing) = talk(&mut socket, client, &shared).await;
     let frame = CloseFrame {
         code: closing.code,
         reason: closing.reason.into(),
@@ -83,22 +77,13 @@ async fn count(shared: &Shared, change: isize, gone: Option<u32>) {
     }
 }
 
-enum Never {}
-
 /// Talks with a page until there is a reason to close it.
-async fn talk(socket: &mut WebSocket, client: u32, shared: &Shared) -> Result<Never, Closing> {
-    let hello = Hello {
-        client,
-        program: concat!("selvedge ", env!("CARGO_PKG_VERSION")),
-        catalogue: &shared.session.catalogue,
-    };
-    send(socket, protocol::json(kind::HELLO, &hello).into()).await?;
-    let mut latest = shared.session.inlets.clone();
+async fn talk(socket: &mut WebSocket, client: u32, shared: &Shared) -> Result<Infallible, Closing> {
+    let hello = protocol::hello(client, &shared.session.catalogue);
+    send(socket, hello.into()).await?;
+    let mut feed = Feed::new(shared.session.inlets.clone());
+    let mut allowance = Allowance::new();
     let mut stop = shared.stop.clone();
-    latest.state.mark_changed();
-    latest.frame.mark_changed();
-    let mut shown = 0;
-    let mut intake = Intake::new();
     loop {
         tokio::select! {
             biased;
@@ -106,21 +91,21 @@ async fn talk(socket: &mut WebSocket, client: u32, shared: &Shared) -> Result<Ne
                 return Err(Closing::new(close_code::AWAY, "the program has ended"));
             }
             message = socket.recv() => {
-                if let Some(message) = intake.take(received(message)?)? {
+                if let Some(message) = taken(received(message)?, &mut feed, &mut allowance)? {
                     pass_on(shared, client, message)?;
                 }
             }
-            changed = latest.state.changed() => {
+            changed = feed.inlets.state.changed() => {
                 changed.map_err(|_| over())?;
-                let bytes = latest.state.borrow_and_update().bytes.clone();
-                // Empty where the session has not said anything yet.
-                if !bytes.is_empty() {
-                    send(socket, bytes).await?;
+                if let Some(state) = feed.state() {
+                    send(socket, state).await?;
                 }
             }
-            changed = latest.frame.changed(), if intake.on_the_way < AHEAD => {
+            changed = feed.inlets.frame.changed(), if feed.has_room() => {
                 changed.map_err(|_| over())?;
-                intake.on_the_way += send_frame(socket, &mut latest, &mut shown).await?;
+                for message in feed.frame() {
+                    send(socket, message).await?;
+                }
             }
         }
     }
@@ -134,30 +119,6 @@ fn received(message: Option<Result<Message, axum::Error>>) -> Result<Message, Cl
         Some(Err(error)) => Err(Closing::new(close_code::SIZE, error.to_string())),
         None => Err(Closing::gone()),
     }
-}
-
-/// Sends the latest frame, and before it the cloth where that is not the one of the generation
-/// `shown`. Returns the number of frames sent, 0 or 1.
-async fn send_frame(
-    socket: &mut WebSocket,
-    latest: &mut Inlets,
-    shown: &mut u32,
-) -> Result<u32, Closing> {
-    let frame = latest.frame.borrow_and_update().clone();
-    if frame.number == 0 {
-        return Ok(0);
-    }
-    if frame.generation != *shown {
-        let cloth = latest.cloth.borrow_and_update().clone();
-        send(socket, cloth.bytes).await?;
-        *shown = cloth.generation;
-    }
-    // The cloth may have changed once more since: its own frame is to come.
-    if frame.generation != *shown {
-        return Ok(0);
-    }
-    send(socket, frame.bytes).await?;
-    Ok(1)
 }
 
 /// Waits until the program is to end.
@@ -178,33 +139,19 @@ async fn send(socket: &mut WebSocket, bytes: Bytes) -> Result<(), Closing> {
     }
 }
 
-/// The messages from a page, and its allowance of more.
-struct Intake {
-    /// Frames that it has not answered yet.
-    on_the_way: u32,
-    allowance: Allowance,
-}
-
-impl Intake {
-    fn new() -> Self {
-        Self {
-            on_the_way: 0,
-            allowance: Allowance::new(),
-        }
+/// Returns the part of a message that is passed on. The answer to a frame costs nothing: there are
+/// no more answers than frames.
+fn taken(
+    message: Message,
+    feed: &mut Feed,
+    allowance: &mut Allowance,
+) -> Result<Option<ClientMessage>, Closing> {
+    let message = read(message)?;
+    let is_answer = matches!(message, Some(ClientMessage::Ready(_)));
+    if !(is_answer && feed.answered()) {
+        allowance.spend()?;
     }
-
-    /// Returns the part of a message that is passed on. The answer to a frame costs nothing: there
-    /// are no more answers than frames.
-    fn take(&mut self, message: Message) -> Result<Option<ClientMessage>, Closing> {
-        let message = read(message)?;
-        let is_answer = matches!(message, Some(ClientMessage::Ready(_)));
-        if is_answer && self.on_the_way > 0 {
-            self.on_the_way -= 1;
-            return Ok(None);
-        }
-        self.allowance.spend()?;
-        Ok(message.filter(|_| !is_answer))
-    }
+    Ok(message.filter(|_| !is_answer))
 }
 
 /// Reads what a page sent.
@@ -268,20 +215,24 @@ impl Allowance {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn ready() -> Message {
-        Message::Binary(vec![protocol::VERSION, kind::READY, 0, 0, 1, 0, 0, 0].into())
-    }
+    use crate::protocol::{VERSION, kind};
+    use crate::session::Outlets;
 
     #[test]
     fn answers_to_frames_are_not_counted_as_messages_and_others_are() {
-        let mut intake = Intake::new();
+        let (mut outlets, inlets) = Outlets::new();
+        let (mut feed, mut allowance) = (Feed::new(inlets), Allowance::new());
+        outlets.publish_cloth(|_| vec![2]);
+        let mut answer = |feed: &mut Feed| {
+            let ready = vec![VERSION, kind::READY, 0, 0, 1, 0, 0, 0];
+            taken(Message::Binary(ready.into()), feed, &mut allowance)
+        };
         for _ in 0..100_000 {
-            intake.on_the_way = 1;
-            assert!(intake.take(ready()).is_ok_and(|passed| passed.is_none()));
-            assert_eq!(intake.on_the_way, 0);
+            outlets.publish_frame(|_, _| vec![4]);
+            assert!(feed.frame().ends_with(&[vec![4].into()]));
+            assert!(answer(&mut feed).is_ok_and(|passed| passed.is_none()));
         }
-        let mut refused = (0..100_000).filter_map(|_| intake.take(ready()).err());
+        let mut refused = (0..100_000).filter_map(|_| answer(&mut feed).err());
         let closing = refused.next().map(|closing| closing.code);
         assert_eq!(closing, Some(close_code::POLICY));
     }

@@ -50,7 +50,7 @@ impl Bodies {
     /// The bodies of a cloth at its beginning.
     pub(super) fn of(live: &LiveCloth) -> Self {
         let points = live.body_points();
-        let bodies = live.ready().bodies();
+        let bodies = &live.ready().bodies;
         let (mut first, mut ball, mut floor) = (0, None, None);
         for (number, body) in bodies.iter().enumerate() {
             let own = points.get(first..first + body.points).unwrap_or_default();
@@ -103,14 +103,9 @@ fn middle(points: &[Vec3]) -> DVec3 {
 }
 
 impl Session {
-    /// The bodies of the cloth on the table anew.
-    pub(super) fn lay_out_bodies(&mut self) {
-        self.bodies = self.showing.live().map(Bodies::of).unwrap_or_default();
-    }
-
     /// Leads the bodies over the next frame, at `rate` frames per second.
     pub(super) fn lead_bodies(&mut self, rate: f64) {
-        if let Some(live) = self.showing.live_mut() {
+        if let Some(live) = &mut self.showing.live {
             let (limits, impulses) = (&self.lead.limits, live.impulses());
             let offsets = self.bodies.advance(limits, 1.0 / rate, &impulses);
             live.lead_bodies(&offsets);
@@ -119,7 +114,7 @@ impl Session {
 
     /// Has hands and bodies stay where they were, where they had no way in the last frame.
     pub(super) fn wait_where_blocked(&mut self) {
-        let Some(live) = self.showing.live() else {
+        let Some(live) = &self.showing.live else {
             return;
         };
         let Some(offsets) = live.blocked() else {
@@ -132,7 +127,7 @@ impl Session {
         for (number, offset) in offsets.into_iter().enumerate() {
             self.bodies.hands.put(number, offset);
         }
-        let places = live.places(&live.hold().handles);
+        let places = live.places();
         for (handle, place) in places.into_iter().enumerate() {
             self.lead.hands.put(handle, place);
         }
@@ -140,8 +135,8 @@ impl Session {
 
     /// Leads a body so that the middle of its points goes to `goal` `[m]`.
     pub(super) fn lead_body(&mut self, number: usize, goal: DVec3) -> Result<(), Reason> {
-        let live = self.showing.live().ok_or(NO_CLOTH)?;
-        let bodies = live.ready().bodies();
+        let live = self.showing.live.as_ref().ok_or(NO_CLOTH)?;
+        let bodies = &live.ready().bodies;
         let kind = bodies.get(number).map(|body| body.kind);
         let first: usize = bodies.iter().take(number).map(|body| body.points).sum();
         let count = bodies.get(number).map_or(0, |body| body.points);
@@ -176,7 +171,7 @@ impl Session {
             )
             .into());
         }
-        let live = self.showing.live_mut().ok_or(NO_CLOTH)?;
+        let live = self.showing.live.as_mut().ok_or(NO_CLOTH)?;
         live.put_body(number, from - own)?;
         self.bodies.hands.put(number, from - own);
         self.bodies.flight = Some(Flight {
@@ -188,7 +183,7 @@ impl Session {
 
     /// Checks that the physics alone moves the cloth: a model does not see bodies.
     fn check_physics(&self) -> Result<(), Reason> {
-        let live = self.showing.live().ok_or(NO_CLOTH)?;
+        let live = self.showing.live.as_ref().ok_or(NO_CLOTH)?;
         match live.mover() {
             crate::mover::Mover::Physics => Ok(()),
             _ => Err("a learned model does not see bodies: let the physics move the cloth".into()),

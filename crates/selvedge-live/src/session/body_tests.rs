@@ -15,7 +15,7 @@ fn with_bodies(mover: Mover) -> Session {
     session(
         TestCloth {
             bodies,
-            ..TestCloth::new()
+            ..TestCloth::default()
         },
         mover,
     )
@@ -23,7 +23,7 @@ fn with_bodies(mover: Mover) -> Session {
 
 /// The middle of the body of that number `[m]`.
 fn middle(session: &Session, number: usize) -> DVec3 {
-    let points = session.showing.live().unwrap().body_points();
+    let points = session.showing.live.as_ref().unwrap().body_points();
     let own = &points[3 * number..3 * number + 3];
     own.iter().map(|p| p.as_dvec3()).sum::<DVec3>() / 3.0
 }
@@ -85,7 +85,7 @@ fn a_ball_takes_what_it_gives_by_its_mass() {
     let cloth = TestCloth {
         bodies: vec![body(BodyKind::Ball)],
         push,
-        ..TestCloth::new()
+        ..TestCloth::default()
     };
     let mut sees = session(cloth, Mover::Physics);
     throw(&mut sees, DVec3::new(-2.0, 1.0, 0.0), DVec3::Z * 5.0);
@@ -127,7 +127,7 @@ fn what_cannot_be_thrown_or_led_is_told() {
     let mut blind = with_bodies(Mover::Model);
     throw(&mut blind, DVec3::ZERO, DVec3::ZERO);
     assert_told(&blind, "does not see bodies");
-    let mut bare = session(TestCloth::new(), Mover::Physics);
+    let mut bare = session(TestCloth::default(), Mover::Physics);
     throw(&mut bare, DVec3::ZERO, DVec3::ZERO);
     assert_told(&bare, "no ball here");
 }
@@ -140,7 +140,7 @@ fn a_cloth_is_dropped_and_gaps_are_told_where_they_are_wanted() {
     assert!(session.state().gaps);
     assert_eq!(session.showing.gaps(), [vec![0.25; 4]]);
     ask(&mut session, Command::Drop);
-    let live = session.showing.live().unwrap();
+    let live = session.showing.live.as_ref().unwrap();
     assert!(live.hold().handles.is_empty());
     session.advance();
 }
@@ -157,10 +157,10 @@ fn a_recording_keeps_the_bodies_and_a_ball_that_was_thrown() {
             throw(&mut session, DVec3::new(-2.0, 1.0, 0.0), DVec3::Z * 5.0);
         }
         ask(&mut session, Command::Record);
-        let mut seen = vec![session.showing.live().unwrap().body_points()];
+        let mut seen = vec![session.showing.live.as_ref().unwrap().body_points()];
         for _ in 0..5 {
             session.advance();
-            seen.push(session.showing.live().unwrap().body_points());
+            seen.push(session.showing.live.as_ref().unwrap().body_points());
         }
         ask(&mut session, Command::StopRecording);
         let recorded = Trajectory::read(&session.recordings.files[0]).unwrap();

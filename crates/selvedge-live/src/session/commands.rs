@@ -4,6 +4,7 @@ use glam::DVec3;
 use selvedge_cloth::Handles;
 use web_time::Instant;
 
+use super::bodies::Bodies;
 use super::{Request, Session};
 use crate::hand::{HandLimits, Hands};
 use crate::live_cloth::LiveCloth;
@@ -100,7 +101,9 @@ impl Session {
                 acceleration,
             } => self.lead.limits = HandLimits::clamped(speed, acceleration),
             Command::Hold { vertices } => return self.hold(&vertices),
-            Command::LetGo { vertices } => return self.let_go(&vertices),
+            Command::LetGo { vertices } => {
+                return self.change_held(|held| held.retain(|v| !vertices.contains(v)));
+            }
             Command::Motion { name } => return self.follow(name),
             Command::StopMotion => self.unfollow(),
             Command::Record => return self.record(),
@@ -111,7 +114,7 @@ impl Session {
             }
             Command::Live => self.go_live(),
             Command::Seek { frame } => {
-                if let Some(player) = self.showing.player_mut() {
+                if let Some(player) = &mut self.showing.player {
                     player.seek(frame);
                     self.publish_frame();
                 }
@@ -123,7 +126,7 @@ impl Session {
             Command::Throw { from, velocity } => {
                 return self.throw(DVec3::from_array(from), DVec3::from_array(velocity));
             }
-            Command::Drop => return self.drop_cloth(),
+            Command::Drop => return self.change_held(Vec::clear),
             Command::Gaps { shown } => {
                 self.shows_gaps = shown;
                 self.publish_frame();
@@ -167,12 +170,12 @@ impl Session {
     }
 
     /// Puts a cloth that is ready on the table.
-    fn lay_out(&mut self, order: Order, ready: Box<dyn ReadyCloth>) -> Result<(), Reason> {
+    fn lay_out(&mut self, order: Order, ready: Box<ReadyCloth>) -> Result<(), Reason> {
         self.stop_recording();
         self.busy = None;
-        let before = self.showing.live();
+        let before = self.showing.live.as_ref();
         let mover = before.map_or(self.mover, LiveCloth::mover);
-        let remarks = ready.remarks().join("; ");
+        let remarks = ready.remarks.join("; ");
         let (mut live, problem) = LiveCloth::new(ready, mover)?;
         if let (Some(before), true) = (before, order.scene == self.order.scene) {
             // Another mesh or material in the same wind.
@@ -183,10 +186,8 @@ impl Session {
         }
         self.order = order;
         self.lead.reach = None;
-        self.lead.following = None;
-        self.lead.hands = Hands::at(&live.places(&live.hold().handles));
-        self.showing = super::Showing::Live(live);
-        self.lay_out_bodies();
+        (self.showing.player, self.showing.live) = (None, Some(live));
+        self.begin();
         self.publish_cloth();
         match problem {
             Some(problem) => self.notify(Level::Bad, problem.to_string()),
@@ -196,36 +197,35 @@ impl Session {
         Ok(())
     }
 
+    /// Hands and bodies are those of the cloth on the table at its beginning.
+    pub(super) fn begin(&mut self) {
+        self.lead.following = None;
+        if let Some(live) = &self.showing.live {
+            self.lead.hands = Hands::at(&live.places());
+            self.bodies = Bodies::of(live);
+        }
+    }
+
     fn reset(&mut self) -> Result<(), Reason> {
-        if let Some(player) = self.showing.player_mut() {
+        if let Some(player) = &mut self.showing.player {
             player.seek(0);
             self.publish_frame();
             return Ok(());
         }
         self.stop_recording();
-        let Some(live) = self.showing.live_mut() else {
+        let Some(live) = &mut self.showing.live else {
             return Ok(());
         };
-        live.restart(live.mover())?;
-        self.lead.following = None;
-        self.lead.hands = Hands::at(&live.places(&live.hold().handles));
-        self.lay_out_bodies();
+        live.restart()?;
+        self.begin();
         self.publish_frame();
         Ok(())
-    }
-
-    /// Lets all handles go.
-    fn drop_cloth(&mut self) -> Result<(), Reason> {
-        match self.held() {
-            Some(held) => self.let_go(&held),
-            None => Ok(()),
-        }
     }
 
     fn set_mover(&mut self, mover: Mover) -> Result<(), Reason> {
         self.mover = mover;
         self.stop_recording();
-        if let Some(live) = self.showing.live_mut() {
+        if let Some(live) = &mut self.showing.live {
             live.set_mover(mover)?;
             self.publish_frame();
         }
@@ -237,7 +237,7 @@ impl Session {
         if !wind.is_finite() || wind.length() > STRONGEST_WIND {
             return Err(format!("the wind is at most {STRONGEST_WIND} m/s").into());
         }
-        let Some(live) = self.showing.live_mut() else {
+        let Some(live) = &mut self.showing.live else {
             return Ok(());
         };
         if wind != live.hold().environment.wind {
@@ -248,13 +248,13 @@ impl Session {
     }
 
     fn drag(&mut self, client: u32, drag: &Drag) -> Result<(), Reason> {
-        if !matches!(self.showing, super::Showing::Live(_)) {
+        if self.showing.player.is_some() || self.showing.live.is_none() {
             return Ok(());
         }
         let vertices: Vec<u32> = drag.goals.iter().map(|(vertex, _)| *vertex).collect();
         self.hold(&vertices)?;
         self.unfollow();
-        if let Some(live) = self.showing.live() {
+        if let Some(live) = &self.showing.live {
             for (vertex, goal) in &drag.goals {
                 let mut handles = live.hold().handles.vertices().iter();
                 if let Some(handle) = handles.position(|v| v.0 == *vertex) {
@@ -266,53 +266,35 @@ impl Session {
         Ok(())
     }
 
-    /// The vertices that are held now; none without a cloth.
-    fn held(&self) -> Option<Vec<u32>> {
-        let handles = &self.showing.live()?.hold().handles;
-        Some(handles.vertices().iter().map(|v| v.0).collect())
-    }
-
     /// Holds vertices that are not held yet.
     fn hold(&mut self, vertices: &[u32]) -> Result<(), Reason> {
-        let Some(held) = self.held() else {
+        self.change_held(|held| {
+            for vertex in vertices {
+                if !held.contains(vertex) {
+                    held.push(*vertex);
+                }
+            }
+        })
+    }
+
+    /// Changes the list of the vertices that are held, if there is a cloth.
+    fn change_held(&mut self, change: impl FnOnce(&mut Vec<u32>)) -> Result<(), Reason> {
+        let Some(live) = &self.showing.live else {
             return Ok(());
         };
+        let handles = live.hold().handles.vertices().iter();
+        let held: Vec<u32> = handles.map(|v| v.0).collect();
         let mut all = held.clone();
-        for vertex in vertices {
-            if !all.contains(vertex) {
-                all.push(*vertex);
-            }
-        }
-        if all.len() == held.len() {
+        change(&mut all);
+        if all == held {
             return Ok(());
         }
-        if all.len() > MOST_HANDLES {
+        if all.len() > held.len().max(MOST_HANDLES) {
             return Err(format!("{MOST_HANDLES} handles are the most").into());
         }
-        self.set_handles(&all, &held)
-    }
-
-    fn let_go(&mut self, vertices: &[u32]) -> Result<(), Reason> {
-        let Some(held) = self.held() else {
-            return Ok(());
-        };
-        let all = held.iter().copied();
-        let kept: Vec<u32> = all.filter(|v| !vertices.contains(v)).collect();
-        if kept.len() == held.len() {
-            return Ok(());
-        }
-        self.set_handles(&kept, &held)
-    }
-
-    /// Goes on with the vertices `all` held, where `held` were before.
-    fn set_handles(&mut self, all: &[u32], held: &[u32]) -> Result<(), Reason> {
-        let Some(live) = self.showing.live() else {
-            return Ok(());
-        };
-        let vertices = live.ready().cloth().vertex_count();
-        let handles = Handles::new(all, vertices)?;
+        let handles = Handles::new(&all, live.ready().cloth.vertex_count())?;
         self.unfollow();
-        let Some(live) = self.showing.live_mut() else {
+        let Some(live) = &mut self.showing.live else {
             return Ok(());
         };
         let kept: Vec<Option<usize>> = all
@@ -320,7 +302,7 @@ impl Session {
             .map(|v| held.iter().position(|w| w == v))
             .collect();
         live.set_handles(handles, &kept)?;
-        let places = live.places(&live.hold().handles);
+        let places = live.places();
         self.lead.hands = self.lead.hands.rearranged(&places, &kept);
         self.end_recording("a recording has the same handles from start to end: ");
         self.outlets.tell_soon();
@@ -329,13 +311,13 @@ impl Session {
     }
 
     fn record(&mut self) -> Result<(), Reason> {
-        if self.showing.player().is_some() {
+        if self.showing.player.is_some() {
             return Err("a recording is being played: go back to the cloth first".into());
         }
         if self.recordings.recorder.is_some() {
             return Err("a recording is under way: end it before the next".into());
         }
-        let live = self.showing.live().ok_or(NO_CLOTH)?;
+        let live = self.showing.live.as_ref().ok_or(NO_CLOTH)?;
         self.recordings.recorder = Some(Recorder::new(live));
         self.resume();
         Ok(())
@@ -349,7 +331,7 @@ impl Session {
     /// As [`Self::stop_recording`]; `why` goes before the notice of it.
     pub(super) fn end_recording(&mut self, why: &str) {
         let recorder = self.recordings.recorder.take();
-        let (Some(recorder), Some(live)) = (recorder, self.showing.live()) else {
+        let (Some(recorder), Some(live)) = (recorder, &self.showing.live) else {
             return;
         };
         let frames = recorder.state().frames;
@@ -375,16 +357,16 @@ impl Session {
     /// Plays a tape; the cloth on the table waits.
     pub(super) fn play(&mut self, tape: Tape) {
         self.stop_recording();
-        self.showing.play(Player::new(tape));
+        self.showing.player = Some(Player::new(tape));
         self.resume();
         self.publish_cloth();
     }
 
     /// Returns from a recording to the cloth on the table.
     fn go_live(&mut self) {
-        if self.showing.stop_playing() {
+        if self.showing.player.take().is_some() {
             self.resume();
-            match self.showing.live() {
+            match &self.showing.live {
                 Some(_) => self.publish_cloth(),
                 None => self.place_order(self.order.clone()),
             }

@@ -7,16 +7,14 @@ use std::time::Duration;
 
 use tokio::sync::watch;
 
-use super::{Inlets, Opening, Outlets, Request, Session};
+use super::{Feed, Opening, Outlets, Request, Session};
 use crate::order::{Catalogue, Order};
-use crate::protocol::{self, ClientMessage, Hello, WireError, kind};
+use crate::protocol::{self, ClientMessage, WireError};
 use crate::recorder::Destination;
 use crate::workshop::Workshop;
 
 /// The number of the only page.
 const PAGE: u32 = 1;
-/// Frames on their way to the page at most.
-const AHEAD: u32 = 3;
 
 /// A session that its host drives: messages go in by [`receive`](Self::receive), and
 /// [`turn`](Self::turn) does what is due and hands out messages.
@@ -25,11 +23,7 @@ pub struct EmbeddedSession {
     workshop: Box<dyn Workshop>,
     catalogue: Catalogue,
     orders: watch::Receiver<Option<Order>>,
-    inlets: Inlets,
-    /// The generation of the cloth that the page has.
-    shown: u32,
-    /// Frames that the page has not answered yet.
-    on_the_way: u32,
+    feed: Feed,
     has_greeted: bool,
 }
 
@@ -49,9 +43,7 @@ impl EmbeddedSession {
             catalogue: workshop.catalogue(),
             workshop,
             orders,
-            inlets,
-            shown: 0,
-            on_the_way: 0,
+            feed: Feed::new(inlets),
             has_greeted: false,
         };
         embedded.watch(true);
@@ -73,7 +65,9 @@ impl EmbeddedSession {
     /// [`WireError`] says why it is refused.
     pub fn receive(&mut self, message: &[u8]) -> Result<(), WireError> {
         match protocol::decode(message)? {
-            ClientMessage::Ready(_) => self.on_the_way = self.on_the_way.saturating_sub(1),
+            ClientMessage::Ready(_) => {
+                self.feed.answered();
+            }
             message => self.session.take(Request::Page(PAGE, message)),
         }
         Ok(())
@@ -84,23 +78,18 @@ impl EmbeddedSession {
     /// seconds, of which `post` gets the progress.
     pub fn turn(&mut self, post: &mut dyn FnMut(&[u8])) -> Duration {
         if !std::mem::replace(&mut self.has_greeted, true) {
-            post(&protocol::json(
-                kind::HELLO,
-                &Hello {
-                    client: PAGE,
-                    program: concat!("selvedge ", env!("CARGO_PKG_VERSION")),
-                    catalogue: &self.catalogue,
-                },
-            ));
+            post(&protocol::hello(PAGE, &self.catalogue));
         }
         let is_new = self.orders.has_changed().unwrap_or(false);
         let order = is_new.then(|| self.orders.borrow_and_update().clone());
         if let Some(order) = order.flatten() {
-            let (session, inlets) = (&mut self.session, &mut self.inlets);
+            let (session, feed) = (&mut self.session, &mut self.feed);
             let mut tell = |text| {
                 session.take(Request::Progress(text));
                 session.tell();
-                post(&inlets.state.borrow_and_update().bytes);
+                if let Some(state) = feed.state() {
+                    post(&state);
+                }
                 ControlFlow::Continue(())
             };
             // The page is told before the first step, which may be long.
@@ -114,19 +103,16 @@ impl EmbeddedSession {
     }
 
     fn post(&mut self, post: &mut dyn FnMut(&[u8])) {
-        let inlets = &mut self.inlets;
-        if inlets.state.has_changed().unwrap_or(false) {
-            post(&inlets.state.borrow_and_update().bytes);
+        let feed = &mut self.feed;
+        if feed.inlets.state.has_changed().unwrap_or(false)
+            && let Some(state) = feed.state()
+        {
+            post(&state);
         }
-        let is_new = inlets.frame.has_changed().unwrap_or(false);
-        if is_new && inlets.frame.borrow().number > 0 && self.on_the_way < AHEAD {
-            let frame = inlets.frame.borrow_and_update();
-            if frame.generation != self.shown {
-                post(&inlets.cloth.borrow().bytes);
-                self.shown = frame.generation;
+        if feed.has_room() && feed.inlets.frame.has_changed().unwrap_or(false) {
+            for message in feed.frame() {
+                post(&message);
             }
-            post(&frame.bytes);
-            self.on_the_way += 1;
         }
         if let Destination::Page { files, .. } = &mut self.session.recordings.destination {
             for (name, contents) in files.drain(..) {
@@ -142,7 +128,8 @@ mod tests {
 
     use super::*;
     use crate::mover::Mover;
-    use crate::protocol::VERSION;
+    use crate::protocol::{VERSION, kind};
+    use crate::session::feed::AHEAD;
     use crate::test_cloth::{TestWorkshop, order};
 
     fn session() -> EmbeddedSession {
@@ -203,12 +190,15 @@ mod tests {
         let mut session = session();
         until(&mut session, kind::FRAME);
         session.watch(false);
-        let before = session.session.showing.live().unwrap().frame();
+        let before = session.session.showing.live.as_ref().unwrap().frame();
         for _ in 0..50 {
             session.turn(&mut |_| {});
             std::thread::sleep(Duration::from_millis(1));
         }
-        assert_eq!(session.session.showing.live().unwrap().frame(), before);
+        assert_eq!(
+            session.session.showing.live.as_ref().unwrap().frame(),
+            before
+        );
     }
 
     #[test]

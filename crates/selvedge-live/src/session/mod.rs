@@ -9,6 +9,7 @@
 mod bodies;
 mod commands;
 mod embedded;
+mod feed;
 mod following;
 mod motion;
 mod outlets;
@@ -24,9 +25,10 @@ use web_time::Instant;
 
 use self::bodies::Bodies;
 pub use self::embedded::EmbeddedSession;
+pub(crate) use self::feed::Feed;
 use self::following::Following;
-pub(crate) use self::outlets::Inlets;
-use self::outlets::{Outlets, TELL_EVERY};
+use self::outlets::TELL_EVERY;
+pub(crate) use self::outlets::{Inlets, Outlets};
 use self::showing::Showing;
 #[cfg(feature = "server")]
 pub(crate) use self::threaded::SessionPort;
@@ -62,7 +64,7 @@ pub(crate) enum Request {
     /// The progress of the workshop.
     Progress(String),
     /// The end of an order in the workshop.
-    Prepared(Order, Result<Box<dyn ReadyCloth>, LiveError>),
+    Prepared(Order, Result<Box<ReadyCloth>, LiveError>),
     /// The end of the session.
     #[cfg(feature = "server")]
     Close,
@@ -91,6 +93,7 @@ struct Session {
 }
 
 /// The lead of the handles: by hands, by keys, or along a motion.
+#[derive(Default)]
 struct Lead {
     hands: Hands,
     /// The greatest distances between the handles of the cloth on the table; made when needed.
@@ -132,15 +135,8 @@ impl Session {
             outlets,
             order: opening.order,
             mover: opening.mover,
-            showing: Showing::Nothing,
-            lead: Lead {
-                hands: Hands::default(),
-                reach: None,
-                limits: HandLimits::default(),
-                following: None,
-                drag: [0; 2],
-                pusher: None,
-            },
+            showing: Showing::default(),
+            lead: Lead::default(),
             bodies: Bodies::default(),
             shows_gaps: false,
             time: Time {
@@ -192,7 +188,7 @@ impl Session {
 
     /// Makes one frame.
     fn advance(&mut self) {
-        match self.showing.player_mut() {
+        match &mut self.showing.player {
             Some(player) => player.advance(),
             None => self.move_cloth(),
         }
@@ -217,9 +213,7 @@ impl Session {
         let Some(frame) = self.showing.frame(&self.lead.hands) else {
             return;
         };
-        let vertices = frame.handles.vertices().iter().map(|v| v.0);
-        let goals: Vec<_> = vertices.zip(frame.goals).collect();
-        let time = frame.number as f64 / self.showing.frame_rate();
+        let drag = self.lead.drag;
         let gaps = match self.shows_gaps {
             true => self.showing.gaps(),
             false => Vec::new(),
@@ -228,27 +222,23 @@ impl Session {
             protocol::frame(&FrameParts {
                 generation,
                 number,
-                time,
-                drag: self.lead.drag,
-                goals: &goals,
-                tracks: &frame.positions,
-                bodies: &frame.bodies,
-                gaps: &gaps,
+                drag,
+                gaps,
+                ..frame
             })
         });
     }
 
     /// Says what there is to say of the mover under the present handles and wind, once.
     fn remark(&mut self) {
-        let live = match self.showing.player() {
-            Some(_) => None,
-            None => self.showing.live(),
+        let remark = match (&self.showing.player, &self.showing.live) {
+            (None, Some(live)) => {
+                let places = live.places();
+                let movers = &live.ready().movers;
+                movers.remark_on(live.mover(), live.hold(), &places)
+            }
+            _ => None,
         };
-        let remark = live.and_then(|live| {
-            let places = live.places(&live.hold().handles);
-            let ready = live.ready();
-            ready.remark_on(live.mover(), live.hold(), &places)
-        });
         if remark != self.remarked {
             self.remarked.clone_from(&remark);
             if let Some(remark) = remark {
@@ -271,7 +261,7 @@ impl Session {
     }
 
     fn state(&self) -> State {
-        let live = self.showing.live();
+        let live = self.showing.live.as_ref();
         let wind = live.map(|live| live.hold().environment.wind);
         let files = self.recordings.files.iter();
         State {
@@ -292,7 +282,7 @@ impl Session {
             touches: self.showing.has_bodies(),
             gaps: self.shows_gaps,
             can_replay: self.recordings.tape.is_some(),
-            can_live: self.showing.player().is_some(),
+            can_live: self.showing.player.is_some(),
             busy: self.busy.clone(),
             remark: self.remarked.clone(),
             notice: self.outlets.notice().cloned(),

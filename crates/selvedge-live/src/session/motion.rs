@@ -14,9 +14,9 @@ use super::Session;
 use super::commands::NO_CLOTH;
 use super::following::{Following, let_go};
 use crate::hand::{Hands, Reach};
-use crate::mover::{MoverKind, Reason};
+use crate::mover::Reason;
 use crate::recorder::Recorder;
-use crate::state::{Level, TrackState};
+use crate::state::Level;
 
 /// The name of the motion that is the scene's own.
 const SCENE_MOTION: &str = "scene";
@@ -28,16 +28,15 @@ impl Session {
         if name == SCENE_MOTION {
             self.end_recording("the scene's own motion starts from its beginning: ");
         }
-        let live = self.showing.live_mut().ok_or(NO_CLOTH)?;
+        let live = self.showing.live.as_mut().ok_or(NO_CLOTH)?;
         let following = if name == SCENE_MOTION {
-            let path = Arc::new(live.ready().scene_path()?);
-            live.restart(live.mover())?;
-            self.lead.hands = Hands::at(&live.places(&live.hold().handles));
-            let first = live.ready().start_frame();
-            self.lay_out_bodies();
+            live.restart()?;
+            let ready = live.ready();
+            let (path, first) = (Arc::clone(&ready.scene_path), ready.start_frame);
+            self.begin();
             Following::new(name, Some(path), first)
         } else {
-            let rate = live.ready().frame_rate();
+            let rate = live.ready().frame_rate;
             // A trial: the path itself is bound where the handles come to rest.
             motion_called(&name)?.bind(&self.lead.hands.positions(), rate)?;
             self.unfollow();
@@ -64,14 +63,14 @@ impl Session {
 
     /// Hands whose handles were `free`, `[handles]`, are attached to the cloth where it is.
     fn take_hold(&mut self, free: &[bool]) -> Result<(), Reason> {
-        let Some(live) = self.showing.live_mut() else {
+        let Some(live) = &mut self.showing.live else {
             return Ok(());
         };
         if !free.contains(&true) {
             return Ok(());
         }
         live.take_hold_again(free)?;
-        let places = live.places(&live.hold().handles);
+        let places = live.places();
         for (handle, (place, free)) in places.into_iter().zip(free).enumerate() {
             if *free {
                 self.lead.hands.put(handle, place);
@@ -82,9 +81,10 @@ impl Session {
 
     /// Moves the cloth by one frame.
     pub(super) fn move_cloth(&mut self) {
-        let Some(rate) = self.showing.live().map(|live| live.ready().frame_rate()) else {
+        if self.showing.live.is_none() {
             return;
-        };
+        }
+        let rate = self.showing.frame_rate();
         let before = (self.lead.hands.clone(), self.lead.following.clone());
         let targets = match self.next_targets(rate) {
             Ok(targets) => targets,
@@ -93,16 +93,11 @@ impl Session {
                 return self.notify(Level::Bad, error.to_string());
             }
         };
-        let Some(live) = self.showing.live_mut() else {
-            return;
-        };
-        let stopped_before = stopped(live.tracks());
         self.lead_bodies(rate);
-        let Some(live) = self.showing.live_mut() else {
+        let Some(live) = &mut self.showing.live else {
             return;
         };
-        live.step(&targets);
-        let stopped_now = stopped(live.tracks());
+        let stopped = live.step(&targets);
         if !live.is_moving() {
             // The mover that takes over makes this frame.
             (self.lead.hands, self.lead.following) = before;
@@ -111,12 +106,9 @@ impl Session {
             recorder.keep(live);
         }
         self.wait_where_blocked();
-        let newly = stopped_now
-            .into_iter()
-            .find(|s| !stopped_before.contains(s));
-        if let Some(stopped) = newly {
+        if let Some(stopped) = stopped {
             self.stop_recording();
-            self.notify(Level::Bad, stopped.text());
+            self.notify(Level::Bad, stopped);
         }
         let recorder = self.recordings.recorder.as_ref();
         if recorder.is_some_and(Recorder::is_full) {
@@ -140,12 +132,11 @@ impl Session {
             self.outlets.tell_soon();
             self.take_hold(&following.free)?;
         }
-        if let Some(live) = self.showing.live() {
+        if let Some(live) = &self.showing.live {
             let handles = &live.hold().handles;
             let is_known = self.lead.reach.as_ref().is_some_and(|r| r.is_of(handles));
-            let cloth = live.ready().cloth();
             if !is_known {
-                self.lead.reach = Some(Reach::of(cloth, handles));
+                self.lead.reach = Some(Reach::of(&live.ready().cloth, handles));
             }
         }
         let (limits, dt) = (&self.lead.limits, 1.0 / rate);
@@ -194,34 +185,4 @@ impl Session {
 
 fn motion_called(name: &str) -> Result<Motion, Reason> {
     named::by_name(name).ok_or_else(|| format!("there is no motion {name:?}").into())
-}
-
-/// A cloth that moves no more.
-#[derive(PartialEq, Eq)]
-struct Stopped {
-    name: String,
-    kind: Option<MoverKind>,
-    reason: String,
-}
-
-impl Stopped {
-    fn text(&self) -> String {
-        let remedy = match self.kind {
-            Some(MoverKind::Model) => "reset, or let the physics take over",
-            Some(MoverKind::Physics) | None => "reset",
-        };
-        format!("{} stopped: {} ({remedy})", self.name, self.reason)
-    }
-}
-
-/// The tracks of `tracks` that move no more.
-fn stopped(tracks: Vec<TrackState>) -> Vec<Stopped> {
-    let of = |track: TrackState| {
-        Some(Stopped {
-            reason: track.stopped?,
-            name: track.name,
-            kind: track.kind,
-        })
-    };
-    tracks.into_iter().filter_map(of).collect()
 }

@@ -29,7 +29,7 @@ pub(crate) struct Inlets {
 pub(super) const TELL_EVERY: Duration = Duration::from_millis(200);
 
 /// The ends of the slots that the session writes.
-pub(super) struct Outlets {
+pub(crate) struct Outlets {
     cloth: watch::Sender<Slot>,
     state: watch::Sender<Slot>,
     frame: watch::Sender<Slot>,
@@ -42,7 +42,7 @@ pub(super) struct Outlets {
 
 impl Outlets {
     /// Empty slots, and the ends to read them from.
-    pub(super) fn new() -> (Self, Inlets) {
+    pub(crate) fn new() -> (Self, Inlets) {
         let slot = || watch::channel(Slot::default());
         let ((cloth, cloth_out), (state, state_out), (frame, frame_out)) = (slot(), slot(), slot());
         let outlets = Self {
@@ -74,7 +74,7 @@ impl Outlets {
     }
 
     /// Publishes another cloth, of a new generation.
-    pub(super) fn publish_cloth(&mut self, message: impl FnOnce(u32) -> Vec<u8>) {
+    pub(crate) fn publish_cloth(&mut self, message: impl FnOnce(u32) -> Vec<u8>) {
         self.generation += 1;
         let bytes = message(self.generation).into();
         self.cloth.send_replace(self.slot(0, bytes));
@@ -82,7 +82,7 @@ impl Outlets {
     }
 
     /// Publishes a frame of this generation, made from generation and number.
-    pub(super) fn publish_frame(&mut self, message: impl FnOnce(u32, u32) -> Vec<u8>) {
+    pub(crate) fn publish_frame(&mut self, message: impl FnOnce(u32, u32) -> Vec<u8>) {
         self.frames = self.frames.wrapping_add(1);
         let bytes = message(self.generation, self.frames).into();
         self.frame.send_replace(self.slot(self.frames, bytes));

@@ -19,7 +19,7 @@ const FALL: f32 = 0.01;
 fn falling() -> TestCloth {
     TestCloth {
         fall: FALL,
-        ..TestCloth::new()
+        ..TestCloth::default()
     }
 }
 
@@ -40,7 +40,10 @@ pub(super) fn session(ready: TestCloth, mover: Mover) -> Session {
     let (outlets, _) = Outlets::new();
     let (orders, _) = watch::channel(None);
     let mut session = Session::new(opening("corners", mover), destination(), orders, outlets);
-    session.take(Request::Prepared(order("corners"), Ok(Box::new(ready))));
+    session.take(Request::Prepared(
+        order("corners"),
+        Ok(Box::new(ready.ready())),
+    ));
     session
 }
 
@@ -66,7 +69,7 @@ fn blow(session: &mut Session, x: f64) {
 
 /// Positions of the cloth of that number `[m]`, `[vertices]`.
 fn track(session: &Session, number: usize) -> Vec<Vec3> {
-    session.showing.live().unwrap().positions()[number].to_vec()
+    session.showing.live.as_ref().unwrap().positions()[number].to_vec()
 }
 
 /// Frames of the recording under way, which is given up.

@@ -87,11 +87,8 @@ impl ClipSettings {
     fn validate(&self) -> Result<(), ViewError> {
         let delay = self.delay_ms;
         if !((20..=1000).contains(&delay) && delay.is_multiple_of(10)) {
-            return Err(ViewError::Setting {
-                field: "delay_ms",
-                expected: "a multiple of 10 from 20 to 1000",
-                found: delay.to_string(),
-            });
+            let expected = "a multiple of 10 from 20 to 1000";
+            return Err(ViewError::setting("delay_ms", expected, delay));
         }
         Ok(())
     }
@@ -113,11 +110,9 @@ fn check_length(run: &Run<'_>, delay_ms: u16) -> Result<(), ViewError> {
         return Ok(());
     }
     let (frames, rate) = (run.frames().len(), run.frame_rate());
-    Err(ViewError::Setting {
-        field: "the clip",
-        expected: "of at most 1000000 pictures (raise delay_ms, or mend the frame rate)",
-        found: format!("{frames} frames at {rate:e} frames per second"),
-    })
+    let expected = "of at most 1000000 pictures (raise delay_ms, or mend the frame rate)";
+    let found = format!("{frames} frames at {rate:e} frames per second");
+    Err(ViewError::setting("the clip", expected, found))
 }
 
 /// The length of the run in delays.

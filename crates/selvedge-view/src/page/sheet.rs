@@ -3,7 +3,7 @@
 
 use crate::motion::panel::check_panels;
 use crate::page::layout::Page;
-use crate::raster::camera::Orbit;
+use crate::raster::camera::View;
 use crate::raster::stage::Stage;
 use crate::{Image, Panel, Renderer, Run, ViewError};
 
@@ -31,7 +31,7 @@ impl Default for SheetSettings {
 /// One frame of a panel, as large as it fits into a picture of `size` (width, height) `[pixels]`.
 pub fn still(panel: &Panel<'_>, frame: usize, size: [u32; 2]) -> Result<Image, ViewError> {
     let aspect = aspect_of(size)?;
-    let stages = Stage::following(&[panel.run], &[frame], &Orbit::default(), aspect)?;
+    let stages = Stage::following(&[panel.run], &[frame], View::default(), aspect)?;
     let mut renderer = Renderer::new(&stages[0], size, 4)?;
     renderer.render(panel, frame)
 }
@@ -56,7 +56,7 @@ pub fn contact_sheet(
         [columns, rows].map(|n| n as u32),
     )?;
     let aspect = aspect_of(settings.tile)?;
-    let stages = Stage::following(&runs_of(panels), &frames, &Orbit::default(), aspect)?;
+    let stages = Stage::following(&runs_of(panels), &frames, View::default(), aspect)?;
     let mut image = page.draw()?;
     for (number, (&frame, stage)) in frames.iter().zip(&stages).enumerate() {
         let (column, block) = (number % columns, number / columns);
@@ -134,7 +134,7 @@ mod tests {
         let page = Page::new("Title", &panels, settings.tile, [2, 4]).unwrap();
         let aspect = aspect_of(settings.tile).unwrap();
         let frames = [0, 3, 5];
-        let stages = Stage::following(&[&run], &frames, &Orbit::default(), aspect).unwrap();
+        let stages = Stage::following(&[&run], &frames, View::default(), aspect).unwrap();
         // The middle of frames 0 to 5 is rounded up. Two rows of panels for the first two, then two
         // more.
         for (number, (column, rows)) in [(0, [0, 1]), (1, [0, 1]), (0, [2, 3])]

@@ -1,4 +1,4 @@
-//! The camera: an orbit around the cloth, and the nearest camera on it that has every point in
+//! The camera: a direction towards the cloth, and the nearest camera in it that has every point in
 //! view.
 //!
 //! With camera axes x (right), y (up), z (towards the viewer) and half-angle tangents tx, ty, the
@@ -34,54 +34,25 @@ impl View {
     /// Checks that it is a direction.
     ///
     /// # Errors
-    /// [`ViewError::Setting`] names the angle.
+    /// [`ViewError`] names the angle.
     pub fn check(&self) -> Result<(), ViewError> {
-        let wrong = |field, expected, found: f32| {
-            Err(ViewError::Setting {
-                field,
-                expected,
-                found: found.to_string(),
-            })
-        };
-        if !(-360.0..=360.0).contains(&self.azimuth) {
-            return wrong("azimuth", "between -360 and 360 degrees", self.azimuth);
-        }
-        if !(0.0..=80.0).contains(&self.elevation) {
-            return wrong("elevation", "between 0 and 80 degrees", self.elevation);
+        for (field, angle, bounds) in [
+            ("azimuth", self.azimuth, -360.0..=360.0),
+            ("elevation", self.elevation, 0.0..=80.0),
+        ] {
+            if !bounds.contains(&angle) {
+                let expected = format!("between {} and {} degrees", bounds.start(), bounds.end());
+                return Err(ViewError::setting(field, &expected, angle));
+            }
         }
         Ok(())
     }
 }
 
-/// A direction towards the cloth, with an angle of view.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Orbit {
-    /// Angle of the camera around y, from +x towards +z `[rad]`.
-    pub(crate) azimuth: f32,
-    /// Angle of the camera above the horizon `[rad]`, in [0, 1.4].
-    pub(crate) elevation: f32,
-    /// Vertical angle of view `[rad]`, in [0.05, 2.5].
-    pub(crate) field_of_view: f32,
-    /// Part of the half picture that is left free at each side, in [0, 0.9].
-    pub(crate) margin: f32,
-}
-
-impl From<View> for Orbit {
-    fn from(view: View) -> Self {
-        Self {
-            azimuth: view.azimuth.to_radians(),
-            elevation: view.elevation.to_radians(),
-            field_of_view: 28_f32.to_radians(),
-            margin: 0.07,
-        }
-    }
-}
-
-impl Default for Orbit {
-    fn default() -> Self {
-        View::default().into()
-    }
-}
+/// Vertical angle of view `[degrees]`.
+const FIELD_OF_VIEW: f32 = 28.0;
+/// Part of the half picture that is left free at each side.
+pub(crate) const MARGIN: f32 = 0.07;
 
 /// A perspective camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -104,21 +75,21 @@ pub(crate) struct Projected {
     pub(crate) depth: f32,
 }
 
-impl Orbit {
+impl View {
     /// The nearest camera in this direction that sees all `points` `[m]` in a picture of `aspect`
     /// (width over height). Without points it looks at the origin.
     pub(crate) fn fit(&self, points: impl IntoIterator<Item = Vec3>, aspect: f32) -> Camera {
-        let (sin_azimuth, cos_azimuth) = self.azimuth.sin_cos();
-        let (sin_elevation, cos_elevation) = self.elevation.sin_cos();
+        let (sin_azimuth, cos_azimuth) = self.azimuth.to_radians().sin_cos();
+        let (sin_elevation, cos_elevation) = self.elevation.to_radians().sin_cos();
         let level = Vec3::new(cos_azimuth, 0.0, sin_azimuth);
         let backward = cos_elevation * level + sin_elevation * Vec3::Y;
         let right = Vec3::Y.cross(level);
         let up = backward.cross(right);
-        let tangent = (0.5 * self.field_of_view).tan();
+        let tangent = (0.5 * FIELD_OF_VIEW.to_radians()).tan();
         let tangents = Vec2::new(tangent * aspect, tangent);
 
         // Inner tangents leave the margin free.
-        let inner = tangents * (1.0 - self.margin);
+        let inner = tangents * (1.0 - MARGIN);
         let mut high = Vec2::splat(f32::NEG_INFINITY);
         let mut low = Vec2::splat(f32::NEG_INFINITY);
         let mut nearest = f32::NEG_INFINITY;
@@ -198,32 +169,33 @@ mod tests {
 
     #[test]
     fn a_known_point_lands_on_its_closed_form() {
-        // From +x, level, 90 degrees high, without margin: the square y, z in [-1, 1] at x = 0
-        // fills the picture from a distance of 1.
-        let orbit = Orbit {
+        // From +x, level: the square y, z in [-1, 1] at x = 0 fills the picture within its margin.
+        let view = View {
             azimuth: 0.0,
             elevation: 0.0,
-            field_of_view: std::f32::consts::FRAC_PI_2,
-            margin: 0.0,
         };
+        let inner = 1.0 - MARGIN;
+        let distance = 1.0 / (14_f32.to_radians().tan() * inner);
         let corners = [-1.0_f32, 1.0]
             .into_iter()
             .flat_map(|y| [-1.0_f32, 1.0].map(|z| Vec3::new(0.0, y, z)));
-        let camera = orbit.fit(corners, 1.0);
-        assert!(camera.position().distance(Vec3::X) < 1e-6);
+        let camera = view.fit(corners, 1.0);
+        assert!(camera.position().distance(distance * Vec3::X) < 1e-5);
         // From +x with y up, +z lies to the left.
+        let expected = 0.5 - 0.25 * inner;
         let seen = camera.project(Vec3::new(0.0, 0.5, 0.5));
-        assert!((seen.x - 0.25).abs() < 1e-6 && (seen.y - 0.25).abs() < 1e-6);
-        assert!((seen.depth - 1.0).abs() < 1e-6);
+        assert!((seen.x - expected).abs() < 1e-6 && (seen.y - expected).abs() < 1e-6);
+        assert!((seen.depth - distance).abs() < 1e-5);
         // Twice as far away, half as far from the middle.
-        let seen = camera.project(Vec3::new(-1.0, 0.5, 0.5));
-        assert!((seen.x - 0.375).abs() < 1e-6 && (seen.depth - 2.0).abs() < 1e-6);
+        let seen = camera.project(Vec3::new(-distance, 0.5, 0.5));
+        let expected = 0.5 - 0.125 * inner;
+        assert!((seen.x - expected).abs() < 1e-6 && (seen.depth - 2.0 * distance).abs() < 1e-5);
     }
 
     #[test]
     fn a_lone_point_is_in_the_middle() {
         let point = Vec3::new(3.0, -2.0, 5.0);
-        let seen = Orbit::default().fit([point], 1.5).project(point);
+        let seen = View::default().fit([point], 1.5).project(point);
         assert!((seen.x - 0.5).abs() < 1e-4 && (seen.y - 0.5).abs() < 1e-4);
         assert!(seen.depth > 0.0);
     }

@@ -4,7 +4,7 @@
 //! there, so that a box has edges and a sphere none. Large faces are cut into smaller ones, because
 //! a triangle that reaches behind the camera is left out.
 
-use glam::{Vec2, Vec3, Vec3A};
+use glam::{Vec2, Vec3};
 
 use super::camera::Camera;
 use super::samples::Samples;
@@ -94,20 +94,10 @@ impl Props {
 
     /// Places the faces on a screen of `extent` samples, with the light of `sun`.
     pub(crate) fn place(&mut self, camera: &Camera, sun: &Sun, extent: [usize; 2]) {
-        let [width, height] = extent.map(|side| side as f32);
         self.placed.clear();
         for (corners, normals) in self.faces.iter().zip(&self.normals) {
             self.placed.push(std::array::from_fn(|k| {
-                let seen = camera.project(corners[k]);
-                let ahead = seen.depth > 1e-6;
-                ScreenVertex {
-                    place: Vec2::new(seen.x * width, seen.y * height),
-                    nearness: if ahead { seen.depth.recip() } else { 0.0 },
-                    normal: normals[k].into(),
-                    sun: sun.open(corners[k]),
-                    relief: 0.0,
-                    value: 0.0,
-                }
+                ScreenVertex::new(camera, extent, corners[k], normals[k], sun.open(corners[k]))
             }));
         }
     }
@@ -126,8 +116,7 @@ impl Props {
             };
             samples.fill(&triangle, |weights, _| {
                 let Point { normal, sun, .. } = triangle.point_at(weights);
-                let light: Vec3A = shader.body(normal, sun);
-                light
+                shader.body(normal, sun)
             });
         }
     }

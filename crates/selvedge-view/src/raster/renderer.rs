@@ -5,7 +5,7 @@
 //! which makes the interpolation of normals and values perspective. Samples are averaged in linear
 //! light. Triangles that reach behind the camera are left out.
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 use selvedge_cloth::Topology;
 
 use super::backdrop::Backdrop;
@@ -109,18 +109,14 @@ impl Renderer {
     }
 
     fn place_vertices(&mut self, positions: &[Vec3], values: Option<&[f32]>) {
-        let [width, height] = self.samples.extent().map(|side| side as f32);
+        let extent = self.samples.extent();
         self.vertices.clear();
         for (vertex, &position) in positions.iter().enumerate() {
-            let seen = self.camera.project(position);
-            let ahead = seen.depth > 1e-6;
+            let (normal, sun) = (self.surface.normals[vertex], self.sun.reach[vertex]);
             self.vertices.push(ScreenVertex {
-                place: Vec2::new(seen.x * width, seen.y * height),
-                nearness: if ahead { seen.depth.recip() } else { 0.0 },
-                normal: self.surface.normals[vertex].into(),
-                sun: self.sun.reach[vertex],
                 relief: self.surface.relief[vertex],
                 value: values.map_or(0.0, |values| values[vertex]),
+                ..ScreenVertex::new(&self.camera, extent, position, normal, sun)
             });
         }
     }

@@ -180,7 +180,7 @@ impl ValueColours {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::raster::camera::Orbit;
+    use crate::raster::camera::View;
 
     #[test]
     fn values_outside_the_range_take_the_colours_of_its_ends() {
@@ -193,7 +193,7 @@ mod tests {
 
     #[test]
     fn a_surface_that_faces_the_key_light_is_brighter_than_one_that_faces_away() {
-        let shader = Shader::new(&Orbit::default().fit([Vec3::ZERO], 1.0));
+        let shader = Shader::new(&View::default().fit([Vec3::ZERO], 1.0));
         let lit = |normal: Vec3A| {
             let point = Point {
                 normal,

@@ -3,7 +3,7 @@
 
 use glam::{Vec2, Vec3};
 
-use super::camera::{Camera, Orbit, View};
+use super::camera::{Camera, View};
 use crate::{Run, ViewError};
 
 /// A camera, the floor in its view, and the part of the floor that shadows can reach.
@@ -23,22 +23,13 @@ impl Stage {
     /// The stage that holds all `runs` in pictures of `aspect` (width over height).
     pub fn of_runs(runs: &[&Run<'_>], view: View, aspect: f32) -> Result<Self, ViewError> {
         view.check()?;
-        Self::on_orbit(runs, &view.into(), aspect)
-    }
-
-    /// The same, seen from `orbit`.
-    pub(crate) fn on_orbit(
-        runs: &[&Run<'_>],
-        orbit: &Orbit,
-        aspect: f32,
-    ) -> Result<Self, ViewError> {
         check(runs)?;
         let points = || {
             let runs = runs.iter();
             runs.flat_map(|run| (0..run.frames().len()).flat_map(|frame| seen(run, frame)))
         };
         let floor = floor_of(runs, points());
-        let camera = orbit.fit(points().flat_map(|p| [p, grounded(p, floor)]), aspect);
+        let camera = view.fit(points().flat_map(|p| [p, grounded(p, floor)]), aspect);
         Ok(Self::around(camera, floor, points()))
     }
 
@@ -48,7 +39,7 @@ impl Stage {
     pub(crate) fn following(
         runs: &[&Run<'_>],
         frames: &[usize],
-        orbit: &Orbit,
+        view: View,
         aspect: f32,
     ) -> Result<Vec<Self>, ViewError> {
         check(runs)?;
@@ -67,7 +58,7 @@ impl Stage {
         let moved = frames.iter().zip(&places).flat_map(|(&frame, &place)| {
             of_frame(frame).flat_map(move |p| [p - place, grounded(p, floor) - place])
         });
-        let camera = orbit.fit(moved, aspect);
+        let camera = view.fit(moved, aspect);
         let stages = frames
             .iter()
             .zip(&places)
@@ -142,6 +133,7 @@ pub(crate) fn cast(point: Vec3, towards_light: Vec3, floor: f32) -> Vec2 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::raster::camera::MARGIN;
     use proptest::prelude::*;
     use selvedge_cloth::Topology;
 
@@ -149,16 +141,16 @@ mod tests {
         #[test]
         fn the_stage_contains_every_point_and_touches_the_margin(
             points in prop::collection::vec(prop::array::uniform3(-3.0_f32..3.0), 6),
-            azimuth in -4.0_f32..4.0,
-            elevation in 0.0_f32..1.2,
+            azimuth in -229.0_f32..229.0,
+            elevation in 0.0_f32..69.0,
             aspect in 0.5_f32..2.5,
         ) {
             let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
             let points: Vec<Vec3> = points.into_iter().map(Vec3::from_array).collect();
             let run = Run::new(&topology, points.chunks(3), &[], 60.0).unwrap();
-            let orbit = Orbit { azimuth, elevation, ..Orbit::default() };
-            let whole = Stage::on_orbit(&[&run], &orbit, aspect).unwrap();
-            let both = Stage::following(&[&run], &[0, 1], &orbit, aspect).unwrap();
+            let view = View { azimuth, elevation };
+            let whole = Stage::of_runs(&[&run], view, aspect).unwrap();
+            let both = Stage::following(&[&run], &[0, 1], view, aspect).unwrap();
             let reach_in = |stage: &Stage, points: &[Vec3]| {
                 let grounded = points.iter().map(|p| grounded(*p, stage.floor));
                 points.iter().copied().chain(grounded).fold(0.0_f32, |farthest, point| {
@@ -169,7 +161,7 @@ mod tests {
             };
             // Some point is at the margin: the camera is no farther away than it must be. Rounding
             // of coordinates around 10 m leaves about 1e-5.
-            let margin = 1.0 - orbit.margin;
+            let margin = 1.0 - MARGIN;
             prop_assert!((reach_in(&whole, &points) - margin).abs() < 1e-4);
             let reaches = [0, 1].map(|k| reach_in(&both[k], &points[3 * k..3 * k + 3]));
             prop_assert!((reaches[0].max(reaches[1]) - margin).abs() < 1e-4, "{:?}", reaches);
@@ -182,7 +174,7 @@ mod tests {
         let start = [Vec3::ZERO, Vec3::Y, Vec3::Z];
         let gone = start.map(|point| point + Vec3::new(2.0, 0.0, -1.0));
         let run = Run::new(&topology, [&start[..], &gone[..]], &[], 60.0).unwrap();
-        let stages = Stage::following(&[&run], &[0, 1], &Orbit::default(), 1.0).unwrap();
+        let stages = Stage::following(&[&run], &[0, 1], View::default(), 1.0).unwrap();
         for (before, after) in start.iter().zip(gone) {
             let [p, q] = [
                 stages[0].camera.project(*before),
@@ -190,7 +182,7 @@ mod tests {
             ];
             assert!((p.x - q.x).abs() < 1e-5 && (p.y - q.y).abs() < 1e-5);
         }
-        let error = Stage::following(&[&run], &[2], &Orbit::default(), 1.0).unwrap_err();
+        let error = Stage::following(&[&run], &[2], View::default(), 1.0).unwrap_err();
         assert!(error.to_string().contains("has only 2 frames"), "{error}");
     }
 }

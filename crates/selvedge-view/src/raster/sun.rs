@@ -52,9 +52,7 @@ impl Sun {
             std::mem::swap(&mut self.reach, &mut self.scratch);
         }
     }
-}
 
-impl Sun {
     /// The part of the light that reaches a point of a body, in [0, 1].
     pub(crate) fn open(&self, point: Vec3) -> f32 {
         self.map.open(point)

@@ -5,8 +5,9 @@
 
 use std::ops::Range;
 
-use glam::{Vec2, Vec3A};
+use glam::{Vec2, Vec3, Vec3A};
 
+use crate::raster::camera::Camera;
 use crate::raster::shade::{Point, Shader};
 
 #[derive(Clone, Copy, Debug)]
@@ -19,6 +20,30 @@ pub(crate) struct ScreenVertex {
     pub(super) sun: f32,
     pub(super) relief: f32,
     pub(super) value: f32,
+}
+
+impl ScreenVertex {
+    /// A vertex at `position` `[m]` with `normal`, on a screen of `extent` samples, which the part
+    /// `sun` of the key light reaches.
+    pub(super) fn new(
+        camera: &Camera,
+        extent: [usize; 2],
+        position: Vec3,
+        normal: Vec3,
+        sun: f32,
+    ) -> Self {
+        let [width, height] = extent.map(|side| side as f32);
+        let seen = camera.project(position);
+        let ahead = seen.depth > 1e-6;
+        Self {
+            place: Vec2::new(seen.x * width, seen.y * height),
+            nearness: if ahead { seen.depth.recip() } else { 0.0 },
+            normal: normal.into(),
+            sun,
+            relief: 0.0,
+            value: 0.0,
+        }
+    }
 }
 
 /// A triangle on the screen, ready to be filled. Weights are barycentric, one per corner.

@@ -163,32 +163,26 @@ impl Page {
 
     /// The next frame for which `wanted`.
     pub(crate) fn frame(&mut self, wanted: impl Fn(&Frame) -> bool) -> Frame {
-        let until = Instant::now() + PATIENCE;
-        while Instant::now() < until {
-            let bytes = self.next().unwrap();
-            if bytes[1] == 4 {
-                let frame = read_frame(&bytes);
-                if wanted(&frame) {
-                    return frame;
-                }
-            }
-        }
-        panic!("no such frame came");
+        self.until(4, read_frame, wanted)
     }
 
     /// The next state for which `wanted`.
     pub(crate) fn state(&mut self, wanted: impl Fn(&Value) -> bool) -> Value {
+        let read = |bytes: &[u8]| serde_json::from_slice(&bytes[4..]).unwrap();
+        self.until(3, read, wanted)
+    }
+
+    /// The next message of this kind for which `wanted`.
+    fn until<T>(&mut self, kind: u8, read: impl Fn(&[u8]) -> T, wanted: impl Fn(&T) -> bool) -> T {
         let until = Instant::now() + PATIENCE;
         while Instant::now() < until {
             let bytes = self.next().unwrap();
-            if bytes[1] == 3 {
-                let state: Value = serde_json::from_slice(&bytes[4..]).unwrap();
-                if wanted(&state) {
-                    return state;
-                }
+            let message = (bytes[1] == kind).then(|| read(&bytes));
+            if let Some(message) = message.filter(&wanted) {
+                return message;
             }
         }
-        panic!("no such state came");
+        panic!("no such message of kind {kind} came");
     }
 
     /// Code and reason with which the server closes.

@@ -2,19 +2,16 @@
 
 use super::*;
 use crate::image::colour::to_linear;
-use crate::raster::camera::Orbit;
+use crate::raster::camera::View;
 use crate::raster::shade::HANDLE;
 use crate::{Colouring, Rgb, Run, ScalarField};
-use glam::Vec3A;
+use glam::{Vec2, Vec3A};
 use selvedge_cloth::VertexId;
 
-/// From +x at a level, 90 degrees wide, without margin: what spans y, z in [-1, 1] at x = 0
-/// fills the picture when nothing is lower (the floor is kept in view too).
-const LEVEL: Orbit = Orbit {
+/// From +x at a level.
+const LEVEL: View = View {
     azimuth: 0.0,
     elevation: 0.0,
-    field_of_view: std::f32::consts::FRAC_PI_2,
-    margin: 0.0,
 };
 
 /// Half the width of the border in a small picture `[pixels]`.
@@ -56,7 +53,7 @@ fn shoot(triangles: &[[Vec3; 3]], side: u32, samples: u32) -> Shot {
     let gone = vec![positions[0]; positions.len()];
     let frames = [positions.as_slice(), gone.as_slice()];
     let run = Run::new(&topology, frames, &[], 60.0).unwrap();
-    let stage = Stage::on_orbit(&[&run], &LEVEL, 1.0).unwrap();
+    let stage = Stage::of_runs(&[&run], LEVEL, 1.0).unwrap();
     let panel = plain(&run);
     let mut renderer = Renderer::new(&stage, [side; 2], samples).unwrap();
     Shot {
@@ -64,6 +61,19 @@ fn shoot(triangles: &[[Vec3; 3]], side: u32, samples: u32) -> Shot {
         backdrop: renderer.render(&panel, 1).unwrap(),
         stage,
     }
+}
+
+/// The first frame of a run in a square picture.
+fn drawn(panel: &Panel<'_>, stage: &Stage, side: u32, samples: u32) -> Image {
+    let mut renderer = Renderer::new(stage, [side; 2], samples).unwrap();
+    renderer.render(panel, 0).unwrap()
+}
+
+/// The colour at `point` of a square picture.
+fn colour_at(image: &Image, stage: &Stage, point: Vec3) -> Rgb {
+    let seen = stage.camera.project(point);
+    let [x, y] = [seen.x, seen.y].map(|share| (share * image.width() as f32) as u32);
+    image.pixel(x, y).unwrap()
 }
 
 fn is_bluish([red, _, blue]: Rgb) -> bool {
@@ -111,11 +121,7 @@ fn the_nearer_sheet_hides_the_farther_one_in_either_order() {
     far.swap(1, 2);
     for order in [[near, far], [far, near]] {
         let shot = shoot(&order, 64, 2);
-        let colour_of = |point: Vec3| {
-            let seen = shot.stage.camera.project(point);
-            let [x, y] = [seen.x, seen.y].map(|share| (share * 64.0) as u32);
-            shot.image.pixel(x, y).unwrap()
-        };
+        let colour_of = |point| colour_at(&shot.image, &shot.stage, point);
         let normal = (near[1] - near[0]).cross(near[2] - near[0]).x;
         let inside_near = colour_of(Vec3::new(0.2, 0.1, 0.0));
         let inside_far = colour_of(Vec3::new(-0.2, 0.8, 0.6));
@@ -164,7 +170,7 @@ fn values_are_interpolated_in_perspective() {
     ];
     let (topology, _) = scene(&[positions]);
     let run = Run::new(&topology, [&positions[..]], &[], 60.0).unwrap();
-    let stage = Stage::on_orbit(&[&run], &LEVEL, 1.0).unwrap();
+    let stage = Stage::of_runs(&[&run], LEVEL, 1.0).unwrap();
     let corners = positions.map(|position| {
         let seen = stage.camera.project(position);
         ScreenVertex {
@@ -193,17 +199,9 @@ fn handles_are_marked_where_they_are() {
     let (topology, positions) = scene(&[TRIANGLE]);
     let handles = [VertexId(2)];
     let run = Run::new(&topology, [positions.as_slice()], &handles, 60.0).unwrap();
-    let orbit = Orbit {
-        margin: 0.2,
-        ..LEVEL
-    };
-    let stage = Stage::on_orbit(&[&run], &orbit, 1.0).unwrap();
-    let panel = plain(&run);
-    let mut renderer = Renderer::new(&stage, [200; 2], 2).unwrap();
-    let image = renderer.render(&panel, 0).unwrap();
-    let seen = stage.camera.project(positions[2]);
-    let [x, y] = [seen.x, seen.y].map(|share| (share * 200.0) as u32);
-    let middle = image.pixel(x, y).unwrap();
+    let stage = Stage::of_runs(&[&run], LEVEL, 1.0).unwrap();
+    let image = drawn(&plain(&run), &stage, 200, 2);
+    let middle = colour_at(&image, &stage, positions[2]);
     // Tables of 4096 steps of light return a byte to within one.
     let is_near = |k: usize| middle[k].abs_diff(HANDLE[k]) <= 1;
     assert!((0..3).all(is_near), "{middle:?}");
@@ -215,7 +213,7 @@ fn a_renderer_forgets_the_picture_before() {
     let moved = TRIANGLE.map(|p| p + Vec3::new(0.1, 0.4, -0.3));
     let frames = [positions.as_slice(), &moved];
     let run = Run::new(&topology, frames, &[VertexId(0)], 60.0).unwrap();
-    let stage = Stage::of_runs(&[&run], crate::View::default(), 1.0).unwrap();
+    let stage = Stage::of_runs(&[&run], View::default(), 1.0).unwrap();
     let panel = plain(&run);
     let fresh = || Renderer::new(&stage, [80; 2], 2).unwrap();
     let mut used = fresh();
@@ -232,20 +230,17 @@ fn a_renderer_forgets_the_picture_before() {
 fn a_flat_field_has_the_hue_of_its_value() {
     let (topology, positions) = scene(&[TRIANGLE]);
     let run = Run::new(&topology, [positions.as_slice()], &[], 60.0).unwrap();
-    let stage = Stage::on_orbit(&[&run], &LEVEL, 1.0).unwrap();
+    let stage = Stage::of_runs(&[&run], LEVEL, 1.0).unwrap();
     let field = ScalarField::new("value", vec![vec![3.0; 3]]).unwrap();
     let panel = Panel {
         label: "",
         run: &run,
         colouring: Colouring::PerVertex(&field),
     };
-    let mut renderer = Renderer::new(&stage, [100; 2], 1).unwrap();
-    let image = renderer.render(&panel, 0).unwrap();
+    let image = drawn(&panel, &stage, 100, 1);
     let centre = (positions[0] + positions[1] + positions[2]) / 3.0;
-    let seen = stage.camera.project(centre);
-    let [x, y] = [seen.x, seen.y].map(|share| (share * 100.0) as u32);
     // Shading scales light alike in all channels: the ratios stay those of the map's last colour.
-    let light = to_linear(image.pixel(x, y).unwrap());
+    let light = to_linear(colour_at(&image, &stage, centre));
     let expected = to_linear([92, 12, 52]);
     let scale = light.x / expected.x;
     // A byte near the green channel's value of 12 is 10 % of its light.
@@ -261,7 +256,7 @@ fn a_run_that_has_blown_up_is_drawn_without_a_panic() {
         let blown = positions.iter().map(|p| *p * far).collect::<Vec<Vec3>>();
         let frames = [positions.as_slice(), blown.as_slice()];
         let run = Run::new(&topology, frames, &[VertexId(0)], 60.0).unwrap();
-        let stage = Stage::of_runs(&[&run], crate::View::default(), 1.0).unwrap();
+        let stage = Stage::of_runs(&[&run], View::default(), 1.0).unwrap();
         let panel = plain(&run);
         let mut renderer = Renderer::new(&stage, [40; 2], 2).unwrap();
         for frame in 0..2 {
@@ -282,10 +277,8 @@ fn beside(body: &[Vec3], faces: &[[u32; 3]]) -> (Image, Stage) {
     let body = crate::Body::new(faces, [std::borrow::Cow::Borrowed(body)]);
     let run = Run::new(&topology, [positions.as_slice()], &[], 60.0).unwrap();
     let run = run.with_bodies(vec![body]);
-    let stage = Stage::on_orbit(&[&run], &LEVEL, 1.0).unwrap();
-    let panel = plain(&run);
-    let mut renderer = Renderer::new(&stage, [64; 2], 1).unwrap();
-    (renderer.render(&panel, 0).unwrap(), stage)
+    let stage = Stage::of_runs(&[&run], LEVEL, 1.0).unwrap();
+    (drawn(&plain(&run), &stage, 64, 1), stage)
 }
 
 #[test]
@@ -295,9 +288,7 @@ fn a_body_hides_the_cloth_behind_it_and_is_hidden_before_it() {
     let faces = [[0, 1, 2], [0, 2, 3]];
     for (x, is_seen) in [(-0.4, true), (0.4, false)] {
         let (image, stage) = beside(&wall(x), &faces);
-        let seen = stage.camera.project(Vec3::new(0.0, 0.7, 0.0));
-        let at = (seen.y * 64.0) as usize * 64 + (seen.x * 64.0) as usize;
-        let pixel = image.pixels()[at];
+        let pixel = colour_at(&image, &stage, Vec3::new(0.0, 0.7, 0.0));
         let [red, green, blue] = pixel.map(i32::from);
         // The wall is grey; the cloth, seen from its back, is ecru.
         let is_grey = (red - green).abs() < 30 && (green - blue).abs() < 30;
@@ -327,15 +318,13 @@ fn a_cloth_has_the_colour_of_its_run() {
     let usual = Run::new(&topology, [&frame[..]], &[], 60.0).unwrap();
     let red = usual.clone().in_colour([200, 20, 20]);
     let middle = |run: &Run<'_>, azimuth: f32| -> [i32; 3] {
-        let view = crate::View {
+        let view = View {
             azimuth,
             elevation: 5.0,
         };
         let stage = Stage::of_runs(&[run], view, 1.0).unwrap();
-        let mut renderer = Renderer::new(&stage, [32, 32], 2).unwrap();
-        let image = renderer.render(&plain(run), 0).unwrap();
-        let seen = stage.camera.project(Vec3::new(0.0, 0.3, 0.3));
-        image.pixels()[(seen.y * 32.0) as usize * 32 + (seen.x * 32.0) as usize].map(i32::from)
+        let image = drawn(&plain(run), &stage, 32, 2);
+        colour_at(&image, &stage, Vec3::new(0.0, 0.3, 0.3)).map(i32::from)
     };
     for azimuth in [0.0, 180.0] {
         let [r, g, b] = middle(&red, azimuth);
@@ -346,7 +335,7 @@ fn a_cloth_has_the_colour_of_its_run() {
     let [front, back] = [180.0, 0.0].map(|azimuth| middle(&red, azimuth));
     assert!(front[1] < back[1], "{front:?} {back:?}");
     for (azimuth, elevation) in [(f32::NAN, 0.0), (0.0, 90.0), (0.0, -1.0)] {
-        let view = crate::View { azimuth, elevation };
+        let view = View { azimuth, elevation };
         assert!(Stage::of_runs(&[&red], view, 1.0).is_err());
     }
 }
