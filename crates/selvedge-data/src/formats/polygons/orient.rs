@@ -20,13 +20,13 @@ pub(super) fn orient(polygons: &mut Polygons) {
         }
         let sheet = turn_sheet(polygons, &sides, &mut flips, first);
         // Most faces are right.
-        let turned = sheet
-            .iter()
-            .filter(|&&face| flips[face] == Some(true))
-            .count();
-        let wrong = 2 * turned <= sheet.len();
-        let against = sheet.into_iter().filter(|&face| flips[face] == Some(wrong));
-        let against: Vec<usize> = against.collect();
+        let is_turned = |&face: &usize| flips[face] == Some(true);
+        let (turned, kept): (Vec<usize>, Vec<usize>) = sheet.into_iter().partition(is_turned);
+        let against = if turned.len() <= kept.len() {
+            turned
+        } else {
+            kept
+        };
         turn_angles(polygons, &against);
         for face in against {
             polygons.polygons[face].corners.reverse();

@@ -17,11 +17,7 @@ pub(super) fn weld(polygons: &mut Polygons, tolerance: f64) -> Result<(), MeshFi
         return Err(MeshFileError::content(format!("{problem} {tolerance}")));
     }
     let owners = owners(&polygons.positions, tolerance);
-    let welded = (0_u32..)
-        .zip(&owners)
-        .filter(|(v, owner)| v != *owner)
-        .count();
-    if welded == 0 {
+    if owners.iter().zip(0..).all(|(owner, v)| *owner == v) {
         return Ok(());
     }
     let before: Vec<Vec<u32>> = polygons.polygons.iter().map(vertices_of).collect();

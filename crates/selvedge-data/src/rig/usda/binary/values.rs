@@ -86,10 +86,6 @@ impl Number {
         }
     }
 
-    fn is_whole(self) -> bool {
-        matches!(self, Self::Int | Self::UInt | Self::Long | Self::ULong)
-    }
-
     fn read(self, b: &[u8]) -> f64 {
         let bits = little(b);
         match self {
@@ -301,18 +297,16 @@ impl Part<'_> {
 
 /// The numbers of a packed array.
 fn packed(mut part: Part<'_>, count: usize, number: Number) -> Result<Vec<f64>, String> {
-    if number.is_whole() {
-        let whole = part.numbers(count, number.width())?.into_iter();
-        return Ok(match number {
-            Number::UInt => whole.map(|n| f64::from(n as u32)).collect(),
-            _ => whole.map(|n| n as f64).collect(),
-        });
+    let mut whole = |width: usize| part.numbers(count, width).map(Vec::into_iter);
+    match number {
+        Number::UInt => return Ok(whole(4)?.map(|n| f64::from(n as u32)).collect()),
+        Number::Int | Number::Long | Number::ULong => {
+            return Ok(whole(number.width())?.map(|n| n as f64).collect());
+        }
+        Number::Half | Number::Float | Number::Double => {}
     }
     match part.number(1)? as u8 {
-        b'i' => {
-            let whole = part.numbers(count, 4)?.into_iter();
-            Ok(whole.map(|n| n as f64).collect())
-        }
+        b'i' => Ok(part.numbers(count, 4)?.iter().map(|&n| n as f64).collect()),
         b't' => {
             let entries = part.number(4)?;
             let table = part.reals(entries, number)?;
