@@ -79,7 +79,7 @@ pub use formats::atomic::{
 pub use formats::file_error::{FileError, Problem};
 pub use formats::input::{read_file, read_text};
 pub use formats::mesh_file::read_mesh;
-pub use formats::obj::{parse_obj_with, read_obj, write_obj};
+pub use formats::obj::{parse_obj_with, write_obj};
 pub use formats::polygons::{
     MeshFileError, MeshOptions, PanelPlace, PatternSource, ReadMesh, ReadMeshError, RestAngles,
     SeamPair, Seams, Sewing, TextureUnit,

@@ -17,10 +17,10 @@ use super::{HandleSource, ImportOptions, RestSource};
 use crate::UpAxis;
 use crate::formats::file_error::{FileError, Problem};
 use crate::formats::input::read_file;
-use crate::formats::obj::{parse_obj_polygons, read_obj, read_obj_positions};
-use crate::formats::polygons::{Polygons, triangles_in_space};
+use crate::formats::obj::parse_obj_polygons;
+use crate::formats::polygons::{MeshOptions, Polygons, assemble, triangles_in_space};
 use crate::obstacle::{moving_points, rig_frames};
-use crate::rig::{Rig, RigFormat, Wanted};
+use crate::rig::{Rig, RigFormat, Wanted, points_at};
 
 /// The cloth among several meshes.
 const SHEET: &str = "sheet";
@@ -41,6 +41,11 @@ fn ending_of(path: &Path) -> &str {
 pub(super) fn is_cache(path: &Path) -> bool {
     let ending = ending_of(path);
     RigFormat::of(ending).is_some() || ["pc2", "npz"].contains(&ending)
+}
+
+fn read_obj(path: &Path) -> Result<Polygons, FileError<Problem>> {
+    let bytes = read_file(path).map_err(FileError::unread(path))?;
+    parse_obj_polygons(&bytes).map_err(|error| FileError::new(path, error))
 }
 
 /// The meshes of a file, and their points in every frame.
@@ -65,9 +70,7 @@ impl Cache {
             let rig = Some(rig);
             return Ok(Self { mesh, frames, rig });
         }
-        let beside = path.with_extension("obj");
-        let text = read_file(&beside).map_err(FileError::unread(&beside))?;
-        let mesh = parse_obj_polygons(&text).map_err(|error| FileError::new(&beside, error))?;
+        let mesh = read_obj(&path.with_extension("obj"))?;
         let name = path.to_string_lossy();
         let points = moving_points(&name, &bytes, None, 0.0, frame_rate);
         let (rate, frames) = points.map_err(wrong)?;
@@ -112,12 +115,11 @@ impl Cache {
     fn triangles(&self, cloth: &Range<usize>) -> Result<Vec<[u32; 3]>, String> {
         let mut faces = Vec::new();
         for (number, polygon) in self.mesh.polygons.iter().enumerate() {
-            let corners: Vec<usize> = polygon.corners.iter().map(|c| c.vertex as usize).collect();
+            let corners: Vec<usize> = polygon.vertices().map(|v| v as usize).collect();
             if !corners.iter().all(|corner| cloth.contains(corner)) {
                 continue;
             }
-            let places: Vec<DVec3> = corners.iter().map(|&c| self.mesh.positions[c]).collect();
-            let cut = triangles_in_space(&places).ok_or_else(|| {
+            let cut = triangles_in_space(&self.mesh.places(polygon)).ok_or_else(|| {
                 format!("face {number} crosses itself or has no area: cut it into triangles")
             })?;
             let own = |k: usize| (corners[k] - cloth.start) as u32;
@@ -180,16 +182,15 @@ impl ImportOptions {
         let material = match &self.flat {
             None => cache.texture(&cloth).map_err(wrong)?,
             Some(flat) => {
-                let sheet = read_obj(flat).map_err(|error| wrong(error.to_string()))?;
-                sheet.mesh.material_coordinates().to_vec()
+                let read = assemble(read_obj(flat)?, MeshOptions::default());
+                let read = read.map_err(|error| FileError::new(flat, error))?;
+                read.sheet.mesh.material_coordinates().to_vec()
             }
         };
         let rest = match &self.rest {
             RestSource::Flat => hanging(&material),
             RestSource::FirstFrame => positions.get(..cloth.len()).unwrap_or_default().to_vec(),
-            RestSource::Obj(file) => {
-                read_obj_positions(file).map_err(|error| FileError::new(file, error))?
-            }
+            RestSource::Obj(file) => read_obj(file)?.positions,
         };
         let expected = cloth.len();
         for (what, found) in [("flat mesh", material.len()), ("rest pose", rest.len())] {
@@ -273,13 +274,6 @@ fn at_rate(frames: Vec<Vec<DVec3>>, from: f64, to: f64) -> Vec<Vec<DVec3>> {
     }
     let last = frames.len() - 1;
     let count = (last as f64 / from * to + 1e-6).floor() as usize;
-    let frame = |number: usize| {
-        let place = number as f64 / to * from;
-        let before = (place.floor() as usize).min(last);
-        let after = (before + 1).min(last);
-        let part = place - before as f64;
-        let pairs = frames[before].iter().zip(&frames[after]);
-        pairs.map(|(a, b)| a.lerp(*b, part)).collect()
-    };
+    let frame = |number: usize| points_at(&frames, number as f64 / to * from);
     (0..=count).map(frame).collect()
 }

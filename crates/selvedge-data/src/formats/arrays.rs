@@ -2,11 +2,12 @@
 
 use std::collections::HashMap;
 use std::fmt::Display;
+use std::io::Cursor;
 
 use safetensors::{SafeTensorError, SafeTensors};
 
 use super::file_error::Problem;
-use super::npz::Npz;
+use super::npz::{self, Npz};
 use super::tensor_file::read_header;
 
 impl Problem {
@@ -76,16 +77,20 @@ impl<'a> ArrayFile<'a> {
 
     /// The arrays in the bytes of an .npz.
     pub(crate) fn npz(bytes: &'a [u8]) -> Result<Self, Problem> {
-        Npz::open(bytes).map(Self::Npz).map_err(Problem)
+        let archive = Npz::new(Cursor::new(bytes)).map(Self::Npz);
+        archive.map_err(|error| Problem(format!("is no complete .npz archive: {error}")))
     }
 
     /// The names of all arrays, sorted.
     pub(crate) fn names(&self) -> Vec<String> {
-        let names = match self {
-            Self::Npz(file) => file.names(),
-            Self::Safetensors(file) => file.names(),
+        let mut names: Vec<String> = match self {
+            Self::Npz(file) => {
+                let names = file.file_names();
+                let plain = |name: &str| name.strip_suffix(".npy").unwrap_or(name).to_owned();
+                names.map(plain).collect()
+            }
+            Self::Safetensors(file) => file.names().into_iter().map(str::to_owned).collect(),
         };
-        let mut names: Vec<String> = names.into_iter().map(str::to_owned).collect();
         names.sort_unstable();
         names
     }
@@ -153,7 +158,8 @@ impl<'a> ArrayFile<'a> {
         let within = |problem: String| Problem(format!("array {name}: {problem}"));
         let (kind, shape, values) = match self {
             Self::Npz(file) => {
-                let array = file.array(name).map_err(within)?.ok_or_else(missing)?;
+                let array = npz::array(file, name).map_err(within)?;
+                let array = array.ok_or_else(missing)?;
                 let values = decode(&array.kind, array.data().map_err(within)?);
                 (array.kind, array.shape, values)
             }

@@ -72,13 +72,6 @@ impl Drop for Writing {
     }
 }
 
-/// Destination of the bytes.
-struct Target {
-    path: PathBuf,
-    /// Permissions of the file that is there now.
-    permissions: Option<fs::Permissions>,
-}
-
 /// Writes `path` with `write`, all or nothing.
 ///
 /// # Errors
@@ -90,7 +83,9 @@ pub fn write_atomically(
 ) -> Result<(), WriteError> {
     let fail = WriteError::when(path, "write it");
     replace(path, |part| {
-        write_through(part.as_file(), write).map_err(fail)
+        let mut writer = BufWriter::with_capacity(1 << 18, part.as_file());
+        let written = write(&mut writer).and_then(|()| writer.flush());
+        written.map_err(fail)
     })
 }
 
@@ -156,13 +151,13 @@ fn replace<E: From<WriteError>>(
     let fail = |action| WriteError::when(path, action);
     let keep = "keep the permissions of the file that is there";
     let _writing = Writing::begin();
-    let target = target_of(path).map_err(fail("write there"))?;
-    let folder = folder_of(&target.path);
+    let (target, permissions) = target_of(path).map_err(fail("write there"))?;
+    let folder = folder_of(&target);
     // What an ordinary new file asks for; the umask takes its bits away.
-    let part = part_of(&target.path, 0o666, |builder| builder.tempfile_in(folder));
+    let part = part_of(&target, 0o666, |builder| builder.tempfile_in(folder));
     let part = part.map_err(fail("create a file in its folder"))?;
     #[cfg(unix)]
-    if let Some(permissions) = &target.permissions {
+    if let Some(permissions) = &permissions {
         use std::os::unix::fs::PermissionsExt;
         // Before the first byte, so that nobody can read what the old file kept private; but
         // whoever writes may have to open it first.
@@ -173,18 +168,19 @@ fn replace<E: From<WriteError>>(
     // Opened anew: it may be another file than the one that was made.
     let written = File::options().write(true).open(part.path());
     let written = written.map_err(fail("open the finished file"))?;
-    if let Some(permissions) = target.permissions {
+    if let Some(permissions) = permissions {
         written.set_permissions(permissions).map_err(fail(keep))?;
     }
     written.sync_all().map_err(fail("write it"))?;
-    part.persist(&target.path)
+    part.persist(&target)
         .map_err(|error| fail("rename the finished file")(error.error))?;
     sync_folder(folder);
     Ok(())
 }
 
-/// The file to replace: `path`, or what it links to in the end, which need not exist.
-fn target_of(path: &Path) -> io::Result<Target> {
+/// The file to replace, `path` or what it links to in the end, which need not exist; and the
+/// permissions of what is there now.
+fn target_of(path: &Path) -> io::Result<(PathBuf, Option<fs::Permissions>)> {
     let mut path = path.to_owned();
     for _ in 0..=MOST_LINKS {
         if path.file_name().is_none() {
@@ -205,7 +201,7 @@ fn target_of(path: &Path) -> io::Result<Target> {
             Err(error) if error.kind() == io::ErrorKind::NotFound => None,
             Err(error) => return Err(error),
         };
-        return Ok(Target { path, permissions });
+        return Ok((path, permissions));
     }
     Err(io::Error::other("its links lead round in a circle"))
 }
@@ -215,15 +211,6 @@ fn folder_of(path: &Path) -> &Path {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
     }
-}
-
-fn write_through(
-    file: &File,
-    write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
-) -> io::Result<()> {
-    let mut writer = BufWriter::with_capacity(1 << 18, file);
-    write(&mut writer)?;
-    writer.flush()
 }
 
 /// Makes the rename itself survive a power cut where folders can be synced. The file is already

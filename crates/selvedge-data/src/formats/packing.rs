@@ -31,20 +31,7 @@ pub(crate) fn pack(bytes: &[u8]) -> Vec<u8> {
 
 /// Unpacks bytes, of which there must be `length`.
 pub(crate) fn unpack(packed: &[u8], length: usize) -> Result<Vec<u8>, String> {
-    let mut all = Vec::new();
-    match packed.split_first() {
-        None => {}
-        Some((0, block)) => unpack_block(block, length, &mut all)?,
-        Some((chunks, mut rest)) => {
-            for _ in 0..*chunks {
-                let (size, after) = rest.split_first_chunk::<4>().ok_or_else(cut)?;
-                let size = usize::try_from(i32::from_le_bytes(*size)).map_err(|_| cut())?;
-                let (block, after) = after.split_at_checked(size).ok_or_else(cut)?;
-                unpack_block(block, length, &mut all)?;
-                rest = after;
-            }
-        }
-    }
+    let all = unpack_at_most(packed, length)?;
     match all.len() == length {
         true => Ok(all),
         false => Err(format!(
@@ -52,6 +39,25 @@ pub(crate) fn unpack(packed: &[u8], length: usize) -> Result<Vec<u8>, String> {
             all.len()
         )),
     }
+}
+
+/// Unpacks at most so many bytes; more are an error.
+fn unpack_at_most(packed: &[u8], most: usize) -> Result<Vec<u8>, String> {
+    let mut all = Vec::new();
+    match packed.split_first() {
+        None => {}
+        Some((0, block)) => unpack_block(block, most, &mut all)?,
+        Some((chunks, mut rest)) => {
+            for _ in 0..*chunks {
+                let (size, after) = rest.split_first_chunk::<4>().ok_or_else(cut)?;
+                let size = usize::try_from(i32::from_le_bytes(*size)).map_err(|_| cut())?;
+                let (block, after) = after.split_at_checked(size).ok_or_else(cut)?;
+                unpack_block(block, most, &mut all)?;
+                rest = after;
+            }
+        }
+    }
+    Ok(all)
 }
 
 fn cut() -> String {
@@ -171,23 +177,16 @@ pub(crate) fn unpack_numbers(
     Ok(numbers)
 }
 
-fn unpack_at_most(packed: &[u8], most: usize) -> Result<Vec<u8>, String> {
-    let mut all = Vec::new();
-    match packed.split_first() {
-        Some((0, block)) => unpack_block(block, most, &mut all)?,
-        // So many numbers are in no file that can be read here.
-        _ => return Err(cut()),
-    }
-    Ok(all)
+/// A number of at most eight bytes, the lowest first.
+pub(crate) fn little(bytes: &[u8]) -> u64 {
+    let digits = bytes.iter().rev();
+    digits.fold(0, |n, &byte| (n << 8) | u64::from(byte))
 }
 
 /// A whole number of one, two, four or eight bytes.
 fn signed(bytes: &[u8]) -> i64 {
-    let mut wide = [if bytes.last().is_some_and(|b| b & 0x80 != 0) {
-        0xff
-    } else {
-        0
-    }; 8];
+    let is_negative = bytes.last().is_some_and(|byte| byte & 0x80 != 0);
+    let mut wide = [if is_negative { 0xff } else { 0 }; 8];
     wide[..bytes.len()].copy_from_slice(bytes);
     i64::from_le_bytes(wide)
 }

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use super::body::BodySpec;
 use super::read::{self, Frames, Kind, Sequence, moving_points};
-use crate::formats::input::{check_hash, hash};
+use crate::formats::input::check_hash;
 use crate::rig::Rig;
 
 /// Longest motion by keyframes `[s]`, as of handles.
@@ -141,22 +141,6 @@ impl ObstacleMotion {
 }
 
 impl FramesFile {
-    /// The file at `path` as it is now.
-    pub(super) fn now(path: String, first: Option<usize>, folder: &Path) -> Result<Self, String> {
-        let blake3 = match Sequence::of(&path)? {
-            Some(sequence) => sequence.read(first, folder)?.1,
-            None => hash(&read::bytes_of("motion", &path, folder)?),
-        };
-        Ok(Self {
-            path,
-            blake3,
-            rate: None,
-            first,
-            animation: None,
-            from: 0.0,
-        })
-    }
-
     fn frames(&self, folder: &Path, frame_rate: f64) -> Result<Frames, String> {
         if let Some(rate) = self.rate.filter(|rate| !(1e-3..=1e5).contains(rate)) {
             let problem = format!("rate must be between 0.001 and 100000, found {rate}");

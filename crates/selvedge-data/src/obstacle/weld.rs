@@ -1,6 +1,8 @@
 //! Mending of bodies: points that formats split along seams become one, where they stay together in
 //! every frame; faces without area are left out.
 
+use std::collections::BTreeSet;
+
 use glam::DVec3;
 use selvedge_cloth::bodies::Body;
 use selvedge_cloth::geometry::is_without_area;
@@ -26,22 +28,13 @@ pub(super) fn weld(body: &mut Body, frames: &mut [Vec<DVec3>]) {
         *corner = owners[*corner as usize];
     }
     body.faces.retain(|[a, b, c]| a != b && b != c && c != a);
-    let mut is_used = vec![false; body.points.len()];
-    for &corner in body.faces.as_flattened() {
-        is_used[corner as usize] = true;
-    }
-    let mut numbers = Vec::with_capacity(is_used.len());
-    let mut next = 0;
-    for &used in &is_used {
-        numbers.push(next);
-        next += u32::from(used);
-    }
+    let used: BTreeSet<u32> = body.faces.as_flattened().iter().copied().collect();
+    let used: Vec<u32> = used.into_iter().collect();
     for corner in body.faces.as_flattened_mut() {
-        *corner = numbers[*corner as usize];
+        *corner = used.partition_point(|&point| point < *corner) as u32;
     }
-    keep(&mut body.points, &is_used);
-    for frame in frames {
-        keep(frame, &is_used);
+    for points in frames.iter_mut().chain([&mut body.points]) {
+        *points = used.iter().map(|&point| points[point as usize]).collect();
     }
 }
 
@@ -59,9 +52,4 @@ pub(super) fn drop_flat(body: &mut Body, first: Option<&[DVec3]>) {
     if !kept.is_empty() {
         body.faces = kept;
     }
-}
-
-fn keep(points: &mut Vec<DVec3>, is_used: &[bool]) {
-    let mut used = is_used.iter();
-    points.retain(|_| used.next().copied().unwrap_or_default());
 }

@@ -8,7 +8,7 @@ use serde::Deserialize;
 
 use super::body::{BodySpec, Cuboid, Plane, Sphere, Tube, problem_of};
 use super::motion::{FramesFile, NodeFile, ObstacleKeyframes, ObstacleMotion, wrong};
-use super::read;
+use super::read::{self, Sequence};
 use super::spec::{ObstacleSpec, Placement};
 use crate::formats::file_error::Problem;
 use crate::formats::input::hash;
@@ -86,7 +86,12 @@ impl ObstacleFile {
         let motion = match self.motion {
             None => ObstacleMotion::Still,
             Some(MotionFile::Path(path)) => {
-                ObstacleMotion::Points(FramesFile::now(path, None, folder)?)
+                let file = Some(path);
+                let table = MotionTable {
+                    file,
+                    ..MotionTable::default()
+                };
+                table.resolve(&body, folder)?
             }
             Some(MotionFile::Table(table)) => table.resolve(&body, folder)?,
         };
@@ -140,12 +145,17 @@ impl MotionTable {
             let problem = "needs keyframes, a file, or an animation of the mesh's own file";
             return Err(wrong(problem));
         };
-        let file = FramesFile::now(path, self.first, folder)?;
+        let blake3 = match Sequence::of(&path)? {
+            Some(sequence) => sequence.read(self.first, folder)?.1,
+            None => hash(&read::bytes_of("motion", &path, folder)?),
+        };
         Ok(ObstacleMotion::Points(FramesFile {
+            path,
+            blake3,
             rate: self.rate,
+            first: self.first,
             animation: self.animation,
             from: self.from,
-            ..file
         }))
     }
 }

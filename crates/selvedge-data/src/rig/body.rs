@@ -9,8 +9,9 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::mesh::{Face, RigMesh};
+use super::mesh::RigMesh;
 use super::node::{Rig, RigError, Wanted, frame_times};
+use super::track::ends;
 use crate::formats::file_error::FileError;
 use crate::formats::polygons::{Corner, Place, Polygon, Polygons};
 
@@ -66,43 +67,13 @@ impl Rig {
         Ok(rig.meshes.iter().map(of).collect())
     }
 
-    /// Every face with the number of its mesh, and that of the mesh's first point among the points of
-    /// all; `what` is what messages call a point.
-    fn all_faces(&self, what: &str) -> Result<Vec<(usize, u32, &Face)>, RigError> {
-        let mut faces = Vec::new();
-        let mut first = 0;
-        for (part, mesh) in self.meshes.iter().enumerate() {
-            let count = mesh.positions.len() as u32;
-            for (number, face) in mesh.faces.iter().enumerate() {
-                if let Some(beyond) = face.corners.iter().find(|&&point| point >= count) {
-                    let name = &self.nodes[mesh.node].name;
-                    let problem =
-                        format!("face {number} of its mesh names {what} {beyond} of {count}");
-                    return Err(RigError::node(name, problem));
-                }
-                faces.push((part, first, face));
-            }
-            first += count;
-        }
-        Ok(faces)
-    }
-
-    /// Faces by their points, with the points of all meshes in order.
-    pub(crate) fn faces(&self) -> Result<Vec<Vec<u32>>, RigError> {
-        let faces = self.all_faces("point")?.into_iter();
-        let numbered = |(_, first, face): (usize, u32, &Face)| {
-            face.corners.iter().map(|p| first + p).collect()
-        };
-        Ok(faces.map(numbered).collect())
-    }
-
-    /// The polygons of all meshes.
+    /// The polygons of all meshes, with the points of all in order.
     pub(crate) fn polygons(&self) -> Result<Polygons, RigError> {
         let mut polygons = Polygons {
             warnings: self.warnings.clone(),
             ..Polygons::default()
         };
-        for mesh in &self.meshes {
+        for (part, mesh) in self.meshes.iter().enumerate() {
             let name = &self.nodes[mesh.node].name;
             let placement = self.placement(mesh.node, 0.0);
             let placed = mesh.positions.iter();
@@ -112,39 +83,40 @@ impl Rig {
             let label = polygons.labels.entry(name.clone()).or_default();
             label.extend(first..polygons.positions.len() as u32);
             polygons.parts.push(vec![name.clone()]);
+            let count = mesh.positions.len() as u32;
+            for (number, face) in mesh.faces.iter().enumerate() {
+                if let Some(beyond) = face.corners.iter().find(|&&point| point >= count) {
+                    let problem =
+                        format!("face {number} of its mesh names vertex {beyond} of {count}");
+                    return Err(RigError::node(name, problem));
+                }
+                let corners = face.corners.iter().enumerate().map(|(k, &vertex)| Corner {
+                    vertex: first + vertex,
+                    texture: face.texture.get(k).map(|uv| {
+                        polygons.texture.push(*uv);
+                        polygons.texture.len() - 1
+                    }),
+                    loose: None,
+                });
+                let corners = corners.collect();
+                let fabric = face.fabric.as_deref();
+                let fabric = fabric.map(|name| polygons.fabric_of(name));
+                polygons.polygons.push(Polygon {
+                    place: Place::Face(polygons.polygons.len()),
+                    corners,
+                    fabric,
+                    part,
+                });
+            }
         }
         polygons.numbers = (0..polygons.positions.len()).collect();
-        for (place, (part, first, face)) in self.all_faces("vertex")?.into_iter().enumerate() {
-            let corners = face.corners.iter().enumerate().map(|(k, &vertex)| Corner {
-                vertex: first + vertex,
-                texture: face.texture.get(k).map(|uv| {
-                    polygons.texture.push(*uv);
-                    polygons.texture.len() - 1
-                }),
-                loose: None,
-            });
-            let corners = corners.collect();
-            let fabric = face.fabric.as_deref();
-            let fabric = fabric.map(|name| polygons.fabric_of(name));
-            polygons.polygons.push(Polygon {
-                place: Place::Face(place),
-                corners,
-                fabric,
-                part,
-            });
-        }
         Ok(polygons)
-    }
-
-    /// Warnings of what of the file is not read.
-    pub(crate) fn warnings(&self) -> &[String] {
-        &self.warnings
     }
 
     /// Times of the first and the last key that move the meshes `[s]`; none if nothing does.
     pub(crate) fn span_of_meshes(&self) -> Option<[f64; 2]> {
-        let spans = self.meshes.iter().filter_map(|mesh| mesh.span(self));
-        spans.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
+        let meshes = self.meshes.iter();
+        ends(meshes.flat_map(|mesh| mesh.own_keys().chain(mesh.keys_of_nodes(self))))
     }
 
     /// The times `[s]` at which the points of the mesh that has `point` are known, and not only

@@ -30,12 +30,12 @@ fn binary_usd_of_blender_is_read() {
             assert!(nearest.fold(1.0, f64::min) < 1e-6, "{expected} in {number}");
         }
     }
+    let polygons = body.polygons().unwrap();
     // Seen from above, faces go counter-clockwise.
-    for face in body.faces().unwrap() {
-        let at = |corner: usize| frames[0][face[corner] as usize];
+    for face in &polygons.polygons {
+        let at = |corner: usize| frames[0][face.corners[corner].vertex as usize];
         assert!((at(1) - at(0)).cross(at(2) - at(0)).y > 0.0);
     }
-    let polygons = body.polygons().unwrap();
     assert_eq!((polygons.positions.len(), polygons.polygons.len()), (6, 2));
     // The grid's texture coordinates are its place in the unit square.
     let corners = polygons.polygons.iter().flat_map(|p| &p.corners);
@@ -80,7 +80,7 @@ fn damage(bytes: &[u8]) {
             let mut spoilt = bytes.to_vec();
             spoilt[at] = value;
             if let Ok(body) = read_body(&spoilt) {
-                let _ = (body.faces(), body.frames(24.0, 0.0).map(|f| f.len()));
+                let _ = (body.polygons(), body.frames(24.0, 0.0).map(|f| f.len()));
             }
             let meshes = Rig::parse(&spoilt, RigFormat::Usd, Wanted::Meshes);
             let _ = meshes.and_then(|rig| rig.polygons());

@@ -9,7 +9,7 @@
 use glam::{DMat4, DVec2, DVec3};
 
 use super::node::Rig;
-use super::track::{Joined, Track, ends};
+use super::track::{Joined, Track};
 
 /// A mesh of a node, and what moves its points.
 #[derive(Debug, Default)]
@@ -77,7 +77,7 @@ impl RigMesh {
     /// Positions at `time` `[s]` in our world `[m]`, `[points]`. `[eq:skin]`
     pub(super) fn positions(&self, rig: &Rig, time: f64) -> Vec<DVec3> {
         let mut points = match &self.samples {
-            Some(samples) => samples.at(time),
+            Some(samples) => points_at(&samples.frames, samples.place.at(time)),
             None => self.positions.clone(),
         };
         for target in &self.targets {
@@ -104,14 +104,13 @@ impl RigMesh {
         points.iter().zip(&skin.shares).map(place).collect()
     }
 
-    /// Times of the first and the last key that move it `[s]`; none if nothing does.
-    pub(super) fn span(&self, rig: &Rig) -> Option<[f64; 2]> {
-        let of_nodes = self.nodes().into_iter().flat_map(|node| rig.keys(node));
-        ends(of_nodes.chain(self.own_keys()))
+    /// Times of the keys of its nodes `[s]`.
+    pub(super) fn keys_of_nodes(&self, rig: &Rig) -> impl Iterator<Item = f64> {
+        self.nodes().into_iter().flat_map(|node| rig.keys(node))
     }
 
     /// Times of its samples and morph targets `[s]`.
-    fn own_keys(&self) -> impl Iterator<Item = f64> {
+    pub(super) fn own_keys(&self) -> impl Iterator<Item = f64> {
         let of_targets = self.targets.iter().flat_map(|t| t.weight.keys());
         let of_samples = self.samples.iter().flat_map(|s| s.place.keys());
         of_targets.chain(of_samples).copied()
@@ -123,8 +122,7 @@ impl RigMesh {
     pub(super) fn keys(&self, rig: &Rig) -> Vec<f64> {
         let mut keys: Vec<f64> = self.own_keys().collect();
         if keys.is_empty() {
-            let nodes = self.nodes().into_iter();
-            keys = nodes.flat_map(|node| rig.keys(node)).collect();
+            keys = self.keys_of_nodes(rig).collect();
         }
         keys.sort_by(f64::total_cmp);
         keys.dedup();
@@ -140,13 +138,11 @@ impl RigMesh {
     }
 }
 
-impl Samples {
-    fn at(&self, time: f64) -> Vec<DVec3> {
-        let place = self.place.at(time);
-        let from = (place.floor() as usize).min(self.frames.len() - 1);
-        let to = (from + 1).min(self.frames.len() - 1);
-        let part = place - from as f64;
-        let pairs = self.frames[from].iter().zip(&self.frames[to]);
-        pairs.map(|(a, b)| a.lerp(*b, part)).collect()
-    }
+/// The points at a place in `frames`, in frames: linear between two of them.
+pub(crate) fn points_at(frames: &[Vec<DVec3>], place: f64) -> Vec<DVec3> {
+    let from = (place.floor() as usize).min(frames.len() - 1);
+    let to = (from + 1).min(frames.len() - 1);
+    let part = place - from as f64;
+    let pairs = frames[from].iter().zip(&frames[to]);
+    pairs.map(|(a, b)| a.lerp(*b, part)).collect()
 }

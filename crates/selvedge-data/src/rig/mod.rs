@@ -20,6 +20,7 @@ use crate::formats::file_error::FileError;
 use crate::formats::input::read_file;
 
 pub use self::body::MeshMotion;
+pub(crate) use self::mesh::points_at;
 pub(crate) use self::node::Wanted;
 pub use self::node::{Rig, RigError, RigNode};
 
@@ -89,11 +90,8 @@ impl Rig {
             let known = "the name must end in .glb, .usda, .usdc, .usdz or .usd";
             RigError::Content(known.to_owned())
         });
-        let made = format.and_then(|format| {
-            let bytes = read_file(path);
-            let unread = |error| RigError::Content(format!("could not be read: {error}"));
-            read(&bytes.map_err(unread)?, format)
-        });
+        let unread = |error| RigError::Content(format!("could not be read: {error}"));
+        let made = format.and_then(|format| read(&read_file(path).map_err(unread)?, format));
         made.map_err(FileError::at(path))
     }
 

@@ -61,7 +61,7 @@ pub struct Rig {
     /// stage begins, if that is earlier. What has its first key later rests until then.
     pub(super) start: f64,
     /// Warnings of what of its meshes is not read.
-    pub(super) warnings: Vec<String>,
+    pub(crate) warnings: Vec<String>,
     /// The meshes, where they are wanted.
     pub(super) meshes: Vec<RigMesh>,
 }
@@ -222,14 +222,7 @@ pub(super) enum Change {
 }
 
 impl Operation {
-    pub(super) fn new(change: Change) -> Self {
-        Self {
-            change,
-            is_inverse: false,
-        }
-    }
-
-    pub(super) fn at(&self, time: f64) -> DMat4 {
+    fn at(&self, time: f64) -> DMat4 {
         let matrix = self.change.at(time);
         match self.is_inverse {
             false => matrix,
@@ -240,7 +233,7 @@ impl Operation {
 
 impl Change {
     /// The times of its keys `[s]`; none where nothing changes.
-    pub(super) fn keys(&self) -> &[f64] {
+    fn keys(&self) -> &[f64] {
         match self {
             Self::Translation(track) | Self::Scale(track) | Self::Angles(track, _) => track.keys(),
             Self::Turn(track) => track.keys(),
@@ -248,7 +241,7 @@ impl Change {
         }
     }
 
-    pub(super) fn at(&self, time: f64) -> DMat4 {
+    fn at(&self, time: f64) -> DMat4 {
         match self {
             Self::Translation(track) => DMat4::from_translation(track.at(time)),
             Self::Scale(track) => DMat4::from_scale(track.at(time)),

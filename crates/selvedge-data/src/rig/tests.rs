@@ -4,6 +4,7 @@ use glam::{DMat4, DQuat, DVec3};
 use serde_json::{Value, json};
 
 use super::*;
+use crate::rig::glb::tests::Glb;
 use crate::test_help::{refuses, says, table};
 
 fn parse_glb(bytes: &[u8]) -> Result<Rig, RigError> {
@@ -32,15 +33,6 @@ fn problem(rig: &Rig, nodes: &[&str]) -> String {
     rig.motion(&named(nodes), 60.0).unwrap_err().to_string()
 }
 
-/// A .glb of this JSON and binary part.
-fn glb(mut json: Value, floats: &[f32], more: &[u8]) -> Vec<u8> {
-    let mut binary: Vec<u8> = floats.iter().flat_map(|v| v.to_le_bytes()).collect();
-    binary.extend(more);
-    binary.resize(binary.len().next_multiple_of(4), 0);
-    json["buffers"] = json!([{ "byteLength": binary.len() }]);
-    glb::tests::file(&json, &binary)
-}
-
 /// An arm of length 2 whose shoulder turns by half a turn about y in a second while it rises by 1
 /// m; a hand at its end, and a lamp that stands.
 fn arm() -> Value {
@@ -63,33 +55,30 @@ fn arm() -> Value {
                 { "sampler": 1, "target": { "node": 2, "path": "weights" } },
             ],
         }],
-        "accessors": [
-            { "bufferView": 0, "byteOffset": 0, "componentType": 5126, "count": 3, "type": "SCALAR" },
-            { "bufferView": 0, "byteOffset": 12, "componentType": 5126, "count": 3, "type": "VEC3" },
-            { "bufferView": 1, "componentType": 5122, "normalized": true, "count": 3, "type": "VEC4" },
-        ],
-        "bufferViews": [
-            { "buffer": 0, "byteLength": 48 },
-            { "buffer": 0, "byteOffset": 48, "byteLength": 24 },
-        ],
     })
 }
 
-/// Times, heights, and quarter turns about y as normalised 16-bit numbers.
-fn arm_bytes(json: Value) -> Vec<u8> {
-    let floats = [0.5, 1.0, 1.5, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 1.0, 0.0];
+/// The .glb of the arm, as `edit` changes it, with times, heights, and quarter turns about y as
+/// normalised 16-bit numbers.
+fn arm_bytes(edit: impl FnOnce(&mut Value)) -> Vec<u8> {
+    let mut glb = Glb::default();
+    glb.floats("SCALAR", 1, &[0.5, 1.0, 1.5]);
+    glb.floats("VEC3", 3, &[0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 1.0, 0.0]);
     let unit = |value: f64| (value * 32767.0).round() as i16;
     let turns = [0.0, 0.25, 0.5].map(|turns: f64| {
         let half = turns * std::f64::consts::PI;
         [0, unit(half.sin()), 0, unit(half.cos())]
     });
     let turns = turns.map(|turn| turn.map(i16::to_le_bytes));
-    glb(json, &floats, turns.as_flattened().as_flattened())
+    let turns = turns.as_flattened().as_flattened();
+    let turns = glb.store("VEC4", 5122, 3, turns);
+    glb.accessors[turns]["normalized"] = json!(true);
+    glb.finish_as(arm(), edit)
 }
 
 #[test]
 fn handles_move_rigidly_with_a_node_within_a_node() {
-    let rig = parse_glb(&arm_bytes(arm())).unwrap();
+    let rig = parse_glb(&arm_bytes(|_| {})).unwrap();
     assert_eq!(rig.span(1), Some([0.5, 1.5]));
     assert_eq!(rig.span(2), None);
     // A handle 1 m beyond the hand, seen from the axis of the shoulder at the origin.
@@ -107,7 +96,7 @@ fn handles_move_rigidly_with_a_node_within_a_node() {
 
 #[test]
 fn a_node_that_stands_may_be_followed_beside_one_that_moves() {
-    let rig = parse_glb(&arm_bytes(arm())).unwrap();
+    let rig = parse_glb(&arm_bytes(|_| {})).unwrap();
     let frames = follow(&rig, &["lamp", "shoulder"], &[DVec3::X, DVec3::ZERO], 2.0);
     assert!(frames.iter().all(|frame| frame[0] == DVec3::X));
     assert_eq!(frames[2][1], DVec3::Y);
@@ -117,19 +106,19 @@ fn a_node_that_stands_may_be_followed_beside_one_that_moves() {
 
 #[test]
 fn a_node_whose_keys_begin_later_than_the_file_rests_until_then() {
-    let mut json = arm();
     // The second and the third time of the others, with their first two heights.
-    let accessors = json["accessors"].as_array_mut().unwrap();
-    for (place, form) in [(4, "SCALAR"), (12, "VEC3")] {
-        accessors.push(json!({
-            "bufferView": 0, "byteOffset": place, "componentType": 5126, "count": 2, "type": form,
+    let late = |json: &mut Value| {
+        for (from, place, form) in [(0, 4, "SCALAR"), (1, 0, "VEC3")] {
+            json["accessors"].as_array_mut().unwrap().push(json!({
+                "bufferView": from, "byteOffset": place, "componentType": 5126, "count": 2, "type": form,
+            }));
+        }
+        json["animations"].as_array_mut().unwrap().push(json!({
+            "samplers": [{ "input": 3, "output": 4 }],
+            "channels": [{ "sampler": 0, "target": { "node": 2, "path": "translation" } }],
         }));
-    }
-    json["animations"].as_array_mut().unwrap().push(json!({
-        "samplers": [{ "input": 3, "output": 4 }],
-        "channels": [{ "sampler": 0, "target": { "node": 2, "path": "translation" } }],
-    }));
-    let rig = parse_glb(&arm_bytes(json)).unwrap();
+    };
+    let rig = parse_glb(&arm_bytes(late)).unwrap();
     let frames = follow(&rig, &["lamp"], &[DVec3::ZERO], 8.0);
     let heights: Vec<f64> = frames.iter().map(|frame| frame[0].y).collect();
     assert_eq!(heights, [0.0, 0.0, 0.0, 0.0, 0.0, 0.125, 0.25, 0.375, 0.5]);
@@ -138,11 +127,10 @@ fn a_node_whose_keys_begin_later_than_the_file_rests_until_then() {
 #[test]
 fn what_a_gltf_file_lacks_is_named() {
     let parsed = |place: &str, to: Value| {
-        let mut json = arm();
-        *json.pointer_mut(place).unwrap() = to;
-        parse_glb(&arm_bytes(json))
+        let edit = |json: &mut Value| *json.pointer_mut(place).unwrap() = to;
+        parse_glb(&arm_bytes(edit))
     };
-    let rig = parse_glb(&arm_bytes(arm())).unwrap();
+    let rig = parse_glb(&arm_bytes(|_| {})).unwrap();
     let none = "there is no node called \"hnad\"; there are [shoulder, hand, lamp]";
     assert_eq!(problem(&rig, &["hnad"]), none);
     let twice = parsed("/nodes/2/name", json!("hand")).unwrap();
@@ -162,7 +150,7 @@ fn what_a_gltf_file_lacks_is_named() {
         let error = parsed(place, serde_json::from_str(to).unwrap());
         says(error.unwrap_err(), &[named]);
     }
-    let whole = arm_bytes(arm());
+    let whole = arm_bytes(|_| {});
     for end in 0..whole.len() - 4 {
         assert!(parse_glb(&whole[..end]).is_err(), "{end}");
     }
@@ -178,22 +166,18 @@ fn what_a_gltf_file_lacks_is_named() {
 fn gltf_splines_go_through_their_keys() {
     let mut json = arm();
     json["animations"][0]["samplers"][0]["interpolation"] = json!("CUBICSPLINE");
-    json["accessors"] = json!([
-        { "bufferView": 0, "componentType": 5126, "count": 3, "type": "SCALAR" },
-        { "bufferView": 0, "byteOffset": 12, "componentType": 5126, "count": 9, "type": "VEC3" },
-    ]);
     json["animations"][0]["channels"] = json!([
         { "sampler": 0, "target": { "node": 0, "path": "translation" } }
     ]);
-    json["bufferViews"] = json!([{ "buffer": 0, "byteLength": 120 }]);
     // A Hermite piece is exact for any cubic: a tangent, the value, and the tangent again.
     let x = |t: f32| t * t * t - 2.0 * t + 1.0;
     let slope = |t: f32| 3.0 * t * t - 2.0;
-    let mut floats = vec![0.0, 0.5, 2.0];
-    for t in floats.clone() {
-        floats.extend([slope(t), 0.0, 0.0, x(t), 0.0, 0.0, slope(t), 0.0, 0.0]);
-    }
-    let rig = parse_glb(&glb(json, &floats, &[])).unwrap();
+    let times = [0.0, 0.5, 2.0];
+    let key = |t: f32| [slope(t), 0.0, 0.0, x(t), 0.0, 0.0, slope(t), 0.0, 0.0];
+    let mut glb = Glb::default();
+    glb.floats("SCALAR", 1, &times);
+    glb.floats("VEC3", 3, times.map(key).as_flattened());
+    let rig = parse_glb(&glb.finish(json)).unwrap();
     let frames = follow(&rig, &["shoulder"], &[DVec3::ZERO], 10.0);
     assert_eq!(frames.len(), 21);
     for (number, frame) in frames.iter().enumerate() {
@@ -391,9 +375,9 @@ fn damaged_usd_text_is_no_panic() {
 
 #[test]
 fn a_mesh_that_is_compressed_is_refused_by_the_name_of_its_compression() {
-    let mut json = arm();
-    json["extensionsRequired"] = json!(["KHR_draco_mesh_compression"]);
-    let bytes = glb(json, &[0.0; 18], &[0; 24]);
+    let bytes = arm_bytes(|json| {
+        json["extensionsRequired"] = json!(["KHR_draco_mesh_compression"]);
+    });
     let read = Rig::parse(&bytes, RigFormat::Glb, Wanted::Meshes);
     let words = ["KHR_draco_mesh_compression", "without compression"];
     says(read.unwrap_err(), &words);

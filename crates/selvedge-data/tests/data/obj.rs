@@ -4,7 +4,7 @@
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use proptest::prelude::*;
 use selvedge_cloth::generate::Sheet;
-use selvedge_data::{MeshFileError, MeshOptions, parse_obj_with, read_obj, write_obj};
+use selvedge_data::{MeshFileError, MeshOptions, parse_obj_with, read_mesh, write_obj};
 
 use crate::help::{says, sheet, table};
 
@@ -126,7 +126,8 @@ fn what_is_not_a_cloth_is_named() {
     for [text, expected] in table(cases) {
         says(parse_obj(text).unwrap_err(), &[expected]);
     }
-    let error = read_obj(std::path::Path::new("no/such.obj"));
+    let missing = std::path::Path::new("no/such.obj");
+    let error = read_mesh(missing, MeshOptions::default());
     says(error.unwrap_err(), &["no/such.obj: could not be read"]);
 }
 
@@ -139,7 +140,7 @@ fn a_byte_order_mark_joined_lines_and_names_in_another_encoding_are_read() {
     // "Ärmel" in Latin-1.
     bytes.extend(b"g \xc4rmel\nf 1 2 \\\n 3 4 # a comment\n");
     std::fs::write(&path, bytes).unwrap();
-    let sheet = read_obj(&path).unwrap();
+    let sheet = read_mesh(&path, MeshOptions::default()).unwrap().sheet;
     assert_eq!(sheet.labels["\u{fffd}rmel"], [0, 1, 2, 3]);
     assert_eq!(sheet.mesh.positions()[1], DVec3::new(2.0, 0.0, 0.0));
 }
@@ -166,7 +167,8 @@ fn a_written_file_is_read_back_exactly() {
     let path = folder.path().join("a.obj");
     let cloth = sheet(&positions, &coordinates, &[[0, 1, 2], [0, 2, 3]], &[]);
     write_obj(&path, &cloth, &positions).unwrap();
-    let mesh = read_obj(&path).unwrap().mesh;
+    let read = read_mesh(&path, MeshOptions::default()).unwrap();
+    let mesh = read.sheet.mesh;
     assert_eq!(mesh.topology(), cloth.topology());
     let places = mesh.positions().iter().map(|p| p.as_vec3());
     assert!(places.eq(positions));

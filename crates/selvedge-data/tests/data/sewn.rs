@@ -6,7 +6,7 @@ use crate::help::{exported, run, says};
 use glam::{Vec2, Vec3};
 use selvedge_cloth::{Cloth, ClothArrays, Handles, Topology};
 use selvedge_data::export::ExportFormat;
-use selvedge_data::{LoadedScene, Trajectory, parse_scene, read_obj};
+use selvedge_data::{LoadedScene, MeshOptions, Trajectory, parse_scene, read_mesh};
 use serde_json::Value;
 
 /// Two squares sewn along 1-2, the second mirrored and apart in the pattern.
@@ -67,7 +67,8 @@ fn an_obj_of_a_sewn_cloth_has_its_texture_per_corner_and_comes_back() {
     let count = |kind: &str| text.lines().filter(|line| line.starts_with(kind)).count();
     assert_eq!(["v ", "vt "].map(count), [6, 8]);
     assert!(text.contains("f 2/7 5/5 6/6\n"), "{text}");
-    let mesh = read_obj(&path).unwrap().mesh;
+    let read = read_mesh(&path, MeshOptions::default()).unwrap();
+    let mesh = read.sheet.mesh;
     let (expected, pattern) = (cloth(), mesh.pattern());
     assert_eq!(mesh.topology(), expected.topology());
     assert_eq!(pattern.corners(), expected.pattern().corners());

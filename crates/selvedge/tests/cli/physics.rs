@@ -2,7 +2,7 @@
 //! make.
 
 use crate::common::{Desk, PUSH, PUSH_FRAMES, number};
-use selvedge_data::{open_scene, read_obj, shipped_scenes};
+use selvedge_data::{MeshOptions, open_scene, read_mesh, shipped_scenes};
 
 #[test]
 fn a_simulation_starts_at_rest_and_takes_the_handles_along() {
@@ -91,7 +91,8 @@ fn the_rest_pose_is_where_the_cloth_stays() {
     assert_eq!(rest.frame(0), run.frame(0));
     // As a mesh it is the same. The handles are at y = 0.
     let told = desk.json("run --rest still.toml -o rest.obj");
-    let mesh = read_obj(&desk.path("rest.obj")).unwrap().mesh;
+    let read = read_mesh(&desk.path("rest.obj"), MeshOptions::default()).unwrap();
+    let mesh = read.sheet.mesh;
     assert_eq!(mesh.topology(), rest.topology());
     let positions: Vec<_> = mesh.positions().iter().map(|p| p.as_vec3()).collect();
     assert_eq!(positions, rest.frame(0));

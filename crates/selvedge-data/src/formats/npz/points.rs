@@ -28,14 +28,14 @@ impl NpzPoints {
         let ours = |p: &[f64]| up.to_ours(DVec3::from_slice(p));
         let all: Vec<DVec3> = points.values.chunks_exact(3).map(ours).collect();
         let count = points.shape[1];
-        let handles = match file.has("handles") {
-            true => Some(file.wholes("handles")?.of_shape(&[None])?),
-            false => None,
-        };
-        let beyond = |handles: &[u32]| handles.iter().find(|&&h| h as usize >= count).copied();
-        if let Some(found) = handles.as_ref().and_then(|handles| beyond(&handles.values)) {
-            let expected = format!("vertices below {count}");
-            return Err(Problem::array("handles", &expected, found));
+        let mut handles = None;
+        if file.has("handles") {
+            let found = file.wholes("handles")?.of_shape(&[None])?.values;
+            if let Some(beyond) = found.iter().find(|&&handle| handle as usize >= count) {
+                let expected = format!("vertices below {count}");
+                return Err(Problem::array("handles", &expected, beyond));
+            }
+            handles = Some(found);
         }
         let frame_rate = match file.has("fps") {
             true => Some(file.floats("fps")?.single()?),
@@ -44,7 +44,7 @@ impl NpzPoints {
         let frames = all.chunks_exact(count.max(1)).map(<[_]>::to_vec);
         Ok(Self {
             frames: frames.collect(),
-            handles: handles.map(|handles| handles.values),
+            handles,
             frame_rate,
         })
     }

@@ -13,37 +13,11 @@
 mod parse;
 mod write;
 
-use std::path::Path;
-
-use glam::DVec3;
-use selvedge_cloth::generate::Sheet;
-
-use super::polygons::{MeshFileError, MeshOptions, Polygons, ReadMesh, ReadMeshError, assemble};
-use crate::formats::file_error::FileError;
-use crate::formats::input::read_file;
+use super::polygons::{MeshFileError, MeshOptions, Polygons, ReadMesh, assemble};
 pub use write::write_obj;
 pub(crate) use write::{ObjFrame, write_obj_frame};
 
-/// Reads a mesh and its labels.
-///
-/// # Errors
-/// [`ReadMeshError`] names the file, and the line or vertex that cannot be used.
-pub fn read_obj(path: &Path) -> Result<Sheet, ReadMeshError> {
-    read_file(path)
-        .map_err(MeshFileError::Read)
-        .and_then(|bytes| assemble(parse_obj_polygons(&bytes)?, MeshOptions::default()))
-        .map(|read| read.sheet)
-        .map_err(FileError::at(path))
-}
-
-/// Reads the vertices of a mesh only `[m]`, `[vertices]`; faces may be of any kind.
-pub(crate) fn read_obj_positions(path: &Path) -> Result<Vec<DVec3>, ReadMeshError> {
-    let positions = read_file(path)
-        .map_err(MeshFileError::Read)
-        .and_then(|bytes| Ok(parse_obj_polygons(&bytes)?.positions));
-    positions.map_err(FileError::at(path))
-}
-
+/// The polygons in the bytes of a file.
 pub(crate) fn parse_obj_polygons(bytes: &[u8]) -> Result<Polygons, MeshFileError> {
     parse::parse(&String::from_utf8_lossy(bytes))
 }

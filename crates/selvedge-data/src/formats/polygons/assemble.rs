@@ -6,9 +6,9 @@ use selvedge_cloth::{FaceFabrics, FaceId, LoosePanels, Mesh, MeshError, Topology
 
 use super::fit::fit;
 use super::orient::orient;
-use super::shape::{in_own_plane, own_shape, planar_coordinates};
+use super::shape::{own_shape, planar_coordinates};
 use super::slits::warn_of_slits;
-use super::triangulate::triangulate;
+use super::triangulate::{triangles_in_space, triangulate};
 use super::weld::{check_corners, drop_unused, weld};
 use super::{
     Corner, MeshFileError, MeshOptions, PatternSource, Place, Polygon, Polygons, ReadMesh, Seams,
@@ -174,11 +174,7 @@ fn split(
         let place = polygon.place;
         let own = coordinates.map(|coordinates| &coordinates[number]);
         let at = |corner: &Corner| polygons.positions[corner.vertex as usize];
-        let in_space = || {
-            triangulate(&in_own_plane(
-                &polygon.corners.iter().map(at).collect::<Vec<_>>(),
-            ))
-        };
+        let in_space = || triangles_in_space(&polygons.places(polygon));
         let triangles = match own {
             Some(flat) => triangulate(flat),
             None => in_space(),

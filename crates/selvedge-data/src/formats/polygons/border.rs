@@ -13,6 +13,14 @@ pub(super) struct Side {
     corner: usize,
 }
 
+impl Side {
+    /// Its two corners.
+    fn ends(self, polygons: &Polygons) -> [Corner; 2] {
+        let corners = &polygons.polygons[self.polygon].corners;
+        [self.corner, self.corner + 1].map(|k| corners[k % corners.len()])
+    }
+}
+
 /// A border line, end to end.
 pub(super) struct Border {
     /// Its vertices.
@@ -70,9 +78,8 @@ impl Border {
     fn of(polygons: &Polygons, line: Vec<u32>, sides: Vec<Side>) -> Self {
         let mut parts = vec![0.0];
         let mut length = 0.0;
-        for &Side { polygon, corner } in &sides {
-            let corners = &polygons.polygons[polygon].corners;
-            let ends = [corner, (corner + 1) % corners.len()].map(|k| place(polygons, corners[k]));
+        for side in &sides {
+            let ends = side.ends(polygons).map(|end| place(polygons, end));
             length += ends[0].distance(ends[1]);
             parts.push(length);
         }
@@ -161,9 +168,8 @@ impl Track {
     fn of(border: &Border, polygons: &Polygons) -> Self {
         let positions = border.line.iter();
         let mut texture: Option<Vec<DVec2>> = Some(Vec::new());
-        for (k, &Side { polygon, corner }) in border.sides.iter().enumerate() {
-            let corners = &polygons.polygons[polygon].corners;
-            let mut ends = [corners[corner], corners[(corner + 1) % corners.len()]];
+        for (k, side) in border.sides.iter().enumerate() {
+            let mut ends = side.ends(polygons);
             if ends[0].vertex != border.line[k] {
                 ends.reverse();
             }
@@ -236,14 +242,9 @@ fn place(polygons: &Polygons, corner: Corner) -> DVec2 {
 /// Edges of one polygon only, with their polygon and its corner.
 pub(super) fn open_edges(polygons: &Polygons) -> BTreeMap<[u32; 2], Side> {
     let mut edges: BTreeMap<[u32; 2], Option<Side>> = BTreeMap::new();
-    for (number, polygon) in polygons.polygons.iter().enumerate() {
-        for k in 0..polygon.corners.len() {
-            let next = (k + 1) % polygon.corners.len();
-            let [a, b] = [k, next].map(|k| polygon.corners[k].vertex);
-            let side = Some(Side {
-                polygon: number,
-                corner: k,
-            });
+    for (polygon, of) in polygons.polygons.iter().enumerate() {
+        for (corner, [a, b]) in of.sides().enumerate() {
+            let side = Some(Side { polygon, corner });
             let known = edges.entry([a.min(b), a.max(b)]);
             known.and_modify(|known| *known = None).or_insert(side);
         }
@@ -256,9 +257,7 @@ pub(super) fn open_edges(polygons: &Polygons) -> BTreeMap<[u32; 2], Side> {
 /// Puts new vertices on a side of a polygon, at these shares of its length as seen from vertex
 /// `from`.
 fn cut(polygons: &mut Polygons, side: Side, from: u32, shares: &[f64]) -> Vec<u32> {
-    let Side { polygon, corner } = side;
-    let corners = &polygons.polygons[polygon].corners;
-    let [one, two] = [corner, (corner + 1) % corners.len()].map(|k| corners[k]);
+    let [one, two] = side.ends(polygons);
     let is_along = one.vertex == from;
     let ends = [one, two].map(|corner| polygons.positions[corner.vertex as usize]);
     let textures = [one, two].map(|corner| corner.texture.map(|t| polygons.texture[t]));
@@ -281,20 +280,18 @@ fn cut(polygons: &mut Polygons, side: Side, from: u32, shares: &[f64]) -> Vec<u3
                 label.insert(vertex);
             }
         }
-        let loose = None;
         made.push(Corner {
             vertex,
             texture,
-            loose,
+            loose: None,
         });
     }
     let line = made.iter().map(|corner| corner.vertex).collect();
     if !is_along {
         made.reverse();
     }
-    let after = corner + 1;
-    polygons.polygons[polygon]
-        .corners
-        .splice(after..after, made);
+    let after = side.corner + 1;
+    let corners = &mut polygons.polygons[side.polygon].corners;
+    corners.splice(after..after, made);
     line
 }

@@ -140,6 +140,20 @@ pub(crate) struct Polygon {
     pub(crate) part: usize,
 }
 
+impl Polygon {
+    /// The vertices of its corners.
+    pub(crate) fn vertices(&self) -> impl Iterator<Item = u32> + Clone {
+        self.corners.iter().map(|corner| corner.vertex)
+    }
+
+    /// The vertices of each of its sides, in its own sense.
+    fn sides(&self) -> impl Iterator<Item = [u32; 2]> {
+        self.vertices()
+            .zip(self.vertices().cycle().skip(1))
+            .map(|(a, b)| [a, b])
+    }
+}
+
 /// A corner of a face: indices from 0.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Corner {
@@ -185,6 +199,12 @@ pub struct ReadMesh {
 }
 
 impl Polygons {
+    /// The places of a polygon's corners.
+    pub(crate) fn places(&self, polygon: &Polygon) -> Vec<DVec3> {
+        let vertices = polygon.vertices();
+        vertices.map(|v| self.positions[v as usize]).collect()
+    }
+
     /// Number of the fabric of that name.
     pub(crate) fn fabric_of(&mut self, name: &str) -> u32 {
         let known = self.fabrics.iter().position(|known| known == name);

@@ -20,13 +20,13 @@ pub(super) fn orient(polygons: &mut Polygons) {
         }
         let sheet = turn_sheet(polygons, &sides, &mut flips, first);
         // Most faces are right.
-        let turned = sheet
-            .iter()
-            .filter(|&&face| flips[face] == Some(true))
-            .count();
-        let wrong = 2 * turned <= sheet.len();
-        let against = sheet.into_iter().filter(|&face| flips[face] == Some(wrong));
-        let against: Vec<usize> = against.collect();
+        let is_turned = |&face: &usize| flips[face] == Some(true);
+        let (turned, kept): (Vec<usize>, Vec<usize>) = sheet.into_iter().partition(is_turned);
+        let against = if turned.len() <= kept.len() {
+            turned
+        } else {
+            kept
+        };
         turn_angles(polygons, &against);
         for face in against {
             polygons.polygons[face].corners.reverse();
@@ -46,7 +46,7 @@ pub(super) fn orient(polygons: &mut Polygons) {
 fn turn_angles(polygons: &mut Polygons, faces: &[usize]) {
     let mut turned: HashMap<[u32; 2], u32> = HashMap::new();
     for &face in faces {
-        for [a, b] in ends(polygons, face) {
+        for [a, b] in polygons.polygons[face].sides() {
             *turned.entry([a.min(b), a.max(b)]).or_default() += 1;
         }
     }
@@ -57,15 +57,10 @@ fn turn_angles(polygons: &mut Polygons, faces: &[usize]) {
     }
 }
 
-fn ends(polygons: &Polygons, face: usize) -> impl Iterator<Item = [u32; 2]> + '_ {
-    let corners = &polygons.polygons[face].corners;
-    (0..corners.len()).map(|k| [k, (k + 1) % corners.len()].map(|k| corners[k].vertex))
-}
-
 fn sides(polygons: &Polygons) -> HashMap<[u32; 2], Sides> {
     let mut sides: HashMap<[u32; 2], Sides> = HashMap::new();
-    for face in 0..polygons.polygons.len() {
-        for [a, b] in ends(polygons, face) {
+    for (face, polygon) in polygons.polygons.iter().enumerate() {
+        for [a, b] in polygon.sides() {
             let key = [a.min(b), a.max(b)];
             sides.entry(key).or_default().push((face, a < b));
         }
@@ -86,19 +81,15 @@ fn turn_sheet(
     while let Some(&face) = sheet.get(next) {
         next += 1;
         let flip = flips[face] == Some(true);
-        for [a, b] in ends(polygons, face) {
+        for [a, b] in polygons.polygons[face].sides() {
             // Edges of more than two faces say nothing; the mesh names them.
             let Some([one, two]) = sides.get(&[a.min(b), a.max(b)]).map(Vec::as_slice) else {
                 continue;
             };
-            let (own, other) = if one.0 == face {
-                (one, two)
-            } else {
-                (two, one)
-            };
-            if flips[other.0].is_none() {
-                flips[other.0] = Some(flip ^ (own.1 == other.1));
-                sheet.push(other.0);
+            let other = if one.0 == face { two.0 } else { one.0 };
+            if flips[other].is_none() {
+                flips[other] = Some(flip ^ (one.1 == two.1));
+                sheet.push(other);
             }
         }
     }

@@ -219,12 +219,11 @@ fn pairs_of(polygons: &mut Polygons, seam: &SeamPair) -> Result<Vec<[u32; 2]>, M
             .refined(&one, polygons)
             .map(|two| pairs(&one.line, &two)),
     };
-    match refined {
-        Some(pairs) => Ok(pairs),
-        None => content(format!(
+    refined.ok_or_else(|| {
+        MeshFileError::content(format!(
             "seams: {a:?} has {first} vertices and {b:?} has {second}: one is too much finer than the other to be resampled; mesh the panels alike"
-        )),
-    }
+        ))
+    })
 }
 
 fn pairs(one: &[u32], two: &[u32]) -> Vec<[u32; 2]> {

@@ -34,12 +34,16 @@ pub(super) fn axes(normal: DVec3, thread: DVec3) -> (DVec3, DVec3) {
     (v.cross(normal), v)
 }
 
+/// Twice the area vectors of the triangles that the first corner makes with each side of a polygon.
+fn area_vectors(corners: &[DVec3]) -> impl Iterator<Item = DVec3> {
+    let first = corners.first().copied().unwrap_or_default();
+    let sides = corners.windows(2);
+    sides.map(move |side| (side[0] - first).cross(side[1] - first))
+}
+
 /// Corners of a polygon in the plane of its mean normal (Newell's).
 pub(super) fn in_own_plane(corners: &[DVec3]) -> Vec<DVec2> {
-    let count = corners.len();
-    let normal: DVec3 = (0..count)
-        .map(|k| (corners[k] - corners[0]).cross(corners[(k + 1) % count] - corners[0]))
-        .sum();
+    let normal: DVec3 = area_vectors(corners).sum();
     let (u, v) = axes(normal.normalize_or(DVec3::Z), DVec3::Y);
     corners
         .iter()
@@ -55,7 +59,11 @@ const FLATNESS: f64 = 1e-5;
 /// in one.
 pub(super) fn planar_coordinates(polygons: &Polygons) -> Option<Vec<DVec2>> {
     let positions = &polygons.positions;
-    let normal = mean_normal(polygons).try_normalize()?;
+    let mut normal = DVec3::ZERO;
+    for polygon in &polygons.polygons {
+        normal = area_vectors(&polygons.places(polygon)).fold(normal, |sum, area| sum + area);
+    }
+    let normal = normal.try_normalize()?;
     let center = positions.iter().sum::<DVec3>() / positions.len() as f64;
     let extent = positions
         .iter()
@@ -75,21 +83,6 @@ pub(super) fn planar_coordinates(polygons: &Polygons) -> Option<Vec<DVec2>> {
         .copied()
         .fold(DVec2::INFINITY, DVec2::min);
     Some(coordinates.iter().map(|c| *c - lowest).collect())
-}
-
-/// Sum of the faces' area vectors.
-fn mean_normal(polygons: &Polygons) -> DVec3 {
-    let mut sum = DVec3::ZERO;
-    for polygon in &polygons.polygons {
-        let corner = |k: usize| {
-            let corner = &polygon.corners[k % polygon.corners.len()];
-            polygons.positions[corner.vertex as usize]
-        };
-        for k in 1..polygon.corners.len().saturating_sub(1) {
-            sum += (corner(k) - corner(0)).cross(corner(k + 1) - corner(0));
-        }
-    }
-    sum
 }
 
 fn upward_axes(normal: DVec3) -> (DVec3, DVec3) {

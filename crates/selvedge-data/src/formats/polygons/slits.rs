@@ -76,8 +76,8 @@ fn on_edges(polygons: &Polygons, edges: &[[u32; 2]], border: &[u32]) -> Vec<(u32
 fn touching_pieces(polygons: &Polygons, border: &[u32]) -> usize {
     let mut pieces: Vec<u32> = (0..polygons.positions.len() as u32).collect();
     for polygon in &polygons.polygons {
-        for pair in polygon.corners.windows(2) {
-            unite(&mut pieces, pair[0].vertex, pair[1].vertex);
+        for [a, b] in polygon.sides() {
+            unite(&mut pieces, a, b);
         }
     }
     let places: Vec<_> = border

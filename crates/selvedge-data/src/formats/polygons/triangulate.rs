@@ -8,11 +8,7 @@ use super::shape::in_own_plane;
 /// Triangles of a polygon in space, cut in the plane of its mean normal; none if it has less than
 /// three corners, crosses itself or has no area.
 pub(crate) fn triangles_in_space(corners: &[DVec3]) -> Option<Vec<[usize; 3]>> {
-    match corners.len() {
-        0..3 => None,
-        3 => Some(vec![[0, 1, 2]]),
-        _ => triangulate(&in_own_plane(corners)),
-    }
+    triangulate(&in_own_plane(corners))
 }
 
 /// Triangles of a face of a body: as [`triangles_in_space`] or, where that has none, from the corner

@@ -17,11 +17,7 @@ pub(super) fn weld(polygons: &mut Polygons, tolerance: f64) -> Result<(), MeshFi
         return Err(MeshFileError::content(format!("{problem} {tolerance}")));
     }
     let owners = owners(&polygons.positions, tolerance);
-    let welded = (0_u32..)
-        .zip(&owners)
-        .filter(|(v, owner)| v != *owner)
-        .count();
-    if welded == 0 {
+    if owners.iter().zip(0..).all(|(owner, v)| *owner == v) {
         return Ok(());
     }
     let before: Vec<Vec<u32>> = polygons.polygons.iter().map(vertices_of).collect();
@@ -32,7 +28,7 @@ pub(super) fn weld(polygons: &mut Polygons, tolerance: f64) -> Result<(), MeshFi
 
 /// The vertices of a polygon, in ascending order.
 fn vertices_of(polygon: &Polygon) -> Vec<u32> {
-    let mut vertices: Vec<u32> = polygon.corners.iter().map(|c| c.vertex).collect();
+    let mut vertices: Vec<u32> = polygon.vertices().collect();
     vertices.sort_unstable();
     vertices
 }
@@ -128,8 +124,7 @@ pub(crate) fn owners(positions: &[DVec3], tolerance: f64) -> Vec<u32> {
 /// Checks that no face names a vertex twice: it would have no area, whatever else is wrong.
 pub(super) fn check_corners(polygons: &Polygons) -> Result<(), MeshFileError> {
     for polygon in &polygons.polygons {
-        let mut vertices: Vec<u32> = polygon.corners.iter().map(|c| c.vertex).collect();
-        vertices.sort_unstable();
+        let vertices = vertices_of(polygon);
         if let Some(pair) = vertices.windows(2).find(|pair| pair[0] == pair[1]) {
             return Err(polygons.no_sheet(format!(
                 "{}: this face names vertex {} twice: remove it, or mend its corners",

@@ -2,6 +2,7 @@
 
 mod sequence;
 
+use std::fmt::Display;
 use std::path::Path;
 
 use glam::DVec3;
@@ -82,31 +83,27 @@ pub(super) fn unchanged(
 /// The mesh in the bytes of the file at `path`, as it stands at the start; what is left out is said
 /// in `warnings`.
 pub(super) fn mesh(path: &str, bytes: &[u8], warnings: &mut Vec<String>) -> Result<Body, String> {
-    let wrong = |problem: String| format!("mesh: {path}: {problem}");
+    let wrong = |problem: &dyn Display| format!("mesh: {path}: {problem}");
     let (points, polygons) = match Kind::of(path) {
         Some(Kind::Obj) => {
-            let read = parse_obj_polygons(bytes).map_err(|error| wrong(error.to_string()))?;
-            let corners = |p: &crate::formats::polygons::Polygon| {
-                p.corners.iter().map(|corner| corner.vertex).collect()
-            };
-            let polygons: Vec<Vec<u32>> = read.polygons.iter().map(corners).collect();
-            (read.positions, polygons)
+            let read = parse_obj_polygons(bytes).map_err(|error| wrong(&error))?;
+            (read.positions, read.polygons)
         }
         Some(Kind::Rig(format)) => {
-            let rig = Rig::parse(bytes, format, Wanted::Still);
-            let rig = rig.map_err(|error| wrong(error.to_string()))?;
-            let faces = rig.faces().map_err(|error| wrong(error.to_string()))?;
-            let left = rig.warnings().iter();
+            let rig = Rig::parse(bytes, format, Wanted::Still).map_err(|error| wrong(&error))?;
+            let read = rig.polygons().map_err(|error| wrong(&error))?;
+            let left = read.warnings.into_iter();
             warnings.extend(left.map(|left| format!("{path}: {left}")));
-            (rig.positions(0.0), faces)
+            (rig.positions(0.0), read.polygons)
         }
         _ => {
             let known = "must end in .obj, .glb, .usda, .usdc, .usdz or .usd: export the mesh as one of them";
-            return Err(wrong(known.to_owned()));
+            return Err(wrong(&known));
         }
     };
     let mut faces = Vec::with_capacity(2 * polygons.len());
-    for corners in &polygons {
+    for polygon in &polygons {
+        let corners: Vec<u32> = polygon.vertices().collect();
         let places: Vec<DVec3> = corners.iter().map(|&c| points[c as usize]).collect();
         let triangles = triangles_of_body(&places);
         faces.extend(triangles.iter().map(|t| t.map(|k| corners[k])));
@@ -181,7 +178,7 @@ pub(crate) fn moving_points(
 pub(crate) fn rig_frames(rig: &Rig, from: f64, rate: f64) -> Result<Vec<Vec<DVec3>>, String> {
     if rig.span_of_meshes().is_none() {
         let problem = ["nothing in it moves: leave motion out, or animate it".to_owned()];
-        return Err([&problem, rig.warnings()].concat().join("; "));
+        return Err([&problem, &rig.warnings[..]].concat().join("; "));
     }
     rig.frames(rate, from).map_err(|error| error.to_string())
 }

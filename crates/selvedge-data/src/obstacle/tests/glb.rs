@@ -6,45 +6,8 @@ use glam::{DQuat, DVec3};
 use serde_json::{Value, json};
 
 use super::{Desk, assert_near, at, frames};
+use crate::rig::glb::tests::Glb;
 use crate::test_help::{says, table};
-
-/// A .glb under way: every array is an accessor.
-#[derive(Default)]
-struct Glb {
-    binary: Vec<u8>,
-    views: Vec<Value>,
-    accessors: Vec<Value>,
-}
-
-impl Glb {
-    fn store(&mut self, form: &str, component: u32, count: usize, bytes: &[u8]) -> usize {
-        let start = self.binary.len();
-        self.binary.extend(bytes);
-        self.binary.resize(self.binary.len().next_multiple_of(4), 0);
-        self.views
-            .push(json!({ "buffer": 0, "byteOffset": start, "byteLength": bytes.len() }));
-        self.accessors.push(json!({
-            "bufferView": self.views.len() - 1,
-            "componentType": component,
-            "count": count,
-            "type": form,
-        }));
-        self.accessors.len() - 1
-    }
-
-    fn floats(&mut self, form: &str, width: usize, values: &[f32]) -> usize {
-        let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
-        self.store(form, 5126, values.len() / width, &bytes)
-    }
-
-    fn finish(self, mut json: Value) -> Vec<u8> {
-        json["asset"] = json!({ "version": "2.0" });
-        json["buffers"] = json!([{ "byteLength": self.binary.len() }]);
-        json["bufferViews"] = Value::Array(self.views);
-        json["accessors"] = Value::Array(self.accessors);
-        crate::rig::glb::tests::file(&json, &self.binary)
-    }
-}
 
 /// A .glb of a node with a mesh of these points and morph targets, whose weights are `weights` at
 /// the times 1 s and 2 s.

@@ -6,6 +6,7 @@
 use serde::Deserialize;
 
 use super::{File, part};
+use crate::formats::packing::little;
 use crate::rig::node::RigError;
 
 #[derive(Deserialize)]
@@ -172,28 +173,23 @@ impl File<'_> {
 
 /// The indices of an accessor.
 fn index(component_type: u32) -> Option<Component> {
-    match component_type {
-        5121 => Some((1, |b| f64::from(b[0]))),
-        5123 => Some((2, |b| f64::from(u16::from_le_bytes([b[0], b[1]])))),
-        5125 => Some((4, |b| {
-            f64::from(u32::from_le_bytes([b[0], b[1], b[2], b[3]]))
-        })),
-        _ => None,
-    }
+    let size = match component_type {
+        5121 => 1,
+        5123 => 2,
+        5125 => 4,
+        _ => return None,
+    };
+    Some((size, |bytes| little(bytes) as f64))
 }
 
 /// The numbers of an accessor, where animations may have such.
 fn component(component_type: u32, normalized: bool) -> Option<Component> {
     match (component_type, normalized) {
-        (5126, false) => Some((4, |b| {
-            f64::from(f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
-        })),
+        (5126, false) => Some((4, |b| f64::from(f32::from_bits(little(b) as u32)))),
         (5120, true) => Some((1, |b| (f64::from(b[0] as i8) / 127.0).max(-1.0))),
         (5121, true) => Some((1, |b| f64::from(b[0]) / 255.0)),
-        (5122, true) => Some((2, |b| {
-            (f64::from(i16::from_le_bytes([b[0], b[1]])) / 32767.0).max(-1.0)
-        })),
-        (5123, true) => Some((2, |b| f64::from(u16::from_le_bytes([b[0], b[1]])) / 65535.0)),
+        (5122, true) => Some((2, |b| (f64::from(little(b) as i16) / 32767.0).max(-1.0))),
+        (5123, true) => Some((2, |b| little(b) as f64 / 65535.0)),
         _ => None,
     }
 }

@@ -292,11 +292,15 @@ impl File<'_> {
             rotation.map(Change::Turn),
             points("scale", node.scale)?.map(Change::Scale),
         ];
+        let operation = |change| Operation {
+            change,
+            is_inverse: false,
+        };
         let name = node.name.clone();
         Ok(RigNode {
             name: name.unwrap_or_else(|| format!("node {number}")),
             parent,
-            operations: changes.into_iter().flatten().map(Operation::new).collect(),
+            operations: changes.into_iter().flatten().map(operation).collect(),
             obstacle: None,
         })
     }
@@ -319,17 +323,68 @@ impl File<'_> {
 
 #[cfg(test)]
 pub(crate) mod tests {
-    /// The bytes of a file of this JSON and binary part, whose length is a multiple of four.
-    pub(crate) fn file(json: &serde_json::Value, binary: &[u8]) -> Vec<u8> {
-        let mut text = json.to_string().into_bytes();
-        text.resize(text.len().next_multiple_of(4), b' ');
-        let mut bytes = b"glTF\x02\0\0\0".to_vec();
-        bytes.extend((28 + text.len() as u32 + binary.len() as u32).to_le_bytes());
-        for (kind, part) in [(b"JSON", &text[..]), (b"BIN\0", binary)] {
-            bytes.extend((part.len() as u32).to_le_bytes());
-            bytes.extend(kind);
-            bytes.extend(part);
+    use serde_json::{Value, json};
+
+    /// A .glb under way: every array is an accessor, by its number.
+    #[derive(Default)]
+    pub(crate) struct Glb {
+        binary: Vec<u8>,
+        views: Vec<Value>,
+        pub(crate) accessors: Vec<Value>,
+    }
+
+    impl Glb {
+        /// Adds an array of so many elements of this form and type of number.
+        pub(crate) fn store(
+            &mut self,
+            form: &str,
+            component: u32,
+            count: usize,
+            bytes: &[u8],
+        ) -> usize {
+            let start = self.binary.len();
+            self.binary.extend(bytes);
+            self.binary.resize(self.binary.len().next_multiple_of(4), 0);
+            self.views
+                .push(json!({ "buffer": 0, "byteOffset": start, "byteLength": bytes.len() }));
+            self.accessors.push(json!({
+                "bufferView": self.views.len() - 1,
+                "byteOffset": 0,
+                "componentType": component,
+                "count": count,
+                "type": form,
+            }));
+            self.accessors.len() - 1
         }
-        bytes
+
+        /// Adds an array of elements of this form, `width` numbers each.
+        pub(crate) fn floats(&mut self, form: &str, width: usize, values: &[f32]) -> usize {
+            let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+            self.store(form, 5126, values.len() / width, &bytes)
+        }
+
+        /// The bytes of a file of this JSON and the arrays.
+        pub(crate) fn finish(self, json: Value) -> Vec<u8> {
+            self.finish_as(json, |_| {})
+        }
+
+        /// As [`Self::finish`], with the JSON changed by `edit` at last.
+        pub(crate) fn finish_as(self, mut json: Value, edit: impl FnOnce(&mut Value)) -> Vec<u8> {
+            json["asset"] = json!({ "version": "2.0" });
+            json["buffers"] = json!([{ "byteLength": self.binary.len() }]);
+            json["bufferViews"] = Value::Array(self.views);
+            json["accessors"] = Value::Array(self.accessors);
+            edit(&mut json);
+            let mut text = json.to_string().into_bytes();
+            text.resize(text.len().next_multiple_of(4), b' ');
+            let mut bytes = b"glTF\x02\0\0\0".to_vec();
+            bytes.extend((28 + text.len() as u32 + self.binary.len() as u32).to_le_bytes());
+            for (kind, part) in [(b"JSON", text), (b"BIN\0", self.binary)] {
+                bytes.extend((part.len() as u32).to_le_bytes());
+                bytes.extend(kind);
+                bytes.extend(part);
+            }
+            bytes
+        }
     }
 }

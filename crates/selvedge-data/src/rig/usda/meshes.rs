@@ -6,6 +6,8 @@
 //!
 //! Format: the USD documentation, `UsdGeomMesh`, `UsdGeomPrimvar` and `UsdGeomSubset`.
 
+use std::collections::HashSet;
+
 use glam::{DVec2, DVec3};
 
 use super::super::mesh::{Face, RigMesh};
@@ -60,8 +62,32 @@ pub(super) fn is_of_skeleton(name: &str) -> bool {
 /// The meshes of these prims that are seen; what is left out is said in `warnings`.
 pub(super) fn meshes(prims: &[Prim], warnings: &mut Vec<String>) -> Result<Vec<RigMesh>, RigError> {
     let absences = absences(prims);
-    let is_seen = |k: usize| absences[k].is_none();
-    for (_, prim) in prims.iter().enumerate().filter(|(k, _)| is_seen(*k)) {
+    check_is_whole(prims, &absences)?;
+    warnings.extend(left_out(prims, &absences));
+    let is_seen = |&k: &usize| prims[k].kind == "Mesh" && absences[k].is_none();
+    let seen: Vec<usize> = (0..prims.len()).filter(is_seen).collect();
+    let (empty, mut whole): (Vec<usize>, Vec<usize>) =
+        seen.iter().partition(|&&k| is_empty(&prims[k]));
+    if whole.is_empty() {
+        // Where all are empty, the error says which array the first lacks.
+        whole = seen;
+    } else {
+        let what = "meshes have no points or no faces, or values of another type for them, and are left out";
+        warnings.extend(warning(prims, what, &empty));
+    }
+    let made = whole.into_iter().map(|node| {
+        let mut mesh = mesh(&prims[node], node)?;
+        take_fabrics(&mut mesh, prims);
+        cut_holes(&mut mesh, prims[node].array(HOLES).unwrap_or_default());
+        Ok(mesh)
+    });
+    made.collect()
+}
+
+/// Checks that no prim that is seen brings meshes from elsewhere.
+fn check_is_whole(prims: &[Prim], absences: &[Option<Absence>]) -> Result<(), RigError> {
+    let seen = prims.iter().zip(absences).filter(|(_, why)| why.is_none());
+    for (prim, _) in seen {
         let instancer = (prim.kind == "PointInstancer")
             .then_some("its instances are not read: export them as meshes");
         let is_of_looks = ["Material", "Shader", "NodeGraph"].contains(&prim.kind.as_str());
@@ -70,96 +96,86 @@ pub(super) fn meshes(prims: &[Prim], warnings: &mut Vec<String>) -> Result<Vec<R
             return Err(RigError::node(&prim.name, problem));
         }
     }
-    let mut left = |what: &str, is_left: &dyn Fn(usize, &Prim) -> bool| {
-        let found = prims
-            .iter()
-            .enumerate()
-            .filter(|(k, prim)| is_left(*k, prim));
-        let names: Vec<&str> = found.map(|(_, prim)| prim.name.as_str()).collect();
-        if let Some(first) = names.first() {
-            warnings.push(format!("{} {what}, the first is {first:?}", names.len()));
-        }
+    Ok(())
+}
+
+/// The warning that these prims are left out or read otherwise than meant; none of no prims.
+fn warning(prims: &[Prim], what: &str, which: &[usize]) -> Option<String> {
+    let first = &prims[*which.first()?].name;
+    Some(format!("{} {what}, the first is {first:?}", which.len()))
+}
+
+/// Warnings of what is not seen, and of what changes how a mesh that is seen looks.
+fn left_out(prims: &[Prim], absences: &[Option<Absence>]) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let mut warn = |what: &str, is_meant: &dyn Fn(usize, &Prim) -> bool| {
+        let which = (0..prims.len()).filter(|&k| is_meant(k, &prims[k]));
+        warnings.extend(warning(prims, what, &which.collect::<Vec<_>>()));
     };
-    let is_mesh = |k: usize| prims[k].kind == "Mesh";
-    left(
-        "meshes are invisible, guides or proxies and are left out",
-        &|k, _| {
-            let why = [Some(Absence::Invisible), Some(Absence::StandsIn)];
-            is_mesh(k) && why.contains(&absences[k])
-        },
-    );
-    left(
-        "meshes are inactive (active = false) and are left out",
-        &|k, _| is_mesh(k) && absences[k] == Some(Absence::Inactive),
-    );
-    left(
-        "meshes are in an over of what this file does not define and are left out",
-        &|k, _| is_mesh(k) && absences[k] == Some(Absence::Undefined),
-    );
-    left(
+    let is_mesh = |prim: &Prim| prim.kind == "Mesh";
+    for (whys, how) in [
+        (
+            [Absence::Invisible, Absence::StandsIn],
+            "invisible, guides or proxies",
+        ),
+        ([Absence::Inactive; 2], "inactive (active = false)"),
+        (
+            [Absence::Undefined; 2],
+            "in an over of what this file does not define",
+        ),
+    ] {
+        warn(&format!("meshes are {how} and are left out"), &|k, prim| {
+            is_mesh(prim) && absences[k].is_some_and(|why| whys.contains(&why))
+        });
+    }
+    let is_seen = |k: usize| absences[k].is_none();
+    warn(
         "prims are shapes without a mesh, which are not read: export meshes",
         &|k, prim| SHAPES.contains(&prim.kind.as_str()) && is_seen(k),
     );
-    left(
+    warn(
         "meshes have a skeleton or blend shapes, which are not read, and stand as their points are: bake them to points, or export .glb",
-        &|k, prim| is_mesh(k) && prim.is_skinned && is_seen(k),
+        &|k, prim| is_mesh(prim) && prim.is_skinned && is_seen(k),
     );
-    left(
+    warn(
         "meshes are subdivision surfaces and are read as their cages: apply the subdivision before the export, or write subdivisionScheme = \"none\"",
-        &|k, prim| is_mesh(k) && !prim.is_polygonal && is_seen(k),
+        &|k, prim| is_mesh(prim) && !prim.is_polygonal && is_seen(k),
     );
-    let is_timed = |k: usize| chain(prims, k).any(|k| prims[k].is_timed);
-    left(
-        "meshes have a visibility that changes in time, which is not read, and are there all the time",
-        &|k, _| is_mesh(k) && is_seen(k) && is_timed(k),
-    );
-    let is_empty = |k: usize| {
-        let has = |name: &str| prims[k].array(name).is_some_and(|array| array.len() > 2);
-        !(has(POINTS) && prims[k].array(COUNTS).is_some() && has(INDICES))
-    };
-    let all: Vec<usize> = (0..prims.len())
-        .filter(|&k| is_mesh(k) && is_seen(k))
-        .collect();
-    // Where all are empty, the error says which array the first lacks.
-    let is_left = !all.iter().all(|&k| is_empty(k));
-    left(
-        "meshes have no points or no faces, or values of another type for them, and are left out",
-        &|k, _| is_left && is_mesh(k) && is_seen(k) && is_empty(k),
-    );
-    let mut made = Vec::new();
-    for node in all {
-        if is_left && is_empty(node) {
-            continue;
-        }
-        let mut mesh = mesh(&prims[node], node)?;
-        for subset in prims.iter().filter(|prim| prim.parent == Some(node)) {
-            if subset.kind != "GeomSubset" {
-                continue;
-            }
-            for &face in subset.array(SUBSET).into_iter().flatten() {
-                if let Some(face) = mesh.faces.get_mut(face as usize) {
-                    face.fabric = Some(subset.name.clone());
-                }
-            }
-        }
-        if let Some(holes) = prims[node].array(HOLES) {
-            let mut is_hole = vec![false; mesh.faces.len()];
-            for &hole in holes {
-                if let Some(is_hole) = is_hole.get_mut(hole as usize) {
-                    *is_hole = true;
-                }
-            }
-            let mut is_hole = is_hole.into_iter();
-            mesh.faces.retain(|_| is_hole.next() == Some(false));
-        }
-        made.push(mesh);
+    let mut is_timed: Vec<bool> = Vec::with_capacity(prims.len());
+    for prim in prims {
+        is_timed.push(prim.is_timed || prim.parent.is_some_and(|parent| is_timed[parent]));
     }
-    Ok(made)
+    warn(
+        "meshes have a visibility that changes in time, which is not read, and are there all the time",
+        &|k, prim| is_mesh(prim) && is_seen(k) && is_timed[k],
+    );
+    warnings
 }
 
-/// A prim, what it is in, and so on to the root.
-fn chain(prims: &[Prim], node: usize) -> impl Iterator<Item = usize> {
-    std::iter::successors(Some(node), |&node| prims[node].parent)
+/// Returns true where a prim has not all that makes a mesh.
+fn is_empty(prim: &Prim) -> bool {
+    let has = |name: &str| prim.array(name).is_some_and(|array| array.len() > 2);
+    !(has(POINTS) && prim.array(COUNTS).is_some() && has(INDICES))
+}
+
+/// Gives faces the materials of the subsets that they belong to.
+fn take_fabrics(mesh: &mut RigMesh, prims: &[Prim]) {
+    let within = prims.iter().filter(|prim| prim.parent == Some(mesh.node));
+    for subset in within.filter(|prim| prim.kind == "GeomSubset") {
+        for &face in subset.array(SUBSET).unwrap_or_default() {
+            if let Some(face) = mesh.faces.get_mut(face as usize) {
+                face.fabric = Some(subset.name.clone());
+            }
+        }
+    }
+}
+
+/// Leaves out the faces of these numbers.
+fn cut_holes(mesh: &mut RigMesh, holes: &[f64]) {
+    let holes: HashSet<usize> = holes.iter().map(|&hole| hole as usize).collect();
+    let mut numbers = 0..;
+    mesh.faces
+        .retain(|_| numbers.next().is_none_or(|number| !holes.contains(&number)));
 }
 
 /// Reasons why prims are not seen, with all that is in them; no proxy is seen where there is what

@@ -26,7 +26,7 @@ use self::prim::{Absence, Kept, Prim, Stage, rig};
 use self::tokens::{Token, Tokens, in_line};
 use super::node::{Rig, RigError, Wanted};
 
-/// Prims within prims, and brackets within brackets, at most.
+/// Prims within prims at most.
 const DEEPEST: usize = 200;
 
 /// The rig in the bytes of a file.
@@ -124,10 +124,7 @@ impl<'a> Reader<'a> {
         match self.tokens.next()? {
             Token::Word("def") => {}
             Token::Word(word @ ("over" | "class")) => prim.specifies(word == "class"),
-            found => {
-                let problem = format!("expected def, over or class, found {found}");
-                return Err(self.tokens.wrong(problem));
-            }
+            found => return Err(self.tokens.expected("def, over or class", found)),
         }
         if let Some(Token::Word(kind)) = self.tokens.peek()? {
             kind.clone_into(&mut prim.kind);
@@ -135,10 +132,7 @@ impl<'a> Reader<'a> {
         }
         prim.name = match self.tokens.next()? {
             Token::Text(name) => name.to_owned(),
-            found => {
-                let problem = format!("expected the name of a prim, found {found}");
-                return Err(self.tokens.wrong(problem));
-            }
+            found => return Err(self.tokens.expected("the name of a prim", found)),
         };
         if self.tokens.skip_if("(")? {
             self.prim_metadata(&mut prim)?;
@@ -155,33 +149,23 @@ impl<'a> Reader<'a> {
     /// Passes over the metadata of a prim; what in it brings more from elsewhere.
     fn prim_metadata(&mut self, prim: &mut Prim) -> Result<(), RigError> {
         while !self.tokens.skip_if(")")? {
-            if let Token::Word(key) = self.tokens.next()? {
-                let composes = matches!(
-                    key,
-                    "references"
-                        | "payload"
-                        | "inherits"
-                        | "specializes"
-                        | "variants"
-                        | "variantSets"
-                );
-                if !self.tokens.skip_if("=")? {
-                    continue;
+            let Token::Word(key) = self.tokens.next()? else {
+                continue;
+            };
+            if !self.tokens.skip_if("=")? {
+                continue;
+            }
+            if key == "active" {
+                if let Token::Word("false" | "0") = self.tokens.next()? {
+                    prim.is_absent(Absence::Inactive);
                 }
-                if key == "active" {
-                    let found = self.tokens.next()?;
-                    if matches!(found, Token::Word("false" | "0")) {
-                        prim.is_absent(Absence::Inactive);
-                    }
-                    continue;
-                }
-                match (composes, self.composed()?) {
-                    (true, Some(path)) if key == "references" => {
-                        prim.reference = Some(path.to_owned());
-                    }
-                    (true, _) => prim.composes(key),
-                    _ => {}
-                }
+                continue;
+            }
+            match (key, self.composed()?) {
+                ("references", Some(path)) => prim.reference = Some(path.to_owned()),
+                ("references" | "payload" | "inherits", _)
+                | ("specializes" | "variants" | "variantSets", _) => prim.composes(key),
+                _ => {}
             }
         }
         Ok(())
@@ -211,8 +195,7 @@ impl<'a> Reader<'a> {
             Some(Token::Word(_)) => self.property(number),
             _ => {
                 let found = self.tokens.next()?;
-                let problem = format!("expected a property or a prim, found {found}");
-                Err(self.tokens.wrong(problem))
+                Err(self.tokens.expected("a property or a prim", found))
             }
         }
     }
@@ -244,7 +227,7 @@ impl<'a> Reader<'a> {
             self.value_of(number, kind, name)?;
         }
         if self.tokens.skip_if("(")? {
-            self.skip_to(")", 0)?;
+            self.skip_to(")")?;
         }
         Ok(())
     }
@@ -274,20 +257,17 @@ impl<'a> Reader<'a> {
         };
         let (line, is_array) = (self.tokens.line_of_last(), array.is_some());
         let samples = match is_timed {
-            true => match self.time_samples(is_array)? {
-                samples if is_array && samples.is_empty() => return Ok(()),
-                samples => Samples::Timed(samples),
-            },
-            false => match self.value(is_array)? {
-                Some(numbers) => Samples::Constant(numbers),
-                None => return Ok(()),
-            },
+            true => self.time_samples(is_array)?,
+            false => Vec::from_iter(self.value(is_array)?.map(|numbers| (0.0, numbers))),
         };
-        self.prims[number].attributes.push(Attribute {
-            name: array.unwrap_or_else(|| own.to_owned()),
-            samples,
-            line,
-        });
+        if !(is_array && samples.is_empty()) {
+            self.prims[number].attributes.push(Attribute {
+                name: array.unwrap_or_else(|| own.to_owned()),
+                is_timed,
+                samples,
+                line,
+            });
+        }
         Ok(())
     }
 
@@ -319,7 +299,7 @@ impl<'a> Reader<'a> {
     }
 
     /// `{ code: value, … }`.
-    fn time_samples(&mut self, is_array: bool) -> Result<Vec<(f64, Vec<f64>)>, RigError> {
+    fn time_samples(&mut self, is_array: bool) -> Result<Samples, RigError> {
         self.tokens.expect("{")?;
         let mut samples = Vec::new();
         while !self.tokens.skip_if("}")? {
@@ -341,10 +321,7 @@ impl<'a> Reader<'a> {
             match self.tokens.next()? {
                 Token::Text(text) => texts.push(text.to_owned()),
                 Token::Sign(",") => {}
-                found => {
-                    let problem = format!("expected a text in quotes, found {found}");
-                    return Err(self.tokens.wrong(problem));
-                }
+                found => return Err(self.tokens.expected("a text in quotes", found)),
             }
         }
         Ok(texts)
@@ -353,9 +330,9 @@ impl<'a> Reader<'a> {
     /// Passes over a value: one token, or all within its brackets.
     fn skip_value(&mut self) -> Result<(), RigError> {
         match self.tokens.next()? {
-            Token::Sign("(") => self.skip_to(")", 0),
-            Token::Sign("[") => self.skip_to("]", 0),
-            Token::Sign("{") => self.skip_to("}", 0),
+            Token::Sign("(") => self.skip_to(")"),
+            Token::Sign("[") => self.skip_to("]"),
+            Token::Sign("{") => self.skip_to("}"),
             // An asset may be followed by the path of a prim in it.
             Token::Asset => match self.tokens.peek()? {
                 Some(Token::Path(_)) => self.tokens.next().map(drop),
@@ -365,22 +342,21 @@ impl<'a> Reader<'a> {
         }
     }
 
-    fn skip_to(&mut self, end: &str, depth: usize) -> Result<(), RigError> {
-        if depth > DEEPEST {
-            return Err(self.tokens.wrong("brackets are nested too deeply"));
-        }
-        loop {
+    /// Passes over all to the `end` of a bracket that is open, with the brackets in it.
+    fn skip_to(&mut self, end: &'static str) -> Result<(), RigError> {
+        let mut open = vec![end];
+        while let Some(&end) = open.last() {
             match self.tokens.next()? {
-                Token::Sign(sign) if sign == end => return Ok(()),
-                Token::Sign("(") => self.skip_to(")", depth + 1)?,
-                Token::Sign("[") => self.skip_to("]", depth + 1)?,
-                Token::Sign("{") => self.skip_to("}", depth + 1)?,
-                Token::Sign(sign @ (")" | "]" | "}")) => {
-                    let problem = format!("expected {end}, found {sign}");
-                    return Err(self.tokens.wrong(problem));
+                Token::Sign("(") => open.push(")"),
+                Token::Sign("[") => open.push("]"),
+                Token::Sign("{") => open.push("}"),
+                Token::Sign(sign) if sign == end => drop(open.pop()),
+                found @ Token::Sign(")" | "]" | "}") => {
+                    return Err(self.tokens.expected(end, found));
                 }
                 _ => {}
             }
         }
+        Ok(())
     }
 }

@@ -15,34 +15,21 @@ const INVERSE: &str = "!invert!";
 pub(super) struct Attribute {
     /// Name without `.timeSamples`.
     pub(super) name: String,
+    /// False for a constant.
+    pub(super) is_timed: bool,
+    /// Time codes and the numbers there; of a constant one, at 0.
     pub(super) samples: Samples,
     /// Line of the attribute; 0 where the file has no lines.
     pub(super) line: usize,
 }
 
-/// The values of an attribute, each as its numbers.
-#[derive(Clone)]
-pub(super) enum Samples {
-    Constant(Vec<f64>),
-    /// By time codes.
-    Timed(Vec<(f64, Vec<f64>)>),
-}
-
-impl Samples {
-    /// The time codes; none of a constant.
-    pub(super) fn codes(&self) -> impl Iterator<Item = f64> {
-        let timed = match self {
-            Self::Constant(_) => &[][..],
-            Self::Timed(samples) => samples,
-        };
-        timed.iter().map(|sample| sample.0)
-    }
-}
+/// Numbers by time codes.
+pub(super) type Samples = Vec<(f64, Vec<f64>)>;
 
 /// The attribute of this name. Samples count where there is a constant too.
 pub(super) fn named<'a>(attributes: &'a [Attribute], name: &str) -> Option<&'a Attribute> {
     let named = || attributes.iter().filter(|attribute| attribute.name == name);
-    let timed = named().find(|a| matches!(a.samples, Samples::Timed(_)));
+    let timed = named().find(|attribute| attribute.is_timed);
     timed.or_else(|| named().next())
 }
 
@@ -97,7 +84,7 @@ fn change(attribute: &Attribute, rate: f64) -> Result<Change, String> {
 
 /// Values of `width` numbers over time; a time code is 1/`rate` s.
 fn track<T: Value>(
-    samples: &Samples,
+    samples: &[(f64, Vec<f64>)],
     rate: f64,
     width: usize,
     value: impl Fn(&[f64]) -> T,
@@ -106,12 +93,7 @@ fn track<T: Value>(
         found if found == width => Ok(value(numbers)),
         found => Err(format!("has a value of {found} numbers, expected {width}")),
     };
-    let (times, values) = match samples {
-        Samples::Constant(numbers) => (vec![0.0], vec![read(numbers)?]),
-        Samples::Timed(samples) => {
-            let values: Result<Vec<T>, String> = samples.iter().map(|s| read(&s.1)).collect();
-            (samples.iter().map(|s| s.0 / rate).collect(), values?)
-        }
-    };
-    Track::new(times, values, Joined::Linearly).map_err(str::to_owned)
+    let times = samples.iter().map(|sample| sample.0 / rate).collect();
+    let values: Result<Vec<T>, String> = samples.iter().map(|sample| read(&sample.1)).collect();
+    Track::new(times, values?, Joined::Linearly).map_err(str::to_owned)
 }

@@ -3,6 +3,8 @@
 //! Format: the USD documentation, "Usdz File Format Specification"; ZIP's APPNOTE, sections 4.3.7
 //! and 4.3.16.
 
+use crate::formats::packing::little;
+
 /// First bytes of a ZIP.
 pub(super) const ZIP: &[u8] = b"PK\x03\x04";
 const HEADER: usize = 30;
@@ -12,8 +14,7 @@ const LONGEST_COMMENT: usize = 1024;
 
 pub(super) fn first_file(bytes: &[u8]) -> Result<&[u8], String> {
     let number = |at: usize, width: usize| -> Option<usize> {
-        let own = bytes.get(at..at + width)?.iter().rev();
-        Some(own.fold(0, |n, &byte| (n << 8) | usize::from(byte)))
+        Some(little(bytes.get(at..at + width)?) as usize)
     };
     let cut = || "is no whole .usdz: it was cut short or changed".to_owned();
     let flags = number(6, 2).ok_or_else(cut)?;

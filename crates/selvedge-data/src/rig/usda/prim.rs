@@ -5,32 +5,21 @@ use glam::DMat4;
 use super::super::node::{Rig, RigNode};
 use super::meshes;
 use super::operations::{Attribute, RESET, Samples, named, operations_of};
+use crate::rig::track::ends;
 
 /// USD's own defaults.
 const CODES_PER_SECOND: f64 = 24.0;
 const METRES_PER_UNIT: f64 = 0.01;
 
 /// Metadata of a stage.
+#[derive(Default)]
 pub(super) struct Stage {
-    pub(super) codes_per_second: Option<f64>,
-    pub(super) frames_per_second: Option<f64>,
-    pub(super) start_code: Option<f64>,
-    pub(super) end_code: Option<f64>,
-    pub(super) metres_per_unit: f64,
-    pub(super) is_z_up: bool,
-}
-
-impl Default for Stage {
-    fn default() -> Self {
-        Self {
-            codes_per_second: None,
-            frames_per_second: None,
-            start_code: None,
-            end_code: None,
-            metres_per_unit: METRES_PER_UNIT,
-            is_z_up: false,
-        }
-    }
+    codes_per_second: Option<f64>,
+    frames_per_second: Option<f64>,
+    start_code: Option<f64>,
+    end_code: Option<f64>,
+    metres_per_unit: Option<f64>,
+    is_z_up: bool,
 }
 
 impl Stage {
@@ -50,7 +39,7 @@ impl Stage {
         match (key, token) {
             ("timeCodesPerSecond", _) => self.codes_per_second = Some(positive()?),
             ("framesPerSecond", _) => self.frames_per_second = Some(positive()?),
-            ("metersPerUnit", _) => self.metres_per_unit = positive()?,
+            ("metersPerUnit", _) => self.metres_per_unit = Some(positive()?),
             ("startTimeCode", _) => self.start_code = Some(finite()?),
             ("endTimeCode", _) => self.end_code = Some(finite()?),
             ("upAxis", "Y" | "Z") => self.is_z_up = token == "Z",
@@ -68,7 +57,8 @@ impl Stage {
 
     /// Transform from the world of the stage to ours.
     fn world(&self) -> DMat4 {
-        let scale = DMat4::from_scale(glam::DVec3::splat(self.metres_per_unit));
+        let unit = self.metres_per_unit.unwrap_or(METRES_PER_UNIT);
+        let scale = DMat4::from_scale(glam::DVec3::splat(unit));
         match self.is_z_up {
             true => DMat4::from_rotation_x(-std::f64::consts::FRAC_PI_2) * scale,
             false => scale,
@@ -150,28 +140,15 @@ impl Prim {
 
     /// Keeps what it brings from elsewhere, which is not read.
     pub(super) fn composes(&mut self, what: &str) {
-        let problem = format!(
+        self.lacks(format!(
             "it has {what}, which are not followed here: flatten the stage (usdcat --flatten)"
-        );
-        self.obstacle.get_or_insert(problem.clone());
-        self.composed.get_or_insert(problem);
+        ));
     }
 
-    /// Keeps that its reference to a prim of the same file is not followed.
-    pub(super) fn composes_within(&mut self, path: &str) {
-        let problem = format!(
-            "its reference to <{path}> is not followed here: set instanceable = false and flatten the stage (usdcat --flatten), or export .glb"
-        );
+    /// Keeps the first reason why what it brings from elsewhere is not read.
+    pub(super) fn lacks(&mut self, problem: String) {
         self.obstacle.get_or_insert(problem.clone());
         self.composed.get_or_insert(problem);
-    }
-
-    /// The same prim within another one.
-    pub(super) fn copy(&self, parent: Option<usize>) -> Self {
-        Self {
-            parent,
-            ..self.clone()
-        }
     }
 
     /// Takes from the prim that it refers to what it does not have itself.
@@ -185,8 +162,7 @@ impl Prim {
             self.kind = other.kind;
         }
         if let Some(problem) = other.composed {
-            self.obstacle.get_or_insert(problem.clone());
-            self.composed.get_or_insert(problem);
+            self.lacks(problem);
         }
         self.order = self.order.take().or(other.order);
         self.purpose = self.purpose.take().or(other.purpose);
@@ -233,31 +209,24 @@ impl Prim {
 
     /// The first numbers of an array that makes a mesh.
     pub(super) fn array(&self, name: &str) -> Option<&[f64]> {
-        match &named(&self.attributes, name)?.samples {
-            Samples::Constant(numbers) => Some(numbers),
-            Samples::Timed(samples) => Some(&samples.first()?.1),
-        }
+        let samples = &named(&self.attributes, name)?.samples;
+        samples.first().map(|sample| sample.1.as_slice())
     }
 
     /// Takes the samples of an array by their time codes; none where it has one value.
-    pub(super) fn take_samples(&mut self, name: &str) -> Vec<(f64, Vec<f64>)> {
-        let own = self.attributes.iter_mut().filter(|a| a.name == name);
-        let mut samples = own.filter_map(|attribute| match &mut attribute.samples {
-            Samples::Timed(samples) => Some(std::mem::take(samples)),
-            Samples::Constant(_) => None,
-        });
-        samples.next().unwrap_or_default()
+    pub(super) fn take_samples(&mut self, name: &str) -> Samples {
+        let mut attributes = self.attributes.iter_mut();
+        let own = attributes.find(|attribute| attribute.is_timed && attribute.name == name);
+        own.map(|attribute| std::mem::take(&mut attribute.samples))
+            .unwrap_or_default()
     }
 }
 
 pub(super) fn rig(prims: &[Prim], stage: &Stage) -> Rig {
     let rate = stage.rate();
     let attributes = prims.iter().flat_map(|prim| &prim.attributes);
-    let codes = attributes.flat_map(|attribute| attribute.samples.codes());
-    let ends = codes.fold(None, |ends: Option<[f64; 2]>, code| {
-        let [first, last] = ends.unwrap_or([code; 2]);
-        Some([first.min(code), last.max(code)])
-    });
+    let timed = attributes.filter(|attribute| attribute.is_timed);
+    let ends = ends(timed.flat_map(|timed| timed.samples.iter().map(|sample| sample.0)));
     // A range that ends before it begins, or begins after the last key, says nothing.
     let is_range = |start: &f64| {
         let last = ends.map_or(f64::INFINITY, |ends| ends[1]);

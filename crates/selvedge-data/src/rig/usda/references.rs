@@ -5,7 +5,7 @@
 
 use std::collections::{HashMap, VecDeque};
 
-use super::operations::{Attribute, Samples};
+use super::operations::Attribute;
 use super::prim::{Absence, Prim};
 
 /// Prims at most that references make.
@@ -46,20 +46,25 @@ pub(super) fn follow(prims: &mut Vec<Prim>) -> Result<(), String> {
             within[number].is_empty() && !is_chained && chain.all(|above| above != original)
         });
         let Some(original) = original else {
-            prims[number].composes_within(&path);
+            prims[number].lacks(format!(
+                "its reference to <{path}> is not followed here: set instanceable = false and flatten the stage (usdcat --flatten), or export .glb"
+            ));
             continue;
         };
         if prims[original].absence == Some(Absence::Undefined) {
             prims[original].absence = Some(Absence::Class);
         }
-        let taken = prims[original].copy(prims[number].parent);
+        let taken = prims[original].clone();
         spend(&taken.attributes, &mut left)?;
         prims[number].takes(taken);
         // What is to be copied, and where its copy goes.
         let inner = within[original].iter();
         let mut open: VecDeque<(usize, usize)> = inner.map(|&k| (k, number)).collect();
         while let Some((from, parent)) = open.pop_front() {
-            let copy = prims[from].copy(Some(parent));
+            let copy = Prim {
+                parent: Some(parent),
+                ..prims[from].clone()
+            };
             spend(&copy.attributes, &mut left)?;
             if prims.len() == most {
                 return Err(format!(
@@ -78,11 +83,8 @@ pub(super) fn follow(prims: &mut Vec<Prim>) -> Result<(), String> {
 
 /// Counts the numbers of what is copied.
 fn spend(attributes: &[Attribute], left: &mut usize) -> Result<(), String> {
-    let count = attributes.iter().map(|attribute| match &attribute.samples {
-        Samples::Constant(numbers) => numbers.len(),
-        Samples::Timed(samples) => samples.iter().map(|(_, numbers)| 1 + numbers.len()).sum(),
-    });
-    let rest = left.checked_sub(count.sum());
+    let samples = attributes.iter().flat_map(|attribute| &attribute.samples);
+    let rest = left.checked_sub(samples.map(|(_, numbers)| 1 + numbers.len()).sum());
     *left = rest.ok_or_else(|| {
         format!("has references within the file that copy more than {MOST_NUMBERS} numbers")
     })?;

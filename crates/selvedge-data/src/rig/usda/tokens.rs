@@ -61,6 +61,11 @@ impl<'a> Tokens<'a> {
         in_line(self.taken, problem)
     }
 
+    /// The error that the last token taken was not what was `expected`.
+    pub(super) fn expected(&self, expected: &str, found: Token<'_>) -> RigError {
+        self.wrong(format!("expected {expected}, found {found}"))
+    }
+
     /// The next token, which stays; none at the end.
     pub(super) fn peek(&mut self) -> Result<Option<Token<'a>>, RigError> {
         if self.ahead.is_none() {
@@ -105,7 +110,7 @@ impl<'a> Tokens<'a> {
     pub(super) fn expect(&mut self, sign: &str) -> Result<(), RigError> {
         match self.next()? {
             Token::Sign(found) if found == sign => Ok(()),
-            found => Err(self.wrong(format!("expected {sign}, found {found}"))),
+            found => Err(self.expected(sign, found)),
         }
     }
 
@@ -117,7 +122,7 @@ impl<'a> Tokens<'a> {
             Token::Word(word) => word.parse::<f64>().ok().filter(|number| number.is_finite()),
             _ => None,
         };
-        number.ok_or_else(|| self.wrong(format!("expected a finite number, found {found}")))
+        number.ok_or_else(|| self.expected("a finite number", found))
     }
 
     fn skip_blank(&mut self) {

@@ -9,7 +9,7 @@ use std::path::Path;
 use glam::{DVec3, Vec2, Vec3};
 use selvedge_cloth::Mesh;
 use selvedge_data::export::{ExportFormat, ExportOptions, FrameSpan, export, planned_bytes};
-use selvedge_data::{Trajectory, UpAxis, read_obj};
+use selvedge_data::{MeshOptions, Trajectory, UpAxis, read_mesh};
 use serde_json::Value;
 
 use crate::help::{options, provenance, says, sheet};
@@ -232,6 +232,7 @@ fn meshes_in_a_folder_are_the_frames() {
         o.frames = odd();
     });
     write(&trajectory, &path, &all);
+    let read = |file: &Path| read_mesh(file, MeshOptions::default()).unwrap().sheet.mesh;
     let assert_frame = |mesh: &Mesh, frame: usize| {
         let places = mesh.positions().iter().map(|p| p.as_vec3());
         assert!(places.eq(trajectory.frame(frame).iter().copied()));
@@ -240,7 +241,7 @@ fn meshes_in_a_folder_are_the_frames() {
         let file = path.join(format!("cloth_{number:04}.obj"));
         let text = std::fs::read_to_string(&file).unwrap();
         assert_eq!(text.matches("\nvn ").count(), VERTICES);
-        let mesh = read_obj(&file).unwrap().mesh;
+        let mesh = read(&file);
         assert_frame(&mesh, frame);
         assert_eq!(mesh.topology().faces(), trajectory.topology().faces());
     }
@@ -248,7 +249,7 @@ fn meshes_in_a_folder_are_the_frames() {
     // The mesh beside a cache is its first frame.
     let cache = options(ExportFormat::Pc2, |o| o.frames = odd());
     write(&trajectory, &folder.path().join("a.pc2"), &cache);
-    assert_frame(&read_obj(&folder.path().join("a.obj")).unwrap().mesh, 1);
+    assert_frame(&read(&folder.path().join("a.obj")), 1);
     let again = export(&trajectory, &path, &all, &mut || ControlFlow::Continue(()));
     says(again.unwrap_err(), &["not empty"]);
 }

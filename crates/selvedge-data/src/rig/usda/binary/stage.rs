@@ -135,9 +135,11 @@ impl<'a> Reader<'a> {
             Kept::Operation => None,
             Kept::Array(array) => Some(array),
         };
-        if let Some(samples) = self.samples(array.as_deref(), default, timed)? {
+        let (is_timed, samples) = self.samples(array.as_deref(), default, timed)?;
+        if is_timed || !samples.is_empty() {
             self.prims[number].attributes.push(Attribute {
                 name: array.unwrap_or_else(|| name.to_owned()),
+                is_timed,
                 samples,
                 line: 0,
             });
@@ -145,13 +147,14 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// The values of an operation, or of an `array`; none where an array has none.
+    /// The values of an operation, or of an `array`, and true where they change in time; none where
+    /// an array has none.
     fn samples(
         &self,
         array: Option<&str>,
         default: Option<Rep>,
         timed: Option<Rep>,
-    ) -> Result<Option<Samples>, String> {
+    ) -> Result<(bool, Samples), String> {
         let timed = timed.map(|rep| self.values.samples(rep)).transpose()?;
         let timed = timed.flatten();
         let mut samples = Vec::new();
@@ -166,14 +169,13 @@ impl<'a> Reader<'a> {
                 numbers => samples.push((code, numbers.unwrap_or_default())),
             }
         }
-        if !samples.is_empty() || timed.is_some() && array.is_none() {
-            return Ok(Some(Samples::Timed(samples)));
+        let is_timed = !samples.is_empty() || timed.is_some() && array.is_none();
+        if let (false, Some(rep)) = (is_timed, default) {
+            let numbers = self.values.numbers(rep)?;
+            if array.is_none() || numbers.is_some() {
+                samples.push((0.0, numbers.unwrap_or_default()));
+            }
         }
-        let numbers = default.map(|rep| self.values.numbers(rep)).transpose()?;
-        Ok(match numbers {
-            None => None,
-            Some(None) if array.is_some() => None,
-            Some(numbers) => Some(Samples::Constant(numbers.unwrap_or_default())),
-        })
+        Ok((is_timed, samples))
     }
 }

@@ -1,7 +1,7 @@
 //! The tables of a crate, and the tree of its paths.
 
 use super::values::Rep;
-use crate::formats::packing::{unpack, unpack_numbers};
+use crate::formats::packing::{little, unpack, unpack_numbers};
 
 /// Specs by their kinds.
 pub(super) const ATTRIBUTE: i64 = 1;
@@ -51,26 +51,26 @@ impl Tables {
             at: Part { bytes, at: 16 }.number(8)?,
         };
         let most = bytes.len().saturating_mul(4) + 4096;
-        let section = |name: &str| contents.section(name);
-        let tokens = tokens(section("TOKENS")?, most)?;
-        let mut part = section("STRINGS")?;
-        let count = part.bounded(most)?;
+        let table = |name: &str| -> Result<(Part<'_>, usize), String> {
+            let mut part = contents.section(name)?;
+            let count = part.bounded(most)?;
+            Ok((part, count))
+        };
+        let (part, count) = table("TOKENS")?;
+        let tokens = tokens(part, count)?;
+        let (mut part, count) = table("STRINGS")?;
         let texts = part.words(count)?;
-        let mut part = section("FIELDS")?;
-        let count = part.bounded(most)?;
+        let (mut part, count) = table("FIELDS")?;
         let names = part.numbers(count, 4)?;
         let values = unpack(part.counted()?, 8 * count)?;
         let values = values.chunks_exact(8).map(Rep::of);
         let fields = names.into_iter().map(|name| name as usize).zip(values);
-        let mut sets = section("FIELDSETS")?;
-        let count = sets.bounded(most)?;
-        let sets = sets.numbers(count, 4)?;
-        let mut part = section("PATHS")?;
-        let all = part.bounded(most)?;
+        let (mut part, count) = table("FIELDSETS")?;
+        let sets = part.numbers(count, 4)?;
+        let (mut part, all) = table("PATHS")?;
         let count = part.bounded(all)?;
         let lists = part.columns(count)?;
-        let mut part = section("SPECS")?;
-        let count = part.bounded(most)?;
+        let (mut part, count) = table("SPECS")?;
         let columns = part.columns(count)?;
         let spec = |k: usize| Spec {
             path: columns[0][k] as usize,
@@ -187,9 +187,9 @@ pub(super) fn cut() -> String {
     "is no whole binary USD file: it was cut short or changed".to_owned()
 }
 
-/// Texts, each ended by a zero.
-fn tokens(mut part: Part<'_>, most: usize) -> Result<Vec<String>, String> {
-    let (count, length) = (part.bounded(most)?, part.number(8)?);
+/// So many texts, each ended by a zero.
+fn tokens(mut part: Part<'_>, count: usize) -> Result<Vec<String>, String> {
+    let length = part.number(8)?;
     let packed = part.counted()?;
     if length > packed.len().saturating_mul(256) {
         return Err(cut());
@@ -199,12 +199,6 @@ fn tokens(mut part: Part<'_>, most: usize) -> Result<Vec<String>, String> {
     Ok(tokens
         .map(|token| String::from_utf8_lossy(token).into_owned())
         .collect())
-}
-
-/// A number of at most eight bytes.
-pub(super) fn little(bytes: &[u8]) -> u64 {
-    let digits = bytes.iter().rev();
-    digits.fold(0, |n, &byte| (n << 8) | u64::from(byte))
 }
 
 /// Bytes that are read from a place on.

@@ -3,7 +3,8 @@
 
 use std::cell::Cell;
 
-use super::tables::{Part, cut, little};
+use super::tables::{Part, cut};
+use crate::formats::packing::little;
 
 const TOKEN: u64 = 11;
 const REFERENCES: u64 = 35;
@@ -85,10 +86,6 @@ impl Number {
         }
     }
 
-    fn is_whole(self) -> bool {
-        matches!(self, Self::Int | Self::UInt | Self::Long | Self::ULong)
-    }
-
     fn read(self, b: &[u8]) -> f64 {
         let bits = little(b);
         match self {
@@ -96,22 +93,10 @@ impl Number {
             Self::UInt => f64::from(bits as u32),
             Self::Long => bits.cast_signed() as f64,
             Self::ULong => bits as f64,
-            Self::Half => half(bits as u16),
+            Self::Half => half::f16::from_bits(bits as u16).to_f64(),
             Self::Float => f64::from(f32::from_bits(bits as u32)),
             Self::Double => f64::from_bits(bits),
         }
-    }
-}
-
-/// A number of 16 bits: a sign, five bits of exponent, ten of fraction.
-fn half(bits: u16) -> f64 {
-    let sign = if bits >> 15 == 1 { -1.0 } else { 1.0 };
-    let (exponent, fraction) = ((bits >> 10) & 31, f64::from(bits & 1023) / 1024.0);
-    sign * match exponent {
-        0 => fraction * 2_f64.powi(-14),
-        31 if fraction == 0.0 => f64::INFINITY,
-        31 => f64::NAN,
-        exponent => (1.0 + fraction) * 2_f64.powi(i32::from(exponent) - 15),
     }
 }
 
@@ -207,12 +192,7 @@ impl<'a> Values<'a> {
     }
 
     fn array(&self, rep: Rep, width: usize, number: Number) -> Result<Vec<f64>, String> {
-        let at = rep.payload();
-        if at == 0 {
-            return Ok(Vec::new());
-        }
-        let mut part = self.part(at + if self.version < 5 { 4 } else { 0 })?;
-        let count = part.number(if self.version < 7 { 4 } else { 8 })?;
+        let (mut part, count) = self.elements(rep)?;
         let all = count.checked_mul(width).ok_or_else(cut)?;
         self.spend(all)?;
         match rep.is_packed() && width == 1 && count >= LEAST_PACKED {
@@ -221,21 +201,32 @@ impl<'a> Values<'a> {
         }
     }
 
+    /// The file from the first element of an array on, and the number of its elements.
+    fn elements(&self, rep: Rep) -> Result<(Part<'a>, usize), String> {
+        let at = rep.payload();
+        let mut part = self.part(at + if self.version < 5 { 4 } else { 0 })?;
+        let count = match at {
+            0 => 0,
+            _ => part.number(if self.version < 7 { 4 } else { 8 })?,
+        };
+        Ok((part, count))
+    }
+
+    /// As [`Self::elements`], of a list.
+    fn listed(&self, rep: Rep) -> Result<(Part<'a>, usize), String> {
+        let mut part = self.part(rep.payload())?;
+        let count = part.number(8)?;
+        Ok((part, count))
+    }
+
     /// The tokens of an array or a list of them, by number; none for another value.
     pub(super) fn tokens(&self, rep: Rep) -> Result<Option<Vec<usize>>, String> {
-        let mut at = rep.payload();
-        let size = match (rep.kind(), rep.is_array()) {
+        let (mut part, count) = match (rep.kind(), rep.is_array()) {
             (TOKEN, false) => return Ok(Some(vec![rep.low() as usize])),
-            (TOKEN, true) if at == 0 => return Ok(Some(Vec::new())),
-            (TOKEN, true) if self.version < 7 => 4,
-            (TOKEN, true) | (TOKEN_VECTOR, _) => 8,
+            (TOKEN, true) => self.elements(rep)?,
+            (TOKEN_VECTOR, _) => self.listed(rep)?,
             _ => return Ok(None),
         };
-        if self.version < 5 && rep.is_array() {
-            at += 4;
-        }
-        let mut part = self.part(at)?;
-        let count = part.number(size)?;
         part.words(count).map(Some)
     }
 
@@ -289,8 +280,7 @@ impl<'a> Values<'a> {
         if rep.kind() != DOUBLE_VECTOR {
             return Ok(self.numbers(rep)?.unwrap_or_default());
         }
-        let mut part = self.part(rep.payload())?;
-        let count = part.number(8)?;
+        let (mut part, count) = self.listed(rep)?;
         self.spend(count)?;
         part.reals(count, Number::Double)
     }
@@ -307,18 +297,16 @@ impl Part<'_> {
 
 /// The numbers of a packed array.
 fn packed(mut part: Part<'_>, count: usize, number: Number) -> Result<Vec<f64>, String> {
-    if number.is_whole() {
-        let whole = part.numbers(count, number.width())?.into_iter();
-        return Ok(match number {
-            Number::UInt => whole.map(|n| f64::from(n as u32)).collect(),
-            _ => whole.map(|n| n as f64).collect(),
-        });
+    let mut whole = |width: usize| part.numbers(count, width).map(Vec::into_iter);
+    match number {
+        Number::UInt => return Ok(whole(4)?.map(|n| f64::from(n as u32)).collect()),
+        Number::Int | Number::Long | Number::ULong => {
+            return Ok(whole(number.width())?.map(|n| n as f64).collect());
+        }
+        Number::Half | Number::Float | Number::Double => {}
     }
     match part.number(1)? as u8 {
-        b'i' => {
-            let whole = part.numbers(count, 4)?.into_iter();
-            Ok(whole.map(|n| n as f64).collect())
-        }
+        b'i' => Ok(part.numbers(count, 4)?.iter().map(|&n| n as f64).collect()),
         b't' => {
             let entries = part.number(4)?;
             let table = part.reals(entries, number)?;
