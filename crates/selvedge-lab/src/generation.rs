@@ -14,9 +14,7 @@ use anyhow::{Context, Result, anyhow};
 use glam::DVec3;
 use rayon::prelude::*;
 use selvedge_cluster::Shard;
-use selvedge_data::{
-    Dataset, DatasetParts, DatasetPreset, DatasetWriter, LoadedScene, Split,
-};
+use selvedge_data::{Dataset, DatasetParts, DatasetPreset, DatasetWriter, LoadedScene, Split};
 use selvedge_sim::{DividedFrames, Threads};
 
 use crate::event::{End, OnEvent, Reporter};
