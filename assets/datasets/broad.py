@@ -1,9 +1,11 @@
 """Writes the preset of the data set that `paper` learned from in its last stages: motions that jerk,
 faster ones, handles that move apart, and 50 other meshes.
 
-    python3 assets/datasets/broad_400.py out/broad-400
+    python3 assets/datasets/broad.py out/broad-400
     selvedge data generate out/broad-400/broad-400.toml -o data/broad-400
-    python3 assets/datasets/broad_400.py out/broad-400 --jumps data/broad-400
+    python3 assets/datasets/broad.py out/broad-400 --jumps data/broad-400
+
+`--density 1024` is the paper's density, `--few` the quarter of the square's motions that `paper-1024` learned from.
 
 The last command lists what surrounds each jump of a speed several times more among the sections to
 learn from: such frames are one in a hundred otherwise.
@@ -19,7 +21,14 @@ import pathlib
 import random
 import tomllib
 
-SQUARE = '{ generator = { kind = "square", vertices = 400, size = 1.0, seed = 1 } }'
+#: Motions of the square that `--few` keeps.
+FEW = {
+    "random": range(32),
+    "jerk": range(12),
+    "reversal": range(12),
+    "leap": [*range(8), *range(40, 56)],
+    "own-apart": range(4),
+}
 CORNERS = '{ label = "upper-corners" }'
 
 
@@ -185,8 +194,8 @@ def apart(draw):
     return "\n".join(rows) + "\n"
 
 
-def generator(draw, kind, seed, square):
-    """A rectangle, a square or a polygon, of 400 vertices per square metre."""
+def generator(draw, kind, seed, square, density):
+    """A rectangle, a square or a polygon, of so many vertices per square metre."""
     rectangles, squares = (0.55, 0.65) if square else (0.5, 0.5)
     if kind < rectangles:
         width, height = draw.uniform(0.5, 1.7), draw.uniform(0.5, 1.5)
@@ -195,10 +204,10 @@ def generator(draw, kind, seed, square):
         shape = f'kind = "square", size = {draw.uniform(0.5, 1.5):.3f}'
     else:
         shape = f'kind = "random", size = {draw.uniform(0.8, 1.4):.3f}'
-    return f"{{ generator = {{ {shape}, density = 400.0, seed = {seed} }} }}"
+    return f"{{ generator = {{ {shape}, density = {density}.0, seed = {seed} }} }}"
 
 
-def main(folder):
+def main(folder, density, few):
     folder.mkdir(parents=True, exist_ok=True)
     own, cloths = {}, []
     train = ["all-training"] + [f"random-{k}" for k in range(80)]
@@ -212,7 +221,7 @@ def main(folder):
         train.append(f"own-apart-{k}")
     train += [f"random-{k}@1.5" for k in range(200, 206)] + [f"random-{k}@2" for k in range(206, 210)]
     for k in range(26):
-        mesh = generator(draw, draw.random(), 50 + k, square=True)
+        mesh = generator(draw, draw.random(), 50 + k, square=True, density=density)
         own[f"m{k}-jerk"] = jerk(draw)
         motions = [f"m{k}-jerk", f"random-{300 + 3 * k}", f"random-{301 + 3 * k}"]
         cloths.append((mesh, motions + [f"random-{302 + 3 * k}@1.5"] * (k % 3 == 0)))
@@ -221,7 +230,7 @@ def main(folder):
     own.update({f"reversal-{k}": reversal(draw) for k in range(48)})
     train += [f"reversal-{k}" for k in range(48)]
     for k in range(26, 38):
-        mesh = generator(draw, draw.random(), 150 + k, square=False)
+        mesh = generator(draw, draw.random(), 150 + k, square=False, density=density)
         motions = [f"m{k}-reversal-{j}" for j in range(2)]
         own.update({name: reversal(draw) for name in motions})
         cloths.append((mesh, motions + [f"random-{500 + 2 * k}", f"random-{501 + 2 * k}@1.3"]))
@@ -234,25 +243,34 @@ def main(folder):
     own.update({f"leap-{k}": bounce(draw) for k in range(40, 76)})
     train += [f"leap-{k}" for k in range(40, 76)]
     for k in range(38, 50):
-        mesh = generator(draw, draw.random(), 212 + k, square=True)
+        mesh = generator(draw, draw.random(), 212 + k, square=True, density=density)
         motions = [f"m{k}-leap-{j}" for j in range(3)]
         own.update({name: bounce(draw) for name in motions})
         cloths.append((mesh, motions))
 
-    text = f'name = "broad-400"\nsections = "whole"\ntrain = {json.dumps(train)}\ntest = "all-test"\n\n[setting]\n'
-    text += f'material = "gray-interlock"\nmesh = {SQUARE}\nhandles = {CORNERS}\nphysics = "first-order"\n'
+    if few:
+        kept = {"all-training", "random-200@1.5", "random-201@1.5", "random-206@2"}
+        for kind, numbers in FEW.items():
+            kept |= {f"{kind}-{k}" for k in numbers}
+        train, cloths = [name for name in train if name in kept], []
+        own = {name: motion for name, motion in own.items() if name in kept}
+
+    square = f'{{ generator = {{ kind = "square", vertices = {density}, size = 1.0, seed = 1 }} }}'
+    text = f'name = "broad-{density}"\nsections = "whole"\ntrain = {json.dumps(train)}\ntest = "all-test"\n\n[setting]\n'
+    text += f'material = "gray-interlock"\nmesh = {square}\nhandles = {CORNERS}\nphysics = "first-order"\n'
     for name, motion in own.items():
         recorded = f'[motions.{name}]\nrecorded = "{name.removeprefix("own-")}.csv"\n'
         text += "\n" + (recorded if motion is None else f"[motions.{name}.inline]\n{motion}")
     for k, (mesh, motions) in enumerate(cloths):
         text += f'\n[[cloths]]\nname = "m{k}"\nmesh = {mesh}\nhandles = {CORNERS}\ntrain = {json.dumps(motions)}\n'
-    (folder / "broad-400.toml").write_text(text)
+    (folder / f"broad-{density}.toml").write_text(text)
 
 
 def list_jumps(folder, data):
     """Adds the 29 frames about each jump to the sections of the data set, twice, or thrice where it leaps,
     and the 11 nearest twice more."""
-    motions = tomllib.loads((folder / "broad-400.toml").read_text())["motions"]
+    (preset,) = folder.glob("broad-*.toml")
+    motions = tomllib.loads(preset.read_text())["motions"]
     index = json.loads((data / "index.json").read_text())
     for number, entry in enumerate(index["splits"]["train"]):
         motion = motions.get(entry["motion"].split(".")[-1], {})
@@ -270,8 +288,10 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=pathlib.Path, help="of the preset")
     parser.add_argument("--jumps", type=pathlib.Path, metavar="DATA", help="the folder of the data set")
+    parser.add_argument("--density", type=int, default=400, help="vertices per square metre [400]")
+    parser.add_argument("--few", action="store_true", help="a quarter of the square's motions, no other mesh")
     asked = parser.parse_args()
     if asked.jumps:
         list_jumps(asked.folder, asked.jumps)
     else:
-        main(asked.folder)
+        main(asked.folder, asked.density, asked.few)
