@@ -70,6 +70,5 @@ fn what_cannot_be_shared_is_said() {
         "--set batch.samples=3",
     ];
     desk.fails_on(3, "train rp-gru10 --data tiny -o run", &words);
-    desk.fails_on(2, "train corrected -o corrected", &["one rank"]);
     desk.fails_on(2, "train steps.toml --data none -o run", &["none"]);
 }
