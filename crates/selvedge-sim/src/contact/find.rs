@@ -7,7 +7,6 @@ use glam::DVec3;
 use selvedge_cloth::{CaughtPair, FrictionAnchor, Pushing, Scene, Touching};
 use selvedge_contact::{Gap, Kind, Pair, Path, certify, gap, least_gap};
 
-use super::arcsim;
 use super::barrier::LEAST;
 use super::friction::{along_surface, kept};
 use super::memory::{self, feature, key};
@@ -78,9 +77,6 @@ impl Contact {
     /// The touches of a solve over `time` `[s]`.
     pub(super) fn find_touches(&mut self, threads: Threads, time: f64) -> Found {
         let _span = tracing::trace_span!("touches").entered();
-        if let Some(law) = &self.arcsim {
-            return self.find_as_arcsim(law, time);
-        }
         self.clearances.look_ahead(&self.start, &self.end);
         let mut budgets = std::mem::take(&mut self.clearances.budgets);
         let mut near = self.near(threads, &mut budgets);
@@ -100,46 +96,10 @@ impl Contact {
         }
         let mut pushing: Vec<Pushing> = near.iter().map(|near| self.pushing(near)).collect();
         memory::sort(&mut pushing);
-        let exact = false;
         Found {
-            touches: Touches { list, exact, time },
+            touches: Touches { list, time },
             set,
             pushing,
-        }
-    }
-
-    /// As [`Self::find_touches`], of ARCSim's law.
-    fn find_as_arcsim(&self, law: &arcsim::Law, time: f64) -> Found {
-        let nearest = law.nearest(&arcsim::Bodies {
-            surface: &self.surface,
-            places: &self.start,
-            pairs: self.candidates.pairs(),
-            thickness: &self.thickness,
-        });
-        let mut set: Vec<Touching> = nearest.iter().map(|near| key(&near.pair)).collect();
-        set.sort_unstable();
-        let mut list = Vec::new();
-        for arcsim::Nearby {
-            pair,
-            gap,
-            stiffness,
-        } in nearest
-        {
-            let body = self.other_body(&pair);
-            if gap.distance < self.thickness[body] {
-                let law = PairLaw::Arcsim { stiffness };
-                let mut touch = self.touch_of(&pair, body, &gap, gap.distance, law);
-                (touch.anchored, touch.pull) = (None, DVec3::ZERO);
-                self.leave_obstacles(&mut touch);
-                list.push(touch);
-            }
-        }
-        list.sort_by_key(|touch| touch.corners);
-        let exact = true;
-        Found {
-            touches: Touches { list, exact, time },
-            set,
-            pushing: Vec::new(),
         }
     }
 

@@ -6,7 +6,6 @@
 //! stay apart on the way from the start to the end ([`separation`]). Pairs that are not are pushed
 //! apart, by mass; if that does not end, vertices are held back, or the substep is divided.
 
-mod arcsim;
 mod barrier;
 mod clearances;
 mod find;
@@ -21,8 +20,7 @@ mod touches;
 
 use glam::{DVec2, DVec3};
 use selvedge_cloth::{
-    ContactLaw, ContactMemory, ContactSettings, Obstacle, Pushing, Scene, StepError, Touching,
-    VertexId,
+    ContactMemory, ContactSettings, Obstacle, Pushing, Scene, StepError, Touching, VertexId,
 };
 use selvedge_contact::{Candidates, Intersection, Kind, Pair, Reach, Surface, Ways};
 
@@ -130,8 +128,6 @@ pub(crate) struct Contact {
     thickness: Vec<f64>,
     /// Coefficient of friction of each body with the cloth.
     friction: Vec<f64>,
-    /// ARCSim's law, where the scene asks for it.
-    arcsim: Option<arcsim::Law>,
     /// Pairs that are too near in the flat cloth to push.
     neighbours: find::Neighbours,
     mass: Vec<f64>,
@@ -186,7 +182,6 @@ impl Contact {
             searches: 0,
             thickness: thickness.collect(),
             friction: friction.collect(),
-            arcsim: (settings.law == ContactLaw::Arcsim).then(|| arcsim::Law::new(scene, &surface)),
             neighbours: find::Neighbours::new(scene),
             mass: mass.to_vec(),
             inverse: vec![0.0; count],
@@ -392,8 +387,7 @@ impl Contact {
         history: &mut History,
     ) -> Result<(), SolveError> {
         let mut is_certified = self.certify_solve(span.threads, &state.positions);
-        let most = if self.arcsim.is_none() { REPEATS } else { 0 };
-        for _ in 0..most {
+        for _ in 0..REPEATS {
             let touches = &mut active.system.touches;
             let has_released = self.release(touches);
             let has_caught = !is_certified && self.catch(touches);
@@ -528,8 +522,7 @@ impl Contact {
             to: &self.end,
             later: &self.ahead,
         };
-        // ARCSim's choice among pairs that are as near depends on their order.
-        if anew || self.arcsim.is_some() || self.candidates.pairs().is_empty() {
+        if anew || self.candidates.pairs().is_empty() {
             self.candidates.find(&self.surface, ways, reach);
             self.clearances.reset(self.candidates.pairs().len());
             self.room.begin();
@@ -541,10 +534,8 @@ impl Contact {
 
     fn reach(&self) -> Reach {
         let most = self.largest_thickness();
-        // ARCSim chooses among all pairs within twice its thickness.
-        let near = if self.arcsim.is_some() { 2.0 } else { 1.0 };
         Reach {
-            gap: near * most,
+            gap: most,
             slack: SLACK * most,
         }
     }

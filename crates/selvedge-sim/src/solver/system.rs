@@ -289,7 +289,7 @@ impl System {
     pub(crate) fn solve(&mut self, span: f64) -> Result<(), SolveError> {
         self.check_impulses()?;
         let is_direct = matches!(self.solver, Solver::Direct(_));
-        if is_direct && self.touches.couple() || self.touches.exact && !self.touches.is_empty() {
+        if is_direct && self.touches.couple() {
             self.solve_whole()?;
         } else {
             match self.solve_as_set(span) {
