@@ -87,22 +87,27 @@ impl ActiveHandles {
     }
 
     /// Moves `state` by one substep over `dt` `[s]`, active handles to `targets` `[m]`: by the scene's
-    /// formula, or without a `history` by backward Euler, as a cloth on its way to rest. On an error
-    /// state and history are unusable, and the caller restores them.
+    /// formula, or without a `history` by backward Euler, as a cloth on its way to rest. Returns false
+    /// if the end may be far from the solution, because `dt` is too long. On an error state and history
+    /// are unusable, and the caller restores them.
     pub(crate) fn advance(
         &mut self,
         dt: f64,
         state: &mut State,
         history: Option<&mut History>,
         targets: &[DVec3],
-    ) -> Result<(), SolveError> {
+    ) -> Result<bool, SolveError> {
         let system = &mut self.system;
         match (&mut self.second_order, history) {
             (Some(second_order), Some(history)) => {
-                second_order.advance(system, dt, targets, state, history)
+                second_order.advance(system, dt, targets, state, history)?;
             }
-            _ => system.advance(dt, state, targets),
+            (Some(second_order), None) if !system.touches.is_empty() => {
+                return second_order.backward_euler(system, dt, targets, state);
+            }
+            _ => system.advance(dt, state, targets)?,
         }
+        Ok(true)
     }
 
     pub(crate) fn looks_back(&self) -> bool {

@@ -26,6 +26,7 @@ use selvedge_contact::{Candidates, Intersection, Kind, Pair, Reach, Surface, Way
 
 use crate::active_handles::ActiveHandles;
 use crate::integrator::History;
+use crate::simulator::Part;
 use crate::solver::SolveError;
 use crate::state::State;
 use crate::threads::Threads;
@@ -83,19 +84,18 @@ pub struct ContactCounts {
 /// A substep to be taken.
 #[derive(Clone, Copy)]
 pub(crate) struct Span<'a> {
-    /// Length `[s]`.
-    pub(crate) dt: f64,
-    /// Start of the substep as a part of the frame.
-    pub(crate) from: f64,
-    /// End of the substep as a part of the frame.
-    pub(crate) to: f64,
+    pub(crate) part: Part,
     /// Targets of the active handles at the end `[m]`.
     pub(crate) targets: &'a [DVec3],
     pub(crate) threads: Threads,
-    /// True if vertices may be held back where pushing does not end.
-    pub(crate) may_hold: bool,
-    /// True if an error is final: contact with obstacles is released before that.
-    pub(crate) is_last: bool,
+}
+
+/// What became of a substep.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Advance {
+    Done,
+    /// It is too long for what touches in it, and is to be divided. The state is unusable.
+    TooLong,
 }
 
 /// The touches of a solve.
@@ -321,18 +321,21 @@ impl Contact {
         active: &mut ActiveHandles,
         state: &mut State,
         history: &mut History,
-    ) -> Result<(), StepError> {
+    ) -> Result<Advance, StepError> {
         let frame = self.next_frame;
         self.update_inverse(active);
         let (mut done, mut divisions) = (0.0, 0);
         while divisions < self.settings.max_divisions {
-            let left = span.dt * (1.0 - done);
-            let now = span.from + (span.to - span.from) * done;
-            self.put_start(&state.positions, now, span.to);
+            let [from, to] = span.part.way;
+            let left = span.part.dt * (1.0 - done);
+            self.put_start(&state.positions, from + (to - from) * done, to);
             let solved = self.solve(left, span, active, state, history);
-            solved.map_err(|error| error.at(frame))?;
-            let repeated = self.repeat(left, span, active, state, history);
-            repeated.map_err(|error| error.at(frame))?;
+            let is_near = solved.map_err(|error| error.at(frame))?;
+            let repeated = self.repeat(is_near, left, span, active, state, history);
+            let is_near = repeated.map_err(|error| error.at(frame))?;
+            if !is_near && span.part.may_divide {
+                return Ok(Advance::TooLong);
+            }
             let touches = &active.system.touches;
             self.received
                 .add_forces(&self.surface, &self.end, left, touches);
@@ -351,21 +354,20 @@ impl Contact {
                         active.system.forget_changes();
                     }
                     self.remember(1.0, active);
-                    return Ok(());
+                    return Ok(Advance::Done);
                 }
                 separation::Outcome::Safe { part } => {
                     divisions += 1;
                     self.counts.divisions += 1;
                     history.forget();
                     active.system.forget_changes();
-                    for (place, before) in state.positions.iter_mut().zip(&self.before.positions) {
-                        *place = before.lerp(*place, part);
-                    }
+                    state.cut_back(&self.before, part);
+                    self.received.cut_back(part);
                     done += (1.0 - done) * part;
                     self.end[..state.positions.len()].copy_from_slice(&state.positions);
                     self.remember(part, active);
                     if divisions == self.settings.max_divisions
-                        && span.is_last
+                        && span.part.is_last
                         && self.give_way(true)
                     {
                         divisions = 0;
@@ -377,17 +379,22 @@ impl Contact {
     }
 
     /// Certifies the end of a solve over `left` `[s]`, and repeats the solve with the pairs that it
-    /// missed and without those that pulled.
+    /// missed and without those that pulled. Returns false if the last one may be far from the
+    /// solution, of which the first one was not if it `is_near`.
     fn repeat(
         &mut self,
+        mut is_near: bool,
         left: f64,
         span: Span<'_>,
         active: &mut ActiveHandles,
         state: &mut State,
         history: &mut History,
-    ) -> Result<(), SolveError> {
+    ) -> Result<bool, SolveError> {
         let mut is_certified = self.certify_solve(span.threads, &state.positions);
         for _ in 0..REPEATS {
+            if !is_near && span.part.may_divide {
+                return Ok(false);
+            }
             let touches = &mut active.system.touches;
             let has_released = self.release(touches);
             let has_caught = !is_certified && self.catch(touches);
@@ -398,10 +405,10 @@ impl Contact {
             history.forget();
             state.copy_from(&self.before);
             active.system.repeat_start();
-            active.advance(left, state, None, span.targets)?;
+            is_near = active.advance(left, state, None, span.targets)?;
             is_certified = self.certify_solve(span.threads, &state.positions);
         }
-        Ok(())
+        Ok(is_near)
     }
 
     /// Leads the cloth from `from` to `to` `[m]`, both of `[vertices]`, on straight ways over the
@@ -421,7 +428,8 @@ impl Contact {
         Ok(was_moved)
     }
 
-    /// One linear solve over `left` `[s]`, with what touches in it.
+    /// One solve over `left` `[s]`, with what touches in it. Returns false if its end may be far from
+    /// the solution.
     fn solve(
         &mut self,
         left: f64,
@@ -429,7 +437,7 @@ impl Contact {
         active: &mut ActiveHandles,
         state: &mut State,
         history: &mut History,
-    ) -> Result<(), SolveError> {
+    ) -> Result<bool, SolveError> {
         self.find_candidates(left, state);
         let Found {
             touches,
@@ -457,13 +465,13 @@ impl Contact {
             history.counts.all += 1;
             history.counts.fell_back += 1;
         }
-        active.advance(left, state, None, span.targets)?;
+        let is_near = active.advance(left, state, None, span.targets)?;
         if jumps || !looks_back {
             history.forget();
         } else {
             history.keep(&self.before, left);
         }
-        Ok(())
+        Ok(is_near)
     }
 
     /// Puts the points at the start of a solve, and obstacles at its end; parts of the frame.

@@ -115,6 +115,15 @@ impl Touch {
         self.response.tangent.force_at(gap) < -least
     }
 
+    /// Adds an impulse on the first side `[N s]` to those of the vertices.
+    fn add(&self, impulse: DVec3, impulses: &mut [DVec3]) {
+        for (corner, weight) in self.corners.iter().zip(self.weights) {
+            if weight != 0.0 {
+                impulses[*corner as usize] += impulse * weight;
+            }
+        }
+    }
+
     /// Returns true if it couples vertices that the matrix of the cloth does not.
     fn reaches_beyond(&self) -> bool {
         !self.is_within && self.weights.iter().filter(|w| **w != 0.0).count() > 1
@@ -238,11 +247,21 @@ impl Touches {
         for touch in &mut self.list {
             let displacement = touch.displacement(&place);
             let impulse = touch.linearise(gamma, self.time, displacement) * gamma;
-            for (corner, weight) in touch.corners.iter().zip(touch.weights) {
-                if weight != 0.0 {
-                    impulses[*corner as usize] += impulse * weight;
-                }
-            }
+            touch.add(impulse, impulses);
+        }
+    }
+
+    /// Adds the impulses `[N s]` of the last linearisation with the cloth's vertices at `place` `[m]`.
+    /// The tangent stays: at an estimate that it has kept apart another one would not.
+    pub(crate) fn push_on(
+        &self,
+        gamma: f64,
+        place: impl Fn(usize) -> DVec3,
+        impulses: &mut [DVec3],
+    ) {
+        for touch in &self.list {
+            let impulse = touch.force_at(touch.displacement(&place)) * gamma;
+            touch.add(impulse, impulses);
         }
     }
 

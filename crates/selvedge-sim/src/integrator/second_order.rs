@@ -125,19 +125,47 @@ impl SecondOrder {
         }
         history.keep(state, dt);
         history.counts.fell_back += 1;
+        self.fall_back(system, dt, targets, state, MOST_CHANGE)?;
+        Ok(())
+    }
+
+    /// Moves `state` by backward Euler linearised at the start, and where that changes the stretch of
+    /// an edge by more than `most`, on to the solution of its implicit equations. Returns false if it
+    /// may still be far from that.
+    fn fall_back(
+        &mut self,
+        system: &mut System,
+        dt: f64,
+        targets: &[DVec3],
+        state: &mut State,
+        most: f64,
+    ) -> Result<bool, SolveError> {
         self.base.copy_from(state);
         system.advance(dt, state, targets)?;
         let [from, to] = [&self.base, &*state].map(|state| &state.positions);
-        if !self.edges.keep_their_lengths(from, to, MOST_CHANGE) {
-            self.predicted.copy_from(state);
-            let factors = Factors {
-                gamma: dt,
-                span: dt,
-            };
-            self.solve(system, factors, targets)?;
-            state.copy_from(&self.estimate);
+        if self.edges.keep_their_lengths(from, to, most) {
+            return Ok(true);
         }
-        Ok(())
+        self.predicted.copy_from(state);
+        let factors = Factors {
+            gamma: dt,
+            span: dt,
+        };
+        let is_near = self.iterate(system, factors, targets, 2)?;
+        state.copy_from(&self.estimate);
+        Ok(is_near)
+    }
+
+    /// As [`Self::advance`], by backward Euler: where what touches changes, no rate of before tells
+    /// the next one. Returns false if the end may be far from the solution: the substep is too long.
+    pub(crate) fn backward_euler(
+        &mut self,
+        system: &mut System,
+        dt: f64,
+        targets: &[DVec3],
+        state: &mut State,
+    ) -> Result<bool, SolveError> {
+        self.fall_back(system, dt, targets, state, MOST_SOLVE_CHANGE)
     }
 
     /// Keeps what the next substep looks back to, after one from `state` over `dt` `[s]`, which
@@ -256,30 +284,33 @@ impl SecondOrder {
                 }
             }
         }
-        self.solve(substep.system, factors, targets)?;
+        self.iterate(substep.system, factors, targets, 1)?;
         Ok(true)
     }
 
     /// Solves the implicit equations of `self.base` from `self.predicted`, into `self.estimate`. A
-    /// solve that changes the length of an edge by too much is repeated from where it led.
-    fn solve(
+    /// solve that changes the length of an edge by too much is repeated from where it led; `first`
+    /// is the number of the first one. Returns false if the last one changed it by too much.
+    fn iterate(
         &mut self,
         system: &mut System,
         Factors { gamma, span }: Factors,
         targets: &[DVec3],
-    ) -> Result<(), SolveError> {
-        for solve in 1..=MOST_SOLVES {
-            system.linearise(gamma, &self.base.velocities, &self.predicted, targets);
+        first: u32,
+    ) -> Result<bool, SolveError> {
+        for solve in first..=MOST_SOLVES {
+            let is_first = solve == 1;
+            system.linearise(gamma, &self.base.velocities, &self.predicted, targets, is_first);
             system.solve(span)?;
             self.estimate.copy_from(&self.predicted);
             system.apply(gamma, &self.predicted, &mut self.estimate);
             self.estimate.check_finite()?;
             let [from, to] = [&self.predicted, &self.estimate].map(|at| &at.positions);
-            if solve == MOST_SOLVES || self.edges.keep_their_lengths(from, to, MOST_SOLVE_CHANGE) {
-                break;
+            if self.edges.keep_their_lengths(from, to, MOST_SOLVE_CHANGE) {
+                return Ok(true);
             }
             self.predicted.copy_from(&self.estimate);
         }
-        Ok(())
+        Ok(false)
     }
 }

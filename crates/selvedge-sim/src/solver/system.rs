@@ -238,6 +238,7 @@ impl System {
         velocities: &[DVec3],
         now: &State,
         targets: &[DVec3],
+        is_first: bool,
     ) {
         let _span = tracing::trace_span!("assembly").entered();
         self.repeated = Repeated {
@@ -260,7 +261,10 @@ impl System {
         self.push_springs(gamma, targets, |v| now.positions[v]);
         if !self.touches.is_empty() {
             let place = |v: usize| now.positions[v];
-            self.touches.linearise(gamma, place, &mut self.impulses);
+            match is_first {
+                true => self.touches.linearise(gamma, place, &mut self.impulses),
+                false => self.touches.push_on(gamma, place, &mut self.impulses),
+            }
         }
     }
 
