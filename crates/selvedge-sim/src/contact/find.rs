@@ -97,7 +97,11 @@ impl Contact {
         let mut pushing: Vec<Pushing> = near.iter().map(|near| self.pushing(near)).collect();
         memory::sort(&mut pushing);
         Found {
-            touches: Touches { list, time },
+            touches: Touches {
+                list,
+                expected: Vec::new(),
+                time,
+            },
             set,
             pushing,
         }

@@ -379,8 +379,8 @@ impl Contact {
     }
 
     /// Certifies the end of a solve over `left` `[s]`, and repeats the solve with the pairs that it
-    /// missed and without those that pulled. Returns false if the last one may be far from the
-    /// solution, of which the first one was not if it `is_near`.
+    /// missed and without those that pulled; where it is not near the solution, from where it led.
+    /// Returns false if the last one is not near either.
     fn repeat(
         &mut self,
         mut is_near: bool,
@@ -392,20 +392,21 @@ impl Contact {
     ) -> Result<bool, SolveError> {
         let mut is_certified = self.certify_solve(span.threads, &state.positions);
         for _ in 0..REPEATS {
-            if !is_near && span.part.may_divide {
-                return Ok(false);
-            }
             let touches = &mut active.system.touches;
             let has_released = self.release(touches);
             let has_caught = !is_certified && self.catch(touches);
-            if !(has_released || has_caught) {
+            if !(has_released || has_caught) && is_near {
                 break;
             }
             self.counts.repeated += 1;
             history.forget();
-            state.copy_from(&self.before);
-            active.system.repeat_start();
-            is_near = active.advance(left, state, None, span.targets)?;
+            is_near = if is_near {
+                state.copy_from(&self.before);
+                active.system.repeat_start();
+                active.advance(left, state, None, span.targets)?
+            } else {
+                active.go_on(left, state, span.targets)?
+            };
             is_certified = self.certify_solve(span.threads, &state.positions);
         }
         Ok(is_near)

@@ -82,6 +82,9 @@ pub(super) struct Response {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Touches {
     pub(super) list: Vec<Touch>,
+    /// Places of the cloth's vertices at the end of the stage without a push, as its first estimate has
+    /// them `[m]`, `[vertices]`; empty before.
+    pub(super) expected: Vec<DVec3>,
     /// Time of the solve, by whose square barriers and anchors are stiff `[s]`: the same whichever
     /// formula serves.
     pub(super) time: f64,
@@ -113,15 +116,6 @@ impl Touch {
         let gap = self.gap + self.normal.dot(self.displacement(place));
         let least = PULL * self.response.grip * self.thickness;
         self.response.tangent.force_at(gap) < -least
-    }
-
-    /// Adds an impulse on the first side `[N s]` to those of the vertices.
-    fn add(&self, impulse: DVec3, impulses: &mut [DVec3]) {
-        for (corner, weight) in self.corners.iter().zip(self.weights) {
-            if weight != 0.0 {
-                impulses[*corner as usize] += impulse * weight;
-            }
-        }
     }
 
     /// Returns true if it couples vertices that the matrix of the cloth does not.
@@ -236,32 +230,38 @@ impl Touches {
         self.list.iter().any(Touch::reaches_beyond)
     }
 
-    /// Linearises all touches for a stage of γ `[s]` whose estimated end has the cloth's vertices
-    /// at `place` `[m]`, and adds their impulses `[N s]`.
-    pub(crate) fn linearise(
-        &mut self,
-        gamma: f64,
-        place: impl Fn(usize) -> DVec3,
-        impulses: &mut [DVec3],
-    ) {
+    /// Begins a stage: what is expected of its end without a push is the next estimate.
+    pub(crate) fn begin_stage(&mut self) {
+        self.expected.clear();
         for touch in &mut self.list {
-            let displacement = touch.displacement(&place);
-            let impulse = touch.linearise(gamma, self.time, displacement) * gamma;
-            touch.add(impulse, impulses);
+            touch.response = Response::default();
         }
     }
 
-    /// Adds the impulses `[N s]` of the last linearisation with the cloth's vertices at `place` `[m]`.
-    /// The tangent stays: at an estimate that it has kept apart another one would not.
-    pub(crate) fn push_on(
-        &self,
+    /// Linearises the touches for a stage of γ `[s]` whose estimated end has the cloth's `vertices` at
+    /// `place` `[m]`, and adds their impulses `[N s]`. Only the first estimate tells where a pair would
+    /// go without a push: tangents of the stage stay as they were made for that.
+    pub(crate) fn linearise(
+        &mut self,
         gamma: f64,
+        vertices: usize,
         place: impl Fn(usize) -> DVec3,
         impulses: &mut [DVec3],
     ) {
-        for touch in &self.list {
+        if self.expected.is_empty() {
+            self.expected.extend((0..vertices).map(&place));
+        }
+        for touch in &mut self.list {
+            if touch.response.gamma == 0.0 {
+                let expected = touch.displacement(|v| self.expected[v]);
+                touch.linearise(gamma, self.time, expected);
+            }
             let impulse = touch.force_at(touch.displacement(&place)) * gamma;
-            touch.add(impulse, impulses);
+            for (corner, weight) in touch.corners.iter().zip(touch.weights) {
+                if weight != 0.0 {
+                    impulses[*corner as usize] += impulse * weight;
+                }
+            }
         }
     }
 

@@ -125,14 +125,22 @@ impl SecondOrder {
         }
         history.keep(state, dt);
         history.counts.fell_back += 1;
-        self.fall_back(system, dt, targets, state, MOST_CHANGE)?;
+        let from_start = self.backward_euler(system, dt, targets, state, MOST_CHANGE)?;
+        if !from_start {
+            self.predicted.copy_from(state);
+            let factors = Factors {
+                gamma: dt,
+                span: dt,
+            };
+            self.iterate(system, factors, targets)?;
+            state.copy_from(&self.estimate);
+        }
         Ok(())
     }
 
-    /// Moves `state` by backward Euler linearised at the start, and where that changes the stretch of
-    /// an edge by more than `most`, on to the solution of its implicit equations. Returns false if it
-    /// may still be far from that.
-    fn fall_back(
+    /// Moves `state` by one solve of backward Euler, linearised at its start. Returns false if that
+    /// changes the stretch of an edge by more than `most`.
+    fn backward_euler(
         &mut self,
         system: &mut System,
         dt: f64,
@@ -143,29 +151,38 @@ impl SecondOrder {
         self.base.copy_from(state);
         system.advance(dt, state, targets)?;
         let [from, to] = [&self.base, &*state].map(|state| &state.positions);
-        if self.edges.keep_their_lengths(from, to, most) {
-            return Ok(true);
-        }
-        self.predicted.copy_from(state);
-        let factors = Factors {
-            gamma: dt,
-            span: dt,
-        };
-        let is_near = self.iterate(system, factors, targets, 2)?;
-        state.copy_from(&self.estimate);
-        Ok(is_near)
+        Ok(self.edges.keep_their_lengths(from, to, most))
     }
 
-    /// As [`Self::advance`], by backward Euler: where what touches changes, no rate of before tells
-    /// the next one. Returns false if the end may be far from the solution: the substep is too long.
-    pub(crate) fn backward_euler(
+    /// As [`Self::advance`], by one solve of backward Euler, linearised at the start: where what
+    /// touches changes, no rate of before tells the next one. Returns false if the end may be far
+    /// from the solution, and [`Self::go_on`] is to be called.
+    pub(crate) fn from_start(
         &mut self,
         system: &mut System,
         dt: f64,
         targets: &[DVec3],
         state: &mut State,
     ) -> Result<bool, SolveError> {
-        self.fall_back(system, dt, targets, state, MOST_SOLVE_CHANGE)
+        self.backward_euler(system, dt, targets, state, MOST_SOLVE_CHANGE)
+    }
+
+    /// Moves `state`, where the last solve of backward Euler over `dt` `[s]` led, by another one that
+    /// is linearised there. Returns false as that.
+    pub(crate) fn go_on(
+        &mut self,
+        system: &mut System,
+        dt: f64,
+        targets: &[DVec3],
+        state: &mut State,
+    ) -> Result<bool, SolveError> {
+        self.predicted.copy_from(state);
+        system.linearise(dt, &self.base.velocities, &self.predicted, targets);
+        system.solve(dt)?;
+        system.apply(dt, &self.predicted, state);
+        state.check_finite()?;
+        let [from, to] = [&self.predicted, &*state].map(|state| &state.positions);
+        Ok(self.edges.keep_their_lengths(from, to, MOST_SOLVE_CHANGE))
     }
 
     /// Keeps what the next substep looks back to, after one from `state` over `dt` `[s]`, which
@@ -273,6 +290,7 @@ impl SecondOrder {
             predicted.positions[v] = *target;
             predicted.velocities[v] = (*target - base.positions[v]) / gamma;
         }
+        substep.system.touches.begin_stage();
         let (start, places) = (&substep.start.positions, &mut predicted.positions);
         if self.projection.project(start, places) {
             if !self.edges.keep_their_lengths(start, places, MOST_CHANGE) {
@@ -284,33 +302,30 @@ impl SecondOrder {
                 }
             }
         }
-        self.iterate(substep.system, factors, targets, 1)?;
+        self.iterate(substep.system, factors, targets)?;
         Ok(true)
     }
 
     /// Solves the implicit equations of `self.base` from `self.predicted`, into `self.estimate`. A
-    /// solve that changes the length of an edge by too much is repeated from where it led; `first`
-    /// is the number of the first one. Returns false if the last one changed it by too much.
+    /// solve that changes the length of an edge by too much is repeated from where it led.
     fn iterate(
         &mut self,
         system: &mut System,
         Factors { gamma, span }: Factors,
         targets: &[DVec3],
-        first: u32,
-    ) -> Result<bool, SolveError> {
-        for solve in first..=MOST_SOLVES {
-            let is_first = solve == 1;
-            system.linearise(gamma, &self.base.velocities, &self.predicted, targets, is_first);
+    ) -> Result<(), SolveError> {
+        for solve in 1..=MOST_SOLVES {
+            system.linearise(gamma, &self.base.velocities, &self.predicted, targets);
             system.solve(span)?;
             self.estimate.copy_from(&self.predicted);
             system.apply(gamma, &self.predicted, &mut self.estimate);
             self.estimate.check_finite()?;
             let [from, to] = [&self.predicted, &self.estimate].map(|at| &at.positions);
-            if self.edges.keep_their_lengths(from, to, MOST_SOLVE_CHANGE) {
-                return Ok(true);
+            if solve == MOST_SOLVES || self.edges.keep_their_lengths(from, to, MOST_SOLVE_CHANGE) {
+                break;
             }
             self.predicted.copy_from(&self.estimate);
         }
-        Ok(false)
+        Ok(())
     }
 }

@@ -183,7 +183,9 @@ impl System {
         if !self.touches.is_empty() {
             let driven = &self.driven;
             let place = |v: usize| state.positions[v] + driven[v] * dt;
-            self.touches.linearise(dt, place, &mut self.impulses);
+            self.touches.begin_stage();
+            self.touches
+                .linearise(dt, driven.len(), place, &mut self.impulses);
         }
     }
 
@@ -238,7 +240,6 @@ impl System {
         velocities: &[DVec3],
         now: &State,
         targets: &[DVec3],
-        is_first: bool,
     ) {
         let _span = tracing::trace_span!("assembly").entered();
         self.repeated = Repeated {
@@ -261,10 +262,8 @@ impl System {
         self.push_springs(gamma, targets, |v| now.positions[v]);
         if !self.touches.is_empty() {
             let place = |v: usize| now.positions[v];
-            match is_first {
-                true => self.touches.linearise(gamma, place, &mut self.impulses),
-                false => self.touches.push_on(gamma, place, &mut self.impulses),
-            }
+            self.touches
+                .linearise(gamma, velocities.len(), place, &mut self.impulses);
         }
     }
 

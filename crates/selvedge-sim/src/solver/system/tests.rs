@@ -213,7 +213,7 @@ fn repeated_solves_reach_the_solution_of_the_implicit_equations() {
     system.advance(DT, &mut solved, &targets).unwrap();
     let mut largest = Vec::new();
     for _ in 0..100 {
-        system.linearise(DT, &before.velocities, &solved, &targets, true);
+        system.linearise(DT, &before.velocities, &solved, &targets);
         let impulses = system.impulses();
         let free = system.unknown_vertices().iter();
         let sizes = free.map(|v| impulses[*v as usize].length());
