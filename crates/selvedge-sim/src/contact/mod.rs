@@ -20,7 +20,7 @@ mod touches;
 
 use glam::{DVec2, DVec3};
 use selvedge_cloth::{
-    ContactMemory, ContactSettings, Obstacle, Pushing, Scene, StepError, Touching, VertexId,
+    ContactMemory, ContactSettings, Obstacle, Pushing, Scene, StepError, VertexId,
 };
 use selvedge_contact::{Candidates, Intersection, Kind, Pair, Reach, Surface, Ways};
 
@@ -101,8 +101,6 @@ pub(crate) enum Advance {
 /// The touches of a solve.
 struct Found {
     touches: Touches,
-    /// The pairs, in ascending order.
-    set: Vec<Touching>,
     /// The features that push, in order.
     pushing: Vec<Pushing>,
 }
@@ -128,8 +126,12 @@ pub(crate) struct Contact {
     thickness: Vec<f64>,
     /// Coefficient of friction of each body with the cloth.
     friction: Vec<f64>,
+    /// The largest of them.
+    most: f64,
     /// Pairs that are too near in the flat cloth to push.
     neighbours: find::Neighbours,
+    /// `[candidates]`
+    pushes: Vec<find::Pushes>,
     mass: Vec<f64>,
     /// Inverse masses, 0 where prescribed `[1/kg]`, `[points]`.
     inverse: Vec<f64>,
@@ -171,6 +173,7 @@ impl Contact {
         let obstacles = || scene.obstacles.iter();
         let own = |obstacle: &Obstacle| obstacle.thickness().unwrap_or(settings.thickness);
         let thickness = std::iter::once(settings.thickness).chain(obstacles().map(own));
+        let thickness: Vec<f64> = thickness.collect();
         let rough = |obstacle: &Obstacle| obstacle.friction().min(settings.friction);
         let friction = std::iter::once(settings.friction).chain(obstacles().map(rough));
         let count = points.len();
@@ -180,9 +183,11 @@ impl Contact {
             candidates: Candidates::new(&surface, &points, settings.self_contact)
                 .with_pattern(&surface, &corners),
             searches: 0,
-            thickness: thickness.collect(),
+            most: thickness.iter().copied().fold(0.0, f64::max),
+            thickness,
             friction: friction.collect(),
             neighbours: find::Neighbours::new(scene),
+            pushes: Vec::new(),
             mass: mass.to_vec(),
             inverse: vec![0.0; count],
             frame: [obstacle_points.clone(), obstacle_points],
@@ -221,7 +226,7 @@ impl Contact {
 
     /// Largest ĝ `[m]`.
     pub(crate) fn largest_thickness(&self) -> f64 {
-        self.thickness.iter().copied().fold(0.0, f64::max)
+        self.most
     }
 
     /// A face in words.
@@ -440,17 +445,10 @@ impl Contact {
         history: &mut History,
     ) -> Result<bool, SolveError> {
         self.find_candidates(left, state);
-        let Found {
-            touches,
-            set,
-            pushing,
-        } = self.find_touches(span.threads, left);
+        let Found { touches, pushing } = self.find_touches(span.threads, left);
         self.counts.solves += 1;
         self.counts.touching = touches.list.len() as u64;
         let jumps = memory::jumps(&self.memory.pushing, &pushing);
-        self.memory
-            .caught
-            .retain(|caught| set.binary_search(&caught.of).is_ok());
         self.memory.pushing = pushing;
         active.system.touches = touches;
         self.before.copy_from(state);
@@ -517,6 +515,10 @@ impl Contact {
         }
         let _span = tracing::trace_span!("candidates").entered();
         let mut reach = self.reach();
+        let longest = self.start.iter().zip(&self.end);
+        let longest = longest.map(|(from, to)| from.distance_squared(*to));
+        let longest = longest.fold(0.0, f64::max).sqrt();
+        reach.slack = longest.clamp(0.125 * reach.slack, reach.slack);
         reach.slack *= f64::from(1_u32 << self.searches.min(WIDENINGS));
         self.searches += 1;
         self.ahead.clear();
@@ -534,6 +536,7 @@ impl Contact {
         if anew || self.candidates.pairs().is_empty() {
             self.candidates.find(&self.surface, ways, reach);
             self.clearances.reset(self.candidates.pairs().len());
+            self.pushes.clear();
             self.room.begin();
         } else {
             self.candidates.widen(&self.surface, ways, reach);

@@ -82,6 +82,8 @@ pub(super) struct Response {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Touches {
     pub(super) list: Vec<Touch>,
+    /// Touches at the begin of the list that are in the order of their corners.
+    pub(super) sorted: usize,
     /// Places of the cloth's vertices at the end of the stage without a push, as its first estimate has
     /// them `[m]`, `[vertices]`; empty before.
     pub(super) expected: Vec<DVec3>,
