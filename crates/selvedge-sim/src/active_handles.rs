@@ -86,41 +86,65 @@ impl ActiveHandles {
         holds.all(|(h, holds)| *holds == targets.holds(h))
     }
 
-    /// Moves `state` by one substep over `dt` `[s]`, active handles to `targets` `[m]`: by the scene's
-    /// formula, or without a `history` by one solve of backward Euler, as a cloth on its way to rest.
-    /// Returns false if that solve may be far from the solution, and [`Self::go_on`] is to be called.
-    /// On an error state and history are unusable, and the caller restores them.
+    /// Moves `state` by one substep over `dt` `[s]` in which nothing touches, active handles to
+    /// `targets` `[m]`: by the scene's formula, or without a `history` by backward Euler, as a cloth on
+    /// its way to rest. On an error state and history are unusable, and the caller restores them.
     pub(crate) fn advance(
         &mut self,
         dt: f64,
         state: &mut State,
         history: Option<&mut History>,
         targets: &[DVec3],
-    ) -> Result<bool, SolveError> {
+    ) -> Result<(), SolveError> {
         let system = &mut self.system;
         match (&mut self.second_order, history) {
             (Some(second_order), Some(history)) => {
-                second_order.advance(system, dt, targets, state, history)?;
+                second_order.advance(system, dt, targets, state, history)
             }
-            (Some(second_order), None) => {
-                return second_order.from_start(system, dt, targets, state);
-            }
-            (None, _) => system.advance(dt, state, targets)?,
+            _ => system.advance(dt, state, targets),
         }
-        Ok(true)
     }
 
-    /// Moves `state`, where the last solve of backward Euler over `dt` `[s]` led, by another one that
-    /// is linearised there. Returns false as [`Self::advance`].
+    /// Moves `state` by one solve towards the end of a substep in which things touch, otherwise as
+    /// [`Self::advance`]. Returns false if the end may be far from the solution; [`Self::go_on`] comes
+    /// nearer.
+    pub(crate) fn advance_touching(
+        &mut self,
+        dt: f64,
+        state: &mut State,
+        history: Option<&History>,
+        targets: &[DVec3],
+    ) -> Result<bool, SolveError> {
+        let system = &mut self.system;
+        match &mut self.second_order {
+            Some(formula) => formula.advance_touching(system, dt, targets, state, history),
+            None => system.advance(dt, state, targets).map(|()| true),
+        }
+    }
+
+    /// Moves `state`, where the last solve led, by another one with what touches now; `start` is the
+    /// start of the substep, otherwise as [`Self::advance_touching`].
     pub(crate) fn go_on(
         &mut self,
         dt: f64,
+        start: &State,
         state: &mut State,
         targets: &[DVec3],
     ) -> Result<bool, SolveError> {
         match &mut self.second_order {
-            Some(second_order) => second_order.go_on(&mut self.system, dt, targets, state),
-            None => Ok(true),
+            Some(formula) => formula.go_on(&mut self.system, state),
+            None => {
+                state.copy_from(start);
+                self.system.repeat_start();
+                self.system.advance(dt, state, targets).map(|()| true)
+            }
+        }
+    }
+
+    /// Keeps what the next substep looks back to, after one in which things touched.
+    pub(crate) fn keep_touching(&self, history: &mut History, end: &State) {
+        if let Some(formula) = &self.second_order {
+            formula.keep_touching(history, end);
         }
     }
 

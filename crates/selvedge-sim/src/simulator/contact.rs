@@ -3,6 +3,7 @@
 
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{Squeezed, StepError};
+use selvedge_contact::Intersection;
 
 use super::Simulator;
 use super::error::SimulatorError;
@@ -44,7 +45,7 @@ impl Simulator {
         frame: usize,
         positions: &[DVec3],
     ) -> Result<(), SimulatorError> {
-        match self.meeting(frame, positions) {
+        match self.meeting(|contact, rate| contact.intersections(positions, frame, rate)) {
             None => Ok(()),
             Some(Meeting { count, pairs, body }) => {
                 Err(SimulatorError::Intersections { count, pairs, body })
@@ -62,9 +63,9 @@ impl Simulator {
         if 3.0_f64.sqrt() * largest * f64::from(f32::EPSILON) < floor {
             return None;
         }
-        let rounded = wide(&self.rounded);
-        let Meeting { count, pairs, .. } = self.meeting(frame, &rounded)?;
-        let distance = rounded.iter().map(|p| p.length()).fold(0.0, f64::max);
+        let Meeting { count, pairs, .. } = self.written_meeting(frame, &self.rounded)?;
+        let rounded = self.rounded.iter().map(|p| p.as_dvec3());
+        let distance = rounded.map(DVec3::length).fold(0.0, f64::max);
         Some(StepError::Rounded {
             frame,
             distance,
@@ -73,11 +74,16 @@ impl Simulator {
         })
     }
 
-    /// Faces that meet in `positions` `[m]`, `[vertices]`, of frame `frame`; none where there are
-    /// none, or the scene has no contact.
-    fn meeting(&self, frame: usize, positions: &[DVec3]) -> Option<Meeting> {
+    /// Faces that meet in `positions` `[m]`, `[vertices]`, of frame `frame` as it is written.
+    fn written_meeting(&self, frame: usize, positions: &[Vec3]) -> Option<Meeting> {
+        self.meeting(|contact, rate| contact.written_intersections(positions, frame, rate))
+    }
+
+    /// Faces that meet, of those that `find` finds at a frame rate; none where there are none, or the
+    /// scene has no contact.
+    fn meeting(&self, find: impl Fn(&Contact, f64) -> Vec<Intersection>) -> Option<Meeting> {
         let contact = self.contact.as_ref()?;
-        let found = contact.intersections(positions, frame, self.scene.frame_rate);
+        let found = find(contact, self.scene.frame_rate);
         if found.is_empty() {
             return None;
         }
@@ -101,15 +107,11 @@ impl Simulator {
     /// # Errors
     /// [`StepError::Intersections`] names faces that meet.
     pub fn check_apart(&self, frame: usize, positions: &[Vec3]) -> Result<(), StepError> {
-        if self.contact.is_none() {
-            return Ok(());
-        }
-        self.check_apart_wide(frame, &wide(positions))
+        Self::refuse(frame, self.written_meeting(frame, positions))
     }
 
-    /// As [`Self::check_apart`], of positions in double precision.
-    fn check_apart_wide(&self, frame: usize, positions: &[DVec3]) -> Result<(), StepError> {
-        match self.meeting(frame, positions) {
+    fn refuse(frame: usize, meeting: Option<Meeting>) -> Result<(), StepError> {
+        match meeting {
             None => Ok(()),
             Some(Meeting { count, pairs, .. }) => Err(StepError::Intersections {
                 frame,
@@ -179,7 +181,9 @@ impl Simulator {
             return Ok(());
         };
         let before = std::mem::replace(shift, Shift::at(offset));
-        let apart = self.check_apart_wide(self.frame, &self.state.positions);
+        let (frame, positions) = (self.frame, &self.state.positions);
+        let met = self.meeting(|contact, rate| contact.intersections(positions, frame, rate));
+        let apart = Self::refuse(frame, met);
         if let (Err(_), Some(shift)) = (&apart, self.obstacle_shift(number)) {
             *shift = before;
         }
@@ -255,7 +259,7 @@ impl Simulator {
     #[must_use]
     pub fn intersection_count(&self) -> usize {
         let (frame, rate) = (self.frame, self.scene.frame_rate);
-        let met = |contact: &Contact| contact.intersections(&wide(&self.rounded), frame, rate);
+        let met = |contact: &Contact| contact.written_intersections(&self.rounded, frame, rate);
         self.contact
             .as_deref()
             .map_or(0, |contact| met(contact).len())
