@@ -123,7 +123,12 @@ impl Simulator {
             if !(is_strained || self.contact.is_some()) || 2 * substeps > most {
                 return Err(error);
             }
-            substeps *= 2;
+            substeps = match is_strained {
+                true => 2 * substeps,
+                // Substeps have been halved as far as this where they had to be. What can help is to
+                // halve all of them, and to release contact.
+                false => substeps << (most / substeps).ilog2(),
+            };
         };
         if finest > asked {
             self.divided = self.divided.and(DividedFrames {
