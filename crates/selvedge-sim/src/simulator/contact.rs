@@ -122,7 +122,8 @@ impl Simulator {
     /// Holds a frame that was made elsewhere to contact. From `from`, the frame `frame`, in which
     /// nothing meets, the cloth goes to `to` on straight ways, both `[m]`, `[vertices]`. Pairs of
     /// features that are not certified to stay apart for the whole way are pushed apart, by mass
-    /// and with friction. Active handles stay where `to` has them. The simulator's own state stays.
+    /// and with friction. Active handles stay where `to` has them. The simulator's own state stays,
+    /// but for contact that it released: it holds again for vertices that `from` has outside.
     /// Without contact in the scene every frame is free.
     ///
     /// # Errors
@@ -153,6 +154,7 @@ impl Simulator {
             return Ok(Led::Free);
         };
         contact.enter_frame(frame, self.scene.frame_rate);
+        contact.take_back(from);
         let threads = self.threads.for_cloth(to.len());
         let active = &self.active;
         match threads.run(|| contact.lead(threads, active, from, to))? {
