@@ -67,10 +67,20 @@ impl LivePhysics {
                 frame: self.simulator.frame() + 1,
                 source,
             })?;
-        for (number, offset) in self.simulator.obstacle_offsets().into_iter().enumerate() {
-            self.simulator.lead_obstacle(number, offset);
+        let led = self.simulator.obstacle_leads();
+        self.lead_bodies(&self.simulator.obstacle_offsets());
+        let stepped = self.simulator.step(&still);
+        if stepped.is_err() {
+            self.lead_bodies(&led);
         }
-        self.simulator.step(&still)
+        stepped
+    }
+
+    /// Leads all bodies to these distances from their own paths `[m]`, `[obstacles]`.
+    fn lead_bodies(&mut self, offsets: &[DVec3]) {
+        for (number, offset) in offsets.iter().enumerate() {
+            self.simulator.lead_obstacle(number, *offset);
+        }
     }
 }
 

@@ -201,6 +201,14 @@ impl Simulator {
         self.contact.as_mut()?.shifts.get_mut(number)
     }
 
+    /// Distances from their own paths to which the obstacles are led in the next frame `[m]`,
+    /// `[obstacles]`.
+    #[must_use]
+    pub fn obstacle_leads(&self) -> Vec<DVec3> {
+        let contact = self.contact.iter();
+        contact.flat_map(|c| &c.shifts).map(|s| s.next).collect()
+    }
+
     /// Distances of the obstacles from their own paths now `[m]`, `[obstacles]`.
     #[must_use]
     pub fn obstacle_offsets(&self) -> Vec<DVec3> {
