@@ -54,14 +54,10 @@ impl LivePhysics {
 
     /// A step in which handles and bodies that are led stay where they are.
     fn step_still(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
-        let places = self.simulator.handles().vertices().iter();
-        let held = places
-            .map(|v| self.simulator.positions_f64()[v.index()])
-            .collect();
         let free = (0..targets.handle_count())
             .map(|handle| !targets.holds(handle))
             .collect();
-        let still = HandleTargets::at_frame_end(held)
+        let still = HandleTargets::at_frame_end(self.simulator.handle_places())
             .and_then(|still| still.releasing(free))
             .map_err(|source| StepError::Handles {
                 frame: self.simulator.frame() + 1,
