@@ -2,7 +2,7 @@
 //! places of obstacles, and what it counted.
 
 use glam::{DVec3, Vec3};
-use selvedge_cloth::{Squeezed, StepError};
+use selvedge_cloth::{HandleTargets, Squeezed, StepError};
 use selvedge_contact::Intersection;
 
 use super::Simulator;
@@ -124,16 +124,24 @@ impl Simulator {
     /// Holds a frame that was made elsewhere to contact. From `from`, the frame `frame`, in which
     /// nothing meets, the cloth goes to `to` on straight ways, both `[m]`, `[vertices]`. Pairs of
     /// features that are not certified to stay apart for the whole way are pushed apart, by mass
-    /// and with friction. Active handles stay where `to` has them. The simulator's own state stays.
+    /// and with friction. Handles that hold in `targets` stay where `to` has them. The simulator's own state stays,
+    /// but for contact that it released: it holds again for vertices that `from` has outside.
     /// Without contact in the scene every frame is free.
     ///
     /// # Errors
     /// [`StepError::Contact`], of the frame after `frame`, if pushing does not end; `to` is left as
     /// it was.
-    pub fn lead(&mut self, frame: usize, from: &[Vec3], to: &mut [Vec3]) -> Result<Led, StepError> {
+    pub fn lead(
+        &mut self,
+        frame: usize,
+        from: &[Vec3],
+        to: &mut [Vec3],
+        targets: &HandleTargets,
+    ) -> Result<Led, StepError> {
         if self.contact.is_none() {
             return Ok(Led::Free);
         }
+        self.change_active(targets)?;
         let (from, mut end) = (wide(from), wide(to));
         let led = self.lead_wide(frame, &from, &mut end)?;
         if led == Led::Pushed {
@@ -155,6 +163,7 @@ impl Simulator {
             return Ok(Led::Free);
         };
         contact.enter_frame(frame, self.scene.frame_rate);
+        contact.take_back(from);
         let threads = self.threads.for_cloth(to.len());
         let active = &self.active;
         match threads.run(|| contact.lead(threads, active, from, to))? {
@@ -201,6 +210,14 @@ impl Simulator {
 
     fn obstacle_shift(&mut self, number: usize) -> Option<&mut Shift> {
         self.contact.as_mut()?.shifts.get_mut(number)
+    }
+
+    /// Distances from their own paths to which the obstacles are led in the next frame `[m]`,
+    /// `[obstacles]`.
+    #[must_use]
+    pub fn obstacle_leads(&self) -> Vec<DVec3> {
+        let contact = self.contact.iter();
+        contact.flat_map(|c| &c.shifts).map(|s| s.next).collect()
     }
 
     /// Distances of the obstacles from their own paths now `[m]`, `[obstacles]`.
