@@ -257,7 +257,7 @@ def main(folder, density, few):
 
     square = f'{{ generator = {{ kind = "square", vertices = {density}, size = 1.0, seed = 1 }} }}'
     text = f'name = "broad-{density}"\nsections = "whole"\ntrain = {json.dumps(train)}\ntest = "all-test"\n\n[setting]\n'
-    text += f'material = "gray-interlock"\nmesh = {square}\nhandles = {CORNERS}\nphysics = "first-order"\n'
+    text += f'material = "gray-interlock"\nmesh = {square}\nhandles = {CORNERS}\nphysics = {{ substeps = 8, solver = {{ conjugate-gradients = {{ tolerance = 1e-7 }} }} }}\n'
     for name, motion in own.items():
         recorded = f'[motions.{name}]\nrecorded = "{name.removeprefix("own-")}.csv"\n'
         text += "\n" + (recorded if motion is None else f"[motions.{name}.inline]\n{motion}")
