@@ -119,7 +119,7 @@ impl Rollout {
         }
         let mut cloths = Vec::with_capacity(openings.len());
         for (cloth, Opening { graph, start }) in openings.into_iter().enumerate() {
-            let history = opening_frames(model.spec(), graph.vertex_count(), start);
+            let history = opening_frames(model.spec(), &graph, start);
             let history = history.map_err(|source| OpeningError::Start { cloth, source })?;
             cloths.push(Cloth {
                 history,

@@ -367,7 +367,9 @@ pub(crate) fn prepare(
     cfg.validate()?;
     let network = Network::new(&cfg.model)?;
     check_memory(cfg, &network, dataset, micro_batch)?;
-    Ok((TrainingSet::load(dataset)?, network))
+    let set = TrainingSet::load(dataset)?;
+    set.check_features(&cfg.model, dataset)?;
+    Ok((set, network))
 }
 
 /// The state before the first step, with statistics of as many samples as the configuration says,

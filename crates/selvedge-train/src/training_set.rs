@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::Vec3;
 use selvedge_cloth::{Environment, Material};
 use selvedge_data::{Dataset, Problem, Sample, Section, Split, Trajectory};
-use selvedge_model::{ClothGraph, Domain, Yaw};
+use selvedge_model::{ClothGraph, Domain, ModelSpec, Yaw};
 use serde_json::Value;
 use thiserror::Error;
 
@@ -84,28 +84,44 @@ pub enum TrainingSetError {
     NoSamples,
     #[error("the sections of the data set: {0}")]
     Sections(#[from] serde_json::Error),
+    #[error(
+        "training trajectory {0}: the model's features need its fabric: make the data set with `selvedge data generate`, of one material per cloth"
+    )]
+    NoFabric(String),
 }
 
 /// The graph of a trajectory's cloth in the environment of its scene (the default one where it
-/// has no scene).
+/// has no scene). Its fabric is known where the scene has one, and no more.
 pub fn graph_of(motion: &str, trajectory: &Trajectory) -> Result<ClothGraph, TrainingSetError> {
     let environment = environment_of(motion, trajectory)?;
     let cloth = trajectory.cloth();
     let graph = ClothGraph::new(cloth, environment, trajectory.frame_rate());
+    let graph = match &materials_of(trajectory)[..] {
+        [material] => {
+            let faces = cloth.topology().faces().len();
+            graph.and_then(|graph| graph.with_materials(&vec![material; faces]))
+        }
+        _ => graph,
+    };
     graph.map_err(|error| TrainingSetError::Trajectory(format!("{motion}: {error}")))
+}
+
+/// The materials of a trajectory's scene, where they are known.
+fn materials_of(trajectory: &Trajectory) -> Vec<Material> {
+    let scene = &trajectory.provenance().scene;
+    let own = scene.pointer("/setting/material").into_iter();
+    let others = scene.pointer("/setting/fabrics").and_then(Value::as_object);
+    let values = own.chain(others.into_iter().flat_map(|fabrics| fabrics.values()));
+    values
+        .filter_map(|value| serde_json::from_value(value.clone()).ok())
+        .collect()
 }
 
 /// The domain of a trajectory: its handles frame by frame, its cloth and, where its scene is known,
 /// environment and fabrics. Frames without a scene say nothing of these.
 pub fn domain_of(motion: &str, trajectory: &Trajectory) -> Result<Domain, TrainingSetError> {
-    let scene = &trajectory.provenance().scene;
     let environment = environment_of(motion, trajectory)?;
-    let own = scene.pointer("/setting/material").into_iter();
-    let others = scene.pointer("/setting/fabrics").and_then(Value::as_object);
-    let values = own.chain(others.into_iter().flat_map(|fabrics| fabrics.values()));
-    let materials: Vec<Material> = values
-        .filter_map(|value| serde_json::from_value(value.clone()).ok())
-        .collect();
+    let materials = materials_of(trajectory);
     let frames = (0..trajectory.frame_count()).map(|frame| trajectory.frame(frame));
     Ok(Domain::of_frames(
         trajectory.cloth(),
@@ -167,6 +183,22 @@ impl TrainingSet {
             name: dataset.index().name.clone(),
             fingerprint: fingerprint(dataset)?,
         })
+    }
+
+    /// Checks that the features of `spec` can be made.
+    pub(crate) fn check_features(
+        &self,
+        spec: &ModelSpec,
+        dataset: &Dataset,
+    ) -> Result<(), TrainingSetError> {
+        let entries = dataset.entries(Split::Train).iter().zip(&self.motions);
+        let mut unknown = entries.filter(|(_, motion)| !motion.graph.knows_fabric());
+        match unknown.next() {
+            Some((entry, _)) if spec.needs_fabric() => {
+                Err(TrainingSetError::NoFabric(entry.motion.clone()))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// The domain of what is learned from.

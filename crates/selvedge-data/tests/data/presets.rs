@@ -263,6 +263,33 @@ fn a_cloth_with_training_motions_is_learned_from_and_not_tested_on() {
 }
 
 #[test]
+fn a_cloth_may_have_a_material_and_air_of_its_own() {
+    let own = |material: &str| {
+        format!(
+            "[[cloths]]\nname = \"half\"\nhandles = {{ vertices = [0] }}\nmaterial = {material}\n\
+             environment = {{ wind = [3.0, 0.0, 1.0] }}\n\
+             mesh = {{ generator = {{ kind = \"square\", vertices = 20, size = 1.0, seed = 2 }} }}\n\
+             train = [\"updown\"]"
+        )
+    };
+    let lists = "train = [\"forward\"]\ntest = [\"side\"]";
+    let preset = |material: &str| preset(lists, "whole", "60", &own(material));
+    let found = preset("{ from = \"gray-interlock\", density = 0.3 }").unwrap();
+    // What is kept in the index makes the same scenes.
+    let kept = found.plan().unwrap().config.to_string();
+    let kept: DatasetConfig = serde_json::from_str(&kept).unwrap();
+    assert_eq!(&kept, found.config());
+    let of = |number: usize| {
+        let scene = found.scene(&found.motions(Split::Train)[number]).unwrap();
+        assert_eq!(scene.spec.setting.material, scene.scene.material);
+        (scene.scene.material.density, scene.scene.environment.wind.x)
+    };
+    assert_eq!([of(0), of(1)], [(0.187, 0.0), (0.3, 3.0)]);
+    let error = preset("\"satin\"").unwrap_err();
+    says(error, &["material", "satin"]);
+}
+
+#[test]
 fn what_is_measured_on_square_400_is_not_learned_from() {
     for (name, runs) in [("speeds-400", 45), ("cloths-400", 28), ("fine-400", 15)] {
         let preset = DatasetPreset::open(name).unwrap();

@@ -6,11 +6,12 @@
 //! or several, is in `connectivity`.
 
 use glam::{Vec2, Vec3};
-use selvedge_cloth::{Cloth, Environment, Handles, Topology, VertexId};
+use selvedge_cloth::{Cloth, Environment, Handles, Material, Scene, Topology, VertexId};
 use thiserror::Error;
 
 use crate::graph::connectivity::{Connectivity, edge_arcs};
 use crate::graph::frame::LocalFrame;
+use crate::graph::weave::Weave;
 
 /// An edge between two faces. `from` → `to` runs counter-clockwise in the face of `left`, and
 /// `from` is the smaller vertex, so that a hinge does not depend on the order of the faces.
@@ -44,6 +45,8 @@ pub struct ClothGraph {
     /// `[edges]`.
     pub(crate) rest_vectors: Vec<Vec3>,
     rest_lengths: Vec<f32>,
+    /// Elasticity of the fabrics, where these are known.
+    weave: Option<Weave>,
 }
 
 /// An environment or a frame rate that the features cannot express.
@@ -94,7 +97,47 @@ impl ClothGraph {
             cloth: cloth.clone(),
             environment,
             frame_rate,
+            weave: None,
         })
+    }
+
+    /// The same with its fabrics known, which some features are made from
+    /// ([`ModelSpec::needs_fabric`](crate::ModelSpec::needs_fabric)): the material of each face, `[faces]`.
+    ///
+    /// # Errors
+    /// [`GraphError`] when there is not one material per face.
+    pub fn with_materials(mut self, materials: &[&Material]) -> Result<Self, GraphError> {
+        let (faces, found) = (self.topology().faces().len(), materials.len());
+        if found != faces {
+            return Err(GraphError(format!(
+                "materials: the cloth has {faces} faces, found {found} materials"
+            )));
+        }
+        self.weave = Some(Weave::new(&self.cloth, &self.hinges, materials));
+        Ok(self)
+    }
+
+    /// The graph of `cloth` in a scene, with its environment and its fabrics.
+    ///
+    /// # Errors
+    /// As of [`Self::new`] and [`Self::with_materials`].
+    pub fn of_scene(cloth: &Cloth, scene: &Scene) -> Result<Self, GraphError> {
+        let (materials, of_face) = scene.materials();
+        let faces: Vec<&Material> = of_face.into_iter().map(|number| materials[number]).collect();
+        Self::new(cloth, scene.environment, scene.frame_rate)?.with_materials(&faces)
+    }
+
+    /// True where the fabrics are known.
+    pub fn knows_fabric(&self) -> bool {
+        self.weave.is_some()
+    }
+
+    /// Elasticity of the fabrics.
+    ///
+    /// # Panics
+    /// Where they are not known.
+    pub(crate) fn weave(&self) -> &Weave {
+        self.weave.as_ref().expect("the fabrics of the cloth")
     }
 
     /// The cloth.

@@ -6,10 +6,10 @@
 
 use super::{MotionList, NamedCloth, NamedMotion};
 use crate::formats::file_error::Problem;
-use crate::scene::{HandleSelection, MeshFile, MeshSpec, field};
+use crate::scene::{HandleSelection, MaterialSource, MeshFile, MeshSpec, field};
 use selvedge_cloth::generate::{NamedSheet, named_sheets};
 use selvedge_cloth::motion::apart;
-use selvedge_cloth::{Handles, Mesh, Motion};
+use selvedge_cloth::{Environment, Handles, Mesh, Motion};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -31,6 +31,8 @@ impl NamedCloth {
             name: sheet.name.to_owned(),
             mesh,
             handles: handles.unwrap_or_default(),
+            material: None,
+            environment: None,
         };
         Ok((cloth, built.mesh))
     }
@@ -60,6 +62,8 @@ pub(super) struct ClothFile {
     name: String,
     mesh: MeshFile,
     handles: HandleSelection,
+    material: Option<MaterialSource>,
+    environment: Option<Environment>,
     /// Motions of the training split; none for a cloth to test on.
     train: Option<MotionList>,
 }
@@ -119,6 +123,11 @@ impl ClothFile {
             name: self.name,
             mesh,
             handles: selected.vertices,
+            material: self
+                .material
+                .map(|source| source.resolve(folder, &mut Vec::new()))
+                .transpose()?,
+            environment: self.environment,
         };
         Ok(Other {
             cloth,

@@ -18,7 +18,7 @@ use crate::scene::{
 };
 use selvedge_assets::DATASETS as PRESETS;
 use selvedge_cloth::motion::named;
-use selvedge_cloth::{Mesh, Motion};
+use selvedge_cloth::{Environment, Material, Mesh, Motion};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -40,6 +40,12 @@ pub struct NamedCloth {
     pub mesh: MeshSpec,
     /// The held vertices, in the order of the handle targets.
     pub handles: Vec<u32>,
+    /// Its material; the setting's own where none is named.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub material: Option<Material>,
+    /// Gravity and air around it; the setting's own where none are named.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub environment: Option<Environment>,
 }
 
 /// The configuration of a data set, as its index keeps it.
@@ -315,6 +321,8 @@ impl DatasetPreset {
             if motion.cloth.as_ref() == Some(&cloth.name) {
                 setting.mesh = cloth.mesh.clone();
                 setting.handles.clone_from(&cloth.handles);
+                setting.material = cloth.material.clone().unwrap_or(setting.material);
+                setting.environment = cloth.environment.unwrap_or(setting.environment);
                 mesh = other;
             }
         }
