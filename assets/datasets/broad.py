@@ -269,7 +269,7 @@ def main(folder, density, few):
 def list_jumps(folder, data):
     """Adds the 29 frames about each jump to the sections of the data set, twice, or thrice where it leaps,
     and the 11 nearest twice more."""
-    (preset,) = folder.glob("broad-*.toml")
+    (preset,) = folder.glob("*.toml")
     motions = tomllib.loads(preset.read_text())["motions"]
     index = json.loads((data / "index.json").read_text())
     for number, entry in enumerate(index["splits"]["train"]):

@@ -171,6 +171,12 @@ impl Rollout {
         self.cloths[cloth].positions()
     }
 
+    /// Lets the step from `frame` of the run to the next be the present one: its wind blows.
+    pub fn set_step(&mut self, frame: usize) {
+        let cloths = self.cloths.iter_mut();
+        cloths.for_each(|cloth| cloth.graph.set_step(frame));
+    }
+
     /// Moves all cloths by one frame. `targets` are the next positions of the handles `[m]`,
     /// `[cloths][handles]`.
     ///
@@ -348,6 +354,7 @@ impl Stepper for GpuStepper {
         let frame = self.frame + 1;
         self.next.clear();
         self.next.extend(targets.end().iter().map(|p| p.as_vec3()));
+        self.rollout.set_step(self.frame);
         self.rollout.step(&[&self.next]).map_err(of_frame(frame))?;
         self.frame = frame;
         Ok(())

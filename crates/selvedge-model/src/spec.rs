@@ -236,7 +236,7 @@ impl ModelSpec {
     /// True where a feature is made from the fabric's stiffness or the pattern's lengths
     /// ([`ClothGraph::with_materials`](crate::ClothGraph::with_materials)).
     pub fn needs_fabric(&self) -> bool {
-        use EdgeFeature::{BendAcceleration, PatternLength, StretchAcceleration, Strain};
+        use EdgeFeature::{BendAcceleration, PatternLength, Strain, StretchAcceleration};
         [PatternLength, Strain, StretchAcceleration, BendAcceleration]
             .iter()
             .any(|feature| self.edge_features.contains(feature))

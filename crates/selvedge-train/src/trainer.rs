@@ -389,7 +389,7 @@ fn first_state(
     for stream in last - cfg.statistics_samples as u64..last {
         let mut rng = rng_of(cfg.seed, stream, 0, cfg.batch.samples);
         Slot::new().show(cfg, set, &mut rng, &mut shown);
-        let graph = &*set.motion(shown.trajectory).graph;
+        let graph = shown.graph(&set.motion(shown.trajectory).graph);
         let place = Place::alone(graph);
         window.write(spec, graph, shown.window(), &place);
         nodes.add(&window.nodes);

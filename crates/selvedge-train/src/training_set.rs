@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use glam::Vec3;
-use selvedge_cloth::{Environment, Material};
+use selvedge_cloth::{Environment, HandleSchedule, Material};
 use selvedge_data::{Dataset, Problem, Sample, Section, Split, Trajectory};
 use selvedge_model::{ClothGraph, Domain, ModelSpec, Yaw};
 use serde_json::Value;
@@ -11,7 +11,12 @@ use thiserror::Error;
 
 /// One trajectory with its graph.
 pub(crate) struct Motion {
+    /// With all handles, in the first step's air.
     pub(crate) graph: Arc<ClothGraph>,
+    /// When handles let go.
+    schedule: HandleSchedule,
+    /// True where handles or air change over the motion.
+    varies: bool,
     /// The local frame of each frame, as a rollout from the first one has it: handles without a
     /// direction keep the one before.
     yaws: Vec<Yaw>,
@@ -20,16 +25,38 @@ pub(crate) struct Motion {
 
 impl Motion {
     /// A trajectory with its graph, which those of one cloth share.
-    fn new(graph: ClothGraph, trajectory: Trajectory, others: &[Self]) -> Self {
-        let yaws = yaws(&graph, &trajectory);
+    fn new(
+        motion: &str,
+        graph: ClothGraph,
+        trajectory: Trajectory,
+        others: &[Self],
+    ) -> Result<Self, TrainingSetError> {
+        let schedule = schedule_of(motion, &trajectory)?;
+        let yaws = yaws(&graph, &schedule, &trajectory);
+        let gust = environment_of(motion, &trajectory)?.gust;
         let mut others = others.iter();
         let same = others.find(|motion| *motion.graph == graph);
         let same = same.map(|motion| Arc::clone(&motion.graph));
-        Self {
+        Ok(Self {
             graph: same.unwrap_or_else(|| Arc::new(graph)),
+            varies: gust.is_some() || !schedule.is_empty(),
+            schedule,
             yaws,
             trajectory,
-        }
+        })
+    }
+
+    /// The cloth in the step from `frame` to the next, with the handles that hold it then and the
+    /// air of then; none where it is that of every step.
+    pub(crate) fn graph_in(&self, frame: usize) -> Option<Arc<ClothGraph>> {
+        self.varies.then(|| {
+            let mut graph = ClothGraph::clone(&self.graph);
+            let (rate, handles) = (graph.frame_rate(), graph.handles().len());
+            let released = self.schedule.released(frame, rate, handles);
+            graph.hold(|handle| !released[handle]);
+            graph.set_step(frame);
+            Arc::new(graph)
+        })
     }
 
     /// World positions in `frame` [m]; before the first frame the cloth stood still.
@@ -43,14 +70,18 @@ impl Motion {
     }
 }
 
-/// The local frames of a trajectory, each with the one before to fall back to.
-fn yaws(graph: &ClothGraph, trajectory: &Trajectory) -> Vec<Yaw> {
+/// The local frames of a trajectory, each with the one before to fall back to, which stays while a
+/// handle has let go.
+fn yaws(graph: &ClothGraph, schedule: &HandleSchedule, trajectory: &Trajectory) -> Vec<Yaw> {
     let mut yaw = graph.frame().rest_yaw();
     let frames = 0..trajectory.frame_count();
     frames
         .map(|frame| {
             let handles = graph.handles().select(trajectory.frame(frame));
-            yaw = graph.frame().yaw(&handles, yaw);
+            let released = schedule.released(frame, graph.frame_rate(), handles.len());
+            if !released.contains(&true) {
+                yaw = graph.frame().yaw(&handles, yaw);
+            }
             yaw
         })
         .collect()
@@ -122,7 +153,14 @@ fn materials_of(trajectory: &Trajectory) -> Vec<Material> {
 pub fn domain_of(motion: &str, trajectory: &Trajectory) -> Result<Domain, TrainingSetError> {
     let environment = environment_of(motion, trajectory)?;
     let materials = materials_of(trajectory);
-    let frames = (0..trajectory.frame_count()).map(|frame| trajectory.frame(frame));
+    let (schedule, handles) = (schedule_of(motion, trajectory)?, trajectory.handles().len());
+    let frames = (0..trajectory.frame_count()).map(|frame| {
+        // What a frame's handles hold, they hold in the step that leads to it.
+        let step = frame.saturating_sub(1);
+        let released = schedule.released(step, trajectory.frame_rate(), handles);
+        let held = released.iter().map(|released| !released).collect();
+        (trajectory.frame(frame), held)
+    });
     Ok(Domain::of_frames(
         trajectory.cloth(),
         &materials,
@@ -140,6 +178,18 @@ fn environment_of(motion: &str, trajectory: &Trajectory) -> Result<Environment, 
             TrainingSetError::Trajectory(problem)
         }),
         None => Ok(Environment::default()),
+    }
+}
+
+/// When the handles of a trajectory let go; never where it has no scene.
+fn schedule_of(motion: &str, trajectory: &Trajectory) -> Result<HandleSchedule, TrainingSetError> {
+    let scene = &trajectory.provenance().scene;
+    match scene.pointer("/setting/schedule") {
+        Some(value) => serde_json::from_value(value.clone()).map_err(|error| {
+            let problem = format!("{motion}: the releases of its scene: {error}");
+            TrainingSetError::Trajectory(problem)
+        }),
+        None => Ok(HandleSchedule::default()),
     }
 }
 
@@ -164,7 +214,8 @@ impl TrainingSet {
             let trajectory = dataset.read(entry)?;
             Domain::widen(&mut domain, domain_of(&entry.motion, &trajectory)?);
             let graph = graph_of(&entry.motion, &trajectory)?;
-            motions.push(Motion::new(graph, trajectory, &motions));
+            let motion = Motion::new(&entry.motion, graph, trajectory, &motions)?;
+            motions.push(motion);
         }
         let sections = dataset.sections().to_vec();
         let mut first_sample = vec![0];

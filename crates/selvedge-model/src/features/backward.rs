@@ -75,9 +75,7 @@ pub(crate) fn features_backward(
         let rows = Rows { rows, width, first };
         match feature {
             EdgeFeature::Vector => vector(graph, pose, rows, to),
-            EdgeFeature::RestVector
-            | EdgeFeature::MaterialVector
-            | EdgeFeature::PatternLength => {}
+            EdgeFeature::RestVector | EdgeFeature::MaterialVector | EdgeFeature::PatternLength => {}
             EdgeFeature::Elongation => elongation(graph, pose, |_| 1.0, rows, to),
             EdgeFeature::Strain => {
                 let springs = &graph.weave().springs;
@@ -229,7 +227,9 @@ fn bending(
         let (angle, slopes) = bending_angle_with_gradient(points);
         let arcs = graph.edge_arcs[hinge.edge as usize].into_iter();
         let by_arc = arcs.zip(slope(number, angle));
-        let by_angle: f32 = by_arc.map(|(arc, slope)| slope * rows.get(arc as usize, 0)).sum();
+        let by_angle: f32 = by_arc
+            .map(|(arc, slope)| slope * rows.get(arc as usize, 0))
+            .sum();
         for (v, slope) in vertices.into_iter().zip(slopes) {
             to[v] += by_angle * slope.as_vec3();
         }

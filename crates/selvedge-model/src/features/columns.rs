@@ -182,7 +182,9 @@ pub(crate) fn features(
             EdgeFeature::MaterialVector => material_vector(graph, columns),
             EdgeFeature::Elongation => elongation(graph, pose, columns),
             EdgeFeature::BendingAngle => bending(graph, pose, |_, angle| [angle; 2], columns),
-            EdgeFeature::PatternLength => each_edge(graph, pose, |spring, _| spring.length, columns),
+            EdgeFeature::PatternLength => {
+                each_edge(graph, pose, |spring, _| spring.length, columns)
+            }
             EdgeFeature::Strain => each_edge(graph, pose, Spring::strain, columns),
             EdgeFeature::StretchAcceleration => stretch_acceleration(graph, pose, columns),
             EdgeFeature::BendAcceleration => bend_acceleration(graph, pose, columns),

@@ -33,7 +33,12 @@ pub struct Hinge {
 #[derive(Clone, Debug, PartialEq)]
 pub struct ClothGraph {
     cloth: Cloth,
+    /// With its gusts.
+    weather: Environment,
+    /// In the present step.
     environment: Environment,
+    /// The frame of the weather from which steps are counted.
+    first_frame: usize,
     frame_rate: f64,
     handle_mask: Vec<bool>,
     frame: LocalFrame,
@@ -66,10 +71,6 @@ impl ClothGraph {
     ) -> Result<Self, GraphError> {
         let valid = environment.validate();
         valid.map_err(|error| GraphError(error.to_string()))?;
-        if environment.gust.is_some() {
-            let problem = "environment.gust: the learned simulator sees one wind for a whole run, not gusts: take it out, or run the physics";
-            return Err(GraphError(problem.to_owned()));
-        }
         if !(1.0..=1e5).contains(&frame_rate) {
             return Err(GraphError(format!(
                 "frame_rate must be between 1 and 100000 frames per second, found {frame_rate}"
@@ -95,10 +96,26 @@ impl ClothGraph {
             rest_lengths: rest_vectors.iter().map(|d| d.length()).collect(),
             rest_vectors,
             cloth: cloth.clone(),
-            environment,
+            weather: environment,
+            environment: environment.during_step(0, frame_rate),
+            first_frame: 0,
             frame_rate,
             weave: None,
         })
+    }
+
+    /// The same in a run that begins in this frame of its weather.
+    #[must_use]
+    pub fn taken_up_at(mut self, frame: usize) -> Self {
+        self.first_frame = frame;
+        self.set_step(0);
+        self
+    }
+
+    /// Lets the step from `frame` of the run to the next be the present one: its wind blows.
+    pub fn set_step(&mut self, frame: usize) {
+        let frame = self.first_frame + frame;
+        self.environment = self.weather.during_step(frame, self.frame_rate);
     }
 
     /// The same with its fabrics known, which some features are made from
@@ -123,7 +140,10 @@ impl ClothGraph {
     /// As of [`Self::new`] and [`Self::with_materials`].
     pub fn of_scene(cloth: &Cloth, scene: &Scene) -> Result<Self, GraphError> {
         let (materials, of_face) = scene.materials();
-        let faces: Vec<&Material> = of_face.into_iter().map(|number| materials[number]).collect();
+        let faces: Vec<&Material> = of_face
+            .into_iter()
+            .map(|number| materials[number])
+            .collect();
         Self::new(cloth, scene.environment, scene.frame_rate)?.with_materials(&faces)
     }
 
@@ -190,7 +210,7 @@ impl ClothGraph {
         self.cloth.rest_positions()
     }
 
-    /// Gravity and air.
+    /// Gravity and air in the present step.
     pub fn environment(&self) -> &Environment {
         &self.environment
     }
@@ -269,23 +289,32 @@ mod tests {
             air_drag: -1.0,
             ..calm
         };
-        let gusty = Environment {
-            gust: Some(Gust {
-                speed: DVec3::X,
-                period: 1.0,
-                seed: 1,
-            }),
-            ..calm
-        };
         for (environment, frame_rate, expected) in [
             (calm, 0.0, "frame_rate must be between"),
             (thick, 60.0, "environment.air_drag"),
-            (gusty, 60.0, "environment.gust"),
         ] {
             let made = ClothGraph::new(&parts(3, 1).cloth, environment, frame_rate);
             let found = made.expect_err(expected).to_string();
             assert!(found.contains(expected), "{found}");
         }
+    }
+
+    #[test]
+    fn a_gust_blows_in_each_step_as_in_that_of_its_run() {
+        let weather = Environment {
+            gust: Some(Gust {
+                speed: DVec3::X,
+                period: 1.0,
+                seed: 1,
+            }),
+            ..Environment::default()
+        };
+        let graph = ClothGraph::new(&parts(3, 1).cloth, weather, 60.0).expect("a graph");
+        let mut graph = graph.taken_up_at(7);
+        assert_eq!(*graph.environment(), weather.during_step(7, 60.0));
+        graph.set_step(5);
+        assert_eq!(*graph.environment(), weather.during_step(12, 60.0));
+        assert_ne!(weather.during_step(12, 60.0), weather.during_step(7, 60.0));
     }
 
     #[test]

@@ -136,7 +136,11 @@ impl Torque {
         let low = (curvature.min(last) as usize).min(self.stiffness.len() - 2);
         let rise = self.stiffness[low + 1] - self.stiffness[low];
         let stiffness = self.stiffness[low] + (curvature.min(last) - low as f32) * rise;
-        let growth = if curvature < last { curvature * rise } else { 0.0 };
+        let growth = if curvature < last {
+            curvature * rise
+        } else {
+            0.0
+        };
         [stiffness * angle, stiffness + growth]
     }
 }

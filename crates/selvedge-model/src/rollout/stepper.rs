@@ -201,6 +201,7 @@ impl Stepper for LearnedStepper {
         let newest = &self.history[self.history.len() - 1];
         next_hands.follow(hands, targets, self.graph.handles().of(newest));
         self.graph.hold(|handle| targets.holds(handle));
+        self.graph.set_step(self.frame);
         let yaw = self.yaw_now(&self.hands[1]);
         self.predict(frame, yaw)?;
         self.next_handles.clear();

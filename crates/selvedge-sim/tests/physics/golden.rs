@@ -8,9 +8,7 @@
 use std::fmt::Write as _;
 
 use glam::DVec2;
-use selvedge_cloth::{
-    LinearSolver, Material, PhysicsMode, PhysicsSettings,
-};
+use selvedge_cloth::{LinearSolver, Material, PhysicsMode, PhysicsSettings};
 use selvedge_sim::Simulator;
 use selvedge_sim::laws::bend::BendElement;
 use selvedge_sim::laws::stretch::Strain;

@@ -12,10 +12,10 @@ use selvedge_lab::evaluation::{
     self, Case, Evaluation, EvaluationPlan, Method, Mover, Run, Summary, evaluate, summaries,
 };
 use selvedge_lab::folder::{self, FolderKind, REFERENCES};
+use selvedge_lab::generation;
 use selvedge_lab::machine::Machine;
 use selvedge_lab::models::NamedModel;
 use selvedge_lab::report::{self, Heading};
-use selvedge_lab::generation;
 use selvedge_model::Aspect;
 use serde::Serialize;
 use serde_json::{Value, json};

@@ -85,7 +85,10 @@ fn a_fabric_that_stiffens_pulls_by_its_tables() {
     ] {
         let [pull, _] = spring.pull(length);
         let expected = faces * stiffness * (length - 1.0);
-        assert!((pull - expected).abs() < 1e-3 * stiffness, "{length}: {pull} {expected}");
+        assert!(
+            (pull - expected).abs() < 1e-3 * stiffness,
+            "{length}: {pull} {expected}"
+        );
     }
 }
 
@@ -94,5 +97,8 @@ fn another_number_of_materials_is_named() {
     let material = fabric();
     let graph = rhombus(0.0, &material);
     let error = graph.with_materials(&[&material]).expect_err("one for two");
-    assert_eq!(error.to_string(), "materials: the cloth has 2 faces, found 1 materials");
+    assert_eq!(
+        error.to_string(),
+        "materials: the cloth has 2 faces, found 1 materials"
+    );
 }
