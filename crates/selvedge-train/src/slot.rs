@@ -48,7 +48,7 @@ pub(crate) struct Slot {
 pub struct ShownSample {
     pub(crate) trajectory: usize,
     /// The cloth in the step that it shows, where handles or air change over the motion.
-    cloth: Option<Arc<ClothGraph>>,
+    pub(crate) cloth: Option<Arc<ClothGraph>>,
     /// The local frame of the current positions.
     pub yaw: Yaw,
     /// World positions of the frame before the window and of the window, noise included `[m]`.
