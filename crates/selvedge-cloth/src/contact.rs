@@ -22,9 +22,6 @@ pub struct ContactSettings {
     pub floor: f64,
     /// An error after this many parts of a substep.
     pub max_divisions: u32,
-    /// Law of what touches.
-    #[serde(skip_serializing_if = "is_default")]
-    pub law: ContactLaw,
     /// Where two bodies, or two parts of one, leave the cloth between them no room.
     #[serde(skip_serializing_if = "is_default")]
     pub squeezed: Squeezed,
@@ -42,18 +39,6 @@ pub enum Squeezed {
     Stop,
 }
 
-/// Law by which near pairs push each other and rub.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum ContactLaw {
-    /// A stiffness in proportion to mass over time squared, and friction that holds.
-    #[default]
-    Barrier,
-    /// As ARCSim has it, for comparisons with it: a stiffness of 1e9 N/m³ times an area, and
-    /// friction that creeps. Needs backward Euler, which `physics = "arcsim"` has.
-    Arcsim,
-}
-
 impl Default for ContactSettings {
     fn default() -> Self {
         Self {
@@ -63,7 +48,6 @@ impl Default for ContactSettings {
             rounds: 8,
             floor: 2e-5,
             max_divisions: 64,
-            law: ContactLaw::default(),
             squeezed: Squeezed::default(),
         }
     }
@@ -133,7 +117,8 @@ mod tests {
              floor = 2e-4 | contact.floor
              rounds = 0 | contact.rounds
              max_divisions = 0 | contact.max_divisions
-             thicknes = 1 | thicknes",
+             thicknes = 1 | thicknes
+             law = 'barrier' | `law`",
         );
     }
 }

@@ -70,7 +70,7 @@ mod stepper;
 mod topology;
 
 pub use cloth::{Cloth, ClothArrays};
-pub use contact::{ContactLaw, ContactSettings, Squeezed};
+pub use contact::{ContactSettings, Squeezed};
 pub use contact_memory::{
     CaughtPair, ContactMemory, FrictionAnchor, PreviousSubstep, Pushing, ReleasedContact, Touching,
 };

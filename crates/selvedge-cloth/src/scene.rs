@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use crate::error::{SceneError, require};
 use crate::{
-    ContactLaw, ContactSettings, Environment, FaceId, HandlePath, HandleSchedule, Handles,
-    Integrator, Material, Mesh, Motion, Obstacle, PhysicsSettings, RestShape, SagSettings,
+    ContactSettings, Environment, FaceId, HandlePath, HandleSchedule, Handles, Material, Mesh,
+    Motion, Obstacle, PhysicsSettings, RestShape, SagSettings,
 };
 
 /// Frames per second of a scene that does not say otherwise.
@@ -95,19 +95,14 @@ impl Scene {
     }
 
     fn validate_contact(&self) -> Result<(), SceneError> {
-        let problem = match &self.contact {
-            None if self.obstacles.is_empty() => return Ok(()),
-            None => "the scene has obstacles but no contact: write `contact = {}`, or remove them",
-            Some(contact) => {
-                contact.validate()?;
-                let is_linear = self.physics.integrator == Integrator::Linearised;
-                if contact.law != ContactLaw::Arcsim || is_linear {
-                    return Ok(());
-                }
-                "contact.law is \"arcsim\", which needs an integrator of first order without iterations: set physics = \"arcsim\", or remove contact.law"
-            }
-        };
-        Err(SceneError(problem.to_owned()))
+        match &self.contact {
+            Some(contact) => contact.validate(),
+            None if self.obstacles.is_empty() => Ok(()),
+            None => Err(SceneError(
+                "the scene has obstacles but no contact: write `contact = {}`, or remove them"
+                    .to_owned(),
+            )),
+        }
     }
 
     fn validate_fabrics(&self) -> Result<(), SceneError> {
@@ -236,24 +231,8 @@ mod tests {
                 }),
                 ("physics.substeps", |s| s.physics.substeps = 0),
                 ("sag.tolerance", |s| s.sag.tolerance = 0.0),
-                ("contact.law is \"arcsim\"", |s| {
-                    s.contact = Some(ContactSettings {
-                        law: ContactLaw::Arcsim,
-                        ..ContactSettings::default()
-                    });
-                }),
                 ("frame_rate must be between 1", |s| s.frame_rate = 0.5),
             ],
         );
-        let law = ContactLaw::Arcsim;
-        let compared = Scene {
-            contact: Some(ContactSettings {
-                law,
-                ..ContactSettings::default()
-            }),
-            physics: PhysicsSettings::in_mode(crate::PhysicsMode::Arcsim),
-            ..scene
-        };
-        assert_eq!(compared.validate(), Ok(()));
     }
 }

@@ -44,8 +44,6 @@ pub struct Body {
     pub points: Range<u32>,
     /// Its faces.
     pub faces: Range<u32>,
-    /// Its edges.
-    pub edges: Range<u32>,
 }
 
 impl Surface {
@@ -112,7 +110,6 @@ impl Surface {
         self.bodies.push(Body {
             points: first..last,
             faces: first_face..self.faces.len() as u32,
-            edges: first_edge..self.edges.len() as u32,
         });
     }
 
@@ -149,7 +146,7 @@ impl Surface {
         &self.faces
     }
 
-    /// Every edge, within a body by its ends.
+    /// Every edge.
     #[must_use]
     pub fn edges(&self) -> &[SurfaceEdge] {
         &self.edges

@@ -87,21 +87,40 @@ impl ActiveHandles {
     }
 
     /// Moves `state` by one substep over `dt` `[s]`, active handles to `targets` `[m]`: by the scene's
-    /// formula, or without a `history` by backward Euler, as a cloth on its way to rest. On an error
-    /// state and history are unusable, and the caller restores them.
+    /// formula, or without a `history` by one solve of backward Euler, as a cloth on its way to rest.
+    /// Returns false if that solve may be far from the solution, and [`Self::go_on`] is to be called.
+    /// On an error state and history are unusable, and the caller restores them.
     pub(crate) fn advance(
         &mut self,
         dt: f64,
         state: &mut State,
         history: Option<&mut History>,
         targets: &[DVec3],
-    ) -> Result<(), SolveError> {
+    ) -> Result<bool, SolveError> {
         let system = &mut self.system;
         match (&mut self.second_order, history) {
             (Some(second_order), Some(history)) => {
-                second_order.advance(system, dt, targets, state, history)
+                second_order.advance(system, dt, targets, state, history)?;
             }
-            _ => system.advance(dt, state, targets),
+            (Some(second_order), None) => {
+                return second_order.from_start(system, dt, targets, state);
+            }
+            (None, _) => system.advance(dt, state, targets)?,
+        }
+        Ok(true)
+    }
+
+    /// Moves `state`, where the last solve of backward Euler over `dt` `[s]` led, by another one that
+    /// is linearised there. Returns false as [`Self::advance`].
+    pub(crate) fn go_on(
+        &mut self,
+        dt: f64,
+        state: &mut State,
+        targets: &[DVec3],
+    ) -> Result<bool, SolveError> {
+        match &mut self.second_order {
+            Some(second_order) => second_order.go_on(&mut self.system, dt, targets, state),
+            None => Ok(true),
         }
     }
 

@@ -11,7 +11,7 @@ use glam::{DVec3, Vec3};
 use selvedge_cloth::{HandleError, HandleTargets, Scene, StepError, Stop, VertexId};
 
 use crate::active_handles::ActiveHandles;
-use crate::contact::{Contact, ContactCounts, Span};
+use crate::contact::{Advance, Contact, ContactCounts, Span};
 use crate::edges::WatchedEdges;
 use crate::integrator::{History, SubstepCounts};
 use crate::state::State;
@@ -19,6 +19,7 @@ use crate::threads::Threads;
 pub use checkpoint::Checkpoint;
 pub use error::SimulatorError;
 pub use frame::DividedFrames;
+pub(crate) use frame::Part;
 use frame::{FRAME, Snapshot};
 
 mod checkpoint;
@@ -252,7 +253,14 @@ impl Simulator {
         self.active.put_targets(&mut self.targets, |h| targets[h]);
         let threads = self.enter();
         self.enter_frame();
-        if let Err(error) = threads.run(|| self.solve(dt, [0.0; 2], true, true)) {
+        let part = Part {
+            dt,
+            way: [0.0; 2],
+            may_hold: true,
+            may_divide: false,
+            is_last: true,
+        };
+        if let Err(error) = threads.run(|| self.solve(part)) {
             self.put_back(FRAME);
             return Err(error);
         }
@@ -292,32 +300,21 @@ impl Simulator {
         Ok(Some(std::mem::replace(&mut self.active, active)))
     }
 
-    /// Moves the state by a substep over `dt` towards `self.targets`, between two parts of the frame.
-    /// Contact may hold vertices back only if it `may_hold`; an error `is_last` if it is final. On
-    /// an error the state is unusable.
-    fn solve(
-        &mut self,
-        dt: f64,
-        [from, to]: [f64; 2],
-        may_hold: bool,
-        is_last: bool,
-    ) -> Result<(), StepError> {
+    /// Moves the state by a substep towards `self.targets`. On an error the state is unusable.
+    fn solve(&mut self, part: Part) -> Result<Advance, StepError> {
         let (state, history) = (&mut self.state, &mut self.history);
         match &mut self.contact {
             None => {
                 let targets = &self.targets;
-                let solved = self.active.advance(dt, state, Some(history), targets);
-                solved.map_err(|error| error.at(self.frame + 1))
+                let solved = self.active.advance(part.dt, state, Some(history), targets);
+                solved.map_err(|error| error.at(self.frame + 1))?;
+                Ok(Advance::Done)
             }
             Some(contact) => {
                 let span = Span {
-                    dt,
-                    from,
-                    to,
+                    part,
                     targets: &self.targets,
                     threads: self.threads.for_cloth(state.positions.len()),
-                    may_hold,
-                    is_last,
                 };
                 contact.advance(span, &mut self.active, state, history)
             }

@@ -45,6 +45,15 @@ impl State {
         }
     }
 
+    /// Goes back to this `part` of the way from `before`, at the part of the change of velocity.
+    pub(crate) fn cut_back(&mut self, before: &Self, part: f64) {
+        for (ends, starts) in self.both_mut().into_iter().zip(before.both()) {
+            for (end, start) in ends.iter_mut().zip(starts) {
+                *end = start.lerp(*end, part);
+            }
+        }
+    }
+
     pub(crate) fn copy_from(&mut self, other: &Self) {
         self.positions.copy_from_slice(&other.positions);
         self.velocities.copy_from_slice(&other.velocities);

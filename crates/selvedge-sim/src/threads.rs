@@ -97,6 +97,30 @@ impl Threads {
         }
     }
 
+    /// As [`Self::find`], of each pair of entries. The slices have the same length.
+    pub(crate) fn find_pair<A: Send, B: Send, F: Send>(
+        self,
+        a: &mut [A],
+        b: &mut [B],
+        work: impl Fn(usize, &mut A, &mut B) -> Option<F> + Sync,
+    ) -> Vec<F> {
+        let of_chunk = |(chunk, (a, b)): (usize, (&mut [A], &mut [B]))| -> Vec<F> {
+            let numbered = a.iter_mut().zip(b).enumerate();
+            let found = numbered.map(|(k, (a, b))| work(CHUNK * chunk + k, a, b));
+            found.flatten().collect()
+        };
+        match self {
+            Self::One => {
+                let numbered = a.iter_mut().zip(b).enumerate();
+                numbered.filter_map(|(k, (a, b))| work(k, a, b)).collect()
+            }
+            Self::Pool => {
+                let chunks = a.par_chunks_mut(CHUNK).zip(b.par_chunks_mut(CHUNK));
+                chunks.enumerate().flat_map_iter(of_chunk).collect()
+            }
+        }
+    }
+
     /// Calls `work` for each entry of `few`, large pieces of work, with its `share` entries of
     /// `many` (the last may have fewer).
     pub(crate) fn each_share<A: Send, B: Send>(

@@ -1,19 +1,17 @@
 //! Pairs that push in a substep: those nearer than the thickness, and those that would meet on
 //! their way. Of several on the same side of a vertex the nearest pushes.
 
-use std::collections::HashSet;
-
 use glam::DVec3;
 use selvedge_cloth::{CaughtPair, FrictionAnchor, Pushing, Scene, Touching};
 use selvedge_contact::{Gap, Kind, Pair, Path, certify, gap, least_gap};
 
-use super::arcsim;
 use super::barrier::LEAST;
 use super::friction::{along_surface, kept};
 use super::memory::{self, feature, key};
 use super::touches::{PairLaw, Touch, Touches};
 use super::{Contact, Found};
 use crate::active_handles::ActiveHandles;
+use crate::lists::Lists;
 use crate::threads::Threads;
 
 /// Cosine of two directions from which they count as the same side.
@@ -34,7 +32,7 @@ const EARLIEST: usize = 2;
 
 /// Vertices that are joined by an edge of the cloth, and where they start `[m]`.
 pub(super) struct Neighbours {
-    joined: HashSet<[u32; 2]>,
+    joined: Lists,
     start: Vec<DVec3>,
 }
 
@@ -42,23 +40,35 @@ impl Neighbours {
     pub(super) fn new(scene: &Scene) -> Self {
         let edges = scene.mesh.topology().edges().iter();
         let ends = edges.map(|edge| edge.vertices.map(|v| v.0));
+        let both: Vec<_> = ends.flat_map(|[a, b]| [(a, b), (b, a)]).collect();
+        let start = scene.mesh.positions().to_vec();
         Self {
-            joined: ends.map(|[a, b]| [a.min(b), a.max(b)]).collect(),
-            start: scene.mesh.positions().to_vec(),
+            joined: Lists::group(start.len(), &both),
+            start,
         }
-    }
-
-    /// Gap of two features of the cloth at the start `[m]`.
-    pub(super) fn gap(&self, pair: &Pair) -> f64 {
-        gap(pair.kind, pair.places(&self.start)).distance
     }
 
     /// Returns true if an edge joins the two features.
     pub(super) fn join(&self, pair: &Pair) -> bool {
         let (first, second) = pair.corners.split_at(pair.kind.split());
-        let joined = |a: u32, b: u32| self.joined.contains(&[a.min(b), a.max(b)]);
-        first.iter().any(|a| second.iter().any(|b| joined(*a, *b)))
+        let mut joined = first.iter().flat_map(|a| self.joined.of(*a as usize));
+        joined.any(|b| second.contains(b))
     }
+
+    /// Returns true if two features of the cloth never push: an edge joins them, and they start
+    /// nearer than this `distance` `[m]`.
+    pub(super) fn leave_out(&self, pair: &Pair, distance: f64) -> bool {
+        self.join(pair) && gap(pair.kind, pair.places(&self.start)).distance < distance
+    }
+}
+
+/// Answers of [`Neighbours::leave_out`] for the candidates, as far as it was asked, `[candidates]`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Pushes {
+    #[default]
+    Unknown,
+    Never,
+    Always,
 }
 
 /// A pair that may push.
@@ -75,71 +85,34 @@ struct Near {
 }
 
 impl Contact {
-    /// The touches of a solve over `time` `[s]`.
+    /// The touches of a solve over `time` `[s]`, in the order of their corners.
     pub(super) fn find_touches(&mut self, threads: Threads, time: f64) -> Found {
         let _span = tracing::trace_span!("touches").entered();
-        if let Some(law) = &self.arcsim {
-            return self.find_as_arcsim(law, time);
-        }
         self.clearances.look_ahead(&self.start, &self.end);
-        let mut budgets = std::mem::take(&mut self.clearances.budgets);
-        let mut near = self.near(threads, &mut budgets);
-        self.clearances.budgets = budgets;
-        near.sort_by(|a, b| {
-            let nearer = a.distance.total_cmp(&b.distance);
-            nearer.then_with(|| key(&a.pair).cmp(&key(&b.pair)))
-        });
-        let near = self.nearest(near);
-        let mut set: Vec<Touching> = near.iter().map(|near| key(&near.pair)).collect();
-        set.sort_unstable();
-        let mut list: Vec<Touch> = near.iter().map(|near| self.touch(near)).collect();
+        let near = self.near(threads);
+        let kept = self.nearest(&near);
+        let near = || kept.iter().map(|k| &near[*k as usize]);
+        self.memory.caught.clear();
+        self.memory.caught.extend(near().filter_map(|near| near.caught));
+        self.memory.caught.sort_by_key(|caught| caught.of);
+        let mut pushing: Vec<Pushing> = near().map(|near| self.pushing(near)).collect();
+        memory::sort(&mut pushing);
+        let mut list: Vec<Touch> = near().map(|near| self.touch(near)).collect();
         list.extend(self.push_out());
-        list.sort_by_key(|touch| touch.corners);
+        if list.len() > kept.len() {
+            list.sort_by_key(|touch| touch.corners);
+        }
         for touch in &mut list {
             self.leave_obstacles(touch);
         }
-        let mut pushing: Vec<Pushing> = near.iter().map(|near| self.pushing(near)).collect();
-        memory::sort(&mut pushing);
-        let exact = false;
         Found {
-            touches: Touches { list, exact, time },
-            set,
+            touches: Touches {
+                sorted: list.len(),
+                list,
+                expected: Vec::new(),
+                time,
+            },
             pushing,
-        }
-    }
-
-    /// As [`Self::find_touches`], of ARCSim's law.
-    fn find_as_arcsim(&self, law: &arcsim::Law, time: f64) -> Found {
-        let nearest = law.nearest(&arcsim::Bodies {
-            surface: &self.surface,
-            places: &self.start,
-            pairs: self.candidates.pairs(),
-            thickness: &self.thickness,
-        });
-        let mut set: Vec<Touching> = nearest.iter().map(|near| key(&near.pair)).collect();
-        set.sort_unstable();
-        let mut list = Vec::new();
-        for arcsim::Nearby {
-            pair,
-            gap,
-            stiffness,
-        } in nearest
-        {
-            let body = self.other_body(&pair);
-            if gap.distance < self.thickness[body] {
-                let law = PairLaw::Arcsim { stiffness };
-                let mut touch = self.touch_of(&pair, body, &gap, gap.distance, law);
-                (touch.anchored, touch.pull) = (None, DVec3::ZERO);
-                self.leave_obstacles(&mut touch);
-                list.push(touch);
-            }
-        }
-        list.sort_by_key(|touch| touch.corners);
-        let exact = true;
-        Found {
-            touches: Touches { list, exact, time },
-            set,
-            pushing: Vec::new(),
         }
     }
 
@@ -154,18 +127,26 @@ impl Contact {
         }
     }
 
-    /// All pairs that are too near or will be. Takes the `budgets` of the candidates and computes
+    /// All pairs that are too near or will be. Takes the budgets of the candidates and computes
     /// those that are used up anew.
-    fn near(&self, threads: Threads, budgets: &mut [f64]) -> Vec<Near> {
+    fn near(&mut self, threads: Threads) -> Vec<Near> {
+        let mut budgets = std::mem::take(&mut self.clearances.budgets);
+        let mut pushes = std::mem::take(&mut self.pushes);
+        pushes.resize(budgets.len(), Pushes::Unknown);
         let pairs = self.candidates.pairs();
-        threads.find(budgets, |k, budget| self.near_pair(&pairs[k], budget))
+        let near = threads.find_pair(&mut budgets, &mut pushes, |k, budget, pushes| {
+            self.near_pair(&pairs[k], budget, pushes)
+        });
+        self.clearances.budgets = budgets;
+        self.pushes = pushes;
+        near
     }
 
     /// The pair, if it is too near or will be.
     #[inline]
-    fn near_pair(&self, pair: &Pair, budget: &mut f64) -> Option<Near> {
-        let (most, clearances) = (self.largest_thickness(), &self.clearances);
-        if clearances.surely_apart(*budget, pair, most) {
+    fn near_pair(&self, pair: &Pair, budget: &mut f64, pushes: &mut Pushes) -> Option<Near> {
+        let (most, clearances) = (self.most, &self.clearances);
+        if *pushes == Pushes::Never || clearances.surely_apart(*budget, pair, most) {
             return None;
         }
         let approach = clearances.approach(pair);
@@ -197,7 +178,11 @@ impl Contact {
             return None;
         }
         let gap = meeting(pair.kind, path, now, thickness)?;
-        if body == 0 && self.neighbours.join(pair) && self.neighbours.gap(pair) < 2.0 * thickness {
+        if *pushes == Pushes::Unknown {
+            let never = body == 0 && self.neighbours.leave_out(pair, 2.0 * thickness);
+            *pushes = if never { Pushes::Never } else { Pushes::Always };
+        }
+        if *pushes == Pushes::Never {
             return None;
         }
         let caught = memory::caught(&self.memory.caught, key(pair));
@@ -265,29 +250,41 @@ impl Contact {
         wings.fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// Of pairs from near to far, all edges, and the vertices on whose side no other has pushed.
-    fn nearest(&self, near: Vec<Near>) -> Vec<Near> {
-        let mut sides: Vec<Vec<DVec3>> = vec![Vec::new(); self.start.len()];
-        let is_new =
-            |taken: &[DVec3], normal: DVec3| taken.iter().all(|n| n.dot(normal) < SAME_SIDE);
-        let mut kept = Vec::new();
-        for near in near {
-            let normal = near.gap.normal;
-            let is_kept = match near.pair.kind {
-                Kind::VertexFace => {
-                    let taken = &mut sides[near.pair.first as usize];
-                    let new = is_new(taken, normal);
-                    if new {
-                        taken.push(normal);
-                    }
-                    new
-                }
-                Kind::EdgeEdge => true,
-            };
-            if is_kept || near.caught.is_some() {
-                kept.push(near);
+    /// Of these pairs all edges and, from near to far, the vertices on whose side no other has pushed;
+    /// and what was caught. Their numbers, in the order of their corners.
+    fn nearest(&self, near: &[Near]) -> Vec<u32> {
+        let mut kept = Vec::with_capacity(near.len());
+        let mut vertices = Vec::with_capacity(near.len());
+        for (k, one) in (0..).zip(near) {
+            match one.pair.kind {
+                Kind::VertexFace => vertices.push((one.pair.first, one.distance, k)),
+                Kind::EdgeEdge => kept.push(k),
             }
         }
+        vertices.sort_unstable_by(|(a, nearer, k), (b, farther, l)| {
+            let face = |k: u32| near[k as usize].pair.second;
+            let sides = a.cmp(b).then_with(|| nearer.total_cmp(farther));
+            sides.then_with(|| face(*k).cmp(&face(*l)))
+        });
+        let mut taken: Vec<DVec3> = Vec::new();
+        let mut before = None;
+        for (vertex, _, k) in vertices {
+            if before.replace(vertex) != Some(vertex) {
+                taken.clear();
+            }
+            let normal = near[k as usize].gap.normal;
+            let is_new = taken.iter().all(|n| n.dot(normal) < SAME_SIDE);
+            if is_new {
+                taken.push(normal);
+            }
+            if is_new || near[k as usize].caught.is_some() {
+                kept.push(k);
+            }
+        }
+        kept.sort_unstable_by_key(|k| {
+            let pair = &near[*k as usize].pair;
+            (pair.corners, pair.kind)
+        });
         kept
     }
 
@@ -350,12 +347,16 @@ impl Contact {
     /// true if there were some.
     pub(super) fn release(&mut self, touches: &mut Touches) -> bool {
         let count = touches.list.len();
+        let sorted = touches.sorted;
+        let mut place = 0;
         let (end, caught) = (&self.end, &mut self.memory.caught);
         touches.list.retain(|touch| {
             let pulls = touch.pulls(|v| end[v]);
             if pulls && touch.at.is_some() {
                 caught.retain(|caught| caught.of != touch.pair);
             }
+            touches.sorted -= usize::from(pulls && place < sorted);
+            place += 1;
             !pulls
         });
         touches.list.len() < count
@@ -370,28 +371,30 @@ impl Contact {
     pub(super) fn catch(&mut self, touches: &mut Touches) -> bool {
         let (mut caught, mut pushing) = (Vec::new(), Vec::new());
         let mut met = vec![0; self.mass.len()];
-        let count = touches.list.len();
+        let (count, sorted) = (touches.list.len(), touches.sorted);
         let mut failed: Vec<_> = self.failed().collect();
         failed.sort_by(|a, b| a.1.safe.total_cmp(&b.1.safe));
         for (pair, approach) in failed {
             if !is_early(pair, &approach.gap, &mut met) {
                 continue;
             }
-            let place = touches.list[..count].binary_search_by_key(&pair.corners, |t| t.corners);
-            let known = place.ok().map(|k| &touches.list[k]);
+            let of = key(pair);
+            let place = touches.list[..sorted].binary_search_by_key(&pair.corners, |t| t.corners);
+            let late = || (sorted..count).find(|k| touches.list[*k].pair == of);
+            let place = place.ok().or_else(late);
+            let known = place.map(|k| &touches.list[k]);
             let Some((near, touch)) = self.caught(pair, approach.gap, known) else {
                 continue;
             };
             caught.extend(near.caught);
             match place {
-                Ok(k) => touches.list[k] = touch,
-                Err(_) => {
+                Some(k) => touches.list[k] = touch,
+                None => {
                     touches.list.push(touch);
                     pushing.push(self.pushing(&near));
                 }
             }
         }
-        touches.list.sort_by_key(|touch| touch.corners);
         let has_caught = !caught.is_empty();
         memory::catch(&mut self.memory.caught, caught);
         self.memory.pushing.extend(pushing);

@@ -74,8 +74,7 @@ impl Contact {
         candidates.find(&self.surface, Ways::still(&points), reach);
         let mut gaps = vec![far; positions.len()];
         for pair in candidates.pairs() {
-            let is_own = self.other_body(pair) == 0 && self.neighbours.join(pair);
-            if is_own && self.neighbours.gap(pair) < 2.0 * far {
+            if self.other_body(pair) == 0 && self.neighbours.leave_out(pair, 2.0 * far) {
                 continue;
             }
             let distance = gap(pair.kind, pair.places(&points)).distance;

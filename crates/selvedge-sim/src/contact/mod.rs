@@ -6,7 +6,6 @@
 //! stay apart on the way from the start to the end ([`separation`]). Pairs that are not are pushed
 //! apart, by mass; if that does not end, vertices are held back, or the substep is divided.
 
-mod arcsim;
 mod barrier;
 mod clearances;
 mod find;
@@ -21,13 +20,13 @@ mod touches;
 
 use glam::{DVec2, DVec3};
 use selvedge_cloth::{
-    ContactLaw, ContactMemory, ContactSettings, Obstacle, Pushing, Scene, StepError, Touching,
-    VertexId,
+    ContactMemory, ContactSettings, Obstacle, Pushing, Scene, StepError, VertexId,
 };
 use selvedge_contact::{Candidates, Intersection, Kind, Pair, Reach, Surface, Ways};
 
 use crate::active_handles::ActiveHandles;
 use crate::integrator::History;
+use crate::simulator::Part;
 use crate::solver::SolveError;
 use crate::state::State;
 use crate::threads::Threads;
@@ -85,26 +84,23 @@ pub struct ContactCounts {
 /// A substep to be taken.
 #[derive(Clone, Copy)]
 pub(crate) struct Span<'a> {
-    /// Length `[s]`.
-    pub(crate) dt: f64,
-    /// Start of the substep as a part of the frame.
-    pub(crate) from: f64,
-    /// End of the substep as a part of the frame.
-    pub(crate) to: f64,
+    pub(crate) part: Part,
     /// Targets of the active handles at the end `[m]`.
     pub(crate) targets: &'a [DVec3],
     pub(crate) threads: Threads,
-    /// True if vertices may be held back where pushing does not end.
-    pub(crate) may_hold: bool,
-    /// True if an error is final: contact with obstacles is released before that.
-    pub(crate) is_last: bool,
+}
+
+/// What became of a substep.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Advance {
+    Done,
+    /// It is too long for what touches in it, and is to be divided. The state is unusable.
+    TooLong,
 }
 
 /// The touches of a solve.
 struct Found {
     touches: Touches,
-    /// The pairs, in ascending order.
-    set: Vec<Touching>,
     /// The features that push, in order.
     pushing: Vec<Pushing>,
 }
@@ -130,10 +126,12 @@ pub(crate) struct Contact {
     thickness: Vec<f64>,
     /// Coefficient of friction of each body with the cloth.
     friction: Vec<f64>,
-    /// ARCSim's law, where the scene asks for it.
-    arcsim: Option<arcsim::Law>,
+    /// The largest of them.
+    most: f64,
     /// Pairs that are too near in the flat cloth to push.
     neighbours: find::Neighbours,
+    /// `[candidates]`
+    pushes: Vec<find::Pushes>,
     mass: Vec<f64>,
     /// Inverse masses, 0 where prescribed `[1/kg]`, `[points]`.
     inverse: Vec<f64>,
@@ -175,6 +173,7 @@ impl Contact {
         let obstacles = || scene.obstacles.iter();
         let own = |obstacle: &Obstacle| obstacle.thickness().unwrap_or(settings.thickness);
         let thickness = std::iter::once(settings.thickness).chain(obstacles().map(own));
+        let thickness: Vec<f64> = thickness.collect();
         let rough = |obstacle: &Obstacle| obstacle.friction().min(settings.friction);
         let friction = std::iter::once(settings.friction).chain(obstacles().map(rough));
         let count = points.len();
@@ -184,10 +183,11 @@ impl Contact {
             candidates: Candidates::new(&surface, &points, settings.self_contact)
                 .with_pattern(&surface, &corners),
             searches: 0,
-            thickness: thickness.collect(),
+            most: thickness.iter().copied().fold(0.0, f64::max),
+            thickness,
             friction: friction.collect(),
-            arcsim: (settings.law == ContactLaw::Arcsim).then(|| arcsim::Law::new(scene, &surface)),
             neighbours: find::Neighbours::new(scene),
+            pushes: Vec::new(),
             mass: mass.to_vec(),
             inverse: vec![0.0; count],
             frame: [obstacle_points.clone(), obstacle_points],
@@ -226,7 +226,7 @@ impl Contact {
 
     /// Largest ĝ `[m]`.
     pub(crate) fn largest_thickness(&self) -> f64 {
-        self.thickness.iter().copied().fold(0.0, f64::max)
+        self.most
     }
 
     /// A face in words.
@@ -326,18 +326,21 @@ impl Contact {
         active: &mut ActiveHandles,
         state: &mut State,
         history: &mut History,
-    ) -> Result<(), StepError> {
+    ) -> Result<Advance, StepError> {
         let frame = self.next_frame;
         self.update_inverse(active);
         let (mut done, mut divisions) = (0.0, 0);
         while divisions < self.settings.max_divisions {
-            let left = span.dt * (1.0 - done);
-            let now = span.from + (span.to - span.from) * done;
-            self.put_start(&state.positions, now, span.to);
+            let [from, to] = span.part.way;
+            let left = span.part.dt * (1.0 - done);
+            self.put_start(&state.positions, from + (to - from) * done, to);
             let solved = self.solve(left, span, active, state, history);
-            solved.map_err(|error| error.at(frame))?;
-            let repeated = self.repeat(left, span, active, state, history);
-            repeated.map_err(|error| error.at(frame))?;
+            let is_near = solved.map_err(|error| error.at(frame))?;
+            let repeated = self.repeat(is_near, left, span, active, state, history);
+            let is_near = repeated.map_err(|error| error.at(frame))?;
+            if !is_near && span.part.may_divide {
+                return Ok(Advance::TooLong);
+            }
             let touches = &active.system.touches;
             self.received
                 .add_forces(&self.surface, &self.end, left, touches);
@@ -356,21 +359,20 @@ impl Contact {
                         active.system.forget_changes();
                     }
                     self.remember(1.0, active);
-                    return Ok(());
+                    return Ok(Advance::Done);
                 }
                 separation::Outcome::Safe { part } => {
                     divisions += 1;
                     self.counts.divisions += 1;
                     history.forget();
                     active.system.forget_changes();
-                    for (place, before) in state.positions.iter_mut().zip(&self.before.positions) {
-                        *place = before.lerp(*place, part);
-                    }
+                    state.cut_back(&self.before, part);
+                    self.received.cut_back(part);
                     done += (1.0 - done) * part;
                     self.end[..state.positions.len()].copy_from_slice(&state.positions);
                     self.remember(part, active);
                     if divisions == self.settings.max_divisions
-                        && span.is_last
+                        && span.part.is_last
                         && self.give_way(true)
                     {
                         divisions = 0;
@@ -382,32 +384,37 @@ impl Contact {
     }
 
     /// Certifies the end of a solve over `left` `[s]`, and repeats the solve with the pairs that it
-    /// missed and without those that pulled.
+    /// missed and without those that pulled; where it is not near the solution, from where it led.
+    /// Returns false if the last one is not near either.
     fn repeat(
         &mut self,
+        mut is_near: bool,
         left: f64,
         span: Span<'_>,
         active: &mut ActiveHandles,
         state: &mut State,
         history: &mut History,
-    ) -> Result<(), SolveError> {
+    ) -> Result<bool, SolveError> {
         let mut is_certified = self.certify_solve(span.threads, &state.positions);
-        let most = if self.arcsim.is_none() { REPEATS } else { 0 };
-        for _ in 0..most {
+        for _ in 0..REPEATS {
             let touches = &mut active.system.touches;
             let has_released = self.release(touches);
             let has_caught = !is_certified && self.catch(touches);
-            if !(has_released || has_caught) {
+            if !(has_released || has_caught) && is_near {
                 break;
             }
             self.counts.repeated += 1;
             history.forget();
-            state.copy_from(&self.before);
-            active.system.repeat_start();
-            active.advance(left, state, None, span.targets)?;
+            is_near = if is_near {
+                state.copy_from(&self.before);
+                active.system.repeat_start();
+                active.advance(left, state, None, span.targets)?
+            } else {
+                active.go_on(left, state, span.targets)?
+            };
             is_certified = self.certify_solve(span.threads, &state.positions);
         }
-        Ok(())
+        Ok(is_near)
     }
 
     /// Leads the cloth from `from` to `to` `[m]`, both of `[vertices]`, on straight ways over the
@@ -427,7 +434,8 @@ impl Contact {
         Ok(was_moved)
     }
 
-    /// One linear solve over `left` `[s]`, with what touches in it.
+    /// One solve over `left` `[s]`, with what touches in it. Returns false if its end may be far from
+    /// the solution.
     fn solve(
         &mut self,
         left: f64,
@@ -435,19 +443,12 @@ impl Contact {
         active: &mut ActiveHandles,
         state: &mut State,
         history: &mut History,
-    ) -> Result<(), SolveError> {
+    ) -> Result<bool, SolveError> {
         self.find_candidates(left, state);
-        let Found {
-            touches,
-            set,
-            pushing,
-        } = self.find_touches(span.threads, left);
+        let Found { touches, pushing } = self.find_touches(span.threads, left);
         self.counts.solves += 1;
         self.counts.touching = touches.list.len() as u64;
         let jumps = memory::jumps(&self.memory.pushing, &pushing);
-        self.memory
-            .caught
-            .retain(|caught| set.binary_search(&caught.of).is_ok());
         self.memory.pushing = pushing;
         active.system.touches = touches;
         self.before.copy_from(state);
@@ -463,13 +464,13 @@ impl Contact {
             history.counts.all += 1;
             history.counts.fell_back += 1;
         }
-        active.advance(left, state, None, span.targets)?;
+        let is_near = active.advance(left, state, None, span.targets)?;
         if jumps || !looks_back {
             history.forget();
         } else {
             history.keep(&self.before, left);
         }
-        Ok(())
+        Ok(is_near)
     }
 
     /// Puts the points at the start of a solve, and obstacles at its end; parts of the frame.
@@ -514,6 +515,10 @@ impl Contact {
         }
         let _span = tracing::trace_span!("candidates").entered();
         let mut reach = self.reach();
+        let longest = self.start.iter().zip(&self.end);
+        let longest = longest.map(|(from, to)| from.distance_squared(*to));
+        let longest = longest.fold(0.0, f64::max).sqrt();
+        reach.slack = longest.clamp(0.125 * reach.slack, reach.slack);
         reach.slack *= f64::from(1_u32 << self.searches.min(WIDENINGS));
         self.searches += 1;
         self.ahead.clear();
@@ -528,10 +533,10 @@ impl Contact {
             to: &self.end,
             later: &self.ahead,
         };
-        // ARCSim's choice among pairs that are as near depends on their order.
-        if anew || self.arcsim.is_some() || self.candidates.pairs().is_empty() {
+        if anew || self.candidates.pairs().is_empty() {
             self.candidates.find(&self.surface, ways, reach);
             self.clearances.reset(self.candidates.pairs().len());
+            self.pushes.clear();
             self.room.begin();
         } else {
             self.candidates.widen(&self.surface, ways, reach);
@@ -541,10 +546,8 @@ impl Contact {
 
     fn reach(&self) -> Reach {
         let most = self.largest_thickness();
-        // ARCSim chooses among all pairs within twice its thickness.
-        let near = if self.arcsim.is_some() { 2.0 } else { 1.0 };
         Reach {
-            gap: near * most,
+            gap: most,
             slack: SLACK * most,
         }
     }

@@ -54,6 +54,13 @@ impl Received {
         self.all.clone_from(&self.before);
     }
 
+    /// Leaves this `part` of what the last solve added.
+    pub(super) fn cut_back(&mut self, part: f64) {
+        for (all, before) in self.all.iter_mut().zip(&self.before) {
+            *all = before.lerp(*all, part);
+        }
+    }
+
     /// Notes that a push against this body, 0 for the cloth, moved a `mass` `[kg]` by `shift`
     /// `[m]`.
     pub(super) fn note_push(&mut self, body: usize, mass: f64, shift: DVec3) {

@@ -172,7 +172,7 @@ impl Contact {
     ) -> Result<Outcome, StepError> {
         let _span = tracing::trace_span!("separation").entered();
         let rounds = self.settings.rounds;
-        let last = if span.may_hold {
+        let last = if span.part.may_hold {
             rounds + HOLDING
         } else {
             rounds
@@ -200,7 +200,7 @@ impl Contact {
                 self.take(left, state)?;
                 return Ok(Outcome::Safe { part });
             }
-            if round >= rounds && span.may_hold && part >= longest {
+            if round >= rounds && span.part.may_hold && part >= longest {
                 longest = part;
                 best = Some(self.received.clone());
                 self.room.best.clone_from(&self.end);
@@ -214,7 +214,7 @@ impl Contact {
             }
         }
         let Some(received) = best else {
-            if span.is_last && self.give_way(true) {
+            if span.part.is_last && self.give_way(true) {
                 return Ok(Outcome::GivenWay);
             }
             return Err(self.unseparated());

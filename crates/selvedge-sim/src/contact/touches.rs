@@ -59,8 +59,6 @@ pub(crate) struct Touch {
 pub(super) enum PairLaw {
     /// The barrier, with this part of its stiffness.
     Barrier { share: f64 },
-    /// ARCSim's, of this stiffness `[N/m]`.
-    Arcsim { stiffness: f64 },
     /// A push out of a body that is let through.
     Out,
 }
@@ -84,8 +82,11 @@ pub(super) struct Response {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Touches {
     pub(super) list: Vec<Touch>,
-    /// True if a system with them is to be factorised as a whole, not iterated.
-    pub(crate) exact: bool,
+    /// Touches at the begin of the list that are in the order of their corners.
+    pub(super) sorted: usize,
+    /// Places of the cloth's vertices at the end of the stage without a push, as its first estimate has
+    /// them `[m]`, `[vertices]`; empty before.
+    pub(super) expected: Vec<DVec3>,
     /// Time of the solve, by whose square barriers and anchors are stiff `[s]`: the same whichever
     /// formula serves.
     pub(super) time: f64,
@@ -139,9 +140,6 @@ impl Touch {
     fn linearise(&mut self, gamma: f64, time: f64, displacement: DVec3) -> DVec3 {
         let share = match self.law {
             PairLaw::Barrier { share } => share,
-            PairLaw::Arcsim { stiffness } => {
-                return self.linearise_as_arcsim(gamma, displacement, stiffness);
-            }
             PairLaw::Out => return self.linearise_out(gamma, time, displacement),
         };
         let barrier = Barrier {
@@ -214,25 +212,6 @@ impl Touch {
         let block = outer(self.normal, self.normal) * tangent.stiffness;
         self.respond([gamma, 0.0], displacement, tangent, block, force)
     }
-
-    /// As [`Self::linearise`], by the law of ARCSim. `[eq:contact-arcsim]`
-    fn linearise_as_arcsim(&mut self, gamma: f64, displacement: DVec3, stiffness: f64) -> DVec3 {
-        let depth = (self.thickness - self.gap).max(0.0);
-        let tangent = Tangent {
-            gap: self.gap,
-            force: 0.5 * stiffness * depth * depth / self.thickness,
-            stiffness: stiffness * depth / self.thickness,
-        };
-        let velocity = along_surface(self.normal, displacement / gamma);
-        let slips = self.friction * tangent.force / velocity.length();
-        // Not a number where nothing moves: the other serves.
-        let drag = slips.min(self.mass / gamma);
-        let normal = outer(self.normal, self.normal);
-        let block = normal * tangent.stiffness + (DMat3::IDENTITY - normal) * (drag / gamma);
-        let push = tangent.force_at(self.gap + self.normal.dot(displacement));
-        let force = self.normal * push - velocity * drag;
-        self.respond([gamma, 0.0], displacement, tangent, block, force)
-    }
 }
 
 impl Touches {
@@ -253,17 +232,33 @@ impl Touches {
         self.list.iter().any(Touch::reaches_beyond)
     }
 
-    /// Linearises all touches for a stage of γ `[s]` whose estimated end has the cloth's vertices
-    /// at `place` `[m]`, and adds their impulses `[N s]`.
+    /// Begins a stage: what is expected of its end without a push is the next estimate.
+    pub(crate) fn begin_stage(&mut self) {
+        self.expected.clear();
+        for touch in &mut self.list {
+            touch.response = Response::default();
+        }
+    }
+
+    /// Linearises the touches for a stage of γ `[s]` whose estimated end has the cloth's `vertices` at
+    /// `place` `[m]`, and adds their impulses `[N s]`. Only the first estimate tells where a pair would
+    /// go without a push: tangents of the stage stay as they were made for that.
     pub(crate) fn linearise(
         &mut self,
         gamma: f64,
+        vertices: usize,
         place: impl Fn(usize) -> DVec3,
         impulses: &mut [DVec3],
     ) {
+        if self.expected.is_empty() {
+            self.expected.extend((0..vertices).map(&place));
+        }
         for touch in &mut self.list {
-            let displacement = touch.displacement(&place);
-            let impulse = touch.linearise(gamma, self.time, displacement) * gamma;
+            if touch.response.gamma == 0.0 {
+                let expected = touch.displacement(|v| self.expected[v]);
+                touch.linearise(gamma, self.time, expected);
+            }
+            let impulse = touch.force_at(touch.displacement(&place)) * gamma;
             for (corner, weight) in touch.corners.iter().zip(touch.weights) {
                 if weight != 0.0 {
                     impulses[*corner as usize] += impulse * weight;
@@ -362,10 +357,9 @@ mod tests {
         }
     }
 
-    const LAWS: [PairLaw; 3] = [
+    const LAWS: [PairLaw; 2] = [
         PairLaw::Barrier { share: 1.0 },
         PairLaw::Barrier { share: 0.3 },
-        PairLaw::Arcsim { stiffness: 500.0 },
     ];
 
     #[test]
@@ -387,29 +381,6 @@ mod tests {
                     }
                 }
             }
-        }
-    }
-
-    #[test]
-    fn the_law_of_arcsim_is_its_formulas() {
-        // E = k v³/(6h): force k v²/(2h), stiffness k v/h; friction min(μ f/|v_t|, m/dt) v_t.
-        let (k, h, dt) = (500.0, 1e-3, 1.0 / 240.0);
-        let mut touch = touch(PairLaw::Arcsim { stiffness: k }, 0.6);
-        let normal = touch.normal;
-        let along = along_surface(normal, DVec3::X).normalize();
-        let depth = h - touch.gap;
-        for speed in [1e-4, 1.0] {
-            let approach = 0.01;
-            let displacement = (along * speed - normal * approach) * dt;
-            let found = touch.linearise(dt, dt, displacement);
-            let push = k * depth * depth / (2.0 * h);
-            let drag = (0.6 * push / speed).min(touch.mass / dt);
-            let expected = normal * (push + k * depth / h * approach * dt) - along * (drag * speed);
-            assert!(found.distance(expected) < 1e-14 * k, "{found} {expected}");
-            let block = touch.response.block;
-            let (stiff, slow) = (dt * dt * k * depth / h, dt * drag);
-            assert!((block * normal).distance(normal * stiff) < 1e-14);
-            assert!((block * along).distance(along * slow) < 1e-14);
         }
     }
 }

@@ -125,19 +125,64 @@ impl SecondOrder {
         }
         history.keep(state, dt);
         history.counts.fell_back += 1;
-        self.base.copy_from(state);
-        system.advance(dt, state, targets)?;
-        let [from, to] = [&self.base, &*state].map(|state| &state.positions);
-        if !self.edges.keep_their_lengths(from, to, MOST_CHANGE) {
+        let from_start = self.backward_euler(system, dt, targets, state, MOST_CHANGE)?;
+        if !from_start {
             self.predicted.copy_from(state);
             let factors = Factors {
                 gamma: dt,
                 span: dt,
             };
-            self.solve(system, factors, targets)?;
+            self.iterate(system, factors, targets)?;
             state.copy_from(&self.estimate);
         }
         Ok(())
+    }
+
+    /// Moves `state` by one solve of backward Euler, linearised at its start. Returns false if that
+    /// changes the stretch of an edge by more than `most`.
+    fn backward_euler(
+        &mut self,
+        system: &mut System,
+        dt: f64,
+        targets: &[DVec3],
+        state: &mut State,
+        most: f64,
+    ) -> Result<bool, SolveError> {
+        self.base.copy_from(state);
+        system.advance(dt, state, targets)?;
+        let [from, to] = [&self.base, &*state].map(|state| &state.positions);
+        Ok(self.edges.keep_their_lengths(from, to, most))
+    }
+
+    /// As [`Self::advance`], by one solve of backward Euler, linearised at the start: where what
+    /// touches changes, no rate of before tells the next one. Returns false if the end may be far
+    /// from the solution, and [`Self::go_on`] is to be called.
+    pub(crate) fn from_start(
+        &mut self,
+        system: &mut System,
+        dt: f64,
+        targets: &[DVec3],
+        state: &mut State,
+    ) -> Result<bool, SolveError> {
+        self.backward_euler(system, dt, targets, state, MOST_SOLVE_CHANGE)
+    }
+
+    /// Moves `state`, where the last solve of backward Euler over `dt` `[s]` led, by another one that
+    /// is linearised there. Returns false as that.
+    pub(crate) fn go_on(
+        &mut self,
+        system: &mut System,
+        dt: f64,
+        targets: &[DVec3],
+        state: &mut State,
+    ) -> Result<bool, SolveError> {
+        self.predicted.copy_from(state);
+        system.linearise(dt, &self.base.velocities, &self.predicted, targets);
+        system.solve(dt)?;
+        system.apply(dt, &self.predicted, state);
+        state.check_finite()?;
+        let [from, to] = [&self.predicted, &*state].map(|state| &state.positions);
+        Ok(self.edges.keep_their_lengths(from, to, MOST_SOLVE_CHANGE))
     }
 
     /// Keeps what the next substep looks back to, after one from `state` over `dt` `[s]`, which
@@ -245,6 +290,7 @@ impl SecondOrder {
             predicted.positions[v] = *target;
             predicted.velocities[v] = (*target - base.positions[v]) / gamma;
         }
+        substep.system.touches.begin_stage();
         let (start, places) = (&substep.start.positions, &mut predicted.positions);
         if self.projection.project(start, places) {
             if !self.edges.keep_their_lengths(start, places, MOST_CHANGE) {
@@ -256,13 +302,13 @@ impl SecondOrder {
                 }
             }
         }
-        self.solve(substep.system, factors, targets)?;
+        self.iterate(substep.system, factors, targets)?;
         Ok(true)
     }
 
     /// Solves the implicit equations of `self.base` from `self.predicted`, into `self.estimate`. A
     /// solve that changes the length of an edge by too much is repeated from where it led.
-    fn solve(
+    fn iterate(
         &mut self,
         system: &mut System,
         Factors { gamma, span }: Factors,

@@ -8,7 +8,7 @@ use glam::DVec3;
 use selvedge_cloth::{HandleTargets, StepError};
 
 use super::Simulator;
-use crate::contact::Carried;
+use crate::contact::{Advance, Carried};
 use crate::edges::Overstretched;
 use crate::integrator::History;
 use crate::state::State;
@@ -62,6 +62,21 @@ impl Snapshot {
             contact: Carried::default(),
         }
     }
+}
+
+/// A part of a frame, to be taken in one substep.
+#[derive(Clone, Copy)]
+pub(crate) struct Part {
+    /// Length `[s]`.
+    pub(crate) dt: f64,
+    /// Start and end, as parts of the frame.
+    pub(crate) way: [f64; 2],
+    /// True if contact may hold vertices back.
+    pub(crate) may_hold: bool,
+    /// True if it may be taken in two halves.
+    pub(crate) may_divide: bool,
+    /// True if an error is final.
+    pub(crate) is_last: bool,
 }
 
 impl Simulator {
@@ -151,24 +166,28 @@ impl Simulator {
             let reached = &self.reached;
             let path = |h: usize| targets.at(h, fraction, reached[h]);
             self.active.put_targets(&mut self.targets, path);
-            let way = [f64::from(done) / f64::from(parts), fraction];
-            let may_hold =
-                parts >= self.scene.physics.substeps * BEFORE_HOLDING || 2 * parts > most;
+            let part = Part {
+                dt,
+                way: [f64::from(done) / f64::from(parts), fraction],
+                may_hold: parts >= self.scene.physics.substeps * BEFORE_HOLDING || 2 * parts > most,
+                may_divide: 2 * parts <= most,
+                is_last: 2 * substeps > most,
+            };
             if self.contact.is_some() {
                 self.save(PART);
             }
-            match self.solve(dt, way, may_hold, 2 * substeps > most) {
-                Ok(()) => {
-                    done += 1;
-                    while parts > substeps && done % 2 == 0 {
-                        (done, parts) = (done / 2, parts / 2);
-                    }
-                }
-                Err(StepError::Contact { .. }) if 2 * parts <= most => {
+            match self.solve(part) {
+                Ok(Advance::TooLong) | Err(StepError::Contact { .. }) if part.may_divide => {
                     self.put_back(PART);
                     self.active.system.forget_changes();
                     (done, parts) = (2 * done, 2 * parts);
                     finest = finest.max(parts);
+                }
+                Ok(_) => {
+                    done += 1;
+                    while parts > substeps && done % 2 == 0 {
+                        (done, parts) = (done / 2, parts / 2);
+                    }
                 }
                 Err(error) => return Err(error),
             }

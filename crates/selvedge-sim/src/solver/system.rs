@@ -183,7 +183,9 @@ impl System {
         if !self.touches.is_empty() {
             let driven = &self.driven;
             let place = |v: usize| state.positions[v] + driven[v] * dt;
-            self.touches.linearise(dt, place, &mut self.impulses);
+            self.touches.begin_stage();
+            self.touches
+                .linearise(dt, driven.len(), place, &mut self.impulses);
         }
     }
 
@@ -260,7 +262,8 @@ impl System {
         self.push_springs(gamma, targets, |v| now.positions[v]);
         if !self.touches.is_empty() {
             let place = |v: usize| now.positions[v];
-            self.touches.linearise(gamma, place, &mut self.impulses);
+            self.touches
+                .linearise(gamma, velocities.len(), place, &mut self.impulses);
         }
     }
 
@@ -289,7 +292,7 @@ impl System {
     pub(crate) fn solve(&mut self, span: f64) -> Result<(), SolveError> {
         self.check_impulses()?;
         let is_direct = matches!(self.solver, Solver::Direct(_));
-        if is_direct && self.touches.couple() || self.touches.exact && !self.touches.is_empty() {
+        if is_direct && self.touches.couple() {
             self.solve_whole()?;
         } else {
             match self.solve_as_set(span) {

@@ -12,6 +12,7 @@ mod contact_resume;
 mod dressed;
 mod dynamics;
 mod energy;
+mod falls;
 mod fit;
 mod golden;
 mod impact;
