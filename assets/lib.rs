@@ -77,6 +77,7 @@ pub const PAPER_GRU5: &[u8] = include_bytes!("models/paper-gru5.safetensors");
 /// one that is trained in another way.
 pub const TRAININGS: &[(&str, &str)] = texts!("training":
     "first",
+    "any",
     "meshgraphnets",
     "meshgraphnets-ss",
     "rp-mlp",

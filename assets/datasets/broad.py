@@ -257,7 +257,7 @@ def main(folder, density, few):
 
     square = f'{{ generator = {{ kind = "square", vertices = {density}, size = 1.0, seed = 1 }} }}'
     text = f'name = "broad-{density}"\nsections = "whole"\ntrain = {json.dumps(train)}\ntest = "all-test"\n\n[setting]\n'
-    text += f'material = "gray-interlock"\nmesh = {square}\nhandles = {CORNERS}\nphysics = "first-order"\n'
+    text += f'material = "gray-interlock"\nmesh = {square}\nhandles = {CORNERS}\nphysics = {{ substeps = 8, solver = {{ conjugate-gradients = {{ tolerance = 1e-7 }} }} }}\n'
     for name, motion in own.items():
         recorded = f'[motions.{name}]\nrecorded = "{name.removeprefix("own-")}.csv"\n'
         text += "\n" + (recorded if motion is None else f"[motions.{name}.inline]\n{motion}")
@@ -269,7 +269,7 @@ def main(folder, density, few):
 def list_jumps(folder, data):
     """Adds the 29 frames about each jump to the sections of the data set, twice, or thrice where it leaps,
     and the 11 nearest twice more."""
-    (preset,) = folder.glob("broad-*.toml")
+    (preset,) = folder.glob("*.toml")
     motions = tomllib.loads(preset.read_text())["motions"]
     index = json.loads((data / "index.json").read_text())
     for number, entry in enumerate(index["splits"]["train"]):

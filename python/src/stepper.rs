@@ -427,9 +427,7 @@ impl LearnedStepper {
         progress: Option<Py<PyAny>>,
     ) -> PyResult<PyClassInitializer<Self>> {
         let settings = guarding::settings(guard)?;
-        let mut loaded = scene.loaded.clone();
-        start::take_learned_law(&mut loaded);
-        let built = Arc::new(loaded.scene);
+        let built = Arc::new(scene.loaded.scene.clone());
         let named = model.named();
         let made = told_beside(py, progress, |_, teller| {
             let rest = scene.rest_of(&built, teller)?;

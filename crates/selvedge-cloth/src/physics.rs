@@ -53,9 +53,6 @@ pub enum PhysicsMode {
     /// The defaults.
     #[default]
     Selvedge,
-    /// Backward Euler with explicit air, four substeps: the physics of data sets and models from
-    /// before there was a second order.
-    FirstOrder,
     /// As ARCSim has them, for comparisons with it: spring handles, its bending law, its grid,
     /// explicit air, one linear solve per substep by a complete factorisation.
     Arcsim,
@@ -231,13 +228,6 @@ impl PhysicsSettings {
     pub fn in_mode(mode: PhysicsMode) -> Self {
         match mode {
             PhysicsMode::Selvedge => Self::default(),
-            PhysicsMode::FirstOrder => Self {
-                substeps: 4,
-                law: ElasticLaw::Measured,
-                air: AirLaw::Explicit,
-                integrator: Integrator::Linearised,
-                ..Self::default()
-            },
             PhysicsMode::Arcsim => Self {
                 substeps: 4,
                 handles: HandleConstraint::Spring,

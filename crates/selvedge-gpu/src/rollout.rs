@@ -119,7 +119,7 @@ impl Rollout {
         }
         let mut cloths = Vec::with_capacity(openings.len());
         for (cloth, Opening { graph, start }) in openings.into_iter().enumerate() {
-            let history = opening_frames(model.spec(), graph.vertex_count(), start);
+            let history = opening_frames(model.spec(), &graph, start);
             let history = history.map_err(|source| OpeningError::Start { cloth, source })?;
             cloths.push(Cloth {
                 history,
@@ -169,6 +169,12 @@ impl Rollout {
     #[must_use]
     pub fn positions(&self, cloth: usize) -> &[Vec3] {
         self.cloths[cloth].positions()
+    }
+
+    /// Lets the step from `frame` of the run to the next be the present one: its wind blows.
+    pub fn set_step(&mut self, frame: usize) {
+        let cloths = self.cloths.iter_mut();
+        cloths.for_each(|cloth| cloth.graph.set_step(frame));
     }
 
     /// Moves all cloths by one frame. `targets` are the next positions of the handles `[m]`,
@@ -348,6 +354,7 @@ impl Stepper for GpuStepper {
         let frame = self.frame + 1;
         self.next.clear();
         self.next.extend(targets.end().iter().map(|p| p.as_vec3()));
+        self.rollout.set_step(self.frame);
         self.rollout.step(&[&self.next]).map_err(of_frame(frame))?;
         self.frame = frame;
         Ok(())

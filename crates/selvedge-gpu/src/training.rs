@@ -195,7 +195,7 @@ impl FramePasses for Work<'_, '_> {
             let SlotFrame { sample, window, .. } = &mut kept.frames[frame];
             sample.clone_from(slot.sample());
             let place = Place::alone(graph);
-            window.write(spec, graph, sample.window(), &place);
+            window.write(spec, sample.graph(graph), sample.window(), &place);
             window.normalize(&setup.normalizers.nodes, &setup.normalizers.edges);
         });
         let windows = kept.iter().map(|kept| &kept.frames[frame].window);
@@ -212,7 +212,7 @@ impl FramePasses for Work<'_, '_> {
             let count = OUTPUTS * graph.vertex_count();
             let predicted = &output[OUTPUTS * place.first_vertex..][..count];
             by_output.resize(count, 0.0);
-            let triplet = sample.triplet(graph);
+            let triplet = sample.triplet(sample.graph(graph));
             let statistics = setup.statistics;
             let terms = kept
                 .losses
@@ -246,6 +246,7 @@ impl FramePasses for Work<'_, '_> {
                 match weights.get(number) {
                     Some(&weight) => {
                         let (sample, weight) = (&frame.sample, weight as f32);
+                        let graph = sample.graph(graph);
                         sample.join_gradient(graph, normalizers, weight, rows, by_next);
                     }
                     None => rows.fill(0.0),
@@ -269,6 +270,7 @@ impl FramePasses for Work<'_, '_> {
                         arcs: &mut window.arcs,
                     };
                     let positions = &mut kept.by_position[number..=number + history];
+                    let graph = sample.graph(graph);
                     sample.positions_backward(spec, graph, normalizers, gradient, positions);
                 }
             });

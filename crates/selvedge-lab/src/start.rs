@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 use glam::DVec3;
-use selvedge_cloth::{Cloth, ElasticLaw, Scene};
+use selvedge_cloth::{Cloth, Scene};
 use selvedge_data::{LoadedScene, SavedState, StartSpec};
 use selvedge_guard::{Correction, Guard};
 use selvedge_model::ClothGraph;
@@ -70,19 +70,10 @@ fn rest(scene: &Scene, on_event: &mut OnEvent<'_>) -> Result<SaggedRest> {
     }
 }
 
-/// Gives a scene the elastic law from which all models so far have learned, the measured one. They
-/// know cloth by its rest pose, and that of another law is another cloth to them.
-pub fn take_learned_law(loaded: &mut LoadedScene) {
-    loaded.scene.physics.law = ElasticLaw::Measured;
-    loaded.spec.setting.physics.law = ElasticLaw::Measured;
-}
-
-/// Lets a scene start in its sagged rest pose, the only start of a model, by the law that models
-/// learned ([`take_learned_law`]). Returns what the scene
+/// Lets a scene start in its sagged rest pose, the only start of a model. Returns what the scene
 /// asks for and a model does not do; the scene's own list of warnings has it from then on.
 pub fn for_model(loaded: &mut LoadedScene) -> Vec<&'static str> {
     let mut warnings = Vec::new();
-    take_learned_law(loaded);
     if loaded.spec.start != StartSpec::Rest {
         warnings.push(
             "start: a rollout and its truth start in the sagged rest pose, and not as the scene says: take `selvedge run` for that",
@@ -110,7 +101,7 @@ pub fn guarded(
     settings: Correction,
 ) -> Result<Guard<Mover>> {
     let cloth = Cloth::of_scene(scene, physics::rounded(rest))?;
-    let graph = ClothGraph::new(&cloth, scene.environment, scene.frame_rate)
+    let graph = ClothGraph::of_scene(&cloth, scene)
         .with_context(|| format!("the graph of scene {:?}", scene.name))?;
     let stepper = machine
         .start(&model.model, graph, &[cloth.rest_positions()])

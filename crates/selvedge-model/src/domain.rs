@@ -181,21 +181,20 @@ impl Domain {
     }
 
     /// The domain of frames of `cloth`, as a data set has them: `frames` gives the positions of all
-    /// vertices, one frame after another. Nothing is known there of handles that let go.
+    /// vertices and which handles hold, one frame after another.
     pub fn of_frames<'a>(
         cloth: &Cloth,
         materials: &[Material],
         environment: &Environment,
         frame_rate: f64,
-        frames: impl Iterator<Item = &'a [glam::Vec3]>,
+        frames: impl Iterator<Item = (&'a [glam::Vec3], Vec<bool>)>,
     ) -> Self {
         let watch = DomainWatch::new(environment.gravity, frame_rate);
         let pattern = cloth.pattern();
         let (vertices, edges) = (cloth.vertex_count(), pattern.edge_lengths());
         let mut watch = watch.of_cloth(vertices, (&edges, pattern.is_sewn()), materials, false);
         let handles = cloth.handles();
-        let held = vec![true; handles.len()];
-        for (frame, positions) in frames.enumerate() {
+        for (frame, (positions, held)) in frames.enumerate() {
             let places: Vec<DVec3> = handles.of(positions).map(|p| p.as_dvec3()).collect();
             let wind = environment.during_step(frame, frame_rate).wind;
             watch.see(&places, &held, wind);

@@ -67,7 +67,7 @@
 //! # Limits
 //!
 //! The crate knows no physics: it trains nothing, simulates no truth, reads no scenes and uses no
-//! GPU. One wind blows for a whole run; gusts are refused. A rollout that leaves the finite numbers
+//! GPU. A rollout that leaves the finite numbers
 //! is an error of the step. Results on one machine do not depend on the number of threads; other
 //! instruction sets change the last bits.
 

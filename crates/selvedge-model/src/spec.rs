@@ -43,6 +43,8 @@ pub enum NodeFeature {
     KineticEnergy,
     /// One-hot of 9: free vertex = 0, handle = 1.
     NodeType,
+    /// Gravity and air over mass `[m/frame²]`, 3 columns.
+    ExternalAcceleration,
 }
 
 /// A group of columns of an arc, in the order in which they stand in the input.
@@ -60,6 +62,15 @@ pub enum EdgeFeature {
     /// Signed bending angle of an edge between two faces `[rad]`, 1 column: the negative of
     /// [`selvedge_cloth::geometry::dihedral_angle`], 0 on the boundary.
     BendingAngle,
+    /// Length in the pattern `[m]`, 1 column.
+    PatternLength,
+    /// Strain against the pattern, 1 column.
+    Strain,
+    /// What the receiver is accelerated by if its fabric pulls along the edge `[m/frame²]`, 3 columns.
+    StretchAcceleration,
+    /// What a wing is accelerated by as its fabric bends back about the edge, with the sign of the bending angle
+    /// `[m/frame²]`, 1 column: the mass is the receiver's.
+    BendAcceleration,
 }
 
 /// Motion of a cloth without its network, to which the network adds its acceleration.
@@ -220,6 +231,15 @@ impl ModelSpec {
             }
         }
         Ok(())
+    }
+
+    /// True where a feature is made from the fabric's stiffness or the pattern's lengths
+    /// ([`ClothGraph::with_materials`](crate::ClothGraph::with_materials)).
+    pub fn needs_fabric(&self) -> bool {
+        use EdgeFeature::{BendAcceleration, PatternLength, Strain, StretchAcceleration};
+        [PatternLength, Strain, StretchAcceleration, BendAcceleration]
+            .iter()
+            .any(|feature| self.edge_features.contains(feature))
     }
 
     /// Frames that the encoder sees, the current one included.

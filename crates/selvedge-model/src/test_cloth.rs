@@ -4,7 +4,7 @@ use glam::{DVec3, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use selvedge_cloth::generate::square;
-use selvedge_cloth::{Cloth, Environment, Handles};
+use selvedge_cloth::{BendTable, Cloth, Environment, Handles, Material, StretchTable};
 
 use crate::graph::ClothGraph;
 use crate::graph::frame::Yaw;
@@ -20,9 +20,12 @@ pub(crate) struct Hanging {
 }
 
 impl Hanging {
-    /// The graph at 60 frames per second.
+    /// The graph of [`fabric`] at 60 frames per second.
     pub(crate) fn graph(&self) -> ClothGraph {
-        ClothGraph::new(&self.cloth, self.environment, 60.0).expect("a graph")
+        let graph = ClothGraph::new(&self.cloth, self.environment, 60.0).expect("a graph");
+        let faces = graph.topology().faces().len();
+        let graph = graph.with_materials(&vec![&fabric(); faces]);
+        graph.expect("a material per face")
     }
 
     /// The same with another rest pose `[m]`, `[vertices]`.
@@ -32,6 +35,29 @@ impl Hanging {
             cloth: cloth.expect("a rest pose"),
             ..*self
         }
+    }
+}
+
+/// A fabric that stiffens, and whose directions differ.
+pub(crate) fn fabric() -> Material {
+    Material {
+        name: "fabric".to_owned(),
+        source: String::new(),
+        density: 0.15,
+        damping: 0.0,
+        stretch: StretchTable([
+            [17.0, -15.0, 34.0, 37.0],
+            [46.0, 54.0, 261.0, -30.0],
+            [49.0, 88.0, 206.0, 23.0],
+            [124.0, 105.0, 366.0, 44.0],
+            [140.0, 74.0, 414.0, 17.0],
+            [127.0, 86.0, 406.0, 32.0],
+        ]),
+        bend: BendTable([
+            [2.3e-5, 3.3e-5, 3.4e-5, 3.9e-5, 2.3e-5],
+            [2.5e-5, 1.9e-5, 1.6e-5, 2.5e-5, 0.9e-5],
+            [1.4e-5, 0.7e-5, 1.5e-5, 2.5e-5, 1.9e-5],
+        ]),
     }
 }
 

@@ -47,6 +47,8 @@ pub(crate) struct Slot {
 #[derive(Clone, Debug, Default)]
 pub struct ShownSample {
     pub(crate) trajectory: usize,
+    /// The cloth in the step that it shows, where handles or air change over the motion.
+    pub(crate) cloth: Option<Arc<ClothGraph>>,
     /// The local frame of the current positions.
     pub yaw: Yaw,
     /// World positions of the frame before the window and of the window, noise included `[m]`.
@@ -112,7 +114,9 @@ impl Slot {
             self.draw(cfg, set, rng);
         }
         let motion = set.motion(self.section.trajectory);
-        let graph = &*motion.graph;
+        shown.cloth = motion.graph_in(self.current);
+        let cloth = shown.cloth.clone();
+        let graph = cloth.as_ref().unwrap_or(&motion.graph);
         shown.trajectory = self.section.trajectory;
         shown.dropout_seed = rng.next_u64();
         let truth = motion.frame(self.current as i64);
@@ -268,7 +272,7 @@ impl Slot {
         let newest = self.history.len() - 1;
         let mut predicted = vec![Vec3::ZERO; motion.graph.vertex_count()];
         let frames = TwoFrames {
-            graph: &motion.graph,
+            graph: sample.graph(&motion.graph),
             previous: &self.history[newest - 1],
             current: &self.history[newest],
         };
@@ -358,6 +362,11 @@ impl ShownSample {
         let [_, _, target] = &mut self.local;
         target.clear();
         target.extend(positions);
+    }
+
+    /// The cloth in the step that it shows; `whole` is that of its trajectory.
+    pub fn graph<'a>(&'a self, whole: &'a ClothGraph) -> &'a ClothGraph {
+        self.cloth.as_deref().unwrap_or(whole)
     }
 
     /// The sample for the features.

@@ -367,7 +367,9 @@ pub(crate) fn prepare(
     cfg.validate()?;
     let network = Network::new(&cfg.model)?;
     check_memory(cfg, &network, dataset, micro_batch)?;
-    Ok((TrainingSet::load(dataset)?, network))
+    let set = TrainingSet::load(dataset)?;
+    set.check_features(&cfg.model, dataset)?;
+    Ok((set, network))
 }
 
 /// The state before the first step, with statistics of as many samples as the configuration says,
@@ -387,7 +389,7 @@ fn first_state(
     for stream in last - cfg.statistics_samples as u64..last {
         let mut rng = rng_of(cfg.seed, stream, 0, cfg.batch.samples);
         Slot::new().show(cfg, set, &mut rng, &mut shown);
-        let graph = &*set.motion(shown.trajectory).graph;
+        let graph = shown.graph(&set.motion(shown.trajectory).graph);
         let place = Place::alone(graph);
         window.write(spec, graph, shown.window(), &place);
         nodes.add(&window.nodes);

@@ -3,15 +3,20 @@
 use std::sync::Arc;
 
 use glam::Vec3;
-use selvedge_cloth::{Environment, Material};
+use selvedge_cloth::{Environment, HandleSchedule, Material};
 use selvedge_data::{Dataset, Problem, Sample, Section, Split, Trajectory};
-use selvedge_model::{ClothGraph, Domain, Yaw};
+use selvedge_model::{ClothGraph, Domain, ModelSpec, Yaw};
 use serde_json::Value;
 use thiserror::Error;
 
 /// One trajectory with its graph.
 pub(crate) struct Motion {
+    /// With all handles, in the first step's air.
     pub(crate) graph: Arc<ClothGraph>,
+    /// When handles let go.
+    schedule: HandleSchedule,
+    /// True where handles or air change over the motion.
+    varies: bool,
     /// The local frame of each frame, as a rollout from the first one has it: handles without a
     /// direction keep the one before.
     yaws: Vec<Yaw>,
@@ -20,16 +25,38 @@ pub(crate) struct Motion {
 
 impl Motion {
     /// A trajectory with its graph, which those of one cloth share.
-    fn new(graph: ClothGraph, trajectory: Trajectory, others: &[Self]) -> Self {
-        let yaws = yaws(&graph, &trajectory);
+    fn new(
+        motion: &str,
+        graph: ClothGraph,
+        trajectory: Trajectory,
+        others: &[Self],
+    ) -> Result<Self, TrainingSetError> {
+        let schedule = schedule_of(motion, &trajectory)?;
+        let yaws = yaws(&graph, &schedule, &trajectory);
+        let gust = environment_of(motion, &trajectory)?.gust;
         let mut others = others.iter();
         let same = others.find(|motion| *motion.graph == graph);
         let same = same.map(|motion| Arc::clone(&motion.graph));
-        Self {
+        Ok(Self {
             graph: same.unwrap_or_else(|| Arc::new(graph)),
+            varies: gust.is_some() || !schedule.is_empty(),
+            schedule,
             yaws,
             trajectory,
-        }
+        })
+    }
+
+    /// The cloth in the step from `frame` to the next, with the handles that hold it then and the
+    /// air of then; none where it is that of every step.
+    pub(crate) fn graph_in(&self, frame: usize) -> Option<Arc<ClothGraph>> {
+        self.varies.then(|| {
+            let mut graph = ClothGraph::clone(&self.graph);
+            let (rate, handles) = (graph.frame_rate(), graph.handles().len());
+            let released = self.schedule.released(frame, rate, handles);
+            graph.hold(|handle| !released[handle]);
+            graph.set_step(frame);
+            Arc::new(graph)
+        })
     }
 
     /// World positions in `frame` [m]; before the first frame the cloth stood still.
@@ -43,14 +70,18 @@ impl Motion {
     }
 }
 
-/// The local frames of a trajectory, each with the one before to fall back to.
-fn yaws(graph: &ClothGraph, trajectory: &Trajectory) -> Vec<Yaw> {
+/// The local frames of a trajectory, each with the one before to fall back to, which stays while a
+/// handle has let go.
+fn yaws(graph: &ClothGraph, schedule: &HandleSchedule, trajectory: &Trajectory) -> Vec<Yaw> {
     let mut yaw = graph.frame().rest_yaw();
     let frames = 0..trajectory.frame_count();
     frames
         .map(|frame| {
             let handles = graph.handles().select(trajectory.frame(frame));
-            yaw = graph.frame().yaw(&handles, yaw);
+            let released = schedule.released(frame, graph.frame_rate(), handles.len());
+            if !released.contains(&true) {
+                yaw = graph.frame().yaw(&handles, yaw);
+            }
             yaw
         })
         .collect()
@@ -84,29 +115,52 @@ pub enum TrainingSetError {
     NoSamples,
     #[error("the sections of the data set: {0}")]
     Sections(#[from] serde_json::Error),
+    #[error(
+        "training trajectory {0}: the model's features need its fabric: make the data set with `selvedge data generate`, of one material per cloth"
+    )]
+    NoFabric(String),
 }
 
 /// The graph of a trajectory's cloth in the environment of its scene (the default one where it
-/// has no scene).
+/// has no scene). Its fabric is known where the scene has one, and no more.
 pub fn graph_of(motion: &str, trajectory: &Trajectory) -> Result<ClothGraph, TrainingSetError> {
     let environment = environment_of(motion, trajectory)?;
     let cloth = trajectory.cloth();
     let graph = ClothGraph::new(cloth, environment, trajectory.frame_rate());
+    let graph = match &materials_of(trajectory)[..] {
+        [material] => {
+            let faces = cloth.topology().faces().len();
+            graph.and_then(|graph| graph.with_materials(&vec![material; faces]))
+        }
+        _ => graph,
+    };
     graph.map_err(|error| TrainingSetError::Trajectory(format!("{motion}: {error}")))
+}
+
+/// The materials of a trajectory's scene, where they are known.
+fn materials_of(trajectory: &Trajectory) -> Vec<Material> {
+    let scene = &trajectory.provenance().scene;
+    let own = scene.pointer("/setting/material").into_iter();
+    let others = scene.pointer("/setting/fabrics").and_then(Value::as_object);
+    let values = own.chain(others.into_iter().flat_map(|fabrics| fabrics.values()));
+    values
+        .filter_map(|value| serde_json::from_value(value.clone()).ok())
+        .collect()
 }
 
 /// The domain of a trajectory: its handles frame by frame, its cloth and, where its scene is known,
 /// environment and fabrics. Frames without a scene say nothing of these.
 pub fn domain_of(motion: &str, trajectory: &Trajectory) -> Result<Domain, TrainingSetError> {
-    let scene = &trajectory.provenance().scene;
     let environment = environment_of(motion, trajectory)?;
-    let own = scene.pointer("/setting/material").into_iter();
-    let others = scene.pointer("/setting/fabrics").and_then(Value::as_object);
-    let values = own.chain(others.into_iter().flat_map(|fabrics| fabrics.values()));
-    let materials: Vec<Material> = values
-        .filter_map(|value| serde_json::from_value(value.clone()).ok())
-        .collect();
-    let frames = (0..trajectory.frame_count()).map(|frame| trajectory.frame(frame));
+    let materials = materials_of(trajectory);
+    let (schedule, handles) = (schedule_of(motion, trajectory)?, trajectory.handles().len());
+    let frames = (0..trajectory.frame_count()).map(|frame| {
+        // What a frame's handles hold, they hold in the step that leads to it.
+        let step = frame.saturating_sub(1);
+        let released = schedule.released(step, trajectory.frame_rate(), handles);
+        let held = released.iter().map(|released| !released).collect();
+        (trajectory.frame(frame), held)
+    });
     Ok(Domain::of_frames(
         trajectory.cloth(),
         &materials,
@@ -124,6 +178,18 @@ fn environment_of(motion: &str, trajectory: &Trajectory) -> Result<Environment, 
             TrainingSetError::Trajectory(problem)
         }),
         None => Ok(Environment::default()),
+    }
+}
+
+/// When the handles of a trajectory let go; never where it has no scene.
+fn schedule_of(motion: &str, trajectory: &Trajectory) -> Result<HandleSchedule, TrainingSetError> {
+    let scene = &trajectory.provenance().scene;
+    match scene.pointer("/setting/schedule") {
+        Some(value) => serde_json::from_value(value.clone()).map_err(|error| {
+            let problem = format!("{motion}: the releases of its scene: {error}");
+            TrainingSetError::Trajectory(problem)
+        }),
+        None => Ok(HandleSchedule::default()),
     }
 }
 
@@ -148,7 +214,8 @@ impl TrainingSet {
             let trajectory = dataset.read(entry)?;
             Domain::widen(&mut domain, domain_of(&entry.motion, &trajectory)?);
             let graph = graph_of(&entry.motion, &trajectory)?;
-            motions.push(Motion::new(graph, trajectory, &motions));
+            let motion = Motion::new(&entry.motion, graph, trajectory, &motions)?;
+            motions.push(motion);
         }
         let sections = dataset.sections().to_vec();
         let mut first_sample = vec![0];
@@ -167,6 +234,22 @@ impl TrainingSet {
             name: dataset.index().name.clone(),
             fingerprint: fingerprint(dataset)?,
         })
+    }
+
+    /// Checks that the features of `spec` can be made.
+    pub(crate) fn check_features(
+        &self,
+        spec: &ModelSpec,
+        dataset: &Dataset,
+    ) -> Result<(), TrainingSetError> {
+        let entries = dataset.entries(Split::Train).iter().zip(&self.motions);
+        let mut unknown = entries.filter(|(_, motion)| !motion.graph.knows_fabric());
+        match unknown.next() {
+            Some((entry, _)) if spec.needs_fabric() => {
+                Err(TrainingSetError::NoFabric(entry.motion.clone()))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// The domain of what is learned from.

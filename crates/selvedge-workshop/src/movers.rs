@@ -174,8 +174,7 @@ impl LiveModel {
             environment: hold.environment,
             ..(**scene).clone()
         };
-        let graph = ClothGraph::new(&held, hold.environment, scene.frame_rate);
-        let graph = graph.map_err(LiveError::new)?;
+        let graph = ClothGraph::of_scene(&held, &held_scene).map_err(LiveError::new)?;
         let stepper = model
             .machine
             .start(&model.model, graph, frames)

@@ -86,15 +86,10 @@ impl SceneWorkshop {
         let model = model.ok_or_else(|| anyhow!("there is no model {:?} here", order.model))?;
         let (name, model) = (model.name.clone(), Arc::clone(&model.model));
         let mut loaded = open_scene(&order.scene)?;
-        // A model needs the rest pose of the law that it learned; the physics beside it has the scene's.
-        let law = loaded.scene.physics.law;
-        start::take_learned_law(&mut loaded);
         let mut remarks = std::mem::take(&mut loaded.warnings);
         change(&mut loaded, order, &mut remarks)?;
         bodies::put(&mut loaded, order)?;
         let (rest, start) = rest_and_start(&loaded, progress, &mut remarks)?;
-        loaded.scene.physics.law = law;
-        loaded.spec.setting.physics.law = law;
         let LoadedScene { spec, scene, .. } = loaded;
         let led = Scene {
             motion: Motion::still(1.0),

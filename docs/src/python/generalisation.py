@@ -55,7 +55,7 @@ material = "gray-interlock"
 mesh = {{ generator = {{ kind = "{kind}", density = 400.0, size = {size}, seed = 1 }} }}
 handles = {{ label = "{handles}" }}
 motion = {{ named = "{motion}" }}
-physics = "first-order"
+physics = {{ substeps = 8, solver = {{ conjugate-gradients = {{ tolerance = 1e-7 }} }} }}
 """
 
 

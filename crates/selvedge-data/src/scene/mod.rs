@@ -18,6 +18,7 @@ mod strained;
 pub use file::{open_scene, parse_scene, read_scene, shipped_scenes};
 pub(crate) use handle_selection::HandleSelection;
 pub use loaded::LoadedScene;
+pub(crate) use material_source::MaterialSource;
 pub use material_source::materials;
 pub use mesh_spec::{MeshSource, MeshSpec, ObjSource, Rotate, Transform, size_warning};
 pub(crate) use motion_source::{MotionSource, Stand};

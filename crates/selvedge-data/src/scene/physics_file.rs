@@ -34,7 +34,7 @@ impl TryFrom<Value> for PhysicsFile {
         match is_of_mode(&settings, mode) {
             true => Ok(Self(settings)),
             false => Err(serde::de::Error::custom(
-                "handles, air and law = \"arcsim\" are chosen by physics = \"arcsim\" alone, and that and \"first-order\" choose law, integrator and least_damping: leave these keys out, or the mode",
+                "handles, air and law = \"arcsim\" are chosen by physics = \"arcsim\" alone, which chooses integrator and least_damping too: leave these keys out, or the mode",
             )),
         }
     }
@@ -46,7 +46,7 @@ fn is_of_mode(settings: &PhysicsSettings, mode: PhysicsMode) -> bool {
     let formula = |of: &PhysicsSettings| (of.law, of.integrator, of.least_damping);
     let is_formula = match mode {
         PhysicsMode::Selvedge => settings.law != ElasticLaw::Arcsim,
-        PhysicsMode::FirstOrder | PhysicsMode::Arcsim => formula(settings) == formula(&whole),
+        PhysicsMode::Arcsim => formula(settings) == formula(&whole),
     };
     is_formula && (settings.handles, settings.air) == (whole.handles, whole.air)
 }
@@ -90,8 +90,8 @@ mod tests {
             "physics.law = \"arcsim\"",
             "physics = { mode = \"arcsim\", handles = \"exact\" }",
             "physics = { mode = \"arcsim\", law = \"measured\" }",
-            "physics = { mode = \"first-order\", air = \"implicit\" }",
-            "physics = { mode = \"first-order\", integrator = { generalised-alpha = {} } }",
+            "physics = { mode = \"arcsim\", air = \"implicit\" }",
+            "physics = { mode = \"arcsim\", integrator = { generalised-alpha = {} } }",
         ] {
             says(read(text).unwrap_err(), &["leave these keys out"]);
         }

@@ -208,8 +208,6 @@ fn cloths_of_the_file_run_every_test_motion() {
         (scene.mesh.topology().vertex_count(), scene.handles.len())
     };
     assert_eq!([held(0), held(2)], [(25, 1), (25, 5)]);
-    let released =
-        "{ groups = [{ name = \"a\", select = { vertices = [0] }, released = [{ from = 1 }] }] }";
     let corner = "{ vertices = [0] }";
     let part = "becomes part of the name of a file";
     for (own, expected) in [
@@ -221,10 +219,6 @@ fn cloths_of_the_file_run_every_test_motion() {
         (
             cloth("a", corner).repeat(2),
             "cloths.name: two are called \"a\"",
-        ),
-        (
-            cloth("a", released),
-            "cloths.handles: has groups that let go",
         ),
     ] {
         let error = preset(lists, "whole", "60", &own).unwrap_err();
@@ -260,6 +254,39 @@ fn a_cloth_with_training_motions_is_learned_from_and_not_tested_on() {
     for [train, expected] in table(cases) {
         says(preset(&format!("[{train}]")).unwrap_err(), &[expected]);
     }
+}
+
+#[test]
+fn a_cloth_may_have_a_material_air_and_releases_of_its_own() {
+    let own = |material: &str| {
+        format!(
+            "[[cloths]]\nname = \"half\"\nmaterial = {material}\n\
+             handles = {{ groups = [{{ name = \"a\", select = {{ vertices = [0] }}, released = [{{ from = 1 }}] }}] }}\n\
+             environment = {{ wind = [3.0, 0.0, 1.0] }}\n\
+             mesh = {{ generator = {{ kind = \"square\", vertices = 20, size = 1.0, seed = 2 }} }}\n\
+             train = [\"updown\"]"
+        )
+    };
+    let lists = "train = [\"forward\"]\ntest = [\"side\"]";
+    let preset = |material: &str| preset(lists, "whole", "60", &own(material));
+    let found = preset("{ from = \"gray-interlock\", density = 0.3 }").unwrap();
+    // What is kept in the index makes the same scenes.
+    let kept = found.plan().unwrap().config.to_string();
+    let kept: DatasetConfig = serde_json::from_str(&kept).unwrap();
+    assert_eq!(&kept, found.config());
+    let of = |number: usize| {
+        let scene = found.scene(&found.motions(Split::Train)[number]).unwrap();
+        assert_eq!(scene.spec.setting.material, scene.scene.material);
+        let releases = scene.scene.schedule.releases.len();
+        (
+            scene.scene.material.density,
+            scene.scene.environment.wind.x,
+            releases,
+        )
+    };
+    assert_eq!([of(0), of(1)], [(0.187, 0.0, 0), (0.3, 3.0, 1)]);
+    let error = preset("\"satin\"").unwrap_err();
+    says(error, &["material", "satin"]);
 }
 
 #[test]

@@ -71,7 +71,7 @@ impl Runner {
             Mover::Model(model, guard, machine) => {
                 let known = truth.known(frame, model.spec().history());
                 let graph = selvedge_train::graph_of(&prepared.case.name, &truth.trajectory)?;
-                let stepper = machine.start(model, graph, &known)?;
+                let stepper = machine.start(model, graph.taken_up_at(frame), &known)?;
                 let cloth = match guard {
                     Correction::None => Cloth::Other(Box::new(stepper)),
                     _ => {

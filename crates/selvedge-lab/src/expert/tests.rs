@@ -60,7 +60,7 @@ fn errors(physics: &str) -> [f64; 3] {
 
 #[test]
 fn labels_of_recorded_states_are_the_recorded_frames() {
-    for physics in ["first-order", "selvedge"] {
+    for physics in ["arcsim", "selvedge"] {
         let [acceleration, first, fifth] = errors(physics);
         assert!(acceleration > 2e-4, "{acceleration}");
         assert!(first < 0.05 * acceleration, "{first} of {acceleration}");
@@ -70,7 +70,7 @@ fn labels_of_recorded_states_are_the_recorded_frames() {
 
 #[test]
 fn a_trajectory_without_a_scene_is_named() {
-    let (_folder, data) = made_by("first-order");
+    let (_folder, data) = made_by("selvedge");
     let entry = &data.entries(Split::Train)[0];
     let truth = data.read(entry).unwrap();
     let positions = (0..truth.frame_count())

@@ -238,7 +238,9 @@ fn frames_of_a_data_set_have_the_domain_of_their_scene() {
         std::slice::from_ref(&scene.material),
         &scene.environment,
         60.0,
-        frames.iter().map(Vec::as_slice),
+        frames
+            .iter()
+            .map(|frame| (frame.as_slice(), vec![true; scene.handles.len()])),
     );
     let own = domain(&scene);
     assert_eq!(found.departures(&own), []);

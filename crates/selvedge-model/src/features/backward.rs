@@ -7,7 +7,7 @@
 
 use glam::Vec3;
 
-use super::columns::{Air, FeatureColumns, Pose, edge_ends};
+use super::columns::{Air, FeatureColumns, Pose, edge_ends, per_force, receivers};
 use crate::graph::ClothGraph;
 use crate::graph::geometry::bending_angle_with_gradient;
 use crate::spec::{EdgeFeature, ModelSpec, NodeFeature};
@@ -55,7 +55,10 @@ pub(crate) fn features_backward(
         let rows = Rows { rows, width, first };
         match feature {
             NodeFeature::Velocity => velocity(pose, rows, to),
-            NodeFeature::ExternalForce => external_force(graph, pose, rows, to),
+            NodeFeature::ExternalForce => external_force(graph, pose, |_| 1.0, rows, to),
+            NodeFeature::ExternalAcceleration => {
+                external_force(graph, pose, |v| per_force(graph, v), rows, to);
+            }
             NodeFeature::KineticEnergy => kinetic_energy(graph, pose, rows, to),
             NodeFeature::NodeType => {}
         }
@@ -72,9 +75,15 @@ pub(crate) fn features_backward(
         let rows = Rows { rows, width, first };
         match feature {
             EdgeFeature::Vector => vector(graph, pose, rows, to),
-            EdgeFeature::RestVector | EdgeFeature::MaterialVector => {}
-            EdgeFeature::Elongation => elongation(graph, pose, rows, to),
-            EdgeFeature::BendingAngle => bending(graph, pose, rows, to),
+            EdgeFeature::RestVector | EdgeFeature::MaterialVector | EdgeFeature::PatternLength => {}
+            EdgeFeature::Elongation => elongation(graph, pose, |_| 1.0, rows, to),
+            EdgeFeature::Strain => {
+                let springs = &graph.weave().springs;
+                elongation(graph, pose, |edge| 1.0 / springs[edge].length, rows, to);
+            }
+            EdgeFeature::StretchAcceleration => stretch_acceleration(graph, pose, rows, to),
+            EdgeFeature::BendingAngle => bending(graph, pose, |_, _| [1.0; 2], rows, to),
+            EdgeFeature::BendAcceleration => bend_acceleration(graph, pose, rows, to),
         }
         first += feature.width();
     }
@@ -91,7 +100,13 @@ fn velocity(pose: Pose<'_>, rows: Rows<'_>, to: &mut PoseGradient<'_>) {
 /// With u = A/3 Σ g over the corners, φ = u·(ρ |vₙ| vₙ n + c v_t), vₙ = n·v, n = N/|N|:
 /// ∂φ/∂v = (2ρ |vₙ| - c) (u·n) n + c u, ∂φ/∂n = (2ρ |vₙ| - c) (u·n) v + (ρ |vₙ| - c) vₙ u,
 /// ∂φ/∂N = (1 - n nᵀ) ∂φ/∂n / |N| `[eq:external-force-gradient]`.
-fn external_force(graph: &ClothGraph, pose: Pose<'_>, rows: Rows<'_>, to: &mut PoseGradient<'_>) {
+fn external_force(
+    graph: &ClothGraph,
+    pose: Pose<'_>,
+    scale: impl Fn(usize) -> f32,
+    rows: Rows<'_>,
+    to: &mut PoseGradient<'_>,
+) {
     let Some(air) = Air::around(graph) else {
         return;
     };
@@ -112,7 +127,7 @@ fn external_force(graph: &ClothGraph, pose: Pose<'_>, rows: Rows<'_>, to: &mut P
         }
         let normal = across / size;
         let along = normal.dot(relative);
-        let sum: Vec3 = corners.iter().map(|&v| rows.vector(v)).sum();
+        let sum: Vec3 = corners.iter().map(|&v| scale(v) * rows.vector(v)).sum();
         let force = pose.yaw.to_world(area / 3.0 * sum);
         let slope = (2.0 * air.density * along.abs() - air.drag) * force.dot(normal);
         let by_relative = slope * normal + air.drag * force;
@@ -150,23 +165,71 @@ fn vector(graph: &ClothGraph, pose: Pose<'_>, rows: Rows<'_>, to: &mut [Vec3]) {
     }
 }
 
-fn elongation(graph: &ClothGraph, pose: Pose<'_>, rows: Rows<'_>, to: &mut [Vec3]) {
+/// A quantity of each edge that grows by `scale` per length.
+fn elongation(
+    graph: &ClothGraph,
+    pose: Pose<'_>,
+    scale: impl Fn(usize) -> f32,
+    rows: Rows<'_>,
+    to: &mut [Vec3],
+) {
     let edges = graph.topology().edges().iter().map(|edge| edge.vertices);
-    for (ends, ((a, b), arcs)) in edges.zip(edge_ends(graph, pose.current)) {
+    let edges = edges.zip(edge_ends(graph, pose.current)).enumerate();
+    for (edge, (ends, ((a, b), arcs))) in edges {
         let by_length: f32 = arcs.iter().map(|&arc| rows.get(arc as usize, 0)).sum();
-        let by_edge = by_length * (a - b).normalize_or_zero();
+        let by_edge = scale(edge) * by_length * (a - b).normalize_or_zero();
         to[ends[0].index()] += by_edge;
         to[ends[1].index()] -= by_edge;
     }
 }
 
-fn bending(graph: &ClothGraph, pose: Pose<'_>, rows: Rows<'_>, to: &mut [Vec3]) {
-    for hinge in graph.hinges() {
+/// With the pull f at the length l along u, g the gradient of the force: f' (u·g) u + f/l (g - (u·g) u)
+/// `[eq:edge-pull-gradient]`.
+fn stretch_acceleration(graph: &ClothGraph, pose: Pose<'_>, rows: Rows<'_>, to: &mut [Vec3]) {
+    let edges = graph.topology().edges().iter().map(|edge| edge.vertices);
+    let ends = edges.zip(edge_ends(graph, pose.current));
+    for ((vertices, ((a, b), arcs)), spring) in ends.zip(&graph.weave().springs) {
+        let length = a.distance(b);
+        if length == 0.0 {
+            continue;
+        }
+        let along = (a - b) / length;
+        let [pull, growth] = spring.pull(length);
+        let [to_a, to_b] = vertices.map(|v| per_force(graph, v.index()));
+        let [forward, back] = arcs.map(|arc| rows.vector(arc as usize));
+        let by_force = pose.yaw.to_world(to_b * forward - to_a * back);
+        let lengthwise = along.dot(by_force) * along;
+        let by_edge = growth * lengthwise + pull / length * (by_force - lengthwise);
+        to[vertices[0].index()] += by_edge;
+        to[vertices[1].index()] -= by_edge;
+    }
+}
+
+fn bend_acceleration(graph: &ClothGraph, pose: Pose<'_>, rows: Rows<'_>, to: &mut [Vec3]) {
+    let slope = |number: usize, angle: f64| {
+        let [_, growth] = graph.weave().torques[number].push(angle as f32);
+        receivers(graph, &graph.hinges()[number]).map(|v| per_force(graph, v) * growth)
+    };
+    bending(graph, pose, slope, rows, to);
+}
+
+/// A quantity of the two arcs of each hinge that grows by `slope` (of its number and angle) per angle.
+fn bending(
+    graph: &ClothGraph,
+    pose: Pose<'_>,
+    slope: impl Fn(usize, f64) -> [f32; 2],
+    rows: Rows<'_>,
+    to: &mut [Vec3],
+) {
+    for (number, hinge) in graph.hinges().iter().enumerate() {
         let vertices = [hinge.from, hinge.to, hinge.left, hinge.right].map(|v| v as usize);
         let points = vertices.map(|v| pose.current[v].as_dvec3());
-        let (_, slopes) = bending_angle_with_gradient(points);
-        let arcs = graph.edge_arcs[hinge.edge as usize];
-        let by_angle: f32 = arcs.iter().map(|&arc| rows.get(arc as usize, 0)).sum();
+        let (angle, slopes) = bending_angle_with_gradient(points);
+        let arcs = graph.edge_arcs[hinge.edge as usize].into_iter();
+        let by_arc = arcs.zip(slope(number, angle));
+        let by_angle: f32 = by_arc
+            .map(|(arc, slope)| slope * rows.get(arc as usize, 0))
+            .sum();
         for (v, slope) in vertices.into_iter().zip(slopes) {
             to[v] += by_angle * slope.as_vec3();
         }

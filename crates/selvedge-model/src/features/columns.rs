@@ -12,6 +12,7 @@
 use glam::Vec3;
 
 use crate::graph::frame::Yaw;
+use crate::graph::weave::Spring;
 use crate::graph::{ClothGraph, Hinge};
 use crate::spec::{EdgeFeature, ModelSpec, NodeFeature};
 
@@ -42,6 +43,8 @@ impl NodeFeature {
             Self::NodeType => columns!["": "free", "handle", "type 2 (unused)",
                 "type 3 (unused)", "type 4 (unused)", "type 5 (unused)", "type 6 (unused)",
                 "type 7 (unused)", "type 8 (unused)"],
+            Self::ExternalAcceleration => columns!["m/frame²": "external acceleration x",
+                "external acceleration y", "external acceleration z"],
         }
     }
 
@@ -64,6 +67,11 @@ impl EdgeFeature {
             }
             Self::Elongation => columns!["m": "elongation"],
             Self::BendingAngle => columns!["rad": "bending angle"],
+            Self::PatternLength => columns!["m": "pattern length"],
+            Self::Strain => columns!["": "strain"],
+            Self::StretchAcceleration => columns!["m/frame²": "stretch acceleration x",
+                "stretch acceleration y", "stretch acceleration z"],
+            Self::BendAcceleration => columns!["m/frame²": "bend acceleration"],
         }
     }
 
@@ -153,7 +161,10 @@ pub(crate) fn features(
         let columns = FeatureColumns { rows, width, first };
         match feature {
             NodeFeature::Velocity => velocity(pose, columns),
-            NodeFeature::ExternalForce => external_force(graph, pose, columns),
+            NodeFeature::ExternalForce => external_force(graph, pose, |_| 1.0, columns),
+            NodeFeature::ExternalAcceleration => {
+                external_force(graph, pose, |v| per_force(graph, v), columns);
+            }
             NodeFeature::KineticEnergy => kinetic_energy(graph, pose, columns),
             NodeFeature::NodeType => node_type(graph, columns),
         }
@@ -170,7 +181,13 @@ pub(crate) fn features(
             EdgeFeature::RestVector => rest_vector(graph, columns),
             EdgeFeature::MaterialVector => material_vector(graph, columns),
             EdgeFeature::Elongation => elongation(graph, pose, columns),
-            EdgeFeature::BendingAngle => bending(graph, pose, columns),
+            EdgeFeature::BendingAngle => bending(graph, pose, |_, angle| [angle; 2], columns),
+            EdgeFeature::PatternLength => {
+                each_edge(graph, pose, |spring, _| spring.length, columns)
+            }
+            EdgeFeature::Strain => each_edge(graph, pose, Spring::strain, columns),
+            EdgeFeature::StretchAcceleration => stretch_acceleration(graph, pose, columns),
+            EdgeFeature::BendAcceleration => bend_acceleration(graph, pose, columns),
         }
         first += feature.width();
     }
@@ -215,12 +232,17 @@ impl Air {
 /// Gravity on each vertex and, of each face, a third of the drag of the air on each corner
 /// `[eq:external-force]`: f = m g + ⅓ Σ A (ρ |vₙ| vₙ n + c v_t) over the faces of a vertex, with
 /// the air's velocity relative to the face v = wind - mean corner velocity `[m/s]`, vₙ = n·v,
-/// v_t = v - vₙ n.
-fn external_force(graph: &ClothGraph, pose: Pose<'_>, mut out: FeatureColumns<&mut [f32]>) {
+/// v_t = v - vₙ n. Each vertex's is multiplied by its `scale`.
+fn external_force(
+    graph: &ClothGraph,
+    pose: Pose<'_>,
+    scale: impl Fn(usize) -> f32,
+    mut out: FeatureColumns<&mut [f32]>,
+) {
     let environment = graph.environment();
     let gravity = pose.yaw.to_local_f64(environment.gravity).as_vec3();
     for (v, &mass) in graph.cloth().vertex_mass().iter().enumerate() {
-        out.put(v, (mass * gravity).to_array());
+        out.put(v, (scale(v) * mass * gravity).to_array());
     }
     let Some(air) = Air::around(graph) else {
         return;
@@ -240,9 +262,15 @@ fn external_force(graph: &ClothGraph, pose: Pose<'_>, mut out: FeatureColumns<&m
         let force = air.density * along.abs() * along * normal + air.drag * tangential;
         let third = pose.yaw.to_local(area / 3.0 * force);
         for v in corners {
-            out.add(v, third);
+            out.add(v, scale(v) * third);
         }
     }
+}
+
+/// Acceleration of a vertex per force on it `[m/(frame² N)]`.
+pub(super) fn per_force(graph: &ClothGraph, vertex: usize) -> f32 {
+    let rate = graph.frame_rate() as f32;
+    1.0 / (graph.cloth().vertex_mass()[vertex] * rate * rate)
 }
 
 /// Kinetic energy with the velocity per frame `[eq:kinetic-energy]`: m |v|² / 2.
@@ -295,7 +323,58 @@ fn elongation(graph: &ClothGraph, pose: Pose<'_>, mut out: FeatureColumns<&mut [
     }
 }
 
-fn bending(graph: &ClothGraph, pose: Pose<'_>, mut out: FeatureColumns<&mut [f32]>) {
+/// A quantity of each edge by its spring and its length, in both arcs.
+fn each_edge(
+    graph: &ClothGraph,
+    pose: Pose<'_>,
+    value: impl Fn(&Spring, f32) -> f32,
+    mut out: FeatureColumns<&mut [f32]>,
+) {
+    let ends = edge_ends(graph, pose.current);
+    for (((a, b), arcs), spring) in ends.zip(&graph.weave().springs) {
+        let value = value(spring, a.distance(b));
+        for arc in arcs {
+            out.put(arc as usize, [value]);
+        }
+    }
+}
+
+/// The pull of each edge's spring over the mass of the receiver, towards the sender.
+fn stretch_acceleration(graph: &ClothGraph, pose: Pose<'_>, mut out: FeatureColumns<&mut [f32]>) {
+    let edges = graph.topology().edges().iter().map(|edge| edge.vertices);
+    let ends = edges.zip(edge_ends(graph, pose.current));
+    for ((vertices, ((a, b), arcs)), spring) in ends.zip(&graph.weave().springs) {
+        let d = a - b;
+        let [pull, _] = spring.pull(d.length());
+        let force = pull * pose.yaw.to_local(d).normalize_or_zero();
+        let [to_a, to_b] = vertices.map(|v| per_force(graph, v.index()));
+        let [forward, back] = arcs.map(|arc| arc as usize);
+        out.put(forward, (to_b * force).to_array());
+        out.put(back, (-to_a * force).to_array());
+    }
+}
+
+fn bend_acceleration(graph: &ClothGraph, pose: Pose<'_>, out: FeatureColumns<&mut [f32]>) {
+    let value = |number: usize, angle: f32| {
+        let [push, _] = graph.weave().torques[number].push(angle);
+        receivers(graph, &graph.hinges()[number]).map(|v| per_force(graph, v) * push)
+    };
+    bending(graph, pose, value, out);
+}
+
+/// The receivers of the two arcs of a hinge's edge.
+pub(super) fn receivers(graph: &ClothGraph, hinge: &Hinge) -> [usize; 2] {
+    let [first, second] = graph.topology().edges()[hinge.edge as usize].vertices;
+    [second.index(), first.index()]
+}
+
+/// In the two arcs of each hinge what `value` makes of its number and its angle; 0 on the boundary.
+fn bending(
+    graph: &ClothGraph,
+    pose: Pose<'_>,
+    value: impl Fn(usize, f32) -> [f32; 2],
+    mut out: FeatureColumns<&mut [f32]>,
+) {
     for (edge, arcs) in graph.topology().edges().iter().zip(&graph.edge_arcs) {
         if edge.is_boundary() {
             for &arc in arcs {
@@ -303,10 +382,10 @@ fn bending(graph: &ClothGraph, pose: Pose<'_>, mut out: FeatureColumns<&mut [f32
             }
         }
     }
-    for hinge in graph.hinges() {
-        let angle = bending_angle(hinge, pose.current);
-        for arc in graph.edge_arcs[hinge.edge as usize] {
-            out.put(arc as usize, [angle]);
+    for (number, hinge) in graph.hinges().iter().enumerate() {
+        let values = value(number, bending_angle(hinge, pose.current));
+        for (arc, value) in graph.edge_arcs[hinge.edge as usize].into_iter().zip(values) {
+            out.put(arc as usize, [value]);
         }
     }
 }

@@ -6,11 +6,12 @@
 //! or several, is in `connectivity`.
 
 use glam::{Vec2, Vec3};
-use selvedge_cloth::{Cloth, Environment, Handles, Topology, VertexId};
+use selvedge_cloth::{Cloth, Environment, Handles, Material, Scene, Topology, VertexId};
 use thiserror::Error;
 
 use crate::graph::connectivity::{Connectivity, edge_arcs};
 use crate::graph::frame::LocalFrame;
+use crate::graph::weave::Weave;
 
 /// An edge between two faces. `from` → `to` runs counter-clockwise in the face of `left`, and
 /// `from` is the smaller vertex, so that a hinge does not depend on the order of the faces.
@@ -32,7 +33,12 @@ pub struct Hinge {
 #[derive(Clone, Debug, PartialEq)]
 pub struct ClothGraph {
     cloth: Cloth,
+    /// With its gusts.
+    weather: Environment,
+    /// In the present step.
     environment: Environment,
+    /// The frame of the weather from which steps are counted.
+    first_frame: usize,
     frame_rate: f64,
     handle_mask: Vec<bool>,
     frame: LocalFrame,
@@ -44,6 +50,8 @@ pub struct ClothGraph {
     /// `[edges]`.
     pub(crate) rest_vectors: Vec<Vec3>,
     rest_lengths: Vec<f32>,
+    /// Elasticity of the fabrics, where these are known.
+    weave: Option<Weave>,
 }
 
 /// An environment or a frame rate that the features cannot express.
@@ -63,10 +71,6 @@ impl ClothGraph {
     ) -> Result<Self, GraphError> {
         let valid = environment.validate();
         valid.map_err(|error| GraphError(error.to_string()))?;
-        if environment.gust.is_some() {
-            let problem = "environment.gust: the learned simulator sees one wind for a whole run, not gusts: take it out, or run the physics";
-            return Err(GraphError(problem.to_owned()));
-        }
         if !(1.0..=1e5).contains(&frame_rate) {
             return Err(GraphError(format!(
                 "frame_rate must be between 1 and 100000 frames per second, found {frame_rate}"
@@ -92,9 +96,68 @@ impl ClothGraph {
             rest_lengths: rest_vectors.iter().map(|d| d.length()).collect(),
             rest_vectors,
             cloth: cloth.clone(),
-            environment,
+            weather: environment,
+            environment: environment.during_step(0, frame_rate),
+            first_frame: 0,
             frame_rate,
+            weave: None,
         })
+    }
+
+    /// The same in a run that begins in this frame of its weather.
+    #[must_use]
+    pub fn taken_up_at(mut self, frame: usize) -> Self {
+        self.first_frame = frame;
+        self.set_step(0);
+        self
+    }
+
+    /// Lets the step from `frame` of the run to the next be the present one: its wind blows.
+    pub fn set_step(&mut self, frame: usize) {
+        let frame = self.first_frame + frame;
+        self.environment = self.weather.during_step(frame, self.frame_rate);
+    }
+
+    /// The same with its fabrics known, which some features are made from
+    /// ([`ModelSpec::needs_fabric`](crate::ModelSpec::needs_fabric)): the material of each face, `[faces]`.
+    ///
+    /// # Errors
+    /// [`GraphError`] when there is not one material per face.
+    pub fn with_materials(mut self, materials: &[&Material]) -> Result<Self, GraphError> {
+        let (faces, found) = (self.topology().faces().len(), materials.len());
+        if found != faces {
+            return Err(GraphError(format!(
+                "materials: the cloth has {faces} faces, found {found} materials"
+            )));
+        }
+        self.weave = Some(Weave::new(&self.cloth, &self.hinges, materials));
+        Ok(self)
+    }
+
+    /// The graph of `cloth` in a scene, with its environment and its fabrics.
+    ///
+    /// # Errors
+    /// As of [`Self::new`] and [`Self::with_materials`].
+    pub fn of_scene(cloth: &Cloth, scene: &Scene) -> Result<Self, GraphError> {
+        let (materials, of_face) = scene.materials();
+        let faces: Vec<&Material> = of_face
+            .into_iter()
+            .map(|number| materials[number])
+            .collect();
+        Self::new(cloth, scene.environment, scene.frame_rate)?.with_materials(&faces)
+    }
+
+    /// True where the fabrics are known.
+    pub fn knows_fabric(&self) -> bool {
+        self.weave.is_some()
+    }
+
+    /// Elasticity of the fabrics.
+    ///
+    /// # Panics
+    /// Where they are not known.
+    pub(crate) fn weave(&self) -> &Weave {
+        self.weave.as_ref().expect("the fabrics of the cloth")
     }
 
     /// The cloth.
@@ -147,7 +210,7 @@ impl ClothGraph {
         self.cloth.rest_positions()
     }
 
-    /// Gravity and air.
+    /// Gravity and air in the present step.
     pub fn environment(&self) -> &Environment {
         &self.environment
     }
@@ -226,23 +289,32 @@ mod tests {
             air_drag: -1.0,
             ..calm
         };
-        let gusty = Environment {
-            gust: Some(Gust {
-                speed: DVec3::X,
-                period: 1.0,
-                seed: 1,
-            }),
-            ..calm
-        };
         for (environment, frame_rate, expected) in [
             (calm, 0.0, "frame_rate must be between"),
             (thick, 60.0, "environment.air_drag"),
-            (gusty, 60.0, "environment.gust"),
         ] {
             let made = ClothGraph::new(&parts(3, 1).cloth, environment, frame_rate);
             let found = made.expect_err(expected).to_string();
             assert!(found.contains(expected), "{found}");
         }
+    }
+
+    #[test]
+    fn a_gust_blows_in_each_step_as_in_that_of_its_run() {
+        let weather = Environment {
+            gust: Some(Gust {
+                speed: DVec3::X,
+                period: 1.0,
+                seed: 1,
+            }),
+            ..Environment::default()
+        };
+        let graph = ClothGraph::new(&parts(3, 1).cloth, weather, 60.0).expect("a graph");
+        let mut graph = graph.taken_up_at(7);
+        assert_eq!(*graph.environment(), weather.during_step(7, 60.0));
+        graph.set_step(5);
+        assert_eq!(*graph.environment(), weather.during_step(12, 60.0));
+        assert_ne!(weather.during_step(12, 60.0), weather.during_step(7, 60.0));
     }
 
     #[test]

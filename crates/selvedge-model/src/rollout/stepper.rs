@@ -56,6 +56,10 @@ pub enum RolloutError {
     NoFrame,
     #[error("the start position of vertex {vertex} is not finite")]
     NonFinite { vertex: VertexId },
+    #[error(
+        "the model needs the fabrics of the cloth: give its graph the material of each face (`ClothGraph::with_materials`)"
+    )]
+    NoFabric,
 }
 
 /// The frames that a rollout of `spec` begins with, oldest first `[m]`, `[history][vertices]`, from
@@ -63,13 +67,17 @@ pub enum RolloutError {
 /// have stood still before the first.
 ///
 /// # Errors
-/// [`RolloutError`] when there is no frame, or one that does not fit the cloth.
+/// [`RolloutError`] when there is no frame, or one that does not fit the cloth, or the model needs
+/// fabrics that are not known.
 pub fn opening_frames(
     spec: &ModelSpec,
-    vertices: usize,
+    graph: &ClothGraph,
     start: &[&[Vec3]],
 ) -> Result<Vec<Vec<Vec3>>, RolloutError> {
-    let needed = spec.history();
+    if spec.needs_fabric() && !graph.knows_fabric() {
+        return Err(RolloutError::NoFabric);
+    }
+    let (needed, vertices) = (spec.history(), graph.vertex_count());
     let first = *start.first().ok_or(RolloutError::NoFrame)?;
     for frame in start {
         if frame.len() != vertices {
@@ -99,7 +107,7 @@ impl LearnedStepper {
         start: &[&[Vec3]],
     ) -> Result<Self, RolloutError> {
         let vertices = graph.vertex_count();
-        let history = opening_frames(model.spec(), vertices, start)?;
+        let history = opening_frames(model.spec(), &graph, start)?;
         let hands = Hands::on_paths(graph.handles(), &history[history.len() - 1]);
         Ok(Self {
             hands: [hands.clone(), hands],
@@ -193,6 +201,7 @@ impl Stepper for LearnedStepper {
         let newest = &self.history[self.history.len() - 1];
         next_hands.follow(hands, targets, self.graph.handles().of(newest));
         self.graph.hold(|handle| targets.holds(handle));
+        self.graph.set_step(self.frame);
         let yaw = self.yaw_now(&self.hands[1]);
         self.predict(frame, yaw)?;
         self.next_handles.clear();

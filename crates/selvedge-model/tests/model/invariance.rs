@@ -239,7 +239,7 @@ fn signs_of_reversal() -> Vec<f32> {
     let signs = spec.edge_features.iter().flat_map(|feature| match feature {
         EdgeFeature::Vector | EdgeFeature::RestVector => vec![-1.0, -1.0, -1.0, 1.0],
         EdgeFeature::MaterialVector => vec![-1.0, -1.0, 1.0],
-        EdgeFeature::Elongation | EdgeFeature::BendingAngle => vec![1.0],
+        scalar => vec![1.0; scalar.width()],
     });
     signs.collect()
 }

@@ -8,9 +8,7 @@
 use std::fmt::Write as _;
 
 use glam::DVec2;
-use selvedge_cloth::{
-    ElasticLaw, HandleConstraint, LinearSolver, Material, PhysicsMode, PhysicsSettings,
-};
+use selvedge_cloth::{LinearSolver, Material, PhysicsMode, PhysicsSettings};
 use selvedge_sim::Simulator;
 use selvedge_sim::laws::bend::BendElement;
 use selvedge_sim::laws::stretch::Strain;
@@ -74,9 +72,7 @@ fn look_ups_are_arcsims() {
 #[test]
 fn substeps_are_as_they_were() {
     let mut scene = hanging(5);
-    scene.physics = PhysicsSettings::in_mode(PhysicsMode::FirstOrder);
-    scene.physics.handles = HandleConstraint::Spring;
-    scene.physics.law = ElasticLaw::Arcsim;
+    scene.physics = PhysicsSettings::in_mode(PhysicsMode::Arcsim);
     scene.physics.solver = LinearSolver::Cholesky;
     let mut text = String::from(
         "# Positions [m] of a 5 x 5 cloth after each of three solves; made by golden.rs.\n",

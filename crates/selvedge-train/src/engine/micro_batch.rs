@@ -132,7 +132,7 @@ impl FramePasses for Passes<'_, '_> {
         samples.resize_with(slots.len(), ShownSample::default);
         for (number, (kept, slot)) in samples.iter_mut().zip(&*slots).enumerate() {
             kept.clone_from(slot.sample());
-            let (graph, place) = (&union.graphs[number], &union.places[number]);
+            let (graph, place) = (kept.graph(&union.graphs[number]), &union.places[number]);
             window.write(setup.network.spec(), graph, kept.window(), place);
         }
         let normalizers = setup.normalizers;
@@ -152,7 +152,8 @@ impl FramePasses for Passes<'_, '_> {
         by_output.resize(output.len(), 0.0);
         for (number, slot) in slots.iter_mut().enumerate() {
             let rows = union.rows(number);
-            let triplet = samples[number].triplet(&union.graphs[number]);
+            let sample = &samples[number];
+            let triplet = sample.triplet(sample.graph(&union.graphs[number]));
             let (predicted, gradient) = (&output[rows.clone()], &mut by_output[rows]);
             let losses = &mut batch.losses;
             let terms = losses.evaluate(&triplet, setup.statistics, predicted, gradient);
@@ -205,9 +206,10 @@ impl Passes<'_, '_> {
             row.resize(vertices, Vec3::ZERO);
         }
         let (spec, normalizers) = (network.spec(), shared.setup.normalizers);
-        let (graph, input) = (&batch.union.graphs[0], &mut batch.input);
+        let (whole, input) = (&batch.union.graphs[0], &mut batch.input);
         for (number, &weight) in weights.iter().enumerate().rev() {
             let frame = &mut batch.frames[number];
+            let graph = frame.samples[0].graph(whole);
             let positions = &mut batch.by_position[number..=number + history];
             let (rows, by_next) = (&mut frame.by_output, &mut positions[history]);
             frame.samples[0].join_gradient(graph, normalizers, weight as f32, rows, by_next);
@@ -219,7 +221,7 @@ impl Passes<'_, '_> {
             input.fit(spec, &batch.union.places[0]);
             let features = Some(input.gradient());
             frame.network_backward(shared, &batch.union, gradient, features)?;
-            let features = input.gradient();
+            let (graph, features) = (frame.samples[0].graph(whole), input.gradient());
             frame.samples[0].positions_backward(spec, graph, normalizers, features, positions);
         }
         Ok(())

@@ -120,6 +120,49 @@ fn a_frame_without_a_direction_keeps_the_one_before() {
         .collect();
     assert_eq!([expected[3], expected[4]], [expected[2]; 2]);
     assert_ne!(expected[2], graph.frame().rest_yaw());
-    let motion = Motion::new(graph, trajectory, &[]);
+    let motion = Motion::new("a", graph, trajectory, &[]).expect("a motion");
     assert!((0..5).all(|frame| motion.yaw(frame) == expected[frame]));
+}
+
+/// As in a rollout: the mask and the wind are those of the step, and the local frame stays while a
+/// handle has let go.
+#[test]
+fn a_motion_knows_its_handles_and_its_air_in_each_step() {
+    let plain = crate::test_data::trajectory(("a", 9, 6), 0, &Value::Null);
+    let weather = serde_json::json!({
+        "gust": { "speed": [2.0, 0.0, 1.0], "period": 1.0, "seed": 3 },
+    });
+    let frame = 1.0 / plain.frame_rate();
+    let release = serde_json::json!([{ "handles": [1], "from": 2.0 * frame, "to": 4.0 * frame }]);
+    let setting = serde_json::json!({ "environment": weather, "schedule": release });
+    let mut provenance = plain.provenance().clone();
+    provenance.scene = serde_json::json!({ "setting": setting });
+    let turned = |frame: usize| {
+        let turn = glam::Quat::from_rotation_y(0.2 * frame as f32);
+        plain.frame(frame).iter().map(move |p| turn * *p)
+    };
+    let positions = (0..6).flat_map(turned).collect();
+    let (cloth, rate) = (plain.cloth().clone(), plain.frame_rate());
+    let trajectory = Trajectory::new(cloth, positions, provenance).expect("a trajectory");
+    let graph = graph_of("a", &trajectory).expect("a graph");
+    let handles = graph.handles().vertices().to_vec();
+    let motion = Motion::new("a", graph, trajectory, &[]).expect("a motion");
+    let air: Environment = serde_json::from_value(weather).expect("gusts");
+    for frame in 0..5 {
+        let graph = motion.graph_in(frame).expect("one for each step");
+        let held: Vec<bool> = handles
+            .iter()
+            .map(|v| graph.handle_mask()[v.index()])
+            .collect();
+        assert_eq!(held, [true, !(2..4).contains(&frame)], "{frame}");
+        assert_eq!(*graph.environment(), air.during_step(frame, rate));
+    }
+    let yaws: Vec<Yaw> = (0..6).map(|frame| motion.yaw(frame)).collect();
+    assert_eq!([yaws[2], yaws[3]], [yaws[1]; 2]);
+    assert_ne!(yaws[1], yaws[0]);
+    assert_ne!(yaws[4], yaws[3]);
+    // One that does not change shares its cloth.
+    let graph = graph_of("a", &plain).expect("a graph");
+    let motion = Motion::new("a", graph, plain, &[]).expect("a motion");
+    assert!(motion.graph_in(3).is_none());
 }

@@ -12,10 +12,10 @@ use selvedge_lab::evaluation::{
     self, Case, Evaluation, EvaluationPlan, Method, Mover, Run, Summary, evaluate, summaries,
 };
 use selvedge_lab::folder::{self, FolderKind, REFERENCES};
+use selvedge_lab::generation;
 use selvedge_lab::machine::Machine;
 use selvedge_lab::models::NamedModel;
 use selvedge_lab::report::{self, Heading};
-use selvedge_lab::{generation, start};
 use selvedge_model::Aspect;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -38,7 +38,7 @@ pub(crate) fn run(args: &EvalArgs) -> anyhow::Result<Answer> {
     let machine = args.machine.open()?;
     let (models, mut methods) = open_models(args, &machine)?;
     methods.extend(args.others());
-    let opened = open_scenes(args, !models.is_empty())?;
+    let opened = open_scenes(args)?;
     check_places(args, &opened)?;
     let cases = cases(args, &opened)?;
     let horizons = args.horizons();
@@ -109,8 +109,8 @@ fn is_converged(args: &EvalArgs) -> bool {
     args.data.is_empty() && args.random.is_none()
 }
 
-/// The scenes that are named, by the law from which models learned where there is one.
-fn open_scenes(args: &EvalArgs, with_models: bool) -> anyhow::Result<Vec<LoadedScene>> {
+/// The scenes that are named.
+fn open_scenes(args: &EvalArgs) -> anyhow::Result<Vec<LoadedScene>> {
     let wrong = |problem: &str| Err(wrong(problem.to_owned()));
     let mut names = args.scenes.clone();
     match (args.random, names.len()) {
@@ -127,11 +127,7 @@ fn open_scenes(args: &EvalArgs, with_models: bool) -> anyhow::Result<Vec<LoadedS
         return wrong("--output: scenes need a folder, in which their references are kept");
     }
     let opened = names.iter().map(|name| scenes::open(name));
-    let mut opened: Vec<LoadedScene> = opened.collect::<anyhow::Result<_>>()?;
-    if with_models {
-        opened.iter_mut().for_each(start::take_learned_law);
-    }
-    Ok(opened)
+    opened.collect()
 }
 
 /// Checks that no file of the report takes the place of one that is read.

@@ -108,8 +108,7 @@ fn a_model_is_measured_beside_the_baselines() {
 fn a_rollout_stands_beside_the_truth() {
     let desk = Desk::new();
     desk.model();
-    // A rollout takes the law from which models learn.
-    desk.write("push.toml", format!("physics.law = \"measured\"{PUSH}"));
+    desk.write("push.toml", PUSH);
     let report = desk.json("run --compare push.toml --model run/model.safetensors -o out");
     let names = [
         "clip.gif",

@@ -27,7 +27,7 @@ const PAPERS: [(&str, usize); 13] = [
 ];
 
 /// The presets that are not in the paper.
-const OWN: [&str; 2] = ["first", "rp-gru10-better"];
+const OWN: [&str; 3] = ["first", "any", "rp-gru10-better"];
 
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/training")

@@ -6,10 +6,10 @@
 
 use super::{MotionList, NamedCloth, NamedMotion};
 use crate::formats::file_error::Problem;
-use crate::scene::{HandleSelection, MeshFile, MeshSpec, field};
+use crate::scene::{HandleSelection, MaterialSource, MeshFile, MeshSpec, field};
 use selvedge_cloth::generate::{NamedSheet, named_sheets};
 use selvedge_cloth::motion::apart;
-use selvedge_cloth::{Handles, Mesh, Motion};
+use selvedge_cloth::{Environment, HandleSchedule, Handles, Mesh, Motion};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -31,6 +31,9 @@ impl NamedCloth {
             name: sheet.name.to_owned(),
             mesh,
             handles: handles.unwrap_or_default(),
+            schedule: HandleSchedule::default(),
+            material: None,
+            environment: None,
         };
         Ok((cloth, built.mesh))
     }
@@ -60,6 +63,8 @@ pub(super) struct ClothFile {
     name: String,
     mesh: MeshFile,
     handles: HandleSelection,
+    material: Option<MaterialSource>,
+    environment: Option<Environment>,
     /// Motions of the training split; none for a cloth to test on.
     train: Option<MotionList>,
 }
@@ -111,14 +116,16 @@ impl ClothFile {
         let mended = read.warnings.iter();
         warnings.extend(mended.map(|text| format!("cloths.{}: {text}", self.name)));
         let selected = self.handles.select(&read.sheet)?;
-        if !selected.schedule.is_empty() {
-            let problem = "has groups that let go, which no model can learn yet: take released out";
-            return Err(field("cloths.handles", problem));
-        }
         let cloth = NamedCloth {
             name: self.name,
             mesh,
             handles: selected.vertices,
+            schedule: selected.schedule,
+            material: self
+                .material
+                .map(|source| source.resolve(folder, &mut Vec::new()))
+                .transpose()?,
+            environment: self.environment,
         };
         Ok(Other {
             cloth,

@@ -18,7 +18,7 @@ use crate::scene::{
 };
 use selvedge_assets::DATASETS as PRESETS;
 use selvedge_cloth::motion::named;
-use selvedge_cloth::{Mesh, Motion};
+use selvedge_cloth::{Environment, HandleSchedule, Material, Mesh, Motion};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -40,6 +40,15 @@ pub struct NamedCloth {
     pub mesh: MeshSpec,
     /// The held vertices, in the order of the handle targets.
     pub handles: Vec<u32>,
+    /// When they let go.
+    #[serde(default, skip_serializing_if = "HandleSchedule::is_empty")]
+    pub schedule: HandleSchedule,
+    /// Its material; the setting's own where none is named.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub material: Option<Material>,
+    /// Gravity and air around it; the setting's own where none are named.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub environment: Option<Environment>,
 }
 
 /// The configuration of a data set, as its index keeps it.
@@ -315,6 +324,9 @@ impl DatasetPreset {
             if motion.cloth.as_ref() == Some(&cloth.name) {
                 setting.mesh = cloth.mesh.clone();
                 setting.handles.clone_from(&cloth.handles);
+                setting.schedule.clone_from(&cloth.schedule);
+                setting.material = cloth.material.clone().unwrap_or(setting.material);
+                setting.environment = cloth.environment.unwrap_or(setting.environment);
                 mesh = other;
             }
         }
@@ -400,10 +412,6 @@ impl DatasetConfig {
         }
         if self.setting.handles.is_empty() && self.cloths.is_empty() {
             let problem = "are none: a data set's cloths are moved by handles";
-            return Err(field("setting.handles", problem));
-        }
-        if !self.setting.schedule.is_empty() {
-            let problem = "has groups that let go, which no model can learn yet: take released out";
             return Err(field("setting.handles", problem));
         }
         let rate = self.setting.frame_rate;

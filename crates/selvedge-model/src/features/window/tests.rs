@@ -111,11 +111,15 @@ fn each_feature(encoder: Encoder) -> Vec<ModelSpec> {
         NodeFeature::Velocity,
         NodeFeature::ExternalForce,
         NodeFeature::KineticEnergy,
+        NodeFeature::ExternalAcceleration,
     ];
     let edges = [
         EdgeFeature::Vector,
         EdgeFeature::Elongation,
         EdgeFeature::BendingAngle,
+        EdgeFeature::Strain,
+        EdgeFeature::StretchAcceleration,
+        EdgeFeature::BendAcceleration,
     ];
     let of_node = nodes.map(|feature| ModelSpec {
         node_features: [feature].into(),
