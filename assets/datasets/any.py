@@ -154,7 +154,8 @@ def main(folder, cloths):
         kinds = [broad.jerk, broad.reversal, broad.leap, broad.bounce]
         for way in range(2):
             name, kind = f"c{number}-{way}", draw.random()
-            if len(numbers) > 1 and kind < 0.3:
+            # A turn about the handles' line needs two of them.
+            if len(numbers) == 1 or kind < 0.3:
                 (folder / f"{name}.csv").write_text(own_ways(draw, places))
                 motions += f'\n[motions.{name}]\nrecorded = "{name}.csv"\n'
             elif kind < 0.65:

@@ -17,7 +17,7 @@ use selvedge_lab::cause;
 use selvedge_lab::fitting;
 use selvedge_lab::machine::Machine;
 use selvedge_lab::models::NamedModel;
-use selvedge_lab::{assets, domain, physics, rest_pose, start};
+use selvedge_lab::{assets, domain, physics, rest_pose};
 use selvedge_live::{Catalogue, LiveError, MeshOrder, Order, ReadyCloth, Workshop};
 use selvedge_model::Model;
 use selvedge_sim::{FitProgress, SagError};
