@@ -7,7 +7,9 @@ use glam::{DVec2, DVec3, Vec3};
 use numpy::ndarray::{ArrayView, Dimension, ShapeBuilder};
 use numpy::{AllowTypeChange, Element, IntoPyArray, PyArray, PyArray1, PyArray2, PyArray3};
 use numpy::{PyArrayLikeDyn, PyArrayMethods, PyUntypedArrayMethods};
+use pyo3::PyClass;
 use pyo3::prelude::*;
+use pyo3::pyclass::boolean_struct::True;
 use selvedge_cloth::{HandlePath, Handles, Topology};
 
 use crate::errors::wrong;
@@ -15,25 +17,27 @@ use crate::errors::wrong;
 /// Numbers that Python gave: an array, or what NumPy makes one of.
 pub(crate) type Numbers<'py> = PyArrayLikeDyn<'py, f64, AllowTypeChange>;
 
-/// An array of a shape that cannot be written, over the memory of `values`, which `owner` holds.
-///
-/// `owner` must be frozen and must never change or move these values while it lives.
+/// An array of a shape that cannot be written, over the memory of the `values` of `owner`.
 ///
 /// # Errors
 /// Another number of values than the shape has.
 #[allow(
     unsafe_code,
-    reason = "NumPy is given an address; the owner of the memory becomes the base of the array, and no owner here changes its values"
+    reason = "NumPy is given an address; the owner of the memory becomes the base of the array"
 )]
-pub(crate) fn shared<'py, T: Element, D: Dimension>(
-    owner: &Bound<'py, PyAny>,
-    values: &[T],
+pub(crate) fn shared<'py, O, T: Element, D: Dimension>(
+    owner: &Bound<'py, O>,
+    values: impl FnOnce(&O) -> &[T],
     shape: impl ShapeBuilder<Dim = D>,
-) -> PyResult<Bound<'py, PyArray<T, D>>> {
+) -> PyResult<Bound<'py, PyArray<T, D>>>
+where
+    O: PyClass<Frozen = True> + Sync,
+{
+    let values = values(owner.get());
     let view = ArrayView::from_shape(shape, values).map_err(|error| wrong(error.to_string()))?;
-    // SAFETY: `owner` is a frozen object whose values stay where they are until it is dropped, and
-    // the array keeps it alive.
-    let array = unsafe { PyArray::borrow_from_array(&view, owner.clone()) };
+    // SAFETY: the values are borrowed from `owner` alone for as long as anyone likes. It is frozen, so
+    // that nobody has it mutably, and the array keeps it alive.
+    let array = unsafe { PyArray::borrow_from_array(&view, owner.as_any().clone()) };
     lock(&array)?;
     Ok(array)
 }

@@ -96,18 +96,25 @@ impl Model {
         let model = &slf.get().model;
         let state = PyDict::new(slf.py());
         for parameter in model.network().parameters() {
-            let values = &model.weights()[parameter.range.clone()];
-            let array = arrays::shared(slf.as_any(), values, parameter.shape.clone())?;
+            let (range, shape) = (parameter.range.clone(), parameter.shape.clone());
+            let array = arrays::shared(slf, |own| &own.model.weights()[range], shape)?;
             state.set_item(&parameter.name, array)?;
         }
-        let normalizers = model.normalizers();
-        for (name, of) in [
-            ("nodes", &normalizers.nodes),
-            ("edges", &normalizers.edges),
-            ("acceleration", &normalizers.acceleration),
-        ] {
-            for (kind, values) in [("mean", of.mean()), ("deviation", of.deviation())] {
-                let array = arrays::shared(slf.as_any(), values, values.len())?;
+        type Of = fn(&Normalizers) -> &Normalizer;
+        type Part = fn(&Normalizer) -> &[f64];
+        let all: [(&str, Of); 3] = [
+            ("nodes", |all| &all.nodes),
+            ("edges", |all| &all.edges),
+            ("acceleration", |all| &all.acceleration),
+        ];
+        for (name, of) in all {
+            let parts: [(&str, Part); 2] = [
+                ("mean", Normalizer::mean),
+                ("deviation", Normalizer::deviation),
+            ];
+            for (kind, part) in parts {
+                let count = part(of(model.normalizers())).len();
+                let array = arrays::shared(slf, |own| part(of(own.model.normalizers())), count)?;
                 state.set_item(format!("normalizer.{name}.{kind}"), array)?;
             }
         }

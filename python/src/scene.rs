@@ -108,9 +108,8 @@ impl Mesh {
     /// Start positions [m], (n, 3), float64; shared, not copied.
     #[getter]
     fn positions<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let positions = slf.get().mesh.positions();
-        let shape = (positions.len(), 3);
-        arrays::shared(slf.as_any(), arrays::flat_f64(positions), shape)
+        let shape = (slf.get().mesh.positions().len(), 3);
+        arrays::shared(slf, |own| arrays::flat_f64(own.mesh.positions()), shape)
     }
 
     /// Lists of vertices by their names.
@@ -366,9 +365,12 @@ impl Scene {
     /// Start positions [m], (n, 3), float64; shared, not copied.
     #[getter]
     fn positions<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let positions = slf.get().loaded.scene.mesh.positions();
-        let shape = (positions.len(), 3);
-        arrays::shared(slf.as_any(), arrays::flat_f64(positions), shape)
+        let shape = (slf.get().loaded.scene.mesh.positions().len(), 3);
+        arrays::shared(
+            slf,
+            |own| arrays::flat_f64(own.loaded.scene.mesh.positions()),
+            shape,
+        )
     }
 
     /// Numbers of the held vertices, (handles,), uint32, in the order of the targets.

@@ -5,9 +5,10 @@
 //! costs nothing, and writing to it cannot reach the state, which belongs to the stepper alone.
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, TryLockError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::time::{Duration, Instant};
 
+use glam::DVec3;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
@@ -67,8 +68,21 @@ struct Core {
 
 /// The motion of the handles that a stepper follows by itself.
 struct Course {
-    path: HandlePath,
+    path: Mutex<HandlePath>,
     samples: usize,
+}
+
+impl Course {
+    fn path(&self) -> MutexGuard<'_, HandlePath> {
+        self.path.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Targets for the next step of `mover`.
+    fn targets(&self, mover: &dyn MovesCloth) -> PyResult<HandleTargets> {
+        let (mut path, frame) = (self.path(), mover.frame());
+        path.follow(frame, &mover.handle_places());
+        path.targets(frame, self.samples).map_err(told)
+    }
 }
 
 /// A cloth that moves one frame at a time, given targets for its handles. Make one of its kinds:
@@ -206,9 +220,7 @@ impl Stepper {
             Some(numbers) => self.targets_of(numbers)?,
             None => {
                 let course = self.course()?;
-                let frame = self.free()?.kind.mover().frame();
-                let targets = course.path.targets(frame, course.samples);
-                targets.map_err(told)?
+                course.targets(self.free()?.kind.mover())?
             }
         };
         let targets = match released {
@@ -237,8 +249,9 @@ impl Stepper {
         let stop = Stop::with_flag(Arc::clone(&self.stop));
         let mut teller = Teller::new(progress, &stop);
         teller.begin("moving", Some(frames as u64));
+        let path = course.path();
         let drive = Drive {
-            path: &course.path,
+            path: &path,
             samples_per_frame: course.samples,
         };
         let made = beside(py, &stop, || {
@@ -262,9 +275,17 @@ impl Stepper {
     /// them.
     fn next_targets<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let course = self.course()?;
-        let frame = self.free()?.kind.mover().frame();
-        let steps = (frame, course.samples);
-        arrays::targets(py, &course.path, steps, self.frame_rate)
+        let targets = course.targets(self.free()?.kind.mover())?;
+        let samples = 1..=course.samples;
+        let fractions = samples.map(|k| k as f64 / course.samples as f64);
+        let handles = 0..targets.handle_count();
+        let places = fractions.flat_map(|fraction| {
+            let at = |handle| targets.at(handle, fraction, DVec3::ZERO);
+            handles.clone().map(at).collect::<Vec<DVec3>>()
+        });
+        let places: Vec<DVec3> = places.collect();
+        let numbers = arrays::flat_f64(&places).to_vec().into_pyarray(py);
+        numbers.reshape([course.samples, targets.handle_count(), 3])
     }
 
     /// Frames stepped since the start.
@@ -302,6 +323,7 @@ impl Stepper {
 
 fn course_of(scene: &selvedge_cloth::Scene, samples: usize) -> PyResult<Option<Course>> {
     let path = scene.handle_path().map_err(told)?;
+    let path = Mutex::new(path);
     Ok(Some(Course { path, samples }))
 }
 

@@ -143,21 +143,26 @@ impl Trajectory {
     fn positions<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray3<f32>>> {
         let inner = &slf.get().inner;
         let shape = (inner.frame_count(), inner.vertex_count(), 3);
-        arrays::shared(slf.as_any(), arrays::flat(inner.positions()), shape)
+        arrays::shared(slf, |own| arrays::flat(own.inner.positions()), shape)
     }
 
     /// Positions of the cloth at rest [m], (n, 3), float32; shared, not copied.
     #[getter]
     fn rest_positions<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        let rest = slf.get().inner.cloth().rest_positions();
-        arrays::shared(slf.as_any(), arrays::flat(rest), (rest.len(), 3))
+        let count = slf.get().inner.vertex_count();
+        let shape = (count, 3);
+        arrays::shared(
+            slf,
+            |own| arrays::flat(own.inner.cloth().rest_positions()),
+            shape,
+        )
     }
 
     /// Mass of each vertex [kg], (n,), float32; shared, not copied.
     #[getter]
     fn masses<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray1<f32>>> {
-        let masses = slf.get().inner.cloth().vertex_mass();
-        arrays::shared(slf.as_any(), masses, masses.len())
+        let count = slf.get().inner.vertex_count();
+        arrays::shared(slf, |own| own.inner.cloth().vertex_mass(), count)
     }
 
     /// Edges, (e, 2), uint32.

@@ -187,8 +187,10 @@ impl MovingCloth {
     }
 
     /// Targets of the scene's motion for the next step.
-    pub(crate) fn targets(&self, samples: usize) -> Result<HandleTargets, Fault> {
-        let targets = self.path.targets(self.stepper().frame(), samples);
+    pub(crate) fn targets(&mut self, samples: usize) -> Result<HandleTargets, Fault> {
+        let (frame, places) = (self.stepper().frame(), self.stepper().handle_places());
+        self.path.follow(frame, &places);
+        let targets = self.path.targets(frame, samples);
         targets.map_err(Fault::targets)
     }
 

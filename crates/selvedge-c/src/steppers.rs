@@ -121,7 +121,8 @@ pub extern "C" fn selvedge_step_along(stepper: SelvedgeStepper) -> SelvedgeStatu
     call(|| {
         let kept = STEPPERS.get(stepper)?;
         let mut cloth = lock(&kept.cloth)?;
-        let targets = cloth.targets(cloth.samples())?;
+        let samples = cloth.samples();
+        let targets = cloth.targets(samples)?;
         cloth.step(&targets)
     })
 }
@@ -143,7 +144,7 @@ pub unsafe extern "C" fn selvedge_motion_targets(
 ) -> SelvedgeStatus {
     call(|| {
         let kept = STEPPERS.get(stepper)?;
-        let cloth = lock(&kept.cloth)?;
+        let mut cloth = lock(&kept.cloth)?;
         check_handles(&cloth, handles)?;
         let count = numbers_of(samples, handles)?;
         let given = cloth.targets(samples)?;

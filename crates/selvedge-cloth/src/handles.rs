@@ -185,6 +185,16 @@ impl HandleTargets {
         !self.released.get(handle).copied().unwrap_or(false)
     }
 
+    /// The vertices of `handles` that hold during this frame, with their targets at its end `[m]`.
+    pub fn held<'a>(
+        &'a self,
+        handles: &'a Handles,
+    ) -> impl Iterator<Item = (VertexId, DVec3)> + 'a {
+        let all = handles.vertices().iter().zip(self.end()).enumerate();
+        let held = all.filter(|(handle, _)| self.holds(*handle));
+        held.map(|(_, (vertex, target))| (*vertex, *target))
+    }
+
     /// Checks that every handle holds, for a stepper that cannot let go.
     ///
     /// # Errors

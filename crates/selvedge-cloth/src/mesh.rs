@@ -271,11 +271,19 @@ impl Mesh {
     /// The same mesh with these names of its faces' fabrics.
     ///
     /// # Errors
-    /// Where not every face has an entry.
+    /// Where not every face has an entry, or one has the number of a name that there is not.
     pub fn with_fabrics(self, fabrics: FaceFabrics) -> Result<Self, MeshError> {
         let (expected, found) = (self.topology.faces().len(), fabrics.of_face.len());
         if found != 0 {
             check_count("the list of faces' fabrics", expected, found)?;
+        }
+        let names = fabrics.names.len();
+        for (face, number) in fabrics.of_face.iter().enumerate() {
+            if let Some(number) = number.filter(|number| *number as usize >= names) {
+                return Err(MeshError::Unusable(format!(
+                    "face {face} has fabric {number} of {names} (from 0): name it, or give the face none"
+                )));
+            }
         }
         Ok(Self { fabrics, ..self })
     }

@@ -37,8 +37,10 @@ pub struct PhysicsSettings {
 /// 30 m/s.
 const DEFAULT_MAX_STRAIN: f64 = 1.5;
 
-/// Substeps to which frames beyond the largest strain are divided.
+/// Substeps to which frames are divided that need more than the scene asks for; and the part of a
+/// substep to which they are at least, where it asks for many.
 const MOST_SUBSTEPS: u32 = 64;
+const MOST_PARTS: u32 = 8;
 
 /// Files made before there was a bound do not name it.
 #[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks for it")]
@@ -149,8 +151,8 @@ impl GeneralisedAlpha {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LinearSolver {
-    /// Conjugate gradients with a tolerance that suits the scene: 1e-5 m/s, with contact 1e-6 m/s,
-    /// and 1e-7 m/s in first order.
+    /// Conjugate gradients with a tolerance that suits the scene: 1e-7 m/s, in second order with
+    /// contact 3e-7 m/s.
     #[default]
     Automatic,
     /// A complete factorisation: exact up to rounding.
@@ -266,7 +268,7 @@ impl PhysicsSettings {
     /// Largest number of substeps of a frame.
     #[must_use]
     pub fn most_substeps(&self) -> u32 {
-        self.substeps.max(MOST_SUBSTEPS)
+        MOST_SUBSTEPS.max(MOST_PARTS * self.substeps)
     }
 
     /// Checks the numbers of substeps and iterations, tolerances and bounds.

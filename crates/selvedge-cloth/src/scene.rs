@@ -96,7 +96,16 @@ impl Scene {
 
     fn validate_contact(&self) -> Result<(), SceneError> {
         match &self.contact {
-            Some(contact) => contact.validate(),
+            Some(contact) => {
+                contact.validate()?;
+                self.obstacles.iter().try_for_each(|obstacle| {
+                    let thickness = obstacle.thickness().unwrap_or(contact.thickness);
+                    let holds = thickness >= 10.0 * contact.floor;
+                    let expected = format!("at least ten times contact.floor, {}", contact.floor);
+                    let field = format!("obstacle {:?}: thickness", obstacle.name());
+                    require(holds, field, &expected, thickness)
+                })
+            }
             None if self.obstacles.is_empty() => Ok(()),
             None => Err(SceneError(
                 "the scene has obstacles but no contact: write `contact = {}`, or remove them"

@@ -5,7 +5,7 @@
 //! evaluator, the viewer and the exporters consume it and never ask which one it is.
 //! [`crate::conformance`] checks an implementation.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use thiserror::Error;
 
 use crate::{HandleError, HandleTargets, Handles, Stop, Topology, VertexId};
@@ -27,7 +27,14 @@ pub trait Stepper {
     /// Frames stepped since the start.
     fn frame(&self) -> usize;
 
-    /// Moves the cloth by one frame, its handles to `targets`.
+    /// Places of the handles now `[m]`, `[handles]`, as exactly as they are known.
+    fn handle_places(&self) -> Vec<DVec3> {
+        let places = self.handles().of(self.positions());
+        places.map(|p| p.as_dvec3()).collect()
+    }
+
+    /// Moves the cloth by one frame, its handles to `targets`: places, also of a handle that takes hold
+    /// again ([`crate::HandlePath::follow`] gives those of a path).
     ///
     /// # Errors
     /// [`StepError`], which names the frame that could not be reached. The cloth is left as it was
@@ -83,6 +90,10 @@ impl<S: Stepper + ?Sized> Stepper for Box<S> {
 
     fn frame(&self) -> usize {
         (**self).frame()
+    }
+
+    fn handle_places(&self) -> Vec<DVec3> {
+        (**self).handle_places()
     }
 
     fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
@@ -286,6 +297,10 @@ macro_rules! delegate_stepper {
 
         fn frame(&self) -> usize {
             self.$inner.frame()
+        }
+
+        fn handle_places(&self) -> ::std::vec::Vec<::glam::DVec3> {
+            self.$inner.handle_places()
         }
 
         fn stop_by(&mut self, stop: $crate::Stop) {

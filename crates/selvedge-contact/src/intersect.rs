@@ -77,8 +77,37 @@ pub fn triangles_meet(points: &[DVec3], first: [u32; 3], second: [u32; 3]) -> bo
     }
 }
 
+/// Returns true if the direction between the middles of two sets of `corners` has all of the one beyond
+/// all of the other, and where they have a corner in common beyond `common` too, by more than rounding:
+/// the signs of flat neighbours are sums of many terms.
+fn are_beyond(first: &[DVec3], second: &[DVec3], common: Option<DVec3>) -> bool {
+    let origin = common.unwrap_or(first[0]);
+    let middle = |of: &[DVec3]| of.iter().map(|p| *p - origin).sum::<DVec3>() / of.len() as f64;
+    let direction = middle(first) - middle(second);
+    let along = |of: &[DVec3]| {
+        let all = of.iter().map(|p| direction.dot(*p - origin));
+        all.fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], at| {
+            [least.min(at), most.max(at)]
+        })
+    };
+    let ([least, _], [_, most]) = (along(first), along(second));
+    let size = |of: &[DVec3]| {
+        of.iter()
+            .map(|p| (*p - origin).length())
+            .fold(0.0, f64::max)
+    };
+    let rounding = 1e-12 * direction.length() * size(first).max(size(second));
+    match common {
+        None => least - most > rounding,
+        Some(_) => least > rounding && most < -rounding,
+    }
+}
+
 /// Triangles without a common corner. Most pairs are told apart by the plane of one of them.
 fn meet_apart(a: [DVec3; 3], b: [DVec3; 3]) -> bool {
+    if are_beyond(&a, &b, None) {
+        return false;
+    }
     let of_a = a.map(|p| sign(b[0], b[1], b[2], p));
     if are_on_one_side(&of_a) {
         return false;
@@ -98,6 +127,10 @@ fn meet_apart(a: [DVec3; 3], b: [DVec3; 3]) -> bool {
 
 /// Triangles whose corners `a[k]` and `b[l]` are one.
 fn meet_beside_corner(a: [DVec3; 3], k: usize, b: [DVec3; 3], l: usize) -> bool {
+    let others = |of: [DVec3; 3], corner: usize| [of[(corner + 1) % 3], of[(corner + 2) % 3]];
+    if are_beyond(&others(a, k), &others(b, l), Some(a[k])) {
+        return false;
+    }
     let opposite = |of: [DVec3; 3], corner: usize, other: [DVec3; 3]| {
         let side = [of[(corner + 1) % 3], of[(corner + 2) % 3]];
         let signs = side.map(|p| sign(other[0], other[1], other[2], p));

@@ -200,6 +200,11 @@ impl Rollout {
             yaw
         });
         let yaws: Vec<Yaw> = yaws.collect();
+        for (number, Cloth { graph, window, .. }) in self.cloths.iter().enumerate() {
+            if let Some(vertex) = window.first_non_finite(spec, graph.connectivity()) {
+                return Err(of_cloth(number)(NonFinite { vertex }));
+            }
+        }
         let windows = self.cloths.iter().map(|cloth| &cloth.window);
         let input = side_by_side(spec, &windows.collect::<Vec<_>>());
         let mut rows = self.passes.forward(0, &input, &[])?;

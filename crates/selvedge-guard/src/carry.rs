@@ -1,18 +1,21 @@
 //! Rigid motion of the last good frame with its handles, used without physics:
 //! p = c + R (p₋ - c₋), with c₋ and c the centroids of the handles before and after, and R the turn
-//! about the vertical that fits them best `[eq:guard-carry]`. Handles end at their targets exactly.
+//! about the vertical that fits them best `[eq:guard-carry]`. Handles end at their targets exactly;
+//! those that are let go are like any other vertex.
 
 use glam::{DQuat, DVec3, Vec3};
-use selvedge_cloth::Handles;
+use selvedge_cloth::{HandleTargets, Handles};
 
-/// Carries the frame `from` `[m]`, `[vertices]`, with its handles to `targets` `[m]`, `[handles]`,
-/// and puts the result into `to`.
-pub(crate) fn carry(handles: &Handles, from: &[Vec3], targets: &[DVec3], to: &mut Vec<Vec3>) {
-    let count = handles.len().max(1) as f64;
-    let before: Vec<DVec3> = handles.of(from).map(|p| p.as_dvec3()).collect();
-    let [old, new] = [&before, targets].map(|held: &[DVec3]| held.iter().sum::<DVec3>() / count);
+/// Carries the frame `from` `[m]`, `[vertices]`, with its handles to `targets`, and puts the result
+/// into `to`.
+pub(crate) fn carry(handles: &Handles, from: &[Vec3], targets: &HandleTargets, to: &mut Vec<Vec3>) {
+    let held = targets.held(handles);
+    let pairs = held.map(|(vertex, target)| (from[vertex.index()].as_dvec3(), target));
+    let (before, after): (Vec<DVec3>, Vec<DVec3>) = pairs.unzip();
+    let count = before.len().max(1) as f64;
+    let [old, new] = [&before, &after].map(|held| held.iter().sum::<DVec3>() / count);
     let (mut cosine, mut sine) = (0.0, 0.0);
-    for (held, target) in before.iter().zip(targets) {
+    for (held, target) in before.iter().zip(&after) {
         let (d, e) = (*held - old, *target - new);
         cosine += d.x * e.x + d.z * e.z;
         sine += d.z * e.x - d.x * e.z;
@@ -23,7 +26,7 @@ pub(crate) fn carry(handles: &Handles, from: &[Vec3], targets: &[DVec3], to: &mu
         from.iter()
             .map(|p| (new + turn * (p.as_dvec3() - old)).as_vec3()),
     );
-    for (vertex, target) in handles.vertices().iter().zip(targets) {
+    for (vertex, target) in targets.held(handles) {
         to[vertex.index()] = target.as_vec3();
     }
 }
@@ -47,7 +50,8 @@ mod tests {
             let motion = |p: Vec3| {
                 DQuat::from_rotation_y(angle) * p.as_dvec3() + DVec3::new(0.5, -2.0, 0.25)
             };
-            let targets: Vec<DVec3> = handles.of(&FRAME).map(motion).collect();
+            let targets = handles.of(&FRAME).map(motion).collect();
+            let targets = HandleTargets::at_frame_end(targets).unwrap();
             carry(&handles, &FRAME, &targets, &mut carried);
             for (found, from) in carried.iter().zip(FRAME) {
                 // Positions of a few metres in f32.
@@ -60,11 +64,17 @@ mod tests {
     fn one_handle_moves_all_and_none_moves_nothing() {
         let mut carried = Vec::new();
         let one = Handles::new(&[2], 4).unwrap();
-        carry(&one, &FRAME, &[DVec3::new(1.3, 0.0, 0.4)], &mut carried);
+        let target = HandleTargets::at_frame_end(vec![DVec3::new(1.3, 0.0, 0.4)]).unwrap();
+        carry(&one, &FRAME, &target, &mut carried);
         for (found, from) in carried.iter().zip(FRAME) {
             assert!(found.distance(from + Vec3::X) < 1e-6);
         }
-        carry(&Handles::new(&[], 4).unwrap(), &FRAME, &[], &mut carried);
+        let none = HandleTargets::at_frame_end(Vec::new()).unwrap();
+        carry(&Handles::new(&[], 4).unwrap(), &FRAME, &none, &mut carried);
+        assert_eq!(carried, FRAME);
+        // One that is let go leads nothing.
+        let free = target.releasing(vec![true]).unwrap();
+        carry(&one, &FRAME, &free, &mut carried);
         assert_eq!(carried, FRAME);
     }
 }

@@ -145,17 +145,14 @@ impl<S: Correctable> Guard<S> {
         let edges = inner.topology().edges().iter();
         let ends: Vec<[u32; 2]> = edges.map(|edge| edge.vertices.map(|v| v.0)).collect();
         let is_handle = inner.handles().mask(cloth.vertex_count());
-        let limited = ends.iter().zip(&lengths).filter_map(|(&ends, &length)| {
-            let shares = shares(ends.map(|v| match is_handle[v as usize] {
-                true => 0.0,
-                false => 1.0 / cloth.vertex_mass()[v as usize],
-            }))?;
+        let limited = ends.iter().zip(&lengths).map(|(&ends, &length)| {
+            let inverse = ends.map(|v| 1.0 / cloth.vertex_mass()[v as usize]);
             let [a, b] = ends.map(|v| cloth.rest_positions()[v as usize].as_dvec3());
-            Some(limited_edge(ends, shares, length, a.distance(b)))
+            limited_edge(ends, inverse, length, a.distance(b))
         });
         let start = inner.positions().to_vec();
         let mut guard = Self {
-            limiter: EdgeLimiter::new(limited.collect()),
+            limiter: EdgeLimiter::new(limited.collect(), is_handle),
             gauge: Gauge::new(ends, lengths, cloth.vertex_mass(), frame_rate),
             last: [start.clone(), start.clone()],
             next: start,
@@ -265,12 +262,12 @@ impl<S: Correctable> Guard<S> {
         if !self.is_held_apart || is_physics(self) {
             return Ok(());
         }
-        let word = match self.lead() {
+        let word = match self.lead(targets) {
             Ok(word) => word,
             Err(_) => {
                 self.replace(targets);
                 if !is_physics(self) {
-                    self.lead()?;
+                    self.lead(targets)?;
                 }
                 ContactWord::Lost
             }
@@ -283,12 +280,12 @@ impl<S: Correctable> Guard<S> {
     }
 
     /// Leads the next frame from the last one, pushing apart what would meet.
-    fn lead(&mut self) -> Result<ContactWord, StepError> {
+    fn lead(&mut self, targets: &HandleTargets) -> Result<ContactWord, StepError> {
         let frame = self.trust.frame.saturating_sub(1);
         let Some(Ok(Physics { simulator, .. })) = &mut self.physics else {
             return Ok(ContactWord::Free);
         };
-        match simulator.lead(frame, &self.last[1], &mut self.next)? {
+        match simulator.lead(frame, &self.last[1], &mut self.next, targets)? {
             Led::Free => Ok(ContactWord::Free),
             Led::Pushed => Ok(ContactWord::Pushed),
         }
@@ -323,7 +320,7 @@ impl<S: Correctable> Guard<S> {
         let replaced_by = if is_physics {
             Replacement::Physics
         } else {
-            carry(self.inner.handles(), &last[1], targets.end(), &mut next);
+            carry(self.inner.handles(), &last[1], targets, &mut next);
             Replacement::Carry
         };
         self.trust.verdict = Verdict::Lost { replaced_by };
@@ -333,7 +330,7 @@ impl<S: Correctable> Guard<S> {
             return;
         }
         // The handles of a physics with springs end beside their targets.
-        for (vertex, target) in self.inner.handles().vertices().iter().zip(targets.end()) {
+        for (vertex, target) in targets.held(self.inner.handles()) {
             next[vertex.index()] = target.as_vec3();
         }
         self.limiter.apply(&mut next, SWEEPS);
@@ -389,6 +386,9 @@ impl<S: Correctable> Stepper for Guard<S> {
         check_target_count(self, targets)?;
         check_within_f32(self, targets)?;
         let before = self.trust;
+        let handles = self.inner.handles().vertices().iter().enumerate();
+        let held = handles.map(|(handle, v)| (v.index(), targets.holds(handle)));
+        self.limiter.hold(held);
         let stepped = match self.inner.step(targets) {
             Ok(()) => self.judge(targets).inspect_err(|_| self.inner.undo_step()),
             Err(error) if self.correction == Correction::None || is_callers(&error) => Err(error),
@@ -444,21 +444,15 @@ fn moved(a: &[Vec3], b: &[Vec3]) -> Moved {
     }
 }
 
-/// Shares of the ends in a move, by their inverse masses `[1/kg]`; none if neither end can move.
-fn shares(inverse: [f32; 2]) -> Option<[f32; 2]> {
-    let both: f32 = inverse.iter().sum();
-    (both > 0.0).then(|| inverse.map(|weight| weight / both))
-}
-
 /// The bounds of an edge of `length` in the material and `rest` in the rest pose `[m]`.
-fn limited_edge(ends: [u32; 2], shares: [f32; 2], length: f64, rest: f64) -> LimitedEdge {
+fn limited_edge(ends: [u32; 2], inverse: [f32; 2], length: f64, rest: f64) -> LimitedEdge {
     let least = (LEAST_STRETCH * length).min((1.0 - REST_MARGIN) * rest);
     let most = (MOST_STRETCH * length).max((1.0 + REST_MARGIN) * rest);
     LimitedEdge {
         ends,
         least: least as f32,
         most: most as f32,
-        shares,
+        inverse,
     }
 }
 

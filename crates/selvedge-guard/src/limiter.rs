@@ -18,9 +18,11 @@ const BOTH: u32 = 20;
 /// Bounds of all edges of a cloth.
 pub(crate) struct EdgeLimiter {
     edges: Vec<LimitedEdge>,
+    /// True for each vertex that a handle holds, `[vertices]`.
+    held: Vec<bool>,
 }
 
-/// An edge that has a free end.
+/// An edge and its bounds.
 pub(crate) struct LimitedEdge {
     /// Vertices of the edge.
     pub(crate) ends: [u32; 2],
@@ -28,18 +30,36 @@ pub(crate) struct LimitedEdge {
     pub(crate) least: f32,
     /// Longest length allowed `[m]`.
     pub(crate) most: f32,
-    /// Share of a move that each end takes, by 1/m: 0 for a handle, 1 in all.
-    pub(crate) shares: [f32; 2],
+    /// Inverse masses of the ends `[1/kg]`.
+    pub(crate) inverse: [f32; 2],
 }
 
 impl EdgeLimiter {
-    pub(crate) fn new(edges: Vec<LimitedEdge>) -> Self {
-        Self { edges }
+    /// Bounds of these edges of a cloth whose handles are `held`, `[vertices]`.
+    pub(crate) fn new(edges: Vec<LimitedEdge>, held: Vec<bool>) -> Self {
+        Self { edges, held }
+    }
+
+    /// Lets the handles at `vertices` go, or has them hold.
+    pub(crate) fn hold(&mut self, vertices: impl Iterator<Item = (usize, bool)>) {
+        for (vertex, holds) in vertices {
+            self.held[vertex] = holds;
+        }
+    }
+
+    /// The edges that have a free end, with the share of each end in a move, by 1/m.
+    fn free(&self) -> impl DoubleEndedIterator<Item = (&LimitedEdge, [f32; 2])> {
+        self.edges.iter().filter_map(|edge| {
+            let ends = [0, 1].map(|k| (edge.ends[k] as usize, edge.inverse[k]));
+            let inverse = ends.map(|(v, inverse)| if self.held[v] { 0.0 } else { inverse });
+            let both: f32 = inverse.iter().sum();
+            (both > 0.0).then(|| (edge, inverse.map(|weight| weight / both)))
+        })
     }
 
     /// Returns true if all edges are within their bounds, false if a position is not finite.
     pub(crate) fn holds(&self, positions: &[Vec3]) -> bool {
-        self.edges.iter().all(|edge| {
+        self.free().all(|(edge, _)| {
             let length = edge.vector(positions).length();
             (edge.least..=edge.most).contains(&length)
         })
@@ -51,13 +71,13 @@ impl EdgeLimiter {
         for sweep in 0..sweeps {
             let is_short = sweep < BOTH;
             let mut changed = false;
-            let mut visit = |edge: &LimitedEdge| {
+            let mut visit = |(edge, shares): (&LimitedEdge, [f32; 2])| {
                 let least = if is_short { edge.least } else { 0.0 };
-                changed |= edge.limit(least, positions);
+                changed |= edge.limit(least, shares, positions);
             };
             match sweep % 2 {
-                0 => self.edges.iter().for_each(&mut visit),
-                _ => self.edges.iter().rev().for_each(&mut visit),
+                0 => self.free().for_each(&mut visit),
+                _ => self.free().rev().for_each(&mut visit),
             }
             if !changed {
                 break;
@@ -68,8 +88,8 @@ impl EdgeLimiter {
 
     /// Returns true if no edge is too long by more than [`SLACK`].
     fn within(&self, positions: &[Vec3]) -> bool {
-        let mut edges = self.edges.iter();
-        edges.all(|edge| edge.vector(positions).length() <= edge.most * (1.0 + SLACK))
+        let mut edges = self.free();
+        edges.all(|(edge, _)| edge.vector(positions).length() <= edge.most * (1.0 + SLACK))
     }
 }
 
@@ -80,7 +100,7 @@ impl LimitedEdge {
 
     /// Brings the edge back between `least` `[m]` and its longest length, if it is beyond them by
     /// more than half the slack; less is not worth a sweep. Returns true if it was.
-    fn limit(&self, least: f32, positions: &mut [Vec3]) -> bool {
+    fn limit(&self, least: f32, shares: [f32; 2], positions: &mut [Vec3]) -> bool {
         let most = self.most;
         let apart = self.vector(positions);
         let length = apart.length();
@@ -89,8 +109,8 @@ impl LimitedEdge {
             return false;
         }
         let change = (length.clamp(least, most) / length - 1.0) * apart;
-        positions[self.ends[0] as usize] += self.shares[0] * change;
-        positions[self.ends[1] as usize] -= self.shares[1] * change;
+        positions[self.ends[0] as usize] += shares[0] * change;
+        positions[self.ends[1] as usize] -= shares[1] * change;
         true
     }
 }
@@ -112,26 +132,19 @@ mod tests {
             .map(|v| *v as usize)
             .collect();
         let flat: Vec<Vec3> = made.mesh.positions().iter().map(|p| p.as_vec3()).collect();
-        let weight = |v: u32| {
-            if handles.contains(&(v as usize)) {
-                0.0
-            } else {
-                1.0
-            }
-        };
-        let edges = made.mesh.topology().edges().iter().filter_map(|edge| {
+        let edges = made.mesh.topology().edges().iter().map(|edge| {
             let ends = edge.vertices.map(|v| v.0);
-            let weights = ends.map(weight);
-            let both: f32 = weights.iter().sum();
             let length = flat[ends[0] as usize].distance(flat[ends[1] as usize]);
-            (both > 0.0).then(|| LimitedEdge {
+            LimitedEdge {
                 ends,
                 least: 0.85 * length,
                 most: 1.2 * length,
-                shares: weights.map(|weight| weight / both),
-            })
+                inverse: [1.0; 2],
+            }
         });
-        (EdgeLimiter::new(edges.collect()), handles, flat)
+        let held = (0..flat.len()).map(|v| handles.contains(&v));
+        let limiter = EdgeLimiter::new(edges.collect(), held.collect());
+        (limiter, handles, flat)
     }
 
     fn shaken(flat: &[Vec3], handles: &[usize], size: f32) -> Vec<Vec3> {
@@ -186,9 +199,9 @@ mod tests {
             ends: [0, 1],
             least: 0.8,
             most: 1.2,
-            shares: [0.25, 0.75],
+            inverse: [1.0, 3.0],
         };
-        let limiter = EdgeLimiter::new(vec![edge]);
+        let limiter = EdgeLimiter::new(vec![edge], vec![false; 2]);
         for (apart, ends) in [(2.0, [0.2, 1.4]), (0.4, [-0.1, 0.7]), (1.1, [0.0, 1.1])] {
             let mut positions = [Vec3::ZERO, Vec3::X * apart];
             assert!(limiter.apply(&mut positions, 3));

@@ -45,8 +45,10 @@ impl Expert for PhysicsExpert {
             let simulator = Simulator::with_state(scene, positions, velocities).ok()?;
             let mut simulator = simulator.taken_up_at(state.frame).ok()?;
             simulator.set_threads(Threads::One);
+            let mut path = path.clone();
             let mut reached = Vec::with_capacity(frames);
             for frame in state.frame..state.frame + frames {
+                path.follow(frame, &simulator.handle_places());
                 let targets = path.targets(frame, scene.physics.substeps as usize).ok()?;
                 simulator.step(&targets).ok()?;
                 reached.push(simulator.positions_f64().to_vec());

@@ -9,7 +9,7 @@ use web_time::Instant;
 
 use anyhow::{Context, Result, bail, ensure};
 use glam::{DVec3, Vec3};
-use selvedge_cloth::{Cloth, HandlePath, Scene, StepError, Stepper};
+use selvedge_cloth::{Cloth, HandlePath, Scene, StepError, Stepper, VertexId};
 use selvedge_data::metrics::{self, Comparison};
 use selvedge_data::{
     Drive, ObstacleTrack, Provenance, RecordingEnd, SavedState, SceneSpec, StateRun, Trajectory,
@@ -26,6 +26,9 @@ use crate::start::{saved_state, simulator_of_run};
 
 /// The program, as the files that it writes name it.
 pub(crate) const MADE_BY: &str = concat!("selvedge ", env!("CARGO_PKG_VERSION"));
+
+/// Strain of an edge from which a run is warned of: half as much again as fabrics reach in fast motion.
+const WARNED_STRAIN: f64 = 0.5;
 
 /// A run and its cost.
 pub struct TimedRun {
@@ -113,6 +116,44 @@ pub fn let_through(scene: &Scene, yielded: &[YieldedContact]) -> Vec<LetThrough>
         })
     };
     pairs.into_iter().filter_map(of).collect()
+}
+
+/// What to say of a run whose edges strained by more than cloth is measured for, though not so much
+/// that a step failed; `positions` are those of its frames `[m]`, `[frames * vertices]`. Edges that
+/// handles hold at both ends, and edges that are no longer than at the start, are left out.
+fn strained(scene: &Scene, positions: &[Vec3]) -> Option<String> {
+    let mesh = &scene.mesh;
+    let held = scene.handles.mask(mesh.positions().len());
+    let lengths = mesh.pattern().edge_lengths();
+    let edges = mesh.topology().edges().iter().zip(&lengths);
+    let edges: Vec<([usize; 2], f64)> = edges
+        .map(|(edge, length)| (edge.vertices.map(VertexId::index), *length))
+        .filter(|(ends, _)| ends.iter().any(|v| !held[*v]))
+        .collect();
+    let length = |frame: &[Vec3], [a, b]: [usize; 2]| f64::from(frame[a].distance(frame[b]));
+    let mut frames = positions.chunks(held.len().max(1));
+    let start = frames.next()?;
+    let (mut most, mut worst, mut count) = (WARNED_STRAIN, None, 0);
+    for (frame, now) in (1..).zip(frames) {
+        let mut is_beyond = false;
+        for (ends, rest) in &edges {
+            let now = length(now, *ends);
+            let strain = now / rest - 1.0;
+            if strain > WARNED_STRAIN && now > length(start, *ends) {
+                is_beyond = true;
+                if strain > most {
+                    (most, worst) = (strain, Some((frame, *ends)));
+                }
+            }
+        }
+        count += usize::from(is_beyond);
+    }
+    let (frame, [a, b]) = worst?;
+    let (percent, bound) = (100.0 * most, scene.physics.max_strain);
+    Some(format!(
+        "in {count} frames edges are strained by more than {:.0} %, the edge from vertex {a} to {b} by {percent:.0} % in frame {frame} after the start: fabrics are not measured so far, and tear; use less wind, slower or nearer handles, or a lower physics.max_strain ({bound} now) to stop there",
+        100.0 * WARNED_STRAIN
+    ))
 }
 
 /// Finds the sagged rest pose of a scene.
@@ -219,7 +260,9 @@ pub fn run_plan(
     run.divided = stats.divided;
     run.contact = stats.contact;
     run.yielded = simulator.yielded().to_vec();
-    for words in let_through(scene, &run.yielded) {
+    let through = let_through(scene, &run.yielded);
+    let words = through.iter().map(ToString::to_string);
+    for words in words.chain(strained(scene, &run.positions)) {
         tracing::warn!("{}: {words}", scene.name);
     }
     Ok(Simulated {
@@ -356,6 +399,27 @@ mod tests {
     use selvedge_sim::ContactGauge;
 
     use super::*;
+
+    /// A light knit in a storm holds to the bound of a step, but no cloth is so long.
+    #[test]
+    fn a_run_that_strains_the_cloth_too_far_is_warned_of() {
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/scenes/elsewhere");
+        let run_in = |wind: f64| {
+            let loaded = selvedge_data::open_scene(&format!("{folder}/wind-8.toml")).unwrap();
+            let mut scene = loaded.scene;
+            scene.environment.wind = DVec3::X * wind;
+            let start = scene.mesh.positions().to_vec();
+            let go_on = &mut || ControlFlow::Continue(());
+            let run = run(&scene, start, 30, Threads::One, go_on).unwrap();
+            (strained(&scene, &run.positions), run.positions)
+        };
+        let (words, positions) = run_in(25.0);
+        assert!(!positions.is_empty());
+        let words = words.expect("a warning");
+        assert!(words.contains("strained by more than 50 %"), "{words}");
+        assert!(words.contains("physics.max_strain (1.5 now)"), "{words}");
+        assert_eq!(run_in(2.0).0, None);
+    }
 
     /// The edge by which the cloth is led drives it against the rims of the plates, which stand
     /// still: what is pushed away from the one must not be pushed into the other.

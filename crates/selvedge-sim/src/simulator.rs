@@ -8,7 +8,7 @@
 //! [`Stepper::positions`]: selvedge_cloth::Stepper::positions
 
 use glam::{DVec3, Vec3};
-use selvedge_cloth::{HandleError, HandleTargets, Scene, StepError, Stop, VertexId};
+use selvedge_cloth::{HandleError, HandleTargets, Scene, StepError, Stepper, Stop, VertexId};
 
 use crate::active_handles::ActiveHandles;
 use crate::contact::{Advance, Contact, ContactCounts, Span};
@@ -42,7 +42,7 @@ pub struct Simulator {
     rounded: Vec<Vec3>,
     frame: usize,
     divided: DividedFrames,
-    /// Places of the handles on their paths at the end of the last frame `[m]`, `[handles]`.
+    /// Targets of the handles at the end of the last frame `[m]`, `[handles]`.
     reached: Vec<DVec3>,
     /// The same one frame before, while that can be undone.
     reached_before: Vec<DVec3>,
@@ -150,15 +150,14 @@ impl Simulator {
         if !has_let_go.contains(&true) {
             return Ok(simulator);
         }
+        for (handle, place) in simulator.handle_places().into_iter().enumerate() {
+            if has_let_go[handle] {
+                simulator.reached[handle] = place;
+            }
+        }
         let released = scene.schedule.released(last, rate, scene.handles.len());
-        let holds: Vec<bool> = released.iter().map(|released| !released).collect();
-        let now = scene.handles.select(&simulator.state.positions);
-        let offset = |handle: usize| match holds[handle] && has_let_go[handle] {
-            true => now[handle] - simulator.reached[handle],
-            false => DVec3::ZERO,
-        };
-        let offsets = (0..holds.len()).map(offset).collect();
-        let mut active = ActiveHandles::new(scene, holds, offsets)
+        let holds = released.iter().map(|released| !released).collect();
+        let mut active = ActiveHandles::new(scene, holds)
             .map_err(|cause| SimulatorError::analysis(simulator.rounded.len(), &cause))?;
         if let Some((changes, seconds)) = simulator.active.system.last_changes() {
             active.system.put_changes(changes, seconds);
@@ -292,10 +291,16 @@ impl Simulator {
         if self.active.fits(targets) {
             return Ok(None);
         }
-        let mut active = self
-            .active
-            .changed(&self.scene, targets, &self.state, &self.reached)
-            .map_err(|error| error.at(self.frame + 1))?;
+        let places = self.handle_places();
+        let holds: Vec<bool> = (0..places.len()).map(|h| targets.holds(h)).collect();
+        // What takes hold leads its vertex from where that is.
+        for (handle, held) in self.active.holds().iter().enumerate() {
+            if holds[handle] && !held {
+                self.reached[handle] = places[handle];
+            }
+        }
+        let mut active =
+            ActiveHandles::new(&self.scene, holds).map_err(|error| error.at(self.frame + 1))?;
         active.system.stop_by(self.stop.clone());
         Ok(Some(std::mem::replace(&mut self.active, active)))
     }

@@ -54,23 +54,29 @@ impl LivePhysics {
 
     /// A step in which handles and bodies that are led stay where they are.
     fn step_still(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
-        let places = self.simulator.handles().vertices().iter();
-        let held = places
-            .map(|v| self.simulator.positions_f64()[v.index()])
-            .collect();
         let free = (0..targets.handle_count())
             .map(|handle| !targets.holds(handle))
             .collect();
-        let still = HandleTargets::at_frame_end(held)
+        let still = HandleTargets::at_frame_end(self.simulator.handle_places())
             .and_then(|still| still.releasing(free))
             .map_err(|source| StepError::Handles {
                 frame: self.simulator.frame() + 1,
                 source,
             })?;
-        for (number, offset) in self.simulator.obstacle_offsets().into_iter().enumerate() {
-            self.simulator.lead_obstacle(number, offset);
+        let led = self.simulator.obstacle_leads();
+        self.lead_bodies(&self.simulator.obstacle_offsets());
+        let stepped = self.simulator.step(&still);
+        if stepped.is_err() {
+            self.lead_bodies(&led);
         }
-        self.simulator.step(&still)
+        stepped
+    }
+
+    /// Leads all bodies to these distances from their own paths `[m]`, `[obstacles]`.
+    fn lead_bodies(&mut self, offsets: &[DVec3]) {
+        for (number, offset) in offsets.iter().enumerate() {
+            self.simulator.lead_obstacle(number, *offset);
+        }
     }
 }
 

@@ -99,6 +99,26 @@ fn defects_are_named() {
 }
 
 #[test]
+fn fabrics_are_those_that_have_names() {
+    let (faces, uv, positions) = quad();
+    let mesh = Mesh::new(&faces, uv, positions).unwrap();
+    let with = |of_face: &[Option<u32>]| {
+        mesh.clone().with_fabrics(FaceFabrics {
+            names: vec!["denim".to_owned()],
+            of_face: of_face.to_vec(),
+        })
+    };
+    assert!(with(&[None, Some(0)]).is_ok() && with(&[]).is_ok());
+    for (of_face, words) in [
+        (&[None, Some(1)][..], "face 1 has fabric 1 of 1 (from 0)"),
+        (&[Some(0)], "the list of faces' fabrics has 1 entries for 2"),
+    ] {
+        let text = with(of_face).unwrap_err().to_string();
+        assert!(text.starts_with(words), "{text}");
+    }
+}
+
+#[test]
 fn rest_angles_are_those_of_the_start_or_those_that_are_given() {
     let (faces, uv, mut positions) = quad();
     positions[3].z = 1.0;

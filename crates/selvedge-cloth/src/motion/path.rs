@@ -19,6 +19,11 @@ pub struct HandlePath {
     frame_count: usize,
     form: PathForm,
     schedule: HandleSchedule,
+    /// From the path of each handle to where it leads the cloth `[m]`, `[handles]`; empty where all
+    /// are on their paths.
+    offsets: Vec<DVec3>,
+    /// The frame that was followed last.
+    followed: Option<usize>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -55,6 +60,8 @@ impl Motion {
             frame_count,
             form,
             schedule: HandleSchedule::default(),
+            offsets: Vec::new(),
+            followed: None,
         })
     }
 
@@ -115,8 +122,33 @@ impl HandlePath {
         }
     }
 
+    /// Sees the cloth in frame `frame`, its handles at `places` `[m]`, `[handles]`, before the targets
+    /// of its next step are asked for. A handle that takes hold again in it does so of the cloth where
+    /// that is, and from there moves by as much as its path. Where the frame before was not seen, as
+    /// in a run that is taken up again, so does one that took hold again earlier.
+    pub fn follow(&mut self, frame: usize, places: &[DVec3]) {
+        let (rate, count) = (self.frame_rate, self.handle_count);
+        let before = self.followed.replace(frame);
+        let last = frame.saturating_sub(1);
+        let ever = self.schedule.let_go_by(last, rate, count);
+        if frame == 0 || !ever.contains(&true) {
+            self.offsets.clear();
+            return;
+        }
+        let goes_on = before == Some(last) || before == Some(frame);
+        let was_free = self.schedule.released(last, rate, count);
+        let path = self.at(frame as f64 / rate);
+        self.offsets.resize(count, DVec3::ZERO);
+        for handle in 0..count {
+            if was_free[handle] || ever[handle] && !goes_on {
+                self.offsets[handle] = places[handle] - path[handle];
+            }
+        }
+    }
+
     /// Targets for the step from frame `frame` to the next, sampled `samples` times (at least
-    /// once), the last at the end of the step.
+    /// once), the last at the end of the step; those of handles that took hold again as
+    /// [`Self::follow`] saw it.
     ///
     /// # Errors
     /// [`HandleError`] for a target that is not finite, or too far away.
@@ -126,6 +158,10 @@ impl HandlePath {
         for k in 1..=count {
             let frames = frame as f64 + k as f64 / count as f64;
             positions.extend(self.at(frames / self.frame_rate));
+        }
+        let offsets = self.offsets.iter().cycle();
+        for (position, offset) in positions.iter_mut().zip(offsets) {
+            *position += *offset;
         }
         if let Some(far) = positions.iter().position(|p| p.length() > FARTHEST) {
             return Err(HandleError::Unusable(format!(

@@ -57,8 +57,9 @@ pub fn record<S: Stepper + ?Sized>(
     let mut positions = Vec::with_capacity(whole.min(MOST_RESERVED));
     positions.extend_from_slice(stepper.positions());
     let mut end = RecordingEnd::Complete;
+    let mut path = drive.path.clone();
     for done in 1..=frames {
-        if let Err(error) = step(stepper, drive) {
+        if let Err(error) = step(stepper, &mut path, drive.samples_per_frame) {
             end = match error {
                 StepError::Stopped { .. } => RecordingEnd::Stopped,
                 error => RecordingEnd::Failed(error),
@@ -74,15 +75,18 @@ pub fn record<S: Stepper + ?Sized>(
     Recording { positions, end }
 }
 
-fn step<S: Stepper + ?Sized>(stepper: &mut S, drive: Drive<'_>) -> Result<(), StepError> {
+fn step<S: Stepper + ?Sized>(
+    stepper: &mut S,
+    path: &mut HandlePath,
+    samples: usize,
+) -> Result<(), StepError> {
     let frame = stepper.frame();
-    let targets = drive
-        .path
-        .targets(frame, drive.samples_per_frame)
-        .map_err(|source| StepError::Handles {
-            frame: frame + 1,
-            source,
-        })?;
+    path.follow(frame, &stepper.handle_places());
+    let targets = path.targets(frame, samples);
+    let targets = targets.map_err(|source| StepError::Handles {
+        frame: frame + 1,
+        source,
+    })?;
     stepper.step(&targets)
 }
 

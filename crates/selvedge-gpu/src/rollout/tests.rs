@@ -208,3 +208,24 @@ fn a_start_that_does_not_fit_is_an_error_of_its_cloth() {
     let expected = "cloth 1: the start has 15 positions in a frame, the cloth has 16 vertices";
     assert_eq!(found.as_deref(), Some(expected));
 }
+
+/// The energy of such a velocity is beyond the largest number of 32 bits, while the positions of
+/// the next frame are not. A ReLU would make 0 of what follows from it, on some devices.
+#[test]
+fn an_input_that_is_no_number_is_an_error_of_the_frame() {
+    let Some(gpu) = gpu() else { return };
+    let spec = ModelSpec::physical(Encoder::MLP, 12, 1);
+    let (graph, model) = (cloth(4, 1), Arc::new(model(&spec, 1e-3, 7)));
+    let rest = graph.rest_positions().to_vec();
+    let free = graph.handle_mask().iter().position(|held| !held);
+    let mut fast = rest.clone();
+    fast[free.expect("a free vertex")].x += 1e20;
+    let targets = handle_targets(&graph, 1);
+    let mut stepper = on_gpu(&gpu, &model, graph.clone(), &[&rest, &fast]);
+    let error = stepper.step(&targets).expect_err("no number");
+    assert!(
+        matches!(error, StepError::NonFinite { frame: 1, .. }),
+        "{error}"
+    );
+    assert_eq!((stepper.frame(), stepper.positions()), (0, &fast[..]));
+}

@@ -397,3 +397,85 @@ fn parts_that_do_not_fit_are_refused() {
     });
     assert!(matches!(refused(&flat, None), GuardError::Length { .. }));
 }
+
+/// The physics, some steps of which fail.
+struct Failing {
+    simulator: Simulator,
+    fails: &'static [usize],
+}
+
+impl Stepper for Failing {
+    selvedge_cloth::delegate_stepper!(simulator);
+
+    fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
+        let frame = self.frame() + 1;
+        if self.fails.contains(&frame) {
+            let vertex = VertexId(3);
+            return Err(StepError::NonFinite { frame, vertex });
+        }
+        self.simulator.step(targets)
+    }
+}
+
+impl Correctable for Failing {
+    fn replace_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
+        self.simulator.replace_frame(positions)
+    }
+
+    fn take_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
+        self.simulator.take_frame(positions)
+    }
+
+    fn undo_step(&mut self) {
+        self.simulator.undo_step();
+    }
+}
+
+/// A corner is free in the steps from frame 6 to 30, then held where it is then. Frames are lost
+/// while it is free, when it takes hold and after that.
+#[test]
+fn lost_frames_leave_a_corner_free_and_hold_it_where_it_took_hold() {
+    let scene = scene();
+    let path = |frame: usize| targets(&scene, frame).end().to_vec();
+    let corner = scene.handles.vertices()[1].index();
+    for (has_scene, fails) in [
+        (true, &[20, 21, 30, 31, 40][..]),
+        (true, &[20, 21, 30, 32]),
+        (false, &[20, 31, 40]),
+        (false, &[30, 32]),
+    ] {
+        let inner = Failing {
+            simulator: Simulator::new(&scene).unwrap(),
+            fails,
+        };
+        let known = has_scene.then(|| Arc::new(scene.clone()));
+        let cloth = cloth(&scene);
+        let mut guard = Guard::new(inner, &cloth, 60.0, known, Correction::Limit).unwrap();
+        let mut offset = DVec3::ZERO;
+        let mut farthest = 0.0_f64;
+        for frame in 1..=45 {
+            let before = guard.positions().to_vec();
+            let mut end = path(frame);
+            if frame == 31 {
+                offset = before[corner].as_dvec3() - path(30)[1];
+            }
+            end[1] += offset;
+            let is_free = (7..=30).contains(&frame);
+            let told = HandleTargets::at_frame_end(end.clone()).unwrap();
+            let told = told.releasing(vec![false, is_free]).unwrap();
+            guard.step(&told).unwrap();
+            let is_lost = guard.trust().verdict.is_lost();
+            assert_eq!(is_lost, fails.contains(&frame), "{frame}");
+            let now = guard.positions()[corner];
+            let way = now.distance(before[corner]);
+            assert!(way < 0.15, "{has_scene}, frame {frame}: {way} m");
+            if is_free {
+                farthest = farthest.max(now.as_dvec3().distance(end[1]));
+            } else {
+                let off = now.as_dvec3().distance(end[1]);
+                assert!(off < 1e-6, "{has_scene}, frame {frame}: {off} m");
+            }
+        }
+        assert!(farthest > 0.3, "it was free: {farthest}");
+    }
+}

@@ -175,11 +175,7 @@ impl Window {
     /// The first vertex with a feature that is not finite, or else the vertex that such an arc
     /// leads to. The network must not see one: a ReLU may make 0 of what is no number, on some
     /// processors and not on others.
-    pub(crate) fn first_non_finite(
-        &self,
-        spec: &ModelSpec,
-        graph: &Connectivity,
-    ) -> Option<VertexId> {
+    pub fn first_non_finite(&self, spec: &ModelSpec, graph: &Connectivity) -> Option<VertexId> {
         let row = |values: &[f32], width: usize, rows: usize| {
             let place = values.iter().position(|x| !x.is_finite())?;
             Some(place / width % rows)

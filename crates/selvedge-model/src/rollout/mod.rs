@@ -2,7 +2,6 @@
 //! it.
 
 mod advance;
-mod hands;
 pub(crate) mod model;
 pub(crate) mod model_file;
 mod names_once;

@@ -20,7 +20,6 @@ use crate::network::packed::{PackedWeights, Purpose};
 use crate::network::workspace::Workspace;
 use crate::network::{Pass, Stopped};
 use crate::rollout::advance::{LocalAcceleration, NonFinite, TwoFrames, advance, require_finite};
-use crate::rollout::hands::Hands;
 use crate::rollout::model::Model;
 use crate::spec::ModelSpec;
 
@@ -33,8 +32,6 @@ pub struct LearnedStepper {
     history: Vec<Vec<Vec3>>,
     next: Vec<Vec3>,
     next_handles: Vec<Vec3>,
-    /// The handles after this frame, and after the one before or that is being made.
-    hands: [Hands; 2],
     yaw: Yaw,
     /// Yaw before the last step, while that step can be undone: `next` then holds the frame that
     /// left the history.
@@ -108,9 +105,7 @@ impl LearnedStepper {
     ) -> Result<Self, RolloutError> {
         let vertices = graph.vertex_count();
         let history = opening_frames(model.spec(), &graph, start)?;
-        let hands = Hands::on_paths(graph.handles(), &history[history.len() - 1]);
         Ok(Self {
-            hands: [hands.clone(), hands],
             history,
             next: vec![Vec3::ZERO; vertices],
             next_handles: Vec::new(),
@@ -135,9 +130,10 @@ impl LearnedStepper {
         &self.model
     }
 
-    /// The yaw of the cloth now, which `hands` hold: it stays while one of them has let go.
-    fn yaw_now(&self, hands: &Hands) -> Yaw {
-        match hands.all_hold() {
+    /// The yaw of the cloth now: it stays while a handle has let go.
+    fn yaw_now(&self) -> Yaw {
+        let mut held = self.handles().of(self.graph.handle_mask());
+        match held.all(|holds| holds) {
             true => {
                 let places = self.handles().of(self.positions());
                 self.graph.frame().yaw_of(places, self.yaw)
@@ -197,15 +193,13 @@ impl Stepper for LearnedStepper {
         check_target_count(self, targets)?;
         let frame = self.frame + 1;
         self.yaw_before = None;
-        let [hands, next_hands] = &mut self.hands;
-        let newest = &self.history[self.history.len() - 1];
-        next_hands.follow(hands, targets, self.graph.handles().of(newest));
         self.graph.hold(|handle| targets.holds(handle));
         self.graph.set_step(self.frame);
-        let yaw = self.yaw_now(&self.hands[1]);
+        let yaw = self.yaw_now();
         self.predict(frame, yaw)?;
         self.next_handles.clear();
-        self.next_handles.extend(self.hands[1].places());
+        let places = targets.end().iter().map(|p| p.as_vec3());
+        self.next_handles.extend(places);
         let newest = self.history.len() - 1;
         let frames = TwoFrames {
             graph: &self.graph,
@@ -221,7 +215,6 @@ impl Stepper for LearnedStepper {
         self.history.rotate_left(1);
         std::mem::swap(&mut self.history[newest], &mut self.next);
         self.yaw_before = Some(std::mem::replace(&mut self.yaw, yaw));
-        self.hands.swap(0, 1);
         self.frame = frame;
         Ok(())
     }
@@ -242,11 +235,10 @@ impl Correctable for LearnedStepper {
 
     fn take_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
         check_frame(self.frame + 1, positions, self.graph.vertex_count())?;
-        self.yaw = self.yaw_now(&self.hands[0]);
+        self.yaw = self.yaw_now();
         self.history.rotate_left(1);
         let newest = self.history.len() - 1;
         self.history[newest].copy_from_slice(positions);
-        self.hands[0].take(self.graph.handles().of(positions));
         self.yaw_before = None;
         self.frame += 1;
         Ok(())
@@ -260,7 +252,6 @@ impl Correctable for LearnedStepper {
         std::mem::swap(&mut self.history[newest], &mut self.next);
         self.history.rotate_right(1);
         self.yaw = yaw;
-        self.hands.swap(0, 1);
         self.frame -= 1;
     }
 }

@@ -90,7 +90,7 @@ impl ContactGauge {
         }
         let mut points: Vec<DVec3> = positions.iter().map(|p| p.as_dvec3()).collect();
         let contact = &mut self.contact;
-        let met = contact.intersections(&points, frame, self.rate);
+        let met = contact.written_intersections(positions, frame, self.rate);
         points.extend(contact.obstacle_points(frame, self.rate));
         let thickness = contact.largest_thickness();
         let reach = Reach {

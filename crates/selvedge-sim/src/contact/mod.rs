@@ -18,7 +18,7 @@ mod separation;
 mod squeezed;
 mod touches;
 
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec3};
 use selvedge_cloth::{
     ContactMemory, ContactSettings, Obstacle, Pushing, Scene, StepError, VertexId,
 };
@@ -105,6 +105,17 @@ struct Found {
     pushing: Vec<Pushing>,
 }
 
+/// What becomes of the history once a substep is done.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Looks {
+    /// The solve has kept it.
+    Kept,
+    /// It is to be kept.
+    ToKeep,
+    /// What touches has changed: no rate goes on.
+    Forgotten,
+}
+
 /// What a substep changes of contact.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Carried {
@@ -146,6 +157,7 @@ pub(crate) struct Contact {
     ahead: Vec<DVec3>,
     /// State at the start of a solve.
     before: State,
+    history: Looks,
     /// What the last substep left, its lists in order.
     pub(crate) memory: ContactMemory,
     /// Direction of gravity, or zero.
@@ -196,6 +208,7 @@ impl Contact {
             ahead: Vec::with_capacity(count),
             end: points,
             before: State::at_origin(mass.len()),
+            history: Looks::Kept,
             memory: ContactMemory::default(),
             down: scene.environment.gravity.normalize_or_zero(),
             ways_out: Vec::new(),
@@ -221,6 +234,19 @@ impl Contact {
     ) -> Vec<Intersection> {
         let mut points = positions.to_vec();
         points.extend(self.obstacle_points(frame, rate));
+        self.candidates.intersections(&self.surface, &points)
+    }
+
+    /// As [`Self::intersections`], of a frame as it is written: obstacles in single precision too.
+    pub(crate) fn written_intersections(
+        &self,
+        positions: &[Vec3],
+        frame: usize,
+        rate: f64,
+    ) -> Vec<Intersection> {
+        let bodies = self.obstacle_points(frame, rate).into_iter();
+        let all = positions.iter().copied().chain(bodies.map(|p| p.as_vec3()));
+        let points: Vec<DVec3> = all.map(|p| p.as_dvec3()).collect();
         self.candidates.intersections(&self.surface, &points)
     }
 
@@ -355,8 +381,13 @@ impl Contact {
                 }
                 separation::Outcome::Settled { moved } => {
                     if moved {
-                        history.forget();
+                        self.history = Looks::Forgotten;
                         active.system.forget_changes();
+                    }
+                    match self.history {
+                        Looks::Kept => (),
+                        Looks::ToKeep => active.keep_touching(history, state),
+                        Looks::Forgotten => history.forget(),
                     }
                     self.remember(1.0, active);
                     return Ok(Advance::Done);
@@ -383,9 +414,9 @@ impl Contact {
         Err(self.unseparated())
     }
 
-    /// Certifies the end of a solve over `left` `[s]`, and repeats the solve with the pairs that it
-    /// missed and without those that pulled; where it is not near the solution, from where it led.
-    /// Returns false if the last one is not near either.
+    /// Certifies the end of a solve over `left` `[s]`, and goes on with the pairs that it missed and
+    /// without those that pulled, and where it is not near the solution. Returns false if the last
+    /// solve is not near either.
     fn repeat(
         &mut self,
         mut is_near: bool,
@@ -404,14 +435,16 @@ impl Contact {
                 break;
             }
             self.counts.repeated += 1;
-            history.forget();
-            is_near = if is_near {
+            is_near = if self.history == Looks::Kept {
+                history.forget();
                 state.copy_from(&self.before);
-                active.system.repeat_start();
-                active.advance(left, state, None, span.targets)?
+                active.advance_touching(left, state, None, span.targets)?
             } else {
-                active.go_on(left, state, span.targets)?
+                active.go_on(left, &self.before, state, span.targets)?
             };
+            if has_caught || self.history == Looks::Kept {
+                self.history = Looks::Forgotten;
+            }
             is_certified = self.certify_solve(span.threads, &state.positions);
         }
         Ok(is_near)
@@ -452,25 +485,25 @@ impl Contact {
         self.memory.pushing = pushing;
         active.system.touches = touches;
         self.before.copy_from(state);
-        if active.system.touches.is_empty() && !jumps {
-            return active.advance(left, state, Some(history), span.targets);
+        let is_free = active.system.touches.is_empty() && !jumps;
+        if is_free && active.looks_back() && !history.fits(left) {
+            self.history = Looks::Kept;
+            active.advance(left, state, Some(history), span.targets)?;
+            return Ok(true);
         }
-        let looks_back = active.looks_back();
-        if looks_back && !jumps && history.fits(left) {
-            return active.advance(left, state, Some(history), span.targets);
-        }
-        if looks_back {
-            self.counts.fell_back += 1;
+        let looks_back = !jumps && history.fits(left);
+        if active.looks_back() {
+            let fell_back = u64::from(!looks_back);
+            self.counts.fell_back += fell_back;
+            history.counts.fell_back += fell_back;
             history.counts.all += 1;
-            history.counts.fell_back += 1;
         }
-        let is_near = active.advance(left, state, None, span.targets)?;
-        if jumps || !looks_back {
-            history.forget();
-        } else {
-            history.keep(&self.before, left);
-        }
-        Ok(is_near)
+        self.history = match jumps {
+            true => Looks::Forgotten,
+            false => Looks::ToKeep,
+        };
+        let from = looks_back.then_some(&*history);
+        active.advance_touching(left, state, from, span.targets)
     }
 
     /// Puts the points at the start of a solve, and obstacles at its end; parts of the frame.

@@ -240,6 +240,12 @@ impl Touches {
         }
     }
 
+    /// Takes what is expected of the end of the stage without a push: the places of the cloth's vertices
+    /// `[m]`.
+    pub(crate) fn expect(&mut self, places: impl Iterator<Item = DVec3>) {
+        self.expected.extend(places);
+    }
+
     /// Linearises the touches for a stage of γ `[s]` whose estimated end has the cloth's `vertices` at
     /// `place` `[m]`, and adds their impulses `[N s]`. Only the first estimate tells where a pair would
     /// go without a push: tangents of the stage stay as they were made for that.

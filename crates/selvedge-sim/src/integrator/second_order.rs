@@ -44,8 +44,23 @@ pub(crate) struct SecondOrder {
     predicted: State,
     /// The estimate of the end: the prediction first, then the solution.
     estimate: State,
-    /// Targets of a stage within the substep `[m]`, `[handles]`.
+    /// Targets of the stage under way `[m]`, `[handles]`, and of the substep in which things touch.
     targets: Vec<DVec3>,
+    end_targets: Vec<DVec3>,
+    /// Stage of a substep in which things touch, and its start.
+    stage: Stage,
+    start: State,
+}
+
+/// The one stage of a substep in which things touch.
+#[derive(Clone, Copy, Default)]
+struct Stage {
+    /// γ `[s]`.
+    gamma: f64,
+    /// Length of the substep `[s]`.
+    span: f64,
+    /// Point of the substep at which the equations hold.
+    point: f64,
 }
 
 /// A substep to be taken.
@@ -91,6 +106,9 @@ impl SecondOrder {
             predicted: State::at_origin(vertices),
             estimate: State::at_origin(vertices),
             targets: Vec::new(),
+            end_targets: Vec::new(),
+            stage: Stage::default(),
+            start: State::at_origin(vertices),
         })
     }
 
@@ -125,8 +143,10 @@ impl SecondOrder {
         }
         history.keep(state, dt);
         history.counts.fell_back += 1;
-        let from_start = self.backward_euler(system, dt, targets, state, MOST_CHANGE)?;
-        if !from_start {
+        self.base.copy_from(state);
+        system.advance(dt, state, targets)?;
+        let [from, to] = [&self.base, &*state].map(|state| &state.positions);
+        if !self.edges.keep_their_lengths(from, to, MOST_CHANGE) {
             self.predicted.copy_from(state);
             let factors = Factors {
                 gamma: dt,
@@ -138,51 +158,116 @@ impl SecondOrder {
         Ok(())
     }
 
-    /// Moves `state` by one solve of backward Euler, linearised at its start. Returns false if that
-    /// changes the stretch of an edge by more than `most`.
-    fn backward_euler(
+    /// Moves `state` by one solve towards the end of a substep over `dt` `[s]` in which things touch,
+    /// active handles to `targets` `[m]`: by the formula, or where there is no `history` by backward
+    /// Euler. It is linearised where the cloth would go without a push. Returns false if the end may
+    /// be far from the solution; [`Self::go_on`] comes nearer.
+    pub(crate) fn advance_touching(
         &mut self,
         system: &mut System,
         dt: f64,
         targets: &[DVec3],
         state: &mut State,
-        most: f64,
+        history: Option<&History>,
     ) -> Result<bool, SolveError> {
-        self.base.copy_from(state);
-        system.advance(dt, state, targets)?;
-        let [from, to] = [&self.base, &*state].map(|state| &state.positions);
-        Ok(self.edges.keep_their_lengths(from, to, most))
+        self.start.copy_from(state);
+        self.stage = match history {
+            Some(history) => {
+                self.base
+                    .extrapolate(state, &history.before, self.formula.weight);
+                Stage {
+                    gamma: self.formula.gamma(dt),
+                    span: dt,
+                    point: self.formula.point,
+                }
+            }
+            None => {
+                self.base.copy_from(state);
+                Stage {
+                    gamma: dt,
+                    span: dt,
+                    point: 1.0,
+                }
+            }
+        };
+        self.end_targets.clear();
+        self.end_targets.extend_from_slice(targets);
+        self.targets.clear();
+        let ways = system.handle_positions(state).zip(targets);
+        let point = self.stage.point;
+        self.targets
+            .extend(ways.map(|(now, end)| now.lerp(*end, point)));
+        self.estimate.velocities.copy_from_slice(&state.velocities);
+        let is_near = self.predict(&state.positions, self.stage.gamma);
+        system.touches.begin_stage();
+        if !is_near {
+            // Velocities that strain it are no prediction.
+            let expected = self.predicted.positions.iter().copied();
+            system.touches.expect(expected);
+            self.predicted
+                .positions
+                .copy_from_slice(&self.base.positions);
+            self.predicted.velocities.fill(DVec3::ZERO);
+            self.lead_handles(self.stage.gamma);
+        }
+        self.solve_stage(system, state)
     }
 
-    /// As [`Self::advance`], by one solve of backward Euler, linearised at the start: where what
-    /// touches changes, no rate of before tells the next one. Returns false if the end may be far
-    /// from the solution, and [`Self::go_on`] is to be called.
-    pub(crate) fn from_start(
-        &mut self,
-        system: &mut System,
-        dt: f64,
-        targets: &[DVec3],
-        state: &mut State,
-    ) -> Result<bool, SolveError> {
-        self.backward_euler(system, dt, targets, state, MOST_SOLVE_CHANGE)
-    }
-
-    /// Moves `state`, where the last solve of backward Euler over `dt` `[s]` led, by another one that
-    /// is linearised there. Returns false as that.
+    /// Moves `state`, where the last solve of [`Self::advance_touching`] led, by another one that is
+    /// linearised there, with what touches now. Returns false as that.
     pub(crate) fn go_on(
         &mut self,
         system: &mut System,
-        dt: f64,
-        targets: &[DVec3],
         state: &mut State,
     ) -> Result<bool, SolveError> {
-        self.predicted.copy_from(state);
-        system.linearise(dt, &self.base.velocities, &self.predicted, targets);
-        system.solve(dt)?;
-        system.apply(dt, &self.predicted, state);
-        state.check_finite()?;
-        let [from, to] = [&self.predicted, &*state].map(|state| &state.positions);
+        self.predicted.copy_from(&self.estimate);
+        self.solve_stage(system, state)
+    }
+
+    /// One solve of the stage under way, from `self.predicted`.
+    fn solve_stage(&mut self, system: &mut System, state: &mut State) -> Result<bool, SolveError> {
+        let Stage { gamma, span, point } = self.stage;
+        system.linearise(gamma, &self.base.velocities, &self.predicted, &self.targets);
+        system.solve(span)?;
+        self.estimate.copy_from(&self.predicted);
+        system.apply(gamma, &self.predicted, &mut self.estimate);
+        self.estimate.check_finite()?;
+        let ends = state.both_mut().into_iter().zip(self.estimate.both());
+        for ((ends, estimates), starts) in ends.zip(self.start.both()) {
+            for ((end, estimate), start) in ends.iter_mut().zip(estimates).zip(starts) {
+                *end = if point == 1.0 {
+                    *estimate
+                } else {
+                    self.formula.end(*start, *estimate)
+                };
+            }
+        }
+        // Exact handles are at their targets to the last digit.
+        for (vertex, target) in self.held.iter().zip(&self.end_targets) {
+            state.positions[vertex.index()] = *target;
+        }
+        let [from, to] = [&self.predicted, &self.estimate].map(|at| &at.positions);
         Ok(self.edges.keep_their_lengths(from, to, MOST_SOLVE_CHANGE))
+    }
+
+    /// Keeps what the next substep looks back to, after one of [`Self::advance_touching`] to `end`.
+    pub(crate) fn keep_touching(&self, history: &mut History, end: &State) {
+        let dt = self.stage.span;
+        if history.fits(dt) && self.looked_back() {
+            let before = history.before.both_mut().into_iter().zip(self.start.both());
+            for ((before, start), end) in before.zip(end.both()) {
+                for (v, before) in before.iter_mut().enumerate() {
+                    *before = self.formula.before(start[v], *before, end[v]);
+                }
+            }
+        } else {
+            history.keep(&self.start, dt);
+        }
+    }
+
+    /// Returns true if the stage under way is of the formula.
+    pub(crate) fn looked_back(&self) -> bool {
+        self.stage.gamma < self.stage.span
     }
 
     /// Keeps what the next substep looks back to, after one from `state` over `dt` `[s]`, which
@@ -261,14 +346,10 @@ impl SecondOrder {
         substep: &mut Substep<'_>,
         factors: Factors,
     ) -> Result<bool, SolveError> {
-        let mut targets = std::mem::take(&mut self.targets);
-        targets.clear();
         let places = substep.system.handle_positions(substep.start);
         let ways = places.zip(substep.targets);
-        targets.extend(ways.map(|(now, end)| now.lerp(*end, point)));
-        let is_solved = self.stage(substep, factors, &targets);
-        self.targets = targets;
-        is_solved
+        let targets: Vec<DVec3> = ways.map(|(now, end)| now.lerp(*end, point)).collect();
+        self.stage(substep, factors, &targets)
     }
 
     /// Solves the stage of `self.base` from the velocities of `self.estimate`, and leaves the
@@ -279,31 +360,44 @@ impl SecondOrder {
         factors: Factors,
         targets: &[DVec3],
     ) -> Result<bool, SolveError> {
-        let gamma = factors.gamma;
-        let (base, predicted) = (&self.base, &mut self.predicted);
+        self.targets.clear();
+        self.targets.extend_from_slice(targets);
+        if !self.predict(&substep.start.positions, factors.gamma) {
+            return Ok(false);
+        }
+        self.iterate(substep.system, factors, targets)?;
+        Ok(true)
+    }
+
+    /// Predicts the end of the stage of `self.base` from the velocities of `self.estimate`, its edges
+    /// brought back to their lengths at the `start` `[m]`. Returns false if an edge stays strained.
+    fn predict(&mut self, start: &[DVec3], gamma: f64) -> bool {
         for (v, velocity) in self.estimate.velocities.iter().enumerate() {
-            predicted.positions[v] = base.positions[v] + *velocity * gamma;
-            predicted.velocities[v] = *velocity;
+            self.predicted.positions[v] = self.base.positions[v] + *velocity * gamma;
+            self.predicted.velocities[v] = *velocity;
         }
-        for (vertex, target) in self.held.iter().zip(targets) {
-            let v = vertex.index();
-            predicted.positions[v] = *target;
-            predicted.velocities[v] = (*target - base.positions[v]) / gamma;
-        }
-        substep.system.touches.begin_stage();
-        let (start, places) = (&substep.start.positions, &mut predicted.positions);
+        self.lead_handles(gamma);
+        let (base, places) = (&self.base, &mut self.predicted.positions);
         if self.projection.project(start, places) {
             if !self.edges.keep_their_lengths(start, places, MOST_CHANGE) {
-                return Ok(false);
+                return false;
             }
-            for (v, velocity) in predicted.velocities.iter_mut().enumerate() {
+            for (v, velocity) in self.predicted.velocities.iter_mut().enumerate() {
                 if places[v] != base.positions[v] + *velocity * gamma {
                     *velocity = (places[v] - base.positions[v]) / gamma;
                 }
             }
         }
-        self.iterate(substep.system, factors, targets)?;
-        Ok(true)
+        true
+    }
+
+    /// Puts exact handles of the prediction at the targets of the stage.
+    fn lead_handles(&mut self, gamma: f64) {
+        for (vertex, target) in self.held.iter().zip(&self.targets) {
+            let v = vertex.index();
+            self.predicted.positions[v] = *target;
+            self.predicted.velocities[v] = (*target - self.base.positions[v]) / gamma;
+        }
     }
 
     /// Solves the implicit equations of `self.base` from `self.predicted`, into `self.estimate`. A

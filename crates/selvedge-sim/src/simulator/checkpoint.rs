@@ -147,9 +147,9 @@ impl Simulator {
     pub fn restore(&mut self, checkpoint: &Checkpoint) -> Result<(), SimulatorError> {
         let vertices = self.rounded.len();
         checkpoint.check(vertices)?;
-        let all = match self.active.holds_all() {
-            true => None,
-            false => Some(
+        let all = match self.active.holds().contains(&false) {
+            false => None,
+            true => Some(
                 ActiveHandles::all(&self.scene)
                     .map_err(|cause| SimulatorError::analysis(vertices, &cause))?,
             ),

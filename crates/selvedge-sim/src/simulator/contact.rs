@@ -2,7 +2,8 @@
 //! places of obstacles, and what it counted.
 
 use glam::{DVec3, Vec3};
-use selvedge_cloth::{Squeezed, StepError};
+use selvedge_cloth::{HandleTargets, Squeezed, StepError};
+use selvedge_contact::Intersection;
 
 use super::Simulator;
 use super::error::SimulatorError;
@@ -44,7 +45,7 @@ impl Simulator {
         frame: usize,
         positions: &[DVec3],
     ) -> Result<(), SimulatorError> {
-        match self.meeting(frame, positions) {
+        match self.meeting(|contact, rate| contact.intersections(positions, frame, rate)) {
             None => Ok(()),
             Some(Meeting { count, pairs, body }) => {
                 Err(SimulatorError::Intersections { count, pairs, body })
@@ -62,9 +63,9 @@ impl Simulator {
         if 3.0_f64.sqrt() * largest * f64::from(f32::EPSILON) < floor {
             return None;
         }
-        let rounded = wide(&self.rounded);
-        let Meeting { count, pairs, .. } = self.meeting(frame, &rounded)?;
-        let distance = rounded.iter().map(|p| p.length()).fold(0.0, f64::max);
+        let Meeting { count, pairs, .. } = self.written_meeting(frame, &self.rounded)?;
+        let rounded = self.rounded.iter().map(|p| p.as_dvec3());
+        let distance = rounded.map(DVec3::length).fold(0.0, f64::max);
         Some(StepError::Rounded {
             frame,
             distance,
@@ -73,11 +74,16 @@ impl Simulator {
         })
     }
 
-    /// Faces that meet in `positions` `[m]`, `[vertices]`, of frame `frame`; none where there are
-    /// none, or the scene has no contact.
-    fn meeting(&self, frame: usize, positions: &[DVec3]) -> Option<Meeting> {
+    /// Faces that meet in `positions` `[m]`, `[vertices]`, of frame `frame` as it is written.
+    fn written_meeting(&self, frame: usize, positions: &[Vec3]) -> Option<Meeting> {
+        self.meeting(|contact, rate| contact.written_intersections(positions, frame, rate))
+    }
+
+    /// Faces that meet, of those that `find` finds at a frame rate; none where there are none, or the
+    /// scene has no contact.
+    fn meeting(&self, find: impl Fn(&Contact, f64) -> Vec<Intersection>) -> Option<Meeting> {
         let contact = self.contact.as_ref()?;
-        let found = contact.intersections(positions, frame, self.scene.frame_rate);
+        let found = find(contact, self.scene.frame_rate);
         if found.is_empty() {
             return None;
         }
@@ -101,15 +107,11 @@ impl Simulator {
     /// # Errors
     /// [`StepError::Intersections`] names faces that meet.
     pub fn check_apart(&self, frame: usize, positions: &[Vec3]) -> Result<(), StepError> {
-        if self.contact.is_none() {
-            return Ok(());
-        }
-        self.check_apart_wide(frame, &wide(positions))
+        Self::refuse(frame, self.written_meeting(frame, positions))
     }
 
-    /// As [`Self::check_apart`], of positions in double precision.
-    fn check_apart_wide(&self, frame: usize, positions: &[DVec3]) -> Result<(), StepError> {
-        match self.meeting(frame, positions) {
+    fn refuse(frame: usize, meeting: Option<Meeting>) -> Result<(), StepError> {
+        match meeting {
             None => Ok(()),
             Some(Meeting { count, pairs, .. }) => Err(StepError::Intersections {
                 frame,
@@ -122,16 +124,24 @@ impl Simulator {
     /// Holds a frame that was made elsewhere to contact. From `from`, the frame `frame`, in which
     /// nothing meets, the cloth goes to `to` on straight ways, both `[m]`, `[vertices]`. Pairs of
     /// features that are not certified to stay apart for the whole way are pushed apart, by mass
-    /// and with friction. Active handles stay where `to` has them. The simulator's own state stays.
+    /// and with friction. Handles that hold in `targets` stay where `to` has them. The simulator's own state stays,
+    /// but for contact that it released: it holds again for vertices that `from` has outside.
     /// Without contact in the scene every frame is free.
     ///
     /// # Errors
     /// [`StepError::Contact`], of the frame after `frame`, if pushing does not end; `to` is left as
     /// it was.
-    pub fn lead(&mut self, frame: usize, from: &[Vec3], to: &mut [Vec3]) -> Result<Led, StepError> {
+    pub fn lead(
+        &mut self,
+        frame: usize,
+        from: &[Vec3],
+        to: &mut [Vec3],
+        targets: &HandleTargets,
+    ) -> Result<Led, StepError> {
         if self.contact.is_none() {
             return Ok(Led::Free);
         }
+        self.change_active(targets)?;
         let (from, mut end) = (wide(from), wide(to));
         let led = self.lead_wide(frame, &from, &mut end)?;
         if led == Led::Pushed {
@@ -153,6 +163,7 @@ impl Simulator {
             return Ok(Led::Free);
         };
         contact.enter_frame(frame, self.scene.frame_rate);
+        contact.take_back(from);
         let threads = self.threads.for_cloth(to.len());
         let active = &self.active;
         match threads.run(|| contact.lead(threads, active, from, to))? {
@@ -179,7 +190,9 @@ impl Simulator {
             return Ok(());
         };
         let before = std::mem::replace(shift, Shift::at(offset));
-        let apart = self.check_apart_wide(self.frame, &self.state.positions);
+        let (frame, positions) = (self.frame, &self.state.positions);
+        let met = self.meeting(|contact, rate| contact.intersections(positions, frame, rate));
+        let apart = Self::refuse(frame, met);
         if let (Err(_), Some(shift)) = (&apart, self.obstacle_shift(number)) {
             *shift = before;
         }
@@ -197,6 +210,14 @@ impl Simulator {
 
     fn obstacle_shift(&mut self, number: usize) -> Option<&mut Shift> {
         self.contact.as_mut()?.shifts.get_mut(number)
+    }
+
+    /// Distances from their own paths to which the obstacles are led in the next frame `[m]`,
+    /// `[obstacles]`.
+    #[must_use]
+    pub fn obstacle_leads(&self) -> Vec<DVec3> {
+        let contact = self.contact.iter();
+        contact.flat_map(|c| &c.shifts).map(|s| s.next).collect()
     }
 
     /// Distances of the obstacles from their own paths now `[m]`, `[obstacles]`.
@@ -255,7 +276,7 @@ impl Simulator {
     #[must_use]
     pub fn intersection_count(&self) -> usize {
         let (frame, rate) = (self.frame, self.scene.frame_rate);
-        let met = |contact: &Contact| contact.intersections(&wide(&self.rounded), frame, rate);
+        let met = |contact: &Contact| contact.written_intersections(&self.rounded, frame, rate);
         self.contact
             .as_deref()
             .map_or(0, |contact| met(contact).len())

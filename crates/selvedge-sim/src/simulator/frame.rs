@@ -8,7 +8,7 @@ use glam::DVec3;
 use selvedge_cloth::{HandleTargets, StepError};
 
 use super::Simulator;
-use crate::contact::{Advance, Carried};
+use crate::contact::{Advance, Carried, Shift};
 use crate::edges::Overstretched;
 use crate::integrator::History;
 use crate::state::State;
@@ -50,6 +50,8 @@ pub(super) struct Snapshot {
     /// Changes of velocity of the last solve `[m/s]`, `[vertices]`, and their time `[s]`.
     changes: (Vec<DVec3>, f64),
     contact: Carried,
+    /// Distances of obstacles from their own paths.
+    shifts: Vec<Shift>,
 }
 
 impl Snapshot {
@@ -60,6 +62,7 @@ impl Snapshot {
             history: History::none(vertices),
             changes: (vec![DVec3::ZERO; vertices], 0.0),
             contact: Carried::default(),
+            shifts: Vec::new(),
         }
     }
 }
@@ -90,6 +93,7 @@ impl Simulator {
         into.changes.1 = seconds;
         if let Some(contact) = &self.contact {
             contact.carry(&mut into.contact);
+            into.shifts.clone_from(&contact.shifts);
         }
     }
 
@@ -102,6 +106,7 @@ impl Simulator {
         self.active.system.put_changes(changes, *seconds);
         if let Some(contact) = &mut self.contact {
             contact.put_back(&from.contact);
+            contact.shifts.clone_from(&from.shifts);
         }
     }
 
@@ -123,7 +128,12 @@ impl Simulator {
             if !(is_strained || self.contact.is_some()) || 2 * substeps > most {
                 return Err(error);
             }
-            substeps *= 2;
+            substeps = match is_strained {
+                true => 2 * substeps,
+                // Substeps have been halved as far as this where they had to be. What can help is to
+                // halve all of them, and to release contact.
+                false => substeps << (most / substeps).ilog2(),
+            };
         };
         if finest > asked {
             self.divided = self.divided.and(DividedFrames {

@@ -1,7 +1,7 @@
 //! The simulator as a [`Stepper`], and as a [`Correctable`]: frames that were made elsewhere, and steps
 //! that are undone.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use selvedge_cloth::{
     Correctable, HandleTargets, Handles, StepError, Stepper, Stop, Topology, VertexId,
     check_target_count,
@@ -25,6 +25,10 @@ impl Stepper for Simulator {
 
     fn frame(&self) -> usize {
         self.frame
+    }
+
+    fn handle_places(&self) -> Vec<DVec3> {
+        self.scene.handles.select(&self.state.positions)
     }
 
     fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
@@ -109,7 +113,7 @@ impl Correctable for Simulator {
             *v = rate * (to - *x);
             *x = to;
         }
-        self.reached = self.scene.handles.select(&self.state.positions);
+        self.reached = self.handle_places();
         self.active.system.forget_changes();
         self.history.forget();
         if let Some(contact) = &mut self.contact {

@@ -2,12 +2,12 @@
 
 use glam::DVec3;
 use selvedge_cloth::{
-    Gust, HandleConstraint, HandleSchedule, HandleTargets, Handles, Integrator, LinearSolver,
-    Release, Scene, StepError, Stepper,
+    Correctable, Gust, HandleConstraint, HandleSchedule, HandleTargets, Handles, Integrator,
+    LinearSolver, Release, Scene, StepError, Stepper,
 };
 use selvedge_sim::{SagError, Simulator, sag};
 
-use crate::scenes::{floating, hanging, held, largest_distance, led_by, moved, still};
+use crate::scenes::{floating, hanging, held, largest_distance, led_by, still};
 use crate::touching::copies;
 
 /// `scene` with these handles let go for a while `[s]`.
@@ -21,8 +21,9 @@ pub(crate) fn released(mut scene: Scene, handles: Vec<usize>, from: f64, to: Opt
 
 /// Steps along the scene's own motion.
 pub(crate) fn run(simulator: &mut Simulator, scene: &Scene, frames: usize) {
-    let path = scene.handle_path().unwrap();
+    let mut path = scene.handle_path().unwrap();
     for _ in 0..frames {
+        path.follow(simulator.frame(), &simulator.handle_places());
         let targets = path.targets(simulator.frame(), 4).unwrap();
         simulator.step(&targets).unwrap();
     }
@@ -75,9 +76,14 @@ fn after_taking_hold_a_handle_moves_by_as_much_as_its_path() {
     run(&mut simulator, &scene, 3);
     let before = scene.handles.select(simulator.positions_f64());
     let step = DVec3::new(0.01, -0.004, 0.002);
-    simulator.step(&moved(&scene, step)).unwrap();
-    let after = scene.handles.select(simulator.positions_f64());
+    let mut path = scene.handle_path().unwrap();
+    path.follow(3, &before);
+    let from = path.targets(3, 1).unwrap();
+    assert_eq!(from.end(), before);
     let expected: Vec<DVec3> = before.iter().map(|p| *p + step).collect();
+    let targets = HandleTargets::at_frame_end(expected.clone()).unwrap();
+    simulator.step(&targets).unwrap();
+    let after = scene.handles.select(simulator.positions_f64());
     // Differences and sums of numbers of size 1.
     assert!(largest_distance(&after, &expected) < 1e-15);
 }
@@ -191,19 +197,43 @@ fn a_step_from_any_state_of_a_run_leads_to_its_next_frame() {
         to: Some(0.35),
     });
     scene.motion = led_by(DVec3::new(0.2, 0.1, 0.0));
-    let path = scene.handle_path().unwrap();
+    let mut path = scene.handle_path().unwrap();
     let mut run = Simulator::new(&scene).unwrap();
     let mut offsets = 0.0_f64;
     for frame in 0..36 {
         let taken_up = Simulator::from_checkpoint(&scene, &run.checkpoint()).unwrap();
+        path.follow(frame, &run.handle_places());
         let targets = path.targets(frame, 2).unwrap();
         run.step(&targets).unwrap();
         let mut taken_up = taken_up.taken_up_at(frame).unwrap();
-        taken_up.step(&targets).unwrap();
+        let mut path = scene.handle_path().unwrap();
+        path.follow(frame, &taken_up.handle_places());
+        let same = path.targets(frame, 2).unwrap();
+        assert!(largest_distance(same.end(), targets.end()) < 1e-12 || !same.holds(1));
+        taken_up.step(&same).unwrap();
         let apart = largest_distance(taken_up.positions_f64(), run.positions_f64());
         assert!(apart < 1e-12, "{frame}: {apart}");
-        let handle = scene.handles.vertices()[1].index();
-        offsets = offsets.max(run.positions_f64()[handle].distance(targets.end()[1]));
+        offsets = offsets
+            .max(targets.end()[1].distance(path.at((frame + 1) as f64 / scene.frame_rate)[1]));
     }
     assert!(offsets > 0.02, "{offsets}");
+}
+
+/// Targets are places, also of a handle that took hold beside its path, and after a frame that was
+/// made elsewhere.
+#[test]
+fn a_handle_that_took_hold_again_stays_where_it_is_told_to() {
+    let scene = released(hanging(4), vec![1], 0.0, Some(0.1));
+    let mut simulator = Simulator::new(&scene).unwrap();
+    run(&mut simulator, &scene, 8);
+    let places = scene.handles.select(simulator.positions_f64());
+    assert!(places[1].distance(held(&scene)[1]) > 0.02, "it was free");
+    let frame = simulator.positions().to_vec();
+    simulator.take_frame(&frame).unwrap();
+    let places = scene.handles.select(simulator.positions_f64());
+    let stay = HandleTargets::at_frame_end(places.clone()).unwrap();
+    simulator.step(&stay).unwrap();
+    assert_eq!(scene.handles.select(simulator.positions_f64()), places);
+    let speeds = scene.handles.select(simulator.velocities_f64());
+    assert!(speeds.iter().all(|v| v.length() < 1e-9), "{speeds:?}");
 }

@@ -1,11 +1,12 @@
 //! Bodies that leave the cloth between them no room: the run goes on, what is let through is named,
 //! and nothing else ever intersects.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use selvedge_cloth::{
-    ContactSettings, Obstacle, ObstaclePath, Scene, Squeezed, StepError, Stepper, bodies,
+    ContactSettings, HandleTargets, Obstacle, ObstaclePath, Scene, Squeezed, StepError, Stepper,
+    bodies,
 };
-use selvedge_sim::{Simulator, Threads};
+use selvedge_sim::{Led, Simulator, Threads};
 
 use crate::scenes::{hanging, in_pool};
 use crate::touching::{copies, ground, led, lying, sphere};
@@ -249,4 +250,33 @@ fn a_scene_that_wants_to_stop_is_told_who_leaves_no_room() {
         assert!(text.contains(words), "{text}");
         assert!(simulator.yielded().is_empty());
     }
+}
+
+/// What was let through is not let through for ever: not in frames made elsewhere, whose cloth is on
+/// the outer side.
+#[test]
+fn what_was_let_through_is_held_apart_in_frames_made_elsewhere() {
+    let scene = pressed("ball");
+    let oracle = Simulator::new(&scene).unwrap();
+    let mut simulator = Simulator::new(&scene).unwrap();
+    run(&scene, &mut simulator, 25);
+    let released = &simulator.checkpoint().contact.unwrap().released;
+    assert!(!released.is_empty());
+    // From below the ball 7 mm into it.
+    let from = oracle.positions().to_vec();
+    let raised = |p: &Vec3| *p + 0.047 * Vec3::Y;
+    let within: Vec<Vec3> = from.iter().map(raised).collect();
+    assert!(oracle.check_apart(1, &within).is_err());
+    let mut to = within.clone();
+    assert_eq!(
+        simulator.lead(
+            0,
+            &from,
+            &mut to,
+            &HandleTargets::at_frame_end(Vec::new()).unwrap()
+        ),
+        Ok(Led::Pushed)
+    );
+    assert_eq!(oracle.check_apart(1, &to), Ok(()));
+    assert!(simulator.check_apart(1, &within).is_err());
 }

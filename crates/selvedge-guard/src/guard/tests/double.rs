@@ -127,7 +127,7 @@ impl Stepper for Double {
         }
         let before = (self.last.clone(), self.rng.clone());
         let mut next = Vec::new();
-        carry(&self.scene.handles, &self.last[1], targets.end(), &mut next);
+        carry(&self.scene.handles, &self.last[1], targets, &mut next);
         self.err(&mut next);
         for (vertex, target) in self.scene.handles.vertices().iter().zip(targets.end()) {
             next[vertex.index()] = target.as_vec3();
