@@ -91,7 +91,11 @@ fn are_beyond(first: &[DVec3], second: &[DVec3], common: Option<DVec3>) -> bool 
         })
     };
     let ([least, _], [_, most]) = (along(first), along(second));
-    let size = |of: &[DVec3]| of.iter().map(|p| (*p - origin).length()).fold(0.0, f64::max);
+    let size = |of: &[DVec3]| {
+        of.iter()
+            .map(|p| (*p - origin).length())
+            .fold(0.0, f64::max)
+    };
     let rounding = 1e-12 * direction.length() * size(first).max(size(second));
     match common {
         None => least - most > rounding,

@@ -72,7 +72,7 @@ pub trait Expert: Send + Sync {
 /// A state to be labelled.
 ///
 /// Two frames give the mean velocity between them. What the velocity has become at the end of the
-/// second is estimated from the recorded motion, whose three frames about it are known.
+/// second is taken from the recorded motion, whose frames about it are known.
 #[derive(Clone, Copy, Debug)]
 pub struct ExpertState<'a> {
     /// The number of the training trajectory.

@@ -63,8 +63,8 @@ fn labels_of_recorded_states_are_the_recorded_frames() {
     for physics in ["arcsim", "selvedge"] {
         let [acceleration, first, fifth] = errors(physics);
         assert!(acceleration > 2e-4, "{acceleration}");
-        assert!(first < 0.05 * acceleration, "{first} of {acceleration}");
-        assert!(fifth < 0.1 * acceleration, "{fifth} of {acceleration}");
+        assert!(first < 0.005 * acceleration, "{first} of {acceleration}");
+        assert!(fifth < 0.03 * acceleration, "{fifth} of {acceleration}");
     }
 }
 

@@ -93,7 +93,9 @@ impl Contact {
         let kept = self.nearest(&near);
         let near = || kept.iter().map(|k| &near[*k as usize]);
         self.memory.caught.clear();
-        self.memory.caught.extend(near().filter_map(|near| near.caught));
+        self.memory
+            .caught
+            .extend(near().filter_map(|near| near.caught));
         self.memory.caught.sort_by_key(|caught| caught.of);
         let mut pushing: Vec<Pushing> = near().map(|near| self.pushing(near)).collect();
         memory::sort(&mut pushing);

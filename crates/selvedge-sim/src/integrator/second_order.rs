@@ -204,7 +204,9 @@ impl SecondOrder {
             // Velocities that strain it are no prediction.
             let expected = self.predicted.positions.iter().copied();
             system.touches.expect(expected);
-            self.predicted.positions.copy_from_slice(&self.base.positions);
+            self.predicted
+                .positions
+                .copy_from_slice(&self.base.positions);
             self.predicted.velocities.fill(DVec3::ZERO);
             self.lead_handles(self.stage.gamma);
         }
@@ -223,11 +225,7 @@ impl SecondOrder {
     }
 
     /// One solve of the stage under way, from `self.predicted`.
-    fn solve_stage(
-        &mut self,
-        system: &mut System,
-        state: &mut State,
-    ) -> Result<bool, SolveError> {
+    fn solve_stage(&mut self, system: &mut System, state: &mut State) -> Result<bool, SolveError> {
         let Stage { gamma, span, point } = self.stage;
         system.linearise(gamma, &self.base.velocities, &self.predicted, &self.targets);
         system.solve(span)?;

@@ -102,10 +102,7 @@ fn obstacles(onto: Onto) -> Vec<Obstacle> {
         Onto::Ball => vec![sphere(DVec3::NEG_Y * 0.1, 0.1, 3), floor(-0.3)],
         Onto::Needle => {
             let needle = bodies::cuboid(DVec3::new(0.002, 0.2, 0.002));
-            vec![
-                body("needle", needle, |p| p - DVec3::Y * 0.1),
-                floor(-0.3),
-            ]
+            vec![body("needle", needle, |p| p - DVec3::Y * 0.1), floor(-0.3)]
         }
     }
 }
@@ -151,9 +148,7 @@ impl Fall {
         let whole = mass * 9.8 * HEIGHT;
         let (mut last, mut rise, mut strain) = (energy(&simulator), 0.0_f64, 0.0_f64);
         for _ in 0..FRAMES {
-            simulator
-                .step(&none())
-                .map_err(|error| error.to_string())?;
+            simulator.step(&none()).map_err(|error| error.to_string())?;
             let now = energy(&simulator);
             rise = rise.max((now - last) / whole);
             strain = strain.max(largest_strain(&scene, simulator.positions_f64()));
@@ -185,7 +180,14 @@ fn two_hundred_falls_gain_no_energy() {
         if std::env::var("FALLS").is_ok_and(|of| number % 200 % of.parse::<usize>().unwrap() != 0) {
             continue;
         }
-        let (found, fine) = (fall.follow(), Fall { substeps: 16, ..fall }.follow());
+        let (found, fine) = (
+            fall.follow(),
+            Fall {
+                substeps: 16,
+                ..fall
+            }
+            .follow(),
+        );
         println!("{number} {fall:?}: {found:.4?}, of 16 {fine:.4?}");
         match (found, fine) {
             (Ok([rise, strain]), Ok([_, fine])) if rise < 1e-3 && strain < 1.3 * fine + 0.01 => {}
