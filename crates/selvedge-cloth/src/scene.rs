@@ -181,7 +181,8 @@ mod tests {
     use super::*;
     use crate::error::refuses;
     use crate::generate::square;
-    use crate::{BendTable, Gust, Release, StretchTable};
+    use crate::{BendTable, ContactSettings, Gust, Obstacle, Release, StretchTable};
+    use glam::DVec3;
 
     fn scene() -> Scene {
         let sheet = square(30, 1.0, 0).unwrap();
@@ -198,6 +199,22 @@ mod tests {
             motion: Motion::still(2.0),
             ..Scene::of("square", sheet.mesh, handles, material)
         }
+    }
+
+    #[test]
+    fn a_body_is_as_thick_as_ten_floors_at_least() {
+        let mut scene = scene();
+        let points = vec![DVec3::ZERO, DVec3::X, DVec3::Z];
+        let thin = Obstacle::new("card", points, vec![[0, 1, 2]]).unwrap();
+        scene.contact = Some(ContactSettings::default());
+        scene.obstacles = vec![thin.clone().with_thickness(3e-4).unwrap()];
+        scene.validate().unwrap();
+        scene.obstacles = vec![thin.with_thickness(1e-5).unwrap()];
+        let text = scene.validate().unwrap_err().to_string();
+        assert!(
+            text.contains("\"card\": thickness must be at least ten times"),
+            "{text}"
+        );
     }
 
     #[test]
@@ -230,7 +247,7 @@ mod tests {
                 ("environment.air_drag", |s| s.environment.air_drag = -1.0),
                 ("environment.gust.period must be at least a frame", |s| {
                     s.environment.gust = Some(Gust {
-                        speed: glam::DVec3::X,
+                        speed: DVec3::X,
                         period: 1.0 / 61.0,
                         seed: 0,
                     });

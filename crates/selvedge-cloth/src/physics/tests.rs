@@ -84,3 +84,14 @@ fn settings_are_read_as_people_write_them_and_come_back() {
         assert_eq!(is_said, text.contains("max_strain"), "{written}");
     }
 }
+
+#[test]
+fn frames_of_many_substeps_divide_too() {
+    for substeps in [1, 8, 33, 1000] {
+        let settings = PhysicsSettings {
+            substeps,
+            ..PhysicsSettings::default()
+        };
+        assert!(settings.most_substeps() >= 8 * substeps, "{substeps}");
+    }
+}

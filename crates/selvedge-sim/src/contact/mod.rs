@@ -362,8 +362,6 @@ impl Contact {
             self.put_start(&state.positions, from + (to - from) * done, to);
             let solved = self.solve(left, span, active, state, history);
             let is_near = solved.map_err(|error| error.at(frame))?;
-            let repeated = self.repeat(is_near, left, span, active, state, history);
-            let is_near = repeated.map_err(|error| error.at(frame))?;
             if !is_near && span.part.may_divide {
                 return Ok(Advance::TooLong);
             }
@@ -414,18 +412,18 @@ impl Contact {
         Err(self.unseparated())
     }
 
-    /// Certifies the end of a solve over `left` `[s]`, and goes on with the pairs that it missed and
-    /// without those that pulled, and where it is not near the solution. Returns false if the last
-    /// solve is not near either.
-    fn repeat(
+    /// Solves over `left` `[s]`, certifies the end, and goes on with the pairs that were missed and
+    /// without those that pulled, and where the end is not near the solution. Returns false if the last
+    /// one is not near either.
+    fn solve(
         &mut self,
-        mut is_near: bool,
         left: f64,
         span: Span<'_>,
         active: &mut ActiveHandles,
         state: &mut State,
         history: &mut History,
     ) -> Result<bool, SolveError> {
+        let mut is_near = self.solve_first(left, span, active, state, history)?;
         let mut is_certified = self.certify_solve(span.threads, &state.positions);
         for _ in 0..REPEATS {
             let touches = &mut active.system.touches;
@@ -469,7 +467,7 @@ impl Contact {
 
     /// One solve over `left` `[s]`, with what touches in it. Returns false if its end may be far from
     /// the solution.
-    fn solve(
+    fn solve_first(
         &mut self,
         left: f64,
         span: Span<'_>,
@@ -485,8 +483,7 @@ impl Contact {
         self.memory.pushing = pushing;
         active.system.touches = touches;
         self.before.copy_from(state);
-        let is_free = active.system.touches.is_empty() && !jumps;
-        if is_free && active.looks_back() && !history.fits(left) {
+        if active.system.touches.is_empty() && !jumps {
             self.history = Looks::Kept;
             active.advance(left, state, Some(history), span.targets)?;
             return Ok(true);

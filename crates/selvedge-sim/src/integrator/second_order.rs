@@ -44,7 +44,8 @@ pub(crate) struct SecondOrder {
     predicted: State,
     /// The estimate of the end: the prediction first, then the solution.
     estimate: State,
-    /// Targets of the stage under way `[m]`, `[handles]`, and of the substep in which things touch.
+    /// Targets of the stage under way `[m]`, `[handles]`; and those at the end of a substep in which
+    /// things touch, else room.
     targets: Vec<DVec3>,
     end_targets: Vec<DVec3>,
     /// Stage of a substep in which things touch, and its start.
@@ -348,8 +349,12 @@ impl SecondOrder {
     ) -> Result<bool, SolveError> {
         let places = substep.system.handle_positions(substep.start);
         let ways = places.zip(substep.targets);
-        let targets: Vec<DVec3> = ways.map(|(now, end)| now.lerp(*end, point)).collect();
-        self.stage(substep, factors, &targets)
+        let mut targets = std::mem::take(&mut self.end_targets);
+        targets.clear();
+        targets.extend(ways.map(|(now, end)| now.lerp(*end, point)));
+        let is_solved = self.stage(substep, factors, &targets);
+        self.end_targets = targets;
+        is_solved
     }
 
     /// Solves the stage of `self.base` from the velocities of `self.estimate`, and leaves the
