@@ -43,6 +43,22 @@ impl Bounds {
         }
     }
 
+    /// Sum of its three sides `[m]`.
+    #[must_use]
+    #[inline]
+    pub(crate) fn size(&self) -> f64 {
+        (self.greatest - self.least).element_sum()
+    }
+
+    /// Least and greatest part along a direction, not longer than 1 `[m]`.
+    #[must_use]
+    #[inline]
+    pub(crate) fn along(&self, direction: DVec3) -> (f64, f64) {
+        let middle = 0.5 * direction.dot(self.least + self.greatest);
+        let half = 0.5 * direction.abs().dot(self.greatest - self.least);
+        (middle - half, middle + half)
+    }
+
     /// Returns true if the boxes have a point in common.
     #[must_use]
     #[inline]
@@ -101,6 +117,40 @@ impl Rough {
         let overlap =
             self.least.cmple(other.greatest).bitmask() & other.least.cmple(self.greatest).bitmask();
         overlap == 0b111
+    }
+}
+
+/// What lies between two parallel planes, which may be narrower than a box where it is oblique.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Slab {
+    normal: Vec3A,
+    low: f32,
+    high: f32,
+}
+
+/// Rounding of a distance along a normal, relative to the coordinates, and some more.
+const OBLIQUE_ROUNDING: f32 = 1e-6;
+
+impl Slab {
+    /// The places of which the part along a unit `normal` is within these `[m]`.
+    pub(crate) fn new(normal: DVec3, low: f64, high: f64) -> Self {
+        Self {
+            normal: normal.as_vec3a(),
+            low: low as f32,
+            high: high as f32,
+        }
+    }
+
+    /// Returns true if no place is in the box too.
+    #[inline]
+    fn misses(&self, bounds: &Rough) -> bool {
+        let (least, greatest) = (bounds.least, bounds.greatest);
+        let normal = self.normal.abs();
+        let middle = self.normal.dot(least + greatest) * 0.5;
+        let half = normal.dot(greatest - least) * 0.5;
+        let size = normal.dot(least.abs().max(greatest.abs())) + self.low.abs() + self.high.abs();
+        let rounding = OBLIQUE_ROUNDING * size;
+        middle - half > self.high + rounding || middle + half < self.low - rounding
     }
 }
 
@@ -178,13 +228,20 @@ impl Tree {
         groups
     }
 
-    /// Calls `found` for each two faces of the tree whose boxes meet, but for those below two
+    /// Box around all faces, if there are any.
+    pub(crate) fn bounds(&self) -> Option<Rough> {
+        self.nodes.first().map(|node| node.bounds)
+    }
+
+    /// Calls `found` for each two faces of the tree whose boxes meet, and each of which meets the
+    /// other's slab, if there are `slabs`; but for those below two
     /// groups, or the same, that are `apart`; with whether they are looked at for the first time.
     /// In a search that is not `anew` two faces are left out of which neither has changed since the
     /// last one.
     pub(crate) fn own_pairs(
         &self,
         anew: bool,
+        slabs: Slabs<'_>,
         apart: impl Fn(u32, u32) -> Apart,
         mut found: impl FnMut(u32, u32, bool),
     ) {
@@ -205,7 +262,7 @@ impl Tree {
                 Apart::Never => (),
             }
             if own != two.second {
-                visit(&self.nodes, &self.nodes, two, &mut open, &mut found);
+                visit([self, self], [slabs, slabs], two, &mut open, &mut found);
                 continue;
             }
             let Node {
@@ -225,10 +282,16 @@ impl Tree {
         }
     }
 
-    /// Calls `found` for each face of this tree and each of `other` whose boxes meet, with `anew`.
-    /// In a search that is not two faces are left out of which neither has changed since the last
-    /// one.
-    pub(crate) fn pairs(&self, other: &Self, anew: bool, mut found: impl FnMut(u32, u32, bool)) {
+    /// Calls `found` for each face of this tree and each of `other` whose boxes meet, and each of
+    /// which meets the other's slab, if there are `slabs`; with `anew`. In a search that is not two
+    /// faces are left out of which neither has changed since the last one.
+    pub(crate) fn pairs(
+        &self,
+        other: &Self,
+        anew: bool,
+        slabs: [Slabs<'_>; 2],
+        mut found: impl FnMut(u32, u32, bool),
+    ) {
         let mut open: Vec<Two> = Vec::with_capacity(64);
         if !self.nodes.is_empty() && !other.nodes.is_empty() {
             open.push(Two {
@@ -238,7 +301,7 @@ impl Tree {
             });
         }
         while let Some(two) = open.pop() {
-            visit(&self.nodes, &other.nodes, two, &mut open, &mut found);
+            visit([self, other], slabs, two, &mut open, &mut found);
         }
     }
 }
@@ -254,6 +317,34 @@ pub(crate) enum Apart {
     Never,
 }
 
+/// Faces below a node from which a slab is held against their box.
+const MANY: u32 = 8;
+
+/// Slabs of the faces of a tree.
+#[derive(Clone, Copy)]
+pub(crate) struct Slabs<'a> {
+    /// One for each face; none at all where boxes are enough.
+    pub(crate) all: &'a [Slab],
+    /// Number of the first face.
+    pub(crate) first: u32,
+}
+
+impl Slabs<'_> {
+    pub(crate) const NONE: Self = Self { all: &[], first: 0 };
+
+    /// Returns true if this `leaf` has a slab that misses the other node.
+    #[inline]
+    fn miss(&self, leaf: &Node, other: &Node) -> bool {
+        // Of few faces each is looked at soon.
+        leaf.count == 1
+            && (other.count == 1 || other.count >= MANY)
+            && self
+                .all
+                .get((leaf.link - self.first) as usize)
+                .is_some_and(|slab| slab.misses(&other.bounds))
+    }
+}
+
 /// Two nodes that are still to be compared.
 #[derive(Clone, Copy)]
 struct Two {
@@ -266,8 +357,8 @@ struct Two {
 /// Opens the larger of two nodes whose boxes meet, or gives two leaves to `found`.
 #[inline]
 fn visit(
-    left: &[Node],
-    right: &[Node],
+    trees: [&Tree; 2],
+    slabs: [Slabs<'_>; 2],
     two: Two,
     open: &mut Vec<Two>,
     found: &mut impl FnMut(u32, u32, bool),
@@ -277,9 +368,10 @@ fn visit(
         second,
         anew,
     } = two;
-    let (a, b) = (&left[first as usize], &right[second as usize]);
+    let [left, right] = trees;
+    let (a, b) = (&left.nodes[first as usize], &right.nodes[second as usize]);
     let is_known = !(anew || a.has_changed || b.has_changed);
-    if is_known || !a.bounds.meets(&b.bounds) {
+    if is_known || !a.bounds.meets(&b.bounds) || slabs[0].miss(a, b) || slabs[1].miss(b, a) {
         return;
     }
     let with_first = |first| Two { first, ..two };

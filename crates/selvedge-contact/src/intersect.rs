@@ -4,7 +4,7 @@
 use glam::DVec3;
 use robust::{Coord, Coord3D, orient2d, orient3d};
 
-use crate::boxes::{Apart, Bounds};
+use crate::boxes::{Apart, Bounds, Slab, Slabs};
 use crate::candidates::Candidates;
 use crate::surface::Surface;
 
@@ -36,16 +36,36 @@ impl Candidates {
             a.around(b).around(c)
         });
         if let Some((cloth, obstacles)) = trees.split_first() {
+            let faces = surface.bodies()[0].faces.clone();
+            let slabs: Vec<Slab> = faces.map(|face| flat(corners(face), points)).collect();
+            let slabs = Slabs {
+                all: &slabs,
+                first: 0,
+            };
             if self.touches_itself() {
-                cloth.own_pairs(true, |_, _| Apart::Never, &mut test);
+                let patches = self.patches().map(|all| (all, all.smooth_at(points)));
+                let apart = |a, b| match &patches {
+                    Some((patches, smooth)) => patches.apart_where(smooth, a, b),
+                    None => Apart::Never,
+                };
+                cloth.own_pairs(true, slabs, apart, &mut test);
             }
             for obstacle in obstacles {
-                cloth.pairs(obstacle, true, &mut test);
+                cloth.pairs(obstacle, true, [slabs, Slabs::NONE], &mut test);
             }
         }
         found.sort_unstable();
         found
     }
+}
+
+/// What is between the two sides of a face: nothing but its plane, and rounding.
+fn flat(corners: [u32; 3], points: &[DVec3]) -> Slab {
+    let [a, b, c] = corners.map(|p| points[p as usize]);
+    let normal = (b - a).cross(c - a).normalize_or_zero();
+    let heights = [a, b, c].map(|p| p.dot(normal));
+    let most = heights.into_iter().fold(f64::NEG_INFINITY, f64::max);
+    Slab::new(normal, heights.into_iter().fold(most, f64::min), most)
 }
 
 /// Returns true if two triangles among `points` meet, exactly. Of triangles with a common vertex,

@@ -22,18 +22,21 @@ mod boxes;
 mod candidates;
 mod certificate;
 mod closest;
+mod frame;
 mod intersect;
 mod pair;
 mod patches;
 mod release;
+mod search;
 mod surface;
 
 pub use boxes::Bounds;
-pub use candidates::{Candidates, Reach, Ways};
+pub use candidates::{Candidates, Reach, Slots, Ways};
 pub use certificate::{
     Approach, Path, Straight, approach, certify, certify_straight, certify_turning, extent,
 };
 pub use closest::{Gap, Push, gap, least_gap, push};
+pub use frame::{Frame, Passage};
 pub use intersect::{Intersection, triangles_meet};
 pub use pair::{Kind, Pair};
 pub use release::{Released, winding};

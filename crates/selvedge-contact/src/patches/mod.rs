@@ -129,6 +129,24 @@ impl Patches {
         (0..self.groups.len()).all(|k| !self.is_smooth[k] || self.keeps(k, KEPT))
     }
 
+    /// The groups that are smooth where the points are at `points` `[m]`, `[groups]`: what is close
+    /// to them meets them nowhere but in common vertices and edges.
+    pub(crate) fn smooth_at(&self, points: &[DVec3]) -> Vec<bool> {
+        let groups = self.groups.iter();
+        let shapes: Vec<Shape> = groups
+            .map(|group| Shape::of(&group.faces, &self.corners, &self.inverse, points))
+            .collect();
+        let keeps = |k: usize| self.keep([&shapes; 2], k, KEPT);
+        (0..self.groups.len()).map(keeps).collect()
+    }
+
+    /// Tells if the faces of two groups could meet where these are `smooth`.
+    pub(crate) fn apart_where(&self, smooth: &[bool], first: u32, second: u32) -> Apart {
+        let is_apart =
+            first != NO_GROUP && second != NO_GROUP && self.covers(smooth, first, second);
+        if is_apart { Apart::Still } else { Apart::Never }
+    }
+
     pub(crate) fn clear(&mut self) {
         self.is_smooth.fill(false);
     }
@@ -139,17 +157,22 @@ impl Patches {
         if first == NO_GROUP || second == NO_GROUP {
             return Apart::Never;
         }
-        let covers = |own: u32, other: u32, smooth: &[bool]| {
-            let close = &self.groups[own as usize].close;
-            smooth[own as usize] && close.binary_search(&other).is_ok()
-        };
-        let apart =
-            |smooth: &[bool]| covers(first, second, smooth) || covers(second, first, smooth);
+        let apart = |smooth: &[bool]| self.covers(smooth, first, second);
         match (apart(&self.is_smooth), apart(&self.was_smooth)) {
             (true, _) => Apart::Still,
             (false, true) => Apart::NoMore,
             (false, false) => Apart::Never,
         }
+    }
+
+    /// Returns true if one of two groups is smooth, and the other close to it.
+    fn covers(&self, smooth: &[bool], first: u32, second: u32) -> bool {
+        [(first, second), (second, first)]
+            .into_iter()
+            .any(|(own, other)| {
+                let close = &self.groups[own as usize].close;
+                smooth[own as usize] && close.binary_search(&other).is_ok()
+            })
     }
 
     /// Takes the gradients at both ends of a way. Those that are known are kept: a way mostly
@@ -176,11 +199,17 @@ impl Patches {
 
     /// Returns true if κ is at least this all around a group, at both ends of the way.
     fn keeps(&self, k: usize, least: f32) -> bool {
+        let [from, to] = &self.shapes;
+        self.keep([from, to], k, least)
+    }
+
+    /// The same, of these shapes.
+    fn keep(&self, shapes: [&[Shape]; 2], k: usize, least: f32) -> bool {
         let group = &self.groups[k];
         if group.close.is_empty() {
             return false;
         }
-        let [from, to] = &self.shapes;
+        let [from, to] = shapes;
         let frame = Frame::between(&from[k], &to[k]);
         group.around.iter().all(|other| {
             [from, to]

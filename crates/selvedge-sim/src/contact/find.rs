@@ -81,7 +81,7 @@ impl Contact {
         if let Some(law) = &self.arcsim {
             return self.find_as_arcsim(law, time);
         }
-        self.clearances.look_ahead(&self.start, &self.end);
+        self.look_ahead();
         let mut budgets = std::mem::take(&mut self.clearances.budgets);
         let mut near = self.near(threads, &mut budgets);
         self.clearances.budgets = budgets;

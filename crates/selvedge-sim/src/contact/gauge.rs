@@ -96,9 +96,15 @@ impl ContactGauge {
         let reach = Reach {
             gap: thickness,
             slack: 0.0,
+            ahead: 0.0,
+        };
+        let rigid = contact.rigid_at(frame, self.rate);
+        let ways = Ways {
+            rigid: &rigid,
+            ..Ways::still(&points)
         };
         let candidates = &mut contact.candidates;
-        candidates.find(&contact.surface, Ways::still(&points), reach);
+        candidates.find(&contact.surface, ways, reach);
         let pairs = candidates.pairs().iter();
         let gaps = pairs.map(|pair| gap(pair.kind, pair.places(&points)).distance);
         let smallest = gaps.fold(f64::INFINITY, f64::min);

@@ -24,7 +24,7 @@ use selvedge_cloth::{
     ContactLaw, ContactMemory, ContactSettings, Obstacle, Pushing, Scene, StepError, Touching,
     VertexId,
 };
-use selvedge_contact::{Candidates, Intersection, Kind, Pair, Reach, Surface, Ways};
+use selvedge_contact::{Candidates, Intersection, Kind, Pair, Passage, Reach, Surface};
 
 use crate::active_handles::ActiveHandles;
 use crate::integrator::History;
@@ -45,17 +45,14 @@ pub(crate) use touches::{Touches, to_single};
 const REPEATS: usize = 8;
 
 /// Distance that points may stray from their expected way, as a part of the thickness.
-const SLACK: f64 = 2.0;
+const SLACK: f64 = 1.0;
 /// Times that the slack doubles, at most, where candidates are found again for the same solve: what
 /// meets ends elsewhere than was expected, and elsewhere again when the solve is repeated.
 const WIDENINGS: u32 = 3;
 
-/// Solves ahead for which candidates are found, should all points go on as they go: fewer searches
-/// for more candidates, of which most are never looked at.
-const AHEAD: f64 = 4.0;
-/// The same beyond the first solve, in units of the thickness, at most: what is fast has too many
-/// candidates.
-const FARTHEST_AHEAD: f64 = 10.0;
+/// Distance beyond the end of a solve for which candidates are found, should all points go on as
+/// they go, in units of the thickness, at most: what is fast has too many candidates.
+const FARTHEST_AHEAD: f64 = 4.0;
 
 /// Work that contact has taken since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -139,13 +136,15 @@ pub(crate) struct Contact {
     inverse: Vec<f64>,
     /// Points of obstacles at the start and the end of the frame `[m]`.
     frame: [Vec<DVec3>; 2],
+    /// Obstacles over the frame.
+    carried: Vec<led::Carried>,
+    /// Frames of obstacles in a solve, as [`selvedge_contact::Ways::rigid`] has them.
+    rigid: Vec<Option<Passage>>,
     /// Number of the frame at its end.
     next_frame: usize,
     /// All points at the start and the end of a solve `[m]`.
     start: Vec<DVec3>,
     end: Vec<DVec3>,
-    /// Points some solves later, if they go on as they go `[m]`.
-    ahead: Vec<DVec3>,
     /// State at the start of a solve.
     before: State,
     /// What the last substep left, its lists in order.
@@ -180,9 +179,11 @@ impl Contact {
         let count = points.len();
         let obstacle_points = points[mass.len()..].to_vec();
         let corners: Vec<[DVec2; 3]> = scene.mesh.pattern().faces().collect();
+        let candidates = Candidates::new(&surface, &points, settings.self_contact)
+            .with_pattern(&surface, &corners);
         Some(Self {
-            candidates: Candidates::new(&surface, &points, settings.self_contact)
-                .with_pattern(&surface, &corners),
+            clearances: Clearances::new(count, candidates.slots()),
+            candidates,
             searches: 0,
             thickness: thickness.collect(),
             friction: friction.collect(),
@@ -193,7 +194,6 @@ impl Contact {
             frame: [obstacle_points.clone(), obstacle_points],
             next_frame: 0,
             start: points.clone(),
-            ahead: Vec::with_capacity(count),
             end: points,
             before: State::at_origin(mass.len()),
             memory: ContactMemory::default(),
@@ -202,8 +202,9 @@ impl Contact {
             yielded: Vec::new(),
             counts: ContactCounts::default(),
             received: received::Received::none(scene.obstacles.len()),
-            room: separation::Room::default(),
-            clearances: Clearances::new(count),
+            room: separation::Room::new(count),
+            carried: vec![led::Carried::default(); scene.obstacles.len()],
+            rigid: Vec::new(),
             obstacles: scene.obstacles.clone(),
             shifts: vec![Shift::default(); scene.obstacles.len()],
             settings,
@@ -251,14 +252,7 @@ impl Contact {
     /// Takes the places of obstacles for the step from `frame` on, at `rate` frames per second.
     pub(crate) fn enter_frame(&mut self, frame: usize, rate: f64) {
         self.next_frame = frame + 1;
-        for (k, points) in self.frame.iter_mut().enumerate() {
-            points.clear();
-            for (obstacle, shift) in self.obstacles.iter().zip(&self.shifts) {
-                let shift = [shift.now, shift.next][k];
-                let places = obstacle.positions_at((frame + k) as f64 / rate);
-                points.extend(places.map(|p| p + shift));
-            }
-        }
+        self.carry_obstacles(frame, rate);
     }
 
     /// Keeps what a substep changes.
@@ -477,22 +471,17 @@ impl Contact {
         self.room.begin();
         self.searches = 0;
         let cloth = positions.len();
-        let mut put = |p: usize, place: DVec3| {
-            self.clearances.travelled[p] += self.start[p].distance(place);
-            self.start[p] = place;
-        };
-        for (p, place) in positions.iter().enumerate() {
-            put(p, *place);
-        }
-        let [from, to] = &self.frame;
-        for (k, (from, to)) in from.iter().zip(to).enumerate() {
-            put(cloth + k, from.lerp(*to, now));
-            self.end[cloth + k] = from.lerp(*to, end);
-        }
+        self.start[..cloth].copy_from_slice(positions);
+        self.put_obstacles(now, end);
+        let clearances = &mut self.clearances;
+        self.candidates
+            .start(&self.start, &self.rigid, |slot, way| {
+                clearances.go(slot, way)
+            });
     }
 
     fn update_inverse(&mut self, active: &ActiveHandles) {
-        self.inverse.fill(0.0);
+        self.inverse[..self.mass.len()].fill(0.0);
         for &v in active.system.unknown_vertices() {
             self.inverse[v as usize] = 1.0 / self.mass[v as usize];
         }
@@ -516,27 +505,28 @@ impl Contact {
         let mut reach = self.reach();
         reach.slack *= f64::from(1_u32 << self.searches.min(WIDENINGS));
         self.searches += 1;
-        self.ahead.clear();
-        let ways = self.start.iter().zip(&self.end);
-        let most = FARTHEST_AHEAD * self.largest_thickness();
-        self.ahead.extend(ways.map(|(start, end)| {
-            let further = (*end - *start) * (AHEAD - 1.0);
-            *end + further.clamp_length_max(most)
-        }));
-        let ways = Ways {
-            from: &self.start,
-            to: &self.end,
-            later: &self.ahead,
-        };
+        let (surface, ends) = (&self.surface, [&self.start[..], &self.end[..]]);
         // ARCSim's choice among pairs that are as near depends on their order.
-        if anew || self.arcsim.is_some() || self.candidates.pairs().is_empty() {
-            self.candidates.find(&self.surface, ways, reach);
-            self.clearances.reset(self.candidates.pairs().len());
-            self.room.begin();
+        if self.arcsim.is_some() {
+            self.candidates.find_all(surface, ends, reach);
+        } else if anew {
+            self.candidates.renew(surface, ends, reach);
         } else {
-            self.candidates.widen(&self.surface, ways, reach);
-            self.clearances.add(self.candidates.pairs().len());
+            self.candidates.widen(surface, ends, reach);
         }
+        if self.clearances.follow(&mut self.candidates) {
+            self.room.begin();
+        }
+    }
+
+    /// Takes the way of a solve.
+    fn look_ahead(&mut self) {
+        let ends = [&self.start[..], &self.end[..]];
+        let obstacles = self.carried.iter().zip(&self.surface.bodies()[1..]);
+        let moving = obstacles.filter(|(carried, _)| carried.is_new());
+        let moving = moving.map(|(_, body)| led::points(body));
+        let moving = std::iter::once(0..self.mass.len()).chain(moving);
+        self.clearances.look_ahead(&self.candidates, ends, moving);
     }
 
     fn reach(&self) -> Reach {
@@ -546,6 +536,7 @@ impl Contact {
         Reach {
             gap: near * most,
             slack: SLACK * most,
+            ahead: FARTHEST_AHEAD * most,
         }
     }
 

@@ -82,16 +82,16 @@ pub(super) struct Worst {
 }
 
 /// Lists that are kept from round to round and from substep to substep.
-#[derive(Default)]
 pub(super) struct Room {
     /// `[candidates]`
     known: Vec<Known>,
-    /// Ends of the points when the first pair of the solve was certified `[m]`, `[points]`; empty
-    /// before.
+    /// Ends of the vertices when the first pair of the solve was certified `[m]`, `[vertices]`;
+    /// empty before.
     ends: Vec<DVec3>,
-    /// Way of each point from there to the last certificates `[m]`, `[points]`.
+    /// Way of each point from there to the last certificates `[m]`, `[points]`: none of those of
+    /// obstacles.
     strayed: Vec<DVec3>,
-    /// Points that moved since the last certificates.
+    /// Points that moved since the last certificates: none of those of obstacles.
     stirred: Vec<bool>,
     /// Pairs that failed, with the gap that each must keep `[m]`, in the order of [`by_place`].
     failed: Vec<(Pair, Approach, f64)>,
@@ -110,21 +110,36 @@ fn by_place(pair: &Pair) -> ([u32; 4], Pair) {
 }
 
 impl Room {
+    /// Room for this number of points.
+    pub(super) fn new(points: usize) -> Self {
+        Self {
+            known: Vec::new(),
+            ends: Vec::new(),
+            strayed: vec![DVec3::ZERO; points],
+            stirred: vec![false; points],
+            failed: Vec::new(),
+            worst: None,
+            best: Vec::new(),
+        }
+    }
+
     /// Forgets all certificates: points start elsewhere.
     pub(super) fn begin(&mut self) {
         self.ends.clear();
     }
 
-    /// Takes new `ends` of all points `[m]`, for this number of candidates.
+    /// Takes new `ends` of the vertices `[m]`, for this number of candidates. Points of obstacles end
+    /// where they do in the whole solve.
     fn take(&mut self, ends: &[DVec3], candidates: usize) {
         if self.ends.is_empty() {
             self.ends.extend_from_slice(ends);
             self.known.clear();
         }
         self.known.resize(candidates, Known::NOTHING);
-        let strayed = self.ends.iter().zip(ends).map(|(a, b)| *b - *a);
-        self.strayed.clear();
-        self.strayed.extend(strayed);
+        let ends = self.ends.iter().zip(ends);
+        for (strayed, (then, now)) in self.strayed.iter_mut().zip(ends) {
+            *strayed = *now - *then;
+        }
     }
 
     /// Lists the pairs that failed, and the one that was safe for the shortest part.
@@ -261,8 +276,7 @@ impl Contact {
     /// Returns true if none fails.
     pub(super) fn certify_solve(&mut self, threads: Threads, end: &[DVec3]) -> bool {
         self.end[..end.len()].copy_from_slice(end);
-        self.room.stirred.clear();
-        self.room.stirred.resize(self.end.len(), true);
+        self.room.stirred[..end.len()].fill(true);
         self.certify(threads, true);
         self.room.failed.is_empty()
     }
@@ -279,10 +293,10 @@ impl Contact {
     fn certify(&mut self, threads: Threads, first: bool) {
         let _span = tracing::trace_span!("certificates").entered();
         self.cover(false);
-        self.clearances.look_ahead(&self.start, &self.end);
-        let mut room = std::mem::take(&mut self.room);
-        let pairs = self.candidates.pairs();
-        room.take(&self.end, pairs.len());
+        self.look_ahead();
+        let mut room = std::mem::replace(&mut self.room, Room::new(0));
+        let (pairs, cloth) = (self.candidates.pairs(), self.mass.len());
+        room.take(&self.end[..cloth], pairs.len());
         let (stirred, strayed) = (&room.stirred, &room.strayed);
         let turning = threads.find(&mut room.known, |k, known| {
             let pair = &pairs[k];
@@ -302,10 +316,10 @@ impl Contact {
             self.counts.count(pairs.len(), &turning);
         }
         room.list_failed(turning);
-        room.stirred.fill(false);
+        room.stirred[..cloth].fill(false);
         for (pair, ..) in &room.failed {
-            for p in pair.corners {
-                room.stirred[p as usize] = true;
+            for p in pair.corners.map(|p| p as usize) {
+                room.stirred[p] = p < cloth;
             }
         }
         self.room = room;
