@@ -215,11 +215,12 @@ impl Search {
         released: &Released,
         pairs: &mut Vec<Pair>,
     ) {
-        self.holds = true;
         self.margin = 0.5 * reach.gap / LEAST_SHRINK + ROUNDING;
         if !self.is_rigid {
             self.follower
                 .refer(&self.other.as_ref().unwrap_or(&self.cloth).ways[0]);
+            // By the new reference the frame turns otherwise.
+            self.go(ends[1]);
         }
         if let Some(other) = &mut self.other
             && self.is_rigid
@@ -228,6 +229,7 @@ impl Search {
             self.made_for = Some(reach.gap);
             other.rest(surface, released.first(), self.margin);
         }
+        self.holds = true;
         if self.is_far(reach.ahead, reach.slack) {
             self.state = State::Far;
             return;
