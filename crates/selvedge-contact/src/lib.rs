@@ -22,7 +22,9 @@ mod boxes;
 mod candidates;
 mod certificate;
 mod closest;
+mod eight;
 mod intersect;
+pub mod number;
 mod pair;
 mod patches;
 mod release;
@@ -34,6 +36,7 @@ pub use certificate::{
     Approach, Path, Straight, approach, certify, certify_straight, certify_turning, extent,
 };
 pub use closest::{Gap, Push, gap, least_gap, push};
+pub use eight::{BoxGaps, Gaps, box_gaps, extents, gaps};
 pub use intersect::{Intersection, triangles_meet};
 pub use pair::{Kind, Pair};
 pub use release::{Released, winding};

@@ -17,6 +17,8 @@ pub enum Threads {
 
 /// Entries that one thread takes at a time.
 const CHUNK: usize = 128;
+/// Entries of a piece that is searched by itself.
+const PIECE: usize = 2048;
 /// Vertices below which waking other threads costs as much as they do: at 1024 two threads take as
 /// long as one, and twice the processor time.
 const FEWEST_VERTICES: usize = 2000;
@@ -97,26 +99,30 @@ impl Threads {
         }
     }
 
-    /// As [`Self::find`], of each pair of entries. The slices have the same length.
-    pub(crate) fn find_pair<A: Send, B: Send, F: Send>(
+    /// Calls `work` for pieces of three slices of one length, with the place of the first entry, to add
+    /// what it finds there; all that was found, in order.
+    pub(crate) fn find_in_pieces<A: Send, B: Send, C: Send, F: Send>(
         self,
-        a: &mut [A],
-        b: &mut [B],
-        work: impl Fn(usize, &mut A, &mut B) -> Option<F> + Sync,
+        (a, b, c): (&mut [A], &mut [B], &mut [C]),
+        work: impl Fn(usize, (&mut [A], &mut [B], &mut [C]), &mut Vec<F>) + Sync,
     ) -> Vec<F> {
-        let of_chunk = |(chunk, (a, b)): (usize, (&mut [A], &mut [B]))| -> Vec<F> {
-            let numbered = a.iter_mut().zip(b).enumerate();
-            let found = numbered.map(|(k, (a, b))| work(CHUNK * chunk + k, a, b));
-            found.flatten().collect()
-        };
         match self {
             Self::One => {
-                let numbered = a.iter_mut().zip(b).enumerate();
-                numbered.filter_map(|(k, (a, b))| work(k, a, b)).collect()
+                let pieces = a.chunks_mut(PIECE).zip(b.chunks_mut(PIECE));
+                let pieces = pieces.zip(c.chunks_mut(PIECE)).enumerate();
+                let mut found = Vec::new();
+                pieces.for_each(|(k, ((a, b), c))| work(PIECE * k, (a, b, c), &mut found));
+                found
             }
             Self::Pool => {
-                let chunks = a.par_chunks_mut(CHUNK).zip(b.par_chunks_mut(CHUNK));
-                chunks.enumerate().flat_map_iter(of_chunk).collect()
+                let pieces = a.par_chunks_mut(PIECE).zip(b.par_chunks_mut(PIECE));
+                let pieces = pieces.zip(c.par_chunks_mut(PIECE)).enumerate();
+                let of_piece = |(k, ((a, b), c))| {
+                    let mut found = Vec::new();
+                    work(PIECE * k, (a, b, c), &mut found);
+                    found
+                };
+                pieces.flat_map_iter(of_piece).collect()
             }
         }
     }

@@ -5,7 +5,7 @@ use glam::DVec3;
 use selvedge_contact::{Pair, approach};
 
 /// Rounding of sums of distances `[m]`.
-const ROUNDING: f64 = 1e-9;
+pub(super) const ROUNDING: f64 = 1e-9;
 
 /// Distances of the candidates, and the ways of the points.
 #[derive(Clone, Debug, Default)]

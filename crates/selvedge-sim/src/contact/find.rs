@@ -3,11 +3,12 @@
 
 use glam::DVec3;
 use selvedge_cloth::{CaughtPair, FrictionAnchor, Pushing, Scene, Touching};
-use selvedge_contact::{Gap, Kind, Pair, Path, certify, gap, least_gap};
+use selvedge_contact::{Gap, Kind, Pair, gap};
 
 use super::barrier::LEAST;
 use super::friction::{along_surface, kept};
 use super::memory::{self, feature, key};
+use super::near::Near;
 use super::touches::{PairLaw, Touch, Touches};
 use super::{Contact, Found};
 use crate::active_handles::ActiveHandles;
@@ -18,14 +19,6 @@ use crate::threads::Threads;
 const SAME_SIDE: f64 = 0.7;
 /// Part of the push at no gap that a pair bears firmly: at 0.9 of the thickness.
 const FIRM: f64 = 0.01;
-/// Depth of a fold at the nearer end of two edges that cross, as a part of the thickness, from
-/// which they push in full.
-const BULGE: f64 = 0.5;
-/// Sine of the angle of two edges from which they push in full.
-const PARALLEL: f64 = 0.1;
-/// Sine of the angle by which an edge's push may lean over a face beside it.
-const LEAN: f64 = 0.05;
-
 /// Pairs that a vertex of the cloth meets first, of which each is caught. With one of them cloth
 /// that folds has more to repeat; with four, or all, cloth that lies crumpled.
 const EARLIEST: usize = 2;
@@ -71,19 +64,6 @@ pub(super) enum Pushes {
     Always,
 }
 
-/// A pair that may push.
-struct Near {
-    pair: Pair,
-    body: usize,
-    gap: Gap,
-    /// Distance along the gap's direction at the start `[m]`.
-    distance: f64,
-    /// Part of the barrier's stiffness that it has, above 0.
-    share: f64,
-    /// What is known if a solve caught it: it pushes whatever else is near.
-    caught: Option<CaughtPair>,
-}
-
 impl Contact {
     /// The touches of a solve over `time` `[s]`, in the order of their corners.
     pub(super) fn find_touches(&mut self, threads: Threads, time: f64) -> Found {
@@ -127,129 +107,6 @@ impl Contact {
             of: feature(&near.pair, near.body),
             firmly: near.share * depth * depth > FIRM,
         }
-    }
-
-    /// All pairs that are too near or will be. Takes the budgets of the candidates and computes
-    /// those that are used up anew.
-    fn near(&mut self, threads: Threads) -> Vec<Near> {
-        let mut budgets = std::mem::take(&mut self.clearances.budgets);
-        let mut pushes = std::mem::take(&mut self.pushes);
-        pushes.resize(budgets.len(), Pushes::Unknown);
-        let pairs = self.candidates.pairs();
-        let near = threads.find_pair(&mut budgets, &mut pushes, |k, budget, pushes| {
-            self.near_pair(&pairs[k], budget, pushes)
-        });
-        self.clearances.budgets = budgets;
-        self.pushes = pushes;
-        near
-    }
-
-    /// The pair, if it is too near or will be.
-    #[inline]
-    fn near_pair(&self, pair: &Pair, budget: &mut f64, pushes: &mut Pushes) -> Option<Near> {
-        let (most, clearances) = (self.most, &self.clearances);
-        if *pushes == Pushes::Never || clearances.surely_apart(*budget, pair, most) {
-            return None;
-        }
-        let approach = clearances.approach(pair);
-        if clearances.at_start(*budget, pair) - approach > most {
-            return None;
-        }
-        // What is far needs no closest point.
-        let least = least_gap(pair.kind, pair.places(&self.start));
-        *budget = clearances.budget(pair, least);
-        if least - approach > most {
-            return None;
-        }
-        let body = self.other_body(pair);
-        let thickness = self.thickness[body];
-        let path = Path {
-            from: pair.places(&self.start),
-            to: pair.places(&self.end),
-        };
-        let axes = path.axes_gap(pair.kind);
-        if axes > most {
-            return None;
-        }
-        let now = gap(pair.kind, path.from);
-        *budget = clearances.budget(pair, now.distance);
-        if now.distance - approach > most {
-            return None;
-        }
-        if now.distance >= thickness && axes > thickness {
-            return None;
-        }
-        let gap = meeting(pair.kind, path, now, thickness)?;
-        if *pushes == Pushes::Unknown {
-            let never = body == 0 && self.neighbours.leave_out(pair, 2.0 * thickness);
-            *pushes = if never { Pushes::Never } else { Pushes::Always };
-        }
-        if *pushes == Pushes::Never {
-            return None;
-        }
-        let caught = memory::caught(&self.memory.caught, key(pair));
-        let share = match pair.kind {
-            Kind::EdgeEdge if caught.is_none() => self.share(pair, &gap, thickness),
-            _ => 1.0,
-        };
-        let near = Near {
-            pair: *pair,
-            body,
-            gap,
-            distance: extent(&gap, path.from),
-            share,
-            caught,
-        };
-        (share > 0.0 && near.distance > 0.0 && self.can_move(&near)).then_some(near)
-    }
-
-    /// Part of the barrier's stiffness that two edges have: none where a vertex is about as near.
-    /// All of it where they cross, the gap leaves both between their faces, and one of them is a
-    /// fold towards the other, by which it is nearer to the middle of the other than to its ends;
-    /// or both are boundaries, off their ends. It grows evenly: a push that began at once would
-    /// keep a cloth at rest trembling, and what trembles has more friction than its load.
-    /// `[eq:contact-edges]`
-    fn share(&self, pair: &Pair, gap: &Gap, thickness: f64) -> f64 {
-        let [a, b, c, d] = pair.places(&self.start);
-        let (along, across) = (b - a, d - c);
-        // From the gap to the nearest end.
-        let [w0, w1, w2, w3] = gap.weights.map(f64::abs);
-        let away = (along.length() * w0.min(w1)).min(across.length() * w2.min(w3));
-        if away <= 1e-3 * thickness {
-            return 0.0;
-        }
-        let sine = along.cross(across).length() / (along.length() * across.length());
-        let leans = [
-            self.lean(pair.first, -gap.normal),
-            self.lean(pair.second, gap.normal),
-        ];
-        let ends = |edge: u32| self.surface.edges()[edge as usize].wings[1].is_none();
-        let bulge = match ends(pair.first) && ends(pair.second) {
-            true => away,
-            false => -leans[0].min(leans[1]) * away,
-        };
-        [
-            bulge / (BULGE * thickness),
-            sine / PARALLEL,
-            1.0 - leans[0].max(leans[1]) / LEAN,
-        ]
-        .into_iter()
-        .map(|part| part.clamp(0.0, 1.0))
-        .product()
-    }
-
-    /// Sine of the angle by which the faces beside an edge lean towards a direction; negative where
-    /// both lean away from it.
-    fn lean(&self, edge: u32, towards: DVec3) -> f64 {
-        let edge = self.surface.edges()[edge as usize];
-        let [a, b] = edge.ends.map(|p| self.start[p as usize]);
-        let along = (b - a).normalize_or_zero();
-        let wings = edge.wings.iter().flatten().map(|wing| {
-            let arm = self.start[*wing as usize] - a;
-            let arm = (arm - along * along.dot(arm)).normalize_or_zero();
-            arm.dot(towards)
-        });
-        wings.fold(f64::NEG_INFINITY, f64::max)
     }
 
     /// Of these pairs all edges and, from near to far, the vertices on whose side no other has pushed;
@@ -441,7 +298,7 @@ impl Contact {
     }
 
     /// Returns true if a push moves something.
-    fn can_move(&self, near: &Near) -> bool {
+    pub(super) fn can_move(&self, near: &Near) -> bool {
         let corners = near.pair.corners.iter().zip(near.gap.weights);
         let mut corners = corners.map(|(p, weight)| weight.abs() * self.inverse[*p as usize]);
         corners.any(|mobility| mobility > 0.0)
@@ -494,19 +351,6 @@ impl Contact {
     }
 }
 
-/// Gap in which a pair pushes that is `now` this far apart: this one where it is less than
-/// `thickness` `[m]`, or the one at which the pair would meet on its `path`. None where it does
-/// not.
-fn meeting(kind: Kind, path: Path, now: Gap, thickness: f64) -> Option<Gap> {
-    let near = if now.distance < thickness {
-        Some(now)
-    } else {
-        let approach = certify(kind, path, LEAST * thickness).err();
-        approach.map(|approach| approach.gap)
-    };
-    near.filter(|gap| gap.normal != DVec3::ZERO)
-}
-
 /// Returns true if a pair that meets now is among the [`EARLIEST`] of a vertex of the cloth, of
 /// which `met` counts what they have met, `[vertices]`.
 fn is_early(pair: &Pair, gap: &Gap, met: &mut [usize]) -> bool {
@@ -521,7 +365,7 @@ fn is_early(pair: &Pair, gap: &Gap, met: &mut [usize]) -> bool {
 }
 
 /// Distance of two features along the direction of `gap`, at these places of their corners `[m]`.
-fn extent(gap: &Gap, corners: [DVec3; 4]) -> f64 {
+pub(super) fn extent(gap: &Gap, corners: [DVec3; 4]) -> f64 {
     let corners = corners.iter().zip(gap.weights);
     corners
         .map(|(corner, weight)| weight * gap.normal.dot(*corner))

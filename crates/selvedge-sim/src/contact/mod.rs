@@ -13,6 +13,7 @@ mod friction;
 mod gauge;
 mod led;
 mod memory;
+mod near;
 mod received;
 mod separation;
 mod squeezed;

@@ -48,7 +48,7 @@ pub(super) enum Outcome {
 /// Knowledge of a pair in a solve. A solve that is repeated, or whose end is pushed, ends near
 /// the last one, and most of its pairs need no new look.
 #[derive(Clone, Copy, Debug)]
-struct Known {
+pub(super) struct Known {
     /// Distance by which a point of one side may stray from [`Room::ends`] against one of the other
     /// while the pair stays certified `[m]`; negative where it is not, not a number where it has
     /// not been looked at.
@@ -59,11 +59,16 @@ struct Known {
 }
 
 impl Known {
-    const NOTHING: Self = Self {
+    pub(super) const NOTHING: Self = Self {
         reach: f64::NAN,
         direction: DVec3::ZERO,
         extent: -1.0,
     };
+
+    /// Takes the `direction` of the gap at the start of a solve, and the `extent` along it there `[m]`.
+    pub(super) fn take_gap(&mut self, direction: DVec3, extent: f64) {
+        (self.direction, self.extent) = (direction, extent);
+    }
 }
 
 /// A pair that one direction does not certify.
@@ -85,7 +90,7 @@ pub(super) struct Worst {
 #[derive(Default)]
 pub(super) struct Room {
     /// `[candidates]`
-    known: Vec<Known>,
+    pub(super) known: Vec<Known>,
     /// Ends of the points when the first pair of the solve was certified `[m]`, `[points]`; empty
     /// before.
     ends: Vec<DVec3>,
@@ -113,13 +118,13 @@ impl Room {
     /// Forgets all certificates: points start elsewhere.
     pub(super) fn begin(&mut self) {
         self.ends.clear();
+        self.known.clear();
     }
 
     /// Takes new `ends` of all points `[m]`, for this number of candidates.
     fn take(&mut self, ends: &[DVec3], candidates: usize) {
         if self.ends.is_empty() {
             self.ends.extend_from_slice(ends);
-            self.known.clear();
         }
         self.known.resize(candidates, Known::NOTHING);
         let strayed = self.ends.iter().zip(ends).map(|(a, b)| *b - *a);
@@ -286,14 +291,14 @@ impl Contact {
         let (stirred, strayed) = (&room.stirred, &room.strayed);
         let turning = threads.find(&mut room.known, |k, known| {
             let pair = &pairs[k];
+            let is_still = || !pair.corners.iter().any(|p| stirred[*p as usize]);
+            if !first && !known.reach.is_nan() && is_still() {
+                return None;
+            }
             if self
                 .clearances
                 .surely_apart(self.clearances.budgets[k], pair, self.settings.floor)
             {
-                return None;
-            }
-            let is_still = || !pair.corners.iter().any(|p| stirred[*p as usize]);
-            if !first && !known.reach.is_nan() && is_still() {
                 return None;
             }
             self.look(k, pair, strayed, known)
@@ -317,6 +322,7 @@ impl Contact {
         if known.extent >= floor {
             let extent = extent(pair.kind, pair.places(&self.end), known.direction);
             if extent >= floor {
+                known.reach = known.reach.max(0.0);
                 return None;
             }
         }

@@ -3,7 +3,7 @@
 
 pub mod bend;
 pub mod external;
-pub mod number;
+pub use selvedge_contact::number;
 pub mod stretch;
 pub mod stretch_energy;
 pub mod stretch_table;

@@ -35,8 +35,24 @@ pub trait Number:
     fn abs(self) -> Self;
     /// `self` < `other`, false for a NaN.
     fn below(self, other: Self) -> Self::Mask;
+    /// `self` ≤ `other`, false for a NaN.
+    fn within(self, other: Self) -> Self::Mask;
+    /// Both are true.
+    fn both(self, mask: Self::Mask, other: Self::Mask) -> Self::Mask;
     /// `then` where `mask` is true, `otherwise` elsewhere.
     fn pick(mask: Self::Mask, then: Self, otherwise: Self) -> Self;
+
+    /// The smaller of the two; the other one where this is a NaN.
+    #[inline(always)]
+    fn smaller(self, other: Self) -> Self {
+        Self::pick(self.below(other), self, other)
+    }
+
+    /// The greater of the two; the other one where this is a NaN.
+    #[inline(always)]
+    fn greater(self, other: Self) -> Self {
+        Self::pick(other.below(self), self, other)
+    }
 
     /// The greater of this and `least`; a NaN stays one.
     #[inline(always)]
@@ -97,6 +113,16 @@ impl Number for f64 {
     }
 
     #[inline(always)]
+    fn within(self, other: Self) -> bool {
+        self <= other
+    }
+
+    #[inline(always)]
+    fn both(self, mask: bool, other: bool) -> bool {
+        mask & other
+    }
+
+    #[inline(always)]
     fn pick(mask: bool, then: Self, otherwise: Self) -> Self {
         if mask { then } else { otherwise }
     }
@@ -125,29 +151,29 @@ impl Vector<f64> for DVec3 {
 }
 
 /// Elements that are evaluated together: as many as the widest vectors have.
-pub(crate) const GROUP: usize = 8;
+pub const GROUP: usize = 8;
 
 /// One number of each element of a group.
-pub(crate) type Row = [f64; GROUP];
+pub type Row = [f64; GROUP];
 
 /// Numbers side by side, of the instruction set `S`.
 #[derive(Clone, Copy)]
-pub(crate) struct Lanes<S: Simd> {
+pub struct Lanes<S: Simd> {
     simd: S,
     values: S::f64s,
 }
 
 /// Three numbers side by side.
 #[derive(Clone, Copy)]
-pub(crate) struct LanesVector<S: Simd>([Lanes<S>; 3]);
+pub struct LanesVector<S: Simd>([Lanes<S>; 3]);
 
 impl<S: Simd> Lanes<S> {
     /// Parts of a row that are loaded one after the other.
-    pub(crate) const PARTS: usize = GROUP / S::F64_LANES;
+    pub const PARTS: usize = GROUP / S::F64_LANES;
 
     /// Part number `part` of a row.
     #[inline(always)]
-    pub(crate) fn load(simd: S, row: &Row, part: usize) -> Self {
+    pub fn load(simd: S, row: &Row, part: usize) -> Self {
         Self {
             simd,
             values: S::as_simd_f64s(row).0[part],
@@ -156,13 +182,13 @@ impl<S: Simd> Lanes<S> {
 
     /// Writes part number `part` of a row.
     #[inline(always)]
-    pub(crate) fn store(self, row: &mut Row, part: usize) {
+    pub fn store(self, row: &mut Row, part: usize) {
         S::as_mut_simd_f64s(row).0[part] = self.values;
     }
 
     /// Part number `part` of several rows.
     #[inline(always)]
-    pub(crate) fn load_all<const K: usize>(simd: S, rows: &[Row; K], part: usize) -> [Self; K] {
+    pub fn load_all<const K: usize>(simd: S, rows: &[Row; K], part: usize) -> [Self; K] {
         let mut values = [Self::load(simd, &rows[0], part); K];
         for (value, row) in values.iter_mut().zip(rows) {
             *value = Self::load(simd, row, part);
@@ -172,7 +198,7 @@ impl<S: Simd> Lanes<S> {
 
     /// Part number `part` of vectors by component.
     #[inline(always)]
-    pub(crate) fn vectors<const K: usize>(
+    pub fn vectors<const K: usize>(
         simd: S,
         rows: &[[Row; 3]; K],
         part: usize,
@@ -186,7 +212,7 @@ impl<S: Simd> Lanes<S> {
 
     /// Writes part number `part` of several rows.
     #[inline(always)]
-    pub(crate) fn store_all<const K: usize>(values: [Self; K], rows: &mut [Row; K], part: usize) {
+    pub fn store_all<const K: usize>(values: [Self; K], rows: &mut [Row; K], part: usize) {
         for (value, row) in values.into_iter().zip(rows) {
             value.store(row, part);
         }
@@ -201,11 +227,7 @@ impl<S: Simd> Lanes<S> {
 impl<S: Simd> LanesVector<S> {
     /// Writes part number `part` of vectors by component.
     #[inline(always)]
-    pub(crate) fn store_all<const K: usize>(
-        vectors: [Self; K],
-        rows: &mut [[Row; 3]; K],
-        part: usize,
-    ) {
+    pub fn store_all<const K: usize>(vectors: [Self; K], rows: &mut [[Row; 3]; K], part: usize) {
         for (vector, rows) in vectors.into_iter().zip(rows) {
             Lanes::store_all(vector.0, rows, part);
         }
@@ -214,10 +236,7 @@ impl<S: Simd> LanesVector<S> {
 
 /// The entries of `vectors` at the corners of a group, by component.
 #[inline(always)]
-pub(crate) fn gather<const K: usize>(
-    vectors: &[DVec3],
-    corners: &[[u32; K]; GROUP],
-) -> [[Row; 3]; K] {
+pub fn gather<const K: usize>(vectors: &[DVec3], corners: &[[u32; K]; GROUP]) -> [[Row; 3]; K] {
     let mut rows = [[[0.0; GROUP]; 3]; K];
     for (lane, corners) in corners.iter().enumerate() {
         for ([x, y, z], corner) in rows.iter_mut().zip(corners) {
@@ -230,7 +249,7 @@ pub(crate) fn gather<const K: usize>(
 
 /// The vectors of each element of a group; the inverse of [`gather`].
 #[inline(always)]
-pub(crate) fn scatter<const K: usize>(rows: &[[Row; 3]; K], vectors: &mut [[DVec3; K]; GROUP]) {
+pub fn scatter<const K: usize>(rows: &[[Row; 3]; K], vectors: &mut [[DVec3; K]; GROUP]) {
     for (lane, vectors) in vectors.iter_mut().enumerate() {
         for ([x, y, z], vector) in rows.iter().zip(vectors) {
             *vector = DVec3::new(x[lane], y[lane], z[lane]);
@@ -240,20 +259,20 @@ pub(crate) fn scatter<const K: usize>(rows: &[[Row; 3]; K], vectors: &mut [[DVec
 
 /// The numbers of one element of a group.
 #[inline(always)]
-pub(crate) fn of_lane<const K: usize>(rows: &[Row; K], lane: usize) -> [f64; K] {
+pub fn of_lane<const K: usize>(rows: &[Row; K], lane: usize) -> [f64; K] {
     std::array::from_fn(|k| rows[k][lane])
 }
 
 /// The vector of one element of a group in f32.
 #[inline(always)]
-pub(crate) fn of_lanes(rows: &[Row; 3], lane: usize) -> Vec3A {
+pub fn of_lanes(rows: &[Row; 3], lane: usize) -> Vec3A {
     let [x, y, z] = rows;
     Vec3A::new(x[lane] as f32, y[lane] as f32, z[lane] as f32)
 }
 
 /// Sets the numbers of one element of a group.
 #[inline(always)]
-pub(crate) fn set_lane<const K: usize>(rows: &mut [Row; K], lane: usize, values: [f64; K]) {
+pub fn set_lane<const K: usize>(rows: &mut [Row; K], lane: usize, values: [f64; K]) {
     for (row, value) in rows.iter_mut().zip(values) {
         row[lane] = value;
     }
@@ -281,6 +300,16 @@ impl<S: Simd> Number for Lanes<S> {
     #[inline(always)]
     fn below(self, other: Self) -> S::m64s {
         self.simd.less_than_f64s(self.values, other.values)
+    }
+
+    #[inline(always)]
+    fn within(self, other: Self) -> S::m64s {
+        self.simd.less_than_or_equal_f64s(self.values, other.values)
+    }
+
+    #[inline(always)]
+    fn both(self, mask: S::m64s, other: S::m64s) -> S::m64s {
+        self.simd.and_m64s(mask, other)
     }
 
     #[inline(always)]

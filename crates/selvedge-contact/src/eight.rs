@@ -1,0 +1,444 @@
+//! Boxes, closest points and extents of eight pairs of one kind at once, on the machine's vectors: the
+//! same bits as of one pair after the other by [`gap`](crate::gap()) and its neighbours, which are their
+//! reference.
+
+use glam::DVec3;
+use pulp::{Arch, Simd, WithSimd};
+
+use crate::closest;
+use crate::number::{GROUP, Lanes, LanesVector, Number, Row, Vector, gather};
+use crate::pair::Kind;
+
+/// Distances of the boxes around the two features of each pair, along the axis in which they are
+/// largest; negative where boxes overlap.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct BoxGaps {
+    /// As [`least_gap`](crate::least_gap()), at the begin of the way `[m]`.
+    pub begin: Row,
+    /// As [`Path::axes_gap`](crate::Path::axes_gap), throughout the way `[m]`.
+    pub way: Row,
+    /// As [`approach`](crate::approach()) `[m]`.
+    pub approach: Row,
+}
+
+/// As [`Gap`](crate::Gap), of each pair.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Gaps {
+    /// Distance `[m]`.
+    pub distance: Row,
+    /// Unit direction from the second feature to the first, by component; zero where they meet.
+    pub normal: [Row; 3],
+    /// Weights of the corners.
+    pub weights: [Row; 4],
+    /// As [`extent`](crate::extent()) along the direction `[m]`.
+    pub extent: Row,
+}
+
+/// The box gaps of pairs of this `kind`, whose corners go from `from` to `to` `[m]`, `[points]`.
+#[must_use]
+pub fn box_gaps(kind: Kind, corners: &[[u32; 4]; GROUP], from: &[DVec3], to: &[DVec3]) -> BoxGaps {
+    Arch::new().dispatch(OfBoxes {
+        kind,
+        corners,
+        from,
+        to,
+    })
+}
+
+/// The gaps of pairs of this `kind` of `points` `[m]`.
+#[must_use]
+pub fn gaps(kind: Kind, corners: &[[u32; 4]; GROUP], points: &[DVec3]) -> Gaps {
+    Arch::new().dispatch(OfGaps {
+        kind,
+        corners,
+        points,
+    })
+}
+
+/// Extents `[m]` of pairs of this `kind` of `points` `[m]`, each along its own of the `directions`.
+#[must_use]
+pub fn extents(
+    kind: Kind,
+    corners: &[[u32; 4]; GROUP],
+    points: &[DVec3],
+    directions: &[Row; 3],
+) -> Row {
+    Arch::new().dispatch(OfExtents {
+        kind,
+        corners,
+        points,
+        directions,
+    })
+}
+
+struct OfBoxes<'a> {
+    kind: Kind,
+    corners: &'a [[u32; 4]; GROUP],
+    from: &'a [DVec3],
+    to: &'a [DVec3],
+}
+
+impl WithSimd for OfBoxes<'_> {
+    type Output = BoxGaps;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> BoxGaps {
+        let from = gather(self.from, self.corners);
+        let to = gather(self.to, self.corners);
+        let mut boxes = BoxGaps::default();
+        for part in 0..Lanes::<S>::PARTS {
+            let from = Lanes::vectors(simd, &from, part);
+            let to = Lanes::vectors(simd, &to, part);
+            let (now, then) = (
+                axes::<Lanes<S>>(self.kind, from),
+                axes::<Lanes<S>>(self.kind, to),
+            );
+            let mut ways = from;
+            for (way, to) in ways.iter_mut().zip(to) {
+                *way = to - *way;
+            }
+            let mut begin = now[0].0.greater(now[0].1);
+            let mut way = (now[0].0.smaller(then[0].0)).greater(now[0].1.smaller(then[0].1));
+            for axis in 1..3 {
+                let ((above, below), (above_then, below_then)) = (now[axis], then[axis]);
+                begin = begin.greater(above.greater(below));
+                let least = above.smaller(above_then).greater(below.smaller(below_then));
+                way = way.greater(least);
+            }
+            begin.store(&mut boxes.begin, part);
+            way.store(&mut boxes.way, part);
+            approach::<Lanes<S>>(self.kind, ways).store(&mut boxes.approach, part);
+        }
+        boxes
+    }
+}
+
+struct OfGaps<'a> {
+    kind: Kind,
+    corners: &'a [[u32; 4]; GROUP],
+    points: &'a [DVec3],
+}
+
+impl WithSimd for OfGaps<'_> {
+    type Output = Gaps;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> Gaps {
+        let places = gather(self.points, self.corners);
+        let mut found = Gaps::default();
+        let mut is_line = [0.0; GROUP];
+        for part in 0..Lanes::<S>::PARTS {
+            let corners = Lanes::vectors(simd, &places, part);
+            let weights = match self.kind {
+                Kind::VertexFace => {
+                    let (weights, line) = vertex_face::<Lanes<S>>(corners);
+                    line.store(&mut is_line, part);
+                    weights
+                }
+                Kind::EdgeEdge => edge_edge::<Lanes<S>>(corners),
+            };
+            let zero = weights[0].same(0.0);
+            let mut between = LanesVector::of([zero; 3]);
+            for (corner, weight) in corners.into_iter().zip(weights) {
+                between = between + corner * weight;
+            }
+            let distance = between.dot(between).sqrt();
+            let inverse = zero.same(1.0) / distance;
+            // As `try_normalize`: finite and above zero.
+            let is_known = zero.both(zero.below(inverse), inverse.below(zero.same(f64::INFINITY)));
+            let [x, y, z] = (between * inverse).components();
+            let normal = [x, y, z];
+            let mut known = [zero; 3];
+            for (known, part) in known.iter_mut().zip(normal) {
+                *known = Number::pick(is_known, part, zero);
+            }
+            distance.store(&mut found.distance, part);
+            Lanes::store_all(known, &mut found.normal, part);
+            Lanes::store_all(weights, &mut found.weights, part);
+            extent::<Lanes<S>>(self.kind, corners, LanesVector::of(known))
+                .store(&mut found.extent, part);
+        }
+        if is_line != [0.0; GROUP] {
+            self.lines(&is_line, &mut found);
+        }
+        found
+    }
+}
+
+impl OfGaps<'_> {
+    /// Faces that are lines, one after the other.
+    #[cold]
+    fn lines(&self, is_line: &Row, found: &mut Gaps) {
+        for lane in (0..GROUP).filter(|lane| is_line[*lane] != 0.0) {
+            let corners = self.corners[lane].map(|p| self.points[p as usize]);
+            let gap = closest::gap(self.kind, corners);
+            found.distance[lane] = gap.distance;
+            for (row, part) in found.normal.iter_mut().zip(gap.normal.to_array()) {
+                row[lane] = part;
+            }
+            for (row, weight) in found.weights.iter_mut().zip(gap.weights) {
+                row[lane] = weight;
+            }
+            found.extent[lane] = crate::extent(self.kind, corners, gap.normal);
+        }
+    }
+}
+
+struct OfExtents<'a> {
+    kind: Kind,
+    corners: &'a [[u32; 4]; GROUP],
+    points: &'a [DVec3],
+    directions: &'a [Row; 3],
+}
+
+impl WithSimd for OfExtents<'_> {
+    type Output = Row;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> Row {
+        let places = gather(self.points, self.corners);
+        let mut found = [0.0; GROUP];
+        for part in 0..Lanes::<S>::PARTS {
+            let corners = Lanes::vectors(simd, &places, part);
+            let direction = LanesVector::of(Lanes::load_all(simd, self.directions, part));
+            extent::<Lanes<S>>(self.kind, corners, direction).store(&mut found, part);
+        }
+        found
+    }
+}
+
+/// Distances of the boxes along each axis, the first above the second and below it.
+#[inline(always)]
+fn axes<N: Number>(kind: Kind, corners: [N::Vector; 4]) -> [(N, N); 3] {
+    let [a, b, c, d] = corners;
+    let ([a, b], [c, d]) = (
+        [a.components(), b.components()],
+        [c.components(), d.components()],
+    );
+    let zero = a[0].same(0.0);
+    let mut found = [(zero, zero); 3];
+    for axis in 0..3 {
+        let (a, b, c, d) = (a[axis], b[axis], c[axis], d[axis]);
+        let (least, greatest) = match kind {
+            Kind::VertexFace => ((a, b.smaller(c).smaller(d)), (a, b.greater(c).greater(d))),
+            Kind::EdgeEdge => ((a.smaller(b), c.smaller(d)), (a.greater(b), c.greater(d))),
+        };
+        found[axis] = (least.0 - greatest.1, least.1 - greatest.0);
+    }
+    found
+}
+
+#[inline(always)]
+fn square<N: Number>(p: N::Vector, q: N::Vector) -> N {
+    let apart = p - q;
+    apart.dot(apart)
+}
+
+#[inline(always)]
+fn approach<N: Number>(kind: Kind, ways: [N::Vector; 4]) -> N {
+    let [a, b, c, d] = ways;
+    let most = match kind {
+        Kind::VertexFace => square::<N>(a, b)
+            .greater(square(a, c))
+            .greater(square(a, d)),
+        Kind::EdgeEdge => {
+            let first = square::<N>(a, c).greater(square(a, d));
+            first.greater(square::<N>(b, c).greater(square(b, d)))
+        }
+    };
+    most.sqrt()
+}
+
+#[inline(always)]
+fn extent<N: Number>(kind: Kind, corners: [N::Vector; 4], direction: N::Vector) -> N {
+    let [a, b, c, d] = corners;
+    let (a, b, c, d) = (
+        a.dot(direction),
+        b.dot(direction),
+        c.dot(direction),
+        d.dot(direction),
+    );
+    match kind {
+        Kind::VertexFace => a - b.greater(c).greater(d),
+        Kind::EdgeEdge => a.smaller(b) - c.greater(d),
+    }
+}
+
+/// As `closest::ratio`.
+#[inline(always)]
+fn ratio<N: Number>(part: N, whole: N) -> N {
+    let zero = part.same(0.0);
+    let within = (part / whole).at_least(0.0).at_most(1.0);
+    N::pick(zero.below(whole), within, zero)
+}
+
+/// As `closest::vertex_face`, all regions at once; and 1 where the face is a line, where the weights are
+/// of no use.
+#[inline(always)]
+fn vertex_face<N: Number>(corners: [N::Vector; 4]) -> ([N; 4], N) {
+    let [p, a, b, c] = corners;
+    let (ab, ac, ap) = (b - a, c - a, p - a);
+    let (ab2, ac2): (N, N) = (ab.dot(ab), ac.dot(ac));
+    let normal = ab.cross(ac);
+    let most = ab2 * ac2;
+    let (zero, one) = (most.same(0.0), most.same(1.0));
+    let is_line = normal.dot(normal).within(most * 1e-20);
+    let (d1, d2) = (ab.dot(ap), ac.dot(ap));
+    let bp = p - b;
+    let (d3, d4) = (ab.dot(bp), ac.dot(bp));
+    let cp = p - c;
+    let (d5, d6) = (ab.dot(cp), ac.dot(cp));
+    let vc = d1 * d4 - d3 * d2;
+    let vb = d5 * d2 - d1 * d6;
+    let va = d3 * d6 - d5 * d4;
+    // Weights of b and c; that of a is what they leave. The last region that holds is overwritten by the
+    // first, as the reference leaves by the first.
+    let all = va + vb + vc;
+    let (v, w) = (ratio(vb, all), ratio(vc, all));
+    let mut weights = [v + w - one, -v, -w];
+    let mut put = |mask: N::Mask, to: [N; 3]| {
+        for (own, to) in weights.iter_mut().zip(to) {
+            *own = N::pick(mask, to, *own);
+        }
+    };
+    let t = ratio(d4 - d3, (d4 - d3) + (d5 - d6));
+    put(
+        zero.both(va.within(zero), zero.both(d3.within(d4), d6.within(d5))),
+        [zero, t - one, -t],
+    );
+    let t = ratio(d2, d2 - d6);
+    put(
+        zero.both(vb.within(zero), zero.both(zero.within(d2), d6.within(zero))),
+        [t - one, zero, -t],
+    );
+    put(
+        zero.both(zero.within(d6), d5.within(d6)),
+        [zero, zero, -one],
+    );
+    let t = ratio(d1, d1 - d3);
+    put(
+        zero.both(vc.within(zero), zero.both(zero.within(d1), d3.within(zero))),
+        [t - one, -t, zero],
+    );
+    put(
+        zero.both(zero.within(d3), d4.within(d3)),
+        [zero, -one, zero],
+    );
+    put(
+        zero.both(d1.within(zero), d2.within(zero)),
+        [-one, zero, zero],
+    );
+    let [u, v, w] = weights;
+    ([one, u, v, w], N::pick(is_line, one, zero))
+}
+
+/// As `closest::edge_edge`.
+#[inline(always)]
+fn edge_edge<N: Number>(corners: [N::Vector; 4]) -> [N; 4] {
+    let [a, b, c, d] = corners;
+    let (u, v, r) = (b - a, d - c, a - c);
+    let (uu, vv, uv): (N, N, N) = (u.dot(u), v.dot(v), u.dot(v));
+    let (ur, vr) = (u.dot(r), v.dot(r));
+    let (zero, one) = (uu.same(0.0), uu.same(1.0));
+    // The ends, each against the other edge.
+    let ends = [
+        (zero, ratio(vr, vv)),
+        (one, ratio(vr + uv, vv)),
+        (ratio(-ur, uu), zero),
+        (ratio(uv - ur, uu), one),
+    ];
+    let (mut s, mut t, mut least) = (zero, zero, zero.same(f64::INFINITY));
+    for (own, other) in ends {
+        let apart = r + u * own - v * other;
+        let distance: N = apart.dot(apart);
+        let is_less = distance.below(least);
+        s = N::pick(is_less, own, s);
+        t = N::pick(is_less, other, t);
+        least = N::pick(is_less, distance, least);
+    }
+    // The closest points of the two lines, where both lie within.
+    let area = uu * vv - uv * uv;
+    let own = (uv * vr - vv * ur) / area;
+    let other = (uu * vr - uv * ur) / area;
+    let is_within = zero.both(
+        zero.both(zero.within(own), own.within(one)),
+        zero.both(zero.within(other), other.within(one)),
+    );
+    let is_inside = zero.both((uu * 1e-24 * vv).below(area), is_within);
+    let own = ratio(uv * other - ur, uu);
+    let other = ratio(uv * own + vr, vv);
+    s = N::pick(is_inside, own, s);
+    t = N::pick(is_inside, other, t);
+    [one - s, s, t - one, -t]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Pair, Path, least_gap};
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    /// Pairs of points on a lattice and off it: parallel and crossing edges, closest points at corners, on
+    /// sides and inside, lines in place of faces, features that meet.
+    #[test]
+    fn eight_pairs_give_the_bits_of_one_after_the_other() {
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        for round in 0..4000 {
+            let kind = [Kind::VertexFace, Kind::EdgeEdge][round % 2];
+            let is_lattice = round % 3 == 0;
+            let mut points = || -> Vec<DVec3> {
+                let mut number = || match is_lattice {
+                    true => f64::from(rng.random_range(-1_i32..2)),
+                    false => rng.random_range(-1.0..1.0),
+                };
+                (0..12)
+                    .map(|_| DVec3::new(number(), number(), number()))
+                    .collect()
+            };
+            let (from, to) = (points(), points());
+            let corners: [[u32; 4]; GROUP] = std::array::from_fn(|lane| {
+                std::array::from_fn(|k| ((5 * lane + 3 * k + round) % 12) as u32)
+            });
+            let boxes = box_gaps(kind, &corners, &from, &to);
+            let gaps = gaps(kind, &corners, &from);
+            let further = extents(kind, &corners, &to, &gaps.normal);
+            for lane in 0..GROUP {
+                let pair = Pair {
+                    kind,
+                    first: 0,
+                    second: 0,
+                    corners: corners[lane],
+                };
+                let path = Path {
+                    from: pair.places(&from),
+                    to: pair.places(&to),
+                };
+                let gap = closest::gap(kind, path.from);
+                let ways = std::array::from_fn(|k| path.to[k] - path.from[k]);
+                let expected = [
+                    least_gap(kind, path.from),
+                    path.axes_gap(kind),
+                    crate::approach(kind, ways),
+                ];
+                assert_eq!(
+                    [boxes.begin[lane], boxes.way[lane], boxes.approach[lane]],
+                    expected
+                );
+                assert_eq!(gaps.distance[lane].to_bits(), gap.distance.to_bits());
+                assert_eq!(
+                    gaps.weights.map(|row| row[lane]),
+                    gap.weights,
+                    "{kind:?} {path:?}"
+                );
+                let normal = gaps.normal.map(|row| row[lane]);
+                assert_eq!(normal, gap.normal.to_array());
+                assert_eq!(
+                    gaps.extent[lane],
+                    crate::extent(kind, path.from, gap.normal)
+                );
+                assert_eq!(further[lane], crate::extent(kind, path.to, gap.normal));
+            }
+        }
+    }
+}

@@ -1,0 +1,274 @@
+//! Pairs that are too near at the start of a solve, or will be on their way: the narrow phase.
+//!
+//! Candidates are looked at in three passes, of which each leaves few to the next: budgets that tell
+//! without a look that a pair is apart, boxes, closest points. The last two take eight pairs of one kind at
+//! a time.
+
+use glam::DVec3;
+use selvedge_cloth::CaughtPair;
+use selvedge_contact::number::{GROUP, of_lane};
+use selvedge_contact::{Gap, Gaps, Kind, Pair, Path, box_gaps, certify, gaps};
+
+use super::Contact;
+use super::barrier::LEAST;
+use super::clearances::ROUNDING;
+use super::find::{Pushes, extent};
+use super::memory::{self, key};
+use super::separation::Known;
+use crate::threads::Threads;
+
+/// Depth of a fold at the nearer end of two edges that cross, as a part of the thickness, from
+/// which they push in full.
+const BULGE: f64 = 0.5;
+/// Sine of the angle of two edges from which they push in full.
+const PARALLEL: f64 = 0.1;
+/// Sine of the angle by which an edge's push may lean over a face beside it.
+const LEAN: f64 = 0.05;
+
+/// A pair that may push.
+pub(super) struct Near {
+    pub(super) pair: Pair,
+    pub(super) body: usize,
+    pub(super) gap: Gap,
+    /// Distance along the gap's direction at the start `[m]`.
+    pub(super) distance: f64,
+    /// Part of the barrier's stiffness that it has, above 0.
+    pub(super) share: f64,
+    /// What is known if a solve caught it: it pushes whatever else is near.
+    pub(super) caught: Option<CaughtPair>,
+}
+
+/// What is known of the candidates, of some that follow each other or of all, `[candidates]`.
+struct Watched<'a> {
+    pairs: &'a [Pair],
+    budgets: &'a mut [f64],
+    pushes: &'a mut [Pushes],
+    known: &'a mut [Known],
+}
+
+/// A candidate whose boxes are near.
+#[derive(Clone, Copy)]
+struct Close {
+    /// Its place.
+    k: usize,
+    /// Way of one side against the other, and the box gap throughout `[m]`.
+    approach: f64,
+    way: f64,
+}
+
+/// Corners of the pairs at these places; the first of them where there are fewer than eight.
+pub(super) fn corners_of(
+    pairs: &[Pair],
+    places: &[impl Copy],
+    k: impl Fn(usize) -> usize,
+) -> [[u32; 4]; GROUP] {
+    std::array::from_fn(|lane| {
+        let lane = if lane < places.len() { lane } else { 0 };
+        pairs[k(lane)].corners
+    })
+}
+
+impl Contact {
+    /// All pairs that are too near or will be. Takes the budgets of the candidates and computes
+    /// those that are used up anew; keeps the directions of gaps, along which most pairs will be
+    /// certified.
+    pub(super) fn near(&mut self, threads: Threads) -> Vec<Near> {
+        let mut budgets = std::mem::take(&mut self.clearances.budgets);
+        let mut pushes = std::mem::take(&mut self.pushes);
+        let mut known = std::mem::take(&mut self.room.known);
+        pushes.resize(budgets.len(), Pushes::Unknown);
+        known.resize(budgets.len(), Known::NOTHING);
+        let pairs = self.candidates.pairs();
+        let all = (&mut budgets[..], &mut pushes[..], &mut known[..]);
+        let near = threads.find_in_pieces(all, |first, (budgets, pushes, known), near| {
+            let watched = Watched {
+                pairs: &pairs[first..first + budgets.len()],
+                budgets,
+                pushes,
+                known,
+            };
+            self.near_of(watched, near);
+        });
+        self.clearances.budgets = budgets;
+        self.pushes = pushes;
+        self.room.known = known;
+        near
+    }
+
+    fn near_of(&self, mut watched: Watched<'_>, near: &mut Vec<Near>) {
+        let most = self.most;
+        let mut open: [Vec<usize>; 2] = [const { Vec::new() }; 2];
+        for (k, pair) in watched.pairs.iter().enumerate() {
+            let is_apart = self.clearances.surely_apart(watched.budgets[k], pair, most);
+            if watched.pushes[k] != Pushes::Never && !is_apart {
+                open[pair.kind as usize].push(k);
+            }
+        }
+        for (kind, open) in [Kind::VertexFace, Kind::EdgeEdge].into_iter().zip(open) {
+            let close = self.close(kind, &open, &mut watched);
+            for group in close.chunks(GROUP) {
+                let corners = corners_of(watched.pairs, group, |lane| group[lane].k);
+                let gaps = gaps(kind, &corners, &self.start);
+                for (lane, close) in group.iter().enumerate() {
+                    near.extend(self.near_pair(*close, &gaps, lane, &mut watched));
+                }
+            }
+        }
+    }
+
+    /// Candidates of these places whose boxes are near, or will be.
+    fn close(&self, kind: Kind, open: &[usize], watched: &mut Watched<'_>) -> Vec<Close> {
+        let (most, clearances) = (self.most, &self.clearances);
+        let mut close = Vec::with_capacity(open.len());
+        for group in open.chunks(GROUP) {
+            let corners = corners_of(watched.pairs, group, |lane| group[lane]);
+            let boxes = box_gaps(kind, &corners, &self.start, &self.end);
+            for (lane, k) in group.iter().enumerate() {
+                let pair = &watched.pairs[*k];
+                let approach = boxes.approach[lane] + ROUNDING;
+                if clearances.at_start(watched.budgets[*k], pair) - approach > most {
+                    continue;
+                }
+                if boxes.begin[lane] - approach > most {
+                    watched.budgets[*k] = clearances.budget(pair, boxes.begin[lane]);
+                    continue;
+                }
+                let way = boxes.way[lane];
+                if way > most {
+                    continue;
+                }
+                close.push(Close {
+                    k: *k,
+                    approach,
+                    way,
+                });
+            }
+        }
+        close
+    }
+
+    /// The pair, if it is too near or will be; its gap is that of this `lane`.
+    fn near_pair(
+        &self,
+        close: Close,
+        gaps: &Gaps,
+        lane: usize,
+        watched: &mut Watched<'_>,
+    ) -> Option<Near> {
+        let k = close.k;
+        let pair = &watched.pairs[k];
+        let now = Gap {
+            distance: gaps.distance[lane],
+            normal: DVec3::from_array(of_lane(&gaps.normal, lane)),
+            weights: of_lane(&gaps.weights, lane),
+        };
+        watched.budgets[k] = self.clearances.budget(pair, now.distance);
+        watched.known[k].take_gap(now.normal, gaps.extent[lane]);
+        if now.distance - close.approach > self.most {
+            return None;
+        }
+        let body = self.other_body(pair);
+        let thickness = self.thickness[body];
+        if now.distance >= thickness && close.way > thickness {
+            return None;
+        }
+        let of = key(pair);
+        let caught = memory::caught(&self.memory.caught, of);
+        let is_at_end = || now.weights.contains(&0.0);
+        if pair.kind == Kind::EdgeEdge
+            && now.distance < thickness
+            && caught.is_none()
+            && is_at_end()
+        {
+            return None;
+        }
+        let path = Path {
+            from: pair.places(&self.start),
+            to: pair.places(&self.end),
+        };
+        let gap = meeting(pair.kind, path, now, thickness)?;
+        let pushes = &mut watched.pushes[k];
+        if *pushes == Pushes::Unknown {
+            let never = body == 0 && self.neighbours.leave_out(pair, 2.0 * thickness);
+            *pushes = if never { Pushes::Never } else { Pushes::Always };
+        }
+        if *pushes == Pushes::Never {
+            return None;
+        }
+        let share = match pair.kind {
+            Kind::EdgeEdge if caught.is_none() => self.share(pair, &gap, thickness),
+            _ => 1.0,
+        };
+        let near = Near {
+            pair: *pair,
+            body,
+            gap,
+            distance: extent(&gap, path.from),
+            share,
+            caught,
+        };
+        (share > 0.0 && near.distance > 0.0 && self.can_move(&near)).then_some(near)
+    }
+
+    /// Part of the barrier's stiffness that two edges have: none where a vertex is about as near.
+    /// All of it where they cross, the gap leaves both between their faces, and one of them is a
+    /// fold towards the other, by which it is nearer to the middle of the other than to its ends;
+    /// or both are boundaries, off their ends. It grows evenly: a push that began at once would
+    /// keep a cloth at rest trembling, and what trembles has more friction than its load.
+    /// `[eq:contact-edges]`
+    fn share(&self, pair: &Pair, gap: &Gap, thickness: f64) -> f64 {
+        let [a, b, c, d] = pair.places(&self.start);
+        let (along, across) = (b - a, d - c);
+        // From the gap to the nearest end.
+        let [w0, w1, w2, w3] = gap.weights.map(f64::abs);
+        let away = (along.length() * w0.min(w1)).min(across.length() * w2.min(w3));
+        if away <= 1e-3 * thickness {
+            return 0.0;
+        }
+        let sine = along.cross(across).length() / (along.length() * across.length());
+        let leans = [
+            self.lean(pair.first, -gap.normal),
+            self.lean(pair.second, gap.normal),
+        ];
+        let ends = |edge: u32| self.surface.edges()[edge as usize].wings[1].is_none();
+        let bulge = match ends(pair.first) && ends(pair.second) {
+            true => away,
+            false => -leans[0].min(leans[1]) * away,
+        };
+        [
+            bulge / (BULGE * thickness),
+            sine / PARALLEL,
+            1.0 - leans[0].max(leans[1]) / LEAN,
+        ]
+        .into_iter()
+        .map(|part| part.clamp(0.0, 1.0))
+        .product()
+    }
+
+    /// Sine of the angle by which the faces beside an edge lean towards a direction; negative where
+    /// both lean away from it.
+    fn lean(&self, edge: u32, towards: DVec3) -> f64 {
+        let edge = self.surface.edges()[edge as usize];
+        let [a, b] = edge.ends.map(|p| self.start[p as usize]);
+        let along = (b - a).normalize_or_zero();
+        let wings = edge.wings.iter().flatten().map(|wing| {
+            let arm = self.start[*wing as usize] - a;
+            let arm = (arm - along * along.dot(arm)).normalize_or_zero();
+            arm.dot(towards)
+        });
+        wings.fold(f64::NEG_INFINITY, f64::max)
+    }
+}
+
+/// Gap in which a pair pushes that is `now` this far apart: this one where it is less than
+/// `thickness` `[m]`, or the one at which the pair would meet on its `path`. None where it does
+/// not.
+fn meeting(kind: Kind, path: Path, now: Gap, thickness: f64) -> Option<Gap> {
+    let near = if now.distance < thickness {
+        Some(now)
+    } else {
+        let approach = certify(kind, path, LEAST * thickness).err();
+        approach.map(|approach| approach.gap)
+    };
+    near.filter(|gap| gap.normal != DVec3::ZERO)
+}
