@@ -104,6 +104,43 @@ impl Rough {
     }
 }
 
+/// Boxes around features on their straight ways: those at the begin and at the end. Between, a box goes
+/// evenly from one to the other, so what stays apart along an axis at both is apart throughout.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Swept {
+    begin: Rough,
+    end: Rough,
+}
+
+impl Swept {
+    /// A point that goes from `from` to `to`, widened by `margin`.
+    #[inline]
+    pub(crate) fn of(from: DVec3, to: DVec3, margin: f64) -> Self {
+        Self {
+            begin: Bounds::of(from).widened(margin).into(),
+            end: Bounds::of(to).widened(margin).into(),
+        }
+    }
+
+    #[inline]
+    pub(crate) fn around(self, other: Self) -> Self {
+        Self {
+            begin: self.begin.around(other.begin),
+            end: self.end.around(other.end),
+        }
+    }
+
+    /// Returns true if one axis separates the two throughout.
+    #[inline]
+    pub(crate) fn are_apart(&self, other: &Self) -> bool {
+        let above = self.begin.least.cmpgt(other.begin.greatest).bitmask()
+            & self.end.least.cmpgt(other.end.greatest).bitmask();
+        let below = other.begin.least.cmpgt(self.begin.greatest).bitmask()
+            & other.end.least.cmpgt(self.end.greatest).bitmask();
+        above | below != 0
+    }
+}
+
 /// The group of a node that stands for none.
 pub(crate) const NO_GROUP: u32 = u32::MAX;
 

@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3};
 use selvedge_cloth::ReleasedContact;
 
-use crate::boxes::{Apart, Bounds, Rough, Tree};
+use crate::boxes::{Apart, Bounds, Rough, Swept, Tree};
 use crate::pair::Pair;
 use crate::patches::Patches;
 use crate::release::Released;
@@ -20,6 +20,8 @@ pub struct Candidates {
     /// Contact whose pairs are left out.
     released: Released,
     pairs: Vec<Pair>,
+    /// Two faces each, and the first of the pairs of their features, in the order of the pairs.
+    faces: Vec<([u32; 2], u32)>,
     /// Boxes that the points must not leave while the pairs hold.
     allowed: Vec<Bounds>,
     boxes: Boxes,
@@ -68,6 +70,46 @@ pub struct Reach {
     pub slack: f64,
 }
 
+/// Boxes around the ways of all faces.
+#[derive(Clone, Debug, Default)]
+pub struct FaceWays {
+    points: Vec<Swept>,
+    boxes: Vec<Swept>,
+}
+
+impl FaceWays {
+    /// Takes the ways of the points from `from` to `to` `[m]`, `[points]`, for faces that are looked for
+    /// within `distance` `[m]`: those of all bodies, or of the cloth alone where the others are known.
+    pub fn take(
+        &mut self,
+        surface: &Surface,
+        [from, to]: [&[DVec3]; 2],
+        distance: f64,
+        cloth_alone: bool,
+    ) {
+        let body = surface.bodies().first().filter(|_| cloth_alone);
+        let (points, faces) = match body {
+            Some(body) => (body.points.end as usize, body.faces.end as usize),
+            None => (from.len(), surface.faces().len()),
+        };
+        self.points.clear();
+        let ways = from.iter().zip(to).take(points);
+        self.points
+            .extend(ways.map(|(from, to)| Swept::of(*from, *to, 0.5 * distance)));
+        if !cloth_alone {
+            self.boxes.clear();
+        }
+        for (k, [a, b, c]) in surface.faces()[..faces].iter().enumerate() {
+            let [a, b, c] = [a, b, c].map(|p| self.points[*p as usize]);
+            let face = a.around(b).around(c);
+            match self.boxes.get_mut(k) {
+                Some(own) => *own = face,
+                None => self.boxes.push(face),
+            }
+        }
+    }
+}
+
 impl Candidates {
     /// No candidates yet, of a `surface` whose trees fit these `points` `[m]`, those at the begin of
     /// the scene. Where the cloth does
@@ -87,6 +129,7 @@ impl Candidates {
             patches: None,
             released: Released::none(points),
             pairs: Vec::new(),
+            faces: Vec::new(),
             allowed: Vec::new(),
             boxes: Boxes::default(),
             before: Boxes::default(),
@@ -128,6 +171,19 @@ impl Candidates {
         &self.pairs
     }
 
+    /// Gives the places of the pairs whose faces are not known by their boxes to stay apart on these
+    /// `ways`, in order.
+    pub fn open(&self, ways: &FaceWays, open: &mut Vec<u32>) {
+        open.clear();
+        let ends = self.faces.iter().skip(1).map(|(_, first)| *first);
+        let ends = ends.chain([self.pairs.len() as u32]);
+        for (([a, b], first), end) in self.faces.iter().zip(ends) {
+            if !ways.boxes[*a as usize].are_apart(&ways.boxes[*b as usize]) {
+                open.extend(*first..end);
+            }
+        }
+    }
+
     /// Leaves out the pairs of this contact from now on, and only these. The pairs there are hold
     /// nowhere.
     pub fn release(&mut self, released: &[ReleasedContact]) {
@@ -144,6 +200,7 @@ impl Candidates {
     /// Drops the pairs: they hold nowhere.
     pub fn clear(&mut self) {
         self.pairs.clear();
+        self.faces.clear();
         self.allowed.clear();
         if let Some(patches) = &mut self.patches {
             patches.clear();
@@ -181,6 +238,7 @@ impl Candidates {
             self.boxes.points.push(wide.into());
         }
         self.pairs.clear();
+        self.faces.clear();
         self.search(surface, true);
     }
 
@@ -230,6 +288,7 @@ impl Candidates {
             before: &self.before,
             released: &self.released,
             pairs: &mut self.pairs,
+            faces: &mut self.faces,
         };
         let Some((cloth, obstacles)) = self.trees.split_first() else {
             return;
@@ -285,12 +344,14 @@ struct Finder<'a> {
     before: &'a Boxes,
     released: &'a Released,
     pairs: &'a mut Vec<Pair>,
+    faces: &'a mut Vec<([u32; 2], u32)>,
 }
 
 impl Finder<'_> {
     /// Adds the pairs of two faces whose boxes meet; unless the faces are looked at `anew`, those
     /// whose boxes did not meet before.
     fn of_faces(&mut self, a: u32, b: u32, anew: bool) {
+        let first = self.pairs.len();
         self.vertices(a, b, anew);
         self.vertices(b, a, anew);
         for first in self.surface.share(a).edges {
@@ -299,6 +360,9 @@ impl Finder<'_> {
             {
                 self.edges_with(first, self.surface.share(b).edges, anew);
             }
+        }
+        if self.pairs.len() > first {
+            self.faces.push(([a, b], first as u32));
         }
     }
 

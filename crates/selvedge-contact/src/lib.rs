@@ -31,7 +31,7 @@ mod release;
 mod surface;
 
 pub use boxes::Bounds;
-pub use candidates::{Candidates, Reach, Ways};
+pub use candidates::{Candidates, FaceWays, Reach, Ways};
 pub use certificate::{
     Approach, Path, Straight, approach, certify, certify_straight, certify_turning, extent,
 };

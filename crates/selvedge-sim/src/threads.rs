@@ -76,55 +76,29 @@ impl Threads {
         }
     }
 
-    /// Calls `work` for each entry with its number, and returns what it found, in order.
-    pub(crate) fn find<A: Send, F: Send>(
+    /// Calls `work` for pieces of a slice and those of the `open` places, in ascending order, that lie in
+    /// them, with the place of the first entry, to add what it finds there; all that was found, in order.
+    pub(crate) fn find_in_pieces<A: Send, F: Send>(
         self,
-        a: &mut [A],
-        work: impl Fn(usize, &mut A) -> Option<F> + Sync,
+        open: &[u32],
+        all: &mut [A],
+        work: impl Fn(usize, &[u32], &mut [A], &mut Vec<F>) + Sync,
     ) -> Vec<F> {
-        let of_chunk = |(chunk, a): (usize, &mut [A])| -> Vec<F> {
-            let numbered = a.iter_mut().enumerate();
-            let found = numbered.map(|(k, a)| work(CHUNK * chunk + k, a));
-            found.flatten().collect()
+        let mut found = Vec::new();
+        if self == Self::One {
+            work(0, open, all, &mut found);
+            return found;
+        }
+        let before = |place: usize| open.partition_point(|k| (*k as usize) < place);
+        let of_piece = |(k, piece): (usize, &mut [A])| {
+            let first = PIECE * k;
+            let open = &open[before(first)..before(first + piece.len())];
+            let mut found = Vec::new();
+            work(first, open, piece, &mut found);
+            found
         };
-        match self {
-            Self::One => {
-                let numbered = a.iter_mut().enumerate();
-                numbered.filter_map(|(k, a)| work(k, a)).collect()
-            }
-            Self::Pool => {
-                let chunks = a.par_chunks_mut(CHUNK).enumerate();
-                chunks.flat_map_iter(of_chunk).collect()
-            }
-        }
-    }
-
-    /// Calls `work` for pieces of three slices of one length, with the place of the first entry, to add
-    /// what it finds there; all that was found, in order.
-    pub(crate) fn find_in_pieces<A: Send, B: Send, C: Send, F: Send>(
-        self,
-        (a, b, c): (&mut [A], &mut [B], &mut [C]),
-        work: impl Fn(usize, (&mut [A], &mut [B], &mut [C]), &mut Vec<F>) + Sync,
-    ) -> Vec<F> {
-        match self {
-            Self::One => {
-                let pieces = a.chunks_mut(PIECE).zip(b.chunks_mut(PIECE));
-                let pieces = pieces.zip(c.chunks_mut(PIECE)).enumerate();
-                let mut found = Vec::new();
-                pieces.for_each(|(k, ((a, b), c))| work(PIECE * k, (a, b, c), &mut found));
-                found
-            }
-            Self::Pool => {
-                let pieces = a.par_chunks_mut(PIECE).zip(b.par_chunks_mut(PIECE));
-                let pieces = pieces.zip(c.par_chunks_mut(PIECE)).enumerate();
-                let of_piece = |(k, ((a, b), c))| {
-                    let mut found = Vec::new();
-                    work(PIECE * k, (a, b, c), &mut found);
-                    found
-                };
-                pieces.flat_map_iter(of_piece).collect()
-            }
-        }
+        let pieces = all.par_chunks_mut(PIECE).enumerate();
+        pieces.flat_map_iter(of_piece).collect()
     }
 
     /// Calls `work` for each entry of `few`, large pieces of work, with its `share` entries of

@@ -7,7 +7,68 @@ use selvedge_contact::{Pair, approach};
 /// Rounding of sums of distances `[m]`.
 pub(super) const ROUNDING: f64 = 1e-9;
 
-/// Distances of the candidates, and the ways of the points.
+/// What is known of a candidate.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Watch {
+    /// Distance when it was computed, plus the ways that its two sides had gone at least by then `[m]`;
+    /// negative and infinite before.
+    pub(super) budget: f64,
+    /// What is known of its way in the solve of this number.
+    known: Known,
+    solve: u32,
+    pub(super) pushes: Pushes,
+}
+
+/// What is known of a pair in a solve. A solve that is repeated, or whose end is pushed, ends near
+/// the last one, and most of its pairs need no new look.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Known {
+    /// Distance by which a point of one side may stray from where it ended when the first pair was
+    /// certified, against one of the other, while the pair stays certified `[m]`; negative where it is
+    /// not, not a number where it has not been looked at.
+    pub(super) reach: f64,
+    /// A direction that serves it, and the extent along it at the start `[m]`; negative without.
+    pub(super) direction: DVec3,
+    pub(super) extent: f64,
+}
+
+/// Answers of [`Neighbours::leave_out`](super::find::Neighbours::leave_out) for a candidate.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Pushes {
+    #[default]
+    Unknown,
+    Never,
+    Always,
+}
+
+impl Watch {
+    /// Nothing is known.
+    pub(super) const NEW: Self = Self {
+        budget: f64::NEG_INFINITY,
+        known: Known::NOTHING,
+        solve: 0,
+        pushes: Pushes::Unknown,
+    };
+
+    /// What is known in the solve of this number, to be changed.
+    #[inline]
+    pub(super) fn in_solve(&mut self, solve: u32) -> &mut Known {
+        if self.solve != solve {
+            (self.solve, self.known) = (solve, Known::NOTHING);
+        }
+        &mut self.known
+    }
+}
+
+impl Known {
+    const NOTHING: Self = Self {
+        reach: f64::NAN,
+        direction: DVec3::ZERO,
+        extent: -1.0,
+    };
+}
+
+/// The ways of the points.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Clearances {
     /// Way that each point has gone, at least as long as the straight one `[m]`, `[points]`.
@@ -16,9 +77,6 @@ pub(super) struct Clearances {
     ahead: Vec<f64>,
     /// Way of each point in the solve `[m]`.
     ways: Vec<DVec3>,
-    /// Distance of each candidate when it was computed, plus the ways that its two sides had gone
-    /// at least by then `[m]`; negative and infinite before.
-    pub(super) budgets: Vec<f64>,
 }
 
 impl Clearances {
@@ -28,20 +86,12 @@ impl Clearances {
             travelled: vec![0.0; points],
             ahead: vec![0.0; points],
             ways: vec![DVec3::ZERO; points],
-            budgets: Vec::new(),
         }
     }
 
-    /// Forgets all distances: there are other candidates, this many.
-    pub(super) fn reset(&mut self, pairs: usize) {
+    /// Forgets the ways: all distances are to be computed anew.
+    pub(super) fn reset(&mut self) {
         self.travelled.fill(0.0);
-        self.budgets.clear();
-        self.budgets.resize(pairs, f64::NEG_INFINITY);
-    }
-
-    /// Takes more candidates, this many with those there are.
-    pub(super) fn add(&mut self, pairs: usize) {
-        self.budgets.resize(pairs, f64::NEG_INFINITY);
     }
 
     /// Takes the way of a solve.
@@ -109,11 +159,11 @@ mod tests {
     #[test]
     fn a_pair_is_apart_as_long_as_its_points_cannot_have_met() {
         let mut clearances = Clearances::new(4);
-        clearances.reset(1);
+        clearances.reset();
         let pair = Pair::vertex_face(0, 0, [0, 1, 2, 3]);
         let moved = |by: f64| START.map(|p| p + DVec3::Y * by);
         clearances.look_ahead(&START, &START);
-        assert!(!clearances.surely_apart(clearances.budgets[0], &pair, 0.1));
+        assert!(!clearances.surely_apart(Watch::NEW.budget, &pair, 0.1));
         let budget = clearances.budget(&pair, 1.0);
         clearances.look_ahead(&START, &moved(0.4));
         assert!(clearances.surely_apart(budget, &pair, 0.1));

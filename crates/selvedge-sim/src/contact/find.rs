@@ -55,15 +55,6 @@ impl Neighbours {
     }
 }
 
-/// Answers of [`Neighbours::leave_out`] for the candidates, as far as it was asked, `[candidates]`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum Pushes {
-    #[default]
-    Unknown,
-    Never,
-    Always,
-}
-
 impl Contact {
     /// The touches of a solve over `time` `[s]`, in the order of their corners.
     pub(super) fn find_touches(&mut self, threads: Threads, time: f64) -> Found {

@@ -23,7 +23,7 @@ use glam::{DVec2, DVec3, Vec3};
 use selvedge_cloth::{
     ContactMemory, ContactSettings, Obstacle, Pushing, Scene, StepError, VertexId,
 };
-use selvedge_contact::{Candidates, Intersection, Kind, Pair, Reach, Surface, Ways};
+use selvedge_contact::{Candidates, FaceWays, Intersection, Kind, Pair, Reach, Surface, Ways};
 
 use crate::active_handles::ActiveHandles;
 use crate::integrator::History;
@@ -31,7 +31,7 @@ use crate::simulator::Part;
 use crate::solver::SolveError;
 use crate::state::State;
 use crate::threads::Threads;
-use clearances::Clearances;
+use clearances::{Clearances, Watch};
 pub use gauge::{ContactGauge, FrameContact};
 pub(crate) use led::Shift;
 pub use led::{FAR, Led};
@@ -143,7 +143,11 @@ pub(crate) struct Contact {
     /// Pairs that are too near in the flat cloth to push.
     neighbours: find::Neighbours,
     /// `[candidates]`
-    pushes: Vec<find::Pushes>,
+    watched: Vec<Watch>,
+    /// Ways of the faces in the solve, and places of candidates that boxes of faces leave open, in room
+    /// that is kept.
+    faces: FaceWays,
+    open: Vec<u32>,
     mass: Vec<f64>,
     /// Inverse masses, 0 where prescribed `[1/kg]`, `[points]`.
     inverse: Vec<f64>,
@@ -200,7 +204,9 @@ impl Contact {
             thickness,
             friction: friction.collect(),
             neighbours: find::Neighbours::new(scene),
-            pushes: Vec::new(),
+            watched: Vec::new(),
+            faces: FaceWays::default(),
+            open: Vec::new(),
             mass: mass.to_vec(),
             inverse: vec![0.0; count],
             frame: [obstacle_points.clone(), obstacle_points],
@@ -566,13 +572,14 @@ impl Contact {
         };
         if anew || self.candidates.pairs().is_empty() {
             self.candidates.find(&self.surface, ways, reach);
-            self.clearances.reset(self.candidates.pairs().len());
-            self.pushes.clear();
+            self.clearances.reset();
+            self.watched.clear();
             self.room.begin();
         } else {
             self.candidates.widen(&self.surface, ways, reach);
-            self.clearances.add(self.candidates.pairs().len());
         }
+        let count = self.candidates.pairs().len();
+        self.watched.resize(count, Watch::NEW);
     }
 
     fn reach(&self) -> Reach {

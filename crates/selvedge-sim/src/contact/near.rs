@@ -11,10 +11,9 @@ use selvedge_contact::{Gap, Gaps, Kind, Pair, Path, box_gaps, certify, gaps};
 
 use super::Contact;
 use super::barrier::LEAST;
-use super::clearances::ROUNDING;
-use super::find::{Pushes, extent};
+use super::clearances::{Pushes, ROUNDING, Watch};
+use super::find::extent;
 use super::memory::{self, key};
-use super::separation::Known;
 use crate::threads::Threads;
 
 /// Depth of a fold at the nearer end of two edges that cross, as a part of the thickness, from
@@ -38,34 +37,25 @@ pub(super) struct Near {
     pub(super) caught: Option<CaughtPair>,
 }
 
-/// What is known of the candidates, of some that follow each other or of all, `[candidates]`.
-struct Watched<'a> {
+/// Candidates that follow each other, and what is known of them.
+struct Part<'a> {
     pairs: &'a [Pair],
-    budgets: &'a mut [f64],
-    pushes: &'a mut [Pushes],
-    known: &'a mut [Known],
+    watched: &'a mut [Watch],
 }
 
 /// A candidate whose boxes are near.
 #[derive(Clone, Copy)]
 struct Close {
     /// Its place.
-    k: usize,
+    k: u32,
     /// Way of one side against the other, and the box gap throughout `[m]`.
     approach: f64,
     way: f64,
 }
 
-/// Corners of the pairs at these places; the first of them where there are fewer than eight.
-pub(super) fn corners_of(
-    pairs: &[Pair],
-    places: &[impl Copy],
-    k: impl Fn(usize) -> usize,
-) -> [[u32; 4]; GROUP] {
-    std::array::from_fn(|lane| {
-        let lane = if lane < places.len() { lane } else { 0 };
-        pairs[k(lane)].corners
-    })
+/// Corners of eight pairs, of which `of` gives that of a lane; the first where there are fewer.
+pub(super) fn corners_of<'a>(count: usize, of: impl Fn(usize) -> &'a Pair) -> [[u32; 4]; GROUP] {
+    std::array::from_fn(|lane| of(if lane < count { lane } else { 0 }).corners)
 }
 
 impl Contact {
@@ -73,64 +63,58 @@ impl Contact {
     /// those that are used up anew; keeps the directions of gaps, along which most pairs will be
     /// certified.
     pub(super) fn near(&mut self, threads: Threads) -> Vec<Near> {
-        let mut budgets = std::mem::take(&mut self.clearances.budgets);
-        let mut pushes = std::mem::take(&mut self.pushes);
-        let mut known = std::mem::take(&mut self.room.known);
-        pushes.resize(budgets.len(), Pushes::Unknown);
-        known.resize(budgets.len(), Known::NOTHING);
-        let pairs = self.candidates.pairs();
-        let all = (&mut budgets[..], &mut pushes[..], &mut known[..]);
-        let near = threads.find_in_pieces(all, |first, (budgets, pushes, known), near| {
-            let watched = Watched {
-                pairs: &pairs[first..first + budgets.len()],
-                budgets,
-                pushes,
-                known,
-            };
-            self.near_of(watched, near);
+        let mut watched = std::mem::take(&mut self.watched);
+        let mut open = std::mem::take(&mut self.open);
+        let ways = [&self.start[..], &self.end[..]];
+        self.faces.take(&self.surface, ways, self.most, false);
+        self.candidates.open(&self.faces, &mut open);
+        let near = threads.find_in_pieces(&open, &mut watched, |first, open, watched, near| {
+            let pairs = &self.candidates.pairs()[first..first + watched.len()];
+            self.near_of(first as u32, open, Part { pairs, watched }, near);
         });
-        self.clearances.budgets = budgets;
-        self.pushes = pushes;
-        self.room.known = known;
+        self.watched = watched;
+        self.open = open;
         near
     }
 
-    fn near_of(&self, mut watched: Watched<'_>, near: &mut Vec<Near>) {
-        let most = self.most;
-        let mut open: [Vec<usize>; 2] = [const { Vec::new() }; 2];
-        for (k, pair) in watched.pairs.iter().enumerate() {
-            let is_apart = self.clearances.surely_apart(watched.budgets[k], pair, most);
-            if watched.pushes[k] != Pushes::Never && !is_apart {
-                open[pair.kind as usize].push(k);
+    /// The same of the candidates from `first` on, of which those at the `open` places are looked at.
+    fn near_of(&self, first: u32, open: &[u32], mut part: Part<'_>, near: &mut Vec<Near>) {
+        let mut of_kinds: [Vec<u32>; 2] = [const { Vec::new() }; 2];
+        for k in open.iter().map(|k| k - first) {
+            let (pair, watch) = (&part.pairs[k as usize], &part.watched[k as usize]);
+            let is_apart = self.clearances.surely_apart(watch.budget, pair, self.most);
+            if watch.pushes != Pushes::Never && !is_apart {
+                of_kinds[pair.kind as usize].push(k);
             }
         }
-        for (kind, open) in [Kind::VertexFace, Kind::EdgeEdge].into_iter().zip(open) {
-            let close = self.close(kind, &open, &mut watched);
+        for (kind, open) in [Kind::VertexFace, Kind::EdgeEdge].into_iter().zip(of_kinds) {
+            let close = self.close(kind, &open, &mut part);
             for group in close.chunks(GROUP) {
-                let corners = corners_of(watched.pairs, group, |lane| group[lane].k);
+                let corners = corners_of(group.len(), |lane| &part.pairs[group[lane].k as usize]);
                 let gaps = gaps(kind, &corners, &self.start);
                 for (lane, close) in group.iter().enumerate() {
-                    near.extend(self.near_pair(*close, &gaps, lane, &mut watched));
+                    near.extend(self.near_pair(*close, &gaps, lane, &mut part));
                 }
             }
         }
     }
 
     /// Candidates of these places whose boxes are near, or will be.
-    fn close(&self, kind: Kind, open: &[usize], watched: &mut Watched<'_>) -> Vec<Close> {
+    fn close(&self, kind: Kind, open: &[u32], part: &mut Part<'_>) -> Vec<Close> {
         let (most, clearances) = (self.most, &self.clearances);
         let mut close = Vec::with_capacity(open.len());
         for group in open.chunks(GROUP) {
-            let corners = corners_of(watched.pairs, group, |lane| group[lane]);
+            let corners = corners_of(group.len(), |lane| &part.pairs[group[lane] as usize]);
             let boxes = box_gaps(kind, &corners, &self.start, &self.end);
             for (lane, k) in group.iter().enumerate() {
-                let pair = &watched.pairs[*k];
+                let pair = &part.pairs[*k as usize];
+                let budget = &mut part.watched[*k as usize].budget;
                 let approach = boxes.approach[lane] + ROUNDING;
-                if clearances.at_start(watched.budgets[*k], pair) - approach > most {
+                if clearances.at_start(*budget, pair) - approach > most {
                     continue;
                 }
                 if boxes.begin[lane] - approach > most {
-                    watched.budgets[*k] = clearances.budget(pair, boxes.begin[lane]);
+                    *budget = clearances.budget(pair, boxes.begin[lane]);
                     continue;
                 }
                 let way = boxes.way[lane];
@@ -153,17 +137,19 @@ impl Contact {
         close: Close,
         gaps: &Gaps,
         lane: usize,
-        watched: &mut Watched<'_>,
+        part: &mut Part<'_>,
     ) -> Option<Near> {
-        let k = close.k;
-        let pair = &watched.pairs[k];
+        let k = close.k as usize;
+        let pair = &part.pairs[k];
         let now = Gap {
             distance: gaps.distance[lane],
             normal: DVec3::from_array(of_lane(&gaps.normal, lane)),
             weights: of_lane(&gaps.weights, lane),
         };
-        watched.budgets[k] = self.clearances.budget(pair, now.distance);
-        watched.known[k].take_gap(now.normal, gaps.extent[lane]);
+        let watch = &mut part.watched[k];
+        watch.budget = self.clearances.budget(pair, now.distance);
+        let known = watch.in_solve(self.room.solve);
+        (known.direction, known.extent) = (now.normal, gaps.extent[lane]);
         if now.distance - close.approach > self.most {
             return None;
         }
@@ -187,7 +173,7 @@ impl Contact {
             to: pair.places(&self.end),
         };
         let gap = meeting(pair.kind, path, now, thickness)?;
-        let pushes = &mut watched.pushes[k];
+        let pushes = &mut watch.pushes;
         if *pushes == Pushes::Unknown {
             let never = body == 0 && self.neighbours.leave_out(pair, 2.0 * thickness);
             *pushes = if never { Pushes::Never } else { Pushes::Always };

@@ -5,10 +5,11 @@
 use glam::DVec3;
 use selvedge_cloth::{Squeezed, StepError};
 use selvedge_contact::{
-    Approach, Gap, Pair, Path, Straight, certify_straight, certify_turning, extent, least_gap, push,
+    Approach, FaceWays, Gap, Pair, Path, Straight, certify_straight, certify_turning, extent,
+    least_gap, push,
 };
 
-use super::clearances::against;
+use super::clearances::{Known, against};
 use super::friction::along_surface;
 use super::{Contact, ContactCounts, Span};
 use crate::state::State;
@@ -45,32 +46,6 @@ pub(super) enum Outcome {
     GivenWay,
 }
 
-/// Knowledge of a pair in a solve. A solve that is repeated, or whose end is pushed, ends near
-/// the last one, and most of its pairs need no new look.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Known {
-    /// Distance by which a point of one side may stray from [`Room::ends`] against one of the other
-    /// while the pair stays certified `[m]`; negative where it is not, not a number where it has
-    /// not been looked at.
-    reach: f64,
-    /// A direction that certified it, and the extent along it at the start `[m]`; negative without.
-    direction: DVec3,
-    extent: f64,
-}
-
-impl Known {
-    pub(super) const NOTHING: Self = Self {
-        reach: f64::NAN,
-        direction: DVec3::ZERO,
-        extent: -1.0,
-    };
-
-    /// Takes the `direction` of the gap at the start of a solve, and the `extent` along it there `[m]`.
-    pub(super) fn take_gap(&mut self, direction: DVec3, extent: f64) {
-        (self.direction, self.extent) = (direction, extent);
-    }
-}
-
 /// A pair that one direction does not certify.
 enum Turning {
     /// It is safe all the same.
@@ -89,8 +64,10 @@ pub(super) struct Worst {
 /// Lists that are kept from round to round and from substep to substep.
 #[derive(Default)]
 pub(super) struct Room {
-    /// `[candidates]`
-    pub(super) known: Vec<Known>,
+    /// Number of the solve.
+    pub(super) solve: u32,
+    /// Ways of the faces.
+    faces: FaceWays,
     /// Ends of the points when the first pair of the solve was certified `[m]`, `[points]`; empty
     /// before.
     ends: Vec<DVec3>,
@@ -118,15 +95,14 @@ impl Room {
     /// Forgets all certificates: points start elsewhere.
     pub(super) fn begin(&mut self) {
         self.ends.clear();
-        self.known.clear();
+        self.solve = self.solve.wrapping_add(1);
     }
 
-    /// Takes new `ends` of all points `[m]`, for this number of candidates.
-    fn take(&mut self, ends: &[DVec3], candidates: usize) {
+    /// Takes new `ends` of all points `[m]`.
+    fn take(&mut self, ends: &[DVec3]) {
         if self.ends.is_empty() {
             self.ends.extend_from_slice(ends);
         }
-        self.known.resize(candidates, Known::NOTHING);
         let strayed = self.ends.iter().zip(ends).map(|(a, b)| *b - *a);
         self.strayed.clear();
         self.strayed.extend(strayed);
@@ -286,23 +262,32 @@ impl Contact {
         self.cover(false);
         self.clearances.look_ahead(&self.start, &self.end);
         let mut room = std::mem::take(&mut self.room);
+        let mut open = std::mem::take(&mut self.open);
+        let are_new = room.ends.is_empty();
+        room.take(&self.end);
+        let ways = [&self.start[..], &self.end[..]];
+        let floor = self.settings.floor;
+        room.faces.take(&self.surface, ways, floor, !are_new);
+        self.candidates.open(&room.faces, &mut open);
         let pairs = self.candidates.pairs();
-        room.take(&self.end, pairs.len());
-        let (stirred, strayed) = (&room.stirred, &room.strayed);
-        let turning = threads.find(&mut room.known, |k, known| {
-            let pair = &pairs[k];
-            let is_still = || !pair.corners.iter().any(|p| stirred[*p as usize]);
-            if !first && !known.reach.is_nan() && is_still() {
-                return None;
-            }
-            if self
-                .clearances
-                .surely_apart(self.clearances.budgets[k], pair, self.settings.floor)
-            {
-                return None;
-            }
-            self.look(k, pair, strayed, known)
-        });
+        let mut watched = std::mem::take(&mut self.watched);
+        let turning =
+            threads.find_in_pieces(&open, &mut watched, |before, open, watched, found| {
+                for k in open.iter().map(|k| *k as usize) {
+                    let (pair, watch) = (&pairs[k], &mut watched[k - before]);
+                    let budget = watch.budget;
+                    let known = watch.in_solve(room.solve);
+                    let is_still = || !pair.corners.iter().any(|p| room.stirred[*p as usize]);
+                    if !first && !known.reach.is_nan() && is_still() {
+                        continue;
+                    }
+                    if !self.clearances.surely_apart(budget, pair, floor) {
+                        found.extend(self.look(budget, pair, &room.strayed, known));
+                    }
+                }
+            });
+        self.watched = watched;
+        self.open = open;
         if first {
             self.counts.count(pairs.len(), &turning);
         }
@@ -316,8 +301,14 @@ impl Contact {
         self.room = room;
     }
 
-    /// Certifies candidate `k`, whose points have `strayed` `[m]`, `[points]`.
-    fn look(&self, k: usize, pair: &Pair, strayed: &[DVec3], known: &mut Known) -> Option<Turning> {
+    /// Certifies a candidate of this `budget`, whose points have `strayed` `[m]`, `[points]`.
+    fn look(
+        &self,
+        budget: f64,
+        pair: &Pair,
+        strayed: &[DVec3],
+        known: &mut Known,
+    ) -> Option<Turning> {
         let floor = self.settings.floor;
         if known.extent >= floor {
             let extent = extent(pair.kind, pair.places(&self.end), known.direction);
@@ -332,7 +323,7 @@ impl Contact {
         }
         let clearances = &self.clearances;
         let approach = clearances.approach(pair);
-        let spare = clearances.at_start(clearances.budgets[k], pair) - approach - floor;
+        let spare = clearances.at_start(budget, pair) - approach - floor;
         if spare > 0.0 {
             known.reach = spare - strayed;
             return None;
