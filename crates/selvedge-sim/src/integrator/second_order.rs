@@ -51,6 +51,8 @@ pub(crate) struct SecondOrder {
     /// Stage of a substep in which things touch, and its start.
     stage: Stage,
     start: State,
+    /// Change of velocity of all solves of the stage so far `[m/s]`, `[vertices]`.
+    changes: Vec<DVec3>,
 }
 
 /// The one stage of a substep in which things touch.
@@ -110,6 +112,7 @@ impl SecondOrder {
             end_targets: Vec::new(),
             stage: Stage::default(),
             start: State::at_origin(vertices),
+            changes: vec![DVec3::ZERO; vertices],
         })
     }
 
@@ -222,7 +225,15 @@ impl SecondOrder {
         state: &mut State,
     ) -> Result<bool, SolveError> {
         self.predicted.copy_from(&self.estimate);
-        self.solve_stage(system, state)
+        self.changes.copy_from_slice(system.changes().0);
+        system.forget_changes();
+        let is_near = self.solve_stage(system, state)?;
+        // The next substep begins with all of the change, not with this correction.
+        for (sum, change) in self.changes.iter_mut().zip(system.changes().0) {
+            *sum += *change;
+        }
+        system.put_changes(&self.changes, self.stage.span);
+        Ok(is_near)
     }
 
     /// One solve of the stage under way, from `self.predicted`.
