@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 use selvedge_cloth::ReleasedContact;
 
 use crate::boxes::{Apart, Bounds, Rough, Swept, Tree};
-use crate::pair::Pair;
+use crate::pair::{Kind, Pair};
 use crate::patches::Patches;
 use crate::release::Released;
 use crate::surface::{NONE, Surface};
@@ -70,16 +70,17 @@ pub struct Reach {
     pub slack: f64,
 }
 
-/// Boxes around the ways of all faces.
+/// Boxes around the ways of all features.
 #[derive(Clone, Debug, Default)]
-pub struct FaceWays {
+pub struct SweptFeatures {
     points: Vec<Swept>,
-    boxes: Vec<Swept>,
+    edges: Vec<Swept>,
+    faces: Vec<Swept>,
 }
 
-impl FaceWays {
-    /// Takes the ways of the points from `from` to `to` `[m]`, `[points]`, for faces that are looked for
-    /// within `distance` `[m]`: those of all bodies, or of the cloth alone where the others are known.
+impl SweptFeatures {
+    /// Takes the ways of the points from `from` to `to` `[m]`, `[points]`, for features that are looked
+    /// for within `distance` `[m]`: those of all bodies, or of the cloth alone where the others are known.
     pub fn take(
         &mut self,
         surface: &Surface,
@@ -87,25 +88,53 @@ impl FaceWays {
         distance: f64,
         cloth_alone: bool,
     ) {
-        let body = surface.bodies().first().filter(|_| cloth_alone);
-        let (points, faces) = match body {
-            Some(body) => (body.points.end as usize, body.faces.end as usize),
-            None => (from.len(), surface.faces().len()),
-        };
-        self.points.clear();
-        let ways = from.iter().zip(to).take(points);
-        self.points
-            .extend(ways.map(|(from, to)| Swept::of(*from, *to, 0.5 * distance)));
+        let cloth = surface.bodies().first().filter(|_| cloth_alone);
+        let points = cloth.map_or(from.len(), |cloth| cloth.points.len());
+        let edges = cloth.map_or(surface.edges().len(), |cloth| cloth.edges.len());
+        let faces = cloth.map_or(surface.faces().len(), |cloth| cloth.faces.len());
         if !cloth_alone {
-            self.boxes.clear();
+            self.points.clear();
+            self.edges.clear();
+            self.faces.clear();
         }
-        for (k, [a, b, c]) in surface.faces()[..faces].iter().enumerate() {
-            let [a, b, c] = [a, b, c].map(|p| self.points[*p as usize]);
-            let face = a.around(b).around(c);
-            match self.boxes.get_mut(k) {
-                Some(own) => *own = face,
-                None => self.boxes.push(face),
-            }
+        let ways = from.iter().zip(to).take(points);
+        put(
+            &mut self.points,
+            ways.map(|(from, to)| Swept::of(*from, *to, 0.5 * distance)),
+        );
+        let of = |p: u32| self.points[p as usize];
+        let ends = surface.edges()[..edges].iter().map(|edge| edge.ends);
+        put(&mut self.edges, ends.map(|[a, b]| of(a).around(of(b))));
+        let corners = surface.faces()[..faces].iter();
+        put(
+            &mut self.faces,
+            corners.map(|[a, b, c]| of(*a).around(of(*b)).around(of(*c))),
+        );
+    }
+
+    /// Returns true if one axis separates two faces throughout.
+    #[inline]
+    fn faces_are_apart(&self, [a, b]: [u32; 2]) -> bool {
+        self.faces[a as usize].are_apart(&self.faces[b as usize])
+    }
+
+    /// Returns true if one axis separates a pair throughout.
+    #[inline]
+    fn are_apart(&self, pair: &Pair) -> bool {
+        let (first, second) = (pair.first as usize, pair.second as usize);
+        match pair.kind {
+            Kind::VertexFace => self.points[first].are_apart(&self.faces[second]),
+            Kind::EdgeEdge => self.edges[first].are_apart(&self.edges[second]),
+        }
+    }
+}
+
+/// Puts `new` boxes in the place of the first ones that there are.
+fn put(boxes: &mut Vec<Swept>, new: impl Iterator<Item = Swept>) {
+    for (k, new) in new.enumerate() {
+        match boxes.get_mut(k) {
+            Some(own) => *own = new,
+            None => boxes.push(new),
         }
     }
 }
@@ -171,15 +200,16 @@ impl Candidates {
         &self.pairs
     }
 
-    /// Gives the places of the pairs whose faces are not known by their boxes to stay apart on these
-    /// `ways`, in order.
-    pub fn open(&self, ways: &FaceWays, open: &mut Vec<u32>) {
+    /// Gives the places of the pairs that are not known by their boxes to stay apart on the ways of
+    /// `swept`, in order.
+    pub fn open(&self, swept: &SweptFeatures, open: &mut Vec<u32>) {
         open.clear();
         let ends = self.faces.iter().skip(1).map(|(_, first)| *first);
         let ends = ends.chain([self.pairs.len() as u32]);
-        for (([a, b], first), end) in self.faces.iter().zip(ends) {
-            if !ways.boxes[*a as usize].are_apart(&ways.boxes[*b as usize]) {
-                open.extend(*first..end);
+        for ((faces, first), end) in self.faces.iter().zip(ends) {
+            if !swept.faces_are_apart(*faces) {
+                let pairs = *first..end;
+                open.extend(pairs.filter(|k| !swept.are_apart(&self.pairs[*k as usize])));
             }
         }
     }
@@ -412,7 +442,6 @@ impl Finder<'_> {
 mod tests {
     use super::*;
     use crate::closest;
-    use crate::pair::Kind;
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
     use selvedge_cloth::Obstacle;

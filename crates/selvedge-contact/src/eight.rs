@@ -1,4 +1,4 @@
-//! Boxes, closest points and extents of eight pairs of one kind at once, on the machine's vectors: the
+//! Closest points and extents of eight pairs of one kind at once, on the machine's vectors: the
 //! same bits as of one pair after the other by [`gap`](crate::gap()) and its neighbours, which are their
 //! reference.
 
@@ -8,18 +8,6 @@ use pulp::{Arch, Simd, WithSimd};
 use crate::closest;
 use crate::number::{GROUP, Lanes, LanesVector, Number, Row, Vector, gather};
 use crate::pair::Kind;
-
-/// Distances of the boxes around the two features of each pair, along the axis in which they are
-/// largest; negative where boxes overlap.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct BoxGaps {
-    /// As [`least_gap`](crate::least_gap()), at the begin of the way `[m]`.
-    pub begin: Row,
-    /// As [`Path::axes_gap`](crate::Path::axes_gap), throughout the way `[m]`.
-    pub way: Row,
-    /// As [`approach`](crate::approach()) `[m]`.
-    pub approach: Row,
-}
 
 /// As [`Gap`](crate::Gap), of each pair.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -32,17 +20,6 @@ pub struct Gaps {
     pub weights: [Row; 4],
     /// As [`extent`](crate::extent()) along the direction `[m]`.
     pub extent: Row,
-}
-
-/// The box gaps of pairs of this `kind`, whose corners go from `from` to `to` `[m]`, `[points]`.
-#[must_use]
-pub fn box_gaps(kind: Kind, corners: &[[u32; 4]; GROUP], from: &[DVec3], to: &[DVec3]) -> BoxGaps {
-    Arch::new().dispatch(OfBoxes {
-        kind,
-        corners,
-        from,
-        to,
-    })
 }
 
 /// The gaps of pairs of this `kind` of `points` `[m]`.
@@ -69,48 +46,6 @@ pub fn extents(
         points,
         directions,
     })
-}
-
-struct OfBoxes<'a> {
-    kind: Kind,
-    corners: &'a [[u32; 4]; GROUP],
-    from: &'a [DVec3],
-    to: &'a [DVec3],
-}
-
-impl WithSimd for OfBoxes<'_> {
-    type Output = BoxGaps;
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> BoxGaps {
-        let from = gather(self.from, self.corners);
-        let to = gather(self.to, self.corners);
-        let mut boxes = BoxGaps::default();
-        for part in 0..Lanes::<S>::PARTS {
-            let from = Lanes::vectors(simd, &from, part);
-            let to = Lanes::vectors(simd, &to, part);
-            let (now, then) = (
-                axes::<Lanes<S>>(self.kind, from),
-                axes::<Lanes<S>>(self.kind, to),
-            );
-            let mut ways = from;
-            for (way, to) in ways.iter_mut().zip(to) {
-                *way = to - *way;
-            }
-            let mut begin = now[0].0.greater(now[0].1);
-            let mut way = (now[0].0.smaller(then[0].0)).greater(now[0].1.smaller(then[0].1));
-            for axis in 1..3 {
-                let ((above, below), (above_then, below_then)) = (now[axis], then[axis]);
-                begin = begin.greater(above.greater(below));
-                let least = above.smaller(above_then).greater(below.smaller(below_then));
-                way = way.greater(least);
-            }
-            begin.store(&mut boxes.begin, part);
-            way.store(&mut boxes.way, part);
-            approach::<Lanes<S>>(self.kind, ways).store(&mut boxes.approach, part);
-        }
-        boxes
-    }
 }
 
 struct OfGaps<'a> {
@@ -205,48 +140,6 @@ impl WithSimd for OfExtents<'_> {
         }
         found
     }
-}
-
-/// Distances of the boxes along each axis, the first above the second and below it.
-#[inline(always)]
-fn axes<N: Number>(kind: Kind, corners: [N::Vector; 4]) -> [(N, N); 3] {
-    let [a, b, c, d] = corners;
-    let ([a, b], [c, d]) = (
-        [a.components(), b.components()],
-        [c.components(), d.components()],
-    );
-    let zero = a[0].same(0.0);
-    let mut found = [(zero, zero); 3];
-    for axis in 0..3 {
-        let (a, b, c, d) = (a[axis], b[axis], c[axis], d[axis]);
-        let (least, greatest) = match kind {
-            Kind::VertexFace => ((a, b.smaller(c).smaller(d)), (a, b.greater(c).greater(d))),
-            Kind::EdgeEdge => ((a.smaller(b), c.smaller(d)), (a.greater(b), c.greater(d))),
-        };
-        found[axis] = (least.0 - greatest.1, least.1 - greatest.0);
-    }
-    found
-}
-
-#[inline(always)]
-fn square<N: Number>(p: N::Vector, q: N::Vector) -> N {
-    let apart = p - q;
-    apart.dot(apart)
-}
-
-#[inline(always)]
-fn approach<N: Number>(kind: Kind, ways: [N::Vector; 4]) -> N {
-    let [a, b, c, d] = ways;
-    let most = match kind {
-        Kind::VertexFace => square::<N>(a, b)
-            .greater(square(a, c))
-            .greater(square(a, d)),
-        Kind::EdgeEdge => {
-            let first = square::<N>(a, c).greater(square(a, d));
-            first.greater(square::<N>(b, c).greater(square(b, d)))
-        }
-    };
-    most.sqrt()
 }
 
 #[inline(always)]

@@ -31,12 +31,12 @@ mod release;
 mod surface;
 
 pub use boxes::Bounds;
-pub use candidates::{Candidates, FaceWays, Reach, Ways};
+pub use candidates::{Candidates, Reach, SweptFeatures, Ways};
 pub use certificate::{
     Approach, Path, Straight, approach, certify, certify_straight, certify_turning, extent,
 };
 pub use closest::{Gap, Push, gap, least_gap, push};
-pub use eight::{BoxGaps, Gaps, box_gaps, extents, gaps};
+pub use eight::{Gaps, extents, gaps};
 pub use intersect::{Intersection, triangles_meet};
 pub use pair::{Kind, Pair};
 pub use release::{Released, winding};

@@ -44,6 +44,8 @@ pub struct Body {
     pub points: Range<u32>,
     /// Its faces.
     pub faces: Range<u32>,
+    /// Its edges.
+    pub edges: Range<u32>,
 }
 
 impl Surface {
@@ -110,6 +112,7 @@ impl Surface {
         self.bodies.push(Body {
             points: first..last,
             faces: first_face..self.faces.len() as u32,
+            edges: first_edge..self.edges.len() as u32,
         });
     }
 

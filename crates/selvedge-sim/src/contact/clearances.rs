@@ -5,7 +5,7 @@ use glam::DVec3;
 use selvedge_contact::{Pair, approach};
 
 /// Rounding of sums of distances `[m]`.
-pub(super) const ROUNDING: f64 = 1e-9;
+const ROUNDING: f64 = 1e-9;
 
 /// What is known of a candidate.
 #[derive(Clone, Copy, Debug)]

@@ -23,7 +23,7 @@ use glam::{DVec2, DVec3, Vec3};
 use selvedge_cloth::{
     ContactMemory, ContactSettings, Obstacle, Pushing, Scene, StepError, VertexId,
 };
-use selvedge_contact::{Candidates, FaceWays, Intersection, Kind, Pair, Reach, Surface, Ways};
+use selvedge_contact::{Candidates, Intersection, Kind, Pair, Reach, Surface, SweptFeatures, Ways};
 
 use crate::active_handles::ActiveHandles;
 use crate::integrator::History;
@@ -144,9 +144,9 @@ pub(crate) struct Contact {
     neighbours: find::Neighbours,
     /// `[candidates]`
     watched: Vec<Watch>,
-    /// Ways of the faces in the solve, and places of candidates that boxes of faces leave open, in room
-    /// that is kept.
-    faces: FaceWays,
+    /// Boxes around the ways in the solve, and places of candidates that they leave open, in room that is
+    /// kept.
+    swept: SweptFeatures,
     open: Vec<u32>,
     mass: Vec<f64>,
     /// Inverse masses, 0 where prescribed `[1/kg]`, `[points]`.
@@ -205,7 +205,7 @@ impl Contact {
             friction: friction.collect(),
             neighbours: find::Neighbours::new(scene),
             watched: Vec::new(),
-            faces: FaceWays::default(),
+            swept: SweptFeatures::default(),
             open: Vec::new(),
             mass: mass.to_vec(),
             inverse: vec![0.0; count],

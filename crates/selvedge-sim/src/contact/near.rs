@@ -1,17 +1,16 @@
 //! Pairs that are too near at the start of a solve, or will be on their way: the narrow phase.
 //!
-//! Candidates are looked at in three passes, of which each leaves few to the next: budgets that tell
-//! without a look that a pair is apart, boxes, closest points. The last two take eight pairs of one kind at
-//! a time.
+//! Candidates are looked at in three passes, of which each leaves few to the next: boxes around their
+//! ways, budgets that tell that a pair is apart, and closest points, of eight pairs of one kind at a time.
 
 use glam::DVec3;
 use selvedge_cloth::CaughtPair;
 use selvedge_contact::number::{GROUP, of_lane};
-use selvedge_contact::{Gap, Gaps, Kind, Pair, Path, box_gaps, certify, gaps};
+use selvedge_contact::{Gap, Gaps, Kind, Pair, Path, certify, gaps};
 
 use super::Contact;
 use super::barrier::LEAST;
-use super::clearances::{Pushes, ROUNDING, Watch};
+use super::clearances::{Pushes, Watch};
 use super::find::extent;
 use super::memory::{self, key};
 use crate::threads::Threads;
@@ -43,16 +42,6 @@ struct Part<'a> {
     watched: &'a mut [Watch],
 }
 
-/// A candidate whose boxes are near.
-#[derive(Clone, Copy)]
-struct Close {
-    /// Its place.
-    k: u32,
-    /// Way of one side against the other, and the box gap throughout `[m]`.
-    approach: f64,
-    way: f64,
-}
-
 /// Corners of eight pairs, of which `of` gives that of a lane; the first where there are fewer.
 pub(super) fn corners_of<'a>(count: usize, of: impl Fn(usize) -> &'a Pair) -> [[u32; 4]; GROUP] {
     std::array::from_fn(|lane| of(if lane < count { lane } else { 0 }).corners)
@@ -66,8 +55,8 @@ impl Contact {
         let mut watched = std::mem::take(&mut self.watched);
         let mut open = std::mem::take(&mut self.open);
         let ways = [&self.start[..], &self.end[..]];
-        self.faces.take(&self.surface, ways, self.most, false);
-        self.candidates.open(&self.faces, &mut open);
+        self.swept.take(&self.surface, ways, self.most, false);
+        self.candidates.open(&self.swept, &mut open);
         let near = threads.find_in_pieces(&open, &mut watched, |first, open, watched, near| {
             let pairs = &self.candidates.pairs()[first..first + watched.len()];
             self.near_of(first as u32, open, Part { pairs, watched }, near);
@@ -88,74 +77,38 @@ impl Contact {
             }
         }
         for (kind, open) in [Kind::VertexFace, Kind::EdgeEdge].into_iter().zip(of_kinds) {
-            let close = self.close(kind, &open, &mut part);
-            for group in close.chunks(GROUP) {
-                let corners = corners_of(group.len(), |lane| &part.pairs[group[lane].k as usize]);
+            for group in open.chunks(GROUP) {
+                let corners = corners_of(group.len(), |lane| &part.pairs[group[lane] as usize]);
                 let gaps = gaps(kind, &corners, &self.start);
-                for (lane, close) in group.iter().enumerate() {
-                    near.extend(self.near_pair(*close, &gaps, lane, &mut part));
+                for (lane, k) in group.iter().enumerate() {
+                    near.extend(self.near_pair(*k as usize, &gaps, lane, &mut part));
                 }
             }
         }
-    }
-
-    /// Candidates of these places whose boxes are near, or will be.
-    fn close(&self, kind: Kind, open: &[u32], part: &mut Part<'_>) -> Vec<Close> {
-        let (most, clearances) = (self.most, &self.clearances);
-        let mut close = Vec::with_capacity(open.len());
-        for group in open.chunks(GROUP) {
-            let corners = corners_of(group.len(), |lane| &part.pairs[group[lane] as usize]);
-            let boxes = box_gaps(kind, &corners, &self.start, &self.end);
-            for (lane, k) in group.iter().enumerate() {
-                let pair = &part.pairs[*k as usize];
-                let budget = &mut part.watched[*k as usize].budget;
-                let approach = boxes.approach[lane] + ROUNDING;
-                if clearances.at_start(*budget, pair) - approach > most {
-                    continue;
-                }
-                if boxes.begin[lane] - approach > most {
-                    *budget = clearances.budget(pair, boxes.begin[lane]);
-                    continue;
-                }
-                let way = boxes.way[lane];
-                if way > most {
-                    continue;
-                }
-                close.push(Close {
-                    k: *k,
-                    approach,
-                    way,
-                });
-            }
-        }
-        close
     }
 
     /// The pair, if it is too near or will be; its gap is that of this `lane`.
-    fn near_pair(
-        &self,
-        close: Close,
-        gaps: &Gaps,
-        lane: usize,
-        part: &mut Part<'_>,
-    ) -> Option<Near> {
-        let k = close.k as usize;
-        let pair = &part.pairs[k];
+    fn near_pair(&self, k: usize, gaps: &Gaps, lane: usize, part: &mut Part<'_>) -> Option<Near> {
+        let (pair, watch) = (&part.pairs[k], &mut part.watched[k]);
         let now = Gap {
             distance: gaps.distance[lane],
             normal: DVec3::from_array(of_lane(&gaps.normal, lane)),
             weights: of_lane(&gaps.weights, lane),
         };
-        let watch = &mut part.watched[k];
         watch.budget = self.clearances.budget(pair, now.distance);
         let known = watch.in_solve(self.room.solve);
         (known.direction, known.extent) = (now.normal, gaps.extent[lane]);
-        if now.distance - close.approach > self.most {
-            return None;
-        }
         let body = self.other_body(pair);
         let thickness = self.thickness[body];
-        if now.distance >= thickness && close.way > thickness {
+        let path = Path {
+            from: pair.places(&self.start),
+            to: pair.places(&self.end),
+        };
+        let is_far = || {
+            now.distance - self.clearances.approach(pair) > self.most
+                || path.axes_gap(pair.kind) > thickness
+        };
+        if now.distance >= thickness && is_far() {
             return None;
         }
         let of = key(pair);
@@ -168,10 +121,6 @@ impl Contact {
         {
             return None;
         }
-        let path = Path {
-            from: pair.places(&self.start),
-            to: pair.places(&self.end),
-        };
         let gap = meeting(pair.kind, path, now, thickness)?;
         let pushes = &mut watch.pushes;
         if *pushes == Pushes::Unknown {

@@ -5,7 +5,7 @@
 use glam::DVec3;
 use selvedge_cloth::{Squeezed, StepError};
 use selvedge_contact::{
-    Approach, FaceWays, Gap, Pair, Path, Straight, certify_straight, certify_turning, extent,
+    Approach, Gap, Pair, Path, Straight, SweptFeatures, certify_straight, certify_turning, extent,
     least_gap, push,
 };
 
@@ -66,8 +66,8 @@ pub(super) struct Worst {
 pub(super) struct Room {
     /// Number of the solve.
     pub(super) solve: u32,
-    /// Ways of the faces.
-    faces: FaceWays,
+    /// Boxes around the ways in the solve.
+    swept: SweptFeatures,
     /// Ends of the points when the first pair of the solve was certified `[m]`, `[points]`; empty
     /// before.
     ends: Vec<DVec3>,
@@ -267,8 +267,8 @@ impl Contact {
         room.take(&self.end);
         let ways = [&self.start[..], &self.end[..]];
         let floor = self.settings.floor;
-        room.faces.take(&self.surface, ways, floor, !are_new);
-        self.candidates.open(&room.faces, &mut open);
+        room.swept.take(&self.surface, ways, floor, !are_new);
+        self.candidates.open(&room.swept, &mut open);
         let pairs = self.candidates.pairs();
         let mut watched = std::mem::take(&mut self.watched);
         let turning =
