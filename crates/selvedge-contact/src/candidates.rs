@@ -201,13 +201,14 @@ impl Candidates {
     }
 
     /// Gives the places of the pairs that are not known by their boxes to stay apart on the ways of
-    /// `swept`, in order.
-    pub fn open(&self, swept: &SweptFeatures, open: &mut Vec<u32>) {
+    /// `swept`, in order; of pairs of two faces of which `concerns` is true of neither, none.
+    pub fn open(&self, swept: &SweptFeatures, concerns: impl Fn(u32) -> bool, open: &mut Vec<u32>) {
         open.clear();
         let ends = self.faces.iter().skip(1).map(|(_, first)| *first);
         let ends = ends.chain([self.pairs.len() as u32]);
         for ((faces, first), end) in self.faces.iter().zip(ends) {
-            if !swept.faces_are_apart(*faces) {
+            let [a, b] = *faces;
+            if (concerns(a) || concerns(b)) && !swept.faces_are_apart(*faces) {
                 let pairs = *first..end;
                 open.extend(pairs.filter(|k| !swept.are_apart(&self.pairs[*k as usize])));
             }

@@ -56,7 +56,7 @@ impl Contact {
         let mut open = std::mem::take(&mut self.open);
         let ways = [&self.start[..], &self.end[..]];
         self.swept.take(&self.surface, ways, self.most, false);
-        self.candidates.open(&self.swept, &mut open);
+        self.candidates.open(&self.swept, |_| true, &mut open);
         let near = threads.find_in_pieces(&open, &mut watched, |first, open, watched, near| {
             let pairs = &self.candidates.pairs()[first..first + watched.len()];
             self.near_of(first as u32, open, Part { pairs, watched }, near);

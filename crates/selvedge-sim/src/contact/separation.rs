@@ -5,8 +5,8 @@
 use glam::DVec3;
 use selvedge_cloth::{Squeezed, StepError};
 use selvedge_contact::{
-    Approach, Gap, Pair, Path, Straight, SweptFeatures, certify_straight, certify_turning, extent,
-    least_gap, push,
+    Approach, Gap, Pair, Path, Straight, Surface, SweptFeatures, certify_straight, certify_turning,
+    extent, least_gap, push,
 };
 
 use super::clearances::{Known, against};
@@ -73,8 +73,9 @@ pub(super) struct Room {
     ends: Vec<DVec3>,
     /// Way of each point from there to the last certificates `[m]`, `[points]`.
     strayed: Vec<DVec3>,
-    /// Points that moved since the last certificates.
+    /// Points that moved since the last certificates, and faces that have such a corner.
     stirred: Vec<bool>,
+    stirred_faces: Vec<bool>,
     /// Pairs that failed, with the gap that each must keep `[m]`, in the order of [`by_place`].
     failed: Vec<(Pair, Approach, f64)>,
     pub(super) worst: Option<Worst>,
@@ -106,6 +107,14 @@ impl Room {
         let strayed = self.ends.iter().zip(ends).map(|(a, b)| *b - *a);
         self.strayed.clear();
         self.strayed.extend(strayed);
+    }
+
+    /// Takes the faces of points that moved.
+    fn stir_faces(&mut self, surface: &Surface) {
+        let is_stirred = |face: &[u32; 3]| face.iter().any(|p| self.stirred[*p as usize]);
+        self.stirred_faces.clear();
+        let faces = surface.faces().iter();
+        self.stirred_faces.extend(faces.map(is_stirred));
     }
 
     /// Lists the pairs that failed, and the one that was safe for the shortest part.
@@ -268,7 +277,10 @@ impl Contact {
         let ways = [&self.start[..], &self.end[..]];
         let floor = self.settings.floor;
         room.swept.take(&self.surface, ways, floor, !are_new);
-        self.candidates.open(&room.swept, &mut open);
+        let are_all = first || are_new;
+        room.stir_faces(&self.surface);
+        let stirs = |face: u32| are_all || room.stirred_faces[face as usize];
+        self.candidates.open(&room.swept, stirs, &mut open);
         let pairs = self.candidates.pairs();
         let mut watched = std::mem::take(&mut self.watched);
         let turning =
