@@ -158,7 +158,7 @@ struct Node {
 }
 
 /// The tree of a body's faces. Children stand after their parent.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Tree {
     nodes: Vec<Node>,
 }

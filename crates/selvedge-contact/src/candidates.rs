@@ -14,7 +14,11 @@ use crate::surface::{NONE, Surface};
 pub struct Candidates {
     /// One for the cloth, one for each obstacle.
     trees: Vec<Tree>,
+    /// One more for the cloth, around where it is against its middle.
+    own_tree: Tree,
     touches_itself: bool,
+    /// Number of the points of the cloth.
+    own_points: usize,
     /// Patches of the cloth whose pairs need no search.
     patches: Option<Patches>,
     /// Contact whose pairs are left out.
@@ -22,6 +26,23 @@ pub struct Candidates {
     pairs: Vec<Pair>,
     /// Two faces each, and the first of the pairs of their features, in the order of the pairs.
     faces: Vec<([u32; 2], u32)>,
+    /// Pairs of the cloth with itself that come first, and their entries in `faces`: no pair of an
+    /// obstacle is among them.
+    own: (usize, usize),
+    /// False where pairs of the cloth with itself come later too.
+    own_come_first: bool,
+    /// Gap for which the pairs were found `[m]`.
+    gap: f64,
+    /// Boxes for the pairs of the cloth with itself, against its middle, and for all others.
+    centred: Held,
+    world: Held,
+    /// Ways against the middle of the cloth, in room that is kept.
+    places: [Vec<DVec3>; 3],
+}
+
+/// Boxes for which pairs were found.
+#[derive(Clone, Debug, Default)]
+struct Held {
     /// Boxes that the points must not leave while the pairs hold.
     allowed: Vec<Bounds>,
     boxes: Boxes,
@@ -68,6 +89,8 @@ pub struct Reach {
     pub gap: f64,
     /// Distance that points may stray from their path.
     pub slack: f64,
+    /// The same of points of the cloth against its middle, for its pairs with itself.
+    pub own_slack: f64,
 }
 
 /// Boxes around the ways of all features.
@@ -152,17 +175,25 @@ impl Candidates {
         };
         let tree = |faces: std::ops::Range<u32>| Tree::new(faces.map(|f| (f, middle(f))));
         let bodies = surface.bodies().iter();
+        let trees: Vec<Tree> = bodies.map(|body| tree(body.faces.clone())).collect();
         Self {
-            trees: bodies.map(|body| tree(body.faces.clone())).collect(),
+            own_tree: trees.first().cloned().unwrap_or_default(),
+            trees,
             touches_itself,
+            own_points: surface
+                .bodies()
+                .first()
+                .map_or(0, |cloth| cloth.points.len()),
             patches: None,
             released: Released::none(points),
             pairs: Vec::new(),
             faces: Vec::new(),
-            allowed: Vec::new(),
-            boxes: Boxes::default(),
-            before: Boxes::default(),
-            has_moved: Vec::new(),
+            own: (0, 0),
+            own_come_first: true,
+            gap: 0.0,
+            centred: Held::default(),
+            world: Held::default(),
+            places: Default::default(),
         }
     }
 
@@ -170,8 +201,8 @@ impl Candidates {
     /// out. The cloth's faces have these `corners` in its pattern `[m]`, `[faces, 3]`. `[eq:patch]`
     #[must_use]
     pub fn with_pattern(mut self, surface: &Surface, corners: &[[DVec2; 3]]) -> Self {
-        if let Some(cloth) = self.trees.first_mut().filter(|_| self.touches_itself) {
-            self.patches = Some(Patches::new(surface, corners, cloth));
+        if self.touches_itself {
+            self.patches = Some(Patches::new(surface, corners, &mut self.own_tree));
         }
         self
     }
@@ -232,57 +263,187 @@ impl Candidates {
     pub fn clear(&mut self) {
         self.pairs.clear();
         self.faces.clear();
-        self.allowed.clear();
+        self.own = (0, 0);
+        self.own_come_first = true;
+        self.centred.allowed.clear();
+        self.world.allowed.clear();
         if let Some(patches) = &mut self.patches {
             patches.clear();
         }
     }
 
+    /// Pairs of the cloth with itself that come first: it may move as a whole, and they still hold.
+    #[must_use]
+    pub fn own_count(&self) -> usize {
+        self.own.0
+    }
+
     /// Returns true if no pair is missed while the points move from `from` to `to` `[m]`.
     #[must_use]
     pub fn cover(&mut self, from: &[DVec3], to: &[DVec3]) -> bool {
-        self.allowed.len() == from.len()
-            && self
-                .allowed
-                .iter()
-                .zip(from.iter().zip(to))
-                .all(|(allowed, (from, to))| {
-                    allowed.contains(&Bounds::of(*from).around(Bounds::of(*to)))
-                })
+        let still = Ways {
+            from,
+            to,
+            later: to,
+        };
+        self.world.holds(from, to) && self.own_hold(still)
+    }
+
+    /// Returns true if no pair of the cloth with itself is missed on these ways.
+    fn own_hold(&mut self, ways: Ways<'_>) -> bool {
+        if !self.touches_itself {
+            return true;
+        }
+        self.centre(ways);
+        let [from, to, _] = &self.places;
+        self.centred.holds(from, to)
             && match &mut self.patches {
-                Some(patches) => patches.hold(from, to),
+                Some(patches) => patches.hold(ways.from, ways.to),
                 None => true,
             }
     }
 
+    /// Takes the ways of the cloth against its middle.
+    fn centre(&mut self, ways: Ways<'_>) {
+        let count = self.own_points;
+        let all = [ways.from, ways.to, ways.later];
+        for (places, points) in self.places.iter_mut().zip(all) {
+            let cloth = &points[..count];
+            let middle = cloth.iter().sum::<DVec3>() / count as f64;
+            places.clear();
+            places.extend(cloth.iter().map(|p| *p - middle));
+        }
+    }
+
     /// Finds all pairs that could come nearer than `reach.gap` while no point strays further than
-    /// `reach.slack` from the box around its path.
-    pub fn find(&mut self, surface: &Surface, ways: Ways<'_>, reach: Reach) {
-        if let Some(patches) = &mut self.patches {
-            patches.look(ways.from, ways.to, reach.gap);
+    /// `reach.slack` from the box around its path, the cloth with itself against its middle. Pairs of
+    /// the cloth with itself that still hold stay, in their places; gives their number.
+    pub fn find(&mut self, surface: &Surface, ways: Ways<'_>, reach: Reach) -> usize {
+        let is_known = self.own_come_first && self.gap == reach.gap;
+        let mut kept = self.own.0;
+        if !(is_known && self.own_hold(ways)) {
+            kept = 0;
+            self.clear();
+            self.gap = reach.gap;
+            if self.touches_itself {
+                self.centre(ways);
+                if let Some(patches) = &mut self.patches {
+                    patches.look(ways.from, ways.to, reach.gap);
+                }
+                let [from, to, later] = &self.places;
+                let own = Ways { from, to, later };
+                self.centred.take(own, reach.gap, reach.own_slack);
+                self.search_own(surface, true);
+                self.own = (self.pairs.len(), self.faces.len());
+            }
         }
-        self.boxes.points.clear();
-        self.allowed.clear();
-        for path in paths(ways) {
-            self.allowed.push(path.widened(reach.slack));
-            let wide = path.widened(reach.slack + 0.5 * reach.gap);
-            self.boxes.points.push(wide.into());
-        }
-        self.pairs.clear();
-        self.faces.clear();
-        self.search(surface, true);
+        self.pairs.truncate(self.own.0);
+        self.faces.truncate(self.own.1);
+        self.world.take(ways, reach.gap, reach.slack);
+        self.search_others(surface, true);
+        kept
     }
 
     /// Adds the pairs that [`Self::find`] would find for points that go where they were not
     /// expected to go. All pairs that there are stay, in their places.
     pub fn widen(&mut self, surface: &Surface, ways: Ways<'_>, reach: Reach) {
-        if self.allowed.len() != ways.from.len() {
+        if self.world.allowed.len() != ways.from.len() {
             self.find(surface, ways, reach);
             return;
         }
-        if let Some(patches) = &mut self.patches {
-            patches.look_again(ways.from, ways.to);
+        if self.touches_itself {
+            self.centre(ways);
+            if let Some(patches) = &mut self.patches {
+                patches.look_again(ways.from, ways.to);
+            }
+            let [from, to, later] = &self.places;
+            let own = Ways { from, to, later };
+            self.centred.widen(own, reach.gap, reach.own_slack);
+            let count = self.pairs.len();
+            self.search_own(surface, false);
+            self.own_come_first &= self.pairs.len() == count;
         }
+        self.world.widen(ways, reach.gap, reach.slack);
+        self.search_others(surface, false);
+    }
+
+    /// Adds the pairs of the cloth with itself whose boxes meet now; in a search that is not `anew`,
+    /// those of which this was not so in the last one.
+    fn search_own(&mut self, surface: &Surface, anew: bool) {
+        let (faces, edges) = match surface.bodies().first() {
+            Some(cloth) => (cloth.faces.len(), cloth.edges.len()),
+            None => (0, 0),
+        };
+        self.centred.boxes.close(surface, faces, edges);
+        let patches = self.patches.as_ref();
+        let has_lost = |face: u32| patches.is_some_and(|patches| patches.has_lost(face));
+        let held = &self.centred;
+        self.own_tree.refit(|face| {
+            let has_changed = anew || held.has_moved(surface, face) || has_lost(face);
+            (held.boxes.faces[face as usize], has_changed)
+        });
+        let mut finder = Finder {
+            surface,
+            held,
+            released: &self.released,
+            pairs: &mut self.pairs,
+            faces: &mut self.faces,
+        };
+        let apart = |a, b| patches.map_or(Apart::Never, |patches| patches.apart(a, b));
+        let found = |a, b, anew| finder.of_faces(a, b, anew);
+        self.own_tree.own_pairs(anew, apart, found);
+    }
+
+    /// As [`Self::search_own`], of the cloth with obstacles.
+    fn search_others(&mut self, surface: &Surface, anew: bool) {
+        let (faces, edges) = (surface.faces().len(), surface.edges().len());
+        self.world.boxes.close(surface, faces, edges);
+        let held = &self.world;
+        for tree in &mut self.trees {
+            tree.refit(|face| {
+                let has_changed = anew || held.has_moved(surface, face);
+                (held.boxes.faces[face as usize], has_changed)
+            });
+        }
+        let mut finder = Finder {
+            surface,
+            held,
+            released: &self.released,
+            pairs: &mut self.pairs,
+            faces: &mut self.faces,
+        };
+        let Some((cloth, obstacles)) = self.trees.split_first() else {
+            return;
+        };
+        for obstacle in obstacles {
+            cloth.pairs(obstacle, anew, |a, b, anew| finder.of_faces(a, b, anew));
+        }
+    }
+}
+
+impl Held {
+    /// Returns true if no point leaves its box on its way.
+    fn holds(&self, from: &[DVec3], to: &[DVec3]) -> bool {
+        let ends = from.iter().zip(to);
+        self.allowed.len() == from.len()
+            && self.allowed.iter().zip(ends).all(|(allowed, (from, to))| {
+                allowed.contains(&Bounds::of(*from).around(Bounds::of(*to)))
+            })
+    }
+
+    /// Takes the boxes around ways.
+    fn take(&mut self, ways: Ways<'_>, gap: f64, slack: f64) {
+        self.boxes.points.clear();
+        self.allowed.clear();
+        for path in paths(ways) {
+            self.allowed.push(path.widened(slack));
+            let wide = path.widened(slack + 0.5 * gap);
+            self.boxes.points.push(wide.into());
+        }
+    }
+
+    /// Widens the boxes of the points that leave theirs.
+    fn widen(&mut self, ways: Ways<'_>, gap: f64, slack: f64) {
         self.before.clone_from(&self.boxes);
         self.has_moved.clear();
         let ends = ways.from.iter().zip(ways.to);
@@ -291,46 +452,18 @@ impl Candidates {
             let stays = allowed.contains(&Bounds::of(*from).around(Bounds::of(*to)));
             self.has_moved.push(!stays);
             if !stays {
-                *allowed = allowed.around(path.widened(reach.slack));
-                let wide = path.widened(reach.slack + 0.5 * reach.gap);
+                *allowed = allowed.around(path.widened(slack));
+                let wide = path.widened(slack + 0.5 * gap);
                 self.boxes.points[p] = self.boxes.points[p].around(wide.into());
             }
         }
-        self.search(surface, false);
     }
 
-    /// Adds the pairs whose boxes meet now; in a search that is not `anew`, those of which this was
-    /// not so in the last one.
-    fn search(&mut self, surface: &Surface, anew: bool) {
-        self.boxes.close(surface);
-        let (patches, has_moved) = (self.patches.as_ref(), &self.has_moved);
-        let has_changed = |face: u32| {
-            anew || surface.faces()[face as usize]
-                .iter()
-                .any(|p| has_moved[*p as usize])
-                || patches.is_some_and(|patches| patches.has_lost(face))
-        };
-        for tree in &mut self.trees {
-            tree.refit(|face| (self.boxes.faces[face as usize], has_changed(face)));
-        }
-        let mut finder = Finder {
-            surface,
-            boxes: &self.boxes,
-            before: &self.before,
-            released: &self.released,
-            pairs: &mut self.pairs,
-            faces: &mut self.faces,
-        };
-        let Some((cloth, obstacles)) = self.trees.split_first() else {
-            return;
-        };
-        if self.touches_itself {
-            let apart = |a, b| patches.map_or(Apart::Never, |patches| patches.apart(a, b));
-            cloth.own_pairs(anew, apart, |a, b, anew| finder.of_faces(a, b, anew));
-        }
-        for obstacle in obstacles {
-            cloth.pairs(obstacle, anew, |a, b, anew| finder.of_faces(a, b, anew));
-        }
+    /// Returns true if [`Self::widen`] has moved the box of a corner.
+    fn has_moved(&self, surface: &Surface, face: u32) -> bool {
+        let corners = surface.faces()[face as usize].iter();
+        let mut moved = corners.map(|p| self.has_moved[*p as usize]);
+        moved.any(|moved| moved)
     }
 }
 
@@ -344,18 +477,18 @@ fn paths(ways: Ways<'_>) -> impl Iterator<Item = Bounds> {
 }
 
 impl Boxes {
-    /// Puts the boxes of faces and edges around those of their points.
-    fn close(&mut self, surface: &Surface) {
+    /// Puts the boxes of the first faces and edges around those of their points.
+    fn close(&mut self, surface: &Surface, face_count: usize, edge_count: usize) {
         let points = &self.points;
         let around = |corners: &[u32]| {
             let first = points[corners[0] as usize];
             let rest = corners[1..].iter();
             rest.fold(first, |all, p| all.around(points[*p as usize]))
         };
-        let faces = surface.faces().iter();
+        let faces = surface.faces()[..face_count].iter();
         self.faces.clear();
         self.faces.extend(faces.map(|face| around(face)));
-        let edges = surface.edges().iter();
+        let edges = surface.edges()[..edge_count].iter();
         self.edges.clear();
         self.edges.extend(edges.map(|edge| around(&edge.ends)));
     }
@@ -371,8 +504,7 @@ impl Boxes {
 
 struct Finder<'a> {
     surface: &'a Surface,
-    boxes: &'a Boxes,
-    before: &'a Boxes,
+    held: &'a Held,
     released: &'a Released,
     pairs: &'a mut Vec<Pair>,
     faces: &'a mut Vec<([u32; 2], u32)>,
@@ -387,7 +519,7 @@ impl Finder<'_> {
         self.vertices(b, a, anew);
         for first in self.surface.share(a).edges {
             if first != NONE
-                && self.boxes.edges[first as usize].meets(&self.boxes.faces[b as usize])
+                && self.held.boxes.edges[first as usize].meets(&self.held.boxes.faces[b as usize])
             {
                 self.edges_with(first, self.surface.share(b).edges, anew);
             }
@@ -404,8 +536,8 @@ impl Finder<'_> {
             if vertex == NONE || corners.contains(&vertex) {
                 continue;
             }
-            if self.boxes.vertex_meets(vertex, face)
-                && (anew || !self.before.vertex_meets(vertex, face))
+            if self.held.boxes.vertex_meets(vertex, face)
+                && (anew || !self.held.before.vertex_meets(vertex, face))
             {
                 let [b, c, d] = corners;
                 self.push(Pair::vertex_face(vertex, face, [vertex, b, c, d]));
@@ -423,8 +555,8 @@ impl Finder<'_> {
             if a == c || a == d || b == c || b == d {
                 continue;
             }
-            if self.boxes.edges_meet(first, second)
-                && (anew || !self.before.edges_meet(first, second))
+            if self.held.boxes.edges_meet(first, second)
+                && (anew || !self.held.before.edges_meet(first, second))
             {
                 self.push(Pair::edge_edge(first, second, [a, b, c, d]));
             }
@@ -521,6 +653,7 @@ mod tests {
         let reach = Reach {
             gap: 0.02,
             slack: 0.02,
+            own_slack: 0.02,
         };
         let every = every_pair(&surface);
         let in_order = |pairs: &[Pair]| {
@@ -543,7 +676,7 @@ mod tests {
             candidates.find(&surface, ways(&to), reach);
             let first = candidates.pairs().to_vec();
             // A path that strays less than the slack along each axis.
-            let mut strayed = |from: &[DVec3]| from.iter().map(|p| *p + point(0.0199)).collect();
+            let mut strayed = |from: &[DVec3]| from.iter().map(|p| *p + point(0.015)).collect();
             let [begin, end]: [Vec<DVec3>; 2] = [strayed(&from), strayed(&to)];
             assert!(candidates.cover(&from, &to) && candidates.cover(&begin, &end));
             assert_none_is_missed(&every, &in_order(&first), [&begin, &end], reach.gap);
@@ -567,5 +700,46 @@ mod tests {
             assert_eq!(candidates.pairs().len(), found.len());
         }
         assert!(added > 1000, "{added}");
+    }
+
+    #[test]
+    fn a_cloth_that_moves_as_a_whole_keeps_its_own_pairs_and_looks_for_others_alone() {
+        let body = [DVec3::ZERO, DVec3::X, DVec3::Z].map(|p| p * 0.5 + DVec3::Y * 3.0);
+        let (surface, start) = scene(36, body.into_iter().chain(body).collect());
+        let cloth = surface.bodies()[0].points.len();
+        let mut candidates = Candidates::new(&surface, &start, true);
+        let reach = Reach {
+            gap: 0.3,
+            slack: 0.01,
+            own_slack: 0.01,
+        };
+        let moved = |by: DVec3| -> Vec<DVec3> {
+            let ways = (0..start.len()).map(|p| if p < cloth { by } else { DVec3::ZERO });
+            start.iter().zip(ways).map(|(p, way)| *p + way).collect()
+        };
+        assert_eq!(candidates.find(&surface, Ways::still(&start), reach), 0);
+        let own = candidates.pairs().to_vec();
+        assert!(own.len() > 100 && candidates.own_count() == own.len());
+        let (from, to) = (moved(DVec3::Y), moved(DVec3::Y * 3.0));
+        assert!(!candidates.cover(&from, &to));
+        let ways = Ways {
+            from: &from,
+            to: &to,
+            later: &to,
+        };
+        assert_eq!(candidates.find(&surface, ways, reach), own.len());
+        assert_eq!(candidates.pairs()[..own.len()], own);
+        let met = &candidates.pairs()[own.len()..];
+        assert!(
+            !met.is_empty()
+                && met
+                    .iter()
+                    .all(|pair| pair.corners.iter().any(|p| *p as usize >= cloth))
+        );
+        assert!(candidates.cover(&from, &to));
+        // What goes against the middle is looked for anew.
+        let mut other = to.clone();
+        other[0] += DVec3::X * 0.1;
+        assert_eq!(candidates.find(&surface, Ways::still(&other), reach), 0);
     }
 }

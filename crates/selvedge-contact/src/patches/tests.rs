@@ -102,6 +102,7 @@ fn what_is_left_out_stays_apart_on_the_whole_way() {
     let reach = Reach {
         gap: 0.08,
         slack: 0.1,
+        own_slack: 0.1,
     };
     let (mut left_out, mut searched, mut nearest) = (0, 0, f64::INFINITY);
     for _ in 0..60 {
@@ -158,6 +159,7 @@ fn a_patch_that_folds_is_searched_again() {
     let reach = Reach {
         gap: 0.01,
         slack: 20.0,
+        own_slack: 20.0,
     };
     candidates.find(&surface, Ways::still(&start), reach);
     assert!(candidates.cover(&start, &bent));
@@ -179,6 +181,7 @@ fn a_wider_search_takes_up_patches_that_fold() {
     let reach = Reach {
         gap: 0.01,
         slack: 20.0,
+        own_slack: 20.0,
     };
     let [smooth, every] = found(&sheet, Ways::still(&start), reach);
     assert!(smooth.len() + 1000 < every.len());

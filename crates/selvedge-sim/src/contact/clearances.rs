@@ -89,20 +89,21 @@ impl Clearances {
         }
     }
 
-    /// Forgets the ways: all distances are to be computed anew.
-    pub(super) fn reset(&mut self) {
-        self.travelled.fill(0.0);
-    }
-
-    /// Takes the way of a solve.
-    pub(super) fn look_ahead(&mut self, start: &[DVec3], end: &[DVec3]) {
+    /// Takes the way of a solve, against what goes this `middle` way `[m]`.
+    pub(super) fn look_ahead(&mut self, start: &[DVec3], end: &[DVec3], middle: DVec3) {
         for (way, (start, end)) in self.ways.iter_mut().zip(start.iter().zip(end)) {
-            *way = *end - *start;
+            *way = *end - *start - middle;
         }
         let travelled = self.ahead.iter_mut().zip(&self.travelled);
         for ((ahead, travelled), way) in travelled.zip(&self.ways) {
             *ahead = travelled + way.length();
         }
+    }
+
+    /// Longest way of a point in the solve `[m]`.
+    pub(super) fn longest_way(&self) -> f64 {
+        let squares = self.ways.iter().map(|way| way.length_squared());
+        squares.fold(0.0, f64::max).sqrt()
     }
 
     /// Returns true if a pair of this `budget` `[m]` surely stays more than `distance` `[m]` apart
@@ -159,21 +160,20 @@ mod tests {
     #[test]
     fn a_pair_is_apart_as_long_as_its_points_cannot_have_met() {
         let mut clearances = Clearances::new(4);
-        clearances.reset();
         let pair = Pair::vertex_face(0, 0, [0, 1, 2, 3]);
         let moved = |by: f64| START.map(|p| p + DVec3::Y * by);
-        clearances.look_ahead(&START, &START);
+        clearances.look_ahead(&START, &START, DVec3::ZERO);
         assert!(!clearances.surely_apart(Watch::NEW.budget, &pair, 0.1));
         let budget = clearances.budget(&pair, 1.0);
-        clearances.look_ahead(&START, &moved(0.4));
+        clearances.look_ahead(&START, &moved(0.4), DVec3::ZERO);
         assert!(clearances.surely_apart(budget, &pair, 0.1));
         assert!(!clearances.surely_apart(budget, &pair, 0.2));
         // All have gone 0.4; the same again would be 1.6 of both sides together.
         clearances.travelled.fill(0.4);
-        clearances.look_ahead(&START, &START);
+        clearances.look_ahead(&START, &START, DVec3::ZERO);
         assert!(clearances.surely_apart(budget, &pair, 0.1));
         assert!((clearances.at_start(budget, &pair) - 0.2).abs() < 1e-6);
-        clearances.look_ahead(&START, &moved(0.2));
+        clearances.look_ahead(&START, &moved(0.2), DVec3::ZERO);
         assert!(!clearances.surely_apart(budget, &pair, 0.1));
         let budget = clearances.budget(&pair, 0.9);
         assert!(clearances.surely_apart(budget, &pair, 0.1));
@@ -185,7 +185,7 @@ mod tests {
         let face = Pair::vertex_face(0, 0, [0, 1, 2, 3]);
         let edges = Pair::edge_edge(0, 1, [0, 1, 2, 3]);
         let fall = DVec3::NEG_Y * 5.0;
-        clearances.look_ahead(&START, &START.map(|p| p + fall));
+        clearances.look_ahead(&START, &START.map(|p| p + fall), DVec3::ZERO);
         for pair in [face, edges] {
             assert!(clearances.approach(&pair) < 1e-6);
         }
@@ -193,7 +193,7 @@ mod tests {
         for own in 0..4 {
             let mut end = START.map(|p| p + fall);
             end[own] += DVec3::X * 0.3;
-            clearances.look_ahead(&START, &end);
+            clearances.look_ahead(&START, &end, DVec3::ZERO);
             for pair in [face, edges] {
                 assert!((clearances.approach(&pair) - 0.3).abs() < 1e-6, "{own}");
             }
@@ -202,7 +202,7 @@ mod tests {
         let mut end = START;
         end[2] += DVec3::Z * 0.2;
         end[3] -= DVec3::Z * 0.2;
-        clearances.look_ahead(&START, &end);
+        clearances.look_ahead(&START, &end, DVec3::ZERO);
         assert!((clearances.approach(&face) - 0.2).abs() < 1e-6);
     }
 }

@@ -59,7 +59,7 @@ impl Contact {
     /// The touches of a solve over `time` `[s]`, in the order of their corners.
     pub(super) fn find_touches(&mut self, threads: Threads, time: f64) -> Found {
         let _span = tracing::trace_span!("touches").entered();
-        self.clearances.look_ahead(&self.start, &self.end);
+        self.look_ahead();
         let near = self.near(threads);
         let kept = self.nearest(&near);
         let near = || kept.iter().map(|k| &near[*k as usize]);

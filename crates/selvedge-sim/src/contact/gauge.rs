@@ -96,6 +96,7 @@ impl ContactGauge {
         let reach = Reach {
             gap: thickness,
             slack: 0.0,
+            own_slack: 0.0,
         };
         let candidates = &mut contact.candidates;
         candidates.find(&contact.surface, Ways::still(&points), reach);

@@ -69,6 +69,7 @@ impl Contact {
         let reach = Reach {
             gap: far,
             slack: 0.0,
+            own_slack: 0.0,
         };
         let mut candidates = Candidates::new(&self.surface, &points, self.settings.self_contact);
         candidates.find(&self.surface, Ways::still(&points), reach);

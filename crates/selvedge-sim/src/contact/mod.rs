@@ -57,6 +57,10 @@ const AHEAD: f64 = 4.0;
 /// candidates.
 const FARTHEST_AHEAD: f64 = 10.0;
 
+/// Clearances of the cloth against its middle, and of all points where they are.
+const OWN: usize = 0;
+const WORLD: usize = 1;
+
 /// Work that contact has taken since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ContactCounts {
@@ -174,7 +178,8 @@ pub(crate) struct Contact {
     pub(crate) counts: ContactCounts,
     received: received::Received,
     room: separation::Room,
-    clearances: Clearances,
+    /// Of pairs of the cloth with itself, as [`OWN`], and of all, as [`WORLD`].
+    clearances: [Clearances; 2],
 }
 
 impl Contact {
@@ -223,7 +228,7 @@ impl Contact {
             counts: ContactCounts::default(),
             received: received::Received::none(scene.obstacles.len()),
             room: separation::Room::default(),
-            clearances: Clearances::new(count),
+            clearances: [Clearances::new(mass.len()), Clearances::new(count)],
             obstacles: scene.obstacles.clone(),
             shifts: vec![Shift::default(); scene.obstacles.len()],
             settings,
@@ -515,8 +520,14 @@ impl Contact {
         self.room.begin();
         self.searches = 0;
         let cloth = positions.len();
+        let middle = |all: &[DVec3]| all.iter().sum::<DVec3>() / cloth as f64;
+        let way = middle(positions) - middle(&self.start[..cloth]);
         let mut put = |p: usize, place: DVec3| {
-            self.clearances.travelled[p] += self.start[p].distance(place);
+            let gone = place - self.start[p];
+            self.clearances[WORLD].travelled[p] += gone.length();
+            if p < cloth {
+                self.clearances[OWN].travelled[p] += (gone - way).length();
+            }
             self.start[p] = place;
         };
         for (p, place) in positions.iter().enumerate() {
@@ -551,12 +562,19 @@ impl Contact {
             return;
         }
         let _span = tracing::trace_span!("candidates").entered();
-        let mut reach = self.reach();
-        let longest = self.start.iter().zip(&self.end);
-        let longest = longest.map(|(from, to)| from.distance_squared(*to));
-        let longest = longest.fold(0.0, f64::max).sqrt();
-        reach.slack = longest.clamp(0.125 * reach.slack, reach.slack);
-        reach.slack *= f64::from(1_u32 << self.searches.min(WIDENINGS));
+        let reach = self.reach();
+        self.look_ahead();
+        let slack = |clearances: &Clearances| {
+            let slack = clearances.longest_way();
+            let slack = slack.clamp(0.125 * reach.slack, reach.slack);
+            slack * f64::from(1_u32 << self.searches.min(WIDENINGS))
+        };
+        let [own_slack, slack] = self.clearances.each_ref().map(slack);
+        let reach = Reach {
+            slack,
+            own_slack,
+            ..reach
+        };
         self.searches += 1;
         self.ahead.clear();
         let ways = self.start.iter().zip(&self.end);
@@ -571,9 +589,8 @@ impl Contact {
             later: &self.ahead,
         };
         if anew || self.candidates.pairs().is_empty() {
-            self.candidates.find(&self.surface, ways, reach);
-            self.clearances.reset();
-            self.watched.clear();
+            let kept = self.candidates.find(&self.surface, ways, reach);
+            self.watched.truncate(kept);
             self.room.begin();
         } else {
             self.candidates.widen(&self.surface, ways, reach);
@@ -587,7 +604,25 @@ impl Contact {
         Reach {
             gap: most,
             slack: SLACK * most,
+            own_slack: SLACK * most,
         }
+    }
+
+    /// Takes the ways of the solve.
+    fn look_ahead(&mut self) {
+        let cloth = self.mass.len();
+        let ways = self.start.iter().zip(&self.end).take(cloth);
+        let middle = ways.map(|(start, end)| *end - *start).sum::<DVec3>() / cloth as f64;
+        let [own, world] = &mut self.clearances;
+        own.look_ahead(&self.start, &self.end, middle);
+        world.look_ahead(&self.start, &self.end, DVec3::ZERO);
+    }
+
+    /// Clearances of the candidate at this place: those against the middle of the cloth for what meets
+    /// only itself.
+    #[inline]
+    fn clearances_of(&self, place: usize) -> &Clearances {
+        &self.clearances[usize::from(place >= self.candidates.own_count())]
     }
 
     /// Number of the body that is not the cloth, or 0.

@@ -38,6 +38,8 @@ pub(super) struct Near {
 
 /// Candidates that follow each other, and what is known of them.
 struct Part<'a> {
+    /// Place of the first.
+    first: usize,
     pairs: &'a [Pair],
     watched: &'a mut [Watch],
 }
@@ -59,19 +61,25 @@ impl Contact {
         self.candidates.open(&self.swept, |_| true, &mut open);
         let near = threads.find_in_pieces(&open, &mut watched, |first, open, watched, near| {
             let pairs = &self.candidates.pairs()[first..first + watched.len()];
-            self.near_of(first as u32, open, Part { pairs, watched }, near);
+            let part = Part {
+                first,
+                pairs,
+                watched,
+            };
+            self.near_of(open, part, near);
         });
         self.watched = watched;
         self.open = open;
         near
     }
 
-    /// The same of the candidates from `first` on, of which those at the `open` places are looked at.
-    fn near_of(&self, first: u32, open: &[u32], mut part: Part<'_>, near: &mut Vec<Near>) {
+    /// The same of a part, of which the candidates at the `open` places are looked at.
+    fn near_of(&self, open: &[u32], mut part: Part<'_>, near: &mut Vec<Near>) {
         let mut of_kinds: [Vec<u32>; 2] = [const { Vec::new() }; 2];
-        for k in open.iter().map(|k| k - first) {
+        for k in open.iter().map(|k| k - part.first as u32) {
             let (pair, watch) = (&part.pairs[k as usize], &part.watched[k as usize]);
-            let is_apart = self.clearances.surely_apart(watch.budget, pair, self.most);
+            let clearances = self.clearances_of(part.first + k as usize);
+            let is_apart = clearances.surely_apart(watch.budget, pair, self.most);
             if watch.pushes != Pushes::Never && !is_apart {
                 of_kinds[pair.kind as usize].push(k);
             }
@@ -89,13 +97,14 @@ impl Contact {
 
     /// The pair, if it is too near or will be; its gap is that of this `lane`.
     fn near_pair(&self, k: usize, gaps: &Gaps, lane: usize, part: &mut Part<'_>) -> Option<Near> {
+        let clearances = self.clearances_of(part.first + k);
         let (pair, watch) = (&part.pairs[k], &mut part.watched[k]);
         let now = Gap {
             distance: gaps.distance[lane],
             normal: DVec3::from_array(of_lane(&gaps.normal, lane)),
             weights: of_lane(&gaps.weights, lane),
         };
-        watch.budget = self.clearances.budget(pair, now.distance);
+        watch.budget = clearances.budget(pair, now.distance);
         let known = watch.in_solve(self.room.solve);
         (known.direction, known.extent) = (now.normal, gaps.extent[lane]);
         let body = self.other_body(pair);
@@ -105,7 +114,7 @@ impl Contact {
             to: pair.places(&self.end),
         };
         let is_far = || {
-            now.distance - self.clearances.approach(pair) > self.most
+            now.distance - clearances.approach(pair) > self.most
                 || path.axes_gap(pair.kind) > thickness
         };
         if now.distance >= thickness && is_far() {

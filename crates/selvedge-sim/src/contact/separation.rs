@@ -269,7 +269,7 @@ impl Contact {
     fn certify(&mut self, threads: Threads, first: bool) {
         let _span = tracing::trace_span!("certificates").entered();
         self.cover(false);
-        self.clearances.look_ahead(&self.start, &self.end);
+        self.look_ahead();
         let mut room = std::mem::take(&mut self.room);
         let mut open = std::mem::take(&mut self.open);
         let are_new = room.ends.is_empty();
@@ -293,8 +293,10 @@ impl Contact {
                     if !first && !known.reach.is_nan() && is_still() {
                         continue;
                     }
-                    if !self.clearances.surely_apart(budget, pair, floor) {
-                        found.extend(self.look(budget, pair, &room.strayed, known));
+                    let clearances = self.clearances_of(k);
+                    if !clearances.surely_apart(budget, pair, floor) {
+                        let at_start = clearances.at_start(budget, pair);
+                        found.extend(self.look(at_start, pair, &room.strayed, known));
                     }
                 }
             });
@@ -313,10 +315,11 @@ impl Contact {
         self.room = room;
     }
 
-    /// Certifies a candidate of this `budget`, whose points have `strayed` `[m]`, `[points]`.
+    /// Certifies a candidate that is at least as far apart `at_start` `[m]`, whose points have `strayed`
+    /// `[m]`, `[points]`.
     fn look(
         &self,
-        budget: f64,
+        at_start: f64,
         pair: &Pair,
         strayed: &[DVec3],
         known: &mut Known,
@@ -333,9 +336,8 @@ impl Contact {
         if known.reach > 0.0 && strayed <= known.reach {
             return None;
         }
-        let clearances = &self.clearances;
-        let approach = clearances.approach(pair);
-        let spare = clearances.at_start(budget, pair) - approach - floor;
+        let approach = self.clearances[super::WORLD].approach(pair);
+        let spare = at_start - approach - floor;
         if spare > 0.0 {
             known.reach = spare - strayed;
             return None;

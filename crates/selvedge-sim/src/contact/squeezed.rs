@@ -406,6 +406,7 @@ impl Contact {
             let reach = Reach {
                 gap: LEAST * self.largest_thickness(),
                 slack: 0.0,
+                own_slack: 0.0,
             };
             self.candidates
                 .find(&self.surface, Ways::still(&points), reach);
