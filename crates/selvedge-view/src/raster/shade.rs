@@ -24,9 +24,9 @@ pub(crate) const HANDLE: Rgb = [236, 124, 36];
 pub(crate) const HANDLE_RING: Rgb = [255, 252, 246];
 
 /// Light of the key, warm; of the fill from the other side, cool; and of the whole sky.
-const KEY_LIGHT: Vec3A = Vec3A::new(1.72, 1.62, 1.48);
+const KEY_LIGHT: Vec3A = Vec3A::new(1.42, 1.35, 1.24);
 const FILL_LIGHT: Vec3A = Vec3A::new(0.20, 0.24, 0.30);
-const SKY_LIGHT: Vec3A = Vec3A::new(0.60, 0.67, 0.80);
+const SKY_LIGHT: Vec3A = Vec3A::new(0.68, 0.74, 0.86);
 
 /// A point of the surface, as the shader needs it.
 #[derive(Clone, Copy, Debug)]
