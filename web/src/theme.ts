@@ -34,7 +34,7 @@ export const THEMES: Record<"light" | "dark", Theme> = {
     grid: "#b9b1a4",
     lines: "#1c2733",
     handle: "#d1495b",
-    body: "#aca59c",
+    body: "#a0a6ae",
     looks: [
       { front: colour("#3a609e"), back: colour("#d6c2a0") },
       { front: colour("#4e8368"), back: colour("#d6c2a0") },

@@ -188,12 +188,12 @@ fn check_same<T: PartialEq + Display>(
     [expected, found]: [T; 2],
     [first, other]: [&str; 2],
 ) -> Result<(), ViewError> {
-    match expected == found {
-        true => Ok(()),
-        false => Err(ViewError::Invalid(format!(
-            "panel \"{other}\" has {found} {what}, but panel \"{first}\" has {expected}: panels side by side must match"
-        ))),
+    if expected == found {
+        return Ok(());
     }
+    Err(ViewError::Invalid(format!(
+        "panel \"{other}\" has {found} {what}, but panel \"{first}\" has {expected}: panels side by side must match"
+    )))
 }
 
 fn check_frame(frame: usize, positions: &[Vec3], expected: usize) -> Result<(), ViewError> {

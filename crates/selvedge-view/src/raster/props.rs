@@ -18,6 +18,9 @@ use crate::motion::body::Body;
 
 /// Cosine of the largest angle between two faces that are smooth: 50°.
 const SMOOTH: f32 = 0.643;
+/// A body is drawn farther away by a thousandth: at a horizon, cloth that is rounder than its mesh
+/// may lie a trace within the body that it covers.
+const BEHIND: f32 = 0.999;
 /// Times that a face is halved at most.
 const CUTS: u32 = 10;
 
@@ -123,13 +126,10 @@ impl Props {
         self.placed.clear();
         for (corners, normals) in self.faces.iter().zip(&self.normals) {
             self.placed.push(std::array::from_fn(|k| {
-                ScreenVertex::new(
-                    camera,
-                    extent,
-                    corners[k],
-                    normals[k],
-                    sun.place(corners[k]),
-                )
+                let (corner, lit) = (corners[k], sun.place(corners[k]));
+                let mut vertex = ScreenVertex::new(camera, extent, corner, normals[k], lit);
+                vertex.nearness *= BEHIND;
+                vertex
             }));
         }
     }

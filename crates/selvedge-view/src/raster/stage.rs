@@ -89,10 +89,10 @@ impl Stage {
 }
 
 fn check(runs: &[&Run<'_>]) -> Result<(), ViewError> {
-    match runs.is_empty() {
-        true => Err(ViewError::no_panels()),
-        false => Ok(()),
+    if runs.is_empty() {
+        return Err(ViewError::no_panels());
     }
+    Ok(())
 }
 
 /// The points of a frame that a picture holds: the cloth, and the bodies beside it.
