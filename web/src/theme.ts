@@ -34,7 +34,7 @@ export const THEMES: Record<"light" | "dark", Theme> = {
     grid: "#b9b1a4",
     lines: "#1c2733",
     handle: "#d1495b",
-    body: "#a0a6ae",
+    body: "#aaa8a5",
     looks: [
       { front: colour("#3a609e"), back: colour("#d6c2a0") },
       { front: colour("#4e8368"), back: colour("#d6c2a0") },

@@ -15,8 +15,8 @@ use crate::raster::camera::Camera;
 /// Indigo warp in front, ecru weft at the back. The page has the same: `web/src/theme.ts`.
 const FRONT: Rgb = [58, 96, 158];
 const BACK: Rgb = [214, 194, 160];
-/// Bodies beside the cloth: cool, so that they are no cloth seen from its back.
-const BODY: Rgb = [160, 166, 174];
+/// Bodies beside the cloth: neutral, as no cloth is.
+const BODY: Rgb = [170, 168, 165];
 /// The border of a cloth that is coloured by numbers: no hue that could be read as one.
 const VALUE_BORDER: Rgb = [52, 52, 60];
 pub(crate) const HANDLE: Rgb = [236, 124, 36];
