@@ -134,6 +134,9 @@ export class ClothObject {
     (this.uniforms.backColour!.value as three.Color).copy(look.back);
     this.lines.visible = edges;
     (this.lines.material as three.LineBasicMaterial).color.copy(lines);
+    // A little behind its lines. Without lines there is no offset: it grows with the slope, and pushes
+    // the front of a fold at its horizon behind the back of what is beyond.
+    this.material.polygonOffset = edges;
   }
 
   /** Leaves out what costs most, the higher the level. */
@@ -180,8 +183,6 @@ export class ClothObject {
       sheenRoughness: 0.55,
       normalMap: shared.weave,
       normalScale: new three.Vector2(0.3, 0.3),
-      // A little behind its lines, and before the body on which it lies.
-      polygonOffset: true,
       polygonOffsetFactor: 1,
       polygonOffsetUnits: 1,
     });

@@ -2,7 +2,8 @@
 
 import * as three from "three";
 
-/** The colours of the two sides of a cloth. */
+/** The colours of the two sides of a cloth: by day those of pictures, `FRONT` and `BACK` of
+ * `crates/selvedge-view/src/raster/shade.rs`. */
 export interface Look {
   front: three.Color;
   back: three.Color;
@@ -33,10 +34,10 @@ export const THEMES: Record<"light" | "dark", Theme> = {
     grid: "#b9b1a4",
     lines: "#1c2733",
     handle: "#d1495b",
-    body: "#8f969e",
+    body: "#aaa8a5",
     looks: [
-      { front: colour("#3f6f9f"), back: colour("#d9a25f") },
-      { front: colour("#4e8368"), back: colour("#d9a25f") },
+      { front: colour("#3a609e"), back: colour("#d6c2a0") },
+      { front: colour("#4e8368"), back: colour("#d6c2a0") },
     ],
     shadow: 0.26,
     exposure: 1.05,
@@ -49,8 +50,8 @@ export const THEMES: Record<"light" | "dark", Theme> = {
     handle: "#ff6b7d",
     body: "#6d7683",
     looks: [
-      { front: colour("#5b93c9"), back: colour("#e0ac68") },
-      { front: colour("#63a585"), back: colour("#e0ac68") },
+      { front: colour("#5b86c4"), back: colour("#d6c2a0") },
+      { front: colour("#63a585"), back: colour("#d6c2a0") },
     ],
     shadow: 0.6,
     exposure: 0.95,

@@ -167,7 +167,7 @@ pub enum StepError {
         pairs: String,
     },
     #[error(
-        "frame {frame}: with {substeps} substeps the edge from vertex {from} to {to} is strained by {strain:.3}, bound is {bound}{}: cloth does not stretch so far; use less wind, slower or nearer handles{}, or raise physics.max_strain",
+        "frame {frame}: with {substeps} substeps the edge from vertex {from} to {to} is strained by {strain:.3}, bound is {bound}{}: cloth does not stretch so far; use less wind, slower handles or handles closer together{}, or raise physics.max_strain",
         pushing(pushed_by),
         if pushed_by.is_empty() { "" } else { ", slower obstacles" }
     )]

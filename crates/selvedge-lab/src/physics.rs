@@ -151,7 +151,7 @@ fn strained(scene: &Scene, positions: &[Vec3]) -> Option<String> {
     let (frame, [a, b]) = worst?;
     let (percent, bound) = (100.0 * most, scene.physics.max_strain);
     Some(format!(
-        "in {count} frames edges are strained by more than {:.0} %, the edge from vertex {a} to {b} by {percent:.0} % in frame {frame} after the start: fabrics are not measured so far, and tear; use less wind, slower or nearer handles, or a lower physics.max_strain ({bound} now) to stop there",
+        "in {count} frames edges are strained by more than {:.0} %, the edge from vertex {a} to {b} by {percent:.0} % in frame {frame} after the start: fabrics are not measured so far, and tear; use less wind, slower handles or handles closer together, or a lower physics.max_strain ({bound} now) to stop there",
         100.0 * WARNED_STRAIN
     ))
 }

@@ -172,8 +172,8 @@ impl Movers for TestCloth {
             Start::Frames(frames) => frames.last().unwrap().clone(),
         };
         let shifts = vec![DVec3::ZERO; self.bodies.len()];
-        let puppet = Puppet::new(kind, self.clone(), hold, positions);
-        Ok(Box::new(Puppet { shifts, ..puppet }))
+        let stepper = ScriptedStepper::new(kind, self.clone(), hold, positions);
+        Ok(Box::new(ScriptedStepper { shifts, ..stepper }))
     }
 
     fn provenance(&self, hold: &Hold, _: Vec<Vec<DVec3>>) -> Result<Provenance, LiveError> {
@@ -187,7 +187,7 @@ impl Movers for TestCloth {
 
 /// Moves the cloth. As in the simulator, a handle that is attached again holds its vertex where
 /// the vertex is, and a stepper that is made anew knows nothing of it.
-struct Puppet {
+struct ScriptedStepper {
     kind: MoverKind,
     of: TestCloth,
     cloth: Cloth,
@@ -204,7 +204,7 @@ struct Puppet {
     led: Vec<DVec3>,
 }
 
-impl Puppet {
+impl ScriptedStepper {
     fn new(kind: MoverKind, of: TestCloth, hold: &Hold, positions: Vec<Vec3>) -> Self {
         let handles = hold.handles.clone();
         Self {
@@ -223,7 +223,7 @@ impl Puppet {
     }
 }
 
-impl Stepper for Puppet {
+impl Stepper for ScriptedStepper {
     fn topology(&self) -> &Topology {
         self.cloth.topology()
     }
@@ -282,7 +282,7 @@ impl Stepper for Puppet {
     }
 }
 
-impl LiveStepper for Puppet {
+impl LiveStepper for ScriptedStepper {
     fn stand_in(&self) -> Option<&'static str> {
         (self.kind == MoverKind::Model && self.positions[0].x > STAND_IN).then_some("a stand-in")
     }
@@ -336,7 +336,7 @@ fn puppets_conform() {
         environment: Environment::default(),
     };
     for kind in [MoverKind::Physics, MoverKind::Model] {
-        let make = || Puppet::new(kind, TestCloth::default(), &hold, CORNERS.to_vec());
+        let make = || ScriptedStepper::new(kind, TestCloth::default(), &hold, CORNERS.to_vec());
         assert_eq!(check(make, HandlesEnd::AtTargets), Ok(()));
     }
 }

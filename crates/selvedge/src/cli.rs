@@ -196,8 +196,8 @@ pub(crate) struct TrainArgs {
     /// is new where it differs; all else, from the steps to the data, is this training's own.
     #[arg(long, value_name = "RUN|MODEL", conflicts_with = "resume")]
     pub(crate) from: Option<PathBuf>,
-    /// Change a value of the configuration, by its dotted path and as in TOML; may stand several
-    /// times.
+    /// Change a value of the configuration, by its dotted path and as in TOML; repeat the option
+    /// for several.
     #[arg(long, value_name = "KEY=VALUE")]
     pub(crate) set: Vec<Setting>,
     /// Optimiser steps in all [default: as the configuration says].

@@ -81,7 +81,7 @@ async fn count(shared: &Shared, change: isize, gone: Option<u32>) {
 async fn talk(socket: &mut WebSocket, client: u32, shared: &Shared) -> Result<Infallible, Closing> {
     let hello = protocol::hello(client, &shared.session.catalogue);
     send(socket, hello.into()).await?;
-    let mut feed = Feed::new(shared.session.inlets.clone());
+    let mut feed = Feed::new(shared.session.readers.clone());
     let mut allowance = Allowance::new();
     let mut stop = shared.stop.clone();
     loop {
@@ -95,13 +95,13 @@ async fn talk(socket: &mut WebSocket, client: u32, shared: &Shared) -> Result<In
                     pass_on(shared, client, message)?;
                 }
             }
-            changed = feed.inlets.state.changed() => {
+            changed = feed.readers.state.changed() => {
                 changed.map_err(|_| over())?;
                 if let Some(state) = feed.state() {
                     send(socket, state).await?;
                 }
             }
-            changed = feed.inlets.frame.changed(), if feed.has_room() => {
+            changed = feed.readers.frame.changed(), if feed.has_room() => {
                 changed.map_err(|_| over())?;
                 for message in feed.frame() {
                     send(socket, message).await?;
@@ -216,19 +216,19 @@ impl Allowance {
 mod tests {
     use super::*;
     use crate::protocol::{VERSION, kind};
-    use crate::session::Outlets;
+    use crate::session::SlotWriters;
 
     #[test]
     fn answers_to_frames_are_not_counted_as_messages_and_others_are() {
-        let (mut outlets, inlets) = Outlets::new();
-        let (mut feed, mut allowance) = (Feed::new(inlets), Allowance::new());
-        outlets.publish_cloth(|_| vec![2]);
+        let (mut writers, readers) = SlotWriters::new();
+        let (mut feed, mut allowance) = (Feed::new(readers), Allowance::new());
+        writers.publish_cloth(|_| vec![2]);
         let mut answer = |feed: &mut Feed| {
             let ready = vec![VERSION, kind::READY, 0, 0, 1, 0, 0, 0];
             taken(Message::Binary(ready.into()), feed, &mut allowance)
         };
         for _ in 0..100_000 {
-            outlets.publish_frame(|_, _| vec![4]);
+            writers.publish_frame(|_, _| vec![4]);
             assert!(feed.frame().ends_with(&[vec![4].into()]));
             assert!(answer(&mut feed).is_ok_and(|passed| passed.is_none()));
         }

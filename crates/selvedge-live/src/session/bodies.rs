@@ -106,7 +106,7 @@ impl Session {
     /// Leads the bodies over the next frame, at `rate` frames per second.
     pub(super) fn lead_bodies(&mut self, rate: f64) {
         if let Some(live) = &mut self.showing.live {
-            let (limits, impulses) = (&self.lead.limits, live.impulses());
+            let (limits, impulses) = (&self.control.limits, live.impulses());
             let offsets = self.bodies.advance(limits, 1.0 / rate, &impulses);
             live.lead_bodies(&offsets);
         }
@@ -129,7 +129,7 @@ impl Session {
         }
         let places = live.places();
         for (handle, place) in places.into_iter().enumerate() {
-            self.lead.hands.put(handle, place);
+            self.control.hands.put(handle, place);
         }
     }
 

@@ -44,7 +44,7 @@ fn a_body_goes_where_it_is_led_within_the_limits() {
     let start = middle(&session, 0);
     let goal = start + DVec3::new(0.0, 0.3, 0.2);
     lead(&mut session, 0, goal);
-    let most = session.lead.limits.speed / 60.0;
+    let most = session.control.limits.speed / 60.0;
     let mut before = start;
     for _ in 0..120 {
         session.advance();

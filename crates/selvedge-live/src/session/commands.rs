@@ -38,7 +38,7 @@ impl Session {
             }
             Request::Progress(text) => {
                 self.busy = Some(text);
-                self.outlets.tell_soon();
+                self.writers.tell_soon();
                 Ok(())
             }
             Request::Prepared(order, Ok(ready)) => self.lay_out(order, ready),
@@ -57,14 +57,14 @@ impl Session {
         match message {
             ClientMessage::Drag(drag) => self.drag(client, &drag),
             ClientMessage::Keys(push) => {
-                if self.lead.following.is_none() {
-                    self.lead.hands.push(push);
-                    self.lead.pusher = Some(client);
+                if self.control.following.is_none() {
+                    self.control.hands.push(push);
+                    self.control.pusher = Some(client);
                 }
                 Ok(())
             }
             ClientMessage::Command(command) => {
-                self.outlets.tell_soon();
+                self.writers.tell_soon();
                 self.command(command)
             }
             ClientMessage::Ready(_) => Ok(()),
@@ -77,11 +77,11 @@ impl Session {
         }
         self.viewers = count;
         // A page that went away holds no keys down.
-        if gone.is_some() && gone == self.lead.pusher {
-            self.lead.hands.push(Default::default());
-            self.lead.pusher = None;
+        if gone.is_some() && gone == self.control.pusher {
+            self.control.hands.push(Default::default());
+            self.control.pusher = None;
         }
-        self.outlets.tell_soon();
+        self.writers.tell_soon();
     }
 
     fn command(&mut self, command: Command) -> Result<(), Reason> {
@@ -99,7 +99,7 @@ impl Session {
             Command::Limits {
                 speed,
                 acceleration,
-            } => self.lead.limits = HandLimits::clamped(speed, acceleration),
+            } => self.control.limits = HandLimits::clamped(speed, acceleration),
             Command::Hold { vertices } => return self.hold(&vertices),
             Command::LetGo { vertices } => {
                 return self.change_held(|held| held.retain(|v| !vertices.contains(v)));
@@ -159,7 +159,7 @@ impl Session {
     /// Has a cloth made ready.
     pub(super) fn place_order(&mut self, order: Order) {
         self.busy = Some("making the cloth ready".to_owned());
-        self.outlets.tell_soon();
+        self.writers.tell_soon();
         if self.orders.send(Some(order)).is_err() {
             self.busy = None;
             self.notify(
@@ -185,7 +185,7 @@ impl Session {
             }
         }
         self.order = order;
-        self.lead.reach = None;
+        self.control.reach = None;
         (self.showing.player, self.showing.live) = (None, Some(live));
         self.begin();
         self.publish_cloth();
@@ -199,9 +199,9 @@ impl Session {
 
     /// Hands and bodies are those of the cloth on the table at its beginning.
     pub(super) fn begin(&mut self) {
-        self.lead.following = None;
+        self.control.following = None;
         if let Some(live) = &self.showing.live {
-            self.lead.hands = Hands::at(&live.places());
+            self.control.hands = Hands::at(&live.places());
             self.bodies = Bodies::of(live);
         }
     }
@@ -258,11 +258,11 @@ impl Session {
             for (vertex, goal) in &drag.goals {
                 let mut handles = live.hold().handles.vertices().iter();
                 if let Some(handle) = handles.position(|v| v.0 == *vertex) {
-                    self.lead.hands.want(handle, *goal);
+                    self.control.hands.want(handle, *goal);
                 }
             }
         }
-        self.lead.drag = [client, drag.number];
+        self.control.drag = [client, drag.number];
         Ok(())
     }
 
@@ -303,9 +303,9 @@ impl Session {
             .collect();
         live.set_handles(handles, &kept)?;
         let places = live.places();
-        self.lead.hands = self.lead.hands.rearranged(&places, &kept);
+        self.control.hands = self.control.hands.rearranged(&places, &kept);
         self.end_recording("a recording has the same handles from start to end: ");
-        self.outlets.tell_soon();
+        self.writers.tell_soon();
         self.publish_frame();
         Ok(())
     }

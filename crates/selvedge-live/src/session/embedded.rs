@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use tokio::sync::watch;
 
-use super::{Feed, Opening, Outlets, Request, Session};
+use super::{Feed, Opening, Request, Session, SlotWriters};
 use crate::order::{Catalogue, Order};
 use crate::protocol::{self, ClientMessage, WireError};
 use crate::recorder::Destination;
@@ -32,18 +32,18 @@ impl EmbeddedSession {
     /// as files to save.
     pub fn new(workshop: Box<dyn Workshop>, opening: Opening, folder: Option<PathBuf>) -> Self {
         let (sender, orders) = watch::channel(None);
-        let (outlets, inlets) = Outlets::new();
+        let (writers, readers) = SlotWriters::new();
         let to_page = || Destination::Page {
             number: 0,
             files: Vec::new(),
         };
         let destination = folder.map_or_else(to_page, Destination::Folder);
         let mut embedded = Self {
-            session: Session::new(opening, destination, sender, outlets),
+            session: Session::new(opening, destination, sender, writers),
             catalogue: workshop.catalogue(),
             workshop,
             orders,
-            feed: Feed::new(inlets),
+            feed: Feed::new(readers),
             has_greeted: false,
         };
         embedded.watch(true);
@@ -52,9 +52,10 @@ impl EmbeddedSession {
 
     /// Lets time go on where the page is watched; otherwise it stands still, but for a recording.
     pub fn watch(&mut self, is_watched: bool) {
-        let (count, gone) = match is_watched {
-            true => (1, None),
-            false => (0, Some(PAGE)),
+        let (count, gone) = if is_watched {
+            (1, None)
+        } else {
+            (0, Some(PAGE))
         };
         self.session.take(Request::Viewers { count, gone });
     }
@@ -104,12 +105,12 @@ impl EmbeddedSession {
 
     fn post(&mut self, post: &mut dyn FnMut(&[u8])) {
         let feed = &mut self.feed;
-        if feed.inlets.state.has_changed().unwrap_or(false)
+        if feed.readers.state.has_changed().unwrap_or(false)
             && let Some(state) = feed.state()
         {
             post(&state);
         }
-        if feed.has_room() && feed.inlets.frame.has_changed().unwrap_or(false) {
+        if feed.has_room() && feed.readers.frame.has_changed().unwrap_or(false) {
             for message in feed.frame() {
                 post(&message);
             }

@@ -5,14 +5,14 @@
 
 use bytes::Bytes;
 
-use super::Inlets;
+use super::SlotReaders;
 
 /// Frames on their way to a page at most.
 pub(crate) const AHEAD: u32 = 3;
 
 /// What a page has got of a session.
 pub(crate) struct Feed {
-    pub(crate) inlets: Inlets,
+    pub(crate) readers: SlotReaders,
     /// The generation of the cloth that it has.
     shown: u32,
     /// Frames that it has not answered yet.
@@ -21,11 +21,11 @@ pub(crate) struct Feed {
 
 impl Feed {
     /// The feed of a page that has nothing yet.
-    pub(crate) fn new(mut inlets: Inlets) -> Self {
-        inlets.state.mark_changed();
-        inlets.frame.mark_changed();
+    pub(crate) fn new(mut readers: SlotReaders) -> Self {
+        readers.state.mark_changed();
+        readers.frame.mark_changed();
         Self {
-            inlets,
+            readers,
             shown: 0,
             on_the_way: 0,
         }
@@ -45,16 +45,16 @@ impl Feed {
 
     /// The latest state; none where the session has not said anything yet.
     pub(crate) fn state(&mut self) -> Option<Bytes> {
-        let bytes = self.inlets.state.borrow_and_update().bytes.clone();
+        let bytes = self.readers.state.borrow_and_update().bytes.clone();
         (!bytes.is_empty()).then_some(bytes)
     }
 
     /// The latest frame, if there is one, and before it the cloth where the page has another.
     pub(crate) fn frame(&mut self) -> Vec<Bytes> {
-        let frame = self.inlets.frame.borrow_and_update().clone();
+        let frame = self.readers.frame.borrow_and_update().clone();
         let mut messages = Vec::new();
         if frame.number > 0 && frame.generation != self.shown {
-            let cloth = self.inlets.cloth.borrow_and_update().clone();
+            let cloth = self.readers.cloth.borrow_and_update().clone();
             self.shown = cloth.generation;
             messages.push(cloth.bytes);
         }

@@ -12,8 +12,8 @@ mod embedded;
 mod feed;
 mod following;
 mod motion;
-mod outlets;
 mod showing;
+mod slots;
 #[cfg(feature = "server")]
 mod threaded;
 
@@ -27,13 +27,13 @@ use self::bodies::Bodies;
 pub use self::embedded::EmbeddedSession;
 pub(crate) use self::feed::Feed;
 use self::following::Following;
-use self::outlets::TELL_EVERY;
-pub(crate) use self::outlets::{Inlets, Outlets};
 use self::showing::Showing;
+pub(crate) use self::slots::{SlotReaders, SlotWriters};
 #[cfg(feature = "server")]
 pub(crate) use self::threaded::SessionPort;
 #[cfg(feature = "server")]
 pub use self::threaded::{RunningSession, start};
+use self::slots::TELL_EVERY;
 use crate::hand::{HandLimits, Hands, Reach};
 use crate::live_cloth::LiveCloth;
 use crate::mover::{LiveError, Mover};
@@ -75,12 +75,12 @@ struct Session {
     /// The latest order on its way to the workshop: nothing grows while a cloth takes long, and no
     /// cloth is made for which nobody waits.
     orders: watch::Sender<Option<Order>>,
-    outlets: Outlets,
+    writers: SlotWriters,
     /// The cloth on the table, as it was ordered.
     order: Order,
     mover: Mover,
     showing: Showing,
-    lead: Lead,
+    control: HandleControl,
     bodies: Bodies,
     /// True where pages want the gaps of the vertices.
     shows_gaps: bool,
@@ -92,9 +92,9 @@ struct Session {
     remarked: Option<String>,
 }
 
-/// The lead of the handles: by hands, by keys, or along a motion.
+/// What moves the handles: hands, keys, or a motion.
 #[derive(Default)]
-struct Lead {
+struct HandleControl {
     hands: Hands,
     /// The greatest distances between the handles of the cloth on the table; made when needed.
     reach: Option<Reach>,
@@ -128,15 +128,15 @@ impl Session {
         opening: Opening,
         destination: Destination,
         orders: watch::Sender<Option<Order>>,
-        outlets: Outlets,
+        writers: SlotWriters,
     ) -> Self {
         let mut session = Self {
             orders,
-            outlets,
+            writers,
             order: opening.order,
             mover: opening.mover,
             showing: Showing::default(),
-            lead: Lead::default(),
+            control: HandleControl::default(),
             bodies: Bodies::default(),
             shows_gaps: false,
             time: Time {
@@ -163,9 +163,10 @@ impl Session {
 
     /// The time until something is due.
     fn wait(&self) -> Duration {
-        match self.is_due_ever() {
-            true => self.time.pace.wait(Instant::now()),
-            false => TELL_EVERY,
+        if self.is_due_ever() {
+            self.time.pace.wait(Instant::now())
+        } else {
+            TELL_EVERY
         }
     }
 
@@ -175,7 +176,7 @@ impl Session {
             self.advance();
             self.time.pace.made(Instant::now());
         }
-        if self.outlets.is_state_due() {
+        if self.writers.is_state_due() {
             self.tell();
         }
     }
@@ -201,7 +202,7 @@ impl Session {
             return;
         };
         let bodies = self.showing.bodies();
-        self.outlets
+        self.writers
             .publish_cloth(|generation| protocol::cloth(generation, cloth, &bodies));
         let rate = self.showing.frame_rate() * self.time.rate;
         self.time.pace.set_rate(rate, Instant::now());
@@ -210,15 +211,16 @@ impl Session {
     }
 
     fn publish_frame(&mut self) {
-        let Some(frame) = self.showing.frame(&self.lead.hands) else {
+        let Some(frame) = self.showing.frame(&self.control.hands) else {
             return;
         };
-        let drag = self.lead.drag;
-        let gaps = match self.shows_gaps {
-            true => self.showing.gaps(),
-            false => Vec::new(),
+        let drag = self.control.drag;
+        let gaps = if self.shows_gaps {
+            self.showing.gaps()
+        } else {
+            Vec::new()
         };
-        self.outlets.publish_frame(|generation, number| {
+        self.writers.publish_frame(|generation, number| {
             protocol::frame(&FrameParts {
                 generation,
                 number,
@@ -249,14 +251,14 @@ impl Session {
 
     /// Tells something to all pages.
     fn notify(&mut self, level: Level, text: impl Into<String>) {
-        self.outlets.notify(level, text);
+        self.writers.notify(level, text);
     }
 
     /// Tells the state to all pages.
     fn tell(&mut self) {
         self.remark();
         let state = self.state();
-        self.outlets
+        self.writers
             .publish_state(protocol::json(protocol::kind::STATE, &state));
     }
 
@@ -265,7 +267,7 @@ impl Session {
         let wind = live.map(|live| live.hold().environment.wind);
         let files = self.recordings.files.iter();
         State {
-            generation: self.outlets.generation(),
+            generation: self.writers.generation(),
             order: self.order.clone(),
             mover: live.map_or(self.mover, LiveCloth::mover),
             show: self.showing.show(),
@@ -274,9 +276,9 @@ impl Session {
             rate: self.time.rate,
             kept: self.time.pace.kept(),
             tracks: self.showing.tracks(),
-            limits: self.lead.limits,
+            limits: self.control.limits,
             wind: wind.unwrap_or_default().to_array(),
-            motion: self.lead.following.as_ref().map(Following::state),
+            motion: self.control.following.as_ref().map(Following::state),
             recording: self.recordings.recorder.as_ref().map(Recorder::state),
             recorded: files.map(|file| file.display().to_string()).collect(),
             touches: self.showing.has_bodies(),
@@ -285,7 +287,7 @@ impl Session {
             can_live: self.showing.player.is_some(),
             busy: self.busy.clone(),
             remark: self.remarked.clone(),
-            notice: self.outlets.notice().cloned(),
+            notice: self.writers.notice().cloned(),
             viewers: self.viewers,
         }
     }

@@ -38,26 +38,26 @@ impl Session {
         } else {
             let rate = live.ready().frame_rate;
             // A trial: the path itself is bound where the handles come to rest.
-            motion_called(&name)?.bind(&self.lead.hands.positions(), rate)?;
+            motion_called(&name)?.bind(&self.control.hands.positions(), rate)?;
             self.unfollow();
-            self.lead.hands.brake(&self.lead.limits);
+            self.control.hands.brake(&self.control.limits);
             Following::new(name, None, 0)
         };
-        self.lead.following = Some(following);
-        self.outlets.tell_soon();
+        self.control.following = Some(following);
+        self.writers.tell_soon();
         Ok(())
     }
 
     /// Ends the motion where it is; the handles brake.
     pub(super) fn unfollow(&mut self) {
-        if let Some(following) = self.lead.following.take() {
+        if let Some(following) = self.control.following.take() {
             if following.path.is_some() {
                 if let Err(error) = self.take_hold(&following.free) {
                     self.notify(Level::Bad, error.to_string());
                 }
-                self.lead.hands.brake(&self.lead.limits);
+                self.control.hands.brake(&self.control.limits);
             }
-            self.outlets.tell_soon();
+            self.writers.tell_soon();
         }
     }
 
@@ -73,7 +73,7 @@ impl Session {
         let places = live.places();
         for (handle, (place, free)) in places.into_iter().zip(free).enumerate() {
             if *free {
-                self.lead.hands.put(handle, place);
+                self.control.hands.put(handle, place);
             }
         }
         Ok(())
@@ -85,7 +85,7 @@ impl Session {
             return;
         }
         let rate = self.showing.frame_rate();
-        let before = (self.lead.hands.clone(), self.lead.following.clone());
+        let before = (self.control.hands.clone(), self.control.following.clone());
         let targets = match self.next_targets(rate) {
             Ok(targets) => targets,
             Err(error) => {
@@ -100,7 +100,7 @@ impl Session {
         let stopped = live.step(&targets);
         if !live.is_moving() {
             // The mover that takes over makes this frame.
-            (self.lead.hands, self.lead.following) = before;
+            (self.control.hands, self.control.following) = before;
         }
         if let Some(recorder) = &mut self.recordings.recorder {
             recorder.keep(live);
@@ -118,33 +118,37 @@ impl Session {
 
     fn next_targets(&mut self, rate: f64) -> Result<HandleTargets, Reason> {
         self.begin_motion(rate)?;
-        let path = self.lead.following.as_ref().and_then(|f| f.path.clone());
+        let path = self.control.following.as_ref().and_then(|f| f.path.clone());
         if let Some(path) = path
-            && let Some(mut following) = self.lead.following.take()
+            && let Some(mut following) = self.control.following.take()
         {
             if following.frame < path.frame_count() {
                 let targets = self.follow_path(&mut following, &path, rate);
-                self.lead.following = Some(following);
+                self.control.following = Some(following);
                 return targets;
             }
             let last = following.places(&path, following.frame as f64, rate);
-            self.lead.hands = Hands::at(&last);
-            self.outlets.tell_soon();
+            self.control.hands = Hands::at(&last);
+            self.writers.tell_soon();
             self.take_hold(&following.free)?;
         }
         if let Some(live) = &self.showing.live {
             let handles = &live.hold().handles;
-            let is_known = self.lead.reach.as_ref().is_some_and(|r| r.is_of(handles));
+            let is_known = self
+                .control
+                .reach
+                .as_ref()
+                .is_some_and(|r| r.is_of(handles));
             if !is_known {
-                self.lead.reach = Some(Reach::of(&live.ready().cloth, handles));
+                self.control.reach = Some(Reach::of(&live.ready().cloth, handles));
             }
         }
-        let (limits, dt) = (&self.lead.limits, 1.0 / rate);
-        match &self.lead.reach {
-            Some(reach) => self.lead.hands.advance_within(limits, dt, reach),
-            None => self.lead.hands.advance(limits, dt),
+        let (limits, dt) = (&self.control.limits, 1.0 / rate);
+        match &self.control.reach {
+            Some(reach) => self.control.hands.advance_within(limits, dt, reach),
+            None => self.control.hands.advance(limits, dt),
         }
-        let positions: Vec<DVec3> = self.lead.hands.positions();
+        let positions: Vec<DVec3> = self.control.hands.positions();
         Ok(HandleTargets::at_frame_end(positions)?)
     }
 
@@ -161,22 +165,22 @@ impl Session {
         let taken: Vec<bool> = now.map(|(before, now)| *before && !now).collect();
         if taken.contains(&true) {
             self.take_hold(&taken)?;
-            following.go_on_from(&self.lead.hands.positions(), path, rate);
+            following.go_on_from(&self.control.hands.positions(), path, rate);
             targets = following.targets(path, rate)?;
         }
         following.frame += 1;
-        self.lead.hands = self.lead.hands.led_to(targets.end(), 1.0 / rate);
+        self.control.hands = self.control.hands.led_to(targets.end(), 1.0 / rate);
         Ok(targets)
     }
 
     /// Binds the motion that waits, once the handles are at rest.
     fn begin_motion(&mut self, rate: f64) -> Result<(), Reason> {
-        if let Some(following) = &mut self.lead.following
+        if let Some(following) = &mut self.control.following
             && following.path.is_none()
-            && self.lead.hands.is_at_rest()
+            && self.control.hands.is_at_rest()
         {
             let motion = motion_called(&following.name)?;
-            let path = motion.bind(&self.lead.hands.positions(), rate)?;
+            let path = motion.bind(&self.control.hands.positions(), rate)?;
             following.path = Some(Arc::new(path));
         }
         Ok(())

@@ -37,9 +37,9 @@ fn destination() -> Destination {
 
 /// A session with the cloth `ready` on the table.
 pub(super) fn session(ready: TestCloth, mover: Mover) -> Session {
-    let (outlets, _) = Outlets::new();
+    let (writers, _) = SlotWriters::new();
     let (orders, _) = watch::channel(None);
-    let mut session = Session::new(opening("corners", mover), destination(), orders, outlets);
+    let mut session = Session::new(opening("corners", mover), destination(), orders, writers);
     session.take(Request::Prepared(
         order("corners"),
         Ok(Box::new(ready.ready())),
@@ -79,7 +79,7 @@ fn recorded_frames(session: &mut Session) -> usize {
 }
 
 pub(super) fn assert_told(session: &Session, what: &str) {
-    let text = &session.outlets.notice().unwrap().text;
+    let text = &session.writers.notice().unwrap().text;
     assert!(text.contains(what), "{text}");
 }
 
@@ -100,7 +100,7 @@ fn another_mover_takes_over_where_the_one_before_has_stopped() {
     let after = track(&session, 0);
     // The next frame of the drag, no faster than a hand may be.
     let way = f64::from(after[0].distance(before[0]));
-    let most = session.lead.limits.speed / 60.0;
+    let most = session.control.limits.speed / 60.0;
     assert!(way > 0.01 && way < most, "{way}");
     assert_eq!(after[3], CORNERS[3]);
     (0..120).for_each(|_| session.advance());
@@ -117,7 +117,7 @@ fn hands_go_by_the_cloth_that_moves_where_the_other_has_stopped() {
     let vertices = vec![3];
     ask(&mut session, Command::Hold { vertices });
     let held = track(&session, 1)[3];
-    assert_eq!(session.lead.hands.positions()[2], held.as_dvec3());
+    assert_eq!(session.control.hands.positions()[2], held.as_dvec3());
     (0..10).for_each(|_| session.advance());
     assert_eq!(track(&session, 1)[3], held);
 }
@@ -150,9 +150,9 @@ fn a_handle_that_a_motion_has_let_go_stays_where_it_is() {
             let when = format!("frame {frame}, {to:?}, {stop}");
             assert!(way < 1.01 * FALL, "{way} m in {when}");
         }
-        assert!(session.lead.following.is_none());
+        assert!(session.control.following.is_none());
         let there = track(&session, 0)[1].as_dvec3();
-        assert!(session.lead.hands.positions()[1].distance(there) < 1e-6);
+        assert!(session.control.hands.positions()[1].distance(there) < 1e-6);
         assert!(there.y < -0.019, "{there}");
     }
 }
@@ -166,7 +166,7 @@ fn the_motion_of_a_scene_goes_on_from_where_the_scene_starts() {
     session.advance();
     let way = f64::from(track(&session, 0)[0].x);
     assert!((way - 5.0 * PACE).abs() < 1e-6, "{way} m");
-    let following = session.lead.following.as_ref().unwrap().state();
+    let following = session.control.following.as_ref().unwrap().state();
     assert_eq!((following.frame, following.frames), (5, 12));
 }
 
@@ -208,7 +208,7 @@ fn a_vertex_that_is_not_there_ends_nothing() {
     assert_told(&session, "vertex 9");
     drag(&mut session, &[(9, DVec3::X)]);
     session.advance();
-    let following = session.lead.following.as_ref().unwrap().state();
+    let following = session.control.following.as_ref().unwrap().state();
     assert_eq!(following.frame, 2);
     assert_eq!(recorded_frames(&mut session), 3);
 }
@@ -242,7 +242,7 @@ fn an_order_that_a_later_one_overtakes_is_stopped() {
     let port = running.port();
     port.requests.send(Request::Page(1, later)).unwrap();
     let started = Instant::now();
-    while port.inlets.cloth.borrow().generation == 0 {
+    while port.readers.cloth.borrow().generation == 0 {
         assert!(started.elapsed() < Duration::from_secs(20));
         std::thread::sleep(Duration::from_millis(5));
     }

@@ -10,7 +10,7 @@ use std::thread::JoinHandle;
 use tokio::runtime::{Builder, Runtime};
 use tokio::sync::watch;
 
-use super::outlets::{Inlets, Outlets};
+use super::slots::{SlotReaders, SlotWriters};
 use super::{Opening, Request, Session};
 use crate::order::{Catalogue, Order};
 use crate::recorder::Destination;
@@ -21,7 +21,7 @@ use crate::workshop::Workshop;
 pub(crate) struct SessionPort {
     pub(crate) requests: SyncSender<Request>,
     pub(crate) catalogue: Arc<Catalogue>,
-    pub(crate) inlets: Inlets,
+    pub(crate) readers: SlotReaders,
 }
 
 /// A session that runs.
@@ -47,13 +47,13 @@ pub fn start(
     std::thread::Builder::new()
         .name("workshop".to_owned())
         .spawn(move || work(workshop, to_make, &waiting, &back))?;
-    let (outlets, inlets) = Outlets::new();
+    let (writers, readers) = SlotWriters::new();
     let port = SessionPort {
         requests,
         catalogue,
-        inlets,
+        readers,
     };
-    let session = Session::new(opening, Destination::Folder(folder), orders, outlets);
+    let session = Session::new(opening, Destination::Folder(folder), orders, writers);
     let thread = std::thread::Builder::new()
         .name("session".to_owned())
         .spawn(move || session.run(&inbox))?;
@@ -91,9 +91,10 @@ fn work(
             // Progress that does not fit in the queue is not missed.
             let told = back.try_send(Request::Progress(text));
             let is_over = matches!(told, Err(TrySendError::Disconnected(_)));
-            match is_over || is_one_waiting() {
-                true => ControlFlow::Break(()),
-                false => ControlFlow::Continue(()),
+            if is_over || is_one_waiting() {
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
             }
         });
         if prepared.is_err() && is_one_waiting() {

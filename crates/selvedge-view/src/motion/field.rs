@@ -69,12 +69,14 @@ impl ScalarField {
 
     /// Checks that there is a value for each vertex and frame of `run`.
     pub(crate) fn check_fits(&self, run: &Run<'_>) -> Result<(), ViewError> {
-        let check = |what, expected: usize, found: usize| match expected == found {
-            true => Ok(()),
-            false => Err(ViewError::Invalid(format!(
+        let check = |what, expected: usize, found: usize| {
+            if expected == found {
+                return Ok(());
+            }
+            Err(ViewError::Invalid(format!(
                 "the values of {} have {found} {what}, but the run has {expected}: give one value per vertex and frame",
                 self.name
-            ))),
+            )))
         };
         check("frames", run.frames().len(), self.values.len())?;
         let expected = run.topology().vertex_count();

@@ -2,7 +2,7 @@
 
 use std::fmt::Display;
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use selvedge_cloth::{Topology, VertexId};
 
 use super::body::Body;
@@ -22,6 +22,7 @@ pub struct Run<'a> {
     frame_rate: f64,
     bodies: Vec<Body<'a>>,
     colour: Option<Rgb>,
+    fabric: Vec<[Vec2; 3]>,
 }
 
 impl<'a> Run<'a> {
@@ -58,6 +59,7 @@ impl<'a> Run<'a> {
             frame_rate,
             bodies: Vec::new(),
             colour: None,
+            fabric: Vec::new(),
         })
     }
 
@@ -66,6 +68,20 @@ impl<'a> Run<'a> {
     pub fn in_colour(mut self, colour: Rgb) -> Self {
         self.colour = Some(colour);
         self
+    }
+
+    /// The same run of a cloth that is woven: the places of each face's corners on the flat fabric
+    /// `[m]`, `[faces, 3]`.
+    #[must_use]
+    pub fn woven(mut self, fabric: Vec<[Vec2; 3]>) -> Self {
+        debug_assert_eq!(fabric.len(), self.topology.faces().len());
+        self.fabric = fabric;
+        self
+    }
+
+    /// The places of each face's corners on the fabric `[m]`; none where they are not said.
+    pub(crate) fn fabric(&self) -> &[[Vec2; 3]] {
+        &self.fabric
     }
 
     /// The colour of the cloth's front, where it is said.
@@ -172,12 +188,12 @@ fn check_same<T: PartialEq + Display>(
     [expected, found]: [T; 2],
     [first, other]: [&str; 2],
 ) -> Result<(), ViewError> {
-    match expected == found {
-        true => Ok(()),
-        false => Err(ViewError::Invalid(format!(
-            "panel \"{other}\" has {found} {what}, but panel \"{first}\" has {expected}: panels side by side must match"
-        ))),
+    if expected == found {
+        return Ok(());
     }
+    Err(ViewError::Invalid(format!(
+        "panel \"{other}\" has {found} {what}, but panel \"{first}\" has {expected}: panels side by side must match"
+    )))
 }
 
 fn check_frame(frame: usize, positions: &[Vec3], expected: usize) -> Result<(), ViewError> {

@@ -3,7 +3,8 @@
 //!
 //! The wall and the floor depend on the camera alone and are computed once. The shadow is drawn
 //! into a small map of the floor, blurred three times by a box (nearly a Gaussian), and looked up
-//! where a pixel sees the floor.
+//! where a pixel sees the floor. What touches the floor throws a second shadow, darker and less
+//! blurred.
 
 use glam::{Vec2, Vec3, Vec3A};
 use selvedge_cloth::Topology;
@@ -16,11 +17,14 @@ const WALL_TOP: Rgb = [236, 238, 242];
 const HORIZON: Rgb = [250, 249, 247];
 const FLOOR_NEAR: Rgb = [222, 221, 222];
 /// The part of the light that the middle of a full shadow takes away.
-const SHADOW_DEPTH: f32 = 0.42;
+const SHADOW_DEPTH: f32 = 0.5;
 /// Cells along the longer side of the shadow map.
-const CELLS: usize = 144;
-/// Radius of each of the three boxes, in cells.
-const BLUR_RADIUS: usize = 4;
+const CELLS: usize = 288;
+/// Radius of each of the three boxes, in cells; and of what touches the floor.
+const BLUR_RADIUS: usize = 8;
+const TOUCH_RADIUS: usize = 5;
+/// Height up to which a thing touches the floor, in cells.
+const TOUCH: f32 = 14.0;
 
 /// The picture without the cloth, in linear light, and the place of the floor in each pixel.
 #[derive(Clone, Debug)]
@@ -111,6 +115,8 @@ struct ShadowMap {
     light: Vec3,
     floor: f32,
     dark: Vec<f32>,
+    /// The darkness of what touches the floor.
+    touch: Vec<f32>,
     scratch: Vec<f32>,
 }
 
@@ -128,6 +134,7 @@ impl ShadowMap {
             light: stage.shadow_light,
             floor: stage.floor,
             dark: vec![0.0; size[0] * size[1]],
+            touch: vec![0.0; size[0] * size[1]],
             scratch: vec![0.0; size[0] * size[1]],
         }
     }
@@ -145,27 +152,39 @@ impl ShadowMap {
 
     fn update(&mut self, faces: impl Iterator<Item = [Vec3; 3]>) {
         self.dark.fill(0.0);
+        self.touch.fill(0.0);
         for face in faces {
             let corners = face.map(|corner| {
                 let place = cast(corner, self.light, self.floor);
                 (place - self.origin) / self.cell
             });
-            self.fill_triangle(corners);
+            let height = face.map(|corner| corner.y - self.floor);
+            let height = height.into_iter().fold(f32::MAX, f32::min) / self.cell;
+            self.fill_triangle(corners, (1.0 - height / TOUCH).clamp(0.0, 1.0));
         }
         for _ in 0..3 {
-            self.blur();
+            blur(&mut self.dark, &mut self.scratch, self.size, BLUR_RADIUS);
+            blur(&mut self.touch, &mut self.scratch, self.size, TOUCH_RADIUS);
+        }
+        for (dark, touch) in self.dark.iter_mut().zip(&self.touch) {
+            *dark += (1.0 - *dark) * 0.6 * touch;
         }
     }
 
     /// Darkens the cells whose middle lies in a triangle, and those under its corners, so that a
-    /// sheet seen edge-on by the light still throws a line.
-    fn fill_triangle(&mut self, corners: [Vec2; 3]) {
+    /// sheet seen edge-on by the light still throws a line. `touch` is the part that touches.
+    fn fill_triangle(&mut self, corners: [Vec2; 3], touch: f32) {
         let [a, b, c] = corners;
         let width = self.size[0];
+        let mut darken = |x: usize, y: usize| {
+            let at = y * width + x;
+            self.dark[at] = 1.0;
+            self.touch[at] = self.touch[at].max(touch);
+        };
         let last = Vec2::new(width as f32 - 1.0, self.size[1] as f32 - 1.0);
         for corner in corners {
             let corner = corner.clamp(Vec2::ZERO, last);
-            self.dark[corner.y.round() as usize * width + corner.x.round() as usize] = 1.0;
+            darken(corner.x.round() as usize, corner.y.round() as usize);
         }
         let low = a.min(b).min(c).clamp(Vec2::ZERO, last).ceil();
         let high = a.max(b).max(c).clamp(Vec2::ZERO, last).floor();
@@ -175,26 +194,9 @@ impl ShadowMap {
                 let sides = [(a, b), (b, c), (c, a)].map(|(s, e)| (e - s).perp_dot(p - s));
                 let inside = sides.iter().all(|&s| s >= 0.0) || sides.iter().all(|&s| s <= 0.0);
                 if inside {
-                    self.dark[y * width + x] = 1.0;
+                    darken(x, y);
                 }
             }
-        }
-    }
-
-    /// Replaces each cell by the mean of a square box around it.
-    fn blur(&mut self) {
-        let [width, height] = self.size;
-        for row in 0..height {
-            let line = row * width..(row + 1) * width;
-            blur_line(&self.dark[line.clone()], &mut self.scratch[line], 1, width);
-        }
-        for column in 0..width {
-            blur_line(
-                &self.scratch[column..],
-                &mut self.dark[column..],
-                width,
-                height,
-            );
         }
     }
 
@@ -211,18 +213,34 @@ impl ShadowMap {
     }
 }
 
+/// Replaces each cell by the mean of a square box of this `radius` around it.
+fn blur(dark: &mut [f32], scratch: &mut [f32], [width, height]: [usize; 2], radius: usize) {
+    for row in 0..height {
+        let line = row * width..(row + 1) * width;
+        blur_line(&dark[line.clone()], &mut scratch[line], [1, width], radius);
+    }
+    for column in 0..width {
+        blur_line(
+            &scratch[column..],
+            &mut dark[column..],
+            [width, height],
+            radius,
+        );
+    }
+}
+
 /// Moving mean over `count` entries that lie `stride` apart; nothing lies outside.
-fn blur_line(from: &[f32], to: &mut [f32], stride: usize, count: usize) {
-    let weight = 1.0 / (2 * BLUR_RADIUS + 1) as f32;
-    let mut sum: f32 = (0..BLUR_RADIUS.min(count)).map(|k| from[k * stride]).sum();
+fn blur_line(from: &[f32], to: &mut [f32], [stride, count]: [usize; 2], radius: usize) {
+    let weight = 1.0 / (2 * radius + 1) as f32;
+    let mut sum: f32 = (0..radius.min(count)).map(|k| from[k * stride]).sum();
     for k in 0..count {
-        if k + BLUR_RADIUS < count {
-            sum += from[(k + BLUR_RADIUS) * stride];
+        if k + radius < count {
+            sum += from[(k + radius) * stride];
         }
         // What rounding leaves of a sum that was subtracted again must not tint the floor.
         to[k * stride] = if sum > 1e-4 { sum * weight } else { 0.0 };
-        if k >= BLUR_RADIUS {
-            sum -= from[(k - BLUR_RADIUS) * stride];
+        if k >= radius {
+            sum -= from[(k - radius) * stride];
         }
     }
 }
@@ -237,7 +255,7 @@ mod tests {
         let mut line = vec![0.0; 40];
         line[20] = 9.0;
         let mut blurred = vec![0.0; 40];
-        blur_line(&line, &mut blurred, 1, 40);
+        blur_line(&line, &mut blurred, [1, 40], 4);
         for (k, &value) in blurred.iter().enumerate() {
             let expected = if (16..=24).contains(&k) { 1.0 } else { 0.0 };
             assert!((value - expected).abs() < 1e-6, "{k}: {value}");
@@ -258,8 +276,28 @@ mod tests {
         shadow.update(std::iter::once(corners));
         let place = |point| (cast(point, shadow.light, shadow.floor) - shadow.origin) / shadow.cell;
         let centre = (corners[0] + corners[1] + corners[2]) / 3.0;
-        // The blurs reach 12 cells; the centre lies farther inside, a place 0.9 m aside outside.
+        // The blurs reach 24 cells; the centre lies farther inside, a place 0.9 m aside outside.
         assert!((shadow.at(place(centre)) - 1.0).abs() < 1e-3);
         assert_eq!(shadow.at(place(Vec3::new(0.9, 1.0, 0.9))), 0.0);
+    }
+
+    #[test]
+    fn what_stands_on_the_floor_throws_a_darker_and_sharper_shadow_than_what_hangs() {
+        let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
+        let corners = [(-1.0, -1.0), (1.0, -1.0), (0.0, 1.0)].map(|(x, z)| Vec3::new(x, 0.3, z));
+        let run = Run::new(&topology, [&corners[..]], &[], 60.0).unwrap();
+        let stage = Stage::of_runs(&[&run], crate::View::default(), 1.0).unwrap();
+        let mut shadow = ShadowMap::new(&stage);
+        let mut sum_and_most = |height: f32| {
+            let face = corners.map(|p| Vec3::new(0.2 * p.x, shadow.floor + height, 0.2 * p.z));
+            shadow.update(std::iter::once(face));
+            let most = shadow.dark.iter().copied().fold(0.0, f32::max);
+            (shadow.dark.iter().sum::<f32>(), most)
+        };
+        let ([standing, dark], [hanging, pale]) =
+            (sum_and_most(0.0).into(), sum_and_most(0.3).into());
+        // The middle touches in full, which takes six tenths of the light that is left.
+        assert!(dark > pale + 0.5 * (1.0 - pale), "{dark} {pale}");
+        assert!(standing > hanging);
     }
 }

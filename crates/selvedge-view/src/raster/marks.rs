@@ -1,17 +1,20 @@
-//! Marks over the cloth: its border and its handles.
+//! Marks over the cloth: its hems and its handles.
 
 use glam::Vec3A;
 use selvedge_cloth::{Topology, VertexId};
 
 use super::samples::Samples;
-use super::shade::{HANDLE, HANDLE_RING, Shader};
+use super::shade::{HANDLE, HANDLE_RING, Point, Shader};
+use super::sun::Sun;
 use super::triangle::ScreenVertex;
 use crate::Rgb;
 use crate::image::colour::{Linear16, to_linear, to_linear16};
 
-/// Width of the border and radius of handles `[pixels]`, on a picture 480 pixels high.
-const BORDER_WIDTH: f32 = 2.4;
-const HANDLE_RADIUS: f32 = 4.6;
+/// Width of the hem and radius of handles `[pixels]`, on a picture 480 pixels high.
+const BORDER_WIDTH: f32 = 1.3;
+const HANDLE_RADIUS: f32 = 3.6;
+/// A hem is this much lighter than the side of the cloth that it is seen on.
+const HEM: f32 = 1.18;
 /// A handle shows through cloth that hides it by less than this part of its distance.
 const HANDLE_LIFT: f32 = 0.01;
 /// The border, likewise: enough to stand on its own cloth, too little to show through a fold.
@@ -30,22 +33,33 @@ impl Marker {
         HANDLE_RADIUS * self.scale
     }
 
-    /// Draws the boundary edges over the cloth.
+    /// Draws the boundary edges over the cloth: in `tint`, or as hems.
     pub(crate) fn draw_border(
         self,
         samples: &mut Samples,
         topology: &Topology,
         vertices: &[ScreenVertex],
-        shader: &Shader,
-        tint: Vec3A,
+        (shader, sun): (&Shader, &Sun),
+        tint: Option<Vec3A>,
     ) {
-        for edge in topology.edges().iter().filter(|edge| edge.is_boundary()) {
-            let ends = edge.vertices.map(|vertex| vertices[vertex.index()]);
-            let [from, to] = ends;
-            let normal = (from.normal + to.normal).normalize_or_zero();
-            let point = shader.facing(normal, 0.5 * (from.sun + to.sun));
-            let light = to_linear16(shader.cloth(tint, point));
-            draw_line(samples, ends, 0.5 * BORDER_WIDTH * self.scale, light);
+        for (number, edge) in topology.edges().iter().enumerate() {
+            if !edge.is_boundary() {
+                continue;
+            }
+            let [from, to] = edge.vertices.map(|vertex| vertices[vertex.index()]);
+            let middle = vertices[topology.vertex_count() + number];
+            let front = middle.facing > 0.0;
+            let normal = if front { middle.normal } else { -middle.normal };
+            let point = Point {
+                normal,
+                sun: sun.open(middle.lit, normal),
+                relief: 0.0,
+            };
+            let own = HEM * shader.side(front);
+            let light = to_linear16(shader.cloth(tint.unwrap_or(own), point));
+            for ends in [[from, middle], [middle, to]] {
+                draw_line(samples, ends, 0.5 * BORDER_WIDTH * self.scale, light);
+            }
         }
     }
 

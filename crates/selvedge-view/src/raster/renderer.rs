@@ -3,9 +3,10 @@
 //! Triangles are filled at `n × n` samples per pixel with barycentric weights
 //! bᵢ = area(opposite edge, p) / area; 1/depth is linear in them, and so is anything times 1/depth,
 //! which makes the interpolation of normals and values perspective. Samples are averaged in linear
-//! light. Triangles that reach behind the camera are left out.
+//! light. Triangles that reach behind the camera are left out. A face of cloth is drawn as four, over
+//! its corners and the middles of its bowed edges.
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use selvedge_cloth::Topology;
 
 use super::backdrop::Backdrop;
@@ -16,11 +17,20 @@ use super::samples::Samples;
 use super::shade::{Shader, ValueColours};
 use super::stage::Stage;
 use super::sun::Sun;
-use super::surface::Surface;
+use super::surface::{Surface, bowed};
 use super::triangle::{ScreenVertex, Triangle};
 use crate::image::check_size;
 use crate::motion::panel::check_panels;
 use crate::{Image, Panel, ViewError};
+
+/// The quarters of a face, over its corners (0) and the middles of its edges (1): `[1, k]` lies
+/// between corners `k` and `k + 1`.
+const QUARTERS: [[[usize; 2]; 3]; 4] = [
+    [[0, 0], [1, 0], [1, 2]],
+    [[1, 0], [0, 1], [1, 1]],
+    [[1, 2], [1, 1], [0, 2]],
+    [[1, 0], [1, 1], [1, 2]],
+];
 
 /// Draws frames of one size from one stage; keeps its buffers between frames.
 #[derive(Clone, Debug)]
@@ -35,6 +45,7 @@ pub struct Renderer {
     props: Props,
     /// Distance from the camera to the middle of what it sees on the floor `[m]`.
     distance: f32,
+    /// The vertices, then the middles of the edges, `[vertices + edges]`.
     vertices: Vec<ScreenVertex>,
     samples: Samples,
 }
@@ -79,7 +90,7 @@ impl Renderer {
         self.props
             .update(panel.run.props(), frame, self.longest_face());
         self.sun.update(topology, positions, &self.props.faces);
-        self.place_vertices(positions, values);
+        self.place_vertices(topology, positions, values);
         self.props
             .place(&self.camera, &self.sun, self.samples.extent());
         self.backdrop
@@ -88,14 +99,11 @@ impl Renderer {
             scale: self.line_scale(),
         };
         self.clear(marker.reach());
-        self.fill_faces(topology, colours.as_ref());
-        self.props.fill(&mut self.samples, &self.shader);
-        let tint = match field {
-            None => self.shader.border,
-            Some(_) => self.shader.value_border,
-        };
+        self.fill_faces(topology, panel.run.fabric(), colours.as_ref());
+        self.props.fill(&mut self.samples, &self.shader, &self.sun);
+        let tint = field.map(|_| self.shader.value_border);
         let (samples, vertices) = (&mut self.samples, &self.vertices);
-        marker.draw_border(samples, topology, vertices, &self.shader, tint);
+        marker.draw_border(samples, topology, vertices, (&self.shader, &self.sun), tint);
         marker.draw_handles(&mut self.samples, panel.run.handles(), &self.vertices);
         self.samples.resolve(&self.backdrop)
     }
@@ -108,39 +116,73 @@ impl Renderer {
             .clear(vertices.chain(self.props.places()), reach);
     }
 
-    fn place_vertices(&mut self, positions: &[Vec3], values: Option<&[f32]>) {
+    fn place_vertices(&mut self, topology: &Topology, positions: &[Vec3], values: Option<&[f32]>) {
         let extent = self.samples.extent();
+        let (normals, relief) = (&self.surface.normals, &self.surface.relief);
+        let place = |position, normal| {
+            let lit = self.sun.place(position);
+            ScreenVertex::new(&self.camera, extent, position, normal, lit)
+        };
         self.vertices.clear();
         for (vertex, &position) in positions.iter().enumerate() {
-            let (normal, sun) = (self.surface.normals[vertex], self.sun.reach[vertex]);
             self.vertices.push(ScreenVertex {
-                relief: self.surface.relief[vertex],
+                relief: relief[vertex],
                 value: values.map_or(0.0, |values| values[vertex]),
-                ..ScreenVertex::new(&self.camera, extent, position, normal, sun)
+                ..place(position, normals[vertex])
+            });
+        }
+        for edge in topology.edges() {
+            let [a, b] = edge.vertices.map(|vertex| vertex.index());
+            let (position, normal) = bowed([positions[a], positions[b]], [normals[a], normals[b]]);
+            let [from, to] = [a, b].map(|end| self.vertices[end]);
+            let mut middle = place(position, normal);
+            if middle.nearness > 0.0 {
+                // A valley is no deeper than its mesh: behind that there may be a body.
+                let flat = self.camera.project(0.5 * (positions[a] + positions[b]));
+                middle.nearness = middle.nearness.max(flat.depth.recip());
+            }
+            self.vertices.push(ScreenVertex {
+                relief: 0.5 * (from.relief + to.relief),
+                value: 0.5 * (from.value + to.value),
+                ..middle
             });
         }
     }
 
-    fn fill_faces(&mut self, topology: &Topology, colours: Option<&ValueColours>) {
-        let shader = &self.shader;
-        for face in topology.faces() {
-            let corners = face.map(|vertex| self.vertices[vertex.index()]);
-            let Some(triangle) = Triangle::new(corners) else {
-                continue;
-            };
-            match colours {
-                None => {
-                    let tint = triangle.tint(shader);
-                    self.samples.fill(&triangle, |weights, _| {
-                        shader.cloth(tint, triangle.point_at(weights))
-                    });
-                }
-                Some(colours) => {
-                    self.samples.fill(&triangle, |weights, nearness| {
-                        let tint = colours.tint(triangle.value_at(weights, nearness));
-                        shader.value(tint, triangle.point_at(weights))
-                    });
-                }
+    fn fill_faces(
+        &mut self,
+        topology: &Topology,
+        fabric: &[[Vec2; 3]],
+        colours: Option<&ValueColours>,
+    ) {
+        let (shader, sun) = (&self.shader, &self.sun);
+        let first_edge = topology.vertex_count();
+        for (number, face) in topology.faces().iter().enumerate() {
+            let middles = topology.face_edges()[number].map(|edge| first_edge + edge.index());
+            let points = [face.map(|vertex| vertex.index()), middles]
+                .map(|points| points.map(|point| self.vertices[point]));
+            let places = fabric
+                .get(number)
+                .map(|&[a, b, c]| [[a, b, c], [0.5 * (a + b), 0.5 * (b + c), 0.5 * (c + a)]]);
+            for quarter in QUARTERS {
+                let Some(triangle) = Triangle::new(quarter.map(|[of, k]| points[of][k])) else {
+                    continue;
+                };
+                let triangle = match places {
+                    Some(places) => triangle.on_fabric(quarter.map(|[of, k]| places[of][k])),
+                    None => triangle,
+                };
+                let tint = shader.side(triangle.is_front());
+                self.samples.fill(&triangle, |weights, nearness| {
+                    let point = triangle.point_at(weights, nearness, sun);
+                    match colours {
+                        None => shader.cloth(tint * triangle.weave(weights, nearness), point),
+                        Some(colours) => {
+                            let tint = colours.tint(triangle.value_at(weights, nearness));
+                            shader.value(tint, point)
+                        }
+                    }
+                });
             }
         }
     }

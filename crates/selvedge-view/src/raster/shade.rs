@@ -12,13 +12,11 @@ use crate::Rgb;
 use crate::image::colour::{to_linear, value_table};
 use crate::raster::camera::Camera;
 
-/// Indigo warp in front, ecru weft at the back, and the red thread of a selvedge at the border.
+/// Indigo warp in front, ecru weft at the back. The page has the same: `web/src/theme.ts`.
 const FRONT: Rgb = [58, 96, 158];
 const BACK: Rgb = [214, 194, 160];
-/// Bodies beside the cloth.
-const BODY: Rgb = [172, 165, 156];
-/// The border of the cloth.
-const BORDER: Rgb = [190, 50, 44];
+/// Bodies beside the cloth: neutral, as no cloth is.
+const BODY: Rgb = [170, 168, 165];
 /// The border of a cloth that is coloured by numbers: no hue that could be read as one.
 const VALUE_BORDER: Rgb = [52, 52, 60];
 pub(crate) const HANDLE: Rgb = [236, 124, 36];
@@ -26,9 +24,9 @@ pub(crate) const HANDLE: Rgb = [236, 124, 36];
 pub(crate) const HANDLE_RING: Rgb = [255, 252, 246];
 
 /// Light of the key, warm; of the fill from the other side, cool; and of the whole sky.
-const KEY_LIGHT: Vec3A = Vec3A::new(1.72, 1.62, 1.48);
+const KEY_LIGHT: Vec3A = Vec3A::new(1.42, 1.35, 1.24);
 const FILL_LIGHT: Vec3A = Vec3A::new(0.20, 0.24, 0.30);
-const SKY_LIGHT: Vec3A = Vec3A::new(0.60, 0.67, 0.80);
+const SKY_LIGHT: Vec3A = Vec3A::new(0.68, 0.74, 0.86);
 
 /// A point of the surface, as the shader needs it.
 #[derive(Clone, Copy, Debug)]
@@ -45,13 +43,11 @@ pub(crate) struct Point {
 #[derive(Clone, Debug)]
 pub(crate) struct Shader {
     key: Vec3A,
-    eye: Vec3A,
     /// Takes a normal to its cosines with key, fill, eye and half-way vector: all in one product.
     cosines: Mat4,
-    pub(crate) front: Vec3A,
-    pub(crate) back: Vec3A,
+    front: Vec3A,
+    back: Vec3A,
     body: Vec3A,
-    pub(crate) border: Vec3A,
     pub(crate) value_border: Vec3A,
 }
 
@@ -65,12 +61,10 @@ impl Shader {
         let rows = [key, fill, eye, half].map(|direction| direction.extend(0.0));
         Self {
             key,
-            eye,
             cosines: Mat4::from_cols(rows[0], rows[1], rows[2], rows[3]).transpose(),
             front: to_linear(FRONT).into(),
             back: to_linear(BACK).into(),
             body: to_linear(BODY).into(),
-            border: to_linear(BORDER).into(),
             value_border: to_linear(VALUE_BORDER).into(),
         }
     }
@@ -87,20 +81,14 @@ impl Shader {
         };
     }
 
+    /// The tint of a side of the cloth.
+    pub(crate) fn side(&self, front: bool) -> Vec3A {
+        if front { self.front } else { self.back }
+    }
+
     /// Unit vector towards the key light.
     pub(crate) fn towards_sun(&self) -> Vec3 {
         self.key.into()
-    }
-
-    /// A point of a thread that the sky reaches from all sides, with `normal` turned towards the
-    /// viewer.
-    pub(crate) fn facing(&self, normal: Vec3A, sun: f32) -> Point {
-        let away = normal.dot(self.eye) < 0.0;
-        Point {
-            normal: if away { -normal } else { normal },
-            sun,
-            relief: 0.0,
-        }
     }
 
     /// Light that a tint of the cloth sends to the viewer.
@@ -126,7 +114,7 @@ impl Shader {
 
     /// Light that a body beside the cloth sends to the viewer, matte.
     #[inline]
-    pub(crate) fn body(&self, normal: Vec3A, sun: f32) -> Vec3A {
+    pub(crate) fn body(&self, Point { normal, sun, .. }: Point) -> Vec3A {
         let [x, y, z] = normal.to_array();
         let cosines: Vec4 =
             self.cosines.x_axis * x + self.cosines.y_axis * y + self.cosines.z_axis * z;

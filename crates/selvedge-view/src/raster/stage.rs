@@ -28,7 +28,8 @@ impl Stage {
             let runs = runs.iter();
             runs.flat_map(|run| (0..run.frames().len()).flat_map(|frame| seen(run, frame)))
         };
-        let floor = floor_of(runs, points());
+        let frames = 0..runs.iter().map(|run| run.frames().len()).max().unwrap_or(0);
+        let floor = floor_of(runs, frames, points());
         let camera = view.fit(points().flat_map(|p| [p, grounded(p, floor)]), aspect);
         Ok(Self::around(camera, floor, points()))
     }
@@ -53,7 +54,8 @@ impl Stage {
             let runs = runs.iter();
             runs.flat_map(move |run| seen(run, frame))
         };
-        let floor = floor_of(runs, frames.iter().flat_map(|&frame| of_frame(frame)));
+        let points = frames.iter().flat_map(|&frame| of_frame(frame));
+        let floor = floor_of(runs, frames.iter().copied(), points);
         let places: Vec<Vec3> = frames.iter().map(|&f| middle(of_frame(f))).collect();
         let moved = frames.iter().zip(&places).flat_map(|(&frame, &place)| {
             of_frame(frame).flat_map(move |p| [p - place, grounded(p, floor) - place])
@@ -87,10 +89,10 @@ impl Stage {
 }
 
 fn check(runs: &[&Run<'_>]) -> Result<(), ViewError> {
-    match runs.is_empty() {
-        true => Err(ViewError::no_panels()),
-        false => Ok(()),
+    if runs.is_empty() {
+        return Err(ViewError::no_panels());
     }
+    Ok(())
 }
 
 /// The points of a frame that a picture holds: the cloth, and the bodies beside it.
@@ -99,14 +101,26 @@ fn seen(run: &Run<'_>, frame: usize) -> impl Iterator<Item = Vec3> {
     cloth.chain(run.body_points(frame))
 }
 
-/// The height of the floor `[m]`: of a body that is one, where nothing is below it, else a little
-/// below all `points`.
-fn floor_of(runs: &[&Run<'_>], points: impl Iterator<Item = Vec3>) -> f32 {
+/// The height of the floor `[m]`: of a body that is one, where nothing is below it; else of what
+/// stands lowest, where that is a body; else a little below all `points`.
+fn floor_of(
+    runs: &[&Run<'_>],
+    frames: impl Iterator<Item = usize>,
+    points: impl Iterator<Item = Vec3>,
+) -> f32 {
     let (lowest, highest) = points.fold((f32::MAX, f32::MIN), |(low, high), point| {
         (low.min(point.y), high.max(point.y))
     });
     let own = runs.iter().filter_map(|run| run.floor()).reduce(f32::min);
-    let under = lowest - (0.06 * (highest - lowest)).max(0.01);
+    let mut bodies = frames.flat_map(|frame| {
+        let there = runs.iter().filter(move |run| frame < run.frames().len());
+        there.flat_map(move |run| run.body_points(frame))
+    });
+    let under = if bodies.any(|point| point.y <= lowest) {
+        lowest
+    } else {
+        lowest - (0.06 * (highest - lowest)).max(0.01)
+    };
     own.filter(|floor| *floor <= lowest + 1e-2).unwrap_or(under)
 }
 

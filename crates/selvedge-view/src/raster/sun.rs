@@ -1,30 +1,27 @@
-//! The key light's shadow of the cloth on itself: how much of the light reaches each vertex.
+//! The key light's shadow of the cloth and of the bodies: how much of the light reaches a point.
 //!
-//! The cloth is drawn into a small map of its greatest height along the light, by parallel rays. A
-//! vertex is lit where the map around it is no higher than the vertex. The mean over the neighbours
-//! softens the edge of the shadow to the width of a few edges.
+//! All is drawn into a map of its greatest height along the light, by parallel rays. A point is lit
+//! where the map around it is no higher than the plane of the surface there; the mean over a square
+//! of cells gives shadows a soft edge.
 
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec3A};
 use selvedge_cloth::Topology;
 
-use super::surface::smooth;
-
 /// Cells along the side of the map.
-const CELLS: usize = 160;
-/// A surface higher than a vertex by so many cells begins to hide the light; by twice as many it
-/// hides all of it.
+const CELLS: usize = 320;
+/// A surface higher than a point by so many cells begins to hide the light; by twice as many it
+/// hides all of it. Where the light grazes, both are more.
 const BIAS: f32 = 2.0;
-/// Rounds of softening.
-const ROUNDS: usize = 3;
+/// Width of the square over which shadows are soft, in cells.
+const SOFT: usize = 7;
+/// Most cells that the plane of a surface may rise per cell.
+const STEEPEST: f32 = 12.0;
 
 /// The light on one frame; kept between frames to keep the memory.
 #[derive(Clone, Debug)]
 pub(crate) struct Sun {
     towards: Vec3,
     map: HeightMap,
-    /// The part of the light that reaches each vertex, `[vertices]`, in [0, 1].
-    pub(crate) reach: Vec<f32>,
-    scratch: Vec<f32>,
 }
 
 impl Sun {
@@ -33,29 +30,26 @@ impl Sun {
         Self {
             towards,
             map: HeightMap::default(),
-            reach: Vec::new(),
-            scratch: Vec::new(),
         }
     }
 
-    /// Computes the light on `positions` `[m]`, `[vertices]`, beside the faces of `bodies`.
+    /// Draws the map of `positions` `[m]`, `[vertices]`, beside the faces of `bodies`.
     pub(crate) fn update(&mut self, topology: &Topology, positions: &[Vec3], bodies: &[[Vec3; 3]]) {
         let cloth = topology.faces().iter();
         let cloth = cloth.map(|face| face.map(|vertex| positions[vertex.index()]));
         let faces = cloth.chain(bodies.iter().copied());
         self.map.draw(faces, self.towards);
-        self.reach.clear();
-        self.reach
-            .extend(positions.iter().map(|&p| self.map.open(p)));
-        for _ in 0..ROUNDS {
-            smooth(topology, &self.reach, &mut self.scratch);
-            std::mem::swap(&mut self.reach, &mut self.scratch);
-        }
     }
 
-    /// The part of the light that reaches a point of a body, in [0, 1].
-    pub(crate) fn open(&self, point: Vec3) -> f32 {
-        self.map.open(point)
+    /// Where the light sees a point `[m]`: a place in the map and the height, in cells.
+    pub(crate) fn place(&self, point: Vec3) -> Vec3A {
+        self.map.place(point).into()
+    }
+
+    /// The part of the light that reaches the place `lit` of a surface with this normal, in [0, 1].
+    #[inline]
+    pub(crate) fn open(&self, lit: Vec3A, normal: Vec3A) -> f32 {
+        self.map.open(lit, normal)
     }
 }
 
@@ -81,10 +75,10 @@ impl HeightMap {
             .fold((Vec2::MAX, Vec2::MIN), |(low, high), p| {
                 (low.min(flat(p)), high.max(flat(p)))
             });
-        // A cell is left free at each side, for the look-ups around a vertex.
+        // Cells are left free at each side, for the look-ups around a point.
         let side = (high - low).max_element().max(1e-5);
-        self.per_metre = (CELLS - 4) as f32 / side;
-        self.origin = low - Vec2::splat(2.0 / self.per_metre);
+        self.per_metre = (CELLS - 2 * SOFT) as f32 / side;
+        self.origin = low - Vec2::splat(SOFT as f32 / self.per_metre);
         self.heights.clear();
         self.heights.resize(CELLS * CELLS, f32::NEG_INFINITY);
         for face in faces {
@@ -121,20 +115,39 @@ impl HeightMap {
         }
     }
 
-    /// The part of the cells around a point of the surface that hide nothing of it, in [0, 1].
-    fn open(&self, point: Vec3) -> f32 {
-        let place = self.place(point);
-        let last = (CELLS - 2) as f32;
-        let [x, y] = [place.x, place.y].map(|at| at.round().clamp(1.0, last) as usize);
+    /// The part of the cells around a place that hide nothing of the plane of the surface there.
+    #[inline]
+    fn open(&self, place: Vec3A, normal: Vec3A) -> f32 {
+        let normal = Vec3::from(normal);
+        let rise = normal.dot(self.direction);
+        let steep = rise.abs().max(1e-6) * rise.signum();
+        let slope = Vec2::new(normal.dot(self.across), normal.dot(self.down)) / -steep;
+        let slope = slope.clamp(Vec2::splat(-STEEPEST), Vec2::splat(STEEPEST));
+        let bias = (BIAS * (1.0 + 0.5 * slope.length())).recip();
+        // The square begins within a cell: its first and last rows and columns count in part.
+        let last = Vec2::splat((CELLS - SOFT - 2) as f32);
+        let middle = Vec2::new(place.x, place.y);
+        let start = (middle - 0.5 * SOFT as f32 + 0.5).clamp(Vec2::ZERO, last);
+        let first = start.floor();
+        let part = start - first;
+        let weight = |k: usize, part: f32| match k {
+            0 => 1.0 - part,
+            SOFT => part,
+            _ => 1.0,
+        };
         let mut open = 0.0;
-        for row in y - 1..=y + 1 {
-            for column in x - 1..=x + 1 {
-                let above = self.heights[row * CELLS + column] - place.z;
+        for row in 0..=SOFT {
+            let line = (first.y as usize + row) * CELLS + first.x as usize;
+            let mut sum = 0.0;
+            for (column, height) in self.heights[line..=line + SOFT].iter().enumerate() {
+                let cell = first + Vec2::new(column as f32, row as f32);
+                let above = height - (place.z + slope.dot(cell - middle));
                 // From open at the bias to hidden at twice the bias.
-                open += (2.0 - above / BIAS).clamp(0.0, 1.0);
+                sum += weight(column, part.x) * (2.0 - above * bias).clamp(0.0, 1.0);
             }
+            open += weight(row, part.y) * sum;
         }
-        open / 9.0
+        open / (SOFT * SOFT) as f32
     }
 }
 
@@ -170,12 +183,14 @@ mod tests {
         let mut sun = Sun::new(Vec3::Y);
         sun.update(&topology, &positions, &[]);
         let middle = SIDE / 2;
-        assert_eq!(sun.reach[at(0, middle, middle) as usize], 0.0);
-        assert_eq!(sun.reach[at(1, middle, middle) as usize], 1.0);
+        let reach = |sun: &Sun, layer| {
+            let point = positions[at(layer, middle, middle) as usize];
+            sun.open(sun.place(point), Vec3A::Y)
+        };
+        assert_eq!([0, 1].map(|layer| reach(&sun, layer)), [0.0, 1.0]);
         // From below it is the other way round.
         let mut sun = Sun::new(-Vec3::Y);
         sun.update(&topology, &positions, &[]);
-        assert_eq!(sun.reach[at(0, middle, middle) as usize], 1.0);
-        assert_eq!(sun.reach[at(1, middle, middle) as usize], 0.0);
+        assert_eq!([0, 1].map(|layer| reach(&sun, layer)), [1.0, 0.0]);
     }
 }

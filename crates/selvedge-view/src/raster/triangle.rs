@@ -8,7 +8,8 @@ use std::ops::Range;
 use glam::{Vec2, Vec3, Vec3A};
 
 use crate::raster::camera::Camera;
-use crate::raster::shade::{Point, Shader};
+use crate::raster::shade::Point;
+use crate::raster::sun::Sun;
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ScreenVertex {
@@ -17,20 +18,23 @@ pub(crate) struct ScreenVertex {
     /// 1/depth `[1/m]`; 0 behind the camera.
     pub(super) nearness: f32,
     pub(super) normal: Vec3A,
-    pub(super) sun: f32,
+    /// Cosine of the normal and the direction to the camera.
+    pub(super) facing: f32,
+    /// Where the key light sees it, in cells.
+    pub(super) lit: Vec3A,
     pub(super) relief: f32,
     pub(super) value: f32,
 }
 
 impl ScreenVertex {
-    /// A vertex at `position` `[m]` with `normal`, on a screen of `extent` samples, which the part
-    /// `sun` of the key light reaches.
+    /// A vertex at `position` `[m]` with `normal`, on a screen of `extent` samples, at the place
+    /// `lit` of the key light.
     pub(super) fn new(
         camera: &Camera,
         extent: [usize; 2],
         position: Vec3,
         normal: Vec3,
-        sun: f32,
+        lit: Vec3A,
     ) -> Self {
         let [width, height] = extent.map(|side| side as f32);
         let seen = camera.project(position);
@@ -39,7 +43,8 @@ impl ScreenVertex {
             place: Vec2::new(seen.x * width, seen.y * height),
             nearness: if ahead { seen.depth.recip() } else { 0.0 },
             normal: normal.into(),
-            sun,
+            facing: normal.dot((camera.position() - position).normalize_or_zero()),
+            lit,
             relief: 0.0,
             value: 0.0,
         }
@@ -56,12 +61,14 @@ pub(crate) struct Triangle {
     pub(super) across: Vec3A,
     down: Vec3A,
     pub(super) nearness: Vec3A,
-    /// Normals times nearness, towards the visible side.
+    /// Normals, places of the light and places on the fabric `[m]`, times nearness.
     normals: [Vec3A; 3],
-    sun: Vec3A,
-    /// Positive on a ridge of the visible side.
+    lit: [Vec3A; 3],
+    fabric: [Vec2; 3],
     relief: Vec3A,
     values: Vec3A,
+    /// Samples per metre of the fabric; 0 where that is unknown.
+    scale: f32,
 }
 
 impl Triangle {
@@ -75,28 +82,57 @@ impl Triangle {
         if nearness.min_element() <= 0.0 || doubled_area.abs() < 1e-9 {
             return None;
         }
-        let front = doubled_area < 0.0;
-        let sign = if front { 1.0 } else { -1.0 };
         Some(Self {
             places,
-            front,
+            front: doubled_area < 0.0,
             across: Vec3A::new(b.y - c.y, c.y - a.y, a.y - b.y) / doubled_area,
             down: Vec3A::new(c.x - b.x, a.x - c.x, b.x - a.x) / doubled_area,
             nearness,
-            normals: corners.map(|corner| corner.normal * (sign * corner.nearness)),
-            sun: Vec3A::from_array(corners.map(|corner| corner.sun)),
-            relief: Vec3A::from_array(corners.map(|corner| corner.relief)) * sign,
+            normals: corners.map(|corner| corner.normal * corner.nearness),
+            lit: corners.map(|corner| corner.lit * corner.nearness),
+            fabric: [Vec2::ZERO; 3],
+            relief: Vec3A::from_array(corners.map(|corner| corner.relief)),
             values: Vec3A::from_array(corners.map(|corner| corner.value * corner.nearness)),
+            scale: 0.0,
         })
     }
 
-    /// The tint of the side that is seen.
-    pub(super) fn tint(&self, shader: &Shader) -> Vec3A {
-        if self.front {
-            shader.front
-        } else {
-            shader.back
+    /// The same triangle with its corners at `places` on the fabric `[m]`.
+    pub(super) fn on_fabric(mut self, places: [Vec2; 3]) -> Self {
+        let area = |[a, b, c]: [Vec2; 3]| (b - a).perp_dot(c - a).abs();
+        self.scale = (area(self.places) / area(places).max(1e-12)).sqrt();
+        self.fabric = std::array::from_fn(|k| places[k] * self.nearness[k]);
+        self
+    }
+
+    /// True when its front is seen: the side on which its corners are counter-clockwise.
+    pub(super) fn is_front(&self) -> bool {
+        self.front
+    }
+
+    /// The lightness of a plain weave of threads 4 mm wide, about 1; threads that the picture has
+    /// no samples for blur into it.
+    #[inline]
+    pub(super) fn weave(&self, weights: Vec3A, nearness: f32) -> f32 {
+        const THREAD: f32 = 0.004;
+        const DEPTH: f32 = 0.24;
+        let clear = (THREAD * self.scale * 0.2 - 0.6).clamp(0.0, 1.0);
+        if clear == 0.0 {
+            return 1.0;
         }
+        let [a, b, c] = self.fabric;
+        let [u, v, w] = weights.to_array();
+        let place = (a * u + b * v + c * w) / (nearness * THREAD);
+        let cell = place.floor();
+        let is_warp = (cell.x + cell.y).rem_euclid(2.0) < 0.5;
+        let across = if is_warp {
+            place.x - cell.x
+        } else {
+            place.y - cell.y
+        };
+        // A thread is round: lightest in the middle; a parabola whose mean is 2/3.
+        let height = 4.0 * across * (1.0 - across) - 2.0 / 3.0;
+        1.0 + DEPTH * clear * height
     }
 
     pub(super) fn bounds(&self, width: usize, height: usize) -> Option<[Range<usize>; 2]> {
@@ -127,17 +163,19 @@ impl Triangle {
         first as usize..last as usize
     }
 
-    /// The surface at `weights`, seen from its visible side.
+    /// The surface at `weights`, seen from its visible side, in the light of `sun`.
     #[inline]
-    pub(super) fn point_at(&self, weights: Vec3A) -> Point {
-        let [a, b, c] = self.normals;
+    pub(super) fn point_at(&self, weights: Vec3A, nearness: f32, sun: &Sun) -> Point {
+        let sign = if self.front { 1.0 } else { -1.0 };
         let [u, v, w] = weights.to_array();
-        let normal = a * u + b * v + c * w;
+        let mix = |[a, b, c]: [Vec3A; 3]| a * u + b * v + c * w;
+        let normal = mix(self.normals);
+        // Three opposite normals could cancel: the floor of the length keeps this finite.
+        let normal = normal * (sign * normal.length_squared().max(1e-20).sqrt().recip());
         Point {
-            // Three opposite normals could cancel: the floor of the length keeps this finite.
-            normal: normal * normal.length_squared().max(1e-20).sqrt().recip(),
-            sun: weights.dot(self.sun),
-            relief: weights.dot(self.relief),
+            normal,
+            sun: sun.open(mix(self.lit) / nearness, normal),
+            relief: sign * weights.dot(self.relief),
         }
     }
 

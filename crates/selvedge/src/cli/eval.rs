@@ -37,14 +37,14 @@ pub(crate) struct EvalArgs {
     /// shipped ones. With --random the scene whose cloth moves [default: default].
     #[arg(value_name = "SCENE", conflicts_with = "data")]
     pub(crate) scenes: Vec<String>,
-    /// The folder of a data set. May stand several times.
+    /// The folder of a data set; repeat the option for several.
     #[arg(long, value_name = "FOLDER")]
     pub(crate) data: Vec<PathBuf>,
     /// So many random motions, from the rest pose.
     #[arg(long, value_name = "N", conflicts_with = "data", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub(crate) random: Option<u32>,
-    /// A model: a file, or the name of a shipped one; the name before it is for tables. May stand
-    /// several times [default: paper, where nothing else is measured].
+    /// A model: a file, or the name of a shipped one; the name before it is for tables. Repeat
+    /// the option for several [default: paper, where nothing else is measured].
     #[arg(long = "model", value_name = "[NAME=]FILE")]
     pub(crate) models: Vec<String>,
     /// Correction of frames that no cloth could have; several, separated by commas, are several

@@ -26,7 +26,7 @@ pub(crate) struct ViewArgs {
     /// (.safetensors).
     #[arg(default_value = "default", value_name = "SCENE|TRAJECTORY")]
     pub(crate) subject: String,
-    /// A model's weights; may stand several times, to choose from [default: the shipped model].
+    /// A model's weights; repeat the option for several to choose from [default: the shipped model].
     #[arg(long, value_name = "FILE")]
     pub(crate) model: Vec<PathBuf>,
     /// The mover of the cloth at first.
@@ -42,8 +42,8 @@ pub(crate) struct ViewArgs {
     /// it may drag the cloth.
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:7878")]
     pub(crate) address: SocketAddr,
-    /// A name under which the page may be reached, beside localhost and addresses in numbers; may
-    /// stand several times.
+    /// A name under which the page may be reached, beside localhost and addresses in numbers; repeat
+    /// the option for several.
     #[arg(long, value_name = "NAME")]
     pub(crate) allow_host: Vec<String>,
     /// The folder for what is recorded; it is made when there is something.

@@ -15,7 +15,7 @@ const LEVEL: View = View {
 };
 
 /// Half the width of the border in a small picture `[pixels]`.
-const HALF_BORDER: f32 = 0.72;
+const HALF_BORDER: f32 = 0.39;
 
 /// In the plane x = 0; its back is in sight.
 const TRIANGLE: [Vec3; 3] = [
@@ -97,9 +97,9 @@ fn covered_pixels_are_the_projected_area() {
     let expected = 0.5 * (b - a).perp_dot(c - a).abs();
     let pixels = shot.image.pixels().iter();
     let covered = pixels.filter(|p| is_bluish(**p)).count() as f32;
-    // The inner half of the border is not blue.
+    // The outer half of the hem is as blue as the cloth.
     let perimeter = a.distance(b) + b.distance(c) + c.distance(a);
-    let expected = expected - HALF_BORDER * perimeter;
+    let expected = expected + HALF_BORDER * perimeter;
     // Counting middles errs at the outline only, by at most about half a pixel per row it crosses,
     // at random: a small part of the perimeter.
     let allowed = 0.05 * perimeter;
@@ -177,7 +177,8 @@ fn values_are_interpolated_in_perspective() {
             place: 400.0 * Vec2::new(seen.x, seen.y),
             nearness: seen.depth.recip(),
             normal: Vec3A::Y,
-            sun: 1.0,
+            facing: 1.0,
+            lit: Vec3A::ZERO,
             relief: 0.0,
             value: 0.5 * (1.0 - position.x),
         }
@@ -305,10 +306,58 @@ fn a_large_level_body_is_the_floor_of_the_picture() {
     ];
     let (_, stage) = beside(&ground, &[[0, 1, 2]]);
     assert_eq!(stage.floor, -0.2);
-    // One that is small is drawn, and the floor is below it.
+    // One that is small is drawn. Where it is lowest it stands on the floor; cloth hangs above one.
     let plate = ground.map(|p| p * Vec3::new(0.05, 1.0, 0.05));
     let (_, stage) = beside(&plate, &[[0, 1, 2]]);
-    assert!(stage.floor < -0.2);
+    assert_eq!(stage.floor, -0.2);
+    let (_, stage) = beside(&plate.map(|p| p + 0.5 * Vec3::Y), &[[0, 1, 2]]);
+    assert!(stage.floor < 0.0);
+}
+
+#[test]
+fn a_body_does_not_show_through_the_cloth_that_lies_on_it() {
+    // A valley towards the viewer at +x, which is drawn rounder than the body of flat faces 5 mm
+    // behind it.
+    let points = |off: f32| -> Vec<Vec3> {
+        let rows = [0.0, 1.0].into_iter();
+        let at = move |y| [-1.0_f32, 0.0, 1.0].map(|z| Vec3::new(0.5 * z.abs() - off, y, z));
+        rows.flat_map(at).collect()
+    };
+    let faces = [[0, 3, 1], [1, 3, 4], [1, 4, 2], [2, 4, 5]];
+    let (cloth, body) = (points(0.0), points(5e-3));
+    let topology = Topology::new(6, &faces).unwrap();
+    let run = Run::new(&topology, [cloth.as_slice()], &[], 60.0).unwrap();
+    let run = run.in_colour([200, 20, 20]);
+    let alone = Stage::of_runs(&[&run], LEVEL, 1.0).unwrap();
+    let body = crate::Body::new(&faces, [std::borrow::Cow::Borrowed(body.as_slice())]);
+    let dressed = run.clone().with_bodies(vec![body]);
+    let reds = |run: &Run<'_>| {
+        let image = drawn(&plain(run), &alone, 128, 1);
+        let is_red = |&&[red, green, _]: &&Rgb| i32::from(red) - i32::from(green) > 40;
+        image.pixels().iter().filter(is_red).count()
+    };
+    assert_eq!(reds(&dressed), reds(&run));
+}
+
+#[test]
+fn threads_show_where_the_picture_has_pixels_for_them() {
+    let topology = Topology::new(3, &[[0, 1, 2]]).unwrap();
+    for (size, shows) in [(0.2, true), (2.0, false)] {
+        let frame = [Vec3::ZERO, size * Vec3::Z, size * Vec3::Y];
+        let flat = Run::new(&topology, [&frame[..]], &[], 60.0).unwrap();
+        let fabric = frame.map(|p| Vec2::new(p.z, p.y));
+        let woven = flat.clone().woven(vec![fabric]);
+        let stage = Stage::of_runs(&[&flat], LEVEL, 1.0).unwrap();
+        let [flat, woven] = [&flat, &woven].map(|run| drawn(&plain(run), &stage, 400, 2));
+        assert_eq!(flat != woven, shows, "{size} m");
+        // Threads neither darken nor lighten the cloth.
+        let light = |image: &Image| -> f64 {
+            let pixels = image.pixels().iter();
+            pixels.map(|p| f64::from(to_linear(*p).y)).sum()
+        };
+        let ratio = light(&woven) / light(&flat);
+        assert!((ratio - 1.0).abs() < 2e-3, "{ratio}");
+    }
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! The outlets of a session: three slots from which every page takes the latest cloth, state and
+//! The slots of a session: three places from which every page takes the latest cloth, state and
 //! frame, and the last notice.
 
 use std::time::Duration;
@@ -19,7 +19,7 @@ pub(crate) struct Slot {
 
 /// The ends of the slots that pages read.
 #[derive(Clone)]
-pub(crate) struct Inlets {
+pub(crate) struct SlotReaders {
     pub(crate) cloth: watch::Receiver<Slot>,
     pub(crate) state: watch::Receiver<Slot>,
     pub(crate) frame: watch::Receiver<Slot>,
@@ -29,7 +29,7 @@ pub(crate) struct Inlets {
 pub(super) const TELL_EVERY: Duration = Duration::from_millis(200);
 
 /// The ends of the slots that the session writes.
-pub(crate) struct Outlets {
+pub(crate) struct SlotWriters {
     cloth: watch::Sender<Slot>,
     state: watch::Sender<Slot>,
     frame: watch::Sender<Slot>,
@@ -40,12 +40,12 @@ pub(crate) struct Outlets {
     tell_soon: bool,
 }
 
-impl Outlets {
+impl SlotWriters {
     /// Empty slots, and the ends to read them from.
-    pub(crate) fn new() -> (Self, Inlets) {
+    pub(crate) fn new() -> (Self, SlotReaders) {
         let slot = || watch::channel(Slot::default());
         let ((cloth, cloth_out), (state, state_out), (frame, frame_out)) = (slot(), slot(), slot());
-        let outlets = Self {
+        let writers = Self {
             cloth,
             state,
             frame,
@@ -55,12 +55,12 @@ impl Outlets {
             told: Instant::now(),
             tell_soon: true,
         };
-        let inlets = Inlets {
+        let readers = SlotReaders {
             cloth: cloth_out,
             state: state_out,
             frame: frame_out,
         };
-        (outlets, inlets)
+        (writers, readers)
     }
 
     /// The number of the cloth that is shown; 0 before the first.
