@@ -226,7 +226,7 @@ impl SecondOrder {
     ) -> Result<bool, SolveError> {
         self.predicted.copy_from(&self.estimate);
         self.changes.copy_from_slice(system.changes().0);
-        system.begin_correction();
+        system.forget_changes();
         let is_near = self.solve_stage(system, state)?;
         // The next substep begins with all of the change, not with this correction.
         for (sum, change) in self.changes.iter_mut().zip(system.changes().0) {

@@ -21,8 +21,6 @@ use crate::threads::Threads;
 /// The solver with its workspaces.
 pub(crate) struct ConjugateGradients {
     settings: Settings,
-    /// True where solves may end at the accuracy that they are asked for.
-    is_automatic: bool,
     contributions: Contributions,
     singles: Singles,
     blocks: Vec<Mat3A>,
@@ -85,17 +83,11 @@ struct Cycle {
 
 impl ConjugateGradients {
     /// A solver for matrices of this pattern.
-    pub(crate) fn new(
-        settings: Settings,
-        is_automatic: bool,
-        pattern: &Pattern,
-        elements: &Elements,
-    ) -> Self {
+    pub(crate) fn new(settings: Settings, pattern: &Pattern, elements: &Elements) -> Self {
         let zeros = || vec![Vec3A::ZERO; pattern.unknown_count()];
         let mass: f64 = elements.mass.iter().sum();
         Self {
             settings,
-            is_automatic,
             contributions: Contributions::new(pattern, elements),
             singles: Singles::new(elements),
             blocks: vec![Mat3A::ZERO; pattern.slot_count()],
@@ -184,7 +176,6 @@ impl ConjugateGradients {
         &mut self,
         threads: Threads,
         pattern: &Pattern,
-        accuracy: f64,
         changes: &mut [DVec3],
         mut residual_of: impl FnMut(&[DVec3], &mut [DVec3]),
     ) -> Result<(), SolveError> {
@@ -200,11 +191,7 @@ impl ConjugateGradients {
             false => unit / (2.0 - f64::from(OVER_RELAXATION)),
             true => unit,
         };
-        let tolerance = self
-            .settings
-            .tolerance
-            .max(if self.is_automatic { accuracy } else { 0.0 });
-        let goal = tolerance * tolerance * unit;
+        let goal = self.settings.tolerance * self.settings.tolerance * unit;
         let most = match self.is_woven {
             false => self.settings.max_iterations,
             true => self.settings.max_iterations.min(COUPLED_ITERATIONS),

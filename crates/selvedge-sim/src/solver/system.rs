@@ -34,10 +34,6 @@ const AUTOMATIC_TOLERANCE: f64 = 1e-7;
 /// The same in second order with contact, whose systems are harder to solve.
 const CONTACT_TOLERANCE: f64 = 3e-7;
 
-/// Error of a solve in which things touch, as a part of the change of velocity: far below what the
-/// linearisation leaves. At rest nothing changes, and the tolerance itself holds.
-const CONTACT_ACCURACY: f64 = 1e-3;
-
 /// The system of a cloth, assembled and solved again and again.
 pub(crate) struct System {
     elements: Elements,
@@ -55,9 +51,6 @@ pub(crate) struct System {
     /// Time over which the Δv of the last solve come about `[s]`; 0 if the next one starts from
     /// nothing.
     solved_span: f64,
-    /// Size of the change to which the next solve, of a correction, adds: the root of its mean square
-    /// `[m/s]`; 0 where there is none.
-    corrected: f64,
     solver: Solver,
     /// A factor of the whole, for a direct solver whose touches couple vertices that its pattern does
     /// not, and where conjugate gradients with touches do not converge.
@@ -119,10 +112,7 @@ impl System {
             solver: match settings {
                 None => Solver::Direct(Box::new(Direct::new(&pattern, &elements))),
                 Some(settings) => Solver::Iterative(Box::new(ConjugateGradients::new(
-                    settings,
-                    solver == LinearSolver::Automatic,
-                    &pattern,
-                    &elements,
+                    settings, &pattern, &elements,
                 ))),
             },
             elements,
@@ -136,7 +126,6 @@ impl System {
             driven: vec![DVec3::ZERO; vertex_count],
             changes: vec![DVec3::ZERO; vertex_count],
             solved_span: 0.0,
-            corrected: 0.0,
             touches: Touches::default(),
             repeated: Repeated::default(),
         })
@@ -355,12 +344,6 @@ impl System {
             0.0
         };
         changes.iter_mut().for_each(|change| *change *= scale);
-        let size = std::mem::take(&mut self.corrected).max(mean_size(changes));
-        let accuracy = if touches.is_empty() {
-            0.0
-        } else {
-            CONTACT_ACCURACY
-        };
         let gathered = match self.repeated.is_now {
             true => None,
             false => Some((&*elements, springs.stiff())),
@@ -376,7 +359,7 @@ impl System {
             }
             touches.multiply(-1.0, changes, residual);
         };
-        solver.solve(threads, pattern, accuracy * size, changes, residual)
+        solver.solve(threads, pattern, changes, residual)
     }
 
     fn check_impulses(&self) -> Result<(), SolveError> {
@@ -400,12 +383,6 @@ impl System {
     /// Lets the next solve, of a small correction, start from zero.
     pub(crate) fn forget_changes(&mut self) {
         self.solved_span = 0.0;
-    }
-
-    /// Lets the next solve, of a small correction to the last one, start from zero.
-    pub(crate) fn begin_correction(&mut self) {
-        self.corrected = mean_size(&self.changes);
-        self.forget_changes();
     }
 
     /// Changes of velocity from which the next solve starts `[m/s]`, `[vertices]`, and their time
@@ -467,12 +444,6 @@ impl System {
             state.positions[v] = base.positions[v] + self.changes[v] * seconds;
         }
     }
-}
-
-/// Root of the mean square of these.
-fn mean_size(changes: &[DVec3]) -> f64 {
-    let squares: f64 = changes.iter().map(|change| change.length_squared()).sum();
-    (squares / changes.len() as f64).sqrt()
 }
 
 /// Conjugate gradients of the automatic choice.
