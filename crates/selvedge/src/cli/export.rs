@@ -132,12 +132,6 @@ pub(crate) enum YesNo {
     No,
 }
 
-impl YesNo {
-    fn is_yes(self) -> bool {
-        self == Self::Yes
-    }
-}
-
 /// An axis that points up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum UpName {
@@ -170,8 +164,8 @@ impl ExportArgs {
                 ..self.frames.unwrap_or_default()
             },
             up: self.up.axis(),
-            normals: self.normals.map(YesNo::is_yes),
-            velocities: self.velocities.map(YesNo::is_yes),
+            normals: self.normals.map(|answer| answer == YesNo::Yes),
+            velocities: self.velocities.map(|answer| answer == YesNo::Yes),
             look: Look {
                 size: self.size,
                 view: self.camera.unwrap_or_default(),
