@@ -15,6 +15,7 @@ use selvedge_lab::generation::{self, Order};
 use crate::errors::{told, wrong};
 use crate::json;
 use crate::long::told_beside;
+use crate::pickling::{self, Call};
 use crate::trajectory::Trajectory;
 
 /// A folder of trajectories with an index: some to train on, others to test on.
@@ -23,6 +24,22 @@ use crate::trajectory::Trajectory;
 #[pyclass(frozen, module = "selvedge")]
 pub(crate) struct Dataset {
     pub(crate) inner: Arc<Folder>,
+}
+
+/// A data set, or its folder.
+#[derive(FromPyObject)]
+pub(crate) enum Data {
+    Set(Py<Dataset>),
+    Folder(PathBuf),
+}
+
+impl Data {
+    pub(crate) fn open(self, py: Python<'_>) -> PyResult<Py<Dataset>> {
+        match self {
+            Self::Set(set) => Ok(set),
+            Self::Folder(folder) => Py::new(py, Dataset::new(py, folder)?),
+        }
+    }
 }
 
 #[pymethods]
@@ -40,13 +57,13 @@ impl Dataset {
     #[pyo3(signature = (preset, folder, threads=None, progress=None))]
     fn generate(
         py: Python<'_>,
-        preset: &str,
+        preset: PathBuf,
         folder: PathBuf,
         threads: Option<usize>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Self> {
         told_beside(py, progress, |_, teller| {
-            let preset = DatasetPreset::open(preset).map_err(told)?;
+            let preset = DatasetPreset::open(&preset.to_string_lossy()).map_err(told)?;
             for warning in preset.warnings() {
                 tracing::warn!("{warning}");
             }
@@ -139,6 +156,14 @@ impl Dataset {
         numbers.into_pyarray(py).reshape([count, 2])
     }
 
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Call<'py>> {
+        let folder = pickling::absolute(slf.get().inner.folder());
+        Ok((
+            slf.get_type().into_any(),
+            (folder,).into_pyobject(slf.py())?,
+        ))
+    }
+
     fn __repr__(&self) -> String {
         let counts = [Part::Train, Part::Test].map(|part| self.inner.entries(part).len());
         let [train, test] = counts;
@@ -180,6 +205,17 @@ impl Split {
 
     fn __len__(&self) -> usize {
         self.inner.entries(self.part).len()
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Call<'py>> {
+        let inner = Arc::clone(&self.inner);
+        let name = if self.part == Part::Train {
+            "train"
+        } else {
+            "test"
+        };
+        let parts = (Py::new(py, Dataset { inner })?, name).into_pyobject(py)?;
+        Ok((py.import("builtins")?.getattr("getattr")?, parts))
     }
 
     fn __getitem__(&self, py: Python<'_>, which: Which) -> PyResult<Trajectory> {

@@ -15,7 +15,7 @@ use selvedge_lab::machine::Machine;
 use selvedge_lab::report::{self, Heading};
 use serde_json::Value;
 
-use crate::dataset::{Dataset, split_named};
+use crate::dataset::{Data, split_named};
 use crate::errors::{told, wrong};
 use crate::guarding;
 use crate::json as python;
@@ -105,7 +105,7 @@ impl Evaluation {
 pub(crate) fn evaluate(
     py: Python<'_>,
     models: &Bound<'_, PyDict>,
-    data: Vec<Py<Dataset>>,
+    data: Vec<Data>,
     guards: Vec<String>,
     split: &str,
     motions: Vec<String>,
@@ -131,7 +131,8 @@ pub(crate) fn evaluate(
     }
     let part = split_named(split)?;
     let mut cases = Vec::new();
-    for folder in &data {
+    for folder in data {
+        let folder = folder.open(py)?;
         let folder = folder.get().inner.as_ref();
         let name = &folder.index().name;
         cases.extend(Case::recorded(name, folder, part, &motions).map_err(told)?);

@@ -18,6 +18,7 @@ mod json;
 mod log;
 mod long;
 mod model;
+mod pickling;
 mod picture;
 mod rollout;
 mod scene;
@@ -58,5 +59,6 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(evaluation::evaluate, module)?)?;
     module.add_function(wrap_pyfunction!(model::layout, module)?)?;
     module.add_function(wrap_pyfunction!(model::columns, module)?)?;
+    pickling::add(module)?;
     Ok(())
 }

@@ -18,6 +18,7 @@ use selvedge_model::{
 use crate::arrays::{self, Numbers};
 use crate::errors::{told, wrong};
 use crate::json;
+use crate::pickling::{self, Call};
 
 /// A trained model: a network, its weights and the statistics of its inputs and its output.
 ///
@@ -150,6 +151,10 @@ impl Model {
     #[getter]
     fn parameters(&self) -> usize {
         self.model.weights().len()
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Call<'py>> {
+        pickling::call(py, "_model", (self.to_bytes(py, "f32")?, &self.name))
     }
 
     fn __repr__(&self) -> String {

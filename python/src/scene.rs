@@ -1,5 +1,6 @@
 //! Scenes, meshes and materials.
 
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyUntypedArrayMethods};
@@ -10,7 +11,8 @@ use selvedge_cloth::{
     Handles, Material as ClothMaterial, Mesh as ClothMesh, Motion, RecordedMotion,
 };
 use selvedge_data::{
-    LoadedScene, MeshOptions, materials, open_scene, parse_scene, read_mesh, shipped_scenes,
+    LoadedScene, MeshOptions, materials, open_material, open_scene, parse_scene, read_mesh,
+    shipped_scenes,
 };
 use selvedge_lab::physics;
 use selvedge_sim::SaggedRest;
@@ -19,6 +21,7 @@ use crate::arrays::{self, Numbers};
 use crate::errors::{told, wrong};
 use crate::json;
 use crate::long::{Teller, told_beside};
+use crate::pickling::{self, Call};
 
 /// A mesh of triangles with its material coordinates, before anything moves it.
 ///
@@ -29,9 +32,18 @@ use crate::long::{Teller, told_beside};
 pub(crate) struct Mesh {
     pub(crate) mesh: ClothMesh,
     labels: std::collections::BTreeMap<String, Vec<u32>>,
+    /// The call that makes it again.
+    made: Made,
     /// Faces, (f, 3), uint32.
     #[pyo3(get)]
     faces: Py<PyArray2<u32>>,
+}
+
+/// How a mesh was made.
+enum Made {
+    OfArrays,
+    Read(PathBuf),
+    Generated(SheetSpec),
 }
 
 impl Mesh {
@@ -39,11 +51,13 @@ impl Mesh {
         py: Python<'_>,
         mesh: ClothMesh,
         labels: std::collections::BTreeMap<String, Vec<u32>>,
+        made: Made,
     ) -> PyResult<Self> {
         let faces = arrays::faces_of(py, mesh.topology())?;
         Ok(Self {
             mesh,
             labels,
+            made,
             faces,
         })
     }
@@ -66,18 +80,19 @@ impl Mesh {
             None => flat_coordinates(&positions)?,
         };
         let mesh = ClothMesh::new(&faces, material, positions).map_err(told)?;
-        Self::of(py, mesh, Default::default())
+        Self::of(py, mesh, Default::default(), Made::OfArrays)
     }
 
     /// Reads a mesh from a file (.obj, .glb, .usda).
     #[staticmethod]
-    fn read(py: Python<'_>, path: std::path::PathBuf) -> PyResult<Self> {
+    fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         let read = py.detach(|| read_mesh(&path, MeshOptions::default()));
         let read = read.map_err(told)?;
         for warning in &read.warnings {
             tracing::warn!("{}: {warning}", path.display());
         }
-        Self::of(py, read.sheet.mesh, read.sheet.labels)
+        let path = Made::Read(pickling::absolute(&path));
+        Self::of(py, read.sheet.mesh, read.sheet.labels, path)
     }
 
     /// An irregular sheet that hangs flat: `shape` is square, long, wide, triangle, diamond, disc,
@@ -102,7 +117,7 @@ impl Mesh {
             seed,
         };
         let made = py.detach(|| sheet(&spec)).map_err(told)?;
-        Self::of(py, made.mesh, made.labels)
+        Self::of(py, made.mesh, made.labels, Made::Generated(spec))
     }
 
     /// Start positions [m], (n, 3), float64; shared, not copied.
@@ -126,6 +141,28 @@ impl Mesh {
         let topology = self.mesh.topology();
         let (vertices, faces) = (topology.vertex_count(), topology.faces().len());
         format!("Mesh({vertices} vertices, {faces} faces)")
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Call<'py>> {
+        let (py, own, class) = (slf.py(), slf.get(), slf.get_type());
+        // Methods of a class cannot be pickled; what calls them can.
+        let caller = py.import("operator")?.getattr("methodcaller")?;
+        let call = match &own.made {
+            Made::OfArrays => {
+                let places = own.mesh.material_coordinates().iter();
+                let places: Vec<[f64; 2]> = places.map(|p| [p.x, p.y]).collect();
+                let arrays = (Self::positions(slf)?, &own.faces, places);
+                return Ok((class.into_any(), arrays.into_pyobject(py)?));
+            }
+            Made::Read(path) => caller.call1(("read", path))?,
+            Made::Generated(spec) => {
+                let shape = serde_json::to_value(spec.shape).map_err(told)?;
+                let shape = shape.as_str().unwrap_or_default();
+                let (vertices, size) = (spec.vertices, spec.size);
+                caller.call1(("generate", shape, vertices, size, spec.seed, spec.width))?
+            }
+        };
+        Ok((call, (class,).into_pyobject(py)?))
     }
 }
 
@@ -165,12 +202,9 @@ pub(crate) struct Material {
 #[pymethods]
 impl Material {
     #[new]
-    fn new(name_or_file: &str) -> PyResult<Self> {
-        let scene = open_scene("default").map_err(told)?;
-        let scene = scene.of_material(name_or_file).map_err(told)?;
-        Ok(Self {
-            material: scene.scene.material,
-        })
+    fn new(name_or_file: PathBuf) -> PyResult<Self> {
+        let material = open_material(&name_or_file.to_string_lossy()).map_err(told)?;
+        Ok(Self { material })
     }
 
     /// Names of the shipped fabrics.
@@ -196,6 +230,11 @@ impl Material {
         json::to_python(py, &self.material)
     }
 
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Call<'py>> {
+        let values = serde_json::to_string(&self.material).map_err(told)?;
+        pickling::call(py, "_material", (values,))
+    }
+
     fn __repr__(&self) -> String {
         format!("Material({:?})", self.material.name)
     }
@@ -209,6 +248,10 @@ pub(crate) struct Scene {
     pub(crate) loaded: LoadedScene,
     /// False where arrays of Python are in it, which its spec does not have.
     pub(crate) has_spec: bool,
+    /// The mesh that was put in the place of its own.
+    own_mesh: Option<Py<Mesh>>,
+    /// The folder to which its files are relative.
+    folder: PathBuf,
     rest: Mutex<Option<Arc<SaggedRest>>>,
     /// Faces, (f, 3), uint32.
     #[pyo3(get)]
@@ -216,14 +259,21 @@ pub(crate) struct Scene {
 }
 
 impl Scene {
-    pub(crate) fn of(py: Python<'_>, loaded: LoadedScene, has_spec: bool) -> PyResult<Self> {
+    pub(crate) fn of(
+        py: Python<'_>,
+        loaded: LoadedScene,
+        own_mesh: Option<Py<Mesh>>,
+        folder: PathBuf,
+    ) -> PyResult<Self> {
         for warning in &loaded.warnings {
             tracing::warn!("{}: {warning}", loaded.spec.name);
         }
         let faces = arrays::faces_of(py, loaded.scene.mesh.topology())?;
         Ok(Self {
             loaded,
-            has_spec,
+            has_spec: own_mesh.is_none(),
+            own_mesh,
+            folder,
             rest: Mutex::default(),
             faces,
         })
@@ -254,6 +304,12 @@ impl Scene {
         Ok(Arc::new(found.map_err(told)?))
     }
 
+    /// This scene after a change.
+    fn changed(&self, py: Python<'_>, loaded: LoadedScene) -> PyResult<Self> {
+        let own_mesh = self.own_mesh.as_ref().map(|mesh| mesh.clone_ref(py));
+        Self::of(py, loaded, own_mesh, self.folder.clone())
+    }
+
     fn copy(&self) -> LoadedScene {
         let mut loaded = self.loaded.clone();
         loaded.warnings.clear();
@@ -264,18 +320,19 @@ impl Scene {
 #[pymethods]
 impl Scene {
     #[new]
-    #[pyo3(signature = (name_or_file="default"))]
-    fn new(py: Python<'_>, name_or_file: &str) -> PyResult<Self> {
-        let loaded = py.detach(|| open_scene(name_or_file)).map_err(told)?;
-        Self::of(py, loaded, true)
+    #[pyo3(signature = (name_or_file=PathBuf::from("default")))]
+    fn new(py: Python<'_>, name_or_file: PathBuf) -> PyResult<Self> {
+        let loaded = py.detach(|| open_scene(&name_or_file.to_string_lossy()));
+        let folder = name_or_file.parent().unwrap_or(Path::new(""));
+        Self::of(py, loaded.map_err(told)?, None, pickling::absolute(folder))
     }
 
     /// Reads a scene from the TOML text of its file; paths in it are relative to `folder`.
     #[staticmethod]
-    #[pyo3(signature = (text, folder=std::path::PathBuf::new()))]
-    fn parse(py: Python<'_>, text: &str, folder: std::path::PathBuf) -> PyResult<Self> {
+    #[pyo3(signature = (text, folder=PathBuf::new()))]
+    fn parse(py: Python<'_>, text: &str, folder: PathBuf) -> PyResult<Self> {
         let loaded = py.detach(|| parse_scene(text, &folder, "the text"));
-        Self::of(py, loaded.map_err(told)?, true)
+        Self::of(py, loaded.map_err(told)?, None, pickling::absolute(&folder))
     }
 
     /// Names of the shipped scenes.
@@ -290,14 +347,14 @@ impl Scene {
         loaded.spec.setting.material = material.material.clone();
         loaded.scene.material = material.material.clone();
         loaded.scene.validate().map_err(told)?;
-        Self::of(py, loaded, self.has_spec)
+        self.changed(py, loaded)
     }
 
     /// The same scene with another motion: a shipped name, a TOML file, or a recorded motion (.csv,
     /// .npz).
-    fn with_motion(&self, py: Python<'_>, name_or_file: &str) -> PyResult<Self> {
-        let loaded = self.copy().of_motion(name_or_file).map_err(told)?;
-        Self::of(py, loaded, self.has_spec)
+    fn with_motion(&self, py: Python<'_>, name_or_file: PathBuf) -> PyResult<Self> {
+        let loaded = self.copy().of_motion(&name_or_file.to_string_lossy());
+        self.changed(py, loaded.map_err(told)?)
     }
 
     /// The same scene with handles that move as `targets` (frames, handles, 3) [m]; frame 0 is the
@@ -321,19 +378,25 @@ impl Scene {
         loaded.spec.motion = motion.clone();
         loaded.scene.motion = motion;
         loaded.scene.validate().map_err(told)?;
-        Self::of(py, loaded, self.has_spec)
+        self.changed(py, loaded)
     }
 
     /// The same scene of another mesh, held at the vertices `handles`. Its motion must fit them.
-    fn with_mesh(&self, py: Python<'_>, mesh: &Mesh, handles: Vec<u32>) -> PyResult<Self> {
+    pub(crate) fn with_mesh(
+        &self,
+        py: Python<'_>,
+        mesh: Py<Mesh>,
+        handles: Vec<u32>,
+    ) -> PyResult<Self> {
         let mut loaded = self.copy();
-        let count = mesh.mesh.topology().vertex_count();
-        loaded.scene.handles = Handles::new(&handles, count).map_err(told)?;
-        loaded.scene.mesh = mesh.mesh.clone();
+        let built = &mesh.get().mesh;
+        loaded.scene.handles =
+            Handles::new(&handles, built.topology().vertex_count()).map_err(told)?;
+        loaded.scene.mesh = built.clone();
         loaded.scene.validate().map_err(told)?;
         loaded.state = None;
         loaded.loose = None;
-        Self::of(py, loaded, false)
+        Self::of(py, loaded, Some(mesh), self.folder.clone())
     }
 
     /// Name.
@@ -416,6 +479,13 @@ impl Scene {
             true => json::to_python(py, &self.loaded.spec).map(Some),
             false => Ok(None),
         }
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Call<'py>> {
+        let spec = serde_json::to_string(&self.loaded.spec).map_err(told)?;
+        let held = arrays::handles_of(py, &self.loaded.scene.handles);
+        let mesh = self.own_mesh.as_ref().map(|mesh| (mesh, held));
+        pickling::call(py, "_scene", (spec, &self.folder, mesh))
     }
 
     fn __repr__(&self) -> String {

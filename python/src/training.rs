@@ -12,10 +12,11 @@ use selvedge_lab::models::NamedModel;
 use selvedge_lab::{assets, training};
 use selvedge_train::{RunEnd, RunLimits, Setting, StepReport, TrainConfig, Trainer, files};
 
-use crate::dataset::Dataset;
+use crate::dataset::{Data, Dataset};
 use crate::errors::{told, wrong};
 use crate::json as python;
 use crate::long::{Stop, Teller, beside, call};
+use crate::model::Model;
 
 /// The wishes for a training.
 struct Asked<'a> {
@@ -26,9 +27,27 @@ struct Asked<'a> {
     out: &'a Path,
     steps: Option<u64>,
     resume: bool,
-    from: Option<PathBuf>,
+    from: Option<Start>,
     micro_batch: usize,
     limits: RunLimits,
+}
+
+/// The model that a training starts from: itself, its file, or the folder of its training.
+#[derive(FromPyObject)]
+pub(crate) enum Start {
+    Model(Py<Model>),
+    Path(PathBuf),
+}
+
+impl Start {
+    fn model(&self) -> PyResult<NamedModel> {
+        let file = match self {
+            Self::Model(model) => return Ok(model.get().named()),
+            Self::Path(folder) if folder.is_dir() => folder.join(files::MODEL),
+            Self::Path(file) => file.clone(),
+        };
+        NamedModel::open(Some(&file)).map_err(told)
+    }
 }
 
 /// Names of the shipped configurations of trainings.
@@ -48,18 +67,18 @@ pub(crate) fn training_presets() -> Vec<&'static str> {
 /// # Errors
 /// What of the configuration, the data, the folder or a step went wrong.
 #[pyfunction]
-#[pyo3(signature = (config, data, *, out, steps=None, settings=None, resume=false,
+#[pyo3(signature = (config, data, out, *, steps=None, settings=None, resume=false,
     start_from=None, micro_batch=1, seconds=None, checkpoint_every=300.0, on_step=None,
     progress=None))]
 pub(crate) fn train<'py>(
     py: Python<'py>,
-    config: &str,
-    data: &Dataset,
+    config: PathBuf,
+    data: Data,
     out: PathBuf,
     steps: Option<u64>,
     settings: Option<&Bound<'py, PyDict>>,
     resume: bool,
-    start_from: Option<PathBuf>,
+    start_from: Option<Start>,
     micro_batch: usize,
     seconds: Option<f64>,
     checkpoint_every: f64,
@@ -69,6 +88,8 @@ pub(crate) fn train<'py>(
     if micro_batch == 0 {
         return Err(wrong("micro_batch must be at least 1"));
     }
+    let (config, data) = (config.to_string_lossy(), data.open(py)?);
+    let (config, data) = (&*config, data.get());
     let text = match assets::training(config) {
         Some(text) => text.to_owned(),
         None => selvedge_data::read_text(Path::new(config))
@@ -205,11 +226,7 @@ fn begin(
     let mut trainer = match (&asked.from, asked.resume) {
         (_, true) => Some(Trainer::resume(cfg, data, checkpoint, &*engine).map_err(told)?),
         (Some(from), false) => {
-            let file = match from.is_dir() {
-                true => from.join(files::MODEL),
-                false => from.clone(),
-            };
-            let model = NamedModel::open(Some(&file)).map_err(told)?;
+            let model = from.model()?;
             let from = Some(&*model.model);
             training::begin(from, cfg, data, &*engine, &mut |event| teller.hear(event))
                 .map_err(told)?

@@ -17,6 +17,7 @@ use crate::errors::{told, wrong};
 use crate::exporting;
 use crate::json;
 use crate::long::told_beside;
+use crate::pickling::{self, Call};
 use crate::picture::Picture;
 
 /// A cloth and its positions over time: what simulations, rollouts and data sets are made of.
@@ -270,6 +271,10 @@ impl Trajectory {
 
     fn __len__(&self) -> usize {
         self.inner.frame_count()
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Call<'py>> {
+        pickling::call(py, "_trajectory", (self.to_bytes(py),))
     }
 
     fn _repr_png_<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, pyo3::types::PyBytes>> {

@@ -7,6 +7,17 @@ import subprocess
 import pytest
 import selvedge
 
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport():
+    """With SELVEDGE_ALL_TOOLS a test that lacks something fails."""
+    report = yield
+    if report.skipped and os.environ.get("SELVEDGE_ALL_TOOLS"):
+        report.outcome = "failed"
+        report.longrepr = f"{report.longrepr[2]}: run .ci/setup first"
+    return report
+
+
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 

@@ -1,6 +1,8 @@
 """Models as state dicts, data sets as sequences, the environment, and PyTorch where it is there."""
 
 import importlib
+import importlib.util
+import pathlib
 import sys
 import types
 
@@ -53,6 +55,21 @@ def test_a_data_set_is_a_sequence_of_trajectories(data, tmp_path):
         selvedge.Dataset(tmp_path / "nope")
 
 
+def test_a_training_starts_from_a_model_and_a_folder(data, tmp_path):
+    """The model itself, its file, or the folder of its training; data by their folder."""
+    settings = {"model.latent": 8, "model.blocks": 1, "statistics_samples": 20}
+    folder = tmp_path / "data"
+    selvedge.Dataset.generate("tiny", folder)
+    ends = {"steps": 1, "settings": settings}
+    first = selvedge.train("first", folder, tmp_path / "one", **ends)
+    starts = [selvedge.Model(first["model"]), first["model"], tmp_path / "one"]
+    made = [selvedge.train("first", folder, tmp_path / str(k), start_from=start, **ends) for k, start in enumerate(starts)]
+    bytes_ = {selvedge.Model(report["model"]).to_bytes() for report in made}
+    assert len(bytes_) == 1
+    found = selvedge.evaluate({"one": starts[0]}, [folder], horizons=[1], starts=1)
+    assert found.runs
+
+
 def test_the_environment_reaches_a_pose(small):
     gymnasium = pytest.importorskip("gymnasium")
     from gymnasium.utils.env_checker import check_env
@@ -76,6 +93,25 @@ def test_the_environment_reaches_a_pose(small):
     assert made.observation_space["positions"].shape == (36, 3)
 
 
+def test_an_episode_in_which_the_cloth_is_torn_ends_with_a_reason(small):
+    pytest.importorskip("gymnasium")
+    from selvedge import gym
+
+    env = gym.ReachPose(small, frames=240)
+    env.reset(seed=4)
+    # The two corners run apart for as long as there are frames.
+    apart = np.zeros(env.action_space.shape, np.float32)
+    apart[0, 2], apart[1, 2] = (1, -1) if small.positions[small.handles[0], 2] > 0.5 else (-1, 1)
+    done = cut = False
+    while not (done or cut):
+        observation, reward, done, cut, info = env.step(apart)
+    assert done and not cut and "strain" in info["reason"]
+    assert np.isfinite(reward) and reward < -info["distance"]
+    assert env.observation_space.contains(observation)
+    _, info = env.reset(seed=4)
+    assert "reason" not in info
+
+
 def test_the_environment_draws_itself(small):
     pytest.importorskip("gymnasium")
     pytest.importorskip("matplotlib")
@@ -96,6 +132,43 @@ def test_pytorch_sees_windows(data):
     sample = windows[10]
     positions = data.train[sample["trajectory"]].positions
     assert np.array_equal(sample["target"].numpy(), positions[sample["frame"] + 1])
+
+
+@pytest.mark.parametrize("context", ["fork", "spawn"])
+def test_workers_of_a_loader_read_windows(data, context):
+    torch = pytest.importorskip("torch", reason="PyTorch is not here")
+    from selvedge.torch import Windows
+
+    windows = Windows(data, history=2, split="test")
+    loader = torch.utils.data.DataLoader(windows, batch_size=8, num_workers=1, multiprocessing_context=context, timeout=60)
+    read = [frame for batch in loader for frame in batch["frame"].tolist()]
+    assert read == windows.samples[:, 1].tolist()
+
+
+def test_windows_of_the_test_split_are_all_its_frames(data):
+    torch = pytest.importorskip("torch", reason="PyTorch is not here")
+    from selvedge.torch import Windows
+
+    windows = Windows(data, split="test")
+    assert len(windows) == sum(len(run) - 2 for run in data.test)
+    last = windows[-1]
+    assert np.array_equal(last["target"].numpy(), data.test[-1].positions[-1])
+    cloth = windows.cloth(0)
+    assert np.array_equal(cloth["edges"].numpy(), data.test[0].edges)
+    assert np.array_equal(torch.nonzero(cloth["held"]).flatten().numpy(), sorted(data.test[0].handles))
+    with pytest.raises(ValueError, match="train or test"):
+        Windows(data, split="tests")
+
+
+def test_a_network_of_ones_own_learns_from_windows(data):
+    """The example `mesh_graph_net.py`."""
+    pytest.importorskip("torch", reason="PyTorch is not here")
+    path = pathlib.Path(__file__).resolve().parents[1] / "examples" / "mesh_graph_net.py"
+    spec = importlib.util.spec_from_file_location("mesh_graph_net", path)
+    example = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(example)
+    _, losses = example.train(data, steps=150)
+    assert np.mean(losses[-50:]) < np.mean(losses[:50])
 
 
 def test_windows_end_with_the_current_frame(data, monkeypatch):

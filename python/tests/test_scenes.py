@@ -21,6 +21,22 @@ def test_scenes_are_opened_and_changed(scene):
         scene.with_motion("dance")
 
 
+def test_paths_are_taken_wherever_names_are(tmp_path, scene):
+    fabric = 'from = "gray-interlock"\nname = "own"\ndensity = 0.3\n'
+    (tmp_path / "own.toml").write_text(fabric)
+    assert selvedge.Material(tmp_path / "own.toml").density == 0.3
+    (tmp_path / "scene.toml").write_text(
+        'name = "own"\nmaterial = "own.toml"\nstart = "mesh"\n'
+        'mesh.generator = { kind = "square", vertices = 36, size = 1.0, seed = 1 }\n'
+        'handles.label = "upper-corners"\n'
+    )
+    assert selvedge.Scene(tmp_path / "scene.toml").material.name == "own"
+    with pytest.raises(selvedge.SelvedgeError, match="nope"):
+        scene.with_motion(tmp_path / "nope.toml")
+    with pytest.raises(selvedge.SelvedgeError, match="nope"):
+        selvedge.Dataset.generate(tmp_path / "nope.toml", tmp_path / "data")
+
+
 def test_a_motion_may_be_an_array(small):
     start = small.positions[small.handles]
     targets = start + np.linspace(0, 0.05, 11)[:, None, None] * np.array([1.0, 0, 0])

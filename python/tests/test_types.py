@@ -1,6 +1,7 @@
 """The types beside the library are those of the library, and everything public is documented."""
 
 import ast
+import importlib.util
 import inspect
 import pathlib
 
@@ -10,7 +11,8 @@ from selvedge import _native
 
 STUB = pathlib.Path(selvedge.__file__).parent / "_native.pyi"
 TREE = ast.parse(STUB.read_text())
-CLASSES = {node.name: node for node in TREE.body if isinstance(node, ast.ClassDef)}
+ALL = {node.name: node for node in TREE.body if isinstance(node, ast.ClassDef)}
+CLASSES = {name: node for name, node in ALL.items() if not name.startswith("_")}
 FUNCTIONS = {node.name: node for node in TREE.body if isinstance(node, ast.FunctionDef)}
 
 
@@ -32,6 +34,36 @@ def test_the_types_have_every_name_and_no_other():
         if not issubclass(kind, Exception):
             typed = {member.name for member in node.body if isinstance(member, ast.FunctionDef)}
             assert names(vars(kind)) == names(typed), name
+
+
+def test_closed_sets_of_words_are_literals():
+    """A default that is a word of a closed set stands beside its set; open ones are names and texts."""
+    opened = {"name", "training"}
+    for node in ast.walk(TREE):
+        if not isinstance(node, ast.FunctionDef):
+            continue
+        ordered = node.args.args
+        pairs = list(zip(ordered[len(ordered) - len(node.args.defaults) :], node.args.defaults))
+        pairs += zip(node.args.kwonlyargs, node.args.kw_defaults)
+        for argument, default in pairs:
+            if isinstance(default, ast.Constant) and isinstance(default.value, str):
+                is_open = argument.arg in opened or "_Path" in ast.unparse(argument.annotation)
+                assert is_open or ast.unparse(argument.annotation) != "str", f"{node.name}: {argument.arg}"
+
+
+def fields(name):
+    return {part.target.id for part in ALL[name].body if isinstance(part, ast.AnnAssign)}
+
+
+def test_results_have_the_keys_of_their_types(small, model, data, tmp_path):
+    run = selvedge.simulate(small, frames=2)
+    assert run.compare(run).keys() == fields("_Comparison")
+    stepper = selvedge.LearnedStepper(small, model)
+    stepper.step()
+    assert stepper.trust.keys() == fields("_Trust")
+    settings = {"model.latent": 8, "model.blocks": 1, "statistics_samples": 20}
+    report = selvedge.train("first", data, tmp_path / "one", steps=1, settings=settings)
+    assert report.keys() == fields("_Training")
 
 
 @pytest.mark.parametrize("name", sorted(FUNCTIONS))
@@ -63,3 +95,13 @@ def test_everything_public_is_documented(name):
     for member, value in vars(thing).items() if name in CLASSES else []:
         if not member.startswith("_"):
             assert value.__doc__, f"{name}.{member}"
+
+
+def test_the_types_have_the_documentation_of_the_native_part():
+    path = pathlib.Path(__file__).resolve().parents[1] / "stub_docs.py"
+    spec = importlib.util.spec_from_file_location("stub_docs", path)
+    tool = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(tool)
+    text = STUB.read_text()
+    assert tool.documented(text) == text, "python stub_docs.py"
+    assert all(ast.get_docstring(node) for node in [*CLASSES.values(), *FUNCTIONS.values()])

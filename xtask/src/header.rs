@@ -9,7 +9,7 @@ use crate::metadata;
 
 const CRATE: &str = "crates/selvedge-c";
 const KEPT: &str = "crates/selvedge-c/include/selvedge.h";
-const REMEDY: &str = "install it: cargo install cbindgen --locked";
+const REMEDY: &str = ".ci/setup installs it";
 
 /// Compares the header that is kept with that of the sources, or writes it.
 pub(crate) fn run(write: bool) -> Result<()> {

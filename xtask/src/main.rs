@@ -28,11 +28,11 @@ use nightly::Sanitizer;
 const HELP: &str = "\
 usage: cargo xtask COMMAND
 
-  ci      run every step of .ci/run: format, tidy, lints, tests
+  ci      run .ci/run: format, tidy, lints, tests (with `all` or names of lists: those)
   nightly the quick commands of the book, and `fuzz`, for an hour
   tidy    check dependencies, equation labels and cards of models
-  book    check summary and quotes of the documents, and their links where lychee is installed;
-          build HTML where mdbook is
+  book    check summary and quotes of the documents
+            --build   check all links, and make HTML (needs lychee and mdbook: .ci/setup)
             --write   bring quotes and the commands reference up to date
             --run     run the quick commands
   header  check that the header of the library for C is what its sources make, by cbindgen
@@ -49,7 +49,7 @@ fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
     let outcome = match words.as_slice() {
-        ["ci"] => ci(),
+        ["ci", lists @ ..] => ci(lists),
         ["tidy"] => tidy::run(),
         ["fuzz", options @ ..] => fuzz(options),
         ["nightly"] => long(),
@@ -58,6 +58,7 @@ fn main() -> ExitCode {
         ["miri", tests @ ..] => nightly::miri(tests),
         ["sanitize", name, tests @ ..] if let Some(one) = Sanitizer::named(name) => one.run(tests),
         ["book"] => book::check(),
+        ["book", "--build"] => book::build(),
         ["book", "--write"] => book::write(),
         ["book", "--run"] => book::run(),
         ["help" | "--help" | "-h"] => {
@@ -89,8 +90,8 @@ fn fuzz(options: &[&str]) -> Result<()> {
         Ok(status.context("cannot start cargo")?.success())
     };
     let packages = ["-p", "selvedge", "-p", "selvedge-trials"];
-    let is_built = cargo(&[&["build", "--quiet"], &packages[..]].concat())?;
-    let run = ["run", "--quiet", "-p", "selvedge-trials", "--"];
+    let is_built = cargo(&[&["build", "--locked", "--quiet"], &packages[..]].concat())?;
+    let run = ["run", "--locked", "--quiet", "-p", "selvedge-trials", "--"];
     if !is_built || !cargo(&[&run[..], options].concat())? {
         bail!("something was found");
     }
@@ -112,9 +113,10 @@ fn long() -> Result<()> {
     Ok(())
 }
 
-fn ci() -> Result<()> {
+fn ci(lists: &[&str]) -> Result<()> {
     let mut bash = Command::new("bash");
-    let status = bash.arg(".ci/run").current_dir(metadata::root()).status();
+    bash.arg(".ci/run").args(lists);
+    let status = bash.current_dir(metadata::root()).status();
     let status = status.context("cannot start bash for .ci/run")?;
     ensure!(status.success(), "a step of .ci/run failed");
     Ok(())

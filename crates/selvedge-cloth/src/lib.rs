@@ -26,7 +26,7 @@
 //! use selvedge_cloth::{Cloth, Handles};
 //!
 //! let sheet = square(400, 1.0, 1)?;
-//! let handles = Handles::new(&sheet.labels["upper-corners"], 400)?;
+//! let handles = Handles::new(sheet.label("upper-corners")?, 400)?;
 //! let start = handles.select(sheet.mesh.positions());
 //! let cloth = Cloth::of_mesh(&sheet.mesh, 0.2, handles)?;
 //! let mass: f32 = cloth.vertex_mass().iter().sum();
@@ -42,7 +42,9 @@
 //! # Conventions
 //!
 //! SI units without suffix (m, kg, s, N); y is up. Positions are `f64` where a scene is described
-//! and solved ([`glam::DVec3`]) and `f32` where a motion is handed on ([`glam::Vec3`]).
+//! and solved ([`glam::DVec3`]) and `f32` where a motion is handed on ([`glam::Vec3`]). Take the vectors
+//! from [`glam`] here, or depend on the same version of that crate, 0.34: those of another one are other
+//! types.
 
 pub mod bodies;
 mod cloth;
@@ -68,6 +70,9 @@ mod scene;
 mod schedule;
 mod stepper;
 mod topology;
+
+/// Vectors of all interfaces.
+pub use glam;
 
 pub use cloth::{Cloth, ClothArrays};
 pub use contact::{ContactSettings, Squeezed};

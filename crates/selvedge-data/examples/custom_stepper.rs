@@ -81,7 +81,7 @@ impl Stepper for Follower {
 /// A square of 100 vertices that is held by its upper corners.
 pub(crate) fn cloth() -> Result<Cloth, Box<dyn Error>> {
     let sheet = square(100, 1.0, 1)?;
-    let handles = Handles::new(&sheet.labels["upper-corners"], 100)?;
+    let handles = Handles::new(sheet.label("upper-corners")?, 100)?;
     Ok(Cloth::of_mesh(&sheet.mesh, 0.2, handles)?)
 }
 

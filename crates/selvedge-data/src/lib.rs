@@ -77,7 +77,7 @@ pub use formats::atomic::{
     WriteError, is_writing, remove_parts, write_atomically, write_beside, write_folder_atomically,
 };
 pub use formats::file_error::{FileError, Problem};
-pub use formats::input::{read_file, read_text};
+pub use formats::input::{ending_of, read_file, read_text};
 pub use formats::mesh_file::read_mesh;
 pub use formats::obj::{parse_obj_with, write_obj};
 pub use formats::polygons::{
@@ -94,8 +94,8 @@ pub use rest_poses::{KeptRestPose, RestPoseFolder};
 pub use rig::{MeshMotion, Rig, RigError, RigNode};
 pub use scene::{
     LoadedScene, MeshSource, MeshSpec, ObjSource, Rotate, SceneSpec, Setting, StartSpec,
-    StrainedEdge, Times, Transform, materials, open_scene, panel_stretches, parse_recorded_csv,
-    parse_scene, read_scene, shipped_scenes, size_warning, worst_edges,
+    StrainedEdge, Times, Transform, materials, open_material, open_scene, panel_stretches,
+    parse_recorded_csv, parse_scene, read_scene, shipped_scenes, size_warning, worst_edges,
 };
 pub use trajectory::file::TRAJECTORY_FORMAT;
 pub use trajectory::frames::Frames;

@@ -132,7 +132,8 @@ pub(crate) fn model(spec: &ModelSpec, size: f64, seed: u64) -> Model {
 }
 
 /// The first GPU; on a machine without one a driver that calculates on the processor, such as
-/// Mesa's lavapipe. None, which is said, where there is neither: its tests then show nothing.
+/// Mesa's lavapipe. None, which is said, where there is neither: its tests then show nothing,
+/// or fail with `SELVEDGE_ALL_TOOLS`.
 pub(crate) fn gpu() -> Option<Arc<Gpu>> {
     static FOUND: OnceLock<Option<Arc<Gpu>>> = OnceLock::new();
     let opened = FOUND.get_or_init(|| match Gpu::open(0) {
@@ -141,6 +142,8 @@ pub(crate) fn gpu() -> Option<Arc<Gpu>> {
         Err(error) => panic!("{error}"),
     });
     if opened.is_none() {
+        let all = std::env::var_os("SELVEDGE_ALL_TOOLS");
+        assert!(all.is_none(), "no driver for a GPU: run .ci/setup first");
         eprintln!("no GPU and no software driver for one (mesa-vulkan-drivers): not tested");
     }
     opened.clone()

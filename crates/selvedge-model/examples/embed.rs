@@ -19,7 +19,7 @@ pub(crate) fn main() -> Result<(), Box<dyn Error>> {
     let model = Arc::new(Model::from_bytes(MODEL)?);
     let sheet = square(150, 1.0, 1)?;
     // The rest pose is the flat square. A pose that sags under gravity is closer to the training.
-    let handles = Handles::new(&sheet.labels["upper-corners"], 150)?;
+    let handles = Handles::new(sheet.label("upper-corners")?, 150)?;
     let cloth = Cloth::of_mesh(&sheet.mesh, 0.15, handles)?;
     let graph = ClothGraph::new(&cloth, Environment::default(), 60.0)?;
     let rest = cloth.rest_positions();

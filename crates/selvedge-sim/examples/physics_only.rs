@@ -56,7 +56,7 @@ fn curtain() -> Result<Scene, Box<dyn Error>> {
         stretch: elastic.stretch_table(),
         bend: elastic.bend_table(),
     };
-    let handles = Handles::new(&sheet.labels["upper-edge"], 144)?;
+    let handles = Handles::new(sheet.label("upper-edge")?, 144)?;
     Ok(Scene {
         motion: Motion::still(2.0),
         ..Scene::of("curtain", sheet.mesh, handles, material)

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use selvedge_data::export::{
-    ExportFormat, ExportOptions, FrameSpan, export, files_beside, planned_bytes,
+    ExportFormat, ExportOptions, FrameSpan, check_free, export, files_beside, planned_bytes,
 };
-use selvedge_data::{Trajectory, UpAxis};
+use selvedge_data::{Trajectory, UpAxis, ending_of};
 
 use crate::cli::FormatName;
 use crate::failure::wrong;
@@ -52,10 +52,10 @@ impl Wish {
     /// # Errors
     /// Wrong usage for a name that says no format; otherwise what is in the way.
     pub(crate) fn new(path: &Path, format: Option<FormatName>) -> anyhow::Result<Self> {
-        let extension = path.extension().and_then(|e| e.to_str());
-        let named = extension.and_then(|e| FormatName::from_str(e, false).ok());
+        let ending = ending_of(path);
+        let named = FormatName::from_str(&ending, false).ok();
         let Some(format) = format.or(named) else {
-            if extension.is_some_and(|e| e.eq_ignore_ascii_case("mdd")) {
+            if ending == "mdd" {
                 return Err(wrong(format!(
                     "{}: .mdd is not written: take .pc2, which the same programs read",
                     path.display()
@@ -67,11 +67,14 @@ impl Wish {
             )));
         };
         let is_cache = format == FormatName::Pc2;
-        if is_cache && extension.is_some_and(|e| e.eq_ignore_ascii_case("obj")) {
+        if is_cache && ending == "obj" {
             return Err(wrong(format!(
                 "{}: a point cache gets its mesh beside it, as .obj of the same name, which would take its place: let the name end in .pc2",
                 path.display()
             )));
+        }
+        if is_cache {
+            check_free(&path.with_extension("obj"))?;
         }
         let is_folder = named != Some(format);
         match is_folder && matches!(format, FormatName::Obj | FormatName::Png) {

@@ -7,7 +7,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
-use selvedge_data::write_atomically;
+use selvedge_data::{ending_of, write_atomically};
 
 use crate::failure::wrong;
 
@@ -17,11 +17,7 @@ use crate::failure::wrong;
 /// # Errors
 /// Wrong usage for another extension; otherwise what is in the way.
 pub(crate) fn check_file(path: &Path, flag: &str, extensions: &[&str]) -> anyhow::Result<()> {
-    let extension = path
-        .extension()
-        .and_then(|e| e.to_str())
-        .unwrap_or_default();
-    if !extensions.contains(&extension) {
+    if !extensions.contains(&ending_of(path).as_str()) {
         let known: Vec<String> = extensions.iter().map(|e| format!(".{e}")).collect();
         let problem = format!(
             "{flag} {}: the name must end in {}",
@@ -40,6 +36,14 @@ pub(crate) fn check_new_file(path: &Path) -> anyhow::Result<()> {
         bail!("{}: this is a folder: name a file in it", path.display());
     }
     Ok(())
+}
+
+/// Says, before the work begins, that a file which was not named takes the place of an earlier one.
+pub(crate) fn tell_of_former(named: Option<&Path>, path: &Path) {
+    if named.is_none() && path.exists() {
+        let path = path.display();
+        tracing::warn!("{path} is replaced at the end: --output names another file");
+    }
 }
 
 /// Checks that the folder `path` can be made with new files in it: the folder above exists, and it

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any, final
+from typing import Any, Literal, TypedDict, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,98 +11,227 @@ _Path = str | os.PathLike[str]
 # Hears task, units done and their number, which may not be known; an answer of False stops.
 _Progress = Callable[[str, int, int | None], bool | None]
 
+_Guard = Literal["none", "limit"]
+_Split = Literal["train", "test"]
+_Weights = Literal["f32", "f16", "bf16"]
+_Shape = Literal[
+    "square",
+    "long",
+    "wide",
+    "triangle",
+    "diamond",
+    "disc",
+    "l-shape",
+    "holed",
+    "random",
+    "rectangle",
+    "tube",
+]
+
+class _Comparison(TypedDict):
+    """None"""
+    frames: int
+    frame_counts: list[int]
+    position_rmse: float
+    position_max: float
+    mean_vertex_error: float
+    edge_length_rmse: float
+    edge_length_mean: float
+    per_frame_rmse: list[float]
+
+class _Trust(TypedDict):
+    """None"""
+    frame: int
+    verdict: str
+    contact: str
+    replaced_by: str
+    largest_strain: float
+    smallest_strain: float
+    strain_rms: float
+    kinetic_energy: float
+    largest_speed: float
+    predicted_strain: float
+    correction_rms: float
+    correction_largest: float
+    physics_failed: bool
+
+class _Training(TypedDict):
+    """None"""
+    steps_done: int
+    steps: int
+    parameters: int
+    is_finished: bool
+    model: os.PathLike[str]
+    log: os.PathLike[str]
+
 __version__: str
 
-class SelvedgeError(Exception): ...
+class SelvedgeError(Exception):
+    """Something that could not be done. The message names the file, field, frame or vertex, and the remedy.
+    """
 
 class FrameError(SelvedgeError):
+    """A frame that could not be reached. `frame` is its number; the stepper is as it was before."""
     frame: int
 
 @final
 class Mesh:
+    """A mesh of triangles with its material coordinates, before anything moves it.
+
+    `Mesh(positions, faces, material=None)` takes positions (n, 3) [m], faces (f, 3), and material
+    coordinates (n, 2) [m]; without these the mesh must be flat in a plane x = constant, where they
+    are (z, y)."""
     def __new__(
         cls, positions: ArrayLike, faces: ArrayLike, material: ArrayLike | None = None
     ) -> Mesh: ...
     @staticmethod
-    def read(path: _Path) -> Mesh: ...
+    def read(path: _Path) -> Mesh:
+        """Reads a mesh from a file (.obj, .glb, .usda)."""
     @staticmethod
     def generate(
-        shape: str = "square",
+        shape: _Shape = "square",
         vertices: int = 400,
         size: float = 1.0,
         seed: int = 1,
         width: float | None = None,
-    ) -> Mesh: ...
+    ) -> Mesh:
+        """An irregular sheet that hangs flat: `shape` is square, long, wide, triangle, diamond, disc,
+        l-shape, holed, random, rectangle or tube; `size` [m] is the side of a square, or the height;
+        `seed` places the inner vertices; `width` [m] is that of a rectangle, or the way around a tube.
+        """
     @property
-    def positions(self) -> NDArray[np.float64]: ...
+    def positions(self) -> NDArray[np.float64]:
+        """Start positions [m], (n, 3), float64; shared, not copied."""
     @property
-    def faces(self) -> NDArray[np.uint32]: ...
+    def faces(self) -> NDArray[np.uint32]:
+        """Faces, (f, 3), uint32."""
     @property
-    def labels(self) -> dict[str, NDArray[np.uint32]]: ...
+    def labels(self) -> dict[str, NDArray[np.uint32]]:
+        """Lists of vertices by their names."""
 
 @final
 class Material:
-    def __new__(cls, name_or_file: str) -> Material: ...
+    """The constants of a fabric.
+
+    `Material(name_or_file)` opens a shipped fabric by its name, or a fabric of a TOML file."""
+    def __new__(cls, name_or_file: _Path) -> Material: ...
     @staticmethod
-    def names() -> list[str]: ...
+    def names() -> list[str]:
+        """Names of the shipped fabrics."""
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """Name."""
     @property
-    def density(self) -> float: ...
-    def to_dict(self) -> dict[str, Any]: ...
+    def density(self) -> float:
+        """Mass per area [kg/m²]."""
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as a dictionary, in SI units."""
 
 @final
 class Scene:
-    def __new__(cls, name_or_file: str = "default") -> Scene: ...
+    """A mesh, its handles, its material, its surroundings and a motion of the handles.
+
+    `Scene(name_or_file)` opens a file (.toml, ARCSim's .json) or a shipped scene by its name."""
+    def __new__(cls, name_or_file: _Path = "default") -> Scene: ...
     @staticmethod
-    def parse(text: str, folder: _Path = "") -> Scene: ...
+    def parse(text: str, folder: _Path = "") -> Scene:
+        """Reads a scene from the TOML text of its file; paths in it are relative to `folder`."""
     @staticmethod
-    def names() -> list[str]: ...
-    def with_material(self, material: Material) -> Scene: ...
-    def with_motion(self, name_or_file: str) -> Scene: ...
-    def with_targets(self, targets: ArrayLike) -> Scene: ...
-    def with_mesh(self, mesh: Mesh, handles: Sequence[int]) -> Scene: ...
+    def names() -> list[str]:
+        """Names of the shipped scenes."""
+    def with_material(self, material: Material) -> Scene:
+        """The same scene of another material."""
+    def with_motion(self, name_or_file: _Path) -> Scene:
+        """The same scene with another motion: a shipped name, a TOML file, or a recorded motion (.csv,
+        .npz)."""
+    def with_targets(self, targets: ArrayLike) -> Scene:
+        """The same scene with handles that move as `targets` (frames, handles, 3) [m]; frame 0 is the
+        start."""
+    def with_mesh(self, mesh: Mesh, handles: Sequence[int]) -> Scene:
+        """The same scene of another mesh, held at the vertices `handles`. Its motion must fit them.
+        """
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """Name."""
     @property
-    def frames(self) -> int: ...
+    def frames(self) -> int:
+        """Frames of the motion, the start included not."""
     @property
-    def frame_rate(self) -> float: ...
+    def frame_rate(self) -> float:
+        """Frames per second."""
     @property
-    def material(self) -> Material: ...
+    def material(self) -> Material:
+        """The material."""
     @property
-    def positions(self) -> NDArray[np.float64]: ...
+    def positions(self) -> NDArray[np.float64]:
+        """Start positions [m], (n, 3), float64; shared, not copied."""
     @property
-    def faces(self) -> NDArray[np.uint32]: ...
+    def faces(self) -> NDArray[np.uint32]:
+        """Faces, (f, 3), uint32."""
     @property
-    def handles(self) -> NDArray[np.uint32]: ...
+    def handles(self) -> NDArray[np.uint32]:
+        """Numbers of the held vertices, (handles,), uint32, in the order of the targets."""
     @property
-    def warnings(self) -> list[str]: ...
-    def targets(self, frame: int, samples: int = 1) -> NDArray[np.float64]: ...
-    def rest_pose(self, progress: _Progress | None = None) -> NDArray[np.float64]: ...
-    def to_dict(self) -> dict[str, Any] | None: ...
+    def warnings(self) -> list[str]:
+        """Warnings of what the file asks for and cannot have."""
+    def targets(self, frame: int, samples: int = 1) -> NDArray[np.float64]:
+        """Targets of the handles by the scene's motion for the step from `frame` on [m], (samples,
+        handles, 3), at equally spaced times of which the last is the end of the frame."""
+    def rest_pose(self, progress: _Progress | None = None) -> NDArray[np.float64]:
+        """The static equilibrium in which the cloth hangs from its handles [m], (n, 3), float64. It is
+        searched for once; `progress(task, done, goal)` hears of every solve."""
+    def to_dict(self) -> dict[str, Any] | None:
+        """The resolved scene as a dictionary, as results carry it; `None` where arrays are in it.
+        """
 
 class Stepper:
+    """A cloth that moves one frame at a time, given targets for its handles. Make one of its kinds:
+    `Simulator`, `LearnedStepper`, `Playback`, `RigidStepper`."""
     def step(
         self, targets: ArrayLike | None = None, released: Sequence[bool] | None = None
-    ) -> NDArray[np.float32]: ...
-    def follow(self, frames: int, progress: _Progress | None = None) -> NDArray[np.float32]: ...
-    def next_targets(self) -> NDArray[np.float64]: ...
+    ) -> NDArray[np.float32]:
+        """Moves the cloth by one frame, its handles to `targets` [m], (handles, 3), at its end; or
+        (samples, handles, 3) at equally spaced times of which the last is its end. Handles in
+        `released`, (handles,) of bool, are let go during this frame. Without targets the handles
+        follow the scene's motion. Returns the new positions [m], (n, 3), float32, in an array of
+        their own.
+
+        Raises `FrameError`; the cloth is then as it was before."""
+    def follow(self, frames: int, progress: _Progress | None = None) -> NDArray[np.float32]:
+        """Follows the scene's motion for `frames` steps and returns all positions [m], (frames + 1, n,
+        3), float32, with those now first. Ctrl-C stops at the frame that was reached.
+        `progress(task, done, goal)` hears of every frame; its answer `False` stops too."""
+    def next_targets(self) -> NDArray[np.float64]:
+        """Targets of the scene's motion for the next step [m], (samples, handles, 3), as `step` takes
+        them."""
     @property
-    def positions(self) -> NDArray[np.float32]: ...
+    def positions(self) -> NDArray[np.float32]:
+        """Positions of the newest frame [m], (n, 3), float32. It is the same array for the whole life
+        of the stepper, and cannot be written; `step` returns a copy."""
     @property
-    def frame(self) -> int: ...
+    def frame(self) -> int:
+        """Frames stepped since the start."""
     @property
-    def frame_rate(self) -> float: ...
+    def frame_rate(self) -> float:
+        """Frames per second."""
     @property
-    def faces(self) -> NDArray[np.uint32]: ...
+    def faces(self) -> NDArray[np.uint32]:
+        """Faces, (f, 3), uint32."""
     @property
-    def handles(self) -> NDArray[np.uint32]: ...
+    def handles(self) -> NDArray[np.uint32]:
+        """Numbers of the held vertices, (handles,), uint32, in the order of the targets."""
     @property
-    def trust(self) -> dict[str, Any] | None: ...
+    def trust(self) -> _Trust | None:
+        """The guard's word on the newest frame as a dictionary; `None` without a guard."""
 
 @final
 class Simulator(Stepper):
+    """The reference physics of a scene: cloth with measured stiffness, gravity, air and contact. The
+    state is float64; `positions` are its float32 copies.
+
+    `Simulator(scene, positions=None, velocities=None)` starts where the scene says (by default in
+    its sagged rest pose, which is searched for), or at positions (n, 3) [m] with velocities (n, 3)
+    [m/s]."""
     def __new__(
         cls,
         scene: Scene,
@@ -110,27 +239,42 @@ class Simulator(Stepper):
         velocities: ArrayLike | None = None,
         progress: _Progress | None = None,
     ) -> Simulator: ...
-    def state_positions(self) -> NDArray[np.float64]: ...
-    def state_velocities(self) -> NDArray[np.float64]: ...
+    def state_positions(self) -> NDArray[np.float64]:
+        """Positions of the state [m], (n, 3), a float64 copy."""
+    def state_velocities(self) -> NDArray[np.float64]:
+        """Velocities of the state [m/s], (n, 3), a float64 copy."""
     @property
-    def kinetic_energy(self) -> float: ...
+    def kinetic_energy(self) -> float:
+        """Kinetic energy [J]."""
 
 @final
 class LearnedStepper(Stepper):
+    """A trained model on the cloth of a scene, from its sagged rest pose.
+
+    `LearnedStepper(scene, model, guard="limit")`; the guard is none or limit."""
     def __new__(
-        cls, scene: Scene, model: Model, guard: str = "limit", progress: _Progress | None = None
+        cls, scene: Scene, model: Model, guard: _Guard = "limit", progress: _Progress | None = None
     ) -> LearnedStepper: ...
 
 @final
 class PlaybackStepper(Stepper):
+    """A recording, played frame by frame. Its targets are ignored but for their number.
+
+    `PlaybackStepper(trajectory)` begins with the first frame."""
     def __new__(cls, trajectory: Trajectory) -> PlaybackStepper: ...
 
 @final
 class RigidStepper(Stepper):
+    """The rest pose, moved rigidly with its handles: the rival that a model must beat.
+
+    `RigidStepper(scene)` starts in the sagged rest pose."""
     def __new__(cls, scene: Scene, progress: _Progress | None = None) -> RigidStepper: ...
 
 @final
 class Trajectory:
+    """A cloth and its positions over time: what simulations, rollouts and data sets are made of.
+
+    `Trajectory(positions, faces, material, handles, frame_rate, ...)` makes one of arrays."""
     def __new__(
         cls,
         positions: ArrayLike,
@@ -145,104 +289,160 @@ class Trajectory:
         rest: ArrayLike | None = None,
     ) -> Trajectory: ...
     @staticmethod
-    def read(path: _Path) -> Trajectory: ...
-    def write(self, path: _Path) -> None: ...
-    def to_bytes(self) -> bytes: ...
+    def read(path: _Path) -> Trajectory:
+        """Reads a trajectory (.safetensors)."""
+    def write(self, path: _Path) -> None:
+        """Writes the trajectory (.safetensors), whole or not at all."""
+    def to_bytes(self) -> bytes:
+        """The bytes of the trajectory's file."""
     @property
-    def positions(self) -> NDArray[np.float32]: ...
+    def positions(self) -> NDArray[np.float32]:
+        """Positions of all frames [m], (frames, n, 3), float32; shared, not copied."""
     @property
-    def rest_positions(self) -> NDArray[np.float32]: ...
+    def rest_positions(self) -> NDArray[np.float32]:
+        """Positions of the cloth at rest [m], (n, 3), float32; shared, not copied."""
     @property
-    def masses(self) -> NDArray[np.float32]: ...
+    def masses(self) -> NDArray[np.float32]:
+        """Mass of each vertex [kg], (n,), float32; shared, not copied."""
     @property
-    def faces(self) -> NDArray[np.uint32]: ...
+    def faces(self) -> NDArray[np.uint32]:
+        """Faces, (f, 3), uint32."""
     @property
-    def edges(self) -> NDArray[np.uint32]: ...
+    def edges(self) -> NDArray[np.uint32]:
+        """Edges, (e, 2), uint32."""
     @property
-    def handles(self) -> NDArray[np.uint32]: ...
+    def handles(self) -> NDArray[np.uint32]:
+        """Numbers of the held vertices, (handles,), uint32."""
     @property
-    def frame_rate(self) -> float: ...
+    def frame_rate(self) -> float:
+        """Frames per second."""
     @property
-    def scene(self) -> dict[str, Any] | None: ...
-    def compare(self, other: Trajectory) -> dict[str, Any]: ...
+    def scene(self) -> dict[str, Any] | None:
+        """The resolved scene that it is from, as a dictionary; `None` where it is not known."""
+    def compare(self, other: Trajectory) -> _Comparison:
+        """The measures of `other` against this trajectory of the same mesh, in SI units."""
     def export(
         self,
         path: _Path,
         frames: str | None = None,
         every: int = 1,
-        up: str = "y",
+        up: Literal["y", "z"] = "y",
         progress: _Progress | None = None,
-    ) -> None: ...
-    def picture(self, frame: int = -1, size: tuple[int, int] = (960, 720)) -> Picture: ...
-    def sheet(self, truth: Trajectory | None = None) -> Picture: ...
-    def strain_sheet(self) -> Picture: ...
+    ) -> None:
+        """Writes the trajectory for other programs, in the format that the name ends in. `frames` is a
+        span such as "20..80", of which `every` n-th frame is taken; `up` is "y" or "z"."""
+    def picture(self, frame: int = -1, size: tuple[int, int] = (960, 720)) -> Picture:
+        """A picture of one frame."""
+    def sheet(self, truth: Trajectory | None = None) -> Picture:
+        """A contact sheet of even moments; beside a `truth` of as many frames, with the error."""
+    def strain_sheet(self) -> Picture:
+        """A contact sheet in the colours of the strain."""
     def clip(
         self, path: _Path, truth: Trajectory | None = None, progress: _Progress | None = None
-    ) -> None: ...
+    ) -> None:
+        """Writes a clip (.gif) in real time, beside a `truth` of as many frames where there is one.
+        """
     def __len__(self) -> int: ...
-    def _repr_png_(self) -> bytes: ...
+    def _repr_png_(self) -> bytes:
+        """None"""
 
 @final
 class Picture:
-    def save(self, path: _Path) -> None: ...
+    """A picture (.png), which a notebook shows inline."""
+    def save(self, path: _Path) -> None:
+        """Writes the picture (.png)."""
     @property
-    def png(self) -> bytes: ...
-    def _repr_png_(self) -> bytes: ...
+    def png(self) -> bytes:
+        """The bytes of the file."""
+    def _repr_png_(self) -> bytes:
+        """None"""
 
 @final
 class Model:
+    """A trained model: a network, its weights and the statistics of its inputs and its output.
+
+    `Model(name_or_file)` opens a model file (.safetensors) or a shipped model by its name, by
+    default "paper"."""
     def __new__(cls, name_or_file: _Path | None = None) -> Model: ...
     @staticmethod
-    def names() -> list[str]: ...
+    def names() -> list[str]:
+        """Names of the shipped models."""
     @staticmethod
     def from_state_dict(
         spec: Mapping[str, Any] | str,
         state: Mapping[str, Any],
         training: str = "",
         name: str = "from a state dict",
-    ) -> Model: ...
-    def state_dict(self) -> dict[str, NDArray[Any]]: ...
-    def write(self, path: _Path, weights: str = "f32") -> None: ...
-    def to_bytes(self, weights: str = "f32") -> bytes: ...
+    ) -> Model:
+        """Makes a model of arrays by their names, as `state_dict` gives them; PyTorch's tensors are
+        taken too. `spec` is a dictionary or its JSON text."""
+    def state_dict(self) -> dict[str, NDArray[Any]]:
+        """The weights (float32) by the names that PyTorch gives the same modules, shared and not
+        copied, and the statistics (float64) as normalizer.nodes.mean and so on."""
+    def write(self, path: _Path, weights: _Weights = "f32") -> None:
+        """Writes the model (.safetensors) with weights in f32, f16 or bf16."""
+    def to_bytes(self, weights: _Weights = "f32") -> bytes:
+        """The bytes of the model's file."""
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """Its file, or the name of the shipped one."""
     @property
-    def spec(self) -> dict[str, Any]: ...
+    def spec(self) -> dict[str, Any]:
+        """The choices that make the network, as a dictionary."""
     @property
-    def training(self) -> str: ...
+    def training(self) -> str:
+        """Account of its training: JSON, or free text."""
     @property
-    def parameters(self) -> int: ...
+    def parameters(self) -> int:
+        """Number of weights."""
 
 @final
 class Rollout:
+    """A model's run, with the guard's word on every frame."""
     @property
-    def trajectory(self) -> Trajectory: ...
+    def trajectory(self) -> Trajectory:
+        """The model's motion."""
     @property
-    def truth(self) -> Trajectory | None: ...
+    def truth(self) -> Trajectory | None:
+        """The physics from the same start, where it was asked for."""
     @property
-    def trust(self) -> dict[str, Any]: ...
+    def trust(self) -> dict[str, Any]:
+        """The guard's word on every frame but the first, as columns."""
     @property
-    def summary(self) -> dict[str, Any]: ...
+    def summary(self) -> dict[str, Any]:
+        """The guard's words summed up."""
     @property
-    def beyond(self) -> list[str] | None: ...
+    def beyond(self) -> list[str] | None:
+        """Parts of the scene that the model was not trained on, in words; `None` where its file does
+        not say."""
     @property
-    def ms_per_frame(self) -> float: ...
+    def ms_per_frame(self) -> float:
+        """Wall time of a frame of the model [ms]."""
     @property
-    def is_complete(self) -> bool: ...
-    def write_trust(self, path: _Path) -> None: ...
-    def comparison(self) -> dict[str, Any] | None: ...
-    def _repr_png_(self) -> bytes: ...
+    def is_complete(self) -> bool:
+        """False where the progress callback asked to stop."""
+    def write_trust(self, path: _Path) -> None:
+        """Writes the guard's words (.csv), as `selvedge run --trust` does."""
+    def comparison(self) -> _Comparison | None:
+        """The measures of the rollout against its truth, in SI units; `None` without one."""
+    def _repr_png_(self) -> bytes:
+        """None"""
 
 @final
 class Dataset:
+    """A folder of trajectories with an index: some to train on, others to test on.
+
+    `Dataset(folder)` opens a complete one."""
     def __new__(cls, folder: _Path) -> Dataset: ...
     @staticmethod
     def generate(
-        preset: str,
+        preset: _Path,
         folder: _Path,
         threads: int | None = None,
         progress: _Progress | None = None,
-    ) -> Dataset: ...
+    ) -> Dataset:
+        """Makes the data set of a `preset` (a shipped name or a TOML file) in `folder`, or goes on
+        with it, as `selvedge data generate` does. After Ctrl-C the same call goes on."""
     @staticmethod
     def write(
         folder: _Path,
@@ -251,39 +451,60 @@ class Dataset:
         test: Sequence[str],
         read: Callable[[str, str], Trajectory],
         config: dict[str, Any] | None = None,
-    ) -> Dataset: ...
+    ) -> Dataset:
+        """Writes a data set in `folder`, or goes on with one of the same `config`: `read(split, name)`
+        gives each trajectory of the names in `train` and `test` when it is wanted."""
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """Name."""
     @property
-    def index(self) -> dict[str, Any]: ...
+    def index(self) -> dict[str, Any]:
+        """The index as a dictionary: the configuration, the files and their hashes, statistics."""
     @property
-    def train(self) -> Split: ...
+    def train(self) -> Split:
+        """Trajectories to train on."""
     @property
-    def test(self) -> Split: ...
+    def test(self) -> Split:
+        """Trajectories to test on."""
     @property
-    def samples(self) -> NDArray[np.uint32]: ...
+    def samples(self) -> NDArray[np.uint32]:
+        """The samples to learn from, (samples, 2), uint32: a trajectory of `train` and its current
+        frame; the frames before and after it are there too."""
 
 @final
 class Split:
+    """The trajectories of one split, read from their files one at a time when they are asked for.
+    """
     @property
-    def motions(self) -> list[str]: ...
+    def motions(self) -> list[str]:
+        """Names of the motions, in order."""
     def __len__(self) -> int: ...
     def __getitem__(self, which: int | str) -> Trajectory: ...
     def __iter__(self) -> Iterator[Trajectory]: ...
 
 @final
 class Evaluation:
+    """The outcome of an evaluation."""
     @property
-    def runs(self) -> list[dict[str, Any]]: ...
+    def runs(self) -> list[dict[str, Any]]:
+        """One run each, as dictionaries; measures are in SI units. Frames of whole runs are summed up.
+        """
     @property
-    def means(self) -> list[dict[str, Any]]: ...
+    def means(self) -> list[dict[str, Any]]:
+        """Means of every method over starts and cases."""
     @property
-    def timings(self) -> list[dict[str, Any]]: ...
+    def timings(self) -> list[dict[str, Any]]:
+        """Times of a frame by mesh and method [ms]."""
     @property
-    def is_complete(self) -> bool: ...
-    def errors_csv(self) -> str: ...
-    def write_errors(self, path: _Path) -> None: ...
-    def write_report(self, folder: _Path) -> list[os.PathLike[str]]: ...
+    def is_complete(self) -> bool:
+        """False where the progress callback asked to stop: then only the runs until that are here.
+        """
+    def errors_csv(self) -> str:
+        """All errors as text (.csv), as `selvedge eval -o` writes them."""
+    def write_errors(self, path: _Path) -> None:
+        """Writes all errors (.csv)."""
+    def write_report(self, folder: _Path) -> list[os.PathLike[str]]:
+        """Writes tables and plots into a folder, as `selvedge eval -o` does."""
 
 def simulate(
     scene: Scene,
@@ -291,44 +512,82 @@ def simulate(
     positions: ArrayLike | None = None,
     velocities: ArrayLike | None = None,
     progress: _Progress | None = None,
-) -> Trajectory: ...
+) -> Trajectory:
+    """Simulates a scene by the reference physics, as `selvedge run` does: from where the scene
+    says, or from `positions` (n, 3) [m] and `velocities` (n, 3) [m/s]. Ctrl-C stops within a
+    substep; an answer `False` of `progress(task, done, goal)` keeps the frames until then.
+
+    # Errors
+    What of the scene or a step went wrong."""
 def rollout(
     scene: Scene,
     model: Model,
     frames: int | None = None,
-    guard: str = "limit",
+    guard: _Guard = "limit",
     truth: bool = False,
     progress: _Progress | None = None,
-) -> Rollout: ...
+) -> Rollout:
+    """Runs a model on a scene from its rest pose, as `selvedge run --model` does, with the `guard` none
+    or limit. `truth=True` also runs the physics. `progress(task, done,
+    goal)` hears of every frame; its answer `False` keeps the frames until then.
+
+    # Errors
+    What of the scene, the model or a step went wrong."""
 def train(
-    config: str,
-    data: Dataset,
-    *,
+    config: _Path,
+    data: Dataset | _Path,
     out: _Path,
+    *,
     steps: int | None = None,
     settings: Mapping[str, Any] | None = None,
     resume: bool = False,
-    start_from: _Path | None = None,
+    start_from: Model | _Path | None = None,
     micro_batch: int = 1,
     seconds: float | None = None,
     checkpoint_every: float = 300.0,
     on_step: Callable[[dict[str, Any]], bool | None] | None = None,
     progress: _Progress | None = None,
-) -> dict[str, Any]: ...
-def training_presets() -> list[str]: ...
+) -> _Training:
+    """Trains a model, or goes on with training, as `selvedge train` does, into the folder `out`.
+
+    `config` is a shipped name or a TOML file, `settings` changes its values by dotted paths.
+    `on_step(report)` hears of every step as a dictionary; its answer `False` ends the training.
+    Ctrl-C ends it too and raises `KeyboardInterrupt` once the checkpoint is written: the same call
+    with `resume=True` goes on. `seconds` limits the time, `checkpoint_every` is the time between
+    checkpoints `[s]`.
+
+    # Errors
+    What of the configuration, the data, the folder or a step went wrong."""
+def training_presets() -> list[str]:
+    """Names of the shipped configurations of trainings."""
 def evaluate(
     models: Mapping[str, Model],
-    data: Sequence[Dataset],
+    data: Sequence[Dataset | _Path],
     *,
-    guards: Sequence[str] = ["limit"],
-    split: str = "test",
+    guards: Sequence[_Guard] = ["limit"],
+    split: _Split = "test",
     motions: Sequence[str] = [],
     horizons: Sequence[int] | None = None,
     starts: int = 8,
-    baselines: Sequence[str] = ["rigid"],
+    baselines: Sequence[Literal["rigid", "mirror"]] = ["rigid"],
     physics: Sequence[int] = [],
     threads: int | None = None,
     progress: _Progress | None = None,
-) -> Evaluation: ...
-def layout(spec: Mapping[str, Any] | str) -> list[tuple[str, list[int]]]: ...
-def columns(spec: Mapping[str, Any] | str) -> tuple[list[str], list[str]]: ...
+) -> Evaluation:
+    """Runs models, physics and baselines along the trajectories of data sets, as `selvedge eval --data`
+    does. `models` are models by their names in tables; `guards` are none or limit;
+    `horizons` are frames after true states and `starts` how many of these there are;
+    `baselines` are rigid and mirror; `physics` are substeps of physics that runs too.
+
+    # Errors
+    What of a model or a data set went wrong. A run that fails is one that says so."""
+def layout(spec: Mapping[str, Any] | str) -> list[tuple[str, list[int]]]:
+    """The layout of the network of a spec: a list of names and shapes.
+
+    # Errors
+    A spec of no network."""
+def columns(spec: Mapping[str, Any] | str) -> tuple[list[str], list[str]]:
+    """The columns of the nodes and of the arcs of a spec, by name, as its network sees them.
+
+    # Errors
+    A spec that is none."""

@@ -8,7 +8,7 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
-from selvedge._native import LearnedStepper, Model, Scene, Simulator
+from selvedge._native import FrameError, LearnedStepper, Model, Scene, Simulator
 
 # Frames of the way to a goal and of the rest there.
 GOAL_FRAMES = 120
@@ -24,7 +24,9 @@ class ReachPose(gymnasium.Env):
     "handles" (handles, 3) [m] and "goal" (n, 3) [m]. Action, (handles, 3) in -1..1: the way of each
     handle in this frame, in parts of `max_speed` / frame rate. Reward: minus the mean distance of
     the vertices from the goal [m]. An episode ends when that is below `tolerance`, and is cut off
-    after `frames` frames.
+    after `frames` frames. It also ends where the handles tear the cloth so that no frame can follow:
+    `info["reason"]` then says why, and the reward is that of all frames left at this distance, so that
+    nobody gains by it.
 
     The cloth moves by the physics, or by `model`, which may be a name. Two environments with the
     same seed go the same way.
@@ -100,8 +102,14 @@ class ReachPose(gymnasium.Env):
         """Moves the handles and the cloth by one frame."""
         action = np.clip(np.asarray(action, np.float64), -1.0, 1.0)
         self._before = self._stepper.positions.copy()
-        self._handles = self._handles + action * self._step_length
-        self._stepper.step(self._handles)
+        handles = self._handles + action * self._step_length
+        try:
+            self._stepper.step(handles)
+        except FrameError as error:
+            info = self._info() | {"reason": str(error)}
+            left = max(1, self.frames - self._stepper.frame)
+            return self._observation(), -left * info["distance"], True, False, info
+        self._handles = handles
         info = self._info()
         distance = info["distance"]
         done = distance < self.tolerance

@@ -1,5 +1,5 @@
-//! `cargo xtask book`: checks the documents, their links by `lychee` where it is installed, and
-//! builds the book under `docs/src` as HTML where `mdbook` is installed.
+//! `cargo xtask book`: checks the documents; with `--build` also all links, by lychee, and the book under
+//! `docs/src`, which mdbook makes HTML of.
 //!
 //! Every page is in the summary, and quoted examples are their files. Commands are parsed by a test
 //! of the program (`documents` in `crates/selvedge`).
@@ -9,7 +9,6 @@ mod quick;
 mod quotes;
 mod summary;
 
-use std::io::ErrorKind;
 use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
@@ -20,7 +19,7 @@ use crate::tree::Tree;
 /// Folder of the book's pages.
 const PAGES: &str = "docs/src/";
 
-/// Checks the book and builds it.
+/// Checks what needs no tool.
 pub(crate) fn check() -> Result<()> {
     let tree = Tree::read(metadata::root())?;
     let mut faults = summary::check(&tree);
@@ -32,6 +31,12 @@ pub(crate) fn check() -> Result<()> {
         bail!("the documents have {} faults", faults.len());
     }
     println!("book: summary and quotes are in order");
+    Ok(())
+}
+
+/// Checks all links, and builds the book.
+pub(crate) fn build() -> Result<()> {
+    let tree = Tree::read(metadata::root())?;
     let mut links = vec!["--offline", "--include-fragments", "--no-progress"];
     let paths = tree.texts.iter().map(|file| file.path.as_str());
     links.extend(paths.filter(|path| path.ends_with(".md")));
@@ -39,18 +44,12 @@ pub(crate) fn check() -> Result<()> {
     with_tool("mdbook", &["build", "docs"])
 }
 
-/// Runs a tool where it is installed, and says so where it is not.
 fn with_tool(name: &str, arguments: &[&str]) -> Result<()> {
     let mut tool = Command::new(name);
-    match tool.args(arguments).current_dir(metadata::root()).status() {
-        Ok(status) if status.success() => Ok(()),
-        Ok(status) => bail!("{name} failed: {status}"),
-        Err(error) if error.kind() == ErrorKind::NotFound => {
-            println!("book: {name} is not installed, and was left out");
-            Ok(())
-        }
-        Err(error) => Err(error).with_context(|| format!("cannot start {name}")),
-    }
+    let status = tool.args(arguments).current_dir(metadata::root()).status();
+    let status = status.with_context(|| format!("cannot start {name}: .ci/setup installs it"))?;
+    ensure!(status.success(), "{name} failed: {status}");
+    Ok(())
 }
 
 /// Writes the quotes and the commands reference anew.
@@ -58,7 +57,7 @@ pub(crate) fn write() -> Result<()> {
     let root = metadata::root();
     quotes::write(root, &Tree::read(root)?)?;
     let mut test = Command::new(env!("CARGO"));
-    test.args("test --quiet -p selvedge --bin selvedge the_book_has".split(' '));
+    test.args("test --locked --quiet -p selvedge --bin selvedge the_book_has".split(' '));
     let test = test.env("SELVEDGE_WRITE", "1").current_dir(root).status()?;
     ensure!(
         test.success(),

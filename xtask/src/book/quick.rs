@@ -22,7 +22,7 @@ const BESIDE: [&str; 2] = ["assets", "docs"];
 /// Builds the program and runs the quick commands of all pages with it.
 pub(super) fn run(root: &Path, tree: &Tree) -> Result<()> {
     let mut build = Command::new(env!("CARGO"));
-    build.args(["build", "--quiet", "--package", "selvedge"]);
+    build.args(["build", "--locked", "--quiet", "--package", "selvedge"]);
     if !build.current_dir(root).status()?.success() {
         bail!("the program could not be built");
     }

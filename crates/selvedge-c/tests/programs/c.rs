@@ -56,10 +56,9 @@ fn mistakes_of_a_c_program_are_codes_also_under_the_address_sanitizer_and_valgri
         Ok(watched) => {
             desk.run(Command::new(watched).arg("small.toml"));
         }
-        Err(why) => eprintln!("skipped: cc has no address sanitizer here: {why}"),
+        Err(why) => common::left_out(&format!("cc has no address sanitizer here: {why}")),
     }
-    if Command::new("valgrind").arg("--version").output().is_err() {
-        eprintln!("skipped: valgrind is not here");
+    if common::is_absent("valgrind") {
         return;
     }
     let mut valgrind = Command::new("valgrind");

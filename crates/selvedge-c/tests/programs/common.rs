@@ -36,6 +36,22 @@ pub(crate) fn declared(header: &str) -> Vec<&str> {
     names
 }
 
+/// Whether a tool is not here, which a test then says and stops; with `SELVEDGE_ALL_TOOLS` it fails.
+pub(crate) fn is_absent(tool: &str) -> bool {
+    let is_absent = Command::new(tool).arg("--version").output().is_err();
+    if is_absent {
+        left_out(&format!("{tool} is not here"));
+    }
+    is_absent
+}
+
+/// Says why a check is left out, or fails where nothing may be.
+pub(crate) fn left_out(why: &str) {
+    let all = std::env::var_os("SELVEDGE_ALL_TOOLS");
+    assert!(all.is_none(), "{why}: run .ci/setup first");
+    eprintln!("left out: {why}");
+}
+
 /// A folder that is gone after the test.
 pub(crate) struct Desk {
     folder: TempDir,

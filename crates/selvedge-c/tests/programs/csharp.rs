@@ -3,17 +3,14 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::common::{Desk, HEADER, SMALL, declared};
+use crate::common::{Desk, HEADER, SMALL, declared, is_absent};
 
 const PACKAGE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/unity");
 
 /// The program for the console, compiled; none where Mono is not here.
 fn compiled(desk: &Desk) -> Option<PathBuf> {
-    for name in ["mcs", "mono"] {
-        if Command::new(name).arg("--version").output().is_err() {
-            eprintln!("skipped: {name} is not here (Debian: mono-mcs mono-runtime)");
-            return None;
-        }
+    if ["mcs", "mono"].into_iter().any(is_absent) {
+        return None;
     }
     desk.write("small.toml", SMALL);
     let program = desk.path("program.exe");

@@ -19,7 +19,7 @@ use self::outline::{FlatSheet, sheet_from_outline};
 pub use self::shapes::Shape;
 use self::shapes::{Cut, Label};
 use crate::Mesh;
-use crate::error::{SceneError, require_positive};
+use crate::error::{SceneError, must, require_positive};
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -101,6 +101,31 @@ pub struct Sheet {
     pub mesh: Mesh,
     /// Lists of vertices by what they are called.
     pub labels: BTreeMap<String, Vec<u32>>,
+}
+
+impl Sheet {
+    /// The list of vertices of this name.
+    ///
+    /// # Errors
+    /// [`SceneError`] names the lists that there are.
+    ///
+    /// ```
+    /// let sheet = selvedge_cloth::generate::square(16, 1.0, 1)?;
+    /// let error = sheet.label("left-edge").unwrap_err().to_string();
+    /// assert!(error.contains("left-edge") && error.contains("upper-edge"), "{error}");
+    /// # Ok::<(), selvedge_cloth::SceneError>(())
+    /// ```
+    pub fn label(&self, name: &str) -> Result<&[u32], SceneError> {
+        let known = || self.labels.keys().cloned().collect::<Vec<_>>().join(", ");
+        let found = self.labels.get(name).map(Vec::as_slice);
+        found.ok_or_else(|| {
+            must(
+                "the label",
+                &format!("one of {}", known()),
+                format!("{name:?}"),
+            )
+        })
+    }
 }
 
 /// A square sheet of exactly so many `vertices`, at least 4, and of sides of `size` `[m]`; `seed`

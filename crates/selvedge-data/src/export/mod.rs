@@ -34,7 +34,8 @@ pub use self::take::files_beside;
 /// false where it did: nothing is then written.
 ///
 /// # Errors
-/// [`Problem`] says what cannot be written, and why; nothing is then written.
+/// [`Problem`] says what cannot be written, and why; nothing is then written. What stands in the place
+/// of a [file beside](files_beside) `path` is never overwritten.
 pub fn export(
     trajectory: &Trajectory,
     path: &Path,
@@ -51,6 +52,9 @@ pub fn export(
         }
     };
     let take = Take::new(trajectory, options, &beat)?;
+    for beside in files_beside(trajectory, options.format, path) {
+        check_free(&beside)?;
+    }
     let written = match options.format {
         format @ (ExportFormat::Usda | ExportFormat::Usdc | ExportFormat::Usdz) => {
             usd::write(&take, path, format)
@@ -65,6 +69,20 @@ pub fn export(
     match written {
         Err(_) if is_stopped.get() => Ok(false),
         written => written.map(|()| true),
+    }
+}
+
+/// Checks that nothing is at `path`, which is written beside a file that was named.
+///
+/// # Errors
+/// [`Problem`] names the file that would be overwritten.
+pub fn check_free(path: &Path) -> Result<(), Problem> {
+    match path.exists() {
+        false => Ok(()),
+        true => Err(Problem(format!(
+            "{}: there is such a file already, and one of this name is written beside the one that was named: move it away, or choose another name",
+            path.display()
+        ))),
     }
 }
 

@@ -84,7 +84,7 @@ impl ExportOptions {
         }
     }
 
-    /// The usual options of the format whose files end in `.ending`; none for an ending of none.
+    /// The usual options of the format whose files end in `.ending`, in small or capital letters; none for an ending of none.
     #[must_use]
     pub fn of_ending(ending: &str) -> Option<Self> {
         use ExportFormat::{Abc, Glb, Npz, Obj, Pc2, Usda, Usdc, Usdz};
@@ -98,7 +98,9 @@ impl ExportOptions {
             ("abc", Abc),
             ("npz", Npz),
         ];
-        let found = formats.iter().find(|(name, _)| *name == ending);
+        let found = formats
+            .iter()
+            .find(|(name, _)| name.eq_ignore_ascii_case(ending));
         found.map(|(_, format)| Self::usual(*format))
     }
 }

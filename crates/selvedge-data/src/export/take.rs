@@ -242,15 +242,16 @@ fn obstacles_of(trajectory: &Trajectory) -> Vec<(String, &ObstacleTrack)> {
         let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
         let mut name: String = track.name().chars().map(plain).collect();
         // USD's names begin with a letter; "sheet" and "handle_0" are the cloth's, "materials"
-        // a scope of USD's, and "x_mesh" the mesh of x in Alembic.
+        // a scope of USD's, "x_mesh" the mesh of x in Alembic, and "x_faces" the faces of x in .npz.
         if !name.starts_with(|c: char| c.is_ascii_alphabetic()) {
             name.insert_str(0, "obstacle_");
         }
         let is_taken = |name: &str| {
             let own = ["sheet", "cloth", "materials"].contains(&name)
                 || name.starts_with("handle_")
-                || name.ends_with("_mesh");
-            own || taken.iter().any(|other| other.0 == name)
+                || ["_mesh", "_faces"].iter().any(|end| name.ends_with(end));
+            // Some systems do not tell small from capital letters in names of files.
+            own || taken.iter().any(|other| other.0.eq_ignore_ascii_case(name))
         };
         if is_taken(&name) {
             let numbered = (1..).map(|k| format!("obstacle_{name}_{k}"));

@@ -8,7 +8,7 @@
 //! that is asked for, linearly between those of the file.
 
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::{DVec2, DVec3};
 
@@ -16,7 +16,7 @@ use super::parts::{TrajectoryParts, Weight, hanging};
 use super::{HandleSource, ImportOptions, RestSource};
 use crate::UpAxis;
 use crate::formats::file_error::{FileError, Problem};
-use crate::formats::input::read_file;
+use crate::formats::input::{ending_of, read_file};
 use crate::formats::obj::parse_obj_polygons;
 use crate::formats::polygons::{MeshOptions, Polygons, assemble, triangles_in_space};
 use crate::obstacle::{moving_points, rig_frames};
@@ -32,15 +32,17 @@ const SAME: f64 = 1e-6;
 /// nodes turn by numbers in single precision, too.
 const ROUNDINGS: f64 = 16.0;
 
-fn ending_of(path: &Path) -> &str {
-    let ending = path.extension().and_then(|ending| ending.to_str());
-    ending.unwrap_or_default()
-}
-
 /// True for a file that is a cache.
 pub(super) fn is_cache(path: &Path) -> bool {
     let ending = ending_of(path);
-    RigFormat::of(ending).is_some() || ["pc2", "npz"].contains(&ending)
+    RigFormat::of(&ending).is_some() || ["pc2", "npz"].contains(&ending.as_str())
+}
+
+/// The mesh of a cache, in the file of its name.
+fn mesh_beside(path: &Path) -> PathBuf {
+    let names = ["obj", "OBJ"].map(|ending| path.with_extension(ending));
+    let found = names.iter().find(|path| path.exists());
+    found.unwrap_or(&names[0]).clone()
 }
 
 fn read_obj(path: &Path) -> Result<Polygons, FileError<Problem>> {
@@ -60,7 +62,7 @@ impl Cache {
     fn read(path: &Path, frame_rate: f64) -> Result<Self, FileError<Problem>> {
         let wrong = |problem: String| FileError::new(path, problem);
         let bytes = read_file(path).map_err(FileError::unread(path))?;
-        if let Some(format) = RigFormat::of(ending_of(path)) {
+        if let Some(format) = RigFormat::of(&ending_of(path)) {
             let rig = Rig::parse(&bytes, format, Wanted::Motion(None));
             let rig = rig.map_err(|error| FileError::new(path, error))?;
             let mesh = rig
@@ -70,7 +72,7 @@ impl Cache {
             let rig = Some(rig);
             return Ok(Self { mesh, frames, rig });
         }
-        let mesh = read_obj(&path.with_extension("obj"))?;
+        let mesh = read_obj(&mesh_beside(path))?;
         let name = path.to_string_lossy();
         let points = moving_points(&name, &bytes, None, 0.0, frame_rate);
         let (rate, frames) = points.map_err(wrong)?;

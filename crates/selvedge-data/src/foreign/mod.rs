@@ -19,7 +19,7 @@ use crate::dataset::Split;
 use crate::dataset::plan::DatasetPlan;
 use crate::dataset::sections::SectionRule;
 use crate::formats::file_error::{FileError, Problem};
-use crate::formats::input::{hash, read_file};
+use crate::formats::input::{ending_of, hash, read_file};
 use crate::trajectory::Trajectory;
 
 pub use self::parts::{TrajectoryParts, Weight};
@@ -251,7 +251,7 @@ fn runs_of(
 ) -> Result<Vec<ForeignRun>, FileError<Problem>> {
     let mut runs = Vec::new();
     for path in entries_in(folder)? {
-        if path.extension().is_some_and(|ending| ending == "obj") {
+        if ending_of(&path) == "obj" {
             continue;
         }
         if path.is_dir() || !is_cache(&path) {

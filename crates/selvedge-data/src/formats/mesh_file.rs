@@ -6,7 +6,7 @@ use super::obj::parse_obj_polygons;
 use super::polygons::{MeshFileError, MeshOptions, ReadMesh, ReadMeshError, Sewing, assemble, sew};
 use crate::formats::extent::{COINCIDENT, extent};
 use crate::formats::file_error::FileError;
-use crate::formats::input::read_file;
+use crate::formats::input::{ending_of, read_file};
 use crate::rig::{Rig, RigError, RigFormat, Wanted};
 
 /// Reads a mesh from a file (.obj, .glb, USD), as `options` say.
@@ -27,9 +27,9 @@ pub(crate) fn parse_mesh_bytes(
     mut options: MeshOptions,
     sewing: &Sewing,
 ) -> Result<ReadMesh, MeshFileError> {
-    let extension = path.extension().and_then(|e| e.to_str());
-    let format = extension.and_then(RigFormat::of);
-    let mut polygons = match (extension, format) {
+    let ending = ending_of(path);
+    let format = RigFormat::of(&ending);
+    let mut polygons = match (ending.as_str(), format) {
         (_, Some(format)) => {
             let rig = Rig::parse(bytes, format, Wanted::Meshes);
             rig.and_then(|rig| rig.polygons())
@@ -38,8 +38,8 @@ pub(crate) fn parse_mesh_bytes(
                     other => MeshFileError::content(other),
                 })?
         }
-        (Some("obj") | None, None) => parse_obj_polygons(bytes)?,
-        (Some(_), None) => {
+        ("obj" | "", None) => parse_obj_polygons(bytes)?,
+        (_, None) => {
             let known =
                 "is no kind of mesh that can be read: .obj, .glb, .usda, .usdc, .usdz or .usd";
             return Err(MeshFileError::content(known));

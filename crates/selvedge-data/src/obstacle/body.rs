@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use super::read;
 use crate::formats::file_error::Problem;
-use crate::formats::input::hash;
+use crate::formats::input::{ending_of, hash};
 
 /// Extent of simple bodies `[m]`.
 const SIZES: std::ops::RangeInclusive<f64> = 1e-4..=1e5;
@@ -135,7 +135,7 @@ impl BodySpec {
 
     /// Returns true where the file's format splits points along seams.
     pub(super) fn is_split(&self) -> bool {
-        matches!(self, Self::Mesh { path, .. } if !path.ends_with(".obj"))
+        matches!(self, Self::Mesh { path, .. } if ending_of(Path::new(path)) != "obj")
     }
 
     /// Makes the body, which `is_still` or moves as the scene says; what of its file is left out is

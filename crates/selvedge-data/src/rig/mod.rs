@@ -17,7 +17,7 @@ use glam::DMat4;
 
 use self::mesh::RigMesh;
 use crate::formats::file_error::FileError;
-use crate::formats::input::read_file;
+use crate::formats::input::{ending_of, read_file};
 
 pub use self::body::MeshMotion;
 pub(crate) use self::mesh::points_at;
@@ -85,8 +85,7 @@ impl Rig {
         path: &Path,
         read: impl Fn(&[u8], RigFormat) -> Result<T, RigError>,
     ) -> Result<T, FileError<RigError>> {
-        let extension = path.extension().and_then(|e| e.to_str());
-        let format = extension.and_then(RigFormat::of).ok_or_else(|| {
+        let format = RigFormat::of(&ending_of(path)).ok_or_else(|| {
             let known = "the name must end in .glb, .usda, .usdc, .usdz or .usd";
             RigError::Content(known.to_owned())
         });

@@ -10,6 +10,7 @@ use super::problem::{field, parse_toml, read_text, unknown};
 use super::setting_file::{ResolvedSetting, SettingFile, usual_contact};
 use super::spec::{SceneSpec, Setting, StartFile};
 use crate::formats::file_error::{FileError, Problem};
+use crate::formats::input::ending_of;
 use selvedge_assets::SCENES;
 use selvedge_cloth::Mesh;
 use std::path::{Path, PathBuf};
@@ -27,11 +28,8 @@ pub fn shipped_scenes() -> &'static [(&'static str, &'static str)] {
 /// [`FileError`] names the scene, the field and what is wrong.
 pub fn open_scene(path_or_name: &str) -> Result<LoadedScene, FileError<Problem>> {
     let path = Path::new(path_or_name);
-    let extension = path.extension().map(|e| e.to_ascii_lowercase());
-    let has_ending = |of: &[&str]| {
-        let extension = extension.as_ref();
-        extension.is_some_and(|e| of.iter().any(|ending| e == *ending))
-    };
+    let ending = ending_of(path);
+    let has_ending = |of: &[&str]| of.contains(&ending.as_str());
     match SCENES.iter().find(|scene| scene.0 == path_or_name) {
         Some((_, text)) => parse_scene(text, Path::new(""), path_or_name),
         None if path.exists() && has_ending(&MESHES) => hung(path),
@@ -105,7 +103,7 @@ fn hung(path: &Path) -> Result<LoadedScene, FileError<Problem>> {
 pub fn read_scene(path: &Path) -> Result<LoadedScene, FileError<Problem>> {
     let folder = path.parent().map_or_else(PathBuf::new, Path::to_owned);
     let loaded = read_text(path).and_then(|text| {
-        if path.extension().is_none_or(|e| e != "json") {
+        if ending_of(path) != "json" {
             return resolve(&text, &folder);
         }
         let name = path.file_stem().unwrap_or_default().to_string_lossy();

@@ -10,6 +10,7 @@ use super::motion_source::{MotionSource, Stand};
 use super::spec::{SceneSpec, StartSpec};
 use super::strained;
 use crate::formats::file_error::{FileError, Problem};
+use crate::formats::input::ending_of;
 use crate::formats::polygons::ReadMesh;
 use crate::trajectory::state_file::SavedState;
 
@@ -74,6 +75,21 @@ impl LoadedScene {
         })
     }
 
+    /// The scene that was resolved to `spec`; the files that this names are relative to `folder`.
+    ///
+    /// # Errors
+    /// [`Problem`] names the part that cannot be used, and a file that is another one by now.
+    pub fn of_spec(spec: SceneSpec, folder: &Path) -> Result<Self, Problem> {
+        let read = spec.setting.mesh.read(folder)?;
+        let vertices = read.sheet.mesh.topology().vertex_count();
+        let state = match &spec.start {
+            StartSpec::State(kept) => Some(kept.read(folder, vertices)?),
+            _ => None,
+        };
+        let remedy = spec.setting.mesh.remedy();
+        Self::of(spec, read, state, Vec::new(), folder, &remedy)
+    }
+
     /// The same scene of another material: the name of a shipped one, or a TOML file relative to
     /// the current folder.
     ///
@@ -97,10 +113,9 @@ impl LoadedScene {
     pub fn of_motion(self, name_or_file: &str) -> Result<Self, FileError<Problem>> {
         self.changed(|loaded| {
             let path = PathBuf::from(name_or_file);
-            let ending = path.extension().and_then(|ending| ending.to_str());
-            let source = match ending {
-                Some("toml") => MotionSource::File(path),
-                Some("csv" | "npz") => MotionSource::Recorded(path),
+            let source = match ending_of(&path).as_str() {
+                "toml" => MotionSource::File(path),
+                "csv" | "npz" => MotionSource::Recorded(path),
                 _ => MotionSource::Named(name_or_file.to_owned()),
             };
             let groups = Vec::new();

@@ -11,6 +11,7 @@ use serde::{Deserialize, Deserializer};
 
 use super::problem::{field, parse_toml, read_text};
 use crate::formats::file_error::Problem;
+use crate::formats::input::ending_of;
 
 /// One way to say what the cloth is made of.
 #[derive(Clone, Debug, PartialEq)]
@@ -94,6 +95,20 @@ pub fn materials() -> &'static [(&'static str, &'static str)] {
     MATERIALS
 }
 
+/// A fabric: a shipped one by its name, or one of a TOML file, relative to the current folder.
+///
+/// ```
+/// let denim = selvedge_data::open_material("11oz-black-denim")?;
+/// assert!(denim.density > 0.3);
+/// # Ok::<(), selvedge_data::Problem>(())
+/// ```
+///
+/// # Errors
+/// [`Problem`] names the file and the field, or the fabrics that there are.
+pub fn open_material(name_or_file: &str) -> Result<Material, Problem> {
+    named(name_or_file, Path::new(""), &mut Vec::new()).map_err(Problem)
+}
+
 fn material_text(name: &str) -> Option<&'static str> {
     MATERIALS.iter().find(|entry| entry.0 == name).map(|e| e.1)
 }
@@ -108,7 +123,7 @@ fn named(name_or_path: &str, folder: &Path, chain: &mut Vec<PathBuf>) -> Result<
     if let Some(text) = material_text(name_or_path) {
         return parse_toml(text).map_err(|problem| problem.to_string());
     }
-    if !name_or_path.ends_with(".toml") {
+    if ending_of(Path::new(name_or_path)) != "toml" {
         let known: Vec<&str> = MATERIALS.iter().map(|entry| entry.0).collect();
         let known = known.join(", ");
         return Err(format!(

@@ -19,7 +19,7 @@ pub use file::{open_scene, parse_scene, read_scene, shipped_scenes};
 pub(crate) use handle_selection::HandleSelection;
 pub use loaded::LoadedScene;
 pub(crate) use material_source::MaterialSource;
-pub use material_source::materials;
+pub use material_source::{materials, open_material};
 pub use mesh_spec::{MeshSource, MeshSpec, ObjSource, Rotate, Transform, size_warning};
 pub(crate) use motion_source::{MotionSource, Stand};
 pub(crate) use problem::{field, not_understood, parse_toml, read_text, unknown};

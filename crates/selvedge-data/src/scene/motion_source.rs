@@ -13,7 +13,7 @@ use super::problem::{field, parse_toml, read_text};
 use super::recorded_csv::parse_recorded_csv;
 use super::spec::Setting;
 use crate::formats::file_error::{FileError, Problem};
-use crate::formats::input::read_file;
+use crate::formats::input::{ending_of, read_file};
 use crate::formats::npz::NpzPoints;
 use crate::rig::Rig;
 
@@ -120,10 +120,7 @@ impl RigMotion {
 /// the archive has `handles`, as in an export, these vertices of `[frames, vertices, 3]` are taken;
 /// a rate in it must be that of the scene.
 fn read_recorded(path: &Path, frame_rate: f64) -> Result<RecordedMotion, Problem> {
-    if path
-        .extension()
-        .is_some_and(|e| e.eq_ignore_ascii_case("npz"))
-    {
+    if ending_of(path) == "npz" {
         let unread = |error| Problem(format!("could not be read: {error}"));
         let read = NpzPoints::read(&read_file(path).map_err(unread)?)?;
         if let Some(found) = read.frame_rate.filter(|&found| found != frame_rate) {

@@ -28,6 +28,25 @@ fn two_groups_share_vertices_and_keep_the_numbers_of_the_file() {
     assert_eq!(sheet.labels["cloth"], [0, 1, 2, 3]);
 }
 
+/// Only statements go on in the next line; a comment with a folder of Windows in it does not.
+#[test]
+fn a_comment_ends_with_its_line_whatever_it_ends_in() {
+    let plain = parse_obj(&format!("{QUAD}f 1 2 3 4\n")).unwrap();
+    let text = format!("# from C:\\shirts\\\n{QUAD}f 1 2 \\\n 3 \\ \n 4 # all \\\n");
+    assert_eq!(parse_obj(&text).unwrap().mesh, plain.mesh);
+}
+
+/// Readers take a name in capitals as in small letters.
+#[test]
+fn endings_may_be_capitals() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("QUAD.OBJ");
+    std::fs::write(&path, format!("{QUAD}f 1 2 3 4\n")).unwrap();
+    let read = read_mesh(&path, MeshOptions::default()).unwrap();
+    assert_eq!(read.sheet.mesh.topology().faces().len(), 2);
+    assert!(selvedge_data::open_scene(&path.to_string_lossy()).is_ok());
+}
+
 #[test]
 fn a_flat_sheet_without_texture_gets_isometric_coordinates() {
     // In the plane x = 3, facing -x as a generated sheet: u along z, v up.

@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use clap::builder::BoolishValueParser;
 use clap::{Args, ValueEnum};
 use selvedge_data::UpAxis;
 use selvedge_data::export::FrameSpan;
@@ -51,12 +50,12 @@ pub(crate) struct ExportArgs {
     up: UpName,
     /// A normal for each vertex and frame [default: yes for .glb, no for all others, whose readers
     /// make their own].
-    #[arg(long, value_name = "YES|NO", num_args = 0..=1, default_missing_value = "yes", value_parser = BoolishValueParser::new())]
-    normals: Option<bool>,
+    #[arg(long, value_enum, value_name = "YES|NO")]
+    normals: Option<YesNo>,
     /// A velocity for each vertex and frame, in m/s, for motion blur [default: yes for .abc,
     /// .usdc and .usdz, no for .usda; all others have none].
-    #[arg(long, value_name = "YES|NO", num_args = 0..=1, default_missing_value = "yes", value_parser = BoolishValueParser::new())]
-    velocities: Option<bool>,
+    #[arg(long, value_enum, value_name = "YES|NO")]
+    velocities: Option<YesNo>,
     /// Width and height of a picture in pixels, as 1280x720 [default: 960x720; of a clip 320x320].
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<[u32; 2]>,
@@ -124,6 +123,15 @@ pub(crate) enum FormatName {
     Mp4,
 }
 
+/// An answer to an option that asks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum YesNo {
+    /// With it.
+    Yes,
+    /// Without it.
+    No,
+}
+
 /// An axis that points up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum UpName {
@@ -156,8 +164,8 @@ impl ExportArgs {
                 ..self.frames.unwrap_or_default()
             },
             up: self.up.axis(),
-            normals: self.normals,
-            velocities: self.velocities,
+            normals: self.normals.map(|answer| answer == YesNo::Yes),
+            velocities: self.velocities.map(|answer| answer == YesNo::Yes),
             look: Look {
                 size: self.size,
                 view: self.camera.unwrap_or_default(),

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use clap::Args;
-use selvedge_data::StartSpec;
+use selvedge_data::{StartSpec, ending_of};
 
 use super::{DeviceArgs, GuardName, MOST_FRAMES};
 
@@ -41,7 +41,7 @@ pub(crate) struct RunArgs {
     /// The trajectory to write (.safetensors; with --rest also .obj), or with --model the folder
     /// [default: run.safetensors, or out].
     #[arg(short, long, value_name = "FILE|FOLDER")]
-    output: Option<PathBuf>,
+    pub(crate) output: Option<PathBuf>,
     /// Number of frames [default: as long as the scene's motion].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=MOST_FRAMES))]
     pub(crate) frames: Option<u32>,
@@ -130,10 +130,7 @@ impl FromStr for StartChoice {
             Some((file, frame)) if frame.parse::<usize>().is_ok() => (file, frame.parse().ok()),
             _ => (text, None),
         };
-        let is_state = [".safetensors", ".npz"]
-            .iter()
-            .any(|end| file.ends_with(end));
-        match is_state {
+        match matches!(ending_of(Path::new(file)).as_str(), "safetensors" | "npz") {
             true => Ok(Self::State(file.into(), frame)),
             false => Err(
                 "expected rest, mesh, untangle, fit, or a state (.safetensors, .npz), as states.safetensors:60"
@@ -154,6 +151,7 @@ mod tests {
         let state = |frame| Ok(StartChoice::State("a/s.npz".into(), frame));
         assert_eq!(of("a/s.npz"), state(None));
         assert_eq!(of("a/s.npz:60"), state(Some(60)));
+        assert!(of("a/S.NPZ:60").is_ok());
         assert!(
             of("flat")
                 .unwrap_err()

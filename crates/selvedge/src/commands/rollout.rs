@@ -12,6 +12,7 @@ use std::sync::Arc;
 
 use anyhow::Context;
 use selvedge_cloth::Stepper;
+use selvedge_data::export::check_free;
 use selvedge_data::{LoadedScene, SavedState, Trajectory, write_atomically};
 use selvedge_guard::Trust;
 use selvedge_lab::domain::{self, Beyond};
@@ -60,6 +61,7 @@ struct Setup {
 /// Runs a model on a scene.
 pub(crate) fn run(args: &RunArgs, model: &Path) -> anyhow::Result<Answer> {
     let _claimed = folder::claim_folder(args.folder(), FolderKind::Rollout)?;
+    check_foreign(args.folder())?;
     let wishes = exporting::wishes(&args.export)?;
     if let Some(trust) = &args.trust {
         place::check_file(trust, "--trust", &["csv"])?;
@@ -173,6 +175,16 @@ fn rigid_rmse(setup: &Setup, truth: &Trajectory) -> anyhow::Result<f64> {
     let run = physics::drive(&mut rigid, &path, frames, &mut |_| interrupt::flow())?;
     let rigid = timed(setup, run)?.trajectory;
     Ok(compare(truth, &rigid)?.position_rmse)
+}
+
+/// Checks that a folder without a rollout has no files of the names that one has: they are others.
+fn check_foreign(folder: &Path) -> anyhow::Result<()> {
+    if FolderKind::of(folder) != Some(FolderKind::Rollout) {
+        for name in FILES {
+            check_free(&folder.join(name))?;
+        }
+    }
+    Ok(())
 }
 
 /// Removes the files of an earlier rollout from the folder and returns those that were there.

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use glam::{DVec2, DVec3};
 use selvedge_cloth::Scene;
-use selvedge_data::{LoadedScene, write_obj};
+use selvedge_data::{LoadedScene, ending_of, write_obj};
 use selvedge_lab::physics;
 use serde_json::json;
 
@@ -15,6 +15,7 @@ use crate::{place, progress, scenes};
 /// Finds the rest pose and writes it.
 pub(crate) fn run(args: &RunArgs) -> anyhow::Result<Answer> {
     place::check_file(args.file(), "--output", &["safetensors", "obj"])?;
+    place::tell_of_former(args.output.as_deref(), args.file());
     let loaded = scenes::open(&args.scene)?;
     place::check_outputs(&[("--output", args.file())], &scenes::inputs(&loaded))?;
     let scene = &loaded.scene;
@@ -55,7 +56,7 @@ fn write(out: &Path, loaded: &LoadedScene, rest: &[DVec3]) -> anyhow::Result<f64
     let scene = &loaded.scene;
     let frame = physics::rounded(rest);
     let trajectory = physics::trajectory(0, &loaded.spec, scene, rest, frame)?;
-    if out.extension().is_some_and(|e| e == "obj") {
+    if ending_of(out) == "obj" {
         let cloth = trajectory.cloth();
         write_obj(out, cloth, cloth.rest_positions())?;
     } else {

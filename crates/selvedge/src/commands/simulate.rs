@@ -156,6 +156,7 @@ fn warn_of_falls(scene: &Scene, substeps: Option<SubstepCounts>) {
 /// Checks that the files that are asked for can be made.
 fn check_files(args: &RunArgs) -> anyhow::Result<()> {
     place::check_file(args.file(), "--output", &["safetensors"])?;
+    place::tell_of_former(args.output.as_deref(), args.file());
     if let Some(states) = &args.states {
         place::check_file(states, "--states", &["safetensors"])?;
     }

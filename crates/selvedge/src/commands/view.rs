@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::Context;
-use selvedge_data::Trajectory;
+use selvedge_data::{Trajectory, ending_of};
 use selvedge_live::{
     Mover, NamedTrack, Opening, RunningServer, ServerSettings, Tape, serve, start,
 };
@@ -96,10 +96,7 @@ fn open_browser(address: &str) -> bool {
 
 /// The recordings to play, if it is recordings.
 fn tape(args: &ViewArgs) -> anyhow::Result<Option<Tape>> {
-    let is_recording = Path::new(&args.subject)
-        .extension()
-        .is_some_and(|extension| extension == "safetensors");
-    if !is_recording {
+    if ending_of(Path::new(&args.subject)) != "safetensors" {
         return match args.beside {
             Some(_) => Err(wrong("--beside needs a trajectory to stand beside")),
             None => Ok(None),

@@ -126,8 +126,6 @@ fn no_output_takes_the_place_of_what_is_read() {
     desk.write("out/rollout.safetensors", "a model");
     for call in [
         "run --rest scene.toml -o sheet.obj",
-        // A point cache has its mesh beside it, as .obj.
-        "run scene.toml -o x.safetensors --export sheet.pc2",
         "run on.toml -o states.safetensors",
         "run hands.toml -o x.safetensors --export ./hands.npz",
         "run --model paper --compare hands.toml --export hands.npz",
@@ -140,6 +138,10 @@ fn no_output_takes_the_place_of_what_is_read() {
     ] {
         desk.refuses(&format!("2 | {call} | the same file | a name of its own"));
     }
+    // A point cache has its mesh beside it, as .obj.
+    desk.refuses(
+        "1 | run scene.toml -o x.safetensors --export sheet.pc2 | sheet.obj | move it away",
+    );
     // What is read twice is no reason to refuse.
     desk.json("run on.toml -o x.safetensors --start states.safetensors:2");
 }

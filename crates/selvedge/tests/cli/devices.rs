@@ -1,6 +1,6 @@
 //! Where models run: what is said where there is no GPU, and, in a program built for them, what a
 //! GPU computes. A driver that calculates on the processor (Debian: mesa-vulkan-drivers) is one too;
-//! where there is neither, these tests say so and show nothing.
+//! where there is neither, these tests say so and show nothing, or fail with `SELVEDGE_ALL_TOOLS`.
 
 use crate::common::{Desk, TRAINING};
 
@@ -48,6 +48,8 @@ fn no_gpu() -> bool {
 
     let none = Machine::open(DeviceName::Gpu(0)).is_err();
     if none {
+        let all = std::env::var_os("SELVEDGE_ALL_TOOLS");
+        assert!(all.is_none(), "no driver for a GPU: run .ci/setup first");
         eprintln!("no GPU and no software driver for one (mesa-vulkan-drivers): not tested");
     }
     none

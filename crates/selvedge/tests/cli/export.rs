@@ -115,6 +115,62 @@ fn simulate_and_rollout_export_as_they_go() {
     assert_eq!(desk.read("a.pc2").len(), 32 + 12 * 36 * 5);
 }
 
+/// As Windows and cameras write them: every reader and writer takes them.
+#[test]
+fn endings_may_be_capitals() {
+    let (desk, run) = pushed();
+    for name in [
+        "A.GLB", "B.USDA", "C.USDZ", "D.NPZ", "E.ABC", "F.GIF", "G.PC2",
+    ] {
+        desk.json(&format!("export run.safetensors -o {name} --frames ..4"));
+    }
+    desk.json("export run.safetensors -o H.OBJ --frames 0");
+    for name in ["A.GLB", "B.USDA", "C.USDZ", "D.NPZ", "H.OBJ"] {
+        desk.json(&format!("info {name}"));
+    }
+    desk.json("export run.safetensors -o whole.NPZ");
+    let motions = [
+        "{ rig = { file = \"B.USDA\" } }",
+        "{ rig = { file = \"A.GLB\", nodes = [\"handle_0\", \"handle_1\"] } }",
+        "{ recorded = \"whole.NPZ\" }",
+    ];
+    for motion in motions {
+        desk.write("again.toml", with_motion(motion));
+        desk.json("run again.toml -o AGAIN.SAFETENSORS --frames 4");
+        let again = desk.trajectory("AGAIN.SAFETENSORS");
+        assert!(
+            again.frame(4)[0].distance(run.frame(4)[0]) < 1e-4,
+            "{motion}"
+        );
+    }
+    std::fs::create_dir(desk.path("caches")).unwrap();
+    for name in ["G.PC2", "G.obj"] {
+        std::fs::rename(desk.path(name), desk.path("caches").join(name)).unwrap();
+    }
+    std::fs::rename(desk.path("caches/G.obj"), desk.path("caches/G.OBJ")).unwrap();
+    desk.json("data import caches -o imported --frame-rate 60 --density 0.2 --handles 0,1");
+}
+
+#[test]
+fn nothing_is_overwritten_that_was_not_named() {
+    let (desk, _) = pushed();
+    desk.write("shirt.obj", "mine");
+    std::fs::create_dir(desk.path("films")).unwrap();
+    desk.write("films/clip.gif", "mine");
+    desk.refuses(
+        "1 | export run.safetensors -o shirt.pc2 | shirt.obj | move it away
+         1 | run push.toml -o x.safetensors --export shirt.pc2 | shirt.obj | move it away
+         1 | run push.toml --model paper --frames 2 -o films | films/clip.gif | move it away
+         2 | export --normals run.safetensors -o a.glb | run.safetensors | yes, no",
+    );
+    // A default name is ours: an earlier run is replaced, and that is said before.
+    let said = |call: &str| desk.run(call).err.contains("run.safetensors is replaced");
+    assert!(said("run push.toml --frames 2"));
+    assert!(!said("run push.toml --frames 2 -o run.safetensors"));
+    std::fs::remove_file(desk.path("run.safetensors")).unwrap();
+    assert!(!said("run push.toml --frames 2"));
+}
+
 #[test]
 fn pictures_are_one_per_frame() {
     let (desk, _) = pushed();

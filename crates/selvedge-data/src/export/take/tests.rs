@@ -7,7 +7,7 @@ use selvedge_cloth::{Obstacle, ObstaclePath, RigidKey};
 use tempfile::TempDir;
 
 use crate::UpAxis;
-use crate::export::{ExportFormat, files_beside};
+use crate::export::{ExportFormat, ExportOptions, export, files_beside};
 use crate::formats::arrays::ArrayFile;
 use crate::obstacle::ObstacleFile;
 use crate::test_help::{exported, run, says, sheet};
@@ -170,6 +170,64 @@ fn files_beside_are_all_that_is_written_but_the_file_itself() {
         let mut found: Vec<_> = entries.map(|entry| entry.unwrap().path()).collect();
         found.sort();
         assert_eq!(found, expected);
+    }
+}
+
+/// `ball` and `ball_faces`: the faces of one would have the name of the other.
+#[test]
+fn names_of_obstacles_and_of_what_belongs_to_them_are_apart() {
+    let names = ["ball", "ball_faces", "Ball", "ball_mesh"];
+    let tracks = names.map(|name| ObstacleTrack::of(&triangle(name, 5.0), RATE, 0, FRAMES));
+    let made = trajectory().with_obstacles(tracks.to_vec()).unwrap();
+    let (_folder, path) = exported(&made, ExportFormat::Npz, "x.npz", |_| ());
+    let bytes = std::fs::read(path).unwrap();
+    let archive = ArrayFile::npz(&bytes).unwrap();
+    for name in [
+        "ball",
+        "obstacle_ball_faces_1",
+        "obstacle_Ball_1",
+        "obstacle_ball_mesh_1",
+    ] {
+        assert_eq!(
+            archive.floats(&format!("obstacle_{name}")).unwrap().shape,
+            [1, 3, 3]
+        );
+        assert!(
+            archive.wholes(&format!("obstacle_{name}_faces")).is_ok(),
+            "{name}"
+        );
+    }
+    let beside = files_beside(&made, ExportFormat::Obj, Path::new("x.obj"));
+    let lower = beside
+        .iter()
+        .map(|path| path.to_string_lossy().to_lowercase());
+    assert_eq!(
+        lower.collect::<std::collections::BTreeSet<_>>().len(),
+        names.len()
+    );
+}
+
+/// The mesh beside a cache and the files of obstacles were not named: whatever has their names stays.
+#[test]
+fn nothing_that_was_not_named_is_overwritten() {
+    for (format, name, beside) in [
+        (ExportFormat::Pc2, "x.pc2", "x.obj"),
+        (ExportFormat::Pc2, "x.pc2", "x.bending.pc2"),
+        (ExportFormat::Obj, "x.obj", "x.a_still_one.obj"),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let [path, mine] = [name, beside].map(|name| folder.path().join(name));
+        std::fs::write(&path, "named").unwrap();
+        std::fs::write(&mine, "mine").unwrap();
+        let mut options = ExportOptions::plain(format);
+        options.frames = "2".parse().unwrap();
+        let go_on = &mut || std::ops::ControlFlow::Continue(());
+        let error = export(&trajectory(), &path, &options, go_on).unwrap_err();
+        says(error, &[beside, "move it away"]);
+        assert_eq!(std::fs::read(&mine).unwrap(), b"mine");
+        assert_eq!(std::fs::read(&path).unwrap(), b"named");
+        std::fs::remove_file(&mine).unwrap();
+        assert!(export(&trajectory(), &path, &options, go_on).unwrap());
     }
 }
 

@@ -37,7 +37,6 @@ pub(super) fn parse(text: &str) -> Result<Polygons, MeshFileError> {
     let text = text.trim_start_matches('\u{feff}');
     let mut reader = Reader::default();
     for (line, content) in logical_lines(text) {
-        let content = content.split('#').next().unwrap_or_default();
         let mut words = content.split_whitespace();
         let Some(keyword) = words.next() else {
             continue;
@@ -197,9 +196,11 @@ impl Reader {
     }
 }
 
-/// Lines with their numbers from 1; one that ends in a backslash is joined with the next.
-fn logical_lines(text: &str) -> impl Iterator<Item = (usize, String)> {
-    let mut lines = text.lines().enumerate();
+/// Lines with their numbers from 1, without comments; one that ends in a backslash is joined with the
+/// next. A comment ends with its line, whatever it ends in.
+fn logical_lines<'a>(text: &'a str) -> impl Iterator<Item = (usize, String)> + use<'a> {
+    let bare = |line: &'a str| line.split('#').next().unwrap_or_default();
+    let mut lines = text.lines().map(bare).enumerate();
     std::iter::from_fn(move || {
         let (number, first) = lines.next()?;
         let mut joined = first.to_owned();

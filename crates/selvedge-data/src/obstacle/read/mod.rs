@@ -9,8 +9,7 @@ use glam::DVec3;
 use selvedge_assets::BODIES;
 use selvedge_cloth::bodies::Body;
 
-use crate::formats::input::read_file;
-use crate::formats::input::{check_hash, hash};
+use crate::formats::input::{check_hash, ending_of, hash, read_file};
 use crate::formats::npz::NpzPoints;
 use crate::formats::obj::parse_obj_polygons;
 use crate::formats::pc2;
@@ -40,8 +39,7 @@ impl Kind {
         if shipped(path).is_some() {
             return Some(Self::Rig(RigFormat::Glb));
         }
-        let ending = Path::new(path).extension()?.to_str()?;
-        match ending.to_ascii_lowercase().as_str() {
+        match ending_of(Path::new(path)).as_str() {
             "obj" => Some(Self::Obj),
             "pc2" => Some(Self::Pc2),
             "npz" => Some(Self::Npz),

@@ -20,7 +20,7 @@ use self::contact::Tables;
 use crate::formats::arrays::{Array, ArrayFile};
 use crate::formats::atomic::WriteError;
 use crate::formats::file_error::{FileError, Problem};
-use crate::formats::input::{hash, read_file};
+use crate::formats::input::{check_hash, ending_of, hash, read_file};
 use crate::formats::tensor_file::{TensorOut, TensorValues, write_tensors};
 use crate::trajectory::Provenance;
 use crate::trajectory::file::wrong;
@@ -78,6 +78,23 @@ pub struct StateSpec {
     pub positions: String,
     /// Name of the array of velocities.
     pub velocities: String,
+}
+
+impl StateSpec {
+    /// Reads the state of a cloth of `vertices` again.
+    pub(crate) fn read(&self, folder: &Path, vertices: usize) -> Result<SavedState, Problem> {
+        let choice = StateChoice {
+            file: self.path.clone(),
+            frame: Some(self.frame),
+            positions: Some(self.positions.clone()),
+            velocities: Some(self.velocities.clone()),
+            frame_rate: None,
+        };
+        let (state, found) = SavedState::read(folder, &choice, vertices)
+            .map_err(|error| Problem(error.to_string()))?;
+        check_hash(&self.path, &self.blake3, &found.blake3).map_err(Problem)?;
+        Ok(state)
+    }
 }
 
 /// A choice of one state of a file.
@@ -228,9 +245,9 @@ fn open<'a>(
     bytes: &'a [u8],
     frame_rate: Option<f64>,
 ) -> Result<ArrayFile<'a>, Problem> {
-    match path.extension().and_then(|e| e.to_str()) {
-        Some("npz") => ArrayFile::npz(bytes),
-        Some("safetensors") => {
+    match ending_of(path).as_str() {
+        "npz" => ArrayFile::npz(bytes),
+        "safetensors" => {
             let (file, metadata) = ArrayFile::safetensors(bytes)?;
             check_metadata(&metadata, frame_rate)?;
             Ok(file)

@@ -20,6 +20,7 @@ pub(crate) fn run(folder: &Path, pictures: Option<&Path>) -> anyhow::Result<Answ
     let dataset = generation::open(folder)?;
     if let Some(out) = pictures {
         folder::check_kind(out, None)?;
+        place::check_new_folder(out)?;
         folder::make_folder(out)?;
     }
     let drawn = read_all(&dataset, pictures)?;

@@ -22,8 +22,8 @@ use anyhow::{Context, bail};
 use glam::Vec3;
 use selvedge_cloth::Handles;
 use selvedge_data::{
-    LoadedScene, MeshFileError, MeshOptions, STATES_FORMAT, StateRun, Trajectory, metrics,
-    read_mesh, shipped_presets, shipped_scenes,
+    LoadedScene, MeshFileError, MeshOptions, STATES_FORMAT, StateRun, Trajectory, ending_of,
+    metrics, read_mesh, shipped_presets, shipped_scenes,
 };
 use selvedge_lab::folder::FolderKind;
 use selvedge_lab::{physics, study};
@@ -83,13 +83,13 @@ fn look_at(path: &Path) -> anyhow::Result<Seen> {
             "{name}: there is no such file or folder, and no scene or preset that ships has this name"
         );
     }
-    match path.extension().and_then(|e| e.to_str()) {
-        Some("safetensors") => inspect_container(path),
-        Some("toml") => inspect_toml(path, &name),
-        Some("json") => inspect_scene(scenes::open(&name)?, &name),
-        Some("obj") => mesh::inspect(read_mesh(path, MeshOptions::default())?, path, false),
-        Some("npz") => inspect_trajectory(exported::read_npz(path)?, path),
-        Some("glb" | "usda" | "usdc" | "usdz" | "usd") => {
+    match ending_of(path).as_str() {
+        "safetensors" => inspect_container(path),
+        "toml" => inspect_toml(path, &name),
+        "json" => inspect_scene(scenes::open(&name)?, &name),
+        "obj" => mesh::inspect(read_mesh(path, MeshOptions::default())?, path, false),
+        "npz" => inspect_trajectory(exported::read_npz(path)?, path),
+        "glb" | "usda" | "usdc" | "usdz" | "usd" => {
             match read_mesh(path, MeshOptions::default()) {
                 Ok(read) => mesh::inspect(read, path, true),
                 Err(error) if matches!(error.source, MeshFileError::Read(_)) => Err(error.into()),
@@ -103,7 +103,7 @@ fn look_at(path: &Path) -> anyhow::Result<Seen> {
             }
         }
         // Refused, with what to export instead.
-        Some("abc" | "mdd") => exported::inspect_rig(path),
+        "abc" | "mdd" => exported::inspect_rig(path),
         _ => bail!(
             "{name}: not a kind of file that is known: trajectories and models end in .safetensors, scenes, presets and training configurations in .toml, scenes of ARCSim in .json, meshes in .obj, exported runs in .npz, meshes and nodes in .glb, .usda, .usdc, .usdz or .usd, and a data set, a training and a study are folders"
         ),

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::path::Path;
 
 use selvedge_cloth::{Mesh, Obstacle, VertexId};
-use selvedge_data::Trajectory;
+use selvedge_data::{Trajectory, ending_of};
 use selvedge_lab::physics;
 use selvedge_lab::pictures::strain_sheet;
 use selvedge_view::plot::LineChart;
@@ -28,7 +28,7 @@ pub(super) enum Picture {
 impl Picture {
     /// Draws it to the file `to` (.png; curves .svg).
     pub(super) fn write(self, to: &Path) -> anyhow::Result<()> {
-        let is_svg = to.extension().is_some_and(|extension| extension == "svg");
+        let is_svg = ending_of(to) == "svg";
         let remedy = match (&self, is_svg) {
             (Self::Nothing(_), _) | (Self::Curves(_), true) => None,
             (Self::Curves(_), false) => Some("curves are drawn as .svg: take that"),
