@@ -7,8 +7,7 @@ use std::time::Duration;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use selvedge_lab::folder::{self, FolderKind};
-use selvedge_lab::machine::Machine;
-use selvedge_lab::models::NamedModel;
+use selvedge_lab::machine::{self, Machine};
 use selvedge_lab::{assets, training};
 use selvedge_train::{RunEnd, RunLimits, Setting, StepReport, TrainConfig, Trainer, files};
 
@@ -201,7 +200,7 @@ fn begin(
     teller: &mut Teller<'_>,
 ) -> PyResult<Option<Trainer>> {
     let data = &data.inner;
-    let engine = Machine::Cpu.engine(asked.micro_batch);
+    let engine = machine::engine(&Machine::Cpu, asked.micro_batch);
     let mut trainer = match (&asked.from, asked.resume) {
         (_, true) => Some(Trainer::resume(cfg, data, checkpoint, &*engine).map_err(told)?),
         (Some(from), false) => {
@@ -209,7 +208,7 @@ fn begin(
                 true => from.join(files::MODEL),
                 false => from.clone(),
             };
-            let model = NamedModel::open(Some(&file)).map_err(told)?;
+            let model = selvedge::Model::open(Some(&file)).map_err(told)?;
             let from = Some(&*model.model);
             training::begin(from, cfg, data, &*engine, &mut |event| teller.hear(event))
                 .map_err(told)?
