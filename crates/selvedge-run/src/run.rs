@@ -1,5 +1,6 @@
 //! A run: a scene, who moves it, and the frames that it makes.
 
+#[cfg(feature = "files")]
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
