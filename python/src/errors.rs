@@ -5,8 +5,8 @@ use std::error::Error;
 use pyo3::create_exception;
 use pyo3::exceptions::{PyException, PyValueError};
 use pyo3::prelude::*;
+use selvedge::cause;
 use selvedge_cloth::StepError;
-use selvedge_lab::cause;
 
 create_exception!(
     selvedge,

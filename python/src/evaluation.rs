@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use selvedge::machine::Machine;
 use selvedge_guard::Correction;
 use selvedge_lab::End;
 use selvedge_lab::evaluation::{
@@ -11,7 +12,6 @@ use selvedge_lab::evaluation::{
     check, evaluate as measure, summaries,
 };
 use selvedge_lab::folder::{self, FolderKind};
-use selvedge_lab::machine::Machine;
 use selvedge_lab::report::{self, Heading};
 use serde_json::Value;
 

@@ -32,7 +32,7 @@ use pyo3::prelude::*;
 #[pymodule]
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     log::begin();
-    selvedge_lab::rest_pose::keep_in_cache();
+    selvedge::rest_pose::keep_in_cache();
     let py = module.py();
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("SelvedgeError", py.get_type::<errors::SelvedgeError>())?;
@@ -40,6 +40,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<scene::Mesh>()?;
     module.add_class::<scene::Material>()?;
     module.add_class::<scene::Scene>()?;
+    module.add_class::<stepper::Snapshot>()?;
     module.add_class::<stepper::Stepper>()?;
     module.add_class::<stepper::Simulator>()?;
     module.add_class::<stepper::LearnedStepper>()?;

@@ -13,7 +13,7 @@ use std::thread;
 use std::time::Duration;
 
 use pyo3::prelude::*;
-use selvedge_lab::{Event, Goal};
+use selvedge::{Event, Goal};
 
 /// Time between two looks for a signal.
 const LOOK: Duration = Duration::from_millis(30);

@@ -10,7 +10,6 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 use selvedge_data::write_atomically;
 use selvedge_lab::assets;
-use selvedge_lab::models::NamedModel;
 use selvedge_model::{
     Model as Trained, ModelSpec, Network, Normalizer, Normalizers, Parameter, WeightType,
 };
@@ -33,8 +32,8 @@ pub(crate) struct Model {
 }
 
 impl Model {
-    pub(crate) fn named(&self) -> NamedModel {
-        NamedModel {
+    pub(crate) fn named(&self) -> selvedge::Model {
+        selvedge::Model {
             name: self.name.clone(),
             model: Arc::clone(&self.model),
         }
@@ -46,8 +45,8 @@ impl Model {
     #[new]
     #[pyo3(signature = (name_or_file=None))]
     fn new(py: Python<'_>, name_or_file: Option<PathBuf>) -> PyResult<Self> {
-        let opened = py.detach(|| NamedModel::open(name_or_file.as_deref()));
-        let NamedModel { name, model } = opened.map_err(told)?;
+        let opened = py.detach(|| selvedge::Model::open(name_or_file.as_deref()));
+        let selvedge::Model { name, model } = opened.map_err(told)?;
         Ok(Self { name, model })
     }
 

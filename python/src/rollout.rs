@@ -1,21 +1,15 @@
 //! Whole runs in one call: the physics, or a model under a guard with its word on every frame.
 
 use std::path::PathBuf;
-use std::sync::Arc;
 
-use glam::{DVec3, Vec3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use selvedge_cloth::{Cloth, Scene as Built, Stepper};
-use selvedge_data::{LoadedScene, Trajectory as Recorded};
-use selvedge_guard::{Correction, Trust};
+use selvedge::machine::Machine;
+use selvedge::{Correction, End, Network, Run, Stepper, Trust};
+use selvedge_data::Trajectory as Recorded;
 use selvedge_lab::domain::{self, Beyond};
-use selvedge_lab::machine::Machine;
-use selvedge_lab::physics::{self, Simulated, SimulationPlan, TimedRun};
+use selvedge_lab::physics::{self, Simulated};
 use selvedge_lab::watched::{self, GuardSummary};
-use selvedge_lab::{End, start};
-use selvedge_sim::Threads;
-use serde_json::Value;
 
 use crate::arrays::Numbers;
 use crate::errors::told;
@@ -99,24 +93,6 @@ impl Rollout {
     }
 }
 
-/// The trajectory of a run, with the scene where its spec says all of it.
-fn trajectory_of(
-    scene: &Scene,
-    loaded: &LoadedScene,
-    first: usize,
-    rest: &[DVec3],
-    positions: Vec<Vec3>,
-) -> PyResult<Recorded> {
-    let (spec, built) = (&loaded.spec, &loaded.scene);
-    if scene.has_spec {
-        return physics::trajectory(first, spec, built, rest, positions).map_err(told);
-    }
-    let mut provenance = physics::provenance(spec, built).map_err(told)?;
-    provenance.scene = Value::Null;
-    let cloth = Cloth::of_scene(built, physics::rounded(rest)).map_err(told)?;
-    Recorded::new(cloth, positions, provenance).map_err(told)
-}
-
 /// Simulates a scene by the reference physics, as `selvedge run` does: from where the scene
 /// says, or from `positions` (n, 3) [m] and `velocities` (n, 3) [m/s]. Ctrl-C stops within a
 /// substep; an answer `False` of `progress(task, done, goal)` keeps the frames until then.
@@ -135,25 +111,15 @@ pub(crate) fn simulate(
 ) -> PyResult<Trajectory> {
     let given = state_at(positions.as_ref(), velocities.as_ref())?;
     let made = told_beside(py, progress, |stop, teller| {
-        let (state, rest) = begin(scene, given, teller)?;
-        let (built, first) = (&scene.loaded.scene, state.frame);
+        let mut run = begin(scene, given, teller)?;
+        for warning in run.start_warnings() {
+            tracing::warn!("{warning}");
+        }
         let frames = match frames {
             Some(frames) => frames,
-            None => built.frame_count().map_err(told)?.saturating_sub(first),
+            None => run.frames_left().map_err(told)?,
         };
-        let plan = SimulationPlan {
-            start: state,
-            frames,
-            keeps_states: false,
-            threads: Threads::Pool,
-            stop: stop.flag(),
-        };
-        teller.begin("simulating", Some(frames as u64));
-        let run = physics::run_plan(built, plan, &mut || teller.advance());
-        let (run, _) = run.and_then(Simulated::whole).map_err(told)?;
-        let at_rest = rest.as_ref().map(|rest| rest.positions.as_slice());
-        let at_rest = at_rest.unwrap_or(built.mesh.positions());
-        trajectory_of(scene, &scene.loaded, first, at_rest, run.positions)
+        simulated(&mut run, frames, "simulating", stop, teller).map(|made| made.0)
     })??;
     Trajectory::of(py, made)
 }
@@ -212,65 +178,60 @@ fn roll(
     stop: &Stop,
     teller: &mut Teller<'_>,
 ) -> PyResult<Made> {
-    let mut loaded = scene.loaded.clone();
-    for warning in start::for_model(&mut loaded) {
-        tracing::warn!("{}: {warning}", loaded.spec.name);
-    }
-    let built = Arc::new(loaded.scene.clone());
+    let built = scene.run.built();
     let frames = match frames {
         Some(frames) => frames,
         None => built.frame_count().map_err(told)?,
     };
-    let beyond = domain::of_scene(&model.model, &built, frames).map_err(told)?;
-    let rest = scene.rest_of(&built, teller)?;
-    let rest = &rest.positions;
-    let path = built.handle_path().map_err(told)?;
-    let guard = start::guarded(&built, rest, &model.named(), &Machine::Cpu, guard);
-    let (mut guard, mut log) = (guard.map_err(told)?, Vec::new());
-    guard.stop_by(stop.flag().into());
+    let beyond = domain::of_scene(&model.model, built, frames).map_err(told)?;
+    let model = model.named();
+    let network = Network {
+        model: &model,
+        machine: &Machine::Cpu,
+        guard,
+    };
+    let run = Run::begin_model(&scene.run, network, &mut |event| teller.hear(event));
+    let mut run = run.map_err(told)?;
+    for warning in run.start_warnings() {
+        tracing::warn!("{}: {warning}", built.name);
+    }
+    let mut log = Vec::new();
+    run.stop_by(stop.flag().into());
     teller.begin("predicting", Some(frames as u64));
-    let run = physics::drive(&mut guard, &path, frames, &mut |guard| {
-        log.push(*guard.trust());
+    let made = physics::simulate(&mut run, frames, false, &mut |now| {
+        log.extend(now.trust());
         teller.advance()
     });
-    let run = run.map_err(told)?;
-    if let Some(failure) = guard.physics_failure() {
-        tracing::warn!("the guard did without its physics: {failure}");
-    }
-    let mut end = run.end;
-    let ms_per_frame = run.ms_per_frame;
-    let mut truth = None;
+    let (made, _) = made.whole().map_err(told)?;
+    let (mut end, mut truth) = (made.end, None);
     if has_truth && end == End::Complete {
-        let run = simulated(&built, rest, frames, stop, teller)?;
-        end = run.end;
-        truth = Some(trajectory_of(scene, &loaded, 0, rest, run.positions)?);
+        let mut solver = Run::new(run.scene()).map_err(told)?;
+        let what = "simulating the truth";
+        let (trajectory, reached) = simulated(&mut solver, frames, what, stop, teller)?;
+        (truth, end) = (Some(trajectory), reached);
     }
     Ok(Made {
-        run: trajectory_of(scene, &loaded, 0, rest, run.positions)?,
+        run: run.trajectory(made.positions).map_err(told)?,
         truth,
         summary: watched::summary(&log),
         log,
         beyond,
-        ms_per_frame,
+        ms_per_frame: made.ms_per_frame,
         end,
     })
 }
 
+/// The frames of a run by the solver, and its end.
 fn simulated(
-    scene: &Built,
-    rest: &[DVec3],
+    run: &mut Run,
     frames: usize,
+    what: &str,
     stop: &Stop,
     teller: &mut Teller<'_>,
-) -> PyResult<TimedRun> {
-    let plan = SimulationPlan {
-        start: selvedge_data::SavedState::at_rest(rest.to_vec()),
-        frames,
-        keeps_states: false,
-        threads: Threads::Pool,
-        stop: stop.flag(),
-    };
-    teller.begin("simulating the truth", Some(frames as u64));
-    let run = physics::run_plan(scene, plan, &mut || teller.advance());
-    Ok(run.and_then(Simulated::whole).map_err(told)?.0)
+) -> PyResult<(Recorded, End)> {
+    run.stop_by(stop.flag().into());
+    teller.begin(what, Some(frames as u64));
+    let made = physics::simulate(run, frames, false, &mut |_| teller.advance());
+    let (made, _) = Simulated::whole(made).map_err(told)?;
+    Ok((run.trajectory(made.positions).map_err(told)?, made.end))
 }

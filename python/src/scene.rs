@@ -1,7 +1,7 @@
 //! Scenes, meshes and materials.
 
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyUntypedArrayMethods};
 use pyo3::prelude::*;
@@ -14,7 +14,6 @@ use selvedge_data::{
     LoadedScene, MeshOptions, materials, open_material, open_scene, parse_scene, read_mesh,
     shipped_scenes,
 };
-use selvedge_lab::physics;
 use selvedge_sim::SaggedRest;
 
 use crate::arrays::{self, Numbers};
@@ -246,13 +245,14 @@ impl Material {
 #[pyclass(frozen, module = "selvedge")]
 pub(crate) struct Scene {
     pub(crate) loaded: LoadedScene,
+    /// The same as it is run.
+    pub(crate) run: selvedge::Scene,
     /// False where arrays of Python are in it, which its spec does not have.
     pub(crate) has_spec: bool,
     /// The mesh that was put in the place of its own.
     own_mesh: Option<Py<Mesh>>,
     /// The folder to which its files are relative.
     folder: PathBuf,
-    rest: Mutex<Option<Arc<SaggedRest>>>,
     /// Faces, (f, 3), uint32.
     #[pyo3(get)]
     faces: Py<PyArray2<u32>>,
@@ -269,39 +269,21 @@ impl Scene {
             tracing::warn!("{}: {warning}", loaded.spec.name);
         }
         let faces = arrays::faces_of(py, loaded.scene.mesh.topology())?;
+        let spec = own_mesh.is_none().then(|| loaded.spec.clone());
         Ok(Self {
+            run: selvedge::Scene::of_loaded(loaded.clone(), spec),
             loaded,
             has_spec: own_mesh.is_none(),
             own_mesh,
             folder,
-            rest: Mutex::default(),
             faces,
         })
     }
 
     /// The rest pose, found once. Long work: the lock must be released.
     pub(crate) fn found_rest(&self, teller: &mut Teller<'_>) -> PyResult<Arc<SaggedRest>> {
-        let mut known = self.rest.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(rest) = &*known {
-            return Ok(Arc::clone(rest));
-        }
-        let found = physics::rest_pose(&self.loaded.scene, &mut |event| teller.hear(event));
-        let found = found.map_err(told)?;
-        Ok(Arc::clone(known.insert(Arc::new(found))))
-    }
-
-    /// The rest pose of `built`, this scene as a model sees it: its own where the physics is the
-    /// same.
-    pub(crate) fn rest_of(
-        &self,
-        built: &selvedge_cloth::Scene,
-        teller: &mut Teller<'_>,
-    ) -> PyResult<Arc<SaggedRest>> {
-        if built.physics == self.loaded.scene.physics {
-            return self.found_rest(teller);
-        }
-        let found = physics::rest_pose(built, &mut |event| teller.hear(event));
-        Ok(Arc::new(found.map_err(told)?))
+        let found = self.run.rest_pose(&mut |event| teller.hear(event));
+        found.map_err(told)
     }
 
     /// This scene after a change.

@@ -5,7 +5,7 @@
 //! costs nothing, and writing to it cannot reach the state, which belongs to the stepper alone.
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
+use std::sync::{Arc, Mutex, MutexGuard, TryLockError};
 use std::time::{Duration, Instant};
 
 use glam::DVec3;
@@ -13,13 +13,14 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyUntyped
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use selvedge_cloth::{Cloth, HandlePath, HandleTargets, Stepper as MovesCloth};
-use selvedge_data::{Drive, Playback, RecordingEnd, SavedState, StartSpec, record};
-use selvedge_guard::Guard;
-use selvedge_lab::machine::{Machine, Mover};
+use selvedge::machine::Machine;
+use selvedge::{
+    HandleTargets, Network, RecordingEnd, Run, Snapshot as State, StepError, Trust, rounded,
+};
+use selvedge_cloth::{Cloth, Stepper as MovesCloth};
+use selvedge_data::Playback;
 use selvedge_lab::rigid::RigidRest;
-use selvedge_lab::{physics, start};
-use selvedge_sim::{SaggedRest, Simulator as Physics};
+use selvedge_sim::{Checkpoint, Simulator as Physics};
 
 use crate::arrays::{self, Numbers};
 use crate::errors::{SelvedgeError, step_failed, told, wrong};
@@ -34,28 +35,40 @@ const LONG: Duration = Duration::from_millis(20);
 
 /// The mover of a cloth.
 pub(crate) enum Kind {
-    /// The physics, in f64.
-    Physics(Box<Physics>),
-    /// A model, under a guard that may only measure.
-    Model(Box<Guard<Mover>>),
-    /// The physics under a guard, a recording, or a rigid cloth.
-    Other(Box<dyn MovesCloth + Send>),
+    /// A run of a scene.
+    Run(Box<Run>),
+    /// A recording, which has no scene.
+    Recording(Box<Playback>),
 }
 
 impl Kind {
     fn mover(&self) -> &(dyn MovesCloth + Send) {
         match self {
-            Self::Physics(physics) => physics.as_ref(),
-            Self::Model(model) => model.as_ref(),
-            Self::Other(other) => other.as_ref(),
+            Self::Run(run) => run.as_ref(),
+            Self::Recording(recording) => recording.as_ref(),
         }
     }
 
     fn mover_mut(&mut self) -> &mut (dyn MovesCloth + Send) {
         match self {
-            Self::Physics(physics) => physics.as_mut(),
-            Self::Model(model) => model.as_mut(),
-            Self::Other(other) => other.as_mut(),
+            Self::Run(run) => run.as_mut(),
+            Self::Recording(recording) => recording.as_mut(),
+        }
+    }
+
+    fn run(&mut self) -> PyResult<&mut Run> {
+        match self {
+            Self::Run(run) => Ok(run),
+            Self::Recording(_) => Err(wrong(
+                "targets are missing: this stepper has no motion of its own to follow",
+            )),
+        }
+    }
+
+    fn trust(&self) -> Option<&Trust> {
+        match self {
+            Self::Run(run) => run.trust(),
+            Self::Recording(_) => None,
         }
     }
 }
@@ -64,26 +77,12 @@ impl Kind {
 struct Core {
     kind: Kind,
     last: Duration,
+    beginning: Option<State>,
 }
 
-/// The motion of the handles that a stepper follows by itself.
-struct Course {
-    path: Mutex<HandlePath>,
-    samples: usize,
-}
-
-impl Course {
-    fn path(&self) -> MutexGuard<'_, HandlePath> {
-        self.path.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Targets for the next step of `mover`.
-    fn targets(&self, mover: &dyn MovesCloth) -> PyResult<HandleTargets> {
-        let (mut path, frame) = (self.path(), mover.frame());
-        path.follow(frame, &mover.handle_places());
-        path.targets(frame, self.samples).map_err(told)
-    }
-}
+/// A state of a stepper in memory, which its `restore` goes back to.
+#[pyclass(frozen, module = "selvedge")]
+pub(crate) struct Snapshot(State);
 
 /// A cloth that moves one frame at a time, given targets for its handles. Make one of its kinds:
 /// `Simulator`, `LearnedStepper`, `Playback`, `RigidStepper`.
@@ -103,16 +102,10 @@ pub(crate) struct Stepper {
     /// Frames per second.
     #[pyo3(get)]
     frame_rate: f64,
-    course: Option<Course>,
 }
 
 impl Stepper {
-    fn of(
-        py: Python<'_>,
-        mut kind: Kind,
-        frame_rate: f64,
-        course: Option<Course>,
-    ) -> PyResult<Self> {
+    fn of(py: Python<'_>, mut kind: Kind, frame_rate: f64) -> PyResult<Self> {
         let stop = Arc::<AtomicBool>::default();
         let mover = kind.mover_mut();
         mover.stop_by(Arc::clone(&stop).into());
@@ -124,14 +117,17 @@ impl Stepper {
         let shown = buffer.call_method0("view")?;
         shown.getattr("flags")?.setattr("writeable", false)?;
         Ok(Self {
-            core: Mutex::new(Core { kind, last: LONG }),
+            core: Mutex::new(Core {
+                beginning: kind.mover().snapshot(),
+                kind,
+                last: LONG,
+            }),
             stop,
             buffer: buffer.unbind(),
             positions: shown.unbind(),
             faces,
             handles,
             frame_rate,
-            course,
         })
     }
 
@@ -179,10 +175,21 @@ impl Stepper {
         self.show(py, &guard)
     }
 
-    fn course(&self) -> PyResult<&Course> {
-        self.course.as_ref().ok_or_else(|| {
-            wrong("targets are missing: this stepper has no motion of its own to follow")
-        })
+    /// A stepper of a run, whose warnings are told.
+    fn of_run(py: Python<'_>, run: Run) -> PyResult<Self> {
+        let scene = run.scene().built();
+        for warning in run.start_warnings() {
+            tracing::warn!("{}: {warning}", scene.name);
+        }
+        let rate = scene.frame_rate;
+        Self::of(py, Kind::Run(Box::new(run)), rate)
+    }
+
+    fn go_back(&self, py: Python<'_>, state: &State) -> PyResult<()> {
+        let mut core = self.free()?;
+        let back = core.kind.mover_mut().rewind(state);
+        back.map_err(|error| step_failed(py, error))?;
+        self.show(py, &core)
     }
 
     fn targets_of(&self, numbers: &Numbers<'_>) -> PyResult<HandleTargets> {
@@ -219,8 +226,9 @@ impl Stepper {
         let targets = match &targets {
             Some(numbers) => self.targets_of(numbers)?,
             None => {
-                let course = self.course()?;
-                course.targets(self.free()?.kind.mover())?
+                let mut core = self.free()?;
+                let run = core.kind.run()?;
+                run.next_targets(run.samples()).map_err(told)?
             }
         };
         let targets = match released {
@@ -243,22 +251,12 @@ impl Stepper {
         frames: usize,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Bound<'py, PyArray3<f32>>> {
-        let course = self.course()?;
         let mut guard = self.free()?;
-        let core = &mut *guard;
+        let run = guard.kind.run()?;
         let stop = Stop::with_flag(Arc::clone(&self.stop));
         let mut teller = Teller::new(progress, &stop);
         teller.begin("moving", Some(frames as u64));
-        let path = course.path();
-        let drive = Drive {
-            path: &path,
-            samples_per_frame: course.samples,
-        };
-        let made = beside(py, &stop, || {
-            record(core.kind.mover_mut(), drive, frames, &mut |_| {
-                teller.advance()
-            })
-        });
+        let made = beside(py, &stop, || run.record(frames, &mut |_| teller.advance()));
         self.stop.store(false, Ordering::Relaxed);
         self.show(py, &guard)?;
         let made = made?;
@@ -274,10 +272,11 @@ impl Stepper {
     /// Targets of the scene's motion for the next step [m], (samples, handles, 3), as `step` takes
     /// them.
     fn next_targets<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
-        let course = self.course()?;
-        let targets = course.targets(self.free()?.kind.mover())?;
-        let samples = 1..=course.samples;
-        let fractions = samples.map(|k| k as f64 / course.samples as f64);
+        let mut core = self.free()?;
+        let run = core.kind.run()?;
+        let samples = run.samples();
+        let targets = run.next_targets(samples).map_err(told)?;
+        let fractions = (1..=samples).map(|k| k as f64 / samples as f64);
         let handles = 0..targets.handle_count();
         let places = fractions.flat_map(|fraction| {
             let at = |handle| targets.at(handle, fraction, DVec3::ZERO);
@@ -285,7 +284,7 @@ impl Stepper {
         });
         let places: Vec<DVec3> = places.collect();
         let numbers = arrays::flat_f64(&places).to_vec().into_pyarray(py);
-        numbers.reshape([course.samples, targets.handle_count(), 3])
+        numbers.reshape([samples, targets.handle_count(), 3])
     }
 
     /// Frames stepped since the start.
@@ -303,9 +302,44 @@ impl Stepper {
     /// The guard's word on the newest frame as a dictionary; `None` without a guard.
     #[getter]
     fn trust<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let core = self.free()?;
+        let trust = core.kind.trust();
+        trust.map(|trust| guarding::word(py, trust)).transpose()
+    }
+
+    /// All that is to be known so far: warnings of the scene, of its start, of what a model does not
+    /// see and was not trained on, and of edges that strain too far.
+    #[getter]
+    fn warnings(&self) -> PyResult<Vec<String>> {
         match &self.free()?.kind {
-            Kind::Model(guard) => guarding::word(py, guard.trust()).map(Some),
-            Kind::Physics(_) | Kind::Other(_) => Ok(None),
+            Kind::Run(run) => Ok(run.warnings()),
+            Kind::Recording(_) => Ok(Vec::new()),
+        }
+    }
+
+    /// The state now, for `restore`.
+    fn snapshot(&self, py: Python<'_>) -> PyResult<Snapshot> {
+        let core = self.free()?;
+        let frame = core.kind.mover().frame();
+        let state = core.kind.mover().snapshot();
+        let state = state.ok_or(StepError::Snapshot { frame });
+        state.map(Snapshot).map_err(|error| step_failed(py, error))
+    }
+
+    /// Goes back to a snapshot of this stepper, or of another one of its scene by the same mover:
+    /// the frames that follow have the bytes of those that followed then.
+    ///
+    /// Raises `FrameError` for a snapshot of another kind of stepper or cloth.
+    fn restore(&self, py: Python<'_>, snapshot: &Snapshot) -> PyResult<()> {
+        self.go_back(py, &snapshot.0)
+    }
+
+    /// Goes back to the start.
+    fn reset(&self, py: Python<'_>) -> PyResult<()> {
+        let beginning = self.free()?.beginning.clone();
+        match beginning {
+            Some(beginning) => self.go_back(py, &beginning),
+            None => Ok(()),
         }
     }
 
@@ -319,12 +353,6 @@ impl Stepper {
             core.kind.mover().frame()
         ))
     }
-}
-
-fn course_of(scene: &selvedge_cloth::Scene, samples: usize) -> PyResult<Option<Course>> {
-    let path = scene.handle_path().map_err(told)?;
-    let path = Mutex::new(path);
-    Ok(Some(Course { path, samples }))
 }
 
 /// The reference physics of a scene: cloth with measured stiffness, gravity, air and contact. The
@@ -347,14 +375,9 @@ impl Simulator {
         velocities: Option<Numbers<'_>>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<PyClassInitializer<Self>> {
-        let built = &scene.loaded.scene;
         let given = state_at(positions.as_ref(), velocities.as_ref())?;
-        let begun = told_beside(py, progress, |_, teller| begin(scene, given, teller));
-        let (state, _) = begun??;
-        let made = py.detach(|| start::simulator_of_run(built, state));
-        let kind = Kind::Physics(Box::new(made.map_err(told)?));
-        let course = course_of(built, built.physics.substeps as usize)?;
-        let stepper = Stepper::of(py, kind, built.frame_rate, course)?;
+        let made = told_beside(py, progress, |_, teller| begin(scene, given, teller))??;
+        let stepper = Stepper::of_run(py, made)?;
         Ok(PyClassInitializer::from(stepper).add_subclass(Self))
     }
 
@@ -384,9 +407,9 @@ fn physics_of<R>(
     read: impl FnOnce(&Physics) -> PyResult<R>,
 ) -> PyResult<R> {
     let stepper = slf.as_super().get();
-    match &stepper.free()?.kind {
-        Kind::Physics(physics) => read(physics),
-        Kind::Model(_) | Kind::Other(_) => Err(SelvedgeError::new_err("this is no physics")),
+    match stepper.free()?.kind.run()?.solver() {
+        Some(physics) => read(physics),
+        None => Err(SelvedgeError::new_err("this is no solver")),
     }
 }
 
@@ -394,41 +417,33 @@ fn physics_of<R>(
 pub(crate) fn state_at(
     positions: Option<&Numbers<'_>>,
     velocities: Option<&Numbers<'_>>,
-) -> PyResult<Option<SavedState>> {
+) -> PyResult<Option<Checkpoint>> {
     let Some(positions) = positions else {
         return match velocities {
             None => Ok(None),
             Some(_) => Err(wrong("positions are missing: velocities are of a state")),
         };
     };
-    let mut state = SavedState::at_rest(arrays::positions(positions, "positions")?);
-    if let Some(velocities) = velocities {
-        state.velocities = arrays::positions(velocities, "velocities")?;
-    }
-    Ok(Some(state))
+    let positions = arrays::positions(positions, "positions")?;
+    let velocities = match velocities {
+        Some(velocities) => arrays::positions(velocities, "velocities")?,
+        None => vec![DVec3::ZERO; positions.len()],
+    };
+    Ok(Some(Checkpoint::of(0, positions, velocities)))
 }
 
-/// The state in which the physics of a scene starts, and the rest pose where it starts in that.
-/// Long work: the lock must be released.
+/// The solver on a scene, from where the scene says or from a state. Long work: the lock must be
+/// released.
 pub(crate) fn begin(
     scene: &Scene,
-    given: Option<SavedState>,
+    given: Option<Checkpoint>,
     teller: &mut Teller<'_>,
-) -> PyResult<(SavedState, Option<Arc<SaggedRest>>)> {
-    if let Some(state) = given {
-        return Ok((state, None));
-    }
-    let loaded = &scene.loaded;
-    let is_at_rest = loaded.state.is_none() && loaded.spec.start == StartSpec::Rest;
-    if is_at_rest && !loaded.scene.handles.is_empty() {
-        let rest = scene.found_rest(teller)?;
-        return Ok((SavedState::at_rest(rest.positions.clone()), Some(rest)));
-    }
-    let found = start::find(loaded, &mut |event| teller.hear(event)).map_err(told)?;
-    if let Some(warning) = found.fitted.and_then(|fitted| fitted.warning) {
-        tracing::warn!("{warning}");
-    }
-    Ok((found.state, None))
+) -> PyResult<Run> {
+    let scene = match given {
+        Some(state) => &scene.run.from_state(state),
+        None => &scene.run,
+    };
+    Run::begin(scene, &mut |event| teller.hear(event)).map_err(told)
 }
 
 /// A trained model on the cloth of a scene, from its sagged rest pose.
@@ -448,16 +463,16 @@ impl LearnedStepper {
         guard: &str,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<PyClassInitializer<Self>> {
-        let settings = guarding::settings(guard)?;
-        let built = Arc::new(scene.loaded.scene.clone());
-        let named = model.named();
+        let (guard, model) = (guarding::settings(guard)?, model.named());
+        let network = Network {
+            model: &model,
+            machine: &Machine::Cpu,
+            guard,
+        };
         let made = told_beside(py, progress, |_, teller| {
-            let rest = scene.rest_of(&built, teller)?;
-            start::guarded(&built, &rest.positions, &named, &Machine::Cpu, settings).map_err(told)
+            Run::begin_model(&scene.run, network, &mut |event| teller.hear(event)).map_err(told)
         })??;
-        let course = course_of(&built, 1)?;
-        let kind = Kind::Model(Box::new(made));
-        let stepper = Stepper::of(py, kind, built.frame_rate, course)?;
+        let stepper = Stepper::of_run(py, made)?;
         Ok(PyClassInitializer::from(stepper).add_subclass(Self))
     }
 }
@@ -474,8 +489,8 @@ impl PlaybackStepper {
     fn new(py: Python<'_>, trajectory: &Trajectory) -> PyResult<PyClassInitializer<Self>> {
         let played = trajectory.inner.as_ref().clone();
         let rate = played.frame_rate();
-        let kind = Kind::Other(Box::new(Playback::new(played)));
-        let stepper = Stepper::of(py, kind, rate, None)?;
+        let kind = Kind::Recording(Box::new(Playback::new(played)));
+        let stepper = Stepper::of(py, kind, rate)?;
         Ok(PyClassInitializer::from(stepper).add_subclass(Self))
     }
 }
@@ -496,10 +511,10 @@ impl RigidStepper {
         progress: Option<Py<PyAny>>,
     ) -> PyResult<PyClassInitializer<Self>> {
         let rest = told_beside(py, progress, |_, teller| scene.found_rest(teller))??;
-        let built = &scene.loaded.scene;
-        let cloth = Cloth::of_scene(built, physics::rounded(&rest.positions)).map_err(told)?;
-        let kind = Kind::Other(Box::new(RigidRest::new(&cloth)));
-        let stepper = Stepper::of(py, kind, built.frame_rate, course_of(built, 1)?)?;
+        let built = scene.run.built();
+        let cloth = Cloth::of_scene(built, rounded(&rest.positions)).map_err(told)?;
+        let run = Run::of_stepper(&scene.run, Box::new(RigidRest::new(&cloth)));
+        let stepper = Stepper::of_run(py, run.map_err(told)?)?;
         Ok(PyClassInitializer::from(stepper).add_subclass(Self))
     }
 }

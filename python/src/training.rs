@@ -7,8 +7,7 @@ use std::time::Duration;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use selvedge_lab::folder::{self, FolderKind};
-use selvedge_lab::machine::Machine;
-use selvedge_lab::models::NamedModel;
+use selvedge_lab::machine::{self, Machine};
 use selvedge_lab::{assets, training};
 use selvedge_train::{RunEnd, RunLimits, Setting, StepReport, TrainConfig, Trainer, files};
 
@@ -40,13 +39,13 @@ pub(crate) enum Start {
 }
 
 impl Start {
-    fn model(&self) -> PyResult<NamedModel> {
+    fn model(&self) -> PyResult<selvedge::Model> {
         let file = match self {
             Self::Model(model) => return Ok(model.get().named()),
             Self::Path(folder) if folder.is_dir() => folder.join(files::MODEL),
             Self::Path(file) => file.clone(),
         };
-        NamedModel::open(Some(&file)).map_err(told)
+        selvedge::Model::open(Some(&file)).map_err(told)
     }
 }
 
@@ -222,7 +221,7 @@ fn begin(
     teller: &mut Teller<'_>,
 ) -> PyResult<Option<Trainer>> {
     let data = &data.inner;
-    let engine = Machine::Cpu.engine(asked.micro_batch);
+    let engine = machine::engine(&Machine::Cpu, asked.micro_batch);
     let mut trainer = match (&asked.from, asked.resume) {
         (_, true) => Some(Trainer::resume(cfg, data, checkpoint, &*engine).map_err(told)?),
         (Some(from), false) => {

@@ -30,6 +30,46 @@ motion.named = "forward"
     assert made.to_bytes() == selvedge.simulate(small, frames=40).to_bytes()
 
 
+FRONTS = pathlib.Path(__file__).parents[2] / "crates/selvedge/tests/fronts"
+# Those of crates/selvedge/tests/cli/fronts.rs.
+RUNS = [
+    ("substeps-1", None),
+    ("substeps-3", None),
+    ("substeps-8", None),
+    ("garment", None),
+    ("wind", None),
+    ("let-go", None),
+    ("substeps-3", "paper"),
+    ("let-go", "paper"),
+]
+
+
+@pytest.mark.parametrize("name, by", RUNS)
+def test_the_scenes_of_all_fronts(program, tmp_path, name, by):
+    file = FRONTS / f"{name}.toml"
+    scene = selvedge.Scene(str(file))
+    out = tmp_path / "run.safetensors" if by is None else tmp_path / "run"
+    model = [] if by is None else ["--model", by, "--no-clip"]
+    program("run", file, *model, "--frames", 36, "-o", out)
+    wanted = selvedge.Trajectory.read(out if by is None else out / "rollout.safetensors").positions
+    if by is None:
+        stepper, made = selvedge.Simulator(scene), selvedge.simulate(scene, frames=36)
+    else:
+        opened = selvedge.Model(by)
+        stepper = selvedge.LearnedStepper(scene, opened)
+        made = selvedge.rollout(scene, opened, frames=36).trajectory
+    assert np.array_equal(made.positions, wanted)
+    assert np.array_equal(stepper.follow(12), wanted[:13])
+    there = stepper.snapshot()
+    for frame in range(13, 37):
+        assert np.array_equal(stepper.step(), wanted[frame])
+    stepper.restore(there)
+    assert np.array_equal(stepper.positions, wanted[12])
+    assert np.array_equal(stepper.follow(24), wanted[12:])
+    stepper.reset()
+    assert np.array_equal(stepper.positions, wanted[0])
+
+
 @pytest.mark.parametrize("name", ["paper"])
 def test_a_rollout_with_its_truth_and_trust(program, scene, tmp_path, name):
     out = tmp_path / "cli"

@@ -198,3 +198,25 @@ motion.named = "forward"
 """
         )
     assert "material" in caplog.text
+
+
+def test_steppers_say_what_is_to_be_known(small, model):
+    assert selvedge.Simulator(small).warnings == []
+    trained = selvedge.Model("paper")
+    garment = pathlib.Path(__file__).parents[2] / "crates/selvedge/tests/fronts/garment.toml"
+    stepper = selvedge.LearnedStepper(selvedge.Scene(str(garment)).with_motion("forward"), trained)
+    said = "\n".join(stepper.warnings)
+    assert "contact: a learned model does not see obstacles" in said
+
+
+def test_what_is_no_snapshot_of_a_stepper_is_refused(small):
+    one, rigid = selvedge.Simulator(small), selvedge.RigidStepper(small)
+    before = one.step()
+    with pytest.raises(selvedge.FrameError, match="another kind of stepper"):
+        one.restore(rigid.snapshot())
+    assert np.array_equal(one.positions, before)
+    played = selvedge.PlaybackStepper(selvedge.simulate(small, frames=3))
+    there = played.snapshot()
+    played.step(np.zeros((2, 3)))
+    played.restore(there)
+    assert played.frame == 0 and played.warnings == []

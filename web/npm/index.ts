@@ -1,4 +1,7 @@
-import init, { Cloth as Module, type InitOutput } from "./selvedge_web.js";
+import init, { Cloth as Module, type ClothSnapshot, type InitOutput } from "./selvedge_web.js";
+
+/** A state of a cloth in memory; `free()` gives the memory back. */
+export type Snapshot = ClothSnapshot;
 
 /** What moves a cloth, and where the module is. */
 export interface Options {
@@ -83,7 +86,7 @@ export class Cloth {
     return this.cloth.frame;
   }
 
-  /** Warnings of what the scene asks for and does not get, one a line. */
+  /** All that is to be known of the cloth so far, one warning a line. */
   get warnings(): string {
     return this.cloth.warnings;
   }
@@ -91,6 +94,18 @@ export class Cloth {
   /** Back to the start. */
   reset(): void {
     this.cloth.reset();
+  }
+
+  /** The state now, for `restore`. */
+  snapshot(): Snapshot {
+    const taken = this.cloth.snapshot();
+    if (!taken) throw new Error("this cloth cannot go back");
+    return taken;
+  }
+
+  /** Back to a snapshot of this cloth: the frames that follow have the same bytes. */
+  restore(snapshot: Snapshot): void {
+    this.cloth.restore(snapshot);
   }
 
   /** Gives the memory back; the cloth can then no longer be used. */

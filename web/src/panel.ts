@@ -293,7 +293,7 @@ export class Panel {
     // Without contact the cloth would fall through the floor that is shown.
     for (const id of ["throw", "drop"]) element(id).toggleAttribute("disabled", !live || !state.touches);
     element("touch-hint").textContent =
-      state.touches && state.mover !== "physics" ? "A learned model does not see bodies: the physics can throw and lead them." : "";
+      state.touches && state.mover !== "physics" ? "A learned model does not see bodies: the solver can throw and lead them." : "";
     element("vertices-row").hidden = select("mesh").value === "";
     const motion = element("play-motion");
     motion.textContent = state.motion ? "Stop" : "Play";

@@ -14,11 +14,13 @@ import { serve } from "./server.mjs";
 const folder = mkdtempSync(join(tmpdir(), "selvedge-module-"));
 after(() => rmSync(folder, { recursive: true, force: true }));
 
-/** The last frame of a run by the program. */
-function ran(scene, args) {
-  const file = join(folder, "run.safetensors");
-  rmSync(file, { force: true });
-  execFileSync(program, ["run", scene, ...args, "-o", file], { stdio: "ignore" });
+/** The last frame of a run by the program, of a model where one is named. */
+function ran(scene, args, model) {
+  const out = join(folder, model ? "run" : "run.safetensors");
+  const file = model ? join(out, "rollout.safetensors") : out;
+  rmSync(out, { force: true, recursive: true });
+  const by = model ? ["--model", model, "--no-clip"] : [];
+  execFileSync(program, ["run", scene, ...by, ...args, "-o", out], { stdio: "ignore" });
   const bytes = readFileSync(file);
   const start = 8 + Number(bytes.readBigUInt64LE());
   const header = JSON.parse(bytes.subarray(8, start).toString());
@@ -44,6 +46,36 @@ for (const scene of ["default", "square-1024", "tablecloth"]) {
     cloth.free();
   });
 }
+
+// Those of crates/selvedge/tests/cli/fronts.rs, whose handles move in every frame.
+for (const [name, model] of [
+  ["substeps-1"], ["substeps-3"], ["substeps-8"], ["garment"], ["wind"], ["let-go"],
+  ["substeps-3", "paper"], ["let-go", "paper"],
+]) {
+  test(`${name}${model ? ` by ${model}` : ""} has the bytes of the program`, async () => {
+    const scene = `../crates/selvedge/tests/fronts/${name}.toml`;
+    const cloth = await Cloth.load(readFileSync(scene, "utf8"), { model });
+    for (let k = 0; k < 36; k++) cloth.step();
+    assert.deepEqual(cloth.positions, ran(scene, ["--frames", "36"], model));
+    cloth.free();
+  });
+}
+
+test("a cloth goes back to a snapshot", async () => {
+  const cloth = await Cloth.load(readFileSync("../crates/selvedge/tests/fronts/let-go.toml", "utf8"));
+  for (let k = 0; k < 12; k++) cloth.step();
+  const there = cloth.snapshot();
+  const on = () => {
+    for (let k = 0; k < 12; k++) cloth.step();
+    return cloth.positions.slice();
+  };
+  const once = on();
+  cloth.restore(there);
+  assert.equal(cloth.frame, 12);
+  assert.deepEqual(on(), once);
+  there.free();
+  cloth.free();
+});
 
 test("a scene's text and targets of one's own", async () => {
   const text = readFileSync("../docs/src/scenes/disc.toml", "utf8");

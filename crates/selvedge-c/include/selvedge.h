@@ -142,6 +142,12 @@ typedef uint64_t SelvedgeModel;
 // Handle of a scene; 0 is none.
 typedef uint64_t SelvedgeScene;
 
+// Handle of a stepper, a cloth that moves one frame at a time; 0 is none.
+typedef uint64_t SelvedgeStepper;
+
+// Handle of a snapshot, a state of a stepper in memory; 0 is none.
+typedef uint64_t SelvedgeSnapshot;
+
 // A listener of a long call: hears what is done and may stop it.
 //
 // `hear` is called with `context`, the task in words ("sagging to rest"; only during the call),
@@ -155,9 +161,6 @@ typedef struct SelvedgeListener {
   // Whatever the function is to have.
   void *context;
 } SelvedgeListener;
-
-// Handle of a stepper, a cloth that moves one frame at a time; 0 is none.
-typedef uint64_t SelvedgeStepper;
 
 // Counts of a stepper.
 typedef struct SelvedgeCounts {
@@ -270,6 +273,23 @@ SelvedgeStatus selvedge_scene_warnings(SelvedgeScene scene,
 // Frees a scene. Steppers that were made of it go on.
 SelvedgeStatus selvedge_scene_free(SelvedgeScene scene);
 
+// Takes a snapshot of a stepper as it is now.
+//
+// # Safety
+// `out` may be written.
+SelvedgeStatus selvedge_stepper_snapshot(SelvedgeStepper stepper, SelvedgeSnapshot *out);
+
+// Takes a stepper back to a snapshot of it, or of another stepper of the same scene by the same
+// mover: the frames that follow have the bytes of those that followed then. It may be gone back to
+// any number of times. Any other snapshot is an error, and the stepper stays as it was.
+SelvedgeStatus selvedge_stepper_restore(SelvedgeStepper stepper, SelvedgeSnapshot snapshot);
+
+// Takes a stepper back to where it began.
+SelvedgeStatus selvedge_stepper_reset(SelvedgeStepper stepper);
+
+// Frees a snapshot.
+SelvedgeStatus selvedge_snapshot_free(SelvedgeSnapshot snapshot);
+
 // Makes a stepper of the physics of a scene, where the scene starts: what `selvedge run`
 // runs. A rest pose is searched for first, which may take a while; it is kept for the other
 // steppers of the scene.
@@ -379,8 +399,9 @@ SelvedgeStatus selvedge_copy_handles(SelvedgeStepper stepper, uint32_t *out, siz
 // `out` may be written.
 SelvedgeStatus selvedge_trust(SelvedgeStepper stepper, struct SelvedgeTrust *out);
 
-// Writes what is to be known of a stepper, a line each: the warnings of its scene, what of the
-// scene a model does not do, and what goes beyond the model's training. `text`, `room` and
+// Writes what is to be known of a stepper so far, a line each: the warnings of its scene, what of
+// the scene a model does not do, what goes beyond the model's training, edges that strain by more
+// than 50 %, and bodies that were let through the cloth. `text`, `room` and
 // `needed` are those of `selvedge_scene_warnings`.
 //
 // # Safety

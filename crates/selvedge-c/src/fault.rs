@@ -5,8 +5,8 @@ use std::cell::RefCell;
 use std::error::Error;
 use std::ffi::{CStr, CString};
 
+use selvedge::cause;
 use selvedge_cloth::{HandleError, StepError};
-use selvedge_lab::cause;
 
 use crate::status::SelvedgeStatus;
 
@@ -54,6 +54,7 @@ impl Fault {
         let status = match &error {
             StepError::Stopped { .. } => SelvedgeStatus::Stopped,
             StepError::Handles { source, .. } => of_targets(source),
+            StepError::Snapshot { .. } => SelvedgeStatus::Argument,
             _ => SelvedgeStatus::Step,
         };
         Self::of(status, error)

@@ -25,6 +25,7 @@ pub mod models;
 pub mod process;
 mod registry;
 pub mod scenes;
+pub mod snapshots;
 pub mod status;
 pub mod steppers;
 pub mod trust;

@@ -7,7 +7,7 @@
 use std::ffi::{CString, c_char, c_void};
 use std::ops::ControlFlow;
 
-use selvedge_lab::{Event, Goal};
+use selvedge::{Event, Goal};
 
 /// A listener of a long call: hears what is done and may stop it.
 ///
@@ -38,7 +38,6 @@ pub(crate) struct Ear {
     task: CString,
     done: u64,
     goal: u64,
-    was_stopped: bool,
 }
 
 // SAFETY: the caller agrees that the function is called from other threads with its pointer, one
@@ -59,13 +58,7 @@ impl Ear {
             task: CString::default(),
             done: 0,
             goal: 0,
-            was_stopped: false,
         }
-    }
-
-    /// Returns true once the caller asked to stop.
-    pub(crate) fn was_stopped(&self) -> bool {
-        self.was_stopped
     }
 
     /// Tells the caller of `event`.
@@ -92,10 +85,9 @@ impl Ear {
         };
         // SAFETY: the caller gave the function to be called so; the text outlives the call.
         let answer = unsafe { hear(context, self.task.as_ptr(), self.done, self.goal) };
-        if answer == 0 {
-            return ControlFlow::Continue(());
+        match answer {
+            0 => ControlFlow::Continue(()),
+            _ => ControlFlow::Break(()),
         }
-        self.was_stopped = true;
-        ControlFlow::Break(())
     }
 }

@@ -4,8 +4,6 @@
 use std::ffi::c_char;
 use std::path::Path;
 
-use selvedge_lab::models::NamedModel;
-
 use crate::border::{call, put, text};
 use crate::cloth::MODELS;
 use crate::fault::Fault;
@@ -32,7 +30,7 @@ pub unsafe extern "C" fn selvedge_model_open(
         };
         // SAFETY: likewise.
         unsafe { put(out, "out", 0) }?;
-        let model = NamedModel::open(name.map(Path::new));
+        let model = selvedge::Model::open(name.map(Path::new));
         let model = model.map_err(|error| Fault::of(SelvedgeStatus::Open, error))?;
         let handle = MODELS.keep(model)?;
         // SAFETY: likewise.

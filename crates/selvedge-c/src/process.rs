@@ -4,8 +4,8 @@
 use std::ffi::{CStr, c_char};
 use std::path::PathBuf;
 
+use selvedge::rest_pose;
 use selvedge_data::RestPoseFolder;
-use selvedge_lab::rest_pose;
 
 use crate::border::{call, text};
 use crate::fault::{self, Fault};

@@ -16,9 +16,10 @@ pub(crate) enum Kind {
     Scene = 0x5c,
     Model = 0x4d,
     Stepper = 0x57,
+    Snapshot = 0x53,
 }
 
-const KINDS: [Kind; 3] = [Kind::Scene, Kind::Model, Kind::Stepper];
+const KINDS: [Kind; 4] = [Kind::Scene, Kind::Model, Kind::Stepper, Kind::Snapshot];
 const LAST_GENERATION: u32 = (1 << 24) - 1;
 
 /// All that handles of one kind stand for.
@@ -39,6 +40,7 @@ impl Kind {
             Self::Scene => "a scene",
             Self::Model => "a model",
             Self::Stepper => "a stepper",
+            Self::Snapshot => "a snapshot",
         }
     }
 }

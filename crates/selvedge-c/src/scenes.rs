@@ -2,14 +2,12 @@
 #![allow(unsafe_code, reason = "exported to C, with pointers of the caller")]
 
 use std::ffi::c_char;
-use std::sync::Mutex;
 
-use selvedge_data::open_scene;
+use selvedge::Scene;
 
 use crate::border::{call, put, put_text, text};
-use crate::cloth::{OpenScene, SCENES};
+use crate::cloth::SCENES;
 use crate::fault::Fault;
-use crate::registry::lock;
 use crate::status::SelvedgeStatus;
 
 /// Handle of a scene; 0 is none.
@@ -29,8 +27,8 @@ pub unsafe extern "C" fn selvedge_scene_open(
         let name = unsafe { text(path_or_name, "path_or_name") }?;
         // SAFETY: likewise.
         unsafe { put(out, "out", 0) }?;
-        let loaded = open_scene(name).map_err(|error| Fault::of(SelvedgeStatus::Open, error))?;
-        let handle = SCENES.keep(Mutex::new(OpenScene::new(loaded)))?;
+        let scene = Scene::named(name).map_err(|error| Fault::of(SelvedgeStatus::Open, error))?;
+        let handle = SCENES.keep(scene)?;
         // SAFETY: likewise.
         unsafe { put(out, "out", handle) }
     })
@@ -52,7 +50,7 @@ pub unsafe extern "C" fn selvedge_scene_warnings(
 ) -> SelvedgeStatus {
     call(|| {
         let kept = SCENES.get(scene)?;
-        let lines = lock(&kept)?.warnings().join("\n");
+        let lines = kept.warnings().join("\n");
         // SAFETY: as for this function.
         unsafe { put_text(&lines, text, room, needed) }
     })

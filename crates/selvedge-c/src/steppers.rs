@@ -6,10 +6,10 @@ mod read;
 use std::sync::atomic::Ordering;
 
 use glam::DVec3;
-use selvedge_cloth::HandleTargets;
+use selvedge::{HandleTargets, Run, Stepper};
 
 use crate::border::{call, put, put_all, values};
-use crate::cloth::{MODELS, MovingCloth, SCENES, STEPPERS};
+use crate::cloth::{MODELS, SCENES, STEPPERS, by_model, by_solver};
 use crate::fault::Fault;
 use crate::listener::{Ear, SelvedgeListener};
 use crate::models::SelvedgeModel;
@@ -41,7 +41,7 @@ pub unsafe extern "C" fn selvedge_stepper_physics(
         // SAFETY: likewise.
         unsafe { put(out, "out", 0) }?;
         let scene = SCENES.get(scene)?;
-        let cloth = lock(&scene)?.physics(&mut ear)?;
+        let cloth = by_solver(&scene, &mut ear)?;
         // SAFETY: likewise.
         unsafe { put(out, "out", keep(cloth)?) }
     })
@@ -67,13 +67,13 @@ pub unsafe extern "C" fn selvedge_stepper_model(
         unsafe { put(out, "out", 0) }?;
         let settings = trust::settings(guard)?;
         let (scene, model) = (SCENES.get(scene)?, MODELS.get(model)?);
-        let cloth = lock(&scene)?.model(&model, settings, &mut ear)?;
+        let cloth = by_model(&scene, &model, settings, &mut ear)?;
         // SAFETY: likewise.
         unsafe { put(out, "out", keep(cloth)?) }
     })
 }
 
-fn keep(cloth: MovingCloth) -> Result<SelvedgeStepper, Fault> {
+fn keep(cloth: Run) -> Result<SelvedgeStepper, Fault> {
     STEPPERS.keep(cloth.into())
 }
 
@@ -110,7 +110,7 @@ pub unsafe extern "C" fn selvedge_step(
             let free = free.into_iter().map(|byte| byte != 0).collect();
             given = given.releasing(free).map_err(Fault::targets)?;
         }
-        cloth.step(&given)
+        cloth.step_to(&given).map_err(Fault::step)
     })
 }
 
@@ -121,9 +121,7 @@ pub extern "C" fn selvedge_step_along(stepper: SelvedgeStepper) -> SelvedgeStatu
     call(|| {
         let kept = STEPPERS.get(stepper)?;
         let mut cloth = lock(&kept.cloth)?;
-        let samples = cloth.samples();
-        let targets = cloth.targets(samples)?;
-        cloth.step(&targets)
+        cloth.step().map_err(Fault::step)
     })
 }
 
@@ -147,7 +145,7 @@ pub unsafe extern "C" fn selvedge_motion_targets(
         let mut cloth = lock(&kept.cloth)?;
         check_handles(&cloth, handles)?;
         let count = numbers_of(samples, handles)?;
-        let given = cloth.targets(samples)?;
+        let given = cloth.next_targets(samples).map_err(Fault::step)?;
         let mut numbers = Vec::with_capacity(count);
         for sample in 1..=samples {
             let fraction = sample as f64 / samples as f64;
@@ -184,8 +182,8 @@ pub extern "C" fn selvedge_stepper_free(stepper: SelvedgeStepper) -> SelvedgeSta
     call(|| STEPPERS.free(stepper))
 }
 
-fn check_handles(cloth: &MovingCloth, found: usize) -> Result<(), Fault> {
-    match cloth.stepper().handles().len() {
+fn check_handles(cloth: &Run, found: usize) -> Result<(), Fault> {
+    match cloth.handles().len() {
         wanted if wanted == found => Ok(()),
         wanted => Err(Fault::count("handles", "handles", wanted, found)),
     }

@@ -12,7 +12,9 @@ use std::time::Duration;
 use glam::{DVec3, Vec3};
 use thiserror::Error;
 
-use crate::{Correctable, HandleError, HandleTargets, Handles, StepError, Stepper, Stop, Topology};
+use crate::{
+    Correctable, HandleError, HandleTargets, Handles, Snapshot, StepError, Stepper, Stop, Topology,
+};
 
 /// Position of the handles after a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,7 +42,7 @@ const FAR: f64 = 1e39;
 
 /// Checks the steppers that `make` makes, all alike and at their start.
 ///
-/// Up to thirteen steps follow small moves of the handles, so a recording needs at least fourteen
+/// Up to fifteen steps follow small moves of the handles, so a recording needs at least sixteen
 /// frames. Between them come steps with too few and too many targets, with targets too far away for
 /// f32, steps that are to stop, before they begin or in the middle (which a stepper need not hear),
 /// and one with a handle let go (which a stepper may refuse).
@@ -59,6 +61,7 @@ pub fn check<S: Stepper>(make: impl Fn() -> S, handles_end: HandlesEnd) -> Resul
         pair.tries("target beyond f32", Pair::far)?;
     }
     pair.tries("step after failures", Pair::good)?;
+    pair.tries("snapshot that is gone back to", Pair::rewound)?;
     for wait in WAITS.map(Duration::from_micros) {
         pair.tries("step that is to stop", |pair| pair.stopped(wait))?;
         pair.tries("step after one that was to stop", Pair::good)?;
@@ -231,6 +234,30 @@ impl<S: Stepper> Pair<S> {
             Some(StepError::Handles { .. }) => self.good(),
             Some(source) => other_reason(&source),
         }
+    }
+
+    /// Goes on by two steps from a snapshot and back to it, where the stepper has any; what is no
+    /// snapshot of it is refused. The two steps are taken again.
+    fn rewound(&mut self) -> Result<(), String> {
+        let Some(snapshot) = self.tried.snapshot() else {
+            return Ok(());
+        };
+        let frame = self.tried.frame();
+        for _ in 0..2 {
+            let targets = targets(self.next(), None)?;
+            self.tried.step(&targets).map_err(failed)?;
+        }
+        match self.tried.rewind(&Snapshot::of(())) {
+            Err(StepError::Snapshot { frame: found }) if found == frame + 2 => {}
+            Err(error) => return other_reason(&error),
+            Ok(()) => return Err("what is no snapshot of it was accepted".to_owned()),
+        }
+        self.tried.rewind(&snapshot).map_err(failed)?;
+        if self.tried.positions() != self.spared.positions() {
+            return Err("the cloth is not as it was in the snapshot".to_owned());
+        }
+        self.good()?;
+        self.good()
     }
 
     /// A step that is to stop `wait` after its beginning. It is made whole or not at all.

@@ -12,7 +12,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::error::{SceneError, require, require_positive};
-use crate::{BendTable, StretchTable};
+use crate::{BendTable, Material, StretchTable};
 
 /// The constants of an isotropic sheet.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -30,6 +30,19 @@ pub struct Isotropic {
 const LAW_FACTOR: f64 = 2.0;
 
 impl Isotropic {
+    /// A fabric of such a sheet with `density` `[kg/m²]`.
+    #[must_use]
+    pub fn material(&self, name: &str, density: f64) -> Material {
+        Material {
+            name: name.to_owned(),
+            source: String::new(),
+            density,
+            damping: 0.0,
+            stretch: self.stretch_table(),
+            bend: self.bend_table(),
+        }
+    }
+
     /// Checks that modulus and thickness are positive and Poisson's ratio is between 0 and 0.5 (the
     /// laws read no negative stiffness, so that auxetic sheets are not possible).
     ///

@@ -101,5 +101,7 @@ pub use physics::{
 };
 pub use scene::{DEFAULT_FRAME_RATE, Scene};
 pub use schedule::{HandleSchedule, Release};
-pub use stepper::{Correctable, StepError, Stepper, check_target_count, check_targets_hold};
+pub use stepper::{
+    Correctable, Snapshot, StepError, Stepper, check_target_count, check_targets_hold,
+};
 pub use topology::{Arc, Edge, Topology, TopologyError};

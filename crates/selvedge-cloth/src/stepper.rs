@@ -5,6 +5,9 @@
 //! evaluator, the viewer and the exporters consume it and never ask which one it is.
 //! [`crate::conformance`] checks an implementation.
 
+use std::any::Any;
+use std::sync::Arc;
+
 use glam::{DVec3, Vec3};
 use thiserror::Error;
 
@@ -45,6 +48,44 @@ pub trait Stepper {
     /// a frame takes long. A stepper whose frames are short need not hear it.
     fn stop_by(&mut self, stop: Stop) {
         let _ = stop;
+    }
+
+    /// The state now, for [`Self::rewind`]; none of a stepper that cannot go back.
+    fn snapshot(&self) -> Option<Snapshot> {
+        None
+    }
+
+    /// Goes back to a snapshot of this stepper, or of one that was made alike. The frames that
+    /// follow have the bytes of those that followed then.
+    ///
+    /// # Errors
+    /// [`StepError::Snapshot`], with the frame now, for a snapshot of another kind or cloth; the
+    /// cloth is left as it was.
+    fn rewind(&mut self, snapshot: &Snapshot) -> Result<(), StepError> {
+        let _ = snapshot;
+        Err(StepError::Snapshot {
+            frame: self.frame(),
+        })
+    }
+}
+
+/// A state of a stepper in memory. Clones share it.
+#[derive(Clone, Debug)]
+pub struct Snapshot(Arc<dyn Any + Send + Sync>);
+
+impl Snapshot {
+    /// A snapshot of this state, whose type only its stepper knows.
+    pub fn of<T: Any + Send + Sync>(state: T) -> Self {
+        Self(Arc::new(state))
+    }
+
+    /// The state, where it is of this type and `fits`.
+    ///
+    /// # Errors
+    /// [`StepError::Snapshot`] of `frame`, that of the stepper now.
+    pub fn get<T: Any>(&self, frame: usize, fits: impl Fn(&T) -> bool) -> Result<&T, StepError> {
+        let state = self.0.downcast_ref().filter(|state| fits(state));
+        state.ok_or(StepError::Snapshot { frame })
     }
 }
 
@@ -102,6 +143,14 @@ impl<S: Stepper + ?Sized> Stepper for Box<S> {
 
     fn stop_by(&mut self, stop: Stop) {
         (**self).stop_by(stop);
+    }
+
+    fn snapshot(&self) -> Option<Snapshot> {
+        (**self).snapshot()
+    }
+
+    fn rewind(&mut self, snapshot: &Snapshot) -> Result<(), StepError> {
+        (**self).rewind(snapshot)
     }
 }
 
@@ -187,6 +236,10 @@ pub enum StepError {
     Stopped { frame: usize },
     #[error("frame {frame}: the recording has only {frames} frames")]
     EndOfRecording { frame: usize, frames: usize },
+    #[error(
+        "frame {frame}: there is no going back to this snapshot: it is of another kind of stepper, or of another cloth; take one of this stepper"
+    )]
+    Snapshot { frame: usize },
 }
 
 /// Obstacles that push, as a part of a message.
@@ -222,6 +275,7 @@ impl StepError {
             | Self::Overstretched { frame, .. }
             | Self::Device { frame, .. }
             | Self::Stopped { frame }
+            | Self::Snapshot { frame }
             | Self::EndOfRecording { frame, .. } => frame,
         }
     }
@@ -239,6 +293,7 @@ impl StepError {
             | Self::Overstretched { frame, .. }
             | Self::Device { frame, .. }
             | Self::Stopped { frame }
+            | Self::Snapshot { frame }
             | Self::EndOfRecording { frame, .. } => *frame = number,
         }
         self
@@ -278,8 +333,8 @@ pub fn check_targets_hold(
     hold.map_err(|source| StepError::Handles { frame, source })
 }
 
-/// Implements every method of [`Stepper`] but [`Stepper::step`] by the field of this name, which
-/// is a stepper itself.
+/// Implements every method of [`Stepper`] but [`Stepper::step`] and snapshots by the field of this
+/// name, which is a stepper itself.
 #[macro_export]
 macro_rules! delegate_stepper {
     ($inner:ident) => {

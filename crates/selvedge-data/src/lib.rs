@@ -100,6 +100,6 @@ pub use scene::{
 pub use trajectory::file::TRAJECTORY_FORMAT;
 pub use trajectory::frames::Frames;
 pub use trajectory::obstacles::ObstacleTrack;
-pub use trajectory::record::{Drive, Playback, Recording, RecordingEnd, record};
+pub use trajectory::record::{Drive, Playback, Recording, RecordingEnd, record, record_steps};
 pub use trajectory::state_file::{STATES_FORMAT, SavedState, StateChoice, StateRun, StateSpec};
 pub use trajectory::{Provenance, Trajectory};

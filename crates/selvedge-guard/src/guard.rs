@@ -19,8 +19,8 @@ use std::sync::Arc;
 
 use glam::Vec3;
 use selvedge_cloth::{
-    Cloth, Correctable, HandleTargets, Handles, Scene, StepError, Stepper, Stop, Topology,
-    VertexId, check_target_count,
+    Cloth, Correctable, HandleTargets, Handles, Scene, Snapshot, StepError, Stepper, Stop,
+    Topology, VertexId, check_target_count,
 };
 use selvedge_sim::{Led, SimulatorError};
 use thiserror::Error;
@@ -400,7 +400,23 @@ impl<S: Correctable> Stepper for Guard<S> {
         }
         stepped
     }
+
+    fn snapshot(&self) -> Option<Snapshot> {
+        let state: State = (self.inner.snapshot()?, self.last.clone(), self.trust);
+        Some(Snapshot::of(state))
+    }
+
+    fn rewind(&mut self, snapshot: &Snapshot) -> Result<(), StepError> {
+        let (inner, last, trust): &State = snapshot.get(self.frame(), |_| true)?;
+        self.inner.rewind(inner)?;
+        self.last.clone_from(last);
+        self.trust = *trust;
+        Ok(())
+    }
 }
+
+/// The state of the inner stepper, the last two frames and the word on the newest.
+type State = (Snapshot, [Vec<Vec3>; 2], Trust);
 
 /// Checks that `targets` are finite as f32, as the positions of handles are to be.
 fn check_within_f32(stepper: &impl Stepper, targets: &HandleTargets) -> Result<(), StepError> {
@@ -420,6 +436,7 @@ fn is_callers(error: &StepError) -> bool {
         StepError::Handles { .. }
         | StepError::EndOfRecording { .. }
         | StepError::Device { .. }
+        | StepError::Snapshot { .. }
         | StepError::Stopped { .. } => true,
         StepError::NonFinite { .. }
         | StepError::Solve { .. }

@@ -25,7 +25,7 @@ mod settings;
 
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
-use std::sync::{Arc, Mutex};
+use std::sync::Mutex;
 use std::time::Instant;
 
 use glam::DVec3;
@@ -37,9 +37,8 @@ use selvedge_cloth::{
     Obstacle, Scene, StepError, Stepper,
 };
 use selvedge_data::open_scene;
-use selvedge_lab::physics::{SimulationPlan, run_plan};
-use selvedge_lab::start;
-use selvedge_sim::{Simulator, Threads};
+use selvedge_lab::physics::simulate;
+use selvedge_sim::Simulator;
 use tracing::span::{Attributes, Id, Record};
 use tracing::{Event, Metadata, Subscriber};
 
@@ -192,22 +191,15 @@ impl Subscriber for Phases {
 /// Runs so many frames of a scene's file, or of a shipped scene.
 fn measure_scene(name: &str, frames: usize) {
     let loaded = open_scene(name).unwrap();
-    let start = start::find(&loaded, &mut |_| ControlFlow::Continue(())).unwrap();
-    let plan = SimulationPlan {
-        start: start.state,
-        frames,
-        keeps_states: false,
-        threads: Threads::Pool,
-        stop: Arc::default(),
-    };
+    let mut run = selvedge::Run::new(&loaded.into()).unwrap();
     PHASES.lock().unwrap().seconds.clear();
-    let run = run_plan(&loaded.scene, plan, &mut || ControlFlow::Continue(()));
-    let (run, _) = run.unwrap().whole().unwrap();
-    let vertices = loaded.scene.mesh.positions().len();
-    let ms = run.ms_per_frame;
+    let vertices = run.positions().len();
+    let made = simulate(&mut run, frames, false, &mut |_| ControlFlow::Continue(()));
+    let (made, _) = made.whole().unwrap();
+    let ms = made.ms_per_frame;
     println!("| {name} | {vertices} vertices | {frames} frames | {ms:.2} ms |");
     print_shares(1e-3 * ms * frames as f64);
-    println!("{:?}", run.contact);
+    println!("{:?}", run.solver().map(Simulator::stats));
 }
 
 /// Prints the share of each phase in the time of all frames `[s]`.

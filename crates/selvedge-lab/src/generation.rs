@@ -13,9 +13,10 @@ use std::sync::{Mutex, PoisonError};
 use anyhow::{Context, Result, anyhow};
 use glam::DVec3;
 use rayon::prelude::*;
+use selvedge::Run;
 use selvedge_cluster::Shard;
 use selvedge_data::{Dataset, DatasetParts, DatasetPreset, DatasetWriter, LoadedScene, Split};
-use selvedge_sim::{DividedFrames, Threads};
+use selvedge_sim::{DividedFrames, Simulator, Threads};
 
 use crate::event::{End, OnEvent, Reporter};
 use crate::folder::{self, FolderKind};
@@ -191,16 +192,19 @@ fn simulate_all(
         let Some(rest) = rests.get(&job.cloth).filter(|_| !task.is_stopped()) else {
             return Ok(());
         };
-        let go_on = &mut || task.advance();
-        let run = physics::run(scene, rest.clone(), job.frames, Threads::One, go_on)?;
-        if run.end == End::Interrupted {
+        let mut run = Run::new(&selvedge::Scene::at(scene.clone(), rest.clone()))?;
+        run.set_threads(Threads::One);
+        let made = physics::simulate(&mut run, job.frames, false, &mut |_| task.advance());
+        let (made, _) = made.whole()?;
+        if made.end == End::Interrupted {
             return Ok(());
         }
-        let trajectory = physics::trajectory(0, &job.scene.spec, scene, rest, run.positions)?;
+        let trajectory = physics::trajectory(0, &job.scene.spec, scene, rest, made.positions)?;
         // `add` leaves the writer as it was where it fails, so that it is never half done.
         let mut writer = writer.lock().unwrap_or_else(PoisonError::into_inner);
         writer.0.add(job.split, &job.motion, &trajectory)?;
-        writer.1 = writer.1.and(run.divided);
+        let stats = run.solver().map(Simulator::stats).unwrap_or_default();
+        writer.1 = writer.1.and(stats.divided);
         Ok(())
     };
     let jobs = jobs.par_iter().with_max_len(1);

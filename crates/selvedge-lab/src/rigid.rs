@@ -7,7 +7,8 @@
 
 use glam::Vec3;
 use selvedge_cloth::{
-    Cloth, HandleTargets, Handles, StepError, Stepper, Topology, VertexId, check_targets_hold,
+    Cloth, HandleTargets, Handles, Snapshot, StepError, Stepper, Topology, VertexId,
+    check_targets_hold,
 };
 use selvedge_model::{LocalFrame, Yaw};
 
@@ -77,7 +78,23 @@ impl Stepper for RigidRest {
         self.frames_done += 1;
         Ok(())
     }
+
+    fn snapshot(&self) -> Option<Snapshot> {
+        let state: State = (self.positions.clone(), self.yaw, self.frames_done);
+        Some(Snapshot::of(state))
+    }
+
+    fn rewind(&mut self, snapshot: &Snapshot) -> Result<(), StepError> {
+        let vertices = self.positions.len();
+        let state: &State =
+            snapshot.get(self.frames_done, |state: &State| state.0.len() == vertices)?;
+        (self.positions, self.yaw, self.frames_done) = state.clone();
+        Ok(())
+    }
 }
+
+/// Positions `[m]`, `[vertices]`, the yaw and the number of the frame.
+type State = (Vec<Vec3>, Yaw, usize);
 
 /// The mean of `positions`; the origin where there are none.
 fn centroid(positions: &[Vec3]) -> Vec3 {

@@ -101,14 +101,13 @@ mod tests {
 
     use super::*;
     use crate::machine::{Machine, Mover};
-    use crate::models::NamedModel;
-    use crate::start;
     use crate::test_scene::hanging;
+    use selvedge::start;
 
     /// The shipped network on the cloth of a scene, under a guard.
     fn guarded(scene: Scene, correction: Correction) -> Guard<Mover> {
         let (scene, settings) = (Arc::new(scene), correction);
-        let model = NamedModel::open(Some("paper".as_ref())).unwrap();
+        let model = selvedge::Model::open(Some("paper".as_ref())).unwrap();
         let rest = scene.mesh.positions();
         start::guarded(&scene, rest, &model, &Machine::Cpu, settings).unwrap()
     }

@@ -337,7 +337,7 @@ impl Driven {
         let started = Instant::now();
         if let Err(error) = self.stepper.step(shifted.as_ref().unwrap_or(targets)) {
             let remedy = match self.kind {
-                MoverKind::Model => "reset, or let the physics take over",
+                MoverKind::Model => "reset, or let the solver take over",
                 MoverKind::Physics => "reset",
             };
             self.stopped = Some(error.to_string());

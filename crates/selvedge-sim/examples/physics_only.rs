@@ -9,7 +9,7 @@ use std::error::Error;
 
 use glam::DVec3;
 use selvedge_cloth::generate::square;
-use selvedge_cloth::{HandleTargets, Handles, Isotropic, Material, Motion, Scene, Stepper};
+use selvedge_cloth::{HandleTargets, Handles, Isotropic, Motion, Scene, Stepper};
 use selvedge_sim::{Simulator, sag};
 
 /// Frames that are simulated, at 60 per second.
@@ -48,14 +48,7 @@ fn curtain() -> Result<Scene, Box<dyn Error>> {
         poissons_ratio: 0.3,
         thickness: 5e-4,
     };
-    let material = Material {
-        name: "isotropic".to_owned(),
-        source: String::new(),
-        density: 0.2,
-        damping: 0.0,
-        stretch: elastic.stretch_table(),
-        bend: elastic.bend_table(),
-    };
+    let material = elastic.material("isotropic", 0.2);
     let handles = Handles::new(sheet.label("upper-edge")?, 144)?;
     Ok(Scene {
         motion: Motion::still(2.0),

@@ -14,6 +14,7 @@ use crate::active_handles::ActiveHandles;
 use crate::contact::{Advance, Contact, ContactCounts, Span};
 use crate::edges::WatchedEdges;
 use crate::integrator::{History, SubstepCounts};
+use crate::solver::SolveError;
 use crate::state::State;
 use crate::threads::Threads;
 pub use checkpoint::Checkpoint;
@@ -157,14 +158,27 @@ impl Simulator {
         }
         let released = scene.schedule.released(last, rate, scene.handles.len());
         let holds = released.iter().map(|released| !released).collect();
-        let mut active = ActiveHandles::new(scene, holds)
+        let changes = simulator.active.system.last_changes();
+        let changes = changes.map(|(changes, seconds)| (changes.to_vec(), seconds));
+        simulator.active = simulator
+            .holding(holds, &changes)
             .map_err(|cause| SimulatorError::analysis(simulator.rounded.len(), &cause))?;
-        if let Some((changes, seconds)) = simulator.active.system.last_changes() {
-            active.system.put_changes(changes, seconds);
-        }
-        simulator.active = active;
         simulator.update_wind();
         Ok(simulator)
+    }
+
+    /// The handles that hold, whose next solve begins from these changes of velocity.
+    fn holding(
+        &self,
+        holds: Vec<bool>,
+        changes: &Option<(Vec<DVec3>, f64)>,
+    ) -> Result<ActiveHandles, SolveError> {
+        let mut active = ActiveHandles::new(&self.scene, holds)?;
+        active.system.stop_by(self.stop.clone());
+        if let Some((changes, seconds)) = changes {
+            active.system.put_changes(changes, *seconds);
+        }
+        Ok(active)
     }
 
     /// Sets the threads of the steps that follow. The default is [`Threads::Pool`].

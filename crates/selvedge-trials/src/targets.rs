@@ -4,13 +4,13 @@
 use std::fmt::Display;
 use std::path::Path;
 
+use selvedge::machine::DeviceName;
 use selvedge_data::export::FrameSpan;
 use selvedge_data::{
     Dataset, DatasetPreset, MeshOptions, RestPoseFolder, Rig, SavedState, SceneSpec, StateChoice,
     StateRun, Trajectory, open_scene, parse_obj_with, parse_recorded_csv, read_mesh,
 };
 use selvedge_lab::evaluation::PhysicsMethod;
-use selvedge_lab::machine::DeviceName;
 use selvedge_lab::report::TrainingLog;
 use selvedge_lab::{span, study};
 use selvedge_live::protocol::{self, ClientMessage};

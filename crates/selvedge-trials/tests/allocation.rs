@@ -16,12 +16,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::DVec3;
+use selvedge::machine::Machine;
+use selvedge::start;
 use selvedge_cloth::{Cloth, HandleTargets, Scene, Stepper};
 use selvedge_data::open_scene;
 use selvedge_guard::Correction;
-use selvedge_lab::machine::Machine;
-use selvedge_lab::models::NamedModel;
-use selvedge_lab::{physics, start};
+use selvedge_lab::physics;
 use selvedge_model::{ClothGraph, LearnedStepper};
 
 static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
@@ -83,7 +83,7 @@ fn frames_after_the_first_allocate_nothing() {
     let pool = pool.unwrap();
     let cases = ["paper", "paper-gru5"].map(|name| [(name, false), (name, true)]);
     for (name, is_guarded) in cases.into_iter().flatten() {
-        let model = NamedModel::open(Some(Path::new(name))).unwrap();
+        let model = selvedge::Model::open(Some(Path::new(name))).unwrap();
         let mut stepper: Box<dyn Stepper + Send> = match is_guarded {
             false => {
                 let graph = ClothGraph::new(&cloth, scene.environment, scene.frame_rate);

@@ -4,11 +4,11 @@
 use std::path::Path;
 
 use glam::{DVec3, Vec3};
+use selvedge::rounded;
 use selvedge_cloth::{ContactSettings, Obstacle, Scene};
 use selvedge_data::{
     BodySpec, LoadedScene, ObstacleMotion, ObstacleSpec, Placement, Plane, Sides, Sphere,
 };
-use selvedge_lab::physics;
 use selvedge_live::{Body, BodyKind, Order, kind_of};
 
 /// The name of the ball, which no scene has.
@@ -78,7 +78,7 @@ pub(super) fn of(scene: &Scene) -> Vec<Body> {
 
 fn body(obstacle: &Obstacle) -> Body {
     let points: Vec<DVec3> = obstacle.positions_at(0.0).collect();
-    let points: Vec<Vec3> = physics::rounded(&points);
+    let points: Vec<Vec3> = rounded(&points);
     Body {
         name: obstacle.name().to_owned(),
         kind: match obstacle.name() {

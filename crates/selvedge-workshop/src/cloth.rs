@@ -3,11 +3,13 @@
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
+use selvedge::rounded;
 use selvedge_cloth::{Cloth, Environment, Motion, RecordedMotion, Scene};
-use selvedge_data::{Provenance, SavedState, SceneSpec};
-use selvedge_lab::physics;
+use selvedge_data::{Provenance, SceneSpec};
 use selvedge_live::{Hold, LiveError, LiveStepper, Mover, MoverKind, Movers, Start};
 use selvedge_model::{Aspect, Domain, DomainWatch, Model};
+
+use selvedge_sim::Checkpoint;
 
 use super::movers::{LiveModel, LivePhysics, ModelOnMachine};
 
@@ -21,7 +23,7 @@ pub(super) struct SceneMovers {
     pub(super) led: Arc<Scene>,
     /// The cloth, with the rest pose.
     pub(super) cloth: Arc<Cloth>,
-    pub(super) start: SavedState,
+    pub(super) start: Checkpoint,
     pub(super) model_name: String,
     /// The model, for the learned mover.
     pub(super) model: ModelOnMachine,
@@ -42,7 +44,7 @@ impl Movers for SceneMovers {
         start: Start<'_>,
         hold: &Hold,
     ) -> Result<Box<dyn LiveStepper>, LiveError> {
-        let beginning = [physics::rounded(&self.start.positions)];
+        let beginning = [rounded(&self.start.positions)];
         let frames = match start {
             Start::Beginning => &beginning[..],
             Start::Frames(frames) => frames,
@@ -64,7 +66,7 @@ impl Movers for SceneMovers {
                     Start::Beginning => self.start.clone(),
                     Start::Frames(frames) => moving(frames, self.scene.frame_rate)?,
                 };
-                Ok(Box::new(LivePhysics::start(&self.led, hold, state, &[])?))
+                Ok(Box::new(LivePhysics::start(&self.led, hold, &state)?))
             }
         }
     }
@@ -75,7 +77,7 @@ impl Movers for SceneMovers {
         spec.setting.schedule.releases.clear();
         spec.setting.environment = hold.environment;
         spec.motion = Motion::Recorded(RecordedMotion { positions: handles });
-        physics::provenance(&spec, &self.scene).map_err(LiveError::new)
+        selvedge::provenance(&spec, &self.scene).map_err(LiveError::new)
     }
 }
 
@@ -111,12 +113,12 @@ fn untrained(name: &str, model: &Model, now: &Domain) -> Option<String> {
     let words: Vec<String> = words.collect();
     let words = words.join("; ");
     (!words.is_empty()).then(|| {
-        format!("{words}: what the model {name} shows now is a guess, and the physics knows better")
+        format!("{words}: what the model {name} shows now is a guess, and the solver knows better")
     })
 }
 
 /// The state in the last of `frames`, frames counted from 0.
-fn moving(frames: &[Vec<Vec3>], rate: f64) -> Result<SavedState, LiveError> {
+fn moving(frames: &[Vec<Vec3>], rate: f64) -> Result<Checkpoint, LiveError> {
     let last = frames
         .last()
         .ok_or_else(|| LiveError::new("there is no frame to go on from"))?;
@@ -125,7 +127,8 @@ fn moving(frames: &[Vec<Vec3>], rate: f64) -> Result<SavedState, LiveError> {
         count => &frames[count - 2],
     };
     let velocity = |(now, before): (&Vec3, &Vec3)| (now.as_dvec3() - before.as_dvec3()) * rate;
-    Ok(SavedState::moving(
+    Ok(Checkpoint::of(
+        0,
         last.iter().map(|p| p.as_dvec3()).collect(),
         last.iter().zip(before).map(velocity).collect(),
     ))
@@ -134,7 +137,6 @@ fn moving(frames: &[Vec<Vec3>], rate: f64) -> Result<SavedState, LiveError> {
 #[cfg(test)]
 mod tests {
     use selvedge_cloth::Handles;
-    use selvedge_lab::models::NamedModel;
 
     use super::*;
 
@@ -151,8 +153,8 @@ mod tests {
             let places = vec![DVec3::ZERO; handles.len()];
             hands(&hold, 60.0, [&places, &places])
         };
-        let paper = NamedModel::open(Some("paper".as_ref())).unwrap();
-        let NamedModel { name, model } = paper;
+        let paper = selvedge::Model::open(Some("paper".as_ref())).unwrap();
+        let selvedge::Model { name, model } = paper;
         assert_eq!(untrained(&name, &model, &hold(&[0, 2], 0.0)), None);
         let mut silent = Model::clone(&model);
         silent.training = String::new();

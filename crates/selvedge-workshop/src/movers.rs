@@ -5,15 +5,13 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
+use selvedge::machine::{Machine, Mover};
+use selvedge::rounded;
 use selvedge_cloth::{Cloth, HandleTargets, Scene, Squeezed, StepError, Stepper};
-use selvedge_data::SavedState;
 use selvedge_guard::{Correction, Guard, Replacement};
-use selvedge_lab::machine::{Machine, Mover};
-use selvedge_lab::physics;
-use selvedge_lab::start::{saved_state, simulator_among};
 use selvedge_live::{Hold, LiveError, LiveStepper};
 use selvedge_model::{ClothGraph, Model};
-use selvedge_sim::Simulator;
+use selvedge_sim::{Checkpoint, Simulator};
 
 /// The simulator, with the scene that it was made from.
 pub(super) struct LivePhysics {
@@ -24,20 +22,18 @@ pub(super) struct LivePhysics {
 }
 
 impl LivePhysics {
-    /// Starts in `state`, obstacles at these distances from their own paths `[m]`; on these where
-    /// there are none.
+    /// Starts in `state`.
     pub(super) fn start(
         scene: &Arc<Scene>,
         hold: &Hold,
-        state: SavedState,
-        offsets: &[DVec3],
+        state: &Checkpoint,
     ) -> Result<Self, LiveError> {
         let held = Scene {
             handles: hold.handles.clone(),
             environment: hold.environment,
             ..(**scene).clone()
         };
-        let mut simulator = simulator_among(&held, state, offsets).map_err(LiveError::new)?;
+        let mut simulator = Simulator::from_checkpoint(&held, state).map_err(LiveError::new)?;
         simulator.set_squeezed(Squeezed::Stop);
         Ok(Self {
             scene: Arc::clone(scene),
@@ -109,13 +105,12 @@ impl Stepper for LivePhysics {
 
 impl LiveStepper for LivePhysics {
     fn changed(&self, hold: &Hold) -> Result<Box<dyn LiveStepper>, LiveError> {
-        let mut state = saved_state(&self.simulator);
+        let mut state = self.simulator.checkpoint();
         if *self.simulator.handles() != hold.handles {
             // Another system: the state before belongs to the old one.
             state.previous = None;
         }
-        let offsets = self.simulator.obstacle_offsets();
-        Ok(Box::new(Self::start(&self.scene, hold, state, &offsets)?))
+        Ok(Box::new(Self::start(&self.scene, hold, &state)?))
     }
 
     fn lead_body(&mut self, number: usize, offset: DVec3) {
@@ -128,7 +123,7 @@ impl LiveStepper for LivePhysics {
     }
 
     fn body_points(&self) -> Vec<Vec3> {
-        physics::rounded(&self.simulator.obstacle_points())
+        rounded(&self.simulator.obstacle_points())
     }
 
     fn blocked(&self) -> Option<Vec<DVec3>> {
@@ -215,7 +210,7 @@ impl Stepper for LiveModel {
 impl LiveStepper for LiveModel {
     fn stand_in(&self) -> Option<&'static str> {
         match self.stepper.trust().verdict.replaced_by()? {
-            Replacement::Physics => Some("the physics in its place"),
+            Replacement::Physics => Some("the solver in its place"),
             Replacement::Carry => Some("carried by its handles"),
             Replacement::Nothing => None,
         }
@@ -225,7 +220,7 @@ impl LiveStepper for LiveModel {
         let time = self.stepper.frame() as f64 / self.scene.frame_rate;
         let points = self.scene.obstacles.iter();
         let points: Vec<DVec3> = points.flat_map(|o| o.positions_at(time)).collect();
-        physics::rounded(&points)
+        rounded(&points)
     }
 
     fn changed(&self, hold: &Hold) -> Result<Box<dyn LiveStepper>, LiveError> {

@@ -4,8 +4,9 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 use glam::DVec3;
-use selvedge_lab::machine::Machine;
-use selvedge_live::{Hold, LiveError, MeshOrder, Mover, Order, Workshop};
+use selvedge::machine::Machine;
+use selvedge_cloth::HandleTargets;
+use selvedge_live::{Hold, LiveError, MeshOrder, Mover, MoverKind, Order, Start, Workshop};
 
 use super::SceneWorkshop;
 
@@ -78,7 +79,7 @@ fn hands_beyond_training_are_said_while_the_model_moves_the_cloth() {
     places[0].y += 0.6;
     let said = remark(Mover::Model, &places).unwrap();
     assert!(said.contains("different heights"), "{said}");
-    assert!(said.contains("physics knows better"), "{said}");
+    assert!(said.contains("solver knows better"), "{said}");
     // The same while it goes on: a remark that changed would be shown anew.
     places[0].y += 0.01;
     assert_eq!(remark(Mover::Model, &places), Some(said));
@@ -122,4 +123,33 @@ fn a_cloth_whose_rest_pose_is_not_needed_is_shown_without_a_search() {
                 released = [{ from = 0.0 }] }] }";
     let (remarks, _) = prepare(free, "", on).unwrap();
     assert!(remarks.contains("nothing holds the cloth"), "{remarks}");
+}
+
+/// The solver begins in the rest pose of the scene's own law: a cloth that nobody touches stays.
+#[test]
+fn a_cloth_that_nobody_touches_stands_still() {
+    for scene in ["default", "square-1024"] {
+        let mut workshop = SceneWorkshop::new(scene, &[], Machine::Cpu).unwrap();
+        let order = workshop.first_order();
+        let ready = workshop.prepare(&order, &mut go_on).unwrap();
+        let hold = Hold {
+            handles: ready.cloth.handles().clone(),
+            environment: ready.environment,
+        };
+        let mut solver = ready
+            .movers
+            .start(MoverKind::Physics, Start::Beginning, &hold)
+            .unwrap();
+        let start = solver.positions().to_vec();
+        let places = hold.handles.select(&start);
+        let still: Vec<DVec3> = places.iter().map(|p| p.as_dvec3()).collect();
+        let still = HandleTargets::at_frame_end(still).unwrap();
+        for _ in 0..30 {
+            solver.step(&still).unwrap();
+        }
+        let pairs = start.iter().zip(solver.positions());
+        let farthest = pairs.map(|(a, b)| a.distance(*b)).fold(0.0, f32::max);
+        // A rest pose is one to 1e-3 m/s²: half a second of that is 0.1 mm.
+        assert!(farthest < 2e-4, "{scene}: {farthest} m");
+    }
 }

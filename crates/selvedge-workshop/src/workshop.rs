@@ -7,20 +7,17 @@ use std::sync::Arc;
 
 use anyhow::{Context, anyhow, bail};
 use glam::DVec3;
+use selvedge::machine::Machine;
+use selvedge::start::Start;
+use selvedge::{Error, Event, cause, domain};
+use selvedge_assets::MODELS;
 use selvedge_cloth::generate::{NamedSheet, named_sheets};
 use selvedge_cloth::motion::named;
 use selvedge_cloth::{Cloth, HandleSchedule, Motion, Scene};
-use selvedge_data::{
-    LoadedScene, MeshSpec, SavedState, StartSpec, materials, open_scene, shipped_scenes,
-};
-use selvedge_lab::cause;
-use selvedge_lab::fitting;
-use selvedge_lab::machine::Machine;
-use selvedge_lab::models::NamedModel;
-use selvedge_lab::{assets, domain, physics, rest_pose};
+use selvedge_data::{LoadedScene, MeshSpec, StartSpec, materials, open_scene, shipped_scenes};
 use selvedge_live::{Catalogue, LiveError, MeshOrder, Order, ReadyCloth, Workshop};
 use selvedge_model::Model;
-use selvedge_sim::{FitProgress, SagError};
+use selvedge_sim::{Checkpoint, SagError};
 
 use super::bodies;
 use super::cloth::SceneMovers;
@@ -34,7 +31,7 @@ const VERTICES_ALLOWED: std::ops::RangeInclusive<usize> = 20..=4096;
 /// Knows the scenes and models that may be shown.
 pub struct SceneWorkshop {
     scenes: Vec<String>,
-    models: Vec<NamedModel>,
+    models: Vec<selvedge::Model>,
     machine: Machine,
 }
 
@@ -45,15 +42,15 @@ impl SceneWorkshop {
         let mut scenes = vec![scene.to_owned()];
         let shipped = shipped_scenes().iter().map(|(name, _)| (*name).to_owned());
         scenes.extend(shipped.filter(|name| name != scene));
-        let mut opened: Vec<NamedModel> = Vec::new();
+        let mut opened: Vec<selvedge::Model> = Vec::new();
         for file in models {
-            opened.push(NamedModel::open(Some(file))?);
+            opened.push(selvedge::Model::open(Some(file))?);
         }
-        for (name, _) in assets::MODELS {
+        for (name, _) in MODELS {
             if opened.iter().any(|model| model.name == *name) {
                 continue;
             }
-            opened.push(NamedModel::open(Some(name.as_ref()))?);
+            opened.push(selvedge::Model::open(Some(name.as_ref()))?);
         }
         Ok(Self {
             scenes,
@@ -89,7 +86,13 @@ impl SceneWorkshop {
         let mut remarks = std::mem::take(&mut loaded.warnings);
         change(&mut loaded, order, &mut remarks)?;
         bodies::put(&mut loaded, order)?;
-        let (rest, start) = rest_and_start(&loaded, progress, &mut remarks)?;
+        let start = beginning(&loaded, progress, &mut remarks)?;
+        let rest = match loaded.spec.start {
+            StartSpec::Rest => &start.positions[..],
+            // Of a rest pose that is not needed for the start the mesh takes the place.
+            _ => loaded.scene.mesh.positions(),
+        };
+        let rest = selvedge::rounded(rest);
         let LoadedScene { spec, scene, .. } = loaded;
         let led = Scene {
             motion: Motion::still(1.0),
@@ -97,7 +100,7 @@ impl SceneWorkshop {
             ..scene.clone()
         };
         remarks.extend(beyond_training(&name, &model, &led)?);
-        let cloth = Arc::new(Cloth::of_scene(&scene, physics::rounded(&rest))?);
+        let cloth = Arc::new(Cloth::of_scene(&scene, rest)?);
         Ok(ReadyCloth {
             cloth: Arc::clone(&cloth),
             frame_rate: scene.frame_rate,
@@ -122,55 +125,53 @@ impl SceneWorkshop {
     }
 }
 
-/// The rest pose and where the scene starts, both `[m]`. A cloth that nothing holds has no rest
-/// pose: its mesh takes the place, also of a rest pose that is not needed for the start, which
-/// nobody waits for.
-fn rest_and_start(
+/// Where the scene begins. A cloth that nothing holds has no rest pose: its mesh takes the place.
+fn beginning(
     loaded: &LoadedScene,
     progress: &mut dyn FnMut(String) -> ControlFlow<()>,
     remarks: &mut Vec<String>,
-) -> anyhow::Result<(Vec<DVec3>, SavedState)> {
-    let scene = &loaded.scene;
-    let is_held = !scene.handles.is_empty();
+) -> anyhow::Result<Checkpoint> {
+    let scene = selvedge::Scene::from(loaded.clone());
+    let is_held = !loaded.scene.handles.is_empty();
     if !is_held {
         remarks.push("nothing holds this cloth: it falls".to_owned());
     }
-    let starts_in_it = loaded.spec.start == StartSpec::Rest && loaded.state.is_none();
-    let rest = if !is_held || !starts_in_it {
-        scene.mesh.positions().to_vec()
-    } else {
-        match rest(loaded, progress) {
-            Ok(rest) => rest,
-            Err(error) if !is_without_rest(&error) => return Err(error),
-            Err(error) => {
-                let problem = cause::chain(error.as_ref());
+    let found = match !is_held && scene.begins_at_rest() {
+        true => None,
+        false => match start(&scene, progress) {
+            Err(error) if is_without_rest(&error) => {
+                let problem = cause::chain(&error);
                 remarks.push(format!("{problem}: its mesh takes the place"));
-                scene.mesh.positions().to_vec()
+                None
             }
-        }
+            found => Some(found?),
+        },
     };
-    let start = match (&loaded.state, &loaded.spec.start) {
-        (Some(state), _) => state.clone(),
-        (None, StartSpec::Rest) => SavedState::at_rest(rest.clone()),
-        (None, _) => made_ready(loaded, progress, remarks)?,
+    let Some(found) = found else {
+        let mesh = loaded.scene.mesh.positions().to_vec();
+        let still = vec![DVec3::ZERO; mesh.len()];
+        return Ok(Checkpoint::of(0, mesh, still));
     };
-    Ok((rest, start))
+    remarks.extend(found.remarks);
+    remarks.extend(found.warnings);
+    Ok(found.state)
 }
 
-/// The rest pose of a scene `[m]`.
-fn rest(
-    loaded: &LoadedScene,
+/// The start of a scene; `progress` hears of its task and how far that is.
+fn start(
+    scene: &selvedge::Scene,
     progress: &mut dyn FnMut(String) -> ControlFlow<()>,
-) -> anyhow::Result<Vec<DVec3>> {
-    let vertices = loaded.scene.mesh.positions().len();
-    let found = rest_pose::found(&loaded.scene, &mut |now| {
-        progress(format!(
-            "{vertices} vertices sag to rest: {:.1e} of {:.0e} m/s² left",
-            now.residual, now.tolerance
-        ))
-    });
-    let context = || format!("the rest pose of scene {:?}", loaded.scene.name);
-    Ok(found.with_context(context)?.0.positions)
+) -> Result<Start, Error> {
+    let vertices = scene.built().mesh.positions().len();
+    let (mut task, mut flow) = (String::new(), ControlFlow::Continue(()));
+    scene.start(&mut |event| {
+        match event {
+            Event::Begun { task: begun, .. } => task = format!("{begun}, {vertices} vertices"),
+            Event::Noted(now) => flow = progress(format!("{task}: {now}")),
+            _ => {}
+        }
+        flow
+    })
 }
 
 impl Workshop for SceneWorkshop {
@@ -200,26 +201,13 @@ impl Workshop for SceneWorkshop {
     }
 }
 
-/// The cloth where its motion begins, made ready from its mesh, with remarks on what was done.
-fn made_ready(
-    loaded: &LoadedScene,
-    progress: &mut dyn FnMut(String) -> ControlFlow<()>,
-    remarks: &mut Vec<String>,
-) -> anyhow::Result<SavedState> {
-    let mut listener = |what: &str, now: FitProgress| {
-        let done = 100.0 * now.done;
-        progress(format!("{what}: {done:.0} % done, {}", fitting::state(now)))
-    };
-    let fitted = fitting::fit_told(loaded, &mut listener)?;
-    remarks.extend(fitted.remarks);
-    remarks.extend(fitted.warning);
-    Ok(SavedState::at_rest(fitted.positions))
-}
-
 /// Returns `true` where there is no rest pose to find: of a cloth whose handles have all let go.
-fn is_without_rest(error: &anyhow::Error) -> bool {
-    let error = error.downcast_ref::<SagError>();
-    matches!(error, Some(SagError::NoHandles))
+fn is_without_rest(error: &Error) -> bool {
+    match error {
+        Error::NoRest(cause) => is_without_rest(cause),
+        Error::Rest { source, .. } => matches!(source, SagError::NoHandles),
+        _ => false,
+    }
 }
 
 /// Puts the mesh and the material that are ordered into the scene.

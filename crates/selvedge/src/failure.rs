@@ -31,7 +31,7 @@ pub(crate) fn print(error: &anyhow::Error) {
 
 /// The messages from the outermost to the cause, as one line.
 pub(crate) fn chain(error: &anyhow::Error) -> String {
-    selvedge_lab::cause::chain(error.as_ref())
+    selvedge::cause::chain(error.as_ref())
 }
 
 #[cfg(test)]

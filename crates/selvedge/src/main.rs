@@ -46,7 +46,7 @@ fn answer(cli: &Cli) -> anyhow::Result<End> {
     ranks::open(commands::shares(&cli.command))?;
     selvedge_cloth::observe_long_work(progress::observe);
     if !cli.no_cache {
-        selvedge_lab::rest_pose::keep_in_cache();
+        selvedge::rest_pose::keep_in_cache();
     }
     let answer = commands::run(&cli.command)?;
     if ranks::all().is_first() {

@@ -9,8 +9,8 @@ use anyhow::Context;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
-pub(crate) use selvedge_lab::End;
-pub(crate) use selvedge_lab::numbers::{length, percent};
+pub(crate) use selvedge::End;
+pub(crate) use selvedge::numbers::{length, percent};
 use selvedge_sim::DividedFrames;
 
 /// Items of a list that people are shown.

@@ -13,8 +13,8 @@ use std::thread::ThreadId;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
+use selvedge::{Event, Goal};
 use selvedge_cloth::LongWork;
-use selvedge_lab::{Event, Goal};
 
 use crate::interrupt;
 

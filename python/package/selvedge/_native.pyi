@@ -184,6 +184,9 @@ class Scene:
         """The resolved scene as a dictionary, as results carry it; `None` where arrays are in it.
         """
 
+@final
+class Snapshot: ...
+
 class Stepper:
     """A cloth that moves one frame at a time, given targets for its handles. Make one of its kinds:
     `Simulator`, `LearnedStepper`, `Playback`, `RigidStepper`."""
@@ -223,6 +226,15 @@ class Stepper:
     @property
     def trust(self) -> _Trust | None:
         """The guard's word on the newest frame as a dictionary; `None` without a guard."""
+    @property
+    def warnings(self) -> list[str]:
+        """What is to be said of the scene, its start and the frames so far."""
+    def snapshot(self) -> Snapshot:
+        """The state now, to go back to with `restore`."""
+    def restore(self, snapshot: Snapshot) -> None:
+        """Goes back to a snapshot of this stepper, to the byte."""
+    def reset(self) -> None:
+        """Goes back to the start, to the byte."""
 
 @final
 class Simulator(Stepper):

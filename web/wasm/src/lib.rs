@@ -25,5 +25,5 @@ fn start() {
 
 /// An error with its causes.
 fn told(error: impl Into<Box<dyn Error + Send + Sync>>) -> JsError {
-    JsError::new(&selvedge_lab::cause::chain(&*error.into()))
+    JsError::new(&selvedge::cause::chain(&*error.into()))
 }

@@ -1,6 +1,6 @@
 //! The session of the viewer, driven by a worker.
 
-use selvedge_lab::machine::Machine;
+use selvedge::machine::Machine;
 use selvedge_live::{EmbeddedSession, Mover, Opening};
 use selvedge_workshop::SceneWorkshop;
 use wasm_bindgen::prelude::*;

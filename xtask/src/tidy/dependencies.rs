@@ -7,7 +7,7 @@ use crate::metadata::Graph;
 use crate::violation::Violation;
 
 /// From whom no path of normal dependencies may lead to whom.
-const FORBIDDEN: [&str; 9] = [
+const FORBIDDEN: [&str; 10] = [
     "selvedge-contact -> selvedge-sim selvedge-data selvedge-model selvedge-cluster",
     "selvedge-sim -> selvedge-model selvedge-data selvedge-cluster",
     "selvedge-model -> selvedge-sim selvedge-data selvedge-cluster",
@@ -17,6 +17,7 @@ const FORBIDDEN: [&str; 9] = [
     "selvedge-live -> selvedge-sim selvedge-model selvedge-train selvedge-gpu",
     "selvedge-lab -> selvedge-live clap ctrlc indicatif",
     "selvedge-gpu -> selvedge-sim",
+    "selvedge-run -> selvedge-lab selvedge-live selvedge-view clap",
 ];
 
 /// Pairs that not even a test may join.
@@ -33,11 +34,12 @@ const ENDS: [&str; 2] = ["selvedge", "selvedge-c"];
 
 /// The way to GPUs, and the members that may reach it: the engine, and its users above.
 const GPUS: &str = "wgpu";
-const KNOW_GPUS: [&str; 6] = [
+const KNOW_GPUS: [&str; 7] = [
     "selvedge",
     "selvedge-c",
     "selvedge-gpu",
     "selvedge-lab",
+    "selvedge-run",
     "selvedge-trials",
     "selvedge-workshop",
 ];
@@ -158,7 +160,7 @@ mod tests {
 
     #[test]
     fn every_forbidden_pair_is_found_alone() {
-        assert_eq!(forbidden().count(), 29);
+        assert_eq!(forbidden().count(), 33);
         for (from, to) in forbidden() {
             assert_eq!(
                 check_of(&[(from, to)], &[]),

@@ -3,8 +3,10 @@
 
 use std::ffi::c_char;
 
+use selvedge::{Run, Stepper};
+
 use crate::border::{call, put, put_all, put_text};
-use crate::cloth::{MovingCloth, STEPPERS};
+use crate::cloth::STEPPERS;
 use crate::fault::Fault;
 use crate::registry::lock;
 use crate::status::SelvedgeStatus;
@@ -42,15 +44,16 @@ pub unsafe extern "C" fn selvedge_stepper_counts(
     out: *mut SelvedgeCounts,
 ) -> SelvedgeStatus {
     with(stepper, |cloth| {
-        let now = cloth.stepper();
+        let scene = cloth.scene().built();
+        let frames = scene.frame_count().map_err(Fault::start)?;
         let counts = SelvedgeCounts {
-            vertices: now.positions().len() as u64,
-            faces: now.topology().faces().len() as u64,
-            handles: now.handles().len() as u64,
+            vertices: cloth.positions().len() as u64,
+            faces: cloth.topology().faces().len() as u64,
+            handles: cloth.handles().len() as u64,
             samples: cloth.samples() as u64,
-            motion_frames: cloth.path.frame_count() as u64,
-            frame: now.frame() as u64,
-            frame_rate: cloth.scene.frame_rate,
+            motion_frames: frames as u64,
+            frame: cloth.frame() as u64,
+            frame_rate: scene.frame_rate,
         };
         // SAFETY: as for this function.
         unsafe { put(out, "out", counts) }
@@ -70,7 +73,7 @@ pub unsafe extern "C" fn selvedge_positions(
     vertices: *mut usize,
 ) -> SelvedgeStatus {
     with(stepper, |cloth| {
-        let positions = cloth.stepper().positions();
+        let positions = cloth.positions();
         // SAFETY: as for this function.
         unsafe { put(vertices, "vertices", positions.len()) }?;
         // SAFETY: likewise. A position is three f32 in a row.
@@ -89,7 +92,7 @@ pub unsafe extern "C" fn selvedge_copy_positions(
     vertices: usize,
 ) -> SelvedgeStatus {
     with(stepper, |cloth| {
-        let positions = cloth.stepper().positions();
+        let positions = cloth.positions();
         check("vertices", positions.len(), vertices)?;
         let numbers: Vec<f32> = positions.iter().flat_map(|p| p.to_array()).collect();
         // SAFETY: as for this function, and the count is the cloth's.
@@ -129,7 +132,7 @@ pub unsafe extern "C" fn selvedge_copy_faces(
     faces: usize,
 ) -> SelvedgeStatus {
     with(stepper, |cloth| {
-        let all = cloth.stepper().topology().faces();
+        let all = cloth.topology().faces();
         check("faces", all.len(), faces)?;
         let numbers: Vec<u32> = all.iter().flatten().map(|vertex| vertex.0).collect();
         // SAFETY: as for this function, and the count is the cloth's.
@@ -149,7 +152,7 @@ pub unsafe extern "C" fn selvedge_copy_handles(
     handles: usize,
 ) -> SelvedgeStatus {
     with(stepper, |cloth| {
-        let all = cloth.stepper().handles().vertices();
+        let all = cloth.handles().vertices();
         check("handles", all.len(), handles)?;
         // SAFETY: as for this function, and the count is the cloth's.
         unsafe { put_all(out, "out", all.iter().map(|vertex| vertex.0)) }
@@ -175,8 +178,9 @@ pub unsafe extern "C" fn selvedge_trust(
     })
 }
 
-/// Writes what is to be known of a stepper, a line each: the warnings of its scene, what of the
-/// scene a model does not do, and what goes beyond the model's training. `text`, `room` and
+/// Writes what is to be known of a stepper so far, a line each: the warnings of its scene, what of
+/// the scene a model does not do, what goes beyond the model's training, edges that strain by more
+/// than 50 %, and bodies that were let through the cloth. `text`, `room` and
 /// `needed` are those of `selvedge_scene_warnings`.
 ///
 /// # Safety
@@ -190,14 +194,11 @@ pub unsafe extern "C" fn selvedge_stepper_warnings(
 ) -> SelvedgeStatus {
     with(stepper, |cloth| {
         // SAFETY: as for this function.
-        unsafe { put_text(&cloth.warnings.join("\n"), text, room, needed) }
+        unsafe { put_text(&cloth.warnings().join("\n"), text, room, needed) }
     })
 }
 
-fn with(
-    stepper: SelvedgeStepper,
-    read: impl FnOnce(&MovingCloth) -> Result<(), Fault>,
-) -> SelvedgeStatus {
+fn with(stepper: SelvedgeStepper, read: impl FnOnce(&Run) -> Result<(), Fault>) -> SelvedgeStatus {
     call(|| {
         let kept = STEPPERS.get(stepper)?;
         let cloth = lock(&kept.cloth)?;

@@ -4,13 +4,16 @@ use std::ffi::{CStr, c_char, c_void};
 use std::ptr;
 
 use glam::Vec3;
-use selvedge_cloth::{Handles, Scene, StepError, Stepper, Topology};
-use selvedge_data::open_scene;
+use selvedge_cloth::{Handles, Scene, StepError, Topology};
 
 use super::*;
 use crate::models::selvedge_model_open;
 use crate::process::selvedge_last_error;
 use crate::scenes::{selvedge_scene_free, selvedge_scene_open, selvedge_scene_warnings};
+use crate::snapshots::{
+    selvedge_snapshot_free, selvedge_stepper_reset, selvedge_stepper_restore,
+    selvedge_stepper_snapshot,
+};
 
 /// A small scene that is at rest at once.
 const SMALL: &str = "name = \"small\"\nstart = \"mesh\"\nmaterial = \"gray-interlock\"\n\
@@ -94,14 +97,14 @@ impl Stepper for Defective {
 
 #[test]
 fn a_panic_becomes_an_error_and_leaves_a_handle_that_can_only_be_freed() {
-    let scene = open_scene("default").unwrap().scene;
-    let positions = scene.mesh.positions().iter().map(|p| p.as_vec3()).collect();
+    let scene = selvedge::Scene::named("default").unwrap();
+    let built = Scene::clone(scene.built());
     let defective = Defective {
-        scene: scene.clone(),
-        positions,
+        positions: selvedge::rounded(built.mesh.positions()),
+        scene: built,
         frame: 0,
     };
-    let stepper = keep(MovingCloth::other(scene, Box::new(defective))).unwrap();
+    let stepper = keep(Run::of_stepper(&scene, Box::new(defective)).unwrap()).unwrap();
     assert_eq!(selvedge_step_along(stepper), SelvedgeStatus::Ok);
     assert_eq!(selvedge_step_along(stepper), SelvedgeStatus::Panic);
     assert!(words().contains("frame 2 is one too many"), "{}", words());
@@ -219,6 +222,48 @@ fn a_model_rests_by_the_law_of_its_scene_whatever_was_made_before() {
     assert_eq!(positions(learned(scene), 25), alone);
     assert_eq!(positions(physics(scene), 25), by_physics);
     assert_eq!(by_physics, alone);
+}
+
+#[test]
+fn a_stepper_goes_back_to_a_snapshot_and_to_its_beginning() {
+    let at_rest = SMALL.replace("start = \"mesh\"\n", "");
+    let scene = scene_of(&at_rest);
+    let (solver, network) = (physics(scene), learned(scene));
+    let mut taken = [0; 2];
+    for (stepper, snapshot) in [solver, network].into_iter().zip(&mut taken) {
+        let start = positions(stepper, 25);
+        (0..3).for_each(|_| assert_eq!(selvedge_step_along(stepper), SelvedgeStatus::Ok));
+        let status = unsafe { selvedge_stepper_snapshot(stepper, snapshot) };
+        assert_eq!(status, SelvedgeStatus::Ok, "{}", words());
+        assert_eq!(selvedge_step_along(stepper), SelvedgeStatus::Ok);
+        let there = positions(stepper, 25);
+        let status = selvedge_stepper_restore(stepper, *snapshot);
+        assert_eq!(status, SelvedgeStatus::Ok, "{}", words());
+        assert_eq!(selvedge_step_along(stepper), SelvedgeStatus::Ok);
+        assert_eq!(positions(stepper, 25), there);
+        assert_eq!(selvedge_stepper_reset(stepper), SelvedgeStatus::Ok);
+        assert_eq!(positions(stepper, 25), start);
+    }
+    let [of_solver, of_network] = taken;
+    assert_eq!(
+        selvedge_stepper_restore(solver, of_network),
+        SelvedgeStatus::Argument
+    );
+    assert!(words().contains("another kind of stepper"), "{}", words());
+    assert_eq!(
+        selvedge_stepper_restore(solver, scene),
+        SelvedgeStatus::Handle
+    );
+    assert_eq!(selvedge_snapshot_free(of_solver), SelvedgeStatus::Ok);
+    assert_eq!(
+        selvedge_stepper_restore(solver, of_solver),
+        SelvedgeStatus::Freed
+    );
+    selvedge_snapshot_free(of_network);
+    for stepper in [solver, network] {
+        selvedge_stepper_free(stepper);
+    }
+    selvedge_scene_free(scene);
 }
 
 /// Threads with a cloth each are in `examples/mistakes.c`.

@@ -3,14 +3,10 @@
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::Arc;
 
-use selvedge_data::open_scene;
-use selvedge_guard::Correction;
-use selvedge_lab::machine::Machine;
-use selvedge_lab::models::NamedModel;
-use selvedge_lab::{physics, start};
-use selvedge_sim::Threads;
+use selvedge::machine::Machine;
+use selvedge::{Correction, Model, Recording, Scene, Stepper, start};
+use selvedge_data::{Drive, record};
 use tempfile::TempDir;
 
 /// A square of 25 vertices that is held by two corners and pushed about.
@@ -105,23 +101,26 @@ impl Desk {
     /// Positions of a model, or of the physics, on `small.toml`, in a row, as the command line has
     /// them: the bits of their numbers.
     pub(crate) fn wanted(&self, model: &str, frames: usize) -> Vec<u32> {
-        let mut loaded = open_scene(self.path("small.toml").to_str().unwrap()).unwrap();
+        let scene = Scene::named(self.path("small.toml").to_str().unwrap()).unwrap();
+        let rest = scene.rest_pose(&mut |_| ControlFlow::Continue(())).unwrap();
         let run = match model {
             "physics" => {
-                let begun = start::find(&loaded, &mut |_| go_on()).unwrap().state;
-                let (scene, threads) = (&loaded.scene, Threads::One);
-                physics::run(scene, begun.positions, frames, threads, &mut go_on).unwrap()
+                let state = Scene::at_rest(&scene).start(&mut |_| ControlFlow::Continue(()));
+                let mut solver =
+                    start::simulator_of_run(scene.built(), &state.unwrap().state).unwrap();
+                recorded(
+                    &mut solver,
+                    &scene,
+                    scene.built().physics.substeps as usize,
+                    frames,
+                )
             }
             name => {
-                start::for_model(&mut loaded);
-                let model = NamedModel::open(Some(name.as_ref())).unwrap();
-                let rest = physics::rest_pose(&loaded.scene, &mut |_| go_on()).unwrap();
-                let path = loaded.scene.handle_path().unwrap();
-                let scene = Arc::new(loaded.scene);
-                let (machine, guard) = (Machine::Cpu, Correction::Limit);
-                let guarded = start::guarded(&scene, &rest.positions, &model, &machine, guard);
-                let mut guard = guarded.unwrap();
-                physics::drive(&mut guard, &path, frames, &mut |_| go_on()).unwrap()
+                let model = Model::open(Some(name.as_ref())).unwrap();
+                let guard = Correction::Limit;
+                let guarded =
+                    start::guarded(scene.built(), &rest.positions, &model, &Machine::Cpu, guard);
+                recorded(&mut guarded.unwrap(), &scene, 1, frames)
             }
         };
         assert_eq!(run.positions.len(), (frames + 1) * 25);
@@ -159,8 +158,18 @@ impl Desk {
     }
 }
 
-fn go_on() -> ControlFlow<()> {
-    ControlFlow::Continue(())
+fn recorded<S: Stepper>(
+    stepper: &mut S,
+    scene: &Scene,
+    samples_per_frame: usize,
+    frames: usize,
+) -> Recording {
+    let path = &scene.built().handle_path().unwrap();
+    let drive = Drive {
+        path,
+        samples_per_frame,
+    };
+    record(stepper, drive, frames, &mut |_| ControlFlow::Continue(()))
 }
 
 /// The compiler of C, with all its warnings as errors, and an example.

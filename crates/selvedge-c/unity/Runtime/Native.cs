@@ -179,6 +179,18 @@ namespace Selvedge
         internal static extern Status selvedge_stepper_free(ulong stepper);
 
         [DllImport(Library, CallingConvention = C)]
+        internal static extern Status selvedge_stepper_snapshot(ulong stepper, out ulong snapshot);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern Status selvedge_stepper_restore(ulong stepper, ulong snapshot);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern Status selvedge_stepper_reset(ulong stepper);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern Status selvedge_snapshot_free(ulong snapshot);
+
+        [DllImport(Library, CallingConvention = C)]
         internal static extern Status selvedge_stepper_counts(ulong stepper, out Counts counts);
 
         [DllImport(Library, CallingConvention = C)]

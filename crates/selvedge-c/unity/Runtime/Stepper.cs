@@ -8,6 +8,30 @@ namespace Selvedge
     /// unknown). Returns false to stop. It may be called from other threads.</summary>
     public delegate bool Progress(string task, ulong done, ulong goal);
 
+    /// <summary>A state of a stepper in memory.</summary>
+    public sealed class Snapshot : IDisposable
+    {
+        internal readonly ulong Handle;
+
+        internal Snapshot(ulong handle)
+        {
+            Handle = handle;
+        }
+
+        /// <summary>Frees a snapshot that nobody disposed of.</summary>
+        ~Snapshot()
+        {
+            Native.selvedge_snapshot_free(Handle);
+        }
+
+        /// <summary>Frees the snapshot.</summary>
+        public void Dispose()
+        {
+            Native.selvedge_snapshot_free(Handle);
+            GC.SuppressFinalize(this);
+        }
+    }
+
     /// <summary>A cloth that moves one frame at a time. Calls from several threads wait for one
     /// another.</summary>
     public sealed class Stepper : IDisposable
@@ -105,6 +129,28 @@ namespace Selvedge
         public void StepAlong()
         {
             Check(Native.selvedge_step_along(handle));
+        }
+
+        /// <summary>Takes a snapshot, to which <see cref="Restore"/> goes back.</summary>
+        public Snapshot TakeSnapshot()
+        {
+            ulong snapshot;
+            Check(Native.selvedge_stepper_snapshot(handle, out snapshot));
+            return new Snapshot(snapshot);
+        }
+
+        /// <summary>Goes back to a snapshot of this stepper, or of another one of its scene by the
+        /// same mover.</summary>
+        public void Restore(Snapshot snapshot)
+        {
+            Check(Native.selvedge_stepper_restore(handle, snapshot.Handle));
+            GC.KeepAlive(snapshot);
+        }
+
+        /// <summary>Goes back to the start.</summary>
+        public void Reset()
+        {
+            Check(Native.selvedge_stepper_reset(handle));
         }
 
         /// <summary>Lets steps end with Status.Stopped, the one under way in another thread too;

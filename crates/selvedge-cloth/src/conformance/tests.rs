@@ -16,6 +16,8 @@ enum Defect {
     KeepsFrame,
     LosesVertex,
     LosesFiniteness,
+    GoesBackAnywhere,
+    GoesBackInPart,
 }
 
 /// A square whose vertices all follow the first handle.
@@ -95,6 +97,22 @@ impl Stepper for Carrier {
         self.frame += usize::from(self.defect != Defect::KeepsFrame);
         Ok(())
     }
+
+    fn snapshot(&self) -> Option<Snapshot> {
+        Some(Snapshot::of((self.positions.clone(), self.frame)))
+    }
+
+    fn rewind(&mut self, snapshot: &Snapshot) -> Result<(), StepError> {
+        let found = snapshot.get(self.frame, |_: &(Vec<Vec3>, usize)| true);
+        if found.is_err() && self.defect == Defect::GoesBackAnywhere {
+            return Ok(());
+        }
+        (self.positions, self.frame) = found?.clone();
+        if self.defect == Defect::GoesBackInPart {
+            self.positions[2] += Vec3::Y;
+        }
+        Ok(())
+    }
 }
 
 #[test]
@@ -117,6 +135,8 @@ fn every_defect_is_found_and_named() {
             Defect::LosesFiniteness,
             "the position of vertex 3 is not finite",
         ),
+        (Defect::GoesBackAnywhere, "no snapshot of it was accepted"),
+        (Defect::GoesBackInPart, "not as it was in the snapshot"),
     ];
     for (defect, words) in defects {
         let breach = found(defect).unwrap_err().to_string();

@@ -9,7 +9,7 @@ use super::recorded::RecordedPath;
 use super::splines::SplinePath;
 use super::written::Motion;
 use crate::error::{SceneError, must, require_positive};
-use crate::{HandleError, HandleSchedule, HandleTargets};
+use crate::{HandleError, HandleSchedule, HandleTargets, StepError, Stepper};
 
 /// A motion bound to start positions: where every handle is at any time.
 #[derive(Clone, Debug, PartialEq)]
@@ -144,6 +144,24 @@ impl HandlePath {
                 self.offsets[handle] = places[handle] - path[handle];
             }
         }
+    }
+
+    /// Sees the cloth of `stepper` and gives the targets of its next step, sampled `samples` times.
+    ///
+    /// # Errors
+    /// [`StepError::Handles`] for a target that is not finite, or too far away.
+    pub fn next(
+        &mut self,
+        stepper: &(impl Stepper + ?Sized),
+        samples: usize,
+    ) -> Result<HandleTargets, StepError> {
+        let frame = stepper.frame();
+        self.follow(frame, &stepper.handle_places());
+        let targets = self.targets(frame, samples);
+        targets.map_err(|source| StepError::Handles {
+            frame: frame + 1,
+            source,
+        })
     }
 
     /// Targets for the step from frame `frame` to the next, sampled `samples` times (at least

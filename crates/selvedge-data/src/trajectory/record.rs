@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 
 use glam::Vec3;
 use selvedge_cloth::{
-    HandlePath, HandleTargets, Handles, StepError, Stepper, Topology, check_target_count,
+    HandlePath, HandleTargets, Handles, Snapshot, StepError, Stepper, Topology, check_target_count,
 };
 
 use crate::Trajectory;
@@ -51,15 +51,29 @@ pub fn record<S: Stepper + ?Sized>(
     frames: usize,
     on_frame: &mut dyn FnMut(&S) -> ControlFlow<()>,
 ) -> Recording {
+    let mut path = drive.path.clone();
+    let mut step = |stepper: &mut S| {
+        let targets = path.next(stepper, drive.samples_per_frame)?;
+        stepper.step(&targets)
+    };
+    record_steps(stepper, frames, &mut step, on_frame)
+}
+
+/// As [`record`], by any step.
+pub fn record_steps<S: Stepper + ?Sized>(
+    stepper: &mut S,
+    frames: usize,
+    step: &mut dyn FnMut(&mut S) -> Result<(), StepError>,
+    on_frame: &mut dyn FnMut(&S) -> ControlFlow<()>,
+) -> Recording {
     let whole = frames
         .saturating_add(1)
         .saturating_mul(stepper.positions().len());
     let mut positions = Vec::with_capacity(whole.min(MOST_RESERVED));
     positions.extend_from_slice(stepper.positions());
     let mut end = RecordingEnd::Complete;
-    let mut path = drive.path.clone();
     for done in 1..=frames {
-        if let Err(error) = step(stepper, &mut path, drive.samples_per_frame) {
+        if let Err(error) = step(stepper) {
             end = match error {
                 StepError::Stopped { .. } => RecordingEnd::Stopped,
                 error => RecordingEnd::Failed(error),
@@ -73,21 +87,6 @@ pub fn record<S: Stepper + ?Sized>(
         }
     }
     Recording { positions, end }
-}
-
-fn step<S: Stepper + ?Sized>(
-    stepper: &mut S,
-    path: &mut HandlePath,
-    samples: usize,
-) -> Result<(), StepError> {
-    let frame = stepper.frame();
-    path.follow(frame, &stepper.handle_places());
-    let targets = path.targets(frame, samples);
-    let targets = targets.map_err(|source| StepError::Handles {
-        frame: frame + 1,
-        source,
-    })?;
-    stepper.step(&targets)
 }
 
 /// Plays a trajectory frame by frame. Handle targets must be as many as there are handles, and
@@ -139,6 +138,16 @@ impl Stepper for Playback {
             return Err(StepError::EndOfRecording { frame, frames });
         }
         self.frame = frame;
+        Ok(())
+    }
+
+    fn snapshot(&self) -> Option<Snapshot> {
+        Some(Snapshot::of(self.frame))
+    }
+
+    fn rewind(&mut self, snapshot: &Snapshot) -> Result<(), StepError> {
+        let frames = self.trajectory.frame_count();
+        self.frame = *snapshot.get(self.frame, |frame| *frame < frames)?;
         Ok(())
     }
 }

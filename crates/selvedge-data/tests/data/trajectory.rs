@@ -104,7 +104,7 @@ fn positions_that_are_no_frames_are_an_error() {
 
 #[test]
 fn a_playback_conforms() {
-    let make = || Playback::new(trajectory(14));
+    let make = || Playback::new(trajectory(16));
     assert_eq!(check(make, HandlesEnd::Elsewhere), Ok(()));
 }
 

@@ -48,7 +48,7 @@ use self::runner::Runner;
 use self::truth::{Prepared, Reference, Truth};
 use crate::cause::chain;
 use crate::event::{End, OnEvent, Reporter, Task};
-use crate::{folder, physics, start, workers};
+use crate::{folder, physics, workers};
 
 /// A choice of cases, methods or numbers that makes no sense; the message names the field and the
 /// remedy.
@@ -171,11 +171,12 @@ fn start_of_reference(
     {
         return Ok(None);
     }
-    let found = start::find(loaded, &mut reporter.listener())?;
-    if let Some(warning) = found.fitted.and_then(|cloth| cloth.warning) {
-        reporter.remark(&warning);
-    }
-    Ok(Some(found.state))
+    let found = selvedge::Scene::from((**loaded).clone()).start(&mut reporter.listener())?;
+    found
+        .warnings
+        .iter()
+        .for_each(|warning| reporter.remark(warning));
+    Ok(Some(selvedge::start::saved_state(found.state)))
 }
 
 /// The scene of a case in the mirrored buckling mode: with the sign of its bulge turned, and its

@@ -15,8 +15,8 @@ use super::truth::{Prepared, Truth, simulator};
 use crate::event::Reporter;
 use crate::machine;
 use crate::rigid::RigidRest;
-use crate::start::WITHOUT_GUARD;
 use crate::watched::GuardSummary;
+use selvedge::start::WITHOUT_GUARD;
 
 /// Frames that are timed at most, and the time after which there are enough.
 const TIMED: usize = 120;

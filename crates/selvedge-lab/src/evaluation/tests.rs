@@ -236,17 +236,9 @@ fn models_and_baselines_run_beside_physics_from_the_same_states() {
 #[test]
 fn a_recorded_run_of_a_method_is_followed_by_the_same_method() {
     let loaded = push();
-    let rest = physics::rest_pose(&loaded.scene, &mut |_| ControlFlow::Continue(())).unwrap();
-    let run = physics::run(
-        &loaded.scene,
-        rest.positions.clone(),
-        12,
-        selvedge_sim::Threads::One,
-        &mut || ControlFlow::Continue(()),
-    );
-    let positions = run.unwrap().positions;
-    let trajectory =
-        physics::trajectory(0, &loaded.spec, &loaded.scene, &rest.positions, positions).unwrap();
+    let mut run = selvedge::Run::new(&loaded.clone().into()).unwrap();
+    let positions = run.record(12, &mut |_| ControlFlow::Continue(())).positions;
+    let trajectory = run.trajectory(positions).unwrap();
     let truth = truth::recorded(trajectory.clone(), true).unwrap();
     // Velocities are those between frames.
     let state = truth.state(3).unwrap();

@@ -15,8 +15,8 @@ use super::horizons::Starts;
 use super::method::PhysicsMethod;
 use crate::cause::chain;
 use crate::event::{End, Task};
-use crate::physics::{self, Simulated, SimulationPlan, rounded};
-use crate::start::simulator_in;
+use crate::physics::{self, rounded};
+use selvedge::start::{checkpoint_of, simulator_of_run};
 
 /// Frames of a kept run that are made again, to see that the physics still makes it.
 const CHECKED: usize = 5;
@@ -277,17 +277,11 @@ impl Reference<'_> {
         start: SavedState,
         task: &Task<'_, '_>,
     ) -> Result<Option<StateRun>> {
-        let plan = SimulationPlan {
-            frames: self.last.saturating_sub(start.frame),
-            start,
-            keeps_states: true,
-            threads: Threads::Pool,
-            stop: Arc::default(),
-        };
-        let made = physics::run_plan(scene, plan, &mut || task.advance());
-        let (run, states) = made
-            .and_then(Simulated::whole)
-            .context("the reference run")?;
+        let frames = self.last.saturating_sub(start.frame);
+        let scene = selvedge::Scene::in_state(scene.clone(), checkpoint_of(start));
+        let mut run = selvedge::Run::new(&scene).context("the reference run")?;
+        let made = physics::simulate(&mut run, frames, true, &mut |_| task.advance());
+        let (run, states) = made.whole().context("the reference run")?;
         Ok(states.filter(|_| run.end == End::Complete))
     }
 }
@@ -316,8 +310,8 @@ fn made_again(run: &StateRun, first: usize, scene: &Scene) -> Result<bool> {
 
 /// The physics of `scene` on one thread, in this state in this frame.
 pub(super) fn simulator(scene: &Scene, state: SavedState, frame: usize) -> Result<Simulator> {
-    let state = SavedState { frame, ..state };
-    let mut simulator = simulator_in(scene, state)?.taken_up_at(frame)?;
+    let state = checkpoint_of(SavedState { frame, ..state });
+    let mut simulator = simulator_of_run(scene, &state)?;
     simulator.set_threads(Threads::One);
     Ok(simulator)
 }

@@ -14,7 +14,6 @@ use crate::evaluation::{
 };
 use crate::event::End;
 use crate::folder::{self, EVALUATIONS};
-use crate::models::NamedModel;
 
 /// An evaluation and what it is of.
 #[derive(Serialize, Deserialize)]
@@ -52,7 +51,7 @@ pub(super) fn check(desk: &Desk<'_>) -> Result<()> {
     }
     for entry in &desk.order.study.model {
         let (path, _) = training::model_file(desk, entry)?;
-        NamedModel::open(Some(&path)).with_context(|| format!("model {:?}", entry.name))?;
+        selvedge::Model::open(Some(&path)).with_context(|| format!("model {:?}", entry.name))?;
     }
     let cases = cases(desk)?;
     let rigid: Vec<Method> = Method::baseline("rigid").into_iter().collect();
@@ -170,7 +169,7 @@ fn measure(
         Some((file, _)) => Method {
             name: name.to_owned(),
             mover: Mover::Model(
-                NamedModel::open(Some(&file))?.model,
+                selvedge::Model::open(Some(&file))?.model,
                 Correction::None,
                 desk.order.machine.clone(),
             ),

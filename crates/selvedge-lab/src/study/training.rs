@@ -13,7 +13,6 @@ use super::file::{Budget, Finished, Training};
 use super::{Desk, StudyData, hash_of, read_kept, write_kept};
 use crate::event::{Goal, Task};
 use crate::folder::{FolderKind, TRAININGS};
-use crate::models::NamedModel;
 use crate::{folder, training};
 
 /// Between two checkpoints; a training that is limited in time also notes its time so often.
@@ -274,7 +273,7 @@ fn trainer(
     cfg: TrainConfig,
     data: &StudyData,
 ) -> Result<Option<Trainer>> {
-    let engine = desk.order.machine.engine(MICRO_BATCH);
+    let engine = crate::machine::engine(desk.order.machine, MICRO_BATCH);
     let own = folder(desk, &entry.name).join(files::CHECKPOINT);
     let listener = &mut desk.reporter.listener();
     let trainer = match after {
@@ -282,7 +281,7 @@ fn trainer(
         Some(After { name, steps: 0, .. }) => {
             let file = folder(desk, name).join(files::MODEL);
             let before =
-                NamedModel::open(Some(&file)).with_context(|| format!("training {name:?}"))?;
+                selvedge::Model::open(Some(&file)).with_context(|| format!("training {name:?}"))?;
             training::begin(Some(&before.model), cfg, &data.set, &*engine, listener)?
         }
         Some(After { name, .. }) => {

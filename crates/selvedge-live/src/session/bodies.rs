@@ -186,7 +186,7 @@ impl Session {
         let live = self.showing.live.as_ref().ok_or(NO_CLOTH)?;
         match live.mover() {
             crate::mover::Mover::Physics => Ok(()),
-            _ => Err("a learned model does not see bodies: let the physics move the cloth".into()),
+            _ => Err("a learned model does not see bodies: let the solver move the cloth".into()),
         }
     }
 }

@@ -28,12 +28,12 @@ pub use self::embedded::EmbeddedSession;
 pub(crate) use self::feed::Feed;
 use self::following::Following;
 use self::showing::Showing;
+use self::slots::TELL_EVERY;
 pub(crate) use self::slots::{SlotReaders, SlotWriters};
 #[cfg(feature = "server")]
 pub(crate) use self::threaded::SessionPort;
 #[cfg(feature = "server")]
 pub use self::threaded::{RunningSession, start};
-use self::slots::TELL_EVERY;
 use crate::hand::{HandLimits, Hands, Reach};
 use crate::live_cloth::LiveCloth;
 use crate::mover::{LiveError, Mover};

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 use selvedge_cloth::{
-    Correctable, HandleTargets, Handles, StepError, Stepper, Stop, Topology, VertexId,
+    Correctable, HandleTargets, Handles, Snapshot, StepError, Stepper, Stop, Topology, VertexId,
     check_target_count,
 };
 use thiserror::Error;
@@ -223,7 +223,25 @@ impl Stepper for LearnedStepper {
     fn stop_by(&mut self, stop: Stop) {
         self.workspace.stop_by(stop);
     }
+
+    fn snapshot(&self) -> Option<Snapshot> {
+        let state: State = (self.history.clone(), self.yaw, self.frame);
+        Some(Snapshot::of(state))
+    }
+
+    fn rewind(&mut self, snapshot: &Snapshot) -> Result<(), StepError> {
+        let (count, vertices) = (self.history.len(), self.next.len());
+        let state: &State = snapshot.get(self.frame, |(history, ..): &State| {
+            history.len() == count && history.iter().all(|frame| frame.len() == vertices)
+        })?;
+        (self.history, self.yaw, self.frame) = state.clone();
+        self.yaw_before = None;
+        Ok(())
+    }
 }
+
+/// The frames of the history, the yaw and the number of the newest frame.
+type State = (Vec<Vec<Vec3>>, Yaw, usize);
 
 impl Correctable for LearnedStepper {
     fn replace_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {

@@ -5,7 +5,6 @@ use selvedge_cloth::{ContactMemory, PreviousSubstep, Scene, VertexId};
 
 use super::Simulator;
 use super::error::SimulatorError;
-use crate::active_handles::ActiveHandles;
 use crate::contact::of_saved;
 
 /// The state of a run after a frame.
@@ -149,10 +148,10 @@ impl Simulator {
         checkpoint.check(vertices)?;
         let all = match self.active.holds().contains(&false) {
             false => None,
-            true => Some(
-                ActiveHandles::all(&self.scene)
-                    .map_err(|cause| SimulatorError::analysis(vertices, &cause))?,
-            ),
+            true => {
+                let all = self.holding(vec![true; self.reached.len()], &None);
+                Some(all.map_err(|cause| SimulatorError::analysis(vertices, &cause))?)
+            }
         };
         let contact = self.contact.as_ref();
         let before = contact.map(|contact| (contact.shifts.clone(), contact.memory.clone()));

@@ -3,12 +3,12 @@
 
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{
-    Correctable, HandleTargets, Handles, StepError, Stepper, Stop, Topology, VertexId,
+    Correctable, HandleTargets, Handles, Snapshot, StepError, Stepper, Stop, Topology, VertexId,
     check_target_count,
 };
 
-use super::Simulator;
 use super::frame::FRAME;
+use super::{Checkpoint, Simulator};
 
 impl Stepper for Simulator {
     fn topology(&self) -> &Topology {
@@ -63,6 +63,41 @@ impl Stepper for Simulator {
         self.active.system.stop_by(stop.clone());
         self.stop = stop;
     }
+
+    fn snapshot(&self) -> Option<Snapshot> {
+        Some(Snapshot::of(Led {
+            checkpoint: self.checkpoint(),
+            reached: self.reached.clone(),
+            holds: self.active.holds().to_vec(),
+        }))
+    }
+
+    fn rewind(&mut self, snapshot: &Snapshot) -> Result<(), StepError> {
+        let (frame, handles) = (self.frame, self.reached.len());
+        let led: &Led = snapshot.get(frame, |led: &Led| {
+            led.reached.len() == handles && led.checkpoint.positions.len() == self.rounded.len()
+        })?;
+        let some = led.holds.contains(&false).then(|| {
+            let active = self.holding(led.holds.clone(), &led.checkpoint.changes);
+            active.map_err(|error| error.at(frame))
+        });
+        let some = some.transpose()?;
+        let restored = self.restore(&led.checkpoint);
+        restored.map_err(|_| StepError::Snapshot { frame })?;
+        if let Some(active) = some {
+            self.active = active;
+            self.update_wind();
+        }
+        self.reached.copy_from_slice(&led.reached);
+        Ok(())
+    }
+}
+
+/// A state, and where and how its handles were led.
+struct Led {
+    checkpoint: Checkpoint,
+    reached: Vec<DVec3>,
+    holds: Vec<bool>,
 }
 
 impl Simulator {

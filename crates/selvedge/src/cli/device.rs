@@ -3,7 +3,7 @@
 use std::str::FromStr;
 
 use clap::Args;
-use selvedge_lab::machine::{DeviceName, Machine};
+use selvedge::machine::{DeviceName, Machine};
 
 use crate::ranks;
 
@@ -19,14 +19,14 @@ pub(crate) struct DeviceArgs {
 impl DeviceArgs {
     /// Opens the machine that is asked for.
     pub(crate) fn open(&self) -> anyhow::Result<Machine> {
-        Machine::open(self.of_rank()?)
+        Ok(Machine::open(self.of_rank()?)?)
     }
 
     /// Of several ranks on a machine each has a GPU of its own.
     fn of_rank(&self) -> anyhow::Result<DeviceName> {
         let ranks = ranks::all();
         match ranks.are_several() {
-            true => self.device.of_rank(ranks.local_rank()),
+            true => Ok(self.device.of_rank(ranks.local_rank())?),
             false => Ok(self.device),
         }
     }

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::Context;
+use selvedge::machine::Machine;
 use selvedge_cloth::motion::named;
 use selvedge_data::{Dataset, LoadedScene, materials};
 use selvedge_lab::evaluation::{
@@ -13,8 +14,6 @@ use selvedge_lab::evaluation::{
 };
 use selvedge_lab::folder::{self, FolderKind, REFERENCES};
 use selvedge_lab::generation;
-use selvedge_lab::machine::Machine;
-use selvedge_lab::models::NamedModel;
 use selvedge_lab::report::{self, Heading};
 use selvedge_model::Aspect;
 use serde::Serialize;
@@ -193,7 +192,7 @@ fn open_models(
             let problem = format!("--model: two are called {name}: give each a name, as a=FILE");
             return Err(wrong(problem));
         }
-        let model = NamedModel::open(Some(file))?.model;
+        let model = selvedge::Model::open(Some(file))?.model;
         models.push(ModelFile {
             name: name.clone(),
             file: file.to_owned(),

@@ -16,7 +16,7 @@ mod train;
 mod view;
 
 use clap::CommandFactory;
-use selvedge_lab::machine::DeviceName;
+use selvedge::machine::DeviceName;
 use serde_json::json;
 
 use crate::cli::{Cli, Command, CompletionsArgs, DataCommand, ModelCommand, RunArgs};

@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use anyhow::Context;
-use selvedge_lab::models::NamedModel;
 use selvedge_model::{Model, WeightType};
 use serde_json::json;
 
@@ -15,7 +14,7 @@ use crate::place;
 pub(crate) fn convert(args: &ConvertArgs) -> anyhow::Result<Answer> {
     place::check_file(&args.output, "--output", &["safetensors"])?;
     place::check_distinct(&[("the model", &args.model), ("--output", &args.output)])?;
-    let model = NamedModel::open(Some(&args.model))?.model;
+    let model = selvedge::Model::open(Some(&args.model))?.model;
     let bytes = model
         .to_bytes_as(weight_type(args.weights))
         .with_context(|| args.model.display().to_string())?;

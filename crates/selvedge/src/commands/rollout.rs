@@ -8,24 +8,19 @@
 use std::fs;
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use anyhow::Context;
+use selvedge::{Network, Run, Scene};
 use selvedge_cloth::Stepper;
 use selvedge_data::export::check_free;
-use selvedge_data::{LoadedScene, SavedState, Trajectory, write_atomically};
+use selvedge_data::{LoadedScene, Trajectory, write_atomically};
 use selvedge_guard::Trust;
 use selvedge_lab::domain::{self, Beyond};
 use selvedge_lab::folder::{self, FolderKind, ROLLOUT};
-use selvedge_lab::machine::Machine;
-use selvedge_lab::models::NamedModel;
-use selvedge_lab::physics::{self, SimulationPlan, TimedRun, compare};
+use selvedge_lab::physics::{self, TimedRun, compare};
 use selvedge_lab::pictures::{self, Show};
 use selvedge_lab::rigid::RigidRest;
-use selvedge_lab::start;
 use selvedge_lab::watched::{self, GuardSummary};
-use selvedge_model::Model;
-use selvedge_sim::{SaggedRest, Threads};
 use serde_json::json;
 
 use crate::cli::RunArgs;
@@ -50,11 +45,10 @@ struct TimedTrajectory {
     end: End,
 }
 
-/// A scene at rest, the frames to be run, and the parts of both that the model was not trained on.
+/// A model on a scene at rest, the frames to be run, and the parts of both that it was not trained on.
 struct Setup {
     beyond: Option<Beyond>,
-    loaded: LoadedScene,
-    rest: SaggedRest,
+    run: Run,
     frames: usize,
 }
 
@@ -66,16 +60,18 @@ pub(crate) fn run(args: &RunArgs, model: &Path) -> anyhow::Result<Answer> {
     if let Some(trust) = &args.trust {
         place::check_file(trust, "--trust", &["csv"])?;
     }
-    let mut loaded = scenes::open(&args.scene)?;
+    let loaded = scenes::open(&args.scene)?;
     check_places(args, &wishes, &loaded)?;
-    let model = NamedModel::open(Some(model))?;
-    for warning in start::for_model(&mut loaded) {
-        tracing::warn!("{}: {warning}", args.scene);
-    }
+    let model = selvedge::Model::open(Some(model))?;
     let machine = args.machine.open()?;
-    let setup = setup(args, loaded, &model.model)?;
+    let network = Network {
+        model: &model,
+        machine: &machine,
+        guard: args.guard.settings(),
+    };
+    let mut setup = setup(args, loaded.into(), network)?;
     let mut wrote = Vec::new();
-    let (run, log) = predict(&setup, &model, &machine, args)?;
+    let (run, log) = predict(&mut setup, &model.name)?;
     let mut removed = remove_earlier(args.folder())?;
     write(&run.trajectory, args.folder().join(ROLLOUT), &mut wrote)?;
     if let Some(trust) = &args.trust {
@@ -86,15 +82,15 @@ pub(crate) fn run(args: &RunArgs, model: &Path) -> anyhow::Result<Answer> {
     let (comparison, rigid_rmse, true_largest) = match truth.as_ref().map(|run| &run.trajectory) {
         Some(truth) => (
             Some(compare(truth, &run.trajectory)?),
-            Some(rigid_rmse(&setup, truth)?),
-            physics::largest_strain(truth)?,
+            rigid_rmse(&setup, truth)?,
+            Some(physics::largest_strain(truth)?),
         ),
-        None => (None, None, 0.0),
+        None => (None, None, None),
     };
     let mut end = truth.as_ref().map_or(run.end, |truth| truth.end);
     if end == End::Complete {
         let show = Show {
-            title: &setup.loaded.scene.name,
+            title: &setup.run.scene().built().name,
             label: pictures::MODEL,
             prediction: &run.trajectory,
             truth: truth.as_ref().map(|truth| &truth.trajectory),
@@ -104,9 +100,18 @@ pub(crate) fn run(args: &RunArgs, model: &Path) -> anyhow::Result<Answer> {
     end = exporting::fulfil(&wishes, &run.trajectory, end, &mut wrote)?;
     removed.retain(|path| !wrote.contains(path));
     let strains: Vec<f64> = log.iter().map(|t| t.given.largest_strain).collect();
-    let diverged_frame = watched::diverged_frame(&strains, true_largest);
+    let diverged_frame = watched::diverged_frame(&strains, true_largest.unwrap_or(0.0));
+    // Without a truth nobody knows how far this cloth strains.
+    let (diverged_frame, suspected_frame) = match true_largest {
+        Some(_) => (diverged_frame, None),
+        None => (None, diverged_frame),
+    };
     let largest_strain = physics::largest_strain(&run.trajectory)?;
-    let (guarded, scene) = (watched::summary(&log), &setup.loaded.scene);
+    let (guarded, scene) = (watched::summary(&log), setup.run.scene());
+    let (warnings, scene) = (
+        [scene.warnings(), setup.run.start_warnings()].concat(),
+        scene.built(),
+    );
     let departures = setup.beyond.map(|beyond| beyond.departures);
     let mut facts = Facts::new();
     facts.tell("scene", &scene.name);
@@ -121,7 +126,7 @@ pub(crate) fn run(args: &RunArgs, model: &Path) -> anyhow::Result<Answer> {
         let plural = if substeps == 1 { "" } else { "s" };
         let ms = truth.ms_per_frame;
         let words = format!("{ms:.2} ms per frame, {substeps} substep{plural}");
-        facts.add("physics", words);
+        facts.add("time of the solver", words);
     }
     facts.add("largest strain", percent(largest_strain));
     facts.add("guard", guard_line(args.guard.name(), &guarded));
@@ -131,8 +136,10 @@ pub(crate) fn run(args: &RunArgs, model: &Path) -> anyhow::Result<Answer> {
     }
     let from = diverged_frame.map(|frame| format!("from frame {frame} on"));
     facts.add_all("diverges", from);
-    if let (Some(measures), Some(rigid)) = (&comparison, rigid_rmse) {
-        let baseline = format!(" (rigid motion: {})", length(rigid));
+    facts.add_all("may diverge", suspected_frame.map(|frame| format!("from frame {frame} on edges strain by more than 30 %: --compare says how far they do by the solver")));
+    if let Some(measures) = &comparison {
+        let baseline = rigid_rmse.map(|rigid| format!(" (rigid motion: {})", length(rigid)));
+        let baseline = baseline.unwrap_or_default();
         facts.add("position RMSE", length(measures.position_rmse) + &baseline);
         facts.add("largest distance", length(measures.position_max));
         facts.add("edge-length RMSE", length(measures.edge_length_rmse));
@@ -152,29 +159,35 @@ pub(crate) fn run(args: &RunArgs, model: &Path) -> anyhow::Result<Answer> {
         "guard": args.guard.name(),
         "guarded": guarded,
         // The first of more than ten frames in a row with an edge over 30 % strain, and over 1.5
-        // times the ground truth's largest where that was run.
+        // times the ground truth's largest; a suspicion where that was not run.
         "diverged_frame": diverged_frame,
+        "suspected_frame": suspected_frame,
         // Parts of the scene that the model was not trained on; none where its file does not say.
         "beyond": departures,
         "comparison": comparison,
-        // Of a baseline, the rest pose that follows its handles as a rigid body [m].
+        // Of a baseline, the rest pose that follows its handles as a rigid body [m]; none where a
+        // handle lets go.
         "rigid_rmse": rigid_rmse,
         "wrote": wrote,
         "removed": removed,
-        "warnings": setup.loaded.warnings,
+        "warnings": warnings,
     });
     Ok(facts.answer_at(end, report))
 }
 
 /// Position RMSE of the rest pose that follows its handles as a rigid body, against the ground truth
-/// `[m]`.
-fn rigid_rmse(setup: &Setup, truth: &Trajectory) -> anyhow::Result<f64> {
-    let path = setup.loaded.scene.handle_path()?;
-    let mut rigid = RigidRest::new(truth.cloth());
+/// `[m]`; none where a handle lets go, after which there is no such body.
+fn rigid_rmse(setup: &Setup, truth: &Trajectory) -> anyhow::Result<Option<f64>> {
+    let scene = setup.run.scene().built();
+    if !scene.schedule.is_empty() {
+        return Ok(None);
+    }
+    let rigid = Box::new(RigidRest::new(truth.cloth()));
+    let mut rigid = Run::of_stepper(setup.run.scene(), rigid)?;
     let frames = truth.frame_count() - 1;
-    let run = physics::drive(&mut rigid, &path, frames, &mut |_| interrupt::flow())?;
-    let rigid = timed(setup, run)?.trajectory;
-    Ok(compare(truth, &rigid)?.position_rmse)
+    let made = physics::simulate(&mut rigid, frames, false, &mut |_| interrupt::flow());
+    let rigid = rigid.trajectory(made.whole()?.0.positions)?;
+    Ok(Some(compare(truth, &rigid)?.position_rmse))
 }
 
 /// Checks that a folder without a rollout has no files of the names that one has: they are others.
@@ -204,18 +217,22 @@ fn remove_earlier(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     Ok(removed)
 }
 
-/// The rest pose of a scene, and the frames that are asked for.
-fn setup(args: &RunArgs, loaded: LoadedScene, model: &Model) -> anyhow::Result<Setup> {
+/// The model on the scene at rest, and the frames that are asked for.
+fn setup(args: &RunArgs, scene: Scene, network: Network<'_>) -> anyhow::Result<Setup> {
+    let built = scene.built();
     let frames = match args.frames {
         Some(frames) => frames as usize,
-        None => loaded.scene.frame_count()?,
+        None => built.frame_count()?,
     };
-    let beyond = domain::of_scene(model, &loaded.scene, frames)?;
-    let rest = physics::rest_pose(&loaded.scene, &mut progress::listener())?;
+    let beyond = domain::of_scene(&network.model.model, built, frames)?;
+    let mut run = Run::begin_model(&scene, network, &mut progress::listener())?;
+    run.stop_by(interrupt::flag().into());
+    for warning in run.start_warnings() {
+        tracing::warn!("{}: {warning}", args.scene);
+    }
     Ok(Setup {
         beyond,
-        loaded,
-        rest,
+        run,
         frames,
     })
 }
@@ -231,15 +248,10 @@ fn truth(
         return Ok(None);
     }
     let progress = Progress::new("simulating the truth", setup.frames, "frames");
-    let plan = SimulationPlan {
-        start: SavedState::at_rest(setup.rest.positions.clone()),
-        frames: setup.frames,
-        keeps_states: false,
-        threads: Threads::Pool,
-        stop: interrupt::flag(),
-    };
-    let made = physics::run_plan(&setup.loaded.scene, plan, &mut || progress.step())?;
-    let run = timed(setup, made.whole()?.0)?;
+    let mut run = Run::new(setup.run.scene())?;
+    run.stop_by(interrupt::flag().into());
+    let made = physics::simulate(&mut run, setup.frames, false, &mut |_| progress.step());
+    let run = timed(&run, made.whole()?.0)?;
     write(&run.trajectory, args.folder().join(TRUTH), wrote)?;
     Ok(Some(run))
 }
@@ -261,36 +273,23 @@ fn check_places(args: &RunArgs, wishes: &[Wish], loaded: &LoadedScene) -> anyhow
 }
 
 /// The model's run, with the guard's word on every frame.
-fn predict(
-    setup: &Setup,
-    model: &NamedModel,
-    machine: &Machine,
-    args: &RunArgs,
-) -> anyhow::Result<(TimedTrajectory, Vec<Trust>)> {
-    let scene = &setup.loaded.scene;
-    let path = scene.handle_path()?;
-    let (known, rest) = (Arc::new(scene.clone()), &setup.rest.positions);
-    let mut guard = start::guarded(&known, rest, model, machine, args.guard.settings())?;
+fn predict(setup: &mut Setup, model: &str) -> anyhow::Result<(TimedTrajectory, Vec<Trust>)> {
     let mut log = Vec::new();
-    guard.stop_by(interrupt::flag().into());
     let progress = Progress::new("predicting", setup.frames, "frames");
-    let run = physics::drive(&mut guard, &path, setup.frames, &mut |guard| {
-        log.push(*guard.trust());
+    let made = physics::simulate(&mut setup.run, setup.frames, false, &mut |now| {
+        log.extend(now.trust());
         progress.step()
-    })
-    .with_context(|| format!("the rollout of model {}", model.name))?;
-    if let Some(failure) = guard.physics_failure() {
-        tracing::warn!("the guard did without its physics: {failure}");
-    }
-    Ok((timed(setup, run)?, log))
+    });
+    let what = || format!("the rollout of model {model}");
+    let (made, _) = made.whole().with_context(what)?;
+    Ok((timed(&setup.run, made)?, log))
 }
 
-fn timed(setup: &Setup, run: TimedRun) -> anyhow::Result<TimedTrajectory> {
-    let LoadedScene { spec, scene, .. } = &setup.loaded;
+fn timed(run: &Run, made: TimedRun) -> anyhow::Result<TimedTrajectory> {
     Ok(TimedTrajectory {
-        trajectory: physics::trajectory(0, spec, scene, &setup.rest.positions, run.positions)?,
-        ms_per_frame: run.ms_per_frame,
-        end: run.end,
+        trajectory: run.trajectory(made.positions)?,
+        ms_per_frame: made.ms_per_frame,
+        end: made.end,
     })
 }
 

@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use selvedge_cloth::Scene;
+use selvedge::{Run, Scene};
+use selvedge_cloth::Stepper;
 use selvedge_data::{LoadedScene, SavedState, StartSpec, StateChoice, metrics};
-use selvedge_lab::physics::{self, Simulated, SimulationPlan};
-use selvedge_lab::start;
-use selvedge_sim::{SaggedRest, SubstepCounts, Threads};
+use selvedge_lab::physics::{self, Simulated};
+use selvedge_sim::{SaggedRest, Simulator, SubstepCounts};
 use serde_json::json;
 
 use crate::cli::{RunArgs, StartChoice};
@@ -28,34 +28,35 @@ pub(crate) fn run(args: &RunArgs) -> anyhow::Result<Answer> {
     let mut loaded = scenes::open(&args.scene)?;
     check_places(args, &wishes, &loaded)?;
     choose_start(&mut loaded, args.start.as_ref())?;
-    let start = start::find(&loaded, &mut progress::listener())?;
-    if let Some(fitted) = &start.fitted {
-        let (remarks, warning) = (fitted.remarks.iter(), fitted.warning.iter());
-        remarks.for_each(|remark| tracing::info!("{remark}"));
-        warning.for_each(|warning| tracing::warn!("{warning}"));
-    }
-    let (rest, state) = (start.rest, start.state);
-    let (scene, passed) = (&loaded.scene, state.frame);
+    let scene = Scene::from(loaded);
+    let mut moving = Run::begin(&scene, &mut progress::listener())?;
+    let (remarks, warnings) = (moving.remarks().iter(), moving.start_warnings().iter());
+    remarks.for_each(|remark| tracing::info!("{remark}"));
+    warnings.for_each(|warning| tracing::warn!("{warning}"));
+    let passed = moving.frame();
     let frames = match args.frames {
         Some(frames) => frames as usize,
-        None => frames_left(scene.frame_count()?, passed)?,
+        None => frames_left(scene.built().frame_count()?, passed)?,
     };
     let Simulated {
         run,
         states,
         failure,
-    } = simulate(args, scene, state, frames)?;
-    let rest_positions = rest
-        .as_ref()
-        .map_or(scene.mesh.positions(), |rest| &rest.positions);
-    let spec = &loaded.spec;
-    let trajectory = physics::trajectory(passed, spec, scene, rest_positions, run.positions)?;
+    } = simulate(args, &mut moving, frames)?;
+    let (rest, warned) = (moving.rest(), scene.warnings());
+    let trajectory = moving.trajectory(run.positions)?;
+    let scene = scene.built();
     trajectory.write(args.file())?;
     if let (Some(states), Some(path)) = (states, &args.states) {
         states.write(path, trajectory.provenance())?;
     }
-    let contact = touched::measure(scene, &trajectory, passed, run.contact, &run.yielded);
-    warn_of_falls(scene, run.substeps);
+    let solver = moving.solver();
+    let stats = solver.map(Simulator::stats).unwrap_or_default();
+    let yielded = solver.map(Simulator::yielded).unwrap_or_default();
+    let is_second_order = scene.physics.integrator.order() > 1;
+    let substeps = is_second_order.then_some(stats.substeps);
+    let contact = touched::measure(scene, &trajectory, passed, stats.contact, yielded);
+    warn_of_falls(scene, substeps);
     let mut exported = Vec::new();
     let mut end = exporting::fulfil(&wishes, &trajectory, run.end, &mut exported)?;
     let wanted = frames + 1;
@@ -75,7 +76,7 @@ pub(crate) fn run(args: &RunArgs) -> anyhow::Result<Answer> {
     facts.add("time", format!("{:.2} ms per frame", run.ms_per_frame));
     if let Some(SaggedRest {
         solves, residual, ..
-    }) = &rest
+    }) = rest
     {
         facts.add("sag", format!("{solves} solves, {residual:.1e} m/s² left"));
     }
@@ -87,12 +88,12 @@ pub(crate) fn run(args: &RunArgs) -> anyhow::Result<Answer> {
         all,
         started,
         fell_back,
-    }) = run.substeps
+    }) = substeps
     {
         let words = format!("{all}, {started} started anew, {fell_back} fell back to first order");
         facts.add("substeps", words);
     }
-    facts.add_all("divided", output::divided(run.divided));
+    facts.add_all("divided", output::divided(stats.divided));
     if let Some(contact) = &contact {
         contact.add_to(&mut facts);
     }
@@ -109,22 +110,22 @@ pub(crate) fn run(args: &RunArgs) -> anyhow::Result<Answer> {
         "first_frame": passed,
         "frames": frames,
         "ms_per_frame": run.ms_per_frame,
-        "sag_solves": rest.as_ref().map(|rest| rest.solves),
-        "sag_residual": rest.as_ref().map(|rest| rest.residual),
+        "sag_solves": rest.map(|rest| rest.solves),
+        "sag_residual": rest.map(|rest| rest.residual),
         "largest_strain": largest_strain,
         // Of the vertices on average in the last second [m/s].
         "final_speed": final_speed,
         // None with an integrator of first order.
-        "substeps": run.substeps.map(|substeps| json!({
+        "substeps": substeps.map(|substeps| json!({
             "all": substeps.all,
             // Those without a state one substep before, and those of first order.
             "started_anew": substeps.started,
             "fell_back": substeps.fell_back,
         })),
-        "divided_frames": run.divided.frames,
+        "divided_frames": stats.divided.frames,
         "contact": contact,
         "exported": exported,
-        "warnings": loaded.warnings,
+        "warnings": warned,
         "failure": failure.as_ref().map(chain),
     });
     let answer = facts.answer_at(end, report);
@@ -139,7 +140,7 @@ pub(crate) fn run(args: &RunArgs) -> anyhow::Result<Answer> {
 }
 
 /// Warns of a run of second order with many substeps of first order, and says what helps.
-fn warn_of_falls(scene: &Scene, substeps: Option<SubstepCounts>) {
+fn warn_of_falls(scene: &selvedge_cloth::Scene, substeps: Option<SubstepCounts>) {
     let Some(SubstepCounts { all, fell_back, .. }) = substeps else {
         return;
     };
@@ -165,23 +166,13 @@ fn check_files(args: &RunArgs) -> anyhow::Result<()> {
 
 /// Runs the physics, with the states where they are asked for, and the step that failed after at
 /// least one that did not.
-fn simulate(
-    args: &RunArgs,
-    scene: &Scene,
-    start: SavedState,
-    frames: usize,
-) -> anyhow::Result<Simulated> {
-    let plan = SimulationPlan {
-        start,
-        frames,
-        keeps_states: args.states.is_some(),
-        threads: Threads::Pool,
-        stop: interrupt::flag(),
-    };
+fn simulate(args: &RunArgs, run: &mut Run, frames: usize) -> anyhow::Result<Simulated> {
+    run.stop_by(interrupt::flag().into());
     let progress = Progress::new("simulating", frames, "frames");
-    let made = physics::run_plan(scene, plan, &mut || progress.step())?;
+    let keeps_states = args.states.is_some();
+    let made = physics::simulate(run, frames, keeps_states, &mut |_| progress.step());
     match made.failure {
-        Some(error) if made.run.positions.len() <= scene.mesh.positions().len() => Err(error),
+        Some(error) if made.run.positions.len() <= run.positions().len() => Err(error),
         _ => Ok(made),
     }
 }

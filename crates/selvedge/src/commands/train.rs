@@ -7,7 +7,6 @@ use std::time::Instant;
 use anyhow::{Context, anyhow, bail};
 use selvedge_data::Dataset;
 use selvedge_lab::folder::{self, FolderKind};
-use selvedge_lab::models::NamedModel;
 use selvedge_lab::{assets, generation, training};
 use selvedge_train::{EngineMaker, OverRanks, RunEnd, RunLimits, TrainConfig, Trainer, files};
 use serde_json::json;
@@ -31,7 +30,7 @@ pub(crate) fn run(args: &TrainArgs) -> anyhow::Result<Answer> {
     let steps = cfg.steps;
     let micro_batch = args.micro_batch.map_or(1, NonZeroUsize::get);
     let engine = OverRanks {
-        engine: &*machine.engine(micro_batch),
+        engine: &*selvedge_lab::machine::engine(&machine, micro_batch),
         ranks: ranks.clone(),
     };
     let mut facts = Facts::new();
@@ -163,7 +162,7 @@ fn trainer(
         true => from.join(files::MODEL),
         false => from.clone(),
     };
-    let model = NamedModel::open(Some(&file))?;
+    let model = selvedge::Model::open(Some(&file))?;
     let start = Some(&*model.model);
     training::begin(start, cfg, data, engine, &mut progress::listener())
         .with_context(|| format!("--from {}", from.display()))

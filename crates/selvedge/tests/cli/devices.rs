@@ -44,7 +44,7 @@ fn a_device_without_a_model_is_refused() {
 /// True where there is no GPU, which is then said.
 #[cfg(feature = "gpu")]
 fn no_gpu() -> bool {
-    use selvedge_lab::machine::{DeviceName, Machine};
+    use selvedge::machine::{DeviceName, Machine};
 
     let none = Machine::open(DeviceName::Gpu(0)).is_err();
     if none {

@@ -1,6 +1,6 @@
 //! Guarded models from the command line: `run --guard --trust`.
 
-use crate::common::{Desk, PUSH_FRAMES, number};
+use crate::common::{Desk, PUSH, PUSH_FRAMES, number};
 use selvedge_data::{Trajectory, metrics};
 use serde_json::Value;
 
@@ -76,4 +76,37 @@ fn the_shipped_model_needs_no_guard_where_it_was_trained() {
         bytes.push(desk.read(&format!("{guard}/rollout.safetensors")));
     }
     assert!(bytes[0] == bytes[1], "bit for bit");
+}
+
+/// How far a cloth strains in so fast a motion only the solver knows.
+#[test]
+fn without_a_truth_that_a_run_diverges_is_a_suspicion() {
+    let desk = Desk::new();
+    desk.write(
+        "fast.toml",
+        PUSH.replace("distance = 0.2", "distance = 2.0"),
+    );
+    let by = "run fast.toml --model paper --guard none --no-clip";
+    let alone = desk.run(&format!("{by} -o alone"));
+    assert!(alone.out.contains("may diverge"), "{}", alone.out);
+    assert!(alone.out.contains("--compare"), "{}", alone.out);
+    let alone = desk.json(&format!("{by} -o alone"));
+    assert_eq!(alone["diverged_frame"], Value::Null);
+    let suspected = number(&alone, "/suspected_frame");
+    assert!(suspected > 0.0);
+    let compared = desk.json(&format!("{by} --compare -o compared"));
+    assert_eq!(compared["suspected_frame"], Value::Null);
+    assert!(number(&compared, "/diverged_frame") >= suspected);
+}
+
+/// There is no rigid body to compare with once a handle has let go.
+#[test]
+fn a_model_whose_handles_let_go_is_compared_with_its_truth() {
+    let desk = Desk::new();
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fronts/let-go.toml");
+    let report = desk.json(&format!(
+        "run {scene} --model paper --compare --frames 20 --no-clip -o out"
+    ));
+    assert!(number(&report, "/comparison/position_rmse") > 0.0);
+    assert_eq!(report["rigid_rmse"], Value::Null);
 }

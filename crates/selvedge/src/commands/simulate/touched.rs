@@ -1,8 +1,8 @@
 //! What contact did in a run, and what it left in the frames that are written.
 
+use selvedge::{LetThrough, let_through};
 use selvedge_cloth::Scene;
 use selvedge_data::Trajectory;
-use selvedge_lab::physics::{self, LetThrough};
 use selvedge_sim::{ContactCounts, ContactGauge, YieldedContact};
 use serde::Serialize;
 
@@ -58,7 +58,7 @@ pub(super) fn measure(
         repeated: counts.repeated,
         divisions: counts.divisions,
         held_back: counts.held_back,
-        let_through: physics::let_through(scene, yielded),
+        let_through: let_through(scene, yielded),
     })
 }
 

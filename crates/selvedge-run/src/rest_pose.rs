@@ -15,7 +15,7 @@ use selvedge_cloth::Scene;
 use selvedge_data::{KeptRestPose, RestPoseFolder};
 use selvedge_sim::{RestPoseContent, SagError, SagProgress, SaggedRest, sag_with_progress};
 
-use crate::physics::MADE_BY;
+use crate::MADE_BY;
 
 /// Seconds of a search from which its pose is worth a file.
 const WORTH_KEEPING: f64 = 0.2;
@@ -61,7 +61,7 @@ fn cache_folder(variable: impl Fn(&str) -> Option<OsString>) -> Option<PathBuf> 
 
 /// A rest pose, and the time that an earlier search for it took `[s]`; none where the search was this
 /// one.
-pub type Found = (SaggedRest, Option<f64>);
+pub(crate) type Found = (SaggedRest, Option<f64>);
 
 /// A line on a search that was spared, where it would have been waited for.
 pub(crate) fn remark((rest, kept_seconds): &Found) -> Option<String> {
@@ -78,7 +78,7 @@ pub(crate) fn remark((rest, kept_seconds): &Found) -> Option<String> {
 ///
 /// # Errors
 /// As for [`sag_with_progress`]. A folder that cannot be used is warned of.
-pub fn found(
+pub(crate) fn found(
     scene: &Scene,
     progress: &mut dyn FnMut(SagProgress) -> ControlFlow<()>,
 ) -> Result<Found, SagError> {
@@ -128,12 +128,12 @@ fn found_in(
     Ok((rest, None))
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "learned"))]
 mod tests {
     use selvedge_cloth::LinearSolver;
 
     use super::*;
-    use crate::test_scene::hanging;
+    use crate::run::tests::hanging;
 
     /// The pose of `scene` by way of `folder`, and the solves that it took now.
     fn through(folder: &RestPoseFolder, scene: &Scene) -> (Found, u32) {

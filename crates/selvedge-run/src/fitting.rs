@@ -3,13 +3,13 @@
 
 use std::ops::ControlFlow;
 
-use anyhow::{Result, bail};
 use glam::DVec3;
-use selvedge_cloth::Mesh;
-use selvedge_data::{LoadedScene, StartSpec, Times, panel_stretches, worst_edges};
+use selvedge_cloth::{LoosePanels, Mesh, Scene};
+use selvedge_data::{StartSpec, Times, panel_stretches, worst_edges};
 use selvedge_sim::{FitError, FitProgress, Fitted, dress, fit as fit_cloth, sew_and_fit, untangle};
 
-use crate::event::{Goal, OnEvent, Reporter, Task};
+use crate::Error;
+use crate::event::{self, Event, Goal};
 use crate::numbers::percent;
 
 /// Strain that a fit may leave without a word.
@@ -22,48 +22,62 @@ const NAMED: usize = 3;
 /// Median stretch of a panel's edges at the start, or its inverse, from which the panel is named.
 const ODD_PANEL: f64 = 1.5;
 
+/// What is done to the cloth before its motion begins.
+#[derive(Clone, Debug)]
+pub(crate) struct Making {
+    pub(crate) start: StartSpec,
+    /// The body that it is put onto.
+    pub(crate) dress: Option<String>,
+    /// Its panels before they are sewn.
+    pub(crate) loose: Option<LoosePanels>,
+}
+
 /// A cloth made ready from its mesh.
 #[derive(Clone, Debug, PartialEq)]
-pub struct FittedCloth {
+pub(crate) struct FittedCloth {
     /// Positions `[m]`, `[vertices]`.
-    pub positions: Vec<DVec3>,
+    pub(crate) positions: Vec<DVec3>,
     /// What was done.
-    pub remarks: Vec<String>,
+    pub(crate) remarks: Vec<String>,
     /// A warning of strain that is left.
-    pub warning: Option<String>,
+    pub(crate) warning: Option<String>,
 }
 
 /// A listener of each stage, by its name and progress.
 type Listener<'a> = &'a mut dyn FnMut(&'static str, FitProgress) -> ControlFlow<()>;
 
 /// Makes the cloth of a scene ready as [`fit_told`] does.
-pub(crate) fn fit(loaded: &LoadedScene, on_event: &mut OnEvent<'_>) -> Result<FittedCloth> {
+pub(crate) fn fit(
+    scene: &Scene,
+    making: &Making,
+    on_event: &mut event::Listener<'_>,
+) -> Result<FittedCloth, Error> {
     const STEPS: f64 = 100.0;
-    let reporter = Reporter::new(on_event);
-    let mut stage: Option<(&str, Task<'_, '_>, f64)> = None;
-    fit_told(loaded, &mut |what, now| {
-        let (_, task, done) = match stage.take_if(|(name, ..)| *name == what) {
-            Some(same) => stage.insert(same),
-            None => {
-                let task = reporter.begin(what, Goal::Count(STEPS as u64), "steps");
-                stage.insert((what, task, 0.0))
+    let (mut stage, mut done) = ("", 0.0);
+    let fitted = fit_told(scene, making, &mut |task, now| {
+        if stage != task {
+            if !stage.is_empty() {
+                let _ = on_event(Event::Ended);
             }
-        };
-        task.note(&state(now));
-        while *done < STEPS * now.done {
-            *done += 1.0;
-            task.advance()?;
+            let (goal, unit) = (Goal::Count(STEPS as u64), "steps");
+            let _ = on_event(Event::Begun { task, goal, unit });
+            (stage, done) = (task, 0.0);
         }
-        match task.is_stopped() {
-            true => ControlFlow::Break(()),
-            false => ControlFlow::Continue(()),
+        let _ = on_event(Event::Noted(&state(now)));
+        while done < STEPS * now.done {
+            done += 1.0;
+            on_event(Event::Advanced)?;
         }
-    })
+        on_event(Event::Asked)
+    });
+    if !stage.is_empty() {
+        let _ = on_event(Event::Ended);
+    }
+    fitted
 }
 
 /// What a cloth under way is like.
-#[must_use]
-pub fn state(now: FitProgress) -> String {
+fn state(now: FitProgress) -> String {
     let strain = percent(now.strain);
     match (now.meeting, now.gap) {
         (Some(pairs), _) => format!("{pairs} pairs of faces meet"),
@@ -78,10 +92,10 @@ pub fn state(now: FitProgress) -> String {
 /// Makes the cloth of a scene ready from its mesh, as its start says: moved apart where it meets
 /// itself, put onto a body, and relaxed into its pattern; where its panels are loose, they are sewn
 /// first.
-pub fn fit_told(loaded: &LoadedScene, progress: Listener<'_>) -> Result<FittedCloth> {
-    let mut scene = loaded.scene.clone();
+fn fit_told(own: &Scene, making: &Making, progress: Listener<'_>) -> Result<FittedCloth, Error> {
+    let mut scene = own.clone();
     let mut remarks = Vec::new();
-    let start = &loaded.spec.start;
+    let start = &making.start;
     let meets_itself = scene.contact.is_some_and(|contact| contact.self_contact);
     if *start == StartSpec::Untangle || *start == StartSpec::Fit && meets_itself {
         let found = untangle(&scene, &mut |now| progress("untangling", now))?;
@@ -95,7 +109,7 @@ pub fn fit_told(loaded: &LoadedScene, progress: Listener<'_>) -> Result<FittedCl
             scene.mesh = at(scene.mesh, found.positions)?;
         }
     }
-    if let Some(body) = &loaded.spec.dress {
+    if let Some(body) = &making.dress {
         let dressed = dress(&scene, body, &mut |now| progress("dressing", now))?;
         let [before, after] = dressed.strains.map(percent);
         remarks.push(format!(
@@ -112,7 +126,7 @@ pub fn fit_told(loaded: &LoadedScene, progress: Listener<'_>) -> Result<FittedCl
             warning: None,
         });
     }
-    let fitted = match &loaded.loose {
+    let fitted = match &making.loose {
         Some(loose) => sew_and_fit(&scene, loose, &mut |now| {
             progress("sewing and fitting into the pattern", now)
         })?,
@@ -125,7 +139,7 @@ pub fn fit_told(loaded: &LoadedScene, progress: Listener<'_>) -> Result<FittedCl
     remarks.push(format!(
         "fitted into the pattern: the largest strain went from {before} to {after}"
     ));
-    let warning = left(loaded, &fitted)?;
+    let warning = left(own, &fitted)?;
     Ok(FittedCloth {
         positions: fitted.positions,
         remarks,
@@ -142,11 +156,10 @@ fn at(mesh: Mesh, positions: Vec<DVec3>) -> Result<Mesh, FitError> {
 }
 
 /// A warning of the strain that a fit left; an error where that is too much.
-fn left(loaded: &LoadedScene, fitted: &Fitted) -> Result<Option<String>> {
+fn left(scene: &Scene, fitted: &Fitted) -> Result<Option<String>, Error> {
     if fitted.after <= LEFT {
         return Ok(None);
     }
-    let scene = &loaded.scene;
     let worst = worst_edges(&scene.mesh, &scene.handles, &fitted.positions, NAMED);
     let named: Vec<String> = worst.iter().map(ToString::to_string).collect();
     let left = format!(
@@ -156,11 +169,11 @@ fn left(loaded: &LoadedScene, fitted: &Fitted) -> Result<Option<String>> {
         named.join(", ")
     );
     if fitted.after > MOST {
-        bail!(
+        return Err(Error::Misfit(format!(
             "the cloth of scene {:?} does not fit into its pattern: {left}; {}mend the pattern or the handles, let mesh.texture = \"fit\" size each panel as it stands, take the form in space for the pattern with mesh.pattern = \"shape\", or start where the mesh stands (start = \"mesh\")",
             scene.name,
-            odd_panels(loaded)
-        );
+            odd_panels(scene)
+        )));
     }
     Ok(Some(format!(
         "the cloth does not fit into its pattern: {left}; look at these panels, or at handles that are too far apart"
@@ -168,8 +181,8 @@ fn left(loaded: &LoadedScene, fitted: &Fitted) -> Result<Option<String>> {
 }
 
 /// Names of panels that are drawn in another size than the mesh has.
-fn odd_panels(loaded: &LoadedScene) -> String {
-    let mesh = &loaded.scene.mesh;
+fn odd_panels(scene: &Scene) -> String {
+    let mesh = &scene.mesh;
     let stretches = panel_stretches(mesh, mesh.positions());
     let odd: Vec<String> = (0..)
         .zip(&stretches)
@@ -185,14 +198,14 @@ fn odd_panels(loaded: &LoadedScene) -> String {
     odd.concat()
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "learned"))]
 mod tests {
     use super::*;
     use selvedge_data::parse_scene;
 
     /// A flat bag of two squares that are sewn all round, each of four faces about its middle; the
     /// second is drawn `by` times as small.
-    fn scene(by: f64) -> LoadedScene {
+    fn scene(by: f64) -> (Scene, Making) {
         let folder = tempfile::tempdir().unwrap();
         let mut text =
             "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0.5 0.5 0\nv 0.5 0.5 -0.01\n".to_owned();
@@ -210,17 +223,26 @@ mod tests {
         std::fs::write(folder.path().join("bag.obj"), text).unwrap();
         let scene = "name = \"bag\"\nmaterial = \"gray-interlock\"\nstart = \"fit\"\n\
             mesh = { file = \"bag.obj\" }\nhandles = { vertices = [0] }\nmotion = { named = \"forward\" }\ncontact = false\n";
-        parse_scene(scene, folder.path(), "bag").unwrap()
+        let loaded = parse_scene(scene, folder.path(), "bag").unwrap();
+        let making = Making {
+            start: loaded.spec.start,
+            dress: loaded.spec.dress,
+            loose: loaded.loose,
+        };
+        (loaded.scene, making)
     }
 
     #[test]
     fn a_panel_of_another_size_is_refused_with_its_name_and_one_that_is_eased_is_warned_of() {
-        let mut go_on = |_: &str, _| ControlFlow::Continue(());
-        let fits = fit_told(&scene(1.02), &mut go_on).unwrap();
+        let fit_of = |by: f64| {
+            let (scene, making) = scene(by);
+            fit_told(&scene, &making, &mut |_: &str, _| ControlFlow::Continue(()))
+        };
+        let fits = fit_of(1.02).unwrap();
         assert!(fits.warning.is_none() && fits.remarks.len() == 1);
-        let eased = fit_told(&scene(1.6), &mut go_on).unwrap();
+        let eased = fit_of(1.6).unwrap();
         assert!(eased.warning.unwrap().contains("the worst edges are"));
-        let refused = fit_told(&scene(20.0), &mut go_on).unwrap_err().to_string();
+        let refused = fit_of(20.0).unwrap_err().to_string();
         for words in [
             "scene \"bag\"",
             "panel 1 are",

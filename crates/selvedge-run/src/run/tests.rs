@@ -1,0 +1,203 @@
+//! Runs by the solver, by a network and by any stepper.
+
+use std::ops::ControlFlow;
+
+use glam::DVec3;
+use selvedge_cloth::{ContactSettings, Release, Scene as Built};
+use selvedge_data::{Drive, Playback, StartSpec, open_scene, record};
+
+use super::*;
+use crate::models::Model;
+
+/// A square of 36 vertices that hangs flat from its upper corners.
+pub(crate) fn hanging() -> Built {
+    Built::clone(scene("").built())
+}
+
+/// The same as a scene whose handles go forward, with more lines.
+fn scene(more: &str) -> Scene {
+    let text = format!(
+        "name = \"hanging\"\nmaterial = \"gray-interlock\"\nmotion = {{ named = \"forward\" }}\n\
+         mesh = {{ generator = {{ kind = \"square\", vertices = 36, size = 1.0, seed = 1 }} }}\n\
+         handles = {{ label = \"upper-corners\" }}\n{more}"
+    );
+    Scene::parse(&text).unwrap()
+}
+
+/// The same with its handles let go for a while, one for ever.
+fn let_go() -> Scene {
+    let mut built = hanging();
+    let release = |handle, from, to| Release {
+        handles: vec![handle],
+        from,
+        to,
+    };
+    built.schedule.releases = vec![release(0, 0.1, Some(0.2)), release(1, 0.25, None)];
+    Scene::of(built)
+}
+
+fn paper() -> Model {
+    Model::open(Some("paper".as_ref())).unwrap()
+}
+
+const GO_ON: ControlFlow<()> = ControlFlow::Continue(());
+
+#[test]
+fn a_step_takes_one_target_per_substep() {
+    for substeps in [1, 3, 8] {
+        let scene = scene(&format!("physics = {{ substeps = {substeps} }}\n"));
+        let mut run = Run::new(&scene).unwrap();
+        assert_eq!(run.samples(), substeps);
+        let rest = scene.rest_pose(&mut deaf).unwrap();
+        let still = vec![DVec3::ZERO; rest.positions.len()];
+        let alone = Simulator::with_state(scene.built(), rest.positions.clone(), still);
+        let path = scene.built().handle_path().unwrap();
+        let drive = Drive {
+            path: &path,
+            samples_per_frame: substeps,
+        };
+        let alone = record(&mut alone.unwrap(), drive, 20, &mut |_| GO_ON);
+        assert_eq!(run.record(20, &mut |_| GO_ON), alone);
+    }
+}
+
+/// Steps to the middle of a motion, on, back, and on again; and from the beginning.
+fn goes_back(mut run: Run, frames: usize) {
+    let whole = run.record(frames, &mut |_| GO_ON).positions;
+    let vertices = run.positions().len();
+    let last = (run.frame(), run.velocities(), run.warnings());
+    run.reset().unwrap();
+    assert_eq!(run.positions(), &whole[..vertices]);
+    assert_eq!(
+        run.record(frames / 2, &mut |_| GO_ON).end,
+        selvedge_data::RecordingEnd::Complete
+    );
+    let (there, frame) = (run.snapshot().unwrap(), run.frame());
+    for _ in 0..2 {
+        let on = run.record(frames - frames / 2, &mut |_| GO_ON).positions;
+        assert!(
+            on == whole[frames / 2 * vertices..],
+            "from frame {frame} on"
+        );
+        assert_eq!((run.frame(), run.velocities(), run.warnings()), last);
+        run.restore(&there).unwrap();
+    }
+    let other = Snapshot::of(5_usize);
+    assert!(matches!(
+        run.restore(&other),
+        Err(StepError::Snapshot { .. })
+    ));
+    assert_eq!(run.frame(), frame);
+}
+
+#[test]
+fn every_run_goes_back_to_the_byte() {
+    goes_back(Run::new(&scene("")).unwrap(), 30);
+    goes_back(Run::new(&scene("physics = \"arcsim\"\n")).unwrap(), 12);
+    goes_back(Run::new(&let_go()).unwrap(), 24);
+    goes_back(Run::of_model(&scene(""), &paper()).unwrap(), 20);
+    let scene = scene("");
+    let mut run = Run::new(&scene).unwrap();
+    let positions = run.record(8, &mut |_| GO_ON).positions;
+    let played = Playback::new(run.trajectory(positions).unwrap());
+    goes_back(Run::of_stepper(&scene, Box::new(played)).unwrap(), 8);
+}
+
+#[test]
+fn a_run_in_contact_goes_back_to_the_byte() {
+    let scene = Scene::named("tablecloth").unwrap();
+    goes_back(Run::new(&scene).unwrap(), 30);
+}
+
+/// A light knit in a storm holds to the bound of a step, but no cloth is so long.
+#[test]
+fn a_run_that_strains_the_cloth_too_far_is_warned_of() {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/scenes/elsewhere");
+    let built = open_scene(&format!("{folder}/wind-8.toml")).unwrap().scene;
+    let in_wind = |wind: f64| {
+        let mut built = built.clone();
+        built.environment.wind = DVec3::X * wind;
+        let start = built.mesh.positions().to_vec();
+        let mut run = Run::new(&Scene::at(built, start)).unwrap();
+        run.record(30, &mut |_| GO_ON);
+        run.warnings().join("\n")
+    };
+    let words = in_wind(25.0);
+    assert!(words.contains("strained by more than 50 %"), "{words}");
+    assert!(words.contains("physics.max_strain (1.5 now)"), "{words}");
+    assert_eq!(in_wind(2.0), "");
+}
+
+#[test]
+fn a_scene_starts_as_it_says() {
+    let at_rest = scene("");
+    let rest = at_rest.rest_pose(&mut deaf).unwrap();
+    let run = Run::new(&at_rest).unwrap();
+    assert_eq!(run.positions_f64(), rest.positions);
+    assert!(at_rest.begins_at_rest() && run.rest().is_some());
+    let from_mesh = scene("start = \"mesh\"\n");
+    let run = Run::new(&from_mesh).unwrap();
+    assert_eq!(run.positions_f64(), from_mesh.built().mesh.positions());
+    assert!(run.rest().is_none() && run.warnings().is_empty());
+    assert_eq!(from_mesh.spec().unwrap().start, StartSpec::Mesh);
+}
+
+/// A network compares with the rest pose of the scene's own law, and says what it does not see.
+#[test]
+fn a_network_begins_at_rest_and_says_what_it_leaves_out() {
+    let run = |more: &str| Run::of_model(&scene(more), &paper()).unwrap();
+    let usual = run("");
+    assert!(usual.start_warnings().is_empty());
+    let from_mesh = run("start = \"mesh\"\n");
+    assert_eq!(from_mesh.positions(), usual.positions());
+    let said = from_mesh.warnings().join("\n");
+    assert!(said.contains("start in the sagged rest pose"), "{said}");
+    let mut built = hanging();
+    built.contact = Some(ContactSettings::default());
+    built.environment.wind = DVec3::X * 9.0;
+    let run = Run::of_model(&Scene::of(built), &paper()).unwrap();
+    let said = run.warnings().join("\n");
+    assert!(
+        said.contains("contact: a learned model does not see"),
+        "{said}"
+    );
+    assert!(said.contains("beyond training: wind"), "{said}");
+    let arcsim = scene("physics = \"arcsim\"\n");
+    let rest = arcsim.rest_pose(&mut deaf).unwrap();
+    let run = Run::of_model(&arcsim, &paper()).unwrap();
+    assert_eq!(run.positions(), crate::rounded(&rest.positions));
+}
+
+#[test]
+fn a_search_that_is_stopped_says_so_and_not_how_to_do_without() {
+    let stopped = Run::begin(&scene(""), &mut |_| ControlFlow::Break(())).err();
+    let stopped = stopped.unwrap();
+    assert!(stopped.is_stopped());
+    let words = crate::cause::chain(&stopped);
+    assert!(words.starts_with("the rest pose of scene"), "{words}");
+    let mut loaded = open_scene("default").unwrap();
+    loaded.scene.handles = Handles::new(&[], 400).unwrap();
+    let unheld = Run::new(&Scene::from(loaded)).err().unwrap();
+    assert!(unheld.to_string().contains("start = \"mesh\""), "{unheld}");
+    let hasty = Run::new(&scene("sag = { max_steps = 3 }\n")).err().unwrap();
+    let words = crate::cause::chain(&hasty);
+    assert!(
+        words.contains("start = \"fit\"") && words.contains("sag.max_steps"),
+        "{words}"
+    );
+}
+
+#[test]
+fn a_run_that_is_asked_to_stop_is_as_it_was() {
+    let mut run = Run::new(&scene("")).unwrap();
+    let stop = Stop::default();
+    run.stop_by(stop.clone());
+    run.step().unwrap();
+    let (before, velocities) = (run.positions().to_vec(), run.velocities());
+    stop.ask();
+    assert!(matches!(run.step(), Err(StepError::Stopped { frame: 2 })));
+    assert_eq!(
+        (run.positions(), run.velocities()),
+        (&before[..], velocities)
+    );
+}

@@ -1,0 +1,185 @@
+//! A scene made ready to move: where its motion begins, and the solver or a guarded network there.
+
+use std::sync::Arc;
+
+use selvedge_cloth::Scene as Built;
+use selvedge_sim::{Checkpoint, SagError, SaggedRest, Simulator, SimulatorError};
+
+use crate::Error;
+use crate::event::{Event, Goal, Listener};
+#[cfg(feature = "learned")]
+pub use learned::{WITHOUT_GUARD, guarded};
+#[cfg(feature = "files")]
+pub use saved::{checkpoint_of, saved_state};
+
+/// A cloth where its motion begins.
+#[derive(Clone, Debug)]
+pub struct Start {
+    /// The state.
+    pub state: Checkpoint,
+    /// The sagged rest pose, where the motion begins there.
+    pub rest: Option<Arc<SaggedRest>>,
+    /// What was done to the cloth, where it was made ready from its mesh.
+    pub remarks: Vec<String>,
+    /// A warning of the strain that is left.
+    pub warnings: Vec<String>,
+}
+
+impl Start {
+    pub(crate) fn at(state: Checkpoint) -> Self {
+        Self {
+            state,
+            rest: None,
+            remarks: Vec::new(),
+            warnings: Vec::new(),
+        }
+    }
+}
+
+/// Finds the sagged rest pose of a scene: by a search, or where it is known from before.
+///
+/// # Errors
+/// [`Error::Rest`] names the scene and what is in the way.
+pub fn rest_pose(scene: &Built, on_event: &mut Listener<'_>) -> Result<SaggedRest, Error> {
+    // Whoever wants to stop says so again at the first solve.
+    let _ = on_event(Event::Begun {
+        task: "sagging to rest",
+        goal: Goal::Open,
+        unit: "solves",
+    });
+    let mut hear = |now: selvedge_sim::SagProgress| {
+        let (left, wanted) = (now.residual, now.tolerance);
+        let note = format!("{left:.1e} m/s² left, to be {wanted:.0e}");
+        let _ = on_event(Event::Noted(&note));
+        on_event(Event::Advanced)
+    };
+    #[cfg(feature = "files")]
+    let found = crate::rest_pose::found(scene, &mut hear);
+    #[cfg(not(feature = "files"))]
+    let found = selvedge_sim::sag_with_progress(scene, &mut hear).map(|rest| (rest, None::<f64>));
+    let _ = on_event(Event::Ended);
+    let found = found.map_err(|source| Error::Rest {
+        scene: scene.name.clone(),
+        source,
+    })?;
+    #[cfg(feature = "files")]
+    if let Some(remark) = crate::rest_pose::remark(&found) {
+        let _ = on_event(Event::Remarked(&remark));
+    }
+    let (rest, _) = found;
+    tracing::info!(
+        solves = rest.solves,
+        residual = rest.residual,
+        "found the rest pose"
+    );
+    Ok(rest)
+}
+
+/// What to say of a rest pose in which a run was to start and which cannot be had.
+pub(crate) fn without_rest(error: Error) -> Error {
+    match error {
+        Error::Rest { ref source, .. } if !matches!(source, SagError::Stopped { .. }) => {
+            Error::NoRest(Box::new(error))
+        }
+        other => other,
+    }
+}
+
+/// The solver in the run of `scene` from `state` on: handles and obstacles where the motion has
+/// them by then.
+///
+/// # Errors
+/// A scene or a state that cannot be used.
+pub fn simulator_of_run(scene: &Built, state: &Checkpoint) -> Result<Simulator, SimulatorError> {
+    Simulator::from_checkpoint(scene, state)?.taken_up_at(state.frame)
+}
+
+/// States in files, and the checkpoints of the solver.
+#[cfg(feature = "files")]
+mod saved {
+    use selvedge_data::SavedState;
+    use selvedge_sim::Checkpoint;
+
+    /// The state of a checkpoint, for a file: obstacles are on their own paths there.
+    #[must_use]
+    pub fn saved_state(checkpoint: Checkpoint) -> SavedState {
+        let Checkpoint {
+            frame,
+            positions,
+            velocities,
+            previous,
+            changes,
+            contact,
+            obstacles: _,
+        } = checkpoint;
+        SavedState {
+            positions,
+            velocities,
+            frame,
+            previous,
+            contact,
+            changes,
+        }
+    }
+
+    /// The checkpoint of a state, all obstacles on their own paths.
+    #[must_use]
+    pub fn checkpoint_of(state: SavedState) -> Checkpoint {
+        Checkpoint {
+            frame: state.frame,
+            positions: state.positions,
+            velocities: state.velocities,
+            previous: state.previous,
+            changes: state.changes,
+            contact: state.contact,
+            obstacles: Vec::new(),
+        }
+    }
+}
+
+/// Networks.
+#[cfg(feature = "learned")]
+mod learned {
+    use std::sync::Arc;
+
+    use glam::DVec3;
+    use selvedge_cloth::{Cloth, Scene};
+    use selvedge_guard::{Correction, Guard};
+    use selvedge_model::ClothGraph;
+
+    use crate::machine::{Machine, Mover};
+    use crate::models::Model;
+    use crate::{Error, rounded};
+
+    /// What helps where there is no guard to be had.
+    pub const WITHOUT_GUARD: &str = "the guard (the guard \"none\" does without)";
+
+    /// A network at work on the cloth of `scene`, which rests at `rest` `[m]`, `[vertices]`, under
+    /// a guard.
+    ///
+    /// # Errors
+    /// A scene that the network or the guard cannot move.
+    pub fn guarded(
+        scene: &Arc<Scene>,
+        rest: &[DVec3],
+        model: &Model,
+        machine: &Machine,
+        settings: Correction,
+    ) -> Result<Guard<Mover>, Error> {
+        let graph_of = format!("the graph of scene {:?}", scene.name);
+        let cloth = Cloth::of_scene(scene, rounded(rest));
+        let cloth = cloth.map_err(|error| Error::network(&*graph_of, error))?;
+        let graph = ClothGraph::of_scene(&cloth, scene);
+        let graph = graph.map_err(|error| Error::network(&*graph_of, error))?;
+        let stepper = machine.start(&model.model, graph, &[cloth.rest_positions()]);
+        let stepper = stepper.map_err(|error| match error {
+            Error::Network { source, .. } => {
+                Error::network(format!("starting model {}", model.name), source)
+            }
+            other => other,
+        })?;
+        let known = Some(Arc::clone(scene));
+        let guard = Guard::new(stepper, &cloth, scene.frame_rate, known, settings);
+        guard.map_err(|error| Error::network(WITHOUT_GUARD, error))
+    }
+}

@@ -1,0 +1,124 @@
+//! The same scenes by the program, the library for Rust and that for C: the same bytes. Python's are
+//! compared in `python/tests/test_same_bytes.py`, those of WebAssembly in `web/tests/module.mjs`.
+#![allow(unsafe_code, reason = "the library for C is called as C calls it")]
+
+use std::ffi::CString;
+use std::ops::ControlFlow;
+use std::ptr;
+
+use selvedge::{Model, Run, Scene};
+use selvedge_c::models::selvedge_model_open;
+use selvedge_c::scenes::selvedge_scene_open;
+use selvedge_c::status::SelvedgeStatus;
+use selvedge_c::steppers::{
+    selvedge_copy_positions, selvedge_step_along, selvedge_stepper_free, selvedge_stepper_model,
+    selvedge_stepper_physics,
+};
+
+use crate::common::Desk;
+
+/// Scenes of `tests/fronts`, and who moves them.
+const RUNS: [(&str, Option<&str>); 8] = [
+    ("substeps-1", None),
+    ("substeps-3", None),
+    ("substeps-8", None),
+    ("garment", None),
+    ("wind", None),
+    ("let-go", None),
+    ("substeps-3", Some("paper")),
+    ("let-go", Some("paper")),
+];
+const FRAMES: usize = 36;
+
+fn of_program(scene: &str, model: Option<&str>) -> Vec<f32> {
+    let desk = Desk::new();
+    let file = match model {
+        None => {
+            desk.json(&format!("run {scene} --frames {FRAMES} -o run.safetensors"));
+            "run.safetensors"
+        }
+        Some(model) => {
+            let by = format!("--model {model} --frames {FRAMES} --no-clip");
+            desk.json(&format!("run {scene} {by} -o run"));
+            "run/rollout.safetensors"
+        }
+    };
+    let run = desk.trajectory(file);
+    run.positions().iter().flat_map(|p| p.to_array()).collect()
+}
+
+fn of_rust(scene: &str, model: Option<&str>) -> Vec<f32> {
+    let scene = Scene::named(scene).unwrap();
+    let run = match model {
+        None => Run::new(&scene),
+        Some(name) => Run::of_model(&scene, &Model::open(Some(name.as_ref())).unwrap()),
+    };
+    let made = run
+        .unwrap()
+        .record(FRAMES, &mut |_| ControlFlow::Continue(()));
+    made.positions.iter().flat_map(|p| p.to_array()).collect()
+}
+
+fn of_c(scene: &str, model: Option<&str>, vertices: usize) -> Vec<f32> {
+    let ok = |status: SelvedgeStatus| assert_eq!(status, SelvedgeStatus::Ok);
+    let text = |name: &str| CString::new(name).unwrap();
+    let (mut opened, mut network, mut stepper) = (0, 0, 0);
+    // SAFETY: the texts end with a zero byte, and the places may be written.
+    unsafe {
+        ok(selvedge_scene_open(text(scene).as_ptr(), &raw mut opened));
+        match model {
+            None => ok(selvedge_stepper_physics(
+                opened,
+                ptr::null(),
+                &raw mut stepper,
+            )),
+            Some(name) => {
+                ok(selvedge_model_open(text(name).as_ptr(), &raw mut network));
+                let status =
+                    selvedge_stepper_model(opened, network, 0, ptr::null(), &raw mut stepper);
+                ok(status);
+            }
+        }
+    }
+    let mut all = vec![0.0; 3 * vertices * (FRAMES + 1)];
+    for (frame, positions) in all.chunks_mut(3 * vertices).enumerate() {
+        if frame > 0 {
+            ok(selvedge_step_along(stepper));
+        }
+        // SAFETY: there is room for three numbers of each vertex.
+        ok(unsafe { selvedge_copy_positions(stepper, positions.as_mut_ptr(), vertices) });
+    }
+    ok(selvedge_stepper_free(stepper));
+    all
+}
+
+/// The first frame and vertex in which two runs differ.
+fn apart(a: &[f32], b: &[f32], vertices: usize) -> Option<(usize, usize)> {
+    assert_eq!(a.len(), b.len());
+    let bits = |x: &f32| x.to_bits();
+    let first = (0..a.len()).find(|k| bits(&a[*k]) != bits(&b[*k]))?;
+    Some((first / (3 * vertices), first / 3 % vertices))
+}
+
+#[test]
+fn the_same_scenes_have_the_same_bytes_by_every_front() {
+    for (name, model) in RUNS {
+        let scene = format!("{}/tests/fronts/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+        let wanted = of_program(&scene, model);
+        let vertices = wanted.len() / 3 / (FRAMES + 1);
+        let moved = |frame: usize| wanted[3 * vertices * frame] != wanted[0];
+        assert!(moved(FRAMES), "{name}: nothing moves");
+        let found = of_rust(&scene, model);
+        assert_eq!(
+            apart(&wanted, &found, vertices),
+            None,
+            "Rust, {name} {model:?}"
+        );
+        let found = of_c(&scene, model, vertices);
+        assert_eq!(
+            apart(&wanted, &found, vertices),
+            None,
+            "C, {name} {model:?}"
+        );
+    }
+}
