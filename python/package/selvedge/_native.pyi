@@ -185,7 +185,8 @@ class Scene:
         """
 
 @final
-class Snapshot: ...
+class Snapshot:
+    """A state of a stepper in memory, which its `restore` goes back to."""
 
 class Stepper:
     """A cloth that moves one frame at a time, given targets for its handles. Make one of its kinds:
@@ -228,13 +229,17 @@ class Stepper:
         """The guard's word on the newest frame as a dictionary; `None` without a guard."""
     @property
     def warnings(self) -> list[str]:
-        """What is to be said of the scene, its start and the frames so far."""
+        """All that is to be known so far: warnings of the scene, of its start, of what a model does not
+        see and was not trained on, and of edges that strain too far."""
     def snapshot(self) -> Snapshot:
-        """The state now, to go back to with `restore`."""
+        """The state now, for `restore`."""
     def restore(self, snapshot: Snapshot) -> None:
-        """Goes back to a snapshot of this stepper, to the byte."""
+        """Goes back to a snapshot of this stepper, or of another one of its scene by the same mover:
+        the frames that follow have the bytes of those that followed then.
+
+        Raises `FrameError` for a snapshot of another kind of stepper or cloth."""
     def reset(self) -> None:
-        """Goes back to the start, to the byte."""
+        """Goes back to the start."""
 
 @final
 class Simulator(Stepper):
