@@ -1,4 +1,4 @@
-//! Closest points and extents of eight pairs of one kind at once, on the machine's vectors: the
+//! Closest points of eight pairs of one kind at once, on the machine's vectors: the
 //! same bits as of one pair after the other by [`gap`](crate::gap()) and its neighbours, which are their
 //! reference.
 
@@ -29,22 +29,6 @@ pub fn gaps(kind: Kind, corners: &[[u32; 4]; GROUP], points: &[DVec3]) -> Gaps {
         kind,
         corners,
         points,
-    })
-}
-
-/// Extents `[m]` of pairs of this `kind` of `points` `[m]`, each along its own of the `directions`.
-#[must_use]
-pub fn extents(
-    kind: Kind,
-    corners: &[[u32; 4]; GROUP],
-    points: &[DVec3],
-    directions: &[Row; 3],
-) -> Row {
-    Arch::new().dispatch(OfExtents {
-        kind,
-        corners,
-        points,
-        directions,
     })
 }
 
@@ -116,29 +100,6 @@ impl OfGaps<'_> {
             }
             found.extent[lane] = crate::extent(self.kind, corners, gap.normal);
         }
-    }
-}
-
-struct OfExtents<'a> {
-    kind: Kind,
-    corners: &'a [[u32; 4]; GROUP],
-    points: &'a [DVec3],
-    directions: &'a [Row; 3],
-}
-
-impl WithSimd for OfExtents<'_> {
-    type Output = Row;
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> Row {
-        let places = gather(self.points, self.corners);
-        let mut found = [0.0; GROUP];
-        for part in 0..Lanes::<S>::PARTS {
-            let corners = Lanes::vectors(simd, &places, part);
-            let direction = LanesVector::of(Lanes::load_all(simd, self.directions, part));
-            extent::<Lanes<S>>(self.kind, corners, direction).store(&mut found, part);
-        }
-        found
     }
 }
 
@@ -294,7 +255,6 @@ mod tests {
                 std::array::from_fn(|k| ((5 * lane + 3 * k + round) % 12) as u32)
             });
             let gaps = gaps(kind, &corners, &from);
-            let further = extents(kind, &corners, &to, &gaps.normal);
             for lane in 0..GROUP {
                 let pair = Pair {
                     kind,
@@ -319,7 +279,6 @@ mod tests {
                     gaps.extent[lane],
                     crate::extent(kind, path.from, gap.normal)
                 );
-                assert_eq!(further[lane], crate::extent(kind, path.to, gap.normal));
             }
         }
     }

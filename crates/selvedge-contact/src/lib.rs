@@ -36,7 +36,7 @@ pub use certificate::{
     Approach, Path, Straight, approach, certify, certify_straight, certify_turning, extent,
 };
 pub use closest::{Gap, Push, gap, least_gap, push};
-pub use eight::{Gaps, extents, gaps};
+pub use eight::{Gaps, gaps};
 pub use intersect::{Intersection, triangles_meet};
 pub use pair::{Kind, Pair};
 pub use release::{Released, winding};
