@@ -12,7 +12,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::error::{SceneError, require, require_positive};
-use crate::{BendTable, Material, StretchTable};
+use crate::{BendTable, Compression, Material, StretchTable};
 
 /// The constants of an isotropic sheet.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -40,6 +40,7 @@ impl Isotropic {
             damping: 0.0,
             stretch: self.stretch_table(),
             bend: self.bend_table(),
+            compression: Compression::default(),
         }
     }
 

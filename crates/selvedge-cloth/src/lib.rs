@@ -86,7 +86,7 @@ pub use ids::{EdgeId, FaceId, VertexId};
 pub use isotropic::Isotropic;
 pub use long_work::{LongWork, LongWorkObserver, Stop, observe_long_work};
 pub use loose_panels::LoosePanels;
-pub use material::{BendTable, Material, StretchTable};
+pub use material::{BendTable, Compression, Material, StretchTable};
 pub use mesh::{FaceFabrics, Mesh, MeshError, RestShape};
 pub use motion::{
     Block, HandlePath, Keyframe, KeyframeGroup, KeyframeMotion, Motion, Pace, PoseKeyframe,

@@ -193,6 +193,7 @@ mod tests {
             damping: 0.0,
             stretch: StretchTable([[30.0; 4]; 6]),
             bend: BendTable([[2e-5; 5]; 3]),
+            compression: crate::Compression::default(),
         };
         let handles = Handles::new(&sheet.labels["upper-corners"], 30).unwrap();
         Scene {

@@ -58,6 +58,7 @@ pub(crate) fn fabric() -> Material {
             [2.5e-5, 1.9e-5, 1.6e-5, 2.5e-5, 0.9e-5],
             [1.4e-5, 0.7e-5, 1.5e-5, 2.5e-5, 1.9e-5],
         ]),
+        compression: selvedge_cloth::Compression::default(),
     }
 }
 

@@ -14,7 +14,7 @@
 //! use glam::DVec3;
 //! use selvedge_cloth::generate::square;
 //! use selvedge_cloth::{
-//!     Environment, HandleSchedule, HandleTargets, Handles, Isotropic, Material, Motion,
+//!     Compression, Environment, HandleSchedule, HandleTargets, Handles, Isotropic, Material, Motion,
 //!     PhysicsSettings, SagSettings, Scene, Stepper,
 //! };
 //! use selvedge_sim::{Simulator, sag};
@@ -29,6 +29,7 @@
 //!     damping: 0.0,
 //!     stretch: elastic.stretch_table(),
 //!     bend: elastic.bend_table(),
+//!     compression: Compression::default(),
 //! };
 //! let handles = Handles::new(&sheet.labels["upper-corners"], 49)?;
 //! let scene = Scene::of("a first cloth", sheet.mesh, handles, rubber);

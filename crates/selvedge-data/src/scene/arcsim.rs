@@ -15,8 +15,9 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use selvedge_cloth::{
-    BendTable, ContactSettings, Environment, HandleSchedule, Material, Motion, PhysicsMode,
-    PhysicsSettings, PoseKeyframe, Release, SagSettings, SplineGroup, SplineMotion, StretchTable,
+    BendTable, Compression, ContactSettings, Environment, HandleSchedule, Material, Motion,
+    PhysicsMode, PhysicsSettings, PoseKeyframe, Release, SagSettings, SplineGroup, SplineMotion,
+    StretchTable,
 };
 use serde::Deserialize;
 use serde::de::{DeserializeOwned, IgnoredAny};
@@ -472,6 +473,7 @@ fn material_data(text: &str, name: &str) -> Result<Material, Problem> {
         damping: 0.0,
         stretch: StretchTable(data.stretching),
         bend: BendTable(data.bending),
+        compression: Compression::default(),
     })
 }
 

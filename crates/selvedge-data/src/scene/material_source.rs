@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use selvedge_assets::materials::ALL as MATERIALS;
-use selvedge_cloth::{BendTable, Isotropic, Material, StretchTable};
+use selvedge_cloth::{BendTable, Compression, Isotropic, Material, StretchTable};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
@@ -38,6 +38,8 @@ pub(crate) struct MaterialTable {
     source: Option<String>,
     density: Option<f64>,
     damping: Option<f64>,
+    /// Resistance to being pressed together.
+    compression: Option<Compression>,
     /// Factor of the stretching stiffness.
     stretch_multiplier: Option<f64>,
     /// Factor of the bending stiffness.
@@ -149,6 +151,7 @@ impl MaterialTable {
         material.source = self.source.clone().unwrap_or(material.source);
         material.density = self.density.unwrap_or(material.density);
         material.damping = self.damping.unwrap_or(material.damping);
+        material.compression = self.compression.unwrap_or(material.compression);
         let stretch = multiplier("stretch_multiplier", self.stretch_multiplier)?;
         let bend = multiplier("bend_multiplier", self.bend_multiplier)?;
         let material = material.multiplied(stretch, bend);
@@ -184,6 +187,7 @@ impl MaterialTable {
             damping: 0.0,
             stretch,
             bend,
+            compression: Compression::default(),
         })
     }
 }

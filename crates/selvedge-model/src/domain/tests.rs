@@ -32,6 +32,7 @@ fn fabric(name: &str, youngs_modulus: f64) -> Material {
         damping: 0.0,
         stretch: sheet.stretch_table(),
         bend: sheet.bend_table(),
+        compression: selvedge_cloth::Compression::default(),
     }
 }
 

@@ -1,6 +1,8 @@
 //! The push of a gap that is too small: a cubic barrier with a stiffness tied to mass over time
 //! squared, so that it stays in proportion to the rest of the system.
 
+use super::pressure::Pressure;
+
 /// Least gap to which a pair that meets at speed is let, as a part of the thickness.
 pub(super) const LEAST: f64 = 0.25;
 
@@ -25,6 +27,8 @@ pub(super) struct Barrier {
     pub(super) share: f64,
     /// Mass of the pair's relative motion over γ² `[N/m]`.
     pub(super) inertia: f64,
+    /// The push of the fabric under pressure.
+    pub(super) pressure: Pressure,
 }
 
 /// A force that falls linearly with the gap.
@@ -103,22 +107,34 @@ impl Barrier {
     /// This part of the tangent at `gap`.
     fn part(&self, part: f64, gap: f64) -> Tangent {
         let whole = self.tangent(gap);
-        Tangent {
+        self.pressed(Tangent {
             gap: whole.gap,
             force: whole.force * part,
             stiffness: whole.stiffness * part,
+        })
+    }
+
+    /// This tangent, and that of the pressure at the same gap.
+    fn pressed(&self, tangent: Tangent) -> Tangent {
+        let pressure = self.pressure.tangent(tangent.gap, self.thickness);
+        Tangent {
+            gap: tangent.gap,
+            force: tangent.force + pressure.force_at(tangent.gap),
+            stiffness: tangent.stiffness + pressure.stiffness,
         }
     }
 
     /// The tangent at `gap`, whatever is expected.
     pub(super) fn at(&self, gap: f64) -> Tangent {
-        self.tangent(gap.min(self.thickness))
+        self.pressed(self.tangent(gap.min(self.thickness)))
     }
 
-    /// The force that a pair on its way to `expected` is expected to bear `[N]`.
-    pub(super) fn bears(&self, tangent: &Tangent, expected: f64) -> f64 {
+    /// The force that a pair on its way from `start` to `expected` is expected to bear `[N]`: what stops it
+    /// alone, or the pressure at the start where that is more, as between two bodies.
+    pub(super) fn bears(&self, tangent: &Tangent, start: f64, expected: f64) -> f64 {
         let end = self.alone(tangent, expected).min(expected.max(tangent.gap));
-        tangent.force_at(end).max(0.0)
+        let pressure = self.pressure.tangent(start, self.thickness);
+        tangent.force_at(end).max(pressure.force_at(start))
     }
 }
 
@@ -131,6 +147,7 @@ mod tests {
         base: 11.5,
         share: 1.0,
         inertia: 9.0,
+        pressure: Pressure::NONE,
     };
 
     #[test]

@@ -9,7 +9,7 @@ use super::barrier::LEAST;
 use super::friction::{along_surface, kept};
 use super::memory::{self, feature, key};
 use super::near::Near;
-use super::touches::{PairLaw, Touch, Touches};
+use super::touches::{PairLaw, Sticking, Touch, Touches};
 use super::{Contact, Found};
 use crate::active_handles::ActiveHandles;
 use crate::lists::Lists;
@@ -180,6 +180,7 @@ impl Contact {
             gap: distance,
             thickness: self.thickness[body],
             law,
+            pressure: self.pressure(pair, body, weighted / squares),
             mean_mass: weighted / squares,
             mass: 1.0 / inverse,
             base,
@@ -188,6 +189,7 @@ impl Contact {
             is_within: false,
             anchored: Some(own),
             pull: self.pull(own, gap.normal),
+            sticking: Sticking::Unknown,
             at: None,
             response: super::touches::Response::default(),
         }

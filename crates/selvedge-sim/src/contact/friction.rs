@@ -12,6 +12,16 @@ pub(super) struct Drag {
     pub(super) block: DMat3,
 }
 
+impl Drag {
+    /// The same at this further slip `[m]`.
+    pub(super) fn moved_by(self, slip: DVec3) -> Self {
+        Self {
+            force: self.force - self.block * slip,
+            ..self
+        }
+    }
+}
+
 /// The part of `vector` across `normal`.
 #[inline]
 pub(super) fn along_surface(normal: DVec3, vector: DVec3) -> DVec3 {

@@ -14,6 +14,7 @@ mod gauge;
 mod led;
 mod memory;
 mod near;
+mod pressure;
 mod received;
 mod search;
 mod separation;
@@ -44,6 +45,8 @@ pub(crate) use touches::{Touches, to_single};
 /// Times that a solve is repeated, at most, with pairs that met unexpectedly and without those that
 /// pulled.
 const REPEATS: usize = 8;
+/// Of them, those that see whether firm touches stick or slide.
+const STICKING: usize = 2;
 
 /// Clearances of the cloth against its middle, and of all points where they are.
 const OWN: usize = 0;
@@ -141,6 +144,10 @@ pub(crate) struct Contact {
     swept: SweptFeatures,
     open: Vec<u32>,
     mass: Vec<f64>,
+    /// Pushes under pressure, `[vertices]`.
+    pressures: Vec<pressure::Pressure>,
+    /// Mean mass per area of the cloth `[kg/m²]`.
+    density: f64,
     /// Inverse masses, 0 where prescribed `[1/kg]`, `[points]`.
     inverse: Vec<f64>,
     /// Points of obstacles at the start and the end of the frame `[m]`.
@@ -188,6 +195,7 @@ impl Contact {
         let friction = std::iter::once(settings.friction).chain(obstacles().map(rough));
         let count = points.len();
         let obstacle_points = points[mass.len()..].to_vec();
+        let (pressures, density) = pressure::of_vertices(scene, mass);
         let corners: Vec<[DVec2; 3]> = scene.mesh.pattern().faces().collect();
         Some(Self {
             candidates: Candidates::new(&surface, &points, settings.self_contact)
@@ -201,6 +209,8 @@ impl Contact {
             swept: SweptFeatures::default(),
             open: Vec::new(),
             mass: mass.to_vec(),
+            pressures,
+            density,
             inverse: vec![0.0; count],
             frame: [obstacle_points.clone(), obstacle_points],
             next_frame: 0,
@@ -425,11 +435,12 @@ impl Contact {
     ) -> Result<bool, SolveError> {
         let mut is_near = self.solve_first(left, span, active, state, history)?;
         let mut is_certified = self.certify_solve(span.threads, &state.positions);
-        for _ in 0..REPEATS {
+        for repeat in 0..REPEATS {
             let touches = &mut active.system.touches;
             let has_released = self.release(touches);
             let has_caught = !is_certified && self.catch(touches);
-            if !(has_released || has_caught) && is_near {
+            let has_slipped = repeat < STICKING && touches.see_slips(|v| self.end[v]);
+            if !(has_released || has_caught || has_slipped) && is_near {
                 break;
             }
             self.counts.repeated += 1;

@@ -5,10 +5,21 @@ use selvedge_cloth::Touching;
 
 use super::barrier::{Barrier, Tangent};
 use super::friction::{along_surface, drag, outer};
+use super::pressure::Pressure;
 
 /// Pull from which a touch is released, as a part of its inertial stiffness times the thickness: it
 /// would move the pair alone by a tenth of the thickness.
 const PULL: f64 = 0.1;
+
+/// Stiffness along the surface of a fabric under pressure, as a part of that across it.
+const SHEAR: f64 = 0.1;
+/// Part of the most that friction bears from which it slid in the last substep.
+const SLID: f64 = 0.98;
+/// By how much friction may differ from what a solve took it to be: a part of it, a part of its inertial
+/// stiffness times the thickness, and the cosine of their directions.
+const NEARLY: f64 = 0.1;
+const SMALL: f64 = 0.03;
+const STRAIGHT: f64 = 0.98;
 
 /// Speed at which a vertex is pushed out of a body `[m/s]`, and acceleration, at most `[m/s²]`.
 const OUT_SPEED: f64 = 0.25;
@@ -30,6 +41,7 @@ pub(crate) struct Touch {
     /// ĝ `[m]`.
     pub(super) thickness: f64,
     pub(super) law: PairLaw,
+    pub(super) pressure: Pressure,
     /// Mean mass of the free corners by the squares of their weights `[kg]`.
     pub(super) mean_mass: f64,
     /// Mass of the relative motion `[kg]`.
@@ -47,6 +59,7 @@ pub(crate) struct Touch {
     pub(super) anchored: Option<Touching>,
     /// Pull of the anchor at the start, along the surface `[N]`.
     pub(super) pull: DVec3,
+    pub(super) sticking: Sticking,
     /// Gap at which to linearise, because a solve has shown that the usual one pushes too little
     /// `[m]`.
     pub(super) at: Option<f64>,
@@ -63,12 +76,26 @@ pub(super) enum PairLaw {
     Out,
 }
 
+/// Whether the friction of a touch sticks.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Sticking {
+    /// To be found by the next linearisation.
+    Unknown,
+    /// As the inertia of the pair tells: it is not pressed firmly.
+    Light,
+    Sticks,
+    /// It slides, and at the end has this slip `[m]`, against this friction `[N]`.
+    Slides(DVec3, f64),
+}
+
 /// A touch, linearised.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Response {
     pub(super) tangent: Tangent,
     /// Stiffness of an anchor `[N/m]`.
     pub(super) grip: f64,
+    /// Mass of the relative motion over the square of the time `[N/m]`.
+    inertia: f64,
     /// γ² times the derivative of the force `[kg]`.
     block: DMat3,
     /// γ `[s]`.
@@ -116,8 +143,43 @@ impl Touch {
             return false;
         }
         let gap = self.gap + self.normal.dot(self.displacement(place));
-        let least = PULL * self.response.grip * self.thickness;
+        let least = PULL * self.response.inertia * self.thickness;
         self.response.tangent.force_at(gap) < -least
+    }
+
+    /// Sees by the end of the last solve, with the points at `place` `[m]`, whether friction sticks. Returns
+    /// true if it does not do as the solve took it to do.
+    fn sees_slip(&mut self, place: impl Fn(usize) -> DVec3) -> bool {
+        let Response {
+            tangent,
+            grip,
+            inertia,
+            ..
+        } = self.response;
+        let displacement = self.displacement(place);
+        let gap = self.gap + self.normal.dot(displacement);
+        let most = self.friction * tangent.force_at(gap).max(0.0);
+        let small = NEARLY * most + SMALL * inertia * self.thickness;
+        let slip = along_surface(self.normal, self.pull / grip + displacement);
+        let force = grip * slip.length();
+        let turns = |at: DVec3| slip.dot(at) < STRAIGHT * slip.length() * at.length();
+        self.sticking = match self.sticking {
+            Sticking::Sticks if force > most + small => Sticking::Slides(slip, most),
+            Sticking::Slides(at, was) if slip.dot(at) < 0.0 || force < most - small => {
+                if was < small {
+                    return false;
+                }
+                Sticking::Sticks
+            }
+            Sticking::Slides(at, was)
+                if (was - most).abs() > small || most > small && turns(at) =>
+            {
+                Sticking::Slides(slip, most)
+            }
+            _ => return false,
+        };
+        self.response = Response::default();
+        true
     }
 
     /// Returns true if it couples vertices that the matrix of the cloth does not.
@@ -147,25 +209,41 @@ impl Touch {
             base: self.mean_mass / (time * time),
             share,
             inertia: self.mass / (gamma * gamma),
+            pressure: self.pressure,
         };
         let estimate = self.gap + self.normal.dot(displacement);
         let tangent = match self.at {
             None => barrier.linearise(self.gap, estimate),
             Some(gap) => barrier.at(gap),
         };
-        let bears = barrier.bears(&tangent, estimate);
-        let grip = self.mass / (time * time);
+        let most = self.friction * barrier.bears(&tangent, self.gap, estimate);
+        let inertia = self.mass / (time * time);
+        let firm = self.pressure.firm(self.gap, self.thickness);
+        let grip = firm.map_or(inertia, |firm| inertia.max(SHEAR * firm.stiffness));
         let slip = along_surface(self.normal, self.pull / grip + displacement);
-        let drag = drag(self.normal, slip, grip, self.friction * bears);
+        if matches!(self.sticking, Sticking::Unknown) {
+            let slid = self.pull.length() > SLID * most;
+            let needs = inertia * along_surface(self.normal, displacement).length();
+            self.sticking = match firm.is_some() && self.friction > 0.0 {
+                false => Sticking::Light,
+                true if slid || needs > most => Sticking::Slides(slip, most),
+                true => Sticking::Sticks,
+            };
+        }
+        let drag = match self.sticking {
+            Sticking::Unknown | Sticking::Light => drag(self.normal, slip, grip, most),
+            Sticking::Sticks => drag(self.normal, slip, grip, f64::INFINITY),
+            Sticking::Slides(at, most) => drag(self.normal, at, grip, most).moved_by(slip - at),
+        };
         let block = outer(self.normal, self.normal) * tangent.stiffness + drag.block;
         let force = self.normal * tangent.force_at(estimate) + drag.force;
-        self.respond([gamma, grip], displacement, tangent, block, force)
+        self.respond([gamma, grip, inertia], displacement, tangent, block, force)
     }
 
     /// Keeps a response, of this `block` `[N/m]` and `force` `[N]`, and gives the force.
     fn respond(
         &mut self,
-        [gamma, grip]: [f64; 2],
+        [gamma, grip, inertia]: [f64; 3],
         displacement: DVec3,
         tangent: Tangent,
         block: DMat3,
@@ -174,6 +252,7 @@ impl Touch {
         self.response = Response {
             tangent,
             grip,
+            inertia,
             block: block * (gamma * gamma),
             gamma,
             displacement,
@@ -210,7 +289,7 @@ impl Touch {
         };
         let force = self.normal * tangent.force;
         let block = outer(self.normal, self.normal) * tangent.stiffness;
-        self.respond([gamma, 0.0], displacement, tangent, block, force)
+        self.respond([gamma, 0.0, 0.0], displacement, tangent, block, force)
     }
 }
 
@@ -230,6 +309,14 @@ impl Touches {
     /// Returns true if a touch couples vertices that the matrix of the cloth does not.
     pub(crate) fn couple(&self) -> bool {
         self.list.iter().any(Touch::reaches_beyond)
+    }
+
+    /// Sees at the end of the last solve, where the points are at `place` `[m]`, which firm touches stick.
+    /// Returns true if some do not do as the solve took them to do; the next one will.
+    pub(super) fn see_slips(&mut self, place: impl Fn(usize) -> DVec3) -> bool {
+        let touches = self.list.iter_mut();
+        let slipped = touches.filter_map(|touch| touch.sees_slip(&place).then_some(()));
+        slipped.count() > 0
     }
 
     /// Begins a stage: what is expected of its end without a push is the next estimate.
@@ -350,6 +437,7 @@ mod tests {
             gap: 6e-4,
             thickness: 1e-3,
             law,
+            pressure: Pressure::NONE,
             mean_mass: 2e-4,
             mass: 1.4e-4,
             base: DVec3::ZERO,
@@ -358,6 +446,7 @@ mod tests {
             is_within: false,
             anchored: None,
             pull: DVec3::ZERO,
+            sticking: Sticking::Unknown,
             at: None,
             response: Response::default(),
         }

@@ -24,6 +24,7 @@ pub(crate) fn isotropic(isotropic: Isotropic, density: f64) -> Material {
         damping: 0.0,
         stretch: isotropic.stretch_table(),
         bend: isotropic.bend_table(),
+        compression: selvedge_cloth::Compression::default(),
     }
 }
 

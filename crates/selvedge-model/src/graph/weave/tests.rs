@@ -13,6 +13,7 @@ fn plain(stiffness: f64, bending: f64) -> Material {
     Material {
         stretch: StretchTable([[half, 0.0, half, half]; 6]),
         bend: BendTable([[bending; 5]; 3]),
+        compression: selvedge_cloth::Compression::default(),
         ..fabric()
     }
 }

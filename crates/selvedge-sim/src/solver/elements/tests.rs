@@ -19,6 +19,7 @@ fn material(stretch: [f64; 4], bend: [f64; 3]) -> Material {
         damping: 0.0,
         stretch: StretchTable([stretch; 6]),
         bend: BendTable(bend.map(|row| [row; 5])),
+        compression: selvedge_cloth::Compression::default(),
     }
 }
 

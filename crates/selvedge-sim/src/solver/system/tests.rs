@@ -40,6 +40,7 @@ fn scene(handles: HandleConstraint, law: ElasticLaw) -> Scene {
         damping: 0.004,
         stretch: StretchTable([[40.0, 15.0, 80.0, 30.0]; 6]),
         bend: BendTable([[3e-5; 5], [2e-5; 5], [1e-5; 5]]),
+        compression: selvedge_cloth::Compression::default(),
     };
     // The second half is of a fabric that differs in its damping.
     let fabrics = FaceFabrics {

@@ -1,0 +1,160 @@
+//! The push of a fabric under pressure, which does not depend on mesh, mass or time step: the curve of its
+//! material, times the area that a pair stands for. The barrier below it is the guarantee.
+
+use selvedge_cloth::Scene;
+use selvedge_contact::{Kind, Pair};
+
+use super::Contact;
+use super::barrier::Tangent;
+
+/// Gap, as a part of that at which the push begins, below which it goes on straight.
+const CRUSHED: f64 = 0.15;
+
+/// Pressure from which friction holds as firmly as the fabric does `[Pa]`; below, as its inertia asks.
+const FIRM: f64 = 100.0;
+
+/// Of pairs that stand for no area: the part of the thickness at which they begin to bear, with which
+/// pressure over e - 1 of what they are near `[Pa]`, and by which power of e it rises to no gap. They bear
+/// where cloth is pulled over a rim or a point, and bear nothing where the vertices around do.
+const RIM: f64 = 0.1;
+const RIM_PRESSURE: f64 = 500.0;
+const RIM_RISE: f64 = 6.0;
+
+/// The push of a pair under pressure: at a gap g it is f₀ (exp(s (1 - g/b)) - 1), b being the gap at which
+/// it begins. `[eq:contact-pressure]`
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pressure {
+    /// f₀ `[N]`.
+    least: f64,
+    /// s.
+    rise: f64,
+    /// b, as a part of the thickness.
+    begin: f64,
+    /// Force from which friction holds firmly `[N]`.
+    firm: f64,
+}
+
+impl Pressure {
+    /// Of nothing.
+    pub(super) const NONE: Self = Self {
+        least: 0.0,
+        rise: 1.0,
+        begin: 0.0,
+        firm: f64::INFINITY,
+    };
+
+    /// The tangent of the force at `gap` `[m]` of a pair of this `thickness` `[m]`.
+    pub(super) fn tangent(&self, gap: f64, thickness: f64) -> Tangent {
+        let begin = self.begin * thickness;
+        if gap >= begin {
+            return Tangent {
+                gap,
+                ..Tangent::default()
+            };
+        }
+        let gap = gap.max(CRUSHED * begin);
+        let grown = self.least * (self.rise * (1.0 - gap / begin)).exp();
+        Tangent {
+            gap,
+            force: grown - self.least,
+            stiffness: grown * self.rise / begin,
+        }
+    }
+
+    /// The same of a pair that begins at `gap` `[m]`, if it is pressed firmly there.
+    pub(super) fn firm(&self, gap: f64, thickness: f64) -> Option<Tangent> {
+        let tangent = self.tangent(gap, thickness);
+        (tangent.force > self.firm).then_some(tangent)
+    }
+
+    /// Half of it.
+    fn half(self) -> Self {
+        Self {
+            least: 0.5 * self.least,
+            firm: 0.5 * self.firm,
+            ..self
+        }
+    }
+}
+
+/// The push of each vertex, `[vertices]`, and the mean mass per area of the cloth `[kg/m²]`, of whose
+/// vertices these are the masses.
+pub(super) fn of_vertices(scene: &Scene, mass: &[f64]) -> (Vec<Pressure>, f64) {
+    let (materials, of_face) = scene.materials();
+    let constants: Vec<_> = materials
+        .iter()
+        .map(|material| material.compression.constants())
+        .collect();
+    let mut sums = vec![[0.0; 3]; mass.len()];
+    let faces = scene.mesh.topology().faces().iter();
+    for ((face, shape), number) in faces.zip(scene.mesh.pattern().faces()).zip(of_face) {
+        let [a, b, c] = shape;
+        let third = (b - a).perp_dot(c - a).abs() / 6.0;
+        let [least, rise] = constants[number];
+        for vertex in face {
+            let sum = &mut sums[vertex.index()];
+            for (sum, part) in sum.iter_mut().zip([1.0, least, rise]) {
+                *sum += third * part;
+            }
+        }
+    }
+    let all: f64 = sums.iter().map(|[area, ..]| area).sum();
+    let pressures = sums.iter().map(|[area, least, rise]| Pressure {
+        least: *least,
+        rise: rise / area,
+        begin: 1.0,
+        firm: FIRM * area,
+    });
+    (pressures.collect(), mass.iter().sum::<f64>() / all)
+}
+
+impl Contact {
+    /// The push of a pair of this mean mass `[kg]` under pressure: each vertex of the cloth, against
+    /// whichever body, bears for its own area, and for half of it against the cloth itself, whose vertices
+    /// there bear the other half.
+    pub(super) fn pressure(&self, pair: &Pair, body: usize, mean_mass: f64) -> Pressure {
+        let own = self.pressures.get(pair.corners[0] as usize);
+        match (pair.kind, own) {
+            (Kind::VertexFace, Some(own)) if body == 0 => own.half(),
+            (Kind::VertexFace, Some(own)) => *own,
+            _ => Pressure {
+                least: RIM_PRESSURE * mean_mass / self.density,
+                rise: RIM_RISE,
+                begin: RIM,
+                ..Pressure::NONE
+            },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_tangent_is_that_of_the_curve() {
+        let (thickness, pressure) = (
+            1e-3,
+            Pressure {
+                least: 2e-4,
+                rise: 13.8,
+                begin: 1.0,
+                firm: 1e-2,
+            },
+        );
+        let curve = |gap: f64| 2e-4 * ((13.8 * (1.0 - gap / thickness)).exp() - 1.0);
+        for gap in [2e-4, 5e-4, 9e-4] {
+            let at = pressure.tangent(gap, thickness);
+            assert!((at.force / curve(gap) - 1.0).abs() < 1e-12);
+            let slope = (curve(gap - 1e-9) - curve(gap + 1e-9)) / 2e-9;
+            assert!((at.stiffness / slope - 1.0).abs() < 1e-6, "{gap}");
+            assert_eq!(
+                pressure.firm(gap, thickness).is_some(),
+                curve(gap) > 1e-2,
+                "{gap}"
+            );
+        }
+        assert_eq!(pressure.tangent(1.1e-3, thickness).stiffness, 0.0);
+        assert_eq!(Pressure::NONE.tangent(0.0, thickness).force, 0.0);
+    }
+}
