@@ -11,7 +11,7 @@ use super::barrier::Tangent;
 const CRUSHED: f64 = 0.15;
 
 /// Pressure from which friction holds as firmly as the fabric does `[Pa]`; below, as its inertia asks.
-const FIRM: f64 = 100.0;
+const FIRM: f64 = 15.0;
 
 /// Of pairs that stand for no area: the part of the thickness at which they begin to bear, with which
 /// pressure over e - 1 of what they are near `[Pa]`, and by which power of e it rises to no gap. They bear

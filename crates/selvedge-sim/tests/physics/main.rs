@@ -15,6 +15,7 @@ mod energy;
 mod falls;
 mod fit;
 mod golden;
+mod grip;
 mod impact;
 mod led;
 mod overstretch;
