@@ -29,6 +29,8 @@ pub(super) struct Barrier {
     pub(super) inertia: f64,
     /// The push of the fabric under pressure.
     pub(super) pressure: Pressure,
+    /// Time in which the fabric recovers from pressure, over that of the solve.
+    pub(super) recovery: f64,
 }
 
 /// A force that falls linearly with the gap.
@@ -95,12 +97,32 @@ impl Barrier {
     /// would let the pair alone below [`LEAST`], it is the tangent there, which does not.
     /// `[eq:contact-impact]`
     pub(super) fn linearise(&self, start: f64, expected: f64) -> Tangent {
+        if let (Some(firm), true) = (self.pressure.firm(start, self.thickness), expected >= start) {
+            return self.recoil(start, expected, firm);
+        }
         let usual = self.part(self.share, start.max(expected).min(self.thickness));
         let least = (LEAST * self.thickness).min(start);
         if self.alone(&usual, expected) >= least {
             usual
         } else {
             self.part(self.share.max(AT_SPEED), least)
+        }
+    }
+
+    /// The tangent of a pair that is pressed firmly at the `start` and rests or parts: a fabric gives back
+    /// little of the work that pressed it together. Nothing, where it parts faster than the fabric recoils.
+    fn recoil(&self, start: f64, expected: f64, firm: Tangent) -> Tangent {
+        let elastic = self.part(self.share, start);
+        let tangent = Tangent {
+            stiffness: elastic.stiffness + self.recovery * firm.stiffness,
+            ..elastic
+        };
+        match tangent.force_at(expected) > 0.0 {
+            true => tangent,
+            false => Tangent {
+                gap: expected,
+                ..Tangent::default()
+            },
         }
     }
 
@@ -148,6 +170,7 @@ mod tests {
         share: 1.0,
         inertia: 9.0,
         pressure: Pressure::NONE,
+        recovery: 0.0,
     };
 
     #[test]

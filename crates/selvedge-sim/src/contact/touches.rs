@@ -11,6 +11,9 @@ use super::pressure::Pressure;
 /// would move the pair alone by a tenth of the thickness.
 const PULL: f64 = 0.1;
 
+/// Time in which a fabric recovers from pressure `[s]`. With none, two of 14 falls gained 1 % and 10 % of
+/// their energy.
+const RECOVERY: f64 = 0.01;
 /// Stiffness along the surface of a fabric under pressure, as a part of that across it.
 const SHEAR: f64 = 0.1;
 /// Part of the most that friction bears from which it slid in the last substep.
@@ -210,6 +213,7 @@ impl Touch {
             share,
             inertia: self.mass / (gamma * gamma),
             pressure: self.pressure,
+            recovery: RECOVERY / time,
         };
         let estimate = self.gap + self.normal.dot(displacement);
         let tangent = match self.at {
