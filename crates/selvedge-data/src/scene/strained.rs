@@ -51,7 +51,6 @@ impl std::fmt::Display for Times {
 
 /// The `count` edges that are longest at `positions` `[m]`, `[vertices]`, by their pattern; but those
 /// that `handles` hold at both ends.
-#[must_use]
 pub fn worst_edges(
     mesh: &Mesh,
     handles: &Handles,
@@ -86,7 +85,6 @@ pub fn worst_edges(
 
 /// Length over length in the pattern of each panel's edges, the median, `[panels]`; see
 /// [`selvedge_cloth::Pattern::panels`].
-#[must_use]
 pub fn panel_stretches(mesh: &Mesh, positions: &[DVec3]) -> Vec<f64> {
     let panels = mesh.pattern().panels();
     let count = panels.iter().max().map_or(0, |last| *last as usize + 1);
