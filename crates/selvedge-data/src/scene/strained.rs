@@ -6,6 +6,7 @@
 
 use glam::DVec3;
 use selvedge_cloth::{Handles, Mesh, VertexId};
+use serde::Serialize;
 
 /// Medians beyond these are warned of: no fabric hangs so, no start is folded so by intent.
 const SMALLEST: f64 = 0.8;
@@ -21,7 +22,7 @@ const HOPELESS: f64 = 3.0;
 const NAMED: usize = 3;
 
 /// An edge with its stretch at the start.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StrainedEdge {
     /// The two ends.
     pub vertices: [VertexId; 2],
