@@ -451,7 +451,7 @@ impl<'a> Lowering<'a> {
 
     /// The gradient of a product's input, from that of its output with its columns, put where
     /// `to` says.
-    fn to_input(
+    fn input_gradient(
         &mut self,
         kind: Kind,
         (gradient, outputs): (Pieces, usize),
@@ -477,7 +477,7 @@ impl<'a> Lowering<'a> {
         if let Some(out) = to_input {
             let gradient = Matrix::new(gradient, outputs).into();
             let weight = self.matrix(&format!("{name}.weight"), inputs);
-            self.to_input(kind, (gradient, outputs), (weight, inputs), out);
+            self.input_gradient(kind, (gradient, outputs), (weight, inputs), out);
         }
     }
 
@@ -540,7 +540,7 @@ impl<'a> Lowering<'a> {
         ] {
             let gradient = (self.latent(gradient).into(), latent);
             let out = (self.latent(out), epilogue);
-            self.to_input(0, gradient, (weight, latent), out);
+            self.input_gradient(0, gradient, (weight, latent), out);
         }
     }
 
@@ -603,7 +603,7 @@ impl<'a> Lowering<'a> {
             self.launches.extend(sums.launches());
             let weight = weight.columns_from(part * latent);
             let out = (self.latent(out), Epilogue::Add);
-            self.to_input(kind, (gradient.into(), latent), (weight, latent), out);
+            self.input_gradient(kind, (gradient.into(), latent), (weight, latent), out);
         }
     }
 
@@ -718,7 +718,7 @@ impl<'a> Lowering<'a> {
             };
             if let Some(out) = to_input {
                 let weight = self.matrix(&name, inputs);
-                self.to_input(kind, (gradient, 3 * latent), (weight, inputs), out);
+                self.input_gradient(kind, (gradient, 3 * latent), (weight, inputs), out);
             }
         }
     }
