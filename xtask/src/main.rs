@@ -1,24 +1,18 @@
-//! The house's own chores: `cargo xtask tidy` checks what no compiler checks (see [`tidy`]),
-//! `cargo xtask book` checks the documents against the program (see [`book`]),
-//! `cargo xtask ci` runs everything that must hold before a change is taken, `cargo xtask nightly`
-//! what takes longer: the commands of the book, and `fuzz` (the crate `selvedge-trials`), which is a
-//! command, too, `cargo xtask sanitize` and `miri` tests under nightly's checks,
-//! `cargo xtask header` makes the header of the library for C (see [`header`]).
+//! The house's own chores, most of them a start of another program with the right arguments.
 //!
-//! The steps of `ci` are listed in one place, `.ci/run`, which this program only starts.
+//! What holds of the repository is in `tests/repository`: `cargo xtask tidy` and `cargo xtask book`
+//! run those tests. The steps of `ci` are listed in one place, `.ci/run`. `nightly` runs what takes
+//! longer: the commands of the book (see [`quick`]) and `fuzz` (the crate `selvedge-trials`).
 #![allow(
     clippy::print_stdout,
     reason = "a program that talks to people in a terminal"
 )]
 
-mod book;
-mod header;
-mod metadata;
+mod markdown;
 mod nightly;
-mod tidy;
-mod tree;
-mod violation;
+mod quick;
 
+use std::path::Path;
 use std::process::{Command, ExitCode};
 
 use anyhow::{Context, Result, bail, ensure};
@@ -49,18 +43,18 @@ fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
     let outcome = match words.as_slice() {
-        ["ci", lists @ ..] => ci(lists),
-        ["tidy"] => tidy::run(),
+        ["ci", lists @ ..] => start("bash", &[&[".ci/run"][..], lists].concat()),
+        ["tidy"] => test("tidy_"),
         ["fuzz", options @ ..] => fuzz(options),
         ["nightly"] => long(),
-        ["header"] => header::run(false),
-        ["header", "--write"] => header::run(true),
+        ["header"] => header("--verify"),
+        ["header", "--write"] => header("--quiet"),
         ["miri", tests @ ..] => nightly::miri(tests),
         ["sanitize", name, tests @ ..] if let Some(one) = Sanitizer::named(name) => one.run(tests),
-        ["book"] => book::check(),
-        ["book", "--build"] => book::build(),
-        ["book", "--write"] => book::write(),
-        ["book", "--run"] => book::run(),
+        ["book"] => test("book_"),
+        ["book", "--build"] => build_book(),
+        ["book", "--write"] => write_book(),
+        ["book", "--run"] => quick::run(),
         ["help" | "--help" | "-h"] => {
             println!("{HELP}");
             Ok(())
@@ -79,29 +73,99 @@ fn main() -> ExitCode {
     }
 }
 
-/// Builds the program and the fuzzer's, and starts it.
-fn fuzz(options: &[&str]) -> Result<()> {
-    let cargo = |arguments: &[&str]| -> Result<bool> {
+/// Folder of the workspace.
+fn root() -> &'static Path {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent();
+    root.unwrap_or(Path::new("."))
+}
+
+/// Runs a program in the root to its end.
+fn start(program: &str, arguments: &[&str]) -> Result<()> {
+    let mut command = Command::new(program);
+    let status = command.args(arguments).current_dir(root()).status();
+    let status =
+        status.with_context(|| format!("cannot start {program}: .ci/setup installs it"))?;
+    ensure!(status.success(), "{program} failed: {status}");
+    Ok(())
+}
+
+fn cargo(arguments: &[&str]) -> Result<()> {
+    start(env!("CARGO"), arguments)
+}
+
+/// Runs the tests of the repository whose names begin so.
+fn test(names: &str) -> Result<()> {
+    let package = ["test", "--locked", "--quiet", "-p", "xtask"];
+    cargo(&[&package[..], &["--test", "repository", names]].concat())
+}
+
+/// The documents that git keeps, or would: their paths from the root.
+fn documents() -> Result<Vec<String>> {
+    let mut git = Command::new("git");
+    git.args([
+        "ls-files",
+        "--cached",
+        "--others",
+        "--exclude-standard",
+        "*.md",
+    ]);
+    let told = git.current_dir(root()).output();
+    let told = told.context("cannot start git")?;
+    ensure!(told.status.success(), "git cannot list the documents");
+    let paths = String::from_utf8(told.stdout)?;
+    let is_there = |path: &&str| root().join(path).is_file();
+    Ok(paths.lines().filter(is_there).map(str::to_owned).collect())
+}
+
+/// Checks all links, by lychee, and makes HTML of the book, by mdbook.
+fn build_book() -> Result<()> {
+    let documents = documents()?;
+    let mut links = vec!["--offline", "--include-fragments", "--no-progress"];
+    links.extend(documents.iter().map(String::as_str));
+    start("lychee", &links)?;
+    start("mdbook", &["build", "docs"])
+}
+
+/// Writes the quotes and the commands reference anew: the tests that compare them do so.
+fn write_book() -> Result<()> {
+    for test in [
+        "-p xtask --test repository book_quotes",
+        "-p selvedge --bin selvedge the_book_has",
+    ] {
         let mut command = Command::new(env!("CARGO"));
-        let status = command
-            .args(arguments)
-            .current_dir(metadata::root())
-            .status();
-        Ok(status.context("cannot start cargo")?.success())
-    };
-    let packages = ["-p", "selvedge", "-p", "selvedge-trials"];
-    let is_built = cargo(&[&["build", "--locked", "--quiet"], &packages[..]].concat())?;
-    let run = ["run", "--locked", "--quiet", "-p", "selvedge-trials", "--"];
-    if !is_built || !cargo(&[&run[..], options].concat())? {
-        bail!("something was found");
+        command.args(["test", "--locked", "--quiet"]);
+        command.args(test.split(' ')).env("SELVEDGE_WRITE", "1");
+        let status = command.current_dir(root()).status()?;
+        ensure!(status.success(), "a document could not be written");
     }
     Ok(())
+}
+
+/// The header of the library for C by cbindgen, a program beside cargo, not a dependency: it would
+/// be the heaviest of all. It is written, or with `--verify` compared with the one that is kept.
+fn header(how: &str) -> Result<()> {
+    let folder = "crates/selvedge-c";
+    let config = format!("{folder}/cbindgen.toml");
+    let kept = format!("{folder}/include/selvedge.h");
+    let made = start(
+        "cbindgen",
+        &["--config", &config, "--output", &kept, how, folder],
+    );
+    made.context("if the header differs from its sources: cargo xtask header --write")
+}
+
+/// Builds the program and the fuzzer's, and starts it.
+fn fuzz(options: &[&str]) -> Result<()> {
+    let packages = ["-p", "selvedge", "-p", "selvedge-trials"];
+    cargo(&[&["build", "--locked", "--quiet"], &packages[..]].concat())?;
+    let run = ["run", "--locked", "--quiet", "-p", "selvedge-trials", "--"];
+    cargo(&[&run[..], options].concat()).context("something was found")
 }
 
 /// Runs what takes longer than a change should wait; all of it, and then says what failed.
 fn long() -> Result<()> {
     let mut failed = Vec::new();
-    if let Err(error) = book::run() {
+    if let Err(error) = quick::run() {
         failed.push(format!("book --run: {error:#}"));
     }
     if let Err(error) = fuzz(&["--for", "60s"]) {
@@ -110,14 +174,5 @@ fn long() -> Result<()> {
     if !failed.is_empty() {
         bail!("{}", failed.join("\n"));
     }
-    Ok(())
-}
-
-fn ci(lists: &[&str]) -> Result<()> {
-    let mut bash = Command::new("bash");
-    bash.arg(".ci/run").args(lists);
-    let status = bash.current_dir(metadata::root()).status();
-    let status = status.context("cannot start bash for .ci/run")?;
-    ensure!(status.success(), "a step of .ci/run failed");
     Ok(())
 }

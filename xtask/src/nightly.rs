@@ -5,7 +5,7 @@ use std::process::Command;
 
 use anyhow::{Context, Result, bail};
 
-use crate::metadata;
+use crate::root;
 
 /// A sanitizer, and the tests that it watches.
 pub(crate) struct Sanitizer {
@@ -52,12 +52,11 @@ impl Sanitizer {
 
     /// Runs the tests of this sanitizer, or those that `tests` asks `cargo test` for.
     pub(crate) fn run(&self, tests: &[&str]) -> Result<()> {
-        let target = metadata::host_platform()?;
         let folder = format!("target/sanitize-{}", self.name);
         let given = [tests];
         let runs = if tests.is_empty() { self.tests } else { &given };
         for tests in runs {
-            let mut arguments = vec!["test", "-Zbuild-std", "--target", &target];
+            let mut arguments = vec!["test", "-Zbuild-std", "--target", "host-tuple"];
             arguments.extend(["--target-dir", &folder, "--no-fail-fast"]);
             arguments.extend(*tests);
             cargo(&arguments, self.flags, "rust-src")?;
@@ -78,7 +77,7 @@ fn cargo(arguments: &[&str], flags: &str, components: &str) -> Result<()> {
     println!("RUSTFLAGS='{flags}' cargo +nightly {}", arguments.join(" "));
     let mut command = Command::new("rustup");
     command.args(["run", "nightly", "cargo"]).args(arguments);
-    command.current_dir(metadata::root());
+    command.current_dir(root());
     command.env("RUSTFLAGS", flags);
     // These name the compiler that built this program, and would be taken in nightly's place.
     for name in ["CARGO", "RUSTC", "RUSTDOC", "RUSTUP_TOOLCHAIN"] {

@@ -47,7 +47,6 @@ pub struct RestPoseFolder {
 
 impl RestPoseFolder {
     /// The poses in `folder`, which need not be there yet.
-    #[must_use]
     pub fn new(folder: PathBuf) -> Self {
         Self {
             folder,
@@ -56,7 +55,6 @@ impl RestPoseFolder {
     }
 
     /// The folder.
-    #[must_use]
     pub fn path(&self) -> &Path {
         &self.folder
     }

@@ -78,7 +78,6 @@ fn adapters() -> Vec<wgpu::Adapter> {
 
 impl Gpu {
     /// The number of GPUs.
-    #[must_use]
     pub fn count() -> usize {
         adapters().len()
     }
@@ -134,7 +133,6 @@ impl Gpu {
     }
 
     /// Its name, and the programming interface that it is reached by.
-    #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -258,7 +256,6 @@ impl Plan {
     }
 
     /// A mark to release what is placed after it.
-    #[must_use]
     pub fn mark(&self) -> usize {
         self.used
     }
@@ -269,7 +266,6 @@ impl Plan {
     }
 
     /// Bytes of the numbers.
-    #[must_use]
     pub fn bytes(&self) -> u64 {
         4 * self.most as u64
     }
@@ -294,7 +290,6 @@ pub struct Schedule {
 
 impl Schedule {
     /// The number of launches.
-    #[must_use]
     pub fn launches(&self) -> usize {
         self.launches.len()
     }

@@ -264,12 +264,9 @@ pub(crate) enum Epilogue {
     EndsRelu {
         /// The bias.
         bias: u32,
-        /// Products of each vertex as a sender and as a receiver, `[vertices, 2 columns]`.
-        ends: Region,
-        /// The senders.
-        senders: Region,
-        /// The receivers.
-        receivers: Region,
+        /// Products of each vertex as a sender and as a receiver, `[vertices, 2 columns]`; the
+        /// senders; the receivers.
+        of: [Region; 3],
     },
     /// Zero where this array, the output of a ReLU, is zero.
     Mask(Region),
@@ -300,33 +297,51 @@ struct Product {
 }
 
 impl Product {
+    /// A product in one part, of `a` as it lies.
+    fn plain(
+        sizes: Sizes,
+        a: Pieces,
+        (b, b_transposed): (Pieces, bool),
+        c: Matrix,
+        epilogue: Epilogue,
+    ) -> Launch {
+        let product = Self {
+            sizes,
+            chunk: sizes.k,
+            a,
+            a_transposed: false,
+            b,
+            b_transposed,
+            ones: NONE,
+            c,
+            epilogue,
+        };
+        product.launch()
+    }
+
     fn launch(self) -> Launch {
         let Sizes { rows, columns, k } = self.sizes;
         let parts = k.div_ceil(self.chunk.max(1)).max(1);
-        let (mut bias, mut mask, mut of_ends) = (NONE, NONE, [NONE; 3]);
+        // Bias, mask, products of ends, senders and receivers.
+        let mut places = [NONE; 5];
         let epilogue = match self.epilogue {
             Epilogue::Set => EpilogueKind::Set,
             Epilogue::Add => EpilogueKind::Add,
             Epilogue::Bias(at) => {
-                bias = at;
+                places[0] = at;
                 EpilogueKind::Bias
             }
             Epilogue::BiasRelu(at) => {
-                bias = at;
+                places[0] = at;
                 EpilogueKind::BiasRelu
             }
-            Epilogue::EndsRelu {
-                bias: at,
-                ends,
-                senders,
-                receivers,
-            } => {
-                bias = at;
-                of_ends = [ends, senders, receivers].map(|region| region.first);
+            Epilogue::EndsRelu { bias, of } => {
+                let [ends, senders, receivers] = of.map(|region| region.first);
+                places = [bias, NONE, ends, senders, receivers];
                 EpilogueKind::EndsRelu
             }
             Epilogue::Mask(kept) => {
-                mask = kept.first;
+                places[1] = kept.first;
                 EpilogueKind::Mask
             }
         };
@@ -336,22 +351,15 @@ impl Product {
         let size = if x * y * parts >= 256 { 4 } else { 2 };
         let [x, y] = tiles(size);
         let pieces = |of: Pieces| {
-            let (first, second) = (of.first, of.second);
-            let split = of.split as u32;
-            [
-                first.first,
-                first.ld as u32,
-                split,
-                second.first,
-                second.ld as u32,
-            ]
+            let [first, second] = [of.first, of.second].map(|at| [at.first, at.ld as u32]);
+            [&first[..], &[of.split as u32], &second].concat()
         };
         let mut parameters = vec![rows as u32, columns as u32, k as u32, self.chunk as u32];
         parameters.extend(pieces(self.a));
         parameters.extend(pieces(self.b));
         parameters.extend([self.ones, self.c.first, self.c.ld as u32]);
-        parameters.extend([(rows * columns) as u32, bias, mask]);
-        parameters.extend(of_ends);
+        parameters.push((rows * columns) as u32);
+        parameters.extend(places);
         Launch {
             kernel: Kernel::Product(ProductKind {
                 a_transposed: self.a_transposed,
@@ -374,18 +382,7 @@ pub(crate) fn linear(
     out: Matrix,
     epilogue: Epilogue,
 ) -> Launch {
-    let product = Product {
-        sizes,
-        chunk: sizes.k,
-        a: x,
-        a_transposed: false,
-        b: weight,
-        b_transposed: true,
-        ones: NONE,
-        c: out,
-        epilogue,
-    };
-    product.launch()
+    Product::plain(sizes, x, (weight, true), out, epilogue)
 }
 
 /// The gradient of a linear layer's input: rows of `gradient` times `weight`, `[k, columns]`.
@@ -396,18 +393,7 @@ pub(crate) fn linear_to_input(
     out: Matrix,
     epilogue: Epilogue,
 ) -> Launch {
-    let product = Product {
-        sizes,
-        chunk: sizes.k,
-        a: gradient,
-        a_transposed: false,
-        b: weight.into(),
-        b_transposed: false,
-        ones: NONE,
-        c: out,
-        epilogue,
-    };
-    product.launch()
+    Product::plain(sizes, gradient, (weight.into(), false), out, epilogue)
 }
 
 /// Rows of a chunk in a sum over `rows` rows: at most 64 chunks.

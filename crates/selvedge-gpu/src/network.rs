@@ -258,20 +258,14 @@ impl<'a> Lowering<'a> {
                 let width = self.width(kind);
                 let x = Matrix::new(frame.input[kind], width);
                 self.first_layer(kind, path, x.into(), width);
-                self.later_layers(kind, path);
+                self.later_layers(kind, path, None);
                 self.norm(kind, &format!("{path}.5"))
             }
             true => {
                 let last = self.recurrent(kind, frame, states);
-                let weight = self.matrix(&format!("{path}.linear.weight"), latent);
-                let bias = self.at(&format!("{path}.linear.bias"));
-                self.launches.push(linear(
-                    self.sizes(kind, latent, latent),
-                    self.latent(last).into(),
-                    weight.into(),
-                    self.latent(self.activations[kind].normal),
-                    Epilogue::Bias(bias),
-                ));
+                let (x, out) = (self.latent(last).into(), self.activations[kind].normal);
+                let name = format!("{path}.linear");
+                self.layer(kind, &name, (x, latent), (out, latent), Epilogue::Bias);
                 self.norm(kind, &format!("{path}.norm"))
             }
         };
@@ -310,38 +304,44 @@ impl<'a> Lowering<'a> {
         states.layers[1].after[steps - 1]
     }
 
-    /// The first layer of a perceptron.
-    fn first_layer(&mut self, kind: Kind, path: &str, x: Pieces, inputs: usize) {
-        let weight = self.matrix(&format!("{path}.0.weight"), inputs);
-        let sizes = self.sizes(kind, self.spec.latent, inputs);
-        let bias = Epilogue::BiasRelu(self.at(&format!("{path}.0.bias")));
-        let out = self.latent(self.activations[kind].hidden1);
+    /// A linear layer named `name`, from `x` to `out`, each with its columns.
+    fn layer(
+        &mut self,
+        kind: Kind,
+        name: &str,
+        (x, inputs): (Pieces, usize),
+        (out, outputs): (Region, usize),
+        with_bias: fn(u32) -> Epilogue,
+    ) {
+        let weight = self.matrix(&format!("{name}.weight"), inputs);
+        let epilogue = with_bias(self.at(&format!("{name}.bias")));
+        let (sizes, out) = (self.sizes(kind, outputs, inputs), Matrix::new(out, outputs));
         self.launches
-            .push(linear(sizes, x, weight.into(), out, bias));
+            .push(linear(sizes, x, weight.into(), out, epilogue));
     }
 
-    /// The second and third layer of a perceptron whose output is latent.
-    fn later_layers(&mut self, kind: Kind, path: &str) {
-        let latent = self.spec.latent;
-        let of = self.activations[kind];
+    /// The first layer of a perceptron.
+    fn first_layer(&mut self, kind: Kind, path: &str, x: Pieces, inputs: usize) {
+        let out = (self.activations[kind].hidden1, self.spec.latent);
+        let name = format!("{path}.0");
+        self.layer(kind, &name, (x, inputs), out, Epilogue::BiasRelu);
+    }
+
+    /// The second and third layer of a perceptron; its output is latent where there is no other.
+    fn later_layers(&mut self, kind: Kind, path: &str, output: Option<Region>) {
+        let (of, latent) = (self.activations[kind], self.spec.latent);
         self.second_layer(kind, path);
-        let weight = self.matrix(&format!("{path}.4.weight"), latent);
-        let bias = Epilogue::Bias(self.at(&format!("{path}.4.bias")));
-        let [x, out] = [of.hidden2, of.normal].map(|rows| self.latent(rows));
-        let sizes = self.sizes(kind, latent, latent);
-        self.launches
-            .push(linear(sizes, x.into(), weight.into(), out, bias));
+        let x = (self.latent(of.hidden2).into(), latent);
+        let out = output.map_or((of.normal, latent), |output| (output, OUTPUTS));
+        let name = format!("{path}.4");
+        self.layer(kind, &name, x, out, Epilogue::Bias);
     }
 
     fn second_layer(&mut self, kind: Kind, path: &str) {
-        let latent = self.spec.latent;
-        let of = self.activations[kind];
-        let weight = self.matrix(&format!("{path}.2.weight"), latent);
-        let bias = Epilogue::BiasRelu(self.at(&format!("{path}.2.bias")));
-        let [x, out] = [of.hidden1, of.hidden2].map(|rows| self.latent(rows));
-        let sizes = self.sizes(kind, latent, latent);
-        self.launches
-            .push(linear(sizes, x.into(), weight.into(), out, bias));
+        let (of, latent) = (self.activations[kind], self.spec.latent);
+        let (x, out) = (self.latent(of.hidden1).into(), (of.hidden2, latent));
+        let name = format!("{path}.2");
+        self.layer(kind, &name, (x, latent), out, Epilogue::BiasRelu);
     }
 
     /// A message-passing block, from the latent rows before it to those after.
@@ -360,9 +360,7 @@ impl<'a> Lowering<'a> {
         ));
         let epilogue = Epilogue::EndsRelu {
             bias: self.at(&format!("{path}.0.bias")),
-            ends,
-            senders: graph.senders,
-            receivers: graph.receivers,
+            of: [ends, graph.senders, graph.receivers],
         };
         self.launches.push(linear(
             self.sizes(1, latent, latent),
@@ -371,7 +369,7 @@ impl<'a> Lowering<'a> {
             self.latent(self.activations[1].hidden1),
             epilogue,
         ));
-        self.later_layers(1, &path);
+        self.later_layers(1, &path, None);
         let sums = Messages {
             vertices: graph.vertices,
             first_arc: graph.first_arc,
@@ -383,7 +381,7 @@ impl<'a> Lowering<'a> {
         let path = format!("processor.{number}.node");
         let x = Pieces::new(self.latent(nodes), latent, self.latent(incoming));
         self.first_layer(0, &path, x, 2 * latent);
-        self.later_layers(0, &path);
+        self.later_layers(0, &path, None);
         let norm = self.norm(0, &format!("{path}.5"));
         self.launches.push(norm.launch(Some(nodes), after[0], None));
     }
@@ -391,14 +389,7 @@ impl<'a> Lowering<'a> {
     fn decode(&mut self, nodes: Region, output: Region) {
         let (latent, path) = (self.spec.latent, "decoder");
         self.first_layer(0, path, self.latent(nodes).into(), latent);
-        self.second_layer(0, path);
-        let weight = self.matrix("decoder.4.weight", latent);
-        let bias = Epilogue::Bias(self.at("decoder.4.bias"));
-        let x = self.latent(self.activations[0].hidden2).into();
-        let sizes = self.sizes(0, OUTPUTS, latent);
-        let out = Matrix::new(output, OUTPUTS);
-        self.launches
-            .push(linear(sizes, x, weight.into(), out, bias));
+        self.later_layers(0, path, Some(output));
     }
 
     /// The way back through a frame, from the gradient of its output to those of the weights, which
@@ -458,43 +449,58 @@ impl<'a> Lowering<'a> {
         self.launches.extend(sums.launches());
     }
 
+    /// The gradient of a product's input, from that of its output with its columns, put where
+    /// `to` says.
+    fn input_gradient(
+        &mut self,
+        kind: Kind,
+        (gradient, outputs): (Pieces, usize),
+        (weight, inputs): (Matrix, usize),
+        (out, epilogue): (Matrix, Epilogue),
+    ) {
+        let sizes = self.sizes(kind, inputs, outputs);
+        self.launches
+            .push(linear_to_input(sizes, gradient, weight, out, epilogue));
+    }
+
+    /// A linear layer backward: the gradients of its weights, then that of its input where it is
+    /// wanted.
+    fn layer_backward(
+        &mut self,
+        (kind, name): (Kind, &str),
+        (gradient, outputs): (Region, usize),
+        (x, inputs): (Pieces, usize),
+        to_input: Option<(Matrix, Epilogue)>,
+        to: &Gradients,
+    ) {
+        self.linear_weights(kind, name, (gradient, outputs), (x, inputs), to);
+        if let Some(out) = to_input {
+            let gradient = Matrix::new(gradient, outputs).into();
+            let weight = self.matrix(&format!("{name}.weight"), inputs);
+            self.input_gradient(kind, (gradient, outputs), (weight, inputs), out);
+        }
+    }
+
     /// From the gradient of the last layer's output, `[rows, outputs]`, to that of the first
     /// layer's before its ReLU, in `to.hidden[1]`. `gradient` may be that array, not the other.
     fn later_layers_backward(
         &mut self,
         kind: Kind,
         path: &str,
-        gradient: Region,
+        gradient: (Region, usize),
         to: &Gradients,
-        outputs: usize,
     ) {
-        let latent = self.spec.latent;
-        let of = self.activations[kind];
+        let (of, latent) = (self.activations[kind], self.spec.latent);
         let [first, second] = to.hidden.map(|room| self.of_rows(kind, room));
-        let x = self.latent(of.hidden2).into();
-        self.linear_weights(
-            kind,
-            &format!("{path}.4"),
-            (gradient, outputs),
-            (x, latent),
-            to,
-        );
-        self.launches.push(linear_to_input(
-            self.sizes(kind, latent, outputs),
-            Matrix::new(gradient, outputs).into(),
-            self.matrix(&format!("{path}.4.weight"), latent),
-            self.latent(first),
-            Epilogue::Mask(of.hidden2),
-        ));
-        let x = self.latent(of.hidden1).into();
-        self.linear_weights(kind, &format!("{path}.2"), (first, latent), (x, latent), to);
-        self.launches.push(linear_to_input(
-            self.sizes(kind, latent, latent),
-            self.latent(first).into(),
-            self.matrix(&format!("{path}.2.weight"), latent),
-            self.latent(second),
-            Epilogue::Mask(of.hidden1),
-        ));
+        for (layer, gradient, x, out) in [
+            ("4", gradient, of.hidden2, first),
+            ("2", (first, latent), of.hidden1, second),
+        ] {
+            let name = format!("{path}.{layer}");
+            let out = Some((self.latent(out), Epilogue::Mask(x)));
+            let x = (self.latent(x).into(), latent);
+            self.layer_backward((kind, &name), gradient, x, out, to);
+        }
     }
 
     /// The first numbers of an array, as many as latent rows of a kind have.
@@ -509,17 +515,11 @@ impl<'a> Lowering<'a> {
         let path = "decoder";
         self.first_layer(0, path, self.latent(nodes).into(), latent);
         self.second_layer(0, path);
-        self.later_layers_backward(0, path, to.output, to, OUTPUTS);
-        let hidden = self.of_rows(0, to.hidden[1]);
-        let x = self.latent(nodes).into();
-        self.linear_weights(0, "decoder.0", (hidden, latent), (x, latent), to);
-        self.launches.push(linear_to_input(
-            self.sizes(0, latent, latent),
-            self.latent(hidden).into(),
-            self.matrix("decoder.0.weight", latent),
-            self.latent(to.latent[0]),
-            Epilogue::Set,
-        ));
+        self.later_layers_backward(0, path, (to.output, OUTPUTS), to);
+        let gradient = (self.of_rows(0, to.hidden[1]), latent);
+        let x = (self.latent(nodes).into(), latent);
+        let out = Some((self.latent(to.latent[0]), Epilogue::Set));
+        self.layer_backward((0, "decoder.0"), gradient, x, out, to);
     }
 
     /// The update of vertices: adds to the gradient of their rows, and leaves that of the sums of
@@ -529,7 +529,7 @@ impl<'a> Lowering<'a> {
         let nodes = frame.latent[number][0];
         self.norm_backward(0, &format!("{path}.5"), to.latent[0], to);
         let gradient = self.of_rows(0, to.hidden[1]);
-        self.later_layers_backward(0, &path, gradient, to, latent);
+        self.later_layers_backward(0, &path, (gradient, latent), to);
         let x = Pieces::new(self.latent(nodes), latent, self.latent(self.incoming));
         let name = format!("{path}.0");
         self.linear_weights(0, &name, (gradient, latent), (x, 2 * latent), to);
@@ -538,13 +538,9 @@ impl<'a> Lowering<'a> {
             (weight, to.latent[0], Epilogue::Add),
             (weight.columns_from(latent), to.incoming, Epilogue::Set),
         ] {
-            self.launches.push(linear_to_input(
-                self.sizes(0, latent, latent),
-                self.latent(gradient).into(),
-                weight,
-                self.latent(out),
-                epilogue,
-            ));
+            let gradient = (self.latent(gradient).into(), latent);
+            let out = (self.latent(out), epilogue);
+            self.input_gradient(0, gradient, (weight, latent), out);
         }
     }
 
@@ -570,7 +566,7 @@ impl<'a> Lowering<'a> {
         ));
         self.norm_backward(1, &format!("{path}.5"), messages, to);
         let gradient = self.of_rows(1, to.hidden[1]);
-        self.later_layers_backward(1, &path, gradient, to, latent);
+        self.later_layers_backward(1, &path, (gradient, latent), to);
         let ends = to.ends;
         self.launches.push(sum_ends(
             gradient,
@@ -605,13 +601,9 @@ impl<'a> Lowering<'a> {
                 parts: to.parts,
             };
             self.launches.extend(sums.launches());
-            self.launches.push(linear_to_input(
-                self.sizes(kind, latent, latent),
-                gradient.into(),
-                weight.columns_from(part * latent),
-                self.latent(out),
-                Epilogue::Add,
-            ));
+            let weight = weight.columns_from(part * latent);
+            let out = (self.latent(out), Epilogue::Add);
+            self.input_gradient(kind, (gradient.into(), latent), (weight, latent), out);
         }
     }
 
@@ -620,19 +612,11 @@ impl<'a> Lowering<'a> {
         self.encode(kind, frame, &States::default());
         self.norm_backward(kind, &format!("{path}.5"), to.latent[kind], to);
         let gradient = self.of_rows(kind, to.hidden[1]);
-        self.later_layers_backward(kind, path, gradient, to, latent);
-        let x = Matrix::new(frame.input[kind], width).into();
-        let name = format!("{path}.0");
-        self.linear_weights(kind, &name, (gradient, latent), (x, width), to);
-        if to_input {
-            self.launches.push(linear_to_input(
-                self.sizes(kind, width, latent),
-                self.latent(gradient).into(),
-                self.matrix(&format!("{name}.weight"), width),
-                Matrix::new(to.input[kind], width),
-                Epilogue::Set,
-            ));
-        }
+        self.later_layers_backward(kind, path, (gradient, latent), to);
+        let x = (Matrix::new(frame.input[kind], width).into(), width);
+        let out = (Matrix::new(to.input[kind], width), Epilogue::Set);
+        let (name, out) = (format!("{path}.0"), to_input.then_some(out));
+        self.layer_backward((kind, &name), (gradient, latent), x, out, to);
     }
 
     fn recurrent_backward(&mut self, kind: Kind, frame: &Frame, to: &Gradients, to_input: bool) {
@@ -648,15 +632,12 @@ impl<'a> Lowering<'a> {
         self.norm_backward(kind, &format!("{path}.norm"), to.latent[kind], to);
         let gradient = self.of_rows(kind, to.hidden[1]);
         let name = format!("{path}.linear");
-        let x = self.latent(states.layers[1].after[steps - 1]).into();
-        self.linear_weights(kind, &name, (gradient, latent), (x, latent), to);
-        self.launches.push(linear_to_input(
-            self.sizes(kind, latent, latent),
-            self.latent(gradient).into(),
-            self.matrix(&format!("{name}.weight"), latent),
-            self.latent(by_state[1]),
-            Epilogue::Set,
-        ));
+        let x = (
+            self.latent(states.layers[1].after[steps - 1]).into(),
+            latent,
+        );
+        let out = Some((self.latent(by_state[1]), Epilogue::Set));
+        self.layer_backward((kind, &name), (gradient, latent), x, out, to);
         self.clear(kind, by_state[0]);
         for step in (0..steps).rev() {
             let back = |layer: usize, x, to_x| StepBack {
@@ -735,14 +716,9 @@ impl<'a> Lowering<'a> {
                 "ih" => to_x,
                 _ => state.map(|_| (self.latent(by_state), Epilogue::Add)),
             };
-            if let Some((out, epilogue)) = to_input {
-                self.launches.push(linear_to_input(
-                    self.sizes(kind, inputs, 3 * latent),
-                    gradient,
-                    self.matrix(&name, inputs),
-                    out,
-                    epilogue,
-                ));
+            if let Some(out) = to_input {
+                let weight = self.matrix(&name, inputs);
+                self.input_gradient(kind, (gradient, 3 * latent), (weight, inputs), out);
             }
         }
     }

@@ -156,7 +156,6 @@ impl Passes {
     }
 
     /// The number of launches of a forward pass.
-    #[must_use]
     pub fn launches(&self) -> usize {
         self.frames[0].forward.launches()
     }
@@ -362,7 +361,6 @@ impl Masks {
 }
 
 /// The features of a union from those of its cloths: step after step, cloth after cloth.
-#[must_use]
 pub fn side_by_side(spec: &ModelSpec, cloths: &[&Window]) -> Window {
     let steps = spec.window();
     let union = |of: fn(&Window) -> &[f32]| {
@@ -382,7 +380,6 @@ pub fn side_by_side(spec: &ModelSpec, cloths: &[&Window]) -> Window {
 }
 
 /// The inverse of [`side_by_side`], for cloths whose features have the sizes of `like`.
-#[must_use]
 pub fn apart(spec: &ModelSpec, union: &Window, like: &[&Window]) -> Vec<Window> {
     let mut cloths = vec![Window::default(); like.len()];
     let (mut nodes, mut arcs) = (&union.nodes[..], &union.arcs[..]);

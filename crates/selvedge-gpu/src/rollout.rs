@@ -1,7 +1,7 @@
 //! Rollouts on a GPU: several cloths side by side as one graph, frame by frame.
 //!
-//! The processor computes the features and the integration, by the code of `selvedge_model`'s own
-//! stepper; the GPU computes the pass between them. A frame that is not finite is rejected: the
+//! The processor computes the features and the integration, by the state that `selvedge_model`'s own
+//! stepper has; the GPU computes the pass between them. A frame that is not finite is rejected: the
 //! cloths stay as they were.
 
 use std::sync::Arc;
@@ -9,11 +9,10 @@ use std::sync::Arc;
 use glam::Vec3;
 use rayon::prelude::*;
 use selvedge_cloth::{
-    Correctable, HandleTargets, Handles, StepError, Stepper, Topology, VertexId, check_targets_hold,
+    Correctable, HandleTargets, Handles, Snapshot, StepError, Stepper, Topology, check_target_count,
 };
 use selvedge_model::{
-    ClothGraph, Connectivity, Frames, LocalAcceleration, Model, NonFinite, OUTPUTS, Place,
-    RolloutError, TwoFrames, Window, Yaw, advance, opening_frames,
+    ClothGraph, Connectivity, Model, OUTPUTS, RolloutError, RolloutState, Window,
 };
 use thiserror::Error;
 
@@ -45,61 +44,16 @@ pub enum OpeningError {
 #[derive(Debug, Error)]
 #[allow(missing_docs, reason = "the fields are named in the messages")]
 pub enum FrameError {
-    #[error("cloth {cloth}: the position of vertex {vertex} is no longer finite")]
-    NonFinite { cloth: usize, vertex: VertexId },
+    #[error("cloth {cloth}: {source}")]
+    Cloth { cloth: usize, source: StepError },
     #[error(transparent)]
     Gpu(#[from] GpuError),
-}
-
-/// One of the cloths.
-struct Cloth {
-    graph: ClothGraph,
-    /// Oldest first, `[history][vertices]`.
-    history: Vec<Vec<Vec3>>,
-    /// The frame that is being made; after a step the one that left the history.
-    next: Vec<Vec3>,
-    /// The yaw of the frame before the newest.
-    yaw: Yaw,
-    /// The yaw before the last step, while that step can be undone.
-    yaw_before: Option<Yaw>,
-    window: Window,
-}
-
-impl Cloth {
-    fn positions(&self) -> &[Vec3] {
-        self.history.last().map_or(&[], Vec::as_slice)
-    }
-
-    /// The yaw of the newest frame.
-    fn yaw_now(&self) -> Yaw {
-        let handles = self.graph.handles().select(self.positions());
-        self.graph.frame().yaw(&handles, self.yaw)
-    }
-
-    /// Exchanges the newest frame, or the one that left the history, for `next`.
-    fn take_next(&mut self, yaw: Yaw) {
-        self.history.rotate_left(1);
-        let newest = self.history.len() - 1;
-        std::mem::swap(&mut self.history[newest], &mut self.next);
-        self.yaw_before = Some(std::mem::replace(&mut self.yaw, yaw));
-    }
-
-    fn undo_step(&mut self) -> bool {
-        let Some(yaw) = self.yaw_before.take() else {
-            return false;
-        };
-        let newest = self.history.len() - 1;
-        std::mem::swap(&mut self.history[newest], &mut self.next);
-        self.history.rotate_right(1);
-        self.yaw = yaw;
-        true
-    }
 }
 
 /// Cloths that one model moves on a GPU.
 pub struct Rollout {
     model: Arc<Model>,
-    cloths: Vec<Cloth>,
+    cloths: Vec<RolloutState>,
     passes: Passes,
 }
 
@@ -117,20 +71,13 @@ impl Rollout {
         if openings.is_empty() {
             return Err(OpeningError::NoCloth);
         }
-        let mut cloths = Vec::with_capacity(openings.len());
-        for (cloth, Opening { graph, start }) in openings.into_iter().enumerate() {
-            let history = opening_frames(model.spec(), &graph, start);
-            let history = history.map_err(|source| OpeningError::Start { cloth, source })?;
-            cloths.push(Cloth {
-                history,
-                next: vec![Vec3::ZERO; graph.vertex_count()],
-                yaw: graph.frame().rest_yaw(),
-                yaw_before: None,
-                window: Window::default(),
-                graph,
-            });
-        }
-        let parts = cloths.iter().map(|cloth| cloth.graph.connectivity());
+        let open = |(cloth, Opening { graph, start })| {
+            let state = RolloutState::new(model.spec(), graph, start);
+            state.map_err(|source| OpeningError::Start { cloth, source })
+        };
+        let cloths = openings.into_iter().enumerate().map(open);
+        let cloths: Vec<RolloutState> = cloths.collect::<Result<_, _>>()?;
+        let parts = cloths.iter().map(|cloth| cloth.graph().connectivity());
         let union = Connectivity::union(parts);
         let passes = Passes::new(gpu, model.network(), &union, None, None)?;
         passes.set_weights(model.weights());
@@ -142,13 +89,11 @@ impl Rollout {
     }
 
     /// The model that moves the cloths.
-    #[must_use]
     pub fn model(&self) -> &Arc<Model> {
         &self.model
     }
 
     /// The number of launches of a frame.
-    #[must_use]
     pub fn launches(&self) -> usize {
         self.passes.launches()
     }
@@ -157,149 +102,59 @@ impl Rollout {
     ///
     /// # Panics
     /// When there is no such cloth.
-    #[must_use]
-    pub fn graph(&self, cloth: usize) -> &ClothGraph {
-        &self.cloths[cloth].graph
+    pub fn cloth(&self, number: usize) -> &RolloutState {
+        &self.cloths[number]
     }
 
-    /// Positions of a cloth now `[m]`, `[vertices]`.
+    /// A cloth, to correct its frames.
     ///
     /// # Panics
     /// When there is no such cloth.
-    #[must_use]
-    pub fn positions(&self, cloth: usize) -> &[Vec3] {
-        self.cloths[cloth].positions()
+    pub fn cloth_mut(&mut self, number: usize) -> &mut RolloutState {
+        &mut self.cloths[number]
     }
 
-    /// Lets the step from `frame` of the run to the next be the present one: its wind blows.
-    pub fn set_step(&mut self, frame: usize) {
-        let cloths = self.cloths.iter_mut();
-        cloths.for_each(|cloth| cloth.graph.set_step(frame));
-    }
-
-    /// Moves all cloths by one frame. `targets` are the next positions of the handles `[m]`,
-    /// `[cloths][handles]`.
+    /// Moves all cloths by one frame. `targets` are those of the handles of each.
     ///
     /// # Errors
     /// [`FrameError`]; the cloths are left as they were.
     ///
     /// # Panics
     /// When there are not as many targets as handles.
-    pub fn step(&mut self, targets: &[&[Vec3]]) -> Result<(), FrameError> {
+    pub fn step(&mut self, targets: &[&HandleTargets]) -> Result<(), FrameError> {
         assert_eq!(targets.len(), self.cloths.len(), "targets of every cloth");
-        let (spec, normalizers) = (self.model.spec(), self.model.normalizers());
-        let cloths = self.cloths.par_iter_mut();
-        let yaws = cloths.map(|cloth| {
-            // `next` is about to be overwritten.
-            cloth.yaw_before = None;
-            let yaw = cloth.yaw_now();
-            let (window, place) = (&mut cloth.window, Place::alone(&cloth.graph));
-            let positions = &cloth.history;
-            window.write(spec, &cloth.graph, Frames { positions, yaw }, &place);
-            window.normalize(&normalizers.nodes, &normalizers.edges);
-            yaw
-        });
-        let yaws: Vec<Yaw> = yaws.collect();
-        for (number, Cloth { graph, window, .. }) in self.cloths.iter().enumerate() {
-            if let Some(vertex) = window.first_non_finite(spec, graph.connectivity()) {
-                return Err(of_cloth(number)(NonFinite { vertex }));
-            }
+        for (cloth, targets) in self.cloths.iter().zip(targets) {
+            let handles = cloth.graph().handles().len();
+            assert_eq!(targets.handle_count(), handles, "targets");
         }
-        let windows = self.cloths.iter().map(|cloth| &cloth.window);
-        let input = side_by_side(spec, &windows.collect::<Vec<_>>());
-        let mut rows = self.passes.forward(0, &input, &[])?;
-        normalizers.acceleration.denormalize(&mut rows);
-        let mut rest = &rows[..];
+        let model = &*self.model;
+        let cloths = self.cloths.par_iter_mut().zip(targets);
+        let begun = cloths.map(|(cloth, targets)| cloth.begin_step(model, targets));
+        let begun: Vec<Result<(), StepError>> = begun.collect();
+        for (number, begun) in begun.into_iter().enumerate() {
+            begun.map_err(of_cloth(number))?;
+        }
+        let windows: Vec<&Window> = self.cloths.iter().map(RolloutState::features).collect();
+        let input = side_by_side(model.spec(), &windows);
+        let output = self.passes.forward(0, &input, &[])?;
+        let mut rest = &output[..];
         for (number, cloth) in self.cloths.iter_mut().enumerate() {
-            let (next, yaw) = (targets[number], yaws[number]);
-            assert_eq!(next.len(), cloth.graph.handles().len(), "targets");
-            let rows;
-            (rows, rest) = rest.split_at(OUTPUTS * cloth.graph.vertex_count());
-            let [.., previous, current] = &cloth.history[..] else {
-                unreachable!("a history has two frames at least")
-            };
-            let frames = TwoFrames {
-                graph: &cloth.graph,
-                previous,
-                current,
-            };
-            let acceleration = LocalAcceleration { yaw, rows };
-            let advanced = advance(&frames, next, acceleration, &mut cloth.next);
-            advanced.map_err(of_cloth(number))?;
+            let own;
+            (own, rest) = rest.split_at(OUTPUTS * cloth.graph().vertex_count());
+            let predicted = cloth.predict(model, targets[number], own);
+            predicted.map_err(of_cloth(number))?;
         }
-        for (cloth, yaw) in self.cloths.iter_mut().zip(yaws) {
-            cloth.take_next(yaw);
-        }
-        Ok(())
-    }
-
-    /// Replaces the newest frame by `positions` `[m]`, `[cloths][vertices]`.
-    ///
-    /// # Errors
-    /// [`FrameError`]; the cloths are left as they were.
-    ///
-    /// # Panics
-    /// When there are not as many positions as vertices.
-    pub fn replace_frame(&mut self, positions: &[&[Vec3]]) -> Result<(), FrameError> {
-        self.check(positions)?;
-        for (cloth, positions) in self.cloths.iter_mut().zip(positions) {
-            let newest = cloth.history.len() - 1;
-            cloth.history[newest].copy_from_slice(positions);
-        }
-        Ok(())
-    }
-
-    /// Takes `positions` `[m]`, `[cloths][vertices]`, as the next frame.
-    ///
-    /// # Errors
-    /// As [`Self::replace_frame`].
-    ///
-    /// # Panics
-    /// As [`Self::replace_frame`].
-    pub fn take_frame(&mut self, positions: &[&[Vec3]]) -> Result<(), FrameError> {
-        self.check(positions)?;
-        for (cloth, positions) in self.cloths.iter_mut().zip(positions) {
-            cloth.next.copy_from_slice(positions);
-            cloth.take_next(cloth.yaw_now());
-            cloth.yaw_before = None;
-        }
-        Ok(())
-    }
-
-    /// Undoes the last step, also if its frame was replaced since. Returns true if a step was
-    /// undone: one that came last and succeeded.
-    pub fn undo_step(&mut self) -> bool {
-        let mut undone = true;
-        for cloth in &mut self.cloths {
-            undone &= cloth.undo_step();
-        }
-        undone
-    }
-
-    /// Checks the numbers of positions, and that all of them are finite.
-    fn check(&self, positions: &[&[Vec3]]) -> Result<(), FrameError> {
-        assert_eq!(positions.len(), self.cloths.len(), "every cloth");
-        for (number, (cloth, positions)) in self.cloths.iter().zip(positions).enumerate() {
-            assert_eq!(positions.len(), cloth.graph.vertex_count(), "positions");
-            if let Some(vertex) = positions.iter().position(|p| !p.is_finite()) {
-                let vertex = VertexId(vertex as u32);
-                return Err(of_cloth(number)(NonFinite { vertex }));
-            }
-        }
+        self.cloths.iter_mut().for_each(RolloutState::accept);
         Ok(())
     }
 }
 
-fn of_cloth(cloth: usize) -> impl Fn(NonFinite) -> FrameError {
-    move |NonFinite { vertex }| FrameError::NonFinite { cloth, vertex }
+fn of_cloth(cloth: usize) -> impl Fn(StepError) -> FrameError {
+    move |source| FrameError::Cloth { cloth, source }
 }
 
 /// One cloth that a trained model moves on a GPU.
-pub struct GpuStepper {
-    rollout: Rollout,
-    next: Vec<Vec3>,
-    frame: usize,
-}
+pub struct GpuStepper(Rollout);
 
 impl GpuStepper {
     /// Starts from the last frames before now, as [`Opening`] has them.
@@ -312,75 +167,64 @@ impl GpuStepper {
         graph: ClothGraph,
         start: &[&[Vec3]],
     ) -> Result<Self, OpeningError> {
-        Ok(Self {
-            rollout: Rollout::new(gpu, model, vec![Opening { graph, start }])?,
-            next: Vec::new(),
-            frame: 0,
-        })
+        Rollout::new(gpu, model, vec![Opening { graph, start }]).map(Self)
     }
 
     /// The model that moves the cloth.
-    #[must_use]
     pub fn model(&self) -> &Model {
-        self.rollout.model()
-    }
-}
-
-/// A failure of frame `frame`.
-fn of_frame(frame: usize) -> impl Fn(FrameError) -> StepError {
-    move |error| match error {
-        FrameError::NonFinite { vertex, .. } => StepError::NonFinite { frame, vertex },
-        FrameError::Gpu(error) => StepError::Device {
-            frame,
-            reason: error.to_string(),
-        },
+        self.0.model()
     }
 }
 
 impl Stepper for GpuStepper {
     fn topology(&self) -> &Topology {
-        self.rollout.graph(0).topology()
+        self.0.cloth(0).graph().topology()
     }
 
     fn handles(&self) -> &Handles {
-        self.rollout.graph(0).handles()
+        self.0.cloth(0).graph().handles()
     }
 
     fn positions(&self) -> &[Vec3] {
-        self.rollout.positions(0)
+        self.0.cloth(0).positions()
     }
 
     fn frame(&self) -> usize {
-        self.frame
+        self.0.cloth(0).frame()
     }
 
     fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
-        check_targets_hold(self, targets)?;
-        let frame = self.frame + 1;
-        self.next.clear();
-        self.next.extend(targets.end().iter().map(|p| p.as_vec3()));
-        self.rollout.set_step(self.frame);
-        self.rollout.step(&[&self.next]).map_err(of_frame(frame))?;
-        self.frame = frame;
-        Ok(())
+        check_target_count(self, targets)?;
+        let frame = self.frame() + 1;
+        self.0.step(&[targets]).map_err(|error| match error {
+            FrameError::Cloth { source, .. } => source,
+            FrameError::Gpu(error) => StepError::Device {
+                frame,
+                reason: error.to_string(),
+            },
+        })
+    }
+
+    fn snapshot(&self) -> Option<Snapshot> {
+        Some(self.0.cloth(0).snapshot())
+    }
+
+    fn rewind(&mut self, snapshot: &Snapshot) -> Result<(), StepError> {
+        self.0.cloth_mut(0).rewind(snapshot)
     }
 }
 
 impl Correctable for GpuStepper {
     fn replace_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
-        let replaced = self.rollout.replace_frame(&[positions]);
-        replaced.map_err(of_frame(self.frame))
+        self.0.cloth_mut(0).replace_frame(positions)
     }
 
     fn take_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
-        let taken = self.rollout.take_frame(&[positions]);
-        taken.map_err(of_frame(self.frame + 1))?;
-        self.frame += 1;
-        Ok(())
+        self.0.cloth_mut(0).take_frame(positions)
     }
 
     fn undo_step(&mut self) {
-        self.frame -= usize::from(self.rollout.undo_step());
+        self.0.cloth_mut(0).undo_step();
     }
 }
 

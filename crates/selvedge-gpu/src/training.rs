@@ -280,8 +280,8 @@ impl FramePasses for Work<'_, '_> {
 }
 
 #[cfg(test)]
-mod conformance;
+mod conformance_tests;
 #[cfg(test)]
-mod swinging;
+mod test_swinging;
 #[cfg(test)]
 mod tests;

@@ -99,6 +99,6 @@ pub use network::workspace::Workspace;
 pub use network::{Gradients, Input, InputGradient, Network, NetworkScalar, Pass, Stopped};
 pub use rollout::{
     LearnedStepper, LocalAcceleration, MODEL_FORMAT, Model, ModelFileError, NonFinite, Normalizers,
-    RolloutError, TwoFrames, WeightType, advance, advance_backward, opening_frames,
+    RolloutError, RolloutState, TwoFrames, WeightType, advance, advance_backward,
 };
 pub use spec::{EdgeFeature, Encoder, Integration, ModelSpec, NodeFeature, OUTPUTS, SpecError};

@@ -6,6 +6,7 @@ use glam::Vec3;
 use selvedge_cloth::{Environment, HandleSchedule, Material};
 use selvedge_data::{Dataset, Problem, Sample, Section, Split, Trajectory};
 use selvedge_model::{ClothGraph, Domain, ModelSpec, Yaw};
+use serde::de::DeserializeOwned;
 use serde_json::Value;
 use thiserror::Error;
 
@@ -171,26 +172,26 @@ pub fn domain_of(motion: &str, trajectory: &Trajectory) -> Result<Domain, Traini
 }
 
 fn environment_of(motion: &str, trajectory: &Trajectory) -> Result<Environment, TrainingSetError> {
-    let scene = &trajectory.provenance().scene;
-    match scene.pointer("/setting/environment") {
-        Some(value) => serde_json::from_value(value.clone()).map_err(|error| {
-            let problem = format!("{motion}: the environment of its scene: {error}");
-            TrainingSetError::Trajectory(problem)
-        }),
-        None => Ok(Environment::default()),
-    }
+    setting(motion, trajectory, "environment", "the environment")
 }
 
 /// When the handles of a trajectory let go; never where it has no scene.
 fn schedule_of(motion: &str, trajectory: &Trajectory) -> Result<HandleSchedule, TrainingSetError> {
-    let scene = &trajectory.provenance().scene;
-    match scene.pointer("/setting/schedule") {
-        Some(value) => serde_json::from_value(value.clone()).map_err(|error| {
-            let problem = format!("{motion}: the releases of its scene: {error}");
-            TrainingSetError::Trajectory(problem)
-        }),
-        None => Ok(HandleSchedule::default()),
-    }
+    setting(motion, trajectory, "schedule", "the releases")
+}
+
+/// What the setting of a trajectory's scene has under `key`, and the usual where it has none.
+fn setting<T: DeserializeOwned + Default>(
+    motion: &str,
+    trajectory: &Trajectory,
+    key: &str,
+    what: &str,
+) -> Result<T, TrainingSetError> {
+    let value = trajectory.provenance().scene["setting"].get(key);
+    let value = value.map(T::deserialize).transpose();
+    let problem = |error| format!("{motion}: {what} of its scene: {error}");
+    let value = value.map_err(|error| TrainingSetError::Trajectory(problem(error)));
+    value.map(Option::unwrap_or_default)
 }
 
 /// The fingerprint of a data set: its name and the hashes of its training trajectories.

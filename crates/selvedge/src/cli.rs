@@ -2,7 +2,7 @@
 
 mod device;
 #[cfg(test)]
-mod documents;
+mod documents_tests;
 mod eval;
 mod export;
 mod guard;

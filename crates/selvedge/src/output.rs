@@ -181,14 +181,28 @@ impl Facts {
 
     /// A fact for people and programs; these have it under its name with `_` for spaces.
     pub(crate) fn tell(&mut self, name: &'static str, value: impl Display + Serialize) {
-        self.report.insert(name.replace(' ', "_"), json!(value));
-        self.add(name, value);
+        self.tell_as(name, &value, &value);
+    }
+
+    /// A fact in `words` for people, and as a `value` for programs.
+    pub(crate) fn tell_as(
+        &mut self,
+        name: &'static str,
+        words: impl Display,
+        value: impl Serialize,
+    ) {
+        self.note(&name.replace(' ', "_"), value);
+        self.add(name, words);
+    }
+
+    /// A fact for programs.
+    pub(crate) fn note(&mut self, name: &str, value: impl Serialize) {
+        self.report.insert(name.to_owned(), json!(value));
     }
 
     /// A path for people and programs.
     pub(crate) fn tell_path(&mut self, name: &'static str, path: &Path) {
-        self.report.insert(name.to_owned(), json!(path));
-        self.add(name, path.display());
+        self.tell_as(name, path.display(), path);
     }
 
     /// A line of this name for each of `values`.
@@ -215,9 +229,7 @@ impl Facts {
 
     /// The answer of a command that ended so, which programs are told, too.
     pub(crate) fn answer_at(mut self, end: End, more: Value) -> Answer {
-        let is_interrupted = end == End::Interrupted;
-        self.report
-            .insert("interrupted".to_owned(), json!(is_interrupted));
+        self.note("interrupted", end == End::Interrupted);
         self.answer(more).ended(end)
     }
 }

@@ -70,13 +70,11 @@ impl DatasetParts {
     }
 
     /// Name of the data set.
-    #[must_use]
     pub fn name(&self) -> &str {
         &self.plan.name
     }
 
     /// Number of trajectories.
-    #[must_use]
     pub fn trajectory_count(&self) -> usize {
         self.files.len()
     }

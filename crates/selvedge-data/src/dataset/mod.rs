@@ -132,7 +132,6 @@ impl Split {
 
 impl Splits {
     /// The trajectories of a split.
-    #[must_use]
     pub fn of(&self, split: Split) -> &[Entry] {
         split.of(&self.train, &self.test)
     }
@@ -169,25 +168,21 @@ impl Dataset {
     }
 
     /// Folder of the data set.
-    #[must_use]
     pub fn folder(&self) -> &Path {
         &self.folder
     }
 
     /// Index of the data set.
-    #[must_use]
     pub fn index(&self) -> &DatasetIndex {
         &self.index
     }
 
     /// The trajectories of a split.
-    #[must_use]
     pub fn entries(&self, split: Split) -> &[Entry] {
         self.index.splits.of(split)
     }
 
     /// Sections of the training split to learn from.
-    #[must_use]
     pub fn sections(&self) -> &[Section] {
         &self.index.sections
     }

@@ -28,7 +28,6 @@ pub struct DatasetPlan {
 
 impl DatasetPlan {
     /// The motions of a split, in order.
-    #[must_use]
     pub fn motions(&self, split: Split) -> &[String] {
         split.of(&self.train, &self.test)
     }
@@ -47,7 +46,6 @@ impl DatasetPlan {
     /// Returns the difference between the data set of `index` and the one that the plan makes, as
     /// "has other sections"; none where they agree. Keys that an older configuration lacks count as
     /// their defaults.
-    #[must_use]
     pub fn difference(&self, index: &DatasetIndex) -> Option<String> {
         let motions = |entries: &[Entry]| entries.iter().map(|e| e.motion.clone()).collect();
         let found = Self {

@@ -62,7 +62,6 @@ const NOT_OPPOSITE: [&str; 8] = [
 
 impl Section {
     /// Number of frames.
-    #[must_use]
     pub fn frame_count(&self) -> usize {
         self.end.saturating_sub(self.start)
     }

@@ -113,13 +113,11 @@ impl DatasetWriter {
     }
 
     /// The trajectory of this motion, if it is already written.
-    #[must_use]
     pub fn written(&self, split: Split, motion: &str) -> Option<&Entry> {
         self.index.done.find(split, motion)
     }
 
     /// The motions that are still to be written, in order; of a part only its own.
-    #[must_use]
     pub fn missing(&self) -> Vec<(Split, String)> {
         let own = self.index.plan.of_part(self.part).into_iter();
         own.filter(|(split, motion)| self.written(*split, motion).is_none())
@@ -128,7 +126,6 @@ impl DatasetWriter {
     }
 
     /// The number of motions that are to be written and kept here.
-    #[must_use]
     pub fn motion_count(&self) -> usize {
         self.index.plan.of_part(self.part).len()
     }

@@ -62,7 +62,6 @@ pub struct ExportOptions {
 
 impl ExportOptions {
     /// All frames with y up, without normals and velocities.
-    #[must_use]
     pub fn plain(format: ExportFormat) -> Self {
         Self {
             format,
@@ -74,7 +73,6 @@ impl ExportOptions {
     }
 
     /// All frames with y up, and what who opens such a file expects in it.
-    #[must_use]
     pub fn usual(format: ExportFormat) -> Self {
         use ExportFormat::{Abc, Glb, Usdc, Usdz};
         Self {
@@ -85,7 +83,6 @@ impl ExportOptions {
     }
 
     /// The usual options of the format whose files end in `.ending`, in small or capital letters; none for an ending of none.
-    #[must_use]
     pub fn of_ending(ending: &str) -> Option<Self> {
         use ExportFormat::{Abc, Glb, Npz, Obj, Pc2, Usda, Usdc, Usdz};
         let formats = [

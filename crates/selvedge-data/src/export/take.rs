@@ -264,7 +264,6 @@ fn obstacles_of(trajectory: &Trajectory) -> Vec<(String, &ObstacleTrack)> {
 
 /// Files that an export of `trajectory` to `path` writes beside it: the mesh of each obstacle, and
 /// for point caches their caches and the cloth's mesh.
-#[must_use]
 pub fn files_beside(trajectory: &Trajectory, format: ExportFormat, path: &Path) -> Vec<PathBuf> {
     let is_cache = format == ExportFormat::Pc2;
     if !is_cache && format != ExportFormat::Obj {

@@ -157,13 +157,11 @@ impl ForeignSource {
     }
 
     /// Trajectories of the source.
-    #[must_use]
     pub fn runs(&self) -> &[ForeignRun] {
         &self.runs
     }
 
     /// The data set that they make: whole trajectories, and the resolved options as configuration.
-    #[must_use]
     pub fn plan(&self) -> DatasetPlan {
         let of = |split| {
             let runs = self.runs.iter().filter(move |run| run.split == split);

@@ -51,7 +51,6 @@ static UNDER_WAY: AtomicUsize = AtomicUsize::new(0);
 
 /// Returns true while a file or a folder is being written: a process that ends now leaves what was
 /// there before, and a `.part` beside it.
-#[must_use]
 pub fn is_writing() -> bool {
     UNDER_WAY.load(Ordering::SeqCst) > 0
 }

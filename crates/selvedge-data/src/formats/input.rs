@@ -7,7 +7,6 @@ use std::path::Path;
 
 /// What the name of a file ends in, in small letters and without the dot; nothing where there is no
 /// ending. Windows and cameras write `.OBJ` and `.GLB`.
-#[must_use]
 pub fn ending_of(path: &Path) -> String {
     let ending = path.extension().and_then(|ending| ending.to_str());
     ending.unwrap_or_default().to_ascii_lowercase()

@@ -76,7 +76,6 @@ impl Character {
     }
 
     /// The numbers.
-    #[must_use]
     pub fn values(&self) -> [f64; Self::COUNT] {
         [
             self.folds,
@@ -91,7 +90,6 @@ impl Character {
 
     /// The numbers of several motions over those of their truths, each the ratio of two sums; none
     /// where the truths have none of it.
-    #[must_use]
     pub fn ratios(pairs: &[(Self, Self)]) -> [Option<f64>; Self::COUNT] {
         let (mut found, mut truth) = ([0.0; Self::COUNT], [0.0; Self::COUNT]);
         for (its, of_truth) in pairs {

@@ -122,7 +122,6 @@ pub fn relative_error(a: Frames<'_>, b: Frames<'_>) -> Result<f64, Problem> {
 /// The first frame of more than `frames` in a row whose largest strain, as from
 /// [`largest_strain`], is above `limit` or is not a number: where a run
 /// diverges, and does not merely stretch for a moment.
-#[must_use]
 pub fn diverged_frame(largest_strains: &[f64], limit: f64, frames: usize) -> Option<usize> {
     let holds = |strain: f64| strain <= limit;
     let mut first = 0;

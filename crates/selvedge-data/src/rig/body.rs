@@ -34,7 +34,6 @@ pub struct MeshMotion {
 
 impl MeshMotion {
     /// Frames per second, if they are evenly spaced.
-    #[must_use]
     pub fn frame_rate(&self) -> Option<f64> {
         let [first, .., last] = self.times.as_slice() else {
             return None;

@@ -103,13 +103,11 @@ impl Rig {
     }
 
     /// All nodes.
-    #[must_use]
     pub fn nodes(&self) -> &[RigNode] {
         &self.nodes
     }
 
     /// Times of the first and the last key in the chain from the root to `node` `[s]`.
-    #[must_use]
     pub fn span(&self, node: usize) -> Option<[f64; 2]> {
         ends(self.keys(node))
     }

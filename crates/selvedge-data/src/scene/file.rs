@@ -16,7 +16,6 @@ use selvedge_cloth::Mesh;
 use std::path::{Path, PathBuf};
 
 /// The shipped scenes: names and TOML texts.
-#[must_use]
 pub fn shipped_scenes() -> &'static [(&'static str, &'static str)] {
     SCENES
 }

@@ -92,7 +92,6 @@ impl MaterialSource {
 }
 
 /// The shipped materials: names and TOML texts, the default first.
-#[must_use]
 pub fn materials() -> &'static [(&'static str, &'static str)] {
     MATERIALS
 }

@@ -94,7 +94,6 @@ const LARGEST_RATIO: f64 = 3.0;
 const SIZES: std::ops::RangeInclusive<f64> = 0.01..=20.0;
 
 /// A warning of a cloth at `positions` `[m]` that is hardly a person's.
-#[must_use]
 pub fn size_warning(positions: &[DVec3]) -> Option<String> {
     let size = extent(positions);
     let bound = match size {

@@ -6,6 +6,7 @@
 
 use glam::DVec3;
 use selvedge_cloth::{Handles, Mesh, VertexId};
+use serde::Serialize;
 
 /// Medians beyond these are warned of: no fabric hangs so, no start is folded so by intent.
 const SMALLEST: f64 = 0.8;
@@ -21,7 +22,7 @@ const HOPELESS: f64 = 3.0;
 const NAMED: usize = 3;
 
 /// An edge with its stretch at the start.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StrainedEdge {
     /// The two ends.
     pub vertices: [VertexId; 2],
@@ -51,7 +52,6 @@ impl std::fmt::Display for Times {
 
 /// The `count` edges that are longest at `positions` `[m]`, `[vertices]`, by their pattern; but those
 /// that `handles` hold at both ends.
-#[must_use]
 pub fn worst_edges(
     mesh: &Mesh,
     handles: &Handles,
@@ -86,7 +86,6 @@ pub fn worst_edges(
 
 /// Length over length in the pattern of each panel's edges, the median, `[panels]`; see
 /// [`selvedge_cloth::Pattern::panels`].
-#[must_use]
 pub fn panel_stretches(mesh: &Mesh, positions: &[DVec3]) -> Vec<f64> {
     let panels = mesh.pattern().panels();
     let count = panels.iter().max().map_or(0, |last| *last as usize + 1);

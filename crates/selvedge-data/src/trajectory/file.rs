@@ -107,7 +107,6 @@ impl Trajectory {
     }
 
     /// The bytes of the trajectory file.
-    #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut bytes = Vec::new();
         // A vector takes all that is written to it.

@@ -35,19 +35,16 @@ impl<'a> Frames<'a> {
     }
 
     /// Number of frames.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.positions.len() / self.vertex_count
     }
 
     /// Returns true when there is no frame.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.positions.is_empty()
     }
 
     /// Number of vertices.
-    #[must_use]
     pub fn vertex_count(&self) -> usize {
         self.vertex_count
     }
@@ -56,7 +53,6 @@ impl<'a> Frames<'a> {
     ///
     /// # Panics
     /// When `index` is not below [`Self::len`], as for a slice.
-    #[must_use]
     pub fn frame(&self, index: usize) -> &'a [Vec3] {
         &self.positions[index * self.vertex_count..(index + 1) * self.vertex_count]
     }
@@ -67,14 +63,12 @@ impl<'a> Frames<'a> {
     }
 
     /// At most the first `count` frames.
-    #[must_use]
     pub fn first(&self, count: usize) -> Self {
         let kept = count.min(self.len()) * self.vertex_count;
         Self::of_whole(&self.positions[..kept], self.vertex_count)
     }
 
     /// At most the last `count` frames.
-    #[must_use]
     pub fn last(&self, count: usize) -> Self {
         let dropped = self.len().saturating_sub(count) * self.vertex_count;
         Self::of_whole(&self.positions[dropped..], self.vertex_count)

@@ -98,19 +98,16 @@ impl Trajectory {
     }
 
     /// The obstacles beside the cloth.
-    #[must_use]
     pub fn obstacles(&self) -> &[ObstacleTrack] {
         &self.obstacles
     }
 
     /// Number of frames, the start included.
-    #[must_use]
     pub fn frame_count(&self) -> usize {
         self.positions.len() / self.vertex_count()
     }
 
     /// Number of vertices.
-    #[must_use]
     pub fn vertex_count(&self) -> usize {
         self.cloth.vertex_count()
     }
@@ -119,49 +116,41 @@ impl Trajectory {
     ///
     /// # Panics
     /// When `index` is not below [`Self::frame_count`], as for a slice.
-    #[must_use]
     pub fn frame(&self, index: usize) -> &[Vec3] {
         self.frames().frame(index)
     }
 
     /// All frames, as metrics and exporters take them.
-    #[must_use]
     pub fn frames(&self) -> Frames<'_> {
         Frames::of_whole(&self.positions, self.vertex_count())
     }
 
     /// All positions `[m]`, `[frames * vertices]`, one frame after another.
-    #[must_use]
     pub fn positions(&self) -> &[Vec3] {
         &self.positions
     }
 
     /// The cloth, which does not change.
-    #[must_use]
     pub fn cloth(&self) -> &Cloth {
         &self.cloth
     }
 
     /// The connectivity.
-    #[must_use]
     pub fn topology(&self) -> &Topology {
         self.cloth.topology()
     }
 
     /// The held vertices.
-    #[must_use]
     pub fn handles(&self) -> &Handles {
         self.cloth.handles()
     }
 
     /// Frames per second.
-    #[must_use]
     pub fn frame_rate(&self) -> f64 {
         self.provenance.frame_rate
     }
 
     /// Origin of the trajectory.
-    #[must_use]
     pub fn provenance(&self) -> &Provenance {
         &self.provenance
     }

@@ -42,7 +42,6 @@ impl Pose {
 impl ObstacleTrack {
     /// The track of `obstacle` over `frames` frames at `frame_rate` `[1/s]`, the first at the time
     /// of frame `first`.
-    #[must_use]
     pub fn of(obstacle: &Obstacle, frame_rate: f64, first: usize, frames: usize) -> Self {
         let time = |frame: usize| (first + frame) as f64 / frame_rate;
         let at = |time: f64| rounded(obstacle.positions_at(time));
@@ -76,7 +75,6 @@ impl ObstacleTrack {
     ///
     /// # Panics
     /// When there is no frame.
-    #[must_use]
     pub fn of_frames(name: String, faces: Vec<[u32; 3]>, mut frames: Vec<Vec<Vec3>>) -> Self {
         if frames.iter().all(|frame| *frame == frames[0]) {
             frames.truncate(1);
@@ -89,19 +87,16 @@ impl ObstacleTrack {
     }
 
     /// Name of the obstacle.
-    #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
     /// Corners of every face, `[faces, 3]`.
-    #[must_use]
     pub fn faces(&self) -> &[[u32; 3]] {
         &self.faces
     }
 
     /// Number of points.
-    #[must_use]
     pub fn point_count(&self) -> usize {
         match &self.motion {
             TrackMotion::Rigid(points, _) => points.len(),
@@ -110,14 +105,12 @@ impl ObstacleTrack {
     }
 
     /// Returns true if it never moves.
-    #[must_use]
     pub fn is_still(&self) -> bool {
         matches!(&self.motion, TrackMotion::Points(frames) if frames.len() == 1)
     }
 
     /// Positions in frame `index` `[m]`, `[points]`; in the last one it has where there is none of
     /// this number.
-    #[must_use]
     pub fn frame(&self, index: usize) -> Cow<'_, [Vec3]> {
         match &self.motion {
             TrackMotion::Rigid(points, poses) => {

@@ -99,7 +99,6 @@ pub struct Playback {
 
 impl Playback {
     /// Starts `trajectory` at frame 0.
-    #[must_use]
     pub fn new(trajectory: Trajectory) -> Self {
         Self {
             trajectory,
@@ -108,7 +107,6 @@ impl Playback {
     }
 
     /// The trajectory that is played.
-    #[must_use]
     pub fn trajectory(&self) -> &Trajectory {
         &self.trajectory
     }

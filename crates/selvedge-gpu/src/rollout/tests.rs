@@ -3,7 +3,7 @@
 use glam::DVec3;
 use selvedge_cloth::conformance::{HandlesEnd, check_correctable};
 use selvedge_cloth::{Correctable, HandleTargets, StepError, Stepper};
-use selvedge_model::{Encoder, LearnedStepper, ModelSpec};
+use selvedge_model::{Encoder, LearnedStepper, ModelSpec, Yaw};
 
 use super::*;
 use crate::test_graphs::{cloth, full_specs, gpu, model, shaken};
@@ -80,13 +80,14 @@ fn sixteen_cloths_move_as_each_alone_to_the_last_bit() {
         .map(|(graph, start)| on_gpu(&gpu, &model, graph.clone(), start))
         .collect();
     for frame in 1..=4 {
-        let goals: Vec<Vec<Vec3>> = graphs.iter().map(|graph| targets(graph, frame)).collect();
-        let goals: Vec<&[Vec3]> = goals.iter().map(|goal| &**goal).collect();
-        all.step(&goals).expect("a frame");
+        let goals = graphs.iter().map(|graph| handle_targets(graph, frame));
+        let goals: Vec<HandleTargets> = goals.collect();
+        all.step(&goals.iter().collect::<Vec<_>>())
+            .expect("a frame");
         for (number, stepper) in alone.iter_mut().enumerate() {
-            let targets = handle_targets(&graphs[number], frame);
-            stepper.step(&targets).expect("a frame");
-            assert_eq!(all.positions(number), stepper.positions(), "cloth {number}");
+            stepper.step(&goals[number]).expect("a frame");
+            let found = all.cloth(number).positions();
+            assert_eq!(found, stepper.positions(), "cloth {number}");
         }
     }
 }
@@ -169,6 +170,29 @@ fn frames_of_somebody_else_are_gone_on_from_as_on_the_processor() {
             let off = farthest(cpu.positions(), device.positions());
             assert!(off < 2e-5, "frame {frame}: {off} m with {encoder:?}");
         }
+    }
+}
+
+#[test]
+fn a_handle_that_lets_go_is_free_as_on_the_processor() {
+    let Some(gpu) = gpu() else { return };
+    let spec = ModelSpec::physical(Encoder::Gru { window: 2 }, 12, 1);
+    let (graph, model) = (cloth(5, 1), Arc::new(model(&spec, 1e-3, 7)));
+    let start: [&[Vec3]; 1] = [graph.rest_positions()];
+    let mut cpu = LearnedStepper::new(Arc::clone(&model), graph.clone(), &start).expect("a start");
+    let mut device = on_gpu(&gpu, &model, graph.clone(), &start);
+    let released = graph.handles().vertices()[1].index();
+    for frame in 1..=6 {
+        let mut targets = handle_targets(&graph, frame);
+        if frame > 3 {
+            targets = targets.releasing(vec![false, true]).expect("targets");
+        }
+        cpu.step(&targets).expect("a frame");
+        device.step(&targets).expect("a frame");
+        let target = targets.end()[1].as_vec3();
+        assert_eq!(device.positions()[released] == target, frame <= 3);
+        let off = farthest(cpu.positions(), device.positions());
+        assert!(off < 2e-5, "frame {frame}: {off} m");
     }
 }
 

@@ -9,8 +9,8 @@ use selvedge_train::{
 };
 
 use super::OnGpu;
-use super::conformance::{TrainingCheck, training};
-use super::swinging::{Swinging, config, two_cloths};
+use super::conformance_tests::{TrainingCheck, training};
+use super::test_swinging::{Swinging, config, two_cloths};
 use crate::gpu::Gpu;
 use crate::test_graphs::gpu;
 

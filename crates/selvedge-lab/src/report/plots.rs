@@ -35,7 +35,8 @@ fn role(kind: Kind) -> Role {
     }
 }
 
-fn axis(label: &str, scale: Scale) -> Axis {
+/// An axis of this label.
+pub(super) fn axis(label: &str, scale: Scale) -> Axis {
     Axis {
         label: label.to_owned(),
         scale,

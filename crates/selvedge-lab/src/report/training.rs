@@ -3,8 +3,10 @@
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use selvedge_view::plot::{Axis, Line, LineChart, Role, Scale};
+use selvedge_view::plot::{Line, LineChart, Role, Scale};
 use serde::Deserialize;
+
+use super::plots::axis;
 
 /// The lines of a log.
 pub struct TrainingLog {
@@ -83,10 +85,6 @@ pub fn training_chart(name: &str, log: &TrainingLog) -> LineChart {
     if shown.len() > 1 {
         lines.extend(shown);
     }
-    let axis = |label: &str, scale| Axis {
-        label: label.to_owned(),
-        scale,
-    };
     LineChart {
         title: format!("Loss of {name}"),
         x: axis("step", Scale::Linear),

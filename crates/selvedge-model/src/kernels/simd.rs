@@ -107,57 +107,87 @@ pub trait Lanes: Copy + 'static {
     ) -> Self::Vector<S>;
 }
 
-impl Lanes for f32 {
-    type Vector<S: Simd> = S::f32s;
+/// The methods of [`Lanes`] that are the same for every scalar but for the names in `pulp`.
+macro_rules! lanes_by {
+    (
+        $vectors:ident, $count:ident, [$whole:ident, $whole_mut:ident, $load:ident, $store:ident],
+        [$splat:ident, $mul_add:ident, $add:ident, $sub:ident, $mul:ident, $sum:ident, $max:ident],
+        [$greater:ident, $to_bits:ident, $of_bits:ident, $select:ident]
+    ) => {
+        type Vector<S: Simd> = S::$vectors;
 
-    #[inline(always)]
-    fn lanes<S: Simd>() -> usize {
-        S::F32_LANES
+        #[inline(always)]
+        fn lanes<S: Simd>() -> usize {
+            S::$count
+        }
+        #[inline(always)]
+        fn splat<S: Simd>(simd: S, value: Self) -> S::$vectors {
+            simd.$splat(value)
+        }
+        #[inline(always)]
+        fn vectors<S: Simd>(slice: &[Self]) -> &[S::$vectors] {
+            S::$whole(slice).0
+        }
+        #[inline(always)]
+        fn vectors_mut<S: Simd>(slice: &mut [Self]) -> &mut [S::$vectors] {
+            S::$whole_mut(slice).0
+        }
+        #[inline(always)]
+        fn load<S: Simd>(simd: S, slice: &[Self]) -> S::$vectors {
+            simd.$load(slice)
+        }
+        #[inline(always)]
+        fn store<S: Simd>(simd: S, slice: &mut [Self], value: S::$vectors) {
+            simd.$store(slice, value);
+        }
+        #[inline(always)]
+        fn mul_add<S: Simd>(
+            simd: S,
+            a: S::$vectors,
+            b: S::$vectors,
+            c: S::$vectors,
+        ) -> S::$vectors {
+            simd.$mul_add(a, b, c)
+        }
+        #[inline(always)]
+        fn plus<S: Simd>(simd: S, a: S::$vectors, b: S::$vectors) -> S::$vectors {
+            simd.$add(a, b)
+        }
+        #[inline(always)]
+        fn minus<S: Simd>(simd: S, a: S::$vectors, b: S::$vectors) -> S::$vectors {
+            simd.$sub(a, b)
+        }
+        #[inline(always)]
+        fn times<S: Simd>(simd: S, a: S::$vectors, b: S::$vectors) -> S::$vectors {
+            simd.$mul(a, b)
+        }
+        #[inline(always)]
+        fn total<S: Simd>(simd: S, a: S::$vectors) -> Self {
+            simd.$sum(a)
+        }
+        #[inline(always)]
+        fn relu<S: Simd>(simd: S, a: S::$vectors) -> S::$vectors {
+            simd.$max(a, simd.$splat(0.0))
+        }
+        #[inline(always)]
+        fn where_positive<S: Simd>(simd: S, test: S::$vectors, value: S::$vectors) -> S::$vectors {
+            // pulp's own choice between vectors is not always inlined, and then neither are its
+            // instructions.
+            let zero = simd.$splat(0.0);
+            let (value, other) = (simd.$to_bits(value), simd.$to_bits(zero));
+            simd.$of_bits(simd.$select(simd.$greater(test, zero), value, other))
+        }
+    };
+}
+
+impl Lanes for f32 {
+    lanes_by! {
+        f32s, F32_LANES,
+        [as_simd_f32s, as_mut_simd_f32s, partial_load_f32s, partial_store_f32s],
+        [splat_f32s, mul_add_e_f32s, add_f32s, sub_f32s, mul_f32s, reduce_sum_f32s, max_f32s],
+        [greater_than_f32s, transmute_u32s_f32s, transmute_f32s_u32s, select_u32s]
     }
-    #[inline(always)]
-    fn splat<S: Simd>(simd: S, value: Self) -> S::f32s {
-        simd.splat_f32s(value)
-    }
-    #[inline(always)]
-    fn vectors<S: Simd>(slice: &[Self]) -> &[S::f32s] {
-        S::as_simd_f32s(slice).0
-    }
-    #[inline(always)]
-    fn vectors_mut<S: Simd>(slice: &mut [Self]) -> &mut [S::f32s] {
-        S::as_mut_simd_f32s(slice).0
-    }
-    #[inline(always)]
-    fn load<S: Simd>(simd: S, slice: &[Self]) -> S::f32s {
-        simd.partial_load_f32s(slice)
-    }
-    #[inline(always)]
-    fn store<S: Simd>(simd: S, slice: &mut [Self], value: S::f32s) {
-        simd.partial_store_f32s(slice, value);
-    }
-    #[inline(always)]
-    fn mul_add<S: Simd>(simd: S, a: S::f32s, b: S::f32s, c: S::f32s) -> S::f32s {
-        simd.mul_add_e_f32s(a, b, c)
-    }
-    #[inline(always)]
-    fn plus<S: Simd>(simd: S, a: S::f32s, b: S::f32s) -> S::f32s {
-        simd.add_f32s(a, b)
-    }
-    #[inline(always)]
-    fn minus<S: Simd>(simd: S, a: S::f32s, b: S::f32s) -> S::f32s {
-        simd.sub_f32s(a, b)
-    }
-    #[inline(always)]
-    fn times<S: Simd>(simd: S, a: S::f32s, b: S::f32s) -> S::f32s {
-        simd.mul_f32s(a, b)
-    }
-    #[inline(always)]
-    fn total<S: Simd>(simd: S, a: S::f32s) -> Self {
-        simd.reduce_sum_f32s(a)
-    }
-    #[inline(always)]
-    fn relu<S: Simd>(simd: S, a: S::f32s) -> S::f32s {
-        simd.max_f32s(a, simd.splat_f32s(0.0))
-    }
+
     #[inline(always)]
     fn sigmoids<S: Simd>(simd: S, a: S::f32s) -> S::f32s {
         let one = simd.splat_f32s(1.0);
@@ -171,97 +201,34 @@ impl Lanes for f32 {
         let below = simd.add_f32s(one, exps(simd, simd.add_f32s(a, a)));
         simd.sub_f32s(one, simd.div_f32s(simd.splat_f32s(2.0), below))
     }
-    #[inline(always)]
-    fn where_positive<S: Simd>(simd: S, test: S::f32s, value: S::f32s) -> S::f32s {
-        // `select_f32s` itself is not always inlined, and then neither are its instructions.
-        let zero = simd.splat_f32s(0.0);
-        let value = simd.transmute_u32s_f32s(value);
-        let other = simd.transmute_u32s_f32s(zero);
-        let mask = simd.greater_than_f32s(test, zero);
-        simd.transmute_f32s_u32s(simd.select_u32s(mask, value, other))
-    }
 }
 
 impl Lanes for f64 {
-    type Vector<S: Simd> = S::f64s;
+    lanes_by! {
+        f64s, F64_LANES,
+        [as_simd_f64s, as_mut_simd_f64s, partial_load_f64s, partial_store_f64s],
+        [splat_f64s, mul_add_e_f64s, add_f64s, sub_f64s, mul_f64s, reduce_sum_f64s, max_f64s],
+        [greater_than_f64s, transmute_u64s_f64s, transmute_f64s_u64s, select_u64s]
+    }
 
     #[inline(always)]
-    fn lanes<S: Simd>() -> usize {
-        S::F64_LANES
-    }
-    #[inline(always)]
-    fn splat<S: Simd>(simd: S, value: Self) -> S::f64s {
-        simd.splat_f64s(value)
-    }
-    #[inline(always)]
-    fn vectors<S: Simd>(slice: &[Self]) -> &[S::f64s] {
-        S::as_simd_f64s(slice).0
-    }
-    #[inline(always)]
-    fn vectors_mut<S: Simd>(slice: &mut [Self]) -> &mut [S::f64s] {
-        S::as_mut_simd_f64s(slice).0
-    }
-    #[inline(always)]
-    fn load<S: Simd>(simd: S, slice: &[Self]) -> S::f64s {
-        simd.partial_load_f64s(slice)
-    }
-    #[inline(always)]
-    fn store<S: Simd>(simd: S, slice: &mut [Self], value: S::f64s) {
-        simd.partial_store_f64s(slice, value);
-    }
-    #[inline(always)]
-    fn mul_add<S: Simd>(simd: S, a: S::f64s, b: S::f64s, c: S::f64s) -> S::f64s {
-        simd.mul_add_e_f64s(a, b, c)
-    }
-    #[inline(always)]
-    fn plus<S: Simd>(simd: S, a: S::f64s, b: S::f64s) -> S::f64s {
-        simd.add_f64s(a, b)
-    }
-    #[inline(always)]
-    fn minus<S: Simd>(simd: S, a: S::f64s, b: S::f64s) -> S::f64s {
-        simd.sub_f64s(a, b)
-    }
-    #[inline(always)]
-    fn times<S: Simd>(simd: S, a: S::f64s, b: S::f64s) -> S::f64s {
-        simd.mul_f64s(a, b)
-    }
-    #[inline(always)]
-    fn total<S: Simd>(simd: S, a: S::f64s) -> Self {
-        simd.reduce_sum_f64s(a)
-    }
-    #[inline(always)]
-    fn relu<S: Simd>(simd: S, a: S::f64s) -> S::f64s {
-        simd.max_f64s(a, simd.splat_f64s(0.0))
-    }
-    #[inline(always)]
     fn sigmoids<S: Simd>(simd: S, a: S::f64s) -> S::f64s {
-        let mut lanes = [0.0; MOST_LANES];
-        let lanes = &mut lanes[..S::F64_LANES];
-        simd.partial_store_f64s(lanes, a);
-        for x in &mut *lanes {
-            *x = 1.0 / (1.0 + (-*x).exp());
-        }
-        simd.partial_load_f64s(lanes)
+        each_lane(simd, a, |x| 1.0 / (1.0 + (-x).exp()))
     }
     #[inline(always)]
     fn tanhs<S: Simd>(simd: S, a: S::f64s) -> S::f64s {
-        let mut lanes = [0.0; MOST_LANES];
-        let lanes = &mut lanes[..S::F64_LANES];
-        simd.partial_store_f64s(lanes, a);
-        for x in &mut *lanes {
-            *x = x.tanh();
-        }
-        simd.partial_load_f64s(lanes)
+        each_lane(simd, a, f64::tanh)
     }
-    #[inline(always)]
-    fn where_positive<S: Simd>(simd: S, test: S::f64s, value: S::f64s) -> S::f64s {
-        // `select_f64s` itself is not always inlined, and then neither are its instructions.
-        let zero = simd.splat_f64s(0.0);
-        let value = simd.transmute_u64s_f64s(value);
-        let other = simd.transmute_u64s_f64s(zero);
-        let mask = simd.greater_than_f64s(test, zero);
-        simd.transmute_f64s_u64s(simd.select_u64s(mask, value, other))
-    }
+}
+
+/// A function of each lane, one after the other.
+#[inline(always)]
+fn each_lane<S: Simd>(simd: S, a: S::f64s, of: impl Fn(f64) -> f64) -> S::f64s {
+    let mut lanes = [0.0; MOST_LANES];
+    let lanes = &mut lanes[..S::F64_LANES];
+    simd.partial_store_f64s(lanes, a);
+    lanes.iter_mut().for_each(|x| *x = of(*x));
+    simd.partial_load_f64s(lanes)
 }
 
 /// Constants of [`exps`]: bounds of x; log2 e; 1.5 · 2^23, which rounds to an integer when it is

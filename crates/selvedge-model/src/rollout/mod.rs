@@ -5,9 +5,11 @@ mod advance;
 pub(crate) mod model;
 pub(crate) mod model_file;
 mod names_once;
+mod state;
 mod stepper;
 
 pub use advance::{LocalAcceleration, NonFinite, TwoFrames, advance, advance_backward};
 pub use model::{Model, Normalizers};
 pub use model_file::{MODEL_FORMAT, ModelFileError, WeightType};
-pub use stepper::{LearnedStepper, RolloutError, opening_frames};
+pub use state::{RolloutError, RolloutState};
+pub use stepper::LearnedStepper;

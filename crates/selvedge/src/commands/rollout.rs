@@ -128,7 +128,7 @@ pub(crate) fn run(args: &RunArgs, model: &Path) -> anyhow::Result<Answer> {
         let words = format!("{ms:.2} ms per frame, {substeps} substep{plural}");
         facts.add("time of the solver", words);
     }
-    facts.add("largest strain", percent(largest_strain));
+    facts.tell_as("largest strain", percent(largest_strain), largest_strain);
     facts.add("guard", guard_line(args.guard.name(), &guarded));
     match &departures {
         Some(departures) => facts.add_all("out of distribution", departures),
@@ -155,7 +155,6 @@ pub(crate) fn run(args: &RunArgs, model: &Path) -> anyhow::Result<Answer> {
         "model_ms_per_frame": run.ms_per_frame,
         "truth_ms_per_frame": truth.as_ref().map(|truth| truth.ms_per_frame),
         "truth_substeps": truth.as_ref().map(|_| scene.physics.substeps),
-        "largest_strain": largest_strain,
         "guard": args.guard.name(),
         "guarded": guarded,
         // The first of more than ten frames in a row with an edge over 30 % strain, and over 1.5

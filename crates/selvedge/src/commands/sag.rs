@@ -29,7 +29,7 @@ pub(crate) fn run(args: &RunArgs) -> anyhow::Result<Answer> {
     facts.tell("vertices", rest.positions.len());
     facts.add("middle", below(middle_sag));
     facts.add("lowest point", below(lowest));
-    facts.add("largest strain", percent(largest_strain));
+    facts.tell_as("largest strain", percent(largest_strain), largest_strain);
     facts.add(
         "residual",
         format!("{:.1e} m/s² after {} solves", rest.residual, rest.solves),
@@ -39,7 +39,6 @@ pub(crate) fn run(args: &RunArgs) -> anyhow::Result<Answer> {
         "out": args.file(),
         "middle_sag": middle_sag,
         "lowest": lowest,
-        "largest_strain": largest_strain,
         "solves": rest.solves,
         "residual": rest.residual,
         "warnings": loaded.warnings,

@@ -81,7 +81,7 @@ pub(crate) fn run(args: &RunArgs) -> anyhow::Result<Answer> {
         facts.add("sag", format!("{solves} solves, {residual:.1e} m/s² left"));
     }
     let largest_strain = physics::largest_strain(&trajectory)?;
-    facts.add("largest strain", percent(largest_strain));
+    facts.tell_as("largest strain", percent(largest_strain), largest_strain);
     let final_speed = metrics::final_speed(trajectory.frames(), scene.frame_rate)?;
     facts.add("speed", format!("{final_speed:.4} m/s in the last second"));
     if let Some(SubstepCounts {
@@ -112,7 +112,6 @@ pub(crate) fn run(args: &RunArgs) -> anyhow::Result<Answer> {
         "ms_per_frame": run.ms_per_frame,
         "sag_solves": rest.map(|rest| rest.solves),
         "sag_residual": rest.map(|rest| rest.residual),
-        "largest_strain": largest_strain,
         // Of the vertices on average in the last second [m/s].
         "final_speed": final_speed,
         // None with an integrator of first order.

@@ -112,19 +112,16 @@ impl Forecast {
     }
 
     /// Frames in all, starts included.
-    #[must_use]
     pub fn frames(&self) -> usize {
         self.runs.iter().map(|run| run.frames).sum()
     }
 
     /// Positions in all: vertices of every frame.
-    #[must_use]
     pub fn positions(&self) -> usize {
         self.runs.iter().map(|run| run.frames * run.vertices).sum()
     }
 
     /// Samples in the sections.
-    #[must_use]
     pub fn samples(&self) -> usize {
         self.sections.iter().map(|s| s.samples().count()).sum()
     }
@@ -289,25 +286,21 @@ impl DatasetPreset {
     }
 
     /// Warnings of what was mended or passed over in the files of its meshes.
-    #[must_use]
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }
 
     /// Forecast of the data set.
-    #[must_use]
     pub fn forecast(&self) -> &Forecast {
         &self.forecast
     }
 
     /// The configuration.
-    #[must_use]
     pub fn config(&self) -> &DatasetConfig {
         &self.config
     }
 
     /// The motions of a split, in order.
-    #[must_use]
     pub fn motions(&self, split: Split) -> &[NamedMotion] {
         split.of(&self.config.train, &self.config.test)
     }
@@ -368,7 +361,6 @@ impl DatasetPreset {
 }
 
 /// The shipped presets: names and TOML texts.
-#[must_use]
 pub fn shipped_presets() -> &'static [(&'static str, &'static str)] {
     PRESETS
 }

@@ -68,7 +68,6 @@ pub struct Sewing {
 
 impl Sewing {
     /// Returns true when all faces are taken as they stand, and nothing is sewn.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.objects.is_empty() && self.panels.is_empty() && self.seams.is_empty()
     }

@@ -124,14 +124,12 @@ pub struct StateRun {
 
 impl SavedState {
     /// At `positions` `[m]`, `[vertices]`, without velocity, before the motion begins.
-    #[must_use]
     pub fn at_rest(positions: Vec<DVec3>) -> Self {
         let velocities = vec![DVec3::ZERO; positions.len()];
         Self::moving(positions, velocities)
     }
 
     /// At `positions` `[m]` with `velocities` `[m/s]`, `[vertices]`, before the motion begins.
-    #[must_use]
     pub fn moving(positions: Vec<DVec3>, velocities: Vec<DVec3>) -> Self {
         Self {
             positions,

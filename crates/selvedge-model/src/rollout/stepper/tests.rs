@@ -2,10 +2,12 @@
 //! and moved, starts that are padded, and errors that leave everything as it was.
 
 use glam::DVec3;
+use selvedge_cloth::VertexId;
 use selvedge_cloth::conformance::{HandlesEnd, check_correctable, check_stop};
 
 use super::*;
 use crate::features::normalizer::Normalizer;
+use crate::graph::frame::Yaw;
 use crate::rollout::model::Normalizers;
 use crate::spec::{Encoder, ModelSpec};
 use crate::test_cloth::{Hanging, parts, shaken, turn};

@@ -63,13 +63,12 @@ fn inspect_training(folder: &Path) -> anyhow::Result<Seen> {
         .into_iter()
         .filter(|name| folder.join(name).exists())
         .collect();
-    facts.add("files", there.join(", "));
+    facts.tell_as("files", there.join(", "), &there);
     let report = json!({
         "kind": "training-folder",
         "steps_logged": steps,
         "first_loss": first.map(|row| row.loss),
         "last_loss": last.map(|row| row.loss),
-        "files": there,
         "config": cfg,
     });
     let picture = Picture::Curves(training_chart(&cfg.name, &log));
@@ -83,8 +82,8 @@ fn inspect_study(folder: &Path) -> anyhow::Result<Answer> {
     let mut facts = Facts::new();
     facts.add("kind", "study");
     facts.tell_path("folder", folder);
-    facts.add("trainings", folded(&trainings));
-    facts.add("evaluations", evaluations.len());
+    facts.tell_as("trainings", folded(&trainings), &trainings);
+    facts.tell_as("evaluations", evaluations.len(), &evaluations);
     let is_done = report.exists();
     match is_done {
         true => facts.add("report", report.display()),
@@ -92,8 +91,6 @@ fn inspect_study(folder: &Path) -> anyhow::Result<Answer> {
     }
     let answer = json!({
         "kind": "study-folder",
-        "trainings": trainings,
-        "evaluations": evaluations,
         "report": is_done.then_some(report),
     });
     Ok(facts.answer(answer))

@@ -10,7 +10,7 @@ use selvedge_lab::physics;
 use serde_json::{Value, json};
 
 use super::picture::Picture;
-use super::{Seen, box_of, exported, shortest_mean_longest, sides};
+use super::{Seen, box_of, corners, exported, shortest_mean_longest, sides};
 use crate::output::{Facts, folded};
 
 /// Worst edges that are named.
@@ -38,16 +38,15 @@ pub(super) fn inspect(read: ReadMesh, path: &Path, has_nodes: bool) -> anyhow::R
         "edges",
         format!("{}, {boundary} on the boundary", topology.edges().len()),
     );
-    let (low, high) = box_of(&physics::rounded(mesh.positions()));
-    let area = size(&mut facts, mesh);
-    facts.add("labels", folded(&labels));
+    size(&mut facts, mesh);
+    facts.tell_as("labels", folded(&labels), &labels);
     if read.is_own_shape {
         facts.add("pattern", "none: each face rests as it stands");
     }
     if read.velocities.is_some() {
         facts.add("velocities", "of the vertices, for start = \"mesh\"");
     }
-    let seen = self::facts(&mut facts, mesh, !read.is_own_shape);
+    self::facts(&mut facts, mesh, !read.is_own_shape);
     let (meshes, nodes) = match has_nodes {
         true => (
             exported::meshes(&mut facts, path),
@@ -58,12 +57,7 @@ pub(super) fn inspect(read: ReadMesh, path: &Path, has_nodes: bool) -> anyhow::R
     let report = json!({
         "edges": topology.edges().len(),
         "boundary_edges": boundary,
-        "area": area,
-        "lowest_corner": low.to_array(),
-        "highest_corner": high.to_array(),
-        "labels": labels,
         "own_shape": read.is_own_shape,
-        "pattern": seen,
         "meshes": meshes,
         "nodes": nodes,
         "warnings": warnings,
@@ -72,23 +66,21 @@ pub(super) fn inspect(read: ReadMesh, path: &Path, has_nodes: bool) -> anyhow::R
     Ok((facts.answer(report), picture))
 }
 
-/// Adds how large `mesh` is in space, and its area in the pattern, which is returned `[m²]`.
-pub(super) fn size(facts: &mut Facts, mesh: &Mesh) -> f64 {
+/// Adds how large `mesh` is in space, and its area in the pattern.
+pub(super) fn size(facts: &mut Facts, mesh: &Mesh) {
     let (low, high) = box_of(&physics::rounded(mesh.positions()));
     let ends = mesh.topology().edges().iter().map(|edge| edge.vertices);
     let place = |v: VertexId| mesh.positions()[v.index()];
     let lengths = ends.map(|[a, b]| place(a).distance(place(b)));
     let area: f64 = mesh.rest_shape(1.0).face_area.iter().sum();
     facts.add("size", sides(low, high));
-    facts.add("from", format!("{low} m"));
-    facts.add("to", format!("{high} m"));
-    facts.add("area", format!("{area:.4} m² in the pattern"));
+    corners(facts, (low, high));
+    facts.tell_as("area", format!("{area:.4} m² in the pattern"), area);
     facts.add("edge lengths", shortest_mean_longest(lengths));
-    area
 }
 
-/// Adds what the pattern of `mesh` is, if it `has_pattern`, and gives it for the report.
-pub(super) fn facts(facts: &mut Facts, mesh: &Mesh, has_pattern: bool) -> Value {
+/// Adds what the pattern of `mesh` is, in words if it `has_pattern`.
+pub(super) fn facts(facts: &mut Facts, mesh: &Mesh, has_pattern: bool) {
     let (topology, pattern) = (mesh.topology(), mesh.pattern());
     let sheets = topology.sheets().iter().max().map_or(0, |last| last + 1);
     let panels = pattern.panels();
@@ -117,23 +109,13 @@ pub(super) fn facts(facts: &mut Facts, mesh: &Mesh, has_pattern: bool) -> Value 
         facts.add("fabrics", folded(fabrics));
     }
     facts.add_all("longest edge", &worst);
-    let worst: Vec<Value> = worst
-        .iter()
-        .map(|edge| {
-            json!({
-                "vertices": edge.vertices,
-                "panels": edge.panels,
-                "fabrics": edge.fabrics,
-                "stretch": edge.stretch,
-            })
-        })
-        .collect();
-    json!({
+    let report = json!({
         "sheets": sheets,
         "panels": count,
         "mirrored_panels": mirrored,
         "seam_edges": seams,
         "fabrics": fabrics,
         "worst_edges": worst,
-    })
+    });
+    facts.note("pattern", report);
 }

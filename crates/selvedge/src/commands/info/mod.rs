@@ -220,11 +220,10 @@ fn inspect_states(bytes: &[u8], path: &Path) -> anyhow::Result<Answer> {
     let velocities = states.iter().flat_map(|state| &state.velocities);
     let speeds = velocities.map(|v| v.length());
     let fastest = speeds.fold(0.0, f64::max);
-    facts.add("largest speed", format!("{fastest:.3} m/s"));
+    facts.tell_as("largest speed", format!("{fastest:.3} m/s"), fastest);
     let report = json!({
         "kind": "states",
         "frames": states.iter().map(|state| state.frame).collect::<Vec<_>>(),
-        "largest_speed": fastest,
     });
     Ok(facts.answer(report))
 }
@@ -235,14 +234,13 @@ fn inspect_trajectory(trajectory: Trajectory, path: &Path) -> anyhow::Result<See
     let speeds = metrics::speeds(frames, provenance.frame_rate)?;
     let edge = metrics::mean_edge_length(frames, trajectory.topology())?;
     let strain = physics::largest_strain(&trajectory)?;
-    let (low, high) = box_of(trajectory.positions());
     let handles = numbers_of(trajectory.handles());
     let duration = (trajectory.frame_count() - 1) as f64 / provenance.frame_rate;
     let scene = provenance.scene["name"].as_str().unwrap_or("none");
     let mut facts = Facts::new();
     facts.tell("kind", "trajectory");
     facts.tell_path("file", path);
-    facts.add("scene", scene);
+    facts.tell_as("scene", scene, &provenance.scene);
     facts.tell("made by", &provenance.made_by);
     facts.add(
         "frames",
@@ -255,28 +253,21 @@ fn inspect_trajectory(trajectory: Trajectory, path: &Path) -> anyhow::Result<See
     facts.tell("vertices", trajectory.vertex_count());
     facts.tell("faces", trajectory.topology().faces().len());
     facts.tell("edges", trajectory.topology().edges().len());
-    facts.add("handles", folded(&handles));
-    facts.add("from", format!("{low} m"));
-    facts.add("to", format!("{high} m"));
+    facts.tell_as("handles", folded(&handles), &handles);
+    corners(&mut facts, box_of(trajectory.positions()));
     facts.add(
         "speed",
         format!("mean {:.3} m/s, largest {:.3} m/s", speeds.mean, speeds.max),
     );
     facts.add("mean edge", length(edge));
-    facts.add("largest strain", percent(strain));
-    let obstacles = obstacles::run_facts(&mut facts, trajectory.obstacles());
+    facts.tell_as("largest strain", percent(strain), strain);
+    obstacles::run_facts(&mut facts, trajectory.obstacles());
     let report = json!({
         "frames": trajectory.frame_count(),
         "frame_rate": provenance.frame_rate,
-        "handles": handles,
-        "lowest_corner": low.to_array(),
-        "highest_corner": high.to_array(),
         "mean_speed": speeds.mean,
         "max_speed": speeds.max,
         "mean_edge_length": edge,
-        "largest_strain": strain,
-        "obstacles": obstacles,
-        "scene": provenance.scene,
     });
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     let picture = Picture::Run(Box::new(trajectory), stem.into_owned());
@@ -293,7 +284,7 @@ fn inspect_model(model: &Model, path: &Path) -> anyhow::Result<Answer> {
     facts.tell("kind", "model");
     facts.tell_path("file", path);
     facts.tell("parameters", weights.len());
-    facts.add("largest weight", format!("{largest:.3}"));
+    facts.tell_as("largest weight", format!("{largest:.3}"), largest);
     facts.add("encoder", serde_json::to_string(&spec.encoder)?);
     facts.add("latent", spec.latent);
     facts.add("blocks", spec.blocks);
@@ -303,11 +294,7 @@ fn inspect_model(model: &Model, path: &Path) -> anyhow::Result<Answer> {
     );
     facts.add("edge features", serde_json::to_string(&spec.edge_features)?);
     facts.tell("training", &training);
-    let report = json!({
-        "largest_weight": largest,
-        "spec": spec,
-    });
-    Ok(facts.answer(report))
+    Ok(facts.answer(json!({ "spec": spec })))
 }
 
 fn inspect_scene(loaded: LoadedScene, name: &str) -> anyhow::Result<Seen> {
@@ -321,9 +308,8 @@ fn inspect_scene(loaded: LoadedScene, name: &str) -> anyhow::Result<Seen> {
     facts.add("name", &scene.name);
     facts.tell("vertices", topology.vertex_count());
     facts.tell("faces", topology.faces().len());
-    let (low, high) = box_of(&physics::rounded(scene.mesh.positions()));
-    let area = mesh::size(&mut facts, &scene.mesh);
-    let seen = mesh::facts(&mut facts, &scene.mesh, !loaded.is_own_shape);
+    mesh::size(&mut facts, &scene.mesh);
+    mesh::facts(&mut facts, &scene.mesh, !loaded.is_own_shape);
     facts.add("handles", folded(&handles));
     facts.add(
         "material",
@@ -342,20 +328,23 @@ fn inspect_scene(loaded: LoadedScene, name: &str) -> anyhow::Result<Seen> {
         format!("{} substeps per frame", scene.physics.substeps),
     );
     let contact = scene.contact.as_ref();
-    let obstacles = obstacles::scene_facts(&mut facts, contact, &scene.obstacles);
+    obstacles::scene_facts(&mut facts, contact, &scene.obstacles);
     let report = json!({
         "frames": frames,
-        "area": area,
-        "lowest_corner": low.to_array(),
-        "highest_corner": high.to_array(),
-        "pattern": seen,
-        "obstacles": obstacles,
         "warnings": loaded.warnings,
         "scene": loaded.spec.to_json()?,
     });
     let held = scene.handles.vertices().to_vec();
     let picture = Picture::Still(Box::new(scene.mesh.clone()), held, scene.obstacles.clone());
     Ok((facts.answer(report), picture))
+}
+
+/// Adds the lowest and the highest corner of a box.
+fn corners(facts: &mut Facts, (low, high): (Vec3, Vec3)) {
+    facts.add("from", format!("{low} m"));
+    facts.add("to", format!("{high} m"));
+    facts.note("lowest_corner", low.to_array());
+    facts.note("highest_corner", high.to_array());
 }
 
 /// The sides of a box along x, y and z, in words.

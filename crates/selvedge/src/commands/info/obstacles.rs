@@ -9,12 +9,12 @@ use serde_json::{Value, json};
 use super::{box_of, shortest_mean_longest, sides};
 use crate::output::{Facts, length};
 
-/// Adds the contact of a scene and a line for each of its obstacles; the same for JSON.
+/// Adds the contact of a scene and its obstacles.
 pub(super) fn scene_facts(
     facts: &mut Facts,
     contact: Option<&ContactSettings>,
     obstacles: &[Obstacle],
-) -> Value {
+) {
     if let Some(contact) = contact {
         let with_itself = match contact.self_contact {
             true => "with itself",
@@ -30,7 +30,8 @@ pub(super) fn scene_facts(
         );
     }
     let reports = obstacles.iter().map(|obstacle| of_scene(facts, obstacle));
-    Value::Array(reports.collect())
+    let reports: Vec<Value> = reports.collect();
+    facts.note("obstacles", reports);
 }
 
 /// Adds lines for an obstacle; the same for JSON.
@@ -86,15 +87,14 @@ fn motion_of(obstacle: &Obstacle) -> (&'static str, Option<f64>) {
     }
 }
 
-/// Adds a line for each obstacle of a run; the same for JSON.
-pub(super) fn run_facts(facts: &mut Facts, obstacles: &[ObstacleTrack]) -> Value {
+/// Adds the obstacles of a run.
+pub(super) fn run_facts(facts: &mut Facts, obstacles: &[ObstacleTrack]) {
     let mut reports = Vec::new();
     for obstacle in obstacles {
         let (points, faces) = (obstacle.point_count(), obstacle.faces().len());
-        let motion = if obstacle.is_still() {
-            "still"
-        } else {
-            "moves"
+        let motion = match obstacle.is_still() {
+            true => "still",
+            false => "moves",
         };
         let name = obstacle.name();
         facts.add(
@@ -108,5 +108,5 @@ pub(super) fn run_facts(facts: &mut Facts, obstacles: &[ObstacleTrack]) -> Value
             "motion": motion,
         }));
     }
-    Value::Array(reports)
+    facts.note("obstacles", reports);
 }

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 
-use super::PAGES;
+use crate::PAGES;
 use crate::tree::Tree;
 use crate::violation::Violation;
 
@@ -14,7 +14,7 @@ const OPENING: &str = "<!-- quote ";
 const CLOSING: &str = " -->";
 
 /// Quotes that are not their files.
-pub(super) fn check(tree: &Tree) -> Vec<Violation> {
+pub(crate) fn check(tree: &Tree) -> Vec<Violation> {
     let mut found = Vec::new();
     for page in pages(tree) {
         let (text, faults) = quoted(&page.path, &page.text, tree);
@@ -33,7 +33,7 @@ pub(super) fn check(tree: &Tree) -> Vec<Violation> {
 }
 
 /// Writes the pages anew whose quotes are not their files.
-pub(super) fn write(root: &Path, tree: &Tree) -> Result<()> {
+pub(crate) fn write(root: &Path, tree: &Tree) -> Result<()> {
     for page in pages(tree) {
         let (text, _) = quoted(&page.path, &page.text, tree);
         if text != page.text {
@@ -87,7 +87,7 @@ fn quote_of(line: &str) -> Option<&str> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tree::tree_of;
+    use crate::tree_of;
 
     fn whats(page: &str) -> Vec<String> {
         let files = [("docs/src/a.md", page), ("x/y.rs", "fn main() {}\n")];

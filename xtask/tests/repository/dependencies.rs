@@ -3,7 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
-use crate::metadata::Graph;
+use crate::graph::Graph;
 use crate::violation::Violation;
 
 /// From whom no path of normal dependencies may lead to whom.

@@ -1,6 +1,6 @@
 //! Every page of the book stands in its summary, once.
 
-use super::PAGES;
+use crate::PAGES;
 use crate::tree::Tree;
 use crate::violation::Violation;
 
@@ -10,7 +10,7 @@ const SUMMARY: &str = "docs/src/SUMMARY.md";
 const LIST: &str = "list it there once";
 
 /// Pages that the summary lacks or has twice.
-pub(super) fn check(tree: &Tree) -> Vec<Violation> {
+pub(crate) fn check(tree: &Tree) -> Vec<Violation> {
     let Some(summary) = tree.text(SUMMARY) else {
         return vec![Violation::new(SUMMARY, 0, "is missing", "write it")];
     };
@@ -33,7 +33,7 @@ pub(super) fn check(tree: &Tree) -> Vec<Violation> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tree::tree_of;
+    use crate::tree_of;
 
     #[test]
     fn every_page_is_in_the_summary_once() {

@@ -74,7 +74,7 @@ fn check_card(tree: &Tree, card: &str) -> Vec<Violation> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tree::tree_of;
+    use crate::tree_of;
 
     fn full_card() -> String {
         HEADINGS

@@ -2,16 +2,16 @@
 
 /// A fenced block.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Block<'a> {
+pub(crate) struct Block<'a> {
     /// Words after the opening fence: the language, then attributes.
-    pub(super) info: Vec<&'a str>,
-    pub(super) lines: Vec<&'a str>,
+    pub(crate) info: Vec<&'a str>,
+    pub(crate) lines: Vec<&'a str>,
     /// Number of the line of the opening fence, counted from 1.
-    pub(super) opens_at: usize,
+    pub(crate) opens_at: usize,
 }
 
 /// The blocks of a page, in their order.
-pub(super) fn blocks(page: &str) -> Vec<Block<'_>> {
+pub(crate) fn blocks(page: &str) -> Vec<Block<'_>> {
     let mut blocks = Vec::new();
     let mut open: Option<Block<'_>> = None;
     for (number, line) in (1..).zip(page.lines()) {

@@ -1,12 +1,10 @@
-//! What cargo knows of the workspace: its root, its members and who depends on whom, reduced to
-//! the small graph that the checks are written against.
+//! What cargo knows of the workspace: its members and who depends on whom, reduced to the small
+//! graph that the checks are written against.
 //!
 //! Every feature is switched on, so that no arrow can hide behind one; packages of other platforms
 //! than this one are left out, so that nothing has to be downloaded.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
-use std::process::Command;
 
 use anyhow::{Context, Result};
 use cargo_metadata::{CargoOpt, DependencyKind, Metadata, MetadataCommand};
@@ -22,22 +20,12 @@ pub(crate) struct Graph {
     pub(crate) development: BTreeMap<String, BTreeSet<String>>,
 }
 
-/// Folder of the workspace.
-pub(crate) fn root() -> &'static Path {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent();
-    root.unwrap_or(Path::new("."))
-}
-
 /// The graph of all packages of the workspace.
 pub(crate) fn graph() -> Result<Graph> {
     let metadata = MetadataCommand::new()
         .features(CargoOpt::AllFeatures)
-        .current_dir(root())
-        .other_options(vec![
-            "--locked".to_owned(),
-            "--filter-platform".to_owned(),
-            host_platform()?,
-        ])
+        .current_dir(crate::root())
+        .other_options(["--locked", "--filter-platform", "host-tuple"].map(str::to_owned))
         .exec()
         .context("cannot resolve the workspace with cargo metadata --locked")?;
     graph_of(&metadata)
@@ -68,17 +56,4 @@ fn graph_of(metadata: &Metadata) -> Result<Graph> {
         }
     }
     Ok(graph)
-}
-
-/// The target that the compiler builds for where none is named.
-pub(crate) fn host_platform() -> Result<String> {
-    let output = Command::new("rustc")
-        .arg("-vV")
-        .output()
-        .context("cannot start rustc -vV")?;
-    let text = String::from_utf8_lossy(&output.stdout).into_owned();
-    text.lines()
-        .find_map(|line| line.strip_prefix("host: "))
-        .map(str::to_owned)
-        .context("rustc -vV names no host")
 }

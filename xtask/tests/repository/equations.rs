@@ -156,7 +156,7 @@ fn sections_of(text: &str) -> Vec<Section> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tree::tree_of;
+    use crate::tree_of;
 
     fn whats(code: &str, document: &str) -> Vec<String> {
         // The label's opening is put together here, so that this file has no labels itself.

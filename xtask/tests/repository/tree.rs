@@ -77,21 +77,3 @@ impl Tree {
         self.texts.iter().find(|file| file.path == path)
     }
 }
-
-/// Builds a tree from (path, text) pairs.
-#[cfg(test)]
-pub(crate) fn tree_of(files: &[(&str, &str)]) -> Tree {
-    Tree {
-        texts: files
-            .iter()
-            .map(|&(path, text)| TextFile {
-                path: path.to_owned(),
-                text: text.to_owned(),
-            })
-            .collect(),
-        sizes: files
-            .iter()
-            .map(|&(path, text)| (path.to_owned(), text.len() as u64))
-            .collect(),
-    }
-}

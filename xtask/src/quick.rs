@@ -3,16 +3,14 @@
 //!
 //! A block marked `toml file=NAME` is written to that file where it stands.
 
-use std::path::Path;
 use std::process::Command;
 use std::time::Instant;
 use std::{env, fs};
 
 use anyhow::{Context, Result, bail};
 
-use super::PAGES;
-use super::markdown::{self, Block};
-use crate::tree::{TextFile, Tree};
+use crate::markdown::{self, Block};
+use crate::{cargo, documents, root};
 
 /// Folder in which pages are tried, relative to the root.
 const FOLDER: &str = "target/book/run";
@@ -20,12 +18,9 @@ const FOLDER: &str = "target/book/run";
 const BESIDE: [&str; 2] = ["assets", "docs"];
 
 /// Builds the program and runs the quick commands of all pages with it.
-pub(super) fn run(root: &Path, tree: &Tree) -> Result<()> {
-    let mut build = Command::new(env!("CARGO"));
-    build.args(["build", "--locked", "--quiet", "--package", "selvedge"]);
-    if !build.current_dir(root).status()?.success() {
-        bail!("the program could not be built");
-    }
+pub(crate) fn run() -> Result<()> {
+    let root = root();
+    cargo(&["build", "--locked", "--quiet", "--package", "selvedge"])?;
     // It is built beside this program.
     let own = env::current_exe().context("the path of this program")?;
     let mut path = own.parent().unwrap_or(root).as_os_str().to_owned();
@@ -37,14 +32,18 @@ pub(super) fn run(root: &Path, tree: &Tree) -> Result<()> {
         fs::remove_dir_all(&folder).context("cannot empty the folder of the last run")?;
     }
     let mut failed = 0;
-    for file in tree.texts.iter().filter(|file| is_tried(file)) {
-        let folder = folder.join(file.path.replace(['/', '.'], "-"));
+    for page in documents()? {
+        let text = fs::read_to_string(root.join(&page)).with_context(|| page.clone())?;
+        if !is_tried(&page, &text) {
+            continue;
+        }
+        let folder = folder.join(page.replace(['/', '.'], "-"));
         fs::create_dir_all(&folder)?;
         for name in BESIDE {
             #[cfg(unix)]
             std::os::unix::fs::symlink(root.join(name), folder.join(name))?;
         }
-        for block in &markdown::blocks(&file.text) {
+        for block in &markdown::blocks(&text) {
             if let Some(name) = file_of(block) {
                 fs::write(folder.join(name), text_of(block))?;
             }
@@ -57,10 +56,10 @@ pub(super) fn run(root: &Path, tree: &Tree) -> Result<()> {
                     .env("PATH", &path)
                     .status()?
                     .success();
-                let (path, line) = (&file.path, block.opens_at);
+                let line = block.opens_at;
                 let seconds = began.elapsed().as_secs_f64();
                 let how = if is_done { "done" } else { "FAILED" };
-                println!("{how}: {path}:{line} ({seconds:.1} s)");
+                println!("{how}: {page}:{line} ({seconds:.1} s)");
                 failed += usize::from(!is_done);
             }
         }
@@ -71,9 +70,9 @@ pub(super) fn run(root: &Path, tree: &Tree) -> Result<()> {
     Ok(())
 }
 
-fn is_tried(file: &TextFile) -> bool {
-    let is_page = file.path == "README.md" || file.path.starts_with(PAGES);
-    is_page && markdown::blocks(&file.text).iter().any(is_quick)
+fn is_tried(page: &str, text: &str) -> bool {
+    let is_page = page == "README.md" || page.starts_with("docs/src/");
+    is_page && markdown::blocks(text).iter().any(is_quick)
 }
 
 fn is_quick(block: &Block<'_>) -> bool {
@@ -98,18 +97,11 @@ mod tests {
 
     #[test]
     fn pages_with_quick_blocks_are_tried() {
-        let file = |path: &str, text: &str| TextFile {
-            path: path.to_owned(),
-            text: text.to_owned(),
-        };
         let quick = "```console quick\nselvedge presets\n```\n";
-        assert!(is_tried(&file("docs/src/a.md", quick)));
-        assert!(!is_tried(&file("notebook/a.md", quick)));
-        assert!(!is_tried(&file("other/a.md", quick)));
-        assert!(!is_tried(&file(
-            "docs/src/a.md",
-            &quick.replace(" quick", "")
-        )));
+        assert!(is_tried("docs/src/a.md", quick));
+        assert!(!is_tried("notebook/a.md", quick));
+        assert!(!is_tried("other/a.md", quick));
+        assert!(!is_tried("docs/src/a.md", &quick.replace(" quick", "")));
     }
 
     #[test]
