@@ -207,7 +207,7 @@ fn what_cannot_be_dressed_says_where() {
     };
     let dressed = dress(&above(0.0), "post", &mut carry_on).unwrap();
     assert!(dressed.empty.is_empty(), "{:?}", dressed.empty);
-    let dressed = dress(&above(0.7), "post", &mut carry_on).unwrap();
+    let dressed = dress(&above(0.6), "post", &mut carry_on).unwrap();
     assert!(
         dressed.empty.len() == 1 && dressed.empty[0].contains("cm around"),
         "{:?}",

@@ -9,6 +9,6 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let mut bindgen = wasm_bindgen_cli_support::Bindgen::new();
     bindgen.input_path(module).web(true)?.typescript(true);
-    bindgen.generate(folder)?;
+    bindgen.omit_default_module_path(false).generate(folder)?;
     Ok(())
 }
