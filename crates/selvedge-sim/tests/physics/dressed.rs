@@ -213,7 +213,7 @@ fn what_cannot_be_dressed_says_where() {
         "{:?}",
         dressed.empty
     );
-    let far = dress(&above(0.9), "post", &mut carry_on).unwrap_err();
+    let far = dress(&above(0.8), "post", &mut carry_on).unwrap_err();
     assert!(matches!(far, FitError::Beside { .. }), "{far}");
     assert!(far.to_string().contains("arms out"), "{far}");
     let unknown = dress(&across, "post", &mut carry_on).unwrap_err();
