@@ -20,8 +20,9 @@ function run(tool, args, remedy, cwd = ".") {
 }
 
 run("cargo", ["build", "--release", "--locked"], "Once: rustup target add wasm32-unknown-unknown", "wasm");
-const tool = 'cargo install wasm-bindgen-cli --version 0.2.130 (the version in wasm/Cargo.toml)';
-run("wasm-bindgen", ["--target", "web", "--out-dir", "wasm/pkg", module], `Once: ${tool}`);
+// In this folder, whose build is for this machine.
+const bindgen = ["run", "--quiet", "--locked", "--manifest-path", "wasm/Cargo.toml", "-p", "selvedge-bindgen"];
+run("cargo", [...bindgen, "--", module, "wasm/pkg"], "It is in wasm/bindgen");
 run("node_modules/.bin/tsc", ["-p", "."], "Once: npm ci");
 run("node_modules/.bin/tsc", ["-p", "wasm"], "Once: npm ci");
 

@@ -12,7 +12,7 @@ use selvedge_data::{
 use selvedge_lab::folder::{self, FolderKind};
 use selvedge_lab::generation::{self, Order};
 
-use crate::errors::{told, wrong};
+use crate::errors::{raised, wrong};
 use crate::json;
 use crate::long::told_beside;
 use crate::pickling::{self, Call};
@@ -46,7 +46,7 @@ impl Data {
 impl Dataset {
     #[new]
     fn new(py: Python<'_>, folder: PathBuf) -> PyResult<Self> {
-        let opened = py.detach(|| generation::open(&folder)).map_err(told)?;
+        let opened = py.detach(|| generation::open(&folder)).map_err(raised)?;
         let inner = Arc::new(opened);
         Ok(Self { inner })
     }
@@ -63,7 +63,7 @@ impl Dataset {
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Self> {
         told_beside(py, progress, |_, teller| {
-            let preset = DatasetPreset::open(&preset.to_string_lossy()).map_err(told)?;
+            let preset = DatasetPreset::open(&preset.to_string_lossy()).map_err(raised)?;
             for warning in preset.warnings() {
                 tracing::warn!("{warning}");
             }
@@ -73,7 +73,7 @@ impl Dataset {
                 part: None,
             };
             let made = generation::generate(order, threads, &mut |event| teller.hear(event));
-            made.map_err(told)
+            made.map_err(raised)
         })??;
         Self::new(py, folder)
     }
@@ -100,8 +100,8 @@ impl Dataset {
             test,
             sections: SectionRule::Whole,
         };
-        let _claimed = folder::claim_folder(&folder, FolderKind::DataSet).map_err(told)?;
-        let mut writer = DatasetWriter::open(&folder, plan.clone()).map_err(told)?;
+        let _claimed = folder::claim_folder(&folder, FolderKind::DataSet).map_err(raised)?;
+        let mut writer = DatasetWriter::open(&folder, plan.clone()).map_err(raised)?;
         for (split, part) in [("train", Part::Train), ("test", Part::Test)] {
             for name in plan.motions(part) {
                 if writer.written(part, name).is_some() {
@@ -110,7 +110,7 @@ impl Dataset {
                 py.check_signals()?;
                 let added = read.call1(py, (split, name.as_str())).and_then(|made| {
                     let made = made.bind(py).cast::<Trajectory>()?.get();
-                    writer.add(part, name, &made.inner).map_err(told)
+                    writer.add(part, name, &made.inner).map_err(raised)
                 });
                 if let Err(error) = added {
                     writer.withdraw();
@@ -118,7 +118,7 @@ impl Dataset {
                 }
             }
         }
-        writer.finish().map_err(told)?;
+        writer.finish().map_err(raised)?;
         Self::new(py, folder)
     }
 
@@ -241,7 +241,7 @@ impl Split {
                 })?
             }
         };
-        let read = py.detach(|| self.inner.read(entry)).map_err(told)?;
+        let read = py.detach(|| self.inner.read(entry)).map_err(raised)?;
         Trajectory::of(py, read)
     }
 }

@@ -22,7 +22,7 @@ create_exception!(
 );
 
 /// An error with its causes as an exception.
-pub(crate) fn told(error: impl Into<Box<dyn Error + Send + Sync>>) -> PyErr {
+pub(crate) fn raised(error: impl Into<Box<dyn Error + Send + Sync>>) -> PyErr {
     SelvedgeError::new_err(cause::chain(&*error.into()))
 }
 

@@ -16,7 +16,7 @@ use selvedge_lab::report::{self, Heading};
 use serde_json::Value;
 
 use crate::dataset::{Data, split_named};
-use crate::errors::{told, wrong};
+use crate::errors::{raised, wrong};
 use crate::guarding;
 use crate::json as python;
 use crate::long::told_beside;
@@ -40,7 +40,7 @@ impl Evaluation {
     #[getter]
     fn runs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let runs: Result<Vec<Value>, _> = self.outcome.runs.iter().map(Run::to_json).collect();
-        python::to_python(py, &runs.map_err(told)?)
+        python::to_python(py, &runs.map_err(raised)?)
     }
 
     /// Means of every method over starts and cases.
@@ -63,13 +63,13 @@ impl Evaluation {
 
     /// Writes all errors (.csv).
     fn write_errors(&self, path: PathBuf) -> PyResult<()> {
-        report::write_errors(&path, &self.outcome.runs).map_err(told)
+        report::write_errors(&path, &self.outcome.runs).map_err(raised)
     }
 
     /// Writes tables and plots into a folder, as `selvedge eval -o` does.
     fn write_report(&self, py: Python<'_>, folder: PathBuf) -> PyResult<Vec<PathBuf>> {
         py.detach(|| {
-            let _claimed = folder::claim_folder(&folder, FolderKind::Evaluation).map_err(told)?;
+            let _claimed = folder::claim_folder(&folder, FolderKind::Evaluation).map_err(raised)?;
             let mut heading = Heading {
                 title: format!("Evaluation, {} split", self.split),
                 times: vec![format!("Models ran on: {}.", Machine::Cpu.name())],
@@ -82,7 +82,7 @@ impl Evaluation {
                 let table = report::table(&["model", "file", "parameters"], &self.models);
                 heading.tables.push(table);
             }
-            report::write(&folder, &heading, &self.outcome).map_err(told)
+            report::write(&folder, &heading, &self.outcome).map_err(raised)
         })
     }
 
@@ -135,7 +135,7 @@ pub(crate) fn evaluate(
         let folder = folder.open(py)?;
         let folder = folder.get().inner.as_ref();
         let name = &folder.index().name;
-        cases.extend(Case::recorded(name, folder, part, &motions).map_err(told)?);
+        cases.extend(Case::recorded(name, folder, part, &motions).map_err(raised)?);
     }
     let are_asked = horizons.is_some();
     let horizons = horizons.unwrap_or_else(|| Horizons::USUAL.to_vec());
@@ -151,7 +151,7 @@ pub(crate) fn evaluate(
     let measured = told_beside(py, progress, |_, teller| {
         measure(&plan, &mut |event| teller.hear(event))
     })?;
-    let (outcome, end) = measured.map_err(told)?;
+    let (outcome, end) = measured.map_err(raised)?;
     Ok(Evaluation {
         outcome,
         split: split.to_owned(),

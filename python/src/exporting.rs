@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use selvedge_data::export::{ExportOptions, FrameSpan, export};
 use selvedge_data::{Trajectory, UpAxis};
 
-use crate::errors::{told, wrong};
+use crate::errors::{raised, wrong};
 use crate::long::told_beside;
 
 /// Options of an export to `path`, whose name says the format.
@@ -27,7 +27,7 @@ pub(crate) fn options(
         )));
     };
     let mut span = match frames {
-        Some(text) => text.parse().map_err(told)?,
+        Some(text) => text.parse().map_err(raised)?,
         None => FrameSpan::default(),
     };
     span.every = every;
@@ -46,10 +46,13 @@ pub(crate) fn export_to(
     options: &ExportOptions,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<()> {
-    let frames = options.frames.of(trajectory.frame_count()).map_err(told)?;
+    let frames = options
+        .frames
+        .of(trajectory.frame_count())
+        .map_err(raised)?;
     let written = told_beside(py, progress, |_, teller| {
         teller.begin("writing", Some(frames.len() as u64));
         export(trajectory, path, options, &mut || teller.advance())
     })?;
-    written.map(drop).map_err(told)
+    written.map(drop).map_err(raised)
 }

@@ -3,14 +3,14 @@
 use pyo3::prelude::*;
 use serde::Serialize;
 
-use crate::errors::told;
+use crate::errors::raised;
 
 /// A value as Python has it.
 pub(crate) fn to_python<'py>(
     py: Python<'py>,
     value: &impl Serialize,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let text = serde_json::to_string(value).map_err(told)?;
+    let text = serde_json::to_string(value).map_err(raised)?;
     py.import("json")?.call_method1("loads", (text,))
 }
 
@@ -23,5 +23,5 @@ pub(crate) fn from_python<T: serde::de::DeserializeOwned>(value: &Bound<'_, PyAn
             json.call_method1("dumps", (value,))?.extract()?
         }
     };
-    serde_json::from_str(&text).map_err(told)
+    serde_json::from_str(&text).map_err(raised)
 }

@@ -98,15 +98,15 @@ pub(crate) fn beside<R: Send>(
 pub(crate) fn told_beside<R: Send>(
     py: Python<'_>,
     progress: Option<Py<PyAny>>,
-    work: impl FnOnce(&Stop, &mut Teller<'_>) -> R + Send,
+    work: impl FnOnce(&Stop, &mut Progress<'_>) -> R + Send,
 ) -> PyResult<R> {
     let stop = Stop::default();
-    let mut teller = Teller::new(progress, &stop);
+    let mut teller = Progress::new(progress, &stop);
     beside(py, &stop, || work(&stop, &mut teller))
 }
 
 /// A callback of Python that hears of progress; none where nobody listens.
-pub(crate) struct Teller<'a> {
+pub(crate) struct Progress<'a> {
     callback: Option<Py<PyAny>>,
     stop: &'a Stop,
     task: String,
@@ -114,7 +114,7 @@ pub(crate) struct Teller<'a> {
     done: u64,
 }
 
-impl<'a> Teller<'a> {
+impl<'a> Progress<'a> {
     /// Tells `callback` as `callback(task, done, goal)`; a goal that is not known is `None`.
     pub(crate) fn new(callback: Option<Py<PyAny>>, stop: &'a Stop) -> Self {
         Self {

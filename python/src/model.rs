@@ -15,7 +15,7 @@ use selvedge_model::{
 };
 
 use crate::arrays::{self, Numbers};
-use crate::errors::{told, wrong};
+use crate::errors::{raised, wrong};
 use crate::json;
 use crate::pickling::{self, Call};
 
@@ -46,7 +46,7 @@ impl Model {
     #[pyo3(signature = (name_or_file=None))]
     fn new(py: Python<'_>, name_or_file: Option<PathBuf>) -> PyResult<Self> {
         let opened = py.detach(|| selvedge::Model::open(name_or_file.as_deref()));
-        let selvedge::Model { name, model } = opened.map_err(told)?;
+        let selvedge::Model { name, model } = opened.map_err(raised)?;
         Ok(Self { name, model })
     }
 
@@ -67,7 +67,7 @@ impl Model {
         name: &str,
     ) -> PyResult<Self> {
         let spec: ModelSpec = json::from_python(spec)?;
-        let network = Network::new(&spec).map_err(told)?;
+        let network = Network::new(&spec).map_err(raised)?;
         let mut given = given(state)?;
         let mut weights = Vec::with_capacity(network.parameter_count());
         for parameter in network.parameters() {
@@ -86,7 +86,7 @@ impl Model {
         let made = Trained::new(&spec, weights, normalizers, training.to_owned());
         Ok(Self {
             name: name.to_owned(),
-            model: Arc::new(made.map_err(told)?),
+            model: Arc::new(made.map_err(raised)?),
         })
     }
 
@@ -125,7 +125,7 @@ impl Model {
     #[pyo3(signature = (path, weights="f32"))]
     fn write(&self, path: PathBuf, weights: &str) -> PyResult<()> {
         let bytes = self.bytes_as(weights)?;
-        write_atomically(&path, |out| out.write_all(&bytes)).map_err(told)
+        write_atomically(&path, |out| out.write_all(&bytes)).map_err(raised)
     }
 
     /// The bytes of the model's file.
@@ -173,7 +173,7 @@ impl Model {
                 )));
             }
         };
-        self.model.to_bytes_as(weights).map_err(told)
+        self.model.to_bytes_as(weights).map_err(raised)
     }
 }
 
@@ -184,7 +184,7 @@ impl Model {
 #[pyfunction]
 pub(crate) fn layout(spec: &Bound<'_, PyAny>) -> PyResult<Vec<(String, Vec<usize>)>> {
     let spec: ModelSpec = json::from_python(spec)?;
-    let network = Network::new(&spec).map_err(told)?;
+    let network = Network::new(&spec).map_err(raised)?;
     let parameters = network.parameters().iter();
     Ok(parameters
         .map(|p| (p.name.clone(), p.shape.clone()))
@@ -263,5 +263,5 @@ fn take_normalizer(given: &mut Given<'_>, name: &str) -> PyResult<Normalizer> {
         let array: Numbers<'_> = value.extract()?;
         Ok(array.as_array().iter().copied().collect())
     };
-    Normalizer::new(of("mean")?, of("deviation")?).map_err(told)
+    Normalizer::new(of("mean")?, of("deviation")?).map_err(raised)
 }

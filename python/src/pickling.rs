@@ -1,6 +1,6 @@
 //! What crosses to another process, or is copied: the functions that Python's `pickle` calls there.
 //! A scene goes as its resolved spec, and the files that it names are read again; a data set goes as
-//! its folder; models and trajectories go as the bytes of their files.
+//! its folder; models and trajectories go as the bytes of their files; a simulator goes with its state.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -11,9 +11,10 @@ use selvedge_cloth::Material as ClothMaterial;
 use selvedge_data::{LoadedScene, SceneSpec, Trajectory as Recorded};
 use selvedge_model::Model as Trained;
 
-use crate::errors::told;
+use crate::errors::raised;
 use crate::model::Model;
 use crate::scene::{Material, Mesh, Scene};
+use crate::stepper::_simulator;
 use crate::trajectory::Trajectory;
 
 /// Adds the functions to the module.
@@ -22,6 +23,7 @@ pub(crate) fn add(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(_material, module)?)?;
     module.add_function(wrap_pyfunction!(_model, module)?)?;
     module.add_function(wrap_pyfunction!(_trajectory, module)?)?;
+    module.add_function(wrap_pyfunction!(_simulator, module)?)?;
     Ok(())
 }
 
@@ -51,10 +53,10 @@ fn _scene(
     folder: PathBuf,
     mesh: Option<(Py<Mesh>, Vec<u32>)>,
 ) -> PyResult<Scene> {
-    let spec: SceneSpec = serde_json::from_str(spec).map_err(told)?;
+    let spec: SceneSpec = serde_json::from_str(spec).map_err(raised)?;
     let mut loaded = py
         .detach(|| LoadedScene::of_spec(spec, &folder))
-        .map_err(told)?;
+        .map_err(raised)?;
     // They were said when the scene was made.
     loaded.warnings.clear();
     let scene = Scene::of(py, loaded, None, folder)?;
@@ -66,17 +68,17 @@ fn _scene(
 
 #[pyfunction]
 fn _material(values: &str) -> PyResult<Material> {
-    let material: ClothMaterial = serde_json::from_str(values).map_err(told)?;
+    let material: ClothMaterial = serde_json::from_str(values).map_err(raised)?;
     Ok(Material { material })
 }
 
 #[pyfunction]
 fn _model(bytes: &[u8], name: String) -> PyResult<Model> {
-    let model = Arc::new(Trained::from_bytes(bytes).map_err(told)?);
+    let model = Arc::new(Trained::from_bytes(bytes).map_err(raised)?);
     Ok(Model { name, model })
 }
 
 #[pyfunction]
 fn _trajectory(py: Python<'_>, bytes: &[u8]) -> PyResult<Trajectory> {
-    Trajectory::of(py, Recorded::from_bytes(bytes).map_err(told)?)
+    Trajectory::of(py, Recorded::from_bytes(bytes).map_err(raised)?)
 }

@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use selvedge_data::write_atomically;
 
-use crate::errors::told;
+use crate::errors::raised;
 
 /// A picture (.png), which a notebook shows inline.
 #[pyclass(frozen, module = "selvedge")]
@@ -29,7 +29,7 @@ impl Picture {
 impl Picture {
     /// Writes the picture (.png).
     fn save(&self, path: PathBuf) -> PyResult<()> {
-        write_atomically(&path, |out| out.write_all(&self.png)).map_err(told)
+        write_atomically(&path, |out| out.write_all(&self.png)).map_err(raised)
     }
 
     /// The bytes of the file.

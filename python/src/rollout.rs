@@ -12,10 +12,10 @@ use selvedge_lab::physics::{self, Simulated};
 use selvedge_lab::watched::{self, GuardSummary};
 
 use crate::arrays::Numbers;
-use crate::errors::told;
+use crate::errors::raised;
 use crate::guarding;
 use crate::json;
-use crate::long::{Stop, Teller, told_beside};
+use crate::long::{Progress, Stop, told_beside};
 use crate::model::Model;
 use crate::scene::Scene;
 use crate::stepper::{begin, state_at};
@@ -65,7 +65,7 @@ impl Rollout {
 
     /// Writes the guard's words (.csv), as `selvedge run --trust` does.
     fn write_trust(&self, path: PathBuf) -> PyResult<()> {
-        watched::write_trust(&path, &self.log, self.beyond.as_ref()).map_err(told)
+        watched::write_trust(&path, &self.log, self.beyond.as_ref()).map_err(raised)
     }
 
     /// The measures of the rollout against its truth, in SI units; `None` without one.
@@ -117,7 +117,7 @@ pub(crate) fn simulate(
         }
         let frames = match frames {
             Some(frames) => frames,
-            None => run.frames_left().map_err(told)?,
+            None => run.frames_left().map_err(raised)?,
         };
         simulated(&mut run, frames, "simulating", stop, teller).map(|made| made.0)
     })??;
@@ -176,14 +176,14 @@ fn roll(
     guard: Correction,
     has_truth: bool,
     stop: &Stop,
-    teller: &mut Teller<'_>,
+    teller: &mut Progress<'_>,
 ) -> PyResult<Made> {
     let built = scene.run.built();
     let frames = match frames {
         Some(frames) => frames,
-        None => built.frame_count().map_err(told)?,
+        None => built.frame_count().map_err(raised)?,
     };
-    let beyond = domain::of_scene(&model.model, built, frames).map_err(told)?;
+    let beyond = domain::of_scene(&model.model, built, frames).map_err(raised)?;
     let model = model.named();
     let network = Network {
         model: &model,
@@ -191,7 +191,7 @@ fn roll(
         guard,
     };
     let run = Run::begin_model(&scene.run, network, &mut |event| teller.hear(event));
-    let mut run = run.map_err(told)?;
+    let mut run = run.map_err(raised)?;
     for warning in run.start_warnings() {
         tracing::warn!("{}: {warning}", built.name);
     }
@@ -202,16 +202,16 @@ fn roll(
         log.extend(now.trust());
         teller.advance()
     });
-    let (made, _) = made.whole().map_err(told)?;
+    let (made, _) = made.whole().map_err(raised)?;
     let (mut end, mut truth) = (made.end, None);
     if has_truth && end == End::Complete {
-        let mut solver = Run::new(run.scene()).map_err(told)?;
+        let mut solver = Run::new(run.scene()).map_err(raised)?;
         let what = "simulating the truth";
         let (trajectory, reached) = simulated(&mut solver, frames, what, stop, teller)?;
         (truth, end) = (Some(trajectory), reached);
     }
     Ok(Made {
-        run: run.trajectory(made.positions).map_err(told)?,
+        run: run.trajectory(made.positions).map_err(raised)?,
         truth,
         summary: watched::summary(&log),
         log,
@@ -227,11 +227,11 @@ fn simulated(
     frames: usize,
     what: &str,
     stop: &Stop,
-    teller: &mut Teller<'_>,
+    teller: &mut Progress<'_>,
 ) -> PyResult<(Recorded, End)> {
     run.stop_by(stop.flag().into());
     teller.begin(what, Some(frames as u64));
     let made = physics::simulate(run, frames, false, &mut |_| teller.advance());
-    let (made, _) = Simulated::whole(made).map_err(told)?;
-    Ok((run.trajectory(made.positions).map_err(told)?, made.end))
+    let (made, _) = Simulated::whole(made).map_err(raised)?;
+    Ok((run.trajectory(made.positions).map_err(raised)?, made.end))
 }

@@ -17,9 +17,9 @@ use selvedge_data::{
 use selvedge_sim::SaggedRest;
 
 use crate::arrays::{self, Numbers};
-use crate::errors::{told, wrong};
+use crate::errors::{raised, wrong};
 use crate::json;
-use crate::long::{Teller, told_beside};
+use crate::long::{Progress, told_beside};
 use crate::pickling::{self, Call};
 
 /// A mesh of triangles with its material coordinates, before anything moves it.
@@ -78,7 +78,7 @@ impl Mesh {
             Some(material) => arrays::pairs(&material, "material")?,
             None => flat_coordinates(&positions)?,
         };
-        let mesh = ClothMesh::new(&faces, material, positions).map_err(told)?;
+        let mesh = ClothMesh::new(&faces, material, positions).map_err(raised)?;
         Self::of(py, mesh, Default::default(), Made::OfArrays)
     }
 
@@ -86,7 +86,7 @@ impl Mesh {
     #[staticmethod]
     fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         let read = py.detach(|| read_mesh(&path, MeshOptions::default()));
-        let read = read.map_err(told)?;
+        let read = read.map_err(raised)?;
         for warning in &read.warnings {
             tracing::warn!("{}: {warning}", path.display());
         }
@@ -107,7 +107,7 @@ impl Mesh {
         seed: u64,
         width: Option<f64>,
     ) -> PyResult<Self> {
-        let shape: Shape = serde_json::from_value(shape.into()).map_err(told)?;
+        let shape: Shape = serde_json::from_value(shape.into()).map_err(raised)?;
         let spec = SheetSpec {
             shape,
             vertices,
@@ -115,7 +115,7 @@ impl Mesh {
             width,
             seed,
         };
-        let made = py.detach(|| sheet(&spec)).map_err(told)?;
+        let made = py.detach(|| sheet(&spec)).map_err(raised)?;
         Self::of(py, made.mesh, made.labels, Made::Generated(spec))
     }
 
@@ -155,7 +155,7 @@ impl Mesh {
             }
             Made::Read(path) => caller.call1(("read", path))?,
             Made::Generated(spec) => {
-                let shape = serde_json::to_value(spec.shape).map_err(told)?;
+                let shape = serde_json::to_value(spec.shape).map_err(raised)?;
                 let shape = shape.as_str().unwrap_or_default();
                 let (vertices, size) = (spec.vertices, spec.size);
                 caller.call1(("generate", shape, vertices, size, spec.seed, spec.width))?
@@ -202,7 +202,7 @@ pub(crate) struct Material {
 impl Material {
     #[new]
     fn new(name_or_file: PathBuf) -> PyResult<Self> {
-        let material = open_material(&name_or_file.to_string_lossy()).map_err(told)?;
+        let material = open_material(&name_or_file.to_string_lossy()).map_err(raised)?;
         Ok(Self { material })
     }
 
@@ -230,7 +230,7 @@ impl Material {
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Call<'py>> {
-        let values = serde_json::to_string(&self.material).map_err(told)?;
+        let values = serde_json::to_string(&self.material).map_err(raised)?;
         pickling::call(py, "_material", (values,))
     }
 
@@ -281,9 +281,9 @@ impl Scene {
     }
 
     /// The rest pose, found once. Long work: the lock must be released.
-    pub(crate) fn found_rest(&self, teller: &mut Teller<'_>) -> PyResult<Arc<SaggedRest>> {
+    pub(crate) fn found_rest(&self, teller: &mut Progress<'_>) -> PyResult<Arc<SaggedRest>> {
         let found = self.run.rest_pose(&mut |event| teller.hear(event));
-        found.map_err(told)
+        found.map_err(raised)
     }
 
     /// This scene after a change.
@@ -306,7 +306,12 @@ impl Scene {
     fn new(py: Python<'_>, name_or_file: PathBuf) -> PyResult<Self> {
         let loaded = py.detach(|| open_scene(&name_or_file.to_string_lossy()));
         let folder = name_or_file.parent().unwrap_or(Path::new(""));
-        Self::of(py, loaded.map_err(told)?, None, pickling::absolute(folder))
+        Self::of(
+            py,
+            loaded.map_err(raised)?,
+            None,
+            pickling::absolute(folder),
+        )
     }
 
     /// Reads a scene from the TOML text of its file; paths in it are relative to `folder`.
@@ -314,7 +319,12 @@ impl Scene {
     #[pyo3(signature = (text, folder=PathBuf::new()))]
     fn parse(py: Python<'_>, text: &str, folder: PathBuf) -> PyResult<Self> {
         let loaded = py.detach(|| parse_scene(text, &folder, "the text"));
-        Self::of(py, loaded.map_err(told)?, None, pickling::absolute(&folder))
+        Self::of(
+            py,
+            loaded.map_err(raised)?,
+            None,
+            pickling::absolute(&folder),
+        )
     }
 
     /// Names of the shipped scenes.
@@ -328,7 +338,7 @@ impl Scene {
         let mut loaded = self.copy();
         loaded.spec.setting.material = material.material.clone();
         loaded.scene.material = material.material.clone();
-        loaded.scene.validate().map_err(told)?;
+        loaded.scene.validate().map_err(raised)?;
         self.changed(py, loaded)
     }
 
@@ -336,7 +346,7 @@ impl Scene {
     /// .npz).
     fn with_motion(&self, py: Python<'_>, name_or_file: PathBuf) -> PyResult<Self> {
         let loaded = self.copy().of_motion(&name_or_file.to_string_lossy());
-        self.changed(py, loaded.map_err(told)?)
+        self.changed(py, loaded.map_err(raised)?)
     }
 
     /// The same scene with handles that move as `targets` (frames, handles, 3) [m]; frame 0 is the
@@ -359,7 +369,7 @@ impl Scene {
         let mut loaded = self.copy();
         loaded.spec.motion = motion.clone();
         loaded.scene.motion = motion;
-        loaded.scene.validate().map_err(told)?;
+        loaded.scene.validate().map_err(raised)?;
         self.changed(py, loaded)
     }
 
@@ -373,9 +383,9 @@ impl Scene {
         let mut loaded = self.copy();
         let built = &mesh.get().mesh;
         loaded.scene.handles =
-            Handles::new(&handles, built.topology().vertex_count()).map_err(told)?;
+            Handles::new(&handles, built.topology().vertex_count()).map_err(raised)?;
         loaded.scene.mesh = built.clone();
-        loaded.scene.validate().map_err(told)?;
+        loaded.scene.validate().map_err(raised)?;
         loaded.state = None;
         loaded.loose = None;
         Self::of(py, loaded, Some(mesh), self.folder.clone())
@@ -390,7 +400,7 @@ impl Scene {
     /// Frames of the motion, the start included not.
     #[getter]
     fn frames(&self) -> PyResult<usize> {
-        self.loaded.scene.frame_count().map_err(told)
+        self.loaded.scene.frame_count().map_err(raised)
     }
 
     /// Frames per second.
@@ -439,7 +449,7 @@ impl Scene {
         frame: usize,
         samples: usize,
     ) -> PyResult<Bound<'py, PyArray3<f64>>> {
-        let path = self.loaded.scene.handle_path().map_err(told)?;
+        let path = self.loaded.scene.handle_path().map_err(raised)?;
         arrays::targets(py, &path, (frame, samples), self.loaded.scene.frame_rate)
     }
 
@@ -464,7 +474,7 @@ impl Scene {
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Call<'py>> {
-        let spec = serde_json::to_string(&self.loaded.spec).map_err(told)?;
+        let spec = serde_json::to_string(&self.loaded.spec).map_err(raised)?;
         let held = arrays::handles_of(py, &self.loaded.scene.handles);
         let mesh = self.own_mesh.as_ref().map(|mesh| (mesh, held));
         pickling::call(py, "_scene", (spec, &self.folder, mesh))

@@ -10,9 +10,9 @@ use std::time::{Duration, Instant};
 
 use glam::DVec3;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyUntypedArrayMethods};
-use pyo3::exceptions::PyRuntimeError;
+use pyo3::exceptions::{PyRuntimeError, PyTypeError};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyTuple};
 use selvedge::machine::Machine;
 use selvedge::{
     HandleTargets, Network, RecordingEnd, Run, Snapshot as State, StepError, Trust, rounded,
@@ -23,10 +23,11 @@ use selvedge_lab::rigid::RigidRest;
 use selvedge_sim::{Checkpoint, Simulator as Physics};
 
 use crate::arrays::{self, Numbers};
-use crate::errors::{SelvedgeError, step_failed, told, wrong};
+use crate::errors::{SelvedgeError, raised, step_failed, wrong};
 use crate::guarding;
-use crate::long::{Stop, Teller, beside, told_beside};
+use crate::long::{Progress, Stop, beside, told_beside};
 use crate::model::Model;
+use crate::pickling::{self, Call};
 use crate::scene::Scene;
 use crate::trajectory::Trajectory;
 
@@ -102,10 +103,13 @@ pub(crate) struct Stepper {
     /// Frames per second.
     #[pyo3(get)]
     frame_rate: f64,
+    /// With what its class makes it.
+    made: Py<PyTuple>,
 }
 
 impl Stepper {
-    fn of(py: Python<'_>, mut kind: Kind, frame_rate: f64) -> PyResult<Self> {
+    fn of<'py>(made: Bound<'py, PyTuple>, mut kind: Kind, frame_rate: f64) -> PyResult<Self> {
+        let py = made.py();
         let stop = Arc::<AtomicBool>::default();
         let mover = kind.mover_mut();
         mover.stop_by(Arc::clone(&stop).into());
@@ -128,6 +132,7 @@ impl Stepper {
             faces,
             handles,
             frame_rate,
+            made: made.unbind(),
         })
     }
 
@@ -176,13 +181,13 @@ impl Stepper {
     }
 
     /// A stepper of a run, whose warnings are told.
-    fn of_run(py: Python<'_>, run: Run) -> PyResult<Self> {
+    fn of_run(made: Bound<'_, PyTuple>, run: Run) -> PyResult<Self> {
         let scene = run.scene().built();
         for warning in run.start_warnings() {
             tracing::warn!("{}: {warning}", scene.name);
         }
         let rate = scene.frame_rate;
-        Self::of(py, Kind::Run(Box::new(run)), rate)
+        Self::of(made, Kind::Run(Box::new(run)), rate)
     }
 
     fn go_back(&self, py: Python<'_>, state: &State) -> PyResult<()> {
@@ -203,7 +208,7 @@ impl Stepper {
                 )));
             }
         }
-        HandleTargets::sampled(arrays::triples(numbers), handles).map_err(told)
+        HandleTargets::sampled(arrays::triples(numbers), handles).map_err(raised)
     }
 }
 
@@ -228,11 +233,11 @@ impl Stepper {
             None => {
                 let mut core = self.free()?;
                 let run = core.kind.run()?;
-                run.next_targets(run.samples()).map_err(told)?
+                run.next_targets(run.samples()).map_err(raised)?
             }
         };
         let targets = match released {
-            Some(released) => targets.releasing(released).map_err(told)?,
+            Some(released) => targets.releasing(released).map_err(raised)?,
             None => targets,
         };
         self.move_on(py, &targets)?;
@@ -254,7 +259,7 @@ impl Stepper {
         let mut guard = self.free()?;
         let run = guard.kind.run()?;
         let stop = Stop::with_flag(Arc::clone(&self.stop));
-        let mut teller = Teller::new(progress, &stop);
+        let mut teller = Progress::new(progress, &stop);
         teller.begin("moving", Some(frames as u64));
         let made = beside(py, &stop, || run.record(frames, &mut |_| teller.advance()));
         self.stop.store(false, Ordering::Relaxed);
@@ -275,7 +280,7 @@ impl Stepper {
         let mut core = self.free()?;
         let run = core.kind.run()?;
         let samples = run.samples();
-        let targets = run.next_targets(samples).map_err(told)?;
+        let targets = run.next_targets(samples).map_err(raised)?;
         let fractions = (1..=samples).map(|k| k as f64 / samples as f64);
         let handles = 0..targets.handle_count();
         let places = fractions.flat_map(|fraction| {
@@ -343,6 +348,27 @@ impl Stepper {
         }
     }
 
+    fn __copy__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        let (py, own) = (slf.py(), slf.get());
+        let other = slf.get_type().call1(own.made.bind(py))?;
+        other.call_method1("restore", (own.snapshot(py)?,))?;
+        Ok(other)
+    }
+
+    fn __deepcopy__<'py>(
+        slf: &Bound<'py, Self>,
+        _memo: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        Self::__copy__(slf)
+    }
+
+    fn __reduce__(slf: &Bound<'_, Self>) -> PyResult<()> {
+        Err(PyTypeError::new_err(format!(
+            "a {} is not pickled: pickle the scene and the model, and make it there (copy.deepcopy copies it here; a Simulator is pickled with its state)",
+            slf.get_type().name()?
+        )))
+    }
+
     fn __repr__(slf: &Bound<'_, Self>) -> PyResult<String> {
         let name = slf.get_type().name()?.to_string();
         let stepper = slf.get();
@@ -368,17 +394,19 @@ pub(crate) struct Simulator;
 impl Simulator {
     #[new]
     #[pyo3(signature = (scene, positions=None, velocities=None, progress=None))]
-    fn new(
-        py: Python<'_>,
-        scene: &Scene,
+    fn new<'py>(
+        py: Python<'py>,
+        scene: &Bound<'py, Scene>,
         positions: Option<Numbers<'_>>,
         velocities: Option<Numbers<'_>>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<PyClassInitializer<Self>> {
         let given = state_at(positions.as_ref(), velocities.as_ref())?;
-        let made = told_beside(py, progress, |_, teller| begin(scene, given, teller))??;
-        let stepper = Stepper::of_run(py, made)?;
-        Ok(PyClassInitializer::from(stepper).add_subclass(Self))
+        let own = given.as_ref();
+        let places = own.map(|state| arrays::of_f64(py, &state.positions));
+        let speeds = own.map(|state| arrays::of_f64(py, &state.velocities));
+        let made = (scene, places.transpose()?, speeds.transpose()?).into_pyobject(py)?;
+        Self::begun(scene, given, made, progress)
     }
 
     /// Positions of the state [m], (n, 3), a float64 copy.
@@ -395,11 +423,43 @@ impl Simulator {
         })
     }
 
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Call<'py>> {
+        let state = physics_of(slf, |physics| {
+            serde_json::to_string(&physics.checkpoint()).map_err(raised)
+        })?;
+        let scene = slf.as_super().get().made.bind(slf.py()).get_item(0)?;
+        pickling::call(slf.py(), "_simulator", (scene, state))
+    }
+
     /// Kinetic energy [J].
     #[getter]
     fn kinetic_energy(slf: &Bound<'_, Self>) -> PyResult<f64> {
         physics_of(slf, |physics| Ok(physics.kinetic_energy()))
     }
+}
+
+impl Simulator {
+    fn begun<'py>(
+        scene: &Bound<'py, Scene>,
+        given: Option<Checkpoint>,
+        made: Bound<'py, PyTuple>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        let own = scene.get();
+        let run = told_beside(scene.py(), progress, |_, teller| begin(own, given, teller))??;
+        Ok(PyClassInitializer::from(Stepper::of_run(made, run)?).add_subclass(Self))
+    }
+}
+
+/// The solver in a state that was pickled.
+#[pyfunction]
+pub(crate) fn _simulator(scene: &Bound<'_, Scene>, state: &str) -> PyResult<Py<Simulator>> {
+    let state = serde_json::from_str(state).map_err(raised)?;
+    let made = (scene,).into_pyobject(scene.py())?;
+    Py::new(
+        scene.py(),
+        Simulator::begun(scene, Some(state), made, None)?,
+    )
 }
 
 fn physics_of<R>(
@@ -437,13 +497,13 @@ pub(crate) fn state_at(
 pub(crate) fn begin(
     scene: &Scene,
     given: Option<Checkpoint>,
-    teller: &mut Teller<'_>,
+    teller: &mut Progress<'_>,
 ) -> PyResult<Run> {
     let scene = match given {
         Some(state) => &scene.run.from_state(state),
         None => &scene.run,
     };
-    Run::begin(scene, &mut |event| teller.hear(event)).map_err(told)
+    Run::begin(scene, &mut |event| teller.hear(event)).map_err(raised)
 }
 
 /// A trained model on the cloth of a scene, from its sagged rest pose.
@@ -456,23 +516,25 @@ pub(crate) struct LearnedStepper;
 impl LearnedStepper {
     #[new]
     #[pyo3(signature = (scene, model, guard="limit", progress=None))]
-    fn new(
-        py: Python<'_>,
-        scene: &Scene,
-        model: &Model,
+    fn new<'py>(
+        py: Python<'py>,
+        scene: &Bound<'py, Scene>,
+        model: &Bound<'py, Model>,
         guard: &str,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<PyClassInitializer<Self>> {
-        let (guard, model) = (guarding::settings(guard)?, model.named());
+        let made = (scene, model, guard).into_pyobject(py)?;
+        let (scene, model) = (scene.get(), model.get().named());
+        let guard = guarding::settings(guard)?;
         let network = Network {
             model: &model,
             machine: &Machine::Cpu,
             guard,
         };
-        let made = told_beside(py, progress, |_, teller| {
-            Run::begin_model(&scene.run, network, &mut |event| teller.hear(event)).map_err(told)
+        let run = told_beside(py, progress, |_, teller| {
+            Run::begin_model(&scene.run, network, &mut |event| teller.hear(event)).map_err(raised)
         })??;
-        let stepper = Stepper::of_run(py, made)?;
+        let stepper = Stepper::of_run(made, run)?;
         Ok(PyClassInitializer::from(stepper).add_subclass(Self))
     }
 }
@@ -486,11 +548,12 @@ pub(crate) struct PlaybackStepper;
 #[pymethods]
 impl PlaybackStepper {
     #[new]
-    fn new(py: Python<'_>, trajectory: &Trajectory) -> PyResult<PyClassInitializer<Self>> {
-        let played = trajectory.inner.as_ref().clone();
+    fn new(trajectory: &Bound<'_, Trajectory>) -> PyResult<PyClassInitializer<Self>> {
+        let made = (trajectory,).into_pyobject(trajectory.py())?;
+        let played = trajectory.get().inner.as_ref().clone();
         let rate = played.frame_rate();
         let kind = Kind::Recording(Box::new(Playback::new(played)));
-        let stepper = Stepper::of(py, kind, rate)?;
+        let stepper = Stepper::of(made, kind, rate)?;
         Ok(PyClassInitializer::from(stepper).add_subclass(Self))
     }
 }
@@ -505,16 +568,18 @@ pub(crate) struct RigidStepper;
 impl RigidStepper {
     #[new]
     #[pyo3(signature = (scene, progress=None))]
-    fn new(
-        py: Python<'_>,
-        scene: &Scene,
+    fn new<'py>(
+        py: Python<'py>,
+        scene: &Bound<'py, Scene>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<PyClassInitializer<Self>> {
+        let made = (scene,).into_pyobject(py)?;
+        let scene = scene.get();
         let rest = told_beside(py, progress, |_, teller| scene.found_rest(teller))??;
         let built = scene.run.built();
-        let cloth = Cloth::of_scene(built, rounded(&rest.positions)).map_err(told)?;
+        let cloth = Cloth::of_scene(built, rounded(&rest.positions)).map_err(raised)?;
         let run = Run::of_stepper(&scene.run, Box::new(RigidRest::new(&cloth)));
-        let stepper = Stepper::of_run(py, run.map_err(told)?)?;
+        let stepper = Stepper::of_run(made, run.map_err(raised)?)?;
         Ok(PyClassInitializer::from(stepper).add_subclass(Self))
     }
 }

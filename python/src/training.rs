@@ -12,9 +12,9 @@ use selvedge_lab::{assets, training};
 use selvedge_train::{RunEnd, RunLimits, Setting, StepReport, TrainConfig, Trainer, files};
 
 use crate::dataset::{Data, Dataset};
-use crate::errors::{told, wrong};
+use crate::errors::{raised, wrong};
 use crate::json as python;
-use crate::long::{Stop, Teller, beside, call};
+use crate::long::{Progress, Stop, beside, call};
 use crate::model::Model;
 
 /// The wishes for a training.
@@ -45,7 +45,7 @@ impl Start {
             Self::Path(folder) if folder.is_dir() => folder.join(files::MODEL),
             Self::Path(file) => file.clone(),
         };
-        selvedge::Model::open(Some(&file)).map_err(told)
+        selvedge::Model::open(Some(&file)).map_err(raised)
     }
 }
 
@@ -109,7 +109,7 @@ pub(crate) fn train<'py>(
         },
     };
     let stop = Stop::default();
-    let mut teller = Teller::new(progress, &stop);
+    let mut teller = Progress::new(progress, &stop);
     let hear = |report: &StepReport| {
         if let Some(on_step) = &on_step {
             call(on_step, &stop, |py| {
@@ -155,7 +155,7 @@ fn settings_of(settings: Option<&Bound<'_, PyDict>>) -> PyResult<Vec<Setting>> {
             Err(_) => json.call_method1("dumps", (value,))?.extract()?,
         };
         let text = format!("{}={value}", path.extract::<String>()?);
-        text.parse().map_err(told)
+        text.parse().map_err(raised)
     };
     settings.iter().map(one).collect()
 }
@@ -179,15 +179,15 @@ fn learn(
     data: &Dataset,
     stop: &Stop,
     hear: &dyn Fn(&StepReport) -> ControlFlow<()>,
-    teller: &mut Teller<'_>,
+    teller: &mut Progress<'_>,
 ) -> PyResult<Done> {
     let origin = Path::new(asked.origin);
-    let mut cfg = TrainConfig::parse_with(&asked.text, origin, &asked.settings).map_err(told)?;
+    let mut cfg = TrainConfig::parse_with(&asked.text, origin, &asked.settings).map_err(raised)?;
     if let Some(steps) = asked.steps {
         cfg.steps = steps;
     }
     let steps = cfg.steps;
-    let _claimed = folder::claim_folder(asked.out, FolderKind::Training).map_err(told)?;
+    let _claimed = folder::claim_folder(asked.out, FolderKind::Training).map_err(raised)?;
     let checkpoint = check_folder(asked)?;
     let Some(mut trainer) = begin(asked, cfg, data, &checkpoint, teller)? else {
         return Ok(Done {
@@ -205,7 +205,7 @@ fn learn(
         hear(step)
     });
     Ok(Done {
-        end: end.map_err(told)?,
+        end: end.map_err(raised)?,
         steps_done: trainer.steps_done(),
         steps,
         parameters: trainer.parameter_count(),
@@ -218,25 +218,25 @@ fn begin(
     cfg: TrainConfig,
     data: &Dataset,
     checkpoint: &Path,
-    teller: &mut Teller<'_>,
+    teller: &mut Progress<'_>,
 ) -> PyResult<Option<Trainer>> {
     let data = &data.inner;
     let engine = machine::engine(&Machine::Cpu, asked.micro_batch);
     let mut trainer = match (&asked.from, asked.resume) {
-        (_, true) => Some(Trainer::resume(cfg, data, checkpoint, &*engine).map_err(told)?),
+        (_, true) => Some(Trainer::resume(cfg, data, checkpoint, &*engine).map_err(raised)?),
         (Some(from), false) => {
             let model = from.model()?;
             let from = Some(&*model.model);
             training::begin(from, cfg, data, &*engine, &mut |event| teller.hear(event))
-                .map_err(told)?
+                .map_err(raised)?
         }
         (None, false) => {
             training::begin(None, cfg, data, &*engine, &mut |event| teller.hear(event))
-                .map_err(told)?
+                .map_err(raised)?
         }
     };
     if let Some(trainer) = &mut trainer {
-        training::with_expert(trainer, data).map_err(told)?;
+        training::with_expert(trainer, data).map_err(raised)?;
     }
     Ok(trainer)
 }

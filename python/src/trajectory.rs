@@ -13,7 +13,7 @@ use selvedge_lab::physics;
 use selvedge_lab::pictures::{self, Show};
 
 use crate::arrays::{self, Numbers};
-use crate::errors::{told, wrong};
+use crate::errors::{raised, wrong};
 use crate::exporting;
 use crate::json;
 use crate::long::told_beside;
@@ -45,14 +45,14 @@ impl Trajectory {
         other: &Self,
     ) -> PyResult<Bound<'py, PyAny>> {
         let measures = py.detach(|| physics::compare(&self.inner, &other.inner));
-        json::to_python(py, &measures.map_err(told)?)
+        json::to_python(py, &measures.map_err(raised)?)
     }
 
     /// A contact sheet, beside a truth where there is one.
     pub(crate) fn drawn(&self, py: Python<'_>, truth: Option<&Self>) -> PyResult<Picture> {
         let title = self.name();
         let show = self.show(&title, truth);
-        let png = py.detach(|| pictures::sheet(&show)).map_err(told)?;
+        let png = py.detach(|| pictures::sheet(&show)).map_err(raised)?;
         Ok(Picture::of(png))
     }
 
@@ -117,20 +117,20 @@ impl Trajectory {
             frame_rate,
             made_by: "from arrays".to_owned(),
         };
-        let made = py.detach(|| parts.trajectory()).map_err(told)?;
+        let made = py.detach(|| parts.trajectory()).map_err(raised)?;
         Self::of(py, made)
     }
 
     /// Reads a trajectory (.safetensors).
     #[staticmethod]
     fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        let read = py.detach(|| Recorded::read(&path)).map_err(told)?;
+        let read = py.detach(|| Recorded::read(&path)).map_err(raised)?;
         Self::of(py, read)
     }
 
     /// Writes the trajectory (.safetensors), whole or not at all.
     fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        py.detach(|| self.inner.write(&path)).map_err(told)
+        py.detach(|| self.inner.write(&path)).map_err(raised)
     }
 
     /// The bytes of the trajectory's file.
@@ -232,7 +232,7 @@ impl Trajectory {
         };
         let wanted = usize::try_from(wanted).unwrap_or(usize::MAX);
         let png = py.detach(|| pictures::picture(&self.inner, wanted, size));
-        Ok(Picture::of(png.map_err(told)?))
+        Ok(Picture::of(png.map_err(raised)?))
     }
 
     /// A contact sheet of even moments; beside a `truth` of as many frames, with the error.
@@ -245,7 +245,7 @@ impl Trajectory {
     fn strain_sheet(&self, py: Python<'_>) -> PyResult<Picture> {
         let title = self.name();
         let png = py.detach(|| pictures::strain_sheet(&title, &self.inner));
-        Ok(Picture::of(png.map_err(told)?))
+        Ok(Picture::of(png.map_err(raised)?))
     }
 
     /// Writes a clip (.gif) in real time, beside a `truth` of as many frames where there is one.
@@ -264,8 +264,8 @@ impl Trajectory {
             teller.begin("drawing the clip", Some(count as u64));
             let mut gif = Vec::new();
             // A clip that was stopped is told by `told_beside`.
-            let _ = pictures::clip(&mut gif, &show, &mut || teller.advance()).map_err(told)?;
-            write_atomically(&path, |out| out.write_all(&gif)).map_err(told)
+            let _ = pictures::clip(&mut gif, &show, &mut || teller.advance()).map_err(raised)?;
+            write_atomically(&path, |out| out.write_all(&gif)).map_err(raised)
         })?
     }
 

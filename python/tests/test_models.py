@@ -93,6 +93,36 @@ def test_the_environment_reaches_a_pose(small):
     assert made.observation_space["positions"].shape == (36, 3)
 
 
+def test_worlds_side_by_side_go_as_each_alone(small):
+    gymnasium = pytest.importorskip("gymnasium")
+    from selvedge import gym
+
+    count, options = 3, {"scene": small, "frames": 4}
+    worlds = gymnasium.make_vec("selvedge/ReachPose-v0", num_envs=count, **options)
+    assert isinstance(worlds.unwrapped, gym.ReachPoses)
+    alone = [gym.ReachPose(**options) for _ in range(count)]
+    observed, _ = worlds.reset(seed=7)
+    expected = [env.reset(seed=7 + k)[0] for k, env in enumerate(alone)]
+    actions = np.random.default_rng(1)
+    for step in range(7):
+        for key in observed:
+            assert observed[key].shape[0] == count
+            assert np.array_equal(observed[key], np.stack([one[key] for one in expected]))
+        assert worlds.observation_space.contains(observed)
+        action = actions.uniform(-1, 1, (count, 2, 3)).astype(np.float32)
+        observed, rewards, terminated, truncated, infos = worlds.step(action)
+        if step == 4:
+            # The episodes were cut off in the step before.
+            expected = [env.reset()[0] for env in alone]
+            assert (rewards == 0).all() and (infos["frame"] == 0).all()
+            continue
+        made = [env.step(one) for env, one in zip(alone, action)]
+        expected = [one[0] for one in made]
+        assert list(rewards) == [one[1] for one in made] and not terminated.any()
+        assert truncated.all() == (step == 3)
+    worlds.close()
+
+
 def test_an_episode_in_which_the_cloth_is_torn_ends_with_a_reason(small):
     pytest.importorskip("gymnasium")
     from selvedge import gym

@@ -74,3 +74,38 @@ def test_they_go_to_a_process_that_was_spawned(small, model, data):
     with concurrent.futures.ProcessPoolExecutor(1, mp_context=spawned) as pool:
         found = pool.submit(vertices_of, small, model, data).result(timeout=120)
     assert found == vertices_of(small, model, data)
+
+
+def steppers(scene, model):
+    run = selvedge.simulate(scene, frames=12)
+    return [
+        selvedge.Simulator(scene),
+        selvedge.LearnedStepper(scene, model),
+        selvedge.PlaybackStepper(run),
+        selvedge.RigidStepper(scene),
+    ]
+
+
+def test_steppers_are_copied_with_their_state(small, model):
+    for stepper in steppers(small, model):
+        targets = small.positions[small.handles] + [0.0, 0.01, 0.0]
+        stepper.step(targets)
+        for other in (copy.copy(stepper), copy.deepcopy(stepper)):
+            assert type(other) is type(stepper) and other.frame == 1
+            before = stepper.snapshot()
+            assert np.array_equal(other.step(targets), stepper.step(targets))
+            stepper.restore(before)
+        other.reset()
+        stepper.reset()
+        assert np.array_equal(other.positions, stepper.positions) and other.frame == 0
+
+
+def test_a_simulator_goes_on_elsewhere(small, model):
+    stepper = selvedge.Simulator(small)
+    stepper.follow(7)
+    other = again(stepper)
+    assert other.frame == 7
+    assert np.array_equal(other.follow(5), stepper.follow(5))
+    for other in steppers(small, model)[1:]:
+        with pytest.raises(TypeError, match="is not pickled: pickle the scene"):
+            pickle.dumps(other)

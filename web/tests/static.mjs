@@ -125,8 +125,11 @@ test("a picture of the book becomes the cloth that it shows, where the page is b
 
 test("a scene that is not there is said", async () => {
   const other = await chrome.context.newPage();
-  await other.goto(`${served.url}?scene=nowhere`);
-  await other.waitForFunction(() => /nowhere/.test(document.getElementById("toast").textContent));
+  await other.goto(`${served.url}?scene=tableclot`);
+  // With those that there are, a red light, and no floor that waits for a cloth.
+  await other.waitForFunction(() => /tableclot\b.*tablecloth/s.test(document.getElementById("toast").textContent));
+  assert.equal(await other.locator("#link").getAttribute("class"), "dot bad");
+  assert.equal(await other.evaluate(() => document.body.dataset.link), "refused");
   await other.close();
 });
 

@@ -7,7 +7,7 @@ use selvedge::machine::Machine;
 use selvedge::{Correction, Error, Model, Network, Run, Scene, Snapshot, Stepper};
 
 use crate::fault::Fault;
-use crate::listener::Ear;
+use crate::listener::Progress;
 use crate::registry::{Kind, Registry};
 use crate::status::SelvedgeStatus;
 
@@ -36,8 +36,8 @@ impl From<Run> for KeptCloth {
 }
 
 /// The solver on the cloth of a scene, where the scene starts.
-pub(crate) fn by_solver(scene: &Scene, ear: &mut Ear) -> Result<Run, Fault> {
-    Run::begin(scene, &mut |event| ear.tell(event)).map_err(fault)
+pub(crate) fn by_solver(scene: &Scene, progress: &mut Progress) -> Result<Run, Fault> {
+    Run::begin(scene, &mut |event| progress.tell(event)).map_err(fault)
 }
 
 /// A model on the cloth of a scene, from its rest pose on.
@@ -45,14 +45,14 @@ pub(crate) fn by_model(
     scene: &Scene,
     model: &Model,
     guard: Correction,
-    ear: &mut Ear,
+    progress: &mut Progress,
 ) -> Result<Run, Fault> {
     let network = Network {
         model,
         machine: &Machine::Cpu,
         guard,
     };
-    Run::begin_model(scene, network, &mut |event| ear.tell(event)).map_err(fault)
+    Run::begin_model(scene, network, &mut |event| progress.tell(event)).map_err(fault)
 }
 
 /// A scene that cannot be made ready to move.

@@ -33,7 +33,7 @@ pub struct SelvedgeListener {
 }
 
 /// A listener of ours around one of C.
-pub(crate) struct Ear {
+pub(crate) struct Progress {
     listener: Option<SelvedgeListener>,
     task: CString,
     done: u64,
@@ -42,9 +42,9 @@ pub(crate) struct Ear {
 
 // SAFETY: the caller agrees that the function is called from other threads with its pointer, one
 // call at a time.
-unsafe impl Send for Ear {}
+unsafe impl Send for Progress {}
 
-impl Ear {
+impl Progress {
     /// A listener of ours for `listener`, which may be null.
     ///
     /// # Safety

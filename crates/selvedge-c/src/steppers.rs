@@ -11,7 +11,7 @@ use selvedge::{HandleTargets, Run, Stepper};
 use crate::border::{call, put, put_all, values};
 use crate::cloth::{MODELS, SCENES, STEPPERS, by_model, by_solver};
 use crate::fault::Fault;
-use crate::listener::{Ear, SelvedgeListener};
+use crate::listener::{Progress, SelvedgeListener};
 use crate::models::SelvedgeModel;
 use crate::registry::lock;
 use crate::scenes::SelvedgeScene;
@@ -37,11 +37,11 @@ pub unsafe extern "C" fn selvedge_stepper_physics(
 ) -> SelvedgeStatus {
     call(|| {
         // SAFETY: as for this function.
-        let mut ear = unsafe { Ear::of(listener) };
+        let mut progress = unsafe { Progress::of(listener) };
         // SAFETY: likewise.
         unsafe { put(out, "out", 0) }?;
         let scene = SCENES.get(scene)?;
-        let cloth = by_solver(&scene, &mut ear)?;
+        let cloth = by_solver(&scene, &mut progress)?;
         // SAFETY: likewise.
         unsafe { put(out, "out", keep(cloth)?) }
     })
@@ -62,12 +62,12 @@ pub unsafe extern "C" fn selvedge_stepper_model(
 ) -> SelvedgeStatus {
     call(|| {
         // SAFETY: as for this function.
-        let mut ear = unsafe { Ear::of(listener) };
+        let mut progress = unsafe { Progress::of(listener) };
         // SAFETY: likewise.
         unsafe { put(out, "out", 0) }?;
         let settings = trust::settings(guard)?;
         let (scene, model) = (SCENES.get(scene)?, MODELS.get(model)?);
-        let cloth = by_model(&scene, &model, settings, &mut ear)?;
+        let cloth = by_model(&scene, &model, settings, &mut progress)?;
         // SAFETY: likewise.
         unsafe { put(out, "out", keep(cloth)?) }
     })

@@ -1,9 +1,52 @@
 //! What one substep leaves for the next. Nouns of saved states; the laws are in `selvedge-sim`.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+/// All that a run needs to go on bit for bit after a frame.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Checkpoint {
+    /// Frames of the motion that have passed.
+    pub frame: usize,
+    /// Positions `[m]`, `[vertices]`.
+    pub positions: Vec<DVec3>,
+    /// Velocities `[m/s]`, `[vertices]`.
+    pub velocities: Vec<DVec3>,
+    /// The state one substep ago, which a run of second order looks back to; without it the next
+    /// substep starts anew.
+    pub previous: Option<PreviousSubstep>,
+    /// Changes of velocity of the last solve `[m/s]`, `[vertices]`, and the time over which they
+    /// came about `[s]`: conjugate gradients begin from them.
+    pub changes: Option<(Vec<DVec3>, f64)>,
+    /// What contact left for the next substep.
+    pub contact: Option<ContactMemory>,
+    /// Distances of the first obstacles from their own paths `[m]`, which no file has; the others
+    /// stay where they are.
+    pub obstacles: Vec<DVec3>,
+}
+
+impl Checkpoint {
+    /// Positions `[m]` and velocities `[m/s]`, `[vertices]`, after `frame` frames, and no more.
+    #[must_use]
+    pub fn of(frame: usize, positions: Vec<DVec3>, velocities: Vec<DVec3>) -> Self {
+        Self {
+            frame,
+            positions,
+            velocities,
+            ..Self::default()
+        }
+    }
+
+    /// At `positions` `[m]`, `[vertices]`, without velocity, before the motion begins.
+    #[must_use]
+    pub fn at_rest(positions: Vec<DVec3>) -> Self {
+        let velocities = vec![DVec3::ZERO; positions.len()];
+        Self::of(0, positions, velocities)
+    }
+}
 
 /// The state of a cloth one substep ago.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PreviousSubstep {
     /// Positions `[m]`, `[vertices]`.
     pub positions: Vec<DVec3>,
@@ -15,7 +58,7 @@ pub struct PreviousSubstep {
 
 /// State of contact beside positions and velocities, which one substep leaves for the next. A run
 /// with contact goes on bit for bit only with it.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ContactMemory {
     /// Friction that features have left.
     pub anchors: Vec<FrictionAnchor>,
@@ -29,7 +72,7 @@ pub struct ContactMemory {
 
 /// Contact of a vertex of the cloth with a body that is released: no feature with this vertex meets
 /// that body. Bodies are numbered from 1, in the order of the obstacles.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ReleasedContact {
     /// Number of the vertex.
     pub vertex: u32,
@@ -50,7 +93,7 @@ pub struct ReleasedContact {
 }
 
 /// Friction that a feature has left.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FrictionAnchor {
     /// The feature, at a whole body where it is a vertex.
     pub of: Touching,
@@ -61,7 +104,7 @@ pub struct FrictionAnchor {
 }
 
 /// A pair that a solve had missed.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CaughtPair {
     /// A vertex or a point of an obstacle and a face, or two edges.
     pub of: Touching,
@@ -70,7 +113,7 @@ pub struct CaughtPair {
 }
 
 /// A feature that pushes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Pushing {
     /// The feature, at a whole body where it is a vertex.
     pub of: Touching,
@@ -79,7 +122,7 @@ pub struct Pushing {
 }
 
 /// Two features that touch, by their numbers among those of the cloth and all obstacles.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Touching {
     /// A vertex, and a face or a body; body 0 is the cloth.
     Vertex {

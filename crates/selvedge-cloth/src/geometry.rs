@@ -53,7 +53,7 @@ pub fn dihedral_angle(from: DVec3, to: DVec3, left: DVec3, right: DVec3) -> f64 
     let sine = -normal_left.cross(normal_right).dot(along) / along.length();
     let cosine = normal_left.dot(normal_right);
     if sine.is_finite() && (sine != 0.0 || cosine != 0.0) {
-        sine.atan2(cosine)
+        atan2(sine, cosine)
     } else {
         0.0
     }
@@ -80,6 +80,27 @@ pub fn turn(axis: DVec3, angle: f64) -> DQuat {
     DQuat::from_xyzw(v.x, v.y, v.z, cosine)
 }
 
+/// e to the power of `x`, with the same bits on every system.
+#[must_use]
+pub fn exp(x: f64) -> f64 {
+    libm::exp(x)
+}
+
+/// The rotation at this `part` of the way from one to another, the short way round, with the same bits
+/// on every system.
+#[must_use]
+pub fn slerp(from: DQuat, to: DQuat, part: f64) -> DQuat {
+    let dot = from.dot(to);
+    let to = if dot < 0.0 { -to } else { to };
+    let sine = (1.0 - dot * dot).max(0.0).sqrt();
+    if sine < 1e-7 {
+        return from.lerp(to, part);
+    }
+    let angle = atan2(sine, dot.abs());
+    let [left, right] = [1.0 - part, part].map(|part| sin_cos(part * angle).0 / sine);
+    (from * left + to * right).normalize()
+}
+
 #[cfg(test)]
 mod tests {
     use std::f64::consts::PI;
@@ -101,6 +122,17 @@ mod tests {
 
     fn dihedral(p: [DVec3; 4]) -> f64 {
         dihedral_angle(p[0], p[1], p[2], p[3])
+    }
+
+    #[test]
+    fn rotations_are_passed_at_an_even_rate_the_short_way_round() {
+        let [from, to] = [0.3, 2.1].map(|angle| turn(DVec3::Y, angle));
+        for (part, to) in [(0.0, to), (0.25, to), (0.6, -to), (1.0, to)] {
+            let found = slerp(from, to, part);
+            assert!(found.angle_between(turn(DVec3::Y, 0.3 + 1.8 * part)) < 1e-7);
+            assert!((found.length() - 1.0).abs() < 1e-15);
+        }
+        assert_eq!(slerp(to, to, 0.5), to);
     }
 
     #[test]

@@ -77,7 +77,8 @@ pub use glam;
 pub use cloth::{Cloth, ClothArrays};
 pub use contact::{ContactSettings, Squeezed};
 pub use contact_memory::{
-    CaughtPair, ContactMemory, FrictionAnchor, PreviousSubstep, Pushing, ReleasedContact, Touching,
+    CaughtPair, Checkpoint, ContactMemory, FrictionAnchor, PreviousSubstep, Pushing,
+    ReleasedContact, Touching,
 };
 pub use environment::{Environment, Gust};
 pub use error::{SceneError, require};

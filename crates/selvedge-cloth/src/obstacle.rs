@@ -6,7 +6,7 @@ use std::fmt::Display;
 use glam::{DQuat, DVec3};
 
 use crate::error::{SceneError, require};
-use crate::geometry::is_without_area;
+use crate::geometry::{is_without_area, slerp};
 
 /// Farthest coordinate of an obstacle `[m]`.
 const FARTHEST: f64 = 1e6;
@@ -297,7 +297,7 @@ fn rigid_at(keys: &[RigidKey], time: f64) -> (DQuat, DVec3) {
         0.0
     };
     (
-        from.rotation.slerp(to.rotation, part),
+        slerp(from.rotation, to.rotation, part),
         from.translation.lerp(to.translation, part),
     )
 }

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 use selvedge_cloth::ReleasedContact;
+use selvedge_cloth::geometry::atan2;
 
 use crate::surface::Surface;
 
@@ -88,7 +89,7 @@ pub fn winding(place: DVec3, faces: impl Iterator<Item = [DVec3; 3]>) -> f64 {
             + a.dot(b) * lengths[2]
             + b.dot(c) * lengths[0]
             + c.dot(a) * lengths[1];
-        a.dot(b.cross(c)).atan2(below)
+        atan2(a.dot(b.cross(c)), below)
     });
     angles.sum::<f64>() / std::f64::consts::TAU
 }

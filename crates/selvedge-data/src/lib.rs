@@ -95,11 +95,12 @@ pub use rig::{MeshMotion, Rig, RigError, RigNode};
 pub use scene::{
     LoadedScene, MeshSource, MeshSpec, ObjSource, Rotate, SceneSpec, Setting, StartSpec,
     StrainedEdge, Times, Transform, materials, open_material, open_scene, panel_stretches,
-    parse_recorded_csv, parse_scene, read_scene, shipped_scenes, size_warning, worst_edges,
+    parse_recorded_csv, parse_scene, read_scene, shipped_scenes, size_warning, strain_warnings,
+    worst_edges,
 };
 pub use trajectory::file::TRAJECTORY_FORMAT;
 pub use trajectory::frames::Frames;
 pub use trajectory::obstacles::ObstacleTrack;
 pub use trajectory::record::{Drive, Playback, Recording, RecordingEnd, record, record_steps};
-pub use trajectory::state_file::{STATES_FORMAT, SavedState, StateChoice, StateRun, StateSpec};
+pub use trajectory::state_file::{STATES_FORMAT, StateChoice, StateRun, StateSpec};
 pub use trajectory::{Provenance, Trajectory};

@@ -6,8 +6,8 @@ use web_time::Instant;
 use crate::event::End;
 use anyhow::{Result, bail, ensure};
 use glam::Vec3;
+use selvedge::Run;
 pub use selvedge::start::rest_pose;
-use selvedge::{Run, start};
 pub use selvedge::{provenance, rounded, trajectory};
 use selvedge_cloth::Scene;
 use selvedge_data::metrics::{self, Comparison};
@@ -52,7 +52,7 @@ pub fn simulate(
     keeps_states: bool,
     on_frame: &mut dyn FnMut(&Run) -> ControlFlow<()>,
 ) -> Simulated {
-    let state = |run: &Run| Some(start::saved_state(run.solver()?.checkpoint()));
+    let state = |run: &Run| Some(run.solver()?.checkpoint());
     let mut states = keeps_states.then(StateRun::default);
     let mut keep = |run: &Run| {
         if let Some(states) = &mut states {

@@ -39,8 +39,8 @@ pub(crate) struct FittedCloth {
     pub(crate) positions: Vec<DVec3>,
     /// What was done.
     pub(crate) remarks: Vec<String>,
-    /// A warning of strain that is left.
-    pub(crate) warning: Option<String>,
+    /// Warnings of strain that is left, and of openings around nothing.
+    pub(crate) warnings: Vec<String>,
 }
 
 /// A listener of each stage, by its name and progress.
@@ -94,7 +94,7 @@ fn state(now: FitProgress) -> String {
 /// first.
 fn fit_told(own: &Scene, making: &Making, progress: Listener<'_>) -> Result<FittedCloth, Error> {
     let mut scene = own.clone();
-    let mut remarks = Vec::new();
+    let (mut remarks, mut warnings) = (Vec::new(), Vec::new());
     let start = &making.start;
     let meets_itself = scene.contact.is_some_and(|contact| contact.self_contact);
     if *start == StartSpec::Untangle || *start == StartSpec::Fit && meets_itself {
@@ -117,13 +117,16 @@ fn fit_told(own: &Scene, making: &Making, progress: Listener<'_>) -> Result<Fitt
             dressed.before,
             1e3 * dressed.shrunk
         ));
+        warnings.extend(dressed.empty.iter().map(|opening| {
+            format!("dress: {opening}: if a limb belongs there, move the cloth (mesh.transform) or let the body stand with its arms out")
+        }));
         scene.mesh = at(scene.mesh, dressed.positions)?;
     }
     if *start != StartSpec::Fit {
         return Ok(FittedCloth {
             positions: scene.mesh.positions().to_vec(),
             remarks,
-            warning: None,
+            warnings,
         });
     }
     let fitted = match &making.loose {
@@ -139,11 +142,11 @@ fn fit_told(own: &Scene, making: &Making, progress: Listener<'_>) -> Result<Fitt
     remarks.push(format!(
         "fitted into the pattern: the largest strain went from {before} to {after}"
     ));
-    let warning = left(own, &fitted)?;
+    warnings.extend(left(own, &fitted)?);
     Ok(FittedCloth {
         positions: fitted.positions,
         remarks,
-        warning,
+        warnings,
     })
 }
 
@@ -239,9 +242,9 @@ mod tests {
             fit_told(&scene, &making, &mut |_: &str, _| ControlFlow::Continue(()))
         };
         let fits = fit_of(1.02).unwrap();
-        assert!(fits.warning.is_none() && fits.remarks.len() == 1);
+        assert!(fits.warnings.is_empty() && fits.remarks.len() == 1);
         let eased = fit_of(1.6).unwrap();
-        assert!(eased.warning.unwrap().contains("the worst edges are"));
+        assert!(eased.warnings[0].contains("the worst edges are"));
         let refused = fit_of(20.0).unwrap_err().to_string();
         for words in [
             "scene \"bag\"",

@@ -70,8 +70,7 @@ impl Scene {
     /// A scene made in code that begins at `positions` `[m]`, `[vertices]`, at rest.
     #[must_use]
     pub fn at(built: Built, positions: Vec<DVec3>) -> Self {
-        let velocities = vec![DVec3::ZERO; positions.len()];
-        Self::in_state(built, Checkpoint::of(0, positions, velocities))
+        Self::in_state(built, Checkpoint::at_rest(positions))
     }
 
     /// A scene made in code that begins in a state of the solver.
@@ -187,8 +186,8 @@ impl Scene {
                 let fitted = fitting::fit(built, making, on_event)?;
                 Ok(Start {
                     remarks: fitted.remarks,
-                    warnings: fitted.warning.into_iter().collect(),
-                    ..Start::at(at_rest(fitted.positions))
+                    warnings: fitted.warnings,
+                    ..Start::at(Checkpoint::at_rest(fitted.positions))
                 })
             }
             Begins::Rest if built.handles.is_empty() => Err(Error::Unheld {
@@ -198,16 +197,11 @@ impl Scene {
                 let rest = self.rest_pose(on_event).map_err(start::without_rest)?;
                 Ok(Start {
                     rest: Some(Arc::clone(&rest)),
-                    ..Start::at(at_rest(rest.positions.clone()))
+                    ..Start::at(Checkpoint::at_rest(rest.positions.clone()))
                 })
             }
         }
     }
-}
-
-fn at_rest(positions: Vec<DVec3>) -> Checkpoint {
-    let velocities = vec![DVec3::ZERO; positions.len()];
-    Checkpoint::of(0, positions, velocities)
 }
 
 /// A listener that hears nothing.
@@ -230,7 +224,7 @@ impl Scene {
     #[must_use]
     pub fn of_loaded(loaded: LoadedScene, spec: Option<SceneSpec>) -> Self {
         let begins = match (loaded.state, loaded.spec.start) {
-            (Some(state), _) => Begins::State(Box::new(start::checkpoint_of(state))),
+            (Some(state), _) => Begins::State(Box::new(state)),
             (None, StartSpec::Rest) => Begins::Rest,
             (None, start) => Begins::Made(Box::new(Making {
                 start,

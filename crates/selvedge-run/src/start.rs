@@ -9,8 +9,6 @@ use crate::Error;
 use crate::event::{Event, Goal, Listener};
 #[cfg(feature = "learned")]
 pub use learned::{WITHOUT_GUARD, guarded};
-#[cfg(feature = "files")]
-pub use saved::{checkpoint_of, saved_state};
 
 /// A cloth where its motion begins.
 #[derive(Clone, Debug)]
@@ -92,49 +90,6 @@ pub(crate) fn without_rest(error: Error) -> Error {
 /// A scene or a state that cannot be used.
 pub fn simulator_of_run(scene: &Built, state: &Checkpoint) -> Result<Simulator, SimulatorError> {
     Simulator::from_checkpoint(scene, state)?.taken_up_at(state.frame)
-}
-
-/// States in files, and the checkpoints of the solver.
-#[cfg(feature = "files")]
-mod saved {
-    use selvedge_data::SavedState;
-    use selvedge_sim::Checkpoint;
-
-    /// The state of a checkpoint, for a file: obstacles are on their own paths there.
-    #[must_use]
-    pub fn saved_state(checkpoint: Checkpoint) -> SavedState {
-        let Checkpoint {
-            frame,
-            positions,
-            velocities,
-            previous,
-            changes,
-            contact,
-            obstacles: _,
-        } = checkpoint;
-        SavedState {
-            positions,
-            velocities,
-            frame,
-            previous,
-            contact,
-            changes,
-        }
-    }
-
-    /// The checkpoint of a state, all obstacles on their own paths.
-    #[must_use]
-    pub fn checkpoint_of(state: SavedState) -> Checkpoint {
-        Checkpoint {
-            frame: state.frame,
-            positions: state.positions,
-            velocities: state.velocities,
-            previous: state.previous,
-            changes: state.changes,
-            contact: state.contact,
-            obstacles: Vec::new(),
-        }
-    }
 }
 
 /// Networks.

@@ -116,6 +116,10 @@ pub enum FitError {
     )]
     NoBody { body: String },
     #[error(
+        "the cloth does not get onto {body:?}: {opening}, nor near: move the cloth so that each opening is around its limb (mesh.transform), the body's arms out where it has sleeves"
+    )]
+    Beside { body: String, opening: String },
+    #[error(
         "the cloth does not get onto {body:?}: it meets the body at {before} pairs of faces, and at {left} of them still where the body is thin and short, around vertex {vertex} at ({:.2}, {:.2}, {:.2}) m: move the cloth there so that it goes around the body (mesh.transform), or turn and scale it",
         place.x, place.y, place.z
     )]
@@ -129,7 +133,7 @@ pub enum FitError {
         place: DVec3,
     },
     #[error(
-        "the cloth does not get onto {body:?}: the body grew back from within it by {percent:.0} % of the way, and then {cause}: move the cloth so that it goes around the body (mesh.transform), or take a larger one"
+        "the cloth does not get onto {body:?}: the body grew back from within it by {percent:.0} % of the way, and then {cause}: move the cloth so that it goes around the body (mesh.transform), the body's arms out where it has sleeves, or take a larger one"
     )]
     NotGrown {
         body: String,

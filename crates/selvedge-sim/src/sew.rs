@@ -7,6 +7,7 @@
 //! (v ← v + Δx/dt). `[eq:sewing]` Held vertices are led to where the sewn mesh has them.
 
 use glam::DVec3;
+use selvedge_cloth::geometry::exp;
 use selvedge_cloth::{Handles, LoosePanels, Scene, Stop, VertexId};
 
 use crate::active_handles::ActiveHandles;
@@ -75,7 +76,7 @@ pub(crate) fn sew(
         }
         solved.map_err(failed)?;
         close(&seams, &mass, 1.0 - part, dt, &mut state);
-        let fading = (-dt / FADING).exp();
+        let fading = exp(-dt / FADING);
         state.velocities.iter_mut().for_each(|v| *v *= fading);
         active.system.forget_changes();
         if substep % BEAT == 0 {

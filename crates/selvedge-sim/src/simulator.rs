@@ -17,11 +17,11 @@ use crate::integrator::{History, SubstepCounts};
 use crate::solver::SolveError;
 use crate::state::State;
 use crate::threads::Threads;
-pub use checkpoint::Checkpoint;
 pub use error::SimulatorError;
 pub use frame::DividedFrames;
 pub(crate) use frame::Part;
 use frame::{FRAME, Snapshot};
+pub use selvedge_cloth::Checkpoint;
 
 mod checkpoint;
 mod contact;

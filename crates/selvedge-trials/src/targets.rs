@@ -7,8 +7,8 @@ use std::path::Path;
 use selvedge::machine::DeviceName;
 use selvedge_data::export::FrameSpan;
 use selvedge_data::{
-    Dataset, DatasetPreset, MeshOptions, RestPoseFolder, Rig, SavedState, SceneSpec, StateChoice,
-    StateRun, Trajectory, open_scene, parse_obj_with, parse_recorded_csv, read_mesh,
+    Dataset, DatasetPreset, MeshOptions, RestPoseFolder, Rig, SceneSpec, StateChoice, StateRun,
+    Trajectory, open_scene, parse_obj_with, parse_recorded_csv, read_mesh,
 };
 use selvedge_lab::evaluation::PhysicsMethod;
 use selvedge_lab::report::TrainingLog;
@@ -106,7 +106,7 @@ pub static TARGETS: [Target; 25] = [
             frame: Some(1),
             ..StateChoice::default()
         };
-        done(SavedState::read(&bench.folder, &choice, 16))
+        done(choice.read(&bench.folder, 16))
     }),
     of_bytes(
         "obj",

@@ -46,7 +46,7 @@ unsafe impl GlobalAlloc for Counting {
 static COUNTING: Counting = Counting;
 
 /// Frames of a round, of which one without an allocation is looked for.
-const ROUND: usize = 20;
+const ROUND: usize = 8;
 
 /// Steps with the handles on a circle, until a round allocates nothing or many have: on a busy
 /// machine the second thread takes its first partition frames later, and has its own queue then.

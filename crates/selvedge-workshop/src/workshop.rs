@@ -39,6 +39,8 @@ impl SceneWorkshop {
     /// A workshop for `scene`, the shipped ones, and models from files beside the shipped
     /// ones, which run on `machine`.
     pub fn new(scene: &str, models: &[PathBuf], machine: Machine) -> anyhow::Result<Self> {
+        // What cannot be opened is said here, and not in a page that begins empty.
+        open_scene(scene)?;
         let mut scenes = vec![scene.to_owned()];
         let shipped = shipped_scenes().iter().map(|(name, _)| (*name).to_owned());
         scenes.extend(shipped.filter(|name| name != scene));

@@ -21,7 +21,7 @@ const HEAVY: u64 = 500_000_000;
 
 /// A file or folder to be written.
 #[derive(Debug)]
-pub(crate) struct Wish {
+pub(crate) struct Export {
     path: PathBuf,
     format: FormatName,
     /// True for a folder with a file per frame.
@@ -45,7 +45,7 @@ pub(crate) struct Choice {
     pub(crate) of_pictures: Option<&'static str>,
 }
 
-impl Wish {
+impl Export {
     /// All frames to `path`, in the `format` that is named or else as the name ends; what is in the
     /// way shows now.
     ///
@@ -99,18 +99,11 @@ impl Wish {
 
     /// The format of numbers; none of pictures.
     fn numbers(&self) -> Option<ExportFormat> {
-        Some(match self.format {
-            FormatName::Usda => ExportFormat::Usda,
-            FormatName::Usdc => ExportFormat::Usdc,
-            FormatName::Usdz => ExportFormat::Usdz,
-            FormatName::Glb => ExportFormat::Glb,
-            FormatName::Pc2 => ExportFormat::Pc2,
-            FormatName::Abc => ExportFormat::Abc,
-            FormatName::Npz => ExportFormat::Npz,
-            FormatName::Obj if self.is_folder => ExportFormat::ObjSequence,
-            FormatName::Obj => ExportFormat::Obj,
-            FormatName::Png | FormatName::Gif | FormatName::Mp4 => return None,
-        })
+        if self.is_folder && self.format == FormatName::Obj {
+            return Some(ExportFormat::ObjSequence);
+        }
+        let name = self.format.to_possible_value()?;
+        ExportOptions::of_ending(name.get_name()).map(|usual| usual.format)
     }
 
     /// True for a file that holds one frame.
@@ -193,7 +186,7 @@ impl Wish {
     ///
     /// # Errors
     /// What cannot be written, and why; nothing is then left behind.
-    pub(crate) fn fulfil(&self, trajectory: &Trajectory) -> anyhow::Result<End> {
+    pub(crate) fn write(&self, trajectory: &Trajectory) -> anyhow::Result<End> {
         self.check(trajectory.frame_count())?;
         let frames = self.choice.frames.of(trajectory.frame_count())?;
         if let Some(format) = self.numbers() {
@@ -245,41 +238,41 @@ impl Wish {
 }
 
 /// Returns the exports that `--export` asks for, each checked.
-pub(crate) fn wishes(paths: &[PathBuf]) -> anyhow::Result<Vec<Wish>> {
-    let wish = |path: &PathBuf| {
-        let wish = Wish::new(path, None)?;
-        if wish.holds_one_frame() {
+pub(crate) fn exports(paths: &[PathBuf]) -> anyhow::Result<Vec<Export>> {
+    let export = |path: &PathBuf| {
+        let export = Export::new(path, None)?;
+        if export.holds_one_frame() {
             return Err(wrong(format!(
                 "--export {}: such a file holds one frame: take `selvedge export`, which can choose one",
                 path.display()
             )));
         }
-        Ok(wish)
+        Ok(export)
     };
-    paths.iter().map(wish).collect()
+    paths.iter().map(export).collect()
 }
 
-/// All that the wishes write, for [`place::check_outputs`].
-pub(crate) fn outputs(wishes: &[Wish]) -> Vec<PathBuf> {
-    wishes.iter().flat_map(Wish::outputs).collect()
+/// All that the exports write, for [`place::check_outputs`].
+pub(crate) fn outputs(exports: &[Export]) -> Vec<PathBuf> {
+    exports.iter().flat_map(Export::outputs).collect()
 }
 
-/// Writes each wish of a run that ended so, and says where; nothing after an interruption, which is
+/// Writes each export of a run that ended so, and says where; nothing after an interruption, which is
 /// said.
-pub(crate) fn fulfil(
-    wishes: &[Wish],
+pub(crate) fn write(
+    exports: &[Export],
     trajectory: &Trajectory,
     mut end: End,
     wrote: &mut Vec<PathBuf>,
 ) -> anyhow::Result<End> {
-    for wish in wishes {
+    for export in exports {
         if end == End::Complete {
-            end = wish.fulfil(trajectory)?;
+            end = export.write(trajectory)?;
         }
         match end {
-            End::Complete => wrote.extend(wish.outputs_of(trajectory)),
+            End::Complete => wrote.extend(export.outputs_of(trajectory)),
             End::Interrupted => {
-                tracing::warn!("interrupted: {} was not written", wish.path.display())
+                tracing::warn!("interrupted: {} was not written", export.path.display())
             }
         }
     }

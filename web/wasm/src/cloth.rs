@@ -4,7 +4,7 @@ use glam::{DVec3, Vec3};
 use selvedge::{HandleTargets, Model, Run, Scene, Snapshot, Stepper, rounded};
 use wasm_bindgen::prelude::*;
 
-use crate::told;
+use crate::js_error;
 
 /// A cloth of a scene, moved by the solver or by a learned model, as `selvedge run` moves it.
 #[wasm_bindgen]
@@ -27,7 +27,7 @@ impl Cloth {
             true => Scene::parse(scene),
             false => Scene::named(scene),
         };
-        let scene = scene.map_err(told)?;
+        let scene = scene.map_err(js_error)?;
         let run = match model {
             None => Run::new(&scene),
             Some(name) => {
@@ -35,7 +35,7 @@ impl Cloth {
             }
         };
         Ok(Self {
-            run: run.map_err(told)?,
+            run: run.map_err(js_error)?,
         })
     }
 
@@ -43,7 +43,7 @@ impl Cloth {
     /// scene's own motion.
     pub fn step(&mut self, targets: Option<Vec<f64>>) -> Result<(), JsError> {
         let Some(numbers) = targets else {
-            return self.run.step().map_err(told);
+            return self.run.step().map_err(js_error);
         };
         let wanted = 3 * self.run.handles().len();
         if numbers.len() != wanted {
@@ -54,13 +54,13 @@ impl Cloth {
         }
         let (points, _) = numbers.as_chunks();
         let points = points.iter().map(|point| DVec3::from_array(*point));
-        let targets = HandleTargets::at_frame_end(points.collect()).map_err(told)?;
-        self.run.step_to(&targets).map_err(told)
+        let targets = HandleTargets::at_frame_end(points.collect()).map_err(js_error)?;
+        self.run.step_to(&targets).map_err(js_error)
     }
 
     /// Back to the start.
     pub fn reset(&mut self) -> Result<(), JsError> {
-        self.run.reset().map_err(told)
+        self.run.reset().map_err(js_error)
     }
 
     /// The state now, for [`Self::restore`].
@@ -70,7 +70,7 @@ impl Cloth {
 
     /// Back to a snapshot of this cloth.
     pub fn restore(&mut self, snapshot: &ClothSnapshot) -> Result<(), JsError> {
-        self.run.restore(&snapshot.0).map_err(told)
+        self.run.restore(&snapshot.0).map_err(js_error)
     }
 
     /// Where the positions lie in the module's memory: `3 * vertexCount` numbers of 32 bits `[m]`.

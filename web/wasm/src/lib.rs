@@ -24,6 +24,6 @@ fn start() {
 }
 
 /// An error with its causes.
-fn told(error: impl Into<Box<dyn Error + Send + Sync>>) -> JsError {
+fn js_error(error: impl Into<Box<dyn Error + Send + Sync>>) -> JsError {
     JsError::new(&selvedge::cause::chain(&*error.into()))
 }

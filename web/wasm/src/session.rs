@@ -5,7 +5,7 @@ use selvedge_live::{EmbeddedSession, Mover, Opening};
 use selvedge_workshop::SceneWorkshop;
 use wasm_bindgen::prelude::*;
 
-use crate::told;
+use crate::js_error;
 
 /// A session for one page. Its messages are those of the viewer's socket.
 #[wasm_bindgen]
@@ -23,7 +23,7 @@ impl Session {
             "both" => Mover::Both,
             _ => return Err(JsError::new("a cloth is moved by model, physics or both")),
         };
-        let workshop = SceneWorkshop::new(scene, &[], Machine::Cpu).map_err(told)?;
+        let workshop = SceneWorkshop::new(scene, &[], Machine::Cpu).map_err(js_error)?;
         let opening = Opening {
             order: workshop.first_order(),
             mover,
@@ -38,7 +38,7 @@ impl Session {
 
     /// Takes a message of the page.
     pub fn receive(&mut self, message: &[u8]) -> Result<(), JsError> {
-        self.0.receive(message).map_err(told)
+        self.0.receive(message).map_err(js_error)
     }
 
     /// Lets time go on, or stand still, with whether somebody watches.

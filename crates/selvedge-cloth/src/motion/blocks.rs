@@ -6,7 +6,7 @@
 //! as they stand at the start of the block and r the horizontal distance of the farthest handle
 //! from the axis. `[eq:handle-block]`
 
-use glam::DVec3;
+use glam::{DVec3, Vec3Swizzles as _};
 
 use super::bounds::{FARTHEST, too_few_handles, turned, whole_frames};
 use super::pace::Progress;
@@ -157,7 +157,7 @@ impl Turn {
             return Err(too_few_handles(what, start.len()));
         };
         let axis = (*first + *last) / 2.0 + rotation.center * (*last - *first) / 2.0;
-        let distance = |p: &DVec3| (p.x - axis.x).hypot(p.z - axis.z);
+        let distance = |p: &DVec3| (*p - axis).xz().length();
         let radius = start.iter().map(distance).fold(0.0, f64::max);
         // Closer than a nanometre the arc of any handle would be many turns.
         if !(radius.is_finite() && radius > 1e-9) {

@@ -288,17 +288,25 @@ fn obstacle(take: &Take<'_>, body: &Body<'_>, scene: &mut Scene) {
         Some((pose.rotation.normalize(), pose.translation))
     };
     let indices = scene.indices(&body.faces());
-    let shapes = match rigid {
-        Some((points, _)) => vec![json!({ "POSITION": scene.points(points) })],
-        None => {
-            let first = body.positions(0);
-            let shape = |number| {
-                let moved = change(number, &body.positions(number), &first);
-                json!({ "POSITION": scene.points(&moved) })
-            };
-            (0..body.frame_count()).map(shape).collect()
-        }
+    let at = |number| match rigid {
+        Some((points, _)) => points.to_vec(),
+        None => body.positions(number),
     };
+    let first = at(0);
+    let upright = take.normals.then(|| body.normals_at(&first));
+    let upright = upright.filter(|normals| body.is_round(&first, normals));
+    let shape = |number| {
+        let positions = at(number);
+        let place = change(number, &positions, &first);
+        let mut shape = json!({ "POSITION": scene.points(&place) });
+        if let Some(upright) = &upright {
+            let normals = change(number, &body.normals_at(&positions), upright);
+            shape["NORMAL"] = json!(scene.vectors(&normals));
+        }
+        shape
+    };
+    let count = rigid.map_or_else(|| body.frame_count(), |_| 1);
+    let shapes = (0..count).map(shape).collect();
     let mut node = json!({ "name": body.name });
     if let Some((turn, place)) = pose(0) {
         node["rotation"] = json!(turn.to_array());

@@ -1,6 +1,7 @@
 //! Frames of a trajectory as they are exported: which of them, which axis points up, and the bodies
 //! that move in them.
 
+use std::f32::consts::FRAC_1_SQRT_2;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -138,26 +139,37 @@ impl<'a> Take<'a> {
         positions.iter().map(|&p| self.up.to_theirs(p)).collect()
     }
 
-    /// Unit normals at `positions`, `[vertices]`: the mean of the faces around by their areas; up
-    /// where these cancel.
+    /// Unit normals of the cloth at `positions`, `[vertices]`.
     pub(super) fn normals_at(&self, positions: &[Vec3]) -> Vec<Vec3> {
-        let mut normals = vec![Vec3::ZERO; positions.len()];
-        for face in self.trajectory.topology().faces() {
-            let [a, b, c] = face.map(|vertex| positions[vertex.index()]);
-            let twice_area = (b - a).cross(c - a);
-            for vertex in face {
-                normals[vertex.index()] += twice_area;
-            }
-        }
-        let up = self.up.to_theirs(Vec3::Y);
-        normals
-            .into_iter()
-            .map(|normal| normal.try_normalize().unwrap_or(up))
-            .collect()
+        self.sheet().normals_at(positions)
     }
 }
 
 impl Body<'_> {
+    /// Unit normals at `positions`: the mean of the faces around by their areas; up where these cancel.
+    pub(super) fn normals_at(&self, positions: &[Vec3]) -> Vec<Vec3> {
+        let mut normals = vec![Vec3::ZERO; positions.len()];
+        for face in self.faces() {
+            let [a, b, c] = face.map(|k| positions[k as usize]);
+            let twice_area = (b - a).cross(c - a);
+            face.iter().for_each(|k| normals[*k as usize] += twice_area);
+        }
+        let (up, normals) = (self.take.up.to_theirs(Vec3::Y), normals.into_iter());
+        normals.map(|n| n.try_normalize().unwrap_or(up)).collect()
+    }
+
+    /// Returns true where these normals serve: at edges they are smeared, and more than 45° off a face.
+    pub(super) fn is_round(&self, positions: &[Vec3], normals: &[Vec3]) -> bool {
+        let faces = self.faces();
+        let is_off = |face: &&[u32; 3]| {
+            let [a, b, c] = face.map(|k| positions[k as usize]);
+            let own = (b - a).cross(c - a).normalize_or_zero();
+            face.iter()
+                .any(|k| own.dot(normals[*k as usize]) < FRAC_1_SQRT_2)
+        };
+        10 * faces.iter().filter(is_off).count() <= faces.len()
+    }
+
     /// Faces by their points.
     pub(super) fn faces(&self) -> Vec<[u32; 3]> {
         match self.track {

@@ -11,8 +11,7 @@ pub(crate) const COINCIDENT: f64 = 1e-6;
 pub(crate) fn unit_remedy(size: f64, key: &str) -> String {
     let (factor, from) = match size {
         400.0.. => (0.001, ", from millimetres"),
-        50.0.. => (0.01, ", from centimetres"),
-        1.0.. => (0.1, ", from decimetres"),
+        1.0.. => (0.01, ", from centimetres"),
         0.03.. => (10.0, ""),
         0.003.. => (100.0, ""),
         _ => (1000.0, ""),
@@ -43,7 +42,7 @@ mod tests {
         for (size, words) in [
             (1720.0, "scale = 0.001 makes it 1.72 m, from millimetres"),
             (167.0, "scale = 0.01 makes it 1.67 m, from centimetres"),
-            (25.0, "scale = 0.1 makes it 2.50 m"),
+            (39.6, "scale = 0.01 makes it 0.40 m, from centimetres"),
             (0.005, "scale = 100 makes it 0.50 m"),
             (0.0012, "scale = 1000 makes it 1.20 m"),
         ] {

@@ -196,7 +196,7 @@ impl NodeFile {
     fn path(&self, folder: &Path, frame_rate: f64) -> Result<ObstaclePath, String> {
         read::unchanged("motion", &self.path, &self.blake3, folder)?;
         let nodes = [self.node.clone()];
-        let frames = Rig::read_motion(&folder.join(&self.path), &nodes, frame_rate);
+        let frames = Rig::read_motion(&folder.join(&self.path), None, &nodes, frame_rate);
         let frames = frames.map_err(wrong)?.concat();
         let is_scaled = |m: &DMat4| (m.determinant().cbrt() - 1.0).abs() > 1e-3;
         if frames.iter().any(is_scaled) {

@@ -43,13 +43,17 @@ impl RigFormat {
 }
 
 impl Rig {
-    /// Reads a .glb or USD (.usda, .usdc, .usdz) file.
+    /// Reads a .glb or USD (.usda, .usdc, .usdz) file; nodes of a .glb with several animations of one
+    /// node stand still.
     ///
     /// # Errors
     /// [`FileError`] names the file, and what in it cannot be understood.
     pub fn read(path: &Path) -> Result<Self, FileError<RigError>> {
         Self::of_file(path, |bytes, format| {
-            Self::parse(bytes, format, Wanted::Nodes)
+            match Self::parse(bytes, format, Wanted::Nodes(None)) {
+                Err(RigError::Animations { .. }) => Self::parse(bytes, format, Wanted::Still),
+                read => read,
+            }
         })
     }
 
@@ -61,14 +65,19 @@ impl Rig {
         wanted: Wanted<'_>,
     ) -> Result<Self, RigError> {
         let rig = match (format, wanted) {
-            (RigFormat::Glb, _) => glb::parse(bytes, wanted)?,
-            (RigFormat::Usd, Wanted::Motion(Some(name))) => {
+            (RigFormat::Glb, _) => match glb::parse(bytes, wanted) {
+                Err(RigError::Animations { .. }) if wanted == Wanted::Meshes => {
+                    glb::parse(bytes, Wanted::Still)?
+                }
+                read => read?,
+            },
+            (RigFormat::Usd, Wanted::Motion(Some(name)) | Wanted::Nodes(Some(name))) => {
                 let known = "only a .glb has animations with names";
                 return Err(RigError::no_animation(name, known));
             }
             (RigFormat::Usd, _) => usda::parse(bytes, wanted)?,
         };
-        if wanted == Wanted::Nodes {
+        if matches!(wanted, Wanted::Nodes(_)) {
             return Ok(rig);
         }
         if rig.meshes.is_empty() {
@@ -96,14 +105,16 @@ impl Rig {
 
     /// The transforms M(t) M(t₀)⁻¹ of the nodes of these names in the file at `path`, from the start
     /// t₀ of the file to their last key, `[frames][names]`; M leads from a node's space to the
-    /// world. What moves by them goes rigidly with a node from wherever it starts.
+    /// world, by the `animation` of this name or by all. What moves by them goes rigidly with a node
+    /// from wherever it starts.
     pub(crate) fn read_motion(
         path: &Path,
+        animation: Option<&str>,
         names: &[String],
         frame_rate: f64,
     ) -> Result<Vec<Vec<DMat4>>, FileError<RigError>> {
         Self::of_file(path, |bytes, format| {
-            Self::parse(bytes, format, Wanted::Nodes)?.motion(names, frame_rate)
+            Self::parse(bytes, format, Wanted::Nodes(animation))?.motion(names, frame_rate)
         })
     }
 }

@@ -1,6 +1,7 @@
 //! A rig and its nodes: a tree of transforms that change over time.
 
 use glam::{DMat4, DQuat, DVec3};
+use selvedge_cloth::geometry::turn;
 use thiserror::Error;
 
 use super::mesh::RigMesh;
@@ -41,8 +42,8 @@ impl RigError {
 /// Parts of a file that are read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Wanted<'a> {
-    /// The nodes, moved by all animations.
-    Nodes,
+    /// The nodes, moved by the animation of this name or by all.
+    Nodes(Option<&'a str>),
     /// Their meshes too, without what moves points beside the nodes.
     Meshes,
     /// All that moves points, by the animation of this name or the only one.
@@ -248,7 +249,7 @@ impl Change {
                 let angles = track.at(time);
                 // The first axis turns first, and so stands innermost.
                 order.iter().fold(DMat4::IDENTITY, |matrix, &axis| {
-                    let turn = DQuat::from_axis_angle(DVec3::AXES[axis], angles[axis].to_radians());
+                    let turn = turn(DVec3::AXES[axis], angles[axis].to_radians());
                     DMat4::from_quat(turn) * matrix
                 })
             }

@@ -8,11 +8,11 @@ use crate::rig::glb::tests::Glb;
 use crate::test_help::{refuses, says, table};
 
 fn parse_glb(bytes: &[u8]) -> Result<Rig, RigError> {
-    Rig::parse(bytes, RigFormat::Glb, Wanted::Nodes)
+    Rig::parse(bytes, RigFormat::Glb, Wanted::Nodes(None))
 }
 
 fn parse_usd(bytes: &[u8]) -> Result<Rig, RigError> {
-    Rig::parse(bytes, RigFormat::Usd, Wanted::Nodes)
+    Rig::parse(bytes, RigFormat::Usd, Wanted::Nodes(None))
 }
 
 fn named(nodes: &[&str]) -> Vec<String> {
@@ -92,6 +92,31 @@ fn handles_move_rigidly_with_a_node_within_a_node() {
         let apart = frame[0].distance(expected);
         assert!(apart < 3.0 * 2.0 / 32767.0, "{number}: {apart}");
     }
+}
+
+#[test]
+fn nodes_of_several_animations_are_followed_by_the_one_that_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("hero.glb");
+    let second = |json: &mut Value| {
+        let mut other = json["animations"][0].clone();
+        other["name"] = json!("run");
+        json["animations"].as_array_mut().unwrap().push(other);
+    };
+    std::fs::write(&path, arm_bytes(second)).unwrap();
+    let nodes = named(&["hand"]);
+    let motion = |name| Rig::read_motion(&path, name, &nodes, 8.0);
+    let alone = parse_glb(&arm_bytes(|_| {})).unwrap();
+    let expected = alone.motion(&nodes, 8.0).unwrap();
+    assert_eq!(motion(Some("run")).unwrap(), expected);
+    says(
+        motion(None).unwrap_err(),
+        &["choose one by `animation`, of [swing, run]"],
+    );
+    says(
+        motion(Some("walk")).unwrap_err(),
+        &["there are [swing, run]"],
+    );
 }
 
 #[test]

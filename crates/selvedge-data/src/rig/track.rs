@@ -9,6 +9,7 @@ use std::iter::Sum;
 use std::ops::Mul;
 
 use glam::{DMat4, DQuat, DVec3};
+use selvedge_cloth::geometry::slerp;
 
 /// Interpolation between keys.
 #[derive(Clone, Debug, PartialEq)]
@@ -66,7 +67,7 @@ impl Value for DVec3 {
 
 impl Value for DQuat {
     fn between(self, to: Self, fraction: f64) -> Self {
-        self.slerp(to, fraction)
+        slerp(self, to, fraction)
     }
 
     fn combined(parts: [(Self, f64); 4]) -> Self {

@@ -278,6 +278,17 @@ mod tests {
         assert_eq!(spec.dress.as_deref(), Some("post"));
         let again = SceneSpec::from_json(&spec.to_json().unwrap()).unwrap();
         assert_eq!(again, spec);
+        // It begins without the velocities of its file.
+        let folder = tempfile::tempdir().unwrap();
+        let mesh = "v 0 1 0\nnv 0 1 0\nv 1 1 0\nnv 0 0 0\nv 0 2 0\nnv 0 0 0\nf 1 2 3\n";
+        std::fs::write(folder.path().join("m.obj"), mesh).unwrap();
+        for (dress, has_state) in [("", true), ("dress = \"post\"\n", false)] {
+            let text = format!(
+                "name = \"s\"\nmaterial = \"gray-interlock\"\nmesh = {{ file = \"m.obj\" }}\nstart = \"mesh\"\nhandles = {{ vertices = [] }}\n{BALL}\n{dress}"
+            );
+            let loaded = parse_scene(&text, folder.path(), "s").unwrap();
+            assert_eq!(loaded.state.is_some(), has_state);
+        }
         let spec = parse("\"post\"\nstart = \"untangle\"").unwrap().spec;
         assert_eq!(spec.start, StartSpec::Untangle);
         for (rest, said) in [

@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use selvedge_cloth::{LoosePanels, Scene};
+use selvedge_cloth::{Checkpoint, LoosePanels, Scene};
 
 use super::material_source::MaterialSource;
 use super::motion_source::{MotionSource, Stand};
@@ -12,7 +12,6 @@ use super::strained;
 use crate::formats::file_error::{FileError, Problem};
 use crate::formats::input::ending_of;
 use crate::formats::polygons::ReadMesh;
-use crate::trajectory::state_file::SavedState;
 
 /// A scene, and the spec that it came from.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,7 +21,7 @@ pub struct LoadedScene {
     /// Built: what is run.
     pub scene: Scene,
     /// The state in which a run starts, if it starts in a saved one.
-    pub state: Option<SavedState>,
+    pub state: Option<Checkpoint>,
     /// The panels before they are sewn, where the scene names seams.
     pub loose: Option<LoosePanels>,
     /// True where each face of the cloth rests as it stands in its file: there is no pattern.
@@ -40,15 +39,17 @@ impl LoadedScene {
     pub(super) fn of(
         spec: SceneSpec,
         read: ReadMesh,
-        state: Option<SavedState>,
+        state: Option<Checkpoint>,
         mut files: Vec<PathBuf>,
         folder: &Path,
         remedy: &str,
     ) -> Result<Self, Problem> {
         let mut warnings = read.warnings;
         let mesh = read.sheet.mesh;
-        let velocities = read.velocities.filter(|_| spec.start == StartSpec::Mesh);
-        let moving = |v| SavedState::moving(mesh.positions().to_vec(), v);
+        // A cloth that is put onto a body has no velocity there.
+        let is_as_read = spec.start == StartSpec::Mesh && spec.dress.is_none();
+        let velocities = read.velocities.filter(|_| is_as_read);
+        let moving = |v| Checkpoint::of(0, mesh.positions().to_vec(), v);
         let state = state.or_else(|| velocities.map(moving));
         files.extend(spec.files(folder));
         let scene = spec.with_mesh(mesh, folder, &mut warnings)?;

@@ -218,9 +218,7 @@ impl MeshSpec {
             (PatternSource::Texture, TextureUnit::Fit) => {
                 "take the rest shape from the form in space with mesh.pattern = \"shape\""
             }
-            (PatternSource::Texture, TextureUnit::Metres) => {
-                "where they are made for pictures take the rest shape from the form in space with mesh.pattern = \"shape\"; where they are a pattern in another unit stretch it with mesh.texture = \"fit\" or mesh.transform.material_scale"
-            }
+            (PatternSource::Texture, TextureUnit::Metres) => super::strained::PICTURES,
         }
         .to_owned()
     }

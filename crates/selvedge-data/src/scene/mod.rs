@@ -26,4 +26,4 @@ pub(crate) use problem::{field, not_understood, parse_toml, read_text, unknown};
 pub use recorded_csv::parse_recorded_csv;
 pub(crate) use setting_file::{MeshFile, ResolvedSetting, SettingFile};
 pub use spec::{SceneSpec, Setting, StartSpec};
-pub use strained::{StrainedEdge, Times, panel_stretches, worst_edges};
+pub use strained::{StrainedEdge, Times, panel_stretches, strain_warnings, worst_edges};

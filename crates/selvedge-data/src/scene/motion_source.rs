@@ -52,6 +52,9 @@ pub(crate) struct RigMotion {
     /// none: nodes that are called as the groups, or `handle_0`, `handle_1` and so on.
     #[serde(default)]
     pub(crate) nodes: Option<Vec<String>>,
+    /// Name of the animation in a .glb that has several.
+    #[serde(default)]
+    pub(crate) animation: Option<String>,
 }
 
 /// The handles before they move.
@@ -84,7 +87,8 @@ impl<'a> Stand<'a> {
 impl RigMotion {
     fn resolve(&self, folder: &Path, stand: &Stand<'_>) -> Result<Motion, Problem> {
         let nodes = self.nodes_of(stand)?;
-        let frames = Rig::read_motion(&folder.join(&self.file), &nodes, stand.frame_rate)
+        let (file, animation) = (folder.join(&self.file), self.animation.as_deref());
+        let frames = Rig::read_motion(&file, animation, &nodes, stand.frame_rate)
             .map_err(|error| field("motion.rig", error.to_string()))?;
         let moved = |frame: &Vec<DMat4>| {
             let pairs = frame.iter().zip(&stand.start);

@@ -9,8 +9,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use selvedge_cloth::{
-    ContactSettings, Environment, HandleSchedule, Handles, Material, Mesh, Motion, PhysicsSettings,
-    SagSettings, Scene,
+    Checkpoint, ContactSettings, Environment, HandleSchedule, Handles, Material, Mesh, Motion,
+    PhysicsSettings, SagSettings, Scene,
 };
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -19,7 +19,7 @@ use super::mesh_spec::{MeshSource, MeshSpec};
 use super::problem::{field, not_understood};
 use crate::formats::file_error::Problem;
 use crate::obstacle::ObstacleSpec;
-use crate::trajectory::state_file::{SavedState, StateChoice, StateSpec};
+use crate::trajectory::state_file::{StateChoice, StateSpec};
 
 /// A resolved scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -177,7 +177,7 @@ impl StartFile {
         folder: &Path,
         vertices: usize,
         frame_rate: f64,
-    ) -> Result<(StartSpec, Option<SavedState>), Problem> {
+    ) -> Result<(StartSpec, Option<Checkpoint>), Problem> {
         let mut choice = match self {
             Self::Rest => return Ok((StartSpec::Rest, None)),
             Self::Mesh => return Ok((StartSpec::Mesh, None)),
@@ -186,7 +186,7 @@ impl StartFile {
             Self::State(choice) => choice,
         };
         choice.frame_rate = Some(frame_rate);
-        let read = SavedState::read(folder, &choice, vertices);
+        let read = choice.read(folder, vertices);
         let (state, spec) = read.map_err(|error| field("start.state", error))?;
         Ok((StartSpec::State(spec), Some(state)))
     }

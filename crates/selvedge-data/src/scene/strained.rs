@@ -20,6 +20,8 @@ const MOST_IN_PERCENT: f64 = 100.0;
 const HOPELESS: f64 = 3.0;
 /// Edges that a warning names.
 const NAMED: usize = 3;
+/// The remedy for texture coordinates of which nothing is said.
+pub(super) const PICTURES: &str = "where they are made for pictures take the rest shape from the form in space with mesh.pattern = \"shape\"; where they are a pattern in another unit stretch it with mesh.texture = \"fit\" or mesh.transform.material_scale";
 
 /// An edge with its stretch at the start.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -125,6 +127,12 @@ impl std::fmt::Display for StrainedEdge {
         }
         Ok(())
     }
+}
+
+/// Warnings for a cloth that starts where its mesh stands, far from its pattern.
+#[must_use]
+pub fn strain_warnings(mesh: &Mesh) -> Vec<String> {
+    warnings(mesh, mesh.positions(), PICTURES)
 }
 
 /// Warnings for a cloth that starts at `positions` `[m]`, `[vertices]`, far from its pattern;

@@ -6,7 +6,8 @@ use glam::DVec3;
 use selvedge_cloth::{Cloth, Handles, Mesh};
 use selvedge_data::export::ExportFormat;
 use selvedge_data::{
-    MeshOptions, PatternSource, ReadMesh, TextureUnit, Trajectory, parse_obj_with, read_mesh,
+    MeshOptions, PatternSource, ReadMesh, TextureUnit, Trajectory, parse_obj_with, parse_scene,
+    read_mesh,
 };
 
 /// The mesh as it comes back from a file of this format, and the bytes of the file.
@@ -104,6 +105,19 @@ fn materials_and_units_of_other_formats_are_read() {
     for [from, to, named] in table(cases) {
         says(message(from, to), &[named]);
     }
+    // A body needs no texture coordinates.
+    std::fs::write(&path, text.replace("[0, 1, 2, 3, 4, 5, 6]", "[0, 1]")).unwrap();
+    let scene = format!(
+        "name = \"s\"\nmaterial = \"gray-interlock\"\nmesh.generator = {{ kind = \"square\", vertices = 36, size = 1.0, seed = 1 }}\nobstacles = [{{ name = \"slab\", mesh = \"{}\" }}]\n",
+        path.file_name().unwrap().to_string_lossy()
+    );
+    let loaded = parse_scene(&scene, path.parent().unwrap(), "s").unwrap();
+    let told = "2 texture coordinates, for 7 corners";
+    assert!(
+        loaded.warnings.iter().any(|one| one.contains(told)),
+        "{:?}",
+        loaded.warnings
+    );
     let error = message("def Mesh", "def Xform");
     assert!(error.ends_with("has no mesh, only nodes"), "{error}");
 }

@@ -5,9 +5,9 @@ use std::path::Path;
 
 use anyhow::Result;
 use selvedge_cloth::generate::{NamedSheet, named_sheets};
-use selvedge_cloth::{Cloth, Integrator, Motion, PhysicsSettings, RandomMotion};
+use selvedge_cloth::{Checkpoint, Cloth, Integrator, Motion, PhysicsSettings, RandomMotion};
 use selvedge_data::{
-    Dataset, Entry, FileError, LoadedScene, NamedCloth, Problem, SavedState, SceneSpec, Split,
+    Dataset, Entry, FileError, LoadedScene, NamedCloth, Problem, SceneSpec, Split,
 };
 use serde_json::Value;
 
@@ -34,7 +34,7 @@ pub(super) enum Source {
     /// A run of the scene with so many substeps that it counts as the truth.
     Converged(Box<LoadedScene>, PhysicsMethod),
     /// Nowhere: a random motion from the rest pose, for so many frames.
-    Random(Box<LoadedScene>, SavedState, usize),
+    Random(Box<LoadedScene>, Checkpoint, usize),
 }
 
 /// Random motions of the handles.
@@ -122,10 +122,10 @@ impl Case {
             );
             return Err(ChoiceError(problem).into());
         }
-        let mut stages: Vec<(String, LoadedScene, SavedState)> = Vec::new();
+        let mut stages: Vec<(String, LoadedScene, Checkpoint)> = Vec::new();
         for (name, scene) in cloths(loaded, random)? {
             let rest = physics::rest_pose(&scene.scene, on_event)?;
-            stages.push((name, scene, SavedState::at_rest(rest.positions)));
+            stages.push((name, scene, Checkpoint::at_rest(rest.positions)));
         }
         let cases = (0..random.count).map(|number| {
             let (name, scene, rest) = &stages[number % stages.len()];

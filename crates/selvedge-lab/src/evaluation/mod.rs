@@ -28,8 +28,7 @@ mod truth;
 use anyhow::{Context, Result};
 use glam::DVec3;
 use rayon::prelude::*;
-use selvedge_cloth::Scene;
-use selvedge_data::SavedState;
+use selvedge_cloth::{Checkpoint, Scene};
 use serde_json::Value;
 use thiserror::Error;
 
@@ -156,7 +155,7 @@ fn start_of_reference(
     case: &Case,
     last: usize,
     reporter: &Reporter<'_>,
-) -> Result<Option<SavedState>> {
+) -> Result<Option<Checkpoint>> {
     let Source::Converged(loaded, method) = &case.source else {
         return Ok(None);
     };
@@ -176,7 +175,7 @@ fn start_of_reference(
         .warnings
         .iter()
         .for_each(|warning| reporter.remark(warning));
-    Ok(Some(selvedge::start::saved_state(found.state)))
+    Ok(Some(found.state))
 }
 
 /// The scene of a case in the mirrored buckling mode: with the sign of its bulge turned, and its

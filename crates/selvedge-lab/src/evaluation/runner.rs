@@ -5,8 +5,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, anyhow};
 use glam::DVec3;
-use selvedge_cloth::{HandlePath, Stepper};
-use selvedge_data::SavedState;
+use selvedge_cloth::{Checkpoint, HandlePath, Stepper};
 use selvedge_guard::{Correction, Guard};
 use selvedge_sim::Simulator;
 
@@ -64,7 +63,7 @@ impl Runner {
                 let mirror = prepared.mirror.as_ref();
                 let mirror = mirror.context("the mirrored mode was not asked for")?;
                 let (scene, rest) = mirror.as_ref().map_err(|why| anyhow!("{why}"))?;
-                let cloth = simulator(scene, SavedState::at_rest(rest.clone()), frame)?;
+                let cloth = simulator(scene, Checkpoint::at_rest(rest.clone()), frame)?;
                 let samples = scene.physics.substeps as usize;
                 (Cloth::Physics(Box::new(cloth)), true, samples)
             }

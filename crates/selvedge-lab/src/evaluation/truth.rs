@@ -6,8 +6,8 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, anyhow};
 use glam::{DVec3, Vec3};
-use selvedge_cloth::{Cloth, HandlePath, Motion, RecordedMotion, Scene, Stepper};
-use selvedge_data::{LoadedScene, SavedState, SceneSpec, StartSpec, StateRun, Trajectory};
+use selvedge_cloth::{Checkpoint, Cloth, HandlePath, Motion, RecordedMotion, Scene, Stepper};
+use selvedge_data::{LoadedScene, SceneSpec, StartSpec, StateRun, Trajectory};
 use selvedge_sim::{Simulator, Threads};
 
 use super::case::{Case, Source};
@@ -16,7 +16,7 @@ use super::method::PhysicsMethod;
 use crate::cause::chain;
 use crate::event::{End, Task};
 use crate::physics::{self, rounded};
-use selvedge::start::{checkpoint_of, simulator_of_run};
+use selvedge::start::simulator_of_run;
 
 /// Frames of a kept run that are made again, to see that the physics still makes it.
 const CHECKED: usize = 5;
@@ -43,7 +43,7 @@ pub(super) struct Prepared<'a> {
     /// Its mesh, in words.
     pub(super) mesh: String,
     /// The start of a converged run.
-    pub(super) start: Option<SavedState>,
+    pub(super) start: Option<Checkpoint>,
     /// The mirrored buckling mode of its scene, at rest, where somebody runs there.
     pub(super) mirror: Option<Result<(Scene, Vec<DVec3>), String>>,
 }
@@ -61,18 +61,18 @@ impl Truth {
 
     /// The true state in `frame`; where velocities are not known, those from the frame before, or
     /// none.
-    pub(super) fn state(&self, frame: usize) -> Option<SavedState> {
+    pub(super) fn state(&self, frame: usize) -> Option<Checkpoint> {
         let positions = self.positions(frame)?;
         let place = frame - self.first;
         if let Some(states) = &self.states {
             let velocities = states.states.get(place)?.velocities.clone();
-            return Some(SavedState::moving(positions, velocities));
+            return Some(Checkpoint::of(0, positions, velocities));
         }
         let before = self.positions(frame.saturating_sub(1).max(self.first))?;
         let moved = positions.iter().zip(&before).map(|(p, q)| *p - *q);
         let velocities = moved.map(|step| step * self.trajectory.frame_rate());
         let velocities = velocities.collect();
-        Some(SavedState::moving(positions, velocities))
+        Some(Checkpoint::of(0, positions, velocities))
     }
 
     /// At most `count` true frames up to `frame`, the oldest first `[m]`, `[vertices]`.
@@ -177,7 +177,7 @@ impl Reference<'_> {
 
     fn truth(
         &self,
-        start: Option<&SavedState>,
+        start: Option<&Checkpoint>,
         references: Option<&Path>,
         task: &Task<'_, '_>,
     ) -> Result<Option<Truth>> {
@@ -274,11 +274,11 @@ impl Reference<'_> {
     fn made(
         &self,
         scene: &Scene,
-        start: SavedState,
+        start: Checkpoint,
         task: &Task<'_, '_>,
     ) -> Result<Option<StateRun>> {
         let frames = self.last.saturating_sub(start.frame);
-        let scene = selvedge::Scene::in_state(scene.clone(), checkpoint_of(start));
+        let scene = selvedge::Scene::in_state(scene.clone(), start);
         let mut run = selvedge::Run::new(&scene).context("the reference run")?;
         let made = physics::simulate(&mut run, frames, true, &mut |_| task.advance());
         let (run, states) = made.whole().context("the reference run")?;
@@ -295,7 +295,7 @@ fn made_again(run: &StateRun, first: usize, scene: &Scene) -> Result<bool> {
         )
     };
     let (positions, velocities) = of(0);
-    let state = SavedState::moving(positions.to_vec(), velocities.to_vec());
+    let state = Checkpoint::of(0, positions.to_vec(), velocities.to_vec());
     let mut simulator = simulator(scene, state, first)?;
     let path = scene.handle_path()?;
     let substeps = scene.physics.substeps as usize;
@@ -309,9 +309,8 @@ fn made_again(run: &StateRun, first: usize, scene: &Scene) -> Result<bool> {
 }
 
 /// The physics of `scene` on one thread, in this state in this frame.
-pub(super) fn simulator(scene: &Scene, state: SavedState, frame: usize) -> Result<Simulator> {
-    let state = checkpoint_of(SavedState { frame, ..state });
-    let mut simulator = simulator_of_run(scene, &state)?;
+pub(super) fn simulator(scene: &Scene, state: Checkpoint, frame: usize) -> Result<Simulator> {
+    let mut simulator = simulator_of_run(scene, &Checkpoint { frame, ..state })?;
     simulator.set_threads(Threads::One);
     Ok(simulator)
 }

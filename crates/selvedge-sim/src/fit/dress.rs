@@ -6,7 +6,7 @@
 //! obstacle, and pushes the cloth out, which has no weight, sheds its velocity after every frame,
 //! and meets nothing on the way.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 use glam::DVec3;
 use selvedge_cloth::{HandleTargets, Obstacle, ObstaclePath, Scene, Stepper, VertexId};
@@ -28,6 +28,14 @@ const PASSES: u32 = 40_000;
 const WITHIN: f64 = 0.75;
 /// Size of a body, as a part of its own, at which it is given up.
 const SMALLEST: f64 = 0.3;
+/// Strain of an edge at which a cloth is given up: no fabric stretches to more than its double.
+const MOST: f64 = 1.0;
+/// An opening counts that is this part of the longest. A body is in it if one of its sides is within
+/// this part of its length from its middle, of which the radius of a circle is 0.16; beyond the other it
+/// is beside it. A sleeve around an arm has 0.04, one beside which it hangs 0.26, a shirt at the feet 0.3.
+const SMALL: f64 = 0.25;
+const INSIDE: f64 = 0.2;
+const FAR: f64 = 0.25;
 /// Frames in which the cloth comes to rest around the whole body, and those at most until what the
 /// body let through is out of it.
 const SETTLING: usize = 12;
@@ -46,6 +54,8 @@ pub struct Dressed {
     pub shrunk: f64,
     /// Largest strain of an edge, by its amount, before and after.
     pub strains: [f64; 2],
+    /// Openings through which nothing of the body goes, where something goes through another, in words.
+    pub empty: Vec<String>,
 }
 
 /// Puts the cloth of `scene` onto its obstacle `body`, as that stands at the start. The cloth must
@@ -63,6 +73,11 @@ pub fn dress(scene: &Scene, body: &str, progress: Listener<'_>) -> Result<Dresse
         return Err(FitError::NoBody { body });
     };
     let obstacle = &scene.obstacles[number];
+    let all = empty(scene, obstacle, scene.mesh.positions());
+    if let Some((_, opening)) = all.into_iter().find(|(away, _)| *away > FAR) {
+        let body = body.to_owned();
+        return Err(FitError::Beside { body, opening });
+    }
     let (shapes, before) = shrink(scene, obstacle, progress)?;
     let start = scene.mesh.positions();
     let shrunk = farthest(&shapes[0], &shapes[shapes.len() - 1]);
@@ -75,8 +90,63 @@ pub fn dress(scene: &Scene, body: &str, progress: Listener<'_>) -> Result<Dresse
         before,
         shrunk,
         strains: [start, &positions].map(|places| largest_strain(&springs, places)),
+        empty: empty(scene, obstacle, &positions)
+            .into_iter()
+            .map(|(_, opening)| opening)
+            .collect(),
         positions,
     })
+}
+
+/// Openings of the cloth at `positions` that the body is not in, where it is in others: how far its
+/// sides are from the middle, in lengths of the border, and where that is, in words.
+fn empty(scene: &Scene, body: &Obstacle, positions: &[DVec3]) -> Vec<(f64, String)> {
+    let topology = scene.mesh.topology();
+    let mut next = BTreeMap::new();
+    for (face, edges) in topology.faces().iter().zip(topology.face_edges()) {
+        for k in (0..3).filter(|k| topology.edges()[edges[*k].index()].is_boundary()) {
+            next.insert(face[k], face[(k + 1) % 3]);
+        }
+    }
+    let points: Vec<DVec3> = body.positions_at(0.0).collect();
+    let mut all = Vec::new();
+    while let Some((vertex, mut at)) = next.pop_first() {
+        let mut ring = vec![positions[vertex.index()]];
+        while let Some(on) = next.remove(&at) {
+            ring.push(positions[at.index()]);
+            at = on;
+        }
+        let middle = ring.iter().sum::<DVec3>() / ring.len() as f64;
+        let sides = ring.iter().zip(ring.iter().cycle().skip(1));
+        let length: f64 = sides.map(|(a, b)| a.distance(*b)).sum();
+        let faces = body
+            .faces()
+            .iter()
+            .map(|face| face.map(|p| points[p as usize]));
+        let sides = faces.flat_map(|[a, b, c]| [(a, b), (b, c), (c, a)]);
+        let away = sides.map(|(a, b)| {
+            let part = (middle - a).dot(b - a) / a.distance_squared(b).max(f64::MIN_POSITIVE);
+            middle.distance(a.lerp(b, part.clamp(0.0, 1.0)))
+        });
+        all.push((
+            length,
+            away.fold(f64::MAX, f64::min) / length,
+            middle,
+            vertex,
+        ));
+    }
+    let longest = all.iter().map(|one| one.0).fold(0.0, f64::max);
+    all.retain(|one| one.0 >= SMALL * longest);
+    let is_held = all.iter().any(|one| one.1 <= INSIDE);
+    all.retain(|one| is_held && one.1 > INSIDE);
+    let said = |(length, away, middle, vertex): (f64, f64, DVec3, VertexId)| {
+        let (length, [x, y, z]) = (100.0 * length, middle.to_array());
+        let said = format!(
+            "nothing of the body is in the opening of {length:.0} cm around ({x:.2}, {y:.2}, {z:.2}) m, at vertex {vertex}"
+        );
+        (away, said)
+    };
+    all.into_iter().map(said).collect()
 }
 
 /// The shapes of a body from its own to one that is clear of the cloth, and the pairs of faces that
@@ -176,6 +246,7 @@ fn grow(
     let frames = shapes.len() - 1;
     let mut simulator = growing(scene, number, shapes)?;
     let springs = springs(&scene.mesh, &scene.handles);
+    let most = MOST.max(largest_strain(&springs, scene.mesh.positions()));
     let held = scene.handles.select(scene.mesh.positions());
     let targets = HandleTargets::at_frame_end(held).map_err(failed)?;
     for frame in 0..frames + LONGEST {
@@ -200,6 +271,13 @@ fn grow(
         let passed = (frame as f64 / (frames + SETTLING) as f64).min(1.0);
         let done = SHRINKING + (1.0 - SHRINKING) * passed;
         let strain = largest_strain(&springs, simulator.positions_f64());
+        if strain > most {
+            return Err(FitError::NotGrown {
+                body: name.to_owned(),
+                percent: 100.0 * (frame as f64 / frames as f64).min(1.0),
+                cause: format!("strains the cloth by {:.0} %", 100.0 * strain),
+            });
+        }
         tell(progress, FitProgress::at(done, strain))?;
     }
     let positions = simulator.positions_f64().to_vec();

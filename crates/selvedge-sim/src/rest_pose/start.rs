@@ -2,7 +2,7 @@
 //! and its mesh with a smooth bulge.
 
 use glam::DVec3;
-use selvedge_cloth::geometry::area_vector;
+use selvedge_cloth::geometry::{area_vector, exp};
 use selvedge_cloth::{Handles, Scene, SceneError};
 
 use super::SagError;
@@ -97,9 +97,9 @@ fn bump(scene: &Scene, vertices: &[usize], handles: &[usize]) -> Vec<f64> {
     let mut heights: Vec<f64> = places
         .iter()
         .map(|place| {
-            let bump = (-(place.distance(middle) / (0.6 * size)).powi(2)).exp();
+            let bump = exp(-(place.distance(middle) / (0.6 * size)).powi(2));
             let clear =
-                |handle: &DVec3| 1.0 - (-(place.distance(*handle) / (0.2 * size)).powi(2)).exp();
+                |handle: &DVec3| 1.0 - exp(-(place.distance(*handle) / (0.2 * size)).powi(2));
             bump * handles.iter().map(clear).product::<f64>()
         })
         .collect();

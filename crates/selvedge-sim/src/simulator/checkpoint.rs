@@ -1,69 +1,34 @@
 //! All that a run needs to go on bit for bit.
 
 use glam::DVec3;
-use selvedge_cloth::{ContactMemory, PreviousSubstep, Scene, VertexId};
+use selvedge_cloth::{Checkpoint, ContactMemory, PreviousSubstep, Scene, VertexId};
 
 use super::Simulator;
 use super::error::SimulatorError;
 use crate::contact::of_saved;
 
-/// The state of a run after a frame.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Checkpoint {
-    /// Frames that have passed.
-    pub frame: usize,
-    /// Positions `[m]`, `[vertices]`.
-    pub positions: Vec<DVec3>,
-    /// Velocities `[m/s]`, `[vertices]`.
-    pub velocities: Vec<DVec3>,
-    /// The state one substep ago, which a run of second order looks back to; without it the next
-    /// substep starts anew.
-    pub previous: Option<PreviousSubstep>,
-    /// Changes of velocity of the last solve `[m/s]`, `[vertices]`, and the time over which they
-    /// came about `[s]`: conjugate gradients begin from them.
-    pub changes: Option<(Vec<DVec3>, f64)>,
-    /// What contact left for the next substep.
-    pub contact: Option<ContactMemory>,
-    /// Distances of the first obstacles from their own paths `[m]`; the others stay where they are.
-    pub obstacles: Vec<DVec3>,
-}
-
-impl Checkpoint {
-    /// Positions `[m]` and velocities `[m/s]`, `[vertices]`, after `frame` frames, and no more.
-    #[must_use]
-    pub fn of(frame: usize, positions: Vec<DVec3>, velocities: Vec<DVec3>) -> Self {
-        Self {
-            frame,
-            positions,
-            velocities,
-            ..Self::default()
-        }
+/// Checks that all values are finite in f32, and as many as the cloth has `vertices`.
+fn check(of: &Checkpoint, vertices: usize) -> Result<(), SimulatorError> {
+    check_state("positions", "position", &of.positions, vertices)?;
+    check_state("velocities", "velocity", &of.velocities, vertices)?;
+    if let Some(before) = &of.previous {
+        let (what, one) = ("previous positions", "previous position");
+        check_state(what, one, &before.positions, vertices)?;
+        let (what, one) = ("previous velocities", "previous velocity");
+        check_state(what, one, &before.velocities, vertices)?;
+        check_seconds(before.seconds)?;
     }
-
-    /// Checks that all values are finite in f32, and as many as the cloth has `vertices`.
-    fn check(&self, vertices: usize) -> Result<(), SimulatorError> {
-        check_state("positions", "position", &self.positions, vertices)?;
-        check_state("velocities", "velocity", &self.velocities, vertices)?;
-        if let Some(before) = &self.previous {
-            let (what, one) = ("previous positions", "previous position");
-            check_state(what, one, &before.positions, vertices)?;
-            let (what, one) = ("previous velocities", "previous velocity");
-            check_state(what, one, &before.velocities, vertices)?;
-            check_seconds(before.seconds)?;
-        }
-        if let Some((changes, seconds)) = &self.changes {
-            check_state("changes", "change", changes, vertices)?;
-            check_seconds(*seconds)?;
-        }
-        for anchor in self.contact.iter().flat_map(|memory| &memory.anchors) {
-            let vertex = VertexId(anchor.of.numbers()[1]);
-            check_finite("direction of an anchor", vertex, anchor.normal)?;
-            check_finite("pull of an anchor", vertex, anchor.pull)?;
-        }
-        Ok(())
+    if let Some((changes, seconds)) = &of.changes {
+        check_state("changes", "change", changes, vertices)?;
+        check_seconds(*seconds)?;
     }
+    for anchor in of.contact.iter().flat_map(|memory| &memory.anchors) {
+        let vertex = VertexId(anchor.of.numbers()[1]);
+        check_finite("direction of an anchor", vertex, anchor.normal)?;
+        check_finite("pull of an anchor", vertex, anchor.pull)?;
+    }
+    Ok(())
 }
-
 fn check_seconds(seconds: f64) -> Result<(), SimulatorError> {
     match seconds.is_finite() && seconds > 0.0 {
         true => Ok(()),
@@ -110,7 +75,7 @@ impl Simulator {
     /// not match, a value that is not finite in f32, or a cloth that meets itself or an obstacle.
     pub fn from_checkpoint(scene: &Scene, checkpoint: &Checkpoint) -> Result<Self, SimulatorError> {
         scene.validate()?;
-        checkpoint.check(scene.mesh.topology().vertex_count())?;
+        check(checkpoint, scene.mesh.topology().vertex_count())?;
         let mut simulator = Self::of_mesh(scene)?;
         simulator.shift_obstacles(&checkpoint.obstacles);
         simulator.put(checkpoint);
@@ -145,7 +110,7 @@ impl Simulator {
     /// As for [`Self::from_checkpoint`]; the cloth is left as it was.
     pub fn restore(&mut self, checkpoint: &Checkpoint) -> Result<(), SimulatorError> {
         let vertices = self.rounded.len();
-        checkpoint.check(vertices)?;
+        check(checkpoint, vertices)?;
         let all = match self.active.holds().contains(&false) {
             false => None,
             true => {

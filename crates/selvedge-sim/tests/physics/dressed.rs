@@ -196,6 +196,26 @@ fn what_cannot_be_dressed_says_where() {
         panic!("{error}");
     };
     assert!(body == "bar" && (place.y + 0.1).abs() < 0.1, "{error}");
+    // The upper end of the tube is above the post: near it that is told, far from it the cloth is refused.
+    let above = |way: f64| {
+        let mut scene = around(1.0, 0.105, 0.0);
+        let points = scene.obstacles[0].positions_at(0.0);
+        let points = points.map(|p| p - way * DVec3::Y).collect();
+        let faces = scene.obstacles[0].faces().to_vec();
+        scene.obstacles = vec![Obstacle::new("post", points, faces).unwrap()];
+        scene
+    };
+    let dressed = dress(&above(0.0), "post", &mut carry_on).unwrap();
+    assert!(dressed.empty.is_empty(), "{:?}", dressed.empty);
+    let dressed = dress(&above(0.6), "post", &mut carry_on).unwrap();
+    assert!(
+        dressed.empty.len() == 1 && dressed.empty[0].contains("cm around"),
+        "{:?}",
+        dressed.empty
+    );
+    let far = dress(&above(0.8), "post", &mut carry_on).unwrap_err();
+    assert!(matches!(far, FitError::Beside { .. }), "{far}");
+    assert!(far.to_string().contains("arms out"), "{far}");
     let unknown = dress(&across, "post", &mut carry_on).unwrap_err();
     assert!(matches!(unknown, FitError::NoBody { .. }));
     let stopped = dress(&around(1.0, 0.105, 0.0), "post", &mut |_| {

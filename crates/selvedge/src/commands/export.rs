@@ -7,25 +7,25 @@ use selvedge_data::Trajectory;
 use serde_json::json;
 
 use crate::cli::ExportArgs;
-use crate::exporting::{self, Wish};
+use crate::exporting::{self, Export};
 use crate::output::{Answer, End, Facts};
 use crate::place;
 
 /// Writes what is asked for.
 pub(crate) fn run(args: &ExportArgs) -> anyhow::Result<Answer> {
-    let wish = Wish::new(&args.output, args.format)?.with(args.choice());
-    check_places(args, &wish.outputs())?;
+    let export = Export::new(&args.output, args.format)?.with(args.choice());
+    check_places(args, &export.outputs())?;
     let trajectory = Trajectory::read(&args.trajectory)?;
-    check_places(args, &wish.outputs_of(&trajectory))?;
-    wish.check(trajectory.frame_count())?;
+    check_places(args, &export.outputs_of(&trajectory))?;
+    export.check(trajectory.frame_count())?;
     let started = Instant::now();
-    let end = wish.fulfil(&trajectory)?;
+    let end = export.write(&trajectory)?;
     let seconds = started.elapsed().as_secs_f64();
     let wrote = match end {
-        End::Complete => wish.outputs_of(&trajectory),
+        End::Complete => export.outputs_of(&trajectory),
         End::Interrupted => Vec::new(),
     };
-    let frames = wish.count(trajectory.frame_count())?;
+    let frames = export.count(trajectory.frame_count())?;
     let bytes: u64 = wrote.iter().map(|path| exporting::size_of(path)).sum();
     let mut facts = Facts::new();
     match end {

@@ -24,7 +24,7 @@ use selvedge_lab::watched::{self, GuardSummary};
 use serde_json::json;
 
 use crate::cli::RunArgs;
-use crate::exporting::Wish;
+use crate::exporting::Export;
 use crate::output::{Answer, End, Facts, length, percent};
 use crate::progress::{self, Progress};
 use crate::{exporting, interrupt, place, scenes};
@@ -56,12 +56,12 @@ struct Setup {
 pub(crate) fn run(args: &RunArgs, model: &Path) -> anyhow::Result<Answer> {
     let _claimed = folder::claim_folder(args.folder(), FolderKind::Rollout)?;
     check_foreign(args.folder())?;
-    let wishes = exporting::wishes(&args.export)?;
+    let exports = exporting::exports(&args.export)?;
     if let Some(trust) = &args.trust {
         place::check_file(trust, "--trust", &["csv"])?;
     }
     let loaded = scenes::open(&args.scene)?;
-    check_places(args, &wishes, &loaded)?;
+    check_places(args, &exports, &loaded)?;
     let model = selvedge::Model::open(Some(model))?;
     let machine = args.machine.open()?;
     let network = Network {
@@ -97,7 +97,7 @@ pub(crate) fn run(args: &RunArgs, model: &Path) -> anyhow::Result<Answer> {
         };
         end = draw(&show, args, &mut wrote)?;
     }
-    end = exporting::fulfil(&wishes, &run.trajectory, end, &mut wrote)?;
+    end = exporting::write(&exports, &run.trajectory, end, &mut wrote)?;
     removed.retain(|path| !wrote.contains(path));
     let strains: Vec<f64> = log.iter().map(|t| t.given.largest_strain).collect();
     let diverged_frame = watched::diverged_frame(&strains, true_largest.unwrap_or(0.0));
@@ -257,13 +257,13 @@ fn truth(
 
 /// Checks that nothing is written over something else that is written, and that nothing that is
 /// read is written over or removed.
-fn check_places(args: &RunArgs, wishes: &[Wish], loaded: &LoadedScene) -> anyhow::Result<()> {
+fn check_places(args: &RunArgs, exports: &[Export], loaded: &LoadedScene) -> anyhow::Result<()> {
     let own = |name: &str| ("a file of --output", args.folder().join(name));
     let mut outputs = vec![own(ROLLOUT), own(SHEET)];
     outputs.extend(args.compare.then(|| own(TRUTH)));
     outputs.extend((!args.no_clip).then(|| own(CLIP)));
     outputs.extend(args.trust.iter().map(|path| ("--trust", path.clone())));
-    let exports = exporting::outputs(wishes).into_iter();
+    let exports = exporting::outputs(exports).into_iter();
     outputs.extend(exports.map(|path| ("--export", path)));
     let mut inputs = scenes::inputs(loaded);
     inputs.extend(args.model.as_deref().map(|path| ("--model", path)));

@@ -4,13 +4,13 @@ use std::path::Path;
 
 use selvedge::{Run, Scene};
 use selvedge_cloth::Stepper;
-use selvedge_data::{LoadedScene, SavedState, StartSpec, StateChoice, metrics};
+use selvedge_data::{LoadedScene, StartSpec, StateChoice, metrics};
 use selvedge_lab::physics::{self, Simulated};
 use selvedge_sim::{SaggedRest, Simulator, SubstepCounts};
 use serde_json::json;
 
 use crate::cli::{RunArgs, StartChoice};
-use crate::exporting::Wish;
+use crate::exporting::Export;
 use crate::failure::chain;
 use crate::output::{Answer, End, Facts, percent};
 use crate::progress::{self, Progress};
@@ -24,9 +24,9 @@ const MANY: f64 = 0.1;
 /// Simulates a scene and writes the trajectory, that of the frames before where one fails.
 pub(crate) fn run(args: &RunArgs) -> anyhow::Result<Answer> {
     check_files(args)?;
-    let wishes = exporting::wishes(&args.export)?;
+    let exports = exporting::exports(&args.export)?;
     let mut loaded = scenes::open(&args.scene)?;
-    check_places(args, &wishes, &loaded)?;
+    check_places(args, &exports, &loaded)?;
     choose_start(&mut loaded, args.start.as_ref())?;
     let scene = Scene::from(loaded);
     let mut moving = Run::begin(&scene, &mut progress::listener())?;
@@ -58,7 +58,7 @@ pub(crate) fn run(args: &RunArgs) -> anyhow::Result<Answer> {
     let contact = touched::measure(scene, &trajectory, passed, stats.contact, yielded);
     warn_of_falls(scene, substeps);
     let mut exported = Vec::new();
-    let mut end = exporting::fulfil(&wishes, &trajectory, run.end, &mut exported)?;
+    let mut end = exporting::write(&exports, &trajectory, run.end, &mut exported)?;
     let wanted = frames + 1;
     let frames = trajectory.frame_count();
     let mut facts = Facts::new();
@@ -177,8 +177,8 @@ fn simulate(args: &RunArgs, run: &mut Run, frames: usize) -> anyhow::Result<Simu
 }
 
 /// Checks that nothing is written over something else that is written, or over what is read.
-fn check_places(args: &RunArgs, wishes: &[Wish], loaded: &LoadedScene) -> anyhow::Result<()> {
-    let exports = exporting::outputs(wishes);
+fn check_places(args: &RunArgs, exports: &[Export], loaded: &LoadedScene) -> anyhow::Result<()> {
+    let exports = exporting::outputs(exports);
     let mut outputs = vec![("--output", args.file())];
     outputs.extend(args.states.as_deref().map(|path| ("--states", path)));
     outputs.extend(exports.iter().map(|path| ("--export", path.as_path())));
@@ -201,7 +201,7 @@ fn choose_start(loaded: &mut LoadedScene, start: Option<&StartChoice>) -> anyhow
                 ..StateChoice::default()
             };
             let vertices = loaded.scene.mesh.topology().vertex_count();
-            let (state, spec) = SavedState::read(Path::new(""), &choice, vertices)?;
+            let (state, spec) = choice.read(Path::new(""), vertices)?;
             (StartSpec::State(spec), Some(state))
         }
     };

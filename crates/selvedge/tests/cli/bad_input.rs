@@ -175,6 +175,9 @@ fn a_cloth_that_starts_far_from_its_size_is_warned_of() {
         assert!(told.contains("2.000 × their material length"), "{told}");
         assert!(told.contains("mesh.texture ="), "{told}");
     }
+    let file = desk.json("info cloth.obj");
+    let told = rows(&file, "warnings")[0].as_str().unwrap();
+    assert!(told.contains("2.000 × their material length"), "{told}");
     let fitted = scene.replace("cloth.obj\"", "cloth.obj\", texture = \"fit\"");
     desk.write("scene.toml", fitted);
     let report = desk.json("info scene.toml");

@@ -6,8 +6,8 @@
 use std::path::Path;
 
 use crate::common::{Desk, PUSH, PUSH_FRAMES, number};
-use selvedge_cloth::Stepper;
-use selvedge_data::{SavedState, StateChoice, StateRun, open_scene};
+use selvedge_cloth::{Checkpoint, Stepper};
+use selvedge_data::{StateChoice, StateRun, open_scene};
 use selvedge_sim::Simulator;
 
 /// A sheet of 3 x 3 vertices whose upper corners go forward, as ARCSim has it.
@@ -20,14 +20,14 @@ const SWING: &str = r#"{
     "disable": ["proximity", "collision", "remeshing", "popfilter"]
 }"#;
 
-fn state(frame: usize) -> SavedState {
+fn state(frame: usize) -> Checkpoint {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/arcsim");
     let choice = StateChoice {
         file: "states.npz".to_owned(),
         frame: Some(frame),
         ..StateChoice::default()
     };
-    SavedState::read(&folder, &choice, 1024).unwrap().0
+    choice.read(&folder, 1024).unwrap().0
 }
 
 #[test]

@@ -182,12 +182,12 @@ impl Reader {
                 .iter()
                 .map(|(name, (line, count))| format!("{count} × {name:?} (first in line {line})"))
                 .collect();
-            let is_sewing = |name: &String| ["seam", "stitch"].contains(&name.as_str());
+            let is_sewing = |name: &String| ["l", "seam", "stitch"].contains(&name.as_str());
             polygons.warnings.push(format!(
                 "{count} statements that no mesh of faces has are passed over: {}{}",
                 each.join(", "),
                 match self.unknown.keys().any(is_sewing) {
-                    true => "; what is to be sewn is given by seams in the scene",
+                    true => "; what is to be sewn is given by seams in the scene, between borders, not by lines",
                     false => "",
                 }
             ));

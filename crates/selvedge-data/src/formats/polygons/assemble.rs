@@ -230,7 +230,7 @@ fn finish(
     let faces: Vec<[u32; 3]> = triangles.iter().map(|t| t.corners).collect();
     let shapes: Vec<[DVec2; 3]> = triangles.iter().map(|t| t.shape).collect();
     let mesh = Mesh::sewn(&faces, &shapes, positions);
-    let mut mesh = mesh.map_err(|error| placed(error, &polygons, triangles))?;
+    let mut mesh = mesh.map_err(|error| placed(error, &polygons, triangles, is_own_shape))?;
     let texture: Option<Vec<_>> = triangles.iter().map(|t| t.texture).collect();
     match texture {
         Some(texture) if is_other_texture => mesh = mesh.with_texture(Some(&texture)),
@@ -289,10 +289,23 @@ fn rest_angles(mesh: Mesh, polygons: &mut Polygons) -> Result<Mesh, MeshFileErro
 }
 
 /// The error with the places of its faces and the file's own numbers of its vertices.
-fn placed(error: MeshError, polygons: &Polygons, triangles: &[Triangle]) -> MeshFileError {
+fn placed(
+    error: MeshError,
+    polygons: &Polygons,
+    triangles: &[Triangle],
+    is_own_shape: bool,
+) -> MeshFileError {
     let place = |face: FaceId| triangles[face.index()].place;
     let number = |vertex: VertexId| polygons.number(vertex.0);
     match error {
+        MeshError::ZeroArea { face, .. } if is_own_shape => MeshFileError::content(format!(
+            "{}: this face has no area in space, its vertices are {}: remove it, or where two of them are one let mesh.weld join them (mesh.weld = 1e-6)",
+            place(face),
+            triangles[face.index()]
+                .corners
+                .map(|v| polygons.number(v).to_string())
+                .join(", ")
+        )),
         MeshError::ZeroArea { face, area } => MeshFileError::content(format!(
             "{}: this face has no area in the pattern ({area:e} m²): mend its texture coordinates, remove it, or take the rest shape from the form in space with mesh.pattern = \"shape\"",
             place(face)

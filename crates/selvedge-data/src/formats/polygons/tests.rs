@@ -140,7 +140,7 @@ fn a_cloth_without_a_pattern_takes_its_own_shape() {
 fn statements_that_are_unknown_are_counted_in_one_warning() {
     let text = format!("l 1 2\nny 0 0 0\nl 2 3\n{SHIRT}");
     let words = "3 statements that no mesh of faces has are passed over: 2 × \"l\" (first in line 1), \
-        1 × \"ny\" (first in line 2)";
+        1 × \"ny\" (first in line 2); what is to be sewn is given by seams in the scene, between borders, not by lines";
     assert_eq!(as_is(&text).warnings, [words]);
 }
 
@@ -199,6 +199,15 @@ fn faces_at_fault_are_named_by_their_lines() {
         let text = problem(&format!("{base}{faces}"));
         assert!(text.starts_with(named), "{text}");
     }
+    // Of its own shape a face has no area in space.
+    let text = problem("v 0 0 0\nv 1 0 0\nv 2 0 0\nv 0 1 0\nf 1 2 4\nf 1 2 3\n");
+    says(
+        text,
+        &[
+            "line 6: this face has no area in space, its vertices are 1, 2, 3",
+            "mesh.weld = 1e-6",
+        ],
+    );
 }
 
 #[test]

@@ -49,7 +49,7 @@ pub(super) struct Material {
 impl File<'_> {
     /// The meshes of all nodes.
     pub(super) fn meshes(&self, wanted: Wanted<'_>) -> Result<Vec<RigMesh>, RigError> {
-        if wanted == Wanted::Nodes {
+        if matches!(wanted, Wanted::Nodes(_)) {
             return Ok(Vec::new());
         }
         let mut required = self.document.extensions_required.iter();

@@ -126,8 +126,8 @@ pub(super) fn parse(bytes: &[u8], wanted: Wanted<'_>) -> Result<Rig, RigError> {
     let document = document.map_err(wrong)?;
     let mut file = File { document, binary };
     match wanted {
-        Wanted::Nodes | Wanted::Meshes => {}
-        Wanted::Motion(animation) => file.choose(animation)?,
+        Wanted::Nodes(None) | Wanted::Meshes => {}
+        Wanted::Nodes(animation) | Wanted::Motion(animation) => file.choose(animation)?,
         Wanted::Still => file.document.animations.clear(),
     }
     let meshes = file.meshes(wanted)?;
@@ -186,20 +186,25 @@ fn part(what: impl Display, problem: impl Display) -> RigError {
 impl File<'_> {
     /// Leaves only the animation that is chosen.
     fn choose(&mut self, chosen: Option<&str>) -> Result<(), RigError> {
-        let animations = &mut self.document.animations;
-        let names: Vec<&str> = animations.iter().map(|a| a.name.as_str()).collect();
-        let known = names.join(", ");
+        let (names, known) = (self.names(), self.names().join(", "));
         let Some(name) = chosen else {
-            return match animations.len() {
+            return match names.len() {
                 0 | 1 => Ok(()),
                 _ => Err(RigError::Animations { known }),
             };
         };
         let only = names.iter().position(|own| *own == name);
         let only = only.ok_or_else(|| RigError::no_animation(name, &known))?;
-        animations.swap(0, only);
-        animations.truncate(1);
+        self.document.animations.swap(0, only);
+        self.document.animations.truncate(1);
         Ok(())
+    }
+
+    fn names(&self) -> Vec<&str> {
+        let animations = self.document.animations.iter();
+        animations
+            .map(|animation| animation.name.as_str())
+            .collect()
     }
 
     /// Time of the first key of all that is animated `[s]`.
@@ -257,6 +262,10 @@ impl File<'_> {
                 let missing = || wrong(format!("it has no sampler {sampler}"));
                 let sampler = animation.samplers.get(*sampler).ok_or_else(missing)?;
                 if let Some((first, _)) = channels.insert((node, path), (animation, sampler)) {
+                    if !std::ptr::eq(first, animation) {
+                        let known = self.names().join(", ");
+                        return Err(RigError::Animations { known });
+                    }
                     return Err(wrong(format!(
                         "it moves the {path} of node {node}, as {:?} does: keep one of them",
                         first.name

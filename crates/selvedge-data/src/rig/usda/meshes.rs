@@ -60,7 +60,11 @@ pub(super) fn is_of_skeleton(name: &str) -> bool {
 }
 
 /// The meshes of these prims that are seen; what is left out is said in `warnings`.
-pub(super) fn meshes(prims: &[Prim], warnings: &mut Vec<String>) -> Result<Vec<RigMesh>, RigError> {
+pub(super) fn meshes(
+    prims: &[Prim],
+    is_cloth: bool,
+    warnings: &mut Vec<String>,
+) -> Result<Vec<RigMesh>, RigError> {
     let absences = absences(prims);
     check_is_whole(prims, &absences)?;
     warnings.extend(left_out(prims, &absences));
@@ -76,7 +80,7 @@ pub(super) fn meshes(prims: &[Prim], warnings: &mut Vec<String>) -> Result<Vec<R
         warnings.extend(warning(prims, what, &empty));
     }
     let made = whole.into_iter().map(|node| {
-        let mut mesh = mesh(&prims[node], node)?;
+        let mut mesh = mesh(&prims[node], node, is_cloth, warnings)?;
         take_fabrics(&mut mesh, prims);
         cut_holes(&mut mesh, prims[node].array(HOLES).unwrap_or_default());
         Ok(mesh)
@@ -223,7 +227,12 @@ pub(super) fn move_points(mesh: &mut RigMesh, prim: &mut Prim, rate: f64) -> Res
     sampled.map_err(|problem| wrong(format!("the samples of its points {problem}")))
 }
 
-fn mesh(prim: &Prim, node: usize) -> Result<RigMesh, RigError> {
+fn mesh(
+    prim: &Prim,
+    node: usize,
+    is_cloth: bool,
+    warnings: &mut Vec<String>,
+) -> Result<RigMesh, RigError> {
     let wrong = |problem: String| RigError::node(&prim.name, problem);
     let array = |name: &str| {
         let found = prim.array(name);
@@ -240,7 +249,14 @@ fn mesh(prim: &Prim, node: usize) -> Result<RigMesh, RigError> {
             indices.len()
         )));
     }
-    let texture = texture(prim, &indices, positions.len()).map_err(wrong)?;
+    let texture = match texture(prim, &indices, positions.len()) {
+        Err(problem) if !is_cloth => {
+            let problem = wrong(format!("{problem}: passed over, for a body needs none"));
+            warnings.push(problem.to_string());
+            Vec::new()
+        }
+        read => read.map_err(wrong)?,
+    };
     let mut start = 0_usize;
     let faces = counts.iter().map(|&count| {
         let own = start..start.saturating_add(count as usize).min(indices.len());

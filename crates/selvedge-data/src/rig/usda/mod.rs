@@ -31,11 +31,11 @@ const DEEPEST: usize = 200;
 
 /// The rig in the bytes of a file.
 pub(super) fn parse(bytes: &[u8], wanted: Wanted<'_>) -> Result<Rig, RigError> {
-    let (mut prims, stage) = layer(bytes, wanted != Wanted::Nodes)?;
+    let (mut prims, stage) = layer(bytes, !matches!(wanted, Wanted::Nodes(_)))?;
     references::follow(&mut prims).map_err(RigError::Content)?;
     let mut rig = rig(&prims, &stage);
-    if wanted != Wanted::Nodes {
-        rig.meshes = meshes::meshes(&prims, &mut rig.warnings)?;
+    if !matches!(wanted, Wanted::Nodes(_)) {
+        rig.meshes = meshes::meshes(&prims, wanted == Wanted::Meshes, &mut rig.warnings)?;
     }
     if wanted != Wanted::Meshes {
         for mesh in &mut rig.meshes {

@@ -3,10 +3,9 @@
 
 use glam::DVec3;
 use selvedge_cloth::{
-    CaughtPair, ContactMemory, FrictionAnchor, Pushing, ReleasedContact, Touching,
+    CaughtPair, Checkpoint, ContactMemory, FrictionAnchor, Pushing, ReleasedContact, Touching,
 };
 
-use super::SavedState;
 use crate::formats::arrays::ArrayFile;
 use crate::formats::file_error::Problem;
 use crate::formats::tensor_file::{TensorOut, TensorValues};
@@ -46,7 +45,7 @@ pub(super) struct Tables {
 
 impl Tables {
     /// Of all states of a run.
-    pub(super) fn of(states: &[SavedState]) -> Self {
+    pub(super) fn of(states: &[Checkpoint]) -> Self {
         let mut made = Self::default();
         let nothing = ContactMemory::default();
         for state in states {

@@ -13,7 +13,7 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use glam::DVec3;
-use selvedge_cloth::{ContactMemory, PreviousSubstep};
+use selvedge_cloth::{Checkpoint, PreviousSubstep};
 use serde::{Deserialize, Serialize};
 
 use self::contact::Tables;
@@ -43,26 +43,8 @@ const PREVIOUS: [&str; 3] = [
     "previous_velocities",
     "previous_seconds",
 ];
-/// Names of the arrays of [`SavedState::changes`]; where a state has none, its seconds are 0.
+/// Names of the arrays of [`Checkpoint::changes`]; where a state has none, its seconds are 0.
 const CHANGES: [&str; 2] = ["changes", "changes_seconds"];
-
-/// A state from which a run can continue.
-#[derive(Clone, Debug, PartialEq)]
-pub struct SavedState {
-    /// Positions `[m]`, `[vertices]`.
-    pub positions: Vec<DVec3>,
-    /// Velocities `[m/s]`, `[vertices]`.
-    pub velocities: Vec<DVec3>,
-    /// Frames of the motion that have passed.
-    pub frame: usize,
-    /// State one substep before, where a run of second order left it.
-    pub previous: Option<PreviousSubstep>,
-    /// Memory of contact for the next substep, where there is some.
-    pub contact: Option<ContactMemory>,
-    /// Changes of velocity in the last solve `[m/s]`, `[vertices]`, and the time over which they
-    /// came about `[s]`: the next one of an iterative solver begins there.
-    pub changes: Option<(Vec<DVec3>, f64)>,
-}
 
 /// A state of a file, resolved.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -82,7 +64,7 @@ pub struct StateSpec {
 
 impl StateSpec {
     /// Reads the state of a cloth of `vertices` again.
-    pub(crate) fn read(&self, folder: &Path, vertices: usize) -> Result<SavedState, Problem> {
+    pub(crate) fn read(&self, folder: &Path, vertices: usize) -> Result<Checkpoint, Problem> {
         let choice = StateChoice {
             file: self.path.clone(),
             frame: Some(self.frame),
@@ -90,8 +72,8 @@ impl StateSpec {
             velocities: Some(self.velocities.clone()),
             frame_rate: None,
         };
-        let (state, found) = SavedState::read(folder, &choice, vertices)
-            .map_err(|error| Problem(error.to_string()))?;
+        let read = choice.read(folder, vertices);
+        let (state, found) = read.map_err(|error| Problem(error.to_string()))?;
         check_hash(&self.path, &self.blake3, &found.blake3).map_err(Problem)?;
         Ok(state)
     }
@@ -119,45 +101,27 @@ pub struct StateChoice {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StateRun {
     /// The states, in order.
-    pub states: Vec<SavedState>,
+    pub states: Vec<Checkpoint>,
 }
 
-impl SavedState {
-    /// At `positions` `[m]`, `[vertices]`, without velocity, before the motion begins.
-    pub fn at_rest(positions: Vec<DVec3>) -> Self {
-        let velocities = vec![DVec3::ZERO; positions.len()];
-        Self::moving(positions, velocities)
-    }
-
-    /// At `positions` `[m]` with `velocities` `[m/s]`, `[vertices]`, before the motion begins.
-    pub fn moving(positions: Vec<DVec3>, velocities: Vec<DVec3>) -> Self {
-        Self {
-            positions,
-            velocities,
-            frame: 0,
-            previous: None,
-            contact: None,
-            changes: None,
-        }
-    }
-
-    /// Reads the state of `vertices` vertices that `choice` means, whose file is relative to
-    /// `folder`; also how it was found.
+impl StateChoice {
+    /// Reads the state of `vertices` vertices that is meant, whose file is relative to `folder`; also
+    /// how it was found.
     ///
     /// # Errors
     /// [`FileError<Problem>`] names the file, the array and what is wrong with it.
     pub fn read(
+        &self,
         folder: &Path,
-        choice: &StateChoice,
         vertices: usize,
-    ) -> Result<(Self, StateSpec), FileError<Problem>> {
-        let full = folder.join(&choice.file);
+    ) -> Result<(Checkpoint, StateSpec), FileError<Problem>> {
+        let full = folder.join(&self.file);
         let within = FileError::at(&full);
         let bytes = read_file(&full).map_err(FileError::unread(&full))?;
-        let file = open(&full, &bytes, choice.frame_rate).map_err(&within)?;
-        let (state, [positions, velocities]) = select(&file, choice, vertices).map_err(&within)?;
+        let file = open(&full, &bytes, self.frame_rate).map_err(&within)?;
+        let (state, [positions, velocities]) = select(&file, self, vertices).map_err(&within)?;
         let spec = StateSpec {
-            path: choice.file.clone(),
+            path: self.file.clone(),
             blake3: hash(&bytes),
             frame: state.frame,
             positions,
@@ -197,7 +161,7 @@ impl StateRun {
         let states = &self.states;
         let vertices = states.first().map_or(0, |state| state.positions.len());
         let none = vec![DVec3::ZERO; vertices];
-        let vectors = |name: &'static str, of: fn(&SavedState) -> Option<&Vec<DVec3>>| {
+        let vectors = |name: &'static str, of: fn(&Checkpoint) -> Option<&Vec<DVec3>>| {
             let all = states.iter().flat_map(|state| of(state).unwrap_or(&none));
             let values = all.flat_map(|v| v.to_array()).collect();
             TensorOut::new(
@@ -206,7 +170,7 @@ impl StateRun {
                 TensorValues::F64(values),
             )
         };
-        let seconds = |name: &'static str, of: fn(&SavedState) -> Option<f64>| {
+        let seconds = |name: &'static str, of: fn(&Checkpoint) -> Option<f64>| {
             let values = states.iter().map(|state| of(state).unwrap_or(0.0));
             TensorOut::new(name, &[states.len()], TensorValues::F64(values.collect()))
         };
@@ -350,12 +314,11 @@ impl Arrays {
     }
 
     /// State `index`, in which `frame` frames have passed.
-    fn state(&self, index: usize, frame: usize) -> Result<SavedState, Problem> {
+    fn state(&self, index: usize, frame: usize) -> Result<Checkpoint, Problem> {
         let own = |array| self.entry(array, index);
-        let mut state = SavedState {
-            frame,
+        let mut state = Checkpoint {
             contact: self.contact.state(index)?,
-            ..SavedState::moving(own(&self.positions)?, own(&self.velocities)?)
+            ..Checkpoint::of(frame, own(&self.positions)?, own(&self.velocities)?)
         };
         if let Some([x, v, seconds]) = &self.previous
             && let Some(seconds) = seconds_of(seconds, index)?
@@ -449,7 +412,7 @@ fn select(
     file: &ArrayFile<'_>,
     choice: &StateChoice,
     vertices: usize,
-) -> Result<(SavedState, [String; 2]), Problem> {
+) -> Result<(Checkpoint, [String; 2]), Problem> {
     let no_pair = || {
         Problem(format!(
             "has no velocities beside positions (found {}): name both arrays, as positions = \"x\" and velocities = \"v\"",

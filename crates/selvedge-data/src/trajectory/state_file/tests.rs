@@ -1,6 +1,8 @@
 //! States are read as they were written, by any of the ways to name them.
 
-use selvedge_cloth::{CaughtPair, FrictionAnchor, Pushing, ReleasedContact, Touching};
+use selvedge_cloth::{
+    CaughtPair, ContactMemory, FrictionAnchor, Pushing, ReleasedContact, Touching,
+};
 
 use super::*;
 use crate::formats::npz::tests::{archive, floats, npy};
@@ -13,7 +15,7 @@ fn run() -> StateRun {
         let first = first + 2 * state;
         [first, first + 1].map(vector).to_vec()
     };
-    let state = |k: u32| SavedState {
+    let state = |k: u32| Checkpoint {
         positions: vectors(0, k),
         velocities: vectors(10, k),
         frame: 4 + k as usize,
@@ -24,6 +26,7 @@ fn run() -> StateRun {
         }),
         contact: (k != 1).then(|| memory(2 - k / 2)),
         changes: (k != 1).then(|| (vectors(40, k), 1.0 / f64::from(120 + k))),
+        obstacles: Vec::new(),
     };
     StateRun {
         states: (0..3).map(state).collect(),
@@ -87,7 +90,7 @@ fn at(file: &str, frame: usize) -> StateChoice {
 }
 
 fn error(folder: &Path, choice: &StateChoice, vertices: usize) -> String {
-    let error = SavedState::read(folder, choice, vertices).unwrap_err();
+    let error = choice.read(folder, vertices).unwrap_err();
     let text = error.to_string();
     assert!(text.contains(&choice.file), "{text}");
     text
@@ -103,7 +106,7 @@ fn every_bit_of_a_run_comes_back() {
     assert_eq!(StateRun::from_bytes(&bytes).unwrap(), run);
     let at = |frame| at("states.safetensors", frame);
     for expected in &run.states {
-        let (state, spec) = SavedState::read(folder.path(), &at(expected.frame), 2).unwrap();
+        let (state, spec) = at(expected.frame).read(folder.path(), 2).unwrap();
         assert_eq!(state, *expected);
         assert_eq!(spec.blake3, hash(&bytes));
     }
@@ -127,7 +130,7 @@ fn checkpoints_of_an_archive_are_found_by_their_frames() {
         ("rest_v", floats("(2, 3)", &v[6..])),
     ]);
     std::fs::write(folder.path().join("run.npz"), zip).unwrap();
-    let read = |choice: &StateChoice| SavedState::read(folder.path(), choice, 2);
+    let read = |choice: &StateChoice| choice.read(folder.path(), 2);
     let (state, spec) = read(&at("run.npz", 120)).unwrap();
     assert_eq!((state.frame, spec.positions.as_str()), (120, "ckpt_x"));
     assert_eq!(state.positions[1], DVec3::from_slice(&x[9..]));
@@ -212,7 +215,7 @@ fn states_of_another_version_or_frame_rate_are_refused() {
         frame_rate: Some(rate),
         ..at("states.safetensors", 5)
     };
-    let read = |rate: f64| SavedState::read(folder.path(), &at_rate(rate), 2);
+    let read = |rate: f64| at_rate(rate).read(folder.path(), 2);
     let told = |rate: f64| read(rate).unwrap_err().to_string();
     write_edited(folder.path(), "selvedge-states", "selvedge-states");
     assert_eq!(read(60.0).unwrap().0.frame, 5);
@@ -276,7 +279,7 @@ fn contact_that_does_not_fit_is_named() {
         says(error(folder.path(), &of("states.npz"), 1), &[word]);
     }
     write(&[1, 0, 0], &[1, 4, 5], &normal);
-    let (state, _) = SavedState::read(folder.path(), &of("states.npz"), 1).unwrap();
+    let (state, _) = of("states.npz").read(folder.path(), 1).unwrap();
     let edges = Touching::Edges {
         first: 4,
         second: 5,

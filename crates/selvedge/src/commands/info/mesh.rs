@@ -5,7 +5,7 @@ use std::path::Path;
 
 use selvedge_cloth::geometry::signed_area_2d;
 use selvedge_cloth::{Handles, Mesh, VertexId};
-use selvedge_data::{ReadMesh, size_warning, worst_edges};
+use selvedge_data::{ReadMesh, size_warning, strain_warnings, worst_edges};
 use selvedge_lab::physics;
 use serde_json::{Value, json};
 
@@ -23,6 +23,7 @@ pub(super) fn inspect(read: ReadMesh, path: &Path, has_nodes: bool) -> anyhow::R
     let mesh = &read.sheet.mesh;
     let mut warnings = read.warnings.clone();
     warnings.extend(size_warning(mesh.positions()));
+    warnings.extend(strain_warnings(mesh));
     for warning in &warnings {
         tracing::warn!("{}: {warning}", path.display());
     }
