@@ -52,7 +52,7 @@ const listener: Listener = {
     });
   },
 };
-const beginning = { scene: asked.get("scene") ?? "default", mover: (asked.get("mover") ?? "physics") as Mover };
+const beginning = { scene: asked.get("scene") ?? "tablecloth", mover: (asked.get("mover") ?? "physics") as Mover };
 const link: Link = WITHOUT_PROGRAM ? new WorkerLink(listener, beginning, canvas) : new SocketLink(listener);
 const hands = new Hands(canvas, stage, link, () => panel.isLive);
 const panel = new Panel(stage, link, hands);

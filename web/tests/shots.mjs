@@ -84,8 +84,11 @@ await shot("difference", { size: desk, scheme: "dark", args: ["--show", "both"] 
   await page.click("#play-motion");
   await wait(6);
 });
-await shot("phone", { size: { width: 390, height: 844 }, touch: true }, async (page) => {
-  await wait(2);
+await shot("table", { size: desk, args: ["tablecloth"] }, async (page) => {
+  await moved(page, 2);
+});
+await shot("phone", { size: { width: 390, height: 844 }, touch: true, args: ["tablecloth"] }, async (page) => {
+  await moved(page, 2);
 });
 await shot("phone-panel", { size: { width: 390, height: 844 }, scheme: "dark", touch: true }, async (page) => {
   await wait(1);

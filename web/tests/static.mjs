@@ -14,7 +14,7 @@ const errors = [];
 before(async () => {
   served = await serve("dist");
   chrome = await browser();
-  page = await open(chrome.context, served.url, errors);
+  page = await open(chrome.context, `${served.url}?scene=default`, errors);
 });
 
 after(async () => {
