@@ -1,7 +1,7 @@
 //! All that a run needs to go on bit for bit.
 
 use glam::DVec3;
-use selvedge_cloth::{ContactMemory, PreviousSubstep, Scene, VertexId};
+use selvedge_cloth::{ContactMemory, PreviousSubstep, Rigid, Scene, VertexId};
 
 use super::Simulator;
 use super::error::SimulatorError;
@@ -24,8 +24,8 @@ pub struct Checkpoint {
     pub changes: Option<(Vec<DVec3>, f64)>,
     /// What contact left for the next substep.
     pub contact: Option<ContactMemory>,
-    /// Distances of the first obstacles from their own paths `[m]`; the others stay where they are.
-    pub obstacles: Vec<DVec3>,
+    /// Motions of the first obstacles away from their own paths; the others stay where they are.
+    pub obstacles: Vec<Rigid>,
 }
 
 impl Checkpoint {
