@@ -1,5 +1,5 @@
 """Tries the add-on without a window: a cloth between two empties, one of which moves; on a ball that moves and is bent
-by a modifier; by a model.
+by a modifier; by a model; a cape that an armature carries, in centimetres; a bake that is stopped.
 
     python blender/test_addon.py target/debug/selvedge
 
@@ -9,6 +9,8 @@ compared with the trajectory, and the held ones with the empties.
 
 import sys
 import tempfile
+import time
+import tomllib
 from pathlib import Path
 
 import bpy
@@ -84,6 +86,81 @@ def falls(folder):
     return radius - float(away.min()) if fell > 0.1 else 1.0
 
 
+def cape(program, folder):
+    """A cape in centimetres with loose vertices, whose upper row a bone carries: every pin of every frame that Blender
+    shows is compared with the armature's. Returns the largest distance in centimetres; infinity where unit,
+    gravity or the number of vertices is wrong."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    made = bpy.context.scene
+    made.render.fps, made.frame_start, made.frame_end = 30, 1, LAST + 1
+    made.unit_settings.scale_length = 0.01
+    made.gravity = (0, 0, -490.5)
+    side = np.linspace(-30, 30, 9)
+    # The first vertex and one in the middle belong to no face.
+    points = [(0, 0, 500)] + [(x, 0, 100 - 7.5 * row) for row in range(5) for x in side]
+    points += [(1, 2, 3)] + [(x, 0, 100 - 7.5 * row) for row in range(5, 9) for x in side]
+    number = lambda row, column: 1 + 9 * row + column + (row >= 5)
+    faces = [[number(r, c), number(r + 1, c), number(r + 1, c + 1), number(r, c + 1)] for r in range(8) for c in range(8)]
+    mesh = bpy.data.meshes.new("cape")
+    mesh.from_pydata(points, [], faces)
+    item = bpy.data.objects.new("cape", mesh)
+    made.collection.objects.link(item)
+    group = item.vertex_groups.new(name="shoulders")
+    group.add([0] + [number(0, column) for column in range(9)], 1.0, "REPLACE")
+    group.add([number(8, 0)], 0.4, "REPLACE")
+    bpy.ops.object.armature_add(enter_editmode=True, location=(0, 0, 0))
+    rig = bpy.context.object
+    rig.data.edit_bones[0].name = "chest"
+    rig.data.edit_bones[0].tail = (0, 0, 100)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    every = item.vertex_groups.new(name="chest")
+    every.add(list(range(len(points))), 1.0, "REPLACE")
+    bends = item.modifiers.new("armature", "ARMATURE")
+    bends.object = rig
+    bone = rig.pose.bones["chest"]
+    bone.rotation_mode = "XYZ"
+    for frame, lean in ((1, 0.0), (LAST + 1, 0.4)):
+        bone.rotation_euler, bone.location = (lean, 0.5 * lean, 0), (40 * lean, 0, 0)
+        bone.keyframe_insert("rotation_euler", frame=frame)
+        bone.keyframe_insert("location", frame=frame)
+    settings = made.selvedge
+    settings.mesh, settings.pins, settings.program, settings.folder = item, "shoulders", program, str(folder)
+    if bpy.ops.selvedge.run() != {"FINISHED"}:
+        sys.exit((folder / "log.txt").read_text())
+    cloth = bpy.data.objects["cape cloth"]
+    off, swung = 0.0, 0.0
+    for frame in range(1, LAST + 2):
+        made.frame_set(frame)
+        shown = cloth.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        led = item.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        at = lambda one, k: one.matrix_world @ one.data.vertices[k].co
+        off = max(off, max((at(shown, column) - at(led, 1 + column)).length for column in range(9)))
+        swung = (at(shown, 80) - at(led, number(8, 8))).length
+    text = tomllib.loads((folder / "scene.toml").read_text())
+    print(f"a cape of {len(cloth.data.vertices)} vertices on a bone: pins {off:.1e} cm off, its hem swings {swung:.1f} cm")
+    right = len(cloth.data.vertices) == 81 and np.allclose(text["environment"]["gravity"], [0, -4.905, 0]) and 5 < swung < 60
+    return off if right else float("inf")
+
+
+def stopped(program, folder):
+    """Stops a long bake once the program says how far it is; returns true if it leaves no object."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    made, settings = bpy.context.scene, bpy.context.scene.selvedge
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=99, y_subdivisions=99, size=1)
+    settings.mesh, settings.pins = bpy.context.object, "edge"
+    settings.mesh.vertex_groups.new(name="edge").add(list(range(100)), 1.0, "REPLACE")
+    settings.program, settings.folder = program, str(folder)
+    made.frame_end = 2000
+    before = len(bpy.data.objects), len(bpy.data.meshes)
+    bake = selvedge_cloth.Bake(bpy.context)
+    while bake.is_running() and not bake.progress():
+        time.sleep(0.2)
+    seen, was_running = bake.progress(), bake.is_running()
+    bake.cancel()
+    print(f"stopped at {seen:.0%}: {bake.said()}")
+    return was_running and 0 < seen < 1 and not bake.is_running() and before == (len(bpy.data.objects), len(bpy.data.meshes))
+
+
 def main():
     program = str(Path(sys.argv[1]).resolve())
     with tempfile.TemporaryDirectory() as name:
@@ -109,7 +186,7 @@ def main():
             bpy.ops.selvedge.run()
             refused = False
         except RuntimeError as error:
-            refused = "Select the empties" in str(error)
+            refused = "Choose the vertex group" in str(error)
         for hand in hands:
             hand.select_set(True)
         made = bpy.context.scene
@@ -119,7 +196,13 @@ def main():
         made.selvedge.model = ""
         (folder / "ball").mkdir()
         inside = falls(folder / "ball")
+        (folder / "cape").mkdir()
+        (folder / "stopped").mkdir()
+        loose = cape(program, folder / "cape")
+        stops = stopped(program, folder / "stopped")
         selvedge_cloth.unregister()
+        if loose > 1e-4 or not stops:
+            sys.exit(f"pins {loose} cm off, stopped {stops}")
         # Between its points the ball's faces lie within the sphere.
         if not by_model or inside > 0.01:
             sys.exit(f"model {by_model}, {inside} m inside of the ball")

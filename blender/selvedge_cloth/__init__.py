@@ -1,21 +1,24 @@
-"""Moves a mesh as cloth: empties hold it, bodies push it, the program `selvedge` moves it, and the cache is loaded.
+"""Moves a mesh as cloth: a vertex group or empties hold it, bodies push it, the program `selvedge` moves it, and the
+cache is loaded.
 
-In the sidebar of the 3D view (N), tab Selvedge: choose the mesh, select the empties that hold it, and press Run. A
-vertex is held by the nearest empty within whose display size it lies; the empties may move and turn. The meshes of a
-collection are bodies: they may move, and bend by whatever modifiers they have. What comes back is a new object that plays
-the cache, from the first frame of the scene to the last.
+In the sidebar of the 3D view (N), tab Selvedge: choose the mesh, the vertex group that holds it or select empties, and
+press Bake. Vertices of the group go where armature and other modifiers take them; a vertex within the display size of a
+selected empty goes with the nearest one. The meshes of a collection are bodies: they may move, and bend by whatever
+modifiers they have. What comes back is a new object that plays the cache, from the first frame of the scene to the last.
 
-Only what a scene file of Selvedge says is used: the folder of a run has scene.toml, which can be changed and run again
-by hand.
+The scene's unit scale and gravity count. Only what a scene file of Selvedge says is used: the folder of a run has
+scene.toml, which can be changed and run again by hand.
 """
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import tempfile
 from pathlib import Path
 
+import bmesh
 import bpy
 from mathutils import Matrix
 
@@ -53,76 +56,100 @@ def program(settings):
     return path
 
 
-def placed(item):
-    """An object's vertices in the world."""
-    return [item.matrix_world @ vertex.co for vertex in item.data.vertices]
+def seen(item):
+    """An object as its modifiers and shape keys leave it in this frame."""
+    return item.evaluated_get(bpy.context.evaluated_depsgraph_get())
 
 
-def held(points, empties):
-    """The vertices that each empty holds: those within its display size, by the nearest empty."""
-    groups = [[] for _ in empties]
+def placed(item, scale, numbers=None):
+    """The vertices of an object as it is seen, or those of these numbers, in the world, in metres."""
+    shown = seen(item)
+    mesh = shown.to_mesh()
+    numbers = range(len(mesh.vertices)) if numbers is None else numbers
+    points = [shown.matrix_world @ mesh.vertices[k].co * scale for k in numbers]
+    shown.to_mesh_clear()
+    return points
+
+
+def faces_of(item):
+    """The corners of an object's faces as it is seen."""
+    mesh = seen(item).to_mesh()
+    faces = [list(face.vertices) for face in mesh.polygons]
+    seen(item).to_mesh_clear()
+    if not faces:
+        raise Problem(f"{item.name} has no faces: take it out of the bodies")
+    return faces
+
+
+def cloth_mesh(item):
+    """The cloth as it is seen now, without vertices that no face has, which the program does not know; and the numbers
+    that its vertices have in the object."""
+    shown = seen(item)
+    mesh = bpy.data.meshes.new_from_object(shown, preserve_all_data_layers=True, depsgraph=bpy.context.evaluated_depsgraph_get())
+    if len(mesh.vertices) != len(item.data.vertices):
+        bpy.data.meshes.remove(mesh)
+        raise Problem(f"A modifier of {item.name} adds or removes vertices: hide it in the viewport; the cloth that comes back can have it")
+    if not mesh.polygons:
+        bpy.data.meshes.remove(mesh)
+        raise Problem(f"{item.name} has no faces")
+    used = {vertex for face in mesh.polygons for vertex in face.vertices}
+    work = bmesh.new()
+    work.from_mesh(mesh)
+    bmesh.ops.delete(work, geom=[vertex for vertex in work.verts if vertex.index not in used], context="VERTS")
+    work.to_mesh(mesh)
+    work.free()
+    return mesh, sorted(used)
+
+
+def pinned(item, name):
+    """Numbers of the vertices that the vertex group of this name holds: those of more than half weight."""
+    group = item.vertex_groups.get(name)
+    if group is None:
+        raise Problem(f"{item.name} has no vertex group {name}: choose another one under Pins")
+    weighs = lambda vertex: any(g.group == group.index and g.weight > 0.5 for g in vertex.groups)
+    found = [vertex.index for vertex in item.data.vertices if weighs(vertex)]
+    if not found:
+        raise Problem(f"The vertex group {name} holds nothing: give its vertices more than half weight")
+    return found
+
+
+def held(points, empties, scale):
+    """The empty that holds each vertex, where one does: the nearest within whose display size it is."""
+    holders = {}
     for number, point in enumerate(points):
-        near = [((point - empty.matrix_world.translation).length, k) for k, empty in enumerate(empties)]
-        near = [(away, k) for away, k in near if away <= empties[k].empty_display_size * max(empties[k].scale) + 1e-6]
+        near = [((point - empty.matrix_world.translation * scale).length, k) for k, empty in enumerate(empties)]
+        near = [(away, k) for away, k in near if away <= scale * empties[k].empty_display_size * max(empties[k].scale) + 1e-6]
         if near:
-            groups[min(near)[1]].append(number)
-    for empty, group in zip(empties, groups):
-        if not group:
+            holders[number] = min(near)[1]
+    for k, empty in enumerate(empties):
+        if k not in holders.values():
             raise Problem(f"{empty.name} holds no vertex: move it nearer, or make its display size larger")
-    return groups
+    return holders
 
 
-def write_mesh(item, points, path):
-    """The mesh in the world as OBJ, y up; vertices keep their numbers."""
-    uv = item.data.uv_layers.active
+def write_mesh(mesh, points, uv, path):
+    """The mesh as OBJ, y up, in metres; with its texture coordinates where these are the pattern."""
     with open(path, "w", encoding="utf-8") as out:
         for x, y, z in points:
             out.write(f"v {x:.9g} {z:.9g} {-y:.9g}\n")
-        if uv:
-            for corner in uv.data:
-                out.write(f"vt {corner.uv[0]:.9g} {corner.uv[1]:.9g}\n")
-        for face in item.data.polygons:
+        for corner in uv.data if uv else ():
+            out.write(f"vt {corner.uv[0]:.9g} {corner.uv[1]:.9g}\n")
+        for face in mesh.polygons:
             corners = zip(face.vertices, face.loop_indices)
             out.write("f " + " ".join(f"{v + 1}/{c + 1}" if uv else f"{v + 1}" for v, c in corners) + "\n")
 
 
-def write_rig(empties, frames, rate, path):
-    """The empties' places in every frame, as USD."""
-    scene, now = bpy.context.scene, bpy.context.scene.frame_current
-    samples = [[] for _ in empties]
-    for frame in frames:
-        scene.frame_set(frame)
-        for own, empty in zip(samples, empties):
-            own.append(empty.matrix_world.copy())
-    scene.frame_set(now)
+def write_pins(frames, path):
+    """The places of the held vertices in every frame, y up, in metres."""
     with open(path, "w", encoding="utf-8") as out:
-        out.write(f'#usda 1.0\n(\n    metersPerUnit = 1\n    timeCodesPerSecond = {rate:.9g}\n    upAxis = "Z"\n)\n')
-        for number, matrices in enumerate(samples):
-            out.write(f'def Xform "hold_{number}"\n{{\n    matrix4d xformOp:transform.timeSamples = {{\n')
-            for code, matrix in enumerate(matrices):
-                rows = ", ".join("(" + ", ".join(f"{x:.12g}" for x in row) + ")" for row in matrix.transposed())
-                out.write(f"        {code}: ({rows}),\n")
-            out.write('    }\n    uniform token[] xformOpOrder = ["xformOp:transform"]\n}\n')
+        out.write("frame,handle,x,y,z\n")
+        for frame, points in enumerate(frames):
+            for handle, (x, y, z) in enumerate(points):
+                out.write(f"{frame},{handle},{x:.9g},{z:.9g},{-y:.9g}\n")
 
 
-def write_body(item, frames, rate, path):
-    """A body's points in every frame, as modifiers leave it, as USD."""
-    scene, now = bpy.context.scene, bpy.context.scene.frame_current
-    samples, faces = [], None
-    for frame in frames:
-        scene.frame_set(frame)
-        seen = item.evaluated_get(bpy.context.evaluated_depsgraph_get())
-        mesh = seen.to_mesh()
-        points = [seen.matrix_world @ vertex.co for vertex in mesh.vertices]
-        if faces is None:
-            faces = [list(face.vertices) for face in mesh.polygons]
-        seen.to_mesh_clear()
-        if samples and len(points) != len(samples[0]):
-            raise Problem(f"{item.name} has other vertices in frame {frame} than before: a body must keep them")
-        samples.append(points)
-    scene.frame_set(now)
-    if not faces:
-        raise Problem(f"{item.name} has no faces: take it out of the bodies")
+def write_body(samples, faces, rate, path):
+    """A body's points in every frame, in metres, as USD."""
     flat = lambda lists: ", ".join(str(number) for one in lists for number in one)
     with open(path, "w", encoding="utf-8") as out:
         out.write(f'#usda 1.0\n(\n    metersPerUnit = 1\n    timeCodesPerSecond = {rate:.9g}\n    upAxis = "Z"\n)\n')
@@ -136,21 +163,22 @@ def write_body(item, frames, rate, path):
         out.write("    }\n}\n")
 
 
-def write_scene(settings, groups, bodies, rate, has_uv, path):
-    """The scene file. The frame rate is that of Blender's scene."""
+def write_scene(scene, handles, bodies, rate, by_pattern, path):
+    """The scene file. Frame rate, unit scale and gravity are those of Blender's scene."""
+    settings, scale = scene.selvedge, scene.unit_settings.scale_length
+    turned = lambda v: f"[{v[0] * scale:.9g}, {v[2] * scale:.9g}, {-v[1] * scale:.9g}]"
+    gravity = scene.gravity if scene.use_gravity else (0, 0, 0)
     # The shape that the mesh has counts, unless its texture coordinates are a pattern.
-    texture = ', texture = "fit"' if has_uv and settings.by_pattern else ""
+    texture = ', texture = "fit"' if by_pattern else ""
     lines = [
         'name = "from Blender"',
         f"frame_rate = {rate:.9g}",
         f'mesh = {{ file = "mesh.obj"{texture} }}',
         f'material = "{settings.fabric}"',
-        f"environment = {{ wind = [{settings.wind[0]:.9g}, {settings.wind[2]:.9g}, {-settings.wind[1]:.9g}] }}",
+        f"environment = {{ gravity = {turned(gravity)}, wind = {turned(settings.wind)} }}",
     ]
-    if groups:
-        lines.append('motion = { rig = { file = "hands.usda" } }')
-    for number, group in enumerate(groups):
-        lines += ["[[handles.groups]]", f'name = "hold_{number}"', f"select = {{ vertices = {json.dumps(group)} }}"]
+    if handles:
+        lines += [f"handles = {{ vertices = {json.dumps(handles)} }}", 'motion = { recorded = "pins.csv" }']
     for number, body in enumerate(bodies):
         file = f"body_{number}.usda"
         name = json.dumps(body.name, ensure_ascii=False)
@@ -159,44 +187,53 @@ def write_scene(settings, groups, bodies, rate, has_uv, path):
 
 
 def prepare(context, folder):
-    """Writes the scene of the chosen mesh and empties to `folder`; returns the frames."""
+    """Writes the scene of the chosen mesh, pins and bodies to `folder`; returns the frames, and the mesh of the cloth in
+    the first one, in the world."""
     settings, scene = context.scene.selvedge, context.scene
-    item = settings.mesh
+    item, scale = settings.mesh, scene.unit_settings.scale_length
     if item is None or item.type != "MESH":
         raise Problem("Choose a mesh")
-    if item.data.shape_keys:
-        raise Problem("The mesh has shape keys: apply them first")
     empties = sorted((e for e in context.selected_objects if e.type == "EMPTY"), key=lambda e: e.name)
     bodies = [] if settings.bodies is None else settings.bodies.all_objects
     bodies = sorted((b for b in bodies if b.type == "MESH" and b != item), key=lambda b: b.name)
-    if not empties and not bodies:
-        raise Problem("Select the empties that hold the cloth, or choose bodies on which it falls")
+    if not empties and not bodies and not settings.pins:
+        raise Problem("Choose the vertex group of the pins, select empties that hold the cloth, or choose bodies on which it falls")
     frames = range(scene.frame_start, scene.frame_end + 1)
     rate = scene.render.fps / scene.render.fps_base
     now = scene.frame_current
-    scene.frame_set(frames[0])
-    points = placed(item)
-    groups = held(points, empties)
-    scene.frame_set(now)
-    uv = item.data.uv_layers.active is not None
-    if uv and not settings.by_pattern:
-        # Texture coordinates that are no pattern would be taken for metres.
-        uv = False
-        stripped = item.data.copy()
-        for layer in list(stripped.uv_layers):
-            stripped.uv_layers.remove(layer)
-        twin = bpy.data.objects.new("selvedge", stripped)
-        write_mesh(twin, points, folder / "mesh.obj")
-        bpy.data.objects.remove(twin)
-        bpy.data.meshes.remove(stripped)
-    else:
-        write_mesh(item, points, folder / "mesh.obj")
-    if empties:
-        write_rig(empties, frames, rate, folder / "hands.usda")
-    for number, body in enumerate(bodies):
-        write_body(body, frames, rate, folder / f"body_{number}.usda")
-    write_scene(settings, groups, bodies, rate, uv, folder / "scene.toml")
-    return frames
+    try:
+        scene.frame_set(frames[0])
+        mesh, numbers = cloth_mesh(item)
+        mesh.transform(item.matrix_world)
+        points = [vertex.co * scale for vertex in mesh.vertices]
+        by_pattern = settings.by_pattern and mesh.uv_layers.active is not None
+        write_mesh(mesh, points, mesh.uv_layers.active if by_pattern else None, folder / "mesh.obj")
+        holders = held(points, empties, scale)
+        begin = [empty.matrix_world.inverted() for empty in empties]
+        pins = set(pinned(item, settings.pins)) if settings.pins else set()
+        handles = [k for k, number in enumerate(numbers) if k in holders or number in pins]
+        bent = [k for k in handles if k not in holders]
+        faces = [faces_of(body) for body in bodies]
+        paths, samples = [], [[] for _ in bodies]
+        for frame in frames:
+            scene.frame_set(frame)
+            led = dict(zip(bent, placed(item, scale, [numbers[k] for k in bent]) if bent else []))
+            for k, holder in holders.items():
+                led[k] = empties[holder].matrix_world @ begin[holder] @ (points[k] / scale) * scale
+            paths.append([led[k] for k in handles])
+            for number, body in enumerate(bodies):
+                places = placed(body, scale)
+                if samples[number] and len(places) != len(samples[number][0]):
+                    raise Problem(f"{body.name} has other vertices in frame {frame} than before: a body must keep them")
+                samples[number].append(places)
+    finally:
+        scene.frame_set(now)
+    if handles:
+        write_pins(paths, folder / "pins.csv")
+    for number, places in enumerate(samples):
+        write_body(places, faces[number], rate, folder / f"body_{number}.usda")
+    write_scene(scene, handles, bodies, rate, by_pattern, folder / "scene.toml")
+    return frames, mesh
 
 
 def command(settings, folder, frames):
@@ -211,17 +248,14 @@ def command(settings, folder, frames):
     return call + (["--start", "mesh"] if settings.from_start else [])
 
 
-def load(context, folder, frames):
-    """A copy of the mesh that plays the cache."""
+def load(context, mesh, folder, frames):
+    """A new object of this mesh that plays the cache."""
     source = context.scene.selvedge.mesh
-    mesh = source.data.copy()
-    mesh.transform(TURN.inverted() @ source.matrix_world)
+    place = TURN @ Matrix.Scale(1 / context.scene.unit_settings.scale_length, 4)
+    mesh.transform(place.inverted())
     item = bpy.data.objects.new(f"{source.name} cloth", mesh)
-    for material in source.data.materials:
-        if material and material.name not in item.data.materials:
-            item.data.materials.append(material)
     context.scene.collection.objects.link(item)
-    item.matrix_world = TURN
+    item.matrix_world = place
     cache = item.modifiers.new("Selvedge", "MESH_CACHE")
     cache.cache_format = "PC2"
     cache.filepath = str(folder / "cloth.pc2")
@@ -240,74 +274,106 @@ def folder_of(settings):
     return Path(tempfile.mkdtemp(prefix="selvedge-"))
 
 
+class Bake:
+    """A run of the program beside Blender."""
+
+    def __init__(self, context):
+        settings = context.scene.selvedge
+        self.folder = folder_of(settings)
+        call = command(settings, self.folder, range(context.scene.frame_start, context.scene.frame_end + 1))
+        self.frames, self.mesh = prepare(context, self.folder)
+        self.log = open(self.folder / "log.txt", "w+", encoding="utf-8")
+        self.process = subprocess.Popen(call, stdout=self.log, stderr=subprocess.STDOUT)
+
+    def said(self):
+        """The newest line of the program; empty before the first."""
+        lines = (self.folder / "log.txt").read_text(encoding="utf-8").strip().splitlines()
+        return lines[-1] if lines else ""
+
+    def progress(self):
+        """How far the program says it is, from 0 to 1."""
+        found = re.search(r"(\d+) of (\d+) frames", self.said())
+        return int(found[1]) / int(found[2]) if found else 0.0
+
+    def is_running(self):
+        return self.process.poll() is None
+
+    def cancel(self):
+        """Ends the program, which writes the frames so far."""
+        self.process.terminate()
+        self.process.wait()
+        self.log.close()
+        bpy.data.meshes.remove(self.mesh)
+
+    def end(self, context):
+        """The object that plays the cache; what the program said where it failed."""
+        self.process.wait()
+        self.log.close()
+        if self.process.returncode != 0:
+            bpy.data.meshes.remove(self.mesh)
+            raise Problem(self.said() or "selvedge failed without a word")
+        return load(context, self.mesh, self.folder, self.frames)
+
+
 class SELVEDGE_OT_run(bpy.types.Operator):
     """Moves the mesh as cloth and loads the cache; Esc stops"""
 
     bl_idname = "selvedge.run"
-    bl_label = "Run"
-
-    def _start(self, context):
-        settings = context.scene.selvedge
-        self.folder = folder_of(settings)
-        self.frames = prepare(context, self.folder)
-        self.log = open(self.folder / "log.txt", "w+", encoding="utf-8")
-        call = command(settings, self.folder, self.frames)
-        self.process = subprocess.Popen(call, stdout=self.log, stderr=subprocess.STDOUT)
+    bl_label = "Bake"
 
     def _end(self, context):
-        if self.process.returncode != 0:
-            self.log.seek(0)
-            said = self.log.read().strip().splitlines()
-            self.report({"ERROR"}, said[-1] if said else "selvedge failed without a word")
-            return {"CANCELLED"}
-        item = load(context, self.folder, self.frames)
-        self.report({"INFO"}, f"{item.name}: {len(self.frames)} frames, in {self.folder}")
+        item = self.bake.end(context)
+        self.report({"INFO"}, f"{item.name}: {len(self.bake.frames)} frames, in {self.bake.folder}")
         return {"FINISHED"}
 
-    def execute(self, context):
-        """Runs to the end; Blender waits."""
+    def _tried(self, work, context):
         try:
-            self._start(context)
-            self.process.wait()
-            return self._end(context)
-        except Problem as problem:
-            self.report({"ERROR"}, str(problem))
-            return {"CANCELLED"}
-        except OSError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-
-    def invoke(self, context, _event):
-        """Runs beside Blender."""
-        try:
-            self._start(context)
+            return work(context)
         except (Problem, OSError) as problem:
             self.report({"ERROR"}, str(problem))
             return {"CANCELLED"}
+
+    def _whole(self, context):
+        self.bake = Bake(context)
+        return self._end(context)
+
+    def _begin(self, context):
+        self.bake = Bake(context)
         self.timer = context.window_manager.event_timer_add(0.5, window=context.window)
+        context.window_manager.progress_begin(0, 100)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
+    def execute(self, context):
+        """Runs to the end; Blender waits."""
+        return self._tried(self._whole, context)
+
+    def invoke(self, context, _event):
+        """Runs beside Blender."""
+        return self._tried(self._begin, context)
+
     def modal(self, context, event):
-        if event.type == "ESC":
-            # The program leaves whole files, or none.
-            self.process.terminate()
-            self.process.wait()
-            context.window_manager.event_timer_remove(self.timer)
-            return {"CANCELLED"}
-        if event.type != "TIMER" or self.process.poll() is None:
+        stops = event.type == "ESC"
+        if not stops and (event.type != "TIMER" or self.bake.is_running()):
+            if event.type == "TIMER":
+                context.window_manager.progress_update(100 * self.bake.progress())
+                context.workspace.status_text_set(f"Selvedge: {self.bake.said() or 'starts'} (Esc stops)")
             return {"PASS_THROUGH"}
         context.window_manager.event_timer_remove(self.timer)
-        try:
-            return self._end(context)
-        except Problem as problem:
-            self.report({"ERROR"}, str(problem))
+        context.window_manager.progress_end()
+        context.workspace.status_text_set(None)
+        if stops:
+            self.bake.cancel()
             return {"CANCELLED"}
+        return self._tried(self._end, context)
 
 
 class SelvedgeSettings(bpy.types.PropertyGroup):
     mesh: bpy.props.PointerProperty(
         name="Mesh", type=bpy.types.Object, poll=lambda _, item: item.type == "MESH", description="The mesh that is cloth"
+    )
+    pins: bpy.props.StringProperty(
+        name="Pins", description="The vertex group that is held: its vertices of more than half weight go where modifiers take them"
     )
     fabric: bpy.props.EnumProperty(name="Fabric", items=FABRICS)
     wind: bpy.props.FloatVectorProperty(name="Wind", size=3, subtype="VELOCITY", unit="VELOCITY")
@@ -338,7 +404,10 @@ class SELVEDGE_PT_panel(bpy.types.Panel):
 
     def draw(self, context):
         column, settings = self.layout.column(), context.scene.selvedge
-        for name in ["mesh", "bodies", "fabric", "wind", "by_pattern", "from_start", "model", "program", "folder"]:
+        column.prop(settings, "mesh")
+        if settings.mesh:
+            column.prop_search(settings, "pins", settings.mesh, "vertex_groups")
+        for name in ["bodies", "fabric", "wind", "by_pattern", "from_start", "model", "program", "folder"]:
             column.prop(settings, name)
         count = sum(item.type == "EMPTY" for item in context.selected_objects)
         column.label(text=f"{count} empties selected")

@@ -15,7 +15,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use selvedge::machine::Machine;
 use selvedge::{
-    HandleTargets, Network, RecordingEnd, Run, Snapshot as State, StepError, Trust, rounded,
+    HandleTargets, Network, RecordingEnd, Rigid, Run, Snapshot as State, StepError, Trust, rounded,
 };
 use selvedge_cloth::{Cloth, Stepper as MovesCloth};
 use selvedge_data::Playback;
@@ -339,6 +339,28 @@ impl Stepper {
         self.go_back(py, &snapshot.0)
     }
 
+    /// Sets the cloth elsewhere between two frames, by the rigid motion of a matrix (4, 4), and with
+    /// it the obstacles of the numbers `bodies`; its velocities turn along. The next targets begin
+    /// from there.
+    ///
+    /// Raises `FrameError` where it would meet an obstacle, or is moved by a model; it stays then.
+    #[pyo3(signature = (matrix, bodies=Vec::new()))]
+    fn teleport(&self, py: Python<'_>, matrix: Numbers<'_>, bodies: Vec<usize>) -> PyResult<()> {
+        let to = rigid_of(&matrix)?;
+        let mut core = self.free()?;
+        let moved = core.kind.mover_mut().teleport(to, &bodies);
+        moved.map_err(|error| step_failed(py, error))?;
+        self.show(py, &core)
+    }
+
+    /// Leads the obstacle of this number, from 0, in the next frame away from its own path, by the
+    /// rigid motion of a matrix (4, 4); it stays there until it is led on. Only the solver has them.
+    fn lead_body(&self, body: usize, matrix: Numbers<'_>) -> PyResult<()> {
+        let away = rigid_of(&matrix)?;
+        self.free()?.kind.run()?.lead_obstacle(body, away);
+        Ok(())
+    }
+
     /// Goes back to the start.
     fn reset(&self, py: Python<'_>) -> PyResult<()> {
         let beginning = self.free()?.beginning.clone();
@@ -379,6 +401,12 @@ impl Stepper {
             core.kind.mover().frame()
         ))
     }
+}
+
+/// The rigid motion of a matrix.
+fn rigid_of(matrix: &Numbers<'_>) -> PyResult<Rigid> {
+    let columns: Vec<f64> = matrix.as_array().t().iter().copied().collect();
+    Rigid::try_from(&columns[..]).map_err(told)
 }
 
 /// The reference physics of a scene: cloth with measured stiffness, gravity, air and contact. The

@@ -220,3 +220,22 @@ def test_what_is_no_snapshot_of_a_stepper_is_refused(small):
     played.step(np.zeros((2, 3)))
     played.restore(there)
     assert played.frame == 0 and played.warnings == []
+
+
+def test_a_cloth_is_set_elsewhere_with_its_velocities(small):
+    here, there = selvedge.Simulator(small), selvedge.Simulator(small)
+    turn = np.array([[0, 0, 1, 2], [0, 1, 0, 0.5], [-1, 0, 0, -1], [0, 0, 0, 1]], float)
+    moved = lambda points: points @ turn[:3, :3].T + turn[:3, 3]
+    here.follow(12)
+    there.follow(12)
+    there.teleport(turn)
+    assert np.allclose(there.state_positions(), moved(here.state_positions()), atol=1e-12)
+    for _ in range(12):
+        targets = here.next_targets()
+        here.step(targets)
+        there.step(moved(targets))
+    assert np.abs(there.state_positions() - moved(here.state_positions())).max() < 1e-5
+    with pytest.raises(selvedge.SelvedgeError, match="without scale"):
+        there.teleport(2 * turn)
+    with pytest.raises(selvedge.FrameError, match="only the solver can teleport"):
+        selvedge.RigidStepper(small).teleport(turn)

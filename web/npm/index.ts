@@ -71,6 +71,22 @@ export class Cloth {
     this.cloth.step(targets && Float64Array.from(targets));
   }
 
+  /**
+   * Leads a body, of its number in the scene, in the next frame: by the rigid motion of a 4×4 matrix
+   * (as `elements` of three.js's Matrix4) away from where the scene has it. It stays until it is led on.
+   */
+  leadBody(body: number, matrix: ArrayLike<number>): void {
+    this.cloth.leadBody(body, Float64Array.from(matrix));
+  }
+
+  /**
+   * Sets the cloth elsewhere between two frames, as a character that appears in another place, by the
+   * rigid motion of a 4×4 matrix; the bodies of these numbers go along. It swings on as it did.
+   */
+  teleport(matrix: ArrayLike<number>, bodies: ArrayLike<number> = []): void {
+    this.cloth.teleport(Float64Array.from(matrix), Uint32Array.from(bodies));
+  }
+
   /** x, y and z of each vertex, m: a view into the module's memory, to be read before the next call. */
   get positions(): Float32Array {
     return new Float32Array(this.memory.buffer, this.cloth.positionsOffset(), 3 * this.vertexCount);
@@ -111,5 +127,137 @@ export class Cloth {
   /** Gives the memory back; the cloth can then no longer be used. */
   free(): void {
     this.cloth.free();
+  }
+}
+
+/** Whatever stands in the world: a bone, a mesh, any Object3D of three.js. */
+export interface Placed {
+  /** Its place as a 4×4 matrix, by columns. */
+  readonly matrixWorld: { readonly elements: ArrayLike<number> };
+}
+
+/** How a worn cloth follows. */
+export interface Following {
+  /** Frames of the cloth in one of the page, at most: a slow page slows the cloth. Default 4. */
+  mostFrames?: number;
+  /** What moves faster than this, m/s, is taken to be set elsewhere: the cloth goes along rigidly. Default 10. */
+  fastest?: number;
+}
+
+/** A rotation (x, y, z, w) and a translation. */
+type Place = readonly [number, number, number, number, number, number, number];
+
+function placeOf({ matrixWorld: { elements } }: Placed): Place {
+  const e = Array.from(elements);
+  const sizes = [0, 4, 8].map((at) => Math.hypot(e[at]!, e[at + 1]!, e[at + 2]!));
+  const m = (row: number, column: number) => e[4 * column + row]! / sizes[column]!;
+  // The largest of the four has the most digits.
+  const squares = [
+    1 + m(0, 0) - m(1, 1) - m(2, 2), 1 - m(0, 0) + m(1, 1) - m(2, 2),
+    1 - m(0, 0) - m(1, 1) + m(2, 2), 1 + m(0, 0) + m(1, 1) + m(2, 2),
+  ];
+  const [a, b, c] = [m(2, 1) - m(1, 2), m(0, 2) - m(2, 0), m(1, 0) - m(0, 1)];
+  const [d, f, g] = [m(1, 0) + m(0, 1), m(0, 2) + m(2, 0), m(2, 1) + m(1, 2)];
+  const most = squares.indexOf(Math.max(...squares));
+  const q = [[squares[0]!, d, f, a], [d, squares[1]!, g, b], [f, g, squares[2]!, c], [a, b, c, squares[3]!]][most]!;
+  const length = Math.hypot(...q);
+  return [q[0]! / length, q[1]! / length, q[2]! / length, q[3]! / length, e[12]!, e[13]!, e[14]!];
+}
+
+/** Where a point goes. */
+function moved([x, y, z, w, ...by]: Place, p: ArrayLike<number>): [number, number, number] {
+  const [a, b, c] = [p[0]!, p[1]!, p[2]!];
+  const [u, v, t] = [2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)];
+  return [a + w * u + y * t - z * v + by[0]!, b + w * v + z * u - x * t + by[1]!, c + w * t + x * v - y * u + by[2]!];
+}
+
+function inverse([x, y, z, w, ...by]: Place): Place {
+  const back: Place = [-x, -y, -z, w, 0, 0, 0];
+  const [a, b, c] = moved(back, by);
+  return [-x, -y, -z, w, -a, -b, -c];
+}
+
+/** `last` after `first`. */
+function after(last: Place, first: Place): Place {
+  const [a, b, c, d] = last;
+  const [x, y, z, w, ...by] = first;
+  const turn = [d * x + a * w + b * z - c * y, d * y - a * z + b * w + c * x, d * z + a * y - b * x + c * w, d * w - a * x - b * y - c * z] as const;
+  return [...turn, ...moved(last, by)];
+}
+
+function between(from: Place, to: Place, part: number): Place {
+  const turns = from.slice(0, 4).reduce((sum, x, k) => sum + x * to[k]!, 0);
+  const mixed = from.map((x, k) => x * (1 - part) + to[k]! * part * (k < 4 && turns < 0 ? -1 : 1));
+  const length = Math.hypot(...mixed.slice(0, 4));
+  return mixed.map((x, k) => (k < 4 ? x / length : x)) as unknown as Place;
+}
+
+function matrixOf(place: Place): number[] {
+  const turn: Place = [place[0], place[1], place[2], place[3], 0, 0, 0];
+  return [...moved(turn, [1, 0, 0]), 0, ...moved(turn, [0, 1, 0]), 0, ...moved(turn, [0, 0, 1]), 0, ...place.slice(4), 1];
+}
+
+/**
+ * A cloth that a character wears: its handles go with one bone, its bodies each with theirs. When it is
+ * made, the bones stand as the scene has the bodies. Call `update` once a frame of the page.
+ */
+export class Worn {
+  private readonly begin: Place[];
+  private readonly held: number[][];
+  private last: Place[];
+  private waiting = 0;
+
+  constructor(
+    readonly cloth: Cloth,
+    private readonly anchor: Placed,
+    private readonly bodies: readonly Placed[],
+    private readonly following: Following = {},
+  ) {
+    this.begin = [anchor, ...bodies].map((bone) => inverse(placeOf(bone)));
+    this.held = Array.from(cloth.handles, (v) => Array.from(cloth.positions.slice(3 * v, 3 * v + 3)));
+    this.last = this.now();
+  }
+
+  /** How far the bones are from where they began. */
+  private now(): Place[] {
+    return [this.anchor, ...this.bodies].map((bone, k) => after(placeOf(bone), this.begin[k]!));
+  }
+
+  /**
+   * Moves the cloth by the frames that fit into `seconds`, the time since the last call; returns how
+   * many. What cannot be moved begins anew where the character stands, and is said as an `Error`.
+   */
+  update(seconds: number): number {
+    const { mostFrames = 4, fastest = 10 } = this.following;
+    const frame = 1 / this.cloth.frameRate;
+    this.waiting += Math.max(seconds, 0);
+    const frames = Math.min(Math.floor(this.waiting / frame + 1e-6), mostFrames);
+    if (frames === 0) return 0;
+    this.waiting = Math.min(Math.max(this.waiting - frames * frame, 0), frame);
+    const now = this.now();
+    try {
+      const all = this.bodies.map((_, k) => k);
+      const way = this.held.map((p) => {
+        const [from, to] = [moved(this.last[0]!, p), moved(now[0]!, p)];
+        return Math.hypot(...to.map((x, k) => x - from[k]!));
+      });
+      if (Math.max(0, ...way) > fastest * frames * frame) {
+        const to = after(now[0]!, inverse(this.last[0]!));
+        this.cloth.teleport(matrixOf(to), all);
+        this.last = this.last.map((place) => after(to, place));
+      }
+      for (let k = 1; k <= frames; k++) {
+        const places = this.last.map((from, bone) => between(from, now[bone]!, k / frames));
+        for (const body of all) this.cloth.leadBody(body, matrixOf(places[body + 1]!));
+        this.cloth.step(this.held.flatMap((p) => moved(places[0]!, p)));
+      }
+      this.last = now;
+      return frames;
+    } catch (error) {
+      this.cloth.reset();
+      this.cloth.teleport(matrixOf(now[0]!), this.bodies.map((_, k) => k));
+      this.last = now.map(() => now[0]!);
+      throw error;
+    }
   }
 }

@@ -77,13 +77,26 @@ export class SocketLink extends Link {
 export interface Beginning {
   scene: string;
   mover: protocol.Mover;
+  /** The module, gzipped, where it is no file beside the page. */
+  wasm?: Uint8Array<ArrayBuffer>;
 }
+
+/** What a page that is one file brings along; set before its script by `single.mjs`. */
+interface OneFile {
+  scene: string;
+  /** Address of the worker's script. */
+  worker: string;
+  /** The module, gzipped. */
+  wasm: Uint8Array<ArrayBuffer>;
+}
+
+export const oneFile = (globalThis as { selvedgeFile?: OneFile }).selvedgeFile;
 
 /** What a worker is sent: its beginning, messages of the session, and whether anybody watches. */
 export type ToWorker = Beginning | ArrayBuffer | boolean;
 
 export class WorkerLink extends Link {
-  private readonly worker = new Worker("worker.js", { type: "module" });
+  private readonly worker = new Worker(oneFile?.worker ?? "worker.js", { type: oneFile ? "classic" : "module" });
 
   /** Time stands still while `seen` is out of sight. */
   constructor(listener: Listener, beginning: Beginning, seen: Element) {
@@ -95,7 +108,7 @@ export class WorkerLink extends Link {
       else this.take(event.data);
     };
     this.worker.onerror = (event) => listener.status("refused", event.message || "worker.js cannot be loaded");
-    this.post(beginning);
+    this.post({ ...beginning, wasm: oneFile?.wasm });
     listener.status("open", "");
     let isInView = true;
     const watch = () => this.post(isInView && !document.hidden);

@@ -2,7 +2,7 @@
 
 import { Clip, save, savePicture } from "./capture";
 import { Hands } from "./hands";
-import { type Link, type Listener, SocketLink, WorkerLink } from "./link";
+import { type Link, type Listener, SocketLink, WorkerLink, oneFile } from "./link";
 import { Meters } from "./meters";
 import { Panel, element } from "./panel";
 import { labelPlace, type Place } from "./places";
@@ -52,7 +52,7 @@ const listener: Listener = {
     });
   },
 };
-const beginning = { scene: asked.get("scene") ?? "default", mover: (asked.get("mover") ?? "physics") as Mover };
+const beginning = { scene: asked.get("scene") ?? oneFile?.scene ?? "tablecloth", mover: (asked.get("mover") ?? "physics") as Mover };
 const link: Link = WITHOUT_PROGRAM ? new WorkerLink(listener, beginning, canvas) : new SocketLink(listener);
 const hands = new Hands(canvas, stage, link, () => panel.isLive);
 const panel = new Panel(stage, link, hands);

@@ -15,7 +15,9 @@ const patience = 1000 * Number(process.env.PATIENCE ?? 60);
 /** Starts `selvedge view` with `args`; gives its address and a way to end it. */
 export async function start(args = [], address = "127.0.0.1:0") {
   const began = performance.now();
-  const child = spawn(program, ["view", ...args, "--address", address], { stdio: ["ignore", "pipe", "pipe"] });
+  // The tests drag the handles of a hanging square, unless they name a scene.
+  const scene = args.length === 0 || args[0].startsWith("--") ? ["default"] : [];
+  const child = spawn(program, ["view", ...scene, ...args, "--address", address], { stdio: ["ignore", "pipe", "pipe"] });
   let said = "";
   const url = await new Promise((resolve, reject) => {
     child.stderr.on("data", (data) => {

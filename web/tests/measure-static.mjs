@@ -67,7 +67,7 @@ async function steps() {
 async function memory() {
   const served = await serve("dist");
   const { context, close } = await browser({ width: 640, height: 480 });
-  const page = await open(context, served.url);
+  const page = await open(context, `${served.url}?scene=default`);
   await page.evaluate(() => {
     const { stage } = window.selvedge;
     const [goal] = stage.frame.goals;

@@ -4,7 +4,7 @@ import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
 import { mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
-import { join, resolve } from "node:path";
+import { basename, join, resolve } from "node:path";
 import { after, test } from "node:test";
 import { build } from "esbuild";
 import { Cloth } from "../dist-npm/index.js";
@@ -88,6 +88,32 @@ test("a cloth goes back to a snapshot", async () => {
   cloth.free();
 });
 
+test("a cloth is set elsewhere with its body, and a body is led", async () => {
+  const text = readFileSync("npm/cape.toml", "utf8");
+  const cloth = await Cloth.load(text);
+  const places = () => [...cloth.handles].flatMap((v) => [...cloth.positions.slice(3 * v, 3 * v + 3)]);
+  const held = places();
+  const body = cloth.bodyPoints();
+  // Column by column: a quarter turn about the vertical, and 2 m along x.
+  const matrix = [0, 0, -1, 0, 0, 1, 0, 0, 1, 0, 0, 0, 2, 0, 0, 1];
+  const moved = ([x, y, z]) => [z + 2, y, -x];
+  for (let k = 0; k < 10; k++) cloth.step(held);
+  const before = cloth.positions.slice();
+  const all = Array.from({ length: 5 }, (_, k) => k);
+  cloth.teleport(matrix, all);
+  const there = moved([...before.slice(0, 3)]);
+  assert.ok(farthest(cloth.positions.slice(0, 3), there) < 1e-5);
+  for (const k of all) cloth.leadBody(k, matrix);
+  const targets = [];
+  for (let k = 0; k < held.length; k += 3) targets.push(...moved(held.slice(k, k + 3)));
+  for (let k = 0; k < 30; k++) cloth.step(targets);
+  assert.ok(farthest(cloth.bodyPoints().slice(0, 3), moved([...body.slice(0, 3)])) < 1e-5);
+  assert.throws(() => cloth.teleport(matrix.map((x) => 2 * x)), /without scale/);
+  // Targets that jump alone are refused.
+  assert.throws(() => cloth.step(held), /^Error: frame \d+/);
+  cloth.free();
+});
+
 test("a scene's text and targets of one's own", async () => {
   const text = readFileSync("../docs/src/scenes/disc.toml", "utf8");
   const cloth = await Cloth.load(text);
@@ -106,10 +132,11 @@ test("what cannot be loaded is said", async () => {
   await assert.rejects(Cloth.load('name = "x"\nmesh = 3\n'), /mesh/);
 });
 
-test("the example in three.js shows a cloth that falls", async () => {
-  const page = join(folder, "page");
+/** A page with this example alone, in Chromium; its errors are gathered. */
+async function example(name, beside, hash = "") {
+  const page = join(folder, name);
   await build({
-    entryPoints: ["npm/example.js"],
+    entryPoints: [`npm/${name}.js`],
     bundle: true,
     format: "esm",
     target: "es2022",
@@ -117,21 +144,44 @@ test("the example in three.js shows a cloth that falls", async () => {
     nodePaths: ["node_modules"],
     outfile: join(page, "example.js"),
   });
-  writeFileSync(join(page, "selvedge_web_bg.wasm"), readFileSync("dist-npm/selvedge_web_bg.wasm"));
+  for (const file of ["dist-npm/selvedge_web_bg.wasm", ...beside]) writeFileSync(join(page, basename(file)), readFileSync(file));
   writeFileSync(join(page, "index.html"), '<!doctype html><title>cloth</title><body style="margin: 0"><script type="module" src="example.js"></script>');
   const served = await serve(page);
   const chrome = await browser({ width: 480, height: 320 });
   const errors = [];
   const shown = await chrome.context.newPage();
   shown.on("pageerror", (error) => errors.push(String(error)));
-  await shown.goto(served.url);
-  const picture = async () => (await shown.screenshot()).toString("base64");
+  await shown.goto(served.url + hash);
   await shown.waitForSelector("canvas");
+  return { shown, errors, end: async () => (await chrome.close(), await served.stop()) };
+}
+
+test("a cape on a character walks, hitches and leaps for 600 frames", async (context) => {
+  const { shown, errors, end } = await example("cape", ["npm/cape.toml", "../assets/bodies/mannequin.glb"], "#still");
+  await shown.waitForFunction(() => globalThis.report?.ready, null, { timeout: 120_000 });
+  const moved = await shown.evaluate(() => {
+    // A hitch of a tenth of a second every hundred frames, and one of a second.
+    for (let k = 0; k < 600; k++) report.move(k === 350 ? 1 : k % 100 === 50 ? 0.1 : 1 / 60);
+    const smooth = report.times.filter((_, k) => k !== 350 && k % 100 !== 50);
+    const mean = smooth.reduce((sum, one) => sum + one, 0) / smooth.length;
+    return { worst: Math.max(...smooth), mean, positions: report.positions(), ...report };
+  });
+  context.diagnostic(`${moved.frames} frames of the cape, ${moved.jumps} leaps: worst ${moved.worst.toFixed(1)} ms, mean ${moved.mean.toFixed(1)} ms`);
+  assert.deepEqual(moved.problems, []);
+  assert.ok(moved.jumps >= 2 && moved.frames >= 600 && moved.frames < 640);
+  assert.ok(moved.positions.every((x) => Number.isFinite(x) && Math.abs(x) < 4));
+  if (process.env.SHOT_CAPE) await shown.screenshot({ path: process.env.SHOT_CAPE });
+  assert.deepEqual(errors, []);
+  await end();
+});
+
+test("the example in three.js shows a cloth that falls", async () => {
+  const { shown, errors, end } = await example("example", []);
+  const picture = async () => (await shown.screenshot()).toString("base64");
   const first = await picture();
   for (let k = 0; k < 100 && (await picture()) === first; k++) await shown.waitForTimeout(100);
   assert.notEqual(await picture(), first);
   if (process.env.SHOT) await shown.waitForTimeout(4000), await shown.screenshot({ path: process.env.SHOT });
   assert.deepEqual(errors, []);
-  await chrome.close();
-  await served.stop();
+  await end();
 });

@@ -84,9 +84,15 @@ await shot("difference", { size: desk, scheme: "dark", args: ["--show", "both"] 
   await page.click("#play-motion");
   await wait(6);
 });
-await shot("phone", { size: { width: 390, height: 844 }, touch: true }, async (page) => {
-  await wait(2);
-});
+/** The table-cloth once it has fallen, paused. */
+async function fallen(page) {
+  await moved(page, 2);
+  await page.click("#pause");
+  await until(page, () => !window.selvedge.state.running);
+  await wait(1);
+}
+await shot("table", { size: desk, args: ["tablecloth"] }, fallen);
+await shot("phone", { size: { width: 390, height: 844 }, touch: true, args: ["tablecloth"] }, fallen);
 await shot("phone-panel", { size: { width: 390, height: 844 }, scheme: "dark", touch: true }, async (page) => {
   await wait(1);
   await page.click("#settings");

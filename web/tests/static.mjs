@@ -1,6 +1,7 @@
 // The page that needs no program, in a real browser, served as files: npm run build:static, then
 // npm run test:static.
 import assert from "node:assert/strict";
+import { execFileSync } from "node:child_process";
 import { copyFileSync, cpSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
@@ -14,7 +15,7 @@ const errors = [];
 before(async () => {
   served = await serve("dist");
   chrome = await browser();
-  page = await open(chrome.context, served.url, errors);
+  page = await open(chrome.context, `${served.url}?scene=default`, errors);
 });
 
 after(async () => {
@@ -54,6 +55,18 @@ test("a recording is saved by the browser, as a .glb that replays", async () => 
   await state(() => window.selvedge.state.show.kind === "recording");
   await page.click("#live");
   await state(() => window.selvedge.state.show.kind === "live");
+});
+
+test("a page that is one file opens without a server, with its scene", async (context) => {
+  const folder = mkdtempSync(join(tmpdir(), "selvedge-single-"));
+  context.after(() => rmSync(folder, { recursive: true, force: true }));
+  execFileSync("node", ["single.mjs", folder, "poncho"]);
+  const errors = [];
+  const other = await open(chrome.context, `file://${join(folder, "poncho.html")}`, errors);
+  await until(other, () => window.selvedge.stage.frame.time > 0.2);
+  assert.equal(await other.inputValue("#scene"), "poncho");
+  assert.deepEqual(errors, []);
+  await other.close();
 });
 
 test("every scene of the menu is made, and moves", async () => {

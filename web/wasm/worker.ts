@@ -52,6 +52,11 @@ function end(reason: unknown): void {
   postMessage(reason instanceof Error ? reason.message : String(reason));
 }
 
+function unpacked(gzipped: Uint8Array<ArrayBuffer>): Promise<Response> {
+  const bytes = new Blob([gzipped]).stream().pipeThrough(new DecompressionStream("gzip"));
+  return Promise.resolve(new Response(bytes, { headers: { "Content-Type": "application/wasm" } }));
+}
+
 onmessage = (event: MessageEvent<ToWorker>) => {
   const message = event.data;
   if (typeof message === "boolean" || message instanceof ArrayBuffer) {
@@ -59,7 +64,7 @@ onmessage = (event: MessageEvent<ToWorker>) => {
     else early.push(message);
     return;
   }
-  init({ module_or_path: "selvedge.wasm" }).then(() => {
+  init({ module_or_path: message.wasm ? unpacked(message.wasm) : "selvedge.wasm" }).then(() => {
     session = new Session(message.scene, message.mover);
     early.splice(0).forEach(take);
     turnSoon();

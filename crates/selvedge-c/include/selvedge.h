@@ -331,6 +331,27 @@ SelvedgeStatus selvedge_step(SelvedgeStepper stepper,
 // line does. Past the end of the motion the handles stay where they are.
 SelvedgeStatus selvedge_step_along(SelvedgeStepper stepper);
 
+// Leads the body of this number in the scene, from 0, in the next frame away from its own path, by
+// the rigid motion of the 4×4 matrix, by columns. It stays there until it is led on. Without a
+// solver, or such a body, nothing is led.
+//
+// # Safety
+// `matrix` has 16 numbers.
+SelvedgeStatus selvedge_stepper_lead_body(SelvedgeStepper stepper,
+                                          size_t body,
+                                          const double *matrix);
+
+// Sets the cloth elsewhere between two frames, as a character that appears in another place, by the
+// rigid motion of the 4×4 matrix, by columns; the `count` `bodies` of these numbers go along. The
+// cloth swings on as it did. Where it would meet a body, or is moved by a model, it stays.
+//
+// # Safety
+// `matrix` has 16 numbers, `bodies` has `count`.
+SelvedgeStatus selvedge_stepper_teleport(SelvedgeStepper stepper,
+                                         const double *matrix,
+                                         const size_t *bodies,
+                                         size_t count);
+
 // Writes the targets of the next step as the motion of the scene has them, in the form that
 // `selvedge_step` takes: `targets` `[m]`, `[samples][handles][3]`, and `released`, `[handles]` or
 // null. With the `samples` of `SelvedgeCounts`, they move the cloth as the command line does.

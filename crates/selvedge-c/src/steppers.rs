@@ -6,7 +6,7 @@ mod read;
 use std::sync::atomic::Ordering;
 
 use glam::DVec3;
-use selvedge::{HandleTargets, Run, Stepper};
+use selvedge::{HandleTargets, Rigid, Run, Stepper};
 
 use crate::border::{call, put, put_all, values};
 use crate::cloth::{MODELS, SCENES, STEPPERS, by_model, by_solver};
@@ -122,6 +122,52 @@ pub extern "C" fn selvedge_step_along(stepper: SelvedgeStepper) -> SelvedgeStatu
         let kept = STEPPERS.get(stepper)?;
         let mut cloth = lock(&kept.cloth)?;
         cloth.step().map_err(Fault::step)
+    })
+}
+
+/// Leads the body of this number in the scene, from 0, in the next frame away from its own path, by
+/// the rigid motion of the 4×4 matrix, by columns. It stays there until it is led on. Without a
+/// solver, or such a body, nothing is led.
+///
+/// # Safety
+/// `matrix` has 16 numbers.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn selvedge_stepper_lead_body(
+    stepper: SelvedgeStepper,
+    body: usize,
+    matrix: *const f64,
+) -> SelvedgeStatus {
+    call(|| {
+        let kept = STEPPERS.get(stepper)?;
+        // SAFETY: as for this function.
+        let columns = unsafe { values(matrix, 16, "matrix") }?;
+        let away = Rigid::try_from(&columns[..]).map_err(Fault::targets)?;
+        lock(&kept.cloth)?.lead_obstacle(body, away);
+        Ok(())
+    })
+}
+
+/// Sets the cloth elsewhere between two frames, as a character that appears in another place, by the
+/// rigid motion of the 4×4 matrix, by columns; the `count` `bodies` of these numbers go along. The
+/// cloth swings on as it did. Where it would meet a body, or is moved by a model, it stays.
+///
+/// # Safety
+/// `matrix` has 16 numbers, `bodies` has `count`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn selvedge_stepper_teleport(
+    stepper: SelvedgeStepper,
+    matrix: *const f64,
+    bodies: *const usize,
+    count: usize,
+) -> SelvedgeStatus {
+    call(|| {
+        let kept = STEPPERS.get(stepper)?;
+        // SAFETY: as for this function.
+        let columns = unsafe { values(matrix, 16, "matrix") }?;
+        // SAFETY: likewise.
+        let along = unsafe { values(bodies, count, "bodies") }?;
+        let to = Rigid::try_from(&columns[..]).map_err(Fault::targets)?;
+        lock(&kept.cloth)?.teleport(to, &along).map_err(Fault::step)
     })
 }
 

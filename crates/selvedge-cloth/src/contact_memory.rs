@@ -3,6 +3,8 @@
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use crate::Rigid;
+
 /// All that a run needs to go on bit for bit after a frame.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Checkpoint {
@@ -20,9 +22,9 @@ pub struct Checkpoint {
     pub changes: Option<(Vec<DVec3>, f64)>,
     /// What contact left for the next substep.
     pub contact: Option<ContactMemory>,
-    /// Distances of the first obstacles from their own paths `[m]`, which no file has; the others
-    /// stay where they are.
-    pub obstacles: Vec<DVec3>,
+    /// Motions of the first obstacles away from their own paths, which no file has; the others stay where
+    /// they are.
+    pub obstacles: Vec<Rigid>,
 }
 
 impl Checkpoint {

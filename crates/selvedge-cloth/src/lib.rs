@@ -66,6 +66,7 @@ pub mod motion;
 mod obstacle;
 mod pattern;
 mod physics;
+mod rigid;
 mod scene;
 mod schedule;
 mod stepper;
@@ -100,6 +101,7 @@ pub use physics::{
     AirLaw, ConjugateGradients, ElasticLaw, GeneralisedAlpha, HandleConstraint, Integrator,
     LinearSolver, PhysicsMode, PhysicsSettings, SagSettings,
 };
+pub use rigid::Rigid;
 pub use scene::{DEFAULT_FRAME_RATE, Scene};
 pub use schedule::{HandleSchedule, Release};
 pub use stepper::{

@@ -11,7 +11,7 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 use thiserror::Error;
 
-use crate::{HandleError, HandleTargets, Handles, Stop, Topology, VertexId};
+use crate::{HandleError, HandleTargets, Handles, Rigid, Stop, Topology, VertexId};
 
 /// A cloth that moves one frame at a time.
 ///
@@ -65,6 +65,22 @@ pub trait Stepper {
         let _ = snapshot;
         Err(StepError::Snapshot {
             frame: self.frame(),
+        })
+    }
+
+    /// Sets the cloth elsewhere between two frames, as a character is that appears in another place:
+    /// rigidly, its velocities turned along, and with it the obstacles of the numbers `along`. The
+    /// next targets begin from there.
+    ///
+    /// # Errors
+    /// [`StepError`], with the frame now, where the cloth would meet an obstacle, or of a stepper that
+    /// cannot be set elsewhere; the cloth is left as it was.
+    fn teleport(&mut self, to: Rigid, along: &[usize]) -> Result<(), StepError> {
+        let _ = (to, along);
+        let what = "only the solver can teleport a cloth, and not a network or a recording";
+        Err(StepError::Handles {
+            frame: self.frame(),
+            source: HandleError::Unusable(what.to_owned()),
         })
     }
 }
@@ -152,6 +168,10 @@ impl<S: Stepper + ?Sized> Stepper for Box<S> {
     fn rewind(&mut self, snapshot: &Snapshot) -> Result<(), StepError> {
         (**self).rewind(snapshot)
     }
+
+    fn teleport(&mut self, to: Rigid, along: &[usize]) -> Result<(), StepError> {
+        (**self).teleport(to, along)
+    }
 }
 
 impl<S: Correctable + ?Sized> Correctable for Box<S> {
@@ -216,7 +236,7 @@ pub enum StepError {
         pairs: String,
     },
     #[error(
-        "frame {frame}: with {substeps} substeps the edge from vertex {from} to {to} is strained by {strain:.3}, bound is {bound}{}: cloth does not stretch so far; use less wind, slower handles or handles closer together{}, or raise physics.max_strain",
+        "frame {frame}: with {substeps} substeps the edge from vertex {from} to {to} is strained by {strain:.3}, bound is {bound}{}: cloth does not stretch so far; use less wind, slower handles or handles closer together{}, teleport the cloth where its handles are set elsewhere at once, or raise physics.max_strain",
         pushing(pushed_by),
         if pushed_by.is_empty() { "" } else { ", slower obstacles" }
     )]

@@ -85,7 +85,7 @@ pub use models::Model;
 pub use run::Network;
 pub use run::Run;
 pub use scene::Scene;
-pub use selvedge_cloth::{HandleTargets, Snapshot, StepError, Stepper, Stop};
+pub use selvedge_cloth::{HandleTargets, Rigid, Snapshot, StepError, Stepper, Stop};
 #[cfg(feature = "files")]
 pub use selvedge_data::{Recording, RecordingEnd, Trajectory};
 #[cfg(feature = "learned")]

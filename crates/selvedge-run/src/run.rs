@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{
-    HandlePath, HandleTargets, Handles, Snapshot, StepError, Stepper, Stop, Topology,
+    HandlePath, HandleTargets, Handles, Rigid, Snapshot, StepError, Stepper, Stop, Topology,
 };
 #[cfg(feature = "files")]
 use selvedge_data::{Recording, Trajectory};
@@ -414,6 +414,40 @@ impl Run {
         self.restore(&beginning.ok_or(StepError::Snapshot { frame })?)
     }
 
+    /// Sets the cloth elsewhere between two frames, rigidly, and with it the obstacles of the numbers
+    /// `along`, as [`Stepper::teleport`] says. The scene's own motion does not know of it: lead the
+    /// handles by [`Self::step_to`].
+    ///
+    /// # Errors
+    /// Where the cloth would meet an obstacle, or a network moves it; the cloth is as it was.
+    pub fn teleport(&mut self, to: Rigid, along: &[usize]) -> Result<(), StepError> {
+        self.mover.stepper_mut().teleport(to, along)?;
+        self.before = self.mover.stepper().positions().to_vec();
+        Ok(())
+    }
+
+    /// Leads the obstacle of this number in the next frame away from its own path, by a distance
+    /// `[m]` or a rigid motion; it stays there until it is led on. Without a solver nothing is led.
+    pub fn lead_obstacle(&mut self, number: usize, away: impl Into<Rigid>) {
+        if let Mover::Solver(solver) = &mut self.mover {
+            solver.lead_obstacle(number, away);
+        }
+    }
+
+    /// Points of all obstacles now `[m]`, those of the first one first.
+    #[must_use]
+    pub fn obstacle_points(&self) -> Vec<DVec3> {
+        let scene = self.scene.built();
+        match self.solver() {
+            Some(solver) if scene.contact.is_some() => solver.obstacle_points(),
+            _ => {
+                let time = self.frame() as f64 / scene.frame_rate;
+                let bodies = scene.obstacles.iter();
+                bodies.flat_map(|body| body.positions_at(time)).collect()
+            }
+        }
+    }
+
     /// Steps `frames` times along the scene's motion and collects the positions, those now first.
     /// `on_frame` sees the run after every step, and may stop.
     #[cfg(feature = "files")]
@@ -483,6 +517,10 @@ impl Stepper for Run {
 
     fn rewind(&mut self, snapshot: &Snapshot) -> Result<(), StepError> {
         self.restore(snapshot)
+    }
+
+    fn teleport(&mut self, to: Rigid, along: &[usize]) -> Result<(), StepError> {
+        self.teleport(to, along)
     }
 }
 

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 use selvedge::machine::{Machine, Mover};
 use selvedge::rounded;
-use selvedge_cloth::{Cloth, HandleTargets, Scene, Squeezed, StepError, Stepper};
+use selvedge_cloth::{Cloth, HandleTargets, Rigid, Scene, Squeezed, StepError, Stepper};
 use selvedge_guard::{Correction, Guard, Replacement};
 use selvedge_live::{Hold, LiveError, LiveStepper};
 use selvedge_model::{ClothGraph, Model};
@@ -68,8 +68,8 @@ impl LivePhysics {
         stepped
     }
 
-    /// Leads all bodies to these distances from their own paths `[m]`, `[obstacles]`.
-    fn lead_bodies(&mut self, offsets: &[DVec3]) {
+    /// Leads all bodies there, away from their own paths, `[obstacles]`.
+    fn lead_bodies(&mut self, offsets: &[Rigid]) {
         for (number, offset) in offsets.iter().enumerate() {
             self.simulator.lead_obstacle(number, *offset);
         }
@@ -127,7 +127,10 @@ impl LiveStepper for LivePhysics {
     }
 
     fn blocked(&self) -> Option<Vec<DVec3>> {
-        self.was_blocked.then(|| self.simulator.obstacle_offsets())
+        let places = self
+            .was_blocked
+            .then(|| self.simulator.obstacle_offsets())?;
+        Some(places.iter().map(|place| place.by).collect())
     }
 
     fn impulses(&self) -> Vec<DVec3> {

@@ -238,6 +238,15 @@ class Stepper:
         the frames that follow have the bytes of those that followed then.
 
         Raises `FrameError` for a snapshot of another kind of stepper or cloth."""
+    def teleport(self, matrix: ArrayLike, bodies: Sequence[int] = ...) -> None:
+        """Sets the cloth elsewhere between two frames, by the rigid motion of a matrix (4, 4), and with
+        it the obstacles of the numbers `bodies`; its velocities turn along. The next targets begin
+        from there.
+
+        Raises `FrameError` where it would meet an obstacle, or is moved by a model; it stays then."""
+    def lead_body(self, body: int, matrix: ArrayLike) -> None:
+        """Leads the obstacle of this number, from 0, in the next frame away from its own path, by the
+        rigid motion of a matrix (4, 4); it stays there until it is led on. Only the solver has them."""
     def reset(self) -> None:
         """Goes back to the start."""
 

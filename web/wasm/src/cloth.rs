@@ -1,7 +1,7 @@
 //! One cloth that a program moves, frame by frame.
 
 use glam::{DVec3, Vec3};
-use selvedge::{HandleTargets, Model, Run, Scene, Snapshot, Stepper, rounded};
+use selvedge::{HandleTargets, Model, Rigid, Run, Scene, Snapshot, Stepper, rounded};
 use wasm_bindgen::prelude::*;
 
 use crate::js_error;
@@ -56,6 +56,21 @@ impl Cloth {
         let points = points.iter().map(|point| DVec3::from_array(*point));
         let targets = HandleTargets::at_frame_end(points.collect()).map_err(js_error)?;
         self.run.step_to(&targets).map_err(js_error)
+    }
+
+    /// Leads a body, of its number in the scene, in the next frame away from its own path, by the
+    /// rigid motion of a 4×4 matrix, by columns.
+    #[wasm_bindgen(js_name = leadBody)]
+    pub fn lead_body(&mut self, body: usize, matrix: &[f64]) -> Result<(), JsError> {
+        self.run
+            .lead_obstacle(body, Rigid::try_from(matrix).map_err(told)?);
+        Ok(())
+    }
+
+    /// Sets the cloth elsewhere, and with it the bodies of these numbers, by such a matrix.
+    pub fn teleport(&mut self, matrix: &[f64], bodies: &[usize]) -> Result<(), JsError> {
+        let to = Rigid::try_from(matrix).map_err(told)?;
+        self.run.teleport(to, bodies).map_err(told)
     }
 
     /// Back to the start.
@@ -120,10 +135,10 @@ impl Cloth {
     /// Points of all bodies beside the cloth now `[m]`, x, y and z of each.
     #[wasm_bindgen(js_name = bodyPoints)]
     pub fn body_points(&self) -> Vec<f32> {
-        let time = self.run.frame() as f64 / self.frame_rate();
-        let bodies = self.run.scene().built().obstacles.iter();
-        let points: Vec<DVec3> = bodies.flat_map(|body| body.positions_at(time)).collect();
-        rounded(&points).iter().flat_map(Vec3::to_array).collect()
+        rounded(&self.run.obstacle_points())
+            .iter()
+            .flat_map(Vec3::to_array)
+            .collect()
     }
 
     /// Corners of the bodies' faces, three points each, in the order of [`Self::body_points`].

@@ -288,3 +288,29 @@ fn threads_step_one_cloth_in_turn() {
     }
     selvedge_scene_free(scene);
 }
+
+#[test]
+fn a_cloth_is_set_elsewhere_by_a_matrix() {
+    let stepper = physics(scene());
+    let before = positions(stepper, 25);
+    let mut matrix = glam::DMat4::from_translation(DVec3::X * 2.0).to_cols_array();
+    let to = |matrix: &[f64; 16]| unsafe {
+        selvedge_stepper_teleport(stepper, matrix.as_ptr(), ptr::null(), 0)
+    };
+    assert_eq!(to(&matrix), SelvedgeStatus::Ok, "{}", words());
+    let after = positions(stepper, 25);
+    for (before, after) in before.iter().zip(&after).step_by(3) {
+        assert!((after - before - 2.0).abs() < 1e-6);
+    }
+    let led = unsafe { selvedge_stepper_lead_body(stepper, 0, matrix.as_ptr()) };
+    assert_eq!(led, SelvedgeStatus::Ok);
+    matrix[0] = 2.0;
+    assert_ne!(to(&matrix), SelvedgeStatus::Ok);
+    assert!(words().contains("without scale"), "{}", words());
+    assert_ne!(
+        unsafe { selvedge_stepper_teleport(stepper, ptr::null(), ptr::null(), 0) },
+        SelvedgeStatus::Ok
+    );
+    assert_eq!(positions(stepper, 25), after);
+    selvedge_stepper_free(stepper);
+}

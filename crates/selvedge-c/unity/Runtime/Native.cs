@@ -188,6 +188,14 @@ namespace Selvedge
         internal static extern Status selvedge_stepper_reset(ulong stepper);
 
         [DllImport(Library, CallingConvention = C)]
+        internal static extern Status selvedge_stepper_lead_body(
+            ulong stepper, UIntPtr body, double[] matrix);
+
+        [DllImport(Library, CallingConvention = C)]
+        internal static extern Status selvedge_stepper_teleport(
+            ulong stepper, double[] matrix, UIntPtr[] bodies, UIntPtr count);
+
+        [DllImport(Library, CallingConvention = C)]
         internal static extern Status selvedge_snapshot_free(ulong snapshot);
 
         [DllImport(Library, CallingConvention = C)]

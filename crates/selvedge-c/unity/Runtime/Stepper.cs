@@ -131,6 +131,29 @@ namespace Selvedge
             Check(Native.selvedge_step_along(handle));
         }
 
+        /// <summary>Leads the body of this number in the scene in the next frame away from its own
+        /// path, by the rigid motion of a 4×4 matrix, by columns.</summary>
+        public void LeadBody(int body, double[] matrix)
+        {
+            Check(Native.selvedge_stepper_lead_body(handle, (UIntPtr)(uint)body, Sixteen(matrix)));
+        }
+
+        /// <summary>Sets the cloth elsewhere, by the rigid motion of a 4×4 matrix, by columns, and
+        /// the bodies of these numbers along with it.</summary>
+        public void Teleport(double[] matrix, params int[] bodies)
+        {
+            var along = Array.ConvertAll(bodies, body => (UIntPtr)(uint)body);
+            var count = (UIntPtr)(uint)along.Length;
+            Check(Native.selvedge_stepper_teleport(handle, Sixteen(matrix), along, count));
+        }
+
+        private static double[] Sixteen(double[] matrix)
+        {
+            // The library cannot know the length of this array.
+            if (matrix != null && matrix.Length == 16) return matrix;
+            throw new SelvedgeException(Status.Count, "matrix: expected 16 numbers, by columns");
+        }
+
         /// <summary>Takes a snapshot, to which <see cref="Restore"/> goes back.</summary>
         public Snapshot TakeSnapshot()
         {

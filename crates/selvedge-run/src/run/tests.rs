@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use selvedge_cloth::{ContactSettings, Release, Scene as Built};
 use selvedge_data::{Drive, Playback, StartSpec, open_scene, record};
 
@@ -101,6 +101,43 @@ fn every_run_goes_back_to_the_byte() {
     let positions = run.record(8, &mut |_| GO_ON).positions;
     let played = Playback::new(run.trajectory(positions).unwrap());
     goes_back(Run::of_stepper(&scene, Box::new(played)).unwrap(), 8);
+}
+
+/// Handles that are set 2 m away at once tear the cloth, unless it is set there with them.
+#[test]
+fn a_cloth_is_set_where_its_handles_are() {
+    let scene = scene("");
+    let mut run = Run::new(&scene).unwrap();
+    for _ in 0..12 {
+        run.step().unwrap();
+    }
+    let to = Rigid::about(DVec3::ZERO, DQuat::from_rotation_y(1.0), DVec3::X * 2.0);
+    let places = run.handle_places().into_iter().map(|place| to.of(place));
+    let targets = HandleTargets::at_frame_end(places.collect()).unwrap();
+    let torn = run.step_to(&targets).unwrap_err().to_string();
+    assert!(
+        torn.contains("teleport the cloth where its handles are set elsewhere"),
+        "{torn}"
+    );
+    let before = run.positions_f64();
+    run.teleport(to, &[]).unwrap();
+    for (now, before) in run.positions_f64().iter().zip(&before) {
+        assert!(now.distance(to.of(*before)) < 1e-12);
+    }
+    for _ in 0..12 {
+        run.step_to(&targets).unwrap();
+    }
+    assert!(
+        run.frame_warnings().is_empty(),
+        "{:?}",
+        run.frame_warnings()
+    );
+    let mut learned = Run::of_model(&scene, &paper()).unwrap();
+    let refused = learned.teleport(to, &[]).unwrap_err().to_string();
+    assert!(
+        refused.contains("only the solver can teleport"),
+        "{refused}"
+    );
 }
 
 #[test]

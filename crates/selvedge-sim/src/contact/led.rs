@@ -1,6 +1,7 @@
 //! Obstacles that are led by hand: each may be shifted from its own path, straight within a frame.
 
 use glam::DVec3;
+use selvedge_cloth::Rigid;
 use selvedge_contact::{Candidates, Reach, Ways, gap};
 
 use super::Contact;
@@ -17,21 +18,21 @@ pub enum Led {
     Pushed,
 }
 
-/// Distance of an obstacle from its own path `[m]`.
+/// Rigid motion of an obstacle away from its own path.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Shift {
     /// At the last frame.
-    pub(crate) now: DVec3,
+    pub(crate) now: Rigid,
     /// At the next.
-    pub(crate) next: DVec3,
+    pub(crate) next: Rigid,
 }
 
 impl Shift {
-    /// That of an obstacle that stays at `offset` `[m]`.
-    pub(crate) fn at(offset: DVec3) -> Self {
+    /// That of an obstacle that stays there.
+    pub(crate) fn at(place: Rigid) -> Self {
         Self {
-            now: offset,
-            next: offset,
+            now: place,
+            next: place,
         }
     }
 }
@@ -49,7 +50,7 @@ impl Contact {
         let mut points = Vec::new();
         for (obstacle, shift) in self.obstacles.iter().zip(&self.shifts) {
             let places = obstacle.positions_at(frame as f64 / rate);
-            points.extend(places.map(|p| p + shift.now));
+            points.extend(places.map(|p| shift.now.of(p)));
         }
         points
     }

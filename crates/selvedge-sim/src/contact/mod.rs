@@ -123,7 +123,7 @@ pub(crate) struct Carried {
 pub(crate) struct Contact {
     settings: ContactSettings,
     obstacles: Vec<Obstacle>,
-    /// Distance of each obstacle from its own path, `[obstacles]`.
+    /// Motion of each obstacle away from its own path, `[obstacles]`.
     pub(crate) shifts: Vec<Shift>,
     surface: Surface,
     candidates: Candidates,
@@ -292,7 +292,7 @@ impl Contact {
             for (obstacle, shift) in self.obstacles.iter().zip(&self.shifts) {
                 let shift = [shift.now, shift.next][k];
                 let places = obstacle.positions_at((frame + k) as f64 / rate);
-                points.extend(places.map(|p| p + shift));
+                points.extend(places.map(|p| shift.of(p)));
             }
         }
     }

@@ -2,7 +2,7 @@
 //! places of obstacles, and what it counted.
 
 use glam::{DVec3, Vec3};
-use selvedge_cloth::{HandleTargets, Squeezed, StepError};
+use selvedge_cloth::{HandleTargets, Rigid, Squeezed, StepError};
 use selvedge_contact::Intersection;
 
 use super::Simulator;
@@ -172,24 +172,25 @@ impl Simulator {
         }
     }
 
-    /// Leads the obstacle of this number over the next frame, straight, to `offset` `[m]` from its
-    /// own path. A number without an obstacle is passed over.
-    pub fn lead_obstacle(&mut self, number: usize, offset: DVec3) {
+    /// Leads the obstacle of this number over the next frame away from its own path, by a distance
+    /// `[m]` or a rigid motion of where that is; its points go there straight. A number without an
+    /// obstacle is passed over.
+    pub fn lead_obstacle(&mut self, number: usize, away: impl Into<Rigid>) {
         if let Some(shift) = self.obstacle_shift(number) {
-            shift.next = offset;
+            shift.next = away.into();
         }
     }
 
-    /// Puts the obstacle of this number at `offset` `[m]` from its own path at once, as if it had
-    /// been there before.
+    /// Puts the obstacle of this number at a distance `[m]` or by a rigid motion away from its own
+    /// path at once, as if it had been there before.
     ///
     /// # Errors
     /// [`StepError::Intersections`] where it would meet the cloth; it stays where it was.
-    pub fn put_obstacle(&mut self, number: usize, offset: DVec3) -> Result<(), StepError> {
+    pub fn put_obstacle(&mut self, number: usize, away: impl Into<Rigid>) -> Result<(), StepError> {
         let Some(shift) = self.obstacle_shift(number) else {
             return Ok(());
         };
-        let before = std::mem::replace(shift, Shift::at(offset));
+        let before = std::mem::replace(shift, Shift::at(away.into()));
         let (frame, positions) = (self.frame, &self.state.positions);
         let met = self.meeting(|contact, rate| contact.intersections(positions, frame, rate));
         let apart = Self::refuse(frame, met);
@@ -199,11 +200,11 @@ impl Simulator {
         apart
     }
 
-    /// Puts the first obstacles at these distances from their own paths `[m]`, unchecked.
-    pub(super) fn shift_obstacles(&mut self, offsets: &[DVec3]) {
-        for (number, offset) in offsets.iter().enumerate() {
+    /// Puts the first obstacles there, away from their own paths, unchecked.
+    pub(super) fn shift_obstacles(&mut self, places: &[Rigid]) {
+        for (number, place) in places.iter().enumerate() {
             if let Some(shift) = self.obstacle_shift(number) {
-                *shift = Shift::at(*offset);
+                *shift = Shift::at(*place);
             }
         }
     }
@@ -212,17 +213,16 @@ impl Simulator {
         self.contact.as_mut()?.shifts.get_mut(number)
     }
 
-    /// Distances from their own paths to which the obstacles are led in the next frame `[m]`,
-    /// `[obstacles]`.
+    /// Motions from their own paths to where the obstacles are led in the next frame, `[obstacles]`.
     #[must_use]
-    pub fn obstacle_leads(&self) -> Vec<DVec3> {
+    pub fn obstacle_leads(&self) -> Vec<Rigid> {
         let contact = self.contact.iter();
         contact.flat_map(|c| &c.shifts).map(|s| s.next).collect()
     }
 
-    /// Distances of the obstacles from their own paths now `[m]`, `[obstacles]`.
+    /// Motions of the obstacles away from their own paths now, `[obstacles]`.
     #[must_use]
-    pub fn obstacle_offsets(&self) -> Vec<DVec3> {
+    pub fn obstacle_offsets(&self) -> Vec<Rigid> {
         let contact = self.contact.iter();
         contact.flat_map(|c| &c.shifts).map(|s| s.now).collect()
     }

@@ -50,7 +50,7 @@ pub(super) struct Snapshot {
     /// Changes of velocity of the last solve `[m/s]`, `[vertices]`, and their time `[s]`.
     changes: (Vec<DVec3>, f64),
     contact: Carried,
-    /// Distances of obstacles from their own paths.
+    /// Motions of obstacles away from their own paths.
     shifts: Vec<Shift>,
 }
 

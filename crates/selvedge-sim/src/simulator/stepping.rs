@@ -3,12 +3,12 @@
 
 use glam::{DVec3, Vec3};
 use selvedge_cloth::{
-    Correctable, HandleTargets, Handles, Snapshot, StepError, Stepper, Stop, Topology, VertexId,
-    check_target_count,
+    Correctable, HandleTargets, Handles, Rigid, Snapshot, StepError, Stepper, Stop, Topology,
+    VertexId, check_target_count,
 };
 
 use super::frame::FRAME;
-use super::{Checkpoint, Simulator};
+use super::{Checkpoint, Simulator, SimulatorError};
 
 impl Stepper for Simulator {
     fn topology(&self) -> &Topology {
@@ -65,11 +65,7 @@ impl Stepper for Simulator {
     }
 
     fn snapshot(&self) -> Option<Snapshot> {
-        Some(Snapshot::of(Led {
-            checkpoint: self.checkpoint(),
-            reached: self.reached.clone(),
-            holds: self.active.holds().to_vec(),
-        }))
+        Some(Snapshot::of(self.led()))
     }
 
     fn rewind(&mut self, snapshot: &Snapshot) -> Result<(), StepError> {
@@ -77,19 +73,48 @@ impl Stepper for Simulator {
         let led: &Led = snapshot.get(frame, |led: &Led| {
             led.reached.len() == handles && led.checkpoint.positions.len() == self.rounded.len()
         })?;
-        let some = led.holds.contains(&false).then(|| {
-            let active = self.holding(led.holds.clone(), &led.checkpoint.changes);
-            active.map_err(|error| error.at(frame))
-        });
-        let some = some.transpose()?;
-        let restored = self.restore(&led.checkpoint);
-        restored.map_err(|_| StepError::Snapshot { frame })?;
-        if let Some(active) = some {
-            self.active = active;
-            self.update_wind();
+        self.go_to(led, |_| StepError::Snapshot { frame })
+    }
+
+    fn teleport(&mut self, to: Rigid, along: &[usize]) -> Result<(), StepError> {
+        let frame = self.frame;
+        let turn = to.turn.normalize();
+        let to = Rigid { turn, ..to };
+        let mut led = self.led();
+        let state = &mut led.checkpoint;
+        let previous = state.previous.as_mut();
+        let (before, pace) = previous
+            .map(|p| (&mut p.positions, &mut p.velocities))
+            .unzip();
+        let places = [Some(&mut state.positions), before, Some(&mut led.reached)];
+        for place in places.into_iter().flatten().flatten() {
+            *place = to.of(*place);
         }
-        self.reached.copy_from_slice(&led.reached);
-        Ok(())
+        let changes = state.changes.as_mut().map(|(changes, _)| changes);
+        let paces = [Some(&mut state.velocities), pace, changes];
+        for pace in paces.into_iter().flatten().flatten() {
+            *pace = to.turn * *pace;
+        }
+        // Friction takes hold anew where it is.
+        if let Some(contact) = &mut state.contact {
+            contact.anchors.clear();
+        }
+        for number in along {
+            if let Some(place) = state.obstacles.get_mut(*number) {
+                *place = to.after(place);
+            }
+        }
+        self.go_to(&led, |error| match error {
+            SimulatorError::Intersections { count, pairs, .. } => StepError::Intersections {
+                frame,
+                count,
+                pairs,
+            },
+            _ => StepError::NonFinite {
+                frame,
+                vertex: VertexId(0),
+            },
+        })
     }
 }
 
@@ -101,6 +126,35 @@ struct Led {
 }
 
 impl Simulator {
+    fn led(&self) -> Led {
+        Led {
+            checkpoint: self.checkpoint(),
+            reached: self.reached.clone(),
+            holds: self.active.holds().to_vec(),
+        }
+    }
+
+    /// Goes to a state of this cloth; one that cannot be is `wrong`, and nothing changes.
+    fn go_to(
+        &mut self,
+        led: &Led,
+        wrong: impl FnOnce(SimulatorError) -> StepError,
+    ) -> Result<(), StepError> {
+        let frame = self.frame;
+        let some = led.holds.contains(&false).then(|| {
+            let active = self.holding(led.holds.clone(), &led.checkpoint.changes);
+            active.map_err(|error| error.at(frame))
+        });
+        let some = some.transpose()?;
+        self.restore(&led.checkpoint).map_err(wrong)?;
+        if let Some(active) = some {
+            self.active = active;
+            self.update_wind();
+        }
+        self.reached.copy_from_slice(&led.reached);
+        Ok(())
+    }
+
     /// Checks the number of positions, that all of them are finite, and that nothing meets.
     fn check_frame(&self, frame: usize, positions: &[Vec3]) -> Result<(), StepError> {
         assert_eq!(positions.len(), self.rounded.len(), "positions");

@@ -1,7 +1,9 @@
 //! Obstacles that are led by hand beside their own motion.
 
-use glam::DVec3;
-use selvedge_cloth::{ContactSettings, Correctable, Scene, StepError, Stepper};
+use glam::{DQuat, DVec3};
+use selvedge_cloth::{
+    ContactSettings, Correctable, HandleTargets, Rigid, Scene, StepError, Stepper,
+};
 use selvedge_sim::{Checkpoint, FAR, Simulator};
 
 use crate::scenes::{hanging, momentum, steps, still};
@@ -31,7 +33,7 @@ fn a_ball_that_is_led_pushes_the_sheet_and_one_that_is_put_does_not_sweep_it() {
         simulator.lead_obstacle(0, offset);
         simulator.step(&hold).unwrap();
         assert_eq!(simulator.intersection_count(), 0);
-        assert_eq!(simulator.obstacle_offsets(), [offset]);
+        assert_eq!(simulator.obstacle_offsets(), [offset.into()]);
         let moved = simulator.obstacle_points()[0] - ball[0];
         assert!(moved.distance(offset) < 1e-12);
     }
@@ -39,7 +41,7 @@ fn a_ball_that_is_led_pushes_the_sheet_and_one_that_is_put_does_not_sweep_it() {
     // Where the cloth is, it cannot be put, and stays.
     let error = simulator.put_obstacle(0, DVec3::X * -0.5).unwrap_err();
     assert!(matches!(error, StepError::Intersections { .. }), "{error}");
-    assert_eq!(simulator.obstacle_offsets(), [DVec3::X * -0.4]);
+    assert_eq!(simulator.obstacle_offsets(), [(DVec3::X * -0.4).into()]);
     let mut other = Simulator::new(&scene).unwrap();
     other.put_obstacle(0, DVec3::X * -0.6).unwrap();
     steps(&mut other, &hold, 30);
@@ -59,7 +61,7 @@ fn a_simulator_that_begins_later_looks_for_obstacles_where_they_are_then() {
     let positions = scene.mesh.positions().to_vec();
     let rest = vec![DVec3::ZERO; positions.len()];
     let begin = |frame, offsets: &[DVec3]| {
-        let obstacles = offsets.to_vec();
+        let obstacles = offsets.iter().map(|offset| (*offset).into()).collect();
         let start = Checkpoint::of(frame, positions.clone(), rest.clone());
         Simulator::from_checkpoint(&scene, &Checkpoint { obstacles, ..start })
     };
@@ -134,4 +136,45 @@ fn a_step_that_is_undone_leaves_bodies_where_they_were() {
         assert_eq!(tried.positions_f64(), other.positions_f64(), "{frame}");
     }
     assert!(depth(&tried) < -0.05, "it was pushed");
+}
+
+#[test]
+fn a_cloth_that_is_set_elsewhere_with_its_body_moves_on_as_it_would_have() {
+    let scene = scene();
+    let turn = DQuat::from_rotation_y(2.0);
+    let to = Rigid::about(DVec3::new(0.3, 1.0, 0.2), turn, DVec3::new(2.0, 0.5, -1.0));
+    let lead = |simulator: &mut Simulator, by: f64, place: Rigid| {
+        simulator.lead_obstacle(0, place.after(&(DVec3::X * by).into()));
+        let held = simulator.handle_places();
+        let still = HandleTargets::at_frame_end(held).unwrap();
+        simulator.step(&still).unwrap();
+    };
+    let mut here = Simulator::new(&scene).unwrap();
+    let mut there = Simulator::new(&scene).unwrap();
+    for frame in 1..=24 {
+        let by = -0.4 * f64::from(frame) / 24.0;
+        let place = if frame > 12 { to } else { Rigid::default() };
+        if frame == 13 {
+            there.teleport(to, &[0]).unwrap();
+            assert_eq!(there.frame(), 12);
+        }
+        lead(&mut here, by, Rigid::default());
+        lead(&mut there, by, place);
+        assert_eq!(there.intersection_count(), 0);
+    }
+    let pairs = here.positions_f64().iter().zip(there.positions_f64());
+    let off = pairs
+        .map(|(here, there)| to.of(*here).distance(*there))
+        .fold(0.0, f64::max);
+    // Friction takes hold anew, and gravity is the same in both places.
+    assert!(off < 2e-3, "{off}");
+    // Into a body that stays it cannot go, and is as it was.
+    let before = there.positions_f64().to_vec();
+    let error = there
+        .teleport((turn * DVec3::X * 0.1).into(), &[])
+        .unwrap_err();
+    assert!(matches!(error, StepError::Intersections { .. }), "{error}");
+    let far = there.teleport((DVec3::X * f64::NAN).into(), &[]);
+    assert!(matches!(far, Err(StepError::NonFinite { .. })), "{far:?}");
+    assert_eq!(there.positions_f64(), before);
 }

@@ -16,7 +16,7 @@ use super::DeviceArgs;
 #[command(after_help = "\
 Examples:
   selvedge view --open
-  selvedge view --model paper --show model
+  selvedge view default --model paper --show model
   selvedge view my-scene.toml --model my-model.safetensors --show both
   selvedge view out/truth.safetensors --beside out/rollout.safetensors
 
@@ -24,7 +24,7 @@ In the page: drag a handle, or any point of the cloth; arrows, page up and down,
 pub(crate) struct ViewArgs {
     /// A scene (a TOML file, ARCSim's JSON, or the name of a shipped one) or a trajectory
     /// (.safetensors).
-    #[arg(default_value = "default", value_name = "SCENE|TRAJECTORY")]
+    #[arg(default_value = "tablecloth", value_name = "SCENE|TRAJECTORY")]
     pub(crate) subject: String,
     /// A model's weights; repeat the option for several to choose from [default: the shipped model].
     #[arg(long, value_name = "FILE")]

@@ -1,0 +1,95 @@
+//! Rigid motions: of bodies that are led, and of a cloth that is set elsewhere.
+
+use glam::{DMat3, DMat4, DQuat, DVec3, DVec4};
+
+use serde::{Deserialize, Serialize};
+
+use crate::HandleError;
+
+/// The rigid motion x → `turn` x + `by`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Rigid {
+    /// Rotation about the origin, of length 1.
+    pub turn: DQuat,
+    /// Translation after it `[m]`.
+    pub by: DVec3,
+}
+
+impl Rigid {
+    /// The motion that turns about `pivot` `[m]` and then goes `by` `[m]`.
+    #[must_use]
+    pub fn about(pivot: DVec3, turn: DQuat, by: DVec3) -> Self {
+        let by = pivot - turn * pivot + by;
+        Self { turn, by }
+    }
+
+    /// Where a point `[m]` goes.
+    #[must_use]
+    pub fn of(&self, point: DVec3) -> DVec3 {
+        self.turn * point + self.by
+    }
+
+    /// This motion after another one.
+    #[must_use]
+    pub fn after(&self, first: &Self) -> Self {
+        Self {
+            turn: (self.turn * first.turn).normalize(),
+            by: self.of(first.by),
+        }
+    }
+}
+
+/// That of a 4×4 matrix, whose 16 numbers come by columns.
+impl TryFrom<&[f64]> for Rigid {
+    type Error = HandleError;
+
+    fn try_from(columns: &[f64]) -> Result<Self, HandleError> {
+        let numbers = <[f64; 16]>::try_from(columns).ok();
+        let matrix = numbers.as_ref().map(DMat4::from_cols_array);
+        let is_rigid = |matrix: &DMat4| {
+            let turn = DMat3::from_mat4(*matrix);
+            let apart = turn.transpose() * turn - DMat3::IDENTITY;
+            let is_turn = apart.abs_diff_eq(DMat3::ZERO, 1e-4) && turn.determinant() > 0.0;
+            is_turn && matrix.row(3).abs_diff_eq(DVec4::W, 1e-6) && matrix.is_finite()
+        };
+        let Some(matrix) = matrix.filter(is_rigid) else {
+            let what = "a rigid motion is a 4×4 matrix, 16 numbers by columns, that turns and moves without scale, mirror or shear";
+            return Err(HandleError::Unusable(what.to_owned()));
+        };
+        let turn = DQuat::from_mat4(&matrix).normalize();
+        let by = matrix.w_axis.truncate();
+        Ok(Self { turn, by })
+    }
+}
+
+impl From<DVec3> for Rigid {
+    fn from(by: DVec3) -> Self {
+        let turn = DQuat::IDENTITY;
+        Self { turn, by }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn motions_follow_each_other_and_come_as_matrices() {
+        let turn = DQuat::from_rotation_y(2.5);
+        let to = Rigid::about(DVec3::X, turn, DVec3::new(1.0, 2.0, 3.0));
+        assert!(to.of(DVec3::X).distance(DVec3::new(2.0, 2.0, 3.0)) < 1e-15);
+        let twice = to.after(&to).of(DVec3::ONE);
+        assert!(twice.distance(to.of(to.of(DVec3::ONE))) < 1e-14);
+        let columns = DMat4::from_rotation_translation(to.turn, to.by).to_cols_array();
+        let read = Rigid::try_from(&columns[..]).unwrap();
+        assert!(read.of(DVec3::ONE).distance(to.of(DVec3::ONE)) < 1e-14);
+        let refused = |columns: &[f64]| Rigid::try_from(columns).unwrap_err().to_string();
+        assert!(refused(&columns[..12]).contains("16 numbers by columns"));
+        let mut wrong = columns;
+        wrong[0] *= 2.0;
+        assert!(refused(&wrong).contains("without scale"));
+        wrong = columns;
+        wrong[13] = f64::NAN;
+        assert!(refused(&wrong).contains("without scale"));
+    }
+}
