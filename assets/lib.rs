@@ -44,7 +44,7 @@ pub mod motions {
 
 /// Scenes that are known by name.
 pub const SCENES: &[(&str, &str)] =
-    texts!("scenes": "default", "poncho", "square-1024", "tablecloth");
+    texts!("scenes": "default", "drape", "poncho", "square-1024", "tablecloth");
 
 /// Bodies that are known by name, as glTF.
 pub const BODIES: &[(&str, &[u8])] = &[("mannequin", include_bytes!("bodies/mannequin.glb"))];

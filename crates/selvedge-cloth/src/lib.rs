@@ -51,6 +51,7 @@ mod cloth;
 pub mod conformance;
 mod contact;
 mod contact_memory;
+mod drape;
 mod environment;
 mod error;
 pub mod generate;
@@ -79,6 +80,7 @@ pub use contact::{ContactSettings, Squeezed};
 pub use contact_memory::{
     CaughtPair, ContactMemory, FrictionAnchor, PreviousSubstep, Pushing, ReleasedContact, Touching,
 };
+pub use drape::Drape;
 pub use environment::{Environment, Gust};
 pub use error::{SceneError, require};
 pub use handles::{HandleError, HandleTargets, Handles};

@@ -143,7 +143,7 @@ fn mistakes_are_errors_that_name_file_and_field() {
         label = "upper-corners" | lable = "upper-corners" | unknown field `lable`
     "#;
     refuses(cases, edited);
-    let words = ["shipped are default, poncho, square-1024, tablecloth"];
+    let words = ["shipped are default, drape, poncho, square-1024, tablecloth"];
     says(open_scene("no-such-scene").unwrap_err(), &words);
 }
 
