@@ -25,12 +25,19 @@ pub mod materials {
     /// `navy-sparkle-sweat`.
     pub const NAVY_SPARKLE_SWEAT: &str = include_str!("materials/navy-sparkle-sweat.toml");
 
-    /// All of them by name, the default first.
+    /// All of them by name, the default first: the four above as they were published, the same with
+    /// their bending tables read as a plate's, and two that were fitted to drapes.
     pub const ALL: &[(&str, &str)] = &[
         ("gray-interlock", GRAY_INTERLOCK),
         ("camel-ponte-roma", CAMEL_PONTE_ROMA),
         ("11oz-black-denim", DENIM),
         ("navy-sparkle-sweat", NAVY_SPARKLE_SWEAT),
+        ("interlock", include_str!("materials/interlock.toml")),
+        ("ponte", include_str!("materials/ponte.toml")),
+        ("denim", include_str!("materials/denim.toml")),
+        ("sweat", include_str!("materials/sweat.toml")),
+        ("blue-cotton", include_str!("materials/blue-cotton.toml")),
+        ("red-wool", include_str!("materials/red-wool.toml")),
     ];
 }
 

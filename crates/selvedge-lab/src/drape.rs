@@ -1,18 +1,23 @@
 //! The drape test: fabrics draped on meshes of many seeds, measured drapes of real fabrics, and a
 //! fabric fitted to them. Folds are an instability, so that means over seeds are compared, not runs.
 
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::ControlFlow;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail, ensure};
 use glam::DVec3;
 use rayon::prelude::*;
-use selvedge_cloth::{BendTable, Cloth, Drape, HandleTargets, Material, Stepper, StretchTable};
+use selvedge_cloth::generate::{Shape, SheetSpec, sheet};
+use selvedge_cloth::{
+    BendTable, Cloth, Drape, HandleTargets, Handles, Material, Mesh, Stepper, StretchTable,
+};
 use selvedge_sim::laws::stretch::{Strain, StretchLaw};
 use selvedge_sim::laws::stretch_energy::StretchEnergy;
 use selvedge_sim::{Simulator, Threads};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
-use crate::event::{End, OnEvent, Reporter};
+use crate::event::{End, Event, OnEvent, Reporter};
 use crate::workers;
 
 /// Mean speed below which a cloth has come to rest `[m/s]`, and the frames before anyone looks.
@@ -46,21 +51,18 @@ pub struct Drapes {
 
 impl Drapes {
     /// Means of `drapes`, of which there is one at least.
-    fn of(drapes: &[Measured]) -> Self {
+    fn of(drapes: &[Row]) -> Self {
         let count = drapes.len() as f64;
-        let mean = |value: &dyn Fn(&Measured) -> f64| drapes.iter().map(value).sum::<f64>() / count;
-        let both = |value: &dyn Fn(&Measured) -> f64| {
+        let mean = |value: &dyn Fn(&Row) -> f64| drapes.iter().map(value).sum::<f64>() / count;
+        let both = |value: &dyn Fn(&Row) -> f64| {
             let middle = mean(value);
-            [
-                middle,
-                mean(&|drape| (value(drape) - middle).powi(2)).sqrt(),
-            ]
+            [middle, mean(&|row| (value(row) - middle).powi(2)).sqrt()]
         };
         Self {
             count: drapes.len(),
-            coefficient: both(&|drape| drape.coefficient),
-            nodes: both(&|drape| drape.nodes),
-            harmonics: std::array::from_fn(|k| mean(&|drape| drape.harmonics[k])),
+            coefficient: both(&|row| row.0),
+            nodes: both(&|row| row.1),
+            harmonics: std::array::from_fn(|k| mean(&|row| row.2[k])),
         }
     }
 
@@ -76,90 +78,56 @@ impl Drapes {
     }
 }
 
-/// A drape that was measured on a table.
-#[derive(Clone, Debug, PartialEq)]
-struct Measured {
-    specimen: String,
-    coefficient: f64,
-    nodes: f64,
-    harmonics: [f64; 7],
-}
-
-/// A line of a table of drapes; it may have other columns too.
-#[derive(Deserialize)]
-struct Line {
-    fabric: String,
-    sample: String,
-    drape_coefficient: f64,
-    nodes: f64,
-    a2_mm: f64,
-    a3_mm: f64,
-    a4_mm: f64,
-    a5_mm: f64,
-    a6_mm: f64,
-    a7_mm: f64,
-    a8_mm: f64,
-}
-
-impl From<&Drape> for Measured {
-    fn from(drape: &Drape) -> Self {
-        Self {
-            specimen: String::new(),
-            coefficient: drape.coefficient,
-            nodes: drape.nodes as f64,
-            harmonics: drape.harmonics,
-        }
-    }
-}
+/// Coefficient, nodes and amplitudes of harmonics of a drape.
+type Row = (f64, f64, [f64; 7]);
 
 /// Drapes of `fabric` in a table (.csv): those of the `specimens` (all, where none is named), and
-/// those of the others.
-fn measured(
-    file: &Path,
-    fabric: &str,
-    specimens: &[String],
-) -> Result<(Vec<Measured>, Vec<Measured>)> {
-    let name = file.display();
-    let mut reader = csv::Reader::from_path(file).with_context(|| format!("{name}"))?;
+/// those of the others. The table may have other columns too.
+fn measured(file: &Path, fabric: &str, specimens: &[String]) -> Result<(Vec<Row>, Vec<Row>)> {
+    let name = || file.display().to_string();
+    let mut reader = csv::Reader::from_path(file).with_context(name)?;
     let mut drapes = Vec::new();
-    let mut fabrics = Vec::new();
-    for line in reader.deserialize::<Line>() {
-        let line = line.with_context(|| format!("{name}"))?;
-        if line.fabric == fabric {
-            let Line {
-                a2_mm,
-                a3_mm,
-                a4_mm,
-                a5_mm,
-                a6_mm,
-                a7_mm,
-                a8_mm,
-                ..
-            } = line;
-            drapes.push(Measured {
-                specimen: line.sample,
-                coefficient: line.drape_coefficient,
-                nodes: line.nodes,
-                harmonics: [a2_mm, a3_mm, a4_mm, a5_mm, a6_mm, a7_mm, a8_mm].map(|a| 1e-3 * a),
-            });
-        } else if !fabrics.contains(&line.fabric) {
-            fabrics.push(line.fabric);
+    let mut fabrics = BTreeSet::new();
+    for line in reader.deserialize::<BTreeMap<String, String>>() {
+        let line = line.with_context(name)?;
+        let cell = |key: &str| {
+            line.get(key)
+                .with_context(|| format!("{}: has no column {key}", name()))
+        };
+        let number = |key: &str| -> Result<f64> {
+            let cell = cell(key)?;
+            cell.parse()
+                .with_context(|| format!("{}: {key} is {cell:?}, no number", name()))
+        };
+        if cell("fabric")? != fabric {
+            fabrics.insert(cell("fabric")?.clone());
+            continue;
         }
+        let mut harmonics = [0.0; 7];
+        for (k, amplitude) in harmonics.iter_mut().enumerate() {
+            *amplitude = 1e-3 * number(&format!("a{}_mm", k + 2))?;
+        }
+        let row = (number("drape_coefficient")?, number("nodes")?, harmonics);
+        drapes.push((cell("sample")?.clone(), row));
     }
+    let others = Vec::from_iter(fabrics).join(", ");
     ensure!(
         !drapes.is_empty(),
-        "{name}: has no fabric {fabric:?}, but {}",
-        fabrics.join(", ")
+        "{}: has no fabric {fabric:?}, but {others}",
+        name()
     );
     for specimen in specimens {
-        let is_there = drapes.iter().any(|drape| drape.specimen == *specimen);
+        let is_there = drapes.iter().any(|drape| drape.0 == *specimen);
         ensure!(
             is_there,
-            "{name}: has no specimen {specimen:?} of fabric {fabric:?}"
+            "{}: has no specimen {specimen:?} of fabric {fabric:?}",
+            name()
         );
     }
-    let is_fitted = |drape: &Measured| specimens.is_empty() || specimens.contains(&drape.specimen);
-    Ok(drapes.into_iter().partition(is_fitted))
+    let is_fitted = |drape: &(String, Row)| specimens.is_empty() || specimens.contains(&drape.0);
+    let (fitted, others): (Vec<_>, Vec<_>) = drapes.into_iter().partition(is_fitted);
+    let rows = |drapes: Vec<(String, Row)>| drapes.into_iter().map(|drape| drape.1).collect();
+    Ok((rows(fitted), rows(others)))
 }
 
 /// The shipped scene `drape` of another fabric and mesh, until it hangs still.
@@ -167,29 +135,32 @@ fn measured(
 /// # Errors
 /// A number of vertices that makes no disc, a solve that fails.
 pub fn drape(material: &Material, vertices: usize, seed: u64) -> Result<Drape> {
-    let shipped = selvedge_assets::SCENES
+    let mut scene = selvedge_data::open_scene("drape")?.scene;
+    let spec = SheetSpec {
+        shape: Shape::DrapeDisc,
+        vertices,
+        size: 0.3,
+        width: None,
+        seed,
+    };
+    let made = sheet(&spec)?;
+    let points = made.mesh.material_coordinates().to_vec();
+    let start: Vec<DVec3> = points
         .iter()
-        .find(|scene| scene.0 == "drape");
-    let mut table: toml::Table = toml::from_str(shipped.context("no scene drape ships")?.1)?;
-    let mesh = table["mesh"]["generator"]
-        .as_table_mut()
-        .context("no generator")?;
-    mesh.insert("vertices".to_owned(), i64::try_from(vertices)?.into());
-    mesh.insert("seed".to_owned(), i64::try_from(seed)?.into());
-    let mut scene = selvedge_data::parse_scene(&table.to_string(), "".as_ref(), "drape")?.scene;
+        .map(|p| DVec3::new(p.y - 0.15, 0.0, p.x - 0.15))
+        .collect();
+    let faces = made.mesh.topology().face_indices();
+    scene.mesh = Mesh::new(&faces, points, start.clone())?;
+    scene.handles = Handles::new(made.label("clamped")?, vertices)?;
     scene.material = material.clone();
-    scene.material.validate()?;
-    let start = scene.mesh.positions().to_vec();
     let targets = HandleTargets::at_frame_end(scene.handles.select(&start))?;
     let cloth = Cloth::of_scene(&scene, selvedge::rounded(&start))?;
-    let frames = scene.frame_count()?;
     let mass: f64 = cloth.vertex_mass().iter().map(|m| f64::from(*m)).sum();
     let mut simulator = Simulator::with_state(&scene, start, vec![DVec3::ZERO; vertices])?;
     simulator.set_threads(Threads::One);
-    for frame in 0..frames {
-        simulator
-            .step(&targets)
-            .with_context(|| format!("a drape of {}", material.name))?;
+    for frame in 0..scene.frame_count()? {
+        let step = simulator.step(&targets);
+        step.with_context(|| format!("a drape of {}", material.name))?;
         let is_still = 2.0 * simulator.kinetic_energy() < mass * STILL.0.powi(2);
         if frame > STILL.1 && is_still {
             break;
@@ -199,27 +170,8 @@ pub fn drape(material: &Material, vertices: usize, seed: u64) -> Result<Drape> {
 }
 
 impl DrapeTest {
-    /// The drapes of a fabric, one for each seed, each told when it is done.
-    fn all(&self, material: &Material, reporter: &Reporter<'_>) -> Result<Option<Vec<Drape>>> {
-        let task = reporter.count(
-            &format!("draping {}", material.name),
-            self.seeds.len(),
-            "drapes",
-        );
-        let made: Result<Vec<Option<Drape>>> = workers::pool(self.threads)?.install(|| {
-            let one = |seed: &u64| {
-                if task.is_stopped() {
-                    return Ok(None);
-                }
-                let made = drape(material, self.vertices, *seed)?;
-                Ok(task.advance().is_continue().then_some(made))
-            };
-            self.seeds.par_iter().map(one).collect()
-        });
-        Ok(made?.into_iter().collect())
-    }
-
-    /// Drapes a fabric: the drapes, and what they have in common; none after an interruption.
+    /// Drapes a fabric: the drapes, one for each seed, and what they have in common; none after an
+    /// interruption.
     ///
     /// # Errors
     /// As of [`drape`].
@@ -228,10 +180,26 @@ impl DrapeTest {
         material: &Material,
         on_event: &mut OnEvent<'_>,
     ) -> Result<Option<(Vec<Drape>, Drapes)>> {
-        let drapes = self.all(material, &Reporter::new(on_event))?;
-        Ok(drapes.map(|drapes| {
-            let means = Drapes::of(&drapes.iter().map(Measured::from).collect::<Vec<_>>());
-            (drapes, means)
+        let reporter = Reporter::new(on_event);
+        let what = format!("draping {}", material.name);
+        let task = reporter.count(&what, self.seeds.len(), "drapes");
+        let one = |seed: &u64| {
+            if task.is_stopped() {
+                return Ok(None);
+            }
+            let made = drape(material, self.vertices, *seed)?;
+            Ok(task.advance().is_continue().then_some(made))
+        };
+        let pool = workers::pool(self.threads)?;
+        let made: Result<Vec<Option<Drape>>> =
+            pool.install(|| self.seeds.par_iter().map(one).collect());
+        let made: Option<Vec<Drape>> = made?.into_iter().collect();
+        Ok(made.map(|drapes| {
+            let rows: Vec<Row> = drapes
+                .iter()
+                .map(|d| (d.coefficient, d.nodes as f64, d.harmonics))
+                .collect();
+            (drapes, Drapes::of(&rows))
         }))
     }
 }
@@ -306,23 +274,21 @@ pub fn fit(order: &FitOrder<'_>, on_event: &mut OnEvent<'_>) -> Result<Fitted> {
     let task = reporter.count(&format!("fitting {}", order.name), order.tries, "fabrics");
     let mut tries = 0;
     let mut look = |logs: [f64; 4]| -> Result<Option<(f64, Drapes)>> {
-        let stopped = tries == order.tries || task.is_stopped();
-        let material = fabric(order, logs);
-        let drapes = match stopped {
-            true => None,
-            false => order.test.all(
-                &material,
-                &Reporter::new(&mut |_| std::ops::ControlFlow::Continue(())),
-            )?,
+        if tries == order.tries || task.is_stopped() {
+            return Ok(None);
+        }
+        let mut quiet = |_: Event<'_>| match task.is_stopped() {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
         };
-        Ok(drapes.map(|drapes| {
-            tries += 1;
-            let found = Drapes::of(&drapes.iter().map(Measured::from).collect::<Vec<_>>());
-            let misfit = found.misfit(&fitted);
-            task.note(&format!("misfit {misfit:.2}"));
-            let _ = task.advance();
-            (misfit, found)
-        }))
+        let Some((_, found)) = order.test.run(&fabric(order, logs), &mut quiet)? else {
+            return Ok(None);
+        };
+        tries += 1;
+        let misfit = found.misfit(&fitted);
+        task.note(&format!("misfit {misfit:.2}"));
+        let _ = task.advance();
+        Ok(Some((misfit, found)))
     };
     let mut at = start(fitted.coefficient[0]);
     let Some(mut best) = look(at)? else {
@@ -466,8 +432,6 @@ pub fn stretch_under(material: &Material, degrees: f64, pull: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use std::ops::ControlFlow;
-
     use selvedge_cloth::Isotropic;
 
     use super::*;
@@ -516,7 +480,7 @@ mod tests {
             },
             tries: 4,
         };
-        let mut deaf = |_: crate::Event<'_>| ControlFlow::Continue(());
+        let mut deaf = |_: Event<'_>| ControlFlow::Continue(());
         let once = fit(
             &FitOrder {
                 tries: 1,
