@@ -25,12 +25,19 @@ pub mod materials {
     /// `navy-sparkle-sweat`.
     pub const NAVY_SPARKLE_SWEAT: &str = include_str!("materials/navy-sparkle-sweat.toml");
 
-    /// All of them by name, the default first.
+    /// All of them by name, the default first: the four above as they were published, the same with
+    /// their bending tables read as a plate's, and two that were fitted to drapes.
     pub const ALL: &[(&str, &str)] = &[
         ("gray-interlock", GRAY_INTERLOCK),
         ("camel-ponte-roma", CAMEL_PONTE_ROMA),
         ("11oz-black-denim", DENIM),
         ("navy-sparkle-sweat", NAVY_SPARKLE_SWEAT),
+        ("interlock", include_str!("materials/interlock.toml")),
+        ("ponte", include_str!("materials/ponte.toml")),
+        ("denim", include_str!("materials/denim.toml")),
+        ("sweat", include_str!("materials/sweat.toml")),
+        ("blue-cotton", include_str!("materials/blue-cotton.toml")),
+        ("red-wool", include_str!("materials/red-wool.toml")),
     ];
 }
 
@@ -44,7 +51,7 @@ pub mod motions {
 
 /// Scenes that are known by name.
 pub const SCENES: &[(&str, &str)] =
-    texts!("scenes": "default", "poncho", "square-1024", "tablecloth");
+    texts!("scenes": "default", "drape", "poncho", "square-1024", "tablecloth");
 
 /// Bodies that are known by name, as glTF.
 pub const BODIES: &[(&str, &[u8])] = &[("mannequin", include_bytes!("bodies/mannequin.glb"))];

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyUntypedArrayMethods};
 use pyo3::prelude::*;
+use selvedge_cloth::Drape;
 use selvedge_data::Trajectory as Recorded;
 use selvedge_data::foreign::{TrajectoryParts, Weight};
 use selvedge_data::{UpAxis, write_atomically};
@@ -196,6 +197,12 @@ impl Trajectory {
     /// The measures of `other` against this trajectory of the same mesh, in SI units.
     fn compare<'py>(&self, py: Python<'py>, other: &Self) -> PyResult<Bound<'py, PyAny>> {
         self.compared(py, other)
+    }
+
+    /// The measures of the last frame of a drape test, in SI units; `None` of any other cloth.
+    fn drape<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let last = self.inner.frame(self.inner.frame_count() - 1);
+        json::to_python(py, &Drape::of(self.inner.cloth(), last))
     }
 
     /// Writes the trajectory for other programs, in the format that the name ends in. `frames` is a

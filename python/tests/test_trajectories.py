@@ -55,3 +55,18 @@ def test_trajectories_become_a_data_set(tmp_path):
 
     with pytest.raises(KeyError, match="no such file"):
         selvedge.Dataset.write(tmp_path / "other", "x", ["a"], [], fail)
+
+
+def test_only_a_drape_test_has_the_measures_of_one():
+    assert made().drape() is None
+    flat = selvedge.Scene("drape")
+    run = selvedge.Trajectory(
+        np.stack([flat.positions] * 2),
+        flat.faces,
+        flat.positions[:, [2, 0]],
+        flat.handles.tolist(),
+        60.0,
+        density=0.2,
+    )
+    measures = run.drape()
+    assert measures["coefficient"] > 0.98 and measures["nodes"] == 0 and len(measures["profile"]) == 72

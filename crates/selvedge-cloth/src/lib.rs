@@ -51,6 +51,7 @@ mod cloth;
 pub mod conformance;
 mod contact;
 mod contact_memory;
+mod drape;
 mod environment;
 mod error;
 pub mod generate;
@@ -81,6 +82,7 @@ pub use contact_memory::{
     CaughtPair, Checkpoint, ContactMemory, FrictionAnchor, PreviousSubstep, Pushing,
     ReleasedContact, Touching,
 };
+pub use drape::Drape;
 pub use environment::{Environment, Gust};
 pub use error::{SceneError, require};
 pub use handles::{HandleError, HandleTargets, Handles};

@@ -31,6 +31,7 @@
 
 pub mod assets;
 pub mod domain;
+pub mod drape;
 pub mod evaluation;
 pub mod event;
 pub mod expert;

@@ -176,10 +176,12 @@ pub fn run_of_frames<'a>(
 /// The colour of a shipped fabric; none for others.
 fn colour_of(material: &str) -> Option<Rgb> {
     match material {
-        "gray-interlock" => Some([112, 120, 136]),
-        "camel-ponte-roma" => Some([176, 128, 78]),
-        "11oz-black-denim" => Some([78, 84, 104]),
-        "navy-sparkle-sweat" => Some([48, 64, 122]),
+        "gray-interlock" | "interlock" => Some([112, 120, 136]),
+        "camel-ponte-roma" | "ponte" => Some([176, 128, 78]),
+        "11oz-black-denim" | "denim" => Some([78, 84, 104]),
+        "navy-sparkle-sweat" | "sweat" => Some([48, 64, 122]),
+        "blue-cotton" => Some([72, 104, 168]),
+        "red-wool" => Some([168, 66, 60]),
         _ => None,
     }
 }

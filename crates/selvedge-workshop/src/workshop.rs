@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::{Context, anyhow, bail};
+use anyhow::{anyhow, bail, ensure};
 use glam::DVec3;
 use selvedge::machine::Machine;
 use selvedge::start::Start;
@@ -14,7 +14,9 @@ use selvedge_assets::MODELS;
 use selvedge_cloth::generate::{NamedSheet, named_sheets};
 use selvedge_cloth::motion::named;
 use selvedge_cloth::{Cloth, HandleSchedule, Motion, Scene};
-use selvedge_data::{LoadedScene, MeshSpec, StartSpec, materials, open_scene, shipped_scenes};
+use selvedge_data::{
+    LoadedScene, MeshSpec, StartSpec, materials, open_material, open_scene, shipped_scenes,
+};
 use selvedge_live::{Catalogue, LiveError, MeshOrder, Order, ReadyCloth, Workshop};
 use selvedge_model::Model;
 use selvedge_sim::{Checkpoint, SagError};
@@ -222,10 +224,9 @@ fn change(
         return Ok(());
     }
     if let Some(name) = &order.material {
-        let known = materials().iter().find(|(known, _)| known == name);
-        let (_, text) = known.ok_or_else(|| anyhow!("there is no material {name:?} here"))?;
-        loaded.spec.setting.material =
-            toml::from_str(text).with_context(|| format!("material {name}"))?;
+        let is_known = materials().iter().any(|(known, _)| known == name);
+        ensure!(is_known, "there is no material {name:?} here");
+        loaded.spec.setting.material = open_material(name)?;
     }
     if let Some(mesh) = &order.mesh {
         put_mesh(loaded, mesh)?;

@@ -3,6 +3,7 @@
 mod device;
 #[cfg(test)]
 mod documents_tests;
+mod drape;
 mod eval;
 mod export;
 mod guard;
@@ -21,6 +22,7 @@ use selvedge_lab::span;
 use selvedge_train::Setting;
 
 pub(crate) use self::device::DeviceArgs;
+pub(crate) use self::drape::{DrapeCommand, DrapeFitArgs, DrapeTestArgs, DrapedArgs};
 pub(crate) use self::eval::EvalArgs;
 pub(crate) use self::export::{ExportArgs, FormatName};
 pub(crate) use self::guard::GuardName;
@@ -95,6 +97,8 @@ pub(crate) enum Command {
     Train(TrainArgs),
     Eval(Box<EvalArgs>),
     Study(StudyArgs),
+    #[command(subcommand)]
+    Drape(DrapeCommand),
     Info(InfoArgs),
     List(ListArgs),
     #[command(subcommand)]

@@ -345,6 +345,7 @@ class Trajectory:
     @property
     def scene(self) -> dict[str, Any] | None:
         """The resolved scene that it is from, as a dictionary; `None` where it is not known."""
+    def drape(self) -> dict[str, Any] | None: ...
     def compare(self, other: Trajectory) -> _Comparison:
         """The measures of `other` against this trajectory of the same mesh, in SI units."""
     def export(

@@ -169,7 +169,7 @@ pub fn square(vertices: usize, size: f64, seed: u64) -> Result<Sheet, SceneError
 /// Labels: `boundary` (holes included); `upper-corners` (left, then right) of every shape, of a
 /// disc the points at 135° and 45°, of a random shape the corners near them, not level;
 /// `upper-three` (left, middle, right) of `wide`, `diamond` and `disc`; `upper-row` of `triangle`,
-/// 17 vertices evenly spaced from left to right; `upper-edge` where there is one; `lower-corners`
+/// 17 vertices evenly spaced from left to right; `clamped` of `drape-disc`; `upper-edge` where there is one; `lower-corners`
 /// of a sheet with four corners; `hole` where there is one. A tube stands about the y axis with its
 /// upper edge at y = 0, and has `upper-edge`, `lower-edge` and both, `boundary`.
 ///
@@ -192,7 +192,7 @@ pub fn sheet(spec: &SheetSpec) -> Result<Sheet, SceneError> {
         return tube::tube(spec, width);
     }
     let cut = (spec.shape).cut(width / spec.size, spec.vertices, spec.seed);
-    let flat = sheet_from_outline(&cut.loops, spec.vertices, spec.seed)?;
+    let flat = sheet_from_outline(&cut.loops, &cut.ridge, spec.vertices, spec.seed)?;
     let coordinates: Vec<DVec2> = flat.points.iter().map(|p| spec.size * *p).collect();
     let extent = spec.size * cut.extent;
     let hang = |c: &DVec2| DVec3::new(0.0, c.y - extent.y, c.x - extent.x / 2.0);
@@ -228,6 +228,7 @@ fn labels(cut: &Cut, flat: &FlatSheet) -> BTreeMap<String, Vec<u32>> {
         let list = match label {
             Label::Corners(corners) => corners.iter().map(|&k| outer[k]).collect(),
             Label::Run(from, to) => (outer[*from]..=outer[*to]).collect(),
+            Label::WithinRidge => within_ridge(&cut.ridge, &flat.points),
         };
         labels.insert((*name).to_owned(), list);
     }
@@ -237,6 +238,17 @@ fn labels(cut: &Cut, flat: &FlatSheet) -> BTreeMap<String, Vec<u32>> {
     }
     labels.insert("boundary".to_owned(), boundary.collect());
     labels
+}
+
+/// Numbers of the `points` in the convex loop `ridge` (clockwise), its own included.
+fn within_ridge(ridge: &[DVec2], points: &[DVec2]) -> Vec<u32> {
+    let sides = || ridge.iter().zip(ridge.iter().cycle().skip(1));
+    let is_within = |p: &DVec2| sides().all(|(a, b)| (*b - *a).perp_dot(*p - *a) <= 1e-12);
+    (0..)
+        .zip(points)
+        .filter(|(_, p)| is_within(p))
+        .map(|(v, _)| v)
+        .collect()
 }
 
 #[cfg(test)]

@@ -32,23 +32,26 @@ pub(super) struct FlatSheet {
 }
 
 /// Covers the region within `loops` (the first outermost, the others holes in it; either
-/// direction) with exactly `count` vertices.
+/// direction) with exactly `count` vertices, some of which are the points of the `ridge` within it.
 ///
 /// # Errors
 /// More corners than `count`, a region that is (nearly) a line, an outline that
 /// crosses itself.
 pub(super) fn sheet_from_outline(
     loops: &[Vec<DVec2>],
+    ridge: &[DVec2],
     count: usize,
     seed: u64,
 ) -> Result<FlatSheet, SceneError> {
-    let needed = loops.iter().map(Vec::len).sum();
+    let needed = loops.iter().map(Vec::len).sum::<usize>() + ridge.len();
     if count < needed {
         return Err(too_few(count, needed));
     }
     check_area(loops)?;
     let spacing = fitting_spacing(loops, count);
-    let boundary = sample_boundary(loops, spacing);
+    let mut boundary = sample_boundary(loops, spacing);
+    let boundary_count = boundary.points.len();
+    boundary.points.extend(ridge);
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let inside = scatter(
         loops,
@@ -58,7 +61,6 @@ pub(super) fn sheet_from_outline(
         &mut rng,
     );
     let mut points = relaxed(loops, &boundary, inside, &mut rng)?;
-    let boundary_count = boundary.points.len();
     // Rows from top to bottom: neighbours in space are near in memory.
     points[boundary_count..].sort_by(|a, b| {
         let row = |p: &DVec2| (p.y / spacing).floor();

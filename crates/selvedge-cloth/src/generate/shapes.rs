@@ -36,6 +36,9 @@ pub enum Shape {
     Diamond,
     /// A disc of diameter 1.
     Disc,
+    /// The disc of the drape test: of diameter 1, with a ring of vertices at 0.3 from its middle,
+    /// where the clamp ends.
+    DrapeDisc,
     /// 1 × 1 without its lower right quarter.
     LShape,
     /// 1 × 1 with a round hole of diameter 0.4 in its middle.
@@ -48,6 +51,8 @@ pub enum Shape {
 /// Handles along the upper edge of a triangle.
 const TRIANGLE_HANDLES: usize = 17;
 const HOLE_RADIUS: f64 = 0.2;
+/// 90 mm of a sheet of 150 mm radius.
+const CLAMP_RADIUS: f64 = 0.3;
 const RANDOM_AREA: f64 = 0.7;
 /// Directions between two corners of a random shape, from which a corner is at most
 /// [`RANDOM_SWAY`] away.
@@ -63,6 +68,8 @@ pub(super) enum Label {
     Corners(Vec<usize>),
     /// Everything on the way from one corner on to another, both included.
     Run(usize, usize),
+    /// The ridge, and all vertices that it encloses.
+    WithinRidge,
 }
 
 /// An outline for size 1, within 0..`extent`.
@@ -70,6 +77,8 @@ pub(super) enum Label {
 pub(super) struct Cut {
     /// The outer loop, then holes.
     pub(super) loops: Vec<Vec<DVec2>>,
+    /// Vertices that lie where they are, within the outline: a convex loop, or none.
+    pub(super) ridge: Vec<DVec2>,
     pub(super) labels: Vec<(&'static str, Label)>,
     pub(super) extent: DVec2,
 }
@@ -82,7 +91,7 @@ impl Shape {
             Self::Square | Self::Rectangle | Self::Tube => 1.0,
             Self::Long | Self::Wide => 1.5,
             Self::Triangle | Self::Diamond => 0.5,
-            Self::Disc => PI / 4.0,
+            Self::Disc | Self::DrapeDisc => PI / 4.0,
             Self::LShape => 0.75,
             Self::Holed => 1.0 - PI * HOLE_RADIUS * HOLE_RADIUS,
             Self::Random => RANDOM_AREA,
@@ -100,6 +109,7 @@ impl Shape {
             Self::Triangle => triangle(),
             Self::Diamond => diamond(),
             Self::Disc => disc(count),
+            Self::DrapeDisc => drape_disc(count),
             Self::LShape => l_shape(),
             Self::Holed => holed(count),
             Self::Random => random(seed),
@@ -111,6 +121,7 @@ fn rectangle(width: f64, height: f64) -> Cut {
     let corners = [(0.0, height), (width, height), (width, 0.0), (0.0, 0.0)];
     Cut {
         loops: vec![polygon(&corners)],
+        ridge: Vec::new(),
         labels: vec![
             ("upper-corners", Label::Corners(vec![0, 1])),
             ("lower-corners", Label::Corners(vec![3, 2])),
@@ -124,6 +135,7 @@ fn wide() -> Cut {
     let corners = [(0.0, 1.0), (0.75, 1.0), (1.5, 1.0), (1.5, 0.0), (0.0, 0.0)];
     Cut {
         loops: vec![polygon(&corners)],
+        ridge: Vec::new(),
         labels: vec![
             ("upper-corners", Label::Corners(vec![0, 2])),
             ("upper-three", Label::Corners(vec![0, 1, 2])),
@@ -141,6 +153,7 @@ fn triangle() -> Cut {
     corners.push((0.5, 0.0));
     Cut {
         loops: vec![polygon(&corners)],
+        ridge: Vec::new(),
         labels: vec![
             ("upper-corners", Label::Corners(vec![0, last])),
             ("upper-row", Label::Corners((0..=last).collect())),
@@ -153,6 +166,7 @@ fn triangle() -> Cut {
 fn diamond() -> Cut {
     Cut {
         loops: vec![polygon(&[(0.0, 0.5), (0.5, 1.0), (1.0, 0.5), (0.5, 0.0)])],
+        ridge: Vec::new(),
         labels: vec![
             ("upper-corners", Label::Corners(vec![0, 2])),
             ("upper-three", Label::Corners(vec![0, 1, 2])),
@@ -182,6 +196,7 @@ fn disc(count: usize) -> Cut {
     let sides = circle_sides(radius, Shape::Disc.unit_area(), PI * radius, count);
     Cut {
         loops: vec![circle(DVec2::splat(0.5), radius, sides)],
+        ridge: Vec::new(),
         // The circle starts at its upper left, an eighth of a turn before its top.
         labels: vec![
             ("upper-corners", Label::Corners(vec![0, sides / 4])),
@@ -189,6 +204,14 @@ fn disc(count: usize) -> Cut {
         ],
         extent: DVec2::ONE,
     }
+}
+
+fn drape_disc(count: usize) -> Cut {
+    let mut cut = disc(count);
+    let sides = circle_sides(CLAMP_RADIUS, Shape::Disc.unit_area(), PI / 2.0, count);
+    cut.ridge = circle(DVec2::splat(0.5), CLAMP_RADIUS, sides);
+    cut.labels.push(("clamped", Label::WithinRidge));
+    cut
 }
 
 fn holed(count: usize) -> Cut {
@@ -226,6 +249,7 @@ fn random(seed: u64) -> Cut {
     let right = (corners + 2) / 4;
     Cut {
         loops: vec![points],
+        ridge: Vec::new(),
         labels: vec![("upper-corners", Label::Corners(vec![0, right]))],
         extent,
     }

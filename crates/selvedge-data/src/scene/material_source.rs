@@ -115,14 +115,16 @@ fn material_text(name: &str) -> Option<&'static str> {
 }
 
 pub(super) fn shipped_material(name: &str) -> Option<Result<Material, Problem>> {
-    material_text(name).map(parse_toml)
+    material_text(name).map(|_| open_material(name))
 }
 
 /// A shipped material by name, or one in a TOML file, which is added to the `chain` of files that
 /// are built on it.
 fn named(name_or_path: &str, folder: &Path, chain: &mut Vec<PathBuf>) -> Result<Material, String> {
     if let Some(text) = material_text(name_or_path) {
-        return parse_toml(text).map_err(|problem| problem.to_string());
+        let table = parse_toml::<MaterialTable>(text);
+        let table = table.map_err(|problem| problem.to_string())?;
+        return table.resolve(folder, chain);
     }
     if ending_of(Path::new(name_or_path)) != "toml" {
         let known: Vec<&str> = MATERIALS.iter().map(|entry| entry.0).collect();

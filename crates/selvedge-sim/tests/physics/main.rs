@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 mod allocation;
+mod closed_forms;
 mod conformance;
 mod contact;
 mod contact_always;

@@ -3,6 +3,7 @@
 mod compare;
 mod data;
 mod data_import;
+mod drape;
 mod eval;
 mod export;
 mod info;
@@ -19,7 +20,7 @@ use clap::CommandFactory;
 use selvedge::machine::DeviceName;
 use serde_json::json;
 
-use crate::cli::{Cli, Command, CompletionsArgs, DataCommand, ModelCommand, RunArgs};
+use crate::cli::{Cli, Command, CompletionsArgs, DataCommand, DrapeCommand, ModelCommand, RunArgs};
 use crate::output::Answer;
 
 /// Returns true for a command that several ranks can share.
@@ -40,6 +41,8 @@ pub(crate) fn run(command: &Command) -> anyhow::Result<Answer> {
         Command::Train(args) => train::run(args),
         Command::Eval(args) => eval::run(args),
         Command::Study(args) => study::run(args),
+        Command::Drape(DrapeCommand::Test(args)) => drape::test(args),
+        Command::Drape(DrapeCommand::Fit(args)) => drape::fit_to(args),
         Command::Info(args) => info::run(args),
         Command::List(args) => list::run(args.what),
         Command::Model(ModelCommand::Convert(args)) => model::convert(args),

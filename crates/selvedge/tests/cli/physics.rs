@@ -266,3 +266,31 @@ keyframes = [{ time = 1.0, translation = [0, -0.7, 0] }]
     assert_eq!(short.frame_count(), kept);
     assert_eq!(trajectory.frames(), short.frames());
 }
+
+#[test]
+fn a_drape_is_measured_over_seeds_and_a_fabric_is_fitted_to_some() {
+    let desk = Desk::new();
+    let report = desk.json("drape test denim --vertices 150 --seeds 2");
+    let pointer = |key: &str| number(&report, &format!("/fabrics/0/{key}"));
+    assert!(
+        (0.4..1.0).contains(&pointer("means/coefficient/0")),
+        "{report}"
+    );
+    // D = ke: (6.4e-5 to 9.7e-5 N·m over 0.324 kg/m² × 9.8 m/s²)^(1/3).
+    assert!(
+        (0.027..0.033).contains(&pointer("bending_length/0")),
+        "{report}"
+    );
+    let head = "fabric,sample,drape_coefficient,nodes,a2_mm,a3_mm,a4_mm,a5_mm,a6_mm,a7_mm,a8_mm";
+    desk.write(
+        "drapes.csv",
+        format!("{head}\nlinen,1,0.9,2,1,1,1,1,1,1,1\n"),
+    );
+    let call = "drape fit drapes.csv --fabric linen --density 0.2 -o linen.toml --vertices 150";
+    let fitted = desk.json(&format!("{call} --seeds 1 --tries 3"));
+    assert_eq!(number(&fitted, "/tries"), 3.0);
+    desk.run("drape test linen.toml --vertices 150 --seeds 1");
+    desk.write("bare.csv", "fabric,sample\nlinen,1\n");
+    let call = call.replace("drapes.csv", "bare.csv");
+    desk.fails(&call, 1, &["bare.csv", "no column a2_mm"]);
+}

@@ -3,18 +3,19 @@
 use std::f64::consts::PI;
 use std::ops::Range;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use super::quality;
 use crate::generate::*;
 
-const SHAPES: [Shape; 9] = [
+const SHAPES: [Shape; 10] = [
     Shape::Square,
     Shape::Long,
     Shape::Wide,
     Shape::Triangle,
     Shape::Diamond,
     Shape::Disc,
+    Shape::DrapeDisc,
     Shape::LShape,
     Shape::Holed,
     Shape::Random,
@@ -65,7 +66,9 @@ fn every_shape_has_its_count_area_topology_and_place() {
             let area: f64 = mesh.rest_shape(1.0).face_area.iter().sum();
             // A polygon within the disc, or around which the sheet is cut out.
             let round = match shape {
-                Shape::Disc => -PI / 4.0 * missing_from_disc(sheet.labels["boundary"].len()),
+                Shape::Disc | Shape::DrapeDisc => {
+                    -PI / 4.0 * missing_from_disc(sheet.labels["boundary"].len())
+                }
                 Shape::Holed => 0.04 * PI * missing_from_disc(sheet.labels["hole"].len()),
                 _ => 0.0,
             };
@@ -106,7 +109,7 @@ fn labels_are_where_they_say() {
         assert!((left.z + right.z).abs() < 1e-14, "{shape:?}");
         let width = match shape {
             Shape::Wide => 1.5,
-            Shape::Disc => 0.5_f64.sqrt(),
+            Shape::Disc | Shape::DrapeDisc => 0.5_f64.sqrt(),
             _ => 1.0,
         };
         assert!((right.z - left.z - width).abs() < 1e-14, "{shape:?}");
@@ -260,4 +263,27 @@ fn a_tube_of_too_few_vertices_is_an_error_that_says_how_many_it_needs() {
     }
     let width = Some(1e-5);
     assert!(sheet(&SheetSpec { width, ..spec }).is_err());
+}
+
+#[test]
+fn the_disc_of_the_drape_test_is_clamped_up_to_a_ring_of_vertices() {
+    for vertices in [289, 840, 3000] {
+        let sheet = of(Shape::DrapeDisc, vertices);
+        let from_middle = |v: &u32| {
+            let place = sheet.mesh.material_coordinates()[*v as usize];
+            place.distance(DVec2::splat(0.5))
+        };
+        let clamped = sheet.label("clamped").unwrap();
+        let rim = clamped
+            .iter()
+            .filter(|v| (from_middle(v) - 0.3).abs() < 1e-12);
+        // As near to each other as vertices elsewhere.
+        let (_, _, _, mean) = quality(&sheet.mesh);
+        let apart = 0.6 * PI / rim.count() as f64;
+        assert!((0.8..1.25).contains(&(apart / mean)), "{apart} {mean}");
+        // All within a little less are held.
+        let count = |r: f64| (0..vertices as u32).filter(|v| from_middle(v) < r).count();
+        assert!(clamped.len() >= count(0.2999 - 0.1 * mean), "{vertices}");
+        assert!(clamped.iter().all(|v| from_middle(v) < 0.3 + 1e-12));
+    }
 }

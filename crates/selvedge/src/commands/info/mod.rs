@@ -20,7 +20,7 @@ use std::path::Path;
 
 use anyhow::{Context, bail};
 use glam::Vec3;
-use selvedge_cloth::Handles;
+use selvedge_cloth::{Drape, Handles};
 use selvedge_data::{
     LoadedScene, MeshFileError, MeshOptions, STATES_FORMAT, StateRun, Trajectory, ending_of,
     metrics, read_mesh, shipped_presets, shipped_scenes,
@@ -261,6 +261,16 @@ fn inspect_trajectory(trajectory: Trajectory, path: &Path) -> anyhow::Result<See
     );
     facts.add("mean edge", length(edge));
     facts.tell_as("largest strain", percent(strain), strain);
+    let last = trajectory.frame(trajectory.frame_count() - 1);
+    let drape = Drape::of(trajectory.cloth(), last);
+    if let Some(drape) = &drape {
+        let [mean, least, largest] = drape.radius.map(|r| 1e3 * r);
+        let text = format!(
+            "coefficient {:.3}, {} nodes; radius {mean:.1} mm, {least:.1} to {largest:.1}",
+            drape.coefficient, drape.nodes
+        );
+        facts.tell_as("drape", text, drape);
+    }
     obstacles::run_facts(&mut facts, trajectory.obstacles());
     let report = json!({
         "frames": trajectory.frame_count(),
