@@ -76,5 +76,9 @@ pub use fit::{
 };
 pub use integrator::SubstepCounts;
 pub use rest_pose::{RestPoseContent, SagError, SagProgress, SaggedRest, sag, sag_with_progress};
-pub use simulator::{Checkpoint, DividedFrames, Simulator, SimulatorError, StepStats};
+pub use simulator::{
+    Checkpoint, DividedFrames, Gradient, GradientError, GradientSettings, Simulator,
+    SimulatorError, StateGradient, StepStats,
+};
+pub use solver::MaterialGradient;
 pub use threads::Threads;

@@ -20,6 +20,7 @@ use crate::threads::Threads;
 pub use checkpoint::Checkpoint;
 pub use error::SimulatorError;
 pub use frame::DividedFrames;
+pub use gradient::{Gradient, GradientError, GradientSettings, StateGradient};
 pub(crate) use frame::Part;
 use frame::{FRAME, Snapshot};
 
@@ -27,6 +28,7 @@ mod checkpoint;
 mod contact;
 mod error;
 mod frame;
+mod gradient;
 mod stepping;
 
 /// A cloth that moves by its measured stiffness, gravity and air.
@@ -54,6 +56,8 @@ pub struct Simulator {
     stop: Stop,
     /// Contact, where the scene has it.
     contact: Option<Box<Contact>>,
+    /// The steps, where someone wants their gradient.
+    recording: Option<Box<gradient::Recording>>,
 }
 
 /// Work since the start, by what it came to.
@@ -116,6 +120,7 @@ impl Simulator {
             stop: Stop::default(),
             edges: WatchedEdges::new(&scene.mesh, &scene.handles),
             contact: Contact::of(scene, active.system.mass()).map(Box::new),
+            recording: None,
             scene: scene.clone(),
             active,
         })
@@ -260,6 +265,7 @@ impl Simulator {
                 source: HandleError::Count { expected, found },
             });
         }
+        self.stop_recording();
         self.save(FRAME);
         self.undo = None;
         self.update_wind();
@@ -316,6 +322,7 @@ impl Simulator {
         let mut active =
             ActiveHandles::new(&self.scene, holds).map_err(|error| error.at(self.frame + 1))?;
         active.system.stop_by(self.stop.clone());
+        active.system.tape = self.active.system.tape.as_ref().map(|_| Box::default());
         Ok(Some(std::mem::replace(&mut self.active, active)))
     }
 

@@ -1,0 +1,7 @@
+//! Gradients of the solver against central differences of whole runs.
+#![allow(clippy::unwrap_used, reason = "a test may panic")]
+
+mod differences;
+#[allow(dead_code, reason = "other tests need the rest of them")]
+#[path = "../physics/scenes.rs"]
+mod scenes;
