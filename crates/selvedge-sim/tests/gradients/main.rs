@@ -5,3 +5,4 @@ mod differences;
 #[allow(dead_code, reason = "other tests need the rest of them")]
 #[path = "../physics/scenes.rs"]
 mod scenes;
+mod third_derivatives;
