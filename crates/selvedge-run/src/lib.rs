@@ -30,6 +30,7 @@
 //! | [`Snapshot`] | a state of a run, to go back to |
 //! | `Model` | a network with its name (feature `learned`) |
 //! | `Trajectory` | recorded frames, to write and to read (feature `files`) |
+//! | [`Gradient`] | derivatives of a value of a run ([`Run::backward`]) |
 //! | [`parts`] | meshes, materials, obstacles and motions, of which a scene is made in code |
 //! | [`HandleTargets`] | where the handles are led in the next frame |
 //! | [`Error`], [`StepError`] | why there is no run, and why there is no next frame |
@@ -88,6 +89,9 @@ pub use scene::Scene;
 pub use selvedge_cloth::{HandleTargets, Snapshot, StepError, Stepper, Stop};
 #[cfg(feature = "files")]
 pub use selvedge_data::{Recording, RecordingEnd, Trajectory};
+pub use selvedge_sim::{
+    Gradient, GradientError, GradientSettings, MaterialGradient, StateGradient,
+};
 #[cfg(feature = "learned")]
 pub use selvedge_guard::{Correction, Trust};
 pub use through::{LetThrough, let_through};

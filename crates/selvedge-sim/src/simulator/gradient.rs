@@ -80,6 +80,8 @@ pub enum GradientError {
         found: String,
         remedy: &'static str,
     },
+    #[error("only the solver has gradients of its steps, and another stepper moves this cloth")]
+    NoSolver,
     #[error(
         "nothing is recorded: call `record_gradient` before the steps, and do not go back or replace frames between"
     )]
@@ -164,6 +166,12 @@ impl Simulator {
     pub fn stop_recording(&mut self) {
         self.recording = None;
         self.active.system.tape = None;
+    }
+
+    /// Frames recorded so far; none where nothing is recorded.
+    #[must_use]
+    pub fn recorded_frames(&self) -> Option<usize> {
+        Some(self.recording.as_ref()?.frames.len())
     }
 
     /// Called before a step; hands what it began with to [`Self::end_recorded`].
