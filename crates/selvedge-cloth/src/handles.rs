@@ -276,7 +276,9 @@ impl HandleTargets {
         for (sample, weight) in [(before, 1.0 - part), (before + 1, part)] {
             match sample.checked_sub(1) {
                 None => by_start += by * weight,
-                Some(k) if weight > 0.0 => by_samples[k * self.handle_count + handle] += by * weight,
+                Some(k) if weight > 0.0 => {
+                    by_samples[k * self.handle_count + handle] += by * weight
+                }
                 Some(_) => {}
             }
         }

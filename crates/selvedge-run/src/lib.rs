@@ -89,11 +89,11 @@ pub use scene::Scene;
 pub use selvedge_cloth::{HandleTargets, Snapshot, StepError, Stepper, Stop};
 #[cfg(feature = "files")]
 pub use selvedge_data::{Recording, RecordingEnd, Trajectory};
+#[cfg(feature = "learned")]
+pub use selvedge_guard::{Correction, Trust};
 pub use selvedge_sim::{
     Gradient, GradientError, GradientSettings, MaterialGradient, StateGradient,
 };
-#[cfg(feature = "learned")]
-pub use selvedge_guard::{Correction, Trust};
 pub use through::{LetThrough, let_through};
 #[cfg(feature = "files")]
 pub use trajectory::{provenance, trajectory};

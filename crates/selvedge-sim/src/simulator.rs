@@ -20,9 +20,10 @@ use crate::threads::Threads;
 pub use checkpoint::Checkpoint;
 pub use error::SimulatorError;
 pub use frame::DividedFrames;
-pub use gradient::{Gradient, GradientError, GradientSettings, StateGradient};
 pub(crate) use frame::Part;
 use frame::{FRAME, Snapshot};
+pub(crate) use gradient::check as check_gradient;
+pub use gradient::{Gradient, GradientError, GradientSettings, StateGradient};
 
 mod checkpoint;
 mod contact;

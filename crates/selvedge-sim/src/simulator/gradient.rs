@@ -94,6 +94,8 @@ pub enum GradientError {
     },
     #[error("frame {frame}: its adjoint equations could not be solved ({cause})")]
     Solve { frame: usize, cause: String },
+    #[error("the gradient of the rest pose: {0}")]
+    Rest(String),
     #[error(transparent)]
     Step(#[from] StepError),
 }
@@ -210,9 +212,7 @@ impl Simulator {
             recording.keep(last, std::mem::take(&mut tape.substeps), bytes);
         }
         let segment = recording.settings.segment.max(1);
-        while recording.bytes > recording.settings.memory
-            && recording.forgotten + segment <= last
-        {
+        while recording.bytes > recording.settings.memory && recording.forgotten + segment <= last {
             let from = recording.forgotten;
             (from..from + segment).for_each(|k| recording.forget(k));
             recording.forgotten += segment;
@@ -373,7 +373,7 @@ impl Simulator {
 }
 
 /// Refuses a scene whose steps are not differentiated.
-fn check(scene: &Scene) -> Result<(), GradientError> {
+pub(crate) fn check(scene: &Scene) -> Result<(), GradientError> {
     let refused = |field, found: &str, remedy| {
         Err(GradientError::Scene {
             scene: scene.name.clone(),

@@ -17,12 +17,12 @@ use selvedge_cloth::{
 use crate::contact::Touches;
 use crate::integrator::{SolveTape, Tape};
 use crate::laws::external::AirResistance;
-use crate::solver::{ElementSums, Residual, SolveError};
 use crate::solver::conjugate_gradients::ConjugateGradients;
 use crate::solver::direct::{Complete, Coupling, Direct, Springs};
 use crate::solver::elements::{Elements, Linearisation};
 use crate::solver::ordering::Ordering;
 use crate::solver::pattern::Pattern;
+use crate::solver::{ElementSums, Residual, SolveError};
 use crate::state::State;
 use crate::threads::Threads;
 
@@ -526,12 +526,7 @@ impl System {
 }
 
 /// A linearisation at the start of a step over `dt` `[s]`.
-fn at_start<'a>(
-    air: AirLaw,
-    dt: f64,
-    state: &'a State,
-    driven: &'a [DVec3],
-) -> Linearisation<'a> {
+fn at_start<'a>(air: AirLaw, dt: f64, state: &'a State, driven: &'a [DVec3]) -> Linearisation<'a> {
     Linearisation {
         dt,
         ahead: dt,

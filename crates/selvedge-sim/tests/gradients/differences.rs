@@ -88,9 +88,8 @@ impl Case {
         for frame in 0..self.targets.len() {
             simulator.step(&self.targets(frame)).unwrap();
             let by = self.seed(frame + 1);
-            let dot = |a: &[DVec3], b: &[DVec3]| -> f64 {
-                a.iter().zip(b).map(|(a, b)| a.dot(*b)).sum()
-            };
+            let dot =
+                |a: &[DVec3], b: &[DVec3]| -> f64 { a.iter().zip(b).map(|(a, b)| a.dot(*b)).sum() };
             value += dot(simulator.positions_f64(), &by.positions);
             value += dot(simulator.velocities_f64(), &by.velocities);
         }
@@ -164,7 +163,8 @@ impl Case {
         let gradient = self.gradient();
         let count = self.positions.len();
         let mut found = Vec::new();
-        let dot = |a: &[DVec3], b: &[DVec3]| -> f64 { a.iter().zip(b).map(|(a, b)| a.dot(*b)).sum() };
+        let dot =
+            |a: &[DVec3], b: &[DVec3]| -> f64 { a.iter().zip(b).map(|(a, b)| a.dot(*b)).sum() };
         let size = |a: &[DVec3]| dot(a, a).sqrt();
         for k in 0..3 {
             let along = vectors(3000 + 100 * k, count);
@@ -204,16 +204,45 @@ impl Case {
             found.push((format!("wind {axis}"), by[axis], slope, by.length()));
         }
         let material = &gradient.materials[0];
-        let mut add = |name: &str, by: f64, scale: f64, step: f64, change: fn(&mut Scene, usize, f64), k| {
-            let slope = self.slope(by, step, |case, part| change(&mut case.scene, k, part));
-            found.push((format!("{name} {k}"), by, slope, scale));
-        };
+        let mut add =
+            |name: &str, by: f64, scale: f64, step: f64, change: fn(&mut Scene, usize, f64), k| {
+                let slope = self.slope(by, step, |case, part| change(&mut case.scene, k, part));
+                found.push((format!("{name} {k}"), by, slope, scale));
+            };
         let by = gradient.air_density;
-        add("air density", by, 0.0, 1e-5, |s, _, part| s.environment.air_density += part, 0);
+        add(
+            "air density",
+            by,
+            0.0,
+            1e-5,
+            |s, _, part| s.environment.air_density += part,
+            0,
+        );
         let by = gradient.air_drag;
-        add("air drag", by, 0.0, 1e-5, |s, _, part| s.environment.air_drag += part, 0);
-        add("density", material.density, 0.0, 1e-6, |s, _, part| s.material.density += part, 0);
-        add("damping", material.damping, 0.0, 1e-7, |s, _, part| s.material.damping += part, 0);
+        add(
+            "air drag",
+            by,
+            0.0,
+            1e-5,
+            |s, _, part| s.environment.air_drag += part,
+            0,
+        );
+        add(
+            "density",
+            material.density,
+            0.0,
+            1e-6,
+            |s, _, part| s.material.density += part,
+            0,
+        );
+        add(
+            "damping",
+            material.damping,
+            0.0,
+            1e-7,
+            |s, _, part| s.material.damping += part,
+            0,
+        );
         let all = |of: &[f64]| of.iter().map(|k| k * k).sum::<f64>().sqrt();
         let table = material.stretch.as_flattened();
         for (k, by) in table.iter().enumerate() {
@@ -342,7 +371,9 @@ fn no_slope_across_a_mirror() {
     let mut scene = hanging(5);
     scene.environment.air_density = 0.0;
     let mut simulator = Simulator::new(&scene).unwrap();
-    simulator.record_gradient(GradientSettings::default()).unwrap();
+    simulator
+        .record_gradient(GradientSettings::default())
+        .unwrap();
     let held = scene.handles.select(scene.mesh.positions());
     for _ in 0..10 {
         let targets = HandleTargets::at_frame_end(held.clone()).unwrap();
@@ -369,7 +400,10 @@ fn what_has_no_gradient_is_refused() {
         let text = error.unwrap_err().to_string();
         assert!(text.contains(word), "{text}");
     };
-    refused(&|s| s.contact = Some(ContactSettings::default()), "remove `contact`");
+    refused(
+        &|s| s.contact = Some(ContactSettings::default()),
+        "remove `contact`",
+    );
     refused(&|s| s.physics.law = ElasticLaw::Measured, "physics.law");
     refused(
         &|s| {
@@ -381,7 +415,9 @@ fn what_has_no_gradient_is_refused() {
     let mut simulator = Simulator::new(&hanging(4)).unwrap();
     let error = simulator.backward(&mut |_, _| ()).unwrap_err();
     assert_eq!(error, GradientError::NotRecorded);
-    simulator.record_gradient(GradientSettings::default()).unwrap();
+    simulator
+        .record_gradient(GradientSettings::default())
+        .unwrap();
     let error = simulator.backward(&mut |_, by| by.positions.clear());
     let expected = GradientError::Count {
         frame: 0,

@@ -46,7 +46,9 @@ fn third(law: &StretchEnergy, along: [DVec3; 3], moving: [DVec3; 3]) -> [DVec3; 
     };
     let places = std::array::from_fn(|k| DualVector::new(stretched()[k], moving[k]));
     let along = along.map(|a| DualVector::new(a, DVec3::ZERO));
-    let product = element.respond(law, true, places).negative_jacobian_times(along);
+    let product = element
+        .respond(law, true, places)
+        .negative_jacobian_times(along);
     product.map(DualVector::rate)
 }
 
@@ -94,9 +96,8 @@ fn the_angle_of_a_hinge() {
         angle_gradient::<Dual>(moved).map(DualVector::rate)
     };
     let (a, b) = (direction(3), direction(9));
-    let moved = |part: f64| {
-        angle_gradient::<f64>(std::array::from_fn(|k| corners[k] + a[k] * part))
-    };
+    let moved =
+        |part: f64| angle_gradient::<f64>(std::array::from_fn(|k| corners[k] + a[k] * part));
     let step = 1e-7;
     let (before, after, found) = (moved(-step), moved(step), along(a));
     for k in 0..4 {

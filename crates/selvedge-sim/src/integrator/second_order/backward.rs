@@ -111,7 +111,13 @@ impl SecondOrder {
         add_states(&mut at_before, &slopes.base, -formula.weight);
         add(&mut at_start.velocities, &slopes.velocities, 1.0);
         add(&mut at_start.positions, &slopes.start, 1.0);
-        self.pull_between(system, formula.point, &slopes.targets, &mut at_start, pulled);
+        self.pull_between(
+            system,
+            formula.point,
+            &slopes.targets,
+            &mut at_start,
+            pulled,
+        );
         *pulled.state = at_start;
         *pulled.before = at_before;
         Ok(())

@@ -99,7 +99,11 @@ impl Elements {
             sums.gravity += *multiplier * (mass * at.dt);
         }
         self.pull_faces(residual, by, sums);
-        for (k, (corners, element)) in self.hinges.corners().zip(self.hinges.elements()).enumerate()
+        for (k, (corners, element)) in self
+            .hinges
+            .corners()
+            .zip(self.hinges.elements())
+            .enumerate()
         {
             let damping = self.hinges.damping(k);
             let push = Push::new(residual, &corners, damping);
@@ -132,7 +136,8 @@ impl Elements {
                 <[DVec3; 2]>::from(element.gradient(push.multipliers)),
                 <[DVec3; 2]>::from(element.gradient(push.w)),
             );
-            let strained = |u: DVec3, v: DVec3| [fu.dot(u), fv.dot(v), 0.5 * (fu.dot(v) + fv.dot(u))];
+            let strained =
+                |u: DVec3, v: DVec3| [fu.dot(u), fv.dot(v), 0.5 * (fu.dot(v) + fv.dot(u))];
             let form = Form {
                 strain: element.strain(places),
                 gamma: at.dt,
@@ -193,9 +198,8 @@ impl Elements {
         let slow = slow_air(density);
         let (t, ln, yn) = (n.dot(r), n.dot(l), n.dot(y));
         let through = factor * density * t.abs() - drag;
-        let by_t = 2.0 * density * t.abs() * ln
-            - drag * ln
-            - factor * density * t.signum() * yn * ln;
+        let by_t =
+            2.0 * density * t.abs() * ln - drag * ln - factor * density * t.signum() * yn * ln;
         let by_ln = density * t.abs() * t - drag * t - through * yn;
         let scale = at.dt * area;
         let by_r = (n * by_t + l * (drag + slow)) * scale;
@@ -209,8 +213,7 @@ impl Elements {
         }
         sums.wind += by_r;
         let slowly = slow_air(1.0) * (l.dot(r) - l.dot(y));
-        sums.air_density +=
-            scale * (t.abs() * t * ln + slowly - factor * t.abs() * yn * ln);
+        sums.air_density += scale * (t.abs() * t * ln + slowly - factor * t.abs() * yn * ln);
         sums.air_drag += scale * (l.dot(r) - t * ln + yn * ln - l.dot(y));
     }
 
