@@ -15,10 +15,10 @@ class Simulated(torch.autograd.Function):
         fabric = scene.material.to_dict()
         fabric |= {"stretch": stretch.tolist(), "bend": bend.tolist(), "density": density.item()}
         scene = scene.with_material(selvedge.Material.from_dict(fabric))
-        ctx.cloth = selvedge.Simulator(scene, start.numpy(), velocities.numpy())
+        ctx.cloth = selvedge.Simulator(scene, start.detach().numpy(), velocities.detach().numpy())
         ctx.cloth.record_gradient()
         frames = [ctx.cloth.state_positions()]
-        for frame in targets.numpy():
+        for frame in targets.detach().numpy():
             ctx.cloth.step(frame)
             frames.append(ctx.cloth.state_positions())
         return torch.from_numpy(np.stack(frames))

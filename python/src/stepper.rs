@@ -15,7 +15,8 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use selvedge::machine::Machine;
 use selvedge::{
-    Gradient, GradientSettings, HandleTargets, Network, RecordingEnd, Run, Snapshot as State, StepError, Trust, rounded,
+    Gradient, GradientSettings, HandleTargets, Network, RecordingEnd, Run, Snapshot as State,
+    StepError, Trust, rounded,
 };
 use selvedge_cloth::{Cloth, Stepper as MovesCloth};
 use selvedge_data::Playback;
@@ -432,14 +433,17 @@ impl Simulator {
                 ))),
             },
         };
-        let seeds = [seeds(&positions, "positions")?, seeds(&velocities, "velocities")?];
+        let seeds = [
+            seeds(&positions, "positions")?,
+            seeds(&velocities, "velocities")?,
+        ];
         let mut core = slf.as_super().get().free()?;
         let run = core.kind.run()?;
         let vertices = run.positions().len();
         let frames = run.solver().and_then(|solver| solver.recorded_frames());
         for (n, by) in seeds.iter().flatten() {
-            let expected = frames.map_or(0, |frames| frames + 1);
             let found = by.len() / n.max(&1);
+            let expected = frames.map_or(found, |frames| frames + 1);
             if *n != vertices || found != expected {
                 return Err(wrong(format!(
                     "derivatives must have the shape ({expected}, {vertices}, 3), one for each recorded frame and the start, found ({found}, {n}, 3)"
@@ -449,7 +453,9 @@ impl Simulator {
         let add = |frame: usize, into: &mut [DVec3], seed: &Option<(usize, Vec<DVec3>)>| {
             if let Some((n, seed)) = seed {
                 let of_frame = &seed[frame * n..(frame + 1) * n];
-                into.iter_mut().zip(of_frame).for_each(|(into, by)| *into += *by);
+                into.iter_mut()
+                    .zip(of_frame)
+                    .for_each(|(into, by)| *into += *by);
             }
         };
         let made = py.detach(|| {
@@ -476,7 +482,10 @@ fn gradient_dict<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let made = PyDict::new(py);
     made.set_item("positions", arrays::of_f64(py, &gradient.start.positions)?)?;
-    made.set_item("velocities", arrays::of_f64(py, &gradient.start.velocities)?)?;
+    made.set_item(
+        "velocities",
+        arrays::of_f64(py, &gradient.start.velocities)?,
+    )?;
     let frames = gradient.targets.len();
     let targets = gradient.targets.concat();
     let samples = targets.len() / (frames * handles).max(1);

@@ -64,7 +64,15 @@ def test_what_has_no_gradient_says_why(swung):
     cloth.record_gradient()
     with pytest.raises(ValueError, match=r"\(1, 36, 3\)"):
         cloth.backward(positions=np.zeros((3, 36, 3)))
-    touching = selvedge.Scene("tablecloth")
+    touching = selvedge.Scene.parse(
+        """
+name = "touching"
+mesh.generator = { kind = "square", vertices = 36, size = 1.0, seed = 1 }
+handles.label = "upper-corners"
+material = "gray-interlock"
+contact = {}
+"""
+    )
     cloth = selvedge.Simulator(touching, touching.positions)
     with pytest.raises(selvedge.SelvedgeError, match="remove `contact`"):
         cloth.record_gradient()

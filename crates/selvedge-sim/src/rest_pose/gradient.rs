@@ -154,7 +154,7 @@ impl Equilibrium {
                 .iter()
                 .map(|v| -pulled[*v as usize].dot(direction[*v as usize]))
                 .sum();
-            if !(curvature > 0.0) {
+            if curvature.is_nan() || curvature <= 0.0 {
                 break;
             }
             let step = size / curvature;

@@ -179,7 +179,8 @@ impl Simulator {
     /// Called before a step; hands what it began with to [`Self::end_recorded`].
     pub(super) fn begin_recorded(&mut self) -> Option<Begun> {
         let recording = self.recording.as_ref()?;
-        let is_first = recording.frames.len() % recording.settings.segment.max(1) == 0;
+        let segment = recording.settings.segment.max(1);
+        let is_first = recording.frames.len().is_multiple_of(segment);
         Some(Begun {
             snapshot: if is_first { self.snapshot() } else { None },
             holds: self.active.holds().to_vec(),
@@ -251,11 +252,10 @@ impl Simulator {
         let mut state = State::at_origin(vertices);
         let mut before = State::at_origin(vertices);
         let mut ask = |frame: usize, state: &mut State| {
-            let mut by = StateGradient::default();
-            (by.positions, by.velocities) = (
-                std::mem::take(&mut state.positions),
-                std::mem::take(&mut state.velocities),
-            );
+            let mut by = StateGradient {
+                positions: std::mem::take(&mut state.positions),
+                velocities: std::mem::take(&mut state.velocities),
+            };
             seed(frame, &mut by);
             let counts = [by.positions.len(), by.velocities.len()];
             match counts.into_iter().find(|found| *found != vertices) {

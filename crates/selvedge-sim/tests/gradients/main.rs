@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 mod differences;
+mod price;
 mod rest;
 #[allow(dead_code, reason = "other tests need the rest of them")]
 #[path = "../physics/scenes.rs"]

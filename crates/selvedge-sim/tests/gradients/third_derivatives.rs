@@ -65,10 +65,10 @@ fn a_stretched_face() {
         let step = 1e-6;
         let (before, after) = (product(-step), product(step));
         let found = third(&law, a, b);
-        for k in 0..3 {
-            let slope = (after[k] - before[k]) / (2.0 * step);
-            let error = found[k].distance(slope) / slope.length();
-            assert!(error < 1e-7, "{fabric} {k}: {error}");
+        for (found, (after, before)) in found.iter().zip(after.into_iter().zip(before)) {
+            let slope = (after - before) / (2.0 * step);
+            let error = found.distance(slope) / slope.length();
+            assert!(error < 1e-7, "{fabric}: {error}");
         }
         // The same in all orders of the three directions.
         let all = [[a, b, c], [b, a, c], [a, c, b], [c, b, a]];
@@ -100,9 +100,9 @@ fn the_angle_of_a_hinge() {
         |part: f64| angle_gradient::<f64>(std::array::from_fn(|k| corners[k] + a[k] * part));
     let step = 1e-7;
     let (before, after, found) = (moved(-step), moved(step), along(a));
-    for k in 0..4 {
-        let slope = (after[k] - before[k]) / (2.0 * step);
-        assert!(found[k].distance(slope) < 1e-6 * slope.length());
+    for (found, (after, before)) in found.iter().zip(after.into_iter().zip(before)) {
+        let slope = (after - before) / (2.0 * step);
+        assert!(found.distance(slope) < 1e-6 * slope.length());
     }
     let forms = [dot(along(a), b), dot(along(b), a)];
     assert!((forms[0] / forms[1] - 1.0).abs() < 1e-12, "{forms:?}");

@@ -243,9 +243,9 @@ impl SecondOrder {
         let by = &mut estimate;
         let is_held = |v: usize| self.held.contains(&VertexId(v as u32));
         if self.projection.project(stage.start, &mut places) {
-            for v in 0..count {
+            for (v, place) in places.iter().enumerate() {
                 let there = base.positions[v] + stage.velocities[v] * gamma;
-                if is_held(v) || places[v] != there {
+                if is_held(v) || *place != there {
                     let velocity = std::mem::take(&mut by.velocities[v]) / gamma;
                     by.positions[v] += velocity;
                     slopes.base.positions[v] -= velocity;
