@@ -36,7 +36,7 @@ const AUTOMATIC_TOLERANCE: f64 = 1e-7;
 const CONTACT_TOLERANCE: f64 = 3e-7;
 
 /// Speed `[m/s]` to which the right side of an adjoint solve is brought, whose tolerance is 1e-7 m/s.
-const ADJOINT_SPEED: f64 = 1e2;
+const ADJOINT_SPEED: f64 = 1e1;
 
 /// The system of a cloth, assembled and solved again and again.
 pub(crate) struct System {
@@ -256,8 +256,8 @@ impl System {
         }
     }
 
-    /// Solves A λ = `right` with the matrix of the last linearisation, `[vertices]`, to 1e-9 of the
-    /// change of velocity that `right` would give free masses. λ is 0 where held.
+    /// Solves A λ = `right` with the matrix of the last linearisation, `[vertices]`, to 1e-8 of the
+    /// change of velocity that `right` would give free masses, from the last λ on. λ is 0 where held.
     pub(crate) fn solve_adjoint(&mut self, right: &[DVec3]) -> Result<Vec<DVec3>, SolveError> {
         let mass = &self.elements.mass;
         let squares = right.iter().zip(mass).map(|(g, m)| g.length_squared() / m);
@@ -270,10 +270,11 @@ impl System {
         for (impulse, right) in self.impulses.iter_mut().zip(right) {
             *impulse = *right * scale;
         }
-        self.changes.fill(DVec3::ZERO);
-        self.forget_changes();
+        self.changes.iter_mut().for_each(|change| *change *= scale);
+        self.solved_span = 1.0;
         self.solve(1.0)?;
-        Ok(self.changes.iter().map(|change| *change / scale).collect())
+        self.changes.iter_mut().for_each(|change| *change /= scale);
+        Ok(self.changes.clone())
     }
 
     /// Keeps the solve linearised at `at`, the `first` of its stage, where someone wants it.

@@ -69,17 +69,14 @@ impl StretchEnergy {
         let constant = |[a, b, c]: [f64; 3]| [c0 * a + c1 * b, c2 * b + c1 * a, 2.0 * c3 * c];
         let [mut stress, mut by_w, mut along_w] = [strain, l, w].map(constant);
         let mut by_strain = [0.0; 3];
-        let ramps = self.ramps.iter().map(|ramp| {
+        let ramps = self.ramps.iter().enumerate().filter_map(|(k, ramp)| {
             let a = ramp.direction;
-            let rise = dot(a, strain).max(0.0);
+            let rise = dot(a, strain);
             let part = rise.min(SPAN);
             let unit = [part / SPAN, part / SPAN * (rise - 0.5 * part)];
-            (a, ramp.weight, unit, [dot(a, l), dot(a, w)])
+            (rise > 0.0).then(|| (k, a, ramp.weight, unit, [dot(a, l), dot(a, w)]))
         });
-        for (a, weight, [stiffness, slope], [along_l, with_w]) in ramps.clone() {
-            if slope == 0.0 {
-                continue;
-            }
+        for (_, a, weight, [stiffness, slope], [along_l, with_w]) in ramps.clone() {
             add(&mut stress, a, weight * slope);
             add(&mut by_w, a, weight * stiffness * along_l);
             add(&mut along_w, a, weight * stiffness * with_w);
@@ -99,7 +96,7 @@ impl StretchEnergy {
         let mut by_stress = tension.map(|t| t.rate);
         add(&mut by_stress, l, gamma);
         add(&mut by_strain, constant(by_stress), 1.0);
-        for (k, (a, weight, [stiffness, slope], [along_l, with_w])) in ramps.enumerate() {
+        for (k, a, weight, [stiffness, slope], [along_l, with_w]) in ramps {
             let along = dot(a, by_stress);
             add(&mut by_strain, a, weight * stiffness * along);
             sums.ramps[k] += scale * (slope * along + stiffness * along_l * with_w);
