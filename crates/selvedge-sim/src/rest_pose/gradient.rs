@@ -112,10 +112,10 @@ impl Equilibrium {
     fn pull(&mut self, multipliers: &[DVec3]) -> (Vec<DVec3>, Vec<DVec3>) {
         let mut by = State::at_origin(multipliers.len());
         let mut by_base = self.nothing.clone();
-        let (by_both, sums) = ((&mut by, &mut by_base[..]), &mut self.sums);
+        let by_all = (&mut by, &mut by_base[..], &mut self.sums);
         let (pose, nothing) = (&self.pose, &self.nothing);
         let system = &self.system;
-        let stiffness = system.pull_stage(1.0, nothing, pose, multipliers, by_both, sums);
+        let stiffness = system.pull_stage(1.0, nothing, pose, multipliers, by_all);
         let pulls = system.handle_vertices().iter().map(|vertex| {
             let pull = multipliers[vertex.index()] * stiffness;
             by.positions[vertex.index()] -= pull;

@@ -325,7 +325,7 @@ impl Simulator {
         let elements = solver.system.elements();
         let (materials, rest_angles) = elements.by_materials(&self.scene, &sums);
         Ok(Gradient {
-            before: recording.looks_back.then(|| StateGradient {
+            before: recording.looks_back.then_some(StateGradient {
                 positions: before.positions,
                 velocities: before.velocities,
             }),

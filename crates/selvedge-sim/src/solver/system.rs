@@ -292,8 +292,7 @@ impl System {
         velocities: &[DVec3],
         solve: &SolveTape,
         multipliers: &[DVec3],
-        (by, by_base): (&mut State, &mut [DVec3]),
-        sums: &mut ElementSums,
+        (by, by_base, sums): (&mut State, &mut [DVec3], &mut ElementSums),
     ) -> f64 {
         let residual = Residual {
             at: at_end(gamma, &solve.at),
@@ -312,8 +311,7 @@ impl System {
         start: &State,
         solve: &SolveTape,
         multipliers: &[DVec3],
-        by: &mut State,
-        sums: &mut ElementSums,
+        (by, sums): (&mut State, &mut ElementSums),
     ) -> f64 {
         let residual = Residual {
             at: at_start(self.air, dt, start, &self.driven),

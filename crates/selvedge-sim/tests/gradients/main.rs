@@ -1,5 +1,6 @@
 //! Gradients of the solver against central differences of whole runs.
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
+#![allow(clippy::print_stdout, reason = "the errors that were found")]
 
 mod differences;
 mod price;

@@ -318,8 +318,7 @@ impl Solved<'_> {
                 self.base,
                 solve,
                 &multipliers,
-                (by, by_base),
-                sums,
+                (by, by_base, sums),
             );
             for (vertex, by_target) in system.handle_vertices().iter().zip(&mut by_targets) {
                 let pull = multipliers[vertex.index()] * stiffness;
@@ -348,7 +347,7 @@ pub(crate) fn pull_euler(
     let multipliers = system.solve_adjoint(&right)?;
     // By positions, and by the velocities that lead exact handles to their targets.
     let mut by = zeros(start.positions.len());
-    let stiffness = system.pull_euler(dt, start, solve, &multipliers, &mut by, pulled.sums);
+    let stiffness = system.pull_euler(dt, start, solve, &multipliers, (&mut by, pulled.sums));
     add(&mut by.positions, &end.positions, 1.0);
     add(&mut by.velocities, &right, 1.0);
     let is_exact = system.constraint() == HandleConstraint::Exact;
