@@ -206,6 +206,14 @@ impl Material {
         Ok(Self { material })
     }
 
+    /// A material by its values, as `to_dict` has them.
+    #[staticmethod]
+    fn from_dict(values: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let material: ClothMaterial = json::from_python(values)?;
+        material.validate().map_err(told)?;
+        Ok(Self { material })
+    }
+
     /// Names of the shipped fabrics.
     #[staticmethod]
     fn names() -> Vec<&'static str> {

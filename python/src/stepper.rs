@@ -12,10 +12,11 @@ use glam::DVec3;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyRuntimeError, PyTypeError};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple};
+use pyo3::types::{PyDict, PyList, PyTuple};
 use selvedge::machine::Machine;
 use selvedge::{
-    HandleTargets, Network, RecordingEnd, Rigid, Run, Snapshot as State, StepError, Trust, rounded,
+    Gradient, GradientSettings, HandleTargets, Network, RecordingEnd, Rigid, Run, Snapshot as State,
+    StepError, Trust, rounded,
 };
 use selvedge_cloth::{Cloth, Stepper as MovesCloth};
 use selvedge_data::Playback;
@@ -459,6 +460,77 @@ impl Simulator {
         pickling::call(slf.py(), "_simulator", (scene, state))
     }
 
+    /// Records the steps from here on, so that `backward` can differentiate them; they keep their
+    /// bytes. `restore` and `reset` end the recording. Beyond `memory` bytes the oldest frames are
+    /// computed again.
+    ///
+    /// Raises `SelvedgeError` for a scene with contact, or a law that has no energy.
+    #[pyo3(signature = (memory=GradientSettings::default().memory))]
+    fn record_gradient(slf: &Bound<'_, Self>, memory: usize) -> PyResult<()> {
+        let settings = GradientSettings {
+            memory,
+            ..GradientSettings::default()
+        };
+        let mut core = slf.as_super().get().free()?;
+        core.kind.run()?.record_gradient(settings).map_err(raised)
+    }
+
+    /// The derivatives of a value of the recorded frames, a dictionary. `positions` (frames + 1, n, 3)
+    /// are the value's derivatives by the positions of each frame since `record_gradient`, the start
+    /// first, `velocities` those by the velocities. It has, all float64: `positions`, `velocities`
+    /// (n, 3) by the start; `targets` (frames, samples, handles, 3); `gravity`, `wind` (3,);
+    /// `air_density`, `air_drag`; `rest_angles` (edges,); and `materials`, a list of dictionaries
+    /// with `density`, `damping`, `stretch` (6, 4) and `bend` (3, 5).
+    #[pyo3(signature = (positions=None, velocities=None))]
+    fn backward<'py>(
+        slf: &Bound<'py, Self>,
+        positions: Option<Numbers<'_>>,
+        velocities: Option<Numbers<'_>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let py = slf.py();
+        let seeds = |numbers: &Option<Numbers<'_>>, what: &str| match numbers {
+            None => Ok(None),
+            Some(numbers) => match numbers.shape() {
+                [_, n, 3] => Ok(Some((*n, arrays::triples(numbers)))),
+                found => Err(wrong(format!(
+                    "{what} must have the shape (frames + 1, n, 3), found {found:?}"
+                ))),
+            },
+        };
+        let seeds = [
+            seeds(&positions, "positions")?,
+            seeds(&velocities, "velocities")?,
+        ];
+        let mut core = slf.as_super().get().free()?;
+        let run = core.kind.run()?;
+        let vertices = run.positions().len();
+        let frames = run.solver().and_then(|solver| solver.recorded_frames());
+        for (n, by) in seeds.iter().flatten() {
+            let found = by.len() / n.max(&1);
+            let expected = frames.map_or(found, |frames| frames + 1);
+            if *n != vertices || found != expected {
+                return Err(wrong(format!(
+                    "derivatives must have the shape ({expected}, {vertices}, 3), one for each recorded frame and the start, found ({found}, {n}, 3)"
+                )));
+            }
+        }
+        let add = |frame: usize, into: &mut [DVec3], seed: &Option<(usize, Vec<DVec3>)>| {
+            if let Some((n, seed)) = seed {
+                let of_frame = &seed[frame * n..(frame + 1) * n];
+                into.iter_mut()
+                    .zip(of_frame)
+                    .for_each(|(into, by)| *into += *by);
+            }
+        };
+        let made = py.detach(|| {
+            run.backward(&mut |frame, by| {
+                add(frame, &mut by.positions, &seeds[0]);
+                add(frame, &mut by.velocities, &seeds[1]);
+            })
+        });
+        gradient_dict(py, made.map_err(raised)?, slf.as_super().get().handles.len())
+    }
+
     /// Kinetic energy [J].
     #[getter]
     fn kinetic_energy(slf: &Bound<'_, Self>) -> PyResult<f64> {
@@ -488,6 +560,46 @@ pub(crate) fn _simulator(scene: &Bound<'_, Scene>, state: &str) -> PyResult<Py<S
         scene.py(),
         Simulator::begun(scene, Some(state), made, None)?,
     )
+    }
+
+/// A gradient as a dictionary of arrays.
+fn gradient_dict<'py>(
+    py: Python<'py>,
+    gradient: Gradient,
+    handles: usize,
+) -> PyResult<Bound<'py, PyDict>> {
+    let made = PyDict::new(py);
+    made.set_item("positions", arrays::of_f64(py, &gradient.start.positions)?)?;
+    made.set_item(
+        "velocities",
+        arrays::of_f64(py, &gradient.start.velocities)?,
+    )?;
+    let frames = gradient.targets.len();
+    let targets = gradient.targets.concat();
+    let samples = targets.len() / (frames * handles).max(1);
+    let targets = arrays::flat_f64(&targets).to_vec().into_pyarray(py);
+    made.set_item("targets", targets.reshape([frames, samples, handles, 3])?)?;
+    for (name, vector) in [("gravity", gradient.gravity), ("wind", gradient.wind)] {
+        made.set_item(name, vector.to_array().to_vec().into_pyarray(py))?;
+    }
+    made.set_item("air_density", gradient.air_density)?;
+    made.set_item("air_drag", gradient.air_drag)?;
+    made.set_item("rest_angles", gradient.rest_angles.into_pyarray(py))?;
+    let table = |flat: &[f64], columns: usize| {
+        let rows = flat.len() / columns;
+        flat.to_vec().into_pyarray(py).reshape([rows, columns])
+    };
+    let materials = PyList::empty(py);
+    for material in &gradient.materials {
+        let by = PyDict::new(py);
+        by.set_item("density", material.density)?;
+        by.set_item("damping", material.damping)?;
+        by.set_item("stretch", table(material.stretch.as_flattened(), 4)?)?;
+        by.set_item("bend", table(material.bend.as_flattened(), 5)?)?;
+        materials.append(by)?;
+    }
+    made.set_item("materials", materials)?;
+    Ok(made)
 }
 
 fn physics_of<R>(

@@ -228,21 +228,61 @@ impl HandleTargets {
     /// no handles.
     #[must_use]
     pub fn at(&self, handle: usize, fraction: f64, start: DVec3) -> DVec3 {
-        let handles = self.handle_count;
-        assert!(handle < handles, "handle {handle} of {handles} handles");
-        let count = self.samples.len() / self.handle_count;
         let sample = |k: usize| match k {
             0 => start,
             k => self.samples[(k - 1) * self.handle_count + handle],
         };
-        let place = (fraction.clamp(0.0, 1.0) * count as f64).min(count as f64);
+        match self.place(handle, fraction) {
+            (on, 0.0) => sample(on),
+            (before, part) => sample(before).lerp(sample(before + 1), part),
+        }
+    }
+
+    /// The sample before `fraction`, counted from 1, 0 for the start, and the part of the way to the
+    /// next.
+    fn place(&self, handle: usize, fraction: f64) -> (usize, f64) {
+        let handles = self.handle_count;
+        assert!(handle < handles, "handle {handle} of {handles} handles");
+        let count = self.sample_count() as f64;
+        let place = (fraction.clamp(0.0, 1.0) * count).min(count);
         // A substep that falls on a sample reads it without rounding.
         let nearest = place.round();
-        if (place - nearest).abs() < 1e-9 {
-            return sample(nearest as usize);
+        match (place - nearest).abs() < 1e-9 {
+            true => (nearest as usize, 0.0),
+            false => (place.floor() as usize, place - place.floor()),
         }
-        let before = place.floor() as usize;
-        sample(before).lerp(sample(before + 1), place - place.floor())
+    }
+
+    /// Number of times in the frame; 0 without handles.
+    #[must_use]
+    pub fn sample_count(&self) -> usize {
+        self.samples.len() / self.handle_count.max(1)
+    }
+
+    /// Adds what a derivative `by` the target of [`Self::at`] is by the samples to `by_samples`,
+    /// `[samples, handles]`; returns what it is by the start.
+    ///
+    /// # Panics
+    /// As for [`Self::at`].
+    pub fn pull_back(
+        &self,
+        handle: usize,
+        fraction: f64,
+        by: DVec3,
+        by_samples: &mut [DVec3],
+    ) -> DVec3 {
+        let (before, part) = self.place(handle, fraction);
+        let mut by_start = DVec3::ZERO;
+        for (sample, weight) in [(before, 1.0 - part), (before + 1, part)] {
+            match sample.checked_sub(1) {
+                None => by_start += by * weight,
+                Some(k) if weight > 0.0 => {
+                    by_samples[k * self.handle_count + handle] += by * weight
+                }
+                Some(_) => {}
+            }
+        }
+        by_start
     }
 }
 

@@ -1,6 +1,6 @@
 //! The number of a law: one element's `f64`, or as many elements' side by side as the machine's
-//! vectors hold. The laws are written once, for both; the results are the same bits,
-//! since no product is fused with its sum.
+//! vectors hold, or either with its derivative. The laws are written once, for all; the results are
+//! the same bits, since no product is fused with its sum.
 //!
 //! Code over numbers has loops and functions that are always inlined, no closures: what is not
 //! inlined is compiled without the instructions of the vectors.
@@ -9,6 +9,10 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use glam::{DVec3, Vec3A};
 use pulp::Simd;
+
+pub use dual::{Dual, DualVector};
+
+mod dual;
 
 /// A number of a law.
 pub trait Number:

@@ -30,6 +30,7 @@
 //! | [`Snapshot`] | a state of a run, to go back to |
 //! | `Model` | a network with its name (feature `learned`) |
 //! | `Trajectory` | recorded frames, to write and to read (feature `files`) |
+//! | [`Gradient`] | derivatives of a value of a run ([`Run::backward`]) |
 //! | [`parts`] | meshes, materials, obstacles and motions, of which a scene is made in code |
 //! | [`HandleTargets`] | where the handles are led in the next frame |
 //! | [`Error`], [`StepError`] | why there is no run, and why there is no next frame |
@@ -90,6 +91,9 @@ pub use selvedge_cloth::{HandleTargets, Rigid, Snapshot, StepError, Stepper, Sto
 pub use selvedge_data::{Recording, RecordingEnd, Trajectory};
 #[cfg(feature = "learned")]
 pub use selvedge_guard::{Correction, Trust};
+pub use selvedge_sim::{
+    Gradient, GradientError, GradientSettings, MaterialGradient, StateGradient,
+};
 pub use through::{LetThrough, let_through};
 #[cfg(feature = "files")]
 pub use trajectory::{provenance, trajectory};
@@ -98,8 +102,8 @@ pub use trajectory::{provenance, trajectory};
 pub mod parts {
     pub use selvedge_cloth::generate;
     pub use selvedge_cloth::{
-        ContactSettings, Environment, Handles, Isotropic, Material, Mesh, Motion, Obstacle,
-        PhysicsSettings, Scene, bodies,
+        Compression, ContactSettings, Environment, Handles, Isotropic, Material, Mesh, Motion,
+        Obstacle, PhysicsSettings, Scene, bodies,
     };
 }
 

@@ -4,7 +4,7 @@
 use glam::DVec3;
 use selvedge_cloth::{HandleTargets, Scene};
 
-use crate::integrator::{History, SecondOrder};
+use crate::integrator::{History, Pulled, SecondOrder, SubstepTape, pull_euler};
 use crate::solver::{SolveError, System};
 use crate::state::State;
 
@@ -70,7 +70,24 @@ impl ActiveHandles {
             (Some(second_order), Some(history)) => {
                 second_order.advance(system, dt, targets, state, history)
             }
-            _ => system.advance(dt, state, targets),
+            _ => {
+                if let Some(tape) = &mut system.tape {
+                    tape.begin(dt, state, None, targets);
+                }
+                system.advance(dt, state, targets)
+            }
+        }
+    }
+
+    /// Takes a recorded substep backwards.
+    pub(crate) fn pull_back(
+        &mut self,
+        substep: &SubstepTape,
+        pulled: &mut Pulled<'_>,
+    ) -> Result<(), SolveError> {
+        match &mut self.second_order {
+            Some(formula) => formula.pull_back(&mut self.system, substep, pulled),
+            None => pull_euler(&mut self.system, substep, pulled),
         }
     }
 

@@ -76,6 +76,13 @@ pub use fit::{
     Dressed, FitError, FitProgress, Fitted, Untangled, dress, fit, sew_and_fit, untangle,
 };
 pub use integrator::SubstepCounts;
-pub use rest_pose::{RestPoseContent, SagError, SagProgress, SaggedRest, sag, sag_with_progress};
-pub use simulator::{Checkpoint, DividedFrames, Simulator, SimulatorError, StepStats};
+pub use rest_pose::{
+    RestGradient, RestPoseContent, SagError, SagProgress, SaggedRest, sag, sag_gradient,
+    sag_with_progress,
+};
+pub use simulator::{
+    Checkpoint, DividedFrames, Gradient, GradientError, GradientSettings, Simulator,
+    SimulatorError, StateGradient, StepStats,
+};
+pub use solver::MaterialGradient;
 pub use threads::Threads;

@@ -21,12 +21,15 @@ pub use error::SimulatorError;
 pub use frame::DividedFrames;
 pub(crate) use frame::Part;
 use frame::{FRAME, Snapshot};
+pub(crate) use gradient::check as check_gradient;
+pub use gradient::{Gradient, GradientError, GradientSettings, StateGradient};
 pub use selvedge_cloth::Checkpoint;
 
 mod checkpoint;
 mod contact;
 mod error;
 mod frame;
+mod gradient;
 mod stepping;
 
 /// A cloth that moves by its measured stiffness, gravity and air.
@@ -54,6 +57,8 @@ pub struct Simulator {
     stop: Stop,
     /// Contact, where the scene has it.
     contact: Option<Box<Contact>>,
+    /// The steps, where someone wants their gradient.
+    recording: Option<Box<gradient::Recording>>,
 }
 
 /// Work since the start, by what it came to.
@@ -116,6 +121,7 @@ impl Simulator {
             stop: Stop::default(),
             edges: WatchedEdges::new(&scene.mesh, &scene.handles),
             contact: Contact::of(scene, active.system.mass()).map(Box::new),
+            recording: None,
             scene: scene.clone(),
             active,
         })
@@ -260,6 +266,7 @@ impl Simulator {
                 source: HandleError::Count { expected, found },
             });
         }
+        self.stop_recording();
         self.save(FRAME);
         self.undo = None;
         self.update_wind();
@@ -316,6 +323,7 @@ impl Simulator {
         let mut active =
             ActiveHandles::new(&self.scene, holds).map_err(|error| error.at(self.frame + 1))?;
         active.system.stop_by(self.stop.clone());
+        active.system.tape = self.active.system.tape.as_ref().map(|_| Box::default());
         Ok(Some(std::mem::replace(&mut self.active, active)))
     }
 

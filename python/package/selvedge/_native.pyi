@@ -116,6 +116,9 @@ class Material:
     `Material(name_or_file)` opens a shipped fabric by its name, or a fabric of a TOML file."""
     def __new__(cls, name_or_file: _Path) -> Material: ...
     @staticmethod
+    def from_dict(values: Mapping[str, Any]) -> Material:
+        """A material by its values, as `to_dict` has them."""
+    @staticmethod
     def names() -> list[str]:
         """Names of the shipped fabrics."""
     @property
@@ -269,6 +272,21 @@ class Simulator(Stepper):
         """Positions of the state [m], (n, 3), a float64 copy."""
     def state_velocities(self) -> NDArray[np.float64]:
         """Velocities of the state [m/s], (n, 3), a float64 copy."""
+    def record_gradient(self, memory: int = 134217728) -> None:
+        """Records the steps from here on, so that `backward` can differentiate them; they keep their
+        bytes. `restore` and `reset` end the recording. Beyond `memory` bytes the oldest frames are
+        computed again.
+
+        Raises `SelvedgeError` for a scene with contact, or a law that has no energy."""
+    def backward(
+        self, positions: ArrayLike | None = None, velocities: ArrayLike | None = None
+    ) -> dict[str, Any]:
+        """The derivatives of a value of the recorded frames, a dictionary. `positions` (frames + 1, n, 3)
+        are the value's derivatives by the positions of each frame since `record_gradient`, the start
+        first, `velocities` those by the velocities. It has, all float64: `positions`, `velocities`
+        (n, 3) by the start; `targets` (frames, samples, handles, 3); `gravity`, `wind` (3,);
+        `air_density`, `air_drag`; `rest_angles` (edges,); and `materials`, a list of dictionaries
+        with `density`, `damping`, `stretch` (6, 4) and `bend` (3, 5)."""
     @property
     def kinetic_energy(self) -> float:
         """Kinetic energy [J]."""

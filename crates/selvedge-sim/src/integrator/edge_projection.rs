@@ -12,6 +12,8 @@ use selvedge_cloth::{Mesh, VertexId};
 
 use crate::edges::{FreeEdge, free_edges};
 
+mod backward;
+
 /// Largest number of passes over the edges.
 const MOST_PASSES: usize = 6;
 
@@ -26,7 +28,7 @@ const BAND: f64 = 0.001;
 const OVER_RELAXATION: f64 = 1.5;
 
 /// The projection, with its workspaces. `[eq:projected-prediction]`
-pub(super) struct EdgeProjection {
+pub(crate) struct EdgeProjection {
     edges: Vec<FreeEdge>,
     /// Least and greatest squared lengths `[m²]`, `[edges]`.
     bands: Vec<[f64; 2]>,
@@ -63,6 +65,17 @@ impl EdgeProjection {
     /// Moves the `predicted` positions until edges are as long as at the `start`, but for their
     /// bands, or the passes are done; both `[m]`, `[vertices]`. Returns true if any moved.
     pub(super) fn project(&mut self, start: &[DVec3], predicted: &mut [DVec3]) -> bool {
+        self.project_telling(start, predicted, |_, _, _| ())
+    }
+
+    /// As [`Self::project`]; `tell` hears of each pass: where it began, the sums of its shifts, and
+    /// its weight.
+    fn project_telling(
+        &mut self,
+        start: &[DVec3],
+        predicted: &mut [DVec3],
+        mut tell: impl FnMut(&[DVec3], &[DVec3], f64),
+    ) -> bool {
         let _span = tracing::trace_span!("prediction").entered();
         for (limits, edge) in self.bands.iter_mut().zip(&self.edges) {
             let [a, b] = edge.ends;
@@ -76,6 +89,7 @@ impl EdgeProjection {
             if !self.pass(predicted, weight) {
                 return pass > 0;
             }
+            tell(&self.before, &self.shifts, weight);
             let first = if pass == 0 { 2.0 } else { 1.0 };
             weight = 4.0 / (4.0 - first * RADIUS * RADIUS * weight);
         }

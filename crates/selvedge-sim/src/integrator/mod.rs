@@ -4,8 +4,11 @@
 mod edge_projection;
 mod history;
 mod second_order;
+mod tape;
 mod two_step;
 
 pub(crate) use history::History;
 pub use history::SubstepCounts;
 pub(crate) use second_order::SecondOrder;
+pub(crate) use second_order::backward::{Pulled, pull_euler};
+pub(crate) use tape::{SolveTape, SubstepTape, Tape};

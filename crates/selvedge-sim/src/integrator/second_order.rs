@@ -19,6 +19,8 @@ use crate::edges::WatchedEdges;
 use crate::solver::{SolveError, System};
 use crate::state::State;
 
+pub(crate) mod backward;
+
 /// Largest change of an edge's stretch l/l₀ from the start of a substep to its prediction.
 const MOST_CHANGE: f64 = 0.1;
 /// Largest change of an edge's stretch in the last solve of a stage. With 0.1 a caught sheet of denim
@@ -128,6 +130,10 @@ impl SecondOrder {
         history: &mut History,
     ) -> Result<(), SolveError> {
         let looks_back = history.fits(dt);
+        if let Some(tape) = &mut system.tape {
+            let before = looks_back.then_some(&history.before);
+            tape.begin(dt, state, before, targets);
+        }
         let mut substep = Substep {
             system,
             dt,
@@ -147,6 +153,9 @@ impl SecondOrder {
         }
         history.keep(state, dt);
         history.counts.fell_back += 1;
+        if let Some(tape) = &mut system.tape {
+            tape.fall_back();
+        }
         self.base.copy_from(state);
         system.advance(dt, state, targets)?;
         let [from, to] = [&self.base, &*state].map(|state| &state.positions);
@@ -427,6 +436,7 @@ impl SecondOrder {
         for solve in 1..=MOST_SOLVES {
             system.linearise(gamma, &self.base.velocities, &self.predicted, targets);
             system.solve(span)?;
+            system.record(solve == 1, &self.predicted);
             self.estimate.copy_from(&self.predicted);
             system.apply(gamma, &self.predicted, &mut self.estimate);
             self.estimate.check_finite()?;

@@ -58,6 +58,17 @@ impl TwoStep {
         end - ((end - start) / self.new_rate - (start - before) * old_rate)
     }
 
+    /// Derivatives of [`Self::before`] by the end, the start and the y' of the start.
+    pub(super) fn before_weights(&self) -> [f64; 3] {
+        let (rate, old_rate) = (1.0 / self.new_rate, (1.0 - self.new_rate) / self.new_rate);
+        [1.0 - rate, rate + old_rate, -old_rate]
+    }
+
+    /// The lag of [`Self::first_before`], in substeps.
+    pub(super) fn lag(&self) -> f64 {
+        self.lag
+    }
+
     /// The y' after a substep from `start` to `end` by another formula, `change` the rate at its
     /// end times Δt. The rates of this formula lag behind those of its states, all alike where the
     /// acceleration is constant; the mean rate of the substep lags by half of it.

@@ -14,7 +14,7 @@ use glam::{DVec2, DVec3};
 use selvedge_cloth::geometry::{atan2, dihedral_angle};
 use selvedge_cloth::{BendTable, EdgeSide, ElasticLaw, FaceId};
 
-use crate::laws::number::{Number, Vector, direction};
+use crate::laws::number::{Dual, DualVector, Number, Vector, direction};
 
 /// An interior edge's rest shape and its row of the material's table.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -213,14 +213,96 @@ impl<N: Number> BendElement<N> {
 
 /// Row of the table for an edge in this direction, folded into 0 to 90° from the course axis.
 fn stiffness_along(table: &BendTable, along: DVec2) -> [f64; 5] {
-    let direction = atan2(along.y.abs(), along.x.abs());
-    let place = (direction / std::f64::consts::FRAC_PI_4).clamp(0.0, 2.0);
-    let low = (place as usize).min(1);
-    let between = place - low as f64;
+    let (low, between) = row_place(along);
     let rows = &table.0;
     std::array::from_fn(|column| {
         (1.0 - between) * rows[low][column] + between * rows[low + 1][column]
     })
+}
+
+/// The lower row for an edge in this direction, and the weight of the next.
+fn row_place(along: DVec2) -> (usize, f64) {
+    let direction = atan2(along.y.abs(), along.x.abs());
+    let place = (direction / std::f64::consts::FRAC_PI_4).clamp(0.0, 2.0);
+    let low = (place as usize).min(1);
+    (low, place - low as f64)
+}
+
+/// Adds to `by_table` what derivatives by the stiffness of an edge in this direction are by the
+/// entries of the table.
+pub(crate) fn pull_stiffness(along: DVec2, by_stiffness: [f64; 5], by_table: &mut BendTable) {
+    let (low, between) = row_place(along);
+    for (column, by) in by_stiffness.into_iter().enumerate() {
+        by_table.0[low][column] += (1.0 - between) * by;
+        by_table.0[low + 1][column] += between * by;
+    }
+}
+
+/// Derivatives of λᵀ(γ F - (-J) w) of a hinge, F its force and J its Jacobian, by positions and by w.
+pub(crate) struct BendSlopes {
+    pub(crate) by_places: [DVec3; 4],
+    pub(crate) by_w: [DVec3; 4],
+    /// By the stiffness of the element.
+    pub(crate) by_stiffness: [f64; 5],
+    /// By the rest angle.
+    pub(crate) by_rest_angle: f64,
+}
+
+impl BendElement {
+    /// The derivatives of λᵀ(γ F - (-J) w) by [`ElasticLaw::Energy`] at these corners. The stiffness is
+    /// piecewise linear in the curvature, and differentiated so.
+    pub(crate) fn slopes(
+        &self,
+        gamma: f64,
+        corners: [DVec3; 4],
+        multipliers: [DVec3; 4],
+        w: [DVec3; 4],
+    ) -> BendSlopes {
+        let at = self.respond_by_energy(corners);
+        let (along_l, along_w) = (at.rate(multipliers), at.rate(w));
+        let scale = self.length * self.length / (4.0 * self.area);
+        let to_curvature = 0.1 * self.length / self.area;
+        let curvature = at.angle.abs() * to_curvature;
+        let low = (curvature as usize).min(COLUMNS - 2);
+        let part = (curvature - low as f64).min(1.0);
+        let mut weights = [0.0; COLUMNS];
+        (weights[low], weights[low + 1]) = (1.0 - part, part);
+        let mut rises = [0.0; COLUMNS];
+        let is_within = curvature < (COLUMNS - 1) as f64;
+        if is_within {
+            (rises[low], rises[low + 1]) = (-1.0, 1.0);
+        }
+        let slope = match is_within {
+            true => self.stiffness[low + 1] - self.stiffness[low],
+            false => 0.0,
+        };
+        // Where the stiffness falls faster than the curvature grows the tangent is cut off at 0.
+        let is_cut = at.tangent <= 0.0;
+        let growth = 2.0 * slope * to_curvature * at.angle.signum() * scale;
+        let (exact, growth) = match is_cut {
+            true => (at.stiffness + curvature * slope * scale, 0.0),
+            false => (at.tangent, growth),
+        };
+        let by_angle = -along_l * (gamma * exact + growth * along_w);
+        let torque = gamma * at.stiffness * at.angle + at.tangent * along_w;
+        let by_gradient: [DVec3; 4] =
+            std::array::from_fn(|k| -(multipliers[k] * torque + w[k] * (along_l * at.tangent)));
+        // The gradient's own derivative is symmetric: that along `by_gradient` is what it has to give.
+        let moved = std::array::from_fn(|k| DualVector::new(corners[k], by_gradient[k]));
+        let turned = angle_gradient::<Dual>(moved);
+        BendSlopes {
+            by_places: std::array::from_fn(|k| turned[k].rate() + at.gradient[k] * by_angle),
+            by_w: at.gradient.map(|g| g * (-along_l * at.tangent)),
+            by_stiffness: std::array::from_fn(|j| {
+                let tangent = match is_cut {
+                    true => 0.0,
+                    false => weights[j] + curvature * rises[j],
+                };
+                -along_l * scale * (gamma * at.angle * weights[j] + along_w * tangent)
+            }),
+            by_rest_angle: -by_angle,
+        }
+    }
 }
 
 /// θ - θ₀ in [-π, π]: the shorter way round, so that a hinge that rests folded does not jump where

@@ -12,8 +12,10 @@
 //! stress and tangent are exact. C and w are the least-squares fit to the measured
 //! stress. `[eq:stretch-energy]`
 
+mod backward;
 mod fit;
 
+pub(crate) use backward::{EnergySums, Form};
 use selvedge_cloth::StretchTable;
 
 use crate::laws::number::Number;

@@ -55,15 +55,39 @@ fn principal(strain: Strain) -> (f64, f64) {
 
 /// Stiffness at an eigenvalue of C and a direction (part of π), linear between the rows.
 fn between_rows(table: &StretchTable, largest: f64, direction: f64) -> [f64; 4] {
-    let weight = (6.0 * (largest.max(0.0).sqrt() - 1.0)).clamp(0.0, 1.0 - ROW_MARGIN);
-    let angle = (8.0 * direction).clamp(0.0, 4.0 - ROW_MARGIN);
+    let (weight, low, between) = row_place(largest, direction);
     let rows = &table.0;
-    let low = angle as usize;
-    let between = angle - low as f64;
     std::array::from_fn(|column| {
         let strained = (1.0 - between) * rows[1 + low][column] + between * rows[2 + low][column];
         2.0 * ((1.0 - weight) * rows[0][column] + weight * strained).max(0.0)
     })
+}
+
+/// Weight of the strained rows, the lower one of the two, and the weight of the other.
+fn row_place(largest: f64, direction: f64) -> (f64, usize, f64) {
+    let weight = (6.0 * (largest.max(0.0).sqrt() - 1.0)).clamp(0.0, 1.0 - ROW_MARGIN);
+    let angle = (8.0 * direction).clamp(0.0, 4.0 - ROW_MARGIN);
+    let low = angle as usize;
+    (weight, low, angle - low as f64)
+}
+
+/// Adds to `by_table` the derivatives by the entries of `table`, from those by its stiffness at
+/// `strain`, the inverse of [`measured_stiffness`].
+pub(crate) fn pull_stiffness(
+    table: &StretchTable,
+    strain: Strain,
+    by_stiffness: [f64; 4],
+    by_table: &mut StretchTable,
+) {
+    let (largest, direction) = principal(strain);
+    let (weight, low, between) = row_place(largest, direction);
+    let stiffness = between_rows(table, largest, direction);
+    for column in (0..4).filter(|column| stiffness[*column] > 0.0) {
+        let by = 2.0 * by_stiffness[column];
+        by_table.0[0][column] += by * (1.0 - weight);
+        by_table.0[1 + low][column] += by * weight * (1.0 - between);
+        by_table.0[2 + low][column] += by * weight * between;
+    }
 }
 
 /// `value` in the precision of a single-precision absolute value of ARCSim.

@@ -10,6 +10,7 @@
 
 mod anderson;
 mod equilibrium;
+mod gradient;
 mod last_step;
 mod start;
 
@@ -25,6 +26,7 @@ use serde::Serialize;
 use thiserror::Error;
 
 use equilibrium::find_equilibrium;
+pub use gradient::{RestGradient, sag_gradient};
 use start::{bulged, scene_at_start};
 
 /// Version of the laws and of the search. To be raised with every change that moves a rest pose,

@@ -166,6 +166,9 @@ impl Simulator {
             contact.forget_received();
             contact.take_back(&self.state.positions);
         }
+        if let Some(tape) = &mut self.active.system.tape {
+            tape.substeps.clear();
+        }
         let mut finest = substeps;
         // Parts of the frame that are done, and how many of their length it has.
         let (mut done, mut parts) = (0, substeps);

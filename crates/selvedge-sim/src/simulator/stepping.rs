@@ -34,6 +34,7 @@ impl Stepper for Simulator {
     fn step(&mut self, targets: &HandleTargets) -> Result<(), StepError> {
         self.undo = None;
         check_target_count(self, targets)?;
+        let begun = self.begin_recorded();
         let before = self.change_active(targets)?;
         self.update_wind();
         self.save(FRAME);
@@ -55,6 +56,7 @@ impl Stepper for Simulator {
             contact.arrive();
             contact.note_released(self.frame);
         }
+        self.end_recorded(begun, targets);
         Ok(())
     }
 
@@ -175,6 +177,7 @@ impl Simulator {
 impl Correctable for Simulator {
     fn replace_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
         self.check_frame(self.frame, positions)?;
+        self.stop_recording();
         let rate = self.scene.frame_rate;
         // Part of the frame that had passed before the last substep.
         let passed = 1.0 - self.history.last_substep().unwrap_or(0.0) * rate;
@@ -194,6 +197,7 @@ impl Correctable for Simulator {
 
     fn take_frame(&mut self, positions: &[Vec3]) -> Result<(), StepError> {
         self.check_frame(self.frame + 1, positions)?;
+        self.stop_recording();
         self.undo = None;
         let rate = self.scene.frame_rate;
         let [x, v] = self.state.both_mut();
@@ -218,6 +222,7 @@ impl Correctable for Simulator {
         let Some(active) = self.undo.take() else {
             return;
         };
+        self.stop_recording();
         self.put_back(FRAME);
         if let Some(active) = active {
             self.active = active;

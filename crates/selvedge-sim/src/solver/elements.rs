@@ -17,6 +17,8 @@ use crate::solver::faces::{Faces, Setting};
 use crate::solver::hinges::{Hinge, Hinges};
 use crate::threads::Threads;
 
+pub(crate) mod backward;
+
 /// A law for each material.
 enum StretchLaws {
     Energy(Vec<StretchEnergy>),

@@ -160,6 +160,11 @@ impl Hinges {
         lanes.take(self.count)
     }
 
+    /// Damping of a hinge `[s]`.
+    pub(crate) fn damping(&self, hinge: usize) -> f64 {
+        self.groups[hinge / GROUP].damping[hinge % GROUP]
+    }
+
     pub(crate) fn response(&self, hinge: usize) -> HingeResponse {
         HingeResponse::of(of_lane(&self.responses[hinge / GROUP], hinge % GROUP))
     }

@@ -21,6 +21,8 @@ mod woven;
 use selvedge_cloth::{StepError, VertexId};
 use thiserror::Error;
 
+pub use elements::backward::MaterialGradient;
+pub(crate) use elements::backward::{ElementSums, Residual};
 pub(crate) use system::System;
 
 #[derive(Clone, Debug, Error, PartialEq)]

@@ -15,13 +15,14 @@ use selvedge_cloth::{
 };
 
 use crate::contact::Touches;
+use crate::integrator::{SolveTape, Tape};
 use crate::laws::external::AirResistance;
-use crate::solver::SolveError;
 use crate::solver::conjugate_gradients::ConjugateGradients;
 use crate::solver::direct::{Complete, Coupling, Direct, Springs};
 use crate::solver::elements::{Elements, Linearisation};
 use crate::solver::ordering::Ordering;
 use crate::solver::pattern::Pattern;
+use crate::solver::{ElementSums, Residual, SolveError};
 use crate::state::State;
 use crate::threads::Threads;
 
@@ -33,6 +34,9 @@ pub(crate) const HANDLE_STIFFNESS: f64 = 1e3;
 const AUTOMATIC_TOLERANCE: f64 = 1e-7;
 /// The same in second order with contact, whose systems are harder to solve.
 const CONTACT_TOLERANCE: f64 = 3e-7;
+
+/// Speed `[m/s]` to which the right side of an adjoint solve is brought, whose tolerance is 1e-7 m/s.
+const ADJOINT_SPEED: f64 = 1e1;
 
 /// The system of a cloth, assembled and solved again and again.
 pub(crate) struct System {
@@ -58,6 +62,8 @@ pub(crate) struct System {
     /// Pairs that push in the solves that follow.
     pub(crate) touches: Touches,
     repeated: Repeated,
+    /// What the substeps leave for their derivatives, where someone wants them.
+    pub(crate) tape: Option<Box<Tape>>,
 }
 
 /// Parts that a solve repeated from the same start has in common with the last one.
@@ -128,6 +134,7 @@ impl System {
             solved_span: 0.0,
             touches: Touches::default(),
             repeated: Repeated::default(),
+            tape: None,
         })
     }
 
@@ -205,18 +212,7 @@ impl System {
                 self.driven[v] = (*target - state.positions[v]) / dt;
             }
         }
-        let at = Linearisation {
-            dt,
-            ahead: dt,
-            positions: &state.positions,
-            rates: &self.driven,
-            air_velocities: match self.air {
-                AirLaw::Explicit => &state.velocities,
-                AirLaw::Implicit => &self.driven,
-            },
-            stiffening: false,
-            air_resistance: self.air.into(),
-        };
+        let at = at_start(self.air, dt, state, &self.driven);
         self.elements.evaluate(self.threads, at, &mut self.impulses);
         self.push_springs(dt, targets, |v| {
             state.positions[v] + state.velocities[v] * dt
@@ -247,15 +243,7 @@ impl System {
             impulses: std::mem::take(&mut self.repeated.impulses),
             ..Repeated::default()
         };
-        let at = Linearisation {
-            dt: gamma,
-            ahead: 0.0,
-            positions: &now.positions,
-            rates: &now.velocities,
-            air_velocities: &now.velocities,
-            stiffening: true,
-            air_resistance: AirResistance::Tangent,
-        };
+        let at = at_end(gamma, now);
         self.elements.evaluate(self.threads, at, &mut self.impulses);
         for (v, impulse) in self.impulses.iter_mut().enumerate() {
             *impulse += (velocities[v] - now.velocities[v]) * self.elements.mass[v];
@@ -266,6 +254,95 @@ impl System {
             self.touches
                 .linearise(gamma, velocities.len(), place, &mut self.impulses);
         }
+    }
+
+    /// Solves A λ = `right` with the matrix of the last linearisation, `[vertices]`, to 1e-8 of the
+    /// change of velocity that `right` would give free masses, from the last λ on. λ is 0 where held.
+    pub(crate) fn solve_adjoint(&mut self, right: &[DVec3]) -> Result<Vec<DVec3>, SolveError> {
+        let mass = &self.elements.mass;
+        let squares = right.iter().zip(mass).map(|(g, m)| g.length_squared() / m);
+        let size = (squares.sum::<f64>() / mass.iter().sum::<f64>()).sqrt();
+        if size == 0.0 {
+            return Ok(vec![DVec3::ZERO; right.len()]);
+        }
+        // The tolerance of the solver is in m/s.
+        let scale = ADJOINT_SPEED / size;
+        for (impulse, right) in self.impulses.iter_mut().zip(right) {
+            *impulse = *right * scale;
+        }
+        self.changes.iter_mut().for_each(|change| *change *= scale);
+        self.solved_span = 1.0;
+        self.solve(1.0)?;
+        self.changes.iter_mut().for_each(|change| *change /= scale);
+        Ok(self.changes.clone())
+    }
+
+    /// Keeps the solve linearised at `at`, the `first` of its stage, where someone wants it.
+    pub(crate) fn record(&mut self, first: bool, at: &State) {
+        if let Some(tape) = &mut self.tape {
+            tape.solved(first, at, &self.changes);
+        }
+    }
+
+    /// Adds the derivatives of λᵀ(b - A Δv) of [`Self::linearise`] by where it is linearised and by
+    /// v̄ to those two, and by the elements to `sums`. Returns γ k of spring handles, else 0.
+    pub(crate) fn pull_stage(
+        &self,
+        gamma: f64,
+        velocities: &[DVec3],
+        solve: &SolveTape,
+        multipliers: &[DVec3],
+        (by, by_base, sums): (&mut State, &mut [DVec3], &mut ElementSums),
+    ) -> f64 {
+        let residual = Residual {
+            at: at_end(gamma, &solve.at),
+            base: Some(velocities),
+            changes: &solve.changes,
+            multipliers,
+        };
+        self.elements.pull_back(&residual, by, Some(by_base), sums);
+        self.spring(gamma)
+    }
+
+    /// The same of [`Self::assemble`], by positions and by the velocities that lead exact handles.
+    pub(crate) fn pull_euler(
+        &self,
+        dt: f64,
+        start: &State,
+        solve: &SolveTape,
+        multipliers: &[DVec3],
+        (by, sums): (&mut State, &mut ElementSums),
+    ) -> f64 {
+        let residual = Residual {
+            at: at_start(self.air, dt, start, &self.driven),
+            base: None,
+            changes: &solve.changes,
+            multipliers,
+        };
+        self.elements.pull_back(&residual, by, None, sums);
+        self.spring(dt)
+    }
+
+    fn spring(&self, dt: f64) -> f64 {
+        match self.constraint {
+            HandleConstraint::Exact => 0.0,
+            HandleConstraint::Spring => dt * HANDLE_STIFFNESS,
+        }
+    }
+
+    /// The elements.
+    pub(crate) fn elements(&self) -> &Elements {
+        &self.elements
+    }
+
+    /// Vertices of the active handles.
+    pub(crate) fn handle_vertices(&self) -> &[VertexId] {
+        self.handles.vertices()
+    }
+
+    /// How handles hold.
+    pub(crate) fn constraint(&self) -> HandleConstraint {
+        self.constraint
     }
 
     fn push_springs(&mut self, dt: f64, targets: &[DVec3], predicted: impl Fn(usize) -> DVec3) {
@@ -415,6 +492,7 @@ impl System {
     ) -> Result<(), SolveError> {
         self.assemble(dt, state, targets);
         self.solve(dt)?;
+        self.record(true, state);
         for &v in self.pattern.vertices() {
             let v = v as usize;
             let velocity = state.velocities[v] + self.changes[v];
@@ -443,6 +521,35 @@ impl System {
             state.velocities[v] = base.velocities[v] + self.changes[v];
             state.positions[v] = base.positions[v] + self.changes[v] * seconds;
         }
+    }
+}
+
+/// A linearisation at the start of a step over `dt` `[s]`.
+fn at_start<'a>(air: AirLaw, dt: f64, state: &'a State, driven: &'a [DVec3]) -> Linearisation<'a> {
+    Linearisation {
+        dt,
+        ahead: dt,
+        positions: &state.positions,
+        rates: driven,
+        air_velocities: match air {
+            AirLaw::Explicit => &state.velocities,
+            AirLaw::Implicit => driven,
+        },
+        stiffening: false,
+        air_resistance: air.into(),
+    }
+}
+
+/// A linearisation at an estimate of the end of a stage.
+fn at_end(gamma: f64, now: &State) -> Linearisation<'_> {
+    Linearisation {
+        dt: gamma,
+        ahead: 0.0,
+        positions: &now.positions,
+        rates: &now.velocities,
+        air_velocities: &now.velocities,
+        stiffening: true,
+        air_resistance: AirResistance::Tangent,
     }
 }
 

@@ -7,7 +7,7 @@ use selvedge_cloth::geometry::sin_cos;
 
 use super::{Ramp, SPAN, StretchEnergy};
 use crate::laws::stretch::Strain;
-use crate::laws::stretch_table::measured_stiffness;
+use crate::laws::stretch_table::{measured_stiffness, pull_stiffness};
 
 /// Strain below which the error of the stress counts as at this strain: elsewhere it is relative to
 /// the strain.
@@ -30,18 +30,31 @@ pub(super) fn fit(table: &StretchTable) -> StretchEnergy {
         let ramps = Vec::new();
         return StretchEnergy { constant, ramps };
     }
+    let Fitted { terms, weights, .. } = fitted(table);
+    let (mut constant, mut ramps) = ([0.0; 4], Vec::new());
+    for (term, weight) in terms.iter().zip(weights) {
+        if weight > 0.0 {
+            term.add_to(&mut constant, &mut ramps, weight);
+        }
+    }
+    StretchEnergy { constant, ramps }
+}
+
+/// The least squares of a fit, and their solution.
+struct Fitted {
+    terms: Vec<Term>,
+    gram: Vec<f64>,
+    weights: Vec<f64>,
+}
+
+fn fitted(table: &StretchTable) -> Fitted {
     let terms = terms();
-    let samples = samples();
     let size = terms.len();
     let mut gram = vec![0.0; size * size];
     let mut right = vec![0.0; size];
-    let mut columns = vec![[0.0; 3]; size];
-    for strain in samples {
-        let weight = weight(strain);
-        for (column, term) in columns.iter_mut().zip(&terms) {
-            *column = mandel(term.stress(strain)).map(|s| s * weight);
-        }
-        let measured = mandel(measured_stress(table, strain)).map(|s| s * weight);
+    for strain in samples() {
+        let columns = columns(&terms, strain);
+        let measured = mandel(measured_stress(table, strain)).map(|s| s * weight(strain));
         for (row, a) in columns.iter().enumerate() {
             right[row] += dot(*a, measured);
             for (column, b) in columns.iter().enumerate() {
@@ -50,13 +63,76 @@ pub(super) fn fit(table: &StretchTable) -> StretchEnergy {
         }
     }
     let weights = non_negative_least_squares(&gram, &right);
-    let (mut constant, mut ramps) = ([0.0; 4], Vec::new());
-    for (term, weight) in terms.iter().zip(weights) {
-        if weight > 0.0 {
-            term.add_to(&mut constant, &mut ramps, weight);
-        }
+    Fitted {
+        terms,
+        gram,
+        weights,
     }
-    StretchEnergy { constant, ramps }
+}
+
+/// Weighted stresses of all terms at a sample.
+fn columns(terms: &[Term], strain: Strain) -> Vec<[f64; 3]> {
+    let weight = weight(strain);
+    let columns = terms.iter();
+    columns
+        .map(|term| mandel(term.stress(strain)).map(|s| s * weight))
+        .collect()
+}
+
+/// Derivatives by the entries of `table`, from those by the numbers of the energy that was fitted to
+/// it: the terms that have a weight keep having one.
+pub(super) fn pull_back(
+    table: &StretchTable,
+    by_constant: [f64; 4],
+    by_ramps: &[f64],
+) -> StretchTable {
+    let mut by_table = StretchTable([[0.0; 4]; 6]);
+    if constant(table).is_some() {
+        let row: [f64; 4] = std::array::from_fn(|k| match table.0[0][k] > 0.0 {
+            true => by_constant[k] / 3.0,
+            false => 0.0,
+        });
+        by_table.0 = [row; 6];
+        return by_table;
+    }
+    let Fitted {
+        terms,
+        gram,
+        weights,
+    } = fitted(table);
+    let free: Vec<usize> = (0..terms.len()).filter(|k| weights[*k] > 0.0).collect();
+    let mut ramps = by_ramps.iter();
+    let [c0, c1, c2, c3] = by_constant;
+    let mut by_weights = vec![0.0; terms.len()];
+    for &k in &free {
+        by_weights[k] = match &terms[k] {
+            Term::Constant(None) => c3,
+            Term::Constant(Some([a0, a1])) => c0 * a0 * a0 + c1 * a0 * a1 + c2 * a1 * a1,
+            Term::Ramp(direction) => ramps.by_ref().take(mirrored(*direction).count()).sum(),
+        };
+    }
+    let Some(multipliers) = solve_free(&gram, &by_weights, &free) else {
+        return by_table;
+    };
+    for strain in samples() {
+        let columns = columns(&terms, strain);
+        let mut by_stress = [0.0; 3];
+        for (&k, multiplier) in free.iter().zip(&multipliers) {
+            for (sum, entry) in by_stress.iter_mut().zip(columns[k]) {
+                *sum += multiplier * entry * weight(strain);
+            }
+        }
+        let Strain { uu, vv, uv } = strain;
+        let [by_uu, by_vv, by_uv] = by_stress;
+        let by_stiffness = [
+            by_uu * uu,
+            by_uu * vv + by_vv * uu,
+            by_vv * vv,
+            SQRT_2 * by_uv * uv,
+        ];
+        pull_stiffness(table, strain, by_stiffness, &mut by_table);
+    }
+    by_table
 }
 
 /// Stiffness of a fabric that is the same at all strains; none of one that changes, or whose

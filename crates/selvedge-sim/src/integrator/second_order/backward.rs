@@ -1,0 +1,371 @@
+//! A substep backwards: derivatives by its end become derivatives by its start.
+
+use glam::DVec3;
+use selvedge_cloth::{HandleConstraint, VertexId};
+
+use super::super::tape::{SolveTape, SubstepTape};
+use super::{START, SecondOrder};
+use crate::solver::{ElementSums, SolveError, System};
+use crate::state::State;
+
+/// Derivatives of a value that a substep leads to.
+#[derive(Debug)]
+pub(crate) struct Pulled<'a> {
+    /// By the state: at the end of the substep, then at its start.
+    pub(crate) state: &'a mut State,
+    /// By the state before that one.
+    pub(crate) before: &'a mut State,
+    /// By the targets of the active handles at its end, `[handles]`.
+    pub(crate) targets: &'a mut Vec<DVec3>,
+    pub(crate) sums: &'a mut ElementSums,
+}
+
+/// A stage backwards.
+struct Stage<'a> {
+    gamma: f64,
+    base: &'a State,
+    /// The velocities of its prediction.
+    velocities: &'a [DVec3],
+    /// Positions at the start of the substep.
+    start: &'a [DVec3],
+    targets: &'a [DVec3],
+    solves: &'a [SolveTape],
+}
+
+/// Derivatives by what a stage is made from.
+struct StageSlopes {
+    base: State,
+    velocities: Vec<DVec3>,
+    start: Vec<DVec3>,
+    targets: Vec<DVec3>,
+}
+
+fn zeros(count: usize) -> State {
+    State::at_origin(count)
+}
+
+/// `sum` += `by` · `factor`.
+fn add(sum: &mut [DVec3], by: &[DVec3], factor: f64) {
+    for (sum, by) in sum.iter_mut().zip(by) {
+        *sum += *by * factor;
+    }
+}
+
+fn add_states(sum: &mut State, by: &State, factor: f64) {
+    for (sum, by) in sum.both_mut().into_iter().zip(by.both()) {
+        add(sum, by, factor);
+    }
+}
+
+impl SecondOrder {
+    /// Takes a recorded substep backwards; `system` is that of its active handles.
+    pub(crate) fn pull_back(
+        &mut self,
+        system: &mut System,
+        substep: &SubstepTape,
+        pulled: &mut Pulled<'_>,
+    ) -> Result<(), SolveError> {
+        if substep.fell_back {
+            self.pull_fallback(system, substep, pulled)
+        } else if let Some(before) = &substep.before {
+            self.pull_look_back(system, substep, before, pulled)
+        } else {
+            self.pull_start(system, substep, pulled)
+        }
+    }
+
+    fn pull_look_back(
+        &mut self,
+        system: &mut System,
+        substep: &SubstepTape,
+        before: &State,
+        pulled: &mut Pulled<'_>,
+    ) -> Result<(), SolveError> {
+        let (formula, start) = (self.formula, &substep.start);
+        let count = start.positions.len();
+        let [by_end, by_start, by_before] = formula.before_weights();
+        let mut end = pulled.state.clone();
+        add_states(&mut end, pulled.before, by_end);
+        let (mut at_start, mut at_before) = (zeros(count), zeros(count));
+        add_states(&mut at_start, pulled.before, by_start);
+        add_states(&mut at_before, pulled.before, by_before);
+        for (vertex, target) in self.held.iter().zip(pulled.targets.iter_mut()) {
+            *target += std::mem::take(&mut end.positions[vertex.index()]);
+        }
+        let mut estimate = zeros(count);
+        add_states(&mut estimate, &end, 1.0 / formula.point);
+        add_states(&mut at_start, &end, 1.0 - 1.0 / formula.point);
+        let mut base = zeros(count);
+        base.extrapolate(start, before, formula.weight);
+        let targets = between(system, start, &substep.targets, formula.point);
+        let stage = Stage {
+            gamma: formula.gamma(substep.dt),
+            base: &base,
+            velocities: &start.velocities,
+            start: &start.positions,
+            targets: &targets,
+            solves: &substep.stages[0],
+        };
+        let slopes = self.pull_stage(system, &stage, estimate, pulled.sums)?;
+        add_states(&mut at_start, &slopes.base, 1.0 + formula.weight);
+        add_states(&mut at_before, &slopes.base, -formula.weight);
+        add(&mut at_start.velocities, &slopes.velocities, 1.0);
+        add(&mut at_start.positions, &slopes.start, 1.0);
+        self.pull_between(
+            system,
+            formula.point,
+            &slopes.targets,
+            &mut at_start,
+            pulled,
+        );
+        *pulled.state = at_start;
+        *pulled.before = at_before;
+        Ok(())
+    }
+
+    fn pull_start(
+        &mut self,
+        system: &mut System,
+        substep: &SubstepTape,
+        pulled: &mut Pulled<'_>,
+    ) -> Result<(), SolveError> {
+        let start = &substep.start;
+        let count = start.positions.len();
+        let gamma = START * substep.dt;
+        // The first estimate is where the last solve of the first stage leads.
+        let Some(last) = substep.stages[0].last() else {
+            return Ok(());
+        };
+        let mut first = last.at.clone();
+        add(&mut first.positions, &last.changes, gamma);
+        add(&mut first.velocities, &last.changes, 1.0);
+        let weight = (1.0 - START) / START - 1.0;
+        let mut base = zeros(count);
+        base.extrapolate(&first, start, weight);
+        // y' = end - change - (end - start - change) lag, change = (end - base) dt/γ.
+        let (lag, rate) = (self.formula.lag(), (1.0 - self.formula.lag()) / START);
+        let mut end = pulled.state.clone();
+        add_states(&mut end, pulled.before, 1.0 - lag - rate);
+        let mut at_start = zeros(count);
+        add_states(&mut at_start, pulled.before, lag);
+        let second = Stage {
+            gamma,
+            base: &base,
+            velocities: &first.velocities,
+            start: &start.positions,
+            targets: &substep.targets,
+            solves: &substep.stages[1],
+        };
+        let mut slopes = self.pull_stage(system, &second, end, pulled.sums)?;
+        add_states(&mut slopes.base, pulled.before, rate);
+        add(&mut at_start.positions, &slopes.start, 1.0);
+        add(pulled.targets, &slopes.targets, 1.0);
+        let mut estimate = zeros(count);
+        add_states(&mut estimate, &slopes.base, 1.0 + weight);
+        add_states(&mut at_start, &slopes.base, -weight);
+        add(&mut estimate.velocities, &slopes.velocities, 1.0);
+        let targets = between(system, start, &substep.targets, START);
+        let stage = Stage {
+            gamma,
+            base: start,
+            velocities: &start.velocities,
+            start: &start.positions,
+            targets: &targets,
+            solves: &substep.stages[0],
+        };
+        let slopes = self.pull_stage(system, &stage, estimate, pulled.sums)?;
+        add_states(&mut at_start, &slopes.base, 1.0);
+        add(&mut at_start.velocities, &slopes.velocities, 1.0);
+        add(&mut at_start.positions, &slopes.start, 1.0);
+        self.pull_between(system, START, &slopes.targets, &mut at_start, pulled);
+        *pulled.state = at_start;
+        *pulled.before = zeros(count);
+        Ok(())
+    }
+
+    /// Backward Euler, and solves of its equations from where it led. Its start is the state before.
+    fn pull_fallback(
+        &mut self,
+        system: &mut System,
+        substep: &SubstepTape,
+        pulled: &mut Pulled<'_>,
+    ) -> Result<(), SolveError> {
+        let count = substep.start.positions.len();
+        let mut at_start = std::mem::replace(pulled.before, zeros(count));
+        if let Some(solves) = substep.stages.get(1) {
+            let mut base = vec![DVec3::ZERO; count];
+            let solved = Solved {
+                gamma: substep.dt,
+                base: &substep.start.velocities,
+                targets: &substep.targets,
+                solves,
+            };
+            let by_targets = solved.pull_back(system, pulled.state, &mut base, pulled.sums)?;
+            add(&mut at_start.velocities, &base, 1.0);
+            add(pulled.targets, &by_targets, 1.0);
+        }
+        pull_euler(system, substep, pulled)?;
+        add_states(pulled.state, &at_start, 1.0);
+        Ok(())
+    }
+
+    /// A stage backwards, from derivatives by its `estimate`.
+    fn pull_stage(
+        &mut self,
+        system: &mut System,
+        stage: &Stage<'_>,
+        mut estimate: State,
+        sums: &mut ElementSums,
+    ) -> Result<StageSlopes, SolveError> {
+        let (gamma, base) = (stage.gamma, stage.base);
+        let count = base.positions.len();
+        let mut slopes = StageSlopes {
+            base: zeros(count),
+            velocities: vec![DVec3::ZERO; count],
+            start: vec![DVec3::ZERO; count],
+            targets: Vec::new(),
+        };
+        let solved = Solved {
+            gamma,
+            base: &base.velocities,
+            targets: stage.targets,
+            solves: stage.solves,
+        };
+        slopes.targets =
+            solved.pull_back(system, &mut estimate, &mut slopes.base.velocities, sums)?;
+        // The prediction before its edges were brought back, and after.
+        let velocities = stage.velocities.iter().zip(&base.positions);
+        let mut raw: Vec<DVec3> = velocities.map(|(v, base)| *base + *v * gamma).collect();
+        for (vertex, target) in self.held.iter().zip(stage.targets) {
+            raw[vertex.index()] = *target;
+        }
+        let mut places = raw.clone();
+        let by = &mut estimate;
+        let is_held = |v: usize| self.held.contains(&VertexId(v as u32));
+        if self.projection.project(stage.start, &mut places) {
+            for (v, place) in places.iter().enumerate() {
+                let there = base.positions[v] + stage.velocities[v] * gamma;
+                if is_held(v) || *place != there {
+                    let velocity = std::mem::take(&mut by.velocities[v]) / gamma;
+                    by.positions[v] += velocity;
+                    slopes.base.positions[v] -= velocity;
+                }
+            }
+            let (by, start) = (&mut by.positions, &mut slopes.start);
+            self.projection.pull_back(stage.start, &raw, by, start);
+        }
+        for (handle, vertex) in self.held.iter().enumerate() {
+            let v = vertex.index();
+            let velocity = std::mem::take(&mut by.velocities[v]) / gamma;
+            slopes.targets[handle] += std::mem::take(&mut by.positions[v]) + velocity;
+            slopes.base.positions[v] -= velocity;
+        }
+        add(&mut slopes.base.positions, &by.positions, 1.0);
+        add(&mut slopes.velocities, &by.velocities, 1.0);
+        add(&mut slopes.velocities, &by.positions, gamma);
+        Ok(slopes)
+    }
+
+    /// Targets of a stage that lies at a `point` of the substep.
+    fn pull_between(
+        &self,
+        system: &System,
+        point: f64,
+        by: &[DVec3],
+        at_start: &mut State,
+        pulled: &mut Pulled<'_>,
+    ) {
+        for (vertex, by) in system.handle_vertices().iter().zip(by) {
+            at_start.positions[vertex.index()] += *by * (1.0 - point);
+        }
+        add(pulled.targets, by, point);
+    }
+}
+
+fn between(system: &System, start: &State, ends: &[DVec3], point: f64) -> Vec<DVec3> {
+    let ways = system.handle_positions(start).zip(ends);
+    ways.map(|(now, end)| now.lerp(*end, point)).collect()
+}
+
+/// The solves of a stage, each from where the last one led.
+struct Solved<'a> {
+    gamma: f64,
+    /// v̄.
+    base: &'a [DVec3],
+    targets: &'a [DVec3],
+    solves: &'a [SolveTape],
+}
+
+impl Solved<'_> {
+    /// Turns `by`, derivatives by the end of the last solve, into those by where the first one is
+    /// linearised, and adds those by v̄ to `by_base`. Returns those by the targets of spring handles,
+    /// 0 of exact ones.
+    fn pull_back(
+        &self,
+        system: &mut System,
+        by: &mut State,
+        by_base: &mut [DVec3],
+        sums: &mut ElementSums,
+    ) -> Result<Vec<DVec3>, SolveError> {
+        let mut by_targets = vec![DVec3::ZERO; self.targets.len()];
+        for solve in self.solves.iter().rev() {
+            let positions = by.positions.iter().zip(&by.velocities);
+            let right: Vec<DVec3> = positions.map(|(x, v)| *x * self.gamma + *v).collect();
+            system.linearise(self.gamma, self.base, &solve.at, self.targets);
+            let multipliers = system.solve_adjoint(&right)?;
+            let stiffness = system.pull_stage(
+                self.gamma,
+                self.base,
+                solve,
+                &multipliers,
+                (by, by_base, sums),
+            );
+            for (vertex, by_target) in system.handle_vertices().iter().zip(&mut by_targets) {
+                let pull = multipliers[vertex.index()] * stiffness;
+                by.positions[vertex.index()] -= pull;
+                *by_target += pull;
+            }
+        }
+        Ok(by_targets)
+    }
+}
+
+/// A substep of backward Euler backwards, of which `substep` has the first solve alone.
+pub(crate) fn pull_euler(
+    system: &mut System,
+    substep: &SubstepTape,
+    pulled: &mut Pulled<'_>,
+) -> Result<(), SolveError> {
+    let (dt, start) = (substep.dt, &substep.start);
+    let Some(solve) = substep.stages.first().and_then(|stage| stage.first()) else {
+        return Ok(());
+    };
+    let end = pulled.state.clone();
+    let places = end.positions.iter().zip(&end.velocities);
+    let right: Vec<DVec3> = places.map(|(x, v)| *x * dt + *v).collect();
+    system.assemble(dt, start, &substep.targets);
+    let multipliers = system.solve_adjoint(&right)?;
+    // By positions, and by the velocities that lead exact handles to their targets.
+    let mut by = zeros(start.positions.len());
+    let stiffness = system.pull_euler(dt, start, solve, &multipliers, (&mut by, pulled.sums));
+    add(&mut by.positions, &end.positions, 1.0);
+    add(&mut by.velocities, &right, 1.0);
+    let is_exact = system.constraint() == HandleConstraint::Exact;
+    for (handle, vertex) in system.handle_vertices().iter().enumerate() {
+        let v = vertex.index();
+        let target = &mut pulled.targets[handle];
+        if is_exact {
+            by.velocities[v] -= right[v];
+            let led = (std::mem::take(&mut by.velocities[v]) + end.velocities[v]) / dt;
+            *target += led + end.positions[v];
+            by.positions[v] -= led + end.positions[v];
+        } else {
+            let pull = multipliers[v] * stiffness;
+            by.positions[v] -= pull;
+            by.velocities[v] -= pull * dt;
+            *target += pull;
+        }
+    }
+    *pulled.state = by;
+    Ok(())
+}

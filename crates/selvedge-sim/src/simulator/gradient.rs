@@ -1,0 +1,397 @@
+//! Gradients of a run: a recording of its steps, and derivatives of any value of its frames by where
+//! it began, where its handles were led, and all numbers of its materials and its air.
+//!
+//! The steps are differentiated as they were taken, at the converged solution of each: a recording
+//! leaves them their bytes. What a comparison decides (a solve that is repeated, an edge that is brought
+//! back, compression that is left out of a Jacobian) counts as decided.
+
+use glam::DVec3;
+use selvedge_cloth::{
+    AirLaw, ElasticLaw, Environment, HandleTargets, Scene, Snapshot, StepError, Stepper,
+};
+use thiserror::Error;
+
+use super::Simulator;
+use crate::active_handles::ActiveHandles;
+use crate::integrator::{Pulled, SubstepTape};
+use crate::solver::{MaterialGradient, SolveError};
+use crate::state::State;
+
+/// Memory of a recording.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct GradientSettings {
+    /// Bytes that the substeps may take. Beyond, the oldest frames are computed again by
+    /// [`Simulator::backward`].
+    pub memory: usize,
+    /// Frames from one snapshot to the next, which are computed again together.
+    pub segment: usize,
+}
+
+impl Default for GradientSettings {
+    fn default() -> Self {
+        Self {
+            memory: 128 << 20,
+            segment: 16,
+        }
+    }
+}
+
+/// Derivatives of a value by the state after a frame.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct StateGradient {
+    /// By the positions `[1/m]`, `[vertices]`.
+    pub positions: Vec<DVec3>,
+    /// By the velocities `[s/m]`, `[vertices]`.
+    pub velocities: Vec<DVec3>,
+}
+
+/// Derivatives of a value of a run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Gradient {
+    /// By the state where the recording began. Handles count as led from where they were.
+    pub start: StateGradient,
+    /// By the state one substep before, of a recording that began within a run.
+    pub before: Option<StateGradient>,
+    /// By the targets of each frame, `[frames][samples * handles]` as [`HandleTargets::sampled`] has
+    /// them; 0 of handles that are let go.
+    pub targets: Vec<Vec<DVec3>>,
+    /// By gravity.
+    pub gravity: DVec3,
+    /// By the constant wind.
+    pub wind: DVec3,
+    /// By the density of the air.
+    pub air_density: f64,
+    /// By the drag of the air along a face.
+    pub air_drag: f64,
+    /// By the numbers of each material, in the order of [`Scene::materials`].
+    pub materials: Vec<MaterialGradient>,
+    /// By the rest angle of each edge `[1/rad]`, `[edges]`; 0 at the boundary.
+    pub rest_angles: Vec<f64>,
+}
+
+/// Why there is no gradient.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[allow(missing_docs, reason = "the fields are named in the messages")]
+pub enum GradientError {
+    #[error("scene {scene}: no gradients with {field} {found}: {remedy}")]
+    Scene {
+        scene: String,
+        field: &'static str,
+        found: String,
+        remedy: &'static str,
+    },
+    #[error("only the solver has gradients of its steps, and another stepper moves this cloth")]
+    NoSolver,
+    #[error(
+        "nothing is recorded: call `record_gradient` before the steps, and do not go back or replace frames between"
+    )]
+    NotRecorded,
+    #[error("frame {frame}: derivatives of {found} vertices for a cloth of {expected}")]
+    Count {
+        frame: usize,
+        expected: usize,
+        found: usize,
+    },
+    #[error("frame {frame}: its adjoint equations could not be solved ({cause})")]
+    Solve { frame: usize, cause: String },
+    #[error("the gradient of the rest pose: {0}")]
+    Rest(String),
+    #[error(transparent)]
+    Step(#[from] StepError),
+}
+
+/// The steps of a simulator since the recording began.
+pub(super) struct Recording {
+    settings: GradientSettings,
+    /// Snapshots before the first frame of each segment.
+    snapshots: Vec<Snapshot>,
+    frames: Vec<Frame>,
+    /// The frames before this one keep no substeps.
+    forgotten: usize,
+    bytes: usize,
+    /// True if the first substep can look back.
+    looks_back: bool,
+}
+
+/// A recorded frame.
+struct Frame {
+    targets: HandleTargets,
+    holds: Vec<bool>,
+    /// Handles that took hold before it, of a vertex where that was.
+    caught: Vec<bool>,
+    environment: Environment,
+    substeps: Vec<SubstepTape>,
+    bytes: usize,
+}
+
+impl Recording {
+    /// Keeps the substeps of frame `k`.
+    fn keep(&mut self, k: usize, substeps: Vec<SubstepTape>, bytes: usize) {
+        (self.frames[k].substeps, self.frames[k].bytes) = (substeps, bytes);
+        self.bytes += bytes;
+    }
+
+    /// Drops the substeps of frame `k`.
+    fn forget(&mut self, k: usize) {
+        self.frames[k].substeps = Vec::new();
+        self.bytes -= std::mem::take(&mut self.frames[k].bytes);
+    }
+}
+
+/// What a step began with.
+pub(super) struct Begun {
+    snapshot: Option<Snapshot>,
+    holds: Vec<bool>,
+}
+
+impl Simulator {
+    /// Records the steps from here on, for [`Self::backward`]; an earlier recording is dropped. The steps
+    /// keep their bytes. Whatever moves the cloth otherwise ends the recording.
+    ///
+    /// # Errors
+    /// [`GradientError::Scene`] for contact, and for a law or an air that has no derivatives.
+    pub fn record_gradient(&mut self, settings: GradientSettings) -> Result<(), GradientError> {
+        check(&self.scene)?;
+        self.recording = Some(Box::new(Recording {
+            settings,
+            snapshots: Vec::new(),
+            frames: Vec::new(),
+            forgotten: 0,
+            bytes: 0,
+            looks_back: self.history.last_substep().is_some(),
+        }));
+        self.active.system.tape = Some(Box::default());
+        Ok(())
+    }
+
+    /// Ends the recording.
+    pub fn stop_recording(&mut self) {
+        self.recording = None;
+        self.active.system.tape = None;
+    }
+
+    /// Frames recorded so far; none where nothing is recorded.
+    #[must_use]
+    pub fn recorded_frames(&self) -> Option<usize> {
+        Some(self.recording.as_ref()?.frames.len())
+    }
+
+    /// Called before a step; hands what it began with to [`Self::end_recorded`].
+    pub(super) fn begin_recorded(&mut self) -> Option<Begun> {
+        let recording = self.recording.as_ref()?;
+        let segment = recording.settings.segment.max(1);
+        let is_first = recording.frames.len().is_multiple_of(segment);
+        Some(Begun {
+            snapshot: if is_first { self.snapshot() } else { None },
+            holds: self.active.holds().to_vec(),
+        })
+    }
+
+    /// Keeps a step that succeeded.
+    pub(super) fn end_recorded(&mut self, begun: Option<Begun>, targets: &HandleTargets) {
+        let (Some(begun), Some(recording)) = (begun, &mut self.recording) else {
+            return;
+        };
+        let holds = self.active.holds().to_vec();
+        let before = begun.holds.iter().zip(&holds);
+        let frame = Frame {
+            targets: targets.clone(),
+            caught: before.map(|(before, now)| *now && !before).collect(),
+            holds,
+            environment: self
+                .scene
+                .environment
+                .during_step(self.frame - 1, self.scene.frame_rate),
+            substeps: Vec::new(),
+            bytes: 0,
+        };
+        recording.snapshots.extend(begun.snapshot);
+        recording.frames.push(frame);
+        let last = recording.frames.len() - 1;
+        if let Some(tape) = &mut self.active.system.tape {
+            let bytes = tape.bytes();
+            recording.keep(last, std::mem::take(&mut tape.substeps), bytes);
+        }
+        let segment = recording.settings.segment.max(1);
+        while recording.bytes > recording.settings.memory && recording.forgotten + segment <= last {
+            let from = recording.forgotten;
+            (from..from + segment).for_each(|k| recording.forget(k));
+            recording.forgotten += segment;
+        }
+    }
+
+    /// The derivatives of a value of the recorded frames. `seed` is asked for each frame, the last one
+    /// first, down to 0, the start of the recording, and adds the value's derivatives by the state
+    /// there. The run, and its recording, can go on.
+    ///
+    /// # Errors
+    /// [`GradientError`]; the cloth is as it was.
+    pub fn backward(
+        &mut self,
+        seed: &mut dyn FnMut(usize, &mut StateGradient),
+    ) -> Result<Gradient, GradientError> {
+        let mut recording = self.recording.take().ok_or(GradientError::NotRecorded)?;
+        let now = self.snapshot();
+        let counts = (self.history.counts, self.divided);
+        let made = self.pull_frames(&mut recording, seed);
+        if let Some(now) = now {
+            self.rewind(&now)?;
+        }
+        (self.history.counts, self.divided) = counts;
+        self.active.system.tape = Some(Box::default());
+        self.recording = Some(recording);
+        made
+    }
+
+    fn pull_frames(
+        &mut self,
+        recording: &mut Recording,
+        seed: &mut dyn FnMut(usize, &mut StateGradient),
+    ) -> Result<Gradient, GradientError> {
+        let vertices = self.rounded.len();
+        let mut state = State::at_origin(vertices);
+        let mut before = State::at_origin(vertices);
+        let mut ask = |frame: usize, state: &mut State| {
+            let mut by = StateGradient {
+                positions: std::mem::take(&mut state.positions),
+                velocities: std::mem::take(&mut state.velocities),
+            };
+            seed(frame, &mut by);
+            let counts = [by.positions.len(), by.velocities.len()];
+            match counts.into_iter().find(|found| *found != vertices) {
+                Some(found) => Err(GradientError::Count {
+                    frame,
+                    expected: vertices,
+                    found,
+                }),
+                None => {
+                    (state.positions, state.velocities) = (by.positions, by.velocities);
+                    Ok(())
+                }
+            }
+        };
+        let handles = self.scene.handles.vertices().to_vec();
+        let frames = &recording.frames;
+        let room = |frame: &Frame| vec![DVec3::ZERO; frame.targets.sample_count() * handles.len()];
+        let mut targets: Vec<Vec<DVec3>> = frames.iter().map(room).collect();
+        let mut solver = self.adjoint_solver(self.active.holds())?;
+        let mut sums = solver.system.elements().no_sums();
+        for k in (0..recording.frames.len()).rev() {
+            ask(k + 1, &mut state)?;
+            if recording.frames[k].substeps.is_empty() {
+                self.record_again(recording, k)?;
+            }
+            let frame = &recording.frames[k];
+            if frame.holds != solver.holds() {
+                solver = self.adjoint_solver(&frame.holds)?;
+            }
+            solver.system.set_environment(frame.environment);
+            let active: Vec<usize> = (0..handles.len()).filter(|h| frame.holds[*h]).collect();
+            let mut reached = vec![DVec3::ZERO; handles.len()];
+            let count = frame.substeps.len();
+            for (number, substep) in frame.substeps.iter().enumerate().rev() {
+                let mut by_targets = vec![DVec3::ZERO; active.len()];
+                let mut pulled = Pulled {
+                    state: &mut state,
+                    before: &mut before,
+                    targets: &mut by_targets,
+                    sums: &mut sums,
+                };
+                let solved = solver.pull_back(substep, &mut pulled);
+                solved.map_err(|error| GradientError::Solve {
+                    frame: k + 1,
+                    cause: error.to_string(),
+                })?;
+                let fraction = (number + 1) as f64 / count as f64;
+                for (handle, by) in active.iter().zip(by_targets) {
+                    let into = &mut targets[k];
+                    reached[*handle] += frame.targets.pull_back(*handle, fraction, by, into);
+                }
+            }
+            for (handle, by) in reached.into_iter().enumerate() {
+                match k.checked_sub(1) {
+                    Some(last) if !frame.caught[handle] => {
+                        let end = targets[last].len() - handles.len();
+                        targets[last][end + handle] += by;
+                    }
+                    _ => state.positions[handles[handle].index()] += by,
+                }
+            }
+            if k < recording.forgotten {
+                recording.forget(k);
+            }
+        }
+        ask(0, &mut state)?;
+        let elements = solver.system.elements();
+        let (materials, rest_angles) = elements.by_materials(&self.scene, &sums);
+        Ok(Gradient {
+            before: recording.looks_back.then_some(StateGradient {
+                positions: before.positions,
+                velocities: before.velocities,
+            }),
+            start: StateGradient {
+                positions: state.positions,
+                velocities: state.velocities,
+            },
+            targets,
+            gravity: sums.gravity,
+            wind: sums.wind,
+            air_density: sums.air_density,
+            air_drag: sums.air_drag,
+            materials,
+            rest_angles,
+        })
+    }
+
+    /// The handles that hold, with a system of their own for adjoint solves.
+    fn adjoint_solver(&self, holds: &[bool]) -> Result<ActiveHandles, GradientError> {
+        let solver = ActiveHandles::new(&self.scene, holds.to_vec());
+        let mut solver = solver.map_err(|error: SolveError| GradientError::Solve {
+            frame: self.frame,
+            cause: error.to_string(),
+        })?;
+        let threads = self.threads.for_cloth(self.rounded.len());
+        solver.system.set_threads(threads);
+        Ok(solver)
+    }
+
+    /// Computes the segment of frame `k` again, with its substeps.
+    fn record_again(&mut self, recording: &mut Recording, k: usize) -> Result<(), GradientError> {
+        let segment = recording.settings.segment.max(1);
+        let first = k / segment * segment;
+        self.rewind(&recording.snapshots[k / segment])?;
+        for k in first..=k {
+            self.active.system.tape = Some(Box::default());
+            self.step(&recording.frames[k].targets.clone())?;
+            if let Some(tape) = self.active.system.tape.take() {
+                let bytes = tape.bytes();
+                recording.keep(k, tape.substeps, bytes);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Refuses a scene whose steps are not differentiated.
+pub(crate) fn check(scene: &Scene) -> Result<(), GradientError> {
+    let refused = |field, found: &str, remedy| {
+        Err(GradientError::Scene {
+            scene: scene.name.clone(),
+            field,
+            found: found.to_owned(),
+            remedy,
+        })
+    };
+    if scene.contact.is_some() {
+        let remedy = "remove `contact` and the obstacles";
+        return refused("contact", "", remedy);
+    }
+    if scene.physics.law != ElasticLaw::Energy {
+        let remedy = "write \"energy\", the only law that has an energy";
+        return refused("physics.law", "\"measured\" or \"arcsim\"", remedy);
+    }
+    if scene.physics.air == AirLaw::Explicit {
+        return refused("physics.air", "\"explicit\"", "write \"implicit\"");
+    }
+    Ok(())
+}

@@ -1,0 +1,67 @@
+//! The price of a gradient: `cargo test --release -p selvedge-sim --test gradients -- --ignored --nocapture`.
+
+use std::time::Instant;
+
+use glam::DVec3;
+use selvedge_cloth::{HandleTargets, Stepper};
+use selvedge_sim::{GradientSettings, Simulator, Threads};
+
+use crate::scenes::{by_default, held};
+
+/// Largest memory so far `[MB]`, where the system tells.
+fn peak() -> f64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find(|line| line.starts_with("VmHWM"));
+    let kilobytes = line.and_then(|line| line.split_whitespace().nth(1)?.parse::<f64>().ok());
+    kilobytes.unwrap_or(f64::NAN) / 1e3
+}
+
+#[test]
+#[ignore = "it measures"]
+fn three_hundred_frames_of_1024_vertices() {
+    let mut scene = by_default(32);
+    scene.environment.wind = DVec3::new(1.0, 0.2, -0.5);
+    let frames = 300;
+    let run = |settings: Option<GradientSettings>| {
+        let mut simulator = Simulator::new(&scene).unwrap();
+        simulator.set_threads(Threads::One);
+        if let Some(settings) = settings {
+            simulator.record_gradient(settings).unwrap();
+        }
+        let began = Instant::now();
+        for frame in 1..=frames {
+            let time = f64::from(frame) / 60.0;
+            let way = DVec3::new(
+                0.3 * (3.0 * time).sin(),
+                0.0,
+                0.1 * (5.0 * time).cos() - 0.1,
+            );
+            let places = held(&scene).into_iter().map(|place| place + way);
+            let targets = HandleTargets::at_frame_end(places.collect()).unwrap();
+            simulator.step(&targets).unwrap();
+        }
+        (simulator, began.elapsed().as_secs_f64())
+    };
+    let (_, plain) = run(None);
+    let before = peak();
+    for (name, memory) in [("computed again", 1 << 20), ("all kept", 1 << 30)] {
+        let settings = GradientSettings {
+            memory,
+            ..GradientSettings::default()
+        };
+        let (mut simulator, forward) = run(Some(settings));
+        let began = Instant::now();
+        let seed = &mut |frame, by: &mut selvedge_sim::StateGradient| {
+            if frame == frames as usize {
+                by.positions.iter_mut().for_each(|by| by.y += 1.0);
+            }
+        };
+        simulator.backward(seed).unwrap();
+        let backward = began.elapsed().as_secs_f64();
+        println!(
+            "{name}: plain {plain:.2} s, recorded {forward:.2}, backward {backward:.2}: {:.2} times; peak {before:.0} -> {:.0} MB",
+            (forward + backward) / plain,
+            peak()
+        );
+    }
+}

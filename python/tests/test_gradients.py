@@ -1,0 +1,105 @@
+"""Gradients of the solver: shapes, errors, slopes, and PyTorch's function of the example."""
+
+import importlib.util
+import pathlib
+
+import numpy as np
+import pytest
+import selvedge
+
+
+@pytest.fixture(scope="module")
+def swung():
+    return selvedge.Scene.parse(
+        """
+name = "swung"
+mesh.generator = { kind = "square", vertices = 36, size = 1.0, seed = 1 }
+handles.label = "upper-corners"
+material = "gray-interlock"
+physics.solver = "cholesky"
+environment.wind = [1.0, 0.2, -0.5]
+"""
+    )
+
+
+def start_of(scene):
+    rng = np.random.default_rng(1)
+    return 0.98 * np.array(scene.positions) + 0.004 * rng.standard_normal(scene.positions.shape)
+
+
+def run(scene, start, frames=6, record=True):
+    cloth = selvedge.Simulator(scene, start)
+    if record:
+        cloth.record_gradient()
+    made = [cloth.state_positions()]
+    for frame in range(frames):
+        cloth.step(start[scene.handles] + [0.01 * frame, 0, 0])
+        made.append(cloth.state_positions())
+    return cloth, np.stack(made)
+
+
+def test_slopes_are_those_of_differences(swung):
+    start = start_of(swung)
+    weights = np.random.default_rng(2).standard_normal((7, 36, 3))
+    cloth, _ = run(swung, start)
+    found = cloth.backward(positions=weights)
+    assert found["targets"].shape == (6, 1, 2, 3)
+    fabric = found["materials"][0]
+    assert fabric["stretch"].shape == (6, 4) and fabric["bend"].shape == (3, 5)
+
+    def value(density):
+        values = swung.material.to_dict() | {"density": density}
+        scene = swung.with_material(selvedge.Material.from_dict(values))
+        return (run(scene, start, record=False)[1] * weights).sum()
+
+    density, step = swung.material.density, 1e-6
+    slope = (value(density + step) - value(density - step)) / (2 * step)
+    assert abs(fabric["density"] / slope - 1) < 1e-6
+
+
+def test_what_has_no_gradient_says_why(swung):
+    cloth = selvedge.Simulator(swung, start_of(swung))
+    with pytest.raises(selvedge.SelvedgeError, match="nothing is recorded"):
+        cloth.backward()
+    cloth.record_gradient()
+    with pytest.raises(ValueError, match=r"\(1, 36, 3\)"):
+        cloth.backward(positions=np.zeros((3, 36, 3)))
+    touching = selvedge.Scene.parse(
+        """
+name = "touching"
+mesh.generator = { kind = "square", vertices = 36, size = 1.0, seed = 1 }
+handles.label = "upper-corners"
+material = "gray-interlock"
+contact = {}
+"""
+    )
+    cloth = selvedge.Simulator(touching, touching.positions)
+    with pytest.raises(selvedge.SelvedgeError, match="remove `contact`"):
+        cloth.record_gradient()
+
+
+def test_a_fabric_is_found_from_markers():
+    torch = pytest.importorskip("torch")
+    path = pathlib.Path(__file__).resolve().parents[1] / "examples" / "differentiable_cloth.py"
+    spec = importlib.util.spec_from_file_location("differentiable_cloth", path)
+    example = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(example)
+    scene = selvedge.Scene.parse(
+        """
+name = "marked"
+mesh.generator = { kind = "square", vertices = 25, size = 1.0, seed = 1 }
+handles.label = "upper-corners"
+material = "gray-interlock"
+physics.solver = "cholesky"
+"""
+    )
+    targets = example.swing(scene, 3)
+    start = torch.tensor(start_of(scene), requires_grad=True)
+    targets.requires_grad_()
+    function = lambda start, targets: example.simulate(scene, targets, start=start)[-1]
+    assert torch.autograd.gradcheck(function, (start, targets), eps=1e-6, atol=1e-5, rtol=1e-4)
+    with torch.no_grad():
+        targets = example.swing(scene, 40)
+        seen = example.simulate(scene, targets)[:, 5:25]
+    factors, error, _ = example.fit(scene, targets, list(range(5, 25)), seen)
+    assert error < 1e-2 and torch.allclose(factors, torch.ones(3, dtype=torch.float64), atol=0.05)
