@@ -210,7 +210,7 @@ impl Material {
     #[staticmethod]
     fn from_dict(values: &Bound<'_, PyAny>) -> PyResult<Self> {
         let material: ClothMaterial = json::from_python(values)?;
-        material.validate().map_err(told)?;
+        material.validate().map_err(raised)?;
         Ok(Self { material })
     }
 

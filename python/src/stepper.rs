@@ -15,8 +15,8 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
 use selvedge::machine::Machine;
 use selvedge::{
-    Gradient, GradientSettings, HandleTargets, Network, RecordingEnd, Rigid, Run, Snapshot as State,
-    StepError, Trust, rounded,
+    Gradient, GradientSettings, HandleTargets, Network, RecordingEnd, Rigid, Run,
+    Snapshot as State, StepError, Trust, rounded,
 };
 use selvedge_cloth::{Cloth, Stepper as MovesCloth};
 use selvedge_data::Playback;
@@ -407,7 +407,7 @@ impl Stepper {
 /// The rigid motion of a matrix.
 fn rigid_of(matrix: &Numbers<'_>) -> PyResult<Rigid> {
     let columns: Vec<f64> = matrix.as_array().t().iter().copied().collect();
-    Rigid::try_from(&columns[..]).map_err(told)
+    Rigid::try_from(&columns[..]).map_err(raised)
 }
 
 /// The reference physics of a scene: cloth with measured stiffness, gravity, air and contact. The
@@ -528,7 +528,11 @@ impl Simulator {
                 add(frame, &mut by.velocities, &seeds[1]);
             })
         });
-        gradient_dict(py, made.map_err(raised)?, slf.as_super().get().handles.len())
+        gradient_dict(
+            py,
+            made.map_err(raised)?,
+            slf.as_super().get().handles.len(),
+        )
     }
 
     /// Kinetic energy [J].
@@ -560,7 +564,7 @@ pub(crate) fn _simulator(scene: &Bound<'_, Scene>, state: &str) -> PyResult<Py<S
         scene.py(),
         Simulator::begun(scene, Some(state), made, None)?,
     )
-    }
+}
 
 /// A gradient as a dictionary of arrays.
 fn gradient_dict<'py>(
