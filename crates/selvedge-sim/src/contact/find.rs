@@ -63,6 +63,7 @@ impl Contact {
         let near = self.near(threads);
         let kept = self.nearest(&near);
         let near = || kept.iter().map(|k| &near[*k as usize]);
+        self.see_squeezed(near());
         self.memory.caught.clear();
         self.memory
             .caught

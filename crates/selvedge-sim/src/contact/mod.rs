@@ -148,6 +148,9 @@ pub(crate) struct Contact {
     pressures: Vec<pressure::Pressure>,
     /// Mean mass per area of the cloth `[kg/m²]`.
     density: f64,
+    /// Which are squeezed between bodies, and a side from which one pushes, `[vertices]`.
+    squeezed: Vec<bool>,
+    sides: Vec<DVec3>,
     /// Inverse masses, 0 where prescribed `[1/kg]`, `[points]`.
     inverse: Vec<f64>,
     /// Points of obstacles at the start and the end of the frame `[m]`.
@@ -211,6 +214,8 @@ impl Contact {
             mass: mass.to_vec(),
             pressures,
             density,
+            squeezed: vec![false; mass.len()],
+            sides: vec![DVec3::ZERO; mass.len()],
             inverse: vec![0.0; count],
             frame: [obstacle_points.clone(), obstacle_points],
             next_frame: 0,

@@ -1,17 +1,22 @@
 //! The push of a fabric under pressure, which does not depend on mesh, mass or time step: the curve of its
 //! material, times the area that a pair stands for. The barrier below it is the guarantee.
 
+use glam::DVec3;
 use selvedge_cloth::Scene;
 use selvedge_contact::{Kind, Pair};
 
 use super::Contact;
 use super::barrier::Tangent;
+use super::near::Near;
 
 /// Gap, as a part of that at which the push begins, below which it goes on straight.
 const CRUSHED: f64 = 0.15;
 
 /// Pressure from which friction holds as firmly as the fabric does `[Pa]`; below, as its inertia asks.
 const FIRM: f64 = 15.0;
+
+/// Cosine of two directions from which a vertex between them is squeezed.
+const OPPOSITE: f64 = -0.5;
 
 /// Of pairs that stand for no area: the part of the thickness at which they begin to bear, with which
 /// pressure over e - 1 of what they are near `[Pa]`, and by which power of e it rises to no gap. They bear
@@ -66,15 +71,6 @@ impl Pressure {
         let tangent = self.tangent(gap, thickness);
         (tangent.force > self.firm).then_some(tangent)
     }
-
-    /// Half of it.
-    fn half(self) -> Self {
-        Self {
-            least: 0.5 * self.least,
-            firm: 0.5 * self.firm,
-            ..self
-        }
-    }
 }
 
 /// The push of each vertex, `[vertices]`, and the mean mass per area of the cloth `[kg/m²]`, of whose
@@ -109,13 +105,33 @@ pub(super) fn of_vertices(scene: &Scene, mass: &[f64]) -> (Vec<Pressure>, f64) {
 }
 
 impl Contact {
-    /// The push of a pair of this mean mass `[kg]` under pressure: each vertex of the cloth, against
-    /// whichever body, bears for its own area, and for half of it against the cloth itself, whose vertices
-    /// there bear the other half.
+    /// Sees which vertices of the cloth are squeezed: bodies push them from two opposite sides, as the
+    /// fingers of a hand do. What lies, hangs or falls on one bears softly, with the barrier alone.
+    pub(super) fn see_squeezed<'a>(&mut self, near: impl Iterator<Item = &'a Near>) {
+        self.squeezed.fill(false);
+        self.sides.fill(DVec3::ZERO);
+        for near in near.filter(|near| near.body > 0 && near.pair.kind == Kind::VertexFace) {
+            for (corner, weight) in near.pair.corners.iter().zip(near.gap.weights) {
+                let side = near.gap.normal * weight.signum();
+                match self.sides.get_mut(*corner as usize) {
+                    Some(first) if *first == DVec3::ZERO => *first = side,
+                    Some(first) if first.dot(side) < OPPOSITE => {
+                        self.squeezed[*corner as usize] = true;
+                    }
+                    _ => (),
+                }
+            }
+        }
+    }
+
+    /// The push of a pair of this mean mass `[kg]` with a body under pressure, where the cloth is squeezed:
+    /// each vertex bears for its own area.
     pub(super) fn pressure(&self, pair: &Pair, body: usize, mean_mass: f64) -> Pressure {
-        let own = self.pressures.get(pair.corners[0] as usize);
-        match (pair.kind, own) {
-            (Kind::VertexFace, Some(own)) if body == 0 => own.half(),
+        let is_squeezed = |corner: &u32| self.squeezed.get(*corner as usize) == Some(&true);
+        if body == 0 || !pair.corners.iter().any(is_squeezed) {
+            return Pressure::NONE;
+        }
+        match (pair.kind, self.pressures.get(pair.corners[0] as usize)) {
             (Kind::VertexFace, Some(own)) => *own,
             _ => Pressure {
                 least: RIM_PRESSURE * mean_mass / self.density,

@@ -107,12 +107,11 @@ fn edges_hold_on_edges_without_creep() {
     }
 }
 
-/// Rails of many pieces are left out on steep slopes: a vertex of the cloth that passes over one of a rail
-/// bears with all its area what an edge bore before, and hops. The sheet loses up to a quarter of its
-/// acceleration.
+/// One setting is left out. A sheet whose edges pass over vertices of both rails all at the same
+/// instant loses a quarter of its acceleration at 35°, why is not known.
 #[test]
 fn edges_slide_on_edges_as_coulomb_has_it() {
-    let is_met = |on: &OnRails| on.pieces == 1 || on.slope < 0.3;
+    let is_met = |on: &OnRails| on.pieces == 1 || on.turn > 0.0 || on.slope < 0.6;
     for on in rails().filter(is_met) {
         let on = OnRails {
             friction: 0.5 * on.slope.tan(),

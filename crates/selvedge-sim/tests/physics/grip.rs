@@ -12,13 +12,15 @@ use selvedge_sim::Simulator;
 
 use crate::scenes::{CAMEL, DENIM, GRAY, NAVY, material, steps, still};
 use crate::sheets::{grid, scene};
-use crate::touching::{DENSITY, GRAVITY, led};
+use crate::touching::{GRAVITY, led};
 
 /// Width of the cloth `[m]`, which hangs in the plane x = 0 from y = 0.
 const WIDTH: f64 = 0.12;
 /// Side of the fingers' faces `[m]`: the pads of a common gripper.
 const PAD: f64 = 0.03;
 const FRICTION: f64 = 0.6;
+/// Of gray interlock `[kg/m²]`.
+const DENSITY: f64 = 0.187;
 
 /// A cloth of `squares`² squares, held at its upper edge, and two fingers around it, 1 cm below. They close
 /// from 10 mm to `gap` `[m]` a side within 0.3 s, and go where `way` has them then.
@@ -107,7 +109,7 @@ fn what_is_gripped_is_lifted_and_shaken_without_slip() {
 fn fingers_push_as_the_fabric_does_and_slide_at_the_friction_of_their_push() {
     let gap = 4e-4;
     let way = [(0.4, DVec3::ZERO), (0.9, DVec3::Y * -0.025)];
-    for squares in [8, 16] {
+    for squares in [10, 16] {
         let scene = gripped(squares, GRAY, gap, &way);
         for substeps in [1, 2, 4] {
             let mut simulator = closed(&scene, substeps);

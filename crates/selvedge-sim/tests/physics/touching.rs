@@ -2,8 +2,8 @@
 
 use glam::{DQuat, DVec3};
 use selvedge_cloth::{
-    Compression, ContactSettings, HandleTargets, Handles, Integrator, Mesh, Motion, Obstacle,
-    ObstaclePath, RigidKey, Scene, Stepper, bodies,
+    ContactSettings, HandleTargets, Handles, Integrator, Mesh, Motion, Obstacle, ObstaclePath,
+    RigidKey, Scene, Stepper, bodies,
 };
 use selvedge_sim::{ContactGauge, Simulator};
 
@@ -123,35 +123,10 @@ pub(crate) struct OnSlope {
     pub(crate) substeps: u32,
 }
 
-/// Of gray interlock `[kg/m²]`.
-pub(crate) const DENSITY: f64 = 0.187;
-
-/// The gap of 1 mm at most at which gray interlock bears this pressure `[Pa]` with its curve and the
-/// barrier, by halving `[m]`: p(g) + 2κ(ĝ - g)²/ĝ, below ĝ/2 as much as κĝ(ĝ/g - 1)²/2, with κ = m/dt².
-/// `curves` is how much of the curve a pair has: half of it between layers, of which each bears the other.
-pub(crate) fn gap_under(pressure: f64, curves: f64, substeps: u32) -> f64 {
-    let stiffness = DENSITY * (60.0 * f64::from(substeps)).powi(2);
-    let bears = |gap: f64| {
-        let barrier = match gap {
-            0.5.. => 2.0 * (1.0 - gap).powi(2),
-            _ => 0.5 * (1.0 / gap - 1.0).powi(2),
-        };
-        curves * Compression::default().pressure(gap) + stiffness * 1e-3 * barrier
-    };
-    let [mut low, mut high] = [0.01, 1.0];
-    for _ in 0..50 {
-        let middle = 0.5 * (low + high);
-        match bears(middle) > pressure {
-            true => low = middle,
-            false => high = middle,
-        }
-    }
-    1e-3 * low
-}
-
-/// The gap at which a sheet rests on a slope `[m]`.
+/// The gap at which a sheet rests on a slope `[m]`: 2κ(ĝ - g)²/ĝ = m g with κ = m/dt².
 pub(crate) fn rest_gap(slope: f64, substeps: u32) -> f64 {
-    gap_under(DENSITY * GRAVITY * slope.cos(), 1.0, substeps)
+    let dt = 1.0 / (60.0 * f64::from(substeps));
+    1e-3 * (1.0 - (GRAVITY * slope.cos() * dt * dt / 2e-3).sqrt())
 }
 
 impl OnSlope {
