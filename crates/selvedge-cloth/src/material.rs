@@ -33,8 +33,8 @@ pub struct Material {
     pub compression: Compression,
 }
 
-/// How a fabric yields to pressure: the pressures under which a gap between two layers, or between a layer
-/// and a body, is a half and a third of the scene's `contact.thickness`, at which it begins to bear.
+/// How a fabric that two bodies squeeze yields to pressure: the pressures under which its gap to either is a
+/// half and a third of the scene's `contact.thickness`, at which it begins to bear.
 ///
 /// Half of that is the nominal thickness, which compression testers measure at about 0.5 kPa; most fabrics
 /// have two thirds of it at 5 kPa. The pressure of a gap g is p₀ (exp(s (1 - g/ĝ)) - 1), ĝ being the
@@ -67,21 +67,21 @@ impl Compression {
         for _ in 0..64 {
             x = ratio - (ratio - 1.0) / (x * x * x);
         }
-        [self.half / (x * x * x - 1.0), 6.0 * x.ln()]
+        [self.half / (x * x * x - 1.0), 6.0 * libm::log(x)]
     }
 
     /// Pressure of a gap `[Pa]`, which is this part of `contact.thickness`.
     #[must_use]
     pub fn pressure(self, part: f64) -> f64 {
         let [least, rise] = self.constants();
-        least * (rise * (1.0 - part)).exp_m1().max(0.0)
+        least * libm::expm1(rise * (1.0 - part)).max(0.0)
     }
 
     /// Gap under this pressure `[Pa]`, as a part of `contact.thickness`.
     #[must_use]
     pub fn gap(self, pressure: f64) -> f64 {
         let [least, rise] = self.constants();
-        1.0 - (pressure / least).ln_1p() / rise
+        1.0 - libm::log1p(pressure / least) / rise
     }
 }
 

@@ -3,6 +3,7 @@
 
 use glam::DVec3;
 use selvedge_cloth::Scene;
+use selvedge_cloth::geometry::exp;
 use selvedge_contact::{Kind, Pair};
 
 use super::Contact;
@@ -58,7 +59,7 @@ impl Pressure {
             };
         }
         let gap = gap.max(CRUSHED * begin);
-        let grown = self.least * (self.rise * (1.0 - gap / begin)).exp();
+        let grown = self.least * exp(self.rise * (1.0 - gap / begin));
         Tangent {
             gap,
             force: grown - self.least,

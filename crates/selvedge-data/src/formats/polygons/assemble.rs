@@ -298,14 +298,17 @@ fn placed(
     let place = |face: FaceId| triangles[face.index()].place;
     let number = |vertex: VertexId| polygons.number(vertex.0);
     match error {
-        MeshError::ZeroArea { face, .. } if is_own_shape => MeshFileError::content(format!(
-            "{}: this face has no area in space, its vertices are {}: remove it, or where two of them are one let mesh.weld join them (mesh.weld = 1e-6)",
-            place(face),
-            triangles[face.index()]
-                .corners
-                .map(|v| polygons.number(v).to_string())
-                .join(", ")
-        )),
+        MeshError::ZeroArea { face, .. }
+            if is_own_shape || triangles[face.index()].texture.is_none() =>
+        {
+            let mut numbers = triangles[face.index()].corners.map(|v| polygons.number(v));
+            numbers.sort_unstable();
+            MeshFileError::content(format!(
+                "{}: this face has no area in space, its vertices are {}: remove it, or where two of them are one let mesh.weld join them (mesh.weld = 1e-6)",
+                place(face),
+                numbers.map(|number| number.to_string()).join(", ")
+            ))
+        }
         MeshError::ZeroArea { face, area } => MeshFileError::content(format!(
             "{}: this face has no area in the pattern ({area:e} m²): mend its texture coordinates, remove it, or take the rest shape from the form in space with mesh.pattern = \"shape\"",
             place(face)
