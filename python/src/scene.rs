@@ -206,7 +206,8 @@ impl Material {
         Ok(Self { material })
     }
 
-    /// A material by its values, as `to_dict` has them.
+    /// A material by its values, as `to_dict` has them; `source`, `damping` and `compression` may be
+    /// missing.
     #[staticmethod]
     fn from_dict(values: &Bound<'_, PyAny>) -> PyResult<Self> {
         let material: ClothMaterial = json::from_python(values)?;
@@ -232,9 +233,16 @@ impl Material {
         self.material.density
     }
 
-    /// Everything as a dictionary, in SI units.
+    /// Everything as a dictionary, in SI units; `compression` has the pressures at a `half` and a
+    /// `third` of `contact.thickness` [Pa].
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        json::to_python(py, &self.material)
+        let values = json::to_python(py, &self.material)?;
+        // Files leave out the usual one.
+        values.set_item(
+            "compression",
+            json::to_python(py, &self.material.compression)?,
+        )?;
+        Ok(values)
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Call<'py>> {

@@ -101,5 +101,5 @@ physics.solver = "cholesky"
     with torch.no_grad():
         targets = example.swing(scene, 40)
         seen = example.simulate(scene, targets)[:, 5:25]
-    factors, error, _ = example.fit(scene, targets, list(range(5, 25)), seen)
+    factors, error, _ = example.fit(scene, targets, list(range(5, 25)), seen, steps=30)
     assert error < 1e-2 and torch.allclose(factors, torch.ones(3, dtype=torch.float64), atol=0.05)

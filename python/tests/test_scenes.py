@@ -1,5 +1,7 @@
 """Scenes, meshes, materials, trajectories and pictures."""
 
+import copy
+
 import numpy as np
 import pytest
 import selvedge
@@ -19,6 +21,18 @@ def test_scenes_are_opened_and_changed(scene):
         selvedge.Scene("nope")
     with pytest.raises(selvedge.SelvedgeError, match="motion.named"):
         scene.with_motion("dance")
+
+
+def test_a_material_is_made_of_its_values():
+    values = selvedge.Material("gray-interlock").to_dict()
+    assert values["compression"] == {"half": 500.0, "third": 5000.0}
+    soft = values | {"compression": {"half": 300.0, "third": 2000.0}}
+    made = selvedge.Material.from_dict(soft)
+    assert made.to_dict() == soft and copy.deepcopy(made).to_dict() == soft
+    del values["compression"]
+    assert selvedge.Material.from_dict(values).to_dict()["compression"]["half"] == 500.0
+    with pytest.raises(selvedge.SelvedgeError, match="compression.third must be .* more than 1.5"):
+        selvedge.Material.from_dict(values | {"compression": {"half": 300.0, "third": 400.0}})
 
 
 def test_paths_are_taken_wherever_names_are(tmp_path, scene):

@@ -117,7 +117,8 @@ class Material:
     def __new__(cls, name_or_file: _Path) -> Material: ...
     @staticmethod
     def from_dict(values: Mapping[str, Any]) -> Material:
-        """A material by its values, as `to_dict` has them."""
+        """A material by its values, as `to_dict` has them; `source`, `damping` and `compression` may be
+        missing."""
     @staticmethod
     def names() -> list[str]:
         """Names of the shipped fabrics."""
@@ -128,7 +129,8 @@ class Material:
     def density(self) -> float:
         """Mass per area [kg/m²]."""
     def to_dict(self) -> dict[str, Any]:
-        """Everything as a dictionary, in SI units."""
+        """Everything as a dictionary, in SI units; `compression` has the pressures at a `half` and a
+        `third` of `contact.thickness` [Pa]."""
 
 @final
 class Scene:
@@ -246,10 +248,12 @@ class Stepper:
         it the obstacles of the numbers `bodies`; its velocities turn along. The next targets begin
         from there.
 
-        Raises `FrameError` where it would meet an obstacle, or is moved by a model; it stays then."""
+        Raises `FrameError` where it would meet an obstacle, or is moved by a model; it stays then.
+        """
     def lead_body(self, body: int, matrix: ArrayLike) -> None:
         """Leads the obstacle of this number, from 0, in the next frame away from its own path, by the
-        rigid motion of a matrix (4, 4); it stays there until it is led on. Only the solver has them."""
+        rigid motion of a matrix (4, 4); it stays there until it is led on. Only the solver has them.
+        """
     def reset(self) -> None:
         """Goes back to the start."""
 
@@ -363,7 +367,9 @@ class Trajectory:
     @property
     def scene(self) -> dict[str, Any] | None:
         """The resolved scene that it is from, as a dictionary; `None` where it is not known."""
-    def drape(self) -> dict[str, Any] | None: ...
+    def drape(self) -> dict[str, Any] | None:
+        """The measures of the last frame of a drape test, in SI units; `None` of any other cloth.
+        """
     def compare(self, other: Trajectory) -> _Comparison:
         """The measures of `other` against this trajectory of the same mesh, in SI units."""
     def export(
