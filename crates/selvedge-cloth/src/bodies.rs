@@ -14,6 +14,41 @@ pub struct Body {
     pub points: Vec<DVec3>,
     /// Corners of every face, `[faces, 3]`.
     pub faces: Vec<[u32; 3]>,
+    /// What the mesh only draws, where the body is round.
+    pub core: Option<Core>,
+}
+
+/// The middle of a round body, which is all that is within `radius` of it: of a sphere a point, of a
+/// capsule a segment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Core {
+    /// Both ends `[m]`; the same of a sphere.
+    pub ends: [DVec3; 2],
+    /// Radius around it `[m]`.
+    pub radius: f64,
+}
+
+impl Body {
+    /// The body where `place` takes its points: a similarity that multiplies lengths by `scale`.
+    #[must_use]
+    pub fn placed(mut self, scale: f64, place: impl Fn(DVec3) -> DVec3) -> Self {
+        for point in &mut self.points {
+            *point = place(*point);
+        }
+        self.core = self.core.map(|core| Core {
+            ends: core.ends.map(&place),
+            radius: core.radius * scale,
+        });
+        self
+    }
+}
+
+impl Core {
+    /// Number of its points: those of contact with the body.
+    #[must_use]
+    pub fn point_count(&self) -> usize {
+        1 + usize::from(self.ends[0] != self.ends[1])
+    }
 }
 
 /// Two triangles: a rectangle with these sides along x and z `[m]` about the origin, seen from
@@ -26,6 +61,7 @@ pub fn plane([width, depth]: [f64; 2]) -> Body {
             .map(|(x, z)| corner(x, z))
             .to_vec(),
         faces: vec![[0, 1, 2], [0, 2, 3]],
+        core: None,
     }
 }
 
@@ -48,6 +84,7 @@ pub fn cuboid(sides: DVec3) -> Body {
             .iter()
             .flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]])
             .collect(),
+        core: None,
     }
 }
 
@@ -75,6 +112,8 @@ pub fn sphere(radius: f64, edge: f64) -> Body {
     for point in &mut body.points {
         *point *= radius;
     }
+    let ends = [DVec3::ZERO; 2];
+    body.core = Some(Core { ends, radius });
     body
 }
 
@@ -100,7 +139,11 @@ pub fn capsule(radius: f64, length: f64, edge: f64) -> Body {
         let (sine, cosine) = sin_cos(arc(k));
         rings.push([radius * sine, 0.5 * length + radius * cosine]);
     }
-    turned(&rings, 0.5 * length + radius, pieces(TAU * radius, edge, 8))
+    let ends = [-0.5, 0.5].map(|part| DVec3::Y * (part * length));
+    Body {
+        core: Some(Core { ends, radius }),
+        ..turned(&rings, 0.5 * length + radius, pieces(TAU * radius, edge, 8))
+    }
 }
 
 /// A cylinder of `length` `[m]` along y about the origin, closed by flat ends, cut so that no edge is
@@ -140,7 +183,11 @@ fn turned(rings: &[[f64; 2]], tip: f64, around: usize) -> Body {
     }
     points.push(DVec3::Y * tip);
     let faces = ring_faces(rings.len(), around);
-    Body { points, faces }
+    Body {
+        points,
+        faces,
+        core: None,
+    }
 }
 
 /// Faces of a bottom point, `rings` of `around` points and a top point.
@@ -190,7 +237,11 @@ fn icosahedron() -> Body {
             [11, lower_next, lower],
         ]);
     }
-    Body { points, faces }
+    Body {
+        points,
+        faces,
+        core: None,
+    }
 }
 
 /// Every face in four, with the new points on the unit sphere.
@@ -209,7 +260,11 @@ fn halved(body: &Body) -> Body {
         let [ab, bc, ca] = [middle(a, b), middle(b, c), middle(c, a)];
         faces.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
     }
-    Body { points, faces }
+    Body {
+        points,
+        faces,
+        core: None,
+    }
 }
 
 #[cfg(test)]

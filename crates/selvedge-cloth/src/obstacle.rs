@@ -1,10 +1,12 @@
 //! Obstacles: bodies that the cloth touches and that do not feel it. Each is a triangle mesh that
-//! is still, moves as a rigid body, or moves point by point.
+//! is still, moves as a rigid body, or moves point by point; a sphere or a capsule is round, and its mesh
+//! is only what is drawn of it.
 
 use std::fmt::Display;
 
 use glam::{DQuat, DVec3};
 
+use crate::bodies::{Body, Core};
 use crate::error::{SceneError, require};
 use crate::geometry::{is_without_area, slerp};
 
@@ -18,6 +20,7 @@ pub struct Obstacle {
     name: String,
     faces: Vec<[u32; 3]>,
     points: Vec<DVec3>,
+    core: Option<Core>,
     path: ObstaclePath,
     friction: f64,
     thickness: Option<f64>,
@@ -62,6 +65,7 @@ impl Obstacle {
             name: name.to_owned(),
             faces,
             points,
+            core: None,
             path: ObstaclePath::Still,
             friction: f64::INFINITY,
             thickness: None,
@@ -71,7 +75,21 @@ impl Obstacle {
         Ok(obstacle)
     }
 
-    /// The same obstacle on a `path`. The points of a path by points replace its own.
+    /// A body as an obstacle, as [`Self::new`]: where it is round, the cloth touches all that is within the
+    /// radius of its core, and not the mesh.
+    ///
+    /// # Errors
+    /// As for [`Self::new`].
+    pub fn of(name: &str, body: Body) -> Result<Self, SceneError> {
+        let obstacle = Self::new(name, body.points, body.faces)?;
+        Ok(Self {
+            core: body.core,
+            ..obstacle
+        })
+    }
+
+    /// The same obstacle on a `path`. The points of a path by points replace its own, and the mesh is
+    /// what the cloth touches.
     ///
     /// # Errors
     /// [`SceneError`] names the first frame, key or point that cannot be used.
@@ -88,6 +106,7 @@ impl Obstacle {
                 }
                 self.require(!frames.is_empty(), "frames", "at least one", 0)?;
                 self.points.clone_from(&frames[0]);
+                self.core = None;
                 self.check_faces()?;
             }
         }
@@ -114,6 +133,31 @@ impl Obstacle {
         self.require(holds, "thickness", "between 1e-5 and 1 m", thickness)?;
         self.thickness = Some(thickness);
         Ok(self)
+    }
+
+    /// The same obstacle where it is at the start, for ever.
+    #[must_use]
+    pub fn at_start(&self) -> Self {
+        Self {
+            points: self.positions_at(0.0).collect(),
+            core: self.core_at(0.0),
+            path: ObstaclePath::Still,
+            name: self.name.clone(),
+            faces: self.faces.clone(),
+            ..*self
+        }
+    }
+
+    /// The same obstacle, of which the cloth touches the mesh even where it is round.
+    #[must_use]
+    pub fn as_mesh(self) -> Self {
+        Self { core: None, ..self }
+    }
+
+    /// The core, which stands still where the body does; none where it is not round.
+    #[must_use]
+    pub fn core(&self) -> Option<&Core> {
+        self.core.as_ref()
     }
 
     /// Name of the obstacle.
@@ -179,6 +223,16 @@ impl Obstacle {
             }
         };
         (0..self.points.len()).map(move |k| place.of(k))
+    }
+
+    /// The core at `time` `[s]`; none where the body is not round.
+    #[must_use]
+    pub fn core_at(&self, time: f64) -> Option<Core> {
+        let (turn, by) = self.rigid_place(time);
+        self.core.map(|core| Core {
+            ends: core.ends.map(|end| turn * end + by),
+            ..core
+        })
     }
 
     /// Rotation and translation `[m]` of a rigid body at `time` `[s]`, against its own points; none

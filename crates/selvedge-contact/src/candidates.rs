@@ -1,5 +1,7 @@
 //! Candidates: all pairs that could come near each other while the points stay close to a path.
 
+use std::iter::repeat;
+
 use glam::{DVec2, DVec3};
 use selvedge_cloth::ReleasedContact;
 
@@ -121,9 +123,10 @@ impl SweptFeatures {
             self.faces.clear();
         }
         let ways = from.iter().zip(to).take(points);
+        let ways = ways.zip(surface.radii());
         put(
             &mut self.points,
-            ways.map(|(from, to)| Swept::of(*from, *to, 0.5 * distance)),
+            ways.map(|((from, to), radius)| Swept::of(*from, *to, 0.5 * distance + radius)),
         );
         let of = |p: u32| self.points[p as usize];
         let ends = surface.edges()[..edges].iter().map(|edge| edge.ends);
@@ -332,14 +335,15 @@ impl Candidates {
                 }
                 let [from, to, later] = &self.places;
                 let own = Ways { from, to, later };
-                self.centred.take(own, reach.gap, reach.own_slack);
+                self.centred.take(own, &[], reach.gap, reach.own_slack);
                 self.search_own(surface, true);
                 self.own = (self.pairs.len(), self.faces.len());
             }
         }
         self.pairs.truncate(self.own.0);
         self.faces.truncate(self.own.1);
-        self.world.take(ways, reach.gap, reach.slack);
+        self.world
+            .take(ways, surface.radii(), reach.gap, reach.slack);
         self.search_others(surface, true);
         kept
     }
@@ -358,12 +362,13 @@ impl Candidates {
             }
             let [from, to, later] = &self.places;
             let own = Ways { from, to, later };
-            self.centred.widen(own, reach.gap, reach.own_slack);
+            self.centred.widen(own, &[], reach.gap, reach.own_slack);
             let count = self.pairs.len();
             self.search_own(surface, false);
             self.own_come_first &= self.pairs.len() == count;
         }
-        self.world.widen(ways, reach.gap, reach.slack);
+        self.world
+            .widen(ways, surface.radii(), reach.gap, reach.slack);
         self.search_others(surface, false);
     }
 
@@ -431,29 +436,30 @@ impl Held {
             })
     }
 
-    /// Takes the boxes around ways.
-    fn take(&mut self, ways: Ways<'_>, gap: f64, slack: f64) {
+    /// Takes the boxes around ways of points with these `radii`, 0 beyond the last.
+    fn take(&mut self, ways: Ways<'_>, radii: &[f64], gap: f64, slack: f64) {
         self.boxes.points.clear();
         self.allowed.clear();
-        for path in paths(ways) {
+        for (path, radius) in paths(ways).zip(radii.iter().chain(repeat(&0.0))) {
             self.allowed.push(path.widened(slack));
-            let wide = path.widened(slack + 0.5 * gap);
+            let wide = path.widened(slack + 0.5 * gap + radius);
             self.boxes.points.push(wide.into());
         }
     }
 
     /// Widens the boxes of the points that leave theirs.
-    fn widen(&mut self, ways: Ways<'_>, gap: f64, slack: f64) {
+    fn widen(&mut self, ways: Ways<'_>, radii: &[f64], gap: f64, slack: f64) {
         self.before.clone_from(&self.boxes);
         self.has_moved.clear();
         let ends = ways.from.iter().zip(ways.to);
-        for (p, (path, (from, to))) in paths(ways).zip(ends).enumerate() {
+        let radii = radii.iter().chain(repeat(&0.0));
+        for (p, ((path, (from, to)), radius)) in paths(ways).zip(ends).zip(radii).enumerate() {
             let allowed = &mut self.allowed[p];
             let stays = allowed.contains(&Bounds::of(*from).around(Bounds::of(*to)));
             self.has_moved.push(!stays);
             if !stays {
                 *allowed = allowed.around(path.widened(slack));
-                let wide = path.widened(slack + 0.5 * gap);
+                let wide = path.widened(slack + 0.5 * gap + radius);
                 self.boxes.points[p] = self.boxes.points[p].around(wide.into());
             }
         }

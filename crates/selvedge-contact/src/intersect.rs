@@ -6,6 +6,8 @@ use robust::{Coord, Coord3D, orient2d, orient3d};
 
 use crate::boxes::{Apart, Bounds};
 use crate::candidates::Candidates;
+use crate::closest::gap;
+use crate::pair::Kind;
 use crate::surface::Surface;
 
 /// Two faces that meet.
@@ -24,15 +26,20 @@ impl Candidates {
         let corners = |face: u32| surface.faces()[face as usize];
         let mut found = Vec::new();
         let mut test = |a: u32, b: u32, _| {
-            if triangles_meet(points, corners(a), corners(b))
-                && !self.released().frees(surface, &corners(a), &corners(b))
-            {
+            let [of_a, of_b] = [a, b].map(corners);
+            let radius = surface.radii()[of_b[0] as usize];
+            let meet = match radius > 0.0 {
+                true => comes_within(radius, points, of_a, of_b),
+                false => triangles_meet(points, of_a, of_b),
+            };
+            if meet && !self.released().frees(surface, &corners(a), &corners(b)) {
                 let faces = [a.min(b), a.max(b)];
                 found.push(Intersection { faces });
             }
         };
         let trees = self.trees_around(|face| {
-            let [a, b, c] = corners(face).map(|p| Bounds::of(points[p as usize]));
+            let [a, b, c] = corners(face)
+                .map(|p| Bounds::of(points[p as usize]).widened(surface.radii()[p as usize]));
             a.around(b).around(c)
         });
         if let Some((cloth, obstacles)) = trees.split_first() {
@@ -46,6 +53,22 @@ impl Candidates {
         found.sort_unstable();
         found
     }
+}
+
+/// Returns true if a triangle comes nearer than a `radius` `[m]` to a core, a point or a segment among
+/// `points`.
+fn comes_within(radius: f64, points: &[DVec3], triangle: [u32; 3], core: [u32; 3]) -> bool {
+    let [a, b, c] = triangle.map(|p| points[p as usize]);
+    let [p, q, _] = core.map(|p| points[p as usize]);
+    let is_near = |kind, corners| gap(kind, corners).distance < radius;
+    let ends = [p, q].map(|end| sign(a, b, c, end));
+    [p, q]
+        .into_iter()
+        .any(|end| is_near(Kind::VertexFace, [end, a, b, c]))
+        || [(a, b), (b, c), (c, a)]
+            .into_iter()
+            .any(|(from, to)| is_near(Kind::EdgeEdge, [p, q, from, to]))
+        || p != q && segment_meets([p, q], ends, [a, b, c])
 }
 
 /// Returns true if two triangles among `points` meet, exactly. Of triangles with a common vertex,

@@ -1,10 +1,17 @@
 //! All bodies as one surface: the points, faces and edges of the cloth, then those of each
 //! obstacle.
+//!
+//! A round body stands there as its core: one face without area, whose corners are the point of a sphere
+//! or the ends of a capsule, and which has the radius around it. Gaps of its pairs are those of the core
+//! less the radius.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
 
+use glam::DVec3;
 use selvedge_cloth::{Obstacle, Topology};
+
+use crate::pair::Pair;
 
 /// The connectivity of a cloth and its obstacles.
 #[derive(Clone, Debug)]
@@ -14,6 +21,8 @@ pub struct Surface {
     bodies: Vec<Body>,
     /// First point of the connected part of each point.
     parts: Vec<u32>,
+    /// Radius around each point `[m]`, 0 but of round bodies.
+    radii: Vec<f64>,
     /// Vertices and edges that each face stands for; [`NONE`] where it does not.
     shares: Vec<Share>,
 }
@@ -57,13 +66,33 @@ impl Surface {
             edges: Vec::new(),
             bodies: Vec::new(),
             parts: Vec::new(),
+            radii: Vec::new(),
             shares: Vec::new(),
         };
         surface.push(cloth.vertex_count(), &cloth.face_indices());
         for obstacle in obstacles {
-            surface.push(obstacle.point_count(), obstacle.faces());
+            surface.radii.resize(surface.parts.len(), 0.0);
+            match obstacle.core() {
+                None => surface.push(obstacle.point_count(), obstacle.faces()),
+                Some(core) => {
+                    let points = core.point_count();
+                    let last = points as u32 - 1;
+                    surface.push(points, &[[0, last, last]]);
+                    surface.radii.resize(surface.parts.len(), core.radius);
+                }
+            }
         }
+        surface.radii.resize(surface.parts.len(), 0.0);
         surface
+    }
+
+    /// The points of an obstacle of a surface at `time` `[s]`, `[m]`: those of its mesh, or its core.
+    pub fn places_of(obstacle: &Obstacle, time: f64) -> impl Iterator<Item = DVec3> {
+        let core = obstacle.core_at(time);
+        let of_core = core.map(|core| core.ends.into_iter().take(core.point_count()));
+        let of_mesh = core.is_none().then(|| obstacle.positions_at(time));
+        let of_core = of_core.into_iter().flatten();
+        of_core.chain(of_mesh.into_iter().flatten())
     }
 
     fn push(&mut self, points: usize, faces: &[[u32; 3]]) {
@@ -74,7 +103,7 @@ impl Surface {
         self.join(first..last, first_face as usize);
         let mut numbers = BTreeMap::new();
         for face in &self.faces[first_face as usize..] {
-            for k in 0..3 {
+            for k in (0..3).filter(|k| has_side(*face, *k)) {
                 numbers.insert(side(*face, k), NONE);
             }
         }
@@ -97,14 +126,21 @@ impl Surface {
                 if !std::mem::replace(taken, true) {
                     share.vertices[k] = face[k];
                 }
+                if !has_side(*face, k) {
+                    continue;
+                }
                 let edge = numbers[&side(*face, k)];
                 let taken = &mut has_edge[(edge - first_edge) as usize];
                 if !std::mem::replace(taken, true) {
                     share.edges[k] = edge;
                 }
                 let wings = &mut self.edges[edge as usize].wings;
-                if let Some(wing) = wings.iter_mut().find(|wing| wing.is_none()) {
-                    *wing = Some(face[(k + 2) % 3]);
+                let third = face[(k + 2) % 3];
+                if third != face[k]
+                    && third != face[(k + 1) % 3]
+                    && let Some(wing) = wings.iter_mut().find(|wing| wing.is_none())
+                {
+                    *wing = Some(third);
                 }
             }
             self.shares.push(share);
@@ -169,10 +205,29 @@ impl Surface {
             .min(self.bodies.len() - 1)
     }
 
+    /// Radius around each point `[m]`, `[points]`: 0 but of round bodies.
+    #[must_use]
+    pub fn radii(&self) -> &[f64] {
+        &self.radii
+    }
+
+    /// Radius of the round body of a pair `[m]`: its gap is that of its features less this. 0 without one.
+    #[must_use]
+    #[inline]
+    pub fn radius_of(&self, pair: &Pair) -> f64 {
+        let radius = |k: usize| self.radii[pair.corners[k] as usize];
+        radius(0).max(radius(3))
+    }
+
     #[inline]
     pub(crate) fn share(&self, face: u32) -> &Share {
         &self.shares[face as usize]
     }
+}
+
+/// Returns true if two corners are the ends of a side: not so of a face that is a line or a point.
+fn has_side(face: [u32; 3], k: usize) -> bool {
+    face[k] != face[(k + 1) % 3]
 }
 
 /// The side of a face from corner `k` on, smaller end first.

@@ -2,8 +2,8 @@ use super::*;
 use crate::closest;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use selvedge_cloth::Obstacle;
 use selvedge_cloth::generate::square;
+use selvedge_cloth::{Obstacle, bodies};
 
 /// All pairs without a common vertex, of the cloth with all.
 fn every_pair(surface: &Surface) -> Vec<Pair> {
@@ -30,14 +30,24 @@ fn every_pair(surface: &Surface) -> Vec<Pair> {
     pairs
 }
 
-/// A sheet of so many vertices, and three faces over six `corners` `[m]`, with all points.
-fn scene(vertices: usize, corners: Vec<DVec3>) -> (Surface, Vec<DVec3>) {
+/// A sheet of so many vertices, three faces over six `corners` `[m]` and `round` bodies, with all points.
+fn scene(vertices: usize, corners: Vec<DVec3>, round: &[Obstacle]) -> (Surface, Vec<DVec3>) {
     let sheet = square(vertices, 1.0, 1).unwrap();
     let body = Obstacle::new("body", corners, vec![[0, 1, 2], [3, 4, 5], [1, 2, 3]]).unwrap();
     let mut start = sheet.mesh.positions().to_vec();
-    start.extend(body.positions_at(0.0));
-    let surface = Surface::new(sheet.mesh.topology(), std::slice::from_ref(&body));
+    let all = [&[body][..], round].concat();
+    start.extend(all.iter().flat_map(|body| Surface::places_of(body, 0.0)));
+    let surface = Surface::new(sheet.mesh.topology(), &all);
     (surface, start)
+}
+
+/// A ball and a capsule.
+fn round() -> [Obstacle; 2] {
+    let to = DVec3::new(0.1, -0.2, 0.1);
+    let ball = bodies::sphere(0.1, 0.1).placed(1.0, |p| p - to);
+    let capsule = bodies::capsule(0.03, 0.4, 0.1).placed(1.0, |p| p + to);
+    let round = [("ball", ball), ("capsule", capsule)];
+    round.map(|(name, body)| Obstacle::of(name, body).unwrap())
 }
 
 fn ordered(pair: &Pair) -> Pair {
@@ -52,7 +62,13 @@ fn ordered(pair: &Pair) -> Pair {
 
 /// Asserts that `found`, in order, has all pairs that come nearer than `gap` `[m]` on the way
 /// between two states.
-fn assert_none_is_missed(every: &[Pair], found: &[Pair], way: [&[DVec3]; 2], gap: f64) {
+fn assert_none_is_missed(
+    surface: &Surface,
+    every: &[Pair],
+    found: &[Pair],
+    way: [&[DVec3]; 2],
+    gap: f64,
+) {
     for pair in every {
         let [a, b] = way.map(|points| pair.places(points));
         let nearest = (0..=20)
@@ -62,7 +78,7 @@ fn assert_none_is_missed(every: &[Pair], found: &[Pair], way: [&[DVec3]; 2], gap
                 closest::gap(pair.kind, corners).distance
             })
             .fold(f64::INFINITY, f64::min);
-        if nearest < gap {
+        if nearest - surface.radius_of(pair) < gap {
             assert!(found.binary_search(pair).is_ok(), "{pair:?} at {nearest}");
         }
     }
@@ -72,7 +88,7 @@ fn assert_none_is_missed(every: &[Pair], found: &[Pair], way: [&[DVec3]; 2], gap
 fn no_near_pair_is_missed_none_comes_twice_and_a_wider_search_keeps_what_there_is() {
     let mut rng = ChaCha8Rng::seed_from_u64(9);
     let mut point = |size: f64| DVec3::from_array([0; 3].map(|_| rng.random_range(-size..size)));
-    let (surface, start) = scene(36, (0..6).map(|_| point(0.7)).collect());
+    let (surface, start) = scene(36, (0..6).map(|_| point(0.7)).collect(), &round());
     let mut candidates = Candidates::new(&surface, &start, true);
     let reach = Reach {
         gap: 0.02,
@@ -103,7 +119,13 @@ fn no_near_pair_is_missed_none_comes_twice_and_a_wider_search_keeps_what_there_i
         let mut strayed = |from: &[DVec3]| from.iter().map(|p| *p + point(0.015)).collect();
         let [begin, end]: [Vec<DVec3>; 2] = [strayed(&from), strayed(&to)];
         assert!(candidates.cover(&from, &to) && candidates.cover(&begin, &end));
-        assert_none_is_missed(&every, &in_order(&first), [&begin, &end], reach.gap);
+        assert_none_is_missed(
+            &surface,
+            &every,
+            &in_order(&first),
+            [&begin, &end],
+            reach.gap,
+        );
         // Some points end elsewhere.
         let mut other = to.clone();
         for _ in 0..8 {
@@ -117,7 +139,7 @@ fn no_near_pair_is_missed_none_comes_twice_and_a_wider_search_keeps_what_there_i
         added += pairs.len() - first.len();
         let found = in_order(pairs);
         for end in [&to, &other] {
-            assert_none_is_missed(&every, &found, [&from, end], reach.gap);
+            assert_none_is_missed(&surface, &every, &found, [&from, end], reach.gap);
         }
         // Nothing new for points that stay within their boxes.
         candidates.widen(&surface, ways(&to), reach);
@@ -129,7 +151,7 @@ fn no_near_pair_is_missed_none_comes_twice_and_a_wider_search_keeps_what_there_i
 #[test]
 fn a_cloth_that_moves_as_a_whole_keeps_its_own_pairs_and_looks_for_others_alone() {
     let body = [DVec3::ZERO, DVec3::X, DVec3::Z].map(|p| p * 0.5 + DVec3::Y * 3.0);
-    let (surface, start) = scene(36, body.into_iter().chain(body).collect());
+    let (surface, start) = scene(36, body.into_iter().chain(body).collect(), &[]);
     let cloth = surface.bodies()[0].points.len();
     let mut candidates = Candidates::new(&surface, &start, true);
     let reach = Reach {

@@ -87,17 +87,6 @@ impl Placement {
     pub(crate) fn place(&self, point: DVec3) -> DVec3 {
         self.rotation.turn() * (self.scale * point) + self.translation
     }
-
-    /// Places every point.
-    fn apply(&self, points: &mut [DVec3]) {
-        if self.is_none() {
-            return;
-        }
-        let turn = self.rotation.turn();
-        for point in points {
-            *point = turn * (self.scale * *point) + self.translation;
-        }
-    }
 }
 
 impl ObstacleSpec {
@@ -126,7 +115,7 @@ impl ObstacleSpec {
         warnings.extend(left.map(|left| format!("obstacles[{name:?}].mesh: {left}")));
         let wrong = |error: SceneError| Problem(error.to_string());
         let made = || {
-            let mut obstacle = Obstacle::new(name, body.points, body.faces)?.moving(path)?;
+            let mut obstacle = Obstacle::of(name, body)?.moving(path)?;
             if let Some(friction) = self.friction {
                 obstacle = obstacle.with_friction(friction)?;
             }
@@ -171,14 +160,16 @@ impl ObstacleSpec {
                 count - body.faces.len()
             ));
         }
-        self.transform.apply(&mut body.points);
+        if !self.transform.is_none() {
+            body = body.placed(self.transform.scale, |p| self.transform.place(p));
+        }
         let size = extent(&body.points);
         if matches!(self.body, BodySpec::Mesh { .. }) && !SIZES.contains(&size) {
             let remedy = unit_remedy(size, "transform.scale");
             left.push(format!("it is {size:.4} m long: {remedy}"));
         }
-        for frame in &mut frames {
-            self.transform.apply(frame);
+        for point in frames.iter_mut().flatten() {
+            *point = self.transform.place(*point);
         }
         let path = match self.motion {
             ObstacleMotion::Points(_) => ObstaclePath::Points {

@@ -92,11 +92,11 @@ impl Contact {
 
     /// The feature of `near` that pushes.
     fn pushing(&self, near: &Near) -> Pushing {
-        let expected = extent(&near.gap, near.pair.places(&self.end));
+        let expected = self.gap_along(&near.pair, &near.gap, &self.end);
         let least = near.distance.min(expected) / self.thickness[near.body];
         let depth = (1.0 - least).max(0.0);
         Pushing {
-            of: feature(&near.pair, near.body),
+            of: feature(&near.pair, near.body, self.is_of_core(&near.pair)),
             firmly: near.share * depth * depth > FIRM,
         }
     }
@@ -108,6 +108,7 @@ impl Contact {
         let mut vertices = Vec::with_capacity(near.len());
         for (k, one) in (0..).zip(near) {
             match one.pair.kind {
+                Kind::VertexFace if self.is_of_core(&one.pair) => kept.push(k),
                 Kind::VertexFace => vertices.push((one.pair.first, one.distance, k)),
                 Kind::EdgeEdge => kept.push(k),
             }
@@ -172,7 +173,8 @@ impl Contact {
                 drift += (self.end[p] - self.start[p]) * weight;
             }
         }
-        let own = feature(pair, body);
+        drift += self.turned(pair, body, gap.normal);
+        let own = feature(pair, body, self.is_of_core(pair));
         Touch {
             pair: key(pair),
             corners: pair.corners,
@@ -228,7 +230,10 @@ impl Contact {
         let mut failed: Vec<_> = self.failed().collect();
         failed.sort_by(|a, b| a.1.safe.total_cmp(&b.1.safe));
         for (pair, approach) in failed {
-            if !is_early(pair, &approach.gap, &mut met) {
+            // What a vertex of the cloth does as well.
+            let zeros = approach.gap.weights.iter().filter(|weight| **weight == 0.0);
+            let is_again = self.is_of_core(pair) && zeros.count() > 1;
+            if is_again || !is_early(pair, &approach.gap, &mut met) {
                 continue;
             }
             let of = key(pair);
@@ -258,8 +263,8 @@ impl Contact {
     /// A pair with this `gap` that a solve has missed, and its touch for the next one, which pushes
     /// harder than the `known` one of the last. None where that is in vain.
     fn caught(&self, pair: &Pair, gap: Gap, known: Option<&Touch>) -> Option<(Near, Touch)> {
-        let distance = extent(&gap, pair.places(&self.start));
-        let missed = extent(&gap, pair.places(&self.end));
+        let distance = self.gap_along(pair, &gap, &self.start);
+        let missed = self.gap_along(pair, &gap, &self.end);
         if gap.normal == DVec3::ZERO || distance <= 0.0 || missed >= distance {
             return None;
         }
@@ -356,12 +361,4 @@ fn is_early(pair: &Pair, gap: &Gap, met: &mut [usize]) -> bool {
         }
     }
     is_early
-}
-
-/// Distance of two features along the direction of `gap`, at these places of their corners `[m]`.
-pub(super) fn extent(gap: &Gap, corners: [DVec3; 4]) -> f64 {
-    let corners = corners.iter().zip(gap.weights);
-    corners
-        .map(|(corner, weight)| weight * gap.normal.dot(*corner))
-        .sum()
 }

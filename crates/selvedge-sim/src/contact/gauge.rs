@@ -91,7 +91,7 @@ impl ContactGauge {
         let mut points: Vec<DVec3> = positions.iter().map(|p| p.as_dvec3()).collect();
         let contact = &mut self.contact;
         let met = contact.written_intersections(positions, frame, self.rate);
-        points.extend(contact.obstacle_points(frame, self.rate));
+        points.extend(contact.body_points(frame, self.rate));
         let thickness = contact.largest_thickness();
         let reach = Reach {
             gap: thickness,
@@ -101,7 +101,9 @@ impl ContactGauge {
         let candidates = &mut contact.candidates;
         candidates.find(&contact.surface, Ways::still(&points), reach);
         let pairs = candidates.pairs().iter();
-        let gaps = pairs.map(|pair| gap(pair.kind, pair.places(&points)).distance);
+        let surface = &contact.surface;
+        let gaps = pairs
+            .map(|pair| gap(pair.kind, pair.places(&points)).distance - surface.radius_of(pair));
         let smallest = gaps.fold(f64::INFINITY, f64::min);
         FrameContact {
             intersections: met.len(),

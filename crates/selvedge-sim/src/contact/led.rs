@@ -1,8 +1,8 @@
 //! Obstacles that are led by hand: each may be shifted from its own path, straight within a frame.
 
 use glam::DVec3;
-use selvedge_cloth::Rigid;
-use selvedge_contact::{Candidates, Reach, Ways, gap};
+use selvedge_cloth::{Obstacle, Rigid};
+use selvedge_contact::{Candidates, Reach, Surface, Ways, gap};
 
 use super::Contact;
 
@@ -45,14 +45,24 @@ impl Contact {
         }
     }
 
-    /// Points of all obstacles at frame `frame`, at `rate` frames per second `[m]`.
-    pub(crate) fn obstacle_points(&self, frame: usize, rate: f64) -> Vec<DVec3> {
-        let mut points = Vec::new();
-        for (obstacle, shift) in self.obstacles.iter().zip(&self.shifts) {
-            let places = obstacle.positions_at(frame as f64 / rate);
-            points.extend(places.map(|p| shift.now.of(p)));
-        }
-        points
+    /// Points of the meshes of all obstacles at frame `frame`, at `rate` frames per second `[m]`.
+    pub(crate) fn mesh_points(&self, frame: usize, rate: f64) -> Vec<DVec3> {
+        self.shifted(|obstacle| obstacle.positions_at(frame as f64 / rate))
+    }
+
+    /// The same of what the cloth touches.
+    pub(super) fn body_points(&self, frame: usize, rate: f64) -> Vec<DVec3> {
+        self.shifted(|obstacle| Surface::places_of(obstacle, frame as f64 / rate))
+    }
+
+    fn shifted<'a, P: Iterator<Item = DVec3> + 'a>(
+        &'a self,
+        places: impl Fn(&'a Obstacle) -> P,
+    ) -> Vec<DVec3> {
+        let bodies = self.obstacles.iter().zip(&self.shifts);
+        let shifted =
+            bodies.flat_map(|(obstacle, shift)| places(obstacle).map(|p| shift.now.of(p)));
+        shifted.collect()
     }
 
     /// Smallest gap of each vertex of the cloth at `positions` to what it does not share a vertex
@@ -66,7 +76,7 @@ impl Contact {
         far: f64,
     ) -> Vec<f64> {
         let mut points = positions.to_vec();
-        points.extend(self.obstacle_points(frame, rate));
+        points.extend(self.body_points(frame, rate));
         let reach = Reach {
             gap: far,
             slack: 0.0,
@@ -79,7 +89,8 @@ impl Contact {
             if self.other_body(pair) == 0 && self.neighbours.leave_out(pair, 2.0 * far) {
                 continue;
             }
-            let distance = gap(pair.kind, pair.places(&points)).distance;
+            let distance =
+                gap(pair.kind, pair.places(&points)).distance - self.surface.radius_of(pair);
             for corner in pair.corners {
                 if let Some(least) = gaps.get_mut(corner as usize) {
                     *least = least.min(distance);

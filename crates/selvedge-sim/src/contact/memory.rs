@@ -58,14 +58,14 @@ pub(super) fn key(pair: &Pair) -> Touching {
 }
 
 /// The features of a pair that go on from substep to substep: a vertex at the other body, whichever
-/// of its faces it meets, or two edges.
-pub(super) fn feature(pair: &Pair, body: usize) -> Touching {
+/// of its faces it meets, or two edges. A round body's core meets many faces, each for itself.
+pub(super) fn feature(pair: &Pair, body: usize, is_of_core: bool) -> Touching {
     match pair.kind {
-        Kind::VertexFace => Touching::Vertex {
+        Kind::VertexFace if !is_of_core => Touching::Vertex {
             vertex: pair.first,
             other: body as u32,
         },
-        Kind::EdgeEdge => key(pair),
+        _ => key(pair),
     }
 }
 

@@ -21,11 +21,11 @@ mod separation;
 mod squeezed;
 mod touches;
 
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DMat3, DVec2, DVec3, Vec3};
 use selvedge_cloth::{
-    ContactMemory, ContactSettings, Obstacle, Pushing, Scene, StepError, VertexId,
+    ContactMemory, ContactSettings, Obstacle, Pushing, Rigid, Scene, StepError, VertexId,
 };
-use selvedge_contact::{Candidates, Intersection, Kind, Pair, Surface, SweptFeatures};
+use selvedge_contact::{Candidates, Gap, Intersection, Pair, Surface, SweptFeatures};
 
 use crate::active_handles::ActiveHandles;
 use crate::integrator::History;
@@ -155,6 +155,10 @@ pub(crate) struct Contact {
     inverse: Vec<f64>,
     /// Points of obstacles at the start and the end of the frame `[m]`.
     frame: [Vec<DVec3>; 2],
+    /// Turn of each obstacle in the frame, less the identity, `[obstacles]`, and the part of the frame that a
+    /// solve takes: what is round turns about its core.
+    turns: Vec<DMat3>,
+    part: f64,
     /// Number of the frame at its end.
     next_frame: usize,
     /// All points at the start and the end of a solve `[m]`.
@@ -188,7 +192,7 @@ impl Contact {
         let surface = Surface::new(topology, &scene.obstacles);
         let mut points = scene.mesh.positions().to_vec();
         for obstacle in &scene.obstacles {
-            points.extend(obstacle.positions_at(0.0));
+            points.extend(Surface::places_of(obstacle, 0.0));
         }
         let obstacles = || scene.obstacles.iter();
         let own = |obstacle: &Obstacle| obstacle.thickness().unwrap_or(settings.thickness);
@@ -218,6 +222,8 @@ impl Contact {
             sides: vec![DVec3::ZERO; mass.len()],
             inverse: vec![0.0; count],
             frame: [obstacle_points.clone(), obstacle_points],
+            turns: vec![DMat3::ZERO; scene.obstacles.len()],
+            part: 0.0,
             next_frame: 0,
             start: points.clone(),
             ahead: Vec::with_capacity(count),
@@ -248,7 +254,7 @@ impl Contact {
         rate: f64,
     ) -> Vec<Intersection> {
         let mut points = positions.to_vec();
-        points.extend(self.obstacle_points(frame, rate));
+        points.extend(self.body_points(frame, rate));
         self.candidates.intersections(&self.surface, &points)
     }
 
@@ -259,7 +265,7 @@ impl Contact {
         frame: usize,
         rate: f64,
     ) -> Vec<Intersection> {
-        let bodies = self.obstacle_points(frame, rate).into_iter();
+        let bodies = self.body_points(frame, rate).into_iter();
         let all = positions.iter().copied().chain(bodies.map(|p| p.as_vec3()));
         let points: Vec<DVec3> = all.map(|p| p.as_dvec3()).collect();
         self.candidates.intersections(&self.surface, &points)
@@ -277,6 +283,9 @@ impl Contact {
         let number = face - bodies[body].faces.start;
         match body.checked_sub(1) {
             None => format!("face {number} of the cloth"),
+            Some(k) if self.obstacles[k].core().is_some() => {
+                format!("obstacle {:?}", self.obstacles[k].name())
+            }
             Some(k) => format!("face {number} of obstacle {:?}", self.obstacles[k].name()),
         }
     }
@@ -296,9 +305,17 @@ impl Contact {
             points.clear();
             for (obstacle, shift) in self.obstacles.iter().zip(&self.shifts) {
                 let shift = [shift.now, shift.next][k];
-                let places = obstacle.positions_at((frame + k) as f64 / rate);
+                let places = Surface::places_of(obstacle, (frame + k) as f64 / rate);
                 points.extend(places.map(|p| shift.of(p)));
             }
+        }
+        let bodies = self.obstacles.iter().zip(&self.shifts);
+        for (own, (obstacle, shift)) in self.turns.iter_mut().zip(bodies) {
+            let turn = |k: usize, shift: &Rigid| {
+                shift.turn * obstacle.rigid_place((frame + k) as f64 / rate).0
+            };
+            let turned = turn(1, &shift.next) * turn(0, &shift.now).inverse();
+            *own = DMat3::from_quat(turned) - DMat3::IDENTITY;
         }
     }
 
@@ -523,6 +540,7 @@ impl Contact {
     fn put_start(&mut self, positions: &[DVec3], now: f64, end: f64) {
         self.room.begin();
         self.searches = 0;
+        self.part = end - now;
         let cloth = positions.len();
         let middle = |all: &[DVec3]| all.iter().sum::<DVec3>() / cloth as f64;
         let way = middle(positions) - middle(&self.start[..cloth]);
@@ -544,6 +562,22 @@ impl Contact {
         }
     }
 
+    /// Gap of a pair along a direction between its features, at these `points` `[m]`.
+    fn gap_along(&self, pair: &Pair, gap: &Gap, points: &[DVec3]) -> f64 {
+        let corners = pair.places(points).into_iter().zip(gap.weights);
+        let extent: f64 = corners.map(|(p, weight)| weight * gap.normal.dot(p)).sum();
+        extent - self.surface.radius_of(pair)
+    }
+
+    /// Way that the closest point of a round body goes in the solve, because the body turns, from the cloth's
+    /// `[m]`; along `normal`, the gap's direction.
+    fn turned(&self, pair: &Pair, body: usize, normal: DVec3) -> DVec3 {
+        match body.checked_sub(1) {
+            Some(own) => self.turns[own] * normal * (-self.surface.radius_of(pair) * self.part),
+            None => DVec3::ZERO,
+        }
+    }
+
     fn update_inverse(&mut self, active: &ActiveHandles) {
         self.inverse.fill(0.0);
         for &v in active.system.unknown_vertices() {
@@ -559,27 +593,21 @@ impl Contact {
 
     /// A pair in words.
     fn name(&self, pair: &Pair) -> String {
-        let body = |point: u32| match self.surface.body_of(point).checked_sub(1) {
-            None => String::new(),
-            Some(k) => format!(" of obstacle {:?}", self.obstacles[k].name()),
-        };
-        let own = |point: u32| {
-            let body = &self.surface.bodies()[self.surface.body_of(point)];
-            VertexId(point - body.points.start)
-        };
-        let [a, b, c, d] = pair.corners;
-        match pair.kind {
-            Kind::VertexFace => {
-                let (vertex, first) = (own(a), body(a));
-                let corners = [b, c, d].map(own);
-                let [b, c, e] = corners;
-                format!("vertex {vertex}{first} and face {b}-{c}-{e}{}", body(d))
+        let feature = |corners: &[u32]| {
+            let number = self.surface.body_of(corners[0]);
+            let body = &self.surface.bodies()[number];
+            let own = corners
+                .iter()
+                .map(|p| VertexId(p - body.points.start).to_string());
+            let kind = ["vertex", "edge", "face"][corners.len() - 1];
+            let feature = format!("{kind} {}", own.collect::<Vec<_>>().join("-"));
+            match number.checked_sub(1).map(|k| &self.obstacles[k]) {
+                None => feature,
+                Some(round) if round.core().is_some() => format!("obstacle {:?}", round.name()),
+                Some(mesh) => format!("{feature} of obstacle {:?}", mesh.name()),
             }
-            Kind::EdgeEdge => {
-                let (first, second) = (body(a), body(c));
-                let [a, b, c, d] = [a, b, c, d].map(own);
-                format!("edge {a}-{b}{first} and edge {c}-{d}{second}")
-            }
-        }
+        };
+        let (first, second) = pair.corners.split_at(pair.kind.split());
+        format!("{} and {}", feature(first), feature(second))
     }
 }

@@ -6,18 +6,19 @@
 use glam::DVec3;
 use selvedge_cloth::CaughtPair;
 use selvedge_contact::number::{GROUP, of_lane};
-use selvedge_contact::{Gap, Gaps, Kind, Pair, Path, certify, gaps};
+use selvedge_contact::{Gap, Gaps, Kind, Pair, Path, certify, gap, gaps};
 
 use super::Contact;
 use super::barrier::LEAST;
 use super::clearances::{Pushes, Watch};
-use super::find::extent;
 use super::memory::{self, key};
 use crate::threads::Threads;
 
 /// Depth of a fold at the nearer end of two edges that cross, as a part of the thickness, from
 /// which they push in full.
 const BULGE: f64 = 0.5;
+/// The same that what is between vertices may be nearer to a round body than they, without a push.
+const SLIGHT: f64 = 0.25;
 /// Sine of the angle of two edges from which they push in full.
 const PARALLEL: f64 = 0.1;
 /// Sine of the angle by which an edge's push may lean over a face beside it.
@@ -99,14 +100,15 @@ impl Contact {
     fn near_pair(&self, k: usize, gaps: &Gaps, lane: usize, part: &mut Part<'_>) -> Option<Near> {
         let clearances = self.clearances_of(part.first + k);
         let (pair, watch) = (&part.pairs[k], &mut part.watched[k]);
+        let radius = self.surface.radius_of(pair);
         let now = Gap {
-            distance: gaps.distance[lane],
+            distance: gaps.distance[lane] - radius,
             normal: DVec3::from_array(of_lane(&gaps.normal, lane)),
             weights: of_lane(&gaps.weights, lane),
         };
         watch.budget = clearances.budget(pair, now.distance);
         let known = watch.in_solve(self.room.solve);
-        (known.direction, known.extent) = (now.normal, gaps.extent[lane]);
+        (known.direction, known.extent) = (now.normal, gaps.extent[lane] - radius);
         let body = self.other_body(pair);
         let thickness = self.thickness[body];
         let path = Path {
@@ -115,7 +117,7 @@ impl Contact {
         };
         let is_far = || {
             now.distance - clearances.approach(pair) > self.most
-                || path.axes_gap(pair.kind) > thickness
+                || path.axes_gap(pair.kind) - radius > thickness
         };
         if now.distance >= thickness && is_far() {
             return None;
@@ -123,14 +125,12 @@ impl Contact {
         let of = key(pair);
         let caught = memory::caught(&self.memory.caught, of);
         let is_at_end = || now.weights.contains(&0.0);
-        if pair.kind == Kind::EdgeEdge
-            && now.distance < thickness
-            && caught.is_none()
-            && is_at_end()
-        {
+        // What a vertex of the cloth does as well.
+        let is_of_edges = pair.kind == Kind::EdgeEdge || self.is_of_core(pair);
+        if is_of_edges && now.distance < thickness && caught.is_none() && is_at_end() {
             return None;
         }
-        let gap = meeting(pair.kind, path, now, thickness)?;
+        let gap = meeting(pair.kind, path, now, thickness, radius)?;
         let pushes = &mut watch.pushes;
         if *pushes == Pushes::Unknown {
             let never = body == 0 && self.neighbours.leave_out(pair, 2.0 * thickness);
@@ -140,14 +140,16 @@ impl Contact {
             return None;
         }
         let share = match pair.kind {
-            Kind::EdgeEdge if caught.is_none() => self.share(pair, &gap, thickness),
-            _ => 1.0,
+            _ if caught.is_some() => 1.0,
+            _ if radius > 0.0 && is_of_edges => self.share_of_round(pair, thickness),
+            Kind::EdgeEdge => self.share(pair, &gap, thickness),
+            Kind::VertexFace => 1.0,
         };
         let near = Near {
             pair: *pair,
             body,
             gap,
-            distance: extent(&gap, path.from),
+            distance: self.gap_along(pair, &gap, &self.start),
             share,
             caught,
         };
@@ -189,6 +191,28 @@ impl Contact {
         .product()
     }
 
+    /// Returns true if a pair is a core's point with a face of the cloth.
+    pub(super) fn is_of_core(&self, pair: &Pair) -> bool {
+        pair.kind == Kind::VertexFace && self.surface.radii()[pair.first as usize] > 0.0
+    }
+
+    /// Part of the barrier's stiffness that the middle of an edge or a face has against a round body: it
+    /// grows with how much nearer the middle is than the ends, whose vertices push as well.
+    fn share_of_round(&self, pair: &Pair, thickness: f64) -> f64 {
+        let corners = pair.places(&self.start);
+        let split = pair.kind.split();
+        let (own, core) = match pair.kind {
+            Kind::VertexFace => (&corners[split..], [corners[0]; 3]),
+            Kind::EdgeEdge => (&corners[..split], [corners[2], corners[3], corners[3]]),
+        };
+        let [a, b, c] = core;
+        let ends = own
+            .iter()
+            .map(|end| gap(Kind::VertexFace, [*end, a, b, c]).distance);
+        let nearer = ends.fold(f64::INFINITY, f64::min) - gap(pair.kind, corners).distance;
+        ((nearer / thickness - SLIGHT) / BULGE).clamp(0.0, 1.0)
+    }
+
     /// Sine of the angle by which the faces beside an edge lean towards a direction; negative where
     /// both lean away from it.
     fn lean(&self, edge: u32, towards: DVec3) -> f64 {
@@ -205,13 +229,13 @@ impl Contact {
 }
 
 /// Gap in which a pair pushes that is `now` this far apart: this one where it is less than
-/// `thickness` `[m]`, or the one at which the pair would meet on its `path`. None where it does
-/// not.
-fn meeting(kind: Kind, path: Path, now: Gap, thickness: f64) -> Option<Gap> {
+/// `thickness` `[m]`, or the one at which the pair, one of a round body of this `radius` `[m]`, would meet on
+/// its `path`. None where it does not.
+fn meeting(kind: Kind, path: Path, now: Gap, thickness: f64, radius: f64) -> Option<Gap> {
     let near = if now.distance < thickness {
         Some(now)
     } else {
-        let approach = certify(kind, path, LEAST * thickness).err();
+        let approach = certify(kind, path, LEAST * thickness + radius).err();
         approach.map(|approach| approach.gap)
     };
     near.filter(|gap| gap.normal != DVec3::ZERO)

@@ -118,7 +118,7 @@ impl Room {
     }
 
     /// Lists the pairs that failed, and the one that was safe for the shortest part.
-    fn list_failed(&mut self, turning: Vec<Turning>) {
+    fn list_failed(&mut self, surface: &Surface, turning: Vec<Turning>) {
         self.failed.clear();
         self.failed
             .extend(turning.into_iter().filter_map(|turning| match turning {
@@ -134,7 +134,7 @@ impl Room {
         let worst = self.failed.iter().min_by(least);
         self.worst = worst.map(|(pair, approach, _)| Worst {
             pair: *pair,
-            gap: approach.gap.distance,
+            gap: approach.gap.distance - surface.radius_of(pair),
             part: approach.safe,
         });
     }
@@ -305,7 +305,7 @@ impl Contact {
         if first {
             self.counts.count(pairs.len(), &turning);
         }
-        room.list_failed(turning);
+        room.list_failed(&self.surface, turning);
         room.stirred.fill(false);
         for (pair, ..) in &room.failed {
             for p in pair.corners {
@@ -325,8 +325,9 @@ impl Contact {
         known: &mut Known,
     ) -> Option<Turning> {
         let floor = self.settings.floor;
+        let radius = self.surface.radius_of(pair);
         if known.extent >= floor {
-            let extent = extent(pair.kind, pair.places(&self.end), known.direction);
+            let extent = extent(pair.kind, pair.places(&self.end), known.direction) - radius;
             if extent >= floor {
                 known.reach = known.reach.max(0.0);
                 return None;
@@ -346,34 +347,36 @@ impl Contact {
             from: pair.places(&self.start),
             to: pair.places(&self.end),
         };
-        let spare = least_gap(pair.kind, path.from) - approach - floor;
+        let spare = least_gap(pair.kind, path.from) - radius - approach - floor;
         if spare > 0.0 {
             known.reach = spare - strayed;
             return None;
         }
-        let spare = path.axes_gap(pair.kind) - floor;
+        let spare = path.axes_gap(pair.kind) - radius - floor;
         let straight = if spare > 0.0 {
             let direction = path.axis(pair.kind);
             Ok(Straight { direction, spare })
         } else {
-            certify_straight(pair.kind, path, floor)
+            certify_straight(pair.kind, path, floor + radius)
         };
         match straight {
             Ok(Straight { direction, spare }) => {
                 *known = Known {
                     reach: spare - strayed,
                     direction,
-                    extent: extent(pair.kind, path.from, direction),
+                    extent: extent(pair.kind, path.from, direction) - radius,
                 };
                 None
             }
             Err(start) => {
                 known.reach = f64::NEG_INFINITY;
-                let floor = floor.min(start.distance * KEPT);
-                Some(match certify_turning(pair.kind, &path, floor, start) {
-                    Ok(()) => Turning::Halved,
-                    Err(approach) => Turning::Failed(*pair, approach, floor),
-                })
+                let floor = floor.min((start.distance - radius) * KEPT);
+                Some(
+                    match certify_turning(pair.kind, &path, floor + radius, start) {
+                        Ok(()) => Turning::Halved,
+                        Err(approach) => Turning::Failed(*pair, approach, floor),
+                    },
+                )
             }
         }
     }
@@ -385,12 +388,9 @@ impl Contact {
             let body = self.other_body(pair);
             let inverse = pair.corners.map(|p| self.inverse[p as usize]);
             let gap = &approach.gap;
-            let from = pair.places(&self.start);
-            let extent: f64 = (0..4)
-                .map(|k| gap.weights[k] * gap.normal.dot(from[k]))
-                .sum();
-            let goal = (PARKED * self.thickness[body]).min(extent);
-            let goal = goal.max(ABOVE_FLOOR * floor);
+            let start = self.gap_along(pair, gap, &self.start);
+            let goal = (PARKED * self.thickness[body]).min(start);
+            let goal = goal.max(ABOVE_FLOOR * floor) + self.surface.radius_of(pair);
             let Some(push) = push(gap, pair.places(&self.end), inverse, goal) else {
                 continue;
             };
@@ -411,7 +411,7 @@ impl Contact {
     fn rub(&mut self, pair: &Pair, body: usize, gap: &Gap, size: f64) {
         let (normal, weights) = (gap.normal, gap.weights);
         let most = self.friction[body] * size;
-        let (mut slip, mut mobility) = (DVec3::ZERO, 0.0);
+        let (mut slip, mut mobility) = (self.turned(pair, body, normal), 0.0);
         for (corner, weight) in pair.corners.iter().zip(weights) {
             let p = *corner as usize;
             slip += (self.end[p] - self.start[p]) * weight;

@@ -218,7 +218,8 @@ impl Contact {
         };
         let all = all.widened(near.reach);
         for number in self.surface.bodies()[0].faces.end..self.surface.faces().len() as u32 {
-            let own = around(&self.surface.faces()[number as usize]);
+            let face = &self.surface.faces()[number as usize];
+            let own = around(face).map(|own| own.widened(self.surface.radii()[face[0] as usize]));
             if own.is_some_and(|own| own.meets(&all)) {
                 near.faces.push(number);
             }
@@ -231,9 +232,9 @@ impl Contact {
         let pairs = pairs.filter(|pair| pair.corners.iter().any(|p| is_failed[*p as usize]));
         let reach = near.reach;
         let comes_near = |pair: &&Pair| {
-            [&self.start, &self.end]
-                .iter()
-                .any(|points| least_gap(pair.kind, pair.places(points)) <= reach)
+            [&self.start, &self.end].iter().any(|points| {
+                least_gap(pair.kind, pair.places(points)) <= reach + self.surface.radius_of(pair)
+            })
         };
         near.pairs
             .extend(pairs.filter(|pair| self.other_body(pair) > 0 && comes_near(pair)));
@@ -309,10 +310,12 @@ impl Contact {
         reach: f64,
     ) -> Option<Side> {
         let Pair { kind, corners, .. } = *near;
-        if least_gap(kind, places) > reach {
+        let radius = self.surface.radius_of(near);
+        if least_gap(kind, places) > reach + radius {
             return None;
         }
-        let found = gap(kind, places);
+        let mut found = gap(kind, places);
+        found.distance -= radius;
         let cloth = self.mass.len() as u32;
         let bodies = || (0..4).filter(|k| corners[*k] >= cloth);
         let weighted = |of: &dyn Fn(usize) -> DVec3| -> DVec3 {
@@ -412,7 +415,8 @@ impl Contact {
                 .find(&self.surface, Ways::still(&points), reach);
             for pair in self.candidates.pairs() {
                 let body = self.other_body(pair);
-                let distance = gap(pair.kind, pair.places(&points)).distance;
+                let distance =
+                    gap(pair.kind, pair.places(&points)).distance - self.surface.radius_of(pair);
                 if body > 0 && distance < LEAST * self.thickness[body] {
                     note(&pair.corners);
                 }
@@ -455,7 +459,8 @@ impl Contact {
             }
         }
         let (pair, found) = best.1?;
-        let is_within = (self.winding(body, points, place) - one.winding).abs() >= 0.5;
+        let is_round = self.surface.radius_of(&pair) > 0.0;
+        let is_within = !is_round && (self.winding(body, points, place) - one.winding).abs() >= 0.5;
         let sign = if is_within { -1.0 } else { 1.0 };
         Some(WayOut {
             pair,
@@ -470,9 +475,7 @@ impl Contact {
     pub(super) fn push_out(&self) -> impl Iterator<Item = Touch> {
         self.ways_out.iter().filter_map(|way| {
             let WayOut { pair, gap } = way;
-            let places = pair.places(&self.start);
-            let between: DVec3 = (0..4).map(|k| places[k] * gap.weights[k]).sum();
-            let distance = gap.normal.dot(between);
+            let distance = self.gap_along(pair, gap, &self.start);
             let body = self.other_body(pair);
             let is_free = self.inverse[pair.first as usize] > 0.0;
             (is_free && distance < self.thickness[body]).then(|| {
@@ -489,6 +492,13 @@ impl Contact {
 
     /// Times that a body winds around a place, its points at `points` `[m]`, `[points]`.
     fn winding(&self, body: usize, points: &[DVec3], place: DVec3) -> f64 {
+        if self.obstacles[body - 1].core().is_some() {
+            let first = self.surface.bodies()[body].points.start;
+            let [_, b, c] = self.surface.faces()[self.surface.bodies()[body].faces.start as usize];
+            let [a, b, c] = [first, b, c].map(|p| points[p as usize]);
+            let distance = gap(Kind::VertexFace, [place, a, b, c]).distance;
+            return f64::from(u8::from(distance < self.surface.radii()[first as usize]));
+        }
         let faces = &self.surface.bodies()[body].faces;
         let faces = &self.surface.faces()[faces.start as usize..faces.end as usize];
         winding(place, faces.iter().map(|f| f.map(|p| points[p as usize])))

@@ -7,7 +7,7 @@
 //! after each frame and its stiffness rising. Obstacles stand as they do at the start.
 
 use glam::DVec3;
-use selvedge_cloth::{HandleTargets, Obstacle, Scene, SceneError, Stepper};
+use selvedge_cloth::{HandleTargets, Obstacle, Scene, Stepper};
 
 use super::{
     FitError, FitProgress, Fitted, Listener, failed, largest_strain, pass, soften, springs,
@@ -70,20 +70,8 @@ pub(super) fn bare(scene: &Scene, part: f64) -> Result<Scene, FitError> {
     if let Some(contact) = &mut bare.contact {
         contact.friction = 0.0;
     }
-    let still: Result<Vec<Obstacle>, SceneError> =
-        scene.obstacles.iter().map(at_the_start).collect();
-    bare.obstacles = still.map_err(failed)?;
+    bare.obstacles = scene.obstacles.iter().map(Obstacle::at_start).collect();
     Ok(bare)
-}
-
-/// An obstacle that stays where it stands at the start.
-pub(super) fn at_the_start(obstacle: &Obstacle) -> Result<Obstacle, SceneError> {
-    let points = obstacle.positions_at(0.0).collect();
-    let still = Obstacle::new(obstacle.name(), points, obstacle.faces().to_vec())?;
-    match obstacle.thickness() {
-        Some(thickness) => still.with_thickness(thickness),
-        None => Ok(still),
-    }
 }
 
 /// Brings edges to their lengths, as far as nothing is in the way.

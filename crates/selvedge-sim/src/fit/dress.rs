@@ -12,7 +12,7 @@ use glam::DVec3;
 use selvedge_cloth::{HandleTargets, Obstacle, ObstaclePath, Scene, Stepper, VertexId};
 use selvedge_contact::{Candidates, Surface, winding};
 
-use super::around::{at_the_start, bare};
+use super::around::bare;
 use super::{
     FitError, FitProgress, Listener, failed, largest_strain, of_neighbours, springs, tell,
 };
@@ -72,7 +72,7 @@ pub fn dress(scene: &Scene, body: &str, progress: Listener<'_>) -> Result<Dresse
         let body = body.to_owned();
         return Err(FitError::NoBody { body });
     };
-    let obstacle = &scene.obstacles[number];
+    let obstacle = &scene.obstacles[number].at_start().as_mesh();
     let all = empty(scene, obstacle, scene.mesh.positions());
     if let Some((_, opening)) = all.into_iter().find(|(away, _)| *away > FAR) {
         let body = body.to_owned();
@@ -306,7 +306,7 @@ fn growing(scene: &Scene, number: usize, shapes: Vec<Vec<DVec3>>) -> Result<Simu
         frame_rate: scene.frame_rate,
         frames: whole.into_iter().chain(shapes.into_iter().rev()).collect(),
     };
-    let moving = at_the_start(&scene.obstacles[number]).and_then(|body| body.moving(path));
+    let moving = scene.obstacles[number].at_start().moving(path);
     growing.obstacles[number] = moving.map_err(failed)?;
     let positions = scene.mesh.positions().to_vec();
     let rest = vec![DVec3::ZERO; positions.len()];

@@ -241,7 +241,7 @@ impl Simulator {
     pub fn obstacle_points(&self) -> Vec<DVec3> {
         let rate = self.scene.frame_rate;
         let contact = self.contact.as_ref();
-        contact.map_or_else(Vec::new, |c| c.obstacle_points(self.frame, rate))
+        contact.map_or_else(Vec::new, |c| c.mesh_points(self.frame, rate))
     }
 
     /// Smallest gap of each vertex to the rest of the cloth and to obstacles now `[m]`,

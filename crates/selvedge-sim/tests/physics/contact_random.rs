@@ -70,7 +70,7 @@ fn obstacle(dice: &mut Dice, number: usize) -> Obstacle {
         3 => bodies::capsule(dice.between(0.02, 0.1), dice.between(0.1, 0.5), 0.04),
         _ => bodies::plane([dice.between(0.5, 20.0); 2]),
     };
-    let made = Obstacle::new(&format!("body {number}"), body.points, body.faces).unwrap();
+    let made = Obstacle::of(&format!("body {number}"), body).unwrap();
     let axis = dice.vector(1.0).normalize_or(DVec3::Y);
     let (turn, spin) = (dice.between(0.0, 6.0), dice.between(-6.0, 6.0));
     let from = dice.vector(0.7) + DVec3::Y * -0.6;

@@ -167,7 +167,7 @@ fn a_cloth_that_is_set_elsewhere_with_its_body_moves_on_as_it_would_have() {
         .map(|(here, there)| to.of(*here).distance(*there))
         .fold(0.0, f64::max);
     // Friction takes hold anew, and gravity is the same in both places.
-    assert!(off < 2e-3, "{off}");
+    assert!(off < 3e-3, "{off}");
     // Into a body that stays it cannot go, and is as it was.
     let before = there.positions_f64().to_vec();
     let error = there

@@ -23,6 +23,7 @@ mod overstretch;
 mod releases;
 mod rest;
 mod robustness;
+mod round;
 mod scenes;
 mod sewn;
 mod sheets;

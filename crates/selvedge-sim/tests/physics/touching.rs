@@ -24,12 +24,11 @@ pub(crate) fn ground(slope: f64) -> Obstacle {
     Obstacle::new("ground", points, vec![[0, 2, 1], [0, 3, 2]]).unwrap()
 }
 
-/// A sphere of 20 · 4^`level` faces around `centre`.
+/// A sphere around `centre`, drawn by 20 · 4^`level` faces.
 pub(crate) fn sphere(centre: DVec3, radius: f64, level: i32) -> Obstacle {
     // Longest edge of the icosahedron, and what is left of it where edges are halved.
     let body = bodies::sphere(radius, 1.053 * radius * 0.588_f64.powi(level));
-    let points = body.points.iter().map(|p| *p + centre).collect();
-    Obstacle::new("sphere", points, body.faces).unwrap()
+    Obstacle::of("sphere", body.placed(1.0, |p| p + centre)).unwrap()
 }
 
 /// An obstacle that goes from one place to the next, each after so many seconds.
