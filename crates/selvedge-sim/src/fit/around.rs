@@ -17,11 +17,11 @@ use crate::edges::FreeEdge;
 use crate::simulator::{Checkpoint, Simulator};
 
 /// Passes over all edges, and those until an edge is corrected in full.
-const PASSES: u32 = 900;
-const RISE: u32 = 300;
+const PASSES: u32 = 300;
+const RISE: u32 = 100;
 /// Root mean square of the strains from which the passes go on only while it falls, and how long
 /// without.
-const PATIENCE: u32 = 100;
+const PATIENCE: u32 = 30;
 /// Farthest way of a vertex in a pass `[m]`.
 const FARTHEST: f64 = 4e-3;
 /// Times that the way of a pass is halved where it cannot be gone, before the passes end.
