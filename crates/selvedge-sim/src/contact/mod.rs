@@ -45,7 +45,10 @@ pub(crate) use touches::{Touches, to_single};
 /// Times that a solve is repeated, at most, with pairs that met unexpectedly and without those that
 /// pulled.
 const REPEATS: usize = 8;
-/// Of them, those that see whether firm touches stick or slide.
+/// Repeats after which another one is in vain that leaves no fewer pairs without a certificate: pushes
+/// after the solve part them.
+const PATIENCE: usize = 1;
+/// Of the repeats, those that see whether firm touches stick or slide.
 const STICKING: usize = 2;
 
 /// Clearances of the cloth against its middle, and of all points where they are.
@@ -457,7 +460,12 @@ impl Contact {
     ) -> Result<bool, SolveError> {
         let mut is_near = self.solve_first(left, span, active, state, history)?;
         let mut is_certified = self.certify_solve(span.threads, &state.positions);
+        let mut missed = usize::MAX;
         for repeat in 0..REPEATS {
+            let before = std::mem::replace(&mut missed, self.failed().count());
+            if repeat > PATIENCE && missed > 0 && missed >= before {
+                break;
+            }
             let touches = &mut active.system.touches;
             let has_released = self.release(touches);
             let has_caught = !is_certified && self.catch(touches);
