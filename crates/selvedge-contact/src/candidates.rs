@@ -6,12 +6,12 @@ use glam::{DVec2, DVec3};
 use selvedge_cloth::ReleasedContact;
 
 use crate::boxes::{Apart, Bounds, Rough, Swept, Tree};
+use crate::collision_mesh::{CollisionMesh, NONE};
 use crate::pair::{Kind, Pair};
 use crate::patches::Patches;
 use crate::release::Released;
-use crate::surface::{NONE, Surface};
 
-/// Pairs of a surface whose boxes met when they were found, and the trees that find them.
+/// Pairs of a mesh whose boxes met when they were found, and the trees that find them.
 #[derive(Clone, Debug)]
 pub struct Candidates {
     /// One for the cloth, one for each obstacle.
@@ -97,41 +97,41 @@ pub struct Reach {
 
 /// Boxes around the ways of all features.
 #[derive(Clone, Debug, Default)]
-pub struct SweptFeatures {
+pub struct SweptBoxes {
     points: Vec<Swept>,
     edges: Vec<Swept>,
     faces: Vec<Swept>,
 }
 
-impl SweptFeatures {
+impl SweptBoxes {
     /// Takes the ways of the points from `from` to `to` `[m]`, `[points]`, for features that are looked
     /// for within `distance` `[m]`: those of all bodies, or of the cloth alone where the others are known.
     pub fn take(
         &mut self,
-        surface: &Surface,
+        mesh: &CollisionMesh,
         [from, to]: [&[DVec3]; 2],
         distance: f64,
         cloth_alone: bool,
     ) {
-        let cloth = surface.bodies().first().filter(|_| cloth_alone);
+        let cloth = mesh.bodies().first().filter(|_| cloth_alone);
         let points = cloth.map_or(from.len(), |cloth| cloth.points.len());
-        let edges = cloth.map_or(surface.edges().len(), |cloth| cloth.edges.len());
-        let faces = cloth.map_or(surface.faces().len(), |cloth| cloth.faces.len());
+        let edges = cloth.map_or(mesh.edges().len(), |cloth| cloth.edges.len());
+        let faces = cloth.map_or(mesh.faces().len(), |cloth| cloth.faces.len());
         if !cloth_alone {
             self.points.clear();
             self.edges.clear();
             self.faces.clear();
         }
         let ways = from.iter().zip(to).take(points);
-        let ways = ways.zip(surface.radii());
+        let ways = ways.zip(mesh.radii());
         put(
             &mut self.points,
             ways.map(|((from, to), radius)| Swept::of(*from, *to, 0.5 * distance + radius)),
         );
         let of = |p: u32| self.points[p as usize];
-        let ends = surface.edges()[..edges].iter().map(|edge| edge.ends);
+        let ends = mesh.edges()[..edges].iter().map(|edge| edge.ends);
         put(&mut self.edges, ends.map(|[a, b]| of(a).around(of(b))));
-        let corners = surface.faces()[..faces].iter();
+        let corners = mesh.faces()[..faces].iter();
         put(
             &mut self.faces,
             corners.map(|[a, b, c]| of(*a).around(of(*b)).around(of(*c))),
@@ -166,27 +166,24 @@ fn put(boxes: &mut Vec<Swept>, new: impl Iterator<Item = Swept>) {
 }
 
 impl Candidates {
-    /// No candidates yet, of a `surface` whose trees fit these `points` `[m]`, those at the begin of
+    /// No candidates yet, of a `mesh` whose trees fit these `points` `[m]`, those at the begin of
     /// the scene. Where the cloth does
     /// not touch itself, its own pairs are left out.
     #[must_use]
-    pub fn new(surface: &Surface, points: &[DVec3], touches_itself: bool) -> Self {
+    pub fn new(mesh: &CollisionMesh, points: &[DVec3], touches_itself: bool) -> Self {
         let middle = |face: u32| {
-            let corners = surface.faces()[face as usize];
+            let corners = mesh.faces()[face as usize];
             let sum: DVec3 = corners.iter().map(|p| points[*p as usize]).sum();
             sum / 3.0
         };
         let tree = |faces: std::ops::Range<u32>| Tree::new(faces.map(|f| (f, middle(f))));
-        let bodies = surface.bodies().iter();
+        let bodies = mesh.bodies().iter();
         let trees: Vec<Tree> = bodies.map(|body| tree(body.faces.clone())).collect();
         Self {
             own_tree: trees.first().cloned().unwrap_or_default(),
             trees,
             touches_itself,
-            own_points: surface
-                .bodies()
-                .first()
-                .map_or(0, |cloth| cloth.points.len()),
+            own_points: mesh.bodies().first().map_or(0, |cloth| cloth.points.len()),
             patches: None,
             released: Released::none(points),
             pairs: Vec::new(),
@@ -203,9 +200,9 @@ impl Candidates {
     /// The same, but pairs within a patch of the cloth that is too smooth to meet itself are left
     /// out. The cloth's faces have these `corners` in its pattern `[m]`, `[faces, 3]`. `[eq:patch]`
     #[must_use]
-    pub fn with_pattern(mut self, surface: &Surface, corners: &[[DVec2; 3]]) -> Self {
+    pub fn with_pattern(mut self, mesh: &CollisionMesh, corners: &[[DVec2; 3]]) -> Self {
         if self.touches_itself {
-            self.patches = Some(Patches::new(surface, corners, &mut self.own_tree));
+            self.patches = Some(Patches::new(mesh, corners, &mut self.own_tree));
         }
         self
     }
@@ -228,7 +225,7 @@ impl Candidates {
         self.touches_itself
     }
 
-    /// The pairs. Those of one search are in an order that depends on the surface alone.
+    /// The pairs. Those of one search are in an order that depends on the mesh alone.
     #[must_use]
     pub fn pairs(&self) -> &[Pair] {
         &self.pairs
@@ -236,7 +233,7 @@ impl Candidates {
 
     /// Gives the places of the pairs that are not known by their boxes to stay apart on the ways of
     /// `swept`, in order; of pairs of two faces of which `concerns` is true of neither, none.
-    pub fn open(&self, swept: &SweptFeatures, concerns: impl Fn(u32) -> bool, open: &mut Vec<u32>) {
+    pub fn open(&self, swept: &SweptBoxes, concerns: impl Fn(u32) -> bool, open: &mut Vec<u32>) {
         open.clear();
         let ends = self.faces.iter().skip(1).map(|(_, first)| *first);
         let ends = ends.chain([self.pairs.len() as u32]);
@@ -321,7 +318,7 @@ impl Candidates {
     /// Finds all pairs that could come nearer than `reach.gap` while no point strays further than
     /// `reach.slack` from the box around its path, the cloth with itself against its middle. Pairs of
     /// the cloth with itself that still hold stay, in their places; gives their number.
-    pub fn find(&mut self, surface: &Surface, ways: Ways<'_>, reach: Reach) -> usize {
+    pub fn find(&mut self, mesh: &CollisionMesh, ways: Ways<'_>, reach: Reach) -> usize {
         let is_known = self.own_come_first && self.gap == reach.gap;
         let mut kept = self.own.0;
         if !(is_known && self.own_hold(ways)) {
@@ -336,23 +333,22 @@ impl Candidates {
                 let [from, to, later] = &self.places;
                 let own = Ways { from, to, later };
                 self.centred.take(own, &[], reach.gap, reach.own_slack);
-                self.search_own(surface, true);
+                self.search_own(mesh, true);
                 self.own = (self.pairs.len(), self.faces.len());
             }
         }
         self.pairs.truncate(self.own.0);
         self.faces.truncate(self.own.1);
-        self.world
-            .take(ways, surface.radii(), reach.gap, reach.slack);
-        self.search_others(surface, true);
+        self.world.take(ways, mesh.radii(), reach.gap, reach.slack);
+        self.search_others(mesh, true);
         kept
     }
 
     /// Adds the pairs that [`Self::find`] would find for points that go where they were not
     /// expected to go. All pairs that there are stay, in their places.
-    pub fn widen(&mut self, surface: &Surface, ways: Ways<'_>, reach: Reach) {
+    pub fn widen(&mut self, mesh: &CollisionMesh, ways: Ways<'_>, reach: Reach) {
         if self.world.allowed.len() != ways.from.len() {
-            self.find(surface, ways, reach);
+            self.find(mesh, ways, reach);
             return;
         }
         if self.touches_itself {
@@ -364,31 +360,30 @@ impl Candidates {
             let own = Ways { from, to, later };
             self.centred.widen(own, &[], reach.gap, reach.own_slack);
             let count = self.pairs.len();
-            self.search_own(surface, false);
+            self.search_own(mesh, false);
             self.own_come_first &= self.pairs.len() == count;
         }
-        self.world
-            .widen(ways, surface.radii(), reach.gap, reach.slack);
-        self.search_others(surface, false);
+        self.world.widen(ways, mesh.radii(), reach.gap, reach.slack);
+        self.search_others(mesh, false);
     }
 
     /// Adds the pairs of the cloth with itself whose boxes meet now; in a search that is not `anew`,
     /// those of which this was not so in the last one.
-    fn search_own(&mut self, surface: &Surface, anew: bool) {
-        let (faces, edges) = match surface.bodies().first() {
+    fn search_own(&mut self, mesh: &CollisionMesh, anew: bool) {
+        let (faces, edges) = match mesh.bodies().first() {
             Some(cloth) => (cloth.faces.len(), cloth.edges.len()),
             None => (0, 0),
         };
-        self.centred.boxes.close(surface, faces, edges);
+        self.centred.boxes.close(mesh, faces, edges);
         let patches = self.patches.as_ref();
         let has_lost = |face: u32| patches.is_some_and(|patches| patches.has_lost(face));
         let held = &self.centred;
         self.own_tree.refit(|face| {
-            let has_changed = anew || held.has_moved(surface, face) || has_lost(face);
+            let has_changed = anew || held.has_moved(mesh, face) || has_lost(face);
             (held.boxes.faces[face as usize], has_changed)
         });
         let mut finder = Finder {
-            surface,
+            mesh,
             held,
             released: &self.released,
             pairs: &mut self.pairs,
@@ -400,18 +395,18 @@ impl Candidates {
     }
 
     /// As [`Self::search_own`], of the cloth with obstacles.
-    fn search_others(&mut self, surface: &Surface, anew: bool) {
-        let (faces, edges) = (surface.faces().len(), surface.edges().len());
-        self.world.boxes.close(surface, faces, edges);
+    fn search_others(&mut self, mesh: &CollisionMesh, anew: bool) {
+        let (faces, edges) = (mesh.faces().len(), mesh.edges().len());
+        self.world.boxes.close(mesh, faces, edges);
         let held = &self.world;
         for tree in &mut self.trees {
             tree.refit(|face| {
-                let has_changed = anew || held.has_moved(surface, face);
+                let has_changed = anew || held.has_moved(mesh, face);
                 (held.boxes.faces[face as usize], has_changed)
             });
         }
         let mut finder = Finder {
-            surface,
+            mesh,
             held,
             released: &self.released,
             pairs: &mut self.pairs,
@@ -466,8 +461,8 @@ impl Held {
     }
 
     /// Returns true if [`Self::widen`] has moved the box of a corner.
-    fn has_moved(&self, surface: &Surface, face: u32) -> bool {
-        let corners = surface.faces()[face as usize].iter();
+    fn has_moved(&self, mesh: &CollisionMesh, face: u32) -> bool {
+        let corners = mesh.faces()[face as usize].iter();
         let mut moved = corners.map(|p| self.has_moved[*p as usize]);
         moved.any(|moved| moved)
     }
@@ -484,17 +479,17 @@ fn paths(ways: Ways<'_>) -> impl Iterator<Item = Bounds> {
 
 impl Boxes {
     /// Puts the boxes of the first faces and edges around those of their points.
-    fn close(&mut self, surface: &Surface, face_count: usize, edge_count: usize) {
+    fn close(&mut self, mesh: &CollisionMesh, face_count: usize, edge_count: usize) {
         let points = &self.points;
         let around = |corners: &[u32]| {
             let first = points[corners[0] as usize];
             let rest = corners[1..].iter();
             rest.fold(first, |all, p| all.around(points[*p as usize]))
         };
-        let faces = surface.faces()[..face_count].iter();
+        let faces = mesh.faces()[..face_count].iter();
         self.faces.clear();
         self.faces.extend(faces.map(|face| around(face)));
-        let edges = surface.edges()[..edge_count].iter();
+        let edges = mesh.edges()[..edge_count].iter();
         self.edges.clear();
         self.edges.extend(edges.map(|edge| around(&edge.ends)));
     }
@@ -509,7 +504,7 @@ impl Boxes {
 }
 
 struct Finder<'a> {
-    surface: &'a Surface,
+    mesh: &'a CollisionMesh,
     held: &'a Held,
     released: &'a Released,
     pairs: &'a mut Vec<Pair>,
@@ -523,11 +518,11 @@ impl Finder<'_> {
         let first = self.pairs.len();
         self.vertices(a, b, anew);
         self.vertices(b, a, anew);
-        for first in self.surface.share(a).edges {
+        for first in self.mesh.share(a).edges {
             if first != NONE
                 && self.held.boxes.edges[first as usize].meets(&self.held.boxes.faces[b as usize])
             {
-                self.edges_with(first, self.surface.share(b).edges, anew);
+                self.edges_with(first, self.mesh.share(b).edges, anew);
             }
         }
         if self.pairs.len() > first {
@@ -537,8 +532,8 @@ impl Finder<'_> {
 
     /// Pairs of the vertices for which `owner` stands with `face`.
     fn vertices(&mut self, owner: u32, face: u32, anew: bool) {
-        let corners = self.surface.faces()[face as usize];
-        for vertex in self.surface.share(owner).vertices {
+        let corners = self.mesh.faces()[face as usize];
+        for vertex in self.mesh.share(owner).vertices {
             if vertex == NONE || corners.contains(&vertex) {
                 continue;
             }
@@ -552,12 +547,12 @@ impl Finder<'_> {
     }
 
     fn edges_with(&mut self, first: u32, others: [u32; 3], anew: bool) {
-        let [a, b] = self.surface.edges()[first as usize].ends;
+        let [a, b] = self.mesh.edges()[first as usize].ends;
         for second in others {
             if second == NONE {
                 continue;
             }
-            let [c, d] = self.surface.edges()[second as usize].ends;
+            let [c, d] = self.mesh.edges()[second as usize].ends;
             if a == c || a == d || b == c || b == d {
                 continue;
             }
@@ -571,7 +566,7 @@ impl Finder<'_> {
 
     fn push(&mut self, pair: Pair) {
         let (first, second) = pair.corners.split_at(pair.kind.split());
-        if !self.released.frees(self.surface, first, second) {
+        if !self.released.frees(self.mesh, first, second) {
             self.pairs.push(pair);
         }
     }

@@ -32,9 +32,9 @@ pub struct Path {
 
 /// Features that could not be shown to stay apart.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Approach {
-    /// Part of the span up to which they surely do, 0 to 1.
-    pub safe: f64,
+pub struct Impact {
+    /// Time of impact at the earliest: the part of the span up to which they surely stay apart, 0 to 1.
+    pub time: f64,
     /// Their closest points then.
     pub gap: Gap,
 }
@@ -93,9 +93,9 @@ pub struct Straight {
 /// `[eq:certificate]`
 ///
 /// # Errors
-/// [`Approach`] where that is not so, or where short spans did not show it.
+/// [`Impact`] where that is not so, or where short spans did not show it.
 #[inline]
-pub fn certify(kind: Kind, path: Path, distance: f64) -> Result<(), Approach> {
+pub fn certify(kind: Kind, path: Path, distance: f64) -> Result<(), Impact> {
     let start = gap(kind, path.from);
     match is_apart(kind, path.from, path.to, distance, &start) {
         Some(_) => Ok(()),
@@ -122,11 +122,14 @@ pub fn certify_straight(kind: Kind, path: Path, distance: f64) -> Result<Straigh
 /// # Errors
 /// As for [`certify`].
 #[cold]
-pub fn certify_turning(kind: Kind, path: &Path, distance: f64, start: Gap) -> Result<(), Approach> {
+pub fn certify_turning(kind: Kind, path: &Path, distance: f64, start: Gap) -> Result<(), Impact> {
     let (mut safe, mut now, mut span) = (0.0, start, FIRST_SPAN);
     loop {
         if now.distance < distance {
-            return Err(Approach { safe, gap: now });
+            return Err(Impact {
+                time: safe,
+                gap: now,
+            });
         }
         let from = path.at(safe);
         let first = extent(kind, from, now.normal) - distance;
@@ -146,7 +149,10 @@ pub fn certify_turning(kind: Kind, path: &Path, distance: f64, start: Gap) -> Re
             span *= 0.5;
         }
         if step < SHORTEST {
-            return Err(Approach { safe, gap: now });
+            return Err(Impact {
+                time: safe,
+                gap: now,
+            });
         }
         safe += step;
         if safe >= 1.0 {
@@ -341,24 +347,24 @@ mod tests {
     }
 
     #[test]
-    fn an_approach_says_until_when_it_was_safe() {
+    fn an_impact_says_until_when_features_were_safe() {
         let face = [DVec3::ZERO, DVec3::X, DVec3::Y];
         let at = |z: f64| [DVec3::new(0.2, 0.2, z), face[0], face[1], face[2]];
         let path = Path {
             from: at(1.0),
             to: at(-1.0),
         };
-        let approach = certify(Kind::VertexFace, path, 0.01).unwrap_err();
+        let impact = certify(Kind::VertexFace, path, 0.01).unwrap_err();
         // The gap is 0.01 at 0.495 of the span, and a 256th of it is 0.004.
-        assert!((0.49..=0.495).contains(&approach.safe), "{approach:?}");
-        assert!(approach.gap.normal.distance(DVec3::Z) < 1e-12);
+        assert!((0.49..=0.495).contains(&impact.time), "{impact:?}");
+        assert!(impact.gap.normal.distance(DVec3::Z) < 1e-12);
         let flat = at(0.0);
         let touching = Path {
             from: flat,
             to: at(1.0),
         };
         assert_eq!(
-            certify(Kind::VertexFace, touching, 0.01).unwrap_err().safe,
+            certify(Kind::VertexFace, touching, 0.01).unwrap_err().time,
             0.0
         );
     }

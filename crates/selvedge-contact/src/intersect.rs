@@ -1,4 +1,4 @@
-//! The exact test: faces of a surface that meet at given positions, decided by the signs of
+//! The exact test: faces of a mesh that meet at given positions, decided by the signs of
 //! determinants without rounding (Shewchuk 1997).
 
 use glam::DVec3;
@@ -7,13 +7,13 @@ use robust::{Coord, Coord3D, orient2d, orient3d};
 use crate::boxes::{Apart, Bounds};
 use crate::candidates::Candidates;
 use crate::closest::gap;
+use crate::collision_mesh::CollisionMesh;
 use crate::pair::Kind;
-use crate::surface::Surface;
 
 /// Two faces that meet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Intersection {
-    /// The two faces, numbered as in the surface, the smaller first.
+    /// The two faces, numbered as in the mesh, the smaller first.
     pub faces: [u32; 2],
 }
 
@@ -22,24 +22,24 @@ impl Candidates {
     /// an obstacle, at `points` `[m]`, in ascending order, but for contact that is released. Faces with a common vertex meet where
     /// they do so elsewhere too.
     #[must_use]
-    pub fn intersections(&self, surface: &Surface, points: &[DVec3]) -> Vec<Intersection> {
-        let corners = |face: u32| surface.faces()[face as usize];
+    pub fn intersections(&self, mesh: &CollisionMesh, points: &[DVec3]) -> Vec<Intersection> {
+        let corners = |face: u32| mesh.faces()[face as usize];
         let mut found = Vec::new();
         let mut test = |a: u32, b: u32, _| {
             let [of_a, of_b] = [a, b].map(corners);
-            let radius = surface.radii()[of_b[0] as usize];
+            let radius = mesh.radii()[of_b[0] as usize];
             let meet = match radius > 0.0 {
                 true => comes_within(radius, points, of_a, of_b),
                 false => triangles_meet(points, of_a, of_b),
             };
-            if meet && !self.released().frees(surface, &corners(a), &corners(b)) {
+            if meet && !self.released().frees(mesh, &corners(a), &corners(b)) {
                 let faces = [a.min(b), a.max(b)];
                 found.push(Intersection { faces });
             }
         };
         let trees = self.trees_around(|face| {
             let [a, b, c] = corners(face)
-                .map(|p| Bounds::of(points[p as usize]).widened(surface.radii()[p as usize]));
+                .map(|p| Bounds::of(points[p as usize]).widened(mesh.radii()[p as usize]));
             a.around(b).around(c)
         });
         if let Some((cloth, obstacles)) = trees.split_first() {

@@ -2,7 +2,7 @@
 //! how near they are, a proof that they stay apart while they move, a push that keeps them apart,
 //! and an exact test for intersections. Knows neither forces nor files.
 //!
-//! All bodies are one [`Surface`]: the points of the cloth first, then those of each obstacle. A
+//! All bodies are one [`CollisionMesh`]: the points of the cloth first, then those of each obstacle. A
 //! [`Pair`] is a vertex and a face, or two edges, without a common vertex. Whatever meets first
 //! when meshes of triangles that did not touch begin to, is such a pair.
 //!
@@ -22,22 +22,22 @@ mod boxes;
 mod candidates;
 mod certificate;
 mod closest;
+mod collision_mesh;
 mod eight;
 mod intersect;
 pub mod number;
 mod pair;
 mod patches;
 mod release;
-mod surface;
 
 pub use boxes::Bounds;
-pub use candidates::{Candidates, Reach, SweptFeatures, Ways};
+pub use candidates::{Candidates, Reach, SweptBoxes, Ways};
 pub use certificate::{
-    Approach, Path, Straight, approach, certify, certify_straight, certify_turning, extent,
+    Impact, Path, Straight, approach, certify, certify_straight, certify_turning, extent,
 };
 pub use closest::{Gap, Push, gap, least_gap, push};
+pub use collision_mesh::{Body, CollisionEdge, CollisionMesh};
 pub use eight::{Gaps, gaps};
 pub use intersect::{Intersection, triangles_meet};
 pub use pair::{Kind, Pair};
 pub use release::{Released, winding};
-pub use surface::{Body, Surface, SurfaceEdge};

@@ -4,7 +4,7 @@ use glam::DVec3;
 use selvedge_cloth::ReleasedContact;
 use selvedge_cloth::geometry::atan2;
 
-use crate::surface::Surface;
+use crate::collision_mesh::CollisionMesh;
 
 /// Contact whose pairs are left out of a search.
 #[derive(Clone, Debug, Default)]
@@ -46,35 +46,34 @@ impl Released {
     /// Returns true if two features with these corners may pass each other.
     #[must_use]
     #[inline]
-    pub fn frees(&self, surface: &Surface, first: &[u32], second: &[u32]) -> bool {
+    pub fn frees(&self, mesh: &CollisionMesh, first: &[u32], second: &[u32]) -> bool {
         if self.list.is_empty() {
             return false;
         }
-        let is_cloth = |feature: &[u32]| feature[0] < surface.bodies()[0].points.end;
+        let is_cloth = |feature: &[u32]| feature[0] < mesh.bodies()[0].points.end;
         let (cloth, other) = match (is_cloth(first), is_cloth(second)) {
             (true, false) => (first, second),
             (false, true) => (second, first),
             _ => return false,
         };
-        let body = surface.body_of(other[0]) as u32;
+        let body = mesh.body_of(other[0]) as u32;
         cloth.iter().any(|vertex| {
             let from = self.list.partition_point(|one| one.vertex < *vertex);
             let own = self.list[from..].iter();
             own.take_while(|one| one.vertex == *vertex).any(|one| {
-                one.body == body && other.iter().any(|p| self.frees_point(surface, one, *p))
+                one.body == body && other.iter().any(|p| self.frees_point(mesh, one, *p))
             })
         })
     }
 
     /// Returns true if this point of the body of `one` may be passed.
     #[must_use]
-    pub fn frees_point(&self, surface: &Surface, one: &ReleasedContact, point: u32) -> bool {
+    pub fn frees_point(&self, mesh: &CollisionMesh, one: &ReleasedContact, point: u32) -> bool {
         let [own, other] = one
             .places
             .map(|p| p.distance_squared(self.first[point as usize]));
         one.against != one.body
-            || surface.part_of(point) == one.parts[0]
-                && (one.parts[1] != one.parts[0] || own < other)
+            || mesh.part_of(point) == one.parts[0] && (one.parts[1] != one.parts[0] || own < other)
     }
 }
 
@@ -118,7 +117,7 @@ mod tests {
         let faces = vec![[0, 1, 2], [3, 4, 5]];
         let both = Obstacle::new("both", points.clone(), faces).unwrap();
         let other = Obstacle::new("other", limb(2.0).to_vec(), vec![[0, 1, 2]]).unwrap();
-        let surface = Surface::new(&cloth, &[both, other]);
+        let mesh = CollisionMesh::new(&cloth, &[both, other]);
         let first = [limb(0.5).to_vec(), points, limb(2.0).to_vec()].concat();
         let mut released = Released::none(&first);
         let mut one = ReleasedContact {
@@ -130,8 +129,8 @@ mod tests {
             winding: 0.0,
         };
         let frees = |released: &Released, faces: [[u32; 3]; 2]| {
-            let forth = released.frees(&surface, &faces[0], &faces[1]);
-            assert_eq!(forth, released.frees(&surface, &faces[1], &faces[0]));
+            let forth = released.frees(&mesh, &faces[0], &faces[1]);
+            assert_eq!(forth, released.frees(&mesh, &faces[1], &faces[0]));
             forth
         };
         assert!(!frees(&released, [[0, 1, 2], [6, 7, 8]]));
@@ -139,13 +138,13 @@ mod tests {
         assert!(frees(&released, [[0, 1, 2], [6, 7, 8]]));
         assert!(!frees(&released, [[0, 1, 2], [3, 4, 5]]));
         assert!(!frees(&released, [[0, 1, 2], [9, 10, 11]]));
-        assert!(!released.frees(&surface, &[0, 2], &[6, 7]));
+        assert!(!released.frees(&mesh, &[0, 2], &[6, 7]));
         one.parts = [3, 3];
         one.places = [DVec3::X * 2.0, DVec3::NEG_X];
         released.take(&[one]);
         assert!(!frees(&released, [[0, 1, 2], [6, 7, 8]]));
         assert!(frees(&released, [[0, 1, 2], [3, 4, 5]]));
-        assert!(!released.frees(&surface, &[1], &[3, 5]));
+        assert!(!released.frees(&mesh, &[1], &[3, 5]));
         one.against = 2;
         released.take(&[one]);
         assert!(frees(&released, [[0, 1, 2], [3, 4, 5]]));

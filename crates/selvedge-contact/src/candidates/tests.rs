@@ -6,20 +6,20 @@ use selvedge_cloth::generate::square;
 use selvedge_cloth::{Obstacle, bodies};
 
 /// All pairs without a common vertex, of the cloth with all.
-fn every_pair(surface: &Surface) -> Vec<Pair> {
-    let bodies = surface.bodies();
+fn every_pair(mesh: &CollisionMesh) -> Vec<Pair> {
+    let bodies = mesh.bodies();
     let (cloth, all) = (bodies[0].points.end, bodies[bodies.len() - 1].points.end);
     let mut pairs = Vec::new();
     for vertex in 0..all {
-        for (number, face) in (0..).zip(surface.faces()) {
+        for (number, face) in (0..).zip(mesh.faces()) {
             if !face.contains(&vertex) && (vertex < cloth || face[0] < cloth) {
                 let corners = [vertex, face[0], face[1], face[2]];
                 pairs.push(Pair::vertex_face(vertex, number, corners));
             }
         }
     }
-    for (first, left) in (0..).zip(surface.edges()) {
-        for (second, right) in (0..).zip(surface.edges()) {
+    for (first, left) in (0..).zip(mesh.edges()) {
+        for (second, right) in (0..).zip(mesh.edges()) {
             let apart = left.ends.iter().all(|end| !right.ends.contains(end));
             if first < second && apart && left.ends[0] < cloth {
                 let corners = [left.ends[0], left.ends[1], right.ends[0], right.ends[1]];
@@ -31,14 +31,17 @@ fn every_pair(surface: &Surface) -> Vec<Pair> {
 }
 
 /// A sheet of so many vertices, three faces over six `corners` `[m]` and `round` bodies, with all points.
-fn scene(vertices: usize, corners: Vec<DVec3>, round: &[Obstacle]) -> (Surface, Vec<DVec3>) {
+fn scene(vertices: usize, corners: Vec<DVec3>, round: &[Obstacle]) -> (CollisionMesh, Vec<DVec3>) {
     let sheet = square(vertices, 1.0, 1).unwrap();
     let body = Obstacle::new("body", corners, vec![[0, 1, 2], [3, 4, 5], [1, 2, 3]]).unwrap();
     let mut start = sheet.mesh.positions().to_vec();
     let all = [&[body][..], round].concat();
-    start.extend(all.iter().flat_map(|body| Surface::places_of(body, 0.0)));
-    let surface = Surface::new(sheet.mesh.topology(), &all);
-    (surface, start)
+    start.extend(
+        all.iter()
+            .flat_map(|body| CollisionMesh::places_of(body, 0.0)),
+    );
+    let mesh = CollisionMesh::new(sheet.mesh.topology(), &all);
+    (mesh, start)
 }
 
 /// A ball and a capsule.
@@ -63,7 +66,7 @@ fn ordered(pair: &Pair) -> Pair {
 /// Asserts that `found`, in order, has all pairs that come nearer than `gap` `[m]` on the way
 /// between two states.
 fn assert_none_is_missed(
-    surface: &Surface,
+    mesh: &CollisionMesh,
     every: &[Pair],
     found: &[Pair],
     way: [&[DVec3]; 2],
@@ -78,7 +81,7 @@ fn assert_none_is_missed(
                 closest::gap(pair.kind, corners).distance
             })
             .fold(f64::INFINITY, f64::min);
-        if nearest - surface.radius_of(pair) < gap {
+        if nearest - mesh.radius_of(pair) < gap {
             assert!(found.binary_search(pair).is_ok(), "{pair:?} at {nearest}");
         }
     }
@@ -88,14 +91,14 @@ fn assert_none_is_missed(
 fn no_near_pair_is_missed_none_comes_twice_and_a_wider_search_keeps_what_there_is() {
     let mut rng = ChaCha8Rng::seed_from_u64(9);
     let mut point = |size: f64| DVec3::from_array([0; 3].map(|_| rng.random_range(-size..size)));
-    let (surface, start) = scene(36, (0..6).map(|_| point(0.7)).collect(), &round());
-    let mut candidates = Candidates::new(&surface, &start, true);
+    let (mesh, start) = scene(36, (0..6).map(|_| point(0.7)).collect(), &round());
+    let mut candidates = Candidates::new(&mesh, &start, true);
     let reach = Reach {
         gap: 0.02,
         slack: 0.02,
         own_slack: 0.02,
     };
-    let every = every_pair(&surface);
+    let every = every_pair(&mesh);
     let in_order = |pairs: &[Pair]| {
         let mut found: Vec<Pair> = pairs.iter().map(ordered).collect();
         found.sort_unstable();
@@ -113,36 +116,30 @@ fn no_near_pair_is_missed_none_comes_twice_and_a_wider_search_keeps_what_there_i
             later: to,
         };
         let to: Vec<DVec3> = from.iter().map(|p| *p + point(0.05)).collect();
-        candidates.find(&surface, ways(&to), reach);
+        candidates.find(&mesh, ways(&to), reach);
         let first = candidates.pairs().to_vec();
         // A path that strays less than the slack along each axis.
         let mut strayed = |from: &[DVec3]| from.iter().map(|p| *p + point(0.015)).collect();
         let [begin, end]: [Vec<DVec3>; 2] = [strayed(&from), strayed(&to)];
         assert!(candidates.cover(&from, &to) && candidates.cover(&begin, &end));
-        assert_none_is_missed(
-            &surface,
-            &every,
-            &in_order(&first),
-            [&begin, &end],
-            reach.gap,
-        );
+        assert_none_is_missed(&mesh, &every, &in_order(&first), [&begin, &end], reach.gap);
         // Some points end elsewhere.
         let mut other = to.clone();
         for _ in 0..8 {
             other[(point(1.0).x.abs() * 41.0) as usize] += point(0.3);
         }
         assert!(!candidates.cover(&from, &other));
-        candidates.widen(&surface, ways(&other), reach);
+        candidates.widen(&mesh, ways(&other), reach);
         assert!(candidates.cover(&from, &other) && candidates.cover(&from, &to));
         let pairs = candidates.pairs();
         assert_eq!(pairs[..first.len()], first);
         added += pairs.len() - first.len();
         let found = in_order(pairs);
         for end in [&to, &other] {
-            assert_none_is_missed(&surface, &every, &found, [&from, end], reach.gap);
+            assert_none_is_missed(&mesh, &every, &found, [&from, end], reach.gap);
         }
         // Nothing new for points that stay within their boxes.
-        candidates.widen(&surface, ways(&to), reach);
+        candidates.widen(&mesh, ways(&to), reach);
         assert_eq!(candidates.pairs().len(), found.len());
     }
     assert!(added > 1000, "{added}");
@@ -151,9 +148,9 @@ fn no_near_pair_is_missed_none_comes_twice_and_a_wider_search_keeps_what_there_i
 #[test]
 fn a_cloth_that_moves_as_a_whole_keeps_its_own_pairs_and_looks_for_others_alone() {
     let body = [DVec3::ZERO, DVec3::X, DVec3::Z].map(|p| p * 0.5 + DVec3::Y * 3.0);
-    let (surface, start) = scene(36, body.into_iter().chain(body).collect(), &[]);
-    let cloth = surface.bodies()[0].points.len();
-    let mut candidates = Candidates::new(&surface, &start, true);
+    let (mesh, start) = scene(36, body.into_iter().chain(body).collect(), &[]);
+    let cloth = mesh.bodies()[0].points.len();
+    let mut candidates = Candidates::new(&mesh, &start, true);
     let reach = Reach {
         gap: 0.3,
         slack: 0.01,
@@ -163,7 +160,7 @@ fn a_cloth_that_moves_as_a_whole_keeps_its_own_pairs_and_looks_for_others_alone(
         let ways = (0..start.len()).map(|p| if p < cloth { by } else { DVec3::ZERO });
         start.iter().zip(ways).map(|(p, way)| *p + way).collect()
     };
-    assert_eq!(candidates.find(&surface, Ways::still(&start), reach), 0);
+    assert_eq!(candidates.find(&mesh, Ways::still(&start), reach), 0);
     let own = candidates.pairs().to_vec();
     assert!(own.len() > 100 && candidates.own_count() == own.len());
     let (from, to) = (moved(DVec3::Y), moved(DVec3::Y * 3.0));
@@ -173,7 +170,7 @@ fn a_cloth_that_moves_as_a_whole_keeps_its_own_pairs_and_looks_for_others_alone(
         to: &to,
         later: &to,
     };
-    assert_eq!(candidates.find(&surface, ways, reach), own.len());
+    assert_eq!(candidates.find(&mesh, ways, reach), own.len());
     assert_eq!(candidates.pairs()[..own.len()], own);
     let met = &candidates.pairs()[own.len()..];
     assert!(
@@ -186,5 +183,5 @@ fn a_cloth_that_moves_as_a_whole_keeps_its_own_pairs_and_looks_for_others_alone(
     // What goes against the middle is looked for anew.
     let mut other = to.clone();
     other[0] += DVec3::X * 0.1;
-    assert_eq!(candidates.find(&surface, Ways::still(&other), reach), 0);
+    assert_eq!(candidates.find(&mesh, Ways::still(&other), reach), 0);
 }

@@ -16,7 +16,7 @@ mod layout;
 use glam::{DVec2, DVec3, Vec3A};
 
 use crate::boxes::{Apart, NO_GROUP, Tree};
-use crate::surface::Surface;
+use crate::collision_mesh::CollisionMesh;
 use layout::Layout;
 
 /// Faces of a group, at most.
@@ -74,9 +74,9 @@ struct Shape {
 impl Patches {
     /// The patches of a cloth whose faces have these `corners` in the pattern `[m]`, grouped as
     /// `tree` has them. The tree is told its groups.
-    pub(crate) fn new(surface: &Surface, corners: &[[DVec2; 3]], tree: &mut Tree) -> Self {
+    pub(crate) fn new(mesh: &CollisionMesh, corners: &[[DVec2; 3]], tree: &mut Tree) -> Self {
         let groups = tree.group(GROUP);
-        let faces = &surface.faces()[surface.bodies()[0].faces.start as usize..][..corners.len()];
+        let faces = &mesh.faces()[mesh.bodies()[0].faces.start as usize..][..corners.len()];
         let groups = Layout::new(faces, corners).groups(groups);
         let count = groups.len();
         let mut group_of = vec![NO_GROUP; corners.len()];
@@ -93,7 +93,7 @@ impl Patches {
             groups,
             shapes: [vec![Shape::default(); count], vec![Shape::default(); count]],
             places: [Vec::new(), Vec::new()],
-            points: surface.bodies()[0].points.end as usize,
+            points: mesh.bodies()[0].points.end as usize,
             is_smooth: vec![false; count],
         }
     }
@@ -117,7 +117,7 @@ impl Patches {
         }
     }
 
-    /// Returns true if [`Self::look_again`] has dropped the group of a face of the surface.
+    /// Returns true if [`Self::look_again`] has dropped the group of a face of the mesh.
     pub(crate) fn has_lost(&self, face: u32) -> bool {
         let group = self.group_of.get(face as usize);
         group.is_some_and(|k| self.was_smooth[*k as usize] && !self.is_smooth[*k as usize])

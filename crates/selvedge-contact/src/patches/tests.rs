@@ -8,8 +8,8 @@ use selvedge_cloth::Topology;
 use super::layout::Layout;
 use crate::candidates::{Candidates, Reach, Ways};
 use crate::closest::gap;
+use crate::collision_mesh::CollisionMesh;
 use crate::pair::Pair;
-use crate::surface::Surface;
 
 /// A sheet of squares, each of two triangles, as it lies in its pattern.
 struct Sheet {
@@ -51,16 +51,16 @@ impl Sheet {
         self.faces.iter().map(|face| face.map(place)).collect()
     }
 
-    fn surface(&self) -> Surface {
-        Surface::new(&Topology::new(self.points.len(), &self.faces).unwrap(), &[])
+    fn mesh(&self) -> CollisionMesh {
+        CollisionMesh::new(&Topology::new(self.points.len(), &self.faces).unwrap(), &[])
     }
 
-    /// Its surface and candidates with patches, without pairs yet.
-    fn candidates(&self) -> (Surface, Candidates) {
-        let surface = self.surface();
-        let plain = Candidates::new(&surface, &self.laid(flat), true);
-        let with = plain.with_pattern(&surface, &self.corners());
-        (surface, with)
+    /// Its mesh and candidates with patches, without pairs yet.
+    fn candidates(&self) -> (CollisionMesh, Candidates) {
+        let mesh = self.mesh();
+        let plain = Candidates::new(&mesh, &self.laid(flat), true);
+        let with = plain.with_pattern(&mesh, &self.corners());
+        (mesh, with)
     }
 
     /// The points where `place` has them.
@@ -83,12 +83,12 @@ fn rolled(radius: f64) -> impl Fn(DVec2) -> DVec3 {
 
 /// Pairs of a search with patches, and of one without.
 fn found(sheet: &Sheet, ways: Ways<'_>, reach: Reach) -> [Vec<Pair>; 2] {
-    let surface = sheet.surface();
+    let mesh = sheet.mesh();
     let start = sheet.laid(flat);
-    let plain = Candidates::new(&surface, &start, true);
-    let with = plain.clone().with_pattern(&surface, &sheet.corners());
+    let plain = Candidates::new(&mesh, &start, true);
+    let with = plain.clone().with_pattern(&mesh, &sheet.corners());
     [with, plain].map(|mut candidates| {
-        candidates.find(&surface, ways, reach);
+        candidates.find(&mesh, ways, reach);
         let mut pairs = candidates.pairs().to_vec();
         pairs.sort_unstable();
         pairs
@@ -153,7 +153,7 @@ fn what_is_left_out_stays_apart_on_the_whole_way() {
 #[test]
 fn a_patch_that_folds_is_searched_again() {
     let sheet = Sheet::new(10, 10, |_, _| true);
-    let (surface, mut candidates) = sheet.candidates();
+    let (mesh, mut candidates) = sheet.candidates();
     let [start, bent] = [sheet.laid(flat), sheet.laid(rolled(30.0))];
     let folded = sheet.laid(rolled(1.0));
     let reach = Reach {
@@ -161,7 +161,7 @@ fn a_patch_that_folds_is_searched_again() {
         slack: 20.0,
         own_slack: 20.0,
     };
-    candidates.find(&surface, Ways::still(&start), reach);
+    candidates.find(&mesh, Ways::still(&start), reach);
     assert!(candidates.cover(&start, &bent));
     // The points are within their boxes, and the patches are not smooth.
     assert!(!candidates.cover(&start, &folded));
@@ -185,10 +185,10 @@ fn a_wider_search_takes_up_patches_that_fold() {
     };
     let [smooth, every] = found(&sheet, Ways::still(&start), reach);
     assert!(smooth.len() + 1000 < every.len());
-    let (surface, mut candidates) = sheet.candidates();
-    candidates.find(&surface, Ways::still(&start), reach);
+    let (mesh, mut candidates) = sheet.candidates();
+    candidates.find(&mesh, Ways::still(&start), reach);
     // All within their boxes: what is new is what was left out.
-    candidates.widen(&surface, Ways::still(&folded), reach);
+    candidates.widen(&mesh, Ways::still(&folded), reach);
     assert!(candidates.cover(&start, &folded));
     let mut pairs = candidates.pairs().to_vec();
     pairs.sort_unstable();

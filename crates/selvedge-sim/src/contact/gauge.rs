@@ -99,9 +99,9 @@ impl ContactGauge {
             own_slack: 0.0,
         };
         let candidates = &mut contact.candidates;
-        candidates.find(&contact.surface, Ways::still(&points), reach);
+        candidates.find(&contact.mesh, Ways::still(&points), reach);
         let pairs = candidates.pairs().iter();
-        let surface = &contact.surface;
+        let surface = &contact.mesh;
         let gaps = pairs
             .map(|pair| gap(pair.kind, pair.places(&points)).distance - surface.radius_of(pair));
         let smallest = gaps.fold(f64::INFINITY, f64::min);

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use selvedge_cloth::{Obstacle, Rigid};
-use selvedge_contact::{Candidates, Reach, Surface, Ways, gap};
+use selvedge_contact::{Candidates, CollisionMesh, Reach, Ways, gap};
 
 use super::Contact;
 
@@ -52,7 +52,7 @@ impl Contact {
 
     /// The same of what the cloth touches.
     pub(super) fn body_points(&self, frame: usize, rate: f64) -> Vec<DVec3> {
-        self.shifted(|obstacle| Surface::places_of(obstacle, frame as f64 / rate))
+        self.shifted(|obstacle| CollisionMesh::places_of(obstacle, frame as f64 / rate))
     }
 
     fn shifted<'a, P: Iterator<Item = DVec3> + 'a>(
@@ -82,15 +82,15 @@ impl Contact {
             slack: 0.0,
             own_slack: 0.0,
         };
-        let mut candidates = Candidates::new(&self.surface, &points, self.settings.self_contact);
-        candidates.find(&self.surface, Ways::still(&points), reach);
+        let mut candidates = Candidates::new(&self.mesh, &points, self.settings.self_contact);
+        candidates.find(&self.mesh, Ways::still(&points), reach);
         let mut gaps = vec![far; positions.len()];
         for pair in candidates.pairs() {
             if self.other_body(pair) == 0 && self.neighbours.leave_out(pair, 2.0 * far) {
                 continue;
             }
             let distance =
-                gap(pair.kind, pair.places(&points)).distance - self.surface.radius_of(pair);
+                gap(pair.kind, pair.places(&points)).distance - self.mesh.radius_of(pair);
             for corner in pair.corners {
                 if let Some(least) = gaps.get_mut(corner as usize) {
                     *least = least.min(distance);

@@ -2,56 +2,45 @@
 //! shorten the substep. No state that leaves this module intersects, if none came in that did.
 //!
 //! Pairs that are near, or would meet within the substep, push in its linear solve
-//! ([`touches`], [`barrier`], [`friction`]). Then every pair that could come near is certified to
-//! stay apart on the way from the start to the end ([`separation`]). Pairs that are not are pushed
-//! apart, by mass; if that does not end, vertices are held back, or the substep is divided.
+//! ([`collisions`], [`barrier`], [`friction`]). Then every pair that could come near is certified to
+//! stay apart on the way from the start to the end ([`ccd`]). Pairs that are not are pushed
+//! apart, by mass ([`projection`]); if that does not end, vertices are held back, or the substep is divided.
+//! [`step`] has the loop.
 
+mod active_set;
 mod barrier;
-mod clearances;
-mod find;
+mod broad_phase;
+mod ccd;
+mod collisions;
+mod distance_cache;
 mod friction;
 mod gauge;
+mod impulses;
 mod led;
 mod memory;
-mod near;
+mod narrow_phase;
 mod pressure;
-mod received;
-mod search;
-mod separation;
+mod projection;
 mod squeezed;
-mod touches;
+mod step;
 
 use glam::{DMat3, DVec2, DVec3, Vec3};
-use selvedge_cloth::{
-    ContactMemory, ContactSettings, Obstacle, Pushing, Rigid, Scene, StepError, VertexId,
-};
-use selvedge_contact::{Candidates, Gap, Intersection, Pair, Surface, SweptFeatures};
+use selvedge_cloth::{ContactMemory, ContactSettings, Obstacle, Pushing, Rigid, Scene, VertexId};
+use selvedge_contact::{Candidates, CollisionMesh, Gap, Intersection, Pair, SweptBoxes};
 
 use crate::active_handles::ActiveHandles;
-use crate::integrator::History;
-use crate::simulator::Part;
-use crate::solver::SolveError;
 use crate::state::State;
-use crate::threads::Threads;
-use clearances::{Clearances, Watch};
+pub(crate) use collisions::{Collisions, to_single};
+use distance_cache::{PairCache, PathLengths};
 pub use gauge::{ContactGauge, FrameContact};
 pub(crate) use led::Shift;
 pub use led::{FAR, Led};
 pub(crate) use memory::of_saved;
 use squeezed::WayOut;
 pub use squeezed::YieldedContact;
-pub(crate) use touches::{Touches, to_single};
+pub(crate) use step::{Advance, Span};
 
-/// Times that a solve is repeated, at most, with pairs that met unexpectedly and without those that
-/// pulled.
-const REPEATS: usize = 8;
-/// Repeats after which another one is in vain that leaves no fewer pairs without a certificate: pushes
-/// after the solve part them.
-const PATIENCE: usize = 1;
-/// Of the repeats, those that see whether firm touches stick or slide.
-const STICKING: usize = 2;
-
-/// Clearances of the cloth against its middle, and of all points where they are.
+/// Path lengths of the cloth against its middle, and of all points where they are.
 const OWN: usize = 0;
 const WORLD: usize = 1;
 
@@ -80,46 +69,29 @@ pub struct ContactCounts {
     pub touching: u64,
 }
 
-/// A substep to be taken.
-#[derive(Clone, Copy)]
-pub(crate) struct Span<'a> {
-    pub(crate) part: Part,
-    /// Targets of the active handles at the end `[m]`.
-    pub(crate) targets: &'a [DVec3],
-    pub(crate) threads: Threads,
-}
-
-/// What became of a substep.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Advance {
-    Done,
-    /// It is too long for what touches in it, and is to be divided. The state is unusable.
-    TooLong,
-}
-
-/// The touches of a solve.
-struct Found {
-    touches: Touches,
+/// The collisions of a solve.
+struct ActiveSet {
+    collisions: Collisions,
     /// The features that push, in order.
     pushing: Vec<Pushing>,
 }
 
 /// What becomes of the history once a substep is done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Looks {
+enum HistoryUse {
     /// The solve has kept it.
     Kept,
     /// It is to be kept.
     ToKeep,
-    /// What touches has changed: no rate goes on.
+    /// What collisions has changed: no rate goes on.
     Forgotten,
 }
 
 /// What a substep changes of contact.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Carried {
+pub(crate) struct Kept {
     memory: ContactMemory,
-    received: received::Received,
+    received: impulses::ObstacleImpulses,
 }
 
 /// Contact in a scene.
@@ -128,7 +100,7 @@ pub(crate) struct Contact {
     obstacles: Vec<Obstacle>,
     /// Motion of each obstacle away from its own path, `[obstacles]`.
     pub(crate) shifts: Vec<Shift>,
-    surface: Surface,
+    mesh: CollisionMesh,
     candidates: Candidates,
     /// Searches for candidates since the start of the solve.
     searches: u32,
@@ -139,12 +111,12 @@ pub(crate) struct Contact {
     /// The largest of them.
     most: f64,
     /// Pairs that are too near in the flat cloth to push.
-    neighbours: find::Neighbours,
+    neighbours: active_set::Neighbours,
     /// `[candidates]`
-    watched: Vec<Watch>,
+    cached: Vec<PairCache>,
     /// Boxes around the ways in the solve, and places of candidates that they leave open, in room that is
     /// kept.
-    swept: SweptFeatures,
+    swept: SweptBoxes,
     open: Vec<u32>,
     mass: Vec<f64>,
     /// Pushes under pressure, `[vertices]`.
@@ -171,7 +143,7 @@ pub(crate) struct Contact {
     ahead: Vec<DVec3>,
     /// State at the start of a solve.
     before: State,
-    history: Looks,
+    history: HistoryUse,
     /// What the last substep left, its lists in order.
     pub(crate) memory: ContactMemory,
     /// Direction of gravity, or zero.
@@ -181,10 +153,10 @@ pub(crate) struct Contact {
     /// Contact that was released so far.
     pub(crate) yielded: Vec<YieldedContact>,
     pub(crate) counts: ContactCounts,
-    received: received::Received,
-    room: separation::Room,
+    received: impulses::ObstacleImpulses,
+    ccd: ccd::CcdState,
     /// Of pairs of the cloth with itself, as [`OWN`], and of all, as [`WORLD`].
-    clearances: [Clearances; 2],
+    path_lengths: [PathLengths; 2],
 }
 
 impl Contact {
@@ -192,10 +164,10 @@ impl Contact {
     pub(crate) fn of(scene: &Scene, mass: &[f64]) -> Option<Self> {
         let settings = scene.contact?;
         let topology = scene.mesh.topology();
-        let surface = Surface::new(topology, &scene.obstacles);
+        let surface = CollisionMesh::new(topology, &scene.obstacles);
         let mut points = scene.mesh.positions().to_vec();
         for obstacle in &scene.obstacles {
-            points.extend(Surface::places_of(obstacle, 0.0));
+            points.extend(CollisionMesh::places_of(obstacle, 0.0));
         }
         let obstacles = || scene.obstacles.iter();
         let own = |obstacle: &Obstacle| obstacle.thickness().unwrap_or(settings.thickness);
@@ -214,9 +186,9 @@ impl Contact {
             most: thickness.iter().copied().fold(0.0, f64::max),
             thickness,
             friction: friction.collect(),
-            neighbours: find::Neighbours::new(scene),
-            watched: Vec::new(),
-            swept: SweptFeatures::default(),
+            neighbours: active_set::Neighbours::new(scene),
+            cached: Vec::new(),
+            swept: SweptBoxes::default(),
             open: Vec::new(),
             mass: mass.to_vec(),
             pressures,
@@ -232,19 +204,19 @@ impl Contact {
             ahead: Vec::with_capacity(count),
             end: points,
             before: State::at_origin(mass.len()),
-            history: Looks::Kept,
+            history: HistoryUse::Kept,
             memory: ContactMemory::default(),
             down: scene.environment.gravity.normalize_or_zero(),
             ways_out: Vec::new(),
             yielded: Vec::new(),
             counts: ContactCounts::default(),
-            received: received::Received::none(scene.obstacles.len()),
-            room: separation::Room::default(),
-            clearances: [Clearances::new(mass.len()), Clearances::new(count)],
+            received: impulses::ObstacleImpulses::none(scene.obstacles.len()),
+            ccd: ccd::CcdState::default(),
+            path_lengths: [PathLengths::new(mass.len()), PathLengths::new(count)],
             obstacles: scene.obstacles.clone(),
             shifts: vec![Shift::default(); scene.obstacles.len()],
             settings,
-            surface,
+            mesh: surface,
         })
     }
 
@@ -258,7 +230,7 @@ impl Contact {
     ) -> Vec<Intersection> {
         let mut points = positions.to_vec();
         points.extend(self.body_points(frame, rate));
-        self.candidates.intersections(&self.surface, &points)
+        self.candidates.intersections(&self.mesh, &points)
     }
 
     /// As [`Self::intersections`], of a frame as it is written: obstacles in single precision too.
@@ -271,7 +243,7 @@ impl Contact {
         let bodies = self.body_points(frame, rate).into_iter();
         let all = positions.iter().copied().chain(bodies.map(|p| p.as_vec3()));
         let points: Vec<DVec3> = all.map(|p| p.as_dvec3()).collect();
-        self.candidates.intersections(&self.surface, &points)
+        self.candidates.intersections(&self.mesh, &points)
     }
 
     /// Largest ĝ `[m]`.
@@ -281,7 +253,7 @@ impl Contact {
 
     /// A face in words.
     pub(crate) fn face_name(&self, face: u32) -> String {
-        let bodies = self.surface.bodies();
+        let bodies = self.mesh.bodies();
         let body = bodies.partition_point(|body| body.faces.end <= face);
         let number = face - bodies[body].faces.start;
         match body.checked_sub(1) {
@@ -295,7 +267,7 @@ impl Contact {
 
     /// Name of the obstacle that has this face; none if the cloth has it.
     pub(crate) fn body_name(&self, face: u32) -> Option<String> {
-        let bodies = self.surface.bodies();
+        let bodies = self.mesh.bodies();
         let body = bodies.partition_point(|body| body.faces.end <= face);
         let obstacle = body.checked_sub(1).map(|k| &self.obstacles[k]);
         obstacle.map(|obstacle| obstacle.name().to_owned())
@@ -308,7 +280,7 @@ impl Contact {
             points.clear();
             for (obstacle, shift) in self.obstacles.iter().zip(&self.shifts) {
                 let shift = [shift.now, shift.next][k];
-                let places = Surface::places_of(obstacle, (frame + k) as f64 / rate);
+                let places = CollisionMesh::places_of(obstacle, (frame + k) as f64 / rate);
                 points.extend(places.map(|p| shift.of(p)));
             }
         }
@@ -323,13 +295,13 @@ impl Contact {
     }
 
     /// Keeps what a substep changes.
-    pub(crate) fn carry(&self, into: &mut Carried) {
+    pub(crate) fn carry(&self, into: &mut Kept) {
         into.memory.clone_from(&self.memory);
         into.received.clone_from(&self.received);
     }
 
     /// Restores what [`Self::carry`] kept.
-    pub(crate) fn put_back(&mut self, from: &Carried) {
+    pub(crate) fn put_back(&mut self, from: &Kept) {
         self.memory.clone_from(&from.memory);
         self.received.clone_from(&from.received);
         self.leave_out_released();
@@ -345,7 +317,7 @@ impl Contact {
     /// Takes this for the memory that the last substep left. What is released of another scene is
     /// dropped.
     pub(crate) fn remember_saved(&mut self, mut memory: ContactMemory) {
-        let (vertices, bodies) = (self.mass.len(), self.surface.bodies().len());
+        let (vertices, bodies) = (self.mass.len(), self.mesh.bodies().len());
         memory.released.retain(|one| {
             (one.vertex as usize) < vertices && (1..bodies).contains(&(one.body as usize))
         });
@@ -380,208 +352,18 @@ impl Contact {
         self.received.all.fill(DVec3::ZERO);
     }
 
-    /// Moves `state` by a substep. On an error the state is unusable.
-    pub(crate) fn advance(
-        &mut self,
-        span: Span<'_>,
-        active: &mut ActiveHandles,
-        state: &mut State,
-        history: &mut History,
-    ) -> Result<Advance, StepError> {
-        let frame = self.next_frame;
-        self.update_inverse(active);
-        let (mut done, mut divisions) = (0.0, 0);
-        while divisions < self.settings.max_divisions {
-            let [from, to] = span.part.way;
-            let left = span.part.dt * (1.0 - done);
-            self.put_start(&state.positions, from + (to - from) * done, to);
-            let solved = self.solve(left, span, active, state, history);
-            let is_near = solved.map_err(|error| error.at(frame))?;
-            if !is_near && span.part.may_divide {
-                return Ok(Advance::TooLong);
-            }
-            let touches = &active.system.touches;
-            self.received
-                .add_forces(&self.surface, &self.end, left, touches);
-            let outcome = self.separate(left, span, state)?;
-            self.received.add_pushes(left);
-            match outcome {
-                separation::Outcome::GivenWay => {
-                    self.received.take_back();
-                    history.forget();
-                    state.copy_from(&self.before);
-                    active.system.repeat_start();
-                }
-                separation::Outcome::Settled { moved } => {
-                    if moved {
-                        self.history = Looks::Forgotten;
-                        active.system.forget_changes();
-                    }
-                    match self.history {
-                        Looks::Kept => (),
-                        Looks::ToKeep => active.keep_touching(history, state),
-                        Looks::Forgotten => history.forget(),
-                    }
-                    self.remember(1.0, active);
-                    return Ok(Advance::Done);
-                }
-                separation::Outcome::Safe { part } => {
-                    divisions += 1;
-                    self.counts.divisions += 1;
-                    history.forget();
-                    active.system.forget_changes();
-                    state.cut_back(&self.before, part);
-                    self.received.cut_back(part);
-                    done += (1.0 - done) * part;
-                    self.end[..state.positions.len()].copy_from_slice(&state.positions);
-                    self.remember(part, active);
-                    if divisions == self.settings.max_divisions
-                        && span.part.is_last
-                        && self.give_way(true)
-                    {
-                        divisions = 0;
-                    }
-                }
-            }
-        }
-        Err(self.unseparated())
-    }
-
-    /// Solves over `left` `[s]`, certifies the end, and goes on with the pairs that were missed and
-    /// without those that pulled, and where the end is not near the solution. Returns false if the last
-    /// one is not near either.
-    fn solve(
-        &mut self,
-        left: f64,
-        span: Span<'_>,
-        active: &mut ActiveHandles,
-        state: &mut State,
-        history: &mut History,
-    ) -> Result<bool, SolveError> {
-        let mut is_near = self.solve_first(left, span, active, state, history)?;
-        let mut is_certified = self.certify_solve(span.threads, &state.positions);
-        let mut missed = usize::MAX;
-        for repeat in 0..REPEATS {
-            let before = std::mem::replace(&mut missed, self.failed().count());
-            if repeat > PATIENCE && missed > 0 && missed >= before {
-                break;
-            }
-            let touches = &mut active.system.touches;
-            let has_released = self.release(touches);
-            let has_caught = !is_certified && self.catch(touches);
-            let has_slipped = repeat < STICKING && touches.see_slips(|v| self.end[v]);
-            if !(has_released || has_caught || has_slipped) && is_near {
-                break;
-            }
-            self.counts.repeated += 1;
-            is_near = if self.history == Looks::Kept {
-                history.forget();
-                state.copy_from(&self.before);
-                active.advance_touching(left, state, None, span.targets)?
-            } else {
-                active.go_on(left, &self.before, state, span.targets)?
-            };
-            if has_caught || self.history == Looks::Kept {
-                self.history = Looks::Forgotten;
-            }
-            is_certified = self.certify_solve(span.threads, &state.positions);
-        }
-        Ok(is_near)
-    }
-
-    /// Leads the cloth from `from` to `to` `[m]`, both of `[vertices]`, on straight ways over the
-    /// whole frame, where pairs that have no certificate are pushed apart. Returns true if vertices
-    /// were moved. Handles of `active` are not.
-    pub(crate) fn lead(
-        &mut self,
-        threads: Threads,
-        active: &ActiveHandles,
-        from: &[DVec3],
-        to: &mut [DVec3],
-    ) -> Result<bool, StepError> {
-        self.update_inverse(active);
-        self.put_start(from, 0.0, 1.0);
-        let was_moved = self.push_apart(threads, to)?;
-        to.copy_from_slice(&self.end[..to.len()]);
-        Ok(was_moved)
-    }
-
-    /// One solve over `left` `[s]`, with what touches in it. Returns false if its end may be far from
-    /// the solution.
-    fn solve_first(
-        &mut self,
-        left: f64,
-        span: Span<'_>,
-        active: &mut ActiveHandles,
-        state: &mut State,
-        history: &mut History,
-    ) -> Result<bool, SolveError> {
-        self.find_candidates(left, state);
-        let Found { touches, pushing } = self.find_touches(span.threads, left);
-        self.counts.solves += 1;
-        self.counts.touching = touches.list.len() as u64;
-        let jumps = memory::jumps(&self.memory.pushing, &pushing);
-        self.memory.pushing = pushing;
-        active.system.touches = touches;
-        self.before.copy_from(state);
-        if active.system.touches.is_empty() && !jumps {
-            self.history = Looks::Kept;
-            active.advance(left, state, Some(history), span.targets)?;
-            return Ok(true);
-        }
-        let looks_back = !jumps && history.fits(left);
-        if active.looks_back() {
-            let fell_back = u64::from(!looks_back);
-            self.counts.fell_back += fell_back;
-            history.counts.fell_back += fell_back;
-            history.counts.all += 1;
-        }
-        self.history = match jumps {
-            true => Looks::Forgotten,
-            false => Looks::ToKeep,
-        };
-        let from = looks_back.then_some(&*history);
-        active.advance_touching(left, state, from, span.targets)
-    }
-
-    /// Puts the points at the start of a solve, and obstacles at its end; parts of the frame.
-    fn put_start(&mut self, positions: &[DVec3], now: f64, end: f64) {
-        self.room.begin();
-        self.searches = 0;
-        self.part = end - now;
-        let cloth = positions.len();
-        let middle = |all: &[DVec3]| all.iter().sum::<DVec3>() / cloth as f64;
-        let way = middle(positions) - middle(&self.start[..cloth]);
-        let mut put = |p: usize, place: DVec3| {
-            let gone = place - self.start[p];
-            self.clearances[WORLD].travelled[p] += gone.length();
-            if p < cloth {
-                self.clearances[OWN].travelled[p] += (gone - way).length();
-            }
-            self.start[p] = place;
-        };
-        for (p, place) in positions.iter().enumerate() {
-            put(p, *place);
-        }
-        let [from, to] = &self.frame;
-        for (k, (from, to)) in from.iter().zip(to).enumerate() {
-            put(cloth + k, from.lerp(*to, now));
-            self.end[cloth + k] = from.lerp(*to, end);
-        }
-    }
-
     /// Gap of a pair along a direction between its features, at these `points` `[m]`.
     fn gap_along(&self, pair: &Pair, gap: &Gap, points: &[DVec3]) -> f64 {
         let corners = pair.places(points).into_iter().zip(gap.weights);
         let extent: f64 = corners.map(|(p, weight)| weight * gap.normal.dot(p)).sum();
-        extent - self.surface.radius_of(pair)
+        extent - self.mesh.radius_of(pair)
     }
 
     /// Way that the closest point of a round body goes in the solve, because the body turns, from the cloth's
     /// `[m]`; along `normal`, the gap's direction.
     fn turned(&self, pair: &Pair, body: usize, normal: DVec3) -> DVec3 {
         match body.checked_sub(1) {
-            Some(own) => self.turns[own] * normal * (-self.surface.radius_of(pair) * self.part),
+            Some(own) => self.turns[own] * normal * (-self.mesh.radius_of(pair) * self.part),
             None => DVec3::ZERO,
         }
     }
@@ -595,15 +377,15 @@ impl Contact {
 
     /// Number of the body that is not the cloth, or 0.
     fn other_body(&self, pair: &Pair) -> usize {
-        let first = self.surface.body_of(pair.corners[0]);
-        first.max(self.surface.body_of(pair.corners[3]))
+        let first = self.mesh.body_of(pair.corners[0]);
+        first.max(self.mesh.body_of(pair.corners[3]))
     }
 
     /// A pair in words.
     fn name(&self, pair: &Pair) -> String {
         let feature = |corners: &[u32]| {
-            let number = self.surface.body_of(corners[0]);
-            let body = &self.surface.bodies()[number];
+            let number = self.mesh.body_of(corners[0]);
+            let body = &self.mesh.bodies()[number];
             let own = corners
                 .iter()
                 .map(|p| VertexId(p - body.points.start).to_string());

@@ -8,7 +8,7 @@ use selvedge_contact::{Kind, Pair};
 
 use super::Contact;
 use super::barrier::Tangent;
-use super::near::Near;
+use super::narrow_phase::ClosePair;
 
 /// Gap, as a part of that at which the push begins, below which it goes on straight.
 const CRUSHED: f64 = 0.15;
@@ -108,7 +108,7 @@ pub(super) fn of_vertices(scene: &Scene, mass: &[f64]) -> (Vec<Pressure>, f64) {
 impl Contact {
     /// Sees which vertices of the cloth are squeezed: bodies push them from two opposite sides, as the
     /// fingers of a hand do. What lies, hangs or falls on one bears softly, with the barrier alone.
-    pub(super) fn see_squeezed<'a>(&mut self, near: impl Iterator<Item = &'a Near>) {
+    pub(super) fn see_squeezed<'a>(&mut self, near: impl Iterator<Item = &'a ClosePair>) {
         self.squeezed.fill(false);
         self.sides.fill(DVec3::ZERO);
         for near in near.filter(|near| near.body > 0 && near.pair.kind == Kind::VertexFace) {

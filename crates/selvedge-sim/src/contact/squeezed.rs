@@ -1,4 +1,4 @@
-//! Cloth between two bodies, or two parts of one, that leave it no room: contact with the weaker is
+//! Cloth between two bodies, or two parts of one, that leave it no ccd: contact with the weaker is
 //! released there, vertex by vertex, until the vertex is on its outer side again.
 //!
 //! The candidate search leaves the pairs of released contact out, so nothing else knows of it. Of
@@ -10,11 +10,11 @@
 
 use glam::DVec3;
 use selvedge_cloth::{ReleasedContact, Squeezed};
-use selvedge_contact::{Approach, Bounds, Gap, Kind, Pair, Reach, Ways, gap, least_gap, winding};
+use selvedge_contact::{Bounds, Gap, Impact, Kind, Pair, Reach, Ways, gap, least_gap, winding};
 
 use super::Contact;
 use super::barrier::LEAST;
-use super::touches::{PairLaw, Touch};
+use super::collisions::{Collision, PairLaw};
 
 /// Cosine against the direction of a gap within which a body is on one side of the cloth.
 const OPPOSED: f64 = 0.5;
@@ -80,25 +80,25 @@ impl Contact {
 
     /// Releases contact of the pairs that failed where bodies squeeze them; `at_last` wherever they
     /// are of an obstacle. Returns true if some was released.
-    pub(super) fn give_way(&mut self, at_last: bool) -> bool {
+    pub(super) fn release_squeezed(&mut self, at_last: bool) -> bool {
         if self.settings.squeezed == Squeezed::Stop {
             return false;
         }
         let mut failed: Vec<_> = self.failed().map(|(pair, a)| (*pair, *a)).collect();
         failed.sort_by(|a, b| {
-            let sooner = a.1.safe.total_cmp(&b.1.safe);
+            let sooner = a.1.time.total_cmp(&b.1.time);
             sooner.then_with(|| a.0.cmp(&b.0))
         });
         failed.truncate(FIRST);
         let around = self.around_failed();
         let mut has_more = false;
-        for (pair, approach) in &failed {
+        for (pair, impact) in &failed {
             let (first, second) = pair.corners.split_at(pair.kind.split());
             let released = self.candidates.released();
-            if released.frees(&self.surface, first, second) {
+            if released.frees(&self.mesh, first, second) {
                 continue;
             }
-            let more = self.release_of(pair, approach, at_last, &around);
+            let more = self.release_of(pair, impact, at_last, &around);
             if !more.is_empty() {
                 self.memory.released.extend(more);
                 self.candidates.release(&self.memory.released);
@@ -113,11 +113,11 @@ impl Contact {
     fn release_of(
         &self,
         pair: &Pair,
-        approach: &Approach,
+        impact: &Impact,
         at_last: bool,
         around: &Around,
     ) -> Vec<ReleasedContact> {
-        let corners = pair.corners.into_iter().zip(approach.gap.weights);
+        let corners = pair.corners.into_iter().zip(impact.gap.weights);
         let (own, met): (Vec<_>, Vec<_>) =
             corners.partition(|(p, _)| (*p as usize) < self.mass.len());
         let held = own.iter().filter(|(p, _)| self.inverse[*p as usize] == 0.0);
@@ -140,7 +140,7 @@ impl Contact {
             let way = self.start[*p as usize].distance(self.end[*p as usize]);
             way > CLOSING * self.thickness[body]
         });
-        let found = match (self.sides(pair, approach, around), &whole) {
+        let found = match (self.sides(pair, impact, around), &whole) {
             ([a, b], Some(own)) if led >= LED && (at_last || comes) => {
                 let other = [&a, &b].into_iter().flatten();
                 let other = other.filter(|side| side.body != own.body);
@@ -171,7 +171,7 @@ impl Contact {
     ) -> Vec<ReleasedContact> {
         let other = strong.unwrap_or(weak);
         let (body, against) = (weak.body as u32, strong.map_or(0, |side| side.body as u32));
-        let parts = [weak, other].map(|side| self.surface.part_of(side.point));
+        let parts = [weak, other].map(|side| self.mesh.part_of(side.point));
         let is_new = |vertex: u32| {
             self.memory.released.iter().all(|one| {
                 let is_same = (one.parts, one.against) == (parts, against);
@@ -195,7 +195,7 @@ impl Contact {
     /// Returns true if released contact lets its vertex pass this point.
     fn passes(&self, one: &ReleasedContact, point: u32) -> bool {
         let released = self.candidates.released();
-        released.frees_point(&self.surface, one, point)
+        released.frees_point(&self.mesh, one, point)
     }
 
     fn around_failed(&self) -> Around {
@@ -217,9 +217,9 @@ impl Contact {
             return near;
         };
         let all = all.widened(near.reach);
-        for number in self.surface.bodies()[0].faces.end..self.surface.faces().len() as u32 {
-            let face = &self.surface.faces()[number as usize];
-            let own = around(face).map(|own| own.widened(self.surface.radii()[face[0] as usize]));
+        for number in self.mesh.bodies()[0].faces.end..self.mesh.faces().len() as u32 {
+            let face = &self.mesh.faces()[number as usize];
+            let own = around(face).map(|own| own.widened(self.mesh.radii()[face[0] as usize]));
             if own.is_some_and(|own| own.meets(&all)) {
                 near.faces.push(number);
             }
@@ -233,7 +233,7 @@ impl Contact {
         let reach = near.reach;
         let comes_near = |pair: &&Pair| {
             [&self.start, &self.end].iter().any(|points| {
-                least_gap(pair.kind, pair.places(points)) <= reach + self.surface.radius_of(pair)
+                least_gap(pair.kind, pair.places(points)) <= reach + self.mesh.radius_of(pair)
             })
         };
         near.pairs
@@ -245,8 +245,8 @@ impl Contact {
     pub(super) fn squeezers(&self) -> Vec<String> {
         let name = |side: &Side| self.obstacles[side.body - 1].name().to_owned();
         let around = self.around_failed();
-        let squeezed = self.failed().find_map(|(pair, approach)| {
-            let [Some(a), Some(b)] = self.sides(pair, approach, &around) else {
+        let squeezed = self.failed().find_map(|(pair, impact)| {
+            let [Some(a), Some(b)] = self.sides(pair, impact, &around) else {
                 return None;
             };
             let (a, b) = if a.body > b.body { (b, a) } else { (a, b) };
@@ -260,29 +260,29 @@ impl Contact {
     /// The nearest body on each side of where a pair fails, along the direction of its gap: of
     /// those near the place, and those that press on the edges and faces of its vertices, which may
     /// be coarser than the bodies.
-    fn sides(&self, pair: &Pair, approach: &Approach, around: &Around) -> [Option<Side>; 2] {
+    fn sides(&self, pair: &Pair, impact: &Impact, around: &Around) -> [Option<Side>; 2] {
         let cloth = self.mass.len() as u32;
-        let then = |p: u32| self.start[p as usize].lerp(self.end[p as usize], approach.safe);
+        let then = |p: u32| self.start[p as usize].lerp(self.end[p as usize], impact.time);
         // The closest point of the feature that is the cloth's; of two, of the first.
         let of_cloth = match pair.corners[0] < cloth {
             true => 0..pair.kind.split(),
             false => pair.kind.split()..4,
         };
         let place: DVec3 = of_cloth
-            .map(|k| then(pair.corners[k]) * approach.gap.weights[k].abs())
+            .map(|k| then(pair.corners[k]) * impact.gap.weights[k].abs())
             .sum();
         let mut sides: [Option<Side>; 2] = [None, None];
         let mut look = |near: &Pair, places: [DVec3; 4]| {
-            let Some(found) = self.side(near, places, place, approach, around.reach) else {
+            let Some(found) = self.side(near, places, place, impact, around.reach) else {
                 return;
             };
-            let side = &mut sides[usize::from(found.normal.dot(approach.gap.normal) < 0.0)];
+            let side = &mut sides[usize::from(found.normal.dot(impact.gap.normal) < 0.0)];
             if side.as_ref().is_none_or(|s| found.distance < s.distance) {
                 *side = Some(found);
             }
         };
         for number in &around.faces {
-            let [a, b, c] = self.surface.faces()[*number as usize];
+            let [a, b, c] = self.mesh.faces()[*number as usize];
             let places = [place, then(a), then(b), then(c)];
             look(&Pair::vertex_face(0, *number, [0, a, b, c]), places);
         }
@@ -290,7 +290,7 @@ impl Contact {
         // A body is not on both sides of a face that it presses on.
         let part_of = |pair: &Pair| {
             let other = pair.corners.iter().find(|p| **p >= cloth);
-            other.map(|p| self.surface.part_of(*p))
+            other.map(|p| self.mesh.part_of(*p))
         };
         let has_own = |near: &&Pair| near.corners.iter().any(own) && part_of(near) != part_of(pair);
         for near in around.pairs.iter().filter(has_own) {
@@ -300,17 +300,17 @@ impl Contact {
     }
 
     /// The body of a pair at these `places`, if it is within `reach` of the cloth's `place` `[m]`
-    /// where a pair fails with this `approach`, and on one side of it.
+    /// where a pair fails with this `impact`, and on one side of it.
     fn side(
         &self,
         near: &Pair,
         places: [DVec3; 4],
         place: DVec3,
-        approach: &Approach,
+        impact: &Impact,
         reach: f64,
     ) -> Option<Side> {
         let Pair { kind, corners, .. } = *near;
-        let radius = self.surface.radius_of(near);
+        let radius = self.mesh.radius_of(near);
         if least_gap(kind, places) > reach + radius {
             return None;
         }
@@ -327,20 +327,20 @@ impl Contact {
         } else {
             -found.normal
         };
-        let is_beside = normal.dot(approach.gap.normal).abs() >= OPPOSED;
+        let is_beside = normal.dot(impact.gap.normal).abs() >= OPPOSED;
         let is_beyond = (place - weighted(&|k| places[k])).dot(normal) <= 0.0;
         if found.distance > reach || !is_beside || is_beyond {
             return None;
         }
         let point = |k: usize| corners[k] as usize;
-        let left = 1.0 - approach.safe;
+        let left = 1.0 - impact.time;
         let way = weighted(&|k| (self.end[point(k)] - self.start[point(k)]) * left).dot(normal);
         let weight = |k: usize| found.weights[k].abs();
         let heaviest = bodies().max_by(|a, b| weight(*a).total_cmp(&weight(*b)));
         let nearest = corners[heaviest.unwrap_or(0)];
         let begin = self.candidates.released().first();
         Some(Side {
-            body: self.surface.body_of(nearest),
+            body: self.mesh.body_of(nearest),
             point: nearest,
             first: weighted(&|k| begin[point(k)]),
             normal,
@@ -397,13 +397,13 @@ impl Contact {
         self.candidates.release(&kept);
         let mut is_near: Vec<[u32; 2]> = Vec::new();
         let mut note = |corners: &[u32]| {
-            let body = corners.iter().map(|p| self.surface.body_of(*p)).max();
+            let body = corners.iter().map(|p| self.mesh.body_of(*p)).max();
             let body = body.unwrap_or(0) as u32;
             is_near.extend(corners.iter().map(|vertex| [*vertex, body]));
         };
         if !free.is_empty() {
-            for found in self.candidates.intersections(&self.surface, &points) {
-                let [a, b] = found.faces.map(|face| self.surface.faces()[face as usize]);
+            for found in self.candidates.intersections(&self.mesh, &points) {
+                let [a, b] = found.faces.map(|face| self.mesh.faces()[face as usize]);
                 note(&[a, b].concat());
             }
             let reach = Reach {
@@ -412,11 +412,11 @@ impl Contact {
                 own_slack: 0.0,
             };
             self.candidates
-                .find(&self.surface, Ways::still(&points), reach);
+                .find(&self.mesh, Ways::still(&points), reach);
             for pair in self.candidates.pairs() {
                 let body = self.other_body(pair);
                 let distance =
-                    gap(pair.kind, pair.places(&points)).distance - self.surface.radius_of(pair);
+                    gap(pair.kind, pair.places(&points)).distance - self.mesh.radius_of(pair);
                 if body > 0 && distance < LEAST * self.thickness[body] {
                     note(&pair.corners);
                 }
@@ -439,8 +439,8 @@ impl Contact {
         let (place, body) = (points[one.vertex as usize], one.body as usize);
         let first = self.candidates.released().first();
         let mut best = (f64::INFINITY, None);
-        for number in self.surface.bodies()[body].faces.clone() {
-            let face = self.surface.faces()[number as usize];
+        for number in self.mesh.bodies()[body].faces.clone() {
+            let face = self.mesh.faces()[number as usize];
             let [a, b, c] = face.map(|p| points[p as usize]);
             let corners = [place, a, b, c];
             let is_passed = || face.iter().any(|p| self.passes(one, *p));
@@ -459,7 +459,7 @@ impl Contact {
             }
         }
         let (pair, found) = best.1?;
-        let is_round = self.surface.radius_of(&pair) > 0.0;
+        let is_round = self.mesh.radius_of(&pair) > 0.0;
         let is_within = !is_round && (self.winding(body, points, place) - one.winding).abs() >= 0.5;
         let sign = if is_within { -1.0 } else { 1.0 };
         Some(WayOut {
@@ -472,19 +472,19 @@ impl Contact {
     }
 
     /// Pushes of vertices out of the bodies that they may pass.
-    pub(super) fn push_out(&self) -> impl Iterator<Item = Touch> {
+    pub(super) fn push_out(&self) -> impl Iterator<Item = Collision> {
         self.ways_out.iter().filter_map(|way| {
             let WayOut { pair, gap } = way;
             let distance = self.gap_along(pair, gap, &self.start);
             let body = self.other_body(pair);
             let is_free = self.inverse[pair.first as usize] > 0.0;
             (is_free && distance < self.thickness[body]).then(|| {
-                let touch = self.touch_of(pair, body, gap, distance, PairLaw::Out);
-                Touch {
+                let collision = self.collision_of(pair, body, gap, distance, PairLaw::Out);
+                Collision {
                     friction: 0.0,
                     anchored: None,
                     pull: DVec3::ZERO,
-                    ..touch
+                    ..collision
                 }
             })
         })
@@ -493,14 +493,14 @@ impl Contact {
     /// Times that a body winds around a place, its points at `points` `[m]`, `[points]`.
     fn winding(&self, body: usize, points: &[DVec3], place: DVec3) -> f64 {
         if self.obstacles[body - 1].core().is_some() {
-            let first = self.surface.bodies()[body].points.start;
-            let [_, b, c] = self.surface.faces()[self.surface.bodies()[body].faces.start as usize];
+            let first = self.mesh.bodies()[body].points.start;
+            let [_, b, c] = self.mesh.faces()[self.mesh.bodies()[body].faces.start as usize];
             let [a, b, c] = [first, b, c].map(|p| points[p as usize]);
             let distance = gap(Kind::VertexFace, [place, a, b, c]).distance;
-            return f64::from(u8::from(distance < self.surface.radii()[first as usize]));
+            return f64::from(u8::from(distance < self.mesh.radii()[first as usize]));
         }
-        let faces = &self.surface.bodies()[body].faces;
-        let faces = &self.surface.faces()[faces.start as usize..faces.end as usize];
+        let faces = &self.mesh.bodies()[body].faces;
+        let faces = &self.mesh.faces()[faces.start as usize..faces.end as usize];
         winding(place, faces.iter().map(|f| f.map(|p| points[p as usize])))
     }
 

@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use glam::DVec3;
 use selvedge_cloth::{HandleTargets, Obstacle, ObstaclePath, Scene, Stepper, VertexId};
-use selvedge_contact::{Candidates, Surface, winding};
+use selvedge_contact::{Candidates, CollisionMesh, winding};
 
 use super::around::bare;
 use super::{
@@ -156,7 +156,7 @@ fn shrink(
     body: &Obstacle,
     progress: Listener<'_>,
 ) -> Result<(Vec<Vec<DVec3>>, usize), FitError> {
-    let surface = Surface::new(scene.mesh.topology(), std::slice::from_ref(body));
+    let surface = CollisionMesh::new(scene.mesh.topology(), std::slice::from_ref(body));
     let cloth = scene.mesh.positions();
     let mut points = cloth.to_vec();
     points.extend(body.positions_at(0.0));

@@ -10,7 +10,7 @@
 
 use glam::DVec3;
 use selvedge_cloth::{Scene, Topology};
-use selvedge_contact::{Candidates, Intersection, Surface};
+use selvedge_contact::{Candidates, CollisionMesh, Intersection};
 
 use super::{FitError, FitProgress, Listener, of_neighbours, springs, tell};
 use crate::edges::FreeEdge;
@@ -56,7 +56,7 @@ pub fn untangle(scene: &Scene, progress: Listener<'_>) -> Result<Untangled, FitE
     let topology = scene.mesh.topology();
     let start = scene.mesh.positions();
     let mut positions = start.to_vec();
-    let surface = Surface::new(topology, &[]);
+    let surface = CollisionMesh::new(topology, &[]);
     let candidates = Candidates::new(&surface, &positions, true);
     let meeting = |positions: &[DVec3]| candidates.intersections(&surface, positions);
     let mut met = meeting(&positions);

@@ -212,11 +212,11 @@ impl SecondOrder {
             .extend(ways.map(|(now, end)| now.lerp(*end, point)));
         self.estimate.velocities.copy_from_slice(&state.velocities);
         let is_near = self.predict(&state.positions, self.stage.gamma);
-        system.touches.begin_stage();
+        system.collisions.begin_stage();
         if !is_near {
             // Velocities that strain it are no prediction.
             let expected = self.predicted.positions.iter().copied();
-            system.touches.expect(expected);
+            system.collisions.expect(expected);
             self.predicted
                 .positions
                 .copy_from_slice(&self.base.positions);

@@ -8,7 +8,7 @@ use glam::DVec3;
 use selvedge_cloth::{HandleTargets, StepError};
 
 use super::Simulator;
-use crate::contact::{Advance, Carried, Shift};
+use crate::contact::{Advance, Kept, Shift};
 use crate::edges::Overstretched;
 use crate::integrator::History;
 use crate::state::State;
@@ -49,7 +49,7 @@ pub(super) struct Snapshot {
     history: History,
     /// Changes of velocity of the last solve `[m/s]`, `[vertices]`, and their time `[s]`.
     changes: (Vec<DVec3>, f64),
-    contact: Carried,
+    contact: Kept,
     /// Motions of obstacles away from their own paths.
     shifts: Vec<Shift>,
 }
@@ -61,7 +61,7 @@ impl Snapshot {
             state: State::at_origin(vertices),
             history: History::none(vertices),
             changes: (vec![DVec3::ZERO; vertices], 0.0),
-            contact: Carried::default(),
+            contact: Kept::default(),
             shifts: Vec::new(),
         }
     }

@@ -9,7 +9,7 @@
 use glam::{DVec3, Mat3A, Vec3A};
 use selvedge_cloth::{ConjugateGradients as Settings, Stop};
 
-use crate::contact::{Touches, to_single};
+use crate::contact::{Collisions, to_single};
 use crate::solver::SolveError;
 use crate::solver::blocks::{Contributions, Singles};
 use crate::solver::elements::Elements;
@@ -29,7 +29,7 @@ pub(crate) struct ConjugateGradients {
     gauss_seidel: GaussSeidel,
     /// False after a matrix whose diagonal has shown that it is not positive definite.
     is_definite: bool,
-    /// Factor in the place of `gauss_seidel` where touches couple vertices that the pattern does not.
+    /// Factor in the place of `gauss_seidel` where collisions couple vertices that the pattern does not.
     woven: Woven,
     is_woven: bool,
     /// Scale of the matrix in f32: 1 / the mean mass of a vertex `[1/kg]`.
@@ -60,7 +60,7 @@ struct Vectors {
     product: Vec<Vec3A>,
 }
 
-/// Iterations at most where touches couple vertices. A complete factor is not slower.
+/// Iterations at most where collisions couple vertices. A complete factor is not slower.
 const COUPLED_ITERATIONS: u32 = 500;
 
 /// Factor by which the residual falls before it is computed anew. Rounding in f32 is well below.
@@ -122,13 +122,13 @@ impl ConjugateGradients {
 
     /// Gathers the matrix from evaluated elements, with springs (vertex, `[kg]`) on its diagonal,
     /// and its preconditioner. Without those it is that of the last time, but for what
-    /// touches; something touched then.
+    /// collisions; something touched then.
     pub(crate) fn prepare(
         &mut self,
         threads: Threads,
         pattern: &Pattern,
         gathered: Option<(&Elements, impl Iterator<Item = (u32, f64)>)>,
-        touches: &Touches,
+        collisions: &Collisions,
     ) {
         let _span = tracing::trace_span!("preconditioner").entered();
         if let Some((elements, springs)) = gathered {
@@ -144,21 +144,21 @@ impl ConjugateGradients {
                     Mat3A::from_diagonal(glam::Vec3::splat((stiffness * self.scale) as f32));
                 self.blocks[pattern.unknown(vertex) as usize] += added;
             }
-            if !touches.is_empty() {
+            if !collisions.is_empty() {
                 self.untouched.clear();
                 self.untouched.extend_from_slice(&self.blocks);
             }
         } else {
             self.blocks.copy_from_slice(&self.untouched);
         }
-        for ([a, b], block) in touches.blocks_within() {
+        for ([a, b], block) in collisions.blocks_within() {
             if let Some(slot) = pattern.slot(a, b) {
                 self.blocks[slot as usize] += to_single(block * self.scale);
             }
         }
-        self.is_woven = touches.couple();
+        self.is_woven = collisions.couple();
         if self.is_woven {
-            let (couplings, scale) = (touches.couplings_beyond(), self.scale);
+            let (couplings, scale) = (collisions.couplings_beyond(), self.scale);
             self.woven
                 .factorise(pattern, &self.blocks, couplings, scale);
         } else {

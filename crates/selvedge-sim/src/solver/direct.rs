@@ -1,13 +1,13 @@
-//! The matrix of a cloth factorised completely: for a direct solver, and with touches in its pattern
+//! The matrix of a cloth factorised completely: for a direct solver, and with collisions in its pattern
 //! what is left where conjugate gradients with them do not converge.
 //!
-//! Where many touches lie side by side, stiff against what holds their pairs together, those take
+//! Where many collisions lie side by side, stiff against what holds their pairs together, those take
 //! hundreds of iterations. The factor of the whole takes no longer, half of it for its new pattern.
 
 use glam::{DMat3, DVec3};
 use selvedge_cloth::VertexId;
 
-use crate::contact::Touches;
+use crate::contact::Collisions;
 use crate::solver::SolveError;
 use crate::solver::blocks::{Contributions, Doubles};
 use crate::solver::cholesky::Cholesky;
@@ -101,7 +101,7 @@ impl Direct {
     }
 }
 
-/// The elements that couple vertices, and the factor of the last touches.
+/// The elements that couple vertices, and the factor of the last collisions.
 pub(super) struct Complete {
     held: Vec<bool>,
     triangles: Vec<[u32; 3]>,
@@ -109,19 +109,19 @@ pub(super) struct Complete {
     last: Option<Coupled>,
 }
 
-/// A factor whose pattern has touches.
+/// A factor whose pattern has collisions.
 struct Coupled {
-    touches: Vec<[u32; 4]>,
+    collisions: Vec<[u32; 4]>,
     pattern: Pattern,
     direct: Direct,
 }
 
-/// A linear system with touches.
+/// A linear system with collisions.
 pub(super) struct Coupling<'a> {
     pub(super) threads: Threads,
     pub(super) elements: &'a Elements,
     pub(super) springs: Springs<'a>,
-    pub(super) touches: &'a Touches,
+    pub(super) collisions: &'a Collisions,
 }
 
 impl Complete {
@@ -142,28 +142,28 @@ impl Complete {
         impulses: &[DVec3],
         changes: &mut [DVec3],
     ) -> Result<(), SolveError> {
-        let touches: Vec<[u32; 4]> = system.touches.stencils().collect();
+        let collisions: Vec<[u32; 4]> = system.collisions.stencils().collect();
         let coupled = match self.last.take() {
-            Some(last) if last.touches == touches => last,
-            _ => self.analyse(touches, system.elements),
+            Some(last) if last.collisions == collisions => last,
+            _ => self.analyse(collisions, system.elements),
         };
         let Coupled {
             pattern, direct, ..
         } = self.last.insert(coupled);
         direct.gather(system.threads, pattern, system.elements, system.springs);
-        direct.add(pattern, system.touches.blocks_within());
-        direct.add(pattern, system.touches.couplings_beyond());
+        direct.add(pattern, system.collisions.blocks_within());
+        direct.add(pattern, system.collisions.couplings_beyond());
         direct.solve(pattern, impulses, changes)
     }
 
-    fn analyse(&self, touches: Vec<[u32; 4]>, elements: &Elements) -> Coupled {
+    fn analyse(&self, collisions: Vec<[u32; 4]>, elements: &Elements) -> Coupled {
         let mut stencils = self.hinges.clone();
-        stencils.extend(&touches);
+        stencils.extend(&collisions);
         let order = Ordering::Dissection;
         let pattern = Pattern::new(order, &self.held, &self.triangles, &stencils);
         Coupled {
             direct: Direct::new(&pattern, elements),
-            touches,
+            collisions,
             pattern,
         }
     }

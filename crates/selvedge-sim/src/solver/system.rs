@@ -14,7 +14,7 @@ use selvedge_cloth::{
     AirLaw, Environment, HandleConstraint, Handles, LinearSolver, Scene, Stop, VertexId,
 };
 
-use crate::contact::Touches;
+use crate::contact::Collisions;
 use crate::integrator::{SolveTape, Tape};
 use crate::laws::external::AirResistance;
 use crate::solver::conjugate_gradients::ConjugateGradients;
@@ -56,11 +56,11 @@ pub(crate) struct System {
     /// nothing.
     solved_span: f64,
     solver: Solver,
-    /// A factor of the whole, for a direct solver whose touches couple vertices that its pattern does
-    /// not, and where conjugate gradients with touches do not converge.
+    /// A factor of the whole, for a direct solver whose collisions couple vertices that its pattern does
+    /// not, and where conjugate gradients with collisions do not converge.
     complete: Complete,
     /// Pairs that push in the solves that follow.
-    pub(crate) touches: Touches,
+    pub(crate) collisions: Collisions,
     repeated: Repeated,
     /// What the substeps leave for their derivatives, where someone wants them.
     pub(crate) tape: Option<Box<Tape>>,
@@ -132,7 +132,7 @@ impl System {
             driven: vec![DVec3::ZERO; vertex_count],
             changes: vec![DVec3::ZERO; vertex_count],
             solved_span: 0.0,
-            touches: Touches::default(),
+            collisions: Collisions::default(),
             repeated: Repeated::default(),
             tape: None,
         })
@@ -188,11 +188,11 @@ impl System {
         } else {
             self.assemble_anew(dt, state, targets);
         }
-        if !self.touches.is_empty() {
+        if !self.collisions.is_empty() {
             let driven = &self.driven;
             let place = |v: usize| state.positions[v] + driven[v] * dt;
-            self.touches.begin_stage();
-            self.touches
+            self.collisions.begin_stage();
+            self.collisions
                 .linearise(dt, driven.len(), place, &mut self.impulses);
         }
     }
@@ -218,7 +218,7 @@ impl System {
             state.positions[v] + state.velocities[v] * dt
         });
         self.repeated.dt = None;
-        if !self.touches.is_empty() {
+        if !self.collisions.is_empty() {
             self.repeated.dt = Some(dt);
             self.repeated.impulses.clear();
             self.repeated.impulses.extend_from_slice(&self.impulses);
@@ -249,9 +249,9 @@ impl System {
             *impulse += (velocities[v] - now.velocities[v]) * self.elements.mass[v];
         }
         self.push_springs(gamma, targets, |v| now.positions[v]);
-        if !self.touches.is_empty() {
+        if !self.collisions.is_empty() {
             let place = |v: usize| now.positions[v];
-            self.touches
+            self.collisions
                 .linearise(gamma, velocities.len(), place, &mut self.impulses);
         }
     }
@@ -370,11 +370,11 @@ impl System {
     pub(crate) fn solve(&mut self, span: f64) -> Result<(), SolveError> {
         self.check_impulses()?;
         let is_direct = matches!(self.solver, Solver::Direct(_));
-        if is_direct && self.touches.couple() {
+        if is_direct && self.collisions.couple() {
             self.solve_whole()?;
         } else {
             match self.solve_as_set(span) {
-                Err(SolveError::Failed(_)) if !is_direct && self.touches.couple_at_all() => {
+                Err(SolveError::Failed(_)) if !is_direct && self.collisions.couple_at_all() => {
                     self.solve_whole()?;
                 }
                 other => other?,
@@ -384,7 +384,7 @@ impl System {
         Ok(())
     }
 
-    /// As [`Self::solve`], by a factor of the whole matrix with all touches.
+    /// As [`Self::solve`], by a factor of the whole matrix with all collisions.
     fn solve_whole(&mut self) -> Result<(), SolveError> {
         let _span = tracing::trace_span!("complete factor").entered();
         let dt = self.elements.time_step();
@@ -392,7 +392,7 @@ impl System {
             threads: self.threads,
             elements: &self.elements,
             springs: springs(self.constraint, &self.handles, dt),
-            touches: &self.touches,
+            collisions: &self.collisions,
         };
         self.complete
             .solve(&coupling, &self.impulses, &mut self.changes)
@@ -403,14 +403,14 @@ impl System {
         let dt = self.elements.time_step();
         let springs = springs(self.constraint, &self.handles, dt);
         let (pattern, impulses, changes) = (&self.pattern, &self.impulses, &mut self.changes);
-        let (threads, touches) = (self.threads, &self.touches);
+        let (threads, collisions) = (self.threads, &self.collisions);
         let elements = &mut self.elements;
         let solver = match &mut self.solver {
             Solver::Iterative(solver) => solver.as_mut(),
             Solver::Direct(direct) => {
                 let _span = tracing::trace_span!("complete factor").entered();
                 direct.gather(threads, pattern, elements, springs);
-                direct.add(pattern, touches.blocks_within());
+                direct.add(pattern, collisions.blocks_within());
                 return direct.solve(pattern, impulses, changes);
             }
         };
@@ -425,7 +425,7 @@ impl System {
             true => None,
             false => Some((&*elements, springs.stiff())),
         };
-        solver.prepare(threads, pattern, gathered, touches);
+        solver.prepare(threads, pattern, gathered, collisions);
         let residual = |changes: &[DVec3], residual: &mut [DVec3]| {
             elements.multiply(threads, changes, residual);
             for (residual, impulse) in residual.iter_mut().zip(impulses) {
@@ -434,7 +434,7 @@ impl System {
             for (v, stiffness) in springs.stiff() {
                 residual[v as usize] -= changes[v as usize] * stiffness;
             }
-            touches.multiply(-1.0, changes, residual);
+            collisions.multiply(-1.0, changes, residual);
         };
         solver.solve(threads, pattern, changes, residual)
     }

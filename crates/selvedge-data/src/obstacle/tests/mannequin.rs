@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use selvedge_cloth::{Obstacle, Topology};
-use selvedge_contact::{Candidates, Intersection, Surface};
+use selvedge_contact::{Candidates, CollisionMesh, Intersection};
 
 use super::{Desk, at};
 use crate::test_help::says;
@@ -23,7 +23,7 @@ fn doing(animation: &str) -> Obstacle {
 }
 
 /// Pairs of faces without a common point that meet.
-fn crossings(surface: &Surface, points: &[DVec3]) -> usize {
+fn crossings(surface: &CollisionMesh, points: &[DVec3]) -> usize {
     let met = Candidates::new(surface, points, true).intersections(surface, points);
     let is_apart = |pair: &&Intersection| {
         let [one, other] = pair.faces.map(|face| surface.faces()[face as usize]);
@@ -37,7 +37,7 @@ fn it_stands_on_the_ground_and_is_clear_of_itself_in_all_that_it_does() {
     let check = |animation: &str| {
         let moving = doing(animation);
         let topology = Topology::new(moving.point_count(), moving.faces()).unwrap();
-        let surface = Surface::new(&topology, &[]);
+        let surface = CollisionMesh::new(&topology, &[]);
         let mut seen = Vec::new();
         for k in 0..=20 {
             let time = 16.0 * f64::from(k) / 60.0;

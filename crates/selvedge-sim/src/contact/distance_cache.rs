@@ -9,12 +9,12 @@ const ROUNDING: f64 = 1e-9;
 
 /// What is known of a candidate.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Watch {
+pub(super) struct PairCache {
     /// Distance when it was computed, plus the ways that its two sides had gone at least by then `[m]`;
     /// negative and infinite before.
     pub(super) budget: f64,
     /// What is known of its way in the solve of this number.
-    known: Known,
+    known: Certificate,
     solve: u32,
     pub(super) pushes: Pushes,
 }
@@ -22,7 +22,7 @@ pub(super) struct Watch {
 /// What is known of a pair in a solve. A solve that is repeated, or whose end is pushed, ends near
 /// the last one, and most of its pairs need no new look.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Known {
+pub(super) struct Certificate {
     /// Distance by which a point of one side may stray from where it ended when the first pair was
     /// certified, against one of the other, while the pair stays certified `[m]`; negative where it is
     /// not, not a number where it has not been looked at.
@@ -32,7 +32,7 @@ pub(super) struct Known {
     pub(super) extent: f64,
 }
 
-/// Answers of [`Neighbours::leave_out`](super::find::Neighbours::leave_out) for a candidate.
+/// Answers of [`Neighbours::leave_out`](super::active_set::Neighbours::leave_out) for a candidate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Pushes {
     #[default]
@@ -41,26 +41,26 @@ pub(super) enum Pushes {
     Always,
 }
 
-impl Watch {
+impl PairCache {
     /// Nothing is known.
     pub(super) const NEW: Self = Self {
         budget: f64::NEG_INFINITY,
-        known: Known::NOTHING,
+        known: Certificate::NOTHING,
         solve: 0,
         pushes: Pushes::Unknown,
     };
 
     /// What is known in the solve of this number, to be changed.
     #[inline]
-    pub(super) fn in_solve(&mut self, solve: u32) -> &mut Known {
+    pub(super) fn in_solve(&mut self, solve: u32) -> &mut Certificate {
         if self.solve != solve {
-            (self.solve, self.known) = (solve, Known::NOTHING);
+            (self.solve, self.known) = (solve, Certificate::NOTHING);
         }
         &mut self.known
     }
 }
 
-impl Known {
+impl Certificate {
     const NOTHING: Self = Self {
         reach: f64::NAN,
         direction: DVec3::ZERO,
@@ -70,7 +70,7 @@ impl Known {
 
 /// The ways of the points.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Clearances {
+pub(super) struct PathLengths {
     /// Way that each point has gone, at least as long as the straight one `[m]`, `[points]`.
     pub(super) travelled: Vec<f64>,
     /// The same at the end of the solve under way `[m]`.
@@ -79,7 +79,7 @@ pub(super) struct Clearances {
     ways: Vec<DVec3>,
 }
 
-impl Clearances {
+impl PathLengths {
     /// No distances, for this number of points.
     pub(super) fn new(points: usize) -> Self {
         Self {
@@ -159,50 +159,50 @@ mod tests {
 
     #[test]
     fn a_pair_is_apart_as_long_as_its_points_cannot_have_met() {
-        let mut clearances = Clearances::new(4);
+        let mut path_lengths = PathLengths::new(4);
         let pair = Pair::vertex_face(0, 0, [0, 1, 2, 3]);
         let moved = |by: f64| START.map(|p| p + DVec3::Y * by);
-        clearances.look_ahead(&START, &START, DVec3::ZERO);
-        assert!(!clearances.surely_apart(Watch::NEW.budget, &pair, 0.1));
-        let budget = clearances.budget(&pair, 1.0);
-        clearances.look_ahead(&START, &moved(0.4), DVec3::ZERO);
-        assert!(clearances.surely_apart(budget, &pair, 0.1));
-        assert!(!clearances.surely_apart(budget, &pair, 0.2));
+        path_lengths.look_ahead(&START, &START, DVec3::ZERO);
+        assert!(!path_lengths.surely_apart(PairCache::NEW.budget, &pair, 0.1));
+        let budget = path_lengths.budget(&pair, 1.0);
+        path_lengths.look_ahead(&START, &moved(0.4), DVec3::ZERO);
+        assert!(path_lengths.surely_apart(budget, &pair, 0.1));
+        assert!(!path_lengths.surely_apart(budget, &pair, 0.2));
         // All have gone 0.4; the same again would be 1.6 of both sides together.
-        clearances.travelled.fill(0.4);
-        clearances.look_ahead(&START, &START, DVec3::ZERO);
-        assert!(clearances.surely_apart(budget, &pair, 0.1));
-        assert!((clearances.at_start(budget, &pair) - 0.2).abs() < 1e-6);
-        clearances.look_ahead(&START, &moved(0.2), DVec3::ZERO);
-        assert!(!clearances.surely_apart(budget, &pair, 0.1));
-        let budget = clearances.budget(&pair, 0.9);
-        assert!(clearances.surely_apart(budget, &pair, 0.1));
+        path_lengths.travelled.fill(0.4);
+        path_lengths.look_ahead(&START, &START, DVec3::ZERO);
+        assert!(path_lengths.surely_apart(budget, &pair, 0.1));
+        assert!((path_lengths.at_start(budget, &pair) - 0.2).abs() < 1e-6);
+        path_lengths.look_ahead(&START, &moved(0.2), DVec3::ZERO);
+        assert!(!path_lengths.surely_apart(budget, &pair, 0.1));
+        let budget = path_lengths.budget(&pair, 0.9);
+        assert!(path_lengths.surely_apart(budget, &pair, 0.1));
     }
 
     #[test]
     fn only_what_goes_against_the_other_side_brings_a_pair_near() {
-        let mut clearances = Clearances::new(4);
+        let mut path_lengths = PathLengths::new(4);
         let face = Pair::vertex_face(0, 0, [0, 1, 2, 3]);
         let edges = Pair::edge_edge(0, 1, [0, 1, 2, 3]);
         let fall = DVec3::NEG_Y * 5.0;
-        clearances.look_ahead(&START, &START.map(|p| p + fall), DVec3::ZERO);
+        path_lengths.look_ahead(&START, &START.map(|p| p + fall), DVec3::ZERO);
         for pair in [face, edges] {
-            assert!(clearances.approach(&pair) < 1e-6);
+            assert!(path_lengths.approach(&pair) < 1e-6);
         }
         // Each corner alone against the others.
         for own in 0..4 {
             let mut end = START.map(|p| p + fall);
             end[own] += DVec3::X * 0.3;
-            clearances.look_ahead(&START, &end, DVec3::ZERO);
+            path_lengths.look_ahead(&START, &end, DVec3::ZERO);
             for pair in [face, edges] {
-                assert!((clearances.approach(&pair) - 0.3).abs() < 1e-6, "{own}");
+                assert!((path_lengths.approach(&pair) - 0.3).abs() < 1e-6, "{own}");
             }
         }
         // Two corners of one side do not come nearer to each other.
         let mut end = START;
         end[2] += DVec3::Z * 0.2;
         end[3] -= DVec3::Z * 0.2;
-        clearances.look_ahead(&START, &end, DVec3::ZERO);
-        assert!((clearances.approach(&face) - 0.2).abs() < 1e-6);
+        path_lengths.look_ahead(&START, &end, DVec3::ZERO);
+        assert!((path_lengths.approach(&face) - 0.2).abs() < 1e-6);
     }
 }

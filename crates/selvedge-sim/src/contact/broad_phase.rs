@@ -4,7 +4,7 @@ use glam::DVec3;
 use selvedge_contact::{Reach, Ways};
 
 use super::Contact;
-use super::clearances::{Clearances, Watch};
+use super::distance_cache::{PairCache, PathLengths};
 use crate::state::State;
 
 /// Distance that points may stray from their expected way, as a part of the thickness.
@@ -38,12 +38,12 @@ impl Contact {
         let _span = tracing::trace_span!("candidates").entered();
         let reach = self.reach();
         self.look_ahead();
-        let slack = |clearances: &Clearances| {
-            let slack = clearances.longest_way();
+        let slack = |path_lengths: &PathLengths| {
+            let slack = path_lengths.longest_way();
             let slack = slack.clamp(0.125 * reach.slack, reach.slack);
             slack * f64::from(1_u32 << self.searches.min(WIDENINGS))
         };
-        let [own_slack, slack] = self.clearances.each_ref().map(slack);
+        let [own_slack, slack] = self.path_lengths.each_ref().map(slack);
         let reach = Reach {
             slack,
             own_slack,
@@ -63,14 +63,14 @@ impl Contact {
             later: &self.ahead,
         };
         if anew || self.candidates.pairs().is_empty() {
-            let kept = self.candidates.find(&self.surface, ways, reach);
-            self.watched.truncate(kept);
-            self.room.begin();
+            let kept = self.candidates.find(&self.mesh, ways, reach);
+            self.cached.truncate(kept);
+            self.ccd.begin();
         } else {
-            self.candidates.widen(&self.surface, ways, reach);
+            self.candidates.widen(&self.mesh, ways, reach);
         }
         let count = self.candidates.pairs().len();
-        self.watched.resize(count, Watch::NEW);
+        self.cached.resize(count, PairCache::NEW);
     }
 
     pub(super) fn reach(&self) -> Reach {
@@ -87,15 +87,15 @@ impl Contact {
         let cloth = self.mass.len();
         let ways = self.start.iter().zip(&self.end).take(cloth);
         let middle = ways.map(|(start, end)| *end - *start).sum::<DVec3>() / cloth as f64;
-        let [own, world] = &mut self.clearances;
+        let [own, world] = &mut self.path_lengths;
         own.look_ahead(&self.start, &self.end, middle);
         world.look_ahead(&self.start, &self.end, DVec3::ZERO);
     }
 
-    /// Clearances of the candidate at this place: those against the middle of the cloth for what meets
+    /// PathLengths of the candidate at this place: those against the middle of the cloth for what meets
     /// only itself.
     #[inline]
-    pub(super) fn clearances_of(&self, place: usize) -> &Clearances {
-        &self.clearances[usize::from(place >= self.candidates.own_count())]
+    pub(super) fn path_lengths_of(&self, place: usize) -> &PathLengths {
+        &self.path_lengths[usize::from(place >= self.candidates.own_count())]
     }
 }

@@ -2,13 +2,13 @@
 //! may.
 
 use glam::DVec3;
-use selvedge_contact::Surface;
+use selvedge_contact::CollisionMesh;
 
-use super::touches::Touches;
+use super::collisions::Collisions;
 
 /// Momentum that obstacles have received over the frame under way.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Received {
+pub(super) struct ObstacleImpulses {
     /// `[N s]`, `[obstacles]`.
     pub(super) all: Vec<DVec3>,
     /// The same before the last solve.
@@ -17,7 +17,7 @@ pub(super) struct Received {
     pushed: Vec<DVec3>,
 }
 
-impl Received {
+impl ObstacleImpulses {
     /// Nothing yet, of so many obstacles.
     pub(super) fn none(obstacles: usize) -> Self {
         Self {
@@ -31,19 +31,19 @@ impl Received {
     /// `left` `[s]`.
     pub(super) fn add_forces(
         &mut self,
-        surface: &Surface,
+        surface: &CollisionMesh,
         end: &[DVec3],
         left: f64,
-        touches: &Touches,
+        collisions: &Collisions,
     ) {
         self.pushed.fill(DVec3::ZERO);
         self.before.clone_from(&self.all);
-        for touch in &touches.list {
-            let first = surface.body_of(touch.corners[0]);
-            let body = first.max(surface.body_of(touch.corners[3]));
+        for collision in &collisions.list {
+            let first = surface.body_of(collision.corners[0]);
+            let body = first.max(surface.body_of(collision.corners[3]));
             if let Some(own) = body.checked_sub(1) {
-                let whole: f64 = touch.weights.iter().sum();
-                let force = touch.force_at(touch.displacement(|v| end[v]));
+                let whole: f64 = collision.weights.iter().sum();
+                let force = collision.force_at(collision.displacement(|v| end[v]));
                 self.all[own] -= force * (whole * left);
             }
         }

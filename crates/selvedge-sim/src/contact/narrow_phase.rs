@@ -10,7 +10,7 @@ use selvedge_contact::{Gap, Gaps, Kind, Pair, Path, certify, gap, gaps};
 
 use super::Contact;
 use super::barrier::LEAST;
-use super::clearances::{Pushes, Watch};
+use super::distance_cache::{PairCache, Pushes};
 use super::memory::{self, key};
 use crate::threads::Threads;
 
@@ -25,7 +25,7 @@ const PARALLEL: f64 = 0.1;
 const LEAN: f64 = 0.05;
 
 /// A pair that may push.
-pub(super) struct Near {
+pub(super) struct ClosePair {
     pub(super) pair: Pair,
     pub(super) body: usize,
     pub(super) gap: Gap,
@@ -42,7 +42,7 @@ struct Part<'a> {
     /// Place of the first.
     first: usize,
     pairs: &'a [Pair],
-    watched: &'a mut [Watch],
+    cached: &'a mut [PairCache],
 }
 
 /// Corners of eight pairs, of which `of` gives that of a lane; the first where there are fewer.
@@ -54,34 +54,34 @@ impl Contact {
     /// All pairs that are too near or will be. Takes the budgets of the candidates and computes
     /// those that are used up anew; keeps the directions of gaps, along which most pairs will be
     /// certified.
-    pub(super) fn near(&mut self, threads: Threads) -> Vec<Near> {
-        let mut watched = std::mem::take(&mut self.watched);
+    pub(super) fn narrow_phase(&mut self, threads: Threads) -> Vec<ClosePair> {
+        let mut cached = std::mem::take(&mut self.cached);
         let mut open = std::mem::take(&mut self.open);
         let ways = [&self.start[..], &self.end[..]];
-        self.swept.take(&self.surface, ways, self.most, false);
+        self.swept.take(&self.mesh, ways, self.most, false);
         self.candidates.open(&self.swept, |_| true, &mut open);
-        let near = threads.find_in_pieces(&open, &mut watched, |first, open, watched, near| {
-            let pairs = &self.candidates.pairs()[first..first + watched.len()];
+        let near = threads.find_in_pieces(&open, &mut cached, |first, open, cached, near| {
+            let pairs = &self.candidates.pairs()[first..first + cached.len()];
             let part = Part {
                 first,
                 pairs,
-                watched,
+                cached,
             };
-            self.near_of(open, part, near);
+            self.narrow_phase_of(open, part, near);
         });
-        self.watched = watched;
+        self.cached = cached;
         self.open = open;
         near
     }
 
     /// The same of a part, of which the candidates at the `open` places are looked at.
-    fn near_of(&self, open: &[u32], mut part: Part<'_>, near: &mut Vec<Near>) {
+    fn narrow_phase_of(&self, open: &[u32], mut part: Part<'_>, near: &mut Vec<ClosePair>) {
         let mut of_kinds: [Vec<u32>; 2] = [const { Vec::new() }; 2];
         for k in open.iter().map(|k| k - part.first as u32) {
-            let (pair, watch) = (&part.pairs[k as usize], &part.watched[k as usize]);
-            let clearances = self.clearances_of(part.first + k as usize);
-            let is_apart = clearances.surely_apart(watch.budget, pair, self.most);
-            if watch.pushes != Pushes::Never && !is_apart {
+            let (pair, cache) = (&part.pairs[k as usize], &part.cached[k as usize]);
+            let path_lengths = self.path_lengths_of(part.first + k as usize);
+            let is_apart = path_lengths.surely_apart(cache.budget, pair, self.most);
+            if cache.pushes != Pushes::Never && !is_apart {
                 of_kinds[pair.kind as usize].push(k);
             }
         }
@@ -90,24 +90,30 @@ impl Contact {
                 let corners = corners_of(group.len(), |lane| &part.pairs[group[lane] as usize]);
                 let gaps = gaps(kind, &corners, &self.start);
                 for (lane, k) in group.iter().enumerate() {
-                    near.extend(self.near_pair(*k as usize, &gaps, lane, &mut part));
+                    near.extend(self.close_pair(*k as usize, &gaps, lane, &mut part));
                 }
             }
         }
     }
 
     /// The pair, if it is too near or will be; its gap is that of this `lane`.
-    fn near_pair(&self, k: usize, gaps: &Gaps, lane: usize, part: &mut Part<'_>) -> Option<Near> {
-        let clearances = self.clearances_of(part.first + k);
-        let (pair, watch) = (&part.pairs[k], &mut part.watched[k]);
-        let radius = self.surface.radius_of(pair);
+    fn close_pair(
+        &self,
+        k: usize,
+        gaps: &Gaps,
+        lane: usize,
+        part: &mut Part<'_>,
+    ) -> Option<ClosePair> {
+        let path_lengths = self.path_lengths_of(part.first + k);
+        let (pair, cache) = (&part.pairs[k], &mut part.cached[k]);
+        let radius = self.mesh.radius_of(pair);
         let now = Gap {
             distance: gaps.distance[lane] - radius,
             normal: DVec3::from_array(of_lane(&gaps.normal, lane)),
             weights: of_lane(&gaps.weights, lane),
         };
-        watch.budget = clearances.budget(pair, now.distance);
-        let known = watch.in_solve(self.room.solve);
+        cache.budget = path_lengths.budget(pair, now.distance);
+        let known = cache.in_solve(self.ccd.solve);
         (known.direction, known.extent) = (now.normal, gaps.extent[lane] - radius);
         let body = self.other_body(pair);
         let thickness = self.thickness[body];
@@ -116,7 +122,7 @@ impl Contact {
             to: pair.places(&self.end),
         };
         let is_far = || {
-            now.distance - clearances.approach(pair) > self.most
+            now.distance - path_lengths.approach(pair) > self.most
                 || path.axes_gap(pair.kind) - radius > thickness
         };
         if now.distance >= thickness && is_far() {
@@ -131,7 +137,7 @@ impl Contact {
             return None;
         }
         let gap = meeting(pair.kind, path, now, thickness, radius)?;
-        let pushes = &mut watch.pushes;
+        let pushes = &mut cache.pushes;
         if *pushes == Pushes::Unknown {
             let never = body == 0 && self.neighbours.leave_out(pair, 2.0 * thickness);
             *pushes = if never { Pushes::Never } else { Pushes::Always };
@@ -145,7 +151,7 @@ impl Contact {
             Kind::EdgeEdge => self.share(pair, &gap, thickness),
             Kind::VertexFace => 1.0,
         };
-        let near = Near {
+        let near = ClosePair {
             pair: *pair,
             body,
             gap,
@@ -176,7 +182,7 @@ impl Contact {
             self.lean(pair.first, -gap.normal),
             self.lean(pair.second, gap.normal),
         ];
-        let ends = |edge: u32| self.surface.edges()[edge as usize].wings[1].is_none();
+        let ends = |edge: u32| self.mesh.edges()[edge as usize].wings[1].is_none();
         let bulge = match ends(pair.first) && ends(pair.second) {
             true => away,
             false => -leans[0].min(leans[1]) * away,
@@ -193,7 +199,7 @@ impl Contact {
 
     /// Returns true if a pair is a core's point with a face of the cloth.
     pub(super) fn is_of_core(&self, pair: &Pair) -> bool {
-        pair.kind == Kind::VertexFace && self.surface.radii()[pair.first as usize] > 0.0
+        pair.kind == Kind::VertexFace && self.mesh.radii()[pair.first as usize] > 0.0
     }
 
     /// Part of the barrier's stiffness that the middle of an edge or a face has against a round body: it
@@ -216,7 +222,7 @@ impl Contact {
     /// Sine of the angle by which the faces beside an edge lean towards a direction; negative where
     /// both lean away from it.
     fn lean(&self, edge: u32, towards: DVec3) -> f64 {
-        let edge = self.surface.edges()[edge as usize];
+        let edge = self.mesh.edges()[edge as usize];
         let [a, b] = edge.ends.map(|p| self.start[p as usize]);
         let along = (b - a).normalize_or_zero();
         let wings = edge.wings.iter().flatten().map(|wing| {
@@ -235,8 +241,8 @@ fn meeting(kind: Kind, path: Path, now: Gap, thickness: f64, radius: f64) -> Opt
     let near = if now.distance < thickness {
         Some(now)
     } else {
-        let approach = certify(kind, path, LEAST * thickness + radius).err();
-        approach.map(|approach| approach.gap)
+        let impact = certify(kind, path, LEAST * thickness + radius).err();
+        impact.map(|impact| impact.gap)
     };
     near.filter(|gap| gap.normal != DVec3::ZERO)
 }

@@ -30,7 +30,7 @@ const OUT_PUSH: f64 = 50.0;
 
 /// A pair that pushes, frozen for a substep: its direction and weights stay.
 #[derive(Clone, Debug)]
-pub(crate) struct Touch {
+pub(crate) struct Collision {
     /// The pair.
     pub(super) pair: Touching,
     /// Points of the pair; obstacles' are not below the number of the cloth's vertices.
@@ -91,7 +91,7 @@ pub(super) enum Sticking {
     Slides(DVec3, f64),
 }
 
-/// A touch, linearised.
+/// A collision, linearised.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Response {
     pub(super) tangent: Tangent,
@@ -108,11 +108,11 @@ pub(super) struct Response {
     force: DVec3,
 }
 
-/// All touches of a substep.
+/// All collisions of a substep.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Touches {
-    pub(super) list: Vec<Touch>,
-    /// Touches at the begin of the list that are in the order of their corners.
+pub(crate) struct Collisions {
+    pub(super) list: Vec<Collision>,
+    /// Collisions at the begin of the list that are in the order of their corners.
     pub(super) sorted: usize,
     /// Places of the cloth's vertices at the end of the stage without a push, as its first estimate has
     /// them `[m]`, `[vertices]`; empty before.
@@ -122,7 +122,7 @@ pub(crate) struct Touches {
     pub(super) time: f64,
 }
 
-impl Touch {
+impl Collision {
     /// Displacement of the first side against the second since the start of the substep `[m]`.
     #[inline]
     pub(super) fn displacement(&self, cloth: impl Fn(usize) -> DVec3) -> DVec3 {
@@ -297,7 +297,7 @@ impl Touch {
     }
 }
 
-impl Touches {
+impl Collisions {
     /// Returns true if nothing touches.
     #[inline]
     pub(crate) fn is_empty(&self) -> bool {
@@ -306,28 +306,28 @@ impl Touches {
 
     /// Returns true if a touch couples vertices.
     pub(crate) fn couple_at_all(&self) -> bool {
-        let mut touches = self.list.iter();
-        touches.any(|touch| touch.couplings().next().is_some())
+        let mut collisions = self.list.iter();
+        collisions.any(|collision| collision.couplings().next().is_some())
     }
 
     /// Returns true if a touch couples vertices that the matrix of the cloth does not.
     pub(crate) fn couple(&self) -> bool {
-        self.list.iter().any(Touch::reaches_beyond)
+        self.list.iter().any(Collision::reaches_beyond)
     }
 
-    /// Sees at the end of the last solve, where the points are at `place` `[m]`, which firm touches stick.
+    /// Sees at the end of the last solve, where the points are at `place` `[m]`, which firm collisions stick.
     /// Returns true if some do not do as the solve took them to do; the next one will.
     pub(super) fn see_slips(&mut self, place: impl Fn(usize) -> DVec3) -> bool {
-        let touches = self.list.iter_mut();
-        let slipped = touches.filter_map(|touch| touch.sees_slip(&place).then_some(()));
+        let collisions = self.list.iter_mut();
+        let slipped = collisions.filter_map(|collision| collision.sees_slip(&place).then_some(()));
         slipped.count() > 0
     }
 
     /// Begins a stage: what is expected of its end without a push is the next estimate.
     pub(crate) fn begin_stage(&mut self) {
         self.expected.clear();
-        for touch in &mut self.list {
-            touch.response = Response::default();
+        for collision in &mut self.list {
+            collision.response = Response::default();
         }
     }
 
@@ -337,7 +337,7 @@ impl Touches {
         self.expected.extend(places);
     }
 
-    /// Linearises the touches for a stage of γ `[s]` whose estimated end has the cloth's `vertices` at
+    /// Linearises the collisions for a stage of γ `[s]` whose estimated end has the cloth's `vertices` at
     /// `place` `[m]`, and adds their impulses `[N s]`. Only the first estimate tells where a pair would
     /// go without a push: tangents of the stage stay as they were made for that.
     pub(crate) fn linearise(
@@ -350,13 +350,13 @@ impl Touches {
         if self.expected.is_empty() {
             self.expected.extend((0..vertices).map(&place));
         }
-        for touch in &mut self.list {
-            if touch.response.gamma == 0.0 {
-                let expected = touch.displacement(|v| self.expected[v]);
-                touch.linearise(gamma, self.time, expected);
+        for collision in &mut self.list {
+            if collision.response.gamma == 0.0 {
+                let expected = collision.displacement(|v| self.expected[v]);
+                collision.linearise(gamma, self.time, expected);
             }
-            let impulse = touch.force_at(touch.displacement(&place)) * gamma;
-            for (corner, weight) in touch.corners.iter().zip(touch.weights) {
+            let impulse = collision.force_at(collision.displacement(&place)) * gamma;
+            for (corner, weight) in collision.corners.iter().zip(collision.weights) {
                 if weight != 0.0 {
                     impulses[*corner as usize] += impulse * weight;
                 }
@@ -364,17 +364,17 @@ impl Touches {
         }
     }
 
-    /// Adds `sign` times the touches' part of the matrix times `vector` to `product`.
+    /// Adds `sign` times the collisions' part of the matrix times `vector` to `product`.
     pub(crate) fn multiply(&self, sign: f64, vector: &[DVec3], product: &mut [DVec3]) {
-        for touch in &self.list {
+        for collision in &self.list {
             let mut sum = DVec3::ZERO;
-            for (corner, weight) in touch.corners.iter().zip(touch.weights) {
+            for (corner, weight) in collision.corners.iter().zip(collision.weights) {
                 if weight != 0.0 {
                     sum += vector[*corner as usize] * weight;
                 }
             }
-            let resisting = touch.response.block * sum * sign;
-            for (corner, weight) in touch.corners.iter().zip(touch.weights) {
+            let resisting = collision.response.block * sum * sign;
+            for (corner, weight) in collision.corners.iter().zip(collision.weights) {
                 if weight != 0.0 {
                     product[*corner as usize] += resisting * weight;
                 }
@@ -385,24 +385,29 @@ impl Touches {
     /// Each two vertices that the matrix of the cloth couples already, first each vertex with itself,
     /// and the block that touches add there `[kg]`.
     pub(crate) fn blocks_within(&self) -> impl Iterator<Item = ([u32; 2], DMat3)> {
-        let diagonal = self.list.iter().flat_map(|touch| {
-            let parts = touch.corners.iter().zip(touch.weights);
+        let diagonal = self.list.iter().flat_map(|collision| {
+            let parts = collision.corners.iter().zip(collision.weights);
             parts
                 .filter(|(_, weight)| *weight != 0.0)
-                .map(|(corner, weight)| ([*corner; 2], touch.response.block * (weight * weight)))
+                .map(|(corner, weight)| {
+                    ([*corner; 2], collision.response.block * (weight * weight))
+                })
         });
-        let within = self.list.iter().filter(|touch| touch.is_within);
-        diagonal.chain(within.flat_map(Touch::couplings))
+        let within = self.list.iter().filter(|collision| collision.is_within);
+        diagonal.chain(within.flat_map(Collision::couplings))
     }
 
     /// Vertices of each touch that couples some that the matrix of the cloth does not; in the place
     /// of a corner without weight stands the first of them.
     pub(crate) fn stencils(&self) -> impl Iterator<Item = [u32; 4]> {
-        let beyond = self.list.iter().filter(|touch| touch.reaches_beyond());
-        beyond.filter_map(|touch| {
-            let has_weight = touch.weights.map(|weight| weight != 0.0);
+        let beyond = self
+            .list
+            .iter()
+            .filter(|collision| collision.reaches_beyond());
+        beyond.filter_map(|collision| {
+            let has_weight = collision.weights.map(|weight| weight != 0.0);
             let first = has_weight.iter().position(|has| *has)?;
-            let own = |k: usize| touch.corners[if has_weight[k] { k } else { first }];
+            let own = |k: usize| collision.corners[if has_weight[k] { k } else { first }];
             Some([own(0), own(1), own(2), own(3)])
         })
     }
@@ -410,8 +415,11 @@ impl Touches {
     /// Each two vertices of a touch that the matrix of the cloth does not couple, and the block
     /// that does `[kg]`.
     pub(crate) fn couplings_beyond(&self) -> impl Iterator<Item = ([u32; 2], DMat3)> + Clone {
-        let beyond = self.list.iter().filter(|touch| touch.reaches_beyond());
-        beyond.flat_map(Touch::couplings)
+        let beyond = self
+            .list
+            .iter()
+            .filter(|collision| collision.reaches_beyond());
+        beyond.flat_map(Collision::couplings)
     }
 }
 
@@ -429,8 +437,8 @@ mod tests {
     use super::*;
 
     /// A touch of four vertices of the cloth that slides while it comes nearer.
-    fn touch(law: PairLaw, friction: f64) -> Touch {
-        Touch {
+    fn collision(law: PairLaw, friction: f64) -> Collision {
+        Collision {
             pair: Touching::Vertex {
                 vertex: 0,
                 other: 0,
@@ -467,9 +475,9 @@ mod tests {
         for law in LAWS {
             for friction in [0.0, 0.1, 0.6] {
                 for slide in [1e-7, 1e-5, 2e-4] {
-                    let mut touch = touch(law, friction);
-                    touch.linearise(gamma, gamma, DVec3::new(slide, -1e-5, 0.5 * slide));
-                    let block = touch.response.block;
+                    let mut collision = collision(law, friction);
+                    collision.linearise(gamma, gamma, DVec3::new(slide, -1e-5, 0.5 * slide));
+                    let block = collision.response.block;
                     let most = block.to_cols_array().into_iter().fold(0.0, f64::max);
                     let skew = block - block.transpose();
                     assert!(skew.to_cols_array().iter().all(|v| v.abs() < 1e-12 * most));

@@ -1,4 +1,4 @@
-//! All bodies as one surface: the points, faces and edges of the cloth, then those of each
+//! All bodies as one mesh: the points, faces and edges of the cloth, then those of each
 //! obstacle.
 //!
 //! A round body stands there as its core: one face without area, whose corners are the point of a sphere
@@ -15,9 +15,9 @@ use crate::pair::Pair;
 
 /// The connectivity of a cloth and its obstacles.
 #[derive(Clone, Debug)]
-pub struct Surface {
+pub struct CollisionMesh {
     faces: Vec<[u32; 3]>,
-    edges: Vec<SurfaceEdge>,
+    edges: Vec<CollisionEdge>,
     bodies: Vec<Body>,
     /// First point of the connected part of each point.
     parts: Vec<u32>,
@@ -37,16 +37,16 @@ pub(crate) struct Share {
     pub(crate) edges: [u32; 3],
 }
 
-/// An edge of the surface.
+/// An edge of the mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct SurfaceEdge {
+pub struct CollisionEdge {
     /// Both ends.
     pub ends: [u32; 2],
     /// Third corners of its first two faces; the second is none at a boundary.
     pub wings: [Option<u32>; 2],
 }
 
-/// The cloth, or an obstacle, as part of a surface.
+/// The cloth, or an obstacle, as part of a mesh.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Body {
     /// Its points.
@@ -57,11 +57,11 @@ pub struct Body {
     pub edges: Range<u32>,
 }
 
-impl Surface {
-    /// The surface of a cloth and `obstacles`. Body 0 is the cloth.
+impl CollisionMesh {
+    /// The mesh of a cloth and `obstacles`. Body 0 is the cloth.
     #[must_use]
     pub fn new(cloth: &Topology, obstacles: &[Obstacle]) -> Self {
-        let mut surface = Self {
+        let mut mesh = Self {
             faces: Vec::new(),
             edges: Vec::new(),
             bodies: Vec::new(),
@@ -69,24 +69,24 @@ impl Surface {
             radii: Vec::new(),
             shares: Vec::new(),
         };
-        surface.push(cloth.vertex_count(), &cloth.face_indices());
+        mesh.push(cloth.vertex_count(), &cloth.face_indices());
         for obstacle in obstacles {
-            surface.radii.resize(surface.parts.len(), 0.0);
+            mesh.radii.resize(mesh.parts.len(), 0.0);
             match obstacle.core() {
-                None => surface.push(obstacle.point_count(), obstacle.faces()),
+                None => mesh.push(obstacle.point_count(), obstacle.faces()),
                 Some(core) => {
                     let points = core.point_count();
                     let last = points as u32 - 1;
-                    surface.push(points, &[[0, last, last]]);
-                    surface.radii.resize(surface.parts.len(), core.radius);
+                    mesh.push(points, &[[0, last, last]]);
+                    mesh.radii.resize(mesh.parts.len(), core.radius);
                 }
             }
         }
-        surface.radii.resize(surface.parts.len(), 0.0);
-        surface
+        mesh.radii.resize(mesh.parts.len(), 0.0);
+        mesh
     }
 
-    /// The points of an obstacle of a surface at `time` `[s]`, `[m]`: those of its mesh, or its core.
+    /// The points of an obstacle of a mesh at `time` `[s]`, `[m]`: those of its mesh, or its core.
     pub fn places_of(obstacle: &Obstacle, time: f64) -> impl Iterator<Item = DVec3> {
         let core = obstacle.core_at(time);
         let of_core = core.map(|core| core.ends.into_iter().take(core.point_count()));
@@ -109,7 +109,7 @@ impl Surface {
         }
         for (number, (ends, slot)) in numbers.iter_mut().enumerate() {
             *slot = first_edge + number as u32;
-            self.edges.push(SurfaceEdge {
+            self.edges.push(CollisionEdge {
                 ends: *ends,
                 wings: [None; 2],
             });
@@ -187,7 +187,7 @@ impl Surface {
 
     /// Every edge.
     #[must_use]
-    pub fn edges(&self) -> &[SurfaceEdge] {
+    pub fn edges(&self) -> &[CollisionEdge] {
         &self.edges
     }
 

@@ -6,11 +6,11 @@ use selvedge_cloth::{CaughtPair, FrictionAnchor, Pushing, Scene, Touching};
 use selvedge_contact::{Gap, Kind, Pair, gap};
 
 use super::barrier::LEAST;
+use super::collisions::{Collision, Collisions, PairLaw, Sticking};
 use super::friction::{along_surface, kept};
 use super::memory::{self, feature, key};
-use super::near::Near;
-use super::touches::{PairLaw, Sticking, Touch, Touches};
-use super::{Contact, Found};
+use super::narrow_phase::ClosePair;
+use super::{ActiveSet, Contact};
 use crate::active_handles::ActiveHandles;
 use crate::lists::Lists;
 use crate::threads::Threads;
@@ -56,11 +56,11 @@ impl Neighbours {
 }
 
 impl Contact {
-    /// The touches of a solve over `time` `[s]`, in the order of their corners.
-    pub(super) fn find_touches(&mut self, threads: Threads, time: f64) -> Found {
-        let _span = tracing::trace_span!("touches").entered();
+    /// The collisions of a solve over `time` `[s]`, in the order of their corners.
+    pub(super) fn find_active_set(&mut self, threads: Threads, time: f64) -> ActiveSet {
+        let _span = tracing::trace_span!("collisions").entered();
         self.look_ahead();
-        let near = self.near(threads);
+        let near = self.narrow_phase(threads);
         let kept = self.nearest(&near);
         let near = || kept.iter().map(|k| &near[*k as usize]);
         self.see_squeezed(near());
@@ -71,16 +71,16 @@ impl Contact {
         self.memory.caught.sort_by_key(|caught| caught.of);
         let mut pushing: Vec<Pushing> = near().map(|near| self.pushing(near)).collect();
         memory::sort(&mut pushing);
-        let mut list: Vec<Touch> = near().map(|near| self.touch(near)).collect();
+        let mut list: Vec<Collision> = near().map(|near| self.collision(near)).collect();
         list.extend(self.push_out());
         if list.len() > kept.len() {
-            list.sort_by_key(|touch| touch.corners);
+            list.sort_by_key(|collision| collision.corners);
         }
-        for touch in &mut list {
-            self.leave_obstacles(touch);
+        for collision in &mut list {
+            self.leave_obstacles(collision);
         }
-        Found {
-            touches: Touches {
+        ActiveSet {
+            collisions: Collisions {
                 sorted: list.len(),
                 list,
                 expected: Vec::new(),
@@ -91,7 +91,7 @@ impl Contact {
     }
 
     /// The feature of `near` that pushes.
-    fn pushing(&self, near: &Near) -> Pushing {
+    fn pushing(&self, near: &ClosePair) -> Pushing {
         let expected = self.gap_along(&near.pair, &near.gap, &self.end);
         let least = near.distance.min(expected) / self.thickness[near.body];
         let depth = (1.0 - least).max(0.0);
@@ -103,7 +103,7 @@ impl Contact {
 
     /// Of these pairs all edges and, from near to far, the vertices on whose side no other has pushed;
     /// and what was caught. Their numbers, in the order of their corners.
-    fn nearest(&self, near: &[Near]) -> Vec<u32> {
+    fn nearest(&self, near: &[ClosePair]) -> Vec<u32> {
         let mut kept = Vec::with_capacity(near.len());
         let mut vertices = Vec::with_capacity(near.len());
         for (k, one) in (0..).zip(near) {
@@ -140,23 +140,23 @@ impl Contact {
         kept
     }
 
-    fn touch(&self, near: &Near) -> Touch {
+    fn collision(&self, near: &ClosePair) -> Collision {
         let law = PairLaw::Barrier { share: near.share };
-        let touch = self.touch_of(&near.pair, near.body, &near.gap, near.distance, law);
+        let collision = self.collision_of(&near.pair, near.body, &near.gap, near.distance, law);
         let gap = near.caught.and_then(|caught| caught.gap);
         let at = gap.map(|gap| gap.min(near.distance));
-        Touch { at, ..touch }
+        Collision { at, ..collision }
     }
 
     /// A pair that pushes at `distance` `[m]` along the direction of `gap`.
-    pub(super) fn touch_of(
+    pub(super) fn collision_of(
         &self,
         pair: &Pair,
         body: usize,
         gap: &Gap,
         distance: f64,
         law: PairLaw,
-    ) -> Touch {
+    ) -> Collision {
         let (mut squares, mut weighted, mut inverse) = (0.0, 0.0, 0.0);
         let (mut base, mut drift) = (DVec3::ZERO, DVec3::ZERO);
         for (corner, weight) in pair.corners.iter().zip(gap.weights) {
@@ -175,7 +175,7 @@ impl Contact {
         }
         drift += self.turned(pair, body, gap.normal);
         let own = feature(pair, body, self.is_of_core(pair));
-        Touch {
+        Collision {
             pair: key(pair),
             corners: pair.corners,
             weights: gap.weights,
@@ -194,27 +194,27 @@ impl Contact {
             pull: self.pull(own, gap.normal),
             sticking: Sticking::Unknown,
             at: None,
-            response: super::touches::Response::default(),
+            response: super::collisions::Response::default(),
         }
     }
 
-    /// Drops the touches that pulled in the last solve, whose ends are certified or not. Returns
+    /// Drops the collisions that pulled in the last solve, whose ends are certified or not. Returns
     /// true if there were some.
-    pub(super) fn release(&mut self, touches: &mut Touches) -> bool {
-        let count = touches.list.len();
-        let sorted = touches.sorted;
+    pub(super) fn release(&mut self, collisions: &mut Collisions) -> bool {
+        let count = collisions.list.len();
+        let sorted = collisions.sorted;
         let mut place = 0;
         let (end, caught) = (&self.end, &mut self.memory.caught);
-        touches.list.retain(|touch| {
-            let pulls = touch.pulls(|v| end[v]);
-            if pulls && touch.at.is_some() {
-                caught.retain(|caught| caught.of != touch.pair);
+        collisions.list.retain(|collision| {
+            let pulls = collision.pulls(|v| end[v]);
+            if pulls && collision.at.is_some() {
+                caught.retain(|caught| caught.of != collision.pair);
             }
-            touches.sorted -= usize::from(pulls && place < sorted);
+            collisions.sorted -= usize::from(pulls && place < sorted);
             place += 1;
             !pulls
         });
-        touches.list.len() < count
+        collisions.list.len() < count
     }
 
     /// Lets pairs that failed push in the next solve, harder than in the last. Returns false if
@@ -223,32 +223,33 @@ impl Contact {
     /// A way that goes deep fails with all that lies on it, of which most would never meet if the
     /// first did not. So a pair is caught if it is among the [`EARLIEST`] of a vertex of the cloth.
     /// What was caught before and pulls is let go.
-    pub(super) fn catch(&mut self, touches: &mut Touches) -> bool {
+    pub(super) fn catch(&mut self, collisions: &mut Collisions) -> bool {
         let (mut caught, mut pushing) = (Vec::new(), Vec::new());
         let mut met = vec![0; self.mass.len()];
-        let (count, sorted) = (touches.list.len(), touches.sorted);
+        let (count, sorted) = (collisions.list.len(), collisions.sorted);
         let mut failed: Vec<_> = self.failed().collect();
-        failed.sort_by(|a, b| a.1.safe.total_cmp(&b.1.safe));
-        for (pair, approach) in failed {
+        failed.sort_by(|a, b| a.1.time.total_cmp(&b.1.time));
+        for (pair, impact) in failed {
             // What a vertex of the cloth does as well.
-            let zeros = approach.gap.weights.iter().filter(|weight| **weight == 0.0);
+            let zeros = impact.gap.weights.iter().filter(|weight| **weight == 0.0);
             let is_again = self.is_of_core(pair) && zeros.count() > 1;
-            if is_again || !is_early(pair, &approach.gap, &mut met) {
+            if is_again || !is_early(pair, &impact.gap, &mut met) {
                 continue;
             }
             let of = key(pair);
-            let place = touches.list[..sorted].binary_search_by_key(&pair.corners, |t| t.corners);
-            let late = || (sorted..count).find(|k| touches.list[*k].pair == of);
+            let place =
+                collisions.list[..sorted].binary_search_by_key(&pair.corners, |t| t.corners);
+            let late = || (sorted..count).find(|k| collisions.list[*k].pair == of);
             let place = place.ok().or_else(late);
-            let known = place.map(|k| &touches.list[k]);
-            let Some((near, touch)) = self.caught(pair, approach.gap, known) else {
+            let known = place.map(|k| &collisions.list[k]);
+            let Some((near, collision)) = self.caught(pair, impact.gap, known) else {
                 continue;
             };
             caught.extend(near.caught);
             match place {
-                Some(k) => touches.list[k] = touch,
+                Some(k) => collisions.list[k] = collision,
                 None => {
-                    touches.list.push(touch);
+                    collisions.list.push(collision);
                     pushing.push(self.pushing(&near));
                 }
             }
@@ -262,7 +263,12 @@ impl Contact {
 
     /// A pair with this `gap` that a solve has missed, and its touch for the next one, which pushes
     /// harder than the `known` one of the last. None where that is in vain.
-    fn caught(&self, pair: &Pair, gap: Gap, known: Option<&Touch>) -> Option<(Near, Touch)> {
+    fn caught(
+        &self,
+        pair: &Pair,
+        gap: Gap,
+        known: Option<&Collision>,
+    ) -> Option<(ClosePair, Collision)> {
         let distance = self.gap_along(pair, &gap, &self.start);
         let missed = self.gap_along(pair, &gap, &self.end);
         if gap.normal == DVec3::ZERO || distance <= 0.0 || missed >= distance {
@@ -271,12 +277,12 @@ impl Contact {
         let body = self.other_body(pair);
         let thickness = self.thickness[body];
         let at = match known {
-            Some(touch) => 0.5 * touch.response.tangent.gap.min(0.5 * thickness),
+            Some(collision) => 0.5 * collision.response.tangent.gap.min(0.5 * thickness),
             None => distance.min(LEAST * thickness),
         };
         let of = key(pair);
         let once_more = known.is_some() && memory::caught(&self.memory.caught, of).is_some();
-        let near = Near {
+        let near = ClosePair {
             pair: *pair,
             body,
             gap,
@@ -290,25 +296,25 @@ impl Contact {
         if !self.can_move(&near) {
             return None;
         }
-        let mut touch = self.touch(&near);
-        touch.at = Some(at);
-        self.leave_obstacles(&mut touch);
-        Some((near, touch))
+        let mut collision = self.collision(&near);
+        collision.at = Some(at);
+        self.leave_obstacles(&mut collision);
+        Some((near, collision))
     }
 
     /// Returns true if a push moves something.
-    pub(super) fn can_move(&self, near: &Near) -> bool {
+    pub(super) fn can_move(&self, near: &ClosePair) -> bool {
         let corners = near.pair.corners.iter().zip(near.gap.weights);
         let mut corners = corners.map(|(p, weight)| weight.abs() * self.inverse[*p as usize]);
         corners.any(|mobility| mobility > 0.0)
     }
 
     /// Drops the weights of obstacles, which the system does not have.
-    pub(super) fn leave_obstacles(&self, touch: &mut Touch) {
-        for (corner, weight) in touch.corners.iter().zip(&mut touch.weights) {
+    pub(super) fn leave_obstacles(&self, collision: &mut Collision) {
+        for (corner, weight) in collision.corners.iter().zip(&mut collision.weights) {
             if *corner as usize >= self.mass.len() {
                 *weight = 0.0;
-                touch.is_within = true;
+                collision.is_within = true;
             }
         }
     }
@@ -326,27 +332,28 @@ impl Contact {
     /// what was solved.
     pub(super) fn remember(&mut self, part: f64, active: &mut ActiveHandles) {
         let mut anchors: Vec<FrictionAnchor> = Vec::new();
-        for touch in &active.system.touches.list {
-            let Some(of) = touch.anchored else {
+        for collision in &active.system.collisions.list {
+            let Some(of) = collision.anchored else {
                 continue;
             };
-            let displacement = touch.displacement(|v| self.end[v]) - touch.drift * (1.0 - part);
-            let gap = touch.gap + touch.normal.dot(displacement);
-            let most = touch.friction * touch.response.tangent.force_at(gap).max(0.0);
-            let grip = touch.response.grip;
+            let displacement =
+                collision.displacement(|v| self.end[v]) - collision.drift * (1.0 - part);
+            let gap = collision.gap + collision.normal.dot(displacement);
+            let most = collision.friction * collision.response.tangent.force_at(gap).max(0.0);
+            let grip = collision.response.grip;
             if most <= 0.0 {
                 continue;
             }
-            let slip = along_surface(touch.normal, touch.pull / grip + displacement);
+            let slip = along_surface(collision.normal, collision.pull / grip + displacement);
             anchors.push(FrictionAnchor {
                 of,
-                normal: touch.normal,
+                normal: collision.normal,
                 pull: kept(slip, grip, most) * grip,
             });
         }
         anchors.sort_by_key(|anchor| anchor.of);
         self.memory.anchors = anchors;
-        active.system.touches.list.clear();
+        active.system.collisions.list.clear();
     }
 }
 
